@@ -11,7 +11,7 @@ and what commands do. What is not written here has a default (`sitl_stub.Persona
 import math
 from typing import ClassVar
 
-from sitl_stub import AutopilotConfig, Loops, Mode, Personality, personality
+from sitl_stub import AutopilotConfig, AutopilotMode, Loops, Personality, personality
 from sitl_stub.commands import (
     GUIDED_CHANGE_HEADING,
     GUIDED_CHANGE_SPEED,
@@ -19,13 +19,13 @@ from sitl_stub.commands import (
     Result,
     is_flyable_airspeed,
 )
-from sitl_stub.flight import Flight
+from sitl_stub.flight import EmulatedFlight
 from sitl_stub.targets import SpeedTarget, TurnTarget
 
 MANUAL, LOITER, GUIDED = (
-    Mode("MANUAL", 0),
-    Mode("LOITER", 12, "loiter"),
-    Mode("GUIDED", 15, "commanded"),
+    AutopilotMode("MANUAL", 0),
+    AutopilotMode("LOITER", 12, "loiter"),
+    AutopilotMode("GUIDED", 15, "commanded"),
 )
 
 
@@ -51,7 +51,7 @@ class Brief(Personality):
             GUIDED_CHANGE_SPEED: self._change_speed,
         }
 
-    def _turn(self, flight: Flight, command: Command) -> Result:
+    def _turn(self, flight: EmulatedFlight, command: Command) -> Result:
         """43002: param2 is the course in degrees, param3 the greatest lateral acceleration in m/s²."""
         course_deg, acceleration_m_s2 = command.used(2, 3)
         if flight.mode is not GUIDED or acceleration_m_s2 <= 0.0:
@@ -59,7 +59,7 @@ class Brief(Personality):
         flight.hold_turn(TurnTarget("course", math.radians(course_deg), acceleration_m_s2))
         return Result.ACCEPTED
 
-    def _change_speed(self, flight: Flight, command: Command) -> Result:
+    def _change_speed(self, flight: EmulatedFlight, command: Command) -> Result:
         """43000: param2 is the airspeed in m/s."""
         (speed_m_s,) = command.used(2)
         if flight.mode is not GUIDED or not is_flyable_airspeed(flight, speed_m_s):

@@ -17,7 +17,7 @@ from sitl_stub.autopilot import Autopilot
 from sitl_stub.bad_link import BadLink
 from sitl_stub.codec import Signing
 from sitl_stub.config import AutopilotConfig
-from sitl_stub.modes import Mode
+from sitl_stub.modes import AutopilotMode
 from sitl_stub.personality import Loops, Personality, personality
 from sitl_stub.plants import (
     AirPlant,
@@ -42,12 +42,12 @@ __all__ = [
     "ArticleWind",
     "Autopilot",
     "AutopilotConfig",
+    "AutopilotMode",
     "BadLink",
     "CalmWind",
     "DiscreteGust",
     "Fault",
     "Loops",
-    "Mode",
     "Personality",
     "Plant",
     "PlantParameters",

@@ -229,7 +229,7 @@ def unit_vectors(random: Generator) -> Vector:
     return normalised
 
 
-class Place(NamedTuple):
+class AirPlace(NamedTuple):
     """Where the air is asked for."""
 
     latitude_rad: float
@@ -302,13 +302,13 @@ class Air(msgspec.Struct, frozen=True):
     shear: Shear | None = None
     """How the mean grows with height."""
 
-    def near(self, place: Place) -> Wind:
+    def near(self, place: AirPlace) -> Wind:
         """The air about a place, as a wind that only time changes: good for one step of an integration."""
         if self.turbulence is None and not self.gusts and self.shear is None:
             return self.wind
         return LocalWind(self, place)
 
-    def at(self, place: Place, time_s: float) -> tuple[float, float]:
+    def at(self, place: AirPlace, time_s: float) -> tuple[float, float]:
         """(north, east) at a place and simulation time, m/s, toward where the air moves."""
         north, east = self.wind.at(time_s)
         if self.shear is not None:
@@ -363,7 +363,7 @@ class LocalWind(msgspec.Struct, frozen=True):
 
     air: Air
     """The whole air."""
-    place: Place
+    place: AirPlace
     """Place whose wind is asked for."""
 
     def at(self, time_s: float) -> tuple[float, float]:
@@ -371,7 +371,7 @@ class LocalWind(msgspec.Struct, frozen=True):
         return self.air.at(self.place, time_s)
 
 
-def local_axes(place: Place) -> tuple[Vector, Vector]:
+def local_axes(place: AirPlace) -> tuple[Vector, Vector]:
     """North and east at a place as unit vectors of the frame that is fixed to the earth's centre."""
     sine, cosine = math.sin(place.latitude_rad), math.cos(place.latitude_rad)
     east_sine, east_cosine = math.sin(place.longitude_rad), math.cos(place.longitude_rad)
@@ -381,7 +381,7 @@ def local_axes(place: Place) -> tuple[Vector, Vector]:
     )
 
 
-def earth_centred_m(place: Place) -> Vector:
+def earth_centred_m(place: AirPlace) -> Vector:
     """The place in the frame that is fixed to the earth's centre: the same for every process."""
     _, transverse_m = radii_m(place.latitude_rad)
     across_m = (transverse_m + place.altitude_m) * math.cos(place.latitude_rad)

@@ -31,9 +31,9 @@ from sitl_stub.commands import (
     place,
 )
 from sitl_stub.config import AutopilotConfig
-from sitl_stub.flight import LEAST_AIRSPEED_M_S, Flight
+from sitl_stub.flight import LEAST_AIRSPEED_M_S, EmulatedFlight
 from sitl_stub.loops import GRAVITY_M_S2
-from sitl_stub.modes import Mode, by_number
+from sitl_stub.modes import AutopilotMode, by_number
 from sitl_stub.parameters import (
     Parameter,
     Parameters,
@@ -56,24 +56,24 @@ from sitl_stub.telemetry import (
     VFR_HUD,
 )
 
-GUIDED = Mode("GUIDED", 15, "commanded")
-LOITER = Mode("LOITER", 12, "loiter")
-MANUAL = Mode("MANUAL", 0)
-RTL = Mode("RTL", 11, "home")
-TAKEOFF = Mode("TAKEOFF", 13, "take-off")
+GUIDED = AutopilotMode("GUIDED", 15, "commanded")
+LOITER = AutopilotMode("LOITER", 12, "loiter")
+MANUAL = AutopilotMode("MANUAL", 0)
+RTL = AutopilotMode("RTL", 11, "home")
+TAKEOFF = AutopilotMode("TAKEOFF", 13, "take-off")
 
 ARDUPLANE_MODES = by_number(
     [
         MANUAL,
-        Mode("CIRCLE", 1, "circle"),
-        Mode("STABILIZE", 2),
-        Mode("TRAINING", 3),
-        Mode("ACRO", 4),
-        Mode("FBWA", 5),
-        Mode("FBWB", 6),
-        Mode("CRUISE", 7),
-        Mode("AUTOTUNE", 8),
-        Mode("AUTO", 10),
+        AutopilotMode("CIRCLE", 1, "circle"),
+        AutopilotMode("STABILIZE", 2),
+        AutopilotMode("TRAINING", 3),
+        AutopilotMode("ACRO", 4),
+        AutopilotMode("FBWA", 5),
+        AutopilotMode("FBWB", 6),
+        AutopilotMode("CRUISE", 7),
+        AutopilotMode("AUTOTUNE", 8),
+        AutopilotMode("AUTO", 10),
         RTL,
         LOITER,
         TAKEOFF,
@@ -223,7 +223,7 @@ class Guided:
         """The mode was left, or is entered anew."""
         self._guided_speed_used = False
 
-    def _guided_change_speed(self, flight: Flight, command: Command) -> Result:
+    def _guided_change_speed(self, flight: EmulatedFlight, command: Command) -> Result:
         """43000: param1 type, param2 m/s, param3 acceleration (0: the plant's own)."""
         kind, speed_m_s, acceleration_m_s2 = command.used(1, 2, 3)
         if acceleration_m_s2 < 0.0:
@@ -244,7 +244,7 @@ class Guided:
         flight.hold_speed(target)
         return Result.ACCEPTED
 
-    def _change_speed(self, flight: Flight, command: Command) -> Result:
+    def _change_speed(self, flight: EmulatedFlight, command: Command) -> Result:
         """178: accepted, and without any effect once 43000 was used in this visit to GUIDED.
 
         A ground speed would only set a floor, which is not modelled: accepted without effect.
@@ -269,13 +269,13 @@ class Guided:
 def _only_guided(handler: Handler) -> Handler:
     """The handler, failing outside GUIDED."""
 
-    def guarded(flight: Flight, command: Command) -> Result:
+    def guarded(flight: EmulatedFlight, command: Command) -> Result:
         return handler(flight, command) if flight.mode is GUIDED else Result.FAILED
 
     return guarded
 
 
-def change_heading(flight: Flight, command: Command) -> Result:
+def change_heading(flight: EmulatedFlight, command: Command) -> Result:
     """43002: param1 course, heading or cancel; param2 in [0, 360) deg; param3 lateral m/s^2."""
     (kind,) = command.used(1)
     if kind == CANCEL:
@@ -290,7 +290,7 @@ def change_heading(flight: Flight, command: Command) -> Result:
     return Result.ACCEPTED
 
 
-def change_altitude(flight: Flight, command: Command) -> Result:
+def change_altitude(flight: EmulatedFlight, command: Command) -> Result:
     """43001: `z` in a global frame, param3 climb rate (0: the plant's own)."""
     (climb_rate_m_s,) = command.used(3)
     (z,) = finite(command.z)
@@ -301,7 +301,7 @@ def change_altitude(flight: Flight, command: Command) -> Result:
     return Result.ACCEPTED
 
 
-def change_any_altitude(flight: Flight, command: Command) -> Result:
+def change_any_altitude(flight: EmulatedFlight, command: Command) -> Result:
     """186: param1 metres, param2 frame; accepted in any mode, and of use where one has a height to hold."""
     altitude_m, frame = command.used(1, 2)
     target = height_target(flight, int(frame), altitude_m)
@@ -313,7 +313,7 @@ def change_any_altitude(flight: Flight, command: Command) -> Result:
 
 
 @personality("ardupilot")
-class ArduPlane(Personality):
+class EmulatedArduPlane(Personality):
     """ArduPlane, as measured on the real one (4.7)."""
 
     firmware = 3  # MAV_AUTOPILOT_ARDUPILOTMEGA
@@ -346,7 +346,7 @@ class ArduPlane(Personality):
         }
         self._old_names = config.old_parameter_names
 
-    def begin(self, flight: Flight) -> None:
+    def begin(self, flight: EmulatedFlight) -> None:
         """Give the flight the distances of the parameters, at its start."""
         flight.navigation = replace(
             flight.navigation,
@@ -356,7 +356,7 @@ class ArduPlane(Personality):
             return_height_m=self._value("RTL_ALTITUDE"),
         )
 
-    def changed(self, flight: Flight, name: str) -> None:
+    def changed(self, flight: EmulatedFlight, name: str) -> None:
         """Let a parameter that was set take effect; SCHED_LOOP_RATE wants a reboot, as on the real one."""
         self.begin(flight)
         if name in {self._named("AIRSPEED_MIN"), self._named("AIRSPEED_MAX")}:
@@ -372,13 +372,13 @@ class ArduPlane(Personality):
         elif name == "FS_GCS_ENABL" and not self.parameters[name]:
             self.deadline_us = None
 
-    def request_mode(self, flight: Flight, custom_mode: int) -> Result:
+    def request_mode(self, flight: EmulatedFlight, custom_mode: int) -> Result:
         """Enter a mode. GUIDED again changes nothing; GUIDED anew starts without commands."""
         if custom_mode != flight.mode.custom_mode:
             self._guided.forget()
         return super().request_mode(flight, custom_mode)
 
-    def hear(self, flight: Flight, heartbeat: MAVLink_message) -> None:
+    def hear(self, flight: EmulatedFlight, heartbeat: MAVLink_message) -> None:
         """A heartbeat of the ground station holds the fail-safe off, if there is one."""
         if heartbeat.get_srcSystem() == self._value("MAV_GCS_SYSID"):
             if self._failed_safe:
@@ -389,13 +389,13 @@ class ArduPlane(Personality):
                 timeout_us = round(max(1.0, self._value("FS_LONG_TIMEOUT")) * 1e6)
                 self.deadline_us = flight.time_us + timeout_us
 
-    def system_status(self, flight: Flight) -> SystemStatus:
+    def system_status(self, flight: EmulatedFlight) -> SystemStatus:
         """Active in the air only, armed or not; critical while the ground station is lost."""
         if self._failed_safe:
             return SystemStatus.CRITICAL
         return SystemStatus.STANDBY if flight.on_ground else SystemStatus.ACTIVE
 
-    def watch(self, flight: Flight) -> None:
+    def watch(self, flight: EmulatedFlight) -> None:
         """What was commanded last is held for ever, unless the fail-safe is on and the ground is silent."""
         if self.deadline_us is not None and flight.time_us >= self.deadline_us:
             self.deadline_us = None
@@ -404,7 +404,7 @@ class ArduPlane(Personality):
             if not flight.on_ground:
                 self._act_on_loss(flight)
 
-    def _act_on_loss(self, flight: Flight) -> None:
+    def _act_on_loss(self, flight: EmulatedFlight) -> None:
         """What FS_LONG_ACTN says; where that is nothing, all but what flies by itself returns home."""
         action = self._value("FS_LONG_ACTN")
         if flight.mode in {GUIDED, ARDUPLANE_MODES[AUTO]}:
@@ -425,7 +425,7 @@ class ArduPlane(Personality):
         factor = OLD_NAMES[name][1] if self._old_names and name in OLD_NAMES else 1.0
         return self.parameters[self._named(name)] / factor
 
-    def _arming_fault(self, _flight: Flight) -> str | None:
+    def _arming_fault(self, _flight: EmulatedFlight) -> str | None:
         slowest = self._value("AIRSPEED_MIN")
         if self.parameters["ARMING_SKIPCHK"] == -1:
             return None
@@ -436,13 +436,13 @@ class ArduPlane(Personality):
             return f"ROLL_LIMIT_DEG too small ({limit_deg:.1f})"
         return None
 
-    def _mode_command(self, custom_mode: int) -> Callable[[Flight, Command], Result]:
-        def enter(flight: Flight, _command: Command) -> Result:
+    def _mode_command(self, custom_mode: int) -> Callable[[EmulatedFlight, Command], Result]:
+        def enter(flight: EmulatedFlight, _command: Command) -> Result:
             return self.request_mode(flight, custom_mode)
 
         return enter
 
-    def _reposition(self, flight: Flight, command: Command) -> Result:
+    def _reposition(self, flight: EmulatedFlight, command: Command) -> Result:
         """192: loiter around a place, in GUIDED; a course that was commanded is forgotten."""
         if not command.is_int:
             return Result.COMMAND_INT_ONLY

@@ -7,8 +7,8 @@ from collections.abc import Callable, Iterable
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
-from sitl_stub.air import Air, AirData, Place, Wind
-from sitl_stub.codec import Codec, Signing
+from sitl_stub.air import Air, AirData, AirPlace, Wind
+from sitl_stub.codec import EmulatorCodec, Signing
 from sitl_stub.commands import (
     COMPONENT_ARM_DISARM,
     CUSTOM_MODE_FLAG,
@@ -25,9 +25,9 @@ from sitl_stub.commands import (
     timesync_reply,
 )
 from sitl_stub.config import AutopilotConfig
-from sitl_stub.flight import Flight
+from sitl_stub.flight import EmulatedFlight
 from sitl_stub.geometry import Home, ground_speed_along_m_s, wrap_to_two_pi
-from sitl_stub.messages import Report
+from sitl_stub.messages import ReportedInstant
 from sitl_stub.parameters import ParameterServer
 from sitl_stub.personality import Personality
 from sitl_stub.plant import PlantState
@@ -54,7 +54,9 @@ IGNORED = frozenset(
 """Ordinary traffic that changes nothing here."""
 
 
-def flight_at_start(config: AutopilotConfig, air: Wind | Air, personality: Personality) -> Flight:
+def flight_at_start(
+    config: AutopilotConfig, air: Wind | Air, personality: Personality
+) -> EmulatedFlight:
     """The configured flight, with the distances that the autopilot's parameters give it."""
     air = air if isinstance(air, Air) else Air(air)
     errors = SensorErrors(config.sensors, seed=config.seed, system_id=config.system_id)
@@ -66,7 +68,7 @@ def flight_at_start(config: AutopilotConfig, air: Wind | Air, personality: Perso
         state = state_in_the_air(config, airspeed_m_s, air_at_start(config, air).at(0.0))
     else:
         state = state_on_the_ground(config)
-    flight = Flight(
+    flight = EmulatedFlight(
         plant=config.plant,
         air=air,
         state=state,
@@ -92,7 +94,7 @@ def flight_at_start(config: AutopilotConfig, air: Wind | Air, personality: Perso
 def air_at_start(config: AutopilotConfig, air: Air) -> Wind:
     """The air about the start."""
     return air.near(
-        Place(
+        AirPlace(
             math.radians(config.latitude_deg),
             math.radians(config.longitude_deg),
             config.altitude_amsl_m,
@@ -175,7 +177,7 @@ class Autopilot:
         self._personality.arming.ready_from_us = round(config.ready_after_s * 1e6)
         self._flight = flight_at_start(config, air, self._personality)
         self._reported_mode = self._flight.mode
-        self._codec = Codec(config.system_id, self.counters, signing)
+        self._codec = EmulatorCodec(config.system_id, self.counters, signing)
         self._unix_time = unix_time or (lambda: self._flight.time_us * 1e-6)
         self._boot_us = -round(config.boot_time_s * 1e6)
         self._sensors = Sensors(config)
@@ -358,7 +360,7 @@ class Autopilot:
             self.counters[fault] += 1
         return []
 
-    def _reboot(self, _flight: Flight, command: Command) -> Result:
+    def _reboot(self, _flight: EmulatedFlight, command: Command) -> Result:
         """246: param1 = 1 starts the autopilot anew, in the air too; a real one wants to be forced there.
 
         The aircraft flies on; mode, setpoints, streams and the boot time are forgotten.
@@ -389,7 +391,7 @@ class Autopilot:
         motion, latitude_rad, longitude_rad, altitude_error_m = self._sensors.measure(
             flight, with_position=with_position
         )
-        report = Report(
+        report = ReportedInstant(
             round(self._since_boot_us() * 1e-3) % 2**32,
             flight,
             motion,

@@ -48,7 +48,7 @@ COMPONENT_ID = 1
 """MAV_COMP_ID_AUTOPILOT1."""
 
 
-class StreamFramer:
+class EmulatorFramer:
     """Cuts one connection's bytes into frames.
 
     Only frames of known messages with a right checksum come out, so a byte of garbage that looks like
@@ -197,7 +197,7 @@ def frames_of(data: bytes) -> list[bytes]:
     return frames
 
 
-class Codec:
+class EmulatorCodec:
     """One MAVLink endpoint: parses what is meant for this autopilot, encodes what it says."""
 
     def __init__(

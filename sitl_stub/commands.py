@@ -8,8 +8,8 @@ import msgspec
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
-from sitl_stub.flight import Flight
-from sitl_stub.targets import HeightTarget
+from sitl_stub.flight import EmulatedFlight
+from sitl_stub.targets import AltitudeTarget
 
 NAV_LOITER_UNLIM = 17
 NAV_RETURN_TO_LAUNCH = 20
@@ -152,7 +152,7 @@ def command_of(message: MAVLink_message) -> Command:
     )
 
 
-Handler = Callable[[Flight, Command], Result]
+Handler = Callable[[EmulatedFlight, Command], Result]
 """Carries a command out; raises NonFiniteError before it changes anything."""
 
 Handlers = Mapping[int, Handler]
@@ -170,7 +170,7 @@ def place(command: Command) -> tuple[float, float] | None:
     return math.radians(latitude_deg), math.radians(longitude_deg)
 
 
-def is_flyable_airspeed(flight: Flight, airspeed_m_s: float) -> bool:
+def is_flyable_airspeed(flight: EmulatedFlight, airspeed_m_s: float) -> bool:
     """Whether the aircraft's airspeed range holds the value, to a single-precision rounding."""
     margin = 1e-6 * airspeed_m_s
     slowest_m_s, fastest_m_s = flight.airspeed_range_m_s
@@ -178,20 +178,20 @@ def is_flyable_airspeed(flight: Flight, airspeed_m_s: float) -> bool:
 
 
 def height_target(
-    flight: Flight, frame: int, z: float, max_climb_rate_m_s: float = math.inf
-) -> HeightTarget | None:
+    flight: EmulatedFlight, frame: int, z: float, max_climb_rate_m_s: float = math.inf
+) -> AltitudeTarget | None:
     """The height `z` of a global frame, or None for a frame that is not understood."""
     if frame in AMSL_FRAMES:
-        return HeightTarget(z, max_climb_rate_m_s)
+        return AltitudeTarget(z, max_climb_rate_m_s)
     if frame in ABOVE_HOME_FRAMES:
-        return HeightTarget(flight.home.altitude_amsl_m + z, max_climb_rate_m_s)
+        return AltitudeTarget(flight.home.altitude_amsl_m + z, max_climb_rate_m_s)
     return None
 
 
 class Arming:
     """MAV_CMD_COMPONENT_ARM_DISARM, for one autopilot."""
 
-    def __init__(self, check: Callable[[Flight], str | None], *, refused: Result) -> None:
+    def __init__(self, check: Callable[[EmulatedFlight], str | None], *, refused: Result) -> None:
         """Take the autopilot's own checks.
 
         Args:
@@ -203,17 +203,17 @@ class Arming:
         self._check = check
         self._refused = refused
 
-    def is_ready(self, flight: Flight) -> bool:
+    def is_ready(self, flight: EmulatedFlight) -> bool:
         """Whether the sensors have settled."""
         return flight.time_us >= self.ready_from_us
 
-    def fault(self, flight: Flight) -> str | None:
+    def fault(self, flight: EmulatedFlight) -> str | None:
         """Why it would not arm now."""
         if not self.is_ready(flight):
             return "Waiting for GPS and estimator"
         return self._check(flight)
 
-    def handle(self, flight: Flight, command: Command) -> Result:
+    def handle(self, flight: EmulatedFlight, command: Command) -> Result:
         """400: param1 = 1 arms, 0 disarms; param2 forces it."""
         (wanted,) = command.used(1)
         if wanted == 1.0:
@@ -222,14 +222,14 @@ class Arming:
             return self._disarm(flight, command)
         return Result.UNSUPPORTED
 
-    def report(self, flight: Flight, _command: Command) -> Result:
+    def report(self, flight: EmulatedFlight, _command: Command) -> Result:
         """401: say what is wrong, without arming."""
         fault = self.fault(flight)
         if fault is not None:
             flight.texts.append(f"PreArm: {fault}")
         return Result.ACCEPTED
 
-    def _arm(self, flight: Flight, command: Command) -> Result:
+    def _arm(self, flight: EmulatedFlight, command: Command) -> Result:
         fault = self.fault(flight)
         if fault is not None and not flight.armed and command.parameters[1] != FORCED_ARMING:
             flight.texts.append(f"Arm: {fault}")
@@ -237,7 +237,7 @@ class Arming:
         flight.set_armed(armed=True)
         return Result.ACCEPTED
 
-    def _disarm(self, flight: Flight, command: Command) -> Result:
+    def _disarm(self, flight: EmulatedFlight, command: Command) -> Result:
         if flight.armed and not flight.on_ground and command.parameters[1] != FORCED:
             flight.texts.append("Disarming refused: in the air")
             return self._refused

@@ -12,12 +12,12 @@ from collections.abc import Callable
 import msgspec
 from msgspec.structs import replace
 
-from sitl_stub.air import Air, AirData, Place, Wind, followed_wind_m_s
+from sitl_stub.air import Air, AirData, AirPlace, Wind, followed_wind_m_s
 from sitl_stub.aircraft import PlantParameters
 from sitl_stub.geometry import Home, ahead_of, radii_m, wrap_to_pi
 from sitl_stub.lagging_plant import CENTIDEGREE_RAD
 from sitl_stub.loops import GRAVITY_M_S2
-from sitl_stub.modes import Mode
+from sitl_stub.modes import AutopilotMode
 from sitl_stub.motion import (
     REACHED_WITHIN_M,
     Motion,
@@ -31,7 +31,7 @@ from sitl_stub.motion import (
 from sitl_stub.plant import PlantState
 from sitl_stub.plants import plant_of
 from sitl_stub.route import Route, RouteFollower
-from sitl_stub.targets import HeightTarget, SpeedTarget, Targets, TurnTarget, in_true_height
+from sitl_stub.targets import AltitudeTarget, SpeedTarget, Targets, TurnTarget, in_true_height
 
 FIELD_GAIN = 2.0
 """Gain of the field around the circle, in parts of 1 / radius."""
@@ -128,7 +128,7 @@ class Commanded:
         else:
             self._speeds.append((now_us + self._speed_delay_us, target))
 
-    def height(self, target: HeightTarget) -> None:
+    def height(self, target: AltitudeTarget) -> None:
         """A command to the height loop, which has no dead time."""
         self.now = Targets(self.now.turn, self.now.speed, target)
 
@@ -147,7 +147,7 @@ def no_drift_m(_time_s: float) -> float:
     return 0.0
 
 
-class Flight:
+class EmulatedFlight:
     """Plant, wind, targets and mode together; advanced in simulation time (whole microseconds)."""
 
     def __init__(
@@ -158,7 +158,7 @@ class Flight:
         state: PlantState,
         home: Home,
         cruise_airspeed_m_s: float,
-        mode: Mode,
+        mode: AutopilotMode,
         armed: bool,
         on_ground: bool = False,
         air_data: AirData | None = None,
@@ -189,7 +189,7 @@ class Flight:
         # Straight on at first, so that there is a motion from which the mode is entered.
         straight = TurnTarget("course", state.direction_rad)
         hold_speed = SpeedTarget("airspeed", self.true_airspeed_m_s(cruise_airspeed_m_s))
-        targets = Targets(straight, hold_speed, HeightTarget(self.measured_altitude_m))
+        targets = Targets(straight, hold_speed, AltitudeTarget(self.measured_altitude_m))
         self._commanded = Commanded(self.plant, targets)
         self._known = (self.state, self.targets, self._motion_now())
         self._enter_in_flight(mode, starts=True)
@@ -219,7 +219,7 @@ class Flight:
         """The air about the aircraft, as a wind that only time changes: good for a step."""
         state = self.state
         return self._air.near(
-            Place(
+            AirPlace(
                 state.latitude_rad,
                 state.longitude_rad,
                 state.altitude_amsl_m,
@@ -256,7 +256,7 @@ class Flight:
         self._integrate(to_us)
         self.wind_estimate_m_s = followed_wind_m_s(self.wind_estimate_m_s, self.wind_m_s, span_s)
 
-    def enter(self, mode: Mode) -> None:
+    def enter(self, mode: AutopilotMode) -> None:
         """Change the mode and forget all commands. Entering the present mode changes nothing."""
         if mode is not self.mode:
             self.mode = mode
@@ -297,7 +297,7 @@ class Flight:
             target = SpeedTarget(target.kind, true_m_s, target.max_acceleration_m_s2)
         self._commanded.speed(target, self.time_us)
 
-    def hold_height(self, target: HeightTarget) -> None:
+    def hold_height(self, target: AltitudeTarget) -> None:
         """Give the height loop a new target."""
         self._commanded.height(target)
 
@@ -389,7 +389,7 @@ class Flight:
                 Targets(
                     TurnTarget("course", course_rad),
                     SpeedTarget("airspeed", cruise_m_s),
-                    HeightTarget(height_m),
+                    AltitudeTarget(height_m),
                 )
             )
 
@@ -412,7 +412,7 @@ class Flight:
         wanted_m = self.targets.height.altitude_amsl_m
         return self.measured_altitude_m >= wanted_m - REACHED_WITHIN_M
 
-    def _enter_in_flight(self, mode: Mode, *, starts: bool = False) -> None:
+    def _enter_in_flight(self, mode: AutopilotMode, *, starts: bool = False) -> None:
         """Cruise airspeed and present height; straight on, or what the mode flies by itself."""
         altitude_m = self.measured_altitude_m
         self._orbit = self._route = None
@@ -427,7 +427,7 @@ class Flight:
             wanted_m = self.home.altitude_amsl_m + self.navigation.take_off_height_m
             altitude_m = max(altitude_m, wanted_m)
         speed = SpeedTarget("airspeed", cruise_m_s)
-        self._commanded.set_all(Targets(turn, speed, HeightTarget(altitude_m)))
+        self._commanded.set_all(Targets(turn, speed, AltitudeTarget(altitude_m)))
         if mode.flies == "home":
             self._orbit = self.orbit_at(self.home.latitude_rad, self.home.longitude_rad)
         elif mode.flies in {"loiter", "take-off"} and not starts:

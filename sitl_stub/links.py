@@ -13,7 +13,7 @@ from contextlib import AbstractAsyncContextManager, asynccontextmanager
 from dataclasses import dataclass
 from typing import Any, Literal, Protocol, cast, get_args
 
-from sitl_stub.codec import StreamFramer
+from sitl_stub.codec import EmulatorFramer
 
 Scheme = Literal["udpin", "udpout", "tcpin", "tcpout"]
 """`in`: wait at the address for others to speak. `out`: speak to the address first."""
@@ -113,7 +113,7 @@ class LinkError(Exception):
     """The address cannot be used on this computer now; the message is one line."""
 
 
-class Link(Protocol):
+class EmulatorLink(Protocol):
     """Somewhere to send to."""
 
     address: Address
@@ -197,7 +197,7 @@ class TcpPeer(asyncio.Protocol):
         self.closed = asyncio.Event()
         self._link = link
         self._take = take
-        self._framer = StreamFramer()
+        self._framer = EmulatorFramer()
         self._transport: asyncio.Transport | None = None
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
@@ -236,13 +236,13 @@ class TcpPeer(asyncio.Protocol):
             self._transport.abort()
 
 
-def open_link(address: Address, take: Take) -> AbstractAsyncContextManager[Link]:
+def open_link(address: Address, take: Take) -> AbstractAsyncContextManager[EmulatorLink]:
     """The link at an address, open as long as its context lasts.
 
     Raises:
         LinkError: on entering, the port is taken or the host is not known.
     """
-    ways: dict[str, Callable[[Address, Take], AbstractAsyncContextManager[Link]]] = {
+    ways: dict[str, Callable[[Address, Take], AbstractAsyncContextManager[EmulatorLink]]] = {
         "udpin": udp_in,
         "udpout": udp_out,
         "tcpin": tcp_in,
@@ -252,7 +252,7 @@ def open_link(address: Address, take: Take) -> AbstractAsyncContextManager[Link]
 
 
 @asynccontextmanager
-async def udp_in(address: Address, take: Take) -> AsyncIterator[Link]:
+async def udp_in(address: Address, take: Take) -> AsyncIterator[EmulatorLink]:
     """Bind, and speak to those who have spoken."""
     link = UdpLink(address, take)
     try:
@@ -270,7 +270,7 @@ async def udp_in(address: Address, take: Take) -> AsyncIterator[Link]:
 
 
 @asynccontextmanager
-async def udp_out(address: Address, take: Take) -> AsyncIterator[Link]:
+async def udp_out(address: Address, take: Take) -> AsyncIterator[EmulatorLink]:
     """Speak to the address from a port of its own; what comes back to that port is heard."""
     loop = asyncio.get_running_loop()
     try:
@@ -290,7 +290,7 @@ async def udp_out(address: Address, take: Take) -> AsyncIterator[Link]:
 
 
 @asynccontextmanager
-async def tcp_in(address: Address, take: Take) -> AsyncIterator[Link]:
+async def tcp_in(address: Address, take: Take) -> AsyncIterator[EmulatorLink]:
     """Listen for clients."""
     link = TcpLink(address, take)
     try:
@@ -309,7 +309,7 @@ async def tcp_in(address: Address, take: Take) -> AsyncIterator[Link]:
 
 
 @asynccontextmanager
-async def tcp_out(address: Address, take: Take) -> AsyncIterator[Link]:
+async def tcp_out(address: Address, take: Take) -> AsyncIterator[EmulatorLink]:
     """Connect to a server, again and again."""
     link = TcpLink(address, take)
     connecting = asyncio.create_task(stay_connected(link), name=f"connect to {address}")

@@ -7,7 +7,7 @@ import math
 
 from sitl_stub.aircraft import PlantParameters
 from sitl_stub.geometry import wrap_to_pi
-from sitl_stub.targets import HeightTarget, SpeedTarget, TurnTarget
+from sitl_stub.targets import AltitudeTarget, SpeedTarget, TurnTarget
 
 GRAVITY_M_S2 = 9.80665
 """Standard gravity."""
@@ -61,7 +61,7 @@ def acceleration_m_s2(parameters: PlantParameters, target: SpeedTarget, speed_m_
 
 
 def wanted_climb_m_s(
-    parameters: PlantParameters, target: HeightTarget, altitude_amsl_m: float
+    parameters: PlantParameters, target: AltitudeTarget, altitude_amsl_m: float
 ) -> float:
     """Climb rate that a height error asks for, positive up: sat((target - h) / delay)."""
     climb = min(parameters.climb_rate_max_m_s, target.max_climb_rate_m_s)
@@ -71,7 +71,7 @@ def wanted_climb_m_s(
 
 
 def climb_acceleration_m_s2(
-    parameters: PlantParameters, target: HeightTarget, altitude_amsl_m: float, climb_m_s: float
+    parameters: PlantParameters, target: AltitudeTarget, altitude_amsl_m: float, climb_m_s: float
 ) -> float:
     """Height loop of second order: d2h/dt2 = 2 D w (wanted climb - dh/dt), positive up.
 

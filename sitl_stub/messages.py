@@ -11,7 +11,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
 from sitl_stub.commands import SystemStatus
-from sitl_stub.flight import Flight
+from sitl_stub.flight import EmulatedFlight
 from sitl_stub.geometry import wrap_to_pi, wrap_to_two_pi
 from sitl_stub.motion import Motion
 
@@ -59,17 +59,17 @@ class Identity(Protocol):
     def capabilities(self) -> int:
         """MAV_PROTOCOL_CAPABILITY bits in AUTOPILOT_VERSION."""
 
-    def system_status(self, flight: Flight) -> SystemStatus:
+    def system_status(self, flight: EmulatedFlight) -> SystemStatus:
         """MAV_STATE in the heartbeat."""
 
 
-class Report(NamedTuple):
+class ReportedInstant(NamedTuple):
     """What all messages of one instant are made from, so that they agree."""
 
     time_boot_ms: int
     """Time stamp."""
 
-    flight: Flight
+    flight: EmulatedFlight
     """State, mode and home."""
 
     motion: Motion
@@ -119,7 +119,7 @@ def millimetres(length_m: float) -> int:
     return max(-(2**31), min(2**31 - 1, round(length_m * 1000.0)))
 
 
-def gps_raw_int(report: Report) -> MAVLink_message:
+def gps_raw_int(report: ReportedInstant) -> MAVLink_message:
     """The receiver's own word; a fix as soon as sensors have settled."""
     motion = report.motion
     fix = mavlink.GPS_FIX_TYPE_3D_FIX if report.ready else mavlink.GPS_FIX_TYPE_NO_FIX
@@ -137,7 +137,7 @@ def gps_raw_int(report: Report) -> MAVLink_message:
     )
 
 
-def nav_controller_output(report: Report) -> MAVLink_message:
+def nav_controller_output(report: ReportedInstant) -> MAVLink_message:
     """What the autopilot steers for: of a course or bank held, nothing but the roll is known."""
     motion = report.motion
     return mavlink.MAVLink_nav_controller_output_message(
@@ -152,7 +152,7 @@ def nav_controller_output(report: Report) -> MAVLink_message:
     )
 
 
-def altitude(report: Report) -> MAVLink_message:
+def altitude(report: ReportedInstant) -> MAVLink_message:
     """PX4's heights: above mean sea level, and above home."""
     flight = report.flight
     amsl_m = report.altitude_amsl_m
@@ -162,7 +162,7 @@ def altitude(report: Report) -> MAVLink_message:
     )
 
 
-def attitude(report: Report) -> MAVLink_message:
+def attitude(report: ReportedInstant) -> MAVLink_message:
     """Roll of the coordinated turn, yaw and its rate; pitch is the angle of climb."""
     motion = report.motion
     # On the ground there may be no airspeed at all.
@@ -178,7 +178,7 @@ def attitude(report: Report) -> MAVLink_message:
     )
 
 
-def attitude_quaternion(report: Report) -> MAVLink_message:
+def attitude_quaternion(report: ReportedInstant) -> MAVLink_message:
     """ATTITUDE_QUATERNION: yaw, pitch, roll in that order, w first."""
     motion = report.motion
     halves = (
@@ -199,7 +199,7 @@ def attitude_quaternion(report: Report) -> MAVLink_message:
     )
 
 
-def vfr_hud(report: Report) -> MAVLink_message:
+def vfr_hud(report: ReportedInstant) -> MAVLink_message:
     """Airspeed, ground speed, whole degrees of heading, altitude, climb."""
     motion = report.motion
     return mavlink.MAVLink_vfr_hud_message(
@@ -212,7 +212,7 @@ def vfr_hud(report: Report) -> MAVLink_message:
     )
 
 
-def wind(report: Report) -> MAVLink_message:
+def wind(report: ReportedInstant) -> MAVLink_message:
     """The autopilot's own, slowly converging estimate; the direction is the one it comes from."""
     north_m_s, east_m_s = report.flight.wind_estimate_m_s
     from_rad = wrap_to_two_pi(math.atan2(-east_m_s, -north_m_s))
@@ -221,7 +221,7 @@ def wind(report: Report) -> MAVLink_message:
     )
 
 
-def local_position_ned(report: Report) -> MAVLink_message:
+def local_position_ned(report: ReportedInstant) -> MAVLink_message:
     """Position north and east of home, and below it; velocity over ground."""
     home, altitude_m = report.flight.home, report.altitude_amsl_m
     # At home's own height: z counts height, not the drop of the tangent plane with distance.
@@ -246,7 +246,7 @@ def local_position_ned(report: Report) -> MAVLink_message:
     )
 
 
-def global_position_int(report: Report) -> MAVLink_message:
+def global_position_int(report: ReportedInstant) -> MAVLink_message:
     """Position and ground velocity. `hdg` is the heading of the nose, not the course."""
     motion, altitude_m = report.motion, report.altitude_amsl_m
     return mavlink.MAVLink_global_position_int_message(
@@ -262,7 +262,7 @@ def global_position_int(report: Report) -> MAVLink_message:
     )
 
 
-def global_position_int_cov(report: Report) -> MAVLink_message:
+def global_position_int_cov(report: ReportedInstant) -> MAVLink_message:
     """Position, velocity and covariance: time since boot in microseconds, m/s."""
     motion, altitude_m = report.motion, report.altitude_amsl_m
     covariance = [0.0] * 36
@@ -283,7 +283,7 @@ def global_position_int_cov(report: Report) -> MAVLink_message:
     )
 
 
-def follow_target(report: Report) -> MAVLink_message:
+def follow_target(report: ReportedInstant) -> MAVLink_message:
     """Position, velocity and the acceleration of the turn; attitude without roll and pitch."""
     motion = report.motion
     half_yaw_rad = 0.5 * motion.heading_rad
@@ -308,7 +308,7 @@ def follow_target(report: Report) -> MAVLink_message:
     )
 
 
-def high_latency2(report: Report) -> MAVLink_message:
+def high_latency2(report: ReportedInstant) -> MAVLink_message:
     """The summary for satellite links: whole metres of altitude, 2 degrees of heading, 0.2 m/s."""
     motion = report.motion
     return mavlink.MAVLink_high_latency2_message(
@@ -342,7 +342,7 @@ def high_latency2(report: Report) -> MAVLink_message:
     )
 
 
-def adsb_vehicle(report: Report) -> MAVLink_message:
+def adsb_vehicle(report: ReportedInstant) -> MAVLink_message:
     """What a receiver hears of its transponder: course over ground, cm/s, no time."""
     motion = report.motion
     return mavlink.MAVLink_adsb_vehicle_message(
@@ -365,7 +365,7 @@ def adsb_vehicle(report: Report) -> MAVLink_message:
     )
 
 
-def heartbeat(report: Report) -> MAVLink_message:
+def heartbeat(report: ReportedInstant) -> MAVLink_message:
     """Who this is, the mode, whether armed."""
     armed = mavlink.MAV_MODE_FLAG_SAFETY_ARMED if report.flight.armed else 0
     return mavlink.MAVLink_heartbeat_message(
@@ -378,12 +378,12 @@ def heartbeat(report: Report) -> MAVLink_message:
     )
 
 
-def system_time(report: Report) -> MAVLink_message:
+def system_time(report: ReportedInstant) -> MAVLink_message:
     """Time since boot; the date is unknown (0)."""
     return mavlink.MAVLink_system_time_message(0, report.time_boot_ms)
 
 
-def sys_status(report: Report) -> MAVLink_message:
+def sys_status(report: ReportedInstant) -> MAVLink_message:
     """All sensors present, enabled and, once settled, healthy; a full battery."""
     healthy = SENSORS if report.ready else SENSORS & ~UNREADY
     return mavlink.MAVLink_sys_status_message(
@@ -391,7 +391,7 @@ def sys_status(report: Report) -> MAVLink_message:
     )
 
 
-def extended_sys_state(report: Report) -> MAVLink_message:
+def extended_sys_state(report: ReportedInstant) -> MAVLink_message:
     """No VTOL; where it is between ground and air."""
     landed = {
         "standing": mavlink.MAV_LANDED_STATE_ON_GROUND,
@@ -404,23 +404,23 @@ def extended_sys_state(report: Report) -> MAVLink_message:
     )
 
 
-def battery_status(_report: Report) -> MAVLink_message:
+def battery_status(_report: ReportedInstant) -> MAVLink_message:
     """Three full cells."""
     cells = (CELL_MILLIVOLTS,) * 3 + (NO_CELL,) * 7
     return mavlink.MAVLink_battery_status_message(0, 0, 0, 32_767, cells, -1, -1, -1, 100)
 
 
-def mission_current(_report: Report) -> MAVLink_message:
+def mission_current(_report: ReportedInstant) -> MAVLink_message:
     """There is no mission."""
     return mavlink.MAVLink_mission_current_message(0)
 
 
-def ekf_status_report(_report: Report) -> MAVLink_message:
+def ekf_status_report(_report: ReportedInstant) -> MAVLink_message:
     """ArduPilot's estimator is content."""
     return mavlink.MAVLink_ekf_status_report_message(EKF_FLYING, 0.1, 0.1, 0.1, 0.1, 0.0)
 
 
-def estimator_status(report: Report) -> MAVLink_message:
+def estimator_status(report: ReportedInstant) -> MAVLink_message:
     """PX4's estimator is content."""
     ratios = (0.1,) * 6
     return mavlink.MAVLink_estimator_status_message(
@@ -428,7 +428,7 @@ def estimator_status(report: Report) -> MAVLink_message:
     )
 
 
-def home_position(report: Report) -> MAVLink_message:
+def home_position(report: ReportedInstant) -> MAVLink_message:
     """The start position on the ground, which is the origin of the local frame too."""
     home = report.flight.home
     return mavlink.MAVLink_home_position_message(
@@ -445,7 +445,7 @@ def home_position(report: Report) -> MAVLink_message:
     )
 
 
-def autopilot_version(report: Report) -> MAVLink_message:
+def autopilot_version(report: ReportedInstant) -> MAVLink_message:
     """What it can do, and the version whose manners it has; the hash tells that it is none of theirs."""
     emulator = tuple(b"sitlstub")
     no_hash = (0,) * 8

@@ -6,7 +6,7 @@ from typing import Literal
 import msgspec
 
 
-class Mode(msgspec.Struct, frozen=True):
+class AutopilotMode(msgspec.Struct, frozen=True):
     """One flight mode."""
 
     name: str
@@ -24,6 +24,6 @@ class Mode(msgspec.Struct, frozen=True):
     """
 
 
-def by_number(modes: Iterable[Mode]) -> dict[int, Mode]:
+def by_number(modes: Iterable[AutopilotMode]) -> dict[int, AutopilotMode]:
     """The modes by the number on the wire."""
     return {mode.custom_mode: mode for mode in modes}

@@ -21,8 +21,8 @@ from sitl_stub.commands import (
     SystemStatus,
 )
 from sitl_stub.config import AutopilotConfig
-from sitl_stub.flight import Flight
-from sitl_stub.modes import Mode, by_number
+from sitl_stub.flight import EmulatedFlight
+from sitl_stub.modes import AutopilotMode, by_number
 from sitl_stub.parameters import Parameters
 from sitl_stub.registry import autopilots
 from sitl_stub.telemetry import (
@@ -91,16 +91,16 @@ class Personality:
     answers_data_streams: bool = False
     """Whether it obeys REQUEST_DATA_STREAM."""
 
-    modes: Sequence[Mode]
+    modes: Sequence[AutopilotMode]
     """Flight modes of the autopilot."""
 
-    initial_mode: Mode
+    initial_mode: AutopilotMode
     """Mode of an aircraft that is in the air at the start; it circles."""
 
-    ground_mode: Mode
+    ground_mode: AutopilotMode
     """Mode of an aircraft that stands on the ground."""
 
-    mission_mode: Mode | None = None
+    mission_mode: AutopilotMode | None = None
     """Mode in which it flies a route; None: the initial mode."""
 
     parameters: Parameters
@@ -112,7 +112,7 @@ class Personality:
     commands: Handlers
     """Handlers of the commands that only this autopilot knows, or knows in its own way."""
 
-    setpoints: Mapping[str, Callable[[Flight, MAVLink_message], str | None]]
+    setpoints: Mapping[str, Callable[[EmulatedFlight, MAVLink_message], str | None]]
     """Handlers of the setpoint messages it obeys, by name; they return what was wrong, or None."""
 
     def __init__(self, config: AutopilotConfig) -> None:
@@ -128,7 +128,7 @@ class Personality:
         """Simulation time at which `watch` has to look next, in microseconds; None for never."""
         return None
 
-    def request_mode(self, flight: Flight, custom_mode: int) -> Result:
+    def request_mode(self, flight: EmulatedFlight, custom_mode: int) -> Result:
         """Change the mode, by the number that HEARTBEAT and SET_MODE carry."""
         mode = by_number(self.modes).get(custom_mode)
         if mode is None:
@@ -137,29 +137,29 @@ class Personality:
             flight.enter(mode)
         return Result.ACCEPTED
 
-    def set_mode(self, flight: Flight, command: Command) -> Result:
+    def set_mode(self, flight: EmulatedFlight, command: Command) -> Result:
         """176: param2 is the number of the mode."""
         flags, custom_mode = command.used(1, 2)
         if not int(flags) & CUSTOM_MODE_FLAG or custom_mode != int(custom_mode):
             return Result.DENIED
         return self.request_mode(flight, int(custom_mode))
 
-    def begin(self, flight: Flight) -> None:
+    def begin(self, flight: EmulatedFlight) -> None:
         """Give the flight the distances of the parameters, at its start."""
         del flight
 
-    def changed(self, flight: Flight, name: str) -> None:
+    def changed(self, flight: EmulatedFlight, name: str) -> None:
         """Let a parameter that was set take effect."""
         del flight, name
 
-    def hear(self, flight: Flight, heartbeat: MAVLink_message) -> None:
+    def hear(self, flight: EmulatedFlight, heartbeat: MAVLink_message) -> None:
         """Take another system's heartbeat: fail-safes count those of the ground station."""
         del flight, heartbeat
 
-    def system_status(self, flight: Flight) -> SystemStatus:
+    def system_status(self, flight: EmulatedFlight) -> SystemStatus:
         """MAV_STATE in the heartbeat."""
         return SystemStatus.STANDBY if flight.on_ground else SystemStatus.ACTIVE
 
-    def watch(self, flight: Flight) -> None:
+    def watch(self, flight: EmulatedFlight) -> None:
         """Apply what the passing of time alone changes."""
         del flight

@@ -25,7 +25,7 @@ from sitl_stub.geometry import (
 )
 from sitl_stub.loops import acceleration_m_s2, climb_acceleration_m_s2, turn_rate_rad_s
 from sitl_stub.rigid_body import Body
-from sitl_stub.targets import HeightTarget, SpeedKind, Targets
+from sitl_stub.targets import AltitudeTarget, SpeedKind, Targets
 
 MAX_STEP_S = 0.05
 """Longest integration step. Over two minutes of turning in the article's wind such steps stay within
@@ -81,8 +81,8 @@ class PlantState(msgspec.Struct, frozen=True):
 __all__ = [
     "MAX_STEP_S",
     "PlantParameters",
+    "PlantRates",
     "PlantState",
-    "Rates",
     "bounded_ground_speed_m_s",
     "course_hold_rates",
     "heading_hold_rates",
@@ -91,7 +91,7 @@ __all__ = [
 ]
 
 
-class Rates(NamedTuple):
+class PlantRates(NamedTuple):
     """How the plant moves now. A tuple, since four of them are made per report."""
 
     turn_rate_rad_s: float
@@ -113,7 +113,7 @@ def heading_hold_rates(
     heading_rad: float,
     airspeed_m_s: float,
     wind_m_s: tuple[float, float],
-) -> Rates:
+) -> PlantRates:
     """The heading-hold plant: the nose turns, the wind drifts.
 
     A course is flown through the drift the autopilot measures: the course error turns the nose.
@@ -127,7 +127,7 @@ def heading_hold_rates(
         heading_rad=heading_rad,
         speed_m_s=airspeed_m_s,
     )
-    return Rates(
+    return PlantRates(
         turn, acceleration_m_s2(parameters, targets.speed, airspeed_m_s), north_m_s, east_m_s
     )
 
@@ -138,7 +138,7 @@ def course_hold_rates(
     course_rad: float,
     speed_m_s: float,
     wind_m_s: tuple[float, float],
-) -> Rates:
+) -> PlantRates:
     """The course-hold plant, the article's equations: the course itself is the loop's state.
 
     Under a ground speed target `speed_m_s` is the ground speed and the wind does not enter; under an
@@ -157,7 +157,9 @@ def course_hold_rates(
         heading_rad=math.atan2(east_m_s - wind_m_s[1], north_m_s - wind_m_s[0]),
         speed_m_s=ground_speed_m_s,
     )
-    return Rates(turn, acceleration_m_s2(parameters, targets.speed, speed_m_s), north_m_s, east_m_s)
+    return PlantRates(
+        turn, acceleration_m_s2(parameters, targets.speed, speed_m_s), north_m_s, east_m_s
+    )
 
 
 RATES = {"heading-hold": heading_hold_rates, "course-hold": course_hold_rates}
@@ -253,7 +255,7 @@ def stepped(
 
 def height_step(
     parameters: PlantParameters,
-    target: HeightTarget,
+    target: AltitudeTarget,
     altitude_m: float,
     climb_m_s: float,
     step_s: float,

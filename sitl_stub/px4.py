@@ -31,12 +31,12 @@ from sitl_stub.commands import (
     place,
 )
 from sitl_stub.config import AutopilotConfig
-from sitl_stub.flight import LEAST_AIRSPEED_M_S, Flight
-from sitl_stub.modes import Mode, by_number
+from sitl_stub.flight import LEAST_AIRSPEED_M_S, EmulatedFlight
+from sitl_stub.modes import AutopilotMode, by_number
 from sitl_stub.parameters import px4_parameters
 from sitl_stub.personality import Loops, Personality, personality
-from sitl_stub.px4_setpoints import KEEPS_COURSE, STEERS_BY_VELOCITY, Setpoint, setpoint_of
-from sitl_stub.targets import HeightTarget, SpeedTarget, TurnTarget
+from sitl_stub.px4_setpoints import KEEPS_COURSE, STEERS_BY_VELOCITY, Px4Setpoint, setpoint_of
+from sitl_stub.targets import AltitudeTarget, SpeedTarget, TurnTarget
 from sitl_stub.telemetry import (
     ALTITUDE,
     ATTITUDE,
@@ -64,26 +64,26 @@ def px4_custom_mode(main: int, sub: int = 0) -> int:
     return main << 16 | sub << 24
 
 
-OFFBOARD = Mode("OFFBOARD", px4_custom_mode(6), "straight")
-GUIDED_COURSE = Mode("AUTO.COURSE", px4_custom_mode(4, 19), "straight")
-AUTO_LOITER = Mode("AUTO.LOITER", px4_custom_mode(4, 3), "loiter")
-AUTO_TAKEOFF = Mode("AUTO.TAKEOFF", px4_custom_mode(4, 2), "take-off")
-AUTO_MISSION = Mode("AUTO.MISSION", px4_custom_mode(4, 4))
-AUTO_RTL = Mode("AUTO.RTL", px4_custom_mode(4, 5), "home")
+OFFBOARD = AutopilotMode("OFFBOARD", px4_custom_mode(6), "straight")
+GUIDED_COURSE = AutopilotMode("AUTO.COURSE", px4_custom_mode(4, 19), "straight")
+AUTO_LOITER = AutopilotMode("AUTO.LOITER", px4_custom_mode(4, 3), "loiter")
+AUTO_TAKEOFF = AutopilotMode("AUTO.TAKEOFF", px4_custom_mode(4, 2), "take-off")
+AUTO_MISSION = AutopilotMode("AUTO.MISSION", px4_custom_mode(4, 4))
+AUTO_RTL = AutopilotMode("AUTO.RTL", px4_custom_mode(4, 5), "home")
 
 PX4_MODES = by_number(
     [
-        Mode("MANUAL", px4_custom_mode(1)),
-        Mode("ALTCTL", px4_custom_mode(2)),
-        Mode("POSCTL", px4_custom_mode(3)),
+        AutopilotMode("MANUAL", px4_custom_mode(1)),
+        AutopilotMode("ALTCTL", px4_custom_mode(2)),
+        AutopilotMode("POSCTL", px4_custom_mode(3)),
         AUTO_TAKEOFF,
         AUTO_LOITER,
         AUTO_MISSION,
         AUTO_RTL,
-        Mode("AUTO.LAND", px4_custom_mode(4, 6)),
-        Mode("ACRO", px4_custom_mode(5)),
+        AutopilotMode("AUTO.LAND", px4_custom_mode(4, 6)),
+        AutopilotMode("ACRO", px4_custom_mode(5)),
         OFFBOARD,
-        Mode("STABILIZED", px4_custom_mode(7)),
+        AutopilotMode("STABILIZED", px4_custom_mode(7)),
         GUIDED_COURSE,
     ]
 )
@@ -152,7 +152,7 @@ THROTTLES = ("FW_THR_ASPD_MIN", "FW_THR_TRIM", "FW_THR_ASPD_MAX")
 
 
 @personality("px4")
-class Px4(Personality):
+class EmulatedPx4(Personality):
     """PX4 for a fixed wing."""
 
     versions = VERSIONS
@@ -171,7 +171,7 @@ class Px4(Personality):
     capabilities = 59_647
     unsent = frozenset({WIND, EKF_STATUS_REPORT})
     unrequested = ONBOARD_LINK_US
-    modes: Sequence[Mode] = tuple(PX4_MODES.values())
+    modes: Sequence[AutopilotMode] = tuple(PX4_MODES.values())
     initial_mode = AUTO_LOITER
     ground_mode = AUTO_LOITER
     mission_mode = AUTO_MISSION
@@ -207,7 +207,7 @@ class Px4(Personality):
             "SET_POSITION_TARGET_GLOBAL_INT": self._take,
         }
         self._failed_safe = False
-        self._latest: Setpoint | None = None
+        self._latest: Px4Setpoint | None = None
         self._latest_us: int | None = None
         self._stream_lost_us: int | None = None
         self._ground_station_us: int | None = None
@@ -219,7 +219,7 @@ class Px4(Personality):
         due = [one for one in (self._stream_lost_us, self._link_lost_us()) if one is not None]
         return min(due, default=None)
 
-    def begin(self, flight: Flight) -> None:
+    def begin(self, flight: EmulatedFlight) -> None:
         """Give the flight the distances of the parameters, at its start."""
         parameters = self.parameters
         flight.navigation = replace(
@@ -229,7 +229,7 @@ class Px4(Personality):
             return_height_m=parameters["RTL_RETURN_ALT"],
         )
 
-    def changed(self, flight: Flight, name: str) -> None:
+    def changed(self, flight: EmulatedFlight, name: str) -> None:
         """Let a parameter that was set take effect."""
         parameters = self.parameters
         self.begin(flight)
@@ -246,7 +246,7 @@ class Px4(Personality):
         # A fail-safe that is switched on now may be due already.
         self.watch(flight)
 
-    def request_mode(self, flight: Flight, custom_mode: int) -> Result:
+    def request_mode(self, flight: EmulatedFlight, custom_mode: int) -> Result:
         """Enter a mode; OFFBOARD only while setpoints are already arriving."""
         mode = self._modes.get(custom_mode)
         if mode is None:
@@ -267,19 +267,19 @@ class Px4(Personality):
             flight.enter(mode)
         return Result.ACCEPTED
 
-    def hear(self, flight: Flight, heartbeat: MAVLink_message) -> None:
+    def hear(self, flight: EmulatedFlight, heartbeat: MAVLink_message) -> None:
         """Take notice of ground stations, which NAV_DLL_ACT counts."""
         if heartbeat.type == GROUND_STATION:
             self._ground_station_us = flight.time_us
             self._link_failed = False
 
-    def system_status(self, flight: Flight) -> SystemStatus:
+    def system_status(self, flight: EmulatedFlight) -> SystemStatus:
         """Active once armed, critical after its fail-safe until a mode is selected."""
         if self._failed_safe:
             return SystemStatus.CRITICAL
         return SystemStatus.ACTIVE if flight.armed else SystemStatus.STANDBY
 
-    def watch(self, flight: Flight) -> None:
+    def watch(self, flight: EmulatedFlight) -> None:
         """Leave a mode whose setpoints or whose ground station are silent, and a take-off that is over."""
         now_us = flight.time_us
         if self._stream_lost_us is not None and now_us >= self._stream_lost_us:
@@ -309,18 +309,18 @@ class Px4(Personality):
         silence_us = round(self.parameters["COM_DL_LOSS_T"] * 1e6) + LINK_NOTICED_US
         return self._ground_station_us + silence_us
 
-    def _bears_silence(self, mode: Mode) -> bool:
+    def _bears_silence(self, mode: AutopilotMode) -> bool:
         """Whether a lost ground station changes nothing in this mode."""
         excepted = int(self.parameters["COM_DLL_EXCEPT"]) & HOLD_BIT
         return mode is AUTO_RTL or (mode in {AUTO_LOITER, GUIDED_COURSE} and bool(excepted))
 
-    def _arming_fault(self, _flight: Flight) -> str | None:
+    def _arming_fault(self, _flight: EmulatedFlight) -> str | None:
         slowest, fastest = self.parameters["FW_AIRSPD_MIN"], self.parameters["FW_AIRSPD_MAX"]
         if not 0.0 < slowest < fastest:
             return "Invalid airspeed limits"
         return None
 
-    def _set_mode(self, flight: Flight, command: Command) -> Result:
+    def _set_mode(self, flight: EmulatedFlight, command: Command) -> Result:
         """176: param2 main mode, param3 sub mode."""
         flags, main, sub = command.used(1, 2, 3)
         in_bytes = all(0.0 <= part <= 255.0 and part == int(part) for part in (main, sub))
@@ -328,11 +328,11 @@ class Px4(Personality):
             return Result.TEMPORARILY_REJECTED
         return self.request_mode(flight, px4_custom_mode(int(main), int(sub)))
 
-    def _take_off(self, flight: Flight, _command: Command) -> Result:
+    def _take_off(self, flight: EmulatedFlight, _command: Command) -> Result:
         """22: the take-off mode; it rolls as soon as it is armed. Height is MIS_TAKEOFF_ALT."""
         return self.request_mode(flight, AUTO_TAKEOFF.custom_mode)
 
-    def _change_speed(self, flight: Flight, command: Command) -> Result:
+    def _change_speed(self, flight: EmulatedFlight, command: Command) -> Result:
         """178: param1 type, param2 m/s. Accepts everything and flies what it can.
 
         A ground speed is one for the article's ideal plant alone; for every other it is an airspeed.
@@ -348,13 +348,13 @@ class Px4(Personality):
             hold_airspeed(flight, speed_m_s)
         return Result.ACCEPTED
 
-    def _loiter(self, flight: Flight, _command: Command) -> Result:
+    def _loiter(self, flight: EmulatedFlight, _command: Command) -> Result:
         return self.request_mode(flight, AUTO_LOITER.custom_mode)
 
-    def _return(self, flight: Flight, _command: Command) -> Result:
+    def _return(self, flight: EmulatedFlight, _command: Command) -> Result:
         return self.request_mode(flight, AUTO_RTL.custom_mode)
 
-    def _reposition(self, flight: Flight, command: Command) -> Result:
+    def _reposition(self, flight: EmulatedFlight, command: Command) -> Result:
         """192: loiter around a place; param1 is the airspeed there, and nothing where it is not above 0."""
         where = place(command)
         height = height_target(flight, command.frame, *finite(command.z))
@@ -368,7 +368,7 @@ class Px4(Personality):
             hold_airspeed(flight, airspeed_m_s)
         return Result.ACCEPTED
 
-    def _take(self, flight: Flight, message: MAVLink_message) -> str | None:
+    def _take(self, flight: EmulatedFlight, message: MAVLink_message) -> str | None:
         """Take a setpoint into the stream; returns why not, or None."""
         setpoint = setpoint_of(flight, message)
         if isinstance(setpoint, str):
@@ -378,7 +378,7 @@ class Px4(Personality):
             self._fly(flight)
         return None
 
-    def _fly(self, flight: Flight) -> None:
+    def _fly(self, flight: EmulatedFlight) -> None:
         """Fly the latest setpoint, as far as this version flies its kind, and at the autopilot's airspeed."""
         setpoint = self._latest
         if setpoint is None or self._latest_us is None:
@@ -413,14 +413,14 @@ def with_loops(
     return plant
 
 
-def hold_airspeed(flight: Flight, airspeed_m_s: float) -> None:
+def hold_airspeed(flight: EmulatedFlight, airspeed_m_s: float) -> None:
     """Fly an airspeed, or what the aircraft can fly nearest to it."""
     slowest_m_s, fastest_m_s = flight.airspeed_range_m_s
     flown_m_s = max(slowest_m_s, min(fastest_m_s, airspeed_m_s))
     flight.hold_speed(SpeedTarget("airspeed", flown_m_s))
 
 
-def change_course(flight: Flight, command: Command) -> Result:
+def change_course(flight: EmulatedFlight, command: Command) -> Result:
     """43002: param1 type, param2 degrees, of any number of turns; in Guided Course alone."""
     kind, course_deg = command.parameters[:2]
     # A type that is NaN is denied, too.
@@ -431,11 +431,11 @@ def change_course(flight: Flight, command: Command) -> Result:
     return Result.ACCEPTED
 
 
-def change_altitude(flight: Flight, command: Command) -> Result:
+def change_altitude(flight: EmulatedFlight, command: Command) -> Result:
     """186: param1 metres, param2 frame."""
     altitude_m, frame = command.used(1, 2)
     if flight.mode not in {GUIDED_COURSE, AUTO_LOITER}:
         return Result.DENIED
     above_home_m = 0.0 if int(frame) in AMSL_FRAMES else flight.home.altitude_amsl_m
-    flight.hold_height(HeightTarget(altitude_m + above_home_m))
+    flight.hold_height(AltitudeTarget(altitude_m + above_home_m))
     return Result.ACCEPTED

@@ -18,8 +18,8 @@ import pymap3d
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
 from sitl_stub.commands import NonFiniteError, finite, height_target
-from sitl_stub.flight import Flight
-from sitl_stub.targets import HeightTarget, TurnTarget
+from sitl_stub.flight import EmulatedFlight
+from sitl_stub.targets import AltitudeTarget, TurnTarget
 
 LOCAL_FRAMES = frozenset({1})
 """MAV_FRAME_LOCAL_NED."""
@@ -41,7 +41,7 @@ KEEPS_COURSE = (1, 17)
 Steers = Literal["velocity", "position", "path"]
 
 
-class Setpoint(msgspec.Struct, frozen=True):
+class Px4Setpoint(msgspec.Struct, frozen=True):
     """What a setpoint message asks for."""
 
     steers: Steers
@@ -50,11 +50,11 @@ class Setpoint(msgspec.Struct, frozen=True):
     turn: TurnTarget | None
     """The course; None leaves it as it is."""
 
-    height: HeightTarget | None
+    height: AltitudeTarget | None
     """None leaves it as it is."""
 
 
-def setpoint_of(flight: Flight, message: MAVLink_message) -> Setpoint | str:
+def setpoint_of(flight: EmulatedFlight, message: MAVLink_message) -> Px4Setpoint | str:
     """What a message asks for, or why it is not taken."""
     mask = message.type_mask
     steers = steered_by(mask)
@@ -70,7 +70,7 @@ def setpoint_of(flight: Flight, message: MAVLink_message) -> Setpoint | str:
             turn = course_of(*finite(message.vx, message.vy))
     except NonFiniteError:
         return "non-finite field"
-    return Setpoint(steers, turn, height)
+    return Px4Setpoint(steers, turn, height)
 
 
 def steered_by(type_mask: int) -> Steers | None:
@@ -84,18 +84,18 @@ def steered_by(type_mask: int) -> Steers | None:
     return "velocity" if velocity and type_mask & IGNORE_X and type_mask & IGNORE_Y else None
 
 
-def height_of(flight: Flight, message: MAVLink_message) -> HeightTarget | None:
+def height_of(flight: EmulatedFlight, message: MAVLink_message) -> AltitudeTarget | None:
     """The height in a setpoint: z is down from home, alt is up in its frame's own meaning.
 
     Raises:
         NonFiniteError: it is no number.
     """
     if message.get_type() == "SET_POSITION_TARGET_LOCAL_NED":
-        return HeightTarget(flight.home.altitude_amsl_m - finite(message.z)[0])
+        return AltitudeTarget(flight.home.altitude_amsl_m - finite(message.z)[0])
     return height_target(flight, message.coordinate_frame, finite(message.alt)[0])
 
 
-def bearing_rad(flight: Flight, message: MAVLink_message) -> float:
+def bearing_rad(flight: EmulatedFlight, message: MAVLink_message) -> float:
     """Course from where the aircraft is to the position in a setpoint.
 
     Raises:

@@ -13,7 +13,7 @@ from typing import Any, TypeVar
 Kind = TypeVar("Kind", bound="type[Any]")
 
 
-class Registry:
+class PlugInRegistry:
     """Classes of one kind by name; a class is imported when it is asked for."""
 
     def __init__(
@@ -105,7 +105,7 @@ def loaded(entry: EntryPoint) -> Any:  # noqa: ANN401 - a class of whatever kind
         ) from error
 
 
-plants = Registry(
+plants = PlugInRegistry(
     "a plant",
     group="sitl_stub.plants",
     own=dict.fromkeys(
@@ -115,7 +115,7 @@ plants = Registry(
 )
 """Aircraft with their loops, by the name that `--plant` and `rehearsal.emulator.plant` give."""
 
-autopilots = Registry(
+autopilots = PlugInRegistry(
     "an autopilot",
     group="sitl_stub.autopilots",
     own={"ardupilot": "sitl_stub.arduplane", "px4": "sitl_stub.px4"},

@@ -6,7 +6,7 @@ from typing import NamedTuple
 from numpy.random import default_rng
 
 from sitl_stub.config import AutopilotConfig
-from sitl_stub.flight import Flight
+from sitl_stub.flight import EmulatedFlight
 from sitl_stub.geometry import displace, wrap_to_two_pi
 from sitl_stub.motion import Motion
 from sitl_stub.sensor_errors import Faults, SensorErrors
@@ -49,7 +49,7 @@ class Sensors:
         """Seconds of the autopilot's clock in one second."""
         return 1.0 + self._errors.clock_rate
 
-    def measure(self, flight: Flight, *, with_position: bool) -> Measurement:
+    def measure(self, flight: EmulatedFlight, *, with_position: bool) -> Measurement:
         """What is measured now; a position without its errors, unless it is asked for."""
         latitude_rad, longitude_rad = flight.state.latitude_rad, flight.state.longitude_rad
         time_s = flight.time_us * MICROSECOND
@@ -76,7 +76,7 @@ class Sensors:
             east_m += self._config.position_noise_m * self._position_random.standard_normal()
         return north_m, east_m
 
-    def _motion(self, flight: Flight) -> Motion:
+    def _motion(self, flight: EmulatedFlight) -> Motion:
         motion = flight.motion()
         shown_m_s = flight.shown_airspeed_m_s(motion.airspeed_m_s)
         if not (self._moves or self._errors.figures):

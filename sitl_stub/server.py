@@ -15,7 +15,7 @@ from pathlib import Path
 from msgspec.structs import asdict
 
 from sitl_stub.bad_link import Emulated
-from sitl_stub.links import Address, AddressError, Link, LinkError, open_link, parse_address
+from sitl_stub.links import Address, AddressError, EmulatorLink, LinkError, open_link, parse_address
 from sitl_stub.options import OptionError
 from sitl_stub.truth import Truth
 
@@ -163,7 +163,7 @@ class Emulator:
         self._duration_s = duration_s
         self._loop = asyncio.get_running_loop()
         self._clock: SimulationClock | None = None
-        self._links: tuple[Link, ...] = ()
+        self._links: tuple[EmulatorLink, ...] = ()
         self._wake = asyncio.Event()
         self._flown_s = 0.0
         self._silent_before_s = 0.0
@@ -188,7 +188,7 @@ class Emulator:
         if self._next_s != next_s:
             self._wake.set()
 
-    async def run(self, links: Sequence[Link], clock: SimulationClock) -> None:
+    async def run(self, links: Sequence[EmulatorLink], clock: SimulationClock) -> None:
         """Serve until the duration is over; what was due before the call is flown but not sent."""
         self._links, self._clock = tuple(links), clock
         self._silent_before_s = clock.simulation_s(self._loop.time())

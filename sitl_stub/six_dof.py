@@ -63,7 +63,7 @@ BALANCE_P, BALANCE_I = 0.6, 0.5
 GREATEST_INTEGRAL = 0.3
 
 
-class Rates(NamedTuple):
+class BodyRates(NamedTuple):
     """How everything moves at one moment."""
 
     body: Body
@@ -113,7 +113,7 @@ def six_dof_rates(
     body: Body,
     altitude_amsl_m: float,
     wind_m_s: tuple[float, float],
-) -> Rates:
+) -> BodyRates:
     """All rates at one moment."""
     rotation = body_to_ground(body)
     flow = air_flow(body, rotation, wind_m_s)
@@ -135,7 +135,7 @@ def six_dof_rates(
     thrust = thrust_wanted_n(body, path + speed_rate, energy_missing, flow)
     pitch = pitch_wanted_rad(body, path - speed_rate, balance_missing)
     acceleration = accelerations(body, flow, surfaces_of(body, bank, pitch, flow))
-    return Rates(
+    return BodyRates(
         Body(
             *acceleration,
             *attitude_rates(body),

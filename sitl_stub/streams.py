@@ -24,8 +24,8 @@ from sitl_stub.commands import (
     Handlers,
     Result,
 )
-from sitl_stub.flight import Flight
-from sitl_stub.modes import Mode
+from sitl_stub.flight import EmulatedFlight
+from sitl_stub.modes import AutopilotMode
 from sitl_stub.personality import Personality
 from sitl_stub.telemetry import (
     ATTITUDE,
@@ -157,7 +157,7 @@ def protocol_version() -> MAVLink_message:
     return ExtraMessage(PROTOCOL_VERSION, "PROTOCOL_VERSION", 217, payload)
 
 
-def available_modes(modes: Sequence[Mode], index: int) -> list[MAVLink_message]:
+def available_modes(modes: Sequence[AutopilotMode], index: int) -> list[MAVLink_message]:
     """AVAILABLE_MODES of the mode with this number (from 1), or of all for 0."""
     numbers = range(1, len(modes) + 1) if index == 0 else range(index, index + 1)
     messages: list[MAVLink_message] = []
@@ -221,7 +221,7 @@ class Streams:
         """Forget what was asked for, as a reboot does."""
         self.schedule = self._defaults(now_us)
 
-    def set_interval(self, _flight: Flight, command: Command) -> Result:
+    def set_interval(self, _flight: EmulatedFlight, command: Command) -> Result:
         """511: param1 message id, param2 microseconds, -1 to stop, 0 for the default."""
         message_id, interval_us = map(whole_number, command.used(1, 2))
         if message_id == HEARTBEAT or message_id is None or not self._sends(message_id):
@@ -237,7 +237,7 @@ class Streams:
         self.schedule.every(message_id, min(interval_us, LONGEST_INTERVAL_US))
         return Result.ACCEPTED
 
-    def get_interval(self, _flight: Flight, command: Command) -> Result:
+    def get_interval(self, _flight: EmulatedFlight, command: Command) -> Result:
         """510: param1 message id; MESSAGE_INTERVAL follows, -1 us for what is not sent."""
         message_id = whole_number(*command.used(1))
         if message_id is None or not 0 <= message_id <= 65_535:
@@ -248,7 +248,7 @@ class Streams:
         self._requested.append([mavlink.MAVLink_message_interval_message(message_id, interval_us)])
         return Result.ACCEPTED
 
-    def request(self, _flight: Flight, command: Command) -> Result:
+    def request(self, _flight: EmulatedFlight, command: Command) -> Result:
         """512: param1 message id; the message follows the acknowledgement."""
         message_id = whole_number(*command.used(1))
         if message_id == PROTOCOL_VERSION:
@@ -268,7 +268,7 @@ class Streams:
     def request_of(self, message_id: int) -> Handler:
         """The handler of a command that asks for one message by its own name."""
 
-        def handle(flight: Flight, command: Command) -> Result:
+        def handle(flight: EmulatedFlight, command: Command) -> Result:
             return self.request(flight, Command(command.number, (message_id, 0, 0, 0), 0, 0))
 
         return handle

@@ -35,7 +35,7 @@ class SpeedTarget(msgspec.Struct, frozen=True):
     """Limit of its change; the plant's own limit holds as well."""
 
 
-class HeightTarget(msgspec.Struct, frozen=True):
+class AltitudeTarget(msgspec.Struct, frozen=True):
     """What the height loop holds."""
 
     altitude_amsl_m: float
@@ -54,7 +54,7 @@ class Targets(msgspec.Struct, frozen=True):
     speed: SpeedTarget
     """Longitudinal."""
 
-    height: HeightTarget
+    height: AltitudeTarget
     """Vertical."""
 
 

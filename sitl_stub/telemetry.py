@@ -5,7 +5,7 @@ from collections.abc import Callable, Mapping
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
 from sitl_stub import messages
-from sitl_stub.messages import Report
+from sitl_stub.messages import ReportedInstant
 
 HEARTBEAT = 0
 SYS_STATUS = 1
@@ -35,7 +35,7 @@ ONCE_A_SECOND_US = 1_000_000
 """Interval of what ArduPilot sends without a request, and of PX4's heartbeat and slow messages."""
 
 
-Builder = Callable[[Report], MAVLink_message]
+Builder = Callable[[ReportedInstant], MAVLink_message]
 
 
 TELEMETRY: Mapping[int, Builder] = {

@@ -4,7 +4,7 @@ import math
 
 import msgspec
 
-from sitl_stub.flight import Flight
+from sitl_stub.flight import EmulatedFlight
 
 
 class Truth(msgspec.Struct, frozen=True, kw_only=True):
@@ -59,7 +59,7 @@ class Truth(msgspec.Struct, frozen=True, kw_only=True):
     """Whether it reports to be armed."""
 
 
-def truth_of(flight: Flight) -> Truth:
+def truth_of(flight: EmulatedFlight) -> Truth:
     """The true state of a flight now."""
     motion, (wind_north_m_s, wind_east_m_s) = flight.motion(), flight.wind_m_s
     return Truth(

@@ -21,7 +21,7 @@ from vfguide.elementwise import FloatArray
 from vfguide.errors import InputError, described_error
 from vfguide.extras import PLOTTING, import_extra, require
 from vfguide.lab.export.columns import parts_of
-from vfguide.lab.ordering import Outcome, give_order
+from vfguide.lab.ordering import OrderOutcome, give_order
 from vfguide.lab.rehearsal import lockstep
 from vfguide.lab.rehearsal.radio_flight import fly_rehearsal
 from vfguide.lab.report.geometry import SlotError, slot_error
@@ -45,7 +45,7 @@ class Flight:
     m/s.
     """
 
-    flown: lockstep.Flight
+    flown: lockstep.LockstepFlight
     """What the rehearsal brought home: record, events of the companions, telemetry logs."""
 
     @property
@@ -169,7 +169,7 @@ def order(
     keys: str | Path | None = None,
     dry_run: bool = False,
     tell: Callable[[str], None] = print,
-) -> Outcome:
+) -> OrderOutcome:
     """Order a formation in the air to change, as `vfguide order` does.
 
     Args:

@@ -14,8 +14,7 @@ from vfguide.elementwise import BoolArray, FloatArray
 from vfguide.lab.report.geometry import intended_leader, slot_error
 from vfguide.mission import Mission
 from vfguide.mission.flight_path import path_of
-from vfguide.record.flight import Acceptance as RecordedAcceptance
-from vfguide.record.flight import FlightRecord, VehicleRecord
+from vfguide.record.flight import FlightRecord, RecordAcceptance, VehicleRecord
 from vfguide.record.guidance_log import GuidanceTrack
 from vfguide.record.guidance_series import lead_series, slot_series
 
@@ -253,7 +252,7 @@ def flight_record(
         seed=0,
         duration_s=float(np.ptp(time_s)),
         wall_s=None,
-        acceptance=RecordedAcceptance(),
+        acceptance=RecordAcceptance(),
     )
 
 

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from vfguide.lab.rehearsal.lockstep import Flight, fly_lockstep
+from vfguide.lab.rehearsal.lockstep import LockstepFlight, fly_lockstep
 from vfguide.lab.report.geometry import pair_separations, slot_error
 from vfguide.mission import Mission, load_mission
 
@@ -27,7 +27,7 @@ WATCHED_S = 15.0
 WAY = re.compile("keeping clear of|too near to")
 
 
-def flown(name: str, turbulence: str, lost_s: float, *, may_stop: bool = True) -> Flight:
+def flown(name: str, turbulence: str, lost_s: float, *, may_stop: bool = True) -> LockstepFlight:
     """A flight whose leader's companion is killed at a time."""
     content = load_mission(MISSIONS / f"{name}.yaml").model_dump(exclude_unset=True)
     content["deputies"] = [one["vehicle"] for one in content["followers"][:2]]
@@ -38,7 +38,7 @@ def flown(name: str, turbulence: str, lost_s: float, *, may_stop: bool = True) -
     return fly_lockstep(Mission.model_validate(content))
 
 
-def figures(flight: Flight, lost_s: float) -> tuple[float, float, float, float, float]:
+def figures(flight: LockstepFlight, lost_s: float) -> tuple[float, float, float, float, float]:
     """(s until a deputy leads, greatest error before, after of who makes no way, of all, nearest; m)."""
     record = flight.record
     before, after = record.time_s < lost_s, record.time_s >= lost_s

@@ -17,7 +17,7 @@ from vfguide.lab.studies.comparison import (
     FULL,
     PLANTS,
     QUICK,
-    Row,
+    ComparisonRow,
     ablation_cases,
     compare,
     long_table,
@@ -125,7 +125,9 @@ def keep(out: Path, text: str, written: str, tracks: dict[tuple[str, str], Track
         draw_case(mission, law, drawn, out)
 
 
-def tables(rows: list[Row], costs: dict[str, dict[str, Any]], content: dict[str, Any]) -> str:
+def tables(
+    rows: list[ComparisonRow], costs: dict[str, dict[str, Any]], content: dict[str, Any]
+) -> str:
     """Everything in Markdown."""
     parts = [heading(content), short_table(rows, costs)]
     for condition in CONDITIONS:

@@ -12,7 +12,7 @@ from vfguide.commands.terminal import Terminal
 from vfguide.errors import VfguideError
 from vfguide.mission import MissionError, read_mission
 from vfguide.mission.feasibility import check_mission
-from vfguide.mission.finding import Fault, Finding, worst_first
+from vfguide.mission.finding import Finding, MissionFault, worst_first
 from vfguide.mission.flight_path import MissionSource
 from vfguide.mission.model import Mission
 
@@ -46,7 +46,7 @@ def check(
     raise typer.Exit(report_findings(findings, name=chosen.name, strict=strict, as_json=as_json))
 
 
-def findings_of(faults: Sequence[Fault]) -> list[Finding]:
+def findings_of(faults: Sequence[MissionFault]) -> list[Finding]:
     """What is wrong with a file that is no mission, as findings."""
     return [
         Finding("error", one.location, one.message, one.remedy, one.file, one.line)

@@ -13,7 +13,7 @@ from vfguide.commands.shared_options import stop_event
 from vfguide.commands.terminal import Terminal
 from vfguide.errors import InputError
 from vfguide.lab.console.live import live_flight_of
-from vfguide.lab.console.server import Address, served
+from vfguide.lab.console.server import ConsoleAddress, served
 from vfguide.lab.console.source import RecordedFlight, Source
 from vfguide.lab.console.tiles import TileSource
 from vfguide.link.opening import WatchedFormation
@@ -32,7 +32,7 @@ def show_formation(
     *,
     links: Sequence[str],
     keys: KeyFiles,
-    address: Address,
+    address: ConsoleAddress,
     token_file: Path | None,
     operator: bool = False,
     tiles: TileSource | None = None,
@@ -71,7 +71,7 @@ def show_formation(
 def show_recorded(
     directories: Sequence[Path],
     *,
-    address: Address,
+    address: ConsoleAddress,
     token_file: Path | None,
     tiles: TileSource | None = None,
 ) -> None:
@@ -97,7 +97,7 @@ async def live_console(
     mission: Mission,
     watched: WatchedFormation,
     *,
-    address: Address,
+    address: ConsoleAddress,
     token: str | None = None,
     operator_token: str | None = None,
     tiles: TileSource | None = None,

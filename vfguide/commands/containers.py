@@ -12,7 +12,7 @@ from vfguide.commands.fly import conclude, output_of, stopped_by_signals
 from vfguide.commands.terminal import Terminal, flight_progress
 from vfguide.errors import InputError
 from vfguide.lab.rehearsal.live import emulator_command
-from vfguide.lab.rehearsal.lockstep import Flight
+from vfguide.lab.rehearsal.lockstep import LockstepFlight
 from vfguide.lab.rehearsal.watched import WatchedFlight, await_start, watched_flight
 from vfguide.link.opening import WatchedFormation
 from vfguide.mavlink.address import NetworkAddress, Transport, parse_address
@@ -90,7 +90,7 @@ async def _watch(
     patience_s: float,
     progress: Callable[[float], None],
     stop: Callable[[], bool],
-) -> Flight:
+) -> LockstepFlight:
     """The flight, from waiting for companions to its end or until told to stop."""
     async with watched_flight(mission, truth=truth, watched=watched, speedup=speedup) as flight:
         await _until_online(flight, patience_s=patience_s, stop=stop)
@@ -102,7 +102,9 @@ async def _watch(
         interrupted = stop()
         record = flight.truth_collector.record(wall_s=flight.elapsed_s)
         latency = await flight.latency()
-    return Flight(record=record, events={}, logs={}, interrupted=interrupted, latency=latency)
+    return LockstepFlight(
+        record=record, events={}, logs={}, interrupted=interrupted, latency=latency
+    )
 
 
 async def _until_online(

@@ -53,7 +53,7 @@ def export(
     Exit status: 0 written, 2 there is no readable record, or the file cannot be written.
     """
     from vfguide.commands.report import read_flight
-    from vfguide.record.flight import Origin
+    from vfguide.record.flight import RecordOrigin
 
     flown = None if mission is None else read_mission(mission).mission
     write = writer_for(out)
@@ -67,7 +67,7 @@ def export(
                 f"the flight is of the mission {record.mission!r}, not {flown.name!r}; "
                 "name its own with --mission"
             )
-        record = replace(record, origin=Origin(**flown.origin.model_dump()))
+        record = replace(record, origin=RecordOrigin(**flown.origin.model_dump()))
     with whole_file(out) as unfinished:
         write(record, unfinished)
     Terminal().tell(f"{out}: {out.stat().st_size / 1e6:.1f} MB")

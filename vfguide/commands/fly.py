@@ -13,7 +13,7 @@ from vfguide.commands.output import RECORD_NAME, SUMMARY_NAME, flown_before, kep
 from vfguide.commands.terminal import Terminal, flight_progress
 from vfguide.errors import VfguideError
 from vfguide.extras import PLOTTING, require
-from vfguide.lab.rehearsal.lockstep import Flight
+from vfguide.lab.rehearsal.lockstep import LockstepFlight
 from vfguide.lab.rehearsal.radio_flight import fly_rehearsal
 from vfguide.lab.report.metrics import summarise, summary_json
 from vfguide.lab.report.summary import Summary
@@ -52,7 +52,7 @@ def output_of(
     return kept_in(out, mission=mission.name, vehicles=vehicles, force=force)
 
 
-def flown(mission: Mission, errors: Terminal, title: str, *, logged: bool) -> Flight:
+def flown(mission: Mission, errors: Terminal, title: str, *, logged: bool) -> LockstepFlight:
     """The flight in virtual time, to its end or to Ctrl-C."""
     with (
         stopped_by_signals() as stop,
@@ -68,7 +68,7 @@ def flown(mission: Mission, errors: Terminal, title: str, *, logged: bool) -> Fl
 
 
 def conclude(
-    flight: Flight, directory: Path | None, *, out: Path | None, force: bool, as_json: bool
+    flight: LockstepFlight, directory: Path | None, *, out: Path | None, force: bool, as_json: bool
 ) -> int:
     """Keep and print what a flight came to, and return the exit status.
 
@@ -103,7 +103,7 @@ def conclude(
     return ACCEPTED if summary.accepted else NOT_ACCEPTED
 
 
-def keep(flight: Flight, summary: Summary, out: Path) -> None:
+def keep(flight: LockstepFlight, summary: Summary, out: Path) -> None:
     """Write everything about a flight into its directory."""
     # Here, because it brings the plotting library: a daemon on an aircraft has no use for 30 MB of it.
     from vfguide.lab.report.page import write_report
@@ -116,7 +116,7 @@ def keep(flight: Flight, summary: Summary, out: Path) -> None:
     write_report(flight.record, out)
 
 
-def show(summary: Summary, flight: Flight, out: Path | None, *, as_json: bool) -> None:
+def show(summary: Summary, flight: LockstepFlight, out: Path | None, *, as_json: bool) -> None:
     """Print the summary: JSON alone, or a table with what the companions had to say."""
     output = Terminal()
     if as_json:

@@ -25,7 +25,7 @@ from vfguide.extras import CONSOLE, require
 from vfguide.lab.console.tiles import TileSource, open_tiles
 from vfguide.lab.live_timetable import timetable_given
 from vfguide.lab.rehearsal.live import companions_lost, live_flight, watched_by_anybody
-from vfguide.lab.rehearsal.lockstep import Flight
+from vfguide.lab.rehearsal.lockstep import LockstepFlight
 from vfguide.lab.rehearsal.processes import broker_process
 from vfguide.lab.report.geometry import slot_error
 from vfguide.link.opening import WatchedFormation, check_reachable, watching
@@ -36,7 +36,7 @@ from vfguide.record.latency import Latency, latency_of
 
 UNKNOWN = "-"
 
-Show = Callable[[float, "Sequence[Row]"], None]
+Show = Callable[[float, "Sequence[LiveRow]"], None]
 """Called with the simulation time and the vehicles, again and again."""
 
 LOOK_S = 0.25
@@ -44,7 +44,7 @@ LOOK_S = 0.25
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Row:
+class LiveRow:
     """One vehicle, now."""
 
     vehicle: str
@@ -61,7 +61,7 @@ class Row:
 
 def rows_of(
     names: Sequence[str], record: FlightRecord | None, presences: Mapping[str, Presence]
-) -> list[Row]:
+) -> list[LiveRow]:
     """The vehicles now.
 
     Args:
@@ -72,7 +72,7 @@ def rows_of(
     return [row_of(name, record, presences.get(name)) for name in names]
 
 
-def row_of(name: str, record: FlightRecord | None, presence: Presence | None) -> Row:
+def row_of(name: str, record: FlightRecord | None, presence: Presence | None) -> LiveRow:
     """One vehicle now."""
     error_m = speed_m_s = age_ms = None
     vehicle = next((one for one in record.vehicles if one.name == name), None) if record else None
@@ -91,7 +91,7 @@ def row_of(name: str, record: FlightRecord | None, presence: Presence | None) ->
     mode = ""
     if presence is not None:
         mode = presence.mode if presence.status == "online" else presence.status
-    return Row(
+    return LiveRow(
         vehicle=name,
         mode=mode,
         error_m=error_m,
@@ -100,7 +100,7 @@ def row_of(name: str, record: FlightRecord | None, presence: Presence | None) ->
     )
 
 
-def table_of(title: str, rows: Sequence[Row]) -> Table:
+def table_of(title: str, rows: Sequence[LiveRow]) -> Table:
     """The vehicles as a table."""
     table = Table(title=Text(title), title_justify="left", box=box.SIMPLE_HEAD)
     table.add_column("vehicle")
@@ -118,7 +118,7 @@ def table_of(title: str, rows: Sequence[Row]) -> Table:
     return table
 
 
-def line_of(rows: Sequence[Row]) -> str:
+def line_of(rows: Sequence[LiveRow]) -> str:
     """The vehicles in one line."""
     return ", ".join(
         f"{row.vehicle} {row.mode or UNKNOWN} {digits(row.error_m, 2)} m off" for row in rows
@@ -138,7 +138,7 @@ def live_table(console: Terminal, title: str, duration_s: float) -> Iterator[Sho
         return
     with Live(console=console, auto_refresh=False, transient=True) as live:
 
-        def show(now_s: float, rows: Sequence[Row]) -> None:
+        def show(now_s: float, rows: Sequence[LiveRow]) -> None:
             heading = f"{title}: {now_s:.0f} of {duration_s:g} s"
             live.update(table_of(heading, rows), refresh=True)
 
@@ -149,7 +149,7 @@ def plain_lines(console: Terminal, title: str, duration_s: float) -> Show:
     """A line for each fifth of the flight."""
     shown = 0
 
-    def show(now_s: float, rows: Sequence[Row]) -> None:
+    def show(now_s: float, rows: Sequence[LiveRow]) -> None:
         nonlocal shown
         step = int(PLAIN_STEPS * now_s / duration_s)
         if step > shown:
@@ -253,7 +253,7 @@ async def flown_live(
     console: bool = False,
     operator: bool = False,
     tiles: TileSource | None = None,
-) -> Flight:
+) -> LockstepFlight:
     """The flight itself, to its end or until told to stop.
 
     Args:
@@ -322,7 +322,9 @@ async def flown_live(
         if (late := find_slowness(mission, latency, speedup)) is not None:
             tell(late)
         record = flight.record(wall_s=wall_s)
-    return Flight(record=record, events={}, logs={}, interrupted=interrupted, latency=latency)
+    return LockstepFlight(
+        record=record, events={}, logs={}, interrupted=interrupted, latency=latency
+    )
 
 
 def find_slowness(mission: Mission, latency: Latency, speedup: float) -> str | None:
@@ -362,14 +364,14 @@ async def console_of(
         new_operator_token,
     )
     from vfguide.commands.credentials import Credentials
-    from vfguide.lab.console.server import Address
+    from vfguide.lab.console.server import ConsoleAddress
 
     second = None
     if operator:
         check_orders(Credentials(roster=watched.roster, key=watched.key))
         second = new_operator_token(None)
     async with live_console(
-        mission, watched, address=Address(port=0), operator_token=second, tiles=tiles
+        mission, watched, address=ConsoleAddress(port=0), operator_token=second, tiles=tiles
     ) as url:
         for line in addresses_of(url, second):
             tell(line)

@@ -13,7 +13,7 @@ SILENT_S = 5.0
 
 
 @dataclass(slots=True)
-class Heard:
+class HeardPresence:
     """What was heard of one vehicle."""
 
     said_s: float
@@ -30,7 +30,7 @@ class Freshness:
     def __init__(self, silent_s: float = SILENT_S) -> None:
         """Begin with nobody heard; who says nothing for so long (s) is offline."""
         self._silent_s = silent_s
-        self._heard: dict[str, Heard] = {}
+        self._heard: dict[str, HeardPresence] = {}
         self._before: dict[str, float] = {}
 
     def note(self, found: Mapping[str, Presence], now: float) -> None:
@@ -40,9 +40,9 @@ class Freshness:
                 continue
             heard = self._heard.get(name)
             if heard is None:
-                self._heard[name] = Heard(presence.time_s, now)
+                self._heard[name] = HeardPresence(presence.time_s, now)
             elif presence.time_s != heard.said_s:
-                self._heard[name] = Heard(presence.time_s, now, again=True)
+                self._heard[name] = HeardPresence(presence.time_s, now, again=True)
 
     def lose(self, found: Mapping[str, Presence]) -> None:
         """Note that the link was lost: what a broker says next may be kept, and newer than what was heard."""

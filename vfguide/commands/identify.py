@@ -26,7 +26,7 @@ from vfguide.identification.profile import profile_text
 from vfguide.identification.recording import Findings, described, shortcoming
 from vfguide.mavlink.address import Address, parse_address
 from vfguide.mavlink.connection import Connection, open_connection
-from vfguide.mavlink.framing import Introduction, Signing
+from vfguide.mavlink.framing import ConnectionSigning, Introduction
 from vfguide.mission import Mission
 
 PATIENCE_S = 5.0
@@ -63,7 +63,7 @@ def identify(
         say(line)
     say("engaging by itself" if engage else "waiting until the pilot selects the guided mode")
     key = None if signing_key_file is None else read_key(signing_key_file)
-    signing = None if key is None else Signing(key, time.time)
+    signing = None if key is None else ConnectionSigning(key, time.time)
     identification = Identification(
         plan,
         adapter_of(mission.vehicles[vehicle]),

@@ -122,11 +122,11 @@ def console(
     require(*CONSOLE)
     from vfguide.commands.console import show_formation, show_recorded
     from vfguide.commands.credentials import KeyFiles
-    from vfguide.lab.console.server import Address
+    from vfguide.lab.console.server import ConsoleAddress
     from vfguide.lab.console.tiles import open_tiles
 
     below = None if tiles is None else open_tiles(tiles)
-    address = Address(
+    address = ConsoleAddress(
         host=host,
         port=port,
         certificate=certificate,

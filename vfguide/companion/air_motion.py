@@ -32,7 +32,7 @@ LEAST_AIRSPEED = 1.0
 """m/s: an aircraft on the ground reports 0, by which no turn rate can be divided."""
 
 
-class AirData(msgspec.Struct, frozen=True, kw_only=True):
+class ReportedAirData(msgspec.Struct, frozen=True, kw_only=True):
     """What an autopilot measured of its motion at one moment, as it reports it."""
 
     heading: float
@@ -112,12 +112,12 @@ class AirMotion:
         """As reported, m/s; NaN where none is fresh."""
         return self._airspeed if now - self._airspeed_time <= AIRSPEED_FRESH_S else math.nan
 
-    def data(self, report: PositionReport, now: float) -> AirData | None:
+    def data(self, report: PositionReport, now: float) -> ReportedAirData | None:
         """What a report, and the last bank and airspeed, say of the motion through the air."""
         fresh = now - min(self._bank_time, self._airspeed_time) <= AIR_DATA_FRESH_S
         if report.heading is None or not (fresh and self._calibrates):
             return None
-        return AirData(
+        return ReportedAirData(
             heading=report.heading,
             bank=self._bank,
             airspeed=self._airspeed,

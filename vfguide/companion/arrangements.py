@@ -29,7 +29,7 @@ from vfguide.companion.order_limits import (
     slot_objection,
     time_objection,
 )
-from vfguide.companion.ordered_flight import Order, OrderedFlight, leader_name
+from vfguide.companion.ordered_flight import KnownOrder, OrderedFlight, leader_name
 from vfguide.companion.plan import FlightPlan
 from vfguide.companion.timing import SharedClock
 from vfguide.formation.arrangement import (
@@ -114,11 +114,11 @@ class Arrangements:
         self.joining_m = 0.0
         """How far this vehicle is from the slot that it is to come to, m; 0 in it, and flown by its pilot."""
         self.leader_height = None
-        self._next: Order | None = None
+        self._next: KnownOrder | None = None
         self._appointed_s = -math.inf
         self._returned = self._moving = False
         self._last_up: float | None = None
-        self._refused: tuple[Order, str] | None = None
+        self._refused: tuple[KnownOrder, str] | None = None
         self._answers: dict[str, Reply] = {}
         self._numbers: dict[str, tuple[int, bool, float]] = {}
         self._places: dict[str, tuple[float, float]] = {}
@@ -231,7 +231,7 @@ class Arrangements:
             self.counters["order: malformed"] += 1
             return
         # What the others fly counts, whatever this companion has thought of it before.
-        given = Order(order, signed, check_of(data))
+        given = KnownOrder(order, signed, check_of(data))
         if self._is_missed(given, now):
             objection = path_objection(order, self._plan)
             if objection is not None:
@@ -252,7 +252,7 @@ class Arrangements:
         elif not self._is_known(given):
             self._consider(given, now)
 
-    def _consider(self, given: Order, now: float) -> None:
+    def _consider(self, given: KnownOrder, now: float) -> None:
         """Agree to an order, or refuse it; fly it at once where it calls everything off."""
         order = given.arrangement
         calls_off = order.flown is Manoeuvre.ABORT
@@ -277,7 +277,7 @@ class Arrangements:
         self._next, self._replied_s = given, -math.inf
         self._answers.clear()
 
-    def _call_off(self, given: Order, now: float) -> None:
+    def _call_off(self, given: KnownOrder, now: float) -> None:
         """Fly an abort, whatever its number: of two operators one may not have heard of the other's order."""
         number = self.number
         self._begin(given, now)
@@ -351,7 +351,7 @@ class Arrangements:
         self._replies, self._repeats = [], []
         return said
 
-    def _is_known(self, given: Order) -> bool:
+    def _is_known(self, given: KnownOrder) -> bool:
         """Whether an order of this number was taken already; it is answered again where that is not to come.
 
         Another order of the same number is refused: whoever flies by the number would not fly the same.
@@ -371,7 +371,7 @@ class Arrangements:
             return True
         return False
 
-    def _is_missed(self, given: Order, now: float) -> bool:
+    def _is_missed(self, given: KnownOrder, now: float) -> bool:
         """Whether an order is one that others fly by already."""
         order = given.arrangement
         if self.flight.called_off is not None and order.flown is not Manoeuvre.ABORT:
@@ -381,7 +381,7 @@ class Arrangements:
         newer = self.flight.order is None or order.number > self.flight.order.arrangement.number
         return flying and due and newer
 
-    def _begin(self, order: Order, now: float) -> None:
+    def _begin(self, order: KnownOrder, now: float) -> None:
         """Fly by it from now on."""
         # Of an order that was missed it is not known who has led since.
         if order is self._next and order.arrangement.lead == self._plan.name:
@@ -405,7 +405,7 @@ class Arrangements:
             )
             self._moving = self.flight.left(now) > 0.0
 
-    def _void(self, order: Order, reason: str) -> None:
+    def _void(self, order: KnownOrder, reason: str) -> None:
         self._next, self._refused = None, (order, reason)
         self._reply(order, Verdict.VOID, reason)
         self._say(
@@ -413,20 +413,20 @@ class Arrangements:
             warning=True,
         )
 
-    def _refuse(self, order: Order, reason: str) -> None:
+    def _refuse(self, order: KnownOrder, reason: str) -> None:
         self._refused = order, reason
         self._reply(order, Verdict.REFUSED, reason)
         text = f"order {order.arrangement.number} is refused: {reason}"
         self._alerts.say("refused order", WARNING, text, about="order")
 
-    def _decide(self, order: Order, time_s: float, now: float) -> None:
+    def _decide(self, order: KnownOrder, time_s: float, now: float) -> None:
         """As the leader: once all have agreed in time, it is certain."""
         in_time = time_s < order.arrangement.time_s - SETTLE_S
         if in_time and not self._missing(order, now):
             order.confirmed = True
             self._say(f"order {order.arrangement.number}: all have agreed")
 
-    def _missing(self, order: Order, now: float) -> str:
+    def _missing(self, order: KnownOrder, now: float) -> str:
         """Who has not agreed, in words; empty if all have."""
         concerned = set(order.arrangement.vehicles) | {order.arrangement.lead} - {""}
         for vehicle, (_, steered, time_s) in self._numbers.items():
@@ -515,7 +515,7 @@ class Arrangements:
         _, steered, time_s = self._numbers.get(vehicle, (0, False, -math.inf))
         return steered if now - time_s <= HEARD_S else None
 
-    def _reply(self, order: Order, verdict: Verdict, text: str = "") -> None:
+    def _reply(self, order: KnownOrder, verdict: Verdict, text: str = "") -> None:
         number = order.arrangement.number
         reply = Reply(number=number, verdict=verdict, check=order.check, text=text)
         self._replies.append(encode_reply(reply))

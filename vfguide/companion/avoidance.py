@@ -75,7 +75,7 @@ ANSWER_S = 0.4
 """Time constant with which a heading is approached, beside the delays of the vehicle."""
 
 
-class Avoidance(msgspec.Struct, frozen=True, kw_only=True):
+class AvoidanceStep(msgspec.Struct, frozen=True, kw_only=True):
     """What a step comes to."""
 
     setpoint: Setpoint[float] | None
@@ -134,7 +134,7 @@ class KeepClear:
         intent: Callable[[], Intent],
         *,
         steered: bool,
-    ) -> Avoidance:
+    ) -> AvoidanceStep:
         """Check what is wanted, and change it if it would come too near to another vehicle.
 
         Args:
@@ -149,7 +149,7 @@ class KeepClear:
             self._looked_s, aim = now, intent()
             self._clear = clear = self._look_around(navigated, turn_rate, aim, steered=steered)
         if clear is None or not clear.changed:
-            return Avoidance(setpoint=None, climb_m=self._climb_m)
+            return AvoidanceStep(setpoint=None, climb_m=self._climb_m)
         setpoint = setpoint_of(
             clear,
             (aim or intent()).wanted,
@@ -157,7 +157,7 @@ class KeepClear:
             self._agility(navigated),
             self._plan.airframe,
         )
-        return Avoidance(setpoint=setpoint, climb_m=self._climb_m)
+        return AvoidanceStep(setpoint=setpoint, climb_m=self._climb_m)
 
     def _agility(self, navigated: NavigatedState) -> Agility:
         """How fast the vehicle answers now."""

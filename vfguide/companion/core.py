@@ -28,7 +28,7 @@ from vfguide.formation.arrangement import Arrangement
 from vfguide.mavlink.adapter import AutopilotAdapter
 from vfguide.mavlink.announcements import INFO, NOTICE, WARNING
 from vfguide.mavlink.codec import Codec
-from vfguide.mavlink.framing import Signing
+from vfguide.mavlink.framing import ConnectionSigning
 from vfguide.mavlink.reports import (
     AirspeedReport,
     AttitudeReport,
@@ -63,7 +63,7 @@ class Companion:
         consent: ConsentStore | None = None,
         clock: SharedClock = SAME_CLOCK,
         inspect: bool = False,
-        signing: Signing | None = None,
+        signing: ConnectionSigning | None = None,
         sends_target: bool = False,
         ground_orders: GroundOrders | None = None,
         greeting_s: float = 0.0,

@@ -47,7 +47,7 @@ from vfguide.link.trust import Trust
 from vfguide.mavlink.adapter import AutopilotAdapter
 from vfguide.mavlink.address import Address
 from vfguide.mavlink.connection import Connection, open_connection
-from vfguide.mavlink.framing import Introduction, Signing
+from vfguide.mavlink.framing import ConnectionSigning, Introduction
 from vfguide.record.guidance_log import GuidanceStep
 from vfguide.record.recording import Recording
 
@@ -150,7 +150,7 @@ class Daemon:
         self._neighbours = plan.neighbours
         self._own_member: Member | None = None
         key = surroundings.signing_key
-        signing = None if key is None else Signing(key, time.time)
+        signing = None if key is None else ConnectionSigning(key, time.time)
         self._introduction = Introduction(plan.system_id, plan.component_id, signing=signing)
         self._introduced = self._complained = False
         self._shared_clock = shared_clock(self._peer_clock)

@@ -17,8 +17,8 @@ from vfguide.companion.plausibility import (
     CARRIED_S,
     OVERSPEED,
     RETURN_S,
+    GateVerdict,
     Judgement,
-    Verdict,
 )
 from vfguide.mavlink.announcements import WARNING
 from vfguide.mavlink.reports import EstimatorReport, GpsReport, SensorsReport
@@ -288,14 +288,14 @@ class Doubt:
         self._alerts = alerts or Alerts()
         self.counters: Counter[str] = Counter()
         """Reports that were not believed, by reason."""
-        self._told: Verdict | None = None
+        self._told: GateVerdict | None = None
         self._since = math.inf
         self._reported_time = -math.inf
         self._times = 0
 
     def note(self, judgement: Judgement, now: float) -> None:
         """Take a judgement."""
-        if judgement.verdict is Verdict.BELIEVED:
+        if judgement.verdict is GateVerdict.BELIEVED:
             if judgement.moved is not None:
                 self._say(
                     f"the position is believed again, {judgement.off:.0f} m from where it was expected:"
@@ -309,13 +309,13 @@ class Doubt:
             return
         self.counters[
             "position carried on by velocity"
-            if judgement.verdict is Verdict.CARRIED
+            if judgement.verdict is GateVerdict.CARRIED
             else "position not believed"
         ] += 1
         self._since = min(self._since, now)
         if self._told is None:
             self._begin(judgement, now)
-        elif self._told is Verdict.CARRIED and judgement.verdict is not Verdict.CARRIED:
+        elif self._told is GateVerdict.CARRIED and judgement.verdict is not GateVerdict.CARRIED:
             self._tell(judgement, now)
 
     def _begin(self, judgement: Judgement, now: float) -> None:
@@ -341,7 +341,7 @@ class Doubt:
         return f" (fault {self._times} in a row)" if self._times > 1 else ""
 
     def _sentence(self, judgement: Judgement) -> str:
-        if judgement.verdict is Verdict.CARRIED:
+        if judgement.verdict is GateVerdict.CARRIED:
             return (
                 f"{judgement.reason}: flown on by velocity for {CARRIED_S:g} s;"
                 " check the GPS, be ready to take over"

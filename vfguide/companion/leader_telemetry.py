@@ -12,7 +12,13 @@ from msgspec.structs import replace
 from vfguide.companion.alerts import Alerts
 from vfguide.companion.distrust import AltitudeGate
 from vfguide.companion.plan import ForeignLeader
-from vfguide.companion.plausibility import InnovationGate, Judgement, Motion, Verdict, reach_of
+from vfguide.companion.plausibility import (
+    GateVerdict,
+    InnovationGate,
+    Judgement,
+    ReportedMotion,
+    reach_of,
+)
 from vfguide.companion.timing import LeaderClock, Moment
 from vfguide.frames import LocalFrame
 from vfguide.guidance.airframe import bank_limited_turn_rate
@@ -104,7 +110,7 @@ class LeaderTelemetry:
         )
         self._gate = InnovationGate(reach_of(airframe), moved_s=moved_s)
         self._altitude = AltitudeGate()
-        self._place: Motion | None = None
+        self._place: ReportedMotion | None = None
         self._unstamped: tuple[float, float] | None = None
         self._motion: ObservedMotion | None = None
         self._doubted = self._late = self._complained = self._stands = False
@@ -240,7 +246,7 @@ class LeaderTelemetry:
         velocity = report.velocity or self._velocity_between(north, east, moment)
         if velocity is None:
             return False
-        motion = Motion(moment.even_s, north, east, *velocity)
+        motion = ReportedMotion(moment.even_s, north, east, *velocity)
         if self._place is not None and motion.time_s - self._place.time_s < LEAST_INTERVAL_S:
             self._counters["not newer"] += 1
             return False
@@ -248,7 +254,7 @@ class LeaderTelemetry:
         known = math.isfinite(report.altitude_amsl)
         altitude = self._altitude.judge(report.altitude_amsl, moment.even_s) if known else math.nan
         self._place = motion
-        if judgement.verdict is not Verdict.BELIEVED:
+        if judgement.verdict is not GateVerdict.BELIEVED:
             self._doubt(judgement, motion, moment, altitude)
             return False
         if self._doubted:
@@ -282,11 +288,11 @@ class LeaderTelemetry:
         if before is None or not LEAST_INTERVAL_S <= interval_s <= LONGEST_S:
             if interval_s > LONGEST_S:
                 self._gate = InnovationGate(reach_of(self._leader.airframe), moved_s=self._moved_s)
-            self._place = Motion(moment.even_s, north, east, 0.0, 0.0)
+            self._place = ReportedMotion(moment.even_s, north, east, 0.0, 0.0)
             return None
         return (north - before.north) / interval_s, (east - before.east) / interval_s
 
-    def _observed(self, report: LeaderReport, motion: Motion) -> ObservedMotion:
+    def _observed(self, report: LeaderReport, motion: ReportedMotion) -> ObservedMotion:
         """What is known of the motion after a report that is believed."""
         seen = Observation(
             time_s=motion.time_s,
@@ -300,10 +306,12 @@ class LeaderTelemetry:
             return observed_at_first(seen, course, motion.speed)
         return observed_motion(before, seen, self._limits, self._leader.rate_filter_s)
 
-    def _doubt(self, judgement: Judgement, motion: Motion, moment: Moment, altitude: float) -> None:
+    def _doubt(
+        self, judgement: Judgement, motion: ReportedMotion, moment: Moment, altitude: float
+    ) -> None:
         """It reports what cannot be: it may be there, or where its velocities lead."""
         self._counters["impossible"] += 1
-        if judgement.verdict is not Verdict.REFUSED:
+        if judgement.verdict is not GateVerdict.REFUSED:
             there = HeardState(
                 time_s=moment.time_s,
                 north=motion.north,

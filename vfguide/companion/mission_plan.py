@@ -15,7 +15,7 @@ from vfguide.companion.plan import (
     LeadPlan,
     OtherVehicle,
 )
-from vfguide.companion.supervisor import Timeouts
+from vfguide.companion.supervisor import ModeTimeouts
 from vfguide.extras import require
 from vfguide.formation.orders import STACK_M
 from vfguide.frames import LocalFrame
@@ -155,9 +155,9 @@ def lead_plan(mission: Mission, name: str) -> LeadPlan:
     )
 
 
-def timeouts_of(mission: Mission) -> Timeouts:
+def timeouts_of(mission: Mission) -> ModeTimeouts:
     """How long silences are borne."""
-    patience = Timeouts(**mission.patience.model_dump())
+    patience = ModeTimeouts(**mission.patience.model_dump())
     if not mission.leader.is_foreign:
         return patience
     return replace(patience, leader_s=max(patience.leader_s, LEAST_SILENCE_S))

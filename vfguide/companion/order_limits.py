@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterable
 
 from vfguide.companion.plan import FlightPlan
-from vfguide.formation.arrangement import MAIN_PATH, PEAK, Arrangement, Place, Point
+from vfguide.formation.arrangement import MAIN_PATH, PEAK, Arrangement, Point, SlotMove
 from vfguide.formation.transition import JOIN_M, LEADER, approach_of, approaches
 from vfguide.guidance.airframe import GRAVITY
 from vfguide.guidance.height_change import SHARE
@@ -121,7 +121,7 @@ def nearness_objection(order: Arrangement, leader: str) -> str | None:
 
 def ceiling_objection(
     order: Arrangement,
-    place: Place | None,
+    place: SlotMove | None,
     plan: FlightPlan,
     leader_height: float,
     ceiling: float,
@@ -184,7 +184,7 @@ def climb_objection(
 
 
 def slot_objection(
-    order: Arrangement, place: Place, plan: FlightPlan, begin: Point | None, leader_height: float
+    order: Arrangement, place: SlotMove, plan: FlightPlan, begin: Point | None, leader_height: float
 ) -> str | None:
     """Why a vehicle cannot fly its own part of an order, in words; None if it can.
 
@@ -212,7 +212,7 @@ def slot_objection(
 
 
 def joining_objection(
-    order: Arrangement, place: Place, joining_m: float, leader: str
+    order: Arrangement, place: SlotMove, joining_m: float, leader: str
 ) -> str | None:
     """Why slots may not come near one whose vehicle is still on its way to it, in words; None if none do.
 
@@ -224,7 +224,7 @@ def joining_objection(
     """
     if joining_m <= 0.0:
         return None
-    still = Place(vehicle=leader, begin=LEADER, end=LEADER)
+    still = SlotMove(vehicle=leader, begin=LEADER, end=LEADER)
     for other in (still, *order.places):
         if other is place:
             continue
@@ -238,7 +238,7 @@ def joining_objection(
     return None
 
 
-def motion_objection(order: Arrangement, place: Place, airframe: Airframe) -> str | None:
+def motion_objection(order: Arrangement, place: SlotMove, airframe: Airframe) -> str | None:
     """Why an aircraft cannot keep up with its slot, in words; None if it can.
 
     Args:
@@ -290,7 +290,7 @@ def _rate(way: float, duration_s: float) -> float:
     return way * PEAK / max(duration_s, LEAST_S)
 
 
-def _climbs(order: Arrangement, place: Place) -> tuple[float, ...]:
+def _climbs(order: Arrangement, place: SlotMove) -> tuple[float, ...]:
     """Greatest climb rates on the way, m/s."""
     if place.layer is None:
         return (_rate(place.end.up - place.begin.up, order.across_s),)

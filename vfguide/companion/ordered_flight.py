@@ -52,7 +52,7 @@ class OtherSlot(msgspec.Struct, frozen=True, kw_only=True):
 
 
 @dataclass(slots=True)
-class Order:
+class KnownOrder:
     """An order on its way: what it is, and what is known of it."""
 
     arrangement: Arrangement
@@ -140,7 +140,7 @@ class OrderedFlight:
         self._plan = plan
         self._clock = clock
         self._leader = leader_name(plan)
-        self.order: Order | None = None
+        self.order: KnownOrder | None = None
         """What is flown; None for the slots of the mission."""
         self.circle: Circle | None = None
         """Where the leader circles by a hold; None on the mission's path."""
@@ -158,7 +158,7 @@ class OrderedFlight:
         """Go by another plan of the same vehicle from now on."""
         self._plan = plan
 
-    def begin(self, order: Order) -> None:
+    def begin(self, order: KnownOrder) -> None:
         """Fly by an order from now on."""
         self.order = order
         if not self.has_left:
@@ -325,7 +325,7 @@ class OrderedFlight:
         flown = self.order.arrangement
         return flown.time_s + flown.duration_s - self.time_of(self.order, now)
 
-    def time_of(self, order: Order, now: float) -> float:
+    def time_of(self, order: KnownOrder, now: float) -> float:
         """A time on the clock by which an order is flown, s: slots do not jump where the clock does."""
         time_s, expected_s = self.shared_time(now), now + order.offset_s
         if math.isnan(expected_s) or abs(time_s - expected_s) <= JUMP_S:

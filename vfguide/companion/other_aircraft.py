@@ -88,7 +88,7 @@ class Sighting(msgspec.Struct, frozen=True, kw_only=True):
         return self.place + self.velocity * (now - self.time_s)
 
 
-class Verdict(msgspec.Struct, frozen=True, kw_only=True):
+class AircraftVerdict(msgspec.Struct, frozen=True, kw_only=True):
     """Whether an address is of the formation, on one's own clock."""
 
     member: bool
@@ -130,7 +130,7 @@ class OtherAircraft:
         self._followed = followed
         self._known: dict[int, Sighting] = {}
         self._unjudged: set[int] = set()
-        self._verdicts: dict[int, Verdict] = {}
+        self._verdicts: dict[int, AircraftVerdict] = {}
         self._here = 0j
         self.counters: Counter[str] = Counter()
         """Reports that were not used, by reason."""
@@ -267,7 +267,9 @@ class OtherAircraft:
         return True
 
 
-def verdict_on(one: Sighting, now: float, members: Sequence[tuple[complex, complex]]) -> Verdict:
+def verdict_on(
+    one: Sighting, now: float, members: Sequence[tuple[complex, complex]]
+) -> AircraftVerdict:
     """Whether what was seen is one of the formation, by (place in m, velocity in m/s) of all of them, now.
 
     They are compared where they were when the report was true, as far as they may have turned since.
@@ -280,10 +282,10 @@ def verdict_on(one: Sighting, now: float, members: Sequence[tuple[complex, compl
         for place, velocity in members
     )
     sure = one.tells_velocity and (not member or age <= FRESH_S)
-    return Verdict(member=member, sure=sure, heard_s=now, borne_out_s=now)
+    return AircraftVerdict(member=member, sure=sure, heard_s=now, borne_out_s=now)
 
 
-def revised(before: Verdict, found: Verdict) -> Verdict:
+def revised(before: AircraftVerdict, found: AircraftVerdict) -> AircraftVerdict:
     """A verdict after one more report, which alone would come to `found`."""
     if found.sure and not before.sure:
         return found

@@ -6,7 +6,7 @@ from collections import Counter
 import msgspec
 from msgspec.structs import replace
 
-from vfguide.companion.air_motion import LEAST_CALIBRATED, AirData, AirMotion
+from vfguide.companion.air_motion import LEAST_CALIBRATED, AirMotion, ReportedAirData
 from vfguide.companion.alerts import Alerts
 from vfguide.companion.autopilot_clock import AutopilotClock, Reading
 from vfguide.companion.delay_compensator import DelayCompensator, memory_of
@@ -22,10 +22,10 @@ from vfguide.companion.plausibility import (
     CARRIED_S,
     RETURN_S,
     STAYED_S,
+    GateVerdict,
     InnovationGate,
     Judgement,
-    Motion,
-    Verdict,
+    ReportedMotion,
     reach_of,
 )
 from vfguide.elementwise import wrap_angle
@@ -56,7 +56,7 @@ from vfguide.state import Setpoint, VehicleState
 GAP_S = 1.0
 """After a silence longer than this the filter starts anew."""
 
-CARRIED = frozenset({Verdict.CARRIED, Verdict.ADRIFT})
+CARRIED = frozenset({GateVerdict.CARRIED, GateVerdict.ADRIFT})
 """Where the place is the one that the velocity leads to."""
 
 WAIT_S = 0.3
@@ -83,7 +83,7 @@ PERIOD_SHARE = 0.1
 """Weight of the newest interval in the mean period of the loop."""
 
 
-class Place(msgspec.Struct, frozen=True, kw_only=True):
+class GeodeticPlace(msgspec.Struct, frozen=True, kw_only=True):
     """The navigated position on the ellipsoid, for those who share no local frame."""
 
     latitude_deg: float
@@ -99,7 +99,7 @@ class NavigatedState(msgspec.Struct, frozen=True, kw_only=True):
 
     state: VehicleState[float]
     """In the local frame."""
-    place: Place
+    place: GeodeticPlace
     """On the ellipsoid."""
     period: float
     """Mean interval between reports, s."""
@@ -113,7 +113,7 @@ class NavigatedState(msgspec.Struct, frozen=True, kw_only=True):
     """Whether it is certain enough to steer by; where it is not, it is published all the same."""
     delay_compensator: DelayCompensator | None = None
     """Where the vehicle will be when setpoints take effect; None where they do at once."""
-    air_data: AirData | None = None
+    air_data: ReportedAirData | None = None
     """None where heading, bank or airspeed is missing or old, or a ground speed is held."""
 
 
@@ -264,7 +264,7 @@ class OwnVehicle:
         sample = self._sample(report, time_s, now)
         judgement = self._judge(report, sample, reading, before)
         self._doubt.note(judgement, now)
-        if judgement.verdict is Verdict.REFUSED:
+        if judgement.verdict is GateVerdict.REFUSED:
             self._refused = True
             self._refusal, self._refusal_s = judgement.reason, now
             return None
@@ -272,7 +272,7 @@ class OwnVehicle:
             return None
         moved = judgement.moved is not None
         interval = math.inf if previous is None else time_s - previous.time_s
-        self._comes_back = judgement.verdict is not Verdict.BELIEVED and (
+        self._comes_back = judgement.verdict is not GateVerdict.BELIEVED and (
             self._comes_back or (self._refused and interval > SURE_AGAIN_S)
         )
         self._refused = False
@@ -302,7 +302,7 @@ class OwnVehicle:
             interval=interval,
             altitude_amsl=altitude,
             moved=moved,
-            steerable=judgement.verdict is not Verdict.ADRIFT and not self._comes_back,
+            steerable=judgement.verdict is not GateVerdict.ADRIFT and not self._comes_back,
             delay_compensator=self._delay_compensator,
             air_data=self.air.data(report, now),
         )
@@ -396,7 +396,7 @@ class OwnVehicle:
             # What is not used cannot be wrong, and does not show where the vehicle goes.
             velocity = polar(state.ground_speed, state.course)
         self._passed_s += passed_s(before, reading)
-        motion = Motion(
+        motion = ReportedMotion(
             time_s=self._passed_s,
             north=sample.north,
             east=sample.east,
@@ -423,7 +423,7 @@ class OwnVehicle:
         sample: Sample[float],
         judgement: Judgement,
         state: VehicleState[float],
-    ) -> Place:
+    ) -> GeodeticPlace:
         """The navigated position on the ellipsoid."""
         if judgement.verdict in CARRIED:
             latitude, longitude = self._frame.to_geodetic(state.north, state.east)
@@ -437,7 +437,7 @@ class OwnVehicle:
         # An altitude that is doubted is for the others to judge, too.
         doubted = self._altitude.doubted
         altitude = report.altitude_amsl if doubted else self._frame.altitude_m + state.height
-        return Place(latitude_deg=latitude, longitude_deg=longitude, altitude_amsl=altitude)
+        return GeodeticPlace(latitude_deg=latitude, longitude_deg=longitude, altitude_amsl=altitude)
 
     def _sample(self, report: PositionReport, time_s: float, now: float) -> Sample[float]:
         """The report in the local frame, with airspeed and heading from the wind where it has none."""

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 import msgspec
 from msgspec.structs import replace
 
-from vfguide.companion.supervisor import Timeouts
+from vfguide.companion.supervisor import ModeTimeouts
 from vfguide.frames import LocalFrame
 from vfguide.guidance.bandwidth import (
     AS_DECLARED,
@@ -154,7 +154,7 @@ class FlightPlan(msgspec.Struct, frozen=True, kw_only=True):
     """Of the airframe if it does not slip; one that does has a total-energy hold."""
     finds_slip: bool
     """Whether that is found out in flight; until then it is taken for one that does."""
-    timeouts: Timeouts
+    timeouts: ModeTimeouts
     """How long silences are borne."""
     engage_from: tuple[str, ...]
     """Modes of the autopilot out of which it may be engaged by itself, by name."""

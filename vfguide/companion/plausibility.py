@@ -123,7 +123,7 @@ def reach_of(airframe: Airframe) -> Reach:
     )
 
 
-class Motion(NamedTuple):
+class ReportedMotion(NamedTuple):
     """Position and velocity at a time."""
 
     time_s: float
@@ -143,7 +143,7 @@ class Motion(NamedTuple):
         return math.hypot(self.velocity_north, self.velocity_east)
 
 
-class Verdict(Enum):
+class GateVerdict(Enum):
     """What becomes of a report."""
 
     BELIEVED = "believed"
@@ -159,7 +159,7 @@ class Verdict(Enum):
 class Judgement(NamedTuple):
     """A verdict, and what goes with it."""
 
-    verdict: Verdict
+    verdict: GateVerdict
     """What becomes of the report."""
     north: float
     """Of the place to go by, m."""
@@ -173,7 +173,7 @@ class Judgement(NamedTuple):
     """Why it is not believed, in words."""
 
 
-def carried(motion: Motion, to: Motion) -> tuple[float, float]:
+def carried(motion: ReportedMotion, to: ReportedMotion) -> tuple[float, float]:
     """(north, east) of a place that is carried to the time of another motion by the mean velocity of both."""
     half = 0.5 * (to.time_s - motion.time_s)
     return (
@@ -182,7 +182,7 @@ def carried(motion: Motion, to: Motion) -> tuple[float, float]:
     )
 
 
-def velocity_change(motion: Motion, to: Motion) -> float:
+def velocity_change(motion: ReportedMotion, to: ReportedMotion) -> float:
     """By how much the velocity differs, m/s."""
     return math.hypot(
         to.velocity_north - motion.velocity_north, to.velocity_east - motion.velocity_east
@@ -190,7 +190,7 @@ def velocity_change(motion: Motion, to: Motion) -> float:
 
 
 def innovation(
-    motion: Motion, to: Motion, slack_s: float = 0.0, stood_s: float = 0.0
+    motion: ReportedMotion, to: ReportedMotion, slack_s: float = 0.0, stood_s: float = 0.0
 ) -> tuple[float, float]:
     """(north, east) from the carried place to the reported one, m.
 
@@ -211,7 +211,7 @@ def innovation(
     return north - excused * ahead_north, east - excused * ahead_east
 
 
-def leaned(motion: Motion, north: float, east: float, interval_s: float) -> Motion:
+def leaned(motion: ReportedMotion, north: float, east: float, interval_s: float) -> ReportedMotion:
     """A carried place that leans on the reported one.
 
     Args:
@@ -236,13 +236,13 @@ class InnovationGate:
         """
         self._reach = reach
         self._moved_s = moved_s
-        self._known: Motion | None = None
+        self._known: ReportedMotion | None = None
         self._believed_since = 0.0
         self._doubted_since: float | None = None
-        self._seen: Motion | None = None
+        self._seen: ReportedMotion | None = None
         self._seen_since = 0.0
         self._elsewhere_s = moved_s
-        self._newest: Motion | None = None
+        self._newest: ReportedMotion | None = None
         self._contradicts = False
         self._variance = EXPECTED_NOISE_M**2
         self._innovation: tuple[float, float] | None = None
@@ -263,7 +263,9 @@ class InnovationGate:
         self._known = self._doubted_since = self._seen = self._innovation = self._newest = None
         self._contradicts = False
 
-    def judge(self, motion: Motion, *, fault: str | None = None, slack_s: float = 0.0) -> Judgement:
+    def judge(
+        self, motion: ReportedMotion, *, fault: str | None = None, slack_s: float = 0.0
+    ) -> Judgement:
         """What becomes of a report, which has to be later than the one before.
 
         Args:
@@ -296,7 +298,7 @@ class InnovationGate:
         return self._judge_place(known, newest or known, motion, slack_s)
 
     def _judge_place(
-        self, known: Motion, newest: Motion, motion: Motion, slack_s: float
+        self, known: ReportedMotion, newest: ReportedMotion, motion: ReportedMotion, slack_s: float
     ) -> Judgement:
         """The velocity can be true: the position, after the believed one and the newest one?"""
         interval_s = motion.time_s - known.time_s
@@ -323,7 +325,7 @@ class InnovationGate:
         if self._doubted_since is None:
             self._known = leaned(motion, north, east, interval_s)
             return Judgement(
-                verdict=Verdict.BELIEVED, north=motion.north, east=motion.east, off=off
+                verdict=GateVerdict.BELIEVED, north=motion.north, east=motion.east, off=off
             )
         if not agrees and self._has_moved(motion):
             return self._adopted(motion)
@@ -335,7 +337,7 @@ class InnovationGate:
             return self._refused(motion, "the first positions do not agree with each other")
         lasts_s = motion.time_s - self._doubted_since
         return Judgement(
-            verdict=Verdict.CARRIED if lasts_s <= CARRIED_S else Verdict.ADRIFT,
+            verdict=GateVerdict.CARRIED if lasts_s <= CARRIED_S else GateVerdict.ADRIFT,
             north=place_north,
             east=place_east,
             off=off,
@@ -344,19 +346,19 @@ class InnovationGate:
             else "the position has just come back",
         )
 
-    def _impossible(self, motion: Motion) -> str | None:
+    def _impossible(self, motion: ReportedMotion) -> str | None:
         """What no aircraft does, whatever it did before."""
         speed = motion.speed
         if not math.isfinite(speed + motion.north + motion.east + motion.time_s):
             return "the position is no number"
         return f"a speed of {speed:.0f} m/s" if speed > self._reach.speed else None
 
-    def _refused(self, motion: Motion, reason: str) -> Judgement:
+    def _refused(self, motion: ReportedMotion, reason: str) -> Judgement:
         return Judgement(
-            verdict=Verdict.REFUSED, north=motion.north, east=motion.east, reason=reason
+            verdict=GateVerdict.REFUSED, north=motion.north, east=motion.east, reason=reason
         )
 
-    def _adopted(self, motion: Motion) -> Judgement:
+    def _adopted(self, motion: ReportedMotion) -> Judgement:
         """The vehicle is there, wherever it was thought to be."""
         known, moved = self._known, None
         self._believed_since = motion.time_s
@@ -366,7 +368,7 @@ class InnovationGate:
         self._known, self._innovation = motion, None
         self._settle()
         return Judgement(
-            verdict=Verdict.BELIEVED,
+            verdict=GateVerdict.BELIEVED,
             north=motion.north,
             east=motion.east,
             off=0.0 if moved is None else math.hypot(*moved),
@@ -379,23 +381,23 @@ class InnovationGate:
         self._contradicts = False
         self._elsewhere_s = self._moved_s
 
-    def _stood_still(self, known: Motion, motion: Motion) -> bool:
+    def _stood_still(self, known: ReportedMotion, motion: ReportedMotion) -> bool:
         """Whether a report fits a vehicle that has flown for a part of the time since the one before."""
         interval_s = motion.time_s - known.time_s
         off = math.hypot(*innovation(known, motion, stood_s=interval_s))
         return interval_s > STOOD_S and off <= self.tolerance
 
-    def _doubt(self, known: Motion) -> None:
+    def _doubt(self, known: ReportedMotion) -> None:
         if self._doubted_since is None:
             self._doubted_since = known.time_s
 
-    def _drift(self, motion: Motion) -> float:
+    def _drift(self, motion: ReportedMotion) -> float:
         """How far the carried place may have left the true one since it was last believed, m."""
         if self._doubted_since is None:
             return 0.0
         return CARRY_ERROR_M_S * (motion.time_s - self._doubted_since)
 
-    def _watch(self, motion: Motion, slack_s: float) -> None:
+    def _watch(self, motion: ReportedMotion, slack_s: float) -> None:
         """Whether doubted reports agree with each other."""
         seen, self._seen = self._seen, motion
         if seen is not None:
@@ -415,11 +417,11 @@ class InnovationGate:
             self._elsewhere_s = self._moved_s
         self._seen_since = motion.time_s
 
-    def _steady_s(self, motion: Motion) -> float:
+    def _steady_s(self, motion: ReportedMotion) -> float:
         """For how long doubted reports have agreed with each other, s."""
         return motion.time_s - self._seen_since
 
-    def _has_moved(self, motion: Motion) -> bool:
+    def _has_moved(self, motion: ReportedMotion) -> bool:
         """Whether doubted reports have been steady for long, where an aircraft could have flown."""
         known, since = self._known, self._doubted_since
         if known is None or since is None:

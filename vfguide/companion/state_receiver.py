@@ -10,9 +10,9 @@ from vfguide.companion.alerts import Alerts
 from vfguide.companion.distrust import AltitudeGate
 from vfguide.companion.plausibility import (
     MOVED_S,
+    GateVerdict,
     InnovationGate,
-    Motion,
-    Verdict,
+    ReportedMotion,
     reach_of,
 )
 from vfguide.companion.timing import SharedClock
@@ -116,7 +116,7 @@ class StateReceiver:
         self._judged_s = time_s
         north, east = polar(motion.ground_speed, motion.course)
         judgement = self._gate.judge(
-            Motion(
+            ReportedMotion(
                 # On one's own clock: the formation's jumps when the leader's computer starts anew.
                 time_s=time_s,
                 north=motion.north,
@@ -133,8 +133,8 @@ class StateReceiver:
             if same
             else replace(motion, time_s=time_s, altitude_amsl=altitude, height=height)
         )
-        if judgement.verdict is not Verdict.BELIEVED:
-            if judgement.verdict is not Verdict.REFUSED:
+        if judgement.verdict is not GateVerdict.BELIEVED:
+            if judgement.verdict is not GateVerdict.REFUSED:
                 carried = replace(state, north=judgement.north, east=judgement.east)
                 self.doubted = replace(state, steered=False), carried
             self.counters["impossible"] += 1

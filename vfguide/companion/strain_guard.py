@@ -75,7 +75,7 @@ HANDED_BACK = (
 """What the pilot hears when nothing helps."""
 
 
-class Moment(msgspec.Struct, frozen=True, kw_only=True):
+class StrainSample(msgspec.Struct, frozen=True, kw_only=True):
     """What was asked for and flown at one moment."""
 
     time_s: float
@@ -138,7 +138,7 @@ class StrainGuard:
         self.gives_up = False
         """Whether nothing has helped, so that the vehicle is to be handed back."""
         self._course, self._speed = AxisGuard(), AxisGuard()
-        self._moments: deque[Moment] = deque()
+        self._moments: deque[StrainSample] = deque()
         self._begun_s: float | None = None
         self._placed_s: float | None = None
         self._said = False
@@ -185,7 +185,7 @@ class StrainGuard:
         held = state.ground_speed if airframe.hold == "course-hold" else state.airspeed
         turn = airframe.alpha * course_error / greatest
         push = airframe.beta * (setpoint.speed - held) / airframe.max_acceleration
-        asked = Moment(
+        asked = StrainSample(
             time_s=now,
             turn=min(max(turn, -1.0), 1.0),
             push=min(max(push, -1.0), 1.0),
@@ -228,13 +228,13 @@ def is_other(softness: Softness, flown: Softness) -> bool:
     )
 
 
-def smoothed(before: Moment, asked: Moment) -> Moment:
+def smoothed(before: StrainSample, asked: StrainSample) -> StrainSample:
     """Return a moment after the low-pass."""
     period = asked.time_s - before.time_s
     bank = before.bank
     if not math.isnan(asked.bank):
         bank = asked.bank if math.isnan(bank) else low_pass(bank, asked.bank, period, SMOOTHED_S)
-    return Moment(
+    return StrainSample(
         time_s=asked.time_s,
         turn=low_pass(before.turn, asked.turn, period, SMOOTHED_S),
         push=low_pass(before.push, asked.push, period, SMOOTHED_S),

@@ -73,7 +73,7 @@ class Situation(msgspec.Struct, frozen=True, kw_only=True):
     """m from the slot, or from the path for the leader; infinite while not known."""
 
 
-class Timeouts(msgspec.Struct, frozen=True, kw_only=True):
+class ModeTimeouts(msgspec.Struct, frozen=True, kw_only=True):
     """How long each kind of silence is borne, and what counts as being in place."""
 
     telemetry_s: float = 1.0
@@ -92,7 +92,7 @@ class Timeouts(msgspec.Struct, frozen=True, kw_only=True):
     """Farther than this is not any more."""
 
 
-def next_mode(mode: Mode, situation: Situation, timeouts: Timeouts) -> Mode:
+def next_mode(mode: Mode, situation: Situation, timeouts: ModeTimeouts) -> Mode:
     """The mode that follows from a mode and a situation."""
     if situation.control is not Control.GUIDED:
         return mode_when_not_guided(mode, situation, timeouts)
@@ -107,7 +107,7 @@ def next_mode(mode: Mode, situation: Situation, timeouts: Timeouts) -> Mode:
     return Mode.TRACKING if situation.distance <= bound else Mode.JOINING
 
 
-def mode_when_not_guided(mode: Mode, situation: Situation, timeouts: Timeouts) -> Mode:
+def mode_when_not_guided(mode: Mode, situation: Situation, timeouts: ModeTimeouts) -> Mode:
     """The autopilot does not obey: a pilot flies, it was handed back, or it never did."""
     if situation.control is Control.PILOT:
         return Mode.PILOT
@@ -117,7 +117,7 @@ def mode_when_not_guided(mode: Mode, situation: Situation, timeouts: Timeouts) -
     return Mode.LOST if returned and not situation.leader_age <= timeouts.leader_s else Mode.WAITING
 
 
-def mode_when_leader_is_silent(situation: Situation, timeouts: Timeouts) -> Mode:
+def mode_when_leader_is_silent(situation: Situation, timeouts: ModeTimeouts) -> Mode:
     """First the leader is predicted, then the formation breaks up, then every autopilot is on its own."""
     if situation.leader_age <= timeouts.prediction_s:
         return Mode.PREDICTING
@@ -128,7 +128,7 @@ def mode_when_leader_is_silent(situation: Situation, timeouts: Timeouts) -> Mode
 
 
 def obstacle(
-    timeouts: Timeouts,
+    timeouts: ModeTimeouts,
     *,
     telemetry_age: float,
     doubts: bool,

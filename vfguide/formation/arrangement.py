@@ -59,7 +59,7 @@ class Point(msgspec.Struct, frozen=True):
         return math.hypot(self.forward, self.right, self.up)
 
 
-class Place(msgspec.Struct, frozen=True, kw_only=True):
+class SlotMove(msgspec.Struct, frozen=True, kw_only=True):
     """One vehicle's part of an arrangement."""
 
     vehicle: str
@@ -72,7 +72,7 @@ class Place(msgspec.Struct, frozen=True, kw_only=True):
     """Height above the leader in which it crosses, m; None: it climbs or descends on its way, if at all."""
 
 
-class Circle(msgspec.Struct, frozen=True, kw_only=True):
+class HoldCircle(msgspec.Struct, frozen=True, kw_only=True):
     """Where the leader circles."""
 
     latitude_deg: float
@@ -98,9 +98,9 @@ class Arrangement(msgspec.Struct, frozen=True, kw_only=True):
     """How long it takes into the layers, and out of them again, s; 0 without layers."""
     across_s: float
     """How long the slots move in the plane, s."""
-    places: tuple[Place, ...]
+    places: tuple[SlotMove, ...]
     """Places of all followers that fly in it; a follower without one leaves the formation."""
-    circle: Circle | None = None
+    circle: HoldCircle | None = None
     """Circle of a hold."""
     path: str = MAIN_PATH
     """Name of the mission's path that the leader follows, after a hold where there is one."""
@@ -121,11 +121,11 @@ class Arrangement(msgspec.Struct, frozen=True, kw_only=True):
         """Names of the followers that fly in it."""
         return frozenset(one.vehicle for one in self.places)
 
-    def place_of(self, vehicle: str) -> Place | None:
+    def place_of(self, vehicle: str) -> SlotMove | None:
         """A follower's part; None for one that leaves."""
         return next((one for one in self.places if one.vehicle == vehicle), None)
 
-    def _known_place(self, vehicle: str) -> Place:
+    def _known_place(self, vehicle: str) -> SlotMove:
         place = self.place_of(vehicle)
         if place is None:
             raise KeyError(vehicle)
@@ -198,7 +198,7 @@ def time_of(share: float, duration_s: float) -> float:
     return 0.5 * (early + late)
 
 
-def ends(places: Iterable[Place]) -> dict[str, Point]:
+def ends(places: Iterable[SlotMove]) -> dict[str, Point]:
     """Where each follower flies once everything is done, by name."""
     return {one.vehicle: one.end for one in places}
 

@@ -21,10 +21,10 @@ from vfguide.extras import require
 from vfguide.formation.arrangement import (
     MAIN_PATH,
     Arrangement,
-    Circle,
+    HoldCircle,
     Manoeuvre,
-    Place,
     Point,
+    SlotMove,
     ends,
 )
 from vfguide.formation.joining import joined_places
@@ -117,7 +117,7 @@ class Formation(msgspec.Struct, frozen=True, kw_only=True):
     """Number of the newest order."""
     flown: Manoeuvre = Manoeuvre.FORMATION
     """What is flown."""
-    circle: Circle | None = None
+    circle: HoldCircle | None = None
     """Circle of the hold that is flown."""
     path: str = MAIN_PATH
     """Name of the mission's path that is followed."""
@@ -169,7 +169,7 @@ def arrangement_of(
     *,
     number: int,
     time_s: float,
-    circle: Circle | None = None,
+    circle: HoldCircle | None = None,
     turn_radius_m: float = 0.0,
 ) -> tuple[Arrangement, Transition]:
     """The arrangement that an order comes to, and how everybody gets there.
@@ -203,7 +203,9 @@ def arrangement_of(
         flown = Manoeuvre.ABORT
         end = begin
         found = Transition(
-            places=tuple(Place(vehicle=name, begin=begin[name], end=begin[name]) for name in begin),
+            places=tuple(
+                SlotMove(vehicle=name, begin=begin[name], end=begin[name]) for name in begin
+            ),
             climb_s=0.0,
             across_s=0.0,
             nearest=None,

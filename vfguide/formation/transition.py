@@ -14,7 +14,7 @@ import msgspec
 from msgspec.structs import replace
 
 from vfguide.errors import InputError
-from vfguide.formation.arrangement import PEAK, RAMP, Place, Point, time_of
+from vfguide.formation.arrangement import PEAK, RAMP, Point, SlotMove, time_of
 
 LEAST_M = 7.5
 """Slots come no nearer than this: the 5 m that aircraft keep, and what they lie about their slots."""
@@ -82,7 +82,7 @@ class Approach(msgspec.Struct, frozen=True, kw_only=True):
 class Transition(msgspec.Struct, frozen=True, kw_only=True):
     """How everybody gets to where they are to be."""
 
-    places: tuple[Place, ...]
+    places: tuple[SlotMove, ...]
     """With layers where they are needed."""
     climb_s: float
     """Into the layers and out of them, s."""
@@ -112,7 +112,7 @@ def transition(
     Raises:
         RefusedOrderError: two would come nearer than that, in any layers.
     """
-    plain = [Place(vehicle=name, begin=begin[name], end=place) for name, place in end.items()]
+    plain = [SlotMove(vehicle=name, begin=begin[name], end=place) for name, place in end.items()]
     _check_ends(end, leader, least)
     across_s = across_time(plain, limits)
     close = [one for one in approaches(plain, 0.0, across_s, leader) if one.distance < least]
@@ -135,7 +135,7 @@ def transition(
 
 
 def _transition(
-    places: Sequence[Place], climb_s: float, across_s: float, leader: str
+    places: Sequence[SlotMove], climb_s: float, across_s: float, leader: str
 ) -> Transition:
     found = approaches(places, climb_s, across_s, leader)
     return Transition(
@@ -161,7 +161,7 @@ def _check_ends(end: Mapping[str, Point], leader: str, least: float) -> None:
             )
 
 
-def across_time(places: Sequence[Place], limits: MotionLimits) -> float:
+def across_time(places: Sequence[SlotMove], limits: MotionLimits) -> float:
     """How long the slots have to move in the plane so that no limit is passed, s."""
     longest = SHORTEST_S
     for one in places:
@@ -180,17 +180,17 @@ def across_time(places: Sequence[Place], limits: MotionLimits) -> float:
 
 
 def approaches(
-    places: Sequence[Place], climb_s: float, across_s: float, leader: str
+    places: Sequence[SlotMove], climb_s: float, across_s: float, leader: str
 ) -> list[Approach]:
     """How near every two come, the leader among them."""
-    still = Place(vehicle=leader, begin=LEADER, end=LEADER)
+    still = SlotMove(vehicle=leader, begin=LEADER, end=LEADER)
     return [
         approach_of(one, other, climb_s, across_s)
         for one, other in combinations([still, *places], 2)
     ]
 
 
-def approach_of(one: Place, other: Place, climb_s: float, across_s: float) -> Approach:
+def approach_of(one: SlotMove, other: SlotMove, climb_s: float, across_s: float) -> Approach:
     """How near two slots come: on each straight part of the way from one to the other, exactly."""
     found = []
     begun_s = 0.0
@@ -211,7 +211,7 @@ def approach_of(one: Place, other: Place, climb_s: float, across_s: float) -> Ap
 
 
 def parts(
-    one: Place, other: Place, climb_s: float, across_s: float
+    one: SlotMove, other: SlotMove, climb_s: float, across_s: float
 ) -> list[tuple[Point, Point, float]]:
     """(way from one to the other before, after, duration in s) of each part of a transition."""
     corners = [
@@ -223,7 +223,7 @@ def parts(
     return list(zip(ways[:-1], ways[1:], durations, strict=True))
 
 
-def _at(point: Point, place: Place) -> Point:
+def _at(point: Point, place: SlotMove) -> Point:
     """A point in the layer of a place."""
     return point if place.layer is None else replace(point, up=place.layer)
 
@@ -243,7 +243,7 @@ def nearest_on(before: Point, after: Point) -> tuple[float, float]:
     ).size
 
 
-def in_layers(places: Sequence[Place], close: Sequence[Approach], leader: str) -> list[Place]:
+def in_layers(places: Sequence[SlotMove], close: Sequence[Approach], leader: str) -> list[SlotMove]:
     """Places, with layers for those that would come too near to each other.
 
     Raises:

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable
 
-from vfguide.formation.arrangement import MAIN_PATH, Arrangement, Manoeuvre, Place, ends
+from vfguide.formation.arrangement import MAIN_PATH, Arrangement, Manoeuvre, SlotMove, ends
 from vfguide.formation.shapes import named_shape
 
 
@@ -31,7 +31,7 @@ def arrangement_in_words(order: Arrangement) -> str:
     return f"{text}, {order.lead} leads" if order.lead else text
 
 
-def slots_in_words(places: Iterable[Place]) -> str:
+def slots_in_words(places: Iterable[SlotMove]) -> str:
     """What followers fly in once they have come to their slots."""
     points = ends(places)
     if not points:

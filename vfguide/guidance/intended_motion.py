@@ -148,7 +148,7 @@ TURN_STEP = 1e-3
 """rad: over which the change of the ground speed with the course is found."""
 
 
-class Plan(msgspec.Struct, frozen=True, kw_only=True):
+class PlannedMotion(msgspec.Struct, frozen=True, kw_only=True):
     """What the mission alone says of a leader at a place, in a wind."""
 
     course: float
@@ -173,7 +173,7 @@ class IntendedMotion(msgspec.Struct, frozen=True, kw_only=True):
 
     motion: LeaderState[float]
     """The true place, and the intended course, speed and rates."""
-    planned: Plan
+    planned: PlannedMotion
     """At that place."""
     turn_acceleration: float
     """Turn acceleration of the plan, rad/s²."""
@@ -191,7 +191,7 @@ class IntendedMotion(msgspec.Struct, frozen=True, kw_only=True):
 
 def planned_motion(
     leader: LeaderState[float], known: KnownLeader, wind: tuple[float, float]
-) -> Plan:
+) -> PlannedMotion:
     """What the mission says of a leader where it is, in a mean wind (north, east, m/s)."""
     point = known.point_beside(leader)
     course, slope = bent_course(point, known.path_gains)
@@ -200,7 +200,7 @@ def planned_motion(
     tangent_rate = tangent_rate_per_speed(point, course)
     turn_per_m = tangent_rate + slope * math.sin(course - point.course)
     further = ground_speed_on_course(known.airspeed, course + TURN_STEP, *wind)
-    return Plan(
+    return PlannedMotion(
         course=course,
         turn_per_m=turn_per_m,
         ground_speed=ground_speed,
@@ -219,7 +219,7 @@ def bent_course(point: PathPoint[float], gains: PathGains) -> tuple[float, float
     return point.course + kept * bend, change * slope
 
 
-def intended_at_first(leader: LeaderState[float], planned: Plan) -> IntendedMotion:
+def intended_at_first(leader: LeaderState[float], planned: PlannedMotion) -> IntendedMotion:
     """From one state of the leader alone: as it flies."""
     difference = wrap_angle(leader.course - planned.course)
     return IntendedMotion(
@@ -236,7 +236,7 @@ def intended_at_first(leader: LeaderState[float], planned: Plan) -> IntendedMoti
 def intended_motion(
     before: IntendedMotion,
     leader: LeaderState[float],
-    planned: Plan,
+    planned: PlannedMotion,
     *,
     as_planned: bool = False,
 ) -> IntendedMotion:

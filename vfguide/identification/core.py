@@ -11,7 +11,7 @@ from itertools import accumulate
 
 from msgspec.structs import replace
 
-from vfguide.companion.air_motion import AirData
+from vfguide.companion.air_motion import ReportedAirData
 from vfguide.companion.alerts import Event
 from vfguide.companion.consent import ConsentStore
 from vfguide.companion.core import Companion
@@ -20,10 +20,10 @@ from vfguide.companion.plan import FlightPlan
 from vfguide.companion.role import Outgoing, Role, RoleStep
 from vfguide.companion.supervisor import Mode
 from vfguide.elementwise import wrap_angle
-from vfguide.identification.recording import Recording, Segment, segments
+from vfguide.identification.recording import Segment, StepsRecording, segments
 from vfguide.identification.slip import Bank
 from vfguide.mavlink.adapter import AutopilotAdapter
-from vfguide.mavlink.framing import Signing
+from vfguide.mavlink.framing import ConnectionSigning
 from vfguide.mavlink.reports import TrafficReport
 from vfguide.state import Setpoint
 
@@ -68,7 +68,7 @@ class StepsRole(Role):
         self.stage = Stage.WAITING
         self.ended: str | None = None
         """Why the flight ended before its time; None while and where it did not."""
-        self.recording = Recording(plan.airframe)
+        self.recording = StepsRecording(plan.airframe)
         self._cruise = plan.airframe.cruise
         self._segments = segments(plan.airframe, repeats)
         self._began = self._base = self._height = self._time = math.nan
@@ -121,7 +121,7 @@ class StepsRole(Role):
             height=self._height if math.isfinite(self._height) else state.height,
         )
 
-    def _bank(self, time_s: float, data: AirData) -> Bank:
+    def _bank(self, time_s: float, data: ReportedAirData) -> Bank:
         """What a report tells of slip, and on which leg of the flight it was."""
         ends = accumulate(one.duration_s for one in self._segments)
         return Bank(
@@ -183,7 +183,7 @@ class Identification:
         *,
         engage: bool,
         repeats: int,
-        signing: Signing | None = None,
+        signing: ConnectionSigning | None = None,
         consent: ConsentStore | None = None,
     ) -> None:
         """Make a flight that has heard nothing yet.
@@ -220,7 +220,7 @@ class Identification:
         return self._role.ended
 
     @property
-    def recording(self) -> Recording:
+    def recording(self) -> StepsRecording:
         """What was flown so far."""
         return self._role.recording
 

@@ -160,7 +160,7 @@ class Findings:
 
 
 @dataclass(slots=True)
-class Recording:
+class StepsRecording:
     """A flight as it happens."""
 
     airframe: Airframe

@@ -136,7 +136,7 @@ def scale_and_lead(reports: list[Bank]) -> tuple[Estimate, Estimate]:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Leg:
+class SlipLeg:
     """From one settled moment to the next."""
 
     turned: float
@@ -147,7 +147,7 @@ class Leg:
     """s."""
 
 
-def legs_of(reports: list[Bank], scale: float) -> list[Leg]:
+def legs_of(reports: list[Bank], scale: float) -> list[SlipLeg]:
     """The legs of a flight, each from the end of the one before to its own end.
 
     Args:
@@ -174,12 +174,14 @@ def legs_of(reports: list[Bank], scale: float) -> list[Leg]:
     rows = zip(moments(heading), moments(by_bank), moments(time_s), strict=True)
     points = list(rows)
     return [
-        Leg(turned=after[0] - before[0], by_bank=after[1] - before[1], lasts_s=after[2] - before[2])
+        SlipLeg(
+            turned=after[0] - before[0], by_bank=after[1] - before[1], lasts_s=after[2] - before[2]
+        )
         for before, after in pairwise(points)
     ]
 
 
-def turning(legs: list[Leg]) -> list[Leg]:
+def turning(legs: list[SlipLeg]) -> list[SlipLeg]:
     """Those in which it turned."""
     return [leg for leg in legs if abs(leg.by_bank) > LEAST_TURN]
 
@@ -190,7 +192,7 @@ def leg_weights(by_bank: FloatArray) -> FloatArray:
     return weights
 
 
-def turn_efficiency(legs: list[Leg]) -> Estimate | None:
+def turn_efficiency(legs: list[SlipLeg]) -> Estimate | None:
     """Turned over what the bank says, and its 95 % interval; None where too little was turned."""
     if len(turning(legs)) < LEAST_TURNS:
         return None

@@ -50,7 +50,7 @@ class RehearsedOrder:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Outcome:
+class OrderOutcome:
     """What became of an order."""
 
     number: int
@@ -91,7 +91,7 @@ async def give_order(
     tell: Tell,
     dry_run: bool = False,
     random: Random | None = None,
-) -> Outcome:
+) -> OrderOutcome:
     """Rehearse an order from the formation as it is, give it, and wait for what becomes of it.
 
     Args:
@@ -117,7 +117,9 @@ async def give_order(
         if found.prediction is not None:
             tell(predicted(found.prediction))
         if dry_run:
-            return Outcome(number=0, arrangement=found.arrangement, prediction=found.prediction)
+            return OrderOutcome(
+                number=0, arrangement=found.arrangement, prediction=found.prediction
+            )
         return await give_rehearsed(mission, found, desk, link, tell=tell)
 
 
@@ -158,7 +160,7 @@ async def rehearse_order(
 
 async def give_rehearsed(
     mission: Mission, found: RehearsedOrder, desk: OrderDesk, link: Link, *, tell: Tell
-) -> Outcome:
+) -> OrderOutcome:
     """Give an order that was rehearsed, and wait for what becomes of it.
 
     Raises:
@@ -177,7 +179,7 @@ async def give_rehearsed(
     )
     tell(f"order {number}: given, to begin in {link.order_lead_s:g} s")
     await _give(desk, link, arrangement, found.formation, tell)
-    return Outcome(
+    return OrderOutcome(
         number=number,
         arrangement=arrangement,
         prediction=found.prediction,
@@ -285,7 +287,7 @@ def reply_line(vehicle: str, reply: Reply) -> str:
     return f"{vehicle}: {words}{f', {reply.text}' if reply.text else ''}"
 
 
-def conclusion(outcome: Outcome) -> list[str]:
+def conclusion(outcome: OrderOutcome) -> list[str]:
     """What became of an order, in lines: who is silent, who leads instead, and whether it is flown."""
     lines = [f"{vehicle}: does not answer" for vehicle in outcome.silent]
     if outcome.is_led_otherwise:

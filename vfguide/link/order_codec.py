@@ -20,7 +20,14 @@ from enum import IntEnum
 
 import msgspec
 
-from vfguide.formation.arrangement import MAIN_PATH, Arrangement, Circle, Manoeuvre, Place, Point
+from vfguide.formation.arrangement import (
+    MAIN_PATH,
+    Arrangement,
+    HoldCircle,
+    Manoeuvre,
+    Point,
+    SlotMove,
+)
 from vfguide.link.codec import LinkDataError
 
 ORDER_MAGIC, REPLY_MAGIC = b"VFOR", b"VFRY"
@@ -219,17 +226,17 @@ def _name(body: bytes, offset: int) -> tuple[str, int]:
     return body[offset + 1 : end].decode(), end
 
 
-def _place_bytes(place: Place) -> bytes:
+def _place_bytes(place: SlotMove) -> bytes:
     numbers = [round(value / STEP_M) for value in (*_values(place.begin), *_values(place.end))]
     layer = NO_LAYER if place.layer is None else round(place.layer / STEP_M)
     return _name_bytes(place.vehicle) + OFFSETS.pack(*numbers, layer)
 
 
-def _place(body: bytes, offset: int) -> tuple[Place, int]:
+def _place(body: bytes, offset: int) -> tuple[SlotMove, int]:
     name, end = _name(body, offset)
     *values, layer = OFFSETS.unpack_from(body, end)
     numbers = [value * STEP_M for value in values]
-    place = Place(
+    place = SlotMove(
         vehicle=name,
         begin=Point(*numbers[:3]),
         end=Point(*numbers[3:]),
@@ -241,7 +248,7 @@ def _place(body: bytes, offset: int) -> tuple[Place, int]:
 class _Options(msgspec.Struct, frozen=True):
     """What is in an order only where its flags say so."""
 
-    circle: Circle | None
+    circle: HoldCircle | None
     path: str
     path_check: int
     turn_radius_m: float
@@ -265,12 +272,12 @@ def _options(body: bytes, offset: int, flags: int) -> tuple[_Options, int]:
     return _Options(circle, path, check, radius, lead), offset
 
 
-def _circle(body: bytes, offset: int, *, clockwise: bool) -> Circle:
+def _circle(body: bytes, offset: int, *, clockwise: bool) -> HoldCircle:
     latitude, longitude, radius = CIRCLE.unpack_from(body, offset)
     on_earth = abs(latitude) <= 90.0 and abs(longitude) <= 180.0
     if not (on_earth and RADII_M[0] <= radius <= RADII_M[1]) or math.isnan(latitude + longitude):
         raise ValueError("a circle that is nowhere on the earth")
-    return Circle(
+    return HoldCircle(
         latitude_deg=latitude, longitude_deg=longitude, radius_m=radius, clockwise=clockwise
     )
 

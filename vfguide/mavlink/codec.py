@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterable
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from pymavlink.dialects.v20.ardupilotmega import MAVError, MAVLink, MAVLink_message
 
-from vfguide.mavlink.framing import Frame, Signing, frames_of
+from vfguide.mavlink.framing import ConnectionSigning, Frame, frames_of
 from vfguide.mavlink.reports import (
     AirspeedReport,
     AttitudeReport,
@@ -309,7 +309,7 @@ class Codec:
         system_id: int,
         component_id: int,
         *,
-        signing: Signing | None = None,
+        signing: ConnectionSigning | None = None,
         takes_orders: bool = False,
         hears_attitude: bool = False,
     ) -> None:

@@ -55,14 +55,14 @@ class Connection(Protocol):
         """Send whole frames. Never waits, never raises: what cannot be sent is dropped and counted."""
 
 
-class Channel(Protocol):
+class ConnectionChannel(Protocol):
     """What the kinds of connection differ in."""
 
     def send(self, datagram: bytes) -> None:
         """Send, or drop and count."""
 
 
-class RunningChannel(Channel, Protocol):
+class RunningChannel(ConnectionChannel, Protocol):
     """A channel that has to be kept up."""
 
     async def run(self) -> None:
@@ -72,7 +72,7 @@ class RunningChannel(Channel, Protocol):
 class OpenConnection:
     """A connection of any kind, with its status."""
 
-    def __init__(self, channel: Channel, status: Status) -> None:
+    def __init__(self, channel: ConnectionChannel, status: Status) -> None:
         self._channel = channel
         self._status = status
 
@@ -135,7 +135,7 @@ def channel_of(
     *,
     by_mavsdk: bool,
     introduction: Introduction | None,
-) -> AbstractAsyncContextManager[Channel]:
+) -> AbstractAsyncContextManager[ConnectionChannel]:
     """What opens and closes a channel of the kind that the address asks for."""
     if by_mavsdk:
         return running(MavsdkChannel(address, receive, status, random), status)
@@ -154,7 +154,7 @@ def channel_of(
 
 
 @asynccontextmanager
-async def running(channel: RunningChannel, status: Status) -> AsyncIterator[Channel]:
+async def running(channel: RunningChannel, status: Status) -> AsyncIterator[ConnectionChannel]:
     """A channel that a task keeps up; its first try has usually ended when this is entered.
 
     Raises:
@@ -177,8 +177,8 @@ async def running(channel: RunningChannel, status: Status) -> AsyncIterator[Chan
 
 @asynccontextmanager
 async def listening(
-    address: NetworkAddress, opening: AbstractAsyncContextManager[Channel]
-) -> AsyncIterator[Channel]:
+    address: NetworkAddress, opening: AbstractAsyncContextManager[ConnectionChannel]
+) -> AsyncIterator[ConnectionChannel]:
     """A channel that waits for others; the operator's mistakes are told as such."""
     async with AsyncExitStack() as stack:
         try:

@@ -127,7 +127,7 @@ def signing_key(text: str) -> bytes:
     return key
 
 
-class Signing:
+class ConnectionSigning:
     """One end of a signed connection."""
 
     def __init__(self, key: bytes, clock: Callable[[], float], *, link_id: int = 1) -> None:
@@ -189,7 +189,7 @@ class Introduction:
     """Looks for the heartbeat of one autopilot, and notes which others are there instead."""
 
     def __init__(
-        self, system_id: int, component_id: int, *, signing: Signing | None = None
+        self, system_id: int, component_id: int, *, signing: ConnectionSigning | None = None
     ) -> None:
         """Expect an autopilot.
 

@@ -50,12 +50,12 @@ from vfguide.mavlink.px4_steering import (
     SUB_MODE_LOITER,
     GuidedCourse,
     PositionAhead,
-    Steering,
+    Px4SteeringWay,
     VelocityAlong,
 )
 from vfguide.mavlink.reports import CommandReport, ParameterReport, VersionReport
 
-STEERINGS: dict[Px4Steering, Callable[[Vehicle], Steering]] = {
+STEERINGS: dict[Px4Steering, Callable[[Vehicle], Px4SteeringWay]] = {
     "guided-course": GuidedCourse,
     "position": PositionAhead,
     "velocity": VelocityAlong,
@@ -109,7 +109,7 @@ class Px4(AutopilotAdapter):
 
     def __init__(self, vehicle: Vehicle) -> None:
         super().__init__(vehicle)
-        self._steering: Steering | None = None
+        self._steering: Px4SteeringWay | None = None
         self._tries = self._refusals = 0
         self._asked = False
         if vehicle.px4_steering != "auto":
@@ -188,7 +188,7 @@ class Px4(AutopilotAdapter):
             f" to be steered by hand select {self.engaged_name}"
         )
 
-    def steered(self, steering: Steering) -> str:
+    def steered(self, steering: Px4SteeringWay) -> str:
         """How it is steered, and what stops it, in words."""
         return steering_sentence(steering)
 
@@ -273,7 +273,7 @@ class Px4ByMavsdk(Px4):
 
     by_mavsdk = True
 
-    def steered(self, steering: Steering) -> str:
+    def steered(self, steering: Px4SteeringWay) -> str:
         """As without MAVSDK, but for a process that hangs: MAVSDK's own threads send setpoints on."""
         said = steering_sentence(steering)
         if steering.counts_ground_stations:
@@ -292,7 +292,7 @@ def steering_of(version: VersionReport) -> Px4Steering:
     return "velocity" if (0, 0) < number <= (1, 14) else "position"
 
 
-def steering_sentence(steering: Steering) -> str:
+def steering_sentence(steering: Px4SteeringWay) -> str:
     """What an operator has to know of it."""
     silent = "it and every ground station fall" if steering.counts_ground_stations else "it falls"
     return f"this companion steers {steering.name}; should {silent} silent, {steering.stops_by} decides"

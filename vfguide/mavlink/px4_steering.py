@@ -46,7 +46,7 @@ OFFBOARD_KEEP_ALIVE_S = 0.2
 """Offboard ends when the stream is slower than 2 Hz; a radio may lose one of two."""
 
 
-class Steering(Protocol):
+class Px4SteeringWay(Protocol):
     """One way of steering; what its properties mean is told at `AutopilotAdapter`."""
 
     name: str

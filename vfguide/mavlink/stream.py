@@ -65,7 +65,7 @@ LONGEST_SILENCE = 5_000
 """ms without an acknowledgement until a peer counts as gone: a pulled cable says no goodbye."""
 
 
-class Verdict(Enum):
+class FrameVerdict(Enum):
     """What the bytes at one place are; the values are what counters call it."""
 
     NONE = "out of step"
@@ -103,13 +103,13 @@ class StreamFramer:
         waiting: int | None = None
         while place < size:
             verdict, end = judge(buffer, place)
-            if verdict is Verdict.PROVED:
+            if verdict is FrameVerdict.PROVED:
                 frames.append(buffer[place:end])
                 self.counters["bytes left out"] += place - done
                 done = place = end
                 self._in_step, waiting = True, None
                 continue
-            if verdict is Verdict.PARTIAL:
+            if verdict is FrameVerdict.PARTIAL:
                 waiting = place if waiting is None else waiting
                 if self._in_step:
                     break
@@ -123,31 +123,31 @@ class StreamFramer:
         return frames
 
 
-def judge(buffer: bytes, start: int) -> tuple[Verdict, int]:
+def judge(buffer: bytes, start: int) -> tuple[FrameVerdict, int]:
     """What begins at a place, and where it ends if it is a whole frame."""
     magic, available = buffer[start], len(buffer) - start
     if magic not in {MAGIC_1, MAGIC_2}:
-        return Verdict.NONE, start
+        return FrameVerdict.NONE, start
     if available < (HEADER_1 if magic == MAGIC_1 else HEADER_2):
-        return Verdict.PARTIAL, start
+        return FrameVerdict.PARTIAL, start
     end = end_of_frame(buffer, start)
     if end is None:
-        return Verdict.NONE, start
+        return FrameVerdict.NONE, start
     if end > len(buffer):
-        return Verdict.PARTIAL, start
+        return FrameVerdict.PARTIAL, start
     return verdict_of_checksum(buffer, start, end), end
 
 
-def verdict_of_checksum(buffer: bytes, start: int, end: int) -> Verdict:
+def verdict_of_checksum(buffer: bytes, start: int, end: int) -> FrameVerdict:
     """Whether the checksum of what looks like a whole frame is right."""
     seed = CHECKSUM_SEEDS.get(frame_at(buffer, start, end).message_id)
     if seed is None:
-        return Verdict.UNKNOWN
+        return FrameVerdict.UNKNOWN
     signed = buffer[start] == MAGIC_2 and buffer[start + 2] & SIGNED
     behind = end - (SIGNATURE if signed else 0)
     checked = buffer[start + 1 : behind - CHECKSUM] + bytes([seed])
     right = x25crc(checked).crc == int.from_bytes(buffer[behind - CHECKSUM : behind], "little")
-    return Verdict.PROVED if right else Verdict.NONE
+    return FrameVerdict.PROVED if right else FrameVerdict.NONE
 
 
 class StreamPeer(asyncio.Protocol):

@@ -1,19 +1,19 @@
 """Mission files: what they may say, how they are read, and what is known before take-off."""
 
 from vfguide.mission.feasibility import check_mission, report_on
-from vfguide.mission.finding import Fault, Finding, MissionError, Report
+from vfguide.mission.finding import Finding, MissionError, MissionFault, MissionReport
 from vfguide.mission.flight_path import MissionSource
 from vfguide.mission.load import LoadedMission, load_mission, parse_mission, read_mission
 from vfguide.mission.model import Mission
 
 __all__ = [
-    "Fault",
     "Finding",
     "LoadedMission",
     "Mission",
     "MissionError",
+    "MissionFault",
+    "MissionReport",
     "MissionSource",
-    "Report",
     "check_mission",
     "load_mission",
     "parse_mission",

@@ -57,7 +57,7 @@ WRITTEN_OUT = 10**15
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
+class FilePlace:
     """What a reported location means in the file."""
 
     location: Location
@@ -75,7 +75,7 @@ class Place:
         return self.group.model_fields if self.group else {}
 
 
-def place_of(reported: Location) -> Place:
+def place_of(reported: Location) -> FilePlace:
     """Translate a reported location: it names the chosen kind of a path or wind as a step of its own."""
     annotation: object = Mission
     location: list[str | int] = []
@@ -90,7 +90,7 @@ def place_of(reported: Location) -> Place:
         location.append(step)
         group = kinds[0] if kinds else None
         annotation = _inner(annotation, group, step)
-    return Place(tuple(location), group, tuple(_kinds(annotation)))
+    return FilePlace(tuple(location), group, tuple(_kinds(annotation)))
 
 
 def kind_names(model: type[BaseModel]) -> tuple[object, ...]:
@@ -186,7 +186,7 @@ def _explain_one(detail: ErrorDetails) -> Explanation:
     return Explanation(place.location, detail["msg"], str(remedy))
 
 
-def _meaning(place: Place) -> str:
+def _meaning(place: FilePlace) -> str:
     """The field's description, as a remedy of last resort."""
     if not place.location or place.group is None:
         return ""
@@ -201,7 +201,7 @@ def _context(detail: ErrorDetails) -> Mapping[str, object]:
     return detail.get("ctx", {})
 
 
-def _wrong_kind(detail: ErrorDetails, place: Place) -> Explanation:
+def _wrong_kind(detail: ErrorDetails, place: FilePlace) -> Explanation:
     expected, remedy = EXPECTED[detail["type"]]
     value = detail["input"]
     if value is None:
@@ -218,7 +218,7 @@ def _wrong_kind(detail: ErrorDetails, place: Place) -> Explanation:
     return Explanation(place.location, f"{described(value)} is not {expected}", remedy)
 
 
-def _missing(_: ErrorDetails, place: Place) -> Explanation:
+def _missing(_: ErrorDetails, place: FilePlace) -> Explanation:
     if place.location and isinstance(place.location[-1], int):
         around = Explanation(place.location[:-1], "has too few values", "")
         name = str(around.location[-1]) if around.location else ""
@@ -227,7 +227,7 @@ def _missing(_: ErrorDetails, place: Place) -> Explanation:
     return Explanation(place.location, "is missing", f"add it: {meaning}" if meaning else "add it")
 
 
-def _unknown(_: ErrorDetails, place: Place) -> Explanation:
+def _unknown(_: ErrorDetails, place: FilePlace) -> Explanation:
     name = str(place.location[-1])
     near = nearest(name, place.known)
     remedy = f"did you mean '{near}'?" if near else f"known here: {', '.join(place.known)}"
@@ -241,12 +241,12 @@ def nearest(name: str, known: Mapping[str, object]) -> str | None:
     return near[0] if near else None
 
 
-def _not_finite(detail: ErrorDetails, place: Place) -> Explanation:
+def _not_finite(detail: ErrorDetails, place: FilePlace) -> Explanation:
     message = f"{described(detail['input'])} is not a finite number"
     return Explanation(place.location, message, "write a finite number")
 
 
-def _out_of_bounds(detail: ErrorDetails, place: Place) -> Explanation:
+def _out_of_bounds(detail: ErrorDetails, place: FilePlace) -> Explanation:
     words = {"gt": "above {}", "ge": "{} or more", "lt": "below {}", "le": "{} or less"}
     name, bound = next(iter(_context(detail).items()), ("", ""))
     limit = f"{bound:g}" if isinstance(bound, float) else str(bound)
@@ -256,7 +256,7 @@ def _out_of_bounds(detail: ErrorDetails, place: Place) -> Explanation:
     return Explanation(place.location, message, f"choose {allowed}")
 
 
-def _not_a_choice(detail: ErrorDetails, place: Place) -> Explanation:
+def _not_a_choice(detail: ErrorDetails, place: FilePlace) -> Explanation:
     choices = str(_context(detail).get("expected", "")).replace("'", "").replace(" or ", ", ")
     return _choice(place.location, detail["input"], choices)
 
@@ -270,36 +270,36 @@ def _choice(location: Location, value: object, choices: str) -> Explanation:
     return Explanation(location, f"{described(value)} is not known", f"{hint}use one of: {choices}")
 
 
-def _not_a_kind(detail: ErrorDetails, place: Place) -> Explanation:
+def _not_a_kind(detail: ErrorDetails, place: FilePlace) -> Explanation:
     context = _context(detail)
     choices = str(context.get("expected_tags", "")).replace("'", "")
     return _choice((*place.location, "type"), context.get("tag"), choices)
 
 
-def _no_kind(_: ErrorDetails, place: Place) -> Explanation:
+def _no_kind(_: ErrorDetails, place: FilePlace) -> Explanation:
     choices = ", ".join(str(name) for kind in place.kinds for name in kind_names(kind))
     return Explanation((*place.location, "type"), "is missing", f"add one of: {choices}")
 
 
-def _bad_name(detail: ErrorDetails, place: Place) -> Explanation:
+def _bad_name(detail: ErrorDetails, place: FilePlace) -> Explanation:
     rule = NAME_RULES.get(str(_context(detail).get("pattern")), "")
     message = f"{described(detail['input'])} cannot be a name"
     return Explanation(place.location, message, f"use {rule}" if rule else "")
 
 
-def _too_many(detail: ErrorDetails, place: Place) -> Explanation:
+def _too_many(detail: ErrorDetails, place: FilePlace) -> Explanation:
     name = str(place.location[-1]) if place.location else ""
     limit = _context(detail).get("max_length")
     remedy = REMEDIES.get(name, f"write {limit} at most")
     return Explanation(place.location, "has too many values", remedy)
 
 
-def _too_few(detail: ErrorDetails, place: Place) -> Explanation:
+def _too_few(detail: ErrorDetails, place: FilePlace) -> Explanation:
     least = _context(detail).get("min_length")
     return Explanation(place.location, "has too few entries", f"write {least} or more")
 
 
-_EXPLAINERS: dict[str, Callable[[ErrorDetails, Place], Explanation]] = {
+_EXPLAINERS: dict[str, Callable[[ErrorDetails, FilePlace], Explanation]] = {
     "missing": _missing,
     "extra_forbidden": _unknown,
     "finite_number": _not_finite,

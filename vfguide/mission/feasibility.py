@@ -25,7 +25,7 @@ from vfguide.guidance.separation import escape_distance
 from vfguide.mission.conditions import Conditions, conditions_of
 from vfguide.mission.consistency import LEADER
 from vfguide.mission.fence_check import beyond_the_fence, left_out_of_the_plan
-from vfguide.mission.finding import Finding, Report, worst_first
+from vfguide.mission.finding import Finding, MissionReport, worst_first
 from vfguide.mission.flight_limits import (
     climbs_beyond_limits,
     field_beyond_bank,
@@ -357,6 +357,6 @@ def _along_another_path(mission: Mission, name: str) -> Iterator[Finding]:
             )
 
 
-def report_on(mission: Mission, source: MissionSource | None = None) -> Report:
+def report_on(mission: Mission, source: MissionSource | None = None) -> MissionReport:
     """The findings of `check_mission` as a report."""
-    return Report(check_mission(mission, source))
+    return MissionReport(check_mission(mission, source))

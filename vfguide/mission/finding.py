@@ -21,7 +21,7 @@ def shortened(text: str, limit: int = 60) -> str:
 
 
 @dataclass(frozen=True, slots=True)
-class Fault:
+class MissionFault:
     """One thing that is wrong."""
 
     file: str
@@ -50,7 +50,7 @@ class Fault:
 class MissionError(InputError):
     """The mission file cannot be flown as it is written."""
 
-    def __init__(self, faults: tuple[Fault, ...]) -> None:
+    def __init__(self, faults: tuple[MissionFault, ...]) -> None:
         super().__init__("\n".join(str(fault) for fault in faults))
         self.faults = faults
         """Everything found wrong, in the order of the file."""
@@ -112,7 +112,7 @@ class Finding:
 
 
 @dataclass(frozen=True, slots=True)
-class Report:
+class MissionReport:
     """All findings of one mission, the worst first."""
 
     findings: tuple[Finding, ...]

@@ -11,7 +11,7 @@ from pydantic import ValidationError
 from vfguide.errors import InputError
 from vfguide.mission.consistency import inconsistencies
 from vfguide.mission.explain import explain
-from vfguide.mission.finding import Fault, MissionError
+from vfguide.mission.finding import MissionError, MissionFault
 from vfguide.mission.flight_path import Location, MissionSource
 from vfguide.mission.model import Mission
 from vfguide.mission.plan_file import read_plan
@@ -84,7 +84,9 @@ def parse_mission(content: bytes, *, file: str) -> LoadedMission:
     spread = spread_defaults(tree, file)
     source = MissionSource(file, tree.lines)
     _read_plans_of(tree.data, source)
-    faults = [Fault(file, one.line, one.location, one.message, one.remedy) for one in tree.faults]
+    faults = [
+        MissionFault(file, one.line, one.location, one.message, one.remedy) for one in tree.faults
+    ]
     mission = None
     try:
         mission = Mission.model_validate(tree.data)
@@ -129,7 +131,7 @@ def _with_plan(path: object, place: Location, source: MissionSource) -> object:
     except InputError as error:
         message, _, remedy = str(error).rpartition("; ")
         location = (*place, "file")
-        fault = Fault(source.file, source.line_of(location), location, message, remedy)
+        fault = MissionFault(source.file, source.line_of(location), location, message, remedy)
         raise MissionError((fault,)) from error
     return {**path, "contents": {"file": name, **contents}}
 
@@ -165,7 +167,7 @@ def spread_defaults(tree: Tree, file: str) -> dict[Location, Location]:
     return spread
 
 
-def where_it_stands(fault: Fault, spread: Mapping[Location, Location]) -> Fault:
+def where_it_stands(fault: MissionFault, spread: Mapping[Location, Location]) -> MissionFault:
     """The fault of a vehicle's field at the place in the file that it comes from."""
     place = spread.get(fault.location[:3])
     return fault if place is None else replace(fault, location=(*place, *fault.location[3:]))
@@ -207,28 +209,28 @@ def _read_tree(text: str, file: str) -> Tree:
         return read_tree(text)
     except TreeError as error:
         fault = error.fault
-        found = Fault(file, fault.line, fault.location, fault.message, fault.remedy)
+        found = MissionFault(file, fault.line, fault.location, fault.message, fault.remedy)
         raise MissionError((found,)) from error
 
 
 def _error(file: str, message: str, remedy: str, line: int | None = None) -> MissionError:
-    return MissionError((Fault(file, line, (), message, remedy),))
+    return MissionError((MissionFault(file, line, (), message, remedy),))
 
 
 def _validation_faults(
     error: ValidationError, data: dict[str, object], source: MissionSource
-) -> Iterator[Fault]:
+) -> Iterator[MissionFault]:
     """Faults of single fields, then contradictions between fields that are sound by themselves."""
     faulty: set[Location] = set()
     for one in explain(error):
         faulty.add(one.location)
         line = source.line_of(one.location)
-        yield Fault(source.file, line, one.location, one.message, one.remedy)
+        yield MissionFault(source.file, line, one.location, one.message, one.remedy)
     for other in inconsistencies(data):
         if other.location not in faulty:
             line = source.line_of(other.location)
-            yield Fault(source.file, line, other.location, other.message, other.remedy)
+            yield MissionFault(source.file, line, other.location, other.message, other.remedy)
 
 
-def _in_order(faults: list[Fault]) -> tuple[Fault, ...]:
+def _in_order(faults: list[MissionFault]) -> tuple[MissionFault, ...]:
     return tuple(sorted(faults, key=lambda fault: fault.line or 0))

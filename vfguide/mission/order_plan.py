@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
-from vfguide.formation.arrangement import MAIN_PATH, Arrangement, Circle, Manoeuvre, Point
+from vfguide.formation.arrangement import MAIN_PATH, Arrangement, HoldCircle, Manoeuvre, Point
 from vfguide.formation.orders import Formation, Order, arrangement_of
 from vfguide.formation.transition import MotionLimits, RefusedOrderError, Transition
 from vfguide.frames import LocalFrame
@@ -261,7 +261,7 @@ def hold_height(mission: Mission, leader: LeaderPlace) -> float:
     return height_of(mission, leader) + stopping_way(leader.climb_rate)
 
 
-def circle_at(mission: Mission, formation: Formation, leader: LeaderPlace) -> Circle:
+def circle_at(mission: Mission, formation: Formation, leader: LeaderPlace) -> HoldCircle:
     """Where to hold: a circle to the right that begins where the leader is, wide enough for every slot."""
     widest = max((abs(point.right) for point in formation.slots.values()), default=0.0)
     speed = mission.leader.airspeed_m_s
@@ -275,7 +275,7 @@ def circle_at(mission: Mission, formation: Formation, leader: LeaderPlace) -> Ci
         leader.north - radius * math.sin(leader.course),
         leader.east + radius * math.cos(leader.course),
     )
-    return Circle(latitude_deg=latitude, longitude_deg=longitude, radius_m=radius)
+    return HoldCircle(latitude_deg=latitude, longitude_deg=longitude, radius_m=radius)
 
 
 def with_slots(mission: Mission, slots: Mapping[str, Point]) -> Mission:
@@ -379,7 +379,7 @@ def _whose(finding: Finding, mission: Mission) -> str:
             return ""
 
 
-def _outside(mission: Mission, circle: Circle | None, height: float) -> Iterator[Finding]:
+def _outside(mission: Mission, circle: HoldCircle | None, height: float) -> Iterator[Finding]:
     """Vehicles that would leave the fence: along the path, or on the circle of a hold at a height (m)."""
 
     def flown(ordered: Mission) -> Iterable[Track]:

@@ -146,7 +146,7 @@ class RouteShape(PathShape):
 
     def misfits(self) -> Iterator[Misfit]:
         """What keeps the route from being flown."""
-        yield from Route(self).misfits()
+        yield from WaypointRoute(self).misfits()
 
 
 class WaypointsShape(RouteShape):
@@ -188,7 +188,7 @@ class Corner(msgspec.Struct, frozen=True):
     """How far before and behind the corner the fillet begins and ends, m."""
 
 
-class Route:
+class WaypointRoute:
     """The geometry of a shape: corners, and the legs between them."""
 
     def __init__(self, shape: RouteShape) -> None:
@@ -318,7 +318,7 @@ class Route:
         north, east, _ = self.places[index]
         return f"waypoint {index + 1} (north {north:.0f} m, east {east:.0f} m)"
 
-    def line(self) -> "Line":
+    def line(self) -> "ElementChain":
         """All of the route as one line."""
         first = self.corners[0]
         course = self.legs[0][1]
@@ -326,7 +326,7 @@ class Route:
             first.north + first.reach * math.cos(course),
             first.east + first.reach * math.sin(course),
         )
-        line = Line(*begin, course)
+        line = ElementChain(*begin, course)
         if not self.closed:
             line.note(first.up)
         for index in range(len(self.legs)):
@@ -347,7 +347,7 @@ class Route:
             self._turn_back(line, first)
         return line
 
-    def _leg(self, line: "Line", index: int, way: float = 1.0) -> None:
+    def _leg(self, line: "ElementChain", index: int, way: float = 1.0) -> None:
         """Fly a leg there, or back (-1.0), and turn at its end."""
         near, far = self.corners[index], self.corners[self._next(index)]
         length = self.legs[index][0] - near.reach - far.reach
@@ -363,7 +363,7 @@ class Route:
         elif not self.circles:
             line.note(end.up)
 
-    def _turn_back(self, line: "Line", corner: Corner) -> None:
+    def _turn_back(self, line: "ElementChain", corner: Corner) -> None:
         """Turn beyond an end of the route, and come back to it."""
         elements = turn_back(corner.bend)
         line.add(elements)
@@ -371,7 +371,7 @@ class Route:
         line.note(corner.up)
 
 
-class Line:
+class ElementChain:
     """Elements that are put together one by one."""
 
     def __init__(self, north: float, east: float, course: float) -> None:
@@ -405,7 +405,7 @@ class Waypoints(ChainedPath):
 
     def __init__(self, shape: RouteShape) -> None:
         """The route of a shape that has no misfits."""
-        line = Route(shape).line()
+        line = WaypointRoute(shape).line()
         self.chain = Chain(Pieces.of(*line.begin, line.elements), again=line.again)
         self.heights = HeightProfile(line.knots, closed=line.again == 0.0)
         self._last_circle = line.again if shape.after == "hand-back" else None

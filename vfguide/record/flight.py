@@ -34,12 +34,12 @@ from vfguide.record.vehicle import (
 )
 
 __all__ = [
-    "Acceptance",
     "FlightMode",
     "FlightRecord",
     "IntegerArray",
-    "Origin",
     "Outline",
+    "RecordAcceptance",
+    "RecordOrigin",
     "Role",
     "VehicleRecord",
 ]
@@ -58,7 +58,7 @@ NUMBERS = ("rate_hz", "duration_s")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Acceptance:
+class RecordAcceptance:
     """What the flight had to reach. None: not asked for."""
 
     mean_error_m: float | None = None
@@ -76,7 +76,7 @@ class Acceptance:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Origin:
+class RecordOrigin:
     """Where on the earth the local frame of a flight begins."""
 
     latitude_deg: float
@@ -124,7 +124,7 @@ class FlightRecord:
     """How long the flight lasted, as flown, s."""
     wall_s: float | None
     """How long that took, s. Not kept in the file, so that equal flights have equal files; then None."""
-    acceptance: Acceptance
+    acceptance: RecordAcceptance
     """What the flight had to reach."""
     interrupted: bool = False
     """Whether it was stopped before its end."""
@@ -132,7 +132,7 @@ class FlightRecord:
     """How quick the programs were, of a live flight."""
     notes: tuple[str, ...] = ()
     """What a reader has to know of where the figures come from, a sentence each."""
-    origin: Origin | None = None
+    origin: RecordOrigin | None = None
     """Origin of the local frame; None in records of earlier versions."""
     begin_unix_s: float | None = None
     """Time 0 of the flight, s since 1970; None of a flight in virtual time."""
@@ -275,25 +275,27 @@ def _compose(description: dict[str, Any], arrays: dict[str, AnyArray]) -> Flight
     )
 
 
-def _compose_origin(entry: dict[str, Any]) -> Origin:
+def _compose_origin(entry: dict[str, Any]) -> RecordOrigin:
     """A place on the earth; ValueError where it is none."""
-    origin = Origin(**{field.name: float(entry[field.name]) for field in fields(Origin)})
+    origin = RecordOrigin(
+        **{field.name: float(entry[field.name]) for field in fields(RecordOrigin)}
+    )
     on_earth = abs(origin.latitude_deg) <= 90.0 and abs(origin.longitude_deg) <= 180.0
     if not (on_earth and abs(origin.altitude_amsl_m) <= 100e3):
         raise ValueError("the origin is nowhere on the earth")
     return origin
 
 
-def _compose_acceptance(entry: dict[str, Any]) -> Acceptance:
+def _compose_acceptance(entry: dict[str, Any]) -> RecordAcceptance:
     """The acceptance, every limit a number or, where it may be, nothing."""
     limits = {
         field.name: None if (limit := entry.get(field.name)) is None else float(limit)
-        for field in fields(Acceptance)
+        for field in fields(RecordAcceptance)
     }
     separation = limits.pop("min_separation_m")
     if separation is None:
         raise ValueError("min_separation_m is missing")
-    return Acceptance(min_separation_m=separation, **limits)
+    return RecordAcceptance(min_separation_m=separation, **limits)
 
 
 LONGEST_GAP_S = 6.0

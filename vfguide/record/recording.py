@@ -50,7 +50,7 @@ BOOT_ID = Path("/proc/sys/kernel/random/boot_id")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Start:
+class RecordingStart:
     """Who began to record, and when."""
 
     vehicle: str
@@ -76,7 +76,7 @@ class Start:
 class Recording:
     """Writes what a companion hears, says and does while it flies. Nothing here waits for the disk."""
 
-    def __init__(self, directory: Path, start: Start) -> None:
+    def __init__(self, directory: Path, start: RecordingStart) -> None:
         """Open the files in a directory that exists and is empty.
 
         Raises:
@@ -126,7 +126,7 @@ def begin_recording(parent: Path, mission: Mission, vehicle: str, *, clock_s: fl
     Raises:
         InputError: nothing can be written there.
     """
-    start = Start(
+    start = RecordingStart(
         vehicle=vehicle,
         mission=mission.name,
         system_id=mission.vehicles[vehicle].system_id,
@@ -155,7 +155,7 @@ def begin_recording(parent: Path, mission: Mission, vehicle: str, *, clock_s: fl
         ) from error
 
 
-def new_directory(parent: Path, start: Start) -> Path:
+def new_directory(parent: Path, start: RecordingStart) -> Path:
     """A directory that no other start has."""
     moment = time.strftime("%Y%m%dT%H%M%SZ", time.gmtime(start.unix_s))
     name = f"{file_stem(start.vehicle)}-{moment}"
@@ -213,7 +213,7 @@ def find_recordings(directories: Iterable[Path]) -> list[Path]:
     return list(found)
 
 
-def read_start(directory: Path) -> Start:
+def read_start(directory: Path) -> RecordingStart:
     """Who recorded into a directory, and when.
 
     Raises:
@@ -243,13 +243,13 @@ def read_start(directory: Path) -> Start:
         raise InputError(f"{path}: is a damaged recording: {reason}") from error
 
 
-def _compose_start(content: Mapping[str, Any]) -> Start:
+def _compose_start(content: Mapping[str, Any]) -> RecordingStart:
     kinds = {"str": str, "float": float, "int": int}
     values: dict[str, Any] = {}
-    for field in fields(Start):
+    for field in fields(RecordingStart):
         kind = field.type if isinstance(field.type, type) else kinds[str(field.type)]
         values[field.name] = kind(content[field.name])
-    start = Start(**values)
+    start = RecordingStart(**values)
     if not (math.isfinite(start.unix_s) and math.isfinite(start.clock_s)):
         raise ValueError("a time is none")
     return start

@@ -10,12 +10,12 @@ import pytest
 from vfguide.companion.core import Companion
 from vfguide.companion.leader_telemetry import LeaderTelemetry
 from vfguide.companion.mission_plan import adapter_of, flight_plan
-from vfguide.companion.plan import ForeignLeader as ForeignLeaderPlan
+from vfguide.companion.plan import ForeignLeader
 from vfguide.companion.supervisor import Mode
 from vfguide.formation.orders import Order
 from vfguide.formation.transition import RefusedOrderError
 from vfguide.guidance.formation import extrapolate_by_rates
-from vfguide.lab.rehearsal.aircraft import Aircraft, ForeignLeader, aircraft_of, step_all
+from vfguide.lab.rehearsal.aircraft import Aircraft, EmulatedForeignLeader, aircraft_of, step_all
 from vfguide.lab.rehearsal.emulators import emulator_of
 from vfguide.lab.rehearsal.lockstep import fly_lockstep, instants
 from vfguide.lab.report.metrics import summarise
@@ -96,9 +96,9 @@ class Formation:
         self.now = 0.0
 
     @property
-    def leader(self) -> ForeignLeader:
+    def leader(self) -> EmulatedForeignLeader:
         leader = self.aircraft[0]
-        assert isinstance(leader, ForeignLeader)
+        assert isinstance(leader, EmulatedForeignLeader)
         return leader
 
     @property
@@ -203,7 +203,7 @@ def test_followers_without_a_companion_hear_the_leader_ten_times_a_second(
     plan = flight_plan(mission, name)
     leader = Companion(plan, adapter_of(mission.vehicles[name]), engage=True, sends_target=True)
     emulator = emulator_of(mission, name)
-    foreign = ForeignLeaderPlan(
+    foreign = ForeignLeader(
         connection="udpin://127.0.0.1:14560",
         system_id=plan.system_id,
         icao_address=None,

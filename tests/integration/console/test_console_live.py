@@ -11,7 +11,7 @@ from playwright.async_api import Locator, Page, expect
 
 from tests.integration.live.conftest import Broker
 from vfguide.commands.console import live_console
-from vfguide.lab.console.server import Address
+from vfguide.lab.console.server import ConsoleAddress
 from vfguide.lab.rehearsal.live import LiveFlight, live_flight
 from vfguide.mission import Mission, load_mission
 
@@ -56,7 +56,9 @@ async def watched(
     speedup, token = (1.0, OPERATOR) if operators else (SPEEDUP, None)
     async with (
         live_flight(mission, directory=directory, links=[broker.url], speedup=speedup) as flight,
-        live_console(mission, flight.watched, address=Address(port=0), operator_token=token) as url,
+        live_console(
+            mission, flight.watched, address=ConsoleAddress(port=0), operator_token=token
+        ) as url,
     ):
         yield flight, url
 

@@ -17,8 +17,8 @@ from playwright.async_api import Page, expect
 from vfguide.commands.console import live_console
 from vfguide.companion.mission_plan import local_frame
 from vfguide.formation.arrangement import Arrangement
-from vfguide.lab.console.model import Formation
-from vfguide.lab.console.server import Address, served
+from vfguide.lab.console.model import FormationModel
+from vfguide.lab.console.server import ConsoleAddress, served
 from vfguide.lab.console.source import RecordedFlight, Source
 from vfguide.lab.console.tiles import open_tiles
 from vfguide.lab.rehearsal.live import watched_by_anybody
@@ -57,7 +57,7 @@ async def nobody(port: int, token: str, operator_token: str | None = None) -> As
     async with live_console(
         mission,
         formation,
-        address=Address(port=port),
+        address=ConsoleAddress(port=port),
         token=token,
         operator_token=operator_token,
     ) as url:
@@ -104,7 +104,7 @@ async def test_a_link_on_another_site_opens_the_page_at_the_first_press(
     record: FlightRecord, open_page: OpenPage
 ) -> None:
     async with (
-        served(RecordedFlight(record), Address(port=0), title="flight") as url,
+        served(RecordedFlight(record), ConsoleAddress(port=0), title="flight") as url,
         open_page("about:blank") as page,
     ):
         mail = f'<a href="{url}">console</a>'
@@ -123,7 +123,7 @@ async def test_a_recorded_flight_plays_and_its_names_stay_text(
     said = FlightEvent(time_s=1.0, vehicle=HOSTILE, kind="order", text=f"order 1 {HOSTILE}")
     record = replace(record, events=(said,))
     async with (
-        served(RecordedFlight(record), Address(port=0), title=record.mission) as url,
+        served(RecordedFlight(record), ConsoleAddress(port=0), title=record.mission) as url,
         open_page(url) as page,
     ):
         await expect(page.get_by_role("heading", name=HOSTILE)).to_be_visible()
@@ -161,7 +161,7 @@ async def test_the_last_minute_on_a_card_is_that_of_the_moment_where_it_stops(
     record: FlightRecord, open_page: OpenPage
 ) -> None:
     async with (
-        served(RecordedFlight(record), Address(port=0), title="a") as url,
+        served(RecordedFlight(record), ConsoleAddress(port=0), title="a") as url,
         open_page(url) as page,
     ):
         await expect(page.locator("canvas.trace").first).to_be_visible()
@@ -207,7 +207,7 @@ async def test_a_map_of_a_file_lies_below_a_recorded_flight_and_can_be_hidden(
     tiles = open_tiles(str(map_of(tmp_path / "a.mbtiles", mission)))
     source = RecordedFlight(record, tiles=tiles)
     async with (
-        served(source, Address(port=0), title="a") as url,
+        served(source, ConsoleAddress(port=0), title="a") as url,
         open_page(url) as page,
     ):
         await page.wait_for_function(GREEN)
@@ -231,7 +231,7 @@ async def test_looking_back_shows_the_path_and_the_order_of_that_moment(
     content = load_mission(MISSION).model_dump(exclude_unset=True)
     content["paths"] = {"other": {"type": "line", "course_deg": 90.0}}
     mission = Mission.model_validate(content)
-    formation = Formation(mission)
+    formation = FormationModel(mission)
     for tenths in range(100):
         if tenths == 50:
             order = Arrangement(number=7, time_s=0.0, across_s=0.0, places=(), path="other")
@@ -242,7 +242,7 @@ async def test_looking_back_shows_the_path_and_the_order_of_that_moment(
     opening = json.dumps({**formation.describe(), **words})
     source.opening = lambda: opening  # type: ignore[method-assign]
     async with (
-        served(source, Address(port=0), title="a") as url,
+        served(source, ConsoleAddress(port=0), title="a") as url,
         open_page(url) as page,
     ):
         flies = page.locator("#flies")

@@ -14,11 +14,11 @@ import pytest
 
 from vfguide.commands.console import kept_token
 from vfguide.errors import InputError
-from vfguide.lab.console.server import Address, served
+from vfguide.lab.console.server import ConsoleAddress, served
 from vfguide.lab.console.source import MOST_PAGES, Source
 from vfguide.lab.console.tiles import open_tiles
 
-ANYWHERE = Address(port=0)
+ANYWHERE = ConsoleAddress(port=0)
 
 Answer = tuple[int, dict[str, str], str]
 
@@ -62,7 +62,7 @@ def cookies_of(page: str, token: str) -> tuple[int, list[str]]:
     return found
 
 
-def when_served(look: Callable[[str], Awaitable[None]], address: Address = ANYWHERE) -> None:
+def when_served(look: Callable[[str], Awaitable[None]], address: ConsoleAddress = ANYWHERE) -> None:
     """Look at a console that is served."""
 
     async def run() -> None:
@@ -148,12 +148,12 @@ def test_every_answer_allows_the_pages_own_files_alone() -> None:
 @pytest.mark.parametrize("host", ["10.0.0.1", "::", "192.0.2.7", "ground.example"])
 def test_beyond_this_computer_a_certificate_is_wanted(host: str) -> None:
     with pytest.raises(InputError, match="--certificate"):
-        Address(host=host).check()
+        ConsoleAddress(host=host).check()
 
 
 @pytest.mark.parametrize("host", ["127.0.0.1", "127.0.0.9", "::1", "localhost"])
 def test_on_this_computer_none_is(host: str) -> None:
-    Address(host=host).check()
+    ConsoleAddress(host=host).check()
 
 
 def test_with_a_certificate_it_is_served_by_tls(tmp_path: Path, openssl_program: str) -> None:
@@ -193,7 +193,7 @@ def test_with_a_certificate_it_is_served_by_tls(tmp_path: Path, openssl_program:
         assert status == 303
         assert "Secure" in headers["set-cookie"]
 
-    when_served(look, Address(port=0, certificate=certificate, certificate_key=key))
+    when_served(look, ConsoleAddress(port=0, certificate=certificate, certificate_key=key))
 
 
 def test_a_certificate_that_is_none_is_one_line(tmp_path: Path) -> None:
@@ -204,7 +204,7 @@ def test_a_certificate_that_is_none_is_one_line(tmp_path: Path) -> None:
         raise AssertionError
 
     with pytest.raises(InputError, match="cannot be used"):
-        when_served(look, Address(port=0, certificate=wrong))
+        when_served(look, ConsoleAddress(port=0, certificate=wrong))
 
 
 def test_a_port_that_is_taken_is_one_line() -> None:
@@ -215,7 +215,7 @@ def test_a_port_that_is_taken_is_one_line() -> None:
         taken.bind(("127.0.0.1", 0))
         taken.listen()
         with pytest.raises(InputError, match="choose another"):
-            when_served(look, Address(port=taken.getsockname()[1]))
+            when_served(look, ConsoleAddress(port=taken.getsockname()[1]))
 
 
 def test_more_pages_than_are_served_are_told_so() -> None:
@@ -257,7 +257,7 @@ def test_a_port_that_is_published_on_the_loopback_interface_alone_needs_no_certi
         # What people open is the address outside, whatever it is served on inside.
         assert url == "http://127.0.0.1:18080/?token=" + "t" * 24
 
-    published = Address(host="0.0.0.0", port=0, published="http://127.0.0.1:18080")  # noqa: S104
+    published = ConsoleAddress(host="0.0.0.0", port=0, published="http://127.0.0.1:18080")  # noqa: S104
     when_served(look, published)
 
 
@@ -276,7 +276,7 @@ def test_a_port_that_is_published_on_the_loopback_interface_alone_needs_no_certi
 )
 def test_only_this_computer_s_own_address_counts_as_published(published: str) -> None:
     with pytest.raises(InputError, match="--published"):
-        Address(host="0.0.0.0", published=published).check()  # noqa: S104
+        ConsoleAddress(host="0.0.0.0", published=published).check()  # noqa: S104
 
 
 def picture_file(path: Path) -> Path:

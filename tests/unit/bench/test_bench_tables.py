@@ -12,7 +12,7 @@ from vfguide.lab.studies.comparison import (
     ABLATIONS,
     FULL,
     QUICK,
-    Row,
+    ComparisonRow,
     ablation_cases,
     cases,
     long_table,
@@ -45,7 +45,7 @@ def figures(mean_error_m: float) -> Figures:
     )
 
 
-def table_rows() -> list[Row]:
+def table_rows() -> list[ComparisonRow]:
     flown = [
         (Case(mission=mission, controller=law, label="shipped"), figures(0.1 * (number + 1)))
         for mission in MISSIONS

@@ -7,7 +7,7 @@ import msgspec
 import numpy as np
 import pytest
 
-from vfguide.commands.fly_live import Row, find_slowness, line_of, live_table, rows_of, table_of
+from vfguide.commands.fly_live import LiveRow, find_slowness, line_of, live_table, rows_of, table_of
 from vfguide.commands.terminal import Terminal
 from vfguide.lab.rehearsal.lockstep import fly_lockstep
 from vfguide.lab.report.geometry import seen_from_leader
@@ -21,7 +21,9 @@ MISSION = Path(__file__).parents[3] / "missions" / "circle-calm.yaml"
 
 NAMES = ("leader", "f1", "f2", "f3")
 
-ROW = Row(vehicle="f1", mode="tracking", error_m=0.123, ground_speed_m_s=19.96, leader_age_s=0.0512)
+ROW = LiveRow(
+    vehicle="f1", mode="tracking", error_m=0.123, ground_speed_m_s=19.96, leader_age_s=0.0512
+)
 
 
 def flown() -> FlightRecord:

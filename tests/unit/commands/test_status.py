@@ -12,7 +12,7 @@ from vfguide.companion.supervisor import (
     NO_LEADER,
     NO_TIME,
     NOTHING_HEARD,
-    Timeouts,
+    ModeTimeouts,
     obstacle,
 )
 from vfguide.link.presence import Presence
@@ -166,7 +166,7 @@ def test_the_first_obstacle_is_told(
     time_known: bool,
 ) -> None:
     found = obstacle(
-        Timeouts(),
+        ModeTimeouts(),
         telemetry_age=telemetry_age,
         doubts=doubts,
         fault=fault,

@@ -7,7 +7,7 @@ from vfguide.companion.alerts import Alerts
 from vfguide.companion.arrangements import Arrangements
 from vfguide.companion.plan import FlightPlan
 from vfguide.companion.timing import SAME_CLOCK
-from vfguide.formation.arrangement import Arrangement, Manoeuvre, Place, Point
+from vfguide.formation.arrangement import Arrangement, Manoeuvre, Point, SlotMove
 from vfguide.link.order_codec import (
     Reply,
     decode_reply,
@@ -133,7 +133,7 @@ def slots_of(plan: MakePlan) -> dict[str, Point]:
 def further(slots: dict[str, Point], *, number: int = 1, time_s: float = 10.0) -> Arrangement:
     """Everybody half as far again from the leader, within 10 s."""
     places = tuple(
-        Place(vehicle=name, begin=slot, end=Point(1.5 * slot.forward, 1.5 * slot.right))
+        SlotMove(vehicle=name, begin=slot, end=Point(1.5 * slot.forward, 1.5 * slot.right))
         for name, slot in slots.items()
     )
     return Arrangement(number=number, time_s=time_s, across_s=10.0, places=places)

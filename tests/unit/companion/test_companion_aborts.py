@@ -16,7 +16,7 @@ from tests.unit.companion.ordered_companions import (
 )
 from vfguide.companion.arrangements import Arrangements
 from vfguide.companion.timing import SAME_CLOCK, SharedClock
-from vfguide.formation.arrangement import Arrangement, Manoeuvre, Place, Point
+from vfguide.formation.arrangement import Arrangement, Manoeuvre, Point, SlotMove
 from vfguide.link.order_codec import (
     Verdict,
     check_of,
@@ -81,7 +81,7 @@ def test_an_abort_is_flown_whatever_its_number(
 def test_after_an_abort_the_height_of_the_slot_is_the_one_that_it_had(plan: MakePlan) -> None:
     begin = slots_of(plan)["f1"]
     end = Point(begin.forward, begin.right, 6.0)
-    place = Place(vehicle="f1", begin=begin, end=begin, layer=20.0)
+    place = SlotMove(vehicle="f1", begin=begin, end=begin, layer=20.0)
     order = Arrangement(number=1, time_s=10.0, climb_s=20.0, across_s=10.0, places=(place,))
     member = Arrangements(plan(vehicle="f1"), SAME_CLOCK)
     member.hear("leader", heard(10.0, 1), 10.0)
@@ -92,7 +92,7 @@ def test_after_an_abort_the_height_of_the_slot_is_the_one_that_it_had(plan: Make
         time_s=20.0,
         flown=Manoeuvre.ABORT,
         across_s=0.0,
-        places=(Place(vehicle="f1", begin=begin, end=begin),),
+        places=(SlotMove(vehicle="f1", begin=begin, end=begin),),
     )
     assert member.own_up(20.0) == pytest.approx(10.0)
     member.receive_order(encode_order(abort), b"", 20.0)

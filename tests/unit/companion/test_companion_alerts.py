@@ -13,7 +13,7 @@ from vfguide.companion.announcer import Announcer
 from vfguide.companion.arrangements import Arrangements
 from vfguide.companion.plan import FlightPlan
 from vfguide.companion.timing import SAME_CLOCK
-from vfguide.formation.arrangement import Arrangement, Place, Point
+from vfguide.formation.arrangement import Arrangement, Point, SlotMove
 from vfguide.link.order_codec import encode_order
 from vfguide.mavlink.announcements import INFO, NOTICE, WARNING
 
@@ -146,7 +146,7 @@ def test_three_thousand_refused_orders_hide_nothing_else(plan: Callable[..., Fli
     announcer = Announcer("f1", alerts)
     member = Arrangements(plan(vehicle="f1"), SAME_CLOCK, alerts)
     nowhere = Point(-20.0, 0.0, 0.0)
-    place = Place(vehicle="stranger", begin=nowhere, end=nowhere)
+    place = SlotMove(vehicle="stranger", begin=nowhere, end=nowhere)
     told: list[tuple[float, str]] = []
     for step in range(300):
         now = 10.0 + 0.1 * step

@@ -18,7 +18,7 @@ from tests.unit.companion.ordered_companions import (
 )
 from vfguide.companion.arrangements import Arrangements
 from vfguide.companion.timing import SAME_CLOCK, SharedClock
-from vfguide.formation.arrangement import Arrangement, Circle, Manoeuvre, Place, Point
+from vfguide.formation.arrangement import Arrangement, HoldCircle, Manoeuvre, Point, SlotMove
 from vfguide.link.order_codec import (
     Reply,
     Verdict,
@@ -91,7 +91,7 @@ def test_one_that_cannot_is_asked_once_and_says_why_and_nobody_changes(
 ) -> None:
     formation = Formation(plan)
     places = tuple(
-        Place(vehicle=name, begin=slot, end=Point(slot.forward + 200.0, slot.right + 300.0))
+        SlotMove(vehicle=name, begin=slot, end=Point(slot.forward + 200.0, slot.right + 300.0))
         for name, slot in slots.items()
     )
     formation.run(5.0)
@@ -110,18 +110,18 @@ def test_one_that_cannot_is_asked_once_and_says_why_and_nobody_changes(
         ({"time_s": 5.5}, "its time is 0 s ahead"),
         ({"time_s": 500.0}, "its time is 495 s ahead"),
         (
-            {"places": (Place(vehicle="f9", begin=Point(0, 9), end=Point(0, 9)),)},
+            {"places": (SlotMove(vehicle="f9", begin=Point(0, 9), end=Point(0, 9)),)},
             "f9 is no follower",
         ),
         (
-            {"places": (Place(vehicle="f1", begin=Point(-90, 0), end=Point(-50, 0)),)},
+            {"places": (SlotMove(vehicle="f1", begin=Point(-90, 0), end=Point(-50, 0)),)},
             "f1 is to begin -90 m ahead of",
         ),
         (
             {
                 "places": (
-                    Place(vehicle="f2", begin=Point(-20, 10), end=Point(-20, -10)),
-                    Place(vehicle="f3", begin=Point(-20, -10), end=Point(-20, 10)),
+                    SlotMove(vehicle="f2", begin=Point(-20, 10), end=Point(-20, -10)),
+                    SlotMove(vehicle="f3", begin=Point(-20, -10), end=Point(-20, 10)),
                 )
             },
             "f2 and f3 would come within 0.0 m of each other 5 s after its beginning",
@@ -152,7 +152,7 @@ def test_slots_come_near_the_one_of_a_vehicle_only_once_it_has_joined(
     plan: MakePlan, joining_m: float, spacing: float, sentence: str | None
 ) -> None:
     begin = slots_of(plan)["f1"]
-    place = Place(
+    place = SlotMove(
         vehicle="f1", begin=begin, end=Point(spacing * begin.forward, spacing * begin.right)
     )
     member = Arrangements(plan(vehicle="f1"), SAME_CLOCK)
@@ -184,7 +184,7 @@ def test_an_old_order_is_not_flown_again(plan: MakePlan, slots: dict[str, Point]
     formation.give(further(slots, number=7))
     formation.run(30.0)
     back = tuple(
-        Place(vehicle=name, begin=Point(1.5 * slot.forward, 1.5 * slot.right), end=slot)
+        SlotMove(vehicle=name, begin=Point(1.5 * slot.forward, 1.5 * slot.right), end=slot)
         for name, slot in slots.items()
     )
     formation.give(Arrangement(number=5, time_s=40.0, across_s=10.0, places=back))
@@ -197,13 +197,15 @@ def test_who_has_no_place_leaves_and_comes_back_by_another_order(
 ) -> None:
     formation = Formation(plan)
     formation.run(5.0)
-    stay = tuple(Place(vehicle=name, begin=slots[name], end=slots[name]) for name in ("f1", "f3"))
+    stay = tuple(
+        SlotMove(vehicle=name, begin=slots[name], end=slots[name]) for name in ("f1", "f3")
+    )
     formation.give(Arrangement(number=1, time_s=10.0, across_s=6.0, places=stay))
     formation.run(20.0)
     assert [name for name in NAMES if formation.members[name].flight.has_left] == ["f2"]
     assert formation.members["f2"].obstacle(20.0) == "ordered out of the formation"
     assert formation.members["f1"].obstacle(20.0) is None
-    everybody = tuple(Place(vehicle=name, begin=slot, end=slot) for name, slot in slots.items())
+    everybody = tuple(SlotMove(vehicle=name, begin=slot, end=slot) for name, slot in slots.items())
     formation.give(Arrangement(number=2, time_s=30.0, across_s=6.0, places=everybody))
     formation.run(30.1)
     assert not formation.members["f2"].flight.has_left
@@ -307,7 +309,7 @@ def test_slots_stay_where_they_are_when_the_leaders_computer_starts_anew(
     member.to_say()
     now = at_s + 30.0
     onward = tuple(
-        Place(vehicle=name, begin=Point(1.5 * slot.forward, 1.5 * slot.right), end=slot)
+        SlotMove(vehicle=name, begin=Point(1.5 * slot.forward, 1.5 * slot.right), end=slot)
         for name, slot in slots.items()
     )
     order = Arrangement(number=2, time_s=now - 20.0 + 6.0, across_s=10.0, places=onward)
@@ -416,7 +418,7 @@ def test_a_slot_that_moves_faster_than_its_aircraft_is_refused(
 ) -> None:
     begin = slots_of(plan)["f1"]
     end = Point(begin.forward, begin.right + to[0], to[1])
-    place = Place(vehicle="f1", begin=begin, end=end, layer=layer)
+    place = SlotMove(vehicle="f1", begin=begin, end=end, layer=layer)
     order = Arrangement(number=1, time_s=10.0, climb_s=climb_s, across_s=10.0, places=(place,))
     assert_refused(Arrangements(plan(vehicle="f1"), SAME_CLOCK), order, sentence)
 
@@ -440,7 +442,7 @@ def test_a_hold_that_nobody_can_fly_or_that_is_elsewhere_is_refused(
 ) -> None:
     own = plan(vehicle=vehicle)
     latitude_deg, longitude_deg = own.frame.to_geodetic(0.0, 0.0)
-    circle = Circle(
+    circle = HoldCircle(
         latitude_deg=latitude_deg + away_deg, longitude_deg=longitude_deg, radius_m=radius_m
     )
     order = Arrangement(

@@ -11,13 +11,13 @@ from tests.unit.companion.ordered_companions import NAMES, Formation, MakePlan
 from vfguide.companion.mission_plan import flight_plan
 from vfguide.companion.order_limits import ceiling_objection, climb_objection
 from vfguide.companion.steering import SetpointGuard
-from vfguide.formation.arrangement import Arrangement, Circle, Manoeuvre, Place, Point
+from vfguide.formation.arrangement import Arrangement, HoldCircle, Manoeuvre, Point, SlotMove
 from vfguide.lab.rehearsal.aircraft import Aircraft, step_all
 from vfguide.link.memory import Mail
 from vfguide.link.order_codec import Verdict
 from vfguide.mission import Mission, load_mission
 
-CIRCLE = Circle(latitude_deg=47.3988, longitude_deg=8.545594, radius_m=200.0)
+CIRCLE = HoldCircle(latitude_deg=47.3988, longitude_deg=8.545594, radius_m=200.0)
 
 
 def fenced(plan: MakePlan, ceiling: float) -> MakePlan:
@@ -28,7 +28,7 @@ def fenced(plan: MakePlan, ceiling: float) -> MakePlan:
 def held(slots: dict[str, Point]) -> Arrangement:
     """A hold in which f1, f2 and f3 are stacked by 15 m each."""
     places = tuple(
-        Place(vehicle=name, begin=slot, end=replace(slot, up=15.0 * rank))
+        SlotMove(vehicle=name, begin=slot, end=replace(slot, up=15.0 * rank))
         for rank, (name, slot) in enumerate(slots.items(), 1)
     )
     return Arrangement(
@@ -65,12 +65,12 @@ def test_a_hold_whose_stacked_heights_would_leave_the_fence_is_flown_by_nobody(
 def test_a_layer_above_the_fence_is_refused_and_a_lower_slot_is_not(plan: MakePlan) -> None:
     one = replace(plan(vehicle="f1"), ceiling=150.0, paths={})
     here = Point(-20.0, -20.0, 5.0)
-    crosses = Place(vehicle="f1", begin=here, end=here, layer=24.0)
+    crosses = SlotMove(vehicle="f1", begin=here, end=here, layer=24.0)
     order = Arrangement(number=1, time_s=10.0, climb_s=20.0, across_s=10.0, places=(crosses,))
     text = ceiling_objection(order, crosses, one, 140.0, 150.0)
     assert text == "f1 would fly 164 m above the origin, and the fence ends at 150 m"
     # One that is above it already is not kept from going down.
-    lower = Place(vehicle="f1", begin=here, end=replace(here, up=-5.0))
+    lower = SlotMove(vehicle="f1", begin=here, end=replace(here, up=-5.0))
     assert ceiling_objection(order, lower, one, 160.0, 150.0) is None
 
 

@@ -13,7 +13,7 @@ from sitl_stub import Autopilot, Truth
 from vfguide.companion.alerts import Alerts
 from vfguide.companion.distrust import AltitudeGate, Doubt, NavigationHealth
 from vfguide.companion.plan import FlightPlan
-from vfguide.companion.plausibility import Judgement, Verdict
+from vfguide.companion.plausibility import GateVerdict, Judgement
 from vfguide.companion.state_receiver import StateReceiver
 from vfguide.companion.supervisor import Mode
 from vfguide.companion.timing import SAME_CLOCK
@@ -32,7 +32,7 @@ def told(faults: Iterable[tuple[float, float]], until_s: float) -> list[tuple[fl
     for step in range(round(until_s * 10)):
         now = step / 10
         wrong = any(begin <= now < end for begin, end in spans)
-        verdict = Verdict.REFUSED if wrong else Verdict.BELIEVED
+        verdict = GateVerdict.REFUSED if wrong else GateVerdict.BELIEVED
         doubt.note(Judgement(verdict=verdict, north=0.0, east=0.0, reason="a speed"), now)
         words += [(now, one.text) for one in alerts.heard(now)]
     return words

@@ -18,7 +18,7 @@ from vfguide.companion.ground_orders import ground_orders_of, order_codes
 from vfguide.companion.mission_plan import adapter_of
 from vfguide.companion.order_program import MOST_LINES, OrderProgram
 from vfguide.companion.plan import FlightPlan
-from vfguide.mavlink.framing import Signing
+from vfguide.mavlink.framing import ConnectionSigning
 from vfguide.mavlink.reports import OrderRequest
 from vfguide.mission import Mission, load_mission
 
@@ -51,7 +51,7 @@ def command(
     """COMMAND_LONG as a ground station sends it."""
     station = mavlink.MAVLink(None, srcSystem=STATION[0], srcComponent=STATION[1])
     if key is not None:
-        Signing(key, lambda: 1.8e9).prepare(station)
+        ConnectionSigning(key, lambda: 1.8e9).prepare(station)
     parameters = (code, *values, *(0.0,) * (6 - len(values)))
     message = mavlink.MAVLink_command_long_message(*target, number, confirmation, *parameters)
     return bytes(message.pack(station))
@@ -68,7 +68,7 @@ def heard(plan: Callable[..., FlightPlan], mission: Mission) -> Hear:
             plan(vehicle="f1"),
             adapter_of(mission.vehicles["f1"]),
             engage=False,
-            signing=None if key is None else Signing(key, lambda: 1.8e9),
+            signing=None if key is None else ConnectionSigning(key, lambda: 1.8e9),
             ground_orders=ground_orders_of(mission) if takes_orders else None,
         )
         answers, requested = [], []

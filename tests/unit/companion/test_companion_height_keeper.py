@@ -7,7 +7,7 @@ from msgspec.structs import replace
 
 from tests.unit.companion.calm_flight import state_in_calm_air
 from vfguide.companion.height_keeper import HeightKeeper
-from vfguide.companion.own_vehicle import NavigatedState, Place
+from vfguide.companion.own_vehicle import GeodeticPlace, NavigatedState
 from vfguide.companion.plan import FlightPlan
 from vfguide.guidance.height import HeightTarget, held_height
 from vfguide.state import Setpoint
@@ -21,7 +21,7 @@ CLIMB = HeightTarget(height=150.0, climb_rate=3.0, ahead=156.0)
 def navigated(time_s: float, airspeed: float) -> NavigatedState:
     return NavigatedState(
         state=state_in_calm_air(time_s, airspeed=airspeed, height=150.0),
-        place=Place(latitude_deg=47.0, longitude_deg=8.0, altitude_amsl=638.0),
+        place=GeodeticPlace(latitude_deg=47.0, longitude_deg=8.0, altitude_amsl=638.0),
         period=PERIOD_S,
         interval=PERIOD_S,
         altitude_amsl=638.0,

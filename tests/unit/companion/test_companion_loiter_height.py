@@ -11,7 +11,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from vfguide.companion.height_keeper import TRIES, LoiterHeight
 from vfguide.companion.mission_plan import adapter_of, flight_plan, loiter_step
 from vfguide.companion.plan import FlightPlan
-from vfguide.formation.arrangement import Arrangement, Manoeuvre, Place, Point
+from vfguide.formation.arrangement import Arrangement, Manoeuvre, Point, SlotMove
 from vfguide.link.order_codec import encode_order
 from vfguide.mavlink.reports import CommandReport
 from vfguide.mission.model import Mission
@@ -28,7 +28,7 @@ def abort(up: float = 0.0, *, number: int = 1, time_s: float = 20.0) -> Arrangem
         time_s=time_s,
         flown=Manoeuvre.ABORT,
         across_s=0.0,
-        places=(Place(vehicle="f1", begin=here, end=here),),
+        places=(SlotMove(vehicle="f1", begin=here, end=here),),
     )
 
 

@@ -5,15 +5,14 @@ import pytest
 
 from vfguide.companion.mission_plan import adapter_of, flight_plan
 from vfguide.companion.plan import FlightPlan, FollowerTask
-from vfguide.companion.supervisor import Timeouts
+from vfguide.companion.supervisor import ModeTimeouts
 from vfguide.guidance.formation import Slot
 from vfguide.laws.field import SlotGains
 from vfguide.laws.leader import LeaderTask
 from vfguide.mavlink.adapter import AutopilotSetpoint
 from vfguide.mavlink.ardupilot import ArduPlane
 from vfguide.mavlink.px4 import Px4
-from vfguide.mission.model import Mission
-from vfguide.mission.model import Timeouts as MissionTimeouts
+from vfguide.mission.model import Mission, Timeouts
 from vfguide.paths.circle import Circle
 from vfguide.paths.line import Line
 from vfguide.paths.racetrack import Racetrack
@@ -59,11 +58,11 @@ def test_a_follower_flies_away_at_its_leaders_airspeed_as_far_as_it_can(
 
 
 def test_patience_is_the_missions(mission: MakeMission, plan: MakePlan) -> None:
-    assert plan().timeouts == Timeouts()
-    declared = MissionTimeouts(telemetry_s=2.0, leader_s=3.0, prediction_s=4.0, breakaway_s=0.0)
+    assert plan().timeouts == ModeTimeouts()
+    declared = Timeouts(telemetry_s=2.0, leader_s=3.0, prediction_s=4.0, breakaway_s=0.0)
     changed = mission("line-calm").model_copy(update={"patience": declared})
     for name in ("leader", "f1"):
-        assert flight_plan(changed, name).timeouts == Timeouts(
+        assert flight_plan(changed, name).timeouts == ModeTimeouts(
             telemetry_s=2.0, leader_s=3.0, prediction_s=4.0, breakaway_s=0.0
         )
 

@@ -11,10 +11,10 @@ from hypothesis import strategies as st
 from vfguide.companion.plausibility import (
     CARRIED_S,
     STAYED_S,
+    GateVerdict,
     InnovationGate,
     Judgement,
-    Motion,
-    Verdict,
+    ReportedMotion,
     reach_of,
 )
 from vfguide.state import Airframe
@@ -22,18 +22,20 @@ from vfguide.state import Airframe
 REACH = reach_of(Airframe())
 PERIOD_S = 0.05
 
-Change = Callable[[Motion], Motion]
+Change = Callable[[ReportedMotion], ReportedMotion]
 
 
 def gate() -> InnovationGate:
     return InnovationGate(REACH, moved_s=STAYED_S)
 
 
-def straight(until_s: float, north: Callable[[float], float] = lambda _: 0.0) -> Iterator[Motion]:
+def straight(
+    until_s: float, north: Callable[[float], float] = lambda _: 0.0
+) -> Iterator[ReportedMotion]:
     """North at 20 m/s, with positions that are off by some metres at a time."""
     for step in range(round(until_s / PERIOD_S) + 1):
         time_s = step * PERIOD_S
-        yield Motion(
+        yield ReportedMotion(
             time_s=time_s,
             north=20.0 * time_s + north(time_s),
             east=0.0,
@@ -42,12 +44,14 @@ def straight(until_s: float, north: Callable[[float], float] = lambda _: 0.0) ->
         )
 
 
-def judged(motions: Iterator[Motion]) -> list[tuple[float, Judgement]]:
+def judged(motions: Iterator[ReportedMotion]) -> list[tuple[float, Judgement]]:
     one = gate()
     return [(motion.time_s, one.judge(motion)) for motion in motions]
 
 
-def believed(judgements: list[tuple[float, Judgement]], from_s: float, to_s: float) -> set[Verdict]:
+def believed(
+    judgements: list[tuple[float, Judgement]], from_s: float, to_s: float
+) -> set[GateVerdict]:
     return {one.verdict for time_s, one in judgements if from_s - 0.01 < time_s < to_s - 0.01}
 
 
@@ -58,8 +62,8 @@ def during(start_s: float, end_s: float, off: float) -> Callable[[float], float]
 def test_a_first_report_that_stands_alone_is_flown_by_for_one_period() -> None:
     found = judged(straight(3.0, during(0.0, 0.05, 40.0)))
     # The true ones begin at 0.05 s, and agree with each other for 0.4 s before they are believed.
-    assert believed(found, 0.05, 0.4) == {Verdict.REFUSED}
-    assert believed(found, 0.5, 3.1) == {Verdict.BELIEVED}
+    assert believed(found, 0.05, 0.4) == {GateVerdict.REFUSED}
+    assert believed(found, 0.5, 3.1) == {GateVerdict.BELIEVED}
     assert all(abs(one.north - 20.0 * time_s) < 0.01 for time_s, one in found[1:])
 
 
@@ -67,36 +71,36 @@ def test_a_start_with_3_s_of_wrong_reports_is_over_after_as_long_of_true_ones() 
     found = judged(straight(20.0, during(0.0, 3.0, -28.0)))
     first = next(time_s for time_s, one in found if one.moved is not None)
     assert 5.8 < first < 6.2
-    assert believed(found, first, 21.0) == {Verdict.BELIEVED}
+    assert believed(found, first, 21.0) == {GateVerdict.BELIEVED}
 
 
 def test_a_start_far_from_the_true_place_does_not_keep_the_true_one_out() -> None:
     found = judged(straight(20.0, during(0.0, 3.0, 100_000.0)))
-    assert believed(found, 6.2, 21.0) == {Verdict.BELIEVED}
+    assert believed(found, 6.2, 21.0) == {GateVerdict.BELIEVED}
     assert all(abs(one.north - 20.0 * time_s) < 0.01 for time_s, one in found if time_s > 6.2)
 
 
 def test_a_step_of_50_m_for_3_s_is_carried_over_by_the_velocity() -> None:
     found = judged(straight(30.0, during(10.0, 13.0, 50.0)))
-    assert believed(found, 0.0, 10.0) == {Verdict.BELIEVED}
+    assert believed(found, 0.0, 10.0) == {GateVerdict.BELIEVED}
     # Wrong for 3 s, and then right for the 2 s after which it is believed.
-    assert believed(found, 10.0, 15.0) == {Verdict.CARRIED}
-    assert believed(found, 15.0, 31.0) == {Verdict.BELIEVED}
+    assert believed(found, 10.0, 15.0) == {GateVerdict.CARRIED}
+    assert believed(found, 15.0, 31.0) == {GateVerdict.BELIEVED}
     assert all(abs(one.north - 20.0 * time_s) < 0.01 for time_s, one in found)
     assert all(one.moved is None for _, one in found)
 
 
 def test_a_single_forged_report_costs_one_report() -> None:
     found = judged(straight(20.0, during(10.0, 10.05, 50.0)))
-    assert [time_s for time_s, one in found if one.verdict is not Verdict.BELIEVED] == [10.0]
+    assert [time_s for time_s, one in found if one.verdict is not GateVerdict.BELIEVED] == [10.0]
 
 
 def test_a_step_that_stays_is_not_flown_by_before_half_a_minute() -> None:
     found = judged(straight(50.0, during(10.0, 99.0, 40.0)))
     carried_until = 10.0 - PERIOD_S + CARRIED_S
-    assert believed(found, 10.0, carried_until) == {Verdict.CARRIED}
-    assert believed(found, carried_until + 2 * PERIOD_S, 40.0) == {Verdict.ADRIFT}
-    assert believed(found, 40.0, 51.0) == {Verdict.BELIEVED}
+    assert believed(found, 10.0, carried_until) == {GateVerdict.CARRIED}
+    assert believed(found, carried_until + 2 * PERIOD_S, 40.0) == {GateVerdict.ADRIFT}
+    assert believed(found, 40.0, 51.0) == {GateVerdict.BELIEVED}
     (moved,) = [one.moved for _, one in found if one.moved is not None]
     assert math.isclose(moved[0], 40.0, abs_tol=0.1)
 
@@ -114,15 +118,15 @@ def test_a_place_after_the_autopilot_had_none_is_believed_after_2_s() -> None:
     for motion in straight(20.0, during(9.0, 99.0, 40.0)):
         fault = "the GPS has no fix" if 10.0 <= motion.time_s < 12.0 else None
         judgements.append((motion.time_s, one.judge(motion, fault=fault)))
-    assert believed(judgements, 9.0, 10.0) == {Verdict.CARRIED}
-    assert believed(judgements, 10.0, 12.0) == {Verdict.REFUSED}
-    assert believed(judgements, 14.2, 20.0) == {Verdict.BELIEVED}
-    assert Verdict.BELIEVED not in believed(judgements, 12.0, 14.0)
+    assert believed(judgements, 9.0, 10.0) == {GateVerdict.CARRIED}
+    assert believed(judgements, 10.0, 12.0) == {GateVerdict.REFUSED}
+    assert believed(judgements, 14.2, 20.0) == {GateVerdict.BELIEVED}
+    assert GateVerdict.BELIEVED not in believed(judgements, 12.0, 14.0)
     # Another step, of which the autopilot says nothing, is a step like any other.
     assert one.judge(motion._replace(time_s=20.05, north=motion.north + 60.0)).reason is not None
 
 
-def behind(gap_s: float) -> Iterator[Motion]:
+def behind(gap_s: float) -> Iterator[ReportedMotion]:
     """North at 20 m/s, and from 10 s on 20 m behind, after a gap."""
     for motion in straight(25.0, during(10.0, 99.0, -20.0)):
         if not 10.0 - gap_s < motion.time_s < 10.0:
@@ -131,24 +135,24 @@ def behind(gap_s: float) -> Iterator[Motion]:
 
 def test_who_was_stopped_for_a_second_is_believed_2_s_later_where_that_left_it() -> None:
     found = judged(behind(gap_s=1.0))
-    assert Verdict.BELIEVED not in believed(found, 10.0, 12.0)
-    assert believed(found, 12.1, 25.0) == {Verdict.BELIEVED}
+    assert GateVerdict.BELIEVED not in believed(found, 10.0, 12.0)
+    assert believed(found, 12.1, 25.0) == {GateVerdict.BELIEVED}
 
 
 def test_a_step_back_without_a_gap_is_a_step_like_any_other() -> None:
     found = judged(behind(gap_s=0.0))
-    assert Verdict.BELIEVED not in believed(found, 10.0, 25.0)
+    assert GateVerdict.BELIEVED not in believed(found, 10.0, 25.0)
 
 
 def test_positions_that_stay_where_they_are_are_never_a_new_place() -> None:
     found = judged(straight(60.0, lambda time_s: -20.0 * max(time_s - 10.0, 0.0)))
-    assert Verdict.BELIEVED not in believed(found, 11.0, 60.0)
+    assert GateVerdict.BELIEVED not in believed(found, 11.0, 60.0)
     assert all(one.moved is None for _, one in found)
 
 
 def test_frozen_positions_are_found_in_half_a_second() -> None:
     found = judged(straight(12.0, lambda time_s: min(0.0, 20.0 * (10.0 - time_s))))
-    first = next(time_s for time_s, one in found if one.verdict is not Verdict.BELIEVED)
+    first = next(time_s for time_s, one in found if one.verdict is not GateVerdict.BELIEVED)
     assert 10.0 < first < 10.6
 
 
@@ -157,12 +161,16 @@ def test_a_velocity_of_327_m_s_is_refused() -> None:
     motions = list(straight(20.0))
     for motion in motions[:200]:
         one.judge(motion)
-    wrong = Motion(time_s=10.0, north=200.0, east=0.0, velocity_north=327.67, velocity_east=0.0)
-    assert one.judge(wrong).verdict is Verdict.REFUSED
-    assert one.judge(motions[201]).verdict is Verdict.BELIEVED
+    wrong = ReportedMotion(
+        time_s=10.0, north=200.0, east=0.0, velocity_north=327.67, velocity_east=0.0
+    )
+    assert one.judge(wrong).verdict is GateVerdict.REFUSED
+    assert one.judge(motions[201]).verdict is GateVerdict.BELIEVED
 
 
-def with_velocity(from_s: float, to_s: float, north: float, east: float) -> Iterator[Motion]:
+def with_velocity(
+    from_s: float, to_s: float, north: float, east: float
+) -> Iterator[ReportedMotion]:
     """Straight flight whose reports have another velocity for a while."""
     for motion in straight(30.0):
         false = from_s - 0.01 < motion.time_s < to_s - 0.01
@@ -173,28 +181,28 @@ def with_velocity(from_s: float, to_s: float, north: float, east: float) -> Iter
 def test_a_false_velocity_is_not_flown_by_however_long_it_stays(north: float, east: float) -> None:
     # By 0.6 s an aircraft could have changed its velocity by 19 m/s; it would have left its course.
     found = judged(with_velocity(10.0, 99.0, north, east))
-    assert believed(found, 10.0, 30.0) == {Verdict.REFUSED}
+    assert believed(found, 10.0, 30.0) == {GateVerdict.REFUSED}
 
 
 def test_a_false_velocity_that_goes_is_forgotten_2_s_later() -> None:
     found = judged(with_velocity(10.0, 13.0, 0.0, 20.0))
-    assert believed(found, 10.0, 15.0) == {Verdict.REFUSED}
-    assert believed(found, 15.1, 30.0) == {Verdict.BELIEVED}
+    assert believed(found, 10.0, 15.0) == {GateVerdict.REFUSED}
+    assert believed(found, 15.1, 30.0) == {GateVerdict.BELIEVED}
     assert all(one.moved is None for _, one in found)
 
 
 def test_a_velocity_that_grows_false_is_not_carried_on_by() -> None:
     # 3 m/s each second: no step of the velocity, and none of the positions, which go on as they did.
-    def drifting() -> Iterator[Motion]:
+    def drifting() -> Iterator[ReportedMotion]:
         for motion in straight(30.0):
             east = min(max(motion.time_s - 10.0, 0.0) * 3.0, 15.0)
             yield motion._replace(velocity_east=east)
 
     found = judged(drifting())
-    assert Verdict.CARRIED not in believed(found, 0.0, 30.0)
-    first = next(time_s for time_s, one in found if one.verdict is Verdict.REFUSED)
+    assert GateVerdict.CARRIED not in believed(found, 0.0, 30.0)
+    first = next(time_s for time_s, one in found if one.verdict is GateVerdict.REFUSED)
     assert first < 13.0
-    assert believed(found, first, 30.0) == {Verdict.REFUSED}
+    assert believed(found, first, 30.0) == {GateVerdict.REFUSED}
 
 
 @pytest.mark.parametrize("gap_s", [1.3, 1.9, 2.5, 3.0])
@@ -202,14 +210,14 @@ def test_a_step_of_28_m_that_a_gap_hides_is_not_flown_by(gap_s: float) -> None:
     # A turn at 45 degrees of bank that begins within 3 s of silence ends 11 m off the straight course.
     motions = straight(30.0, during(10.0, 99.0, 28.0))
     found = judged(motion for motion in motions if not 10.0 - 0.01 < motion.time_s < 10.0 + gap_s)
-    assert Verdict.BELIEVED not in believed(found, 10.0, 30.0)
+    assert GateVerdict.BELIEVED not in believed(found, 10.0, 30.0)
 
 
 def test_a_turn_that_began_in_a_gap_is_believed_at_once() -> None:
     # 45 degrees of bank at 20 m/s: 0.49 rad/s on a circle of 41 m, from 10 s on.
     rate, gap_s = 9.81 / 20.0, 2.5
 
-    def turning() -> Iterator[Motion]:
+    def turning() -> Iterator[ReportedMotion]:
         for motion in straight(30.0):
             angle = rate * max(motion.time_s - 10.0, 0.0)
             yield motion._replace(
@@ -222,20 +230,22 @@ def test_a_turn_that_began_in_a_gap_is_believed_at_once() -> None:
     for begins_s in (8.0, 8.8, 9.5, 10.0, 11.0):
         ends_s = begins_s + gap_s
         heard = (one for one in turning() if not begins_s < one.time_s < ends_s)
-        assert {one.verdict for _, one in judged(heard)} == {Verdict.BELIEVED}
+        assert {one.verdict for _, one in judged(heard)} == {GateVerdict.BELIEVED}
 
 
 def test_what_is_no_number_is_refused() -> None:
-    nowhere = Motion(time_s=0.0, north=math.nan, east=0.0, velocity_north=0.0, velocity_east=0.0)
-    assert gate().judge(nowhere).verdict is Verdict.REFUSED
+    nowhere = ReportedMotion(
+        time_s=0.0, north=math.nan, east=0.0, velocity_north=0.0, velocity_east=0.0
+    )
+    assert gate().judge(nowhere).verdict is GateVerdict.REFUSED
 
 
 def test_a_drag_of_4_m_s_is_found_and_one_of_half_a_metre_is_not() -> None:
     fast = judged(straight(60.0, lambda time_s: 4.0 * max(0.0, time_s - 10.0)))
     slow = judged(straight(60.0, lambda time_s: 0.5 * max(0.0, time_s - 10.0)))
-    found = [time_s for time_s, one in fast if one.verdict is not Verdict.BELIEVED]
+    found = [time_s for time_s, one in fast if one.verdict is not GateVerdict.BELIEVED]
     assert 10.0 < found[0] < 15.0
-    assert believed(slow, 0.0, 61.0) == {Verdict.BELIEVED}
+    assert believed(slow, 0.0, 61.0) == {GateVerdict.BELIEVED}
 
 
 @given(
@@ -254,7 +264,7 @@ def test_no_step_is_ever_flown_by(
     for step, motion in enumerate(straight(20.0)):
         away = off if at <= step < at + length else 0.0
         judgement = one.judge(
-            Motion(
+            ReportedMotion(
                 time_s=motion.time_s,
                 north=motion.north + away * math.cos(bearing) + random.gauss(0.0, noise),
                 east=motion.east + away * math.sin(bearing) + random.gauss(0.0, noise),
@@ -262,7 +272,7 @@ def test_no_step_is_ever_flown_by(
                 velocity_east=motion.velocity_east,
             )
         )
-        if judgement.verdict in {Verdict.BELIEVED, Verdict.CARRIED}:
+        if judgement.verdict in {GateVerdict.BELIEVED, GateVerdict.CARRIED}:
             apart = math.hypot(judgement.north - motion.north, judgement.east - motion.east)
             assert apart < 4.0
 
@@ -290,11 +300,11 @@ def test_no_flight_of_an_aircraft_within_limits_is_doubted(
         north, east = north + velocity_north * PERIOD_S, east + velocity_east * PERIOD_S
         if random.random() < lost:
             continue
-        motion = Motion(
+        motion = ReportedMotion(
             time_s=step * PERIOD_S,
             north=north + random.gauss(0.0, noise),
             east=east + random.gauss(0.0, noise),
             velocity_north=velocity_north + random.gauss(0.0, 0.2),
             velocity_east=velocity_east + random.gauss(0.0, 0.2),
         )
-        assert one.judge(motion).verdict is Verdict.BELIEVED
+        assert one.judge(motion).verdict is GateVerdict.BELIEVED

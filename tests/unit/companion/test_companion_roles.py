@@ -12,8 +12,7 @@ from vfguide.companion.plan import FlightPlan, FollowerTask
 from vfguide.companion.roles import FollowerRole, LeaderRole, SuccessionRole, role_of
 from vfguide.companion.supervisor import Mode
 from vfguide.companion.timing import SAME_CLOCK, SharedClock
-from vfguide.formation.arrangement import Arrangement, Manoeuvre
-from vfguide.formation.arrangement import Circle as HoldCircle
+from vfguide.formation.arrangement import Arrangement, HoldCircle, Manoeuvre
 from vfguide.guidance.intended_motion import KnownLeader
 from vfguide.link.codec import LeaderMessage, decode, encode
 from vfguide.link.order_codec import encode_order

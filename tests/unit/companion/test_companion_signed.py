@@ -2,12 +2,11 @@ from collections.abc import Callable
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sitl_stub import Autopilot, AutopilotConfig, CalmWind, PlantParameters
-from sitl_stub import Signing as AutopilotSigning
+from sitl_stub import Autopilot, AutopilotConfig, CalmWind, PlantParameters, Signing
 from vfguide.companion.core import Companion
 from vfguide.companion.mission_plan import adapter_of, flight_plan
 from vfguide.companion.supervisor import Mode
-from vfguide.mavlink.framing import Signing
+from vfguide.mavlink.framing import ConnectionSigning
 from vfguide.mission.model import Mission
 
 KEY = bytes(range(32))
@@ -31,7 +30,7 @@ class Pair:
             course_rad=0.0,
             airspeed_m_s=20.0,
         )
-        signed = AutopilotSigning(KEY)
+        signed = Signing(KEY)
         self.autopilot = Autopilot(
             config, CalmWind(), signing=signed, unix_time=lambda: NOW_S + self.now
         )
@@ -40,7 +39,7 @@ class Pair:
             flight_plan(mission, name),
             adapter_of(mission.vehicles[name]),
             engage=True,
-            signing=None if key is None else Signing(key, lambda: NOW_S + self.now),
+            signing=None if key is None else ConnectionSigning(key, lambda: NOW_S + self.now),
         )
 
     def fly(self, seconds: float, also: bytes = b"") -> None:

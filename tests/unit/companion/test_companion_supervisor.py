@@ -2,7 +2,7 @@ import math
 
 import pytest
 
-from vfguide.companion.supervisor import Control, Mode, Situation, Timeouts, next_mode
+from vfguide.companion.supervisor import Control, Mode, ModeTimeouts, Situation, next_mode
 
 WAITING, JOINING, TRACKING = Mode.WAITING, Mode.JOINING, Mode.TRACKING
 PREDICTING, BREAKAWAY = Mode.PREDICTING, Mode.BREAKAWAY
@@ -26,7 +26,7 @@ def following(
         steered=steered,
         distance=distance,
     )
-    return next_mode(mode, situation, Timeouts())
+    return next_mode(mode, situation, ModeTimeouts())
 
 
 @pytest.mark.parametrize("before", Mode)
@@ -144,14 +144,14 @@ def test_patience_is_what_decides() -> None:
     situation = Situation(
         control=Control.GUIDED, telemetry_age=2.0, leader_age=2.0, steered=True, distance=15.0
     )
-    patient = Timeouts(telemetry_s=3.0, leader_s=3.0, arrived_m=16.0)
+    patient = ModeTimeouts(telemetry_s=3.0, leader_s=3.0, arrived_m=16.0)
     assert next_mode(JOINING, situation, patient) is TRACKING
-    assert next_mode(JOINING, situation, Timeouts(telemetry_s=3.0, leader_s=1.0)) is PREDICTING
-    hasty = Timeouts(telemetry_s=3.0, prediction_s=1.5, breakaway_s=0.5)
+    assert next_mode(JOINING, situation, ModeTimeouts(telemetry_s=3.0, leader_s=1.0)) is PREDICTING
+    hasty = ModeTimeouts(telemetry_s=3.0, prediction_s=1.5, breakaway_s=0.5)
     assert next_mode(JOINING, situation, hasty) is BREAKAWAY
-    at_once = Timeouts(telemetry_s=3.0, prediction_s=1.9, breakaway_s=0.0)
+    at_once = ModeTimeouts(telemetry_s=3.0, prediction_s=1.9, breakaway_s=0.0)
     assert next_mode(JOINING, situation, at_once) is LOST
-    assert next_mode(JOINING, situation, Timeouts()) is WAITING
+    assert next_mode(JOINING, situation, ModeTimeouts()) is WAITING
 
 
 def test_setpoints_go_out_while_joining_tracking_predicting_and_breaking_away_only() -> None:

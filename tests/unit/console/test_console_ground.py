@@ -8,7 +8,7 @@ from msgspec.structs import replace
 
 from vfguide.formation.arrangement import Arrangement
 from vfguide.lab.console.ground import describe_ground
-from vfguide.lab.console.model import Formation
+from vfguide.lab.console.model import FormationModel
 from vfguide.lab.rehearsal.recorder import rally_points
 from vfguide.mission import Mission, load_mission
 
@@ -53,7 +53,7 @@ def test_rally_points_of_a_plan_are_drawn() -> None:
 
 
 def test_what_was_flown_is_kept_with_the_time_from_which_on_it_was(mission: Mission) -> None:
-    formation = Formation(mission)
+    formation = FormationModel(mission)
     for tenths in range(30):
         if tenths >= 10:
             formation.take_order(3, order("near"), leads=formation.names[0])
@@ -65,7 +65,7 @@ def test_what_was_flown_is_kept_with_the_time_from_which_on_it_was(mission: Miss
 
 
 def test_the_path_of_the_order_that_is_flown_is_drawn(mission: Mission) -> None:
-    formation = Formation(mission)
+    formation = FormationModel(mission)
     assert formation.flies()["path"] == "main"
     formation.take_order(3, order("near"), leads="leader")
     assert formation.flies()["path"] == "near"

@@ -11,9 +11,9 @@ from msgspec.structs import replace
 
 from vfguide.companion.mission_plan import local_frame
 from vfguide.companion.presence_figures import figures_of_leader
-from vfguide.formation.arrangement import Arrangement, Place, Point
+from vfguide.formation.arrangement import Arrangement, Point, SlotMove
 from vfguide.lab.console.history import MODES, SERIES
-from vfguide.lab.console.model import Formation, slot_of
+from vfguide.lab.console.model import FormationModel, slot_of
 from vfguide.link.codec import LeaderMessage, encode
 from vfguide.link.presence import Presence
 from vfguide.mission import Mission, load_mission
@@ -68,7 +68,7 @@ def trail(mission: Mission, *, time_s: float) -> Arrangement:
         time_s=time_s,
         across_s=0.0,
         places=tuple(
-            Place(vehicle=name, begin=Point(-20, -20), end=end) for name, end in ends.items()
+            SlotMove(vehicle=name, begin=Point(-20, -20), end=end) for name, end in ends.items()
         ),
     )
 
@@ -77,18 +77,18 @@ def online(mode: str = "tracking", **more: float) -> Presence:
     return Presence(status="online", mode=mode, time_s=0.0, version="1", figures=more)
 
 
-def numbers(formation: Formation, name: str, now: float) -> dict[str, float]:
+def numbers(formation: FormationModel, name: str, now: float) -> dict[str, float]:
     row = formation.sample(now)[formation.names.index(name)]
     return dict(zip(SERIES, row.tolist(), strict=True))
 
 
-def alarms(formation: Formation, now: float) -> list[tuple[str, str]]:
+def alarms(formation: FormationModel, now: float) -> list[tuple[str, str]]:
     return [(one.level, one.text) for one in formation.alarms(now)]
 
 
 def test_a_follower_in_its_slot_is_not_off(mission: Mission) -> None:
     """On a course of 90 degrees behind is west and left is north."""
-    formation = Formation(mission)
+    formation = FormationModel(mission)
     east = math.pi / 2.0
     formation.take_state("leader", state(mission, north=0.0, east=0.0, course=east), 1.0)
     formation.take_state("f1", state(mission, north=20.0, east=-20.0, course=east), 1.0)
@@ -102,7 +102,7 @@ def test_a_follower_in_its_slot_is_not_off(mission: Mission) -> None:
 def test_a_leader_without_a_companion_is_shown_as_its_followers_hear_it() -> None:
     """It was at 100 m north 0.5 s ago and flies north at 20 m/s; f1's slot is behind and left of it."""
     mission = load_mission(MISSION.with_name("foreign-leader.yaml"))
-    formation = Formation(mission)
+    formation = FormationModel(mission)
     forward, right, _ = slot_of(mission, "f1")
     follower = state(mission, north=110.0 + forward, east=right, time_s=100.0)
     heard = HeardState(
@@ -136,7 +136,7 @@ def test_a_leader_without_a_companion_is_shown_as_its_followers_hear_it() -> Non
 
 def test_slots_are_where_the_order_that_is_flown_has_them(mission: Mission) -> None:
     """In trail f1 is 20 m behind the leader, whatever the mission says."""
-    formation = Formation(mission)
+    formation = FormationModel(mission)
     formation.take_state("leader", state(mission, north=0.0, east=0.0), 1.0)
     formation.take_state("f1", state(mission, north=-20.0, east=3.0), 1.0)
     assert numbers(formation, "f1", 1.0)["slot_east_m"] == pytest.approx(-20.0, abs=1e-3)
@@ -151,7 +151,7 @@ def test_slots_are_where_the_order_that_is_flown_has_them(mission: Mission) -> N
 
 
 def test_who_was_ordered_away_is_no_cause_for_an_alarm(mission: Mission) -> None:
-    formation = Formation(mission)
+    formation = FormationModel(mission)
     formation.take_state("f1", state(mission, north=0.0, east=0.0), 1.0)
     formation.take_presence("f1", online("waiting"), 1.0)
     assert any("f1 is not steered" in text for _, text in alarms(formation, 1.0))
@@ -164,7 +164,7 @@ def test_who_was_ordered_away_is_no_cause_for_an_alarm(mission: Mission) -> None
 def test_slots_of_an_order_that_was_not_heard_are_not_made_up_and_who_is_too_near_is_still_told(
     mission: Mission,
 ) -> None:
-    formation = Formation(mission)
+    formation = FormationModel(mission)
     formation.take_state("leader", state(mission, north=0.0, east=0.0), 1.0)
     formation.take_state("f1", state(mission, north=-5.0, east=0.0), 1.0)
     formation.take_order(7, None, leads="leader")
@@ -177,7 +177,7 @@ def test_slots_of_an_order_that_was_not_heard_are_not_made_up_and_who_is_too_nea
 
 def test_behind_a_deputy_slots_follow_the_leader_that_it_leads_by(mission: Mission) -> None:
     """The lost leader would be 100 m north by now; f1's slot is 20 m behind and left of there."""
-    formation = Formation(mission)
+    formation = FormationModel(mission)
     formation.take_state("leader", state(mission, north=0.0, east=0.0, time_s=95.0), 1.0)
     formation.take_lead(state(mission, north=100.0, east=0.0, time_s=100.0), 6.0)
     formation.take_state("f1", state(mission, north=80.0, east=-20.0, time_s=100.0), 6.0)
@@ -193,7 +193,7 @@ def test_behind_a_deputy_slots_follow_the_leader_that_it_leads_by(mission: Missi
 
 
 def test_a_slot_ahead_and_to_the_right_is_positive(mission: Mission) -> None:
-    formation = Formation(mission)
+    formation = FormationModel(mission)
     formation.take_state("leader", state(mission, north=0.0, east=0.0), 1.0)
     formation.take_state("f1", state(mission, north=-23.0, east=-24.0), 1.0)
     shown = numbers(formation, "f1", 1.0)
@@ -203,7 +203,7 @@ def test_a_slot_ahead_and_to_the_right_is_positive(mission: Mission) -> None:
 
 def test_states_of_different_times_are_compared_at_one_time(mission: Mission) -> None:
     """f1 was heard 0.1 s before the leader, in which both fly 2 m."""
-    formation = Formation(mission)
+    formation = FormationModel(mission)
     formation.take_state("f1", state(mission, north=-20.0, east=-20.0, time_s=99.9), 0.9)
     formation.take_state("leader", state(mission, north=2.0, east=0.0, time_s=100.0), 1.0)
     assert numbers(formation, "f1", 1.0)["along_m"] == pytest.approx(0.0, abs=1e-3)
@@ -212,7 +212,7 @@ def test_states_of_different_times_are_compared_at_one_time(mission: Mission) ->
 
 def test_a_message_that_took_long_is_shown_where_its_vehicle_is_by_now(mission: Mission) -> None:
     """The first took no time, the second half a second, in which 10 m are flown."""
-    formation = Formation(mission)
+    formation = FormationModel(mission)
     formation.take_state("leader", state(mission, north=0.0, east=0.0, time_s=100.0), 1.0)
     late = state(mission, north=-20.0 + 20.0, east=-20.0, time_s=101.0)
     formation.take_state("leader", state(mission, north=20.0, east=0.0, time_s=101.0), 2.0)
@@ -223,7 +223,7 @@ def test_a_message_that_took_long_is_shown_where_its_vehicle_is_by_now(mission: 
 
 def test_who_is_heard_sooner_than_the_leader_is_carried_back(mission: Mission) -> None:
     """The leader's messages take 0.2 s, f1's none: f1's state is 0.2 s, or 4 m, ahead of the leader's."""
-    formation = Formation(mission)
+    formation = FormationModel(mission)
     formation.take_state("leader", state(mission, north=0.0, east=0.0, time_s=99.8), 1.0)
     formation.take_state("f1", state(mission, north=-16.0, east=-20.0, time_s=100.0), 1.0)
     assert numbers(formation, "f1", 1.0)["along_m"] == pytest.approx(0.0, abs=1e-3)
@@ -231,7 +231,7 @@ def test_who_is_heard_sooner_than_the_leader_is_carried_back(mission: Mission) -
 
 def test_a_turn_is_flown_on(mission: Mission) -> None:
     """A quarter turn in 2 s at 20 m/s: a circle of radius 80 / pi m."""
-    formation = Formation(mission)
+    formation = FormationModel(mission)
     turning = state(mission, north=0.0, east=0.0, turn_rate=math.pi / 4.0)
     formation.take_state("leader", turning, 0.0)
     shown = numbers(formation, "leader", 2.0)
@@ -245,7 +245,7 @@ def test_a_turn_is_flown_on(mission: Mission) -> None:
 
 def test_wind_gives_airspeed_and_heading(mission: Mission) -> None:
     """North at 20 m/s over ground, the air moves east by 15 m/s: the nose points to the west, 25 m/s."""
-    formation = Formation(mission)
+    formation = FormationModel(mission)
     formation.take_presence("leader", online(wind_north_m_s=0.0, wind_east_m_s=15.0), 0.0)
     formation.take_state("leader", state(mission, north=0.0, east=0.0), 0.0)
     shown = numbers(formation, "leader", 0.0)
@@ -254,7 +254,7 @@ def test_wind_gives_airspeed_and_heading(mission: Mission) -> None:
 
 
 def test_who_is_not_heard_any_more_has_no_slot_and_then_no_place(mission: Mission) -> None:
-    formation = Formation(mission)
+    formation = FormationModel(mission)
     formation.take_state("leader", state(mission, north=0.0, east=0.0), 0.0)
     formation.take_state("f1", state(mission, north=0.0, east=0.0), 0.0)
     assert math.isfinite(numbers(formation, "f1", 1.0)["along_m"])
@@ -266,7 +266,7 @@ def test_who_is_not_heard_any_more_has_no_slot_and_then_no_place(mission: Missio
 
 
 def test_a_formation_in_its_slots_has_no_alarm(mission: Mission) -> None:
-    formation = Formation(mission)
+    formation = FormationModel(mission)
     places = {"leader": (0.0, 0.0), "f1": (-20.0, -20.0), "f2": (-20.0, 20.0), "f3": (-40.0, 0.0)}
     for name, (north, east) in places.items():
         formation.take_state(name, state(mission, north=north, east=east), 0.0)
@@ -277,7 +277,7 @@ def test_a_formation_in_its_slots_has_no_alarm(mission: Mission) -> None:
 
 
 def test_a_companion_that_is_gone_is_an_alarm_of_its_card_alone(mission: Mission) -> None:
-    formation = Formation(mission)
+    formation = FormationModel(mission)
     for name in formation.names:
         formation.take_state(name, state(mission, north=0.0, east=100.0 * len(name)), 0.0)
         formation.take_presence(name, online(), 0.0)
@@ -293,7 +293,7 @@ def test_a_companion_that_is_gone_is_an_alarm_of_its_card_alone(mission: Mission
 
 
 def test_two_that_are_too_near_are_named(mission: Mission) -> None:
-    formation = Formation(mission)
+    formation = FormationModel(mission)
     formation.take_state("leader", state(mission, north=0.0, east=0.0), 0.0)
     formation.take_state("f1", state(mission, north=3.0, east=4.0), 0.0)
     formation.sample(0.0)
@@ -304,7 +304,7 @@ def test_two_that_are_too_near_are_named(mission: Mission) -> None:
 
 
 def test_heights_count_for_what_is_near(mission: Mission) -> None:
-    formation = Formation(mission)
+    formation = FormationModel(mission)
     formation.take_state("leader", state(mission, north=0.0, east=0.0), 0.0)
     formation.take_state("f1", state(mission, north=3.0, east=4.0, altitude=ALTITUDE_M + 20.0), 0.0)
     formation.sample(0.0)
@@ -312,7 +312,7 @@ def test_heights_count_for_what_is_near(mission: Mission) -> None:
 
 
 def test_silence_of_one_is_its_own_and_of_all_is_the_links(mission: Mission) -> None:
-    formation = Formation(mission)
+    formation = FormationModel(mission)
     for name in ("leader", "f1"):
         formation.take_state(name, state(mission, north=0.0, east=50.0 * len(name)), 0.0)
         formation.take_presence(name, online(), 0.0)
@@ -339,7 +339,7 @@ def test_silence_of_one_is_its_own_and_of_all_is_the_links(mission: Mission) -> 
 def test_modes_in_which_somebody_should_act_say_what_to_do(
     mission: Mission, mode: str, level: str, advice: str
 ) -> None:
-    formation = Formation(mission)
+    formation = FormationModel(mission)
     formation.take_state("f1", state(mission, north=0.0, east=0.0), 0.0)
     formation.take_presence("f1", online(mode), 0.0)
     ((found, text),) = [one for one in alarms(formation, 0.1) if one[1].startswith("f1 ")]
@@ -348,7 +348,7 @@ def test_modes_in_which_somebody_should_act_say_what_to_do(
 
 
 def test_a_warning_is_as_old_as_it_was_new(mission: Mission) -> None:
-    formation = Formation(mission)
+    formation = FormationModel(mission)
     for now in (1.0, 2.0, 3.0):
         said = Presence(status="online", mode="tracking", time_s=0.0, version="1", warning="hot")
         formation.take_presence("f1", said, now)
@@ -358,7 +358,7 @@ def test_a_warning_is_as_old_as_it_was_new(mission: Mission) -> None:
 
 
 def test_the_flight_so_far_is_json_that_the_replay_reads(mission: Mission) -> None:
-    formation = Formation(mission)
+    formation = FormationModel(mission)
     formation.sample(0.0)
     formation.take_state("leader", state(mission, north=0.0, east=0.0), 0.0)
     formation.sample(0.1)
@@ -372,7 +372,7 @@ def test_the_flight_so_far_is_json_that_the_replay_reads(mission: Mission) -> No
 @settings(deadline=None, derandomize=True, max_examples=200)
 @given(data=st.binary(max_size=120), name=st.sampled_from(["leader", "f1", "stranger"]))
 def test_whatever_comes_the_picture_stays_json(data: bytes, name: str) -> None:
-    formation = Formation(load_mission(MISSION))
+    formation = FormationModel(load_mission(MISSION))
     formation.take_state(name, data, 0.0)
     formation.sample(0.1)
     json.dumps(formation.describe(), allow_nan=False)
@@ -380,7 +380,7 @@ def test_whatever_comes_the_picture_stays_json(data: bytes, name: str) -> None:
 
 
 def test_a_card_has_the_battery_as_its_autopilot_tells_it(mission: Mission) -> None:
-    formation = Formation(mission)
+    formation = FormationModel(mission)
     formation.take_presence("f1", online(battery_percent=62.0, battery_v=11.4), 1.0)
     formation.take_presence("f2", online(), 1.0)
     told = {
@@ -391,7 +391,7 @@ def test_a_card_has_the_battery_as_its_autopilot_tells_it(mission: Mission) -> N
 
 
 def test_pages_are_told_the_limits_of_each_vehicle(mission: Mission) -> None:
-    described = json.loads(json.dumps(Formation(mission).describe()))
+    described = json.loads(json.dumps(FormationModel(mission).describe()))
     lowest, highest = mission.vehicles["f1"].airspeed_range_m_s
     assert described["vehicles"][1]["limits"] == {
         "least_airspeed_m_s": lowest,

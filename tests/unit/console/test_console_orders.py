@@ -14,7 +14,7 @@ from vfguide.formation.orders import Order
 from vfguide.lab.console import orders
 from vfguide.lab.console.orders import FRESH_S, BusyError, OrderPanel
 from vfguide.lab.order_desk import OrderDesk
-from vfguide.lab.ordering import Outcome, RehearsedOrder
+from vfguide.lab.ordering import OrderOutcome, RehearsedOrder
 from vfguide.lab.studies.order import Prediction
 from vfguide.link.order_codec import Reply, Verdict
 from vfguide.mission import Mission, load_mission
@@ -71,7 +71,7 @@ class Air:
 
     async def give(
         self, _: Mission, found: RehearsedOrder, desk: OrderDesk, *__: object, **___: object
-    ) -> Outcome:
+    ) -> OrderOutcome:
         await self.waits.wait()
         self.given.append(found.arrangement.flown)
         desk.awaited = frozenset(("leader", "f1", "f2", "f3"))
@@ -79,7 +79,7 @@ class Air:
             name: Reply(number=1, verdict=verdict, check=0, text="too fast" * (verdict == 2))
             for name, verdict in self.verdicts.items()
         }
-        return Outcome(
+        return OrderOutcome(
             number=1,
             arrangement=found.arrangement,
             prediction=found.prediction,

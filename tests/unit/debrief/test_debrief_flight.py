@@ -27,7 +27,7 @@ from vfguide.record.events import HEADER as EVENTS_HEADER
 from vfguide.record.events import FlightEvent, encode_event
 from vfguide.record.guidance_log import HEADER, GuidanceStep, encode_step, read_guidance
 from vfguide.record.latency import Percentiles
-from vfguide.record.recording import Start, events_file, files_of
+from vfguide.record.recording import RecordingStart, events_file, files_of
 from vfguide.record.tlog import stamped
 
 SPEED, LENGTH_S, RATE_HZ = 20.0, 30.0, 10.0
@@ -70,7 +70,7 @@ def write(
         formation_s: what the leader's shows then; NaN for not known.
     """
     vehicle = mission.vehicles[name]
-    start = Start(
+    start = RecordingStart(
         vehicle=name,
         mission=mission.name,
         system_id=vehicle.system_id,

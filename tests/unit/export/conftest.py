@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from vfguide.record.flight import Acceptance, FlightRecord, Origin, VehicleRecord
+from vfguide.record.flight import FlightRecord, RecordAcceptance, RecordOrigin, VehicleRecord
 from vfguide.record.vehicle import SERIES
 
-ORIGIN = Origin(latitude_deg=47.0, longitude_deg=8.0, altitude_amsl_m=488.0)
+ORIGIN = RecordOrigin(latitude_deg=47.0, longitude_deg=8.0, altitude_amsl_m=488.0)
 
 
 def vehicle(name: str, time_s: np.ndarray, **given: object) -> VehicleRecord:
@@ -63,7 +63,7 @@ def make_flight() -> Callable[..., FlightRecord]:
             seed=1,
             duration_s=2.0,
             wall_s=None,
-            acceptance=Acceptance(),
+            acceptance=RecordAcceptance(),
             origin=ORIGIN,
         )
         return replace(record, **given)  # type: ignore[arg-type]

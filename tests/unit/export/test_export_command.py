@@ -8,7 +8,7 @@ import pytest
 from vfguide.commands.export import ENDINGS, export
 from vfguide.errors import InputError
 from vfguide.mission import load_mission
-from vfguide.record.flight import FlightRecord, Origin
+from vfguide.record.flight import FlightRecord, RecordOrigin
 
 MakeFlight = Callable[..., FlightRecord]
 MISSIONS = Path(__file__).parents[3] / "missions"
@@ -97,14 +97,16 @@ def test_place_and_time_are_kept_in_the_record(make_flight: MakeFlight, tmp_path
     make_flight(begin_unix_s=1.79e9).save(tmp_path / "flight.npz")
     record = FlightRecord.load(tmp_path / "flight.npz")
     assert record.begin_unix_s == 1.79e9
-    assert record.origin == Origin(latitude_deg=47.0, longitude_deg=8.0, altitude_amsl_m=488.0)
+    assert record.origin == RecordOrigin(
+        latitude_deg=47.0, longitude_deg=8.0, altitude_amsl_m=488.0
+    )
 
 
 @pytest.mark.parametrize("latitude", [91.0, -1e300])
 def test_a_record_of_nowhere_on_the_earth_is_damaged(
     make_flight: MakeFlight, tmp_path: Path, latitude: float
 ) -> None:
-    origin = Origin(latitude_deg=latitude, longitude_deg=0.0, altitude_amsl_m=0.0)
+    origin = RecordOrigin(latitude_deg=latitude, longitude_deg=0.0, altitude_amsl_m=0.0)
     path = tmp_path / "flight.npz"
     make_flight(origin=origin).save(path)
     with pytest.raises(InputError, match="nowhere on the earth"):

@@ -24,7 +24,7 @@ from vfguide.lab.export.earth import write_earth
 from vfguide.lab.export.foxglove import attitude, write_mcap
 from vfguide.lab.export.tables import write_csv, write_parquet
 from vfguide.record.events import FlightEvent
-from vfguide.record.flight import FlightRecord, Origin
+from vfguide.record.flight import FlightRecord, RecordOrigin
 
 MakeFlight = Callable[..., FlightRecord]
 KML = "{http://www.opengis.net/kml/2.2}"
@@ -33,7 +33,7 @@ GX = "{http://www.google.com/kml/ext/2.2}"
 
 def test_places_on_the_earth_are_those_of_the_companions_frame() -> None:
     frame = LocalFrame(47.0, 8.0, 488.0)
-    origin = Origin(latitude_deg=47.0, longitude_deg=8.0, altitude_amsl_m=488.0)
+    origin = RecordOrigin(latitude_deg=47.0, longitude_deg=8.0, altitude_amsl_m=488.0)
     latitude, longitude = geodetic(origin, np.array([3000.0]), np.array([-2000.0]))
     assert frame.to_local(latitude[0], longitude[0]) == pytest.approx((3000.0, -2000.0), abs=1e-3)
 

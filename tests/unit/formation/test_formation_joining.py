@@ -2,7 +2,7 @@
 
 import pytest
 
-from vfguide.formation.arrangement import Circle, Point
+from vfguide.formation.arrangement import HoldCircle, Point
 from vfguide.formation.orders import Formation, Order, arrangement_of
 from vfguide.formation.shapes import Shape
 from vfguide.formation.transition import MotionLimits, RefusedOrderError
@@ -12,7 +12,7 @@ HOME = {"f1": Point(-20.0, 20.0), "f2": Point(-20.0, -20.0), "f3": Point(-40.0, 
 
 FORMATION = Formation(leader="leader", home=HOME, slots=HOME)
 LIMITS = MotionLimits(forward=5.0, back=4.0, aside=6.0, acceleration=1.0)
-CIRCLE = Circle(latitude_deg=47.0, longitude_deg=8.0, radius_m=200.0)
+CIRCLE = HoldCircle(latitude_deg=47.0, longitude_deg=8.0, radius_m=200.0)
 
 
 def after(*orders: Order, formation: Formation = FORMATION) -> Formation:

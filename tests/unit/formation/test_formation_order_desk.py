@@ -17,7 +17,7 @@ from vfguide.formation.arrangement import Arrangement, Manoeuvre
 from vfguide.formation.orders import Order
 from vfguide.lab import ordering
 from vfguide.lab.order_desk import OrderDesk, unanswered
-from vfguide.lab.ordering import EPOCH_S, Outcome, conclusion, give_order, new_number
+from vfguide.lab.ordering import EPOCH_S, OrderOutcome, conclusion, give_order, new_number
 from vfguide.link.codec import LeaderMessage, encode
 from vfguide.link.envelope import Kind
 from vfguide.link.opening import WatchedFormation
@@ -94,7 +94,7 @@ class Air:
 
 def outcome_of(
     mission: Mission, order: Order, desk: OrderDesk, monkeypatch: pytest.MonkeyPatch
-) -> tuple[Outcome, Air]:
+) -> tuple[OrderOutcome, Air]:
     """What becomes of an order that is given at a desk, in no time."""
     air = Air(desk)
     desk.member = air.member

@@ -3,18 +3,18 @@
 import pytest
 from msgspec.structs import replace
 
-from vfguide.formation.arrangement import Arrangement, Circle, Manoeuvre, Point
+from vfguide.formation.arrangement import Arrangement, HoldCircle, Manoeuvre, Point
 from vfguide.formation.orders import Formation, Order, arrangement_of
 from vfguide.formation.transition import MotionLimits, RefusedOrderError
 
 HOME = {"f1": Point(-20.0, 20.0), "f2": Point(-20.0, -20.0), "f3": Point(-40.0, 40.0)}
 FORMATION = Formation(leader="leader", home=HOME, slots=HOME)
 LIMITS = MotionLimits(forward=5.0, back=4.0, aside=6.0, acceleration=1.0)
-CIRCLE = Circle(latitude_deg=47.0, longitude_deg=8.0, radius_m=200.0)
+CIRCLE = HoldCircle(latitude_deg=47.0, longitude_deg=8.0, radius_m=200.0)
 
 
 def ordered(
-    order: Order, formation: Formation = FORMATION, circle: Circle | None = None
+    order: Order, formation: Formation = FORMATION, circle: HoldCircle | None = None
 ) -> Arrangement:
     """The arrangement alone."""
     found, _ = arrangement_of(order, formation, LIMITS, number=7, time_s=100.0, circle=circle)

@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 from vfguide.formation.arrangement import (
     PEAK,
     Arrangement,
-    Place,
     Point,
+    SlotMove,
     progress,
     time_of,
 )
@@ -84,8 +84,8 @@ def test_the_time_of_a_share_is_when_it_is_reached(share: float) -> None:
 
 def test_how_near_two_slots_come_is_exact() -> None:
     # Head on, 10 m aside of each other: nearest in the middle of the way, at half time.
-    one = Place(vehicle="f1", begin=Point(-20.0, 0.0), end=Point(-60.0, 0.0))
-    other = Place(vehicle="f2", begin=Point(-60.0, 10.0), end=Point(-20.0, 10.0))
+    one = SlotMove(vehicle="f1", begin=Point(-20.0, 0.0), end=Point(-60.0, 0.0))
+    other = SlotMove(vehicle="f2", begin=Point(-60.0, 10.0), end=Point(-20.0, 10.0))
     found = approach_of(one, other, 0.0, 20.0)
     assert found.distance == pytest.approx(10.0)
     assert found.time_s == pytest.approx(10.0)
@@ -151,7 +151,7 @@ def test_interchangeable_vehicles_keep_the_least_distance_over_the_root_of_two(
     begin = points(shape_slots("trail", len(places), 12.0))
     offsets = {name: (point.forward, point.right) for name, point in begin.items()}
     ways = [
-        Place(vehicle=name, begin=begin[name], end=Point(*place))
+        SlotMove(vehicle=name, begin=begin[name], end=Point(*place))
         for name, place in assigned(offsets, places).items()
     ]
     for one, other in combinations(ways, 2):
@@ -197,7 +197,7 @@ def test_no_times_are_looked_for_where_nobody_asks(monkeypatch: pytest.MonkeyPat
 
     monkeypatch.setattr("vfguide.formation.transition.time_of", look)
     places = [
-        Place(vehicle=f"f{n}", begin=Point(-10.0 * n, 0.0), end=Point(-20.0 * n, 0.0))
+        SlotMove(vehicle=f"f{n}", begin=Point(-10.0 * n, 0.0), end=Point(-20.0 * n, 0.0))
         for n in range(1, 101)
     ]
     found = approaches(places, 0.0, 10.0, "leader")

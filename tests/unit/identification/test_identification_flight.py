@@ -9,7 +9,7 @@ import pytest
 import yaml
 
 from sitl_stub import Autopilot, AutopilotConfig, PlantParameters, SteadyWind
-from sitl_stub.codec import Signing as EmulatorSigning
+from sitl_stub.codec import Signing
 from vfguide.companion.mission_plan import adapter_of, flight_plan
 from vfguide.identification.core import Identification, Stage
 from vfguide.identification.plot import draw_findings
@@ -22,7 +22,7 @@ from vfguide.identification.recording import (
     segments,
     speed_step,
 )
-from vfguide.mavlink.framing import Signing
+from vfguide.mavlink.framing import ConnectionSigning
 from vfguide.mission import load_mission
 from vfguide.state import Airframe
 
@@ -50,13 +50,11 @@ def autopilot(
     if key is None:
         return Autopilot(config, SteadyWind(4.0, 2.0))
     # Both sides date their signatures by one clock.
-    return Autopilot(
-        config, SteadyWind(4.0, 2.0), signing=EmulatorSigning(key), unix_time=lambda: UNIX_S
-    )
+    return Autopilot(config, SteadyWind(4.0, 2.0), signing=Signing(key), unix_time=lambda: UNIX_S)
 
 
 def identification(
-    kind: Kind, *, engage: bool = True, signing: Signing | None = None
+    kind: Kind, *, engage: bool = True, signing: ConnectionSigning | None = None
 ) -> Identification:
     mission = load_mission(MISSION)
     vehicle = mission.vehicles["leader"].model_copy(update={"autopilot": kind})
@@ -203,7 +201,7 @@ def test_a_vehicle_that_its_pilot_took_is_not_engaged_again() -> None:
 
 def test_an_autopilot_that_signs_is_identified_by_its_key_alone() -> None:
     key = bytes(range(32))
-    signs = identification("ardupilot", signing=Signing(key, lambda: UNIX_S))
+    signs = identification("ardupilot", signing=ConnectionSigning(key, lambda: UNIX_S))
     plain = identification("ardupilot")
     for flight in (signs, plain):
         emulator = autopilot("ardupilot", PlantParameters(), key=key)

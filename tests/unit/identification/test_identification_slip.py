@@ -9,8 +9,8 @@ from vfguide.identification.profile import slip_line
 from vfguide.identification.slip import (
     Bank,
     Banks,
-    Leg,
     Slip,
+    SlipLeg,
     legs_of,
     scale_and_lead,
     turn_efficiency,
@@ -89,7 +89,7 @@ def test_the_sensors_scale_and_the_noses_lead_are_found_in_wind() -> None:
 
 def test_by_hand_two_turns_of_other_shares_give_their_mean_and_a_wide_interval() -> None:
     legs = [
-        Leg(turned=side * share, by_bank=side, lasts_s=0.0)
+        SlipLeg(turned=side * share, by_bank=side, lasts_s=0.0)
         for side in (1.0, -1.0)
         for share in (0.7, 0.8)
     ]

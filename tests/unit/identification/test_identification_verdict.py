@@ -6,7 +6,7 @@ import pytest
 from vfguide.commands import identify as command
 from vfguide.identification.core import Identification
 from vfguide.identification.fit import Estimate, Response
-from vfguide.identification.recording import Findings, Recording, shortcoming
+from vfguide.identification.recording import Findings, StepsRecording, shortcoming
 from vfguide.mission import load_mission
 from vfguide.state import Airframe
 
@@ -73,7 +73,7 @@ def test_the_command_ends_with_1_and_the_line(
         identification.stop(0.0)
 
     monkeypatch.setattr(command, "flown", flown)
-    monkeypatch.setattr(Recording, "findings", lambda _self: findings(GOOD, None))
+    monkeypatch.setattr(StepsRecording, "findings", lambda _self: findings(GOOD, None))
     status = command.identify(
         load_mission("missions/line-calm.yaml"),
         "leader",

@@ -5,7 +5,7 @@ from itertools import count
 
 from tests.unit.link.shared_radio import state_at
 from tests.unit.link.wire import FORMATION, KEYS, LEADER, trust_of
-from vfguide.lab.rehearsal.emulated_radio import Air, Radio, RadioQuality
+from vfguide.lab.rehearsal.emulated_radio import EmulatedRadio, RadioAir, RadioQuality
 from vfguide.link.codec import decode
 from vfguide.link.member import Member, ignore
 from vfguide.link.packed import (
@@ -121,7 +121,7 @@ class Craft:
         self.member.send = lambda parcel: self.station.post(parcel, self.member.clock())
         self.station.announce(Presence(status="online", mode="tracking", time_s=0.0, version="1"))
         self.asks_s = air.now
-        self.radio: Radio = air.add(self.station, offset_s=offset_s, rate=rate)
+        self.radio: EmulatedRadio = air.add(self.station, offset_s=offset_s, rate=rate)
 
     @property
     def counters(self) -> Counter[str]:
@@ -146,7 +146,7 @@ class Shared:
     """The air with those who are on it."""
 
     def __init__(self, quality: RadioQuality | None = None) -> None:
-        self.air = Air(quality or RadioQuality(channel=CHANNEL), seed=3)
+        self.air = RadioAir(quality or RadioQuality(channel=CHANNEL), seed=3)
         self.crafts: list[Craft] = []
 
     def craft(self, name: str, *, session: int, **options: object) -> Craft:
@@ -171,7 +171,7 @@ class Shared:
         taken: list[bytes] = []
         transmit = self.air.transmit
 
-        def note(data: bytes, *, sender: Radio | None = None) -> None:
+        def note(data: bytes, *, sender: EmulatedRadio | None = None) -> None:
             taken.append(data)
             transmit(data, sender=sender)
 

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from msgspec.structs import replace
 
-from vfguide.formation.arrangement import Arrangement, Circle, Manoeuvre, Place, Point
+from vfguide.formation.arrangement import Arrangement, HoldCircle, Manoeuvre, Point, SlotMove
 from vfguide.link.codec import LinkDataError
 from vfguide.link.order_codec import (
     Reply,
@@ -22,7 +22,7 @@ from vfguide.link.order_codec import (
 OFFSETS = st.integers(-32000, 32000).map(lambda number: number * 0.1)
 POINTS = st.builds(Point, OFFSETS, OFFSETS, OFFSETS)
 NAMES = st.text(min_size=1, max_size=12)
-PLACES = st.builds(Place, vehicle=NAMES, begin=POINTS, end=POINTS, layer=st.none() | OFFSETS)
+PLACES = st.builds(SlotMove, vehicle=NAMES, begin=POINTS, end=POINTS, layer=st.none() | OFFSETS)
 SECONDS = st.floats(0.0, 3600.0, width=32)
 ORDERS = st.builds(
     Arrangement,
@@ -41,7 +41,7 @@ def test_an_order_survives_the_link(order: Arrangement) -> None:
 
 
 def test_a_hold_carries_its_circle() -> None:
-    circle = Circle(latitude_deg=47.4, longitude_deg=-8.5, radius_m=250.0, clockwise=False)
+    circle = HoldCircle(latitude_deg=47.4, longitude_deg=-8.5, radius_m=250.0, clockwise=False)
     order = Arrangement(
         number=3, time_s=5.0, flown=Manoeuvre.HOLD, across_s=10.0, places=(), circle=circle
     )
@@ -61,7 +61,7 @@ def test_another_path_and_who_is_to_lead_survive_the_link(
         number=4,
         time_s=5.0,
         across_s=10.0,
-        places=(Place(vehicle="f1", begin=Point(-20.0, 20.0), end=Point(-20.0, 20.0)),),
+        places=(SlotMove(vehicle="f1", begin=Point(-20.0, 20.0), end=Point(-20.0, 20.0)),),
         path=path,
         path_check=check,
         turn_radius_m=radius_m,
@@ -133,7 +133,7 @@ def test_a_damaged_order_is_refused(order: Arrangement, data: st.DataObject) -> 
 
 
 def test_two_followers_of_one_name_are_no_order() -> None:
-    place = Place(vehicle="f1", begin=Point(0.0, 10.0), end=Point(0.0, 20.0))
+    place = SlotMove(vehicle="f1", begin=Point(0.0, 10.0), end=Point(0.0, 20.0))
     with pytest.raises(LinkDataError, match="followers do not fit"):
         decode_order(
             encode_order(Arrangement(number=1, time_s=0.0, across_s=1.0, places=(place, place)))

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from vfguide.mavlink.datagram import UdpPeer
-from vfguide.mavlink.framing import Frame, Introduction, Signing, frames_of
+from vfguide.mavlink.framing import ConnectionSigning, Frame, Introduction, frames_of
 from vfguide.mavlink.framing import frames_of as frames
 
 Make = Callable[..., Any]
@@ -105,7 +105,7 @@ NOW_S = 1.8e9
 def heartbeat(system_id: int = 7, *, autopilot: int = 3, signed_s: float | None = None) -> bytes:
     sender = mavlink.MAVLink(None, srcSystem=system_id, srcComponent=1)
     if signed_s is not None:
-        Signing(KEY, lambda: signed_s).prepare(sender)
+        ConnectionSigning(KEY, lambda: signed_s).prepare(sender)
     return bytes(mavlink.MAVLink_heartbeat_message(1, autopilot, 0, 0, 4, 3).pack(sender))
 
 
@@ -152,7 +152,7 @@ def test_a_router_that_is_started_anew_is_the_peer_after_ten_seconds_of_silence(
 
 
 def test_on_a_signed_connection_the_introduction_is_signed_and_a_second_is_enough() -> None:
-    introduction = Introduction(7, 1, signing=Signing(KEY, lambda: NOW_S))
+    introduction = Introduction(7, 1, signing=ConnectionSigning(KEY, lambda: NOW_S))
     peer = peer_of(introduction)
     assert not peer.admits(STRANGER, heartbeat(), 0.0)
     assert peer.admits(OWN, heartbeat(signed_s=NOW_S), 0.0)
@@ -161,7 +161,7 @@ def test_on_a_signed_connection_the_introduction_is_signed_and_a_second_is_enoug
 
 
 def test_a_recorded_introduction_is_worth_nothing_once_its_original_was_heard() -> None:
-    signing = Signing(KEY, lambda: NOW_S)
+    signing = ConnectionSigning(KEY, lambda: NOW_S)
     peer = peer_of(Introduction(7, 1, signing=signing))
     original = heartbeat(signed_s=NOW_S)
     assert peer.admits(OWN, original, 0.0)

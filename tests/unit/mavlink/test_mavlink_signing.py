@@ -5,7 +5,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from vfguide.errors import InputError
 from vfguide.mavlink.codec import Codec
-from vfguide.mavlink.framing import EPOCH_S, UNITS_PER_S, Signing, frames_of, signing_key
+from vfguide.mavlink.framing import EPOCH_S, UNITS_PER_S, ConnectionSigning, frames_of, signing_key
 
 NOW_S = 1_800_000_000.0
 KEY, OTHER_KEY = bytes(range(32)), bytes(32 * [7])
@@ -31,7 +31,7 @@ def heartbeat(link: mavlink.MAVLink, mode: int = 15) -> bytes:
 
 @pytest.fixture
 def codec() -> Codec:
-    return Codec(7, 1, signing=Signing(KEY, lambda: NOW_S))
+    return Codec(7, 1, signing=ConnectionSigning(KEY, lambda: NOW_S))
 
 
 def test_who_has_the_key_is_heard(codec: Codec) -> None:
@@ -71,7 +71,7 @@ def test_a_forged_packet_from_the_future_shuts_nobody_out(codec: Codec) -> None:
 
 def test_time_stamps_follow_the_clock_and_never_repeat() -> None:
     clock = [NOW_S]
-    codec = Codec(7, 1, signing=Signing(KEY, lambda: clock[0]))
+    codec = Codec(7, 1, signing=ConnectionSigning(KEY, lambda: clock[0]))
     message = mavlink.MAVLink_heartbeat_message(18, 8, 0, 0, 4, 3)
 
     def stamps() -> list[int]:
@@ -104,7 +104,7 @@ def test_without_a_key_a_signature_is_passed_over() -> None:
 
 @given(st.integers(0, 33), st.integers(1, 255))
 def test_no_change_of_a_signed_frame_is_heard(position: int, bits: int) -> None:
-    codec = Codec(7, 1, signing=Signing(KEY, lambda: NOW_S))
+    codec = Codec(7, 1, signing=ConnectionSigning(KEY, lambda: NOW_S))
     frame = bytearray(heartbeat(autopilot(KEY, NOW_S)))
     frame[position % len(frame)] ^= bits
     assert codec.decode(bytes(frame)) == []

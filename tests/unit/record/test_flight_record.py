@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from vfguide.errors import InputError
 from vfguide.record.archive import write_archive
-from vfguide.record.flight import Acceptance, FlightRecord, VehicleRecord
+from vfguide.record.flight import FlightRecord, RecordAcceptance, VehicleRecord
 from vfguide.record.latency import Latency, Percentiles, Promptness, Usage
 from vfguide.record.outline import Outline, compose_outlines
 from vfguide.record.vehicle import SERIES
@@ -57,12 +57,12 @@ def some_flight(samples: int = 3, value: float = 0.5, mission: str = "circle") -
         seed=4,
         duration_s=300.0,
         wall_s=4.1,
-        acceptance=Acceptance(mean_error_m=0.3, settle_10m_s=60.0, min_separation_m=5.0),
+        acceptance=RecordAcceptance(mean_error_m=0.3, settle_10m_s=60.0, min_separation_m=5.0),
     )
 
 
 acceptances = st.builds(
-    Acceptance, mean_error_m=limits, settle_1m_s=limits, min_separation_m=figures
+    RecordAcceptance, mean_error_m=limits, settle_1m_s=limits, min_separation_m=figures
 )
 records = st.builds(
     lambda flight, acceptance, seed: replace(flight, acceptance=acceptance, seed=seed),

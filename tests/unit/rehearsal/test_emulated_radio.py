@@ -5,7 +5,7 @@ from random import Random
 
 import pytest
 
-from vfguide.lab.rehearsal.emulated_radio import Air, Bursts, Radio, RadioQuality
+from vfguide.lab.rehearsal.emulated_radio import Bursts, EmulatedRadio, RadioAir, RadioQuality
 from vfguide.link.radio_schedule import Channel, Turn
 
 CHANNEL = Channel(baud=57_600, air_bytes_s=4000.0)
@@ -17,12 +17,17 @@ class Listener:
     """Notes what it hears, and speaks at one time."""
 
     def __init__(
-        self, air: Air, speaks_s: float | None = None, *, offset_s: float = 0.0, rate: float = 1.0
+        self,
+        air: RadioAir,
+        speaks_s: float | None = None,
+        *,
+        offset_s: float = 0.0,
+        rate: float = 1.0,
     ) -> None:
         self.heard: list[tuple[float, bytes]] = []
         self._air = air
         self._turn = None if speaks_s is None else Turn(at_s=speaks_s)
-        self.radio: Radio = air.add(self, offset_s=offset_s, rate=rate)
+        self.radio: EmulatedRadio = air.add(self, offset_s=offset_s, rate=rate)
 
     def begin(self, now: float) -> None:
         self.began_s = now
@@ -46,7 +51,7 @@ class Listener:
 
 
 def test_a_packet_takes_two_lines_and_the_air() -> None:
-    air = Air(RadioQuality(channel=CHANNEL))
+    air = RadioAir(RadioQuality(channel=CHANNEL))
     sender, listener = Listener(air, 1.0), Listener(air)
     air.run(2.0)
     assert listener.content == DATA
@@ -59,7 +64,7 @@ def test_a_packet_takes_two_lines_and_the_air() -> None:
 def test_packets_collide_where_they_are_on_the_air_together(
     apart_s: float, *, collide: bool
 ) -> None:
-    air = Air(RadioQuality(channel=CHANNEL))
+    air = RadioAir(RadioQuality(channel=CHANNEL))
     Listener(air, 1.0)
     Listener(air, 1.0 + apart_s)
     third = Listener(air)
@@ -70,7 +75,7 @@ def test_packets_collide_where_they_are_on_the_air_together(
 
 
 def test_a_radio_that_is_unplugged_neither_hears_nor_is_heard() -> None:
-    air = Air(RadioQuality(channel=CHANNEL))
+    air = RadioAir(RadioQuality(channel=CHANNEL))
     first, second = Listener(air, 1.0), Listener(air, 1.5)
     second.radio.on = False
     air.run(2.0)
@@ -79,7 +84,7 @@ def test_a_radio_that_is_unplugged_neither_hears_nor_is_heard() -> None:
 
 
 def test_every_receiver_loses_its_own_share() -> None:
-    air = Air(RadioQuality(channel=CHANNEL, loss=0.25))
+    air = RadioAir(RadioQuality(channel=CHANNEL, loss=0.25))
     listeners = [Listener(air), Listener(air)]
     for number in range(2000):
         air.transmit(b"%d" % number + b" whole")
@@ -101,7 +106,7 @@ def test_bursts_take_their_share_of_the_time_and_last_as_long_as_they_should() -
 
 def test_a_clock_that_runs_otherwise_moves_turns() -> None:
     """A clock that shows 100 s at the start and runs twice as fast: 102 s is after a second."""
-    air = Air(RadioQuality(channel=CHANNEL))
+    air = RadioAir(RadioQuality(channel=CHANNEL))
     listener = Listener(air)
     fast = Listener(air, 102.0, offset_s=100.0, rate=2.0)
     assert fast.began_s == 100.0

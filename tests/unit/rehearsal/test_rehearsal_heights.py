@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from vfguide.formation.arrangement import Arrangement, Place, Point
+from vfguide.formation.arrangement import Arrangement, Point, SlotMove
 from vfguide.formation.orders import Formation
 from vfguide.lab.rehearsal.emulators import emulator_of
 from vfguide.lab.rehearsal.lockstep import fly_lockstep
@@ -45,7 +45,7 @@ def test_check_begins_at_the_height_of_the_path() -> None:
 def test_one_that_joins_begins_at_its_own_height() -> None:
     formation = Formation(leader="leader", home={"f3": SLOT}, slots={})
     order = Arrangement(
-        number=1, time_s=8.0, across_s=0.0, places=(Place(vehicle="f3", begin=SLOT, end=SLOT),)
+        number=1, time_s=8.0, across_s=0.0, places=(SlotMove(vehicle="f3", begin=SLOT, end=SLOT),)
     )
     leader = LeaderPlace(0.0, 0.0, 0.0, height=300.0, climb_rate=0.0)
     here = {"f3": LeaderPlace(-100.0, 0.0, 0.0, height=345.0)}

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from vfguide.formation.arrangement import Arrangement, Place, Point
+from vfguide.formation.arrangement import Arrangement, Point, SlotMove
 from vfguide.formation.orders import Formation
 from vfguide.formation.transition import RefusedOrderError
 from vfguide.lab.studies.order import BEHIND_M, starts_of_joining
@@ -17,8 +17,8 @@ ORDER = Arrangement(
     time_s=8.0,
     across_s=0.0,
     places=(
-        Place(vehicle="f1", begin=SLOT, end=SLOT),
-        Place(vehicle="f3", begin=SLOT, end=SLOT),
+        SlotMove(vehicle="f1", begin=SLOT, end=SLOT),
+        SlotMove(vehicle="f3", begin=SLOT, end=SLOT),
     ),
 )
 EAST = LeaderPlace(north=100.0, east=50.0, course=math.pi / 2.0)

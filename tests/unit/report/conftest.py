@@ -11,7 +11,7 @@ import pytest
 
 from vfguide.elementwise import BoolArray, FloatArray
 from vfguide.lab.report.page import write_report
-from vfguide.record.flight import Acceptance, FlightRecord, VehicleRecord
+from vfguide.record.flight import FlightRecord, RecordAcceptance, VehicleRecord
 from vfguide.record.vehicle import SERIES
 
 SLOTS = {"f1": (-20.0, -20.0), "f2": (-20.0, 20.0), "f3": (-40.0, 0.0)}
@@ -77,7 +77,7 @@ def still_flight(time_s: FloatArray, *vehicles: VehicleRecord, **given: object) 
         seed=1,
         duration_s=float(time_s[-1]) if time_s.size else 0.0,
         wall_s=0.5,
-        acceptance=Acceptance(mean_error_m=1.0, settle_10m_s=60.0),
+        acceptance=RecordAcceptance(mean_error_m=1.0, settle_10m_s=60.0),
     )
     return replace_some(flight, given)
 
@@ -216,7 +216,7 @@ def made_up_flight(
         wall_s=duration_s / 73.0,
         path_north_m=reach if shape == "line" else 150.0 + 150.0 * np.cos(angle),
         path_east_m=reach if shape == "line" else 150.0 * np.sin(angle),
-        acceptance=Acceptance(mean_error_m=0.3, settle_10m_s=60.0, min_separation_m=5.0),
+        acceptance=RecordAcceptance(mean_error_m=0.3, settle_10m_s=60.0, min_separation_m=5.0),
     )
 
 

@@ -25,7 +25,7 @@ from vfguide.lab.report.tracks_plot import (
     draw_top_view,
 )
 from vfguide.lab.report.wind_plot import direction_for_drawing
-from vfguide.record.flight import Acceptance, FlightRecord, Outline, VehicleRecord
+from vfguide.record.flight import FlightRecord, Outline, RecordAcceptance, VehicleRecord
 
 MakeVehicle = Callable[..., VehicleRecord]
 MakeFlight = Callable[..., FlightRecord]
@@ -135,7 +135,7 @@ def test_a_limit_far_from_every_error_leaves_room_for_the_axes(
     time_s = np.arange(3.0)
     leader = make_vehicle("leader", "leader", time_s)
     follower = make_vehicle("f1", "follower", time_s, north_m=np.full(3, -60.0))
-    acceptance = Acceptance(mean_error_m=required_m)
+    acceptance = RecordAcceptance(mean_error_m=required_m)
     begun = make_flight(time_s, leader, follower, acceptance=acceptance)
     save_figure(errors_figure(begun), tmp_path / "errors.png")
 

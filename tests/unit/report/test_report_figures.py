@@ -21,7 +21,7 @@ from vfguide.lab.report.figures import (
 from vfguide.lab.report.geometry import pair_separations, seen_from_leader, slot_error, slot_track
 from vfguide.lab.report.metrics import summarise, summary_json
 from vfguide.lab.report.summary import FollowerSummary
-from vfguide.record.flight import Acceptance, FlightMode, FlightRecord, VehicleRecord
+from vfguide.record.flight import FlightMode, FlightRecord, RecordAcceptance, VehicleRecord
 from vfguide.record.latency import Latency, Percentiles, Promptness
 from vfguide.record.vehicle import SLOT_SERIES, FlightLimits
 
@@ -182,7 +182,7 @@ def stepped_flight(make_vehicle: MakeVehicle, make_flight: MakeFlight) -> Flight
     follower = make_vehicle(
         "f1", "follower", TIME, slot_forward_m=-20.0, north_m=-20.0 - behind, limited=TIME > 8.0
     )
-    limits = Acceptance(mean_error_m=0.3, settle_10m_s=1.0, min_separation_m=20.2)
+    limits = RecordAcceptance(mean_error_m=0.3, settle_10m_s=1.0, min_separation_m=20.2)
     return make_flight(TIME, leader, follower, acceptance=limits)
 
 
@@ -253,7 +253,7 @@ def test_a_leader_on_the_way_onto_another_path_swings_no_slot_as_it_is_meant(
 
 
 def test_a_flight_that_was_stopped_is_not_accepted(stepped_flight: FlightRecord) -> None:
-    easy = replace(stepped_flight, acceptance=Acceptance(mean_error_m=100.0))
+    easy = replace(stepped_flight, acceptance=RecordAcceptance(mean_error_m=100.0))
     assert summarise(easy).accepted
     stopped = summarise(replace(easy, interrupted=True))
     assert not stopped.accepted
@@ -317,19 +317,25 @@ def test_a_flight_at_its_limits_is_accepted(stepped_flight: FlightRecord) -> Non
 @pytest.mark.parametrize(
     ("limits", "reason"),
     [
-        (Acceptance(mean_error_m=0.2), "mean formation error 0.3 m is above 0.2 m"),
-        (Acceptance(mean_error_m=0.29999), "mean formation error 0.3 m is above 0.29999 m"),
-        (Acceptance(max_error_m=0.4), "greatest formation error 0.5 m is above 0.4 m"),
-        (Acceptance(settle_10m_s=0.5), "all within 10 m of their slots only after 1 s, not 0.5 s"),
-        (Acceptance(settle_1m_s=2.0), "all within 1 m of their slots only after 3 s, not 2 s"),
+        (RecordAcceptance(mean_error_m=0.2), "mean formation error 0.3 m is above 0.2 m"),
+        (RecordAcceptance(mean_error_m=0.29999), "mean formation error 0.3 m is above 0.29999 m"),
+        (RecordAcceptance(max_error_m=0.4), "greatest formation error 0.5 m is above 0.4 m"),
         (
-            Acceptance(min_separation_m=25.0),
+            RecordAcceptance(settle_10m_s=0.5),
+            "all within 10 m of their slots only after 1 s, not 0.5 s",
+        ),
+        (
+            RecordAcceptance(settle_1m_s=2.0),
+            "all within 1 m of their slots only after 3 s, not 2 s",
+        ),
+        (
+            RecordAcceptance(min_separation_m=25.0),
             "two vehicles came within 20.2 m of each other, closer than 25 m",
         ),
     ],
 )
 def test_a_rejection_says_why(
-    stepped_flight: FlightRecord, limits: Acceptance, reason: str
+    stepped_flight: FlightRecord, limits: RecordAcceptance, reason: str
 ) -> None:
     summary = summarise(replace(stepped_flight, acceptance=limits))
     assert not summary.accepted
@@ -341,7 +347,7 @@ def test_a_follower_out_at_the_end_is_never_accepted(stepped_flight: FlightRecor
     record = replace(
         stepped_flight,
         vehicles=(stepped_flight.leader, away),
-        acceptance=Acceptance(settle_10m_s=1e9),
+        acceptance=RecordAcceptance(settle_10m_s=1e9),
     )
     assert summarise(record).rejections == (
         "a follower was still 10 m or more from its slot at the end",
@@ -352,17 +358,17 @@ def test_a_follower_out_at_the_end_is_never_accepted(stepped_flight: FlightRecor
 @pytest.mark.parametrize(
     ("acceptance", "away_m", "accepted"),
     [
-        (Acceptance(), 9.0, True),
-        (Acceptance(), 30.0, False),
-        (Acceptance(min_separation_m=5.0, settle_1m_s=None), 30.0, False),
+        (RecordAcceptance(), 9.0, True),
+        (RecordAcceptance(), 30.0, False),
+        (RecordAcceptance(min_separation_m=5.0, settle_1m_s=None), 30.0, False),
         # Who wants no more than that has said so.
-        (Acceptance(mean_error_m=40.0), 30.0, True),
-        (Acceptance(max_error_m=40.0), 30.0, True),
-        (Acceptance(mean_error_m=20.0), 30.0, False),
+        (RecordAcceptance(mean_error_m=40.0), 30.0, True),
+        (RecordAcceptance(max_error_m=40.0), 30.0, True),
+        (RecordAcceptance(mean_error_m=20.0), 30.0, False),
     ],
 )
 def test_a_flight_whose_followers_did_not_come_to_their_slots_is_not_accepted_by_any_mission(
-    stepped_flight: FlightRecord, acceptance: Acceptance, away_m: float, accepted: bool
+    stepped_flight: FlightRecord, acceptance: RecordAcceptance, away_m: float, accepted: bool
 ) -> None:
     away = replace(stepped_flight.followers[0], north_m=np.full_like(TIME, -20.0 - away_m))
     vehicles = (stepped_flight.leader, away)
@@ -385,7 +391,9 @@ def test_a_follower_that_was_ordered_out_is_not_asked_to_be_in_a_slot(
     away = replace(stepped_flight.followers[0], north_m=np.full_like(TIME, -50.0), **slots)
     vehicles = (stepped_flight.leader, away)
     summary = summarise(
-        replace(stepped_flight, vehicles=vehicles, acceptance=Acceptance(min_separation_m=0.0))
+        replace(
+            stepped_flight, vehicles=vehicles, acceptance=RecordAcceptance(min_separation_m=0.0)
+        )
     )
     assert summary.rejections == reasons
 

@@ -14,13 +14,13 @@ from vfguide.lab.report.metrics import summarise
 from vfguide.lab.report.page import reproduction_command, write_report
 from vfguide.lab.report.table import summary_table
 from vfguide.lab.report.wording import in_digits
-from vfguide.record.flight import Acceptance, FlightRecord, VehicleRecord
+from vfguide.record.flight import FlightRecord, RecordAcceptance, VehicleRecord
 from vfguide.record.vehicle import SLOT_SERIES
 
 MakeVehicle = Callable[..., VehicleRecord]
 MakeFlight = Callable[..., FlightRecord]
 
-STRICT = Acceptance(mean_error_m=0.001, min_separation_m=5.0)
+STRICT = RecordAcceptance(mean_error_m=0.001, min_separation_m=5.0)
 
 
 class Outline(HTMLParser):
@@ -99,7 +99,7 @@ def rejected_page(
         mission=HOSTILE,
         controller=HOSTILE,
         wind="</style>",
-        acceptance=Acceptance(min_separation_m=5.0),
+        acceptance=RecordAcceptance(min_separation_m=5.0),
     )
     return write_report(record, tmp_path_factory.mktemp("report")).read_text(encoding="utf-8")
 
@@ -122,7 +122,7 @@ def test_the_page_says_who_did_not_come_to_its_slot_and_how_hard_it_was_flown(
         bank_rad=np.radians(np.where(time_s % 2 > 0, 8.0, 0.0)),
     )
     flight = make_flight(
-        time_s, make_vehicle("leader", "leader", time_s), rolling, acceptance=Acceptance()
+        time_s, make_vehicle("leader", "leader", time_s), rolling, acceptance=RecordAcceptance()
     )
     text = read(write_report(flight, tmp_path).read_text(encoding="utf-8")).text
     assert "Not accepted" in text

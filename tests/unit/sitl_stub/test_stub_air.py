@@ -6,19 +6,19 @@ import numpy as np
 import pytest
 
 from sitl_stub import ArticleWind, CalmWind, DiscreteGust, Shear, SteadyWind, air_of
-from sitl_stub.air import Air, Place, earth_centred_m, local_axes
+from sitl_stub.air import Air, AirPlace, earth_centred_m, local_axes
 from sitl_stub.geometry import displace
 from sitl_stub.options import parse_gust
 
-HERE = Place(math.radians(47.4), math.radians(8.5), 588.0, 100.0)
+HERE = AirPlace(math.radians(47.4), math.radians(8.5), 588.0, 100.0)
 
 
-def beside(north_m: float, east_m: float) -> Place:
+def beside(north_m: float, east_m: float) -> AirPlace:
     """A place so far from the usual one."""
     latitude_rad, longitude_rad = displace(
         HERE.latitude_rad, HERE.longitude_rad, HERE.altitude_m, north_m=north_m, east_m=east_m
     )
-    return Place(latitude_rad, longitude_rad, HERE.altitude_m, HERE.height_m)
+    return AirPlace(latitude_rad, longitude_rad, HERE.altitude_m, HERE.height_m)
 
 
 def turbulent(seed: int, wind: SteadyWind | CalmWind | ArticleWind | None = None) -> Air:

@@ -4,7 +4,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sitl_stub.codec import StreamFramer
+from sitl_stub.codec import EmulatorFramer
 
 LINK_2 = mavlink.MAVLink(None, srcSystem=255, srcComponent=190)
 LINK_1 = mavlink.MAVLink(None, srcSystem=255, srcComponent=190)
@@ -38,7 +38,7 @@ def test_the_samples_are_of_both_versions_and_signed() -> None:
 def test_frames_come_out_whole_wherever_the_stream_was_cut(
     frames: list[bytes], cuts: list[int]
 ) -> None:
-    framer = StreamFramer()
+    framer = EmulatorFramer()
     assert b"".join(framer.feed(piece) for piece in in_pieces(b"".join(frames), cuts)) == b"".join(
         frames
     )
@@ -48,7 +48,7 @@ def test_frames_come_out_whole_wherever_the_stream_was_cut(
 def test_a_frame_comes_out_with_its_last_byte_and_not_before(
     frames: list[bytes], garbage: bytes
 ) -> None:
-    framer = StreamFramer()
+    framer = EmulatorFramer()
     clean = bytes(byte for byte in garbage if byte not in {0xFD, 0xFE})
     for frame in frames:
         assert framer.feed(clean + frame[:-1]) == b""
@@ -58,7 +58,7 @@ def test_a_frame_comes_out_with_its_last_byte_and_not_before(
 @given(st.lists(st.tuples(st.binary(max_size=300), st.sampled_from(FRAMES)), max_size=8))
 @settings(max_examples=300)
 def test_garbage_costs_no_good_frame(parts: list[tuple[bytes, bytes]]) -> None:
-    framer = StreamFramer()
+    framer = EmulatorFramer()
     wanted = b"".join(frame for _, frame in parts)
     # The zeros end whatever the last piece of garbage claims to have begun.
     stream = b"".join(garbage + frame for garbage, frame in parts) + bytes(300)
@@ -68,9 +68,9 @@ def test_garbage_costs_no_good_frame(parts: list[tuple[bytes, bytes]]) -> None:
 def test_a_frame_with_a_wrong_checksum_is_dropped_and_the_next_one_is_not() -> None:
     good = FRAMES[1]
     bad = good[:-1] + bytes((good[-1] ^ 1,))
-    assert StreamFramer().feed(bad + good) == good
+    assert EmulatorFramer().feed(bad + good) == good
 
 
 def test_a_cut_off_frame_does_not_swallow_the_next_one() -> None:
     heartbeat, command = FRAMES[0], FRAMES[1]
-    assert StreamFramer().feed(command[:-5] + heartbeat + bytes(300)) == heartbeat
+    assert EmulatorFramer().feed(command[:-5] + heartbeat + bytes(300)) == heartbeat

@@ -21,11 +21,11 @@ from sitl_stub.lagging_plant import (
     wanted_bank_rad,
 )
 from sitl_stub.plant import PlantState
-from sitl_stub.px4 import Px4
-from sitl_stub.targets import HeightTarget, SpeedTarget, Targets, TurnTarget
+from sitl_stub.px4 import EmulatedPx4
+from sitl_stub.targets import AltitudeTarget, SpeedTarget, Targets, TurnTarget
 
 BANK = PlantParameters(kind="bank")
-LOOPS = Px4.loops
+LOOPS = EmulatedPx4.loops
 OWN = PlantParameters(
     kind=LOOPS.plant,
     alpha_1_s=LOOPS.alpha_1_s,
@@ -52,7 +52,7 @@ def state(**changes: float) -> PlantState:
 
 def targets(course_rad: float = 0.0, speed_m_s: float = 20.0, hold: str = "course") -> Targets:
     turn = TurnTarget("bank" if hold == "bank" else "course", course_rad)
-    return Targets(turn, SpeedTarget("airspeed", speed_m_s), HeightTarget(500.0))
+    return Targets(turn, SpeedTarget("airspeed", speed_m_s), AltitudeTarget(500.0))
 
 
 def flown(

@@ -20,7 +20,7 @@ from sitl_stub import (
 from sitl_stub.plant import PlantState
 from sitl_stub.plants import Plant
 from sitl_stub.registry import load_plugins
-from sitl_stub.targets import HeightTarget, SpeedTarget, Targets, TurnTarget
+from sitl_stub.targets import AltitudeTarget, SpeedTarget, Targets, TurnTarget
 
 EXAMPLE = Path(__file__).parents[3] / "examples" / "own_plant.py"
 START = PlantState(0.0, 20.0, "airspeed", 0.8, 0.1, 500.0)
@@ -46,7 +46,7 @@ def flown(
 
 def held(course: float = 0.0, speed: float = 20.0) -> Targets:
     return Targets(
-        TurnTarget("course", course), SpeedTarget("airspeed", speed), HeightTarget(500.0)
+        TurnTarget("course", course), SpeedTarget("airspeed", speed), AltitudeTarget(500.0)
     )
 
 

@@ -8,7 +8,7 @@ from sitl_stub import ArticleWind, CalmWind, PlantParameters, SteadyWind, Wind
 from sitl_stub.geometry import wrap_to_pi
 from sitl_stub.loops import bank_limited_turn_rate_rad_s, bank_of_rad, turn_rate_rad_s
 from sitl_stub.plant import MAX_STEP_S, PlantState, course_hold_rates, stepped, with_speed_kind
-from sitl_stub.targets import HeightTarget, SpeedKind, SpeedTarget, Targets, TurnTarget
+from sitl_stub.targets import AltitudeTarget, SpeedKind, SpeedTarget, Targets, TurnTarget
 
 Kind = Literal["course-hold", "heading-hold"]
 KINDS: tuple[Kind, ...] = ("course-hold", "heading-hold")
@@ -23,12 +23,12 @@ def state(
 def targets(
     turn: TurnTarget | None = None,
     speed: SpeedTarget | None = None,
-    height: HeightTarget | None = None,
+    height: AltitudeTarget | None = None,
 ) -> Targets:
     return Targets(
         turn or TurnTarget("course", 0.0),
         speed or SpeedTarget("airspeed", 20.0),
-        height or HeightTarget(500.0),
+        height or AltitudeTarget(500.0),
     )
 
 
@@ -114,7 +114,7 @@ def test_airspeed_stays_in_its_range_whatever_is_asked() -> None:
 
 
 def test_a_climb_is_limited_and_then_settles() -> None:
-    wanted = targets(height=HeightTarget(530.0))
+    wanted = targets(height=AltitudeTarget(530.0))
     # Up to 3 m/s with a time constant of 1 s: 3 (t - 1 + exp(-t)).
     after = flown(PlantParameters(), wanted, state(), 5.0)
     assert after.altitude_amsl_m == pytest.approx(500.0 + 3.0 * (4.0 + math.exp(-5.0)), abs=1e-3)
@@ -125,7 +125,7 @@ def test_a_climb_is_limited_and_then_settles() -> None:
 
 def test_a_descent_has_a_limit_of_its_own() -> None:
     plant = PlantParameters(climb_rate_max_m_s=5.0, sink_rate_max_m_s=2.0)
-    after = flown(plant, targets(height=HeightTarget(400.0)), state(), 20.0)
+    after = flown(plant, targets(height=AltitudeTarget(400.0)), state(), 20.0)
     assert after.climb_m_s == pytest.approx(-2.0, abs=1e-6)
 
 
@@ -135,7 +135,7 @@ def test_a_target_that_climbs_steadily_is_followed_by_the_declared_delay_later(
 ) -> None:
     plant, now, step_s = PlantParameters(height_delay_s=delay_s), state(), 0.02
     for index in range(round(40.0 / step_s)):
-        wanted = targets(height=HeightTarget(500.0 + 2.0 * (index + 0.5) * step_s))
+        wanted = targets(height=AltitudeTarget(500.0 + 2.0 * (index + 0.5) * step_s))
         now = stepped(plant, wanted, now, CalmWind(), time_s=index * step_s, step_s=step_s)
     assert now.altitude_amsl_m == pytest.approx(500.0 + 2.0 * (40.0 - delay_s), abs=0.01)
 

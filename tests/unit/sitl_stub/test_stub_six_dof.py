@@ -18,7 +18,7 @@ from sitl_stub.rigid_body import (
     body_to_ground,
 )
 from sitl_stub.six_dof import MAX_SIX_DOF_STEP_S, body_of, six_dof_stepped
-from sitl_stub.targets import HeightTarget, SpeedTarget, Targets, TurnTarget
+from sitl_stub.targets import AltitudeTarget, SpeedTarget, Targets, TurnTarget
 
 PLANT = PlantParameters(kind="six-dof", airspeed_min_m_s=16.0, airspeed_max_m_s=32.0)
 NEUTRAL = Surfaces(0.0, 0.0, 0.0)
@@ -44,7 +44,7 @@ def flown(
     wanted = Targets(
         TurnTarget("course", math.radians(course_deg)),
         SpeedTarget("airspeed", speed_m_s),
-        HeightTarget(altitude_m),
+        AltitudeTarget(altitude_m),
     )
     states, air = [start], wind or CalmWind()
     for index in range(round(seconds / step_s)):

@@ -7,7 +7,7 @@ import numpy as np
 
 from vfguide.companion.supervisor import Mode
 from vfguide.elementwise import FloatArray
-from vfguide.lab.report.replay.data import KINDS, SLOT_KINDS, Kind
+from vfguide.lab.report.replay.data import KINDS, SLOT_KINDS, SeriesKind
 
 MODES = (*(mode.value for mode in Mode), "offline", "not known")
 """What a card can show, by number."""
@@ -38,7 +38,7 @@ COLUMNS = {name: number for number, name in enumerate(SERIES)}
 FLOWN_AS = COLUMNS["along_m"]
 """The series before this one are of the vehicle alone."""
 
-CONSOLE_KINDS = {**KINDS, **SLOT_KINDS, "age_s": Kind(unit=0.01, bits=16)}
+CONSOLE_KINDS = {**KINDS, **SLOT_KINDS, "age_s": SeriesKind(unit=0.01, bits=16)}
 """How they are written."""
 
 FINE_S = 60.0

@@ -11,7 +11,7 @@ from random import Random
 
 from vfguide.elementwise import FloatArray
 from vfguide.lab.console.alarms import Alarm
-from vfguide.lab.console.model import Formation
+from vfguide.lab.console.model import FormationModel
 from vfguide.lab.console.orders import OrderPanel
 from vfguide.lab.console.source import Source
 from vfguide.lab.console.tiles import TileSource
@@ -30,7 +30,7 @@ ASK_EVERY = 10
 """Pictures from one question for an order that is flown, and was not heard, to the next."""
 
 
-class LiveFlight(Source):
+class LiveSource(Source):
     """What is heard of a formation, for all pages that show it."""
 
     def __init__(
@@ -48,7 +48,7 @@ class LiveFlight(Source):
         origin = mission.origin
         place = origin.latitude_deg, origin.longitude_deg, origin.altitude_amsl_m
         self._map = {} if tiles is None else {"map": tiles.describe(*place)}
-        self._formation = Formation(mission)
+        self._formation = FormationModel(mission)
         self._began_s = time.monotonic()
         self._link: Link | None = None
         self._count = 0
@@ -203,9 +203,9 @@ async def live_flight_of(
     *,
     orders: bool = False,
     tiles: TileSource | None = None,
-) -> AsyncIterator[LiveFlight]:
+) -> AsyncIterator[LiveSource]:
     """A formation that is listened to, and may be given orders, for as long as the context lasts."""
-    flight = LiveFlight(mission, orders=orders, tiles=tiles)
+    flight = LiveSource(mission, orders=orders, tiles=tiles)
     try:
         # A group, so that a link that cannot be used ends the console instead of leaving its page to age.
         async with asyncio.TaskGroup() as tasks:

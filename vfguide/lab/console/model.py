@@ -21,7 +21,7 @@ from vfguide.lab.console.ground import describe_ground
 from vfguide.lab.console.history import COLUMNS, CONSOLE_KINDS, FLOWN_AS, MODES, SERIES, History
 from vfguide.lab.rehearsal.recorder import limits_of
 from vfguide.lab.report.colours import NIGHT_COLOURS, colours_of
-from vfguide.lab.report.replay.data import FORMAT, Kind, encode
+from vfguide.lab.report.replay.data import FORMAT, SeriesKind, encode
 from vfguide.link.codec import LeaderMessage, LinkDataError, decode
 from vfguide.link.presence import BATTERY, BATTERY_VOLTAGE, LEADER_FIGURES, Presence
 from vfguide.mission import Mission
@@ -101,7 +101,7 @@ class PresenceReport:
     """When its warning was new; NaN without one."""
 
 
-class Formation:
+class FormationModel:
     """A formation, as a listener knows it who hears all of it."""
 
     def __init__(self, mission: Mission) -> None:
@@ -452,7 +452,7 @@ class Formation:
             "live": True,
             "mission": self._mission.name,
             "estimated": True,
-            "time": encode(time_ms, Kind(unit=0.001, bits=32), in_units=True),
+            "time": encode(time_ms, SeriesKind(unit=0.001, bits=32), in_units=True),
             "window_s": [0.0, 0.0],
             "modes": list(MODES),
             "ground": describe_ground(self._mission),

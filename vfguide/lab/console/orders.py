@@ -17,7 +17,7 @@ from vfguide.errors import VfguideError
 from vfguide.formation.orders import Order
 from vfguide.formation.wording import slots_in_words
 from vfguide.lab.order_desk import OrderDesk, await_formation, await_order
-from vfguide.lab.ordering import Outcome, RehearsedOrder, give_rehearsed, rehearse_order
+from vfguide.lab.ordering import OrderOutcome, RehearsedOrder, give_rehearsed, rehearse_order
 from vfguide.link.opening import Link, check_connected
 from vfguide.link.order_codec import Verdict
 from vfguide.mission import Mission
@@ -105,7 +105,7 @@ class OrderPanel:
         self._what, self._text = what, ""
         self._found: RehearsedOrder | None = None
         self._found_s = -math.inf
-        self._outcome: Outcome | None = None
+        self._outcome: OrderOutcome | None = None
 
     def rehearse(self, order: Order) -> int:
         """Begin to rehearse an order in the place of the last; the number of the rehearsal.
@@ -216,7 +216,7 @@ class OrderPanel:
     def _tell(self, _: str) -> None:
         self._changed()
 
-    def _conclude(self, outcome: Outcome) -> None:
+    def _conclude(self, outcome: OrderOutcome) -> None:
         self._outcome = outcome
         verdicts = {reply.verdict for reply in outcome.replies.values()}
         if outcome.flown:

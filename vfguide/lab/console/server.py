@@ -76,7 +76,7 @@ FROM_ELSEWHERE = "Orders are taken from the console's own page alone.\n"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Address:
+class ConsoleAddress:
     """Where the console is served, and how."""
 
     host: str = "127.0.0.1"
@@ -380,7 +380,7 @@ class QuietServer(uvicorn.Server):
         yield
 
 
-def listen(address: Address) -> socket:
+def listen(address: ConsoleAddress) -> socket:
     """A socket that listens.
 
     Raises:
@@ -405,7 +405,7 @@ def listen(address: Address) -> socket:
 @asynccontextmanager
 async def served(
     source: Source,
-    address: Address,
+    address: ConsoleAddress,
     *,
     title: str,
     token: str | None = None,
@@ -455,7 +455,7 @@ async def served(
         opened.close()
 
 
-def configured(app: ASGIApp, address: Address) -> uvicorn.Config:
+def configured(app: ASGIApp, address: ConsoleAddress) -> uvicorn.Config:
     """How the server runs.
 
     Raises:

@@ -23,7 +23,7 @@ from vfguide.lab.rehearsal.recorder import (
 )
 from vfguide.mission.model import Mission
 from vfguide.record.events import FlightEvent, merged_events
-from vfguide.record.flight import Acceptance, FlightRecord, Origin
+from vfguide.record.flight import FlightRecord, RecordAcceptance, RecordOrigin
 from vfguide.record.guidance_log import GuidanceStep, GuidanceTrack
 from vfguide.record.guidance_series import age_series, lead_series, sampled, slot_series
 from vfguide.record.latency import recorded_latency
@@ -91,8 +91,8 @@ def flight_of(found: FlightRecordings) -> FlightRecord:
         seed=0,
         duration_s=float(time_s[-1]),
         wall_s=None,
-        acceptance=Acceptance(**mission.acceptance.model_dump()),
-        origin=Origin(**mission.origin.model_dump()),
+        acceptance=RecordAcceptance(**mission.acceptance.model_dump()),
+        origin=RecordOrigin(**mission.origin.model_dump()),
         begin_unix_s=begin,
         latency=recorded_latency(
             {one.name: one.leader_age_s for one in vehicles if one.leader_age_s is not None}

@@ -16,7 +16,7 @@ from vfguide.lab.debrief.telemetry import read_setpoints, read_telemetry
 from vfguide.mission.model import Mission
 from vfguide.record.flight import FlightRecord
 from vfguide.record.guidance_log import GuidanceStep, GuidanceTrack
-from vfguide.record.recording import Start
+from vfguide.record.recording import RecordingStart
 from vfguide.record.tlog import read_tlog
 
 SATELLITE_TIME = "satellite time, as each autopilot wrote it into its log"
@@ -229,7 +229,7 @@ def as_recorded(log: AutopilotLog, vehicle: str, mission: Mission) -> RecordingC
     """A log as what a companion would have recorded: its setpoints are the steps of guidance."""
     return RecordingContents(
         directory=log.path.parent,
-        start=Start(
+        start=RecordingStart(
             vehicle=vehicle,
             mission=mission.name,
             system_id=log.system_id,

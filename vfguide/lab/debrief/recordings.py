@@ -20,7 +20,7 @@ from vfguide.record.events import FlightEvent, read_events
 from vfguide.record.guidance_log import GuidanceTrack, read_guidance
 from vfguide.record.recording import (
     MISSION_NAME,
-    Start,
+    RecordingStart,
     events_file,
     files_of,
     find_recordings,
@@ -45,7 +45,7 @@ class RecordingContents:
 
     directory: Path
     """Where it is."""
-    start: Start
+    start: RecordingStart
     """Who began it, and when."""
     telemetry: Telemetry
     """What its autopilot reported."""

@@ -11,7 +11,7 @@ from vfguide.elementwise import FloatArray, wrap_course
 from vfguide.errors import InputError
 from vfguide.frames import EARTH_RADIUS
 from vfguide.lab.report.geometry import slot_error
-from vfguide.record.flight import FlightRecord, Origin, VehicleRecord
+from vfguide.record.flight import FlightRecord, RecordOrigin, VehicleRecord
 
 VIRTUAL_BEGIN_S = 1_767_225_600.0
 """Time 0 of a flight in virtual time, s since 1970: 1 January 2026, as in its telemetry logs."""
@@ -85,7 +85,7 @@ def moment(unix_s: float) -> str:
     return text.replace("+00:00", "Z")
 
 
-def origin_of(record: FlightRecord) -> Origin:
+def origin_of(record: FlightRecord) -> RecordOrigin:
     """Where on the earth the flight was.
 
     Raises:
@@ -155,7 +155,7 @@ def bearing(angles_rad: FloatArray) -> FloatArray:
 
 
 def geodetic(
-    origin: Origin, north_m: FloatArray, east_m: FloatArray
+    origin: RecordOrigin, north_m: FloatArray, east_m: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """(latitude, longitude) of places of the local frame, degrees: `LocalFrame.to_geodetic` for arrays."""
     drop = (north_m * north_m + east_m * east_m) / (2.0 * EARTH_RADIUS)

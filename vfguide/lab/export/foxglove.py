@@ -168,7 +168,7 @@ def write_mcap(record: FlightRecord, path: Path) -> None:
     with path.open("wb") as file:
         writer = Writer(file)
         writer.start(profile="", library=f"vfguide {version('vfguide')}")
-        topics = Topics(writer)
+        topics = FoxgloveTopics(writer)
         begin_ns = round(begin_of(record) * 1e9)
         put_path(record, topics, begin_ns)
         for part in parts_of(record):
@@ -183,7 +183,7 @@ def write_mcap(record: FlightRecord, path: Path) -> None:
         writer.finish()  # type: ignore[no-untyped-call] # the library leaves it without types
 
 
-class Topics:
+class FoxgloveTopics:
     """Writes messages by topic; registers each topic and schema when it first comes."""
 
     def __init__(self, writer: Writer) -> None:
@@ -209,7 +209,7 @@ class Topics:
         )
 
 
-def put_path(record: FlightRecord, topics: Topics, time_ns: int) -> None:
+def put_path(record: FlightRecord, topics: FoxgloveTopics, time_ns: int) -> None:
     """The planned path, once and for good."""
     height = record.leader.altitude_amsl_m
     known = height[np.isfinite(height)]
@@ -234,7 +234,7 @@ def put_path(record: FlightRecord, topics: Topics, time_ns: int) -> None:
     topics.put("/scene/path", "foxglove.SceneUpdate", time_ns, scene("path", time_ns, lines=[line]))
 
 
-def put_part(record: FlightRecord, part: Part, topics: Topics, begin_ns: int) -> None:
+def put_part(record: FlightRecord, part: Part, topics: FoxgloveTopics, begin_ns: int) -> None:
     """Some samples of one vehicle."""
     vehicle = part.vehicle
     step_s = record.duration_s / max(record.time_s.size - 1, 1)
@@ -269,7 +269,9 @@ def state(part: Part, number: int, time_ns: int) -> Message:
     }
 
 
-def put_line(topics: Topics, vehicle: str, text: str, time_ns: int, *, level: int = INFO) -> None:
+def put_line(
+    topics: FoxgloveTopics, vehicle: str, text: str, time_ns: int, *, level: int = INFO
+) -> None:
     """A line of the log, of a vehicle's companion."""
     message: Message = {
         "timestamp": stamp(time_ns),
@@ -282,7 +284,9 @@ def put_line(topics: Topics, vehicle: str, text: str, time_ns: int, *, level: in
     topics.put("/log", "foxglove.Log", time_ns, message)
 
 
-def put_place(record: FlightRecord, part: Part, number: int, topics: Topics, time_ns: int) -> None:
+def put_place(
+    record: FlightRecord, part: Part, number: int, topics: FoxgloveTopics, time_ns: int
+) -> None:
     """Where a vehicle is on the earth, and in the local frame."""
     numbers = part.numbers
     place = [float(numbers[name][number]) for name in ("latitude_deg", "longitude_deg")]

@@ -61,7 +61,7 @@ def _mail(mission: Mission) -> Iterator[tuple[float, bytes]]:
             yield arrangement.time_s - lead_s + REPEAT_S * number, data
 
 
-class ForeignLeader:
+class EmulatedForeignLeader:
     """The aircraft."""
 
     leads = True
@@ -282,15 +282,15 @@ class Aircraft:
 
 def aircraft_of(
     mission: Mission, name: str, *, log: TelemetryLog | None = None
-) -> Aircraft | ForeignLeader:
+) -> Aircraft | EmulatedForeignLeader:
     """The aircraft of this name at its start; see there."""
     if mission.leader.is_foreign and name == mission.leader.vehicle:
-        return ForeignLeader(mission, log=log)
+        return EmulatedForeignLeader(mission, log=log)
     return Aircraft(mission, name, log=log)
 
 
 def step_all(
-    formation: Sequence[Aircraft | ForeignLeader], now: float, mail: Sequence[Mail]
+    formation: Sequence[Aircraft | EmulatedForeignLeader], now: float, mail: Sequence[Mail]
 ) -> list[Mail]:
     """One turn of each aircraft, leader first: what it publishes is heard at the same time by all others.
 
@@ -314,7 +314,7 @@ def step_all(
 class Candidates:
     """Those who may lead, the mission's leader first: what they say as leaders is heard at once by all."""
 
-    def __init__(self, aircraft: Sequence[Aircraft | ForeignLeader]) -> None:
+    def __init__(self, aircraft: Sequence[Aircraft | EmulatedForeignLeader]) -> None:
         """Put them in order."""
         self._aircraft = aircraft
         self._said: list[tuple[int, Mail]] = []
@@ -343,7 +343,7 @@ class Candidates:
 
 
 def fly_window(
-    formation: Sequence[Aircraft | ForeignLeader], window: Sequence[Instant]
+    formation: Sequence[Aircraft | EmulatedForeignLeader], window: Sequence[Instant]
 ) -> list[Mail]:
     """Let each aircraft, one after the other, fly a whole window of the exchange.
 

@@ -70,7 +70,7 @@ class Bursts:
 
 
 @dataclass(slots=True, kw_only=True, eq=False)
-class Radio:
+class EmulatedRadio:
     """A station's end of the channel."""
 
     station: Speaker
@@ -101,7 +101,7 @@ class Radio:
 class Transmission:
     """A packet on the air."""
 
-    sender: Radio | None
+    sender: EmulatedRadio | None
     """None for one from outside."""
     data: bytes
     """What is sent."""
@@ -113,7 +113,7 @@ class Transmission:
     """Whether another is on the air, too."""
 
 
-class Air:
+class RadioAir:
     """The channel with all its stations."""
 
     def __init__(self, quality: RadioQuality, *, seed: object = 0) -> None:
@@ -127,7 +127,7 @@ class Air:
         """Virtual time, s."""
         self.counters: Counter[str] = Counter()
         """Packets and bytes on the air, and what became of them."""
-        self.radios: list[Radio] = []
+        self.radios: list[EmulatedRadio] = []
         """Those of the stations."""
         self.quality = quality
         """What the radios do to packets."""
@@ -137,7 +137,7 @@ class Air:
         self._number = count()
         self._on_air: list[Transmission] = []
 
-    def add(self, station: Speaker, *, offset_s: float = 0.0, rate: float = 1.0) -> Radio:
+    def add(self, station: Speaker, *, offset_s: float = 0.0, rate: float = 1.0) -> EmulatedRadio:
         """Plug a station in now.
 
         Args:
@@ -146,7 +146,7 @@ class Air:
             rate: seconds of that clock in a second.
         """
         random = Random(f"{self._seed} radio {len(self.radios)}")
-        radio = Radio(
+        radio = EmulatedRadio(
             station=station,
             bursts=Bursts(self.quality, random),
             offset_s=offset_s,
@@ -165,7 +165,7 @@ class Air:
             event()
         self.now = until_s
 
-    def transmit(self, data: bytes, *, sender: Radio | None = None) -> None:
+    def transmit(self, data: bytes, *, sender: EmulatedRadio | None = None) -> None:
         """Have a radio send: that of a station, or one from outside that needs no line."""
         channel, begins_s = self.quality.channel, self.now
         if sender is not None:
@@ -178,7 +178,7 @@ class Air:
     def _at(self, at_s: float, event: Callable[[], None]) -> None:
         heapq.heappush(self._events, (at_s, next(self._number), event))
 
-    def _plan(self, radio: Radio) -> None:
+    def _plan(self, radio: EmulatedRadio) -> None:
         """See when a station's next turn is; what was planned before is void."""
         radio.version += 1
         turn = radio.station.next_turn(radio.clock(self.now))
@@ -187,7 +187,7 @@ class Air:
             at_s = max(radio.virtual(turn.at_s), self.now)
             self._at(at_s, lambda: self._take_turn(radio, turn, version))
 
-    def _take_turn(self, radio: Radio, turn: Turn, version: int) -> None:
+    def _take_turn(self, radio: EmulatedRadio, turn: Turn, version: int) -> None:
         if version != radio.version:
             return
         data = radio.station.speak(turn, max(radio.clock(self.now), turn.at_s))
@@ -216,7 +216,7 @@ class Air:
             if data:
                 self._at(self.now + line_s, lambda r=radio, d=data: self._deliver(r, d))  # type: ignore[misc]
 
-    def _received(self, sent: Transmission, radio: Radio) -> bytes:
+    def _received(self, sent: Transmission, radio: EmulatedRadio) -> bytes:
         """What a radio makes of a packet; nothing, or damaged bytes, where it is lost."""
         lost = sent.destroyed or radio.bursts.is_deaf(self.now)
         if not lost and self.quality.loss > 0.0:
@@ -230,7 +230,7 @@ class Air:
         damaged[self._random.randrange(len(damaged))] ^= self._random.randrange(1, 256)
         return bytes(damaged)
 
-    def _deliver(self, radio: Radio, data: bytes) -> None:
+    def _deliver(self, radio: EmulatedRadio, data: bytes) -> None:
         """Hand bytes to a station, cut somewhere as serial ports do."""
         if not radio.on:
             return

@@ -25,7 +25,7 @@ from vfguide.errors import VfguideError
 from vfguide.lab.rehearsal.aircraft import (
     Aircraft,
     Candidates,
-    ForeignLeader,
+    EmulatedForeignLeader,
     Instant,
     aircraft_of,
     fly_window,
@@ -45,7 +45,7 @@ WINDOWS = 2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Outcome:
+class VehicleOutcome:
     """What one aircraft brings home."""
 
     name: str
@@ -58,9 +58,9 @@ class Outcome:
     """Telemetry log of the vehicle, where one was kept."""
 
 
-def outcome_of(aircraft: Aircraft | ForeignLeader) -> Outcome:
+def outcome_of(aircraft: Aircraft | EmulatedForeignLeader) -> VehicleOutcome:
     """What an aircraft brings home so far."""
-    return Outcome(
+    return VehicleOutcome(
         name=aircraft.name,
         record=aircraft.recorder.record(),
         events=aircraft.events,
@@ -70,7 +70,7 @@ def outcome_of(aircraft: Aircraft | ForeignLeader) -> Outcome:
 
 def launch(
     mission: Mission, names: Sequence[str], epoch_s: float | None
-) -> list[Aircraft | ForeignLeader]:
+) -> list[Aircraft | EmulatedForeignLeader]:
     """Aircraft at their starts, with telemetry logs where time 0 is given in seconds since 1970."""
     return [
         aircraft_of(mission, name, log=None if epoch_s is None else TelemetryLog(epoch_s))
@@ -127,7 +127,7 @@ class WorkerProcess:
             raise self._death() from error
         return mail
 
-    def land(self) -> list[Outcome]:
+    def land(self) -> list[VehicleOutcome]:
         """Let the worker fly what was passed on to the end, and take what it brings home.
 
         Raises:
@@ -137,7 +137,7 @@ class WorkerProcess:
             self.published()
         try:
             self._instants.send(None)
-            outcomes: list[Outcome] = self._answers.recv()
+            outcomes: list[VehicleOutcome] = self._answers.recv()
         except (EOFError, OSError) as error:
             raise self._death() from error
         self._process.join()
@@ -183,7 +183,7 @@ def window_length(rate_hz: float) -> int:
     return max(round(PUBLISH_S * rate_hz), 1)
 
 
-class Exchange:
+class MailExchange:
     """Mail by the window in which it is due."""
 
     def __init__(self) -> None:
@@ -203,7 +203,7 @@ Progress = Callable[[float], None]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Flight:
+class LockstepFlight:
     """A flight that was flown, to its end or to where it was stopped."""
 
     record: FlightRecord
@@ -247,7 +247,7 @@ def fly_lockstep(
     epoch_s: float | None = None,
     progress: Progress | None = None,
     stop: Callable[[], bool] = lambda: False,
-) -> Flight:
+) -> LockstepFlight:
     """Fly a mission to its end, or until it is told to stop.
 
     Args:
@@ -277,7 +277,7 @@ def fly_lockstep(
         ]
         here = launch(mission, [*first, *rest[processes - 1 :: processes]], epoch_s)
         candidates, followers = Candidates(here[: len(first)]), here[len(first) :]
-        exchange = Exchange()
+        exchange = MailExchange()
         for window, due in enumerate(windows(mission)):
             if window >= WINDOWS:
                 for worker in workers:
@@ -304,7 +304,7 @@ def fly_lockstep(
         for worker in workers:
             outcomes += worker.land()
     records = {outcome.name: outcome.record for outcome in outcomes}
-    return Flight(
+    return LockstepFlight(
         record=flight_record(
             mission,
             times,

@@ -18,9 +18,15 @@ from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 from vfguide.companion.mission_plan import flight_plan
 from vfguide.companion.timing import SharedClock
 from vfguide.formation.arrangement import Manoeuvre
-from vfguide.lab.rehearsal.aircraft import OPERATOR, REPEAT_S, Aircraft, ForeignLeader
-from vfguide.lab.rehearsal.emulated_radio import Air, Radio, RadioQuality
-from vfguide.lab.rehearsal.lockstep import Flight, Progress, flight_events, fly_lockstep, instants
+from vfguide.lab.rehearsal.aircraft import OPERATOR, REPEAT_S, Aircraft, EmulatedForeignLeader
+from vfguide.lab.rehearsal.emulated_radio import EmulatedRadio, RadioAir, RadioQuality
+from vfguide.lab.rehearsal.lockstep import (
+    LockstepFlight,
+    Progress,
+    flight_events,
+    fly_lockstep,
+    instants,
+)
 from vfguide.lab.rehearsal.recorder import flight_record
 from vfguide.link.envelope import MAGIC as ENVELOPE_MAGIC
 from vfguide.link.envelope import Kind
@@ -61,7 +67,7 @@ class RadioRates:
 class RadioFlight:
     """A flight by radio."""
 
-    flight: Flight
+    flight: LockstepFlight
     """What happened."""
     air: Counter[str]
     """What was on the air, in packets and bytes."""
@@ -76,7 +82,7 @@ class RadioFlight:
 class Channels:
     """What all stations of a flight have in common."""
 
-    def __init__(self, mission: Mission, air: Air, rates: RadioRates) -> None:
+    def __init__(self, mission: Mission, air: RadioAir, rates: RadioRates) -> None:
         """Make keys of chance, the same for the same seed.
 
         Args:
@@ -182,7 +188,7 @@ class RadioAircraft:
             channels.mission, name, log=log, clock=clock, orders=(), greeting_s=GREETING_S
         )
         self._voice = ClockQuestions()
-        self._radio: Radio = channels.air.add(channels.station(self.member))
+        self._radio: EmulatedRadio = channels.air.add(channels.station(self.member))
 
     def step(self, now: float, heard: list[Mail]) -> None:
         """Hear, fly on, and say what there is to say.
@@ -302,7 +308,7 @@ def fly_rehearsal(
     epoch_s: float | None = None,
     progress: Progress | None = None,
     stop: Callable[[], bool] = lambda: False,
-) -> Flight:
+) -> LockstepFlight:
     """Fly a mission over the link that its rehearsal names; arguments and errors as of `fly_lockstep`.
 
     A radio joins all aircraft at every instant: they fly in one process.
@@ -341,13 +347,13 @@ def fly_by_radio(
         update={"link_delay_s": 0.0, "link_jitter_s": 0.0, "link_loss": 0.0}
     )
     flown = mission.model_copy(update={"rehearsal": silent})
-    air = Air(quality or quality_of(mission), seed=mission.rehearsal.seed)
+    air = RadioAir(quality or quality_of(mission), seed=mission.rehearsal.seed)
     channels = Channels(flown, air, rates or rates_of(mission))
 
     def log() -> TelemetryLog | None:
         return None if epoch_s is None else TelemetryLog(epoch_s)
 
-    foreign = ForeignLeader(flown, log=log()) if flown.leader.is_foreign else None
+    foreign = EmulatedForeignLeader(flown, log=log()) if flown.leader.is_foreign else None
     names = [flown.leader.vehicle, *flown.followers_by_name]
     crews = [
         RadioAircraft(channels, name, log=log()) for name in names if name in channels.vehicles
@@ -369,12 +375,12 @@ def fly_by_radio(
         if now >= 0.5 * flown.rehearsal.duration_s:
             followers = (crew.aircraft for crew in crews if not crew.aircraft.leads)
             ages += [one.companion.leader_age(now) for one in followers]
-    aircraft: list[Aircraft | ForeignLeader] = [] if foreign is None else [foreign]
+    aircraft: list[Aircraft | EmulatedForeignLeader] = [] if foreign is None else [foreign]
     aircraft += [crew.aircraft for crew in crews]
     refused: Counter[str] = Counter()
     for crew in crews:
         refused += crew.refused + crew.member.counters
-    flight = Flight(
+    flight = LockstepFlight(
         record=flight_record(
             flown,
             times,

@@ -20,7 +20,7 @@ from vfguide.mission.model import Mission
 from vfguide.mission.path_frame import frame_of
 from vfguide.mission.vehicle import Vehicle
 from vfguide.record.events import FlightEvent, merged_events
-from vfguide.record.flight import Acceptance, FlightMode, FlightRecord, Origin
+from vfguide.record.flight import FlightMode, FlightRecord, RecordAcceptance, RecordOrigin
 from vfguide.record.outline import Outline, OutlineKind
 from vfguide.record.vehicle import LEAD_SERIES, SLOT_SERIES, FlightLimits, VehicleRecord
 
@@ -187,8 +187,8 @@ def flight_record(
         seed=mission.rehearsal.seed,
         duration_s=times[-1],
         wall_s=wall_s,
-        acceptance=Acceptance(**mission.acceptance.model_dump()),
-        origin=Origin(**mission.origin.model_dump()),
+        acceptance=RecordAcceptance(**mission.acceptance.model_dump()),
+        origin=RecordOrigin(**mission.origin.model_dump()),
         events=merged_events(event for event in events if 0.0 <= event.time_s <= times[-1]),
     )
 

@@ -55,7 +55,7 @@ class Span:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Frame:
+class AnimationFrame:
     """What one picture shows: places in pixels, from metres."""
 
     sample: int
@@ -177,7 +177,7 @@ def draw_frames(record: FlightRecord, span: Span) -> Iterator[Image.Image]:
         (west, east), (south, north) = (extent([one[:, sample]]) for one in places)
         room = 0.5 * SCENE_HEIGHT - 34.0
         yield artist.draw(
-            Frame(
+            AnimationFrame(
                 sample=sample,
                 east_m=(west + east) / 2.0,
                 north_m=(south + north) / 2.0,
@@ -250,7 +250,7 @@ class Artist:
         self._least = max(low, LEAST_DRAWN_M) / 1.5
         self._most = max(high * 1.5, 10.0 * self._least)
 
-    def draw(self, frame: Frame) -> Image.Image:
+    def draw(self, frame: AnimationFrame) -> Image.Image:
         """One picture."""
         height = SCENE_HEIGHT + (PLOT_HEIGHT if self._record.followers else 0)
         picture = Image.new("RGB", (FINER * WIDTH, FINER * height), "white")
@@ -269,7 +269,7 @@ class Artist:
             self._draw_errors(pen, frame)
         return picture.resize((WIDTH, height), Image.Resampling.BOX)
 
-    def _draw_grid(self, pen: ImageDraw.ImageDraw, frame: Frame) -> None:
+    def _draw_grid(self, pen: ImageDraw.ImageDraw, frame: AnimationFrame) -> None:
         spacing = round_length(110.0 / frame.scale)
         half_width, half_height = WIDTH / 2 / frame.scale, SCENE_HEIGHT / 2 / frame.scale
         bottom = FINER * SCENE_HEIGHT
@@ -286,12 +286,14 @@ class Artist:
             y = FINER * (SCENE_HEIGHT / 2 - frame.scale * (number * spacing - frame.north_m))
             pen.line([(0, y), (FINER * WIDTH, y)], fill=GRID, width=FINER)
 
-    def _draw_path(self, pen: ImageDraw.ImageDraw, frame: Frame) -> None:
+    def _draw_path(self, pen: ImageDraw.ImageDraw, frame: AnimationFrame) -> None:
         places = frame.place(self._record.path_east_m, self._record.path_north_m)
         if len(places) > 1:
             pen.line(places, fill=PATH, width=3 * FINER, joint="curve")
 
-    def _draw_trail(self, pen: ImageDraw.ImageDraw, frame: Frame, vehicle: VehicleRecord) -> None:
+    def _draw_trail(
+        self, pen: ImageDraw.ImageDraw, frame: AnimationFrame, vehicle: VehicleRecord
+    ) -> None:
         begin = int(
             np.searchsorted(self._record.time_s, self._record.time_s[frame.sample] - TRAIL_S)
         )
@@ -301,7 +303,9 @@ class Artist:
             colour = mixed(self._colours[vehicle.name], 0.55)
             pen.line(places, fill=colour, width=2 * FINER, joint="curve")
 
-    def _draw_slot(self, picture: Image.Image, frame: Frame, vehicle: VehicleRecord) -> None:
+    def _draw_slot(
+        self, picture: Image.Image, frame: AnimationFrame, vehicle: VehicleRecord
+    ) -> None:
         leader, sample = self._record.reference, frame.sample
         north, east = slot_track(leader, *vehicle.slot_m)
         here = slice(sample, sample + 1)
@@ -317,7 +321,9 @@ class Artist:
         pen.polygon(outline, fill=mixed(colour, 0.18))
         pen.line([*outline, outline[0]], fill=mixed(colour, 0.8), width=FINER)
 
-    def _draw_vehicle(self, pen: ImageDraw.ImageDraw, frame: Frame, vehicle: VehicleRecord) -> None:
+    def _draw_vehicle(
+        self, pen: ImageDraw.ImageDraw, frame: AnimationFrame, vehicle: VehicleRecord
+    ) -> None:
         sample = frame.sample
         here = slice(sample, sample + 1)
         place = frame.place(vehicle.east_m[here], vehicle.north_m[here])
@@ -340,7 +346,7 @@ class Artist:
             stroke_fill="white",
         )
 
-    def _draw_wind(self, pen: ImageDraw.ImageDraw, frame: Frame) -> None:
+    def _draw_wind(self, pen: ImageDraw.ImageDraw, frame: AnimationFrame) -> None:
         leader = self._record.leader
         north = float(leader.wind_north_m_s[frame.sample])
         east = float(leader.wind_east_m_s[frame.sample])
@@ -362,7 +368,7 @@ class Artist:
         pen.line(finer([tail, neck]), fill=WIND_COLOUR, width=3 * FINER)
         pen.polygon(finer([tip, *sides]), fill=WIND_COLOUR)
 
-    def _draw_words(self, pen: ImageDraw.ImageDraw, frame: Frame) -> None:
+    def _draw_words(self, pen: ImageDraw.ImageDraw, frame: AnimationFrame) -> None:
         time_s = float(self._record.time_s[frame.sample])
         self._tell(pen, (WIDTH - 14.0, 16.0), f"{self._record.mission}, {time_s:.1f} s", "rm")
         length = round_length(120.0 / frame.scale)
@@ -371,7 +377,7 @@ class Artist:
         pen.line(finer([(x, y - 5), (x, y), (right, y), (right, y - 5)]), fill=TEXT, width=FINER)
         self._tell(pen, (x + 5.0, y - 11.0), f"{length:g} m", "lm")
 
-    def _draw_errors(self, pen: ImageDraw.ImageDraw, frame: Frame) -> None:
+    def _draw_errors(self, pen: ImageDraw.ImageDraw, frame: AnimationFrame) -> None:
         left, right = 52.0, WIDTH - 14.0
         top, bottom = SCENE_HEIGHT + 26.0, SCENE_HEIGHT + PLOT_HEIGHT - 12.0
         corners = finer([(0, SCENE_HEIGHT), (WIDTH, SCENE_HEIGHT + PLOT_HEIGHT)])

@@ -33,14 +33,14 @@ from vfguide.lab.report.figures import (
 )
 from vfguide.lab.report.geometry import intended_leader, pair_separations, slot_error
 from vfguide.lab.report.summary import FollowerSummary, FormationSummary, LeaderSummary, Summary
-from vfguide.record.flight import Acceptance, FlightRecord, VehicleRecord
+from vfguide.record.flight import FlightRecord, RecordAcceptance, VehicleRecord
 from vfguide.record.latency import describe_latency
 
 IN_PLACE_M = 10.0
 """Within this distance of its slot a follower has come to it: see `vfguide.companion.supervisor`."""
 
 
-def find_rejections(acceptance: Acceptance, formation: FormationSummary) -> tuple[str, ...]:
+def find_rejections(acceptance: RecordAcceptance, formation: FormationSummary) -> tuple[str, ...]:
     """What the flight did not reach, one phrase with figures for each; empty if it reached all."""
     found = (
         reject_error("mean formation error", formation.mean_error_m, acceptance.mean_error_m),
@@ -91,7 +91,7 @@ def reject_separation(least_m: float | None, limit_m: float) -> str | None:
     return f"two vehicles came within {least} m of each other, closer than {limit} m"
 
 
-def reject_absence(name: str, error: Spread | None, acceptance: Acceptance) -> str | None:
+def reject_absence(name: str, error: Spread | None, acceptance: RecordAcceptance) -> str | None:
     """Why a follower was not in its slot, whatever the mission asks for; None if it was.
 
     A mission whose own limit is wider accepts that.

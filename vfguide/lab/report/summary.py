@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from vfguide.lab.report.figures import Spread
-from vfguide.record.flight import Acceptance, Role
+from vfguide.record.flight import RecordAcceptance, Role
 from vfguide.record.latency import Latency
 
 
@@ -105,7 +105,7 @@ class Summary:
     """Whether the flight reached all that its mission asks for."""
     rejections: tuple[str, ...]
     """Why it was not accepted, in words with figures; empty if it was."""
-    acceptance: Acceptance
+    acceptance: RecordAcceptance
     """What the mission asks for."""
     formation: FormationSummary
     """All followers together."""

@@ -136,7 +136,7 @@ OUTLINES: dict[OutlineKind, OutlineStyle] = {
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class View:
+class PlotView:
     """A square piece of ground."""
 
     east_m: float
@@ -226,7 +226,7 @@ def draw_outlines(axes: Axes, record: FlightRecord) -> None:
         named.add(outline.kind)
 
 
-def choose_view(record: FlightRecord) -> View:
+def choose_view(record: FlightRecord) -> PlotView:
     """The square that holds all tracks and the path, with a margin, and outlines near them."""
     # A leader that was lost may be far away.
     shown = (record.reference, *record.followers)
@@ -240,7 +240,7 @@ def choose_view(record: FlightRecord) -> View:
     west, east = extent([np.array([west, east]), *easts])
     south, north = extent([np.array([south, north]), *norths])
     side = max(east - west, north - south, side)
-    return View(east_m=(west + east) / 2, north_m=(south + north) / 2, side_m=1.22 * side)
+    return PlotView(east_m=(west + east) / 2, north_m=(south + north) / 2, side_m=1.22 * side)
 
 
 def choose_snapshots(record: FlightRecord, spacing_m: float) -> tuple[int, ...]:
@@ -260,7 +260,7 @@ def choose_snapshots(record: FlightRecord, spacing_m: float) -> tuple[int, ...]:
     return tuple(chosen)
 
 
-def choose_magnification(record: FlightRecord, view: View) -> float:
+def choose_magnification(record: FlightRecord, view: PlotView) -> float:
     """How many times its size a formation is drawn: 1 if it can be seen as it is."""
     places = [(0.0, 0.0), *((v.slot_forward_m, v.slot_right_m) for v in record.followers)]
     size = max(math.dist(first, second) for first in places for second in places)
@@ -315,7 +315,7 @@ def draw_time(axes: Axes, record: FlightRecord, sample: int, side: float) -> Non
 
 
 def draw_wind(
-    axes: Axes, record: FlightRecord, samples: tuple[int, ...], view: View, right_m: float
+    axes: Axes, record: FlightRecord, samples: tuple[int, ...], view: PlotView, right_m: float
 ) -> None:
     """Beside each formation, unless there is one already, an arrow: where the air moves to, how fast."""
     leader = record.reference
@@ -368,7 +368,7 @@ def abreast(record: FlightRecord, sample: int, right_m: float) -> Point:
     )
 
 
-def choose_side(record: FlightRecord, samples: tuple[int, ...], view: View) -> float:
+def choose_side(record: FlightRecord, samples: tuple[int, ...], view: PlotView) -> float:
     """The side of the track with more room in the view: 1 for the right, -1 for the left.
 
     Of a circle it is the inside. A straight track has none, and gets the side with fewer slots.

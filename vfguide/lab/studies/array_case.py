@@ -13,9 +13,9 @@ from vfguide.guidance.settings import GuidanceSettings
 from vfguide.guidance.wind_triangle import ground_speed_on_course
 from vfguide.lab.studies.array_plant import (
     Fleet,
+    FleetTargets,
     Ground,
     SwingingWind,
-    Targets,
     ellipsoid_of,
     swinging_wind,
 )
@@ -43,7 +43,7 @@ class Push:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Conditions:
+class ArrayConditions:
     """What a batch of formations has in common."""
 
     task: LeaderTask
@@ -77,7 +77,7 @@ class Conditions:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Start:
+class ArrayStart:
     """Where everybody begins, 1 + F rows by M columns, and in which wind."""
 
     north: FloatArray
@@ -100,7 +100,7 @@ Watcher = Callable[[float, FloatArray, Setpoint[FloatArray] | None], None]
 """Hears the time, the distances from the slots (F by M, m) and the followers' setpoints, at each step."""
 
 
-def fleet_at(start: Start, conditions: Conditions) -> Fleet:
+def fleet_at(start: ArrayStart, conditions: ArrayConditions) -> Fleet:
     """The vehicles in the air, loitering."""
     wind_north, wind_east = start.wind.at(0.0)
     airspeed = np.full_like(start.course, start.airspeed)
@@ -118,13 +118,13 @@ def fleet_at(start: Start, conditions: Conditions) -> Fleet:
         direction=direction,
         speed=airspeed,
         place=conditions.ground.place(start.north, start.east),
-        targets=Targets(None, airspeed),
+        targets=FleetTargets(None, airspeed),
     )
 
 
 def conditions_of(
     mission: Mission, ground: Ground | None = None, *, rounded: bool = True
-) -> Conditions:
+) -> ArrayConditions:
     """What every formation of a mission has in common; slots are fixed to the leader's measured motion.
 
     Args:
@@ -155,7 +155,7 @@ def conditions_of(
         if wrong:
             raise VfguideError(f"{mission.name}: {what} cannot be flown in the array form")
     airframe = airframes.pop()
-    return Conditions(
+    return ArrayConditions(
         task=leader_task(mission),
         settings=settings,
         law=laws.find(mission.controller.type),
@@ -176,7 +176,7 @@ def start_of(
     *,
     wind: SwingingWind | None = None,
     gains: Section | None = None,
-) -> Start:
+) -> ArrayStart:
     """The mission's start for so many formations, in its wind and with its gains if none are given."""
     starts = [
         leader_start(mission),
@@ -184,7 +184,7 @@ def start_of(
     ]
     columns = np.ones(count)
     slots = [follower.slot for follower in mission.followers]
-    return Start(
+    return ArrayStart(
         north=np.array([start.north_m for start in starts])[:, None] * columns,
         east=np.array([start.east_m for start in starts])[:, None] * columns,
         course=np.radians([start.course_deg for start in starts])[:, None] * columns,
@@ -199,7 +199,7 @@ def start_of(
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Outcome:
+class ArrayOutcome:
     """One number for each formation; the window is the last half of the flight, as in a flight report."""
 
     mean_error_m: FloatArray
@@ -256,13 +256,13 @@ class Watch:
             self._turned = self._turned + change
         self._setpoint = setpoint
 
-    def outcome(self) -> Outcome:
+    def outcome(self) -> ArrayOutcome:
         """What it came to."""
         window = self._duration_s / 2.0
         end = self._duration_s - 1e-6
         excess = np.asarray(self._variation - np.abs(self._turned))
         out_10m, out_1m = np.asarray(self._out_10m), np.asarray(self._out_1m)
-        return Outcome(
+        return ArrayOutcome(
             mean_error_m=np.asarray(self._total) / self._samples,
             max_error_m=np.asarray(self._greatest),
             settle_10m_s=np.where(out_10m < end, out_10m, np.inf),

@@ -25,7 +25,7 @@ from vfguide.guidance.airspeed_calibration import Calibration, calibrated, calib
 from vfguide.guidance.formation import Slot
 from vfguide.guidance.leader_motion import MotionEstimate, estimated_motion, motion_at_first
 from vfguide.guidance.navigation import Sample, first_state, navigate
-from vfguide.lab.studies.array_case import Conditions, Push, Start, Watcher, fleet_at
+from vfguide.lab.studies.array_case import ArrayConditions, ArrayStart, Push, Watcher, fleet_at
 from vfguide.lab.studies.array_plant import Fleet, Report
 from vfguide.laws.keeper import SlotKeeper
 from vfguide.laws.leader import leader_step
@@ -50,7 +50,7 @@ class Followers(Protocol):
 class TogetherFollowers:
     """By a law that takes arrays."""
 
-    def __init__(self, start: Start, conditions: Conditions) -> None:
+    def __init__(self, start: ArrayStart, conditions: ArrayConditions) -> None:
         law = conditions.law(start.gains, conditions.settings, conditions.airframe)
         self._keeper: SlotKeeper[FloatArray] = SlotKeeper(law, start.slot)
 
@@ -68,7 +68,7 @@ class TogetherFollowers:
 class SeparateFollowers:
     """By a law that takes one vehicle at a time."""
 
-    def __init__(self, start: Start, conditions: Conditions) -> None:
+    def __init__(self, start: ArrayStart, conditions: ArrayConditions) -> None:
         self._shape = start.north[1:].shape
         self._keepers: dict[tuple[int, ...], SlotKeeper[float]] = {
             (row, column): SlotKeeper(
@@ -133,7 +133,7 @@ def gains_of_one(gains: Section, column: int) -> Section:
     return gains.model_copy(update=own)
 
 
-def followers_of(start: Start, conditions: Conditions) -> Followers:
+def followers_of(start: ArrayStart, conditions: ArrayConditions) -> Followers:
     """The followers of a batch."""
     together = conditions.law.arrays
     return (TogetherFollowers if together else SeparateFollowers)(start, conditions)
@@ -212,7 +212,7 @@ class Calibrations:
 
 
 def fly_formations(
-    start: Start, conditions: Conditions, watch: Watcher, random: Generator | None = None
+    start: ArrayStart, conditions: ArrayConditions, watch: Watcher, random: Generator | None = None
 ) -> None:
     """Fly a batch of formations to the end.
 
@@ -224,7 +224,7 @@ def fly_formations(
     """
     fleet = fleet_at(start, conditions)
     followers = followers_of(start, conditions)
-    clock, stream = Clock(conditions.rate_hz), Stream()
+    clock, stream = ReportClock(conditions.rate_hz), Stream()
     calibrates = conditions.calibrates and conditions.airframe.hold == "heading-hold"
     calibrations = Calibrations() if calibrates else None
     delayed = math.ceil(conditions.link_delay_s * conditions.rate_hz - 1e-6)
@@ -296,7 +296,7 @@ def pushed(
     return course + push.course * followers, speed + push.speed * followers
 
 
-class Clock:
+class ReportClock:
     """The time of reports as companions see it, to the last bit: stamps in milliseconds, a mean period."""
 
     def __init__(self, rate_hz: float) -> None:
@@ -316,7 +316,7 @@ class Clock:
 
 
 def reported(
-    fleet: Fleet, conditions: Conditions, time_s: float, random: Generator | None
+    fleet: Fleet, conditions: ArrayConditions, time_s: float, random: Generator | None
 ) -> tuple[Sample[FloatArray], Report]:
     """What the autopilots report now, in the local frame; and the positions as they are reported."""
     moving = fleet.motion(time_s)

@@ -224,7 +224,7 @@ def swinging_wind(wind: CalmWind | ArticleWind | SteadyWind, count: int) -> Swin
     )
 
 
-class Motion(NamedTuple):
+class FleetMotion(NamedTuple):
     """How vehicles move at one instant."""
 
     turn_rate: FloatArray
@@ -238,7 +238,7 @@ class Motion(NamedTuple):
 
 
 @dataclass(slots=True)
-class Targets:
+class FleetTargets:
     """What the autopilots hold."""
 
     course: FloatArray | None
@@ -263,7 +263,7 @@ class Fleet:
     """The speed held, m/s."""
     place: Place
     """Where they are."""
-    targets: Targets
+    targets: FleetTargets
     """What they hold."""
 
     @property
@@ -275,9 +275,9 @@ class Fleet:
         """New setpoints; the first change what a course-hold plant's speed means, not the motion."""
         if self.airframe.hold == "course-hold" and self.targets.course is None:
             self.speed = along_course(self.direction, self.speed, self.wind.at(time_s))
-        self.targets = Targets(course, speed)
+        self.targets = FleetTargets(course, speed)
 
-    def motion(self, time_s: float) -> Motion:
+    def motion(self, time_s: float) -> FleetMotion:
         """The motion now."""
         return self._motion(self.direction, self.speed, self.wind.at(time_s))
 
@@ -306,7 +306,7 @@ class Fleet:
 
     def _motion(
         self, direction: FloatArray, speed: FloatArray, wind: tuple[FloatArray, FloatArray]
-    ) -> Motion:
+    ) -> FleetMotion:
         if self.airframe.hold == "heading-hold":
             north = speed * np.cos(direction) + wind[0]
             east = speed * np.sin(direction) + wind[1]
@@ -330,7 +330,7 @@ class Fleet:
             -airframe.max_acceleration,
             airframe.max_acceleration,
         )
-        return Motion(turn_rate, acceleration, north, east)
+        return FleetMotion(turn_rate, acceleration, north, east)
 
     def _flyable(
         self, course: FloatArray, ground_speed: FloatArray, wind: tuple[FloatArray, FloatArray]

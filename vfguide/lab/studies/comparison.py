@@ -88,7 +88,7 @@ QUICK = Extent(duration_s=60.0, seeds=2, bad_link_plants=PLANTS[:1])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Row:
+class ComparisonRow:
     """One mission, law, plant and condition."""
 
     mission: str
@@ -154,7 +154,7 @@ def seeded(mission: str, seed: int, duration_s: float) -> Changes:
 
 def compare(
     executor: Executor, extent: Extent, laws: Sequence[str]
-) -> tuple[list[Row], dict[tuple[str, str], Tracks]]:
+) -> tuple[list[ComparisonRow], dict[tuple[str, str], Tracks]]:
     """Fly everything by some laws; the table, and the tracks by mission and law."""
     flown = cases(extent, laws)
     results = list(flown_by(executor, fly, flown))
@@ -166,7 +166,7 @@ def compare(
     return list(rows(zip(flown, (figures for figures, _ in results), strict=True))), tracks
 
 
-def rows(results: Iterable[tuple[Case, Figures]]) -> Iterable[Row]:
+def rows(results: Iterable[tuple[Case, Figures]]) -> Iterable[ComparisonRow]:
     """One row for all flights that differ by nothing but their seed."""
     groups: dict[tuple[str, str, str, str], list[Figures]] = {}
     for case, figures in results:
@@ -174,7 +174,7 @@ def rows(results: Iterable[tuple[Case, Figures]]) -> Iterable[Row]:
         groups.setdefault(key, []).append(figures)
     for (mission, law, plant, condition), several in groups.items():
         mean, half_width = summed_up(several)
-        yield Row(
+        yield ComparisonRow(
             mission=mission,
             law=law,
             plant=plant,
@@ -205,7 +205,7 @@ def summed_up(several: list[Figures]) -> tuple[Figures, dict[str, float | None]]
     return Figures(**means), halves
 
 
-def row_json(row: Row) -> dict[str, Any]:
+def row_json(row: ComparisonRow) -> dict[str, Any]:
     """A row ready for JSON, which knows no NaN."""
     content = asdict(row)
     for part in ("mean", "half_width"):
@@ -228,7 +228,7 @@ def seconds(value: float | None) -> str:
     return "never" if value is None else f"{value:.1f}"
 
 
-def short_table(rows: Sequence[Row], costs: Mapping[str, Mapping[str, Any]]) -> str:
+def short_table(rows: Sequence[ComparisonRow], costs: Mapping[str, Mapping[str, Any]]) -> str:
     """Mean errors by mission and law, the shipped missions on the air-relative plant: the one table."""
     laws = list(dict.fromkeys(row.law for row in rows))
     found = {
@@ -250,7 +250,7 @@ def short_table(rows: Sequence[Row], costs: Mapping[str, Mapping[str, Any]]) -> 
     return "\n".join(lines) + "\n"
 
 
-def long_table(rows: Sequence[Row], plant: str, condition: str) -> str:
+def long_table(rows: Sequence[ComparisonRow], plant: str, condition: str) -> str:
     """All figures of one plant and condition."""
     chosen = [row for row in rows if row.plant == plant and row.condition == condition]
     if not chosen:

@@ -13,7 +13,7 @@ from numpy.random import Generator, SeedSequence, default_rng
 from pydantic.fields import FieldInfo
 
 from vfguide.elementwise import FloatArray
-from vfguide.lab.studies.array_case import Outcome, Start, Watch, conditions_of, start_of
+from vfguide.lab.studies.array_case import ArrayOutcome, ArrayStart, Watch, conditions_of, start_of
 from vfguide.lab.studies.array_formation import fly_formations
 from vfguide.lab.studies.array_plant import Plane, SwingingWind
 from vfguide.lab.studies.flown import Case, article_mission, flown_by, fly
@@ -77,7 +77,7 @@ class BatchResult:
 
     batch: Batch
     """Which."""
-    outcome: Outcome
+    outcome: ArrayOutcome
     """One number for each formation."""
     wind_share: FloatArray
     """Mean wind over the leader's airspeed, of each formation."""
@@ -179,7 +179,7 @@ def drawn_slots(count: int, random: Generator) -> list[tuple[float, float]]:
     return taken[1:]
 
 
-def drawn_start(mission: Mission, count: int, random: Generator) -> Start:
+def drawn_start(mission: Mission, count: int, random: Generator) -> ArrayStart:
     """Everybody somewhere, in any direction; every formation in a wind of its own."""
     airspeed = mission.leader.airspeed_m_s
     mean = random.uniform(0.0, GREATEST_WIND * airspeed, count)
@@ -268,7 +268,7 @@ SWEEPS = {
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Point:
+class SweepPoint:
     """One flight of a map; can be handed to another process."""
 
     sweep: str
@@ -287,7 +287,7 @@ class Point:
 class Found:
     """What a flight came to."""
 
-    point: Point
+    point: SweepPoint
     """Which."""
     mean_error_m: float
     """Over the last half."""
@@ -299,10 +299,10 @@ class Found:
     """Back and forth of the course setpoints."""
 
 
-def points(laws: Sequence[str], *, quick: bool) -> list[Point]:
+def points(laws: Sequence[str], *, quick: bool) -> list[SweepPoint]:
     """Every flight of every map, by each of these laws."""
     return [
-        Point(
+        SweepPoint(
             sweep=name,
             value=value,
             mission=mission,
@@ -316,7 +316,7 @@ def points(laws: Sequence[str], *, quick: bool) -> list[Point]:
     ]
 
 
-def fly_point(point: Point) -> Found:
+def fly_point(point: SweepPoint) -> Found:
     """Fly one."""
     if point.sweep in WRONG:
         return fly_misled(point)
@@ -345,7 +345,7 @@ def fly_point(point: Point) -> Found:
     )
 
 
-def fly_misled(point: Point) -> Found:
+def fly_misled(point: SweepPoint) -> Found:
     """Fly one whose vehicles respond faster or slower than the laws believe."""
     # The array form has slots turn with the leader's measured course.
     changes: dict[str, dict[str, Any]] = {

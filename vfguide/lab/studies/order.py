@@ -19,7 +19,7 @@ from vfguide.lab.rehearsal.aircraft import (
     REPEAT_S,
     TIMES,
     Aircraft,
-    ForeignLeader,
+    EmulatedForeignLeader,
     step_all,
 )
 from vfguide.lab.rehearsal.recorder import flight_record
@@ -116,7 +116,7 @@ def rehearsed(
     orders = [(BEGINS_S - early_s + REPEAT_S * number, data) for number in range(TIMES)]
     names = [copy.leader.vehicle, *copy.followers_by_name]
     flying = [
-        ForeignLeader(copy)
+        EmulatedForeignLeader(copy)
         if copy.leader.is_foreign and name == copy.leader.vehicle
         else Aircraft(copy, name, orders=orders)
         for name in names

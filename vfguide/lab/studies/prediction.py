@@ -14,7 +14,7 @@ import numpy as np
 
 from vfguide.formation.arrangement import MAIN_PATH, Arrangement
 from vfguide.guidance.height_change import change_duration
-from vfguide.lab.rehearsal.lockstep import Flight
+from vfguide.lab.rehearsal.lockstep import LockstepFlight
 from vfguide.lab.rehearsal.radio_flight import fly_rehearsal
 from vfguide.lab.report.geometry import pair_separations
 from vfguide.lab.report.metrics import summarise
@@ -80,7 +80,7 @@ def series_of(vehicle: VehicleRecord, count: int) -> dict[str, Any]:
     return {name: one[:count] for name, one in values.items() if isinstance(one, np.ndarray)}
 
 
-def orders_amiss(mission: Mission, flight: Flight) -> Iterator[Finding]:
+def orders_amiss(mission: Mission, flight: LockstepFlight) -> Iterator[Finding]:
     """Orders that are not flown, and the nearest two of a flight with orders where they come too near."""
     if not mission.orders:
         return
@@ -122,7 +122,7 @@ def fence_left(mission: Mission, record: FlightRecord) -> Iterator[Finding]:
                 yield Finding("error", (place,), message, finding.remedy)
 
 
-def orders_not_flown(mission: Mission, flight: Flight) -> Iterator[Finding]:
+def orders_not_flown(mission: Mission, flight: LockstepFlight) -> Iterator[Finding]:
     """Orders that are refused or void in the rehearsal, one finding for each, with the first reason given."""
     found: dict[int, str] = {}
     away = {loss.vehicle for loss in mission.rehearsal.losses}

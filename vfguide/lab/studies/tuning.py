@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from vfguide.elementwise import BoolArray, FloatArray
-from vfguide.lab.studies.array_case import Outcome, Push, Watch, conditions_of, start_of
+from vfguide.lab.studies.array_case import ArrayOutcome, Push, Watch, conditions_of, start_of
 from vfguide.lab.studies.array_formation import fly_formations
 from vfguide.lab.studies.array_plant import Plane
 from vfguide.lab.studies.flown import Changes, article_mission
@@ -57,7 +57,7 @@ class Trials:
     """When everybody was within 1 m for good; infinite: not before the push."""
 
 
-def trials_of(calm: Outcome, pushed: Outcome) -> Trials:
+def trials_of(calm: ArrayOutcome, pushed: ArrayOutcome) -> Trials:
     """By what came of the undisturbed part and of the whole."""
     return Trials(
         error_m=calm.mean_error_m,

@@ -37,7 +37,7 @@ MOST_PATH_POINTS = 2000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Kind:
+class SeriesKind:
     """How one series is written."""
 
     unit: float
@@ -46,12 +46,12 @@ class Kind:
     """8, 16 or 32. The least number stands for what is not known, of 8 bits the greatest."""
 
 
-MILLIMETRES = Kind(unit=0.001, bits=32)
-CENTIMETRES = Kind(unit=0.01, bits=32)
-MILLISECONDS = Kind(unit=0.001, bits=32)
-SPEED = Kind(unit=0.01, bits=16)
-ANGLE = Kind(unit=0.01, bits=16)
-NUMBER = Kind(unit=1.0, bits=8)
+MILLIMETRES = SeriesKind(unit=0.001, bits=32)
+CENTIMETRES = SeriesKind(unit=0.01, bits=32)
+MILLISECONDS = SeriesKind(unit=0.001, bits=32)
+SPEED = SeriesKind(unit=0.01, bits=16)
+ANGLE = SeriesKind(unit=0.01, bits=16)
+NUMBER = SeriesKind(unit=1.0, bits=8)
 
 KINDS = {
     "north_m": MILLIMETRES,
@@ -73,7 +73,7 @@ KINDS = {
 }
 """All series of a vehicle."""
 
-SLOT_KINDS: dict[str, Kind] = dict.fromkeys(
+SLOT_KINDS: dict[str, SeriesKind] = dict.fromkeys(
     ("slot_north_m", "slot_east_m", "slot_altitude_m"), CENTIMETRES
 )
 """Series of a follower besides, where its slot was changed in flight."""
@@ -102,7 +102,7 @@ def describe_flight(record: FlightRecord) -> dict[str, object]:
         "format": FORMAT,
         "mission": record.mission,
         "estimated": record.mode == "recorded",
-        "time": encode(time_ms, Kind(unit=0.001, bits=32), in_units=True),
+        "time": encode(time_ms, SeriesKind(unit=0.001, bits=32), in_units=True),
         "window_s": list(window_s(record)),
         "modes": list(record.mode_names),
         "path": ground_line(record.path_north_m, record.path_east_m),
@@ -203,7 +203,7 @@ def in_degrees(angles_rad: FloatArray) -> FloatArray:
     return wrapped
 
 
-def encode(values: FloatArray, kind: Kind, *, in_units: bool = False) -> dict[str, object]:
+def encode(values: FloatArray, kind: SeriesKind, *, in_units: bool = False) -> dict[str, object]:
     """One series.
 
     Args:
