@@ -1,6 +1,7 @@
 """Runs the stages of `make test`: a line for each when it ends, and one at the end for all.
 
-What a stage prints goes into test-logs/STAGE.log. A stage that fails shows its failures, too.
+What a stage prints goes into test-logs/STAGE.log. A stage that fails shows its failures, too. The longest
+tests of all stages are listed in test-logs/longest.txt.
 """
 
 import os
@@ -9,7 +10,7 @@ import subprocess
 import sys
 import time
 import xml.etree.ElementTree as ET
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass, field
@@ -19,6 +20,9 @@ LOGS = Path("test-logs")
 
 SHOWN_LINES = 150
 """Last lines of a failed stage's log that are shown."""
+
+LISTED = 40
+"""Longest tests that are listed."""
 
 FAILURES = re.compile(r"^=+ (FAILURES|ERRORS) =+$")
 """Where a log begins to tell what failed."""
@@ -50,6 +54,8 @@ class Ended:
     """Tests by how they ended; none of a stage without tests."""
     reasons: Counter[str] = field(default_factory=Counter)
     """Skipped tests by the reason."""
+    lasted_s: Mapping[str, float] = field(default_factory=dict)
+    """How long each test took, its fixtures and repetitions included."""
 
 
 def made(name: str) -> Stage:
@@ -76,6 +82,7 @@ def main(beside: Sequence[Stage] = BESIDE, alone: Sequence[Stage] = ALONE) -> in
     for stage in alone:
         ended.append(run(stage))
         tell(ended[-1])
+    (LOGS / "longest.txt").write_text(longest(ended))
     say(total_line(ended, time.monotonic() - began_s))
     return int(any(one.status for one in ended))
 
@@ -94,8 +101,8 @@ def run(stage: Stage) -> Ended:
             env=environment(os.environ, results),
             check=False,
         )
-    counts, reasons = counted(results.read_text()) if results.exists() else (Counter(), Counter())
-    return Ended(stage.name, time.monotonic() - began_s, done.returncode, counts, reasons)
+    told = counted(results.read_text()) if results.exists() else ()
+    return Ended(stage.name, time.monotonic() - began_s, done.returncode, *told)
 
 
 def environment(own: Mapping[str, str], results: Path) -> dict[str, str]:
@@ -111,8 +118,8 @@ def environment(own: Mapping[str, str], results: Path) -> dict[str, str]:
     return {**passed, "PYTEST_ADDOPTS": options.strip()}
 
 
-def counted(results: str) -> tuple[Counter[str], Counter[str]]:
-    """(tests by how they ended, skipped ones by the reason) of pytest's results in JUnit's form."""
+def counted(results: str) -> tuple[Counter[str], Counter[str], dict[str, float]]:
+    """(tests by how they ended, skipped ones by the reason, seconds of each) of pytest's JUnit results."""
     counts: Counter[str] = Counter()
     reasons: Counter[str] = Counter()
     root = ET.fromstring(results)  # noqa: S314 - pytest itself wrote it
@@ -121,7 +128,11 @@ def counted(results: str) -> tuple[Counter[str], Counter[str]]:
         counts.update(passed=int(suite.get("tests", 0)) - sum(ends.values()), **ends)
     for skipped in root.iter("skipped"):
         reasons[PLACE.sub("", skipped.get("message", "")).removeprefix("Skipped: ")] += 1
-    return counts, reasons
+    lasted_s: defaultdict[str, float] = defaultdict(float)
+    for case in root.iter("testcase"):
+        name = f"{case.get('classname', '')}::{case.get('name', '')}"
+        lasted_s[name] += float(case.get("time", 0.0))
+    return counts, reasons, dict(lasted_s)
 
 
 def outcome(counts: Counter[str], *, failed: bool) -> str:
@@ -149,6 +160,13 @@ def total_line(ended: Sequence[Ended], seconds: float) -> str:
     failed = any(one.status for one in ended)
     told = outcome(counts, failed=failed) + (f" ({why})" if why else "")
     return f"{'all':<12}{seconds:6.0f} s  {told}"
+
+
+def longest(ended: Sequence[Ended]) -> str:
+    """The longest tests of all stages, a line each."""
+    rows = [(seconds, one.name, name) for one in ended for name, seconds in one.lasted_s.items()]
+    rows = sorted(rows, reverse=True)[:LISTED]
+    return "".join(f"{seconds:7.1f} s  {stage:<12}{name}\n" for seconds, stage, name in rows)
 
 
 def failures(log: str) -> str:

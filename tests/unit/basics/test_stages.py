@@ -13,6 +13,7 @@ from tests.stages import (
     counted,
     environment,
     failures,
+    longest,
     main,
     stage_line,
     total_line,
@@ -20,7 +21,7 @@ from tests.stages import (
 
 RESULTS = """<?xml version="1.0" encoding="utf-8"?>
 <testsuites><testsuite name="pytest" errors="1" failures="2" skipped="3" tests="10">
-<testcase name="a"/>
+<testcase classname="tests.x" name="a" time="2.5"/><testcase classname="tests.x" name="a" time="1.5"/>
 <testcase name="b"><skipped type="pytest.skip" message="set PX4 to the program"/></testcase>
 <testcase name="c"><skipped type="pytest.skip" message="set PX4 to the program"/></testcase>
 <testcase name="d"><skipped type="pytest.skip" message="no mosquitto"/></testcase>
@@ -36,7 +37,16 @@ def python(name: str, program: str) -> Stage:
 
 
 def test_results_are_counted_with_the_reasons_of_skipped_tests() -> None:
-    assert counted(RESULTS) == (COUNTS, REASONS)
+    assert counted(RESULTS)[:2] == (COUNTS, REASONS)
+
+
+def test_the_longest_tests_are_listed_with_their_repetitions() -> None:
+    live = Ended("live", 60.0, 0, *counted(RESULTS))
+    many = {f"tests.y::test_{number}": 3.0 - 0.01 * number for number in range(100)}
+    lines = longest([live, Ended("lockstep", 600.0, 0, lasted_s=many)]).splitlines()
+    assert lines[0] == "    4.0 s  live        tests.x::a"
+    assert lines[1] == "    3.0 s  lockstep    tests.y::test_0"
+    assert len(lines) == 40
 
 
 def test_the_place_of_a_skipped_test_is_no_part_of_the_reason() -> None:
