@@ -30,7 +30,7 @@ Write = Callable[[bytes], object]
 LONGEST_STRETCH_S = 0.05
 """Real time for which a late emulator flies on before it listens again."""
 
-LATE_S = 1.0
+LATE_STEP_S = 1.0
 """Real time behind the clock that is worth a warning."""
 
 
@@ -240,7 +240,7 @@ class Emulator:
                 link.send(frames)
 
     def _warn_if(self, late_s: float) -> None:
-        if late_s > LATE_S and self._next_s > self._silent_before_s and not self._warned:
+        if late_s > LATE_STEP_S and self._next_s > self._silent_before_s and not self._warned:
             self._warned = True
             logger.warning("%.1f s behind the clock: this computer needs a lower speed-up", late_s)
 

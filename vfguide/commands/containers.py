@@ -18,7 +18,7 @@ from vfguide.link.opening import WatchedFormation
 from vfguide.mavlink.address import NetworkAddress, Transport, parse_address
 from vfguide.mission import Mission
 
-LOOK_S = 0.2
+CONTAINER_LOOK_S = 0.2
 """Real time between looks at the flight."""
 
 PATIENCE_S = 180.0
@@ -98,7 +98,7 @@ async def _watch(
         while flight.truth_collector.time_s < mission.rehearsal.duration_s and not stop():
             flight.check()
             progress(max(flight.truth_collector.time_s, 0.0))
-            await asyncio.sleep(LOOK_S)
+            await asyncio.sleep(CONTAINER_LOOK_S)
         interrupted = stop()
         record = flight.truth_collector.record(wall_s=flight.elapsed_s)
         latency = await flight.latency()
@@ -114,7 +114,7 @@ async def _until_online(
     gives_up = time.monotonic() + patience_s
     missing = await flight.missing()
     while missing and time.monotonic() < gives_up and not stop():
-        await asyncio.sleep(LOOK_S)
+        await asyncio.sleep(CONTAINER_LOOK_S)
         missing = await flight.missing()
     if missing:
         Terminal(stderr=True).tell(f"begun without the companions of {', '.join(missing)}")

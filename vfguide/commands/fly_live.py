@@ -39,7 +39,7 @@ UNKNOWN = "-"
 Show = Callable[[float, "Sequence[LiveRow]"], None]
 """Called with the simulation time and the vehicles, again and again."""
 
-LOOK_S = 0.25
+FLIGHT_LOOK_S = 0.25
 """Real time between looks at the flight."""
 
 
@@ -307,7 +307,7 @@ async def flown_live(
                     before, flies = flight.accounts(), True
                 seen = flight.record_now() if flies else None
                 show(max(now_s, 0.0), rows_of(flight.names, seen, presences))
-                await asyncio.sleep(LOOK_S)
+                await asyncio.sleep(FLIGHT_LOOK_S)
                 interrupted = stop()
         if interrupted:
             tell("stopping: the companions hand their vehicles back")

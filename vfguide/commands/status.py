@@ -29,7 +29,7 @@ LISTEN_S = 1.5
 SILENT_TURNS = 2.5
 """On a slow link, who is silent for more than two of its turns counts as gone."""
 
-LOOK_S = 0.05
+ARRIVAL_LOOK_S = 0.05
 """Interval at which what has come in is looked at."""
 
 ALL_THERE, SOME_MISSING = 0, 1
@@ -132,7 +132,7 @@ async def first_words(link: Link, lookout: Lookout, ended: asyncio.Event) -> Non
     longest_s = max(SILENT_S, SILENT_TURNS * slowest_s)
     began_s, passed_s = loop.time(), 0.0
     while not ended.is_set() and (passed_s < least_s or (lookout.waits and passed_s < longest_s)):
-        await look_on(lookout, LOOK_S, ended)
+        await look_on(lookout, ARRIVAL_LOOK_S, ended)
         passed_s = loop.time() - began_s
 
 
@@ -142,7 +142,7 @@ async def look_on(lookout: Lookout, seconds: float, ended: asyncio.Event) -> Non
     until_s = loop.time() + seconds
     while not ended.is_set() and (left_s := until_s - loop.time()) > 0.0:
         with suppress(TimeoutError):
-            async with asyncio.timeout(min(left_s, LOOK_S)):
+            async with asyncio.timeout(min(left_s, ARRIVAL_LOOK_S)):
                 await ended.wait()
         lookout.look(loop.time())
 

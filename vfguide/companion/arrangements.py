@@ -58,7 +58,7 @@ REPLY_S = 0.25
 SETTLE_S = 0.5
 """The leader decides this long before an order's time at the latest: two copies of its word may be lost."""
 
-LATE_S = 30.0
+LATE_DECISION_S = 30.0
 """For so long after its time an order that this companion has agreed to may turn out to be flown."""
 
 NO_TIME_S = 1e-3
@@ -331,7 +331,7 @@ class Arrangements:
                 self._void(order, self._missing(order, now))
         elif time_s >= due_s + SETTLE_S and self._leader_is_heard(now):
             self._void(order, "the leader has not confirmed it")
-        elif time_s >= due_s + LATE_S:
+        elif time_s >= due_s + LATE_DECISION_S:
             self._void(order, "the leader was not heard")
         if self._next is order and not order.confirmed and now - self._replied_s >= REPLY_S:
             self._replied_s = now

@@ -48,7 +48,7 @@ YOUNG_S = 1.25
 selected another one since. It leaves room for a round trip of 0.7 s, or for an answer that gets lost:
 questions go out twice a second."""
 
-LATE_S = 5.0
+LATE_TELEMETRY_S = 5.0
 """After this long without a heartbeat that is young enough the pilot is told."""
 
 ANSWER_S = 3.0
@@ -281,7 +281,7 @@ class ModeAuthority:
             return True
         if self._late_since is None:
             self._late_since = now
-        if now - self._late_since >= LATE_S:
+        if now - self._late_since >= LATE_TELEMETRY_S:
             self._notice(
                 "telemetry comes late: the autopilot's mode is not changed by this companion;"
                 " check the radio, or select a mode by hand"

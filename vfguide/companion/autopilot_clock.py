@@ -56,7 +56,7 @@ ROUNDING_S = 0.01
 SLIP_S = 0.25
 """Without answers: reports that all come later by more than this show a clock that has lost time."""
 
-LOOK_S = 0.5
+UNANSWERED_LOOK_S = 0.5
 """Without answers: for how long they have to, at least."""
 
 UNANSWERED_S = 3.0
@@ -363,7 +363,7 @@ class AutopilotClock:
                 lowest = min(self._recent, difference)
                 self._slipped(lowest, lowest, now)
             self._recent, self._looked = math.inf, 0
-            self._look_ends = now + LOOK_S
+            self._look_ends = now + UNANSWERED_LOOK_S
         self._recent = min(self._recent, difference)
         self._looked += 1
         self._lost.note(self._difference - self._sooner_s, now)

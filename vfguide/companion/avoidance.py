@@ -62,7 +62,7 @@ ROOM_M = 3.0
 INSISTS_S = 0.15
 """See `ROOM_M`."""
 
-LOOK_S = 0.06
+AROUND_LOOK_S = 0.06
 """Between two looks around, where reports are as frequent: others say where they are every 0.1 to 0.4 s."""
 
 REPORT_S = 0.5
@@ -145,7 +145,7 @@ class KeepClear:
         """
         now, clear = navigated.state.time_s, self._clear
         aim = None
-        if not 0.0 <= now - self._looked_s < LOOK_S - 0.5 * navigated.period:
+        if not 0.0 <= now - self._looked_s < AROUND_LOOK_S - 0.5 * navigated.period:
             self._looked_s, aim = now, intent()
             self._clear = clear = self._look_around(navigated, turn_rate, aim, steered=steered)
         if clear is None or not clear.changed:

@@ -31,7 +31,7 @@ LAYER_CLEAR_M = 7.0
 GONE_M = 1000.0
 """In place of the spacing to a vehicle that has no slot."""
 
-LATE_S = 0.5
+LATE_START_S = 0.5
 """Who learns of an order so long after it began, as after a start in flight, has not seen where that was."""
 
 BESIDE_M = 30.0
@@ -316,7 +316,9 @@ class OrderedFlight:
     def is_late(self, now: float) -> bool:
         """Whether the order that is flown began long before a time (s of one's own clock)."""
         order = self.order
-        return order is not None and self.time_of(order, now) > order.arrangement.time_s + LATE_S
+        return (
+            order is not None and self.time_of(order, now) > order.arrangement.time_s + LATE_START_S
+        )
 
     def left(self, now: float) -> float:
         """How long the slots still move by what is flown, s; not positive once they have arrived."""

@@ -34,7 +34,7 @@ DRIFT = 100e-6
 SOONER_S = 1.0
 """A message that is earlier than the fastest by more than this has another clock."""
 
-LATE_S = 5.0
+LATE_MESSAGE_S = 5.0
 """One that is later by more than this is too old to be of use."""
 
 CERTAIN_COUNT, CERTAIN_S = 3, 1.0
@@ -151,7 +151,7 @@ class LeaderClock:
         if self._told_s is not None:
             return self._told_s
         measured = 0.5 * (self._least - self._earliest)
-        return min(max(measured, 0.0), LATE_S) if math.isfinite(measured) else 0.0
+        return min(max(measured, 0.0), LATE_MESSAGE_S) if math.isfinite(measured) else 0.0
 
     def read(self, stamp_s: float, now: float) -> Moment | None:
         """When a message was true that is read now; None where its stamp is not believed, or not newer."""
@@ -188,7 +188,7 @@ class LeaderClock:
         """
         difference = asked_s - sender_s
         # Of another clock than the stamps' it says nothing.
-        if math.isnan(self._least) or not -2.0 * LATE_S <= difference - self._least <= 0.0:
+        if math.isnan(self._least) or not -2.0 * LATE_MESSAGE_S <= difference - self._least <= 0.0:
             return
         drifted = self._earliest - DRIFT * max(now - self._answered_s, 0.0)
         self._earliest, self._answered_s = max(drifted, difference), now
@@ -197,7 +197,7 @@ class LeaderClock:
         """Whether a stamp goes on from those before."""
         if math.isnan(self._least):
             return math.isfinite(stamp_s)
-        return -SOONER_S <= now - stamp_s - self._least <= LATE_S
+        return -SOONER_S <= now - stamp_s - self._least <= LATE_MESSAGE_S
 
     def _is_new_clock(self, stamp_s: float, now: float) -> bool:
         """Whether stamps have gone on from elsewhere for so long that they are the sender's."""
@@ -213,6 +213,6 @@ class LeaderClock:
             other.count += 1
             other.newest_stamp = stamp_s
         # A clock never runs backward: if it seems to, it has started anew.
-        backward = stamp_s < self._newest - LATE_S or difference < self._least
+        backward = stamp_s < self._newest - LATE_MESSAGE_S or difference < self._least
         lasts_s = CERTAIN_S if backward else STANDS_S
         return other.count >= CERTAIN_COUNT and now - other.began_s >= lasts_s

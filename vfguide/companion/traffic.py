@@ -45,7 +45,7 @@ LEADER_ASTRAY_M = 10.0
 LATER_S = 0.3
 """A vehicle that was heard by so much later than another shows that the link works without the other."""
 
-LATE_S = 0.35
+LATE_STATE_S = 0.35
 """A vehicle whose next state is late by so much may be lost: too little to leave a slot for, enough to begin
 a climb that ends with its next word. At a loss of 20 % seven states in a row are lost once in an hour."""
 
@@ -209,7 +209,7 @@ class Traffic:
         came = newest != self._seen_s
         if np.logical_or.reduce(came):
             # Now, or since this was asked last.
-            late_s = np.maximum(LATE_S, LATE_INTERVALS * self._interval_s[came])
+            late_s = np.maximum(LATE_STATE_S, LATE_INTERVALS * self._interval_s[came])
             self._due_s[came], self._seen_s[came] = now + late_s, newest[came]
         if np.minimum.reduce(self._due_s, initial=np.inf) >= now:
             return None

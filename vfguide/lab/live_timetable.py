@@ -11,7 +11,7 @@ from random import Random
 
 from vfguide.errors import InputError, VfguideError, described_error
 from vfguide.lab.order_desk import (
-    LOOK_S,
+    CLOCK_LOOK_S,
     OrderDesk,
     at_desk,
     await_formation,
@@ -150,4 +150,4 @@ class _Operator:
 
     async def _until(self, due_s: float) -> None:
         while self.time_s() < due_s:
-            await asyncio.sleep(LOOK_S)
+            await asyncio.sleep(CLOCK_LOOK_S)

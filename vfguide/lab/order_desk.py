@@ -46,7 +46,7 @@ REPEAT_S = 0.5
 """Interval of the copies of an order, until it is flown or refused."""
 
 
-LOOK_S = 0.1
+CLOCK_LOOK_S = 0.1
 """Interval at which the clock is looked at."""
 
 
@@ -306,7 +306,7 @@ async def await_rest(desk: OrderDesk, link: Link) -> None:
     while (flown := desk.flown) is not None:
         if desk.time_s + link.order_lead_s >= flown.time_s + flown.duration_s:
             return
-        await asyncio.sleep(LOOK_S)
+        await asyncio.sleep(CLOCK_LOOK_S)
 
 
 def unanswered(counters: Counter[str]) -> str:

@@ -37,3 +37,18 @@ def test_a_class_name_stands_for_one_thing() -> None:
 def test_who_shares_a_name_still_does_and_twice_only() -> None:
     places = places_of_classes()
     assert {name: len(places[name]) for name in SHARED} == dict.fromkeys(SHARED, 2)
+
+
+SPLIT = {"LATE_S", "LOOK_S"}
+"""Names that stood for other times in every module: each has one with its subject now."""
+
+
+def test_times_that_mean_different_things_have_their_subject_in_their_names() -> None:
+    bare = [
+        f"{file.relative_to(ROOT)}: {node.id}"
+        for package in ("vfguide", "sitl_stub")
+        for file in sorted((ROOT / package).rglob("*.py"))
+        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8")))
+        if isinstance(node, ast.Name) and node.id in SPLIT
+    ]
+    assert bare == []

@@ -12,7 +12,7 @@ from vfguide.companion.plan import FlightPlan, OtherVehicle
 from vfguide.companion.possibilities import BERTH_M, DRIFT_M_S, SILENT_S, Viewpoint
 from vfguide.companion.state_receiver import StateReceiver
 from vfguide.companion.timing import SAME_CLOCK, SharedClock
-from vfguide.companion.traffic import FORGET_S, LATE_INTERVALS, LATE_S, Traffic, kept_distance
+from vfguide.companion.traffic import FORGET_S, LATE_INTERVALS, LATE_STATE_S, Traffic, kept_distance
 from vfguide.frames import LocalFrame
 from vfguide.guidance.formation import Slot
 from vfguide.guidance.predicted_tracks import STEP_S
@@ -502,7 +502,9 @@ def test_what_is_clear_at_a_glance_is_clear_at_a_closer_look(
         assert traffic.possibilities(here, led(here.time_s)) is None
 
 
-@pytest.mark.parametrize(("interval_s", "late_s"), [(0.05, LATE_S), (0.5, LATE_INTERVALS * 0.5)])
+@pytest.mark.parametrize(
+    ("interval_s", "late_s"), [(0.05, LATE_STATE_S), (0.5, LATE_INTERVALS * 0.5)]
+)
 def test_a_vehicle_whose_next_state_should_have_been_there_is_late_until_it_comes(
     plan: MakePlan, leader_bytes: LeaderBytes, interval_s: float, late_s: float
 ) -> None:

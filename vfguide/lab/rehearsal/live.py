@@ -42,7 +42,7 @@ LEAD_S = 3.0
 RECORDINGS = "recordings"
 """Where companions record, below the directory of the flight."""
 
-LOOK_S = 0.05
+START_LOOK_S = 0.05
 """Real time between looks at companions that are starting."""
 
 WRITTEN_S = 0.5
@@ -226,7 +226,7 @@ class LiveFlight:
         with suppress(TimeoutError):
             async with asyncio.timeout(START_PATIENCE_S):
                 while any(one.running and not one.last_words() for one in self.companions.values()):
-                    await asyncio.sleep(LOOK_S)
+                    await asyncio.sleep(START_LOOK_S)
 
     async def lose(self, loss: Loss) -> None:
         """Kill a companion when the rehearsal loses it, and start it again where it comes back."""

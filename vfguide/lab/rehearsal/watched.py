@@ -44,7 +44,7 @@ AFTERWARDS_S = 60.0
 
 MODES = frozenset(mode.value for mode in Mode)
 
-LOOK_S = 0.05
+FILE_LOOK_S = 0.05
 """Real time between looks at the file."""
 
 LEAD_S = 5.0
@@ -219,7 +219,7 @@ def await_start(
             epoch_s = float(file.read_text(encoding="ascii"))
             if began_s < epoch_s < math.inf:
                 return epoch_s
-        sleep(LOOK_S)
+        sleep(FILE_LOOK_S)
     raise VfguideError(
         f"no flight has begun within {patience_s:g} s: {file} holds no start to come"
     )

@@ -31,7 +31,7 @@ FORMATION, LEADER = "bench-link", "leader"
 READY_S = 60.0
 """s that subscribers get until each has heard a state."""
 
-LOOK_S = 0.05
+LINK_LOOK_S = 0.05
 """s between looks at whether they have."""
 
 SETTLING_S = 2.0
@@ -104,7 +104,7 @@ async def subscribe(link: str, count: int, first: int, seconds: float, keys: Pat
         with suppress(TimeoutError):
             async with asyncio.timeout(READY_S):
                 while not all(subscriber.ages for subscriber in subscribers):
-                    await asyncio.sleep(LOOK_S)
+                    await asyncio.sleep(LINK_LOOK_S)
         if not all(subscriber.ages for subscriber in subscribers):
             raise VfguideError("a subscriber hears nothing")
         await asyncio.sleep(SETTLING_S)

@@ -33,7 +33,7 @@ WARM_S = 2.0
 PATIENCE_S = 45.0
 """s that clients get to start, to find their autopilot and to answer for `WARM_S`."""
 
-LOOK_S = 0.1
+PROGRAM_LOOK_S = 0.1
 """s between looks at whether they do."""
 
 PACE_STEP = 0.004
@@ -292,7 +292,7 @@ async def warm_up(clients: Sequence[Client], rate_hz: float) -> None:
     with suppress(TimeoutError):
         async with asyncio.timeout(PATIENCE_S):
             while any(len(client.vehicle.responses) < enough for client in clients):
-                await asyncio.sleep(LOOK_S)
+                await asyncio.sleep(PROGRAM_LOOK_S)
     for client in clients:
         if client.is_companion and len(client.vehicle.responses) < enough:
             raise VfguideError(f"{client.name} does not answer: {last_words(client.log)}")
