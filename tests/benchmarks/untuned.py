@@ -27,6 +27,7 @@ from msgspec.structs import replace
 from sitl_stub.autopilot import flight_at_start
 from sitl_stub.registry import autopilots
 from sitl_stub.targets import SpeedTarget, TurnTarget
+from vfguide.elementwise import FloatArray
 from vfguide.guidance.airframe import GRAVITY
 from vfguide.lab.rehearsal.emulators import checked_settings
 from vfguide.lab.rehearsal.lockstep import fly_lockstep
@@ -69,6 +70,9 @@ THRASHED_ROLL = 2.0
 """Parts of a lone aircraft's roll rate in the same air."""
 QUIET_ROLL_RAD_S = math.radians(5.0)
 """Roll rates below this are nobody's trouble, however still the air."""
+
+ROLL_S = 0.4
+"""Lag of the roll of an aircraft whose plant has none, as the emulator's banking ones have it."""
 
 REQUIRED = {"settle": 60.0, "smooth": 1.0, "other": 2.5, "smooth median": 0.15, "other median": 0.8}
 
@@ -450,7 +454,10 @@ def judge(flight: UntunedFlight) -> Judged:
 def judged(flight: UntunedFlight, record: FlightRecord) -> Judged:
     """Judge what was flown."""
     summary, window = summarise(record), in_window(record)
-    rolls = {name: or_nan(one.roll_rate_rad_s) for name, one in summary.vehicles.items()}
+    rolls = {
+        one.name: rolled(flight.aircraft, record.time_s[window], one.bank_rad[window])
+        for one in record.vehicles
+    }
     steered = {"joining", "tracking", "predicting"}
     settled = summary.formation.settle_10m_s
     errors = [slot_error(record.reference, one).distance_m[window] for one in record.followers]
@@ -490,7 +497,22 @@ def lone_roll_rate(aircraft: str, air: str, seed: int, duration_s: float = 60.0)
         flight.advance(round(time_s * 1e6))
         banks.append(flight.motion().bank_rad)
     flown = times >= 10.0
-    return or_nan(roll_rate_rms(times[flown], np.array(banks)[flown]))
+    return rolled(aircraft, times[flown], np.array(banks)[flown])
+
+
+def rolled(aircraft: str, time_s: FloatArray, bank_rad: FloatArray) -> float:
+    """Return the roll rate, rms in rad/s.
+
+    A hold of first order has no roll: the bank of its turn rate jumps with each setpoint. An aircraft
+    that follows it with a lag is taken instead.
+    """
+    if AIRCRAFT[aircraft].emulator["plant"] in {"heading-hold", "course-hold"}:
+        banks = [float(bank_rad[0])]
+        for step_s, bank in zip(np.diff(time_s), bank_rad[1:], strict=True):
+            share = 1.0 - math.exp(-step_s / ROLL_S)
+            banks.append(banks[-1] + share * (float(bank) - banks[-1]))
+        bank_rad = np.array(banks)
+    return or_nan(roll_rate_rms(time_s, bank_rad))
 
 
 def flights(options: argparse.Namespace) -> list[UntunedFlight]:
