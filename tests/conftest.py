@@ -4,7 +4,9 @@ import asyncio
 import inspect
 import os
 import re
+import shutil
 import sysconfig
+import tempfile
 import time
 from pathlib import Path
 
@@ -13,6 +15,7 @@ from hypothesis import settings
 from xdist.remote import Producer
 from xdist.scheduler import LoadScopeScheduling
 
+from tests.kit.flight import FLIGHTS
 from tests.wheels import packages_of, python_with
 
 # A busy machine takes long over a single example, which is no fault.
@@ -203,8 +206,16 @@ def processor_s() -> tuple[float, float, float]:
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Look at the clocks."""
+    """Look at the clocks, and make a place for flights that several tests look at."""
     config.stash[STARTED] = processor_s()
+    if not hasattr(config, "workerinput"):
+        os.environ[FLIGHTS] = tempfile.mkdtemp(prefix="vfguide-flights-")
+
+
+def pytest_unconfigure(config: pytest.Config) -> None:
+    """Remove the flights with the session."""
+    if not hasattr(config, "workerinput"):
+        shutil.rmtree(os.environ.pop(FLIGHTS), ignore_errors=True)
 
 
 def pytest_terminal_summary(

@@ -14,13 +14,7 @@ from pathlib import Path
 
 from tests.autopilots.formation import BOOT_S, climb, flight_directory, load
 from tests.autopilots.height_response import made
-from tests.autopilots.programs import (
-    FlightError,
-    Program,
-    first_in_line,
-    restore_priority,
-    vfguide,
-)
+from tests.autopilots.programs import FlightError, Program, first_in_line, restore_priority, vfguide
 from tests.autopilots.simulators import PROGRAMS, Conditions, find_program
 
 LONGEST_S = 600.0

@@ -40,14 +40,8 @@ from vfguide.mavlink.connection import open_connection
 sys.path.insert(0, str(Path(__file__).parents[2]))
 
 from tests.benchmarks.hostile_frames import Frames
-from tests.unit.companion.test_companion_leader_telemetry import (
-    FRAME,
-    packed,
-    position,
-)
-from tests.unit.companion.test_companion_leader_telemetry import (
-    LEADER as FOREIGN,
-)
+from tests.unit.companion.test_companion_leader_telemetry import FRAME, packed, position
+from tests.unit.companion.test_companion_leader_telemetry import LEADER as FOREIGN
 from tests.unit.link.wire import FORMATION, KEYS, LEADER, trust_of
 
 T = TypeVar("T")

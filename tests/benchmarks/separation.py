@@ -19,14 +19,7 @@ from random import Random
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
 
-from tests.benchmarks.strays import (
-    LEAST_M,
-    Approach,
-    Event,
-    Strays,
-    approaches,
-    mission_in_place,
-)
+from tests.benchmarks.strays import LEAST_M, Approach, Event, Strays, approaches, mission_in_place
 from vfguide.mission.feasibility import least_guarantee
 
 BEGIN_S = 12.0

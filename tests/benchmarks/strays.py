@@ -21,11 +21,7 @@ from vfguide.companion.role import Outgoing, Snapshot
 from vfguide.companion.supervisor import Mode
 from vfguide.elementwise import BoolArray
 from vfguide.guidance.airframe import bank_limited_turn_rate
-from vfguide.guidance.predicted_tracks import (
-    TIMES,
-    Agility,
-    OwnMotion,
-)
+from vfguide.guidance.predicted_tracks import TIMES, Agility, OwnMotion
 from vfguide.guidance.separation import escape_tracks
 from vfguide.lab.rehearsal.aircraft import Aircraft, Mail, step_all
 from vfguide.lab.rehearsal.emulators import emulator_of

@@ -8,7 +8,6 @@ from typing import Any
 
 from msgspec.structs import replace
 
-from tests.docker.flights import Flights
 from tests.docker.flown import Flown
 from tests.docker.formation import Formation
 from vfguide.link.codec import decode, encode
@@ -146,7 +145,7 @@ def docker_flights(missions: Callable[..., dict[str, Any]]) -> dict[str, Any]:
     }
 
 
-def test_who_publishes_as_the_leader_is_heard_by_nobody(flights: Flights) -> None:
+def test_who_publishes_as_the_leader_is_heard_by_nobody(flights):
     flown = flights["troubled"]
     assert flown.seen["forged"]["lies heard"] == 0
     assert flown.seen["forged"]["own words heard"] >= 1
@@ -154,9 +153,7 @@ def test_who_publishes_as_the_leader_is_heard_by_nobody(flights: Flights) -> Non
     assert flown.greatest(SETTLED_S, CUT_S[0], "f1", "f2", "f3") < IN_SLOT_M
 
 
-def test_a_follower_that_is_cut_off_for_ten_seconds_stays_near_its_slot(
-    flights: Flights, tell: Tell
-) -> None:
+def test_a_follower_that_is_cut_off_for_ten_seconds_stays_near_its_slot(flights, tell):
     flown = flights["troubled"]
     off_m = flown.greatest(*CUT_S, "f2")
     others_m = flown.greatest(CUT_S[0], RESTARTED_S, "f1", "f3")
@@ -167,7 +164,7 @@ def test_a_follower_that_is_cut_off_for_ten_seconds_stays_near_its_slot(
     assert flown.greatest(RESTARTED_S - 3.0, RESTARTED_S, "f1", "f2", "f3") < IN_SLOT_M
 
 
-def test_a_formation_flies_on_while_its_broker_starts_again(flights: Flights, tell: Tell) -> None:
+def test_a_formation_flies_on_while_its_broker_starts_again(flights, tell):
     flown = flights["troubled"]
     off_m = flown.greatest(RESTARTED_S, PAUSED_S[0], "f1", "f2", "f3")
     tell(f"broker started again: at most {off_m:.2f} m off")
@@ -175,9 +172,7 @@ def test_a_formation_flies_on_while_its_broker_starts_again(flights: Flights, te
     assert flown.greatest(PAUSED_S[0] - 3.0, PAUSED_S[0], "f1", "f2", "f3") < IN_SLOT_M
 
 
-def test_a_follower_whose_companion_hangs_for_five_seconds_comes_back(
-    flights: Flights, tell: Tell
-) -> None:
+def test_a_follower_whose_companion_hangs_for_five_seconds_comes_back(flights, tell):
     flown = flights["troubled"]
     off_m = flown.greatest(PAUSED_S[0], KILLED_S, "f1")
     others_m = flown.greatest(PAUSED_S[0], KILLED_S, "f2", "f3")
@@ -186,9 +181,7 @@ def test_a_follower_whose_companion_hangs_for_five_seconds_comes_back(
     assert flown.greatest(KILLED_S - 3.0, KILLED_S, "f1", "f2", "f3") < IN_SLOT_M
 
 
-def test_a_leader_whose_companion_is_killed_is_led_again_and_followed(
-    flights: Flights, tell: Tell
-) -> None:
+def test_a_leader_whose_companion_is_killed_is_led_again_and_followed(flights, tell):
     flown = flights["troubled"]
     off_m = flown.greatest(KILLED_S, ENDS_S, "f1", "f2", "f3")
     tell(f"leader's companion killed: at most {off_m:.1f} m off")
@@ -197,15 +190,13 @@ def test_a_leader_whose_companion_is_killed_is_led_again_and_followed(
     assert flown.greatest(ENDS_S - 3.0, ENDS_S, "f1", "f2", "f3") < IN_SLOT_M
 
 
-def test_aircraft_stay_apart_through_all_troubles(flights: Flights, tell: Tell) -> None:
+def test_aircraft_stay_apart_through_all_troubles(flights, tell):
     least_m = flights["troubled"].least_separation_m("leader", "f1", "f2", "f3")
     tell(f"least separation through all troubles: {least_m:.1f} m")
     assert least_m > REJOINING_APART_M
 
 
-def test_a_companion_with_the_wrong_password_is_told_so_and_joins_nobody(
-    flights: Flights,
-) -> None:
+def test_a_companion_with_the_wrong_password_is_told_so_and_joins_nobody(flights):
     flown = flights["abandoned"]
     assert "refused: wrong user name or password" in flown.logs["f3"]
     assert "begun without the companions of f3" in flown.logs["judge"]
@@ -213,12 +204,12 @@ def test_a_companion_with_the_wrong_password_is_told_so_and_joins_nobody(
     assert flown.status == 1
 
 
-def test_two_followers_hold_their_slots_while_the_third_is_not_let_in(flights: Flights) -> None:
+def test_two_followers_hold_their_slots_while_the_third_is_not_let_in(flights):
     flown = flights["abandoned"]
     assert flown.greatest(SETTLED_S, IMPAIRED_S[0], "f1", "f2") < IN_SLOT_M
 
 
-def test_a_slow_and_lossy_link_costs_little(flights: Flights, tell: Tell) -> None:
+def test_a_slow_and_lossy_link_costs_little(flights, tell):
     flown = flights["abandoned"]
     errors = [flown.errors(name, *IMPAIRED_S) for name in ("f1", "f2")]
     mean_m = sum(float(one.mean()) for one in errors) / len(errors)
@@ -231,7 +222,7 @@ def test_a_slow_and_lossy_link_costs_little(flights: Flights, tell: Tell) -> Non
     assert flown.greatest(LOST_S - 3.0, LOST_S, "f1", "f2") < IN_SLOT_M
 
 
-def test_a_follower_that_loses_the_link_for_good_breaks_away(flights: Flights, tell: Tell) -> None:
+def test_a_follower_that_loses_the_link_for_good_breaks_away(flights, tell):
     flown = flights["abandoned"]
     assert flown.modes("f1")[-1] != "tracking"
     off_m = flown.greatest(LOST_S, LOST_S + PREDICTION_S - 1.0, "f1")
@@ -241,7 +232,7 @@ def test_a_follower_that_loses_the_link_for_good_breaks_away(flights: Flights, t
     assert flown.least_separation_m("leader", "f1", "f2") > APART_M
 
 
-def test_the_others_fly_on_without_a_follower_that_broke_away(flights: Flights, tell: Tell) -> None:
+def test_the_others_fly_on_without_a_follower_that_broke_away(flights, tell):
     flown = flights["abandoned"]
     off_m = flown.greatest(LOST_S, LOST_ENDS_S, "f2")
     tell(f"a follower lost for good: another gave way by {off_m:.1f} m")

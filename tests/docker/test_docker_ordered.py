@@ -8,7 +8,6 @@ from typing import Any
 import pytest
 
 from tests.docker.console import free_port
-from tests.docker.flights import Flights
 from tests.docker.flown import Flown
 from tests.docker.formation import Formation
 from vfguide.lab.report.geometry import seen_from_leader
@@ -90,9 +89,7 @@ def docker_flights(missions: Callable[..., dict[str, Any]]) -> dict[str, Any]:
     return {"ordered": (ordered, {"mission": mission, **settings})}
 
 
-def test_an_order_from_a_container_is_flown_also_by_one_that_was_killed_meanwhile(
-    flights: Flights, tell: Tell
-) -> None:
+def test_an_order_from_a_container_is_flown_also_by_one_that_was_killed_meanwhile(flights, tell):
     flown = flights["ordered"]
     for name in ("leader", "f1", "f2", "f3"):
         assert f"{name}: flies it" in flown.seen["first"]
@@ -105,9 +102,7 @@ def test_an_order_from_a_container_is_flown_also_by_one_that_was_killed_meanwhil
     assert max(off.values()) < SLOT_M, found
 
 
-def test_a_deputy_leads_in_containers_and_its_formation_takes_orders(
-    flights: Flights, tell: Tell
-) -> None:
+def test_a_deputy_leads_in_containers_and_its_formation_takes_orders(flights, tell):
     flown = flights["ordered"]
     line = next(one for one in flown.logs["f1"].splitlines() if "in place of" in one)
     leads_s = unix_time(line.split()[0]) - flown.seen["gone_unix_s"]
@@ -123,9 +118,7 @@ def test_a_deputy_leads_in_containers_and_its_formation_takes_orders(
     assert 2.0 * found["f2"][1] == pytest.approx(found["f3"][1], abs=SLOT_M)
 
 
-def test_nobody_comes_near_in_containers_while_shapes_and_leaders_change(
-    flights: Flights, tell: Tell
-) -> None:
+def test_nobody_comes_near_in_containers_while_shapes_and_leaders_change(flights, tell):
     least_m = flights["ordered"].least_separation_m("leader", "f1", "f2", "f3")
     tell(f"least separation through orders and a lost leader: {least_m:.1f} m")
     assert least_m > APART_M

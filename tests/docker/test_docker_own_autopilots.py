@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 from tests.docker.console import free_port, look_at_console
-from tests.docker.flights import Flights
 from tests.docker.flown import Flown
 from tests.docker.formation import Formation
 from vfguide.lab.rehearsal.watched import TruthCollector
@@ -80,7 +79,7 @@ def docker_flights(missions: Callable[..., dict[str, Any]]) -> dict[str, Any]:
     return {"own": (own_autopilots, {"mission": missions("circle-calm"), **settings})}
 
 
-def test_companions_in_containers_lead_autopilots_of_ones_own(flights: Flights) -> None:
+def test_companions_in_containers_lead_autopilots_of_ones_own(flights):
     flown = flights["own"]
     astray = flown.seen["astray"]
     assert max(astray.values()) < IN_SLOT_M, (astray, flown.logs)
@@ -88,7 +87,7 @@ def test_companions_in_containers_lead_autopilots_of_ones_own(flights: Flights) 
         assert "tracking" in flown.modes(name), name
 
 
-def test_the_printed_address_opens_the_page_and_no_other_does(flights: Flights) -> None:
+def test_the_printed_address_opens_the_page_and_no_other_does(flights):
     console = flights["own"].seen["console"]
     published = console.published
     port = published[0]["HostPort"]

@@ -9,7 +9,6 @@ from typing import Any
 
 import pytest
 
-from tests.docker.flights import Flights
 from tests.docker.flown import Flown
 from tests.docker.formation import Formation
 
@@ -127,9 +126,7 @@ def docker_flights(missions: Callable[..., dict[str, Any]]) -> dict[str, Any]:
 
 
 @pytest.mark.parametrize("name", FLIGHT_S)
-def test_a_formation_in_containers_keeps_the_missions_figures(
-    flights: Flights, tell: Tell, name: str
-) -> None:
+def test_a_formation_in_containers_keeps_the_missions_figures(flights, tell, name):
     flown = flights[name]
     tell(f"{name}: {json.dumps(flown.summary['formation'])}")
     assert flown.summary["accepted"], flown.summary["rejections"]
@@ -139,12 +136,12 @@ def test_a_formation_in_containers_keeps_the_missions_figures(
     assert flown.summary["latency"]
 
 
-def test_the_judge_leaves_a_report(flights: Flights) -> None:
+def test_the_judge_leaves_a_report(flights):
     names = {path.name for path in flights["windy"].directory.iterdir()}
     assert {"summary.json", "flight.npz", "report.html"} <= names
 
 
-def test_all_containers_together_stay_within_their_budget(flights: Flights, tell: Tell) -> None:
+def test_all_containers_together_stay_within_their_budget(flights, tell):
     samples = flights["windy"].seen["usage"]
     tell(f"{'container':16} {'core':>6} {'MB':>6}   mean of {len(samples)} samples")
     mean = {
@@ -158,7 +155,7 @@ def test_all_containers_together_stay_within_their_budget(flights: Flights, tell
     assert total_mb < MOST_MB
 
 
-def test_setpoints_begin_soon_after_the_containers(flights: Flights, tell: Tell) -> None:
+def test_setpoints_begin_soon_after_the_containers(flights, tell):
     flown = flights["windy"]
     for vehicle in ("leader", "f1", "f2", "f3"):
         line = next(line for line in flown.logs[vehicle].splitlines() if "waiting -> " in line)
@@ -166,13 +163,13 @@ def test_setpoints_begin_soon_after_the_containers(flights: Flights, tell: Tell)
         tell(f"{vehicle}: first setpoint {first - flown.seen['began_s']:.1f} s after `up`")
 
 
-def test_every_container_is_healthy(flights: Flights) -> None:
+def test_every_container_is_healthy(flights):
     inspected = flights["windy"].seen["inspected"]
     health = {name: one["State"]["Health"]["Status"] for name, one in inspected.items()}
     assert health == dict.fromkeys(inspected, "healthy")
 
 
-def test_no_container_runs_as_root_or_may_become_it(flights: Flights) -> None:
+def test_no_container_runs_as_root_or_may_become_it(flights):
     for service, text in flights["windy"].seen["users"].items():
         fields = [line.split() for line in text.splitlines()]
         users = {user for name, *rest in fields if name == "Uid:" for user in rest}
@@ -183,14 +180,14 @@ def test_no_container_runs_as_root_or_may_become_it(flights: Flights) -> None:
         assert privileges == {"1"}, service
 
 
-def test_no_container_can_write_into_its_system(flights: Flights) -> None:
+def test_no_container_can_write_into_its_system(flights):
     seen = flights["windy"].seen
     assert seen["written"] == ""
     read_only = {one["HostConfig"]["ReadonlyRootfs"] for one in seen["inspected"].values()}
     assert read_only == {True}
 
 
-def test_no_companion_reaches_the_autopilot_of_another(flights: Flights) -> None:
+def test_no_companion_reaches_the_autopilot_of_another(flights):
     seen = flights["windy"].seen
     found = dict(line.split() for line in seen["f1 finds"].splitlines())
     assert found.pop("broker") != "unknown"

@@ -27,7 +27,7 @@ AUTHORITY = load()
 
 
 @pytest.mark.parametrize("seed", [11, 21])
-def test_no_mode_of_a_pilot_is_undone(seed: int) -> None:
+def test_no_mode_of_a_pilot_is_undone(seed):
     counts, undone = AUTHORITY.meet(40, seed)
     assert undone == []
     assert sum(counts[action] for action in set(AUTHORITY.ACTIONS)) == 40

@@ -49,7 +49,7 @@ def distances_on_arrays(mission: Mission, count: int) -> FloatArray:
         ("circle-wind", "article", "heading-hold"),
     ],
 )
-def test_the_array_form_flies_what_lockstep_flies(name: str, law: str, plant: str) -> None:
+def test_the_array_form_flies_what_lockstep_flies(name, law, plant):
     mission = mission_of_two(name, law, plant)
     wanted = distances_in_lockstep(mission)
     flown = distances_on_arrays(mission, 2)
@@ -59,7 +59,7 @@ def test_the_array_form_flies_what_lockstep_flies(name: str, law: str, plant: st
         assert np.max(np.abs(flown[:, column] - wanted)) < 1e-6
 
 
-def test_a_predictive_law_differs_by_what_its_solver_leaves_open() -> None:
+def test_a_predictive_law_differs_by_what_its_solver_leaves_open():
     mission = mission_of_two("circle-wind", "mpc", "heading-hold")
     apart = np.abs(distances_on_arrays(mission, 1)[:, 0] - distances_in_lockstep(mission))
     in_place = round(25.0 * mission.rehearsal.rate_hz)
@@ -78,8 +78,6 @@ def test_a_predictive_law_differs_by_what_its_solver_leaves_open() -> None:
         ({}, "slot_frame: path"),
     ],
 )
-def test_what_the_array_form_has_not_is_refused(
-    changes: dict[str, dict[str, object]], what: str
-) -> None:
+def test_what_the_array_form_has_not_is_refused(changes, what):
     with pytest.raises(VfguideError, match=what):
         conditions_of(article_mission("line-calm", changes))

@@ -10,7 +10,7 @@ DURATION_S = 60.0
 
 @pytest.mark.parametrize("law", ["pid", "mpc"])
 @pytest.mark.parametrize("mission", ["line-wind", "circle-calm"])
-def test_a_baseline_holds_its_slots(law: str, mission: str) -> None:
+def test_a_baseline_holds_its_slots(law, mission):
     case = Case(mission=mission, controller=law, changes={"rehearsal": {"duration_s": DURATION_S}})
     figures, _ = fly(case)
     assert figures.mean_error_m < 0.25
@@ -20,7 +20,7 @@ def test_a_baseline_holds_its_slots(law: str, mission: str) -> None:
 
 
 @pytest.mark.parametrize("law", ["pid", "mpc"])
-def test_a_baseline_flies_the_articles_plant_over_a_bad_link(law: str) -> None:
+def test_a_baseline_flies_the_articles_plant_over_a_bad_link(law):
     case = Case(
         mission="circle-wind",
         controller=law,

@@ -1,14 +1,9 @@
 """The article's four cases, through MAVLink bytes, measured on the emulators' true states."""
 
-from collections.abc import Callable
-
 import pytest
 
-from vfguide.lab.rehearsal.lockstep import fly_lockstep
-from vfguide.lab.report.metrics import summarise
-from vfguide.mission import Mission
-
-MissionWith = Callable[..., Mission]
+from tests.kit.flight import fly
+from tests.kit.missions import mission_with
 
 # Mean formation error over the last half, m. The article claims 0.85, 2.31, 1.12 and 2.97.
 REQUIRED = {"line-calm": 0.05, "line-wind": 0.15, "circle-calm": 0.05, "circle-wind": 0.25}
@@ -27,11 +22,9 @@ CALM = {"duration_s": 150.0}
 
 
 @EVERY_MISSION
-def test_formation_is_kept_as_closely_as_required_with_smooth_setpoints(
-    name: str, mission_with: MissionWith
-) -> None:
+def test_formation_is_kept_as_closely_as_required_with_smooth_setpoints(name):
     mission = mission_with(name, rehearsal=CALM if "calm" in name else {})
-    summary = summarise(fly_lockstep(mission).record)
+    summary = fly(mission).summary
     formation = summary.formation
     assert formation.mean_error_m <= REQUIRED[name]
     assert formation.mean_error_m <= USUAL[name]
@@ -48,28 +41,24 @@ def test_formation_is_kept_as_closely_as_required_with_smooth_setpoints(
             assert vehicle.course_setpoint_variation_rad_s < 0.1
 
 
-def test_setpoints_are_smooth_in_a_fast_loop_too(mission_with: MissionWith) -> None:
+def test_setpoints_are_smooth_in_a_fast_loop_too():
     mission = mission_with("line-calm", rehearsal={"rate_hz": 50.0, "duration_s": 60.0})
-    for vehicle in summarise(fly_lockstep(mission).record).vehicles.values():
+    for vehicle in fly(mission).summary.vehicles.values():
         assert vehicle.course_setpoint_variation_rad_s < 0.1
 
 
 @EASIEST_AND_HARDEST
-def test_a_leader_without_measured_ground_speed_costs_at_most_twice_the_error(
-    name: str, mission_with: MissionWith
-) -> None:
+def test_a_leader_without_measured_ground_speed_costs_at_most_twice_the_error(name):
     observer = {"leader_speed_source": "observer"}
     mission = mission_with(name, controller=observer, rehearsal=SHORT)
-    formation = summarise(fly_lockstep(mission).record).formation
+    formation = fly(mission).summary.formation
     assert formation.mean_error_m <= 2.0 * REQUIRED[name]
     assert formation.settle_10m_s <= 30.0
     assert formation.min_separation_m >= 5.0
 
 
 @EASIEST_AND_HARDEST
-def test_a_slow_lossy_link_and_noisy_positions_are_borne(
-    name: str, mission_with: MissionWith
-) -> None:
+def test_a_slow_lossy_link_and_noisy_positions_are_borne(name):
     bad = {
         **SHORT,
         "link_delay_s": 0.2,
@@ -77,32 +66,33 @@ def test_a_slow_lossy_link_and_noisy_positions_are_borne(
         "link_loss": 0.2,
         "position_noise_m": 0.3,
     }
-    flight = fly_lockstep(mission_with(name, rehearsal=bad))
-    formation = summarise(flight.record).formation
+    flight = fly(name, rehearsal=bad)
+    formation = flight.summary.formation
     assert formation.mean_error_m < 0.6
     assert formation.settle_10m_s <= 30.0
     assert formation.min_separation_m >= 5.0
-    texts = [event.text for events in flight.events.values() for event in events]
-    assert [one for one in texts if "can be" in one or "cannot be" in one or "clock" in one] == []
+    assert [
+        one for one in flight.texts() if "can be" in one or "cannot be" in one or "clock" in one
+    ] == []
 
 
 @pytest.mark.parametrize("name", ["line-wind", "circle-wind"])
-def test_the_articles_own_plant_is_flown_as_well(name: str, mission_with: MissionWith) -> None:
+def test_the_articles_own_plant_is_flown_as_well(name):
     content = mission_with(name)
     vehicles = {
         vehicle: {**fields.model_dump(exclude_unset=True), "plant": "course-hold"}
         for vehicle, fields in content.vehicles.items()
     }
     mission = mission_with(name, vehicles=vehicles, rehearsal=SHORT)
-    formation = summarise(fly_lockstep(mission).record).formation
+    formation = fly(mission).summary.formation
     assert formation.mean_error_m <= REQUIRED[name]
 
 
-def test_the_articles_field_keeps_a_steady_error_on_every_turn(mission_with: MissionWith) -> None:
+def test_the_articles_field_keeps_a_steady_error_on_every_turn():
     # Slots 20 m aside and 40 m behind on a 150 m circle ask for a course up to 14.9 degrees and a speed
     # up to 2.7 m/s off the leader's; the article's field gives them only to an error of metres.
     controller = {"type": "article"}
     mission = mission_with("circle-calm", controller=controller, rehearsal=SHORT)
-    formation = summarise(fly_lockstep(mission).record).formation
+    formation = fly(mission).summary.formation
     assert formation.mean_error_m > 2.0
     assert formation.max_error_m - formation.mean_error_m < 0.5

@@ -9,6 +9,7 @@ from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 from msgspec.structs import replace
 
 import vfguide.lab.rehearsal.aircraft
+from tests.kit.missions import mission_with
 from vfguide.lab.rehearsal.aircraft import Aircraft, step_all
 from vfguide.lab.rehearsal.recorder import flight_record
 from vfguide.lab.report.geometry import slot_error
@@ -21,8 +22,6 @@ from vfguide.link.peer_clock import PeerClock
 from vfguide.link.trust import Trust
 from vfguide.mission import Mission
 from vfguide.record.flight import FlightRecord
-
-MissionWith = Callable[..., Mission]
 
 Attack = Callable[[bytes, "Wire"], list[bytes]]
 """What is heard in addition to a message."""
@@ -183,9 +182,7 @@ def replayed_and_reflected(data: bytes, wire: Wire) -> list[bytes]:
     return [data, *wire.said[-400:-390], *wire.said[:3]]
 
 
-def test_an_attacked_formation_flies_bit_for_bit_as_if_it_were_not(
-    mission_with: MissionWith, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_attacked_formation_flies_bit_for_bit_as_if_it_were_not(monkeypatch):
     mission = mission_with("circle-wind", rehearsal={"start": IN_PLACE})
     calm = fly(mission, Wire(nothing, signed=True), monkeypatch)
     for follower in calm.followers:
@@ -201,9 +198,7 @@ def test_an_attacked_formation_flies_bit_for_bit_as_if_it_were_not(
         assert refused > 2000
 
 
-def test_without_signatures_who_forges_the_leader_leads(
-    mission_with: MissionWith, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_without_signatures_who_forges_the_leader_leads(monkeypatch):
     """What --insecure means, and that the attack of the test above is one: followers leave their slots."""
     mission = mission_with("circle-wind", rehearsal={"start": IN_PLACE})
     led_astray = fly(mission, Wire(forged_states, signed=False), monkeypatch)

@@ -1,15 +1,12 @@
 """The missions that a real crew would fly, and what a leader does for slots that are hard to fly."""
 
-from collections.abc import Callable
 from typing import Any
 
 import pytest
 
-from vfguide.lab.rehearsal.lockstep import fly_lockstep
+from tests.kit.flight import fly
+from tests.kit.missions import mission_with
 from vfguide.lab.report.metrics import summarise
-from vfguide.mission import Mission
-
-MissionWith = Callable[..., Mission]
 
 
 @pytest.mark.parametrize(
@@ -26,19 +23,17 @@ MissionWith = Callable[..., Mission]
         ("survey-plan", 280.0),
     ],
 )
-def test_mission_is_flown_within_its_acceptance(
-    name: str, duration_s: float, mission_with: MissionWith
-) -> None:
+def test_mission_is_flown_within_its_acceptance(name, duration_s):
     mission = mission_with(name, rehearsal={"duration_s": duration_s})
-    summary = summarise(fly_lockstep(mission).record)
+    summary = fly(mission).summary
     assert summary.accepted, summary.rejections
 
 
-def test_easement_spreads_the_jump_of_the_turn_rate(mission_with: MissionWith) -> None:
+def test_easement_spreads_the_jump_of_the_turn_rate():
     def greatest_error(easement_m: float) -> float:
         path = {"easement_m": easement_m}
         mission = mission_with("survey-racetrack", path=path, rehearsal={"duration_s": 80.0})
-        return summarise(fly_lockstep(mission).record).formation.max_error_m
+        return fly(mission).summary.formation.max_error_m
 
     # 8.3 m against 0.8 m.
     assert greatest_error(100.0) < 0.25 * greatest_error(0.0)
@@ -64,9 +59,7 @@ def slow_inside(give_way: bool) -> dict[str, Any]:
 
 
 @pytest.mark.parametrize(("give_way", "kept"), [(True, True), (False, False)])
-def test_leader_gives_way_where_an_inner_slot_is_too_slow(
-    give_way: bool, kept: bool, mission_with: MissionWith
-) -> None:
+def test_leader_gives_way_where_an_inner_slot_is_too_slow(give_way, kept):
     changes = slow_inside(give_way)
     mission = mission_with("circle-calm", **changes, rehearsal={"duration_s": 100.0})
     inner = mission.followers[1].model_copy(
@@ -74,7 +67,7 @@ def test_leader_gives_way_where_an_inner_slot_is_too_slow(
     )
     others = (mission.followers[0], inner, mission.followers[2])
     mission = mission.model_copy(update={"followers": others})
-    record = fly_lockstep(mission).record
+    record = fly(mission).record
     error = summarise(record).vehicles["f2"].formation_error_m
     assert bool(error.mean < 0.1) is kept
     assert bool(record.leader.airspeed_m_s[-1] > 22.0) is give_way

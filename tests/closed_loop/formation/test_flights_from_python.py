@@ -4,20 +4,19 @@ import json
 import os
 import shutil
 import subprocess
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 import vfguide
+from tests.kit.missions import MISSIONS, ROOT
 from vfguide.errors import InputError
 from vfguide.laws import Law
 
-ROOT = Path(__file__).parents[3]
-MISSION = ROOT / "missions" / "line-calm.yaml"
+MISSION = MISSIONS / "line-calm.yaml"
 
 
-def test_a_flight_has_its_figures_and_its_data_by_vehicle(tmp_path: Path) -> None:
+def test_a_flight_has_its_figures_and_its_data_by_vehicle(tmp_path):
     mission = vfguide.load_mission(str(MISSION))
     flight = vfguide.fly(mission, duration_s=20.0, seed=2, settings={"controller.k_x": 0.3})
     assert list(flight.tracks) == ["leader", "f1", "f2", "f3"]
@@ -34,7 +33,7 @@ def test_a_flight_has_its_figures_and_its_data_by_vehicle(tmp_path: Path) -> Non
     assert not np.array_equal(usual.tracks["f1"].north_m, flight.tracks["f1"].north_m)
 
 
-def test_laws_are_compared_over_the_same_seeds() -> None:
+def test_laws_are_compared_over_the_same_seeds():
     mission = vfguide.load_mission(MISSION)
     found = vfguide.compare(mission, laws=["slot", "pid"], seeds=[1, 2], duration_s=3.0)
     assert [(one.law, one.seed) for one in found] == [
@@ -46,7 +45,7 @@ def test_laws_are_compared_over_the_same_seeds() -> None:
     assert [one.summary.controller for one in found] == ["slot", "slot", "pid", "pid"]
 
 
-def test_what_cannot_be_flown_is_said() -> None:
+def test_what_cannot_be_flown_is_said():
     mission = vfguide.load_mission(MISSION)
     with pytest.raises(InputError, match="solt: there is no such law; known are slot, article"):
         vfguide.fly(mission, law="solt")
@@ -58,13 +57,13 @@ def test_what_cannot_be_flown_is_said() -> None:
         vfguide.fly(mission, law=type("Nameless", (Law,), {}))
 
 
-def test_the_public_names_are_those_that_are_documented() -> None:
+def test_the_public_names_are_those_that_are_documented():
     assert dir(vfguide) == sorted(vfguide.__all__)
     with pytest.raises(AttributeError, match="no attribute 'flee'"):
         vfguide.flee  # noqa: B018
 
 
-def test_every_combination_of_settings_is_flown_and_is_a_row_of_a_table() -> None:
+def test_every_combination_of_settings_is_flown_and_is_a_row_of_a_table():
     mission = vfguide.load_mission(MISSION)
     swept = {"controller.k_x": [0.2, 0.4], "rehearsal.link_loss": [0.0, 0.5, 0.9]}
     found = vfguide.compare(
@@ -89,7 +88,7 @@ def raises(flight: vfguide.Flight) -> float:
     raise KeyError(flight.summary.mission)
 
 
-def test_what_cannot_be_compared_is_one_line() -> None:
+def test_what_cannot_be_compared_is_one_line():
     mission = vfguide.load_mission(MISSION)
     with pytest.raises(InputError, match=r'settings of compare are lists of values; write \{"co'):
         vfguide.compare(mission, settings={"controller.k_x": 0.3})  # type: ignore[dict-item]
@@ -113,7 +112,7 @@ def greatest_bank(flight: vfguide.Flight) -> float:
     return max(float(np.abs(flight.tracks[name].bank_rad).max()) for name in flight.errors)
 
 
-def test_a_flight_as_a_data_frame_has_a_row_for_each_sample_and_vehicle() -> None:
+def test_a_flight_as_a_data_frame_has_a_row_for_each_sample_and_vehicle():
     flight = vfguide.fly(vfguide.load_mission(MISSION), duration_s=2.0)
     frame = flight.to_dataframe()
     assert len(frame) == 4 * 41
@@ -124,7 +123,7 @@ def test_a_flight_as_a_data_frame_has_a_row_for_each_sample_and_vehicle() -> Non
     assert set(frame["mode"]) <= set(flight.record.mode_names)
 
 
-def test_the_notebook_prints_the_articles_table(tmp_path: Path, installed: Path) -> None:
+def test_the_notebook_prints_the_articles_table(tmp_path, installed):
     cells = json.loads((ROOT / "examples" / "article_table.ipynb").read_text())["cells"]
     code = ["".join(cell["source"]) for cell in cells if cell["cell_type"] == "code"]
     script = "\n".join(code).replace("DURATION_S = 300.0", "DURATION_S = 40.0")
@@ -156,9 +155,7 @@ def test_the_notebook_prints_the_articles_table(tmp_path: Path, installed: Path)
         ("sweep.py", "controller.k_x\tcontroller.k_y\tseed\tmean_error_m"),
     ],
 )
-def test_the_examples_run_where_they_are_copied_to(
-    tmp_path: Path, installed: Path, example: str, said: str
-) -> None:
+def test_the_examples_run_where_they_are_copied_to(tmp_path, installed, example, said):
     shutil.copy(ROOT / "examples" / "own_law.py", tmp_path)
     script = (ROOT / "examples" / example).read_text()
     script = script.replace("DURATION_S = 60.0", "DURATION_S = 40.0")

@@ -1,41 +1,36 @@
 """Followers behind an aircraft that has no companion, joined to it by MAVLink bytes alone."""
 
 import math
-from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pytest
 
+from tests.kit.flight import fly
+from tests.kit.formation import Formation
+from tests.kit.missions import content_of, in_place, mission_with, replaced
 from vfguide.companion.core import Companion
 from vfguide.companion.leader_telemetry import LeaderTelemetry
 from vfguide.companion.mission_plan import adapter_of, flight_plan
 from vfguide.companion.plan import ForeignLeader
-from vfguide.companion.supervisor import Mode
 from vfguide.formation.orders import Order
 from vfguide.formation.transition import RefusedOrderError
 from vfguide.guidance.formation import extrapolate_by_rates
-from vfguide.lab.rehearsal.aircraft import Aircraft, EmulatedForeignLeader, aircraft_of, step_all
 from vfguide.lab.rehearsal.emulators import emulator_of
-from vfguide.lab.rehearsal.lockstep import fly_lockstep, instants
+from vfguide.lab.rehearsal.lockstep import fly_lockstep
 from vfguide.lab.report.metrics import summarise
 from vfguide.mission import Mission
 from vfguide.mission.order_plan import formation_of_mission, resolve
-
-if TYPE_CHECKING:
-    from vfguide.link.memory import Mail
-
-MissionWith = Callable[..., Mission]
 
 RATE_HZ = 10.0
 """Half the shipped rate: what is heard of the leader comes no faster, and a flight takes half the time."""
 
 
-def flown(mission_with: MissionWith, duration_s: float = 64.0, **heard: Any) -> float:  # noqa: ANN401
+def flown(duration_s: float = 64.0, **heard: Any) -> float:
     """Mean slot error (m) over the second half, with the leader heard in some way."""
     rehearsal = {"duration_s": duration_s, "rate_hz": RATE_HZ, "leader_telemetry": heard}
     mission = mission_with("foreign-leader", rehearsal=rehearsal)
-    return summarise(fly_lockstep(mission).record).formation.mean_error_m
+    return fly(mission).summary.formation.mean_error_m
 
 
 @pytest.mark.parametrize(
@@ -49,117 +44,73 @@ def flown(mission_with: MissionWith, duration_s: float = 64.0, **heard: Any) -> 
         ("HIGH_LATENCY2", 1.0, 1.5),
     ],
 )
-def test_slots_are_held_by_whatever_message_it_sends(
-    message: str, rate_hz: float, greatest_m: float, mission_with: MissionWith
-) -> None:
-    error_m = flown(mission_with, message=message, rate_hz=rate_hz, delay_s=0.2)
+def test_slots_are_held_by_whatever_message_it_sends(message, rate_hz, greatest_m):
+    error_m = flown(message=message, rate_hz=rate_hz, delay_s=0.2)
     assert error_m < greatest_m
 
 
-def test_messages_that_take_now_50_and_now_500_ms_cost_little(mission_with: MissionWith) -> None:
+def test_messages_that_take_now_50_and_now_500_ms_cost_little():
     heard = {"message": "GLOBAL_POSITION_INT", "rate_hz": 5.0, "delay_s": 0.275, "jitter_s": 0.225}
     rehearsal = {"duration_s": 64.0, "rate_hz": RATE_HZ, "leader_telemetry": heard}
     mission = mission_with("foreign-leader", rehearsal=rehearsal, leader={"least_delay_s": 0.05})
-    assert summarise(fly_lockstep(mission).record).formation.mean_error_m < 0.3
+    assert fly(mission).summary.formation.mean_error_m < 0.3
 
 
-def unknown_delay_m(mission_with: MissionWith, **heard: Any) -> float:  # noqa: ANN401
+def unknown_delay_m(**heard: Any) -> float:
     """Mean slot error (m) where the mission says nothing of how late the leader is heard."""
     rehearsal = {"duration_s": 64.0, "rate_hz": RATE_HZ, "leader_telemetry": heard}
     mission = mission_with("foreign-leader", rehearsal=rehearsal, leader={"least_delay_s": None})
-    return summarise(fly_lockstep(mission).record).formation.mean_error_m
+    return fly(mission).summary.formation.mean_error_m
 
 
 @pytest.mark.parametrize(("delay_s", "jitter_s"), [(0.2, 0.0), (0.275, 0.225)])
-def test_a_delay_that_is_not_told_is_asked_for(
-    delay_s: float, jitter_s: float, mission_with: MissionWith
-) -> None:
-    assert unknown_delay_m(mission_with, delay_s=delay_s, jitter_s=jitter_s) < 0.6
+def test_a_delay_that_is_not_told_is_asked_for(delay_s, jitter_s):
+    assert unknown_delay_m(delay_s=delay_s, jitter_s=jitter_s) < 0.6
 
 
-def test_a_delay_that_nobody_knows_is_flown_behind_the_slot(mission_with: MissionWith) -> None:
+def test_a_delay_that_nobody_knows_is_flown_behind_the_slot():
     heard = {"message": "FOLLOW_TARGET", "rate_hz": 10.0, "delay_s": 0.2}
-    error_m = unknown_delay_m(mission_with, **heard)
+    error_m = unknown_delay_m(**heard)
     # 0.2 s at 20 m/s, in a wind that takes and gives 2 to 8 m/s.
     assert 3.0 < error_m < 5.5
 
 
-class Formation:
-    """A formation whose leader can fall silent, or start its autopilot anew."""
-
-    def __init__(self, mission: Mission) -> None:
-        names = [mission.leader.vehicle, *mission.followers_by_name]
-        self.aircraft = [aircraft_of(mission, name) for name in names]
-        self._instants = instants(mission)
-        self._mail: Sequence[Mail] = ()
-        self.silent = False
-        self.now = 0.0
-
-    @property
-    def leader(self) -> EmulatedForeignLeader:
-        leader = self.aircraft[0]
-        assert isinstance(leader, EmulatedForeignLeader)
-        return leader
-
-    @property
-    def followers(self) -> list[Aircraft]:
-        return [one for one in self.aircraft if isinstance(one, Aircraft)]
-
-    def fly(self, until_s: float) -> None:
-        for now in self._instants:
-            self.now = now
-            heard = list(self._mail)
-            sent = self.leader.step(now, heard)
-            mail = heard if self.silent else [*heard, *sent]
-            self._mail = step_all(self.followers, now, mail)
-            if now >= until_s:
-                return
-
-    @property
-    def modes(self) -> set[Mode]:
-        return {one.companion.snapshot.mode for one in self.followers}
+def silenced(**sections: object) -> tuple[Formation, set[str]]:
+    """Make the formation, and a set of those who are not heard any more."""
+    mission = mission_with("foreign-leader", rehearsal={"rate_hz": RATE_HZ}, **sections)
+    mute = set[str]()
+    return Formation(mission, carry=lambda said: [one for one in said if one[0] not in mute]), mute
 
 
-def test_a_leader_that_falls_silent_is_predicted_and_then_left(mission_with: MissionWith) -> None:
-    mission = mission_with(
-        "foreign-leader",
-        rehearsal={"rate_hz": RATE_HZ},
-        patience={"prediction_s": 8.0, "breakaway_s": 5.0},
-    )
-    formation = Formation(mission)
+def test_a_leader_that_falls_silent_is_predicted_and_then_left():
+    formation, mute = silenced(patience={"prediction_s": 8.0, "breakaway_s": 5.0})
     formation.fly(60.0)
-    assert formation.modes == {Mode.TRACKING}
-    formation.silent = True
-    formation.fly(62.0)
+    assert formation.modes() == {"tracking"}
+    mute.add("leader")
     # At one message a second one may be lost: that is no silence.
-    assert formation.modes == {Mode.TRACKING}
-    formation.fly(64.0)
-    assert formation.modes == {Mode.PREDICTING}
-    formation.fly(70.0)
-    assert formation.modes == {Mode.BREAKAWAY}
+    for until_s, mode in ((62.0, "tracking"), (64.0, "predicting"), (70.0, "breakaway")):
+        formation.fly(until_s)
+        assert formation.modes() == {mode}
     formation.fly(76.0)
-    assert formation.modes <= {Mode.LOST, Mode.WAITING}
+    assert formation.modes() <= {"lost", "waiting"}
 
 
-def test_a_leader_that_comes_back_is_followed_again(mission_with: MissionWith) -> None:
-    formation = Formation(mission_with("foreign-leader", rehearsal={"rate_hz": RATE_HZ}))
+def test_a_leader_that_comes_back_is_followed_again():
+    formation, mute = silenced()
     formation.fly(60.0)
-    formation.silent = True
+    mute.add("leader")
     formation.fly(66.0)
-    formation.silent = False
+    mute.clear()
     formation.fly(90.0)
-    assert formation.modes == {Mode.TRACKING}
+    assert formation.modes() == {"tracking"}
 
 
-def test_followers_say_nothing_of_a_leader_that_flies_as_it_should(
-    mission_with: MissionWith,
-) -> None:
-    flight = fly_lockstep(mission_with("foreign-leader", rehearsal={"duration_s": 60.0}))
-    told = [event.text for events in flight.events.values() for event in events]
-    assert not [text for text in told if text.startswith("the leader")]
+def test_followers_say_nothing_of_a_leader_that_flies_as_it_should():
+    flight = fly("foreign-leader", 60.0)
+    assert not [text for text in flight.texts() if text.startswith("the leader")]
 
 
-def test_any_number_of_processes_flies_the_same(mission_with: MissionWith) -> None:
+def test_any_number_of_processes_flies_the_same():
     mission = mission_with("foreign-leader", rehearsal={"duration_s": 10.0})
     alone, shared = (fly_lockstep(mission, processes=count).record for count in (1, 2))
     for one, other in zip(alone.vehicles, shared.vehicles, strict=True):
@@ -168,7 +119,7 @@ def test_any_number_of_processes_flies_the_same(mission_with: MissionWith) -> No
 
 def crewed(mission: Mission) -> Mission:
     """Three followers 115 to 150 m behind an aircraft that ADS-B shows; the last begins ahead of it."""
-    content = mission.model_dump(exclude_unset=True)
+    content = content_of(mission)
     content["leader"] |= {"follows": "adsb", "icao_address": 0x4B1900, "system_id": None}
     content["path"] |= {"centre": {"north_m": 600.0, "east_m": 0.0}, "radius_m": 600.0}
     content["rehearsal"] = {
@@ -183,10 +134,8 @@ def crewed(mission: Mission) -> Mission:
     return Mission.model_validate(content)
 
 
-def test_an_aircraft_that_adsb_shows_is_followed_and_passed_at_a_distance(
-    mission_with: MissionWith,
-) -> None:
-    record = fly_lockstep(crewed(mission_with("foreign-leader"))).record
+def test_an_aircraft_that_adsb_shows_is_followed_and_passed_at_a_distance():
+    record = fly(crewed(mission_with("foreign-leader"))).record
     assert summarise(record).formation.mean_error_m < 1.5
     leader = record.leader
     for one in record.followers:
@@ -195,9 +144,7 @@ def test_an_aircraft_that_adsb_shows_is_followed_and_passed_at_a_distance(
         assert distance.min() > 55.0
 
 
-def test_followers_without_a_companion_hear_the_leader_ten_times_a_second(
-    mission_with: MissionWith,
-) -> None:
+def test_followers_without_a_companion_hear_the_leader_ten_times_a_second():
     mission = mission_with("circle-wind")
     name = mission.leader.vehicle
     plan = flight_plan(mission, name)
@@ -229,26 +176,18 @@ def test_followers_without_a_companion_hear_the_leader_ten_times_a_second(
 
 
 @pytest.mark.parametrize("lost", [False, True], ids=["f1 coordinates", "f1 is lost"])
-def test_orders_behind_it_are_decided_by_the_first_follower(
-    mission_with: MissionWith, *, lost: bool
-) -> None:
+def test_orders_behind_it_are_decided_by_the_first_follower(lost):
     """Without f1 between the order and its decision nobody says that it is certain, and nobody moves."""
-    start = {"leader": {"north_m": 0, "east_m": 0}, "f1": {}, "f2": {}, "f3": {}}
     losses = [{"vehicle": "f1", "at_s": 7.0, "for_s": 20.0}] if lost else []
-    rehearsal = {"duration_s": 16.0, "start": start, "losses": losses}
-    mission = mission_with("foreign-leader", rehearsal=rehearsal)
-    content = mission.model_dump(exclude_unset=True)
-    content["orders"] = [{"at_s": 12.0, "shape": "vee", "spacing_m": 40}]
-    flight = fly_lockstep(Mission.model_validate(content))
-    said = {name: "".join(one.text for one in events) for name, events in flight.events.items()}
+    mission = in_place("foreign-leader", duration_s=16.0, losses=losses)
+    flight = fly(replaced(mission, orders=[{"at_s": 12.0, "shape": "vee", "spacing_m": 40}]))
+    said = {name: flight.words(name) for name in flight.events}
     flown = {name for name, text in said.items() if "order 1 is flown from now on" in text}
     assert flown == (set() if lost else {"f1", "f2", "f3"})
     assert ("order 1: all have agreed" in said["f1"]) is not lost
 
 
-def test_a_leader_without_a_companion_cannot_be_ordered_onto_a_circle(
-    mission_with: MissionWith,
-) -> None:
+def test_a_leader_without_a_companion_cannot_be_ordered_onto_a_circle():
     mission = mission_with("foreign-leader")
     with pytest.raises(RefusedOrderError, match="it flies no circle or path that is ordered"):
         resolve(mission, Order(action="hold"), formation_of_mission(mission), number=1, time_s=9.0)

@@ -86,8 +86,8 @@ def one_after_another(circle: Mission) -> Flown:
 
 @pytest.mark.parametrize("number", range(len(OWN_FAULTS)), ids=[name for name, *_ in OWN_FAULTS])
 def test_a_followers_impossible_reports_cost_metres_at_most_and_are_told(
-    number: int, undisturbed: Flown, one_after_another: Flown
-) -> None:
+    number, undisturbed, one_after_another
+):
     begins = starts(number)
     ends = begins + APART_S
     _, _, sentence, most_m = OWN_FAULTS[number]
@@ -116,8 +116,8 @@ def leader_stops(circle: Mission) -> Flown:
 
 @pytest.mark.parametrize("number", range(len(LOST_S)))
 def test_followers_follow_again_3_s_after_the_leaders_clock_has_slipped(
-    number: int, undisturbed: Flown, leader_slips: Flown
-) -> None:
+    number, undisturbed, leader_slips
+):
     begins = starts(number, SLOWER_S)
     ends = begins + SLOWER_S
     over = begins + LOST_S[number] + 3.0
@@ -130,9 +130,7 @@ def test_followers_follow_again_3_s_after_the_leaders_clock_has_slipped(
 
 
 @pytest.mark.parametrize("number", range(len(LOST_S)))
-def test_followers_follow_again_3_s_after_the_leader_stood_still(
-    number: int, leader_stops: Flown
-) -> None:
+def test_followers_follow_again_3_s_after_the_leader_stood_still(number, leader_stops):
     begins = starts(number, SLOWER_S)
     over = begins + LOST_S[number] + 3.0
     assert any("clock has lost" in text for text in leader_stops.said("leader", begins, over))
@@ -155,17 +153,15 @@ def leader_ahead(line: Mission) -> Flown:
     return fly(line, {"leader": faults}, 75.0)
 
 
-def test_a_leader_whose_position_is_40_m_ahead_for_3_s_misleads_no_follower(
-    leader_ahead: Flown,
-) -> None:
+def test_a_leader_whose_position_is_40_m_ahead_for_3_s_misleads_no_follower(leader_ahead):
     assert leader_ahead.nearest(0.0, 20.0) > 25.0
     assert [leader_ahead.mode_changes(name, 5.0, 20.0) for name in ("f1", "f2")] == [[], []]
     assert "40 m from where it can be" in leader_ahead.said("leader", 5.0, 20.0)[0]
 
 
 def test_a_leader_whose_position_stays_40_m_ahead_is_handed_back_and_the_formation_comes_apart(
-    leader_ahead: Flown,
-) -> None:
+    leader_ahead,
+):
     assert leader_ahead.nearest(20.0) > LEAST_M
     said = leader_ahead.said("leader", 20.0, 75.0)
     assert any("40 m from where it can be: not steered" in text for text in said)
@@ -186,8 +182,8 @@ def test_a_leader_whose_position_stays_40_m_ahead_is_handed_back_and_the_formati
 @pytest.mark.parametrize("vehicle", ["leader", "f1", "f2"])
 @pytest.mark.parametrize(("north", "east"), [(0.0, 0.0), (14.0, -14.0)])
 def test_a_velocity_that_stays_false_is_not_flown_by_and_the_vehicle_is_handed_back(
-    line: Mission, vehicle: str, north: float, east: float
-) -> None:
+    line, vehicle, north, east
+):
     # The line leads north-east: it stands still, or flies across.
     flown = fly(line, {vehicle: [Fault("velocity", 10.0, inf, north, east)]}, 35.0)
     assert flown.nearest() > LEAST_M
@@ -196,9 +192,7 @@ def test_a_velocity_that_stays_false_is_not_flown_by_and_the_vehicle_is_handed_b
     assert "autopilot: Mode LOITER" in said
 
 
-def test_a_step_of_the_place_that_a_gap_in_the_telemetry_hides_is_not_flown_to(
-    line: Mission,
-) -> None:
+def test_a_step_of_the_place_that_a_gap_in_the_telemetry_hides_is_not_flown_to(line):
     # f1's slot is 20 m behind and 20 m left of the leader: after the gap it seems to be 28 m west of there.
     gap = Stop(10.0, 2.5)
     flown = fly(line, {"f1": [Fault("offset", 11.0, inf, 0.0, -28.0)]}, 30.0, stops={"f1": [gap]})

@@ -56,7 +56,7 @@ SLOW = tuple(CASES)[3:]
     [(name, case) for name in ("circle-wind", "line-wind") for case in CASES]
     + [("ardupilot-sitl", case) for case in SLOW],
 )
-def test_nobody_under_guidance_comes_near(mission: str, case: str) -> None:
+def test_nobody_under_guidance_comes_near(mission, case):
     chosen, events = mission_in_place(mission), CASES[case]
     record = Strays(chosen, events).fly(events[-1].time_s + AFTERWARDS_S)
     found = approaches(chosen, record, events, from_s=FROM_S)
@@ -71,6 +71,6 @@ def test_nobody_under_guidance_comes_near(mission: str, case: str) -> None:
 
 
 @pytest.mark.parametrize("number", [*range(0, 40, 4), *ONCE_NEAR])
-def test_nobody_comes_near_on_a_flight_of_strays(number: int) -> None:
+def test_nobody_comes_near_on_a_flight_of_strays(number):
     nearest = fly(number, AFTERWARDS_S).nearest
     assert nearest.unavoidable or nearest.distance_m >= LEAST_M

@@ -1,17 +1,13 @@
 """Formations on autopilots that bank, lag and answer late, with what `vfguide identify` tells of them."""
 
-from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import pytest
 
-from vfguide.lab.rehearsal.lockstep import fly_lockstep
-from vfguide.lab.report.metrics import summarise
+from tests.kit.flight import fly
+from tests.kit.missions import content_of
 from vfguide.lab.report.summary import FormationSummary
-from vfguide.mission import Mission, load_mission
-
-MISSIONS = Path(__file__).parents[3] / "missions"
+from vfguide.mission import Mission
 
 STEADY = {"type": "steady", "speed_m_s": 5.0, "toward_deg": 135.0}
 EMULATOR = {"plant": "bank", "guided_p": 12_000.0, "roll_time_s": 0.4, "speed_response": "tecs"}
@@ -23,50 +19,43 @@ PROFILE = {
     "max_acceleration_m_s2": 2.5,
 }
 
-Fly = Callable[..., FormationSummary]
+
+def late(name: str, wind: dict[str, Any], **emulator: float) -> FormationSummary:
+    """80 s of a mission at 25 Hz, leader states 100 ms old; errors are of the second half."""
+    content = content_of(name)
+    content |= {"wind": wind, "acceptance": {}}
+    content["rehearsal"] |= {
+        "duration_s": 80.0,
+        "rate_hz": 25.0,
+        "link_delay_s": 0.1,
+        "emulator": EMULATOR | emulator,
+    }
+    for vehicle in content["vehicles"].values():
+        vehicle.update(PROFILE)
+    return fly(Mission.model_validate(content)).summary.formation
 
 
-@pytest.fixture(scope="module")
-def late() -> Fly:
-    """Flies 80 s of a mission at 25 Hz, leader states 100 ms old; errors are of the second half."""
-
-    def fly(name: str, wind: dict[str, Any], **emulator: float) -> FormationSummary:
-        content = load_mission(MISSIONS / f"{name}.yaml").model_dump(exclude_unset=True)
-        content |= {"wind": wind, "acceptance": {}}
-        content["rehearsal"] |= {
-            "duration_s": 80.0,
-            "rate_hz": 25.0,
-            "link_delay_s": 0.1,
-            "emulator": EMULATOR | emulator,
-        }
-        for vehicle in content["vehicles"].values():
-            vehicle.update(PROFILE)
-        return summarise(fly_lockstep(Mission.model_validate(content)).record).formation
-
-    return fly
-
-
-def test_a_line_is_held_within_half_a_metre(late: Fly) -> None:
+def test_a_line_is_held_within_half_a_metre():
     assert late("line-wind", STEADY).mean_error_m < 0.5
 
 
-def test_a_circle_is_held_within_three_quarters_of_a_metre(late: Fly) -> None:
+def test_a_circle_is_held_within_three_quarters_of_a_metre():
     assert late("circle-wind", STEADY).mean_error_m < 0.75
 
 
 @pytest.mark.parametrize("name", ["line-wind", "circle-wind"])
-def test_in_the_articles_wind_it_is_within_a_metre_and_a_half(late: Fly, name: str) -> None:
+def test_in_the_articles_wind_it_is_within_a_metre_and_a_half(name):
     assert late(name, {"type": "article"}).mean_error_m < 1.5
 
 
-def test_a_profile_that_is_a_little_wrong_does_no_harm(late: Fly) -> None:
+def test_a_profile_that_is_a_little_wrong_does_no_harm():
     emulator = {"turn_efficiency": 0.8, "course_dead_time_s": 0.2, "speed_dead_time_s": 0.7}
     assert late("circle-wind", STEADY, **emulator).mean_error_m < 0.75
 
 
-def test_px4_as_it_comes_is_in_its_slots_as_soon_as_its_airspeeds_allow() -> None:
+def test_px4_as_it_comes_is_in_its_slots_as_soon_as_its_airspeeds_allow():
     """Its hold goes 0.6 of the way to a new airspeed, and creeps on: asked for that alone it takes 79 s."""
-    content = load_mission(MISSIONS / "px4-sitl.yaml").model_dump(exclude_unset=True)
+    content = content_of("px4-sitl")
     content |= {"wind": {"type": "steady", "speed_m_s": 4.0, "toward_deg": 90.0}, "acceptance": {}}
     for vehicle in content["vehicles"].values():
         vehicle["response"] = "auto"
@@ -78,6 +67,6 @@ def test_px4_as_it_comes_is_in_its_slots_as_soon_as_its_airspeeds_allow() -> Non
         "f2": {"forward_m": -60, "right_m": -60},
         "f3": {"forward_m": -100, "right_m": 20},
     }
-    summary = summarise(fly_lockstep(Mission.model_validate(content)).record).formation
+    summary = fly(Mission.model_validate(content)).summary.formation
     assert summary.settle_1m_s is not None
     assert summary.settle_1m_s < 65.0

@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 
 from tests.benchmarks.strays import LEAST_M
-from tests.benchmarks.succession import MISSIONS, figures, flown
-from vfguide.lab.rehearsal.lockstep import fly_lockstep
+from tests.benchmarks.succession import figures, flown
+from tests.kit.flight import fly
+from tests.kit.missions import content_of
 from vfguide.lab.report.geometry import pair_separations
-from vfguide.mission import Mission, load_mission
+from vfguide.mission import Mission
 
 LEFT_M = 5.0
 """No follower leaves its slot by more, level."""
@@ -21,9 +22,7 @@ LAYER_M = 20.0
 
 @pytest.mark.parametrize("turbulence", ["none", "moderate"])
 @pytest.mark.parametrize("name", ["circle-wind", "line-wind"])
-def test_all_keep_their_slots_when_the_leaders_companion_is_killed(
-    name: str, turbulence: str
-) -> None:
+def test_all_keep_their_slots_when_the_leaders_companion_is_killed(name, turbulence):
     # Downwind, where the leader's aircraft crosses the outer follower's way soonest.
     lost_s = 54.0
     flight = flown(name, turbulence, lost_s, may_stop=False)
@@ -41,14 +40,14 @@ def test_all_keep_their_slots_when_the_leaders_companion_is_killed(
 
 
 @pytest.mark.parametrize("lost_s", [46.0, 52.0])
-def test_a_neighbour_ten_metres_away_that_is_lost_in_a_turn_is_climbed_over(lost_s: float) -> None:
+def test_a_neighbour_ten_metres_away_that_is_lost_in_a_turn_is_climbed_over(lost_s):
     # Each to the left behind the next, on a circle to the right: who flies straight on crosses their way.
-    content = load_mission(MISSIONS / "circle-wind.yaml").model_dump(exclude_unset=True)
+    content = content_of("circle-wind")
     for number, follower in enumerate(content["followers"], 1):
         follower["slot"] = {"forward_m": -7.0 * number, "right_m": -7.0 * number}
     loss = {"vehicle": "f1", "at_s": lost_s}
     content["rehearsal"] |= {"duration_s": lost_s + 12.0, "start": {}, "losses": [loss]}
-    record = fly_lockstep(Mission.model_validate(content)).record
+    record = fly(Mission.model_validate(content)).record
     lost = record.time_s >= lost_s
     nearest_m = min(float(pair.distance_m[lost].min()) for pair in pair_separations(record))
     assert nearest_m >= LEAST_M

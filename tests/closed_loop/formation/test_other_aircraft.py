@@ -6,16 +6,14 @@ The leader of `line-calm` flies from the origin to the north-east at 20 m/s, alo
 
 import cmath
 import math
-from collections.abc import Callable
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from tests.kit.missions import IN_PLACE, content_of, mission_with, replaced
 from vfguide.companion.mission_plan import local_frame
 from vfguide.lab.rehearsal.aircraft import Aircraft
 from vfguide.mission import Mission
-
-MissionWith = Callable[..., Mission]
 
 MEETS_S, MEETS_M = 30.0, 600.0
 RATE_HZ = 20.0
@@ -78,19 +76,11 @@ def nearest_m(mission: Mission, **intruder: float) -> tuple[float, str]:
     return float(min(distances)), "\n".join(event.text for event in leader.events)
 
 
-@pytest.fixture
-def alone(mission_with: MissionWith) -> Callable[[float], Mission]:
+def alone(traffic_m: float) -> Mission:
     """The leader on its line from the origin, which keeps so many metres from others."""
-
-    def make(traffic_m: float) -> Mission:
-        start = {"leader": {"north_m": 0, "east_m": 0}}
-        mission = mission_with("line-calm", rehearsal={"start": start})
-        content = mission.model_dump(exclude_unset=True)
-        content["followers"] = []
-        content["vehicles"] = {"leader": content["vehicles"]["leader"]}
-        return Mission.model_validate({**content, "avoidance": {"traffic_m": traffic_m}})
-
-    return make
+    mission = mission_with("line-calm", rehearsal={"start": {"leader": IN_PLACE["leader"]}})
+    leader = {"leader": content_of(mission)["vehicles"]["leader"]}
+    return replaced(mission, followers=[], vehicles=leader, avoidance={"traffic_m": traffic_m})
 
 
 @pytest.mark.parametrize(
@@ -98,9 +88,7 @@ def alone(mission_with: MissionWith) -> Callable[[float], Mission]:
     [(225.0, 40.0), (135.0, 30.0), (315.0, 50.0)],
     ids=["ahead", "left", "right"],
 )
-def test_an_aircraft_that_would_be_met_is_kept_clear_of(
-    alone: Callable[[float], Mission], course_deg: float, speed: float
-) -> None:
+def test_an_aircraft_that_would_be_met_is_kept_clear_of(course_deg, speed):
     """Without looking at it the two meet: within a metre, as both fly straight."""
     met, _ = nearest_m(alone(0.0), course_deg=course_deg, speed=speed, up_m=0.0)
     assert met < 1.5
@@ -109,9 +97,7 @@ def test_an_aircraft_that_would_be_met_is_kept_clear_of(
     assert "keeping clear of aircraft 4B1900" in said
 
 
-def test_an_aircraft_that_passes_150_m_above_is_not_in_the_way(
-    alone: Callable[[float], Mission],
-) -> None:
+def test_an_aircraft_that_passes_150_m_above_is_not_in_the_way():
     met, said = nearest_m(alone(100.0), course_deg=225.0, speed=40.0, up_m=150.0)
     assert met < 1.5
     assert "aircraft" not in said

@@ -12,7 +12,7 @@ from vfguide.lab.studies.radio import RadioCase, fly, radio_mission
 CASE = RadioCase(size=4, leader_hz=10.0, followers_hz=2.5, loss=0.0, bursts=0.0, seconds=60.0)
 
 
-def test_twelve_aircraft_at_10_and_2_5_hz_fit_and_keep_their_slots() -> None:
+def test_twelve_aircraft_at_10_and_2_5_hz_fit_and_keep_their_slots():
     figures = fly(replace(CASE, size=12, seconds=75.0))
     assert figures.air_bytes_s < 2100.0
     assert figures.collisions == 0
@@ -21,13 +21,13 @@ def test_twelve_aircraft_at_10_and_2_5_hz_fit_and_keep_their_slots() -> None:
     assert figures.min_separation_m > 5.0
 
 
-def test_a_radio_that_loses_a_tenth_and_has_bursts_costs_centimetres() -> None:
+def test_a_radio_that_loses_a_tenth_and_has_bursts_costs_centimetres():
     figures = fly(replace(CASE, loss=0.1, bursts=0.05))
     assert figures.refused["refused: damaged on the air"] > 20
     assert figures.mean_error_m < 0.1
 
 
-def test_a_flight_by_radio_is_the_same_each_time() -> None:
+def test_a_flight_by_radio_is_the_same_each_time():
     mission = radio_mission(2, 20.0)
     first, second = (fly_by_radio(mission).flight.record for _ in range(2))
     for one, other in zip(first.vehicles, second.vehicles, strict=True):
@@ -35,6 +35,6 @@ def test_a_flight_by_radio_is_the_same_each_time() -> None:
     assert first.vehicles[1].north_m.std() > 1.0
 
 
-def test_what_does_not_fit_is_not_flown() -> None:
+def test_what_does_not_fit_is_not_flown():
     with pytest.raises(InputError, match="do not fit"):
         fly_by_radio(radio_mission(12, 20.0), rates=RadioRates(leader_hz=20.0, followers_hz=10.0))

@@ -1,43 +1,28 @@
 """Formations that take orders over one emulated radio: agreed, flown, lost, void."""
 
-from collections.abc import Callable
-
 import pytest
 
+from tests.kit.missions import in_place, replaced
 from vfguide.lab.rehearsal.radio_flight import RadioFlight, fly_by_radio
 from vfguide.lab.report.geometry import seen_from_leader
 from vfguide.link.order_codec import Verdict
-from vfguide.mission import Mission
-
-MissionWith = Callable[..., Mission]
 
 NAMES = ("leader", "f1", "f2", "f3")
 AT_S = 12.0
 
 
-@pytest.fixture
-def by_radio(mission_with: MissionWith) -> Callable[..., RadioFlight]:
+def by_radio(duration_s: float, **rehearsal: object) -> RadioFlight:
     """A flight of the mission `shapes` by radio, everybody in its slot at its beginning, with one order."""
-
-    def fly(duration_s: float, **rehearsal: object) -> RadioFlight:
-        start = {"leader": {"north_m": 0, "east_m": 0}, "f1": {}, "f2": {}, "f3": {}}
-        mission = mission_with(
-            "shapes", rehearsal={"start": start, "duration_s": duration_s, **rehearsal}
-        )
-        content = mission.model_dump(exclude_unset=True)
-        content["orders"] = [{"at_s": AT_S, "shape": "trail", "spacing_m": 20}]
-        return fly_by_radio(Mission.model_validate(content))
-
-    return fly
+    mission = in_place("shapes", duration_s=duration_s, **rehearsal)
+    orders = [{"at_s": AT_S, "shape": "trail", "spacing_m": 20}]
+    return fly_by_radio(replaced(mission, orders=orders))
 
 
 def words(flown: RadioFlight, name: str) -> str:
     return "\n".join(event.text for event in flown.flight.events[name])
 
 
-def test_a_shape_is_agreed_and_flown_over_a_radio_that_loses_a_tenth(
-    by_radio: Callable[..., RadioFlight],
-) -> None:
+def test_a_shape_is_agreed_and_flown_over_a_radio_that_loses_a_tenth():
     """A companion that begins anew after the order hears it from the others, pieces and all."""
     lost = [{"vehicle": "f1", "at_s": 20.0, "for_s": 2.0}]
     flown = by_radio(50.0, radio={"loss": 0.1}, losses=lost)
@@ -50,9 +35,7 @@ def test_a_shape_is_agreed_and_flown_over_a_radio_that_loses_a_tenth(
     assert ahead == pytest.approx([-60.0, -40.0, -20.0], abs=0.5)
 
 
-def test_an_order_that_one_cannot_hear_is_void_and_all_fly_on_as_before(
-    by_radio: Callable[..., RadioFlight],
-) -> None:
+def test_an_order_that_one_cannot_hear_is_void_and_all_fly_on_as_before():
     """From the second before it is given to its time the radio of f2 is out."""
     lost = [{"vehicle": "f2", "at_s": 1.5, "for_s": AT_S, "what": "link"}]
     flown = by_radio(16.0, radio={}, losses=lost)

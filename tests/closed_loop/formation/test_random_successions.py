@@ -6,13 +6,14 @@ part of the formation that stays as it is has one leader in time.
 
 import math
 from itertools import combinations
-from pathlib import Path
 
 from hypothesis import HealthCheck, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, precondition, rule
 
-from tests.closed_loop.formation.ordered_flights import GUIDED, LOITER, select
+from tests.kit.formation import GUIDED, LOITER, SET_MODE
+from tests.kit.missions import content_of
+from tests.kit.wire import command_long, packed
 from vfguide.companion.succession import DEAF_S
 from vfguide.errors import VfguideError
 from vfguide.formation.orders import Order
@@ -21,11 +22,9 @@ from vfguide.lab.rehearsal.aircraft import OPERATOR, Aircraft
 from vfguide.link.codec import is_leaders
 from vfguide.link.memory import LinkQuality, Mail
 from vfguide.link.order_codec import ORDER_MAGIC, REPLY_MAGIC, encode_order
-from vfguide.mission import Mission, load_mission
+from vfguide.mission import Mission
 from vfguide.mission.order_plan import resolve
 from vfguide.mission.rehearsal import Loss
-
-MISSIONS = Path(__file__).parents[3] / "missions"
 
 LEAST_M = 5.0
 RATE_HZ = 20.0
@@ -56,7 +55,7 @@ ORDERS = (
 
 def mission(name: str) -> Mission:
     """A mission of the article, everyone in place."""
-    content = load_mission(MISSIONS / f"{name}.yaml").model_dump(exclude_unset=True)
+    content = content_of(name)
     content["deputies"] = list(DEPUTIES)
     content["rehearsal"]["start"] = {}
     return Mission.model_validate(content)
@@ -258,7 +257,8 @@ class Ordered(Flight):
 
     def select(self, name: str, mode: int) -> None:
         system = self.mission.vehicles[name].system_id
-        select(self.aircraft[name]._emulator, mode, system=system)  # noqa: SLF001
+        order = packed(command_long(SET_MODE, 1, mode, system_id=system))
+        self.aircraft[name]._emulator.receive(order)  # noqa: SLF001
         self.changed_s = self.now
 
     @invariant()

@@ -1,14 +1,12 @@
 """The same seed gives the same bytes, in one process or in several."""
 
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
+from tests.kit.missions import mission_with
 from vfguide.lab.rehearsal.lockstep import fly_lockstep
 from vfguide.mission import Mission
-
-MissionWith = Callable[..., Mission]
 
 SHORT = {"duration_s": 10.0, "position_noise_m": 0.3, "link_loss": 0.2, "link_jitter_s": 0.05}
 
@@ -23,7 +21,7 @@ def bytes_of(mission: Mission, processes: int, tmp_path: Path) -> dict[str, byte
 
 
 @pytest.mark.parametrize("processes", [1, 2, 3])
-def test_same_seed_same_bytes(processes: int, mission_with: MissionWith, tmp_path: Path) -> None:
+def test_same_seed_same_bytes(processes, tmp_path):
     mission = mission_with("circle-wind", rehearsal=SHORT)
     first = bytes_of(mission, 1, tmp_path)
     assert set(first) == {"leader", "f1", "f2", "f3"}
@@ -31,9 +29,7 @@ def test_same_seed_same_bytes(processes: int, mission_with: MissionWith, tmp_pat
     assert bytes_of(mission, processes, tmp_path) == first
 
 
-def test_gusts_and_wandering_receivers_are_the_same_in_every_process(
-    mission_with: MissionWith, tmp_path: Path
-) -> None:
+def test_gusts_and_wandering_receivers_are_the_same_in_every_process(tmp_path):
     mission = mission_with(
         "circle-wind",
         wind={"turbulence": "moderate"},
@@ -42,13 +38,13 @@ def test_gusts_and_wandering_receivers_are_the_same_in_every_process(
     assert bytes_of(mission, 2, tmp_path) == bytes_of(mission, 1, tmp_path)
 
 
-def test_another_seed_other_bytes(mission_with: MissionWith, tmp_path: Path) -> None:
+def test_another_seed_other_bytes(tmp_path):
     first = bytes_of(mission_with("circle-wind", rehearsal=SHORT), 1, tmp_path)
     second = bytes_of(mission_with("circle-wind", rehearsal={**SHORT, "seed": 2}), 1, tmp_path)
     assert first["f1"] != second["f1"]
 
 
-def test_a_stopped_flight_keeps_what_was_flown(mission_with: MissionWith) -> None:
+def test_a_stopped_flight_keeps_what_was_flown():
     steps = iter([False] * 101)
     mission = mission_with("line-calm", rehearsal={"duration_s": 20.0})
     flight = fly_lockstep(mission, processes=2, stop=lambda: next(steps, True))

@@ -1,14 +1,13 @@
 """Four rigid aircraft in moderate turbulence, with standalone receivers and a link that loses a tenth."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
 import vfguide
-from vfguide.mission import Mission, load_mission
+from tests.kit.missions import content_of, shipped
+from vfguide.mission import Mission
 
-MISSION = load_mission(Path(__file__).parents[3] / "missions" / "aerosonde-gusts.yaml")
+MISSION = shipped("aerosonde-gusts")
 
 
 def roll_rate(flight: vfguide.Flight, name: str) -> float:
@@ -24,16 +23,12 @@ def flight() -> vfguide.Flight:
     return vfguide.fly(MISSION, duration_s=120.0)
 
 
-def test_followers_are_nearer_to_the_slots_as_meant_than_the_best_flown_figure_known(
-    flight: vfguide.Flight,
-) -> None:
+def test_followers_are_nearer_to_the_slots_as_meant_than_the_best_flown_figure_known(flight):
     # Wilson (ACFR) flew 1.2 m, with cameras.
     assert flight.summary.formation.intended_error_m < 1.2
 
 
-def test_they_neither_work_at_their_limits_nor_roll_much_more_than_a_lone_aircraft(
-    flight: vfguide.Flight,
-) -> None:
+def test_they_neither_work_at_their_limits_nor_roll_much_more_than_a_lone_aircraft(flight):
     settled = flight.time_s >= flight.time_s[-1] / 2.0
     limited = [flight.tracks[name].limited[settled].mean() for name in flight.errors]
     assert np.mean(limited) < 0.05
@@ -44,8 +39,8 @@ def test_they_neither_work_at_their_limits_nor_roll_much_more_than_a_lone_aircra
     assert max(rates) < 1.6 * alone
 
 
-def test_their_leader_flies_as_it_would_alone(flight: vfguide.Flight) -> None:
-    content = MISSION.model_dump(exclude_unset=True)
+def test_their_leader_flies_as_it_would_alone(flight):
+    content = content_of(MISSION)
     leader = content["vehicles"]["leader"]
     alone = Mission.model_validate(content | {"followers": (), "vehicles": {"leader": leader}})
     by_itself = vfguide.fly(alone, duration_s=30.0).tracks["leader"].bank_rad

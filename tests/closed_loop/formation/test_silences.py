@@ -1,24 +1,11 @@
 """A leader that falls silent, for a while and for good, measured on the emulators' true states."""
 
-from collections.abc import Callable
-from dataclasses import dataclass, field
-
-import numpy as np
 import pytest
 
-import sitl_stub
-import vfguide.lab.rehearsal.aircraft
-from tests.benchmarks.strays import mission_in_place
+from tests.kit.formation import Formation
+from tests.kit.missions import mission_with
 from vfguide.companion.traffic import FORGET_S
-from vfguide.elementwise import FloatArray
-from vfguide.lab.rehearsal.aircraft import Aircraft, Mail, step_all
-from vfguide.lab.rehearsal.emulators import emulator_of
-from vfguide.lab.rehearsal.recorder import flight_record
-from vfguide.lab.report.geometry import pair_separations, slot_error
-from vfguide.mission import Mission
-from vfguide.record.flight import FlightRecord
-
-MissionWith = Callable[..., Mission]
+from vfguide.link.memory import Mail
 
 MAKES_WAY_M = 8.0
 """How far a follower leaves its slot to keep clear of where a leader without a companion would fly by now,
@@ -31,108 +18,49 @@ SETTLED_S = 25.0
 """From here on every follower is in its slot: they start there."""
 
 
-@dataclass(slots=True)
-class Silence:
-    """A formation whose followers hear their leader but for some time."""
+class Silence(Formation):
+    """A formation, everybody in the slot, whose followers hear their leader but for some time."""
 
-    mission: Mission
-    begins_s: float
-    ends_s: float
-    formation: list[Aircraft] = field(init=False)
-    times: list[float] = field(default_factory=list)
-    mail: list[Mail] = field(default_factory=list)
-    """What the followers have published, heard by the others a step later."""
+    def __init__(self, name: str, begins_s: float, ends_s: float = 1e9, **sections: object) -> None:
+        start: dict[str, object] = {"f1": {}, "f2": {}, "f3": {}}
+        mission = mission_with(name, rehearsal={"start": start}, **sections)
+        super().__init__(mission, carry=self.heard)
+        self.begins_s, self.ends_s = begins_s, ends_s
 
-    def __post_init__(self) -> None:
-        names = [self.mission.leader.vehicle, *self.mission.followers_by_name]
-        self.formation = [Aircraft(self.mission, name) for name in names]
-
-    def fly(self, until_s: float) -> FlightRecord:
-        """Fly on; what has happened so far."""
-        leader, *followers = self.formation
-        while len(self.times) / self.mission.rehearsal.rate_hz <= until_s:
-            now = len(self.times) / self.mission.rehearsal.rate_hz
-            published = leader.step(now, [])
-            mail = [] if self.begins_s < now < self.ends_s else published
-            self.mail = step_all(followers, now, [*mail, *self.mail])
-            self.times.append(now)
-        records = [aircraft.recorder.record() for aircraft in self.formation]
-        return flight_record(self.mission, self.times, records, wall_s=0.0)
-
-
-def in_place(mission: Mission) -> Mission:
-    """The mission with everybody in the slot at the beginning."""
-    start = mission_in_place(mission.name).rehearsal.start
-    return mission.model_copy(
-        update={"rehearsal": mission.rehearsal.model_copy(update={"start": start})}
-    )
-
-
-def formation_errors(record: FlightRecord, from_s: float) -> FloatArray:
-    """Distances of the followers from their slots, m."""
-    late = record.time_s >= from_s
-    return np.array([slot_error(record.leader, one).distance_m[late] for one in record.followers])
-
-
-def separations(record: FlightRecord, names: set[str], from_s: float = 0.0) -> FloatArray:
-    """Distances of these vehicles from each other, m."""
-    late = record.time_s >= from_s
-    return np.array(
-        [
-            pair.distance_m[late]
-            for pair in pair_separations(record)
-            if {pair.first, pair.second} <= names
-        ]
-    )
-
-
-@pytest.fixture
-def emulators(monkeypatch: pytest.MonkeyPatch) -> dict[str, sitl_stub.Autopilot]:
-    """The emulated autopilots of the aircraft that are made, by name."""
-    made: dict[str, sitl_stub.Autopilot] = {}
-
-    def note(mission: Mission, name: str) -> sitl_stub.Autopilot:
-        return made.setdefault(name, emulator_of(mission, name))
-
-    monkeypatch.setattr(vfguide.lab.rehearsal.aircraft, "emulator_of", note)
-    return made
+    def heard(self, published: list[Mail]) -> list[Mail]:
+        if not self.begins_s < self.now < self.ends_s:
+            return published
+        return [one for one in published if one[0] != "leader"]
 
 
 @pytest.mark.parametrize("length_s", [5.0, 20.0])
 @pytest.mark.parametrize("name", ["line-wind", "circle-wind"])
-def test_formation_is_kept_while_the_leader_is_silent(
-    name: str, length_s: float, mission_with: MissionWith
-) -> None:
+def test_formation_is_kept_while_the_leader_is_silent(name, length_s):
     ends_s = SETTLED_S + 5.0 + length_s
-    silence = Silence(in_place(mission_with(name)), SETTLED_S + 5.0, ends_s)
-    record = silence.fly(ends_s + 15.0)
+    flown = Silence(name, SETTLED_S + 5.0, ends_s).fly(ends_s + 15.0)
+    record = flown.record
     modes = [record.mode_names[number] for number in record.followers[0].mode]
     assert modes[int((ends_s - 0.5) * record.rate_hz)] == "predicting"
     assert modes[-1] == "tracking"
-    errors = formation_errors(record, SETTLED_S)
-    assert errors.max() < MAKES_WAY_M
-    back = round(min(BACK_S, 5.0 + length_s + 10.0) * record.rate_hz)
-    assert errors[:, back:].max() < 1.0
-    everybody = {vehicle.name for vehicle in record.vehicles}
-    assert separations(record, everybody).min() >= 5.0
+    assert flown.errors(SETTLED_S).max() < MAKES_WAY_M
+    assert flown.errors(SETTLED_S + min(BACK_S, 5.0 + length_s + 10.0)).max() < 1.0
+    assert flown.nearest() >= 5.0
 
 
 @pytest.mark.parametrize("name", ["line-wind", "circle-wind"])
-def test_a_formation_whose_leader_is_lost_for_good_comes_apart(
-    name: str, mission_with: MissionWith, emulators: dict[str, sitl_stub.Autopilot]
-) -> None:
+def test_a_formation_whose_leader_is_lost_for_good_comes_apart(name):
     patience = {"prediction_s": 5.0, "breakaway_s": 12.0}
-    silence = Silence(in_place(mission_with(name, patience=patience)), SETTLED_S, 1e9)
+    silence = Silence(name, SETTLED_S, patience=patience)
     lost_s = SETTLED_S + 5.0 + 12.0
-    silence.fly(lost_s - 0.5)
-    followers = set(silence.mission.followers_by_name)
-    assert {emulators[one].truth().mode for one in followers} == {"GUIDED"}
-    silence.fly(lost_s + 2.0)
-    assert {emulators[one].truth().mode for one in followers} == {"LOITER"}
-    record = silence.fly(lost_s + 32.0)
-    assert {emulators[one].truth().mode for one in followers} == {"LOITER"}
-    for follower in record.followers:
-        flown = [record.mode_names[number] for number in dict.fromkeys(follower.mode)]
-        assert "tracking" in flown[:-3]
-        assert flown[-3:] == ["predicting", "breakaway", "lost"]
-    assert separations(record, followers).min() >= 5.0
+    for until_s, mode in (
+        (lost_s - 0.5, "GUIDED"),
+        (lost_s + 2.0, "LOITER"),
+        (lost_s + 32.0, "LOITER"),
+    ):
+        flown = silence.fly(until_s)
+        modes = silence.flight_modes()
+        assert {modes[name] for name in ("f1", "f2", "f3")} == {mode}
+    for follower in ("f1", "f2", "f3"):
+        assert "tracking" in flown.modes(follower)[:-3]
+        assert flown.modes(follower)[-3:] == ["predicting", "breakaway", "lost"]
+    assert flown.nearest(among={"f1", "f2", "f3"}) >= 5.0

@@ -1,25 +1,19 @@
 """Followers in turbulence: they keep their slots without rolling after every wobble of their leader."""
 
 import re
-from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-from vfguide.lab.rehearsal.lockstep import fly_lockstep
+from tests.kit.flight import fly
+from tests.kit.missions import content_of, mission_with, shipped
 from vfguide.lab.report.geometry import slot_error
-from vfguide.lab.report.metrics import summarise
 from vfguide.lab.studies.prediction import expected_precision
-from vfguide.mission import Mission, load_mission
+from vfguide.mission import Mission
 from vfguide.mission.flight_path import path_of
 from vfguide.record.flight import FlightRecord
 from vfguide.record.vehicle import VehicleRecord
-
-MissionWith = Callable[..., Mission]
-
-MISSION = Path(__file__).parents[3] / "missions" / "ardupilot-sitl.yaml"
 
 SETTLED_S = 60.0
 
@@ -34,13 +28,10 @@ def roll_rate(record: FlightRecord, vehicle: VehicleRecord) -> float:
 @pytest.fixture(scope="module")
 def gusty() -> FlightRecord:
     """Four ArduPlanes in moderate turbulence."""
-    content = load_mission(MISSION).model_dump(exclude_unset=True)
-    content["wind"] |= {"turbulence": "moderate"}
-    content["rehearsal"] |= {"duration_s": 120.0}
-    return fly_lockstep(Mission.model_validate(content)).record
+    return fly("ardupilot-sitl", 120.0, wind={"turbulence": "moderate"}).record
 
 
-def test_followers_roll_no_more_than_their_leader_and_reach_no_limit(gusty: FlightRecord) -> None:
+def test_followers_roll_no_more_than_their_leader_and_reach_no_limit(gusty):
     leader = roll_rate(gusty, gusty.leader)
     # With slots in the measured frame it was 3 to 4 times the leader's, and half of all setpoints at a limit.
     assert max(roll_rate(gusty, one) for one in gusty.followers) < 1.3 * leader
@@ -49,8 +40,8 @@ def test_followers_roll_no_more_than_their_leader_and_reach_no_limit(gusty: Flig
     assert max(limited) < 0.05
 
 
-def test_followers_hold_the_slots_of_the_formation_as_it_is_meant(gusty: FlightRecord) -> None:
-    path = path_of(load_mission(MISSION).path)
+def test_followers_hold_the_slots_of_the_formation_as_it_is_meant(gusty):
+    path = path_of(shipped("ardupilot-sitl").path)
     places = zip(gusty.leader.north_m, gusty.leader.east_m, strict=True)
     course = np.array([path.nearest(float(n), float(e)).course for n, e in places])
     meant = replace(gusty.leader, course_rad=course)
@@ -60,26 +51,21 @@ def test_followers_hold_the_slots_of_the_formation_as_it_is_meant(gusty: FlightR
     assert float(np.mean(off_m)) < 2.0 * 2.6
 
 
-def test_first_order_holds_keep_the_slots_that_are_meant_in_moderate_gusts(
-    mission_with: MissionWith,
-) -> None:
-    windy = mission_with(
-        "line-wind", wind={"turbulence": "moderate"}, rehearsal={"duration_s": 80.0}
-    )
-    formation = summarise(fly_lockstep(windy).record).formation
+def test_first_order_holds_keep_the_slots_that_are_meant_in_moderate_gusts():
+    formation = fly("line-wind", 80.0, wind={"turbulence": "moderate"}).summary.formation
     assert formation.intended_error_m is not None
     # 0.67 m with one memory for smooth air and gusts, and a field around the speed that the leader means.
     assert formation.intended_error_m < 0.4
 
 
-def test_what_check_expects_of_gusty_air_is_near_what_is_flown(mission_with: MissionWith) -> None:
+def test_what_check_expects_of_gusty_air_is_near_what_is_flown():
     windy = mission_with(
         "line-wind",
         wind={"turbulence": "moderate"},
         rehearsal={"duration_s": 120.0, "seed": 2},
         acceptance={"mean_error_m": 0.3},
     )
-    flown = summarise(fly_lockstep(windy).record).formation.mean_error_m
+    flown = fly(windy).summary.formation.mean_error_m
     (expected,) = expected_precision(windy) or ()
     assert expected is not None
     assert flown is not None
@@ -89,8 +75,8 @@ def test_what_check_expects_of_gusty_air_is_near_what_is_flown(mission_with: Mis
     assert 0.7 < float(metres) / flown < 1.4
 
 
-def test_check_says_which_two_come_too_near_by_an_order(mission_with: MissionWith) -> None:
-    content = mission_with("shapes").model_dump(exclude_unset=True)
+def test_check_says_which_two_come_too_near_by_an_order():
+    content = content_of("shapes")
     content["acceptance"] = {"min_separation_m": 12.0}
     content["orders"] = [{"at_s": 12, "shape": "trail", "spacing_m": 10}]
     _, *found = expected_precision(Mission.model_validate(content)) or ()
@@ -98,5 +84,5 @@ def test_check_says_which_two_come_too_near_by_an_order(mission_with: MissionWit
     assert all("less than 12 m" in one.message for one in found)
 
 
-def test_a_rehearsal_that_is_stopped_promises_nothing(mission_with: MissionWith) -> None:
+def test_a_rehearsal_that_is_stopped_promises_nothing():
     assert expected_precision(mission_with("line-calm"), stop=lambda: True) is None

@@ -57,14 +57,14 @@ def distance_m(vehicle: Autopilot) -> float:
 
 
 @pytest.mark.parametrize("kind", ["course-hold", "heading-hold"])
-def test_100_s_north_at_20_m_s_is_2000_m_on_the_ellipsoid(kind: Kind) -> None:
+def test_100_s_north_at_20_m_s_is_2000_m_on_the_ellipsoid(kind):
     vehicle = guided(CalmWind(), kind)
     steer(vehicle, 0.0)
     vehicle.advance(100.0)
     assert distance_m(vehicle) == pytest.approx(2000.0, abs=0.01)
 
 
-def test_100_s_in_a_steady_crosswind_is_the_triangle_s_distance() -> None:
+def test_100_s_in_a_steady_crosswind_is_the_triangle_s_distance():
     vehicle = guided(SteadyWind(5.0, math.pi / 2))
     steer(vehicle, 0.0)
     vehicle.advance(100.0)
@@ -80,7 +80,7 @@ def square(vehicle: Autopilot) -> Truth:
     return vehicle.truth()
 
 
-def test_a_square_in_calm_air_is_the_same_whichever_plant_flies_it() -> None:
+def test_a_square_in_calm_air_is_the_same_whichever_plant_flies_it():
     first, second = (square(guided(CalmWind(), kind)) for kind in ("course-hold", "heading-hold"))
     apart_m, _ = vdist(
         first.latitude_deg, first.longitude_deg, second.latitude_deg, second.longitude_deg
@@ -88,7 +88,7 @@ def test_a_square_in_calm_air_is_the_same_whichever_plant_flies_it() -> None:
     assert float(apart_m) < 0.001
 
 
-def test_the_article_s_plant_under_a_ground_speed_flies_the_same_track_in_any_wind() -> None:
+def test_the_article_s_plant_under_a_ground_speed_flies_the_same_track_in_any_wind():
     moves = []
     for wind in (CalmWind(), ArticleWind()):
         vehicle = guided(wind, "course-hold")
@@ -103,7 +103,7 @@ def test_the_article_s_plant_under_a_ground_speed_flies_the_same_track_in_any_wi
     assert moves[0] == pytest.approx(moves[1], abs=5e-8)
 
 
-def test_the_heading_hold_plant_is_disturbed_by_the_article_s_wind() -> None:
+def test_the_heading_hold_plant_is_disturbed_by_the_article_s_wind():
     vehicle = guided(ArticleWind())
     steer(vehicle, 0.0)
     errors, speeds = [], []
@@ -119,7 +119,7 @@ def test_the_heading_hold_plant_is_disturbed_by_the_article_s_wind() -> None:
     assert max(speeds) > 26.0
 
 
-def test_a_stream_of_turning_commands_is_followed_with_the_lag_of_the_hold() -> None:
+def test_a_stream_of_turning_commands_is_followed_with_the_lag_of_the_hold():
     # A course ramp of 0.13 rad/s is trailed by 0.13 / 1.2 rad, less what the hold leads in 50 ms.
     vehicle = guided(CalmWind())
     for index in range(600):
@@ -129,7 +129,7 @@ def test_a_stream_of_turning_commands_is_followed_with_the_lag_of_the_hold() -> 
     assert lag_rad == pytest.approx(0.13 / 1.2 + 0.13 * 0.025, abs=2e-3)
 
 
-def test_an_hour_in_the_article_s_wind_stays_finite_and_on_time() -> None:
+def test_an_hour_in_the_article_s_wind_stays_finite_and_on_time():
     vehicle = guided(ArticleWind(), altitude_amsl_m=500.0)
     command(vehicle, 511, 33, 1_000_000)
     vehicle.advance(3600.0)

@@ -34,14 +34,14 @@ def numbers(value: object) -> Iterator[float]:
         yield float(value)
 
 
-def test_result_is_json_of_finite_numbers(result: dict[str, Any]) -> None:
+def test_result_is_json_of_finite_numbers(result):
     assert json.loads(json.dumps(result, allow_nan=False)) == result
     found = list(numbers(result))
     assert found
     assert all(math.isfinite(number) and number >= 0.0 for number in found)
 
 
-def test_every_companion_answers_and_shows_what_it_takes(result: dict[str, Any]) -> None:
+def test_every_companion_answers_and_shows_what_it_takes(result):
     response = result["response"]
     assert response["companions"]["names"] == ["leader", *FOLLOWERS]
     for name in response["companions"]["names"]:
@@ -53,7 +53,7 @@ def test_every_companion_answers_and_shows_what_it_takes(result: dict[str, Any])
     assert response["companions"]["count"] == sum(counts)
 
 
-def test_peers_are_measured_beside_or_named_as_missing(result: dict[str, Any]) -> None:
+def test_peers_are_measured_beside_or_named_as_missing(result):
     response = result["response"]
     for peer in ("bare", "pymavlink"):
         assert response["clients"][peer]["count"] > 0
@@ -63,14 +63,14 @@ def test_peers_are_measured_beside_or_named_as_missing(result: dict[str, Any]) -
         assert response["clients"]["mavsdk"]["count"] > 0
 
 
-def test_leader_state_reaches_few_and_many(result: dict[str, Any]) -> None:
+def test_leader_state_reaches_few_and_many(result):
     assert [entry["subscribers"] for entry in result["link_age"]] == [3, 100]
     for entry in result["link_age"]:
         assert entry["count"] > 0
         assert 0.0 < entry["p50_ms"] <= entry["p99_ms"] <= entry["max_ms"]
 
 
-def test_table_has_a_line_for_everything_measured_and_required(result: dict[str, Any]) -> None:
+def test_table_has_a_line_for_everything_measured_and_required(result):
     lines = render(result).splitlines()
     entries = [*result["response"]["clients"], "companions together", "mavsdk"]
     entries += [f"{entry['subscribers']} subscribers" for entry in result["link_age"]]
@@ -80,7 +80,7 @@ def test_table_has_a_line_for_everything_measured_and_required(result: dict[str,
     assert "load before" in lines[1]
 
 
-def test_times_are_told_as_ratios_to_the_loops_beside() -> None:
+def test_times_are_told_as_ratios_to_the_loops_beside():
     companions = {"names": ["f1", "f2"], "p50_ms": 0.9}
     clients: dict[str, Any] = {
         "f1": {"cpu_percent": 4.0, "memory_mb": 70.0},
@@ -99,7 +99,7 @@ def test_times_are_told_as_ratios_to_the_loops_beside() -> None:
     assert comparison({"response": response})[0]["measured"] == pytest.approx(0.9)
 
 
-def test_missing_peer_is_said_in_the_table(result: dict[str, Any]) -> None:
+def test_missing_peer_is_said_in_the_table(result):
     clients = {k: v for k, v in result["response"]["clients"].items() if k != "mavsdk"}
     response = {**result["response"], "clients": clients, "mavsdk": "not installed"}
     (line,) = (

@@ -8,7 +8,7 @@ import pytest
 Make = Callable[..., Any]
 
 
-def companion(command: Make, mission: str, vehicle: str, *options: str) -> Any:  # noqa: ANN401
+def companion(command: Make, mission: str, vehicle: str, *options: str) -> Any:
     return command(
         *("companion", vehicle, "--mission", mission, "--mavlink", "udpin://127.0.0.1:14540"),
         *("--link", "udp://127.0.0.1:14700", "--insecure", *options),
@@ -34,9 +34,7 @@ def companion(command: Make, mission: str, vehicle: str, *options: str) -> Any: 
         ),
     ],
 )
-def test_what_cannot_be_is_told_in_a_line(
-    mission: str, vehicle: str, options: tuple[str, ...], told: str, command: Make
-) -> None:
+def test_what_cannot_be_is_told_in_a_line(mission, vehicle, options, told, command):
     outcome = companion(command, mission, vehicle, *options)
     assert outcome.status == 2
     assert told in outcome.err

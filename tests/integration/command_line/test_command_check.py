@@ -19,9 +19,7 @@ FLOWN_BY_CHECK = {"ardupilot-sitl", "circle-wind"}
 
 
 @pytest.mark.parametrize("mission", MISSIONS, ids=[path.stem for path in MISSIONS])
-def test_every_shipped_mission_is_ready_without_a_warning(
-    command: Make, mission: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_every_shipped_mission_is_ready_without_a_warning(command, mission, monkeypatch):
     if mission.stem not in FLOWN_BY_CHECK:
         # The missions are flown in tests/closed_loop.
         monkeypatch.setattr(check, "with_expectation", lambda found, *_: found)
@@ -61,9 +59,7 @@ FAULTS = [
 
 
 @pytest.mark.parametrize(("change", "expected"), FAULTS)
-def test_a_fault_is_one_line_with_place_and_remedy(
-    command: Make, pair_with: Make, change: tuple[str, str], expected: str
-) -> None:
+def test_a_fault_is_one_line_with_place_and_remedy(command, pair_with, change, expected):
     path = pair_with(change)
     outcome = command("check", path)
     assert outcome.status == 2
@@ -135,9 +131,7 @@ FINDINGS = [
 
 
 @pytest.mark.parametrize(("changes", "expected", "remedy"), FINDINGS)
-def test_a_finding_is_one_line_with_place_and_remedy(
-    command: Make, pair_with: Make, changes: list[tuple[str, str]], expected: str, remedy: str
-) -> None:
+def test_a_finding_is_one_line_with_place_and_remedy(command, pair_with, changes, expected, remedy):
     path = pair_with(*changes)
     outcome = command("check", path)
     strictly = command("check", path, "--strict")
@@ -153,7 +147,7 @@ def test_a_finding_is_one_line_with_place_and_remedy(
         assert "ready to fly" not in strictly.out
 
 
-def test_findings_as_json_say_the_same(command: Make, pair_with: Make) -> None:
+def test_findings_as_json_say_the_same(command, pair_with):
     path = pair_with(("gain: 0.015", "gain: 0.2"))
     outcome = command("check", path, "--json", "--strict")
     content = json.loads(outcome.out)
@@ -165,7 +159,7 @@ def test_findings_as_json_say_the_same(command: Make, pair_with: Make) -> None:
     assert warning["remedy"].startswith("lower gain")
 
 
-def test_a_file_that_is_no_mission_is_told_as_json_too(command: Make, pair_with: Make) -> None:
+def test_a_file_that_is_no_mission_is_told_as_json_too(command, pair_with):
     outcome = command("check", pair_with(("radius_m", "raduis_m")), "--json")
     content = json.loads(outcome.out)
     assert outcome.status == 2

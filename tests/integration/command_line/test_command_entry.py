@@ -13,12 +13,12 @@ PATIENCE_S = 60.0
 """For a process that hangs; the test does not wait for it."""
 
 
-def test_the_version_is_told(command: Make) -> None:
+def test_the_version_is_told(command):
     outcome = command("--version")
     assert (outcome.status, outcome.out) == (0, f"vfguide {version('vfguide')}\n")
 
 
-async def test_ctrl_c_while_the_program_loads_is_no_fault() -> None:
+async def test_ctrl_c_while_the_program_loads_is_no_fault():
     # Tells of each module as soon as it is loaded; pydantic comes half way.
     process = await asyncio.create_subprocess_exec(
         *(sys.executable, "-X", "importtime", "-m", "vfguide", "check", "none.yaml"),

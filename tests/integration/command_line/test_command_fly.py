@@ -1,8 +1,6 @@
 """`vfguide fly`: its exit status, and one line for each fault."""
 
 from collections.abc import Callable
-from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -12,13 +10,11 @@ from vfguide.errors import VfguideError
 Make = Callable[..., Any]
 
 
-def test_a_flight_within_its_acceptance_ends_with_0(flown: SimpleNamespace) -> None:
+def test_a_flight_within_its_acceptance_ends_with_0(flown):
     assert flown.outcome.status == 0
 
 
-def test_a_flight_outside_its_acceptance_ends_with_1_and_says_why(
-    command: Make, pair_with: Make
-) -> None:
+def test_a_flight_outside_its_acceptance_ends_with_1_and_says_why(command, pair_with):
     mission = pair_with(("mean_error_m: 1,", "mean_error_m: 0.0001,"))
     outcome = command("fly", mission, "--duration", 12)
     assert outcome.status == 1
@@ -27,8 +23,8 @@ def test_a_flight_outside_its_acceptance_ends_with_1_and_says_why(
 
 
 def test_followers_that_do_not_come_to_their_slots_are_no_success_of_a_mission_that_asks_for_nothing(
-    command: Make, pair_with: Make, tmp_path: Path
-) -> None:
+    command, pair_with, tmp_path
+):
     """The aircraft answers a tenth as fast as it is declared, and starts far away."""
     mission = pair_with()
     out = tmp_path / "out"
@@ -47,14 +43,14 @@ def test_followers_that_do_not_come_to_their_slots_are_no_success_of_a_mission_t
     assert "Not accepted" in page
 
 
-def test_a_leader_alone_is_flown_and_accepted(command: Make, alone_with: Make) -> None:
+def test_a_leader_alone_is_flown_and_accepted(command, alone_with):
     outcome = command("fly", alone_with(), "--duration", 10)
     assert outcome.status == 0
     assert "one, from its path" in outcome.out
     assert "Accepted" in outcome.out
 
 
-def test_the_shortest_flight_is_one_second(command: Make, pair_with: Make) -> None:
+def test_the_shortest_flight_is_one_second(command, pair_with):
     outcome = command("fly", pair_with(), "--duration", 1)
     assert outcome.status == 1
     assert "still out at the end" not in outcome.out.split("within 1 m")[0]
@@ -76,15 +72,15 @@ def test_the_shortest_flight_is_one_second(command: Make, pair_with: Make) -> No
     ],
 )
 def test_a_value_out_of_range_is_one_line_that_names_the_option(
-    command: Make, alone_with: Make, option: str, value: str, complaint: str
-) -> None:
+    command, alone_with, option, value, complaint
+):
     outcome = command("fly", alone_with(), option, value)
     assert outcome.status == 2
     assert outcome.out == ""
     assert outcome.lines == [complaint]
 
 
-def test_every_option_out_of_range_has_its_line(command: Make, alone_with: Make) -> None:
+def test_every_option_out_of_range_has_its_line(command, alone_with):
     outcome = command("fly", alone_with(), "--duration", -1, "--rate", 0, "--seed", -1)
     assert outcome.status == 2
     assert [line.split(":")[0] for line in outcome.lines] == ["--duration", "--rate", "--seed"]
@@ -104,16 +100,14 @@ def test_every_option_out_of_range_has_its_line(command: Make, alone_with: Make)
         (("another.yaml",), "another.yaml"),
     ],
 )
-def test_options_that_make_no_sense_end_with_2_and_are_named(
-    command: Make, alone_with: Make, arguments: tuple[str, ...], named: str
-) -> None:
+def test_options_that_make_no_sense_end_with_2_and_are_named(command, alone_with, arguments, named):
     outcome = command("fly", alone_with(), *arguments)
     assert outcome.status == 2
     assert outcome.out == ""
     assert named in outcome.lines[-1]
 
 
-def test_a_missing_file_is_one_line(command: Make, tmp_path: Path) -> None:
+def test_a_missing_file_is_one_line(command, tmp_path):
     path = tmp_path / "none.yaml"
     outcome = command("fly", path)
     assert outcome.status == 2
@@ -124,7 +118,7 @@ def test_a_missing_file_is_one_line(command: Make, tmp_path: Path) -> None:
     assert "circle-wind" in line
 
 
-def test_a_misspelt_field_is_one_line_with_its_place(command: Make, alone_with: Make) -> None:
+def test_a_misspelt_field_is_one_line_with_its_place(command, alone_with):
     path = alone_with(("radius_m", "raduis_m"))
     outcome = command("fly", path)
     assert outcome.status == 2
@@ -133,9 +127,7 @@ def test_a_misspelt_field_is_one_line_with_its_place(command: Make, alone_with: 
     )
 
 
-def test_a_mission_that_cannot_be_flown_is_refused_before_flying(
-    command: Make, alone_with: Make, tmp_path: Path
-) -> None:
+def test_a_mission_that_cannot_be_flown_is_refused_before_flying(command, alone_with, tmp_path):
     path = alone_with(("radius_m: 150", "radius_m: 20"))
     outcome = command("fly", path, "--out", tmp_path / "out")
     assert outcome.status == 2
@@ -144,23 +136,19 @@ def test_a_mission_that_cannot_be_flown_is_refused_before_flying(
     assert not (tmp_path / "out").exists()
 
 
-def test_warnings_are_told_and_flown(command: Make, pair_with: Make) -> None:
+def test_warnings_are_told_and_flown(command, pair_with):
     outcome = command("fly", pair_with(), "--duration", 2)
     warnings = [line for line in outcome.lines if " warning: " in line]
     assert len(warnings) == 1
     assert "acceptance.settle_10m_s: 15 s is no shorter than the rehearsal of 2 s" in warnings[0]
 
 
-def test_progress_is_plain_lines_where_there_is_no_terminal(
-    command: Make, alone_with: Make
-) -> None:
+def test_progress_is_plain_lines_where_there_is_no_terminal(command, alone_with):
     outcome = command("fly", alone_with(), "--duration", 10)
     assert outcome.lines == [f"flying alone: {now} of 10 s" for now in (2, 4, 6, 8, 10)]
 
 
-def test_a_flight_that_breaks_ends_with_3(
-    command: Make, alone_with: Make, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_flight_that_breaks_ends_with_3(command, alone_with, monkeypatch):
     def break_down(*_arguments: object, **_named: object) -> None:
         raise VfguideError("a flight process died (exit code -9)")
 
@@ -180,7 +168,7 @@ def test_a_flight_that_breaks_ends_with_3(
         ),
     ],
 )
-def test_what_cannot_be_kept_to_live_is_refused(command: Make, words: Any, text: str) -> None:  # noqa: ANN401
+def test_what_cannot_be_kept_to_live_is_refused(command, words, text):
     outcome = command("fly", *words, "--live")
     assert outcome.status == 2
     assert outcome.err.startswith(text)

@@ -87,7 +87,7 @@ def assert_shaped(value: dict[str, Any], shape: dict[str, Any], place: str = "")
             assert isinstance(value[name], bool) == (kind is bool), here
 
 
-def test_standard_output_is_one_document_with_every_promised_field(flown: SimpleNamespace) -> None:
+def test_standard_output_is_one_document_with_every_promised_field(flown):
     summary = parsed(flown.outcome.out)
     assert_shaped(summary, SUMMARY)
     assert summary["formation"]["window_s"] == [10, 20]
@@ -100,28 +100,24 @@ def test_standard_output_is_one_document_with_every_promised_field(flown: Simple
     assert roles == ["leader", "follower"]
 
 
-def test_the_summary_file_says_what_standard_output_said(flown: SimpleNamespace) -> None:
+def test_the_summary_file_says_what_standard_output_said(flown):
     assert parsed((flown.directory / "summary.json").read_text()) == parsed(flown.outcome.out)
 
 
-def test_what_was_not_measured_is_null(command: Make, alone_with: Make) -> None:
+def test_what_was_not_measured_is_null(command, alone_with):
     summary = parsed(command("fly", alone_with(), "--duration", 2, "--json").out)
     assert summary["formation"]["mean_error_m"] is None
     assert summary["formation"]["min_separation_m"] is None
     assert list(summary["vehicles"]) == ["one"]
 
 
-def test_colours_forced_on_leave_json_alone(
-    command: Make, alone_with: Make, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_colours_forced_on_leave_json_alone(command, alone_with, monkeypatch):
     monkeypatch.setenv("FORCE_COLOR", "1")
     outcome = command("fly", alone_with(), "--duration", 1, "--json")
     assert parsed(outcome.out)["accepted"] is True
 
 
-def test_the_directory_holds_all_that_was_promised_and_nothing_half_written(
-    flown: SimpleNamespace,
-) -> None:
+def test_the_directory_holds_all_that_was_promised_and_nothing_half_written(flown):
     names = {path.name for path in flown.directory.iterdir()}
     pictures = {name for name in names if name.endswith(".png")}
     assert len(pictures) >= 3
@@ -132,16 +128,14 @@ def test_the_directory_holds_all_that_was_promised_and_nothing_half_written(
     assert "<h1>pair</h1>" in (flown.directory / "report.html").read_text(encoding="utf-8")
 
 
-def test_the_record_has_a_sample_for_each_step(flown: SimpleNamespace) -> None:
+def test_the_record_has_a_sample_for_each_step(flown):
     record = FlightRecord.load(flown.directory / "flight.npz")
     assert record.time_s.size == 20 * 20 + 1
     assert [vehicle.name for vehicle in record.vehicles] == ["lead", "wing"]
 
 
 @pytest.mark.parametrize(("vehicle", "system_id"), [("lead", 1), ("wing", 2)])
-def test_pymavlink_reads_both_directions_back_in_the_order_of_time(
-    flown: SimpleNamespace, vehicle: str, system_id: int
-) -> None:
+def test_pymavlink_reads_both_directions_back_in_the_order_of_time(flown, vehicle, system_id):
     log = mavutil.mavlink_connection(str(flown.directory / f"{vehicle}.tlog"))
     messages, times = [], []
     while (message := log.recv_match()) is not None:
@@ -163,9 +157,7 @@ def test_pymavlink_reads_both_directions_back_in_the_order_of_time(
     assert times[-1] - times[0] == pytest.approx(20.0, abs=0.5)
 
 
-def test_a_directory_is_made_with_those_above_it(
-    command: Make, alone_with: Make, tmp_path: Path
-) -> None:
+def test_a_directory_is_made_with_those_above_it(command, alone_with, tmp_path):
     directory = tmp_path / "a" / "b ü"
     outcome = command("fly", alone_with(), "--duration", 1, "--out", directory)
     assert outcome.status == 0
@@ -177,8 +169,8 @@ def test_a_directory_is_made_with_those_above_it(
     ("place", "reason"), [("file", "it is a file"), ("file/below", "Not a directory")]
 )
 def test_a_directory_that_cannot_be_made_is_one_line_before_flying(
-    command: Make, alone_with: Make, tmp_path: Path, place: str, reason: str
-) -> None:
+    command, alone_with, tmp_path, place, reason
+):
     (tmp_path / "file").write_text("kept")
     outcome = command("fly", alone_with(), "--out", tmp_path / place)
     assert outcome.status == 2
@@ -188,9 +180,7 @@ def test_a_directory_that_cannot_be_made_is_one_line_before_flying(
     assert (tmp_path / "file").read_text() == "kept"
 
 
-def test_a_name_that_is_taken_by_a_directory_is_one_line(
-    command: Make, alone_with: Make, tmp_path: Path
-) -> None:
+def test_a_name_that_is_taken_by_a_directory_is_one_line(command, alone_with, tmp_path):
     (tmp_path / "one.tlog").mkdir()
     outcome = command("fly", alone_with(), "--duration", 1, "--out", tmp_path)
     assert outcome.status == 2
@@ -200,8 +190,8 @@ def test_a_name_that_is_taken_by_a_directory_is_one_line(
 
 
 def test_a_flight_takes_the_place_of_the_same_mission_and_of_nothing_else(
-    command: Make, alone_with: Make, tmp_path: Path
-) -> None:
+    command, alone_with, tmp_path
+):
     out = tmp_path / "out"
 
     def fly(*options: object) -> SimpleNamespace:
@@ -235,8 +225,8 @@ def test_a_flight_takes_the_place_of_the_same_mission_and_of_nothing_else(
 
 
 def test_a_disk_that_fills_up_is_one_line_with_path_and_remedy(
-    command: Make, alone_with: Make, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+    command, alone_with, tmp_path, monkeypatch
+):
     def full(_log: TelemetryLog, _path: Path) -> None:
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
@@ -249,9 +239,7 @@ def test_a_disk_that_fills_up_is_one_line_with_path_and_remedy(
     )
 
 
-def test_what_a_broken_flight_left_is_kept_and_told(
-    command: Make, alone_with: Make, tmp_path: Path
-) -> None:
+def test_what_a_broken_flight_left_is_kept_and_told(command, alone_with, tmp_path):
     left = tmp_path / ".partial-old"
     (left / "recordings").mkdir(parents=True)
     outcome = command("fly", alone_with(), "--duration", 1, "--out", tmp_path)
@@ -262,9 +250,7 @@ def test_what_a_broken_flight_left_is_kept_and_told(
     assert list(tmp_path.glob(".partial-*")) == [left]
 
 
-def test_what_no_flight_wrote_is_not_overwritten(
-    command: Make, alone_with: Make, tmp_path: Path
-) -> None:
+def test_what_no_flight_wrote_is_not_overwritten(command, alone_with, tmp_path):
     page = tmp_path / "report.html"
     page.write_text("mine")
     outcome = command("fly", alone_with(), "--duration", 1, "--out", tmp_path)
@@ -274,7 +260,7 @@ def test_what_no_flight_wrote_is_not_overwritten(
     assert list(tmp_path.glob("*.tlog")) == []
 
 
-def test_a_link_is_not_followed_out(command: Make, alone_with: Make, tmp_path: Path) -> None:
+def test_a_link_is_not_followed_out(command, alone_with, tmp_path):
     (tmp_path / "real").mkdir()
     link = tmp_path / "link"
     link.symlink_to(tmp_path / "real")

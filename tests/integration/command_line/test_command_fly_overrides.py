@@ -44,9 +44,7 @@ def recorded(
         (("--seed", 7), "seed", 7),
     ],
 )
-def test_an_option_is_in_the_summary_and_changes_the_flight(
-    recorded: Make, options: tuple[str | int, ...], field: str, value: str | int
-) -> None:
+def test_an_option_is_in_the_summary_and_changes_the_flight(recorded, options, field, value):
     usual, as_usual = recorded("usual")
     other, otherwise = recorded("other", *options)
     assert other[field] == value
@@ -56,7 +54,7 @@ def test_an_option_is_in_the_summary_and_changes_the_flight(
     assert not np.array_equal(as_usual["vehicle_1_north_m"], otherwise["vehicle_1_north_m"])
 
 
-def test_calm_takes_the_wind_of_the_file_away(command: Make, pair_with: Make) -> None:
+def test_calm_takes_the_wind_of_the_file_away(command, pair_with):
     windy = pair_with(
         ("rehearsal:", "wind: {type: steady, speed_m_s: 5, toward_deg: 90}\nrehearsal:")
     )
@@ -65,7 +63,7 @@ def test_calm_takes_the_wind_of_the_file_away(command: Make, pair_with: Make) ->
         assert json.loads(outcome.out)["wind"] == wind
 
 
-def test_a_course_hold_is_sent_ground_speeds_and_a_heading_hold_airspeeds(recorded: Make) -> None:
+def test_a_course_hold_is_sent_ground_speeds_and_a_heading_hold_airspeeds(recorded):
     for plant, sent, unsent in [
         ("course-hold", "ground_speed_setpoint_m_s", "airspeed_setpoint_m_s"),
         ("heading-hold", "airspeed_setpoint_m_s", "ground_speed_setpoint_m_s"),
@@ -76,16 +74,14 @@ def test_a_course_hold_is_sent_ground_speeds_and_a_heading_hold_airspeeds(record
 
 
 @pytest.mark.parametrize(("duration", "rate"), [(5, 20), (5, 10), (3, 40)])
-def test_duration_and_rate_set_the_number_of_samples(
-    recorded: Make, duration: int, rate: int
-) -> None:
+def test_duration_and_rate_set_the_number_of_samples(recorded, duration, rate):
     summary, arrays = recorded("short", "--duration", duration, "--rate", rate)
     assert (summary["duration_s"], summary["rate_hz"]) == (duration, rate)
     assert arrays["time_s"].size == duration * rate + 1
     assert np.allclose(np.diff(arrays["time_s"]), 1 / rate)
 
 
-def test_the_same_seed_gives_the_same_flight_to_the_last_bit(recorded: Make) -> None:
+def test_the_same_seed_gives_the_same_flight_to_the_last_bit(recorded):
     _, first = recorded("first", "--seed", 3)
     _, second = recorded("second", "--seed", 3)
     assert first.keys() == second.keys()
@@ -93,14 +89,14 @@ def test_the_same_seed_gives_the_same_flight_to_the_last_bit(recorded: Make) -> 
         assert np.array_equal(array, second[name], equal_nan=array.dtype.kind == "f"), name
 
 
-def test_an_option_may_ask_for_what_the_mission_cannot_fly(command: Make, pair_with: Make) -> None:
+def test_an_option_may_ask_for_what_the_mission_cannot_fly(command, pair_with):
     slow = pair_with(("airspeed_m_s: 20", "airspeed_m_s: 7"), ("{system_id: 1}", SLOW))
     outcome = command("fly", slow, "--duration", 2, "--wind", "article")
     assert outcome.status == 2
     assert "the declared wind reaches 8.0 m/s, the leader's airspeed is 7 m/s" in outcome.err
 
 
-def test_what_an_option_asks_for_is_not_blamed_on_the_file(command: Make, pair_with: Make) -> None:
+def test_what_an_option_asks_for_is_not_blamed_on_the_file(command, pair_with):
     (line,) = (
         line
         for line in command("fly", pair_with(), "--duration", 5).lines
@@ -109,7 +105,7 @@ def test_what_an_option_asks_for_is_not_blamed_on_the_file(command: Make, pair_w
     assert line.endswith("rehearsal of 5 s; lengthen --duration or ask for earlier settling")
 
 
-def test_nothing_can_be_replaced_where_nothing_is_written(command: Make, pair_with: Make) -> None:
+def test_nothing_can_be_replaced_where_nothing_is_written(command, pair_with):
     outcome = command("fly", pair_with(), "--force")
     assert outcome.status == 2
     assert outcome.lines == [

@@ -47,9 +47,7 @@ async def under_way(
         await flight.wait()
 
 
-async def test_a_stopped_flight_ends_with_3_and_is_kept(
-    command: Make, pair_with: Make, tmp_path: Path
-) -> None:
+async def test_a_stopped_flight_ends_with_3_and_is_kept(command, pair_with, tmp_path):
     directory = tmp_path / "out"
     async with under_way(pair_with(), "--json", "--out", directory) as flight:
         flight.send_signal(signal.SIGINT)
@@ -69,9 +67,7 @@ async def test_a_stopped_flight_ends_with_3_and_is_kept(
     assert f"{flown_s:g} s in" in again.out
 
 
-async def test_who_stops_the_report_too_is_told_what_is_left(
-    pair_with: Make, tmp_path: Path
-) -> None:
+async def test_who_stops_the_report_too_is_told_what_is_left(pair_with, tmp_path):
     directory = tmp_path / "out"
     async with under_way(pair_with(), "--out", directory) as flight:
         flight.send_signal(signal.SIGINT)
@@ -87,9 +83,7 @@ async def test_who_stops_the_report_too_is_told_what_is_left(
     assert FlightRecord.load(left / "flight.npz").interrupted
 
 
-def test_a_stopped_flight_takes_no_earlier_ones_place(
-    command: Make, alone_with: Make, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_stopped_flight_takes_no_earlier_ones_place(command, alone_with, tmp_path, monkeypatch):
     # The plots are looked at elsewhere.
     monkeypatch.setattr("vfguide.lab.report.page.write_report", lambda _record, _directory: None)
     directory = tmp_path / "out"
@@ -116,9 +110,7 @@ def test_a_stopped_flight_takes_no_earlier_ones_place(
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-async def test_a_signal_to_the_whole_group_stops_it_as_cleanly(
-    pair_with: Make, number: signal.Signals
-) -> None:
+async def test_a_signal_to_the_whole_group_stops_it_as_cleanly(pair_with, number):
     """As Ctrl-C in a terminal, `timeout` and a service manager do."""
     async with under_way(pair_with()) as flight:
         os.killpg(flight.pid, number)
@@ -130,7 +122,7 @@ async def test_a_signal_to_the_whole_group_stops_it_as_cleanly(
 
 
 @pytest.mark.skipif(os.cpu_count() == 1, reason="on one core all is flown in one process")
-async def test_the_death_of_a_flight_process_ends_with_3_and_one_line(pair_with: Make) -> None:
+async def test_the_death_of_a_flight_process_ends_with_3_and_one_line(pair_with):
     async with under_way(pair_with()) as flight:
         (worker,) = [one for one in children_of(flight.pid) if b"spawn_main" in words_of(one)]
         os.kill(worker, signal.SIGKILL)

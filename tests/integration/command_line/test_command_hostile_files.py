@@ -46,9 +46,7 @@ HOSTILE = {
 
 @pytest.mark.parametrize("kind", HOSTILE)
 @pytest.mark.parametrize("verb", ["check", "fly"])
-def test_no_content_of_a_file_is_more_than_a_wrong_input(
-    command: Make, tmp_path: Path, verb: str, kind: str
-) -> None:
+def test_no_content_of_a_file_is_more_than_a_wrong_input(command, tmp_path, verb, kind):
     path = tmp_path / "m.yaml"
     path.write_bytes(HOSTILE[kind])
     outcome = command(verb, path)
@@ -61,7 +59,7 @@ def test_no_content_of_a_file_is_more_than_a_wrong_input(
         assert line.isprintable()
 
 
-def test_of_a_thousand_faults_fifty_are_shown(command: Make, tmp_path: Path) -> None:
+def test_of_a_thousand_faults_fifty_are_shown(command, tmp_path):
     path = tmp_path / "m.yaml"
     path.write_bytes(b"".join(b"field%d: 1\n" % number for number in range(1000)))
     outcome = command("check", path)
@@ -71,7 +69,7 @@ def test_of_a_thousand_faults_fifty_are_shown(command: Make, tmp_path: Path) -> 
 
 
 @pytest.mark.parametrize("verb", ["check", "fly"])
-def test_what_is_no_file_is_one_line(command: Make, tmp_path: Path, verb: str) -> None:
+def test_what_is_no_file_is_one_line(command, tmp_path, verb):
     loop = tmp_path / "loop"
     loop.symlink_to(loop)
     for path, reason in [
@@ -91,12 +89,12 @@ def test_what_is_no_file_is_one_line(command: Make, tmp_path: Path, verb: str) -
 
 
 @pytest.mark.parametrize("name", ["f\u00fcnf \u2708.yaml", "-.yaml", "a b'c\"d.yaml", "%s{}.yaml"])
-def test_a_file_may_be_called_whatever_it_likes(command: Make, alone_with: Make, name: str) -> None:
+def test_a_file_may_be_called_whatever_it_likes(command, alone_with, name):
     assert command("check", "--", alone_with(name=name)).status == 0
 
 
 @pytest.mark.parametrize("name", ["fl\\u00fcge", "a/../b", "[bold]x[/bold]", "", "-x", "a\\nb"])
-def test_a_mission_has_a_plain_name(command: Make, alone_with: Make, name: str) -> None:
+def test_a_mission_has_a_plain_name(command, alone_with, name):
     path = alone_with(("name: alone", f'name: "{name}"'))
     outcome = command("check", path)
     assert outcome.status == 2
@@ -106,14 +104,14 @@ def test_a_mission_has_a_plain_name(command: Make, alone_with: Make, name: str) 
 
 
 @pytest.mark.parametrize("name", ["../../one", "a b", "\u00fc", "[red]", "x" * 33])
-def test_a_vehicle_has_a_plain_name(command: Make, alone_with: Make, name: str) -> None:
+def test_a_vehicle_has_a_plain_name(command, alone_with, name):
     outcome = command("check", alone_with(("vehicle: one", f'vehicle: "{name}"')))
     assert outcome.status == 2
     assert any("leader.vehicle: " in line for line in outcome.lines)
 
 
 @pytest.mark.parametrize("verb", ["check", "fly"])
-def test_a_pipe_or_a_device_is_not_waited_for(command: Make, tmp_path: Path, verb: str) -> None:
+def test_a_pipe_or_a_device_is_not_waited_for(command, tmp_path, verb):
     pipe = tmp_path / "pipe.yaml"
     os.mkfifo(pipe)
     for path in (pipe, Path("/dev/zero")):
@@ -124,9 +122,7 @@ def test_a_pipe_or_a_device_is_not_waited_for(command: Make, tmp_path: Path, ver
 
 
 @pytest.mark.parametrize("option", [("--speedup", "5"), ("--link", "mqtt://127.0.0.1")])
-def test_what_only_a_live_flight_can_do_is_not_passed_over(
-    command: Make, pair_with: Make, option: tuple[str, str]
-) -> None:
+def test_what_only_a_live_flight_can_do_is_not_passed_over(command, pair_with, option):
     outcome = command("fly", pair_with(), *option)
     assert outcome.status == 2
     (line,) = outcome.lines

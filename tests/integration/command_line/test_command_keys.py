@@ -40,9 +40,7 @@ def keyed(command: Make, mission: Path) -> Path:
     return mission
 
 
-def test_keys_are_made_for_everybody_and_nobody_else_may_read_them(
-    command: Make, mission: Path
-) -> None:
+def test_keys_are_made_for_everybody_and_nobody_else_may_read_them(command, mission):
     outcome = command("keys", "make", mission)
     assert outcome.status == 0
     assert outcome.out.count("new private key") == 3
@@ -58,9 +56,7 @@ def test_keys_are_made_for_everybody_and_nobody_else_may_read_them(
     assert stat.S_IMODE(places.directory.stat().st_mode) == 0o700
 
 
-def test_to_make_keys_again_changes_nothing_and_a_new_vehicle_gets_one(
-    command: Make, keyed: Path
-) -> None:
+def test_to_make_keys_again_changes_nothing_and_a_new_vehicle_gets_one(command, keyed):
     before = key_places(keyed).roster.read_text()
     assert "nothing was changed" in command("keys", "make", keyed).out
     assert key_places(keyed).roster.read_text() == before
@@ -72,7 +68,7 @@ def test_to_make_keys_again_changes_nothing_and_a_new_vehicle_gets_one(
     assert "for tail alone" in outcome.out
 
 
-def test_a_key_that_is_rotated_replaces_one_and_no_other(command: Make, keyed: Path) -> None:
+def test_a_key_that_is_rotated_replaces_one_and_no_other(command, keyed):
     before = read_roster(key_places(keyed).roster)
     outcome = command("keys", "rotate", keyed, "wing")
     assert outcome.status == 0
@@ -86,7 +82,7 @@ def test_a_key_that_is_rotated_replaces_one_and_no_other(command: Make, keyed: P
     assert outcome.lines == ["nobody is not a member of pair; its members are lead, wing, operator"]
 
 
-def test_who_has_which_key_is_shown_and_what_is_wrong_with_it(command: Make, keyed: Path) -> None:
+def test_who_has_which_key_is_shown_and_what_is_wrong_with_it(command, keyed):
     places = key_places(keyed)
     places.private("wing").chmod(0o644)
     places.private("operator").unlink()
@@ -101,7 +97,7 @@ def test_who_has_which_key_is_shown_and_what_is_wrong_with_it(command: Make, key
     assert command("keys", "show", keyed).status == 0
 
 
-def test_a_companion_without_a_key_says_how_to_make_one(command: Make, mission: Path) -> None:
+def test_a_companion_without_a_key_says_how_to_make_one(command, mission):
     outcome = command("companion", "wing", "--mission", mission, *COMPANION)
     assert outcome.status == 2
     assert outcome.lines == [
@@ -112,7 +108,7 @@ def test_a_companion_without_a_key_says_how_to_make_one(command: Make, mission: 
     ]
 
 
-def test_a_private_key_that_others_may_read_is_refused(command: Make, keyed: Path) -> None:
+def test_a_private_key_that_others_may_read_is_refused(command, keyed):
     path = key_places(keyed).private("wing")
     path.chmod(0o640)
     outcome = command("companion", "wing", "--mission", keyed, *COMPANION)
@@ -120,9 +116,7 @@ def test_a_private_key_that_others_may_read_is_refused(command: Make, keyed: Pat
     assert outcome.lines == [f"{path}: others may read this private key; run: chmod 600 {path}"]
 
 
-def test_one_radio_key_is_made_for_all_and_replaced_when_any_key_is(
-    command: Make, keyed: Path
-) -> None:
+def test_one_radio_key_is_made_for_all_and_replaced_when_any_key_is(command, keyed):
     path = key_places(keyed).radio
     before = read_radio_key(path)
     assert len(before) == 32
@@ -142,9 +136,7 @@ def test_one_radio_key_is_made_for_all_and_replaced_when_any_key_is(
         ("no key", 0o600, "is no radio key of 64 hexadecimal digits"),
     ],
 )
-def test_a_radio_key_that_cannot_be_used_is_one_line(
-    command: Make, keyed: Path, content: str, mode: int, fault: str
-) -> None:
+def test_a_radio_key_that_cannot_be_used_is_one_line(command, keyed, content, mode, fault):
     path = key_places(keyed).radio
     path.write_text(content)
     path.chmod(mode)
@@ -154,7 +146,7 @@ def test_a_radio_key_that_cannot_be_used_is_one_line(
     assert fault in outcome.lines[-1]
 
 
-def test_a_radio_without_its_key_says_how_to_make_one(command: Make, keyed: Path) -> None:
+def test_a_radio_without_its_key_says_how_to_make_one(command, keyed):
     link = "--link=serial:///dev/ttyNONE:57600"
     outcome = command("companion", "wing", "--mission", keyed, COMPANION[0], link)
     assert outcome.status == 2
@@ -166,7 +158,7 @@ def test_a_radio_without_its_key_says_how_to_make_one(command: Make, keyed: Path
     assert "leave key= out" in outcome.lines[-1]
 
 
-def test_what_systemd_hands_over_counts_as_kept(keyed: Path) -> None:
+def test_what_systemd_hands_over_counts_as_kept(keyed):
     """Its access list shows as permissions of the group."""
     path = key_places(keyed).private("wing")
     path.chmod(0o440)
@@ -175,7 +167,7 @@ def test_what_systemd_hands_over_counts_as_kept(keyed: Path) -> None:
         read_private_key(path, {"CREDENTIALS_DIRECTORY": "/run/credentials"})
 
 
-def test_a_roster_that_does_not_name_the_own_key_is_one_line(command: Make, keyed: Path) -> None:
+def test_a_roster_that_does_not_name_the_own_key_is_one_line(command, keyed):
     own = key_places(keyed).private("wing").read_bytes()
     assert command("keys", "rotate", keyed, "wing").status == 0
     key_places(keyed).private("wing").write_bytes(own)
@@ -186,7 +178,7 @@ def test_a_roster_that_does_not_name_the_own_key_is_one_line(command: Make, keye
 
 
 @pytest.mark.parametrize("option", ["--key", "--roster"])
-def test_insecure_goes_with_no_key(command: Make, keyed: Path, option: str) -> None:
+def test_insecure_goes_with_no_key(command, keyed, option):
     outcome = command(
         "companion", "wing", "--mission", keyed, *COMPANION, "--insecure", option, keyed
     )
@@ -212,9 +204,7 @@ def test_insecure_goes_with_no_key(command: Make, keyed: Path, option: str) -> N
         (b"x" * 300_000, "too long"),
     ],
 )
-def test_a_roster_that_is_none_is_one_line(
-    command: Make, keyed: Path, content: bytes, fault: str
-) -> None:
+def test_a_roster_that_is_none_is_one_line(command, keyed, content, fault):
     roster = key_places(keyed).roster
     roster.write_bytes(content)
     outcome = command("companion", "wing", "--mission", keyed, *COMPANION)
@@ -224,7 +214,7 @@ def test_a_roster_that_is_none_is_one_line(
     assert fault in line
 
 
-def test_a_key_of_another_kind_is_refused(command: Make, keyed: Path) -> None:
+def test_a_key_of_another_kind_is_refused(command, keyed):
     path = key_places(keyed).private("wing")
     other = generate_private_key(65537, 2048)
     for content in (
@@ -240,13 +230,13 @@ def test_a_key_of_another_kind_is_refused(command: Make, keyed: Path) -> None:
         ]
 
 
-def test_a_status_without_a_roster_says_how_to_make_one(command: Make, mission: Path) -> None:
+def test_a_status_without_a_roster_says_how_to_make_one(command, mission):
     outcome = command("status", mission, "--link=mqtt://127.0.0.1:1")
     assert outcome.status == 2
     assert "there is no roster; make keys with `vfguide keys make MISSION`" in outcome.err
 
 
-def test_the_name_of_an_operator_is_a_name_and_no_vehicles(command: Make, mission: Path) -> None:
+def test_the_name_of_an_operator_is_a_name_and_no_vehicles(command, mission):
     for name in ("../x", "wing", ""):
         outcome = command("keys", "make", mission, "--operator", name)
         assert outcome.status == 2

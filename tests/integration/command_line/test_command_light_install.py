@@ -44,7 +44,7 @@ def run(tmp_path: Path, elsewhere: Run, monkeypatch: pytest.MonkeyPatch) -> Run:
     return elsewhere
 
 
-def test_the_companion_starts_and_missions_are_checked_and_flown(run: Run) -> None:
+def test_the_companion_starts_and_missions_are_checked_and_flown(run):
     daemon = run("vfguide.companion.daemon")
     assert daemon.returncode == 0, daemon.stderr
     assert run("vfguide", "companion", "--help").returncode == 0
@@ -70,8 +70,8 @@ def test_the_companion_starts_and_missions_are_checked_and_flown(run: Run) -> No
     ],
 )
 def test_what_needs_more_says_what_to_install_before_it_begins(
-    run: Run, tmp_path: Path, arguments: tuple[str, ...], library: str, extra: str
-) -> None:
+    run, tmp_path, arguments, library, extra
+):
     refused = run("vfguide", *arguments)
     assert refused.returncode == 3, refused.stderr
     said = f"this needs {library}, which is not installed: pip install 'vfguide[{extra}]'"

@@ -9,7 +9,8 @@ from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).parents[3]
+from tests.kit.missions import ROOT
+
 ALL = tuple(f"vehicles.{name}.autopilot=brief" for name in ("leader", "f1", "f2", "f3"))
 
 Run = Callable[..., subprocess.CompletedProcess[str]]
@@ -30,7 +31,7 @@ def run(tmp_path: Path, elsewhere: Run) -> Run:
     return start
 
 
-def test_a_whole_formation_flies_by_it_as_by_vfguides_own(run: Run) -> None:
+def test_a_whole_formation_flies_by_it_as_by_vfguides_own(run):
     settings = [word for one in ALL for word in ("--set", one)]
     flown = run("fly", "circle-calm", *settings, "--duration", "60", "--json")
     assert flown.returncode in (0, 1), flown.stderr
@@ -39,7 +40,7 @@ def test_a_whole_formation_flies_by_it_as_by_vfguides_own(run: Run) -> None:
     assert own["formation"]["settle_1m_s"] < 40.0
 
 
-def test_a_name_that_is_not_known_is_one_line_with_those_that_are(run: Run) -> None:
+def test_a_name_that_is_not_known_is_one_line_with_those_that_are(run):
     refused = run("check", "circle-calm", "--set", "vehicles.f1.autopilot=brief", plugin=None)
     assert refused.returncode == 2
     assert refused.stderr.splitlines() == [
@@ -49,7 +50,7 @@ def test_a_name_that_is_not_known_is_one_line_with_those_that_are(run: Run) -> N
     assert "did you mean 'brief'?" in near.stderr
 
 
-def test_an_adapter_that_leaves_something_out_is_one_line(run: Run, tmp_path: Path) -> None:
+def test_an_adapter_that_leaves_something_out_is_one_line(run, tmp_path):
     text = (tmp_path / "own_autopilot.py").read_text()
     before, after = text.index("    def hand_back"), text.index("    def fly")
     (tmp_path / "partly.py").write_text(text[:before] + text[after:])
@@ -59,7 +60,7 @@ def test_an_adapter_that_leaves_something_out_is_one_line(run: Run, tmp_path: Pa
     assert re.search(r"partly\.py:\d+: the autopilot brief has no hand_back; write it$", line)
 
 
-def test_a_formation_flies_against_an_emulated_autopilot_of_the_user_s(run: Run) -> None:
+def test_a_formation_flies_against_an_emulated_autopilot_of_the_user_s(run):
     chosen = ("--set", "rehearsal.emulator.autopilot=brief", "--duration", "60", "--json")
     flown = run("fly", "circle-calm", *chosen, plugin="own_emulated_autopilot.py")
     assert flown.returncode in (0, 1), flown.stderr
@@ -70,7 +71,7 @@ def test_a_formation_flies_against_an_emulated_autopilot_of_the_user_s(run: Run)
     assert "'brief' is not known; use one of: ardupilot, px4" in refused.stderr
 
 
-def test_the_emulator_is_started_with_it_by_its_name(elsewhere: Run, run: Run) -> None:
+def test_the_emulator_is_started_with_it_by_its_name(elsewhere, run):
     del run  # it has put the file there
     options = ("--system-id", "1", "--mavlink", "udpin://127.0.0.1:0", "--autopilot", "brief")
     ended = elsewhere(

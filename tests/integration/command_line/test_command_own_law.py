@@ -9,8 +9,9 @@ from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).parents[3]
-MISSION = ROOT / "missions" / "line-calm.yaml"
+from tests.kit.missions import MISSIONS, ROOT
+
+MISSION = MISSIONS / "line-calm.yaml"
 
 Run = Callable[..., subprocess.CompletedProcess[str]]
 
@@ -61,7 +62,7 @@ def run(tmp_path: Path, elsewhere: Run) -> Run:
 PURSUIT = ("--controller", "pursuit", "--set", "controller.lookahead_m=25")
 
 
-def test_it_is_flown_and_reported_under_its_name(run: Run, tmp_path: Path) -> None:
+def test_it_is_flown_and_reported_under_its_name(run, tmp_path):
     flown = run("fly", MISSION, *PURSUIT, "--duration", "40", "--out", "flight")
     assert flown.returncode == 0, flown.stderr
     summary = json.loads((tmp_path / "flight" / "summary.json").read_text())
@@ -70,7 +71,7 @@ def test_it_is_flown_and_reported_under_its_name(run: Run, tmp_path: Path) -> No
     assert "pursuit" in (tmp_path / "flight" / "report.html").read_text()
 
 
-def test_a_mission_file_may_name_it(run: Run, tmp_path: Path) -> None:
+def test_a_mission_file_may_name_it(run, tmp_path):
     own = "controller: {type: pursuit, lookahead_m: 25}"
     text = re.sub(r"controller: \{[^}]*\}", own, MISSION.read_text())
     assert own in text
@@ -85,7 +86,7 @@ def test_a_mission_file_may_name_it(run: Run, tmp_path: Path) -> None:
     assert "'pursuit' is not known; use one of: slot, article, pid, mpc" in unknown.stderr
 
 
-def test_studies_fly_it_and_no_other_in_its_place(run: Run) -> None:
+def test_studies_fly_it_and_no_other_in_its_place(run):
     study = ("bench", "monte-carlo", "--formations", "8", "--processes", "1", "--seed", "3")
     pursuit, field = run(*study, "--law", "pursuit"), run(*study)
     assert pursuit.returncode == 0, pursuit.stderr
@@ -93,7 +94,7 @@ def test_studies_fly_it_and_no_other_in_its_place(run: Run) -> None:
     assert pursuit.stdout.splitlines()[2] != field.stdout.splitlines()[2]
 
 
-def test_each_study_flies_it_and_no_other_in_its_place(tmp_path: Path, elsewhere: Run) -> None:
+def test_each_study_flies_it_and_no_other_in_its_place(tmp_path, elsewhere):
     shutil.copy(ROOT / "examples" / "own_law.py", tmp_path)
     (tmp_path / "studies.py").write_text(STUDIES)
     flown = elsewhere("studies")
@@ -117,9 +118,7 @@ def test_each_study_flies_it_and_no_other_in_its_place(tmp_path: Path, elsewhere
         ([], "broken.py", "broken.py:2: NameError"),
     ],
 )
-def test_what_is_wrong_is_one_line(
-    run: Run, tmp_path: Path, arguments: list[str], plugin: str | None, said: str
-) -> None:
+def test_what_is_wrong_is_one_line(run, tmp_path, arguments, plugin, said):
     (tmp_path / "broken.py").write_text("import math\nmath.pi + tau\n")
     refused = run("check", MISSION, "--controller", "pursuit", *arguments, plugin=plugin)
     assert refused.returncode == 2

@@ -8,7 +8,8 @@ from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).parents[3]
+from tests.kit.missions import ROOT
+
 CARROT = ("--plugin", "own_leader_law.py", "--set", "leader.law=carrot")
 
 Run = Callable[..., subprocess.CompletedProcess[str]]
@@ -21,7 +22,7 @@ def run(tmp_path: Path, elsewhere: Run) -> Run:
     return elsewhere
 
 
-def test_the_leader_flies_by_it_and_its_gain_counts(run: Run) -> None:
+def test_the_leader_flies_by_it_and_its_gain_counts(run):
     # Started 30 m beside its line, a leader that aims 40 m ahead decays to it with about 40 m: 20 s at
     # 20 m/s are ten of them. One that aims 400 m ahead is still on its way: after 40 s 30 m e^(-2) are 4 m.
     errors = []
@@ -38,7 +39,7 @@ def test_the_leader_flies_by_it_and_its_gain_counts(run: Run) -> None:
     assert far > 4.0
 
 
-def test_studies_of_many_formations_fly_it_too(run: Run) -> None:
+def test_studies_of_many_formations_fly_it_too(run):
     study = ("bench", "monte-carlo", "--formations", "4", "--processes", "1")
     flown = run("vfguide", *study, "--plugin", "own_leader_law.py")
     assert flown.returncode == 0, flown.stderr
@@ -61,7 +62,7 @@ def test_studies_of_many_formations_fly_it_too(run: Run) -> None:
         ),
     ],
 )
-def test_what_is_wrong_is_one_line(run: Run, arguments: tuple[str, ...], said: str) -> None:
+def test_what_is_wrong_is_one_line(run, arguments, said):
     refused = run("vfguide", "check", "line-calm", *arguments)
     assert refused.returncode == 2, refused.stderr
     assert len(refused.stderr.splitlines()) == 1

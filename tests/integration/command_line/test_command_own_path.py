@@ -9,7 +9,8 @@ from pathlib import Path
 import pytest
 import yaml
 
-ROOT = Path(__file__).parents[3]
+from tests.kit.missions import ROOT
+
 EIGHT = ("--set", "path={type: lissajous}", "--set", "rehearsal.start={}")
 
 Run = Callable[..., subprocess.CompletedProcess[str]]
@@ -29,9 +30,7 @@ def run(tmp_path: Path, elsewhere: Run) -> Run:
     return start
 
 
-def test_a_formation_flies_both_loops_of_the_eight_and_crosses_it_in_its_slots(
-    run: Run,
-) -> None:
+def test_a_formation_flies_both_loops_of_the_eight_and_crosses_it_in_its_slots(run):
     flown = run("fly", "circle-calm", *EIGHT, "--duration", "200", "--json")
     assert flown.returncode == 0, flown.stderr
     summary = json.loads(flown.stdout)
@@ -39,7 +38,7 @@ def test_a_formation_flies_both_loops_of_the_eight_and_crosses_it_in_its_slots(
     assert summary["vehicles"]["leader"]["cross_track_error_m"]["max"] < 0.05
 
 
-def test_a_formation_flies_over_itself_where_the_eight_has_a_bridge(run: Run) -> None:
+def test_a_formation_flies_over_itself_where_the_eight_has_a_bridge(run):
     bridge = ("--set", "path={type: lissajous, bridge_m: 40}", "--set", "rehearsal.start={}")
     flown = run("fly", "circle-calm", *bridge, "--duration", "200", "--json")
     assert flown.returncode == 0, flown.stderr
@@ -52,7 +51,7 @@ def test_a_formation_flies_over_itself_where_the_eight_has_a_bridge(run: Run) ->
     assert "the path climbs at up to" in checked.stdout
 
 
-def test_a_mission_file_may_name_it(run: Run, tmp_path: Path) -> None:
+def test_a_mission_file_may_name_it(run, tmp_path):
     mission = yaml.safe_load((ROOT / "missions" / "circle-calm.yaml").read_text())
     mission["path"] = {"type": "lissajous", "half_length_m": 600}
     mission["rehearsal"].pop("start", None)
@@ -67,7 +66,7 @@ def test_a_mission_file_may_name_it(run: Run, tmp_path: Path) -> None:
     )
 
 
-def test_turns_that_are_too_tight_for_the_vehicles_are_found(run: Run) -> None:
+def test_turns_that_are_too_tight_for_the_vehicles_are_found(run):
     # its tightest turns have a radius of 23.9 m, beside where it is widest: atan(20²/23.9/9.81) = 60 degrees
     refused = run("check", "circle-calm", "--set", "path={type: lissajous, half_length_m: 200}")
     assert refused.returncode == 2
@@ -95,9 +94,7 @@ class Raising(Path):
 """
 
 
-def test_a_path_that_raises_is_one_line_with_the_place_in_its_file(
-    run: Run, tmp_path: Path
-) -> None:
+def test_a_path_that_raises_is_one_line_with_the_place_in_its_file(run, tmp_path):
     (tmp_path / "raising.py").write_text(RAISES)
     refused = run("check", "line-calm", "--set", "path={type: raising}", plugin="raising.py")
     assert refused.returncode == 2
@@ -118,7 +115,7 @@ def test_a_path_that_raises_is_one_line_with_the_place_in_its_file(
         ),
     ],
 )
-def test_what_is_wrong_is_one_line(run: Run, fields: str, said: str) -> None:
+def test_what_is_wrong_is_one_line(run, fields, said):
     refused = run("check", "circle-calm", "--set", f"path={fields}")
     assert refused.returncode == 2
     assert said in refused.stderr

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).parents[3]
+from tests.kit.missions import ROOT
 
 Run = Callable[..., subprocess.CompletedProcess[str]]
 
@@ -20,7 +20,7 @@ def run(tmp_path: Path, elsewhere: Run) -> Run:
     return elsewhere
 
 
-def test_a_mission_is_flown_by_it_and_its_numbers_count(run: Run) -> None:
+def test_a_mission_is_flown_by_it_and_its_numbers_count(run):
     figures = []
     for damping in (0.8, 0.2):
         option = f"rehearsal.emulator.plant_options.course_damping={damping}"
@@ -52,9 +52,7 @@ def test_a_mission_is_flown_by_it_and_its_numbers_count(run: Run) -> None:
         ),
     ],
 )
-def test_what_is_wrong_in_a_mission_is_one_line(
-    run: Run, arguments: tuple[str, ...], said: str
-) -> None:
+def test_what_is_wrong_in_a_mission_is_one_line(run, arguments, said):
     refused = run("vfguide", "fly", "circle-calm", *arguments)
     assert refused.returncode == 2, refused.stderr
     assert len(refused.stderr.splitlines()) == 1
@@ -76,9 +74,7 @@ def test_what_is_wrong_in_a_mission_is_one_line(
         ),
     ],
 )
-def test_what_is_wrong_for_the_emulator_alone_is_one_line(
-    run: Run, arguments: tuple[str, ...], said: str
-) -> None:
+def test_what_is_wrong_for_the_emulator_alone_is_one_line(run, arguments, said):
     link = ("--system-id", "1", "--mavlink", "udpout://127.0.0.1:9")
     refused = run("sitl_stub", *link, "--airborne", *arguments)
     assert refused.returncode == 2, refused.stderr

@@ -25,9 +25,7 @@ def copy_of_flown(flown: SimpleNamespace, tmp_path: Path) -> Path:
     return directory
 
 
-def test_a_report_is_written_again_from_the_record(
-    command: Make, copy_of_flown: Path, flown: SimpleNamespace
-) -> None:
+def test_a_report_is_written_again_from_the_record(command, copy_of_flown, flown):
     for path in copy_of_flown.iterdir():
         if path.name not in {"flight.npz", "summary.json"}:
             path.unlink()
@@ -41,8 +39,8 @@ def test_a_report_is_written_again_from_the_record(
 
 
 def test_without_a_summary_only_the_time_that_the_flight_took_is_lost(
-    command: Make, copy_of_flown: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+    command, copy_of_flown, monkeypatch
+):
     # The plots are looked at elsewhere.
     monkeypatch.setattr("vfguide.lab.report.page.write_report", lambda _record, _directory: None)
     summary = copy_of_flown / "summary.json"
@@ -57,9 +55,7 @@ def test_without_a_summary_only_the_time_that_the_flight_took_is_lost(
         assert again == {**first, "wall_s": None, "real_time_factor": None}
 
 
-def test_a_refused_flight_is_reported_without_complaint(
-    command: Make, pair_with: Make, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_refused_flight_is_reported_without_complaint(command, pair_with, tmp_path, monkeypatch):
     # the plots are looked at elsewhere
     monkeypatch.setattr("vfguide.lab.report.page.write_report", lambda _record, _directory: None)
     command("fly", pair_with(), "--duration", 1, "--out", tmp_path / "out")
@@ -68,7 +64,7 @@ def test_a_refused_flight_is_reported_without_complaint(
     assert "Not accepted" in outcome.out
 
 
-def test_a_directory_that_is_none_is_one_line(command: Make, tmp_path: Path) -> None:
+def test_a_directory_that_is_none_is_one_line(command, tmp_path):
     path = tmp_path / "none"
     outcome = command("report", path)
     assert outcome.status == 2
@@ -77,23 +73,21 @@ def test_a_directory_that_is_none_is_one_line(command: Make, tmp_path: Path) -> 
     ]
 
 
-def test_whoever_names_a_file_is_told_its_directory(command: Make, flown: SimpleNamespace) -> None:
+def test_whoever_names_a_file_is_told_its_directory(command, flown):
     record = flown.directory / "flight.npz"
     outcome = command("report", record)
     assert outcome.status == 2
     assert outcome.lines == [f"{record}: is a file; give its directory, {flown.directory}"]
 
 
-def test_a_report_is_of_one_rehearsal(
-    command: Make, flown: SimpleNamespace, copy_of_flown: Path, tmp_path: Path
-) -> None:
+def test_a_report_is_of_one_rehearsal(command, flown, copy_of_flown, tmp_path):
     outcome = command("report", flown.directory, copy_of_flown, "--out", tmp_path / "both")
     assert outcome.status == 2
     (line,) = outcome.lines
     assert line.endswith("is a rehearsal, and the report is of one at a time; give it alone")
 
 
-def test_a_directory_without_a_record_is_one_line(command: Make, tmp_path: Path) -> None:
+def test_a_directory_without_a_record_is_one_line(command, tmp_path):
     outcome = command("report", tmp_path)
     assert outcome.status == 2
     (line,) = outcome.lines
@@ -124,9 +118,7 @@ def damage_something_else(content: bytes) -> bytes:
     "damage",
     [damage_nothing_left, damage_cut_short, damage_in_the_middle, damage_something_else],
 )
-def test_a_damaged_record_is_one_line(
-    command: Make, copy_of_flown: Path, damage: Callable[[bytes], bytes]
-) -> None:
+def test_a_damaged_record_is_one_line(command, copy_of_flown, damage):
     record = copy_of_flown / "flight.npz"
     record.write_bytes(damage(record.read_bytes()))
     outcome = command("report", copy_of_flown)
@@ -137,7 +129,7 @@ def test_a_damaged_record_is_one_line(
     assert line.endswith("; give the directory of another flight, or fly it again")
 
 
-def test_a_report_that_cannot_be_written_is_one_line(command: Make, copy_of_flown: Path) -> None:
+def test_a_report_that_cannot_be_written_is_one_line(command, copy_of_flown):
     for name in ("summary.json", "report.html"):
         (copy_of_flown / name).unlink()
         (copy_of_flown / name).mkdir()
@@ -151,8 +143,8 @@ def test_a_report_that_cannot_be_written_is_one_line(command: Make, copy_of_flow
 
 
 def test_a_report_does_not_take_the_place_of_what_is_somebody_elses(
-    command: Make, copy_of_flown: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+    command, copy_of_flown, tmp_path, monkeypatch
+):
     # The plots are looked at elsewhere.
     monkeypatch.setattr("vfguide.lab.report.page.write_report", lambda _record, _directory: None)
     foreign, other = tmp_path / "foreign", tmp_path / "other"
@@ -173,9 +165,7 @@ def test_a_report_does_not_take_the_place_of_what_is_somebody_elses(
         assert command("report", copy_of_flown, "--out", directory).status == 0
 
 
-def test_a_report_waits_for_no_pipe(
-    command: Make, copy_of_flown: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_report_waits_for_no_pipe(command, copy_of_flown, tmp_path, monkeypatch):
     # The plots are looked at elsewhere.
     monkeypatch.setattr("vfguide.lab.report.page.write_report", lambda _record, _directory: None)
     (copy_of_flown / "summary.json").unlink()
@@ -196,7 +186,7 @@ def test_a_report_waits_for_no_pipe(
         read_start(recorded)
 
 
-def test_recordings_that_a_killed_flight_left_are_named(command: Make, tmp_path: Path) -> None:
+def test_recordings_that_a_killed_flight_left_are_named(command, tmp_path):
     left = tmp_path / ".partial-x"
     recording = left / "recordings" / "one-20261122T061500Z"
     recording.mkdir(parents=True)

@@ -22,7 +22,7 @@ ASCII = {
 
 
 @pytest.mark.parametrize("verb", ["fly", "check", "report"])
-def test_help_tells_the_exit_statuses(command: Make, verb: str) -> None:
+def test_help_tells_the_exit_statuses(command, verb):
     for option in ("--help", "-h"):
         outcome = command(verb, option)
         assert outcome.status == 0
@@ -30,7 +30,7 @@ def test_help_tells_the_exit_statuses(command: Make, verb: str) -> None:
         assert "Exit status: 0 " in outcome.out
 
 
-def test_help_names_every_command_in_a_line_of_its_own(command: Make) -> None:
+def test_help_names_every_command_in_a_line_of_its_own(command):
     outcome = command("--help")
     assert outcome.status == 0
     for verb in ("fly", "check", "report"):
@@ -39,7 +39,7 @@ def test_help_names_every_command_in_a_line_of_its_own(command: Make) -> None:
         assert not line.endswith("...")
 
 
-def test_without_arguments_the_help_is_shown(command: Make) -> None:
+def test_without_arguments_the_help_is_shown(command):
     outcome = command()
     assert outcome.status == 2
     assert "Usage: vfguide" in outcome.out + outcome.err
@@ -63,9 +63,7 @@ def test_without_arguments_the_help_is_shown(command: Make) -> None:
         ("\U0001f6e9",),
     ],
 )
-def test_arguments_that_make_no_sense_end_with_2_and_one_line(
-    command: Make, arguments: tuple[str, ...]
-) -> None:
+def test_arguments_that_make_no_sense_end_with_2_and_one_line(command, arguments):
     outcome = command(*arguments)
     assert outcome.status == 2
     (line,) = outcome.err.splitlines()
@@ -73,9 +71,7 @@ def test_arguments_that_make_no_sense_end_with_2_and_one_line(
     assert line.endswith(" -h")
 
 
-def test_a_terminal_without_the_letters_of_a_message_shows_escapes(
-    process: Make, alone_with: Make, tmp_path: Path
-) -> None:
+def test_a_terminal_without_the_letters_of_a_message_shows_escapes(process, alone_with, tmp_path):
     steep = alone_with(("radius_m: 150", "radius_m: 30"), name="f\u00fcnf.yaml")
     checked = process("check", steep, environment=ASCII)
     assert checked.status == 2
@@ -90,9 +86,7 @@ def test_a_terminal_without_the_letters_of_a_message_shows_escapes(
 
 
 @pytest.mark.parametrize("columns", ["0", "1", "20", "-5", "wide"])
-def test_a_terminal_of_any_width_will_do(
-    command: Make, pair_with: Make, monkeypatch: pytest.MonkeyPatch, columns: str
-) -> None:
+def test_a_terminal_of_any_width_will_do(command, pair_with, monkeypatch, columns):
     monkeypatch.setenv("COLUMNS", columns)
     monkeypatch.setenv("NO_COLOR", "1")
     outcome = command("fly", pair_with(), "--duration", 2)
@@ -102,9 +96,7 @@ def test_a_terminal_of_any_width_will_do(
 
 
 @pytest.mark.parametrize("columns", [80, 120])
-def test_the_table_fits_a_usual_terminal(
-    command: Make, pair_with: Make, monkeypatch: pytest.MonkeyPatch, columns: int
-) -> None:
+def test_the_table_fits_a_usual_terminal(command, pair_with, monkeypatch, columns):
     monkeypatch.setenv("COLUMNS", str(columns))
     lines = command("fly", pair_with(), "--duration", 12).out.splitlines()
     assert max(len(line) for line in lines) <= columns
@@ -118,9 +110,7 @@ def test_the_table_fits_a_usual_terminal(
     "arguments", [("check",), ("check", "--json"), ("fly", "--duration", "2")], ids=" ".join
 )
 @pytest.mark.parametrize("both", [False, True], ids=["output", "output and errors"])
-def test_a_reader_that_leaves_early_does_no_harm(
-    process: Make, alone_with: Make, arguments: tuple[str, ...], both: bool
-) -> None:
+def test_a_reader_that_leaves_early_does_no_harm(process, alone_with, arguments, both):
     """As `vfguide check m.yaml | head -0` does, with `2>&1` or without."""
     reading, writing = os.pipe()
     os.close(reading)
@@ -134,14 +124,14 @@ def test_a_reader_that_leaves_early_does_no_harm(
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs a device that is always full")
-def test_a_full_disk_is_one_line(process: Make, alone_with: Make) -> None:
+def test_a_full_disk_is_one_line(process, alone_with):
     with Path("/dev/full").open("wb") as full:
         outcome = process("check", alone_with(), stdout=full.fileno())
     assert outcome.status == 3
     assert outcome.lines == ["No space left on device"]
 
 
-def test_a_terminal_sees_a_bar_that_leaves_no_trace(process: Make, alone_with: Make) -> None:
+def test_a_terminal_sees_a_bar_that_leaves_no_trace(process, alone_with):
     terminal, far_end = pty.openpty()
     environment = {"TERM": "xterm", "COLUMNS": "80"}
     with ThreadPoolExecutor() as reader:
@@ -178,13 +168,7 @@ def everything_on(terminal: int) -> str:
         ("companion", "one", "--mission=MISSION", "--mavlink=x", "--link=y", "--record", ""),
     ],
 )
-def test_an_empty_name_is_no_directory(
-    command: Make,
-    alone_with: Make,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    arguments: tuple[str, ...],
-) -> None:
+def test_an_empty_name_is_no_directory(command, alone_with, tmp_path, monkeypatch, arguments):
     mission = alone_with()
     monkeypatch.chdir(tmp_path)
     outcome = command(*(one.replace("MISSION", str(mission)) for one in arguments))
@@ -193,9 +177,7 @@ def test_an_empty_name_is_no_directory(
     assert list(tmp_path.iterdir()) == [mission]
 
 
-def test_a_missing_signing_key_is_one_line_with_its_remedy(
-    command: Make, alone_with: Make, tmp_path: Path
-) -> None:
+def test_a_missing_signing_key_is_one_line_with_its_remedy(command, alone_with, tmp_path):
     key = tmp_path / "key"
     link = ("--mavlink=udpin://127.0.0.1:14999", "--link=mqtt://127.0.0.1:1", "--insecure")
     outcome = command(

@@ -15,18 +15,18 @@ def printed_by(program: str) -> str:
 
 
 @pytest.mark.parametrize("library", ["matplotlib", "amqtt", "mavsdk", "sitl_stub", "dask", "osqp"])
-def test_the_command_line_loads_no_library_that_a_companion_has_no_use_for(library: str) -> None:
+def test_the_command_line_loads_no_library_that_a_companion_has_no_use_for(library):
     modules = "sys, vfguide.cli, vfguide.commands.companion"
     assert printed_by(f"import {modules}; print({library!r} in sys.modules)") == "False\n"
 
 
 @pytest.mark.parametrize("library", ["cryptography", "aiomqtt", "zenoh", "scipy", "typer"])
-def test_the_daemon_loads_what_keys_and_links_need_only_when_it_is_given_them(library: str) -> None:
+def test_the_daemon_loads_what_keys_and_links_need_only_when_it_is_given_them(library):
     modules = "sys, vfguide.companion.daemon"
     assert printed_by(f"import {modules}; print({library!r} in sys.modules)") == "False\n"
 
 
-def test_the_daemon_takes_little_memory() -> None:
+def test_the_daemon_takes_little_memory():
     program = (
         "import vfguide.companion.daemon; print(open('/proc/self/status', encoding='utf-8').read())"
     )

@@ -65,9 +65,7 @@ COMMANDS: dict[str, Words] = {
 
 
 @pytest.mark.parametrize("name", COMMANDS)
-def test_a_command_writes_where_it_was_told_to_and_nowhere_else(
-    name: str, flown: SimpleNamespace, around: Surroundings
-) -> None:
+def test_a_command_writes_where_it_was_told_to_and_nowhere_else(name, flown, around):
     before = {path: path.stat().st_mtime_ns for path in flown.directory.parent.rglob("*")}
     around.run(*COMMANDS[name](flown, around.out))
     around.see_that_nothing_else_was_written()
@@ -75,16 +73,14 @@ def test_a_command_writes_where_it_was_told_to_and_nowhere_else(
     assert after == before
 
 
-def test_a_console_of_a_recorded_flight_writes_nothing(
-    flown: SimpleNamespace, around: Surroundings
-) -> None:
+def test_a_console_of_a_recorded_flight_writes_nothing(flown, around):
     around.see_a_console_and_stop_it(
         around.start("console", "--replay", flown.directory, "--port", "0")
     )
     around.see_that_nothing_else_was_written()
 
 
-def test_keys_are_made_beside_their_mission_and_nowhere_else(around: Surroundings) -> None:
+def test_keys_are_made_beside_their_mission_and_nowhere_else(around):
     around.out.mkdir()
     mission = around.out / "pair.yaml"
     mission.write_text(PAIR, encoding="utf-8")
@@ -110,9 +106,7 @@ def aircraft() -> Iterator[str]:
     process.wait(PATIENCE_S)
 
 
-def test_identify_writes_where_it_was_told_to_and_nowhere_else(
-    aircraft: str, around: Surroundings
-) -> None:
+def test_identify_writes_where_it_was_told_to_and_nowhere_else(aircraft, around):
     said = around.run(
         *("identify", "leader", "--mission", "line-calm", "--mavlink", aircraft, "--engage"),
         *("--speedup", str(SPEEDUP), "--out", around.out, "--state", around.out / "state"),
@@ -121,9 +115,7 @@ def test_identify_writes_where_it_was_told_to_and_nowhere_else(
     around.see_that_nothing_else_was_written()
 
 
-def test_a_companion_writes_its_state_and_its_recording_and_nothing_else(
-    aircraft: str, around: Surroundings
-) -> None:
+def test_a_companion_writes_its_state_and_its_recording_and_nothing_else(aircraft, around):
     process = around.start(
         *("companion", "leader", "--mission", "line-calm", "--mavlink", aircraft, "--engage"),
         *("--link", f"udp://127.0.0.1:{free_port(socket.SOCK_DGRAM)}", "--insecure"),

@@ -7,10 +7,10 @@ import tomllib
 from pathlib import Path
 from typing import Any
 
+from tests.kit.missions import ROOT
 from tests.wheels import packages_of, python_with
 
-PROJECT = Path(__file__).parents[3]
-EMULATOR = PROJECT / "sitl_stub"
+EMULATOR = ROOT / "sitl_stub"
 
 FLIGHT = """
 import importlib.util, math
@@ -35,14 +35,14 @@ def project_of(file: Path) -> dict[str, Any]:
     return table
 
 
-def test_it_asks_for_what_the_project_asks_for_and_has_its_version() -> None:
-    whole = project_of(PROJECT / "pyproject.toml")
+def test_it_asks_for_what_the_project_asks_for_and_has_its_version():
+    whole = project_of(ROOT / "pyproject.toml")
     alone = project_of(EMULATOR / "pyproject.toml")
     assert alone["version"] == whole["version"]
     assert set(alone["dependencies"]) < set(whole["dependencies"])
 
 
-def test_its_wheel_flies_where_vfguide_is_not_installed(tmp_path: Path) -> None:
+def test_its_wheel_flies_where_vfguide_is_not_installed(tmp_path):
     # A copy: a build leaves nothing in the checkout.
     sources = tmp_path / "sitl_stub"
     shutil.copytree(EMULATOR, sources, ignore=shutil.ignore_patterns("__pycache__"))

@@ -5,12 +5,11 @@ import re
 import signal
 import sys
 from asyncio.subprocess import PIPE, Process
-from pathlib import Path
 
 from tests.integration.console.streamed import aircraft_heard, logged_in
-from vfguide.mission import load_mission
+from tests.kit.missions import MISSIONS, shipped
 
-MISSION = Path(__file__).parents[3] / "missions" / "circle-wind.yaml"
+MISSION = MISSIONS / "circle-wind.yaml"
 
 PRINTED = re.compile(r"console: (http://127\.0\.0\.1:\d+/)\?token=\S+")
 
@@ -28,7 +27,7 @@ async def printed_address(flight: Process) -> re.Match[str]:
     raise AssertionError(said)
 
 
-async def test_a_rehearsal_is_seen_at_the_address_that_it_prints(tmp_path: Path) -> None:
+async def test_a_rehearsal_is_seen_at_the_address_that_it_prints(tmp_path):
     flight = await asyncio.create_subprocess_exec(
         *(sys.executable, "-m", "vfguide", "fly", str(MISSION), "--live", "--console"),
         cwd=tmp_path,
@@ -47,7 +46,7 @@ async def test_a_rehearsal_is_seen_at_the_address_that_it_prints(tmp_path: Path)
             flight.kill()
             await flight.wait()
     status, said = flight.returncode, said.decode()
-    assert heard == names == set(load_mission(MISSION).companions)
+    assert heard == names == set(shipped("circle-wind").companions)
     # Stopped before its end.
     assert status == 3, said
     assert "Traceback" not in said

@@ -10,14 +10,14 @@ import pytest
 from playwright.async_api import Locator, Page, expect
 
 from tests.integration.live.conftest import Broker
+from tests.kit.missions import content_of
 from vfguide.commands.console import live_console
 from vfguide.lab.console.server import ConsoleAddress
 from vfguide.lab.rehearsal.live import LiveFlight, live_flight
-from vfguide.mission import Mission, load_mission
+from vfguide.mission import Mission
 
 OpenPage = Callable[..., AbstractAsyncContextManager[Page]]
 
-MISSION = Path(__file__).parents[3] / "missions" / "circle-wind.yaml"
 
 PATIENCE_MS = 120_000
 
@@ -41,7 +41,7 @@ class Shown(TypedDict):
 @pytest.fixture
 def mission() -> Mission:
     """The article's circle in wind, with everyone in place at the beginning."""
-    content = load_mission(MISSION).model_dump(exclude_unset=True)
+    content = content_of("circle-wind")
     followers = [follower["vehicle"] for follower in content["followers"]]
     leader = {"north_m": 0.0, "east_m": 0.0, "course_deg": 270.0}
     content["rehearsal"]["start"] = {"leader": leader, **{name: {} for name in followers}}
@@ -97,8 +97,8 @@ async def overflow(page: Page) -> int:
 
 
 async def test_aircraft_move_and_a_companion_that_is_killed_turns_its_card(
-    mission: Mission, mosquitto_program: str, open_page: OpenPage, tmp_path: Path
-) -> None:
+    mission, mosquitto_program, open_page, tmp_path
+):
     async with (
         running(mosquitto_program, tmp_path) as broker,
         watched(mission, broker, tmp_path) as (flight, url),
@@ -178,8 +178,8 @@ async def order_trail(page: Page) -> None:
 
 
 async def test_on_a_phone_an_order_is_rehearsed_given_and_flown_and_all_called_off_after_a_broker_s_death(
-    mission: Mission, mosquitto_program: str, open_page: OpenPage, tmp_path: Path
-) -> None:
+    mission, mosquitto_program, open_page, tmp_path
+):
     async with (
         running(mosquitto_program, tmp_path) as broker,
         watched(mission, broker, tmp_path, operators=True) as (_, url),

@@ -14,6 +14,7 @@ import pytest
 from PIL import Image
 from playwright.async_api import Page, expect
 
+from tests.kit.missions import content_of, shipped
 from vfguide.commands.console import live_console
 from vfguide.companion.mission_plan import local_frame
 from vfguide.formation.arrangement import Arrangement
@@ -24,13 +25,12 @@ from vfguide.lab.console.tiles import open_tiles
 from vfguide.lab.rehearsal.live import watched_by_anybody
 from vfguide.lab.rehearsal.lockstep import fly_lockstep
 from vfguide.lab.rehearsal.processes import free_port
-from vfguide.mission import Mission, load_mission
+from vfguide.mission import Mission
 from vfguide.record.events import FlightEvent
 from vfguide.record.flight import FlightRecord
 
 OpenPage = Callable[..., AbstractAsyncContextManager[Page]]
 
-MISSION = Path(__file__).parents[3] / "missions" / "circle-wind.yaml"
 
 HOSTILE = "<img src=x onerror=alert(1)>"
 
@@ -40,7 +40,7 @@ PATIENCE_MS = 120_000
 @pytest.fixture(scope="module")
 def record() -> FlightRecord:
     """12 s of a rehearsal, with names that are markup."""
-    content = load_mission(MISSION).model_dump(exclude_unset=True)
+    content = content_of("circle-wind")
     content["rehearsal"]["duration_s"] = 12.0
     found = fly_lockstep(Mission.model_validate(content), processes=1).record
     leader, first, *others = found.vehicles
@@ -50,7 +50,7 @@ def record() -> FlightRecord:
 @asynccontextmanager
 async def nobody(port: int, token: str, operator_token: str | None = None) -> AsyncIterator[str]:
     """The console of a formation of which nobody is heard."""
-    mission = load_mission(MISSION)
+    mission = shipped("circle-wind")
     own = free_port(socket.SOCK_DGRAM)
     link = f"udp://127.0.0.1:{free_port(socket.SOCK_DGRAM)}?port={own}"
     formation = watched_by_anybody(mission, [link])
@@ -75,9 +75,7 @@ FOCUSED = """() => {
 }"""
 
 
-async def test_an_operator_gets_everywhere_with_the_tab_key_and_aborts_with_it(
-    open_page: OpenPage,
-) -> None:
+async def test_an_operator_gets_everywhere_with_the_tab_key_and_aborts_with_it(open_page):
     async with (
         nobody(free_port(socket.SOCK_STREAM), "a" * 24, "o" * 24) as url,
         open_page(f"{url.partition('?')[0]}?token={'o' * 24}") as page,
@@ -100,9 +98,7 @@ async def test_an_operator_gets_everywhere_with_the_tab_key_and_aborts_with_it(
         await expect(page.locator("#outcome")).to_contain_text("abort")
 
 
-async def test_a_link_on_another_site_opens_the_page_at_the_first_press(
-    record: FlightRecord, open_page: OpenPage
-) -> None:
+async def test_a_link_on_another_site_opens_the_page_at_the_first_press(record, open_page):
     async with (
         served(RecordedFlight(record), ConsoleAddress(port=0), title="flight") as url,
         open_page("about:blank") as page,
@@ -117,9 +113,7 @@ async def test_a_link_on_another_site_opens_the_page_at_the_first_press(
         await expect(page.get_by_role("heading", name="flight")).to_be_visible()
 
 
-async def test_a_recorded_flight_plays_and_its_names_stay_text(
-    record: FlightRecord, open_page: OpenPage
-) -> None:
+async def test_a_recorded_flight_plays_and_its_names_stay_text(record, open_page):
     said = FlightEvent(time_s=1.0, vehicle=HOSTILE, kind="order", text=f"order 1 {HOSTILE}")
     record = replace(record, events=(said,))
     async with (
@@ -157,9 +151,7 @@ async def trace_after(page: Page, *times_s: float) -> str:
     return str(await page.evaluate(TRACE))
 
 
-async def test_the_last_minute_on_a_card_is_that_of_the_moment_where_it_stops(
-    record: FlightRecord, open_page: OpenPage
-) -> None:
+async def test_the_last_minute_on_a_card_is_that_of_the_moment_where_it_stops(record, open_page):
     async with (
         served(RecordedFlight(record), ConsoleAddress(port=0), title="a") as url,
         open_page(url) as page,
@@ -201,9 +193,9 @@ GREEN = """() => {
 
 
 async def test_a_map_of_a_file_lies_below_a_recorded_flight_and_can_be_hidden(
-    record: FlightRecord, open_page: OpenPage, tmp_path: Path
-) -> None:
-    mission = load_mission(MISSION)
+    record, open_page, tmp_path
+):
+    mission = shipped("circle-wind")
     tiles = open_tiles(str(map_of(tmp_path / "a.mbtiles", mission)))
     source = RecordedFlight(record, tiles=tiles)
     async with (
@@ -225,10 +217,8 @@ async def test_a_map_of_a_file_lies_below_a_recorded_flight_and_can_be_hidden(
         await expect(page.locator(".margins").first).to_contain_text("to its limit")
 
 
-async def test_looking_back_shows_the_path_and_the_order_of_that_moment(
-    open_page: OpenPage,
-) -> None:
-    content = load_mission(MISSION).model_dump(exclude_unset=True)
+async def test_looking_back_shows_the_path_and_the_order_of_that_moment(open_page):
+    content = content_of("circle-wind")
     content["paths"] = {"other": {"type": "line", "course_deg": 90.0}}
     mission = Mission.model_validate(content)
     formation = FormationModel(mission)
@@ -265,9 +255,7 @@ async def test_looking_back_shows_the_path_and_the_order_of_that_moment(
         assert await page.evaluate(path) == "other"
 
 
-async def test_a_page_comes_back_to_a_server_that_was_started_again_with_its_token(
-    open_page: OpenPage,
-) -> None:
+async def test_a_page_comes_back_to_a_server_that_was_started_again_with_its_token(open_page):
     port = free_port(socket.SOCK_STREAM)
     async with AsyncExitStack() as stack:
         async with nobody(port, "a" * 24) as url:

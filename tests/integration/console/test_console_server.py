@@ -76,7 +76,7 @@ PATHS = ("/", "/console.js", "/console.css", "/flight", "/nowhere")
 
 
 @pytest.mark.parametrize("given", ["", "?token=", "?token=wrong", "?token=" + "t" * 23])
-def test_nothing_is_shown_without_the_token(given: str) -> None:
+def test_nothing_is_shown_without_the_token(given):
     async def look(url: str) -> None:
         for path in PATHS:
             status, headers, text = await asyncio.to_thread(ask, url, path + given)
@@ -90,7 +90,7 @@ def test_nothing_is_shown_without_the_token(given: str) -> None:
     when_served(look)
 
 
-def test_the_token_gives_a_cookie_that_lets_in_and_leaves_the_address() -> None:
+def test_the_token_gives_a_cookie_that_lets_in_and_leaves_the_address():
     async def look(url: str) -> None:
         parts = urlsplit(url)
         status, headers, _ = await asyncio.to_thread(ask, url, f"/?{parts.query}")
@@ -109,9 +109,7 @@ def test_the_token_gives_a_cookie_that_lets_in_and_leaves_the_address() -> None:
     when_served(look)
 
 
-async def test_operators_have_a_token_of_their_own_and_a_cookie_that_no_other_site_can_use() -> (
-    None
-):
+async def test_operators_have_a_token_of_their_own_and_a_cookie_that_no_other_site_can_use():
     tokens = {"token": "t" * 24, "operator_token": "o" * 24}
     async with served(Nothing(), ANYWHERE, title="flight", **tokens) as url:
         page = url.partition("?")[0]
@@ -131,7 +129,7 @@ async def test_operators_have_a_token_of_their_own_and_a_cookie_that_no_other_si
             assert text.startswith(first)
 
 
-def test_every_answer_allows_the_pages_own_files_alone() -> None:
+def test_every_answer_allows_the_pages_own_files_alone():
     async def look(url: str) -> None:
         for path in (*PATHS, "/?" + urlsplit(url).query):
             _, headers, _ = await asyncio.to_thread(ask, url, path)
@@ -146,17 +144,17 @@ def test_every_answer_allows_the_pages_own_files_alone() -> None:
 
 
 @pytest.mark.parametrize("host", ["10.0.0.1", "::", "192.0.2.7", "ground.example"])
-def test_beyond_this_computer_a_certificate_is_wanted(host: str) -> None:
+def test_beyond_this_computer_a_certificate_is_wanted(host):
     with pytest.raises(InputError, match="--certificate"):
         ConsoleAddress(host=host).check()
 
 
 @pytest.mark.parametrize("host", ["127.0.0.1", "127.0.0.9", "::1", "localhost"])
-def test_on_this_computer_none_is(host: str) -> None:
+def test_on_this_computer_none_is(host):
     ConsoleAddress(host=host).check()
 
 
-def test_with_a_certificate_it_is_served_by_tls(tmp_path: Path, openssl_program: str) -> None:
+def test_with_a_certificate_it_is_served_by_tls(tmp_path, openssl_program):
     key, certificate = tmp_path / "key.pem", tmp_path / "certificate.pem"
     subprocess.run(
         [
@@ -196,7 +194,7 @@ def test_with_a_certificate_it_is_served_by_tls(tmp_path: Path, openssl_program:
     when_served(look, ConsoleAddress(port=0, certificate=certificate, certificate_key=key))
 
 
-def test_a_certificate_that_is_none_is_one_line(tmp_path: Path) -> None:
+def test_a_certificate_that_is_none_is_one_line(tmp_path):
     wrong = tmp_path / "wrong.pem"
     wrong.write_text("nothing")
 
@@ -207,7 +205,7 @@ def test_a_certificate_that_is_none_is_one_line(tmp_path: Path) -> None:
         when_served(look, ConsoleAddress(port=0, certificate=wrong))
 
 
-def test_a_port_that_is_taken_is_one_line() -> None:
+def test_a_port_that_is_taken_is_one_line():
     async def look(_: str) -> None:
         raise AssertionError
 
@@ -218,7 +216,7 @@ def test_a_port_that_is_taken_is_one_line() -> None:
             when_served(look, ConsoleAddress(port=taken.getsockname()[1]))
 
 
-def test_more_pages_than_are_served_are_told_so() -> None:
+def test_more_pages_than_are_served_are_told_so():
     async def look(url: str) -> None:
         cookie = f"vfguide-console-{urlsplit(url).port}={'t' * 24}"
         host, port = urlsplit(url).hostname, urlsplit(url).port
@@ -238,7 +236,7 @@ def test_more_pages_than_are_served_are_told_so() -> None:
     when_served(look)
 
 
-def test_a_token_that_is_kept_is_the_same_after_a_restart(tmp_path: Path) -> None:
+def test_a_token_that_is_kept_is_the_same_after_a_restart(tmp_path):
     file = tmp_path / "token"
     token = kept_token(file)
     assert file.stat().st_mode & 0o077 == 0
@@ -252,7 +250,7 @@ def test_a_token_that_is_kept_is_the_same_after_a_restart(tmp_path: Path) -> Non
         kept_token(file)
 
 
-def test_a_port_that_is_published_on_the_loopback_interface_alone_needs_no_certificate() -> None:
+def test_a_port_that_is_published_on_the_loopback_interface_alone_needs_no_certificate():
     async def look(url: str) -> None:
         # What people open is the address outside, whatever it is served on inside.
         assert url == "http://127.0.0.1:18080/?token=" + "t" * 24
@@ -274,7 +272,7 @@ def test_a_port_that_is_published_on_the_loopback_interface_alone_needs_no_certi
         "",
     ],
 )
-def test_only_this_computer_s_own_address_counts_as_published(published: str) -> None:
+def test_only_this_computer_s_own_address_counts_as_published(published):
     with pytest.raises(InputError, match="--published"):
         ConsoleAddress(host="0.0.0.0", published=published).check()  # noqa: S104
 
@@ -293,8 +291,8 @@ def picture_file(path: Path) -> Path:
 
 
 async def test_tiles_are_for_who_has_the_token_and_the_page_may_show_pictures_only_with_a_map(
-    tmp_path: Path,
-) -> None:
+    tmp_path,
+):
     source = Nothing()
     source.tiles = open_tiles(str(picture_file(tmp_path / "a.mbtiles")))
     async with served(source, ANYWHERE, title="a", token="t" * 24) as url:

@@ -3,7 +3,6 @@
 import asyncio
 import json
 import os
-import socket
 import subprocess
 import sys
 from collections.abc import AsyncIterator, Callable
@@ -14,6 +13,8 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 import pytest
+
+from tests.kit.sockets import free_port
 
 PATIENCE_S = 60.0
 """Real time for anything; nothing here measures how long it takes."""
@@ -84,12 +85,6 @@ class Emulation:
                     await asyncio.sleep(0.05)
         except TimeoutError:
             pytest.fail(f"it has not come to that, but to: {state}")
-
-
-def free_port() -> int:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as opened:
-        opened.bind(("127.0.0.1", 0))
-        return int(opened.getsockname()[1])
 
 
 @pytest.fixture

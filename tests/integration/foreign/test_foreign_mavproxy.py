@@ -2,7 +2,6 @@
 
 import asyncio
 import os
-import socket
 import sys
 from collections import Counter
 from collections.abc import AsyncIterator, Callable, Sequence
@@ -12,6 +11,8 @@ from typing import Any
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from tests.kit.sockets import free_port
 
 Emulate = Callable[..., Any]
 
@@ -78,9 +79,7 @@ async def console(
         await process.communicate()
 
 
-async def test_it_loads_parameters_arms_takes_off_and_flies_guided(
-    emulate: Emulate, mavproxy: Path, tmp_path: Path
-) -> None:
+async def test_it_loads_parameters_arms_takes_off_and_flies_guided(emulate, mavproxy, tmp_path):
     async with (
         emulate("--speedup", "5", "--ready-after", "2", "--plant", "bank") as emulation,
         console(mavproxy, tmp_path / "state", emulation.port) as ground,
@@ -108,8 +107,8 @@ async def test_it_loads_parameters_arms_takes_off_and_flies_guided(
 
 
 async def test_disarming_in_the_air_and_leaving_the_airspeed_range_are_refused(
-    emulate: Emulate, mavproxy: Path, tmp_path: Path
-) -> None:
+    emulate, mavproxy, tmp_path
+):
     async with (
         emulate("--airborne") as emulation,
         console(mavproxy, tmp_path / "state", emulation.port) as ground,
@@ -126,9 +125,7 @@ async def test_disarming_in_the_air_and_leaving_the_airspeed_range_are_refused(
         assert emulation.latest()["armed"]
 
 
-async def test_a_signed_link_is_set_up_with_its_passphrase(
-    emulate: Emulate, mavproxy: Path, tmp_path: Path
-) -> None:
+async def test_a_signed_link_is_set_up_with_its_passphrase(emulate, mavproxy, tmp_path):
     options = ("--airborne", "--signing-key", "sesame-4711")
     modules = "mode,arm,signing"
     async with (
@@ -143,12 +140,6 @@ async def test_a_signed_link_is_set_up_with_its_passphrase(
         ground.type("mode GUIDED")
         await ground.says("Mode GUIDED")
         await emulation.until(lambda state: state["mode"] == "GUIDED")
-
-
-def free_port() -> int:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as opened:
-        opened.bind(("127.0.0.1", 0))
-        return int(opened.getsockname()[1])
 
 
 class Listener(asyncio.DatagramProtocol):
@@ -184,8 +175,8 @@ async def companion(port: int, directory: Path) -> AsyncIterator[None]:
 
 
 async def test_a_companion_at_its_output_reaches_the_autopilot_and_no_other_output(
-    emulate: Emulate, mavproxy: Path, tmp_path: Path
-) -> None:
+    emulate, mavproxy, tmp_path
+):
     to_companion, to_station = free_port(), free_port()
     station = Listener()
     transport, _ = await asyncio.get_running_loop().create_datagram_endpoint(

@@ -42,7 +42,7 @@ def anything(_value: object) -> bool:
     return True
 
 
-async def test_it_reads_position_velocity_heading_and_parameters(emulate: Emulate) -> None:
+async def test_it_reads_position_velocity_heading_and_parameters(emulate):
     options = ("--autopilot", "px4", "--airborne", "--wind", "steady:5,90")
     async with emulate(*options) as emulation, connected(emulation.port) as system:
         telemetry = TelemetryAsync(system)
@@ -65,7 +65,7 @@ async def test_it_reads_position_velocity_heading_and_parameters(emulate: Emulat
         assert await MissionRawAsync(system).download_mission() == []
 
 
-async def test_it_arms_takes_off_and_finds_the_aircraft_in_a_loiter(emulate: Emulate) -> None:
+async def test_it_arms_takes_off_and_finds_the_aircraft_in_a_loiter(emulate):
     options = ("--autopilot", "px4", "--speedup", "10", "--ready-after", "2")
     async with emulate(*options) as emulation, connected(emulation.port) as system:
         telemetry, action = TelemetryAsync(system), ActionAsync(system)
@@ -81,8 +81,8 @@ async def test_it_arms_takes_off_and_finds_the_aircraft_in_a_loiter(emulate: Emu
 
 @pytest.mark.parametrize("version", ["1.14", "1.18"])
 async def test_offboard_positions_and_the_velocities_of_1_14_are_obeyed_and_their_end_is_noticed(
-    emulate: Emulate, version: str
-) -> None:
+    emulate, version
+):
     options = ("--autopilot", "px4", "--airborne", "--speedup", "2", "--wind", "steady:5,90")
     options += ("--autopilot-version", version)
     async with emulate(*options) as emulation, connected(emulation.port) as system:

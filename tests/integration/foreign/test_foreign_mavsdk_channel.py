@@ -16,6 +16,7 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 import vfguide.mavlink.mavsdk
+from tests.kit.sockets import until
 from vfguide.errors import InputError
 from vfguide.mavlink.adapter import AutopilotSetpoint, Vehicle
 from vfguide.mavlink.address import parse_address
@@ -41,15 +42,7 @@ SETPOINT = AutopilotSetpoint(
 )
 
 
-async def until(condition: Callable[[], object]) -> None:
-    async with asyncio.timeout(PATIENCE_S):
-        while not condition():
-            await asyncio.sleep(0.02)
-
-
-async def test_answers_to_what_mavsdk_has_passed_on_are_answers_to_the_companion(
-    emulate: Emulate,
-) -> None:
+async def test_answers_to_what_mavsdk_has_passed_on_are_answers_to_the_companion(emulate):
     codec, plane = Codec(3, 1), Px4(VEHICLE)
     reports: list[Report] = []
 
@@ -105,8 +98,8 @@ class SerialPort:
 
 
 async def test_a_serial_port_that_comes_late_and_is_unplugged_is_opened_again(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+    tmp_path, monkeypatch
+):
     monkeypatch.setattr(vfguide.mavlink.mavsdk, "DEAF_S", 1.0)
     heard: list[bytes] = []
     port = SerialPort(tmp_path / "tty")
@@ -121,8 +114,8 @@ async def test_a_serial_port_that_comes_late_and_is_unplugged_is_opened_again(
             await until(lambda: not made.connected)
 
 
-def test_a_port_that_another_program_has_is_told_before_anything_flies(port: int) -> None:
-    async def test() -> None:
+def test_a_port_that_another_program_has_is_told_before_anything_flies(port):
+    async def test():
         address = parse_address(f"udpin://127.0.0.1:{port}")
         with pytest.raises(InputError, match="BIND_ERROR"):
             async with open_connection(address, print, random=Random(1), by_mavsdk=True):
@@ -150,7 +143,7 @@ for _ in range(20):
 """
 
 
-def test_it_can_be_stopped_while_no_autopilot_is_found(port: int) -> None:
+def test_it_can_be_stopped_while_no_autopilot_is_found(port):
     # In a process of its own: what could go wrong ends it by SIGABRT or SIGSEGV.
     command = [sys.executable, "-c", STOPPED_WHILE_SEARCHING, f"udpin://127.0.0.1:{port}"]
     ended = subprocess.run(command, capture_output=True, check=False, timeout=PATIENCE_S)

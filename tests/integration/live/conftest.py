@@ -9,11 +9,12 @@ from collections.abc import AsyncIterator, Callable, Sequence
 from contextlib import AbstractAsyncContextManager, asynccontextmanager
 from pathlib import Path
 from random import Random
-from typing import Any
 
 import numpy as np
 import pytest
 
+from tests.kit.missions import content_of
+from tests.kit.sockets import until
 from vfguide.elementwise import FloatArray
 from vfguide.lab.rehearsal.live import LiveFlight, live_flight
 from vfguide.lab.rehearsal.processes import Process, free_port
@@ -23,9 +24,7 @@ from vfguide.link.member import Member
 from vfguide.link.opening import WatchedFormation, open_link
 from vfguide.link.peer_clock import PeerClock
 from vfguide.link.trust import Trust, new_session
-from vfguide.mission import Mission, load_mission
-
-MISSION = Path(__file__).parents[3] / "missions" / "circle-wind.yaml"
+from vfguide.mission import Mission
 
 BROKER = """\
 listener {port} 127.0.0.1
@@ -50,13 +49,6 @@ MODE = re.compile(r"\b[a-z]+ -> ([a-z]+)\b")
 """A change of mode in the log of a companion."""
 
 logger = logging.getLogger(__name__)
-
-
-async def wait_until(condition: Callable[[], object]) -> None:
-    """Wait for a condition."""
-    async with asyncio.timeout(PATIENCE_S):
-        while not condition():
-            await asyncio.sleep(0.02)
 
 
 def spectator(watched: WatchedFormation, receive: Callable[[bytes], None]) -> Member:
@@ -122,11 +114,11 @@ class Watched:
     @staticmethod
     async def until(condition: Callable[[], object]) -> None:
         """Wait for a condition."""
-        await wait_until(condition)
+        await until(condition)
 
     async def reach(self, time_s: float) -> None:
         """Wait until every aircraft has flown to this simulation time."""
-        await wait_until(lambda: self.flight.truth_collector.time_s >= time_s)
+        await until(lambda: self.flight.truth_collector.time_s >= time_s)
 
     async def stop_companions(self) -> None:
         """Tell companions, who have to run until then, to stop."""
@@ -146,20 +138,18 @@ class Watched:
     async def until_followers_are(self, *modes: str) -> None:
         """Wait until each follower's companion says that it is in one of these modes."""
         _, *followers = self.flight.names
-        await wait_until(
-            lambda: all(MODE.findall(self.log(name))[-1] in modes for name in followers)
-        )
+        await until(lambda: all(MODE.findall(self.log(name))[-1] in modes for name in followers))
 
     async def wait(self, length_s: float) -> None:
         """Let this much simulation time pass by the clock, whether or not anybody flies."""
         ends_s = self.flight.time_s + length_s
-        await wait_until(lambda: self.flight.time_s >= ends_s)
+        await until(lambda: self.flight.time_s >= ends_s)
 
     async def start_again(self, vehicle: str) -> None:
         """Start a companion again, until it steers: how long that takes is the machine's."""
         steered = self.log(vehicle).count("-> joining")
         await self.flight.companions[vehicle].start()
-        await wait_until(lambda: self.log(vehicle).count("-> joining") > steered)
+        await until(lambda: self.log(vehicle).count("-> joining") > steered)
 
     async def recovery_s(self, ended_s: float) -> float:
         """Simulation time from the end of a disturbance until everyone is back, and stays."""
@@ -194,15 +184,9 @@ class Watched:
 
 
 @pytest.fixture
-def until() -> Callable[..., Any]:
-    """Waits for a condition."""
-    return wait_until
-
-
-@pytest.fixture
 def mission() -> Mission:
     """The article's circle in wind, with everyone in place at the beginning."""
-    content = load_mission(MISSION).model_dump(exclude_unset=True)
+    content = content_of("circle-wind")
     followers = [follower["vehicle"] for follower in content["followers"]]
     leader = {"north_m": 0.0, "east_m": 0.0, "course_deg": 270.0}
     content["rehearsal"]["start"] = {"leader": leader, **{name: {} for name in followers}}

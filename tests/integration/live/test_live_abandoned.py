@@ -4,20 +4,18 @@ import asyncio
 import signal
 import socket
 import sys
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
+from tests.kit.missions import MISSIONS
+from tests.kit.sockets import until
 from vfguide.lab.rehearsal.processes import free_port
 
-MISSION = Path(__file__).parents[3] / "missions" / "line-calm.yaml"
+MISSION = MISSIONS / "line-calm.yaml"
 
 FLY = (sys.executable, "-m", "vfguide", "fly", str(MISSION), "--live")
 
 
-async def test_no_process_outlives_the_flight_that_started_it(
-    until: Callable[..., Any], tmp_path: Path
-) -> None:
+async def test_no_process_outlives_the_flight_that_started_it(tmp_path):
     flight = await asyncio.create_subprocess_exec(*FLY, "--out", str(tmp_path / "out"))
     # The broker, four companions and four emulators.
     await until(lambda: len(children_of(flight.pid)) >= 9)
@@ -27,7 +25,7 @@ async def test_no_process_outlives_the_flight_that_started_it(
     await until(lambda: not any(is_running(one) for one in children))
 
 
-async def test_a_broker_that_is_not_there_is_told_before_the_flight(tmp_path: Path) -> None:
+async def test_a_broker_that_is_not_there_is_told_before_the_flight(tmp_path):
     link = f"mqtt://127.0.0.1:{free_port(socket.SOCK_STREAM)}"
     flight = await asyncio.create_subprocess_exec(
         *(*FLY, "--link", link, "--out", str(tmp_path / "out")), stderr=asyncio.subprocess.PIPE

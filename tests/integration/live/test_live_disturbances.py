@@ -32,8 +32,8 @@ LOST_S = 3.0
 
 
 async def test_formation_outlives_a_broker_that_is_killed_and_autopilots_that_hang_and_reboot(
-    flown: Flown,
-) -> None:
+    flown,
+):
     async with flown() as watched:
         await watched.settle()
         for length_s in (2.0, 20.0):
@@ -61,8 +61,8 @@ async def test_formation_outlives_a_broker_that_is_killed_and_autopilots_that_ha
 
 
 async def test_a_second_link_carries_on_and_companions_that_are_killed_take_their_places_again(
-    flown: Flown, speedup: float
-) -> None:
+    flown, speedup
+):
     group = f"udp://239.255.79.1:{free_port(socket.SOCK_DGRAM)}?interface=127.0.0.1"
     async with flown(beside_broker=[group]) as watched:
         await watched.settle()
@@ -97,7 +97,7 @@ async def test_a_second_link_carries_on_and_companions_that_are_killed_take_thei
             assert all(file.stat().st_size > 0 for file in recorded)
 
 
-async def broker_is_not_missed(watched: Any) -> None:  # noqa: ANN401 - the fixture's
+async def broker_is_not_missed(watched: Any) -> None:
     """The UDP group carries on: nobody predicts the leader, and the pilot is told."""
     before = {name: watched.log(name).count("-> predicting") for name in FOLLOWERS}
     began_s = watched.flight.truth_collector.time_s

@@ -2,7 +2,6 @@
 
 import socket
 import time
-from pathlib import Path
 from subprocess import DEVNULL, Popen
 from sys import executable
 
@@ -14,7 +13,7 @@ from vfguide.lab.rehearsal.processes import free_port
 PATIENCE_S = 60.0
 
 
-def test_a_leader_sends_follow_target_ten_times_a_second(tmp_path: Path) -> None:
+def test_a_leader_sends_follow_target_ten_times_a_second(tmp_path):
     autopilot = f"127.0.0.1:{free_port(socket.SOCK_DGRAM)}"
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as listener:
         listener.bind(("127.0.0.1", 0))

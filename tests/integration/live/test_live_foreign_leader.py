@@ -3,19 +3,13 @@
 import asyncio
 import json
 import sys
-from collections.abc import Callable
-from contextlib import AbstractAsyncContextManager
-from pathlib import Path
-from typing import Any
 
 PATIENCE_S = 200.0
 
 
 async def test_followers_keep_their_slots_with_a_delay_that_they_ask_for(
-    broker_in: Callable[[Path], AbstractAsyncContextManager[Any]],
-    tmp_path: Path,
-    speedup: float,
-) -> None:
+    broker_in, tmp_path, speedup
+):
     async with broker_in(tmp_path) as broker:
         process = await asyncio.create_subprocess_exec(
             *(sys.executable, "-m", "vfguide", "fly", "foreign-leader", "--live", "--json"),

@@ -1,16 +1,15 @@
 """A live flight as `vfguide.fly` gives it to a program."""
 
-from pathlib import Path
-
 import pytest
 
 import vfguide
+from tests.kit.missions import MISSIONS
 from vfguide.errors import InputError
 
-MISSION = Path(__file__).parents[3] / "missions" / "line-calm.yaml"
+MISSION = MISSIONS / "line-calm.yaml"
 
 
-def test_a_live_flight_is_flown_from_python_with_real_programs() -> None:
+def test_a_live_flight_is_flown_from_python_with_real_programs():
     mission = vfguide.load_mission(MISSION)
     flight = vfguide.fly(mission, live=True, speedup=2.0, duration_s=6.0)
     assert (flight.summary.mode, list(flight.tracks)) == ("live", ["leader", "f1", "f2", "f3"])

@@ -3,10 +3,6 @@
 import asyncio
 import json
 import sys
-from collections.abc import Callable
-from contextlib import AbstractAsyncContextManager
-from pathlib import Path
-from typing import Any
 
 MISSION = """\
 name: mixed
@@ -29,8 +25,8 @@ PATIENCE_S = 300.0
 
 
 async def test_a_formation_of_three_kinds_of_autopilot_is_one_formation(
-    broker_in: Callable[[Path], AbstractAsyncContextManager[Any]], tmp_path: Path, speedup: float
-) -> None:
+    broker_in, tmp_path, speedup
+):
     mission = tmp_path / "mixed.yaml"
     mission.write_text(MISSION)
     async with broker_in(tmp_path) as broker:

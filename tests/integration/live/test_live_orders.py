@@ -3,27 +3,24 @@
 import asyncio
 import socket
 import sys
-from collections.abc import Callable
-from contextlib import AbstractAsyncContextManager
 from pathlib import Path
-from typing import Any
 
 import pytest
 
+from tests.kit.missions import content_of
 from vfguide.lab.rehearsal.live import LiveFlight, live_flight
 from vfguide.lab.rehearsal.processes import free_port
 from vfguide.lab.report.geometry import pair_separations, seen_from_leader
 from vfguide.link.keys import OPERATOR
-from vfguide.mission import Mission, load_mission
+from vfguide.mission import Mission
 
-MISSION = Path(__file__).parents[3] / "missions" / "shapes.yaml"
 PATIENCE_S = 240.0
 IN_SLOTS_S = 12.0
 
 
 def mission_without_orders() -> Mission:
     """The vee of the mission `shapes`, everybody in its slot."""
-    content = load_mission(MISSION).model_dump(exclude_unset=True)
+    content = content_of("shapes")
     del content["orders"]
     leader = {"north_m": 0, "east_m": 0}
     content["deputies"] = ["f1"]
@@ -48,8 +45,8 @@ async def ordered(
 
 
 async def test_orders_are_flown_by_processes_over_whichever_real_link_they_come(
-    broker_in: Callable[[Path], AbstractAsyncContextManager[Any]], tmp_path: Path
-) -> None:
+    broker_in, tmp_path
+):
     mission = mission_without_orders()
     udp = f"udp://239.255.78.1:{free_port(socket.SOCK_DGRAM)}?interface=127.0.0.1"
     async with (

@@ -7,7 +7,8 @@ import subprocess
 from collections.abc import Sequence
 from pathlib import Path
 
-ROOT = Path(__file__).parents[3]
+from tests.kit.missions import ROOT
+
 PARTS = ("own_link.py", "own_autopilot.py", "own_plant.py")
 
 
@@ -29,9 +30,7 @@ def vfguide(
     )
 
 
-def test_a_formation_flies_by_them_and_leaves_no_socket_behind(
-    tmp_path: Path, installed: Path, speedup: float
-) -> None:
+def test_a_formation_flies_by_them_and_leaves_no_socket_behind(tmp_path, installed, speedup):
     sockets = tmp_path / "sockets"
     parts = {
         "vehicles.f1.autopilot": "brief",
@@ -53,9 +52,7 @@ def test_a_formation_flies_by_them_and_leaves_no_socket_behind(
     assert list(sockets.iterdir()) == []
 
 
-def test_a_law_steers_in_the_companions_own_processes(
-    tmp_path: Path, installed: Path, speedup: float
-) -> None:
+def test_a_law_steers_in_the_companions_own_processes(tmp_path, installed, speedup):
     pursuit = ("--controller", "pursuit", "--set", "controller.lookahead_m=25")
     live = ("--live", "--link", "udp://239.255.77.70:17717", "--speedup", f"{speedup:g}")
     ended = ("--duration", "45", "--out", "flight")
@@ -73,7 +70,7 @@ def test_a_law_steers_in_the_companions_own_processes(
     assert "pursuit: there is no such law" in refused.stderr
 
 
-def test_a_wrong_address_is_one_line(tmp_path: Path, installed: Path) -> None:
+def test_a_wrong_address_is_one_line(tmp_path, installed):
     refused = vfguide(
         installed, tmp_path, "fly", "circle-calm", "--live", "--link", "unix://sockets"
     )

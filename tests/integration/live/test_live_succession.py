@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 import zenoh
 
+from tests.kit.missions import content_of
 from vfguide.lab.rehearsal.live import LiveFlight, companions_lost, live_flight
 from vfguide.lab.rehearsal.processes import free_port
 from vfguide.mission import Mission
@@ -29,7 +30,7 @@ Broker = Callable[[Path], AbstractAsyncContextManager[Any]]
 @pytest.fixture
 def with_deputies(mission: Mission) -> Mission:
     """The article's circle in wind, with two who may lead in the leader's place."""
-    content = mission.model_dump(exclude_unset=True)
+    content = content_of(mission)
     return Mission.model_validate({**content, "deputies": ["f1", "f2"]})
 
 
@@ -79,8 +80,8 @@ class Logs:
 
 @pytest.mark.parametrize("kind", ["udp", "mqtt", "zenoh"])
 async def test_a_deputy_leads_when_the_leaders_companion_is_killed(
-    kind: str, with_deputies: Mission, tmp_path: Path, broker_in: Broker, speedup: float
-) -> None:
+    kind, with_deputies, tmp_path, broker_in, speedup
+):
     async with (
         link_of(kind, tmp_path, broker_in) as link,
         live_flight(with_deputies, directory=tmp_path, links=[link], speedup=speedup) as flight,
@@ -111,9 +112,9 @@ async def test_a_deputy_leads_when_the_leaders_companion_is_killed(
 
 
 async def test_a_mission_kills_a_companion_at_its_time_and_starts_it_again(
-    with_deputies: Mission, tmp_path: Path, broker_in: Broker, speedup: float
-) -> None:
-    content = with_deputies.model_dump(exclude_unset=True)
+    with_deputies, tmp_path, broker_in, speedup
+):
+    content = content_of(with_deputies)
     lost_s, back_s = 10.0, 16.0
     loss = {"vehicle": "f3", "at_s": lost_s, "for_s": back_s - lost_s}
     content["rehearsal"] = {**content["rehearsal"], "losses": [loss]}

@@ -3,14 +3,12 @@
 import asyncio
 import json
 import sys
-from collections.abc import Callable
-from contextlib import AbstractAsyncContextManager
-from pathlib import Path
-from typing import Any
 
 import yaml
 
-MISSION = Path(__file__).parents[3] / "missions" / "circle-wind.yaml"
+from tests.kit.missions import MISSIONS
+
+MISSION = MISSIONS / "circle-wind.yaml"
 
 ALLOWANCE_M = 0.1
 """By which a live flight may be worse than one in virtual time."""
@@ -21,9 +19,7 @@ DURATION_S = 64.0
 PATIENCE_S = 300.0
 
 
-async def test_live_flight_is_as_good_as_the_mission_asks(
-    broker_in: Callable[[Path], AbstractAsyncContextManager[Any]], tmp_path: Path, speedup: float
-) -> None:
+async def test_live_flight_is_as_good_as_the_mission_asks(broker_in, tmp_path, speedup):
     async with broker_in(tmp_path) as broker:
         process = await asyncio.create_subprocess_exec(
             *(sys.executable, "-m", "vfguide", "fly", str(MISSION), "--live", "--json"),

@@ -2,7 +2,6 @@
 
 import asyncio
 import socket
-from pathlib import Path
 
 from tests.integration.live.test_live_orders import IN_SLOTS_S, mission_without_orders
 from tests.integration.surroundings import Surroundings
@@ -11,7 +10,7 @@ from vfguide.lab.rehearsal.processes import free_port
 from vfguide.link.keys import OPERATOR
 
 
-async def test_status_order_and_console_write_nothing(tmp_path: Path) -> None:
+async def test_status_order_and_console_write_nothing(tmp_path):
     around = Surroundings(tmp_path / "watched")
     around.root.mkdir()
     link = f"udp://239.255.79.1:{free_port(socket.SOCK_DGRAM)}?interface=127.0.0.1"

@@ -16,6 +16,7 @@ from typing import Any
 
 import pytest
 
+from tests.kit.sockets import free_port, until
 from vfguide.link.address import LinkAddress, parse_link
 from vfguide.link.broker import embedded_broker
 from vfguide.link.keys import KeyPlaces, key_places, make_keys, read_private_key, read_roster
@@ -38,19 +39,6 @@ set_tcp_nodelay true
 user root
 persistence false
 """
-
-
-def free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
-
-
-async def until(condition: Callable[[], object], patience_s: float = PATIENCE_S) -> None:
-    """Wait for a condition."""
-    async with asyncio.timeout(patience_s):
-        while not condition():
-            await asyncio.sleep(0.005)
 
 
 async def proof_of(member: Member) -> None:
@@ -156,16 +144,6 @@ def any_broker(request: pytest.FixtureRequest) -> Make:
                 yield port
 
     return opened
-
-
-@pytest.fixture(scope="session", name="until")
-def until_fixture() -> Make:
-    return until
-
-
-@pytest.fixture(scope="session", name="free_port")
-def free_port_fixture() -> Callable[[], int]:
-    return free_port
 
 
 @pytest.fixture(scope="session")

@@ -6,6 +6,7 @@ from typing import Any
 
 import pytest
 
+from tests.kit.sockets import until
 from vfguide.errors import InputError
 
 Make = Callable[..., Any]
@@ -68,7 +69,7 @@ def certified(secure_port: int, keys: Path) -> Make:
     return lambda options: f"mqtts://127.0.0.1:{secure_port}?{options.format(keys)}"
 
 
-async def test_certificates_on_both_sides(certified: Make, opened: Make, until: Make) -> None:
+async def test_certificates_on_both_sides(certified, opened):
     url = certified("ca={0}/ours.pem&cert={0}/vehicle.pem&key={0}/vehicle.key")
     async with (
         opened(url, "lead") as (leader, _),
@@ -96,8 +97,8 @@ async def test_certificates_on_both_sides(certified: Make, opened: Make, until: 
     ids=["broker of another authority", "no certificate", "vehicle of another authority"],
 )
 async def test_a_certificate_that_is_not_trusted_is_one_clear_line(
-    certified: Make, opened: Make, options: str, complaint: str, caplog: pytest.LogCaptureFixture
-) -> None:
+    certified, opened, options, complaint, caplog
+):
     async with opened(certified(options), "f1", "lead") as (link, _):
         async with asyncio.timeout(60.0):
             # Where the broker hangs up before its alert is read, the reason comes with a later try.
@@ -110,9 +111,7 @@ async def test_a_certificate_that_is_not_trusted_is_one_clear_line(
     assert complaint in caplog.text
 
 
-async def test_without_tls_a_secure_broker_is_not_reached(
-    secure_port: int, opened: Make, until: Make
-) -> None:
+async def test_without_tls_a_secure_broker_is_not_reached(secure_port, opened):
     async with opened(secure_port, "f1", "lead") as (link, _):
         await until(lambda: link.counters["failed to connect"] >= 1)
         assert not link.connected
@@ -127,9 +126,7 @@ async def test_without_tls_a_secure_broker_is_not_reached(
         ("cert={0}/nowhere.pem&key={0}/vehicle.key", "No such file"),
     ],
 )
-async def test_files_that_are_no_certificates_are_one_clear_line(
-    keys: Path, opened: Make, options: str, fault: str
-) -> None:
+async def test_files_that_are_no_certificates_are_one_clear_line(keys, opened, options, fault):
     url = f"mqtts://crew:hunter2@127.0.0.1:1?{options.format(keys)}"
     with pytest.raises(InputError) as caught:
         async with opened(url, "f1"):

@@ -4,15 +4,14 @@ from typing import Any
 
 import pytest
 
+from tests.kit.sockets import free_port, until
 from vfguide.errors import VfguideError
 from vfguide.link.broker import embedded_broker
 
 Make = Callable[..., Any]
 
 
-async def test_a_port_may_be_chosen_and_is_free_again_afterwards(
-    free_port: Make, opened: Make
-) -> None:
+async def test_a_port_may_be_chosen_and_is_free_again_afterwards(opened):
     port = free_port()
     for _ in range(2):
         async with embedded_broker(port) as given, opened(given, "f1") as (link, _):
@@ -20,7 +19,7 @@ async def test_a_port_may_be_chosen_and_is_free_again_afterwards(
             assert link.connected
 
 
-async def test_a_port_that_is_taken_is_one_clear_line() -> None:
+async def test_a_port_that_is_taken_is_one_clear_line():
     async with embedded_broker() as port:
         with pytest.raises(VfguideError, match=rf"^embedded broker: port {port}: .*in use"):
             async with embedded_broker(port):
@@ -28,9 +27,7 @@ async def test_a_port_that_is_taken_is_one_clear_line() -> None:
 
 
 @pytest.mark.parametrize("noise", [b"", b"\x10", b"GET / HTTP/1.1\r\n\r\n", b"\xff" * 64])
-async def test_noise_from_one_client_does_not_disturb_the_others(
-    opened: Make, until: Make, noise: bytes, caplog: pytest.LogCaptureFixture
-) -> None:
+async def test_noise_from_one_client_does_not_disturb_the_others(opened, noise, caplog):
     async with (
         embedded_broker() as port,
         opened(port, "lead") as (leader, _),
@@ -46,9 +43,7 @@ async def test_noise_from_one_client_does_not_disturb_the_others(
     assert "Traceback" not in caplog.text
 
 
-async def test_closing_under_its_clients_leaves_links_that_try_again(
-    opened: Make, until: Make, free_port: Make
-) -> None:
+async def test_closing_under_its_clients_leaves_links_that_try_again(opened):
     port = free_port()
     async with embedded_broker(port):
         entered = opened(port, "f1", "lead")
@@ -63,7 +58,7 @@ async def test_closing_under_its_clients_leaves_links_that_try_again(
         assert not link.connected
 
 
-async def test_only_this_computer_is_let_in() -> None:
+async def test_only_this_computer_is_let_in():
     async with embedded_broker() as port:
         with pytest.raises(OSError, match="Connect call failed"):
             # Another address of this computer, as the network would reach it.

@@ -32,8 +32,8 @@ def rules_of(orders: str) -> str:
 
 @pytest.mark.parametrize(("orders", "passed"), [("yes", True), ("", False)])
 def test_the_broker_passes_on_the_consoles_orders_only_where_they_were_asked_for(
-    mosquitto: Make, password_file: Make, tmp_path: Path, orders: str, passed: bool
-) -> None:
+    mosquitto, password_file, tmp_path, orders, passed
+):
     def topics(vehicle: str) -> Topics:
         return Topics(prefix="vfguide", formation="test", vehicle=vehicle)
 

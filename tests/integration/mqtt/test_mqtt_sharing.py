@@ -5,8 +5,8 @@ from contextlib import AsyncExitStack
 from typing import Any
 
 import aiomqtt
-import pytest
 
+from tests.kit.sockets import until
 from vfguide.link.envelope import decode_envelope
 from vfguide.link.peer_clock import PeerClock
 from vfguide.link.presence import Presence, decode_presence
@@ -26,9 +26,7 @@ def said(data: bytes) -> Presence:
     return decode_presence(decode_envelope(data).body)
 
 
-async def test_states_reach_everyone_who_listens(
-    any_broker: Make, opened: Make, until: Make
-) -> None:
+async def test_states_reach_everyone_who_listens(any_broker, opened):
     async with AsyncExitStack() as stack:
         port = await stack.enter_async_context(any_broker())
         leader, unasked = await stack.enter_async_context(opened(port, "lead"))
@@ -47,9 +45,7 @@ async def test_states_reach_everyone_who_listens(
         assert leader.counters == {"connected": 1}
 
 
-async def test_a_state_is_not_kept_for_those_who_come_later(
-    any_broker: Make, opened: Make, until: Make
-) -> None:
+async def test_a_state_is_not_kept_for_those_who_come_later(any_broker, opened):
     async with any_broker() as port, opened(port, "lead") as (leader, _):
         async with opened(port, "f1", "lead") as (_, first):
             leader.publish(b"old")
@@ -60,9 +56,7 @@ async def test_a_state_is_not_kept_for_those_who_come_later(
             assert second == [b"new"]
 
 
-async def test_of_states_published_at_once_the_newest_is_sent(
-    any_broker: Make, opened: Make, until: Make
-) -> None:
+async def test_of_states_published_at_once_the_newest_is_sent(any_broker, opened):
     async with (
         any_broker() as port,
         opened(port, "lead") as (leader, _),
@@ -75,9 +69,7 @@ async def test_of_states_published_at_once_the_newest_is_sent(
         assert leader.counters["replaced before it was sent"] == 999
 
 
-async def test_formations_and_prefixes_do_not_hear_each_other(
-    mosquitto: Make, opened: Make, until: Make
-) -> None:
+async def test_formations_and_prefixes_do_not_hear_each_other(mosquitto, opened):
     port = mosquitto().port
     async with (
         opened(f"mqtt://127.0.0.1:{port}/a", "lead") as (one, _),
@@ -92,9 +84,7 @@ async def test_formations_and_prefixes_do_not_hear_each_other(
         assert box == [b"own"]
 
 
-async def test_presence_is_kept_and_says_offline_after_a_clean_end(
-    any_broker: Make, opened: Make
-) -> None:
+async def test_presence_is_kept_and_says_offline_after_a_clean_end(any_broker, opened):
     async with any_broker() as port:
         topic = "vfguide/test/f1/presence"
         async with opened(port, "f1", "lead", clock=lambda: 7.0) as (link, _):
@@ -110,9 +100,7 @@ async def test_presence_is_kept_and_says_offline_after_a_clean_end(
         assert (last.status, last.mode) == ("offline", "tracking")
 
 
-async def test_what_does_not_belong_is_counted_and_does_no_harm(
-    any_broker: Make, opened: Make, until: Make
-) -> None:
+async def test_what_does_not_belong_is_counted_and_does_no_harm(any_broker, opened):
     async with (
         any_broker() as port,
         opened(port, "lead") as (leader, _),
@@ -131,9 +119,7 @@ async def test_what_does_not_belong_is_counted_and_does_no_harm(
         await until(lambda: box == [b"still here"])
 
 
-async def test_a_receiver_that_raises_does_not_end_the_link(
-    mosquitto: Make, opened: Make, until: Make, caplog: pytest.LogCaptureFixture
-) -> None:
+async def test_a_receiver_that_raises_does_not_end_the_link(mosquitto, opened, caplog):
     port, heard = mosquitto().port, []
 
     def receive(data: bytes) -> None:
@@ -154,8 +140,8 @@ async def test_a_receiver_that_raises_does_not_end_the_link(
 
 
 async def test_two_seconds_between_the_clocks_are_measured_and_a_step_is_followed(
-    any_broker: Make, opened: Make, until: Make
-) -> None:
+    any_broker, opened
+):
     skew_s = 2.0
     clock = PeerClock()
 
@@ -175,9 +161,7 @@ async def test_two_seconds_between_the_clocks_are_measured_and_a_step_is_followe
         assert clock.bound_s < 0.5
 
 
-async def test_a_slow_consumer_gets_new_states_and_not_a_backlog(
-    any_broker: Make, opened: Make
-) -> None:
+async def test_a_slow_consumer_gets_new_states_and_not_a_backlog(any_broker, opened):
     """200 states in a second, 20 uses: whoever used each would be 2.7 s behind after three."""
     ages: list[float] = []
 

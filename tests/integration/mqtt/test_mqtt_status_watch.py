@@ -14,6 +14,7 @@ from typing import Any
 import aiomqtt
 import pytest
 
+from tests.kit.missions import MISSIONS
 from vfguide.link.envelope import Kind
 from vfguide.link.keys import key_places, make_keys, read_private_key, read_roster
 from vfguide.link.presence import Presence, encode_presence
@@ -21,7 +22,7 @@ from vfguide.link.session import Topics
 from vfguide.link.trust import Trust, new_session
 from vfguide.mission import load_mission
 
-MISSION = Path(__file__).parents[3] / "missions" / "line-calm.yaml"
+MISSION = MISSIONS / "line-calm.yaml"
 
 PATIENCE_S = 60.0
 
@@ -107,8 +108,8 @@ def file(tmp_path: Path) -> Path:
 
 
 async def test_it_says_go_once_all_have_spoken_and_tells_a_lost_broker_from_silent_companions(
-    mosquitto: Make, file: Path
-) -> None:
+    mosquitto, file
+):
     broker, companions = mosquitto(), Companions(file)
     async with aiomqtt.Client("127.0.0.1", broker.port) as client:
         # The broker keeps its word, nobody speaks any more.
@@ -138,8 +139,8 @@ async def test_it_says_go_once_all_have_spoken_and_tells_a_lost_broker_from_sile
 
 
 async def test_as_json_each_look_is_a_line_and_a_lost_broker_is_no_silent_companion(
-    mosquitto: Make, file: Path
-) -> None:
+    mosquitto, file
+):
     broker, companions = mosquitto(), Companions(file)
     speaking = asyncio.create_task(companions.speak(broker.port))
     async with watch(file, broker.port, "--json") as process:

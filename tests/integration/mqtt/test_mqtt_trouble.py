@@ -6,12 +6,12 @@ import sys
 import time
 from collections.abc import Callable
 from contextlib import suppress
-from pathlib import Path
 from typing import Any
 
 import aiomqtt
 import pytest
 
+from tests.kit.sockets import until
 from vfguide.link.envelope import decode_envelope
 from vfguide.link.opening import Link
 from vfguide.link.presence import decode_presence
@@ -50,9 +50,7 @@ async def speak(link: Link, until_heard: Callable[[], object]) -> None:
             await asyncio.sleep(0.02)
 
 
-async def test_a_broker_that_restarts_is_found_again_and_told_what_is_wanted(
-    mosquitto: Make, opened: Make, until: Make
-) -> None:
+async def test_a_broker_that_restarts_is_found_again_and_told_what_is_wanted(mosquitto, opened):
     broker = mosquitto()
     async with (
         opened(broker.port, "lead") as (leader, _),
@@ -75,9 +73,7 @@ async def test_a_broker_that_restarts_is_found_again_and_told_what_is_wanted(
         assert b"into the void" not in box
 
 
-async def test_a_broker_that_comes_late_is_found(
-    mosquitto: Make, opened: Make, until: Make, caplog: pytest.LogCaptureFixture
-) -> None:
+async def test_a_broker_that_comes_late_is_found(mosquitto, opened, caplog):
     broker = mosquitto()
     broker.kill()
     began = time.monotonic()
@@ -92,9 +88,7 @@ async def test_a_broker_that_comes_late_is_found(
     assert caplog.text.count("not connected") == 1
 
 
-async def test_a_broker_that_hangs_is_noticed_and_found_again(
-    mosquitto: Make, opened: Make, until: Make
-) -> None:
+async def test_a_broker_that_hangs_is_noticed_and_found_again(mosquitto, opened):
     broker = mosquitto()
     async with (
         opened(broker.port, "lead") as (leader, _),
@@ -113,7 +107,7 @@ async def test_a_broker_that_hangs_is_noticed_and_found_again(
         await until(lambda: link.connected and leader.connected)
 
 
-async def test_a_link_ends_soon_even_if_the_broker_hangs(mosquitto: Make, opened: Make) -> None:
+async def test_a_link_ends_soon_even_if_the_broker_hangs(mosquitto, opened):
     broker = mosquitto()
     async with opened(broker.port, "lead") as (link, _):
         assert link.connected
@@ -123,9 +117,7 @@ async def test_a_link_ends_soon_even_if_the_broker_hangs(mosquitto: Make, opened
 
 
 @pytest.mark.parametrize("word", [b"", b"HTTP/1.1 400 Bad Request\r\n\r\n", b"\x20\x02"])
-async def test_a_server_that_is_no_broker_is_given_up_and_tried_again(
-    opened: Make, until: Make, word: bytes
-) -> None:
+async def test_a_server_that_is_no_broker_is_given_up_and_tried_again(opened, word):
     calls: list[asyncio.StreamWriter] = []
 
     async def take(_: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
@@ -146,13 +138,7 @@ async def test_a_server_that_is_no_broker_is_given_up_and_tried_again(
             writer.transport.abort()
 
 
-async def test_a_wrong_password_is_named_and_tried_again(
-    mosquitto: Make,
-    password_file: Make,
-    opened: Make,
-    until: Make,
-    caplog: pytest.LogCaptureFixture,
-) -> None:
+async def test_a_wrong_password_is_named_and_tried_again(mosquitto, password_file, opened, caplog):
     file = password_file("crew", "right")
     broker = mosquitto(f"allow_anonymous false\npassword_file {file}\n", basis="user root\n")
     url = "mqtt://crew:{}@127.0.0.1:{}"
@@ -170,8 +156,8 @@ async def test_a_wrong_password_is_named_and_tried_again(
 
 
 async def test_a_broker_that_does_not_let_a_vehicle_speak_is_found_out(
-    mosquitto: Make, opened: Make, tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
+    mosquitto, opened, tmp_path, caplog
+):
     rules = tmp_path / "rules"
     rules.write_text("topic read vfguide/#\ntopic write vfguide/+/+/presence\n")
     broker = mosquitto(f"acl_file {rules}\n")
@@ -185,8 +171,8 @@ async def test_a_broker_that_does_not_let_a_vehicle_speak_is_found_out(
 
 
 async def test_a_stranger_who_publishes_states_of_a_vehicle_is_counted_and_not_believed(
-    mosquitto: Make, opened: Make
-) -> None:
+    mosquitto, opened
+):
     async def scenario() -> None:
         port = mosquitto().port
         async with opened(port, "lead") as (leader, _), aiomqtt.Client("127.0.0.1", port) as other:
@@ -197,9 +183,7 @@ async def test_a_stranger_who_publishes_states_of_a_vehicle_is_counted_and_not_b
     await asyncio.wait_for(scenario(), 60.0)
 
 
-async def test_two_vehicles_of_the_same_name_are_found_out(
-    mosquitto: Make, opened: Make, caplog: pytest.LogCaptureFixture
-) -> None:
+async def test_two_vehicles_of_the_same_name_are_found_out(mosquitto, opened, caplog):
     port = mosquitto().port
     async with opened(port, "f1", "lead") as (one, _), opened(port, "f1", "lead") as (other, _):
         number = 0
@@ -213,8 +197,8 @@ async def test_two_vehicles_of_the_same_name_are_found_out(
 
 
 async def test_a_second_companion_of_the_leader_asks_the_first_by_the_broker_and_steps_back(
-    mosquitto: Make, opened: Make
-) -> None:
+    mosquitto, opened
+):
     port = mosquitto().port
     async with opened(port, "lead") as (first, _):
         async with asyncio.timeout(60.0):
@@ -233,8 +217,8 @@ async def test_a_second_companion_of_the_leader_asks_the_first_by_the_broker_and
 
 
 async def test_who_may_only_read_cannot_throw_the_leader_out(
-    mosquitto: Make, password_file: Make, opened: Make, tmp_path: Path
-) -> None:
+    mosquitto, password_file, opened, tmp_path
+):
     users = "".join(password_file(name, "word").read_text() for name in ("lead", "eye"))
     passwords, rules = tmp_path / "passwords", tmp_path / "rules"
     passwords.write_text(users)
@@ -258,7 +242,7 @@ async def test_who_may_only_read_cannot_throw_the_leader_out(
         assert link.counters["disconnected"] == 0
 
 
-async def test_a_vehicle_that_is_killed_goes_offline(any_broker: Make, until: Make) -> None:
+async def test_a_vehicle_that_is_killed_goes_offline(any_broker):
     async with any_broker() as port:
         victim = await asyncio.create_subprocess_exec(
             sys.executable, "-c", VEHICLE, f"mqtt://127.0.0.1:{port}"

@@ -3,13 +3,14 @@
 import asyncio
 import time
 from collections import Counter
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator
 from contextlib import AsyncExitStack, asynccontextmanager
 from pathlib import Path
 from random import Random
 
 import pytest
 
+from tests.kit.sockets import until
 from tests.unit.link.shared_radio import SharedAir, state_at
 from tests.unit.link.wire import FORMATION, LEADER, ROSTER, trust_of
 from vfguide.errors import InputError
@@ -57,12 +58,6 @@ class Crew:
             await asyncio.sleep(0.05)
 
 
-async def until(condition: Callable[[], object]) -> None:
-    async with asyncio.timeout(PATIENCE_S):
-        while not condition():
-            await asyncio.sleep(0.02)
-
-
 @asynccontextmanager
 async def crews_on(air: SharedAir, *names: str) -> AsyncIterator[list[Crew]]:
     """Members that publish on their radios."""
@@ -90,7 +85,7 @@ def air(tmp_path: Path) -> SharedAir:
     return SharedAir(tmp_path)
 
 
-async def test_a_formation_hears_itself_over_its_radios(air: SharedAir) -> None:
+async def test_a_formation_hears_itself_over_its_radios(air):
     names = (LEADER, "f1", "f2")
     for name in names:
         air.plug(name)
@@ -105,8 +100,8 @@ async def test_a_formation_hears_itself_over_its_radios(air: SharedAir) -> None:
 
 
 async def test_a_radio_that_is_unplugged_for_five_seconds_is_told_and_comes_back_by_itself(
-    air: SharedAir, caplog: pytest.LogCaptureFixture
-) -> None:
+    air, caplog
+):
     for name in (LEADER, "f1"):
         air.plug(name)
     async with crews_on(air, LEADER, "f1") as (leader, one):
@@ -130,16 +125,14 @@ async def test_a_radio_that_is_unplugged_for_five_seconds_is_told_and_comes_back
     assert 1 <= caplog.text.count("tty-f1:57600: not connected") <= 2
 
 
-async def test_a_port_that_is_not_there_is_one_line_and_tried_again(
-    air: SharedAir, caplog: pytest.LogCaptureFixture
-) -> None:
+async def test_a_port_that_is_not_there_is_one_line_and_tried_again(air, caplog):
     async with crews_on(air, "f1") as (one,):
         await until(lambda: one.counters["failed to connect"] >= 3)
         assert "No such file or directory" in one.link.detail
     assert caplog.text.count("not connected") == 1
 
 
-async def test_noise_and_cut_packets_hide_nothing(air: SharedAir) -> None:
+async def test_noise_and_cut_packets_hide_nothing(air):
     random = Random(2)
     for name in (LEADER, "f1"):
         air.plug(name)
@@ -154,7 +147,7 @@ async def test_noise_and_cut_packets_hide_nothing(air: SharedAir) -> None:
         assert one.counters["failed to use"] == 0
 
 
-async def test_who_watches_hears_how_everybody_is(air: SharedAir) -> None:
+async def test_who_watches_hears_how_everybody_is(air):
     watched = WatchedFormation(
         addresses=parse_links([air.address("eye")]),
         formation=FORMATION,
@@ -172,7 +165,7 @@ async def test_who_watches_hears_how_everybody_is(air: SharedAir) -> None:
         assert {presence.status for presence in found.values()} == {"online"}
 
 
-async def test_without_the_radio_key_nothing_is_opened(air: SharedAir) -> None:
+async def test_without_the_radio_key_nothing_is_opened(air):
     crew = Crew("f1")
     (address,) = parse_links([air.address("f1", key=False)])
     with pytest.raises(InputError, match="a radio needs the formation's radio key"):

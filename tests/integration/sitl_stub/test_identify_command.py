@@ -5,19 +5,14 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
-from socket import AF_INET, SOCK_DGRAM, socket
 from threading import Timer
 
 import pytest
 
+from tests.kit.sockets import free_port
+
 KEY = "ab" * 32
 PATIENCE_S = 60.0
-
-
-def free_port() -> int:
-    with socket(AF_INET, SOCK_DGRAM) as one:
-        one.bind(("127.0.0.1", 0))
-        return int(one.getsockname()[1])
 
 
 @pytest.fixture
@@ -55,9 +50,7 @@ def said(process: subprocess.Popen[str], words: str) -> bool:
     return any(words in line for line in process.stderr)
 
 
-def test_it_hands_back_when_it_is_stopped_and_engages_once_in_a_flight(
-    emulator: str, tmp_path: Path
-) -> None:
+def test_it_hands_back_when_it_is_stopped_and_engages_once_in_a_flight(emulator, tmp_path):
     first = identify(tmp_path, emulator)
     assert said(first, "identification: small steps")
     first.send_signal(signal.SIGINT)

@@ -5,7 +5,6 @@ import socket
 import sys
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -36,9 +35,7 @@ async def command(*options: str) -> AsyncIterator[asyncio.subprocess.Process]:
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
-async def test_it_says_where_it_is_answers_and_ends_with_0_on_a_signal(
-    station: Factory, number: signal.Signals
-) -> None:
+async def test_it_says_where_it_is_answers_and_ends_with_0_on_a_signal(station, number):
     async with command(
         *("--system-id", "7", "--mavlink", "udpin://127.0.0.1:0", "--airborne"),
         *("--wind", "steady:5,90", "--start", "47,8,500,90", "--plant", "course-hold"),
@@ -55,7 +52,7 @@ async def test_it_says_where_it_is_answers_and_ends_with_0_on_a_signal(
         assert await process.stderr.read() == b""
 
 
-async def test_it_ends_by_itself_and_leaves_the_true_states(tmp_path: Path) -> None:
+async def test_it_ends_by_itself_and_leaves_the_true_states(tmp_path):
     path = tmp_path / "truth.jsonl"
     async with command(
         *("--system-id", "9", "--mavlink", "udpin://127.0.0.1:0", "--autopilot", "px4"),
@@ -79,9 +76,7 @@ async def test_it_ends_by_itself_and_leaves_the_true_states(tmp_path: Path) -> N
     assert samples[0]["mode"] == "AUTO.LOITER"
 
 
-async def test_many_in_one_process_have_ids_ports_and_places_that_count_up(
-    station: Factory, tmp_path: Path
-) -> None:
+async def test_many_in_one_process_have_ids_ports_and_places_that_count_up(station, tmp_path):
     path = tmp_path / "truth.jsonl"
     first = free_ports(3)
     async with command(
@@ -123,7 +118,7 @@ def free_ports(count: int) -> int:
     raise AssertionError("no free ports")
 
 
-async def test_a_port_in_use_is_one_line_and_status_3() -> None:
+async def test_a_port_in_use_is_one_line_and_status_3():
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
         taken.bind(("127.0.0.1", 0))
         url = f"udpin://127.0.0.1:{taken.getsockname()[1]}"

@@ -10,9 +10,7 @@ from sitl_stub.links import LinkError
 Factory = Callable[..., Any]
 
 
-async def test_a_client_gets_telemetry_and_answers(
-    served: Factory, dialogue: Factory, client: Factory
-) -> None:
+async def test_a_client_gets_telemetry_and_answers(served, dialogue, client):
     ground = dialogue()
     async with served("tcpin://127.0.0.1:0") as address, client(address, ground) as writer:
         await ground.message("HEARTBEAT")
@@ -20,9 +18,7 @@ async def test_a_client_gets_telemetry_and_answers(
         assert (await ground.message("COMMAND_ACK")).result == 0
 
 
-async def test_frames_in_single_bytes_with_garbage_between_are_all_obeyed(
-    served: Factory, dialogue: Factory, client: Factory
-) -> None:
+async def test_frames_in_single_bytes_with_garbage_between_are_all_obeyed(served, dialogue, client):
     ground = dialogue()
     async with served("tcpin://127.0.0.1:0") as address, client(address, ground) as writer:
         writer.get_extra_info("socket").setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
@@ -36,9 +32,7 @@ async def test_frames_in_single_bytes_with_garbage_between_are_all_obeyed(
             assert (await ground.message("COMMAND_ACK")).result == 0
 
 
-async def test_two_clients_both_get_telemetry_and_one_may_leave(
-    served: Factory, dialogue: Factory, client: Factory
-) -> None:
+async def test_two_clients_both_get_telemetry_and_one_may_leave(served, dialogue, client):
     first, second = dialogue(), dialogue()
     async with served("tcpin://127.0.0.1:0", speedup=10.0) as address, client(address, first):
         async with client(address, second):
@@ -48,9 +42,7 @@ async def test_two_clients_both_get_telemetry_and_one_may_leave(
         await first.message("HEARTBEAT")
 
 
-async def test_a_client_that_does_not_read_holds_up_nobody(
-    served: Factory, dialogue: Factory, client: Factory
-) -> None:
+async def test_a_client_that_does_not_read_holds_up_nobody(served, dialogue, client):
     ground = dialogue()
     async with served("tcpin://127.0.0.1:0", speedup=100.0) as address:
         with socket.create_connection((address.host, address.port)) as deaf:
@@ -62,9 +54,7 @@ async def test_a_client_that_does_not_read_holds_up_nobody(
                     await ground.message("GLOBAL_POSITION_INT")
 
 
-async def test_it_connects_once_there_is_a_server_and_again_after_a_loss(
-    served: Factory, dialogue: Factory
-) -> None:
+async def test_it_connects_once_there_is_a_server_and_again_after_a_loss(served, dialogue):
     ground = dialogue()
     with socket.socket() as reserved:
         reserved.bind(("127.0.0.1", 0))
@@ -88,7 +78,7 @@ async def test_it_connects_once_there_is_a_server_and_again_after_a_loss(
             assert (await ground.message("COMMAND_ACK")).result == 0
 
 
-async def test_a_port_in_use_is_refused_in_one_line(served: Factory) -> None:
+async def test_a_port_in_use_is_refused_in_one_line(served):
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))
         taken.listen()

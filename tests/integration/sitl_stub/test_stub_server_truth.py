@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from sitl_stub import Autopilot, Truth
+from sitl_stub import Truth
 from sitl_stub.links import AddressError
 from sitl_stub.options import OptionError
 from sitl_stub.server import serve
@@ -19,9 +19,7 @@ def read(path: Path) -> list[dict[str, Any]]:
     return [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines()]
 
 
-def test_true_states_are_of_the_exact_multiples_of_their_period(
-    autopilot: Autopilot, tmp_path: Path
-) -> None:
+def test_true_states_are_of_the_exact_multiples_of_their_period(autopilot, tmp_path):
     path = tmp_path / "truth.jsonl"
     service = serve(
         autopilot, "udpin://127.0.0.1:0", speedup=20.0, truth_url=str(path), duration_s=3.0
@@ -34,9 +32,7 @@ def test_true_states_are_of_the_exact_multiples_of_their_period(
     assert autopilot.truth().time_s == 3.0
 
 
-def test_a_period_that_is_no_whole_number_of_microseconds_does_not_drift(
-    autopilot: Autopilot, tmp_path: Path
-) -> None:
+def test_a_period_that_is_no_whole_number_of_microseconds_does_not_drift(autopilot, tmp_path):
     path = tmp_path / "truth.jsonl"
     service = serve(
         autopilot,
@@ -50,7 +46,7 @@ def test_a_period_that_is_no_whole_number_of_microseconds_does_not_drift(
     assert [sample["time_s"] for sample in read(path)] == [round(k / 30, 6) for k in range(301)]
 
 
-async def test_true_states_also_go_out_as_datagrams(served: Factory, station: Factory) -> None:
+async def test_true_states_also_go_out_as_datagrams(served, station):
     async with station() as judge:
         url = f"udpout://127.0.0.1:{judge.port}"
         async with served(truth_url=url, speedup=10.0, duration_s=2.0), asyncio.timeout(60.0):
@@ -62,8 +58,8 @@ async def test_true_states_also_go_out_as_datagrams(served: Factory, station: Fa
 
 
 def test_true_states_depend_neither_on_the_speed_up_nor_on_a_late_start(
-    autopilot: Autopilot, another_autopilot: Autopilot, tmp_path: Path
-) -> None:
+    autopilot, another_autopilot, tmp_path
+):
     paths = (tmp_path / "on-time.jsonl", tmp_path / "late.jsonl")
     starts = ((autopilot, 100.0, 0.2), (another_autopilot, 10.0, -0.2))
     for path, (vehicle, speedup, from_now_s) in zip(paths, starts, strict=True):
@@ -81,9 +77,7 @@ def test_true_states_depend_neither_on_the_speed_up_nor_on_a_late_start(
     assert on_time == late
 
 
-async def test_telemetry_begins_with_time_zero_at_the_epoch(
-    station: Factory, served: Factory
-) -> None:
+async def test_telemetry_begins_with_time_zero_at_the_epoch(station, served):
     epoch_s = time.time() + 0.5
     async with station() as ground:
         url = f"udpout://127.0.0.1:{ground.port}"
@@ -94,12 +88,12 @@ async def test_telemetry_begins_with_time_zero_at_the_epoch(
             assert position.time_boot_ms == 0
 
 
-def test_a_full_disk_ends_it_instead_of_leaving_a_hole(autopilot: Autopilot) -> None:
+def test_a_full_disk_ends_it_instead_of_leaving_a_hole(autopilot):
     with pytest.raises(OSError, match="No space left"):
         asyncio.run(serve(autopilot, "udpin://127.0.0.1:0", truth_url="/dev/full"))
 
 
-def test_only_true_states_are_overwritten(autopilot: Autopilot, tmp_path: Path) -> None:
+def test_only_true_states_are_overwritten(autopilot, tmp_path):
     def fly(path: Path) -> None:
         options = {"truth_url": str(path), "speedup": 100.0, "duration_s": 1.0}
         asyncio.run(serve(autopilot, "udpin://127.0.0.1:0", **options))
@@ -127,9 +121,7 @@ def test_only_true_states_are_overwritten(autopilot: Autopilot, tmp_path: Path) 
         ({"epoch_s": float("inf")}, "epoch_s must be"),
     ],
 )
-def test_wrong_arguments_are_refused_in_one_line(
-    autopilot: Autopilot, options: dict[str, Any], said: str
-) -> None:
+def test_wrong_arguments_are_refused_in_one_line(autopilot, options, said):
     with pytest.raises((AddressError, OptionError), match=said) as caught:
         asyncio.run(serve(autopilot, "udpin://127.0.0.1:0", **options))
     assert len(str(caught.value).splitlines()) == 1

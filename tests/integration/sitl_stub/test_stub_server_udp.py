@@ -20,10 +20,8 @@ def run(test: Coroutine[None, None, None]) -> None:
         runner.run(test)
 
 
-def test_who_listens_is_heard_first_and_then_gets_telemetry_and_answers(
-    served: Factory, station: Factory
-) -> None:
-    async def test() -> None:
+def test_who_listens_is_heard_first_and_then_gets_telemetry_and_answers(served, station):
+    async def test():
         async with served() as address, station(address) as ground:
             ground.send(ground.heartbeat())
             heartbeat = await ground.message("HEARTBEAT")
@@ -36,8 +34,8 @@ def test_who_listens_is_heard_first_and_then_gets_telemetry_and_answers(
     run(test())
 
 
-def test_who_is_spoken_to_first_gets_telemetry_unasked(served: Factory, station: Factory) -> None:
-    async def test() -> None:
+def test_who_is_spoken_to_first_gets_telemetry_unasked(served, station):
+    async def test():
         async with station() as ground, served(f"udpout://127.0.0.1:{ground.port}"):
             await ground.message("HEARTBEAT")
             ground.send(ground.command(512, 148))
@@ -47,8 +45,8 @@ def test_who_is_spoken_to_first_gets_telemetry_unasked(served: Factory, station:
     run(test())
 
 
-def test_two_peers_both_get_every_frame(served: Factory, station: Factory) -> None:
-    async def test() -> None:
+def test_two_peers_both_get_every_frame(served, station):
+    async def test():
         async with served() as address, station(address) as first, station(address) as second:
             first.send(first.heartbeat())
             await first.message("HEARTBEAT")
@@ -68,12 +66,10 @@ def test_two_peers_both_get_every_frame(served: Factory, station: Factory) -> No
     run(test())
 
 
-def test_a_peer_that_fell_silent_is_forgotten_unless_it_spoke_last(
-    served: Factory, station: Factory, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_peer_that_fell_silent_is_forgotten_unless_it_spoke_last(served, station, monkeypatch):
     monkeypatch.setattr(links, "PEER_REMEMBERED_S", 0.0)
 
-    async def test() -> None:
+    async def test():
         async with (
             served(speedup=10.0) as address,
             station(address) as first,
@@ -91,8 +87,8 @@ def test_a_peer_that_fell_silent_is_forgotten_unless_it_spoke_last(
     run(test())
 
 
-def test_what_is_due_at_one_instant_is_one_datagram(served: Factory, station: Factory) -> None:
-    async def test() -> None:
+def test_what_is_due_at_one_instant_is_one_datagram(served, station):
+    async def test():
         async with served(speedup=10.0) as address, station(address) as ground:
             for message_id in STREAMED:
                 ground.send(ground.command(511, message_id, 20_000))
@@ -117,10 +113,8 @@ def test_what_is_due_at_one_instant_is_one_datagram(served: Factory, station: Fa
 
 
 @pytest.mark.parametrize("speedup", [1.0, 10.0])
-def test_time_since_boot_passes_as_fast_as_it_is_told(
-    served: Factory, station: Factory, speedup: float
-) -> None:
-    async def test() -> None:
+def test_time_since_boot_passes_as_fast_as_it_is_told(served, station, speedup):
+    async def test():
         async with served(speedup=speedup) as address, station(address) as ground:
             ground.send(ground.command(511, 33, 100_000))
             await ground.message("COMMAND_ACK")
@@ -135,8 +129,8 @@ def test_time_since_boot_passes_as_fast_as_it_is_told(
     run(test())
 
 
-def test_a_command_acts_at_the_time_of_its_arrival(served: Factory, station: Factory) -> None:
-    async def test() -> None:
+def test_a_command_acts_at_the_time_of_its_arrival(served, station):
+    async def test():
         async with served(speedup=10.0) as address, station(address) as ground:
             ground.send(ground.command(511, 33, -1))
             await ground.message("COMMAND_ACK")
@@ -149,10 +143,8 @@ def test_a_command_acts_at_the_time_of_its_arrival(served: Factory, station: Fac
     run(test())
 
 
-def test_a_flood_of_garbage_neither_ends_it_nor_is_answered(
-    served: Factory, station: Factory
-) -> None:
-    async def test() -> None:
+def test_a_flood_of_garbage_neither_ends_it_nor_is_answered(served, station):
+    async def test():
         async with served() as address, station(address) as ground:
             for size in range(0, 1400, 7):
                 ground.send(b"\xfd" * size)
@@ -162,8 +154,8 @@ def test_a_flood_of_garbage_neither_ends_it_nor_is_answered(
     run(test())
 
 
-def test_a_port_in_use_is_refused_in_one_line(served: Factory) -> None:
-    async def test() -> None:
+def test_a_port_in_use_is_refused_in_one_line(served):
+    async def test():
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
             taken.bind(("127.0.0.1", 0))
             url = f"udpin://127.0.0.1:{taken.getsockname()[1]}"

@@ -5,16 +5,13 @@ import gc
 import socket
 from collections.abc import AsyncIterator, Callable, Iterator
 from contextlib import AbstractAsyncContextManager, asynccontextmanager
-from random import Random, SystemRandom
+from random import Random
 
 import pytest
-from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from tests.kit.sockets import until
 from vfguide.mavlink.address import parse_address
 from vfguide.mavlink.connection import Connection, open_connection
-
-PATIENCE_S = 60.0
-"""Nothing here takes a tenth of this, unless the machine is very busy."""
 
 
 class Inbox:
@@ -39,18 +36,6 @@ class Inbox:
         await until(lambda: self.content == b"".join(expected))
 
 
-async def until(condition: Callable[[], object]) -> None:
-    """Wait for a condition."""
-    async with asyncio.timeout(PATIENCE_S):
-        while not condition():
-            await asyncio.sleep(0.002)
-
-
-@pytest.fixture(scope="session", name="until")
-def until_fixture() -> Callable[[Callable[[], object]], object]:
-    return until
-
-
 Opened = AbstractAsyncContextManager[tuple[Connection, Inbox]]
 
 
@@ -67,37 +52,6 @@ def opened() -> Callable[[str], Opened]:
         left = [task for task in asyncio.all_tasks() - before if "MAVLink" in task.get_name()]
         assert not left
         assert not made.connected
-
-    return make
-
-
-@pytest.fixture(scope="session")
-def beat() -> Callable[[int], bytes]:
-    """A frame of some system."""
-
-    def make(system_id: int = 1) -> bytes:
-        message = mavlink.MAVLink_heartbeat_message(1, 3, 0, 0, 4, 3)
-        return bytes(message.pack(mavlink.MAVLink(None, srcSystem=system_id, srcComponent=1)))
-
-    return make
-
-
-@pytest.fixture
-def free_port() -> Callable[[], int]:
-    """A port of 127.0.0.1 that neither UDP nor TCP uses, below those that the system gives to callers."""
-
-    def is_free(port: int) -> bool:
-        with socket.socket(type=socket.SOCK_DGRAM) as udp, socket.socket() as tcp:
-            try:
-                udp.bind(("127.0.0.1", port))
-                tcp.bind(("127.0.0.1", port))
-            except OSError:
-                return False
-        return True
-
-    def make() -> int:
-        ports = (SystemRandom().randrange(15_000, 32_000) for _ in range(1000))
-        return next(port for port in ports if is_free(port))
 
     return make
 

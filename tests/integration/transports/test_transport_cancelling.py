@@ -6,6 +6,8 @@ from typing import Any
 
 import pytest
 
+from tests.kit.sockets import free_port
+
 Make = Callable[..., Any]
 
 
@@ -18,9 +20,7 @@ def terminal() -> Iterator[str]:
 
 
 @pytest.mark.parametrize("kind", ["udpin", "udpout", "tcpin", "tcpout", "serial"])
-def test_opening_can_be_given_up_at_any_moment(
-    opened: Make, free_port: Make, terminal: str, kind: str
-) -> None:
+def test_opening_can_be_given_up_at_any_moment(opened, terminal, kind):
     async def stay(address: str) -> None:
         async with opened(address):
             await asyncio.Event().wait()

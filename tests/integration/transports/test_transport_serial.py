@@ -7,6 +7,9 @@ from typing import Any
 
 import pytest
 
+from tests.kit.sockets import until
+from tests.kit.wire import beat
+
 Make = Callable[..., Any]
 
 
@@ -50,7 +53,7 @@ def plug(tmp_path: Path) -> Iterator[Plug]:
     made.pull_out()
 
 
-async def test_frames_go_both_ways(opened: Make, plug: Plug, beat: Make, until: Make) -> None:
+async def test_frames_go_both_ways(opened, plug):
     plug.put_in()
     async with opened(plug.address) as (connection, inbox):
         assert connection.connected
@@ -67,7 +70,7 @@ async def test_frames_go_both_ways(opened: Make, plug: Plug, beat: Make, until: 
         await until(has_come)
 
 
-async def test_every_byte_goes_through_as_it_is(opened: Make, plug: Plug, until: Make) -> None:
+async def test_every_byte_goes_through_as_it_is(opened, plug):
     plug.put_in()
     async with opened(plug.address) as (connection, _):
         connection.send(bytes(range(256)))
@@ -81,9 +84,7 @@ async def test_every_byte_goes_through_as_it_is(opened: Make, plug: Plug, until:
         assert taken == bytes(range(256))
 
 
-async def test_a_port_that_is_pulled_out_and_put_back_is_opened_again(
-    opened: Make, plug: Plug, beat: Make, until: Make
-) -> None:
+async def test_a_port_that_is_pulled_out_and_put_back_is_opened_again(opened, plug):
     async with opened(plug.address) as (connection, inbox):
         for system_id in (1, 2):
             assert not connection.connected
@@ -97,7 +98,7 @@ async def test_a_port_that_is_pulled_out_and_put_back_is_opened_again(
         assert connection.counters["dropped: not connected"] == 2
 
 
-def test_a_port_that_takes_nothing_stops_nobody(opened: Make, plug: Plug) -> None:
+def test_a_port_that_takes_nothing_stops_nobody(opened, plug):
     async def scenario() -> None:
         plug.put_in()
         async with opened(plug.address) as (connection, _):
@@ -110,16 +111,14 @@ def test_a_port_that_takes_nothing_stops_nobody(opened: Make, plug: Plug) -> Non
     asyncio.run(asyncio.wait_for(scenario(), 60.0))
 
 
-async def test_a_port_belongs_to_one_program(opened: Make, plug: Plug) -> None:
+async def test_a_port_belongs_to_one_program(opened, plug):
     plug.put_in()
     async with opened(plug.address) as (first, _), opened(plug.address) as (second, _):
         assert first.connected
         assert not second.connected
 
 
-async def test_a_file_that_is_no_port_is_tried_again_and_not_harmed(
-    opened: Make, tmp_path: Path
-) -> None:
+async def test_a_file_that_is_no_port_is_tried_again_and_not_harmed(opened, tmp_path):
     (tmp_path / "file").write_text("content")
     async with opened(f"serial://{tmp_path / 'file'}:57600") as (connection, _):
         assert not connection.connected

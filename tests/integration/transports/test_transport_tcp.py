@@ -8,6 +8,8 @@ from typing import Any
 
 import pytest
 
+from tests.kit.sockets import free_port, until
+from tests.kit.wire import beat
 from vfguide.mavlink.connection import Connection
 from vfguide.mavlink.stream import LARGEST_BACKLOG
 
@@ -35,9 +37,7 @@ class Autopilot:
             self.callers.clear()
 
 
-async def test_a_call_is_answered_frame_by_frame(
-    opened: Make, free_port: Make, beat: Make, until: Make
-) -> None:
+async def test_a_call_is_answered_frame_by_frame(opened):
     port, autopilot = free_port(), Autopilot()
     async with autopilot.up(port), opened(f"tcpout://127.0.0.1:{port}") as (connection, inbox):
         assert connection.connected
@@ -51,9 +51,7 @@ async def test_a_call_is_answered_frame_by_frame(
         await inbox.holds(beat(1), beat(2), beat(3))
 
 
-async def test_noise_in_a_stream_is_counted_and_costs_no_frame(
-    opened: Make, free_port: Make, beat: Make, until: Make
-) -> None:
+async def test_noise_in_a_stream_is_counted_and_costs_no_frame(opened):
     port, autopilot = free_port(), Autopilot()
     async with autopilot.up(port), opened(f"tcpout://127.0.0.1:{port}") as (connection, inbox):
         await until(lambda: autopilot.callers)
@@ -64,9 +62,7 @@ async def test_noise_in_a_stream_is_counted_and_costs_no_frame(
         assert connection.counters["out of step"] == 1
 
 
-async def test_a_server_that_restarts_is_called_again(
-    opened: Make, free_port: Make, beat: Make, until: Make, caplog: pytest.LogCaptureFixture
-) -> None:
+async def test_a_server_that_restarts_is_called_again(opened, caplog):
     port, autopilot = free_port(), Autopilot()
     with caplog.at_level(logging.INFO, "vfguide"):
         async with opened(f"tcpout://127.0.0.1:{port}") as (connection, inbox):
@@ -82,9 +78,7 @@ async def test_a_server_that_restarts_is_called_again(
     assert sum("connected, called" in record.message for record in caplog.records) == 2
 
 
-async def test_half_a_frame_of_a_lost_call_does_not_spoil_the_next(
-    opened: Make, free_port: Make, beat: Make, until: Make
-) -> None:
+async def test_half_a_frame_of_a_lost_call_does_not_spoil_the_next(opened):
     port, autopilot = free_port(), Autopilot()
     async with opened(f"tcpout://127.0.0.1:{port}") as (connection, inbox):
         async with autopilot.up(port):
@@ -97,9 +91,7 @@ async def test_half_a_frame_of_a_lost_call_does_not_spoil_the_next(
             await inbox.holds(beat(1), beat(3))
 
 
-async def test_each_change_of_state_is_logged_once_and_not_each_try(
-    opened: Make, free_port: Make, until: Make, caplog: pytest.LogCaptureFixture
-) -> None:
+async def test_each_change_of_state_is_logged_once_and_not_each_try(opened, caplog):
     port = free_port()
     with caplog.at_level(logging.INFO, "vfguide"):
         async with opened(f"tcpout://127.0.0.1:{port}") as (connection, _):
@@ -114,9 +106,7 @@ async def test_each_change_of_state_is_logged_once_and_not_each_try(
     assert closed.levelno == logging.INFO
 
 
-async def test_a_server_speaks_to_one_caller_at_a_time(
-    opened: Make, free_port: Make, beat: Make, until: Make
-) -> None:
+async def test_a_server_speaks_to_one_caller_at_a_time(opened):
     port = free_port()
     async with opened(f"tcpin://127.0.0.1:{port}") as (connection, inbox):
         connection.send(b"nobody hears this")
@@ -151,9 +141,7 @@ def both_stand(one: Connection, other: Connection) -> bool:
     return one.connected and other.connected
 
 
-async def test_both_ends_find_each_other_again(
-    opened: Make, free_port: Make, beat: Make, until: Make
-) -> None:
+async def test_both_ends_find_each_other_again(opened):
     port = free_port()
     async with opened(f"tcpout://localhost:{port}") as (calling, answered):
         for system_id in (1, 2):
@@ -166,9 +154,7 @@ async def test_both_ends_find_each_other_again(
 
 
 @pytest.mark.parametrize("kind", ["tcpin", "tcpout"])
-async def test_a_peer_that_does_not_read_is_sent_little_and_stops_nobody(
-    opened: Make, free_port: Make, until: Make, kind: str
-) -> None:
+async def test_a_peer_that_does_not_read_is_sent_little_and_stops_nobody(opened, kind):
     port = free_port()
     with socket.socket() as deaf:
         deaf.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
@@ -186,7 +172,7 @@ async def test_a_peer_that_does_not_read_is_sent_little_and_stops_nobody(
             assert sent * 100 < 200_000 + LARGEST_BACKLOG
 
 
-async def test_leaving_does_not_wait_for_a_slow_peer(opened: Make, free_port: Make) -> None:
+async def test_leaving_does_not_wait_for_a_slow_peer(opened):
     port = free_port()
     with socket.socket() as deaf:
         deaf.bind(("127.0.0.1", port))
@@ -197,7 +183,7 @@ async def test_leaving_does_not_wait_for_a_slow_peer(opened: Make, free_port: Ma
                     connection.send(bytes(1000))
 
 
-async def test_after_leaving_sending_is_harmless(opened: Make, free_port: Make) -> None:
+async def test_after_leaving_sending_is_harmless(opened):
     for kind in ("udpin", "udpout", "tcpin", "tcpout"):
         async with opened(f"{kind}://127.0.0.1:{free_port()}") as (connection, _):
             pass

@@ -5,6 +5,8 @@ from typing import Any
 
 import pytest
 
+from tests.kit.sockets import free_port, until
+from tests.kit.wire import beat
 from vfguide.errors import InputError
 from vfguide.mavlink.datagram import LARGEST_DATAGRAM
 
@@ -18,9 +20,7 @@ async def heard(peer: socket.socket) -> bytes:
         return await asyncio.get_running_loop().sock_recv(peer, 65_536)
 
 
-async def test_a_port_answers_whoever_speaks(
-    opened: Make, free_port: Make, voice: Make, beat: Make
-) -> None:
+async def test_a_port_answers_whoever_speaks(opened, voice):
     port = free_port()
     async with opened(f"udpin://127.0.0.1:{port}") as (connection, inbox):
         assert not connection.connected
@@ -32,14 +32,14 @@ async def test_a_port_answers_whoever_speaks(
         assert await heard(peer) == b"answer"
 
 
-async def test_nothing_is_sent_before_somebody_has_spoken(opened: Make, free_port: Make) -> None:
+async def test_nothing_is_sent_before_somebody_has_spoken(opened):
     async with opened(f"udpin://127.0.0.1:{free_port()}") as (connection, _):
         connection.send(b"setpoint")
         connection.send(b"setpoint")
         assert connection.counters["dropped: not connected"] == 2
 
 
-async def test_both_ends_speak_to_each_other(opened: Make, free_port: Make, beat: Make) -> None:
+async def test_both_ends_speak_to_each_other(opened):
     port = free_port()
     async with (
         opened(f"udpin://0.0.0.0:{port}") as (waiting, waited),
@@ -53,7 +53,7 @@ async def test_both_ends_speak_to_each_other(opened: Make, free_port: Make, beat
         assert answered.datagrams == [beat(2) + beat(3)]
 
 
-async def test_ipv6(opened: Make, free_port: Make, beat: Make) -> None:
+async def test_ipv6(opened):
     if not socket.has_ipv6 or not has_loopback_6():
         pytest.skip("this computer has no IPv6")
     port = free_port()
@@ -76,9 +76,7 @@ def has_loopback_6() -> bool:
     return True
 
 
-async def test_a_stray_packet_neither_steals_setpoints_nor_passes_for_telemetry(
-    opened: Make, free_port: Make, voice: Make, beat: Make, until: Make
-) -> None:
+async def test_a_stray_packet_neither_steals_setpoints_nor_passes_for_telemetry(opened, voice):
     port = free_port()
     async with opened(f"udpin://127.0.0.1:{port}") as (connection, inbox):
         peer, stray = voice(), voice()
@@ -93,9 +91,7 @@ async def test_a_stray_packet_neither_steals_setpoints_nor_passes_for_telemetry(
             stray.recv(100)
 
 
-async def test_another_peer_takes_over_when_the_first_is_silent(
-    opened: Make, free_port: Make, voice: Make, beat: Make, until: Make
-) -> None:
+async def test_another_peer_takes_over_when_the_first_is_silent(opened, voice):
     port = free_port()
     async with opened(f"udpin://127.0.0.1:{port}") as (connection, inbox):
         first, second = voice(), voice()
@@ -112,9 +108,7 @@ async def test_another_peer_takes_over_when_the_first_is_silent(
         assert connection.counters["connected"] == 2
 
 
-async def test_what_is_larger_than_a_packet_is_not_handed_on(
-    opened: Make, free_port: Make, voice: Make, beat: Make, until: Make
-) -> None:
+async def test_what_is_larger_than_a_packet_is_not_handed_on(opened, voice):
     port = free_port()
     async with opened(f"udpin://127.0.0.1:{port}") as (connection, inbox):
         peer = voice()
@@ -129,16 +123,14 @@ async def test_what_is_larger_than_a_packet_is_not_handed_on(
         await inbox.holds(beat())
 
 
-async def test_what_cannot_be_sent_is_counted(opened: Make, free_port: Make) -> None:
+async def test_what_cannot_be_sent_is_counted(opened):
     async with opened(f"udpout://127.0.0.1:{free_port()}") as (connection, _):
         connection.send(bytes(70_000))
         assert connection.counters["error: Message too long"] == 1
         connection.send(b"")
 
 
-async def test_a_peer_that_is_not_up_yet_is_no_error(
-    opened: Make, free_port: Make, voice: Make, beat: Make
-) -> None:
+async def test_a_peer_that_is_not_up_yet_is_no_error(opened, voice):
     port = free_port()
     async with opened(f"udpout://127.0.0.1:{port}") as (connection, inbox):
         for _ in range(5):
@@ -153,9 +145,7 @@ async def test_a_peer_that_is_not_up_yet_is_no_error(
         assert connection.connected
 
 
-async def test_only_the_host_that_was_given_is_listened_to(
-    opened: Make, free_port: Make, voice: Make, beat: Make, until: Make
-) -> None:
+async def test_only_the_host_that_was_given_is_listened_to(opened, voice):
     port = free_port()
     peer, stray = voice(port), voice()
     async with opened(f"udpout://127.0.0.1:{port}") as (connection, inbox):
@@ -166,9 +156,7 @@ async def test_only_the_host_that_was_given_is_listened_to(
         assert inbox.datagrams == []
 
 
-async def test_a_name_that_is_not_known_yet_is_looked_up_again(
-    opened: Make, free_port: Make, voice: Make, until: Make, monkeypatch: pytest.MonkeyPatch
-) -> None:
+async def test_a_name_that_is_not_known_yet_is_looked_up_again(opened, voice, monkeypatch):
     port, real = free_port(), socket.getaddrinfo
     tries: list[object] = []
 
@@ -189,9 +177,7 @@ async def test_a_name_that_is_not_known_yet_is_looked_up_again(
 
 
 @pytest.mark.parametrize("kind", ["udpin", "tcpin"])
-async def test_a_port_in_use_is_the_operators_to_free(
-    opened: Make, free_port: Make, kind: str
-) -> None:
+async def test_a_port_in_use_is_the_operators_to_free(opened, kind):
     address = f"{kind}://127.0.0.1:{free_port()}"
     async with opened(address):
         with pytest.raises(InputError, match="in use; end the other program") as caught:
@@ -201,16 +187,14 @@ async def test_a_port_in_use_is_the_operators_to_free(
 
 
 @pytest.mark.parametrize("kind", ["udpin", "tcpin"])
-async def test_an_address_of_another_computer_cannot_be_listened_at(
-    opened: Make, kind: str
-) -> None:
+async def test_an_address_of_another_computer_cannot_be_listened_at(opened, kind):
     # 192.0.2.0/24 is kept for documentation: nobody has it.
     with pytest.raises(InputError, match=r"write an address of this computer, or 0\.0\.0\.0"):
         async with opened(f"{kind}://192.0.2.1:14540"):
             pytest.fail("listens at somebody else's address")
 
 
-async def test_errors_of_the_program_pass_through(opened: Make, free_port: Make) -> None:
+async def test_errors_of_the_program_pass_through(opened):
     with pytest.raises(ConnectionError, match="of the program"):
         async with opened(f"udpin://127.0.0.1:{free_port()}"):
             raise ConnectionError("of the program")

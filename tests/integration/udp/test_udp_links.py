@@ -14,6 +14,7 @@ from typing import Any
 
 import pytest
 
+from tests.kit.sockets import free_port, until
 from tests.unit.link.wire import FORMATION, LEADER, ROSTER, trust_of
 from vfguide.link import udp
 from vfguide.link.address import UdpAddress, parse_links
@@ -55,12 +56,6 @@ class Crew:
         return self.link.counters
 
 
-async def until(condition: Callable[[], object]) -> None:
-    async with asyncio.timeout(PATIENCE_S):
-        while not condition():
-            await asyncio.sleep(0.01)
-
-
 async def speak(crew: Crew, until_heard: Callable[[], object]) -> None:
     """Publish a state after the other until something is heard."""
     number = 0
@@ -90,12 +85,6 @@ async def crew_of(*names: str, **links: tuple[str, ...]) -> AsyncIterator[list[C
         yield crews
 
 
-def free_port() -> int:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
-
-
 def group() -> tuple[str, ...]:
     """A multicast group of one's own, on the loopback interface."""
     return (f"udp://239.255.77.{next(GROUPS)}:{free_port()}?interface=127.0.0.1",)
@@ -123,7 +112,7 @@ def zenoh_peers(first: str, *others: str) -> dict[str, tuple[str, ...]]:
     }
 
 
-async def test_by_zenoh_a_member_that_goes_away_is_heard_again_when_it_is_back() -> None:
+async def test_by_zenoh_a_member_that_goes_away_is_heard_again_when_it_is_back():
     links = zenoh_peers(LEADER, "f1")
     async with crew_of("f1", **links) as (one,):
         assert not one.link.connected or not one.heard
@@ -138,7 +127,7 @@ async def test_by_zenoh_a_member_that_goes_away_is_heard_again_when_it_is_back()
 
 
 @pytest.mark.parametrize("way", ["group", "broadcast", "peers", "zenoh"])
-async def test_a_formation_hears_itself_without_a_broker(way: str) -> None:
+async def test_a_formation_hears_itself_without_a_broker(way):
     names = (LEADER, "f1", "f2")
     if way == "peers":
         links = peers(*names)
@@ -158,7 +147,7 @@ async def test_a_formation_hears_itself_without_a_broker(way: str) -> None:
         assert {vehicle for vehicle, _ in other.neighbours} == {"f1"}
 
 
-async def test_a_presence_comes_every_second_and_a_goodbye_at_the_end() -> None:
+async def test_a_presence_comes_every_second_and_a_goodbye_at_the_end():
     links = group()
     watched = WatchedFormation(
         addresses=parse_links(links),
@@ -179,7 +168,7 @@ async def test_a_presence_comes_every_second_and_a_goodbye_at_the_end() -> None:
     assert found["f1"].status == found[LEADER].status == "offline"
 
 
-async def test_a_presence_with_long_texts_still_says_that_a_link_is_lost() -> None:
+async def test_a_presence_with_long_texts_still_says_that_a_link_is_lost():
     links = group()
     watched = WatchedFormation(
         addresses=parse_links(links), formation=FORMATION, leader=LEADER, roster=ROSTER
@@ -202,7 +191,7 @@ async def test_a_presence_with_long_texts_still_says_that_a_link_is_lost() -> No
     assert found["f1"].figures["links_lost"] == 1.0
 
 
-async def test_two_formations_on_one_wire_never_hear_each_other() -> None:
+async def test_two_formations_on_one_wire_never_hear_each_other():
     links = group()
     stranger = Crew(LEADER, signed=False)
     async with (
@@ -220,9 +209,7 @@ async def test_two_formations_on_one_wire_never_hear_each_other() -> None:
         assert one.counters["refused: not signed"] > 0
 
 
-async def test_the_first_copy_counts_and_the_loss_of_either_link_costs_nothing(
-    caplog: pytest.LogCaptureFixture,
-) -> None:
+async def test_the_first_copy_counts_and_the_loss_of_either_link_costs_nothing(caplog):
     """Two groups; one of them falls silent for one member, as when a cable is pulled."""
     first, second = group(), group()
     both = (*first, *second)
@@ -252,9 +239,7 @@ async def test_the_first_copy_counts_and_the_loss_of_either_link_costs_nothing(
     assert "nobody is heard" in caplog.text
 
 
-async def test_a_network_that_goes_away_is_told_and_found_again(
-    caplog: pytest.LogCaptureFixture,
-) -> None:
+async def test_a_network_that_goes_away_is_told_and_found_again(caplog):
     links = group()
     async with crew_of(LEADER, "f1", lead=links, f1=links) as (leader, one):
         await speak(leader, lambda: one.heard)
@@ -289,7 +274,7 @@ class Interface:
             raise OSError("no interface with this name")
         return self._number(name)
 
-    def open_socket(self, address: UdpAddress) -> Any:  # noqa: ANN401 - a socket or what stands for one
+    def open_socket(self, address: UdpAddress) -> Any:
         real = self._open_socket(address)
         return OnInterface(real, self) if address.interface == self._name else real
 
@@ -300,7 +285,7 @@ class OnInterface:
     def __init__(self, real: socket.socket, interface: Interface) -> None:
         self._real, self._interface = real, interface
 
-    def __getattr__(self, name: str) -> Any:  # noqa: ANN401 - of the real one
+    def __getattr__(self, name: str) -> Any:
         return getattr(self._real, name)
 
     def sendto(self, data: bytes, destination: tuple[str, int]) -> int:
@@ -316,8 +301,8 @@ class OnInterface:
 
 
 async def test_an_interface_that_is_gone_for_five_seconds_is_told_once_and_used_again_by_itself(
-    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
-) -> None:
+    monkeypatch, caplog
+):
     """The follower's: nothing can be sent by it or heard, and no group be joined on it."""
     (by_address,) = group()
     links = {LEADER: (by_address,), "f1": (by_address.replace("=127.0.0.1", "=lo"),)}
@@ -356,9 +341,7 @@ async def test_an_interface_that_is_gone_for_five_seconds_is_told_once_and_used_
     assert caplog.text.count("not connected, no interface 'lo'") == 1
 
 
-async def test_an_interface_that_is_not_there_is_one_line_and_tried_again(
-    caplog: pytest.LogCaptureFixture,
-) -> None:
+async def test_an_interface_that_is_not_there_is_one_line_and_tried_again(caplog):
     links = (f"udp://239.255.77.250:{free_port()}?interface=nosuch0",)
     async with crew_of("f1", f1=links) as (one,):
         assert not one.link.connected
@@ -368,7 +351,7 @@ async def test_an_interface_that_is_not_there_is_one_line_and_tried_again(
     assert caplog.text.count("not connected") == 1
 
 
-async def test_hostile_datagrams_raise_nothing_and_hide_nothing() -> None:
+async def test_hostile_datagrams_raise_nothing_and_hide_nothing():
     """Noise, cut and changed messages, and forgeries, between the true ones."""
     links = group()
     (address,) = parse_links(links)
@@ -403,9 +386,7 @@ async def test_hostile_datagrams_raise_nothing_and_hide_nothing() -> None:
         assert one.counters["failed to use"] == 0
 
 
-async def test_a_peer_that_cannot_be_reached_cuts_nobody_else_off(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+async def test_a_peer_that_cannot_be_reached_cuts_nobody_else_off(monkeypatch):
     places = peers(LEADER, "f1")
     (beyond,) = (one.replace("udp://", "udp://127.0.0.9:9,") for one in places[LEADER])
     opened = udp.open_socket
@@ -416,7 +397,7 @@ async def test_a_peer_that_cannot_be_reached_cuts_nobody_else_off(
         def __init__(self, real: socket.socket) -> None:
             self._real = real
 
-        def __getattr__(self, name: str) -> Any:  # noqa: ANN401 - of the real one
+        def __getattr__(self, name: str) -> Any:
             return getattr(self._real, name)
 
         def sendto(self, data: bytes, destination: tuple[str, int]) -> int:
@@ -430,9 +411,7 @@ async def test_a_peer_that_cannot_be_reached_cuts_nobody_else_off(
         await speak(leader, lambda: follower.heard)
 
 
-async def test_a_link_of_ones_own_that_raises_is_down_and_tried_again(
-    caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
-) -> None:
+async def test_a_link_of_ones_own_that_raises_is_down_and_tried_again(caplog, monkeypatch):
     class Broken(udp.UdpCarrier):
         """Raises what no network does."""
 

@@ -56,7 +56,7 @@ TRUE_S = np.arange(0.0, 160.0, 0.04)
 OWN_S = np.arange(0.0, 165.0, 0.04)
 
 
-def test_a_clock_that_is_ahead_and_slow_is_found() -> None:
+def test_a_clock_that_is_ahead_and_slow_is_found():
     # 5 s ahead at the beginning, and 0.99 s for each second.
     logged = flight(OWN_S, (OWN_S - 5.0) / 0.99)
     clocks = clocks_of(logged, flight(TRUE_S, TRUE_S))
@@ -64,7 +64,7 @@ def test_a_clock_that_is_ahead_and_slow_is_found() -> None:
     assert clocks.rate == pytest.approx(0.99, abs=1e-4)
 
 
-def test_a_follower_that_its_log_has_beside_its_place_is_as_far_off_its_slot() -> None:
+def test_a_follower_that_its_log_has_beside_its_place_is_as_far_off_its_slot():
     logged = flight(OWN_S, OWN_S - 5.0, off_m=0.5)
     leader, follower = compared(logged, flight(TRUE_S, TRUE_S))
     assert leader.agrees
@@ -72,7 +72,7 @@ def test_a_follower_that_its_log_has_beside_its_place_is_as_far_off_its_slot() -
     assert follower.logged_m == pytest.approx(0.5, abs=0.02)
 
 
-def test_a_mean_that_is_farther_off_than_the_place_and_a_tenth_of_a_metre_does_not_agree() -> None:
+def test_a_mean_that_is_farther_off_than_the_place_and_a_tenth_of_a_metre_does_not_agree():
     assert Compared(vehicle="f1", place_m=0.05, logged_m=0.34, true_m=0.25).agrees
     assert not Compared(vehicle="f1", place_m=0.05, logged_m=0.36, true_m=0.25).agrees
     assert Compared(vehicle="f1", place_m=0.2, logged_m=0.4, true_m=0.25).agrees

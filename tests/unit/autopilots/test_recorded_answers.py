@@ -82,14 +82,14 @@ SUBJECTS = {"px4": loitering_px4, "arduplane": loitering_arduplane}
 
 
 @pytest.mark.parametrize("autopilot", SUBJECTS)
-def test_the_emulator_answers_and_behaves_as_recorded(autopilot: str) -> None:
+def test_the_emulator_answers_and_behaves_as_recorded(autopilot):
     assert Answers(autopilot).asked_of(SUBJECTS[autopilot]()) == []
 
 
 @pytest.mark.parametrize("autopilot", SUBJECTS)
-def test_the_emulator_comes_with_the_recorded_parameters(autopilot: str) -> None:
+def test_the_emulator_comes_with_the_recorded_parameters(autopilot):
     assert Answers(autopilot).parameters_of(SUBJECTS[autopilot]()) == []
 
 
-def test_the_emulator_tells_the_recorded_version() -> None:
+def test_the_emulator_tells_the_recorded_version():
     assert loitering_px4().version() == Answers("px4").version

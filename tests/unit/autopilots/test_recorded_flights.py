@@ -31,9 +31,7 @@ def flight_of(name: str, vehicles: list[str], directory: Path) -> tuple[Mission,
 @pytest.mark.parametrize(
     ("name", "mean_m", "p95_m"), [("arduplane-circle", 0.20, 0.43), ("px4-line", 0.54, 1.25)]
 )
-def test_a_recorded_follower_kept_its_slot_as_well_as_was_told(
-    name: str, mean_m: float, p95_m: float, tmp_path: Path
-) -> None:
+def test_a_recorded_follower_kept_its_slot_as_well_as_was_told(name, mean_m, p95_m, tmp_path):
     # By the autopilots' own estimates. In truth it were 0.19 m on the circle; EKF2 is off by decimetres.
     _, flight = flight_of(name, ["leader", "f1"], tmp_path)
     record = flight.record
@@ -43,7 +41,7 @@ def test_a_recorded_follower_kept_its_slot_as_well_as_was_told(
     assert np.nanpercentile(distance_m, 95.0) == pytest.approx(p95_m, abs=0.02)
 
 
-def test_a_recorded_arduplane_s_course_is_known_from_its_circle(tmp_path: Path) -> None:
+def test_a_recorded_arduplane_s_course_is_known_from_its_circle(tmp_path):
     # Long steps show 0.72 1/s with GUIDED_P 12000, steady turns 0.78 to 0.84.
     mission, flight = flight_of("arduplane-circle", ["leader"], tmp_path)
     course, speed = answers_of(mission, flight)
@@ -56,7 +54,7 @@ def test_a_recorded_arduplane_s_course_is_known_from_its_circle(tmp_path: Path) 
     assert speed.response is None
 
 
-def test_a_recorded_px4_turns_as_its_bank_says(tmp_path: Path) -> None:
+def test_a_recorded_px4_turns_as_its_bank_says(tmp_path):
     mission, flight = flight_of("px4-line", ["leader", "f1"], tmp_path)
     for told in slips_of(mission, flight):
         assert told.slip is not None

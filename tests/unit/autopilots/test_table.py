@@ -2,7 +2,6 @@
 
 import shlex
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
 
@@ -26,19 +25,19 @@ FLIGHT = Flight(
 )
 
 
-def test_the_worst_of_several_flights_stands_in_the_table() -> None:
+def test_the_worst_of_several_flights_stands_in_the_table():
     better = replace(FLIGHT, intended=Spread(0.19, 0.55, 0.7), roll=1.2)
     last = table([FLIGHT, better]).splitlines()[-1]
     assert last == "| circle | 2 | 0.21 | 0.55 | 0.81 | 0.24 | 2.5 | 1.20 | 2.0% | 0.21, 0.19 |"
 
 
-def test_a_flight_whose_simulators_lost_time_does_not_count() -> None:
+def test_a_flight_whose_simulators_lost_time_does_not_count():
     late = replace(FLIGHT, intended=Spread(2.0, 3.0, 4.0), lost_s=0.31)
     last = table([FLIGHT, late]).splitlines()[-1]
     assert last.startswith("| circle | 1 of 2 | 0.21 | 0.52 | 0.81 |")
 
 
-def test_a_flight_that_was_kept_is_read_again(tmp_path: Path) -> None:
+def test_a_flight_that_was_kept_is_read_again(tmp_path):
     file = tmp_path / "flights.jsonl"
     append(file, FLIGHT)
     append(file, replace(FLIGHT, row="line"))
@@ -46,13 +45,13 @@ def test_a_flight_that_was_kept_is_read_again(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("row", ROWS)
-def test_every_row_is_a_mission_that_can_be_flown(row: str) -> None:
+def test_every_row_is_a_mission_that_can_be_flown(row):
     options = arguments().parse_args(shlex.split(ROWS[row]))
     mission = load(options.mission, changes_of(options.changes))
     assert len(mission.followers) == 3
 
 
-def test_what_is_set_for_all_vehicles_reaches_each_of_them() -> None:
+def test_what_is_set_for_all_vehicles_reaches_each_of_them():
     options = arguments().parse_args(shlex.split(ROWS["arduplane-auto"]))
     mission = load(options.mission, changes_of(options.changes))
     assert {(one.slips, one.alpha_1_s) for one in mission.vehicles.values()} == {("auto", 1.2)}

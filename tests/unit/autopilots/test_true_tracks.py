@@ -65,20 +65,20 @@ def track_of(*, has_own_pace: bool = False, **options: float) -> TrueTrack:
     return true_track(station_of(**options), FRAME, TIMES_S, has_own_pace=has_own_pace)
 
 
-def test_delays_of_reports_do_not_move_an_aircraft() -> None:
+def test_delays_of_reports_do_not_move_an_aircraft():
     track = track_of(delay_s=0.05)
     assert track.north_m == pytest.approx(SPEED_M_S * (TIMES_S - 100.004), abs=0.02)
     assert track.lost_s == pytest.approx(0.0, abs=1e-3)
     assert track.late_s == pytest.approx(0.047, abs=0.002)
 
 
-def test_report_without_delay_is_where_and_when_it_says() -> None:
+def test_report_without_delay_is_where_and_when_it_says():
     track = track_of(delay_s=0.0)
     assert track.north_m == pytest.approx(SPEED_M_S * (TIMES_S - 100.004), abs=0.01)
     assert track.lost_s == pytest.approx(0.0, abs=1e-6)
 
 
-def test_simulator_that_stops_leaves_its_aircraft_where_it_was() -> None:
+def test_simulator_that_stops_leaves_its_aircraft_where_it_was():
     track = track_of(delay_s=0.0, lost_s=2.0)
     assert track.lost_s == pytest.approx(2.0, abs=1e-3)
     still = (TIMES_S > 120.1) & (TIMES_S < 121.9)
@@ -87,19 +87,19 @@ def test_simulator_that_stops_leaves_its_aircraft_where_it_was() -> None:
     assert track.north_m[late] == pytest.approx(SPEED_M_S * (TIMES_S[late] - 102.004), abs=0.01)
 
 
-def test_a_steady_pace_is_no_time_lost_where_the_simulator_has_one() -> None:
+def test_a_steady_pace_is_no_time_lost_where_the_simulator_has_one():
     track = track_of(delay_s=0.05, pace=0.98, has_own_pace=True)
     assert track.pace == pytest.approx(0.98, abs=1e-3)
     assert track.lost_s == pytest.approx(0.0, abs=0.02)
     assert track_of(delay_s=0.05, pace=0.98).lost_s == pytest.approx(0.02 * 40.0, abs=0.02)
 
 
-def test_what_is_lost_beside_a_steady_pace_is_lost() -> None:
+def test_what_is_lost_beside_a_steady_pace_is_lost():
     track = track_of(delay_s=0.0, lost_s=2.0, pace=0.98, has_own_pace=True)
     assert track.lost_s == pytest.approx(2.0, abs=0.02)
 
 
-def test_back_is_when_the_last_distance_has_become_small_for_good() -> None:
+def test_back_is_when_the_last_distance_has_become_small_for_good():
     times = np.arange(0.0, 10.0, 1.0)
     near, away = np.zeros(10), np.array([0.0, 0, 0, 9, 9, 0, 9, 0, 0, 0])
     assert back_after(times, np.array([near, away]), 3.0, 3.0) == 3.0

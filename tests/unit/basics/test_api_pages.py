@@ -2,9 +2,8 @@
 
 import subprocess
 import sys
-from pathlib import Path
 
-PROJECT = Path(__file__).parents[3]
+from tests.kit.missions import ROOT
 
 SHOWN = {
     "vfguide.html": ("load_mission", "to_dataframe"),
@@ -17,11 +16,11 @@ SHOWN = {
 """What people extend, and words that have to be on its page."""
 
 
-def test_every_module_that_people_extend_has_a_page(tmp_path: Path) -> None:
-    program = PROJECT / "docs" / "make_api.py"
+def test_every_module_that_people_extend_has_a_page(tmp_path):
+    program = ROOT / "docs" / "make_api.py"
     made = subprocess.run(
         [sys.executable, program, tmp_path],
-        cwd=PROJECT,
+        cwd=ROOT,
         capture_output=True,
         text=True,
         check=False,

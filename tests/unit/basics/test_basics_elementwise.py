@@ -9,7 +9,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from vfguide.elementwise import (
-    FloatArray,
     atan,
     atan2,
     clip,
@@ -54,42 +53,38 @@ TWO: list[tuple[Callable[[float, float], float], Callable[[float, float], float]
 
 
 @pytest.mark.parametrize(("function", "expected"), ONE)
-def test_functions_of_one_value(
-    function: Callable[[float], float], expected: Callable[[float], float]
-) -> None:
+def test_functions_of_one_value(function, expected):
     for value in VALUES:
         assert type(function(value)) is float
         assert function(value) == pytest.approx(expected(value), rel=1e-14)
 
 
 @pytest.mark.parametrize(("function", "expected"), TWO)
-def test_functions_of_two_values(
-    function: Callable[[float, float], float], expected: Callable[[float, float], float]
-) -> None:
+def test_functions_of_two_values(function, expected):
     for first, second in zip(VALUES, OTHERS, strict=True):
         assert type(function(first, second)) is float
         assert function(first, second) == pytest.approx(expected(first, second), rel=1e-14)
 
 
 @pytest.mark.parametrize("function", [function for function, _ in ONE])
-def test_an_array_of_one_value(function: Callable[[FloatArray], FloatArray]) -> None:
+def test_an_array_of_one_value(function):
     found = function(np.array(VALUES))
     assert isinstance(found, np.ndarray)
     assert found.tolist() == pytest.approx([function(value) for value in VALUES], rel=1e-14)
 
 
 @pytest.mark.parametrize("function", [function for function, _ in TWO])
-def test_an_array_of_two_values(function: Callable[[FloatArray, FloatArray], FloatArray]) -> None:
+def test_an_array_of_two_values(function):
     found = np.asarray(function(np.array(VALUES), np.array(OTHERS)))
     expected = [function(*pair) for pair in zip(VALUES, OTHERS, strict=True)]
     assert found.tolist() == pytest.approx(expected, rel=1e-14)
 
 
-def test_the_zero_vector_points_north() -> None:
+def test_the_zero_vector_points_north():
     assert atan2(0.0, 0.0) == 0.0
 
 
-def test_bounds_may_be_arrays_too() -> None:
+def test_bounds_may_be_arrays_too():
     low, high = np.array([0.0, 0.0, 2.0]), np.array([1.0, 1.0, 3.0])
     assert clip(np.array([-1.0, 0.5, 9.0]), low, high).tolist() == [0.0, 0.5, 3.0]
     assert greater_of(np.array([-1.0, 0.5]), 0.0).tolist() == [0.0, 0.5]
@@ -114,13 +109,11 @@ DEGREES = math.pi / 180.0
         (-725, -5),
     ],
 )
-def test_an_error_of_course_is_taken_the_short_way_round(
-    angle_deg: float, wrapped_deg: float
-) -> None:
+def test_an_error_of_course_is_taken_the_short_way_round(angle_deg, wrapped_deg):
     assert wrap_angle(angle_deg * DEGREES) == pytest.approx(wrapped_deg * DEGREES, abs=1e-12)
 
 
-def test_half_a_turn_is_minus_half_a_turn() -> None:
+def test_half_a_turn_is_minus_half_a_turn():
     assert wrap_angle(math.pi) == -math.pi
     assert wrap_angle(-math.pi) == -math.pi
 
@@ -129,13 +122,13 @@ def test_half_a_turn_is_minus_half_a_turn() -> None:
     ("angle_deg", "compass_deg"),
     [(0, 0), (90, 90), (-90, 270), (359, 359), (360, 0), (-1, 359), (725, 5)],
 )
-def test_a_compass_counts_from_north_to_a_full_turn(angle_deg: float, compass_deg: float) -> None:
+def test_a_compass_counts_from_north_to_a_full_turn(angle_deg, compass_deg):
     assert wrap_course(angle_deg * DEGREES) == pytest.approx(compass_deg * DEGREES, abs=1e-12)
 
 
 @REPEATABLE
 @given(angle=ANGLES)
-def test_wrapping_keeps_the_direction(angle: float) -> None:
+def test_wrapping_keeps_the_direction(angle):
     for wrapped in (wrap_angle(angle), wrap_course(angle)):
         assert math.cos(wrapped) == pytest.approx(math.cos(angle), abs=1e-9)
         assert math.sin(wrapped) == pytest.approx(math.sin(angle), abs=1e-9)
@@ -143,7 +136,7 @@ def test_wrapping_keeps_the_direction(angle: float) -> None:
 
 @REPEATABLE
 @given(angle=ANGLES)
-def test_wrapped_angles_stay_in_their_turn(angle: float) -> None:
+def test_wrapped_angles_stay_in_their_turn(angle):
     # but for rounding where a turn ends
     assert -math.pi <= wrap_angle(angle) <= math.pi + 1e-12
     assert -1e-12 <= wrap_course(angle) <= 2.0 * math.pi + 1e-12
@@ -151,13 +144,13 @@ def test_wrapped_angles_stay_in_their_turn(angle: float) -> None:
 
 @REPEATABLE
 @given(angles=st.lists(ANGLES, min_size=1, max_size=20))
-def test_arrays_are_wrapped_as_floats_are(angles: list[float]) -> None:
+def test_arrays_are_wrapped_as_floats_are(angles):
     batch = np.array(angles)
     assert wrap_angle(batch).tolist() == [wrap_angle(angle) for angle in angles]
     assert wrap_course(batch).tolist() == [wrap_course(angle) for angle in angles]
 
 
-def test_a_low_pass_moves_by_its_share() -> None:
+def test_a_low_pass_moves_by_its_share():
     # 0.1/(0.3 + 0.1) = a quarter of the way from 1 to 5
     assert low_pass(1.0, 5.0, 0.1, 0.3) == pytest.approx(2.0)
     assert low_pass(1.0, 5.0, 0.1, 0.0) == 5.0

@@ -14,19 +14,19 @@ ORIGIN = (47.397742, 8.545594, 488.0)
 PLACE = st.floats(-5000.0, 5000.0)
 
 
-def test_the_origin_is_the_origin() -> None:
+def test_the_origin_is_the_origin():
     assert LocalFrame(*ORIGIN).to_local(*ORIGIN[:2]) == pytest.approx((0.0, 0.0), abs=1e-6)
     assert LocalFrame(*ORIGIN).to_geodetic(0.0, 0.0) == pytest.approx(ORIGIN[:2], abs=1e-12)
 
 
-def test_a_thousandth_of_a_degree_at_the_equator() -> None:
+def test_a_thousandth_of_a_degree_at_the_equator():
     # east: 6378137 m . pi/180000 = 111.3195 m; north: a (1 - e²) = 6335439.3 m . pi/180000 = 110.5743 m
     frame = LocalFrame(0.0, 0.0, 0.0)
     assert frame.to_local(0.0, 0.001) == pytest.approx((0.0, 111.3195), abs=1e-3)
     assert frame.to_local(0.001, 0.0) == pytest.approx((110.5743, 0.0), abs=1e-3)
 
 
-def test_a_thousandth_of_a_degree_at_47_degrees_north() -> None:
+def test_a_thousandth_of_a_degree_at_47_degrees_north():
     # e² sin² 47.397742 = 0.00669438 . 0.541844 = 0.00362731; N = 6378137/sqrt(1 - that) = 6389736 m,
     # M = 6335439.3/(1 - that)^1.5 = 6370065 m, both plus 488 m of height
     frame = LocalFrame(*ORIGIN)
@@ -37,16 +37,14 @@ def test_a_thousandth_of_a_degree_at_47_degrees_north() -> None:
     assert east == pytest.approx(parallel * math.pi / 180000.0, abs=1e-3)
 
 
-def test_across_the_date_line_east_is_still_east() -> None:
+def test_across_the_date_line_east_is_still_east():
     north, east = LocalFrame(0.0, 179.9995, 0.0).to_local(0.0, -179.9995)
     assert (north, east) == pytest.approx((0.0, 111.3195), abs=1e-3)
 
 
 @pytest.mark.parametrize("latitude_deg", [-70.0, -33.0, 0.0, 47.4, 80.0])
 @pytest.mark.parametrize("longitude_deg", [-179.9, 8.5, 151.0])
-def test_a_position_survives_the_way_there_and_back(
-    latitude_deg: float, longitude_deg: float
-) -> None:
+def test_a_position_survives_the_way_there_and_back(latitude_deg, longitude_deg):
     frame = LocalFrame(latitude_deg, longitude_deg, 300.0)
     for north, east in ((1000.0, 0.0), (0.0, -1000.0), (-3000.0, 4000.0)):
         back = frame.to_local(*frame.to_geodetic(north, east))
@@ -55,9 +53,7 @@ def test_a_position_survives_the_way_there_and_back(
 
 @REPEATABLE
 @given(north=PLACE, east=PLACE)
-def test_within_kilometres_the_way_back_is_good_to_a_tenth_of_a_millimetre(
-    north: float, east: float
-) -> None:
+def test_within_kilometres_the_way_back_is_good_to_a_tenth_of_a_millimetre(north, east):
     frame = LocalFrame(*ORIGIN)
     back = frame.to_local(*frame.to_geodetic(north, east))
     assert back == pytest.approx((north, east), abs=1e-4)
@@ -65,9 +61,7 @@ def test_within_kilometres_the_way_back_is_good_to_a_tenth_of_a_millimetre(
 
 @REPEATABLE
 @given(north=PLACE, east=PLACE, by=st.tuples(st.floats(-10.0, 10.0), st.floats(-10.0, 10.0)))
-def test_a_shift_moves_by_that_many_metres(
-    north: float, east: float, by: tuple[float, float]
-) -> None:
+def test_a_shift_moves_by_that_many_metres(north, east, by):
     frame = LocalFrame(*ORIGIN)
     start = frame.to_geodetic(north, east)
     there = frame.shifted(*start, *by)
@@ -77,9 +71,7 @@ def test_a_shift_moves_by_that_many_metres(
 
 
 @pytest.mark.parametrize("distance", [-60e3, 60e3])
-def test_sixty_kilometres_away_a_shift_by_ten_metres_is_right_to_a_millimetre(
-    distance: float,
-) -> None:
+def test_sixty_kilometres_away_a_shift_by_ten_metres_is_right_to_a_millimetre(distance):
     # M changes by 3 e² sin cos (60/6371) = 0.9e-4 of itself: 0.9 mm of 10 m
     frame = LocalFrame(*ORIGIN)
     start = (ORIGIN[0] + math.degrees(distance / 6370553.0), ORIGIN[1])
@@ -87,14 +79,14 @@ def test_sixty_kilometres_away_a_shift_by_ten_metres_is_right_to_a_millimetre(
     assert moved == pytest.approx((10.0, 10.0), abs=1.1e-3)
 
 
-def test_a_shift_counts_metres_at_the_origins_height() -> None:
+def test_a_shift_counts_metres_at_the_origins_height():
     # 5000 m up a degree is longer by 5000/6370000: without it 10 m would be 8 mm short
     frame = LocalFrame(*ORIGIN[:2], 5000.0)
     moved = frame.to_local(*frame.shifted(*ORIGIN[:2], 10.0, -10.0))
     assert moved == pytest.approx((10.0, -10.0), abs=1e-4)
 
 
-def test_a_shift_by_nothing_changes_nothing() -> None:
+def test_a_shift_by_nothing_changes_nothing():
     # a picodegree is a tenth of a micrometre
     moved = LocalFrame(*ORIGIN).shifted(47.4, 8.6, 0.0, 0.0)
     assert moved == pytest.approx((47.4, 8.6), abs=1e-12)
@@ -103,9 +95,7 @@ def test_a_shift_by_nothing_changes_nothing() -> None:
 @pytest.mark.parametrize(
     ("start", "east", "there"), [(179.9995, 1.0, -1.0), (-179.9995, -1.0, 1.0)]
 )
-def test_a_shift_across_the_date_line_stays_within_half_a_turn(
-    start: float, east: float, there: float
-) -> None:
+def test_a_shift_across_the_date_line_stays_within_half_a_turn(start, east, there):
     # 0.001 degrees at the equator are 111.3195 m: as far beyond the line as it was before
     moved = LocalFrame(0.0, start, 0.0).shifted(0.0, start, 0.0, east * 111.3195)
     assert moved == pytest.approx((0.0, there * 179.9995), abs=1e-9)
@@ -124,15 +114,13 @@ def test_a_shift_across_the_date_line_stays_within_half_a_turn(
         (725.0, 5.0),
     ],
 )
-def test_a_longitude_is_wrapped_to_half_a_turn_either_way(longitude: float, wrapped: float) -> None:
+def test_a_longitude_is_wrapped_to_half_a_turn_either_way(longitude, wrapped):
     assert wrap_longitude(longitude) == wrapped
 
 
 @pytest.mark.parametrize("latitude", [-90.0, -89.9, -45.0, -0.001, 0.0, 12.3, 47.397742, 90.0])
 @pytest.mark.parametrize("longitude", [-180.0, -77.7, 0.0, 8.545594, 135.0])
 @pytest.mark.parametrize("altitude", [-100.0, 0.0, 588.0, 9000.0])
-def test_a_place_is_where_the_library_for_arrays_has_it(
-    latitude: float, longitude: float, altitude: float
-) -> None:
+def test_a_place_is_where_the_library_for_arrays_has_it(latitude, longitude, altitude):
     library = pymap3d.geodetic2ecef(latitude, longitude, altitude, WGS84)
     assert earth_centred(latitude, longitude, altitude) == pytest.approx(library, abs=1e-9, rel=0.0)

@@ -2,9 +2,8 @@
 
 import ast
 from collections import defaultdict
-from pathlib import Path
 
-ROOT = Path(__file__).parents[3]
+from tests.kit.missions import ROOT
 
 SHARED = {
     "Air": "a mission's `rehearsal.air` declares the emulator's",
@@ -29,12 +28,12 @@ def places_of_classes() -> dict[str, list[str]]:
     return found
 
 
-def test_a_class_name_stands_for_one_thing() -> None:
+def test_a_class_name_stands_for_one_thing():
     twice = {name: places for name, places in places_of_classes().items() if len(places) > 1}
     assert {name: places for name, places in twice.items() if name not in SHARED} == {}
 
 
-def test_who_shares_a_name_still_does_and_twice_only() -> None:
+def test_who_shares_a_name_still_does_and_twice_only():
     places = places_of_classes()
     assert {name: len(places[name]) for name in SHARED} == dict.fromkeys(SHARED, 2)
 
@@ -43,7 +42,7 @@ SPLIT = {"LATE_S", "LOOK_S"}
 """Names that stood for other times in every module: each has one with its subject now."""
 
 
-def test_times_that_mean_different_things_have_their_subject_in_their_names() -> None:
+def test_times_that_mean_different_things_have_their_subject_in_their_names():
     bare = [
         f"{file.relative_to(ROOT)}: {node.id}"
         for package in ("vfguide", "sitl_stub")

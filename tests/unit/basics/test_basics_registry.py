@@ -28,7 +28,7 @@ def kinds(monkeypatch: pytest.MonkeyPatch) -> Registry:
     return Registry("kind", group="some.kinds", own={"own": __name__})
 
 
-def test_its_own_come_first_then_the_others_by_name(kinds: Registry) -> None:
+def test_its_own_come_first_then_the_others_by_name(kinds):
     kinds.register("added")(Some)
     assert kinds.names() == ("own", "added", "offered")
     assert "offered" in kinds
@@ -36,23 +36,23 @@ def test_its_own_come_first_then_the_others_by_name(kinds: Registry) -> None:
     assert [] not in kinds
 
 
-def test_what_a_package_offers_is_loaded_when_it_is_asked_for(kinds: Registry) -> None:
+def test_what_a_package_offers_is_loaded_when_it_is_asked_for(kinds):
     assert kinds.find("offered") is Other
     assert Other.name == "offered"
 
 
-def test_a_name_stands_for_one_class(kinds: Registry) -> None:
+def test_a_name_stands_for_one_class(kinds):
     kinds.register("added")(Some)
     kinds.register("added")(Some)
     with pytest.raises(InputError, match="added: there is a kind of this name already"):
         kinds.register("added")(Other)
 
 
-def test_a_plugin_does_not_take_the_name_of_one_of_vfguides_own() -> None:
+def test_a_plugin_does_not_take_the_name_of_one_of_vfguides_own():
     with pytest.raises(InputError, match="slot: there is a law of this name already"):
         registry.laws.register("slot")(Other)
 
 
-def test_an_unknown_name_is_answered_with_the_known_ones(kinds: Registry) -> None:
+def test_an_unknown_name_is_answered_with_the_known_ones(kinds):
     with pytest.raises(InputError, match="absent: there is no such kind; known are own, offered"):
         kinds.find("absent")

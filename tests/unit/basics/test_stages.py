@@ -2,7 +2,6 @@
 
 import sys
 from collections import Counter
-from pathlib import Path
 
 import pytest
 
@@ -36,11 +35,11 @@ def python(name: str, program: str) -> Stage:
     return Stage(name, (sys.executable, "-c", program))
 
 
-def test_results_are_counted_with_the_reasons_of_skipped_tests() -> None:
+def test_results_are_counted_with_the_reasons_of_skipped_tests():
     assert counted(RESULTS)[:2] == (COUNTS, REASONS)
 
 
-def test_the_longest_tests_are_listed_with_their_repetitions() -> None:
+def test_the_longest_tests_are_listed_with_their_repetitions():
     live = Ended("live", 60.0, 0, *counted(RESULTS))
     many = {f"tests.y::test_{number}": 3.0 - 0.01 * number for number in range(100)}
     lines = longest([live, Ended("lockstep", 600.0, 0, lasted_s=many)]).splitlines()
@@ -49,7 +48,7 @@ def test_the_longest_tests_are_listed_with_their_repetitions() -> None:
     assert len(lines) == 40
 
 
-def test_the_place_of_a_skipped_test_is_no_part_of_the_reason() -> None:
+def test_the_place_of_a_skipped_test_is_no_part_of_the_reason():
     told = RESULTS.replace("no mosquitto", "/x/tests/conftest.py:30: Skipped: no mosquitto")
     assert counted(told)[1] == REASONS
 
@@ -69,11 +68,11 @@ def test_the_place_of_a_skipped_test_is_no_part_of_the_reason() -> None:
         ),
     ],
 )
-def test_a_stage_is_one_line(one: Ended, line: str) -> None:
+def test_a_stage_is_one_line(one, line):
     assert stage_line(one) == line
 
 
-def test_all_stages_are_one_line_with_grouped_reasons() -> None:
+def test_all_stages_are_one_line_with_grouped_reasons():
     ended = [
         Ended("lint", 41.0, 0),
         Ended("lockstep", 600.0, 0, Counter(passed=10, skipped=1), Counter({"no engine": 1})),
@@ -85,7 +84,7 @@ def test_all_stages_are_one_line_with_grouped_reasons() -> None:
     )
 
 
-def test_of_a_log_the_failures_are_shown_and_no_more_than_fits() -> None:
+def test_of_a_log_the_failures_are_shown_and_no_more_than_fits():
     log = "collected\nF.\n===== FAILURES =====\n___ test_x ___\n\nE  assert 0\n== 1 failed =="
     assert failures(log).startswith("===== FAILURES =====\n___ test_x ___")
     assert failures("error: no rule\n") == "error: no rule"
@@ -93,7 +92,7 @@ def test_of_a_log_the_failures_are_shown_and_no_more_than_fits() -> None:
     assert failures(long).splitlines() == [str(n) for n in range(1000 - SHOWN_LINES, 1000)]
 
 
-def test_of_make_s_flags_a_stage_gets_the_variables_alone(tmp_path: Path) -> None:
+def test_of_make_s_flags_a_stage_gets_the_variables_alone(tmp_path):
     own = {
         "MAKEFLAGS": "kw -j4 --jobserver-auth=3,4 -- VENV=.other",
         "MFLAGS": "-kw",
@@ -109,9 +108,7 @@ def test_of_make_s_flags_a_stage_gets_the_variables_alone(tmp_path: Path) -> Non
     assert "MAKEFLAGS" not in environment({"MAKEFLAGS": "w"}, tmp_path / "live.xml")
 
 
-def test_a_failed_stage_shows_its_failures_and_fails_the_whole(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_failed_stage_shows_its_failures_and_fails_the_whole(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     broken = python("broken", "print('=== ERRORS ==='); print('why'); raise SystemExit(3)")
     assert main([python("good", "print('quiet')"), broken], [python("last", "pass")]) == 1
@@ -126,9 +123,7 @@ def test_a_failed_stage_shows_its_failures_and_fails_the_whole(
     assert (tmp_path / "test-logs" / "good.log").read_text() == "quiet\n"
 
 
-def test_all_is_well_where_every_stage_is(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_all_is_well_where_every_stage_is(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     results = "import os, re, pathlib; pathlib.Path(re.search('xml=(.*)', os.environ['PYTEST_ADDOPTS'])[1])"
     program = f'{results}.write_text("""{RESULTS}""")'

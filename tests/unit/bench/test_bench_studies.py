@@ -26,7 +26,7 @@ SHIPPED = Path(__file__).parents[3] / "missions"
 
 
 @pytest.mark.parametrize("name", MISSIONS)
-def test_the_benchmark_flies_the_shipped_missions(name: str) -> None:
+def test_the_benchmark_flies_the_shipped_missions(name):
     shipped = load_mission(SHIPPED / f"{name}.yaml").model_dump()
     flown = article_mission(name).model_dump()
     # What a good flight is, is not flown.
@@ -50,7 +50,7 @@ def figures(mean_error_m: float, settle_1m_s: float | None = 10.0) -> Figures:
     )
 
 
-def test_a_mean_comes_with_its_confidence_interval() -> None:
+def test_a_mean_comes_with_its_confidence_interval():
     mean, half = summed_up([figures(1.0), figures(2.0), figures(3.0)])
     assert mean.mean_error_m == pytest.approx(2.0)
     # Standard deviation 1, three values, 97.5 % point 4.30265.
@@ -58,7 +58,7 @@ def test_a_mean_comes_with_its_confidence_interval() -> None:
     assert half["p95_error_m"] == pytest.approx(0.0)
 
 
-def test_one_flight_has_no_interval_and_one_that_never_settled_no_mean() -> None:
+def test_one_flight_has_no_interval_and_one_that_never_settled_no_mean():
     mean, half = summed_up([figures(1.0)])
     assert mean.mean_error_m == 1.0
     assert half["mean_error_m"] is None
@@ -66,12 +66,12 @@ def test_one_flight_has_no_interval_and_one_that_never_settled_no_mean() -> None
     assert unsettled.settle_1m_s is None
 
 
-def test_seeds_differ_and_repeat() -> None:
+def test_seeds_differ_and_repeat():
     assert seeded("line-calm", 1, 60.0) == seeded("line-calm", 1, 60.0)
     assert seeded("line-calm", 1, 60.0) != seeded("line-calm", 2, 60.0)
 
 
-def test_the_exponent_of_a_cost_that_grows_with_the_square_is_two() -> None:
+def test_the_exponent_of_a_cost_that_grows_with_the_square_is_two():
     sizes = [
         {"vehicles": count, "processor_s": 0.3 * count**2 * 5.0, "duration_s": 5.0}
         for count in (4, 10, 30, 100)
@@ -79,13 +79,13 @@ def test_the_exponent_of_a_cost_that_grows_with_the_square_is_two() -> None:
     assert growth_exponent(sizes) == pytest.approx(2.0)
 
 
-def test_a_crowd_keeps_its_distances() -> None:
+def test_a_crowd_keeps_its_distances():
     mission = crowd(100, 5.0)
     slots = [(0.0, 0.0), *((one.slot.forward_m, one.slot.right_m) for one in mission.followers)]
     assert len(set(slots)) == 100
 
 
-def test_figures_are_gathered_while_flying() -> None:
+def test_figures_are_gathered_while_flying():
     watch = Watch(1.0)
     for step in range(11):
         time_s = step / 10.0
@@ -112,7 +112,7 @@ def test_figures_are_gathered_while_flying() -> None:
     assert list(watch.outcome().settle_1m_s) == [math.inf, 0.0]
 
 
-def test_drawn_slots_are_apart() -> None:
+def test_drawn_slots_are_apart():
     slots = [(0.0, 0.0), *drawn_slots(3, np.random.default_rng(1))]
     for number, one in enumerate(slots):
         for other in slots[:number]:
@@ -137,7 +137,7 @@ def test_drawn_slots_are_apart() -> None:
         ),
     ],
 )
-def test_random_gains_are_those_of_the_law_that_flies(law: str, drawn: set[str]) -> None:
+def test_random_gains_are_those_of_the_law_that_flies(law, drawn):
     """They used to be those of the field, whatever flew."""
     batch = Batch(law=law, count=1, seed=(1, 0))
     first, gains = drawn_mission(batch, np.random.default_rng(1))
@@ -148,7 +148,7 @@ def test_random_gains_are_those_of_the_law_that_flies(law: str, drawn: set[str])
         assert getattr(second.controller, name) == others[name] != value
 
 
-def test_a_sample_of_formations_is_repeatable_by_its_seed() -> None:
+def test_a_sample_of_formations_is_repeatable_by_its_seed():
     tasks = batches("slot", 6, 3, duration_s=8.0)
     with ThreadPoolExecutor(1) as executor:
         first, second = (next(sampled(executor, tasks)).outcome.mean_error_m for _ in range(2))
@@ -156,7 +156,7 @@ def test_a_sample_of_formations_is_repeatable_by_its_seed() -> None:
     assert first.shape == (6,)
 
 
-def test_a_dask_cluster_takes_the_same_call() -> None:
+def test_a_dask_cluster_takes_the_same_call():
     from distributed import LocalCluster
 
     tasks = batches("pid", 4, 5, duration_s=6.0)

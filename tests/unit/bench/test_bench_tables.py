@@ -2,7 +2,6 @@
 
 import json
 import math
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -57,13 +56,13 @@ def table_rows() -> list[ComparisonRow]:
 COSTS = {law: {"median_us": 10.0 * (number + 1)} for number, law in enumerate(LAWS)}
 
 
-def test_the_short_table_marks_the_best_law_of_each_mission() -> None:
+def test_the_short_table_marks_the_best_law_of_each_mission():
     lines = short_table(table_rows(), COSTS).splitlines()
     assert lines[2] == "| line-calm | 0.85 | **0.100** | 0.200 | 0.300 | 0.400 |"
     assert lines[-1] == "| one guidance step | | 10 µs | 20 µs | 30 µs | 40 µs |"
 
 
-def test_the_long_table_says_what_never_settled() -> None:
+def test_the_long_table_says_what_never_settled():
     text = long_table(table_rows(), "heading-hold", "shipped")
     assert len(text.splitlines()) == 2 + len(MISSIONS) * len(LAWS)
     assert "| line-calm | slot | 0.100 | 0.200 | 0.300 | 12.0 | never |" in text
@@ -74,32 +73,32 @@ def test_the_long_table_says_what_never_settled() -> None:
     ("value", "text"),
     [(None, "-"), (math.nan, "-"), (0.0123, "0.012"), (4.086, "4.09"), (312.0, "312")],
 )
-def test_metres_have_the_digits_they_deserve(value: float | None, text: str) -> None:
+def test_metres_have_the_digits_they_deserve(value, text):
     assert metres(value) == text
 
 
-def test_figures_go_into_json_without_what_it_does_not_know() -> None:
+def test_figures_go_into_json_without_what_it_does_not_know():
     content = row_json(table_rows()[0])
     assert content["mean"]["wall_s"] is None
     assert json.loads(json.dumps(content, allow_nan=False))["flights"] == 1
     assert without_nan({"a": [1.0, math.inf], "b": (math.nan,)}) == {"a": [1.0, None], "b": [None]}
 
 
-def test_the_comparison_flies_every_mission_by_every_law_on_both_plants() -> None:
+def test_the_comparison_flies_every_mission_by_every_law_on_both_plants():
     for extent in (FULL, QUICK):
         shipped = [case for case in cases(extent, LAWS) if case.label == "shipped"]
         assert len({(one.mission, one.controller, one.plant) for one in shipped}) == 32
     assert len(cases(FULL, LAWS)) == 32 + 32 * 5
 
 
-def test_every_ablation_is_a_mission_that_can_be_flown() -> None:
+def test_every_ablation_is_a_mission_that_can_be_flown():
     flown = ablation_cases("slot", quick=True)
     assert len(flown) == len(ABLATIONS) * len(MISSIONS)
     for case in flown:
         assert case.flown().controller.type == case.controller
 
 
-def test_only_what_a_law_has_is_switched_off() -> None:
+def test_only_what_a_law_has_is_switched_off():
     flown = ablation_cases("pid", quick=True)
     labels = {case.label for case in flown}
     assert "no wind rate" in labels
@@ -118,7 +117,7 @@ def tracks() -> Tracks:
     )
 
 
-def test_there_is_a_figure_for_a_case_and_one_for_all(tmp_path: Path) -> None:
+def test_there_is_a_figure_for_a_case_and_one_for_all(tmp_path):
     drawn = draw_case("line-calm", "slot", tracks(), tmp_path)
     together = draw_laws(
         {(mission, law): tracks() for mission in MISSIONS for law in LAWS}, tmp_path
@@ -140,7 +139,7 @@ def found() -> list[Found]:
     ]
 
 
-def test_maps_show_what_never_settled(tmp_path: Path) -> None:
+def test_maps_show_what_never_settled(tmp_path):
     text = maps(found())
     assert "| 0.5 | 0.600 m, never s | 0.600 m, never s | 0.600 m, never s |" in text
     assert all(sweep.title in text for sweep in SWEEPS.values())
@@ -148,7 +147,7 @@ def test_maps_show_what_never_settled(tmp_path: Path) -> None:
         assert path.read_bytes().startswith(PNG)
 
 
-def test_a_vehicle_slower_than_its_laws_believe_is_flown() -> None:
+def test_a_vehicle_slower_than_its_laws_believe_is_flown():
     wrong = next(
         one
         for one in points(("slot", "pid", "mpc"), quick=True)

@@ -28,7 +28,7 @@ def trials(
     )
 
 
-def test_who_is_more_restless_than_allowed_or_late_is_not_admitted() -> None:
+def test_who_is_more_restless_than_allowed_or_late_is_not_admitted():
     # 0.03 rad/s and 1.4 m/s² are allowed
     flown = trials(
         [0.004] * 4,
@@ -39,13 +39,13 @@ def test_who_is_more_restless_than_allowed_or_late_is_not_admitted() -> None:
     assert list(admitted([flown])) == [True, False, False, False]
 
 
-def test_one_mission_is_enough_to_be_refused() -> None:
+def test_one_mission_is_enough_to_be_refused():
     quiet, restless = trials([0.004]), trials([0.004], speed_m_s2=[1.5])
     assert list(admitted([quiet, restless])) == [False]
     assert ranked([quiet, restless]) == []
 
 
-def test_the_stiffest_of_those_within_two_millimetres_comes_first() -> None:
+def test_the_stiffest_of_those_within_two_millimetres_comes_first():
     flown = trials(
         [0.004, 0.0059, 0.0071, 0.0065, 0.001],
         pushed_m=[0.10, 0.02, 0.03, 0.01, 0.001],
@@ -56,7 +56,7 @@ def test_the_stiffest_of_those_within_two_millimetres_comes_first() -> None:
     assert ranked([flown]) == [1, 0, 3, 2]
 
 
-def test_a_push_moves_what_followers_hold_and_leaves_leaders_alone() -> None:
+def test_a_push_moves_what_followers_hold_and_leaves_leaders_alone():
     course, speed = np.zeros((3, 2)), np.full((3, 2), 20.0)
     push = Push(course=0.05, speed=1.5, from_s=60.0)
     before = pushed(course, speed, push, 59.9)
@@ -67,7 +67,7 @@ def test_a_push_moves_what_followers_hold_and_leaves_leaders_alone() -> None:
 
 
 @pytest.mark.parametrize("name", ["line-calm", "circle-calm"])
-def test_the_field_flies_its_own_trial(name: str) -> None:
+def test_the_field_flies_its_own_trial(name):
     flown = fly_trials(name, "slot", followers=("f3",))
     assert flown.settle_1m_s[0] < 20.0
     assert 0.0 < flown.error_m[0] < 0.01

@@ -1,5 +1,3 @@
-from typing import Literal
-
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
@@ -10,12 +8,12 @@ from vfguide.mission import check_mission
 
 
 @pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
-def test_measured_flight_has_no_errors(autopilot: Literal["ardupilot", "px4"]) -> None:
+def test_measured_flight_has_no_errors(autopilot):
     mission = formation(50.0, autopilot)
     assert not [one for one in check_mission(mission) if one.severity == "error"]
 
 
-def test_figures_of_a_hundred_and_of_none() -> None:
+def test_figures_of_a_hundred_and_of_none():
     figures = figures_of([number * 1e-3 for number in range(100, 0, -1)])
     assert figures == {"count": 100, "p50_ms": 51.0, "p99_ms": 100.0, "max_ms": 100.0}
     assert figures_of([]) == {"count": 0}
@@ -37,18 +35,18 @@ VELOCITY = frame(
 )
 
 
-def test_position_is_found_anywhere_in_a_datagram() -> None:
+def test_position_is_found_anywhere_in_a_datagram():
     assert has_position(HEARTBEAT + POSITION)
     assert not has_position(HEARTBEAT)
     assert not has_position(b"")
 
 
-def test_setpoints_of_both_kinds_of_autopilot_are_found_and_a_speed_alone_is_none() -> None:
+def test_setpoints_of_both_kinds_of_autopilot_are_found_and_a_speed_alone_is_none():
     assert has_setpoint(HEARTBEAT + COURSE + SPEED)
     assert has_setpoint(VELOCITY)
     assert not has_setpoint(HEARTBEAT + SPEED)
 
 
-def test_bytes_that_are_no_frames_hold_nothing() -> None:
+def test_bytes_that_are_no_frames_hold_nothing():
     assert not has_setpoint(b"\xfe\x09garbage" + COURSE)
     assert not has_setpoint(COURSE[:5])

@@ -3,7 +3,6 @@
 import json
 import math
 from dataclasses import replace
-from pathlib import Path
 from random import Random
 
 import numpy as np
@@ -24,6 +23,7 @@ from tests.benchmarks.untuned import (
     strata,
     table,
 )
+from tests.kit.missions import content_of
 from vfguide.lab.rehearsal.emulators import checked_settings
 
 GOOD = Judged(
@@ -42,7 +42,7 @@ GOOD = Judged(
 )
 
 
-def test_sixty_aircraft_of_all_plants_are_flown() -> None:
+def test_sixty_aircraft_of_all_plants_are_flown():
     assert len(AIRCRAFT) >= 60
     assert {one.emulator["plant"] for one in AIRCRAFT.values()} == {
         "heading-hold",
@@ -55,7 +55,7 @@ def test_sixty_aircraft_of_all_plants_are_flown() -> None:
 
 
 @pytest.mark.parametrize("name", AIRCRAFT)
-def test_what_is_declared_changes_nothing_of_the_aircraft_that_flies(name: str) -> None:
+def test_what_is_declared_changes_nothing_of_the_aircraft_that_flies(name):
     missions = {
         how: UntunedFlight(aircraft=name, air="rough", declared=how).mission() for how in DECLARED
     }
@@ -65,15 +65,15 @@ def test_what_is_declared_changes_nothing_of_the_aircraft_that_flies(name: str) 
     assert len(told) >= 3
 
 
-def test_a_mission_has_places_speeds_and_slots_and_no_gains() -> None:
+def test_a_mission_has_places_speeds_and_slots_and_no_gains():
     mission = UntunedFlight(aircraft="arduplane", air="article", declared="unknown").mission()
-    said = mission.model_dump(exclude_unset=True)
+    said = content_of(mission)
     assert said["controller"] == {"type": "slot"}
     assert "gain" not in said["path"]
     assert set(said["vehicles"]["f1"]) == {"system_id", "autopilot", "airspeed_range_m_s"}
 
 
-def test_each_aircraft_is_flown_in_each_air_once_by_a_declaration_that_the_seed_draws() -> None:
+def test_each_aircraft_is_flown_in_each_air_once_by_a_declaration_that_the_seed_draws():
     found, again, other = (flights(parse(["--seed", seed])) for seed in "778")
     assert found == again
     assert found != other
@@ -85,21 +85,19 @@ def test_each_aircraft_is_flown_in_each_air_once_by_a_declaration_that_the_seed_
     assert flights(parse(["--seed", "7", "--flights", "20"])) == found[:20]
 
 
-def test_numbers_are_spread_over_all_of_their_range() -> None:
+def test_numbers_are_spread_over_all_of_their_range():
     found = sorted(strata(Random(1), 1.0, 16.0, 4))
     for lowest, number, highest in zip((1, 2, 4, 8), found, (2, 4, 8, 16), strict=True):
         assert lowest <= number <= highest
 
 
-def test_a_lone_aircraft_rolls_in_turbulence_alone() -> None:
+def test_a_lone_aircraft_rolls_in_turbulence_alone():
     assert lone_roll_rate("arduplane", "still", 1) == pytest.approx(0.0, abs=1e-6)
     assert math.radians(1.0) < lone_roll_rate("arduplane", "rough", 1) < math.radians(10.0)
 
 
 @pytest.mark.parametrize(("aircraft", "rolls"), [("late", False), ("arduplane", True)])
-def test_banks_that_jump_with_setpoints_are_no_rolls_of_a_plant_that_has_none(
-    aircraft: str, rolls: bool
-) -> None:
+def test_banks_that_jump_with_setpoints_are_no_rolls_of_a_plant_that_has_none(aircraft, rolls):
     """0, 8, 0, 8, … degrees at 20 Hz are 160 deg/s; a lag of 0.4 s leaves 6 % of that."""
     time_s = np.arange(200) / 20.0
     found = math.degrees(rolled(aircraft, time_s, np.radians(np.where(np.arange(200) % 2, 8, 0))))
@@ -126,14 +124,12 @@ def test_banks_that_jump_with_setpoints_are_no_rolls_of_a_plant_that_has_none(
         ),
     ],
 )
-def test_what_is_lost_near_or_thrashed_is_told_apart(
-    change: dict[str, object], verdicts: tuple[bool, bool, bool]
-) -> None:
+def test_what_is_lost_near_or_thrashed_is_told_apart(change, verdicts):
     one = replace(GOOD, **change)  # type: ignore[arg-type]
     assert (one.lost, one.near, one.thrashed) == verdicts
 
 
-def test_the_table_counts_what_must_not_be_and_names_the_worst() -> None:
+def test_the_table_counts_what_must_not_be_and_names_the_worst():
     bad = replace(GOOD, mean_error_m=7.0, limited=0.5)
     rough = replace(GOOD, flight=replace(GOOD.flight, air="rough"), mean_error_m=1.25)
     lines = list(table([GOOD, bad, rough]))
@@ -142,9 +138,7 @@ def test_the_table_counts_what_must_not_be_and_names_the_worst() -> None:
     assert "| mean error, turbulence, standalone sensors, median | 1.250 m | 0.8 m |" in lines
 
 
-def test_one_command_flies_and_writes_what_it_flew(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_one_command_flies_and_writes_what_it_flew(tmp_path, capsys):
     file = tmp_path / "untuned.json"
     words = ["--aircraft", "late", "--air", "still", "--declared", "right", "--duration", "20"]
     main([*words, "--processes", "1", "--json", str(file)])

@@ -31,7 +31,7 @@ def lines_of(epilog: str) -> list[str]:
 
 
 @pytest.mark.parametrize("name", COMMANDS)
-def test_an_example_is_a_command_that_the_program_takes(name: str) -> None:
+def test_an_example_is_a_command_that_the_program_takes(name):
     lines = lines_of(COMMANDS[name].epilog or "")
     assert lines
     for line in lines:
@@ -45,11 +45,11 @@ def test_an_example_is_a_command_that_the_program_takes(name: str) -> None:
         assert COMMANDS[typed].make_context(typed, rest).params
 
 
-def test_no_example_is_of_a_command_that_is_not_there() -> None:
+def test_no_example_is_of_a_command_that_is_not_there():
     assert set(EXAMPLES) == set(COMMANDS)
 
 
-def test_examples_of_the_emulator_are_taken_too() -> None:
+def test_examples_of_the_emulator_are_taken_too():
     command = typer.main.get_command(sitl_stub.cli.app)
     lines = lines_of(command.epilog or "")
     assert lines

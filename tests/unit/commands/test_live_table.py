@@ -1,23 +1,19 @@
 import io
 import math
 from dataclasses import replace
-from pathlib import Path
 
-import msgspec
 import numpy as np
 import pytest
 
+from tests.kit.missions import shipped
 from vfguide.commands.fly_live import LiveRow, find_slowness, line_of, live_table, rows_of, table_of
 from vfguide.commands.terminal import Terminal
 from vfguide.lab.rehearsal.lockstep import fly_lockstep
 from vfguide.lab.report.geometry import seen_from_leader
 from vfguide.link.presence import Presence
-from vfguide.mission import load_mission
 from vfguide.record.flight import FlightRecord
 from vfguide.record.latency import latency_of
 from vfguide.record.vehicle import SLOT_SERIES
-
-MISSION = Path(__file__).parents[3] / "missions" / "circle-calm.yaml"
 
 NAMES = ("leader", "f1", "f2", "f3")
 
@@ -27,7 +23,7 @@ ROW = LiveRow(
 
 
 def flown() -> FlightRecord:
-    mission = load_mission(MISSION)
+    mission = shipped("circle-calm")
     short = mission.rehearsal.model_copy(update={"duration_s": 1.0})
     return fly_lockstep(mission.model_copy(update={"rehearsal": short})).record
 
@@ -36,13 +32,13 @@ def presence(**figures: float) -> Presence:
     return Presence(status="online", mode="joining", time_s=1.0, version="1", figures=figures)
 
 
-def test_before_anything_is_known_every_vehicle_has_a_row_of_dashes() -> None:
+def test_before_anything_is_known_every_vehicle_has_a_row_of_dashes():
     rows = rows_of(NAMES, None, {})
     assert [row.vehicle for row in rows] == list(NAMES)
     assert line_of(rows[:1]) == "leader - - m off"
 
 
-def test_a_row_tells_true_distance_and_speed_and_what_the_companion_says() -> None:
+def test_a_row_tells_true_distance_and_speed_and_what_the_companion_says():
     said = {"leader": presence(leader_age_ms_last=0.0), "f1": presence(leader_age_ms_last=51.2)}
     leader, f1, f2, _ = rows_of(NAMES, flown(), said)
     assert (leader.mode, f1.mode, f2.mode) == ("joining", "joining", "")
@@ -54,7 +50,7 @@ def test_a_row_tells_true_distance_and_speed_and_what_the_companion_says() -> No
     assert 15.0 < f1.ground_speed_m_s < 25.0
 
 
-def test_errors_are_from_the_slot_that_was_ordered_and_of_nobody_who_has_left() -> None:
+def test_errors_are_from_the_slot_that_was_ordered_and_of_nobody_who_has_left():
     record = flown()
     leader, f1, f2, f3 = record.vehicles
     ordered = {
@@ -70,8 +66,8 @@ def test_errors_are_from_the_slot_that_was_ordered_and_of_nobody_who_has_left() 
     assert line_of([second]) == "f2 - - m off"
 
 
-def test_a_companion_that_is_gone_is_offline_whatever_it_did_last() -> None:
-    gone = msgspec.structs.replace(presence(), status="offline")
+def test_a_companion_that_is_gone_is_offline_whatever_it_did_last():
+    gone = replace(presence(), status="offline")
     assert rows_of(("f1",), None, {"f1": gone})[0].mode == "offline"
 
 
@@ -84,9 +80,7 @@ def printed(*times_s: float) -> str:
     return console.file.getvalue()
 
 
-def test_away_from_a_terminal_there_is_a_line_for_each_fifth_of_the_flight(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_away_from_a_terminal_there_is_a_line_for_each_fifth_of_the_flight(monkeypatch):
     monkeypatch.setenv("TERM", "dumb")
     lines = printed(0.0, 1.0, 20.0, 21.0, 39.9, 40.0).splitlines()
     assert lines == [
@@ -95,7 +89,7 @@ def test_away_from_a_terminal_there_is_a_line_for_each_fifth_of_the_flight(
     ]
 
 
-def test_on_a_terminal_the_table_is_drawn_in_place(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_on_a_terminal_the_table_is_drawn_in_place(monkeypatch):
     monkeypatch.setenv("TERM", "xterm")
     monkeypatch.setenv("FORCE_COLOR", "1")
     text = printed(1.0, 2.0)
@@ -106,12 +100,12 @@ def test_on_a_terminal_the_table_is_drawn_in_place(monkeypatch: pytest.MonkeyPat
     assert "\x1b[1A" in text
 
 
-def test_the_table_has_a_row_for_each_vehicle() -> None:
+def test_the_table_has_a_row_for_each_vehicle():
     assert table_of("flying", [ROW, ROW]).row_count == 2
 
 
-def test_a_computer_that_is_too_slow_for_the_flight_is_named_with_the_remedy() -> None:
-    mission = load_mission(MISSION)
+def test_a_computer_that_is_too_slow_for_the_flight_is_named_with_the_remedy():
+    mission = shipped("circle-calm")
     assert mission.patience.leader_s == 0.6
     ages = {
         f"leader_age_ms_{name}": age

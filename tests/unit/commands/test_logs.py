@@ -49,8 +49,8 @@ def logged_to_file(log_format: str) -> str:
     [("auto", True, False), ("json", False, False), ("text", True, True)],
 )
 def test_a_terminal_gets_a_line_to_read_and_all_else_json_unless_it_is_chosen(
-    log_format: str, *, readable_on_a_terminal: bool, readable_elsewhere: bool
-) -> None:
+    log_format, readable_on_a_terminal, readable_elsewhere
+):
     for text, readable in (
         (logged_to_terminal(log_format), readable_on_a_terminal),
         (logged_to_file(log_format), readable_elsewhere),
@@ -64,7 +64,7 @@ def test_a_terminal_gets_a_line_to_read_and_all_else_json_unless_it_is_chosen(
         assert (entry["level"], entry["vehicle"], entry["logger"]) == ("warning", "f1", "a.b")
 
 
-def test_what_moves_a_cursor_does_not_reach_a_terminal() -> None:
+def test_what_moves_a_cursor_does_not_reach_a_terminal():
     record = logging.LogRecord(
         "a", logging.INFO, "", 0, "text \x1b[2J\r\n of a stranger", None, None
     )

@@ -24,7 +24,7 @@ from vfguide.formation.orders import Order
         (["lead", "f1"], None, Order(lead="f1")),
     ],
 )
-def test_words_become_an_order(words: list[str], spacing: float | None, order: Order) -> None:
+def test_words_become_an_order(words, spacing, order):
     assert order_of(words, spacing) == order
 
 
@@ -48,9 +48,7 @@ def test_words_become_an_order(words: list[str], spacing: float | None, order: O
         (["slot", "f1=-4000,1"], None, "no more than 3000 m away"),
     ],
 )
-def test_what_is_no_order_is_refused_in_a_sentence(
-    words: list[str], spacing: float | None, sentence: str
-) -> None:
+def test_what_is_no_order_is_refused_in_a_sentence(words, spacing, sentence):
     with pytest.raises(InputError) as refusal:
         order_of(words, spacing)
     assert sentence in str(refusal.value)

@@ -1,14 +1,12 @@
 """What `--set` says about a whole mission: contradictions in one line, defaults for every vehicle."""
 
-from pathlib import Path
-
 import pytest
 
+from tests.kit.missions import shipped
 from vfguide.commands.overrides import Overrides, apply_overrides, parse_settings
 from vfguide.errors import InputError
-from vfguide.mission import load_mission
 
-MISSION = load_mission(Path(__file__).parents[3] / "missions" / "line-calm.yaml")
+MISSION = shipped("line-calm")
 
 
 @pytest.mark.parametrize(
@@ -32,20 +30,20 @@ MISSION = load_mission(Path(__file__).parents[3] / "missions" / "line-calm.yaml"
         ),
     ],
 )
-def test_a_setting_that_contradicts_the_mission_is_told(setting: str, said: str) -> None:
+def test_a_setting_that_contradicts_the_mission_is_told(setting, said):
     with pytest.raises(InputError) as caught:
         apply_overrides(MISSION, Overrides(settings=parse_settings([setting])))
     assert said in str(caught.value)
 
 
-def test_a_default_of_the_vehicles_is_set_for_all_of_them() -> None:
+def test_a_default_of_the_vehicles_is_set_for_all_of_them():
     settings = parse_settings(["vehicles.defaults.max_bank_deg=20"])
     changed = apply_overrides(MISSION, Overrides(settings=settings))
     assert {one.max_bank_deg for one in changed.vehicles.values()} == {20.0}
     assert list(changed.vehicles) == list(MISSION.vehicles)
 
 
-def test_a_plant_of_the_command_line_is_flown_by_the_vehicles_that_had_others_too() -> None:
+def test_a_plant_of_the_command_line_is_flown_by_the_vehicles_that_had_others_too():
     settings = parse_settings(["rehearsal.emulator.vehicles.f1.plant=bank"])
     changed = apply_overrides(MISSION, Overrides(settings=settings))
     assert changed.rehearsal.emulator.of("f1").plant == "bank"

@@ -1,10 +1,9 @@
 """What `vfguide status` makes of the presences: ready or not, in one line, and who has fallen silent."""
 
-from pathlib import Path
-
 import pytest
 from msgspec.structs import replace
 
+from tests.kit.missions import shipped
 from vfguide.commands.freshness import Freshness, Seen
 from vfguide.commands.status import flies, readiness, status_json
 from vfguide.companion.supervisor import (
@@ -16,16 +15,15 @@ from vfguide.companion.supervisor import (
     obstacle,
 )
 from vfguide.link.presence import Presence
-from vfguide.mission import load_mission
 
-MISSION = load_mission(Path(__file__).parents[3] / "missions" / "line-calm.yaml")
+MISSION = shipped("line-calm")
 READY = Presence(status="online", mode="waiting", time_s=1.0, version="1", signed=True)
 UNSAFE = "FS_GCS_ENABL is 0: should this companion fall silent, the aircraft flies on; set it to 1"
 NO_FIX = "the GPS has no fix: wait, or see that its antenna has a clear sky"
 ALL = dict.fromkeys(("leader", "f1", "f2", "f3"), READY)
 
 
-def test_a_formation_whose_companions_are_all_ready_may_go() -> None:
+def test_a_formation_whose_companions_are_all_ready_may_go():
     assert readiness(MISSION, Seen(found=ALL)) == "GO  line-calm: all 4 companions are ready"
 
 
@@ -45,19 +43,19 @@ def test_a_formation_whose_companions_are_all_ready_may_go() -> None:
         ({"f1": replace(READY, version="2")}, "companions of different versions: 1, 2"),
     ],
 )
-def test_whatever_speaks_against_it_is_said(change: dict[str, Presence | None], said: str) -> None:
+def test_whatever_speaks_against_it_is_said(change, said):
     found = {name: one for name, one in {**ALL, **change}.items() if one is not None}
     assert readiness(MISSION, Seen(found=found)) == f"NO-GO  {said}"
 
 
-def test_everything_that_speaks_against_it_stands_in_one_line() -> None:
+def test_everything_that_speaks_against_it_stands_in_one_line():
     line = readiness(MISSION, Seen(found={"f1": replace(READY, obstacle=NOTHING_HEARD)}))
     assert line.count("no companion is heard") == 3
     assert NOTHING_HEARD in line
     assert "\n" not in line
 
 
-def test_the_deputy_that_leads_and_the_order_that_is_flown_are_told() -> None:
+def test_the_deputy_that_leads_and_the_order_that_is_flown_are_told():
     """Of the terms of three who may lead f2 has 1, f1 2 and the leader 3."""
     mission = MISSION.model_copy(update={"deputies": ("f1", "f2")})
     assert flies(mission, Seen(found={})) == "leader leads; the mission's formation is flown"
@@ -77,7 +75,7 @@ def test_the_deputy_that_leads_and_the_order_that_is_flown_are_told() -> None:
     )
 
 
-def test_a_kept_presence_is_of_a_companion_that_may_be_gone_until_it_speaks_again() -> None:
+def test_a_kept_presence_is_of_a_companion_that_may_be_gone_until_it_speaks_again():
     freshness = Freshness()
     later = replace(READY, time_s=2.0)
     kept = {"f1": READY, "f2": READY, "f3": replace(READY, status="offline")}
@@ -95,7 +93,7 @@ def test_a_kept_presence_is_of_a_companion_that_may_be_gone_until_it_speaks_agai
     )
 
 
-def test_a_companion_that_falls_silent_is_gone_after_five_seconds_or_its_turns() -> None:
+def test_a_companion_that_falls_silent_is_gone_after_five_seconds_or_its_turns():
     later = replace(READY, time_s=2.0)
     for silent_s in (5.0, 10.0):
         freshness = Freshness(silent_s)
@@ -110,7 +108,7 @@ def test_a_companion_that_falls_silent_is_gone_after_five_seconds_or_its_turns()
         assert freshness.judge({"f1": again}, 12.0 + silent_s)["f1"] == again
 
 
-def test_after_a_lost_link_what_a_broker_kept_does_not_count_though_it_is_new() -> None:
+def test_after_a_lost_link_what_a_broker_kept_does_not_count_though_it_is_new():
     """A companion that spoke and died meanwhile has left a later word than the one that was heard."""
     freshness = Freshness()
     words = [{"f1": replace(READY, time_s=time_s)} for time_s in (1.0, 2.0, 3.0, 4.0)]
@@ -126,7 +124,7 @@ def test_after_a_lost_link_what_a_broker_kept_does_not_count_though_it_is_new() 
     assert freshness.judge(words[3], 13.0) == words[3]
 
 
-def test_while_no_link_stands_nothing_is_said_of_the_vehicles() -> None:
+def test_while_no_link_stands_nothing_is_said_of_the_vehicles():
     why = "link mqtt://ground:1883: connection refused"
     seen = Seen(found=ALL, complaint=why, deaf=True)
     line = readiness(MISSION, seen)
@@ -156,15 +154,7 @@ def test_while_no_link_stands_nothing_is_said_of_the_vehicles() -> None:
         (0.1, False, None, 0.1, False, NO_TIME),
     ],
 )
-def test_the_first_obstacle_is_told(
-    telemetry_age: float,
-    leader_age: float,
-    fault: str | None,
-    expected: str | None,
-    *,
-    doubts: bool,
-    time_known: bool,
-) -> None:
+def test_the_first_obstacle_is_told(telemetry_age, leader_age, fault, expected, doubts, time_known):
     found = obstacle(
         ModeTimeouts(),
         telemetry_age=telemetry_age,
@@ -176,7 +166,7 @@ def test_the_first_obstacle_is_told(
     assert found == expected
 
 
-def test_the_json_holds_what_keeps_each_from_steering() -> None:
+def test_the_json_holds_what_keeps_each_from_steering():
     content = status_json(MISSION, Seen(found={"f1": replace(READY, obstacle=NO_LEADER)}))
     assert content["f1"] == {
         "status": "online",

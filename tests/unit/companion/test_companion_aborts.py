@@ -5,28 +5,16 @@ import math
 import pytest
 from msgspec.structs import replace
 
-from tests.unit.companion.ordered_companions import (
-    NAMES,
-    Formation,
-    MakePlan,
-    called_off,
-    further,
-    heard,
-    slots_of,
-)
+from tests.kit.missions import plan_of
+from tests.kit.orders import NAMES, SLOTS, Formation, called_off, further, heard
 from vfguide.companion.arrangements import Arrangements
 from vfguide.companion.timing import SAME_CLOCK, SharedClock
 from vfguide.formation.arrangement import Arrangement, Manoeuvre, Point, SlotMove
-from vfguide.link.order_codec import (
-    Verdict,
-    check_of,
-    decode_reply,
-    encode_order,
-)
+from vfguide.link.order_codec import Verdict, check_of, decode_reply, encode_order
 
 
-def test_an_abort_is_flown_at_once_without_answers(plan: MakePlan) -> None:
-    formation = Formation(plan)
+def test_an_abort_is_flown_at_once_without_answers():
+    formation = Formation()
     formation.run(5.0)
     formation.give(
         Arrangement(number=4, time_s=0.0, flown=Manoeuvre.ABORT, across_s=0.0, places=())
@@ -36,8 +24,8 @@ def test_an_abort_is_flown_at_once_without_answers(plan: MakePlan) -> None:
 
 
 @pytest.mark.parametrize(("given_s", "flown"), [(69.0, False), (71.0, True), (131.0, False)])
-def test_an_abort_is_of_now(plan: MakePlan, given_s: float, *, flown: bool) -> None:
-    member = Arrangements(plan(vehicle="f1"), SAME_CLOCK)
+def test_an_abort_is_of_now(given_s, flown):
+    member = Arrangements(plan_of(vehicle="f1"), SAME_CLOCK)
     member.receive_order(called_off(number=4, time_s=given_s), b"", 100.0)
     assert member.flight.has_left is flown
     (data,), _ = member.to_say()
@@ -45,21 +33,19 @@ def test_an_abort_is_of_now(plan: MakePlan, given_s: float, *, flown: bool) -> N
     assert reply.verdict is (Verdict.FLOWN if flown else Verdict.REFUSED)
 
 
-def test_an_abort_is_flown_where_no_time_is_known(plan: MakePlan) -> None:
+def test_an_abort_is_flown_where_no_time_is_known():
     unknown = SharedClock(from_own=lambda _: math.nan)
-    member = Arrangements(plan(vehicle="f1"), unknown)
+    member = Arrangements(plan_of(vehicle="f1"), unknown)
     member.receive_order(called_off(number=4, time_s=1e6), b"", 100.0)
     assert member.flight.has_left
 
 
 @pytest.mark.parametrize("number", [3, 4])
 @pytest.mark.parametrize("now", [5.5, 11.0])
-def test_an_abort_is_flown_whatever_its_number(
-    plan: MakePlan, slots: dict[str, Point], number: int, now: float
-) -> None:
-    formation = Formation(plan)
+def test_an_abort_is_flown_whatever_its_number(number, now):
+    formation = Formation()
     formation.run(5.0)
-    formation.give(further(slots, number=4, time_s=10.0))
+    formation.give(further(SLOTS, number=4, time_s=10.0))
     if now > 10.0:
         formation.run(now)
         assert formation.flown == dict.fromkeys(NAMES, 4)
@@ -78,12 +64,12 @@ def test_an_abort_is_flown_whatever_its_number(
     assert all(member.flight.has_left for member in formation.members.values())
 
 
-def test_after_an_abort_the_height_of_the_slot_is_the_one_that_it_had(plan: MakePlan) -> None:
-    begin = slots_of(plan)["f1"]
+def test_after_an_abort_the_height_of_the_slot_is_the_one_that_it_had():
+    begin = SLOTS["f1"]
     end = Point(begin.forward, begin.right, 6.0)
     place = SlotMove(vehicle="f1", begin=begin, end=begin, layer=20.0)
     order = Arrangement(number=1, time_s=10.0, climb_s=20.0, across_s=10.0, places=(place,))
-    member = Arrangements(plan(vehicle="f1"), SAME_CLOCK)
+    member = Arrangements(plan_of(vehicle="f1"), SAME_CLOCK)
     member.hear("leader", heard(10.0, 1), 10.0)
     member.receive_order(encode_order(replace(order, places=(replace(place, end=end),))), b"", 10.0)
     # Half of its way into the layer, and the abort tells the mission's slot.
@@ -99,12 +85,10 @@ def test_after_an_abort_the_height_of_the_slot_is_the_one_that_it_had(plan: Make
     assert member.own_up(60.0) == pytest.approx(10.0)
 
 
-def test_an_old_abort_of_a_lower_number_is_not_flown(
-    plan: MakePlan, slots: dict[str, Point]
-) -> None:
-    formation = Formation(plan)
+def test_an_old_abort_of_a_lower_number_is_not_flown():
+    formation = Formation()
     formation.run(5.0)
-    formation.give(further(slots, number=4, time_s=10.0))
+    formation.give(further(SLOTS, number=4, time_s=10.0))
     formation.run(40.0)
     formation.give(
         Arrangement(number=3, time_s=9.0, flown=Manoeuvre.ABORT, across_s=0.0, places=())
@@ -112,16 +96,14 @@ def test_an_old_abort_of_a_lower_number_is_not_flown(
     assert not any(member.flight.has_left for member in formation.members.values())
 
 
-def test_no_order_brings_a_formation_back_after_an_abort(
-    plan: MakePlan, slots: dict[str, Point]
-) -> None:
-    formation = Formation(plan)
+def test_no_order_brings_a_formation_back_after_an_abort():
+    formation = Formation()
     formation.run(5.0)
     formation.give(
         Arrangement(number=4, time_s=5.0, flown=Manoeuvre.ABORT, across_s=0.0, places=())
     )
     formation.run(6.0)
-    formation.give(further(slots, number=5, time_s=12.0))
+    formation.give(further(SLOTS, number=5, time_s=12.0))
     formation.run(15.0)
     assert formation.flown == dict.fromkeys(NAMES, 4)
     assert not any(member.returns_to_formation() for member in formation.members.values())
@@ -130,7 +112,7 @@ def test_no_order_brings_a_formation_back_after_an_abort(
         "everything was called off: no order brings the formation back, restart all companions"
     }
     # Nor does one that others are said to fly.
-    member, order = formation.members["f1"], encode_order(further(slots, number=6, time_s=14.0))
+    member, order = formation.members["f1"], encode_order(further(SLOTS, number=6, time_s=14.0))
     member.hear("leader", heard(15.0, 6), 15.0)
     for repeated in (True, False):
         member.receive_order(order, order, 15.1, repeated=repeated)
@@ -142,8 +124,8 @@ def test_no_order_brings_a_formation_back_after_an_abort(
     assert formation.flown == dict.fromkeys(NAMES, 7)
 
 
-def test_after_an_abort_a_restarted_companion_hears_of_it_again(plan: MakePlan) -> None:
-    formation = Formation(plan)
+def test_after_an_abort_a_restarted_companion_hears_of_it_again():
+    formation = Formation()
     formation.run(5.0)
     formation.give(
         Arrangement(number=4, time_s=5.0, flown=Manoeuvre.ABORT, across_s=0.0, places=())

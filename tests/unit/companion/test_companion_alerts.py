@@ -1,17 +1,16 @@
 """What operator and pilot of a vehicle hear, and in which order."""
 
 import math
-from collections.abc import Callable
 from itertools import pairwise
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from tests.kit.missions import plan_of
 from vfguide.companion.alerts import MOST_SAID, MOST_WAITING, PAUSE_S, QUIET_S, Alerts
 from vfguide.companion.announcer import Announcer
 from vfguide.companion.arrangements import Arrangements
-from vfguide.companion.plan import FlightPlan
 from vfguide.companion.timing import SAME_CLOCK
 from vfguide.formation.arrangement import Arrangement, Point, SlotMove
 from vfguide.link.order_codec import encode_order
@@ -35,14 +34,14 @@ def said(alerts: Alerts, key: str, severity: int, *words: str, now: float = 0.0)
     return [one.text for one in alerts.heard(now)]
 
 
-def test_the_first_of_many_warnings_is_not_lost() -> None:
+def test_the_first_of_many_warnings_is_not_lost():
     alerts = Alerts()
     warnings = [f"warning {number}" for number in range(12)]
     assert said(alerts, "command", WARNING, *warnings) == warnings
     assert texts(alerts, 0.0, 24.0) == warnings
 
 
-def test_there_are_two_seconds_between_any_two_texts() -> None:
+def test_there_are_two_seconds_between_any_two_texts():
     alerts = Alerts()
     for kind in ("command", "order", "clock"):
         said(alerts, kind, WARNING, f"a {kind}")
@@ -50,7 +49,7 @@ def test_there_are_two_seconds_between_any_two_texts() -> None:
     assert times == pytest.approx([0.0, 2.0, 4.0], abs=0.11)
 
 
-def test_a_change_of_mode_waits_for_no_warning_and_for_the_change_before_it() -> None:
+def test_a_change_of_mode_waits_for_no_warning_and_for_the_change_before_it():
     alerts = Alerts()
     said(alerts, "command", WARNING, *(f"warning {number}" for number in range(5)))
     texts(alerts, 0.0, 0.5)
@@ -61,14 +60,14 @@ def test_a_change_of_mode_waits_for_no_warning_and_for_the_change_before_it() ->
     assert alerts.due(2.5) == (NOTICE, "leader is back")
 
 
-def test_a_change_of_mode_that_still_waits_is_out_of_date_with_the_next() -> None:
+def test_a_change_of_mode_that_still_waits_is_out_of_date_with_the_next():
     alerts = Alerts()
     alerts.show_mode("leader lost")
     alerts.show_mode("leader is back")
     assert texts(alerts, 0.0, 9.0) == ["leader is back"]
 
 
-def test_what_is_worse_is_said_first_and_each_with_its_severity() -> None:
+def test_what_is_worse_is_said_first_and_each_with_its_severity():
     alerts = Alerts()
     said(alerts, "order", INFO, "all have agreed")
     alerts.show_mode("in its place")
@@ -81,7 +80,7 @@ def test_what_is_worse_is_said_first_and_each_with_its_severity() -> None:
     ]
 
 
-def test_a_warning_finds_room_among_many_words_that_are_none_and_those_may_come_again() -> None:
+def test_a_warning_finds_room_among_many_words_that_are_none_and_those_may_come_again():
     alerts = Alerts()
     words = [f"word {number}" for number in range(MOST_WAITING)]
     said(alerts, "order", INFO, *words)
@@ -91,7 +90,7 @@ def test_a_warning_finds_room_among_many_words_that_are_none_and_those_may_come_
     assert texts(alerts, 40.0, 41.0) == [words[-1]]
 
 
-def test_a_warning_for_which_there_is_no_room_is_sent_when_it_comes_again() -> None:
+def test_a_warning_for_which_there_is_no_room_is_sent_when_it_comes_again():
     alerts = Alerts()
     said(alerts, "order", WARNING, *(f"warning {number}" for number in range(MOST_WAITING)))
     said(alerts, "order", WARNING, "the last straw")
@@ -100,7 +99,7 @@ def test_a_warning_for_which_there_is_no_room_is_sent_when_it_comes_again() -> N
     assert texts(alerts, 35.0, 36.0) == ["the last straw"]
 
 
-def test_the_same_text_is_sent_once_in_half_a_minute_and_logged_each_time() -> None:
+def test_the_same_text_is_sent_once_in_half_a_minute_and_logged_each_time():
     alerts = Alerts()
     for now in range(59):
         assert said(alerts, "fail-safe", WARNING, "take over", now=float(now)) == ["take over"]
@@ -111,7 +110,7 @@ def test_the_same_text_is_sent_once_in_half_a_minute_and_logged_each_time() -> N
     assert texts(alerts, 60.0, 62.0) == ["take over"]
 
 
-def test_a_key_is_quiet_for_its_time_whatever_its_text_and_its_kind_is_not() -> None:
+def test_a_key_is_quiet_for_its_time_whatever_its_text_and_its_kind_is_not():
     alerts = Alerts()
     logged: list[tuple[int, str]] = []
     for now in range(25):
@@ -122,7 +121,7 @@ def test_a_key_is_quiet_for_its_time_whatever_its_text_and_its_kind_is_not() -> 
     assert len([now for now, text in logged if text.startswith("range")]) == 25
 
 
-def test_what_is_said_once_in_a_flight_is_said_again_in_the_next() -> None:
+def test_what_is_said_once_in_a_flight_is_said_again_in_the_next():
     alerts = Alerts()
     for _ in range(3):
         alerts.say("authority: a", WARNING, "select GUIDED", quiet_s=math.inf)
@@ -132,7 +131,7 @@ def test_what_is_said_once_in_a_flight_is_said_again_in_the_next() -> None:
     assert len(alerts.heard(1.0)) == 1
 
 
-def test_a_part_is_heard_only_while_it_is_played() -> None:
+def test_a_part_is_heard_only_while_it_is_played():
     alerts, played = Alerts(), True
     part = alerts.only_while(lambda: played)
     part.say("separation", WARNING, "keeping clear")
@@ -141,10 +140,10 @@ def test_a_part_is_heard_only_while_it_is_played() -> None:
     assert [one.text for one in alerts.heard(0.0)] == ["keeping clear"]
 
 
-def test_three_thousand_refused_orders_hide_nothing_else(plan: Callable[..., FlightPlan]) -> None:
+def test_three_thousand_refused_orders_hide_nothing_else():
     alerts = Alerts()
     announcer = Announcer("f1", alerts)
-    member = Arrangements(plan(vehicle="f1"), SAME_CLOCK, alerts)
+    member = Arrangements(plan_of(vehicle="f1"), SAME_CLOCK, alerts)
     nowhere = Point(-20.0, 0.0, 0.0)
     place = SlotMove(vehicle="stranger", begin=nowhere, end=nowhere)
     told: list[tuple[float, str]] = []
@@ -192,9 +191,7 @@ def flown(alerts: Alerts, script: list[tuple[float, str, int, int]]) -> list[tup
 
 @RANDOM
 @given(st.lists(ONE, max_size=60))
-def test_whatever_is_said_nobody_is_flooded_and_nothing_comes_twice_in_a_short_while(
-    script: list[tuple[float, str, int, int]],
-) -> None:
+def test_whatever_is_said_nobody_is_flooded_and_nothing_comes_twice_in_a_short_while(script):
     got = flown(Alerts(), script)
     assert all(later - earlier > PAUSE_S - 1e-6 for (earlier, _), (later, _) in pairwise(got))
     for text in {text for _, text in got}:
@@ -205,9 +202,7 @@ def test_whatever_is_said_nobody_is_flooded_and_nothing_comes_twice_in_a_short_w
 
 @RANDOM
 @given(st.lists(ONE, max_size=60), st.integers(0, 60))
-def test_a_warning_of_another_kind_is_never_hidden_and_waits_for_three_texts_at_most(
-    script: list[tuple[float, str, int, int]], place: int
-) -> None:
+def test_a_warning_of_another_kind_is_never_hidden_and_waits_for_three_texts_at_most(script, place):
     alerts, now, began = Alerts(), 0.0, math.nan
     got: list[tuple[float, str]] = []
     for number, (pause_s, kind, severity, what) in enumerate([*script, (1.0, "order", INFO, 0)]):
@@ -225,9 +220,7 @@ def test_a_warning_of_another_kind_is_never_hidden_and_waits_for_three_texts_at_
 
 @RANDOM
 @given(st.lists(st.integers(0, 2000), max_size=8), st.sampled_from(KINDS))
-def test_a_flood_between_two_looks_is_logged_by_its_first_and_others_whole(
-    sizes: list[int], kind: str
-) -> None:
+def test_a_flood_between_two_looks_is_logged_by_its_first_and_others_whole(sizes, kind):
     alerts = Alerts()
     for step, size in enumerate(sizes):
         for number in range(size):

@@ -1,17 +1,17 @@
 """What is sent to ground stations, and what is left out, when there is much to say."""
 
 import math
-from collections.abc import Callable
 from itertools import pairwise
 from typing import Any
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from tests.kit.companion import new_flight
+from tests.kit.missions import plan_of
 from vfguide.companion.alerts import Alerts
 from vfguide.companion.announcer import Announcer, PlottedValues
 from vfguide.companion.own_vehicle import OwnVehicle
-from vfguide.companion.plan import FlightPlan
 from vfguide.companion.role import RoleStep
 from vfguide.companion.roles import LeaderRole, role_of
 from vfguide.companion.supervisor import Control, Mode
@@ -20,7 +20,7 @@ from vfguide.laws.leader import LeaderTask
 from vfguide.mavlink.reports import AirspeedReport, PositionReport
 
 
-def test_why_nothing_is_steered_is_told_once_it_has_lasted_for_two_seconds() -> None:
+def test_why_nothing_is_steered_is_told_once_it_has_lasted_for_two_seconds():
     announcer = Announcer("f1", Alerts())
     for tenths in range(40):
         announcer.watch(Mode.WAITING, Control.GUIDED, lambda: "nothing to steer by", 0.1 * tenths)
@@ -28,7 +28,7 @@ def test_why_nothing_is_steered_is_told_once_it_has_lasted_for_two_seconds() -> 
         assert sent == (["vfguide f1: nothing to steer by"] if tenths == 20 else []), tenths
 
 
-def test_on_the_way_into_steering_only_the_steering_is_told() -> None:
+def test_on_the_way_into_steering_only_the_steering_is_told():
     announcer = Announcer("f1", Alerts())
     announcer.watch(Mode.WAITING, Control.GUIDED, lambda: "nothing to steer by", 0.0)
     announcer.watch(Mode.JOINING, Control.GUIDED, lambda: "joining", 0.2)
@@ -37,7 +37,6 @@ def test_on_the_way_into_steering_only_the_steering_is_told() -> None:
     assert not announcer.due(12.0)
 
 
-Flight = Callable[..., Any]
 Flown = Any
 """A flight of conftest.py, which tests cannot import."""
 
@@ -53,8 +52,8 @@ def values(flown: Flown, name: str) -> list[tuple[float, float]]:
     ]
 
 
-def test_a_follower_s_errors_say_where_its_slot_is_twice_a_second(flight: Flight) -> None:
-    flown = flight(engage=False)
+def test_a_follower_s_errors_say_where_its_slot_is_twice_a_second():
+    flown = new_flight(engage=False)
     flown.run(10.0)
     along, cross = values(flown, "slot_along"), values(flown, "slot_cross")
     # It flies 50 m behind the origin and 30 m left of it, its slot is 20 m behind and 20 m left; both fly
@@ -66,8 +65,8 @@ def test_a_follower_s_errors_say_where_its_slot_is_twice_a_second(flight: Flight
     assert all(gap == pytest.approx(0.5, abs=0.051) for gap in gaps)
 
 
-def test_in_its_slot_the_errors_are_small_and_the_mode_is_2(flight: Flight) -> None:
-    flown = flight()
+def test_in_its_slot_the_errors_are_small_and_the_mode_is_2():
+    flown = new_flight()
     flown.run(90.0)
     for name in ("slot_along", "slot_cross", "slot_up"):
         assert abs(values(flown, name)[-1][1]) < 1.0
@@ -75,23 +74,23 @@ def test_in_its_slot_the_errors_are_small_and_the_mode_is_2(flight: Flight) -> N
     assert values(flown, "form_mode")[0][1] == 0.0
 
 
-def test_without_a_leader_the_mode_is_sent_and_no_error(flight: Flight) -> None:
-    flown = flight(link=lambda _now: [])
+def test_without_a_leader_the_mode_is_sent_and_no_error():
+    flown = new_flight(link=lambda _now: [])
     flown.run(5.0)
     assert values(flown, "form_mode")
     assert values(flown, "slot_along") == []
 
 
-def test_a_position_that_is_not_heard_any_more_leaves_a_gap_in_the_curve(flight: Flight) -> None:
-    flown = flight(engage=False)
+def test_a_position_that_is_not_heard_any_more_leaves_a_gap_in_the_curve():
+    flown = new_flight(engage=False)
     flown.run(5.0)
     flown.deaf = True
     flown.run(10.0)
     assert values(flown, "slot_along")[-1][0] <= 6.1
 
 
-def test_the_leader_sends_where_its_path_is_and_no_slot(plan: Callable[..., FlightPlan]) -> None:
-    its = plan("line-calm", "leader")
+def test_the_leader_sends_where_its_path_is_and_no_slot():
+    its = plan_of("line-calm", "leader")
     role, plotted = role_of(its, SAME_CLOCK), PlottedValues()
     assert isinstance(role, LeaderRole)
     assert isinstance(its.task, LeaderTask)
@@ -130,7 +129,7 @@ def slot_off(*, along_track: float = 1.0, cross_track: float = 1.0, up: float = 
     )
 
 
-def test_a_slot_above_is_positive_and_of_a_doubted_height_none_is_sent() -> None:
+def test_a_slot_above_is_positive_and_of_a_doubted_height_none_is_sent():
     for up, sent in ((-4.0, -4.0), (math.nan, None)):
         plotted = PlottedValues()
         step = slot_off(cross_track=2.0, up=up)
@@ -139,7 +138,7 @@ def test_a_slot_above_is_positive_and_of_a_doubted_height_none_is_sent() -> None
         assert found.get("slot_up") == sent
 
 
-def test_names_fit_their_field() -> None:
+def test_names_fit_their_field():
     for along, count in ((1.0, 4), (math.nan, 2)):
         plotted = PlottedValues()
         step = slot_off(along_track=along)

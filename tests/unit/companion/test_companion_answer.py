@@ -1,28 +1,22 @@
 """What a companion answers at once, and what has time until its setpoint has gone out."""
 
-from collections.abc import Callable
-from typing import Any
-
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from tests.kit.companion import new_flight
+from tests.kit.wire import parsed, spoken
 from vfguide.companion.role import Outgoing
 from vfguide.companion.supervisor import Mode
-
-Make = Callable[..., Any]
-Spoken = Callable[..., bytes]
 
 SPEED, COURSE = 43_000, 43_002
 MANUAL = 0
 
 
-def commands(parsed: Callable[[bytes], list[Any]], data: bytes) -> set[int]:
+def commands(data: bytes) -> set[int]:
     return {one.command for one in parsed(data) if one.get_type() == "COMMAND_INT"}
 
 
-def test_setpoints_are_in_the_first_half_and_heartbeats_in_the_second(
-    flight: Make, parsed: Callable[[bytes], list[Any]]
-) -> None:
-    whole, halves = flight(), flight()
+def test_setpoints_are_in_the_first_half_and_heartbeats_in_the_second():
+    whole, halves = new_flight(), new_flight()
     answer, settle = halves.companion.answer, halves.companion.settle
     at_once, later = [], []
 
@@ -38,8 +32,8 @@ def test_setpoints_are_in_the_first_half_and_heartbeats_in_the_second(
     whole.run(10.0)
     halves.run(10.0)
     steering = {SPEED, COURSE}
-    assert any(commands(parsed, data) >= steering for data in at_once)
-    assert not any(commands(parsed, data) & steering for data in later)
+    assert any(commands(data) >= steering for data in at_once)
+    assert not any(commands(data) & steering for data in later)
     assert not any(one.get_type() == "HEARTBEAT" for one in parsed(b"".join(at_once)))
     # Once a second, from 0 to 10 s.
     beats = [one for one in parsed(b"".join(later)) if one.get_type() == "HEARTBEAT"]
@@ -49,10 +43,8 @@ def test_setpoints_are_in_the_first_half_and_heartbeats_in_the_second(
     assert halves.events == whole.events
 
 
-def test_an_airspeed_leads_to_nothing_and_the_pilots_mode_to_something(
-    flight: Make, spoken: Spoken
-) -> None:
-    flown = flight()
+def test_an_airspeed_leads_to_nothing_and_the_pilots_mode_to_something():
+    flown = new_flight()
     flown.run(10.0)
     companion, now = flown.companion, flown.now + 0.01
     assert companion.snapshot.mode.steers

@@ -7,15 +7,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from msgspec.structs import replace
 
-from tests.unit.companion.ordered_companions import (
-    NAMES,
-    Formation,
-    MakePlan,
-    called_off,
-    further,
-    heard,
-    slots_of,
-)
+from tests.kit.missions import plan_of
+from tests.kit.orders import NAMES, SLOTS, Formation, called_off, further, heard
 from vfguide.companion.arrangements import Arrangements
 from vfguide.companion.timing import SAME_CLOCK, SharedClock
 from vfguide.formation.arrangement import Arrangement, HoldCircle, Manoeuvre, Point, SlotMove
@@ -29,12 +22,10 @@ from vfguide.link.order_codec import (
 )
 
 
-def test_all_fly_an_order_from_its_time_on_once_all_have_agreed(
-    plan: MakePlan, slots: dict[str, Point]
-) -> None:
-    formation = Formation(plan)
+def test_all_fly_an_order_from_its_time_on_once_all_have_agreed():
+    formation = Formation()
     formation.run(5.0)
-    formation.give(further(slots))
+    formation.give(further(SLOTS))
     formation.run(9.9)
     assert formation.flown == dict.fromkeys(NAMES, 0)
     formation.run(10.05)
@@ -42,7 +33,7 @@ def test_all_fly_an_order_from_its_time_on_once_all_have_agreed(
     # Half of the way at half of the time.
     slot = formation.members["leader"].flight.slot("f1", 15.0)
     assert slot is not None
-    assert slot.forward == pytest.approx(1.25 * slots["f1"].forward)
+    assert slot.forward == pytest.approx(1.25 * SLOTS["f1"].forward)
     assert {name for name, reply in formation.said if reply.verdict is Verdict.FLOWN} == set(NAMES)
     # The slots move from 10 to 20 s: each says once that they are at rest.
     done = "order 1 is carried out: all slots are at rest"
@@ -53,12 +44,10 @@ def test_all_fly_an_order_from_its_time_on_once_all_have_agreed(
 
 
 @pytest.mark.parametrize("deaf", NAMES)
-def test_an_order_that_one_has_not_received_changes_nobody(
-    plan: MakePlan, slots: dict[str, Point], deaf: str
-) -> None:
-    formation = Formation(plan, lost=lambda kind, _, to, __: kind == "order" and to == deaf)
+def test_an_order_that_one_has_not_received_changes_nobody(deaf):
+    formation = Formation(lost=lambda kind, _, to, __: kind == "order" and to == deaf)
     formation.run(5.0)
-    formation.give(further(slots))
+    formation.give(further(SLOTS))
     formation.run(60.0)
     assert formation.flown == dict.fromkeys(NAMES, 0)
     void = [reply.text for _, reply in formation.said if reply.verdict is Verdict.VOID]
@@ -69,15 +58,12 @@ def test_an_order_that_one_has_not_received_changes_nobody(
 
 @settings(deadline=None, max_examples=60)
 @given(st.integers(0, 2**32), st.floats(0.0, 0.95))
-def test_whatever_is_lost_all_fly_the_same_in_the_end_and_no_order_without_all_answers(
-    plan: MakePlan, seed: int, loss: float
-) -> None:
+def test_whatever_is_lost_all_fly_the_same_in_the_end_and_no_order_without_all_answers(seed, loss):
     random = Random(seed)
-    formation = Formation(plan, lost=lambda *_: formation.now < 15.0 and random.random() < loss)
-    slots = slots_of(plan)
+    formation = Formation(lost=lambda *_: formation.now < 15.0 and random.random() < loss)
     formation.run(5.0)
     for _ in range(4):
-        formation.give(further(slots))
+        formation.give(further(SLOTS))
         formation.run(formation.now + 0.5)
     formation.run(60.0)
     assert len(set(formation.flown.values())) == 1
@@ -86,13 +72,11 @@ def test_whatever_is_lost_all_fly_the_same_in_the_end_and_no_order_without_all_a
         assert ready >= set(NAMES[1:])
 
 
-def test_one_that_cannot_is_asked_once_and_says_why_and_nobody_changes(
-    plan: MakePlan, slots: dict[str, Point]
-) -> None:
-    formation = Formation(plan)
+def test_one_that_cannot_is_asked_once_and_says_why_and_nobody_changes():
+    formation = Formation()
     places = tuple(
         SlotMove(vehicle=name, begin=slot, end=Point(slot.forward + 200.0, slot.right + 300.0))
-        for name, slot in slots.items()
+        for name, slot in SLOTS.items()
     )
     formation.run(5.0)
     formation.give(Arrangement(number=1, time_s=10.0, across_s=10.0, places=places))
@@ -128,11 +112,9 @@ def test_one_that_cannot_is_asked_once_and_says_why_and_nobody_changes(
         ),
     ],
 )
-def test_a_wrong_order_is_refused_with_its_reason(
-    plan: MakePlan, slots: dict[str, Point], change: dict[str, object], sentence: str
-) -> None:
-    member = Arrangements(plan(vehicle="f1"), SAME_CLOCK)
-    member.receive_order(encode_order(replace(further(slots), **change)), b"", 5.0)  # type: ignore[arg-type]
+def test_a_wrong_order_is_refused_with_its_reason(change, sentence):
+    member = Arrangements(plan_of(vehicle="f1"), SAME_CLOCK)
+    member.receive_order(encode_order(replace(further(SLOTS), **change)), b"", 5.0)  # type: ignore[arg-type]
     (data,), _ = member.to_say()
     reply = decode_reply(data)
     assert reply.verdict is Verdict.REFUSED
@@ -148,14 +130,12 @@ def test_a_wrong_order_is_refused_with_its_reason(
         (0.0, 0.4, None),
     ],
 )
-def test_slots_come_near_the_one_of_a_vehicle_only_once_it_has_joined(
-    plan: MakePlan, joining_m: float, spacing: float, sentence: str | None
-) -> None:
-    begin = slots_of(plan)["f1"]
+def test_slots_come_near_the_one_of_a_vehicle_only_once_it_has_joined(joining_m, spacing, sentence):
+    begin = SLOTS["f1"]
     place = SlotMove(
         vehicle="f1", begin=begin, end=Point(spacing * begin.forward, spacing * begin.right)
     )
-    member = Arrangements(plan(vehicle="f1"), SAME_CLOCK)
+    member = Arrangements(plan_of(vehicle="f1"), SAME_CLOCK)
     member.joining_m = joining_m
     assert_refused(
         member, Arrangement(number=1, time_s=10.0, across_s=10.0, places=(place,)), sentence
@@ -163,12 +143,10 @@ def test_slots_come_near_the_one_of_a_vehicle_only_once_it_has_joined(
 
 
 @pytest.mark.parametrize("restarted", NAMES)
-def test_a_companion_that_was_restarted_waits_until_the_order_is_repeated(
-    plan: MakePlan, slots: dict[str, Point], restarted: str
-) -> None:
-    formation = Formation(plan)
+def test_a_companion_that_was_restarted_waits_until_the_order_is_repeated(restarted):
+    formation = Formation()
     formation.run(5.0)
-    formation.give(further(slots))
+    formation.give(further(SLOTS))
     formation.run(30.0)
     formation.start(restarted)
     formation.run(30.3)
@@ -178,34 +156,32 @@ def test_a_companion_that_was_restarted_waits_until_the_order_is_repeated(
     assert formation.flown == dict.fromkeys(NAMES, 1)
 
 
-def test_an_old_order_is_not_flown_again(plan: MakePlan, slots: dict[str, Point]) -> None:
-    formation = Formation(plan)
+def test_an_old_order_is_not_flown_again():
+    formation = Formation()
     formation.run(5.0)
-    formation.give(further(slots, number=7))
+    formation.give(further(SLOTS, number=7))
     formation.run(30.0)
     back = tuple(
         SlotMove(vehicle=name, begin=Point(1.5 * slot.forward, 1.5 * slot.right), end=slot)
-        for name, slot in slots.items()
+        for name, slot in SLOTS.items()
     )
     formation.give(Arrangement(number=5, time_s=40.0, across_s=10.0, places=back))
     formation.run(60.0)
     assert formation.flown == dict.fromkeys(NAMES, 7)
 
 
-def test_who_has_no_place_leaves_and_comes_back_by_another_order(
-    plan: MakePlan, slots: dict[str, Point]
-) -> None:
-    formation = Formation(plan)
+def test_who_has_no_place_leaves_and_comes_back_by_another_order():
+    formation = Formation()
     formation.run(5.0)
     stay = tuple(
-        SlotMove(vehicle=name, begin=slots[name], end=slots[name]) for name in ("f1", "f3")
+        SlotMove(vehicle=name, begin=SLOTS[name], end=SLOTS[name]) for name in ("f1", "f3")
     )
     formation.give(Arrangement(number=1, time_s=10.0, across_s=6.0, places=stay))
     formation.run(20.0)
     assert [name for name in NAMES if formation.members[name].flight.has_left] == ["f2"]
     assert formation.members["f2"].obstacle(20.0) == "ordered out of the formation"
     assert formation.members["f1"].obstacle(20.0) is None
-    everybody = tuple(SlotMove(vehicle=name, begin=slot, end=slot) for name, slot in slots.items())
+    everybody = tuple(SlotMove(vehicle=name, begin=slot, end=slot) for name, slot in SLOTS.items())
     formation.give(Arrangement(number=2, time_s=30.0, across_s=6.0, places=everybody))
     formation.run(30.1)
     assert not formation.members["f2"].flight.has_left
@@ -213,26 +189,22 @@ def test_who_has_no_place_leaves_and_comes_back_by_another_order(
     assert not formation.members["f2"].returns_to_formation()
 
 
-def test_an_operator_that_asks_hears_the_order_that_is_flown(
-    plan: MakePlan, slots: dict[str, Point]
-) -> None:
-    member = Arrangements(plan(vehicle="leader"), SAME_CLOCK)
-    formation = Formation(plan)
+def test_an_operator_that_asks_hears_the_order_that_is_flown():
+    member = Arrangements(plan_of(vehicle="leader"), SAME_CLOCK)
+    formation = Formation()
     formation.members["leader"] = member
     formation.run(5.0)
-    formation.give(further(slots))
+    formation.give(further(SLOTS))
     formation.run(30.0)
     asks = encode_reply(Reply(number=0, verdict=Verdict.UNKNOWN))
     for time_s in (30.0, 30.5):
         member.receive_reply("operator", asks, time_s)
-    assert member.to_say()[1] == [encode_order(further(slots))]
+    assert member.to_say()[1] == [encode_order(further(SLOTS))]
 
 
-def test_one_that_misses_the_confirmation_goes_on_until_its_time_and_flies_the_order_once_repeated(
-    plan: MakePlan, slots: dict[str, Point]
-) -> None:
-    member = Arrangements(plan(vehicle="f2"), SAME_CLOCK)
-    data = encode_order(further(slots))
+def test_one_that_misses_the_confirmation_goes_on_until_its_time_and_flies_the_order_once_repeated():
+    member = Arrangements(plan_of(vehicle="f2"), SAME_CLOCK)
+    data = encode_order(further(SLOTS))
     member.receive_order(data, data, 5.0)
     # Of the leader nothing is heard any more.
     member.hear("f1", heard(6.0, 1), 6.0)
@@ -244,13 +216,11 @@ def test_one_that_misses_the_confirmation_goes_on_until_its_time_and_flies_the_o
     assert not member.waits(10.2)
 
 
-def test_one_that_took_an_order_for_void_flies_it_once_the_others_do(
-    plan: MakePlan, slots: dict[str, Point]
-) -> None:
+def test_one_that_took_an_order_for_void_flies_it_once_the_others_do():
     lost = {"state"}
-    formation = Formation(plan, lost=lambda kind, _, to, __: kind in lost and to == "f2")
+    formation = Formation(lost=lambda kind, _, to, __: kind in lost and to == "f2")
     formation.run(5.0)
-    formation.give(further(slots))
+    formation.give(further(SLOTS))
     formation.run(10.4)
     # Its own clock alone has brought it here: a leader whose states come late says nothing of the order.
     formation.members["f2"].hear("leader", heard(10.4, 0), 10.4)
@@ -264,12 +234,10 @@ def test_one_that_took_an_order_for_void_flies_it_once_the_others_do(
     assert not formation.members["f2"].waits(14.0)
 
 
-def test_what_a_vehicle_repeats_counts_only_where_the_others_fly_by_it(
-    plan: MakePlan, slots: dict[str, Point]
-) -> None:
-    member = Arrangements(plan(vehicle="f1"), SAME_CLOCK)
+def test_what_a_vehicle_repeats_counts_only_where_the_others_fly_by_it():
+    member = Arrangements(plan_of(vehicle="f1"), SAME_CLOCK)
     abort = called_off(number=4, time_s=99.0)
-    for data in (abort, encode_order(further(slots, time_s=104.0))):
+    for data in (abort, encode_order(further(SLOTS, time_s=104.0))):
         member.receive_order(data, data, 100.0, repeated=True)
     assert member.flight.flown is None
     assert member.to_say() == ([], [])
@@ -289,12 +257,10 @@ class RebootedClock:
 @pytest.mark.parametrize(
     ("at_s", "share"), [(15.0, 0.5), (60.0, 1.0)], ids=["on the way", "all done"]
 )
-def test_slots_stay_where_they_are_when_the_leaders_computer_starts_anew(
-    plan: MakePlan, slots: dict[str, Point], at_s: float, share: float
-) -> None:
+def test_slots_stay_where_they_are_when_the_leaders_computer_starts_anew(at_s, share):
     clock = RebootedClock()
-    member = Arrangements(plan(vehicle="f1"), clock.shared)
-    member.receive_order(encode_order(further(slots, time_s=1010.0)), b"", 5.0)
+    member = Arrangements(plan_of(vehicle="f1"), clock.shared)
+    member.receive_order(encode_order(further(SLOTS, time_s=1010.0)), b"", 5.0)
     member.hear("leader", heard(6.0, 1), 6.0)
     member.step(10.0)
     before = member.flight.slot("f1", at_s)
@@ -304,13 +270,13 @@ def test_slots_stay_where_they_are_when_the_leaders_computer_starts_anew(
     assert before is not None
     assert after is not None
     assert after.forward == pytest.approx(before.forward)
-    assert after.forward == pytest.approx((1.0 + 0.5 * share) * slots["f1"].forward)
+    assert after.forward == pytest.approx((1.0 + 0.5 * share) * SLOTS["f1"].forward)
     # What is on its way goes on; then the next order is taken by the new clock.
     member.to_say()
     now = at_s + 30.0
     onward = tuple(
         SlotMove(vehicle=name, begin=Point(1.5 * slot.forward, 1.5 * slot.right), end=slot)
-        for name, slot in slots.items()
+        for name, slot in SLOTS.items()
     )
     order = Arrangement(number=2, time_s=now - 20.0 + 6.0, across_s=10.0, places=onward)
     member.receive_order(encode_order(order), b"", now)
@@ -318,12 +284,10 @@ def test_slots_stay_where_they_are_when_the_leaders_computer_starts_anew(
     assert [decode_reply(data).verdict for data in member.to_say()[0]] == [Verdict.READY]
 
 
-def test_an_order_that_waits_for_its_time_is_decided_when_the_clock_starts_anew(
-    plan: MakePlan, slots: dict[str, Point]
-) -> None:
+def test_an_order_that_waits_for_its_time_is_decided_when_the_clock_starts_anew():
     clock = RebootedClock()
-    member = Arrangements(plan(vehicle="f1"), clock.shared)
-    member.receive_order(encode_order(further(slots, time_s=1010.0)), b"", 5.0)
+    member = Arrangements(plan_of(vehicle="f1"), clock.shared)
+    member.receive_order(encode_order(further(SLOTS, time_s=1010.0)), b"", 5.0)
     member.step(5.0)
     clock.ahead_s = -4.0
     for time_s in (6.0, 10.4, 10.6):
@@ -333,26 +297,22 @@ def test_an_order_that_waits_for_its_time_is_decided_when_the_clock_starts_anew(
     assert verdicts[-1] is Verdict.VOID
 
 
-def test_a_leader_whose_computer_was_started_anew_flies_the_order_that_all_others_fly(
-    plan: MakePlan, slots: dict[str, Point]
-) -> None:
-    leader = Arrangements(plan(vehicle="leader"), SAME_CLOCK)
+def test_a_leader_whose_computer_was_started_anew_flies_the_order_that_all_others_fly():
+    leader = Arrangements(plan_of(vehicle="leader"), SAME_CLOCK)
     leader.hear("f1", heard(20.0, 7), 20.0)
-    data = encode_order(further(slots, number=7, time_s=100010.0))
+    data = encode_order(further(SLOTS, number=7, time_s=100010.0))
     leader.receive_order(data, data, 20.0, repeated=True)
     assert not leader.waits(20.0)
     slot = leader.flight.slot("f1", 20.0)
     assert slot is not None
-    assert slot.forward == 1.5 * slots["f1"].forward
+    assert slot.forward == 1.5 * SLOTS["f1"].forward
 
 
-def test_two_orders_of_one_number_are_not_both_flown(
-    plan: MakePlan, slots: dict[str, Point]
-) -> None:
-    formation = Formation(plan)
+def test_two_orders_of_one_number_are_not_both_flown():
+    formation = Formation()
     formation.run(5.0)
     first, second = (
-        encode_order(replace(further(slots), across_s=across_s)) for across_s in (10.0, 12.0)
+        encode_order(replace(further(SLOTS), across_s=across_s)) for across_s in (10.0, 12.0)
     )
     for name, member in formation.members.items():
         for data in (second, first) if name == "f1" else (first, second):
@@ -369,8 +329,8 @@ def test_two_orders_of_one_number_are_not_both_flown(
     }
 
 
-def test_the_number_of_one_vehicle_stops_nobody(plan: MakePlan) -> None:
-    member = Arrangements(plan(vehicle="f2"), SAME_CLOCK)
+def test_the_number_of_one_vehicle_stops_nobody():
+    member = Arrangements(plan_of(vehicle="f2"), SAME_CLOCK)
     for name, number in (("leader", 0), ("f3", 0), ("f1", 2**32 - 1)):
         member.hear(name, heard(5.0, number), 5.0)
     assert not member.waits(5.0)
@@ -382,17 +342,15 @@ def test_the_number_of_one_vehicle_stops_nobody(plan: MakePlan) -> None:
 
 
 @pytest.mark.parametrize("others", [("leader",), ("f1", "f3")])
-def test_the_leaders_number_counts_and_that_of_two_others(
-    plan: MakePlan, others: tuple[str, ...]
-) -> None:
-    member = Arrangements(plan(vehicle="f2"), SAME_CLOCK)
+def test_the_leaders_number_counts_and_that_of_two_others(others):
+    member = Arrangements(plan_of(vehicle="f2"), SAME_CLOCK)
     for name in {*NAMES} - {"f2"}:
         member.hear(name, heard(5.0, 7 if name in others else 0), 5.0)
     assert member.waits(5.0)
 
 
-def test_one_vehicles_number_counts_where_no_second_is_heard(plan: MakePlan) -> None:
-    member = Arrangements(plan(vehicle="leader"), SAME_CLOCK)
+def test_one_vehicles_number_counts_where_no_second_is_heard():
+    member = Arrangements(plan_of(vehicle="leader"), SAME_CLOCK)
     member.hear("f1", heard(5.0, 7), 5.0)
     assert member.waits(5.0)
 
@@ -409,18 +367,12 @@ def test_one_vehicles_number_counts_where_no_second_is_heard(plan: MakePlan) -> 
         ((0.0, 0.0), 40.0, 20.0, None),
     ],
 )
-def test_a_slot_that_moves_faster_than_its_aircraft_is_refused(
-    plan: MakePlan,
-    to: tuple[float, float],
-    layer: float | None,
-    climb_s: float,
-    sentence: str | None,
-) -> None:
-    begin = slots_of(plan)["f1"]
+def test_a_slot_that_moves_faster_than_its_aircraft_is_refused(to, layer, climb_s, sentence):
+    begin = SLOTS["f1"]
     end = Point(begin.forward, begin.right + to[0], to[1])
     place = SlotMove(vehicle="f1", begin=begin, end=end, layer=layer)
     order = Arrangement(number=1, time_s=10.0, climb_s=climb_s, across_s=10.0, places=(place,))
-    assert_refused(Arrangements(plan(vehicle="f1"), SAME_CLOCK), order, sentence)
+    assert_refused(Arrangements(plan_of(vehicle="f1"), SAME_CLOCK), order, sentence)
 
 
 @pytest.mark.parametrize(
@@ -434,13 +386,9 @@ def test_a_slot_that_moves_faster_than_its_aircraft_is_refused(
     ],
 )
 def test_a_hold_that_nobody_can_fly_or_that_is_elsewhere_is_refused(
-    plan: MakePlan,
-    vehicle: str,
-    radius_m: float,
-    away_deg: float,
-    sentence: str | None,
-) -> None:
-    own = plan(vehicle=vehicle)
+    vehicle, radius_m, away_deg, sentence
+):
+    own = plan_of(vehicle=vehicle)
     latitude_deg, longitude_deg = own.frame.to_geodetic(0.0, 0.0)
     circle = HoldCircle(
         latitude_deg=latitude_deg + away_deg, longitude_deg=longitude_deg, radius_m=radius_m
@@ -461,12 +409,10 @@ def assert_refused(member: Arrangements, order: Arrangement, sentence: str | Non
     assert (sentence or "") in reply.text
 
 
-def test_an_order_may_be_given_while_slots_still_move_that_are_at_rest_at_its_time(
-    plan: MakePlan, slots: dict[str, Point]
-) -> None:
-    formation = Formation(plan)
+def test_an_order_may_be_given_while_slots_still_move_that_are_at_rest_at_its_time():
+    formation = Formation()
     formation.run(5.0)
-    first = further(slots)
+    first = further(SLOTS)
     formation.give(first)
     # They move from 10 s to 20 s.
     formation.run(16.0)

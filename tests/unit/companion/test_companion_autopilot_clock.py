@@ -26,11 +26,11 @@ def ask(
         clock.answer(stamp, round(autopilot(now - way_s) * 1e9), now)
 
 
-def test_a_report_is_true_when_it_is_read_at_first() -> None:
+def test_a_report_is_true_when_it_is_read_at_first():
     assert time_of(AutopilotClock(), 3.0, 100.0) == 100.0
 
 
-def test_the_report_that_travelled_fastest_sets_the_clock() -> None:
+def test_the_report_that_travelled_fastest_sets_the_clock():
     clock = AutopilotClock()
     # Booted at 100; delays of 0.3, 0.1, 0.4 s.
     assert time_of(clock, 1.0, 101.3) == pytest.approx(101.3)
@@ -39,7 +39,7 @@ def test_the_report_that_travelled_fastest_sets_the_clock() -> None:
     assert time_of(clock, 4.0, 104.2) == pytest.approx(104.1)
 
 
-def test_a_late_report_does_not_spoil_the_clock() -> None:
+def test_a_late_report_does_not_spoil_the_clock():
     clock = AutopilotClock()
     read(clock, 10.0, 110.0)
     assert time_of(clock, 9.5, 119.0) == pytest.approx(109.5)
@@ -47,7 +47,7 @@ def test_a_late_report_does_not_spoil_the_clock() -> None:
 
 
 @pytest.mark.parametrize("drift", [50e-6, -50e-6])
-def test_a_drift_of_50_ppm_costs_less_than_three_milliseconds_in_an_hour(drift: float) -> None:
+def test_a_drift_of_50_ppm_costs_less_than_three_milliseconds_in_an_hour(drift):
     clock = AutopilotClock()
     for step in range(3600 * 20):
         now = 500.0 + step / 20
@@ -57,7 +57,7 @@ def test_a_drift_of_50_ppm_costs_less_than_three_milliseconds_in_an_hour(drift: 
         assert time_of(clock, boot_time_s, reached) == pytest.approx(now, abs=3.0e-3 + 1e-6)
 
 
-def test_a_fast_report_is_remembered_for_one_to_two_windows() -> None:
+def test_a_fast_report_is_remembered_for_one_to_two_windows():
     clock = AutopilotClock()
     assert time_of(clock, 0.0, 100.0) == 100.0
     # From now on every report takes 0.2 s longer.
@@ -68,7 +68,7 @@ def test_a_fast_report_is_remembered_for_one_to_two_windows() -> None:
         )
 
 
-def test_a_link_that_becomes_slower_is_no_slip_where_the_autopilot_answers() -> None:
+def test_a_link_that_becomes_slower_is_no_slip_where_the_autopilot_answers():
     alerts = Alerts()
     clock = AutopilotClock(alerts)
     for step in range(20 * 20):
@@ -81,7 +81,7 @@ def test_a_link_that_becomes_slower_is_no_slip_where_the_autopilot_answers() -> 
 
 
 @pytest.mark.parametrize("lost_s", [0.05, 0.3, 5.0])
-def test_a_slip_is_found_within_a_second(lost_s: float) -> None:
+def test_a_slip_is_found_within_a_second(lost_s):
     """Reports go on every 50 ms after the clock has stood still, and take 5 ms."""
     alerts = Alerts()
     clock = AutopilotClock(alerts)
@@ -104,7 +104,7 @@ def test_a_slip_is_found_within_a_second(lost_s: float) -> None:
 
 
 @pytest.mark.parametrize("rate", [0.96, 0.99, 1.02])
-def test_a_clock_that_does_not_run_at_the_walls_rate_is_followed(rate: float) -> None:
+def test_a_clock_that_does_not_run_at_the_walls_rate_is_followed(rate):
     alerts = Alerts()
     clock = AutopilotClock(alerts)
     words = []
@@ -120,7 +120,7 @@ def test_a_clock_that_does_not_run_at_the_walls_rate_is_followed(rate: float) ->
     assert {0.96: "4.2% slow", 0.99: "1.0% slow", 1.02: "2.0% fast"}[rate] in words[-1]
 
 
-def test_a_clock_that_runs_slow_loses_no_more_time_once_that_is_known() -> None:
+def test_a_clock_that_runs_slow_loses_no_more_time_once_that_is_known():
     """At 0.987 of the wall's rate slips of 10 ms would come every second."""
     clock = AutopilotClock()
     late = []
@@ -132,7 +132,7 @@ def test_a_clock_that_runs_slow_loses_no_more_time_once_that_is_known() -> None:
     assert max(late[25 * 15 :]) - min(late[25 * 15 :]) < 0.002
 
 
-def test_a_link_that_becomes_slower_and_slower_is_no_slow_clock() -> None:
+def test_a_link_that_becomes_slower_and_slower_is_no_slow_clock():
     clock = AutopilotClock()
     for step in range(20 * 30):
         way_s = 0.005 + 0.02 * step / 20
@@ -141,7 +141,7 @@ def test_a_link_that_becomes_slower_and_slower_is_no_slow_clock() -> None:
         assert read(clock, step / 20, now).skew == 0.0
 
 
-def test_the_rate_of_a_clock_that_has_slipped_is_not_taken_from_that() -> None:
+def test_the_rate_of_a_clock_that_has_slipped_is_not_taken_from_that():
     clock = AutopilotClock()
     for step in range(20 * 40):
         made = 100.0 + step / 20
@@ -150,7 +150,7 @@ def test_the_rate_of_a_clock_that_has_slipped_is_not_taken_from_that() -> None:
         assert read(clock, made - 100.0 - lost_s, made + 0.002).skew == 0.0
 
 
-def test_without_answers_a_slip_that_no_link_explains_is_found_within_a_second() -> None:
+def test_without_answers_a_slip_that_no_link_explains_is_found_within_a_second():
     clock = AutopilotClock()
     for step in range(1200):
         now = 100.0 + step / 20
@@ -160,7 +160,7 @@ def test_without_answers_a_slip_that_no_link_explains_is_found_within_a_second()
             assert time_s == pytest.approx(now, abs=1e-6)
 
 
-def test_answers_that_nobody_asked_for_change_nothing() -> None:
+def test_answers_that_nobody_asked_for_change_nothing():
     clock = AutopilotClock()
     for step in range(200):
         now = 100.0 + step / 20
@@ -171,7 +171,7 @@ def test_answers_that_nobody_asked_for_change_nothing() -> None:
         assert time_of(clock, now - 60.0, now) == pytest.approx(now)
 
 
-def test_a_boot_time_that_wraps_goes_on() -> None:
+def test_a_boot_time_that_wraps_goes_on():
     clock = AutopilotClock()
     wrap_s = 2**32 * 1e-3
     before = read(clock, wrap_s - 0.03, 100.0)
@@ -190,7 +190,7 @@ def rebooted(clock: AutopilotClock, boot_time_s: float, now: float) -> bool:
     return reading is not None and reading.rebooted
 
 
-def test_a_boot_time_that_falls_and_goes_on_from_there_for_a_second_is_a_reboot() -> None:
+def test_a_boot_time_that_falls_and_goes_on_from_there_for_a_second_is_a_reboot():
     clock = AutopilotClock()
     read(clock, 100.0, 200.0)
     assert [
@@ -198,19 +198,19 @@ def test_a_boot_time_that_falls_and_goes_on_from_there_for_a_second_is_a_reboot(
     ] == [20]
 
 
-def test_a_slow_stream_shows_a_reboot_with_its_third_report() -> None:
+def test_a_slow_stream_shows_a_reboot_with_its_third_report():
     clock = AutopilotClock()
     read(clock, 100.0, 200.0)
     assert [rebooted(clock, 0.1 + step, 205.0 + step) for step in range(3)] == [False, False, True]
 
 
-def test_reports_that_a_router_repeats_all_at_once_are_no_reboot() -> None:
+def test_reports_that_a_router_repeats_all_at_once_are_no_reboot():
     clock = AutopilotClock()
     read(clock, 100.0, 200.0)
     assert not any(rebooted(clock, 90.0 + 0.05 * number, 200.01) for number in range(100))
 
 
-def test_old_reports_among_new_ones_are_no_reboot_and_not_believed() -> None:
+def test_old_reports_among_new_ones_are_no_reboot_and_not_believed():
     clock = AutopilotClock()
     for step in range(100):
         now = 200.0 + 0.05 * step
@@ -219,7 +219,7 @@ def test_old_reports_among_new_ones_are_no_reboot_and_not_believed() -> None:
 
 
 @pytest.mark.parametrize("apart_s", [0.0, 0.02, 0.05])
-def test_eight_forged_reports_that_fall_are_no_reboot(apart_s: float) -> None:
+def test_eight_forged_reports_that_fall_are_no_reboot(apart_s):
     clock = AutopilotClock()
     read(clock, 100.0, 200.0)
     assert not any(
@@ -228,19 +228,19 @@ def test_eight_forged_reports_that_fall_are_no_reboot(apart_s: float) -> None:
     assert time_of(clock, 100.5, 200.5) == pytest.approx(200.5)
 
 
-def test_a_forged_report_that_leaps_ahead_does_not_lock_the_autopilot_out() -> None:
+def test_a_forged_report_that_leaps_ahead_does_not_lock_the_autopilot_out():
     clock = AutopilotClock()
     read(clock, 100.0, 200.0)
     assert clock.read(5000.0, 200.02) is None
     assert time_of(clock, 100.05, 200.05) == pytest.approx(200.05)
 
 
-def test_what_is_late_by_up_to_a_second_is_no_reboot() -> None:
+def test_what_is_late_by_up_to_a_second_is_no_reboot():
     clock = AutopilotClock()
     read(clock, 100.0, 200.0)
     read(clock, 99.2, 200.1)
     assert not any(rebooted(clock, 99.0 + 0.05 * step, 200.2 + 0.05 * step) for step in range(100))
 
 
-def test_the_first_boot_time_is_no_reboot() -> None:
+def test_the_first_boot_time_is_no_reboot():
     assert not rebooted(AutopilotClock(), 0.0, 100.0)

@@ -1,11 +1,10 @@
 """A vehicle whose mission leaves its response to what its autopilot says of itself."""
 
-from collections.abc import Callable
-from typing import Any
-
 import pytest
 from msgspec.structs import replace
 
+from tests.kit.companion import new_flight
+from tests.kit.missions import plan_of, shipped
 from vfguide.companion.core import Companion
 from vfguide.companion.mission_plan import adapter_of
 from vfguide.companion.parameter_check import TRIES, ParameterCheck, response_sentence
@@ -13,26 +12,21 @@ from vfguide.companion.plan import FlightPlan, flown_by
 from vfguide.companion.supervisor import Mode
 from vfguide.mavlink.parameters import AutopilotResponse
 from vfguide.mavlink.reports import ParameterReport
-from vfguide.mission.model import Mission
-
-Make = Callable[..., Any]
 
 WORDS = "flown by the autopilot's own parameters"
 
 
 @pytest.fixture
-def asking(plan: Callable[..., FlightPlan]) -> FlightPlan:
+def asking() -> FlightPlan:
     """A plan whose alpha is far from what the emulated autopilot does."""
-    declared = plan()
+    declared = plan_of()
     slow = replace(declared.airframe, alpha=0.3, beta=0.3)
     return replace(declared, airframe=slow, asks_response=True)
 
 
-def test_nothing_is_steered_before_the_autopilot_has_told_and_the_pilot_hears_what(
-    flight: Make, asking: FlightPlan, mission: Callable[[str], Mission]
-) -> None:
-    flown = flight()
-    adapter = adapter_of(mission("line-calm").vehicles["f1"])
+def test_nothing_is_steered_before_the_autopilot_has_told_and_the_pilot_hears_what(asking):
+    flown = new_flight()
+    adapter = adapter_of(shipped("line-calm").vehicles["f1"])
     flown.companion = Companion(asking, adapter, engage=True)
     flown.run(30.0)
     told = next(time for time, text in flown.texts() if WORDS in text)
@@ -44,11 +38,9 @@ def test_nothing_is_steered_before_the_autopilot_has_told_and_the_pilot_hears_wh
     assert "alpha 1.32" in words
 
 
-def test_a_px4_tells_its_course_loop_and_what_it_takes_of_the_mission(
-    flight: Make, asking: FlightPlan, mission: Callable[[str], Mission]
-) -> None:
-    flown = flight(kind="px4")
-    declared = mission("line-calm").vehicles["f1"].model_copy(update={"autopilot": "px4"})
+def test_a_px4_tells_its_course_loop_and_what_it_takes_of_the_mission(asking):
+    flown = new_flight(kind="px4")
+    declared = shipped("line-calm").vehicles["f1"].model_copy(update={"autopilot": "px4"})
     flown.companion = Companion(asking, adapter_of(declared), engage=True)
     flown.run(30.0)
     told, words = next((time, text) for time, text in flown.texts() if WORDS in text)
@@ -77,13 +69,11 @@ def test_a_px4_tells_its_course_loop_and_what_it_takes_of_the_mission(
         (AutopilotResponse(), "do not tell how it answers"),
     ],
 )
-def test_what_the_parameters_leave_open_is_said(
-    asking: FlightPlan, told: AutopilotResponse, words: str
-) -> None:
+def test_what_the_parameters_leave_open_is_said(asking, told, words):
     assert words in response_sentence(told, asking, flown_by(asking, told))
 
 
-def test_a_roll_that_the_mission_does_not_declare_is_the_autopilot_s(asking: FlightPlan) -> None:
+def test_a_roll_that_the_mission_does_not_declare_is_the_autopilot_s(asking):
     told = AutopilotResponse(course_dead_time=0.2, course_lag=0.4, speed_hold="total-energy")
     airframe = flown_by(asking, told).airframe
     assert (airframe.course_dead_time, airframe.course_lag) == (0.2, 0.4)
@@ -93,7 +83,7 @@ def test_a_roll_that_the_mission_does_not_declare_is_the_autopilot_s(asking: Fli
     assert (airframe.course_dead_time, airframe.course_lag) == (0.3, 0.6)
 
 
-def test_a_roll_that_the_mission_declares_is_not_told_again(asking: FlightPlan) -> None:
+def test_a_roll_that_the_mission_declares_is_not_told_again(asking):
     told = AutopilotResponse(alpha=0.9, beta=1.5, course_dead_time=0.2, course_lag=0.4)
     measured = replace(asking.airframe, course_dead_time=0.3, course_lag=0.6)
     declared = replace(asking, airframe=measured)
@@ -111,9 +101,7 @@ def test_a_roll_that_the_mission_declares_is_not_told_again(asking: FlightPlan) 
         AutopilotResponse(alpha=0.9, beta=0.9, max_bank=0.5),
     ],
 )
-def test_a_limit_that_is_tighter_is_told_whatever_else_is_known(
-    asking: FlightPlan, told: AutopilotResponse
-) -> None:
+def test_a_limit_that_is_tighter_is_told_whatever_else_is_known(asking, told):
     """0.5 rad are 28.6 degrees; the slot beside a straight path takes no bank."""
     sentence = response_sentence(told, asking, flown_by(asking, told))
     assert sentence.endswith(
@@ -123,11 +111,9 @@ def test_a_limit_that_is_tighter_is_told_whatever_else_is_known(
     assert "nothing to do" not in sentence
 
 
-def test_an_autopilot_that_cannot_hold_the_slot_is_told_and_speaks_against_taking_off(
-    asking: FlightPlan, mission: Callable[[str], Mission]
-) -> None:
+def test_an_autopilot_that_cannot_hold_the_slot_is_told_and_speaks_against_taking_off(asking):
     """Its 18 m/s are less than the leader's 20."""
-    check = ParameterCheck(asking, adapter_of(mission("line-calm").vehicles["f1"]))
+    check = ParameterCheck(asking, adapter_of(shipped("line-calm").vehicles["f1"]))
     check.take(ParameterReport(name="AIRSPEED_MAX", value=18.0, whole=None))
     texts: list[str] = []
     for _ in range(TRIES + 1):
@@ -137,11 +123,9 @@ def test_an_autopilot_that_cannot_hold_the_slot_is_told_and_speaks_against_takin
     assert any(words in fault for fault in check.faults())
 
 
-def test_what_a_climb_that_is_set_too_low_costs_is_told_to_the_pilot(
-    flight: Make, asking: FlightPlan, mission: Callable[[str], Mission]
-) -> None:
-    flown = flight()
-    adapter = adapter_of(mission("line-calm").vehicles["f1"])
+def test_what_a_climb_that_is_set_too_low_costs_is_told_to_the_pilot(asking):
+    flown = new_flight()
+    adapter = adapter_of(shipped("line-calm").vehicles["f1"])
     flown.companion = Companion(asking, adapter, engage=True)
     flown.run(15.0)
     words = " ".join(text for _, text in flown.texts())
@@ -150,7 +134,7 @@ def test_what_a_climb_that_is_set_too_low_costs_is_told_to_the_pilot(
     assert "0.7 m/s" in words
 
 
-def test_limits_are_the_tighter_of_both(asking: FlightPlan) -> None:
+def test_limits_are_the_tighter_of_both(asking):
     told = AutopilotResponse(
         alpha=0.5,
         beta=0.4,
@@ -166,12 +150,12 @@ def test_limits_are_the_tighter_of_both(asking: FlightPlan) -> None:
     assert (airframe.airspeed_min, airframe.airspeed_max) == (14.0, asking.airframe.airspeed_max)
 
 
-def test_what_an_autopilot_does_not_tell_stays_as_declared(asking: FlightPlan) -> None:
+def test_what_an_autopilot_does_not_tell_stays_as_declared(asking):
     flown = flown_by(asking, AutopilotResponse())
     assert flown == replace(asking, asks_response=False)
 
 
-def test_limits_that_exclude_each_other_stay_as_declared(asking: FlightPlan) -> None:
+def test_limits_that_exclude_each_other_stay_as_declared(asking):
     declared = asking.airframe
     airframe = flown_by(asking, AutopilotResponse(airspeed_min=50.0)).airframe
     assert airframe.airspeed_min == declared.airspeed_min

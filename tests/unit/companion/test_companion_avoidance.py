@@ -2,17 +2,16 @@
 
 import math
 from collections.abc import Callable, Iterable
-from typing import Any
 
 import pytest
 
+from tests.kit.companion import leader_bytes, new_flight
+from tests.kit.missions import content_of, shipped
 from vfguide.companion.core import Companion
 from vfguide.companion.mission_plan import adapter_of, flight_plan
 from vfguide.companion.supervisor import Mode
 from vfguide.lab.rehearsal.lockstep import fly_lockstep
 from vfguide.mission.model import Mission
-
-Make = Callable[..., Any]
 
 Place = Callable[[float, float], dict[str, float]]
 
@@ -21,9 +20,9 @@ JOINED_S = 25.0
 
 
 @pytest.fixture
-def place(mission: Callable[[str], Mission]) -> Place:
+def place() -> Place:
     """Makes the coordinates of a place, m from the mission's origin."""
-    frame = flight_plan(mission("line-calm"), "f1").frame
+    frame = flight_plan(shipped("line-calm"), "f1").frame
 
     def make(north: float, east: float) -> dict[str, float]:
         latitude, longitude = frame.to_geodetic(north, east)
@@ -32,10 +31,8 @@ def place(mission: Callable[[str], Mission]) -> Place:
     return make
 
 
-def test_the_pilot_hears_of_whom_the_vehicle_keeps_clear_and_how(
-    flight: Make, leader_bytes: Make, place: Place
-) -> None:
-    one = flight()
+def test_the_pilot_hears_of_whom_the_vehicle_keeps_clear_and_how(place):
+    one = new_flight()
 
     def link(now: float) -> Iterable[bytes]:
         if now >= JOINED_S:
@@ -55,10 +52,8 @@ def test_the_pilot_hears_of_whom_the_vehicle_keeps_clear_and_how(
     assert len(said) == len(set(said)) <= 4
 
 
-def test_a_vehicle_with_room_around_it_says_nothing(
-    flight: Make, leader_bytes: Make, place: Place
-) -> None:
-    one = flight()
+def test_a_vehicle_with_room_around_it_says_nothing(place):
+    one = new_flight()
 
     def link(now: float) -> Iterable[bytes]:
         state = leader_bytes(now, **place(20.0 * now - 20.0, 200.0), steered=False)
@@ -70,11 +65,9 @@ def test_a_vehicle_with_room_around_it_says_nothing(
     assert not [text for _, text in one.texts() if "f2" in text]
 
 
-def test_two_that_meet_for_a_moment_while_they_join_use_no_height_and_say_so_once(
-    mission: Callable[[str], Mission],
-) -> None:
+def test_two_that_meet_for_a_moment_while_they_join_use_no_height_and_say_so_once():
     # f1 and f2 cross in front of f3: for one or two steps no turn alone keeps 10 m.
-    content = mission("circle-wind").model_dump(exclude_unset=True)
+    content = content_of("circle-wind")
     content["rehearsal"]["duration_s"] = 12.0
     flight_of = fly_lockstep(Mission.model_validate(content))
     said = [event.text for event in flight_of.events["f1"] if "be ready to take over" in event.text]
@@ -91,9 +84,7 @@ def never(_since_s: float) -> float | None:
 
 
 @pytest.fixture
-def heights_beside(
-    flight: Make, leader_bytes: Make, place: Place
-) -> Callable[..., dict[float, float]]:
+def heights_beside(place: Place) -> Callable[..., dict[float, float]]:
     """Flies f1 in its slot, with f2, flown by hand, 3 m right of it until it climbs away, and f3 behind."""
 
     def make(
@@ -109,7 +100,7 @@ def heights_beside(
             height_m: of the slot above the origin.
             last_s: how long to fly.
         """
-        one, heights, altitude = flight(), dict[float, float](), 488.0 + height_m
+        one, heights, altitude = new_flight(), dict[float, float](), 488.0 + height_m
 
         def link(now: float) -> Iterable[bytes]:
             since_s = round(now - JOINED_S, 1)
@@ -139,9 +130,7 @@ def heights_beside(
     return make
 
 
-def test_beside_one_alone_the_earlier_in_the_mission_descends_and_comes_back(
-    heights_beside: Callable[..., dict[float, float]],
-) -> None:
+def test_beside_one_alone_the_earlier_in_the_mission_descends_and_comes_back(heights_beside):
     heights = heights_beside(last_s=25.0)
     assert max(heights.values()) < 1.0
     assert min(heights.values()) == pytest.approx(-20.0, abs=1.0)
@@ -149,26 +138,20 @@ def test_beside_one_alone_the_earlier_in_the_mission_descends_and_comes_back(
 
 
 @pytest.mark.parametrize("f3_up_m", [-12.0, -20.0, -24.0])
-def test_no_vehicle_steps_into_the_layer_of_a_third_one(
-    heights_beside: Callable[..., dict[float, float]], f3_up_m: float
-) -> None:
+def test_no_vehicle_steps_into_the_layer_of_a_third_one(heights_beside, f3_up_m):
     heights = heights_beside(lambda _: f3_up_m)
     assert min(heights.values()) > -1.0
     assert max(heights.values()) > 7.0
 
 
-def test_a_vehicle_does_not_come_back_through_the_height_of_another(
-    heights_beside: Callable[..., dict[float, float]],
-) -> None:
+def test_a_vehicle_does_not_come_back_through_the_height_of_another(heights_beside):
     # f1 is 20 m lower when f3 comes along 12 m under the slot, and stays until 25 s.
     heights = heights_beside(lambda since_s: -12.0 if 7.0 <= since_s < 25.0 else 300.0, last_s=45.0)
     assert max(height for since_s, height in heights.items() if 10.0 < since_s < 25.0) < -17.0
     assert heights[45.0] == pytest.approx(0.0, abs=1.0)
 
 
-def test_no_vehicle_descends_by_more_than_a_quarter_of_the_height_that_it_has(
-    heights_beside: Callable[..., dict[float, float]],
-) -> None:
+def test_no_vehicle_descends_by_more_than_a_quarter_of_the_height_that_it_has(heights_beside):
     # 60 m above the origin, in a mission of 100 m: f3 keeps it from climbing.
     heights = heights_beside(lambda _: 12.0, height_m=60.0)
     assert min(heights.values()) == pytest.approx(-15.0, abs=0.5)
@@ -176,20 +159,16 @@ def test_no_vehicle_descends_by_more_than_a_quarter_of_the_height_that_it_has(
 
 @pytest.mark.parametrize(("slot_m", "step_m"), [(8.0, 0.0), (20.0, 20.0)])
 def test_a_leader_uses_no_height_beside_a_follower_in_a_close_slot_that_would_come_along(
-    flight: Make,
-    leader_bytes: Make,
-    mission: Callable[[str], Mission],
-    slot_m: float,
-    step_m: float,
-) -> None:
+    slot_m, step_m
+):
     # f1's slot is 11 or 28 m away. 30 m off its path the leader keeps clear of all; f1 flies 3 m right of it.
-    content = mission("line-calm").model_dump(exclude_unset=True)
+    content = content_of("line-calm")
     content["path"]["course_deg"], content["rehearsal"]["rate_hz"] = 0.0, 10.0
     content["followers"][0]["slot"] = {"forward_m": -slot_m, "right_m": -slot_m}
     plan = flight_plan(Mission.model_validate(content), "leader")
-    one, heights = flight("leader"), list[float]()
+    one, heights = new_flight("leader"), list[float]()
     one.companion = Companion(
-        plan, adapter_of(mission("line-calm").vehicles["leader"]), engage=True
+        plan, adapter_of(shipped("line-calm").vehicles["leader"]), engage=True
     )
 
     def link(now: float) -> Iterable[bytes]:

@@ -1,35 +1,36 @@
 """No companion flies, or agrees to fly, above the fence of its path."""
 
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import pytest
 from msgspec.structs import replace
 
-from tests.unit.companion.ordered_companions import NAMES, Formation, MakePlan
+from tests.kit.missions import content_of, plan_of
+from tests.kit.orders import NAMES, SLOTS, Formation
 from vfguide.companion.mission_plan import flight_plan
 from vfguide.companion.order_limits import ceiling_objection, climb_objection
+from vfguide.companion.plan import FlightPlan
 from vfguide.companion.steering import SetpointGuard
 from vfguide.formation.arrangement import Arrangement, HoldCircle, Manoeuvre, Point, SlotMove
 from vfguide.lab.rehearsal.aircraft import Aircraft, step_all
 from vfguide.link.memory import Mail
 from vfguide.link.order_codec import Verdict
-from vfguide.mission import Mission, load_mission
+from vfguide.mission import Mission
 
 CIRCLE = HoldCircle(latitude_deg=47.3988, longitude_deg=8.545594, radius_m=200.0)
 
 
-def fenced(plan: MakePlan, ceiling: float) -> MakePlan:
+def fenced(ceiling: float) -> Callable[..., FlightPlan]:
     """Plans of a mission with a fence of this height, m above the origin."""
-    return lambda **options: replace(plan(**options), ceiling=ceiling, paths={})
+    return lambda **options: replace(plan_of(**options), ceiling=ceiling, paths={})
 
 
-def held(slots: dict[str, Point]) -> Arrangement:
+def held() -> Arrangement:
     """A hold in which f1, f2 and f3 are stacked by 15 m each."""
     places = tuple(
         SlotMove(vehicle=name, begin=slot, end=replace(slot, up=15.0 * rank))
-        for rank, (name, slot) in enumerate(slots.items(), 1)
+        for rank, (name, slot) in enumerate(SLOTS.items(), 1)
     )
     return Arrangement(
         number=1,
@@ -43,14 +44,14 @@ def held(slots: dict[str, Point]) -> Arrangement:
 
 @pytest.mark.parametrize(("leader_height", "flown"), [(100.0, True), (130.0, False)])
 def test_a_hold_whose_stacked_heights_would_leave_the_fence_is_flown_by_nobody(
-    plan: MakePlan, slots: dict[str, Point], leader_height: float, flown: bool
-) -> None:
-    formation = Formation(fenced(plan, 150.0))
+    leader_height, flown
+):
+    formation = Formation(fenced(150.0))
     for member in formation.members.values():
         # It climbs at 0.5 m/s, and has 5 s for it until the hold, in which that comes to rest 0.6 m higher.
         member.leader_height = lambda ahead_s: leader_height - 2.5 + 0.5 * ahead_s
     formation.run(5.0)
-    formation.give(held(slots))
+    formation.give(held())
     formation.run(40.0)
     assert formation.flown == dict.fromkeys(NAMES, int(flown))
     refused = {
@@ -62,8 +63,8 @@ def test_a_hold_whose_stacked_heights_would_leave_the_fence_is_flown_by_nobody(
         assert refused["f2"] == "f2 would fly 161 m above the origin, and the fence ends at 150 m"
 
 
-def test_a_layer_above_the_fence_is_refused_and_a_lower_slot_is_not(plan: MakePlan) -> None:
-    one = replace(plan(vehicle="f1"), ceiling=150.0, paths={})
+def test_a_layer_above_the_fence_is_refused_and_a_lower_slot_is_not():
+    one = replace(plan_of(vehicle="f1"), ceiling=150.0, paths={})
     here = Point(-20.0, -20.0, 5.0)
     crosses = SlotMove(vehicle="f1", begin=here, end=here, layer=24.0)
     order = Arrangement(number=1, time_s=10.0, climb_s=20.0, across_s=10.0, places=(crosses,))
@@ -74,8 +75,8 @@ def test_a_layer_above_the_fence_is_refused_and_a_lower_slot_is_not(plan: MakePl
     assert ceiling_objection(order, lower, one, 160.0, 150.0) is None
 
 
-def test_a_path_whose_fence_the_leader_is_above_is_refused(plan: MakePlan) -> None:
-    one = plan(vehicle="leader")
+def test_a_path_whose_fence_the_leader_is_above_is_refused():
+    one = plan_of(vehicle="leader")
     survey = replace(one.paths["main"], ceiling=120.0)
     leader = replace(one, paths={**one.paths, "survey": survey})
     order = Arrangement(number=1, time_s=10.0, across_s=10.0, places=(), path="survey")
@@ -103,9 +104,9 @@ def test_a_path_whose_fence_the_leader_is_above_is_refused(plan: MakePlan) -> No
     ],
 )
 def test_a_path_at_another_height_is_refused_by_who_cannot_climb_there_with_the_others(
-    plan: MakePlan, leader_height: float, limits: dict[str, float], said: str | None
-) -> None:
-    one = plan(vehicle="f1")
+    leader_height, limits, said
+):
+    one = plan_of(vehicle="f1")
     # The mission flies at 100 m: this path at 160 m.
     high = replace(one.paths["main"], heights=(60.0, 60.0))
     paths = {**one.paths, "high": high}
@@ -116,8 +117,8 @@ def test_a_path_at_another_height_is_refused_by_who_cannot_climb_there_with_the_
     assert climb_objection(order, f1, leader_height, "high") is None
 
 
-def test_the_guard_asks_for_no_height_above_the_fence(plan: MakePlan) -> None:
-    guard = SetpointGuard(plan(vehicle="f1"))
+def test_the_guard_asks_for_no_height_above_the_fence():
+    guard = SetpointGuard(plan_of(vehicle="f1"))
     assert guard.height(180.0, 150.0) == (150.0, None)
     assert guard.counters["height above the fence"] == 1
     assert guard.height(140.0, 150.0) == (140.0, None)
@@ -125,21 +126,14 @@ def test_the_guard_asks_for_no_height_above_the_fence(plan: MakePlan) -> None:
     assert guard.height(180.0, 10.0) == (20.0, None)
 
 
-@pytest.fixture
-def climbing() -> Callable[..., Mission]:
+def climbing(**fields: object) -> Mission:
     """A helix on which four aircraft climb from 100 m to 435 m."""
-
-    def make(**fields: object) -> Mission:
-        content: dict[str, Any] = load_mission(Path("climb-and-turn")).model_dump(
-            exclude_unset=True
-        )
-        content["path"] = {**content["path"], "end_height_m": 335.0}
-        return Mission.model_validate({**content, **fields})
-
-    return make
+    content: dict[str, Any] = content_of("climb-and-turn")
+    content["path"] = {**content["path"], "end_height_m": 335.0}
+    return Mission.model_validate({**content, **fields})
 
 
-def test_plans_know_the_fence_of_each_path(climbing: Callable[..., Mission]) -> None:
+def test_plans_know_the_fence_of_each_path():
     wait = {"type": "circle", "centre": {}, "radius_m": 200.0, "direction": "clockwise"}
     mission = climbing(fence={"max_height_m": 450}, paths={"wait": wait})
     one = flight_plan(mission, "f1")
@@ -147,12 +141,10 @@ def test_plans_know_the_fence_of_each_path(climbing: Callable[..., Mission]) -> 
     assert flight_plan(climbing(), "f1").ceiling == float("inf")
 
 
-def test_a_vehicle_whose_slot_is_above_the_fence_stays_below_it(
-    climbing: Callable[..., Mission],
-) -> None:
+def test_a_vehicle_whose_slot_is_above_the_fence_stays_below_it():
     # The slot of f1 is 5 m above a leader at 100 m and climbing; the fence ends at 110 m.
     mission = climbing(fence={"max_height_m": 110})
-    content = mission.model_dump(exclude_unset=True)
+    content = content_of(mission)
     content["rehearsal"] = {"rate_hz": 10.0, "start": {"leader": {"north_m": 0, "east_m": 0}}}
     mission = Mission.model_validate(content)
     aircraft = [Aircraft(mission, name) for name in ("leader", "f1")]

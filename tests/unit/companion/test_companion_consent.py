@@ -2,17 +2,16 @@
 
 import json
 import os
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from tests.kit.companion import heard_until, leader_bytes, new_flight
+from tests.kit.wire import parsed, spoken
 from vfguide.companion.consent import Consent, FileStore, default_directory
 from vfguide.companion.supervisor import Mode
-
-Make = Callable[..., Any]
 
 SET_MODE, HEADING, ARM = 176, 43_002, 400
 GUIDED, LOITER, MANUAL, RTL, FBWA, AUTO = 15, 12, 0, 11, 5, 10
@@ -26,7 +25,7 @@ def stored(directory: Path, consent: Consent) -> FileStore:
     return store
 
 
-def test_what_is_saved_is_found_by_the_next_process(tmp_path: Path) -> None:
+def test_what_is_saved_is_found_by_the_next_process(tmp_path):
     directory = tmp_path / "new" / "state"
     store = stored(directory, Consent(spent="it has been in GUIDED in this flight"))
     assert store.holds(Consent(spent="it has been in GUIDED in this flight"))
@@ -40,7 +39,7 @@ def test_what_is_saved_is_found_by_the_next_process(tmp_path: Path) -> None:
     "content",
     [b"", b"{", b"[]", b"\xff\xfe", b"[" * 4000, b'{"version": 2, "spent": ""}', b'{"version": 1}'],
 )
-def test_a_damaged_file_is_no_consent(tmp_path: Path, content: bytes) -> None:
+def test_a_damaged_file_is_no_consent(tmp_path, content):
     file = tmp_path / "f1.consent.json"
     file.write_bytes(content)
     store = FileStore(tmp_path, "f1")
@@ -56,7 +55,7 @@ def test_a_damaged_file_is_no_consent(tmp_path: Path, content: bytes) -> None:
     assert json.loads(file.read_text()) == {"version": 1, "spent": "", "steered": False}
 
 
-def test_a_directory_that_cannot_be_written_to_is_no_consent(tmp_path: Path) -> None:
+def test_a_directory_that_cannot_be_written_to_is_no_consent(tmp_path):
     (tmp_path / "state").write_text("a file where the directory should be")
     store = FileStore(tmp_path / "state", "f1")
     consent = store.load()
@@ -66,9 +65,7 @@ def test_a_directory_that_cannot_be_written_to_is_no_consent(tmp_path: Path) -> 
     assert "--state" in store.fault
 
 
-def test_state_lies_where_systemd_says_or_else_in_the_users_state_directory(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_state_lies_where_systemd_says_or_else_in_the_users_state_directory(monkeypatch):
     monkeypatch.setenv("XDG_STATE_HOME", "/home/pilot/.state")
     monkeypatch.setenv("STATE_DIRECTORY", "/var/lib/vfguide")
     assert default_directory() == Path("/var/lib/vfguide")
@@ -77,10 +74,8 @@ def test_state_lies_where_systemd_says_or_else_in_the_users_state_directory(
 
 
 @pytest.mark.parametrize("mode", [RTL, FBWA, MANUAL, LOITER])
-def test_a_companion_that_is_replaced_does_not_take_what_the_pilot_took(
-    flight: Make, mode: int
-) -> None:
-    flown = flight()
+def test_a_companion_that_is_replaced_does_not_take_what_the_pilot_took(mode):
+    flown = new_flight()
     flown.run(10.0)
     assert flown.autopilot.truth().mode == "GUIDED"
     flown.pilot(mode)
@@ -93,8 +88,8 @@ def test_a_companion_that_is_replaced_does_not_take_what_the_pilot_took(
     assert flown.mode_at(20.0) is Mode.PILOT
 
 
-def test_a_companion_that_is_replaced_while_it_steers_goes_on(flight: Make) -> None:
-    flown = flight()
+def test_a_companion_that_is_replaced_while_it_steers_goes_on():
+    flown = new_flight()
     flown.run(10.0)
     flown.restart()
     flown.run(14.0)
@@ -103,10 +98,8 @@ def test_a_companion_that_is_replaced_while_it_steers_goes_on(flight: Make) -> N
 
 
 @pytest.mark.parametrize("mode", [RTL, AUTO, FBWA, MANUAL])
-def test_a_companion_that_finds_the_aircraft_in_other_hands_leaves_it_there(
-    flight: Make, mode: int
-) -> None:
-    flown = flight()
+def test_a_companion_that_finds_the_aircraft_in_other_hands_leaves_it_there(mode):
+    flown = new_flight()
     flown.pilot(mode)
     flown.run(8.0)
     assert flown.times(SET_MODE) == []
@@ -117,8 +110,8 @@ def test_a_companion_that_finds_the_aircraft_in_other_hands_leaves_it_there(
     assert any("to be steered" in text for _, text in flown.texts())
 
 
-def test_a_deaf_companion_commands_no_mode(flight: Make) -> None:
-    flown = flight()
+def test_a_deaf_companion_commands_no_mode():
+    flown = new_flight()
     flown.run(10.0)
     flown.deaf = True
     flown.run(11.0)
@@ -129,8 +122,8 @@ def test_a_deaf_companion_commands_no_mode(flight: Make) -> None:
     assert flown.later(HEADING, 10.1) == []
 
 
-def test_after_a_hang_nothing_goes_by_what_was_said_meanwhile(flight: Make) -> None:
-    flown = flight()
+def test_after_a_hang_nothing_goes_by_what_was_said_meanwhile():
+    flown = new_flight()
     flown.run(10.0)
     flown.hang(29.0)
     flown.pilot(LOITER)
@@ -142,8 +135,8 @@ def test_after_a_hang_nothing_goes_by_what_was_said_meanwhile(flight: Make) -> N
     assert sum("stood still for 20 s" in text for _, text in flown.events) == 1
 
 
-def test_a_vehicle_that_is_disarmed_in_the_air_is_not_steered_on(flight: Make) -> None:
-    flown = flight()
+def test_a_vehicle_that_is_disarmed_in_the_air_is_not_steered_on():
+    flown = new_flight()
     flown.run(10.0)
     flown.command(ARM, 0, 21196)
     flown.run(20.0)
@@ -169,56 +162,49 @@ def toward(value: float, wanted: float, step: float) -> float:
     return value + min(max(wanted - value, -step), step)
 
 
-@pytest.fixture
-def asked(
-    flight: Make, spoken: Make, parsed: Make, leader_bytes: Make
-) -> Callable[..., list[float]]:
+def asked(*spans: dict[str, Any], landed: int | None = None) -> list[float]:
     """When GUIDED is asked for in five seconds of these reports after what came before.
 
     Between two of them it climbs or sinks by 10 m/s and changes its speed by 4 m/s², armed.
     """
-
-    def hear(*spans: dict[str, Any], landed: int | None = None) -> list[float]:
-        companion, times, now, north = flight().companion, [], 0.0, 0.0
-        speed, altitude = spans[0].get("speed", 20.0), spans[0].get("altitude", 588.0)
-        before = spans[0]
-        answers: list[mavlink.MAVLink_message] = []
-        for span in spans:
-            wanted = (span.get("speed", 20.0), span.get("altitude", 588.0))
-            left = round(span.get("length", 5.0) * 10)
-            while left > 0:
-                now = round(now + 0.1, 3)
-                arrived = (speed, altitude) == wanted
-                shown = span if arrived or span["armed"] else before
-                left -= arrived
-                speed, altitude = toward(speed, wanted[0], 0.4), toward(altitude, wanted[1], 1.0)
-                north += 0.1 * speed
-                companion.receive_link(leader_bytes(now), now)
-                messages = [
-                    *answers,
-                    beat(shown["status"], armed=shown["armed"]),
-                    place(now, north, speed, altitude),
-                ]
-                if landed is not None:
-                    messages.append(mavlink.MAVLink_extended_sys_state_message(0, landed))
-                sent = parsed(companion.receive_mavlink(spoken(*messages), now).to_autopilot)
-                times += [now for one in sent if getattr(one, "command", 0) == SET_MODE]
-                answers = [
-                    mavlink.MAVLink_timesync_message(round(now * 1e9), one.ts1)
-                    for one in sent
-                    if one.get_type() == "TIMESYNC"
-                ]
-            before = span
-        return times
-
-    return hear
+    companion, times, now, north = new_flight().companion, [], 0.0, 0.0
+    speed, altitude = spans[0].get("speed", 20.0), spans[0].get("altitude", 588.0)
+    before = spans[0]
+    answers: list[mavlink.MAVLink_message] = []
+    for span in spans:
+        wanted = (span.get("speed", 20.0), span.get("altitude", 588.0))
+        left = round(span.get("length", 5.0) * 10)
+        while left > 0:
+            now = round(now + 0.1, 3)
+            arrived = (speed, altitude) == wanted
+            shown = span if arrived or span["armed"] else before
+            left -= arrived
+            speed, altitude = toward(speed, wanted[0], 0.4), toward(altitude, wanted[1], 1.0)
+            north += 0.1 * speed
+            companion.receive_link(leader_bytes(now), now)
+            messages = [
+                *answers,
+                beat(shown["status"], armed=shown["armed"]),
+                place(now, north, speed, altitude),
+            ]
+            if landed is not None:
+                messages.append(mavlink.MAVLink_extended_sys_state_message(0, landed))
+            sent = parsed(companion.receive_mavlink(spoken(*messages), now).to_autopilot)
+            times += [now for one in sent if getattr(one, "command", 0) == SET_MODE]
+            answers = [
+                mavlink.MAVLink_timesync_message(round(now * 1e9), one.ts1)
+                for one in sent
+                if one.get_type() == "TIMESYNC"
+            ]
+        before = span
+    return times
 
 
 STANDING = {"status": 3, "armed": False, "speed": 0.0, "altitude": 488.0}
 FLYING = {"status": 4, "armed": True}
 
 
-def test_it_engages_in_the_air(asked: Make) -> None:
+def test_it_engages_in_the_air():
     assert asked(FLYING)
     assert asked(FLYING, landed=mavlink.MAV_LANDED_STATE_IN_AIR)
 
@@ -227,20 +213,16 @@ def test_it_engages_in_the_air(asked: Make) -> None:
     "change",
     [{"status": 3}, {"status": 5}, {"armed": False}, {"speed": 5.0}, {"altitude": 500.0}],
 )
-def test_it_does_not_engage_on_the_ground_too_low_or_in_a_fail_safe(
-    asked: Make, change: dict[str, Any]
-) -> None:
+def test_it_does_not_engage_on_the_ground_too_low_or_in_a_fail_safe(change):
     assert asked(FLYING | change) == []
 
 
 @pytest.mark.parametrize("landed", [0, 1, 3, 4])
-def test_it_does_not_engage_where_the_autopilot_says_that_it_is_not_in_the_air(
-    asked: Make, landed: int
-) -> None:
+def test_it_does_not_engage_where_the_autopilot_says_that_it_is_not_in_the_air(landed):
     assert asked(FLYING, landed=landed) == []
 
 
-def test_the_next_flight_begins_when_it_is_seen_disarmed_on_the_ground(asked: Make) -> None:
+def test_the_next_flight_begins_when_it_is_seen_disarmed_on_the_ground():
     # A fail-safe ends the consent of a flight, a landing that flight.
     failed = FLYING | {"status": 5}
     assert asked(failed, FLYING) == []
@@ -251,9 +233,9 @@ def test_the_next_flight_begins_when_it_is_seen_disarmed_on_the_ground(asked: Ma
     assert asked(failed, STANDING | {"length": 7.0, "altitude": 588.0}, FLYING) == []
 
 
-def test_a_reboot_in_the_air_does_not_end_the_flight(flight: Make, spoken: Make) -> None:
+def test_a_reboot_in_the_air_does_not_end_the_flight():
     # For 9 s without a fix: disarmed, standing by, no speed. The pilot has taken LOITER before.
-    flown = flight()
+    flown = new_flight()
     flown.run(8.0)
     flown.pilot(LOITER)
 
@@ -274,8 +256,8 @@ def test_a_reboot_in_the_air_does_not_end_the_flight(flight: Make, spoken: Make)
     assert flown.autopilot.truth().mode == "LOITER"
 
 
-def test_a_companion_that_has_stood_still_hands_back_what_it_steered(flight: Make) -> None:
-    flown = flight()
+def test_a_companion_that_has_stood_still_hands_back_what_it_steered():
+    flown = new_flight()
     flown.run(8.0)
     flown.hang(12.0)
     flown.companion.receive_mavlink(b"", 12.0)
@@ -286,8 +268,8 @@ def test_a_companion_that_has_stood_still_hands_back_what_it_steered(flight: Mak
     assert flown.companion.released
 
 
-def test_a_stop_before_guided_shows_is_followed_by_handing_back(flight: Make) -> None:
-    flown = flight()
+def test_a_stop_before_guided_shows_is_followed_by_handing_back():
+    flown = new_flight()
     flown.run(1.05)
     assert flown.times(SET_MODE) == [1.0]
     flown.companion.stop(1.06)
@@ -297,11 +279,9 @@ def test_a_stop_before_guided_shows_is_followed_by_handing_back(flight: Make) ->
     assert flown.companion.released
 
 
-def test_guided_of_the_pilots_own_is_not_undone_where_nothing_was_steered(
-    flight: Make, until: Make
-) -> None:
-    flown = flight(
-        engage=False, link=until(1.0), patience={"prediction_s": 1.0, "breakaway_s": 1.0}
+def test_guided_of_the_pilots_own_is_not_undone_where_nothing_was_steered():
+    flown = new_flight(
+        engage=False, link=heard_until(1.0), patience={"prediction_s": 1.0, "breakaway_s": 1.0}
     )
     flown.run(4.0)
     flown.pilot(GUIDED)
@@ -317,10 +297,8 @@ def test_guided_of_the_pilots_own_is_not_undone_where_nothing_was_steered(
     ]
 
 
-def test_a_speed_that_every_mode_obeys_is_not_sent_without_heartbeats(
-    flight: Make, parsed: Make, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    flown = flight(kind="px4")
+def test_a_speed_that_every_mode_obeys_is_not_sent_without_heartbeats(monkeypatch):
+    flown = new_flight(kind="px4")
     flown.run(5.0)
     assert flown.mode_at(5.0).steers
     advance = flown.autopilot.advance
@@ -335,15 +313,15 @@ def test_a_speed_that_every_mode_obeys_is_not_sent_without_heartbeats(
     assert flown.later(178, 7.6) == []
 
 
-def test_a_state_that_cannot_be_kept_is_told_at_the_start(flight: Make, tmp_path: Path) -> None:
+def test_a_state_that_cannot_be_kept_is_told_at_the_start(tmp_path):
     file = tmp_path / "f1.consent.json"
     file.write_text("[" * 4000)
-    flown = flight(store=FileStore(tmp_path, "f1"), link=lambda _now: [])
+    flown = new_flight(store=FileStore(tmp_path, "f1"), link=lambda _now: [])
     flown.run(0.2)
     assert any("cannot be read (damaged)" in text for _, text in flown.texts())
 
 
-def test_a_pipe_in_place_of_the_file_is_no_consent(tmp_path: Path) -> None:
+def test_a_pipe_in_place_of_the_file_is_no_consent(tmp_path):
     os.mkfifo(tmp_path / "f1.consent.json")
     store = FileStore(tmp_path, "f1")
     assert store.load().is_spent

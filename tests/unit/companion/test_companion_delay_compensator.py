@@ -1,11 +1,11 @@
 """The near future of a vehicle, against a vehicle that is stepped finely by the same kind of response."""
 
 import math
-from pathlib import Path
 
 import pytest
 from msgspec.structs import replace
 
+from tests.kit.missions import shipped
 from vfguide.companion.delay_compensator import SLIPPING, DelayCompensator, Memory, memory_of, steps
 from vfguide.companion.mission_plan import flight_plan
 from vfguide.guidance.airframe import (
@@ -21,10 +21,7 @@ from vfguide.guidance.airframe import (
 )
 from vfguide.guidance.bandwidth import AS_DECLARED, Certainty, bandwidth_of
 from vfguide.laws.field import SlotField
-from vfguide.mission import load_mission
 from vfguide.state import Airframe, Setpoint, VehicleState
-
-MISSIONS = Path(__file__).parents[3] / "missions"
 
 LATE = Airframe(alpha=1.03, beta=0.55, course_lag=0.4, speed_dead_time=0.5, course_dead_time=0.2)
 PERIOD = 0.05
@@ -51,7 +48,7 @@ def state(**values: float) -> VehicleState[float]:
 
 @pytest.mark.parametrize("lag", [0.0, 0.4])
 @pytest.mark.parametrize("turn_rate", [-0.3, 0.0, 0.13, 0.35])
-def test_a_course_error_for_a_turn_rate_brings_that_turn_rate(lag: float, turn_rate: float) -> None:
+def test_a_course_error_for_a_turn_rate_brings_that_turn_rate(lag, turn_rate):
     airframe = Airframe(course_lag=lag)
     for speed in (15.0, 20.0, 25.0):
         error = course_error_for(turn_rate, speed, airframe)
@@ -59,12 +56,12 @@ def test_a_course_error_for_a_turn_rate_brings_that_turn_rate(lag: float, turn_r
         assert coordinated_turn_rate(bank, speed) == pytest.approx(turn_rate, abs=1e-12)
 
 
-def test_a_lag_leaves_a_third_after_its_time_constant() -> None:
+def test_a_lag_leaves_a_third_after_its_time_constant():
     assert first_order_lag(1.0, 0.0, 0.4, 0.4) == pytest.approx(math.exp(-1.0))
     assert first_order_lag(1.0, 0.0, 0.4, 0.0) == 0.0
 
 
-def test_a_vehicle_moves_with_the_wind_and_along_its_turn() -> None:
+def test_a_vehicle_moves_with_the_wind_and_along_its_turn():
     # 0.2 rad/s at 20 m/s are a radius of 100 m; after 1 s the arc is 20 m long.
     bank = math.atan(0.2 * 20.0 / 9.80665)
     now = state(wind_east=3.0, course=math.atan2(3.0, 20.0), ground_speed=math.hypot(20.0, 3.0))
@@ -111,7 +108,7 @@ def ahead_of(delay_compensator: DelayCompensator) -> VehicleState[float]:
     return seen[1]
 
 
-def test_the_future_is_what_comes() -> None:
+def test_the_future_is_what_comes():
     delay_compensator, later = DelayCompensator(LATE), DelayCompensator(LATE)
     flown(delay_compensator, LATE, Bias(), 1.0)
     expected = flown(later, LATE, Bias(), 1.5)
@@ -124,7 +121,7 @@ def test_the_future_is_what_comes() -> None:
     assert ahead.east == pytest.approx(expected.east, abs=0.05)
 
 
-def test_what_the_vehicle_does_beyond_its_model_is_taken_off() -> None:
+def test_what_the_vehicle_does_beyond_its_model_is_taken_off():
     delay_compensator = DelayCompensator(LATE)
     now = flown(delay_compensator, LATE, Bias(turn_rate=0.05, acceleration=0.3), 4.0)
     still = delay_compensator.setpoint(
@@ -146,9 +143,7 @@ def test_what_the_vehicle_does_beyond_its_model_is_taken_off() -> None:
         ({"wind_east": 9.0}, math.sqrt(63.0), math.sqrt(943.0)),  # 12² - 9², 32² - 9²
     ],
 )
-def test_a_ground_speed_is_one_that_the_airspeed_range_allows(
-    wind: dict[str, float], slowest: float, fastest: float
-) -> None:
+def test_a_ground_speed_is_one_that_the_airspeed_range_allows(wind, slowest, fastest):
     # Half a second late, nothing on its way: northbound, whatever the laws ask for.
     delay_compensator = DelayCompensator(replace(LATE, hold="course-hold"))
     delay_compensator.observe(state(**wind))
@@ -162,7 +157,7 @@ def test_a_ground_speed_is_one_that_the_airspeed_range_allows(
     assert told(60.0) == pytest.approx(fastest)
 
 
-def test_a_ground_speed_is_allowed_by_the_wind_on_the_course_on_which_it_takes_effect() -> None:
+def test_a_ground_speed_is_allowed_by_the_wind_on_the_course_on_which_it_takes_effect():
     # It turns right by 0.2 rad/s, nobody steers it: after the dead time of 0.5 s by 0.1 rad.
     airframe = replace(LATE, hold="course-hold")
     delay_compensator = DelayCompensator(airframe)
@@ -176,7 +171,7 @@ def test_a_ground_speed_is_allowed_by_the_wind_on_the_course_on_which_it_takes_e
     assert told == pytest.approx(tail + math.sqrt(32.0**2 - cross**2), abs=0.01)
 
 
-def test_steps_make_up_their_span() -> None:
+def test_steps_make_up_their_span():
     assert list(steps(0.0)) == []
     assert sum(steps(0.52)) == pytest.approx(0.52)
     assert max(steps(0.52)) <= 0.05
@@ -184,7 +179,7 @@ def test_steps_make_up_their_span() -> None:
 
 def field_of(gains: dict[str, float] | None = None, **airframe: float | str) -> SlotField:
     """The field of the mission circle-wind, but for what is given of gains and airframe."""
-    plan = flight_plan(load_mission(MISSIONS / "circle-wind.yaml"), "f1")
+    plan = flight_plan(shipped("circle-wind"), "f1")
     chosen = plan.gains.model_copy(update=gains)
     return SlotField(chosen, plan.settings, replace(plan.airframe, **airframe))
 
@@ -215,14 +210,14 @@ def speed_gain(field: SlotField) -> float:
     return sliding.kappa / sliding.layer(0.04, sliding.speed_bandwidth)
 
 
-def test_without_a_delay_nothing_is_slowed() -> None:
+def test_without_a_delay_nothing_is_slowed():
     known = field_of()
     bounded = within(known, slips=False)
     assert bounded.gains == known.gains
     assert (course_gain(bounded), speed_gain(bounded)) == (course_gain(known), speed_gain(known))
 
 
-def test_each_field_is_slower_than_the_law_inside_it() -> None:
+def test_each_field_is_slower_than_the_law_inside_it():
     known = field_of(course_dead_time=0.4, course_lag=0.2, speed_dead_time=0.6)
     slowed = within(known, slips=False)
     share = 2.0 / math.pi
@@ -233,7 +228,7 @@ def test_each_field_is_slower_than_the_law_inside_it() -> None:
     assert course_gain(slowed) < course_gain(known)
 
 
-def test_a_long_memory_hardly_answers_to_a_swing() -> None:
+def test_a_long_memory_hardly_answers_to_a_swing():
     """The turn rate swings by 0.1 rad/s at 1 Hz: what of that is sent back as a course."""
     spreads = []
     for memory in (Memory(), SLIPPING):
@@ -265,14 +260,14 @@ def sent_errors(memory: Memory, asked: list[float]) -> list[float]:
     return sent
 
 
-def test_a_swing_in_what_is_asked_of_a_vehicle_that_slips_is_answered_by_a_third() -> None:
+def test_a_swing_in_what_is_asked_of_a_vehicle_that_slips_is_answered_by_a_third():
     # A low-pass of 0.5 s at 0.9 Hz: 1 / sqrt(1 + (2 pi 0.9 0.5)²) = 0.333, of a small angle in still air.
     swing = [0.01 * math.sin(math.tau * 0.9 * step * PERIOD) for step in range(400)]
     usual, slipping = (max(sent_errors(memory, swing)[200:]) for memory in (Memory(), SLIPPING))
     assert slipping / usual == pytest.approx(0.333, abs=0.02)
 
 
-def test_a_lasting_turn_is_asked_of_a_vehicle_that_slips_in_full() -> None:
+def test_a_lasting_turn_is_asked_of_a_vehicle_that_slips_in_full():
     # What is left after 0.5 s is 1/e of the step, after 5 s nothing.
     asked = [0.0] + [0.01] * 100
     usual, slipping = sent_errors(Memory(), asked), sent_errors(SLIPPING, asked)
@@ -281,9 +276,7 @@ def test_a_lasting_turn_is_asked_of_a_vehicle_that_slips_in_full() -> None:
 
 
 @pytest.mark.parametrize(("k_x", "expected_k_x"), [(0.05, 0.05), (10.0, 0.4 / (12.0 / math.pi))])
-def test_what_is_sent_as_speed_has_nothing_of_the_measured_one(
-    k_x: float, expected_k_x: float
-) -> None:
+def test_what_is_sent_as_speed_has_nothing_of_the_measured_one(k_x, expected_k_x):
     beta = 1.2
     gains = {"k_x": k_x, "v_inf_m_s": 6.0}
     known = field_of(gains, beta=beta, speed_dead_time=0.8, speed_hold="total-energy")
@@ -299,21 +292,21 @@ def test_what_is_sent_as_speed_has_nothing_of_the_measured_one(
     assert not sent.answers_course_error
 
 
-def test_a_total_energy_hold_is_learned_slowly_whether_or_not_the_vehicle_slips() -> None:
+def test_a_total_energy_hold_is_learned_slowly_whether_or_not_the_vehicle_slips():
     assert memory_of(slips=False, speed_hold="first-order") == Memory()
     assert memory_of(slips=False, speed_hold="total-energy") == Memory(acceleration_s=10.0)
     slipping = memory_of(slips=True, speed_hold="total-energy")
     assert slipping == Memory(turn_rate_s=3.0, acceleration_s=10.0, answer_s=0.5)
 
 
-def test_the_course_law_of_a_vehicle_that_slips_is_no_faster_than_its_yaw_bears() -> None:
+def test_the_course_law_of_a_vehicle_that_slips_is_no_faster_than_its_yaw_bears():
     # kappa 3 and factor 4.8 alone: 1 / (4.8 (0.05 + 0.2 * 0.5)) = 1.4 1/s.
     slowed = within(field_of(course_dead_time=0.5), slips=True)
     assert course_gain(slowed) == pytest.approx(0.45)
     assert 20.0 * 2.0 / math.pi * slowed.gains.chi_inf * slowed.gains.k_y <= 0.225 + 1e-9
 
 
-def test_a_vehicle_that_nobody_steers_is_expected_to_turn_on() -> None:
+def test_a_vehicle_that_nobody_steers_is_expected_to_turn_on():
     delay_compensator = DelayCompensator(LATE)
     bank = math.atan(0.1 * 20.0 / 9.80665)
     now = state()

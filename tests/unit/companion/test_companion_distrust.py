@@ -10,17 +10,17 @@ from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sitl_stub import Autopilot, Truth
+from tests.kit.companion import leader_bytes, new_flight
+from tests.kit.missions import plan_of
+from tests.kit.wire import parsed, spoken
 from vfguide.companion.alerts import Alerts
 from vfguide.companion.distrust import AltitudeGate, Doubt, NavigationHealth
-from vfguide.companion.plan import FlightPlan
 from vfguide.companion.plausibility import GateVerdict, Judgement
 from vfguide.companion.state_receiver import StateReceiver
 from vfguide.companion.supervisor import Mode
 from vfguide.companion.timing import SAME_CLOCK
 from vfguide.mavlink.codec import REPORTS
 from vfguide.mavlink.reports import EstimatorReport, GpsReport, SensorsReport
-
-Make = Callable[..., Any]
 
 RTL = 11
 
@@ -38,7 +38,7 @@ def told(faults: Iterable[tuple[float, float]], until_s: float) -> list[tuple[fl
     return words
 
 
-def test_a_second_fault_that_lasts_is_told_soon_after_the_first() -> None:
+def test_a_second_fault_that_lasts_is_told_soon_after_the_first():
     words = told([(20.0, 20.4), (24.0, 90.0)], 60.0)
     assert [time for time, _ in words] == [20.0, 20.4, 25.0]
     assert words[2][1].startswith("a speed: not steered")
@@ -46,7 +46,7 @@ def test_a_second_fault_that_lasts_is_told_soon_after_the_first() -> None:
     assert words[2][1] != words[0][1]
 
 
-def test_each_recovery_that_follows_a_fault_of_which_was_told_is_told() -> None:
+def test_each_recovery_that_follows_a_fault_of_which_was_told_is_told():
     words = [word for _, word in told([(20.0, 21.0), (24.0, 26.0)], 60.0)]
     assert [word.startswith("position and velocity are right again") for word in words] == [
         False,
@@ -57,13 +57,13 @@ def test_each_recovery_that_follows_a_fault_of_which_was_told_is_told() -> None:
     assert len(set(words)) == 4
 
 
-def test_a_fault_that_comes_and_goes_is_no_flood() -> None:
+def test_a_fault_that_comes_and_goes_is_no_flood():
     words = told([(20.0 + 0.5 * k, 20.2 + 0.5 * k) for k in range(60)], 60.0)
     assert len(words) <= 8
 
 
 @pytest.fixture
-def edited(parsed: Make, spoken: Make) -> Callable[..., Any]:
+def edited() -> Callable[..., Any]:
     """Makes an autopilot one whose estimator has no position for some time."""
 
     class Edited:
@@ -89,8 +89,8 @@ def edited(parsed: Make, spoken: Make) -> Callable[..., Any]:
     return Edited
 
 
-def test_an_estimator_that_comes_back_is_steered_by_once(flight: Make, edited: Make) -> None:
-    flown = flight()
+def test_an_estimator_that_comes_back_is_steered_by_once(edited):
+    flown = new_flight()
     flown.autopilot = edited(flown.autopilot, 40.0, 45.0)
     flown.run(70.0)
     changes = [text for time, text in flown.events if time > 38.0 and "->" in text]
@@ -102,10 +102,8 @@ def test_an_estimator_that_comes_back_is_steered_by_once(flight: Make, edited: M
     assert sum("are right again" in text for text in texts) == 1
 
 
-def test_a_mode_that_the_autopilot_denies_is_not_called_the_pilots(
-    flight: Make, spoken: Make
-) -> None:
-    flown = flight()
+def test_a_mode_that_the_autopilot_denies_is_not_called_the_pilots():
+    flown = new_flight()
     flown.run(15.0)
     flown.pilot(RTL)
     flown.run(18.0)
@@ -130,7 +128,7 @@ def judged(altitudes: list[float], interval_s: float = 1.0) -> list[bool]:
 
 
 @given(st.lists(st.floats(-14.9, 14.9), min_size=1, max_size=50))
-def test_what_an_aircraft_can_climb_is_believed(rates: list[float]) -> None:
+def test_what_an_aircraft_can_climb_is_believed(rates):
     altitudes = [588.0]
     for rate in rates:
         altitudes.append(altitudes[-1] + rate)
@@ -138,39 +136,37 @@ def test_what_an_aircraft_can_climb_is_believed(rates: list[float]) -> None:
 
 
 @given(st.floats(26.0, 1000.0), st.sampled_from([-1.0, 1.0]))
-def test_a_step_is_doubted_at_once(step: float, side: float) -> None:
+def test_a_step_is_doubted_at_once(step, side):
     assert judged([588.0, 588.0, 588.0 + side * step]) == [True, True, False]
 
 
-def test_steps_that_are_small_enough_one_by_one_do_not_add_up() -> None:
+def test_steps_that_are_small_enough_one_by_one_do_not_add_up():
     # 12 m every tenth of a second; an aircraft dives or climbs by 1.5 m. 10.5 m are left over, then 21.
     altitudes = [588.0, 588.0, 588.0, 600.0, 612.0, 624.0, 636.0]
     assert judged(altitudes, interval_s=0.1) == [True, True, True, False, False, False, False]
 
 
-def test_a_climb_at_ten_metres_a_second_is_believed_for_as_long_as_it_lasts() -> None:
+def test_a_climb_at_ten_metres_a_second_is_believed_for_as_long_as_it_lasts():
     assert all(judged([588.0 + 1.0 * number for number in range(300)], interval_s=0.1))
 
 
-def test_the_old_altitude_is_believed_again_after_two_seconds_of_agreement() -> None:
+def test_the_old_altitude_is_believed_again_after_two_seconds_of_agreement():
     # Doubted at 2 s and 3 s; back at 4 s, agreed with itself at 6 s.
     assert judged([588.0, 588.0, 688.0, 688.0, 588.0, 588.0, 588.0, 588.0]) == (
         [True] * 2 + [False] * 4 + [True] * 2
     )
 
 
-def test_a_step_of_a_hundred_metres_that_stays_is_doubted_for_three_minutes() -> None:
+def test_a_step_of_a_hundred_metres_that_stays_is_doubted_for_three_minutes():
     # 10 m and 0.5 m/s reach 100 m at 180 s after the last believed report, at 1 s.
     believed = judged([588.0] * 2 + [688.0] * 200)
     assert believed.index(True, 2) == 181
 
 
 @pytest.mark.parametrize("step", [100.0, -100.0])
-def test_a_neighbour_whose_altitude_steps_has_none(
-    plan: Callable[..., FlightPlan], leader_bytes: Make, step: float
-) -> None:
+def test_a_neighbour_whose_altitude_steps_has_none(step):
     alerts = Alerts()
-    receiver = StateReceiver(plan().frame, SAME_CLOCK, alerts, whose="f2")
+    receiver = StateReceiver(plan_of().frame, SAME_CLOCK, alerts, whose="f2")
     for number in range(20):
         time_s = number / 5
         altitude = 588.0 + (step if number >= 10 else 0.0)
@@ -233,7 +229,7 @@ def fault_of(message: mavlink.MAVLink_message, for_s: float = 2.0) -> str | None
         sensors(0, 0x20, 0),
     ],
 )
-def test_what_real_autopilots_send_in_good_health_is_good(message: mavlink.MAVLink_message) -> None:
+def test_what_real_autopilots_send_in_good_health_is_good(message):
     assert fault_of(message) is None
 
 
@@ -250,12 +246,12 @@ def test_what_real_autopilots_send_in_good_health_is_good(message: mavlink.MAVLi
         (sensors(0x200000, 0x200000, 0), "the autopilot says that its attitude estimate fails"),
     ],
 )
-def test_what_is_bad_for_a_second_is_told(message: mavlink.MAVLink_message, words: str) -> None:
+def test_what_is_bad_for_a_second_is_told(message, words):
     assert fault_of(message, 0.5) is None
     assert fault_of(message) == words
 
 
-def test_what_is_not_said_any_more_is_unknown() -> None:
+def test_what_is_not_said_any_more_is_unknown():
     health = NavigationHealth()
     for now in (0.0, 1.0, 2.0):
         health.take(GpsReport(fix_type=0, accuracy=None), now)

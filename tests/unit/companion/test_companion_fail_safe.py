@@ -1,12 +1,14 @@
 """A companion that can do nothing any more leaves the aircraft to its autopilot's fail-safe, and says so."""
 
-from collections.abc import Callable
 from typing import Any
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-Make = Callable[..., Any]
+from tests.kit.companion import heard_until, new_flight
+from tests.kit.missions import plan_of
+from tests.kit.wire import spoken
+
 Flown = Any
 
 SET_MODE = mavlink.MAV_CMD_DO_SET_MODE
@@ -30,8 +32,8 @@ def texts(flown: Flown, since_s: float) -> list[str]:
     return [text for time_s, text in flown.texts() if time_s >= since_s]
 
 
-def test_a_deaf_companion_lets_the_autopilots_fail_safe_take_over(flight: Make) -> None:
-    flown = flight()
+def test_a_deaf_companion_lets_the_autopilots_fail_safe_take_over():
+    flown = new_flight()
     set_up(flown)
     flown.run(DEAF_S)
     assert flown.autopilot.truth().mode == "GUIDED"
@@ -46,8 +48,8 @@ def test_a_deaf_companion_lets_the_autopilots_fail_safe_take_over(flight: Make) 
     assert len(said) == 3
 
 
-def test_so_does_one_that_hears_positions_and_no_heartbeats(flight: Make) -> None:
-    flown = flight()
+def test_so_does_one_that_hears_positions_and_no_heartbeats():
+    flown = new_flight()
     set_up(flown)
     flown.run(DEAF_S)
     autopilot = flown.autopilot
@@ -72,10 +74,8 @@ def test_so_does_one_that_hears_positions_and_no_heartbeats(flight: Make) -> Non
     assert flown.later(SET_MODE, DEAF_S) == []
 
 
-def test_it_speaks_again_once_it_hears_again_and_does_not_take_the_aircraft_back(
-    flight: Make,
-) -> None:
-    flown = flight()
+def test_it_speaks_again_once_it_hears_again_and_does_not_take_the_aircraft_back():
+    flown = new_flight()
     set_up(flown)
     flown.run(DEAF_S)
     flown.deaf = True
@@ -87,10 +87,8 @@ def test_it_speaks_again_once_it_hears_again_and_does_not_take_the_aircraft_back
     assert flown.later(SET_MODE, DEAF_S) == []
 
 
-def test_a_pilot_who_has_taken_over_is_not_disturbed_by_a_companion_that_goes_deaf(
-    flight: Make,
-) -> None:
-    flown = flight()
+def test_a_pilot_who_has_taken_over_is_not_disturbed_by_a_companion_that_goes_deaf():
+    flown = new_flight()
     set_up(flown)
     flown.run(DEAF_S)
     flown.pilot(0)
@@ -100,8 +98,8 @@ def test_a_pilot_who_has_taken_over_is_not_disturbed_by_a_companion_that_goes_de
     assert flown.autopilot.truth().mode == "MANUAL"
 
 
-def test_guided_by_hand_without_a_leader_is_told_to_the_pilot(flight: Make, until: Make) -> None:
-    flown = flight(engage=False, link=until(-1.0))
+def test_guided_by_hand_without_a_leader_is_told_to_the_pilot():
+    flown = new_flight(engage=False, link=heard_until(-1.0))
     flown.run(5.0)
     flown.pilot(GUIDED)
     flown.run(30.0)
@@ -110,10 +108,8 @@ def test_guided_by_hand_without_a_leader_is_told_to_the_pilot(flight: Make, unti
     ]
 
 
-def test_refusals_that_nobody_asked_for_do_not_end_the_steering_of_a_px4(
-    flight: Make, spoken: Make
-) -> None:
-    flown = flight(kind="px4", version=(1, 18))
+def test_refusals_that_nobody_asked_for_do_not_end_the_steering_of_a_px4():
+    flown = new_flight(kind="px4", version=(1, 18))
     flown.run(15.0)
     refusal = mavlink.MAVLink_command_ack_message(SET_MODE, mavlink.MAV_RESULT_DENIED)
     flown.forge = lambda now: spoken(refusal) if 15.2 < now < 15.5 else b""
@@ -122,10 +118,8 @@ def test_refusals_that_nobody_asked_for_do_not_end_the_steering_of_a_px4(
 
 
 @pytest.mark.parametrize("leap_s", [1.1, 1.9])
-def test_a_leap_of_the_boot_time_excuses_no_step_of_the_place(
-    flight: Make, plan: Make, leap_s: float
-) -> None:
-    flown = flight()
+def test_a_leap_of_the_boot_time_excuses_no_step_of_the_place(leap_s):
+    flown = new_flight()
     flown.run(20.0)
     autopilot = flown.autopilot
     sender = mavlink.MAVLink(None, srcSystem=2, srcComponent=1)
@@ -149,15 +143,13 @@ def test_a_leap_of_the_boot_time_excuses_no_step_of_the_place(
     flown.autopilot = Leaping()
     flown.run(30.0)
     truth = autopilot.truth()
-    north_m, _ = plan().frame.to_local(truth.latitude_deg, truth.longitude_deg)
+    north_m, _ = plan_of().frame.to_local(truth.latitude_deg, truth.longitude_deg)
     # The leader is at 20 m/s times the time, f1's slot 20 m behind; 0.3 s of the leap are an ordinary link's.
     assert abs(20.0 * 30.0 - 20.0 - north_m) < 8.0
 
 
-def test_guidance_that_fails_hands_the_aircraft_back_and_says_why(
-    flight: Make, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    flown = flight()
+def test_guidance_that_fails_hands_the_aircraft_back_and_says_why(monkeypatch):
+    flown = new_flight()
     flown.run(DEAF_S)
     assert flown.autopilot.truth().mode == "GUIDED"
 

@@ -1,18 +1,15 @@
 import math
-from collections.abc import Callable
-from typing import Any
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
+from tests.kit.missions import shipped
+from tests.kit.wire import parsed
 from vfguide.companion.core import Companion
 from vfguide.companion.mission_plan import adapter_of, flight_plan
 from vfguide.link.codec import LeaderMessage, encode
-from vfguide.mission.model import Mission
-
-Make = Callable[..., Any]
 
 HEARTBEATS = st.builds(
     mavlink.MAVLink_heartbeat_message,
@@ -86,14 +83,9 @@ def is_sound(message: MAVLink_message, limits: tuple[float, float]) -> bool:
 
 @settings(deadline=None, derandomize=True, max_examples=250)
 @given(variant=VARIANTS, steps=STEPS)
-def test_whatever_arrives_a_companion_goes_on_and_sends_sound_messages(
-    mission: Callable[[str], Mission],
-    parsed: Make,
-    variant: tuple[str, str, str, str],
-    steps: list[tuple[float, list[MAVLink_message], LeaderMessage | None]],
-) -> None:
+def test_whatever_arrives_a_companion_goes_on_and_sends_sound_messages(variant, steps):
     vehicle, kind, hold, speed_source = variant
-    article = mission("line-calm")
+    article = shipped("line-calm")
     declared = article.vehicles[vehicle].model_copy(update={"autopilot": kind, "plant": hold})
     chosen = article.controller.model_copy(update={"leader_speed_source": speed_source})
     changed = {"vehicles": {**article.vehicles, vehicle: declared}, "controller": chosen}
@@ -118,10 +110,8 @@ def test_whatever_arrives_a_companion_goes_on_and_sends_sound_messages(
 @given(
     datagrams=st.lists(st.binary(max_size=120), max_size=6), links=st.lists(st.binary(max_size=100))
 )
-def test_random_bytes_from_everywhere_are_borne(
-    mission: Callable[[str], Mission], datagrams: list[bytes], links: list[bytes]
-) -> None:
-    article = mission("line-calm")
+def test_random_bytes_from_everywhere_are_borne(datagrams, links):
+    article = shipped("line-calm")
     companion = Companion(
         flight_plan(article, "f1"), adapter_of(article.vehicles["f1"]), engage=True
     )

@@ -12,28 +12,27 @@ from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
+from tests.kit.missions import content_of, plan_of
 from vfguide.companion import order_program
 from vfguide.companion.core import Companion
 from vfguide.companion.ground_orders import ground_orders_of, order_codes
 from vfguide.companion.mission_plan import adapter_of
 from vfguide.companion.order_program import MOST_LINES, OrderProgram
-from vfguide.companion.plan import FlightPlan
 from vfguide.mavlink.framing import ConnectionSigning
 from vfguide.mavlink.reports import OrderRequest
-from vfguide.mission import Mission, load_mission
+from vfguide.mission import Mission
 
 Hear = Callable[..., tuple[list[MAVLink_message], list[tuple[str, ...]]]]
 
 USER_1, USER_2 = 31_010, 31_011
 ACCEPTED, TEMPORARILY_REJECTED, DENIED, UNSUPPORTED = 0, 1, 2, 3
 STATION = (255, 190)
-MISSIONS = Path(__file__).parents[3] / "missions"
 
 
 @pytest.fixture(scope="module")
 def mission() -> Mission:
     """One with another path, and deputies."""
-    content = load_mission(MISSIONS / "shapes.yaml").model_dump(exclude_unset=True)
+    content = content_of("shapes")
     paths = {
         "survey": {"type": "circle", "centre": {}, "radius_m": 300.0, "direction": "clockwise"}
     }
@@ -58,14 +57,14 @@ def command(
 
 
 @pytest.fixture
-def heard(plan: Callable[..., FlightPlan], mission: Mission) -> Hear:
+def heard(mission: Mission) -> Hear:
     """What f1's companion answers to bytes, and which orders it hands on."""
 
     def hear(
         *datagrams: bytes, takes_orders: bool = True, key: bytes | None = None
     ) -> tuple[list[MAVLink_message], list[tuple[str, ...]]]:
         companion = Companion(
-            plan(vehicle="f1"),
+            plan_of(vehicle="f1"),
             adapter_of(mission.vehicles["f1"]),
             engage=False,
             signing=None if key is None else ConnectionSigning(key, lambda: 1.8e9),
@@ -82,7 +81,7 @@ def heard(plan: Callable[..., FlightPlan], mission: Mission) -> Hear:
     return hear
 
 
-def test_each_code_is_one_order(mission: Mission) -> None:
+def test_each_code_is_one_order(mission):
     assert order_codes(mission) == {
         1: ("abort",),
         2: ("hold",),
@@ -117,9 +116,7 @@ def test_each_code_is_one_order(mission: Mission) -> None:
         (31, (), ("path", "survey")),
     ],
 )
-def test_a_request_is_accepted_and_handed_on_as_an_order(
-    heard: Hear, code: float, values: tuple[float, ...], words: tuple[str, ...]
-) -> None:
+def test_a_request_is_accepted_and_handed_on_as_an_order(heard, code, values, words):
     answers, requested = heard(command(code, *values))
     assert requested == [words]
     (answer,) = answers
@@ -149,15 +146,13 @@ def test_a_request_is_accepted_and_handed_on_as_an_order(
         (7, (2, 1e6, 0), DENIED),
     ],
 )
-def test_what_is_no_order_is_refused(
-    heard: Hear, code: float, values: tuple[float, ...], result: int
-) -> None:
+def test_what_is_no_order_is_refused(heard, code, values, result):
     answers, requested = heard(command(code, *values))
     assert [one.result for one in answers] == [result]
     assert requested == []
 
 
-def test_a_companion_that_was_not_told_to_hears_no_requests(heard: Hear) -> None:
+def test_a_companion_that_was_not_told_to_hears_no_requests(heard):
     assert heard(command(1), takes_orders=False) == ([], [])
 
 
@@ -173,11 +168,11 @@ def test_a_companion_that_was_not_told_to_hears_no_requests(heard: Hear) -> None
         command(1)[:-1] + b"\x00",
     ],
 )
-def test_what_is_for_another_or_for_all_or_damaged_is_passed_over(heard: Hear, data: bytes) -> None:
+def test_what_is_for_another_or_for_all_or_damaged_is_passed_over(heard, data):
     assert heard(data) == ([], [])
 
 
-def test_on_a_signed_connection_only_who_has_the_key_requests_orders(heard: Hear) -> None:
+def test_on_a_signed_connection_only_who_has_the_key_requests_orders(heard):
     key = bytes(range(32))
     assert heard(command(1), key=key) == ([], [])
     assert heard(command(1, key=bytes(32)), key=key) == ([], [])
@@ -186,15 +181,13 @@ def test_on_a_signed_connection_only_who_has_the_key_requests_orders(heard: Hear
     assert requested == [("abort",)]
 
 
-def test_a_command_that_is_sent_again_is_answered_again_and_not_given_twice(heard: Hear) -> None:
+def test_a_command_that_is_sent_again_is_answered_again_and_not_given_twice(heard):
     answers, requested = heard(command(2), command(2, confirmation=1), command(2, confirmation=2))
     assert [one.result for one in answers] == [ACCEPTED] * 3
     assert requested == [("hold",)]
 
 
-def test_one_order_is_given_at_a_time_and_what_calls_everything_off_does_not_wait(
-    heard: Hear,
-) -> None:
+def test_one_order_is_given_at_a_time_and_what_calls_everything_off_does_not_wait(heard):
     answers, requested = heard(command(2), command(10), command(1), command(1))
     assert [one.result for one in answers] == [
         ACCEPTED,
@@ -209,9 +202,7 @@ NUMBERS = st.floats(width=32, allow_nan=False, allow_infinity=False) | st.intege
 
 
 @given(st.lists(st.tuples(NUMBERS, st.tuples(NUMBERS, NUMBERS, NUMBERS), st.integers(0, 255))))
-def test_whatever_numbers_come_no_more_than_two_orders_are_under_way(
-    mission: Mission, numbers: list[tuple[float, tuple[float, float, float], int]]
-) -> None:
+def test_whatever_numbers_come_no_more_than_two_orders_are_under_way(mission, numbers):
     requests = ground_orders_of(mission)
     handed_on = []
     for now, (code, values, confirmation) in enumerate(numbers):
@@ -222,7 +213,7 @@ def test_whatever_numbers_come_no_more_than_two_orders_are_under_way(
     assert len(handed_on) <= 2
 
 
-def test_the_next_order_is_accepted_once_one_is_given(mission: Mission) -> None:
+def test_the_next_order_is_accepted_once_one_is_given(mission):
     requests = ground_orders_of(mission)
     first = OrderRequest(sender=STATION, code=2.0, values=(0.0, 0.0, 0.0), confirmation=0)
     second = OrderRequest(sender=STATION, code=3.0, values=(0.0, 0.0, 0.0), confirmation=0)
@@ -236,7 +227,7 @@ def program(**changes: object) -> OrderProgram:
     return OrderProgram(**(content | changes))
 
 
-def test_an_order_is_given_by_the_program_for_orders() -> None:
+def test_an_order_is_given_by_the_program_for_orders():
     assert program().arguments(("vee", "--spacing", "30"))[1:] == [
         *("-m", "vfguide", "order", "m.yaml", "vee", "--spacing", "30"),
         *("--link", "udp://a:1", "--insecure"),
@@ -256,9 +247,7 @@ def told_by(code: str, monkeypatch: pytest.MonkeyPatch) -> list[str]:
     return told
 
 
-def test_what_becomes_of_an_order_is_told_line_by_line_and_not_for_ever(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_what_becomes_of_an_order_is_told_line_by_line_and_not_for_ever(monkeypatch):
     assert told_by("import sys; print('f1: yes'); print('no', file=sys.stderr)", monkeypatch) in (
         ["f1: yes", "no"],
         ["no", "f1: yes"],
@@ -268,7 +257,7 @@ def test_what_becomes_of_an_order_is_told_line_by_line_and_not_for_ever(
     assert [len(line) for line in told_by("print('x' * 100000)", monkeypatch)] == [1024]
 
 
-def test_a_program_that_takes_too_long_is_ended(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_program_that_takes_too_long_is_ended(monkeypatch):
     monkeypatch.setattr(order_program, "LONGEST_S", 0.2)
     endless = "while True: print('x' * 1000)"
     assert told_by(endless, monkeypatch)[-1].startswith("the order took longer than 0.2 s")

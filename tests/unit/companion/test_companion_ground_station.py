@@ -1,13 +1,13 @@
 """A ground station on the companion's own connection, by a router: both get what they ask for."""
 
-from collections.abc import Callable
 from typing import Any
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
-Flight = Callable[..., Any]
+from tests.kit.companion import new_flight
+
 Flown = Any
 """A flight of conftest.py, which tests cannot import."""
 
@@ -58,10 +58,8 @@ def interval_us(station: QGroundControl, message_id: int) -> int:
 
 
 @pytest.mark.parametrize("kind", ["ardupilot", "px4"])
-def test_qgroundcontrol_gets_its_answers_and_the_companion_its_rate_back(
-    flight: Flight, kind: str
-) -> None:
-    flown = flight(kind=kind)
+def test_qgroundcontrol_gets_its_answers_and_the_companion_its_rate_back(kind):
+    flown = new_flight(kind=kind)
     flown.run(20.0)
     assert flown.companion.snapshot.mode.steers
     station = QGroundControl(flown, system_id=2)
@@ -81,8 +79,8 @@ def test_qgroundcontrol_gets_its_answers_and_the_companion_its_rate_back(
     assert all(mode.steers for mode in steered)
 
 
-def test_answers_to_the_ground_station_are_none_to_the_companion(flight: Flight) -> None:
-    flown = flight()
+def test_answers_to_the_ground_station_are_none_to_the_companion():
+    flown = new_flight()
     flown.run(20.0)
     station = QGroundControl(flown, system_id=2)
     said = len(flown.events)
@@ -96,8 +94,8 @@ def test_answers_to_the_ground_station_are_none_to_the_companion(flight: Flight)
     assert flown.companion.snapshot.mode.steers
 
 
-def test_it_hears_what_the_companion_says_to_it(flight: Flight) -> None:
-    flown = flight()
+def test_it_hears_what_the_companion_says_to_it():
+    flown = new_flight()
     flown.run(10.0)
     heard = [
         message

@@ -46,21 +46,19 @@ def worth(one: Obstacle, heights: list[float]) -> list[float]:
     ("up_m", "worth_m"),
     [(0.0, 0.0), (1.0, 0.0), (4.0, 4.0), (7.0, 8.0), (20.0, 8.0), (-4.0, 4.0)],
 )
-def test_height_over_a_silent_vehicle_is_worth_what_is_kept_in_the_plane(
-    up_m: float, worth_m: float
-) -> None:
+def test_height_over_a_silent_vehicle_is_worth_what_is_kept_in_the_plane(up_m, worth_m):
     # Of the height 1 m may be wrong; 6 m of the rest are worth all of the 8 m.
     assert (HEIGHT_OFF_M, LEAST_UP_M) == (1.0, 6.0)
     assert worth(LOST, [588.0 + up_m] * len(TIMES)) == pytest.approx([worth_m] * len(BEGINNINGS))
 
 
-def test_height_over_one_that_climbs_counts_from_where_it_will_be() -> None:
+def test_height_over_one_that_climbs_counts_from_where_it_will_be():
     # 2 m/s for 3 s: 10 m above it are 4 m soon, and 3 m for certain.
     climbing = replace(LOST, climb_rate=2.0)
     assert worth(climbing, [598.0] * len(TIMES))[0] == pytest.approx(4.0)
 
 
-def test_what_a_pilot_may_do_to_the_height_counts_for_less_the_sooner_it_is() -> None:
+def test_what_a_pilot_may_do_to_the_height_counts_for_less_the_sooner_it_is():
     taken = replace(LOST, height_off_m_s=2.0)
     found = worth(taken, [598.0] * len(TIMES))
     # After half a second 10 - 1 - 1 = 8 m are left, after 4 s 10 - 1 - 8 = 1 m.
@@ -69,15 +67,13 @@ def test_what_a_pilot_may_do_to_the_height_counts_for_less_the_sooner_it_is() ->
     assert found[8] == 0.0
 
 
-def test_height_beside_one_that_is_steered_or_whose_height_is_not_known_is_worth_nothing() -> None:
+def test_height_beside_one_that_is_steered_or_whose_height_is_not_known_is_worth_nothing():
     for one in (replace(LOST, over_m=0.0), replace(LOST, altitude_amsl=np.nan)):
         assert worth(one, [608.0] * len(TIMES)) == [0.0] * len(BEGINNINGS)
 
 
 @pytest.mark.parametrize(("step_m", "over"), [(20.0, True), (-20.0, False), (0.0, None)])
-def test_a_step_beside_a_silent_vehicle_is_not_turned_round_through_its_height(
-    step_m: float, over: bool | None
-) -> None:
+def test_a_step_beside_a_silent_vehicle_is_not_turned_round_through_its_height(step_m, over):
     found = neighbour_of(
         LOST,
         distance=5.0,

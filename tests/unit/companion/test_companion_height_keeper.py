@@ -5,14 +5,12 @@ from collections.abc import Callable
 import pytest
 from msgspec.structs import replace
 
-from tests.unit.companion.calm_flight import state_in_calm_air
+from tests.kit.missions import plan_of
+from tests.kit.states import vehicle_at
 from vfguide.companion.height_keeper import HeightKeeper
 from vfguide.companion.own_vehicle import GeodeticPlace, NavigatedState
-from vfguide.companion.plan import FlightPlan
 from vfguide.guidance.height import HeightTarget, held_height
 from vfguide.state import Setpoint
-
-MakePlan = Callable[..., FlightPlan]
 
 PERIOD_S = 0.05
 CLIMB = HeightTarget(height=150.0, climb_rate=3.0, ahead=156.0)
@@ -20,7 +18,7 @@ CLIMB = HeightTarget(height=150.0, climb_rate=3.0, ahead=156.0)
 
 def navigated(time_s: float, airspeed: float) -> NavigatedState:
     return NavigatedState(
-        state=state_in_calm_air(time_s, airspeed=airspeed, height=150.0),
+        state=vehicle_at(time_s=time_s, ground_speed=airspeed, height=150.0),
         place=GeodeticPlace(latitude_deg=47.0, longitude_deg=8.0, altitude_amsl=638.0),
         period=PERIOD_S,
         interval=PERIOD_S,
@@ -51,11 +49,11 @@ def asked(
 
 
 @pytest.fixture
-def keeper(plan: MakePlan) -> HeightKeeper:
-    return HeightKeeper(plan(vehicle="f1"))
+def keeper() -> HeightKeeper:
+    return HeightKeeper(plan_of(vehicle="f1"))
 
 
-def test_a_climb_that_leaves_energy_is_flown_as_wanted(keeper: HeightKeeper) -> None:
+def test_a_climb_that_leaves_energy_is_flown_as_wanted(keeper):
     # beta 0.8: the speed closes 2 m/s by exp(-0.8 t), as declared.
     def closing(now: float) -> float:
         return 22.0 - 2.0 * 2.718281828 ** (-0.8 * now)
@@ -63,13 +61,13 @@ def test_a_climb_that_leaves_energy_is_flown_as_wanted(keeper: HeightKeeper) -> 
     assert asked(keeper, 20.0, airspeed=closing, wanted=22.0, target=CLIMB) == 156.0
 
 
-def test_a_climb_gives_way_to_a_speed_that_does_not_come(keeper: HeightKeeper) -> None:
+def test_a_climb_gives_way_to_a_speed_that_does_not_come(keeper):
     height = asked(keeper, 20.0, airspeed=lambda _: 20.0, wanted=22.0, target=CLIMB)
     assert height < 156.0 - 10.0
     assert keeper.given_up > 0.0
 
 
-def test_never_more_than_the_climb_is_given_up(keeper: HeightKeeper) -> None:
+def test_never_more_than_the_climb_is_given_up(keeper):
     before = asked(keeper, 20.0, airspeed=lambda _: 20.0, wanted=22.0, target=CLIMB)
     given = keeper.given_up
     asked(keeper, 1.0, airspeed=lambda _: 20.0, wanted=22.0, target=CLIMB)
@@ -78,31 +76,29 @@ def test_never_more_than_the_climb_is_given_up(keeper: HeightKeeper) -> None:
     assert before > 0.0
 
 
-def test_a_descent_gives_way_to_a_speed_that_does_not_fall(keeper: HeightKeeper) -> None:
+def test_a_descent_gives_way_to_a_speed_that_does_not_fall(keeper):
     sink = replace(CLIMB, climb_rate=-3.0, ahead=144.0)
     assert asked(keeper, 20.0, airspeed=lambda _: 24.0, wanted=20.0, target=sink) > 144.0 + 10.0
 
 
-def test_height_that_was_given_up_is_taken_back(keeper: HeightKeeper) -> None:
+def test_height_that_was_given_up_is_taken_back(keeper):
     asked(keeper, 10.0, airspeed=lambda _: 20.0, wanted=22.0, target=CLIMB)
     assert keeper.given_up > 5.0
     height = asked(keeper, 90.0, airspeed=lambda _: 22.0, wanted=22.0, target=held_height(200.0))
     assert height == pytest.approx(200.0)
 
 
-def test_level_flight_gives_nothing_up(keeper: HeightKeeper) -> None:
+def test_level_flight_gives_nothing_up(keeper):
     level = held_height(150.0)
     assert asked(keeper, 20.0, airspeed=lambda _: 20.0, wanted=25.0, target=level) == 150.0
 
 
-def test_nothing_is_learned_while_the_pilot_flies(keeper: HeightKeeper) -> None:
+def test_nothing_is_learned_while_the_pilot_flies(keeper):
     height = asked(keeper, 20.0, airspeed=lambda _: 20.0, wanted=25.0, target=CLIMB, steered=False)
     assert height == 156.0
 
 
-def test_height_that_a_climb_gave_up_is_not_missing_in_the_descent_after_it(
-    keeper: HeightKeeper,
-) -> None:
+def test_height_that_a_climb_gave_up_is_not_missing_in_the_descent_after_it(keeper):
     # 20 s of climb without the speed for it: from 96 m to 156 m, and nearly all of that is given up.
     begin = asked(keeper, 20.0, airspeed=lambda _: 20.0, wanted=22.0, target=CLIMB)
     assert begin < 130.0

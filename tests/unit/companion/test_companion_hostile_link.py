@@ -1,12 +1,10 @@
 import struct
 import zlib
-from collections.abc import Callable, Iterable
-from typing import Any
+from collections.abc import Callable
 
 import pytest
 
-Make = Callable[..., Any]
-Link = Callable[[float], Iterable[bytes]]
+from tests.kit.companion import leader_bytes, new_flight
 
 FLIGHT_S = 15.0
 
@@ -16,7 +14,7 @@ def with_checksum(body: bytes) -> bytes:
 
 
 @pytest.fixture
-def nonsense(leader_bytes: Make) -> dict[str, Callable[[float], list[bytes]]]:
+def nonsense() -> dict[str, Callable[[float], list[bytes]]]:
     """What may come along with a sound leader state, by the reason for which it is not used."""
 
     def malformed(now: float) -> list[bytes]:
@@ -52,16 +50,11 @@ def nonsense(leader_bytes: Make) -> dict[str, Callable[[float], list[bytes]]]:
 
 
 @pytest.mark.parametrize("reason", ["malformed", "not newer", "from the future"])
-def test_nonsense_on_the_link_changes_nothing_but_a_counter(
-    flight: Make,
-    leader_bytes: Make,
-    nonsense: dict[str, Callable[[float], list[bytes]]],
-    reason: str,
-) -> None:
+def test_nonsense_on_the_link_changes_nothing_but_a_counter(nonsense, reason):
     def hostile(now: float) -> list[bytes]:
         return [leader_bytes(now), *nonsense[reason](now)]
 
-    clean, disturbed = flight(), flight(link=hostile)
+    clean, disturbed = new_flight(), new_flight(link=hostile)
     clean.run(FLIGHT_S)
     disturbed.run(FLIGHT_S)
     assert disturbed.sent == clean.sent
@@ -72,37 +65,33 @@ def test_nonsense_on_the_link_changes_nothing_but_a_counter(
     assert dict(gained) == {reason: received}
 
 
-def test_a_leader_state_that_is_too_old_to_be_one_changes_nothing(
-    flight: Make, leader_bytes: Make
-) -> None:
+def test_a_leader_state_that_is_too_old_to_be_one_changes_nothing():
     ancient = leader_bytes(0.0, time_s=-1e308, turn_rate=10.0, acceleration=100.0)
-    clean, disturbed = flight(link=lambda _now: []), flight(link=lambda _now: [ancient])
+    clean, disturbed = new_flight(link=lambda _now: []), new_flight(link=lambda _now: [ancient])
     clean.run(5.0)
     disturbed.run(5.0)
     assert disturbed.sent == clean.sent
     assert disturbed.companion.counters["too old"] == 51
 
 
-def test_a_leader_state_that_comes_late_is_used_if_it_is_the_newest(
-    flight: Make, leader_bytes: Make
-) -> None:
-    flown = flight(link=lambda now: [leader_bytes(now - 0.3)])
+def test_a_leader_state_that_comes_late_is_used_if_it_is_the_newest():
+    flown = new_flight(link=lambda now: [leader_bytes(now - 0.3)])
     flown.run(40.0)
     assert flown.companion.counters["not newer"] == 0
     assert flown.companion.snapshot.mode.value == "tracking"
 
 
-def test_the_same_inputs_lead_to_the_same_bytes(flight: Make) -> None:
-    first, second = flight(), flight()
+def test_the_same_inputs_lead_to_the_same_bytes():
+    first, second = new_flight(), new_flight()
     first.run(30.0)
     second.run(30.0)
     assert first.sent == second.sent
     assert first.events == second.events
 
 
-def test_the_leader_publishes_the_same_bytes_for_the_same_inputs(flight: Make) -> None:
-    first = flight("leader", link=lambda _now: [])
-    second = flight("leader", link=lambda now: [b"junk" * int(now)])
+def test_the_leader_publishes_the_same_bytes_for_the_same_inputs():
+    first = new_flight("leader", link=lambda _now: [])
+    second = new_flight("leader", link=lambda now: [b"junk" * int(now)])
     first.run(10.0)
     second.run(10.0)
     assert first.published == second.published
@@ -110,8 +99,8 @@ def test_the_leader_publishes_the_same_bytes_for_the_same_inputs(flight: Make) -
     assert len(first.published) > 75
 
 
-def test_noise_between_the_frames_of_the_autopilot_changes_nothing(flight: Make) -> None:
-    clean, disturbed = flight(), flight()
+def test_noise_between_the_frames_of_the_autopilot_changes_nothing():
+    clean, disturbed = new_flight(), new_flight()
     clean.run(10.0)
     for step in range(100):
         disturbed.waiting += b"\x00\xff noise"

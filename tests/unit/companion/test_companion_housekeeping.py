@@ -1,24 +1,20 @@
-from collections.abc import Callable
-from typing import Any
-
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from tests.kit.companion import emulator, leader_bytes, new_flight
+from tests.kit.missions import plan_of, shipped
+from tests.kit.wire import parsed, spoken
 from vfguide.companion.core import Companion
 from vfguide.companion.mission_plan import adapter_of
-from vfguide.companion.plan import FlightPlan
 from vfguide.companion.supervisor import Mode
-from vfguide.mission.model import Mission
-
-Make = Callable[..., Any]
 
 MESSAGE_INTERVAL, HEADING = 511, 43_002
 
 
 @pytest.fixture
-def companion(plan: Callable[..., FlightPlan], mission: Callable[[str], Mission]) -> Companion:
+def companion() -> Companion:
     """Of f1, with nothing around it."""
-    return Companion(plan(), adapter_of(mission("line-calm").vehicles["f1"]), engage=True)
+    return Companion(plan_of(), adapter_of(shipped("line-calm").vehicles["f1"]), engage=True)
 
 
 def beat(*, custom_mode: int = 15) -> mavlink.MAVLink_heartbeat_message:
@@ -31,13 +27,13 @@ def position(boot_time_s: float) -> mavlink.MAVLink_global_position_int_message:
     )
 
 
-def test_heartbeats_go_out_once_a_second(flight: Make) -> None:
-    flown = flight()
+def test_heartbeats_go_out_once_a_second():
+    flown = new_flight()
     flown.run(20.0)
     assert flown.times("HEARTBEAT") == [float(second) for second in range(21)]
 
 
-def test_heartbeats_go_out_by_time_alone(companion: Companion, parsed: Make) -> None:
+def test_heartbeats_go_out_by_time_alone(companion):
     beats = [
         tenth / 10
         for tenth in range(51)
@@ -47,22 +43,20 @@ def test_heartbeats_go_out_by_time_alone(companion: Companion, parsed: Make) -> 
     assert beats == [0.0, 1.0, 2.0, 3.0, 4.0, 5.0]
 
 
-def test_a_heartbeat_is_an_onboard_computers(companion: Companion, parsed: Make) -> None:
+def test_a_heartbeat_is_an_onboard_computers(companion):
     (message,) = parsed(companion.poll(0.0).to_autopilot)
     assert (message.type, message.autopilot) == (18, 8)
     assert (message.get_srcSystem(), message.get_srcComponent()) == (2, 191)
 
 
-def test_an_autopilot_that_was_never_heard_is_asked_for_nothing(
-    companion: Companion, parsed: Make
-) -> None:
+def test_an_autopilot_that_was_never_heard_is_asked_for_nothing(companion):
     for second in range(5):
         messages = parsed(companion.poll(float(second)).to_autopilot)
         assert [message.get_type() for message in messages] == ["HEARTBEAT"]
 
 
-def test_telemetry_is_asked_for_until_it_flows(flight: Make) -> None:
-    flown = flight()
+def test_telemetry_is_asked_for_until_it_flows():
+    flown = new_flight()
     flown.lose = frozenset({MESSAGE_INTERVAL})
     flown.run(5.5)
     # Position, airspeed, attitude and four messages of its health, each second from the first heartbeat on.
@@ -72,19 +66,19 @@ def test_telemetry_is_asked_for_until_it_flows(flight: Make) -> None:
     assert flown.times(MESSAGE_INTERVAL)[-1] <= 7.0
 
 
-def test_telemetry_is_asked_for_again_after_a_reboot(flight: Make, new_autopilot: Make) -> None:
-    flown = flight()
+def test_telemetry_is_asked_for_again_after_a_reboot():
+    flown = new_flight()
     flown.run(20.0)
     assert flown.times(MESSAGE_INTERVAL)[-1] < 3.0
-    flown.autopilot, flown.booted = new_autopilot(), 20.0
+    flown.autopilot, flown.booted = emulator(), 20.0
     flown.run(30.0)
     later = [time for time in flown.times(MESSAGE_INTERVAL) if time > 20.0]
     assert later
     assert later[-1] <= 23.0
 
 
-def test_telemetry_is_asked_for_again_when_it_has_stopped(flight: Make) -> None:
-    flown = flight()
+def test_telemetry_is_asked_for_again_when_it_has_stopped():
+    flown = new_flight()
     flown.run(10.0)
     flown.command(MESSAGE_INTERVAL, 33, -1)
     flown.run(20.0)
@@ -92,9 +86,7 @@ def test_telemetry_is_asked_for_again_when_it_has_stopped(flight: Make) -> None:
     assert flown.times(HEADING)[-1] > 19.5
 
 
-def test_without_telemetry_nothing_is_steered_by(
-    companion: Companion, spoken: Make, parsed: Make, leader_bytes: Make
-) -> None:
+def test_without_telemetry_nothing_is_steered_by(companion):
     for step in range(41):
         companion.receive_link(leader_bytes(step / 20), step / 20)
         companion.receive_mavlink(spoken(beat(), position(step / 20)), step / 20)
@@ -107,9 +99,7 @@ def test_without_telemetry_nothing_is_steered_by(
     assert "COMMAND_INT" not in types
 
 
-def test_a_duplicate_position_is_not_steered_by_twice(
-    companion: Companion, spoken: Make, leader_bytes: Make
-) -> None:
+def test_a_duplicate_position_is_not_steered_by_twice(companion):
     for step in range(11):
         companion.receive_link(leader_bytes(step / 20), step / 20)
         companion.receive_mavlink(spoken(beat(), position(step / 20)), step / 20)
@@ -149,8 +139,8 @@ def test_a_duplicate_position_is_not_steered_by_twice(
     ],
 )
 def test_a_refused_command_is_one_event_however_often_it_is_refused(
-    companion: Companion, spoken: Make, command: int, result: int, text: str
-) -> None:
+    companion, command, result, text
+):
     refusal = spoken(mavlink.MAVLink_command_ack_message(command, result))
     events = [
         event
@@ -160,33 +150,31 @@ def test_a_refused_command_is_one_event_however_often_it_is_refused(
     assert [(event.time_s, event.text) for event in events] == [(0.0, text)]
 
 
-def test_each_kind_of_refusal_is_an_event(companion: Companion, spoken: Make) -> None:
+def test_each_kind_of_refusal_is_an_event(companion):
     refusals = [(43_000, 4), (43_000, 2), (43_002, 4), (43_000, 4)]
     data = spoken(*(mavlink.MAVLink_command_ack_message(*one) for one in refusals))
     assert len(companion.receive_mavlink(data, 0.0).events) == 3
 
 
-def test_what_a_ground_station_was_refused_is_no_event(companion: Companion, spoken: Make) -> None:
+def test_what_a_ground_station_was_refused_is_no_event(companion):
     data = spoken(mavlink.MAVLink_command_ack_message(43_000, 4, 0, 0, 255, 190))
     assert companion.receive_mavlink(data, 0.0).events == []
 
 
 @pytest.mark.parametrize("result", [0, 5])
-def test_an_accepted_command_is_no_event(companion: Companion, spoken: Make, result: int) -> None:
+def test_an_accepted_command_is_no_event(companion, result):
     data = spoken(mavlink.MAVLink_command_ack_message(43_000, result))
     assert companion.receive_mavlink(data, 0.0).events == []
 
 
-def test_what_the_autopilot_says_is_an_event(companion: Companion, spoken: Make) -> None:
+def test_what_the_autopilot_says_is_an_event(companion):
     data = spoken(mavlink.MAVLink_statustext_message(4, b"Battery low\x07"))
     (event,) = companion.receive_mavlink(data, 7.0).events
     assert (event.time_s, event.text) == (7.0, "autopilot: Battery low")
 
 
 @pytest.mark.parametrize("severity", range(8))
-def test_what_the_autopilot_says_is_worrying_from_a_warning_on(
-    companion: Companion, spoken: Make, severity: int
-) -> None:
+def test_what_the_autopilot_says_is_worrying_from_a_warning_on(companion, severity):
     # MAV_SEVERITY: 0 is an emergency, 4 a warning, 5 a notice, 7 for debugging.
     data = spoken(mavlink.MAVLink_statustext_message(severity, b"Something"))
     (event,) = companion.receive_mavlink(data, 7.0).events
@@ -195,8 +183,8 @@ def test_what_the_autopilot_says_is_worrying_from_a_warning_on(
 
 @pytest.mark.parametrize(("interval_s", "asked"), [(0.069, False), (0.074, True)])
 def test_telemetry_is_asked_for_again_below_seventy_percent_of_its_rate(
-    companion: Companion, spoken: Make, parsed: Make, interval_s: float, *, asked: bool
-) -> None:
+    companion, interval_s, asked
+):
     # 20 Hz are asked for: 70 % of them are 14 Hz, every 71.4 ms
     numbers = []
     for step in range(60):
@@ -207,8 +195,8 @@ def test_telemetry_is_asked_for_again_below_seventy_percent_of_its_rate(
     assert (MESSAGE_INTERVAL in numbers) is asked
 
 
-def test_a_real_autopilot_that_refuses_is_reported_by_name(flight: Make) -> None:
-    flown = flight()
+def test_a_real_autopilot_that_refuses_is_reported_by_name():
+    flown = new_flight()
     flown.run(10.0)
     flown.pilot(12)
     # The heartbeat with the new mode is lost: setpoints go on and fail, which is said once each.

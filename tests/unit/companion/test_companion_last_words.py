@@ -1,23 +1,20 @@
 """What ground stations are told at each change of mode, and what a companion says when it stops."""
 
-from collections.abc import Callable
-from typing import Any
-
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from tests.kit.companion import heard_until, new_flight
+from tests.kit.wire import parsed, spoken
 from vfguide.companion.supervisor import Mode
 from vfguide.mavlink.announcements import NOTICE, status_texts
-
-Make = Callable[..., Any]
 
 HASTY = {"prediction_s": 3.0, "breakaway_s": 2.0}
 LOITER, RTL, MANUAL = 12, 11, 0
 SET_MODE, CHANGE_HEADING = 176, 43_002
 
 
-def test_each_change_of_mode_is_told_to_ground_stations(flight: Make, until: Make) -> None:
-    flown = flight(link=until(40.0, 50.0), patience=HASTY)
+def test_each_change_of_mode_is_told_to_ground_stations():
+    flown = new_flight(link=heard_until(40.0, 50.0), patience=HASTY)
     flown.run(52.0)
     flown.pilot(LOITER)
     flown.run(54.0)
@@ -36,13 +33,13 @@ def test_each_change_of_mode_is_told_to_ground_stations(flight: Make, until: Mak
     assert [time for time, _ in flown.texts()][:6] == changes
 
 
-def test_a_short_text_is_one_message() -> None:
+def test_a_short_text_is_one_message():
     (message,) = status_texts("vfguide f1: é", NOTICE, 7)
     assert (message.severity, message.text, message.id) == (5, "vfguide f1: ?", 0)
 
 
 @pytest.mark.parametrize("length", [51, 99, 100, 101, 150, 249])
-def test_a_long_text_arrives_whole_and_its_end_shows(length: int) -> None:
+def test_a_long_text_arrives_whole_and_its_end_shows(length):
     text = "".join(chr(65 + index % 26) for index in range(length))
     messages = status_texts(text, NOTICE, 7)
     assert "".join(message.text for message in messages) == text
@@ -54,14 +51,14 @@ def test_a_long_text_arrives_whole_and_its_end_shows(length: int) -> None:
     assert sizes[-1] < 50
 
 
-def test_a_text_without_an_end_is_cut() -> None:
+def test_a_text_without_an_end_is_cut():
     messages = status_texts("x" * 1000, NOTICE, 7)
     assert [len(message.text) for message in messages] == [50, 50, 50, 50, 50, 49]
 
 
 @pytest.mark.parametrize("kind", ["ardupilot", "px4"])
-def test_stopping_hands_back_what_is_steered(flight: Make, parsed: Make, kind: str) -> None:
-    flown = flight(kind=kind)
+def test_stopping_hands_back_what_is_steered(kind):
+    flown = new_flight(kind=kind)
     flown.run(20.0)
     assert flown.companion.snapshot.mode.steers
     flown.sent.clear()
@@ -85,8 +82,8 @@ def test_stopping_hands_back_what_is_steered(flight: Make, parsed: Make, kind: s
     assert flown.companion.released
 
 
-def test_stopping_while_breaking_away_hands_back(flight: Make, until: Make) -> None:
-    flown = flight(link=until(20.0), patience={"prediction_s": 3.0})
+def test_stopping_while_breaking_away_hands_back():
+    flown = new_flight(link=heard_until(20.0), patience={"prediction_s": 3.0})
     flown.run(25.0)
     assert flown.mode_at(25.0) is Mode.BREAKAWAY
     flown.companion.stop(25.0)
@@ -95,10 +92,8 @@ def test_stopping_while_breaking_away_hands_back(flight: Make, until: Make) -> N
 
 
 @pytest.mark.parametrize("begins", ["waiting", "pilot", "lost"])
-def test_stopping_says_nothing_where_nothing_is_steered(
-    flight: Make, until: Make, begins: str
-) -> None:
-    flown = flight(engage=begins != "waiting", link=until(10.0), patience=HASTY)
+def test_stopping_says_nothing_where_nothing_is_steered(begins):
+    flown = new_flight(engage=begins != "waiting", link=heard_until(10.0), patience=HASTY)
     flown.run(8.0)
     if begins == "pilot":
         flown.pilot(LOITER)
@@ -109,8 +104,8 @@ def test_stopping_says_nothing_where_nothing_is_steered(
     assert flown.companion.released
 
 
-def test_last_words_are_said_three_times_and_no_more(flight: Make) -> None:
-    flown = flight()
+def test_last_words_are_said_three_times_and_no_more():
+    flown = new_flight()
     flown.run(20.0)
     flown.lose = frozenset({SET_MODE})
     flown.companion.stop(20.0)
@@ -120,8 +115,8 @@ def test_last_words_are_said_three_times_and_no_more(flight: Make) -> None:
 
 
 @pytest.mark.parametrize("mode", [RTL, MANUAL])
-def test_last_words_are_not_said_into_the_pilots_mode(flight: Make, mode: int) -> None:
-    flown = flight()
+def test_last_words_are_not_said_into_the_pilots_mode(mode):
+    flown = new_flight()
     flown.run(20.4)
     # Its heartbeat is lost, and the companion is stopped: SIGTERM a moment after the pilot's hand.
     flown.pilot(mode)
@@ -135,10 +130,8 @@ def test_last_words_are_not_said_into_the_pilots_mode(flight: Make, mode: int) -
 
 @pytest.mark.parametrize("mode", [RTL, MANUAL])
 @pytest.mark.parametrize("every_steps", [1, 3, 10])
-def test_forged_heartbeats_and_a_stop_do_not_undo_the_pilot(
-    flight: Make, spoken: Make, mode: int, every_steps: int
-) -> None:
-    flown = flight()
+def test_forged_heartbeats_and_a_stop_do_not_undo_the_pilot(mode, every_steps):
+    flown = new_flight()
     flown.run(20.0)
     flown.pilot(mode)
     flown.run(22.0)
@@ -152,10 +145,8 @@ def test_forged_heartbeats_and_a_stop_do_not_undo_the_pilot(
 
 
 @pytest.mark.parametrize("stops", [False, True])
-def test_forged_heartbeats_are_not_believed_by_a_companion_that_hears_nothing_else(
-    flight: Make, spoken: Make, until: Make, *, stops: bool
-) -> None:
-    flown = flight(link=until(20.0), patience=HASTY)
+def test_forged_heartbeats_are_not_believed_by_a_companion_that_hears_nothing_else(stops):
+    flown = new_flight(link=heard_until(20.0), patience=HASTY)
     flown.run(20.0)
     flown.deaf = True
     flown.run(20.5)
@@ -171,10 +162,8 @@ def test_forged_heartbeats_are_not_believed_by_a_companion_that_hears_nothing_el
 
 
 @pytest.mark.parametrize("target", [(0, 0), (255, 190), (2, 191)])
-def test_an_answer_alone_releases_nothing(
-    flight: Make, spoken: Make, target: tuple[int, int]
-) -> None:
-    flown = flight()
+def test_an_answer_alone_releases_nothing(target):
+    flown = new_flight()
     flown.run(20.0)
     flown.companion.stop(20.0)
     # MAV_CMD_DO_SET_MODE, accepted: of anybody's command, and heartbeats still show GUIDED.
@@ -187,8 +176,8 @@ def test_an_answer_alone_releases_nothing(
     assert out.to_link == []
 
 
-def test_whoever_steers_nothing_is_released_at_once(flight: Make) -> None:
-    flown = flight(engage=False)
+def test_whoever_steers_nothing_is_released_at_once():
+    flown = new_flight(engage=False)
     flown.run(5.0)
     flown.companion.stop(5.05)
     assert flown.companion.released

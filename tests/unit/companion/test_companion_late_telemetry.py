@@ -7,6 +7,8 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sitl_stub import Autopilot, Truth
+from tests.kit.companion import heard_until, leader_bytes, new_flight
+from tests.kit.wire import parsed, spoken
 
 Make = Callable[..., Any]
 
@@ -18,7 +20,7 @@ KINDS = ["ardupilot", "px4"]
 
 
 @pytest.fixture
-def without_time(parsed: Make, spoken: Make) -> Callable[[Any], Any]:
+def without_time() -> Callable[[Any], Any]:
     """Makes an autopilot one that does not answer for its time."""
 
     class Untimed:
@@ -43,10 +45,8 @@ def without_time(parsed: Make, spoken: Make) -> Callable[[Any], Any]:
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("modes", [RTL, MANUAL])
 @pytest.mark.parametrize("before_s", [0.1, 0.8, 1.8, 2.8])
-def test_a_mode_selected_while_telemetry_is_late_is_not_engaged_over(
-    flight: Make, leader_bytes: Make, kind: str, modes: dict[str, tuple[int, int]], before_s: float
-) -> None:
-    flown = flight(kind=kind, link=lambda now: [leader_bytes(now)] if now >= 10.0 else [])
+def test_a_mode_selected_while_telemetry_is_late_is_not_engaged_over(kind, modes, before_s):
+    flown = new_flight(kind=kind, link=lambda now: [leader_bytes(now)] if now >= 10.0 else [])
     flown.late_s = 3.0
     flown.run(10.0 - before_s)
     flown.pilot(*modes[kind])
@@ -59,9 +59,9 @@ def test_a_mode_selected_while_telemetry_is_late_is_not_engaged_over(
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize(("late_s", "before_s"), [(1.5, 0.1), (1.5, 0.9), (2.2, 0.5), (3.0, 0.5)])
 def test_a_companion_that_stops_does_not_undo_a_mode_that_it_has_not_heard_of(
-    flight: Make, kind: str, late_s: float, before_s: float
-) -> None:
-    flown = flight(kind=kind)
+    kind, late_s, before_s
+):
+    flown = new_flight(kind=kind)
     flown.run(20.0)
     flown.late_s = late_s
     flown.run(29.2)
@@ -75,10 +75,8 @@ def test_a_companion_that_stops_does_not_undo_a_mode_that_it_has_not_heard_of(
 
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("after_s", [5.2, 5.6, 6.0, 6.4, 6.8])
-def test_a_lost_leader_does_not_undo_a_mode_that_was_not_heard_of(
-    flight: Make, until: Make, kind: str, after_s: float
-) -> None:
-    flown = flight(kind=kind, link=until(25.0), patience=HASTY)
+def test_a_lost_leader_does_not_undo_a_mode_that_was_not_heard_of(kind, after_s):
+    flown = new_flight(kind=kind, link=heard_until(25.0), patience=HASTY)
     flown.run(20.0)
     flown.late_s = 3.0
     flown.run(25.0 + after_s)
@@ -87,10 +85,8 @@ def test_a_lost_leader_does_not_undo_a_mode_that_was_not_heard_of(
     assert flown.later(SET_MODE, 20.0) == []
 
 
-def test_the_pilot_hears_that_late_telemetry_keeps_the_companion_from_handing_back(
-    flight: Make, until: Make
-) -> None:
-    flown = flight(link=until(25.0), patience=HASTY)
+def test_the_pilot_hears_that_late_telemetry_keeps_the_companion_from_handing_back():
+    flown = new_flight(link=heard_until(25.0), patience=HASTY)
     flown.run(20.0)
     flown.late_s = 3.0
     flown.run(50.0)
@@ -109,8 +105,8 @@ def test_the_pilot_hears_that_late_telemetry_keeps_the_companion_from_handing_ba
 
 
 @pytest.mark.parametrize("late_s", [0.2, 0.5])
-def test_an_ordinary_radio_is_quick_enough(flight: Make, until: Make, late_s: float) -> None:
-    flown = flight(link=until(25.0), patience=HASTY)
+def test_an_ordinary_radio_is_quick_enough(late_s):
+    flown = new_flight(link=heard_until(25.0), patience=HASTY)
     flown.late_s = late_s
     flown.run(20.0)
     assert flown.autopilot.truth().mode == "GUIDED"
@@ -118,10 +114,8 @@ def test_an_ordinary_radio_is_quick_enough(flight: Make, until: Make, late_s: fl
     assert flown.autopilot.truth().mode == "LOITER"
 
 
-def test_an_autopilot_that_never_answers_for_its_time_is_engaged_and_handed_back(
-    flight: Make, until: Make, without_time: Make
-) -> None:
-    flown = flight(link=until(25.0), patience=HASTY)
+def test_an_autopilot_that_never_answers_for_its_time_is_engaged_and_handed_back(without_time):
+    flown = new_flight(link=heard_until(25.0), patience=HASTY)
     flown.autopilot = without_time(flown.autopilot)
     flown.run(20.0)
     assert flown.autopilot.truth().mode == "GUIDED"
@@ -129,10 +123,8 @@ def test_an_autopilot_that_never_answers_for_its_time_is_engaged_and_handed_back
     assert flown.autopilot.truth().mode == "LOITER"
 
 
-def test_answers_that_stay_away_end_the_right_to_command_modes(
-    flight: Make, until: Make, without_time: Make
-) -> None:
-    flown = flight(link=until(25.0), patience=HASTY)
+def test_answers_that_stay_away_end_the_right_to_command_modes(without_time):
+    flown = new_flight(link=heard_until(25.0), patience=HASTY)
     flown.run(20.0)
     flown.autopilot = without_time(flown.autopilot)
     flown.run(40.0)
@@ -140,10 +132,8 @@ def test_answers_that_stay_away_end_the_right_to_command_modes(
     assert flown.autopilot.truth().mode == "GUIDED"
 
 
-def test_answers_to_questions_that_nobody_asked_date_nothing(
-    flight: Make, until: Make, without_time: Make, spoken: Make
-) -> None:
-    flown = flight(link=until(25.0), patience=HASTY)
+def test_answers_to_questions_that_nobody_asked_date_nothing(without_time):
+    flown = new_flight(link=heard_until(25.0), patience=HASTY)
     flown.run(20.0)
     flown.autopilot = without_time(flown.autopilot)
     flown.forge = lambda now: spoken(
@@ -154,10 +144,8 @@ def test_answers_to_questions_that_nobody_asked_date_nothing(
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_what_waited_while_the_companion_stood_still_for_a_moment_shows_no_mode(
-    flight: Make, kind: str
-) -> None:
-    flown = flight(kind=kind)
+def test_what_waited_while_the_companion_stood_still_for_a_moment_shows_no_mode(kind):
+    flown = new_flight(kind=kind)
     flown.run(0.6)
     flown.hang(1.05)
     flown.pilot(*MANUAL[kind])

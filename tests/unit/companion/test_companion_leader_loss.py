@@ -1,12 +1,10 @@
 import math
-from collections.abc import Callable
-from typing import Any
 
 import pytest
 
+from tests.kit.companion import heard_until, leader_bytes, new_flight
+from tests.kit.missions import plan_of
 from vfguide.companion.supervisor import Mode
-
-Make = Callable[..., Any]
 
 SET_MODE, HEADING, SPEED = 176, 43_002, 43_000
 GUIDED, MANUAL = 15, 0
@@ -15,8 +13,8 @@ HASTY = {"prediction_s": 5.0, "breakaway_s": 3.0}
 """The leader is lost 8 s after it was heard last."""
 
 
-def test_a_silent_leader_is_predicted_then_left_and_then_lost(flight: Make, until: Make) -> None:
-    flown = flight(link=until(40.0), patience=HASTY)
+def test_a_silent_leader_is_predicted_then_left_and_then_lost():
+    flown = new_flight(link=heard_until(40.0), patience=HASTY)
     flown.run(60.0)
     assert flown.mode_at(40.55) is Mode.TRACKING
     assert flown.mode_at(40.65) is Mode.PREDICTING
@@ -29,10 +27,8 @@ def test_a_silent_leader_is_predicted_then_left_and_then_lost(flight: Make, unti
     assert changes == ["tracking -> predicting", "predicting -> breakaway", "breakaway -> lost"]
 
 
-def test_half_a_minute_of_silence_is_borne_unless_the_mission_says_otherwise(
-    flight: Make, until: Make
-) -> None:
-    flown = flight(link=until(30.0))
+def test_half_a_minute_of_silence_is_borne_unless_the_mission_says_otherwise():
+    flown = new_flight(link=heard_until(30.0))
     flown.run(86.0)
     assert flown.mode_at(60.0) is Mode.PREDICTING
     assert flown.mode_at(60.1) is Mode.BREAKAWAY
@@ -40,24 +36,22 @@ def test_half_a_minute_of_silence_is_borne_unless_the_mission_says_otherwise(
     assert flown.mode_at(85.1) is Mode.LOST
 
 
-def test_while_predicting_it_flies_on_in_its_slot(flight: Make, until: Make, plan: Make) -> None:
-    flown = flight(link=until(40.0))
+def test_while_predicting_it_flies_on_in_its_slot():
+    flown = new_flight(link=heard_until(40.0))
     flown.run(60.0)
     truth = flown.autopilot.truth()
-    north, east = plan().frame.to_local(truth.latitude_deg, truth.longitude_deg)
+    north, east = plan_of().frame.to_local(truth.latitude_deg, truth.longitude_deg)
     # The leader would be at (1200, 0), and the slot 20 m behind and 20 m left of it.
     assert (north, east) == (pytest.approx(1180.0, abs=1.0), pytest.approx(-20.0, abs=1.0))
     assert flown.times(HEADING)[-1] > 59.5
 
 
-def test_a_gap_in_telemetry_does_not_bend_the_way_of_a_silent_leader(
-    flight: Make, leader_bytes: Make, plan: Make
-) -> None:
+def test_a_gap_in_telemetry_does_not_bend_the_way_of_a_silent_leader():
     def link(now: float) -> list[bytes]:
         """Its last words are of a moment in which it turned."""
         return [leader_bytes(now, turn_rate=0.2 if now == 40.0 else 0.0)] if now <= 40.0 else []
 
-    flown = flight(link=link)
+    flown = new_flight(link=link)
     flown.run(50.0)
     flown.command(511, 33, -1)
     flown.lose = frozenset({511})
@@ -67,13 +61,13 @@ def test_a_gap_in_telemetry_does_not_bend_the_way_of_a_silent_leader(
     flown.run(65.0)
     assert flown.mode_at(65.0) is Mode.PREDICTING
     truth = flown.autopilot.truth()
-    north, east = plan().frame.to_local(truth.latitude_deg, truth.longitude_deg)
+    north, east = plan_of().frame.to_local(truth.latitude_deg, truth.longitude_deg)
     # A leader that went on turning would by now be going round in circles of 100 m.
     assert (north, east) == (pytest.approx(1280.0, abs=5.0), pytest.approx(-20.0, abs=5.0))
 
 
-def test_breaking_away_it_turns_to_the_side_of_its_slot(flight: Make, until: Make) -> None:
-    flown = flight(link=until(30.0), patience={"prediction_s": 2.0, "breakaway_s": 20.0})
+def test_breaking_away_it_turns_to_the_side_of_its_slot():
+    flown = new_flight(link=heard_until(30.0), patience={"prediction_s": 2.0, "breakaway_s": 20.0})
     flown.run(50.0)
     assert flown.mode_at(50.0) is Mode.BREAKAWAY
     truth = flown.autopilot.truth()
@@ -84,10 +78,8 @@ def test_breaking_away_it_turns_to_the_side_of_its_slot(flight: Make, until: Mak
     assert min(flown.times(HEADING)[-1], flown.times(SPEED)[-1]) > 49.5
 
 
-def test_a_vehicle_whose_leader_is_lost_goes_back_to_its_autopilot(
-    flight: Make, until: Make
-) -> None:
-    flown = flight(link=until(20.0), patience=HASTY)
+def test_a_vehicle_whose_leader_is_lost_goes_back_to_its_autopilot():
+    flown = new_flight(link=heard_until(20.0), patience=HASTY)
     flown.run(28.95)
     assert flown.autopilot.truth().mode == "GUIDED"
     flown.run(29.0)
@@ -98,8 +90,8 @@ def test_a_vehicle_whose_leader_is_lost_goes_back_to_its_autopilot(
         assert 27.5 < flown.times(command)[-1] <= 28.0
 
 
-def test_px4_is_handed_back_to_its_hold(flight: Make, until: Make) -> None:
-    flown = flight(kind="px4", link=until(20.0), patience=HASTY)
+def test_px4_is_handed_back_to_its_hold():
+    flown = new_flight(kind="px4", link=heard_until(20.0), patience=HASTY)
     flown.run(28.0)
     assert flown.autopilot.truth().mode == "AUTO.COURSE"
     flown.run(40.0)
@@ -107,10 +99,8 @@ def test_px4_is_handed_back_to_its_hold(flight: Make, until: Make) -> None:
     assert flown.mode_at(40.0) is Mode.LOST
 
 
-def test_handing_back_is_commanded_three_times_on_heartbeats_that_show_guided(
-    flight: Make, until: Make
-) -> None:
-    flown = flight(link=until(20.0), patience=HASTY)
+def test_handing_back_is_commanded_three_times_on_heartbeats_that_show_guided():
+    flown = new_flight(link=heard_until(20.0), patience=HASTY)
     flown.run(28.0)
     flown.lose = frozenset({SET_MODE})
     flown.run(40.0)
@@ -121,10 +111,8 @@ def test_handing_back_is_commanded_three_times_on_heartbeats_that_show_guided(
     ]
 
 
-def test_a_pilot_who_selects_guided_without_a_leader_keeps_it_unsteered(
-    flight: Make, until: Make
-) -> None:
-    flown = flight(link=until(20.0), patience=HASTY)
+def test_a_pilot_who_selects_guided_without_a_leader_keeps_it_unsteered():
+    flown = new_flight(link=heard_until(20.0), patience=HASTY)
     flown.run(30.0)
     flown.pilot(GUIDED)
     flown.run(34.0)
@@ -133,8 +121,8 @@ def test_a_pilot_who_selects_guided_without_a_leader_keeps_it_unsteered(
     assert 27.5 < flown.times(HEADING)[-1] <= 28.0
 
 
-def test_a_leader_that_is_back_in_time_is_followed_again(flight: Make, until: Make) -> None:
-    flown = flight(link=until(40.0, 60.0))
+def test_a_leader_that_is_back_in_time_is_followed_again():
+    flown = new_flight(link=heard_until(40.0, 60.0))
     flown.run(70.0)
     assert flown.mode_at(59.95) is Mode.PREDICTING
     assert flown.mode_at(60.0) is Mode.TRACKING
@@ -142,10 +130,8 @@ def test_a_leader_that_is_back_in_time_is_followed_again(flight: Make, until: Ma
     assert len(flown.times(SET_MODE)) == 1
 
 
-def test_a_leader_that_is_back_during_the_breakaway_is_followed_again(
-    flight: Make, until: Make
-) -> None:
-    flown = flight(link=until(40.0, 47.0), patience=HASTY)
+def test_a_leader_that_is_back_during_the_breakaway_is_followed_again():
+    flown = new_flight(link=heard_until(40.0, 47.0), patience=HASTY)
     flown.run(80.0)
     assert flown.mode_at(46.95) is Mode.BREAKAWAY
     assert flown.mode_at(47.0) in {Mode.JOINING, Mode.TRACKING}
@@ -153,8 +139,8 @@ def test_a_leader_that_is_back_during_the_breakaway_is_followed_again(
     assert len(flown.times(SET_MODE)) == 1
 
 
-def test_the_pilot_wins_over_a_silent_leader(flight: Make, until: Make) -> None:
-    flown = flight(link=until(20.0), patience=HASTY)
+def test_the_pilot_wins_over_a_silent_leader():
+    flown = new_flight(link=heard_until(20.0), patience=HASTY)
     flown.run(22.0)
     flown.pilot(MANUAL)
     flown.run(40.0)
@@ -163,8 +149,8 @@ def test_the_pilot_wins_over_a_silent_leader(flight: Make, until: Make) -> None:
     assert [time for time in flown.times(SET_MODE) if time > 20.0] == []
 
 
-def test_what_was_handed_back_is_the_pilots_to_fly(flight: Make, until: Make) -> None:
-    flown = flight(link=until(5.0), patience=HASTY)
+def test_what_was_handed_back_is_the_pilots_to_fly():
+    flown = new_flight(link=heard_until(5.0), patience=HASTY)
     flown.run(20.0)
     assert flown.autopilot.truth().mode == "LOITER"
     flown.pilot(MANUAL)

@@ -29,7 +29,7 @@ LEADER = ForeignLeader(
 )
 
 
-def listener(alerts: Alerts | None = None, **changes: Any) -> LeaderTelemetry:  # noqa: ANN401 - any field of the leader
+def listener(alerts: Alerts | None = None, **changes: Any) -> LeaderTelemetry:
     return LeaderTelemetry(replace(LEADER, **changes), FRAME, alerts, moved_s=5.0, system_id=2)
 
 
@@ -72,7 +72,7 @@ def fly(
         telemetry.take(northbound(sent_s), sent_s + 0.2)
 
 
-def test_place_and_time_are_those_of_when_it_was_sent() -> None:
+def test_place_and_time_are_those_of_when_it_was_sent():
     telemetry = listener()
     fly(telemetry, 5.0)
     newest = telemetry.newest
@@ -83,7 +83,7 @@ def test_place_and_time_are_those_of_when_it_was_sent() -> None:
     assert newest.altitude_amsl == pytest.approx(588.0)
 
 
-def test_its_turn_is_found_by_the_listener() -> None:
+def test_its_turn_is_found_by_the_listener():
     telemetry, rate, radius = listener(), 0.1, 200.0
     for step in range(80):
         sent_s = 0.25 * step
@@ -120,7 +120,7 @@ def target(sent_s: float, north: float) -> bytes:
     )
 
 
-def test_from_places_alone_the_velocity_is_found() -> None:
+def test_from_places_alone_the_velocity_is_found():
     telemetry = listener()
     for sent_s in range(10):
         telemetry.take(target(float(sent_s), 20.0 * sent_s), sent_s + 0.2)
@@ -129,20 +129,20 @@ def test_from_places_alone_the_velocity_is_found() -> None:
     assert telemetry.newest.course == pytest.approx(0.0, abs=0.01)
 
 
-def test_the_first_place_alone_is_no_motion() -> None:
+def test_the_first_place_alone_is_no_motion():
     telemetry = listener()
     assert not telemetry.take(target(0.0, 0.0), 0.2)
     assert telemetry.newest is None
 
 
-def test_one_better_message_alone_does_not_take_over() -> None:
+def test_one_better_message_alone_does_not_take_over():
     telemetry = listener()
     fly(telemetry, 2.0)
     assert not telemetry.take(target(2.1, 42.0), 2.3)
     assert telemetry.take(northbound(2.25), 2.45)
 
 
-def test_a_better_message_takes_over_and_the_next_best_waits_three_seconds() -> None:
+def test_a_better_message_takes_over_and_the_next_best_waits_three_seconds():
     telemetry = listener()
     fly(telemetry, 2.0)
     for sent_s in (2.25, 2.5, 2.75):
@@ -153,14 +153,14 @@ def test_a_better_message_takes_over_and_the_next_best_waits_three_seconds() -> 
     assert telemetry.take(northbound(6.0), 6.2)
 
 
-def test_what_another_system_says_is_not_heard() -> None:
+def test_what_another_system_says_is_not_heard():
     telemetry = listener()
     message = position(0.0, 0.0, 0.0)
     assert not telemetry.take(packed(message, system_id=8), 0.2)
     assert telemetry.newest is None
 
 
-def test_who_hears_another_aircraft_in_its_place_is_told_once() -> None:
+def test_who_hears_another_aircraft_in_its_place_is_told_once():
     alerts = Alerts()
     telemetry = listener(alerts)
     for step in range(40):
@@ -174,9 +174,7 @@ def test_who_hears_another_aircraft_in_its_place_is_told_once() -> None:
     ("north", "velocity"),
     [(3000.0, (20.0, 0.0)), (100.0, (-20.0, 0.0)), (100.0, (150.0, 0.0)), (100.0, (20.0, 200.0))],
 )
-def test_one_message_that_cannot_be_true_moves_nothing(
-    north: float, velocity: tuple[float, float]
-) -> None:
+def test_one_message_that_cannot_be_true_moves_nothing(north, velocity):
     alerts = Alerts()
     telemetry = listener(alerts)
     fly(telemetry, 5.0)
@@ -188,7 +186,7 @@ def test_one_message_that_cannot_be_true_moves_nothing(
     assert words.startswith("reports what cannot be")
 
 
-def test_a_leader_on_the_ground_is_followed_once_it_flies() -> None:
+def test_a_leader_on_the_ground_is_followed_once_it_flies():
     alerts = Alerts()
     telemetry = listener(alerts)
     for step in range(8):
@@ -208,14 +206,14 @@ def test_a_leader_on_the_ground_is_followed_once_it_flies() -> None:
     ]
 
 
-def test_time_that_runs_backward_once_is_not_believed() -> None:
+def test_time_that_runs_backward_once_is_not_believed():
     telemetry = listener()
     fly(telemetry, 5.0)
     assert not telemetry.take(packed(position(-900.0, 100.0, 0.0)), 5.45)
     assert telemetry.counters["time stamp not believed"] == 1
 
 
-def test_after_a_reboot_it_is_followed_again_by_its_new_clock() -> None:
+def test_after_a_reboot_it_is_followed_again_by_its_new_clock():
     alerts = Alerts()
     telemetry = listener(alerts)
     fly(telemetry, 5.0)
@@ -230,7 +228,7 @@ def test_after_a_reboot_it_is_followed_again_by_its_new_clock() -> None:
     assert any("another clock" in words for words in said(alerts))
 
 
-def test_a_late_leader_is_told_once_and_again_when_it_is_in_time() -> None:
+def test_a_late_leader_is_told_once_and_again_when_it_is_in_time():
     alerts = Alerts()
     telemetry = listener(alerts)
     fly(telemetry, 5.0)
@@ -244,7 +242,7 @@ def test_a_late_leader_is_told_once_and_again_when_it_is_in_time() -> None:
     ]
 
 
-def test_altitude_that_steps_is_not_known() -> None:
+def test_altitude_that_steps_is_not_known():
     telemetry = listener()
     fly(telemetry, 5.0)
     message = position(5.25, 105.0, 0.0)
@@ -254,7 +252,7 @@ def test_altitude_that_steps_is_not_known() -> None:
     assert math.isnan(telemetry.newest.altitude_amsl)
 
 
-def test_it_is_asked_for_its_time_and_believes_its_answer() -> None:
+def test_it_is_asked_for_its_time_and_believes_its_answer():
     telemetry = listener(least_delay_s=None)
     fly(telemetry, 5.0)
     said = mavlink.MAVLink(None).parse_buffer(telemetry.say(5.2)) or []
@@ -268,7 +266,7 @@ def test_it_is_asked_for_its_time_and_believes_its_answer() -> None:
     assert telemetry.newest.time_s == pytest.approx(5.5, abs=2e-3)
 
 
-def test_an_answer_says_nothing_of_a_program_beside_the_autopilot() -> None:
+def test_an_answer_says_nothing_of_a_program_beside_the_autopilot():
     telemetry = listener(least_delay_s=None)
     for sent_s in range(6):
         telemetry.take(target(float(sent_s), 20.0 * sent_s), sent_s + 0.2)
@@ -281,7 +279,7 @@ def test_an_answer_says_nothing_of_a_program_beside_the_autopilot() -> None:
     assert telemetry.newest.time_s == pytest.approx(6.2, abs=2e-3)
 
 
-def test_an_answer_that_nobody_asked_for_says_nothing() -> None:
+def test_an_answer_that_nobody_asked_for_says_nothing():
     telemetry = listener(least_delay_s=None)
     fly(telemetry, 5.0)
     answer = mavlink.MAVLink_timesync_message(round((5.4 + BOOTED_S) * 1e9), 12345)
@@ -301,9 +299,7 @@ small = st.integers(-(2**15), 2**15 - 1)
         st.tuples(st.integers(0, 2**32 - 1), numbers, numbers, numbers, small, small), max_size=20
     )
 )
-def test_whatever_is_said_in_its_name_the_motion_stays_finite(
-    said: list[tuple[int, int, int, int, int, int]],
-) -> None:
+def test_whatever_is_said_in_its_name_the_motion_stays_finite(said):
     telemetry = listener()
     fly(telemetry, 3.0)
     for number, (stamp, lat, lon, alt, vx, vy) in enumerate(said):
@@ -337,9 +333,7 @@ def bare_place(sent_s: float, north: float, east: float) -> bytes:
 
 
 @pytest.mark.parametrize("gap_s", [6, 10, 15, 30])
-def test_after_a_gap_with_a_turn_in_it_a_leader_that_tells_places_alone_is_found_again(
-    gap_s: int,
-) -> None:
+def test_after_a_gap_with_a_turn_in_it_a_leader_that_tells_places_alone_is_found_again(gap_s):
     # 20 m/s round a circle of 170 m: 0.118 rad/s, so that 15 s are 100 degrees.
     telemetry, rate = listener(), 20.0 / 170.0
 
@@ -356,7 +350,7 @@ def test_after_a_gap_with_a_turn_in_it_a_leader_that_tells_places_alone_is_found
     assert abs(off) < 0.1
 
 
-def test_a_jump_of_a_leader_that_tells_places_alone_is_not_followed_at_once() -> None:
+def test_a_jump_of_a_leader_that_tells_places_alone_is_not_followed_at_once():
     telemetry = listener()
     for sent_s in range(20):
         telemetry.take(bare_place(sent_s, 20.0 * sent_s, 0.0), sent_s + 0.2)

@@ -1,10 +1,9 @@
 """What flight shows of a response: whether the vehicle slips, how it answers, and the plans that follow."""
 
-from collections.abc import Callable
-
 import pytest
 from msgspec.structs import replace
 
+from tests.kit.missions import plan_of, shipped
 from vfguide.companion.learned_response import ResponseLearner
 from vfguide.companion.mission_plan import flight_plan
 from vfguide.companion.own_vehicle import OwnVehicle
@@ -12,15 +11,12 @@ from vfguide.companion.plan import FlightPlan, flown_by, turning
 from vfguide.guidance.turn_efficiency import TurnEfficiency
 from vfguide.mavlink.parameters import AutopilotResponse
 from vfguide.mavlink.reports import PositionReport
-from vfguide.mission import Mission
-
-MakePlan = Callable[..., FlightPlan]
 
 
 @pytest.fixture
-def finding(mission: Callable[[str], Mission]) -> FlightPlan:
+def finding() -> FlightPlan:
     """The part of f1 in a mission that leaves it to be found out."""
-    said = mission("line-calm")
+    said = shipped("line-calm")
     vehicle = said.vehicles["f1"].model_copy(update={"slips": "auto"})
     vehicles = dict(said.vehicles.items()) | {"f1": vehicle}
     return flight_plan(said.model_copy(update={"vehicles": vehicles}), "f1")
@@ -30,26 +26,24 @@ def known(value: float) -> TurnEfficiency:
     return TurnEfficiency(value=value, variance=0.02**2)
 
 
-def test_until_it_is_known_it_is_flown_as_one_that_slips(finding: FlightPlan) -> None:
+def test_until_it_is_known_it_is_flown_as_one_that_slips(finding):
     assert finding.slips
     assert finding.airframe.speed_hold == "total-energy"
     learner = ResponseLearner()
     assert learner.step(finding, TurnEfficiency(), 0.0, bank_heard=True) == ([], None)
 
 
-def test_one_that_does_not_slip_is_flown_as_if_the_mission_said_so(
-    finding: FlightPlan, plan: MakePlan
-) -> None:
+def test_one_that_does_not_slip_is_flown_as_if_the_mission_said_so(finding):
     words, found = ResponseLearner().step(finding, known(1.0), 0.0, bank_heard=True)
     assert words == [
         "it turns 1.00 of what its bank says: it does not slip, and is flown so; nothing to do"
     ]
     assert found is not None
     assert not found.slips
-    assert found.airframe == plan().airframe
+    assert found.airframe == plan_of().airframe
 
 
-def test_alpha_is_what_the_bank_gives_times_what_is_turned_of_it(finding: FlightPlan) -> None:
+def test_alpha_is_what_the_bank_gives_times_what_is_turned_of_it(finding):
     told = AutopilotResponse(alpha=0.745, beta=0.5, coordinated_alpha=1.0)
     flown = flown_by(replace(finding, asks_response=True), told)
     assert flown.airframe.alpha == 0.745
@@ -68,22 +62,22 @@ def test_alpha_is_what_the_bank_gives_times_what_is_turned_of_it(finding: Flight
     assert later.airframe.alpha == pytest.approx(0.83)
 
 
-def test_an_alpha_that_is_declared_stays(finding: FlightPlan) -> None:
+def test_an_alpha_that_is_declared_stays(finding):
     assert turning(finding, 0.8, slips=True) == replace(finding, slip_found=True)
 
 
-def test_before_the_autopilot_has_told_its_parameters_nothing_changes(finding: FlightPlan) -> None:
+def test_before_the_autopilot_has_told_its_parameters_nothing_changes(finding):
     asking = replace(finding, asks_response=True)
     assert ResponseLearner().step(asking, known(1.0), 0.0, bank_heard=True) == ([], None)
 
 
-def test_a_mission_that_says_it_is_believed(plan: MakePlan) -> None:
+def test_a_mission_that_says_it_is_believed():
     assert ResponseLearner().step(
-        replace(plan(), finds_slip=False), known(0.7), 0.0, bank_heard=True
+        replace(plan_of(), finds_slip=False), known(0.7), 0.0, bank_heard=True
     ) == ([], None)
 
 
-def test_without_a_bank_the_pilot_hears_so_once(finding: FlightPlan) -> None:
+def test_without_a_bank_the_pilot_hears_so_once(finding):
     learner = ResponseLearner()
     told = [
         learner.step(finding, TurnEfficiency(), float(now), bank_heard=False)[0]
@@ -93,15 +87,15 @@ def test_without_a_bank_the_pilot_hears_so_once(finding: FlightPlan) -> None:
     assert "no ATTITUDE is heard" in str(told[20])
 
 
-def test_what_holds_course_and_ground_speed_is_not_asked(mission: Callable[[str], Mission]) -> None:
-    said = mission("line-calm")
+def test_what_holds_course_and_ground_speed_is_not_asked():
+    said = shipped("line-calm")
     vehicle = said.vehicles["f1"].model_copy(update={"slips": "auto", "plant": "course-hold"})
     vehicles = dict(said.vehicles.items()) | {"f1": vehicle}
     plan = flight_plan(said.model_copy(update={"vehicles": vehicles}), "f1")
     assert (plan.slips, plan.finds_slip, plan.airframe.speed_hold) == (False, False, "first-order")
 
 
-def test_what_was_learned_outlasts_another_response(finding: FlightPlan) -> None:
+def test_what_was_learned_outlasts_another_response(finding):
     own = OwnVehicle(finding)
     own.air.turn_efficiency = known(1.0)
     calibration = own.air.calibration

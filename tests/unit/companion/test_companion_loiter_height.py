@@ -1,20 +1,19 @@
 """Once everything was called off each loiters at a height of its own, where the autopilot can be told so."""
 
 import math
-from collections.abc import Callable
 from typing import Any
 
 import pytest
 from msgspec.structs import replace
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from tests.kit.companion import new_flight
+from tests.kit.missions import plan_of, shipped
 from vfguide.companion.height_keeper import TRIES, LoiterHeight
 from vfguide.companion.mission_plan import adapter_of, flight_plan, loiter_step
-from vfguide.companion.plan import FlightPlan
 from vfguide.formation.arrangement import Arrangement, Manoeuvre, Point, SlotMove
 from vfguide.link.order_codec import encode_order
 from vfguide.mavlink.reports import CommandReport
-from vfguide.mission.model import Mission
 from vfguide.mission.place import Fence
 
 DO_CHANGE_ALTITUDE, ACCEPTED = 186, 0
@@ -33,10 +32,10 @@ def abort(up: float = 0.0, *, number: int = 1, time_s: float = 20.0) -> Arrangem
 
 
 @pytest.fixture
-def height(plan: Callable[..., FlightPlan], mission: Callable[[str], Mission]) -> LoiterHeight:
+def height() -> LoiterHeight:
     """That of f1, the first behind the leader."""
-    adapter = adapter_of(mission("line-calm").vehicles["f1"])
-    return LoiterHeight(plan(vehicle="f1"), adapter)
+    adapter = adapter_of(shipped("line-calm").vehicles["f1"])
+    return LoiterHeight(plan_of(vehicle="f1"), adapter)
 
 
 def altitudes(height: LoiterHeight, flown: Arrangement | None, **state: object) -> list[float]:
@@ -49,30 +48,28 @@ def altitudes(height: LoiterHeight, flown: Arrangement | None, **state: object) 
     return [float(one.param1) for one in height.due(**(known | state))]
 
 
-def test_the_first_follower_loiters_15_m_above_the_leader(height: LoiterHeight) -> None:
+def test_the_first_follower_loiters_15_m_above_the_leader(height):
     assert altitudes(height, abort()) == [615.0]
 
 
-def test_a_slot_that_is_higher_already_climbs_less(height: LoiterHeight) -> None:
+def test_a_slot_that_is_higher_already_climbs_less(height):
     # As in the stack of a hold, whose first is 15 m up.
     assert altitudes(height, abort(up=15.0), altitude_amsl=610.0) == [610.0]
 
 
-def test_nobody_loiters_lower_than_the_path_and_its_rank(height: LoiterHeight) -> None:
+def test_nobody_loiters_lower_than_the_path_and_its_rank(height):
     # The path is at 588 m.
     assert altitudes(height, abort(), altitude_amsl=570.0) == [603.0]
 
 
-def test_nothing_is_told_without_a_loiter_that_was_asked_for(height: LoiterHeight) -> None:
+def test_nothing_is_told_without_a_loiter_that_was_asked_for(height):
     assert altitudes(height, abort(), returned=False) == []
     assert altitudes(height, None) == []
     assert altitudes(height, replace(abort(), flown=Manoeuvre.FORMATION)) == []
     assert altitudes(height, abort(number=2), altitude_amsl=math.nan) == []
 
 
-def test_the_same_height_is_told_until_it_is_accepted_and_a_few_times_at_most(
-    height: LoiterHeight,
-) -> None:
+def test_the_same_height_is_told_until_it_is_accepted_and_a_few_times_at_most(height):
     told = [altitudes(height, abort(), altitude_amsl=600.0 + n) for n in range(10)]
     assert told == [[615.0]] * TRIES + [[]] * (10 - TRIES)
     # A further abort finds it in its loiter, and is told the same.
@@ -84,18 +81,16 @@ def test_the_same_height_is_told_until_it_is_accepted_and_a_few_times_at_most(
     assert altitudes(height, abort(number=3), altitude_amsl=590.0) == [605.0]
 
 
-def test_all_heights_stay_within_the_fence(mission: Callable[[str], Mission]) -> None:
-    one = mission("line-calm")
+def test_all_heights_stay_within_the_fence():
+    one = shipped("line-calm")
     assert loiter_step(one) == 15.0
     highest = one.height_above_origin_m + 12.0
     fenced = one.model_copy(update={"fence": Fence(max_height_m=highest)})
     assert loiter_step(fenced) == pytest.approx(12.0 / len(one.followers))
 
 
-def test_on_a_climbing_path_all_stay_within_the_fence_and_apart(
-    mission: Callable[[str], Mission],
-) -> None:
-    one = mission("line-calm")
+def test_on_a_climbing_path_all_stay_within_the_fence_and_apart():
+    one = shipped("line-calm")
     level, n = one.height_above_origin_m, len(one.followers)
     fenced = one.model_copy(update={"fence": Fence(max_height_m=level + 510.0)})
     origin = one.origin.altitude_amsl_m
@@ -109,10 +104,8 @@ def test_on_a_climbing_path_all_stay_within_the_fence_and_apart(
 
 
 @pytest.mark.parametrize("kind", ["ardupilot", "px4"])
-def test_an_autopilot_that_was_handed_back_climbs_to_it_and_a_pilots_mode_is_left_alone(
-    flight: Callable[..., Any], kind: str
-) -> None:
-    flown = flight(kind=kind)
+def test_an_autopilot_that_was_handed_back_climbs_to_it_and_a_pilots_mode_is_left_alone(kind):
+    flown = new_flight(kind=kind)
     flown.run(20.0)
     before = flown.autopilot.truth().altitude_amsl_m
     data = encode_order(abort(time_s=flown.now))

@@ -104,7 +104,7 @@ def evenly(depths: Callable[[Random], float], *, apart_s: float, regained_s: flo
 @pytest.mark.parametrize(
     ("apart_s", "regained_s"), [(1.3, 0.1), (1.3, 0.6), (2.7, 2.2), (7.0, 5.0)]
 )
-def test_hiccups_that_are_regained_are_no_lost_time(apart_s: float, regained_s: float) -> None:
+def test_hiccups_that_are_regained_are_no_lost_time(apart_s, regained_s):
     lag = evenly(lambda random: random.uniform(0.02, 0.09), apart_s=apart_s, regained_s=regained_s)
     said = heard(lag)
     assert not [text for _, text in said if "lost" in text]
@@ -124,20 +124,20 @@ def test_hiccups_that_are_regained_are_no_lost_time(apart_s: float, regained_s: 
     ),
     st.integers(0, 1000),
 )
-def test_no_hiccups_that_are_regained_are_lost_time(hiccups: list[Hiccup], seed: int) -> None:
+def test_no_hiccups_that_are_regained_are_lost_time(hiccups, seed):
     said = heard(stutters(hiccups), duration_s=120.0, seed=seed)
     assert not [text for _, text in said if "lost" in text]
     assert len(said) <= 1
 
 
-def test_hiccups_behind_a_slow_link_are_no_rate_of_the_clock() -> None:
+def test_hiccups_behind_a_slow_link_are_no_rate_of_the_clock():
     """Ways of up to 0.1 s and hiccups of 0.09 s may look like 1 % for ten seconds."""
     lag = evenly(lambda random: random.uniform(0.02, 0.09), apart_s=3.0, regained_s=2.2)
     said = heard(lag, ways=(0.001, 0.1))
     assert not [text for _, text in said if "runs" in text or "lost" in text]
 
 
-def test_a_clock_that_stutters_again_and_again_is_told_once_in_a_flight() -> None:
+def test_a_clock_that_stutters_again_and_again_is_told_once_in_a_flight():
     """By up to 0.09 s, of which an answer shows all but the question's way of at least 0.001 s."""
     said = heard(evenly(lambda _: 0.09, apart_s=1.5, regained_s=0.7))
     ((time_s, text),) = said
@@ -146,26 +146,26 @@ def test_a_clock_that_stutters_again_and_again_is_told_once_in_a_flight() -> Non
     assert text.endswith("s and catches up: the computer it runs on is busy")
 
 
-def test_a_long_stutter_that_is_made_up_for_within_a_second_is_no_lost_time() -> None:
+def test_a_long_stutter_that_is_made_up_for_within_a_second_is_no_lost_time():
     assert heard(Hiccup(at=30.0, depth=0.5, regained=0.6).lag) == []
 
 
 @pytest.mark.parametrize("answers", [True, False])
 @pytest.mark.parametrize("lost_s", [0.3, 1.0, 5.0])
-def test_lost_time_is_told_within_3_s_with_its_figure(lost_s: float, *, answers: bool) -> None:
+def test_lost_time_is_told_within_3_s_with_its_figure(lost_s, answers):
     ((time_s, text),) = heard(slip(lost_s, 60.0), answers=answers)
     assert 60.0 + lost_s < time_s < 63.0 + lost_s
     assert f"has lost {lost_s:.1f} s" in text
 
 
-def test_the_least_that_is_told_is_a_fifth_of_a_second() -> None:
+def test_the_least_that_is_told_is_a_fifth_of_a_second():
     ((time_s, text),) = heard(slip(0.2, 60.0))
     assert 60.2 < time_s < 63.2
     assert "has lost 0.2 s" in text
     assert heard(slip(0.17, 60.0)) == []
 
 
-def test_a_slip_among_hiccups_is_told_with_its_own_figure() -> None:
+def test_a_slip_among_hiccups_is_told_with_its_own_figure():
     hiccups = evenly(lambda _: 0.08, apart_s=1.4, regained_s=0.4)
     lost = slip(1.0, 60.0)
     said = heard(lambda time_s: hiccups(time_s) + lost(time_s))
@@ -174,7 +174,7 @@ def test_a_slip_among_hiccups_is_told_with_its_own_figure() -> None:
     assert "has lost 1.0 s" in text
 
 
-def test_two_slips_add_up() -> None:
+def test_two_slips_add_up():
     """Neither 0.15 s is worth a text, both together are 0.3 s."""
     first, second = slip(0.15, 60.0), slip(0.15, 90.0)
     ((time_s, text),) = heard(lambda time_s: first(time_s) + second(time_s))
@@ -182,7 +182,7 @@ def test_two_slips_add_up() -> None:
     assert "has lost 0.3 s" in text
 
 
-def test_a_slip_soon_after_another_one_was_told_is_told_ten_seconds_after_that() -> None:
+def test_a_slip_soon_after_another_one_was_told_is_told_ten_seconds_after_that():
     first, second = slip(1.0, 60.0), slip(1.5, 66.0)
     (early, one), (late, other) = heard(lambda time_s: first(time_s) + second(time_s))
     assert "has lost 1.0 s" in one
@@ -191,14 +191,14 @@ def test_a_slip_soon_after_another_one_was_told_is_told_ten_seconds_after_that()
 
 
 @pytest.mark.parametrize("rate", [0.98, 0.95, 0.9])
-def test_a_clock_that_runs_slow_is_told_as_a_rate_and_not_as_lost(rate: float) -> None:
+def test_a_clock_that_runs_slow_is_told_as_a_rate_and_not_as_lost(rate):
     """A second of the autopilot takes 1 / rate seconds."""
     ((_, text),) = heard(lambda _: 0.0, rate=rate, duration_s=120.0, ways=(0.001, 0.004))
     assert f"runs {1.0 / rate - 1.0:.1%} slow" in text
 
 
 @pytest.mark.parametrize("share", [0.02, 0.05])
-def test_a_clock_that_runs_slow_from_some_moment_on_is_told_as_a_rate(share: float) -> None:
+def test_a_clock_that_runs_slow_from_some_moment_on_is_told_as_a_rate(share):
     """Of each second from the 60th on it loses this share: a second of its own takes 1 / (1 - share)."""
     said = heard(
         lambda time_s: share * max(time_s - 60.0, 0.0), duration_s=120.0, ways=(0.001, 0.004)
@@ -207,7 +207,7 @@ def test_a_clock_that_runs_slow_from_some_moment_on_is_told_as_a_rate(share: flo
     assert any(f"runs {1.0 / (1.0 - share) - 1.0:.1%} slow" in text for _, text in said)
 
 
-def test_a_clock_that_loses_time_unevenly_and_goes_on_doing_so_is_told_as_lost() -> None:
+def test_a_clock_that_loses_time_unevenly_and_goes_on_doing_so_is_told_as_lost():
     """0.4 s every 1.7 s, never made up for."""
     said = heard(
         lambda time_s: 0.4 * int(time_s / 1.7) + min(max(time_s % 1.7 - 1.3, 0.0), 0.4),
@@ -216,6 +216,6 @@ def test_a_clock_that_loses_time_unevenly_and_goes_on_doing_so_is_told_as_lost()
     assert any("has lost" in text for _, text in said)
 
 
-def test_two_quartz_clocks_that_drift_apart_lose_no_time_in_an_hour() -> None:
+def test_two_quartz_clocks_that_drift_apart_lose_no_time_in_an_hour():
     """100 ppm are 0.36 s in an hour, more than what a slip is told from."""
     assert heard(lambda _: 0.0, rate=1.0 - 100e-6, duration_s=3600.0) == []

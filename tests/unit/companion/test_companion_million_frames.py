@@ -2,21 +2,19 @@
 
 import math
 import os
-from collections.abc import Callable
 from pathlib import Path
 from random import Random
-from typing import Any
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 from pymavlink.generator.mavcrc import x25crc
 
+from tests.kit.companion import leader_bytes
+from tests.kit.missions import shipped
+from tests.kit.wire import parsed
 from vfguide.companion.core import Companion
 from vfguide.companion.mission_plan import adapter_of, flight_plan
-from vfguide.mission.model import Mission
-
-Make = Callable[..., Any]
 
 FRAMES = int(os.environ.get("VFGUIDE_FUZZ_FRAMES", "40000"))
 POOL = 4000
@@ -91,10 +89,8 @@ def is_finite(message: MAVLink_message) -> bool:
 
 
 @pytest.mark.parametrize("kind", ["ardupilot", "px4", "auto"])
-def test_no_frame_is_too_damaged_and_none_leaves_a_trace(
-    mission: Callable[[str], Mission], parsed: Make, leader_bytes: Make, kind: str
-) -> None:
-    article = mission("line-calm")
+def test_no_frame_is_too_damaged_and_none_leaves_a_trace(kind):
+    article = shipped("line-calm")
     declared = article.vehicles["f1"].model_copy(
         update={"autopilot": kind, "course_lag_s": 0.4, "speed_dead_time_s": 0.5}
     )

@@ -5,26 +5,24 @@ from collections.abc import Callable
 
 import pytest
 
+from tests.kit.missions import shipped
 from vfguide.companion.mission_plan import flight_plan
 from vfguide.companion.narrowed_limits import narrowed_limits
 from vfguide.companion.plan import FlightPlan, flown_by
 from vfguide.mavlink.parameters import AutopilotResponse
-from vfguide.mission.model import Mission
-
-MissionOf = Callable[[str], Mission]
 
 
 @pytest.fixture
-def circling(mission: MissionOf) -> Callable[[str], FlightPlan]:
+def circling() -> Callable[[str], FlightPlan]:
     """A vehicle of circle-wind: clockwise, 150 m, 20 m/s: 0.1333 rad/s."""
-    return lambda name: flight_plan(mission("circle-wind"), name)
+    return lambda name: flight_plan(shipped("circle-wind"), name)
 
 
 def told(declared: FlightPlan, autopilot: AutopilotResponse) -> str:
     return narrowed_limits(declared, flown_by(declared, autopilot)).sentence
 
 
-def test_limits_that_are_no_tighter_cost_nothing(circling: Callable[[str], FlightPlan]) -> None:
+def test_limits_that_are_no_tighter_cost_nothing(circling):
     wide = AutopilotResponse(
         airspeed_min=10.0,
         airspeed_max=40.0,
@@ -65,9 +63,7 @@ def test_limits_that_are_no_tighter_cost_nothing(circling: Callable[[str], Fligh
         ),
     ],
 )
-def test_what_is_narrowed_is_told_with_what_the_flight_takes(
-    circling: Callable[[str], FlightPlan], name: str, autopilot: AutopilotResponse, words: str
-) -> None:
+def test_what_is_narrowed_is_told_with_what_the_flight_takes(circling, name, autopilot, words):
     sentence = told(circling(name), autopilot)
     assert words in sentence
     assert "less is left" in sentence
@@ -81,18 +77,16 @@ def test_what_is_narrowed_is_told_with_what_the_flight_takes(
         AutopilotResponse(airspeed_max=22.0),
     ],
 )
-def test_limits_that_the_slot_exceeds_are_called_too_tight(
-    circling: Callable[[str], FlightPlan], autopilot: AutopilotResponse
-) -> None:
+def test_limits_that_the_slot_exceeds_are_called_too_tight(circling, autopilot):
     declared = circling("f1")
     found = narrowed_limits(declared, flown_by(declared, autopilot))
     assert found.too_tight
     assert "the slot cannot be held" in found.sentence
 
 
-def test_a_path_that_climbs_is_held_against_the_climb(mission: MissionOf) -> None:
+def test_a_path_that_climbs_is_held_against_the_climb():
     """climb-and-turn: 8.5 degrees at 20 m/s are 20 tan 8.5 = 2.99 m/s."""
-    declared = flight_plan(mission("climb-and-turn"), "leader")
+    declared = flight_plan(shipped("climb-and-turn"), "leader")
     assert "climbs of 5 m/s, not 6 (its path takes 2.99)" in told(
         declared, AutopilotResponse(climb_max=5.0)
     )
@@ -100,9 +94,9 @@ def test_a_path_that_climbs_is_held_against_the_climb(mission: MissionOf) -> Non
     assert narrowed_limits(declared, low).too_tight
 
 
-def test_behind_a_leader_without_a_path_the_tightest_circle_is_told(mission: MissionOf) -> None:
+def test_behind_a_leader_without_a_path_the_tightest_circle_is_told():
     """V² / (g tan 20 degrees)."""
-    declared = flight_plan(mission("foreign-leader"), "f1")
+    declared = flight_plan(shipped("foreign-leader"), "f1")
     cruise = declared.airframe.cruise
     radius = cruise**2 / (9.80665 * math.tan(math.radians(20.0)))
     found = narrowed_limits(

@@ -1,17 +1,13 @@
 """A companion that finds another of its name on the link, which was there before."""
 
-from collections.abc import Callable
-
-from tests.unit.companion.conftest import Flight
+from tests.kit.companion import new_flight
 from vfguide.companion.supervisor import Mode
 
 HEARD_S = 10.0
 
 
-def test_the_younger_hands_back_the_vehicle_that_it_steers_and_says_why(
-    flight: Callable[..., Flight],
-) -> None:
-    one = flight()
+def test_the_younger_hands_back_the_vehicle_that_it_steers_and_says_why():
+    one = new_flight()
     one.run(HEARD_S)
     assert one.modes[-1][1].steers
     out = one.companion.stand_back(one.now, twin=True)
@@ -23,11 +19,9 @@ def test_the_younger_hands_back_the_vehicle_that_it_steers_and_says_why(
     assert one.companion.obstacle(one.now) is not None
 
 
-def test_the_younger_that_has_not_steered_commands_nothing_until_the_other_is_silent(
-    flight: Callable[..., Flight],
-) -> None:
+def test_the_younger_that_has_not_steered_commands_nothing_until_the_other_is_silent():
     """The other one may steer this very vehicle."""
-    one = flight()
+    one = new_flight()
     one.companion.stand_back(0.0, twin=True)
     one.run(HEARD_S)
     assert {mode for _, mode in one.modes} == {Mode.WAITING}

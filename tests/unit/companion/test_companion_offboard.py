@@ -1,16 +1,15 @@
 """Autopilots that can only be engaged while setpoints arrive, and those that need none."""
 
 import struct
-from collections.abc import Callable
 from itertools import pairwise
 from typing import Any
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from tests.kit.companion import heard_until, new_flight
 from vfguide.companion.supervisor import Mode
 
-Make = Callable[..., Any]
 Flown = Any  # the flight of conftest.py, which tests cannot import
 
 SET_MODE, CHANGE_SPEED, HEADING, REQUEST_MESSAGE = 176, 178, 43_002, 512
@@ -22,8 +21,8 @@ BY_POSITIONS = (1, 16)
 ALTITUDE_CONTROL, OFFBOARD, AUTO, LOITER = 2, 6, 4, 3
 
 
-def test_px4_hears_setpoints_before_it_is_asked_for_offboard(flight: Make) -> None:
-    flown = flight(kind="px4", version=BY_POSITIONS)
+def test_px4_hears_setpoints_before_it_is_asked_for_offboard():
+    flown = new_flight(kind="px4", version=BY_POSITIONS)
     flown.run(40.0)
     setpoints = flown.times(POSITION)
     assert flown.times(SET_MODE)
@@ -35,16 +34,16 @@ def test_px4_hears_setpoints_before_it_is_asked_for_offboard(flight: Make) -> No
     assert flown.times(CHANGE_SPEED) == steered
 
 
-def test_px4_hears_setpoints_from_a_companion_that_may_not_engage(flight: Make) -> None:
-    flown = flight(kind="px4", version=BY_POSITIONS, engage=False)
+def test_px4_hears_setpoints_from_a_companion_that_may_not_engage():
+    flown = new_flight(kind="px4", version=BY_POSITIONS, engage=False)
     flown.run(10.0)
     assert flown.later(POSITION, 5.0) == [pytest.approx(5.1 + 0.1 * k) for k in range(50)]
     assert flown.times(CHANGE_SPEED) == flown.times(SET_MODE) == []
     assert flown.autopilot.truth().mode == "AUTO.LOITER"
 
 
-def test_the_pilot_can_select_offboard_for_a_companion_that_may_not_engage(flight: Make) -> None:
-    flown = flight(kind="px4", version=BY_POSITIONS, engage=False)
+def test_the_pilot_can_select_offboard_for_a_companion_that_may_not_engage():
+    flown = new_flight(kind="px4", version=BY_POSITIONS, engage=False)
     flown.run(10.0)
     flown.pilot(OFFBOARD)
     assert flown.autopilot.truth().mode == "OFFBOARD"
@@ -55,10 +54,8 @@ def test_the_pilot_can_select_offboard_for_a_companion_that_may_not_engage(fligh
 
 
 @pytest.mark.parametrize("mode", [(ALTITUDE_CONTROL, 0), (AUTO, LOITER)])
-def test_px4_that_the_pilot_took_hears_the_stream_and_nothing_that_it_would_obey(
-    flight: Make, mode: tuple[int, int]
-) -> None:
-    flown = flight(kind="px4", version=BY_POSITIONS)
+def test_px4_that_the_pilot_took_hears_the_stream_and_nothing_that_it_would_obey(mode):
+    flown = new_flight(kind="px4", version=BY_POSITIONS)
     flown.run(10.0)
     assert flown.autopilot.truth().mode == "OFFBOARD"
     flown.pilot(*mode)
@@ -72,8 +69,8 @@ def test_px4_that_the_pilot_took_hears_the_stream_and_nothing_that_it_would_obey
 
 
 @pytest.mark.parametrize("vehicle", ["f1", "leader"])
-def test_the_pilot_of_px4_can_select_offboard_again(flight: Make, vehicle: str) -> None:
-    flown = flight(vehicle, kind="px4", version=BY_POSITIONS)
+def test_the_pilot_of_px4_can_select_offboard_again(vehicle):
+    flown = new_flight(vehicle, kind="px4", version=BY_POSITIONS)
     flown.run(10.0)
     flown.pilot(AUTO, LOITER)
     flown.run(15.0)
@@ -84,22 +81,20 @@ def test_the_pilot_of_px4_can_select_offboard_again(flight: Make, vehicle: str) 
     assert flown.mode_at(70.0) is Mode.TRACKING
 
 
-def test_px4_that_was_given_back_for_lack_of_a_leader_hears_no_stream(
-    flight: Make, until: Make
-) -> None:
+def test_px4_that_was_given_back_for_lack_of_a_leader_hears_no_stream():
     patience = {"prediction_s": 2.0, "breakaway_s": 2.0}
-    flown = flight(kind="px4", version=BY_POSITIONS, link=until(10.0), patience=patience)
+    flown = new_flight(kind="px4", version=BY_POSITIONS, link=heard_until(10.0), patience=patience)
     flown.run(20.0)
     assert flown.mode_at(20.0) is Mode.LOST
     assert flown.later(POSITION, 10.0)
     assert flown.later(POSITION, 14.5) == []
 
 
-def test_arduplane_hears_no_setpoints_while_it_is_not_engaged(flight: Make) -> None:
-    waiting = flight(engage=False)
+def test_arduplane_hears_no_setpoints_while_it_is_not_engaged():
+    waiting = new_flight(engage=False)
     waiting.run(10.0)
     assert waiting.times(HEADING) == waiting.times(POSITION) == []
-    taken = flight()
+    taken = new_flight()
     taken.run(10.0)
     taken.pilot(12)
     taken.run(20.0)
@@ -107,8 +102,8 @@ def test_arduplane_hears_no_setpoints_while_it_is_not_engaged(flight: Make) -> N
     assert taken.later(HEADING, 10.0) == taken.times(POSITION) == []
 
 
-def test_px4_that_has_guided_course_is_engaged_without_a_stream(flight: Make) -> None:
-    flown = flight(kind="px4")
+def test_px4_that_has_guided_course_is_engaged_without_a_stream():
+    flown = new_flight(kind="px4")
     flown.run(60.0)
     assert flown.times(POSITION) == []
     assert flown.autopilot.truth().mode == "AUTO.COURSE"
@@ -117,8 +112,8 @@ def test_px4_that_has_guided_course_is_engaged_without_a_stream(flight: Make) ->
     assert flown.autopilot.truth().altitude_amsl_m == pytest.approx(588.0, abs=0.5)
 
 
-def test_it_is_asked_for_its_version_before_it_is_engaged(flight: Make) -> None:
-    flown = flight(kind="px4")
+def test_it_is_asked_for_its_version_before_it_is_engaged():
+    flown = new_flight(kind="px4")
     flown.run(20.0)
     assert flown.times(REQUEST_MESSAGE)
     assert flown.times(REQUEST_MESSAGE)[-1] < flown.times(SET_MODE)[0]
@@ -126,8 +121,8 @@ def test_it_is_asked_for_its_version_before_it_is_engaged(flight: Make) -> None:
     assert text.endswith("should it and every ground station fall silent, NAV_DLL_ACT decides")
 
 
-def test_one_whose_version_cannot_be_asked_for_is_flown_by_positions(flight: Make) -> None:
-    flown = flight(kind="px4")
+def test_one_whose_version_cannot_be_asked_for_is_flown_by_positions():
+    flown = new_flight(kind="px4")
     flown.lose = frozenset({REQUEST_MESSAGE})
     flown.run(60.0)
     assert flown.autopilot.truth().mode == "OFFBOARD"
@@ -141,8 +136,8 @@ def heartbeat_kinds(flown: Flown, from_s: float) -> set[int]:
     return {one.type for one in messages if one.get_type() == "HEARTBEAT"}
 
 
-def test_a_ground_station_beats_beside_the_companion_until_a_pilot_flies(flight: Make) -> None:
-    flown = flight(kind="px4")
+def test_a_ground_station_beats_beside_the_companion_until_a_pilot_flies():
+    flown = new_flight(kind="px4")
     flown.run(20.0)
     assert heartbeat_kinds(flown, 10.0) == {COMPANION, GROUND_STATION}
     flown.pilot(ALTITUDE_CONTROL)
@@ -152,18 +147,14 @@ def test_a_ground_station_beats_beside_the_companion_until_a_pilot_flies(flight:
 
 
 @pytest.mark.parametrize("kind", ["ardupilot", "px4"])
-def test_no_ground_station_beats_where_the_autopilot_has_another_fail_safe(
-    flight: Make, kind: str
-) -> None:
-    flown = flight(kind=kind, version=BY_POSITIONS if kind == "px4" else None)
+def test_no_ground_station_beats_where_the_autopilot_has_another_fail_safe(kind):
+    flown = new_flight(kind=kind, version=BY_POSITIONS if kind == "px4" else None)
     flown.run(20.0)
     assert heartbeat_kinds(flown, 0.0) == {COMPANION}
 
 
-def test_a_companion_that_dies_in_guided_course_leaves_an_aircraft_that_loiters(
-    flight: Make,
-) -> None:
-    flown = flight(kind="px4")
+def test_a_companion_that_dies_in_guided_course_leaves_an_aircraft_that_loiters():
+    flown = new_flight(kind="px4")
     flown.run(20.0)
     (one,) = struct.unpack("<f", struct.pack("<i", 1))
     setting = mavlink.MAVLink_param_set_message(2, 1, b"NAV_DLL_ACT", one, 6)

@@ -1,11 +1,11 @@
 """An order back engages a vehicle that an order has left to its autopilot, and no pilot has had since."""
 
-from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, cast
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from tests.kit.missions import shipped
 from vfguide.companion.alerts import Alerts
 from vfguide.companion.authority import EngageRule, ModeAuthority, Wish
 from vfguide.companion.consent import MemoryStore
@@ -91,11 +91,11 @@ class Vehicle:
 
 
 @pytest.fixture
-def vehicle(mission: Callable[[str], Mission]) -> Vehicle:
-    return Vehicle(mission("line-calm"))
+def vehicle() -> Vehicle:
+    return Vehicle(shipped("line-calm"))
 
 
-def test_a_vehicle_that_was_watched_all_the_time_is_engaged_again(vehicle: Vehicle) -> None:
+def test_a_vehicle_that_was_watched_all_the_time_is_engaged_again(vehicle):
     vehicle.leave()
     assert vehicle.engages(12)
 
@@ -117,8 +117,8 @@ def failing(vehicle: Vehicle) -> None:
 
 @pytest.mark.parametrize(("happens", "from_s"), [(unheard, 80), (rebooted, 13), (failing, 13)])
 def test_a_vehicle_is_left_to_its_pilot_after_what_ends_the_right_to_engage_it(
-    vehicle: Vehicle, happens: Callable[[Any], None], from_s: int
-) -> None:
+    vehicle, happens, from_s
+):
     vehicle.leave()
     happens(vehicle)
     assert not vehicle.engages(from_s)

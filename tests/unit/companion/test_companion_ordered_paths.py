@@ -5,43 +5,32 @@ import math
 import pytest
 from msgspec.structs import replace
 
-from tests.unit.companion.ordered_companions import (
-    NAMES,
-    Formation,
-    MakePlan,
-    further,
-)
+from tests.kit.missions import plan_of
+from tests.kit.orders import NAMES, SLOTS, Formation, further
 from vfguide.companion.arrangements import Arrangements
 from vfguide.companion.plan import FlightPlan, FollowerTask, KnownPath, LeadPlan
 from vfguide.companion.timing import SAME_CLOCK
-from vfguide.formation.arrangement import Point
 from vfguide.guidance.settings import PathGains
 from vfguide.paths.circle import Circle as CirclePath
 
 
-def with_paths(plan: MakePlan) -> MakePlan:
-    """Plans of a mission that has another path, and two who may lead."""
-
-    def make(**options: object) -> FlightPlan:
-        one = plan(**options)
-        other = KnownPath(
-            CirclePath(north=0.0, east=0.0, radius=300.0, direction=1),
-            PathGains(gain=0.03, approach_angle=math.pi / 2.0),
-        )
-        task = plan(vehicle="f3").task
-        assert isinstance(task, FollowerTask)
-        lead = LeadPlan(order=("leader", "f1"), task=task, altitude_amsl=588.0)
-        return replace(one, paths={**one.paths, "survey": other}, lead=lead)
-
-    return make
+def with_paths(**options: str) -> FlightPlan:
+    """Plan of a mission that has another path, and two who may lead."""
+    other = KnownPath(
+        CirclePath(north=0.0, east=0.0, radius=300.0, direction=1),
+        PathGains(gain=0.03, approach_angle=math.pi / 2.0),
+    )
+    task = plan_of(vehicle="f3").task
+    assert isinstance(task, FollowerTask)
+    lead = LeadPlan(order=("leader", "f1"), task=task, altitude_amsl=588.0)
+    one = plan_of(**options)
+    return replace(one, paths={**one.paths, "survey": other}, lead=lead)
 
 
-def test_another_path_is_known_from_the_agreed_time_on_and_its_field_is_as_gentle_as_the_turns(
-    plan: MakePlan, slots: dict[str, Point]
-) -> None:
-    formation = Formation(with_paths(plan))
+def test_another_path_is_known_from_the_agreed_time_on_and_its_field_is_as_gentle_as_the_turns():
+    formation = Formation(with_paths)
     formation.run(5.0)
-    formation.give(replace(further(slots), path="survey", turn_radius_m=125.0))
+    formation.give(replace(further(SLOTS), path="survey", turn_radius_m=125.0))
     formation.run(9.9)
     assert [one.flight.route for one in formation.members.values()] == [None] * len(NAMES)
     formation.run(10.05)
@@ -51,30 +40,26 @@ def test_another_path_is_known_from_the_agreed_time_on_and_its_field_is_as_gentl
     assert {one.gains.gain for one in routes if one is not None} == {0.008}
 
 
-def test_a_path_that_one_companion_does_not_know_is_flown_by_nobody(
-    plan: MakePlan, slots: dict[str, Point]
-) -> None:
-    formation = Formation(with_paths(plan))
-    formation.members["f2"] = Arrangements(plan(vehicle="f2"), SAME_CLOCK, formation.alerts)
+def test_a_path_that_one_companion_does_not_know_is_flown_by_nobody():
+    formation = Formation(with_paths)
+    formation.members["f2"] = Arrangements(plan_of(vehicle="f2"), SAME_CLOCK, formation.alerts)
     formation.run(5.0)
-    formation.give(replace(further(slots), path="survey", turn_radius_m=125.0))
+    formation.give(replace(further(SLOTS), path="survey", turn_radius_m=125.0))
     formation.run(60.0)
     assert formation.flown == dict.fromkeys(NAMES, 0)
     refused = {reply.text for name, reply in formation.said if name == "f2"}
     assert "no path is called 'survey' in its mission: give all the same mission" in refused
 
 
-def test_a_path_that_is_another_curve_for_one_companion_is_flown_by_nobody(
-    plan: MakePlan, slots: dict[str, Point]
-) -> None:
-    formation = Formation(with_paths(plan))
-    other = with_paths(plan)(vehicle="f2")
+def test_a_path_that_is_another_curve_for_one_companion_is_flown_by_nobody():
+    formation = Formation(with_paths)
+    other = with_paths(vehicle="f2")
     paths = {**other.paths, "survey": replace(other.paths["survey"], check=7)}
     formation.members["f2"] = Arrangements(
         replace(other, paths=paths), SAME_CLOCK, formation.alerts
     )
     formation.run(5.0)
-    formation.give(replace(further(slots), path="survey", turn_radius_m=125.0))
+    formation.give(replace(further(SLOTS), path="survey", turn_radius_m=125.0))
     formation.run(60.0)
     assert formation.flown == dict.fromkeys(NAMES, 0)
     refused = {reply.text for name, reply in formation.said if name == "f2"}
@@ -83,31 +68,27 @@ def test_a_path_that_is_another_curve_for_one_companion_is_flown_by_nobody(
     }
 
 
-def test_nobody_leads_by_an_order_along_a_path_that_is_another_curve_in_its_own_mission(
-    plan: MakePlan, slots: dict[str, Point]
-) -> None:
-    formation = Formation(with_paths(plan))
-    other = with_paths(plan)(vehicle="f1")
+def test_nobody_leads_by_an_order_along_a_path_that_is_another_curve_in_its_own_mission():
+    formation = Formation(with_paths)
+    other = with_paths(vehicle="f1")
     paths = {**other.paths, "main": replace(other.paths["main"], check=7)}
     formation.members["f1"] = Arrangements(
         replace(other, paths=paths), SAME_CLOCK, formation.alerts
     )
     formation.run(5.0)
-    formation.give(replace(further(slots), lead="f1", path_check=8))
+    formation.give(replace(further(SLOTS), lead="f1", path_check=8))
     formation.run(60.0)
     assert formation.flown == dict.fromkeys(NAMES, 0)
     refused = {reply.text for name, reply in formation.said if name == "f1"}
     assert refused >= {"its mission file means another curve by 'main': give all the same mission"}
 
 
-def test_a_companion_that_missed_the_order_and_means_another_curve_by_its_path_does_not_steer(
-    plan: MakePlan, slots: dict[str, Point]
-) -> None:
-    formation = Formation(with_paths(plan))
+def test_a_companion_that_missed_the_order_and_means_another_curve_by_its_path_does_not_steer():
+    formation = Formation(with_paths)
     formation.run(5.0)
-    formation.give(replace(further(slots), path="survey", turn_radius_m=125.0))
+    formation.give(replace(further(SLOTS), path="survey", turn_radius_m=125.0))
     formation.run(11.0)
-    other = with_paths(plan)(vehicle="f2")
+    other = with_paths(vehicle="f2")
     paths = {**other.paths, "survey": replace(other.paths["survey"], check=7)}
     formation.members["f2"] = Arrangements(
         replace(other, paths=paths), SAME_CLOCK, formation.alerts
@@ -118,23 +99,19 @@ def test_a_companion_that_missed_the_order_and_means_another_curve_by_its_path_d
     assert len([text for text in formation.words if "another curve" in text]) == 1
 
 
-def test_who_is_to_lead_leads_for_a_moment_after_the_agreed_time_only(
-    plan: MakePlan, slots: dict[str, Point]
-) -> None:
-    formation = Formation(with_paths(plan))
+def test_who_is_to_lead_leads_for_a_moment_after_the_agreed_time_only():
+    formation = Formation(with_paths)
     formation.run(5.0)
-    formation.give(replace(further(slots), lead="f1"))
+    formation.give(replace(further(SLOTS), lead="f1"))
     formation.run(10.1)
     assert [name for name, one in formation.members.items() if one.leads_by_order(10.1)] == ["f1"]
     assert not formation.members["f1"].leads_by_order(12.0)
 
 
-def test_another_copy_of_the_order_at_its_very_time_does_not_keep_anybody_from_leading_by_it(
-    plan: MakePlan, slots: dict[str, Point]
-) -> None:
-    formation = Formation(with_paths(plan))
+def test_another_copy_of_the_order_at_its_very_time_does_not_keep_anybody_from_leading_by_it():
+    formation = Formation(with_paths)
     formation.run(5.0)
-    order = replace(further(slots), lead="f1")
+    order = replace(further(SLOTS), lead="f1")
     formation.give(order)
     formation.run(9.95)
     # The operator repeats it until all fly it; f1 gets that before its own next step.
@@ -144,12 +121,10 @@ def test_another_copy_of_the_order_at_its_very_time_does_not_keep_anybody_from_l
     assert formation.members["f1"].leads_by_order(10.0)
 
 
-def test_a_companion_that_hears_of_the_order_later_does_not_lead_by_it(
-    plan: MakePlan, slots: dict[str, Point]
-) -> None:
-    formation = Formation(with_paths(plan))
+def test_a_companion_that_hears_of_the_order_later_does_not_lead_by_it():
+    formation = Formation(with_paths)
     formation.run(5.0)
-    formation.give(replace(further(slots), lead="f1"))
+    formation.give(replace(further(SLOTS), lead="f1"))
     formation.run(11.0)
     formation.start("f1")
     while formation.flown["f1"] == 0:
@@ -158,14 +133,12 @@ def test_a_companion_that_hears_of_the_order_later_does_not_lead_by_it(
         assert not formation.members["f1"].leads_by_order(formation.now)
 
 
-def test_nobody_is_ordered_to_lead_who_is_not_heard(
-    plan: MakePlan, slots: dict[str, Point]
-) -> None:
-    formation = Formation(with_paths(plan))
+def test_nobody_is_ordered_to_lead_who_is_not_heard():
+    formation = Formation(with_paths)
     formation.run(5.0)
     formation.silent.add("f1")
     formation.run(12.0)
-    formation.give(replace(further(slots), time_s=20.0, lead="f1"))
+    formation.give(replace(further(SLOTS), time_s=20.0, lead="f1"))
     formation.run(60.0)
     assert {name: formation.flown[name] for name in NAMES if name != "f1"} == {
         name: 0 for name in NAMES if name != "f1"
@@ -173,10 +146,10 @@ def test_nobody_is_ordered_to_lead_who_is_not_heard(
     assert "f1 is to lead, and is not heard" in {reply.text for _, reply in formation.said}
 
 
-def test_nobody_leads_by_an_order_who_is_no_deputy(plan: MakePlan, slots: dict[str, Point]) -> None:
-    formation = Formation(with_paths(plan))
+def test_nobody_leads_by_an_order_who_is_no_deputy():
+    formation = Formation(with_paths)
     formation.run(5.0)
-    formation.give(replace(further(slots), lead="f2"))
+    formation.give(replace(further(SLOTS), lead="f2"))
     formation.run(60.0)
     assert formation.flown == dict.fromkeys(NAMES, 0)
     assert "f2 is neither leader nor deputy of its mission" in {

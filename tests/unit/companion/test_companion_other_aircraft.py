@@ -61,7 +61,7 @@ def seen(
     return aircraft.nearby(here, lambda: members)
 
 
-def test_an_aircraft_is_carried_on_and_given_more_room_the_older_its_report() -> None:
+def test_an_aircraft_is_carried_on_and_given_more_room_the_older_its_report():
     """Two seconds old when heard: at 400 - 2 x 30 m now, and 2 x 5 m more are kept."""
     found = seen(report(400.0, age_s=2.0))
     assert found is not None
@@ -83,38 +83,34 @@ def test_an_aircraft_is_carried_on_and_given_more_room_the_older_its_report() ->
         (math.nan, 0.0, True),
     ],
 )
-def test_a_difference_in_height_counts_where_it_lasts_and_is_known(
-    up_m: float, climb_rate: float, *, in_the_way: bool
-) -> None:
+def test_a_difference_in_height_counts_where_it_lasts_and_is_known(up_m, climb_rate, in_the_way):
     """8 s at 2 m/s are 16 m: 75 m above may be 59 m."""
     one = report(300.0, altitude_amsl=588.0 + up_m, climb_rate=climb_rate)
     assert (seen(one) is not None) is in_the_way
 
 
 @pytest.mark.parametrize(("up_m", "in_the_way"), [(559.0, True), (561.0, False), (-561.0, False)])
-def test_a_pressure_altitude_counts_with_what_it_may_be_off(
-    up_m: float, *, in_the_way: bool
-) -> None:
+def test_a_pressure_altitude_counts_with_what_it_may_be_off(up_m, in_the_way):
     """60 m of room and 500 m of error; which side to pass on it does not tell."""
     found = seen(report(300.0, altitude_amsl=588.0 + up_m, altitude_error=500.0))
     assert (found is not None) is in_the_way
     assert found is None or math.isnan(found.altitudes[0])
 
 
-def test_a_report_is_forgotten_when_it_is_stale() -> None:
+def test_a_report_is_forgotten_when_it_is_stale():
     one = report(400.0)
     later = replace(HERE, time_s=10.0 + STALE_S)
     assert seen(one, here=later) is not None
     assert seen(one, here=replace(later, time_s=10.01 + STALE_S)) is None
 
 
-def test_who_cannot_come_near_within_the_horizon_is_not_looked_at() -> None:
+def test_who_cannot_come_near_within_the_horizon_is_not_looked_at():
     """100 m, 40 m of doubt, and 8 s of 20 and of 30 m/s: 540 m."""
     assert seen(report(539.0)) is not None
     assert seen(report(541.0)) is None
 
 
-def test_members_that_appear_by_adsb_are_not_kept_clear_of_twice() -> None:
+def test_members_that_appear_by_adsb_are_not_kept_clear_of_twice():
     """One 70 m from where it says it is, at its velocity; at another velocity it is a stranger."""
     member = (-40 + 20j, 20 + 0j)
     with_it = report(-40.0, 90.0, velocity=(19.0, 3.0))
@@ -134,7 +130,7 @@ def in_the_way(
     return aircraft.nearby(replace(here, time_s=time_s), tuple) is not None
 
 
-def test_a_stranger_that_overtakes_slowly_stays_one_however_near_it_comes() -> None:
+def test_a_stranger_that_overtakes_slowly_stays_one_however_near_it_comes():
     """5 m/s faster, from 200 m behind to as much ahead: within 75 m for 30 s."""
     aircraft = OtherAircraft(FRAME, distance_m=100.0)
     for second in range(80):
@@ -142,7 +138,7 @@ def test_a_stranger_that_overtakes_slowly_stays_one_however_near_it_comes() -> N
         assert in_the_way(aircraft, 10.0 + second, one)
 
 
-def test_a_member_stays_one_where_a_report_is_off_and_while_it_is_not_heard() -> None:
+def test_a_member_stays_one_where_a_report_is_off_and_while_it_is_not_heard():
     aircraft = OtherAircraft(FRAME, distance_m=100.0)
     own = report(10.0, velocity=(20.0, 0.0))
     off = report(200.0, velocity=(-20.0, 0.0))
@@ -154,7 +150,7 @@ def test_a_member_stays_one_where_a_report_is_off_and_while_it_is_not_heard() ->
     assert not in_the_way(aircraft, 140.0, own)
 
 
-def test_a_member_whose_transponder_is_heard_before_its_states_is_one_after_a_minute() -> None:
+def test_a_member_whose_transponder_is_heard_before_its_states_is_one_after_a_minute():
     aircraft = OtherAircraft(FRAME, distance_m=100.0)
     beside = report(0.0, 100.0, velocity=(20.0, 0.0))
     assert in_the_way(aircraft, 10.0, beside)
@@ -166,9 +162,7 @@ def test_a_member_whose_transponder_is_heard_before_its_states_is_one_after_a_mi
 
 @pytest.mark.parametrize("radius", [150.0, 250.0])
 @pytest.mark.parametrize("age_s", [0.0, 2.0, 3.5, 5.0])
-def test_the_own_transponder_is_a_member_on_a_circle_however_old_its_reports(
-    radius: float, age_s: float
-) -> None:
+def test_the_own_transponder_is_a_member_on_a_circle_however_old_its_reports(radius, age_s):
     """At 20 m/s, reports once a second. On 150 m it turns by 38° in 5 s: 13 m/s."""
     aircraft = OtherAircraft(FRAME, distance_m=100.0)
     for second in range(60):
@@ -184,7 +178,7 @@ def test_the_own_transponder_is_a_member_on_a_circle_however_old_its_reports(
         assert not in_the_way(aircraft, 10.0 + second, heard, here=here)
 
 
-def test_a_report_without_a_velocity_is_judged_by_place_until_one_comes() -> None:
+def test_a_report_without_a_velocity_is_judged_by_place_until_one_comes():
     """3 s old, from 60 m behind: where the own vehicle was."""
     own = report(-60.0, velocity=None, age_s=3.0)
     assert seen(own) is None
@@ -195,7 +189,7 @@ def test_a_report_without_a_velocity_is_judged_by_place_until_one_comes() -> Non
     assert in_the_way(aircraft, 11.0, report(50.0))
 
 
-def test_addresses_are_remembered_up_to_a_number_the_newest() -> None:
+def test_addresses_are_remembered_up_to_a_number_the_newest():
     aircraft = OtherAircraft(FRAME, distance_m=100.0)
     for number in range(500):
         in_the_way(aircraft, 10.0 + 0.1 * number, report(300.0 - 0.1 * number, number=number))
@@ -203,7 +197,7 @@ def test_addresses_are_remembered_up_to_a_number_the_newest() -> None:
     assert set(aircraft._verdicts) == set(range(500 - MOST_VERDICTS, 500))  # noqa: SLF001
 
 
-def test_reports_that_cannot_be_are_counted_and_not_used() -> None:
+def test_reports_that_cannot_be_are_counted_and_not_used():
     aircraft = OtherAircraft(FRAME, distance_m=100.0)
     aircraft.take(report(400.0, velocity=(-351.0, 0.0)), 10.0)
     assert aircraft.counters["traffic: too fast"] == 1
@@ -218,7 +212,7 @@ def test_reports_that_cannot_be_are_counted_and_not_used() -> None:
     assert found.others.tracks[0, 0] == pytest.approx(370 + 0j, abs=0.1)
 
 
-def test_an_aircraft_that_does_not_tell_its_velocity_has_that_between_its_reports() -> None:
+def test_an_aircraft_that_does_not_tell_its_velocity_has_that_between_its_reports():
     aircraft = OtherAircraft(FRAME, distance_m=100.0)
     for time_s in (8.0, 10.0):
         aircraft.take(report(500.0 - 25.0 * time_s, velocity=None), time_s)
@@ -227,7 +221,7 @@ def test_an_aircraft_that_does_not_tell_its_velocity_has_that_between_its_report
     assert found.others.tracks[0, 2] - found.others.tracks[0, 0] == pytest.approx(-25 + 0j, abs=0.1)
 
 
-def test_of_too_many_the_nearest_are_kept_in_mind() -> None:
+def test_of_too_many_the_nearest_are_kept_in_mind():
     aircraft = OtherAircraft(FRAME, distance_m=100.0)
     for number in range(100):
         aircraft.take(report(10_000.0 - number * 90.0, number=number), 10.0)
@@ -237,7 +231,7 @@ def test_of_too_many_the_nearest_are_kept_in_mind() -> None:
     assert aircraft.counters["traffic: too many"] == 1
 
 
-def test_with_a_distance_of_0_none_is_looked_at_nor_is_the_one_that_leads() -> None:
+def test_with_a_distance_of_0_none_is_looked_at_nor_is_the_one_that_leads():
     assert seen(report(200.0), distance_m=0.0) is None
     followed = OtherAircraft(FRAME, distance_m=100.0, followed=1)
     followed.take(report(200.0), 10.0)
@@ -260,9 +254,7 @@ def test_with_a_distance_of_0_none_is_looked_at_nor_is_the_one_that_leads() -> N
         max_size=80,
     )
 )
-def test_whatever_is_reported_what_comes_of_it_is_finite_and_bounded(
-    reports: list[TrafficReport],
-) -> None:
+def test_whatever_is_reported_what_comes_of_it_is_finite_and_bounded(reports):
     found = seen(*reports)
     if found is not None:
         assert len(found.names) <= MOST_AIRCRAFT

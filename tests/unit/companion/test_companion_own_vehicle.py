@@ -4,23 +4,22 @@ from collections.abc import Callable
 import pytest
 from msgspec.structs import replace
 
+from tests.kit.missions import plan_of
 from vfguide.companion.own_vehicle import NavigatedState, OwnVehicle
-from vfguide.companion.plan import FlightPlan
 from vfguide.mavlink.reports import AirspeedReport, BatteryReport, PositionReport, SensorsReport
 
-MakePlan = Callable[..., FlightPlan]
 MakeReport = Callable[..., PositionReport]
 
 
 @pytest.fixture
-def own(plan: MakePlan) -> OwnVehicle:
-    return OwnVehicle(plan())
+def own() -> OwnVehicle:
+    return OwnVehicle(plan_of())
 
 
 @pytest.fixture
-def report(plan: MakePlan) -> MakeReport:
+def report() -> MakeReport:
     """A report by its place north of the origin; 22 m/s north and 3 m/s east over ground, nose north."""
-    frame = plan().frame
+    frame = plan_of().frame
 
     def make(
         boot_time_s: float, *, north: float = 0.0, heading: float | None = 0.0
@@ -47,7 +46,7 @@ def taken(own: OwnVehicle, report: PositionReport, now: float) -> NavigatedState
     return navigated
 
 
-def test_the_first_report_is_taken_as_it_is(own: OwnVehicle, report: MakeReport) -> None:
+def test_the_first_report_is_taken_as_it_is(own, report):
     navigated = taken(own, report(5.0, north=100.0), now=42.0)
     state = navigated.state
     assert state.time_s == 42.0
@@ -65,14 +64,14 @@ def test_the_first_report_is_taken_as_it_is(own: OwnVehicle, report: MakeReport)
     assert navigated.period == pytest.approx(0.05)
 
 
-def test_the_place_is_the_navigated_one(
-    own: OwnVehicle, report: MakeReport, plan: MakePlan
-) -> None:
+def test_the_place_is_the_navigated_one(own, report):
     taken(own, report(5.0), now=42.0)
     # Predicted at 1.1 m, reported at 6.1 m: the filter leans 0.05 / 2.05 of the 5 m between.
     navigated = taken(own, report(5.05, north=6.1), now=42.05)
     assert navigated.state.north == pytest.approx(1.1 + 5.0 * 0.05 / 2.05, abs=1e-3)
-    north, east = plan().frame.to_local(navigated.place.latitude_deg, navigated.place.longitude_deg)
+    north, east = plan_of().frame.to_local(
+        navigated.place.latitude_deg, navigated.place.longitude_deg
+    )
     assert (north, east) == (
         pytest.approx(navigated.state.north, abs=1e-3),
         pytest.approx(navigated.state.east, abs=1e-3),
@@ -80,7 +79,7 @@ def test_the_place_is_the_navigated_one(
     assert navigated.place.altitude_amsl == 588.0
 
 
-def test_intervals_are_those_of_the_autopilots_clock(own: OwnVehicle, report: MakeReport) -> None:
+def test_intervals_are_those_of_the_autopilots_clock(own, report):
     taken(own, report(5.0), now=42.0)
     # Read 0.2 s late: neither the interval nor the time of the state knows.
     navigated = taken(own, report(5.15), now=42.35)
@@ -90,9 +89,7 @@ def test_intervals_are_those_of_the_autopilots_clock(own: OwnVehicle, report: Ma
 
 
 @pytest.mark.parametrize("boot_time_s", [6.0, 5.95, 5.1])
-def test_a_duplicate_and_a_late_report_are_ignored(
-    own: OwnVehicle, report: MakeReport, boot_time_s: float
-) -> None:
+def test_a_duplicate_and_a_late_report_are_ignored(own, report, boot_time_s):
     taken(own, report(6.0), now=42.0)
     assert own.take(report(boot_time_s, north=500.0), 42.01) is None
     navigated = taken(own, report(6.05, north=1.1), now=42.05)
@@ -100,7 +97,7 @@ def test_a_duplicate_and_a_late_report_are_ignored(
     assert navigated.state.north == pytest.approx(1.1, abs=1e-3)
 
 
-def test_after_a_gap_the_filter_starts_anew(own: OwnVehicle, report: MakeReport) -> None:
+def test_after_a_gap_the_filter_starts_anew(own, report):
     taken(own, report(5.0), now=42.0)
     taken(own, report(5.15), now=42.15)
     # 22 m/s for 1.16 s are 25.5 m: a filter would lean on that.
@@ -110,13 +107,13 @@ def test_after_a_gap_the_filter_starts_anew(own: OwnVehicle, report: MakeReport)
     assert navigated.period == pytest.approx(0.05)
 
 
-def test_a_second_without_reports_is_no_gap_yet(own: OwnVehicle, report: MakeReport) -> None:
+def test_a_second_without_reports_is_no_gap_yet(own, report):
     taken(own, report(5.0), now=42.0)
     navigated = taken(own, report(5.99, north=30.0), now=42.99)
     assert navigated.state.north < 28.0
 
 
-def test_a_reboot_starts_anew_as_soon_as_it_is_certain(own: OwnVehicle, report: MakeReport) -> None:
+def test_a_reboot_starts_anew_as_soon_as_it_is_certain(own, report):
     taken(own, report(100.0), now=200.0)
     for number in range(20):
         assert own.take(report(0.05 * (1 + number)), 201.0 + 0.05 * number) is None
@@ -129,7 +126,7 @@ def test_a_reboot_starts_anew_as_soon_as_it_is_certain(own: OwnVehicle, report: 
     assert after.interval == pytest.approx(0.05)
 
 
-def test_without_any_airspeed_there_is_no_wind(own: OwnVehicle, report: MakeReport) -> None:
+def test_without_any_airspeed_there_is_no_wind(own, report):
     navigated = own.take(report(5.0, heading=math.atan2(3.0, 22.0)), 42.0)
     assert navigated is not None
     assert navigated.state.airspeed == pytest.approx(math.sqrt(493.0))
@@ -139,9 +136,7 @@ def test_without_any_airspeed_there_is_no_wind(own: OwnVehicle, report: MakeRepo
     )
 
 
-def test_an_airspeed_that_is_too_old_falls_back_on_the_wind(
-    own: OwnVehicle, report: MakeReport
-) -> None:
+def test_an_airspeed_that_is_too_old_falls_back_on_the_wind(own, report):
     own.note(AirspeedReport(airspeed=20.0), 42.0)
     own.take(report(5.0), 42.0)
     own.note(AirspeedReport(airspeed=12.0), 42.1)
@@ -155,15 +150,13 @@ def test_an_airspeed_that_is_too_old_falls_back_on_the_wind(
     assert old.state.airspeed == pytest.approx(12.0)
 
 
-def test_a_compass_that_is_off_makes_no_wind_where_no_airspeed_is_known(
-    own: OwnVehicle, plan: MakePlan
-) -> None:
+def test_a_compass_that_is_off_makes_no_wind_where_no_airspeed_is_known(own):
     # Round a circle in calm air, the nose 40 degrees beside the course. By measured headings the airspeed,
     # which came from the wind that came from it, grew to 107 m/s in a minute: seen of a PX4 in software.
     north = east = 0.0
     for number in range(1200):
         time_s, course = 0.05 * number, 0.15 * 0.05 * number
-        latitude, longitude = plan().frame.to_geodetic(north, east)
+        latitude, longitude = plan_of().frame.to_geodetic(north, east)
         velocity = 20.0 * math.cos(course), 20.0 * math.sin(course)
         if number == 0:
             own.note(AirspeedReport(airspeed=20.0), 40.0)
@@ -187,9 +180,7 @@ def test_a_compass_that_is_off_makes_no_wind_where_no_airspeed_is_known(
         east += velocity[1] * 0.05
 
 
-def test_an_airspeed_is_not_judged_by_a_wind_that_no_aircraft_could_fly_in(
-    own: OwnVehicle, report: MakeReport
-) -> None:
+def test_an_airspeed_is_not_judged_by_a_wind_that_no_aircraft_could_fly_in(own, report):
     # Of (22, 3) m/s over ground a wind of (2, 3) leaves 20 m/s; of (6, 3) 4 m/s, which is no fixed wing's.
     taken(own, report(5.0), now=42.0)
     slow = replace(report(6.9), velocity_north=6.0)
@@ -199,21 +190,19 @@ def test_an_airspeed_is_not_judged_by_a_wind_that_no_aircraft_could_fly_in(
     assert own.counters["airspeed not believed"] == 0
 
 
-def test_an_unknown_heading_falls_back_on_the_wind(own: OwnVehicle, report: MakeReport) -> None:
+def test_an_unknown_heading_falls_back_on_the_wind(own, report):
     taken(own, report(5.0), now=42.0)
     # Ground velocity (22, 3) without the wind of (2, 3) points north.
     navigated = taken(own, report(5.05, heading=None), now=42.05)
     assert navigated.state.heading == pytest.approx(0.0, abs=1e-12)
 
 
-def test_a_heading_that_was_never_known_is_the_course(own: OwnVehicle, report: MakeReport) -> None:
+def test_a_heading_that_was_never_known_is_the_course(own, report):
     navigated = taken(own, report(5.0, heading=None), now=42.0)
     assert navigated.state.heading == pytest.approx(math.atan2(3.0, 22.0))
 
 
-def test_an_aircraft_on_the_ground_has_an_airspeed_that_can_be_divided_by(
-    own: OwnVehicle, report: MakeReport
-) -> None:
+def test_an_aircraft_on_the_ground_has_an_airspeed_that_can_be_divided_by(own, report):
     own.note(AirspeedReport(airspeed=0.0), 42.0)
     navigated = own.take(replace(report(5.0), velocity_north=0.0, velocity_east=0.0), 42.0)
     assert navigated is not None
@@ -224,10 +213,8 @@ def test_an_aircraft_on_the_ground_has_an_airspeed_that_can_be_divided_by(
     ("vehicle", "wind_north"),
     [("leader", 0.0), ("f1", -10.0 * (1.0 - math.exp(-3.0 * 0.4 / 0.35)))],
 )
-def test_only_a_leader_with_the_observer_navigates_by_positions_alone(
-    plan: MakePlan, report: MakeReport, vehicle: str, wind_north: float
-) -> None:
-    known = plan(vehicle=vehicle)
+def test_only_a_leader_with_the_observer_navigates_by_positions_alone(report, vehicle, wind_north):
+    known = plan_of(vehicle=vehicle)
     own = OwnVehicle(replace(known, settings=replace(known.settings, speed_source="observer")))
     own.note(AirspeedReport(airspeed=20.0), 42.0)
     own.take(replace(report(5.0), velocity_north=20.0, velocity_east=0.0), 42.0)
@@ -239,9 +226,9 @@ def test_only_a_leader_with_the_observer_navigates_by_positions_alone(
     assert navigated.state.wind_north == pytest.approx(wind_north, abs=1e-3)
 
 
-def drifting(own: OwnVehicle, plan: MakePlan, report: MakeReport) -> NavigatedState:
+def drifting(own: OwnVehicle, report: MakeReport) -> NavigatedState:
     """After 5 s of 22 m/s north and 2.7 m/s east by the positions; velocities have 3 m/s to the east."""
-    frame = plan().frame
+    frame = plan_of().frame
     for step in range(101):
         time_s = 0.05 * step
         latitude, longitude = frame.to_geodetic(22.0 * time_s, 2.7 * time_s)
@@ -254,24 +241,22 @@ REPORTED, TRUE = math.atan2(3.0, 22.0), math.atan2(2.7, 22.0)
 
 
 def test_a_velocity_that_positions_contradict_is_put_right_and_the_autopilot_told_its_own_course(
-    plan: MakePlan, report: MakeReport
-) -> None:
-    known = plan()
+    report,
+):
+    known = plan_of()
     filters = replace(known.settings.filters, velocity_s=0.3, position_s=0.2)
     own = OwnVehicle(replace(known, settings=replace(known.settings, filters=filters)))
-    assert drifting(own, plan, report).state.course == pytest.approx(TRUE, abs=0.001)
+    assert drifting(own, report).state.course == pytest.approx(TRUE, abs=0.001)
     # 0.75 degrees: its course hold acts on the course that it reports.
     assert own.course_offset == pytest.approx(REPORTED - TRUE, abs=0.001)
 
 
-def test_velocities_are_taken_as_they_are_unless_the_mission_says_otherwise(
-    own: OwnVehicle, plan: MakePlan, report: MakeReport
-) -> None:
-    assert drifting(own, plan, report).state.course == pytest.approx(REPORTED, abs=0.001)
+def test_velocities_are_taken_as_they_are_unless_the_mission_says_otherwise(own, report):
+    assert drifting(own, report).state.course == pytest.approx(REPORTED, abs=0.001)
     assert own.course_offset == 0.0
 
 
-def test_the_emptiest_of_several_batteries_is_the_one_that_is_told(own: OwnVehicle) -> None:
+def test_the_emptiest_of_several_batteries_is_the_one_that_is_told(own):
     assert own.sensors.newest(0.0) is None
     own.note(SensorsReport(gps=True, attitude=True, battery=0.9, battery_voltage=12.3), 0.0)
     own.note(BatteryReport(number=0, remaining=0.9, voltage=12.3), 0.0)
@@ -287,9 +272,7 @@ def test_the_emptiest_of_several_batteries_is_the_one_that_is_told(own: OwnVehic
     assert (told.battery, told.battery_voltage) == (0.85, 12.2)
 
 
-def test_volts_of_another_battery_are_not_told_with_what_is_left_of_this_one(
-    own: OwnVehicle,
-) -> None:
+def test_volts_of_another_battery_are_not_told_with_what_is_left_of_this_one(own):
     own.note(SensorsReport(gps=True, attitude=True, battery=0.9, battery_voltage=12.3), 0.0)
     own.note(BatteryReport(number=1, remaining=0.4, voltage=None), 0.0)
     told = own.sensors.newest(1.0)
@@ -297,7 +280,7 @@ def test_volts_of_another_battery_are_not_told_with_what_is_left_of_this_one(
     assert (told.battery, told.battery_voltage) == (0.4, None)
 
 
-def test_a_battery_that_sys_status_knows_nothing_of_is_told(own: OwnVehicle) -> None:
+def test_a_battery_that_sys_status_knows_nothing_of_is_told(own):
     own.note(SensorsReport(gps=True, attitude=True), 0.0)
     own.note(BatteryReport(number=0, remaining=0.7, voltage=None), 0.0)
     told = own.sensors.newest(1.0)

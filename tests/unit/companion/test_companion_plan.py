@@ -1,8 +1,8 @@
 import math
-from collections.abc import Callable
 
 import pytest
 
+from tests.kit.missions import plan_of, shipped
 from vfguide.companion.mission_plan import adapter_of, flight_plan
 from vfguide.companion.plan import FlightPlan, FollowerTask
 from vfguide.companion.supervisor import ModeTimeouts
@@ -12,13 +12,11 @@ from vfguide.laws.leader import LeaderTask
 from vfguide.mavlink.adapter import AutopilotSetpoint
 from vfguide.mavlink.ardupilot import ArduPlane
 from vfguide.mavlink.px4 import Px4
-from vfguide.mission.model import Mission, Timeouts
+from vfguide.mission.model import Timeouts
+from vfguide.mission.model import Timeouts as MissionTimeouts
 from vfguide.paths.circle import Circle
 from vfguide.paths.line import Line
 from vfguide.paths.racetrack import Racetrack
-
-MakePlan = Callable[..., FlightPlan]
-MakeMission = Callable[[str], Mission]
 
 
 def follower_task_of(plan: FlightPlan) -> FollowerTask:
@@ -31,50 +29,48 @@ def task_of(plan: FlightPlan) -> LeaderTask:
     return plan.task
 
 
-def test_a_follower_is_told_its_slot_and_a_leader_the_path(plan: MakePlan) -> None:
-    assert follower_task_of(plan(vehicle="f2")).slot == Slot(forward=-20.0, right=20.0)
-    assert follower_task_of(plan(vehicle="f3")).slot == Slot(forward=-40.0, right=0.0)
-    assert not plan(vehicle="f2").leads
-    assert plan(vehicle="leader").leads
-    assert task_of(plan(vehicle="leader")).airspeed == 20.0
+def test_a_follower_is_told_its_slot_and_a_leader_the_path():
+    assert follower_task_of(plan_of(vehicle="f2")).slot == Slot(forward=-20.0, right=20.0)
+    assert follower_task_of(plan_of(vehicle="f3")).slot == Slot(forward=-40.0, right=0.0)
+    assert not plan_of(vehicle="f2").leads
+    assert plan_of(vehicle="leader").leads
+    assert task_of(plan_of(vehicle="leader")).airspeed == 20.0
 
 
-def test_a_follower_knows_what_its_leader_flies(mission: MakeMission, plan: MakePlan) -> None:
-    known = follower_task_of(plan(vehicle="f1")).leader
-    leads = task_of(plan(vehicle="leader"))
+def test_a_follower_knows_what_its_leader_flies():
+    known = follower_task_of(plan_of(vehicle="f1")).leader
+    leads = task_of(plan_of(vehicle="leader"))
     assert (known.path, known.path_gains) == (leads.path, leads.path_gains)
     assert known.airspeed == leads.airspeed == 20.0
-    assert known.rate_filter_s == mission("line-calm").controller.rate_filter_s
+    assert known.rate_filter_s == shipped("line-calm").controller.rate_filter_s
 
 
 @pytest.mark.parametrize(("lowest", "highest", "away"), [(12, 32, 20), (12, 18, 18), (22, 32, 22)])
-def test_a_follower_flies_away_at_its_leaders_airspeed_as_far_as_it_can(
-    mission: MakeMission, lowest: float, highest: float, away: float
-) -> None:
-    article = mission("line-calm")
+def test_a_follower_flies_away_at_its_leaders_airspeed_as_far_as_it_can(lowest, highest, away):
+    article = shipped("line-calm")
     slow = article.vehicles["f1"].model_copy(update={"airspeed_range_m_s": (lowest, highest)})
     changed = article.model_copy(update={"vehicles": {**article.vehicles, "f1": slow}})
     assert follower_task_of(flight_plan(changed, "f1")).airspeed == away
 
 
-def test_patience_is_the_missions(mission: MakeMission, plan: MakePlan) -> None:
-    assert plan().timeouts == ModeTimeouts()
-    declared = Timeouts(telemetry_s=2.0, leader_s=3.0, prediction_s=4.0, breakaway_s=0.0)
-    changed = mission("line-calm").model_copy(update={"patience": declared})
+def test_patience_is_the_missions():
+    assert plan_of().timeouts == Timeouts()
+    declared = MissionTimeouts(telemetry_s=2.0, leader_s=3.0, prediction_s=4.0, breakaway_s=0.0)
+    changed = shipped("line-calm").model_copy(update={"patience": declared})
     for name in ("leader", "f1"):
         assert flight_plan(changed, name).timeouts == ModeTimeouts(
             telemetry_s=2.0, leader_s=3.0, prediction_s=4.0, breakaway_s=0.0
         )
 
 
-def test_addresses_and_rate_are_the_vehicles(plan: MakePlan) -> None:
-    follower = plan(vehicle="f3")
+def test_addresses_and_rate_are_the_vehicles():
+    follower = plan_of(vehicle="f3")
     assert (follower.name, follower.system_id, follower.component_id) == ("f3", 4, 1)
     assert follower.rate_hz == 20.0
 
 
-def test_slots_and_ranges_of_all_followers_go_to_the_leader(plan: MakePlan) -> None:
-    followers = task_of(plan("survey-racetrack", "lead")).followers
+def test_slots_and_ranges_of_all_followers_go_to_the_leader():
+    followers = task_of(plan_of("survey-racetrack", "lead")).followers
     assert [(one.slot.forward, one.slot.right) for one in followers] == [
         (-20.0, -40.0),
         (-20.0, 40.0),
@@ -87,50 +83,50 @@ def test_slots_and_ranges_of_all_followers_go_to_the_leader(plan: MakePlan) -> N
     ]
 
 
-def test_a_line_has_its_course_in_radians(plan: MakePlan) -> None:
-    path = task_of(plan("line-calm", "leader")).path
+def test_a_line_has_its_course_in_radians():
+    path = task_of(plan_of("line-calm", "leader")).path
     assert path == Line(north=0.0, east=0.0, course=pytest.approx(math.pi / 4))
-    gains = task_of(plan("line-calm", "leader")).path_gains
+    gains = task_of(plan_of("line-calm", "leader")).path_gains
     assert (gains.gain, gains.approach_angle) == (0.03, pytest.approx(math.pi / 2))
 
 
 @pytest.mark.parametrize(("turning", "direction"), [("clockwise", 1), ("counterclockwise", -1)])
-def test_a_circle_is_positive_clockwise(mission: MakeMission, turning: str, direction: int) -> None:
-    article = mission("circle-wind")
+def test_a_circle_is_positive_clockwise(turning, direction):
+    article = shipped("circle-wind")
     path = article.path.model_copy(update={"direction": turning})
     task = task_of(flight_plan(article.model_copy(update={"path": path}), "leader"))
     assert task.path == Circle(north=150.0, east=0.0, radius=150.0, direction=direction)
 
 
-def test_a_racetrack_is_taken_over_whole(mission: MakeMission, plan: MakePlan) -> None:
-    path = task_of(plan("survey-racetrack", "lead")).path
-    declared = mission("survey-racetrack").path
+def test_a_racetrack_is_taken_over_whole():
+    path = task_of(plan_of("survey-racetrack", "lead")).path
+    declared = shipped("survey-racetrack").path
     assert isinstance(path, Racetrack)
     assert (path.north, path.east, path.course) == (400.0, 150.0, 0.0)
     assert (path.leg, path.radius, path.direction) == (600.0, declared.radius_m, 1)
     assert path.easement == declared.easement_m
 
 
-def test_the_altitude_is_that_of_origin_flight_and_slot(plan: MakePlan) -> None:
-    assert plan("survey-racetrack", "lead").altitude_amsl == 488.0 + 120.0
-    assert plan("survey-racetrack", "right").altitude_amsl == 488.0 + 120.0 + 10.0
+def test_the_altitude_is_that_of_origin_flight_and_slot():
+    assert plan_of("survey-racetrack", "lead").altitude_amsl == 488.0 + 120.0
+    assert plan_of("survey-racetrack", "right").altitude_amsl == 488.0 + 120.0 + 10.0
 
 
-def test_the_frame_is_around_the_origin(plan: MakePlan) -> None:
-    north, east = plan().frame.to_local(47.397742, 8.545594)
+def test_the_frame_is_around_the_origin():
+    north, east = plan_of().frame.to_local(47.397742, 8.545594)
     assert (north, east) == (pytest.approx(0.0, abs=1e-6), pytest.approx(0.0, abs=1e-6))
 
 
-def test_limits_are_in_radians_and_metres_per_second(plan: MakePlan) -> None:
-    airframe = plan("transit-abreast", "wing").airframe
+def test_limits_are_in_radians_and_metres_per_second():
+    airframe = plan_of("transit-abreast", "wing").airframe
     assert airframe.max_bank == pytest.approx(0.6981317, abs=1e-7)
     assert (airframe.airspeed_min, airframe.airspeed_max) == (14.0, 30.0)
     assert (airframe.alpha, airframe.beta, airframe.hold) == (1.2, 0.8, "heading-hold")
 
 
-def test_gains_are_those_of_the_mission(mission: MakeMission, plan: MakePlan) -> None:
-    settings, chosen = plan().settings, mission("line-calm").controller
-    gains = plan().gains
+def test_gains_are_those_of_the_mission():
+    settings, chosen = plan_of().settings, shipped("line-calm").controller
+    gains = plan_of().gains
     assert isinstance(gains, SlotGains)
     assert gains.chi_inf == pytest.approx(math.pi / 4)
     assert (gains.k_x, gains.k_y, gains.v_inf_m_s, gains.integral_s) == (0.42, 0.28, 8.0, 0.65)
@@ -140,8 +136,8 @@ def test_gains_are_those_of_the_mission(mission: MakeMission, plan: MakePlan) ->
     assert settings.filters.wind_s == chosen.wind_filter_s
 
 
-def test_each_filter_has_its_own_time_constant(mission: MakeMission) -> None:
-    article = mission("line-calm")
+def test_each_filter_has_its_own_time_constant():
+    article = shipped("line-calm")
     times = {"position_filter_s": 1.1, "wind_filter_s": 0.7, "rate_filter_s": 0.3}
     chosen = article.controller.model_copy(update=times)
     changed = article.model_copy(update={"controller": chosen})
@@ -153,21 +149,21 @@ def test_each_filter_has_its_own_time_constant(mission: MakeMission) -> None:
 
 
 @pytest.mark.parametrize("name", ["f9", "", "LEADER"])
-def test_nobody_of_an_unknown_name_flies(mission: MakeMission, name: str) -> None:
+def test_nobody_of_an_unknown_name_flies(name):
     with pytest.raises(KeyError):
-        flight_plan(mission("line-calm"), name)
+        flight_plan(shipped("line-calm"), name)
 
 
-def test_each_autopilot_gets_its_own_adapter(mission: MakeMission) -> None:
-    assert isinstance(adapter_of(mission("line-calm").vehicles["f1"]), ArduPlane)
-    assert isinstance(adapter_of(mission("survey-racetrack").vehicles["left"]), Px4)
+def test_each_autopilot_gets_its_own_adapter():
+    assert isinstance(adapter_of(shipped("line-calm").vehicles["f1"]), ArduPlane)
+    assert isinstance(adapter_of(shipped("survey-racetrack").vehicles["left"]), Px4)
 
 
-def test_the_adapter_takes_the_turn_that_the_bank_allows(mission: MakeMission) -> None:
+def test_the_adapter_takes_the_turn_that_the_bank_allows():
     setpoint = AutopilotSetpoint(
         course=0.0, speed=20.0, altitude_amsl=588.0, latitude_deg=47.0, longitude_deg=8.0
     )
-    heading, _ = adapter_of(mission("transit-abreast").vehicles["wing"]).fly(setpoint)
+    heading, _ = adapter_of(shipped("transit-abreast").vehicles["wing"]).fly(setpoint)
     # g tan(40 degrees) = 9.80665 * 0.8390996
     assert heading.param3 == pytest.approx(8.228756, abs=1e-6)
     assert (heading.target_system, heading.target_component) == (2, 1)

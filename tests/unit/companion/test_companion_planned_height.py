@@ -41,7 +41,7 @@ def along(
     return planned.along(beside, steered=True, late=late)
 
 
-def test_who_saw_the_beginning_of_a_change_plans_on_and_who_did_not_goes_by_the_leader() -> None:
+def test_who_saw_the_beginning_of_a_change_plans_on_and_who_did_not_goes_by_the_leader():
     # The leader is 3 m below the path at which it goes over to the other one.
     seen, late = PlannedHeight(LIMITS), PlannedHeight(LIMITS)
     for one in (seen, late):
@@ -55,7 +55,7 @@ def test_who_saw_the_beginning_of_a_change_plans_on_and_who_did_not_goes_by_the_
     assert not late.began_anew
 
 
-def test_who_hears_of_a_hold_first_levels_off_with_the_leader() -> None:
+def test_who_hears_of_a_hold_first_levels_off_with_the_leader():
     planned = PlannedHeight(LIMITS)
     # 2² / 0.8 + 0.3 m above where the leader climbs at 2 m/s.
     begin = planned.hold(leader(0.0, 120.0, 2.0), ahead_s=0.0, late=True)
@@ -67,13 +67,13 @@ def test_who_hears_of_a_hold_first_levels_off_with_the_leader() -> None:
     assert not planned.changes
 
 
-def test_who_learns_of_a_hold_late_does_not_go_by_the_path_before() -> None:
+def test_who_learns_of_a_hold_late_does_not_go_by_the_path_before():
     planned = PlannedHeight(LIMITS)
     along(planned, MAIN, leader(0.0, 130.0, 0.0), late=False)
     assert planned.hold(leader(0.1, 130.0, 0.0), ahead_s=0.0, late=True).height == 130.0
 
 
-def test_a_leader_whose_height_is_not_known_is_planned_by_its_path() -> None:
+def test_a_leader_whose_height_is_not_known_is_planned_by_its_path():
     planned = PlannedHeight(LIMITS)
     assert along(planned, OTHER, leader(0.0, math.nan, 0.0), late=True).height == 100.0
     assert planned.hold(leader(0.1, math.nan, 0.0), ahead_s=0.0, late=True).height == 100.0

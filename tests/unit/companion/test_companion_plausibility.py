@@ -59,7 +59,7 @@ def during(start_s: float, end_s: float, off: float) -> Callable[[float], float]
     return lambda time_s: off if start_s - 0.01 < time_s < end_s - 0.01 else 0.0
 
 
-def test_a_first_report_that_stands_alone_is_flown_by_for_one_period() -> None:
+def test_a_first_report_that_stands_alone_is_flown_by_for_one_period():
     found = judged(straight(3.0, during(0.0, 0.05, 40.0)))
     # The true ones begin at 0.05 s, and agree with each other for 0.4 s before they are believed.
     assert believed(found, 0.05, 0.4) == {GateVerdict.REFUSED}
@@ -67,20 +67,20 @@ def test_a_first_report_that_stands_alone_is_flown_by_for_one_period() -> None:
     assert all(abs(one.north - 20.0 * time_s) < 0.01 for time_s, one in found[1:])
 
 
-def test_a_start_with_3_s_of_wrong_reports_is_over_after_as_long_of_true_ones() -> None:
+def test_a_start_with_3_s_of_wrong_reports_is_over_after_as_long_of_true_ones():
     found = judged(straight(20.0, during(0.0, 3.0, -28.0)))
     first = next(time_s for time_s, one in found if one.moved is not None)
     assert 5.8 < first < 6.2
     assert believed(found, first, 21.0) == {GateVerdict.BELIEVED}
 
 
-def test_a_start_far_from_the_true_place_does_not_keep_the_true_one_out() -> None:
+def test_a_start_far_from_the_true_place_does_not_keep_the_true_one_out():
     found = judged(straight(20.0, during(0.0, 3.0, 100_000.0)))
     assert believed(found, 6.2, 21.0) == {GateVerdict.BELIEVED}
     assert all(abs(one.north - 20.0 * time_s) < 0.01 for time_s, one in found if time_s > 6.2)
 
 
-def test_a_step_of_50_m_for_3_s_is_carried_over_by_the_velocity() -> None:
+def test_a_step_of_50_m_for_3_s_is_carried_over_by_the_velocity():
     found = judged(straight(30.0, during(10.0, 13.0, 50.0)))
     assert believed(found, 0.0, 10.0) == {GateVerdict.BELIEVED}
     # Wrong for 3 s, and then right for the 2 s after which it is believed.
@@ -90,12 +90,12 @@ def test_a_step_of_50_m_for_3_s_is_carried_over_by_the_velocity() -> None:
     assert all(one.moved is None for _, one in found)
 
 
-def test_a_single_forged_report_costs_one_report() -> None:
+def test_a_single_forged_report_costs_one_report():
     found = judged(straight(20.0, during(10.0, 10.05, 50.0)))
     assert [time_s for time_s, one in found if one.verdict is not GateVerdict.BELIEVED] == [10.0]
 
 
-def test_a_step_that_stays_is_not_flown_by_before_half_a_minute() -> None:
+def test_a_step_that_stays_is_not_flown_by_before_half_a_minute():
     found = judged(straight(50.0, during(10.0, 99.0, 40.0)))
     carried_until = 10.0 - PERIOD_S + CARRIED_S
     assert believed(found, 10.0, carried_until) == {GateVerdict.CARRIED}
@@ -105,14 +105,14 @@ def test_a_step_that_stays_is_not_flown_by_before_half_a_minute() -> None:
     assert math.isclose(moved[0], 40.0, abs_tol=0.1)
 
 
-def test_5_km_are_not_believed_before_an_aircraft_could_have_flown_them() -> None:
+def test_5_km_are_not_believed_before_an_aircraft_could_have_flown_them():
     found = judged(straight(90.0, during(10.0, 199.0, 5000.0)))
     # 88 m/s: 48 in a dive, and 40 of wind.
     first = next(time_s for time_s, one in found if one.moved is not None)
     assert 5000.0 / REACH.speed - 1.0 < first - 10.0 < 5000.0 / REACH.speed + 1.0
 
 
-def test_a_place_after_the_autopilot_had_none_is_believed_after_2_s() -> None:
+def test_a_place_after_the_autopilot_had_none_is_believed_after_2_s():
     one = gate()
     judgements = []
     for motion in straight(20.0, during(9.0, 99.0, 40.0)):
@@ -133,30 +133,30 @@ def behind(gap_s: float) -> Iterator[ReportedMotion]:
             yield motion
 
 
-def test_who_was_stopped_for_a_second_is_believed_2_s_later_where_that_left_it() -> None:
+def test_who_was_stopped_for_a_second_is_believed_2_s_later_where_that_left_it():
     found = judged(behind(gap_s=1.0))
     assert GateVerdict.BELIEVED not in believed(found, 10.0, 12.0)
     assert believed(found, 12.1, 25.0) == {GateVerdict.BELIEVED}
 
 
-def test_a_step_back_without_a_gap_is_a_step_like_any_other() -> None:
+def test_a_step_back_without_a_gap_is_a_step_like_any_other():
     found = judged(behind(gap_s=0.0))
     assert GateVerdict.BELIEVED not in believed(found, 10.0, 25.0)
 
 
-def test_positions_that_stay_where_they_are_are_never_a_new_place() -> None:
+def test_positions_that_stay_where_they_are_are_never_a_new_place():
     found = judged(straight(60.0, lambda time_s: -20.0 * max(time_s - 10.0, 0.0)))
     assert GateVerdict.BELIEVED not in believed(found, 11.0, 60.0)
     assert all(one.moved is None for _, one in found)
 
 
-def test_frozen_positions_are_found_in_half_a_second() -> None:
+def test_frozen_positions_are_found_in_half_a_second():
     found = judged(straight(12.0, lambda time_s: min(0.0, 20.0 * (10.0 - time_s))))
     first = next(time_s for time_s, one in found if one.verdict is not GateVerdict.BELIEVED)
     assert 10.0 < first < 10.6
 
 
-def test_a_velocity_of_327_m_s_is_refused() -> None:
+def test_a_velocity_of_327_m_s_is_refused():
     one = gate()
     motions = list(straight(20.0))
     for motion in motions[:200]:
@@ -178,20 +178,20 @@ def with_velocity(
 
 
 @pytest.mark.parametrize(("north", "east"), [(0.0, 0.0), (0.0, 20.0), (-20.0, 0.0), (12.0, 0.0)])
-def test_a_false_velocity_is_not_flown_by_however_long_it_stays(north: float, east: float) -> None:
+def test_a_false_velocity_is_not_flown_by_however_long_it_stays(north, east):
     # By 0.6 s an aircraft could have changed its velocity by 19 m/s; it would have left its course.
     found = judged(with_velocity(10.0, 99.0, north, east))
     assert believed(found, 10.0, 30.0) == {GateVerdict.REFUSED}
 
 
-def test_a_false_velocity_that_goes_is_forgotten_2_s_later() -> None:
+def test_a_false_velocity_that_goes_is_forgotten_2_s_later():
     found = judged(with_velocity(10.0, 13.0, 0.0, 20.0))
     assert believed(found, 10.0, 15.0) == {GateVerdict.REFUSED}
     assert believed(found, 15.1, 30.0) == {GateVerdict.BELIEVED}
     assert all(one.moved is None for _, one in found)
 
 
-def test_a_velocity_that_grows_false_is_not_carried_on_by() -> None:
+def test_a_velocity_that_grows_false_is_not_carried_on_by():
     # 3 m/s each second: no step of the velocity, and none of the positions, which go on as they did.
     def drifting() -> Iterator[ReportedMotion]:
         for motion in straight(30.0):
@@ -206,14 +206,14 @@ def test_a_velocity_that_grows_false_is_not_carried_on_by() -> None:
 
 
 @pytest.mark.parametrize("gap_s", [1.3, 1.9, 2.5, 3.0])
-def test_a_step_of_28_m_that_a_gap_hides_is_not_flown_by(gap_s: float) -> None:
+def test_a_step_of_28_m_that_a_gap_hides_is_not_flown_by(gap_s):
     # A turn at 45 degrees of bank that begins within 3 s of silence ends 11 m off the straight course.
     motions = straight(30.0, during(10.0, 99.0, 28.0))
     found = judged(motion for motion in motions if not 10.0 - 0.01 < motion.time_s < 10.0 + gap_s)
     assert GateVerdict.BELIEVED not in believed(found, 10.0, 30.0)
 
 
-def test_a_turn_that_began_in_a_gap_is_believed_at_once() -> None:
+def test_a_turn_that_began_in_a_gap_is_believed_at_once():
     # 45 degrees of bank at 20 m/s: 0.49 rad/s on a circle of 41 m, from 10 s on.
     rate, gap_s = 9.81 / 20.0, 2.5
 
@@ -233,14 +233,14 @@ def test_a_turn_that_began_in_a_gap_is_believed_at_once() -> None:
         assert {one.verdict for _, one in judged(heard)} == {GateVerdict.BELIEVED}
 
 
-def test_what_is_no_number_is_refused() -> None:
+def test_what_is_no_number_is_refused():
     nowhere = ReportedMotion(
         time_s=0.0, north=math.nan, east=0.0, velocity_north=0.0, velocity_east=0.0
     )
     assert gate().judge(nowhere).verdict is GateVerdict.REFUSED
 
 
-def test_a_drag_of_4_m_s_is_found_and_one_of_half_a_metre_is_not() -> None:
+def test_a_drag_of_4_m_s_is_found_and_one_of_half_a_metre_is_not():
     fast = judged(straight(60.0, lambda time_s: 4.0 * max(0.0, time_s - 10.0)))
     slow = judged(straight(60.0, lambda time_s: 0.5 * max(0.0, time_s - 10.0)))
     found = [time_s for time_s, one in fast if one.verdict is not GateVerdict.BELIEVED]
@@ -256,9 +256,7 @@ def test_a_drag_of_4_m_s_is_found_and_one_of_half_a_metre_is_not() -> None:
     noise=st.floats(0.0, 0.5),
 )
 @settings(max_examples=25, deadline=None)
-def test_no_step_is_ever_flown_by(
-    off: float, bearing: float, at: int, length: int, noise: float
-) -> None:
+def test_no_step_is_ever_flown_by(off, bearing, at, length, noise):
     """Up to half a minute long, and 25 m or more: what is gone by stays near the true place."""
     random, one = Random(at), gate()
     for step, motion in enumerate(straight(20.0)):
@@ -279,9 +277,7 @@ def test_no_step_is_ever_flown_by(
 
 @given(seed=st.integers(0, 10**6), noise=st.floats(0.0, 0.6), lost=st.floats(0.0, 0.6))
 @settings(max_examples=25, deadline=None)
-def test_no_flight_of_an_aircraft_within_limits_is_doubted(
-    seed: int, noise: float, lost: float
-) -> None:
+def test_no_flight_of_an_aircraft_within_limits_is_doubted(seed, noise, lost):
     """Banks and speeds at random within the limits, in gusts; noise, velocity noise, lost reports."""
     random, one, airframe = Random(seed), gate(), Airframe()
     north = east = course = turn = 0.0

@@ -11,7 +11,7 @@ from vfguide.companion.presence_figures import (
 from vfguide.mavlink.reports import SensorsReport
 
 
-def test_quantiles_are_of_the_newest_values_and_the_greatest_of_all() -> None:
+def test_quantiles_are_of_the_newest_values_and_the_greatest_of_all():
     series = Quantiles(size=4)
     assert series.quantiles(0.5) == []
     for value in (9.0, 1.0, 2.0, 3.0, 4.0):
@@ -21,7 +21,7 @@ def test_quantiles_are_of_the_newest_values_and_the_greatest_of_all() -> None:
     assert (series.greatest, series.last) == (9.0, 4.0)
 
 
-def test_times_become_milliseconds_and_an_empty_series_its_greatest_alone() -> None:
+def test_times_become_milliseconds_and_an_empty_series_its_greatest_alone():
     series = Quantiles()
     assert latency_figures("response_ms", series) == {"response_ms_max": 0.0}
     series.add(0.0012)
@@ -30,7 +30,7 @@ def test_times_become_milliseconds_and_an_empty_series_its_greatest_alone() -> N
     )
 
 
-def test_refused_messages_are_counted_in_all_and_by_reason() -> None:
+def test_refused_messages_are_counted_in_all_and_by_reason():
     counters = Counter({"refused: not signed": 2, "refused: f1's clock": 3, "heard": 7})
     assert refused_messages(counters) == {
         "refused": 5.0,
@@ -39,7 +39,7 @@ def test_refused_messages_are_counted_in_all_and_by_reason() -> None:
     }
 
 
-def test_of_the_battery_is_told_what_the_autopilot_knows_and_no_more() -> None:
+def test_of_the_battery_is_told_what_the_autopilot_knows_and_no_more():
     assert figures_of_battery(None) == {}
     assert figures_of_battery(SensorsReport(gps=True, attitude=True)) == {}
     known = SensorsReport(gps=True, attitude=True, battery=0.87, battery_voltage=11.804)

@@ -1,19 +1,15 @@
 """What a companion says before take-off: why no position is used, and which parameters speak against it."""
 
-from collections.abc import Callable
-from typing import Any
-
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from tests.kit.companion import new_flight
+from tests.kit.missions import plan_of, shipped
+from tests.kit.wire import spoken
 from vfguide.companion.core import Companion
 from vfguide.companion.mission_plan import adapter_of
-from vfguide.companion.plan import FlightPlan
 from vfguide.companion.supervisor import NOTHING_HEARD
 from vfguide.link.presence import LONGEST_TEXT
-from vfguide.mission.model import Mission
-
-Make = Callable[..., Any]
 
 HEARTBEAT = mavlink.MAVLink_heartbeat_message(1, 3, 0x01, 10, 3, 3)
 
@@ -29,17 +25,10 @@ def position(now: float, latitude: int = 0, longitude: int = 0) -> mavlink.MAVLi
     )
 
 
-@pytest.fixture
-def companion(
-    plan: Callable[..., FlightPlan], mission: Callable[[str], Mission]
-) -> Callable[[], Companion]:
+def companion() -> Companion:
     """Makes f1's, with nothing heard."""
-
-    def make() -> Companion:
-        adapter = adapter_of(mission("line-calm").vehicles["f1"])
-        return Companion(plan(), adapter, engage=True, inspect=True)
-
-    return make
+    adapter = adapter_of(shipped("line-calm").vehicles["f1"])
+    return Companion(plan_of(), adapter, engage=True, inspect=True)
 
 
 @pytest.mark.parametrize(
@@ -53,12 +42,7 @@ def companion(
         ),
     ],
 )
-def test_before_the_first_position_is_believed_it_says_why_none_is(
-    companion: Callable[[], Companion],
-    spoken: Callable[..., bytes],
-    said: tuple[mavlink.MAVLink_message, ...],
-    why: str,
-) -> None:
+def test_before_the_first_position_is_believed_it_says_why_none_is(said, why):
     one = companion()
     assert one.obstacle(0.0) == NOTHING_HEARD
     for tenth in range(30):
@@ -70,9 +54,7 @@ def test_before_the_first_position_is_believed_it_says_why_none_is(
     assert one.obstacle(20.0) == NOTHING_HEARD
 
 
-def test_what_the_estimator_says_counts_where_it_sends_no_position_at_all(
-    companion: Callable[[], Companion], spoken: Callable[..., bytes]
-) -> None:
+def test_what_the_estimator_says_counts_where_it_sends_no_position_at_all():
     one = companion()
     for tenth in range(30):
         one.receive_mavlink(spoken(HEARTBEAT, NO_POSITION), 0.1 * tenth)
@@ -81,10 +63,8 @@ def test_what_the_estimator_says_counts_where_it_sends_no_position_at_all(
     )
 
 
-def test_a_parameter_that_speaks_against_taking_off_is_found_until_it_is_mended(
-    flight: Make, companion: Callable[[], Companion], spoken: Callable[..., bytes]
-) -> None:
-    flown = flight()
+def test_a_parameter_that_speaks_against_taking_off_is_found_until_it_is_mended():
+    flown = new_flight()
     flown.companion = companion()
     flown.run(1.0)
     assert flown.companion.findings == []

@@ -1,22 +1,19 @@
 """An autopilot that starts anew in the middle of a flight."""
 
-from collections.abc import Callable
-from typing import Any
-
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from tests.kit.companion import new_flight
+from tests.kit.wire import spoken
 from vfguide.companion.supervisor import Mode
-
-Make = Callable[..., Any]
 
 SET_MODE, HEADING, ALTITUDE = 176, 43_002, 43_001
 GUIDED, LOITER, MANUAL, RTL = 15, 12, 0, 11
 
 
-def test_an_autopilot_that_reboots_while_it_is_steered_stays_where_it_came_up(flight: Make) -> None:
+def test_an_autopilot_that_reboots_while_it_is_steered_stays_where_it_came_up():
     # A reboot gives nobody any right: what looks like one may be injected.
-    flown = flight()
+    flown = new_flight()
     flown.run(40.0)
     assert flown.mode_at(40.0) is Mode.TRACKING
     flown.reboot()
@@ -34,8 +31,8 @@ def test_an_autopilot_that_reboots_while_it_is_steered_stays_where_it_came_up(fl
 
 
 @pytest.mark.parametrize("mode", [LOITER, MANUAL])
-def test_an_autopilot_that_reboots_in_a_pilots_hands_stays_there(flight: Make, mode: int) -> None:
-    flown = flight()
+def test_an_autopilot_that_reboots_in_a_pilots_hands_stays_there(mode):
+    flown = new_flight()
     flown.run(20.0)
     flown.pilot(mode)
     flown.run(30.0)
@@ -46,8 +43,8 @@ def test_an_autopilot_that_reboots_in_a_pilots_hands_stays_there(flight: Make, m
     assert flown.autopilot.truth().mode == "LOITER"
 
 
-def test_what_the_operator_did_not_allow_is_not_engaged_after_a_reboot(flight: Make) -> None:
-    flown = flight(engage=False)
+def test_what_the_operator_did_not_allow_is_not_engaged_after_a_reboot():
+    flown = new_flight(engage=False)
     flown.run(2.0)
     flown.pilot(GUIDED)
     flown.run(20.0)
@@ -58,10 +55,8 @@ def test_what_the_operator_did_not_allow_is_not_engaged_after_a_reboot(flight: M
     assert flown.times(HEADING)[-1] < 20.1
 
 
-def test_frames_that_look_like_a_reboot_give_nobody_the_guided_mode(
-    flight: Make, spoken: Make
-) -> None:
-    flown = flight()
+def test_frames_that_look_like_a_reboot_give_nobody_the_guided_mode():
+    flown = new_flight()
     flown.run(30.0)
     flown.pilot(RTL)
 

@@ -1,19 +1,17 @@
 """Which autopilot answers, what its parameters are, and what is said of both."""
 
-from collections.abc import Callable
 from typing import Any
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
+from tests.kit.companion import emulator, leader_bytes, new_flight
+from tests.kit.missions import plan_of, shipped
+from tests.kit.wire import parsed, spoken
 from vfguide.companion.core import Companion
 from vfguide.companion.mission_plan import adapter_of
-from vfguide.companion.plan import FlightPlan
 from vfguide.companion.supervisor import Mode
-from vfguide.mission.model import Mission
-
-Make = Callable[..., Any]
 
 SET_MODE = 176
 
@@ -32,36 +30,26 @@ def position(boot_time_s: float) -> MAVLink_message:
 
 
 @pytest.mark.parametrize("kind", ["ardupilot", "px4"])
-def test_an_autopilot_that_is_found_out_is_flown_like_one_that_is_named(
-    flight: Make, new_autopilot: Make, kind: str
-) -> None:
-    flown = flight(kind="auto")
-    flown.autopilot = new_autopilot(kind, 2)
+def test_an_autopilot_that_is_found_out_is_flown_like_one_that_is_named(kind):
+    flown = new_flight(kind="auto")
+    flown.autopilot = emulator(kind, 2)
     flown.run(60.0)
     assert flown.mode_at(60.0) is Mode.TRACKING
     assert flown.autopilot.truth().mode == ("AUTO.COURSE" if kind == "px4" else "GUIDED")
 
 
 @pytest.mark.parametrize(("named", "flies"), [("ardupilot", "px4"), ("px4", "ardupilot")])
-def test_another_autopilot_than_the_missions_is_said_once_and_not_steered(
-    flight: Make, new_autopilot: Make, named: str, flies: str
-) -> None:
-    flown = flight(kind=named)
-    flown.autopilot = new_autopilot(flies, 2)
+def test_another_autopilot_than_the_missions_is_said_once_and_not_steered(named, flies):
+    flown = new_flight(kind=named)
+    flown.autopilot = emulator(flies, 2)
     flown.run(20.0)
     assert [text for _, text in flown.events if "the vehicle is" in text] == [flown.events[0][1]]
     assert flown.times(SET_MODE) == []
     assert {mode for _, mode in flown.modes} == {Mode.WAITING}
 
 
-def test_a_vehicle_that_is_not_armed_is_not_engaged(
-    plan: Callable[..., FlightPlan],
-    mission: Callable[[str], Mission],
-    spoken: Make,
-    parsed: Make,
-    leader_bytes: Make,
-) -> None:
-    companion = Companion(plan(), adapter_of(mission("line-calm").vehicles["f1"]), engage=True)
+def test_a_vehicle_that_is_not_armed_is_not_engaged():
+    companion = Companion(plan_of(), adapter_of(shipped("line-calm").vehicles["f1"]), engage=True)
     sent: dict[bool, list[int]] = {True: [], False: []}
     told = []
     for step in range(200):
@@ -76,16 +64,10 @@ def test_a_vehicle_that_is_not_armed_is_not_engaged(
     assert told.count("the vehicle is not armed: engaged once it flies; arm it when ready") == 1
 
 
-def inspected(
-    plan: Callable[..., FlightPlan],
-    mission: Callable[[str], Mission],
-    spoken: Make,
-    parsed: Make,
-    values: dict[str, float],
-) -> tuple[list[float], list[str]]:
+def inspected(values: dict[str, float]) -> tuple[list[float], list[str]]:
     """When parameters are asked for, and what is said of those with these values."""
     companion = Companion(
-        plan(), adapter_of(mission("line-calm").vehicles["f1"]), engage=False, inspect=True
+        plan_of(), adapter_of(shipped("line-calm").vehicles["f1"]), engage=False, inspect=True
     )
     asked, told = [], []
     answers: list[Any] = []
@@ -107,36 +89,26 @@ def inspected(
     return asked, told
 
 
-def test_what_does_not_fit_the_flight_is_told_at_the_start(
-    plan: Callable[..., FlightPlan], mission: Callable[[str], Mission], spoken: Make, parsed: Make
-) -> None:
+def test_what_does_not_fit_the_flight_is_told_at_the_start():
     values = {"FS_GCS_ENABL": 0.0, "AIRSPEED_MIN": 9.0, "AIRSPEED_MAX": 22.0}
-    asked, told = inspected(plan, mission, spoken, parsed, values)
+    asked, told = inspected(values)
     # Names that nobody answers for are asked four times, once a second.
     assert asked in ([1.0, 2.0, 3.0, 4.0], [0.0, 1.0, 2.0, 3.0])
     said = [text.split(" is ")[0] for text in told if " is " in text]
     assert said == ["FS_GCS_ENABL", "AIRSPEED_MAX"]
 
 
-def test_an_autopilot_that_answers_for_nothing_is_told_of_once(
-    plan: Callable[..., FlightPlan], mission: Callable[[str], Mission], spoken: Make, parsed: Make
-) -> None:
-    _, told = inspected(plan, mission, spoken, parsed, {})
+def test_an_autopilot_that_answers_for_nothing_is_told_of_once():
+    _, told = inspected({})
     assert [text for text in told if "parameters" in text] == [
         "the autopilot tells no parameters: limits and fail-safe are not checked; check them by hand"
     ]
 
 
 @pytest.mark.parametrize("kind", ["ardupilot", "px4"])
-def test_an_autopilot_that_acknowledges_and_does_not_turn_is_complained_of(
-    plan: Callable[..., FlightPlan],
-    mission: Callable[[str], Mission],
-    spoken: Make,
-    leader_bytes: Make,
-    kind: str,
-) -> None:
-    declared = mission("line-calm").vehicles["f1"].model_copy(update={"autopilot": kind})
-    companion = Companion(plan(), adapter_of(declared), engage=True)
+def test_an_autopilot_that_acknowledges_and_does_not_turn_is_complained_of(kind):
+    declared = shipped("line-calm").vehicles["f1"].model_copy(update={"autopilot": kind})
+    companion = Companion(plan_of(), adapter_of(declared), engage=True)
     autopilot, mode = (3, 15) if kind == "ardupilot" else (12, 6 << 16)
     told = []
     for step in range(400):

@@ -1,14 +1,11 @@
 """A companion that takes the place of one that has steered answers for the vehicle."""
 
-from collections.abc import Callable
-from pathlib import Path
-from typing import Any, Protocol
+from typing import Protocol
 
 import pytest
 
+from tests.kit.companion import heard_until, new_flight
 from vfguide.companion.consent import FileStore, MemoryStore
-
-Make = Callable[..., Any]
 
 SET_MODE, MESSAGE_INTERVAL = 176, 511
 GUIDED = {"ardupilot": "GUIDED", "px4": "AUTO.COURSE"}
@@ -39,10 +36,8 @@ def replaced(flown: Flown, gap_s: float) -> None:
 
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("gap_s", [0.5, 2.0, 3.5])
-def test_a_vehicle_whose_new_companion_hears_no_leader_is_handed_back(
-    flight: Make, until: Make, kind: str, gap_s: float
-) -> None:
-    flown = flight(kind=kind, link=until(15.0))
+def test_a_vehicle_whose_new_companion_hears_no_leader_is_handed_back(kind, gap_s):
+    flown = new_flight(kind=kind, link=heard_until(15.0))
     flown.run(15.0)
     replaced(flown, gap_s)
     flown.run(40.0)
@@ -56,10 +51,8 @@ def test_a_vehicle_whose_new_companion_hears_no_leader_is_handed_back(
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_a_vehicle_whose_new_companion_hears_no_positions_is_handed_back(
-    flight: Make, kind: str
-) -> None:
-    flown = flight(kind=kind)
+def test_a_vehicle_whose_new_companion_hears_no_positions_is_handed_back(kind):
+    flown = new_flight(kind=kind)
     flown.run(15.0)
     flown.command(MESSAGE_INTERVAL, 33, -1)
     flown.lose = frozenset({MESSAGE_INTERVAL})
@@ -69,10 +62,8 @@ def test_a_vehicle_whose_new_companion_hears_no_positions_is_handed_back(
     assert sum(BACK in text for _, text in flown.texts()) == 1
 
 
-def test_a_vehicle_that_does_not_obey_its_new_companion_is_handed_back_three_times(
-    flight: Make, until: Make
-) -> None:
-    flown = flight(link=until(15.0))
+def test_a_vehicle_that_does_not_obey_its_new_companion_is_handed_back_three_times():
+    flown = new_flight(link=heard_until(15.0))
     flown.run(15.0)
     flown.lose = frozenset({SET_MODE})
     replaced(flown, 2.0)
@@ -82,8 +73,8 @@ def test_a_vehicle_that_does_not_obey_its_new_companion_is_handed_back_three_tim
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_a_new_companion_that_hears_everything_steers_on(flight: Make, kind: str) -> None:
-    flown = flight(kind=kind)
+def test_a_new_companion_that_hears_everything_steers_on(kind):
+    flown = new_flight(kind=kind)
     flown.run(20.0)
     replaced(flown, 2.0)
     flown.run(50.0)
@@ -93,8 +84,8 @@ def test_a_new_companion_that_hears_everything_steers_on(flight: Make, kind: str
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_a_new_companion_that_is_stopped_hands_back(flight: Make, until: Make, kind: str) -> None:
-    flown = flight(kind=kind, link=until(15.0))
+def test_a_new_companion_that_is_stopped_hands_back(kind):
+    flown = new_flight(kind=kind, link=heard_until(15.0))
     flown.run(15.0)
     replaced(flown, 2.0)
     flown.run(20.0)
@@ -104,10 +95,8 @@ def test_a_new_companion_that_is_stopped_hands_back(flight: Make, until: Make, k
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_guided_that_the_pilot_gave_after_taking_over_is_not_handed_back_by_a_new_companion(
-    flight: Make, until: Make, kind: str
-) -> None:
-    flown = flight(kind=kind, link=until(15.0))
+def test_guided_that_the_pilot_gave_after_taking_over_is_not_handed_back_by_a_new_companion(kind):
+    flown = new_flight(kind=kind, link=heard_until(15.0))
     flown.run(15.0)
     flown.pilot(*HOLD[kind])
     flown.run(18.0)
@@ -124,10 +113,8 @@ def test_guided_that_the_pilot_gave_after_taking_over_is_not_handed_back_by_a_ne
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_a_new_companion_does_not_name_a_pilot_who_does_not_fly(
-    flight: Make, until: Make, kind: str
-) -> None:
-    flown = flight(kind=kind, link=until(15.0))
+def test_a_new_companion_does_not_name_a_pilot_who_does_not_fly(kind):
+    flown = new_flight(kind=kind, link=heard_until(15.0))
     flown.run(15.0)
     replaced(flown, 2.0)
     flown.run(40.0)
@@ -135,9 +122,9 @@ def test_a_new_companion_does_not_name_a_pilot_who_does_not_fly(
     assert [text for text in later if "the pilot flies" in text or "by hand" in text] == []
 
 
-def test_who_steers_is_on_the_disk(flight: Make, tmp_path: Path) -> None:
+def test_who_steers_is_on_the_disk(tmp_path):
     store = FileStore(tmp_path, "f1")
-    flown = flight(store=store, engage=False)
+    flown = new_flight(store=store, engage=False)
     flown.run(5.0)
     assert not store.load().steered
     flown.pilot(*SELECT_GUIDED["ardupilot"])
@@ -148,9 +135,9 @@ def test_who_steers_is_on_the_disk(flight: Make, tmp_path: Path) -> None:
     kept.close()
 
 
-def test_nobody_steers_once_the_pilot_has_taken_over(flight: Make) -> None:
+def test_nobody_steers_once_the_pilot_has_taken_over():
     store = MemoryStore()
-    flown = flight(store=store)
+    flown = new_flight(store=store)
     flown.run(10.0)
     assert store.load().steered
     flown.pilot(*HOLD["ardupilot"])

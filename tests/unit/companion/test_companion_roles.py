@@ -1,10 +1,11 @@
 import math
 from collections.abc import Callable
-from typing import Any
 
 import pytest
 from msgspec.structs import replace
 
+from tests.kit.companion import leader_bytes, new_flight
+from tests.kit.missions import content_of, plan_of, shipped
 from vfguide.companion.arrangements import Arrangements
 from vfguide.companion.mission_plan import flight_plan
 from vfguide.companion.own_vehicle import NavigatedState, OwnVehicle
@@ -30,20 +31,17 @@ from vfguide.paths.circle import Circle, Helix
 from vfguide.paths.climb import Climb
 from vfguide.state import HeardState
 
-MakePlan = Callable[..., FlightPlan]
-Make = Callable[..., Any]
-
 
 @pytest.fixture
-def follower(plan: MakePlan) -> FollowerRole:
-    role = role_of(plan(vehicle="f1"), SAME_CLOCK)
+def follower() -> FollowerRole:
+    role = role_of(plan_of(vehicle="f1"), SAME_CLOCK)
     assert isinstance(role, FollowerRole)
     return role
 
 
 @pytest.fixture
-def leader(plan: MakePlan) -> LeaderRole:
-    role = role_of(plan(vehicle="leader"), SAME_CLOCK)
+def leader() -> LeaderRole:
+    role = role_of(plan_of(vehicle="leader"), SAME_CLOCK)
     assert isinstance(role, LeaderRole)
     return role
 
@@ -80,10 +78,8 @@ def published(leader: LeaderRole, navigated: NavigatedState) -> LeaderMessage:
     return decode(data)
 
 
-def test_a_leader_publishes_where_it_is_and_how_it_moves(
-    leader: LeaderRole, plan: MakePlan
-) -> None:
-    first, *_ = fixes(plan(vehicle="leader"), 0.5, [3.0])
+def test_a_leader_publishes_where_it_is_and_how_it_moves(leader):
+    first, *_ = fixes(plan_of(vehicle="leader"), 0.5, [3.0])
     message = published(leader, first)
     assert message.time_s == 3.0
     assert message.latitude_deg == pytest.approx(47.397742, abs=1e-9)
@@ -94,33 +90,29 @@ def test_a_leader_publishes_where_it_is_and_how_it_moves(
     assert (message.acceleration, message.turn_rate, message.turn_acceleration) == (0.0, 0.0, 0.0)
 
 
-def test_a_leader_counts_its_messages_up(leader: LeaderRole, plan: MakePlan) -> None:
+def test_a_leader_counts_its_messages_up(leader):
     times = [3.0, 3.05, 3.1]
     messages = [
-        published(leader, navigated) for navigated in fixes(plan(vehicle="leader"), 0.5, times)
+        published(leader, navigated) for navigated in fixes(plan_of(vehicle="leader"), 0.5, times)
     ]
     assert [one.sequence - messages[0].sequence for one in messages] == [0, 1, 2]
     assert [one.time_s for one in messages] == [pytest.approx(time) for time in times]
 
 
-def test_a_leader_learns_its_turn_rate_and_forgets_it_in_a_gap(
-    leader: LeaderRole, plan: MakePlan
-) -> None:
+def test_a_leader_learns_its_turn_rate_and_forgets_it_in_a_gap(leader):
     times = [0.05 * number for number in range(100)]
-    found = fixes(plan(vehicle="leader"), 0.5, [*times, 6.5])
+    found = fixes(plan_of(vehicle="leader"), 0.5, [*times, 6.5])
     messages = [published(leader, navigated) for navigated in found]
     assert messages[-2].turn_rate == pytest.approx(0.1, abs=1e-3)
     assert messages[-1].turn_rate == 0.0
 
 
-def test_a_leader_is_never_without_itself(leader: LeaderRole, leader_bytes: Make) -> None:
+def test_a_leader_is_never_without_itself(leader):
     leader.receive(leader_bytes(5.0), 5.0)
     assert leader.leader_age(1e6) == 0.0
 
 
-def test_a_leader_state_is_put_into_the_local_frame(
-    follower: FollowerRole, leader_bytes: Make
-) -> None:
+def test_a_leader_state_is_put_into_the_local_frame(follower):
     data = leader_bytes(10.0, course=0.5, ground_speed=21.0, acceleration=0.25, turn_rate=0.125)
     follower.receive(data, 10.2)
     state = follower.followed.motion
@@ -135,22 +127,18 @@ def test_a_leader_state_is_put_into_the_local_frame(
     assert not follower.counters
 
 
-def test_before_the_first_leader_state_there_is_nothing_to_steer_by(
-    follower: FollowerRole, plan: MakePlan
-) -> None:
+def test_before_the_first_leader_state_there_is_nothing_to_steer_by(follower):
     assert follower.leader_age(5.0) == math.inf
-    (navigated,) = fixes(plan(), 0.0, [3.0])
+    (navigated,) = fixes(plan_of(), 0.0, [3.0])
     step = follower.step(navigated, Mode.WAITING)
     assert step.setpoint is None
     assert step.distance == math.inf
 
 
-def test_the_distance_is_that_from_the_slot(
-    follower: FollowerRole, plan: MakePlan, leader_bytes: Make
-) -> None:
+def test_the_distance_is_that_from_the_slot(follower):
     # Leader at 60 m north, northbound: the slot is at (40, -20); the follower is at the origin.
     follower.receive(leader_bytes(3.0), 3.0)
-    (navigated,) = fixes(plan(), -0.3, [3.0])
+    (navigated,) = fixes(plan_of(), -0.3, [3.0])
     assert follower.step(navigated, Mode.JOINING).distance == pytest.approx(
         math.hypot(40.0, 20.0), abs=1e-3
     )
@@ -169,9 +157,7 @@ def test_the_distance_is_that_from_the_slot(
         (-1e308, 10.0, "too old"),
     ],
 )
-def test_a_leader_state_of_the_wrong_time_is_counted_and_forgotten(
-    follower: FollowerRole, leader_bytes: Make, time_s: float, now: float, reason: str
-) -> None:
+def test_a_leader_state_of_the_wrong_time_is_counted_and_forgotten(follower, time_s, now, reason):
     follower.receive(leader_bytes(10.0), 10.0)
     kept = follower.followed.motion
     follower.receive(leader_bytes(0.0, time_s=time_s, latitude_deg=47.0), now)
@@ -179,24 +165,18 @@ def test_a_leader_state_of_the_wrong_time_is_counted_and_forgotten(
     assert dict(follower.counters) == {reason: 1}
 
 
-def test_a_leader_whose_clock_is_a_little_ahead_is_believed(
-    follower: FollowerRole, leader_bytes: Make
-) -> None:
+def test_a_leader_whose_clock_is_a_little_ahead_is_believed(follower):
     follower.receive(leader_bytes(10.25), 10.0)
     assert follower.leader_age(10.0) == -0.25
 
 
 @pytest.mark.parametrize("time_s", [10.26, -1e308, -1e4])
-def test_the_first_leader_state_must_be_of_the_right_time_too(
-    follower: FollowerRole, leader_bytes: Make, time_s: float
-) -> None:
+def test_the_first_leader_state_must_be_of_the_right_time_too(follower, time_s):
     follower.receive(leader_bytes(0.0, time_s=time_s), 10.0)
     assert follower.followed.motion is None
 
 
-def test_a_leaders_clock_is_read_by_way_of_the_followers_own(
-    flight: Make, leader_bytes: Make
-) -> None:
+def test_a_leaders_clock_is_read_by_way_of_the_followers_own():
     def skewed(now: float) -> list[bytes]:
         """The same leader, whose clock is 2 s ahead; both times have exact binary values."""
         return [leader_bytes(now, time_s=on_a_grid(now) + 2.0)]
@@ -204,9 +184,9 @@ def test_a_leaders_clock_is_read_by_way_of_the_followers_own(
     def on_a_grid(now: float) -> float:
         return round(now * 1024.0) / 1024.0
 
-    same = flight(link=lambda now: [leader_bytes(now, time_s=on_a_grid(now))])
-    mapped = flight(link=skewed, clock=SharedClock(to_own=lambda time_s: time_s - 2.0))
-    unmapped = flight(link=skewed)
+    same = new_flight(link=lambda now: [leader_bytes(now, time_s=on_a_grid(now))])
+    mapped = new_flight(link=skewed, clock=SharedClock(to_own=lambda time_s: time_s - 2.0))
+    unmapped = new_flight(link=skewed)
     for flown in (same, mapped, unmapped):
         flown.run(20.0)
     assert mapped.sent == same.sent
@@ -218,18 +198,16 @@ def test_a_leaders_clock_is_read_by_way_of_the_followers_own(
 
 
 @pytest.mark.parametrize("data", [b"", b"VFLS", bytes(88)])
-def test_what_is_no_leader_state_is_counted(follower: FollowerRole, data: bytes) -> None:
+def test_what_is_no_leader_state_is_counted(follower, data):
     follower.receive(data, 10.0)
     assert follower.followed.motion is None
     assert dict(follower.counters) == {"malformed": 1}
 
 
-def test_a_follower_tells_the_others_five_times_a_second_on_the_formations_clock(
-    plan: MakePlan,
-) -> None:
-    role = role_of(plan(), SharedClock(from_own=lambda time_s: time_s + 50.0))
+def test_a_follower_tells_the_others_five_times_a_second_on_the_formations_clock():
+    role = role_of(plan_of(), SharedClock(from_own=lambda time_s: time_s + 50.0))
     times = [3.0 + 0.05 * number for number in range(20)]
-    steps = [role.step(navigated, Mode.TRACKING) for navigated in fixes(plan(), 0.5, times)]
+    steps = [role.step(navigated, Mode.TRACKING) for navigated in fixes(plan_of(), 0.5, times)]
     told = [decode(step.publish) for step in steps if step.publish is not None]
     assert [one.time_s for one in told] == [
         pytest.approx(53.0 + 0.2 * number) for number in range(5)
@@ -238,16 +216,16 @@ def test_a_follower_tells_the_others_five_times_a_second_on_the_formations_clock
     assert told[0].latitude_deg == pytest.approx(47.397742, abs=1e-9)
 
 
-def test_a_follower_that_does_not_know_the_formations_clock_keeps_quiet(plan: MakePlan) -> None:
-    role = role_of(plan(), SharedClock(from_own=lambda _: math.nan))
-    (navigated,) = fixes(plan(), 0.5, [3.0])
+def test_a_follower_that_does_not_know_the_formations_clock_keeps_quiet():
+    role = role_of(plan_of(), SharedClock(from_own=lambda _: math.nan))
+    (navigated,) = fixes(plan_of(), 0.5, [3.0])
     assert role.step(navigated, Mode.TRACKING).publish is None
 
 
-def test_a_leader_whose_altitude_is_doubted_is_followed_up_its_helix(plan: MakePlan) -> None:
+def test_a_leader_whose_altitude_is_doubted_is_followed_up_its_helix():
     circle = Circle(north=0.0, east=0.0, radius=300.0, direction=1)
     helix = Helix(circle=circle, climb=Climb(slope=0.1, end=1000.0))
-    made = plan(vehicle="f1")
+    made = plan_of(vehicle="f1")
     assert isinstance(made.task, FollowerTask)
     assert isinstance(made.task.leader, KnownLeader)
     task = replace(made.task, leader=replace(made.task.leader, path=helix))
@@ -281,7 +259,7 @@ def test_a_leader_whose_altitude_is_doubted_is_followed_up_its_helix(plan: MakeP
 
 
 def deputy_of(mission: Mission, name: str, clock: SharedClock = SAME_CLOCK) -> SuccessionRole:
-    content = mission.model_dump(exclude_unset=True)
+    content = content_of(mission)
     content["deputies"] = ["f1", "f2"]
     role = role_of(flight_plan(Mission.model_validate(content), name), clock)
     assert isinstance(role, SuccessionRole)
@@ -330,10 +308,8 @@ def leader_says(now: float, latitude: float, longitude: float, time_s: float = m
         (0.0, -90.0, ("f1", 2)),
     ],
 )
-def test_a_leader_that_says_what_cannot_be_is_succeeded(
-    mission: Callable[[str], Mission], north: float, ahead_s: float, expected: tuple[str, int]
-) -> None:
-    plan = flight_plan(mission("line-calm"), "f1")
+def test_a_leader_that_says_what_cannot_be_is_succeeded(north, ahead_s, expected):
+    plan = flight_plan(shipped("line-calm"), "f1")
 
     def state(now: float) -> bytes:
         # From the fifth second on what it says is wrong.
@@ -342,24 +318,22 @@ def test_a_leader_that_says_what_cannot_be_is_succeeded(
         return leader_says(now, *place, time_s=100.0 + now + (ahead_s if wrong else 0.0))
 
     clock = SharedClock(to_own=lambda time_s: time_s - 100.0, from_own=lambda now: now + 100.0)
-    assert fly_after(deputy_of(mission("line-calm"), "f1", clock), plan, state) == expected
+    assert fly_after(deputy_of(shipped("line-calm"), "f1", clock), plan, state) == expected
 
 
-def test_a_leader_is_heard_while_the_time_is_not_known(mission: Callable[[str], Mission]) -> None:
-    plan = flight_plan(mission("line-calm"), "f1")
+def test_a_leader_is_heard_while_the_time_is_not_known():
+    plan = flight_plan(shipped("line-calm"), "f1")
     clock = SharedClock(to_own=lambda _: math.nan, from_own=lambda _: math.nan)
 
     def state(now: float) -> bytes:
         return leader_says(now, *plan.frame.to_geodetic(20.0 * now, 0.0))
 
-    assert fly_after(deputy_of(mission("line-calm"), "f1", clock), plan, state) == ("leader", 0)
+    assert fly_after(deputy_of(shipped("line-calm"), "f1", clock), plan, state) == ("leader", 0)
 
 
 @pytest.mark.parametrize("by_radio", [False, True])
-def test_an_order_that_the_others_fly_by_is_waited_for_by_radio_too(
-    plan: MakePlan, *, by_radio: bool
-) -> None:
-    made = plan(vehicle="f1")
+def test_an_order_that_the_others_fly_by_is_waited_for_by_radio_too(by_radio):
+    made = plan_of(vehicle="f1")
     assert isinstance(made.task, FollowerTask)
     arrangements = Arrangements(made, SAME_CLOCK)
     role = FollowerRole(made, made.task, SAME_CLOCK, arrangements)
@@ -378,8 +352,8 @@ def test_an_order_that_the_others_fly_by_is_waited_for_by_radio_too(
     assert arrangements.waits(1.0)
 
 
-def test_a_leader_that_is_restarted_in_a_hold_keeps_the_height_that_it_has(plan: MakePlan) -> None:
-    own = plan(vehicle="leader")
+def test_a_leader_that_is_restarted_in_a_hold_keeps_the_height_that_it_has():
+    own = plan_of(vehicle="leader")
     arrangements = Arrangements(own, SAME_CLOCK)
     role = LeaderRole(own, own.task, SAME_CLOCK, arrangements)  # type: ignore[arg-type]
     first, second = fixes(own, 0.5, [3.0, 3.1])

@@ -1,8 +1,7 @@
-from collections.abc import Callable
-
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sitl_stub import Autopilot, AutopilotConfig, CalmWind, PlantParameters, Signing
+from tests.kit.missions import shipped
 from vfguide.companion.core import Companion
 from vfguide.companion.mission_plan import adapter_of, flight_plan
 from vfguide.companion.supervisor import Mode
@@ -51,25 +50,23 @@ class Pair:
             self.now += STEP_S
 
 
-def test_with_the_key_the_companion_is_obeyed(mission: Callable[[str], Mission]) -> None:
-    pair = Pair(mission("line-calm"), KEY)
+def test_with_the_key_the_companion_is_obeyed():
+    pair = Pair(shipped("line-calm"), KEY)
     pair.fly(30.0)
     assert pair.autopilot.truth().mode == "GUIDED"
     assert pair.companion.snapshot.mode is Mode.TRACKING
     assert pair.autopilot.counters["not signed"] == 0
 
 
-def test_without_it_nothing_that_is_said_is_obeyed(mission: Callable[[str], Mission]) -> None:
-    pair = Pair(mission("line-calm"), None)
+def test_without_it_nothing_that_is_said_is_obeyed():
+    pair = Pair(shipped("line-calm"), None)
     pair.fly(5.0)
     assert pair.autopilot.truth().mode == "LOITER"
     assert pair.autopilot.counters["not signed"] > 0
 
 
-def test_a_forged_heartbeat_takes_the_aircraft_from_nobody(
-    mission: Callable[[str], Mission],
-) -> None:
-    pair = Pair(mission("line-calm"), KEY)
+def test_a_forged_heartbeat_takes_the_aircraft_from_nobody():
+    pair = Pair(shipped("line-calm"), KEY)
     pair.fly(30.0)
     forger = mavlink.MAVLink(None, srcSystem=1, srcComponent=1)
     forged = mavlink.MAVLink_heartbeat_message(1, 3, 129, MANUAL, 4, 3).pack(forger)

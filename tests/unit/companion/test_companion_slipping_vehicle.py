@@ -1,17 +1,15 @@
 """A vehicle whose nose points into its turns, and whose airspeed sensor shows too little."""
 
 import math
-from collections.abc import Callable
 
 import pytest
 from msgspec.structs import replace
 
+from tests.kit.missions import plan_of
 from vfguide.companion.own_vehicle import NavigatedState, OwnVehicle
 from vfguide.companion.plan import FlightPlan
 from vfguide.elementwise import wrap_angle
 from vfguide.mavlink.reports import AirspeedReport, PositionReport
-
-MakePlan = Callable[..., FlightPlan]
 
 PERIOD = 0.04
 WIND_NORTH, WIND_EAST = 3.0, -4.0
@@ -51,8 +49,8 @@ def after_laps(plan: FlightPlan, laps: float) -> tuple[NavigatedState, OwnVehicl
     return navigated, own, direction
 
 
-def test_wind_scale_and_direction_are_found_in_spite_of_the_slip(plan: MakePlan) -> None:
-    navigated, own, direction = after_laps(replace(plan(), slips=True, slip_found=True), 3.0)
+def test_wind_scale_and_direction_are_found_in_spite_of_the_slip():
+    navigated, own, direction = after_laps(replace(plan_of(), slips=True, slip_found=True), 3.0)
     assert own.air.calibration.scale == pytest.approx(AIRSPEED / SHOWN, abs=0.015)
     state = navigated.state
     assert (state.wind_north, state.wind_east) == (
@@ -65,6 +63,6 @@ def test_wind_scale_and_direction_are_found_in_spite_of_the_slip(plan: MakePlan)
     assert math.hypot(state.wind_rate_north, state.wind_rate_east) < 0.05
 
 
-def test_a_vehicle_that_is_not_known_to_slip_is_taken_by_its_nose(plan: MakePlan) -> None:
-    navigated, _, direction = after_laps(plan(), 3.0)
+def test_a_vehicle_that_is_not_known_to_slip_is_taken_by_its_nose():
+    navigated, _, direction = after_laps(plan_of(), 3.0)
     assert wrap_angle(navigated.state.heading - direction) == pytest.approx(SLIP, abs=1e-6)

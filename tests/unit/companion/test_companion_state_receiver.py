@@ -4,8 +4,9 @@ from collections.abc import Callable
 
 import pytest
 
+from tests.kit.companion import leader_bytes
+from tests.kit.missions import plan_of
 from vfguide.companion.alerts import Alerts
-from vfguide.companion.plan import FlightPlan
 from vfguide.companion.state_receiver import StateReceiver
 from vfguide.companion.timing import SAME_CLOCK
 from vfguide.frames import LocalFrame
@@ -19,14 +20,14 @@ def alerts() -> Alerts:
 
 
 @pytest.fixture
-def receiver(plan: Callable[..., FlightPlan], alerts: Alerts) -> StateReceiver:
-    return StateReceiver(plan().frame, SAME_CLOCK, alerts, whose="f2")
+def receiver(alerts: Alerts) -> StateReceiver:
+    return StateReceiver(plan_of().frame, SAME_CLOCK, alerts, whose="f2")
 
 
 @pytest.fixture
-def ahead(plan: Callable[..., FlightPlan], leader_bytes: LeaderBytes) -> LeaderBytes:
+def ahead() -> LeaderBytes:
     """A state whose place is some metres ahead of the true one."""
-    frame = plan().frame
+    frame = plan_of().frame
 
     def make(now: float, off: float) -> bytes:
         latitude, longitude = frame.to_geodetic(20.0 * now + off, 0.0)
@@ -43,9 +44,7 @@ def taken(
     return [now for now in times if not receiver.take(ahead(now, off(now)), now)]
 
 
-def test_a_leader_that_steps_40_m_ahead_is_silent_for_5_s(
-    receiver: StateReceiver, ahead: LeaderBytes, alerts: Alerts
-) -> None:
+def test_a_leader_that_steps_40_m_ahead_is_silent_for_5_s(receiver, ahead, alerts):
     refused = taken(receiver, ahead, lambda now: 40.0 if now >= 10.0 else 0.0)
     assert (refused[0], refused[-1]) == (10.0, pytest.approx(14.95))
     assert receiver.counters == {"impossible": 100}
@@ -55,31 +54,23 @@ def test_a_leader_that_steps_40_m_ahead_is_silent_for_5_s(
     assert alerts.heard(20.0) == []
 
 
-def test_a_leader_that_is_back_after_3_s_is_followed_after_2_more(
-    receiver: StateReceiver, ahead: LeaderBytes, alerts: Alerts
-) -> None:
+def test_a_leader_that_is_back_after_3_s_is_followed_after_2_more(receiver, ahead, alerts):
     refused = taken(receiver, ahead, lambda now: 40.0 if 10.0 <= now < 13.0 else 0.0)
     assert (refused[0], refused[-1]) == (10.0, pytest.approx(14.95))
     assert len(alerts.heard(20.0)) == 2
 
 
-def test_after_a_long_silence_a_leader_may_have_flown_far(
-    receiver: StateReceiver, leader_bytes: LeaderBytes, ahead: LeaderBytes
-) -> None:
+def test_after_a_long_silence_a_leader_may_have_flown_far(receiver, ahead):
     assert receiver.take(leader_bytes(0.0), 0.0)
     assert receiver.take(ahead(20.0, -600.0), 20.0)
 
 
-def test_a_leader_that_restarts_is_heard_at_once(
-    receiver: StateReceiver, leader_bytes: LeaderBytes
-) -> None:
+def test_a_leader_that_restarts_is_heard_at_once(receiver):
     assert receiver.take(leader_bytes(0.0, sequence=5000), 0.0)
     assert receiver.take(leader_bytes(3.0, sequence=1), 3.0)
 
 
-def test_a_formation_whose_clock_starts_anew_is_heard_again(
-    leader_bytes: Callable[..., bytes],
-) -> None:
+def test_a_formation_whose_clock_starts_anew_is_heard_again():
     shift_s = [0.0]
 
     class Shifted:
@@ -102,7 +93,7 @@ def test_a_formation_whose_clock_starts_anew_is_heard_again(
     assert heard
 
 
-def test_states_that_go_back_in_time_are_not_judged(leader_bytes: Callable[..., bytes]) -> None:
+def test_states_that_go_back_in_time_are_not_judged():
     frame = LocalFrame(47.397742, 8.545594, 488.0)
     receiver = StateReceiver(frame, SAME_CLOCK)
     for step in range(200):

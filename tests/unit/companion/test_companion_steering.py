@@ -1,12 +1,14 @@
 import math
 from collections.abc import Callable
-from typing import Any
 
 import pytest
 from msgspec.structs import replace
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from tests.unit.companion.calm_flight import state_in_calm_air
+from tests.kit.companion import leader_bytes, new_flight
+from tests.kit.missions import content_of, plan_of, shipped
+from tests.kit.states import vehicle_at
+from tests.kit.wire import parsed
 from vfguide.companion.core import Companion
 from vfguide.companion.follower_role import FollowerRole
 from vfguide.companion.mission_plan import adapter_of, flight_plan
@@ -16,10 +18,6 @@ from vfguide.companion.role import RoleStep
 from vfguide.companion.steering import SetpointGuard, TrackingMonitor, is_flyable
 from vfguide.mission.model import Mission
 from vfguide.state import Airframe, Setpoint
-
-Make = Callable[..., Any]
-MakePlan = Callable[..., FlightPlan]
-MakeMission = Callable[[str], Mission]
 
 SET_MODE, HEADING, SPEED = 176, 43_002, 43_000
 
@@ -38,9 +36,7 @@ UNFLYABLE = [
 
 @pytest.mark.parametrize("kind", ["ardupilot", "px4"])
 @pytest.mark.parametrize(("course", "speed"), UNFLYABLE)
-def test_a_setpoint_that_cannot_be_flown_never_becomes_bytes(
-    flight: Make, monkeypatch: pytest.MonkeyPatch, kind: str, course: float, speed: float
-) -> None:
+def test_a_setpoint_that_cannot_be_flown_never_becomes_bytes(monkeypatch, kind, course, speed):
     step = FollowerRole.step
     from_s = 3.0
 
@@ -51,7 +47,7 @@ def test_a_setpoint_that_cannot_be_flown_never_becomes_bytes(
         return replace(found, setpoint=Setpoint(course=course, speed=speed, limited=False))
 
     monkeypatch.setattr(FollowerRole, "step", broken)
-    flown = flight(kind=kind)
+    flown = new_flight(kind=kind)
     flown.run(4.0)
     assert flown.times(HEADING)[-1] == 3.0
     assert flown.times(SPEED if kind == "ardupilot" else 178)[-1] == 3.0
@@ -60,8 +56,8 @@ def test_a_setpoint_that_cannot_be_flown_never_becomes_bytes(
 
 
 @pytest.mark.parametrize("speed", [12.0, 20.0, 32.0])
-def test_the_whole_airspeed_range_can_be_flown(plan: MakePlan, speed: float) -> None:
-    assert is_flyable(Setpoint(course=-40.0, speed=speed, limited=False), plan())
+def test_the_whole_airspeed_range_can_be_flown(speed):
+    assert is_flyable(Setpoint(course=-40.0, speed=speed, limited=False), plan_of())
 
 
 @pytest.mark.parametrize(
@@ -73,10 +69,8 @@ def test_the_whole_airspeed_range_can_be_flown(plan: MakePlan, speed: float) -> 
         *((0.0, False), (-1.0, False), (math.inf, False)),
     ],
 )
-def test_a_ground_speed_is_bound_by_the_airspeed_range_and_the_strongest_wind(
-    plan: MakePlan, speed: float, flyable: bool
-) -> None:
-    known = plan()
+def test_a_ground_speed_is_bound_by_the_airspeed_range_and_the_strongest_wind(speed, flyable):
+    known = plan_of()
     by_ground = replace(known, airframe=replace(known.airframe, hold="course-hold"))
     setpoint = Setpoint(course=1.0, speed=speed, limited=False)
     assert is_flyable(setpoint, by_ground) is flyable
@@ -97,10 +91,8 @@ def companions(mission: Mission, hold: str) -> list[Companion]:
 
 @pytest.mark.parametrize("hold", ["heading-hold", "course-hold"])
 @pytest.mark.parametrize("hdg", [0, 9000, 65_535])
-def test_an_aircraft_that_stands_on_the_ground_is_borne(
-    mission: MakeMission, leader_bytes: Make, parsed: Make, hold: str, hdg: int
-) -> None:
-    for companion, system_id in zip(companions(mission("line-calm"), hold), (1, 2), strict=True):
+def test_an_aircraft_that_stands_on_the_ground_is_borne(hold, hdg):
+    for companion, system_id in zip(companions(shipped("line-calm"), hold), (1, 2), strict=True):
         sender = mavlink.MAVLink(None, srcSystem=system_id, srcComponent=1)
         for step in range(60):
             now = step / 20
@@ -137,13 +129,7 @@ ORIGIN_M = 488.0
         ((30.0, 0.0), ORIGIN_M + 30.0),
     ],
 )
-def test_no_altitude_that_is_sent_is_below_the_floor_or_no_number(
-    flight: Make,
-    parsed: Make,
-    monkeypatch: pytest.MonkeyPatch,
-    guided: tuple[float, float],
-    asked: float,
-) -> None:
+def test_no_altitude_that_is_sent_is_below_the_floor_or_no_number(monkeypatch, guided, asked):
     step, (height, climb_m) = FollowerRole.step, guided
 
     def broken(role: FollowerRole, navigated: NavigatedState, *rest: object) -> RoleStep:
@@ -153,7 +139,7 @@ def test_no_altitude_that_is_sent_is_below_the_floor_or_no_number(
         return replace(found, height=height, climb_m=climb_m)
 
     monkeypatch.setattr(FollowerRole, "step", broken)
-    flown = flight()
+    flown = new_flight()
     flown.run(12.0)
     sent = [
         message.z
@@ -170,7 +156,7 @@ def test_no_altitude_that_is_sent_is_below_the_floor_or_no_number(
 
 def with_heights(mission: Mission, flying_m: float, up_m: float, end_m: float) -> FlightPlan:
     climb = {"climb_deg": math.copysign(5.0, end_m), "end_height_m": end_m}
-    content = mission.model_dump(exclude_unset=True)
+    content = content_of(mission)
     content["height_above_origin_m"] = flying_m
     content["path"] = {"type": "line", "course_deg": 0.0, **climb}
     content["followers"][0]["slot"]["up_m"] = up_m
@@ -189,10 +175,8 @@ def with_heights(mission: Mission, flying_m: float, up_m: float, end_m: float) -
         (18.0, 0.0, 50.0, 9.0),
     ],
 )
-def test_the_floor_leaves_room_for_the_missions_own_lowest_height(
-    mission: MakeMission, flying_m: float, up_m: float, end_m: float, floor_m: float
-) -> None:
-    guard = SetpointGuard(with_heights(mission("line-calm"), flying_m, up_m, end_m))
+def test_the_floor_leaves_room_for_the_missions_own_lowest_height(flying_m, up_m, end_m, floor_m):
+    guard = SetpointGuard(with_heights(shipped("line-calm"), flying_m, up_m, end_m))
     assert guard.height(-1000.0)[0] == pytest.approx(floor_m)
     assert guard.height(flying_m + up_m) == (flying_m + up_m, None)
 
@@ -206,50 +190,50 @@ def complaints(
     for step in range(round(seconds * 20)):
         now = step / 20
         setpoint = Setpoint(course=wanted(now), speed=20.0, limited=False)
-        complaint = watch.watch(state_in_calm_air(now, course=course(now)), setpoint)
+        complaint = watch.watch(vehicle_at(time_s=now, course=course(now)), setpoint)
         if complaint is not None:
             found.append((now, complaint))
     return found
 
 
-def test_an_aircraft_that_ignores_its_course_is_told_of_within_ten_seconds() -> None:
+def test_an_aircraft_that_ignores_its_course_is_told_of_within_ten_seconds():
     ((when, text),) = complaints(lambda _: 0.0, lambda _: 0.5, 60.0)
     assert when < 10.0
     assert "the course does not follow the setpoints: asked to turn at" in text
 
 
-def test_an_aircraft_that_turns_the_wrong_way_is_told_of() -> None:
+def test_an_aircraft_that_turns_the_wrong_way_is_told_of():
     assert complaints(lambda now: -0.1 * now, lambda now: -0.1 * now + 0.4, 30.0)
 
 
-def test_a_first_order_course_is_followed() -> None:
+def test_a_first_order_course_is_followed():
     assert complaints(lambda now: 1.0 - math.exp(-1.2 * now), lambda _: 1.0, 30.0) == []
 
 
-def test_a_course_four_times_slower_than_the_mission_says_still_follows() -> None:
+def test_a_course_four_times_slower_than_the_mission_says_still_follows():
     assert complaints(lambda now: 1.0 - math.exp(-0.3 * now), lambda _: 1.0, 30.0) == []
 
 
-def test_a_turn_at_the_bank_limit_is_followed() -> None:
+def test_a_turn_at_the_bank_limit_is_followed():
     # 9.80665 / 20 m/s = 0.49 rad/s with 45 degrees of bank.
     assert complaints(lambda now: 0.49 * now, lambda now: 0.49 * now + 2.0, 30.0) == []
 
 
-def test_a_nose_that_turns_into_a_swinging_wind_follows_although_the_course_stays() -> None:
+def test_a_nose_that_turns_into_a_swinging_wind_follows_although_the_course_stays():
     # the setpoint stands 0.08 rad/s / 1.2 1/s = 0.067 rad ahead all the time
     watch = TrackingMonitor(Airframe())
     for step in range(1200):
         now = step / 20
-        flown = replace(state_in_calm_air(now), heading=0.08 * now)
+        flown = replace(vehicle_at(time_s=now), heading=0.08 * now)
         setpoint = Setpoint(course=0.067, speed=20.0, limited=False)
         assert watch.watch(flown, setpoint) is None
 
 
-def test_small_errors_are_nobodys_business() -> None:
+def test_small_errors_are_nobodys_business():
     assert complaints(lambda _: 0.0, lambda _: 0.03, 60.0) == []
 
 
-def test_it_says_when_the_course_follows_again() -> None:
+def test_it_says_when_the_course_follows_again():
     def course(now: float) -> float:
         return 0.0 if now < 20.0 else 0.3 * (now - 20.0)
 
@@ -259,7 +243,7 @@ def test_it_says_when_the_course_follows_again() -> None:
 
 
 @pytest.mark.parametrize(("off", "words"), [(25.0, "25 m above"), (-30.0, "30 m below")])
-def test_an_altitude_that_cannot_be_told_is_complained_of_once(off: float, words: str) -> None:
+def test_an_altitude_that_cannot_be_told_is_complained_of_once(off, words):
     watch = TrackingMonitor(Airframe())
     texts = [watch.watch_altitude(off) for _ in range(10)]
     assert words in str(texts[0])

@@ -68,12 +68,12 @@ def thrown(time_s: float) -> tuple[float, float, bool]:
     return side, 0.6 * math.sin(math.tau * time_s / 3.0), True
 
 
-def test_a_quiet_flight_is_left_alone() -> None:
+def test_a_quiet_flight_is_left_alone():
     guard, said = watched(calm, 60.0)
     assert (guard.softness.course, guard.softness.speed, said) == (1.0, 1.0, [])
 
 
-def test_a_turn_onto_the_slot_at_the_limit_is_no_strain() -> None:
+def test_a_turn_onto_the_slot_at_the_limit_is_no_strain():
     def joins(time_s: float) -> tuple[float, float, bool]:
         return (
             (1.2, 0.7, True)
@@ -88,7 +88,7 @@ def test_a_turn_onto_the_slot_at_the_limit_is_no_strain() -> None:
     assert not said
 
 
-def test_what_is_thrown_is_softened_within_3_seconds_and_the_pilot_hears_it_once() -> None:
+def test_what_is_thrown_is_softened_within_3_seconds_and_the_pilot_hears_it_once():
     guard, _ = watched(calm, 20.0)
     guard, said = watched(thrown, 10.0, begun_s=20.0, guard=guard)
     (first, text), *others = said
@@ -99,7 +99,7 @@ def test_what_is_thrown_is_softened_within_3_seconds_and_the_pilot_hears_it_once
     assert guard.softness.course < 0.5
 
 
-def test_setpoints_at_a_limit_for_a_fifth_of_the_time_are_softened_in_place() -> None:
+def test_setpoints_at_a_limit_for_a_fifth_of_the_time_are_softened_in_place():
     def gusty(time_s: float) -> tuple[float, float, bool]:
         return 0.0, 0.0, time_s % 1.0 < 0.4
 
@@ -110,7 +110,7 @@ def test_setpoints_at_a_limit_for_a_fifth_of_the_time_are_softened_in_place() ->
     assert not said
 
 
-def test_quickness_comes_back_slowly() -> None:
+def test_quickness_comes_back_slowly():
     guard, _ = watched(thrown, JOINING_S + 8.0)
     soft = guard.softness.course
     guard, _ = watched(calm, 40.0, begun_s=JOINING_S + 8.0, guard=guard)
@@ -119,7 +119,7 @@ def test_quickness_comes_back_slowly() -> None:
     assert guard.softness.course == 1.0
 
 
-def test_what_softness_does_not_end_within_15_seconds_is_handed_back() -> None:
+def test_what_softness_does_not_end_within_15_seconds_is_handed_back():
     guard, said = watched(thrown, JOINING_S + 30.0)
     assert guard.gives_up
     assert said[-1][1] == HANDED_BACK
@@ -130,16 +130,14 @@ def test_what_softness_does_not_end_within_15_seconds_is_handed_back() -> None:
     assert not guard.gives_up
 
 
-def test_a_swing_is_what_goes_to_and_fro_beyond_twice_the_range() -> None:
+def test_a_swing_is_what_goes_to_and_fro_beyond_twice_the_range():
     # 0 to 1 and back is one roll into a turn and out of it; three times that is two rolls too many.
     assert swing([0.0, 1.0, 0.0]) == 0.0
     assert swing([0.0, 1.0, 0.0, 1.0, 0.0, 1.0, 0.0]) == pytest.approx(4.0)
 
 
 @given(st.lists(st.tuples(st.floats(-4.0, 4.0), st.floats(-1.5, 1.5), st.booleans()), max_size=400))
-def test_softness_stays_within_its_bounds_whatever_is_flown(
-    flown: list[tuple[float, float, bool]],
-) -> None:
+def test_softness_stays_within_its_bounds_whatever_is_flown(flown):
     guard, _ = watched(lambda time_s: flown[round(time_s / PERIOD)], PERIOD * len(flown))
     assert SOFTEST <= guard.softness.course <= 1.0
     assert SOFTEST <= guard.softness.speed <= 1.0

@@ -48,7 +48,7 @@ def hear_until(one: Succession, until_s: float, *, steered: bool = True) -> None
         one.step(step * STEP_S, eligible=True)
 
 
-def test_every_term_is_one_vehicles() -> None:
+def test_every_term_is_one_vehicles():
     # Of three terms each of the three has one, the last in the order the lowest.
     assert [holder_of(term, ORDER) for term in range(7)] == [
         "leader",
@@ -61,7 +61,7 @@ def test_every_term_is_one_vehicles() -> None:
     ]
 
 
-def test_the_next_term_is_in_the_next_round() -> None:
+def test_the_next_term_is_in_the_next_round():
     assert [term_above(0, name, ORDER) for name in ORDER] == [3, 2, 1]
     # After term 2, which is of the first three, the next three are 4 to 6.
     assert [term_above(2, name, ORDER) for name in ORDER] == [6, 5, 4]
@@ -69,7 +69,7 @@ def test_the_next_term_is_in_the_next_round() -> None:
     assert [term_above(4, name, ORDER) for name in ORDER] == [9, 8, 7]
 
 
-def test_the_first_deputy_leads_as_soon_as_the_leader_is_silent_for_too_long() -> None:
+def test_the_first_deputy_leads_as_soon_as_the_leader_is_silent_for_too_long():
     one = deputy("f1")
     hear_until(one, 10.0)
     led_s = lead_time(one, from_s=10.0, until_s=20.0, others=True)
@@ -78,7 +78,7 @@ def test_the_first_deputy_leads_as_soon_as_the_leader_is_silent_for_too_long() -
     assert (one.term, one.holder, one.leads) == (2, "f1", True)
 
 
-def test_the_second_deputy_leaves_the_first_its_turn() -> None:
+def test_the_second_deputy_leaves_the_first_its_turn():
     one = deputy("f2")
     hear_until(one, 10.0)
     led_s = lead_time(one, from_s=10.0, until_s=20.0, others=True)
@@ -86,14 +86,14 @@ def test_the_second_deputy_leaves_the_first_its_turn() -> None:
     assert one.term == 1
 
 
-def test_a_deputy_that_hears_nobody_takes_itself_for_deaf_at_first() -> None:
+def test_a_deputy_that_hears_nobody_takes_itself_for_deaf_at_first():
     one = deputy("f1")
     hear_until(one, 10.0)
     led_s = lead_time(one, from_s=10.0, until_s=20.0, others=False)
     assert led_s == pytest.approx(10.0 + DEAF_S + SILENCE_S, abs=2.0 * STEP_S)
 
 
-def test_after_a_blackout_of_the_link_the_leader_has_as_long_as_ever() -> None:
+def test_after_a_blackout_of_the_link_the_leader_has_as_long_as_ever():
     one = deputy("f1")
     hear_until(one, 10.0)
     assert lead_time(one, from_s=10.0, until_s=14.0, others=False) == math.inf
@@ -102,13 +102,13 @@ def test_after_a_blackout_of_the_link_the_leader_has_as_long_as_ever() -> None:
     assert led_s == pytest.approx(14.2 + SILENCE_S, abs=2.0 * STEP_S)
 
 
-def test_a_follower_never_leads() -> None:
+def test_a_follower_never_leads():
     one = deputy("f3")
     hear_until(one, 10.0)
     assert lead_time(one, from_s=10.0, until_s=30.0, others=True) == math.inf
 
 
-def test_a_leader_that_was_never_steered_is_followed_and_succeeded_once_it_is_silent() -> None:
+def test_a_leader_that_was_never_steered_is_followed_and_succeeded_once_it_is_silent():
     one = deputy("f1")
     hear_until(one, 10.0, steered=False)
     assert not one.leads
@@ -116,11 +116,11 @@ def test_a_leader_that_was_never_steered_is_followed_and_succeeded_once_it_is_si
     assert led_s == pytest.approx(10.0 + SILENCE_S, abs=2.0 * STEP_S)
 
 
-def test_no_leader_is_succeeded_that_was_never_heard() -> None:
+def test_no_leader_is_succeeded_that_was_never_heard():
     assert lead_time(deputy("f1"), from_s=0.0, until_s=30.0, others=True) == math.inf
 
 
-def test_a_leader_that_its_pilot_takes_is_succeeded_although_it_is_heard() -> None:
+def test_a_leader_that_its_pilot_takes_is_succeeded_although_it_is_heard():
     one = deputy("f1")
     hear_until(one, 10.0)
     now, led_s = 10.0, math.inf
@@ -133,7 +133,7 @@ def test_a_leader_that_its_pilot_takes_is_succeeded_although_it_is_heard() -> No
     assert led_s == pytest.approx(10.0 + STEP_S + UNSTEERED_S, abs=2.0 * STEP_S)
 
 
-def test_a_deputy_that_is_not_steered_does_not_lead() -> None:
+def test_a_deputy_that_is_not_steered_does_not_lead():
     one = deputy("f1")
     hear_until(one, 10.0)
     for step in range(1, 200):
@@ -141,7 +141,7 @@ def test_a_deputy_that_is_not_steered_does_not_lead() -> None:
         assert not one.step(10.0 + step * STEP_S, eligible=False)
 
 
-def test_a_higher_term_ends_ones_own() -> None:
+def test_a_higher_term_ends_ones_own():
     one = deputy("f2")
     hear_until(one, 10.0)
     lead_time(one, from_s=10.0, until_s=20.0, others=True)
@@ -153,13 +153,13 @@ def test_a_higher_term_ends_ones_own() -> None:
     assert one.term == 2
 
 
-def test_nobody_leads_in_a_term_of_another() -> None:
+def test_nobody_leads_in_a_term_of_another():
     one = deputy("f3")
     assert not one.hear_leader("f2", 2, 1.0, steered=True)
     assert one.term == 0
 
 
-def test_a_leader_that_has_just_started_listens_before_it_leads() -> None:
+def test_a_leader_that_has_just_started_listens_before_it_leads():
     one = deputy("leader")
     assert not one.leads
     one.step(5.0, eligible=False)
@@ -169,7 +169,7 @@ def test_a_leader_that_has_just_started_listens_before_it_leads() -> None:
     assert (one.leads, one.term) == (True, 0)
 
 
-def test_a_leader_that_comes_back_follows_the_one_who_leads_by_now() -> None:
+def test_a_leader_that_comes_back_follows_the_one_who_leads_by_now():
     one = deputy("leader")
     one.step(5.0, eligible=False)
     assert one.hear_leader("f1", 2, 5.1, steered=True)
@@ -177,7 +177,7 @@ def test_a_leader_that_comes_back_follows_the_one_who_leads_by_now() -> None:
     assert (one.leads, one.holder) == (False, "f1")
 
 
-def test_a_leader_that_comes_back_when_its_deputies_are_gone_leads_in_a_new_term() -> None:
+def test_a_leader_that_comes_back_when_its_deputies_are_gone_leads_in_a_new_term():
     one = deputy("leader")
     one.step(5.0, eligible=False)
     # A follower still says which term it obeyed last.
@@ -188,7 +188,7 @@ def test_a_leader_that_comes_back_when_its_deputies_are_gone_leads_in_a_new_term
     assert (one.leads, one.term) == (True, 6)
 
 
-def test_a_leader_whose_followers_obey_a_lost_deputy_leads_them_in_a_new_term() -> None:
+def test_a_leader_whose_followers_obey_a_lost_deputy_leads_them_in_a_new_term():
     one = deputy("leader")
     one.step(5.0, eligible=False)
     one.step(5.0 + LISTEN_S + STEP_S, eligible=False)
@@ -203,7 +203,7 @@ def test_a_leader_whose_followers_obey_a_lost_deputy_leads_them_in_a_new_term() 
     assert (one.leads, one.term) == (True, 6)
 
 
-def test_two_leaders_that_do_not_hear_each_other_take_no_turns() -> None:
+def test_two_leaders_that_do_not_hear_each_other_take_no_turns():
     one, other = deputy("leader"), deputy("f1")
     hear_until(other, 10.0)
     one.step(5.0, eligible=False)
@@ -223,7 +223,7 @@ def test_two_leaders_that_do_not_hear_each_other_take_no_turns() -> None:
     assert 5 <= changes <= 10
 
 
-def test_a_leader_that_hears_its_successor_in_time_follows_it() -> None:
+def test_a_leader_that_hears_its_successor_in_time_follows_it():
     one = deputy("leader")
     one.step(5.0, eligible=False)
     one.step(5.0 + LISTEN_S + STEP_S, eligible=False)
@@ -234,7 +234,7 @@ def test_a_leader_that_hears_its_successor_in_time_follows_it() -> None:
     assert (one.leads, one.holder, one.term) == (False, "f2", 1)
 
 
-def test_no_state_with_an_impossible_term_ends_succession() -> None:
+def test_no_state_with_an_impossible_term_ends_succession():
     one = deputy("f1")
     hear_until(one, 10.0)
     one.hear_other(GREATEST_TERM, 10.0)
@@ -245,7 +245,7 @@ def test_no_state_with_an_impossible_term_ends_succession() -> None:
     assert (one.leads, one.term) == (True, 2)
 
 
-def test_a_leader_that_has_just_started_leads_although_it_hears_an_impossible_term() -> None:
+def test_a_leader_that_has_just_started_leads_although_it_hears_an_impossible_term():
     one = deputy("leader")
     one.step(5.0, eligible=False)
     one.hear_other(GREATEST_TERM, 5.1)
@@ -253,7 +253,7 @@ def test_a_leader_that_has_just_started_leads_although_it_hears_an_impossible_te
     assert (one.leads, one.term) == (True, 0)
 
 
-def test_a_term_some_rounds_above_is_believed() -> None:
+def test_a_term_some_rounds_above_is_believed():
     one = deputy("leader")
     one.step(5.0, eligible=False)
     one.hear_other(32, 5.1)
@@ -394,7 +394,7 @@ Formation.TestCase.settings = settings(max_examples=60, stateful_step_count=25, 
 TestFormation = Formation.TestCase
 
 
-def test_a_deputy_that_is_ordered_to_lead_leads_at_once_in_a_term_of_its_own() -> None:
+def test_a_deputy_that_is_ordered_to_lead_leads_at_once_in_a_term_of_its_own():
     one = deputy("f2")
     hear_until(one, 10.0)
     assert not one.step(10.0, eligible=False, ordered=True)

@@ -32,9 +32,7 @@ def following(
 @pytest.mark.parametrize("before", Mode)
 @pytest.mark.parametrize("telemetry_age", [0.05, math.inf])
 @pytest.mark.parametrize("leader_age", [0.1, 3.0, 40.0, 60.0, math.inf, math.nan])
-def test_what_the_pilot_has_is_the_pilots(
-    before: Mode, telemetry_age: float, leader_age: float
-) -> None:
+def test_what_the_pilot_has_is_the_pilots(before, telemetry_age, leader_age):
     found = following(
         before, control=Control.PILOT, telemetry_age=telemetry_age, leader_age=leader_age
     )
@@ -44,12 +42,12 @@ def test_what_the_pilot_has_is_the_pilots(
 @pytest.mark.parametrize("before", Mode)
 @pytest.mark.parametrize("control", [Control.FREE, Control.DISARMED])
 @pytest.mark.parametrize("leader_age", [0.1, 40.0, math.inf, math.nan])
-def test_what_nobody_gave_is_not_steered(before: Mode, control: Control, leader_age: float) -> None:
+def test_what_nobody_gave_is_not_steered(before, control, leader_age):
     assert following(before, control=control, leader_age=leader_age) is WAITING
 
 
 @pytest.mark.parametrize("before", Mode)
-def test_where_nobody_knows_the_mode_nothing_is_steered_and_nothing_forgotten(before: Mode) -> None:
+def test_where_nobody_knows_the_mode_nothing_is_steered_and_nothing_forgotten(before):
     after = before if before in {PILOT, LOST} else WAITING
     assert following(before, control=Control.UNKNOWN) is after
 
@@ -68,9 +66,7 @@ def test_where_nobody_knows_the_mode_nothing_is_steered_and_nothing_forgotten(be
         (math.nan, LOST),
     ],
 )
-def test_what_was_given_back_is_lost_until_the_leader_is_heard(
-    telemetry_age: float, leader_age: float, after: Mode
-) -> None:
+def test_what_was_given_back_is_lost_until_the_leader_is_heard(telemetry_age, leader_age, after):
     found = following(
         LOST, control=Control.RETURNED, telemetry_age=telemetry_age, leader_age=leader_age
     )
@@ -80,50 +76,50 @@ def test_what_was_given_back_is_lost_until_the_leader_is_heard(
 @pytest.mark.parametrize("before", Mode)
 @pytest.mark.parametrize("leader_age", [0.1, 10.0, 40.0, 60.0])
 @pytest.mark.parametrize("telemetry_age", [1.001, math.inf, math.nan])
-def test_without_telemetry_it_waits(before: Mode, telemetry_age: float, leader_age: float) -> None:
+def test_without_telemetry_it_waits(before, telemetry_age, leader_age):
     assert following(before, telemetry_age=telemetry_age, leader_age=leader_age) is WAITING
 
 
 @pytest.mark.parametrize("before", Mode)
 @pytest.mark.parametrize("leader_age", [math.inf, math.nan])
-def test_before_the_leader_is_heard_it_waits(before: Mode, leader_age: float) -> None:
+def test_before_the_leader_is_heard_it_waits(before, leader_age):
     assert following(before, leader_age=leader_age) is WAITING
 
 
 @pytest.mark.parametrize("before", Mode)
-def test_engaged_and_informed_it_joins_from_anywhere(before: Mode) -> None:
+def test_engaged_and_informed_it_joins_from_anywhere(before):
     assert following(before) is JOINING
     assert following(before, telemetry_age=1.0, leader_age=0.6) is JOINING
 
 
 @pytest.mark.parametrize("before", Mode)
 @pytest.mark.parametrize("distance", [0.0, 50.0, math.inf])
-def test_an_old_leader_state_is_predicted_from(before: Mode, distance: float) -> None:
+def test_an_old_leader_state_is_predicted_from(before, distance):
     assert following(before, leader_age=0.601, distance=distance) is PREDICTING
     assert following(before, leader_age=30.0, distance=distance) is PREDICTING
 
 
 @pytest.mark.parametrize("before", Mode)
 @pytest.mark.parametrize("leader_age", [30.001, 55.0])
-def test_a_leader_that_stays_silent_is_left(before: Mode, leader_age: float) -> None:
+def test_a_leader_that_stays_silent_is_left(before, leader_age):
     assert following(before, leader_age=leader_age, distance=0.0) is BREAKAWAY
 
 
 @pytest.mark.parametrize("before", Mode)
 @pytest.mark.parametrize("leader_age", [55.001, 1e9])
-def test_in_the_end_a_silent_leader_is_lost(before: Mode, leader_age: float) -> None:
+def test_in_the_end_a_silent_leader_is_lost(before, leader_age):
     assert following(before, leader_age=leader_age, distance=0.0) is LOST
     # What was never steered is not given back.
     assert following(before, leader_age=leader_age, steered=False) is WAITING
 
 
 @pytest.mark.parametrize("before", [WAITING, JOINING, PREDICTING, BREAKAWAY, LOST, PILOT])
-def test_within_ten_metres_it_has_arrived(before: Mode) -> None:
+def test_within_ten_metres_it_has_arrived(before):
     assert following(before, distance=10.0) is TRACKING
     assert following(before, distance=10.001) is JOINING
 
 
-def test_only_beyond_twenty_metres_it_has_strayed() -> None:
+def test_only_beyond_twenty_metres_it_has_strayed():
     assert following(TRACKING, distance=10.001) is TRACKING
     assert following(TRACKING, distance=20.0) is TRACKING
     assert following(TRACKING, distance=20.001) is JOINING
@@ -131,16 +127,16 @@ def test_only_beyond_twenty_metres_it_has_strayed() -> None:
 
 @pytest.mark.parametrize("before", Mode)
 @pytest.mark.parametrize("distance", [math.nan, math.inf])
-def test_an_unknown_distance_is_not_in_place(before: Mode, distance: float) -> None:
+def test_an_unknown_distance_is_not_in_place(before, distance):
     assert following(before, distance=distance) is JOINING
 
 
 @pytest.mark.parametrize("before", Mode)
-def test_a_leader_whose_clock_is_a_little_ahead_is_heard(before: Mode) -> None:
+def test_a_leader_whose_clock_is_a_little_ahead_is_heard(before):
     assert following(before, leader_age=-0.2) is JOINING
 
 
-def test_patience_is_what_decides() -> None:
+def test_patience_is_what_decides():
     situation = Situation(
         control=Control.GUIDED, telemetry_age=2.0, leader_age=2.0, steered=True, distance=15.0
     )
@@ -154,5 +150,5 @@ def test_patience_is_what_decides() -> None:
     assert next_mode(JOINING, situation, ModeTimeouts()) is WAITING
 
 
-def test_setpoints_go_out_while_joining_tracking_predicting_and_breaking_away_only() -> None:
+def test_setpoints_go_out_while_joining_tracking_predicting_and_breaking_away_only():
     assert {mode for mode in Mode if mode.steers} == {JOINING, TRACKING, PREDICTING, BREAKAWAY}

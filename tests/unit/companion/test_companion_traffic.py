@@ -1,14 +1,14 @@
 """Where a vehicle believes the others to be, and what it thinks that they may do."""
 
-from collections.abc import Callable
-
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from msgspec.structs import replace
 
-from vfguide.companion.plan import FlightPlan, OtherVehicle
+from tests.kit.companion import leader_bytes
+from tests.kit.missions import plan_of
+from vfguide.companion.plan import OtherVehicle
 from vfguide.companion.possibilities import BERTH_M, DRIFT_M_S, SILENT_S, Viewpoint
 from vfguide.companion.state_receiver import StateReceiver
 from vfguide.companion.timing import SAME_CLOCK, SharedClock
@@ -19,9 +19,6 @@ from vfguide.guidance.predicted_tracks import STEP_S
 from vfguide.guidance.separation import BEGINNINGS, FLOOR_M, Others
 from vfguide.link.codec import LeaderMessage, encode
 from vfguide.state import LeaderState
-
-MakePlan = Callable[..., FlightPlan]
-LeaderBytes = Callable[..., bytes]
 
 TURN = 0.1
 """rad/s of the vehicle that is heard."""
@@ -39,8 +36,8 @@ LEADING = replace(F2, name="leader", rank=0, leads=True)
 
 
 @pytest.fixture
-def traffic(plan: MakePlan) -> Traffic:
-    return Traffic([F2], plan().frame, SAME_CLOCK)
+def traffic() -> Traffic:
+    return Traffic([F2], plan_of().frame, SAME_CLOCK)
 
 
 def beside(time_s: float, east: float = 10.0, altitude_amsl: float = 588.0) -> Viewpoint:
@@ -85,13 +82,11 @@ def courses(others: Others) -> list[float]:
     return [float(angle) for angle in np.angle(others.tracks[:, 1] - others.tracks[:, 0])]
 
 
-def test_nobody_is_in_the_way_before_anybody_was_heard(traffic: Traffic) -> None:
+def test_nobody_is_in_the_way_before_anybody_was_heard(traffic):
     assert traffic.possibilities(beside(10.0), led(10.0)) is None
 
 
-def test_a_steered_vehicle_flies_on_with_the_formation(
-    traffic: Traffic, leader_bytes: LeaderBytes
-) -> None:
+def test_a_steered_vehicle_flies_on_with_the_formation(traffic):
     traffic.receive("f2", leader_bytes(10.0), 10.1)
     others = found(traffic, beside(10.5, east=7.0))
     assert others.tracks[0, 0] == pytest.approx(210.0, abs=1e-2)
@@ -99,16 +94,12 @@ def test_a_steered_vehicle_flies_on_with_the_formation(
     assert list(others.keep) == [8.0]
 
 
-def test_a_vehicle_in_its_slot_far_away_is_not_in_the_way(
-    traffic: Traffic, leader_bytes: LeaderBytes
-) -> None:
+def test_a_vehicle_in_its_slot_far_away_is_not_in_the_way(traffic):
     traffic.receive("f2", leader_bytes(10.0), 10.0)
     assert traffic.possibilities(beside(10.0, east=40.0), led(10.0)) is None
 
 
-def test_a_vehicle_that_is_not_steered_may_fly_on_level_out_or_turn_at_its_bank_limit(
-    traffic: Traffic, leader_bytes: LeaderBytes
-) -> None:
+def test_a_vehicle_that_is_not_steered_may_fly_on_level_out_or_turn_at_its_bank_limit(traffic):
     traffic.receive("f2", leader_bytes(10.0, turn_rate=TURN, steered=False), 10.0)
     others = found(traffic, beside(10.0, east=40.0))
     # 10 m/s² at 20 m/s are 0.5 rad/s; the chord of half a second lies half as far round.
@@ -117,16 +108,14 @@ def test_a_vehicle_that_is_not_steered_may_fly_on_level_out_or_turn_at_its_bank_
     assert others.horizon_s[2] == 1.5
 
 
-def test_the_leader_looks_at_those_alone_that_are_not_steered(
-    traffic: Traffic, leader_bytes: LeaderBytes
-) -> None:
+def test_the_leader_looks_at_those_alone_that_are_not_steered(traffic):
     traffic.receive("f2", leader_bytes(10.0), 10.0)
     assert traffic.possibilities(beside(10.5), None) is None
     traffic.receive("f2", leader_bytes(10.5, steered=False), 10.5)
     assert traffic.possibilities(beside(10.5), None) is not None
 
 
-def test_a_vehicle_far_above_is_not_in_the_way(traffic: Traffic, leader_bytes: LeaderBytes) -> None:
+def test_a_vehicle_far_above_is_not_in_the_way(traffic):
     traffic.receive("f2", leader_bytes(10.0, steered=False), 10.0)
     assert traffic.possibilities(beside(10.0, altitude_amsl=550.0), led(10.0)) is None
     assert traffic.possibilities(beside(10.0, altitude_amsl=570.0), led(10.0)) is not None
@@ -134,17 +123,15 @@ def test_a_vehicle_far_above_is_not_in_the_way(traffic: Traffic, leader_bytes: L
 
 @pytest.mark.parametrize(("climb_rate", "in_the_way"), [(0.0, False), (2.0, True), (-2.0, False)])
 def test_a_steered_vehicle_18_m_below_is_in_the_way_of_one_that_comes_down_to_it(
-    traffic: Traffic, leader_bytes: LeaderBytes, climb_rate: float, in_the_way: bool
-) -> None:
+    traffic, climb_rate, in_the_way
+):
     """15 m let it pass; what closes by 2 m/s is 12 m away in three seconds."""
     traffic.receive("f2", leader_bytes(10.0), 10.0)
     here = replace(beside(10.0, 10.0, 606.0), climb_rate=-climb_rate, wanted=20.0 - 2.0j)
     assert (traffic.possibilities(here, led(10.0)) is not None) is in_the_way
 
 
-def test_strangers_and_rubbish_are_in_nobodys_way(
-    traffic: Traffic, leader_bytes: LeaderBytes
-) -> None:
+def test_strangers_and_rubbish_are_in_nobodys_way(traffic):
     traffic.receive("f9", leader_bytes(10.0), 10.0)
     traffic.receive("f2", b"rubbish", 10.0)
     traffic.receive("f2", leader_bytes(20.0), 10.0)
@@ -152,30 +139,28 @@ def test_strangers_and_rubbish_are_in_nobodys_way(
     assert dict(traffic.counters) == {"malformed": 1, "from the future": 1}
 
 
-def test_the_time_of_a_state_is_the_formations(plan: MakePlan, leader_bytes: LeaderBytes) -> None:
+def test_the_time_of_a_state_is_the_formations():
     skewed = SharedClock(
         to_own=lambda time_s: time_s - 100.0, from_own=lambda time_s: time_s + 100.0
     )
-    traffic = Traffic([F2], plan().frame, skewed)
+    traffic = Traffic([F2], plan_of().frame, skewed)
     traffic.receive("f2", leader_bytes(10.0, time_s=110.0), 10.0)
     assert found(traffic, beside(10.5, east=7.0)).tracks[0, 0] == pytest.approx(210.0, abs=1e-2)
 
 
-def heard_leader(plan: MakePlan, data: bytes, now: float) -> StateReceiver:
-    receiver = StateReceiver(plan().frame, SAME_CLOCK)
+def heard_leader(data: bytes, now: float) -> StateReceiver:
+    receiver = StateReceiver(plan_of().frame, SAME_CLOCK)
     assert receiver.take(data, now)
     return receiver
 
 
-def test_one_that_fell_silent_may_fly_on_with_the_formation_or_straight(
-    plan: MakePlan, leader_bytes: LeaderBytes
-) -> None:
-    traffic = Traffic([F2, LEADING], plan().frame, SAME_CLOCK)
+def test_one_that_fell_silent_may_fly_on_with_the_formation_or_straight():
+    traffic = Traffic([F2, LEADING], plan_of().frame, SAME_CLOCK)
     traffic.receive("f2", leader_bytes(10.0, turn_rate=TURN), 10.0)
     # The link works: another vehicle is heard all the time, far away.
     for time_s in (9.0, 11.0, 12.9):
         data = leader_bytes(time_s, latitude_deg=48.0, ground_speed=0.0)
-        traffic.note("leader", heard_leader(plan, data, time_s))
+        traffic.note("leader", heard_leader(data, time_s))
     seen = traffic.possibilities(beside(13.0), led(13.0))
     assert seen is not None
     others, rows = seen
@@ -189,16 +174,14 @@ def test_one_that_fell_silent_may_fly_on_with_the_formation_or_straight(
     assert list(others.floor) == pytest.approx([FLOOR_M + DRIFT_M_S * (3.0 - SILENT_S)] * 3)
 
 
-def test_one_that_fell_silent_may_fly_straight_on_along_the_course_that_it_was_told_to_hold(
-    plan: MakePlan, leader_bytes: LeaderBytes
-) -> None:
-    traffic = Traffic([F2, LEADING], plan().frame, SAME_CLOCK)
+def test_one_that_fell_silent_may_fly_straight_on_along_the_course_that_it_was_told_to_hold():
+    traffic = Traffic([F2, LEADING], plan_of().frame, SAME_CLOCK)
     # A gust turns it to the right; what its autopilot holds is 0.2 rad to the left.
     said = leader_bytes(10.0, turn_rate=TURN, course_setpoint=-0.2)
     traffic.receive("f2", said, 10.0)
     for time_s in (9.0, 11.0, 12.9):
         data = leader_bytes(time_s, latitude_deg=48.0, ground_speed=0.0)
-        traffic.note("leader", heard_leader(plan, data, time_s))
+        traffic.note("leader", heard_leader(data, time_s))
     seen = traffic.possibilities(beside(13.0), led(13.0))
     assert seen is not None
     tracks = seen[0].tracks
@@ -210,17 +193,15 @@ def test_one_that_fell_silent_may_fly_straight_on_along_the_course_that_it_was_t
     assert tracks[1, 0] == pytest.approx(place, abs=0.02)
 
 
-def test_one_that_holds_its_course_holds_its_airspeed_too(
-    plan: MakePlan, leader_bytes: LeaderBytes
-) -> None:
-    traffic = Traffic([F2, LEADING], plan().frame, SAME_CLOCK)
+def test_one_that_holds_its_course_holds_its_airspeed_too():
+    traffic = Traffic([F2, LEADING], plan_of().frame, SAME_CLOCK)
     traffic.receive("f2", leader_bytes(10.0, course_setpoint=0.0), 10.0)
     seen = None
     for step in range(61):
         now = 10.0 + 0.05 * step
         if step % 10 == 0:
             data = leader_bytes(now, latitude_deg=48.0, ground_speed=0.0)
-            traffic.note("leader", heard_leader(plan, data, now))
+            traffic.note("leader", heard_leader(data, now))
         wind = 0j if now <= 11.0 else 12.0j
         seen = traffic.possibilities(replace(beside(now), wind=wind), led(now))
     assert seen is not None
@@ -230,10 +211,8 @@ def test_one_that_holds_its_course_holds_its_airspeed_too(
     assert held[1] - held[0] == pytest.approx(16.0 * STEP_S, abs=0.01)
 
 
-def test_one_that_falls_silent_while_it_speeds_up_goes_on_for_a_second(
-    plan: MakePlan, leader_bytes: LeaderBytes
-) -> None:
-    traffic = Traffic([F2, LEADING], plan().frame, SAME_CLOCK)
+def test_one_that_falls_silent_while_it_speeds_up_goes_on_for_a_second():
+    traffic = Traffic([F2, LEADING], plan_of().frame, SAME_CLOCK)
     seen = None
     for step in range(61):
         now = 10.0 + 0.05 * step
@@ -242,7 +221,7 @@ def test_one_that_falls_silent_while_it_speeds_up_goes_on_for_a_second(
             traffic.receive("f2", said, 10.0)
         if step % 10 == 0:
             data = leader_bytes(now, latitude_deg=48.0, ground_speed=0.0)
-            traffic.note("leader", heard_leader(plan, data, now))
+            traffic.note("leader", heard_leader(data, now))
         seen = traffic.possibilities(beside(now), led(now))
     assert seen is not None
     held = seen[0].tracks[1]
@@ -252,10 +231,8 @@ def test_one_that_falls_silent_while_it_speeds_up_goes_on_for_a_second(
 
 
 @pytest.mark.parametrize("gusts", [0.0, 1.0])
-def test_over_a_slow_link_too_the_airspeed_is_the_one_that_is_flown(
-    gusts: float, plan: MakePlan, leader_bytes: LeaderBytes
-) -> None:
-    traffic = Traffic([F2, LEADING], plan().frame, SAME_CLOCK)
+def test_over_a_slow_link_too_the_airspeed_is_the_one_that_is_flown(gusts):
+    traffic = Traffic([F2, LEADING], plan_of().frame, SAME_CLOCK)
     seen = None
     for step in range(500):
         now = 10.0 + 0.05 * step
@@ -266,21 +243,19 @@ def test_over_a_slow_link_too_the_airspeed_is_the_one_that_is_flown(
             traffic.receive("f2", said, now)
         if step % 10 == 0:
             data = leader_bytes(now, latitude_deg=48.0, ground_speed=0.0)
-            traffic.note("leader", heard_leader(plan, data, now))
+            traffic.note("leader", heard_leader(data, now))
         seen = traffic.possibilities(replace(beside(now), gusts=gusts), led(now))
     assert seen is not None
     held = seen[0].tracks[1]
     assert held[1] - held[0] == pytest.approx(20.0 * STEP_S, abs=0.01)
 
 
-def test_in_gusts_one_that_nobody_corrects_may_be_farther_off_the_later_it_is_looked_for(
-    plan: MakePlan, leader_bytes: LeaderBytes
-) -> None:
-    traffic = Traffic([F2, LEADING], plan().frame, SAME_CLOCK)
+def test_in_gusts_one_that_nobody_corrects_may_be_farther_off_the_later_it_is_looked_for():
+    traffic = Traffic([F2, LEADING], plan_of().frame, SAME_CLOCK)
     traffic.receive("f2", leader_bytes(10.0, course_setpoint=0.0), 10.0)
     for time_s in (9.0, 11.0, 12.9):
         data = leader_bytes(time_s, latitude_deg=48.0, ground_speed=0.0)
-        traffic.note("leader", heard_leader(plan, data, time_s))
+        traffic.note("leader", heard_leader(data, time_s))
     seen = traffic.possibilities(replace(beside(13.0), gusts=1.0), led(13.0))
     assert seen is not None
     with_formation, held = seen[0].margin
@@ -289,38 +264,30 @@ def test_in_gusts_one_that_nobody_corrects_may_be_farther_off_the_later_it_is_lo
     assert list(held) == pytest.approx([min(3.0 + time_s, 5.0) for time_s in BEGINNINGS])
 
 
-def test_ones_own_deafness_says_nothing_about_the_others(
-    traffic: Traffic, leader_bytes: LeaderBytes
-) -> None:
+def test_ones_own_deafness_says_nothing_about_the_others(traffic):
     traffic.receive("f2", leader_bytes(10.0), 10.0)
     assert len(found(traffic, beside(13.0)).tracks) == 1
 
 
-def test_who_comes_back_later_than_another_after_the_link_was_lost_is_not_astray(
-    plan: MakePlan, leader_bytes: LeaderBytes
-) -> None:
-    traffic = Traffic([F2, LEADING], plan().frame, SAME_CLOCK)
+def test_who_comes_back_later_than_another_after_the_link_was_lost_is_not_astray():
+    traffic = Traffic([F2, LEADING], plan_of().frame, SAME_CLOCK)
     traffic.receive("f2", leader_bytes(10.0, turn_rate=TURN), 10.0)
     # The broker restarts at 10.1 s; the leader, far away, is connected again before f2 is.
     for time_s in (10.0, 12.2, 12.9):
         if time_s == 12.2:
             traffic.lose_link(12.0)
         data = leader_bytes(time_s, latitude_deg=48.0, ground_speed=0.0)
-        traffic.note("leader", heard_leader(plan, data, time_s))
+        traffic.note("leader", heard_leader(data, time_s))
     # With the formation, as before; not also straight on.
     assert len(found(traffic, beside(13.0)).tracks) == 1
 
 
-def test_a_leader_that_hears_nobody_any_more_flies_on(
-    traffic: Traffic, leader_bytes: LeaderBytes
-) -> None:
+def test_a_leader_that_hears_nobody_any_more_flies_on(traffic):
     traffic.receive("f2", leader_bytes(10.0), 10.0)
     assert traffic.possibilities(beside(13.0), None) is None
 
 
-def test_one_that_is_silent_for_long_is_nowhere(
-    traffic: Traffic, leader_bytes: LeaderBytes
-) -> None:
+def test_one_that_is_silent_for_long_is_nowhere(traffic):
     traffic.receive("f2", leader_bytes(10.0), 10.0)
     assert FORGET_S >= 10.0
     assert traffic.possibilities(beside(9.9 + FORGET_S), led(9.9 + FORGET_S)) is not None
@@ -331,21 +298,17 @@ def test_one_that_is_silent_for_long_is_nowhere(
     ("spacing", "distance", "kept"),
     [(40.0, 0.0, 8.0), (40.0, 2.5, 9.5), (40.0, 5.0, 11.0), (40.0, 300.0, 11.0), (8.0, 0.0, 5.2)],
 )
-def test_whoever_is_astray_keeps_more_and_close_slots_less(
-    spacing: float, distance: float, kept: float
-) -> None:
+def test_whoever_is_astray_keeps_more_and_close_slots_less(spacing, distance, kept):
     assert kept_distance(np.array([spacing]), distance) == pytest.approx([kept])
 
 
-def test_the_place_where_a_leader_fell_silent_is_not_flown_through(
-    plan: MakePlan, leader_bytes: LeaderBytes
-) -> None:
-    traffic = Traffic([F2, LEADING], plan().frame, SAME_CLOCK)
+def test_the_place_where_a_leader_fell_silent_is_not_flown_through():
+    traffic = Traffic([F2, LEADING], plan_of().frame, SAME_CLOCK)
     for time_s in (9.5, 10.5):
         traffic.receive("f2", leader_bytes(time_s, latitude_deg=48.0, ground_speed=0.0), time_s)
     # 40 m behind it, after a state that was a little late and after one that never came.
     for age_s, standing in ((0.6, False), (0.8, True)):
-        traffic.note("leader", heard_leader(plan, leader_bytes(10.0), 10.0))
+        traffic.note("leader", heard_leader(leader_bytes(10.0), 10.0))
         now = 10.0 + age_s
         here = replace(beside(now, east=0.0), place=complex(20.0 * now - 40.0, 0.0))
         seen = traffic.possibilities(here, led(now))
@@ -353,21 +316,17 @@ def test_the_place_where_a_leader_fell_silent_is_not_flown_through(
         assert stands is standing
 
 
-def test_of_a_leader_that_cannot_stop_no_place_is_kept_clear(
-    plan: MakePlan, leader_bytes: LeaderBytes
-) -> None:
-    traffic = Traffic([F2, replace(LEADING, may_stop=False)], plan().frame, SAME_CLOCK)
+def test_of_a_leader_that_cannot_stop_no_place_is_kept_clear():
+    traffic = Traffic([F2, replace(LEADING, may_stop=False)], plan_of().frame, SAME_CLOCK)
     for time_s in (9.5, 10.5):
         traffic.receive("f2", leader_bytes(time_s, latitude_deg=48.0, ground_speed=0.0), time_s)
-    traffic.note("leader", heard_leader(plan, leader_bytes(10.0), 10.0))
+    traffic.note("leader", heard_leader(leader_bytes(10.0), 10.0))
     here = replace(beside(10.8, east=0.0), place=complex(20.0 * 10.8 - 40.0, 0.0))
     seen = traffic.possibilities(here, led(10.8))
     assert seen is None or all(np.ptp(track) > 0.0 for track in seen[0].tracks)
 
 
-def test_one_whose_place_is_doubted_may_be_at_either_place(
-    traffic: Traffic, leader_bytes: LeaderBytes
-) -> None:
+def test_one_whose_place_is_doubted_may_be_at_either_place(traffic):
     frame = LocalFrame(47.397742, 8.545594, 488.0)
     for number in range(20):
         now = 9.0 + 0.05 * number
@@ -395,9 +354,7 @@ def found_rows(traffic: Traffic, here: Viewpoint) -> tuple[Others, list[int]]:
     return seen[0], list(seen[1])
 
 
-def test_a_silent_vehicle_is_not_carried_off_by_a_wind_that_has_not_changed(
-    leader_bytes: LeaderBytes,
-) -> None:
+def test_a_silent_vehicle_is_not_carried_off_by_a_wind_that_has_not_changed():
     # As the leader sees it: 8 m/s of tail wind all along, and a state of 10 s that no other followed.
     def here(now: float) -> Viewpoint:
         return replace(beside(now, east=7.0), wind=8.0 + 0j)
@@ -417,9 +374,7 @@ def test_a_silent_vehicle_is_not_carried_off_by_a_wind_that_has_not_changed(
 
 
 @pytest.mark.parametrize("told", [{"course_setpoint": 0.0}, {}])
-def test_a_silent_vehicle_is_carried_by_the_wind_as_it_has_been_and_not_as_it_is(
-    leader_bytes: LeaderBytes, told: dict[str, float]
-) -> None:
+def test_a_silent_vehicle_is_carried_by_the_wind_as_it_has_been_and_not_as_it_is(told):
     # 6 m/s of head wind from 11 to 15 s, and as much from behind since then.
     def here(now: float) -> Viewpoint:
         wind = 0.0 if now <= 11.0 else -6.0 if now <= 15.0 else 6.0
@@ -444,9 +399,7 @@ def test_a_silent_vehicle_is_carried_by_the_wind_as_it_has_been_and_not_as_it_is
     )
 
 
-def test_a_state_that_comes_late_after_a_silence_says_where_its_vehicle_is(
-    traffic: Traffic, leader_bytes: LeaderBytes
-) -> None:
+def test_a_state_that_comes_late_after_a_silence_says_where_its_vehicle_is(traffic):
     # 6 m/s from behind since 11 s, as the own vehicle measures; a state of 15 s is heard at 16 s.
     traffic.receive("f2", leader_bytes(10.0), 10.0)
     for step in range(121):
@@ -458,8 +411,8 @@ def test_a_state_that_comes_late_after_a_silence_says_where_its_vehicle_is(
     assert found(traffic, here).tracks[0, 0].real == pytest.approx(320.0, abs=0.1)
 
 
-def test_a_leader_without_followers_has_nobody_to_keep_clear_of(plan: MakePlan) -> None:
-    alone = Traffic([], plan().frame, SAME_CLOCK)
+def test_a_leader_without_followers_has_nobody_to_keep_clear_of():
+    alone = Traffic([], plan_of().frame, SAME_CLOCK)
     assert alone.possibilities(beside(10.0), None) is None
 
 
@@ -479,8 +432,8 @@ class Thorough(Traffic):
     acceleration=st.floats(-3.0, 3.0),
 )
 def test_what_is_clear_at_a_glance_is_clear_at_a_closer_look(
-    age_s: float, away: complex, course: float, turn_rate: float, acceleration: float
-) -> None:
+    age_s, away, course, turn_rate, acceleration
+):
     frame = LocalFrame(47.4, 8.5, 488.0)
     latitude, longitude = frame.to_geodetic(200.0 + away.real, 10.0 + away.imag)
     said = LeaderMessage(
@@ -506,13 +459,13 @@ def test_what_is_clear_at_a_glance_is_clear_at_a_closer_look(
     ("interval_s", "late_s"), [(0.05, LATE_STATE_S), (0.5, LATE_INTERVALS * 0.5)]
 )
 def test_a_vehicle_whose_next_state_should_have_been_there_is_late_until_it_comes(
-    plan: MakePlan, leader_bytes: LeaderBytes, interval_s: float, late_s: float
-) -> None:
-    traffic = Traffic([F2, LEADING], plan().frame, SAME_CLOCK)
+    interval_s, late_s
+):
+    traffic = Traffic([F2, LEADING], plan_of().frame, SAME_CLOCK)
     assert traffic.late(0.0) is None
     for number in range(5):
         now = 10.0 + interval_s * number
-        traffic.note("leader", heard_leader(plan, leader_bytes(now), now))
+        traffic.note("leader", heard_leader(leader_bytes(now), now))
         traffic.receive("f2", leader_bytes(now), now)
         assert traffic.late(now) is None
     assert traffic.late(now + late_s - 0.01) is None
@@ -523,19 +476,17 @@ def test_a_vehicle_whose_next_state_should_have_been_there_is_late_until_it_come
     assert follower is not None
     assert follower[:2].tolist() == [True, False]
     later = now + late_s + 0.05
-    traffic.note("leader", heard_leader(plan, leader_bytes(later), later))
+    traffic.note("leader", heard_leader(leader_bytes(later), later))
     rest = traffic.late(later + 0.01)
     assert rest is not None
     assert rest[:2].tolist() == [True, False]
 
 
-def test_a_leader_that_is_late_is_looked_for_on_its_last_course_before_it_counts_as_silent(
-    plan: MakePlan, leader_bytes: LeaderBytes
-) -> None:
-    traffic = Traffic([F2, LEADING], plan().frame, SAME_CLOCK)
+def test_a_leader_that_is_late_is_looked_for_on_its_last_course_before_it_counts_as_silent():
+    traffic = Traffic([F2, LEADING], plan_of().frame, SAME_CLOCK)
     for time_s in (9.5, 10.2):
         traffic.receive("f2", leader_bytes(time_s, latitude_deg=48.0, ground_speed=0.0), time_s)
-    traffic.note("leader", heard_leader(plan, leader_bytes(10.0), 10.0))
+    traffic.note("leader", heard_leader(leader_bytes(10.0), 10.0))
     here = beside(10.5, east=10.0)
     assert np.isnan(traffic.lost_for(10.5)).all()
     leader = np.array([False, True, False, False])

@@ -1,18 +1,15 @@
 """Guidance that asks for what the vehicle cannot fly, for a moment and for longer."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import pytest
 
 import vfguide.companion.steering
+from tests.kit.companion import new_flight
 from vfguide.companion.plan import FlightPlan
 from vfguide.companion.steering import is_flyable
 from vfguide.companion.supervisor import Mode
 from vfguide.state import Setpoint
-
-Make = Callable[..., Any]
 
 HEADING, SET_MODE = 43_002, 176
 GUIDED = 15
@@ -41,8 +38,8 @@ def complaints(events: list[tuple[float, str]]) -> list[tuple[float, str]]:
     return [one for one in events if "cannot be flown" in one[1]]
 
 
-def test_setpoints_that_cannot_be_flown_are_counted_and_told_once(flight: Make, gate: Gate) -> None:
-    flown = flight()
+def test_setpoints_that_cannot_be_flown_are_counted_and_told_once(gate):
+    flown = new_flight()
     flown.run(10.0)
     assert flown.companion.counters[REASON] == 0
     gate.is_open = False
@@ -52,8 +49,8 @@ def test_setpoints_that_cannot_be_flown_are_counted_and_told_once(flight: Make, 
     assert flown.later(HEADING, 10.0) == []
 
 
-def test_the_complaint_is_a_warning(flight: Make, gate: Gate) -> None:
-    flown = flight()
+def test_the_complaint_is_a_warning(gate):
+    flown = new_flight()
     flown.run(10.0)
     gate.is_open = False
     telemetry = flown.waiting + flown.autopilot.advance(10.1)
@@ -62,10 +59,8 @@ def test_the_complaint_is_a_warning(flight: Make, gate: Gate) -> None:
     assert not out.steered
 
 
-def test_after_more_than_a_second_of_them_the_vehicle_is_handed_back(
-    flight: Make, gate: Gate
-) -> None:
-    flown = flight()
+def test_after_more_than_a_second_of_them_the_vehicle_is_handed_back(gate):
+    flown = new_flight()
     flown.run(10.0)
     gate.is_open = False
     # Looked at once a second: 0.9 s after the first of them is too early.
@@ -78,8 +73,8 @@ def test_after_more_than_a_second_of_them_the_vehicle_is_handed_back(
     assert len(complaints(flown.events)) == 1
 
 
-def test_a_moment_without_them_passes_by_itself(flight: Make, gate: Gate) -> None:
-    flown = flight()
+def test_a_moment_without_them_passes_by_itself(gate):
+    flown = new_flight()
     flown.run(10.0)
     gate.is_open = False
     flown.run(10.5)
@@ -97,10 +92,8 @@ def test_a_moment_without_them_passes_by_itself(flight: Make, gate: Gate) -> Non
     ]
 
 
-def test_a_vehicle_that_was_handed_back_is_steered_again_once_its_pilot_says_so(
-    flight: Make, gate: Gate
-) -> None:
-    flown = flight()
+def test_a_vehicle_that_was_handed_back_is_steered_again_once_its_pilot_says_so(gate):
+    flown = new_flight()
     flown.run(10.0)
     gate.is_open = False
     flown.run(15.0)
@@ -114,11 +107,9 @@ def test_a_vehicle_that_was_handed_back_is_steered_again_once_its_pilot_says_so(
     assert flown.mode_at(85.0) is Mode.TRACKING
 
 
-def test_autopilots_that_need_a_stream_are_not_engaged_without_one(
-    flight: Make, gate: Gate
-) -> None:
+def test_autopilots_that_need_a_stream_are_not_engaged_without_one(gate):
     gate.is_open = False
-    flown = flight(kind="px4", version=(1, 16))
+    flown = new_flight(kind="px4", version=(1, 16))
     flown.run(5.0)
     assert flown.times(SET_MODE) == []
     gate.is_open = True

@@ -7,6 +7,8 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sitl_stub import Autopilot, Truth
+from tests.kit.companion import leader_bytes, new_flight
+from tests.kit.wire import parsed, spoken
 
 Make = Callable[..., Any]
 
@@ -46,10 +48,8 @@ def hung(flown: Flown, until_s: float, between: Callable[[], None]) -> None:
 
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("away", [deaf, hung])
-def test_a_request_that_nobody_has_answered_is_forgotten_by_one_that_did_not_watch(
-    flight: Make, kind: str, away: Callable[..., None]
-) -> None:
-    flown = flight(kind=kind)
+def test_a_request_that_nobody_has_answered_is_forgotten_by_one_that_did_not_watch(kind, away):
+    flown = new_flight(kind=kind)
     flown.lose = frozenset({SET_MODE})
     flown.run(5.5)
     assert flown.times(SET_MODE)
@@ -67,10 +67,8 @@ def test_a_request_that_nobody_has_answered_is_forgotten_by_one_that_did_not_wat
 
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("away", [deaf, hung])
-def test_a_vehicle_that_waits_for_its_leader_is_not_engaged_after_it_was_not_watched(
-    flight: Make, leader_bytes: Make, kind: str, away: Callable[..., None]
-) -> None:
-    flown = flight(kind=kind, link=lambda now: [leader_bytes(now)] if now >= 20.0 else [])
+def test_a_vehicle_that_waits_for_its_leader_is_not_engaged_after_it_was_not_watched(kind, away):
+    flown = new_flight(kind=kind, link=lambda now: [leader_bytes(now)] if now >= 20.0 else [])
     flown.run(4.0)
 
     def fly_by_hand() -> None:
@@ -86,7 +84,7 @@ def test_a_vehicle_that_waits_for_its_leader_is_not_engaged_after_it_was_not_wat
 
 
 @pytest.fixture
-def astray(parsed: Make, spoken: Make) -> Callable[..., Any]:
+def astray() -> Callable[..., Any]:
     """Makes an autopilot one whose positions are lost, or 5 km off, while it is told so."""
 
     class Astray:
@@ -118,10 +116,8 @@ def astray(parsed: Make, spoken: Make) -> Callable[..., Any]:
 
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("lies", [False, True])
-def test_flying_by_hand_without_positions_spends_the_right_to_engage(
-    flight: Make, leader_bytes: Make, astray: Make, kind: str, *, lies: bool
-) -> None:
-    flown = flight(kind=kind, link=lambda now: [leader_bytes(now)] if now >= 18.0 else [])
+def test_flying_by_hand_without_positions_spends_the_right_to_engage(astray, kind, lies):
+    flown = new_flight(kind=kind, link=lambda now: [leader_bytes(now)] if now >= 18.0 else [])
     flown.autopilot = astray(flown.autopilot, lies=lies)
     flown.autopilot.wrong = False
     flown.run(4.0)
@@ -138,8 +134,8 @@ def test_flying_by_hand_without_positions_spends_the_right_to_engage(
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_one_lost_heartbeat_hides_no_flight(flight: Make, leader_bytes: Make, kind: str) -> None:
-    flown = flight(kind=kind, link=lambda now: [leader_bytes(now)] if now >= 10.0 else [])
+def test_one_lost_heartbeat_hides_no_flight(kind):
+    flown = new_flight(kind=kind, link=lambda now: [leader_bytes(now)] if now >= 10.0 else [])
     flown.run(5.5)
     flown.deaf = True
     flown.run(6.5)

@@ -1,24 +1,22 @@
 """What the console draws on the ground, and which path it draws as the one that is flown."""
 
 import math
-from pathlib import Path
 
 import pytest
 from msgspec.structs import replace
 
+from tests.kit.missions import content_of, shipped
 from vfguide.formation.arrangement import Arrangement
 from vfguide.lab.console.ground import describe_ground
 from vfguide.lab.console.model import FormationModel
 from vfguide.lab.rehearsal.recorder import rally_points
-from vfguide.mission import Mission, load_mission
-
-MISSIONS = Path(__file__).parents[3] / "missions"
+from vfguide.mission import Mission
 
 
 @pytest.fixture(scope="module")
 def mission() -> Mission:
     """A circle of 300 m, another of 250 m round a place 50 m north, and a fence of 900 m."""
-    content = load_mission(MISSIONS / "circle-wind.yaml").model_dump(exclude_unset=True)
+    content = content_of("circle-wind")
     circle = {"type": "circle", "centre": {"north_m": 0.0, "east_m": 0.0}, "radius_m": 300.0}
     content["path"] = circle
     content["paths"] = {
@@ -32,7 +30,7 @@ def order(path: str) -> Arrangement:
     return Arrangement(number=3, time_s=0.0, across_s=0.0, places=(), path=path)
 
 
-def test_all_paths_and_the_fence_are_drawn_where_they_are(mission: Mission) -> None:
+def test_all_paths_and_the_fence_are_drawn_where_they_are(mission):
     ground = describe_ground(mission)
     for name, north_m, radius_m in (("main", 0.0, 300.0), ("near", 50.0, 250.0)):
         line = ground["paths"][name]
@@ -43,8 +41,8 @@ def test_all_paths_and_the_fence_are_drawn_where_they_are(mission: Mission) -> N
     assert max(fence["north_m"]) == pytest.approx(900.0, abs=0.5)
 
 
-def test_rally_points_of_a_plan_are_drawn() -> None:
-    mission = load_mission(MISSIONS / "survey-plan.yaml")
+def test_rally_points_of_a_plan_are_drawn():
+    mission = shipped("survey-plan")
     kinds = [one["kind"] for one in describe_ground(mission)["outlines"]]
     north, _ = rally_points(mission)
     assert north.size == len(mission.path.rally_points) > 0
@@ -52,7 +50,7 @@ def test_rally_points_of_a_plan_are_drawn() -> None:
     assert "fence" in kinds
 
 
-def test_what_was_flown_is_kept_with_the_time_from_which_on_it_was(mission: Mission) -> None:
+def test_what_was_flown_is_kept_with_the_time_from_which_on_it_was(mission):
     formation = FormationModel(mission)
     for tenths in range(30):
         if tenths >= 10:
@@ -64,7 +62,7 @@ def test_what_was_flown_is_kept_with_the_time_from_which_on_it_was(mission: Miss
     assert kept == [(0.0, 0, "main"), (pytest.approx(0.9), 3, "near")]
 
 
-def test_the_path_of_the_order_that_is_flown_is_drawn(mission: Mission) -> None:
+def test_the_path_of_the_order_that_is_flown_is_drawn(mission):
     formation = FormationModel(mission)
     assert formation.flies()["path"] == "main"
     formation.take_order(3, order("near"), leads="leader")

@@ -12,14 +12,14 @@ def filled(seconds: float, *, room: int) -> History:
     return history
 
 
-def test_everything_is_kept_while_there_is_room() -> None:
+def test_everything_is_kept_while_there_is_room():
     history = filled(20.0, room=1000)
     assert history.time_s.size == 200
     np.testing.assert_allclose(history.series(1, 0), history.time_s, atol=1e-4)
 
 
 @pytest.mark.parametrize("room", [800, 1500])
-def test_a_long_flight_keeps_its_room_its_beginning_and_its_newest_minute(room: int) -> None:
+def test_a_long_flight_keeps_its_room_its_beginning_and_its_newest_minute(room):
     history = filled(1800.0, room=room)
     time_s = history.time_s
     assert time_s.size <= room
@@ -30,7 +30,7 @@ def test_a_long_flight_keeps_its_room_its_beginning_and_its_newest_minute(room: 
     np.testing.assert_allclose(history.series(0, 0), time_s, atol=1e-3)
 
 
-def test_older_samples_stay_evenly_spread() -> None:
+def test_older_samples_stay_evenly_spread():
     """1800 s in at most 0.75 * 1500 samples, 600 of which are the newest minute: 1740 s in 525 at most."""
     time_s = filled(1800.0, room=1500).time_s
     steps = np.diff(time_s[time_s < 1500.0])
@@ -38,7 +38,7 @@ def test_older_samples_stay_evenly_spread() -> None:
     assert steps.max() / steps.min() <= 2.0 + 1e-6
 
 
-def test_a_time_that_is_not_later_is_passed_over() -> None:
+def test_a_time_that_is_not_later_is_passed_over():
     history = History(1, 1)
     for time_s in (1.0, 1.0, 0.5, 2.0):
         history.add(time_s, np.zeros((1, 1)))

@@ -2,20 +2,20 @@
 
 import os
 import subprocess
-from pathlib import Path
 from typing import Any
 
 import pytest
 import yaml
 
-PROJECT = Path(__file__).parents[3]
-BIN = PROJECT / "docker" / "bin"
+from tests.kit.missions import ROOT
+
+BIN = ROOT / "docker" / "bin"
 
 
 @pytest.fixture(scope="module")
 def services() -> dict[str, Any]:
     """All services of docker-compose.yml, by name."""
-    content = yaml.safe_load((PROJECT / "docker-compose.yml").read_text(encoding="utf-8"))
+    content = yaml.safe_load((ROOT / "docker-compose.yml").read_text(encoding="utf-8"))
     found: dict[str, Any] = content["services"]
     return found
 
@@ -45,10 +45,8 @@ def writes(rules: str, user: str) -> list[str]:
     return found
 
 
-def test_docker_compose_up_serves_the_console_beside_the_demonstration(
-    services: dict[str, Any],
-) -> None:
-    settings = (PROJECT / ".env").read_text(encoding="utf-8").splitlines()
+def test_docker_compose_up_serves_the_console_beside_the_demonstration(services):
+    settings = (ROOT / ".env").read_text(encoding="utf-8").splitlines()
     assert "COMPOSE_PROFILES=demo,console" in settings
     assert services["console"]["profiles"] == ["console"]
     # All that it waits for is there in the demonstration.
@@ -56,7 +54,7 @@ def test_docker_compose_up_serves_the_console_beside_the_demonstration(
         assert "demo" in services[name]["profiles"]
 
 
-def test_one_setting_asks_for_orders_and_is_off_unless_set(services: dict[str, Any]) -> None:
+def test_one_setting_asks_for_orders_and_is_off_unless_set(services):
     assert services["console"]["environment"]["ORDERS"] == "${CONSOLE_ORDERS:-}"
     assert services["broker"]["environment"]["ORDERS"] == "${CONSOLE_ORDERS:-}"
     assert services["console"]["environment"]["VEHICLE"] == "console"
@@ -66,9 +64,7 @@ def test_one_setting_asks_for_orders_and_is_off_unless_set(services: dict[str, A
 @pytest.mark.parametrize(
     ("asked", "orders"), [("", []), ("no", []), ("yes", ["vfguide/+/console/#"])]
 )
-def test_who_watches_writes_its_questions_and_an_operator_below_its_own_name(
-    asked: str, orders: list[str]
-) -> None:
+def test_who_watches_writes_its_questions_and_an_operator_below_its_own_name(asked, orders):
     rules = run(
         "broker-rules",
         os.environ["PATH"],
@@ -83,8 +79,8 @@ def test_who_watches_writes_its_questions_and_an_operator_below_its_own_name(
 
 @pytest.mark.parametrize(("orders", "given"), [("", False), ("no", False), ("yes", True)])
 def test_the_console_is_started_with_operator_only_where_orders_are_asked_for(
-    tmp_path: Path, orders: str, given: bool
-) -> None:
+    tmp_path, orders, given
+):
     vfguide = tmp_path / "vfguide"
     vfguide.write_text('#!/bin/sh\nprintf "%s\\n" "$@"\n')
     vfguide.chmod(0o755)

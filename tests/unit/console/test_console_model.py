@@ -2,13 +2,13 @@
 
 import json
 import math
-from pathlib import Path
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from msgspec.structs import replace
 
+from tests.kit.missions import MISSIONS, shipped
 from vfguide.companion.mission_plan import local_frame
 from vfguide.companion.presence_figures import figures_of_leader
 from vfguide.formation.arrangement import Arrangement, Point, SlotMove
@@ -19,7 +19,7 @@ from vfguide.link.presence import Presence
 from vfguide.mission import Mission, load_mission
 from vfguide.state import HeardState
 
-MISSION = Path(__file__).parents[3] / "missions" / "circle-wind.yaml"
+MISSION = MISSIONS / "circle-wind.yaml"
 
 ALTITUDE_M = 588.0
 
@@ -27,7 +27,7 @@ ALTITUDE_M = 588.0
 @pytest.fixture(scope="module")
 def mission() -> Mission:
     """f1 is 20 m behind and 20 m left of the leader."""
-    return load_mission(MISSION)
+    return shipped("circle-wind")
 
 
 def state(
@@ -86,7 +86,7 @@ def alarms(formation: FormationModel, now: float) -> list[tuple[str, str]]:
     return [(one.level, one.text) for one in formation.alarms(now)]
 
 
-def test_a_follower_in_its_slot_is_not_off(mission: Mission) -> None:
+def test_a_follower_in_its_slot_is_not_off(mission):
     """On a course of 90 degrees behind is west and left is north."""
     formation = FormationModel(mission)
     east = math.pi / 2.0
@@ -99,7 +99,7 @@ def test_a_follower_in_its_slot_is_not_off(mission: Mission) -> None:
     assert shown["course_deg"] == pytest.approx(90.0)
 
 
-def test_a_leader_without_a_companion_is_shown_as_its_followers_hear_it() -> None:
+def test_a_leader_without_a_companion_is_shown_as_its_followers_hear_it():
     """It was at 100 m north 0.5 s ago and flies north at 20 m/s; f1's slot is behind and left of it."""
     mission = load_mission(MISSION.with_name("foreign-leader.yaml"))
     formation = FormationModel(mission)
@@ -134,7 +134,7 @@ def test_a_leader_without_a_companion_is_shown_as_its_followers_hear_it() -> Non
         assert shown["north_m"] == pytest.approx(110.0, abs=1e-3)
 
 
-def test_slots_are_where_the_order_that_is_flown_has_them(mission: Mission) -> None:
+def test_slots_are_where_the_order_that_is_flown_has_them(mission):
     """In trail f1 is 20 m behind the leader, whatever the mission says."""
     formation = FormationModel(mission)
     formation.take_state("leader", state(mission, north=0.0, east=0.0), 1.0)
@@ -150,7 +150,7 @@ def test_slots_are_where_the_order_that_is_flown_has_them(mission: Mission) -> N
     assert (flies["number"], flies["order"]) == (7, "trail, 20 m apart")
 
 
-def test_who_was_ordered_away_is_no_cause_for_an_alarm(mission: Mission) -> None:
+def test_who_was_ordered_away_is_no_cause_for_an_alarm(mission):
     formation = FormationModel(mission)
     formation.take_state("f1", state(mission, north=0.0, east=0.0), 1.0)
     formation.take_presence("f1", online("waiting"), 1.0)
@@ -162,8 +162,8 @@ def test_who_was_ordered_away_is_no_cause_for_an_alarm(mission: Mission) -> None
 
 
 def test_slots_of_an_order_that_was_not_heard_are_not_made_up_and_who_is_too_near_is_still_told(
-    mission: Mission,
-) -> None:
+    mission,
+):
     formation = FormationModel(mission)
     formation.take_state("leader", state(mission, north=0.0, east=0.0), 1.0)
     formation.take_state("f1", state(mission, north=-5.0, east=0.0), 1.0)
@@ -175,7 +175,7 @@ def test_slots_of_an_order_that_was_not_heard_are_not_made_up_and_who_is_too_nea
     assert any("5 m apart" in text for _, text in alarms(formation, 1.0))
 
 
-def test_behind_a_deputy_slots_follow_the_leader_that_it_leads_by(mission: Mission) -> None:
+def test_behind_a_deputy_slots_follow_the_leader_that_it_leads_by(mission):
     """The lost leader would be 100 m north by now; f1's slot is 20 m behind and left of there."""
     formation = FormationModel(mission)
     formation.take_state("leader", state(mission, north=0.0, east=0.0, time_s=95.0), 1.0)
@@ -192,7 +192,7 @@ def test_behind_a_deputy_slots_follow_the_leader_that_it_leads_by(mission: Missi
     assert cards["leader"]["leads"] is False
 
 
-def test_a_slot_ahead_and_to_the_right_is_positive(mission: Mission) -> None:
+def test_a_slot_ahead_and_to_the_right_is_positive(mission):
     formation = FormationModel(mission)
     formation.take_state("leader", state(mission, north=0.0, east=0.0), 1.0)
     formation.take_state("f1", state(mission, north=-23.0, east=-24.0), 1.0)
@@ -201,7 +201,7 @@ def test_a_slot_ahead_and_to_the_right_is_positive(mission: Mission) -> None:
     assert shown["across_m"] == pytest.approx(4.0, abs=1e-3)
 
 
-def test_states_of_different_times_are_compared_at_one_time(mission: Mission) -> None:
+def test_states_of_different_times_are_compared_at_one_time(mission):
     """f1 was heard 0.1 s before the leader, in which both fly 2 m."""
     formation = FormationModel(mission)
     formation.take_state("f1", state(mission, north=-20.0, east=-20.0, time_s=99.9), 0.9)
@@ -210,7 +210,7 @@ def test_states_of_different_times_are_compared_at_one_time(mission: Mission) ->
     assert numbers(formation, "leader", 1.0)["north_m"] == pytest.approx(2.0, abs=1e-3)
 
 
-def test_a_message_that_took_long_is_shown_where_its_vehicle_is_by_now(mission: Mission) -> None:
+def test_a_message_that_took_long_is_shown_where_its_vehicle_is_by_now(mission):
     """The first took no time, the second half a second, in which 10 m are flown."""
     formation = FormationModel(mission)
     formation.take_state("leader", state(mission, north=0.0, east=0.0, time_s=100.0), 1.0)
@@ -221,7 +221,7 @@ def test_a_message_that_took_long_is_shown_where_its_vehicle_is_by_now(mission: 
     assert numbers(formation, "f1", 2.6)["along_m"] == pytest.approx(0.0, abs=1e-3)
 
 
-def test_who_is_heard_sooner_than_the_leader_is_carried_back(mission: Mission) -> None:
+def test_who_is_heard_sooner_than_the_leader_is_carried_back(mission):
     """The leader's messages take 0.2 s, f1's none: f1's state is 0.2 s, or 4 m, ahead of the leader's."""
     formation = FormationModel(mission)
     formation.take_state("leader", state(mission, north=0.0, east=0.0, time_s=99.8), 1.0)
@@ -229,7 +229,7 @@ def test_who_is_heard_sooner_than_the_leader_is_carried_back(mission: Mission) -
     assert numbers(formation, "f1", 1.0)["along_m"] == pytest.approx(0.0, abs=1e-3)
 
 
-def test_a_turn_is_flown_on(mission: Mission) -> None:
+def test_a_turn_is_flown_on(mission):
     """A quarter turn in 2 s at 20 m/s: a circle of radius 80 / pi m."""
     formation = FormationModel(mission)
     turning = state(mission, north=0.0, east=0.0, turn_rate=math.pi / 4.0)
@@ -243,7 +243,7 @@ def test_a_turn_is_flown_on(mission: Mission) -> None:
     )
 
 
-def test_wind_gives_airspeed_and_heading(mission: Mission) -> None:
+def test_wind_gives_airspeed_and_heading(mission):
     """North at 20 m/s over ground, the air moves east by 15 m/s: the nose points to the west, 25 m/s."""
     formation = FormationModel(mission)
     formation.take_presence("leader", online(wind_north_m_s=0.0, wind_east_m_s=15.0), 0.0)
@@ -253,7 +253,7 @@ def test_wind_gives_airspeed_and_heading(mission: Mission) -> None:
     assert shown["heading_deg"] == pytest.approx(-math.degrees(math.atan2(15.0, 20.0)))
 
 
-def test_who_is_not_heard_any_more_has_no_slot_and_then_no_place(mission: Mission) -> None:
+def test_who_is_not_heard_any_more_has_no_slot_and_then_no_place(mission):
     formation = FormationModel(mission)
     formation.take_state("leader", state(mission, north=0.0, east=0.0), 0.0)
     formation.take_state("f1", state(mission, north=0.0, east=0.0), 0.0)
@@ -265,7 +265,7 @@ def test_who_is_not_heard_any_more_has_no_slot_and_then_no_place(mission: Missio
     assert math.isnan(numbers(formation, "f1", 16.0)["north_m"])
 
 
-def test_a_formation_in_its_slots_has_no_alarm(mission: Mission) -> None:
+def test_a_formation_in_its_slots_has_no_alarm(mission):
     formation = FormationModel(mission)
     places = {"leader": (0.0, 0.0), "f1": (-20.0, -20.0), "f2": (-20.0, 20.0), "f3": (-40.0, 0.0)}
     for name, (north, east) in places.items():
@@ -276,7 +276,7 @@ def test_a_formation_in_its_slots_has_no_alarm(mission: Mission) -> None:
     assert [card["level"] for card in formation.cards(0.1)] == ["good"] * 4
 
 
-def test_a_companion_that_is_gone_is_an_alarm_of_its_card_alone(mission: Mission) -> None:
+def test_a_companion_that_is_gone_is_an_alarm_of_its_card_alone(mission):
     formation = FormationModel(mission)
     for name in formation.names:
         formation.take_state(name, state(mission, north=0.0, east=100.0 * len(name)), 0.0)
@@ -292,7 +292,7 @@ def test_a_companion_that_is_gone_is_an_alarm_of_its_card_alone(mission: Mission
     assert MODES[int(numbers(formation, "f2", 0.5)["mode"])] == "offline"
 
 
-def test_two_that_are_too_near_are_named(mission: Mission) -> None:
+def test_two_that_are_too_near_are_named(mission):
     formation = FormationModel(mission)
     formation.take_state("leader", state(mission, north=0.0, east=0.0), 0.0)
     formation.take_state("f1", state(mission, north=3.0, east=4.0), 0.0)
@@ -303,7 +303,7 @@ def test_two_that_are_too_near_are_named(mission: Mission) -> None:
     )
 
 
-def test_heights_count_for_what_is_near(mission: Mission) -> None:
+def test_heights_count_for_what_is_near(mission):
     formation = FormationModel(mission)
     formation.take_state("leader", state(mission, north=0.0, east=0.0), 0.0)
     formation.take_state("f1", state(mission, north=3.0, east=4.0, altitude=ALTITUDE_M + 20.0), 0.0)
@@ -311,7 +311,7 @@ def test_heights_count_for_what_is_near(mission: Mission) -> None:
     assert not [text for _, text in alarms(formation, 0.0) if "apart" in text]
 
 
-def test_silence_of_one_is_its_own_and_of_all_is_the_links(mission: Mission) -> None:
+def test_silence_of_one_is_its_own_and_of_all_is_the_links(mission):
     formation = FormationModel(mission)
     for name in ("leader", "f1"):
         formation.take_state(name, state(mission, north=0.0, east=50.0 * len(name)), 0.0)
@@ -336,9 +336,7 @@ def test_silence_of_one_is_its_own_and_of_all_is_the_links(mission: Mission) -> 
         ("waiting", "note", "armed and in the guided mode"),
     ],
 )
-def test_modes_in_which_somebody_should_act_say_what_to_do(
-    mission: Mission, mode: str, level: str, advice: str
-) -> None:
+def test_modes_in_which_somebody_should_act_say_what_to_do(mission, mode, level, advice):
     formation = FormationModel(mission)
     formation.take_state("f1", state(mission, north=0.0, east=0.0), 0.0)
     formation.take_presence("f1", online(mode), 0.0)
@@ -347,7 +345,7 @@ def test_modes_in_which_somebody_should_act_say_what_to_do(
     assert advice in text
 
 
-def test_a_warning_is_as_old_as_it_was_new(mission: Mission) -> None:
+def test_a_warning_is_as_old_as_it_was_new(mission):
     formation = FormationModel(mission)
     for now in (1.0, 2.0, 3.0):
         said = Presence(status="online", mode="tracking", time_s=0.0, version="1", warning="hot")
@@ -357,7 +355,7 @@ def test_a_warning_is_as_old_as_it_was_new(mission: Mission) -> None:
     assert card["warned_s"] == 10
 
 
-def test_the_flight_so_far_is_json_that_the_replay_reads(mission: Mission) -> None:
+def test_the_flight_so_far_is_json_that_the_replay_reads(mission):
     formation = FormationModel(mission)
     formation.sample(0.0)
     formation.take_state("leader", state(mission, north=0.0, east=0.0), 0.0)
@@ -371,15 +369,15 @@ def test_the_flight_so_far_is_json_that_the_replay_reads(mission: Mission) -> No
 
 @settings(deadline=None, derandomize=True, max_examples=200)
 @given(data=st.binary(max_size=120), name=st.sampled_from(["leader", "f1", "stranger"]))
-def test_whatever_comes_the_picture_stays_json(data: bytes, name: str) -> None:
-    formation = FormationModel(load_mission(MISSION))
+def test_whatever_comes_the_picture_stays_json(data, name):
+    formation = FormationModel(shipped("circle-wind"))
     formation.take_state(name, data, 0.0)
     formation.sample(0.1)
     json.dumps(formation.describe(), allow_nan=False)
     assert not formation.heard_anything
 
 
-def test_a_card_has_the_battery_as_its_autopilot_tells_it(mission: Mission) -> None:
+def test_a_card_has_the_battery_as_its_autopilot_tells_it(mission):
     formation = FormationModel(mission)
     formation.take_presence("f1", online(battery_percent=62.0, battery_v=11.4), 1.0)
     formation.take_presence("f2", online(), 1.0)
@@ -390,7 +388,7 @@ def test_a_card_has_the_battery_as_its_autopilot_tells_it(mission: Mission) -> N
     assert told == dict.fromkeys(formation.names, (None, None)) | {"f1": (62.0, 11.4)}
 
 
-def test_pages_are_told_the_limits_of_each_vehicle(mission: Mission) -> None:
+def test_pages_are_told_the_limits_of_each_vehicle(mission):
     described = json.loads(json.dumps(FormationModel(mission).describe()))
     lowest, highest = mission.vehicles["f1"].airspeed_range_m_s
     assert described["vehicles"][1]["limits"] == {

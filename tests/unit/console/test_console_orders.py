@@ -2,12 +2,12 @@
 
 import asyncio
 from collections.abc import Awaitable, Callable
-from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
+from tests.kit.missions import shipped
 from vfguide.errors import VfguideError
 from vfguide.formation.arrangement import Manoeuvre
 from vfguide.formation.orders import Order
@@ -17,7 +17,7 @@ from vfguide.lab.order_desk import OrderDesk
 from vfguide.lab.ordering import OrderOutcome, RehearsedOrder
 from vfguide.lab.studies.order import Prediction
 from vfguide.link.order_codec import Reply, Verdict
-from vfguide.mission import Mission, load_mission
+from vfguide.mission import Mission
 from vfguide.mission.order_plan import formation_of_mission, resolve
 
 VEE = Order(shape="vee", spacing=30.0)
@@ -26,7 +26,7 @@ VEE = Order(shape="vee", spacing=30.0)
 @pytest.fixture(scope="module")
 def mission() -> Mission:
     """A leader and three followers."""
-    return load_mission(Path(__file__).parents[3] / "missions" / "shapes.yaml")
+    return shipped("shapes")
 
 
 class Air:
@@ -110,7 +110,7 @@ def fly(mission: Mission, monkeypatch: pytest.MonkeyPatch) -> Fly:
     return run
 
 
-def test_what_a_rehearsal_has_found_is_shown_before_the_order_can_be_given(fly: Fly) -> None:
+def test_what_a_rehearsal_has_found_is_shown_before_the_order_can_be_given(fly):
     async def story(air: Air) -> None:
         number = air.panel.rehearse(VEE)
         assert air.panel.describe()["phase"] == "rehearsing"
@@ -139,7 +139,7 @@ def test_what_a_rehearsal_has_found_is_shown_before_the_order_can_be_given(fly: 
     fly(story)
 
 
-def test_a_refusal_is_shown_with_its_sentence_and_cannot_be_given(fly: Fly) -> None:
+def test_a_refusal_is_shown_with_its_sentence_and_cannot_be_given(fly):
     async def story(air: Air) -> None:
         air.refusal = "f1 and f2 would come within 4.0 m of each other"
         number = air.panel.rehearse(VEE)
@@ -151,7 +151,7 @@ def test_a_refusal_is_shown_with_its_sentence_and_cannot_be_given(fly: Fly) -> N
     fly(story)
 
 
-def test_only_the_rehearsal_that_was_shown_and_not_one_of_long_ago_is_given(fly: Fly) -> None:
+def test_only_the_rehearsal_that_was_shown_and_not_one_of_long_ago_is_given(fly):
     async def story(air: Air) -> None:
         first = air.panel.rehearse(VEE)
         await air.settle()
@@ -167,7 +167,7 @@ def test_only_the_rehearsal_that_was_shown_and_not_one_of_long_ago_is_given(fly:
     fly(story)
 
 
-def test_there_is_one_order_at_a_time_and_an_abort_waits_for_none(fly: Fly) -> None:
+def test_there_is_one_order_at_a_time_and_an_abort_waits_for_none(fly):
     async def story(air: Air) -> None:
         number = air.panel.rehearse(VEE)
         await air.settle()
@@ -184,7 +184,7 @@ def test_there_is_one_order_at_a_time_and_an_abort_waits_for_none(fly: Fly) -> N
     fly(story)
 
 
-def test_who_says_no_and_who_is_silent_is_shown_of_an_order_that_is_void(fly: Fly) -> None:
+def test_who_says_no_and_who_is_silent_is_shown_of_an_order_that_is_void(fly):
     async def story(air: Air) -> None:
         air.verdicts = {"leader": Verdict.VOID, "f1": Verdict.VOID, "f2": Verdict.REFUSED}
         number = air.panel.rehearse(VEE)
@@ -202,7 +202,7 @@ def test_who_says_no_and_who_is_silent_is_shown_of_an_order_that_is_void(fly: Fl
     fly(story)
 
 
-def test_a_fault_of_the_console_itself_ends_no_stream(fly: Fly) -> None:
+def test_a_fault_of_the_console_itself_ends_no_stream(fly):
     async def story(air: Air) -> None:
         air.panel.link = None
         air.panel.rehearse(VEE)
@@ -212,7 +212,7 @@ def test_a_fault_of_the_console_itself_ends_no_stream(fly: Fly) -> None:
     fly(story)
 
 
-def test_an_order_that_nobody_wants_is_dropped_while_it_is_rehearsed_and_after(fly: Fly) -> None:
+def test_an_order_that_nobody_wants_is_dropped_while_it_is_rehearsed_and_after(fly):
     async def story(air: Air) -> None:
         air.waits.clear()
         number = air.panel.rehearse(VEE)
@@ -232,7 +232,7 @@ def test_an_order_that_nobody_wants_is_dropped_while_it_is_rehearsed_and_after(f
     fly(story)
 
 
-def test_a_new_rehearsal_takes_the_place_of_one_that_still_runs(fly: Fly) -> None:
+def test_a_new_rehearsal_takes_the_place_of_one_that_still_runs(fly):
     async def story(air: Air) -> None:
         air.waits.clear()
         air.panel.rehearse(VEE)
@@ -246,7 +246,7 @@ def test_a_new_rehearsal_takes_the_place_of_one_that_still_runs(fly: Fly) -> Non
     fly(story)
 
 
-def test_an_order_that_is_being_given_is_neither_dropped_nor_replaced(fly: Fly) -> None:
+def test_an_order_that_is_being_given_is_neither_dropped_nor_replaced(fly):
     async def story(air: Air) -> None:
         number = air.panel.rehearse(VEE)
         await air.settle()

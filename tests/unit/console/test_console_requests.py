@@ -3,21 +3,18 @@
 import asyncio
 import json
 from collections.abc import Awaitable, Callable, MutableMapping
-from pathlib import Path
 from typing import Any
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from tests.kit.missions import shipped
 from vfguide.formation.orders import Order
 from vfguide.lab.console.orders import BusyError, OrderPanel
 from vfguide.lab.console.server import LARGEST_BODY, Access, AccessToken, application
 from vfguide.lab.console.source import Source
 from vfguide.lab.order_desk import OrderDesk
-from vfguide.mission import load_mission
-
-MISSION = Path(__file__).parents[3] / "missions" / "shapes.yaml"
 
 LOOK, OPERATOR = "l" * 24, "o" * 24
 LOOKS, ORDERS = f"look={LOOK}", f"look={LOOK}; operator={OPERATOR}"
@@ -30,7 +27,7 @@ class Panel(OrderPanel):
 
     def __init__(self) -> None:
         super().__init__(
-            load_mission(MISSION), OrderDesk(load_mission(MISSION)), clock=lambda: 0.0, changed=int
+            shipped("shapes"), OrderDesk(shipped("shapes")), clock=lambda: 0.0, changed=int
         )
         self.asked: list[object] = []
 
@@ -106,7 +103,7 @@ def post(
     return sent[0]["status"], text
 
 
-def test_an_operator_s_page_has_an_order_rehearsed_given_and_everything_called_off() -> None:
+def test_an_operator_s_page_has_an_order_rehearsed_given_and_everything_called_off():
     panel = Panel()
     assert post("/order/rehearse", VEE, panel=panel) == (202, '{"number":1}')
     assert post("/order/give", b'{"number": 1}', panel=panel)[0] == 202
@@ -131,7 +128,7 @@ def test_an_operator_s_page_has_an_order_rehearsed_given_and_everything_called_o
         {"sec_fetch_site": "same-site"},
     ],
 )
-def test_nobody_else_orders(headers: dict[str, str]) -> None:
+def test_nobody_else_orders(headers):
     panel = Panel()
     for path, body in (("rehearse", VEE), ("give", b'{"number": 1}'), ("abort", b"{}")):
         status, _ = post(f"/order/{path}", body, panel=panel, **headers)
@@ -139,7 +136,7 @@ def test_nobody_else_orders(headers: dict[str, str]) -> None:
     assert panel.asked == []
 
 
-def test_without_operators_nothing_can_be_changed() -> None:
+def test_without_operators_nothing_can_be_changed():
     panel = Panel()
     for path in ("rehearse", "give", "abort"):
         status, text = post(f"/order/{path}", VEE, panel=panel, operators=False)
@@ -148,7 +145,7 @@ def test_without_operators_nothing_can_be_changed() -> None:
 
 
 @pytest.mark.parametrize("method", ["GET", "PUT", "DELETE", "PATCH", "OPTIONS"])
-def test_orders_are_posted(method: str) -> None:
+def test_orders_are_posted(method):
     panel = Panel()
     assert post("/order/abort", b"{}", panel=panel, method=method)[0] == 405
     assert panel.asked == []
@@ -179,7 +176,7 @@ def test_orders_are_posted(method: str) -> None:
         b"[" * 4000,
     ],
 )
-def test_what_is_no_order_is_one_line(body: bytes) -> None:
+def test_what_is_no_order_is_one_line(body):
     panel = Panel()
     status, text = post("/order/rehearse", body, panel=panel)
     assert status == 422
@@ -189,7 +186,7 @@ def test_what_is_no_order_is_one_line(body: bytes) -> None:
     assert panel.asked == []
 
 
-def test_a_spacing_that_is_none_is_answered_with_the_limits() -> None:
+def test_a_spacing_that_is_none_is_answered_with_the_limits():
     for spacing in (b"0", b"1e9", b"NaN", b'"30"'):
         assert post("/order/rehearse", b'{"shape": "vee", "spacing_m": ' + spacing + b"}") == (
             422,
@@ -197,14 +194,14 @@ def test_a_spacing_that_is_none_is_answered_with_the_limits() -> None:
         )
 
 
-def test_a_rehearsed_order_is_dropped_by_its_number() -> None:
+def test_a_rehearsed_order_is_dropped_by_its_number():
     panel = Panel()
     assert post("/order/drop", b'{"number": 4}', panel=panel) == (202, '{"number":4}')
     assert post("/order/drop", b"{}", panel=panel)[0] == 422
     assert panel.asked == [("drop", 4)]
 
 
-def test_long_bodies_are_not_read() -> None:
+def test_long_bodies_are_not_read():
     panel = Panel()
     body = VEE + b" " * LARGEST_BODY
     assert post("/order/rehearse", body, panel=panel)[0] == 413
@@ -212,11 +209,11 @@ def test_long_bodies_are_not_read() -> None:
 
 
 @pytest.mark.parametrize("kind", ["", "text/plain", "application/x-www-form-urlencoded"])
-def test_what_a_form_of_another_site_could_send_is_refused(kind: str) -> None:
+def test_what_a_form_of_another_site_could_send_is_refused(kind):
     assert post("/order/abort", b"{}", content_type=kind)[0] == 415
 
 
-def test_an_order_that_is_not_the_one_that_was_shown_is_not_given() -> None:
+def test_an_order_that_is_not_the_one_that_was_shown_is_not_given():
     assert post("/order/give", b'{"number": 7}') == (409, "rehearse it again\n")
     for body in (b'{"number": "1"}', b'{"number": 1.0}', b'{"number": 1, "force": true}', b"{}"):
         assert post("/order/give", body)[0] == 422
@@ -235,6 +232,6 @@ def test_an_order_that_is_not_the_one_that_was_shown_is_not_given() -> None:
         max_leaves=6,
     )
 )
-def test_whatever_is_sent_is_answered(content: object) -> None:
+def test_whatever_is_sent_is_answered(content):
     status, _ = post("/order/rehearse", json.dumps(content).encode())
     assert status in {202, 422}

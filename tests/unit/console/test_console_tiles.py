@@ -35,7 +35,7 @@ def written(
     return path
 
 
-def test_a_tile_is_found_by_its_row_from_the_north(tmp_path: Path) -> None:
+def test_a_tile_is_found_by_its_row_from_the_north(tmp_path):
     """At zoom 2 there are four rows: the third from the south is the second from the north."""
     path = written(tmp_path / "a.mbtiles", (2, 3, 2, PNG), (4, 0, 0, JPEG))
     tiles = TileFile(path)
@@ -49,9 +49,7 @@ def test_a_tile_is_found_by_its_row_from_the_north(tmp_path: Path) -> None:
     assert tiles.find(2, 3, 2) is None
 
 
-def test_a_map_that_nobody_uses_any_more_is_closed_from_any_thread(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_map_that_nobody_uses_any_more_is_closed_from_any_thread(tmp_path, monkeypatch):
     faults: list[object] = []
     monkeypatch.setattr("sys.unraisablehook", faults.append)
     opened = [TileFile(written(tmp_path / "map.mbtiles", (0, 0, 0, PNG)))]
@@ -66,7 +64,7 @@ def test_a_map_that_nobody_uses_any_more_is_closed_from_any_thread(
     assert not faults
 
 
-def test_what_the_file_says_of_itself_is_shown_as_text(tmp_path: Path) -> None:
+def test_what_the_file_says_of_itself_is_shown_as_text(tmp_path):
     said = {"minzoom": "3", "maxzoom": "17", "attribution": '<a href="x">Survey</a> of\nsomebody'}
     source = TileFile(written(tmp_path / "a.mbtiles", (5, 0, 0, PNG), **said)).source
     assert (source.least_zoom, source.greatest_zoom) == (3, 17)
@@ -75,9 +73,7 @@ def test_what_the_file_says_of_itself_is_shown_as_text(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("place", [(-1, 0, 0), (2, 4, 0), (2, 0, 4), (2, -1, 0), (999, 0, 0)])
-def test_places_that_no_map_has_are_not_looked_up(
-    tmp_path: Path, place: tuple[int, int, int]
-) -> None:
+def test_places_that_no_map_has_are_not_looked_up(tmp_path, place):
     assert TileFile(written(tmp_path / "a.mbtiles", (2, 0, 0, PNG))).find(*place) is None
 
 
@@ -90,7 +86,7 @@ def test_places_that_no_map_has_are_not_looked_up(
         (PNG + bytes(LARGEST_TILE), "string or blob too big"),
     ],
 )
-def test_tiles_that_are_no_pictures_are_one_line(tmp_path: Path, tile: object, reason: str) -> None:
+def test_tiles_that_are_no_pictures_are_one_line(tmp_path, tile, reason):
     path = written(tmp_path / "a.mbtiles", (2, 0, 0, tile), format="pbf")
     with pytest.raises(InputError, match=reason) as caught:
         open_tiles(str(path))
@@ -98,7 +94,7 @@ def test_tiles_that_are_no_pictures_are_one_line(tmp_path: Path, tile: object, r
     assert "\n" not in str(caught.value)
 
 
-def test_files_that_are_something_else_are_one_line(tmp_path: Path) -> None:
+def test_files_that_are_something_else_are_one_line(tmp_path):
     text = tmp_path / "text.mbtiles"
     text.write_text("no tiles")
     damaged = written(tmp_path / "damaged.mbtiles", (2, 0, 0, PNG))
@@ -121,9 +117,7 @@ def test_files_that_are_something_else_are_one_line(tmp_path: Path) -> None:
         assert "\n" not in str(caught.value)
 
 
-def test_a_file_that_has_a_search_without_an_end_instead_of_tiles_ends_in_one_line(
-    tmp_path: Path,
-) -> None:
+def test_a_file_that_has_a_search_without_an_end_instead_of_tiles_ends_in_one_line(tmp_path):
     columns = "0 AS tile_column, 0 AS tile_row, NULL AS tile_data"
     endless = (
         "CREATE VIEW tiles AS WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n)"  # noqa: S608
@@ -144,7 +138,7 @@ def test_a_file_that_has_a_search_without_an_end_instead_of_tiles_ends_in_one_li
         open_tiles(str(path))
 
 
-def test_an_attribution_of_nothing_but_brackets_takes_no_time(tmp_path: Path) -> None:
+def test_an_attribution_of_nothing_but_brackets_takes_no_time(tmp_path):
     """A search for tags in a million of them would take hours."""
     path = written(tmp_path / "a.mbtiles", (4, 0, 0, JPEG), attribution="<" * 1_000_000)
     assert len(open_tiles(str(path)).attribution) <= 200
@@ -152,9 +146,7 @@ def test_an_attribution_of_nothing_but_brackets_takes_no_time(tmp_path: Path) ->
 
 @settings(max_examples=60, deadline=None)
 @given(data=st.binary(max_size=300), zoom=st.one_of(st.integers(), st.text(), st.binary()))
-def test_whatever_a_file_holds_it_is_a_map_or_one_line(
-    tmp_path_factory: pytest.TempPathFactory, data: bytes, zoom: object
-) -> None:
+def test_whatever_a_file_holds_it_is_a_map_or_one_line(tmp_path_factory, data, zoom):
     path = tmp_path_factory.mktemp("tiles") / "a.mbtiles"
     try:
         written(path, (zoom, 0, 0, data))  # type: ignore[arg-type]
@@ -172,7 +164,7 @@ def test_whatever_a_file_holds_it_is_a_map_or_one_line(
         assert found.greatest_zoom == zoom
 
 
-def test_tiles_of_a_server_are_allowed_from_that_server_alone() -> None:
+def test_tiles_of_a_server_are_allowed_from_that_server_alone():
     source = open_tiles("https://tile.example.org:8443/{z}/{x}/{y}.png?key=a")
     assert source.origin == "https://tile.example.org:8443"
     assert source.find is None
@@ -190,6 +182,6 @@ def test_tiles_of_a_server_are_allowed_from_that_server_alone() -> None:
         "ftp://a.example.org/{z}/{x}/{y}",
     ],
 )
-def test_an_address_that_is_none_is_one_line(address: str) -> None:
+def test_an_address_that_is_none_is_one_line(address):
     with pytest.raises(InputError, match="is no https address"):
         open_tiles(address)

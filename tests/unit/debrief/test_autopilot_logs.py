@@ -69,9 +69,7 @@ def flight_in(mission: Mission, paths: list[Path]) -> FlightRecord:
 
 
 @pytest.mark.parametrize("names", [("a.BIN", "b.BIN"), ("a.ulg", "b.ulg"), ("a.BIN", "b.ulg")])
-def test_slot_errors_are_found_although_the_clocks_are_apart(
-    mission: Mission, tmp_path: Path, names: tuple[str, str]
-) -> None:
+def test_slot_errors_are_found_although_the_clocks_are_apart(mission, tmp_path, names):
     record = flight_in(mission, foreign.write_all(tmp_path, names))
     error = slot_error(record.leader, record.followers[0])
     # 27 m behind and 6 m right of the leader, where 30 and 10 m are its slot: 3 m ahead of it, 4 m left.
@@ -80,7 +78,7 @@ def test_slot_errors_are_found_although_the_clocks_are_apart(
     assert np.nanmax(np.abs(error.distance_m - 5.0)) < 0.05
 
 
-def test_clocks_that_drift_apart_leave_no_error(mission: Mission, tmp_path: Path) -> None:
+def test_clocks_that_drift_apart_leave_no_error(mission, tmp_path):
     paths = [tmp_path / "a.BIN", tmp_path / "b.BIN"]
     for path, drift in zip(paths, (5e-4, -5e-4), strict=True):
         leads = drift > 0.0
@@ -99,7 +97,7 @@ def test_clocks_that_drift_apart_leave_no_error(mission: Mission, tmp_path: Path
     assert np.nanmax(np.abs(error.distance_m - 5.0)) < 0.1
 
 
-def test_a_receiver_that_did_not_know_the_leap_seconds_at_first_moves_nothing() -> None:
+def test_a_receiver_that_did_not_know_the_leap_seconds_at_first_moves_nothing():
     own = np.arange(0.0, 100.0, 0.2)
     # For 20 s it is 3 s off.
     satellite = 1000.0 + own + np.where(own < 20.0, 3.0, 0.0)
@@ -108,9 +106,7 @@ def test_a_receiver_that_did_not_know_the_leap_seconds_at_first_moves_nothing() 
 
 
 @pytest.mark.parametrize("ending", [".BIN", ".ulg"])
-def test_the_flight_is_the_guided_part_of_the_log(
-    mission: Mission, tmp_path: Path, ending: str
-) -> None:
+def test_the_flight_is_the_guided_part_of_the_log(mission, tmp_path, ending):
     record = flight_in(mission, foreign.write_all(tmp_path, ("a" + ending, "b" + ending)))
     # Guided from 5 to 15 s, 2 s for which the last setpoint holds, and 5 s of margin.
     assert record.duration_s == pytest.approx(20.0, abs=0.1)
@@ -124,9 +120,7 @@ def test_the_flight_is_the_guided_part_of_the_log(
 
 
 @pytest.mark.parametrize("ending", [".BIN", ".ulg"])
-def test_wind_is_what_airspeed_and_heading_leave_of_the_ground_velocity(
-    mission: Mission, tmp_path: Path, ending: str
-) -> None:
+def test_wind_is_what_airspeed_and_heading_leave_of_the_ground_velocity(mission, tmp_path, ending):
     record = flight_in(mission, foreign.write_all(tmp_path, ("a" + ending, "b" + ending)))
     leader = record.leader
     # North at 20 m/s over the ground; 21 m/s of true airspeed on a heading of 350°.
@@ -160,7 +154,7 @@ def write_tlog(path: Path) -> None:
     log.write(path)
 
 
-def test_a_ground_stations_log_tells_of_all_vehicles(mission: Mission, tmp_path: Path) -> None:
+def test_a_ground_stations_log_tells_of_all_vehicles(mission, tmp_path):
     write_tlog(tmp_path / "a.tlog")
     record = flight_in(mission, [tmp_path / "a.tlog"])
     error = slot_error(record.leader, record.followers[0])
@@ -169,7 +163,7 @@ def test_a_ground_stations_log_tells_of_all_vehicles(mission: Mission, tmp_path:
     assert any("the clock of the computer" in note for note in record.notes)
 
 
-def test_a_companions_log_tells_what_it_asked_for(tmp_path: Path) -> None:
+def test_a_companions_log_tells_what_it_asked_for(tmp_path):
     log = TelemetryLog(foreign.BEGIN_UNIX_S)
 
     def command(
@@ -201,14 +195,14 @@ def test_a_companions_log_tells_what_it_asked_for(tmp_path: Path) -> None:
     assert np.array(told) == pytest.approx(np.array(wanted), abs=1e-5)
 
 
-def test_the_roll_of_an_attitude_is_the_right_wing_down() -> None:
+def test_the_roll_of_an_attitude_is_the_right_wing_down():
     half = math.radians(15.0)
     assert roll_of(np.array([[math.cos(half), math.sin(half), 0.0, 0.0]]))[0] == pytest.approx(
         math.radians(30.0)
     )
 
 
-def test_a_log_without_satellite_time_stands_alone_only(mission: Mission, tmp_path: Path) -> None:
+def test_a_log_without_satellite_time_stands_alone_only(mission, tmp_path):
     leader, follower = foreign.write_all(tmp_path, ("a.ulg", "b.ulg"))
     foreign.write_ulog(leader, 1, boot_s=3.0, north_m=0.0, east_m=0.0, satellites=False)
     assert flight_in(mission, [leader]).begin_unix_s is None
@@ -216,20 +210,20 @@ def test_a_log_without_satellite_time_stands_alone_only(mission: Mission, tmp_pa
         flight_in(mission, [leader, follower])
 
 
-def test_a_log_of_somebody_else_is_refused(mission: Mission, tmp_path: Path) -> None:
+def test_a_log_of_somebody_else_is_refused(mission, tmp_path):
     path = tmp_path / "a.BIN"
     foreign.write_dataflash(path, 77, boot_s=0.0, north_m=0.0, east_m=0.0)
     with pytest.raises(InputError, match="system 77, which no vehicle of the mission 'north' has"):
         read_log(path, mission)
 
 
-def test_two_logs_of_one_vehicle_are_refused(mission: Mission, tmp_path: Path) -> None:
+def test_two_logs_of_one_vehicle_are_refused(mission, tmp_path):
     path, _ = foreign.write_all(tmp_path, ("a.BIN", "b.BIN"))
     with pytest.raises(InputError, match="one log for each vehicle"):
         flight_in(mission, [path, path])
 
 
-def test_the_leaders_log_is_needed(mission: Mission, tmp_path: Path) -> None:
+def test_the_leaders_log_is_needed(mission, tmp_path):
     _, follower = foreign.write_all(tmp_path, ("a.BIN", "b.BIN"))
     with pytest.raises(InputError, match="leader 'lead'"):
         flight_in(mission, [follower])
@@ -237,9 +231,7 @@ def test_the_leaders_log_is_needed(mission: Mission, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("name", ["a.BIN", "a.ulg", "a.tlog"])
 @pytest.mark.parametrize("content", [b"", b"PK\x03\x04 this is a zip", b"\xa3\x95\x80" * 100])
-def test_something_else_is_one_line(
-    mission: Mission, tmp_path: Path, name: str, content: bytes
-) -> None:
+def test_something_else_is_one_line(mission, tmp_path, name, content):
     path = tmp_path / name
     path.write_bytes(content)
     with pytest.raises(InputError) as caught:
@@ -249,7 +241,7 @@ def test_something_else_is_one_line(
 
 
 @pytest.mark.parametrize("name", ["a.BIN", "a.ulg", "a.tlog"])
-def test_a_log_that_is_too_large_is_not_read(mission: Mission, tmp_path: Path, name: str) -> None:
+def test_a_log_that_is_too_large_is_not_read(mission, tmp_path, name):
     path = tmp_path / name
     path.touch()
     os.truncate(path, 3 * 1024**3)
@@ -258,13 +250,13 @@ def test_a_log_that_is_too_large_is_not_read(mission: Mission, tmp_path: Path, n
 
 
 @pytest.mark.parametrize("name", ["a.BIN", "a.ulg", "a.tlog"])
-def test_a_pipe_is_not_waited_for(mission: Mission, tmp_path: Path, name: str) -> None:
+def test_a_pipe_is_not_waited_for(mission, tmp_path, name):
     os.mkfifo(tmp_path / name)
     with pytest.raises(InputError, match="pipe"):
         read_log(tmp_path / name, mission)
 
 
-def test_another_ending_is_refused(mission: Mission, tmp_path: Path) -> None:
+def test_another_ending_is_refused(mission, tmp_path):
     with pytest.raises(InputError, match=r"\.bin, \.ulg, \.tlog"):
         read_log(tmp_path / "a.log", mission)
 
@@ -276,9 +268,7 @@ def test_another_ending_is_refused(mission: Mission, tmp_path: Path) -> None:
 @given(damage=st.lists(st.tuples(st.integers(0, 20_000), st.binary(max_size=8)), max_size=8))
 # In the ULog this makes a number of it a signalling NaN.
 @example(damage=[(5519, b"\x7f")])
-def test_damage_is_one_line_or_is_skipped(
-    tmp_path: Path, ending: str, read: Reader, damage: list[tuple[int, bytes]]
-) -> None:
+def test_damage_is_one_line_or_is_skipped(tmp_path, ending, read, damage):
     path, _ = foreign.write_all(tmp_path, ("a" + ending, "b" + ending))
     content = bytearray(path.read_bytes()[:20_000])
     for where, what in damage:

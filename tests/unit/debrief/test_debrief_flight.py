@@ -14,6 +14,7 @@ from msgspec.structs import replace
 from pymavlink import mavutil
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from tests.kit.missions import shipped
 from vfguide.companion.mission_plan import local_frame
 from vfguide.errors import InputError
 from vfguide.lab.debrief.flight import flight_of
@@ -21,7 +22,6 @@ from vfguide.lab.debrief.recordings import FORMATION_CLOCK, TIME_OF_DAY, collect
 from vfguide.lab.report.geometry import slot_error
 from vfguide.lab.report.metrics import summarise
 from vfguide.lab.report.replay.data import series_of
-from vfguide.mission import load_mission
 from vfguide.mission.model import Mission
 from vfguide.record.events import HEADER as EVENTS_HEADER
 from vfguide.record.events import FlightEvent, encode_event
@@ -43,7 +43,7 @@ FLOWN_S = 1_800_000_000.0
 
 @pytest.fixture
 def mission() -> Mission:
-    return load_mission(Path(__file__).parents[3] / "missions" / "line-calm.yaml")
+    return shipped("line-calm")
 
 
 def moments() -> Iterator[float]:
@@ -135,7 +135,7 @@ def recordings(mission: Mission, tmp_path: Path) -> Path:
     return tmp_path
 
 
-def test_the_formations_clock_joins_computers_whose_time_of_day_differs(recordings: Path) -> None:
+def test_the_formations_clock_joins_computers_whose_time_of_day_differs(recordings):
     found = collect([recordings])
     assert found.clock == FORMATION_CLOCK
     record = flight_of(found)
@@ -150,7 +150,7 @@ def test_the_formations_clock_joins_computers_whose_time_of_day_differs(recordin
     assert record.notes[2] == "Not recorded: f2, f3."
 
 
-def test_what_companions_said_is_at_the_times_of_the_flight(recordings: Path) -> None:
+def test_what_companions_said_is_at_the_times_of_the_flight(recordings):
     # 20 s after the beginning by each clock: f1's shows 900 s then, the leader's 100 s.
     for name, clock_s in (("leader", 100.0), ("f1", 900.0)):
         said = FlightEvent(
@@ -165,7 +165,7 @@ def test_what_companions_said_is_at_the_times_of_the_flight(recordings: Path) ->
     assert first == pytest.approx(20.0, abs=0.11)
 
 
-def test_after_an_order_to_leave_a_recording_has_no_slot_to_be_off(recordings: Path) -> None:
+def test_after_an_order_to_leave_a_recording_has_no_slot_to_be_off(recordings):
     path = files_of(recordings / "f1-1", "f1")[1]
     steps = read_guidance(path).steps
     half = len(steps) // 2
@@ -178,7 +178,7 @@ def test_after_an_order_to_leave_a_recording_has_no_slot_to_be_off(recordings: P
     assert np.isnan(slot_error(record.leader, record.followers[0]).distance_m[-1])
 
 
-def test_a_recording_tells_how_old_the_leaders_states_were(recordings: Path) -> None:
+def test_a_recording_tells_how_old_the_leaders_states_were(recordings):
     record = flight_of(collect([recordings]))
     leader, follower = record.vehicles
     assert leader.leader_age_s is None
@@ -192,7 +192,7 @@ def test_a_recording_tells_how_old_the_leaders_states_were(recordings: Path) -> 
     assert "leader_age_s" not in series_of(record, leader)
 
 
-def test_without_a_common_clock_the_page_says_what_that_costs(recordings: Path) -> None:
+def test_without_a_common_clock_the_page_says_what_that_costs(recordings):
     path = files_of(recordings / "f1-1", "f1")[1]
     path.write_bytes(HEADER)
     found = collect([recordings])
@@ -204,7 +204,7 @@ def test_without_a_common_clock_the_page_says_what_that_costs(recordings: Path) 
     assert any("time of day" in note for note in record.notes)
 
 
-def test_a_recording_that_was_cut_off_counts_up_to_there(recordings: Path) -> None:
+def test_a_recording_that_was_cut_off_counts_up_to_there(recordings):
     tlog, guidance = files_of(recordings / "f1-1", "f1")
     for path in (tlog, guidance):
         os.truncate(path, path.stat().st_size // 2 + 3)
@@ -225,22 +225,20 @@ def test_a_recording_that_was_cut_off_counts_up_to_there(recordings: Path) -> No
     assert count == pytest.approx(LENGTH_S * RATE_HZ / 2, abs=2)
 
 
-def test_recordings_of_two_missions_are_not_mixed(mission: Mission, recordings: Path) -> None:
+def test_recordings_of_two_missions_are_not_mixed(mission, recordings):
     path = recordings / "f1-1" / "mission.yaml"
     path.write_text(path.read_text().replace(f"name: {mission.name}", "name: another"))
     with pytest.raises(InputError, match="flew another mission than"):
         collect([recordings])
 
 
-def test_without_the_leader_there_is_no_formation(recordings: Path) -> None:
+def test_without_the_leader_there_is_no_formation(recordings):
     with pytest.raises(InputError, match="no position of the leader 'leader' is recorded"):
         flight_of(collect([recordings / "f1-1"]))
 
 
 @pytest.mark.parametrize("wrong_s", [1e9, -1e9])
-def test_frames_that_are_years_from_their_start_are_left_out(
-    recordings: Path, wrong_s: float
-) -> None:
+def test_frames_that_are_years_from_their_start_are_left_out(recordings, wrong_s):
     path = recordings / "f1-1" / "recording.json"
     content = json.loads(path.read_text())
     path.write_text(json.dumps({**content, "unix_s": content["unix_s"] + wrong_s}))
@@ -249,7 +247,7 @@ def test_frames_that_are_years_from_their_start_are_left_out(
     assert "Not recorded: f2, f3." in record.notes
 
 
-def test_a_log_of_something_else_is_named(recordings: Path) -> None:
+def test_a_log_of_something_else_is_named(recordings):
     path = files_of(recordings / "f1-1", "f1")[0]
     path.write_bytes(bytes(range(256)) * 40)
     told = f"{path}: no position of system 2 is in it: its autopilot was not heard, or the file is damaged"
@@ -262,8 +260,8 @@ def test_a_log_of_something_else_is_named(recordings: Path) -> None:
         flight_of(collect([recordings]))
 
 
-def test_a_leader_without_a_companion_is_where_its_follower_heard_it(tmp_path: Path) -> None:
-    mission = load_mission(Path(__file__).parents[3] / "missions" / "foreign-leader.yaml")
+def test_a_leader_without_a_companion_is_where_its_follower_heard_it(tmp_path):
+    mission = shipped("foreign-leader")
     slot = mission.followers_by_name["f1"].slot
     directory = write(
         tmp_path, mission, "f1",

@@ -1,30 +1,27 @@
 """`vfguide export` writes one file, whole, where it is told, and nothing else."""
 
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
+from tests.kit.missions import MISSIONS, shipped
+from tests.kit.short_flights import short_flight
 from vfguide.commands.export import ENDINGS, export
 from vfguide.errors import InputError
-from vfguide.mission import load_mission
 from vfguide.record.flight import FlightRecord, RecordOrigin
-
-MakeFlight = Callable[..., FlightRecord]
-MISSIONS = Path(__file__).parents[3] / "missions"
 
 
 @pytest.fixture
-def flown(make_flight: MakeFlight, tmp_path: Path) -> Path:
+def flown(tmp_path: Path) -> Path:
     """The directory of a flight."""
     directory = tmp_path / "flown"
     directory.mkdir()
-    make_flight().save(directory / "flight.npz")
+    short_flight().save(directory / "flight.npz")
     return directory
 
 
 @pytest.mark.parametrize("ending", ENDINGS)
-def test_each_ending_is_a_format(flown: Path, tmp_path: Path, ending: str) -> None:
+def test_each_ending_is_a_format(flown, tmp_path, ending):
     out = tmp_path / "out"
     out.mkdir()
     export([flown], out=out / f"flight{ending}")
@@ -32,12 +29,12 @@ def test_each_ending_is_a_format(flown: Path, tmp_path: Path, ending: str) -> No
     assert [one.name for one in flown.iterdir()] == ["flight.npz"]
 
 
-def test_another_ending_is_refused(flown: Path, tmp_path: Path) -> None:
+def test_another_ending_is_refused(flown, tmp_path):
     with pytest.raises(InputError, match="the ending is the format"):
         export([flown], out=tmp_path / "flight.xlsx")
 
 
-def test_a_file_that_is_there_stays_without_force(flown: Path, tmp_path: Path) -> None:
+def test_a_file_that_is_there_stays_without_force(flown, tmp_path):
     out = tmp_path / "a.csv"
     out.write_text("mine", encoding="utf-8")
     with pytest.raises(InputError, match="--force"):
@@ -47,7 +44,7 @@ def test_a_file_that_is_there_stays_without_force(flown: Path, tmp_path: Path) -
     assert out.read_text(encoding="utf-8").startswith("time_s,")
 
 
-def test_no_link_is_written_through(flown: Path, tmp_path: Path) -> None:
+def test_no_link_is_written_through(flown, tmp_path):
     elsewhere = tmp_path / "elsewhere.csv"
     elsewhere.write_text("mine", encoding="utf-8")
     (tmp_path / "a.csv").symlink_to(elsewhere)
@@ -56,11 +53,9 @@ def test_no_link_is_written_through(flown: Path, tmp_path: Path) -> None:
     assert elsewhere.read_text(encoding="utf-8") == "mine"
 
 
-def test_an_export_that_fails_leaves_nothing(
-    make_flight: MakeFlight, tmp_path: Path, flown: Path
-) -> None:
+def test_an_export_that_fails_leaves_nothing(tmp_path, flown):
     (flown / "flight.npz").unlink()
-    make_flight(begin_unix_s=-5.0).save(flown / "flight.npz")
+    short_flight(begin_unix_s=-5.0).save(flown / "flight.npz")
     out = tmp_path / "out"
     out.mkdir()
     with pytest.raises(InputError, match="damaged"):
@@ -68,33 +63,29 @@ def test_an_export_that_fails_leaves_nothing(
     assert list(out.iterdir()) == []
 
 
-def test_a_directory_that_is_not_there_is_one_line(flown: Path, tmp_path: Path) -> None:
+def test_a_directory_that_is_not_there_is_one_line(flown, tmp_path):
     with pytest.raises(InputError, match="no such directory"):
         export([flown], out=tmp_path / "absent" / "a.csv")
 
 
-def test_a_mission_says_where_an_old_record_was_flown(
-    make_flight: MakeFlight, tmp_path: Path, flown: Path
-) -> None:
+def test_a_mission_says_where_an_old_record_was_flown(tmp_path, flown):
     (flown / "flight.npz").unlink()
-    make_flight(origin=None, mission="line-calm").save(flown / "flight.npz")
-    mission = load_mission(MISSIONS / "line-calm.yaml")
+    short_flight(origin=None, mission="line-calm").save(flown / "flight.npz")
+    mission = shipped("line-calm")
     export([flown], out=tmp_path / "a.csv", mission=MISSIONS / "line-calm.yaml")
     latitude = (tmp_path / "a.csv").read_text(encoding="utf-8").splitlines()[1].split(",")[3]
     assert float(latitude) == pytest.approx(mission.origin.latitude_deg)
 
 
-def test_the_mission_of_another_flight_is_refused(
-    make_flight: MakeFlight, tmp_path: Path, flown: Path
-) -> None:
+def test_the_mission_of_another_flight_is_refused(tmp_path, flown):
     (flown / "flight.npz").unlink()
-    make_flight(origin=None).save(flown / "flight.npz")
+    short_flight(origin=None).save(flown / "flight.npz")
     with pytest.raises(InputError, match="not 'line-calm'"):
         export([flown], out=tmp_path / "a.csv", mission=MISSIONS / "line-calm.yaml")
 
 
-def test_place_and_time_are_kept_in_the_record(make_flight: MakeFlight, tmp_path: Path) -> None:
-    make_flight(begin_unix_s=1.79e9).save(tmp_path / "flight.npz")
+def test_place_and_time_are_kept_in_the_record(tmp_path):
+    short_flight(begin_unix_s=1.79e9).save(tmp_path / "flight.npz")
     record = FlightRecord.load(tmp_path / "flight.npz")
     assert record.begin_unix_s == 1.79e9
     assert record.origin == RecordOrigin(
@@ -103,11 +94,9 @@ def test_place_and_time_are_kept_in_the_record(make_flight: MakeFlight, tmp_path
 
 
 @pytest.mark.parametrize("latitude", [91.0, -1e300])
-def test_a_record_of_nowhere_on_the_earth_is_damaged(
-    make_flight: MakeFlight, tmp_path: Path, latitude: float
-) -> None:
+def test_a_record_of_nowhere_on_the_earth_is_damaged(tmp_path, latitude):
     origin = RecordOrigin(latitude_deg=latitude, longitude_deg=0.0, altitude_amsl_m=0.0)
     path = tmp_path / "flight.npz"
-    make_flight(origin=origin).save(path)
+    short_flight(origin=origin).save(path)
     with pytest.raises(InputError, match="nowhere on the earth"):
         FlightRecord.load(path)

@@ -5,10 +5,8 @@ import json
 import math
 import zipfile
 from collections import Counter
-from collections.abc import Callable
 from dataclasses import replace
 from datetime import UTC, datetime
-from pathlib import Path
 from xml.etree import ElementTree as ET
 
 import jsonschema
@@ -17,6 +15,7 @@ import pytest
 from mcap.reader import make_reader
 from pyarrow import parquet
 
+from tests.kit.short_flights import short_flight
 from vfguide.errors import InputError
 from vfguide.frames import LocalFrame
 from vfguide.lab.export.columns import UNITS, begin_of, geodetic
@@ -24,24 +23,21 @@ from vfguide.lab.export.earth import write_earth
 from vfguide.lab.export.foxglove import attitude, write_mcap
 from vfguide.lab.export.tables import write_csv, write_parquet
 from vfguide.record.events import FlightEvent
-from vfguide.record.flight import FlightRecord, RecordOrigin
+from vfguide.record.flight import RecordOrigin
 
-MakeFlight = Callable[..., FlightRecord]
 KML = "{http://www.opengis.net/kml/2.2}"
 GX = "{http://www.google.com/kml/ext/2.2}"
 
 
-def test_places_on_the_earth_are_those_of_the_companions_frame() -> None:
+def test_places_on_the_earth_are_those_of_the_companions_frame():
     frame = LocalFrame(47.0, 8.0, 488.0)
     origin = RecordOrigin(latitude_deg=47.0, longitude_deg=8.0, altitude_amsl_m=488.0)
     latitude, longitude = geodetic(origin, np.array([3000.0]), np.array([-2000.0]))
     assert frame.to_local(latitude[0], longitude[0]) == pytest.approx((3000.0, -2000.0), abs=1e-3)
 
 
-def test_a_csv_has_a_row_for_each_vehicle_at_each_sample(
-    make_flight: MakeFlight, tmp_path: Path
-) -> None:
-    write_csv(make_flight(), tmp_path / "a.csv")
+def test_a_csv_has_a_row_for_each_vehicle_at_each_sample(tmp_path):
+    write_csv(short_flight(), tmp_path / "a.csv")
     with (tmp_path / "a.csv").open(encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))
     assert len(rows) == 42
@@ -61,16 +57,14 @@ def test_a_csv_has_a_row_for_each_vehicle_at_each_sample(
 
 
 @pytest.mark.parametrize("name", ['=HYPERLINK("x")', "+1", "@a", "-2"])
-def test_names_are_no_formulas_for_a_spreadsheet(
-    make_flight: MakeFlight, tmp_path: Path, name: str
-) -> None:
-    write_csv(make_flight(name=name), tmp_path / "a.csv")
+def test_names_are_no_formulas_for_a_spreadsheet(tmp_path, name):
+    write_csv(short_flight(name=name), tmp_path / "a.csv")
     with (tmp_path / "a.csv").open(encoding="utf-8", newline="") as file:
         assert {row["vehicle"] for row in csv.DictReader(file)} == {"lead", f"'{name}"}
 
 
-def test_parquet_keeps_types_and_units(make_flight: MakeFlight, tmp_path: Path) -> None:
-    record = make_flight()
+def test_parquet_keeps_types_and_units(tmp_path):
+    record = short_flight()
     lost = replace(record.followers[0], airspeed_m_s=np.full_like(record.time_s, math.nan))
     write_parquet(replace(record, vehicles=(record.leader, lost)), tmp_path / "a.parquet")
     table = parquet.read_table(tmp_path / "a.parquet")
@@ -85,10 +79,8 @@ def test_parquet_keeps_types_and_units(make_flight: MakeFlight, tmp_path: Path) 
     assert rows[-1]["time_utc"] == datetime(2026, 1, 1, 0, 0, 2, tzinfo=UTC)
 
 
-def test_kml_has_a_track_with_time_for_each_vehicle(
-    make_flight: MakeFlight, tmp_path: Path
-) -> None:
-    write_earth(make_flight(name="<b>&\x00"), tmp_path / "a.kml", compressed=False)
+def test_kml_has_a_track_with_time_for_each_vehicle(tmp_path):
+    write_earth(short_flight(name="<b>&\x00"), tmp_path / "a.kml", compressed=False)
     root = ET.parse(tmp_path / "a.kml").getroot()  # noqa: S314
     names = [one.text for one in root.iter(f"{KML}name")]
     assert names == ["line", "path", "lead", "<b>& "]
@@ -101,17 +93,15 @@ def test_kml_has_a_track_with_time_for_each_vehicle(
     assert "href" not in (tmp_path / "a.kml").read_text(encoding="utf-8")
 
 
-def test_kmz_is_the_same_packed(make_flight: MakeFlight, tmp_path: Path) -> None:
-    write_earth(make_flight(), tmp_path / "a.kmz", compressed=True)
+def test_kmz_is_the_same_packed(tmp_path):
+    write_earth(short_flight(), tmp_path / "a.kmz", compressed=True)
     with zipfile.ZipFile(tmp_path / "a.kmz") as archive:
         assert archive.namelist() == ["doc.kml"]
         ET.fromstring(archive.read("doc.kml"))  # noqa: S314
 
 
-def test_every_message_of_the_mcap_is_what_its_schema_says(
-    make_flight: MakeFlight, tmp_path: Path
-) -> None:
-    write_mcap(make_flight(), tmp_path / "a.mcap")
+def test_every_message_of_the_mcap_is_what_its_schema_says(tmp_path):
+    write_mcap(short_flight(), tmp_path / "a.mcap")
     counts: Counter[str] = Counter()
     with (tmp_path / "a.mcap").open("rb") as file:
         reader = make_reader(file, validate_crcs=True)
@@ -139,13 +129,13 @@ def test_every_message_of_the_mcap_is_what_its_schema_says(
     }
 
 
-def test_orders_and_warnings_are_lines_of_the_log(make_flight: MakeFlight, tmp_path: Path) -> None:
+def test_orders_and_warnings_are_lines_of_the_log(tmp_path):
     events = (
         FlightEvent(time_s=0.5, vehicle="f1", kind="order", text="order 1 is understood"),
         FlightEvent(time_s=1.0, vehicle="f1", kind="mode", text="joining -> tracking"),
         FlightEvent(time_s=1.5, vehicle="f1", kind="text", text="take over", warning=True),
     )
-    record = replace(make_flight(begin_unix_s=1_790_000_000.0), events=events)
+    record = replace(short_flight(begin_unix_s=1_790_000_000.0), events=events)
     write_mcap(record, tmp_path / "a.mcap")
     with (tmp_path / "a.mcap").open("rb") as file:
         found = [
@@ -172,8 +162,8 @@ def closed(schema: object) -> object:
     return made
 
 
-def test_the_mcap_says_where_and_when(make_flight: MakeFlight, tmp_path: Path) -> None:
-    write_mcap(make_flight(begin_unix_s=1_790_000_000.5), tmp_path / "a.mcap")
+def test_the_mcap_says_where_and_when(tmp_path):
+    write_mcap(short_flight(begin_unix_s=1_790_000_000.5), tmp_path / "a.mcap")
     with (tmp_path / "a.mcap").open("rb") as file:
         found = list(make_reader(file).iter_messages(topics=["/f1/location"]))
     _, _, last = found[-1]
@@ -183,8 +173,8 @@ def test_the_mcap_says_where_and_when(make_flight: MakeFlight, tmp_path: Path) -
     assert (fix["latitude"], fix["altitude"]) == pytest.approx((47.000117, 588.0), abs=2e-6)
 
 
-def test_what_is_not_known_is_in_no_message(make_flight: MakeFlight, tmp_path: Path) -> None:
-    record = make_flight()
+def test_what_is_not_known_is_in_no_message(tmp_path):
+    record = short_flight()
     unknown = np.full_like(record.time_s, math.nan)
     lost = replace(record.followers[0], north_m=unknown, heading_rad=unknown)
     write_mcap(replace(record, vehicles=(record.leader, lost)), tmp_path / "a.mcap")
@@ -198,13 +188,11 @@ def test_what_is_not_known_is_in_no_message(make_flight: MakeFlight, tmp_path: P
     ("heading", "ahead"),
     [(0.0, (0.0, 1.0, 0.0)), (90.0, (1.0, 0.0, 0.0)), (225.0, (-0.7071, -0.7071, 0.0))],
 )
-def test_the_nose_points_along_the_heading(
-    heading: float, ahead: tuple[float, float, float]
-) -> None:
+def test_the_nose_points_along_the_heading(heading, ahead):
     assert turned((1.0, 0.0, 0.0), attitude(heading, 0.0)) == pytest.approx(ahead, abs=1e-4)
 
 
-def test_a_bank_lowers_the_right_wing() -> None:
+def test_a_bank_lowers_the_right_wing():
     """Heading north, right is east; y of a body is its left."""
     east, north, up = turned((0.0, -1.0, 0.0), attitude(0.0, 30.0))
     assert (east, north, up) == pytest.approx((math.cos(math.radians(30.0)), 0.0, -0.5), abs=1e-9)
@@ -219,11 +207,11 @@ def turned(
 
 
 @pytest.mark.parametrize("begin", [-1.0, math.nan, math.inf, 1e30])
-def test_a_record_of_no_possible_time_is_refused(make_flight: MakeFlight, begin: float) -> None:
+def test_a_record_of_no_possible_time_is_refused(begin):
     with pytest.raises(InputError, match="damaged"):
-        begin_of(make_flight(begin_unix_s=begin))
+        begin_of(short_flight(begin_unix_s=begin))
 
 
-def test_a_record_without_a_place_says_what_to_do(make_flight: MakeFlight, tmp_path: Path) -> None:
+def test_a_record_without_a_place_says_what_to_do(tmp_path):
     with pytest.raises(InputError, match="--mission"):
-        write_csv(make_flight(origin=None), tmp_path / "a.csv")
+        write_csv(short_flight(origin=None), tmp_path / "a.csv")

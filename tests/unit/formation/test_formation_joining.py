@@ -4,7 +4,6 @@ import pytest
 
 from vfguide.formation.arrangement import HoldCircle, Point
 from vfguide.formation.orders import Formation, Order, arrangement_of
-from vfguide.formation.shapes import Shape
 from vfguide.formation.transition import MotionLimits, RefusedOrderError
 
 HOME = {"f1": Point(-20.0, 20.0), "f2": Point(-20.0, -20.0), "f3": Point(-40.0, 40.0, 5.0)}
@@ -34,17 +33,17 @@ def joined(name: str, *orders: Order) -> tuple[float, float, float]:
 LEFT = Order(leave=("f3",))
 
 
-def test_in_the_missions_shape_it_comes_to_its_own_slot() -> None:
+def test_in_the_missions_shape_it_comes_to_its_own_slot():
     assert joined("f3", LEFT) == (-40.0, 40.0, 5.0)
 
 
-def test_after_another_spacing_its_own_slot_is_further_away() -> None:
+def test_after_another_spacing_its_own_slot_is_further_away():
     # 28.3 m between neighbours in the mission: half as much again.
     assert joined("f3", LEFT, Order(spacing=42.426)) == pytest.approx((-60.0, 60.0, 5.0))
     assert joined("f3", Order(spacing=42.426), LEFT) == pytest.approx((-60.0, 60.0, 5.0))
 
 
-def test_where_two_have_changed_places_it_comes_to_the_one_that_was_left() -> None:
+def test_where_two_have_changed_places_it_comes_to_the_one_that_was_left():
     # f1 flies where f3 did, f3 left from the place of f1.
     assert joined("f3", Order(swap=("f1", "f3")), LEFT) == (-20.0, 20.0, 5.0)
 
@@ -58,22 +57,20 @@ def test_where_two_have_changed_places_it_comes_to_the_one_that_was_left() -> No
         ("finger-four", (-28.3, 28.3)),
     ],
 )
-def test_of_a_shape_that_two_fly_it_comes_to_the_third_place(
-    shape: Shape, place: tuple[float, float]
-) -> None:
+def test_of_a_shape_that_two_fly_it_comes_to_the_third_place(shape, place):
     order = Order(shape=shape, spacing=20.0)
     # In steps of 0.1 m each.
     assert joined("f3", LEFT, order)[:2] == pytest.approx(place, abs=0.15)
 
 
-def test_it_comes_to_the_gap_of_a_shape_that_it_has_left() -> None:
+def test_it_comes_to_the_gap_of_a_shape_that_it_has_left():
     shaped = after(Order(shape="trail", spacing=20.0))
     for name, place in shaped.slots.items():
         gap = after(Order(leave=(name,)), Order(join=(name,)), formation=shaped).slots[name]
         assert (gap.forward, gap.right) == (place.forward, place.right)
 
 
-def test_between_the_leader_and_the_last_of_a_trail_there_is_room_first() -> None:
+def test_between_the_leader_and_the_last_of_a_trail_there_is_room_first():
     shaped = after(Order(shape="trail", spacing=20.0))
     # Whose spacing may have been 60 m or 30 m, as far as the last one tells: 20 m was of three.
     (last,) = [name for name, slot in shaped.slots.items() if slot.forward == -60.0]
@@ -82,18 +79,18 @@ def test_between_the_leader_and_the_last_of_a_trail_there_is_room_first() -> Non
     assert slots[others[0]].forward == -30.0
 
 
-def test_two_that_join_at_once_come_to_two_places() -> None:
+def test_two_that_join_at_once_come_to_two_places():
     gone = after(Order(leave=("f2", "f3")), Order(shape="trail", spacing=20.0))
     slots = after(Order(join=("f2", "f3")), formation=gone).slots
     assert sorted(slot.forward for slot in slots.values()) == [-60.0, -40.0, -20.0]
 
 
-def test_who_joins_a_leader_that_flies_alone_comes_to_its_slot_in_the_mission() -> None:
+def test_who_joins_a_leader_that_flies_alone_comes_to_its_slot_in_the_mission():
     gone = Order(leave=("f1", "f2", "f3"))
     assert joined("f2", gone) == (-20.0, -20.0, 0.0)
 
 
-def test_among_slots_by_name_it_comes_to_its_slot_in_the_mission_or_is_refused() -> None:
+def test_among_slots_by_name_it_comes_to_its_slot_in_the_mission_or_is_refused():
     odd = Order(slots={"f1": Point(-33.0, 7.0), "f2": Point(5.0, -30.0)})
     assert joined("f3", LEFT, odd) == (-40.0, 40.0, 5.0)
     there = Order(slots={"f1": Point(-33.0, 37.0), "f2": Point(5.0, -30.0)})
@@ -101,12 +98,12 @@ def test_among_slots_by_name_it_comes_to_its_slot_in_the_mission_or_is_refused()
         joined("f3", LEFT, there)
 
 
-def test_in_a_hold_it_comes_to_the_place_of_the_shape_at_a_height_of_its_own() -> None:
+def test_in_a_hold_it_comes_to_the_place_of_the_shape_at_a_height_of_its_own():
     held = Order(action="hold")
     assert joined("f3", LEFT, Order(shape="trail", spacing=20.0), held) == (-60.0, 0.0, 45.0)
 
 
-def test_an_order_to_join_and_of_a_spacing_counts_from_the_present_shape() -> None:
+def test_an_order_to_join_and_of_a_spacing_counts_from_the_present_shape():
     gone = after(LEFT, Order(shape="trail", spacing=20.0))
     slots = after(Order(join=("f3",), spacing=30.0), formation=gone).slots
     assert sorted(slot.forward for slot in slots.values()) == [-90.0, -60.0, -30.0]

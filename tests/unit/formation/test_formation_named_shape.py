@@ -16,9 +16,7 @@ from vfguide.formation.shapes import SHAPES, Shape, named_shape, shape_slots
     st.floats(8.0, 100.0),
     st.randoms(use_true_random=False),
 )
-def test_a_shape_is_known_again_by_slots_that_orders_have_rounded(
-    shape: Shape, count: int, spacing: float, random: object
-) -> None:
+def test_a_shape_is_known_again_by_slots_that_orders_have_rounded(shape, count, spacing, random):
     slots = [
         (round(forward, 1), round(right, 1))
         for forward, right in shape_slots(shape, count, spacing)
@@ -35,7 +33,7 @@ def test_a_shape_is_known_again_by_slots_that_orders_have_rounded(
     assert max(near) < 0.5
 
 
-def test_other_slots_are_no_shape() -> None:
+def test_other_slots_are_no_shape():
     assert named_shape([(-20.0, 0.0), (-50.0, 30.0)]) is None
     assert named_shape([(0.0, 0.0)]) is None
     assert named_shape([]) is None

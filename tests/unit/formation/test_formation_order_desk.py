@@ -5,7 +5,6 @@ from collections import Counter
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from dataclasses import replace
-from pathlib import Path
 from random import Random
 from types import SimpleNamespace
 from typing import Any
@@ -13,6 +12,7 @@ from typing import Any
 import msgspec
 import pytest
 
+from tests.kit.missions import content_of
 from vfguide.formation.arrangement import Arrangement, Manoeuvre
 from vfguide.formation.orders import Order
 from vfguide.lab import ordering
@@ -22,16 +22,15 @@ from vfguide.link.codec import LeaderMessage, encode
 from vfguide.link.envelope import Kind
 from vfguide.link.opening import WatchedFormation
 from vfguide.link.order_codec import Reply, Verdict, check_of, decode_order, encode_reply
-from vfguide.mission import Mission, load_mission
+from vfguide.mission import Mission
 
-MISSIONS = Path(__file__).parents[3] / "missions"
 FOLLOWERS = ("f1", "f2", "f3")
 
 
 @pytest.fixture
 def mission() -> Mission:
     """Four aircraft, of which f1 and f2 may lead in the leader's place."""
-    content = load_mission(MISSIONS / "shapes.yaml").model_dump(exclude_unset=True)
+    content = content_of("shapes")
     return Mission.model_validate({**content, "deputies": ["f1", "f2"]})
 
 
@@ -114,8 +113,8 @@ def outcome_of(
 
 
 def test_an_abort_is_given_though_the_leader_is_gone_and_the_order_that_is_flown_not_known(
-    mission: Mission, monkeypatch: pytest.MonkeyPatch
-) -> None:
+    mission, monkeypatch
+):
     desk = OrderDesk(mission, clock=lambda: 0.0)
     for name in FOLLOWERS:
         desk.heard_state(name, state(47.4, arrangement=2**31))
@@ -129,8 +128,8 @@ def test_an_abort_is_given_though_the_leader_is_gone_and_the_order_that_is_flown
 
 
 def test_a_deputy_leads_where_its_term_is_the_highest_and_the_leader_that_is_gone_is_not_awaited(
-    mission: Mission, monkeypatch: pytest.MonkeyPatch
-) -> None:
+    mission, monkeypatch
+):
     desk = OrderDesk(mission, clock=lambda: 0.0)
     for name in FOLLOWERS:
         desk.heard_state(name, state(47.4, term=2))
@@ -141,9 +140,7 @@ def test_a_deputy_leads_where_its_term_is_the_highest_and_the_leader_that_is_gon
     assert outcome.flown
 
 
-def test_an_order_to_lead_is_not_flown_where_another_leads_afterwards(
-    mission: Mission, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_order_to_lead_is_not_flown_where_another_leads_afterwards(mission, monkeypatch):
     desk = OrderDesk(mission, clock=lambda: 0.0)
     for name in FOLLOWERS:
         desk.heard_state(name, state(47.4, term=2))
@@ -164,9 +161,7 @@ def test_an_order_to_lead_is_not_flown_where_another_leads_afterwards(
     assert "leader" not in desk.awaited_from(desk.formation(), outcome.arrangement)
 
 
-def test_a_hold_is_laid_by_the_leader_that_leads_not_by_one_that_its_pilot_has(
-    mission: Mission,
-) -> None:
+def test_a_hold_is_laid_by_the_leader_that_leads_not_by_one_that_its_pilot_has(mission):
     desk = OrderDesk(mission, clock=lambda: 0.0)
     desk.heard_state("leader", state(47.4, term=2))
     before = desk.leader_place(100.0)
@@ -182,7 +177,7 @@ def test_a_hold_is_laid_by_the_leader_that_leads_not_by_one_that_its_pilot_has(
     assert after.north - before.north == pytest.approx(11_120.0, abs=20.0)
 
 
-def test_two_orders_of_one_second_have_different_numbers_mostly_and_later_ones_greater() -> None:
+def test_two_orders_of_one_second_have_different_numbers_mostly_and_later_ones_greater():
     chance = Random(1)
     for newest, unix_s in ((0, EPOCH_S + 1e7), (2**31, EPOCH_S + 1e7), (5, 0.0)):
         numbers = {new_number(newest, unix_s, chance) for _ in range(100)}
@@ -194,7 +189,7 @@ def test_two_orders_of_one_second_have_different_numbers_mostly_and_later_ones_g
     assert new_number(0, EPOCH_S + 16 * 366 * 86400.0, chance) < 2**32
 
 
-def test_who_gets_no_answer_hears_whether_anything_arrived_and_the_remedy() -> None:
+def test_who_gets_no_answer_hears_whether_anything_arrived_and_the_remedy():
     assert unanswered(Counter()).startswith("nothing arrives")
     assert unanswered(Counter({"copies": 7})).startswith("nothing arrives")
     other = Counter(
@@ -206,7 +201,7 @@ def test_who_gets_no_answer_hears_whether_anything_arrived_and_the_remedy() -> N
     assert "the keys that the companions use" in unanswered(other)
 
 
-def test_a_leader_that_climbs_is_expected_higher_by_the_time_of_an_order(mission: Mission) -> None:
+def test_a_leader_that_climbs_is_expected_higher_by_the_time_of_an_order(mission):
     desk = OrderDesk(mission, clock=lambda: 0.0)
     desk.heard_state("leader", state(47.4, climb_rate=2.5))
     place = desk.leader_place(106.0)

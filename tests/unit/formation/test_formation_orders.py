@@ -26,23 +26,23 @@ def ends_of(arrangement: Arrangement) -> dict[str, tuple[float, float]]:
     return {one.vehicle: (one.end.forward, one.end.right) for one in arrangement.places}
 
 
-def test_a_shape_gives_each_the_place_with_the_least_way() -> None:
+def test_a_shape_gives_each_the_place_with_the_least_way():
     found = ends_of(ordered(Order(shape="line-abreast", spacing=25.0)))
     assert found == {"f1": (0.0, 25.0), "f2": (0.0, -25.0), "f3": (0.0, 50.0)}
 
 
-def test_a_spacing_scales_the_formation() -> None:
+def test_a_spacing_scales_the_formation():
     # The nearest two are 28.3 m apart: f1 and f3, or f1 and the leader.
     found = ends_of(ordered(Order(spacing=14.142)))
     assert found == {"f1": (-10.0, 10.0), "f2": (-10.0, -10.0), "f3": (-20.0, 20.0)}
 
 
-def test_a_swap_changes_two_and_leaves_the_rest() -> None:
+def test_a_swap_changes_two_and_leaves_the_rest():
     found = ends_of(ordered(Order(swap=("f2", "f3"))))
     assert found == {"f1": (-20.0, 20.0), "f2": (-40.0, 40.0), "f3": (-20.0, -20.0)}
 
 
-def test_who_leaves_has_no_place_and_who_joins_gets_the_missions() -> None:
+def test_who_leaves_has_no_place_and_who_joins_gets_the_missions():
     gone = ordered(Order(leave=("f2",)))
     assert gone.vehicles == {"f1", "f3"}
     back = ordered(Order(join=("f2",)), FORMATION.after(gone))
@@ -52,12 +52,12 @@ def test_who_leaves_has_no_place_and_who_joins_gets_the_missions() -> None:
     assert place.begin == place.end == HOME["f2"]
 
 
-def test_nothing_is_resumed_where_nothing_is_held() -> None:
+def test_nothing_is_resumed_where_nothing_is_held():
     with pytest.raises(RefusedOrderError, match="nothing is held"):
         ordered(Order(action="resume"))
 
 
-def test_a_hold_stacks_heights_on_a_circle_and_resume_takes_them_back() -> None:
+def test_a_hold_stacks_heights_on_a_circle_and_resume_takes_them_back():
     held = ordered(Order(action="hold"), circle=CIRCLE)
     assert held.flown is Manoeuvre.HOLD
     assert [one.end.up for one in held.places] == [15.0, 30.0, 45.0]
@@ -79,14 +79,12 @@ def test_a_hold_stacks_heights_on_a_circle_and_resume_takes_them_back() -> None:
         (Order(action="hold"), "where to hold is not known"),
     ],
 )
-def test_an_order_that_cannot_be_carried_out_is_refused_in_a_sentence(
-    order: Order, sentence: str
-) -> None:
+def test_an_order_that_cannot_be_carried_out_is_refused_in_a_sentence(order, sentence):
     with pytest.raises(RefusedOrderError, match=sentence):
         ordered(order)
 
 
-def test_after_an_abort_nothing_but_an_abort_can_be_ordered() -> None:
+def test_after_an_abort_nothing_but_an_abort_can_be_ordered():
     aborted = replace(FORMATION, flown=Manoeuvre.ABORT)
     with pytest.raises(RefusedOrderError, match="called off"):
         ordered(Order(shape="vee", spacing=20.0), aborted)
@@ -97,7 +95,7 @@ def test_after_an_abort_nothing_but_an_abort_can_be_ordered() -> None:
     "order",
     [Order(leave=("f2",)), Order(shape="vee"), Order(spacing=30.0), Order(swap=("f1", "f2"))],
 )
-def test_any_order_but_resume_keeps_a_hold_its_circle_and_its_stack(order: Order) -> None:
+def test_any_order_but_resume_keeps_a_hold_its_circle_and_its_stack(order):
     held = FORMATION.after(ordered(Order(action="hold"), circle=CIRCLE))
     # Another circle is not what was asked for.
     found = ordered(order, held, replace(CIRCLE, radius_m=900.0))
@@ -109,13 +107,13 @@ def test_any_order_but_resume_keeps_a_hold_its_circle_and_its_stack(order: Order
     }
 
 
-def test_the_stack_of_a_hold_does_not_count_for_the_spacing() -> None:
+def test_the_stack_of_a_hold_does_not_count_for_the_spacing():
     held = FORMATION.after(ordered(Order(action="hold"), circle=CIRCLE))
     # f1 is 20 m behind and 20 m to the right: 28.28 m; with 15 m above it would be 32.02 m.
     assert held.spacing == pytest.approx(28.284, abs=0.001)
 
 
-def test_who_joins_has_15_m_beside_its_slot_or_is_refused() -> None:
+def test_who_joins_has_15_m_beside_its_slot_or_is_refused():
     formation = FORMATION.after(ordered(Order(leave=("f2",))))
     with pytest.raises(RefusedOrderError, match="less than 15 m: order a greater spacing"):
         ordered(Order(join=("f2",), shape="line-abreast", spacing=14.0), formation)
@@ -125,7 +123,7 @@ def test_who_joins_has_15_m_beside_its_slot_or_is_refused() -> None:
         assert found.vehicles == set(HOME)
 
 
-def test_another_path_is_flown_until_a_third_is_ordered_whatever_comes_in_between() -> None:
+def test_another_path_is_flown_until_a_third_is_ordered_whatever_comes_in_between():
     formation = replace(FORMATION, paths={"main": 5, "survey": 6})
     found, _ = arrangement_of(
         Order(path="survey"), formation, LIMITS, number=7, time_s=100.0, turn_radius_m=120.0
@@ -137,7 +135,7 @@ def test_another_path_is_flown_until_a_third_is_ordered_whatever_comes_in_betwee
     assert ends_of(found) == {name: (at.forward, at.right) for name, at in HOME.items()}
 
 
-def test_who_leads_by_an_order_leads_in_it_alone() -> None:
+def test_who_leads_by_an_order_leads_in_it_alone():
     formation = replace(FORMATION, may_lead=("leader", "f1"))
     found = ordered(Order(lead="f1"), formation)
     assert found.lead == "f1"
@@ -159,8 +157,8 @@ def test_who_leads_by_an_order_leads_in_it_alone() -> None:
     ],
 )
 def test_a_path_that_there_is_not_and_a_leader_that_may_not_lead_are_refused(
-    order: Order, may_lead: tuple[str, ...], sentence: str
-) -> None:
+    order, may_lead, sentence
+):
     formation = replace(FORMATION, paths={"main": 5, "survey": 6}, may_lead=may_lead)
     with pytest.raises(RefusedOrderError) as refusal:
         ordered(order, formation)

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from vfguide.formation.shapes import SHAPES, Shape, shape_slots
+from vfguide.formation.shapes import SHAPES, shape_slots
 
 STEP = 20.0 / math.sqrt(2.0)
 
@@ -24,28 +24,24 @@ STEP = 20.0 / math.sqrt(2.0)
         ("finger-four", [(-STEP, -STEP), (-STEP, STEP), (-2 * STEP, 2 * STEP)]),
     ],
 )
-def test_a_shape_puts_three_followers_where_its_name_says(
-    shape: Shape, slots: list[tuple[float, float]]
-) -> None:
+def test_a_shape_puts_three_followers_where_its_name_says(shape, slots):
     for found, expected in zip(shape_slots(shape, 3, 20.0), slots, strict=True):
         assert found == pytest.approx(expected)
 
 
-def test_a_second_four_flies_behind_the_first() -> None:
+def test_a_second_four_flies_behind_the_first():
     # The first four ends two steps back; the next begins a spacing behind that, under the leader.
     assert shape_slots("finger-four", 4, 20.0)[3] == pytest.approx((-20.0 - 2 * STEP, 0.0))
 
 
 @given(st.sampled_from(SHAPES), st.integers(0, 30), st.floats(5.0, 200.0))
-def test_no_two_aircraft_of_a_shape_are_nearer_than_its_spacing(
-    shape: Shape, count: int, spacing: float
-) -> None:
+def test_no_two_aircraft_of_a_shape_are_nearer_than_its_spacing(shape, count, spacing):
     places = [(0.0, 0.0), *shape_slots(shape, count, spacing)]
     assert len(places) == count + 1
     for one, other in combinations(places, 2):
         assert math.dist(one, other) >= spacing * (1.0 - 1e-9)
 
 
-def test_an_unknown_shape_is_refused_with_the_known_ones() -> None:
+def test_an_unknown_shape_is_refused_with_the_known_ones():
     with pytest.raises(ValueError, match="'ring': there are vee, echelon-left"):
         shape_slots("ring", 3, 20.0)  # type: ignore[arg-type]

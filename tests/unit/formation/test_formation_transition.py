@@ -1,7 +1,7 @@
 """Slots move straight, together and smoothly, and keep apart: in layers, or not at all."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from itertools import combinations
 
 import numpy as np
@@ -9,16 +9,9 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from vfguide.formation.arrangement import (
-    PEAK,
-    Arrangement,
-    Point,
-    SlotMove,
-    progress,
-    time_of,
-)
+from vfguide.formation.arrangement import PEAK, Arrangement, Point, SlotMove, progress, time_of
 from vfguide.formation.orders import assigned
-from vfguide.formation.shapes import SHAPES, Shape, shape_slots
+from vfguide.formation.shapes import SHAPES, shape_slots
 from vfguide.formation.transition import (
     LAYER_M,
     LEAST_M,
@@ -59,7 +52,7 @@ def flown_distances(found: Transition, steps: int = 400) -> np.ndarray:
     return np.array([np.linalg.norm(one - other, axis=1) for one, other in combinations(tracks, 2)])
 
 
-def test_a_motion_begins_and_ends_at_rest_and_passes_its_middle_at_half_time() -> None:
+def test_a_motion_begins_and_ends_at_rest_and_passes_its_middle_at_half_time():
     assert progress(0.0, 20.0) == (0.0, 0.0, 0.0)
     assert progress(20.0, 20.0) == (1.0, 0.0, 0.0)
     # Speed rises over 6 s: (20 s - 6 s) at the greatest speed are the whole way.
@@ -69,7 +62,7 @@ def test_a_motion_begins_and_ends_at_rest_and_passes_its_middle_at_half_time() -
 
 
 @given(st.floats(0.0, 30.0))
-def test_rate_and_acceleration_of_a_motion_are_the_derivatives_of_its_share(time_s: float) -> None:
+def test_rate_and_acceleration_of_a_motion_are_the_derivatives_of_its_share(time_s):
     step = 1e-4
     before, after = progress(time_s - step, 30.0), progress(time_s + step, 30.0)
     _, rate, acceleration = progress(time_s, 30.0)
@@ -78,11 +71,11 @@ def test_rate_and_acceleration_of_a_motion_are_the_derivatives_of_its_share(time
 
 
 @given(st.floats(0.0, 1.0))
-def test_the_time_of_a_share_is_when_it_is_reached(share: float) -> None:
+def test_the_time_of_a_share_is_when_it_is_reached(share):
     assert progress(time_of(share, 12.0), 12.0)[0] == pytest.approx(share, abs=1e-9)
 
 
-def test_how_near_two_slots_come_is_exact() -> None:
+def test_how_near_two_slots_come_is_exact():
     # Head on, 10 m aside of each other: nearest in the middle of the way, at half time.
     one = SlotMove(vehicle="f1", begin=Point(-20.0, 0.0), end=Point(-60.0, 0.0))
     other = SlotMove(vehicle="f2", begin=Point(-60.0, 10.0), end=Point(-20.0, 10.0))
@@ -91,7 +84,7 @@ def test_how_near_two_slots_come_is_exact() -> None:
     assert found.time_s == pytest.approx(10.0)
 
 
-def test_a_transition_takes_as_long_as_the_slowest_way() -> None:
+def test_a_transition_takes_as_long_as_the_slowest_way():
     # 40 m ahead at 5 m/s at most, which is 1/0.7 of the mean: 11.4 s.
     found = transition({"f1": Point(-60.0, 0.0)}, {"f1": Point(-20.0, 0.0)}, LIMITS)
     assert found.across_s == pytest.approx(max(40.0 / 5.0 * PEAK, math.sqrt(40 * 8.929)), rel=1e-3)
@@ -110,8 +103,8 @@ def test_a_transition_takes_as_long_as_the_slowest_way() -> None:
     st.floats(12.0, 60.0),
 )
 def test_no_two_come_within_the_limit_between_any_two_shapes(
-    first: Shape, second: Shape, count: int, spacing: float, other_spacing: float
-) -> None:
+    first, second, count, spacing, other_spacing
+):
     begin = points(shape_slots(first, count, spacing))
     offsets = {name: (point.forward, point.right) for name, point in begin.items()}
     places = assigned(offsets, shape_slots(second, count, other_spacing))
@@ -126,9 +119,7 @@ def test_no_two_come_within_the_limit_between_any_two_shapes(
     st.lists(st.tuples(st.floats(-120, 60), st.floats(-90, 90)), min_size=2, max_size=7),
     st.randoms(use_true_random=False),
 )
-def test_an_order_by_name_keeps_the_limit_or_is_refused_in_words(
-    places: list[Offset], random: Callable[..., float]
-) -> None:
+def test_an_order_by_name_keeps_the_limit_or_is_refused_in_words(places, random):
     everybody = [(0.0, 0.0), *places]
     assume(all(math.dist(one, other) > 9.0 for one, other in combinations(everybody, 2)))
     begin = points(places)
@@ -144,9 +135,7 @@ def test_an_order_by_name_keeps_the_limit_or_is_refused_in_words(
 
 
 @given(st.lists(st.tuples(st.floats(-90, 0), st.floats(-90, 90)), min_size=2, max_size=6))
-def test_interchangeable_vehicles_keep_the_least_distance_over_the_root_of_two(
-    places: list[Offset],
-) -> None:
+def test_interchangeable_vehicles_keep_the_least_distance_over_the_root_of_two(places):
     assume(all(math.dist(one, other) > 12.0 for one, other in combinations(places, 2)))
     begin = points(shape_slots("trail", len(places), 12.0))
     offsets = {name: (point.forward, point.right) for name, point in begin.items()}
@@ -158,7 +147,7 @@ def test_interchangeable_vehicles_keep_the_least_distance_over_the_root_of_two(
         assert approach_of(one, other, 0.0, 10.0).distance >= 12.0 / math.sqrt(2.0) - 1e-6
 
 
-def test_two_that_change_places_cross_in_layers() -> None:
+def test_two_that_change_places_cross_in_layers():
     begin = points([(-20.0, -20.0), (-20.0, 20.0)])
     end = {"f1": begin["f2"], "f2": begin["f1"]}
     found = transition(begin, end, LIMITS)
@@ -169,25 +158,25 @@ def test_two_that_change_places_cross_in_layers() -> None:
     assert found.climb_s == pytest.approx(12.0 / 2.0 / 0.7)
 
 
-def test_who_would_meet_the_leader_crosses_above_it() -> None:
+def test_who_would_meet_the_leader_crosses_above_it():
     found = transition({"f1": Point(-20.0, 0.0)}, {"f1": Point(20.0, 0.0)}, LIMITS)
     assert [place.layer for place in found.places] == [LAYER_M]
 
 
-def test_slots_that_are_too_near_are_refused_with_the_pair_and_the_distance() -> None:
+def test_slots_that_are_too_near_are_refused_with_the_pair_and_the_distance():
     begin = points([(-20.0, 0.0), (-40.0, 0.0)])
     with pytest.raises(RefusedOrderError, match=r"slots of f1 and f2 would be 3\.0 m apart"):
         transition(begin, points([(-20.0, 0.0), (-23.0, 0.0)]), LIMITS)
 
 
-def test_what_no_layer_helps_against_is_refused_with_pair_time_and_distance() -> None:
+def test_what_no_layer_helps_against_is_refused_with_pair_time_and_distance():
     # They stand 3 m apart before anybody has climbed.
     begin = points([(-20.0, 0.0), (-23.0, 0.0)])
     with pytest.raises(RefusedOrderError, match=r"f1 and f2 .* within 3\.0 m .* 0 s after"):
         transition(begin, points([(-20.0, 20.0), (-40.0, 0.0)]), LIMITS)
 
 
-def test_no_times_are_looked_for_where_nobody_asks(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_no_times_are_looked_for_where_nobody_asks(monkeypatch):
     # A hundred followers: that took half a second of a companion's loop.
     asked: list[float] = []
 

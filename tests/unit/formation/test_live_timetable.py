@@ -4,12 +4,12 @@ import asyncio
 import threading
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager, suppress
-from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
+from tests.kit.missions import shipped
 from vfguide.errors import InputError, VfguideError
 from vfguide.formation.arrangement import Arrangement
 from vfguide.formation.orders import Order
@@ -23,10 +23,8 @@ from vfguide.link.codec import LeaderMessage, encode
 from vfguide.link.envelope import Kind
 from vfguide.link.opening import WatchedFormation
 from vfguide.link.order_codec import Reply, Verdict, check_of, decode_order, encode_reply
-from vfguide.mission import load_mission
 from vfguide.mission.order_plan import formation_of_mission, resolve
 
-MISSIONS = Path(__file__).parents[3] / "missions"
 WATCHED = WatchedFormation(addresses=(), formation="any", leader="leader", roster=None)
 VEHICLES = ("leader", "f1", "f2", "f3")
 AHEAD_S = 1000.0
@@ -61,7 +59,7 @@ class Flight:
     connected = True
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch, *, rehearsal_s: float = 5.0) -> None:
-        self.mission = load_mission(MISSIONS / "shapes.yaml")
+        self.mission = shipped("shapes")
         self.now = 0.0
         self.rehearsal_s = rehearsal_s
         self.refused: set[int] = set()
@@ -171,9 +169,7 @@ def flight(monkeypatch: pytest.MonkeyPatch) -> Flight:
     return Flight(monkeypatch)
 
 
-def test_each_order_is_rehearsed_20_s_before_it_is_given_6_s_before_its_time(
-    flight: Flight,
-) -> None:
+def test_each_order_is_rehearsed_20_s_before_it_is_given_6_s_before_its_time(flight):
     flight.refused = {2}
     flight.fly()
     # A second goes by until all are heard, and half a second until the order that is flown is known.
@@ -187,7 +183,7 @@ def test_each_order_is_rehearsed_20_s_before_it_is_given_6_s_before_its_time(
     assert not any("left" in line for line in flight.said)
 
 
-def test_an_order_is_late_where_its_rehearsal_takes_longer(flight: Flight) -> None:
+def test_an_order_is_late_where_its_rehearsal_takes_longer(flight):
     flight.rehearsal_s = 30.0
     flight.fly(until_s=90.0)
     assert flight.given[0] == (65, 71)
@@ -195,8 +191,8 @@ def test_an_order_is_late_where_its_rehearsal_takes_longer(flight: Flight) -> No
 
 @pytest.mark.parametrize("error", [ValueError("too long"), RuntimeError("anything")])
 def test_an_error_that_nobody_has_foreseen_costs_one_order_and_not_the_flight(
-    flight: Flight, monkeypatch: pytest.MonkeyPatch, error: Exception
-) -> None:
+    flight, monkeypatch, error
+):
     encode_order, failed = ordering.encode_order, []
 
     def encode_once(order: Arrangement) -> bytes:
@@ -213,9 +209,7 @@ def test_an_error_that_nobody_has_foreseen_costs_one_order_and_not_the_flight(
     assert lines[0].endswith(f": {error}")
 
 
-def test_a_link_that_is_gone_for_a_while_costs_no_order_that_it_is_back_for(
-    flight: Flight,
-) -> None:
+def test_a_link_that_is_gone_for_a_while_costs_no_order_that_it_is_back_for(flight):
     # At the end of the first order, and from before the fourth is opened until after its time.
     flight.down = lambda: 66.0 < flight.now < 100.0 or 190.0 < flight.now < 245.0
     flight.fly()
@@ -223,16 +217,14 @@ def test_a_link_that_is_gone_for_a_while_costs_no_order_that_it_is_back_for(
     assert "orders[3], at 240 s: not given: no link" in flight.said
 
 
-def test_an_order_that_was_given_is_not_given_again_where_the_link_is_lost_after_it(
-    flight: Flight,
-) -> None:
+def test_an_order_that_was_given_is_not_given_again_where_the_link_is_lost_after_it(flight):
     flight.fails_at_close = True
     flight.fly(until_s=110.0)
     assert [begun_s for _, begun_s in flight.given] == [60]
     assert "orders[0], at 60 s: given, and its end not heard: the link was lost" in flight.said
 
 
-def test_after_a_late_order_the_next_one_is_late_too_and_not_refused(flight: Flight) -> None:
+def test_after_a_late_order_the_next_one_is_late_too_and_not_refused(flight):
     def take_longer(count: int) -> None:
         flight.now += 60.0 if count == 0 else 0.0
 
@@ -247,9 +239,7 @@ def test_after_a_late_order_the_next_one_is_late_too_and_not_refused(flight: Fli
     assert flight.flown == second
 
 
-def test_where_another_operator_orders_meanwhile_the_order_is_rehearsed_once_more_and_given(
-    flight: Flight,
-) -> None:
+def test_where_another_operator_orders_meanwhile_the_order_is_rehearsed_once_more_and_given(flight):
     def order_otherwise(count: int) -> None:
         if count == 0:
             flight.order_by_another()
@@ -262,7 +252,7 @@ def test_where_another_operator_orders_meanwhile_the_order_is_rehearsed_once_mor
     assert any("has been given meanwhile: rehearsing again" in line for line in flight.said)
 
 
-def test_who_does_not_answer_is_named(flight: Flight) -> None:
+def test_who_does_not_answer_is_named(flight):
     flight.silent = {"f2"}
     flight.fly(until_s=90.0)
     number = flight.orders[0].number
@@ -270,7 +260,7 @@ def test_who_does_not_answer_is_named(flight: Flight) -> None:
     assert f"orders[0], at 60 s: order {number}: NOT flown by all" in flight.said
 
 
-def test_orders_that_are_left_at_the_end_of_the_flight_are_named(flight: Flight) -> None:
+def test_orders_that_are_left_at_the_end_of_the_flight_are_named(flight):
     flight.fly(until_s=250.0)
     assert [line for line in flight.said if "left" in line] == [
         f"orders[{index}], at {at_s} s: left, the flight has ended"
@@ -278,8 +268,8 @@ def test_orders_that_are_left_at_the_end_of_the_flight_are_named(flight: Flight)
     ]
 
 
-async def test_a_cancelled_rehearsal_ends_in_its_thread(monkeypatch: pytest.MonkeyPatch) -> None:
-    mission = load_mission(MISSIONS / "shapes.yaml")
+async def test_a_cancelled_rehearsal_ends_in_its_thread(monkeypatch):
+    mission = shipped("shapes")
     begun, ended = threading.Event(), threading.Event()
 
     def fly(*_: object, stop: Callable[[], bool], **__: object) -> None:
@@ -302,8 +292,8 @@ async def test_a_cancelled_rehearsal_ends_in_its_thread(monkeypatch: pytest.Monk
     assert await asyncio.to_thread(ended.wait, 5.0)
 
 
-def test_a_rehearsal_looks_at_its_stop_flag() -> None:
-    mission = load_mission(MISSIONS / "shapes.yaml")
+def test_a_rehearsal_looks_at_its_stop_flag():
+    mission = shipped("shapes")
     present = formation_of_mission(mission)
     order, _ = resolve(mission, Order(shape="trail"), present, number=1, time_s=8.0)
     looks = iter((False, False, True))
@@ -311,9 +301,9 @@ def test_a_rehearsal_looks_at_its_stop_flag() -> None:
         rehearsed(mission, present, order, stop=lambda: next(looks))
 
 
-def test_orders_have_no_time_table_where_time_runs_faster() -> None:
+def test_orders_have_no_time_table_where_time_runs_faster():
     from vfguide.commands.fly_live import check_live
 
-    check_live(load_mission(MISSIONS / "shapes.yaml"))
+    check_live(shipped("shapes"))
     with pytest.raises(InputError, match="leave --speedup out"):
-        check_live(load_mission(MISSIONS / "shapes.yaml"), speedup=4.0)
+        check_live(shipped("shapes"), speedup=4.0)

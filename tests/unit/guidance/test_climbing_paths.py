@@ -2,7 +2,6 @@
 
 import math
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -35,22 +34,22 @@ HELIX = Helix(circle=Circle(north=0.0, east=0.0, radius=150.0, direction=1), cli
         (5000.0, 60.0, 0.0),
     ],
 )
-def test_a_climb_is_eased_at_both_ends(progress: float, height: float, slope: float) -> None:
+def test_a_climb_is_eased_at_both_ends(progress, height, slope):
     assert RISE.at(progress) == (pytest.approx(height), pytest.approx(slope))
 
 
-def test_a_descent_is_a_climb_upside_down() -> None:
+def test_a_descent_is_a_climb_upside_down():
     descent = Climb(slope=-0.1, end=-60.0)
     for progress in (0.0, 50.0, 350.0, 700.0):
         height, slope = RISE.at(progress)
         assert descent.at(progress) == (pytest.approx(-height), pytest.approx(-slope))
 
 
-def test_a_climb_without_an_end_goes_on() -> None:
+def test_a_climb_without_an_end_goes_on():
     assert Climb(slope=0.1, end=math.inf).at(10_050.0) == (pytest.approx(1000.0), 0.1)
 
 
-def test_a_short_climb_is_eased_all_the_way() -> None:
+def test_a_short_climb_is_eased_all_the_way():
     # 20 m of way at the slope: eased over 20 m each, 40 m in all.
     short = Climb(slope=0.1, end=2.0)
     assert short.at(20.0) == (pytest.approx(1.0), pytest.approx(0.1))
@@ -59,7 +58,7 @@ def test_a_short_climb_is_eased_all_the_way() -> None:
 
 @settings(deadline=None)
 @given(st.floats(0.0, 5000.0), st.floats(-40.0, 40.0))
-def test_the_height_tells_which_turn_of_a_helix_is_flown(progress: float, off: float) -> None:
+def test_the_height_tells_which_turn_of_a_helix_is_flown(progress, off):
     # A turn is 94 m high.
     high = replace(HELIX, climb=Climb(slope=0.1, end=600.0))
     place = high.at(progress)
@@ -68,14 +67,14 @@ def test_the_height_tells_which_turn_of_a_helix_is_flown(progress: float, off: f
     assert (point.height, point.slope) == (pytest.approx(place.height), pytest.approx(place.slope))
 
 
-def test_a_vehicle_above_the_climb_goes_round_level() -> None:
+def test_a_vehicle_above_the_climb_goes_round_level():
     for progress in np.linspace(0.0, 942.0, 50):
         place = HELIX.at(float(progress))
         point = HELIX.nearest_in_space(place.north, place.east, place.course, 60.5)
         assert (point.height, point.slope) == (pytest.approx(60.0), pytest.approx(0.0, abs=1e-9))
 
 
-def test_a_vehicle_at_the_flying_height_begins_with_the_first_turn() -> None:
+def test_a_vehicle_at_the_flying_height_begins_with_the_first_turn():
     place = HELIX.at(200.0)
     point = HELIX.nearest_in_space(place.north, place.east, place.course, 0.0)
     assert point.progress == pytest.approx(200.0)
@@ -94,7 +93,7 @@ def test_a_vehicle_at_the_flying_height_begins_with_the_first_turn() -> None:
         {"type": "helix", "radius_m": 100.0, "climb_deg": 40.0, "end_height_m": 10.0},
     ],
 )
-def test_a_climb_that_does_not_lead_to_its_end_is_refused(fields: dict[str, Any]) -> None:
+def test_a_climb_that_does_not_lead_to_its_end_is_refused(fields):
     fields = {**fields, "centre": {"north_m": 0.0, "east_m": 0.0}}
     if fields["type"] == "line":
         del fields["centre"]
@@ -102,7 +101,7 @@ def test_a_climb_that_does_not_lead_to_its_end_is_refused(fields: dict[str, Any]
         shape_of(fields)
 
 
-def test_a_line_climbs_from_its_point_on() -> None:
+def test_a_line_climbs_from_its_point_on():
     path = path_of(
         shape_of({"type": "line", "course_deg": 0.0, "climb_deg": 45.0 / 2.0, "end_height_m": 90.0})
     )

@@ -35,7 +35,7 @@ def flown(
     return airspeeds, asked
 
 
-def test_half_of_what_is_asked_for_comes_at_once_so_twice_as_much_is_asked_for() -> None:
+def test_half_of_what_is_asked_for_comes_at_once_so_twice_as_much_is_asked_for():
     airspeeds, asked = flown([16.0] * 400, slowest=5.0, fastest=40.0)
     assert asked[0] == pytest.approx(17.0)
     assert airspeeds == pytest.approx([16.0] * 400)
@@ -44,9 +44,7 @@ def test_half_of_what_is_asked_for_comes_at_once_so_twice_as_much_is_asked_for()
 
 
 @given(st.lists(st.floats(8.0, 22.0), min_size=1, max_size=60))
-def test_nothing_is_asked_for_beyond_the_limits_and_what_they_leave_is_flown(
-    wanted: list[float],
-) -> None:
+def test_nothing_is_asked_for_beyond_the_limits_and_what_they_leave_is_flown(wanted):
     airspeeds, asked = flown(wanted, slowest=11.0, fastest=19.0)
     for one, airspeed, setpoint in zip(wanted, airspeeds, asked, strict=True):
         assert 11.0 <= setpoint <= 19.0
@@ -54,7 +52,7 @@ def test_nothing_is_asked_for_beyond_the_limits_and_what_they_leave_is_flown(
             assert airspeed == pytest.approx(one)
 
 
-def test_after_another_has_flown_it_the_airspeed_of_then_counts() -> None:
+def test_after_another_has_flown_it_the_airspeed_of_then_counts():
     speed = CreepingSpeed(HOLD)
     limits = {"slowest": 5.0, "fastest": 40.0}
     assert speed.asked_for(16.0, 15.0, 0.0, **limits) == pytest.approx(17.0)
@@ -62,7 +60,7 @@ def test_after_another_has_flown_it_the_airspeed_of_then_counts() -> None:
     assert speed.asked_for(16.0, 16.0, 50.0, **limits) == pytest.approx(16.0)
 
 
-def test_a_gap_brings_the_trim_to_what_was_asked_for_and_not_beyond() -> None:
+def test_a_gap_brings_the_trim_to_what_was_asked_for_and_not_beyond():
     speed = CreepingSpeed(HOLD)
     limits = {"slowest": 5.0, "fastest": 40.0}
     assert speed.asked_for(16.0, 15.0, 0.0, **limits) == pytest.approx(17.0)

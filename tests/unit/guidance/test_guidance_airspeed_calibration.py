@@ -29,24 +29,24 @@ def flown(
 
 
 @pytest.mark.parametrize("scale", [0.95, 1.0, 1.05, 1.1])
-def test_after_two_circles_scale_and_wind_are_known(scale: float) -> None:
+def test_after_two_circles_scale_and_wind_are_known(scale):
     known = flown(scale=scale, turn_rate=0.13, seconds=96.0, noise=0.2)
     assert known.scale == pytest.approx(scale, abs=0.01)
     assert known.estimate[1:3] == pytest.approx((4.0, -3.0), abs=0.3)
     assert known.deviation < 0.01
 
 
-def test_on_a_straight_flight_a_wrong_scale_may_be_a_wind() -> None:
+def test_on_a_straight_flight_a_wrong_scale_may_be_a_wind():
     known = flown(scale=1.05, turn_rate=0.0, seconds=120.0)
     assert known.scale == pytest.approx(1.0, abs=0.01)
     assert known.deviation > 0.04
 
 
-def test_while_the_wind_changes_nothing_is_believed() -> None:
+def test_while_the_wind_changes_nothing_is_believed():
     known = flown(scale=1.05, turn_rate=0.13, seconds=96.0, wind_rate=1.5)
     assert known.deviation > 0.02
 
 
-def test_what_cannot_be_is_not_used() -> None:
+def test_what_cannot_be_is_not_used():
     assert flown(scale=3.0, turn_rate=0.13, seconds=200.0).scale == 1.25
     assert flown(scale=0.1, turn_rate=0.13, seconds=200.0).scale == 0.85

@@ -1,7 +1,6 @@
 """The laws on arrays are the laws on floats, and both stay finite wherever a vehicle may be."""
 
 import math
-from collections.abc import Callable
 from itertools import product
 from typing import Any, TypeVar
 
@@ -12,12 +11,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from msgspec.structs import replace
 
-from tests.unit.guidance.following import follower_step
+from tests.kit.following import follower_step
+from tests.kit.states import choices
 from vfguide.guidance.formation import Slot, SlotLimits
 from vfguide.guidance.leader_motion import MotionEstimate, estimated_motion
 from vfguide.guidance.navigation import FilterTimes, Sample, first_state, navigate, navigate_blind
 from vfguide.guidance.path import Path
-from vfguide.guidance.settings import GuidanceSettings, PathGains
+from vfguide.guidance.settings import PathGains
 from vfguide.laws.keeper import FollowerGuidance
 from vfguide.laws.leader import LeaderGuidance, LeaderTask, PathField, leader_step
 from vfguide.mission.quantity import Section
@@ -27,7 +27,6 @@ from vfguide.paths.racetrack import Racetrack
 from vfguide.state import Airframe, LeaderState, VehicleState
 
 REPEATABLE = settings(deadline=None, derandomize=True, database=None, max_examples=150)
-Choices = Callable[..., GuidanceSettings]
 Record = TypeVar("Record", bound=msgspec.Struct)
 COUNT, PERIOD = 120, 0.05
 PATHS: list[Path] = [
@@ -109,9 +108,7 @@ def random_leaders(states: VehicleState[Any], seed: int) -> LeaderState[Any]:
     ("airframe", "law", "switch"),
     list(product(AIRFRAMES, ["slot", "article", "pid"], [True, False])),
 )
-def test_followers_in_a_batch_are_followers_alone(
-    choices: Choices, airframe: Airframe, law: str, *, switch: bool
-) -> None:
+def test_followers_in_a_batch_are_followers_alone(airframe, law, switch):
     random = np.random.default_rng(3)
     states = random_states(1)
     leaders = random_leaders(states, 2)
@@ -139,9 +136,7 @@ def test_followers_in_a_batch_are_followers_alone(
     ("path", "airframe", "source", "switch"),
     list(product(PATHS, AIRFRAMES, ["measured", "observer"], [True, False])),
 )
-def test_leaders_in_a_batch_are_leaders_alone(
-    choices: Choices, path: Path, airframe: Airframe, source: str, *, switch: bool
-) -> None:
+def test_leaders_in_a_batch_are_leaders_alone(path, airframe, source, switch):
     states = random_states(4)
     task = LeaderTask(path=path, path_gains=GAINS, airspeed=20.0, followers=FOLLOWERS)
     chosen = choices(speed_source=source, give_way=switch, wind_feedforward=switch)
@@ -160,9 +155,7 @@ def test_leaders_in_a_batch_are_leaders_alone(
 
 
 @pytest.mark.parametrize("step", [navigate, navigate_blind])
-def test_navigation_and_leader_motion_in_a_batch_are_those_alone(
-    step: Callable[..., VehicleState[Any]],
-) -> None:
+def test_navigation_and_leader_motion_in_a_batch_are_those_alone(step):
     random, times = np.random.default_rng(6), FilterTimes(position_s=2.0, wind_s=0.2)
 
     def sample(time: float) -> Sample[Any]:
@@ -246,14 +239,7 @@ def all_finite(guidance: FollowerGuidance[float] | LeaderGuidance[float]) -> boo
     slot=st.builds(Slot, forward=st.floats(-1e4, 1e4), right=st.floats(-1e4, 1e4)),
     law=st.sampled_from(["slot", "article", "pid"]),
 )
-def test_wherever_a_follower_is_its_guidance_is_finite(
-    choices: Choices,
-    *,
-    state: VehicleState[float],
-    leader: LeaderState[float],
-    slot: Slot[float],
-    law: str,
-) -> None:
+def test_wherever_a_follower_is_its_guidance_is_finite(state, leader, slot, law):
     for airframe in AIRFRAMES:
         guidance = follower_step(state, leader, slot, choices(), airframe, period=PERIOD, law=law)
         assert all_finite(guidance)
@@ -263,9 +249,7 @@ def test_wherever_a_follower_is_its_guidance_is_finite(
 @given(
     state=anywhere(), path=st.sampled_from(PATHS), source=st.sampled_from(["measured", "observer"])
 )
-def test_wherever_a_leader_is_its_guidance_is_finite(
-    choices: Choices, *, state: VehicleState[float], path: Path, source: str
-) -> None:
+def test_wherever_a_leader_is_its_guidance_is_finite(state, path, source):
     task = LeaderTask(path=path, path_gains=GAINS, airspeed=20.0, followers=FOLLOWERS)
     for airframe in AIRFRAMES:
         guidance = leader_step(

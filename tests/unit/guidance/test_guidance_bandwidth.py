@@ -34,18 +34,18 @@ def margins(gain: float, strength: float, delay: float) -> tuple[float, float]:
     return 180.0 + phase, -20.0 * math.log10(strength * gain / turnover)
 
 
-def test_without_doubt_and_delay_the_loop_takes_a_quarter_of_pi_of_its_period() -> None:
+def test_without_doubt_and_delay_the_loop_takes_a_quarter_of_pi_of_its_period():
     # pi / 4 / (1.1 * 0.05 s).
     assert bearable(0.0, DECLARED, **QUICKEST) == pytest.approx(14.28, abs=0.01)
 
 
-def test_a_delay_that_is_predicted_counts_by_a_fifth() -> None:
+def test_a_delay_that_is_predicted_counts_by_a_fifth():
     # 0.05 + 0.2 * 0.5 = 0.15 s instead of 0.05.
     fastest = bearable(0.0, DECLARED, **QUICKEST)
     assert bearable(0.5, DECLARED, **QUICKEST) == pytest.approx(fastest / 3.0)
 
 
-def test_what_is_known_less_well_is_flown_more_slowly() -> None:
+def test_what_is_known_less_well_is_flown_more_slowly():
     known = [bearable(0.3, one, **QUICKEST) for one in (DECLARED, TOLD, UNKNOWN)]
     assert known == sorted(known, reverse=True)
     # pi / 4 / (3 * (0.05 + 0.06 + 0.4)).
@@ -60,8 +60,8 @@ def test_what_is_known_less_well_is_flown_more_slowly() -> None:
     lateness=st.floats(0.0, 1.0),
 )
 def test_every_response_that_may_be_leaves_45_degrees_and_6_db(
-    spread: float, late: float, delay: float, strength: float, lateness: float
-) -> None:
+    spread, late, delay, strength, lateness
+):
     gain = bearable(delay, HoldCertainty(spread=spread, late=late), **QUICKEST)
     # Any response of the set: strength from 1 / spread to spread, delay from none to the greatest.
     possible = spread ** (2.0 * strength - 1.0)
@@ -70,20 +70,20 @@ def test_every_response_that_may_be_leaves_45_degrees_and_6_db(
     assert decibels >= 6.0
 
 
-def test_sharpness_1_just_keeps_the_margins_and_half_of_it_is_the_usual_loop() -> None:
+def test_sharpness_1_just_keeps_the_margins_and_half_of_it_is_the_usual_loop():
     assert factor_of(1.0) == pytest.approx(4.0 / math.pi)
     assert factor_of(0.5) == pytest.approx(3.5)
     assert factor_of(0.0) == pytest.approx(3.5**2 * math.pi / 4.0)
 
 
-def test_a_vehicle_that_slips_is_turned_no_faster_than_its_yaw_bears() -> None:
+def test_a_vehicle_that_slips_is_turned_no_faster_than_its_yaw_bears():
     options = {"period": PERIOD, "loop_delay": 0.0, "factor": 3.5}
     late = Airframe(course_lag=0.3)
     assert bandwidth_of(late, AS_DECLARED, slips=True, **options).course == pytest.approx(0.45)
     assert bandwidth_of(late, AS_DECLARED, slips=False, **options).course > 1.0
 
 
-def test_a_total_energy_hold_is_led_at_a_third_of_its_own_pace() -> None:
+def test_a_total_energy_hold_is_led_at_a_third_of_its_own_pace():
     options = {"slips": False, "period": PERIOD, "loop_delay": 0.0, "factor": 3.5}
     slow = Airframe(beta=0.6, speed_hold="total-energy")
     assert bandwidth_of(slow, AS_DECLARED, **options).energy_field == pytest.approx(0.2)
@@ -92,7 +92,7 @@ def test_a_total_energy_hold_is_led_at_a_third_of_its_own_pace() -> None:
     assert bandwidth_of(slow, doubted, **options).energy_field == pytest.approx(0.1)
 
 
-def test_softness_slows_the_loop_that_is_flown_not_the_one_that_could_be() -> None:
+def test_softness_slows_the_loop_that_is_flown_not_the_one_that_could_be():
     # The loop has 1 / (3.5 * 0.05) = 5.7 1/s, whatever more the aircraft bears.
     soft = bandwidth_of(
         Airframe(),

@@ -3,84 +3,65 @@
 import math
 from collections.abc import Callable
 from itertools import pairwise
-from typing import Protocol
 
 import pytest
 from msgspec.structs import replace
 
-from tests.unit.guidance.following import follower_step
+from tests.kit.following import follower_step
+from tests.kit.states import Plant, choices, leader_at, vehicle_at
 from vfguide.guidance.formation import Slot, slot_motion
 from vfguide.guidance.settings import GuidanceSettings
 from vfguide.laws.field import SlotField, SlotGains
 from vfguide.laws.keeper import SlotKeeper
-from vfguide.state import Airframe, LeaderState, VehicleState
+from vfguide.state import Airframe, LeaderState
 
-Leaders = Callable[..., LeaderState[float]]
-Vehicles = Callable[..., VehicleState[float]]
-Choices = Callable[..., GuidanceSettings]
 COURSE_HOLD = Airframe(hold="course-hold")
 PERIOD = 0.05
 BEHIND = Slot(forward=-20.0, right=0.0)
 
 
-class Plant(Protocol):
-    """A vehicle with first-order holds."""
-
-    north: float
-    east: float
-    course: float
-    speed: float
-
-    def fly(self, course: float, speed: float, period: float) -> None: ...
-
-
-@pytest.fixture
-def fly_behind(vehicle: Vehicles, plant: Callable[..., Plant]) -> Callable[..., float]:
+def fly_behind(
+    motion: Callable[[float], LeaderState[float]],
+    slot: Slot[float],
+    settings: GuidanceSettings,
+    *,
+    period: float = 0.02,
+    law: str = "slot",
+) -> float:
     """Mean distance (m) from a slot over the last 20 s of 60 s behind a moving leader."""
-
-    def fly(
-        motion: Callable[[float], LeaderState[float]],
-        slot: Slot[float],
-        settings: GuidanceSettings,
-        *,
-        period: float = 0.02,
-        law: str = "slot",
-    ) -> float:
-        start = slot_motion(motion(0.0), slot)
-        flyer = plant(north=start.north - 10.0, east=start.east - 10.0, course=start.course)
-        errors = []
-        for step in range(round(60.0 / period)):
-            time = step * period
-            state = vehicle(flyer.north, flyer.east, flyer.course, flyer.speed, time_s=time)
-            ahead = motion(time)
-            guidance = follower_step(
-                state, ahead, slot, settings, COURSE_HOLD, period=period, law=law
-            )
-            flyer.fly(guidance.setpoint.course, guidance.setpoint.speed, period)
-            if time > 40.0:
-                place = slot_motion(ahead, slot)
-                errors.append(math.hypot(place.north - state.north, place.east - state.east))
-        return sum(errors) / len(errors)
-
-    return fly
+    start = slot_motion(motion(0.0), slot)
+    flyer = Plant(north=start.north - 10.0, east=start.east - 10.0, course=start.course)
+    errors = []
+    for step in range(round(60.0 / period)):
+        time = step * period
+        state = vehicle_at(flyer.north, flyer.east, flyer.course, flyer.speed, time_s=time)
+        ahead = motion(time)
+        guidance = follower_step(state, ahead, slot, settings, COURSE_HOLD, period=period, law=law)
+        flyer.fly(guidance.setpoint.course, guidance.setpoint.speed, period)
+        if time > 40.0:
+            place = slot_motion(ahead, slot)
+            errors.append(math.hypot(place.north - state.north, place.east - state.east))
+    return sum(errors) / len(errors)
 
 
-def test_in_the_slot_a_follower_flies_as_the_leader(
-    leader: Leaders, vehicle: Vehicles, choices: Choices
-) -> None:
+def test_in_the_slot_a_follower_flies_as_the_leader():
     guidance = follower_step(
-        vehicle(-20.0, 0.0), leader(), BEHIND, choices(), COURSE_HOLD, period=PERIOD
+        vehicle_at(-20.0, 0.0), leader_at(), BEHIND, choices(), COURSE_HOLD, period=PERIOD
     )
     assert (guidance.setpoint.course, guidance.setpoint.speed) == (0.0, 20.0)
     assert not guidance.setpoint.limited
     assert guidance.lyapunov == 0.0
 
 
-def test_a_little_behind_a_follower_speeds_up(
-    leader: Leaders, vehicle: Vehicles, choices: Choices
-) -> None:
+def test_a_little_behind_a_follower_speeds_up():
     guidance = follower_step(
-        vehicle(-20.1, 0.0), leader(), BEHIND, choices(), COURSE_HOLD, period=PERIOD, integral_s=0.0
+        vehicle_at(-20.1, 0.0),
+        leader_at(),
+        BEHIND,
+        choices(),
+        COURSE_HOLD,
+        period=PERIOD,
+        integral_s=0.0,
     )
     # V_inf (2/pi) atan(0.2 . 0.1) = 0.101846 m/s; layer 0.525: 3 . 0.101846/0.525 + 0.1/50 = 0.58398 m/s²,
     # and a lead of 1/0.8 + 0.05/2 = 1.275 s
@@ -91,24 +72,20 @@ def test_a_little_behind_a_follower_speeds_up(
     assert guidance.lyapunov == pytest.approx(0.26433, abs=1e-4)
 
 
-def test_a_follower_that_closes_in_eases_off_as_the_field_does(
-    leader: Leaders, vehicle: Vehicles, choices: Choices
-) -> None:
-    closing = vehicle(-20.5, 0.0, ground_speed=20.2)
+def test_a_follower_that_closes_in_eases_off_as_the_field_does():
+    closing = vehicle_at(-20.5, 0.0, ground_speed=20.2)
     guidance = follower_step(
-        closing, leader(), BEHIND, choices(), COURSE_HOLD, period=PERIOD, integral_s=0.0
+        closing, leader_at(), BEHIND, choices(), COURSE_HOLD, period=PERIOD, integral_s=0.0
     )
     # V~ = 0.2 - 5.09296 atan(0.1) = -0.307608; the field falls by 5.09296 . 0.2/1.01 . 0.2 = 0.20170 m/s²
     # 3 . 0.307608/0.525 + 0.5/50 - 0.20170 = 1.56606 m/s²
     assert guidance.setpoint.speed == pytest.approx(20.2 + 1.56606 * 1.275, abs=1e-4)
 
 
-def test_the_leaders_acceleration_is_fed_forward(
-    leader: Leaders, vehicle: Vehicles, choices: Choices
-) -> None:
+def test_the_leaders_acceleration_is_fed_forward():
     guidance = follower_step(
-        vehicle(-20.0, 0.0),
-        leader(acceleration=0.4),
+        vehicle_at(-20.0, 0.0),
+        leader_at(acceleration=0.4),
         BEHIND,
         choices(),
         COURSE_HOLD,
@@ -118,23 +95,19 @@ def test_the_leaders_acceleration_is_fed_forward(
     assert guidance.setpoint.speed == pytest.approx(20.51)
 
 
-def test_far_behind_it_takes_all_the_acceleration_there_is(
-    leader: Leaders, vehicle: Vehicles, choices: Choices
-) -> None:
+def test_far_behind_it_takes_all_the_acceleration_there_is():
     guidance = follower_step(
-        vehicle(-30.0, 0.0), leader(), BEHIND, choices(), COURSE_HOLD, period=PERIOD
+        vehicle_at(-30.0, 0.0), leader_at(), BEHIND, choices(), COURSE_HOLD, period=PERIOD
     )
     # 10/50 + 3 m/s² is asked for, 3 m/s² allowed: 20 + 3 . 1.275
     assert guidance.setpoint.speed == pytest.approx(23.825)
     assert guidance.setpoint.limited
 
 
-def test_left_of_its_slot_a_follower_turns_right(
-    leader: Leaders, vehicle: Vehicles, choices: Choices
-) -> None:
+def test_left_of_its_slot_a_follower_turns_right():
     guidance = follower_step(
-        vehicle(-20.0, -0.5),
-        leader(),
+        vehicle_at(-20.0, -0.5),
+        leader_at(),
         BEHIND,
         choices(),
         COURSE_HOLD,
@@ -147,13 +120,11 @@ def test_left_of_its_slot_a_follower_turns_right(
 
 
 @pytest.mark.parametrize(("predicts", "along"), [(True, 0.0), (False, -2.0)])
-def test_a_leader_state_of_100_ms_costs_two_metres_unless_it_is_carried_on(
-    leader: Leaders, vehicle: Vehicles, choices: Choices, *, predicts: bool, along: float
-) -> None:
+def test_a_leader_state_of_100_ms_costs_two_metres_unless_it_is_carried_on(predicts, along):
     # the leader was at the origin 0.1 s ago, so that now the slot is at -20 + 2 m
     guidance = follower_step(
-        vehicle(-18.0, 0.0, time_s=0.1),
-        leader(),
+        vehicle_at(-18.0, 0.0, time_s=0.1),
+        leader_at(),
         BEHIND,
         choices(predict_leader=predicts),
         COURSE_HOLD,
@@ -162,10 +133,10 @@ def test_a_leader_state_of_100_ms_costs_two_metres_unless_it_is_carried_on(
     assert guidance.error.along_track == pytest.approx(along, abs=1e-9)
 
 
-def circling(leader: Leaders, time: float) -> LeaderState[float]:
+def circling(time: float) -> LeaderState[float]:
     """A leader on a circle of 150 m about the origin, clockwise at 20 m/s."""
     bearing = 20.0 / 150.0 * time
-    return leader(
+    return leader_at(
         time_s=time,
         north=150.0 * math.cos(bearing),
         east=150.0 * math.sin(bearing),
@@ -178,14 +149,8 @@ def circling(leader: Leaders, time: float) -> LeaderState[float]:
     ("law", "mean_error", "accuracy"), [("article", 3.14, 0.1), ("slot", 0.0, 0.01)]
 )
 def test_on_a_turn_the_articles_field_is_three_metres_off_and_the_slots_is_not(
-    leader: Leaders,
-    fly_behind: Callable[..., float],
-    choices: Choices,
-    *,
-    law: str,
-    mean_error: float,
-    accuracy: float,
-) -> None:
+    law, mean_error, accuracy
+):
     # The article's field rests where its correction is the slot's motion relative to the leader's: 40 m
     # behind at 0.1333 rad/s, 5.3 m/s sideways. Solved for the three slots: 3.23, 3.22 and 2.98 m.
     settings = choices()
@@ -196,17 +161,13 @@ def test_on_a_turn_the_articles_field_is_three_metres_off_and_the_slots_is_not(
         Slot(forward=-20.0, right=20.0),
         Slot(forward=-40.0, right=0.0),
     ]
-    errors = [
-        fly_behind(lambda time: circling(leader, time), slot, thin, law=law) for slot in slots
-    ]
+    errors = [fly_behind(circling, slot, thin, law=law) for slot in slots]
     assert sum(errors) / 3.0 == pytest.approx(mean_error, abs=accuracy)
 
 
-def test_with_the_usual_layer_and_period_a_slot_is_held_to_centimetres_on_a_turn(
-    leader: Leaders, fly_behind: Callable[..., float], choices: Choices
-) -> None:
+def test_with_the_usual_layer_and_period_a_slot_is_held_to_centimetres_on_a_turn():
     error = fly_behind(
-        lambda time: circling(leader, time),
+        circling,
         Slot(forward=-40.0, right=0.0),
         choices(),
         period=PERIOD,
@@ -215,14 +176,12 @@ def test_with_the_usual_layer_and_period_a_slot_is_held_to_centimetres_on_a_turn
 
 
 @pytest.mark.parametrize("side", [-1.0, 1.0])
-def test_from_beside_and_behind_a_follower_closes_up_within_the_bound(
-    leader: Leaders, vehicle: Vehicles, choices: Choices, plant: Callable[..., Plant], side: float
-) -> None:
-    flyer = plant(north=-90.0, east=60.0 * side, course=0.8, speed=16.0)
+def test_from_beside_and_behind_a_follower_closes_up_within_the_bound(side):
+    flyer = Plant(north=-90.0, east=60.0 * side, course=0.8, speed=16.0)
     values = []
     for step in range(1200):
-        state = vehicle(flyer.north, flyer.east, flyer.course, flyer.speed, time_s=step * PERIOD)
-        ahead = leader(time_s=step * PERIOD, north=20.0 * step * PERIOD)
+        state = vehicle_at(flyer.north, flyer.east, flyer.course, flyer.speed, time_s=step * PERIOD)
+        ahead = leader_at(time_s=step * PERIOD, north=20.0 * step * PERIOD)
         guidance = follower_step(state, ahead, BEHIND, choices(), COURSE_HOLD, period=PERIOD)
         flyer.fly(guidance.setpoint.course, guidance.setpoint.speed, PERIOD)
         values.append(guidance.lyapunov)
@@ -232,54 +191,46 @@ def test_from_beside_and_behind_a_follower_closes_up_within_the_bound(
     assert values[-1] < 1e-4
 
 
-def test_the_field_turns_the_short_way_round_through_south(
-    leader: Leaders, vehicle: Vehicles, choices: Choices
-) -> None:
+def test_the_field_turns_the_short_way_round_through_south():
     # the leader flies at 179 degrees, the follower at -179: 2 degrees too far right
-    ahead = leader(course=math.radians(179.0))
+    ahead = leader_at(course=math.radians(179.0))
     slot = Slot(forward=0.0, right=0.0)
-    state = vehicle(0.0, 0.0, math.radians(-179.0))
+    state = vehicle_at(0.0, 0.0, math.radians(-179.0))
     guidance = follower_step(state, ahead, slot, choices(), COURSE_HOLD, period=PERIOD)
     assert guidance.course_error == pytest.approx(math.radians(2.0), abs=1e-9)
     assert guidance.setpoint.course < state.course
 
 
-def test_wind_feedforward_takes_the_winds_acceleration_off(
-    leader: Leaders, vehicle: Vehicles, choices: Choices
-) -> None:
-    state = vehicle(-20.0, 0.0, wind_rate=(0.8, 0.0))
-    with_it = follower_step(state, leader(), BEHIND, choices(), Airframe(), period=PERIOD)
+def test_wind_feedforward_takes_the_winds_acceleration_off():
+    state = vehicle_at(-20.0, 0.0, wind_rate=(0.8, 0.0))
+    with_it = follower_step(state, leader_at(), BEHIND, choices(), Airframe(), period=PERIOD)
     # the tail wind grows by 0.8 m/s²: V_a has to fall by it, 0.8 . 1.275 = 1.02 m/s below the airspeed
     assert with_it.setpoint.speed == pytest.approx(18.98)
     without = follower_step(
-        state, leader(), BEHIND, choices(wind_feedforward=False), Airframe(), period=PERIOD
+        state, leader_at(), BEHIND, choices(wind_feedforward=False), Airframe(), period=PERIOD
     )
     assert without.setpoint.speed == pytest.approx(20.0)
 
 
-def test_a_narrower_layer_answers_more_sharply(
-    leader: Leaders, vehicle: Vehicles, choices: Choices
-) -> None:
+def test_a_narrower_layer_answers_more_sharply():
     usual = choices()
     sharp = replace(usual, sliding=replace(usual.sliding, boundary_layer_factor=2.0))
-    state = vehicle(-20.1, 0.0)
-    slow = follower_step(state, leader(), BEHIND, usual, COURSE_HOLD, period=PERIOD)
-    fast = follower_step(state, leader(), BEHIND, sharp, COURSE_HOLD, period=PERIOD)
+    state = vehicle_at(-20.1, 0.0)
+    slow = follower_step(state, leader_at(), BEHIND, usual, COURSE_HOLD, period=PERIOD)
+    fast = follower_step(state, leader_at(), BEHIND, sharp, COURSE_HOLD, period=PERIOD)
     assert fast.setpoint.speed > slow.setpoint.speed
 
 
-def test_where_only_the_speed_counts_it_does_not_swing_with_the_course(
-    leader: Leaders, vehicle: Vehicles, choices: Choices
-) -> None:
+def test_where_only_the_speed_counts_it_does_not_swing_with_the_course():
     """In a wind across, a turn toward the field would ask for another airspeed meanwhile."""
-    airframe, ahead = Airframe(), leader(turn_rate=0.1)
+    airframe, ahead = Airframe(), leader_at(turn_rate=0.1)
     settings = choices(predict_leader=False)
     speeds = []
     for course in (-0.05, 0.05):
         for answers in (True, False):
             law = SlotField(SlotGains(), settings, airframe)
             law.answers_course_error = answers
-            state = vehicle(-20.0, 0.0, course=course, wind=(0.0, 4.0))
+            state = vehicle_at(-20.0, 0.0, course=course, wind=(0.0, 4.0))
             guidance = SlotKeeper(law, BEHIND).step(state, ahead, period=PERIOD)
             speeds.append(guidance.setpoint.speed)
     assert abs(speeds[3] - speeds[1]) < 0.5 * abs(speeds[2] - speeds[0])

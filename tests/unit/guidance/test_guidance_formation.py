@@ -1,7 +1,6 @@
 """Slots: where they are, how they move, and the errors of those who hold them."""
 
 import math
-from collections.abc import Callable
 from itertools import product
 
 import numpy as np
@@ -9,6 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from tests.kit.states import leader_at, vehicle_at
 from vfguide.elementwise import wrap_angle
 from vfguide.guidance.formation import (
     Slot,
@@ -25,10 +25,8 @@ from vfguide.guidance.formation import (
     slot_position,
     slot_velocity,
 )
-from vfguide.state import Airframe, LeaderState, VehicleState
+from vfguide.state import Airframe, LeaderState
 
-Leaders = Callable[..., LeaderState[float]]
-Vehicles = Callable[..., VehicleState[float]]
 SLOTS = [
     Slot(forward=-20.0, right=-20.0),
     Slot(forward=-20.0, right=20.0),
@@ -41,19 +39,17 @@ SLOTS = [
     ("course_deg", "north", "east"),
     [(0.0, 80.0, 210.0), (90.0, 90.0, 180.0), (180.0, 120.0, 190.0), (270.0, 110.0, 220.0)],
 )
-def test_a_slot_turns_with_the_leaders_course(
-    leader: Leaders, course_deg: float, north: float, east: float
-) -> None:
+def test_a_slot_turns_with_the_leaders_course(course_deg, north, east):
     # 20 m behind and 10 m right of a leader at (100, 200): flying east, behind is west and right is south
-    state = leader(north=100.0, east=200.0, course=math.radians(course_deg))
+    state = leader_at(north=100.0, east=200.0, course=math.radians(course_deg))
     place = slot_position(state, Slot(forward=-20.0, right=10.0))
     assert place == pytest.approx((north, east))
 
 
-def circling(leader: Leaders, time: float) -> LeaderState[float]:
+def circling(time: float) -> LeaderState[float]:
     """A leader on a circle of 150 m about the origin, clockwise at 20 m/s."""
     bearing = 20.0 / 150.0 * time
-    return leader(
+    return leader_at(
         north=150.0 * math.cos(bearing),
         east=150.0 * math.sin(bearing),
         course=bearing + math.pi / 2.0,
@@ -62,11 +58,11 @@ def circling(leader: Leaders, time: float) -> LeaderState[float]:
 
 
 @pytest.mark.parametrize("slot", SLOTS)
-def test_a_slots_velocity_is_that_of_a_rigid_figure(leader: Leaders, slot: Slot[float]) -> None:
+def test_a_slots_velocity_is_that_of_a_rigid_figure(slot):
     time, step = 3.0, 1e-4
-    state = circling(leader, time)
-    after = slot_position(circling(leader, time + step), slot)
-    before = slot_position(circling(leader, time - step), slot)
+    state = circling(time)
+    after = slot_position(circling(time + step), slot)
+    before = slot_position(circling(time - step), slot)
     north, east = (after[0] - before[0]) / (2.0 * step), (after[1] - before[1]) / (2.0 * step)
     along, right = slot_velocity(20.0, state.turn_rate, slot)
     assert along == pytest.approx(north * math.cos(state.course) + east * math.sin(state.course))
@@ -79,14 +75,14 @@ def test_a_slots_velocity_is_that_of_a_rigid_figure(leader: Leaders, slot: Slot[
     assert motion.acceleration == pytest.approx(0.0, abs=1e-12)
 
 
-def test_the_outer_slot_is_faster_and_the_rear_one_slips_outward() -> None:
+def test_the_outer_slot_is_faster_and_the_rear_one_slips_outward():
     # 0.1 rad/s to the right, 20 m left: 20 + 2 m/s; 20 m behind: 2 m/s to the left
     assert slot_velocity(20.0, 0.1, Slot(forward=-20.0, right=-20.0)) == pytest.approx((22.0, -2.0))
 
 
-def weaving(leader: Leaders, time: float) -> LeaderState[float]:
+def weaving(time: float) -> LeaderState[float]:
     """A leader whose speed and turn rate change, at the origin at any time."""
-    return leader(
+    return leader_at(
         course=0.5 + 0.05 * time + 0.2 * math.sin(0.5 * time),
         ground_speed=20.0 + 3.0 * math.sin(0.4 * time),
         acceleration=1.2 * math.cos(0.4 * time),
@@ -97,36 +93,34 @@ def weaving(leader: Leaders, time: float) -> LeaderState[float]:
 
 @pytest.mark.parametrize("slot", SLOTS)
 @pytest.mark.parametrize("time", [0.0, 1.7, 5.0, 9.3])
-def test_turn_rate_and_acceleration_are_the_rates_of_course_and_speed(
-    leader: Leaders, slot: Slot[float], time: float
-) -> None:
+def test_turn_rate_and_acceleration_are_the_rates_of_course_and_speed(slot, time):
     step = 1e-4
-    after = slot_motion(weaving(leader, time + step), slot)
-    before = slot_motion(weaving(leader, time - step), slot)
-    motion = slot_motion(weaving(leader, time), slot)
+    after = slot_motion(weaving(time + step), slot)
+    before = slot_motion(weaving(time - step), slot)
+    motion = slot_motion(weaving(time), slot)
     turning = wrap_angle(after.course - before.course) / (2.0 * step)
     assert motion.turn_rate == pytest.approx(turning, abs=1e-7)
     speeding = (after.speed - before.speed) / (2.0 * step)
     assert motion.acceleration == pytest.approx(speeding, abs=1e-6)
 
 
-def test_on_straight_flight_both_readings_of_a_slot_agree(leader: Leaders) -> None:
-    state = leader(north=7.0, east=9.0, course=2.0, acceleration=0.4)
+def test_on_straight_flight_both_readings_of_a_slot_agree():
+    state = leader_at(north=7.0, east=9.0, course=2.0, acceleration=0.4)
     for slot in SLOTS:
         assert slot_motion(state, slot) == article_motion(state, slot)
 
 
-def test_the_articles_slot_takes_the_leaders_motion_even_in_a_turn(leader: Leaders) -> None:
-    state = leader(course=1.0, acceleration=0.5, turn_rate=0.2, turn_acceleration=0.01)
+def test_the_articles_slot_takes_the_leaders_motion_even_in_a_turn():
+    state = leader_at(course=1.0, acceleration=0.5, turn_rate=0.2, turn_acceleration=0.01)
     motion = article_motion(state, SLOTS[0])
     found = (motion.course, motion.speed, motion.turn_rate, motion.acceleration)
     assert found == (1.0, 20.0, 0.2, 0.5)
 
 
-def test_a_transient_turn_rate_does_not_reverse_a_slot(leader: Leaders) -> None:
+def test_a_transient_turn_rate_does_not_reverse_a_slot():
     # 0.8 rad/s, 40 m right: 20 - 32 m/s would be backward; 40 m ahead it moves at 32 m/s to the right,
     # and forward at the least of 3 m/s
-    motion = slot_motion(leader(turn_rate=0.8), Slot(forward=40.0, right=40.0))
+    motion = slot_motion(leader_at(turn_rate=0.8), Slot(forward=40.0, right=40.0))
     assert motion.speed == pytest.approx(math.hypot(3.0, 32.0))
     assert motion.course == pytest.approx(math.atan2(32.0, 3.0))
     assert motion.course < math.pi / 2.0
@@ -147,11 +141,9 @@ def still_motion(north: float, east: float, course: float) -> SlotMotion[float]:
         (4.0, 3.0, 3.0, -4.0),
     ],
 )
-def test_ahead_is_positive_along_and_right_positive_across(
-    vehicle: Vehicles, north: float, east: float, along: float, right: float
-) -> None:
+def test_ahead_is_positive_along_and_right_positive_across(north, east, along, right):
     # the slot flies east: ahead of the follower is east of it, right is south of it
-    follower = vehicle(100.0, 50.0, math.pi / 2.0)
+    follower = vehicle_at(100.0, 50.0, math.pi / 2.0)
     error = formation_error(still_motion(100.0 + north, 50.0 + east, math.pi / 2.0), follower)
     assert (error.along_track, error.cross_track) == pytest.approx((along, right), abs=1e-12)
     assert error.along_track_rate == pytest.approx(0.0)
@@ -160,9 +152,7 @@ def test_ahead_is_positive_along_and_right_positive_across(
 
 @pytest.mark.parametrize("turn_rate", [-0.2, 0.0, 0.15])
 @pytest.mark.parametrize("course", [-2.0, 0.3, 2.5])
-def test_error_rates_are_the_rates_of_the_errors(
-    vehicle: Vehicles, turn_rate: float, course: float
-) -> None:
+def test_error_rates_are_the_rates_of_the_errors(turn_rate, course):
     def error_at(time: float) -> tuple[float, float, float, float]:
         slot_course = 0.7 + turn_rate * time
         motion = SlotMotion(
@@ -173,7 +163,7 @@ def test_error_rates_are_the_rates_of_the_errors(
             turn_rate=turn_rate,
             acceleration=0.0,
         )
-        follower = vehicle(
+        follower = vehicle_at(
             5.0 + 18.0 * math.cos(course) * time, 9.0 + 18.0 * math.sin(course) * time, course, 18.0
         )
         error = formation_error(motion, follower)
@@ -191,36 +181,36 @@ def test_error_rates_are_the_rates_of_the_errors(
     assert cross_rate == pytest.approx((after[1] - before[1]) / (2.0 * step), abs=1e-5)
 
 
-def test_the_dual_field_saturates_far_away_and_is_steepest_in_the_slot() -> None:
+def test_the_dual_field_saturates_far_away_and_is_steepest_in_the_slot():
     # 8 (2/pi) atan(0.2 . 5) = 8 (2/pi) (pi/4) = 4; slope 8 (2/pi) 0.2 / (1 + 1) = 0.5093, times 2 m/s
     assert arc_tangent_field(5.0, 2.0, 0.2, 8.0) == pytest.approx((4.0, 1.018592))
     assert arc_tangent_field(0.0, 1.0, 0.2, 8.0) == pytest.approx((0.0, 1.018592))
     assert arc_tangent_field(-1e9, 1.0, 0.2, 8.0)[0] == pytest.approx(-8.0)
 
 
-def test_a_straight_accelerating_leader_is_predicted_exactly(leader: Leaders) -> None:
+def test_a_straight_accelerating_leader_is_predicted_exactly():
     # 0.5 s at 20 m/s and 2 m/s²: 10 + 0.25 m, then 21 m/s
-    later = extrapolate_by_rates(leader(course=math.pi / 2.0, acceleration=2.0, time_s=3.0), 3.5)
+    later = extrapolate_by_rates(leader_at(course=math.pi / 2.0, acceleration=2.0, time_s=3.0), 3.5)
     assert (later.north, later.east) == pytest.approx((0.0, 10.25), abs=1e-12)
     assert later.ground_speed == pytest.approx(21.0)
     assert (later.time_s, later.acceleration, later.course) == (3.5, 2.0, math.pi / 2.0)
 
 
-def arc_miss(leader: Leaders, age: float) -> float:
+def arc_miss(age: float) -> float:
     """Distance of a predicted leader from where it truly is on a circle of 150 m."""
-    predicted, truth = extrapolate_by_rates(circling(leader, 0.0), age), circling(leader, age)
+    predicted, truth = extrapolate_by_rates(circling(0.0), age), circling(age)
     assert predicted.course == pytest.approx(truth.course)
     return math.hypot(predicted.north - truth.north, predicted.east - truth.east)
 
 
-def test_on_an_arc_the_prediction_misses_in_the_third_order_of_its_age(leader: Leaders) -> None:
+def test_on_an_arc_the_prediction_misses_in_the_third_order_of_its_age():
     # chord for arc: V omega² t³/24 = 20 . 0.1333² . 0.001/24 = 0.0148 mm after 0.1 s
-    assert arc_miss(leader, 0.1) == pytest.approx(1.48e-5, rel=0.01)
-    assert arc_miss(leader, 0.4) / arc_miss(leader, 0.2) == pytest.approx(8.0, rel=0.01)
+    assert arc_miss(0.1) == pytest.approx(1.48e-5, rel=0.01)
+    assert arc_miss(0.4) / arc_miss(0.2) == pytest.approx(8.0, rel=0.01)
 
 
-def test_a_changing_turn_rate_is_carried_on(leader: Leaders) -> None:
-    start = leader(acceleration=1.0, turn_rate=0.2, turn_acceleration=0.3)
+def test_a_changing_turn_rate_is_carried_on():
+    start = leader_at(acceleration=1.0, turn_rate=0.2, turn_acceleration=0.3)
     north = east = 0.0
     steps, age = 4000, 0.4
     for index in range(steps):
@@ -233,12 +223,12 @@ def test_a_changing_turn_rate_is_carried_on(leader: Leaders) -> None:
     assert (later.course, later.turn_rate) == pytest.approx((0.104, 0.32))
     # third order again: about 20 . 0.26² . 0.4³/24 = 3.6 mm; unchanged turning would be 64 mm off in east
     assert math.hypot(later.north - north, later.east - east) < 0.005
-    unchanged = extrapolate_by_rates(leader(acceleration=1.0, turn_rate=0.2), age)
+    unchanged = extrapolate_by_rates(leader_at(acceleration=1.0, turn_rate=0.2), age)
     assert east - unchanged.east == pytest.approx(20.0 * 0.3 * 0.4**3 / 6.0, rel=0.05)
 
 
-def test_a_leader_seen_now_is_not_moved(leader: Leaders) -> None:
-    state = leader(time_s=2.0, north=4.0, turn_rate=0.3, acceleration=1.0)
+def test_a_leader_seen_now_is_not_moved():
+    state = leader_at(time_s=2.0, north=4.0, turn_rate=0.3, acceleration=1.0)
     assert extrapolate_by_rates(state, 2.0) == state
 
 
@@ -261,14 +251,12 @@ def test_a_leader_seen_now_is_not_moved(leader: Leaders) -> None:
     ],
 )
 @pytest.mark.parametrize("forward", [-40.0, 0.0, 30.0])
-def test_each_turns_away_to_the_side_of_its_slot(
-    leader_deg: float, right: float, course_deg: float, forward: float
-) -> None:
+def test_each_turns_away_to_the_side_of_its_slot(leader_deg, right, course_deg, forward):
     course = breakaway_course(math.radians(leader_deg), Slot(forward=forward, right=right))
     assert course == pytest.approx(math.radians(course_deg))
 
 
-def test_courses_in_a_batch_are_those_alone() -> None:
+def test_courses_in_a_batch_are_those_alone():
     rights = np.array([-20.0, -5.0, -4.0, 0.0, 4.0, 5.0, 20.0])
     courses = np.linspace(-3.0, 3.0, rights.size)
     batch = breakaway_course(courses, Slot(forward=rights * 0.0 - 20.0, right=rights))
@@ -280,9 +268,7 @@ def test_courses_in_a_batch_are_those_alone() -> None:
 
 
 @pytest.mark.parametrize(("wind_north", "wind_east"), list(product([-8.0, 0.0, 8.0], repeat=2)))
-def test_nobody_comes_nearer_to_anybody_while_flying_away(
-    wind_north: float, wind_east: float
-) -> None:
+def test_nobody_comes_nearer_to_anybody_while_flying_away(wind_north, wind_east):
     """The formation of the shipped missions, each at 20 m/s through the air from where its slot is."""
     slots = [Slot(forward=-20.0, right=-20.0), Slot(forward=-20.0, right=20.0)]
     slots.append(Slot(forward=-40.0, right=0.0))
@@ -322,17 +308,17 @@ OUTSIDE = slot(0.0, -120.0)
 """20 + 12 = 32 m/s."""
 
 
-def test_a_slot_needs_the_airspeed_of_its_own_velocity(vehicle: Vehicles) -> None:
+def test_a_slot_needs_the_airspeed_of_its_own_velocity():
     # 40 m behind at 0.1 rad/s: hypot(20, 4); in a wind of 5 m/s from behind: hypot(15, 4)
     behind = Slot(forward=-40.0, right=0.0)
-    assert slot_airspeed(vehicle(), 0.1, behind) == pytest.approx(math.hypot(20.0, 4.0))
-    windy = vehicle(wind=(5.0, 0.0))
+    assert slot_airspeed(vehicle_at(), 0.1, behind) == pytest.approx(math.hypot(20.0, 4.0))
+    windy = vehicle_at(wind=(5.0, 0.0))
     assert slot_airspeed(windy, 0.1, behind) == pytest.approx(math.hypot(15.0, 4.0))
 
 
-def test_the_slots_velocity_turns_with_the_leader(vehicle: Vehicles) -> None:
+def test_the_slots_velocity_turns_with_the_leader():
     # flying east the slot slips to the left of east, north: (4, 20), less the wind (4, 5): 15
-    windy = vehicle(course=math.pi / 2.0, wind=(4.0, 5.0))
+    windy = vehicle_at(course=math.pi / 2.0, wind=(4.0, 5.0))
     needed = slot_airspeed(windy, 0.1, Slot(forward=-40.0, right=0.0))
     assert needed == pytest.approx(15.0)
 
@@ -350,23 +336,21 @@ def test_the_slots_velocity_turns_with_the_leader(vehicle: Vehicles) -> None:
         ([slot(0.0, 500.0)], 20.0),  # |20 - 50| = 30 m/s are within the range
     ],
 )
-def test_the_leader_adds_what_the_worst_slot_lacks(
-    vehicle: Vehicles, followers: list[SlotLimits], airspeed: float
-) -> None:
-    found = airspeed_that_gives_way(CRUISE, vehicle(), 0.1, followers, AIRFRAME)
+def test_the_leader_adds_what_the_worst_slot_lacks(followers, airspeed):
+    found = airspeed_that_gives_way(CRUISE, vehicle_at(), 0.1, followers, AIRFRAME)
     assert found == pytest.approx(airspeed)
 
 
-def test_having_given_way_it_keeps_doing_so(vehicle: Vehicles) -> None:
+def test_having_given_way_it_keeps_doing_so():
     # at 22 m/s the slot needs 13, at cruise it would need 11 still: no hunting between the two
-    flying = vehicle(ground_speed=22.0)
+    flying = vehicle_at(ground_speed=22.0)
     assert airspeed_that_gives_way(CRUISE, flying, 0.1, [INSIDE], AIRFRAME) == pytest.approx(22.0)
 
 
-def test_it_gives_way_no_further_than_it_can_fly_itself(vehicle: Vehicles) -> None:
+def test_it_gives_way_no_further_than_it_can_fly_itself():
     narrow = Airframe(airspeed_min=19.5, airspeed_max=21.0)
-    assert airspeed_that_gives_way(CRUISE, vehicle(), 0.1, [INSIDE], narrow) == 21.0
-    assert airspeed_that_gives_way(CRUISE, vehicle(), 0.1, [OUTSIDE], narrow) == 19.5
+    assert airspeed_that_gives_way(CRUISE, vehicle_at(), 0.1, [INSIDE], narrow) == 21.0
+    assert airspeed_that_gives_way(CRUISE, vehicle_at(), 0.1, [OUTSIDE], narrow) == 19.5
 
 
 @REPEATABLE
@@ -378,15 +362,9 @@ def test_it_gives_way_no_further_than_it_can_fly_itself(vehicle: Vehicles) -> No
     offsets=st.lists(st.tuples(st.floats(-1e4, 1e4), st.floats(-1e4, 1e4)), max_size=5),
 )
 def test_conflicting_demands_stay_finite_and_within_the_leaders_range(
-    vehicle: Vehicles,
-    *,
-    course: float,
-    speed: float,
-    wind: tuple[float, float],
-    turn_rate: float,
-    offsets: list[tuple[float, float]],
-) -> None:
-    state = vehicle(course=course, ground_speed=speed, wind=wind)
+    course, speed, wind, turn_rate, offsets
+):
+    state = vehicle_at(course=course, ground_speed=speed, wind=wind)
     followers = [slot(*offset) for offset in offsets]
     found = airspeed_that_gives_way(CRUISE, state, turn_rate, followers, AIRFRAME)
     assert AIRFRAME.airspeed_min <= found <= AIRFRAME.airspeed_max

@@ -51,7 +51,7 @@ def random_walk(seconds: float, step_m_s: float = 0.18) -> FloatArray:
     return np.cumsum(steps, axis=0)
 
 
-def test_a_wind_that_swings_smoothly_is_no_gust() -> None:
+def test_a_wind_that_swings_smoothly_is_no_gust():
     rounding = np.random.default_rng(5).uniform(-0.005, 0.005, (1200, 2))
     states = navigated(article_wind(60.0), rounding)
     # At first the swing is unknown: its 2 m/s² look like a gust, until the filter has found the rate.
@@ -59,7 +59,7 @@ def test_a_wind_that_swings_smoothly_is_no_gust() -> None:
     assert max(state.gust_share for state in states[240:]) < 0.05
 
 
-def test_turbulence_is_found_within_seconds_and_then_nothing_lags_behind_it() -> None:
+def test_turbulence_is_found_within_seconds_and_then_nothing_lags_behind_it():
     winds = random_walk(30.0)
     states = navigated(winds)
     assert states[120].gust_share > 0.7
@@ -72,13 +72,13 @@ def test_turbulence_is_found_within_seconds_and_then_nothing_lags_behind_it() ->
     assert float(np.mean(off)) < 0.5 * 0.65 * 0.18
 
 
-def test_noise_of_the_velocities_is_no_gust() -> None:
+def test_noise_of_the_velocities_is_no_gust():
     noise = np.random.default_rng(7).normal(0.0, 0.3, (1200, 2))
     states = navigated(np.zeros((1200, 2)), noise)
     assert max(state.gust_share for state in states[100:]) < 0.05
 
 
-def test_after_gusts_the_air_is_smooth_again() -> None:
+def test_after_gusts_the_air_is_smooth_again():
     gusty = random_walk(30.0)
     winds = np.concatenate((gusty, np.broadcast_to(gusty[-1], (1200, 2))))
     states = navigated(winds)
@@ -86,7 +86,7 @@ def test_after_gusts_the_air_is_smooth_again() -> None:
     assert states[-1].gust_share < 0.05
 
 
-def test_innovations_that_are_all_alike_count_as_gusts_after_about_a_second() -> None:
+def test_innovations_that_are_all_alike_count_as_gusts_after_about_a_second():
     gusts = None
     for _ in range(30):
         gusts = gusts_after(gusts, 1.0, 0.0, PERIOD)
@@ -99,7 +99,7 @@ def test_innovations_that_are_all_alike_count_as_gusts_after_about_a_second() ->
     assert opposite.share == 0.0
 
 
-def test_in_gusts_the_rate_of_the_wind_is_not_fed_forward() -> None:
+def test_in_gusts_the_rate_of_the_wind_is_not_fed_forward():
     calm = navigated(np.zeros((10, 2)))[-1]
     assert calm.gusts is not None
     gusty = replace(calm, gusts=replace(calm.gusts, share=0.8))
@@ -115,7 +115,7 @@ def in_gusts(share: float) -> VehicleState[float]:
     return replace(still, gusts=replace(known, share=share))
 
 
-def test_in_gusts_the_layer_is_as_narrow_as_the_sampled_loop_allows() -> None:
+def test_in_gusts_the_layer_is_as_narrow_as_the_sampled_loop_allows():
     sliding = SlidingGains(
         kappa=3.0, epsilon=0.01, boundary_layer_factor=4.8, loop_delay_s=0.0, rho=1.0
     )
@@ -128,7 +128,7 @@ def test_in_gusts_the_layer_is_as_narrow_as_the_sampled_loop_allows() -> None:
         assert sliding.layer_in(state, late, 0.05) == pytest.approx(0.72)
 
 
-def test_a_layer_that_is_narrower_already_stays_so_in_gusts() -> None:
+def test_a_layer_that_is_narrower_already_stays_so_in_gusts():
     sliding = SlidingGains(
         kappa=3.0, epsilon=0.01, boundary_layer_factor=2.1, loop_delay_s=0.0, rho=1.0
     )

@@ -54,25 +54,25 @@ def target(motion: LeaderState[float], ahead_s: float) -> HeightTarget:
     )
 
 
-def test_a_setpoint_leads_a_steady_climb_by_the_delay() -> None:
+def test_a_setpoint_leads_a_steady_climb_by_the_delay():
     found = target(NORTHBOUND, 3.0)
     assert (found.height, found.climb_rate) == (pytest.approx(195.0), pytest.approx(2.0))
     # 3 s at 2 m/s.
     assert found.ahead == pytest.approx(201.0)
 
 
-def test_a_leader_that_gets_faster_is_further_up_by_then() -> None:
+def test_a_leader_that_gets_faster_is_further_up_by_then():
     # 20 * 3 + 0.5 * 2 * 9 = 69 m of way.
     assert target(replace(NORTHBOUND, acceleration=2.0), 3.0).ahead == pytest.approx(201.9)
 
 
-def test_a_leader_across_its_path_does_not_climb() -> None:
+def test_a_leader_across_its_path_does_not_climb():
     found = target(replace(NORTHBOUND, course=math.pi / 2.0), 3.0)
     assert found.climb_rate == pytest.approx(0.0, abs=1e-12)
     assert found.ahead == pytest.approx(195.0)
 
 
-def test_a_leader_outside_a_helix_climbs_with_the_point_beside_it() -> None:
+def test_a_leader_outside_a_helix_climbs_with_the_point_beside_it():
     circle = Circle(north=0.0, east=0.0, radius=100.0, direction=1)
     helix = Helix(circle=circle, climb=Climb(slope=0.1, end=1000.0))
     place = helix.at(300.0)
@@ -88,7 +88,7 @@ def test_a_leader_outside_a_helix_climbs_with_the_point_beside_it() -> None:
     assert found.ahead == pytest.approx(place.height + 3.2)
 
 
-def test_a_leader_that_flies_as_planned_has_no_deviation() -> None:
+def test_a_leader_that_flies_as_planned_has_no_deviation():
     planned = target(NORTHBOUND, 0.0)
     found = height_deviation(None, NORTHBOUND, planned, memory_s=5.0)
     assert (found.height, found.climb_rate) == (pytest.approx(0.0), pytest.approx(0.0))
@@ -109,18 +109,18 @@ def deviation_after(seconds: float, climb_rate: float, *, memory_s: float) -> He
     return found
 
 
-def test_a_leader_that_climbs_beside_its_plan_is_followed_without_a_lasting_error() -> None:
+def test_a_leader_that_climbs_beside_its_plan_is_followed_without_a_lasting_error():
     found = deviation_after(60.0, 1.0, memory_s=5.0)
     assert found.height == pytest.approx(60.0, abs=0.01)
     assert found.at(62.0) == pytest.approx(62.0, abs=0.01)
 
 
-def test_a_short_transient_of_the_leader_moves_followers_little() -> None:
+def test_a_short_transient_of_the_leader_moves_followers_little():
     # Half a metre within a second.
     assert deviation_after(1.0, 0.5, memory_s=5.0).height < 0.2
 
 
-def test_noise_of_a_level_leader_hardly_shows() -> None:
+def test_noise_of_a_level_leader_hardly_shows():
     found, greatest = None, 0.0
     for step in range(600):
         noise = 0.1 if step % 2 else -0.1
@@ -132,7 +132,7 @@ def test_noise_of_a_level_leader_hardly_shows() -> None:
 
 
 @pytest.mark.parametrize("rate", [3.0, -3.0, -20.0, -300.0])
-def test_a_climb_rate_that_is_stuck_shifts_no_follower(rate: float) -> None:
+def test_a_climb_rate_that_is_stuck_shifts_no_follower(rate):
     found, greatest = None, 0.0
     for step in range(600):
         state = replace(NORTHBOUND, time_s=0.1 * step, height=100.0, climb_rate=rate)
@@ -145,7 +145,7 @@ def test_a_climb_rate_that_is_stuck_shifts_no_follower(rate: float) -> None:
     assert abs(found.climb_rate) < 0.15
 
 
-def test_a_height_that_is_not_known_changes_nothing() -> None:
+def test_a_height_that_is_not_known_changes_nothing():
     before = HeightDeviation(time_s=10.0, height=2.0)
     unknown = replace(NORTHBOUND, time_s=10.1, height=math.nan)
     assert height_deviation(before, unknown, held_height(100.0), memory_s=5.0) is before
@@ -153,7 +153,7 @@ def test_a_height_that_is_not_known_changes_nothing() -> None:
     assert first.height == 0.0
 
 
-def test_followers_fly_the_plan_and_what_the_leader_lastingly_differs_from_it() -> None:
+def test_followers_fly_the_plan_and_what_the_leader_lastingly_differs_from_it():
     planned = HeightTarget(height=110.0, climb_rate=2.0, ahead=114.0)
     deviation = HeightDeviation(time_s=5.0, height=1.0, climb_rate=0.5)
     found = followed_height(planned, deviation, flying=100.0, now_s=6.0, ahead_s=2.0)
@@ -162,13 +162,13 @@ def test_followers_fly_the_plan_and_what_the_leader_lastingly_differs_from_it() 
     assert found.climb_rate == pytest.approx(2.5)
 
 
-def test_a_leader_that_goes_down_does_not_take_its_followers_to_the_ground() -> None:
+def test_a_leader_that_goes_down_does_not_take_its_followers_to_the_ground():
     landing = HeightDeviation(time_s=0.0, height=-95.0)
     found = followed_height(held_height(100.0), landing, flying=100.0, now_s=0.0, ahead_s=2.0)
     assert (found.height, found.ahead) == (50.0, 50.0)
 
 
-def test_a_path_that_leads_lower_is_followed() -> None:
+def test_a_path_that_leads_lower_is_followed():
     low = held_height(30.0)
     still = HeightDeviation(time_s=0.0)
     assert followed_height(low, still, flying=100.0, now_s=0.0, ahead_s=2.0).ahead == 30.0
@@ -190,42 +190,42 @@ def beside(distance: float, up: float, *, over: bool | None = None, soon: float 
     )
 
 
-def test_a_distance_in_space_counts_in_least_distances() -> None:
+def test_a_distance_in_space_counts_in_least_distances():
     # 4.2 m aside and 5.6 m below: 7 m.
     assert clearance(0.0, [beside(4.2, -5.6)]) == pytest.approx(1.0)
     assert clearance(0.0, [beside(4.2, -5.6), beside(3.5, 0.0)]) == pytest.approx(0.5)
     assert clearance(0.0, []) == ENOUGH
 
 
-def test_beside_one_alone_either_way_is_open_and_the_first_is_taken() -> None:
+def test_beside_one_alone_either_way_is_open_and_the_first_is_taken():
     assert best_step(0.0, (0.0, UP, DOWN), [beside(3.0, 0.0)]) == UP
     assert best_step(0.0, (0.0, DOWN, UP), [beside(3.0, 0.0)]) == DOWN
 
 
-def test_nobody_steps_into_or_through_the_layer_of_another() -> None:
+def test_nobody_steps_into_or_through_the_layer_of_another():
     # 12 m above, and 9 m aside: 20 m would lead through that height, and end 8 m over it.
     assert best_step(0.0, STEPS, [beside(3.0, 0.0), beside(9.0, 12.0)]) == DOWN
     # 24 m above: 4 m under it.
     assert best_step(0.0, STEPS, [beside(3.0, 0.0), beside(6.0, 24.0)]) == DOWN
 
 
-def test_with_others_near_above_and_below_no_height_is_better() -> None:
+def test_with_others_near_above_and_below_no_height_is_better():
     layers = [beside(3.0, 0.0), beside(3.0, 12.0), beside(3.0, -12.0)]
     assert best_step(0.0, STEPS, layers) == 0.0
 
 
-def test_who_is_far_away_in_the_plane_closes_no_height() -> None:
+def test_who_is_far_away_in_the_plane_closes_no_height():
     assert best_step(0.0, STEPS, [beside(3.0, 0.0), beside(15.0, 12.0)]) == UP
 
 
-def test_one_that_is_climbing_counts_where_it_will_be() -> None:
+def test_one_that_is_climbing_counts_where_it_will_be():
     # f3 is level now, 5 m aside, and 9 m higher in 3 s: it is the lower one's business to go down.
     climbing = beside(5.0, 4.0, soon=9.0)
     assert best_step(0.0, STEPS, [beside(3.0, 0.0), climbing]) == DOWN
     assert clearance(UP, [beside(5.0, -2.0, soon=12.0)]) == pytest.approx(math.hypot(5, 10) / 7)
 
 
-def test_of_two_that_are_as_high_one_goes_over_the_other_and_never_both() -> None:
+def test_of_two_that_are_as_high_one_goes_over_the_other_and_never_both():
     first = best_step(0.0, STEPS, [beside(3.0, 0.0, over=True)])
     second = best_step(0.0, STEPS, [beside(3.0, 0.0, over=False)])
     assert (first, second) == (UP, DOWN)
@@ -234,7 +234,7 @@ def test_of_two_that_are_as_high_one_goes_over_the_other_and_never_both() -> Non
     assert best_step(0.0, STEPS, closed) == 0.0
 
 
-def test_a_step_is_kept_until_another_is_clearly_better() -> None:
+def test_a_step_is_kept_until_another_is_clearly_better():
     # 7 m and 8 m from somebody: 1.0 and 1.14 least distances.
     near = [beside(0.0, 27.0), beside(0.0, -28.0)]
     assert best_step(UP, (UP, DOWN), near) == UP
@@ -244,9 +244,7 @@ def test_a_step_is_kept_until_another_is_clearly_better() -> None:
 
 
 @pytest.mark.parametrize(("height_m", "deepest_m"), [(100.0, 20.0), (40.0, 10.0), (-3.0, 0.0)])
-def test_no_vehicle_descends_by_more_than_a_quarter_of_its_height(
-    height_m: float, deepest_m: float
-) -> None:
+def test_no_vehicle_descends_by_more_than_a_quarter_of_its_height(height_m, deepest_m):
     assert deepest(height_m) == pytest.approx(deepest_m)
 
 
@@ -263,7 +261,7 @@ NEIGHBOURS = st.lists(
 
 
 @given(NEIGHBOURS, st.sampled_from(STEPS))
-def test_no_step_leaves_less_than_staying_does(neighbours: list[Neighbour], present: float) -> None:
+def test_no_step_leaves_less_than_staying_does(neighbours, present):
     found = best_step(present, STEPS, neighbours)
     assert found == present or clearance(found, neighbours) > clearance(present, neighbours)
 
@@ -285,7 +283,7 @@ def level_at(height: float) -> HeightTarget:
     return held_height(height)
 
 
-def test_a_step_that_has_just_begun_is_counted_on_to_become_as_fast_as_the_vehicle_climbs() -> None:
+def test_a_step_that_has_just_begun_is_counted_on_to_become_as_fast_as_the_vehicle_climbs():
     heights = heights_ahead(100.0, 0.0, level_at(120.0), AIRCRAFT, begun_s=0.1)
     # 4 m/s after a lag of 1.2 s: 4 (2 - 1.2 (1 - exp(-2 / 1.2))) = 4.107 m in 2 s.
     assert heights[TIMES == 2.0] == pytest.approx([104.107], abs=1e-3)
@@ -296,7 +294,7 @@ def test_a_step_that_has_just_begun_is_counted_on_to_become_as_fast_as_the_vehic
     assert down[-1] == pytest.approx(80.0)
 
 
-def test_a_vehicle_that_does_not_climb_is_counted_on_to_stay_where_it_is() -> None:
+def test_a_vehicle_that_does_not_climb_is_counted_on_to_stay_where_it_is():
     stuck = heights_ahead(100.0, 0.0, level_at(120.0), AIRCRAFT, begun_s=1.0)
     assert stuck == pytest.approx(np.full(len(TIMES), 100.0))
     # After 2.4 s it should climb by 4 (1 - exp(-2)) = 3.459 m/s, and climbs half as fast.
@@ -304,7 +302,7 @@ def test_a_vehicle_that_does_not_climb_is_counted_on_to_stay_where_it_is() -> No
     assert slow[-1] - slow[-2] == pytest.approx(0.5 * 2.0, abs=0.01)
 
 
-def test_who_passes_the_height_of_another_has_no_height_between() -> None:
+def test_who_passes_the_height_of_another_has_no_height_between():
     heights = np.linspace(100.0, 116.0, len(TIMES))
     # A metre in half a second: from 105 m on it is above 104 m, by 1, 2, 3 m at the lower end of an interval.
     between = height_between(heights, 104.0, 104.0)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from msgspec.structs import replace
 
+from tests.kit.states import leader_at, vehicle_at
 from vfguide.guidance.intended_motion import (
     IntendedMotion,
     KnownLeader,
@@ -23,7 +24,7 @@ from vfguide.mission.flight_path import path_of, shape_of
 from vfguide.paths.circle import Circle
 from vfguide.paths.line import Line
 from vfguide.paths.racetrack import Racetrack
-from vfguide.state import LeaderState, VehicleState
+from vfguide.state import LeaderState
 
 PERIOD_S = 0.05
 GAINS = PathGains(gain=0.01, approach_angle=math.pi / 2.0)
@@ -64,7 +65,7 @@ def after(
     return known
 
 
-def test_in_calm_air_slots_follow_the_measured_course_at_once() -> None:
+def test_in_calm_air_slots_follow_the_measured_course_at_once():
     # A swing of the wind within a minute, as the article's: 3 degrees and no jitter.
     known = after(60.0, lambda t: 0.05 * math.sin(2.0 * math.pi * t / 60.0))
     measured = 0.05 * math.sin(2.0 * math.pi * 60.0 / 60.0)
@@ -72,7 +73,7 @@ def test_in_calm_air_slots_follow_the_measured_course_at_once() -> None:
     assert known.motion.ground_speed == pytest.approx(20.0, abs=1e-9)
 
 
-def test_a_course_that_jitters_turns_the_frame_by_a_tenth_of_it_at_most() -> None:
+def test_a_course_that_jitters_turns_the_frame_by_a_tenth_of_it_at_most():
     # 1.2 degrees at 0.3 Hz, as in moderate turbulence: at its peak the frame points along the path.
     swing = math.radians(1.2) * math.sqrt(2.0)
     peak_s = 60.0 + 0.25 / 0.3
@@ -83,7 +84,7 @@ def test_a_course_that_jitters_turns_the_frame_by_a_tenth_of_it_at_most() -> Non
     assert abs(crossing.motion.turn_rate) < 0.01
 
 
-def test_place_and_true_velocity_stay_those_of_the_leader() -> None:
+def test_place_and_true_velocity_stay_those_of_the_leader():
     random = Random(1)
     courses = [random.gauss(0.0, 0.03) for _ in range(1201)]
     known = after(60.0, lambda t: courses[round(t / PERIOD_S)], lambda t: 20.0 + math.sin(t))
@@ -96,7 +97,7 @@ def test_place_and_true_velocity_stay_those_of_the_leader() -> None:
     assert east == pytest.approx(speed * math.sin(courses[1200]))
 
 
-def test_gusts_that_turn_the_leader_for_seconds_do_not_swing_the_slots() -> None:
+def test_gusts_that_turn_the_leader_for_seconds_do_not_swing_the_slots():
     random = Random(2)
     jitter = [random.gauss(0.0, 0.02) for _ in range(1601)]
     # Blown beside its path it flies back to it, 1.7 degrees off for 6 s: 1.8 m in a slot 60 m behind.
@@ -104,7 +105,7 @@ def test_gusts_that_turn_the_leader_for_seconds_do_not_swing_the_slots() -> None
     assert abs(known.motion.course) < 0.1 * 0.03
 
 
-def test_the_frame_turns_as_fast_as_the_leader_truly_passes_along_a_bend() -> None:
+def test_the_frame_turns_as_fast_as_the_leader_truly_passes_along_a_bend():
     circle = Circle(north=0.0, east=0.0, radius=200.0, direction=1)
     bound = replace(NORTHBOUND, path=circle)
     first = replace(heard(0.0, math.pi / 2.0), north=200.0)
@@ -125,12 +126,12 @@ def test_the_frame_turns_as_fast_as_the_leader_truly_passes_along_a_bend() -> No
     assert known.motion.turn_rate == pytest.approx(23.0 / 200.0, rel=1e-3)
 
 
-def test_a_leader_on_its_way_to_the_path_is_followed_as_it_flies() -> None:
+def test_a_leader_on_its_way_to_the_path_is_followed_as_it_flies():
     known = after(3.0, lambda t: 1.0 - 0.2 * t)
     assert known.motion.course == pytest.approx(0.4)
 
 
-def test_on_a_circle_the_plan_turns_with_it_and_knows_what_the_wind_does_to_the_speed() -> None:
+def test_on_a_circle_the_plan_turns_with_it_and_knows_what_the_wind_does_to_the_speed():
     circle = Circle(north=0.0, east=0.0, radius=250.0, direction=1)
     known = KnownLeader(path=circle, path_gains=GAINS, airspeed=20.0, rate_filter_s=0.6)
     # In the north of a clockwise circle the course is east: 5 m/s of west wind come from behind.
@@ -152,7 +153,7 @@ def test_on_a_circle_the_plan_turns_with_it_and_knows_what_the_wind_does_to_the_
     assert planned.acceleration == pytest.approx(0.0, abs=1e-3)
 
 
-def test_small_bends_of_the_field_are_left_out_and_great_ones_are_not() -> None:
+def test_small_bends_of_the_field_are_left_out_and_great_ones_are_not():
     metre = PathPoint(0.0, 1.0, 0.0, 0.0)
     # The field turns 0.0064 rad back for a metre; what is kept of it is 0.0064 / 0.1064.
     bend = math.pi / 2.0 * (2.0 / math.pi) * math.atan(0.01)
@@ -164,7 +165,7 @@ def test_small_bends_of_the_field_are_left_out_and_great_ones_are_not() -> None:
     assert far == pytest.approx(-math.atan(10.0), rel=0.07)
 
 
-def test_slots_of_a_planned_leader_turn_with_the_path_alone() -> None:
+def test_slots_of_a_planned_leader_turn_with_the_path_alone():
     # A course that is off by 1 degree for good, such as an estimator's, and one that wobbles slowly.
     for course in (lambda _: 0.0175, lambda t: 0.02 * math.sin(2.0 * math.pi * t / 8.0)):
         known = after(60.0, course, as_planned=True)
@@ -175,14 +176,11 @@ def test_slots_of_a_planned_leader_turn_with_the_path_alone() -> None:
         assert velocity + known.motion.drift_east == pytest.approx(20.0 * math.sin(course(60.0)))
 
 
-def test_a_planned_leader_that_leaves_its_path_is_followed_as_it_flies() -> None:
+def test_a_planned_leader_that_leaves_its_path_is_followed_as_it_flies():
     turned = after(60.0, lambda t: 0.0 if t < 45.0 else 0.5, as_planned=True)
     # 15 s after the turn e^(-15/2) of the trust is left.
     assert turned.motion.course == pytest.approx(0.5, abs=0.5 * math.exp(-7.0))
 
-
-Vehicle = Callable[..., VehicleState[float]]
-Leader = Callable[..., LeaderState[float]]
 
 AIRSPEED, RADIUS, PERIOD = 20.0, 150.0, 0.05
 WINDS = [(0.0, 0.0), (5.0, 0.0), (-4.0, 6.0), (3.0, -7.0)]
@@ -200,25 +198,23 @@ def speed_over_ground(course: float, wind: tuple[float, float]) -> float:
 
 
 def carried(
-    leader: LeaderState[float], vehicle: Vehicle, path: Path, wind: tuple[float, float]
+    leader: LeaderState[float], path: Path, wind: tuple[float, float]
 ) -> Iterator[LeaderState[float]]:
     """The leader every 50 ms for 20 s."""
     for step in range(1, 401):
         leader = extrapolate_along_path(
-            leader, vehicle(wind=wind, time_s=PERIOD * step), known(path)
+            leader, vehicle_at(wind=wind, time_s=PERIOD * step), known(path)
         )
         yield leader
 
 
 @pytest.mark.parametrize("wind", WINDS)
 @pytest.mark.parametrize("course", [0.0, 0.8, 4.0])
-def test_on_a_line_it_is_where_the_leader_is(
-    vehicle: Vehicle, leader: Leader, course: float, wind: tuple[float, float]
-) -> None:
+def test_on_a_line_it_is_where_the_leader_is(course, wind):
     speed = speed_over_ground(course, wind)
     path = Line(north=30.0, east=-40.0, course=course)
-    begin = leader(north=30.0, east=-40.0, course=course, ground_speed=speed)
-    for state in carried(begin, vehicle, path, wind):
+    begin = leader_at(north=30.0, east=-40.0, course=course, ground_speed=speed)
+    for state in carried(begin, path, wind):
         run = speed * state.time_s
         assert state.north == pytest.approx(30.0 + run * math.cos(course), abs=1e-6)
         assert state.east == pytest.approx(-40.0 + run * math.sin(course), abs=1e-6)
@@ -230,9 +226,7 @@ def test_on_a_line_it_is_where_the_leader_is(
 
 @pytest.mark.parametrize("wind", WINDS)
 @pytest.mark.parametrize("direction", [1, -1])
-def test_on_a_circle_in_wind_it_is_where_the_leader_is(
-    vehicle: Vehicle, leader: Leader, direction: int, wind: tuple[float, float]
-) -> None:
+def test_on_a_circle_in_wind_it_is_where_the_leader_is(direction, wind):
     def course_at(bearing: float) -> float:
         return bearing + direction * math.pi / 2.0
 
@@ -241,14 +235,14 @@ def test_on_a_circle_in_wind_it_is_where_the_leader_is(
 
     path = Circle(north=100.0, east=50.0, radius=RADIUS, direction=direction)
     bearing = 0.3
-    begin = leader(
+    begin = leader_at(
         north=100.0 + RADIUS * math.cos(bearing),
         east=50.0 + RADIUS * math.sin(bearing),
         course=course_at(bearing),
         ground_speed=speed_over_ground(course_at(bearing), wind),
         turn_rate=rate_at(bearing),
     )
-    for state in carried(begin, vehicle, path, wind):
+    for state in carried(begin, path, wind):
         for _ in range(10):
             middle = bearing + rate_at(bearing) * PERIOD / 20.0
             bearing += rate_at(middle) * PERIOD / 10.0
@@ -281,22 +275,20 @@ CURVED = {
 
 @pytest.mark.parametrize("wind", [(0.0, 0.0), (-4.0, 6.0)])
 @pytest.mark.parametrize("name", CURVED)
-def test_on_any_path_it_is_where_the_leader_is(
-    vehicle: Vehicle, leader: Leader, name: str, wind: tuple[float, float]
-) -> None:
+def test_on_any_path_it_is_where_the_leader_is(name, wind):
     # A second and more of silence begins everywhere: on legs, on fillets, where branches cross, at the end.
     path = path_of(shape_of(CURVED[name]))
     for begin in np.linspace(10.0, path.length + 300.0, 12).tolist():
         place, run = path.at(begin), begin
         speed = speed_over_ground(place.course, wind)
-        first = leader(
+        first = leader_at(
             north=place.north,
             east=place.east,
             course=place.course,
             ground_speed=speed,
             turn_rate=speed * place.curvature,
         )
-        for step, state in zip(range(60), carried(first, vehicle, path, wind), strict=False):
+        for step, state in zip(range(60), carried(first, path, wind), strict=False):
             for _ in range(4):
                 run += speed_over_ground(path.at(run).course, wind) * PERIOD / 4.0
             place = path.at(run)
@@ -306,9 +298,9 @@ def test_on_any_path_it_is_where_the_leader_is(
             assert turned == pytest.approx(0.0, abs=0.01)
 
 
-def test_a_leader_beside_its_path_comes_back_to_it(vehicle: Vehicle, leader: Leader) -> None:
+def test_a_leader_beside_its_path_comes_back_to_it():
     path = Line(north=0.0, east=0.0, course=0.0)
-    states = list(carried(leader(east=10.0), vehicle, path, (0.0, 5.0)))
+    states = list(carried(leader_at(east=10.0), path, (0.0, 5.0)))
     assert states[0].course < 0.0
     errors = [state.east for state in states]
     assert errors == sorted(errors, reverse=True)
@@ -316,21 +308,21 @@ def test_a_leader_beside_its_path_comes_back_to_it(vehicle: Vehicle, leader: Lea
     assert 0.0 < errors[-1] < 0.5
 
 
-def test_the_wind_that_counts_is_that_of_the_moment(vehicle: Vehicle, leader: Leader) -> None:
+def test_the_wind_that_counts_is_that_of_the_moment():
     path = Line(north=0.0, east=0.0, course=0.0)
-    first = extrapolate_along_path(leader(), vehicle(wind=(2.0, 0.0), time_s=0.1), known(path))
-    second = extrapolate_along_path(first, vehicle(wind=(-3.0, 0.0), time_s=0.2), known(path))
+    first = extrapolate_along_path(
+        leader_at(), vehicle_at(wind=(2.0, 0.0), time_s=0.1), known(path)
+    )
+    second = extrapolate_along_path(first, vehicle_at(wind=(-3.0, 0.0), time_s=0.2), known(path))
     assert (first.ground_speed, second.ground_speed) == (22.0, 17.0)
     assert second.north == pytest.approx(2.2 + 1.7)
     assert second.time_s == 0.2
 
 
 @pytest.mark.parametrize("wind", [(40.0, 0.0), (0.0, 40.0), (-40.0, 0.0)])
-def test_a_wind_that_is_faster_than_the_leader_is_borne(
-    vehicle: Vehicle, leader: Leader, wind: tuple[float, float]
-) -> None:
+def test_a_wind_that_is_faster_than_the_leader_is_borne(wind):
     path = Circle(north=0.0, east=0.0, radius=RADIUS, direction=1)
-    for state in carried(leader(), vehicle, path, wind):
+    for state in carried(leader_at(), path, wind):
         assert all(math.isfinite(getattr(state, name)) for name in state.__struct_fields__)
 
 
@@ -344,9 +336,7 @@ def test_a_wind_that_is_faster_than_the_leader_is_borne(
         ),
     ],
 )
-def test_leaders_in_a_batch_are_carried_on_as_alone(
-    vehicle: Vehicle, leader: Leader, path: Path
-) -> None:
+def test_leaders_in_a_batch_are_carried_on_as_alone(path):
     random, count = np.random.default_rng(1), 50
     columns = {
         name: random.uniform(low, high, count)
@@ -358,12 +348,12 @@ def test_leaders_in_a_batch_are_carried_on_as_alone(
     }
     winds = random.uniform(-15.0, 15.0, (2, count))
     time_s = 0.1
-    followers = replace(vehicle(time_s=time_s), wind_north=winds[0], wind_east=winds[1])
-    batch = extrapolate_along_path(leader(**columns), followers, known(path))
+    followers = replace(vehicle_at(time_s=time_s), wind_north=winds[0], wind_east=winds[1])
+    batch = extrapolate_along_path(leader_at(**columns), followers, known(path))
     for index in range(count):
         alone = extrapolate_along_path(
-            leader(**{name: float(column[index]) for name, column in columns.items()}),
-            vehicle(time_s=time_s, wind=(float(winds[0, index]), float(winds[1, index]))),
+            leader_at(**{name: float(column[index]) for name, column in columns.items()}),
+            vehicle_at(time_s=time_s, wind=(float(winds[0, index]), float(winds[1, index]))),
             known(path),
         )
         assert batch.time_s == alone.time_s == time_s

@@ -1,17 +1,15 @@
 """Course law, speed law, their boundary layer and the limits of an aircraft."""
 
 import math
-from collections.abc import Callable
 from itertools import pairwise
-from typing import Protocol
 
 import pytest
 from msgspec.structs import replace
 
+from tests.kit.states import Plant, choices, vehicle_at
 from vfguide.elementwise import wrap_angle
 from vfguide.guidance.airframe import bank_limited_turn_rate, saturation, speed_range
 from vfguide.guidance.path import desired_course, desired_course_rate_per_speed
-from vfguide.guidance.settings import GuidanceSettings
 from vfguide.guidance.sliding_laws import (
     acceleration_toward,
     boundary_layer,
@@ -21,28 +19,17 @@ from vfguide.guidance.sliding_laws import (
     speed_command,
 )
 from vfguide.paths.line import Line
-from vfguide.state import Airframe, VehicleState
+from vfguide.state import Airframe
 
 KAPPA, ALPHA, BETA, SPEED = 3.0, 1.2, 0.8, 20.0
 
 
-class Plant(Protocol):
-    """A vehicle with first-order holds."""
-
-    north: float
-    east: float
-    course: float
-    speed: float
-
-    def fly(self, course: float, speed: float, period: float) -> None: ...
-
-
-def test_saturation_is_the_value_inside_one_and_the_sign_outside() -> None:
+def test_saturation_is_the_value_inside_one_and_the_sign_outside():
     values = [-7.0, -1.0, -0.25, 0.0, 0.25, 1.0, 7.0]
     assert [saturation(value) for value in values] == [-1.0, -1.0, -0.25, 0.0, 0.25, 1.0, 1.0]
 
 
-def test_a_bank_of_45_degrees_turns_20_m_s_at_0_49_rad_s() -> None:
+def test_a_bank_of_45_degrees_turns_20_m_s_at_0_49_rad_s():
     # 9.80665 tan(45 degrees) / 20 = 0.49033
     assert bank_limited_turn_rate(math.pi / 4.0, 20.0) == pytest.approx(0.4903, abs=1e-4)
     # 9.80665 tan(30 degrees) / 30 = 5.66187/30
@@ -58,48 +45,48 @@ def test_a_bank_of_45_degrees_turns_20_m_s_at_0_49_rad_s() -> None:
     ],
 )
 def test_a_ground_speed_hold_may_be_told_what_the_airspeed_range_comes_to_on_the_course(
-    vehicle: Callable[..., VehicleState[float]], course: float, slowest: float, fastest: float
-) -> None:
+    course, slowest, fastest
+):
     # 13 to 20 m/s through an air that moves north by 3 and east by 5 m/s.
     airframe = Airframe(hold="course-hold", airspeed_min=13.0, airspeed_max=20.0)
-    state = vehicle(course=course, wind=(3.0, 5.0))
+    state = vehicle_at(course=course, wind=(3.0, 5.0))
     assert speed_range(state, airframe) == (pytest.approx(slowest), pytest.approx(fastest))
     assert speed_range(state, replace(airframe, hold="heading-hold")) == (13.0, 20.0)
 
 
-def test_on_the_field_the_course_turns_with_it() -> None:
+def test_on_the_field_the_course_turns_with_it():
     assert sliding_course_rate(0.0, 0.13, KAPPA, 0.3) == 0.13
 
 
 @pytest.mark.parametrize(("error", "rate"), [(0.1, -0.9), (-0.1, 1.1), (2.0, -2.9), (-2.0, 3.1)])
-def test_off_the_field_the_law_turns_back_with_kappa_at_most(error: float, rate: float) -> None:
+def test_off_the_field_the_law_turns_back_with_kappa_at_most(error, rate):
     # 0.1 - 3 sat(error / 0.3): a third of the layer gives 1 rad/s, beyond it 3 rad/s
     assert sliding_course_rate(error, 0.1, KAPPA, 0.3) == pytest.approx(rate)
 
 
-def test_the_course_command_leads_by_the_rate_over_alpha(plant: Callable[..., Plant]) -> None:
+def test_the_course_command_leads_by_the_rate_over_alpha():
     # 0.3 rad/s / 1.2 1/s = 0.25 rad ahead
     assert course_command(1.0, 0.3, ALPHA) == pytest.approx(1.25)
-    flyer = plant(course=1.0)
+    flyer = Plant(course=1.0)
     flyer.fly(course_command(1.0, 0.3, ALPHA), SPEED, 1e-4)
     assert (flyer.course - 1.0) / 1e-4 == pytest.approx(0.3, rel=1e-3)
 
 
-def test_the_speed_command_leads_by_the_acceleration_over_beta(plant: Callable[..., Plant]) -> None:
+def test_the_speed_command_leads_by_the_acceleration_over_beta():
     # 2 m/s² / 0.8 1/s = 2.5 m/s more
     assert speed_command(20.0, 2.0, BETA) == pytest.approx(22.5)
-    flyer = plant(speed=20.0)
+    flyer = Plant(speed=20.0)
     flyer.fly(0.0, speed_command(20.0, 2.0, BETA), 1e-4)
     assert (flyer.speed - 20.0) / 1e-4 == pytest.approx(2.0, rel=1e-3)
 
 
-def test_a_setpoint_that_stands_leads_by_half_of_that_time_more() -> None:
+def test_a_setpoint_that_stands_leads_by_half_of_that_time_more():
     # 1/1.2 + 0.05/2 = 0.858333 s and 1/0.8 + 0.05/2 = 1.275 s
     assert course_command(1.0, 0.3, ALPHA, 0.05) == pytest.approx(1.2575)
     assert speed_command(20.0, 2.0, BETA, 0.05) == pytest.approx(22.55)
 
 
-def test_the_acceleration_toward_a_command_is_the_one_it_was_made_for() -> None:
+def test_the_acceleration_toward_a_command_is_the_one_it_was_made_for():
     assert acceleration_toward(22.55, 20.0, BETA, 0.05) == pytest.approx(2.0)
     # ideal, 0.8 1/s of what is missing
     assert acceleration_toward(18.0, 20.0, BETA) == pytest.approx(-1.6)
@@ -112,10 +99,8 @@ PERIODS = [0.02, 0.05, 0.1, 0.2]
 
 
 @pytest.mark.parametrize("period", PERIODS)
-def test_a_course_whose_setpoint_stands_turns_as_wanted_but_for_the_second_order(
-    plant: Callable[..., Plant], period: float
-) -> None:
-    leading, late = plant(course=1.0), plant(course=1.0)
+def test_a_course_whose_setpoint_stands_turns_as_wanted_but_for_the_second_order(period):
+    leading, late = Plant(course=1.0), Plant(course=1.0)
     for _ in range(10):
         leading.fly(course_command(leading.course, 0.3, ALPHA, period), SPEED, period)
         late.fly(course_command(late.course, 0.3, ALPHA), SPEED, period)
@@ -126,10 +111,8 @@ def test_a_course_whose_setpoint_stands_turns_as_wanted_but_for_the_second_order
 
 
 @pytest.mark.parametrize("period", PERIODS)
-def test_a_speed_whose_setpoint_stands_grows_as_wanted_but_for_the_second_order(
-    plant: Callable[..., Plant], period: float
-) -> None:
-    leading, late = plant(speed=20.0), plant(speed=20.0)
+def test_a_speed_whose_setpoint_stands_grows_as_wanted_but_for_the_second_order(period):
+    leading, late = Plant(speed=20.0), Plant(speed=20.0)
     for _ in range(10):
         leading.fly(0.0, speed_command(leading.speed, 0.5, BETA, period), period)
         late.fly(0.0, speed_command(late.speed, 0.5, BETA), period)
@@ -152,14 +135,12 @@ def test_a_speed_whose_setpoint_stands_grows_as_wanted_but_for_the_second_order(
         (0.0, 50.0, 1.5),  # 50/50 is that bound
     ],
 )
-def test_the_speed_law_adds_field_position_and_sliding(
-    speed_error: float, along: float, expected: float
-) -> None:
+def test_the_speed_law_adds_field_position_and_sliding(speed_error, along, expected):
     acceleration = sliding_acceleration(speed_error, along, 0.5, gain=KAPPA, layer=0.75, rho=50.0)
     assert acceleration == pytest.approx(expected)
 
 
-def test_however_far_behind_the_position_term_never_outweighs_the_sliding_term() -> None:
+def test_however_far_behind_the_position_term_never_outweighs_the_sliding_term():
     # V~ = +1 is too fast: however far ahead the slot is, the law brakes by kappa - kappa/3 = 2 m/s²
     rate = sliding_acceleration(1.0, 1e9, 0.0, gain=KAPPA, layer=0.75, rho=50.0)
     assert rate == pytest.approx(-2.0)
@@ -174,16 +155,12 @@ def test_however_far_behind_the_position_term_never_outweighs_the_sliding_term()
         (0.05, 0.0, 3.5, 0.525),
     ],
 )
-def test_the_boundary_layer_follows_period_and_delay(
-    period: float, delay: float, factor: float, layer: float
-) -> None:
+def test_the_boundary_layer_follows_period_and_delay(period, delay, factor, layer):
     found = boundary_layer(KAPPA, 0.01, period=period, delay=delay, factor=factor)
     assert found == pytest.approx(layer)
 
 
-def test_the_settings_give_the_layer_of_their_gains(
-    choices: Callable[..., GuidanceSettings],
-) -> None:
+def test_the_settings_give_the_layer_of_their_gains():
     # factor 3.5, kappa 3, no delay, 20 Hz
     assert choices().sliding.layer(0.05) == pytest.approx(0.525)
 
@@ -191,9 +168,7 @@ def test_the_settings_give_the_layer_of_their_gains(
 @pytest.mark.parametrize(
     ("period", "layer"), [(0.005, 0.525), (0.01, 0.525), (0.02, 0.525), (0.1, 1.05)]
 )
-def test_a_loop_faster_than_twenty_hertz_keeps_the_layer_of_twenty_hertz(
-    choices: Callable[..., GuidanceSettings], period: float, layer: float
-) -> None:
+def test_a_loop_faster_than_twenty_hertz_keeps_the_layer_of_twenty_hertz(period, layer):
     # MAVLink's velocities are rounded to the same centimetres at any rate
     assert choices().sliding.layer(period) == pytest.approx(layer)
 
@@ -225,30 +200,26 @@ def fly_line(
     [(0.02, 0, 0.02, 200.0), (0.02, 1, 0.04, 60.0), (0.05, 1, 0.1, 25.0)],
 )
 def test_the_literal_layer_limit_cycles_and_the_sampled_one_does_not(
-    plant: Callable[..., Plant],
-    period: float,
-    delayed_samples: int,
-    least_error: float,
-    least_variation: float,
-) -> None:
+    period, delayed_samples, least_error, least_variation
+):
     literal = 0.01
     assert KAPPA * period / literal > 2.0  # beyond it, each sample overshoots the layer
     run = {"period": period, "delayed_samples": delayed_samples, "seconds": 60.0}
-    error, variation = fly_line(plant(east=20.0), layer=literal, **run)
+    error, variation = fly_line(Plant(east=20.0), layer=literal, **run)
     assert error > least_error
     assert variation > least_variation
 
     delay = delayed_samples * period
     layer = boundary_layer(KAPPA, literal, period=period, delay=delay, factor=2.0)
-    error, variation = fly_line(plant(east=20.0), layer=layer, **run)
+    error, variation = fly_line(Plant(east=20.0), layer=layer, **run)
     assert error < 0.001
     assert variation < 0.1
 
 
-def test_just_inside_the_sampling_bound_the_law_settles(plant: Callable[..., Plant]) -> None:
+def test_just_inside_the_sampling_bound_the_law_settles():
     # kappa dt / epsilon = 1.9 and 2.1 at 20 ms
     run = {"period": 0.02, "delayed_samples": 0, "seconds": 120.0}
-    _, inside = fly_line(plant(east=20.0), layer=KAPPA * 0.02 / 1.9, **run)
-    _, outside = fly_line(plant(east=20.0), layer=KAPPA * 0.02 / 2.1, **run)
+    _, inside = fly_line(Plant(east=20.0), layer=KAPPA * 0.02 / 1.9, **run)
+    _, outside = fly_line(Plant(east=20.0), layer=KAPPA * 0.02 / 2.1, **run)
     assert inside < 0.1
     assert outside > 10.0

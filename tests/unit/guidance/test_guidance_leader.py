@@ -1,12 +1,11 @@
 """A leader's guidance step, by hand and closed around a kinematic vehicle."""
 
 import math
-from collections.abc import Callable
-from typing import Protocol
 
 import pytest
 from msgspec.structs import replace
 
+from tests.kit.states import Plant, choices, vehicle_at
 from vfguide.guidance.formation import Slot, SlotLimits
 from vfguide.guidance.path import Path
 from vfguide.guidance.settings import GuidanceSettings, PathGains
@@ -17,23 +16,10 @@ from vfguide.paths.line import Line
 from vfguide.paths.racetrack import Racetrack
 from vfguide.state import Airframe, VehicleState
 
-Vehicles = Callable[..., VehicleState[float]]
-Choices = Callable[..., GuidanceSettings]
 HEADING_HOLD, COURSE_HOLD = Airframe(), Airframe(hold="course-hold")
 PERIOD = 0.05
 NORTHBOUND = Line(north=0.0, east=0.0, course=0.0)
 CLOCKWISE = Circle(north=0.0, east=0.0, radius=150.0, direction=1)
-
-
-class Plant(Protocol):
-    """A vehicle with first-order holds."""
-
-    north: float
-    east: float
-    course: float
-    speed: float
-
-    def fly(self, course: float, speed: float, period: float) -> None: ...
 
 
 def guide(
@@ -55,39 +41,33 @@ def along(path: Path, *followers: SlotLimits) -> LeaderTask:
 
 
 @pytest.mark.parametrize("airframe", [HEADING_HOLD, COURSE_HOLD])
-def test_on_its_line_in_calm_air_a_leader_keeps_course_and_speed(
-    vehicle: Vehicles, choices: Choices, airframe: Airframe
-) -> None:
-    guidance = guide(vehicle(500.0, 0.0), along(NORTHBOUND), choices(), airframe, period=PERIOD)
+def test_on_its_line_in_calm_air_a_leader_keeps_course_and_speed(airframe):
+    guidance = guide(vehicle_at(500.0, 0.0), along(NORTHBOUND), choices(), airframe, period=PERIOD)
     assert (guidance.setpoint.course, guidance.setpoint.speed) == (0.0, 20.0)
     assert (guidance.cross_track_error, guidance.course_error) == (0.0, 0.0)
     assert not guidance.setpoint.limited
 
 
 @pytest.mark.parametrize("airframe", [HEADING_HOLD, COURSE_HOLD])
-def test_on_its_circle_the_course_setpoint_leads_the_turn(
-    vehicle: Vehicles, choices: Choices, airframe: Airframe
-) -> None:
-    state = vehicle(150.0, 0.0, math.pi / 2.0)
+def test_on_its_circle_the_course_setpoint_leads_the_turn(airframe):
+    state = vehicle_at(150.0, 0.0, math.pi / 2.0)
     guidance = guide(state, along(CLOCKWISE), choices(), airframe, period=PERIOD)
     # 20/150 = 0.1333 rad/s, times 1/1.2 + 0.05/2 = 0.858333 s: 0.11444 rad
     assert guidance.setpoint.course - state.course == pytest.approx(0.114444, abs=1e-5)
     assert guidance.setpoint.speed == pytest.approx(20.0)
 
 
-def test_right_of_its_line_it_turns_left(vehicle: Vehicles, choices: Choices) -> None:
-    guidance = guide(vehicle(0.0, 1.0), along(NORTHBOUND), choices(), COURSE_HOLD, period=PERIOD)
+def test_right_of_its_line_it_turns_left():
+    guidance = guide(vehicle_at(0.0, 1.0), along(NORTHBOUND), choices(), COURSE_HOLD, period=PERIOD)
     assert guidance.cross_track_error == pytest.approx(1.0)
     # chi~ = atan(0.03 . 1) = 0.029991; 3 . 0.029991/0.525 = 0.171377 rad/s to the left, times 0.858333 s
     assert guidance.course_error == pytest.approx(0.029991, abs=1e-6)
     assert guidance.setpoint.course == pytest.approx(-0.147099, abs=1e-5)
 
 
-def test_a_leader_keeps_its_airspeed_and_lets_the_wind_have_the_ground_speed(
-    vehicle: Vehicles, choices: Choices
-) -> None:
+def test_a_leader_keeps_its_airspeed_and_lets_the_wind_have_the_ground_speed():
     # 5 m/s from behind: 20 m/s of airspeed are 25 over the ground
-    windy = vehicle(ground_speed=25.0, wind=(5.0, 0.0))
+    windy = vehicle_at(ground_speed=25.0, wind=(5.0, 0.0))
     task = along(NORTHBOUND)
     held = guide(windy, task, choices(), HEADING_HOLD, period=PERIOD)
     assert held.setpoint.speed == pytest.approx(20.0)
@@ -97,22 +77,18 @@ def test_a_leader_keeps_its_airspeed_and_lets_the_wind_have_the_ground_speed(
 
 
 @pytest.mark.parametrize("airframe", [HEADING_HOLD, COURSE_HOLD])
-def test_an_airspeed_off_cruise_is_commanded_back_at_the_holds_own_pace(
-    vehicle: Vehicles, choices: Choices, airframe: Airframe
-) -> None:
-    slow = vehicle(ground_speed=18.0)
+def test_an_airspeed_off_cruise_is_commanded_back_at_the_holds_own_pace(airframe):
+    slow = vehicle_at(ground_speed=18.0)
     guidance = guide(slow, along(NORTHBOUND), choices(), airframe, period=PERIOD)
     assert guidance.setpoint.speed == pytest.approx(20.0)
 
 
 @pytest.mark.parametrize(("gives_way", "airspeed"), [(True, 22.0), (False, 20.0)])
-def test_the_leader_gives_way_to_an_inner_slot(
-    vehicle: Vehicles, choices: Choices, *, gives_way: bool, airspeed: float
-) -> None:
+def test_the_leader_gives_way_to_an_inner_slot(gives_way, airspeed):
     # 67.5 m inside on 150 m: 20 (1 - 0.45) = 11 m/s, 2 less than 12 and the margin of 1
     inside = SlotLimits(slot=Slot(forward=0.0, right=67.5), airspeed_min=12.0, airspeed_max=32.0)
     guidance = guide(
-        vehicle(150.0, 0.0, math.pi / 2.0),
+        vehicle_at(150.0, 0.0, math.pi / 2.0),
         along(CLOCKWISE, inside),
         choices(give_way=gives_way),
         HEADING_HOLD,
@@ -123,29 +99,25 @@ def test_the_leader_gives_way_to_an_inner_slot(
 
 @pytest.mark.parametrize(("feedforward", "course"), [(True, -0.0858333), (False, 0.0)])
 @pytest.mark.parametrize("north_rate", [0.0, 1.5])
-def test_a_wind_that_grows_from_the_left_is_met_by_turning_into_it(
-    vehicle: Vehicles, choices: Choices, *, north_rate: float, feedforward: bool, course: float
-) -> None:
+def test_a_wind_that_grows_from_the_left_is_met_by_turning_into_it(north_rate, feedforward, course):
     # 2 m/s² toward the east: the nose turns left by 2/20 rad/s, . 0.858333 s; what blows along is left alone
-    state = vehicle(wind_rate=(north_rate, 2.0))
+    state = vehicle_at(wind_rate=(north_rate, 2.0))
     chosen = choices(wind_feedforward=feedforward)
     guidance = guide(state, along(NORTHBOUND), chosen, HEADING_HOLD, period=PERIOD)
     assert guidance.setpoint.course == pytest.approx(course, abs=1e-6)
     assert guidance.setpoint.speed == pytest.approx(20.0)
 
 
-def test_flying_east_the_left_is_north(vehicle: Vehicles, choices: Choices) -> None:
+def test_flying_east_the_left_is_north():
     # 2 m/s² toward the south, from the left again
-    state = vehicle(course=math.pi / 2.0, wind_rate=(-2.0, 1.5))
+    state = vehicle_at(course=math.pi / 2.0, wind_rate=(-2.0, 1.5))
     task = along(Line(north=0.0, east=0.0, course=math.pi / 2.0))
     guidance = guide(state, task, choices(), HEADING_HOLD, period=PERIOD)
     assert guidance.setpoint.course == pytest.approx(math.pi / 2.0 - 0.0858333)
 
 
-def test_the_first_estimate_of_the_observer_is_the_airspeed(
-    vehicle: Vehicles, choices: Choices
-) -> None:
-    windy = vehicle(ground_speed=25.0, wind=(5.0, 0.0))
+def test_the_first_estimate_of_the_observer_is_the_airspeed():
+    windy = vehicle_at(ground_speed=25.0, wind=(5.0, 0.0))
     observing = choices(speed_source="observer")
     task = along(NORTHBOUND)
     first = guide(windy, task, observing, HEADING_HOLD, period=PERIOD)
@@ -157,10 +129,8 @@ def test_the_first_estimate_of_the_observer_is_the_airspeed(
     assert measured.memory == 25.0
 
 
-def test_the_observers_estimate_falls_with_the_course_error_along_the_regressor(
-    vehicle: Vehicles, choices: Choices
-) -> None:
-    state = vehicle(150.0, 0.0, math.pi / 2.0 + 0.1)
+def test_the_observers_estimate_falls_with_the_course_error_along_the_regressor():
+    state = vehicle_at(150.0, 0.0, math.pi / 2.0 + 0.1)
     guidance = guide(
         state,
         along(CLOCKWISE),
@@ -184,22 +154,18 @@ def test_the_observers_estimate_falls_with_the_course_error_along_the_regressor(
         (HEADING_HOLD, 24.0, 0.1634295),
     ],
 )
-def test_an_observing_leader_turns_by_its_estimate(
-    vehicle: Vehicles, choices: Choices, *, airframe: Airframe, estimate: float, lead: float
-) -> None:
-    state = vehicle(150.0, 0.0, math.pi / 2.0)
+def test_an_observing_leader_turns_by_its_estimate(airframe, estimate, lead):
+    state = vehicle_at(150.0, 0.0, math.pi / 2.0)
     observing = choices(speed_source="observer")
     guidance = guide(state, along(CLOCKWISE), observing, airframe, period=PERIOD, memory=estimate)
     assert guidance.setpoint.course - state.course == pytest.approx(lead, abs=1e-6)
 
 
 @pytest.mark.parametrize("airframe", [HEADING_HOLD, COURSE_HOLD])
-def test_what_an_observing_leader_is_told_of_its_ground_speed_changes_nothing(
-    vehicle: Vehicles, choices: Choices, airframe: Airframe
-) -> None:
+def test_what_an_observing_leader_is_told_of_its_ground_speed_changes_nothing(airframe):
     # 67.5 m inside: an inner slot, so that giving way looks at the speed as well
     inside = SlotLimits(slot=Slot(forward=0.0, right=67.5), airspeed_min=12.0, airspeed_max=32.0)
-    state = vehicle(151.0, 0.0, math.pi / 2.0 + 0.1)
+    state = vehicle_at(151.0, 0.0, math.pi / 2.0 + 0.1)
     found = [
         guide(
             replace(state, ground_speed=told),
@@ -227,20 +193,12 @@ PATHS: list[Path] = [
 @pytest.mark.parametrize("path", PATHS)
 @pytest.mark.parametrize("source", ["measured", "observer"])
 @pytest.mark.parametrize("start_deg", [0.0, 130.0, 250.0])
-def test_from_any_course_a_leader_flies_onto_its_path(
-    vehicle: Vehicles,
-    choices: Choices,
-    plant: Callable[..., Plant],
-    *,
-    path: Path,
-    source: str,
-    start_deg: float,
-) -> None:
-    flyer = plant(north=80.0, east=-60.0, course=math.radians(start_deg))
+def test_from_any_course_a_leader_flies_onto_its_path(path, source, start_deg):
+    flyer = Plant(north=80.0, east=-60.0, course=math.radians(start_deg))
     settings, task, estimate = choices(speed_source=source), along(path), None
     worst = 0.0
     for step in range(1600):
-        state = vehicle(flyer.north, flyer.east, flyer.course, flyer.speed, time_s=step * PERIOD)
+        state = vehicle_at(flyer.north, flyer.east, flyer.course, flyer.speed, time_s=step * PERIOD)
         guidance = guide(state, task, settings, COURSE_HOLD, period=PERIOD, memory=estimate)
         estimate = guidance.memory
         flyer.fly(guidance.setpoint.course, guidance.setpoint.speed, PERIOD)
@@ -250,12 +208,10 @@ def test_from_any_course_a_leader_flies_onto_its_path(
     assert flyer.speed == pytest.approx(20.0, abs=0.01)
 
 
-def test_from_the_centre_of_its_circle_a_leader_flies_out_onto_it(
-    vehicle: Vehicles, choices: Choices, plant: Callable[..., Plant]
-) -> None:
-    flyer = plant(course=2.0)
+def test_from_the_centre_of_its_circle_a_leader_flies_out_onto_it():
+    flyer = Plant(course=2.0)
     for _ in range(1600):
-        state = vehicle(flyer.north, flyer.east, flyer.course, flyer.speed)
+        state = vehicle_at(flyer.north, flyer.east, flyer.course, flyer.speed)
         guidance = guide(state, along(CLOCKWISE), choices(), COURSE_HOLD, period=PERIOD)
         flyer.fly(guidance.setpoint.course, guidance.setpoint.speed, PERIOD)
     assert math.hypot(flyer.north, flyer.east) == pytest.approx(150.0, abs=0.5)

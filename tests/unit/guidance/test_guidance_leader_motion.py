@@ -1,12 +1,12 @@
 """What a leader tells of its own motion."""
 
 import math
-from collections.abc import Callable
 
 import numpy as np
 import pytest
 from msgspec.structs import replace
 
+from tests.kit.states import vehicle_at
 from vfguide.guidance.formation import extrapolate_by_rates
 from vfguide.guidance.leader_motion import (
     Observation,
@@ -20,7 +20,6 @@ from vfguide.guidance.leader_motion import (
 )
 from vfguide.state import Airframe, LeaderState, VehicleState
 
-Vehicles = Callable[..., VehicleState[float]]
 PERIOD, FILTER = 0.05, 0.4
 AIRFRAME = Airframe()
 
@@ -35,13 +34,13 @@ def estimates(
 
 
 def moving(
-    vehicle: Vehicles, seconds: float, *, turn_rate: float = 0.0, acceleration: float = 0.0
+    seconds: float, *, turn_rate: float = 0.0, acceleration: float = 0.0
 ) -> list[VehicleState[float]]:
     """States of a leader that turns and accelerates steadily, its course within (-pi, pi]."""
     start = math.copysign(3.0, turn_rate)
     times = [index * PERIOD for index in range(round(seconds / PERIOD) + 1)]
     return [
-        vehicle(
+        vehicle_at(
             course=math.remainder(start + turn_rate * time, 2.0 * math.pi),
             ground_speed=20.0 + acceleration * time,
             time_s=time,
@@ -50,19 +49,17 @@ def moving(
     ]
 
 
-def test_at_first_nothing_changes(vehicle: Vehicles) -> None:
-    motion = motion_at_first(vehicle(1.0, 2.0, 0.5, 22.0, time_s=7.0)).state
+def test_at_first_nothing_changes():
+    motion = motion_at_first(vehicle_at(1.0, 2.0, 0.5, 22.0, time_s=7.0)).state
     assert (motion.time_s, motion.north, motion.east) == (7.0, 1.0, 2.0)
     assert (motion.course, motion.ground_speed) == (0.5, 22.0)
     assert (motion.acceleration, motion.turn_rate, motion.turn_acceleration) == (0.0, 0.0, 0.0)
 
 
 @pytest.mark.parametrize("turn_rate", [0.1333, -0.1333])
-def test_on_a_steady_turn_the_turn_rate_is_found_through_south(
-    vehicle: Vehicles, turn_rate: float
-) -> None:
+def test_on_a_steady_turn_the_turn_rate_is_found_through_south(turn_rate):
     # 0.14 rad before south, the course jumps by 2 pi after 1 s, which is no turn the other way
-    motion = estimates(moving(vehicle, 6.0, turn_rate=turn_rate))
+    motion = estimates(moving(6.0, turn_rate=turn_rate))
     # 6 s are 15 time constants: (1 - 120 (1 - m)) m^120 is missing, m = e^(-0.05/0.4), 4e-6 beyond
     assert motion.turn_rate == pytest.approx(turn_rate, rel=1e-5)
     assert motion.turn_acceleration == pytest.approx(0.0, abs=1e-5)
@@ -78,37 +75,35 @@ def test_on_a_steady_turn_the_turn_rate_is_found_through_south(
         (17, 1.0 + 0.997553 * 0.119433),
     ],
 )
-def test_a_turn_that_begins_is_seen_after_a_time_constant_and_for_a_while_overrated(
-    vehicle: Vehicles, steps: int, seen: float
-) -> None:
-    motion = estimates(moving(vehicle, steps * PERIOD, turn_rate=0.1))
+def test_a_turn_that_begins_is_seen_after_a_time_constant_and_for_a_while_overrated(steps, seen):
+    motion = estimates(moving(steps * PERIOD, turn_rate=0.1))
     assert motion.turn_rate == pytest.approx(0.1 * seen, abs=1e-6)
 
 
-def test_a_steady_acceleration_is_found(vehicle: Vehicles) -> None:
-    motion = estimates(moving(vehicle, 6.0, acceleration=1.5))
+def test_a_steady_acceleration_is_found():
+    motion = estimates(moving(6.0, acceleration=1.5))
     assert motion.acceleration == pytest.approx(1.5, rel=1e-4)
     assert motion.ground_speed == pytest.approx(29.0)
 
 
-def test_a_turn_that_tightens_has_a_turn_acceleration(vehicle: Vehicles) -> None:
+def test_a_turn_that_tightens_has_a_turn_acceleration():
     times = [index * PERIOD for index in range(161)]
-    states = [vehicle(course=0.01 * time * time, time_s=time) for time in times]
+    states = [vehicle_at(course=0.01 * time * time, time_s=time) for time in times]
     # omega = 0.02 t: 0.02 rad/s², and a difference is half a sample late
     motion = estimates(states)
     assert motion.turn_acceleration == pytest.approx(0.02, rel=1e-5)
     assert motion.turn_rate == pytest.approx(0.02 * (8.0 - 0.025), rel=1e-5)
 
 
-def test_an_acceleration_that_grows_is_no_more_than_half_a_sample_late(vehicle: Vehicles) -> None:
+def test_an_acceleration_that_grows_is_no_more_than_half_a_sample_late():
     times = [index * PERIOD for index in range(161)]
-    states = [vehicle(ground_speed=20.0 + 0.1 * time * time, time_s=time) for time in times]
+    states = [vehicle_at(ground_speed=20.0 + 0.1 * time * time, time_s=time) for time in times]
     # dV/dt = 0.2 t; a first-order filter of 0.4 s would be 0.425 s late
     assert estimates(states).acceleration == pytest.approx(0.2 * (8.0 - 0.025), rel=1e-5)
 
 
-def test_without_a_filter_the_differences_come_through(vehicle: Vehicles) -> None:
-    states = [vehicle(course=0.0), vehicle(course=0.02, ground_speed=20.1, time_s=PERIOD)]
+def test_without_a_filter_the_differences_come_through():
+    states = [vehicle_at(course=0.0), vehicle_at(course=0.02, ground_speed=20.1, time_s=PERIOD)]
     motion = estimates(states, 0.0)
     # 0.02/0.05 rad/s, 0.1/0.05 m/s², 0.4/0.05 rad/s²
     found = (motion.turn_rate, motion.acceleration, motion.turn_acceleration)
@@ -116,29 +111,25 @@ def test_without_a_filter_the_differences_come_through(vehicle: Vehicles) -> Non
 
 
 @pytest.mark.parametrize("outlier", [1.0, -2.0, 3.0])
-def test_an_outlier_of_the_course_turns_the_slot_frame_a_little_only(
-    vehicle: Vehicles, outlier: float
-) -> None:
-    states = [vehicle(), vehicle(course=outlier, time_s=PERIOD)]
+def test_an_outlier_of_the_course_turns_the_slot_frame_a_little_only(outlier):
+    states = [vehicle_at(), vehicle_at(course=outlier, time_s=PERIOD)]
     # 20 rad/s and more are held at g tan(45 degrees)/12 = 0.81722 rad/s, of which 1 - e^(-1/4) is taken
     motion = estimates(states)
     assert abs(motion.turn_rate) == pytest.approx(0.81722 * 0.221199, abs=1e-5)
     assert math.copysign(1.0, motion.turn_rate) == math.copysign(1.0, outlier)
 
 
-def test_an_outlier_of_the_speed_is_bounded_too(vehicle: Vehicles) -> None:
-    states = [vehicle(), vehicle(ground_speed=90.0, time_s=PERIOD)]
+def test_an_outlier_of_the_speed_is_bounded_too():
+    states = [vehicle_at(), vehicle_at(ground_speed=90.0, time_s=PERIOD)]
     # twice 3 m/s², of which 1 - e^(-1/4) is taken
     assert estimates(states).acceleration == pytest.approx(6.0 * 0.221199, abs=1e-5)
 
 
-def test_however_wild_the_courses_the_turn_rate_stays_within_the_bank_limit(
-    vehicle: Vehicles,
-) -> None:
+def test_however_wild_the_courses_the_turn_rate_stays_within_the_bank_limit():
     random = np.random.default_rng(5)
-    motion = motion_at_first(vehicle())
+    motion = motion_at_first(vehicle_at())
     for index in range(1, 500):
-        wild = vehicle(
+        wild = vehicle_at(
             course=float(random.uniform(-math.pi, math.pi)),
             ground_speed=float(random.uniform(1.0, 60.0)),
             time_s=index * PERIOD,
@@ -148,10 +139,10 @@ def test_however_wild_the_courses_the_turn_rate_stays_within_the_bank_limit(
         assert abs(motion.state.acceleration) <= 6.0
 
 
-def test_a_steeper_bank_allows_a_faster_turn(vehicle: Vehicles) -> None:
+def test_a_steeper_bank_allows_a_faster_turn():
     steep = replace(AIRFRAME, max_bank=math.radians(60.0))
     motion = estimated_motion(
-        motion_at_first(vehicle()), vehicle(course=2.0, time_s=PERIOD), steep, 0.0
+        motion_at_first(vehicle_at()), vehicle_at(course=2.0, time_s=PERIOD), steep, 0.0
     )
     # 9.80665 tan(60 degrees)/12
     assert motion.state.turn_rate == pytest.approx(1.41547, abs=1e-5)
@@ -183,7 +174,7 @@ def circled(period: float, until_s: float, *, velocity: bool) -> ObservedMotion:
 
 @pytest.mark.parametrize("period", [0.1, 0.25, 1.0])
 @pytest.mark.parametrize("velocity", [True, False])
-def test_a_steady_turn_is_found_without_error(period: float, velocity: bool) -> None:
+def test_a_steady_turn_is_found_without_error(period, velocity):
     state = circled(period, 40.0, velocity=velocity).state
     truth = on_circle(40.0)
     assert state.turn_rate == pytest.approx(TURN_RATE, abs=1e-3)
@@ -193,13 +184,13 @@ def test_a_steady_turn_is_found_without_error(period: float, velocity: bool) -> 
 
 
 @pytest.mark.parametrize("velocity", [True, False])
-def test_the_place_a_second_and_a_half_later_is_known_to_decimetres(velocity: bool) -> None:
+def test_the_place_a_second_and_a_half_later_is_known_to_decimetres(velocity):
     later = extrapolate_by_rates(circled(1.0, 40.0, velocity=velocity).state, 41.5)
     truth = on_circle(41.5)
     assert math.hypot(later.north - truth.north, later.east - truth.east) < 0.2
 
 
-def test_a_course_that_jumps_turns_the_frame_no_faster_than_the_aircraft_can() -> None:
+def test_a_course_that_jumps_turns_the_frame_no_faster_than_the_aircraft_can():
     motion = observed_at_first(on_circle(0.0), 0.0, SPEED)
     back = Observation(time_s=0.1, north=2.0, east=0.0, velocity=(-SPEED, 1.0))
     state = observed_motion(motion, back, LIMITS, 0.6).state
@@ -207,7 +198,7 @@ def test_a_course_that_jumps_turns_the_frame_no_faster_than_the_aircraft_can() -
     assert abs(state.acceleration) <= LIMITS.acceleration
 
 
-def test_a_silent_aircraft_is_carried_on_along_its_arc_at_one_speed() -> None:
+def test_a_silent_aircraft_is_carried_on_along_its_arc_at_one_speed():
     state = circled(0.25, 20.0, velocity=True).state
     later = carried_on(state, 10.0, 1.0)
     assert later.time_s == pytest.approx(21.0)
@@ -215,6 +206,6 @@ def test_a_silent_aircraft_is_carried_on_along_its_arc_at_one_speed() -> None:
     assert later.turn_rate == pytest.approx(TURN_RATE, abs=1e-3)
 
 
-def test_one_that_was_just_heard_flies_by_all_its_rates() -> None:
+def test_one_that_was_just_heard_flies_by_all_its_rates():
     state = circled(0.25, 20.0, velocity=True).state
     assert carried_on(state, 0.5, 1.0) is state

@@ -3,10 +3,10 @@
 import math
 from collections.abc import Callable
 from itertools import pairwise
-from typing import Protocol
 
 import pytest
 
+from tests.kit.states import Plant
 from vfguide.elementwise import wrap_angle
 from vfguide.guidance.formation import FormationError, arc_tangent_field, lyapunov
 from vfguide.guidance.path import (
@@ -30,19 +30,6 @@ GAIN, APPROACH = 0.03, math.pi / 2.0
 LAYER = boundary_layer(KAPPA, 0.01, period=PERIOD, delay=0.0, factor=2.0)
 
 Field = Callable[[float, float], float]
-
-
-class Plant(Protocol):
-    """A vehicle with first-order holds."""
-
-    north: float
-    east: float
-    course: float
-
-    def fly(self, course: float, speed: float, period: float) -> None: ...
-
-
-Plants = Callable[..., Plant]
 
 
 def fly(plant: Plant, field: Field, seconds: float, layer: float = LAYER) -> None:
@@ -76,25 +63,25 @@ def printed_line_field(sense: int, slope: float) -> Field:
     return field
 
 
-def test_on_the_line_the_printed_field_does_not_point_along_it() -> None:
+def test_on_the_line_the_printed_field_does_not_point_along_it():
     # y = 0, flown to growing x: the course of the path is 0; printed i chi_inf / 2 = +-45 degrees
     assert printed_line_field(1, 0.0)(0.0, 0.0) == pytest.approx(math.pi / 4.0)
     assert printed_line_field(-1, 0.0)(0.0, 0.0) == pytest.approx(-math.pi / 4.0)
     assert field_of(Line(north=0.0, east=0.0, course=0.0))(0.0, 0.0) == 0.0
 
 
-def test_the_printed_line_field_flies_off_or_beside_the_line(plant: Plants) -> None:
-    away = plant(east=5.0)
+def test_the_printed_line_field_flies_off_or_beside_the_line():
+    away = Plant(east=5.0)
     fly(away, printed_line_field(1, 0.0), 100.0)
     # far away its course is chi_inf/2 + 1 = 1.785 rad, 20 m/s . sin = 19.5 m/s outward, for most of 100 s
     assert away.east > 1000.0
 
-    beside = plant(east=5.0)
+    beside = Plant(east=5.0)
     fly(beside, printed_line_field(-1, 0.0), 300.0)
     # at rest where (2/pi) atan(k e) = -pi/4: e = -tan(pi²/8)/k = -2.857/0.03 = -95.2 m
     assert beside.east == pytest.approx(-95.2, abs=0.5)
 
-    onto = plant(east=5.0)
+    onto = Plant(east=5.0)
     fly(onto, field_of(Line(north=0.0, east=0.0, course=0.0)), 100.0)
     assert onto.east == pytest.approx(0.0, abs=0.01)
 
@@ -102,7 +89,7 @@ def test_the_printed_line_field_flies_off_or_beside_the_line(plant: Plants) -> N
 # The cross-track error: e = y - (a x + b) is printed.
 
 
-def test_the_printed_error_is_not_a_distance() -> None:
+def test_the_printed_error_is_not_a_distance():
     # 10 m right of a line at 60 degrees: measured along y it is 10/cos(60) = 20 m
     course = math.radians(60.0)
     north, east = -10.0 * math.sin(course), 10.0 * math.cos(course)
@@ -111,17 +98,17 @@ def test_the_printed_error_is_not_a_distance() -> None:
     assert line.nearest(north, east).cross_track_error == pytest.approx(10.0)
 
 
-def test_the_printed_error_has_no_line_across_its_axis(plant: Plants) -> None:
+def test_the_printed_error_has_no_line_across_its_axis():
     # x = 10 has no slope: toward it, the slope and with it the error of one metre grow beyond bounds
     steep = math.radians(89.99)
     assert math.cos(steep) - math.tan(steep) * -math.sin(steep) == pytest.approx(5730.0, rel=1e-3)
-    flyer = plant(course=1.0)
+    flyer = Plant(course=1.0)
     fly(flyer, field_of(Line(north=10.0, east=0.0, course=math.pi / 2.0)), 60.0)
     assert flyer.north == pytest.approx(10.0, abs=0.01)
     assert flyer.course == pytest.approx(math.pi / 2.0, abs=1e-3)
 
 
-def test_the_printed_error_drives_a_line_flown_backward_apart(plant: Plants) -> None:
+def test_the_printed_error_drives_a_line_flown_backward_apart():
     # flown toward falling x, right of the line is on the other side of it, and the printed sign stays
     backward = math.radians(60.0 + 180.0)
 
@@ -130,7 +117,7 @@ def test_the_printed_error_drives_a_line_flown_backward_apart(plant: Plants) -> 
         return backward - APPROACH * (2.0 / math.pi) * math.atan(GAIN * error)
 
     line = Line(north=0.0, east=0.0, course=backward)
-    literal, corrected = plant(east=5.0, course=backward), plant(east=5.0, course=backward)
+    literal, corrected = Plant(east=5.0, course=backward), Plant(east=5.0, course=backward)
     fly(literal, with_printed_error, 100.0)
     fly(corrected, field_of(line), 100.0)
     assert abs(line.nearest(literal.north, literal.east).cross_track_error) > 500.0
@@ -159,7 +146,7 @@ def regressor(path: Path, north: float, east: float, course: float) -> float:
 
 
 @pytest.mark.parametrize("path", PATHS)
-def test_the_regressor_is_what_a_metre_a_second_more_does_to_the_fields_rate(path: Path) -> None:
+def test_the_regressor_is_what_a_metre_a_second_more_does_to_the_fields_rate(path):
     north, east, course, field = 120.0, 60.0, 0.9, field_of(path)
 
     def rate(speed: float) -> float:
@@ -177,9 +164,7 @@ def test_the_regressor_is_what_a_metre_a_second_more_does_to_the_fields_rate(pat
 @pytest.mark.parametrize(
     ("term", "falls"), [(regressor, True), (printed_regressor, False)], ids=["phi", "printed"]
 )
-def test_the_lyapunov_function_falls_with_the_regressor_alone(
-    path: Path, term: Callable[[Path, float, float, float], float], *, falls: bool
-) -> None:
+def test_the_lyapunov_function_falls_with_the_regressor_alone(path, term, falls):
     north, east, estimate = 150.0, 0.0, 35.0
     course = path.nearest(north, east).course + 0.3
     step, layer = 0.002, 0.5
@@ -217,11 +202,9 @@ def printed_errors(
     )
 
 
-def follow(
-    plant: Plants, errors: Callable[[float, float], tuple[float, float]]
-) -> tuple[float, float]:
+def follow(errors: Callable[[float, float], tuple[float, float]]) -> tuple[float, float]:
     """(along, right) of the leader after 60 s of the printed dual field behind it."""
-    flyer = plant(north=-30.0, east=30.0)
+    flyer = Plant(north=-30.0, east=30.0)
     for step in range(1200):
         x_error, y_error = errors(flyer.north - SPEED * PERIOD * step, flyer.east)
         course, _ = arc_tangent_field(y_error, 0.0, 0.2, math.pi / 4.0)
@@ -230,19 +213,19 @@ def follow(
     return flyer.north - SPEED * PERIOD * 1200, flyer.east
 
 
-def test_one_reading_of_the_bearing_diverges_sideways_and_the_other_along(plant: Plants) -> None:
+def test_one_reading_of_the_bearing_diverges_sideways_and_the_other_along():
     slot = (-20.0, 20.0)
-    outward = follow(plant, lambda *place: printed_errors(*place, from_leader=True, slot=slot))
+    outward = follow(lambda *place: printed_errors(*place, from_leader=True, slot=slot))
     # the course stays at pi/4, 20 m/s . sin = 14 m/s for a minute
     assert outward[1] > 500.0
-    along = follow(plant, lambda *place: printed_errors(*place, from_leader=False, slot=slot))
+    along = follow(lambda *place: printed_errors(*place, from_leader=False, slot=slot))
     # V_inf = 8 m/s too slow, for a minute
     assert along[0] < -400.0
-    corrected = follow(plant, lambda along, right: (slot[0] - along, slot[1] - right))
+    corrected = follow(lambda along, right: (slot[0] - along, slot[1] - right))
     assert corrected == pytest.approx(slot, abs=0.05)
 
 
-def test_each_reading_has_one_error_of_the_right_sign() -> None:
+def test_each_reading_has_one_error_of_the_right_sign():
     # the follower 25 m behind and 30 m right, the slot 20 m behind and 20 m right: (5, -10) is true
     first = printed_errors(-25.0, 30.0, from_leader=True, slot=(-20.0, 20.0))
     second = printed_errors(-25.0, 30.0, from_leader=False, slot=(-20.0, 20.0))
@@ -278,7 +261,7 @@ def change_of_w(along: float, speed_error: float, weight: float) -> float:
 
 @pytest.mark.parametrize("along", [-40.0, -1.0, 0.5, 30.0])
 @pytest.mark.parametrize("speed_error", [-3.0, -0.2, 0.5, 4.0])
-def test_with_the_weight_rho_the_cross_terms_cancel(along: float, speed_error: float) -> None:
+def test_with_the_weight_rho_the_cross_terms_cancel(along, speed_error):
     # what is left is -x_E V_inf (2/pi) atan(k x_E) - rho kappa V~ sat(V~/epsilon)
     field = along * 8.0 * (2.0 / math.pi) * math.atan(0.2 * along)
     sliding = 50.0 * KAPPA * speed_error * max(-1.0, min(1.0, speed_error / 0.75))
@@ -286,12 +269,12 @@ def test_with_the_weight_rho_the_cross_terms_cancel(along: float, speed_error: f
     assert change == pytest.approx(-field - sliding, rel=1e-6, abs=1e-4)
 
 
-def test_with_the_printed_weight_the_function_rises() -> None:
+def test_with_the_printed_weight_the_function_rises():
     # x_E = 1, V~ = -3: -1.005 from the field, +3 (1 - 1/2500) not cancelled, -3 . 3/50 from the law = +1.81
     assert change_of_w(1.0, -3.0, 1.0 / 50.0) == pytest.approx(1.81, abs=0.01)
 
 
-def test_the_corrected_function_is_half_the_squares() -> None:
+def test_the_corrected_function_is_half_the_squares():
     error = FormationError(
         along_track=3.0, cross_track=4.0, along_track_rate=0.0, cross_track_rate=0.0
     )

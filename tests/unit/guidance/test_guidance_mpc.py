@@ -1,7 +1,6 @@
 """The predictive baseline: its programme against the regulator, its bounds, its robustness."""
 
 import math
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -10,16 +9,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from msgspec.structs import replace
 
-from tests.unit.guidance.following import keeper
+from tests.kit.following import keeper
+from tests.kit.states import choices, leader_at, vehicle_at
 from vfguide.guidance.airframe import GRAVITY
 from vfguide.guidance.formation import Slot, slot_motion
-from vfguide.guidance.settings import GuidanceSettings
 from vfguide.laws.mpc import MpcGains, Programme, predicted_slot, regulator
-from vfguide.state import Airframe, LeaderState, VehicleState
-
-Leader = Callable[..., LeaderState[float]]
-Vehicle = Callable[..., VehicleState[float]]
-Choices = Callable[..., GuidanceSettings]
+from vfguide.state import Airframe
 
 PERIOD = 0.05
 CHOSEN: dict[str, Any] = {
@@ -41,9 +36,7 @@ def unbounded(count: int) -> tuple[np.ndarray, np.ndarray]:
 @pytest.mark.parametrize(
     ("error", "velocity"), [(1.0 + 0.0j, 0.0j), (0.0j, 2.0 - 1.0j), (-3.0 + 5.0j, 1.0 + 1.0j)]
 )
-def test_without_bounds_it_is_the_linear_quadratic_regulator(
-    error: complex, velocity: complex
-) -> None:
+def test_without_bounds_it_is_the_linear_quadratic_regulator(error, velocity):
     programme = Programme(WEIGHTS, beta=0.8)
     _, gain = regulator(
         programme.interval, WEIGHTS.velocity_weight_s2, WEIGHTS.acceleration_weight_s4
@@ -54,15 +47,15 @@ def test_without_bounds_it_is_the_linear_quadratic_regulator(
     assert found == pytest.approx(wanted, abs=2e-3)
 
 
-def test_a_slot_ahead_is_answered_by_going_faster() -> None:
+def test_a_slot_ahead_is_answered_by_going_faster():
     _, gain = regulator(0.15, 1.0, 0.1)
     # a = -gain (p, v): p counts the slot's distance ahead, v the excess over its speed.
     assert gain[0] < 0.0 < gain[1]
 
 
-def test_the_slot_is_predicted_along_the_leaders_arc(leader: Leader) -> None:
+def test_the_slot_is_predicted_along_the_leaders_arc():
     horizon = predicted_slot(
-        leader(turn_rate=0.1, acceleration=0.5),
+        leader_at(turn_rate=0.1, acceleration=0.5),
         Slot(forward=-20.0, right=0.0),
         interval=0.5,
         count=4,
@@ -73,12 +66,10 @@ def test_the_slot_is_predicted_along_the_leaders_arc(leader: Leader) -> None:
     assert horizon.turned[4] == pytest.approx(0.2, abs=0.01)
 
 
-def test_on_a_turning_slot_it_asks_for_the_slots_own_motion(
-    leader: Leader, vehicle: Vehicle, choices: Choices
-) -> None:
-    leading = leader(turn_rate=0.1)
+def test_on_a_turning_slot_it_asks_for_the_slots_own_motion():
+    leading = leader_at(turn_rate=0.1)
     motion = slot_motion(leading, SLOT)
-    state = vehicle(
+    state = vehicle_at(
         north=motion.north, east=motion.east, course=motion.course, ground_speed=motion.speed
     )
     controller = keeper("mpc", choices(), SLOT, Airframe(), **CHOSEN)
@@ -88,42 +79,38 @@ def test_on_a_turning_slot_it_asks_for_the_slots_own_motion(
     assert setpoint.speed == pytest.approx(motion.speed, abs=1e-3)
 
 
-def test_a_distant_slot_is_flown_to_within_bank_and_airspeed(
-    leader: Leader, vehicle: Vehicle, choices: Choices
-) -> None:
+def test_a_distant_slot_is_flown_to_within_bank_and_airspeed():
     airframe = Airframe()
     controller = keeper("mpc", choices(), SLOT, airframe, **CHOSEN)
     fastest = GRAVITY * math.tan(airframe.max_bank) / 20.0
     steepest = fastest * (1.0 / airframe.alpha + PERIOD / 2.0)
     for east in (-300.0, 300.0):
         setpoint = controller.step(
-            vehicle(north=-200.0, east=east), leader(), period=PERIOD
+            vehicle_at(north=-200.0, east=east), leader_at(), period=PERIOD
         ).setpoint
         assert abs(setpoint.course) <= steepest + 1e-6
         assert airframe.airspeed_min <= setpoint.speed <= airframe.airspeed_max
 
 
-def test_a_vehicle_outside_its_bounds_is_led_back_in(
-    leader: Leader, vehicle: Vehicle, choices: Choices
-) -> None:
+def test_a_vehicle_outside_its_bounds_is_led_back_in():
     controller = keeper("mpc", choices(), SLOT, Airframe(), **CHOSEN)
-    too_fast = vehicle(north=-40.0, east=10.0, ground_speed=40.0)
-    assert controller.step(too_fast, leader(), period=PERIOD).setpoint.speed < 40.0
-    backwards = vehicle(north=-40.0, east=10.0, course=3.0)
-    assert abs(controller.step(backwards, leader(), period=PERIOD).setpoint.course - 3.0) > 0.1
+    too_fast = vehicle_at(north=-40.0, east=10.0, ground_speed=40.0)
+    assert controller.step(too_fast, leader_at(), period=PERIOD).setpoint.speed < 40.0
+    backwards = vehicle_at(north=-40.0, east=10.0, course=3.0)
+    assert abs(controller.step(backwards, leader_at(), period=PERIOD).setpoint.course - 3.0) > 0.1
 
 
-def test_with_an_integral_it_asks_for_more_the_longer_it_is_off_its_slot(
-    leader: Leader, vehicle: Vehicle, choices: Choices
-) -> None:
-    behind = vehicle(north=-40.5, east=10.0)
+def test_with_an_integral_it_asks_for_more_the_longer_it_is_off_its_slot():
+    behind = vehicle_at(north=-40.5, east=10.0)
 
     def asked(integral_s: float) -> list[float]:
         chosen = CHOSEN | {"integral_s": integral_s}
         controller = keeper("mpc", choices(), SLOT, Airframe(), **chosen)
-        speeds = [controller.step(behind, leader(), period=PERIOD).setpoint.speed for _ in range(5)]
+        speeds = [
+            controller.step(behind, leader_at(), period=PERIOD).setpoint.speed for _ in range(5)
+        ]
         controller.reset()
-        again = controller.step(behind, leader(), period=PERIOD).setpoint.speed
+        again = controller.step(behind, leader_at(), period=PERIOD).setpoint.speed
         assert again == pytest.approx(speeds[0], abs=1e-3)
         return speeds
 
@@ -140,13 +127,13 @@ def test_with_an_integral_it_asks_for_more_the_longer_it_is_off_its_slot(
     assert learning == pytest.approx(wanted, abs=5e-3)
 
 
-def test_the_same_states_give_the_same_setpoints(
-    leader: Leader, vehicle: Vehicle, choices: Choices
-) -> None:
+def test_the_same_states_give_the_same_setpoints():
     def flown() -> list[float]:
         controller = keeper("mpc", choices(), SLOT, Airframe(), **CHOSEN)
-        states = [vehicle(north=-40.0 + 0.3 * step, east=8.0) for step in range(20)]
-        return [controller.step(state, leader(), period=PERIOD).setpoint.speed for state in states]
+        states = [vehicle_at(north=-40.0 + 0.3 * step, east=8.0) for step in range(20)]
+        return [
+            controller.step(state, leader_at(), period=PERIOD).setpoint.speed for state in states
+        ]
 
     assert flown() == flown()
 
@@ -160,22 +147,11 @@ def test_the_same_states_give_the_same_setpoints(
     turn_rate=st.floats(-1.0, 1.0),
     wind=st.floats(-30.0, 30.0),
 )
-def test_wherever_a_follower_is_its_guidance_is_finite(
-    leader: Leader,
-    vehicle: Vehicle,
-    choices: Choices,
-    *,
-    north: float,
-    east: float,
-    course: float,
-    speed: float,
-    turn_rate: float,
-    wind: float,
-) -> None:
+def test_wherever_a_follower_is_its_guidance_is_finite(north, east, course, speed, turn_rate, wind):
     controller = keeper("mpc", choices(), SLOT, Airframe(), **CHOSEN)
-    state = vehicle(north=north, east=east, course=course, ground_speed=speed, wind=(wind, 0.0))
+    state = vehicle_at(north=north, east=east, course=course, ground_speed=speed, wind=(wind, 0.0))
     # Nobody who stands still in the air is guided: a companion takes its airspeed for 1 m/s at least.
     state = replace(state, airspeed=max(state.airspeed, 1.0))
-    setpoint = controller.step(state, leader(turn_rate=turn_rate), period=PERIOD).setpoint
+    setpoint = controller.step(state, leader_at(turn_rate=turn_rate), period=PERIOD).setpoint
     assert math.isfinite(setpoint.course)
     assert math.isfinite(setpoint.speed)

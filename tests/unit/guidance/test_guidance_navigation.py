@@ -81,7 +81,7 @@ def miss(state: VehicleState[float], truth: Sample[float]) -> float:
     return math.hypot(state.north - truth.north, state.east - truth.east)
 
 
-def test_one_report_alone_gives_position_velocity_and_wind() -> None:
+def test_one_report_alone_gives_position_velocity_and_wind():
     state = first_state(steady_wind(2.0))
     assert miss(state, steady_wind(2.0)) == 0.0
     assert (state.wind_north, state.wind_east) == pytest.approx((5.0, -3.0))
@@ -91,13 +91,13 @@ def test_one_report_alone_gives_position_velocity_and_wind() -> None:
     assert state.course == pytest.approx(math.atan2(8.2928, 21.5067), abs=1e-5)
 
 
-def test_at_constant_velocity_there_is_no_lag() -> None:
+def test_at_constant_velocity_there_is_no_lag():
     for index, state in enumerate(run(steady_wind, 20.0)):
         assert miss(state, steady_wind(index * PERIOD)) < 1e-9
         assert state.wind_rate_north == pytest.approx(0.0, abs=1e-9)
 
 
-def test_in_a_steadily_growing_wind_there_is_no_lag_either() -> None:
+def test_in_a_steadily_growing_wind_there_is_no_lag_either():
     state, truth = run(growing_wind, 30.0)[-1], growing_wind(30.0)
     # a first-order filter of 0.2 s would be 0.2 . 0.8 = 0.16 m/s behind
     assert state.wind_north == pytest.approx(5.0 + 0.8 * 30.0, abs=1e-6)
@@ -105,7 +105,7 @@ def test_in_a_steadily_growing_wind_there_is_no_lag_either() -> None:
     assert miss(state, truth) < 1e-4
 
 
-def test_in_a_wind_whose_growth_grows_course_and_speed_stay_exact() -> None:
+def test_in_a_wind_whose_growth_grows_course_and_speed_stay_exact():
     state = run(turning_wind, 10.0)[-1]
     # a filter without the rate's rate would be 0.2² . 0.3 = 0.012 m/s behind, and the rate 2 . 0.2 . 0.3 m/s²
     assert state.wind_north == pytest.approx(5.0 + 0.15 * 100.0, abs=1e-6)
@@ -114,7 +114,7 @@ def test_in_a_wind_whose_growth_grows_course_and_speed_stay_exact() -> None:
     assert (state.wind_jerk_north, state.wind_jerk_east) == pytest.approx((0.3, -0.2), abs=1e-6)
 
 
-def test_the_rate_of_the_wind_is_found_within_two_seconds() -> None:
+def test_the_rate_of_the_wind_is_found_within_two_seconds():
     # 40 samples: memory^40 = e^(-40 . 0.05/0.2), times the powers of 40 that it comes with, is 0.4 %
     state = run(growing_wind, 2.0)[-1]
     assert (state.wind_rate_north, state.wind_rate_east) == pytest.approx((0.8, -0.5), rel=0.01)
@@ -143,7 +143,7 @@ def noisy(track: Track, spread: float, seed: int) -> Track:
 
 @pytest.mark.parametrize("track", [steady_wind, growing_wind])
 @pytest.mark.parametrize("seed", [1, 2, 3])
-def test_position_noise_of_0_3_m_falls_to_centimetres(track: Track, seed: int) -> None:
+def test_position_noise_of_0_3_m_falls_to_centimetres(track, seed):
     states = run(noisy(track, 0.3, seed), 120.0)
     settled = list(enumerate(states))[400:]
     squares = [
@@ -156,7 +156,7 @@ def test_position_noise_of_0_3_m_falls_to_centimetres(track: Track, seed: int) -
     assert rms == pytest.approx(0.0333, rel=0.3)
 
 
-def test_without_memory_the_filter_passes_reports_through() -> None:
+def test_without_memory_the_filter_passes_reports_through():
     none = FilterTimes(position_s=0.0, wind_s=0.0)
     report = noisy(growing_wind, 3.0, 4)
     samples = [report(0.0), report(PERIOD), report(2.0 * PERIOD)]
@@ -173,7 +173,7 @@ def test_without_memory_the_filter_passes_reports_through() -> None:
     assert state.wind_rate_north == pytest.approx(0.8)
 
 
-def test_memory_is_none_at_time_constant_zero_and_fades_over_it() -> None:
+def test_memory_is_none_at_time_constant_zero_and_fades_over_it():
     assert memory_of(0.05, 0.0) == 0.0
     assert memory_of(0.2, 0.2) == pytest.approx(math.exp(-1.0))
     assert fading_memory_2(0.05, 0.0) == (1.0, 1.0)
@@ -202,7 +202,7 @@ def with_wrong_speed(track: Track) -> Track:
 
 
 @pytest.mark.parametrize("track", [steady_wind, growing_wind])
-def test_blind_the_filter_finds_the_ground_speed_from_positions(track: Track) -> None:
+def test_blind_the_filter_finds_the_ground_speed_from_positions(track):
     state = run(with_wrong_speed(track), 12.0, step=navigate_blind)[-1]
     truth = track(12.0)
     speed = math.hypot(truth.velocity_north, truth.velocity_east)
@@ -211,7 +211,7 @@ def test_blind_the_filter_finds_the_ground_speed_from_positions(track: Track) ->
     assert miss(state, truth) < 1e-3
 
 
-def test_blind_the_course_is_the_reported_one() -> None:
+def test_blind_the_course_is_the_reported_one():
     report = replace(
         steady_wind(PERIOD), velocity_north=5.0 * math.cos(1.0), velocity_east=5.0 * math.sin(1.0)
     )
@@ -221,14 +221,14 @@ def test_blind_the_course_is_the_reported_one() -> None:
     assert state.ground_speed == pytest.approx(23.0502, abs=1e-4)
 
 
-def test_blind_the_wind_and_its_rate_are_found_too() -> None:
+def test_blind_the_wind_and_its_rate_are_found_too():
     state = run(with_wrong_speed(growing_wind), 12.0, step=navigate_blind)[-1]
     assert state.wind_north == pytest.approx(5.0 + 0.8 * 12.0, abs=0.01)
     assert state.wind_rate_north == pytest.approx(0.8, abs=0.01)
     assert state.wind_rate_east == pytest.approx(-0.5, abs=0.01)
 
 
-def test_a_turn_in_steady_wind_is_not_taken_for_wind() -> None:
+def test_a_turn_in_steady_wind_is_not_taken_for_wind():
     # 20 m/s, heading rate 0.3 rad/s, in wind (4, 2): the exact track
     def turning(time: float) -> Sample[float]:
         heading = 0.3 * time

@@ -36,7 +36,7 @@ def angle_between(first: float, second: float) -> float:
 
 
 @pytest.mark.parametrize("course", COURSES)
-def test_on_a_line_the_field_points_along_it(course: float) -> None:
+def test_on_a_line_the_field_points_along_it(course):
     line = Line(north=5.0, east=7.0, course=course)
     north, east = 5.0 + 300.0 * math.cos(course), 7.0 + 300.0 * math.sin(course)
     point = line.nearest(north, east)
@@ -46,9 +46,7 @@ def test_on_a_line_the_field_points_along_it(course: float) -> None:
 
 
 @pytest.mark.parametrize(("course", "approach"), list(product(COURSES, (math.pi / 2.0, 0.6))))
-def test_far_from_a_line_the_field_approaches_it_at_the_approach_angle(
-    course: float, approach: float
-) -> None:
+def test_far_from_a_line_the_field_approaches_it_at_the_approach_angle(course, approach):
     line = Line(north=0.0, east=0.0, course=course)
     # 1e7 m to the right: (-sin, cos) is the unit vector right of the course
     north, east = -1e7 * math.sin(course), 1e7 * math.cos(course)
@@ -59,14 +57,14 @@ def test_far_from_a_line_the_field_approaches_it_at_the_approach_angle(
     assert angle_between(desired_course(left, GAIN, approach), course + approach) < 1e-5
 
 
-def test_at_one_over_the_gain_the_field_has_bent_half_way() -> None:
+def test_at_one_over_the_gain_the_field_has_bent_half_way():
     # e = 1/k = 33.3 m right: atan(1) = pi/4, half of pi/2, so half of the approach angle, to the left
     point = Line(north=0.0, east=0.0, course=0.0).nearest(0.0, 1.0 / GAIN)
     assert desired_course(point, GAIN, 0.8) == pytest.approx(-0.4)
 
 
 @pytest.mark.parametrize(("direction", "bearing"), list(product(SENSES, COURSES)))
-def test_on_a_circle_the_field_is_the_tangent(direction: Direction, bearing: float) -> None:
+def test_on_a_circle_the_field_is_the_tangent(direction, bearing):
     circle = Circle(north=30.0, east=40.0, radius=150.0, direction=direction)
     north, east = 30.0 + 150.0 * math.cos(bearing), 40.0 + 150.0 * math.sin(bearing)
     point = circle.nearest(north, east)
@@ -76,7 +74,7 @@ def test_on_a_circle_the_field_is_the_tangent(direction: Direction, bearing: flo
     assert angle_between(desired_course(point, GAIN, math.pi / 2.0), tangent) < 1e-9
 
 
-def test_outside_a_clockwise_circle_the_vehicle_is_left_of_it() -> None:
+def test_outside_a_clockwise_circle_the_vehicle_is_left_of_it():
     # 200 m north of the centre, flying east: the circle of 150 m is 50 m to the right
     clockwise = Circle(north=0.0, east=0.0, radius=150.0, direction=1).nearest(200.0, 0.0)
     assert clockwise.cross_track_error == pytest.approx(-50.0)
@@ -93,9 +91,7 @@ def test_outside_a_clockwise_circle_the_vehicle_is_left_of_it() -> None:
     direction=st.sampled_from(SENSES),
     gain=st.floats(0.001, 1.0),
 )
-def test_the_circle_field_is_the_articles(
-    north: float, east: float, direction: Direction, gain: float
-) -> None:
+def test_the_circle_field_is_the_articles(north, east, direction, gain):
     circle = Circle(north=12.0, east=-34.0, radius=150.0, direction=direction)
     bearing = math.atan2(east + 34.0, north - 12.0)
     distance = math.hypot(north - 12.0, east + 34.0)
@@ -105,14 +101,14 @@ def test_the_circle_field_is_the_articles(
 
 
 @pytest.mark.parametrize("direction", SENSES)
-def test_far_from_a_circle_the_field_points_at_its_centre(direction: Direction) -> None:
+def test_far_from_a_circle_the_field_points_at_its_centre(direction):
     circle = Circle(north=0.0, east=0.0, radius=150.0, direction=direction)
     field = desired_course(circle.nearest(-1e6, 0.0), GAIN, math.pi / 2.0)
     assert angle_between(field, 0.0) < 1e-3
 
 
 @pytest.mark.parametrize("error", [-80.0, -5.0, 0.0, 3.0, 60.0])
-def test_the_slope_is_the_derivative_of_the_field_across_a_line(error: float) -> None:
+def test_the_slope_is_the_derivative_of_the_field_across_a_line(error):
     line, step = Line(north=0.0, east=0.0, course=0.0), 1e-4
     after = desired_course(line.nearest(0.0, error + step), GAIN, 0.9)
     before = desired_course(line.nearest(0.0, error - step), GAIN, 0.9)
@@ -120,7 +116,7 @@ def test_the_slope_is_the_derivative_of_the_field_across_a_line(error: float) ->
     assert slope == pytest.approx((after - before) / (2.0 * step), rel=1e-6)
 
 
-def test_on_the_path_the_slope_is_minus_two_over_pi_times_approach_angle_and_gain() -> None:
+def test_on_the_path_the_slope_is_minus_two_over_pi_times_approach_angle_and_gain():
     # -(pi/2) (2/pi) 0.03 = -0.03 rad/m
     assert desired_course_slope(0.0, GAIN, math.pi / 2.0) == pytest.approx(-0.03)
 
@@ -129,9 +125,7 @@ def test_on_the_path_the_slope_is_minus_two_over_pi_times_approach_angle_and_gai
     ("path", "position", "course"),
     list(product(PATHS, [(100.0, 220.0), (-140.0, -30.0), (60.0, 60.0)], [0.3, 2.0, -2.5])),
 )
-def test_along_a_flight_field_and_tangent_turn_at_the_analytic_rates(
-    path: Path, position: tuple[float, float], course: float
-) -> None:
+def test_along_a_flight_field_and_tangent_turn_at_the_analytic_rates(path, position, course):
     (north, east), step, approach = position, 1e-3, math.pi / 2.0
     ahead = path.nearest(north + step * math.cos(course), east + step * math.sin(course))
     behind = path.nearest(north - step * math.cos(course), east - step * math.sin(course))
@@ -144,7 +138,7 @@ def test_along_a_flight_field_and_tangent_turn_at_the_analytic_rates(
     assert rate == pytest.approx(wrap_angle(change) / (2.0 * step), abs=1e-8)
 
 
-def test_a_vehicle_on_the_circle_turns_with_it() -> None:
+def test_a_vehicle_on_the_circle_turns_with_it():
     # 20 m/s on 150 m: 20/150 = 0.1333 rad/s clockwise
     point = Circle(north=0.0, east=0.0, radius=150.0, direction=1).nearest(150.0, 0.0)
     rate = 20.0 * desired_course_rate_per_speed(point, math.pi / 2.0, GAIN, math.pi / 2.0)
@@ -152,7 +146,7 @@ def test_a_vehicle_on_the_circle_turns_with_it() -> None:
 
 
 @pytest.mark.parametrize("direction", SENSES)
-def test_at_the_centre_of_a_circle_everything_is_finite(direction: Direction) -> None:
+def test_at_the_centre_of_a_circle_everything_is_finite(direction):
     circle = Circle(north=30.0, east=40.0, radius=150.0, direction=direction)
     point = circle.nearest(30.0, 40.0)
     assert abs(point.cross_track_error) == pytest.approx(150.0)
@@ -164,7 +158,7 @@ def test_at_the_centre_of_a_circle_everything_is_finite(direction: Direction) ->
 
 
 @pytest.mark.parametrize("direction", SENSES)
-def test_flying_the_field_from_the_centre_leads_onto_the_circle(direction: Direction) -> None:
+def test_flying_the_field_from_the_centre_leads_onto_the_circle(direction):
     circle = Circle(north=30.0, east=40.0, radius=150.0, direction=direction)
     north, east, turned = 30.0, 40.0, 0.0
     bearing = math.nan

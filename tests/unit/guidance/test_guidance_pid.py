@@ -1,20 +1,15 @@
 """The PID baseline: what it answers to an error, and when its integrals stand still."""
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 import pytest
 
-from tests.unit.guidance.following import follower_step, keeper
+from tests.kit.following import follower_step, keeper
+from tests.kit.states import choices, leader_at, vehicle_at
 from vfguide.guidance.formation import Slot, slot_motion
-from vfguide.guidance.settings import GuidanceSettings
 from vfguide.laws.pid import AxisMemory, axis_step
-from vfguide.state import Airframe, LeaderState, VehicleState
-
-Leader = Callable[..., LeaderState[float]]
-Vehicle = Callable[..., VehicleState[float]]
-Choices = Callable[..., GuidanceSettings]
+from vfguide.state import Airframe
 
 PERIOD = 0.05
 GAINS: dict[str, Any] = {
@@ -27,21 +22,21 @@ GAINS: dict[str, Any] = {
 EMPTY = AxisMemory(integral=0.0, rate=0.0)
 
 
-def test_the_correction_is_the_sum_of_three_parts() -> None:
+def test_the_correction_is_the_sum_of_three_parts():
     correction, memory = axis_step(3.0, -0.4, EMPTY, **GAINS, period=PERIOD, share=1.0, held=False)
     # 0.1 * 3 + 0.02 * 3 * 0.05 - 0.5 * 0.4
     assert correction == pytest.approx(0.103)
     assert memory.integral == pytest.approx(0.003)
 
 
-def test_the_rate_is_low_passed() -> None:
+def test_the_rate_is_low_passed():
     slow = GAINS | {"proportional": 0.0, "integral": 0.0, "derivative": 1.0, "filter_s": 0.15}
     correction, memory = axis_step(0.0, 1.0, EMPTY, **slow, period=PERIOD, share=1.0, held=False)
     # Backward Euler: 0.05 / (0.15 + 0.05).
     assert correction == memory.rate == pytest.approx(0.25)
 
 
-def test_an_integral_stands_still_while_its_correction_is_at_the_limit() -> None:
+def test_an_integral_stands_still_while_its_correction_is_at_the_limit():
     memory = EMPTY
     for _ in range(100):
         correction, memory = axis_step(
@@ -51,9 +46,7 @@ def test_an_integral_stands_still_while_its_correction_is_at_the_limit() -> None
     assert memory.integral == 0.0
 
 
-def test_far_from_its_slot_a_follower_learns_nothing_for_its_integrals(
-    leader: Leader, vehicle: Vehicle, choices: Choices
-) -> None:
+def test_far_from_its_slot_a_follower_learns_nothing_for_its_integrals():
     slot = Slot(forward=-20.0, right=0.0)
 
     def learned_at(east: float) -> float:
@@ -67,8 +60,8 @@ def test_far_from_its_slot_a_follower_learns_nothing_for_its_integrals(
             lateral_i_rad_m_s=0.02,
             lateral_d_rad_s_m=0.0,
         )
-        state = vehicle(north=-20.0, east=east, course=0.0)
-        errors = [gentle.step(state, leader(), period=PERIOD).course_error for _ in range(2)]
+        state = vehicle_at(north=-20.0, east=east, course=0.0)
+        errors = [gentle.step(state, leader_at(), period=PERIOD).course_error for _ in range(2)]
         return float(errors[0] - errors[1])
 
     # Half of it 2 m away, 1 / (1 + 5^4) of it 10 m away.
@@ -76,23 +69,21 @@ def test_far_from_its_slot_a_follower_learns_nothing_for_its_integrals(
     assert learned_at(-10.0) == pytest.approx(0.02 * 10.0 * 0.05 / 626.0)
 
 
-def test_an_integral_at_the_limit_still_shrinks() -> None:
+def test_an_integral_at_the_limit_still_shrinks():
     wound_up = AxisMemory(integral=2.0, rate=0.0)
     _, memory = axis_step(-1.0, 0.0, wound_up, **GAINS, period=PERIOD, share=1.0, held=False)
     assert memory.integral == pytest.approx(2.0 - 0.02 * 0.05)
 
 
-def test_an_integral_stands_still_while_the_vehicle_is_at_a_limit() -> None:
+def test_an_integral_stands_still_while_the_vehicle_is_at_a_limit():
     _, memory = axis_step(3.0, 0.0, EMPTY, **GAINS, period=PERIOD, share=1.0, held=True)
     assert memory.integral == 0.0
 
 
-def test_on_a_turning_slot_it_asks_for_the_slots_own_motion(
-    leader: Leader, vehicle: Vehicle, choices: Choices
-) -> None:
-    leading, slot = leader(turn_rate=0.1), Slot(forward=-40.0, right=0.0)
+def test_on_a_turning_slot_it_asks_for_the_slots_own_motion():
+    leading, slot = leader_at(turn_rate=0.1), Slot(forward=-40.0, right=0.0)
     motion = slot_motion(leading, slot)
-    state = vehicle(
+    state = vehicle_at(
         north=motion.north, east=motion.east, course=motion.course, ground_speed=motion.speed
     )
     guidance = follower_step(state, leading, slot, choices(), Airframe(), period=PERIOD, law="pid")
@@ -100,7 +91,7 @@ def test_on_a_turning_slot_it_asks_for_the_slots_own_motion(
     assert guidance.setpoint.speed == pytest.approx(motion.speed)
 
 
-def test_on_arrays_it_is_what_it_is_on_floats() -> None:
+def test_on_arrays_it_is_what_it_is_on_floats():
     errors = np.array([-30.0, -0.5, 0.0, 2.0, 100.0])
     rates = np.array([1.0, -0.2, 0.0, 3.0, -20.0])
     memory = AxisMemory(integral=np.array([0.1, 0.0, -0.2, 2.0, 0.3]), rate=rates * 0.5)
@@ -124,14 +115,12 @@ def test_on_arrays_it_is_what_it_is_on_floats() -> None:
         assert remembered.integral[index] == pytest.approx(kept.integral, abs=1e-15)
 
 
-def test_a_controller_that_is_reset_has_learnt_nothing(
-    leader: Leader, vehicle: Vehicle, choices: Choices
-) -> None:
-    slot, state = Slot(forward=-20.0, right=0.0), vehicle(north=-20.5, east=0.1)
+def test_a_controller_that_is_reset_has_learnt_nothing():
+    slot, state = Slot(forward=-20.0, right=0.0), vehicle_at(north=-20.5, east=0.1)
     gentle = {"lateral_p_rad_m": 0.01, "longitudinal_p_1_s": 0.01}
     controller = keeper("pid", choices(), slot, Airframe(), **gentle)
-    first = controller.step(state, leader(), period=PERIOD).setpoint
-    later = controller.step(state, leader(), period=PERIOD).setpoint
+    first = controller.step(state, leader_at(), period=PERIOD).setpoint
+    later = controller.step(state, leader_at(), period=PERIOD).setpoint
     assert later.course < first.course
     controller.reset()
-    assert controller.step(state, leader(), period=PERIOD).setpoint == first
+    assert controller.step(state, leader_at(), period=PERIOD).setpoint == first

@@ -53,7 +53,7 @@ def lap(track: Racetrack) -> list[tuple[float, float, PathPoint[float]]]:
 
 
 @pytest.mark.parametrize("easement", [0.0, 40.0])
-def test_on_the_first_leg_the_path_runs_straight_ahead(easement: float) -> None:
+def test_on_the_first_leg_the_path_runs_straight_ahead(easement):
     # clockwise, north-going: the leg is 150 m west of the axis; 10 m further west is 10 m left
     point = racetrack(easement).nearest(100.0, -160.0)
     assert point.course == pytest.approx(0.0)
@@ -62,7 +62,7 @@ def test_on_the_first_leg_the_path_runs_straight_ahead(easement: float) -> None:
 
 
 @pytest.mark.parametrize("easement", [0.0, 40.0])
-def test_on_the_second_leg_it_runs_back(easement: float) -> None:
+def test_on_the_second_leg_it_runs_back(easement):
     # south-going 150 m east of the axis; 10 m further east is left again
     point = racetrack(easement).nearest(-100.0, 160.0)
     assert abs(wrap_angle(point.course - math.pi)) < 1e-9
@@ -73,9 +73,7 @@ def test_on_the_second_leg_it_runs_back(easement: float) -> None:
     ("north", "east", "course_deg"),
     [(450.0, 0.0, 90.0), (-450.0, 0.0, 270.0), (406.066, -106.066, 45.0)],
 )
-def test_in_the_turns_it_follows_the_half_circles(
-    north: float, east: float, course_deg: float
-) -> None:
+def test_in_the_turns_it_follows_the_half_circles(north, east, course_deg):
     # half circles of 150 m about (+-300, 0); (406.066, -106.066) is 45 degrees into the first
     point = racetrack(0.0).nearest(north, east)
     assert abs(wrap_angle(point.course - math.radians(course_deg))) < 1e-6
@@ -89,7 +87,7 @@ def test_in_the_turns_it_follows_the_half_circles(
     east=st.floats(-400.0, 400.0).filter(lambda east: abs(east) > 1e-3),
     easement=st.sampled_from([0.0, 40.0, 100.0]),
 )
-def test_counterclockwise_is_the_mirror_image(north: float, east: float, easement: float) -> None:
+def test_counterclockwise_is_the_mirror_image(north, east, easement):
     one = racetrack(easement, 1).nearest(north, east)
     other = racetrack(easement, -1).nearest(north, -east)
     assert abs(wrap_angle(one.course + other.course)) < 1e-9
@@ -103,9 +101,7 @@ def test_counterclockwise_is_the_mirror_image(north: float, east: float, easemen
     right=st.floats(-400.0, 400.0).filter(lambda right: abs(right) > 1e-3),
     course=st.floats(-math.pi, math.pi),
 )
-def test_a_racetrack_turned_and_moved_is_the_same_racetrack(
-    along: float, right: float, course: float
-) -> None:
+def test_a_racetrack_turned_and_moved_is_the_same_racetrack(along, right, course):
     still = racetrack(40.0).nearest(along, right)
     moved = Racetrack(
         north=400.0, east=-70.0, course=course, leg=LEG, radius=RADIUS, direction=1, easement=40.0
@@ -119,7 +115,7 @@ def test_a_racetrack_turned_and_moved_is_the_same_racetrack(
 
 
 @pytest.mark.parametrize("direction", SENSES)
-def test_without_easement_it_is_the_plain_stadium(direction: Direction) -> None:
+def test_without_easement_it_is_the_plain_stadium(direction):
     flown = lap(racetrack(0.0, direction))
     # two legs and one circle: 1200 + 2 pi 150 = 2142.48 m, in steps of 0.1 m
     assert STEP * (len(flown) - 1) == pytest.approx(2142.48, abs=0.2)
@@ -129,9 +125,7 @@ def test_without_easement_it_is_the_plain_stadium(direction: Direction) -> None:
 
 @pytest.mark.parametrize("direction", SENSES)
 @pytest.mark.parametrize(("easement", "accuracy"), [(40.0, 0.001), (100.0, 0.02), (150.0, 0.1)])
-def test_the_tangent_integrates_to_the_closed_eased_track(
-    easement: float, accuracy: float, direction: Direction
-) -> None:
+def test_the_tangent_integrates_to_the_closed_eased_track(easement, accuracy, direction):
     flown = lap(racetrack(easement, direction))
     assert flown[-1][1] == pytest.approx(flown[0][1], abs=1e-4)
     assert max(abs(point.cross_track_error) for _, _, point in flown) < accuracy
@@ -148,8 +142,8 @@ def test_the_tangent_integrates_to_the_closed_eased_track(
 @pytest.mark.parametrize("direction", SENSES)
 @pytest.mark.parametrize(("easement", "accuracy"), [(40.0, 2e-5), (100.0, 2e-4)])
 def test_curvature_is_how_fast_the_tangent_turns_along_the_eased_track(
-    easement: float, accuracy: float, direction: Direction
-) -> None:
+    easement, accuracy, direction
+):
     flown = lap(racetrack(easement, direction))
     for (_, _, before), (_, _, here), (_, _, after) in zip(
         flown, flown[1:], flown[2:], strict=False
@@ -161,7 +155,7 @@ def test_curvature_is_how_fast_the_tangent_turns_along_the_eased_track(
 
 @pytest.mark.parametrize("aside", [-60.0, 0.0, 60.0])
 @pytest.mark.parametrize("easement", [0.0, 40.0, 100.0, 150.0])
-def test_along_and_beside_the_track_nothing_jumps(easement: float, aside: float) -> None:
+def test_along_and_beside_the_track_nothing_jumps(easement, aside):
     track = racetrack(easement)
     beside = [
         track.nearest(north - aside * math.sin(point.course), east + aside * math.cos(point.course))
@@ -176,7 +170,7 @@ def test_along_and_beside_the_track_nothing_jumps(easement: float, aside: float)
             assert abs(after.curvature - before.curvature) < 4e-5
 
 
-def test_half_way_through_the_easement_the_curvature_is_half() -> None:
+def test_half_way_through_the_easement_the_curvature_is_half():
     # the end of the leg, 150 m west of the axis: half of the 40 m are behind
     point = racetrack(40.0).nearest(300.0, -150.0)
     assert point.curvature == pytest.approx(0.5 / RADIUS, rel=0.005)
@@ -188,7 +182,7 @@ def test_half_way_through_the_easement_the_curvature_is_half() -> None:
 
 @pytest.mark.parametrize("easement", [0.0, 150.0])
 @pytest.mark.parametrize("direction", SENSES)
-def test_on_the_axis_everything_is_finite(direction: Direction, easement: float) -> None:
+def test_on_the_axis_everything_is_finite(direction, easement):
     for along in (-300.0, -10.0, 0.0, 10.0, 299.0, 300.0):
         point = racetrack(easement, direction).nearest(along, 0.0)
         assert math.isfinite(point.course)

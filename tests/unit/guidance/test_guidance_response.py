@@ -61,9 +61,7 @@ def weave(time_s: float) -> float:
 
 @pytest.mark.parametrize("gain", [0.3, 0.8, 2.0])
 @pytest.mark.parametrize(("dead_time", "lag"), [(0.0, 0.0), (0.3, 0.0), (0.1, 0.5)])
-def test_a_weaving_course_shows_gain_dead_time_and_lag(
-    gain: float, dead_time: float, lag: float
-) -> None:
+def test_a_weaving_course_shows_gain_dead_time_and_lag(gain, dead_time, lag):
     found = response_of(learned(COURSE, Hold(gain, dead_time, lag), weave, noise=0.005))
     assert found.gain == pytest.approx(gain, rel=0.25)
     assert found.late == pytest.approx(dead_time + lag, abs=0.16)
@@ -71,7 +69,7 @@ def test_a_weaving_course_shows_gain_dead_time_and_lag(
     assert found.explained > 0.95
 
 
-def test_a_steady_turn_shows_the_gain_but_not_the_delay() -> None:
+def test_a_steady_turn_shows_the_gain_but_not_the_delay():
     # Around a circle by 0.1 rad/s the error is 0.1 / 0.5 = 0.2 rad, whatever the dead time adds to it.
     hold = Hold(0.5, 0.0, 0.0)
     found = response_of(learned(COURSE, hold, lambda time_s: 0.2 + 0.1 * time_s, seconds=60.0))
@@ -79,7 +77,7 @@ def test_a_steady_turn_shows_the_gain_but_not_the_delay() -> None:
     assert found.latest - found.earliest > 0.3
 
 
-def test_more_noise_leaves_more_doubt() -> None:
+def test_more_noise_leaves_more_doubt():
     spreads = [
         response_of(learned(COURSE, Hold(0.8, 0.2, 0.3), weave, seconds=15.0, noise=noise)).spread
         for noise in (0.0, 0.1)
@@ -87,7 +85,7 @@ def test_more_noise_leaves_more_doubt() -> None:
     assert spreads[1] > 1.2 * spreads[0]
 
 
-def test_an_aircraft_that_ignores_its_setpoints_has_no_response() -> None:
+def test_an_aircraft_that_ignores_its_setpoints_has_no_response():
     learner, chance = HoldLearner(COURSE), random.Random(2)
     for step in range(800):
         time_s = step * PERIOD
@@ -97,7 +95,7 @@ def test_an_aircraft_that_ignores_its_setpoints_has_no_response() -> None:
     assert found is None or found.explained < 0.5
 
 
-def test_speeds_are_learned_by_their_own_changes() -> None:
+def test_speeds_are_learned_by_their_own_changes():
     found = response_of(
         learned(
             SPEED,
@@ -111,7 +109,7 @@ def test_speeds_are_learned_by_their_own_changes() -> None:
     assert found.late == pytest.approx(0.5, abs=0.35)
 
 
-def test_at_a_limit_nothing_is_learned() -> None:
+def test_at_a_limit_nothing_is_learned():
     learner = HoldLearner(COURSE)
     for step in range(400):
         learner.note(1.0, step * PERIOD)
@@ -119,7 +117,7 @@ def test_at_a_limit_nothing_is_learned() -> None:
     assert learner.response() is None
 
 
-def test_a_declaration_that_fits_explains_the_flight_and_one_off_by_three_does_not() -> None:
+def test_a_declaration_that_fits_explains_the_flight_and_one_off_by_three_does_not():
     learner = learned(COURSE, Hold(0.5, 0.2, 0.0), weave)
     assert learner.explained_by(0.5, 0.2, 0.0) > 0.98
     assert learner.explained_by(1.5, 0.2, 0.0) < 0.0

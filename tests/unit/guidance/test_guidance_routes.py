@@ -48,7 +48,7 @@ def ends_of_pieces(path: ChainedPath) -> tuple[np.ndarray[Any, Any], ...]:
     return course, curvature, pieces.course[following], pieces.curvature[following]
 
 
-def test_a_rectangle_without_easements_is_as_long_as_its_sides_less_its_corners() -> None:
+def test_a_rectangle_without_easements_is_as_long_as_its_sides_less_its_corners():
     # four corners cut: each 2 R - pi R / 2 shorter than its tangents
     path = route(end="repeat", radius_m=100.0, easement_m=0.0)
     assert path.length == pytest.approx(3600.0 - 4.0 * (200.0 - 50.0 * math.pi), abs=0.01)
@@ -63,7 +63,7 @@ def test_a_rectangle_without_easements_is_as_long_as_its_sides_less_its_corners(
     assert middle.course == pytest.approx(math.pi / 4.0, abs=1e-3)
 
 
-def test_an_eased_turn_takes_as_long_as_its_arc_and_one_easement_more() -> None:
+def test_an_eased_turn_takes_as_long_as_its_arc_and_one_easement_more():
     # each easement turns by s / 2R: the arc is left with 90 degrees less s / R
     elements = eased_turn(math.pi / 2.0, Bend(100.0, 60.0))
     assert sum(one.length for one in elements) == pytest.approx(50.0 * math.pi + 60.0)
@@ -74,7 +74,7 @@ def test_an_eased_turn_takes_as_long_as_its_arc_and_one_easement_more() -> None:
     assert min(one.curvature for one in small) == pytest.approx(-0.3 / 60.0)
 
 
-def test_without_easement_the_tangents_of_a_fillet_are_those_of_its_circle() -> None:
+def test_without_easement_the_tangents_of_a_fillet_are_those_of_its_circle():
     for degrees in (30.0, 90.0, 150.0):
         angle = math.radians(degrees)
         length = tangent_length(angle, Bend(100.0, 0.0))
@@ -84,7 +84,7 @@ def test_without_easement_the_tangents_of_a_fillet_are_those_of_its_circle() -> 
     assert tangent_length(math.pi / 2.0, Bend(100.0, 20.0)) == pytest.approx(110.0, abs=0.3)
 
 
-def test_a_turn_back_ends_on_its_own_line() -> None:
+def test_a_turn_back_ends_on_its_own_line():
     # 90 degrees to the left and 270 to the right on one radius end two radii further on
     north, east, course = Pieces.of(0.0, 0.0, 0.0, turn_back(Bend(100.0, 0.0))).end()
     assert (north, east) == (pytest.approx(200.0, abs=0.1), pytest.approx(0.0, abs=0.1))
@@ -94,7 +94,7 @@ def test_a_turn_back_ends_on_its_own_line() -> None:
 
 
 @pytest.mark.parametrize("end", ["repeat", "reverse", "loiter"])
-def test_course_and_curvature_are_continuous_and_within_the_radius(end: str) -> None:
+def test_course_and_curvature_are_continuous_and_within_the_radius(end):
     path = route(end=end, radius_m=120.0)
     course, curvature, next_course, next_curvature = ends_of_pieces(path)
     turned = np.remainder(course - next_course + math.pi, 2.0 * math.pi) - math.pi
@@ -109,7 +109,7 @@ def test_course_and_curvature_are_continuous_and_within_the_radius(end: str) -> 
         assert gap == pytest.approx(2.0 * step, abs=1e-9)
 
 
-def test_a_route_that_loiters_circles_around_its_last_waypoint() -> None:
+def test_a_route_that_loiters_circles_around_its_last_waypoint():
     for radius_m, sense in ((150.0, 1.0), (-150.0, -1.0)):
         path = route(end="loiter", radius_m=100.0, loiter_radius_m=radius_m)
         circle = path.at(np.linspace(path.chain.again or 0.0, path.length, 50))
@@ -120,7 +120,7 @@ def test_a_route_that_loiters_circles_around_its_last_waypoint() -> None:
         assert (there.north, there.east) == (pytest.approx(again.north), pytest.approx(again.east))
 
 
-def test_the_last_leg_touches_the_circle_and_does_not_cross_it() -> None:
+def test_the_last_leg_touches_the_circle_and_does_not_cross_it():
     path = route(((0.0, 0.0), (1000.0, 0.0)), end="loiter", radius_m=100.0, easement_m=0.0)
     # the tangent from 1000 m away to a circle of 100 m: asin 0.1 to its left
     assert path.at(0.0).course == pytest.approx(-math.asin(0.1), abs=1e-5)
@@ -132,7 +132,7 @@ def test_the_last_leg_touches_the_circle_and_does_not_cross_it() -> None:
     assert 100.5 < entry.aside < 101.5
 
 
-def test_a_route_that_is_reversed_passes_its_waypoints_both_ways() -> None:
+def test_a_route_that_is_reversed_passes_its_waypoints_both_ways():
     path = route(((0.0, 0.0), (1000.0, 0.0), (1000.0, 900.0)), end="reverse", radius_m=100.0)
     there = path.nearest(400.0, 3.0, 0.0)
     back = path.nearest(400.0, 3.0, math.pi)
@@ -147,14 +147,14 @@ def test_a_route_that_is_reversed_passes_its_waypoints_both_ways() -> None:
     assert path.at(path.length).north == pytest.approx(0.0, abs=1e-6)
 
 
-def test_before_its_beginning_a_route_runs_straight_on() -> None:
+def test_before_its_beginning_a_route_runs_straight_on():
     path = route(end="loiter", radius_m=100.0)
     point = path.nearest(-250.0, 7.0, 0.0)
     assert point.progress == pytest.approx(-250.0)
     assert point.cross_track_error == pytest.approx(7.0)
 
 
-def test_heights_climb_evenly_and_are_eased_where_the_slope_changes() -> None:
+def test_heights_climb_evenly_and_are_eased_where_the_slope_changes():
     path = route(
         ((0, 0, 0), (3000, 0, 60), (6000, 0, 60), (9000, 0, 0)), end="loiter", radius_m=100
     )
@@ -173,7 +173,7 @@ def test_heights_climb_evenly_and_are_eased_where_the_slope_changes() -> None:
     assert np.abs(np.diff(places.slope)).max() / np.diff(run)[0] < 1.1 * 0.0408 / 120.0
 
 
-def test_a_closed_route_comes_back_to_its_height() -> None:
+def test_a_closed_route_comes_back_to_its_height():
     places = ((0, 0, 0), (1000, 0, 20), (1000, 1000, 40), (0, 1000, 20))
     path = route(places, end="repeat", radius_m=100)
     run = np.linspace(-200.0, path.length + 200.0, 4000)
@@ -210,9 +210,7 @@ def places_of(legs: list[tuple[float, float, float]]) -> list[tuple[float, float
     north=st.floats(-2000.0, 2000.0),
     east=st.floats(-2000.0, 2000.0),
 )
-def test_the_nearest_place_of_any_route_is_the_nearest(
-    legs: list[tuple[float, float, float]], end: str, north: float, east: float
-) -> None:
+def test_the_nearest_place_of_any_route_is_the_nearest(legs, end, north, east):
     path = route(places_of(legs), end=end, radius_m=50.0, loiter_radius_m=60.0)
     point = path.nearest(north, east)
     places = path.at(np.arange(0.0, path.length, 1.0))
@@ -228,9 +226,7 @@ def test_the_nearest_place_of_any_route_is_the_nearest(
 
 @settings(max_examples=20, deadline=None, suppress_health_check=[HealthCheck.filter_too_much])
 @given(legs=ROUTES, right=st.floats(-15.0, 15.0))
-def test_the_progress_of_a_vehicle_beside_any_route_never_jumps(
-    legs: list[tuple[float, float, float]], right: float
-) -> None:
+def test_the_progress_of_a_vehicle_beside_any_route_never_jumps(legs, right):
     path = route(places_of(legs), end="reverse", radius_m=50.0)
     run = np.arange(0.0, path.length - 1.0, 7.3)
     places = path.at(run)
@@ -249,7 +245,7 @@ def test_the_progress_of_a_vehicle_beside_any_route_never_jumps(
     assert np.abs(point.cross_track_error - right).max() < 1e-3
 
 
-def test_geodetic_waypoints_count_from_the_origin_of_the_mission() -> None:
+def test_geodetic_waypoints_count_from_the_origin_of_the_mission():
     frame = {
         "latitude_deg": 47.0,
         "longitude_deg": 8.0,
@@ -286,15 +282,13 @@ def test_geodetic_waypoints_count_from_the_origin_of_the_mission() -> None:
         (((0, 0), (90, 0)), {"radius_m": 100}, ("waypoints", 1), "reaches beyond the waypoint"),
     ],
 )
-def test_what_does_not_fit_together_is_named_with_its_place(
-    places: Places, fields: dict[str, Any], location: tuple[Any, ...], message: str
-) -> None:
+def test_what_does_not_fit_together_is_named_with_its_place(places, fields, location, message):
     found = misfits(places, **fields)
     assert found[0][0] == location
     assert message in found[0][1]
 
 
-def test_a_waypoint_on_another_continent_is_named_with_its_distance() -> None:
+def test_a_waypoint_on_another_continent_is_named_with_its_distance():
     # 80 km north and 60 km east are 100 km away; a metre more is not flown
     assert route(((0.0, 0.0), (80e3, 60e3))).length > 100e3
     ((location, message),) = misfits(((0.0, 0.0), (80e3, 60_001.0)))
@@ -302,6 +296,6 @@ def test_a_waypoint_on_another_continent_is_named_with_its_distance() -> None:
     assert "is 100 km away from the origin" in message
 
 
-def test_a_circle_at_the_end_has_a_radius() -> None:
+def test_a_circle_at_the_end_has_a_radius():
     ((_, message),) = misfits(CORNERS, loiter_radius_m=0)
     assert message == "a circle of less than 10 m; write 10 or more, or -10 or less"

@@ -2,10 +2,10 @@
 
 import math
 from collections.abc import Callable
-from typing import Protocol
 
 import pytest
 
+from tests.kit.states import Plant
 from vfguide.elementwise import wrap_angle
 from vfguide.guidance.path import Path, desired_course, desired_course_rate_per_speed
 from vfguide.guidance.settings import ObserverGains, speed_estimate_rate
@@ -17,22 +17,12 @@ GAINS = ObserverGains(gamma=2.0, rho=200.0, sigma=0.5)
 GROUND_SPEED, AIRSPEED, PERIOD = 25.0, 20.0, 0.05
 
 
-class Plant(Protocol):
-    """A vehicle with first-order holds."""
-
-    north: float
-    east: float
-    course: float
-
-    def fly(self, course: float, speed: float, period: float) -> None: ...
-
-
-def test_the_estimate_is_pulled_to_the_reference() -> None:
+def test_the_estimate_is_pulled_to_the_reference():
     # -Gamma sigma (V^ - V_ref) = -2 . 0.5 . (23 - 20)
     assert speed_estimate_rate(23.0, 20.0, 0.0, 0.01, GAINS) == pytest.approx(-3.0)
 
 
-def test_a_course_error_along_the_regressor_lowers_the_estimate() -> None:
+def test_a_course_error_along_the_regressor_lowers_the_estimate():
     # -Gamma rho chi~ phi = -2 . 200 . 0.1 . 0.01
     assert speed_estimate_rate(20.0, 20.0, 0.1, 0.01, GAINS) == pytest.approx(-0.4)
     assert speed_estimate_rate(20.0, 20.0, 0.1, -0.01, GAINS) == pytest.approx(0.4)
@@ -80,28 +70,24 @@ def with_a_dropout(time_s: float) -> float:
     ],
 )
 @pytest.mark.parametrize("reference", [measured, with_a_dropout])
-def test_with_a_measured_reference_estimate_and_path_converge(
-    plant: Callable[..., Plant], path: Path, reference: Callable[[float], float]
-) -> None:
-    flyer = plant(north=100.0, east=-100.0, course=2.0)
+def test_with_a_measured_reference_estimate_and_path_converge(path, reference):
+    flyer = Plant(north=100.0, east=-100.0, course=2.0)
     estimate = fly_path(flyer, path, reference, 90.0)
     assert estimate == pytest.approx(GROUND_SPEED, abs=0.02)
     assert abs(path.nearest(flyer.north, flyer.east).cross_track_error) < 0.05
 
 
-def test_on_a_line_the_law_survives_without_a_measured_speed(plant: Callable[..., Plant]) -> None:
+def test_on_a_line_the_law_survives_without_a_measured_speed():
     line = Line(north=0.0, east=0.0, course=0.4)
-    flyer = plant(north=100.0, east=-100.0, course=2.0)
+    flyer = Plant(north=100.0, east=-100.0, course=2.0)
     fly_path(flyer, line, without_gps_velocity, 90.0)
     # at the end the field does not turn, so that its rate needs no speed
     assert abs(line.nearest(flyer.north, flyer.east).cross_track_error) < 0.01
 
 
-def test_on_a_circle_an_estimate_five_short_leaves_a_third_of_a_metre(
-    plant: Callable[..., Plant],
-) -> None:
+def test_on_a_circle_an_estimate_five_short_leaves_a_third_of_a_metre():
     circle = Circle(north=0.0, east=0.0, radius=150.0, direction=1)
-    flyer = plant(north=100.0, east=-100.0, course=2.0)
+    flyer = Plant(north=100.0, east=-100.0, course=2.0)
     estimate = fly_path(flyer, circle, without_gps_velocity, 120.0)
     assert AIRSPEED <= estimate < GROUND_SPEED
     # (V^ - V)/R = -5/150 = -0.0333 rad/s is made up by kappa chi~/epsilon: chi~ = -0.0033 rad, the
@@ -109,12 +95,10 @@ def test_on_a_circle_an_estimate_five_short_leaves_a_third_of_a_metre(
     assert abs(circle.nearest(flyer.north, flyer.east).cross_track_error) < 0.33
 
 
-def test_the_adaptation_brings_the_estimate_nearer_than_the_reference(
-    plant: Callable[..., Plant],
-) -> None:
+def test_the_adaptation_brings_the_estimate_nearer_than_the_reference():
     circle = Circle(north=0.0, east=0.0, radius=60.0, direction=1)
     strong = ObserverGains(gamma=2.0, rho=1e5, sigma=0.5)
-    flyer = plant(north=60.0, course=math.pi / 2.0)
+    flyer = Plant(north=60.0, course=math.pi / 2.0)
     estimate = fly_path(flyer, circle, without_gps_velocity, 30.0, gains=strong, period=0.002)
     # at rest kappa chi~/epsilon = 10 chi~ = (V^ - V) phi and rho chi~ phi = sigma (V_ref - V^), phi = 1/60:
     # 2.7778 (25 - V^) = 0.5 (V^ - 20)

@@ -1,20 +1,19 @@
 """What an autopilot is told, and the limits that cut it."""
 
 import math
-from collections.abc import Callable
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from msgspec.structs import replace
 
+from tests.kit.states import vehicle_at
 from vfguide.guidance.airframe import bank_limited_turn_rate
 from vfguide.guidance.sliding_laws import cruise_setpoint, heading_hold, setpoint_for
 from vfguide.guidance.wind_triangle import ground_speed_on_course
 from vfguide.state import Airframe, VehicleState
 
 REPEATABLE = settings(deadline=None, derandomize=True, database=None, max_examples=300)
-Vehicles = Callable[..., VehicleState[float]]
 HEADING_HOLD, COURSE_HOLD = Airframe(), Airframe(hold="course-hold")
 ANY = st.floats(-1e6, 1e6)
 
@@ -42,22 +41,18 @@ def states(draw: st.DrawFn) -> VehicleState[float]:
 
 
 @pytest.mark.parametrize("airframe", [HEADING_HOLD, COURSE_HOLD])
-def test_in_calm_air_both_holds_get_rate_over_bandwidth(
-    vehicle: Vehicles, airframe: Airframe
-) -> None:
+def test_in_calm_air_both_holds_get_rate_over_bandwidth(airframe):
     # 0.24 rad/s / 1.2 = 0.2 rad ahead, 2 m/s² / 0.8 = 2.5 m/s more
-    setpoint = setpoint_for(vehicle(course=1.0), 2.0, 0.24, airframe, wind_feedforward=True)
+    setpoint = setpoint_for(vehicle_at(course=1.0), 2.0, 0.24, airframe, wind_feedforward=True)
     assert setpoint.course == pytest.approx(1.2)
     assert setpoint.speed == pytest.approx(22.5)
     assert not setpoint.limited
 
 
 @pytest.mark.parametrize("airframe", [HEADING_HOLD, COURSE_HOLD])
-def test_a_setpoint_that_stands_leads_both_holds_by_half_of_that_time(
-    vehicle: Vehicles, airframe: Airframe
-) -> None:
+def test_a_setpoint_that_stands_leads_both_holds_by_half_of_that_time(airframe):
     # 0.24 rad/s . (1/1.2 + 0.1/2) s = 0.212 rad, 2 m/s² . (1/0.8 + 0.1/2) s = 2.6 m/s
-    state = vehicle(course=1.0)
+    state = vehicle_at(course=1.0)
     setpoint = setpoint_for(state, 2.0, 0.24, airframe, wind_feedforward=True, hold=0.1)
     assert setpoint.course == pytest.approx(1.212)
     assert setpoint.speed == pytest.approx(22.6)
@@ -66,25 +61,21 @@ def test_a_setpoint_that_stands_leads_both_holds_by_half_of_that_time(
 
 @pytest.mark.parametrize("hold", [0.0, 0.05, 0.2])
 @pytest.mark.parametrize("airframe", [HEADING_HOLD, COURSE_HOLD])
-def test_however_long_it_stands_the_setpoint_of_a_cruise_is_its_airspeed(
-    vehicle: Vehicles, airframe: Airframe, hold: float
-) -> None:
-    state = vehicle(ground_speed=18.0)
+def test_however_long_it_stands_the_setpoint_of_a_cruise_is_its_airspeed(airframe, hold):
+    state = vehicle_at(ground_speed=18.0)
     setpoint = cruise_setpoint(state, 20.0, 0.0, airframe, wind_feedforward=True, hold=hold)
     assert setpoint.speed == pytest.approx(20.0)
 
 
-def test_the_heading_hold_gets_airspeed_and_the_course_hold_ground_speed(
-    vehicle: Vehicles,
-) -> None:
-    state = vehicle(ground_speed=26.0, wind=(5.0, 0.0))
+def test_the_heading_hold_gets_airspeed_and_the_course_hold_ground_speed():
+    state = vehicle_at(ground_speed=26.0, wind=(5.0, 0.0))
     assert setpoint_for(state, 0.0, 0.0, HEADING_HOLD, wind_feedforward=True).speed == 21.0
     assert setpoint_for(state, 0.0, 0.0, COURSE_HOLD, wind_feedforward=True).speed == 26.0
 
 
-def test_a_heading_hold_is_given_a_course_ahead_by_the_heading_rate(vehicle: Vehicles) -> None:
+def test_a_heading_hold_is_given_a_course_ahead_by_the_heading_rate():
     # north at 20 m/s in a wind of 15 m/s toward the east: V_a = 25, heading cos = 0.8
-    state = vehicle(wind=(0.0, 15.0))
+    state = vehicle_at(wind=(0.0, 15.0))
     setpoint = setpoint_for(state, 0.0, 0.12, HEADING_HOLD, wind_feedforward=True)
     # V_g dchi/dt = 2.4 m/s² to the right: 2.4 . 0.8 right of the heading = 1.92 m/s², / 25 = 0.0768 rad/s,
     # and 2.4 sin(36.87 degrees) = -1.44 m/s² along it: the nose points left of the course
@@ -94,10 +85,8 @@ def test_a_heading_hold_is_given_a_course_ahead_by_the_heading_rate(vehicle: Veh
 
 @pytest.mark.parametrize("airframe", [HEADING_HOLD, COURSE_HOLD])
 @pytest.mark.parametrize("side", [-1.0, 1.0])
-def test_a_turn_is_cut_at_the_bank_limit(
-    vehicle: Vehicles, airframe: Airframe, side: float
-) -> None:
-    setpoint = setpoint_for(vehicle(), 0.0, side * 3.0, airframe, wind_feedforward=True)
+def test_a_turn_is_cut_at_the_bank_limit(airframe, side):
+    setpoint = setpoint_for(vehicle_at(), 0.0, side * 3.0, airframe, wind_feedforward=True)
     # 0.49033 rad/s at 20 m/s and 45 degrees, over 1.2
     assert setpoint.course == pytest.approx(side * 0.40861, abs=1e-5)
     assert setpoint.limited
@@ -113,34 +102,32 @@ def test_a_turn_is_cut_at_the_bank_limit(
         (13.0, -2.0, 12.0),
     ],
 )
-def test_speed_is_cut_at_acceleration_and_airspeed_range(
-    vehicle: Vehicles, airframe: Airframe, speed: float, acceleration: float, wanted: float
-) -> None:
+def test_speed_is_cut_at_acceleration_and_airspeed_range(airframe, speed, acceleration, wanted):
     setpoint = setpoint_for(
-        vehicle(ground_speed=speed), acceleration, 0.0, airframe, wind_feedforward=True
+        vehicle_at(ground_speed=speed), acceleration, 0.0, airframe, wind_feedforward=True
     )
     assert setpoint.speed == pytest.approx(wanted)
     assert setpoint.limited
 
 
-def test_a_course_hold_is_bounded_by_its_airspeed_through_the_wind(vehicle: Vehicles) -> None:
+def test_a_course_hold_is_bounded_by_its_airspeed_through_the_wind():
     # in a head wind of 10 m/s, 12 to 32 m/s of airspeed are 2 to 22 m/s over the ground
-    state = vehicle(ground_speed=21.0, wind=(-10.0, 0.0))
+    state = vehicle_at(ground_speed=21.0, wind=(-10.0, 0.0))
     fast = setpoint_for(state, 3.0, 0.0, COURSE_HOLD, wind_feedforward=True)
     assert (fast.speed, fast.limited) == (22.0, True)
 
 
-def test_a_vehicle_that_stands_still_still_gets_a_setpoint(vehicle: Vehicles) -> None:
+def test_a_vehicle_that_stands_still_still_gets_a_setpoint():
     # on the ground the GPS reports no velocity at all, and a turn rate at no speed has no bank limit
-    still = replace(vehicle(), ground_speed=0.0, airspeed=1.0)
+    still = replace(vehicle_at(), ground_speed=0.0, airspeed=1.0)
     for airframe in (HEADING_HOLD, COURSE_HOLD):
         setpoint = setpoint_for(still, 1.0, 0.5, airframe, wind_feedforward=True)
         assert math.isfinite(setpoint.course)
         assert math.isfinite(setpoint.speed)
 
 
-def test_the_winds_rate_is_taken_off_only_where_it_is_asked_for(vehicle: Vehicles) -> None:
-    state = vehicle(wind_rate=(0.0, 2.0))
+def test_the_winds_rate_is_taken_off_only_where_it_is_asked_for():
+    state = vehicle_at(wind_rate=(0.0, 2.0))
     with_it = setpoint_for(state, 0.0, 0.0, HEADING_HOLD, wind_feedforward=True)
     # 2 m/s² from the left: 2/20 rad/s to the left, over 1.2
     assert with_it.course == pytest.approx(-0.1 / 1.2)
@@ -150,9 +137,7 @@ def test_the_winds_rate_is_taken_off_only_where_it_is_asked_for(vehicle: Vehicle
 
 @REPEATABLE
 @given(state=states(), airspeed_rate=ANY, heading_rate=ANY)
-def test_whatever_is_asked_the_heading_hold_stays_within_limits(
-    state: VehicleState[float], airspeed_rate: float, heading_rate: float
-) -> None:
+def test_whatever_is_asked_the_heading_hold_stays_within_limits(state, airspeed_rate, heading_rate):
     setpoint = heading_hold(state, airspeed_rate, heading_rate, HEADING_HOLD)
     limit = bank_limited_turn_rate(HEADING_HOLD.max_bank, state.airspeed)
     assert abs(setpoint.course - state.course) * 1.2 <= limit * (1.0 + 1e-9) + 1e-9
@@ -164,9 +149,7 @@ def test_whatever_is_asked_the_heading_hold_stays_within_limits(
 
 @REPEATABLE
 @given(state=states(), acceleration=ANY, course_rate=ANY)
-def test_whatever_is_asked_the_course_hold_stays_within_limits(
-    state: VehicleState[float], acceleration: float, course_rate: float
-) -> None:
+def test_whatever_is_asked_the_course_hold_stays_within_limits(state, acceleration, course_rate):
     setpoint = setpoint_for(state, acceleration, course_rate, COURSE_HOLD, wind_feedforward=True)
     limit = bank_limited_turn_rate(COURSE_HOLD.max_bank, state.ground_speed)
     assert abs(setpoint.course - state.course) * 1.2 <= limit * (1.0 + 1e-9) + 1e-9
@@ -183,9 +166,7 @@ def test_whatever_is_asked_the_course_hold_stays_within_limits(
 
 @REPEATABLE
 @given(state=states(), acceleration=ANY, course_rate=ANY, feedforward=st.booleans())
-def test_a_setpoint_is_always_finite(
-    state: VehicleState[float], acceleration: float, course_rate: float, *, feedforward: bool
-) -> None:
+def test_a_setpoint_is_always_finite(state, acceleration, course_rate, feedforward):
     for airframe in (HEADING_HOLD, COURSE_HOLD):
         setpoint = setpoint_for(
             state, acceleration, course_rate, airframe, wind_feedforward=feedforward

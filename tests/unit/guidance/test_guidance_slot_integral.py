@@ -1,8 +1,6 @@
 """The slot's field learns what keeps pushing a follower off its slot, and nothing else."""
 
 import math
-from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 import pytest
@@ -10,7 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from msgspec.structs import replace
 
-from tests.unit.guidance.following import follower_step, keeper
+from tests.kit.following import follower_step, keeper
+from tests.kit.states import Plant, choices, leader_at, vehicle_at
 from vfguide.elementwise import FloatArray
 from vfguide.guidance import slot_integral
 from vfguide.guidance.formation import FormationError, Slot, SlotMotion
@@ -24,16 +23,13 @@ from vfguide.guidance.slot_integral import (
     no_offset,
     update_offset,
 )
-from vfguide.state import Airframe, LeaderState, VehicleState
+from vfguide.state import Airframe
 
 PERIOD = 0.05
 COURSE_HOLD = Airframe(hold="course-hold")
 BEHIND = Slot(forward=-20.0, right=0.0)
 LEARNS = 1.5
 """s, of the integral."""
-Choices = Callable[..., GuidanceSettings]
-Leaders = Callable[..., LeaderState[float]]
-Vehicles = Callable[..., VehicleState[float]]
 
 
 def off(along: float, cross: float) -> FormationError[float]:
@@ -51,7 +47,7 @@ def moving(course: float = 0.0, turn_rate: float = 0.0) -> SlotMotion[float]:
 STRAIGHT = moving()
 
 
-def test_a_field_that_aims_beyond_its_slot_sees_the_sum_of_error_and_offset() -> None:
+def test_a_field_that_aims_beyond_its_slot_sees_the_sum_of_error_and_offset():
     # at 5 cm all of the error is learned from: 0.03/1.5 and 0.04/1.5 m/s
     beyond = replace(no_offset(0.0), ahead=0.5, right=-0.25)
     aimed = aimed_error(off(0.03, 0.04), beyond, LEARNS, STRAIGHT)
@@ -64,13 +60,11 @@ def test_a_field_that_aims_beyond_its_slot_sees_the_sum_of_error_and_offset() ->
 @pytest.mark.parametrize(
     ("along", "cross", "share"), [(0.0, 0.0, 1.0), (1.2, 1.6, 0.5), (-4.0, 0.0, 1.0 / 17.0)]
 )
-def test_nearness_is_one_in_the_slot_a_half_at_two_metres_and_little_far_away(
-    along: float, cross: float, share: float
-) -> None:
+def test_nearness_is_one_in_the_slot_a_half_at_two_metres_and_little_far_away(along, cross, share):
     assert nearness(off(along, cross)) == pytest.approx(share)
 
 
-def test_the_offset_grows_by_the_error_over_the_time_and_stops_at_its_bound() -> None:
+def test_the_offset_grows_by_the_error_over_the_time_and_stops_at_its_bound():
     after = update_offset(
         no_offset(0.0), off(0.03, -0.03), LEARNS, STRAIGHT, period=0.5, held=False
     )
@@ -79,7 +73,7 @@ def test_the_offset_grows_by_the_error_over_the_time_and_stops_at_its_bound() ->
     assert update_offset(full, off(1.0, -1.0), LEARNS, STRAIGHT, period=0.5, held=False) == full
 
 
-def test_in_a_turn_each_harmonic_learns_in_its_own_phase_as_fast_as_the_mean() -> None:
+def test_in_a_turn_each_harmonic_learns_in_its_own_phase_as_fast_as_the_mean():
     # at 40 rad/s harmonics are learned fully: 0.5 s . 0.03/1.5 m/s = 0.01 m, times the cosine and the sine
     # of 30 and of 60 degrees
     turning = moving(course=math.pi / 6.0, turn_rate=40.0)
@@ -90,7 +84,7 @@ def test_in_a_turn_each_harmonic_learns_in_its_own_phase_as_fast_as_the_mean() -
     assert (first.right_cosine, second.right_sine) == pytest.approx((-0.00866, -0.00866), abs=1e-5)
 
 
-def test_on_a_straight_no_harmonic_is_learned_and_none_counts() -> None:
+def test_on_a_straight_no_harmonic_is_learned_and_none_counts():
     after = update_offset(
         no_offset(0.0), off(0.03, -0.03), LEARNS, STRAIGHT, period=0.5, held=False
     )
@@ -101,7 +95,7 @@ def test_on_a_straight_no_harmonic_is_learned_and_none_counts() -> None:
     assert aimed == off(0.0, 0.0)
 
 
-def test_at_the_turn_rate_at_which_they_count_by_half_harmonics_are_seen_by_half_and_move() -> None:
+def test_at_the_turn_rate_at_which_they_count_by_half_harmonics_are_seen_by_half_and_move():
     # 2 cos(60 degrees) m . 1/2 ahead; it moves at -2 sin(60 degrees) . 0.04 . 1/2 m/s
     one, other = no_offset(0.0).harmonics
     known = replace(no_offset(0.0), harmonics=(replace(one, ahead_cosine=2.0), other))
@@ -114,7 +108,7 @@ def test_at_the_turn_rate_at_which_they_count_by_half_harmonics_are_seen_by_half
 
 @settings(max_examples=50)
 @given(parts=st.lists(st.floats(-GREATEST_M, GREATEST_M), min_size=10, max_size=10))
-def test_all_parts_together_aim_no_farther_than_the_bound(parts: list[float]) -> None:
+def test_all_parts_together_aim_no_farther_than_the_bound(parts):
     names = ("ahead_cosine", "ahead_sine", "right_cosine", "right_sine")
     one, other = no_offset(0.0).harmonics
     known = replace(
@@ -130,7 +124,7 @@ def test_all_parts_together_aim_no_farther_than_the_bound(parts: list[float]) ->
     assert max(abs(aimed.along_track), abs(aimed.cross_track)) <= GREATEST_M
 
 
-def test_what_is_learned_beyond_the_bound_of_all_parts_winds_nothing_up() -> None:
+def test_what_is_learned_beyond_the_bound_of_all_parts_winds_nothing_up():
     one, other = no_offset(0.0).harmonics
     full = replace(no_offset(0.0), ahead=4.0, harmonics=(replace(one, ahead_cosine=2.0), other))
     turning = moving(course=0.0, turn_rate=40.0)
@@ -140,7 +134,7 @@ def test_what_is_learned_beyond_the_bound_of_all_parts_winds_nothing_up() -> Non
     assert drawn_back.ahead < full.ahead
 
 
-def test_nothing_is_learned_at_a_limit_or_without_a_time_to_learn_in() -> None:
+def test_nothing_is_learned_at_a_limit_or_without_a_time_to_learn_in():
     before = replace(no_offset(0.0), ahead=0.2, right=0.1)
     assert update_offset(before, off(0.5, 0.5), LEARNS, STRAIGHT, period=0.5, held=True) == before
     never = 0.0
@@ -160,7 +154,7 @@ def moving_batch() -> SlotMotion[FloatArray]:
     )
 
 
-def test_offsets_of_a_batch_are_those_of_each_alone() -> None:
+def test_offsets_of_a_batch_are_those_of_each_alone():
     along, cross = np.array([0.1, 3.0, -0.4]), np.array([-0.2, 0.5, 9.0])
     many = update_offset(
         no_offset(along),
@@ -181,55 +175,43 @@ def test_offsets_of_a_batch_are_those_of_each_alone() -> None:
         assert sine == pytest.approx(one.harmonics[1].right_sine)
 
 
-def error_with_biased_holds(
-    settings: GuidanceSettings,
-    leader: Leaders,
-    vehicle: Vehicles,
-    plant: Callable[..., Any],
-    **gains: float,
-) -> tuple[float, float]:
+def error_with_biased_holds(settings: GuidanceSettings, **gains: float) -> tuple[float, float]:
     """(along, across) error after a minute with holds that are 0.05 rad and 0.5 m/s off."""
-    flyer = plant(north=-20.0)
+    flyer = Plant(north=-20.0)
     controller = keeper("slot", settings, BEHIND, COURSE_HOLD, **gains)
     for step in range(1200):
-        state = vehicle(flyer.north, flyer.east, flyer.course, flyer.speed, time_s=step * PERIOD)
-        ahead = leader(time_s=step * PERIOD, north=20.0 * step * PERIOD)
+        state = vehicle_at(flyer.north, flyer.east, flyer.course, flyer.speed, time_s=step * PERIOD)
+        ahead = leader_at(time_s=step * PERIOD, north=20.0 * step * PERIOD)
         guidance = controller.step(state, ahead, period=PERIOD)
         flyer.fly(guidance.setpoint.course + 0.05, guidance.setpoint.speed - 0.5, PERIOD)
     return guidance.error.along_track, guidance.error.cross_track
 
 
-def test_without_an_integral_biased_holds_leave_a_lasting_error(
-    leader: Leaders, vehicle: Vehicles, choices: Choices, plant: Callable[..., Any]
-) -> None:
+def test_without_an_integral_biased_holds_leave_a_lasting_error():
     # 0.05 rad . 1.2 1/s = 0.06 rad/s: chi~ = 0.06 . 0.525/3 = 0.0105 rad, y_E = -tan(2 chi~)/0.2 = -0.105 m;
     # 0.5 m/s . 0.8 1/s = 0.4 m/s², less x_E/50: V~ = 0.07 m/s, x_E = tan(pi/16 . 0.07)/0.2 = 0.0687 m;
     # and 3 % more for the lead of half a period that the holds do not have
-    along, across = error_with_biased_holds(choices(), leader, vehicle, plant, integral_s=0.0)
+    along, across = error_with_biased_holds(choices(), integral_s=0.0)
     assert along == pytest.approx(0.0687, rel=0.05)
     assert across == pytest.approx(-0.105, rel=0.05)
 
 
-def test_with_an_integral_biased_holds_leave_no_error(
-    leader: Leaders, vehicle: Vehicles, choices: Choices, plant: Callable[..., Any]
-) -> None:
-    along, across = error_with_biased_holds(choices(), leader, vehicle, plant, integral_s=LEARNS)
+def test_with_an_integral_biased_holds_leave_no_error():
+    along, across = error_with_biased_holds(choices(), integral_s=LEARNS)
     assert abs(along) < 1e-4
     assert abs(across) < 1e-4
 
 
-def error_on_a_circle(
-    settings: GuidanceSettings, leader: Leaders, vehicle: Vehicles, plant: Callable[..., Any]
-) -> float:
+def error_on_a_circle(settings: GuidanceSettings) -> float:
     """Mean distance from the slot, round a circle of 100 m, with a speed hold that is off as the wind is."""
     turn_rate, distances = 0.2, []
-    flyer = plant(north=-20.0)
+    flyer = Plant(north=-20.0)
     controller = keeper("slot", settings, BEHIND, COURSE_HOLD, integral_s=3.0)
     for step in range(6000):
         time_s = step * PERIOD
         course = math.remainder(turn_rate * time_s, 2.0 * math.pi)
-        state = vehicle(flyer.north, flyer.east, flyer.course, flyer.speed, time_s=time_s)
-        ahead = leader(
+        state = vehicle_at(flyer.north, flyer.east, flyer.course, flyer.speed, time_s=time_s)
+        ahead = leader_at(
             time_s=time_s,
             north=100.0 * math.sin(course),
             east=100.0 * (1.0 - math.cos(course)),
@@ -244,44 +226,40 @@ def error_on_a_circle(
 
 
 def test_what_comes_back_with_every_turn_is_learned_by_harmonics_and_hardly_by_the_mean(
-    leader: Leaders,
-    vehicle: Vehicles,
-    choices: Choices,
-    plant: Callable[..., Any],
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    with_harmonics = error_on_a_circle(choices(), leader, vehicle, plant)
+    monkeypatch,
+):
+    with_harmonics = error_on_a_circle(
+        choices(),
+    )
     monkeypatch.setattr(slot_integral, "HARMONICS", ())
-    mean_alone = error_on_a_circle(choices(), leader, vehicle, plant)
+    mean_alone = error_on_a_circle(
+        choices(),
+    )
     assert mean_alone > 0.03
     assert with_harmonics < mean_alone / 5.0
 
 
-def test_a_follower_that_flies_something_else_learns_nothing(
-    leader: Leaders, vehicle: Vehicles, choices: Choices
-) -> None:
-    state = vehicle(-20.05, 0.05)
+def test_a_follower_that_flies_something_else_learns_nothing():
+    state = vehicle_at(-20.05, 0.05)
 
     def second_speed(*, held: bool) -> float:
         learns = keeper("slot", choices(), BEHIND, COURSE_HOLD, integral_s=LEARNS)
-        learns.step(state, leader(), period=PERIOD, held=held)
-        return float(learns.step(state, leader(), period=PERIOD).setpoint.speed)
+        learns.step(state, leader_at(), period=PERIOD, held=held)
+        return float(learns.step(state, leader_at(), period=PERIOD).setpoint.speed)
 
     fresh = follower_step(
-        state, leader(), BEHIND, choices(), COURSE_HOLD, period=PERIOD, integral_s=LEARNS
+        state, leader_at(), BEHIND, choices(), COURSE_HOLD, period=PERIOD, integral_s=LEARNS
     )
     assert second_speed(held=True) == fresh.setpoint.speed
     assert second_speed(held=False) > fresh.setpoint.speed
 
 
-def test_a_law_that_is_reset_is_as_on_its_first_step(
-    leader: Leaders, vehicle: Vehicles, choices: Choices
-) -> None:
+def test_a_law_that_is_reset_is_as_on_its_first_step():
     learns = keeper("slot", choices(), BEHIND, COURSE_HOLD, integral_s=LEARNS)
-    state = vehicle(-20.4, 0.3)
-    first = learns.step(state, leader(), period=PERIOD)
+    state = vehicle_at(-20.4, 0.3)
+    first = learns.step(state, leader_at(), period=PERIOD)
     for _ in range(20):
-        later = learns.step(state, leader(), period=PERIOD)
+        later = learns.step(state, leader_at(), period=PERIOD)
     assert later.setpoint.speed > first.setpoint.speed
     learns.reset()
-    assert learns.step(state, leader(), period=PERIOD) == first
+    assert learns.step(state, leader_at(), period=PERIOD) == first

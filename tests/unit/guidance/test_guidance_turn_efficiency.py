@@ -24,7 +24,7 @@ def flown(
     return known
 
 
-def test_one_report_by_hand() -> None:
+def test_one_report_by_hand():
     # By the bank 0.1 rad/s, turned 0.07. Variance 0.0225 + 0.005² * 0.04 = 0.022501, noise 0.0004 * 2 / 0.04
     # = 0.02: gain 0.0022501 / (0.00022501 + 0.02) = 0.111254; the surprise is 0.07 - 0.9 * 0.1 = -0.02.
     before = replace(TurnEfficiency(), by_bank=0.1, turn_rate=0.07, seen_s=5.0)
@@ -35,20 +35,20 @@ def test_one_report_by_hand() -> None:
 
 @pytest.mark.parametrize("bank", [BANK, -BANK, 3.0 * BANK])
 @pytest.mark.parametrize("share", [1.0, 0.745, 0.6])
-def test_a_minute_of_turning_tells(share: float, bank: float) -> None:
+def test_a_minute_of_turning_tells(share, bank):
     known = flown(60.0, share, bank=bank)
     assert known.is_known
     assert known.value == pytest.approx(share, abs=0.03)
 
 
-def test_it_is_slow() -> None:
+def test_it_is_slow():
     # Information of a turn of 0.1 rad/s: 0.01 / (0.0004 * 2) = 12.5 a second; the prior's is 44.
     assert not flown(20.0, 0.745).is_known
     changed = flown(8.0, 0.85, begin=flown(120.0, 0.75))
     assert changed.value == pytest.approx(0.765, abs=0.015)
 
 
-def test_straight_flight_tells_nothing() -> None:
+def test_straight_flight_tells_nothing():
     known = flown(600.0, 0.5, bank=math.radians(4.0))
     assert (known.value, known.variance) == (
         TurnEfficiency().value,
@@ -57,11 +57,11 @@ def test_straight_flight_tells_nothing() -> None:
 
 
 @pytest.mark.parametrize(("share", "found"), [(0.1, 0.5), (2.0, 1.1)])
-def test_what_no_vehicle_does_is_not_believed(share: float, found: float) -> None:
+def test_what_no_vehicle_does_is_not_believed(share, found):
     assert flown(120.0, share).value == found
 
 
-def test_after_a_silence_the_first_turn_rate_is_that_of_nothing() -> None:
+def test_after_a_silence_the_first_turn_rate_is_that_of_nothing():
     known = flown(60.0, 0.745)
     silent = learned(known, bank=BANK, airspeed=20.0, turn_rate=3.0, period=5.0)
     assert silent.seen_s == 0.0
@@ -72,9 +72,7 @@ def test_after_a_silence_the_first_turn_rate_is_that_of_nothing() -> None:
     ("value", "before", "slips"),
     [(0.80, False, True), (0.90, False, False), (0.90, True, True), (0.95, True, False)],
 )
-def test_between_the_bounds_a_vehicle_stays_what_it_was_taken_for(
-    value: float, *, before: bool, slips: bool
-) -> None:
+def test_between_the_bounds_a_vehicle_stays_what_it_was_taken_for(value, before, slips):
     known = TurnEfficiency(value=value, variance=0.02**2)
     assert known.slips(before=before) is slips
     assert TurnEfficiency(value=value).slips(before=before) is before
@@ -85,9 +83,7 @@ NUMBERS = st.floats(allow_nan=True, allow_infinity=True)
 
 
 @given(bank=NUMBERS, airspeed=NUMBERS, turn_rate=NUMBERS, period=NUMBERS)
-def test_whatever_is_reported_it_stays_within_its_bounds(
-    bank: float, airspeed: float, turn_rate: float, period: float
-) -> None:
+def test_whatever_is_reported_it_stays_within_its_bounds(bank, airspeed, turn_rate, period):
     known = SEEN
     for _ in range(3):
         known = learned(known, bank=bank, airspeed=airspeed, turn_rate=turn_rate, period=period)

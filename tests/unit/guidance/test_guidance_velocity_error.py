@@ -28,7 +28,7 @@ def sample(step: int, *, wrong_north: float = 0.0, wrong_east: float = 0.0) -> S
     )
 
 
-def test_a_lasting_error_of_the_velocity_is_taken_off() -> None:
+def test_a_lasting_error_of_the_velocity_is_taken_off():
     error = velocity_error_at_first(sample(0, wrong_north=0.3, wrong_east=-0.2))
     for step in range(1, 100):
         error = velocity_error(error, sample(step, wrong_north=0.3, wrong_east=-0.2), 0.3)
@@ -38,7 +38,7 @@ def test_a_lasting_error_of_the_velocity_is_taken_off() -> None:
     assert right.velocity_east == pytest.approx(0.0, abs=1e-4)
 
 
-def test_a_velocity_that_is_right_stays_as_it_is() -> None:
+def test_a_velocity_that_is_right_stays_as_it_is():
     error = velocity_error_at_first(sample(0))
     for step in range(1, 100):
         error = velocity_error(error, sample(step), 0.3)
@@ -46,7 +46,7 @@ def test_a_velocity_that_is_right_stays_as_it_is() -> None:
         assert error.north == pytest.approx(SPEED * step * PERIOD)
 
 
-def test_half_of_a_step_in_the_error_is_found_after_1_68_memories() -> None:
+def test_half_of_a_step_in_the_error_is_found_after_1_68_memories():
     """A double pole answers with 1 - (1 + t/T) e^(-t/T)."""
     error = velocity_error_at_first(sample(0))
     steps = round(1.678 * 1.0 / PERIOD)
@@ -55,7 +55,7 @@ def test_half_of_a_step_in_the_error_is_found_after_1_68_memories() -> None:
     assert -error.short_east == pytest.approx(0.4 * 0.5, rel=0.05)
 
 
-def test_noise_of_positions_comes_through_as_the_memory_says() -> None:
+def test_noise_of_positions_comes_through_as_the_memory_says():
     """One position 1 m off moves the velocity by rate_gain / period of it: (1 - e^(-dt/T))^2 / dt."""
     error = velocity_error_at_first(sample(0))
     off = sample(1)

@@ -22,7 +22,7 @@ ANGLES = st.floats(-math.pi, math.pi)
 Timed = Callable[[float], float]
 
 
-def test_a_vector_is_resolved_along_and_right_of_a_direction() -> None:
+def test_a_vector_is_resolved_along_and_right_of_a_direction():
     # facing east: north is to the left, east is ahead
     assert resolve(3.0, 4.0, math.pi / 2.0) == pytest.approx((4.0, -3.0))
     assert compose(4.0, -3.0, math.pi / 2.0) == pytest.approx((3.0, 4.0))
@@ -30,7 +30,7 @@ def test_a_vector_is_resolved_along_and_right_of_a_direction() -> None:
 
 @REPEATABLE
 @given(north=st.floats(-100.0, 100.0), east=st.floats(-100.0, 100.0), direction=ANGLES)
-def test_composing_undoes_resolving(north: float, east: float, direction: float) -> None:
+def test_composing_undoes_resolving(north, east, direction):
     back = compose(*resolve(north, east, direction), direction)
     assert back == pytest.approx((north, east), abs=1e-9)
 
@@ -45,17 +45,17 @@ def test_composing_undoes_resolving(north: float, east: float, direction: float)
         ((3.0, -12.0), 19.0),
     ],
 )
-def test_ground_speed_on_a_northerly_course(wind: tuple[float, float], ground_speed: float) -> None:
+def test_ground_speed_on_a_northerly_course(wind, ground_speed):
     assert ground_speed_on_course(20.0, 0.0, *wind) == pytest.approx(ground_speed)
     assert airspeed_for_ground_velocity(ground_speed, 0.0, *wind) == pytest.approx(20.0)
 
 
-def test_ground_speed_on_an_easterly_course() -> None:
+def test_ground_speed_on_an_easterly_course():
     # wind toward the south-east (-12, 5): 5 along, 12 across: 5 + 16
     assert ground_speed_on_course(20.0, math.pi / 2.0, -12.0, 5.0) == pytest.approx(21.0)
 
 
-def test_a_crosswind_faster_than_the_aircraft_leaves_the_tail_wind_alone() -> None:
+def test_a_crosswind_faster_than_the_aircraft_leaves_the_tail_wind_alone():
     assert ground_speed_on_course(20.0, 0.0, 4.0, 25.0) == pytest.approx(4.0)
     assert ground_speed_on_course(20.0, 0.0, -4.0, 20.0) == pytest.approx(-4.0)
 
@@ -66,9 +66,7 @@ def test_a_crosswind_faster_than_the_aircraft_leaves_the_tail_wind_alone() -> No
     course=ANGLES,
     wind=st.tuples(st.floats(-60.0, 60.0), st.floats(-60.0, 60.0)),
 )
-def test_ground_speed_is_finite_and_closes_the_triangle_where_it_can(
-    airspeed: float, course: float, wind: tuple[float, float]
-) -> None:
+def test_ground_speed_is_finite_and_closes_the_triangle_where_it_can(airspeed, course, wind):
     ground_speed = ground_speed_on_course(airspeed, course, *wind)
     assert math.isfinite(ground_speed)
     _, cross = resolve(*wind, course)
@@ -112,7 +110,7 @@ def triangle(time: float, airspeed: Timed) -> tuple[float, float, dict[str, floa
 
 
 @pytest.mark.parametrize("time", [0.0, 1.3, 4.0, 7.7, 12.0])
-def test_air_relative_rates_are_those_of_the_triangle(time: float) -> None:
+def test_air_relative_rates_are_those_of_the_triangle(time):
     def airspeed(at: float) -> float:
         return 20.0 + 2.0 * math.sin(0.6 * at)
 
@@ -123,13 +121,13 @@ def test_air_relative_rates_are_those_of_the_triangle(time: float) -> None:
 
 
 @pytest.mark.parametrize("time", [0.0, 1.3, 4.0, 7.7, 12.0])
-def test_at_constant_airspeed_the_heading_rate_is_that_of_the_triangle(time: float) -> None:
+def test_at_constant_airspeed_the_heading_rate_is_that_of_the_triangle(time):
     _, course_rate, state = triangle(time, lambda _: 20.0)
     heading_rate = heading_rate_at_constant_airspeed(course_rate, **state)
     assert heading_rate == pytest.approx(slope(heading_of, time), abs=1e-6)
 
 
-def test_without_wind_air_and_ground_rates_are_the_same() -> None:
+def test_without_wind_air_and_ground_rates_are_the_same():
     calm = {"wind_rate_north": 0.0, "wind_rate_east": 0.0}
     state = {"ground_speed": 20.0, "course": 1.0, "airspeed": 20.0, "heading": 1.0}
     assert air_relative_rates(2.0, 0.3, **state, **calm) == pytest.approx((2.0, 0.3))
@@ -137,7 +135,7 @@ def test_without_wind_air_and_ground_rates_are_the_same() -> None:
     assert rate == pytest.approx(0.3)
 
 
-def test_a_growing_tail_wind_asks_for_less_airspeed() -> None:
+def test_a_growing_tail_wind_asks_for_less_airspeed():
     # flying north, the wind grows northward by 0.5 m/s²: to keep V_g, V_a has to fall by as much
     state = {"ground_speed": 25.0, "course": 0.0, "airspeed": 20.0, "heading": 0.0}
     rates = air_relative_rates(0.0, 0.0, **state, wind_rate_north=0.5, wind_rate_east=0.0)
@@ -147,7 +145,7 @@ def test_a_growing_tail_wind_asks_for_less_airspeed() -> None:
     assert rates == pytest.approx((0.0, -0.1))
 
 
-def test_a_drift_beyond_70_degrees_does_not_ask_for_more_than_one_of_70() -> None:
+def test_a_drift_beyond_70_degrees_does_not_ask_for_more_than_one_of_70():
     wind = {"wind_rate_north": 0.0, "wind_rate_east": 0.0}
     for drift in (1.25, math.pi / 2.0, 2.0, math.pi):
         rate = heading_rate_at_constant_airspeed(

@@ -42,9 +42,7 @@ def flown(
 
 
 @pytest.mark.parametrize(("change", "fastest"), [(60.0, 2.0), (-60.0, -1.5)])
-def test_a_change_is_flown_at_half_of_what_every_vehicle_climbs_and_descends_by(
-    change: float, fastest: float
-) -> None:
+def test_a_change_is_flown_at_half_of_what_every_vehicle_climbs_and_descends_by(change, fastest):
     # 30 s at 2 m/s up, 40 s at 1.5 m/s down, and some to begin and to end.
     way = flown(held_height(100.0 + change), LIMITS, height=100.0, climb_rate=0.0, during_s=60.0)
     rates = [one.climb_rate for one in way]
@@ -64,8 +62,8 @@ def test_a_change_is_flown_at_half_of_what_every_vehicle_climbs_and_descends_by(
     sink=st.floats(1.0, 8.0),
 )
 def test_the_climb_rate_changes_evenly_and_is_beyond_no_limit_that_the_path_keeps(
-    height: float, climb_rate: float, along: float, climb: float, sink: float
-) -> None:
+    height, climb_rate, along, climb, sink
+):
     limits = ClimbLimits(climb=climb, sink=sink)
     way = flown(climbing(0.0, along), limits, height=height, climb_rate=climb_rate, during_s=30.0)
     for before, after in pairwise(way):
@@ -76,26 +74,26 @@ def test_the_climb_rate_changes_evenly_and_is_beyond_no_limit_that_the_path_keep
         assert after.climb_rate >= min(lowest, before.climb_rate) - 1e-9
 
 
-def test_a_path_that_climbs_itself_is_caught_up_with() -> None:
+def test_a_path_that_climbs_itself_is_caught_up_with():
     # 3 m/s of 4: at 3.5 m/s 10 m are caught up within 20 s and what it takes to get that fast, 21 m more.
     way = flown(climbing(10.0, 3.0), LIMITS, height=0.0, climb_rate=0.0, during_s=80.0)
     assert way[-1].is_at(climbing(10.0 + 3.0 * 80.0, 3.0))
     assert max(one.climb_rate for one in way) == pytest.approx(3.5, abs=0.01)
 
 
-def test_a_path_that_climbs_at_the_limit_is_followed_at_the_limit() -> None:
+def test_a_path_that_climbs_at_the_limit_is_followed_at_the_limit():
     assert LIMITS.fastest(4.0) == (-SHARE * 3.0, 4.0)
     assert LIMITS.fastest(-3.0) == (-3.0, SHARE * 4.0)
 
 
-def test_the_last_metres_are_closed_with_a_bounded_acceleration() -> None:
+def test_the_last_metres_are_closed_with_a_bounded_acceleration():
     # sqrt(2 * 0.4 * (5 - 0.3125)), where 0.3125 = 0.5 * 0.4 / 0.8²
     assert closing_rate(5.0) == pytest.approx(1.9365, abs=1e-4)
     assert closing_rate(-5.0) == -closing_rate(5.0)
     assert closing_rate(0.25) == pytest.approx(0.2)
 
 
-def test_how_often_it_is_looked_at_changes_nothing() -> None:
+def test_how_often_it_is_looked_at_changes_nothing():
     begin = HeightMotion(time_s=0.0, height=0.0, climb_rate=0.0)
     often = flown(held_height(60.0), LIMITS, height=0.0, climb_rate=0.0, during_s=12.0)[-1]
     once = changed_height(begin, held_height(60.0), 12.0, LIMITS)
@@ -103,20 +101,20 @@ def test_how_often_it_is_looked_at_changes_nothing() -> None:
     assert changed_height(once, held_height(60.0), 11.0, LIMITS) is once
 
 
-def test_a_setpoint_is_what_the_change_comes_to_when_it_takes_effect() -> None:
+def test_a_setpoint_is_what_the_change_comes_to_when_it_takes_effect():
     before = flown(held_height(60.0), LIMITS, height=0.0, climb_rate=0.0, during_s=10.0)[-1]
     asked = target_on_the_way(before, held_height(60.0), 3.0, LIMITS)
     assert (asked.height, asked.climb_rate) == (before.height, pytest.approx(2.0))
     assert asked.ahead == pytest.approx(before.height + 6.0)
 
 
-def test_nothing_takes_no_time() -> None:
+def test_nothing_takes_no_time():
     assert change_duration(0.0, ClimbLimits()) == 0.0
     assert math.isfinite(change_duration(10.0, LIMITS))
 
 
 @pytest.mark.parametrize(("rate", "way"), [(2.0, 5.3125), (0.4, 0.5), (-1.0, -1.5625), (0.0, 0.0)])
-def test_a_climb_comes_to_rest_on_the_way_that_its_rate_needs(rate: float, way: float) -> None:
+def test_a_climb_comes_to_rest_on_the_way_that_its_rate_needs(rate, way):
     # Beyond 0.5 m/s the square of it over twice 0.4 m/s², and 0.3 m; below it over 0.8 1/s.
     assert stopping_way(rate) == pytest.approx(way)
     assert closing_rate(way) == pytest.approx(rate)

@@ -81,9 +81,7 @@ PATHS: dict[str, Path] = {
 @pytest.mark.parametrize("name", PATHS)
 @settings(max_examples=60, deadline=None)
 @given(progress=st.floats(0.0, 5000.0), right=st.floats(-40.0, 40.0))
-def test_a_place_beside_the_path_is_found_again_where_it_is(
-    name: str, progress: float, right: float
-) -> None:
+def test_a_place_beside_the_path_is_found_again_where_it_is(name, progress, right):
     path = PATHS[name]
     place = path.at(progress)
     north = place.north - right * math.sin(place.course)
@@ -105,9 +103,7 @@ def test_a_place_beside_the_path_is_found_again_where_it_is(
 @pytest.mark.parametrize("name", PATHS)
 @settings(max_examples=40, deadline=None)
 @given(progress=st.floats(0.0, 5000.0))
-def test_a_path_runs_along_its_course_and_turns_by_its_curvature(
-    name: str, progress: float
-) -> None:
+def test_a_path_runs_along_its_course_and_turns_by_its_curvature(name, progress):
     path, step = PATHS[name], 0.02
     here, there = path.at(progress), path.at(progress + step)
     along, right = resolve(there.north - here.north, there.east - here.east, here.course)
@@ -122,7 +118,7 @@ def test_a_path_runs_along_its_course_and_turns_by_its_curvature(
 
 
 @pytest.mark.parametrize("name", PATHS)
-def test_arrays_are_found_as_each_of_their_places_alone(name: str) -> None:
+def test_arrays_are_found_as_each_of_their_places_alone(name):
     path = PATHS[name]
     rng = np.random.default_rng(1)
     north, east, course = rng.uniform(-500.0, 500.0, (3, 40))
@@ -136,14 +132,14 @@ def test_arrays_are_found_as_each_of_their_places_alone(name: str) -> None:
 
 @pytest.mark.parametrize(("course_deg", "runs_deg"), [(50.0, 45.0), (120.0, 135.0), (160.0, 135.0)])
 def test_where_a_path_crosses_itself_the_course_of_the_vehicle_tells_the_branch(
-    course_deg: float, runs_deg: float
-) -> None:
+    course_deg, runs_deg
+):
     # through its middle the eight runs at 45 degrees, and half a round later at 135
     point = EIGHT.nearest(3.0, 4.0, math.radians(course_deg))
     assert math.degrees(point.course) == pytest.approx(runs_deg, abs=1.5)
 
 
-def test_a_vehicle_that_flies_straight_on_keeps_its_branch_all_the_way_across() -> None:
+def test_a_vehicle_that_flies_straight_on_keeps_its_branch_all_the_way_across():
     course = math.radians(45.0)
     for run in np.linspace(-60.0, 60.0, 121):
         point = EIGHT.nearest(run * math.cos(course), run * math.sin(course), course)
@@ -151,7 +147,7 @@ def test_a_vehicle_that_flies_straight_on_keeps_its_branch_all_the_way_across() 
         assert abs(point.cross_track_error) < 2.0
 
 
-def test_the_nearest_point_of_a_curve_moves_evenly_with_the_vehicle() -> None:
+def test_the_nearest_point_of_a_curve_moves_evenly_with_the_vehicle():
     # A jump of the course from one millimetre to the next would be a jump of the setpoint.
     place = EIGHT.at(700.0)
     course = place.course
@@ -163,7 +159,7 @@ def test_the_nearest_point_of_a_curve_moves_evenly_with_the_vehicle() -> None:
     assert np.abs(np.diff(found.cross_track_error)).max() < 1.2e-3
 
 
-def test_a_traced_circle_is_the_circle() -> None:
+def test_a_traced_circle_is_the_circle():
     traced, circle = Round(200.0), Circle(north=0.0, east=0.0, radius=200.0, direction=1)
     assert traced.length == pytest.approx(circle.length, rel=1e-6)
     for bearing in np.linspace(0.1, 6.2, 20):
@@ -174,21 +170,19 @@ def test_a_traced_circle_is_the_circle() -> None:
         assert one.progress == pytest.approx(other.progress, abs=0.05)
 
 
-def test_a_place_that_is_not_known_has_no_nearest_point() -> None:
+def test_a_place_that_is_not_known_has_no_nearest_point():
     found = EIGHT.nearest(np.array([math.nan, 1.0]), np.array([0.0, 2.0]), np.array([0.0, 0.8]))
     assert math.isnan(found.cross_track_error[0])
     assert math.isfinite(found.cross_track_error[1])
 
 
 @pytest.mark.parametrize(("course_deg", "height"), [(45.0, 0.0), (135.0, 40.0)])
-def test_where_a_curve_crosses_itself_each_branch_has_its_height(
-    course_deg: float, height: float
-) -> None:
+def test_where_a_curve_crosses_itself_each_branch_has_its_height(course_deg, height):
     point = PATHS["eight with a bridge"].nearest(1.0, 1.0, math.radians(course_deg))
     assert point.height == pytest.approx(height, abs=0.01)
 
 
-def test_a_curve_climbs_as_its_heights_do() -> None:
+def test_a_curve_climbs_as_its_heights_do():
     path = PATHS["eight with a bridge"]
     outline = path.at(np.linspace(0.0, path.length, 4000))
     # Half way round it is highest; the share is that of the angle, not of the way.
@@ -266,19 +260,19 @@ class Hippodrome(Curve):
         return place.north, place.east
 
 
-def test_the_tightest_bend_of_a_curve_is_looked_at_however_short_it_is() -> None:
+def test_the_tightest_bend_of_a_curve_is_looked_at_however_short_it_is():
     path = Hippodrome(50.0)
     seen = np.abs(path.at(path.outline(97)).curvature)
     assert 1.0 / 50.0 <= seen.max() < 1.2 / 50.0
     assert (seen > 0.5 / 50.0).sum() > 40
 
 
-def test_round_a_small_curve_a_vehicle_that_flies_the_wrong_way_is_beside_its_own_side() -> None:
+def test_round_a_small_curve_a_vehicle_that_flies_the_wrong_way_is_beside_its_own_side():
     point = Round(60.0).nearest(60.0, 0.0, math.radians(-90.0))
     assert math.remainder(point.course - math.pi / 2.0, 2.0 * math.pi) == pytest.approx(0, abs=0.01)
 
 
-def test_a_place_beyond_all_bounds_raises_nothing() -> None:
+def test_a_place_beyond_all_bounds_raises_nothing():
     for far in (1e12, 1e200, math.inf):
         assert math.isfinite(EIGHT.nearest(far, 0.0, 0.0).course)
 
@@ -301,20 +295,18 @@ def test_a_place_beyond_all_bounds_raises_nothing() -> None:
         (Eight, math.nan, "not finite"),
     ],
 )
-def test_a_curve_that_cannot_be_flown_is_refused_in_a_line(
-    kind: type[Curve], shape: float, words: str
-) -> None:
+def test_a_curve_that_cannot_be_flown_is_refused_in_a_line(kind, shape, words):
     with pytest.raises(InputError, match=words):
         kind(shape)
 
 
-def test_a_racetrack_is_looked_at_in_its_turns_however_long_its_legs_are() -> None:
+def test_a_racetrack_is_looked_at_in_its_turns_however_long_its_legs_are():
     track = Racetrack(north=0.0, east=0.0, course=0.0, leg=90e3, radius=100.0, direction=1)
     turning = track.at(track.outline(97)).curvature > 0.0
     assert turning.sum() > 40
 
 
-def test_a_figure_eight_is_the_lemniscate_of_its_half_length() -> None:
+def test_a_figure_eight_is_the_lemniscate_of_its_half_length():
     shape = {
         "type": "figure-eight",
         "half_length_m": 300,
@@ -338,7 +330,7 @@ def test_a_figure_eight_is_the_lemniscate_of_its_half_length() -> None:
 
 
 @pytest.mark.parametrize("name", PATHS)
-def test_a_path_is_found_beside_a_vehicle_whose_height_is_not_known(name: str) -> None:
+def test_a_path_is_found_beside_a_vehicle_whose_height_is_not_known(name):
     path = PATHS[name]
     place = path.at(200.0)
     point = path.nearest_in_space(place.north, place.east, place.course, math.nan)
@@ -347,7 +339,7 @@ def test_a_path_is_found_beside_a_vehicle_whose_height_is_not_known(name: str) -
     assert point.height == pytest.approx(place.height, abs=0.1)
 
 
-def test_the_spline_through_the_corners_of_a_square_has_the_slopes_of_its_symmetry() -> None:
+def test_the_spline_through_the_corners_of_a_square_has_the_slopes_of_its_symmetry():
     # m = a times the corner turned by 90 degrees: 4 a = 3 (1 + 1), a = 1.5; second derivative
     # 6 ((0, 1) - (1, 0)) - 4 (0, 1.5) - 2 (-1.5, 0) = (-3, 0) at (1, 0)
     corners = np.array([[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]])

@@ -63,13 +63,13 @@ def cleared(found: Others, wanted: WantedMotion = STRAIGHT_ON) -> Clearance:
     return keep_clear(HERE, wanted, found, AGILITY)
 
 
-def test_an_arc_is_a_part_of_a_circle() -> None:
+def test_an_arc_is_a_part_of_a_circle():
     # 20 m/s at 0.5 rad/s: a radius of 40 m, the centre to the right
     places = arc(0j, NORTH, 0.5)
     assert np.abs(places - 40.0j) == pytest.approx(np.full(len(TIMES), 40.0))
 
 
-def test_a_turn_is_as_hard_as_the_bank_allows_and_begins_after_the_delay() -> None:
+def test_a_turn_is_as_hard_as_the_bank_allows_and_begins_after_the_delay():
     right = Manoeuvres(turn=np.array([math.pi / 2.0]), airspeed=np.full(1, np.nan))
     (early,) = own_tracks(HERE, STRAIGHT_ON, right, AGILITY)
     (late,) = own_tracks(HERE, STRAIGHT_ON, right, LATE)
@@ -79,7 +79,7 @@ def test_a_turn_is_as_hard_as_the_bank_allows_and_begins_after_the_delay() -> No
     assert cmath.phase(early[-1] - early[-2]) == pytest.approx(math.pi / 2.0, abs=0.02)
 
 
-def test_the_wind_carries_every_manoeuvre_along() -> None:
+def test_the_wind_carries_every_manoeuvre_along():
     blown = replace(HERE, wind=5.0j)
     drifting = replace(STRAIGHT_ON, velocity=20.0 + 5.0j, base_velocity=20.0 + 5.0j)
     (track,) = own_tracks(
@@ -88,18 +88,18 @@ def test_the_wind_carries_every_manoeuvre_along() -> None:
     assert track[-1] == pytest.approx(160.0 + 40.0j)
 
 
-def test_closest_approach_is_found_between_two_times() -> None:
+def test_closest_approach_is_found_between_two_times():
     # Head on at 40 m/s, 10 m apart sideways: met at 1.25 s, between two places of the tracks.
     distance = closest_approaches(flying(0j, NORTH)[None], others(flying(50.0 + 10.0j, -NORTH)))
     assert distance.min() == pytest.approx(10.0)
 
 
-def test_beyond_its_horizon_a_possibility_does_not_count() -> None:
+def test_beyond_its_horizon_a_possibility_does_not_count():
     soon = others(flying(100.0 + 0j, -NORTH), horizon_s=1.0)
     assert not cleared(soon).changed
 
 
-def test_what_a_track_may_be_off_by_counts_as_nearer() -> None:
+def test_what_a_track_may_be_off_by_counts_as_nearer():
     # Side by side, 20 m apart, and off by 1 m/s from now on: 12.5 m in the last half second.
     alongside = others(flying(20.0j, NORTH))
     unsure = replace(alongside, margin=1.0 * BEGINNINGS[None, :])
@@ -108,13 +108,13 @@ def test_what_a_track_may_be_off_by_counts_as_nearer() -> None:
     assert cleared(replace(alongside, margin=2.0 * BEGINNINGS[None, :])).changed
 
 
-def test_alongside_nothing_is_changed() -> None:
+def test_alongside_nothing_is_changed():
     found = cleared(others(flying(12.0j, NORTH), flying(-30.0 + 0j, NORTH)))
     assert not found.changed
     assert found.nearest == pytest.approx([12.0, 30.0])
 
 
-def test_one_in_the_way_is_passed_at_the_kept_distance() -> None:
+def test_one_in_the_way_is_passed_at_the_kept_distance():
     # 60 m ahead and 8 m/s slower it would be run into after 7.5 s.
     found = cleared(others(flying(60.0 + 0j, 12.0 + 0j)))
     assert found.changed
@@ -122,27 +122,27 @@ def test_one_in_the_way_is_passed_at_the_kept_distance() -> None:
     assert found.nearest[0] >= FLOOR_M
 
 
-def test_two_that_meet_head_on_both_go_right() -> None:
+def test_two_that_meet_head_on_both_go_right():
     found = cleared(others(flying(120.0 + 0j, -NORTH)))
     assert found.changed
     assert found.turn > 0.0
     assert found.nearest[0] >= 11.0
 
 
-def test_the_least_change_that_is_clear_is_made() -> None:
+def test_the_least_change_that_is_clear_is_made():
     # To the left of the track, slower: a little to the right is enough.
     found = cleared(others(flying(60.0 - 6.0j, 12.0 + 0j)))
     assert 0.0 < found.turn <= math.radians(20.0)
 
 
-def test_who_is_followed_on_one_side_is_not_pushed_into_the_other() -> None:
+def test_who_is_followed_on_one_side_is_not_pushed_into_the_other():
     # Head on somebody, somebody else 14 m to the right: the only way out is to the left.
     found = cleared(others(flying(120.0 + 0j, -NORTH), flying(14.0j, NORTH)))
     assert found.turn < 0.0
     assert found.nearest.min() >= FLOOR_M
 
 
-def test_whoever_claims_to_be_here_already_changes_no_choice_between_the_others() -> None:
+def test_whoever_claims_to_be_here_already_changes_no_choice_between_the_others():
     honest = others(flying(120.0 + 0j, -NORTH), flying(14.0j, NORTH))
     with_liar = others(
         flying(120.0 + 0j, -NORTH), flying(14.0j, NORTH), flying(0.5 + 0j, NORTH), keep=11.0
@@ -152,13 +152,13 @@ def test_whoever_claims_to_be_here_already_changes_no_choice_between_the_others(
     assert found.nearest[:2].min() >= 5.0
 
 
-def test_a_side_that_was_chosen_is_kept() -> None:
+def test_a_side_that_was_chosen_is_kept():
     meeting = others(flying(120.0 + 0j, -NORTH))
     held = keep_clear(HERE, STRAIGHT_ON, meeting, AGILITY, side=-math.radians(20.0))
     assert held.turn < 0.0
 
 
-def test_height_between_two_counts_in_the_plane() -> None:
+def test_height_between_two_counts_in_the_plane():
     # 3 m aside, straight ahead all the time; height worth 4 m more: 5 m in all.
     beside = others(flying(3.0j, NORTH))
     level = closest_approaches(flying(0j, NORTH)[None, :], beside)
@@ -168,7 +168,7 @@ def test_height_between_two_counts_in_the_plane() -> None:
     assert space == pytest.approx(np.full((1, 1, len(BEGINNINGS)), 5.0))
 
 
-def test_who_is_high_enough_above_another_flies_on() -> None:
+def test_who_is_high_enough_above_another_flies_on():
     meets = others(flying(100.0 + 0j, -NORTH))
     assert cleared(meets).changed
     assert not cleared(replace(meets, worth=np.full((1, len(BEGINNINGS)), 11.0))).changed

@@ -114,9 +114,7 @@ FLIGHTS = {"course": course_flight, "speed": speed_flight}
 
 @pytest.mark.parametrize("kind", ["course", "speed"])
 @pytest.mark.parametrize(("bandwidth", "dead_time"), [(1.2, 0.2), (0.6, 0.5), (1.8, 0.3)])
-def test_first_order_and_dead_time_are_found_within_five_percent(
-    kind: str, bandwidth: float, dead_time: float
-) -> None:
+def test_first_order_and_dead_time_are_found_within_five_percent(kind, bandwidth, dead_time):
     response = found(FLIGHTS[kind](bandwidth, dead_time, 0.0, 0.0), kind)
     assert response.bandwidth.value == pytest.approx(bandwidth, rel=0.05)
     assert response.dead_time.value == pytest.approx(dead_time, rel=0.05)
@@ -124,14 +122,14 @@ def test_first_order_and_dead_time_are_found_within_five_percent(
 
 
 @pytest.mark.parametrize("kind", ["course", "speed"])
-def test_without_a_dead_time_none_is_found(kind: str) -> None:
+def test_without_a_dead_time_none_is_found(kind):
     response = found(FLIGHTS[kind](1.2, 0.0, 0.0, 0.0), kind)
     assert response.bandwidth.value == pytest.approx(1.2, rel=0.05)
     assert response.dead_time.value == pytest.approx(0.0, abs=0.01)
 
 
 @pytest.mark.parametrize("kind", ["course", "speed"])
-def test_a_lag_is_told_from_a_dead_time(kind: str) -> None:
+def test_a_lag_is_told_from_a_dead_time(kind):
     response = found(FLIGHTS[kind](1.0, 0.2, 0.4, 0.0), kind)
     assert response.bandwidth.value == pytest.approx(1.0, rel=0.05)
     assert response.dead_time.value == pytest.approx(0.2, abs=0.02)
@@ -139,7 +137,7 @@ def test_a_lag_is_told_from_a_dead_time(kind: str) -> None:
 
 
 @pytest.mark.parametrize(("kind", "noise"), [("course", 0.005), ("speed", 0.2)])
-def test_noise_widens_the_intervals_and_they_hold_the_truth(kind: str, noise: float) -> None:
+def test_noise_widens_the_intervals_and_they_hold_the_truth(kind, noise):
     quiet = found(FLIGHTS[kind](1.2, 0.3, 0.0, 0.0), kind)
     noisy = found(FLIGHTS[kind](1.2, 0.3, 0.0, noise), kind)
     for name, truth in (("bandwidth", 1.2), ("dead_time", 0.3)):
@@ -150,7 +148,7 @@ def test_noise_widens_the_intervals_and_they_hold_the_truth(kind: str, noise: fl
     assert noisy.residual == pytest.approx(noise, rel=0.1)
 
 
-def test_a_setpoint_between_two_reports_counts_by_its_share_of_the_time() -> None:
+def test_a_setpoint_between_two_reports_counts_by_its_share_of_the_time():
     samples = Samples(
         time_s=np.array([0.0, 1.0, 2.0]),
         direction=np.zeros(3),
@@ -168,7 +166,7 @@ def test_a_setpoint_between_two_reports_counts_by_its_share_of_the_time() -> Non
     assert mean_setpoint(samples, 5.0).tolist() == pytest.approx([0.0, 0.0])
 
 
-def test_setpoints_are_indicated_airspeeds_and_what_is_seen_are_true_ones() -> None:
+def test_setpoints_are_indicated_airspeeds_and_what_is_seen_are_true_ones():
     """At 700 m the true airspeed is 6.6 % greater: 1.3 m/s, as much as a step."""
     flight = speed_flight(0.6, 0.4, 0.0, 0.0)
     seen = found(as_seen(replace(flight, speed=flight.speed + 1.3)), "speed")

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any, Literal
 
 import pytest
@@ -10,6 +9,7 @@ import yaml
 
 from sitl_stub import Autopilot, AutopilotConfig, PlantParameters, SteadyWind
 from sitl_stub.codec import Signing
+from tests.kit.missions import shipped
 from vfguide.companion.mission_plan import adapter_of, flight_plan
 from vfguide.identification.core import Identification, Stage
 from vfguide.identification.plot import draw_findings
@@ -23,10 +23,8 @@ from vfguide.identification.recording import (
     speed_step,
 )
 from vfguide.mavlink.framing import ConnectionSigning
-from vfguide.mission import load_mission
 from vfguide.state import Airframe
 
-MISSION = Path(__file__).parents[3] / "missions" / "line-calm.yaml"
 RATE_HZ = 20.0
 UNIX_S = 1.7e9
 
@@ -56,7 +54,7 @@ def autopilot(
 def identification(
     kind: Kind, *, engage: bool = True, signing: ConnectionSigning | None = None
 ) -> Identification:
-    mission = load_mission(MISSION)
+    mission = shipped("line-calm")
     vehicle = mission.vehicles["leader"].model_copy(update={"autopilot": kind})
     return Identification(
         flight_plan(mission, "leader"),
@@ -88,7 +86,7 @@ def fly(
 
 
 @pytest.mark.parametrize("kind", ["ardupilot", "px4"])
-def test_the_flight_finds_what_flies_and_hands_it_back(kind: Kind, tmp_path: Path) -> None:
+def test_the_flight_finds_what_flies_and_hands_it_back(kind, tmp_path):
     plant = PlantParameters(
         alpha_1_s=0.9, beta_1_s=0.6, course_dead_time_s=0.3, speed_dead_time_s=0.4
     )
@@ -111,7 +109,7 @@ def test_the_flight_finds_what_flies_and_hands_it_back(kind: Kind, tmp_path: Pat
     assert (tmp_path / "leader.png").read_bytes().startswith(b"\x89PNG")
 
 
-def test_arduplanes_bank_and_roll_are_found() -> None:
+def test_arduplanes_bank_and_roll_are_found():
     plant = PlantParameters(kind="bank", guided_p_cdeg_rad=12_000.0, roll_time_s=0.4)
     flight = identification("ardupilot")
     fly(flight, autopilot("ardupilot", plant), seconds=40.0)
@@ -123,9 +121,7 @@ def test_arduplanes_bank_and_roll_are_found() -> None:
 
 
 @pytest.mark.parametrize(("efficiency", "slips"), [(0.745, True), (1.0, False)])
-def test_what_is_turned_of_the_bank_is_found_in_two_minutes(
-    efficiency: float, *, slips: bool
-) -> None:
+def test_what_is_turned_of_the_bank_is_found_in_two_minutes(efficiency, slips):
     plant = PlantParameters(kind="bank", turn_efficiency=efficiency, roll_time_s=0.35)
     flight = identification("ardupilot")
     fly(flight, autopilot("ardupilot", plant), seconds=120.0)
@@ -140,7 +136,7 @@ def test_what_is_turned_of_the_bank_is_found_in_two_minutes(
     assert yaml.safe_load(profile_text("leader", findings))["leader"] == {"slips": slips}
 
 
-def test_without_leave_it_waits_for_the_pilot() -> None:
+def test_without_leave_it_waits_for_the_pilot():
     flight, emulator = (
         identification("ardupilot", engage=False),
         autopilot("ardupilot", PlantParameters()),
@@ -150,7 +146,7 @@ def test_without_leave_it_waits_for_the_pilot() -> None:
     assert emulator.truth().mode == "LOITER"
 
 
-def test_telemetry_that_falls_silent_ends_it() -> None:
+def test_telemetry_that_falls_silent_ends_it():
     flight, emulator = identification("ardupilot"), autopilot("ardupilot", PlantParameters())
     fly(flight, emulator, seconds=10.0)
     told = [
@@ -167,7 +163,7 @@ def test_telemetry_that_falls_silent_ends_it() -> None:
     assert emulator.truth().mode == "LOITER"
 
 
-def test_the_operator_can_end_it() -> None:
+def test_the_operator_can_end_it():
     flight, emulator = identification("ardupilot"), autopilot("ardupilot", PlantParameters())
     fly(flight, emulator, seconds=10.0)
     emulator.receive(flight.stop(10.0).to_autopilot)
@@ -177,7 +173,7 @@ def test_the_operator_can_end_it() -> None:
     assert flight.ended == "stopped"
 
 
-def test_a_lost_hand_back_is_repeated_until_it_is_seen() -> None:
+def test_a_lost_hand_back_is_repeated_until_it_is_seen():
     flight, emulator = identification("ardupilot"), autopilot("ardupilot", PlantParameters())
     fly(flight, emulator, seconds=10.0)
     flight.stop(10.0)
@@ -189,17 +185,17 @@ def test_a_lost_hand_back_is_repeated_until_it_is_seen() -> None:
     assert emulator.truth().mode == "LOITER"
 
 
-def test_a_vehicle_that_its_pilot_took_is_not_engaged_again() -> None:
+def test_a_vehicle_that_its_pilot_took_is_not_engaged_again():
     flight, emulator = identification("ardupilot"), autopilot("ardupilot", PlantParameters())
     fly(flight, emulator, seconds=20.0)
-    emulator.receive(_packed(adapter_of(load_mission(MISSION).vehicles["leader"]).hand_back()))
+    emulator.receive(_packed(adapter_of(shipped("line-calm").vehicles["leader"]).hand_back()))
     fly(flight, emulator, seconds=20.0, began=20.0)
     assert flight.ended == "the pilot has taken over: nothing more is sent"
     assert flight.released
     assert emulator.truth().mode == "LOITER"
 
 
-def test_an_autopilot_that_signs_is_identified_by_its_key_alone() -> None:
+def test_an_autopilot_that_signs_is_identified_by_its_key_alone():
     key = bytes(range(32))
     signs = identification("ardupilot", signing=ConnectionSigning(key, lambda: UNIX_S))
     plain = identification("ardupilot")
@@ -210,7 +206,7 @@ def test_an_autopilot_that_signs_is_identified_by_its_key_alone() -> None:
 
 
 @pytest.mark.parametrize("course", [3.1, -3.1, 0.02])
-def test_courses_and_setpoints_lie_on_one_turn_of_the_circle(course: float) -> None:
+def test_courses_and_setpoints_lie_on_one_turn_of_the_circle(course):
     flight = identification("ardupilot")
     fly(flight, autopilot("ardupilot", PlantParameters(), course=course), seconds=45.0)
     samples = flight.recording.findings().course_samples
@@ -220,7 +216,7 @@ def test_courses_and_setpoints_lie_on_one_turn_of_the_circle(course: float) -> N
 
 
 @pytest.mark.parametrize("alpha", [0.5, 1.2, 5.0])
-def test_no_step_comes_near_a_limit(alpha: float) -> None:
+def test_no_step_comes_near_a_limit(alpha):
     airframe = Airframe(alpha=alpha, beta=alpha, max_acceleration=1.5)
     # 45 degrees of bank at 20 m/s turn at 0.49 rad/s.
     assert course_step(airframe) * alpha <= 0.6 * 0.4904
@@ -229,12 +225,12 @@ def test_no_step_comes_near_a_limit(alpha: float) -> None:
         assert airframe.airspeed_min < segment.speed < airframe.airspeed_max
 
 
-def test_an_aircraft_with_no_room_for_its_speed_makes_no_steps_of_it() -> None:
+def test_an_aircraft_with_no_room_for_its_speed_makes_no_steps_of_it():
     narrow = Airframe(airspeed_min=19.8, airspeed_max=20.2)
     assert speed_step(narrow) == 0.0
 
 
-def test_it_comes_back_along_the_way_it_went() -> None:
+def test_it_comes_back_along_the_way_it_went():
     flown = segments(Airframe(), 1)
     assert {one.course for one in flown if one.phase is Phase.SPEED} == {math.pi}
     assert any("s in all" in line for line in described(Airframe(), 1))

@@ -8,12 +8,7 @@ import numpy as np
 import pytest
 
 from vfguide.elementwise import FloatArray
-from vfguide.identification.flown import (
-    Answer,
-    answer_sentence,
-    flown_profile,
-    flown_responses,
-)
+from vfguide.identification.flown import Answer, answer_sentence, flown_profile, flown_responses
 from vfguide.record.vehicle import VehicleRecord
 from vfguide.state import Airframe
 
@@ -82,7 +77,7 @@ def answers(
     return flown_responses(time_s, vehicle, vehicle.mode == 1, airframe, np.column_stack(asked))
 
 
-def test_bandwidth_and_dead_time_are_found_from_setpoints_that_were_no_steps() -> None:
+def test_bandwidth_and_dead_time_are_found_from_setpoints_that_were_no_steps():
     course, speed = answers(*flight())
     for answer, bandwidth, dead_time in ((course, 0.8, 0.3), (speed, 0.6, 0.5)):
         assert answer.response is not None
@@ -93,7 +88,7 @@ def test_bandwidth_and_dead_time_are_found_from_setpoints_that_were_no_steps() -
         assert found.dead_time.value == pytest.approx(dead_time, abs=0.06)
 
 
-def test_the_words_say_how_sure_it_is_and_whether_the_mission_fits() -> None:
+def test_the_words_say_how_sure_it_is_and_whether_the_mission_fits():
     time_s, vehicle = flight()
     course, speed = answers(time_s, vehicle)
     assert "known well; the mission says 1.00" in answer_sentence(course)
@@ -120,7 +115,7 @@ def test_the_words_say_how_sure_it_is_and_whether_the_mission_fits() -> None:
         (60.0, 0.01, "hardly any other course was asked for"),
     ],
 )
-def test_what_cannot_be_told_is_not_told(duration_s: float, change: float, why: str) -> None:
+def test_what_cannot_be_told_is_not_told(duration_s, change, why):
     course, speed = answers(*flight(duration_s, change=change))
     assert course.response is speed.response is None
     assert answer_sentence(course) == (
@@ -129,7 +124,7 @@ def test_what_cannot_be_told_is_not_told(duration_s: float, change: float, why: 
     assert flown_profile([course, speed], {}) == ""
 
 
-def test_a_speed_that_goes_its_own_way_gives_no_number() -> None:
+def test_a_speed_that_goes_its_own_way_gives_no_number():
     time_s, vehicle = flight()
     # Nothing of it is an answer: it swings as no setpoint does.
     _, speed = answers(
@@ -142,7 +137,7 @@ def test_a_speed_that_goes_its_own_way_gives_no_number() -> None:
     )
 
 
-def test_moments_that_are_not_guided_are_not_fitted() -> None:
+def test_moments_that_are_not_guided_are_not_fitted():
     time_s, vehicle = flight()
     # By hand in the first half: whatever was set then was not flown.
     by_hand = time_s < 60.0
@@ -156,7 +151,7 @@ def test_moments_that_are_not_guided_are_not_fitted() -> None:
     assert course.response.bandwidth.value == pytest.approx(0.8, rel=0.05)
 
 
-def test_setpoints_count_from_when_they_went_out_not_from_the_next_sample() -> None:
+def test_setpoints_count_from_when_they_went_out_not_from_the_next_sample():
     time_s, vehicle = flight()
     # Each went out 0.04 s before the sample that has it first: the answer is then 0.04 s later than it seems.
     asked = np.column_stack(
@@ -169,7 +164,7 @@ def test_setpoints_count_from_when_they_went_out_not_from_the_next_sample() -> N
     assert total_s == pytest.approx(1.25 + 0.3 + 0.04, abs=0.005)
 
 
-def test_a_circle_in_wind_shows_the_bandwidth_although_the_drift_changes_all_the_time() -> None:
+def test_a_circle_in_wind_shows_the_bandwidth_although_the_drift_changes_all_the_time():
     time_s, vehicle = flight()
     fine, wind, heading, headings = 10, 8.0, 0.0, []
     for now in time_s.tolist():

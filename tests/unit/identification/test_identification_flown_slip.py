@@ -46,16 +46,14 @@ LEFT_AND_RIGHT = np.where(np.arange(2400) // 480 % 2, -1.0, 1.0)
 
 @pytest.mark.parametrize("efficiency", [1.0, 0.745])
 @pytest.mark.parametrize("side", [RIGHT, LEFT_AND_RIGHT])
-def test_the_share_that_is_turned_is_found_on_a_circle_and_on_an_eight(
-    side: FloatArray, efficiency: float
-) -> None:
+def test_the_share_that_is_turned_is_found_on_a_circle_and_on_an_eight(side, efficiency):
     answer = told(*turning_flight(side, efficiency))
     assert answer.slip is not None
     assert answer.slip.efficiency.value == pytest.approx(efficiency, abs=0.01)
     assert answer.slip.slips is (efficiency < 0.9)
 
 
-def test_an_attitude_that_may_be_off_makes_a_circle_less_sure_than_an_eight() -> None:
+def test_an_attitude_that_may_be_off_makes_a_circle_less_sure_than_an_eight():
     circle = told(*turning_flight(RIGHT, 0.745)).slip
     eight = told(*turning_flight(LEFT_AND_RIGHT, 0.745)).slip
     assert circle is not None
@@ -65,7 +63,7 @@ def test_an_attitude_that_may_be_off_makes_a_circle_less_sure_than_an_eight() ->
     assert eight.efficiency.half_width < 0.012
 
 
-def test_an_attitude_that_is_off_by_less_leaves_the_truth_within_the_interval() -> None:
+def test_an_attitude_that_is_off_by_less_leaves_the_truth_within_the_interval():
     found = told(*turning_flight(RIGHT, 0.745, roll_error=math.radians(0.8))).slip
     assert found is not None
     # tan 20 / tan 20.8 = 0.958.
@@ -73,7 +71,7 @@ def test_an_attitude_that_is_off_by_less_leaves_the_truth_within_the_interval() 
     assert abs(found.efficiency.value - 0.745) < found.efficiency.half_width
 
 
-def test_who_flew_straight_or_was_not_recorded_tells_nothing() -> None:
+def test_who_flew_straight_or_was_not_recorded_tells_nothing():
     straight = told(*turning_flight(np.zeros(2400), 1.0))
     assert slip_sentence(straight) == (
         "f1: slip: cannot be told, it hardly turned; fly `vfguide identify` to know it"
@@ -87,7 +85,7 @@ def test_who_flew_straight_or_was_not_recorded_tells_nothing() -> None:
     assert known_slips([straight, unknown]) == {}
 
 
-def test_turns_on_the_ground_are_no_turns_by_bank() -> None:
+def test_turns_on_the_ground_are_no_turns_by_bank():
     time_s, vehicle = turning_flight(RIGHT, 0.745)
     # For a minute it taxies in circles, level and slower than 0.8 times 12 m/s.
     taxi = time_s < 50.0
@@ -102,7 +100,7 @@ def test_turns_on_the_ground_are_no_turns_by_bank() -> None:
     assert found.efficiency.value == pytest.approx(0.745, abs=0.01)
 
 
-def test_the_words_say_how_sure_it_is_and_whether_the_mission_fits() -> None:
+def test_the_words_say_how_sure_it_is_and_whether_the_mission_fits():
     slipping = turning_flight(LEFT_AND_RIGHT, 0.745)
     sentence = slip_sentence(told(*slipping))
     assert sentence.startswith("f1: slip: it turns 0.7")

@@ -52,7 +52,7 @@ def circling(
     return reports
 
 
-def test_a_leg_is_what_was_turned_and_what_the_bank_said() -> None:
+def test_a_leg_is_what_was_turned_and_what_the_bank_said():
     _, right, _, left, _ = legs_of(circling(0.75), 1.0)
     # 7 s of the turn at 0.1 rad/s before its end's mean over 1 s, 0.5 s more of it in that: 0.75 rad.
     assert right.by_bank == pytest.approx(0.75, abs=0.01)
@@ -61,25 +61,25 @@ def test_a_leg_is_what_was_turned_and_what_the_bank_said() -> None:
 
 
 @pytest.mark.parametrize("efficiency", [1.0, 0.745, 0.5])
-def test_the_share_that_is_turned_is_found(efficiency: float) -> None:
+def test_the_share_that_is_turned_is_found(efficiency):
     found = turn_efficiency(legs_of(circling(efficiency), 1.0))
     assert found is not None
     assert found.value == pytest.approx(efficiency, abs=0.01)
     assert found.half_width < 0.05
 
 
-def test_a_roll_that_is_off_by_a_degree_changes_nothing() -> None:
+def test_a_roll_that_is_off_by_a_degree_changes_nothing():
     found = turn_efficiency(legs_of(circling(0.745, trim=math.radians(1.0)), 1.0))
     assert found is not None
     assert found.value == pytest.approx(0.745, abs=0.01)
 
 
-def test_a_sensor_that_shows_too_little_makes_turns_seem_tighter() -> None:
+def test_a_sensor_that_shows_too_little_makes_turns_seem_tighter():
     # 18.7 m/s shown of 20: the bank's turn is 20 / 18.7 = 1.07 times as fast by what is shown.
     assert legs_of(circling(1.0), 1.07)[1].by_bank == pytest.approx(0.75 / 1.07, abs=0.01)
 
 
-def test_the_sensors_scale_and_the_noses_lead_are_found_in_wind() -> None:
+def test_the_sensors_scale_and_the_noses_lead_are_found_in_wind():
     # 18.7 m/s shown of 20: 1.0695. The smooth turn rate lags where turns begin and end.
     scale, lead = scale_and_lead(circling(1.0, bank=3.0 * BANK, shown=18.7, lead_s=0.3))
     assert scale.value == pytest.approx(1.0695, abs=0.005)
@@ -87,7 +87,7 @@ def test_the_sensors_scale_and_the_noses_lead_are_found_in_wind() -> None:
     assert lead.half_width < 0.05
 
 
-def test_by_hand_two_turns_of_other_shares_give_their_mean_and_a_wide_interval() -> None:
+def test_by_hand_two_turns_of_other_shares_give_their_mean_and_a_wide_interval():
     legs = [
         SlipLeg(turned=side * share, by_bank=side, lasts_s=0.0)
         for side in (1.0, -1.0)
@@ -100,7 +100,7 @@ def test_by_hand_two_turns_of_other_shares_give_their_mean_and_a_wide_interval()
     assert found.half_width == pytest.approx(4.303 * 0.0354, rel=0.01)
 
 
-def test_who_hardly_turned_tells_nothing() -> None:
+def test_who_hardly_turned_tells_nothing():
     assert turn_efficiency(legs_of(circling(0.745, bank=0.002), 1.0)) is None
     assert turn_efficiency([]) is None
     assert Banks().slip() is None
@@ -110,9 +110,7 @@ def test_who_hardly_turned_tells_nothing() -> None:
     ("share", "half_width", "slips"),
     [(0.745, 0.05, True), (1.0, 0.05, False), (0.88, 0.05, None), (math.nan, 0.05, None)],
 )
-def test_slips_is_said_only_where_the_interval_leaves_no_doubt(
-    share: float, half_width: float, *, slips: bool | None
-) -> None:
+def test_slips_is_said_only_where_the_interval_leaves_no_doubt(share, half_width, slips):
     slip = Slip(
         efficiency=Estimate(value=share, half_width=half_width),
         lead=Estimate(value=0.1, half_width=0.02),

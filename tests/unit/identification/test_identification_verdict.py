@@ -31,7 +31,7 @@ def findings(course: Response | None, speed: Response | None) -> Findings:
 GOOD, WIDE = response(0.8, 0.1), response(0.6, 0.25)
 
 
-def test_nothing_is_said_where_all_is_known_well() -> None:
+def test_nothing_is_said_where_all_is_known_well():
     assert shortcoming(findings(GOOD, GOOD), AIRFRAME, None) is None
 
 
@@ -56,9 +56,7 @@ def test_nothing_is_said_where_all_is_known_well() -> None:
         (findings(GOOD, GOOD), AIRFRAME, "stopped", ("(stopped)", "fewer steps than planned")),
     ],
 )
-def test_one_line_says_what_was_not_learned_why_and_the_remedy(
-    found: Findings, airframe: Airframe, ended: str | None, words: tuple[str, ...]
-) -> None:
+def test_one_line_says_what_was_not_learned_why_and_the_remedy(found, airframe, ended, words):
     line = shortcoming(found, airframe, ended)
     assert line is not None
     assert "\n" not in line
@@ -66,9 +64,7 @@ def test_one_line_says_what_was_not_learned_why_and_the_remedy(
         assert one in line
 
 
-def test_the_command_ends_with_1_and_the_line(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_command_ends_with_1_and_the_line(monkeypatch, capsys):
     async def flown(identification: Identification, *_: object, **__: object) -> None:
         identification.stop(0.0)
 

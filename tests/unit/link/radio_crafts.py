@@ -8,10 +8,7 @@ from tests.unit.link.wire import FORMATION, KEYS, LEADER, trust_of
 from vfguide.lab.rehearsal.emulated_radio import EmulatedRadio, RadioAir, RadioQuality
 from vfguide.link.codec import decode
 from vfguide.link.member import Member, ignore
-from vfguide.link.packed import (
-    PackedKind,
-    decode_packet,
-)
+from vfguide.link.packed import PackedKind, decode_packet
 from vfguide.link.peer_clock import PeerClock
 from vfguide.link.presence import Presence
 from vfguide.link.radio_framing import Framer

@@ -50,7 +50,7 @@ def outcome(text: str) -> MqttAddress | str:
         ),
     ],
 )
-def test_addresses(text: str, expected: MqttAddress) -> None:
+def test_addresses(text, expected):
     assert parse_link(text, {}) == expected
 
 
@@ -110,7 +110,7 @@ def test_addresses(text: str, expected: MqttAddress) -> None:
         ("mqtts://broker?cert=x", "cert= and key= go together"),
     ],
 )
-def test_a_wrong_address_is_one_line_with_the_remedy(text: str, remedy: str) -> None:
+def test_a_wrong_address_is_one_line_with_the_remedy(text, remedy):
     with pytest.raises(InputError) as caught:
         parse_link(text, {})
     line = str(caught.value)
@@ -138,13 +138,13 @@ def test_a_wrong_address_is_one_line_with_the_remedy(text: str, remedy: str) -> 
         "mqtt://broker/+hunter2",
     ],
 )
-def test_the_password_is_never_shown(text: str) -> None:
+def test_the_password_is_never_shown(text):
     found = outcome(text)
     assert HIDDEN not in repr(found) + str(found) + f"{found}"
     assert isinstance(found, str) or found.password == HIDDEN
 
 
-def test_the_environment_has_the_password_that_the_address_leaves_out() -> None:
+def test_the_environment_has_the_password_that_the_address_leaves_out():
     environment = {"VFGUIDE_LINK_PASSWORD": HIDDEN}
     assert parse_link("mqtt://crew@broker", environment).password == HIDDEN
     assert parse_link("mqtt://crew:p%2Fw%3A%40@broker", environment).password == AWKWARD
@@ -152,7 +152,7 @@ def test_the_environment_has_the_password_that_the_address_leaves_out() -> None:
     assert parse_link("mqtt://broker", environment).password is None
 
 
-def test_an_address_reads_as_it_was_written_without_its_user() -> None:
+def test_an_address_reads_as_it_was_written_without_its_user():
     assert str(parse_link("mqtt://crew:pw@[fd00::1]/p", {})) == "mqtt://[fd00::1]:1883/p"
     assert str(parse_link("mqtts://broker", {})) == "mqtts://broker:8883/vfguide"
 
@@ -161,7 +161,7 @@ def test_an_address_reads_as_it_was_written_without_its_user() -> None:
 @example(text="mqtt://\u2100")
 @example(text="mqtt://a\ud800")
 @given(text=st.text() | st.text().map("mqtt://{}".format) | st.text().map("mqtts://h?{}".format))
-def test_any_text_is_an_address_or_refused_in_one_line(text: str) -> None:
+def test_any_text_is_an_address_or_refused_in_one_line(text):
     found = outcome(text)
     if isinstance(found, str):
         assert len(found.splitlines()) == 1
@@ -170,7 +170,7 @@ def test_any_text_is_an_address_or_refused_in_one_line(text: str) -> None:
         assert not set("+#") & set(found.prefix)
 
 
-def test_a_group_a_broadcast_address_and_peers_are_told_apart() -> None:
+def test_a_group_a_broadcast_address_and_peers_are_told_apart():
     group = parse_link("udp://239.255.42.1:14700?interface=wlan0", {})
     assert isinstance(group, UdpAddress)
     assert (group.group, group.port, group.interface) == ("239.255.42.1", 14700, "wlan0")
@@ -185,7 +185,7 @@ def test_a_group_a_broadcast_address_and_peers_are_told_apart() -> None:
     assert str(peers) == "udp://10.0.0.2:1400,10.0.0.3:1500"
 
 
-def test_a_link_that_is_named_twice_is_opened_once() -> None:
+def test_a_link_that_is_named_twice_is_opened_once():
     text = "udp://239.255.42.1:14700"
     assert len(parse_links([text, "mqtt://broker", text])) == 2
     with pytest.raises(InputError, match="there is none"):
@@ -194,13 +194,13 @@ def test_a_link_that_is_named_twice_is_opened_once() -> None:
 
 @settings(deadline=None, derandomize=True, max_examples=300)
 @given(text=st.text(max_size=60) | st.text("udp:/,?=.0123456789 port interface", max_size=60))
-def test_no_text_is_a_traceback(text: str) -> None:
+def test_no_text_is_a_traceback(text):
     for start in ("", "udp://", "udp://10.0.0.1:", "mqtt://"):
         with suppress(InputError):
             parse_link(start + text, {})
 
 
-def test_a_radio_is_a_port_with_a_speed_and_rates() -> None:
+def test_a_radio_is_a_port_with_a_speed_and_rates():
     text = "serial:///dev/serial/by-path/pci-0000:00:14.0-port0:57600?key=a.keys/radio.psk&leader=5&air=2000"
     address = parse_link(text, {})
     assert address == RadioAddress(

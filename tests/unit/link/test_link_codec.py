@@ -1,16 +1,13 @@
 import math
 import struct
 import zlib
-from collections.abc import Callable
-from typing import Any
 
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
+from tests.kit.states import leader_message
 from vfguide.link.codec import LeaderMessage, LinkDataError, decode, encode
-
-Make = Callable[..., Any]
 
 GREATEST = {
     "latitude_deg": 90.0,
@@ -40,13 +37,13 @@ def with_checksum(body: bytes) -> bytes:
 
 @settings(deadline=None, derandomize=True, max_examples=300)
 @given(message=SOUND)
-def test_what_goes_in_comes_out(message: LeaderMessage) -> None:
+def test_what_goes_in_comes_out(message):
     assert repr(decode(encode(message))) == repr(
         message
     )  # a course setpoint that is not known is NaN
 
 
-def test_a_leader_state_is_104_bytes_laid_out_as_documented(leader_message: Make) -> None:
+def test_a_leader_state_is_104_bytes_laid_out_as_documented():
     data = encode(leader_message())
     assert len(data) == 104
     assert data[:12] == b"VFLS\x02\x00\x00\x00\x07\x00\x00\x00"
@@ -62,16 +59,14 @@ def test_a_leader_state_is_104_bytes_laid_out_as_documented(leader_message: Make
     ("course", "steps"),
     [(math.nan, 0), (0.0, 1), (math.tau / 65535.0, 2), (-1e-9, 1), (3.2, 33378)],
 )
-def test_a_course_setpoint_is_told_in_steps_of_a_tenth_of_a_milliradian(
-    leader_message: Make, course: float, steps: int
-) -> None:
+def test_a_course_setpoint_is_told_in_steps_of_a_tenth_of_a_milliradian(course, steps):
     data = encode(leader_message(course_setpoint=course))
     assert struct.unpack_from("<H", data, 6) == (steps,)
     told = decode(data).course_setpoint
     assert math.isnan(told) if math.isnan(course) else abs(told - course) < 1e-4
 
 
-def test_every_single_bit_flip_is_refused(leader_message: Make) -> None:
+def test_every_single_bit_flip_is_refused():
     good = encode(leader_message())
     for bit in range(8 * len(good)):
         data = bytearray(good)
@@ -81,27 +76,27 @@ def test_every_single_bit_flip_is_refused(leader_message: Make) -> None:
 
 
 @pytest.mark.parametrize("size", [0, 1, 88, 100, 103, 105, 208])
-def test_another_size_is_refused_with_both_sizes(leader_message: Make, size: int) -> None:
+def test_another_size_is_refused_with_both_sizes(size):
     data = (encode(leader_message()) * 2)[:size]
     with pytest.raises(LinkDataError, match=rf"^{size} bytes where a leader state has 104$"):
         decode(data)
 
 
-def test_another_mark_is_refused(leader_message: Make) -> None:
+def test_another_mark_is_refused():
     body = b"VFLX" + encode(leader_message())[4:100]
     with pytest.raises(LinkDataError, match="not a leader state"):
         decode(with_checksum(body))
 
 
 @pytest.mark.parametrize("version", [0, 1, 255])
-def test_another_version_is_refused_by_its_number(leader_message: Make, version: int) -> None:
+def test_another_version_is_refused_by_its_number(version):
     body = bytearray(encode(leader_message())[:100])
     body[4] = version
     with pytest.raises(LinkDataError, match=f"version {version} .* speaks 2"):
         decode(with_checksum(bytes(body)))
 
 
-def test_damage_is_named(leader_message: Make) -> None:
+def test_damage_is_named():
     data = bytearray(encode(leader_message()))
     data[20] ^= 0x55
     with pytest.raises(LinkDataError, match="checksum"):
@@ -110,18 +105,14 @@ def test_damage_is_named(leader_message: Make) -> None:
 
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
 @pytest.mark.parametrize("name", ["time_s", *GREATEST])
-def test_a_value_that_is_not_finite_is_refused(
-    leader_message: Make, name: str, value: float
-) -> None:
+def test_a_value_that_is_not_finite_is_refused(name, value):
     with pytest.raises(LinkDataError, match="out of range"):
         decode(encode(leader_message(**{name: value})))
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 @pytest.mark.parametrize("name", GREATEST)
-def test_a_value_that_no_aircraft_has_is_refused(
-    leader_message: Make, name: str, sign: float
-) -> None:
+def test_a_value_that_no_aircraft_has_is_refused(name, sign):
     bound = sign * GREATEST[name]
     assert getattr(decode(encode(leader_message(**{name: bound}))), name) == bound
     with pytest.raises(LinkDataError, match="out of range"):
@@ -131,16 +122,14 @@ def test_a_value_that_no_aircraft_has_is_refused(
 @settings(deadline=None, derandomize=True, max_examples=500)
 @example(data=b"")
 @given(data=st.binary(max_size=120) | st.binary(min_size=104, max_size=104))
-def test_random_bytes_are_refused_and_raise_nothing_else(data: bytes) -> None:
+def test_random_bytes_are_refused_and_raise_nothing_else(data):
     with pytest.raises(LinkDataError):
         decode(data)
 
 
 @settings(deadline=None, derandomize=True, max_examples=500)
 @given(sequence=st.integers(0, 2**32 - 1), values=st.binary(min_size=88, max_size=88))
-def test_any_content_under_a_right_checksum_is_sound_or_refused(
-    sequence: int, values: bytes
-) -> None:
+def test_any_content_under_a_right_checksum_is_sound_or_refused(sequence, values):
     data = with_checksum(b"VFLS\x02\x00\x00\x00" + struct.pack("<I", sequence) + values)
     try:
         message = decode(data)
@@ -150,20 +139,18 @@ def test_any_content_under_a_right_checksum_is_sound_or_refused(
     assert all(abs(getattr(message, name)) <= bound for name, bound in GREATEST.items())
 
 
-def test_senders_that_know_no_flags_count_as_steered(leader_message: Make) -> None:
+def test_senders_that_know_no_flags_count_as_steered():
     data = bytearray(encode(leader_message())[:100])
     data[5] = 0
     assert decode(with_checksum(bytes(data))).steered
 
 
 @pytest.mark.parametrize("steered", [True, False])
-def test_whether_the_sender_is_under_guidance_crosses_the_link(
-    leader_message: Make, *, steered: bool
-) -> None:
+def test_whether_the_sender_is_under_guidance_crosses_the_link(steered):
     assert decode(encode(leader_message(steered=steered))).steered is steered
 
 
-def test_flags_that_are_not_known_yet_change_nothing(leader_message: Make) -> None:
+def test_flags_that_are_not_known_yet_change_nothing():
     data = bytearray(encode(leader_message())[:100])
     data[5] = 0xF8
     assert repr(decode(with_checksum(bytes(data)))) == repr(leader_message())

@@ -39,9 +39,7 @@ def look(mail: HeldMail, watcher: Member) -> None:
         watcher.take_newest(newest_first)
 
 
-def test_of_each_sender_the_newest_is_looked_at_alone(
-    watcher: Member, heard: list[tuple[str, bytes]]
-) -> None:
+def test_of_each_sender_the_newest_is_looked_at_alone(watcher, heard):
     mail, first, second = HeldMail(), trust_of("f1", 1), trust_of("f2", 2)
     for number in range(4):
         assert mail.put(state(first, b"f1 %d" % number))
@@ -52,9 +50,7 @@ def test_of_each_sender_the_newest_is_looked_at_alone(
     assert len(heard) == 2
 
 
-def test_a_forged_state_does_not_stand_before_a_true_one(
-    watcher: Member, heard: list[tuple[str, bytes]]
-) -> None:
+def test_a_forged_state_does_not_stand_before_a_true_one(watcher, heard):
     mail, trust = HeldMail(), trust_of("f1", 1)
     mail.put(state(trust, b"true"))
     mail.put(forged(state(trust, b"another")))
@@ -63,9 +59,7 @@ def test_a_forged_state_does_not_stand_before_a_true_one(
     assert watcher.counters["refused: forged"] == 1
 
 
-def test_a_repeated_old_state_does_not_stand_before_a_new_one(
-    watcher: Member, heard: list[tuple[str, bytes]]
-) -> None:
+def test_a_repeated_old_state_does_not_stand_before_a_new_one(watcher, heard):
     mail, trust = HeldMail(), trust_of("f1", 1)
     old, new = state(trust, b"old"), state(trust, b"new")
     mail.put(old)
@@ -76,14 +70,14 @@ def test_a_repeated_old_state_does_not_stand_before_a_new_one(
     assert heard == [("f1", b"old"), ("f1", b"new")]
 
 
-def test_what_is_no_state_is_not_held() -> None:
+def test_what_is_no_state_is_not_held():
     mail, trust = HeldMail(), trust_of("f1", 1)
     for data in (b"", b"VFE1", b"x" * 200, trust.seal(Kind.PRESENCE, b"", time_s=0.0)):
         assert not mail.put(data)
     assert len(mail) == 0
 
 
-def test_a_flood_of_names_or_of_one_is_bounded() -> None:
+def test_a_flood_of_names_or_of_one_is_bounded():
     mail, sealed = HeldMail(), state(trust_of("f1", 1), b"")
     for number in range(MOST_SENDERS + 50):
         name = b"%02x" % (number % 256)

@@ -14,7 +14,7 @@ def message(topic: str, payload: bytes) -> Message:
     return Message(topic, payload, 0, retain=False, mid=1, properties=None)
 
 
-def test_only_the_newest_of_each_topic_is_kept() -> None:
+def test_only_the_newest_of_each_topic_is_kept():
     counters: Counter[str] = Counter()
     mail = NewestOnly(lambda: counters.update(["replaced"]))
     for number in range(5):
@@ -24,7 +24,7 @@ def test_only_the_newest_of_each_topic_is_kept() -> None:
     assert counters == {"replaced": 8}
 
 
-def test_a_flood_of_topics_is_bounded() -> None:
+def test_a_flood_of_topics_is_bounded():
     counters: Counter[str] = Counter()
     mail = NewestOnly(lambda: counters.update(["replaced"]))
     for number in range(1000):
@@ -33,7 +33,7 @@ def test_a_flood_of_topics_is_bounded() -> None:
     assert counters == {"replaced": 1000 - MOST_TOPICS}
 
 
-async def test_whoever_waits_for_mail_is_woken_and_not_twice() -> None:
+async def test_whoever_waits_for_mail_is_woken_and_not_twice():
     mail = NewestOnly(lambda: None)
     waiting = asyncio.create_task(mail.wait())
     await asyncio.sleep(0)
@@ -48,7 +48,7 @@ async def test_whoever_waits_for_mail_is_woken_and_not_twice() -> None:
     waiting.cancel()
 
 
-def test_what_is_too_long_is_counted_and_replaces_nothing() -> None:
+def test_what_is_too_long_is_counted_and_replaces_nothing():
     counters: Counter[str] = Counter()
     inbox = Inbox(counters)
     inbox.deliver(message("a", b"x" * 4096))
@@ -57,13 +57,13 @@ def test_what_is_too_long_is_counted_and_replaces_nothing() -> None:
     assert counters == {"dropped: too long": 1}
 
 
-async def test_a_flood_does_not_keep_the_inbox_from_settling() -> None:
+async def test_a_flood_does_not_keep_the_inbox_from_settling():
     inbox = Inbox(Counter())
     inbox.deliver(message("a", b""))
     await asyncio.wait_for(inbox.settle(lambda: True), 5.0)
 
 
-async def test_what_waits_in_the_socket_is_read_before_anything_is_used() -> None:
+async def test_what_waits_in_the_socket_is_read_before_anything_is_used():
     inbox = Inbox(Counter())
     waiting = [message("a", b"2"), message("b", b"3")]
 
@@ -80,18 +80,18 @@ async def test_what_waits_in_the_socket_is_read_before_anything_is_used() -> Non
     await reading
 
 
-def test_delays_grow_by_half_from_a_fifth_of_a_second_to_one() -> None:
+def test_delays_grow_by_half_from_a_fifth_of_a_second_to_one():
     delays = [round(retry_delay(failures, 1.0), 3) for failures in range(1, 7)]
     assert delays == [0.2, 0.3, 0.45, 0.675, 1.0, 1.0]
     assert retry_delay(10**9, 1.0) == 1.0
     assert retry_delay(1, 0.0) == 0.1
 
 
-def test_however_long_the_outage_the_next_try_is_a_second_away_at_most() -> None:
+def test_however_long_the_outage_the_next_try_is_a_second_away_at_most():
     assert all(retry_delay(failures, 0.999) <= 1.0 for failures in range(1, 100))
 
 
-def test_topics_of_a_vehicle() -> None:
+def test_topics_of_a_vehicle():
     assert TOPICS.state("lead") == "p/q/circle/lead/state"
     assert TOPICS.presence("f1") == "p/q/circle/f1/presence"
     assert TOPICS.ask("lead") == "p/q/circle/lead/clock/ask/f1"
@@ -99,16 +99,16 @@ def test_topics_of_a_vehicle() -> None:
     assert TOPICS.every_ask("f1") == "p/q/circle/f1/clock/ask/+"
 
 
-def test_questions_are_answered_where_they_belong() -> None:
+def test_questions_are_answered_where_they_belong():
     assert TOPICS.answer("f2") == "p/q/circle/f1/clock/tell/f2"
     assert TOPICS.answer("../+") == "p/q/circle/f1/clock/tell/..%2F%2B"
 
 
-def test_names_cannot_reach_into_other_topics() -> None:
+def test_names_cannot_reach_into_other_topics():
     assert TOPICS.state("a/b+#%") == "p/q/circle/a%2Fb%2B%23%25/state"
 
 
-def test_a_state_that_comes_back_is_heard_until_the_next_time_of_listening() -> None:
+def test_a_state_that_comes_back_is_heard_until_the_next_time_of_listening():
     echo = Echo()
     echo.listen()
     for number in range(3):
@@ -120,14 +120,14 @@ def test_a_state_that_comes_back_is_heard_until_the_next_time_of_listening() -> 
     assert not echo.heard
 
 
-def test_the_state_of_somebody_else_is_no_echo() -> None:
+def test_the_state_of_somebody_else_is_no_echo():
     echo = Echo()
     echo.speak(b"own")
     assert not echo.hear(b"other")
     assert not echo.heard
 
 
-def test_two_checks_without_an_echo_make_the_broker_deaf() -> None:
+def test_two_checks_without_an_echo_make_the_broker_deaf():
     echo, found = Echo(), []
     echo.listen()
     for _ in range(3):
@@ -138,7 +138,7 @@ def test_two_checks_without_an_echo_make_the_broker_deaf() -> None:
     assert not echo.check()
 
 
-def test_a_broker_is_not_deaf_to_someone_who_says_nothing() -> None:
+def test_a_broker_is_not_deaf_to_someone_who_says_nothing():
     echo = Echo()
     echo.listen()
     assert not any(echo.check() for _ in range(5))

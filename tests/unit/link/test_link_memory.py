@@ -31,7 +31,7 @@ def arrivals(link: MemoryLink, count: int, interval_s: float = 10.0) -> dict[int
     return flights
 
 
-def test_a_message_arrives_after_the_delay_and_not_before() -> None:
+def test_a_message_arrives_after_the_delay_and_not_before():
     link = link_of(delay_s=0.25)
     link.send(sent(b"state"), 1.0)
     assert received(link, 1.0) == []
@@ -40,20 +40,20 @@ def test_a_message_arrives_after_the_delay_and_not_before() -> None:
     assert received(link, 9.0) == []
 
 
-def test_without_a_delay_a_message_arrives_at_once() -> None:
+def test_without_a_delay_a_message_arrives_at_once():
     link = link_of()
     link.send(sent(b"state"), 1.0)
     assert received(link, 1.0) == [b"state"]
 
 
-def test_a_rounding_error_does_not_hold_a_message_back() -> None:
+def test_a_rounding_error_does_not_hold_a_message_back():
     # 0.1 + 0.2 is a hair more than 0.3.
     link = link_of(delay_s=0.2)
     link.send(sent(b"state"), 0.1)
     assert received(link, 0.3) == [b"state"]
 
 
-def test_messages_sent_at_the_same_time_keep_their_order() -> None:
+def test_messages_sent_at_the_same_time_keep_their_order():
     link = link_of(delay_s=0.1)
     states = [bytes([number]) for number in range(255, 0, -1)]
     for state in states:
@@ -61,7 +61,7 @@ def test_messages_sent_at_the_same_time_keep_their_order() -> None:
     assert received(link, 2.0) == states
 
 
-def test_jitter_stays_within_its_bounds_and_reaches_them() -> None:
+def test_jitter_stays_within_its_bounds_and_reaches_them():
     flights = list(arrivals(link_of(delay_s=0.3, jitter_s=0.1), 400).values())
     assert len(flights) == 400
     # Read to a millisecond, rounded up.
@@ -70,7 +70,7 @@ def test_jitter_stays_within_its_bounds_and_reaches_them() -> None:
     assert sum(flights) / 400 == pytest.approx(0.3, abs=0.012)
 
 
-def test_no_message_arrives_before_it_was_sent() -> None:
+def test_no_message_arrives_before_it_was_sent():
     link = link_of(delay_s=0.1, jitter_s=0.5)
     for number in range(200):
         link.send(sent(bytes([number])), 5.0)
@@ -80,7 +80,7 @@ def test_no_message_arrives_before_it_was_sent() -> None:
     assert len(received(link, 5.6)) > 90
 
 
-def test_the_share_that_is_lost_is_the_one_that_was_asked_for() -> None:
+def test_the_share_that_is_lost_is_the_one_that_was_asked_for():
     link = link_of(loss=0.3)
     for number in range(10_000):
         link.send(sent(b"state"), float(number))
@@ -88,21 +88,21 @@ def test_the_share_that_is_lost_is_the_one_that_was_asked_for() -> None:
     assert len(received(link, 1e5)) == pytest.approx(7000, abs=229)
 
 
-def test_a_link_that_loses_nothing_loses_nothing() -> None:
+def test_a_link_that_loses_nothing_loses_nothing():
     link = link_of(loss=0.0)
     for number in range(1000):
         link.send(sent(b"state"), float(number))
     assert len(received(link, 1e5)) == 1000
 
 
-def test_a_link_that_loses_all_delivers_nothing() -> None:
+def test_a_link_that_loses_all_delivers_nothing():
     link = link_of(loss=1.0)
     for number in range(1000):
         link.send(sent(b"state"), float(number))
     assert received(link, 1e5) == []
 
 
-def test_messages_that_overtake_each_other_come_in_the_order_of_arrival() -> None:
+def test_messages_that_overtake_each_other_come_in_the_order_of_arrival():
     flights = arrivals(link_of(delay_s=0.5, jitter_s=0.4), 60)
     link = link_of(delay_s=0.5, jitter_s=0.4)
     for number in range(60):
@@ -114,14 +114,14 @@ def test_messages_that_overtake_each_other_come_in_the_order_of_arrival() -> Non
     assert all(later - earlier > -2e-3 for earlier, later in pairwise(times))
 
 
-def test_losses_do_not_change_the_flight_of_what_gets_through() -> None:
+def test_losses_do_not_change_the_flight_of_what_gets_through():
     lossless = arrivals(link_of(delay_s=0.3, jitter_s=0.2), 100)
     lossy = arrivals(link_of(delay_s=0.3, jitter_s=0.2, loss=0.5), 100)
     assert 25 < len(lossy) < 75
     assert all(lossless[number] == flight for number, flight in lossy.items())
 
 
-def test_the_same_seed_repeats_a_link_and_another_does_not() -> None:
+def test_the_same_seed_repeats_a_link_and_another_does_not():
     first = arrivals(link_of(delay_s=0.3, jitter_s=0.2, loss=0.2, seed="1 f1"), 60)
     again = arrivals(link_of(delay_s=0.3, jitter_s=0.2, loss=0.2, seed="1 f1"), 60)
     other = arrivals(link_of(delay_s=0.3, jitter_s=0.2, loss=0.2, seed="1 f2"), 60)
@@ -129,14 +129,14 @@ def test_the_same_seed_repeats_a_link_and_another_does_not() -> None:
     assert first != other
 
 
-def test_what_is_sent_at_once_arrives_at_once_and_from_those_who_are_listened_to() -> None:
+def test_what_is_sent_at_once_arrives_at_once_and_from_those_who_are_listened_to():
     link = MemoryLink(LinkQuality(delay_s=0.1, jitter_s=0.0, loss=0.0), {"f1": "1", "f2": "2"})
     link.send([("f1", b"one"), ("stranger", b"?"), ("f2", b"two")], 1.0)
     assert link.receive(1.05) == []
     assert link.receive(1.1) == [("f1", b"one"), ("f2", b"two")]
 
 
-def test_what_happens_to_one_senders_messages_does_not_depend_on_the_others() -> None:
+def test_what_happens_to_one_senders_messages_does_not_depend_on_the_others():
     quality = LinkQuality(delay_s=0.3, jitter_s=0.2, loss=0.5)
     alone, among = (MemoryLink(quality, {"f1": "1", "f2": "2"}) for _ in range(2))
     for number in range(100):

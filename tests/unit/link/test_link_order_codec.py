@@ -36,11 +36,11 @@ ORDERS = st.builds(
 
 
 @given(ORDERS)
-def test_an_order_survives_the_link(order: Arrangement) -> None:
+def test_an_order_survives_the_link(order):
     assert decode_order(encode_order(order)) == order
 
 
-def test_a_hold_carries_its_circle() -> None:
+def test_a_hold_carries_its_circle():
     circle = HoldCircle(latitude_deg=47.4, longitude_deg=-8.5, radius_m=250.0, clockwise=False)
     order = Arrangement(
         number=3, time_s=5.0, flown=Manoeuvre.HOLD, across_s=10.0, places=(), circle=circle
@@ -54,9 +54,7 @@ def test_a_hold_carries_its_circle() -> None:
     st.floats(20.0, 2000.0, width=32),
     st.booleans(),
 )
-def test_another_path_and_who_is_to_lead_survive_the_link(
-    path: str, check: int, radius_m: float, held: bool
-) -> None:
+def test_another_path_and_who_is_to_lead_survive_the_link(path, check, radius_m, held):
     order = Arrangement(
         number=4,
         time_s=5.0,
@@ -70,7 +68,7 @@ def test_another_path_and_who_is_to_lead_survive_the_link(
     assert decode_order(encode_order(order)) == order
 
 
-def test_who_is_to_lead_on_the_path_that_is_flown_has_its_check() -> None:
+def test_who_is_to_lead_on_the_path_that_is_flown_has_its_check():
     order = Arrangement(number=4, time_s=5.0, across_s=0.0, places=(), path_check=9, lead="f1")
     assert decode_order(encode_order(order)) == order
     other = replace(order, path="survey")
@@ -78,7 +76,7 @@ def test_who_is_to_lead_on_the_path_that_is_flown_has_its_check() -> None:
         decode_order(encode_order(other))
 
 
-def test_a_path_by_its_name_alone_is_not_read() -> None:
+def test_a_path_by_its_name_alone_is_not_read():
     order = Arrangement(
         number=4, time_s=5.0, across_s=10.0, places=(), path="survey", turn_radius_m=50.0
     )
@@ -90,7 +88,7 @@ def test_a_path_by_its_name_alone_is_not_read() -> None:
         decode_order(bytes(body) + zlib.crc32(body).to_bytes(4, "little"))
 
 
-def test_turns_onto_a_path_that_nobody_can_fly_are_refused() -> None:
+def test_turns_onto_a_path_that_nobody_can_fly_are_refused():
     order = Arrangement(
         number=4, time_s=5.0, across_s=10.0, places=(), path="survey", turn_radius_m=5.0
     )
@@ -100,17 +98,17 @@ def test_turns_onto_a_path_that_nobody_can_fly_are_refused() -> None:
 
 @given(st.builds(Reply, number=st.integers(1, 2**32 - 1), verdict=st.sampled_from(Verdict),
                  check=st.integers(0, 2**32 - 1), text=st.text(max_size=40)))  # fmt: skip
-def test_an_answer_survives_the_link(reply: Reply) -> None:
+def test_an_answer_survives_the_link(reply):
     assert decode_reply(encode_reply(reply)) == reply
 
 
-def test_a_long_text_loses_its_end_and_no_character_is_cut() -> None:
+def test_a_long_text_loses_its_end_and_no_character_is_cut():
     reply = decode_reply(encode_reply(Reply(number=1, verdict=Verdict.REFUSED, text="ü" * 150)))
     assert reply.text == "ü" * 100
 
 
 @given(st.binary(max_size=300))
-def test_bytes_that_are_no_order_are_refused_and_nothing_else_happens(data: bytes) -> None:
+def test_bytes_that_are_no_order_are_refused_and_nothing_else_happens(data):
     for decode in (decode_order, decode_reply):
         for known in (b"", b"VFOR\x02\x01\x00\x01", b"VFRY\x02\x01\x04\x00"):
             body = known + data
@@ -124,7 +122,7 @@ def test_bytes_that_are_no_order_are_refused_and_nothing_else_happens(data: byte
 
 
 @given(ORDERS, st.data())
-def test_a_damaged_order_is_refused(order: Arrangement, data: st.DataObject) -> None:
+def test_a_damaged_order_is_refused(order, data):
     whole = bytearray(encode_order(order))
     place = data.draw(st.integers(0, len(whole) - 1))
     whole[place] ^= data.draw(st.integers(1, 255))
@@ -132,7 +130,7 @@ def test_a_damaged_order_is_refused(order: Arrangement, data: st.DataObject) -> 
         decode_order(bytes(whole))
 
 
-def test_two_followers_of_one_name_are_no_order() -> None:
+def test_two_followers_of_one_name_are_no_order():
     place = SlotMove(vehicle="f1", begin=Point(0.0, 10.0), end=Point(0.0, 20.0))
     with pytest.raises(LinkDataError, match="followers do not fit"):
         decode_order(
@@ -140,7 +138,7 @@ def test_two_followers_of_one_name_are_no_order() -> None:
         )
 
 
-def test_an_order_says_nothing_but_what_companions_heed() -> None:
+def test_an_order_says_nothing_but_what_companions_heed():
     order = Arrangement(number=7, time_s=0.0, across_s=0.0, places=())
     # Mark 4, version to followers 4, number 4, time 8, two durations 8, checksum 4.
     assert len(encode_order(order)) == 32

@@ -49,26 +49,24 @@ def crews() -> dict[str, Crew]:
     return found
 
 
-def test_an_operators_order_reaches_everybody_with_its_envelope(crews: dict[str, Crew]) -> None:
+def test_an_operators_order_reaches_everybody_with_its_envelope(crews):
     parcel = crews["eye"].member.say(Kind.ORDER, b"vee")
     for name in (LEADER, "f1", "f2"):
         assert crews[name].orders == [(b"vee", parcel.data, False)]
 
 
-def test_a_vehicle_may_not_order(crews: dict[str, Crew]) -> None:
+def test_a_vehicle_may_not_order(crews):
     crews["f1"].member.say(Kind.ORDER, b"trail")
     assert crews["f2"].orders == crews[LEADER].orders == []
     assert crews["f2"].member.counters["refused: not for its sender to say"] == 1
 
 
-def test_an_answer_reaches_the_leader_and_the_operator(crews: dict[str, Crew]) -> None:
+def test_an_answer_reaches_the_leader_and_the_operator(crews):
     crews["f2"].member.say(Kind.REPLY, b"yes")
     assert crews[LEADER].replies == crews["eye"].replies == [("f2", b"yes")]
 
 
-def test_an_order_is_not_heard_twice_but_may_be_repeated_by_a_vehicle(
-    crews: dict[str, Crew],
-) -> None:
+def test_an_order_is_not_heard_twice_but_may_be_repeated_by_a_vehicle(crews):
     parcel = crews["eye"].member.say(Kind.ORDER, b"vee")
     crews["f2"].member.take(parcel.data)
     assert len(crews["f2"].orders) == 1
@@ -76,7 +74,7 @@ def test_an_order_is_not_heard_twice_but_may_be_repeated_by_a_vehicle(
     assert crews["f2"].orders == [(b"vee", parcel.data, False), (b"vee", parcel.data, True)]
 
 
-def test_what_a_vehicle_repeats_has_to_be_an_operators(crews: dict[str, Crew]) -> None:
+def test_what_a_vehicle_repeats_has_to_be_an_operators(crews):
     own = crews["f1"].member.trust.seal(Kind.ORDER, b"trail", time_s=0.0)
     parcel = crews["eye"].member.say(Kind.ORDER, b"vee")
     changed = parcel.data.replace(b"vee", b"vex")
@@ -90,7 +88,7 @@ def test_what_a_vehicle_repeats_has_to_be_an_operators(crews: dict[str, Crew]) -
     assert counters["refused: malformed"] == 2
 
 
-def test_an_order_of_another_flight_is_vouched_for_and_nothing_more(crews: dict[str, Crew]) -> None:
+def test_an_order_of_another_flight_is_vouched_for_and_nothing_more(crews):
     # Its number decides: only the one that is flown now is taken.
     parcel = crews["eye"].member.say(Kind.ORDER, b"vee")
     later = trust_of("f2", 99)

@@ -1,13 +1,13 @@
 """What goes over a radio: small packets, each with a short tag."""
 
 import math
-from collections.abc import Callable
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from msgspec.structs import replace
 
+from tests.kit.states import leader_message
 from vfguide.link.codec import GREATEST, LeaderMessage, LinkDataError, decode, encode
 from vfguide.link.packed import (
     FINDING_TEXT,
@@ -96,9 +96,7 @@ def clipped(value: float, greatest: float) -> float:
 
 
 @given(states(), st.booleans())
-def test_a_state_comes_out_as_it_went_in_within_the_steps_of_its_fields(
-    state: LeaderMessage, leads: bool
-) -> None:
+def test_a_state_comes_out_as_it_went_in_within_the_steps_of_its_fields(state, leads):
     body = encode_motion(state)
     if leads:
         body = encode_beat(BEAT) + body
@@ -134,7 +132,7 @@ def test_a_state_comes_out_as_it_went_in_within_the_steps_of_its_fields(
     assert repr(decode(encode(found))) == repr(found)
 
 
-def test_a_state_is_these_bytes(leader_message: Callable[..., LeaderMessage]) -> None:
+def test_a_state_is_these_bytes():
     """Worked out by hand from the layout in the module's text."""
     message = leader_message(
         latitude_deg=1e-7,
@@ -155,7 +153,7 @@ def test_a_state_is_these_bytes(leader_message: Callable[..., LeaderMessage]) ->
 
 
 @pytest.mark.parametrize("kind", BODIES)
-def test_every_kind_fits_into_a_slot_and_says_what_was_said(kind: PackedKind) -> None:
+def test_every_kind_fits_into_a_slot_and_says_what_was_said(kind):
     data = packed(kind, BODIES[kind])
     assert SHORTEST_FRAME <= len(data) + OVERHEAD <= LONGEST_FRAME
     packet = decode_packet(data)
@@ -177,7 +175,7 @@ def test_every_kind_fits_into_a_slot_and_says_what_was_said(kind: PackedKind) ->
         )
 
 
-def test_a_companion_that_is_ready_says_so() -> None:
+def test_a_companion_that_is_ready_says_so():
     ready = replace(PRESENCE, obstacle="", findings=(), figures={"links": 2.0, "links_lost": 0.0})
     packet = decode_packet(packed(PackedKind.PRESENCE, encode_packed_presence(ready, 1)))
     assert packet.presence is not None
@@ -186,14 +184,14 @@ def test_a_companion_that_is_ready_says_so() -> None:
     assert not packet.presence.figures
 
 
-def test_a_question_is_as_long_as_its_answer() -> None:
+def test_a_question_is_as_long_as_its_answer():
     """Else the difference in time on the way would look like one of the clocks."""
     lengths = {len(BODIES[kind]) for kind in (PackedKind.QUESTION, PackedKind.ANSWER)}
     assert len(lengths) == 1
 
 
 @given(st.binary(max_size=80))
-def test_whatever_comes_is_a_packet_or_refused(data: bytes) -> None:
+def test_whatever_comes_is_a_packet_or_refused(data):
     try:
         packet = decode_packet(data)
     except LinkDataError:
@@ -218,12 +216,12 @@ def test_whatever_comes_is_a_packet_or_refused(data: bytes) -> None:
         (packed(PackedKind.PRESENCE, bytes(9) + b"a\nb" + bytes(15)), "printed"),
     ],
 )
-def test_what_is_wrong_is_refused(data: bytes, fault: str) -> None:
+def test_what_is_wrong_is_refused(data, fault):
     with pytest.raises(LinkDataError, match=fault):
         decode_packet(data)
 
 
-def test_a_tag_is_of_one_key_one_session_and_one_text() -> None:
+def test_a_tag_is_of_one_key_one_session_and_one_text():
     key = formation_key(bytes(32), "circle", ("lead", "f1"))
     tag = tag_of(key, 5, b"text")
     assert len(tag) == 8
@@ -241,11 +239,11 @@ def test_a_tag_is_of_one_key_one_session_and_one_text() -> None:
 
 
 @pytest.mark.parametrize("time_s", [math.nan, math.inf, -1.0, 3e10])
-def test_a_time_that_no_packet_can_tell_is_refused(time_s: float) -> None:
+def test_a_time_that_no_packet_can_tell_is_refused(time_s):
     with pytest.raises(ValueError, match="no time"):
         ticks_of(time_s)
 
 
-def test_formations_have_marks_of_their_own() -> None:
+def test_formations_have_marks_of_their_own():
     assert formation_mark("circle") != formation_mark("line")
     assert 0 <= formation_mark("circle") < 65536

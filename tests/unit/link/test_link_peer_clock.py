@@ -41,7 +41,7 @@ class Pair:
         self.now += seconds
 
 
-def test_nothing_is_known_before_the_first_answer() -> None:
+def test_nothing_is_known_before_the_first_answer():
     clock = PeerClock()
     assert not clock.ready
     assert clock.bound_s == math.inf
@@ -51,7 +51,7 @@ def test_nothing_is_known_before_the_first_answer() -> None:
     assert not clock.ready
 
 
-def test_two_seconds_of_skew_are_found_in_one_exchange() -> None:
+def test_two_seconds_of_skew_are_found_in_one_exchange():
     pair = Pair(skew_s=2.0)
     pair.exchange(0.004, 0.004)
     assert pair.clock.ready
@@ -60,7 +60,7 @@ def test_two_seconds_of_skew_are_found_in_one_exchange() -> None:
     assert pair.clock.to_local(1002.0) == pytest.approx(1000.0, abs=TICK_S)
 
 
-def test_the_stamps_of_the_rfc_by_hand() -> None:
+def test_the_stamps_of_the_rfc_by_hand():
     # t0 = 10, t1 = 25, t2 = 26, t3 = 14: offset ((25-10)+(26-14))/2 = 13.5, delay 4-1 = 3.
     # That is too long to be used; a tenth of all of it is not.
     clock = PeerClock()
@@ -70,7 +70,7 @@ def test_the_stamps_of_the_rfc_by_hand() -> None:
     assert clock.bound_s == pytest.approx(0.15, abs=1e-4)
 
 
-def test_time_that_the_peer_takes_to_answer_does_not_count() -> None:
+def test_time_that_the_peer_takes_to_answer_does_not_count():
     pair = Pair(skew_s=-5.0)
     pair.exchange(0.001, 0.001, busy_s=3.0)
     assert pair.clock.offset_s == pytest.approx(-5.0, abs=TICK_S)
@@ -86,9 +86,7 @@ def test_time_that_the_peer_takes_to_answer_does_not_count() -> None:
         st.tuples(st.floats(0.0, 0.9), st.floats(0.0, 0.9), st.floats(0.0, 5.0)), min_size=1
     ),
 )
-def test_however_unequal_the_ways_the_error_is_within_the_bound(
-    skew_s: float, drift: float, delays: list[tuple[float, float, float]]
-) -> None:
+def test_however_unequal_the_ways_the_error_is_within_the_bound(skew_s, drift, delays):
     pair = Pair(skew_s=skew_s, drift=drift)
     for there_s, back_s, pause_s in delays:
         assert not pair.exchange(there_s, back_s)
@@ -97,7 +95,7 @@ def test_however_unequal_the_ways_the_error_is_within_the_bound(
     assert not pair.clock.counters
 
 
-def test_the_exchange_of_least_delay_is_believed() -> None:
+def test_the_exchange_of_least_delay_is_believed():
     pair = Pair(skew_s=2.0)
     for there_s in (0.3, 0.002, 0.25, 0.4):
         pair.exchange(there_s, 0.002)
@@ -105,7 +103,7 @@ def test_the_exchange_of_least_delay_is_believed() -> None:
     assert pair.clock.bound_s < 0.003
 
 
-def test_clocks_that_run_apart_are_followed() -> None:
+def test_clocks_that_run_apart_are_followed():
     pair, random = Pair(skew_s=0.0, drift=DRIFT), Random(1)
     for _ in range(500):
         pair.exchange(random.uniform(0.001, 0.02), random.uniform(0.001, 0.02))
@@ -116,7 +114,7 @@ def test_clocks_that_run_apart_are_followed() -> None:
 
 
 @pytest.mark.parametrize("step_s", [0.1, -0.1, 2.0, -3600.0])
-def test_a_step_is_found_within_three_exchanges_and_followed(step_s: float) -> None:
+def test_a_step_is_found_within_three_exchanges_and_followed(step_s):
     pair = Pair(skew_s=2.0)
     for _ in range(40):
         pair.exchange(0.003, 0.005)
@@ -130,7 +128,7 @@ def test_a_step_is_found_within_three_exchanges_and_followed(step_s: float) -> N
     assert pair.clock.ready
 
 
-def test_one_wrong_answer_is_no_step() -> None:
+def test_one_wrong_answer_is_no_step():
     pair = Pair(skew_s=2.0)
     for _ in range(10):
         pair.exchange(0.003, 0.003)
@@ -144,7 +142,7 @@ def test_one_wrong_answer_is_no_step() -> None:
     assert pair.clock.counters == {"disagrees": 1}
 
 
-def test_questions_are_frequent_at_first() -> None:
+def test_questions_are_frequent_at_first():
     pair = Pair(skew_s=2.0)
     pauses = []
     for _ in range(7):
@@ -153,7 +151,7 @@ def test_questions_are_frequent_at_first() -> None:
     assert pauses == [0.2] * 5 + [2.0] * 2
 
 
-def test_an_answer_counts_once_and_only_if_it_was_asked_for() -> None:
+def test_an_answer_counts_once_and_only_if_it_was_asked_for():
     clock = PeerClock()
     answer = PeerClock.answer(clock.request(1.0), 3.0, 3.0)
     clock.take(answer, 1.1)
@@ -166,7 +164,7 @@ def test_an_answer_counts_once_and_only_if_it_was_asked_for() -> None:
     assert clock.offset_s == pytest.approx(1.95)
 
 
-def test_answers_to_many_questions_ago_are_not_awaited() -> None:
+def test_answers_to_many_questions_ago_are_not_awaited():
     clock = PeerClock()
     first = clock.request(1.0)
     for _ in range(8):
@@ -180,7 +178,7 @@ def test_answers_to_many_questions_ago_are_not_awaited() -> None:
     [(3.0, 3.0, 0.9), (3.0, 3.0, 9.0), (3.0, 2.9, 1.1), (3.0, 4.0, 1.1)],
     ids=["before it was asked", "late", "left before it came", "busy for longer than it took"],
 )
-def test_stamps_that_cannot_be_are_not_used(received: float, left: float, arrived: float) -> None:
+def test_stamps_that_cannot_be_are_not_used(received, left, arrived):
     clock = PeerClock()
     clock.take(PeerClock.answer(clock.request(1.0), received, left), arrived)
     assert not clock.ready
@@ -189,7 +187,7 @@ def test_stamps_that_cannot_be_are_not_used(received: float, left: float, arrive
 
 @settings(deadline=None, derandomize=True, max_examples=300)
 @given(data=st.binary(max_size=60))
-def test_random_bytes_change_nothing(data: bytes) -> None:
+def test_random_bytes_change_nothing(data):
     clock = PeerClock()
     clock.request(1.0)
     assert not clock.take(data, 1.1)
@@ -200,9 +198,7 @@ def test_random_bytes_change_nothing(data: bytes) -> None:
 
 @settings(deadline=None, derandomize=True, max_examples=300)
 @given(stamps=st.lists(st.tuples(*[st.floats(-1e10, 1e10)] * 3), min_size=1, max_size=30))
-def test_no_answer_however_strange_makes_the_bound_wrong(
-    stamps: list[tuple[float, float, float]],
-) -> None:
+def test_no_answer_however_strange_makes_the_bound_wrong(stamps):
     clock = PeerClock()
     for received, left, now in stamps:
         clock.take(PeerClock.answer(clock.request(now), received, left), now)

@@ -8,12 +8,7 @@ from msgspec.structs import replace
 
 from vfguide.link.codec import LinkDataError
 from vfguide.link.member import Member
-from vfguide.link.presence import (
-    Presence,
-    decode_presence,
-    encode_presence,
-    shorter_presences,
-)
+from vfguide.link.presence import Presence, decode_presence, encode_presence, shorter_presences
 from vfguide.link.trust import Trust
 
 PLAIN = Presence(
@@ -42,11 +37,11 @@ JSON: Any = st.recursive(
 
 @settings(deadline=None, derandomize=True, max_examples=200)
 @given(presence=SOUND)
-def test_what_goes_in_comes_out(presence: Presence) -> None:
+def test_what_goes_in_comes_out(presence):
     assert decode_presence(encode_presence(presence)) == presence
 
 
-def test_a_presence_is_json_that_anybody_can_read() -> None:
+def test_a_presence_is_json_that_anybody_can_read():
     assert json.loads(encode_presence(PLAIN)) == {
         "status": "online",
         "mode": "tracking",
@@ -61,12 +56,12 @@ def test_a_presence_is_json_that_anybody_can_read() -> None:
     }
 
 
-def test_figures_that_are_not_finite_are_left_out() -> None:
+def test_figures_that_are_not_finite_are_left_out():
     figures = {"a": float("nan"), "b": 1.0, "c": float("inf")}
     assert decode_presence(encode_presence(replace(PLAIN, figures=figures))).figures == {"b": 1.0}
 
 
-def test_fields_that_are_not_known_are_ignored_and_some_may_be_missing() -> None:
+def test_fields_that_are_not_known_are_ignored_and_some_may_be_missing():
     data = b'{"status":"offline","time_s":1,"colour":"red"}'
     assert decode_presence(data) == Presence(status="offline", mode="", time_s=1.0, version="")
 
@@ -103,7 +98,7 @@ def test_fields_that_are_not_known_are_ignored_and_some_may_be_missing() -> None
         ).encode(),
     ],
 )
-def test_whatever_is_no_presence_is_refused(data: bytes) -> None:
+def test_whatever_is_no_presence_is_refused(data):
     with pytest.raises(LinkDataError):
         decode_presence(data)
 
@@ -116,7 +111,7 @@ def test_whatever_is_no_presence_is_refused(data: bytes) -> None:
         {"status": st.just("online"), "time_s": FINITE, "figures": JSON, "mode": JSON}
     )
 )
-def test_any_json_is_a_presence_or_refused(content: object) -> None:
+def test_any_json_is_a_presence_or_refused(content):
     try:
         presence = decode_presence(json.dumps(content).encode())
     except LinkDataError:
@@ -126,12 +121,12 @@ def test_any_json_is_a_presence_or_refused(content: object) -> None:
 
 @settings(deadline=None, derandomize=True, max_examples=300)
 @given(data=st.binary(max_size=200))
-def test_random_bytes_are_refused_and_raise_nothing_else(data: bytes) -> None:
+def test_random_bytes_are_refused_and_raise_nothing_else(data):
     with pytest.raises(LinkDataError):
         decode_presence(data)
 
 
-def test_where_there_is_little_room_the_number_of_lost_links_goes_last() -> None:
+def test_where_there_is_little_room_the_number_of_lost_links_goes_last():
     figures = {f"latency_{number}_ms": 1.0 for number in range(60)}
     wide = replace(
         PLAIN,
@@ -160,14 +155,12 @@ def test_where_there_is_little_room_the_number_of_lost_links_goes_last() -> None
         assert one.findings
 
 
-def test_letters_beyond_ascii_take_no_more_room_than_in_utf_8() -> None:
+def test_letters_beyond_ascii_take_no_more_room_than_in_utf_8():
     short, long = replace(PLAIN, warning=""), replace(PLAIN, warning="ä" * 100)
     assert len(encode_presence(long)) - len(encode_presence(short)) == 200
 
 
-def test_three_findings_in_full_go_in_one_datagram_beside_the_figures_that_people_decide_by() -> (
-    None
-):
+def test_three_findings_in_full_go_in_one_datagram_beside_the_figures_that_people_decide_by():
     """1400 bytes less the envelope: statistics make room, sentences stay whole."""
     findings = ("f" * 200, "g" * 200, "h" * 200)
     figures = {f"latency_{number}_ms": 1.0 for number in range(60)}
@@ -176,7 +169,7 @@ def test_three_findings_in_full_go_in_one_datagram_beside_the_figures_that_peopl
     assert fitting.findings == findings
 
 
-def test_a_presence_that_no_envelope_has_room_for_goes_with_less_in_it() -> None:
+def test_a_presence_that_no_envelope_has_room_for_goes_with_less_in_it():
     figures = {f"{'n' * 90}{number}": 1.0 for number in range(60)}
     trust = Trust(formation="test", name="f1", leader="f0", session=1, roster=None)
     member = Member(trust, clock=lambda: 0.0)

@@ -6,24 +6,15 @@ from random import Random
 import pytest
 from msgspec.structs import replace
 
-from tests.unit.link.radio_crafts import (
-    CHANNEL,
-    NAMES,
-    STEP_S,
-    Shared,
-    formation,
-    packets_of,
-)
+from tests.unit.link.radio_crafts import CHANNEL, NAMES, STEP_S, Shared, formation, packets_of
 from tests.unit.link.shared_radio import state_at
 from tests.unit.link.wire import LEADER
 from vfguide.lab.rehearsal.emulated_radio import RadioQuality
-from vfguide.link.packed import (
-    PackedKind,
-)
+from vfguide.link.packed import PackedKind
 from vfguide.link.radio_framing import DAMAGED
 
 
-def test_a_formation_hears_itself_without_a_collision() -> None:
+def test_a_formation_hears_itself_without_a_collision():
     channel, leader, one, other = formation()
     channel.fly(20.0)
     # Ten states a second of the leader; 2.5 of each follower, less what questions and presences take.
@@ -34,7 +25,7 @@ def test_a_formation_hears_itself_without_a_collision() -> None:
     assert one.refused <= {"another session or forged"}
 
 
-def test_the_leaders_clock_is_known_to_milliseconds_though_questions_wait_for_their_turns() -> None:
+def test_the_leaders_clock_is_known_to_milliseconds_though_questions_wait_for_their_turns():
     channel, _, one, other = formation()
     channel.fly(20.0)
     for craft, offset_s in ((one, 950.0), (other, 993.0)):
@@ -43,7 +34,7 @@ def test_the_leaders_clock_is_known_to_milliseconds_though_questions_wait_for_th
         assert craft.peer_clock.offset_s == pytest.approx(offset_s, abs=0.001 + drift_s)
 
 
-def test_states_are_the_newest_there_were_when_their_turn_came() -> None:
+def test_states_are_the_newest_there_were_when_their_turn_came():
     """On the way for 56 bytes twice over the line and once over the air; made every 50 ms."""
     channel, _, one, _ = formation()
     channel.fly(10.0)
@@ -53,7 +44,7 @@ def test_states_are_the_newest_there_were_when_their_turn_came() -> None:
     assert 90 <= channel.crafts[0].counters["radio: replaced before its turn"] <= 110
 
 
-def test_a_state_that_has_waited_for_a_second_is_not_sent() -> None:
+def test_a_state_that_has_waited_for_a_second_is_not_sent():
     channel = Shared()
     leader = channel.craft(LEADER, session=1)
     station = leader.station
@@ -66,7 +57,7 @@ def test_a_state_that_has_waited_for_a_second_is_not_sent() -> None:
     assert leader.counters["radio: too old for its turn"] == 1
 
 
-def test_a_turn_that_comes_too_late_is_let_go() -> None:
+def test_a_turn_that_comes_too_late_is_let_go():
     """The processor was elsewhere: a slot of 33.3 ms less the 16.6 ms that a packet may take."""
     channel = Shared()
     leader = channel.craft(LEADER, session=1)
@@ -77,7 +68,7 @@ def test_a_turn_that_comes_too_late_is_let_go() -> None:
     assert leader.counters["radio: late for its turn"] == 1
 
 
-def test_the_leader_alone_gives_the_beat_and_a_follower_alone_is_silent() -> None:
+def test_the_leader_alone_gives_the_beat_and_a_follower_alone_is_silent():
     channel = Shared()
     channel.craft(LEADER, session=1)
     taken = channel.record()
@@ -91,7 +82,7 @@ def test_the_leader_alone_gives_the_beat_and_a_follower_alone_is_silent() -> Non
     assert not taken
 
 
-def test_a_leader_without_telemetry_still_gives_the_beat_and_its_clock() -> None:
+def test_a_leader_without_telemetry_still_gives_the_beat_and_its_clock():
     channel, leader, one, _ = formation()
     leader.publishes = False
     channel.fly(5.0)
@@ -100,7 +91,7 @@ def test_a_leader_without_telemetry_still_gives_the_beat_and_its_clock() -> None
     assert not one.heard
 
 
-def test_a_late_joiner_asks_in_its_turn_and_disturbs_nobody() -> None:
+def test_a_late_joiner_asks_in_its_turn_and_disturbs_nobody():
     channel = Shared()
     channel.craft(LEADER, session=1)
     channel.craft("f1", session=2)
@@ -112,7 +103,7 @@ def test_a_late_joiner_asks_in_its_turn_and_disturbs_nobody() -> None:
     assert channel.air.counters["in collisions"] == 0
 
 
-def test_a_late_joiner_need_not_wait_until_others_have_asked_enough() -> None:
+def test_a_late_joiner_need_not_wait_until_others_have_asked_enough():
     """Another one asks in every second turn, and is answered every 0.8 s: what the late one hears first."""
     channel = Shared()
     leader = channel.craft(LEADER, session=1)
@@ -131,7 +122,7 @@ def test_a_late_joiner_need_not_wait_until_others_have_asked_enough() -> None:
     assert late.heard
 
 
-def test_followers_go_on_in_their_turns_while_the_leader_is_silent() -> None:
+def test_followers_go_on_in_their_turns_while_the_leader_is_silent():
     """For ten minutes, on clocks that run apart by 60 ms in that time: more than a slot."""
     channel, leader, one, other = formation()
     channel.fly(5.0)
@@ -143,7 +134,7 @@ def test_followers_go_on_in_their_turns_while_the_leader_is_silent() -> None:
     assert {vehicle for vehicle, _ in other.neighbours} >= {"f1"}
 
 
-def test_a_leader_that_starts_anew_is_believed_once_it_has_answered() -> None:
+def test_a_leader_that_starts_anew_is_believed_once_it_has_answered():
     channel, leader, one, _ = formation()
     channel.fly(5.0)
     channel.gone(leader)
@@ -157,7 +148,7 @@ def test_a_leader_that_starts_anew_is_believed_once_it_has_answered() -> None:
     assert one.peer_clock.offset_s == pytest.approx(1950.0, abs=0.005)
 
 
-def test_what_is_lost_is_not_sent_again_and_the_beat_goes_on() -> None:
+def test_what_is_lost_is_not_sent_again_and_the_beat_goes_on():
     lossy = RadioQuality(channel=CHANNEL, loss=0.3, burst_share=0.2, burst_s=2.0)
     channel, _, one, other = formation(lossy)
     channel.fly(300.0)
@@ -169,7 +160,7 @@ def test_what_is_lost_is_not_sent_again_and_the_beat_goes_on() -> None:
     assert one.counters["failed to use"] == 0
 
 
-def test_packets_that_meet_on_the_air_are_lost_and_the_next_ones_are_heard() -> None:
+def test_packets_that_meet_on_the_air_are_lost_and_the_next_ones_are_heard():
     channel, _, one, _ = formation()
     channel.fly(5.0)
     heard = len(one.heard)
@@ -184,7 +175,7 @@ def test_packets_that_meet_on_the_air_are_lost_and_the_next_ones_are_heard() -> 
     assert len(one.heard) - heard - during > 15
 
 
-def test_two_formations_on_one_channel_never_hear_each_other() -> None:
+def test_two_formations_on_one_channel_never_hear_each_other():
     """Not even with the same radio key: its name is in the key of each."""
     channel, _, one, _ = formation()
     channel.fly(1.013)
@@ -207,9 +198,7 @@ def test_two_formations_on_one_channel_never_hear_each_other() -> None:
     ],
     ids=["another key", "another order", "another mission"],
 )
-def test_who_disagrees_about_the_formation_hears_nothing_of_it(
-    difference: dict[str, object], reason: str
-) -> None:
+def test_who_disagrees_about_the_formation_hears_nothing_of_it(difference, reason):
     channel = Shared()
     channel.craft(LEADER, session=1)
     one = channel.craft("f1", session=2, **difference)
@@ -219,7 +208,7 @@ def test_who_disagrees_about_the_formation_hears_nothing_of_it(
     assert reason in one.refused
 
 
-def test_a_leader_that_starts_listens_for_two_cycles_before_it_speaks() -> None:
+def test_a_leader_that_starts_listens_for_two_cycles_before_it_speaks():
     """Of 0.4 s each."""
     channel = Shared()
     channel.craft(LEADER, session=1, listens_first=True)
@@ -230,7 +219,7 @@ def test_a_leader_that_starts_listens_for_two_cycles_before_it_speaks() -> None:
     assert "another session or forged" in one.refused
 
 
-def test_who_watches_hears_presences_and_is_silent() -> None:
+def test_who_watches_hears_presences_and_is_silent():
     channel, *_ = formation()
     watcher = channel.craft("eye", session=8, watches=True)
     channel.fly(10.0)
@@ -239,7 +228,7 @@ def test_who_watches_hears_presences_and_is_silent() -> None:
     assert watcher.station.next_turn(channel.air.now) is None
 
 
-def test_who_watches_is_told_nothing_by_a_repeated_presence() -> None:
+def test_who_watches_is_told_nothing_by_a_repeated_presence():
     channel, _, one, _ = formation()
     watcher = channel.craft("eye", session=8, watches=True)
     frames = channel.record()
@@ -253,7 +242,7 @@ def test_who_watches_is_told_nothing_by_a_repeated_presence() -> None:
     assert one.member.trust.proven
 
 
-def test_a_formation_of_twelve_takes_half_of_4000_bytes_a_second() -> None:
+def test_a_formation_of_twelve_takes_half_of_4000_bytes_a_second():
     channel = Shared()
     names = (LEADER, *(f"v{number:02}" for number in range(11)))
     for session, name in enumerate(names, start=1):

@@ -27,13 +27,13 @@ def cut(data: bytes, places: list[int]) -> list[bytes]:
     return [data[start:end] for start, end in pairwise(bounds)]
 
 
-def test_zeros_are_stuffed_as_cheshire_and_baker_have_it() -> None:
+def test_zeros_are_stuffed_as_cheshire_and_baker_have_it():
     assert stuffed(bytes([0x11, 0x22, 0x00, 0x33])) == bytes([0x03, 0x11, 0x22, 0x02, 0x33])
     assert stuffed(bytes([0x00])) == bytes([0x01, 0x01])
 
 
 @given(PACKETS)
-def test_a_packet_has_no_zero_inside_and_comes_out_as_it_went_in(packet: bytes) -> None:
+def test_a_packet_has_no_zero_inside_and_comes_out_as_it_went_in(packet):
     frame = encode_frame(packet)
     assert len(frame) == len(packet) + OVERHEAD <= LARGEST_FRAME
     assert frame[0] == frame[-1] == 0
@@ -42,13 +42,13 @@ def test_a_packet_has_no_zero_inside_and_comes_out_as_it_went_in(packet: bytes) 
 
 
 @given(st.binary(max_size=200))
-def test_whatever_comes_is_unstuffed_or_refused(data: bytes) -> None:
+def test_whatever_comes_is_unstuffed_or_refused(data):
     content = unstuffed(data)
     assert content is None or len(content) < len(data)
 
 
 @given(st.lists(PACKETS, max_size=6), st.lists(st.integers(0, 10**6), max_size=12))
-def test_a_stream_may_be_cut_anywhere(packets: list[bytes], places: list[int]) -> None:
+def test_a_stream_may_be_cut_anywhere(packets, places):
     counters = Counter[str]()
     framer = Framer(counters)
     stream = b"".join(encode_frame(packet) for packet in packets)
@@ -57,9 +57,7 @@ def test_a_stream_may_be_cut_anywhere(packets: list[bytes], places: list[int]) -
 
 
 @given(st.binary(max_size=300), st.lists(st.integers(0, 10**6), max_size=6), PACKETS)
-def test_noise_before_a_packet_does_not_hide_it(
-    noise: bytes, places: list[int], packet: bytes
-) -> None:
+def test_noise_before_a_packet_does_not_hide_it(noise, places, packet):
     framer = Framer(Counter())
     for part in cut(noise, places):
         framer.feed(part)
@@ -67,16 +65,14 @@ def test_noise_before_a_packet_does_not_hide_it(
 
 
 @given(PACKETS, PACKETS, st.integers(0, 10**6), st.integers(1, 255))
-def test_a_damaged_byte_costs_one_packet(
-    first: bytes, second: bytes, place: int, flip: int
-) -> None:
+def test_a_damaged_byte_costs_one_packet(first, second, place, flip):
     framer = Framer(Counter())
     damaged = bytearray(encode_frame(first))
     damaged[place % len(damaged)] ^= flip
     assert framer.feed(bytes(damaged) + encode_frame(second))[-1] == second
 
 
-def test_noise_without_a_zero_does_not_grow_anything() -> None:
+def test_noise_without_a_zero_does_not_grow_anything():
     counters = Counter[str]()
     framer = Framer(counters)
     for _ in range(10_000):
@@ -86,7 +82,7 @@ def test_noise_without_a_zero_does_not_grow_anything() -> None:
     assert counters == {DAMAGED: 1}
 
 
-def test_a_changed_packet_is_counted_as_damaged() -> None:
+def test_a_changed_packet_is_counted_as_damaged():
     counters = Counter[str]()
     frame = bytearray(encode_frame(b"some state"))
     frame[4] ^= 0x10

@@ -5,13 +5,7 @@ from random import Random
 
 import pytest
 
-from tests.unit.link.radio_crafts import (
-    NAMES,
-    Shared,
-    formation,
-    last_of,
-    packets_of,
-)
+from tests.unit.link.radio_crafts import NAMES, Shared, formation, last_of, packets_of
 from tests.unit.link.wire import FORMATION, LEADER
 from vfguide.link.packed import (
     BeatInfo,
@@ -23,9 +17,7 @@ from vfguide.link.packed import (
 from vfguide.link.radio_framing import DAMAGED, Framer, encode_frame
 
 
-def test_a_recording_of_another_session_is_refused_and_one_of_this_session_was_heard_before() -> (
-    None
-):
+def test_a_recording_of_another_session_is_refused_and_one_of_this_session_was_heard_before():
     """Both flights in one place with the same keys and clocks; the recording begins later in its flight."""
     before, *_ = formation()
     before.fly(30.0)
@@ -52,7 +44,7 @@ def test_a_recording_of_another_session_is_refused_and_one_of_this_session_was_h
     assert one.counters["copies"] > 100
 
 
-def test_a_follower_that_has_just_started_believes_no_recording_and_no_leader_unasked() -> None:
+def test_a_follower_that_has_just_started_believes_no_recording_and_no_leader_unasked():
     before, *_ = formation()
     yesterday = before.record()
     before.fly(5.0)
@@ -66,7 +58,7 @@ def test_a_follower_that_has_just_started_believes_no_recording_and_no_leader_un
     assert not one.member.trust.proven
 
 
-def test_another_companion_of_ones_name_is_told(caplog: pytest.LogCaptureFixture) -> None:
+def test_another_companion_of_ones_name_is_told(caplog):
     """Heard by a twin that is under the same leader's session, from another place."""
     channel, _, one, _ = formation()
     channel.fly(5.0)
@@ -78,9 +70,7 @@ def test_another_companion_of_ones_name_is_told(caplog: pytest.LogCaptureFixture
     assert "a companion calls itself 'f1', too" in caplog.text
 
 
-def test_the_younger_of_two_companions_of_one_name_is_silent_until_the_other_is_gone(
-    caplog: pytest.LogCaptureFixture,
-) -> None:
+def test_the_younger_of_two_companions_of_one_name_is_silent_until_the_other_is_gone(caplog):
     channel, leader, one, _ = formation()
     channel.fly(8.0)
     twin = channel.craft("f1", session=44, offset_s=9.0)
@@ -97,7 +87,7 @@ def test_the_younger_of_two_companions_of_one_name_is_silent_until_the_other_is_
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_the_younger_of_two_companions_of_the_leader_falls_silent_on_the_radio(seed: int) -> None:
+def test_the_younger_of_two_companions_of_the_leader_falls_silent_on_the_radio(seed):
     channel, leader, one, _ = formation()
     channel.fly(12.0 + 0.0371 * seed)
     rival = channel.craft(LEADER, session=44 + seed, offset_s=9.0, listens_first=True)
@@ -116,7 +106,7 @@ def test_the_younger_of_two_companions_of_the_leader_falls_silent_on_the_radio(s
     assert one.heard[-1][1] > channel.air.now - 1.0
 
 
-def test_a_recording_keeps_a_leader_that_starts_silent_for_five_seconds_at_most() -> None:
+def test_a_recording_keeps_a_leader_that_starts_silent_for_five_seconds_at_most():
     """Its beats are right but for the session, and none of them answers."""
     yesterday, *_ = formation()
     yesterday.fly(3.0)
@@ -136,7 +126,7 @@ def test_a_recording_keeps_a_leader_that_starts_silent_for_five_seconds_at_most(
     assert one.member.trust.proven
 
 
-def test_a_recording_of_this_very_run_makes_no_leader_step_back_on_a_radio() -> None:
+def test_a_recording_of_this_very_run_makes_no_leader_step_back_on_a_radio():
     """Packets of another day have it ask, and its own questions and answers are played to it later."""
     yesterday = Shared()
     yesterday.craft(LEADER, session=90)
@@ -157,7 +147,7 @@ def test_a_recording_of_this_very_run_makes_no_leader_step_back_on_a_radio() -> 
     assert not leader.member.stands_back
 
 
-def test_own_packets_that_a_radio_sends_back_are_passed_over() -> None:
+def test_own_packets_that_a_radio_sends_back_are_passed_over():
     channel, leader, _, _ = formation()
     frames = channel.record()
     channel.fly(3.0)
@@ -166,7 +156,7 @@ def test_own_packets_that_a_radio_sends_back_are_passed_over() -> None:
     assert not leader.refused
 
 
-def test_a_hundred_thousand_hostile_packets_raise_nothing_and_are_counted_by_reason() -> None:
+def test_a_hundred_thousand_hostile_packets_raise_nothing_and_are_counted_by_reason():
     """Noise, cut, changed, repeated, of another formation and another session, and beats at will."""
     channel, _, one, _ = formation()
     frames = channel.record()
@@ -224,9 +214,7 @@ def test_a_hundred_thousand_hostile_packets_raise_nothing_and_are_counted_by_rea
 
 
 @pytest.mark.parametrize(("beats", "period_ms"), [(255, 65_000), (1, 65_000), (1, 8_000)])
-def test_one_forged_slow_beat_does_not_silence_a_member_that_starts(
-    beats: int, period_ms: int
-) -> None:
+def test_one_forged_slow_beat_does_not_silence_a_member_that_starts(beats, period_ms):
     channel = Shared()
     info = BeatInfo(beat=0, beats=beats, members=len(NAMES), period_ms=period_ms)
     forged = encode_packet(

@@ -29,7 +29,7 @@ def insist(channel: Shared, operator: Craft, body: bytes, seconds: float) -> Non
         channel.fly(0.5)
 
 
-def test_an_operator_joins_late_and_its_order_is_heard_by_all_and_answered() -> None:
+def test_an_operator_joins_late_and_its_order_is_heard_by_all_and_answered():
     """300 bytes and an envelope of 111: 15 pieces, of which an operator says 12.5 in a second."""
     channel, operator, vehicles = ordering()
     body = Random(3).randbytes(300)
@@ -49,7 +49,7 @@ def test_an_operator_joins_late_and_its_order_is_heard_by_all_and_answered() -> 
     assert all(one.counters["refused: not for its sender to say"] == 0 for one in vehicles)
 
 
-def test_lost_pieces_of_an_order_are_heard_in_a_later_round() -> None:
+def test_lost_pieces_of_an_order_are_heard_in_a_later_round():
     channel, operator, vehicles = ordering(RadioQuality(channel=CHANNEL, loss=0.3))
     body = Random(3).randbytes(300)
     insist(channel, operator, body, 2.0)
@@ -58,7 +58,7 @@ def test_lost_pieces_of_an_order_are_heard_in_a_later_round() -> None:
     assert all(one.orders == [(body, False)] for one in vehicles)
 
 
-def test_an_order_whose_last_piece_never_comes_is_heard_by_nobody() -> None:
+def test_an_order_whose_last_piece_never_comes_is_heard_by_nobody():
     channel, operator, vehicles = ordering()
     operator.member.say(Kind.ORDER, Random(3).randbytes(300))
     # Fifteen pieces at five turns in each cycle of 0.4 s take 1.2 s; the operator falls silent before.
@@ -71,7 +71,7 @@ def test_an_order_whose_last_piece_never_comes_is_heard_by_nobody() -> None:
     assert all(1 < len(part.parts) < 15 for part in partial)
 
 
-def test_a_vehicle_repeats_an_order_as_its_operator_has_signed_it() -> None:
+def test_a_vehicle_repeats_an_order_as_its_operator_has_signed_it():
     channel, operator, (_, one, other) = ordering()
     insist(channel, operator, b"an order", 2.0)
     channel.gone(operator)
@@ -89,7 +89,7 @@ def test_a_vehicle_repeats_an_order_as_its_operator_has_signed_it() -> None:
     assert other.counters["refused: a forged order"] > 0
 
 
-def test_whoever_has_the_radio_key_alone_cannot_order() -> None:
+def test_whoever_has_the_radio_key_alone_cannot_order():
     """The tags of the pieces are right, the signature is that of a vehicle."""
     channel, operator, vehicles = ordering()
     operator.member.trust._key = KEYS["f2"]  # noqa: SLF001 - as one who has stolen the radio key
@@ -98,7 +98,7 @@ def test_whoever_has_the_radio_key_alone_cannot_order() -> None:
     assert all(one.counters["refused: forged"] > 0 for one in vehicles)
 
 
-def test_an_order_that_is_too_long_for_a_radio_is_counted_and_not_sent() -> None:
+def test_an_order_that_is_too_long_for_a_radio_is_counted_and_not_sent():
     channel, operator, vehicles = ordering()
     insist(channel, operator, bytes(700), 2.0)
     assert operator.counters["radio: too long for its pieces"] == 4

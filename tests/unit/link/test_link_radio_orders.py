@@ -33,9 +33,7 @@ def said(outbox: OrderOutbox, now: float, turns: int) -> list[tuple[PackedKind, 
 
 
 @given(CONTENTS, st.randoms(use_true_random=False))
-def test_a_message_is_whole_whatever_the_order_of_its_pieces(
-    content: bytes, random: object
-) -> None:
+def test_a_message_is_whole_whatever_the_order_of_its_pieces(content, random):
     pieces = list(pieces_of(content))
     random.shuffle(pieces)  # type: ignore[attr-defined]
     inbox = OrderInbox()
@@ -45,7 +43,7 @@ def test_a_message_is_whole_whatever_the_order_of_its_pieces(
     assert found.index(content) >= len(pieces) - 1
 
 
-def test_pieces_are_these_bytes() -> None:
+def test_pieces_are_these_bytes():
     """57 bytes are two full pieces and one byte, with 27 zeros behind it."""
     first, second, third = pieces_of(bytes(range(57)))
     assert (first.index, second.index, third.index) == (0, 1, 2)
@@ -55,7 +53,7 @@ def test_pieces_are_these_bytes() -> None:
 
 
 @pytest.mark.parametrize("size", [0, MOST_PIECES * PIECE_SIZE + 1])
-def test_what_is_empty_or_too_long_has_no_pieces(size: int) -> None:
+def test_what_is_empty_or_too_long_has_no_pieces(size):
     with pytest.raises(ValueError, match="do not fit onto a radio"):
         pieces_of(bytes(size))
 
@@ -72,9 +70,7 @@ def test_what_is_empty_or_too_long_has_no_pieces(size: int) -> None:
         max_size=60,
     )
 )
-def test_whatever_pieces_come_nothing_is_whole_that_was_not_cut_and_nothing_grows(
-    pieces: list[Piece],
-) -> None:
+def test_whatever_pieces_come_nothing_is_whole_that_was_not_cut_and_nothing_grows(pieces):
     inbox = OrderInbox()
     for piece in pieces:
         if piece.index * PIECE_SIZE >= piece.size:
@@ -88,7 +84,7 @@ def test_whatever_pieces_come_nothing_is_whole_that_was_not_cut_and_nothing_grow
     assert sum(len(partial.parts) for partial in inbox) <= MOST_PIECES
 
 
-def test_pieces_of_two_messages_never_become_one() -> None:
+def test_pieces_of_two_messages_never_become_one():
     inbox = OrderInbox()
     one, other = pieces_of(b"a" * 40), pieces_of(b"b" * 40)
     assert inbox.take(1, PackedKind.ORDER, one[0]) is None
@@ -101,7 +97,7 @@ def test_pieces_of_two_messages_never_become_one() -> None:
         inbox.take(1, PackedKind.ORDER, forged)
 
 
-def test_an_answer_is_said_three_times_and_an_order_as_long_as_its_operator_gives_it() -> None:
+def test_an_answer_is_said_three_times_and_an_order_as_long_as_its_operator_gives_it():
     outbox = OrderOutbox()
     outbox.post(Kind.REPLY, ready(1), ready(1), 0.0)
     assert len(said(outbox, 0.0, 20)) == ROUNDS
@@ -114,7 +110,7 @@ def test_an_answer_is_said_three_times_and_an_order_as_long_as_its_operator_give
     assert not said(outbox, 11.0 + FORGET_S + 0.01, 20)
 
 
-def test_a_newer_answer_to_an_order_takes_the_place_of_the_one_before() -> None:
+def test_a_newer_answer_to_an_order_takes_the_place_of_the_one_before():
     outbox = OrderOutbox()
     outbox.post(Kind.REPLY, ready(1), ready(1), 0.0)
     outbox.post(Kind.REPLY, ready(2), ready(2), 0.0)
@@ -124,7 +120,7 @@ def test_a_newer_answer_to_an_order_takes_the_place_of_the_one_before() -> None:
     assert found == {*pieces_of(ready(2)), *pieces_of(flown)}
 
 
-def test_no_more_than_a_few_messages_wait() -> None:
+def test_no_more_than_a_few_messages_wait():
     outbox = OrderOutbox()
     for number in range(1, 20):
         outbox.post(Kind.REPLY, ready(number), ready(number), 0.0)

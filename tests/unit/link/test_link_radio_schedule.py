@@ -36,7 +36,7 @@ def turns(one: Beat, begins_s: float, count: int) -> list[Turn]:
     return found
 
 
-def test_twelve_at_10_and_2_5_hz_have_slots_of_20_ms() -> None:
+def test_twelve_at_10_and_2_5_hz_have_slots_of_20_ms():
     """11 followers, an answer and 2 turns of an operator in 4 beats: 4 after each; 100 ms / 5."""
     table = make_timetable(12, leader_hz=10.0, followers_hz=2.5, channel=CHANNEL)
     assert table == TWELVE
@@ -45,7 +45,7 @@ def test_twelve_at_10_and_2_5_hz_have_slots_of_20_ms() -> None:
     assert offsets == pytest.approx([0.02, 0.12, 0.32, 0.04, 0.26, 0.36])
 
 
-def test_the_way_of_a_packet_is_two_lines_and_the_air() -> None:
+def test_the_way_of_a_packet_is_two_lines_and_the_air():
     """50 bytes: twice 500 bits at 57600, and 50 / 4000 s."""
     assert CHANNEL.latency_s(50) == pytest.approx(2 * 500 / 57_600 + 0.0125)
 
@@ -53,15 +53,13 @@ def test_the_way_of_a_packet_is_two_lines_and_the_air() -> None:
 @pytest.mark.parametrize(
     ("members", "leader_hz", "followers_hz"), [(17, 20.0, 2.5), (40, 10.0, 2.5), (4, 50.0, 50.0)]
 )
-def test_what_does_not_fit_is_one_line(members: int, leader_hz: float, followers_hz: float) -> None:
+def test_what_does_not_fit_is_one_line(members, leader_hz, followers_hz):
     with pytest.raises(InputError, match="do not fit 4000 bytes a second at 57600 baud; write"):
         make_timetable(members, leader_hz=leader_hz, followers_hz=followers_hz, channel=CHANNEL)
 
 
 @given(st.integers(1, 60), st.floats(0.5, 30.0), st.floats(0.1, 30.0))
-def test_no_two_turns_of_a_timetable_meet(
-    members: int, leader_hz: float, followers_hz: float
-) -> None:
+def test_no_two_turns_of_a_timetable_meet(members, leader_hz, followers_hz):
     try:
         table = make_timetable(
             members, leader_hz=leader_hz, followers_hz=followers_hz, channel=CHANNEL
@@ -78,12 +76,12 @@ def test_no_two_turns_of_a_timetable_meet(
     assert timetable_of(table.info(0)).beats == table.beats
 
 
-def test_nobody_but_the_leader_speaks_before_the_first_beat() -> None:
+def test_nobody_but_the_leader_speaks_before_the_first_beat():
     assert Beat(3).next_turn(5.0) is None
     assert Beat(None).next_turn(5.0) is None
 
 
-def test_the_leader_has_each_beat_and_one_turn_more_in_a_cycle() -> None:
+def test_the_leader_has_each_beat_and_one_turn_more_in_a_cycle():
     one = Beat(LEADER)
     one.begin(TWELVE, 7.0)
     found = turns(one, 7.0, 6)
@@ -91,7 +89,7 @@ def test_the_leader_has_each_beat_and_one_turn_more_in_a_cycle() -> None:
     assert [turn.beat for turn in found] == [0, 1, 2, 3, None, 0]
 
 
-def test_an_operator_has_what_is_left_of_a_cycle() -> None:
+def test_an_operator_has_what_is_left_of_a_cycle():
     """16 places behind the beats, of which 11 followers and the answer have 12: the last of each beat."""
     one = Beat(OPERATOR)
     one.hear_leader(beat(0), 7.0)
@@ -100,20 +98,20 @@ def test_an_operator_has_what_is_left_of_a_cycle() -> None:
     )
 
 
-def test_a_follower_counts_its_turn_from_the_beat_that_it_heard() -> None:
+def test_a_follower_counts_its_turn_from_the_beat_that_it_heard():
     """Beat 2 began at 7.2 on its clock: the cycle at 7.0, and follower 5 has its second slot."""
     one = Beat(5)
     one.hear_leader(beat(2), 7.2)
     assert [turn.at_s for turn in turns(one, 7.2, 3)] == pytest.approx([7.44, 7.84, 8.24])
 
 
-def test_a_missed_beat_moves_no_turn() -> None:
+def test_a_missed_beat_moves_no_turn():
     one = Beat(5)
     one.hear_leader(beat(2), 7.2)
     assert turns(one, 100.0, 1)[0].at_s == pytest.approx(100.24)
 
 
-def test_a_beat_that_comes_late_moves_turns_by_a_tenth_and_one_that_comes_early_wholly() -> None:
+def test_a_beat_that_comes_late_moves_turns_by_a_tenth_and_one_that_comes_early_wholly():
     one = Beat(5)
     one.hear_leader(beat(0), 7.0)
     one.hear_leader(beat(0), 7.408)
@@ -122,7 +120,7 @@ def test_a_beat_that_comes_late_moves_turns_by_a_tenth_and_one_that_comes_early_
     assert turns(one, 7.79, 1)[0].at_s == pytest.approx(7.83)
 
 
-def test_a_turn_that_a_later_beat_moves_is_not_taken_twice() -> None:
+def test_a_turn_that_a_later_beat_moves_is_not_taken_twice():
     one = Beat(1)
     one.hear_leader(beat(0), 7.0)
     assert turns(one, 7.0, 1)[0].at_s == pytest.approx(7.02)
@@ -130,7 +128,7 @@ def test_a_turn_that_a_later_beat_moves_is_not_taken_twice() -> None:
     assert turns(one, 7.021, 1)[0].at_s == pytest.approx(7.421)
 
 
-def test_a_leader_that_starts_anew_is_followed_at_once() -> None:
+def test_a_leader_that_starts_anew_is_followed_at_once():
     one = Beat(5)
     one.hear_leader(beat(0), 7.0)
     one.hear_leader(beat(0), 7.2)
@@ -140,7 +138,7 @@ def test_a_leader_that_starts_anew_is_followed_at_once() -> None:
     assert turns(one, 8.0, 1)[0].at_s == pytest.approx(8.08)
 
 
-def test_without_the_leader_the_follower_of_the_least_number_keeps_the_beat() -> None:
+def test_without_the_leader_the_follower_of_the_least_number_keeps_the_beat():
     third, fifth = Beat(3), Beat(5)
     for one in (third, fifth):
         one.hear_leader(beat(0), 0.0)
@@ -152,14 +150,14 @@ def test_without_the_leader_the_follower_of_the_least_number_keeps_the_beat() ->
     assert turns(third, late_s, 1)[0].at_s == pytest.approx(late_s + 0.22)
 
 
-def test_a_slow_leader_is_not_silent_between_its_beats() -> None:
+def test_a_slow_leader_is_not_silent_between_its_beats():
     one = Beat(5)
     one.hear_leader(beat(0, period_ms=2000), 0.0)
     assert not one.is_silent(5.9)
     assert one.is_silent(6.1)
 
 
-def test_while_the_leader_is_heard_no_follower_keeps_the_beat() -> None:
+def test_while_the_leader_is_heard_no_follower_keeps_the_beat():
     one = Beat(5)
     one.hear_leader(beat(0), 7.0)
     one.hear_follower(3, 7.3)

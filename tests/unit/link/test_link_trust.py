@@ -62,7 +62,7 @@ def flown(carry: object = straight, seconds: float = 5.0) -> tuple[Station, Stat
     return stations
 
 
-def test_everybody_hears_everybody_once_the_leader_has_shown_that_it_lives() -> None:
+def test_everybody_hears_everybody_once_the_leader_has_shown_that_it_lives():
     leader, one, other = flown()
     # Question and answer take 20 ms: the first state of the leader comes too early to be believed.
     assert [data for _, data in one.heard] == [b"lead %d" % step for step in range(1, 100)]
@@ -125,7 +125,7 @@ def bend(parcel: Parcel) -> Carried:
 
 
 @pytest.mark.parametrize("attack", [forge, repeat, bend])
-def test_forged_repeated_and_changed_messages_change_nothing_but_counters(attack: object) -> None:
+def test_forged_repeated_and_changed_messages_change_nothing_but_counters(attack):
     calm, beset = flown(), flown(attack)
     for before, now in zip(calm, beset, strict=True):
         assert now.heard == before.heard
@@ -138,7 +138,7 @@ def test_forged_repeated_and_changed_messages_change_nothing_but_counters(attack
         assert same.offset_s == clock.offset_s
 
 
-def test_delayed_messages_are_heard_late_and_the_clock_stays_right() -> None:
+def test_delayed_messages_are_heard_late_and_the_clock_stays_right():
     """Half a second each way: the exchange takes one second and its middle is where it was."""
 
     def delay(parcel: Parcel) -> Carried:
@@ -153,7 +153,7 @@ def test_delayed_messages_are_heard_late_and_the_clock_stays_right() -> None:
     assert late.clock.offset_s == pytest.approx(-100.0, abs=1e-9)
 
 
-def test_an_answer_that_is_held_back_moves_the_clock_by_half_of_that_and_says_so() -> None:
+def test_an_answer_that_is_held_back_moves_the_clock_by_half_of_that_and_says_so():
     def hold(parcel: Parcel) -> Carried:
         yield (0.41 if parcel.kind in ANSWERS else 0.01), parcel.data
 
@@ -163,7 +163,7 @@ def test_an_answer_that_is_held_back_moves_the_clock_by_half_of_that_and_says_so
     assert one.clock.bound_s >= 0.2
 
 
-def test_reflected_messages_are_ones_own_and_not_believed() -> None:
+def test_reflected_messages_are_ones_own_and_not_believed():
     wire = Wire()
     leader, one, other = formation(wire)
     wire.fly(leader, 2.0, one, other)
@@ -176,7 +176,7 @@ def test_reflected_messages_are_ones_own_and_not_believed() -> None:
     assert one.counters["refused: one's own"] == 10
 
 
-def test_a_recording_of_yesterday_is_believed_by_nobody() -> None:
+def test_a_recording_of_yesterday_is_believed_by_nobody():
     yesterday = Wire()
     leader, *followers = formation(yesterday, first_session=1)
     yesterday.fly(leader, 5.0, *followers)
@@ -201,7 +201,7 @@ def test_a_recording_of_yesterday_is_believed_by_nobody() -> None:
     assert one.counters["refused: another flight"] >= 25
 
 
-def test_a_leader_that_starts_anew_is_heard_again_and_its_last_session_no_more() -> None:
+def test_a_leader_that_starts_anew_is_heard_again_and_its_last_session_no_more():
     wire = Wire()
     leader, one, other = formation(wire)
     wire.fly(leader, 2.0, one, other)
@@ -224,7 +224,7 @@ def test_a_leader_that_starts_anew_is_heard_again_and_its_last_session_no_more()
     assert len(one.heard) == heard
 
 
-def test_a_follower_that_starts_anew_is_heard_again_and_its_last_session_no_more() -> None:
+def test_a_follower_that_starts_anew_is_heard_again_and_its_last_session_no_more():
     wire = Wire()
     leader, one, other = formation(wire)
     wire.fly(leader, 2.0, one, other)
@@ -241,7 +241,7 @@ def test_a_follower_that_starts_anew_is_heard_again_and_its_last_session_no_more
     assert leader.counters["refused: an earlier session"] >= 9
 
 
-def test_a_second_leader_is_found_out_and_not_followed() -> None:
+def test_a_second_leader_is_found_out_and_not_followed():
     wire = Wire()
     leader, one, other = formation(wire)
     wire.fly(leader, 2.0, one, other)
@@ -259,7 +259,7 @@ def test_a_second_leader_is_found_out_and_not_followed() -> None:
     assert leader.counters["refused: another companion of this name"] >= 1
 
 
-def test_the_younger_of_two_companions_of_the_leader_steps_back_until_the_other_is_silent() -> None:
+def test_the_younger_of_two_companions_of_the_leader_steps_back_until_the_other_is_silent():
     wire = Wire()
     leader, one, other = formation(wire)
     wire.fly(leader, 12.0, one, other)
@@ -286,9 +286,7 @@ def test_the_younger_of_two_companions_of_the_leader_steps_back_until_the_other_
 
 
 @pytest.mark.parametrize("apart_s", [0.05, 3.0])
-def test_of_two_companions_of_the_leader_that_are_both_new_the_first_goes_on(
-    apart_s: float,
-) -> None:
+def test_of_two_companions_of_the_leader_that_are_both_new_the_first_goes_on(apart_s):
     wire = Wire()
     leader, one, other = formation(wire)
     wire.fly(leader, apart_s, one, other)
@@ -303,7 +301,7 @@ def test_of_two_companions_of_the_leader_that_are_both_new_the_first_goes_on(
     assert not leader.member.stands_back
 
 
-def test_an_answer_that_was_kept_back_sends_no_leader_back() -> None:
+def test_an_answer_that_was_kept_back_sends_no_leader_back():
     """For three seconds: it may be of a companion that has died since."""
 
     def keep_back(parcel: Parcel) -> Carried:
@@ -319,7 +317,7 @@ def test_an_answer_that_was_kept_back_sends_no_leader_back() -> None:
     assert not rival.member.stands_back
 
 
-def test_a_question_in_ones_own_name_that_is_none_is_counted() -> None:
+def test_a_question_in_ones_own_name_that_is_none_is_counted():
     wire = Wire()
     leader, *_ = formation(wire)
     rival = wire.station(LEADER, session=70)
@@ -329,9 +327,7 @@ def test_a_question_in_ones_own_name_that_is_none_is_counted() -> None:
     assert leader.counters["failed to use"] == 0
 
 
-def test_two_companions_of_the_leader_that_begin_at_once_step_back_until_chance_parts_them() -> (
-    None
-):
+def test_two_companions_of_the_leader_that_begin_at_once_step_back_until_chance_parts_them():
     wire = Wire()
     pair = [wire.station(LEADER, session=session) for session in (70, 71)]
     spoke = []
@@ -344,7 +340,7 @@ def test_two_companions_of_the_leader_that_begin_at_once_step_back_until_chance_
     assert sorted(spoke[-1]) == [False, True]
 
 
-def test_a_recording_of_its_own_run_before_makes_no_leader_step_back() -> None:
+def test_a_recording_of_its_own_run_before_makes_no_leader_step_back():
     """Also where all is played that was said in its name to another of its name, the answers included."""
     wire = Wire()
     leader, one, other = formation(wire)
@@ -372,7 +368,7 @@ def test_a_recording_of_its_own_run_before_makes_no_leader_step_back() -> None:
     assert len(answers) <= 0.01 * len(old) / 0.4 + 1
 
 
-def test_of_two_companions_of_one_name_the_younger_steps_back_until_the_other_is_silent() -> None:
+def test_of_two_companions_of_one_name_the_younger_steps_back_until_the_other_is_silent():
     wire = Wire()
     leader, one, other = formation(wire)
     wire.fly(leader, 12.0, one, other)
@@ -392,7 +388,7 @@ def test_of_two_companions_of_one_name_the_younger_steps_back_until_the_other_is
     assert "f1" in {name for name, _ in leader.neighbours[-4:]}
 
 
-def test_a_recording_of_its_own_run_before_makes_no_companion_step_back() -> None:
+def test_a_recording_of_its_own_run_before_makes_no_companion_step_back():
     wire = Wire()
     leader, one, other = formation(wire)
     wire.fly(leader, 12.0, one, other)
@@ -421,9 +417,7 @@ def desk_of(wire: Wire, session: int) -> tuple[Station, list[bytes]]:
     return desk, orders
 
 
-def test_of_two_programs_of_one_operator_none_steps_back_and_each_hears_the_others_orders(
-    caplog: pytest.LogCaptureFixture,
-) -> None:
+def test_of_two_programs_of_one_operator_none_steps_back_and_each_hears_the_others_orders(caplog):
     wire = Wire()
     leader, one, other = formation(wire)
     desk, orders = desk_of(wire, 60)
@@ -447,7 +441,7 @@ def test_of_two_programs_of_one_operator_none_steps_back_and_each_hears_the_othe
     assert not caplog.messages
 
 
-def test_a_sender_may_only_say_what_its_part_may_say() -> None:
+def test_a_sender_may_only_say_what_its_part_may_say():
     """Each of these is signed by a true key of the formation."""
     leader = trust_of(LEADER, 1)
     follower = trust_of("f2", 2)
@@ -465,7 +459,7 @@ def test_a_sender_may_only_say_what_its_part_may_say() -> None:
     assert refused(follower, order.seal(Kind.ORDER, b"", time_s=1.0)) == ""
 
 
-def test_two_formations_on_one_wire_do_not_hear_each_other() -> None:
+def test_two_formations_on_one_wire_do_not_hear_each_other():
     own, other = trust_of("f1", 1), trust_of(LEADER, 2)
     elsewhere = Trust(
         formation="line",
@@ -481,7 +475,7 @@ def test_two_formations_on_one_wire_do_not_hear_each_other() -> None:
     assert formation_number("line") != formation_number(FORMATION)
 
 
-def test_who_signs_and_who_does_not_do_not_hear_each_other() -> None:
+def test_who_signs_and_who_does_not_do_not_hear_each_other():
     signed, insecure = trust_of(LEADER, 1), trust_of(LEADER, 1, signed=False)
     careful, careless = trust_of("f1", 2), trust_of("f1", 2, signed=False)
     for one in (careful, careless):
@@ -494,7 +488,7 @@ def test_who_signs_and_who_does_not_do_not_hear_each_other() -> None:
     assert refused(careless, insecure.seal(Kind.STATE, b"", time_s=0.0)) == ""
 
 
-def test_a_watcher_without_a_key_believes_what_is_signed_and_with_one_what_is_of_today() -> None:
+def test_a_watcher_without_a_key_believes_what_is_signed_and_with_one_what_is_of_today():
     old, new = trust_of(LEADER, 1), trust_of(LEADER, 2)
     keyless = Trust(
         formation=FORMATION, name="-", leader=LEADER, session=9, roster=ROSTER, watches=True
@@ -509,7 +503,7 @@ def test_a_watcher_without_a_key_believes_what_is_signed_and_with_one_what_is_of
     assert refused(watcher, trust_of("f1", 5).seal(Kind.PRESENCE, b"", time_s=1.0)) == ""
 
 
-def test_a_will_is_believed_as_late_as_the_broker_says_it_and_a_later_presence_too() -> None:
+def test_a_will_is_believed_as_late_as_the_broker_says_it_and_a_later_presence_too():
     vehicle, watcher = trust_of("f1", 1), trust_of("eye", 2, watches=True)
     will = vehicle.seal(Kind.WILL, b"", time_s=1.0)
     for _ in range(3):
@@ -529,7 +523,7 @@ def test_a_will_is_believed_as_late_as_the_broker_says_it_and_a_later_presence_t
         ),
     ],
 )
-def test_a_roster_that_does_not_fit_is_one_clear_line(roster: Roster, text: str) -> None:
+def test_a_roster_that_does_not_fit_is_one_clear_line(roster, text):
     with pytest.raises(InputError, match=text):
         Trust(
             formation=FORMATION,
@@ -550,9 +544,7 @@ def test_a_roster_that_does_not_fit_is_one_clear_line(roster: Roster, text: str)
     sender=st.text(min_size=1, max_size=40),
     time_s=st.floats(-1e10, 1e10) | st.just(float("nan")),
 )
-def test_what_goes_into_an_envelope_comes_out(
-    *, kind: Kind, body: bytes, sequence: int, session: int, sender: str, time_s: float
-) -> None:
+def test_what_goes_into_an_envelope_comes_out(kind, body, sequence, session, sender, time_s):
     signed = encode_signed(
         Scheme.UNSIGNED,
         kind,
@@ -576,7 +568,7 @@ STATE = trust_of(LEADER, 1).seal(Kind.STATE, b"a state", time_s=1.0)
 
 @settings(deadline=None, derandomize=True, max_examples=500)
 @given(data=st.binary(max_size=300) | st.binary(max_size=200).map(lambda end: STATE[:40] + end))
-def test_random_bytes_are_counted_and_nothing_else(data: bytes) -> None:
+def test_random_bytes_are_counted_and_nothing_else(data):
     wire = Wire()
     _, one, _ = formation(wire)
     one.member.take(data)
@@ -585,7 +577,7 @@ def test_random_bytes_are_counted_and_nothing_else(data: bytes) -> None:
     assert "failed to use" not in one.counters
 
 
-def test_what_is_too_long_is_refused_on_both_sides() -> None:
+def test_what_is_too_long_is_refused_on_both_sides():
     trust = trust_of("f1", 1)
     with pytest.raises(ValueError, match="too long"):
         trust.seal(Kind.PRESENCE, bytes(LARGEST), time_s=0.0)
@@ -593,7 +585,7 @@ def test_what_is_too_long_is_refused_on_both_sides() -> None:
         trust.read(STATE + bytes(LARGEST))
 
 
-def test_a_flood_of_made_up_names_does_not_grow_memory_where_nothing_is_signed() -> None:
+def test_a_flood_of_made_up_names_does_not_grow_memory_where_nothing_is_signed():
     trust, random = trust_of("f1", 1, signed=False), Random(1)
     trust.prove(5, 0.0)
     reasons: Counter[str] = Counter()

@@ -40,7 +40,7 @@ def global_position(**values: int) -> MAVLink_message:
     return mavlink.MAVLink_global_position_int_message(**(fields | values))
 
 
-def target(**values: Any) -> MAVLink_message:  # noqa: ANN401 - any field of the message
+def target(**values: Any) -> MAVLink_message:
     fields = {
         "timestamp": 2500,
         "est_capabilities": 0b11,
@@ -57,7 +57,7 @@ def target(**values: Any) -> MAVLink_message:  # noqa: ANN401 - any field of the
     return mavlink.MAVLink_follow_target_message(**(fields | values))
 
 
-def adsb(**values: Any) -> MAVLink_message:  # noqa: ANN401 - any field of the message
+def adsb(**values: Any) -> MAVLink_message:
     fields = {
         "ICAO_address": 0x4B1900,
         "lat": 473977420,
@@ -88,7 +88,7 @@ def refused(message: MAVLink_message) -> dict[str, int]:
     return dict(codec.counters)
 
 
-def test_global_position_is_read_in_si_units() -> None:
+def test_global_position_is_read_in_si_units():
     report = one(global_position())
     assert report.stamp_s == pytest.approx(1.5)
     assert (report.latitude_deg, report.longitude_deg) == pytest.approx((47.397742, 8.545594))
@@ -96,12 +96,12 @@ def test_global_position_is_read_in_si_units() -> None:
     assert report.velocity == pytest.approx((12.0, -9.0))
 
 
-def test_follow_target_tells_a_velocity_only_where_its_bit_says_so() -> None:
+def test_follow_target_tells_a_velocity_only_where_its_bit_says_so():
     assert one(target()).velocity == pytest.approx((12.0, -9.0))
     assert one(target(est_capabilities=0b01)).velocity is None
 
 
-def test_covariance_message_counts_microseconds_and_metres_per_second() -> None:
+def test_covariance_message_counts_microseconds_and_metres_per_second():
     message = mavlink.MAVLink_global_position_int_cov_message(
         3_500_000, 0, 473977420, 85455940, 588_000, 100_000, 12.0, -9.0, 0.0, [0.0] * 36
     )
@@ -117,30 +117,30 @@ def high_latency(failures: int = 0) -> MAVLink_message:
     )
 
 
-def test_high_latency_message_tells_a_place_alone() -> None:
+def test_high_latency_message_tells_a_place_alone():
     report = one(high_latency())
     assert report.stamp_s == pytest.approx(4.5)
     assert report.altitude_amsl == pytest.approx(588.0)
     assert report.velocity is None
 
 
-def test_high_latency_message_without_gps_is_refused() -> None:
+def test_high_latency_message_without_gps_is_refused():
     assert refused(high_latency(mavlink.HL_FAILURE_FLAG_GPS)) == {"out of range": 1}
 
 
-def test_adsb_tells_its_course_and_how_old_it_is_but_no_time() -> None:
+def test_adsb_tells_its_course_and_how_old_it_is_but_no_time():
     report = one(adsb(), LeaderCodec(icao_address=0x4B1900))
     assert report.stamp_s is None
     assert report.age_s == 2.0
     assert report.velocity == pytest.approx((0.0, 30.0), abs=1e-9)
 
 
-def test_pressure_altitude_of_adsb_is_none_to_keep_clear_by() -> None:
+def test_pressure_altitude_of_adsb_is_none_to_keep_clear_by():
     report = one(adsb(altitude_type=0), LeaderCodec(icao_address=0x4B1900))
     assert math.isnan(report.altitude_amsl)
 
 
-def test_altitude_of_another_aircraft_says_by_how_much_it_may_be_off() -> None:
+def test_altitude_of_another_aircraft_says_by_how_much_it_may_be_off():
     """An airliner at 10 km by air pressure is far above; a type that there is not says nothing."""
     airliner = traffic_report(adsb(altitude_type=0, altitude=10_000_000))
     assert airliner is not None
@@ -155,13 +155,11 @@ def test_altitude_of_another_aircraft_says_by_how_much_it_may_be_off() -> None:
 
 
 @pytest.mark.parametrize("values", [{"ICAO_address": 1}, {"flags": 0b1110}, {"tslc": 6}])
-def test_adsb_of_another_aircraft_or_without_a_fresh_place_is_refused(
-    values: dict[str, int],
-) -> None:
+def test_adsb_of_another_aircraft_or_without_a_fresh_place_is_refused(values):
     assert LeaderCodec(icao_address=0x4B1900).decode(packed(adsb(**values))) == []
 
 
-def test_whoever_passes_adsb_on_it_is_read() -> None:
+def test_whoever_passes_adsb_on_it_is_read():
     codec = LeaderCodec(icao_address=0x4B1900)
     assert len(codec.decode(packed(adsb(), system_id=200))) == 1
 
@@ -178,27 +176,27 @@ def test_whoever_passes_adsb_on_it_is_read() -> None:
         target(vel=[2000.0, 0.0, 0.0]),
     ],
 )
-def test_what_is_no_place_or_no_velocity_is_refused(message: MAVLink_message) -> None:
+def test_what_is_no_place_or_no_velocity_is_refused(message):
     assert refused(message) == {"out of range": 1}
 
 
 @pytest.mark.parametrize("altitude", [math.nan, math.inf, -1e9, 1e9])
-def test_altitude_that_no_aircraft_has_is_not_known(altitude: float) -> None:
+def test_altitude_that_no_aircraft_has_is_not_known(altitude):
     assert math.isnan(one(target(alt=altitude)).altitude_amsl)
 
 
-def test_other_systems_are_passed_over() -> None:
+def test_other_systems_are_passed_over():
     codec = LeaderCodec(system_id=7)
     assert codec.decode(packed(global_position(), system_id=8)) == []
     assert codec.counters == {"of another system": 1}
 
 
-def test_any_component_of_the_aircraft_may_speak() -> None:
+def test_any_component_of_the_aircraft_may_speak():
     codec = LeaderCodec(system_id=7)
     assert len(codec.decode(packed(target(), component_id=191))) == 1
 
 
-def test_answers_about_the_time_are_read_and_questions_are_not() -> None:
+def test_answers_about_the_time_are_read_and_questions_are_not():
     codec = LeaderCodec(system_id=7)
     answer, question = (mavlink.MAVLink_timesync_message(tc1, 123) for tc1 in (456, 0))
     assert codec.decode(packed(answer)) == [TimeReport(stamp=123, autopilot_ns=456)]
@@ -206,12 +204,12 @@ def test_answers_about_the_time_are_read_and_questions_are_not() -> None:
 
 
 @given(st.binary(max_size=300))
-def test_no_bytes_raise(data: bytes) -> None:
+def test_no_bytes_raise(data):
     LeaderCodec(system_id=7).decode(data)
 
 
 @given(st.sampled_from(sorted(READERS)), st.binary(min_size=1, max_size=255))
-def test_no_payload_raises_or_leads_to_numbers_that_are_none(number: int, payload: bytes) -> None:
+def test_no_payload_raises_or_leads_to_numbers_that_are_none(number, payload):
     frame = framed(number, payload, mavlink.mavlink_map[number].crc_extra)
     for report in LeaderCodec(system_id=7).decode(frame):
         if isinstance(report, TimeReport):
@@ -229,7 +227,7 @@ def framed(number: int, payload: bytes, crc_extra: int) -> bytes:
     return bytes([0xFD]) + header + payload + checksum.to_bytes(2, "little")
 
 
-def test_own_follow_target_says_what_the_motion_is() -> None:
+def test_own_follow_target_says_what_the_motion_is():
     motion = LeaderState(
         time_s=12.5,
         north=0.0,

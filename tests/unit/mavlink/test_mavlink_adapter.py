@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tests.kit.autopilot import address
 from vfguide.mavlink.adapter import AutopilotSetpoint, SetpointStream, Vehicle
 from vfguide.mavlink.ardupilot import ArduPlane
 from vfguide.mavlink.px4 import Px4
@@ -26,12 +27,12 @@ def commands(messages: list[Any]) -> list[int]:
     return [getattr(message, "command", 0) for message in messages]
 
 
-def test_the_first_setpoint_is_sent_whole(address: Make) -> None:
+def test_the_first_setpoint_is_sent_whole():
     plane = ArduPlane(address())
     assert commands(SetpointStream(plane).due(plane.fly(asked(1.0, 20.0)), 0.0)) == [HEADING, SPEED]
 
 
-def test_arduplane_hears_what_has_changed_alone(address: Make) -> None:
+def test_arduplane_hears_what_has_changed_alone():
     plane = ArduPlane(address())
     stream = SetpointStream(plane)
     stream.due(plane.fly(asked(1.0, 20.0)), 0.0)
@@ -40,7 +41,7 @@ def test_arduplane_hears_what_has_changed_alone(address: Make) -> None:
     assert stream.due(plane.fly(asked(1.001, 20.02)), 0.3) == []
 
 
-def test_px4_hears_the_speed_after_each_course_since_the_course_cancels_it(address: Make) -> None:
+def test_px4_hears_the_speed_after_each_course_since_the_course_cancels_it():
     plane = Px4(address(px4_steering="position"))
     stream = SetpointStream(plane)
     stream.due(plane.fly(asked(1.0, 20.0)), 0.0)
@@ -56,9 +57,7 @@ def test_px4_hears_the_speed_after_each_course_since_the_course_cancels_it(addre
         (Px4, "velocity", 0.2),
     ],
 )
-def test_what_has_not_changed_is_repeated_at_the_keep_alive_rate(
-    address: Make, kind: Make, steering: str, keep_alive_s: float
-) -> None:
+def test_what_has_not_changed_is_repeated_at_the_keep_alive_rate(kind, steering, keep_alive_s):
     plane = kind(address(px4_steering=steering))
     stream = SetpointStream(plane)
     stream.due(plane.fly(asked(1.0, 20.0)), 0.0)
@@ -66,14 +65,14 @@ def test_what_has_not_changed_is_repeated_at_the_keep_alive_rate(
     assert len(stream.due(plane.fly(asked(1.0, 20.0)), keep_alive_s)) == 2
 
 
-def test_less_than_a_centimetre_a_second_is_no_change(address: Make) -> None:
+def test_less_than_a_centimetre_a_second_is_no_change():
     plane = ArduPlane(address())
     stream = SetpointStream(plane)
     stream.due(plane.fly(asked(1.0, 20.0)), 0.0)
     assert stream.due(plane.fly(asked(1.0, 20.004)), 0.1) == []
 
 
-def test_after_a_reset_everything_is_sent_anew(address: Make) -> None:
+def test_after_a_reset_everything_is_sent_anew():
     plane = ArduPlane(address())
     stream = SetpointStream(plane)
     stream.due(plane.fly(asked(1.0, 20.0)), 0.0)
@@ -82,7 +81,7 @@ def test_after_a_reset_everything_is_sent_anew(address: Make) -> None:
 
 
 @given(steps=st.lists(st.floats(0.001, 0.4), min_size=1, max_size=50))
-def test_px4_never_waits_longer_than_offboard_bears(steps: list[float]) -> None:
+def test_px4_never_waits_longer_than_offboard_bears(steps):
     vehicle = Vehicle(
         system_id=7,
         component_id=1,

@@ -5,6 +5,7 @@ from typing import Any
 import pytest
 from msgspec.structs import replace
 
+from tests.kit.autopilot import Emulated, address
 from vfguide.mavlink.adapter import AutopilotSetpoint
 from vfguide.mavlink.ardupilot import ArduPlane
 from vfguide.mavlink.px4 import Px4
@@ -19,8 +20,8 @@ def asked(course: float, speed: float) -> AutopilotSetpoint:
     )
 
 
-def test_arduplane_enters_guided_and_goes_back_to_loiter(address: Make, flown: Make) -> None:
-    plane, aircraft = ArduPlane(address(component_id=1)), flown("ardupilot")
+def test_arduplane_enters_guided_and_goes_back_to_loiter():
+    plane, aircraft = ArduPlane(address(component_id=1)), Emulated("ardupilot")
     assert aircraft.autopilot.truth().mode == "LOITER"
     assert aircraft.obey(plane.engage()) == [(176, "ACCEPTED")]
     assert aircraft.autopilot.truth().mode == "GUIDED"
@@ -28,8 +29,8 @@ def test_arduplane_enters_guided_and_goes_back_to_loiter(address: Make, flown: M
     assert aircraft.autopilot.truth().mode == "LOITER"
 
 
-def test_arduplane_flies_the_course_airspeed_and_altitude(address: Make, flown: Make) -> None:
-    plane, aircraft = ArduPlane(address(component_id=1)), flown("ardupilot")
+def test_arduplane_flies_the_course_airspeed_and_altitude():
+    plane, aircraft = ArduPlane(address(component_id=1)), Emulated("ardupilot")
     aircraft.obey(plane.engage())
     answers = aircraft.obey(plane.fly(asked(-1.0, 24.0)))
     assert answers == [(43_002, "ACCEPTED"), (43_000, "ACCEPTED")]
@@ -41,11 +42,9 @@ def test_arduplane_flies_the_course_airspeed_and_altitude(address: Make, flown: 
     assert truth.altitude_amsl_m == pytest.approx(520.0, abs=0.1)
 
 
-def test_arduplane_takes_a_ground_speed_where_the_vehicle_holds_one(
-    address: Make, flown: Make
-) -> None:
+def test_arduplane_takes_a_ground_speed_where_the_vehicle_holds_one():
     plane = ArduPlane(address("course-hold", component_id=1))
-    aircraft = flown("ardupilot", "course-hold")
+    aircraft = Emulated("ardupilot", "course-hold")
     aircraft.obey(plane.engage())
     assert aircraft.obey(plane.fly(asked(1.0, 24.0))) == [
         (43_002, "ACCEPTED"),
@@ -57,11 +56,9 @@ def test_arduplane_takes_a_ground_speed_where_the_vehicle_holds_one(
     ("steering", "version"),
     [("position", (1, 15)), ("position", (1, 18)), ("velocity", (1, 14))],
 )
-def test_px4_enters_offboard_once_setpoints_arrive(
-    address: Make, flown: Make, steering: str, version: tuple[int, int]
-) -> None:
+def test_px4_enters_offboard_once_setpoints_arrive(steering, version):
     plane = Px4(address(component_id=1, px4_steering=steering))
-    aircraft = flown("px4", version=version)
+    aircraft = Emulated("px4", version=version)
     assert aircraft.obey(plane.engage()) == [(176, "TEMPORARILY_REJECTED")]
     assert aircraft.obey(plane.fly(asked(1.0, 24.0))) == [(178, "ACCEPTED")]
     assert aircraft.obey(plane.engage()) == [(176, "ACCEPTED")]
@@ -79,11 +76,9 @@ def test_px4_enters_offboard_once_setpoints_arrive(
         ("velocity", (1, 14)),
     ],
 )
-def test_px4_in_offboard_flies_the_course_and_airspeed(
-    address: Make, flown: Make, steering: str, version: tuple[int, int]
-) -> None:
+def test_px4_in_offboard_flies_the_course_and_airspeed(steering, version):
     plane = Px4(address(component_id=1, px4_steering=steering))
-    aircraft = flown("px4", version=version)
+    aircraft = Emulated("px4", version=version)
 
     def setpoint() -> list[Any]:
         where = aircraft.autopilot.truth()
@@ -105,10 +100,8 @@ def test_px4_in_offboard_flies_the_course_and_airspeed(
     assert dict(aircraft.autopilot.counters) == {}
 
 
-def test_px4_in_guided_course_flies_course_airspeed_and_altitude(
-    address: Make, flown: Make
-) -> None:
-    plane, aircraft = Px4(address(component_id=1)), flown("px4")
+def test_px4_in_guided_course_flies_course_airspeed_and_altitude():
+    plane, aircraft = Px4(address(component_id=1)), Emulated("px4")
     assert aircraft.obey(plane.engage()) == [(176, "ACCEPTED")]
     assert aircraft.obey(plane.fly(asked(-1.0, 24.0))) == [(43_002, "ACCEPTED"), (178, "ACCEPTED")]
     assert aircraft.obey(plane.hold_altitude(520.0)) == [(186, "ACCEPTED")]
@@ -122,9 +115,9 @@ def test_px4_in_guided_course_flies_course_airspeed_and_altitude(
     assert aircraft.autopilot.truth().mode == "AUTO.LOITER"
 
 
-def test_what_steers_1_14_steers_no_later_px4(address: Make, flown: Make) -> None:
+def test_what_steers_1_14_steers_no_later_px4():
     plane = Px4(address(component_id=1, px4_steering="velocity"))
-    aircraft = flown("px4")
+    aircraft = Emulated("px4")
     aircraft.obey(plane.fly(asked(2.5, 24.0)))
     aircraft.obey(plane.engage())
     before = aircraft.autopilot.truth().course_rad
@@ -133,17 +126,15 @@ def test_what_steers_1_14_steers_no_later_px4(address: Make, flown: Make) -> Non
 
 
 @pytest.mark.parametrize(("kind", "adapter"), [("ardupilot", ArduPlane), ("px4", Px4)])
-def test_telemetry_is_granted(address: Make, flown: Make, kind: str, adapter: Make) -> None:
-    aircraft = flown(kind)
+def test_telemetry_is_granted(kind, adapter):
+    aircraft = Emulated(kind)
     requests = adapter(address(component_id=1)).request_telemetry(20.0)
     assert aircraft.obey(requests) == [(511, "ACCEPTED")] * len(requests)
     assert len(requests) == 6
 
 
 @pytest.mark.parametrize(("kind", "adapter"), [("ardupilot", ArduPlane), ("px4", Px4)])
-def test_a_message_for_another_component_is_not_obeyed(
-    address: Make, flown: Make, kind: str, adapter: Make
-) -> None:
-    aircraft = flown(kind)
+def test_a_message_for_another_component_is_not_obeyed(kind, adapter):
+    aircraft = Emulated(kind)
     assert aircraft.obey(adapter(address(component_id=3)).hand_back()) == []
     assert aircraft.autopilot.counters["for another"] == 1

@@ -3,12 +3,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from vfguide.errors import InputError
-from vfguide.mavlink.address import (
-    NetworkAddress,
-    SerialAddress,
-    Transport,
-    parse_address,
-)
+from vfguide.mavlink.address import NetworkAddress, SerialAddress, Transport, parse_address
 
 
 @pytest.mark.parametrize(
@@ -23,7 +18,7 @@ from vfguide.mavlink.address import (
         ("udpout://[fe80::1%eth0]:14540", Transport.UDP_OUT, "fe80::1%eth0", 14540),
     ],
 )
-def test_network_addresses(text: str, transport: Transport, host: str, port: int) -> None:
+def test_network_addresses(text, transport, host, port):
     assert parse_address(text) == NetworkAddress(transport=transport, host=host, port=port)
 
 
@@ -40,7 +35,7 @@ def test_network_addresses(text: str, transport: Transport, host: str, port: int
         ),
     ],
 )
-def test_serial_addresses(text: str, device: str, baud: int) -> None:
+def test_serial_addresses(text, device, baud):
     assert parse_address(text) == SerialAddress(device=device, baud=baud)
 
 
@@ -79,19 +74,19 @@ def test_serial_addresses(text: str, device: str, baud: int) -> None:
         ("tcpout://[ff02::1]:5760", "own address"),
     ],
 )
-def test_what_is_wrong_comes_with_what_would_be_right(text: str, remedy: str) -> None:
+def test_what_is_wrong_comes_with_what_would_be_right(text, remedy):
     with pytest.raises(InputError) as caught:
         parse_address(text)
     assert str(caught.value).startswith("MAVLink address ")
     assert remedy in str(caught.value)
 
 
-def test_the_documented_address_of_a_port_is_an_address() -> None:
+def test_the_documented_address_of_a_port_is_an_address():
     text = "udpin://0.0.0.0:14540"
     assert str(parse_address(text)) == text
 
 
-def test_an_endless_address_is_not_repeated_in_full() -> None:
+def test_an_endless_address_is_not_repeated_in_full():
     with pytest.raises(InputError) as caught:
         parse_address("udp://" + "x" * 100_000)
     assert len(str(caught.value)) < 500
@@ -114,9 +109,7 @@ ADDRESSES = st.builds(
 
 @settings(deadline=None, derandomize=True, max_examples=300)
 @given(address=ADDRESSES)
-def test_an_address_is_read_back_as_it_is_written(
-    address: NetworkAddress | SerialAddress,
-) -> None:
+def test_an_address_is_read_back_as_it_is_written(address):
     assert parse_address(str(address)) == address
 
 
@@ -146,7 +139,7 @@ PIECES = st.sampled_from(
 @example(text="serial:///dev/tty\x1b[2J:57600")
 @example(text="udpout://\ud800:1")
 @example(text="udpout://[::1%\n]:1")
-def test_any_text_is_an_address_or_one_line_of_advice(text: str) -> None:
+def test_any_text_is_an_address_or_one_line_of_advice(text):
     try:
         address = parse_address(text)
     except InputError as fault:

@@ -13,14 +13,14 @@ def answer(command: int, result: int) -> CommandReport:
     return CommandReport(command=command, result=result)
 
 
-def test_an_accepted_command_is_no_news() -> None:
+def test_an_accepted_command_is_no_news():
     watch = Acknowledgements()
     watch.sent([command_int(VEHICLE, SPEED)], 0.0)
     assert watch.answered(answer(SPEED, ACCEPTED), 0.1) is None
     assert watch.overdue(60.0) == []
 
 
-def test_a_refusal_is_told_once_with_its_reason_and_again_after_a_while() -> None:
+def test_a_refusal_is_told_once_with_its_reason_and_again_after_a_while():
     watch = Acknowledgements()
     told = [watch.answered(answer(SPEED, FAILED), second / 10) for second in range(200)]
     assert [text for text in told if text] == [
@@ -32,14 +32,14 @@ def test_a_refusal_is_told_once_with_its_reason_and_again_after_a_while() -> Non
     assert watch.answered(answer(SPEED, FAILED), 30.0)
 
 
-def test_each_kind_of_refusal_is_told() -> None:
+def test_each_kind_of_refusal_is_told():
     watch = Acknowledgements()
     assert watch.answered(answer(SPEED, FAILED), 0.0)
     assert watch.answered(answer(SPEED, DENIED), 0.0)
     assert watch.answered(answer(HEADING, FAILED), 0.0)
 
 
-def test_a_command_that_is_never_answered_is_told_once() -> None:
+def test_a_command_that_is_never_answered_is_told_once():
     watch = Acknowledgements()
     for tenth in range(100):
         watch.sent([command_long(VEHICLE, SPEED)], tenth / 10)
@@ -56,13 +56,13 @@ def test_a_command_that_is_never_answered_is_told_once() -> None:
     assert len(watch.overdue(15.0)) == 1
 
 
-def test_setpoints_that_are_no_commands_wait_for_no_answer() -> None:
+def test_setpoints_that_are_no_commands_wait_for_no_answer():
     watch = Acknowledgements()
     watch.sent([mavlink.MAVLink_heartbeat_message(18, 8, 0, 0, 4, 3)], 0.0)
     assert watch.overdue(60.0) == []
 
 
-def test_numbers_that_nobody_has_named_are_told_as_numbers() -> None:
+def test_numbers_that_nobody_has_named_are_told_as_numbers():
     assert (
         Acknowledgements().answered(answer(60_000, 200), 0.0)
         == "autopilot answers 60000: 200; be ready to take over"

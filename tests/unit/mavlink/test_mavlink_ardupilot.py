@@ -1,17 +1,15 @@
 import math
-from collections.abc import Callable
 from typing import Any
 
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
+from tests.kit.autopilot import address
+from tests.kit.wire import parsed
 from vfguide.mavlink.adapter import AutopilotSetpoint, Vehicle
 from vfguide.mavlink.ardupilot import ArduPlane
 from vfguide.mavlink.codec import Codec
-from vfguide.state import Hold
-
-Make = Callable[..., Any]
 
 
 def asked(course: float, speed: float) -> AutopilotSetpoint:
@@ -21,26 +19,24 @@ def asked(course: float, speed: float) -> AutopilotSetpoint:
     )
 
 
-def sent(parsed: Make, messages: list[Any]) -> list[Any]:
+def sent(messages: list[Any]) -> list[Any]:
     """The messages as the other side reads them."""
     received: list[Any] = parsed(Codec(7, 3).encode(messages))
     return received
 
 
-def test_guided_is_the_only_mode_that_obeys(address: Make) -> None:
+def test_guided_is_the_only_mode_that_obeys():
     plane = ArduPlane(address())
     assert [mode for mode in range(30) if plane.is_engaged(mode)] == [15]
     assert not plane.is_engaged(6 << 16)
 
 
-def test_setpoints_need_not_arrive_before_guided(address: Make) -> None:
+def test_setpoints_need_not_arrive_before_guided():
     assert not ArduPlane(address()).streams_before_engaging
 
 
-def test_a_course_goes_as_course_over_ground_with_a_lateral_acceleration(
-    address: Make, parsed: Make
-) -> None:
-    heading, _ = sent(parsed, ArduPlane(address()).fly(asked(math.pi / 2, 20.0)))
+def test_a_course_goes_as_course_over_ground_with_a_lateral_acceleration():
+    heading, _ = sent(ArduPlane(address()).fly(asked(math.pi / 2, 20.0)))
     assert heading.get_type() == "COMMAND_INT"
     assert heading.command == 43_002
     assert heading.param1 == 0.0
@@ -50,38 +46,30 @@ def test_a_course_goes_as_course_over_ground_with_a_lateral_acceleration(
 
 
 @pytest.mark.parametrize(("hold", "speed_type"), [("heading-hold", 0.0), ("course-hold", 1.0)])
-def test_a_speed_is_of_the_kind_that_the_vehicle_holds_and_not_slewed(
-    address: Make, parsed: Make, hold: Hold, speed_type: float
-) -> None:
-    _, speed = sent(parsed, ArduPlane(address(hold)).fly(asked(0.0, 17.25)))
+def test_a_speed_is_of_the_kind_that_the_vehicle_holds_and_not_slewed(hold, speed_type):
+    _, speed = sent(ArduPlane(address(hold)).fly(asked(0.0, 17.25)))
     assert speed.get_type() == "COMMAND_INT"
     assert speed.command == 43_000
     assert (speed.param1, speed.param2, speed.param3) == (speed_type, 17.25, 0.0)
 
 
-def test_an_altitude_is_above_mean_sea_level_and_the_climb_rate_left_to_the_autopilot(
-    address: Make, parsed: Make
-) -> None:
-    (altitude,) = sent(parsed, ArduPlane(address()).hold_altitude(588.5))
+def test_an_altitude_is_above_mean_sea_level_and_the_climb_rate_left_to_the_autopilot():
+    (altitude,) = sent(ArduPlane(address()).hold_altitude(588.5))
     assert altitude.get_type() == "COMMAND_INT"
     assert (altitude.command, altitude.frame, altitude.z) == (43_001, 0, 588.5)
     assert altitude.param3 == 0.0
 
 
 @pytest.mark.parametrize(("act", "mode"), [("engage", 15.0), ("hand_back", 12.0)])
-def test_modes_are_set_by_command_with_the_custom_mode_flag(
-    address: Make, parsed: Make, act: str, mode: float
-) -> None:
-    (command,) = sent(parsed, getattr(ArduPlane(address()), act)())
+def test_modes_are_set_by_command_with_the_custom_mode_flag(act, mode):
+    (command,) = sent(getattr(ArduPlane(address()), act)())
     assert command.get_type() == "COMMAND_LONG"
     assert (command.command, command.param1, command.param2, command.param3) == (176, 1, mode, 0)
 
 
 @pytest.mark.parametrize(("rate_hz", "interval_us"), [(20.0, 50_000.0), (30.0, 33_333.0)])
-def test_position_and_airspeed_are_asked_for_at_the_rate(
-    address: Make, parsed: Make, rate_hz: float, interval_us: float
-) -> None:
-    commands = sent(parsed, ArduPlane(address()).request_telemetry(rate_hz))
+def test_position_and_airspeed_are_asked_for_at_the_rate(rate_hz, interval_us):
+    commands = sent(ArduPlane(address()).request_telemetry(rate_hz))
     assert {command.command for command in commands} == {511}
     # 74 is VFR_HUD, 33 GLOBAL_POSITION_INT; twice a second SYS_STATUS, GPS_RAW_INT, BATTERY_STATUS
     # (147) and EKF_STATUS_REPORT.
@@ -95,7 +83,7 @@ def test_position_and_airspeed_are_asked_for_at_the_rate(
     }
 
 
-def test_every_message_is_addressed_to_the_vehicle(address: Make, parsed: Make) -> None:
+def test_every_message_is_addressed_to_the_vehicle():
     plane = ArduPlane(address())
     messages = [
         *plane.fly(asked(1.0, 20.0)),
@@ -105,13 +93,13 @@ def test_every_message_is_addressed_to_the_vehicle(address: Make, parsed: Make) 
         *plane.request_telemetry(20.0),
     ]
     assert len(messages) == 11
-    for message in sent(parsed, messages):
+    for message in sent(messages):
         assert (message.target_system, message.target_component) == (7, 3)
 
 
-def course_on_the_wire(parsed: Make, course: float) -> float:
+def course_on_the_wire(course: float) -> float:
     vehicle = Vehicle(system_id=7, component_id=1, hold="heading-hold", lateral_acceleration=9.8)
-    heading, _ = sent(parsed, ArduPlane(vehicle).fly(asked(course, 20.0)))
+    heading, _ = sent(ArduPlane(vehicle).fly(asked(course, 20.0)))
     degrees: float = heading.param2
     return degrees
 
@@ -131,8 +119,8 @@ def course_on_the_wire(parsed: Make, course: float) -> float:
         (math.radians(359.9996), 0.0),
     ],
 )
-def test_a_course_is_counted_as_a_compass_does(parsed: Make, course: float, degrees: float) -> None:
-    assert course_on_the_wire(parsed, course) == pytest.approx(degrees, abs=3e-5)
+def test_a_course_is_counted_as_a_compass_does(course, degrees):
+    assert course_on_the_wire(course) == pytest.approx(degrees, abs=3e-5)
 
 
 @settings(deadline=None, derandomize=True, max_examples=400)
@@ -140,8 +128,8 @@ def test_a_course_is_counted_as_a_compass_does(parsed: Make, course: float, degr
 @example(course=math.nextafter(2.0 * math.pi, 0.0))
 @example(course=math.radians(359.9995))
 @given(course=st.floats(-1e4, 1e4) | st.floats(-1e-3, 1e-3) | st.floats(6.2831, 6.2832))
-def test_no_course_leaves_the_compass_after_single_precision(parsed: Make, course: float) -> None:
-    degrees = course_on_the_wire(parsed, course)
+def test_no_course_leaves_the_compass_after_single_precision(course):
+    degrees = course_on_the_wire(course)
     assert 0.0 <= degrees < 360.0
     off = math.remainder(math.radians(degrees) - course, 2.0 * math.pi)
     assert abs(math.degrees(off)) < 6e-4

@@ -1,7 +1,5 @@
 import math
 import struct
-from collections.abc import Callable
-from typing import Any
 
 import pytest
 from hypothesis import given, settings
@@ -9,10 +7,9 @@ from hypothesis import strategies as st
 from msgspec.structs import astuple
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from tests.kit.wire import framed, position_report
 from vfguide.mavlink.codec import Codec
 from vfguide.mavlink.reports import PositionReport, Report
-
-Make = Callable[..., Any]
 
 
 def is_finite(report: Report) -> bool:
@@ -50,46 +47,40 @@ HEARD_FRAMES = st.sampled_from(sorted(HEARD)).flatmap(
 @pytest.mark.parametrize(
     ("system_id", "component_id"), [(8, 1), (7, 2), (0, 1), (7, 0), (255, 190)]
 )
-def test_what_another_one_says_is_counted_and_not_delivered(
-    codec: Codec, frame: Make, position: Make, system_id: int, component_id: int
-) -> None:
-    data = frame(position(), system_id=system_id, component_id=component_id)
+def test_what_another_one_says_is_counted_and_not_delivered(codec, system_id, component_id):
+    data = framed(position_report(), system_id=system_id, component_id=component_id)
     assert codec.decode(data) == []
     assert dict(codec.counters) == {"not this vehicle's": 1}
 
 
-def test_a_known_message_that_is_not_listened_to_is_counted(codec: Codec, frame: Make) -> None:
-    assert codec.decode(frame(mavlink.MAVLink_attitude_message(1, 0, 0, 0, 0, 0, 0))) == []
+def test_a_known_message_that_is_not_listened_to_is_counted(codec):
+    assert codec.decode(framed(mavlink.MAVLink_attitude_message(1, 0, 0, 0, 0, 0, 0))) == []
     assert dict(codec.counters) == {"not used": 1}
 
 
-def test_an_unknown_message_id_is_counted_and_not_delivered(codec: Codec) -> None:
+def test_an_unknown_message_id_is_counted_and_not_delivered(codec):
     # Its checksum is never looked at, so neither is anything else in it.
     assert codec.decode(frame_of(0x01_ABCD, b"\x01\x02\x03", 0)) == []
     assert dict(codec.counters) == {"not used": 1}
 
 
-def test_mavlink_1_frames_are_understood(codec: Codec, frame: Make, position: Make) -> None:
-    data = frame(position(vx=2000), version_1=True)
+def test_mavlink_1_frames_are_understood(codec):
+    data = framed(position_report(vx=2000), version_1=True)
     assert data[0] == 0xFE
     (report,) = codec.decode(data)
     assert isinstance(report, PositionReport)
     assert report.velocity_north == pytest.approx(20.0)
 
 
-def test_a_wrong_checksum_is_counted_and_not_delivered(
-    codec: Codec, frame: Make, position: Make
-) -> None:
-    data = bytearray(frame(position()))
+def test_a_wrong_checksum_is_counted_and_not_delivered(codec):
+    data = bytearray(framed(position_report()))
     data[-1] ^= 0xFF
     assert codec.decode(bytes(data)) == []
     assert dict(codec.counters) == {"not MAVLink": 1}
 
 
-def test_no_frame_with_one_bit_flipped_is_delivered(
-    codec: Codec, frame: Make, position: Make
-) -> None:
-    good = frame(position(vx=2000, vy=-300, hdg=4500))
+def test_no_frame_with_one_bit_flipped_is_delivered(codec):
+    good = framed(position_report(vx=2000, vy=-300, hdg=4500))
     for bit in range(8 * len(good)):
         data = bytearray(good)
         data[bit // 8] ^= 1 << bit % 8
@@ -97,10 +88,8 @@ def test_no_frame_with_one_bit_flipped_is_delivered(
     assert len(codec.decode(good)) == 1
 
 
-def test_every_truncated_frame_is_counted_and_forgotten(
-    codec: Codec, frame: Make, position: Make
-) -> None:
-    good = frame(position(vx=2000))
+def test_every_truncated_frame_is_counted_and_forgotten(codec):
+    good = framed(position_report(vx=2000))
     for length in range(1, len(good)):
         before = codec.counters["not MAVLink"]
         assert codec.decode(good[:length]) == []
@@ -110,16 +99,14 @@ def test_every_truncated_frame_is_counted_and_forgotten(
         assert len(codec.decode(good)) == 1
 
 
-def test_an_empty_datagram_is_nothing(codec: Codec) -> None:
+def test_an_empty_datagram_is_nothing(codec):
     assert codec.decode(b"") == []
     assert not codec.counters
 
 
-def test_concatenated_frames_are_delivered_in_order(
-    codec: Codec, frame: Make, position: Make
-) -> None:
+def test_concatenated_frames_are_delivered_in_order(codec):
     times = [1000, 1050, 1100, 1150]
-    reports = codec.decode(b"".join(frame(position(time_boot_ms=time)) for time in times))
+    reports = codec.decode(b"".join(framed(position_report(time_boot_ms=time)) for time in times))
     assert [one.boot_time_s for one in reports if isinstance(one, PositionReport)] == [
         pytest.approx(1.0),
         pytest.approx(1.05),
@@ -128,32 +115,28 @@ def test_concatenated_frames_are_delivered_in_order(
     ]
 
 
-def test_garbage_before_a_frame_in_the_same_datagram_is_skipped(
-    codec: Codec, frame: Make, position: Make
-) -> None:
-    assert len(codec.decode(b"\x00\x01garbage" + frame(position()))) == 1
+def test_garbage_before_a_frame_in_the_same_datagram_is_skipped(codec):
+    assert len(codec.decode(b"\x00\x01garbage" + framed(position_report()))) == 1
     assert dict(codec.counters) == {"not MAVLink": 1}
 
 
 @settings(deadline=None, derandomize=True)
 @given(magic=st.sampled_from([b"\xfd", b"\xfe"]), garbage=st.binary(max_size=40))
-def test_garbage_does_not_swallow_the_next_datagram(
-    frame: Make, position: Make, magic: bytes, garbage: bytes
-) -> None:
+def test_garbage_does_not_swallow_the_next_datagram(magic, garbage):
     codec = Codec(7, 1)
     codec.decode(magic + garbage)
-    assert len(codec.decode(frame(position()))) == 1
+    assert len(codec.decode(framed(position_report()))) == 1
 
 
 @settings(deadline=None, derandomize=True, max_examples=300)
 @given(data=st.binary(max_size=400))
-def test_random_bytes_deliver_nothing_and_never_raise(data: bytes) -> None:
+def test_random_bytes_deliver_nothing_and_never_raise(data):
     assert Codec(7, 1).decode(data) == []
 
 
 @settings(deadline=None, derandomize=True, max_examples=300)
 @given(frames=st.lists(HEARD_FRAMES, min_size=1, max_size=4))
-def test_no_content_of_a_sound_frame_makes_a_report_that_is_not_finite(frames: list[bytes]) -> None:
+def test_no_content_of_a_sound_frame_makes_a_report_that_is_not_finite(frames):
     codec = Codec(7, 1)
     reports = codec.decode(b"".join(frames))
     assert all(is_finite(report) for report in reports)
@@ -165,7 +148,7 @@ def test_no_content_of_a_sound_frame_makes_a_report_that_is_not_finite(frames: l
     frames=st.lists(HEARD_FRAMES, min_size=1, max_size=3),
     changes=st.lists(st.tuples(st.integers(0, 500), st.integers(1, 255)), min_size=1, max_size=5),
 )
-def test_mutated_frames_never_raise(frames: list[bytes], changes: list[tuple[int, int]]) -> None:
+def test_mutated_frames_never_raise(frames, changes):
     data = bytearray(b"".join(frames))
     for place, change in changes:
         data[place % len(data)] ^= change

@@ -3,6 +3,7 @@ from typing import Any
 
 import pytest
 
+from tests.kit.autopilot import address
 from vfguide.mavlink.adapter import AutopilotSetpoint
 from vfguide.mavlink.ardupilot import ArduPlane
 from vfguide.mavlink.detected import DetectedAutopilot
@@ -23,7 +24,7 @@ ARDUPILOT, PX4, PAPARAZZI = 3, 12, 9
 GUIDED, OFFBOARD = 15, 6 << 16
 
 
-def test_an_autopilot_that_was_not_heard_is_told_nothing(address: Make) -> None:
+def test_an_autopilot_that_was_not_heard_is_told_nothing():
     adapter = DetectedAutopilot(address())
     assert not adapter.is_ready
     assert adapter.questions() == []
@@ -34,7 +35,7 @@ def test_an_autopilot_that_was_not_heard_is_told_nothing(address: Make) -> None:
 
 
 @pytest.mark.parametrize(("number", "kind"), [(ARDUPILOT, ArduPlane), (PX4, Px4)])
-def test_the_heartbeat_tells_how_to_speak(address: Make, number: int, kind: Make) -> None:
+def test_the_heartbeat_tells_how_to_speak(number, kind):
     adapter, known = DetectedAutopilot(address()), kind(address())
     assert adapter.recognise(number) is None
     for act in ("engage", "hand_back"):
@@ -52,7 +53,7 @@ def test_the_heartbeat_tells_how_to_speak(address: Make, number: int, kind: Make
     assert adapter.keep_alive_s == known.keep_alive_s
 
 
-def test_it_hears_the_version_of_what_was_found(address: Make) -> None:
+def test_it_hears_the_version_of_what_was_found():
     adapter = DetectedAutopilot(address(px4_steering="auto"))
     adapter.recognise(PX4)
     assert not adapter.is_ready
@@ -62,22 +63,20 @@ def test_it_hears_the_version_of_what_was_found(address: Make) -> None:
     assert adapter.counts_ground_stations
 
 
-def test_it_stays_with_the_first_autopilot(address: Make) -> None:
+def test_it_stays_with_the_first_autopilot():
     adapter = DetectedAutopilot(address())
     adapter.recognise(ARDUPILOT)
     assert "the mission says ArduPilot and the vehicle is PX4" in str(adapter.recognise(PX4))
     assert adapter.is_engaged(GUIDED)
 
 
-def test_an_autopilot_that_is_not_spoken_here_is_told_so(address: Make) -> None:
+def test_an_autopilot_that_is_not_spoken_here_is_told_so():
     complaint = DetectedAutopilot(address()).recognise(PAPARAZZI)
     assert complaint == ("the vehicle is autopilot number 9, which is not spoken here: not steered")
 
 
 @pytest.mark.parametrize(("kind", "other"), [(ArduPlane, PX4), (Px4, ARDUPILOT)])
-def test_another_autopilot_than_the_missions_is_told_in_words(
-    address: Make, kind: Make, other: int
-) -> None:
+def test_another_autopilot_than_the_missions_is_told_in_words(kind, other):
     complaint = str(kind(address()).recognise(other))
     assert "ArduPilot" in complaint
     assert "PX4" in complaint

@@ -1,16 +1,12 @@
-from collections.abc import Callable
-from typing import Any
-
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from tests.kit.wire import framed, position_report
 from vfguide.mavlink.datagram import UdpPeer
 from vfguide.mavlink.framing import ConnectionSigning, Frame, Introduction, frames_of
 from vfguide.mavlink.framing import frames_of as frames
-
-Make = Callable[..., Any]
 
 BODIES = st.binary(max_size=255)
 
@@ -35,59 +31,57 @@ def signed_by(data: bytes) -> bytes:
     return data[:2] + b"\x01" + data[3:] + b"S" * 13
 
 
-def test_headers_are_read(frame: Make) -> None:
+def test_headers_are_read():
     message = mavlink.MAVLink_wind_message(10.0, 5.0, 0.0)
-    new = frame(message, system_id=200, component_id=34)
-    old = frame(message, system_id=201, component_id=35, version_1=True)
+    new = framed(message, system_id=200, component_id=34)
+    old = framed(message, system_id=201, component_id=35, version_1=True)
     assert list(frames_of(new + old)) == [Frame(168, 200, 34, new), Frame(168, 201, 35, old)]
 
 
-def test_message_numbers_have_three_bytes(frame: Make) -> None:
-    data = frame(mavlink.MAVLink_cubepilot_raw_rc_message(b"\x01" * 32))
+def test_message_numbers_have_three_bytes():
+    data = framed(mavlink.MAVLink_cubepilot_raw_rc_message(b"\x01" * 32))
     (found,) = frames_of(data)
     assert found == Frame(50_001, 7, 1, data)
 
 
-def test_a_signature_belongs_to_its_frame(frame: Make, position: Make) -> None:
-    plain = frame(position())
+def test_a_signature_belongs_to_its_frame():
+    plain = framed(position_report())
     signed = signed_by(plain)
     assert [one and one.content for one in frames_of(signed + plain)] == [signed, plain]
 
 
 @pytest.mark.parametrize("flags", [0x02, 0x03, 0x80, 0xFF])
-def test_a_frame_with_unknown_flags_is_dropped(frame: Make, position: Make, flags: int) -> None:
-    plain = frame(position(lat=0, lon=0, alt=0))
+def test_a_frame_with_unknown_flags_is_dropped(flags):
+    plain = framed(position_report(lat=0, lon=0, alt=0))
     strange = plain[:2] + bytes([flags]) + plain[3:]
     assert [one and one.content for one in frames_of(strange + plain)] == [None, plain]
 
 
-def test_garbage_is_one_stretch_up_to_the_next_frame(frame: Make, position: Make) -> None:
-    plain = frame(position())
+def test_garbage_is_one_stretch_up_to_the_next_frame():
+    plain = framed(position_report())
     found = [one and one.content for one in frames_of(b"garbage" + plain + b"more")]
     assert found == [None, plain, None]
 
 
-def test_a_magic_byte_in_garbage_does_not_swallow_the_frame_behind_it(
-    frame: Make, position: Make
-) -> None:
-    plain = frame(position())
+def test_a_magic_byte_in_garbage_does_not_swallow_the_frame_behind_it():
+    plain = framed(position_report())
     for garbage in (b"\xfd", b"\xfe\xff", b"\xfd\xff\x00"):
         assert [one.content for one in frames_of(garbage + plain) if one] == [plain]
 
 
-def test_no_bytes_hold_no_frames() -> None:
+def test_no_bytes_hold_no_frames():
     assert list(frames_of(b"")) == []
 
 
 @settings(deadline=None, derandomize=True)
 @given(frames=st.lists(FRAMES_1 | FRAMES_2, max_size=5))
-def test_whole_frames_come_apart_as_they_were_put_together(frames: list[bytes]) -> None:
+def test_whole_frames_come_apart_as_they_were_put_together(frames):
     assert [one and one.content for one in frames_of(b"".join(frames))] == frames
 
 
 @settings(deadline=None, derandomize=True, max_examples=300)
 @given(pieces=st.lists(st.binary(max_size=30) | FRAMES_1 | st.just(b"\xfd"), max_size=8))
-def test_frames_are_stretches_of_the_datagram_in_order(pieces: list[bytes]) -> None:
+def test_frames_are_stretches_of_the_datagram_in_order(pieces):
     datagram = b"".join(pieces)
     place = 0
     for found in frames_of(datagram):
@@ -118,7 +112,7 @@ def peer_of(introduction: Introduction) -> UdpPeer:
     return UdpPeer(introduces=introduction.is_given_by, silence_s=introduction.silence_s)
 
 
-def test_only_the_heartbeat_of_the_expected_autopilot_introduces() -> None:
+def test_only_the_heartbeat_of_the_expected_autopilot_introduces():
     introduction = Introduction(7, 1)
     assert introduction.is_given_by(heartbeat())
     assert introduction.is_given_by(position() + heartbeat())
@@ -129,9 +123,7 @@ def test_only_the_heartbeat_of_the_expected_autopilot_introduces() -> None:
         assert not introduction.is_given_by(other)
 
 
-def test_whatever_a_stranger_sends_after_a_second_of_silence_it_does_not_get_the_setpoints() -> (
-    None
-):
+def test_whatever_a_stranger_sends_after_a_second_of_silence_it_does_not_get_the_setpoints():
     peer = peer_of(Introduction(7, 1))
     assert peer.admits(OWN, heartbeat(), 0.0)
     for datagram in (position(), heartbeat(), heartbeat(8), b"\xfd rest"):
@@ -140,7 +132,7 @@ def test_whatever_a_stranger_sends_after_a_second_of_silence_it_does_not_get_the
     assert peer.admits(OWN, position(), 1.6)
 
 
-def test_a_router_that_is_started_anew_is_the_peer_after_ten_seconds_of_silence() -> None:
+def test_a_router_that_is_started_anew_is_the_peer_after_ten_seconds_of_silence():
     peer = peer_of(Introduction(7, 1))
     peer.admits(OWN, heartbeat(), 0.0)
     assert not peer.admits(STRANGER, heartbeat(), 9.9)
@@ -151,7 +143,7 @@ def test_a_router_that_is_started_anew_is_the_peer_after_ten_seconds_of_silence(
     assert not peer.admits(OWN, heartbeat(), 10.3)
 
 
-def test_on_a_signed_connection_the_introduction_is_signed_and_a_second_is_enough() -> None:
+def test_on_a_signed_connection_the_introduction_is_signed_and_a_second_is_enough():
     introduction = Introduction(7, 1, signing=ConnectionSigning(KEY, lambda: NOW_S))
     peer = peer_of(introduction)
     assert not peer.admits(STRANGER, heartbeat(), 0.0)
@@ -160,7 +152,7 @@ def test_on_a_signed_connection_the_introduction_is_signed_and_a_second_is_enoug
     assert peer.admits(STRANGER, heartbeat(signed_s=NOW_S + 20.0), 20.0)
 
 
-def test_a_recorded_introduction_is_worth_nothing_once_its_original_was_heard() -> None:
+def test_a_recorded_introduction_is_worth_nothing_once_its_original_was_heard():
     signing = ConnectionSigning(KEY, lambda: NOW_S)
     peer = peer_of(Introduction(7, 1, signing=signing))
     original = heartbeat(signed_s=NOW_S)
@@ -170,7 +162,7 @@ def test_a_recorded_introduction_is_worth_nothing_once_its_original_was_heard() 
     assert not peer.admits(STRANGER, original, 20.0)
 
 
-def test_a_companion_at_the_port_of_another_vehicle_says_so() -> None:
+def test_a_companion_at_the_port_of_another_vehicle_says_so():
     introduction = Introduction(1, 1)
     assert introduction.complaint() is None
     assert not introduction.is_given_by(heartbeat(7))

@@ -2,16 +2,14 @@
 
 import json
 import math
-from collections.abc import Callable
-from typing import Any
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from tests.kit.autopilot import address
 from vfguide.mavlink.adapter import AutopilotSetpoint
-from vfguide.mavlink.codec import Codec
 from vfguide.mavlink.mavsdk import (
     HEARD,
     direct_message,
@@ -30,8 +28,6 @@ from vfguide.mavlink.reports import (
     TextReport,
     VersionReport,
 )
-
-Make = Callable[..., Any]
 
 
 def asked(course: float, speed: float) -> AutopilotSetpoint:
@@ -61,7 +57,7 @@ def frame_of(name: str, fields_json: str) -> bytes:
     return bytes(message.pack(mavlink.MAVLink(None, srcSystem=7, srcComponent=1)))
 
 
-def test_a_position_arrives_as_it_was_sent(codec: Codec) -> None:
+def test_a_position_arrives_as_it_was_sent(codec):
     (report,) = codec.decode(frame_of("GLOBAL_POSITION_INT", POSITION))
     assert isinstance(report, PositionReport)
     assert report.boot_time_s == 2.0
@@ -80,20 +76,18 @@ def test_a_position_arrives_as_it_was_sent(codec: Codec) -> None:
         ("VFR_HUD", {"airspeed": 20.5, "alt": 588.0, "climb": None}, AirspeedReport),
     ],
 )
-def test_what_companions_listen_to_becomes_frames_again(
-    codec: Codec, name: str, fields: dict[str, object], kind: type
-) -> None:
+def test_what_companions_listen_to_becomes_frames_again(codec, name, fields, kind):
     filled = dict.fromkeys(HEARD[name].fieldnames, 0) | fields
     (report,) = codec.decode(frame_of(name, json.dumps(filled)))
     assert isinstance(report, kind)
 
 
 @given(name=st.sampled_from(sorted(HEARD)), text=st.text() | st.just('{"lat": "x"}'))
-def test_what_is_no_message_is_none(name: str, text: str) -> None:
+def test_what_is_no_message_is_none(name, text):
     assert message_of(name, text) is None
 
 
-def test_a_setpoint_becomes_mavsdks_velocity(address: Make) -> None:
+def test_a_setpoint_becomes_mavsdks_velocity():
     setpoint, _ = Px4(address(px4_steering="velocity")).fly(asked(2.0, 20.0))
     velocity = velocity_of(setpoint)
     assert (velocity.north_m_s, velocity.east_m_s) == pytest.approx((-8.3229, 18.1859), abs=1e-4)
@@ -101,7 +95,7 @@ def test_a_setpoint_becomes_mavsdks_velocity(address: Make) -> None:
     assert velocity.yaw_deg == pytest.approx(114.5916, abs=1e-4)
 
 
-def test_a_position_becomes_mavsdks_above_sea_level(address: Make) -> None:
+def test_a_position_becomes_mavsdks_above_sea_level():
     setpoint, _ = Px4(address(px4_steering="position")).fly(asked(0.0, 20.0))
     position = position_of(setpoint)
     # 1500 m north: the meridian's radius at 47 degrees is 6 369 700 m.
@@ -111,7 +105,7 @@ def test_a_position_becomes_mavsdks_above_sea_level(address: Make) -> None:
     assert position.altitude_type.name == "AMSL"
 
 
-def test_modes_are_recognised_and_speeds_are_none(address: Make) -> None:
+def test_modes_are_recognised_and_speeds_are_none():
     for steering, mode in (("guided-course", (4, 19)), ("position", (6, 0))):
         plane = Px4(address(px4_steering=steering))
         assert [wanted_mode(message) for message in plane.engage()] == [mode]
@@ -119,7 +113,7 @@ def test_modes_are_recognised_and_speeds_are_none(address: Make) -> None:
     assert [wanted_mode(message) for message in plane.fly(asked(1.0, 20.0))] == [None, None]
 
 
-def test_everything_else_goes_through_with_all_its_fields(address: Make) -> None:
+def test_everything_else_goes_through_with_all_its_fields():
     _, speed = Px4(address()).fly(asked(1.0, 20.5))
     direct = direct_message(speed)
     fields = json.loads(direct.fields_json)

@@ -14,6 +14,7 @@ from mavsdk import MavsdkError
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 import vfguide.mavlink.mavsdk
+from tests.kit.sockets import until
 from vfguide.errors import InputError
 from vfguide.mavlink.adapter import AutopilotSetpoint, Vehicle
 from vfguide.mavlink.address import parse_address
@@ -22,15 +23,7 @@ from vfguide.mavlink.connection import Connection, open_connection
 from vfguide.mavlink.mavsdk import DEAF_S, Plugins
 from vfguide.mavlink.px4 import Px4
 
-PATIENCE_S = 20.0
-
 OFFBOARD = 6 << 16
-
-
-async def until(condition: Callable[[], object]) -> None:
-    async with asyncio.timeout(PATIENCE_S):
-        while not condition():
-            await asyncio.sleep(0.002)
 
 
 @dataclass(slots=True)
@@ -137,13 +130,11 @@ def during(
 
 @pytest.mark.parametrize("fails_at", ["open", "search", "plugins", "subscribe"])
 @pytest.mark.parametrize("error", [MavsdkError("x"), RuntimeError("x"), OSError(5, "x")])
-def test_a_mavsdk_that_fails_is_followed_by_another(
-    lives: Lives, fails_at: str, error: Exception
-) -> None:
+def test_a_mavsdk_that_fails_is_followed_by_another(lives, fails_at, error):
     begun = lives(Life(fails_at, error), Life())
     heard: list[bytes] = []
 
-    async def test(made: Connection) -> None:
+    async def test(made):
         await until(lambda: made.connected)
         assert len(begun) == made.counters["tries"] == 2
         begun[1].beat()
@@ -153,9 +144,7 @@ def test_a_mavsdk_that_fails_is_followed_by_another(
     assert len(Codec(7, 1).decode(heard[0])) == 1
 
 
-def test_a_mavsdk_that_fails_in_flight_is_followed_by_another(
-    lives: Lives, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_mavsdk_that_fails_in_flight_is_followed_by_another(lives, monkeypatch):
     monkeypatch.setattr(vfguide.mavlink.mavsdk, "SILENCE_S", 0.0)
     begun = lives(Life("watch", RuntimeError("has been destroyed")), Life())
     vehicle = Vehicle(
@@ -170,7 +159,7 @@ def test_a_mavsdk_that_fails_in_flight_is_followed_by_another(
     )
     velocity = Codec(7, 1).encode(Px4(vehicle).stay_ready(setpoint))
 
-    async def test(made: Connection) -> None:
+    async def test(made):
         await until(lambda: made.connected)
         begun[0].beat(OFFBOARD)
         await asyncio.sleep(0)
@@ -183,22 +172,20 @@ def test_a_mavsdk_that_fails_in_flight_is_followed_by_another(
 
 
 def test_it_waits_as_every_connection_does_and_anew_after_each_success(
-    lives: Lives, failures: list[int], monkeypatch: pytest.MonkeyPatch
-) -> None:
+    lives, failures, monkeypatch
+):
     monkeypatch.setattr(vfguide.mavlink.mavsdk, "DEAF_S", 0.0)
     # The third hears an autopilot for a moment.
     lives(Life("open"), Life("search"), Life(), Life("open"), Life("subscribe"))
 
-    async def test(_made: Connection) -> None:
+    async def test(_made):
         await until(lambda: len(failures) >= 5)
 
     during(test)
     assert failures[:5] == [1, 2, 1, 2, 3]
 
 
-def test_a_mavsdk_that_hears_nothing_any_more_is_followed_by_another(
-    lives: Lives, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_mavsdk_that_hears_nothing_any_more_is_followed_by_another(lives, monkeypatch):
     looks, now = [0], [100.0]
 
     def monotonic() -> float:
@@ -212,7 +199,7 @@ def test_a_mavsdk_that_hears_nothing_any_more_is_followed_by_another(
         seen = looks[0]
         await until(lambda: looks[0] >= seen + 10)
 
-    async def test(made: Connection) -> None:
+    async def test(made):
         await until(lambda: made.connected)
         now[0] += DEAF_S - 0.1
         begun[0].beat()
@@ -228,24 +215,22 @@ def test_a_mavsdk_that_hears_nothing_any_more_is_followed_by_another(
     during(test)
 
 
-def test_an_address_that_will_not_do_is_told_before_anything_flies(lives: Lives) -> None:
+def test_an_address_that_will_not_do_is_told_before_anything_flies(lives):
     lives(Life("open", InputError("MAVLink address x: MAVSDK says CONNECTION_URL_INVALID")))
 
-    async def test(_made: Connection) -> None:
+    async def test(_made):
         pytest.fail("it was opened")
 
     with pytest.raises(InputError, match="CONNECTION_URL_INVALID"):
         during(test)
 
 
-def test_an_address_that_was_good_is_tried_again(
-    lives: Lives, failures: list[int], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_address_that_was_good_is_tried_again(lives, failures, monkeypatch):
     monkeypatch.setattr(vfguide.mavlink.mavsdk, "DEAF_S", 0.0)
     taken = Life("open", InputError("MAVLink address x: MAVSDK says BIND_ERROR"))
     begun = lives(Life(), taken)
 
-    async def test(_made: Connection) -> None:
+    async def test(_made):
         await until(lambda: len(begun) >= 3)
 
     during(test)

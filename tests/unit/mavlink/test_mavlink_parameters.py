@@ -1,7 +1,5 @@
 import math
 import struct
-from collections.abc import Callable
-from typing import Any
 
 import pytest
 from hypothesis import given
@@ -9,14 +7,14 @@ from hypothesis import strategies as st
 from msgspec.structs import replace
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from tests.kit.autopilot import address
+from tests.kit.wire import framed, parsed
 from vfguide.mavlink.ardupilot import NAMES, arduplane_faults, arduplane_warnings
 from vfguide.mavlink.codec import Codec
 from vfguide.mavlink.parameters import FlightNeeds, request_parameters
 from vfguide.mavlink.px4 import Px4
 from vfguide.mavlink.px4_parameters import px4_faults, px4_warnings
 from vfguide.mavlink.reports import ParameterReport
-
-Make = Callable[..., Any]
 
 NEEDS = FlightNeeds(
     airspeed_min=14.0,
@@ -64,16 +62,14 @@ FITTING_PX4 = {
 @pytest.mark.parametrize(
     ("alpha", "warned"), [(0.3, True), (0.45, False), (1.4, False), (1.5, True)]
 )
-def test_a_vehicle_that_slips_may_turn_half_as_fast_as_its_bank_says(
-    alpha: float, *, warned: bool
-) -> None:
+def test_a_vehicle_that_slips_may_turn_half_as_fast_as_its_bank_says(alpha, warned):
     # 12000 cdeg/rad at 20 m/s are 1.027 1/s, half of it 0.514: 0.395 and 1.467 are the bounds.
     needs = replace(NEEDS, alpha=alpha, slips=True)
     warnings = arduplane_warnings(FITTING_ARDUPLANE, needs)
     assert any("gives alpha 1.03" in warning for warning in warnings) is warned
 
 
-def test_parameters_that_fit_bring_no_warning() -> None:
+def test_parameters_that_fit_bring_no_warning():
     assert arduplane_warnings(FITTING_ARDUPLANE, NEEDS) == []
     assert px4_warnings(FITTING_PX4, NEEDS, None) == []
 
@@ -100,9 +96,7 @@ def test_parameters_that_fit_bring_no_warning() -> None:
         ),
     ],
 )
-def test_what_does_not_fit_arduplane_is_told_in_words(
-    changes: dict[str, float], words: str
-) -> None:
+def test_what_does_not_fit_arduplane_is_told_in_words(changes, words):
     warnings = arduplane_warnings(FITTING_ARDUPLANE | changes, NEEDS)
     assert any(words in warning for warning in warnings)
 
@@ -121,9 +115,7 @@ def test_what_does_not_fit_arduplane_is_told_in_words(
         ({"TECS_TIME_CONST": 5.0}, False),
     ],
 )
-def test_what_is_unsafe_or_not_flown_speaks_against_taking_off(
-    changes: dict[str, float], *, speaks_against: bool
-) -> None:
+def test_what_is_unsafe_or_not_flown_speaks_against_taking_off(changes, speaks_against):
     faults = arduplane_faults(FITTING_ARDUPLANE | changes, NEEDS)
     warnings = arduplane_warnings(FITTING_ARDUPLANE | changes, NEEDS)
     assert warnings
@@ -131,7 +123,7 @@ def test_what_is_unsafe_or_not_flown_speaks_against_taking_off(
     assert set(faults) <= set(warnings)
 
 
-def test_of_px4_only_the_course_s_quickness_does_not() -> None:
+def test_of_px4_only_the_course_s_quickness_does_not():
     for changes in ({"NAV_DLL_ACT": 0.0}, {"COM_OF_LOSS_T": 30.0}, {"FW_R_LIM": 40.0}):
         assert px4_faults(FITTING_PX4 | changes, NEEDS, None)
     assert px4_faults(FITTING_PX4 | {"NPFG_PERIOD": 20.0}, NEEDS, None) == []
@@ -150,15 +142,15 @@ def test_of_px4_only_the_course_s_quickness_does_not() -> None:
     ],
 )
 def test_what_a_tecs_lets_the_speed_rise_by_is_told_where_the_mission_counts_on_more(
-    climb: float, counted_on: float, words: str | None
-) -> None:
+    climb, counted_on, words
+):
     needs = replace(NEEDS, max_acceleration=counted_on)
     warnings = arduplane_warnings(FITTING_ARDUPLANE | {"TECS_CLMB_MAX": climb}, needs)
     assert [words in warning for warning in warnings if words is not None] == [True] * bool(words)
     assert bool(warnings) is bool(words)
 
 
-def test_the_names_before_version_4_5_are_understood() -> None:
+def test_the_names_before_version_4_5_are_understood():
     old = {"ARSPD_FBW_MIN": 15.0, "ARSPD_FBW_MAX": 30.0, "LIM_ROLL_CD": 3000.0}
     first, second = arduplane_warnings(old, NEEDS)
     assert "ARSPD_FBW_MIN is 15" in first
@@ -185,7 +177,7 @@ def test_the_names_before_version_4_5_are_understood() -> None:
         ({"FW_THR_ASPD_MIN": 0.0}, "half of a new airspeed comes within 2 s"),
     ],
 )
-def test_what_does_not_fit_px4_is_told_in_words(changes: dict[str, float], words: str) -> None:
+def test_what_does_not_fit_px4_is_told_in_words(changes, words):
     warnings = px4_warnings(FITTING_PX4 | changes, NEEDS, None)
     assert [words in warning for warning in warnings] == [True]
 
@@ -194,34 +186,32 @@ def test_what_does_not_fit_px4_is_told_in_words(changes: dict[str, float], words
     ("stops_by", "named"),
     [("NAV_DLL_ACT", "NAV_DLL_ACT"), ("COM_OBL_RC_ACT", "COM_OBL_RC_ACT")],
 )
-def test_only_the_fail_safe_that_acts_is_spoken_of(stops_by: str, named: str) -> None:
+def test_only_the_fail_safe_that_acts_is_spoken_of(stops_by, named):
     changes = {"NAV_DLL_ACT": 0.0, "COM_OBL_RC_ACT": 0.0}
     (warning,) = px4_warnings(FITTING_PX4 | changes, NEEDS, stops_by)
     assert warning.startswith(named)
 
 
-def test_parameters_that_are_not_known_bring_no_warning() -> None:
+def test_parameters_that_are_not_known_bring_no_warning():
     assert arduplane_warnings({}, NEEDS) == px4_warnings({}, NEEDS, None) == []
 
 
 @given(st.dictionaries(st.sampled_from(NAMES), st.floats(allow_nan=False, allow_infinity=False)))
-def test_any_values_are_borne(values: dict[str, float]) -> None:
+def test_any_values_are_borne(values):
     assert all(isinstance(line, str) for line in arduplane_warnings(values, NEEDS))
 
 
-def test_parameters_are_asked_for_by_name(parsed: Make) -> None:
+def test_parameters_are_asked_for_by_name():
     (message,) = parsed(Codec(7, 1).encode(request_parameters(7, 3, ["GUIDED_P"])))
     assert (message.target_system, message.target_component) == (7, 3)
     assert (message.param_id, message.param_index) == ("GUIDED_P", -1)
 
 
-def test_arduplanes_numbers_are_real_and_px4s_whole_ones_are_bytes(
-    codec: Codec, frame: Make, address: Make
-) -> None:
+def test_arduplanes_numbers_are_real_and_px4s_whole_ones_are_bytes(codec):
     as_bytes = struct.unpack("<f", struct.pack("<i", 5))[0]
     real = mavlink.MAVLink_param_value_message(b"FW_R_LIM", 50.0, 9, 1, 0)
     whole = mavlink.MAVLink_param_value_message(b"COM_OBL_RC_ACT", as_bytes, 6, 1, 0)
-    reports = codec.decode(frame(real) + frame(whole))
+    reports = codec.decode(framed(real) + framed(whole))
     px4 = Px4(address())
     values = [
         (report.name, px4.parameter_value(report))
@@ -232,7 +222,7 @@ def test_arduplanes_numbers_are_real_and_px4s_whole_ones_are_bytes(
 
 
 @given(value=st.floats(width=32), kind=st.integers(0, 255), name=st.binary(max_size=16))
-def test_no_parameter_value_is_too_strange(value: float, kind: int, name: bytes) -> None:
+def test_no_parameter_value_is_too_strange(value, kind, name):
     message = mavlink.MAVLink_param_value_message(name, value, kind, 1, 0)
     sender = mavlink.MAVLink(None, srcSystem=7, srcComponent=1)
     for report in Codec(7, 1).decode(message.pack(sender)):

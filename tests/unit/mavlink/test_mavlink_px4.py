@@ -1,5 +1,4 @@
 import math
-from collections.abc import Callable
 from typing import Any
 
 import pytest
@@ -8,14 +7,13 @@ from hypothesis import strategies as st
 from msgspec.structs import replace
 from pymap3d.vincenty import vdist
 
+from tests.kit.autopilot import address
+from tests.kit.wire import parsed
 from vfguide.mavlink.adapter import AutopilotSetpoint, Vehicle
 from vfguide.mavlink.codec import Codec
 from vfguide.mavlink.px4 import Px4, Px4ByMavsdk
 from vfguide.mavlink.px4_steering import point_ahead
 from vfguide.mavlink.reports import CommandReport, VersionReport
-from vfguide.state import Hold
-
-Make = Callable[..., Any]
 
 GUIDED_COURSE, OFFBOARD, LOITER = 4 << 16 | 19 << 24, 6 << 16, 4 << 16 | 3 << 24
 SET_MODE, ACCEPTED, REJECTED = 176, 0, 1
@@ -28,13 +26,13 @@ def asked(course: float, speed: float) -> AutopilotSetpoint:
     )
 
 
-def sent(parsed: Make, messages: list[Any]) -> list[Any]:
+def sent(messages: list[Any]) -> list[Any]:
     """The messages as the other side reads them."""
     received: list[Any] = parsed(Codec(7, 3).encode(messages))
     return received
 
 
-def of_version(address: Make, major: int, minor: int) -> Px4:
+def of_version(major: int, minor: int) -> Px4:
     """One that has told its version."""
     plane = Px4(address(px4_steering="auto"))
     plane.hear(VersionReport(major=major, minor=minor))
@@ -54,9 +52,7 @@ def of_version(address: Make, major: int, minor: int) -> Px4:
         ((0, 0), OFFBOARD, "by positions ahead in offboard"),
     ],
 )
-def test_the_version_tells_how_it_is_steered(
-    address: Make, version: tuple[int, int], mode: int, words: str
-) -> None:
+def test_the_version_tells_how_it_is_steered(version, mode, words):
     plane = Px4(address(px4_steering="auto"))
     assert not plane.is_ready
     told = plane.hear(VersionReport(major=version[0], minor=version[1]))
@@ -68,34 +64,30 @@ def test_the_version_tells_how_it_is_steered(
 @pytest.mark.parametrize(
     ("minor", "parameter"), [(18, "NAV_DLL_ACT decides"), (16, "COM_OBL_RC_ACT decides")]
 )
-def test_it_is_told_what_stops_an_aircraft_whose_companion_dies(
-    address: Make, minor: int, parameter: str
-) -> None:
+def test_it_is_told_what_stops_an_aircraft_whose_companion_dies(minor, parameter):
     told = Px4(address(px4_steering="auto")).hear(VersionReport(major=1, minor=minor))
     assert parameter in str(told)
 
 
 @pytest.mark.parametrize(("minor", "repeats"), [(18, False), (16, True)])
-def test_of_a_companion_that_hangs_mavsdk_repeats_the_setpoints_of_offboard(
-    address: Make, minor: int, repeats: bool
-) -> None:
+def test_of_a_companion_that_hangs_mavsdk_repeats_the_setpoints_of_offboard(minor, repeats):
     version = VersionReport(major=1, minor=minor)
     told = Px4ByMavsdk(address(px4_steering="auto")).hear(version)
     assert ("not while it hangs" in str(told)) is repeats
 
 
-def test_before_its_version_is_known_nothing_is_steered(address: Make, parsed: Make) -> None:
+def test_before_its_version_is_known_nothing_is_steered():
     plane = Px4(address(px4_steering="auto"))
     assert plane.fly(asked(1.0, 20.0)) == plane.stay_ready(asked(1.0, 20.0)) == []
     assert plane.engage() == plane.hold_altitude(588.0) == []
     assert not plane.is_engaged(GUIDED_COURSE)
     assert not plane.is_engaged(OFFBOARD)
-    (question,) = sent(parsed, plane.questions())
+    (question,) = sent(plane.questions())
     # MAV_CMD_REQUEST_MESSAGE, AUTOPILOT_VERSION.
     assert (question.command, question.param1) == (512, 148)
 
 
-def test_one_that_does_not_tell_its_version_is_steered_by_positions(address: Make) -> None:
+def test_one_that_does_not_tell_its_version_is_steered_by_positions():
     plane = Px4(address(px4_steering="auto"))
     asked_for = [len(plane.questions()) for _ in range(6)]
     assert asked_for == [1, 1, 1, 1, 0, 0]
@@ -103,10 +95,8 @@ def test_one_that_does_not_tell_its_version_is_steered_by_positions(address: Mak
     assert plane.holds_altitude
 
 
-def test_one_that_refuses_guided_course_three_times_is_steered_by_positions(
-    address: Make,
-) -> None:
-    plane = of_version(address, 1, 18)
+def test_one_that_refuses_guided_course_three_times_is_steered_by_positions():
+    plane = of_version(1, 18)
 
     def refused(result: int = REJECTED) -> str | None:
         plane.engage()
@@ -121,8 +111,8 @@ def test_one_that_refuses_guided_course_three_times_is_steered_by_positions(
     assert plane.is_engaged(OFFBOARD)
 
 
-def test_answers_that_it_did_not_ask_for_do_not_change_its_steering(address: Make) -> None:
-    plane = of_version(address, 1, 18)
+def test_answers_that_it_did_not_ask_for_do_not_change_its_steering():
+    plane = of_version(1, 18)
     refusal = CommandReport(command=SET_MODE, result=REJECTED)
     plane.engage()
     for _ in range(9):
@@ -134,7 +124,7 @@ def test_answers_that_it_did_not_ask_for_do_not_change_its_steering(address: Mak
 
 
 @pytest.mark.parametrize("steering", ["guided-course", "position", "velocity"])
-def test_a_way_that_the_mission_chooses_stays(address: Make, steering: str) -> None:
+def test_a_way_that_the_mission_chooses_stays(steering):
     plane = Px4(address(px4_steering=steering))
     assert plane.is_ready
     assert plane.questions() == []
@@ -161,9 +151,7 @@ def test_a_way_that_the_mission_chooses_stays(address: Make, steering: str) -> N
         (2**32 - 1, False),
     ],
 )
-def test_offboard_is_told_by_the_main_mode_alone(
-    address: Make, custom_mode: int, engaged: bool
-) -> None:
+def test_offboard_is_told_by_the_main_mode_alone(custom_mode, engaged):
     assert Px4(address(px4_steering="position")).is_engaged(custom_mode) is engaged
 
 
@@ -171,9 +159,7 @@ def test_offboard_is_told_by_the_main_mode_alone(
     ("custom_mode", "engaged"),
     [(GUIDED_COURSE, True), (LOITER, False), (6 << 16 | 19 << 24, False), (OFFBOARD, False)],
 )
-def test_guided_course_is_told_by_main_and_sub_mode(
-    address: Make, custom_mode: int, engaged: bool
-) -> None:
+def test_guided_course_is_told_by_main_and_sub_mode(custom_mode, engaged):
     assert Px4(address()).is_engaged(custom_mode) is engaged
 
 
@@ -185,9 +171,7 @@ def test_guided_course_is_told_by_main_and_sub_mode(
         ("velocity", True, False, False),
     ],
 )
-def test_what_each_way_needs_and_holds(
-    address: Make, steering: str, *, streams: bool, counts: bool, holds: bool
-) -> None:
+def test_what_each_way_needs_and_holds(steering, streams, counts, holds):
     plane = Px4(address(px4_steering=steering))
     assert plane.streams_before_engaging is streams
     assert plane.counts_ground_stations is counts
@@ -195,25 +179,21 @@ def test_what_each_way_needs_and_holds(
 
 
 @pytest.mark.parametrize(("course", "degrees"), [(-1.0, 302.704), (150.0, 314.367), (0.0, 0.0)])
-def test_guided_course_takes_a_course_over_ground_in_degrees(
-    address: Make, parsed: Make, course: float, degrees: float
-) -> None:
-    heading, _ = sent(parsed, Px4(address()).fly(asked(course, 20.0)))
+def test_guided_course_takes_a_course_over_ground_in_degrees(course, degrees):
+    heading, _ = sent(Px4(address()).fly(asked(course, 20.0)))
     assert (heading.get_type(), heading.command) == ("COMMAND_LONG", 43_002)
     assert heading.param1 == 0.0
     assert heading.param2 == pytest.approx(degrees, abs=1e-3)
 
 
-def test_guided_course_takes_an_altitude_above_the_sea(address: Make, parsed: Make) -> None:
-    (altitude,) = sent(parsed, Px4(address()).hold_altitude(588.5))
+def test_guided_course_takes_an_altitude_above_the_sea():
+    (altitude,) = sent(Px4(address()).hold_altitude(588.5))
     assert (altitude.command, altitude.param1, altitude.param2) == (186, 588.5, 0.0)
 
 
-def test_a_course_goes_as_a_position_1500_m_ahead_and_nothing_else(
-    address: Make, parsed: Make
-) -> None:
+def test_a_course_goes_as_a_position_1500_m_ahead_and_nothing_else():
     plane = Px4(address(px4_steering="position"))
-    setpoint, _ = sent(parsed, plane.fly(asked(math.radians(90.0), 20.0)))
+    setpoint, _ = sent(plane.fly(asked(math.radians(90.0), 20.0)))
     assert setpoint.get_type() == "SET_POSITION_TARGET_GLOBAL_INT"
     # Bits 3-5 velocity, 6-8 acceleration, 10 yaw, 11 yaw rate: 56 + 448 + 1024 + 2048.
     assert setpoint.type_mask == 0xDF8
@@ -231,7 +211,7 @@ def test_a_course_goes_as_a_position_1500_m_ahead_and_nothing_else(
     latitude=st.floats(-60.0, 60.0),
     longitude=st.floats(-180.0, 180.0),
 )
-def test_the_point_ahead_is_on_the_course(course: float, latitude: float, longitude: float) -> None:
+def test_the_point_ahead_is_on_the_course(course, latitude, longitude):
     setpoint = replace(asked(course, 20.0), latitude_deg=latitude, longitude_deg=longitude)
     ahead = point_ahead(setpoint, 1500.0)
     distance, bearing = vdist(latitude, longitude, *ahead)
@@ -241,9 +221,9 @@ def test_the_point_ahead_is_on_the_course(course: float, latitude: float, longit
     assert abs(off) < 0.013
 
 
-def test_a_course_goes_as_a_velocity_and_nothing_else(address: Make, parsed: Make) -> None:
+def test_a_course_goes_as_a_velocity_and_nothing_else():
     plane = Px4(address(px4_steering="velocity"))
-    setpoint, _ = sent(parsed, plane.fly(asked(math.radians(150.0), 20.0)))
+    setpoint, _ = sent(plane.fly(asked(math.radians(150.0), 20.0)))
     assert setpoint.get_type() == "SET_POSITION_TARGET_LOCAL_NED"
     # Bits 0-2 position, 6-8 acceleration, 10 yaw, 11 yaw rate: 7 + 448 + 1024 + 2048.
     assert setpoint.type_mask == 3527
@@ -254,26 +234,22 @@ def test_a_course_goes_as_a_velocity_and_nothing_else(address: Make, parsed: Mak
 
 
 @pytest.mark.parametrize("steering", ["position", "velocity"])
-def test_staying_ready_is_the_setpoint_without_the_speed(
-    address: Make, parsed: Make, steering: str
-) -> None:
+def test_staying_ready_is_the_setpoint_without_the_speed(steering):
     plane = Px4(address(px4_steering=steering))
-    (setpoint,) = sent(parsed, plane.stay_ready(asked(math.radians(150.0), 20.0)))
-    steered, _ = sent(parsed, plane.fly(asked(math.radians(150.0), 20.0)))
+    (setpoint,) = sent(plane.stay_ready(asked(math.radians(150.0), 20.0)))
+    steered, _ = sent(plane.fly(asked(math.radians(150.0), 20.0)))
     assert setpoint.to_dict() == steered.to_dict()
 
 
-def test_guided_course_needs_nothing_beforehand(address: Make) -> None:
+def test_guided_course_needs_nothing_beforehand():
     assert Px4(address()).stay_ready(asked(1.0, 20.0)) == []
 
 
 @pytest.mark.parametrize("steering", ["guided-course", "position", "velocity"])
 @pytest.mark.parametrize(("hold", "speed_type"), [("heading-hold", 0.0), ("course-hold", 1.0)])
-def test_a_speed_goes_by_command_and_leaves_the_throttle_alone(
-    address: Make, parsed: Make, steering: str, hold: Hold, speed_type: float
-) -> None:
+def test_a_speed_goes_by_command_and_leaves_the_throttle_alone(steering, hold, speed_type):
     plane = Px4(address(hold, px4_steering=steering))
-    _, speed = sent(parsed, plane.fly(asked(0.0, 17.25)))
+    _, speed = sent(plane.fly(asked(0.0, 17.25)))
     assert speed.get_type() == "COMMAND_LONG"
     assert speed.command == 178
     assert (speed.param1, speed.param2, speed.param3) == (speed_type, 17.25, -1.0)
@@ -289,30 +265,26 @@ def test_a_speed_goes_by_command_and_leaves_the_throttle_alone(
         ("position", "hand_back", (4.0, 3.0)),
     ],
 )
-def test_modes_are_set_by_main_and_sub_mode(
-    address: Make, parsed: Make, steering: str, act: str, modes: tuple[float, float]
-) -> None:
-    (command,) = sent(parsed, getattr(Px4(address(px4_steering=steering)), act)())
+def test_modes_are_set_by_main_and_sub_mode(steering, act, modes):
+    (command,) = sent(getattr(Px4(address(px4_steering=steering)), act)())
     assert command.get_type() == "COMMAND_LONG"
     assert command.command == SET_MODE
     assert (command.param1, command.param2, command.param3) == (1.0, *modes)
 
 
-def test_hold_is_what_it_is_handed_back_to(address: Make) -> None:
+def test_hold_is_what_it_is_handed_back_to():
     plane = Px4(address(px4_steering="auto"))
     modes = (LOITER, GUIDED_COURSE, OFFBOARD, 4 << 16)
     assert [plane.is_handed_back(mode) for mode in modes] == [True, False, False, False]
 
 
 @pytest.mark.parametrize("steering", ["position", "velocity"])
-def test_in_offboard_no_message_is_about_the_altitude_alone(address: Make, steering: str) -> None:
+def test_in_offboard_no_message_is_about_the_altitude_alone(steering):
     assert Px4(address(px4_steering=steering)).hold_altitude(588.0) == []
 
 
 @pytest.mark.parametrize("steering", ["auto", "guided-course", "position", "velocity"])
-def test_every_message_is_addressed_to_the_vehicle(
-    address: Make, parsed: Make, steering: str
-) -> None:
+def test_every_message_is_addressed_to_the_vehicle(steering):
     plane = Px4(address(px4_steering=steering))
     messages = [
         *plane.questions(),
@@ -324,13 +296,13 @@ def test_every_message_is_addressed_to_the_vehicle(
         *plane.request_telemetry(20.0),
     ]
     assert len(messages) >= 4
-    for message in sent(parsed, messages):
+    for message in sent(messages):
         assert (message.target_system, message.target_component) == (7, 3)
 
 
 @settings(deadline=None, derandomize=True)
 @given(course=st.floats(-1e4, 1e4), speed=st.floats(1.0, 100.0))
-def test_the_velocity_points_along_any_course(parsed: Make, course: float, speed: float) -> None:
+def test_the_velocity_points_along_any_course(course, speed):
     vehicle = Vehicle(
         system_id=7,
         component_id=1,
@@ -338,7 +310,7 @@ def test_the_velocity_points_along_any_course(parsed: Make, course: float, speed
         lateral_acceleration=9.8,
         px4_steering="velocity",
     )
-    setpoint, _ = sent(parsed, Px4(vehicle).fly(asked(course, speed)))
+    setpoint, _ = sent(Px4(vehicle).fly(asked(course, speed)))
     off = math.remainder(math.atan2(setpoint.vy, setpoint.vx) - course, 2.0 * math.pi)
     assert abs(off) < 1e-6
     assert math.hypot(setpoint.vx, setpoint.vy) == pytest.approx(speed, rel=1e-6)

@@ -1,16 +1,13 @@
 """How a PX4 answers, by its own parameters."""
 
 import math
-from collections.abc import Callable, Mapping
-from typing import Any
 
 import pytest
 
+from tests.kit.autopilot import address
 from vfguide.mavlink.parameters import AutopilotResponse, FlightNeeds
 from vfguide.mavlink.px4 import Px4
 from vfguide.mavlink.px4_parameters import px4_response, px4_warnings
-
-Make = Callable[..., Any]
 
 FACTORY = {
     "NPFG_PERIOD": 10.0,
@@ -44,12 +41,12 @@ NEEDS = FlightNeeds(
 )
 
 
-def test_the_course_s_bandwidth_is_npfg_s() -> None:
+def test_the_course_s_bandwidth_is_npfg_s():
     # 4 pi 0.7 / 10
     assert px4_response(FACTORY).alpha == pytest.approx(0.8796, abs=1e-4)
 
 
-def test_what_the_parameters_tell_is_taken() -> None:
+def test_what_the_parameters_tell_is_taken():
     assert px4_response({"FW_AIRSPD_MIN": 10.0, "FW_R_LIM": 50.0, "FW_R_TC": 0.3}) == (
         AutopilotResponse(
             airspeed_min=10.0,
@@ -78,14 +75,12 @@ def test_what_the_parameters_tell_is_taken() -> None:
         ({"FW_T_CLMB_R_SP": 0.0}, None, None),
     ],
 )
-def test_the_height_goes_to_another_at_the_lower_of_two_rates(
-    parameters: Mapping[str, float], climb: float | None, sink: float | None
-) -> None:
+def test_the_height_goes_to_another_at_the_lower_of_two_rates(parameters, climb, sink):
     response = px4_response(parameters)
     assert (response.climb_max, response.sink_max) == (climb, sink)
 
 
-def test_what_was_not_answered_is_not_known() -> None:
+def test_what_was_not_answered_is_not_known():
     assert px4_response({}) == AutopilotResponse()
 
 
@@ -102,13 +97,11 @@ def test_what_was_not_answered_is_not_known() -> None:
         ({"FW_T_TAS_TC": 5.0}, None),
     ],
 )
-def test_the_speed_s_beta_is_known_where_it_was_measured(
-    parameters: Mapping[str, float], beta: float | None
-) -> None:
+def test_the_speed_s_beta_is_known_where_it_was_measured(parameters, beta):
     assert px4_response(parameters).beta == beta
 
 
-def test_a_hold_whose_throttles_are_not_set_creeps_to_a_new_airspeed() -> None:
+def test_a_hold_whose_throttles_are_not_set_creeps_to_a_new_airspeed():
     hold = px4_response(FACTORY).creeping_hold
     # As measured on 1.18: 0.6 of a step within 2 s.
     assert hold is not None
@@ -118,19 +111,19 @@ def test_a_hold_whose_throttles_are_not_set_creeps_to_a_new_airspeed() -> None:
 
 
 @pytest.mark.parametrize("name", ["NPFG_PERIOD", "NPFG_DAMPING", "FW_R_LIM", "FW_R_TC"])
-def test_a_parameter_of_nothing_tells_nothing(name: str) -> None:
+def test_a_parameter_of_nothing_tells_nothing(name):
     response = px4_response(FACTORY | {name: 0.0})
     assert None in {response.alpha, response.max_bank, response.course_lag}
 
 
-def test_an_autopilot_without_the_throttles_of_its_airspeeds_is_told_what_that_costs() -> None:
+def test_an_autopilot_without_the_throttles_of_its_airspeeds_is_told_what_that_costs():
     (warning,) = px4_warnings(FACTORY, NEEDS, None)
     assert warning.startswith("FW_THR_ASPD_MIN, FW_THR_TRIM and FW_THR_ASPD_MAX are 0, 0.6 and 0")
     assert "costs accuracy" in warning
     assert px4_warnings(TRIMMED, NEEDS, None) == []
 
 
-def test_all_that_the_response_wants_is_asked_for(address: Make) -> None:
+def test_all_that_the_response_wants_is_asked_for():
     plane = Px4(address())
     assert set(FACTORY) <= set(plane.parameters)
     assert plane.response(FACTORY, NEEDS) == px4_response(FACTORY)

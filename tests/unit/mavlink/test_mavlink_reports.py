@@ -1,11 +1,9 @@
 import math
-from collections.abc import Callable
-from typing import Any
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from vfguide.mavlink.codec import Codec
+from tests.kit.wire import framed, position_report
 from vfguide.mavlink.reports import (
     AirspeedReport,
     BatteryReport,
@@ -16,14 +14,12 @@ from vfguide.mavlink.reports import (
     TextReport,
 )
 
-Make = Callable[..., Any]
 
-
-def test_a_position_is_converted_to_si_units(codec: Codec, frame: Make) -> None:
+def test_a_position_is_converted_to_si_units(codec):
     message = mavlink.MAVLink_global_position_int_message(
         123_456, -339_000_001, 1_511_234_567, 588_123, 100_123, -1234, 567, -89, 9000
     )
-    (report,) = codec.decode(frame(message))
+    (report,) = codec.decode(framed(message))
     assert isinstance(report, PositionReport)
     assert report.boot_time_s == pytest.approx(123.456, abs=1e-9)
     assert report.latitude_deg == pytest.approx(-33.9000001, abs=1e-11)
@@ -34,16 +30,18 @@ def test_a_position_is_converted_to_si_units(codec: Codec, frame: Make) -> None:
     assert report.heading == pytest.approx(math.pi / 2, abs=1e-12)
 
 
-def test_hdg_is_the_heading_and_not_the_course(codec: Codec, frame: Make, position: Make) -> None:
+def test_hdg_is_the_heading_and_not_the_course(codec):
     # Nose west, moving north: hdg must not be made from the velocity, nor the other way round.
-    (report,) = codec.decode(frame(position(vx=2000, vy=0, hdg=27_000)))
+    (report,) = codec.decode(framed(position_report(vx=2000, vy=0, hdg=27_000)))
     assert isinstance(report, PositionReport)
     assert report.heading == pytest.approx(1.5 * math.pi, abs=1e-12)
     assert (report.velocity_north, report.velocity_east) == (pytest.approx(20.0), 0.0)
 
 
-def test_an_unknown_heading_is_none(codec: Codec, frame: Make, position: Make) -> None:
-    known, unknown = codec.decode(frame(position(hdg=65_534)) + frame(position(hdg=65_535)))
+def test_an_unknown_heading_is_none(codec):
+    known, unknown = codec.decode(
+        framed(position_report(hdg=65_534)) + framed(position_report(hdg=65_535))
+    )
     assert isinstance(known, PositionReport)
     assert isinstance(unknown, PositionReport)
     assert known.heading is not None
@@ -60,10 +58,8 @@ def test_an_unknown_heading_is_none(codec: Codec, frame: Make, position: Make) -
         {"lat": 0, "lon": 0},
     ],
 )
-def test_the_ends_of_the_earth_are_places(
-    codec: Codec, frame: Make, position: Make, place: dict[str, int]
-) -> None:
-    assert len(codec.decode(frame(position(**place)))) == 1
+def test_the_ends_of_the_earth_are_places(codec, place):
+    assert len(codec.decode(framed(position_report(**place)))) == 1
     assert not codec.counters
 
 
@@ -77,58 +73,46 @@ def test_the_ends_of_the_earth_are_places(
         {"lat": 2**31 - 1, "lon": 2**31 - 1},
     ],
 )
-def test_a_position_off_the_earth_is_counted_and_not_delivered(
-    codec: Codec, frame: Make, position: Make, place: dict[str, int]
-) -> None:
-    assert codec.decode(frame(position(**place))) == []
+def test_a_position_off_the_earth_is_counted_and_not_delivered(codec, place):
+    assert codec.decode(framed(position_report(**place))) == []
     assert dict(codec.counters) == {"out of range": 1}
 
 
-def test_the_airspeed_is_that_of_the_hud_and_not_its_ground_speed(
-    codec: Codec, frame: Make
-) -> None:
+def test_the_airspeed_is_that_of_the_hud_and_not_its_ground_speed(codec):
     message = mavlink.MAVLink_vfr_hud_message(21.5, 27.0, 90, 50, 588.0, 1.0)
-    assert codec.decode(frame(message)) == [AirspeedReport(airspeed=21.5)]
+    assert codec.decode(framed(message)) == [AirspeedReport(airspeed=21.5)]
 
 
 @pytest.mark.parametrize("airspeed", [0.0, 500.0])
-def test_the_ends_of_the_airspeed_range_are_delivered(
-    codec: Codec, frame: Make, airspeed: float
-) -> None:
+def test_the_ends_of_the_airspeed_range_are_delivered(codec, airspeed):
     message = mavlink.MAVLink_vfr_hud_message(airspeed, 27.0, 90, 50, 588.0, 1.0)
-    assert codec.decode(frame(message)) == [AirspeedReport(airspeed=airspeed)]
+    assert codec.decode(framed(message)) == [AirspeedReport(airspeed=airspeed)]
 
 
 @pytest.mark.parametrize("airspeed", [math.nan, math.inf, -math.inf, -0.1, 500.1, 3e38])
-def test_what_is_no_airspeed_is_counted_and_not_delivered(
-    codec: Codec, frame: Make, airspeed: float
-) -> None:
+def test_what_is_no_airspeed_is_counted_and_not_delivered(codec, airspeed):
     message = mavlink.MAVLink_vfr_hud_message(airspeed, 27.0, 90, 50, 588.0, 1.0)
-    assert codec.decode(frame(message)) == []
+    assert codec.decode(framed(message)) == []
     assert dict(codec.counters) == {"out of range": 1}
 
 
 @pytest.mark.parametrize(("base_mode", "armed"), [(0b1000_0001, True), (0b0111_1111, False)])
-def test_a_heartbeat_tells_autopilot_mode_and_arming(
-    codec: Codec, frame: Make, base_mode: int, armed: bool
-) -> None:
+def test_a_heartbeat_tells_autopilot_mode_and_arming(codec, base_mode, armed):
     message = mavlink.MAVLink_heartbeat_message(1, 3, base_mode, 15, 4, 3)
-    assert codec.decode(frame(message)) == [
+    assert codec.decode(framed(message)) == [
         HeartbeatReport(autopilot=3, custom_mode=15, armed=armed, status=4)
     ]
 
 
-def test_the_heartbeat_of_something_that_is_no_autopilot_is_passed_over(
-    codec: Codec, frame: Make
-) -> None:
+def test_the_heartbeat_of_something_that_is_no_autopilot_is_passed_over(codec):
     invalid = mavlink.MAV_AUTOPILOT_INVALID
-    assert codec.decode(frame(mavlink.MAVLink_heartbeat_message(26, invalid, 0, 15, 4, 3))) == []
+    assert codec.decode(framed(mavlink.MAVLink_heartbeat_message(26, invalid, 0, 15, 4, 3))) == []
     assert codec.counters.total() == 1
 
 
-def test_an_acknowledgement_is_delivered(codec: Codec, frame: Make) -> None:
+def test_an_acknowledgement_is_delivered(codec):
     message = mavlink.MAVLink_command_ack_message(43_002, mavlink.MAV_RESULT_DENIED)
-    assert codec.decode(frame(message)) == [CommandReport(command=43_002, result=2)]
+    assert codec.decode(framed(message)) == [CommandReport(command=43_002, result=2)]
 
 
 @pytest.mark.parametrize(
@@ -144,15 +128,13 @@ def test_an_acknowledgement_is_delivered(codec: Codec, frame: Make) -> None:
         ((8, 0), False),
     ],
 )
-def test_an_acknowledgement_counts_for_whom_it_is_addressed_to(
-    codec: Codec, frame: Make, target: tuple[int, int], *, ours: bool
-) -> None:
+def test_an_acknowledgement_counts_for_whom_it_is_addressed_to(codec, target, ours):
     message = mavlink.MAVLink_command_ack_message(176, 0, 0, 0, *target)
-    assert codec.decode(frame(message)) == [CommandReport(command=176, result=0)] * ours
+    assert codec.decode(framed(message)) == [CommandReport(command=176, result=0)] * ours
     assert dict(codec.counters) == ({} if ours else {"for somebody else": 1})
 
 
-def test_an_acknowledgement_of_mavlink_1_has_no_target_and_counts(codec: Codec) -> None:
+def test_an_acknowledgement_of_mavlink_1_has_no_target_and_counts(codec):
     # Command 176 and result 4 alone; the target is an extension. System 7, component 1, message 77.
     content = b"\x03\x00\x07\x01\x4d" + b"\xb0\x00\x04"
     extra = mavlink.MAVLink_command_ack_message.crc_extra
@@ -161,15 +143,15 @@ def test_an_acknowledgement_of_mavlink_1_has_no_target_and_counts(codec: Codec) 
     assert codec.decode(data) == [CommandReport(command=176, result=4)]
 
 
-def test_a_status_text_loses_its_control_characters(codec: Codec, frame: Make) -> None:
+def test_a_status_text_loses_its_control_characters(codec):
     message = mavlink.MAVLink_statustext_message(4, b"low\x1b[31m \x07battery\r\n\t\x7f!")
-    assert codec.decode(frame(message)) == [TextReport(severity=4, text="low[31m battery!")]
+    assert codec.decode(framed(message)) == [TextReport(severity=4, text="low[31m battery!")]
 
 
-def test_a_status_text_of_any_bytes_is_printable(codec: Codec, frame: Make) -> None:
+def test_a_status_text_of_any_bytes_is_printable(codec):
     for start in range(1, 256, 50):
         text = bytes(range(start, min(start + 50, 256)))
-        (report,) = codec.decode(frame(mavlink.MAVLink_statustext_message(4, text)))
+        (report,) = codec.decode(framed(mavlink.MAVLink_statustext_message(4, text)))
         assert isinstance(report, TextReport)
         assert report.text.isprintable()
 
@@ -184,14 +166,12 @@ def test_a_status_text_of_any_bytes_is_printable(codec: Codec, frame: Make) -> N
         ((101, 0), (None, None)),
     ],
 )
-def test_the_battery_is_told_as_far_as_the_autopilot_knows_it(
-    codec: Codec, frame: Make, sent: tuple[int, int], told: tuple[float | None, float | None]
-) -> None:
+def test_the_battery_is_told_as_far_as_the_autopilot_knows_it(codec, sent, told):
     percent, millivolts = sent
     message = mavlink.MAVLink_sys_status_message(
         0, 0, 0, 0, millivolts, -1, percent, 0, 0, 0, 0, 0, 0
     )
-    (report,) = codec.decode(frame(message))
+    (report,) = codec.decode(framed(message))
     assert isinstance(report, SensorsReport)
     assert (report.battery, report.battery_voltage) == pytest.approx(told)
 
@@ -206,19 +186,13 @@ def test_the_battery_is_told_as_far_as_the_autopilot_knows_it(
         ([], -1, (None, None)),
     ],
 )
-def test_each_battery_is_told_by_itself(
-    codec: Codec,
-    frame: Make,
-    cells: list[int],
-    percent: int,
-    told: tuple[float | None, float | None],
-) -> None:
+def test_each_battery_is_told_by_itself(codec, cells, percent, told):
     first, later = cells[:10], cells[10:]
     first += [65_535] * (10 - len(first))
     message = mavlink.MAVLink_battery_status_message(
         1, 0, 0, 32_767, first, -1, -1, -1, percent, 0, 0, later + [0] * (4 - len(later))
     )
-    (report,) = codec.decode(frame(message))
+    (report,) = codec.decode(framed(message))
     assert isinstance(report, BatteryReport)
     assert report.number == 1
     assert (report.remaining, report.voltage) == pytest.approx(told)

@@ -34,34 +34,34 @@ def codec() -> Codec:
     return Codec(7, 1, signing=ConnectionSigning(KEY, lambda: NOW_S))
 
 
-def test_who_has_the_key_is_heard(codec: Codec) -> None:
+def test_who_has_the_key_is_heard(codec):
     assert len(codec.decode(heartbeat(autopilot(KEY, NOW_S)))) == 1
 
 
 @pytest.mark.parametrize("key", [None, OTHER_KEY])
-def test_an_unsigned_or_wrongly_signed_packet_is_not_heard(codec: Codec, key: bytes | None) -> None:
+def test_an_unsigned_or_wrongly_signed_packet_is_not_heard(codec, key):
     assert codec.decode(heartbeat(autopilot(key, NOW_S))) == []
     assert codec.counters["not signed"] == 1
 
 
-def test_a_mavlink_1_packet_is_not_heard(codec: Codec) -> None:
+def test_a_mavlink_1_packet_is_not_heard(codec):
     message = mavlink.MAVLink_heartbeat_message(1, 3, 129, 15, 4, 3)
     frame = bytes(message.pack(autopilot(None, NOW_S), force_mavlink1=True))
     assert codec.decode(frame) == []
 
 
-def test_a_packet_played_back_is_not_heard(codec: Codec) -> None:
+def test_a_packet_played_back_is_not_heard(codec):
     frame = heartbeat(autopilot(KEY, NOW_S))
     codec.decode(frame)
     assert codec.decode(frame) == []
 
 
-def test_a_recording_of_a_stream_not_heard_before_is_not_heard(codec: Codec) -> None:
+def test_a_recording_of_a_stream_not_heard_before_is_not_heard(codec):
     assert codec.decode(heartbeat(autopilot(KEY, NOW_S - 61.0))) == []
     assert len(codec.decode(heartbeat(autopilot(KEY, NOW_S - 59.0)))) == 1
 
 
-def test_a_forged_packet_from_the_future_shuts_nobody_out(codec: Codec) -> None:
+def test_a_forged_packet_from_the_future_shuts_nobody_out(codec):
     true_sender = autopilot(KEY, NOW_S)
     codec.decode(heartbeat(true_sender))
     assert codec.decode(heartbeat(autopilot(OTHER_KEY, NOW_S + 50.0 * YEAR_S))) == []
@@ -69,7 +69,7 @@ def test_a_forged_packet_from_the_future_shuts_nobody_out(codec: Codec) -> None:
     assert len(codec.decode(heartbeat(autopilot(KEY, NOW_S + 1.0, link_id=9)))) == 1
 
 
-def test_time_stamps_follow_the_clock_and_never_repeat() -> None:
+def test_time_stamps_follow_the_clock_and_never_repeat():
     clock = [NOW_S]
     codec = Codec(7, 1, signing=ConnectionSigning(KEY, lambda: clock[0]))
     message = mavlink.MAVLink_heartbeat_message(18, 8, 0, 0, 4, 3)
@@ -87,7 +87,7 @@ def test_time_stamps_follow_the_clock_and_never_repeat() -> None:
     assert stamps()[0] == pytest.approx(units(clock[0]), abs=10)
 
 
-def test_what_is_said_is_signed_so_that_pymavlink_itself_believes_it(codec: Codec) -> None:
+def test_what_is_said_is_signed_so_that_pymavlink_itself_believes_it(codec):
     message = mavlink.MAVLink_heartbeat_message(18, 8, 0, 0, 4, 3)
     listener = mavlink.MAVLink(None)
     listener.signing.secret_key = KEY
@@ -98,19 +98,19 @@ def test_what_is_said_is_signed_so_that_pymavlink_itself_believes_it(codec: Code
     assert codec.decode(heartbeat(autopilot(OTHER_KEY, NOW_S + YEAR_S))) == []
 
 
-def test_without_a_key_a_signature_is_passed_over() -> None:
+def test_without_a_key_a_signature_is_passed_over():
     assert len(Codec(7, 1).decode(heartbeat(autopilot(OTHER_KEY, NOW_S)))) == 1
 
 
 @given(st.integers(0, 33), st.integers(1, 255))
-def test_no_change_of_a_signed_frame_is_heard(position: int, bits: int) -> None:
+def test_no_change_of_a_signed_frame_is_heard(position, bits):
     codec = Codec(7, 1, signing=ConnectionSigning(KEY, lambda: NOW_S))
     frame = bytearray(heartbeat(autopilot(KEY, NOW_S)))
     frame[position % len(frame)] ^= bits
     assert codec.decode(bytes(frame)) == []
 
 
-def test_a_key_is_64_hexadecimal_digits_and_a_wrong_one_is_not_repeated() -> None:
+def test_a_key_is_64_hexadecimal_digits_and_a_wrong_one_is_not_repeated():
     assert signing_key(f" {KEY.hex()}\n") == KEY
     for wrong in ("", "secret", KEY.hex()[2:], "z" * 64):
         with pytest.raises(InputError) as caught:

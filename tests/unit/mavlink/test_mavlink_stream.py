@@ -68,9 +68,7 @@ PLACES = st.lists(st.integers(0, 10_000), max_size=30)
 
 @settings(deadline=None, derandomize=True, max_examples=300)
 @given(frames=st.lists(FRAMES, max_size=8), places=PLACES)
-def test_frames_come_whole_however_the_stream_is_cut(
-    frames: list[bytes], places: list[int]
-) -> None:
+def test_frames_come_whole_however_the_stream_is_cut(frames, places):
     framer = StreamFramer()
     assert fed(framer, cut(b"".join(frames), places)) == frames
     assert framer.counters["bytes left out"] == 0
@@ -80,9 +78,7 @@ def test_frames_come_whole_however_the_stream_is_cut(
 @given(garbage=GARBAGE, frames=st.lists(FRAMES, min_size=1, max_size=8), places=PLACES)
 @example(garbage=b"\xfd\xff\0", frames=[HEARTBEAT], places=[])
 @example(garbage=b"\xfe" * 300, frames=[WIND] * 8, places=list(range(200)))
-def test_garbage_in_front_costs_no_frame_and_no_time(
-    garbage: bytes, frames: list[bytes], places: list[int]
-) -> None:
+def test_garbage_in_front_costs_no_frame_and_no_time(garbage, frames, places):
     framer = StreamFramer()
     assert fed(framer, cut(garbage + b"".join(frames), places)) == frames
     assert framer.counters["bytes left out"] == len(garbage)
@@ -97,8 +93,8 @@ def test_garbage_in_front_costs_no_frame_and_no_time(
 )
 @example(before=[HEARTBEAT], garbage=b"\xfd\xff\1", after=[WIND], places=[])
 def test_noise_in_between_costs_no_frame_and_at_most_280_bytes_of_patience(
-    before: list[bytes], garbage: bytes, after: list[bytes], places: list[int]
-) -> None:
+    before, garbage, after, places
+):
     rest = [HEARTBEAT] * (LARGEST_FRAME // len(HEARTBEAT) + 1)
     stream = b"".join([*before, garbage, *after, *rest])
     assert fed(StreamFramer(), cut(stream, places)) == [*before, *after, *rest]
@@ -106,7 +102,7 @@ def test_noise_in_between_costs_no_frame_and_at_most_280_bytes_of_patience(
 
 @settings(deadline=None, derandomize=True, max_examples=300)
 @given(pieces=st.lists(st.binary(max_size=2000) | GARBAGE | FRAMES, max_size=8))
-def test_what_comes_out_went_in_and_the_rest_is_counted(pieces: list[bytes]) -> None:
+def test_what_comes_out_went_in_and_the_rest_is_counted(pieces):
     framer = StreamFramer()
     stream, place = b"".join(pieces), 0
     for frame in fed(framer, pieces):
@@ -116,13 +112,13 @@ def test_what_comes_out_went_in_and_the_rest_is_counted(pieces: list[bytes]) -> 
     assert 0 <= waiting < LARGEST_FRAME
 
 
-def test_a_frame_is_delivered_with_its_last_byte() -> None:
+def test_a_frame_is_delivered_with_its_last_byte():
     framer = StreamFramer()
     assert fed(framer, [HEARTBEAT[:-1]]) == []
     assert framer.feed(HEARTBEAT[-1:]) == [HEARTBEAT]
 
 
-def test_a_damaged_frame_is_dropped_and_the_next_is_not() -> None:
+def test_a_damaged_frame_is_dropped_and_the_next_is_not():
     for place in range(len(WIND)):
         damaged = bytearray(WIND)
         damaged[place] ^= 0x10
@@ -132,27 +128,27 @@ def test_a_damaged_frame_is_dropped_and_the_next_is_not() -> None:
         assert framer.counters["bytes left out"] == len(WIND)
 
 
-def test_in_step_frames_within_a_frame_are_its_content() -> None:
+def test_in_step_frames_within_a_frame_are_its_content():
     outer = packed(tunnel(HEARTBEAT + WIND))
     framer = StreamFramer()
     stream = HEARTBEAT + outer + WIND
     assert fed(framer, [stream[i : i + 1] for i in range(len(stream))]) == [HEARTBEAT, outer, WIND]
 
 
-def test_a_message_that_is_not_known_is_left_out() -> None:
+def test_a_message_that_is_not_known_is_left_out():
     framer = StreamFramer()
     assert framer.feed(HEARTBEAT + UNKNOWN + WIND) == [HEARTBEAT, WIND]
     assert framer.counters["unknown message"] == 1
     assert framer.counters["out of step"] == 0
 
 
-def test_what_only_looks_like_a_message_does_not_swallow_the_frame_behind_it() -> None:
+def test_what_only_looks_like_a_message_does_not_swallow_the_frame_behind_it():
     # An unknown message's header with a length that reaches into the next frame.
     false = bytes.fromhex("fd 10 00 00 00 07 01 fe ff ff")
     assert StreamFramer().feed(HEARTBEAT + false + WIND + HEARTBEAT) == [HEARTBEAT, WIND, HEARTBEAT]
 
 
-def test_no_amount_of_false_beginnings_hides_the_frame_behind_them() -> None:
+def test_no_amount_of_false_beginnings_hides_the_frame_behind_them():
     framer = StreamFramer()
     assert framer.feed(b"\xfe" * 100_000) == []
     assert framer.feed(HEARTBEAT) == [HEARTBEAT]

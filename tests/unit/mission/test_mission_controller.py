@@ -15,7 +15,7 @@ from vfguide.mission.controller import controller_of, gains_of, with_law
 CIRCLE = Path(__file__).parents[3] / "missions" / "circle-wind.yaml"
 
 
-def test_a_mission_without_a_word_about_it_is_flown_by_the_slots_field() -> None:
+def test_a_mission_without_a_word_about_it_is_flown_by_the_slots_field():
     controller = controller_of({})
     assert controller.type == "slot"
     assert gains_of(controller).model_dump() == {
@@ -28,24 +28,24 @@ def test_a_mission_without_a_word_about_it_is_flown_by_the_slots_field() -> None
     }
 
 
-def test_gains_of_a_law_stand_beside_what_all_laws_share() -> None:
+def test_gains_of_a_law_stand_beside_what_all_laws_share():
     controller = controller_of({"type": "pid", "lateral_p_rad_m": 0.3, "kappa": 2.0})
     assert controller.kappa == 2.0
     assert gains_of(controller).lateral_p_rad_m == 0.3
     assert gains_of(controller).longitudinal_d == 5.79
 
 
-def test_a_group_of_its_name_holds_a_laws_gains_too() -> None:
+def test_a_group_of_its_name_holds_a_laws_gains_too():
     groups = {"pid": {"lateral_p_rad_m": 0.3}, "mpc": {"integral_s": 2.0}}
     assert gains_of(controller_of({"type": "pid", **groups})).lateral_p_rad_m == 0.3
     assert gains_of(controller_of({"type": "mpc", **groups})).integral_s == 2.0
 
 
-def test_gains_of_another_law_do_not_count() -> None:
+def test_gains_of_another_law_do_not_count():
     assert not hasattr(controller_of({"type": "pid", "k_x": 0.3, "mpc": {}}), "k_x")
 
 
-def test_a_loaded_mission_is_flown_by_another_law_with_the_gains_that_its_file_has_for_it() -> None:
+def test_a_loaded_mission_is_flown_by_another_law_with_the_gains_that_its_file_has_for_it():
     content = CIRCLE.read_text().replace("k_x: 0.42", "k_x: 0.42, pid: {lateral_p_rad_m: 0.3}")
     mission = parse_mission(content.encode(), file="here").mission
     other = apply_overrides(mission, Overrides(controller="pid"))
@@ -58,12 +58,12 @@ def test_a_loaded_mission_is_flown_by_another_law_with_the_gains_that_its_file_h
     assert pickle.loads(pickle.dumps(mission)) == mission  # noqa: S301 - of this test's own making
 
 
-def test_what_is_no_group_is_refused_under_a_laws_name() -> None:
+def test_what_is_no_group_is_refused_under_a_laws_name():
     with pytest.raises(ValidationError, match="pid"):
         controller_of({"type": "pid", "pid": 3})
 
 
-def test_for_another_law_a_gain_of_the_same_name_does_not_count() -> None:
+def test_for_another_law_a_gain_of_the_same_name_does_not_count():
     field = {"type": "slot", "k_x": 0.4, "integral_s": 0.65, "kappa": 2.0}
     # The article's field has the gains of the slot's, but learns nothing.
     assert with_law(field, "article") == {"type": "article", "k_x": 0.4, "kappa": 2.0}
@@ -73,7 +73,7 @@ def test_for_another_law_a_gain_of_the_same_name_does_not_count() -> None:
         with_law(field, "pursuit")
 
 
-def test_a_mission_is_the_same_in_another_process() -> None:
+def test_a_mission_is_the_same_in_another_process():
     mission = load_mission(CIRCLE)
     there = pickle.loads(pickle.dumps(mission))  # noqa: S301 - of this test's own making
     assert there == mission
@@ -88,7 +88,7 @@ def test_a_mission_is_the_same_in_another_process() -> None:
         ("k_z: 1", "controller.k_z: unknown field 'k_z'; did you mean"),
     ],
 )
-def test_a_wrong_gain_is_a_fault_at_its_line(gain: str, said: str) -> None:
+def test_a_wrong_gain_is_a_fault_at_its_line(gain, said):
     text = CIRCLE.read_text()
     assert "k_x: 0.42" in text
     wrong = text.replace("k_x: 0.42", "k_x: 20" if gain.startswith("k_x") else gain)
@@ -110,13 +110,13 @@ def findings(**controller: object) -> list[str]:
 
 
 @pytest.mark.parametrize("law", ["pid", "mpc"])
-def test_a_law_that_is_no_field_is_not_judged_as_one(law: str) -> None:
+def test_a_law_that_is_no_field_is_not_judged_as_one(law):
     """`type: pid` with k_x 5 used to be told to lower k_x."""
     content = with_law(load_mission(CIRCLE).controller.model_dump(exclude_unset=True), law)
     found = findings(**content, k_x=5.0)
     assert not any("k_x" in one or "swings" in one for one in found)
 
 
-def test_two_numbers_of_a_message_differ_in_it() -> None:
+def test_two_numbers_of_a_message_differ_in_it():
     assert told_apart(2.14, 2.12) == ("2.14", "2.12")
     assert told_apart(70.0, 5.7) == ("70.0", "5.7")

@@ -38,24 +38,24 @@ def found(name: str, *changes: tuple[str, str]) -> list[tuple[str, str]]:
 
 
 @pytest.mark.parametrize("file", MISSIONS, ids=lambda file: file.stem)
-def test_no_shipped_mission_has_an_error(file: Path) -> None:
+def test_no_shipped_mission_has_an_error(file):
     loaded = read_mission(file)
     assert report_on(loaded.mission, loaded.source).errors == ()
 
 
 @pytest.mark.parametrize("name", ["line-calm", "line-wind", "circle-calm", "transit-abreast"])
-def test_the_easy_missions_give_no_warning(name: str) -> None:
+def test_the_easy_missions_give_no_warning(name):
     loaded = read_mission(FOLDER / f"{name}.yaml")
     assert report_on(loaded.mission, loaded.source).warnings == ()
 
 
-def test_the_wind_of_the_article_blows_between_two_and_eight_metres_a_second() -> None:
+def test_the_wind_of_the_article_blows_between_two_and_eight_metres_a_second():
     speed = np.hypot(*wind_samples(ArticleWind(type="article")))
     assert speed.max() == pytest.approx(8.0)
     assert speed.min() == pytest.approx(2.0, abs=0.01)
 
 
-def test_an_inner_slot_flies_slower_and_an_outer_one_faster() -> None:
+def test_an_inner_slot_flies_slower_and_an_outer_one_faster():
     circle = mission("circle-calm")
     conditions = conditions_of(circle.path, circle.wind)
     # 20 m/s on 150 m: 0.1333 rad/s; 30 m right (inside): 20 - 4, 30 m left: 20 + 4
@@ -63,12 +63,12 @@ def test_an_inner_slot_flies_slower_and_an_outer_one_faster() -> None:
     assert conditions.slot_airspeed(20.0, Slot(forward=0.0, right=-30.0)) == pytest.approx(24.0)
 
 
-def test_ground_speed_on_the_path_follows_the_wind() -> None:
+def test_ground_speed_on_the_path_follows_the_wind():
     line = mission("line-calm", ("type: calm", "type: steady, speed_m_s: 5, toward_deg: 45"))
     assert conditions_of(line.path, line.wind).ground_speed(20.0) == pytest.approx(25.0)
 
 
-def test_a_slot_too_far_inside_makes_the_leader_give_way() -> None:
+def test_a_slot_too_far_inside_makes_the_leader_give_way():
     # 75 m inside and 20 m behind on 150 m: hypot(1/2, 2/15) of the leader's speed, 12 m/s from 23.2 on
     findings = check_mission(mission("circle-calm", ("right_m: 20,", "right_m: 75,")))
     (warning,) = [one for one in findings if one.severity == "warning"]
@@ -76,20 +76,20 @@ def test_a_slot_too_far_inside_makes_the_leader_give_way() -> None:
     assert "the leader gives way by up to 3.5 m/s faster" in warning.message
 
 
-def test_a_slot_that_no_airspeed_of_the_leader_can_serve_is_an_error() -> None:
+def test_a_slot_that_no_airspeed_of_the_leader_can_serve_is_an_error():
     # 120 m inside: a fifth of the leader's speed, 6.4 m/s at most
     assert found("circle-calm", ("right_m: 20,", "right_m: 120,")) == [
         ("error", "followers[1].slot")
     ]
 
 
-def test_a_slot_beyond_the_centre_is_an_error() -> None:
+def test_a_slot_beyond_the_centre_is_an_error():
     assert found("circle-calm", ("right_m: 20,", "right_m: 150,")) == [
         ("error", "followers[1].slot.right_m")
     ]
 
 
-def test_slots_that_exclude_each_other_are_an_error() -> None:
+def test_slots_that_exclude_each_other_are_an_error():
     # 75 m inside needs a leader of 24 m/s and more, 75 m outside one of 21.3 m/s and less
     findings = found(
         "circle-calm", ("right_m: 20,", "right_m: 75,"), ("right_m: -20,", "right_m: -75,")
@@ -97,12 +97,12 @@ def test_slots_that_exclude_each_other_are_an_error() -> None:
     assert ("error", "followers") in findings
 
 
-def test_wind_as_fast_as_the_leader_is_the_only_thing_said_about_its_track() -> None:
+def test_wind_as_fast_as_the_leader_is_the_only_thing_said_about_its_track():
     findings = found("circle-calm", ("type: calm", "type: steady, speed_m_s: 20, toward_deg: 0"))
     assert findings == [("error", "wind")]
 
 
-def test_a_circle_tighter_than_the_bank_allows_is_an_error() -> None:
+def test_a_circle_tighter_than_the_bank_allows_is_an_error():
     # 20 m/s on 40 m: 10 m/s², a bank of 45.6 degrees; the outer slot needs more
     findings = found(
         "circle-calm", ("radius_m: 150", "radius_m: 40"), ("right_m: 20,", "right_m: 15,")
@@ -112,7 +112,7 @@ def test_a_circle_tighter_than_the_bank_allows_is_an_error() -> None:
     assert math.degrees(bank_for(20.0, 0.5)) == pytest.approx(45.56, abs=0.01)
 
 
-def test_a_field_that_outturns_the_leader_is_a_warning_with_a_gain_that_does_not() -> None:
+def test_a_field_that_outturns_the_leader_is_a_warning_with_a_gain_that_does_not():
     findings = check_mission(mission("line-calm", ("gain: 0.03", "gain: 0.1")))
     (warning,) = [one for one in findings if one.severity == "warning"]
     assert warning.field == "path.gain"
@@ -121,13 +121,13 @@ def test_a_field_that_outturns_the_leader_is_a_warning_with_a_gain_that_does_not
     assert found("line-calm", ("gain: 0.03", "gain: 0.063")) == []
 
 
-def test_the_field_of_a_line_turns_fastest_at_one_over_root_two_of_its_width() -> None:
+def test_the_field_of_a_line_turns_fastest_at_one_over_root_two_of_its_width():
     scaled = np.linspace(0.0, 10.0, 100_001)
     rate = np.sin(np.arctan(scaled)) / (1.0 + scaled**2)
     assert field_turn_rate(1.0, 1.0, math.pi / 2.0) == pytest.approx(rate.max(), rel=1e-6)
 
 
-def test_the_default_gains_fit_a_loop_of_twenty_hertz() -> None:
+def test_the_default_gains_fit_a_loop_of_twenty_hertz():
     controller = mission("line-calm").controller
     layer = effective_layer(controller, 0.05)
     assert layer == pytest.approx(0.525)
@@ -143,14 +143,12 @@ def test_the_default_gains_fit_a_loop_of_twenty_hertz() -> None:
         (6.0, [("warning", "controller.kappa")]),
     ],
 )
-def test_the_boundary_layer_must_suit_the_loop(
-    factor: float, expected: list[tuple[str, str]]
-) -> None:
+def test_the_boundary_layer_must_suit_the_loop(factor, expected):
     change = ("epsilon: 0.01", f"epsilon: 0.01, boundary_layer_factor: {factor}")
     assert found("line-calm", change) == expected
 
 
-def test_a_slow_loop_makes_the_formation_soft() -> None:
+def test_a_slow_loop_makes_the_formation_soft():
     assert found("line-calm", ("rate_hz: 20", "rate_hz: 4")) == [
         ("warning", "controller.kappa"),
         ("warning", "controller.k_y"),
@@ -158,7 +156,7 @@ def test_a_slow_loop_makes_the_formation_soft() -> None:
     ]
 
 
-def test_a_turn_on_which_the_articles_field_falls_short_of_the_slots_motion_is_a_warning() -> None:
+def test_a_turn_on_which_the_articles_field_falls_short_of_the_slots_motion_is_a_warning():
     # 8 m/s at most, where a slot 75 m outside on 150 m is 10 m/s faster than the leader
     article = ("type: slot", "type: article")
     outside = ("right_m: -20,", "right_m: -75,")
@@ -167,12 +165,12 @@ def test_a_turn_on_which_the_articles_field_falls_short_of_the_slots_motion_is_a
     assert found("circle-calm", article) == found("line-calm", article) == []
 
 
-def test_a_correction_beyond_the_reach_of_the_field_has_no_error_that_gives_it() -> None:
+def test_a_correction_beyond_the_reach_of_the_field_has_no_error_that_gives_it():
     errors = error_for_correction(np.array([0.0, 4.0, -4.0, 8.0, 9.0]), 8.0, 0.2)
     assert errors.tolist() == pytest.approx([0.0, 5.0, 5.0, math.inf, math.inf])
 
 
-def test_an_old_leader_state_without_prediction_is_a_warning() -> None:
+def test_an_old_leader_state_without_prediction_is_a_warning():
     change = ("epsilon: 0.01", "epsilon: 0.01, predict_leader: false")
     assert ("warning", "controller.predict_leader") in found("line-calm", change)
     # 0.1 s and, with half of the states lost, one more period of 0.05 s
@@ -180,7 +178,7 @@ def test_an_old_leader_state_without_prediction_is_a_warning() -> None:
     assert mean_leader_age(lossy) == pytest.approx(0.15)
 
 
-def test_starts_close_together_far_away_or_judged_too_late_are_warnings() -> None:
+def test_starts_close_together_far_away_or_judged_too_late_are_warnings():
     assert found("line-calm", ("{forward_m: -80, right_m: 10}", "{forward_m: 43, right_m: 0}")) == [
         ("warning", "rehearsal.start.f3")
     ]
@@ -192,26 +190,26 @@ def test_starts_close_together_far_away_or_judged_too_late_are_warnings() -> Non
     ]
 
 
-def test_a_slot_below_the_ground_is_an_error() -> None:
+def test_a_slot_below_the_ground_is_an_error():
     assert found("line-calm", ("right_m: 0, up_m: 0", "right_m: 0, up_m: -100")) == [
         ("error", "followers[2].slot.up_m")
     ]
 
 
-def test_an_observer_can_be_too_fast_for_its_loop_or_adrift() -> None:
+def test_an_observer_can_be_too_fast_for_its_loop_or_adrift():
     observer = "epsilon: 0.01, leader_speed_source: observer, observer: {%s}"
     for gains, severity in (("gamma: 100, sigma: 1", "error"), ("sigma: 0", "warning")):
         change = ("epsilon: 0.01", observer % gains)
         assert found("line-calm", change) == [(severity, "controller.observer.sigma")]
 
 
-def test_giving_way_takes_the_nearest_airspeed_that_suits_everyone() -> None:
+def test_giving_way_takes_the_nearest_airspeed_that_suits_everyone():
     flyable = np.array([[True, False], [False, False], [False, True]])
     airspeeds = np.array([[18.0], [20.0], [23.0]])
     assert giving_way(flyable, airspeeds, 20.0) == (2.0, 3.0)
 
 
-def test_a_finding_names_file_line_severity_field_and_remedy_in_one_line() -> None:
+def test_a_finding_names_file_line_severity_field_and_remedy_in_one_line():
     text = (FOLDER / "line-calm.yaml").read_text().replace("gain: 0.03", "gain: 0.1")
     loaded = parse_mission(text.encode(), file="m.yaml")
     report = report_on(loaded.mission, loaded.source)
@@ -222,14 +220,14 @@ def test_a_finding_names_file_line_severity_field_and_remedy_in_one_line() -> No
     assert [one.severity for one in report.findings] == ["warning", "note", "note"]
 
 
-def test_errors_come_first_in_a_report() -> None:
+def test_errors_come_first_in_a_report():
     change = ("right_m: 0, up_m: 0", "right_m: 0, up_m: -100")
     findings = check_mission(mission("line-calm", change, ("gain: 0.03", "gain: 0.1")))
     assert isinstance(findings[0], Finding)
     assert [one.severity for one in findings] == ["error", "warning", "note", "note"]
 
 
-def test_how_near_a_vehicle_that_leaves_its_slot_could_come_is_said() -> None:
+def test_how_near_a_vehicle_that_leaves_its_slot_could_come_is_said():
     change = ("{forward_m: 0, right_m: 40, up_m: 0}", "{forward_m: 0, right_m: 20, up_m: 0}")
     (one,) = [
         finding
@@ -240,9 +238,7 @@ def test_how_near_a_vehicle_that_leaves_its_slot_could_come_is_said() -> None:
 
 
 @pytest.mark.parametrize(("up_m", "least_m"), [(10.0, 10.0), (-40.0, 24.0)])
-def test_slots_above_each_other_are_as_far_apart_as_their_heights(
-    up_m: float, least_m: float
-) -> None:
+def test_slots_above_each_other_are_as_far_apart_as_their_heights(up_m, least_m):
     """24 m are what those keep from each other that fly at one height."""
     flown = mission("circle-calm").model_dump(exclude_unset=True)
     first, second = flown["followers"][:2]
@@ -253,7 +249,7 @@ def test_slots_above_each_other_are_as_far_apart_as_their_heights(
     assert least.distance_m == pytest.approx(least_m, abs=0.6)
 
 
-def test_a_loss_after_the_end_of_the_rehearsal_is_a_warning() -> None:
+def test_a_loss_after_the_end_of_the_rehearsal_is_a_warning():
     late = ("duration_s: 240", "duration_s: 60")
     assert ("warning", "rehearsal.losses[0]") in found("leader-lost", late)
     assert ("warning", "rehearsal.losses[0]") not in found("leader-lost")

@@ -2,21 +2,19 @@
 
 import math
 import re
-from pathlib import Path
 
 import pytest
 
+from tests.kit.missions import MISSIONS
 from vfguide.guidance.formation import field_slope
 from vfguide.laws.field_findings import course_field_turn_rate
 from vfguide.mission import Finding, check_mission, parse_mission, report_on
-
-FOLDER = Path(__file__).parents[3] / "missions"
 
 CONTROLLER = "controller: {type: slot, k_x: 0.25, k_y: 0.25, integral_s: 1.2}"
 
 
 def text_of(name: str, *changes: tuple[str, str]) -> str:
-    text = re.sub(r"controller: \{[^}]*\}", CONTROLLER, (FOLDER / f"{name}.yaml").read_text())
+    text = re.sub(r"controller: \{[^}]*\}", CONTROLLER, (MISSIONS / f"{name}.yaml").read_text())
     for old, new in changes:
         assert old in text
         text = text.replace(old, new)
@@ -38,8 +36,8 @@ def findings_of(name: str, field: str, *changes: tuple[str, str]) -> list[Findin
     ],
 )
 def test_a_field_that_pulls_faster_than_the_law_follows_is_a_warning_with_a_gain_that_does_not(
-    name: str, pull: str, most: str
-) -> None:
+    name, pull, most
+):
     text = text_of("circle-wind", (f"{name}: 0.25", f"{name}: 5"))
     loaded = parse_mission(text.encode(), file="m.yaml")
     (warning,) = report_on(loaded.mission, loaded.source).warnings
@@ -53,14 +51,12 @@ def test_a_field_that_pulls_faster_than_the_law_follows_is_a_warning_with_a_gain
     ("name", "gain", "warns"),
     [("k_y", 0.408, False), ("k_y", 0.409, True), ("k_x", 1.121, False), ("k_x", 1.122, True)],
 )
-def test_the_gain_that_the_remedy_names_is_the_greatest_that_will_do(
-    name: str, gain: float, *, warns: bool
-) -> None:
+def test_the_gain_that_the_remedy_names_is_the_greatest_that_will_do(name, gain, warns):
     found = findings_of("circle-wind", f"controller.{name}", (f"{name}: 0.25", f"{name}: {gain}"))
     assert ("warning" in [one.severity for one in found]) is warns
 
 
-def test_a_slow_loop_follows_only_gentle_fields() -> None:
+def test_a_slow_loop_follows_only_gentle_fields():
     # at 4 Hz the layer is 2.625 and the law follows at 1.1429 1/s: 0.11429 . 20 . 0.5 and 0.2244 . 8 . 2/pi
     slow = ("rate_hz: 20", "rate_hz: 4")
     fields = ("controller.k_y", "controller.k_x")
@@ -73,26 +69,26 @@ def test_a_slow_loop_follows_only_gentle_fields() -> None:
     assert remedies == ["lower k_y to 0.114 1/m or less", "lower k_x to 0.224 1/m or less"]
 
 
-def test_a_fast_loop_is_judged_by_the_layer_that_it_keeps() -> None:
+def test_a_fast_loop_is_judged_by_the_layer_that_it_keeps():
     # at 50 Hz still 5.7 1/s, less than 0.5 . 20 . 0.6: not the 14.3 1/s of a layer that were thinner
     change = (("rate_hz: 20", "rate_hz: 50"), ("k_y: 0.25", "k_y: 0.6"))
     (warning, _) = findings_of("line-calm", "controller.k_y", *change)
     assert "faster than the 5.7 1/s" in warning.message
 
 
-def test_the_slope_of_a_field_on_its_slot() -> None:
+def test_the_slope_of_a_field_on_its_slot():
     # (2/pi) . 8 . 0.2
     assert field_slope(0.2, 8.0) == pytest.approx(1.0185916)
 
 
-def test_for_a_quarter_turn_a_course_field_turns_as_fast_as_a_lines() -> None:
+def test_for_a_quarter_turn_a_course_field_turns_as_fast_as_a_lines():
     # 2/(3 sqrt 3) = 0.3849 k V
     expected = 0.3849001795 * 0.03 * 20.0
     found = course_field_turn_rate(0.03, 20.0, math.pi / 2.0)
     assert found == pytest.approx(expected, rel=1e-4)
 
 
-def test_for_an_eighth_of_a_turn_a_course_field_turns_at_half_of_that() -> None:
+def test_for_an_eighth_of_a_turn_a_course_field_turns_at_half_of_that():
     # c (2/pi) = 1/2: sin(t/2) cos² t with s = sin(t/2) is s (1 - 2 s²)², greatest where 10 s² = 1,
     # sqrt(0.1) . 0.64 = 0.202386; 0.5 . 0.2 . 20 . 0.202386
     found = course_field_turn_rate(0.2, 20.0, math.pi / 4.0)
@@ -107,13 +103,13 @@ def test_for_an_eighth_of_a_turn_a_course_field_turns_at_half_of_that() -> None:
         (0.243, 1),
     ],
 )
-def test_a_followers_field_that_outturns_its_bank_is_noted(k_y: float, notes: int) -> None:
+def test_a_followers_field_that_outturns_its_bank_is_noted(k_y, notes):
     found = findings_of("line-calm", "controller.k_y", ("k_y: 0.25", f"k_y: {k_y}"))
     assert [one.severity for one in found] == ["note"] * notes
 
 
 @pytest.mark.parametrize(("k_y", "notes"), [(0.12, 0), (0.15, 1)])
-def test_on_a_circle_a_followers_field_has_the_turn_to_fly_as_well(k_y: float, notes: int) -> None:
+def test_on_a_circle_a_followers_field_has_the_turn_to_fly_as_well(k_y, notes):
     # The outer slot: hypot(20 + 0.1333 . 20, 0.1333 . 20) = 22.82 m/s, where the bank gives 0.4297 rad/s.
     # 0.5 . 0.15 . 22.82 . 0.202386 = 0.3464 is less, with the circle's own 0.1333 it is 0.4797.
     found = findings_of("circle-calm", "controller.k_y", ("k_y: 0.25", f"k_y: {k_y}"))
@@ -125,14 +121,14 @@ def test_on_a_circle_a_followers_field_has_the_turn_to_fly_as_well(k_y: float, n
         )
 
 
-def test_a_leader_whose_bank_is_small_says_nothing_about_the_followers_field() -> None:
+def test_a_leader_whose_bank_is_small_says_nothing_about_the_followers_field():
     # 25 degrees: 0.229 rad/s, enough for its own field but not for one of k_y 0.2
     leader = "leader: {system_id: 1, alpha_1_s: 1.2, beta_1_s: 0.8, airspeed_range_m_s: [12, 32], "
     change = (f"{leader}max_bank_deg: 45", f"{leader}max_bank_deg: 25")
     assert findings_of("line-calm", "controller.k_y", change, ("k_y: 0.25", "k_y: 0.2")) == []
 
 
-def test_on_a_circle_the_leaders_field_has_the_turn_to_fly_as_well() -> None:
+def test_on_a_circle_the_leaders_field_has_the_turn_to_fly_as_well():
     # 0.3849 . 0.05 . 20 = 0.3849 rad/s is less than g/20 = 0.4903, with 20/150 = 0.1333 it is 0.5182;
     # (0.4903 - 0.1333)/(0.3849 . 20) = 0.04637
     (warning,) = findings_of("circle-calm", "path.gain", ("gain: 0.015", "gain: 0.05"))
@@ -153,9 +149,7 @@ def test_on_a_circle_the_leaders_field_has_the_turn_to_fly_as_well() -> None:
         ("0.7", "warning", "a damping of 0.47"),
     ],
 )
-def test_an_integral_that_learns_faster_than_the_field_moves_is_found(
-    learns_s: str, severity: str, words: str
-) -> None:
+def test_an_integral_that_learns_faster_than_the_field_moves_is_found(learns_s, severity, words):
     change = ("integral_s: 1.2", f"integral_s: {learns_s}")
     (found,) = findings_of("circle-wind", "controller.integral_s", change)
     assert found.severity == severity
@@ -167,12 +161,10 @@ def test_an_integral_that_learns_faster_than_the_field_moves_is_found(
 @pytest.mark.parametrize(
     "change", [("integral_s: 1.2", "integral_s: 0.8"), ("integral_s: 1.2", "integral_s: 0")]
 )
-def test_the_integral_of_the_remedy_and_none_at_all_are_no_findings(
-    change: tuple[str, str],
-) -> None:
+def test_the_integral_of_the_remedy_and_none_at_all_are_no_findings(change):
     assert not findings_of("circle-wind", "controller.integral_s", change)
 
 
-def test_an_integral_that_no_law_uses_is_no_finding() -> None:
+def test_an_integral_that_no_law_uses_is_no_finding():
     changes = (("integral_s: 1.2", "integral_s: 0.1"), ("type: slot", "type: pid"))
     assert not findings_of("circle-wind", "controller.integral_s", *changes)

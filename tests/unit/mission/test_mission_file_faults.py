@@ -141,11 +141,11 @@ PATHS = "line, circle, helix, racetrack, figure-eight, waypoints, plan"
         ),
     ],
 )
-def test_one_wrong_field_gives_one_line(old: str, new: str, expected: str) -> None:
+def test_one_wrong_field_gives_one_line(old, new, expected):
     assert faults_of(changed((old, new))) == [f"m.yaml:{line_of(old)}: {expected}"]
 
 
-def test_all_faults_are_reported_at_once_in_the_order_of_the_file() -> None:
+def test_all_faults_are_reported_at_once_in_the_order_of_the_file():
     text = changed(
         ("kappa: 3", "kappa: fast"), ("radius_m", "radius"), ("system_id: 2", "system_id: 1")
     )
@@ -174,22 +174,22 @@ def test_all_faults_are_reported_at_once_in_the_order_of_the_file() -> None:
         ("    f3: {forward", "    f9: {forward", "'f9' is neither 'leader' nor a follower"),
     ],
 )
-def test_contradictions_between_fields_are_faults(old: str, new: str, expected: str) -> None:
+def test_contradictions_between_fields_are_faults(old, new, expected):
     assert any(expected in one for one in faults_of(changed((old, new))))
 
 
-def test_a_field_given_twice_names_both_lines() -> None:
+def test_a_field_given_twice_names_both_lines():
     assert "m.yaml:2: name: given twice, first in line 1; remove one" in faults_of(
         "name: a\nname: b\n"
     )
 
 
-def test_an_empty_section_says_what_belongs_there() -> None:
+def test_an_empty_section_says_what_belongs_there():
     found = faults_of(changed(("wind: {type: article}", "wind:")))
     assert found[0].startswith(f"m.yaml:{line_of('wind: {type')}: wind: is left empty")
 
 
-def test_a_line_needs_a_course_and_only_one() -> None:
+def test_a_line_needs_a_course_and_only_one():
     circle = CIRCLE_WIND[CIRCLE_WIND.index("path: {") :].split("\n")[0]
     for path, expected in [
         ("path: {type: line}", "the line has no course"),
@@ -204,12 +204,12 @@ def test_a_line_needs_a_course_and_only_one() -> None:
     number=st.floats(-1e6, 1e6).map(lambda value: f"{value:.3f}"),
     unit=st.sampled_from(["m", "km", " m/s", "\N{DEGREE SIGN}", "deg", "%", " s"]),
 )
-def test_a_unit_behind_any_number_is_told(number: str, unit: str) -> None:
+def test_a_unit_behind_any_number_is_told(number, unit):
     (line,) = faults_of(changed(("kappa: 3", f"kappa: '{number}{unit}'")))
     assert line.endswith("is not a number; write the number alone, without a unit")
 
 
-def test_a_name_is_proposed_once() -> None:
+def test_a_name_is_proposed_once():
     start = ("rehearsal:", "rehearsal:\n  start: {f9: {forward_m: 0, right_m: 0}}\n")
     found = faults_of(changed(("vehicle: f2", "vehicle: f1")).replace(*start))
     (line,) = (one for one in found if "is neither 'leader' nor a follower" in one)
@@ -241,11 +241,11 @@ def test_a_name_is_proposed_once() -> None:
     ],
     ids=range(19),
 )
-def test_what_is_no_mission_at_all_is_refused_in_one_line(content: bytes, expected: str) -> None:
+def test_what_is_no_mission_at_all_is_refused_in_one_line(content, expected):
     assert any(expected in one for one in faults_of(content))
 
 
-def test_a_missing_file_a_directory_and_an_endless_file_are_refused(tmp_path: Path) -> None:
+def test_a_missing_file_a_directory_and_an_endless_file_are_refused(tmp_path):
     large = tmp_path / "large.yaml"
     large.write_bytes(b"#" * (1024 * 1024 + 1))
     for path, expected in [
@@ -260,12 +260,12 @@ def test_a_missing_file_a_directory_and_an_endless_file_are_refused(tmp_path: Pa
             load_mission(path)
 
 
-def test_control_characters_never_reach_the_terminal() -> None:
+def test_control_characters_never_reach_the_terminal():
     (found,) = [one for one in faults_of('"\\e[31m\\nred": 1\n') if "unknown" in one]
     assert "\\u001b[31m\\u000ared" in found
 
 
-def test_contradictions_are_also_found_without_a_file() -> None:
+def test_contradictions_are_also_found_without_a_file():
     mission = parse_mission(CIRCLE_WIND.encode(), file="m.yaml").mission
     data = mission.model_dump(exclude_unset=True)
     data["vehicles"]["f1"]["system_id"] = 1

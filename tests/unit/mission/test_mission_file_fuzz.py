@@ -82,25 +82,25 @@ def as_yaml(tree: object) -> bytes:
 
 @bounded
 @given(st.binary(max_size=200))
-def test_random_bytes(content: bytes) -> None:
+def test_random_bytes(content):
     read_and_check(content)
 
 
 @bounded
 @given(st.text(alphabet=" \n\t-:[]{},&*!|>'\"%@?#~.0aé\\", max_size=60))
-def test_random_yaml_punctuation(text: str) -> None:
+def test_random_yaml_punctuation(text):
     read_and_check(text.encode())
 
 
 @bounded
 @given(structures)
-def test_random_structures(tree: object) -> None:
+def test_random_structures(tree):
     read_and_check(as_yaml(tree))
 
 
 @bounded
 @given(st.data())
-def test_missions_with_one_node_deleted_replaced_or_renamed(data: st.DataObject) -> None:
+def test_missions_with_one_node_deleted_replaced_or_renamed(data):
     tree = copy.deepcopy(data.draw(st.sampled_from(TREES)))
     for _ in range(data.draw(st.integers(1, 3))):
         mutate(tree, data)
@@ -109,7 +109,7 @@ def test_missions_with_one_node_deleted_replaced_or_renamed(data: st.DataObject)
 
 @bounded
 @given(st.data())
-def test_missions_with_a_stretch_of_bytes_replaced(data: st.DataObject) -> None:
+def test_missions_with_a_stretch_of_bytes_replaced(data):
     content = data.draw(st.sampled_from(MISSIONS))
     start = data.draw(st.integers(0, len(content)))
     length = data.draw(st.integers(0, 40))
@@ -119,7 +119,7 @@ def test_missions_with_a_stretch_of_bytes_replaced(data: st.DataObject) -> None:
 
 @bounded
 @given(st.data())
-def test_missions_with_numbers_changed(data: st.DataObject) -> None:
+def test_missions_with_numbers_changed(data):
     tree = copy.deepcopy(data.draw(st.sampled_from(TREES)))
     places = [(group, key) for group, key in nodes(tree) if isinstance(group[key], int | float)]
     for _ in range(4):

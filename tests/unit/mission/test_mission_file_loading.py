@@ -52,11 +52,11 @@ def with_path(path: str) -> LineShape | CircleShape:
 
 
 @pytest.mark.parametrize("file", MISSIONS, ids=lambda file: file.stem)
-def test_a_shipped_mission_loads_under_the_name_of_its_file(file: Path) -> None:
+def test_a_shipped_mission_loads_under_the_name_of_its_file(file):
     assert load_mission(file).name == file.stem
 
 
-def test_these_missions_are_shipped() -> None:
+def test_these_missions_are_shipped():
     assert [file.stem for file in MISSIONS] == [
         "aerosonde-gusts",
         "ardupilot-sitl",
@@ -76,7 +76,7 @@ def test_these_missions_are_shipped() -> None:
     ]
 
 
-def test_the_documented_example_loads() -> None:
+def test_the_documented_example_loads():
     mission = parse_mission(CONTRACT_EXAMPLE, file="m.yaml").mission
     assert isinstance(mission.path, CircleShape)
     assert isinstance(mission.wind, ArticleWind)
@@ -84,7 +84,7 @@ def test_the_documented_example_loads() -> None:
     assert [one.slot.forward_m for one in mission.followers] == [-20.0, -20.0, -40.0]
 
 
-def test_a_leader_alone_with_everything_else_left_out_is_a_mission() -> None:
+def test_a_leader_alone_with_everything_else_left_out_is_a_mission():
     mission = parse_mission(LEAST, file="m.yaml").mission
     assert mission.followers == ()
     assert isinstance(mission.wind, CalmWind)
@@ -92,12 +92,12 @@ def test_a_leader_alone_with_everything_else_left_out_is_a_mission() -> None:
     assert mission.height_above_origin_m == 100.0
 
 
-def test_a_byte_order_mark_and_windows_line_ends_do_no_harm() -> None:
+def test_a_byte_order_mark_and_windows_line_ends_do_no_harm():
     content = b"\xef\xbb\xbf" + LEAST.replace(b"\n", b"\r\n")
     assert parse_mission(content, file="m.yaml").mission.name == "alone"
 
 
-def test_numbers_may_be_written_with_an_exponent_and_no_point() -> None:
+def test_numbers_may_be_written_with_an_exponent_and_no_point():
     path = with_path("{type: line, course_deg: 9e1, gain: 3e-2}")
     assert isinstance(path, LineShape)
     assert (path.course_deg, path.gain) == (90.0, 0.03)
@@ -112,16 +112,14 @@ def test_numbers_may_be_written_with_an_exponent_and_no_point() -> None:
         ("slope: -1", 0.0, 315.0),
     ],
 )
-def test_a_slope_and_an_intercept_stand_for_a_point_and_a_course(
-    fields: str, east_m: float, course_deg: float
-) -> None:
+def test_a_slope_and_an_intercept_stand_for_a_point_and_a_course(fields, east_m, course_deg):
     path = with_path(f"{{type: line, {fields}}}")
     assert isinstance(path, LineShape)
     assert path.point.east_m == east_m
     assert path.course_deg == pytest.approx(course_deg)
 
 
-def test_each_field_is_found_on_its_line() -> None:
+def test_each_field_is_found_on_its_line():
     source = read_mission(MISSIONS[0]).source
     lines = MISSIONS[0].read_text().splitlines()
     line = source.line_of(("vehicles", "f2", "system_id"))
@@ -130,21 +128,21 @@ def test_each_field_is_found_on_its_line() -> None:
     assert source.line_of(("controller", "rho")) == source.line_of(("controller",))
 
 
-def test_a_leader_begins_thirty_metres_right_of_its_path() -> None:
+def test_a_leader_begins_thirty_metres_right_of_its_path():
     mission = parse_mission(LEAST, file="m.yaml").mission
     start = leader_start(mission)
     assert (start.north_m, start.east_m) == pytest.approx((-30.0, 0.0))
     assert start.course_deg == 90.0
 
 
-def test_a_circle_begins_where_it_passes_nearest_to_the_origin() -> None:
+def test_a_circle_begins_where_it_passes_nearest_to_the_origin():
     path = with_path("{type: circle, centre: {north_m: 150, east_m: 0}, radius_m: 100}")
     beginning = path_beginning(path)
     assert (beginning.north_m, beginning.east_m) == pytest.approx((50.0, 0.0))
     assert beginning.course_deg == pytest.approx(270.0)
 
 
-def test_a_given_start_counts_from_the_slot_in_the_course_frame_of_the_leader() -> None:
+def test_a_given_start_counts_from_the_slot_in_the_course_frame_of_the_leader():
     mission = load_mission(FOLDER / "circle-wind.yaml")
     start = follower_start(mission, "f1")
     # leader at (30, 0) flying west: 80 m behind is east of it, 70 m left is south
@@ -152,7 +150,7 @@ def test_a_given_start_counts_from_the_slot_in_the_course_frame_of_the_leader() 
     assert start.course_deg == 270.0
 
 
-def test_default_starts_lie_out_of_place_and_no_closer_together_than_the_slots() -> None:
+def test_default_starts_lie_out_of_place_and_no_closer_together_than_the_slots():
     mission = parse_mission(CONTRACT_EXAMPLE, file="m.yaml").mission
     leader = leader_start(mission)
     slots = {one.vehicle: one.slot for one in mission.followers}
@@ -172,27 +170,23 @@ def test_default_starts_lie_out_of_place_and_no_closer_together_than_the_slots()
             assert apart >= in_formation - 1e-9
 
 
-def test_a_mission_cannot_be_changed_after_it_is_read() -> None:
+def test_a_mission_cannot_be_changed_after_it_is_read():
     mission = parse_mission(LEAST, file="m.yaml").mission
     with pytest.raises(ValueError, match="frozen"):
         mission.name = "other"
 
 
-def test_a_faulty_mission_is_an_input_error() -> None:
+def test_a_faulty_mission_is_an_input_error():
     assert issubclass(MissionError, InputError)
 
 
 @pytest.mark.parametrize("file", MISSIONS, ids=lambda file: file.stem)
-def test_a_mission_that_comes_along_is_found_by_its_name_from_anywhere(
-    file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_mission_that_comes_along_is_found_by_its_name_from_anywhere(file, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert load_mission(Path(file.stem)) == load_mission(file)
 
 
-def test_a_file_of_ones_own_goes_before_a_mission_of_its_name(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_file_of_ones_own_goes_before_a_mission_of_its_name(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "circle-wind").write_bytes(LEAST)
     assert load_mission(Path("circle-wind")).name == "alone"

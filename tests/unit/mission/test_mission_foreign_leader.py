@@ -10,7 +10,7 @@ from vfguide.mission.model import Mission
 from vfguide.mission.yaml_tree import read_tree
 
 
-def content(**leader: Any) -> dict[str, Any]:  # noqa: ANN401 - any field of a mission
+def content(**leader: Any) -> dict[str, Any]:
     tree = read_tree(shipped_missions()["foreign-leader"].read_text(encoding="utf-8")).data
     assert isinstance(tree, dict)
     tree["leader"] = {**tree["leader"], **leader}
@@ -23,7 +23,7 @@ def faults(data: dict[str, Any]) -> str:
     return str(raised.value)
 
 
-def test_it_needs_no_name_no_vehicle_and_no_path() -> None:
+def test_it_needs_no_name_no_vehicle_and_no_path():
     data = content()
     del data["path"]
     mission = Mission.model_validate(data)
@@ -33,20 +33,20 @@ def test_it_needs_no_name_no_vehicle_and_no_path() -> None:
     assert mission.path.type == "line"
 
 
-def test_the_first_follower_keeps_the_time_and_followers_alone_have_companions() -> None:
+def test_the_first_follower_keeps_the_time_and_followers_alone_have_companions():
     mission = Mission.model_validate(content())
     assert mission.timekeeper == "f1"
     assert mission.companions == ("f1", "f2", "f3")
 
 
-def test_its_vehicle_may_be_described_as_any_other() -> None:
+def test_its_vehicle_may_be_described_as_any_other():
     data = content(vehicle="tug", system_id=None)
     data["vehicles"]["tug"] = {"system_id": 9, "max_bank_deg": 30}
     mission = Mission.model_validate(data)
     assert (mission.leader_vehicle.system_id, mission.leader_vehicle.max_bank_deg) == (9, 30.0)
 
 
-def test_other_leaders_still_need_name_airspeed_and_path() -> None:
+def test_other_leaders_still_need_name_airspeed_and_path():
     data = content(follows="companion", connection=None, system_id=None, least_delay_s=None)
     assert "leader.vehicle" in faults(data)
 
@@ -63,7 +63,7 @@ def test_other_leaders_still_need_name_airspeed_and_path() -> None:
         ({"least_delay_s": -1.0}, "leader.least_delay_s"),
     ],
 )
-def test_what_does_not_fit_is_told(leader: dict[str, Any], told: str) -> None:
+def test_what_does_not_fit_is_told(leader, told):
     assert told in faults(content(**leader))
 
 
@@ -74,12 +74,12 @@ def adsb(forward_m: float) -> dict[str, Any]:
     return data
 
 
-def test_an_aircraft_that_adsb_shows_is_followed_from_a_hundred_metres() -> None:
+def test_an_aircraft_that_adsb_shows_is_followed_from_a_hundred_metres():
     assert Mission.model_validate(adsb(-100.0)).leader.icao_address == 0x4B1900
     assert "only 99 m from an aircraft that is heard by ADS-B" in faults(adsb(-99.0))
 
 
-def test_messages_arrive_after_they_are_sent() -> None:
+def test_messages_arrive_after_they_are_sent():
     data = content()
     data["rehearsal"]["leader_telemetry"] = {"delay_s": 0.1, "jitter_s": 0.2}
     assert "rehearsal.leader_telemetry.jitter_s: more than delay_s" in faults(data)

@@ -1,15 +1,15 @@
 """A hold is stacked above the height that the leader has then, and stays within the fence or is refused."""
 
 import math
-from pathlib import Path
 from typing import Any
 
 import pytest
 
+from tests.kit.missions import content_of
 from vfguide.formation.orders import Order
 from vfguide.formation.transition import RefusedOrderError
 from vfguide.lab.studies.order import rehearsed
-from vfguide.mission import check_mission, load_mission
+from vfguide.mission import check_mission
 from vfguide.mission.model import Mission
 from vfguide.mission.order_plan import (
     LeaderPlace,
@@ -24,12 +24,12 @@ SLOPE = math.tan(math.radians(8.5))
 
 def climbing(*orders: dict[str, Any], end_height_m: float = 335.0, **fields: object) -> Mission:
     """Four aircraft on a helix of 200 m that climbs by 335 m, from a flying height of 100 m."""
-    content = load_mission(Path("climb-and-turn")).model_dump(exclude_unset=True)
+    content = content_of("climb-and-turn")
     content["path"] = {**content["path"], "end_height_m": end_height_m}
     return Mission.model_validate({**content, "orders": list(orders), **fields})
 
 
-def test_the_planned_leader_is_as_high_as_its_path_and_climbs_with_it() -> None:
+def test_the_planned_leader_is_as_high_as_its_path_and_climbs_with_it():
     place = planned_place(climbing(), 60.0)
     # 1200 m along, of which the first 100 m bend into the slope: as if it had begun after 50 m.
     assert place.height == pytest.approx(100.0 + 1150.0 * SLOPE)
@@ -37,9 +37,7 @@ def test_the_planned_leader_is_as_high_as_its_path_and_climbs_with_it() -> None:
 
 
 @pytest.mark.parametrize(("max_height_m", "refused"), [(481, False), (479, True), (450, True)])
-def test_check_refuses_a_hold_whose_highest_would_leave_the_fence(
-    max_height_m: float, refused: bool
-) -> None:
+def test_check_refuses_a_hold_whose_highest_would_leave_the_fence(max_height_m, refused):
     # At 125 s the leader is at its end, 435 m; f1, f2 and f3 would hold at 450, 465 and 480 m.
     mission = climbing({"at_s": 125, "action": "hold"}, fence={"max_height_m": max_height_m})
     errors = [one.message for one in check_mission(mission) if one.severity == "error"]
@@ -50,7 +48,7 @@ def test_check_refuses_a_hold_whose_highest_would_leave_the_fence(
         assert f"the fence ends at {max_height_m} m" in message
 
 
-def test_a_second_hold_is_where_the_first_was_left() -> None:
+def test_a_second_hold_is_where_the_first_was_left():
     orders = [
         {"at_s": 40, "action": "hold"},
         {"at_s": 100, "action": "resume"},
@@ -64,14 +62,14 @@ def test_a_second_hold_is_where_the_first_was_left() -> None:
 
 @pytest.mark.parametrize(("max_height_m", "refused"), [(218, False), (216, True)])
 def test_a_hold_in_the_middle_of_a_change_of_height_counts_from_where_that_comes_to_rest(
-    max_height_m: float, refused: bool
-) -> None:
+    max_height_m, refused
+):
     # From 200 m to a path at 100 m, at 1.5 m/s, half of 3, which takes 3 s to reach: after 18 s 24.75 m down.
     # That comes to rest 3.1 m lower, at 172.1 m, and f3 holds 45 m above that. The new path is at 100 m.
     low = {"north_m": 0, "east_m": 0}
     corners = [low, {"north_m": 9000, "east_m": 9000}]
     high = [{**corner, "up_m": 100} for corner in corners]
-    content = load_mission(Path("shapes")).model_dump(exclude_unset=True)
+    content = content_of("shapes")
     content |= {
         "path": {"type": "waypoints", "waypoints": high},
         "paths": {"low": {"type": "waypoints", "waypoints": corners}},
@@ -95,9 +93,7 @@ def test_a_hold_in_the_middle_of_a_change_of_height_counts_from_where_that_comes
         (LeaderPlace(0.0, 0.0, 0.0), None),
     ],
 )
-def test_an_order_to_hold_counts_from_the_height_at_which_the_leader_is(
-    leader: LeaderPlace, sentence: str | None
-) -> None:
+def test_an_order_to_hold_counts_from_the_height_at_which_the_leader_is(leader, sentence):
     mission = climbing(fence={"max_height_m": 450})
     order, formation = Order(action="hold"), formation_of_mission(mission)
     if sentence is None:
@@ -109,8 +105,8 @@ def test_an_order_to_hold_counts_from_the_height_at_which_the_leader_is(
 
 @pytest.mark.parametrize(("max_height_m", "flown"), [(361, True), (349, False)])
 def test_an_order_is_rehearsed_from_the_height_and_the_turn_of_the_helix_at_which_the_leader_is(
-    max_height_m: float, flown: bool
-) -> None:
+    max_height_m, flown
+):
     # The leader is at 272 m after a minute, on its third turn. The hold begins 8 s later, at 296 m, and
     # its climb of 3 m/s comes to rest within 11.5 m; f3 holds at 352.5 m.
     # Companions that have heard their leader for 2 s only expect some more.

@@ -1,30 +1,29 @@
 """Other paths of a mission: looked at before the flight, ordered by name, refused where none can fly them."""
 
 import json
-from pathlib import Path
 from typing import Any
 
 import pytest
 
+from tests.kit.missions import MISSIONS, content_of, shipped
 from vfguide.companion.mission_plan import flight_plan
 from vfguide.errors import InputError
 from vfguide.formation.arrangement import Manoeuvre
 from vfguide.formation.orders import Order
 from vfguide.formation.transition import RefusedOrderError
 from vfguide.lab.studies.prediction import flown_s
-from vfguide.mission import Mission, MissionError, check_mission, load_mission, parse_mission
+from vfguide.mission import Mission, MissionError, check_mission, parse_mission
 from vfguide.mission.flight_path import PathShape, curve_check, height_span, path_of
 from vfguide.mission.order_plan import LeaderPlace, formation_of_mission, resolve, timetable
 
-MISSIONS = Path(__file__).parents[3] / "missions"
 WIDE = {"type": "circle", "centre": {"north_m": 500, "east_m": 0}, "radius_m": 300}
 TIGHT = {**WIDE, "radius_m": 30}
 HERE = LeaderPlace(0.0, 0.0, 0.0)
 
 
-def mission(paths: dict[str, Any], *orders: dict[str, Any], **sections: Any) -> Mission:  # noqa: ANN401
+def mission(paths: dict[str, Any], *orders: dict[str, Any], **sections: Any) -> Mission:
     """Four aircraft along a line to the north-east, with other paths."""
-    content = load_mission(MISSIONS / "shapes.yaml").model_dump(exclude_unset=True)
+    content = content_of("shapes")
     paths = {
         name: {"direction": "clockwise", **one} if one["type"] == "circle" else one
         for name, one in paths.items()
@@ -32,19 +31,19 @@ def mission(paths: dict[str, Any], *orders: dict[str, Any], **sections: Any) -> 
     return Mission.model_validate({**content, "paths": paths, "orders": orders, **sections})
 
 
-def ordered(one: Mission, **order: Any) -> Any:  # noqa: ANN401
+def ordered(one: Mission, **order: Any) -> Any:
     """The arrangement of an order from the beginning."""
     formation = formation_of_mission(one)
     return resolve(one, Order(**order), formation, number=1, time_s=30.0, leader=HERE)[0]
 
 
-def test_every_companion_knows_all_paths() -> None:
+def test_every_companion_knows_all_paths():
     one = mission({"wide": WIDE})
     for name in ("leader", "f3"):
         assert set(flight_plan(one, name).paths) == {"main", "wide"}
 
 
-def test_the_turns_onto_a_path_suit_every_slot() -> None:
+def test_the_turns_onto_a_path_suit_every_slot():
     found = ordered(mission({"wide": WIDE}), path="wide")
     assert (found.path, found.flown) == ("wide", Manoeuvre.FORMATION)
     # At 20 + 8 m/s over ground and two thirds of 45 degrees r = 28² / (g tan 30°) = 138.5 m; f3 is 40 m
@@ -52,20 +51,20 @@ def test_the_turns_onto_a_path_suit_every_slot() -> None:
     assert found.turn_radius_m == pytest.approx(171.0)
 
 
-def test_check_says_which_path_cannot_be_flown() -> None:
+def test_check_says_which_path_cannot_be_flown():
     found = check_mission(mission({"wide": WIDE, "tight": TIGHT}))
     errors = [one for one in found if one.severity == "error"]
     assert errors
     assert all("on the path 'tight': " in one.message for one in errors)
 
 
-def test_an_order_of_a_path_that_cannot_be_flown_is_refused_in_a_sentence() -> None:
+def test_an_order_of_a_path_that_cannot_be_flown_is_refused_in_a_sentence():
     with pytest.raises(RefusedOrderError) as refusal:
         ordered(mission({"tight": TIGHT}), path="tight")
     assert str(refusal.value).startswith("f3: on the turn this slot lies at or beyond the centre")
 
 
-def test_an_order_of_a_path_that_leads_out_of_the_fence_is_refused() -> None:
+def test_an_order_of_a_path_that_leads_out_of_the_fence_is_refused():
     fence = {
         "circles": [{"inclusion": True, "centre": {"north_m": 0, "east_m": 0}, "radius_m": 700}]
     }
@@ -74,7 +73,7 @@ def test_an_order_of_a_path_that_leads_out_of_the_fence_is_refused() -> None:
     assert "leaves the fence" in str(refusal.value)
 
 
-def test_a_hold_in_the_time_table_is_where_the_other_path_has_led() -> None:
+def test_a_hold_in_the_time_table_is_where_the_other_path_has_led():
     one = mission({"wide": WIDE}, {"at_s": 20, "path": "wide"}, {"at_s": 90, "action": "hold"})
     (first, _), (held, _) = timetable(one)
     assert (first.path, held.path) == ("wide", "wide")
@@ -107,7 +106,7 @@ def read(paths: str, orders: str = "[]") -> list[str]:
         ("{survey: {type: plan, file: none.plan}}", "paths.survey.file"),
     ],
 )
-def test_a_faulty_path_is_told_with_its_place(paths: str, text: str) -> None:
+def test_a_faulty_path_is_told_with_its_place(paths, text):
     (line,) = read(paths)
     assert text in line
 
@@ -132,14 +131,12 @@ def test_a_faulty_path_is_told_with_its_place(paths: str, text: str) -> None:
         ("[{at_s: 30, action: abort, shape: vee}]", "an abort stands alone"),
     ],
 )
-def test_orders_that_contradict_each_other_are_refused_with_their_place(
-    orders: str, text: str
-) -> None:
+def test_orders_that_contradict_each_other_are_refused_with_their_place(orders, text):
     (line,) = read("{}", orders)
     assert text in line
 
 
-def test_the_same_path_has_the_same_check_however_it_is_written() -> None:
+def test_the_same_path_has_the_same_check_however_it_is_written():
     written = {**WIDE, "radius_m": 300.0, "gain": 0.03, "direction": "clockwise"}
     assert check_of({"wide": WIDE}) == check_of({"wide": written})
 
@@ -147,16 +144,16 @@ def test_the_same_path_has_the_same_check_however_it_is_written() -> None:
 @pytest.mark.parametrize(
     "change", [{"radius_m": 301}, {"direction": "counterclockwise"}, {"gain": 0.02}]
 )
-def test_another_curve_has_another_check(change: dict[str, Any]) -> None:
+def test_another_curve_has_another_check(change):
     assert check_of({"wide": WIDE}) != check_of({"wide": {**WIDE, **change}})
 
 
-def test_the_same_numbers_from_another_origin_have_another_check() -> None:
+def test_the_same_numbers_from_another_origin_have_another_check():
     origin = {"latitude_deg": 47.397752, "longitude_deg": 8.545594, "altitude_amsl_m": 488}
     assert check_of({"wide": WIDE}) != check_of({"wide": WIDE}, origin=origin)
 
 
-def test_a_plan_is_told_by_its_route_and_not_by_the_name_of_its_file(tmp_path: Path) -> None:
+def test_a_plan_is_told_by_its_route_and_not_by_the_name_of_its_file(tmp_path):
     shipped = (MISSIONS / "survey.plan").read_text(encoding="utf-8")
     same, other = tmp_path / "same.plan", tmp_path / "other.plan"
     same.write_text(shipped, encoding="utf-8")
@@ -173,9 +170,7 @@ def test_a_plan_is_told_by_its_route_and_not_by_the_name_of_its_file(tmp_path: P
 
 
 @pytest.mark.parametrize("change", [{"wind": {"type": "calm"}}, {"leader": {"airspeed_m_s": 22.0}}])
-def test_a_route_whose_turns_the_mission_gives_is_another_curve_in_another_mission(
-    change: dict[str, dict[str, Any]],
-) -> None:
+def test_a_route_whose_turns_the_mission_gives_is_another_curve_in_another_mission(change):
     content = mission({}).model_dump(exclude_unset=True)
     corners = [
         {"north_m": 0, "east_m": 0},
@@ -192,7 +187,7 @@ def test_a_route_whose_turns_the_mission_gives_is_another_curve_in_another_missi
     assert first.path_checks["wide"] != other.path_checks["wide"]
 
 
-def test_sets_have_no_order_and_what_is_no_plain_data_is_an_error_with_its_remedy() -> None:
+def test_sets_have_no_order_and_what_is_no_plain_data_is_an_error_with_its_remedy():
     origin = mission({}).origin
 
     class Own(PathShape):
@@ -206,27 +201,27 @@ def test_sets_have_no_order_and_what_is_no_plain_data_is_an_error_with_its_remed
         curve_check(Own(what=object()), origin, 100.0)
 
 
-def test_a_mission_in_which_no_path_can_be_ordered_compares_none() -> None:
-    assert set(load_mission(MISSIONS / "circle-wind.yaml").path_checks.values()) == {0}
+def test_a_mission_in_which_no_path_can_be_ordered_compares_none():
+    assert set(shipped("circle-wind").path_checks.values()) == {0}
 
 
 @pytest.mark.parametrize(("at_s", "severity"), [(410, "warning"), (420, "error"), (500, "error")])
-def test_an_order_that_the_rehearsal_never_comes_to_is_an_error(at_s: float, severity: str) -> None:
+def test_an_order_that_the_rehearsal_never_comes_to_is_an_error(at_s, severity):
     # It lasts 420 s; one that begins in it and does not end in it is worth a warning.
     findings = check_mission(mission({}, {"at_s": at_s, "shape": "trail", "spacing_m": 20}))
     (found,) = [one for one in findings if "orders" in one.location]
     assert (found.severity, "lengthen rehearsal.duration_s" in found.remedy) == (severity, True)
 
 
-def test_a_time_table_is_flown_until_its_last_order_has_settled() -> None:
-    last, _ = timetable(shapes := load_mission(MISSIONS / "shapes.yaml"))[-1]
+def test_a_time_table_is_flown_until_its_last_order_has_settled():
+    last, _ = timetable(shapes := shipped("shapes"))[-1]
     assert flown_s(shapes) == pytest.approx(360.0 + last.duration_s + 15.0)
     assert flown_s(mission({})) == 60.0
     late = {"at_s": 900, "shape": "trail", "spacing_m": 20}
     assert flown_s(mission({}, late)) == 600.0
 
 
-def test_a_time_table_is_flown_until_all_have_come_to_the_height_of_another_path() -> None:
+def test_a_time_table_is_flown_until_all_have_come_to_the_height_of_another_path():
     high = {"type": "line", "course_deg": 0}
     high |= {"point": {"north_m": 0, "east_m": 100}, "climb_deg": 5, "end_height_m": 60}
     found = mission({"high": high}, {"at_s": 50, "path": "high"})
@@ -236,6 +231,6 @@ def test_a_time_table_is_flown_until_all_have_come_to_the_height_of_another_path
     assert flown_s(found) == pytest.approx(50.0 + 30.0 + 5.0 + 5.0 + 15.0)
 
 
-def check_of(paths: dict[str, Any], **sections: Any) -> int:  # noqa: ANN401
+def check_of(paths: dict[str, Any], **sections: Any) -> int:
     """By which the path `wide` of a mission is told from others of its name."""
     return formation_of_mission(mission(paths, **sections)).paths["wide"]

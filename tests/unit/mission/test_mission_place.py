@@ -1,13 +1,13 @@
 """Every slot is held against the fence along the whole path, and rooms are those worked out by hand."""
 
 import math
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 import yaml
 
+from tests.kit.missions import content_of, shipped
 from vfguide.formation.arrangement import Point
 from vfguide.formation.orders import Order
 from vfguide.formation.transition import RefusedOrderError
@@ -32,12 +32,12 @@ def room(fence: dict[str, Any], north: float, east: float) -> float:
 
 
 def findings(**fields: object) -> list[Finding]:
-    content = load_mission(Path("circle-calm")).model_dump(exclude_unset=True) | fields
+    content = content_of("circle-calm") | fields
     mission = Mission.model_validate(content)
     return [*beyond_the_fence(mission, conditions_of(mission.path, mission.wind))]
 
 
-def test_the_room_in_a_polygon_is_that_to_its_nearest_edge() -> None:
+def test_the_room_in_a_polygon_is_that_to_its_nearest_edge():
     square = {"polygons": [{"points": SQUARE}]}
     assert room(square, 0.0, 70.0) == pytest.approx(30.0)
     assert room(square, 0.0, 130.0) == pytest.approx(-30.0)
@@ -47,14 +47,14 @@ def test_the_room_in_a_polygon_is_that_to_its_nearest_edge() -> None:
     assert room(keep_out, 130.0, 140.0) == pytest.approx(50.0)
 
 
-def test_the_notch_of_a_polygon_is_outside() -> None:
+def test_the_notch_of_a_polygon_is_outside():
     notched = [*SQUARE[:2], {"north_m": 0, "east_m": 0}, *SQUARE[2:]]
     fence = {"polygons": [{"points": notched}]}
     assert room(fence, 60.0, 0.0) == pytest.approx(-60.0 / math.sqrt(2.0))
     assert room(fence, -50.0, 0.0) == pytest.approx(50.0)
 
 
-def test_of_all_areas_the_one_with_the_least_room_counts() -> None:
+def test_of_all_areas_the_one_with_the_least_room_counts():
     circles = [
         {"centre": {"north_m": 0, "east_m": 0}, "radius_m": 500},
         {"centre": {"north_m": 0, "east_m": 100}, "radius_m": 20, "inclusion": False},
@@ -63,7 +63,7 @@ def test_of_all_areas_the_one_with_the_least_room_counts() -> None:
     assert room({"circles": circles}, 0.0, -460.0) == pytest.approx(40.0)
 
 
-def test_a_fence_that_the_leader_keeps_to_is_left_by_the_outermost_slot() -> None:
+def test_a_fence_that_the_leader_keeps_to_is_left_by_the_outermost_slot():
     path = {"type": "circle", "centre": {}, "radius_m": 200.0, "direction": "clockwise"}
     centre = {"north_m": 0, "east_m": 0}
     followers = [{"vehicle": "f1", "slot": {"forward_m": 0, "right_m": -40, "up_m": 10}}]
@@ -90,7 +90,7 @@ def test_a_fence_that_the_leader_keeps_to_is_left_by_the_outermost_slot() -> Non
     assert "'f1' flies 110 m above the origin" in high.message
 
 
-def test_the_radius_of_fillets_leaves_every_slot_bank_and_airspeed() -> None:
+def test_the_radius_of_fillets_leaves_every_slot_bank_and_airspeed():
     mission = {
         "leader": {"vehicle": "a", "airspeed_m_s": 20.0},
         "vehicles": {"a": {"max_bank_deg": 45.0}, "b": {"airspeed_range_m_s": [12.0, 32.0]}},
@@ -105,8 +105,8 @@ def test_the_radius_of_fillets_leaves_every_slot_bank_and_airspeed() -> None:
     assert least_radius(mission | {"followers": followers, "wind": {"type": "article"}}) == 171.0
 
 
-def test_a_mission_file_can_hold_a_fence_by_latitude_and_longitude(tmp_path: Path) -> None:
-    content = load_mission(Path("circle-calm")).model_dump(mode="json", exclude_unset=True)
+def test_a_mission_file_can_hold_a_fence_by_latitude_and_longitude(tmp_path):
+    content = shipped("circle-calm").model_dump(mode="json", exclude_unset=True)
     origin = content["origin"]
     centre = {name: origin[name] for name in ("latitude_deg", "longitude_deg")}
     content["fence"] = {"circles": [{"centre": centre, "radius_m": 50}]}
@@ -129,10 +129,8 @@ def test_a_mission_file_can_hold_a_fence_by_latitude_and_longitude(tmp_path: Pat
         (Order(action="hold"), LeaderPlace(150.0, -200.0, 0.0), "'f1' leaves the fence by 16 m"),
     ],
 )
-def test_an_order_that_leads_out_of_the_fence_is_refused(
-    order: Order, leader: LeaderPlace | None, sentence: str | None
-) -> None:
-    content = load_mission(Path("circle-calm")).model_dump(exclude_unset=True)
+def test_an_order_that_leads_out_of_the_fence_is_refused(order, leader, sentence):
+    content = content_of("circle-calm")
     fence = {"circles": [{"centre": {"north_m": 150, "east_m": 0}, "radius_m": 205}]}
     mission = Mission.model_validate(content | {"fence": fence})
     formation = formation_of_mission(mission)
@@ -143,7 +141,7 @@ def test_an_order_that_leads_out_of_the_fence_is_refused(
         resolve(mission, order, formation, number=1, time_s=5.0, leader=leader)
 
 
-def test_the_edge_of_an_area_is_closed() -> None:
+def test_the_edge_of_an_area_is_closed():
     corners = (
         {"north_m": 0, "east_m": 0},
         {"north_m": 90, "east_m": 0},

@@ -10,11 +10,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from tests.kit.missions import MISSIONS, shipped
 from vfguide.errors import InputError
-from vfguide.mission.load import load_mission, parse_mission
+from vfguide.mission.load import parse_mission
 from vfguide.mission.plan_file import MAX_BYTES, parse_plan, read_plan
 
-MISSIONS = Path(__file__).parents[3] / "missions"
 SHIPPED = json.loads((MISSIONS / "survey.plan").read_text(encoding="utf-8"))
 
 
@@ -33,14 +33,14 @@ def plan(*items: object, **fields: object) -> bytes:
 TWO = (waypoint(47.0, 8.0, 100.0, doJumpId=1), waypoint(47.01, 8.0, 120.0, doJumpId=2))
 
 
-def test_altitudes_relative_to_the_launch_count_from_its_own() -> None:
+def test_altitudes_relative_to_the_launch_count_from_its_own():
     found = parse_plan(plan(*TWO))["waypoints"]
     assert [one["altitude_amsl_m"] for one in found] == [600.0, 620.0]
     absolute = parse_plan(plan(waypoint(47.0, 8.0, 700.0, frame=0), TWO[1]))["waypoints"]
     assert absolute[0] == {"latitude_deg": 47.0, "longitude_deg": 8.0, "altitude_amsl_m": 700.0}
 
 
-def test_the_waypoints_of_a_survey_stand_in_its_place() -> None:
+def test_the_waypoints_of_a_survey_stand_in_its_place():
     survey = {
         "type": "ComplexItem",
         "complexItemType": "survey",
@@ -66,9 +66,7 @@ def test_the_waypoints_of_a_survey_stand_in_its_place() -> None:
         ),
     ],
 )
-def test_the_last_item_says_what_comes_at_the_end(
-    last: dict[str, Any], end: str, radius_m: float | None
-) -> None:
+def test_the_last_item_says_what_comes_at_the_end(last, end, radius_m):
     found = parse_plan(plan(*TWO, last))
     assert found["end"] == end
     assert found.get("loiter_radius_m") == radius_m
@@ -96,13 +94,13 @@ def test_the_last_item_says_what_comes_at_the_end(
         (plan(*TWO, geoFence={"polygons": [{"polygon": [[1, 2]]}]}), "fewer than three corners"),
     ],
 )
-def test_a_broken_plan_is_refused_in_one_sentence(content: bytes, sentence: str) -> None:
+def test_a_broken_plan_is_refused_in_one_sentence(content, sentence):
     with pytest.raises(InputError, match=re.escape(sentence)) as caught:
         parse_plan(content)
     assert "\n" not in str(caught.value)
 
 
-def test_files_that_are_none_are_refused(tmp_path: Path) -> None:
+def test_files_that_are_none_are_refused(tmp_path):
     large = tmp_path / "large.plan"
     large.write_bytes(b" " * (MAX_BYTES + 1))
     for path, sentence in (
@@ -126,9 +124,7 @@ def test_files_that_are_none_are_refused(tmp_path: Path) -> None:
         ([1], "loiter", ["a jump that is taken never"]),
     ],
 )
-def test_only_a_jump_that_is_always_taken_ends_a_route(
-    jump: list[int], end: str, left_out: list[str]
-) -> None:
+def test_only_a_jump_that_is_always_taken_ends_a_route(jump, end, left_out):
     last = waypoint(47.02, 8.0, 130.0)
     found = parse_plan(plan(*TWO, {"command": 177, "params": jump}, last))
     assert (found["end"], found["left_out"]) == (end, left_out)
@@ -153,9 +149,7 @@ def spots(tree: object, way: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
 
 @settings(max_examples=60, deadline=None)
 @given(data=st.data(), value=TREES)
-def test_whatever_stands_in_a_plan_it_is_a_mission_or_one_sentence(
-    data: st.DataObject, value: object
-) -> None:
+def test_whatever_stands_in_a_plan_it_is_a_mission_or_one_sentence(data, value):
     changed = copy.deepcopy(SHIPPED)
     *way, last = data.draw(st.sampled_from(spots(SHIPPED)[1:]))
     inner = changed
@@ -169,8 +163,8 @@ def test_whatever_stands_in_a_plan_it_is_a_mission_or_one_sentence(
     assert len(found["waypoints"]) >= 2
 
 
-def test_the_shipped_plan_has_eight_corners_a_fence_and_a_rally_point() -> None:
-    mission = load_mission(Path("survey-plan"))
+def test_the_shipped_plan_has_eight_corners_a_fence_and_a_rally_point():
+    mission = shipped("survey-plan")
     contents = mission.path.contents  # type: ignore[attr-defined]
     assert len(contents.waypoints) == 8
     assert contents.end == "repeat"
@@ -180,9 +174,9 @@ def test_the_shipped_plan_has_eight_corners_a_fence_and_a_rally_point() -> None:
     assert contents.left_out == ("command 178", "command 206", "take-off")
 
 
-def test_a_mission_that_was_read_needs_its_plan_no_more(tmp_path: Path) -> None:
+def test_a_mission_that_was_read_needs_its_plan_no_more(tmp_path):
     import yaml
 
-    mission = load_mission(MISSIONS / "survey-plan.yaml")
+    mission = shipped("survey-plan")
     content = yaml.safe_dump(mission.model_dump(mode="json", exclude_unset=True)).encode()
     assert parse_mission(content, file=str(tmp_path / "mission.yaml")).mission == mission

@@ -28,13 +28,13 @@ def easement_of(data: bytes) -> float:
     [(600, 150, 100.0), (60, 150, 60.0), (600, 80, 80.0), (70, 80, 70.0), (100.5, 100.5, 100.0)],
 )
 def test_an_easement_that_is_not_given_is_as_long_as_fits_up_to_a_hundred_metres(
-    leg_m: float, radius_m: float, easement_m: float
-) -> None:
+    leg_m, radius_m, easement_m
+):
     assert easement_of(file_with(leg_m, radius_m)) == easement_m
 
 
 @pytest.mark.parametrize("easement_m", [0.0, 30.0, 60.0])
-def test_an_easement_that_is_given_and_fits_is_taken(easement_m: float) -> None:
+def test_an_easement_that_is_given_and_fits_is_taken(easement_m):
     assert easement_of(file_with(60, 150, f"  easement_m: {easement_m}\n")) == easement_m
 
 
@@ -42,9 +42,7 @@ def test_an_easement_that_is_given_and_fits_is_taken(easement_m: float) -> None:
     ("leg_m", "radius_m", "easement_m", "longest"),
     [(60, 150, 61, "60"), (600, 82.5, 100, "82.5")],
 )
-def test_one_that_is_too_long_is_a_fault_of_its_own_line(
-    leg_m: float, radius_m: float, easement_m: float, longest: str
-) -> None:
+def test_one_that_is_too_long_is_a_fault_of_its_own_line(leg_m, radius_m, easement_m, longest):
     data = file_with(leg_m, radius_m, f"  easement_m: {easement_m}\n")
     line = data[: data.index(b"easement_m")].count(b"\n") + 1
     with pytest.raises(MissionError) as caught:
@@ -55,14 +53,14 @@ def test_one_that_is_too_long_is_a_fault_of_its_own_line(
     )
 
 
-def test_a_radius_that_is_no_number_is_the_only_fault_where_no_easement_is_given() -> None:
+def test_a_radius_that_is_no_number_is_the_only_fault_where_no_easement_is_given():
     data = file_with(60, 150).replace(b"radius_m: 150", b"radius_m: wide")
     with pytest.raises(MissionError) as caught:
         parse_mission(data, file="m.yaml")
     assert [fault.split(": ")[1] for fault in str(caught.value).split("\n")] == ["path.radius_m"]
 
 
-def test_a_remedy_that_is_a_fields_description_is_one_line() -> None:
+def test_a_remedy_that_is_a_fields_description_is_one_line():
     data = file_with(60, 150).replace(b"  leg_m: 60\n", b"")
     with pytest.raises(MissionError) as caught:
         parse_mission(data, file="m.yaml")

@@ -21,18 +21,18 @@ def with_patience(section: str) -> bytes:
     return (LEAST + f"patience: {{{section}}}\n").encode()
 
 
-def test_a_mission_that_says_nothing_has_the_usual_patience() -> None:
+def test_a_mission_that_says_nothing_has_the_usual_patience():
     patience = parse_mission(LEAST.encode(), file="m.yaml").mission.patience
     assert (patience.telemetry_s, patience.leader_s) == (1.0, 0.6)
     assert (patience.prediction_s, patience.breakaway_s) == (30.0, 25.0)
 
 
 @pytest.mark.parametrize("file", MISSIONS, ids=lambda file: file.stem)
-def test_a_shipped_mission_outlasts_a_silence_of_twenty_seconds(file: Path) -> None:
+def test_a_shipped_mission_outlasts_a_silence_of_twenty_seconds(file):
     assert load_mission(file).patience.prediction_s > 20.0
 
 
-def test_what_is_given_counts_and_the_rest_is_as_usual() -> None:
+def test_what_is_given_counts_and_the_rest_is_as_usual():
     content = with_patience("prediction_s: 5, breakaway_s: 0")
     patience = parse_mission(content, file="m.yaml").mission.patience
     assert (patience.leader_s, patience.prediction_s, patience.breakaway_s) == (0.6, 5.0, 0.0)
@@ -54,7 +54,7 @@ def test_what_is_given_counts_and_the_rest_is_as_usual() -> None:
         "patient: 3",
     ],
 )
-def test_a_patience_that_cannot_be_had_is_refused_by_name(section: str) -> None:
+def test_a_patience_that_cannot_be_had_is_refused_by_name(section):
     field = section.split(":", maxsplit=1)[0]
     with pytest.raises(MissionError, match=rf"patience\.{field}"):
         parse_mission(with_patience(section), file="m.yaml")

@@ -26,7 +26,7 @@ def faults(vehicles: str) -> list[str]:
     return str(caught.value).splitlines()
 
 
-def test_every_vehicle_has_the_defaults_that_it_does_not_give_itself() -> None:
+def test_every_vehicle_has_the_defaults_that_it_does_not_give_itself():
     text = HEAD + (
         "vehicles:\n"
         "  defaults: {alpha_1_s: 0.9, max_bank_deg: 40}\n"
@@ -42,7 +42,7 @@ def test_every_vehicle_has_the_defaults_that_it_does_not_give_itself() -> None:
     assert loaded.source.line_of(("vehicles", "two", "max_bank_deg")) == 9
 
 
-def test_a_wrong_default_is_one_fault_where_it_stands() -> None:
+def test_a_wrong_default_is_one_fault_where_it_stands():
     found = faults(
         "vehicles:\n  defaults: {max_bank_deg: 99, alpa_1_s: 1}\n"
         "  one: {system_id: 1}\n  two: {system_id: 2}\n"
@@ -52,7 +52,7 @@ def test_a_wrong_default_is_one_fault_where_it_stands() -> None:
     assert any("vehicles.defaults.alpa_1_s: unknown field" in one for one in found)
 
 
-def test_anchors_aliases_and_merged_groups_mean_what_yaml_says() -> None:
+def test_anchors_aliases_and_merged_groups_mean_what_yaml_says():
     text = (
         "usual: &usual {alpha: 1, limits: &limits [12, 30]}\n"
         "one: {<<: *usual, alpha: 2}\n"
@@ -74,9 +74,7 @@ SCALARS = st.integers(0, 9).map(str)
     own=st.dictionaries(st.sampled_from("abcd"), SCALARS, max_size=4),
     first=st.booleans(),
 )
-def test_a_merged_group_is_what_pyyaml_makes_of_it(
-    fields: dict[str, str], own: dict[str, str], *, first: bool
-) -> None:
+def test_a_merged_group_is_what_pyyaml_makes_of_it(fields, own, first):
     said = [f"{name}: {value}" for name, value in own.items()]
     said.insert(0 if first else len(said), "<<: *base")
     base = ", ".join(f"{name}: {value}" for name, value in fields.items())
@@ -84,7 +82,7 @@ def test_a_merged_group_is_what_pyyaml_makes_of_it(
     assert read_tree(text).data == yaml.safe_load(text)
 
 
-def test_what_grows_when_it_is_written_out_is_refused_before_it_has_grown() -> None:
+def test_what_grows_when_it_is_written_out_is_refused_before_it_has_grown():
     laughs = "a0: &a0 [x, x, x, x, x, x, x, x, x]\n" + "".join(
         f"a{level}: &a{level} [{', '.join([f'*a{level - 1}'] * 9)}]\n" for level in range(1, 12)
     )
@@ -99,7 +97,7 @@ def test_what_grows_when_it_is_written_out_is_refused_before_it_has_grown() -> N
     assert time.process_time() - before < 60.0
 
 
-def test_shipped_missions_say_what_their_vehicles_share_once() -> None:
+def test_shipped_missions_say_what_their_vehicles_share_once():
     for name in ("ardupilot-sitl", "px4-sitl", "aerosonde-gusts"):
         file = Path(__file__).parents[3] / "missions" / f"{name}.yaml"
         mission = parse_mission(file.read_bytes(), file=name).mission

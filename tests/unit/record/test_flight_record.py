@@ -76,7 +76,7 @@ records = st.builds(
 @settings(
     max_examples=30, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
 )
-def test_a_record_comes_back_as_it_was(tmp_path: Path, record: FlightRecord) -> None:
+def test_a_record_comes_back_as_it_was(tmp_path, record):
     record.save(tmp_path / "flight.npz")
 
     loaded = FlightRecord.load(tmp_path / "flight.npz")
@@ -105,13 +105,13 @@ def test_a_record_comes_back_as_it_was(tmp_path: Path, record: FlightRecord) -> 
         assert np.array_equal(before.limited, after.limited)
 
 
-def test_the_same_record_gives_the_same_bytes(tmp_path: Path) -> None:
+def test_the_same_record_gives_the_same_bytes(tmp_path):
     some_flight().save(tmp_path / "first.npz")
     some_flight().save(tmp_path / "second.npz")
     assert (tmp_path / "first.npz").read_bytes() == (tmp_path / "second.npz").read_bytes()
 
 
-def test_how_long_a_flight_took_makes_no_difference_to_its_file(tmp_path: Path) -> None:
+def test_how_long_a_flight_took_makes_no_difference_to_its_file(tmp_path):
     flight = some_flight()
     flight.save(tmp_path / "first.npz")
     replace(flight, wall_s=99.0).save(tmp_path / "second.npz")
@@ -119,7 +119,7 @@ def test_how_long_a_flight_took_makes_no_difference_to_its_file(tmp_path: Path) 
     assert FlightRecord.load(tmp_path / "first.npz").wall_s is None
 
 
-def test_latencies_and_the_fact_that_a_flight_was_stopped_come_back(tmp_path: Path) -> None:
+def test_latencies_and_the_fact_that_a_flight_was_stopped_come_back(tmp_path):
     quick = Percentiles(p50=0.3, p99=2.0, max=9.0)
     latency = Latency(
         vehicles={
@@ -134,7 +134,7 @@ def test_latencies_and_the_fact_that_a_flight_was_stopped_come_back(tmp_path: Pa
     assert (loaded.interrupted, loaded.latency) == (True, latency)
 
 
-def test_saving_leaves_no_other_file_behind(tmp_path: Path) -> None:
+def test_saving_leaves_no_other_file_behind(tmp_path):
     some_flight().save(tmp_path / "flight.npz")
     assert [path.name for path in tmp_path.iterdir()] == ["flight.npz"]
 
@@ -148,39 +148,39 @@ def complaint(path: Path) -> str:
     return text
 
 
-def test_a_missing_file_is_named(tmp_path: Path) -> None:
+def test_a_missing_file_is_named(tmp_path):
     assert "No such file" in complaint(tmp_path / "absent.npz")
 
 
-def test_a_directory_is_no_record(tmp_path: Path) -> None:
+def test_a_directory_is_no_record(tmp_path):
     assert "directory" in complaint(tmp_path)
 
 
 @pytest.mark.parametrize(
     "content", [b"", b"hello", b"PK\x03\x04", b"\x93NUMPY\x01\x00", b"\x80\x04K\x01."]
 )
-def test_other_bytes_are_no_record(tmp_path: Path, content: bytes) -> None:
+def test_other_bytes_are_no_record(tmp_path, content):
     path = tmp_path / "flight.npz"
     path.write_bytes(content)
     assert "no flight record" in complaint(path)
 
 
-def test_a_single_array_is_no_record(tmp_path: Path) -> None:
+def test_a_single_array_is_no_record(tmp_path):
     np.save(tmp_path / "one.npy", np.zeros(3))
     assert "single NumPy array" in complaint(tmp_path / "one.npy")
 
 
-def test_an_archive_of_something_else_is_no_record(tmp_path: Path) -> None:
+def test_an_archive_of_something_else_is_no_record(tmp_path):
     np.savez(tmp_path / "other.npz", weights=np.zeros(3))
     assert "no description" in complaint(tmp_path / "other.npz")
 
 
-def test_pickled_objects_are_never_loaded(tmp_path: Path) -> None:
+def test_pickled_objects_are_never_loaded(tmp_path):
     np.savez(tmp_path / "pickle.npz", description=np.array([{"a": 1}], dtype=object))
     assert "no flight record" in complaint(tmp_path / "pickle.npz")
 
 
-def test_a_newer_version_is_refused(tmp_path: Path) -> None:
+def test_a_newer_version_is_refused(tmp_path):
     write_archive(tmp_path / "new.npz", {"format": "vfguide-flight-record", "version": 99}, {})
     assert "version 99" in complaint(tmp_path / "new.npz")
 
@@ -198,9 +198,7 @@ def test_a_newer_version_is_refused(tmp_path: Path) -> None:
         {"seed": 1e999},
     ],
 )
-def test_a_damaged_description_is_told_in_one_line(
-    tmp_path: Path, damage: dict[str, object]
-) -> None:
+def test_a_damaged_description_is_told_in_one_line(tmp_path, damage):
     path = tmp_path / "flight.npz"
     some_flight().save(path)
     with np.load(path) as stored:
@@ -211,7 +209,7 @@ def test_a_damaged_description_is_told_in_one_line(
 
 
 @pytest.mark.parametrize("value", [np.zeros(2), np.array(["a", "b", "c"])])
-def test_an_array_that_does_not_fit_is_named(tmp_path: Path, value: np.ndarray) -> None:
+def test_an_array_that_does_not_fit_is_named(tmp_path, value):
     path = tmp_path / "flight.npz"
     some_flight().save(path)
     with np.load(path) as stored:
@@ -224,7 +222,7 @@ def test_an_array_that_does_not_fit_is_named(tmp_path: Path, value: np.ndarray) 
 @settings(
     max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
 )
-def test_a_record_with_wrong_bytes_loads_or_is_refused(tmp_path: Path, data: st.DataObject) -> None:
+def test_a_record_with_wrong_bytes_loads_or_is_refused(tmp_path, data):
     path = tmp_path / "flight.npz"
     some_flight().save(path)
     content = bytearray(path.read_bytes())
@@ -243,7 +241,7 @@ def test_a_record_with_wrong_bytes_loads_or_is_refused(tmp_path: Path, data: st.
     max_examples=100, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
 )
 @example(header=b"0L")  # a number of Python 2
-def test_an_array_with_a_wrong_header_is_refused(tmp_path: Path, header: bytes) -> None:
+def test_an_array_with_a_wrong_header_is_refused(tmp_path, header):
     path = tmp_path / "flight.npz"
     with zipfile.ZipFile(path, "w") as archive:
         archive.writestr(
@@ -252,12 +250,12 @@ def test_an_array_with_a_wrong_header_is_refused(tmp_path: Path, header: bytes) 
     assert "no flight record" in complaint(path)
 
 
-def test_a_place_that_is_not_there_is_an_input_error(tmp_path: Path) -> None:
+def test_a_place_that_is_not_there_is_an_input_error(tmp_path):
     with pytest.raises(InputError, match="cannot be written"):
         some_flight().save(tmp_path / "absent" / "flight.npz")
 
 
-def test_a_record_needs_its_leader_first() -> None:
+def test_a_record_needs_its_leader_first():
     record = some_flight()
     with pytest.raises(ValueError, match="leader comes first"):
         replace(record, vehicles=record.vehicles[::-1])
@@ -265,19 +263,19 @@ def test_a_record_needs_its_leader_first() -> None:
         replace(record, vehicles=())
 
 
-def test_two_vehicles_need_two_names() -> None:
+def test_two_vehicles_need_two_names():
     record = some_flight()
     with pytest.raises(ValueError, match="same name"):
         replace(record, vehicles=(record.leader, replace(record.followers[0], name="leader")))
 
 
-def test_times_need_to_ascend() -> None:
+def test_times_need_to_ascend():
     for times in ([0.0, 2.0, 1.0], [0.0, math.nan, 1.0]):
         with pytest.raises(ValueError, match="ascending"):
             replace(some_flight(), time_s=np.array(times))
 
 
-def test_a_small_file_that_would_grow_beyond_all_flights_is_refused_unread(tmp_path: Path) -> None:
+def test_a_small_file_that_would_grow_beyond_all_flights_is_refused_unread(tmp_path):
     path = tmp_path / "flight.npz"
     piece = bytes(16 * 1024**2)
     with (
@@ -291,7 +289,7 @@ def test_a_small_file_that_would_grow_beyond_all_flights_is_refused_unread(tmp_p
         FlightRecord.load(path)
 
 
-def test_fence_and_other_paths_come_back(tmp_path: Path) -> None:
+def test_fence_and_other_paths_come_back(tmp_path):
     edge = Outline(kind="fence", north_m=np.array([0.0, 9.0]), east_m=np.array([1.0, 2.0]))
     other = Outline(kind="path", north_m=np.array([5.0]), east_m=np.array([6.0]))
     replace(some_flight(), outlines=(edge, other)).save(tmp_path / "flight.npz")
@@ -304,11 +302,11 @@ def test_fence_and_other_paths_come_back(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("kinds", [["wall"], [["fence"]], "fence", ["fence"] * 1001])
-def test_drawn_lines_of_no_known_kind_are_damage(kinds: object) -> None:
+def test_drawn_lines_of_no_known_kind_are_damage(kinds):
     with pytest.raises(ValueError, match="drawn line"):
         compose_outlines(kinds, {})
 
 
-def test_a_drawn_line_has_as_many_norths_as_easts() -> None:
+def test_a_drawn_line_has_as_many_norths_as_easts():
     with pytest.raises(ValueError, match="as many norths as easts"):
         Outline(kind="fence", north_m=np.zeros(2), east_m=np.zeros(3))

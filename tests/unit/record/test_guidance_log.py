@@ -43,7 +43,7 @@ def written(path: Path, *steps: GuidanceStep) -> Path:
     return path
 
 
-def test_the_newest_step_that_is_not_later_counts(tmp_path: Path) -> None:
+def test_the_newest_step_that_is_not_later_counts(tmp_path):
     track = read_guidance(written(tmp_path / "f1.csv", step(100.0, "joining"), step(100.05)))
     assert track.at(99.99) is None
     assert values(track.at(100.0)) == values(step(100.0, "joining"))
@@ -51,12 +51,12 @@ def test_the_newest_step_that_is_not_later_counts(tmp_path: Path) -> None:
     assert values(track.at(500.0)) == values(step(100.05))
 
 
-def test_times_count_from_where_the_flight_began(tmp_path: Path) -> None:
+def test_times_count_from_where_the_flight_began(tmp_path):
     track = read_guidance(written(tmp_path / "f1.csv", step(100.0)), zero_s=90.0)
     assert values(track.at(10.0)) == values(step(10.0))
 
 
-def test_what_was_not_sent_stays_unknown(tmp_path: Path) -> None:
+def test_what_was_not_sent_stays_unknown(tmp_path):
     unsent = GuidanceStep(
         time_s=1.0,
         mode="waiting",
@@ -71,7 +71,7 @@ def test_what_was_not_sent_stays_unknown(tmp_path: Path) -> None:
     assert found.limited is False
 
 
-def test_ordered_slots_and_who_is_led_by_are_kept(tmp_path: Path) -> None:
+def test_ordered_slots_and_who_is_led_by_are_kept(tmp_path):
     led = replace(
         step(100.0),
         slot_forward_m=-20.0,
@@ -89,7 +89,7 @@ def test_ordered_slots_and_who_is_led_by_are_kept(tmp_path: Path) -> None:
     assert values(track.steps) == values([step(9.0), replace(led, time_s=10.0, lead_time_s=9.75)])
 
 
-def test_the_age_of_what_was_heard_holds_until_the_next_step_and_not_over_a_gap() -> None:
+def test_the_age_of_what_was_heard_holds_until_the_next_step_and_not_over_a_gap():
     steps = [step(0.0), replace(step(1.0), leader_age_s=0.1), replace(step(1.5), leader_age_s=0.6)]
     moments = np.array([0.5, 1.0, 1.4, 1.5, 2.5, 2.6])
     ages = age_series(GuidanceTrack(steps), moments)["leader_age_s"]
@@ -98,7 +98,7 @@ def test_the_age_of_what_was_heard_holds_until_the_next_step_and_not_over_a_gap(
     assert age_series(GuidanceTrack(steps[:1]), moments) == {}
 
 
-def test_a_slot_counts_from_the_order_on_and_is_the_missions_before() -> None:
+def test_a_slot_counts_from_the_order_on_and_is_the_missions_before():
     steps = [step(1.0)] + [
         replace(step(time_s), slot_forward_m=-20.0, slot_right_m=right, slot_up_m=0.0)
         for time_s, right in ((2.0, 10.0), (4.0, 20.0))
@@ -109,7 +109,7 @@ def test_a_slot_counts_from_the_order_on_and_is_the_missions_before() -> None:
     assert slot_series(GuidanceTrack(steps[:1]), moments, (-20.0, 5.0, 0.0)) == {}
 
 
-def test_that_a_vehicle_has_left_and_which_path_is_followed_are_kept(tmp_path: Path) -> None:
+def test_that_a_vehicle_has_left_and_which_path_is_followed_are_kept(tmp_path):
     steps = [
         step(1.0),
         replace(step(2.0), path="survey"),
@@ -119,16 +119,14 @@ def test_that_a_vehicle_has_left_and_which_path_is_followed_are_kept(tmp_path: P
     assert values(read_guidance(written(tmp_path / "f1.csv", *steps)).steps) == values(steps)
 
 
-def test_files_of_earlier_versions_are_read_as_of_a_formation_on_its_first_path(
-    tmp_path: Path,
-) -> None:
+def test_files_of_earlier_versions_are_read_as_of_a_formation_on_its_first_path(tmp_path):
     path = written(tmp_path / "f1.csv", step(1.0))
     lines = path.read_text(encoding="utf-8").splitlines()
     path.write_text("".join(f"{one.rsplit(',', 2)[0]}\n" for one in lines), encoding="utf-8")
     assert values(read_guidance(path).steps) == values([step(1.0)])
 
 
-def test_of_a_file_that_grows_the_newest_steps_are_read_and_no_half_line(tmp_path: Path) -> None:
+def test_of_a_file_that_grows_the_newest_steps_are_read_and_no_half_line(tmp_path):
     steps = [step(float(time_s)) for time_s in range(1000)]
     path = written(tmp_path / "f1.csv", *steps)
     path.write_bytes(path.read_bytes() + encode_step(step(1000.0))[:-5])
@@ -140,15 +138,13 @@ def test_of_a_file_that_grows_the_newest_steps_are_read_and_no_half_line(tmp_pat
 
 
 @given(content=st.binary(max_size=300))
-def test_whatever_a_growing_file_holds_nothing_breaks(
-    tmp_path_factory: pytest.TempPathFactory, content: bytes
-) -> None:
+def test_whatever_a_growing_file_holds_nothing_breaks(tmp_path_factory, content):
     path = tmp_path_factory.mktemp("log") / "f1.csv"
     path.write_bytes(HEADER + content + b"\n")
     assert all(math.isfinite(one.time_s) for one in read_newest(path).steps)
 
 
-def test_who_has_left_has_no_slot_until_it_is_given_one_again() -> None:
+def test_who_has_left_has_no_slot_until_it_is_given_one_again():
     def slotted(time_s: float) -> GuidanceStep:
         return replace(step(time_s), slot_forward_m=-20.0, slot_right_m=10.0, slot_up_m=0.0)
 
@@ -166,7 +162,7 @@ def test_who_has_left_has_no_slot_until_it_is_given_one_again() -> None:
     )
 
 
-def test_what_a_vehicle_led_by_is_known_while_it_led_and_at_its_own_time() -> None:
+def test_what_a_vehicle_led_by_is_known_while_it_led_and_at_its_own_time():
     steps = [step(0.1)] + [
         replace(
             step(time_s + 0.1),
@@ -185,11 +181,11 @@ def test_what_a_vehicle_led_by_is_known_while_it_led_and_at_its_own_time() -> No
     assert series["lead_altitude_amsl_m"][1] == 588.0
 
 
-def test_a_companion_that_was_killed_leaves_nothing(tmp_path: Path) -> None:
+def test_a_companion_that_was_killed_leaves_nothing(tmp_path):
     assert read_guidance(tmp_path / "absent.csv").at(1.0) is None
 
 
-def test_of_a_file_that_is_cut_off_anywhere_the_whole_lines_are_read(tmp_path: Path) -> None:
+def test_of_a_file_that_is_cut_off_anywhere_the_whole_lines_are_read(tmp_path):
     path = written(tmp_path / "f1.csv", step(1.0), step(2.0))
     content = path.read_bytes()
     second = len(encode_step(step(2.0)))
@@ -198,20 +194,20 @@ def test_of_a_file_that_is_cut_off_anywhere_the_whole_lines_are_read(tmp_path: P
         assert values(read_guidance(path).at(9.0)) == values(step(1.0))
 
 
-def test_the_starts_of_one_companion_make_one_track(tmp_path: Path) -> None:
+def test_the_starts_of_one_companion_make_one_track(tmp_path):
     first, second = written(tmp_path / "1.csv", step(1.0)), written(tmp_path / "2.csv", step(5.0))
     track = read_guidance(second, first)
     assert values(track.at(4.9)) == values(step(1.0))
     assert values(track.at(5.0)) == values(step(5.0))
 
 
-def test_a_file_without_an_end_is_not_read_for_ever() -> None:
+def test_a_file_without_an_end_is_not_read_for_ever():
     assert read_guidance(Path("/dev/zero")).at(1.0) is None
 
 
 @given(content=st.binary(max_size=300))
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
-def test_any_bytes_are_read_or_left_alone(tmp_path: Path, content: bytes) -> None:
+def test_any_bytes_are_read_or_left_alone(tmp_path, content):
     path = tmp_path / "any.csv"
     path.write_bytes(b"time_s,mode,course_rad,speed_m_s,limited,lyapunov_m2\n" + content)
     read_guidance(path).at(0.0)

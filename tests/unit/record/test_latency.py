@@ -28,25 +28,25 @@ def latency() -> Latency:
     )
 
 
-def test_what_companions_say_becomes_percentiles() -> None:
+def test_what_companions_say_becomes_percentiles():
     vehicles = latency().vehicles
     assert vehicles["f1"].response_ms == Percentiles(p50=0.3, p99=2.0, max=9.0)
     assert vehicles["f1"].leader_age_ms == Percentiles(p50=50.0, p99=60.0, max=70.0)
 
 
-def test_a_leader_has_no_age_and_a_companion_that_never_steered_has_nothing() -> None:
+def test_a_leader_has_no_age_and_a_companion_that_never_steered_has_nothing():
     said = {**FIGURES["f1"]}
     assert latency_of({"leader": said}, leader="leader").vehicles["leader"].leader_age_ms is None
     assert latency().vehicles["f2"] == Promptness(response_ms=None, leader_age_ms=None)
 
 
-def test_together_no_companion_is_worse() -> None:
+def test_together_no_companion_is_worse():
     together = latency().together()
     assert together.response_ms == Percentiles(p50=0.3, p99=3.0, max=9.0)
     assert together.leader_age_ms == Percentiles(p50=50.0, p99=60.0, max=70.0)
 
 
-def test_a_latency_comes_back_from_its_description() -> None:
+def test_a_latency_comes_back_from_its_description():
     described = describe_latency(latency())
     assert list(described) == ["response_ms", "leader_age_ms", "vehicles", "processes"]
     assert compose_latency(described) == latency()

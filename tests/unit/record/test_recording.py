@@ -6,21 +6,16 @@ import threading
 import time
 from collections.abc import Callable
 from functools import partial
-from pathlib import Path
 
 import pytest
 
+from tests.kit.missions import shipped
 from vfguide.errors import InputError
 from vfguide.mission import load_mission
 from vfguide.mission.model import Mission
 from vfguide.record.disk_writer import DiskWriter, GrowingFile
 from vfguide.record.guidance_log import GuidanceStep, read_guidance
-from vfguide.record.recording import (
-    begin_recording,
-    files_of,
-    find_recordings,
-    read_start,
-)
+from vfguide.record.recording import begin_recording, files_of, find_recordings, read_start
 from vfguide.record.tlog import read_tlog
 
 HEARTBEAT = bytes.fromhex("fe0900010100000000000106510003000d1a")[:17]
@@ -33,7 +28,7 @@ PATIENCE_S = 20.0
 
 @pytest.fixture
 def mission() -> Mission:
-    return load_mission(Path(__file__).parents[3] / "missions" / "line-calm.yaml")
+    return shipped("line-calm")
 
 
 def until(happened: Callable[[], bool]) -> None:
@@ -55,9 +50,7 @@ def step(time_s: float) -> GuidanceStep:
     )
 
 
-def test_what_was_recorded_is_in_the_files_before_the_recording_ends(
-    mission: Mission, tmp_path: Path
-) -> None:
+def test_what_was_recorded_is_in_the_files_before_the_recording_ends(mission, tmp_path):
     recording = begin_recording(tmp_path, mission, "f1", clock_s=100.0)
     recording.add_datagram(101.0, HEARTBEAT + HEARTBEAT)
     recording.add_step(step(101.0))
@@ -71,7 +64,7 @@ def test_what_was_recorded_is_in_the_files_before_the_recording_ends(
     assert recording.close() == 0
 
 
-def test_every_start_has_a_directory_of_its_own(mission: Mission, tmp_path: Path) -> None:
+def test_every_start_has_a_directory_of_its_own(mission, tmp_path):
     recordings = [begin_recording(tmp_path, mission, "f1", clock_s=0.0) for _ in range(3)]
     for recording in recordings:
         recording.close()
@@ -84,9 +77,7 @@ def test_every_start_has_a_directory_of_its_own(mission: Mission, tmp_path: Path
 
 
 @pytest.mark.parametrize("place", ["file", "file/below", "/proc/none"])
-def test_a_place_that_takes_nothing_is_one_line_at_the_start(
-    mission: Mission, tmp_path: Path, place: str
-) -> None:
+def test_a_place_that_takes_nothing_is_one_line_at_the_start(mission, tmp_path, place):
     (tmp_path / "file").touch()
     with pytest.raises(
         InputError, match=r"cannot be recorded to .*another directory with --record"
@@ -94,9 +85,7 @@ def test_a_place_that_takes_nothing_is_one_line_at_the_start(
         begin_recording(tmp_path / place, mission, "f1", clock_s=0.0)
 
 
-def test_a_start_that_failed_leaves_no_directory(
-    mission: Mission, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_start_that_failed_leaves_no_directory(mission, tmp_path, monkeypatch):
     def full(_file: GrowingFile, _content: bytes) -> None:
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
@@ -106,7 +95,7 @@ def test_a_start_that_failed_leaves_no_directory(
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_name_with_a_slash_stays_below_its_directory(mission: Mission, tmp_path: Path) -> None:
+def test_a_name_with_a_slash_stays_below_its_directory(mission, tmp_path):
     vehicles = {**mission.vehicles, "../../f1": mission.vehicles["f1"]}
     odd = mission.model_copy(update={"vehicles": vehicles})
     recording = begin_recording(tmp_path, odd, "../../f1", clock_s=0.0)
@@ -132,9 +121,7 @@ class FullDisk:
         return count
 
 
-def test_a_full_disk_is_told_once_and_leaves_whole_entries(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_full_disk_is_told_once_and_leaves_whole_entries(tmp_path, monkeypatch):
     path = tmp_path / "some.file"
     file = GrowingFile(path)
     disk = FullDisk(room=14)
@@ -156,7 +143,7 @@ def test_a_full_disk_is_told_once_and_leaves_whole_entries(
     assert writer.missing == 2
 
 
-def test_a_disk_that_hangs_delays_nobody_and_what_is_dropped_is_counted(tmp_path: Path) -> None:
+def test_a_disk_that_hangs_delays_nobody_and_what_is_dropped_is_counted(tmp_path):
     file = GrowingFile(tmp_path / "some.file")
     released = threading.Event()
     began = threading.Event()
@@ -182,7 +169,7 @@ def test_a_disk_that_hangs_delays_nobody_and_what_is_dropped_is_counted(tmp_path
     ]
 
 
-def test_a_file_that_is_there_is_not_written_to(tmp_path: Path) -> None:
+def test_a_file_that_is_there_is_not_written_to(tmp_path):
     (tmp_path / "other").write_text("precious")
     (tmp_path / "link").symlink_to(tmp_path / "elsewhere")
     for name in ("other", "link"):

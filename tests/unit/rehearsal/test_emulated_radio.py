@@ -50,7 +50,7 @@ class Listener:
         return b"".join(data for _, data in self.heard)
 
 
-def test_a_packet_takes_two_lines_and_the_air() -> None:
+def test_a_packet_takes_two_lines_and_the_air():
     air = RadioAir(RadioQuality(channel=CHANNEL))
     sender, listener = Listener(air, 1.0), Listener(air)
     air.run(2.0)
@@ -61,9 +61,7 @@ def test_a_packet_takes_two_lines_and_the_air() -> None:
 
 
 @pytest.mark.parametrize(("apart_s", "collide"), [(0.0099, True), (0.0101, False)])
-def test_packets_collide_where_they_are_on_the_air_together(
-    apart_s: float, *, collide: bool
-) -> None:
+def test_packets_collide_where_they_are_on_the_air_together(apart_s, collide):
     air = RadioAir(RadioQuality(channel=CHANNEL))
     Listener(air, 1.0)
     Listener(air, 1.0 + apart_s)
@@ -74,7 +72,7 @@ def test_packets_collide_where_they_are_on_the_air_together(
     assert DATA not in third.content or not collide
 
 
-def test_a_radio_that_is_unplugged_neither_hears_nor_is_heard() -> None:
+def test_a_radio_that_is_unplugged_neither_hears_nor_is_heard():
     air = RadioAir(RadioQuality(channel=CHANNEL))
     first, second = Listener(air, 1.0), Listener(air, 1.5)
     second.radio.on = False
@@ -83,7 +81,7 @@ def test_a_radio_that_is_unplugged_neither_hears_nor_is_heard() -> None:
     assert not second.heard
 
 
-def test_every_receiver_loses_its_own_share() -> None:
+def test_every_receiver_loses_its_own_share():
     air = RadioAir(RadioQuality(channel=CHANNEL, loss=0.25))
     listeners = [Listener(air), Listener(air)]
     for number in range(2000):
@@ -95,7 +93,7 @@ def test_every_receiver_loses_its_own_share() -> None:
     assert listeners[0].content != listeners[1].content
 
 
-def test_bursts_take_their_share_of_the_time_and_last_as_long_as_they_should() -> None:
+def test_bursts_take_their_share_of_the_time_and_last_as_long_as_they_should():
     quality = RadioQuality(channel=CHANNEL, burst_share=0.2, burst_s=2.0)
     bursts = Bursts(quality, Random(1))
     deaf = [bursts.is_deaf(0.1 * number) for number in range(200_000)]
@@ -104,7 +102,7 @@ def test_bursts_take_their_share_of_the_time_and_last_as_long_as_they_should() -
     assert 0.1 * sum(deaf) / begun == pytest.approx(2.0, abs=0.2)
 
 
-def test_a_clock_that_runs_otherwise_moves_turns() -> None:
+def test_a_clock_that_runs_otherwise_moves_turns():
     """A clock that shows 100 s at the start and runs twice as fast: 102 s is after a second."""
     air = RadioAir(RadioQuality(channel=CHANNEL))
     listener = Listener(air)

@@ -85,9 +85,7 @@ def emulator_by_command(
 
 
 @pytest.mark.parametrize("name", ["leader", "f1"])
-def test_a_live_flight_flies_the_aircraft_that_lockstep_flies(
-    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_live_flight_flies_the_aircraft_that_lockstep_flies(name, tmp_path, monkeypatch):
     mission = unusual_mission()
     live = emulator_by_command(mission, name, tmp_path / "emulator.yaml", monkeypatch)
     lockstep = emulator_of(mission, name)
@@ -113,9 +111,7 @@ def emulated_mission(emulator: dict[str, Any], duration_s: float = 20.0) -> Miss
     return article_mission("circle-calm", {"rehearsal": rehearsal})
 
 
-def test_an_aircraft_flies_with_its_own_response_and_its_companion_is_told_the_declared_one() -> (
-    None
-):
+def test_an_aircraft_flies_with_its_own_response_and_its_companion_is_told_the_declared_one():
     mission, declared = emulated_mission(REAL_RESPONSE), emulated_mission({})
     flown = emulator_of(mission, "f1").config.plant
     assert (flown.alpha_1_s, flown.beta_1_s) == (0.4, 0.3)
@@ -129,9 +125,7 @@ def test_an_aircraft_flies_with_its_own_response_and_its_companion_is_told_the_d
 
 
 @pytest.mark.parametrize(("real", "alpha"), [({}, 1.2), ({"alpha_1_s": 0.4}, 0.4)])
-def test_a_course_is_taken_up_with_the_emulators_own_alpha(
-    real: dict[str, float], alpha: float
-) -> None:
+def test_a_course_is_taken_up_with_the_emulators_own_alpha(real, alpha):
     flight = fly_lockstep(emulated_mission({"plant": "heading-hold", **real})).record
     f1 = flight.vehicles[1]
     # In calm air the heading is the course: dchi/dt = alpha (setpoint - chi), away from the limit of bank.
@@ -144,7 +138,7 @@ def test_a_course_is_taken_up_with_the_emulators_own_alpha(
 
 
 @pytest.mark.parametrize("loop", ["course", "speed"])
-def test_a_dead_time_of_the_emulator_delays_what_is_flown_by_just_that(loop: str) -> None:
+def test_a_dead_time_of_the_emulator_delays_what_is_flown_by_just_that(loop):
     late_s = 0.4
     start = article_mission("circle-calm").rehearsal.start.model_dump(exclude_unset=True)
     # Slots far ahead: the setpoints change in one step, and what follows them can be seen.
@@ -168,7 +162,7 @@ def test_a_dead_time_of_the_emulator_delays_what_is_flown_by_just_that(loop: str
     assert begins[1] - begins[0] == pytest.approx(late_s, abs=0.06)
 
 
-def test_one_vehicle_can_differ_from_the_others() -> None:
+def test_one_vehicle_can_differ_from_the_others():
     mission = emulated_mission(
         {
             "alpha_1_s": 2.0,
@@ -189,7 +183,7 @@ def test_one_vehicle_can_differ_from_the_others() -> None:
     assert plants["f3"].roll_time_s == 0.4
 
 
-def test_what_one_vehicle_cannot_fly_is_refused_in_its_own_place() -> None:
+def test_what_one_vehicle_cannot_fly_is_refused_in_its_own_place():
     mission = emulated_mission(
         {"vehicles": {"f2": {"plant": "course-hold", "speed_response": "tecs"}}}
     )

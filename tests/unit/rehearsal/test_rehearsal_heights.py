@@ -2,10 +2,10 @@
 
 import math
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
 
+from tests.kit.missions import content_of, shipped
 from vfguide.formation.arrangement import Arrangement, Point, SlotMove
 from vfguide.formation.orders import Formation
 from vfguide.lab.rehearsal.emulators import emulator_of
@@ -13,7 +13,7 @@ from vfguide.lab.rehearsal.lockstep import fly_lockstep
 from vfguide.lab.studies import prediction
 from vfguide.lab.studies.order import starts_of_joining
 from vfguide.lab.studies.prediction import fence_left, from_the_slots
-from vfguide.mission import Mission, load_mission
+from vfguide.mission import Mission
 from vfguide.mission.order_plan import LeaderPlace
 from vfguide.mission.place import Fence
 from vfguide.mission.starts import follower_start, leader_start
@@ -21,9 +21,9 @@ from vfguide.mission.starts import follower_start, leader_start
 SLOT = Point(-20.0, 20.0, 5.0)
 
 
-def test_a_formation_begins_as_far_above_its_flying_height_as_its_leader() -> None:
-    mission = load_mission(Path("climb-and-turn"))
-    content = mission.model_dump(exclude_unset=True)
+def test_a_formation_begins_as_far_above_its_flying_height_as_its_leader():
+    mission = shipped("climb-and-turn")
+    content = content_of(mission)
     start = {"leader": {"north_m": 0, "east_m": 0, "up_m": 150}, "f1": {"up_m": -3}}
     content["rehearsal"] = {**content["rehearsal"], "start": start}
     mission = Mission.model_validate(content)
@@ -34,15 +34,15 @@ def test_a_formation_begins_as_far_above_its_flying_height_as_its_leader() -> No
     assert emulator_of(mission, "f1").truth().altitude_amsl_m == pytest.approx(488 + 100 + 152)
 
 
-def test_check_begins_at_the_height_of_the_path() -> None:
-    content = load_mission(Path("line-calm")).model_dump(exclude_unset=True)
+def test_check_begins_at_the_height_of_the_path():
+    content = content_of("line-calm")
     corners = [{"north_m": north, "east_m": 0, "up_m": 40} for north in (0, 3000)]
     content["path"] = {"type": "waypoints", "waypoints": corners}
     mission = from_the_slots(Mission.model_validate(content))
     assert leader_start(mission).up_m == pytest.approx(40.0)
 
 
-def test_one_that_joins_begins_at_its_own_height() -> None:
+def test_one_that_joins_begins_at_its_own_height():
     formation = Formation(leader="leader", home={"f3": SLOT}, slots={})
     order = Arrangement(
         number=1, time_s=8.0, across_s=0.0, places=(SlotMove(vehicle="f3", begin=SLOT, end=SLOT),)
@@ -56,10 +56,8 @@ def test_one_that_joins_begins_at_its_own_height() -> None:
     assert (start.up_m, math.isfinite(start.forward_m)) == (0.0, True)
 
 
-def test_check_holds_what_was_flown_against_the_fence_of_the_path_flown_then(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    content = load_mission(Path("line-calm")).model_dump(exclude_unset=True)
+def test_check_holds_what_was_flown_against_the_fence_of_the_path_flown_then(monkeypatch):
+    content = content_of("line-calm")
     content["rehearsal"] = {"duration_s": 3.0, "rate_hz": 5.0, "start": {}}
     record = fly_lockstep(Mission.model_validate(content)).record
     fenced = Mission.model_validate({**content, "fence": {"max_height_m": 150}})
@@ -98,8 +96,8 @@ def arrangement(path: str, time_s: float) -> Arrangement:
 
 
 @pytest.mark.parametrize("plant", ["heading-hold", "course-hold", "bank", "npfg", "six-dof"])
-def test_all_begin_at_the_climb_rate_of_the_leader(plant: str) -> None:
-    content = load_mission(Path("line-calm")).model_dump(exclude_unset=True)
+def test_all_begin_at_the_climb_rate_of_the_leader(plant):
+    content = content_of("line-calm")
     start = {"leader": {"north_m": 0, "east_m": 0, "climb_m_s": 2.0}}
     content["rehearsal"] = {"start": start, "emulator": {"plant": plant}}
     for name in ("leader", "f1"):

@@ -24,7 +24,7 @@ ORDER = Arrangement(
 EAST = LeaderPlace(north=100.0, east=50.0, course=math.pi / 2.0)
 
 
-def test_one_that_joins_begins_where_it_is() -> None:
+def test_one_that_joins_begins_where_it_is():
     here = {"f3": LeaderPlace(north=70.0, east=0.0, course=-math.pi / 2.0)}
     (start,) = starts_of_joining(FORMATION, ORDER, EAST, here).values()
     # 50 m behind the leader and 30 m right of it, as it flies east.
@@ -32,12 +32,12 @@ def test_one_that_joins_begins_where_it_is() -> None:
     assert start.course_deg == pytest.approx(270.0)
 
 
-def test_one_whose_place_is_not_known_begins_behind_its_slot() -> None:
+def test_one_whose_place_is_not_known_begins_behind_its_slot():
     (start,) = starts_of_joining(FORMATION, ORDER, EAST, {}).values()
     assert (start.forward_m, start.right_m, start.course_deg) == (-BEHIND_M, 0.0, None)
 
 
-def test_one_that_is_too_far_away_is_refused() -> None:
+def test_one_that_is_too_far_away_is_refused():
     far = {"f3": LeaderPlace(north=100.0, east=30e3, course=0.0)}
     with pytest.raises(RefusedOrderError, match="f3 is 30 km from the leader: bring it nearer"):
         starts_of_joining(FORMATION, ORDER, EAST, far)

@@ -1,16 +1,15 @@
 import math
-from pathlib import Path
 
 from msgspec.structs import replace
 
 import sitl_stub
+from tests.kit.missions import shipped
 from vfguide.companion.role import Snapshot
 from vfguide.companion.supervisor import Mode
 from vfguide.lab.rehearsal.recorder import VehicleRecorder, drawn_outlines, rally_points
-from vfguide.mission import load_mission
 from vfguide.state import Setpoint
 
-MISSION = load_mission(Path(__file__).parents[3] / "missions" / "circle-wind.yaml")
+MISSION = shipped("circle-wind")
 
 
 def truth(**values: float) -> sitl_stub.Truth:
@@ -21,9 +20,7 @@ def truth(**values: float) -> sitl_stub.Truth:
     return sitl_stub.Truth(**(numbers | values | {"mode": "GUIDED", "armed": True}))
 
 
-def test_a_record_has_the_true_states_and_what_the_companion_did_in_the_order_of_the_samples() -> (
-    None
-):
+def test_a_record_has_the_true_states_and_what_the_companion_did_in_the_order_of_the_samples():
     recorder = VehicleRecorder(MISSION, "f1")
     waiting = Snapshot(mode=Mode.WAITING, setpoint=None, lyapunov=math.nan)
     setpoint = Setpoint(course=0.5, speed=21.0, limited=True)
@@ -42,7 +39,7 @@ def test_a_record_has_the_true_states_and_what_the_companion_did_in_the_order_of
     assert record.lyapunov[1] == 2.5
 
 
-def test_who_has_left_the_formation_has_no_slot_meanwhile() -> None:
+def test_who_has_left_the_formation_has_no_slot_meanwhile():
     recorder = VehicleRecorder(MISSION, "f1")
     flying = Snapshot(mode=Mode.TRACKING, setpoint=None, lyapunov=0.0)
     for left in (False, True, False):
@@ -53,7 +50,7 @@ def test_who_has_left_the_formation_has_no_slot_meanwhile() -> None:
     assert record.slot_forward_series_m[2] == record.slot_forward_m
 
 
-def test_a_leader_that_holds_is_beside_no_path() -> None:
+def test_a_leader_that_holds_is_beside_no_path():
     recorder = VehicleRecorder(MISSION, "leader")
     flying = Snapshot(mode=Mode.TRACKING, setpoint=None, lyapunov=math.nan)
     recorder.sample(truth(course_rad=0.0), flying)
@@ -63,8 +60,8 @@ def test_a_leader_that_holds_is_beside_no_path() -> None:
     assert math.isnan(error[1])
 
 
-def test_rally_points_of_a_plan_are_drawn() -> None:
-    mission = load_mission(Path(__file__).parents[3] / "missions" / "survey-plan.yaml")
+def test_rally_points_of_a_plan_are_drawn():
+    mission = shipped("survey-plan")
     recorder = VehicleRecorder(mission, mission.leader.vehicle)
     recorder.sample(truth(), Snapshot(mode=Mode.TRACKING, setpoint=None, lyapunov=math.nan))
     drawn = [one for one in drawn_outlines(mission, recorder.record()) if one.kind == "rally"]

@@ -1,6 +1,5 @@
 import json
 from collections.abc import Callable
-from pathlib import Path
 
 import pytest
 from hypothesis import given
@@ -8,11 +7,11 @@ from hypothesis import strategies as st
 from msgspec.structs import asdict
 
 import sitl_stub
+from tests.kit.missions import shipped
 from vfguide.errors import InputError, VfguideError
 from vfguide.lab.rehearsal.watched import TruthCollector, await_start, decode_truth, give_start
-from vfguide.mission import load_mission
 
-MISSION = load_mission(Path(__file__).parents[3] / "missions" / "circle-wind.yaml")
+MISSION = shipped("circle-wind")
 
 NOWHERE = ("127.0.0.1", 1)
 
@@ -30,12 +29,12 @@ def datagram(system_id: int, time_s: float) -> bytes:
     return json.dumps({"system_id": system_id, **asdict(truth(time_s))}).encode()
 
 
-def test_a_true_state_is_read_as_it_was_written() -> None:
+def test_a_true_state_is_read_as_it_was_written():
     assert decode_truth(datagram(3, 0.05)) == (3, truth(0.05))
 
 
 @given(st.binary())
-def test_bytes_that_are_no_true_state_are_none(data: bytes) -> None:
+def test_bytes_that_are_no_true_state_are_none(data):
     assert decode_truth(data) is None
 
 
@@ -46,7 +45,7 @@ def test_bytes_that_are_no_true_state_are_none(data: bytes) -> None:
     ),
     st.sampled_from(["system_id", *sitl_stub.Truth.__struct_fields__]),
 )
-def test_a_field_of_any_kind_never_breaks_the_judge(value: object, name: str) -> None:
+def test_a_field_of_any_kind_never_breaks_the_judge(value, name):
     content = json.loads(datagram(1, 0.0))
     content[name] = value
     judge = TruthCollector(MISSION)
@@ -54,7 +53,7 @@ def test_a_field_of_any_kind_never_breaks_the_judge(value: object, name: str) ->
     assert judge.time_s == -1.0
 
 
-def test_a_judge_knows_the_time_that_all_vehicles_have_reached() -> None:
+def test_a_judge_knows_the_time_that_all_vehicles_have_reached():
     judge = TruthCollector(MISSION)
     for system_id in (1, 2, 3, 4):
         judge.datagram_received(datagram(system_id, 0.05), NOWHERE)
@@ -64,7 +63,7 @@ def test_a_judge_knows_the_time_that_all_vehicles_have_reached() -> None:
     assert judge.last_seen_s() == pytest.approx({"leader": 0.1, "f1": 0.05, "f2": 0.05, "f3": 0.05})
 
 
-def test_a_record_holds_the_samples_that_are_known_of_everybody() -> None:
+def test_a_record_holds_the_samples_that_are_known_of_everybody():
     judge = TruthCollector(MISSION)
     for system_id in (1, 2, 3, 4):
         for time_s in (0.0, 0.05, 0.1):
@@ -75,7 +74,7 @@ def test_a_record_holds_the_samples_that_are_known_of_everybody() -> None:
     assert [vehicle.name for vehicle in record.vehicles] == ["leader", "f1", "f2", "f3"]
 
 
-def test_a_flight_of_which_nothing_was_seen_has_no_record() -> None:
+def test_a_flight_of_which_nothing_was_seen_has_no_record():
     with pytest.raises(VfguideError, match="nothing was seen"):
         TruthCollector(MISSION).record(wall_s=1.0)
 
@@ -101,14 +100,14 @@ def nothing() -> None:
     pass
 
 
-def test_a_signal_that_comes_is_heard(tmp_path: Path) -> None:
+def test_a_signal_that_comes_is_heard(tmp_path):
     file = tmp_path / "signal"
     time = Time(1000.0, at_s=1007.0, happens=lambda: give_start(file, epoch_s=1012.0))
     assert await_start(file, patience_s=60.0, clock=time, sleep=time.sleep) == 1012.0
     assert time.now_s == pytest.approx(1007.0, abs=0.1)
 
 
-def test_a_signal_of_an_earlier_flight_is_not_taken_for_ones_own(tmp_path: Path) -> None:
+def test_a_signal_of_an_earlier_flight_is_not_taken_for_ones_own(tmp_path):
     file = tmp_path / "signal"
     give_start(file, epoch_s=900.0)
     time = Time(1000.0, at_s=1001.0, happens=lambda: give_start(file, epoch_s=1006.0))
@@ -116,7 +115,7 @@ def test_a_signal_of_an_earlier_flight_is_not_taken_for_ones_own(tmp_path: Path)
 
 
 @pytest.mark.parametrize("content", ["", "soon\n", "nan\n", "inf\n", "99"])
-def test_who_waits_in_vain_gives_up(tmp_path: Path, content: str) -> None:
+def test_who_waits_in_vain_gives_up(tmp_path, content):
     file = tmp_path / "signal"
     file.write_text(content)
     time = Time(1000.0, happens=nothing)
@@ -124,7 +123,7 @@ def test_who_waits_in_vain_gives_up(tmp_path: Path, content: str) -> None:
         await_start(file, patience_s=60.0, clock=time, sleep=time.sleep)
 
 
-def test_a_signal_that_cannot_be_given_is_one_line(tmp_path: Path) -> None:
+def test_a_signal_that_cannot_be_given_is_one_line(tmp_path):
     with pytest.raises(
         InputError, match=r"signal: cannot be written \(No such file or directory\)"
     ):

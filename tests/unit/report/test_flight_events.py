@@ -31,14 +31,14 @@ def event(time_s: float, text: str, **fields: object) -> FlightEvent:
     return msgspec.structs.replace(usual, **fields)  # type: ignore[arg-type]
 
 
-def test_an_event_is_read_as_it_was_written_on_the_flights_time(tmp_path: Path) -> None:
+def test_an_event_is_read_as_it_was_written_on_the_flights_time(tmp_path):
     said = event(112.5, 'order 1 is refused: "f2, f3" say no', warning=True)
     path = tmp_path / "f1.events.csv"
     path.write_bytes(HEADER + encode_event(said, math.nan))
     assert read_events("f1", path, zero_s=100.0) == [msgspec.structs.replace(said, time_s=12.5)]
 
 
-def test_a_text_of_several_lines_is_one() -> None:
+def test_a_text_of_several_lines_is_one():
     line = encode_event(event(1.0, "fails\r\n  again"), 1.0)
     assert line == b"1.000000,1.000000,order,0,fails again\n"
 
@@ -53,13 +53,13 @@ def test_a_text_of_several_lines_is_one() -> None:
         b"\xff\n",
     ],
 )
-def test_what_a_killed_companion_leaves_is_read_up_to_there(tmp_path: Path, rest: bytes) -> None:
+def test_what_a_killed_companion_leaves_is_read_up_to_there(tmp_path, rest):
     path = tmp_path / "f1.events.csv"
     path.write_bytes(HEADER + encode_event(event(1.0, "whole"), 1.0) + rest)
     assert [one.text for one in read_events("f1", path, tmp_path / "missing")] == ["whole"]
 
 
-def test_a_damaged_line_loses_itself_alone(tmp_path: Path) -> None:
+def test_a_damaged_line_loses_itself_alone(tmp_path):
     path = tmp_path / "f1.events.csv"
     lines = [encode_event(event(at_s, "whole"), at_s) for at_s in (1.0, 3.0)]
     path.write_bytes(HEADER + lines[0] + b"2.0,2.0,order,0\n" + lines[1])
@@ -67,38 +67,36 @@ def test_a_damaged_line_loses_itself_alone(tmp_path: Path) -> None:
 
 
 @given(st.binary(max_size=300))
-def test_whatever_lies_in_a_file_reading_it_ends(data: bytes) -> None:
+def test_whatever_lies_in_a_file_reading_it_ends(data):
     with TemporaryDirectory() as place:
         path = Path(place) / "f1.events.csv"
         path.write_bytes(HEADER + data)
         assert all(math.isfinite(one.time_s) for one in read_events("f1", path))
 
 
-def test_of_too_many_events_warnings_and_orders_are_kept() -> None:
+def test_of_too_many_events_warnings_and_orders_are_kept():
     chat = [event(float(n), "chat", kind="text") for n in range(MOST_EVENTS)]
     last = [event(1e5, "an order"), event(2e5, "a warning", kind="text", warning=True)]
     assert list(merged_events([*chat, *last]))[-2:] == last
 
 
-def test_a_text_keeps_what_can_be_printed_alone() -> None:
+def test_a_text_keeps_what_can_be_printed_alone():
     assert plain("a\x1b[31m \ud800b\u202ec") == "a[31m bc"
 
 
 @pytest.mark.parametrize("time_s", [-1.0, 1e300])
-def test_an_event_of_no_time_of_the_flight_is_no_event(time_s: float) -> None:
+def test_an_event_of_no_time_of_the_flight_is_no_event(time_s):
     entry = {"time_s": time_s, "vehicle": "f1", "kind": "order", "text": "x", "warning": False}
     with pytest.raises(ValueError, match="no time of the flight"):
         compose_events([entry])
 
 
-def test_events_of_all_vehicles_are_in_the_order_of_their_times() -> None:
+def test_events_of_all_vehicles_are_in_the_order_of_their_times():
     later, earlier = event(2.0, "later"), event(1.0, "earlier", vehicle="f2")
     assert merged_events([later, earlier]) == (earlier, later)
 
 
-def test_a_record_keeps_events_and_the_path_that_was_flown(
-    circle_flight: FlightRecord, tmp_path: Path
-) -> None:
+def test_a_record_keeps_events_and_the_path_that_was_flown(circle_flight, tmp_path):
     said = (event(3.0, "order 1 is void: f2 does not answer", warning=True),)
     number = np.where(circle_flight.time_s < 5.0, 0.0, math.nan)
     leader = replace(circle_flight.leader, path_number=number)
@@ -110,7 +108,7 @@ def test_a_record_keeps_events_and_the_path_that_was_flown(
     assert read.followers[0].path_number is None
 
 
-def test_a_record_of_before_has_no_events(circle_flight: FlightRecord, tmp_path: Path) -> None:
+def test_a_record_of_before_has_no_events(circle_flight, tmp_path):
     path = tmp_path / "flight.npz"
     circle_flight.save(path)
     description, arrays = read_archive(path)
@@ -122,9 +120,7 @@ def test_a_record_of_before_has_no_events(circle_flight: FlightRecord, tmp_path:
 @pytest.mark.parametrize(
     "entries", [{}, [{}], [5], [{"time_s": "x", "vehicle": "f1", "kind": "order", "text": "", "warning": 0}]]
 )  # fmt: skip
-def test_damaged_events_are_one_line(
-    circle_flight: FlightRecord, tmp_path: Path, entries: object
-) -> None:
+def test_damaged_events_are_one_line(circle_flight, tmp_path, entries):
     with pytest.raises((LookupError, TypeError, ValueError)):
         compose_events(entries)
     path = tmp_path / "flight.npz"

@@ -1,14 +1,13 @@
 """A moving picture of a flight: small, of the part that is asked for, whole or not at all."""
 
 import math
-from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 from PIL import Image
 
+from tests.kit.records import still_flight
 from vfguide.commands.report import animate_flight
 from vfguide.errors import InputError
 from vfguide.lab.report.animation import (
@@ -21,16 +20,10 @@ from vfguide.lab.report.animation import (
     running_most,
     write_animation,
 )
-from vfguide.record.flight import FlightRecord, VehicleRecord
-
-MakeVehicle = Callable[..., VehicleRecord]
-MakeFlight = Callable[..., FlightRecord]
 
 
 @pytest.mark.parametrize("name", ["join.gif", "join.webp", "join.png"])
-def test_a_second_is_a_small_picture_that_moves(
-    circle_flight: FlightRecord, tmp_path: Path, name: str
-) -> None:
+def test_a_second_is_a_small_picture_that_moves(circle_flight, tmp_path, name):
     path = tmp_path / name
     span = write_animation(circle_flight, path, begin_s=2.0, end_s=3.0)
     assert span == Span(begin_s=2.0, end_s=3.0)
@@ -46,7 +39,7 @@ def test_a_second_is_a_small_picture_that_moves(
     assert [one.name for one in tmp_path.iterdir()] == [name]
 
 
-def test_the_usual_part_is_the_way_into_the_slots(circle_flight: FlightRecord) -> None:
+def test_the_usual_part_is_the_way_into_the_slots(circle_flight):
     # The last follower closes in from 58 m by exp(-t / 6 s): within 1 m after 24 s, and 8 s are added.
     span = choose_span(circle_flight, None, None)
     assert span.begin_s == 0.0
@@ -54,21 +47,17 @@ def test_the_usual_part_is_the_way_into_the_slots(circle_flight: FlightRecord) -
 
 
 @pytest.mark.parametrize(("begin_s", "end_s"), [(20.0, 10.0), (400.0, None), (0.0, -1.0)])
-def test_a_part_without_length_is_refused(
-    circle_flight: FlightRecord, begin_s: float, end_s: float | None
-) -> None:
+def test_a_part_without_length_is_refused(circle_flight, begin_s, end_s):
     with pytest.raises(InputError, match="the flight is from 0 to 300 s"):
         choose_span(circle_flight, begin_s, end_s)
 
 
-def test_another_ending_is_refused(circle_flight: FlightRecord, tmp_path: Path) -> None:
+def test_another_ending_is_refused(circle_flight, tmp_path):
     with pytest.raises(InputError, match=r"\.gif, \.webp or \.png"):
         write_animation(circle_flight, tmp_path / "join.mp4")
 
 
-def test_states_that_are_not_known_are_left_out(
-    circle_flight: FlightRecord, tmp_path: Path
-) -> None:
+def test_states_that_are_not_known_are_left_out(circle_flight, tmp_path):
     unknown = np.full_like(circle_flight.time_s, math.nan)
     follower = replace(circle_flight.followers[0], north_m=unknown, heading_rad=unknown)
     leader = replace(circle_flight.leader, wind_north_m_s=unknown)
@@ -77,18 +66,18 @@ def test_states_that_are_not_known_are_left_out(
     assert (tmp_path / "a.gif").stat().st_size > 1000
 
 
-def test_a_lone_leader_is_shown_without_a_plot(make_flight: MakeFlight, tmp_path: Path) -> None:
-    write_animation(make_flight(np.arange(3.0)), tmp_path / "a.gif")
+def test_a_lone_leader_is_shown_without_a_plot(tmp_path):
+    write_animation(still_flight(np.arange(3.0)), tmp_path / "a.gif")
     with Image.open(tmp_path / "a.gif") as picture:
         assert picture.size == (640, 360)
 
 
-def test_a_long_part_has_no_more_frames_than_stay_small() -> None:
+def test_a_long_part_has_no_more_frames_than_stay_small():
     assert frame_count(Span(begin_s=0.0, end_s=10.0)) == 120
     assert frame_count(Span(begin_s=0.0, end_s=3600.0)) == 250
 
 
-def test_neighbours_are_smoothed_by_the_greatest_and_the_mean() -> None:
+def test_neighbours_are_smoothed_by_the_greatest_and_the_mean():
     values = np.array([0.0, 0.0, 9.0, 0.0, 0.0])
     assert running_most(values, 1).tolist() == [0.0, 9.0, 9.0, 9.0, 0.0]
     assert running_mean(values, 1).tolist() == pytest.approx([0.0, 3.0, 3.0, 3.0, 0.0])
@@ -97,19 +86,19 @@ def test_neighbours_are_smoothed_by_the_greatest_and_the_mean() -> None:
 @pytest.mark.parametrize(
     ("length", "text"), [(0.7, 0.5), (99.0, 50.0), (100.0, 100.0), (230.0, 200.0)]
 )
-def test_scales_are_round(length: float, text: float) -> None:
+def test_scales_are_round(length, text):
     assert round_length(length) == pytest.approx(text)
 
 
-def test_a_colour_thinned_by_half_is_half_way_to_white() -> None:
+def test_a_colour_thinned_by_half_is_half_way_to_white():
     assert mixed("#0064c8", 0.5) == "#80b2e4"
 
 
-def test_the_command_writes_its_file_and_no_other(make_flight: MakeFlight, tmp_path: Path) -> None:
+def test_the_command_writes_its_file_and_no_other(tmp_path):
     flown, out = tmp_path / "flown", tmp_path / "out"
     flown.mkdir()
     out.mkdir()
-    make_flight(np.arange(3.0)).save(flown / "flight.npz")
+    still_flight(np.arange(3.0)).save(flown / "flight.npz")
     animate_flight([flown], out / "a.gif", begin_s=None, end_s=None, force=False)
     assert [one.name for one in out.iterdir()] == ["a.gif"]
     assert [one.name for one in flown.iterdir()] == ["flight.npz"]
@@ -117,10 +106,8 @@ def test_the_command_writes_its_file_and_no_other(make_flight: MakeFlight, tmp_p
         animate_flight([flown], out / "a.gif", begin_s=None, end_s=None, force=False)
 
 
-def test_a_picture_that_fails_leaves_the_one_before(
-    make_flight: MakeFlight, tmp_path: Path
-) -> None:
-    make_flight(np.arange(3.0)).save(tmp_path / "flight.npz")
+def test_a_picture_that_fails_leaves_the_one_before(tmp_path):
+    still_flight(np.arange(3.0)).save(tmp_path / "flight.npz")
     (tmp_path / "a.gif").write_bytes(b"mine")
     with pytest.raises(InputError, match="nothing to show"):
         animate_flight([tmp_path], tmp_path / "a.gif", begin_s=50.0, end_s=None, force=True)

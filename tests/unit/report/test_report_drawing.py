@@ -1,9 +1,7 @@
 """Formations are drawn in their shape, plots are written for every kind of flight."""
 
 import math
-from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,6 +9,7 @@ from matplotlib import _pylab_helpers
 from matplotlib.figure import Figure
 from PIL import Image
 
+from tests.kit.records import still_flight, still_vehicle
 from vfguide.commands.output import PLOT_NAMES
 from vfguide.errors import InputError
 from vfguide.lab.report.errors_plot import errors_figure
@@ -25,51 +24,48 @@ from vfguide.lab.report.tracks_plot import (
     draw_top_view,
 )
 from vfguide.lab.report.wind_plot import direction_for_drawing
-from vfguide.record.flight import FlightRecord, Outline, RecordAcceptance, VehicleRecord
-
-MakeVehicle = Callable[..., VehicleRecord]
-MakeFlight = Callable[..., FlightRecord]
+from vfguide.record.flight import Outline, RecordAcceptance
 
 
-def test_a_diamond_is_drawn_as_four_sides() -> None:
+def test_a_diamond_is_drawn_as_four_sides():
     diamond = [(0.0, 0.0), (-20.0, -20.0), (20.0, -20.0), (0.0, -40.0)]
     assert set(formation_links(diamond)) == {(0, 1), (0, 2), (1, 3), (2, 3)}
 
 
-def test_a_v_is_drawn_as_two_arms() -> None:
+def test_a_v_is_drawn_as_two_arms():
     arms = [(0.0, 0.0), (-20.0, -20.0), (20.0, -20.0), (-40.0, -40.0), (40.0, -40.0)]
     assert set(formation_links(arms)) == {(0, 1), (0, 2), (1, 3), (2, 4)}
 
 
-def test_wind_toward_the_west_is_drawn_at_270() -> None:
+def test_wind_toward_the_west_is_drawn_at_270():
     assert direction_for_drawing(np.array([0.0]), np.array([-3.0]))[0] == pytest.approx(270.0)
 
 
-def test_still_air_has_no_direction() -> None:
+def test_still_air_has_no_direction():
     assert math.isnan(direction_for_drawing(np.array([0.0]), np.array([0.01]))[0])
 
 
-def test_a_wind_that_passes_north_is_not_drawn_across_the_plot() -> None:
+def test_a_wind_that_passes_north_is_not_drawn_across_the_plot():
     toward = np.radians([350.0, 358.0, 2.0, 10.0])
     drawn = direction_for_drawing(5.0 * np.cos(toward), 5.0 * np.sin(toward))
     assert np.isnan(drawn).tolist() == [False, True, False, False]
 
 
-def test_a_formation_on_a_long_line_is_magnified(line_flight: FlightRecord) -> None:
+def test_a_formation_on_a_long_line_is_magnified(line_flight):
     assert choose_magnification(line_flight, choose_view(line_flight)) > 5.0
 
 
-def test_a_formation_on_a_small_circle_is_drawn_to_scale(circle_flight: FlightRecord) -> None:
+def test_a_formation_on_a_small_circle_is_drawn_to_scale(circle_flight):
     assert choose_magnification(circle_flight, choose_view(circle_flight)) == 1.0
 
 
-def test_wind_arrows_are_drawn_inside_a_clockwise_circle(circle_flight: FlightRecord) -> None:
+def test_wind_arrows_are_drawn_inside_a_clockwise_circle(circle_flight):
     """Clockwise, the inside is on the right."""
     samples = choose_snapshots(circle_flight, 80.0)
     assert choose_side(circle_flight, samples, choose_view(circle_flight)) == 1.0
 
 
-def test_drawn_formations_keep_clear_of_each_other(circle_flight: FlightRecord) -> None:
+def test_drawn_formations_keep_clear_of_each_other(circle_flight):
     samples = list(choose_snapshots(circle_flight, 80.0))
     places = list(
         zip(
@@ -82,9 +78,7 @@ def test_drawn_formations_keep_clear_of_each_other(circle_flight: FlightRecord) 
     assert samples[0] == circle_flight.time_s.size - 1
 
 
-def test_all_plots_of_a_flight_are_small_pictures(
-    circle_flight: FlightRecord, circle_report: Path
-) -> None:
+def test_all_plots_of_a_flight_are_small_pictures(circle_flight, circle_report):
     pictures = [circle_report.parent / f"{plot.name}.png" for plot in plots_for(circle_flight)]
     assert len(pictures) == 6
     for picture in pictures:
@@ -92,27 +86,23 @@ def test_all_plots_of_a_flight_are_small_pictures(
         assert picture.stat().st_size < 300_000
 
 
-def test_a_lone_leader_in_calm_air_is_drawn(make_flight: MakeFlight, tmp_path: Path) -> None:
-    paths = write_plots(make_flight(np.arange(3.0)), tmp_path)
+def test_a_lone_leader_in_calm_air_is_drawn(tmp_path):
+    paths = write_plots(still_flight(np.arange(3.0)), tmp_path)
     assert [path.name for path in paths] == ["tracks.png", "setpoints.png", "wind.png"]
     assert not _pylab_helpers.Gcf.get_all_fig_managers(), (
         "a figure is left in pyplot's global state"
     )
 
 
-def test_a_perfect_flight_with_names_like_formulas_is_drawn(
-    make_vehicle: MakeVehicle, make_flight: MakeFlight, tmp_path: Path
-) -> None:
+def test_a_perfect_flight_with_names_like_formulas_is_drawn(tmp_path):
     """Errors of exactly zero have no logarithm, and dollar signs no meaning."""
     time_s = np.arange(3.0)
-    leader = make_vehicle("$\\frac$", "leader", time_s)
-    follower = make_vehicle("_f$1", "follower", time_s)
-    assert len(write_plots(make_flight(time_s, leader, follower), tmp_path)) == 6
+    leader = still_vehicle("$\\frac$", "leader", time_s)
+    follower = still_vehicle("_f$1", "follower", time_s)
+    assert len(write_plots(still_flight(time_s, leader, follower), tmp_path)) == 6
 
 
-def test_states_that_are_not_known_are_left_out_of_the_drawing(
-    circle_flight: FlightRecord, tmp_path: Path
-) -> None:
+def test_states_that_are_not_known_are_left_out_of_the_drawing(circle_flight, tmp_path):
     leader, follower = circle_flight.leader, circle_flight.followers[0]
     unknown = np.full_like(circle_flight.time_s, math.nan)
     leader = replace(leader, north_m=unknown, wind_north_m_s=unknown)
@@ -122,33 +112,29 @@ def test_states_that_are_not_known_are_left_out_of_the_drawing(
 
 
 @pytest.mark.parametrize("samples", [0, 1])
-def test_a_flight_that_broke_at_once_has_no_plots(make_flight: MakeFlight, samples: int) -> None:
-    assert plots_for(make_flight(np.arange(float(samples)))) == ()
+def test_a_flight_that_broke_at_once_has_no_plots(samples):
+    assert plots_for(still_flight(np.arange(float(samples)))) == ()
 
 
 @pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize("required_m", [0.05, 1e6])
-def test_a_limit_far_from_every_error_leaves_room_for_the_axes(
-    make_vehicle: MakeVehicle, make_flight: MakeFlight, tmp_path: Path, required_m: float
-) -> None:
+def test_a_limit_far_from_every_error_leaves_room_for_the_axes(tmp_path, required_m):
     """As of a flight that ended at once, long before anybody was near a slot."""
     time_s = np.arange(3.0)
-    leader = make_vehicle("leader", "leader", time_s)
-    follower = make_vehicle("f1", "follower", time_s, north_m=np.full(3, -60.0))
+    leader = still_vehicle("leader", "leader", time_s)
+    follower = still_vehicle("f1", "follower", time_s, north_m=np.full(3, -60.0))
     acceptance = RecordAcceptance(mean_error_m=required_m)
-    begun = make_flight(time_s, leader, follower, acceptance=acceptance)
+    begun = still_flight(time_s, leader, follower, acceptance=acceptance)
     save_figure(errors_figure(begun), tmp_path / "errors.png")
 
 
-def test_a_directory_that_cannot_be_made_is_an_input_error(
-    make_flight: MakeFlight, tmp_path: Path
-) -> None:
+def test_a_directory_that_cannot_be_made_is_an_input_error(tmp_path):
     (tmp_path / "taken").write_text("a file")
     with pytest.raises(InputError, match="cannot be written"):
-        write_plots(make_flight(np.arange(3.0)), tmp_path / "taken")
+        write_plots(still_flight(np.arange(3.0)), tmp_path / "taken")
 
 
-def test_a_palette_keeps_the_background_and_a_thin_line_as_they_are() -> None:
+def test_a_palette_keeps_the_background_and_a_thin_line_as_they_are():
     """White everywhere, a faint tint of ten rows, one blue pixel, and many other colours."""
     pixels = np.full((100, 100, 3), 255, dtype=np.uint8)
     pixels[:10] = (238, 243, 230)
@@ -161,25 +147,25 @@ def test_a_palette_keeps_the_background_and_a_thin_line_as_they_are() -> None:
     assert np.abs(reduced[50, 50] - (0, 114, 178)).max() <= 8
 
 
-def test_a_flight_replaces_its_own_plots_and_no_other_file() -> None:
+def test_a_flight_replaces_its_own_plots_and_no_other_file():
     # What a directory may hold of a flight is known without what draws it.
     assert {plot.name for plot in PLOTS} == set(PLOT_NAMES)
 
 
-def test_the_legend_names_fence_and_other_paths_once(make_flight: MakeFlight) -> None:
+def test_the_legend_names_fence_and_other_paths_once():
     corner = np.array([0.0, 50.0])
     lines = [Outline(kind=kind, north_m=corner, east_m=corner) for kind in ("fence", "fence")]
     lines.append(Outline(kind="path", north_m=corner, east_m=corner))
     axes = Figure().subplots()
-    draw_top_view(axes, make_flight(np.arange(3.0), outlines=tuple(lines)))
+    draw_top_view(axes, still_flight(np.arange(3.0), outlines=tuple(lines)))
     labels = axes.get_legend_handles_labels()[1]
     assert [labels.count(one) for one in ("fence", "other paths", "path")] == [1, 1, 1]
 
 
-def test_a_fence_far_away_leaves_the_flight_to_be_seen(make_flight: MakeFlight) -> None:
+def test_a_fence_far_away_leaves_the_flight_to_be_seen():
     # The drawn path is 100 m long: the view takes in 30 m of the fence to each side of it.
     far = np.array([-9000.0, 9000.0])
     edge = Outline(kind="fence", north_m=far, east_m=far)
-    view = choose_view(make_flight(np.arange(3.0), outlines=(edge,)))
+    view = choose_view(still_flight(np.arange(3.0), outlines=(edge,)))
     assert (view.north_m, view.east_m) == pytest.approx((50.0, 0.0))
     assert view.side_m == pytest.approx(1.22 * 160.0)

@@ -2,7 +2,6 @@
 
 import json
 import math
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -11,6 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
+from tests.kit.records import still_flight, still_vehicle
 from vfguide.lab.report.figures import (
     excess_variation_rate,
     least_separation,
@@ -21,19 +21,16 @@ from vfguide.lab.report.figures import (
 from vfguide.lab.report.geometry import pair_separations, seen_from_leader, slot_error, slot_track
 from vfguide.lab.report.metrics import summarise, summary_json
 from vfguide.lab.report.summary import FollowerSummary
-from vfguide.record.flight import FlightMode, FlightRecord, RecordAcceptance, VehicleRecord
+from vfguide.record.flight import FlightRecord, RecordAcceptance
 from vfguide.record.latency import Latency, Percentiles, Promptness
 from vfguide.record.vehicle import SLOT_SERIES, FlightLimits
-
-MakeVehicle = Callable[..., VehicleRecord]
-MakeFlight = Callable[..., FlightRecord]
 
 ONE = np.array([0.0])
 
 
-def test_slot_of_an_eastbound_leader_is_behind_and_to_its_right(make_vehicle: MakeVehicle) -> None:
+def test_slot_of_an_eastbound_leader_is_behind_and_to_its_right():
     """Flying east, behind is west and right is south."""
-    leader = make_vehicle(
+    leader = still_vehicle(
         "leader", "leader", ONE, course_rad=ONE + math.pi / 2, north_m=ONE + 100.0
     )
     north, east = slot_track(leader, -20.0, 20.0)
@@ -41,30 +38,26 @@ def test_slot_of_an_eastbound_leader_is_behind_and_to_its_right(make_vehicle: Ma
     assert east[0] == pytest.approx(-20.0)
 
 
-def test_slot_of_a_northbound_leader_keeps_its_components(make_vehicle: MakeVehicle) -> None:
-    north, east = slot_track(make_vehicle("leader", "leader", ONE), -20.0, 20.0)
+def test_slot_of_a_northbound_leader_keeps_its_components():
+    north, east = slot_track(still_vehicle("leader", "leader", ONE), -20.0, 20.0)
     assert (north[0], east[0]) == (-20.0, 20.0)
 
 
-def test_a_leader_that_is_shaken_moves_its_slots_but_not_those_of_the_formation_as_it_is_meant(
-    make_vehicle: MakeVehicle, make_flight: MakeFlight
-) -> None:
+def test_a_leader_that_is_shaken_moves_its_slots_but_not_those_of_the_formation_as_it_is_meant():
     # 0.1 rad off the path's course, 50 m ahead: the slot swings by 2 * 50 * sin(0.05) = 4.998 m.
-    leader = make_vehicle("leader", "leader", TIME, course_rad=np.full_like(TIME, 0.1))
-    follower = make_vehicle(
+    leader = still_vehicle("leader", "leader", TIME, course_rad=np.full_like(TIME, 0.1))
+    follower = still_vehicle(
         "f1", "follower", TIME, slot_forward_m=-50.0, north_m=np.full_like(TIME, -50.0)
     )
-    formation = summarise(make_flight(TIME, leader, follower)).formation
+    formation = summarise(still_flight(TIME, leader, follower)).formation
     assert formation.mean_error_m == pytest.approx(4.998, abs=1e-3)
     assert formation.intended_error_m == pytest.approx(0.0, abs=1e-9)
 
 
-def test_error_is_positive_where_the_slot_is_ahead_and_to_the_right(
-    make_vehicle: MakeVehicle,
-) -> None:
+def test_error_is_positive_where_the_slot_is_ahead_and_to_the_right():
     """Leader eastbound, slot at north -20 and east -20, follower 3 m west and 4 m north of that."""
-    leader = make_vehicle("leader", "leader", ONE, course_rad=ONE + math.pi / 2)
-    follower = make_vehicle(
+    leader = still_vehicle("leader", "leader", ONE, course_rad=ONE + math.pi / 2)
+    follower = still_vehicle(
         "f1",
         "follower",
         ONE,
@@ -80,12 +73,10 @@ def test_error_is_positive_where_the_slot_is_ahead_and_to_the_right(
 
 
 @given(course=st.floats(-10, 10), forward=st.floats(-100, 100), right=st.floats(-100, 100))
-def test_a_vehicle_in_its_slot_is_seen_there(
-    make_vehicle: MakeVehicle, course: float, forward: float, right: float
-) -> None:
-    leader = make_vehicle("leader", "leader", ONE, course_rad=ONE + course, north_m=ONE + 7.0)
+def test_a_vehicle_in_its_slot_is_seen_there(course, forward, right):
+    leader = still_vehicle("leader", "leader", ONE, course_rad=ONE + course, north_m=ONE + 7.0)
     north, east = slot_track(leader, forward, right)
-    follower = make_vehicle("f1", "follower", ONE, north_m=north, east_m=east)
+    follower = still_vehicle("f1", "follower", ONE, north_m=north, east_m=east)
     seen = seen_from_leader(leader, follower)
     assert (seen[0][0], seen[1][0]) == pytest.approx((forward, right), abs=1e-9)
 
@@ -97,19 +88,19 @@ STAIRCASE = np.array([[30.0, 12.0, 8.0, 2.0, 0.5, 0.5], [30.0, 9.0, 9.0, 10.0, 0
 @pytest.mark.parametrize(
     ("limit", "settled"), [(10.0, 3.0), (1.0, 3.0), (31.0, 0.0), (9.5, 3.0), (0.9, 4.0)]
 )
-def test_settling_is_the_last_time_any_follower_was_out(limit: float, settled: float) -> None:
+def test_settling_is_the_last_time_any_follower_was_out(limit, settled):
     assert settling_time(STAIRCASE_TIME, STAIRCASE, limit) == settled
 
 
-def test_a_follower_still_out_at_the_end_has_not_settled() -> None:
+def test_a_follower_still_out_at_the_end_has_not_settled():
     assert settling_time(STAIRCASE_TIME, STAIRCASE, 0.4) is None
 
 
-def test_an_error_that_is_not_known_counts_as_out() -> None:
+def test_an_error_that_is_not_known_counts_as_out():
     assert settling_time(np.arange(3.0), np.array([[0.0, math.nan, 0.0]]), 1.0) == 1.0
 
 
-def test_spread_is_of_sizes() -> None:
+def test_spread_is_of_sizes():
     """95th percentile of 0 .. 20, the 19th of twenty steps."""
     found = spread(np.arange(-20.0, 1.0))
     assert found is not None
@@ -118,13 +109,13 @@ def test_spread_is_of_sizes() -> None:
     assert spread(np.array([1.0, math.nan])) is None
 
 
-def test_a_setpoint_that_crosses_south_does_not_jump() -> None:
+def test_a_setpoint_that_crosses_south_does_not_jump():
     """179° to -179° and back: 2° each, in 2 s."""
     angles = np.radians([179.0, -179.0, 179.0])
     assert variation_rate(np.arange(3.0), angles) == pytest.approx(math.radians(2.0))
 
 
-def test_a_steady_turn_varies_at_its_rate_and_has_no_excess() -> None:
+def test_a_steady_turn_varies_at_its_rate_and_has_no_excess():
     """0.1 rad/s for 200 s, three times round the compass."""
     time_s = np.arange(0.0, 200.0, 0.05)
     wrapped = np.arctan2(np.sin(0.1 * time_s), np.cos(0.1 * time_s))
@@ -132,21 +123,21 @@ def test_a_steady_turn_varies_at_its_rate_and_has_no_excess() -> None:
     assert excess_variation_rate(time_s, wrapped) == pytest.approx(0.0, abs=1e-12)
 
 
-def test_chatter_is_all_excess() -> None:
+def test_chatter_is_all_excess():
     """Back and forth by 0.2 rad at 1 Hz steps: 0.2 rad/s, no net turning."""
     time_s = np.arange(5.0)
     angles = np.array([0.0, 0.2, 0.0, 0.2, 0.0])
     assert excess_variation_rate(time_s, angles) == pytest.approx(0.2)
 
 
-def test_setpoints_not_yet_sent_are_left_out() -> None:
+def test_setpoints_not_yet_sent_are_left_out():
     angles = np.array([math.nan, math.nan, 0.0, 0.3])
     assert variation_rate(np.arange(4.0), angles) == pytest.approx(0.3)
     assert variation_rate(np.arange(4.0), np.full(4, math.nan)) is None
 
 
 @given(angles=arrays(np.float64, st.integers(2, 30), elements=st.floats(-50, 50)))
-def test_excess_is_between_nothing_and_all_of_the_variation(angles: np.ndarray) -> None:
+def test_excess_is_between_nothing_and_all_of_the_variation(angles):
     time_s = np.arange(float(angles.size))
     excess, total = excess_variation_rate(time_s, angles), variation_rate(time_s, angles)
     assert excess is not None
@@ -154,18 +145,18 @@ def test_excess_is_between_nothing_and_all_of_the_variation(angles: np.ndarray) 
     assert 0.0 <= excess <= total
 
 
-def test_separation_counts_height(make_vehicle: MakeVehicle, make_flight: MakeFlight) -> None:
+def test_separation_counts_height():
     """3 m north, 4 m east, 12 m up: 13 m."""
-    leader = make_vehicle("leader", "leader", ONE)
-    above = make_vehicle(
+    leader = still_vehicle("leader", "leader", ONE)
+    above = still_vehicle(
         "f1", "follower", ONE, north_m=ONE + 3.0, east_m=ONE + 4.0, altitude_amsl_m=ONE + 600.0
     )
-    (pair,) = pair_separations(make_flight(ONE, leader, above))
+    (pair,) = pair_separations(still_flight(ONE, leader, above))
     assert (pair.first, pair.second) == ("leader", "f1")
     assert pair.distance_m[0] == pytest.approx(13.0)
 
 
-def test_least_separation_is_over_all_pairs_and_times() -> None:
+def test_least_separation_is_over_all_pairs_and_times():
     assert least_separation([np.array([9.0, 7.0]), np.array([8.0, 30.0])]) == 7.0
     assert least_separation([]) is None
     assert least_separation([np.array([9.0, math.nan])]) is None
@@ -175,18 +166,18 @@ TIME = np.arange(11.0)
 
 
 @pytest.fixture
-def stepped_flight(make_vehicle: MakeVehicle, make_flight: MakeFlight) -> FlightRecord:
+def stepped_flight() -> FlightRecord:
     """Ten seconds; the slot is 20 m behind the leader, the follower 50, 12, 9, 4, 0.5 .. m behind it."""
     behind = np.array([50.0, 12.0, 9.0, 4.0, 0.5, 0.5, 0.4, 0.3, 0.2, 0.2, 0.2])
-    leader = make_vehicle("leader", "leader", TIME, path_cross_track_error_m=-0.1 * TIME)
-    follower = make_vehicle(
+    leader = still_vehicle("leader", "leader", TIME, path_cross_track_error_m=-0.1 * TIME)
+    follower = still_vehicle(
         "f1", "follower", TIME, slot_forward_m=-20.0, north_m=-20.0 - behind, limited=TIME > 8.0
     )
     limits = RecordAcceptance(mean_error_m=0.3, settle_10m_s=1.0, min_separation_m=20.2)
-    return make_flight(TIME, leader, follower, acceptance=limits)
+    return still_flight(TIME, leader, follower, acceptance=limits)
 
 
-def test_figures_of_a_stepped_approach(stepped_flight: FlightRecord) -> None:
+def test_figures_of_a_stepped_approach(stepped_flight):
     """The window is 5 to 10 s: errors 0.5, 0.4, 0.3, 0.2, 0.2, 0.2, of mean 0.3."""
     summary = summarise(stepped_flight)
     formation = summary.formation
@@ -198,9 +189,7 @@ def test_figures_of_a_stepped_approach(stepped_flight: FlightRecord) -> None:
 
 
 @pytest.mark.parametrize("mode", ["lockstep", "recorded"])
-def test_who_was_ordered_out_of_the_formation_is_in_no_figure_of_errors(
-    stepped_flight: FlightRecord, mode: FlightMode
-) -> None:
+def test_who_was_ordered_out_of_the_formation_is_in_no_figure_of_errors(stepped_flight, mode):
     """It is 300 m away from 8 s on: of the window 0.5, 0.4 and 0.3 m are left, of mean 0.4."""
     leader, follower = stepped_flight.vehicles
     gone = TIME >= 8.0
@@ -220,9 +209,7 @@ def test_who_was_ordered_out_of_the_formation_is_in_no_figure_of_errors(
     assert own.formation_error_m.max == pytest.approx(0.5)
 
 
-def test_where_all_were_sent_away_before_the_window_there_is_nothing_to_measure(
-    stepped_flight: FlightRecord,
-) -> None:
+def test_where_all_were_sent_away_before_the_window_there_is_nothing_to_measure(stepped_flight):
     leader, follower = stepped_flight.vehicles
     slots = {name: np.where(TIME > 3.0, math.nan, 0.0) for name in SLOT_SERIES}
     formation = summarise(
@@ -232,27 +219,25 @@ def test_where_all_were_sent_away_before_the_window_there_is_nothing_to_measure(
     assert formation.intended_error_m is None
 
 
-def test_a_leader_on_the_way_onto_another_path_swings_no_slot_as_it_is_meant(
-    make_vehicle: MakeVehicle, make_flight: MakeFlight
-) -> None:
+def test_a_leader_on_the_way_onto_another_path_swings_no_slot_as_it_is_meant():
     """From 8 s on the path is 100 m away and leads east: the slots behind it are where they were."""
     ordered = TIME >= 8.0
-    leader = make_vehicle(
+    leader = still_vehicle(
         "leader",
         "leader",
         TIME,
         path_course_rad=np.where(ordered, math.pi / 2, 0.0),
         path_cross_track_error_m=np.where(ordered, 100.0, 0.0),
     )
-    follower = make_vehicle(
+    follower = still_vehicle(
         "f1", "follower", TIME, slot_forward_m=-50.0, north_m=np.full_like(TIME, -51.0)
     )
-    formation = summarise(make_flight(TIME, leader, follower)).formation
+    formation = summarise(still_flight(TIME, leader, follower)).formation
     assert formation.mean_error_m == pytest.approx(1.0)
     assert formation.intended_error_m == pytest.approx(1.0)
 
 
-def test_a_flight_that_was_stopped_is_not_accepted(stepped_flight: FlightRecord) -> None:
+def test_a_flight_that_was_stopped_is_not_accepted(stepped_flight):
     easy = replace(stepped_flight, acceptance=RecordAcceptance(mean_error_m=100.0))
     assert summarise(easy).accepted
     stopped = summarise(replace(easy, interrupted=True))
@@ -260,7 +245,7 @@ def test_a_flight_that_was_stopped_is_not_accepted(stepped_flight: FlightRecord)
     assert stopped.rejections == ("stopped after 10.0 s, before its end",)
 
 
-def test_only_a_live_flight_has_latencies(stepped_flight: FlightRecord) -> None:
+def test_only_a_live_flight_has_latencies(stepped_flight):
     assert "latency" not in summary_json(summarise(stepped_flight))
     quick = Promptness(response_ms=Percentiles(p50=0.3, p99=2.0, max=9.0), leader_age_ms=None)
     live = replace(stepped_flight, latency=Latency(vehicles={"leader": quick}))
@@ -269,7 +254,7 @@ def test_only_a_live_flight_has_latencies(stepped_flight: FlightRecord) -> None:
     assert latency["vehicles"]["leader"]["leader_age_ms"] is None
 
 
-def test_json_has_the_published_layout(stepped_flight: FlightRecord) -> None:
+def test_json_has_the_published_layout(stepped_flight):
     plain = summary_json(summarise(stepped_flight))
     assert plain["mission"] == "line-calm"
     assert (plain["controller"], plain["plant"], plain["wind"]) == ("slot", "heading-hold", "calm")
@@ -298,7 +283,7 @@ def test_json_has_the_published_layout(stepped_flight: FlightRecord) -> None:
     assert follower["limited_fraction"] == pytest.approx(2 / 6)
 
 
-def test_json_has_null_for_what_is_not_finite(stepped_flight: FlightRecord) -> None:
+def test_json_has_null_for_what_is_not_finite(stepped_flight):
     broken = replace(stepped_flight.leader, north_m=np.full_like(TIME, math.nan))
     record = replace(stepped_flight, vehicles=(broken, *stepped_flight.followers), wall_s=0.0)
     plain = summary_json(summarise(record))
@@ -308,7 +293,7 @@ def test_json_has_null_for_what_is_not_finite(stepped_flight: FlightRecord) -> N
     assert not plain["accepted"]
 
 
-def test_a_flight_at_its_limits_is_accepted(stepped_flight: FlightRecord) -> None:
+def test_a_flight_at_its_limits_is_accepted(stepped_flight):
     generous = replace(stepped_flight.acceptance, mean_error_m=0.3001, min_separation_m=20.19)
     summary = summarise(replace(stepped_flight, acceptance=generous))
     assert (summary.accepted, summary.rejections) == (True, ())
@@ -334,15 +319,13 @@ def test_a_flight_at_its_limits_is_accepted(stepped_flight: FlightRecord) -> Non
         ),
     ],
 )
-def test_a_rejection_says_why(
-    stepped_flight: FlightRecord, limits: RecordAcceptance, reason: str
-) -> None:
+def test_a_rejection_says_why(stepped_flight, limits, reason):
     summary = summarise(replace(stepped_flight, acceptance=limits))
     assert not summary.accepted
     assert summary.rejections == (reason,)
 
 
-def test_a_follower_out_at_the_end_is_never_accepted(stepped_flight: FlightRecord) -> None:
+def test_a_follower_out_at_the_end_is_never_accepted(stepped_flight):
     away = replace(stepped_flight.followers[0], north_m=np.full_like(TIME, -60.0))
     record = replace(
         stepped_flight,
@@ -368,8 +351,8 @@ def test_a_follower_out_at_the_end_is_never_accepted(stepped_flight: FlightRecor
     ],
 )
 def test_a_flight_whose_followers_did_not_come_to_their_slots_is_not_accepted_by_any_mission(
-    stepped_flight: FlightRecord, acceptance: RecordAcceptance, away_m: float, accepted: bool
-) -> None:
+    stepped_flight, acceptance, away_m, accepted
+):
     away = replace(stepped_flight.followers[0], north_m=np.full_like(TIME, -20.0 - away_m))
     vehicles = (stepped_flight.leader, away)
     summary = summarise(replace(stepped_flight, vehicles=vehicles, acceptance=acceptance))
@@ -382,8 +365,8 @@ def test_a_flight_whose_followers_did_not_come_to_their_slots_is_not_accepted_by
     ("gone_s", "reasons"), [(3.0, ()), (8.0, ("f1 was 30 m from its slot in the last half",))]
 )
 def test_a_follower_that_was_ordered_out_is_not_asked_to_be_in_a_slot(
-    stepped_flight: FlightRecord, gone_s: float, reasons: tuple[str, ...]
-) -> None:
+    stepped_flight, gone_s, reasons
+):
     slots = {
         name: np.where(gone_s <= TIME, math.nan, value)
         for name, value in zip(SLOT_SERIES, (-20.0, 0.0, 0.0), strict=True)
@@ -398,9 +381,7 @@ def test_a_follower_that_was_ordered_out_is_not_asked_to_be_in_a_slot(
     assert summary.rejections == reasons
 
 
-def test_how_hard_a_vehicle_was_flown_is_counted_over_the_last_half(
-    stepped_flight: FlightRecord,
-) -> None:
+def test_how_hard_a_vehicle_was_flown_is_counted_over_the_last_half(stepped_flight):
     """Six samples from 5 s on: bank 0, 4, 0, 4, 44.5, 45 degrees; speeds 20, 12, 32, 20, 20, 20 m/s."""
     leader, follower = stepped_flight.vehicles
     banks = np.radians([0, 0, 0, 0, 0, 0.0, 4.0, 0.0, 4.0, 44.5, 45.0])
@@ -418,9 +399,7 @@ def test_how_hard_a_vehicle_was_flown_is_counted_over_the_last_half(
     assert own.speed_limited_fraction == pytest.approx(2 / 6)
 
 
-def test_where_limits_or_setpoints_are_not_known_no_share_of_them_is_told(
-    stepped_flight: FlightRecord,
-) -> None:
+def test_where_limits_or_setpoints_are_not_known_no_share_of_them_is_told(stepped_flight):
     leader, follower = stepped_flight.vehicles
     limits = FlightLimits(
         least_airspeed_m_s=12.0, greatest_airspeed_m_s=32.0, greatest_bank_deg=45.0
@@ -438,8 +417,8 @@ def test_where_limits_or_setpoints_are_not_known_no_share_of_them_is_told(
     assert told.speed_setpoint_variation_m_s2 == pytest.approx(1.0)
 
 
-def test_a_lone_leader_has_no_formation_and_is_accepted(make_flight: MakeFlight) -> None:
-    plain = summary_json(summarise(make_flight(TIME)))
+def test_a_lone_leader_has_no_formation_and_is_accepted():
+    plain = summary_json(summarise(still_flight(TIME)))
     assert plain["accepted"]
     assert plain["formation"]["window_s"] == [5.0, 10.0]
     assert {
@@ -458,12 +437,10 @@ def test_a_lone_leader_has_no_formation_and_is_accepted(make_flight: MakeFlight)
     )
 
 
-def test_a_flight_that_broke_at_once_is_not_accepted(
-    make_vehicle: MakeVehicle, make_flight: MakeFlight
-) -> None:
+def test_a_flight_that_broke_at_once_is_not_accepted():
     none = np.array([])
-    record = make_flight(
-        none, make_vehicle("leader", "leader", none), make_vehicle("f1", "follower", none)
+    record = still_flight(
+        none, still_vehicle("leader", "leader", none), still_vehicle("f1", "follower", none)
     )
     summary = summarise(record)
     assert not summary.accepted

@@ -1,7 +1,6 @@
 """The page stands alone and says the verdict first; the terminal says the same."""
 
 import re
-from collections.abc import Callable
 from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
@@ -10,15 +9,13 @@ import numpy as np
 import pytest
 from rich.console import Console
 
+from tests.kit.records import still_flight, still_vehicle
 from vfguide.lab.report.metrics import summarise
 from vfguide.lab.report.page import reproduction_command, write_report
 from vfguide.lab.report.table import summary_table
 from vfguide.lab.report.wording import in_digits
-from vfguide.record.flight import FlightRecord, RecordAcceptance, VehicleRecord
+from vfguide.record.flight import FlightRecord, RecordAcceptance
 from vfguide.record.vehicle import SLOT_SERIES
-
-MakeVehicle = Callable[..., VehicleRecord]
-MakeFlight = Callable[..., FlightRecord]
 
 STRICT = RecordAcceptance(mean_error_m=0.001, min_separation_m=5.0)
 
@@ -60,7 +57,7 @@ def read(page: str) -> Outline:
     return outline
 
 
-def test_the_page_refers_to_nothing_outside_itself(page: str) -> None:
+def test_the_page_refers_to_nothing_outside_itself(page):
     outline = read(page)
     assert len(outline.references) == 12, "each plot for a wide and for a narrow screen"
     assert all(reference.startswith("data:image/webp;base64,") for reference in outline.references)
@@ -68,17 +65,17 @@ def test_the_page_refers_to_nothing_outside_itself(page: str) -> None:
     assert not {"link", "iframe", "object"} & set(outline.tags)
 
 
-def test_the_page_follows_the_readers_device(page: str) -> None:
+def test_the_page_follows_the_readers_device(page):
     assert 'name="viewport"' in page
     assert "prefers-color-scheme: dark" in page
 
 
-def test_the_verdict_comes_before_every_figure(page: str) -> None:
+def test_the_verdict_comes_before_every_figure(page):
     text = read(page).text
     assert text.index("Accepted") < text.index("Mean formation error")
 
 
-def test_every_plot_has_a_caption(page: str) -> None:
+def test_every_plot_has_a_caption(page):
     tags = read(page).tags
     assert tags.count("figcaption") == tags.count("img") == 6
 
@@ -87,13 +84,11 @@ HOSTILE = '<script>alert("1")</script>&'
 
 
 @pytest.fixture(scope="module")
-def rejected_page(
-    make_vehicle: MakeVehicle, make_flight: MakeFlight, tmp_path_factory: pytest.TempPathFactory
-) -> str:
+def rejected_page(tmp_path_factory: pytest.TempPathFactory) -> str:
     """Of a flight whose names are markup and whose two vehicles are in one place."""
     time_s = np.arange(3.0)
-    vehicles = make_vehicle(HOSTILE, "leader", time_s), make_vehicle("<b>", "follower", time_s)
-    record = make_flight(
+    vehicles = still_vehicle(HOSTILE, "leader", time_s), still_vehicle("<b>", "follower", time_s)
+    record = still_flight(
         time_s,
         *vehicles,
         mission=HOSTILE,
@@ -104,25 +99,23 @@ def rejected_page(
     return write_report(record, tmp_path_factory.mktemp("report")).read_text(encoding="utf-8")
 
 
-def test_a_rejected_flight_says_why_at_the_top(rejected_page: str) -> None:
+def test_a_rejected_flight_says_why_at_the_top(rejected_page):
     text = read(rejected_page).text
     reason = "two vehicles came within 0 m of each other, closer than 5 m"
     assert text.index("Not accepted") < text.index(reason) < text.index("Mean formation error")
 
 
-def test_the_page_says_who_did_not_come_to_its_slot_and_how_hard_it_was_flown(
-    make_vehicle: MakeVehicle, make_flight: MakeFlight, tmp_path: Path
-) -> None:
+def test_the_page_says_who_did_not_come_to_its_slot_and_how_hard_it_was_flown(tmp_path):
     time_s = np.arange(11.0)
-    rolling = make_vehicle(
+    rolling = still_vehicle(
         "f1",
         "follower",
         time_s,
         north_m=time_s * 0.0 - 30.0,
         bank_rad=np.radians(np.where(time_s % 2 > 0, 8.0, 0.0)),
     )
-    flight = make_flight(
-        time_s, make_vehicle("leader", "leader", time_s), rolling, acceptance=RecordAcceptance()
+    flight = still_flight(
+        time_s, still_vehicle("leader", "leader", time_s), rolling, acceptance=RecordAcceptance()
     )
     text = read(write_report(flight, tmp_path).read_text(encoding="utf-8")).text
     assert "Not accepted" in text
@@ -131,7 +124,7 @@ def test_the_page_says_who_did_not_come_to_its_slot_and_how_hard_it_was_flown(
     assert text.index("Roll rate, rms, °/s") < text.index("8.00")
 
 
-def test_names_cannot_break_out_of_the_page(rejected_page: str) -> None:
+def test_names_cannot_break_out_of_the_page(rejected_page):
     outline = read(rejected_page)
     assert outline.tags.count("script") == 2, "the replay's numbers and its program"
     assert "b" not in outline.tags
@@ -139,28 +132,24 @@ def test_names_cannot_break_out_of_the_page(rejected_page: str) -> None:
 
 
 def test_the_page_names_who_was_ordered_out_of_the_formation_and_is_in_no_figure_meanwhile(
-    make_vehicle: MakeVehicle, make_flight: MakeFlight, page: str, tmp_path: Path
-) -> None:
+    page, tmp_path
+):
     time_s = np.arange(11.0)
     slots = {name: np.where(time_s > 5.0, np.nan, 0.0) for name in SLOT_SERIES}
-    left = make_vehicle("<b>f1", "follower", time_s, **slots)
-    flight = make_flight(time_s, make_vehicle("leader", "leader", time_s), left)
+    left = still_vehicle("<b>f1", "follower", time_s, **slots)
+    flight = still_flight(time_s, still_vehicle("leader", "leader", time_s), left)
     found = write_report(flight, tmp_path).read_text(encoding="utf-8")
     sentence = "without <b>f1 while ordered out of the formation."
     assert sentence in read(found).text
     assert "while ordered out" not in read(page).text
 
 
-def test_a_flight_that_broke_at_once_still_has_a_page(
-    make_flight: MakeFlight, tmp_path: Path
-) -> None:
-    outline = read(write_report(make_flight(np.array([])), tmp_path).read_text(encoding="utf-8"))
+def test_a_flight_that_broke_at_once_still_has_a_page(tmp_path):
+    outline = read(write_report(still_flight(np.array([])), tmp_path).read_text(encoding="utf-8"))
     assert "img" not in outline.tags
 
 
-def test_the_flight_can_be_flown_again_from_the_page(
-    circle_flight: FlightRecord, page: str
-) -> None:
+def test_the_flight_can_be_flown_again_from_the_page(circle_flight, page):
     command = reproduction_command(summarise(circle_flight))
     assert command == (
         "vfguide fly missions/circle-wind.yaml --controller slot --plant heading-hold --wind article "
@@ -169,9 +158,7 @@ def test_the_flight_can_be_flown_again_from_the_page(
     assert command in read(page).text
 
 
-def test_a_wind_that_only_the_mission_knows_is_not_on_the_command_line(
-    circle_flight: FlightRecord,
-) -> None:
+def test_a_wind_that_only_the_mission_knows_is_not_on_the_command_line(circle_flight):
     command = reproduction_command(summarise(replace(circle_flight, wind="steady", mode="live")))
     assert "--wind" not in command
     assert "--live" in command
@@ -187,7 +174,7 @@ def test_a_wind_that_only_the_mission_knows_is_not_on_the_command_line(
         (None, "not measured"),
     ],
 )
-def test_figures_have_about_three_digits(value: float | None, text: str) -> None:
+def test_figures_have_about_three_digits(value, text):
     assert in_digits(value, "m") == text
 
 
@@ -198,7 +185,7 @@ def shown(record: FlightRecord) -> str:
     return capture.get()
 
 
-def test_the_terminal_shows_each_vehicle_and_the_verdict(circle_flight: FlightRecord) -> None:
+def test_the_terminal_shows_each_vehicle_and_the_verdict(circle_flight):
     text = shown(circle_flight)
     assert "circle-wind" in text
     for start in ("leader, from its path", "f1, from its slot", "f3, from its slot", "formation"):
@@ -206,15 +193,13 @@ def test_the_terminal_shows_each_vehicle_and_the_verdict(circle_flight: FlightRe
     assert "Accepted" in text
 
 
-def test_the_terminal_shows_every_reason(circle_flight: FlightRecord) -> None:
+def test_the_terminal_shows_every_reason(circle_flight):
     text = shown(replace(circle_flight, acceptance=STRICT))
     assert "Not accepted" in text
     assert "is above 0.001 m" in text
 
 
-def test_names_are_no_markup_on_the_terminal(
-    make_vehicle: MakeVehicle, make_flight: MakeFlight
-) -> None:
+def test_names_are_no_markup_on_the_terminal():
     time_s = np.arange(3.0)
-    record = make_flight(time_s, make_vehicle("[red]x[/red]", "leader", time_s), mission="[/]")
+    record = still_flight(time_s, still_vehicle("[red]x[/red]", "leader", time_s), mission="[/]")
     assert "[red]x[/red]" in shown(record)

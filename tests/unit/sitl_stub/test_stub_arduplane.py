@@ -1,13 +1,11 @@
 import math
-from collections.abc import Callable
 from typing import Any
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sitl_stub import PlantParameters, SteadyWind
-
-Station = Callable[..., Any]
+from tests.kit.autopilot import new_station
 
 SPEED, ALTITUDE, HEADING = 43000, 43001, 43002
 LATERAL = 9.80665
@@ -18,13 +16,13 @@ def names(messages: list[Any]) -> list[str]:
 
 
 @pytest.mark.parametrize("command", [SPEED, ALTITUDE, HEADING])
-def test_guided_commands_fail_outside_guided(station: Station, command: int) -> None:
-    vehicle = station()
+def test_guided_commands_fail_outside_guided(command):
+    vehicle = new_station()
     assert vehicle.result(vehicle.command_int(command, 0.0, 20.0, 0.0, z=100.0)) == "FAILED"
 
 
-def test_a_mode_change_is_acknowledged_announced_and_shown_at_once(station: Station) -> None:
-    vehicle = station()
+def test_a_mode_change_is_acknowledged_announced_and_shown_at_once():
+    vehicle = new_station()
     ack, text, heartbeat = vehicle.command_long(176, 1, 15)
     assert (ack.command, ack.result, ack.target_system, ack.target_component) == (176, 0, 255, 190)
     assert text.text == "Mode GUIDED"
@@ -34,23 +32,21 @@ def test_a_mode_change_is_acknowledged_announced_and_shown_at_once(station: Stat
     assert vehicle.autopilot.truth().mode == "GUIDED"
 
 
-def test_the_mode_message_changes_the_mode_too(station: Station) -> None:
-    vehicle = station()
+def test_the_mode_message_changes_the_mode_too():
+    vehicle = new_station()
     vehicle.send(mavlink.MAVLink_set_mode_message(7, 1, 5))
     assert vehicle.autopilot.truth().mode == "FBWA"
 
 
 @pytest.mark.parametrize("parameters", [(1, 99), (0, 15), (1, 15.5), (1, -1)])
-def test_a_mode_that_does_not_exist_is_denied(
-    station: Station, parameters: tuple[float, ...]
-) -> None:
-    vehicle = station()
+def test_a_mode_that_does_not_exist_is_denied(parameters):
+    vehicle = new_station()
     assert vehicle.result(vehicle.command_long(176, *parameters)) == "DENIED"
     assert vehicle.autopilot.truth().mode == "LOITER"
 
 
-def test_loiter_turns_at_a_15_deg_bank(station: Station) -> None:
-    vehicle = station()
+def test_loiter_turns_at_a_15_deg_bank():
+    vehicle = new_station()
     vehicle.advance(10.0)
     truth = vehicle.autopilot.truth()
     # g tan(15 deg) / 20 = 0.13139 rad/s
@@ -59,15 +55,15 @@ def test_loiter_turns_at_a_15_deg_bank(station: Station) -> None:
     assert truth.airspeed_m_s == pytest.approx(20.0)
 
 
-def test_other_modes_keep_the_course_they_had(station: Station) -> None:
-    vehicle = station(SteadyWind(5.0, 1.0), course_rad=0.7)
+def test_other_modes_keep_the_course_they_had():
+    vehicle = new_station(SteadyWind(5.0, 1.0), course_rad=0.7)
     vehicle.command_long(176, 1, 10)
     vehicle.advance(30.0)
     assert vehicle.autopilot.truth().course_rad == pytest.approx(0.7, abs=1e-6)
 
 
-def test_a_course_is_flown_over_ground_in_a_crosswind(station: Station) -> None:
-    vehicle = station(SteadyWind(5.0, math.pi / 2))
+def test_a_course_is_flown_over_ground_in_a_crosswind():
+    vehicle = new_station(SteadyWind(5.0, math.pi / 2))
     vehicle.guided()
     assert vehicle.result(vehicle.command_int(HEADING, 0, 45.0, LATERAL)) == "ACCEPTED"
     vehicle.advance(20.0)
@@ -76,18 +72,16 @@ def test_a_course_is_flown_over_ground_in_a_crosswind(station: Station) -> None:
     assert math.degrees(truth.heading_rad) < 45.0
 
 
-def test_a_heading_points_the_nose(station: Station) -> None:
-    vehicle = station(SteadyWind(5.0, math.pi / 2))
+def test_a_heading_points_the_nose():
+    vehicle = new_station(SteadyWind(5.0, math.pi / 2))
     vehicle.guided()
     vehicle.command_long(HEADING, 1, 45.0, LATERAL)
     vehicle.advance(20.0)
     assert math.degrees(vehicle.autopilot.truth().heading_rad) == pytest.approx(45.0, abs=1e-3)
 
 
-def test_zero_lateral_acceleration_is_accepted_and_the_aircraft_hardly_turns(
-    station: Station,
-) -> None:
-    vehicle = station()
+def test_zero_lateral_acceleration_is_accepted_and_the_aircraft_hardly_turns():
+    vehicle = new_station()
     vehicle.guided()
     assert vehicle.result(vehicle.command_int(HEADING, 0, 90.0, 0.0)) == "ACCEPTED"
     vehicle.advance(10.0)
@@ -96,31 +90,31 @@ def test_zero_lateral_acceleration_is_accepted_and_the_aircraft_hardly_turns(
 
 
 @pytest.mark.parametrize("angle_deg", [360.0, -1.0, 720.0])
-def test_a_course_outside_0_to_360_is_denied(station: Station, angle_deg: float) -> None:
-    vehicle = station()
+def test_a_course_outside_0_to_360_is_denied(angle_deg):
+    vehicle = new_station()
     vehicle.guided()
     assert vehicle.result(vehicle.command_int(HEADING, 0, angle_deg, LATERAL)) == "DENIED"
     assert vehicle.result(vehicle.command_int(HEADING, 3, 10.0, LATERAL)) == "DENIED"
 
 
-def test_cancelling_the_course_returns_to_circling(station: Station) -> None:
-    vehicle = station()
+def test_cancelling_the_course_returns_to_circling():
+    vehicle = new_station()
     vehicle.guided()
     vehicle.command_int(HEADING, 0, 0.0, LATERAL)
     assert vehicle.result(vehicle.command_int(HEADING, 2, math.nan, math.nan)) == "ACCEPTED"
     assert math.degrees(vehicle.autopilot.truth().bank_rad) == pytest.approx(15.0)
 
 
-def test_an_airspeed_is_flown_and_held_for_ever(station: Station) -> None:
-    vehicle = station()
+def test_an_airspeed_is_flown_and_held_for_ever():
+    vehicle = new_station()
     vehicle.guided()
     assert vehicle.result(vehicle.command_int(SPEED, 0, 25.0, 0)) == "ACCEPTED"
     vehicle.advance(300.0)
     assert vehicle.autopilot.truth().airspeed_m_s == pytest.approx(25.0)
 
 
-def test_an_acceleration_with_the_speed_limits_its_change(station: Station) -> None:
-    vehicle = station()
+def test_an_acceleration_with_the_speed_limits_its_change():
+    vehicle = new_station()
     vehicle.guided()
     vehicle.command_int(SPEED, 0, 30.0, 0.5)
     vehicle.advance(4.0)
@@ -128,31 +122,29 @@ def test_an_acceleration_with_the_speed_limits_its_change(station: Station) -> N
 
 
 @pytest.mark.parametrize("airspeed_m_s", [11.9, 32.1])
-def test_an_airspeed_outside_the_range_fails_and_is_not_clamped(
-    station: Station, airspeed_m_s: float
-) -> None:
-    vehicle = station()
+def test_an_airspeed_outside_the_range_fails_and_is_not_clamped(airspeed_m_s):
+    vehicle = new_station()
     vehicle.guided()
     assert vehicle.result(vehicle.command_int(SPEED, 0, airspeed_m_s, 0)) == "FAILED"
     vehicle.advance(10.0)
     assert vehicle.autopilot.truth().airspeed_m_s == pytest.approx(20.0)
 
 
-def test_the_limits_themselves_are_accepted_despite_single_precision(station: Station) -> None:
-    vehicle = station(plant=PlantParameters(airspeed_min_m_s=12.3, airspeed_max_m_s=28.3))
+def test_the_limits_themselves_are_accepted_despite_single_precision():
+    vehicle = new_station(plant=PlantParameters(airspeed_min_m_s=12.3, airspeed_max_m_s=28.3))
     vehicle.guided()
     assert vehicle.result(vehicle.command_int(SPEED, 0, 12.3, 0)) == "ACCEPTED"
     assert vehicle.result(vehicle.command_int(SPEED, 0, 28.3, 0)) == "ACCEPTED"
 
 
-def test_a_ground_speed_is_denied_as_on_the_real_one(station: Station) -> None:
-    vehicle = station()
+def test_a_ground_speed_is_denied_as_on_the_real_one():
+    vehicle = new_station()
     vehicle.guided()
     assert vehicle.result(vehicle.command_int(SPEED, 1, 20.0, 0)) == "DENIED"
 
 
-def test_the_article_s_plant_takes_a_ground_speed(station: Station) -> None:
-    vehicle = station(SteadyWind(6.0, 0.3), plant=PlantParameters(kind="course-hold"))
+def test_the_article_s_plant_takes_a_ground_speed():
+    vehicle = new_station(SteadyWind(6.0, 0.3), plant=PlantParameters(kind="course-hold"))
     vehicle.guided()
     vehicle.command_int(HEADING, 0, 90.0, LATERAL)
     assert vehicle.result(vehicle.command_int(SPEED, 1, 21.5, 0)) == "ACCEPTED"
@@ -161,8 +153,8 @@ def test_the_article_s_plant_takes_a_ground_speed(station: Station) -> None:
     assert vehicle.autopilot.truth().ground_speed_m_s == pytest.approx(21.5)
 
 
-def test_changing_speed_mode_in_flight_does_not_jump(station: Station) -> None:
-    vehicle = station(SteadyWind(6.0, 0.3), plant=PlantParameters(kind="course-hold"))
+def test_changing_speed_mode_in_flight_does_not_jump():
+    vehicle = new_station(SteadyWind(6.0, 0.3), plant=PlantParameters(kind="course-hold"))
     vehicle.guided()
     before = vehicle.autopilot.truth()
     vehicle.command_int(SPEED, 1, 21.5, 0)
@@ -171,10 +163,8 @@ def test_changing_speed_mode_in_flight_does_not_jump(station: Station) -> None:
     assert after.airspeed_m_s == pytest.approx(before.airspeed_m_s)
 
 
-def test_the_common_speed_command_is_ignored_once_the_guided_one_was_used(
-    station: Station,
-) -> None:
-    vehicle = station()
+def test_the_common_speed_command_is_ignored_once_the_guided_one_was_used():
+    vehicle = new_station()
     vehicle.guided()
     vehicle.command_long(178, 0, 22.0)
     vehicle.advance(20.0)
@@ -196,30 +186,28 @@ def test_the_common_speed_command_is_ignored_once_the_guided_one_was_used(
     ("parameters", "expected"),
     [((0, -1.0), "ACCEPTED"), ((0, -2.0), "ACCEPTED"), ((0, 50.0), "FAILED"), ((9, 20), "DENIED")],
 )
-def test_the_common_speed_command_knows_no_change_and_default(
-    station: Station, parameters: tuple[float, ...], expected: str
-) -> None:
-    vehicle = station()
+def test_the_common_speed_command_knows_no_change_and_default(parameters, expected):
+    vehicle = new_station()
     assert vehicle.result(vehicle.command_long(178, *parameters)) == expected
 
 
 @pytest.mark.parametrize(("frame", "z"), [(0, 530.0), (3, 130.0), (5, 530.0), (6, 130.0)])
-def test_an_altitude_is_flown_in_either_frame(station: Station, frame: int, z: float) -> None:
-    vehicle = station()
+def test_an_altitude_is_flown_in_either_frame(frame, z):
+    vehicle = new_station()
     vehicle.guided()
     assert vehicle.result(vehicle.command_int(ALTITUDE, 0, 0, 0, frame=frame, z=z)) == "ACCEPTED"
     vehicle.advance(60.0)
     assert vehicle.autopilot.truth().altitude_amsl_m == pytest.approx(530.0, abs=1e-3)
 
 
-def test_an_altitude_above_terrain_is_denied(station: Station) -> None:
-    vehicle = station()
+def test_an_altitude_above_terrain_is_denied():
+    vehicle = new_station()
     vehicle.guided()
     assert vehicle.result(vehicle.command_int(ALTITUDE, frame=10, z=100.0)) == "DENIED"
 
 
-def test_leaving_and_entering_guided_clears_all_commands(station: Station) -> None:
-    vehicle = station()
+def test_leaving_and_entering_guided_clears_all_commands():
+    vehicle = new_station()
     vehicle.guided()
     vehicle.command_int(HEADING, 0, 90.0, LATERAL)
     vehicle.command_int(SPEED, 0, 25.0, 0)
@@ -235,8 +223,8 @@ def test_leaving_and_entering_guided_clears_all_commands(station: Station) -> No
     assert truth.altitude_amsl_m == pytest.approx(height_m)
 
 
-def test_sending_guided_again_changes_nothing(station: Station) -> None:
-    vehicle = station()
+def test_sending_guided_again_changes_nothing():
+    vehicle = new_station()
     vehicle.guided()
     vehicle.command_int(HEADING, 0, 90.0, LATERAL)
     assert names(vehicle.command_long(176, 1, 15)) == ["COMMAND_ACK"]
@@ -246,10 +234,8 @@ def test_sending_guided_again_changes_nothing(station: Station) -> None:
 
 @pytest.mark.parametrize("command", [SPEED, HEADING, 178, 176, 400, 511, 512])
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
-def test_a_non_finite_value_is_denied_counted_and_never_flown(
-    station: Station, command: int, value: float
-) -> None:
-    vehicle = station()
+def test_a_non_finite_value_is_denied_counted_and_never_flown(command, value):
+    vehicle = new_station()
     vehicle.guided()
     before = vehicle.autopilot.truth()
     assert vehicle.result(vehicle.command_int(command, value, value, value)) == "DENIED"
@@ -257,35 +243,35 @@ def test_a_non_finite_value_is_denied_counted_and_never_flown(
     assert vehicle.autopilot.truth() == before
 
 
-def test_a_non_finite_altitude_is_denied(station: Station) -> None:
-    vehicle = station()
+def test_a_non_finite_altitude_is_denied():
+    vehicle = new_station()
     vehicle.guided()
     assert vehicle.result(vehicle.command_int(ALTITUDE, z=math.nan)) == "DENIED"
 
 
-def test_velocity_setpoints_are_silently_ignored(station: Station) -> None:
-    vehicle = station()
+def test_velocity_setpoints_are_silently_ignored():
+    vehicle = new_station()
     vehicle.guided()
     before = vehicle.autopilot.truth()
     assert vehicle.velocity_setpoint(0.0, 20.0) == []
     assert vehicle.autopilot.truth() == before
 
 
-def test_an_unknown_command_is_unsupported(station: Station) -> None:
-    vehicle = station()
+def test_an_unknown_command_is_unsupported():
+    vehicle = new_station()
     assert vehicle.result(vehicle.command_long(31_337)) == "UNSUPPORTED"
 
 
-def test_only_its_own_commands_and_those_for_everyone_are_obeyed(station: Station) -> None:
-    vehicle = station()
+def test_only_its_own_commands_and_those_for_everyone_are_obeyed():
+    vehicle = new_station()
     assert vehicle.command_long(176, 1, 15, target=8) == []
     assert vehicle.autopilot.truth().mode == "LOITER"
     assert vehicle.autopilot.counters["for another"] == 1
     assert vehicle.result(vehicle.command_long(176, 1, 15, target=0)) == "ACCEPTED"
 
 
-def test_an_echo_of_its_own_messages_is_dropped(station: Station) -> None:
-    vehicle = station()
+def test_an_echo_of_its_own_messages_is_dropped():
+    vehicle = new_station()
     echo = vehicle.autopilot.advance(0.0)
     assert vehicle.autopilot.receive(echo) == b""
     assert vehicle.autopilot.counters["from itself"] == 5

@@ -1,20 +1,15 @@
 import math
-from collections.abc import Callable
-from typing import Any
 
 import pytest
 
 from sitl_stub import PlantParameters
-
-Station = Callable[..., Any]
+from tests.kit.autopilot import new_station
 
 LATERAL = 9.80665
 
 
-def test_a_course_reaches_its_loop_after_the_dead_time_and_is_flown_as_without_it(
-    station: Station,
-) -> None:
-    prompt, late = station(), station(plant=PlantParameters(course_dead_time_s=0.3))
+def test_a_course_reaches_its_loop_after_the_dead_time_and_is_flown_as_without_it():
+    prompt, late = new_station(), new_station(plant=PlantParameters(course_dead_time_s=0.3))
     for vehicle in (prompt, late):
         vehicle.guided()
         vehicle.command_int(43002, 0, 0.0, LATERAL)
@@ -29,8 +24,8 @@ def test_a_course_reaches_its_loop_after_the_dead_time_and_is_flown_as_without_i
     )
 
 
-def test_a_stream_of_speeds_is_delayed_and_not_swallowed(station: Station) -> None:
-    prompt, late = station(), station(plant=PlantParameters(speed_dead_time_s=0.5))
+def test_a_stream_of_speeds_is_delayed_and_not_swallowed():
+    prompt, late = new_station(), new_station(plant=PlantParameters(speed_dead_time_s=0.5))
     for vehicle, delay_s in ((prompt, 0.0), (late, 0.5)):
         vehicle.guided()
         for index in range(200):
@@ -42,10 +37,8 @@ def test_a_stream_of_speeds_is_delayed_and_not_swallowed(station: Station) -> No
     )
 
 
-def test_what_was_commanded_before_a_change_of_mode_does_not_come_after_it(
-    station: Station,
-) -> None:
-    vehicle = station(plant=PlantParameters(course_dead_time_s=1.0))
+def test_what_was_commanded_before_a_change_of_mode_does_not_come_after_it():
+    vehicle = new_station(plant=PlantParameters(course_dead_time_s=1.0))
     vehicle.guided()
     vehicle.command_int(43002, 0, 180.0, LATERAL)
     vehicle.command_long(176, 1, 10)  # AUTO flies straight on
@@ -55,7 +48,7 @@ def test_what_was_commanded_before_a_change_of_mode_does_not_come_after_it(
     )
 
 
-def test_tecs_brings_its_own_dead_time_unless_it_is_given_one() -> None:
+def test_tecs_brings_its_own_dead_time_unless_it_is_given_one():
     assert PlantParameters(speed_response="tecs").speed_delay_s == 0.5
     assert PlantParameters(speed_response="tecs", speed_dead_time_s=0.0).speed_delay_s == 0.0
     assert PlantParameters().speed_delay_s == 0.0

@@ -29,15 +29,13 @@ def in_pieces(stream: bytes, cuts: list[int]) -> list[bytes]:
     return [stream[start:end] for start, end in pairwise(edges)]
 
 
-def test_the_samples_are_of_both_versions_and_signed() -> None:
+def test_the_samples_are_of_both_versions_and_signed():
     assert [frame[0] for frame in FRAMES] == [0xFD, 0xFD, 0xFE, 0xFE, 0xFD]
     assert [frame[2] & 1 for frame in FRAMES if frame[0] == 0xFD] == [0, 0, 1]
 
 
 @given(st.lists(st.sampled_from(FRAMES)), st.lists(st.integers(0, 2000)))
-def test_frames_come_out_whole_wherever_the_stream_was_cut(
-    frames: list[bytes], cuts: list[int]
-) -> None:
+def test_frames_come_out_whole_wherever_the_stream_was_cut(frames, cuts):
     framer = EmulatorFramer()
     assert b"".join(framer.feed(piece) for piece in in_pieces(b"".join(frames), cuts)) == b"".join(
         frames
@@ -45,9 +43,7 @@ def test_frames_come_out_whole_wherever_the_stream_was_cut(
 
 
 @given(st.lists(st.sampled_from(FRAMES)), st.binary(max_size=40))
-def test_a_frame_comes_out_with_its_last_byte_and_not_before(
-    frames: list[bytes], garbage: bytes
-) -> None:
+def test_a_frame_comes_out_with_its_last_byte_and_not_before(frames, garbage):
     framer = EmulatorFramer()
     clean = bytes(byte for byte in garbage if byte not in {0xFD, 0xFE})
     for frame in frames:
@@ -57,7 +53,7 @@ def test_a_frame_comes_out_with_its_last_byte_and_not_before(
 
 @given(st.lists(st.tuples(st.binary(max_size=300), st.sampled_from(FRAMES)), max_size=8))
 @settings(max_examples=300)
-def test_garbage_costs_no_good_frame(parts: list[tuple[bytes, bytes]]) -> None:
+def test_garbage_costs_no_good_frame(parts):
     framer = EmulatorFramer()
     wanted = b"".join(frame for _, frame in parts)
     # The zeros end whatever the last piece of garbage claims to have begun.
@@ -65,12 +61,12 @@ def test_garbage_costs_no_good_frame(parts: list[tuple[bytes, bytes]]) -> None:
     assert b"".join(framer.feed(stream[at : at + 7]) for at in range(0, len(stream), 7)) == wanted
 
 
-def test_a_frame_with_a_wrong_checksum_is_dropped_and_the_next_one_is_not() -> None:
+def test_a_frame_with_a_wrong_checksum_is_dropped_and_the_next_one_is_not():
     good = FRAMES[1]
     bad = good[:-1] + bytes((good[-1] ^ 1,))
     assert EmulatorFramer().feed(bad + good) == good
 
 
-def test_a_cut_off_frame_does_not_swallow_the_next_one() -> None:
+def test_a_cut_off_frame_does_not_swallow_the_next_one():
     heartbeat, command = FRAMES[0], FRAMES[1]
     assert EmulatorFramer().feed(command[:-5] + heartbeat + bytes(300)) == heartbeat

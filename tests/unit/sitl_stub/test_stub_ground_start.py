@@ -1,52 +1,46 @@
 import math
-from collections.abc import Callable
 from typing import Any, Literal
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sitl_stub import Autopilot, AutopilotConfig, PlantParameters, SteadyWind
+from tests.kit.autopilot import GroundStation, new_station
 
-Station = Callable[..., Any]
 Vehicle = Any  # the ground station of conftest.py, which tests cannot import
 
 LANDED, TAKING_OFF, FLYING = 1, 3, 2
 
 
-@pytest.fixture
-def on_ground(ground_station: Callable[[Autopilot, int], Any]) -> Station:
+def on_ground(
+    autopilot: Literal["ardupilot", "px4"] = "ardupilot",
+    *,
+    plant: PlantParameters | None = None,
+    ready_after_s: float = 0.0,
+) -> Vehicle:
     """Makes an aircraft that stands on the ground at 400 m, its nose to the east."""
-
-    def make(
-        autopilot: Literal["ardupilot", "px4"] = "ardupilot",
-        *,
-        plant: PlantParameters | None = None,
-        ready_after_s: float = 0.0,
-    ) -> Vehicle:
-        config = AutopilotConfig(
-            system_id=7,
-            autopilot=autopilot,
-            plant=plant or PlantParameters(),
-            latitude_deg=47.0,
-            longitude_deg=8.0,
-            altitude_amsl_m=400.0,
-            home_altitude_amsl_m=400.0,
-            course_rad=math.pi / 2,
-            airspeed_m_s=20.0,
-            airborne=False,
-            armed=False,
-            ready_after_s=ready_after_s,
-        )
-        return ground_station(Autopilot(config, SteadyWind(3.0, 0.0)), 7)
-
-    return make
+    config = AutopilotConfig(
+        system_id=7,
+        autopilot=autopilot,
+        plant=plant or PlantParameters(),
+        latitude_deg=47.0,
+        longitude_deg=8.0,
+        altitude_amsl_m=400.0,
+        home_altitude_amsl_m=400.0,
+        course_rad=math.pi / 2,
+        airspeed_m_s=20.0,
+        airborne=False,
+        armed=False,
+        ready_after_s=ready_after_s,
+    )
+    return GroundStation(Autopilot(config, SteadyWind(3.0, 0.0)), 7)
 
 
 def landed_state(vehicle: Vehicle) -> int:
     return int(vehicle.command_long(512, 245)[-1].landed_state)
 
 
-def test_nothing_moves_until_it_is_armed_in_a_mode_that_takes_off(on_ground: Station) -> None:
+def test_nothing_moves_until_it_is_armed_in_a_mode_that_takes_off():
     vehicle = on_ground()
     start = vehicle.autopilot.truth()
     assert (start.mode, start.armed, landed_state(vehicle)) == ("MANUAL", False, LANDED)
@@ -61,9 +55,7 @@ def test_nothing_moves_until_it_is_armed_in_a_mode_that_takes_off(on_ground: Sta
 
 
 @pytest.mark.parametrize("kind", ["heading-hold", "course-hold", "bank"])
-def test_arduplane_takes_off_climbs_and_loiters_ahead_of_the_runway(
-    on_ground: Station, kind: Literal["heading-hold", "course-hold", "bank"]
-) -> None:
+def test_arduplane_takes_off_climbs_and_loiters_ahead_of_the_runway(kind):
     vehicle = on_ground(plant=PlantParameters(kind=kind))
     vehicle.command_long(400, 1)
     vehicle.command_long(176, 1, 13)
@@ -82,7 +74,7 @@ def test_arduplane_takes_off_climbs_and_loiters_ahead_of_the_runway(
     assert vehicle.autopilot.truth().mode == "TAKEOFF"
 
 
-def test_px4_takes_off_by_command_and_ends_in_a_loiter(on_ground: Station) -> None:
+def test_px4_takes_off_by_command_and_ends_in_a_loiter():
     vehicle = on_ground("px4")
     assert vehicle.result(vehicle.command_long(400, 1)) == "ACCEPTED"
     assert vehicle.result(vehicle.command_long(22, 0, 0, 0, math.nan)) == "ACCEPTED"
@@ -93,7 +85,7 @@ def test_px4_takes_off_by_command_and_ends_in_a_loiter(on_ground: Station) -> No
     assert truth.altitude_amsl_m == pytest.approx(450.0, abs=2.5)
 
 
-def test_px4_takes_off_without_a_word(on_ground: Station) -> None:
+def test_px4_takes_off_without_a_word():
     vehicle = on_ground("px4")
     heard = vehicle.command_long(400, 1) + vehicle.command_long(22, 0, 0, 0, math.nan)
     heard += vehicle.advance(90.0)
@@ -101,7 +93,7 @@ def test_px4_takes_off_without_a_word(on_ground: Station) -> None:
     assert [message.text for message in heard if message.get_type() == "STATUSTEXT"] == []
 
 
-def test_a_mode_that_does_not_take_off_ends_the_roll(on_ground: Station) -> None:
+def test_a_mode_that_does_not_take_off_ends_the_roll():
     vehicle = on_ground()
     vehicle.command_long(400, 1)
     vehicle.command_long(176, 1, 13)
@@ -114,9 +106,7 @@ def test_a_mode_that_does_not_take_off_ends_the_roll(on_ground: Station) -> None
 @pytest.mark.parametrize(
     ("autopilot", "refusal"), [("ardupilot", "FAILED"), ("px4", "TEMPORARILY_REJECTED")]
 )
-def test_it_is_not_armed_before_its_sensors_have_settled(
-    on_ground: Station, autopilot: Literal["ardupilot", "px4"], refusal: str
-) -> None:
+def test_it_is_not_armed_before_its_sensors_have_settled(autopilot, refusal):
     vehicle = on_ground(autopilot, ready_after_s=3.0)
     replies = vehicle.command_long(400, 1)
     assert vehicle.result(replies) == refusal
@@ -127,7 +117,7 @@ def test_it_is_not_armed_before_its_sensors_have_settled(
     assert vehicle.result(vehicle.command_long(400, 1)) == "ACCEPTED"
 
 
-def test_arduplane_does_not_arm_with_an_airspeed_it_cannot_fly(on_ground: Station) -> None:
+def test_arduplane_does_not_arm_with_an_airspeed_it_cannot_fly():
     vehicle = on_ground()
     vehicle.send(mavlink.MAVLink_param_set_message(7, 1, b"AIRSPEED_MIN", 3.0, 4))
     replies = vehicle.command_long(400, 1)
@@ -136,8 +126,8 @@ def test_arduplane_does_not_arm_with_an_airspeed_it_cannot_fly(on_ground: Statio
     assert vehicle.result(vehicle.command_long(400, 1, 2989)) == "ACCEPTED"
 
 
-def test_in_the_air_it_is_disarmed_by_force_only(station: Station) -> None:
-    vehicle = station()
+def test_in_the_air_it_is_disarmed_by_force_only():
+    vehicle = new_station()
     assert vehicle.result(vehicle.command_long(400, 0)) == "FAILED"
     assert vehicle.autopilot.truth().armed
     assert vehicle.result(vehicle.command_long(400, 0, 21196)) == "ACCEPTED"
@@ -146,7 +136,7 @@ def test_in_the_air_it_is_disarmed_by_force_only(station: Station) -> None:
     assert vehicle.result(vehicle.command_long(400, 2)) == "UNSUPPORTED"
 
 
-def test_a_reboot_on_the_ground_disarms(on_ground: Station) -> None:
+def test_a_reboot_on_the_ground_disarms():
     vehicle = on_ground()
     vehicle.command_long(400, 1)
     vehicle.command_long(246, 1)

@@ -2,13 +2,13 @@
 
 import math
 import struct
-from collections.abc import Callable
 from typing import Any
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-Station = Callable[..., Any]
+from tests.kit.autopilot import new_station
+
 Vehicle = Any  # the ground station of conftest.py, which tests cannot import
 
 MISSION, FENCE, RALLY = 0, 1, 2
@@ -41,10 +41,8 @@ def number_of(frame: bytes) -> int:
 
 
 @pytest.mark.parametrize("autopilot", AUTOPILOTS)
-def test_qgroundcontrol_s_start_up_gets_an_answer_to_every_question(
-    station: Station, autopilot: str
-) -> None:
-    vehicle = station(autopilot=autopilot)
+def test_qgroundcontrol_s_start_up_gets_an_answer_to_every_question(autopilot):
+    vehicle = new_station(autopilot=autopilot)
     vehicle.send(mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3))
     (version,) = of_type(vehicle.command_long(512, 148), "AUTOPILOT_VERSION")
     assert version.capabilities & mavlink.MAV_PROTOCOL_CAPABILITY_MISSION_INT
@@ -65,8 +63,8 @@ def test_qgroundcontrol_s_start_up_gets_an_answer_to_every_question(
         assert (answer.target_system, answer.target_component) == (255, 190)
 
 
-def test_the_protocol_version_is_mavlink_2(station: Station) -> None:
-    vehicle = station()
+def test_the_protocol_version_is_mavlink_2():
+    vehicle = new_station()
     (frame,) = requested(vehicle, 300)
     assert number_of(frame) == 300
     assert struct.unpack("<HHH", frame[10:-2].ljust(22, b"\0")[:6]) == (200, 100, 200)
@@ -79,18 +77,16 @@ def test_the_protocol_version_is_mavlink_2(station: Station) -> None:
     assert [number_of(one) for one in frames(by_command)] == [77, 300]
 
 
-def test_all_modes_come_at_once_for_index_0_and_none_for_one_too_many(station: Station) -> None:
-    vehicle = station()
+def test_all_modes_come_at_once_for_index_0_and_none_for_one_too_many():
+    vehicle = new_station()
     modes = requested(vehicle, 435, 0)
     names = {frame[10 + 11 : -2].rstrip(b"\0").decode("ascii") for frame in modes}
     assert {"GUIDED", "LOITER", "TAKEOFF", "RTL"} <= names
     assert requested(vehicle, 435, len(modes) + 1) == []
 
 
-def test_a_list_that_is_brought_finds_no_room_and_an_item_that_is_not_there_is_refused(
-    station: Station,
-) -> None:
-    vehicle = station()
+def test_a_list_that_is_brought_finds_no_room_and_an_item_that_is_not_there_is_refused():
+    vehicle = new_station()
     (full,) = vehicle.send(mavlink.MAVLink_mission_count_message(7, 1, 3, MISSION))
     assert (full.get_type(), full.type) == ("MISSION_ACK", mavlink.MAV_MISSION_NO_SPACE)
     (none,) = vehicle.send(mavlink.MAVLink_mission_request_int_message(7, 1, 0, FENCE))
@@ -99,22 +95,22 @@ def test_a_list_that_is_brought_finds_no_room_and_an_item_that_is_not_there_is_r
     assert (cleared.type, cleared.mission_type) == (mavlink.MAV_MISSION_ACCEPTED, RALLY)
 
 
-def test_time_is_synchronised_with_who_asks(station: Station) -> None:
-    vehicle = station(boot_time_s=5.0)
+def test_time_is_synchronised_with_who_asks():
+    vehicle = new_station(boot_time_s=5.0)
     vehicle.advance(2.0)
     (answer,) = vehicle.send(mavlink.MAVLink_timesync_message(0, 123_456))
     assert (answer.tc1, answer.ts1) == (7_000_000_000, 123_456)
     assert vehicle.send(mavlink.MAVLink_timesync_message(1, 2)) == []
 
 
-def test_a_ping_comes_back(station: Station) -> None:
-    vehicle = station()
+def test_a_ping_comes_back():
+    vehicle = new_station()
     (answer,) = vehicle.send(mavlink.MAVLink_ping_message(99, 7, 0, 0))
     assert (answer.seq, answer.target_system, answer.target_component) == (7, 255, 190)
 
 
-def test_an_interval_that_was_set_can_be_asked_for(station: Station) -> None:
-    vehicle = station()
+def test_an_interval_that_was_set_can_be_asked_for():
+    vehicle = new_station()
     vehicle.interval(33, 50_000)
     (answer,) = of_type(vehicle.command_long(510, 33), "MESSAGE_INTERVAL")
     assert (answer.message_id, answer.interval_us) == (33, 50_000)
@@ -124,8 +120,8 @@ def test_an_interval_that_was_set_can_be_asked_for(station: Station) -> None:
     assert of_type(vehicle.command_long(510, 33), "MESSAGE_INTERVAL")[0].interval_us == 2**31 - 1
 
 
-def test_older_ground_stations_get_arduplane_s_streams_at_their_rate(station: Station) -> None:
-    vehicle = station()
+def test_older_ground_stations_get_arduplane_s_streams_at_their_rate():
+    vehicle = new_station()
     vehicle.send(mavlink.MAVLink_request_data_stream_message(7, 1, 0, 4, 1))
     vehicle.advance(0.0)
     messages = vehicle.advance(1.0)
@@ -135,8 +131,8 @@ def test_older_ground_stations_get_arduplane_s_streams_at_their_rate(station: St
     assert of_type(vehicle.advance(2.0), "GLOBAL_POSITION_INT") == []
 
 
-def test_px4_flies_home_and_holds_there_when_told(station: Station) -> None:
-    vehicle = station(autopilot="px4")
+def test_px4_flies_home_and_holds_there_when_told():
+    vehicle = new_station(autopilot="px4")
     vehicle.advance(10.0)
     assert vehicle.result(vehicle.command_long(20)) == "ACCEPTED"
     assert vehicle.autopilot.truth().mode == "AUTO.RTL"
@@ -167,10 +163,8 @@ def reposition(
     ("speed_m_s", "flown"),
     [(24.0, 24.0), (99.0, 32.0), (-1.0, 20.0), (0.0, 20.0), (math.nan, 20.0)],
 )
-def test_px4_flies_to_a_place_on_the_bearing_and_at_the_airspeed_of_the_command(
-    station: Station, speed_m_s: float, flown: float
-) -> None:
-    vehicle = station(autopilot="px4")
+def test_px4_flies_to_a_place_on_the_bearing_and_at_the_airspeed_of_the_command(speed_m_s, flown):
+    vehicle = new_station(autopilot="px4")
     assert reposition(vehicle, 1, 47.03, speed_m_s) == "ACCEPTED"
     vehicle.advance(30.0)
     truth = vehicle.autopilot.truth()
@@ -179,8 +173,8 @@ def test_px4_flies_to_a_place_on_the_bearing_and_at_the_airspeed_of_the_command(
     assert math.degrees(math.remainder(truth.course_rad, math.tau)) == pytest.approx(0.0, abs=2.5)
 
 
-def test_arduplane_is_repositioned_in_guided_and_forgets_its_course(station: Station) -> None:
-    vehicle = station()
+def test_arduplane_is_repositioned_in_guided_and_forgets_its_course():
+    vehicle = new_station()
     assert reposition(vehicle, 0) == "FAILED"
     assert reposition(vehicle, 1) == "ACCEPTED"
     assert vehicle.autopilot.truth().mode == "GUIDED"
@@ -193,8 +187,8 @@ def test_arduplane_is_repositioned_in_guided_and_forgets_its_course(station: Sta
 
 
 @pytest.mark.parametrize("autopilot", AUTOPILOTS)
-def test_a_height_that_is_no_number_repositions_nobody(station: Station, autopilot: str) -> None:
-    vehicle = station(autopilot=autopilot)
+def test_a_height_that_is_no_number_repositions_nobody(autopilot):
+    vehicle = new_station(autopilot=autopilot)
     before = vehicle.autopilot.truth()
     replies = vehicle.send(
         mavlink.MAVLink_command_int_message(

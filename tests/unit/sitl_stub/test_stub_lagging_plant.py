@@ -5,14 +5,7 @@ import pytest
 from msgspec.structs import replace
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sitl_stub import (
-    Autopilot,
-    AutopilotConfig,
-    CalmWind,
-    PlantParameters,
-    SteadyWind,
-    Wind,
-)
+from sitl_stub import Autopilot, AutopilotConfig, CalmWind, PlantParameters, SteadyWind, Wind
 from sitl_stub.lagging_plant import (
     MAX_LAGGING_STEP_S,
     lagging_stepped,
@@ -74,14 +67,14 @@ def flown(
     return states
 
 
-def test_12000_cdeg_per_rad_bank_12_deg_for_a_course_error_of_a_tenth() -> None:
+def test_12000_cdeg_per_rad_bank_12_deg_for_a_course_error_of_a_tenth():
     wanted = wanted_bank_rad(
         BANK, TurnTarget("course", 0.1), course_rad=0.0, heading_rad=0.0, airspeed_m_s=20.0
     )
     assert math.degrees(wanted) == pytest.approx(12.0)
 
 
-def test_the_bank_is_limited_by_the_aircraft_and_by_the_acceleration_commanded() -> None:
+def test_the_bank_is_limited_by_the_aircraft_and_by_the_acceleration_commanded():
     far = TurnTarget("course", -2.0)
     assert wanted_bank_rad(
         BANK, far, course_rad=0.0, heading_rad=0.0, airspeed_m_s=20.0
@@ -93,13 +86,13 @@ def test_the_bank_is_limited_by_the_aircraft_and_by_the_acceleration_commanded()
     ) == pytest.approx(11.527, abs=1e-3)
 
 
-def test_the_roll_follows_with_its_time_constant() -> None:
+def test_the_roll_follows_with_its_time_constant():
     end = flown(BANK, targets(0.5, hold="bank"), 0.4)[-1]
     assert end.roll_rad == pytest.approx(0.5 * (1.0 - math.exp(-1.0)), abs=1e-4)
 
 
 @pytest.mark.parametrize("efficiency", [1.0, 0.7])
-def test_the_turn_is_that_of_the_bank_flown(efficiency: float) -> None:
+def test_the_turn_is_that_of_the_bank_flown(efficiency):
     plant = PlantParameters(kind="bank", turn_efficiency=efficiency)
     states = flown(plant, targets(math.radians(30.0), hold="bank"), 6.0)
     rate = math.remainder(states[-1].direction_rad - states[-201].direction_rad, math.tau)
@@ -107,7 +100,7 @@ def test_the_turn_is_that_of_the_bank_flown(efficiency: float) -> None:
     assert rate == pytest.approx(efficiency * 0.28310, abs=1e-4)
 
 
-def test_a_course_step_of_30_deg_takes_as_long_as_measured_on_arduplane() -> None:
+def test_a_course_step_of_30_deg_takes_as_long_as_measured_on_arduplane():
     # GUIDED_P 10000 to 15000, turns at 70 %: t63 1.2 s, t90 2.4 to 3.7 s, overshoot at most 1 %.
     plant = PlantParameters(kind="bank", turn_efficiency=0.7)
     states = flown(plant, targets(math.radians(30.0)), 20.0)
@@ -119,7 +112,7 @@ def test_a_course_step_of_30_deg_takes_as_long_as_measured_on_arduplane() -> Non
     assert max(shares[:-1]) < 1.02
 
 
-def test_the_course_is_held_through_a_crosswind() -> None:
+def test_the_course_is_held_through_a_crosswind():
     end = flown(BANK, targets(), 60.0, SteadyWind(5.0, math.pi / 2))[-1]
     assert math.degrees(math.remainder(end.direction_rad, math.tau)) == pytest.approx(
         -14.4775, abs=0.01
@@ -127,7 +120,7 @@ def test_the_course_is_held_through_a_crosswind() -> None:
     assert end.roll_rad == pytest.approx(0.0, abs=1e-3)
 
 
-def test_a_speed_step_starts_as_steeply_as_measured_and_overshoots() -> None:
+def test_a_speed_step_starts_as_steeply_as_measured_and_overshoots():
     states = flown(TECS, targets(speed_m_s=25.0), 60.0)
     first = (states[40].speed_m_s - states[0].speed_m_s) / 0.2
     assert first == pytest.approx(2.5, abs=0.01)
@@ -135,7 +128,7 @@ def test_a_speed_step_starts_as_steeply_as_measured_and_overshoots() -> None:
     assert states[-1].speed_m_s == pytest.approx(25.0, abs=0.1)
 
 
-def test_a_slow_sinusoid_of_speed_comes_out_as_large_and_as_late_as_measured() -> None:
+def test_a_slow_sinusoid_of_speed_comes_out_as_large_and_as_late_as_measured():
     # Measured on ArduPlane with the dead time of 0.5 s: gain 0.93 to 1.07, 2.2 to 2.4 s late.
     omega = math.tau / 24.0
     states = flown(
@@ -156,14 +149,14 @@ def test_a_slow_sinusoid_of_speed_comes_out_as_large_and_as_late_as_measured() -
     assert 2.2 < late_s < 2.4
 
 
-def test_height_gives_way_by_some_metres_while_the_speed_changes() -> None:
+def test_height_gives_way_by_some_metres_while_the_speed_changes():
     states = flown(TECS, targets(speed_m_s=26.0), 60.0)
     lost_m = 500.0 - min(one.altitude_amsl_m for one in states)
     assert 2.0 < lost_m < 5.0
     assert states[-1].altitude_amsl_m == pytest.approx(500.0, abs=0.2)
 
 
-def test_the_integral_stands_still_while_the_acceleration_is_at_its_limit() -> None:
+def test_the_integral_stands_still_while_the_acceleration_is_at_its_limit():
     assert tecs_acceleration_m_s2(10.0, 0.0, 2.5) == 2.5
     assert tecs_integral_rate_m_s3(10.0, 0.0, 2.5) == 0.0
     assert tecs_integral_rate_m_s3(1.0, 0.0, 2.5) == pytest.approx(0.03)
@@ -171,7 +164,7 @@ def test_the_integral_stands_still_while_the_acceleration_is_at_its_limit() -> N
 
 
 @pytest.mark.parametrize("plant", [BANK, PlantParameters(kind="bank", speed_response="tecs")])
-def test_the_step_is_converged_to_centimetres_over_two_minutes(plant: PlantParameters) -> None:
+def test_the_step_is_converged_to_centimetres_over_two_minutes(plant):
     def aim(now_s: float) -> Targets:
         at_s = math.floor(now_s / 0.05 + 1e-6) * 0.05
         return targets(0.13 * at_s, 20.0 + 3.0 * math.sin(0.3 * at_s))
@@ -187,12 +180,12 @@ def test_the_step_is_converged_to_centimetres_over_two_minutes(plant: PlantParam
     assert apart_m < 0.05
 
 
-def test_a_ground_speed_hold_cannot_lag() -> None:
+def test_a_ground_speed_hold_cannot_lag():
     with pytest.raises(ValueError, match="tecs"):
         PlantParameters(kind="course-hold", speed_response="tecs")
 
 
-def test_px4_s_course_wants_the_bank_of_the_turn_that_alpha_asks_for() -> None:
+def test_px4_s_course_wants_the_bank_of_the_turn_that_alpha_asks_for():
     npfg = PlantParameters(kind="npfg", alpha_1_s=0.9, max_bank_rad=math.radians(50.0))
 
     def wanted(course_rad: float) -> float:
@@ -217,9 +210,7 @@ def test_px4_s_course_wants_the_bank_of_the_turn_that_alpha_asks_for() -> None:
         (OWN, 1.2),
     ],
 )
-def test_px4_s_course_in_a_ramp_lags_by_its_bandwidth_and_its_dead_time(
-    plant: PlantParameters, lag: float
-) -> None:
+def test_px4_s_course_in_a_ramp_lags_by_its_bandwidth_and_its_dead_time(plant, lag):
     autopilot = Autopilot(
         AutopilotConfig(
             system_id=7,
@@ -250,7 +241,7 @@ def test_px4_s_course_in_a_ramp_lags_by_its_bandwidth_and_its_dead_time(
     assert lag_s == pytest.approx(lag, abs=0.05)
 
 
-def test_px4_s_course_takes_up_a_step_as_measured() -> None:
+def test_px4_s_course_takes_up_a_step_as_measured():
     """30 degrees of 1.18.0-beta1: a tenth after 0.6 s, half after 1.25 s, and 0.85 after 2 s."""
     plant = replace(OWN, airspeed_min_m_s=10.0)
     late_s = OWN.course_dead_time_s
@@ -268,7 +259,7 @@ def test_px4_s_course_takes_up_a_step_as_measured() -> None:
     assert max(one.direction_rad for one in states) < math.radians(31.5)
 
 
-def test_a_delay_of_the_roll_is_that_of_a_second_lag() -> None:
+def test_a_delay_of_the_roll_is_that_of_a_second_lag():
     plant = PlantParameters(kind="npfg", roll_time_s=0.4, roll_delay_s=0.2)
     end = flown(plant, targets(0.5, hold="bank"), 0.4)[-1]
     # 1 - (0.4 e^(-t/0.4) - 0.2 e^(-t/0.2)) / 0.2
@@ -280,7 +271,7 @@ PX4 = PlantParameters(kind="npfg", speed_response="px4")
 UNTRIMMED = PlantParameters(kind="npfg", speed_response="px4-untrimmed")
 
 
-def test_px4s_airspeed_creeps_without_the_throttles_of_each_airspeed() -> None:
+def test_px4s_airspeed_creeps_without_the_throttles_of_each_airspeed():
     """Steps of 2 m/s as it comes: half within 2 to 3 s, 0.65 after 12 s, 0.85 to 0.9 after 55 s."""
     states = flown(UNTRIMMED, targets(speed_m_s=22.0), 60.0, step_s=0.01)
     shares = [(one.speed_m_s - 20.0) / 2.0 for one in states]
@@ -289,14 +280,14 @@ def test_px4s_airspeed_creeps_without_the_throttles_of_each_airspeed() -> None:
     assert shares[5500] == pytest.approx(0.82, abs=0.05)
 
 
-def test_px4s_airspeed_setpoint_slews_with_1_m_s2() -> None:
+def test_px4s_airspeed_setpoint_slews_with_1_m_s2():
     states = flown(PX4, targets(speed_m_s=24.0), 3.0)
     references = [one.speed_reference_m_s or 20.0 for one in states]
     assert references[200] == pytest.approx(21.0, abs=0.02)
     assert references[-1] == pytest.approx(23.0, abs=0.02)
 
 
-def test_px4s_airspeed_follows_slow_changes_at_once_and_swings_at_half_a_hertz() -> None:
+def test_px4s_airspeed_follows_slow_changes_at_once_and_swings_at_half_a_hertz():
     """As measured: 1.04 times as large in 12 s, and 1.8 times in 3 s."""
 
     def gain(period_s: float, size_m_s: float) -> float:
@@ -314,7 +305,7 @@ def test_px4s_airspeed_follows_slow_changes_at_once_and_swings_at_half_a_hertz()
     assert gain(3.0, 0.25) == pytest.approx(1.8, abs=0.25)
 
 
-def test_px4s_airspeed_rests_where_it_is_commanded() -> None:
+def test_px4s_airspeed_rests_where_it_is_commanded():
     states = flown(PX4, targets(speed_m_s=22.0), 15.0)
     assert states[-1].speed_m_s == pytest.approx(22.0, abs=0.01)
     # 0.4 of overshoot e^(-pi D / sqrt(1 - D²)) of what the lead and the slewing leave.

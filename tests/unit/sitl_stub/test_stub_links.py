@@ -14,7 +14,7 @@ from sitl_stub.links import SCHEMES, Address, AddressError, parse_address
         ("tcpout://[::1]:5760", Address("tcpout", "::1", 5760)),
     ],
 )
-def test_an_address_is_read_and_written_alike(text: str, address: Address) -> None:
+def test_an_address_is_read_and_written_alike(text, address):
     assert parse_address(text) == address
     assert str(address) == text
 
@@ -42,7 +42,7 @@ def test_an_address_is_read_and_written_alike(text: str, address: Address) -> No
         ("x" * 10_000, "..."),
     ],
 )
-def test_a_wrong_address_is_refused_in_one_line_that_says_why(text: str, said: str) -> None:
+def test_a_wrong_address_is_refused_in_one_line_that_says_why(text, said):
     with pytest.raises(AddressError) as caught:
         parse_address(text)
     message = str(caught.value)
@@ -55,7 +55,7 @@ near_misses = st.from_regex(r"(udp|tcp)(in|out)?:/?/?[\[\]a-z0-9.:%_-]*:?[0-9]*"
 
 
 @given(st.text() | near_misses)
-def test_any_text_is_an_address_or_refused_in_one_line(text: str) -> None:
+def test_any_text_is_an_address_or_refused_in_one_line(text):
     try:
         address = parse_address(text)
     except AddressError as error:
@@ -69,7 +69,7 @@ def test_any_text_is_an_address_or_refused_in_one_line(text: str) -> None:
 
 
 @given(st.sampled_from(SCHEMES), st.ip_addresses(), st.integers(1, 65_535))
-def test_every_number_of_a_host_is_understood(scheme: str, number: object, port: int) -> None:
+def test_every_number_of_a_host_is_understood(scheme, number, port):
     host = f"[{number}]" if ":" in str(number) else str(number)
     address = parse_address(f"{scheme}://{host}:{port}")
     assert (address.scheme, address.host, address.port) == (scheme, str(number), port)

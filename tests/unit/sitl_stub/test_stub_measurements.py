@@ -1,5 +1,4 @@
 import math
-from collections.abc import Callable
 from typing import Any
 
 import pytest
@@ -8,36 +7,31 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from sitl_stub import Autopilot, AutopilotConfig, BadLink, CalmWind, Fault, PlantParameters
 from sitl_stub.air import AirData, density_ratio
 from sitl_stub.sensor_errors import SensorErrors
+from tests.kit.autopilot import GroundStation
 
-Make = Callable[..., Any]
 Vehicle = Any  # the ground station of conftest.py, which tests cannot import
 
 
-@pytest.fixture
-def make(ground_station: Callable[[Autopilot, int], Any]) -> Make:
+def make(**changes: object) -> Vehicle:
     """Makes an aircraft in the air at 580 m with some fields of its configuration changed."""
-
-    def made(**changes: object) -> Vehicle:
-        fields: dict[str, Any] = {
-            "system_id": 7,
-            "plant": PlantParameters(),
-            "latitude_deg": 47.0,
-            "longitude_deg": 8.0,
-            "altitude_amsl_m": 580.0,
-            "home_altitude_amsl_m": 480.0,
-            "course_rad": 0.0,
-            "airspeed_m_s": 20.0,
-        }
-        return ground_station(Autopilot(AutopilotConfig(**(fields | changes)), CalmWind()), 7)
-
-    return made
+    fields: dict[str, Any] = {
+        "system_id": 7,
+        "plant": PlantParameters(),
+        "latitude_deg": 47.0,
+        "longitude_deg": 8.0,
+        "altitude_amsl_m": 580.0,
+        "home_altitude_amsl_m": 480.0,
+        "course_rad": 0.0,
+        "airspeed_m_s": 20.0,
+    }
+    return GroundStation(Autopilot(AutopilotConfig(**(fields | changes)), CalmWind()), 7)
 
 
 def of_type(messages: list[Any], name: str) -> list[Any]:
     return [message for message in messages if message.get_type() == name]
 
 
-def test_the_standard_atmosphere_is_known() -> None:
+def test_the_standard_atmosphere_is_known():
     # ICAO: 1.225 kg/m^3 at sea level, 1.1116 at 1000 m, 0.7361 at 5000 m.
     assert density_ratio(0.0) == 1.0
     assert density_ratio(1000.0) * 1.225 == pytest.approx(1.1116, abs=2e-4)
@@ -45,7 +39,7 @@ def test_the_standard_atmosphere_is_known() -> None:
     assert AirData(indicated=True).shown_per_true(580.0) == pytest.approx(0.9723, abs=1e-4)
 
 
-def test_an_indicated_airspeed_is_flown_faster_and_shown_as_commanded(make: Make) -> None:
+def test_an_indicated_airspeed_is_flown_faster_and_shown_as_commanded():
     vehicle = make(indicated_airspeed=True)
     vehicle.guided()
     assert vehicle.result(vehicle.command_int(43000, 0, 22.0)) == "ACCEPTED"
@@ -58,7 +52,7 @@ def test_an_indicated_airspeed_is_flown_faster_and_shown_as_commanded(make: Make
     assert hud.airspeed == pytest.approx(32.0, abs=1e-3)
 
 
-def test_a_sensor_that_is_off_by_3_percent_is_flown_by_all_the_same(make: Make) -> None:
+def test_a_sensor_that_is_off_by_3_percent_is_flown_by_all_the_same():
     vehicle = make(airspeed_calibration=1.03)
     assert vehicle.autopilot.truth().airspeed_m_s == pytest.approx(20.0 / 1.03)
     assert of_type(vehicle.advance(0.0), "VFR_HUD")[0].airspeed == pytest.approx(20.0)
@@ -66,9 +60,7 @@ def test_a_sensor_that_is_off_by_3_percent_is_flown_by_all_the_same(make: Make) 
 
 @pytest.mark.parametrize("plant", ["heading-hold", "bank", "six-dof"])
 @pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
-def test_an_altitude_that_drifts_is_held_as_it_is_measured(
-    make: Make, autopilot: str, plant: str
-) -> None:
+def test_an_altitude_that_drifts_is_held_as_it_is_measured(autopilot, plant):
     errors = SensorErrors("standalone", seed=3, system_id=7)
     before, after = errors.altitude_drift_m(0.0), errors.altitude_drift_m(100.0)
     assert after - before > 3.0
@@ -84,7 +76,7 @@ def test_an_altitude_that_drifts_is_held_as_it_is_measured(
     assert true_m == pytest.approx(580.0 + before - after, abs=1.0)
 
 
-def test_a_height_that_is_commanded_is_reached_as_it_is_measured(make: Make) -> None:
+def test_a_height_that_is_commanded_is_reached_as_it_is_measured():
     vehicle = make(sensors="standalone", seed=10)
     vehicle.guided()
     # 120 m above home, which is at 480 m.
@@ -95,7 +87,7 @@ def test_a_height_that_is_commanded_is_reached_as_it_is_measured(make: Make) -> 
     assert vehicle.autopilot.truth().altitude_amsl_m == pytest.approx(600.0 - drift_m, abs=0.5)
 
 
-def test_a_glitch_moves_reported_positions_for_its_time_and_nothing_else(make: Make) -> None:
+def test_a_glitch_moves_reported_positions_for_its_time_and_nothing_else():
     glitched = make(faults=(Fault("offset", 2.0, 3.0, 40.0, -30.0),))
     right = make()
     for each in (glitched, right):
@@ -110,7 +102,7 @@ def test_a_glitch_moves_reported_positions_for_its_time_and_nothing_else(make: M
     assert glitched.autopilot.truth() == right.autopilot.truth()
 
 
-def test_velocity_heading_and_airspeed_have_noise_of_the_given_size(make: Make) -> None:
+def test_velocity_heading_and_airspeed_have_noise_of_the_given_size():
     noise = {
         "velocity_noise_m_s": 0.3,
         "heading_noise_rad": math.radians(1.0),
@@ -142,7 +134,7 @@ def stamps(vehicle: Vehicle, interval_us: int) -> list[int]:
     return [position.time_boot_ms for position in positions]
 
 
-def test_20_hz_on_a_scheduler_of_50_hz_comes_40_and_60_ms_apart(make: Make) -> None:
+def test_20_hz_on_a_scheduler_of_50_hz_comes_40_and_60_ms_apart():
     assert stamps(make(loop_rate_hz=50.0), 50_000) == [
         0,
         60,
@@ -160,7 +152,7 @@ def test_20_hz_on_a_scheduler_of_50_hz_comes_40_and_60_ms_apart(make: Make) -> N
     assert stamps(make(loop_rate_hz=200.0), 20_000) == list(range(0, 501, 20))
 
 
-def test_a_stream_faster_than_four_fifths_of_the_loop_is_denied(make: Make) -> None:
+def test_a_stream_faster_than_four_fifths_of_the_loop_is_denied():
     vehicle = make(loop_rate_hz=50.0)
     assert vehicle.interval(33, 20_000) == "DENIED"
     assert vehicle.interval(33, 25_000) == "ACCEPTED"
@@ -170,7 +162,7 @@ def test_a_stream_faster_than_four_fifths_of_the_loop_is_denied(make: Make) -> N
     assert value.param_value == 50.0
 
 
-def test_old_parameters_have_old_names_and_units(make: Make) -> None:
+def test_old_parameters_have_old_names_and_units():
     vehicle = make(old_parameter_names=True)
     (speed,) = vehicle.send(mavlink.MAVLink_param_request_read_message(7, 1, b"TRIM_ARSPD_CM", -1))
     assert speed.param_value == 2000.0
@@ -180,7 +172,7 @@ def test_old_parameters_have_old_names_and_units(make: Make) -> None:
     assert vehicle.send(mavlink.MAVLink_param_request_read_message(7, 1, b"AIRSPEED_MAX", -1)) == []
 
 
-def test_a_slow_link_delays_both_ways(make: Make) -> None:
+def test_a_slow_link_delays_both_ways():
     vehicle = make()
     link = BadLink(vehicle.autopilot, delay_s=0.2)
     assert link.advance(0.0) == b""
@@ -197,7 +189,7 @@ def test_a_slow_link_delays_both_ways(make: Make) -> None:
     assert names == ["COMMAND_ACK", "STATUSTEXT", "HEARTBEAT"]
 
 
-def test_a_lossy_link_loses_its_share_and_repeats_by_its_seed(make: Make) -> None:
+def test_a_lossy_link_loses_its_share_and_repeats_by_its_seed():
     def heard(seed: int) -> bytes:
         vehicle = make()
         vehicle.interval(33, 10_000)
@@ -212,6 +204,6 @@ def test_a_lossy_link_loses_its_share_and_repeats_by_its_seed(make: Make) -> Non
 
 
 @pytest.mark.parametrize("wrong", [{"loss": 1.0}, {"delay_s": 0.1, "jitter_s": 0.2}])
-def test_a_link_that_cannot_be_is_refused(make: Make, wrong: dict[str, float]) -> None:
+def test_a_link_that_cannot_be_is_refused(wrong):
     with pytest.raises(ValueError, match="must be"):
         BadLink(make().autopilot, **wrong)

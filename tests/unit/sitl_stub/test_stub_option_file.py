@@ -16,7 +16,7 @@ from sitl_stub.options import OptionError
 from sitl_stub.settings import Settings
 
 
-def test_lines_are_options_without_their_dashes(tmp_path: Path) -> None:
+def test_lines_are_options_without_their_dashes(tmp_path):
     file = tmp_path / "fleet.yaml"
     file.write_text('system-id: 3\nairspeed-range: "16,32"\ngust: ["10,5,1", "20,5,1"]\n')
     assert read_settings(file) == {
@@ -37,7 +37,7 @@ def test_lines_are_options_without_their_dashes(tmp_path: Path) -> None:
         (b"#" * (MOST_BYTES + 1), "larger than 256 KiB"),
     ],
 )
-def test_a_wrong_file_is_one_line_with_a_remedy(content: bytes, said: str, tmp_path: Path) -> None:
+def test_a_wrong_file_is_one_line_with_a_remedy(content, said, tmp_path):
     file = tmp_path / "fleet.yaml"
     file.write_bytes(content)
     with pytest.raises(ConfigError, match=re.escape(said)):
@@ -45,7 +45,7 @@ def test_a_wrong_file_is_one_line_with_a_remedy(content: bytes, said: str, tmp_p
 
 
 @given(st.binary(max_size=200))
-def test_whatever_it_holds_is_options_or_refused(content: bytes) -> None:
+def test_whatever_it_holds_is_options_or_refused(content):
     with TemporaryDirectory() as place:
         file = Path(place, "fleet.yaml")
         file.write_bytes(content)
@@ -56,9 +56,7 @@ def test_whatever_it_holds_is_options_or_refused(content: bytes) -> None:
     assert set(options) <= set(Settings.model_fields)
 
 
-def test_the_command_line_goes_before_the_file(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_command_line_goes_before_the_file(tmp_path, monkeypatch):
     file = tmp_path / "fleet.yaml"
     file.write_text("system-id: 3\nmavlink: udpout://127.0.0.1:1\nalpha: 0.9\nseed: 7\n")
     seen: list[Settings] = []
@@ -87,7 +85,7 @@ start: [47, 8, 500, 90]
 """
 
 
-def test_a_file_takes_what_a_mission_says_in_its_own_words() -> None:
+def test_a_file_takes_what_a_mission_says_in_its_own_words():
     settings = Settings.of(yaml.safe_load(EMULATOR))
     plant = settings.config().plant
     assert (plant.kind, plant.guided_p_cdeg_rad, plant.speed_response) == ("bank", 9000.0, "tecs")
@@ -98,7 +96,7 @@ def test_a_file_takes_what_a_mission_says_in_its_own_words() -> None:
     assert (settings.turbulence, gust.start_s, gust.north_m_s) == ("light", 60.0, 6.0)
 
 
-def test_what_a_mission_says_and_options_are_the_same_settings() -> None:
+def test_what_a_mission_says_and_options_are_the_same_settings():
     text = {
         "plant": "bank",
         "airspeed_range_m_s": "13,29",
@@ -138,11 +136,11 @@ def test_what_a_mission_says_and_options_are_the_same_settings() -> None:
         ({"system_id": 1, "sensors": "best"}, "--sensors: input should be 'ideal', 'rtk'"),
     ],
 )
-def test_a_wrong_value_is_one_line_with_its_option(values: dict[str, object], said: str) -> None:
+def test_a_wrong_value_is_one_line_with_its_option(values, said):
     with pytest.raises(OptionError, match=re.escape(said)) as caught:
         Settings.of(values)
     assert "\n" not in str(caught.value)
 
 
-def test_it_tells_its_version() -> None:
+def test_it_tells_its_version():
     assert CliRunner().invoke(cli.app, ["--version"]).output.startswith("sitl-stub ")

@@ -45,9 +45,7 @@ Vehicle = Any  # an emulated autopilot
         (["--airspeed-calibration", "3"], "airspeed_calibration must be"),
     ],
 )
-def test_a_wrong_option_is_one_line_and_status_2(
-    options: list[str], said: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_wrong_option_is_one_line_and_status_2(options, said, capsys):
     given = ["--system-id", "1", "--mavlink", "udpin://127.0.0.1:0", *options]
     with pytest.raises(SystemExit) as caught:
         cli.app(given)
@@ -90,12 +88,12 @@ def told(vehicle: Vehicle, name: bytes) -> float:
     ],
 )
 def test_the_bank_limit_is_the_autopilot_s_own_where_it_is_not_given(
-    options: list[str], name: bytes, value: float, monkeypatch: pytest.MonkeyPatch
-) -> None:
+    options, name, value, monkeypatch
+):
     assert told(flown(options, monkeypatch), name) == pytest.approx(value)
 
 
-def test_px4_flies_its_own_loops_where_no_plant_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_px4_flies_its_own_loops_where_no_plant_is_named(monkeypatch):
     plant = flown(["--autopilot", "px4"], monkeypatch).config.plant
     assert (plant.kind, plant.speed_response) == ("npfg", "px4-untrimmed")
     assert plant.alpha_1_s == pytest.approx(0.8796, abs=1e-4)
@@ -109,9 +107,7 @@ def test_px4_flies_its_own_loops_where_no_plant_is_named(monkeypatch: pytest.Mon
 
 
 @pytest.mark.parametrize("options", [["--autopilot", "px4", "--plant", "heading-hold"], []])
-def test_a_plant_that_is_named_is_flown_as_it_is(
-    options: list[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_plant_that_is_named_is_flown_as_it_is(options, monkeypatch):
     plant = flown(options, monkeypatch).config.plant
     assert (plant.kind, plant.alpha_1_s, plant.speed_response) == (
         *("heading-hold", 1.2),
@@ -121,9 +117,7 @@ def test_a_plant_that_is_named_is_flown_as_it_is(
 
 
 @pytest.mark.parametrize("options", [[], ["--autopilot", "betaflight"], ["--no-such-option"]])
-def test_what_is_no_option_at_all_is_status_2_without_a_traceback(
-    options: list[str], capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_what_is_no_option_at_all_is_status_2_without_a_traceback(options, capsys):
     with pytest.raises(SystemExit) as caught:
         cli.app(options)
     assert caught.value.code == 2

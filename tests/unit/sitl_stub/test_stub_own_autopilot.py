@@ -2,7 +2,6 @@
 
 import math
 import re
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +10,7 @@ import pytest
 from sitl_stub import Autopilot, AutopilotConfig, CalmWind, PlantParameters, load_plugins
 from sitl_stub.personality import Personality, personality
 from sitl_stub.registry import autopilots
+from tests.kit.autopilot import GroundStation
 
 Station = Any  # conftest.GroundStation
 EXAMPLE = Path(__file__).parents[3] / "examples" / "own_emulated_autopilot.py"
@@ -32,12 +32,12 @@ def config(autopilot: str) -> AutopilotConfig:
 
 
 @pytest.fixture
-def ground(ground_station: Callable[[Autopilot, int], Station]) -> Station:
+def ground() -> Station:
     load_plugins([EXAMPLE])
-    return ground_station(Autopilot(config("brief"), CalmWind()), 1)
+    return GroundStation(Autopilot(config("brief"), CalmWind()), 1)
 
 
-def test_it_turns_to_a_course_in_its_guided_mode_alone(ground: Station) -> None:
+def test_it_turns_to_a_course_in_its_guided_mode_alone(ground):
     assert ground.result(ground.command_long(43002, 0, 90, 5)) == "FAILED"
     assert ground.result(ground.command_long(176, 1, GUIDED)) == "ACCEPTED"
     assert ground.result(ground.command_long(43002, 0, 90, 5)) == "ACCEPTED"
@@ -49,7 +49,7 @@ def test_it_turns_to_a_course_in_its_guided_mode_alone(ground: Station) -> None:
     assert truth.airspeed_m_s == pytest.approx(24.0, abs=1e-3)
 
 
-def test_what_it_does_not_have_is_refused(ground: Station) -> None:
+def test_what_it_does_not_have_is_refused(ground):
     assert ground.result(ground.command_long(176, 1, 11)) == "DENIED"
     assert ground.result(ground.command_long(43001, 0, 0)) == "UNSUPPORTED"
     ground.guided()
@@ -58,13 +58,13 @@ def test_what_it_does_not_have_is_refused(ground: Station) -> None:
     assert ground.result(ground.command_long(43002, 0, math.nan, 5)) == "DENIED"
 
 
-def test_a_name_that_is_not_known_is_one_line_with_those_that_are() -> None:
+def test_a_name_that_is_not_known_is_one_line_with_those_that_are():
     load_plugins([EXAMPLE])
     with pytest.raises(ValueError, match=r"one of ardupilot, px4, brief.*not 'breif'"):
         config("breif")
 
 
-def test_a_class_that_leaves_its_modes_out_is_refused() -> None:
+def test_a_class_that_leaves_its_modes_out_is_refused():
     class Partly(Personality):
         firmware = 3
 
@@ -73,6 +73,6 @@ def test_a_class_that_leaves_its_modes_out_is_refused() -> None:
     assert "partly" not in autopilots
 
 
-def test_a_name_is_taken_once() -> None:
+def test_a_name_is_taken_once():
     with pytest.raises(ValueError, match="px4: there is an autopilot of this name already"):
         personality("px4")(Personality)

@@ -51,7 +51,7 @@ def held(course: float = 0.0, speed: float = 20.0) -> Targets:
 
 
 @pytest.mark.parametrize(("damping", "overshoot"), [(0.4, 0.254), (0.8, 0.0152)])
-def test_a_second_order_course_overshoots_by_its_damping(damping: float, overshoot: float) -> None:
+def test_a_second_order_course_overshoots_by_its_damping(damping, overshoot):
     # exp(-pi D / sqrt(1 - D²)): 0.254 and 0.0152 of a step of 0.1 rad
     states = flown(measured(course_damping=damping), held(course=0.1), 12.0)
     courses = [math.remainder(one.direction_rad, math.tau) for one in states]
@@ -59,7 +59,7 @@ def test_a_second_order_course_overshoots_by_its_damping(damping: float, oversho
     assert courses[-1] == pytest.approx(0.1, abs=1e-3)
 
 
-def test_speed_comes_to_what_is_commanded_and_the_bank_limits_the_turn() -> None:
+def test_speed_comes_to_what_is_commanded_and_the_bank_limits_the_turn():
     aircraft = measured()
     states = flown(aircraft, held(course=3.0, speed=24.0), 15.0)
     assert states[-1].speed_m_s == pytest.approx(24.0, abs=0.01)
@@ -71,7 +71,7 @@ def test_speed_comes_to_what_is_commanded_and_the_bank_limits_the_turn() -> None
     assert 0.35 < max(turns) <= 0.4904
 
 
-def test_it_is_carried_by_the_wind_and_flies_the_course_through_it() -> None:
+def test_it_is_carried_by_the_wind_and_flies_the_course_through_it():
     wind = SteadyWind(5.0, math.pi / 2.0)
     aircraft = measured()
     last = flown(aircraft, held(course=0.0), 20.0, wind)[-1]
@@ -83,14 +83,14 @@ def test_it_is_carried_by_the_wind_and_flies_the_course_through_it() -> None:
     assert (motion.north_m_s, motion.east_m_s) == pytest.approx((19.365, 0.0), abs=0.01)
 
 
-def test_an_option_that_it_does_not_have_is_named_with_those_that_it_has() -> None:
+def test_an_option_that_it_does_not_have_is_named_with_those_that_it_has():
     with pytest.raises(ValueError, match="measured has no option damping; it has course_damping"):
         measured(damping=0.3)
     with pytest.raises(ValueError, match="option course_damping must be finite"):
         measured(course_damping=math.nan)
 
 
-def test_what_leaves_something_out_or_takes_a_name_is_refused(tmp_path: Path) -> None:
+def test_what_leaves_something_out_or_takes_a_name_is_refused(tmp_path):
     file = tmp_path / "partly.py"
     file.write_text(
         "from sitl_stub import AirPlant, plant\n\n@plant('partly')\nclass Partly(AirPlant): pass\n"
@@ -122,7 +122,7 @@ class Still(AirPlant):
         )
 
 
-def test_a_plant_without_memory_needs_none_and_keeps_to_its_airspeed_range() -> None:
+def test_a_plant_without_memory_needs_none_and_keeps_to_its_airspeed_range():
     plant("still")(Still)
     aircraft = plant_of(PlantParameters(kind="still", options=options_of({"drag_1_s": 0.5})))
     states = flown(aircraft, held(), 5.0)
@@ -131,7 +131,7 @@ def test_a_plant_without_memory_needs_none_and_keeps_to_its_airspeed_range() -> 
     assert states[-1].speed_m_s == 12.0
 
 
-def test_the_example_is_one_file_that_needs_nothing_of_vfguide() -> None:
+def test_the_example_is_one_file_that_needs_nothing_of_vfguide():
     assert "vfguide" not in "".join(
         line for line in EXAMPLE.read_text().splitlines() if line.startswith(("import", "from"))
     )

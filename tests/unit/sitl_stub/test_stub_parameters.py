@@ -1,6 +1,5 @@
 import math
 import struct
-from collections.abc import Callable
 from typing import Any
 
 import pytest
@@ -9,10 +8,9 @@ from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sitl_stub import PlantParameters
-from sitl_stub.aircraft import SpeedResponse
 from sitl_stub.parameters import Parameters, ParameterType, int8, int16, int32, real, stored
+from tests.kit.autopilot import new_station
 
-Station = Callable[..., Any]
 Vehicle = Any  # the ground station of conftest.py, which tests cannot import
 
 Value = Any  # a PARAM_VALUE
@@ -41,8 +39,8 @@ def write(vehicle: Vehicle, name: str, value: float, kind: int = REAL32) -> list
     return replies
 
 
-def test_the_list_is_complete_and_numbered_and_tells_the_limits_flown(station: Station) -> None:
-    values = listed(station())
+def test_the_list_is_complete_and_numbered_and_tells_the_limits_flown():
+    values = listed(new_station())
     assert [value.param_index for value in values] == list(range(len(values)))
     assert {value.param_count for value in values} == {len(values)}
     by_name = {value.param_id: value.param_value for value in values}
@@ -52,16 +50,16 @@ def test_the_list_is_complete_and_numbered_and_tells_the_limits_flown(station: S
     assert {"GUIDED_P", "SCHED_LOOP_RATE", "FS_LONG_ACTN", "TKOFF_ALT"} <= by_name.keys()
 
 
-def test_a_list_comes_in_parts_so_that_datagrams_stay_short(station: Station) -> None:
-    vehicle = station()
+def test_a_list_comes_in_parts_so_that_datagrams_stay_short():
+    vehicle = new_station()
     first = vehicle.autopilot.receive(
         vehicle.frame(mavlink.MAVLink_param_request_list_message(7, 1))
     )
     assert len(first) < 500
 
 
-def test_one_is_read_by_name_or_by_number_and_none_that_is_none(station: Station) -> None:
-    vehicle = station()
+def test_one_is_read_by_name_or_by_number_and_none_that_is_none():
+    vehicle = new_station()
     value = read(vehicle, "AIRSPEED_MIN")
     (same,) = vehicle.send(mavlink.MAVLink_param_request_read_message(7, 1, b"", value.param_index))
     assert (same.param_id, same.param_value) == ("AIRSPEED_MIN", 12.0)
@@ -70,8 +68,8 @@ def test_one_is_read_by_name_or_by_number_and_none_that_is_none(station: Station
     assert write(vehicle, "NONE", 1.0) == []
 
 
-def test_a_new_airspeed_limit_is_stored_answered_and_flown_by(station: Station) -> None:
-    vehicle = station()
+def test_a_new_airspeed_limit_is_stored_answered_and_flown_by():
+    vehicle = new_station()
     vehicle.guided()
     (answer,) = write(vehicle, "AIRSPEED_MAX", 24.0)
     assert answer.param_value == 24.0
@@ -80,8 +78,8 @@ def test_a_new_airspeed_limit_is_stored_answered_and_flown_by(station: Station) 
     assert vehicle.result(vehicle.command_int(43000, 0, 24.0)) == "ACCEPTED"
 
 
-def test_guided_p_is_what_the_bank_plant_flies_by(station: Station) -> None:
-    vehicle = station(plant=PlantParameters(kind="bank"))
+def test_guided_p_is_what_the_bank_plant_flies_by():
+    vehicle = new_station(plant=PlantParameters(kind="bank"))
     assert read(vehicle, "GUIDED_P").param_value == 12_000.0
     vehicle.guided()
     vehicle.command_int(43002, 0, 0.0, 9.8)
@@ -93,10 +91,10 @@ def test_guided_p_is_what_the_bank_plant_flies_by(station: Station) -> None:
     assert 0.0 < math.degrees(vehicle.autopilot.truth().bank_rad) < 10.5
 
 
-def test_npfg_s_parameters_are_what_px4_s_course_is_flown_by(station: Station) -> None:
+def test_npfg_s_parameters_are_what_px4_s_course_is_flown_by():
     def lag_s(period_s: float) -> float:
         """Of a course that turns with 3 degrees a second."""
-        vehicle = station(autopilot="px4", plant=PlantParameters(kind="npfg"))
+        vehicle = new_station(autopilot="px4", plant=PlantParameters(kind="npfg"))
         write(vehicle, "NPFG_PERIOD", period_s)
         vehicle.command_long(176, 1, 4, 19)
         for tenth in range(300):
@@ -112,10 +110,10 @@ def test_npfg_s_parameters_are_what_px4_s_course_is_flown_by(station: Station) -
 
 
 @pytest.mark.parametrize("response", ["px4", "px4-untrimmed"])
-def test_the_throttles_of_its_airspeeds_decide_how_px4_s_speed_answers(
-    station: Station, response: SpeedResponse
-) -> None:
-    vehicle = station(autopilot="px4", plant=PlantParameters(kind="npfg", speed_response=response))
+def test_the_throttles_of_its_airspeeds_decide_how_px4_s_speed_answers(response):
+    vehicle = new_station(
+        autopilot="px4", plant=PlantParameters(kind="npfg", speed_response=response)
+    )
     trimmed = response == "px4"
     assert (read(vehicle, "FW_THR_ASPD_MIN").param_value > 0.0) is trimmed
     assert read(vehicle, "FW_T_TAS_TC").param_value == (2.0 if trimmed else 5.0)
@@ -134,9 +132,9 @@ def test_the_throttles_of_its_airspeeds_decide_how_px4_s_speed_answers(
     assert (second[1] < 0.1) is not trimmed
 
 
-def test_a_roll_that_is_set_slower_is_flown_slower(station: Station) -> None:
+def test_a_roll_that_is_set_slower_is_flown_slower():
     def bank_deg(roll_s: float) -> float:
-        vehicle = station(autopilot="px4", plant=PlantParameters(kind="npfg"))
+        vehicle = new_station(autopilot="px4", plant=PlantParameters(kind="npfg"))
         vehicle.command_long(176, 1, 4, 19)
         vehicle.advance(10.0)
         write(vehicle, "FW_R_TC", roll_s)
@@ -147,8 +145,8 @@ def test_a_roll_that_is_set_slower_is_flown_slower(station: Station) -> None:
     assert bank_deg(0.4) > 1.5 * bank_deg(0.8)
 
 
-def test_px4_copies_the_bytes_of_whole_numbers_as_its_capabilities_say(station: Station) -> None:
-    vehicle = station(autopilot="px4")
+def test_px4_copies_the_bytes_of_whole_numbers_as_its_capabilities_say():
+    vehicle = new_station(autopilot="px4")
     version = vehicle.command_long(512, 148)[-1]
     assert version.capabilities & 16
     value = read(vehicle, "NAV_RCL_ACT")
@@ -159,8 +157,8 @@ def test_px4_copies_the_bytes_of_whole_numbers_as_its_capabilities_say(station: 
     assert struct.pack("<f", read(vehicle, "COM_OBL_RC_ACT").param_value) == struct.pack("<i", 3)
 
 
-def test_px4_s_offboard_loss_obeys_its_parameters(station: Station) -> None:
-    vehicle = station(autopilot="px4")
+def test_px4_s_offboard_loss_obeys_its_parameters():
+    vehicle = new_station(autopilot="px4")
     write(vehicle, "COM_OF_LOSS_T", 3.0)
     (loiter,) = struct.unpack("<f", struct.pack("<i", 5))
     write(vehicle, "COM_OBL_RC_ACT", loiter, INT32)
@@ -172,8 +170,8 @@ def test_px4_s_offboard_loss_obeys_its_parameters(station: Station) -> None:
     assert vehicle.autopilot.truth().mode == "AUTO.LOITER"
 
 
-def test_px4_s_list_begins_with_its_checksum_which_changes_with_a_value(station: Station) -> None:
-    vehicle = station(autopilot="px4")
+def test_px4_s_list_begins_with_its_checksum_which_changes_with_a_value():
+    vehicle = new_station(autopilot="px4")
     first = listed(vehicle)[0]
     assert (first.param_id, first.param_index) == ("_HASH_CHECK", 65_535)
     before = struct.pack("<f", read(vehicle, "_HASH_CHECK").param_value)
@@ -181,16 +179,16 @@ def test_px4_s_list_begins_with_its_checksum_which_changes_with_a_value(station:
     assert struct.pack("<f", read(vehicle, "_HASH_CHECK").param_value) != before
 
 
-def test_telling_px4_the_checksum_ends_its_list(station: Station) -> None:
-    vehicle = station(autopilot="px4")
+def test_telling_px4_the_checksum_ends_its_list():
+    vehicle = new_station(autopilot="px4")
     vehicle.send(mavlink.MAVLink_param_request_list_message(7, 1))
     write(vehicle, "_HASH_CHECK", 0.0)
     names = [message.get_type() for message in vehicle.advance(1.0)]
     assert "PARAM_VALUE" not in names
 
 
-def test_the_ground_s_silence_is_noticed_once_the_fail_safe_is_on(station: Station) -> None:
-    vehicle = station()
+def test_the_ground_s_silence_is_noticed_once_the_fail_safe_is_on():
+    vehicle = new_station()
     heartbeat = mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3)
     vehicle.guided()
     vehicle.send(heartbeat)
@@ -207,7 +205,7 @@ def test_the_ground_s_silence_is_noticed_once_the_fail_safe_is_on(station: Stati
 
 
 @given(st.floats(width=32), st.sampled_from(["A", "B", "C", "D"]))
-def test_whatever_is_set_stays_a_finite_number_within_its_type(value: float, name: str) -> None:
+def test_whatever_is_set_stays_a_finite_number_within_its_type(value, name):
     for encoding in ("cast", "bytewise"):
         parameters = Parameters(
             [real("A", 1.0), int8("B", 1), int16("C", 1), int32("D", 1)],
@@ -219,7 +217,7 @@ def test_whatever_is_set_stays_a_finite_number_within_its_type(value: float, nam
         struct.pack("<f", parameters.encoded(name))
 
 
-def test_a_type_bounds_and_rounds_what_it_stores() -> None:
+def test_a_type_bounds_and_rounds_what_it_stores():
     assert stored(ParameterType.INT8, 200.4) == 127.0
     assert stored(ParameterType.INT16, -1e9) == -32_768.0
     assert stored(ParameterType.INT16, 11.6) == 12.0

@@ -49,7 +49,7 @@ def flown(
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_a_small_course_step_reaches_63_percent_after_one_time_constant(kind: Kind) -> None:
+def test_a_small_course_step_reaches_63_percent_after_one_time_constant(kind):
     plant = PlantParameters(kind=kind)
     wanted = targets(turn=TurnTarget("course", 0.1))
     end = flown(plant, wanted, state(), 1.0 / 1.2, step_s=1.0 / 120.0)
@@ -57,18 +57,18 @@ def test_a_small_course_step_reaches_63_percent_after_one_time_constant(kind: Ki
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_a_small_speed_step_reaches_63_percent_after_one_time_constant(kind: Kind) -> None:
+def test_a_small_speed_step_reaches_63_percent_after_one_time_constant(kind):
     wanted = targets(speed=SpeedTarget("airspeed", 22.0))
     end = flown(PlantParameters(kind=kind), wanted, state(), 1.25)
     assert end.speed_m_s == pytest.approx(20.0 + 2.0 * (1.0 - math.exp(-1.0)), abs=1e-4)
 
 
-def test_a_45_deg_bank_at_20_m_s_turns_at_0_4903_rad_s() -> None:
+def test_a_45_deg_bank_at_20_m_s_turns_at_0_4903_rad_s():
     assert bank_limited_turn_rate_rad_s(math.pi / 4, 20.0) == pytest.approx(0.4903325)
     assert bank_of_rad(0.4903325, 20.0) == pytest.approx(math.pi / 4)
 
 
-def test_a_large_course_error_turns_no_faster_than_the_bank_limit() -> None:
+def test_a_large_course_error_turns_no_faster_than_the_bank_limit():
     rate = turn_rate_rad_s(
         PlantParameters(),
         TurnTarget("course", math.pi / 2),
@@ -80,7 +80,7 @@ def test_a_large_course_error_turns_no_faster_than_the_bank_limit() -> None:
 
 
 @pytest.mark.parametrize(("course_deg", "sign"), [(10.0, -1.0), (190.0, 1.0), (350.0, 1.0)])
-def test_the_shorter_way_round_is_taken(course_deg: float, sign: float) -> None:
+def test_the_shorter_way_round_is_taken(course_deg, sign):
     rate = turn_rate_rad_s(
         PlantParameters(),
         TurnTarget("course", 0.0),
@@ -91,7 +91,7 @@ def test_the_shorter_way_round_is_taken(course_deg: float, sign: float) -> None:
     assert math.copysign(1.0, rate) == sign
 
 
-def test_a_lateral_acceleration_limit_below_the_bank_limit_governs() -> None:
+def test_a_lateral_acceleration_limit_below_the_bank_limit_governs():
     # 2 m/s^2 at 20 m/s: 0.1 rad/s.
     rate = turn_rate_rad_s(
         PlantParameters(),
@@ -103,17 +103,17 @@ def test_a_lateral_acceleration_limit_below_the_bank_limit_governs() -> None:
     assert rate == pytest.approx(0.1)
 
 
-def test_speed_changes_no_faster_than_the_acceleration_limit() -> None:
+def test_speed_changes_no_faster_than_the_acceleration_limit():
     end = flown(PlantParameters(), targets(speed=SpeedTarget("airspeed", 32.0)), state(), 1.0)
     assert end.speed_m_s == pytest.approx(23.0)
 
 
-def test_airspeed_stays_in_its_range_whatever_is_asked() -> None:
+def test_airspeed_stays_in_its_range_whatever_is_asked():
     end = flown(PlantParameters(), targets(speed=SpeedTarget("airspeed", 90.0)), state(), 30.0)
     assert end.speed_m_s == 32.0
 
 
-def test_a_climb_is_limited_and_then_settles() -> None:
+def test_a_climb_is_limited_and_then_settles():
     wanted = targets(height=AltitudeTarget(530.0))
     # Up to 3 m/s with a time constant of 1 s: 3 (t - 1 + exp(-t)).
     after = flown(PlantParameters(), wanted, state(), 5.0)
@@ -123,16 +123,14 @@ def test_a_climb_is_limited_and_then_settles() -> None:
     assert settled.altitude_amsl_m == pytest.approx(530.0, abs=1e-3)
 
 
-def test_a_descent_has_a_limit_of_its_own() -> None:
+def test_a_descent_has_a_limit_of_its_own():
     plant = PlantParameters(climb_rate_max_m_s=5.0, sink_rate_max_m_s=2.0)
     after = flown(plant, targets(height=AltitudeTarget(400.0)), state(), 20.0)
     assert after.climb_m_s == pytest.approx(-2.0, abs=1e-6)
 
 
 @pytest.mark.parametrize("delay_s", [1.0, 3.3])
-def test_a_target_that_climbs_steadily_is_followed_by_the_declared_delay_later(
-    delay_s: float,
-) -> None:
+def test_a_target_that_climbs_steadily_is_followed_by_the_declared_delay_later(delay_s):
     plant, now, step_s = PlantParameters(height_delay_s=delay_s), state(), 0.02
     for index in range(round(40.0 / step_s)):
         wanted = targets(height=AltitudeTarget(500.0 + 2.0 * (index + 0.5) * step_s))
@@ -140,13 +138,13 @@ def test_a_target_that_climbs_steadily_is_followed_by_the_declared_delay_later(
     assert now.altitude_amsl_m == pytest.approx(500.0 + 2.0 * (40.0 - delay_s), abs=0.01)
 
 
-def test_heading_hold_flies_a_commanded_course_with_the_drift_taken_off() -> None:
+def test_heading_hold_flies_a_commanded_course_with_the_drift_taken_off():
     # Course north in 5 m/s to the east: the nose settles asin(5/20) = 14.478 deg to the left.
     end = flown(PlantParameters(), targets(), state(), 20.0, SteadyWind(5.0, math.pi / 2))
     assert math.degrees(wrap_to_pi(end.direction_rad)) == pytest.approx(-14.4775, abs=1e-3)
 
 
-def test_heading_hold_drifts_under_a_commanded_heading() -> None:
+def test_heading_hold_drifts_under_a_commanded_heading():
     start = state()
     wanted = targets(turn=TurnTarget("heading", 0.0))
     end = flown(PlantParameters(), wanted, start, 10.0, SteadyWind(5.0, math.pi / 2))
@@ -155,7 +153,7 @@ def test_heading_hold_drifts_under_a_commanded_heading() -> None:
     assert drift_m == pytest.approx(50.0, abs=0.1)
 
 
-def test_course_hold_under_a_ground_speed_does_not_feel_the_wind() -> None:
+def test_course_hold_under_a_ground_speed_does_not_feel_the_wind():
     plant = PlantParameters(kind="course-hold")
     wanted = targets(TurnTarget("course", 1.0), SpeedTarget("ground-speed", 21.0))
     start = state(speed_m_s=20.0, kind="ground-speed")
@@ -164,13 +162,13 @@ def test_course_hold_under_a_ground_speed_does_not_feel_the_wind() -> None:
     assert windy == calm
 
 
-def test_course_hold_under_an_airspeed_gets_its_ground_speed_from_the_triangle() -> None:
+def test_course_hold_under_an_airspeed_gets_its_ground_speed_from_the_triangle():
     rates = course_hold_rates(PlantParameters(kind="course-hold"), targets(), 0.0, 20.0, (0.0, 5.0))
     assert (rates.north_m_s, rates.east_m_s) == pytest.approx((19.364917, 0.0))
 
 
 @pytest.mark.parametrize("course_rad", [0.0, 1.0, 4.0])
-def test_switching_between_airspeed_and_ground_speed_does_not_jump(course_rad: float) -> None:
+def test_switching_between_airspeed_and_ground_speed_does_not_jump(course_rad):
     wind_m_s = (-3.0, 4.0)
     there = with_speed_kind(state(course_rad), "ground-speed", wind_m_s)
     back = with_speed_kind(there, "airspeed", wind_m_s)
@@ -178,7 +176,7 @@ def test_switching_between_airspeed_and_ground_speed_does_not_jump(course_rad: f
     assert back.speed_m_s == pytest.approx(20.0)
 
 
-def test_course_hold_ground_speed_keeps_the_airspeed_flyable() -> None:
+def test_course_hold_ground_speed_keeps_the_airspeed_flyable():
     # Headwind of 8: an airspeed of at most 32 leaves 24 over ground; of at least 12 leaves 4.
     plant = PlantParameters(kind="course-hold")
     start = state(speed_m_s=20.0, kind="ground-speed")
@@ -190,7 +188,7 @@ def test_course_hold_ground_speed_keeps_the_airspeed_flyable() -> None:
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_a_hurricane_leaves_everything_finite(kind: Kind) -> None:
+def test_a_hurricane_leaves_everything_finite(kind):
     plant = PlantParameters(kind=kind)
     end = flown(plant, targets(), state(1.0), 30.0, SteadyWind(60.0, 3.0))
     assert all(
@@ -212,9 +210,7 @@ def path_length_error_m(end: PlantState, fine: PlantState) -> float:
     ("kind", "speed_kind"),
     [("heading-hold", "airspeed"), ("course-hold", "airspeed"), ("course-hold", "ground-speed")],
 )
-def test_the_integration_step_is_converged_to_the_resolution_of_the_telemetry(
-    kind: Kind, speed_kind: SpeedKind
-) -> None:
+def test_the_integration_step_is_converged_to_the_resolution_of_the_telemetry(kind, speed_kind):
     plant = PlantParameters(kind=kind)
 
     def target_at(time_s: float) -> Targets:
@@ -247,8 +243,6 @@ def mistakes() -> list[tuple[str, Callable[[], PlantParameters]]]:
 
 
 @pytest.mark.parametrize(("name", "make"), mistakes())
-def test_an_aircraft_that_cannot_fly_is_refused_by_name(
-    name: str, make: Callable[[], PlantParameters]
-) -> None:
+def test_an_aircraft_that_cannot_fly_is_refused_by_name(name, make):
     with pytest.raises(ValueError, match=name):
         make()

@@ -7,8 +7,8 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sitl_stub import PlantParameters, SteadyWind
+from tests.kit.autopilot import new_station
 
-Station = Callable[..., Any]
 Vehicle = Any  # the ground station of conftest.py, which tests cannot import
 Version = tuple[int, int]
 
@@ -47,8 +47,8 @@ def ground_station_speaks(vehicle: Vehicle, kind: int = mavlink.MAV_TYPE_GCS) ->
     vehicle.send(mavlink.MAVLink_heartbeat_message(kind, 8, 0, 0, 4, 3))
 
 
-def test_the_heartbeat_is_px4_s_in_auto_loiter(station: Station) -> None:
-    vehicle = station(autopilot="px4")
+def test_the_heartbeat_is_px4_s_in_auto_loiter():
+    vehicle = new_station(autopilot="px4")
     heartbeat = vehicle.advance(0.0)[0]
     assert heartbeat.autopilot == mavlink.MAV_AUTOPILOT_PX4
     assert heartbeat.custom_mode == 0x0304_0000
@@ -58,30 +58,26 @@ def test_the_heartbeat_is_px4_s_in_auto_loiter(station: Station) -> None:
     ("version", "number"),
     [(None, 0x0112_0080), ((1, 18), 0x0112_0080), ((1, 16), 0x0110_00FF), ((1, 14), 0x010E_00FF)],
 )
-def test_it_tells_the_version_whose_manners_it_has(
-    station: Station, version: Version | None, number: int
-) -> None:
-    told = station(autopilot="px4", version=version).command_long(512, 148)[-1]
+def test_it_tells_the_version_whose_manners_it_has(version, number):
+    told = new_station(autopilot="px4", version=version).command_long(512, 148)[-1]
     assert told.flight_sw_version == number
     assert told.capabilities == 59_647
 
 
 @pytest.mark.parametrize("version", [(1, 13), (2, 0), (4, 7)])
-def test_versions_that_are_not_known_are_no_configuration(
-    station: Station, version: Version
-) -> None:
+def test_versions_that_are_not_known_are_no_configuration(version):
     with pytest.raises(ValueError, match=r"1\.14, 1\.15, 1\.16, 1\.17, 1\.18"):
-        station(autopilot="px4", version=version)
+        new_station(autopilot="px4", version=version)
 
 
-def test_offboard_without_a_stream_is_rejected(station: Station) -> None:
-    vehicle = station(autopilot="px4")
+def test_offboard_without_a_stream_is_rejected():
+    vehicle = new_station(autopilot="px4")
     assert vehicle.result(vehicle.command_long(*OFFBOARD)) == "TEMPORARILY_REJECTED"
 
 
 @pytest.mark.parametrize("setpoint", ["velocity_setpoint", "position_setpoint"])
-def test_offboard_needs_a_setpoint_within_half_a_second(station: Station, setpoint: str) -> None:
-    vehicle = station(autopilot="px4")
+def test_offboard_needs_a_setpoint_within_half_a_second(setpoint):
+    vehicle = new_station(autopilot="px4")
     getattr(vehicle, setpoint)(20.0, 0.0)
     vehicle.advance(0.6)
     assert vehicle.result(vehicle.command_long(*OFFBOARD)) == "TEMPORARILY_REJECTED"
@@ -90,10 +86,8 @@ def test_offboard_needs_a_setpoint_within_half_a_second(station: Station, setpoi
     assert vehicle.autopilot.truth().mode == "OFFBOARD"
 
 
-def test_the_course_of_a_velocity_is_flown_by_1_14_and_its_length_is_ignored(
-    station: Station,
-) -> None:
-    vehicle = station(SteadyWind(5.0, 0.0), autopilot="px4", version=STEERED)
+def test_the_course_of_a_velocity_is_flown_by_1_14_and_its_length_is_ignored():
+    vehicle = new_station(SteadyWind(5.0, 0.0), autopilot="px4", version=STEERED)
     offboard(vehicle)
     fly(vehicle, 15.0, lambda: vehicle.velocity_setpoint(0.0, 35.0))
     assert course_deg(vehicle) == pytest.approx(90.0, abs=1e-2)
@@ -101,10 +95,8 @@ def test_the_course_of_a_velocity_is_flown_by_1_14_and_its_length_is_ignored(
 
 
 @pytest.mark.parametrize("version", [(1, 17), (1, 18)])
-def test_a_velocity_alone_is_accepted_and_keeps_the_course_from_1_17_on(
-    station: Station, version: Version
-) -> None:
-    vehicle = station(SteadyWind(5.0, 1.0), autopilot="px4", version=version, course_rad=1.0)
+def test_a_velocity_alone_is_accepted_and_keeps_the_course_from_1_17_on(version):
+    vehicle = new_station(SteadyWind(5.0, 1.0), autopilot="px4", version=version, course_rad=1.0)
     vehicle.advance(5.0)
     offboard(vehicle)
     before = course_deg(vehicle)
@@ -115,10 +107,8 @@ def test_a_velocity_alone_is_accepted_and_keeps_the_course_from_1_17_on(
 
 
 @pytest.mark.parametrize("version", [(1, 15), (1, 16)])
-def test_a_velocity_alone_keeps_the_bank_of_the_moment_on_1_15_and_1_16(
-    station: Station, version: Version
-) -> None:
-    vehicle = station(autopilot="px4", version=version)
+def test_a_velocity_alone_keeps_the_bank_of_the_moment_on_1_15_and_1_16(version):
+    vehicle = new_station(autopilot="px4", version=version)
     vehicle.advance(5.0)
     circling = vehicle.autopilot.truth().bank_rad
     assert abs(circling) > 0.1
@@ -128,10 +118,8 @@ def test_a_velocity_alone_keeps_the_bank_of_the_moment_on_1_15_and_1_16(
 
 
 @pytest.mark.parametrize("version", [(1, 14), (1, 16), (1, 18)])
-def test_a_position_is_flown_to_at_its_height_by_every_version(
-    station: Station, version: Version
-) -> None:
-    vehicle = station(SteadyWind(5.0, 0.0), autopilot="px4", version=version)
+def test_a_position_is_flown_to_at_its_height_by_every_version(version):
+    vehicle = new_station(SteadyWind(5.0, 0.0), autopilot="px4", version=version)
     vehicle.position_setpoint(0.0, EAST_M)
     assert vehicle.result(vehicle.command_long(*OFFBOARD)) == "ACCEPTED"
     fly(vehicle, 40.0, lambda: vehicle.position_setpoint(0.0, EAST_M, z=-120.0))
@@ -140,10 +128,8 @@ def test_a_position_is_flown_to_at_its_height_by_every_version(
 
 
 @pytest.mark.parametrize(("frame", "altitude_m"), [(5, 510.0), (6, 110.0)])
-def test_a_global_position_carries_course_and_height(
-    station: Station, frame: int, altitude_m: float
-) -> None:
-    vehicle = station(autopilot="px4")
+def test_a_global_position_carries_course_and_height(frame, altitude_m):
+    vehicle = new_station(autopilot="px4")
     for tenth in range(400):
         # 0.5 degrees of longitude further east, where the parallel's bearing is 89.8 degrees.
         vehicle.send(
@@ -159,8 +145,8 @@ def test_a_global_position_carries_course_and_height(
 
 
 @pytest.mark.parametrize("frame", [0, 3])
-def test_a_global_position_in_an_old_frame_is_not_taken(station: Station, frame: int) -> None:
-    vehicle = station(autopilot="px4")
+def test_a_global_position_in_an_old_frame_is_not_taken(frame):
+    vehicle = new_station(autopilot="px4")
     vehicle.send(
         mavlink.MAVLink_set_position_target_global_int_message(
             0, 7, 1, frame, 0xDF8, 470_000_000, 85_000_000, 510.0, *(0,) * 8
@@ -170,8 +156,8 @@ def test_a_global_position_in_an_old_frame_is_not_taken(station: Station, frame:
     assert vehicle.autopilot.counters["unsupported setpoint"] == 1
 
 
-def test_each_position_sets_the_airspeed_back_to_the_autopilot_s_own(station: Station) -> None:
-    vehicle = station(autopilot="px4")
+def test_each_position_sets_the_airspeed_back_to_the_autopilot_s_own():
+    vehicle = new_station(autopilot="px4")
 
     def both() -> None:
         vehicle.position_setpoint(EAST_M, 0.0)
@@ -185,8 +171,8 @@ def test_each_position_sets_the_airspeed_back_to_the_autopilot_s_own(station: St
     assert vehicle.autopilot.truth().airspeed_m_s == pytest.approx(20.0, abs=1e-3)
 
 
-def test_position_and_velocity_together_steer_but_take_no_airspeed(station: Station) -> None:
-    vehicle = station(autopilot="px4")
+def test_position_and_velocity_together_steer_but_take_no_airspeed():
+    vehicle = new_station(autopilot="px4")
 
     def both() -> None:
         vehicle.send(
@@ -204,10 +190,8 @@ def test_position_and_velocity_together_steer_but_take_no_airspeed(station: Stat
 
 
 @pytest.mark.parametrize(("action", "mode"), [(0, "AUTO.RTL"), (3, "AUTO.RTL"), (5, "AUTO.LOITER")])
-def test_a_lost_stream_leaves_offboard_after_1_7_seconds_without_a_word(
-    station: Station, action: int, mode: str
-) -> None:
-    vehicle = station(autopilot="px4")
+def test_a_lost_stream_leaves_offboard_after_1_7_seconds_without_a_word(action, mode):
+    vehicle = new_station(autopilot="px4")
     set_whole(vehicle, "COM_OBL_RC_ACT", action)
     offboard(vehicle)
     vehicle.advance(1.65)
@@ -217,15 +201,15 @@ def test_a_lost_stream_leaves_offboard_after_1_7_seconds_without_a_word(
     assert [m.text for m in messages if m.get_type() == "STATUSTEXT"] == []
 
 
-def test_the_default_is_to_return(station: Station) -> None:
-    vehicle = station(autopilot="px4")
+def test_the_default_is_to_return():
+    vehicle = new_station(autopilot="px4")
     offboard(vehicle)
     vehicle.advance(2.0)
     assert vehicle.autopilot.truth().mode == "AUTO.RTL"
 
 
-def test_the_stream_is_lost_just_as_late_in_one_long_advance(station: Station) -> None:
-    long, short = station(autopilot="px4"), station(autopilot="px4")
+def test_the_stream_is_lost_just_as_late_in_one_long_advance():
+    long, short = new_station(autopilot="px4"), new_station(autopilot="px4")
     for vehicle in (long, short):
         offboard(vehicle)
     long.advance(5.0)
@@ -237,33 +221,31 @@ def test_the_stream_is_lost_just_as_late_in_one_long_advance(station: Station) -
 
 
 @pytest.mark.parametrize("mask", [2499, 3523])
-def test_z_is_flown_as_height_when_it_is_not_masked(station: Station, mask: int) -> None:
-    vehicle = station(autopilot="px4", version=STEERED)
+def test_z_is_flown_as_height_when_it_is_not_masked(mask):
+    vehicle = new_station(autopilot="px4", version=STEERED)
     offboard(vehicle)
     fly(vehicle, 40.0, lambda: vehicle.velocity_setpoint(20.0, 0.0, z=-120.0, mask=mask))
     assert vehicle.autopilot.truth().altitude_amsl_m == pytest.approx(520.0, abs=1e-3)
 
 
 @pytest.mark.parametrize("mask", [2503, 3527])
-def test_a_masked_z_is_ignored(station: Station, mask: int) -> None:
-    vehicle = station(autopilot="px4", version=STEERED)
+def test_a_masked_z_is_ignored(mask):
+    vehicle = new_station(autopilot="px4", version=STEERED)
     offboard(vehicle)
     fly(vehicle, 20.0, lambda: vehicle.velocity_setpoint(20.0, 0.0, z=-120.0, mask=mask))
     assert vehicle.autopilot.truth().altitude_amsl_m == 500.0
 
 
 @pytest.mark.parametrize("mask", [3527 & ~1, 3527 | 8, 3527 & ~64])
-def test_a_setpoint_that_is_neither_position_nor_velocity_does_not_count_as_a_stream(
-    station: Station, mask: int
-) -> None:
-    vehicle = station(autopilot="px4")
+def test_a_setpoint_that_is_neither_position_nor_velocity_does_not_count_as_a_stream(mask):
+    vehicle = new_station(autopilot="px4")
     vehicle.velocity_setpoint(20.0, 0.0, mask=mask)
     assert vehicle.result(vehicle.command_long(*OFFBOARD)) == "TEMPORARILY_REJECTED"
     assert vehicle.autopilot.counters["unsupported setpoint"] == 1
 
 
-def test_a_non_finite_setpoint_is_counted_and_does_not_feed_the_stream(station: Station) -> None:
-    vehicle = station(autopilot="px4")
+def test_a_non_finite_setpoint_is_counted_and_does_not_feed_the_stream():
+    vehicle = new_station(autopilot="px4")
     vehicle.velocity_setpoint(math.nan, 0.0)
     vehicle.velocity_setpoint(20.0, 0.0, z=math.inf, mask=3523)
     vehicle.position_setpoint(math.nan, 0.0)
@@ -271,10 +253,8 @@ def test_a_non_finite_setpoint_is_counted_and_does_not_feed_the_stream(station: 
     assert vehicle.autopilot.counters["non-finite field"] == 3
 
 
-def test_the_zero_vector_keeps_the_stream_alive_and_the_course_as_it_was(
-    station: Station,
-) -> None:
-    vehicle = station(autopilot="px4", version=STEERED)
+def test_the_zero_vector_keeps_the_stream_alive_and_the_course_as_it_was():
+    vehicle = new_station(autopilot="px4", version=STEERED)
     offboard(vehicle)
     fly(vehicle, 10.0, lambda: vehicle.velocity_setpoint(0.0, 20.0))
     fly(vehicle, 15.0, lambda: vehicle.velocity_setpoint(0.0, 0.0))
@@ -282,8 +262,8 @@ def test_the_zero_vector_keeps_the_stream_alive_and_the_course_as_it_was(
     assert course_deg(vehicle) == pytest.approx(90.0, abs=1e-3)
 
 
-def test_guided_course_flies_commands_and_flies_on_when_they_stop(station: Station) -> None:
-    vehicle = station(SteadyWind(5.0, 0.0), autopilot="px4")
+def test_guided_course_flies_commands_and_flies_on_when_they_stop():
+    vehicle = new_station(SteadyWind(5.0, 0.0), autopilot="px4")
     assert vehicle.result(vehicle.command_long(*GUIDED_COURSE)) == "ACCEPTED"
     heartbeat = vehicle.advance(0.0)[0]
     assert heartbeat.custom_mode >> 16 == 19 << 8 | 4
@@ -298,10 +278,8 @@ def test_guided_course_flies_commands_and_flies_on_when_they_stop(station: Stati
     assert truth.altitude_amsl_m == pytest.approx(520.0, abs=1e-3)
 
 
-def test_guided_course_keeps_the_course_of_its_entry_until_it_is_told_another(
-    station: Station,
-) -> None:
-    vehicle = station(SteadyWind(5.0, 0.0), autopilot="px4")
+def test_guided_course_keeps_the_course_of_its_entry_until_it_is_told_another():
+    vehicle = new_station(SteadyWind(5.0, 0.0), autopilot="px4")
     vehicle.advance(7.0)
     vehicle.command_long(*GUIDED_COURSE)
     before = course_deg(vehicle)
@@ -320,10 +298,8 @@ def test_guided_course_keeps_the_course_of_its_entry_until_it_is_told_another(
         (2.0, 90.0, "DENIED"),
     ],
 )
-def test_a_course_is_taken_over_ground_and_beyond_a_turn(
-    station: Station, kind: float, degrees: float, answer: str
-) -> None:
-    vehicle = station(autopilot="px4")
+def test_a_course_is_taken_over_ground_and_beyond_a_turn(kind, degrees, answer):
+    vehicle = new_station(autopilot="px4")
     vehicle.command_long(*GUIDED_COURSE)
     assert vehicle.result(vehicle.command_long(43_002, kind, degrees)) == answer
     vehicle.advance(20.0)
@@ -332,15 +308,15 @@ def test_a_course_is_taken_over_ground_and_beyond_a_turn(
 
 
 @pytest.mark.parametrize("mode", [LOITER, OFFBOARD])
-def test_a_course_is_denied_outside_guided_course(station: Station, mode: tuple[int, ...]) -> None:
-    vehicle = station(autopilot="px4")
+def test_a_course_is_denied_outside_guided_course(mode):
+    vehicle = new_station(autopilot="px4")
     vehicle.velocity_setpoint(20.0, 0.0)
     vehicle.command_long(*mode)
     assert vehicle.result(vehicle.command_long(43_002, 0, 90.0)) == "DENIED"
 
 
-def test_guided_course_came_with_1_18(station: Station) -> None:
-    vehicle = station(autopilot="px4", version=(1, 17))
+def test_guided_course_came_with_1_18():
+    vehicle = new_station(autopilot="px4", version=(1, 17))
     assert vehicle.result(vehicle.command_long(*GUIDED_COURSE)) == "TEMPORARILY_REJECTED"
     assert vehicle.result(vehicle.command_long(43_002, 0, 90.0)) == "UNSUPPORTED"
 
@@ -349,18 +325,16 @@ def test_guided_course_came_with_1_18(station: Station) -> None:
     ("kind", "speed", "flown"),
     [(0, 24.0, 24.0), (0, 99.0, 32.0), (0, 5.0, 12.0), (0, math.nan, 20.0), (1, 24.0, 24.0)],
 )
-def test_every_speed_is_accepted_and_flown_as_far_as_it_can_be(
-    station: Station, kind: int, speed: float, flown: float
-) -> None:
-    vehicle = station(autopilot="px4")
+def test_every_speed_is_accepted_and_flown_as_far_as_it_can_be(kind, speed, flown):
+    vehicle = new_station(autopilot="px4")
     vehicle.command_long(*GUIDED_COURSE)
     assert vehicle.result(vehicle.command_long(178, kind, speed, -1)) == "ACCEPTED"
     vehicle.advance(20.0)
     assert vehicle.autopilot.truth().airspeed_m_s == pytest.approx(flown, abs=1e-3)
 
 
-def test_the_article_s_plant_takes_a_ground_speed_by_it(station: Station) -> None:
-    vehicle = station(
+def test_the_article_s_plant_takes_a_ground_speed_by_it():
+    vehicle = new_station(
         SteadyWind(5.0, 1.0), autopilot="px4", plant=PlantParameters(kind="course-hold")
     )
     vehicle.command_long(*GUIDED_COURSE)
@@ -370,24 +344,22 @@ def test_the_article_s_plant_takes_a_ground_speed_by_it(station: Station) -> Non
 
 
 @pytest.mark.parametrize("command", [43000, 43001])
-def test_arduplane_s_commands_are_unsupported(station: Station, command: int) -> None:
-    vehicle = station(autopilot="px4")
+def test_arduplane_s_commands_are_unsupported(command):
+    vehicle = new_station(autopilot="px4")
     assert vehicle.result(vehicle.command_long(command)) == "UNSUPPORTED"
 
 
 @pytest.mark.parametrize(("main", "sub"), [(9, 0), (4, 99), (6, 1), (-1, 0), (6.5, 0), (300, 0)])
-def test_modes_that_do_not_exist_are_rejected(station: Station, main: float, sub: float) -> None:
-    vehicle = station(autopilot="px4")
+def test_modes_that_do_not_exist_are_rejected(main, sub):
+    vehicle = new_station(autopilot="px4")
     vehicle.velocity_setpoint(20.0, 0.0)
     assert vehicle.result(vehicle.command_long(176, 1, main, sub)) == "TEMPORARILY_REJECTED"
     assert vehicle.autopilot.truth().mode == "AUTO.LOITER"
 
 
 @pytest.mark.parametrize(("action", "mode"), [(1, "AUTO.LOITER"), (2, "AUTO.RTL")])
-def test_guided_course_ends_13_seconds_after_the_last_ground_station(
-    station: Station, action: int, mode: str
-) -> None:
-    vehicle = station(autopilot="px4")
+def test_guided_course_ends_13_seconds_after_the_last_ground_station(action, mode):
+    vehicle = new_station(autopilot="px4")
     ground_station_speaks(vehicle)
     set_whole(vehicle, "NAV_DLL_ACT", action)
     vehicle.command_long(*GUIDED_COURSE)
@@ -400,8 +372,8 @@ def test_guided_course_ends_13_seconds_after_the_last_ground_station(
     assert [m.text for m in messages if m.get_type() == "STATUSTEXT"] == ["Failsafe activated"]
 
 
-def test_a_companion_s_heartbeat_is_no_ground_station_s(station: Station) -> None:
-    vehicle = station(autopilot="px4")
+def test_a_companion_s_heartbeat_is_no_ground_station_s():
+    vehicle = new_station(autopilot="px4")
     ground_station_speaks(vehicle)
     set_whole(vehicle, "NAV_DLL_ACT", 1)
     vehicle.command_long(*GUIDED_COURSE)
@@ -411,10 +383,8 @@ def test_a_companion_s_heartbeat_is_no_ground_station_s(station: Station) -> Non
     assert vehicle.autopilot.truth().mode == "AUTO.LOITER"
 
 
-def test_without_a_ground_station_the_fail_safe_acts_as_soon_as_it_is_switched_on(
-    station: Station,
-) -> None:
-    vehicle = station(autopilot="px4")
+def test_without_a_ground_station_the_fail_safe_acts_as_soon_as_it_is_switched_on():
+    vehicle = new_station(autopilot="px4")
     vehicle.command_long(*GUIDED_COURSE)
     vehicle.advance(30.0)
     set_whole(vehicle, "NAV_DLL_ACT", 1)
@@ -424,8 +394,8 @@ def test_without_a_ground_station_the_fail_safe_acts_as_soon_as_it_is_switched_o
     assert vehicle.result(vehicle.command_long(*GUIDED_COURSE)) == "ACCEPTED"
 
 
-def test_guided_course_can_be_excepted_from_it(station: Station) -> None:
-    vehicle = station(autopilot="px4")
+def test_guided_course_can_be_excepted_from_it():
+    vehicle = new_station(autopilot="px4")
     ground_station_speaks(vehicle)
     set_whole(vehicle, "COM_DLL_EXCEPT", 2)
     set_whole(vehicle, "NAV_DLL_ACT", 1)
@@ -434,8 +404,8 @@ def test_guided_course_can_be_excepted_from_it(station: Station) -> None:
     assert vehicle.autopilot.truth().mode == "AUTO.COURSE"
 
 
-def test_every_command_is_acknowledged_at_40_a_second(station: Station) -> None:
-    vehicle = station(autopilot="px4")
+def test_every_command_is_acknowledged_at_40_a_second():
+    vehicle = new_station(autopilot="px4")
     vehicle.command_long(*GUIDED_COURSE)
     for turn in range(100):
         for command, values in ((43_002, (0.0, turn % 360)), (178, (0.0, 21.0, -1.0))):
@@ -445,8 +415,8 @@ def test_every_command_is_acknowledged_at_40_a_second(station: Station) -> None:
         vehicle.advance((turn + 1) / 20.0)
 
 
-def test_the_link_for_companions_is_busy_without_being_asked(station: Station) -> None:
-    vehicle = station(autopilot="px4")
+def test_the_link_for_companions_is_busy_without_being_asked():
+    vehicle = new_station(autopilot="px4")
     vehicle.advance(0.0)
     names = [message.get_type() for message in vehicle.advance(10.0)]
     rates = {
@@ -461,17 +431,17 @@ def test_the_link_for_companions_is_busy_without_being_asked(station: Station) -
     }
 
 
-def test_an_unknown_parameter_is_answered_with_an_error(station: Station) -> None:
+def test_an_unknown_parameter_is_answered_with_an_error():
     asked = mavlink.MAVLink_param_request_read_message(7, 1, b"NOPE", -1)
-    (error,) = station(autopilot="px4").send(asked)
+    (error,) = new_station(autopilot="px4").send(asked)
     assert error.get_type() == "PARAM_ERROR"
     assert (error.param_id, error.error) == ("NOPE", mavlink.MAV_PARAM_ERROR_DOES_NOT_EXIST)
-    assert station(autopilot="px4", version=(1, 17)).send(asked) == []
-    assert station().send(asked) == []
+    assert new_station(autopilot="px4", version=(1, 17)).send(asked) == []
+    assert new_station().send(asked) == []
 
 
-def test_position_control_is_left_to_the_pilot(station: Station) -> None:
-    vehicle = station(autopilot="px4")
+def test_position_control_is_left_to_the_pilot():
+    vehicle = new_station(autopilot="px4")
     offboard(vehicle)
     assert vehicle.result(vehicle.command_long(176, 1, 3)) == "ACCEPTED"
     vehicle.position_setpoint(-EAST_M, 0.0)
@@ -481,6 +451,6 @@ def test_position_control_is_left_to_the_pilot(station: Station) -> None:
     assert truth.course_rad == pytest.approx(0.0, abs=1e-6)
 
 
-def test_wind_is_not_among_its_messages(station: Station) -> None:
-    vehicle = station(autopilot="px4")
+def test_wind_is_not_among_its_messages():
+    vehicle = new_station(autopilot="px4")
     assert vehicle.interval(168, 100_000) == "DENIED"

@@ -33,7 +33,7 @@ def positions(data: bytes) -> list[int]:
     return [one.time_boot_ms for one in found if one.get_type() == "GLOBAL_POSITION_INT"]
 
 
-def test_reboot_forgets_mode_streams_and_boot_time_but_flies_on() -> None:
+def test_reboot_forgets_mode_streams_and_boot_time_but_flies_on():
     autopilot = flying()
     autopilot.advance(1.0)
     autopilot.receive(command(SET_MESSAGE_INTERVAL, 33, 50_000))
@@ -51,7 +51,7 @@ def test_reboot_forgets_mode_streams_and_boot_time_but_flies_on() -> None:
     assert positions(autopilot.advance(4.0)) == [1000, 2000]
 
 
-def test_anything_but_a_reboot_is_denied() -> None:
+def test_anything_but_a_reboot_is_denied():
     autopilot = flying()
     autopilot.advance(1.0)
     autopilot.receive(command(SET_MODE, 1, 15))

@@ -1,6 +1,5 @@
 import math
 import struct
-from collections.abc import Callable
 from typing import Any
 
 import pytest
@@ -10,8 +9,7 @@ from numpy.random import default_rng
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sitl_stub import Autopilot, AutopilotConfig, PlantParameters, SteadyWind
-
-Station = Callable[..., Any]
+from tests.kit.autopilot import new_station
 
 LINK = mavlink.MAVLink(None, srcSystem=255, srcComponent=190)
 COMMANDS = (176, 178, 400, 511, 512, 43000, 43001, 43002, 192)
@@ -53,7 +51,7 @@ def is_finite(vehicle: Autopilot) -> bool:
 
 
 @given(st.binary(max_size=600))
-def test_random_bytes_change_nothing_and_are_not_answered(data: bytes) -> None:
+def test_random_bytes_change_nothing_and_are_not_answered(data):
     vehicle = autopilot()
     before = vehicle.truth()
     assert vehicle.receive(data) == b""
@@ -61,7 +59,7 @@ def test_random_bytes_change_nothing_and_are_not_answered(data: bytes) -> None:
 
 
 @given(st.binary(min_size=1, max_size=80), st.sampled_from([b"\xfd", b"\xfe"]))
-def test_garbage_does_not_swallow_the_next_datagram(data: bytes, magic: bytes) -> None:
+def test_garbage_does_not_swallow_the_next_datagram(data, magic):
     vehicle = autopilot()
     vehicle.receive(magic + data)
     assert vehicle.receive(command(512, (0, 0, 0, 0))) != b""
@@ -93,7 +91,7 @@ FRAMES = valid_frames()
 
 
 @pytest.mark.parametrize("kind", ["ardupilot", "px4"])
-def test_every_message_of_the_dialect_with_random_content_is_survived(kind: str) -> None:
+def test_every_message_of_the_dialect_with_random_content_is_survived(kind):
     vehicle = autopilot(kind)
     for frame in FRAMES:
         vehicle.receive(frame)
@@ -107,9 +105,7 @@ def test_every_message_of_the_dialect_with_random_content_is_survived(kind: str)
     st.sampled_from(FRAMES),
     st.lists(st.tuples(st.integers(0, 279), st.integers(0, 255)), min_size=1, max_size=4),
 )
-def test_mutated_frames_are_survived_and_change_nothing(
-    frame: bytes, changes: list[tuple[int, int]]
-) -> None:
+def test_mutated_frames_are_survived_and_change_nothing(frame, changes):
     mutated = bytearray(frame)
     for position, value in changes:
         mutated[position % len(mutated)] ^= value
@@ -138,9 +134,7 @@ FLOATS = st.floats(width=32)
         max_size=8,
     ),
 )
-def test_no_command_makes_the_flight_leave_the_finite(
-    kind: str, plant: str, sent: list[tuple[int, tuple[float, ...], float, int]]
-) -> None:
+def test_no_command_makes_the_flight_leave_the_finite(kind, plant, sent):
     vehicle = autopilot(kind, plant)
     for index, (number, parameters, z, frame) in enumerate(sent):
         vehicle.receive(command(number, parameters, z, frame))
@@ -151,9 +145,7 @@ def test_no_command_makes_the_flight_leave_the_finite(
 
 @settings(deadline=None)
 @given(st.lists(st.tuples(FLOATS, FLOATS, FLOATS, st.integers(0, 4095)), max_size=6))
-def test_no_setpoint_makes_the_flight_leave_the_finite(
-    sent: list[tuple[float, float, float, int]],
-) -> None:
+def test_no_setpoint_makes_the_flight_leave_the_finite(sent):
     vehicle = autopilot("px4")
     for index, (north, east, z, mask) in enumerate(sent):
         setpoint = mavlink.MAVLink_set_position_target_local_ned_message(
@@ -165,14 +157,14 @@ def test_no_setpoint_makes_the_flight_leave_the_finite(
         assert is_finite(vehicle)
 
 
-def test_ordinary_traffic_is_ignored_and_counted_as_such(station: Station) -> None:
-    vehicle = station()
+def test_ordinary_traffic_is_ignored_and_counted_as_such():
+    vehicle = new_station()
     heartbeat = mavlink.MAVLink_heartbeat_message(18, 8, 0, 0, 4, 3)
     assert vehicle.send(heartbeat) == []
     assert dict(vehicle.autopilot.counters) == {"ignored": 1}
 
 
-def test_an_unknown_message_id_is_dropped() -> None:
+def test_an_unknown_message_id_is_dropped():
     vehicle = autopilot()
     frame = struct.pack("<BBBBBBBHBBH", 0xFD, 1, 0, 0, 0, 255, 190, 0xABCD, 0x01, 7, 0)
     assert vehicle.receive(frame) == b""
@@ -190,7 +182,7 @@ def test_an_unknown_message_id_is_dropped() -> None:
         ("autopilot", "other"),
     ],
 )
-def test_a_start_that_cannot_be_flown_is_refused_by_name(field: str, value: object) -> None:
+def test_a_start_that_cannot_be_flown_is_refused_by_name(field, value):
     fields: dict[str, Any] = {
         "system_id": 7,
         "plant": PlantParameters(),

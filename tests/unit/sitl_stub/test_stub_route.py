@@ -54,7 +54,7 @@ def north_east(flown: Autopilot) -> tuple[float, float]:
     )
 
 
-def test_it_flies_a_line_and_on_beyond_its_end() -> None:
+def test_it_flies_a_line_and_on_beyond_its_end():
     flown = autopilot(LINE)
     flown.advance(60.0)
     north, east = north_east(flown)
@@ -63,7 +63,7 @@ def test_it_flies_a_line_and_on_beyond_its_end() -> None:
     assert abs(east) < 0.5
 
 
-def test_it_flies_round_and_round() -> None:
+def test_it_flies_round_and_round():
     flown = autopilot(SQUARE)
     corners = set()
     for step in range(1, 261):
@@ -77,7 +77,7 @@ def test_it_flies_round_and_round() -> None:
     assert corners == {(0, 0), (1, 0), (1, 1), (0, 1)}
 
 
-def test_where_its_route_crosses_itself_it_flies_on_as_before() -> None:
+def test_where_its_route_crosses_itself_it_flies_on_as_before():
     eight = Route(
         tuple(place(*one) for one in ((0, 0), (400, 0), (400, 200), (200, 200), (200, -200)))
     )
@@ -91,7 +91,7 @@ def test_where_its_route_crosses_itself_it_flies_on_as_before() -> None:
     assert course == pytest.approx(0.0, abs=0.01)
 
 
-def test_a_mode_that_a_pilot_selects_ends_the_route() -> None:
+def test_a_mode_that_a_pilot_selects_ends_the_route():
     flown = autopilot(SQUARE)
     flown.advance(5.0)
     sender = mavlink.MAVLink(None, srcSystem=255)
@@ -103,7 +103,7 @@ def heard(flown: Autopilot, until_s: float) -> list[MAVLink_message]:
     return mavlink.MAVLink(None).parse_buffer(flown.advance(until_s)) or []
 
 
-def test_it_sends_what_was_asked_for_and_its_heartbeat_alone() -> None:
+def test_it_sends_what_was_asked_for_and_its_heartbeat_alone():
     messages = heard(autopilot(LINE, (mavlink.MAVLINK_MSG_ID_FOLLOW_TARGET, 100_000)), 10.0)
     kinds = [one.get_type() for one in messages]
     assert set(kinds) == {"HEARTBEAT", "FOLLOW_TARGET"}
@@ -119,14 +119,14 @@ def test_it_sends_what_was_asked_for_and_its_heartbeat_alone() -> None:
         mavlink.MAVLINK_MSG_ID_ADSB_VEHICLE,
     ],
 )
-def test_every_message_tells_the_same_place(number: int) -> None:
+def test_every_message_tells_the_same_place(number):
     flown = autopilot(LINE, (number, 1_000_000))
     newest = [one for one in heard(flown, 10.0) if one.get_msgId() == number][-1]
     latitude = getattr(newest, "lat", getattr(newest, "latitude", None))
     assert latitude * 1e-7 == pytest.approx(flown.truth().latitude_deg, abs=1e-7)
 
 
-def test_summary_for_satellites_is_in_its_coarse_units() -> None:
+def test_summary_for_satellites_is_in_its_coarse_units():
     flown = autopilot(LINE, (mavlink.MAVLINK_MSG_ID_HIGH_LATENCY2, 1_000_000))
     newest = [one for one in heard(flown, 10.0) if one.get_type() == "HIGH_LATENCY2"][-1]
     assert (newest.altitude, newest.heading) == (588, 0)
@@ -134,25 +134,25 @@ def test_summary_for_satellites_is_in_its_coarse_units() -> None:
     assert (newest.airspeed, newest.groundspeed) == (100, 100)
 
 
-def test_transponder_says_its_address_and_course() -> None:
+def test_transponder_says_its_address_and_course():
     flown = autopilot(LINE, (mavlink.MAVLINK_MSG_ID_ADSB_VEHICLE, 1_000_000))
     newest = [one for one in heard(flown, 10.0) if one.get_type() == "ADSB_VEHICLE"][-1]
     assert (newest.ICAO_address, newest.heading % 36000, newest.hor_velocity) == (0x4B1900, 0, 2000)
 
 
-def test_options_are_read() -> None:
+def test_options_are_read():
     assert parse_route("47,8;47.1,8;47,8").points_deg == ((47.0, 8.0), (47.1, 8.0), (47.0, 8.0))
     assert parse_stream("FOLLOW_TARGET:10") == (144, 100_000)
 
 
 @pytest.mark.parametrize("text", ["", "47,8", "47;8", "47,8;x,9", "95,0;1,1", "nan,0;1,1"])
-def test_what_is_no_route_is_refused(text: str) -> None:
+def test_what_is_no_route_is_refused(text):
     with pytest.raises(OptionError, match="--route"):
         parse_route(text)
 
 
 @pytest.mark.parametrize("text", ["", "FOLLOW_TARGET", "FOLLOW_TARGET:0", "PING:1", "VFR_HUD:nan"])
-def test_what_is_no_stream_is_refused(text: str) -> None:
+def test_what_is_no_stream_is_refused(text):
     with pytest.raises(OptionError, match="--stream"):
         parse_stream(text)
 
@@ -161,9 +161,7 @@ offsets = st.tuples(st.floats(-2000.0, 2000.0), st.floats(-2000.0, 2000.0))
 
 
 @given(st.lists(offsets, min_size=2, max_size=8), st.lists(offsets, min_size=1, max_size=8))
-def test_from_anywhere_there_is_a_course(
-    corners: list[tuple[float, float]], places: list[tuple[float, float]]
-) -> None:
+def test_from_anywhere_there_is_a_course(corners, places):
     try:
         follower = RouteFollower(Route(tuple(place(*one) for one in corners)))
     except ValueError:

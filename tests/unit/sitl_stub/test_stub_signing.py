@@ -49,7 +49,7 @@ def mode(link: mavlink.MAVLink, number: int = 15) -> bytes:
     )
 
 
-def test_who_has_the_key_is_obeyed_and_the_answer_is_signed() -> None:
+def test_who_has_the_key_is_obeyed_and_the_answer_is_signed():
     autopilot, _ = vehicle()
     answer = autopilot.receive(mode(sender(KEY, NOW_S)))
     assert autopilot.truth().mode == "GUIDED"
@@ -61,7 +61,7 @@ def test_who_has_the_key_is_obeyed_and_the_answer_is_signed() -> None:
 
 
 @pytest.mark.parametrize("key", [None, OTHER_KEY])
-def test_an_unsigned_or_wrongly_signed_packet_changes_nothing(key: bytes | None) -> None:
+def test_an_unsigned_or_wrongly_signed_packet_changes_nothing(key):
     autopilot, _ = vehicle()
     before = autopilot.truth()
     assert autopilot.receive(mode(sender(key, NOW_S))) == b""
@@ -69,14 +69,14 @@ def test_an_unsigned_or_wrongly_signed_packet_changes_nothing(key: bytes | None)
     assert autopilot.counters["not signed"] == 1
 
 
-def test_a_mavlink_1_packet_changes_nothing() -> None:
+def test_a_mavlink_1_packet_changes_nothing():
     autopilot, _ = vehicle()
     message = mavlink.MAVLink_command_long_message(7, 1, 176, 0, 1, 15, 0, 0, 0, 0, 0)
     assert autopilot.receive(bytes(message.pack(sender(None, NOW_S), force_mavlink1=True))) == b""
     assert autopilot.truth().mode == "LOITER"
 
 
-def test_a_packet_played_back_changes_nothing() -> None:
+def test_a_packet_played_back_changes_nothing():
     autopilot, _ = vehicle()
     link = sender(KEY, NOW_S)
     guided = mode(link)
@@ -86,13 +86,13 @@ def test_a_packet_played_back_changes_nothing() -> None:
     assert autopilot.truth().mode == "LOITER"
 
 
-def test_an_old_recording_from_a_link_not_heard_before_changes_nothing() -> None:
+def test_an_old_recording_from_a_link_not_heard_before_changes_nothing():
     autopilot, _ = vehicle()
     assert autopilot.receive(mode(sender(KEY, NOW_S - 61.0, link_id=5))) == b""
     assert autopilot.receive(mode(sender(KEY, NOW_S - 59.0, link_id=6))) != b""
 
 
-def test_a_forged_packet_from_the_future_locks_nobody_out() -> None:
+def test_a_forged_packet_from_the_future_locks_nobody_out():
     autopilot, _ = vehicle()
     true_sender = sender(KEY, NOW_S)
     autopilot.receive(mode(true_sender))
@@ -102,7 +102,7 @@ def test_a_forged_packet_from_the_future_locks_nobody_out() -> None:
     assert autopilot.receive(mode(sender(KEY, NOW_S + 1.0, link_id=9))) != b""
 
 
-def test_what_it_says_keeps_up_with_the_clock_so_that_a_restarted_listener_hears_it() -> None:
+def test_what_it_says_keeps_up_with_the_clock_so_that_a_restarted_listener_hears_it():
     autopilot, clock = vehicle()
     autopilot.advance(1.0)
     clock.now_s += 3600.0
@@ -115,7 +115,7 @@ def test_what_it_says_keeps_up_with_the_clock_so_that_a_restarted_listener_hears
     assert stamps == pytest.approx(ticks_of(clock.now_s), abs=100)
 
 
-def test_time_stamps_never_repeat_even_while_the_clock_stands_still() -> None:
+def test_time_stamps_never_repeat_even_while_the_clock_stands_still():
     autopilot, _ = vehicle()
     listener = Signing(KEY)
     data = autopilot.advance(0.0) + autopilot.advance(5.0)
@@ -125,7 +125,7 @@ def test_time_stamps_never_repeat_even_while_the_clock_stands_still() -> None:
         data = data[length:]
 
 
-def test_a_key_is_given_on_the_ground_and_not_in_the_air() -> None:
+def test_a_key_is_given_on_the_ground_and_not_in_the_air():
     autopilot, _ = vehicle()
     link = sender(KEY, NOW_S)
     new_key = mavlink.MAVLink_setup_signing_message(7, 1, list(OTHER_KEY), 0)
@@ -138,7 +138,7 @@ def test_a_key_is_given_on_the_ground_and_not_in_the_air() -> None:
     assert standing.receive(mode(sender(OTHER_KEY, NOW_S + 1.0))) != b""
 
 
-def test_a_key_is_hexadecimal_or_a_passphrase_as_ground_stations_take_it() -> None:
+def test_a_key_is_hexadecimal_or_a_passphrase_as_ground_stations_take_it():
     assert key_of(KEY.hex()) == KEY
     assert key_of("open sesame") == hashlib.sha256(b"open sesame").digest()
     assert key_of("z" * 64) == hashlib.sha256(b"z" * 64).digest()
@@ -150,7 +150,7 @@ def test_a_key_is_hexadecimal_or_a_passphrase_as_ground_stations_take_it() -> No
 @given(
     st.lists(st.tuples(st.integers(0, 60), st.integers(1, 255)), min_size=1, max_size=4),
 )
-def test_no_change_of_a_signed_frame_is_accepted(changes: list[tuple[int, int]]) -> None:
+def test_no_change_of_a_signed_frame_is_accepted(changes):
     autopilot, _ = vehicle()
     frame = bytearray(mode(sender(KEY, NOW_S)))
     original = bytes(frame)

@@ -53,21 +53,21 @@ def flown(
     return states
 
 
-def test_the_lift_is_linear_before_the_stall_and_a_flat_plates_far_behind_it() -> None:
+def test_the_lift_is_linear_before_the_stall_and_a_flat_plates_far_behind_it():
     assert craft.lift(0.1) == pytest.approx(0.23 + 0.561, abs=1e-6)
     # 2 sin^2(1.2) cos(1.2)
     assert craft.lift(1.2) == pytest.approx(0.6296, abs=1e-3)
     assert craft.lift(-1.2) == pytest.approx(-0.6296, abs=1e-3)
 
 
-def test_full_throttle_in_still_air_pulls_with_822_newtons() -> None:
+def test_full_throttle_in_still_air_pulls_with_822_newtons():
     # 0.5 * 1.2682 * 0.2027 * 80^2
     assert craft.thrust_n(1.0, 0.0) == pytest.approx(822.6, abs=0.1)
     assert craft.thrust_n(craft.throttle_for(9.0, 20.0), 20.0) == pytest.approx(9.0)
     assert craft.thrust_n(0.0, 20.0) < 0.0
 
 
-def test_at_no_angle_of_attack_lift_and_drag_are_those_of_the_coefficients() -> None:
+def test_at_no_angle_of_attack_lift_and_drag_are_those_of_the_coefficients():
     # 0.5 * 1.2682 * 20^2 * 0.55 = 139.5 N; C_L 0.23, C_D 0.043 + 0.23^2 / (0.9 pi 15.24) = 0.0442
     u_rate, v_rate, w_rate, p_rate, q_rate, r_rate = accelerations(
         body(), AirFlow(20.0, 0.0, 0.0), NEUTRAL
@@ -79,7 +79,7 @@ def test_at_no_angle_of_attack_lift_and_drag_are_those_of_the_coefficients() -> 
     assert v_rate == p_rate == r_rate == 0.0
 
 
-def test_right_aileron_rolls_right_and_the_roll_is_damped() -> None:
+def test_right_aileron_rolls_right_and_the_roll_is_damped():
     flow = AirFlow(20.0, 0.0, 0.0)
     rolling = accelerations(body(), flow, Surfaces(0.1, 0.0, 0.0))[3]
     # 139.5 * 2.8956 * 0.017 about x, adverse yaw about z, over gamma: 8.4 rad/s²
@@ -89,7 +89,7 @@ def test_right_aileron_rolls_right_and_the_roll_is_damped() -> None:
     assert accelerations(body(p_rad_s=1.0), flow, NEUTRAL)[3] < -10.0
 
 
-def test_sideslip_turns_the_nose_into_the_wind() -> None:
+def test_sideslip_turns_the_nose_into_the_wind():
     flow = air_flow(body(), body_to_ground(body()), (0.0, -2.0))
     assert flow.airspeed_m_s == pytest.approx(math.hypot(20.0, 2.0))
     assert flow.beta_rad == pytest.approx(math.atan(0.1))
@@ -97,7 +97,7 @@ def test_sideslip_turns_the_nose_into_the_wind() -> None:
     assert accelerations(body(), flow, NEUTRAL)[5] > 0.0
 
 
-def test_a_body_without_forces_keeps_its_angular_momentum() -> None:
+def test_a_body_without_forces_keeps_its_angular_momentum():
     """Torque-free: J omega turns in body axes only, so its length stays."""
     # At no airspeed worth the name the air does nothing.
     spinning = body(u_m_s=0.0, p_rad_s=1.0, q_rad_s=0.7, r_rad_s=-0.4)
@@ -124,27 +124,27 @@ def test_a_body_without_forces_keeps_its_angular_momentum() -> None:
     assert momentum(spinning) == pytest.approx(before, rel=1e-3)
 
 
-def test_a_banked_body_that_yaws_turns_its_heading_by_the_share_of_the_bank() -> None:
+def test_a_banked_body_that_yaws_turns_its_heading_by_the_share_of_the_bank():
     bank = math.radians(60.0)
     _, _, heading_rate = attitude_rates(body(bank_rad=bank, r_rad_s=0.2))
     assert heading_rate == pytest.approx(0.1)
 
 
-def test_it_begins_trimmed_and_flies_on_level() -> None:
+def test_it_begins_trimmed_and_flies_on_level():
     states = flown(20.0)
     assert all(abs(one.altitude_amsl_m - 500.0) < 1.5 for one in states)
     assert all(abs(one.speed_m_s - 22.0) < 0.5 for one in states)
     assert states[-1].altitude_amsl_m == pytest.approx(500.0, abs=0.1)
 
 
-def test_in_a_steady_wind_it_begins_with_its_airspeed() -> None:
+def test_in_a_steady_wind_it_begins_with_its_airspeed():
     wind = SteadyWind(8.0, math.radians(90.0))
     motion = body_motion(START, wind.at(0.0))
     assert motion.airspeed_m_s == pytest.approx(22.0)
     assert (motion.north_m_s, motion.east_m_s) == pytest.approx((22.0, 8.0), abs=0.01)
 
 
-def test_it_takes_up_a_course_and_loses_little_height() -> None:
+def test_it_takes_up_a_course_and_loses_little_height():
     states = flown(10.0, course_deg=60.0)
     courses = [math.degrees(math.remainder(one.direction_rad, math.tau)) for one in states]
     # ArduPlane's measured t63 with GUIDED_P 12000 is 1.2 s for 30 degrees; twice the turn takes longer.
@@ -155,9 +155,7 @@ def test_it_takes_up_a_course_and_loses_little_height() -> None:
     assert max(abs(one.roll_rad) for one in states) < math.radians(55.0)
 
 
-def test_a_new_airspeed_is_half_taken_up_within_a_second_and_pays_with_no_more_than_a_metre() -> (
-    None
-):
+def test_a_new_airspeed_is_half_taken_up_within_a_second_and_pays_with_no_more_than_a_metre():
     states = flown(12.0, speed_m_s=24.0, start=flown(15.0)[-1])
     speeds = [one.speed_m_s for one in states]
     assert speeds[round(1.0 / MAX_SIX_DOF_STEP_S)] > 23.0
@@ -165,13 +163,13 @@ def test_a_new_airspeed_is_half_taken_up_within_a_second_and_pays_with_no_more_t
     assert all(abs(one.altitude_amsl_m - 500.0) < 1.0 for one in states)
 
 
-def test_a_new_height_is_taken_up_at_the_airspeed() -> None:
+def test_a_new_height_is_taken_up_at_the_airspeed():
     states = flown(15.0, altitude_m=510.0, start=flown(15.0)[-1])
     assert states[-1].altitude_amsl_m == pytest.approx(510.0, abs=0.3)
     assert max(abs(one.speed_m_s - 22.0) for one in states) < 0.6
 
 
-def test_the_longest_step_is_short_enough() -> None:
+def test_the_longest_step_is_short_enough():
     coarse, fine = (flown(8.0, course_deg=60.0, step_s=step_s)[-1] for step_s in (0.0125, 0.00125))
     assert coarse.direction_rad == pytest.approx(fine.direction_rad, abs=2e-3)
     assert coarse.speed_m_s == pytest.approx(fine.speed_m_s, abs=0.02)
@@ -179,12 +177,12 @@ def test_the_longest_step_is_short_enough() -> None:
     assert abs(metres) < 0.3
 
 
-def test_a_state_keeps_its_body() -> None:
+def test_a_state_keeps_its_body():
     after = flown(1.0)[-1]
     assert after.body is not None
     assert body_of(after, (3.0, 0.0)) is after.body
 
 
-def test_it_has_no_other_speed_response() -> None:
+def test_it_has_no_other_speed_response():
     with pytest.raises(ValueError, match="six-dof has a speed hold of its own"):
         PlantParameters(kind="six-dof", speed_response="tecs")

@@ -1,13 +1,11 @@
 import math
-from collections.abc import Callable
 from typing import Any
 
 import pytest
 
 from sitl_stub import ArticleWind, PlantParameters, SteadyWind
 from sitl_stub.streams import Schedule
-
-Station = Callable[..., Any]
+from tests.kit.autopilot import new_station
 
 CROSSWIND = SteadyWind(5.0, math.pi / 2)
 
@@ -20,8 +18,8 @@ def names(messages: list[Any]) -> list[str]:
     return [message.get_type() for message in messages]
 
 
-def test_unrequested_telemetry_comes_at_1_hz_from_time_zero_on(station: Station) -> None:
-    vehicle = station()
+def test_unrequested_telemetry_comes_at_1_hz_from_time_zero_on():
+    vehicle = new_station()
     defaults = ["HEARTBEAT", "SYS_STATUS", "ATTITUDE", "VFR_HUD", "GLOBAL_POSITION_INT"]
     assert names(vehicle.advance(0.0)) == defaults
     assert vehicle.advance(0.0) == []
@@ -30,8 +28,8 @@ def test_unrequested_telemetry_comes_at_1_hz_from_time_zero_on(station: Station)
     assert names(vehicle.advance(3.5)) == defaults * 2
 
 
-def test_a_20_hz_stream_is_spaced_by_exactly_50_ms(station: Station) -> None:
-    vehicle = station()
+def test_a_20_hz_stream_is_spaced_by_exactly_50_ms():
+    vehicle = new_station()
     assert vehicle.interval(33, 50_000) == "ACCEPTED"
     stamps = [
         message.time_boot_ms
@@ -42,15 +40,15 @@ def test_a_20_hz_stream_is_spaced_by_exactly_50_ms(station: Station) -> None:
 
 
 @pytest.mark.parametrize("interval_us", [10_000, 20_000, 33_333, 40_000])
-def test_streams_do_not_drift(station: Station, interval_us: int) -> None:
-    vehicle = station()
+def test_streams_do_not_drift(interval_us):
+    vehicle = new_station()
     vehicle.interval(30, interval_us)
     stamps = [message.time_boot_ms for message in of_type(vehicle.advance(20.0), "ATTITUDE")]
     assert stamps == [round(k * interval_us / 1000) for k in range(20_000_000 // interval_us + 1)]
 
 
-def test_accumulated_rounding_of_the_caller_s_clock_loses_no_message(station: Station) -> None:
-    vehicle = station()
+def test_accumulated_rounding_of_the_caller_s_clock_loses_no_message():
+    vehicle = new_station()
     vehicle.interval(33, 50_000)
     time_s, counts = 0.0, []
     vehicle.advance(time_s)
@@ -60,8 +58,8 @@ def test_accumulated_rounding_of_the_caller_s_clock_loses_no_message(station: St
     assert counts == [1] * 400
 
 
-def test_one_long_advance_reports_the_same_flight_as_many_short_ones(station: Station) -> None:
-    long, short = station(ArticleWind()), station(ArticleWind())
+def test_one_long_advance_reports_the_same_flight_as_many_short_ones():
+    long, short = new_station(ArticleWind()), new_station(ArticleWind())
     for vehicle in (long, short):
         vehicle.interval(33, 50_000)
     one = long.autopilot.advance(10.0)
@@ -69,8 +67,8 @@ def test_one_long_advance_reports_the_same_flight_as_many_short_ones(station: St
     assert one == many
 
 
-def test_a_position_comes_after_its_companions_of_the_same_instant(station: Station) -> None:
-    vehicle = station()
+def test_a_position_comes_after_its_companions_of_the_same_instant():
+    vehicle = new_station()
     for message_id in (33, 32, 74, 30, 168, 2, 245, 242):
         assert vehicle.interval(message_id, 100_000) == "ACCEPTED"
     vehicle.advance(0.0)
@@ -88,8 +86,8 @@ def test_a_position_comes_after_its_companions_of_the_same_instant(station: Stat
     assert {m.time_boot_ms for m in messages if hasattr(m, "time_boot_ms")} == {100}
 
 
-def test_a_stream_is_stopped_and_put_back_to_its_default(station: Station) -> None:
-    vehicle = station()
+def test_a_stream_is_stopped_and_put_back_to_its_default():
+    vehicle = new_station()
     vehicle.advance(0.0)
     assert vehicle.interval(33, -1) == "ACCEPTED"
     assert of_type(vehicle.advance(2.0), "GLOBAL_POSITION_INT") == []
@@ -103,10 +101,8 @@ def test_a_stream_is_stopped_and_put_back_to_its_default(station: Station) -> No
 @pytest.mark.parametrize(
     ("message_id", "interval_us"), [(33, 5_000), (33, -2), (9_999, 50_000), (33.5, 50_000), (0, -1)]
 )
-def test_streams_it_cannot_send_are_denied(
-    station: Station, message_id: float, interval_us: float
-) -> None:
-    assert station().interval(message_id, interval_us) == "DENIED"
+def test_streams_it_cannot_send_are_denied(message_id, interval_us):
+    assert new_station().interval(message_id, interval_us) == "DENIED"
 
 
 @pytest.mark.parametrize(
@@ -118,26 +114,24 @@ def test_streams_it_cannot_send_are_denied(
         (245, "EXTENDED_SYS_STATE"),
     ],
 )
-def test_a_single_message_follows_the_acknowledgement_of_its_request(
-    station: Station, message_id: int, name: str
-) -> None:
-    assert names(station().command_long(512, message_id)) == ["COMMAND_ACK", name]
+def test_a_single_message_follows_the_acknowledgement_of_its_request(message_id, name):
+    assert names(new_station().command_long(512, message_id)) == ["COMMAND_ACK", name]
 
 
-def test_requesting_an_unknown_message_is_denied(station: Station) -> None:
-    vehicle = station()
+def test_requesting_an_unknown_message_is_denied():
+    vehicle = new_station()
     assert vehicle.result(vehicle.command_long(512, 4_711)) == "DENIED"
 
 
-def test_hdg_is_the_nose_and_the_velocity_is_over_ground(station: Station) -> None:
+def test_hdg_is_the_nose_and_the_velocity_is_over_ground():
     # Northbound with 5 m/s to the east: the nose is asin(5/20) = 14.48 deg left, 345.52 deg.
-    position = of_type(station(CROSSWIND).advance(0.0), "GLOBAL_POSITION_INT")[0]
+    position = of_type(new_station(CROSSWIND).advance(0.0), "GLOBAL_POSITION_INT")[0]
     assert position.hdg == 34_552
     assert (position.vx, position.vy, position.vz) == (1936, 0, 0)
 
 
-def test_a_position_is_rounded_to_the_nearest_unit_of_the_message(station: Station) -> None:
-    vehicle = station()
+def test_a_position_is_rounded_to_the_nearest_unit_of_the_message():
+    vehicle = new_station()
     vehicle.command_long(176, 1, 10)
     position = of_type(vehicle.advance(7.0), "GLOBAL_POSITION_INT")[-1]
     truth = vehicle.autopilot.truth()
@@ -146,24 +140,22 @@ def test_a_position_is_rounded_to_the_nearest_unit_of_the_message(station: Stati
     assert (position.alt, position.relative_alt) == (500_000, 100_000)
 
 
-def test_the_head_up_display_has_airspeed_and_ground_speed(station: Station) -> None:
-    hud = of_type(station(CROSSWIND).advance(0.0), "VFR_HUD")[0]
+def test_the_head_up_display_has_airspeed_and_ground_speed():
+    hud = of_type(new_station(CROSSWIND).advance(0.0), "VFR_HUD")[0]
     assert hud.airspeed == pytest.approx(20.0)
     assert hud.groundspeed == pytest.approx(19.364917)
     assert (hud.heading, hud.alt) == (346, 500.0)
 
 
-def test_attitude_shows_the_bank_of_the_turn(station: Station) -> None:
-    attitude = of_type(station().advance(0.0), "ATTITUDE")[0]
+def test_attitude_shows_the_bank_of_the_turn():
+    attitude = of_type(new_station().advance(0.0), "ATTITUDE")[0]
     assert math.degrees(attitude.roll) == pytest.approx(15.0)
     assert attitude.yawspeed == pytest.approx(0.13139, abs=1e-4)
 
 
 @pytest.mark.parametrize("kind", ["heading-hold", "course-hold"])
-def test_the_flight_starts_on_its_course_at_its_airspeed_in_any_wind(
-    station: Station, kind: str
-) -> None:
-    vehicle = station(ArticleWind(), plant=PlantParameters(kind=kind), course_rad=2.0)
+def test_the_flight_starts_on_its_course_at_its_airspeed_in_any_wind(kind):
+    vehicle = new_station(ArticleWind(), plant=PlantParameters(kind=kind), course_rad=2.0)
     truth = vehicle.autopilot.truth()
     assert (truth.course_rad, truth.airspeed_m_s) == pytest.approx((2.0, 20.0))
     assert truth.north_m_s - truth.wind_north_m_s == pytest.approx(
@@ -172,16 +164,16 @@ def test_the_flight_starts_on_its_course_at_its_airspeed_in_any_wind(
     assert truth.east_m_s - truth.wind_east_m_s == pytest.approx(20.0 * math.sin(truth.heading_rad))
 
 
-def test_the_wind_estimate_says_where_from_and_converges_with_20_s(station: Station) -> None:
-    vehicle = station(CROSSWIND)
+def test_the_wind_estimate_says_where_from_and_converges_with_20_s():
+    vehicle = new_station(CROSSWIND)
     vehicle.interval(168, 1_000_000)
     estimate = of_type(vehicle.advance(20.0), "WIND")[-1]
     assert estimate.direction == pytest.approx(270.0)
     assert estimate.speed == pytest.approx(5.0 * (1.0 - math.exp(-1.0)), abs=1e-4)
 
 
-def test_the_local_position_is_from_home_on_the_ground(station: Station) -> None:
-    vehicle = station()
+def test_the_local_position_is_from_home_on_the_ground():
+    vehicle = new_station()
     vehicle.command_long(176, 1, 10)
     vehicle.interval(32, 1_000_000)
     local = of_type(vehicle.advance(100.0), "LOCAL_POSITION_NED")[-1]
@@ -189,25 +181,25 @@ def test_the_local_position_is_from_home_on_the_ground(station: Station) -> None
     assert (local.x, local.y, local.z) == pytest.approx((2000.0, 0.0, -100.0), abs=0.01)
 
 
-def test_home_is_on_the_ground_below_the_start(station: Station) -> None:
-    home = station().command_long(512, 242)[1]
+def test_home_is_on_the_ground_below_the_start():
+    home = new_station().command_long(512, 242)[1]
     assert (home.latitude, home.longitude, home.altitude) == (470_000_000, 80_000_000, 400_000)
 
 
-def test_time_since_boot_starts_where_it_is_told(station: Station) -> None:
-    vehicle = station(boot_time_s=12.34)
+def test_time_since_boot_starts_where_it_is_told():
+    vehicle = new_station(boot_time_s=12.34)
     assert of_type(vehicle.advance(0.0), "ATTITUDE")[0].time_boot_ms == 12_340
     assert of_type(vehicle.advance(1.0), "ATTITUDE")[0].time_boot_ms == 13_340
 
 
-def test_time_since_boot_wraps_like_its_32_bits(station: Station) -> None:
-    vehicle = station(boot_time_s=2**32 / 1000.0)
+def test_time_since_boot_wraps_like_its_32_bits():
+    vehicle = new_station(boot_time_s=2**32 / 1000.0)
     assert of_type(vehicle.advance(0.0), "ATTITUDE")[0].time_boot_ms == 0
 
 
-def test_noise_is_on_reported_positions_only_and_of_the_given_size(station: Station) -> None:
-    vehicle = station(position_noise_m=0.5)
-    quiet = station()
+def test_noise_is_on_reported_positions_only_and_of_the_given_size():
+    vehicle = new_station(position_noise_m=0.5)
+    quiet = new_station()
     for each in (vehicle, quiet):
         each.interval(33, 10_000)
     noisy = of_type(vehicle.advance(20.0), "GLOBAL_POSITION_INT")
@@ -222,9 +214,9 @@ def test_noise_is_on_reported_positions_only_and_of_the_given_size(station: Stat
     assert [(m.vx, m.vy, m.hdg) for m in noisy] == [(m.vx, m.vy, m.hdg) for m in clean]
 
 
-def test_the_same_seed_repeats_the_flight_to_the_bit_and_another_does_not(station: Station) -> None:
+def test_the_same_seed_repeats_the_flight_to_the_bit_and_another_does_not():
     def flight(seed: int) -> bytes:
-        vehicle = station(ArticleWind(), position_noise_m=0.3, seed=seed)
+        vehicle = new_station(ArticleWind(), position_noise_m=0.3, seed=seed)
         out = b""
         for index in range(200):
             if index == 10:
@@ -240,20 +232,20 @@ def test_the_same_seed_repeats_the_flight_to_the_bit_and_another_does_not(statio
 
 
 @pytest.mark.parametrize("to_s", [0.5, math.nan, math.inf])
-def test_time_does_not_go_back_or_astray(station: Station, to_s: float) -> None:
-    vehicle = station()
+def test_time_does_not_go_back_or_astray(to_s):
+    vehicle = new_station()
     vehicle.advance(1.0)
     with pytest.raises(ValueError, match="cannot"):
         vehicle.autopilot.advance(to_s)
 
 
-def test_sequence_numbers_are_consecutive_over_replies_and_telemetry(station: Station) -> None:
-    vehicle = station()
+def test_sequence_numbers_are_consecutive_over_replies_and_telemetry():
+    vehicle = new_station()
     messages = [*vehicle.advance(0.0), *vehicle.command_long(176, 1, 15), *vehicle.advance(100.0)]
     assert [m.get_seq() for m in messages] == [index % 256 for index in range(len(messages))]
 
 
-def test_a_schedule_with_nothing_in_it_has_nothing_due() -> None:
+def test_a_schedule_with_nothing_in_it_has_nothing_due():
     schedule = Schedule([1])
     assert schedule.pop_due(5_000) == []
     schedule.every(1, 2_000)

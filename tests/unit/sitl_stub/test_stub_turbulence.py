@@ -43,14 +43,14 @@ def covariances(
     return total / (8 * len(fields))
 
 
-def test_moderate_turbulence_at_100_m_is_that_of_the_standard() -> None:
+def test_moderate_turbulence_at_100_m_is_that_of_the_standard():
     # h = 328.08 ft, a = 0.44701: L = 328.08 / 0.38050 = 862.2 ft, sigma = 3.0 kn / 0.72466 = 4.140 kn.
     intensity = low_altitude_intensity("moderate", 100.0)
     assert intensity.length_m == pytest.approx(862.2 * 0.3048, rel=1e-3)
     assert intensity.deviation_m_s == pytest.approx(4.140 * 0.514444, rel=1e-3)
 
 
-def test_light_and_severe_are_half_and_one_and_a_half_of_moderate() -> None:
+def test_light_and_severe_are_half_and_one_and_a_half_of_moderate():
     light, moderate, severe = (
         low_altitude_intensity(level, 60.0).deviation_m_s
         for level in ("light", "moderate", "severe")
@@ -58,22 +58,20 @@ def test_light_and_severe_are_half_and_one_and_a_half_of_moderate() -> None:
     assert (light, severe) == pytest.approx((0.5 * moderate, 1.5 * moderate))
 
 
-def test_above_the_low_altitude_model_its_upper_end_holds() -> None:
+def test_above_the_low_altitude_model_its_upper_end_holds():
     # At 1000 ft a is 1: L = 1000 ft and sigma = 0.1 W20.
     intensity = low_altitude_intensity("severe", 2000.0)
     assert intensity.length_m == pytest.approx(304.8)
     assert intensity.deviation_m_s == pytest.approx(4.5 * 0.514444)
 
 
-def test_each_component_has_the_variance_of_the_standard(fields: list[TurbulenceField]) -> None:
+def test_each_component_has_the_variance_of_the_standard(fields):
     variance = covariances(fields, np.zeros(1))[:, 0]
     assert variance == pytest.approx([4.0, 4.0, 4.0], rel=0.06)
 
 
 @pytest.mark.parametrize("distance_m", [20.0, 60.0, 200.0, 400.0])
-def test_gusts_along_and_across_the_way_correlate_as_drydens_do(
-    fields: list[TurbulenceField], distance_m: float
-) -> None:
+def test_gusts_along_and_across_the_way_correlate_as_drydens_do(fields, distance_m):
     share = math.exp(-distance_m / 200.0)
     across = (1.0 - distance_m / 400.0) * share
     along_m, right_m, up_m = covariances(fields, np.array([0.0, distance_m]))[:, 1]
@@ -82,7 +80,7 @@ def test_gusts_along_and_across_the_way_correlate_as_drydens_do(
     assert up_m / 4.0 == pytest.approx(across, abs=0.06)
 
 
-def test_along_the_way_the_spectrum_is_drydens(fields: list[TurbulenceField]) -> None:
+def test_along_the_way_the_spectrum_is_drydens(fields):
     # Averaged over an octave about each wave number; 2 sigma² L / pi / (1 + (L k)²), one-sided.
     step_m, count = 10.0, 2048
     points = np.zeros((3, count))
@@ -99,7 +97,7 @@ def test_along_the_way_the_spectrum_is_drydens(fields: list[TurbulenceField]) ->
         assert np.mean(power[band]) * scale == pytest.approx(wanted, rel=0.2)
 
 
-def test_air_does_not_pile_up() -> None:
+def test_air_does_not_pile_up():
     field, step_m = TurbulenceField(INTENSITY, 3), 0.01
     rng = np.random.default_rng(1)
     for centre in rng.uniform(-1e4, 1e4, (20, 3)):
@@ -112,7 +110,7 @@ def test_air_does_not_pile_up() -> None:
 
 
 @given(seed=st.integers(0, 2**32 - 1), length_m=st.floats(20.0, 400.0))
-def test_no_wave_is_shorter_than_an_aircraft_feels(seed: int, length_m: float) -> None:
+def test_no_wave_is_shorter_than_an_aircraft_feels(seed, length_m):
     numbers = wave_numbers(length_m, np.random.default_rng(seed))
     assert np.all(np.diff(numbers) >= 0.0)
     assert numbers[0] > 0.0

@@ -12,14 +12,13 @@ import pytest
 from PIL import Image
 from playwright.sync_api import Page
 
+from tests.kit.records import still_flight, still_vehicle
 from vfguide.elementwise import FloatArray
 from vfguide.lab.report.geometry import slot_error
 from vfguide.lab.report.page import write_report
 from vfguide.record.events import FlightEvent
 from vfguide.record.flight import FlightRecord, Outline, VehicleRecord
 
-MakeVehicle = Callable[..., VehicleRecord]
-MakeFlight = Callable[..., FlightRecord]
 OpenPage = Callable[..., Page]
 WritePage = Callable[[FlightRecord], Path]
 
@@ -66,7 +65,7 @@ def page(circle_flight: FlightRecord, open_page: OpenPage, write_page: WritePage
     return open_page(write_page(circle_flight))
 
 
-def test_the_replay_begins_at_rest_and_draws_something(page: Page) -> None:
+def test_the_replay_begins_at_rest_and_draws_something(page):
     assert moment(page) == 0.0
     assert ink(page, "scene") > 5000
     assert ink(page, "timeline") > 5000
@@ -74,7 +73,7 @@ def test_the_replay_begins_at_rest_and_draws_something(page: Page) -> None:
     assert moment(page) == 0.0
 
 
-def test_playing_takes_the_time_that_it_says(page: Page) -> None:
+def test_playing_takes_the_time_that_it_says(page):
     page.get_by_role("button", name="Play").click()
     page.clock.run_for(3000)
     assert moment(page) == pytest.approx(3.0, abs=0.15)
@@ -87,7 +86,7 @@ def test_playing_takes_the_time_that_it_says(page: Page) -> None:
     assert moment(page) == before
 
 
-def test_playing_ends_at_the_end_and_begins_anew(page: Page) -> None:
+def test_playing_ends_at_the_end_and_begins_anew(page):
     seek(page, 299.0)
     page.get_by_role("button", name="Play").click()
     page.clock.run_for(3000)
@@ -98,9 +97,7 @@ def test_playing_ends_at_the_end_and_begins_anew(page: Page) -> None:
 
 
 @pytest.mark.parametrize("time_s", [0.0, 10.0, 200.0])
-def test_the_table_has_the_numbers_of_the_moment(
-    page: Page, circle_flight: FlightRecord, time_s: float
-) -> None:
+def test_the_table_has_the_numbers_of_the_moment(page, circle_flight, time_s):
     seek(page, time_s)
     follower = circle_flight.followers[1]
     sample = round(time_s * 20.0)
@@ -113,8 +110,8 @@ def test_the_table_has_the_numbers_of_the_moment(
 
 
 def test_the_age_of_what_was_heard_is_shown_where_it_was_recorded(
-    page: Page, circle_flight: FlightRecord, open_page: OpenPage, write_page: WritePage
-) -> None:
+    page, circle_flight, open_page, write_page
+):
     plotted = page.get_by_label("Plotted quantity")
     assert page.get_by_role("row", name="Leader's state, s old").count() == 0
     assert "Age of the leader's state" not in plotted.inner_text()
@@ -131,7 +128,7 @@ def test_the_age_of_what_was_heard_is_shown_where_it_was_recorded(
     assert picture(known, "timeline") != before
 
 
-def test_between_samples_aircraft_are_on_the_curve(page: Page, circle_flight: FlightRecord) -> None:
+def test_between_samples_aircraft_are_on_the_curve(page, circle_flight):
     """The replay knows every fourth sample; two steps after one of them the record knows better."""
     sample = 100 * 20 + 2
     state: dict[str, Any] = page.evaluate(
@@ -145,7 +142,7 @@ def test_between_samples_aircraft_are_on_the_curve(page: Page, circle_flight: Fl
     assert state["east_m"] == pytest.approx(leader.east_m[sample], abs=0.02)
 
 
-def test_keys_move_the_time_and_the_view(page: Page) -> None:
+def test_keys_move_the_time_and_the_view(page):
     page.locator("#replay").focus()
     for key in ("ArrowRight", "ArrowRight", "Shift+ArrowRight", "ArrowLeft"):
         page.keyboard.press(key)
@@ -160,7 +157,7 @@ def test_keys_move_the_time_and_the_view(page: Page) -> None:
     assert moment(page) > 0.3
 
 
-def test_everything_can_be_reached_with_the_tab_key(page: Page) -> None:
+def test_everything_can_be_reached_with_the_tab_key(page):
     page.locator("#replay").focus()
     reached = set()
     for _ in range(20):
@@ -184,7 +181,7 @@ def test_everything_can_be_reached_with_the_tab_key(page: Page) -> None:
     assert wanted <= reached
 
 
-def test_a_press_on_the_plot_goes_to_its_time(page: Page) -> None:
+def test_a_press_on_the_plot_goes_to_its_time(page):
     page.locator("canvas.timeline").scroll_into_view_if_needed()
     box = page.locator("canvas.timeline").bounding_box()
     assert box is not None
@@ -198,7 +195,7 @@ def test_a_press_on_the_plot_goes_to_its_time(page: Page) -> None:
     assert moment(page) == pytest.approx(225.0, abs=1.0)
 
 
-def test_each_view_and_quantity_draws_another_picture(page: Page) -> None:
+def test_each_view_and_quantity_draws_another_picture(page):
     seek(page, 20.0)
     views = set()
     for name in ("Above", "Course up", "3D", "Whole flight"):
@@ -217,7 +214,7 @@ def test_each_view_and_quantity_draws_another_picture(page: Page) -> None:
     assert len(plots) == len(options) == 8
 
 
-def test_dragging_turns_the_slanted_view_and_reset_undoes_it(page: Page) -> None:
+def test_dragging_turns_the_slanted_view_and_reset_undoes_it(page):
     page.get_by_role("button", name="3D").click()
     first = picture(page, "scene")
     box = page.locator("canvas[data-part=scene]").bounding_box()
@@ -231,7 +228,7 @@ def test_dragging_turns_the_slanted_view_and_reset_undoes_it(page: Page) -> None
     assert picture(page, "scene") == first
 
 
-def test_an_aircraft_that_is_pressed_is_chosen(page: Page) -> None:
+def test_an_aircraft_that_is_pressed_is_chosen(page):
     seek(page, 100.0)
     place = page.evaluate(
         """() => {
@@ -249,7 +246,7 @@ def test_an_aircraft_that_is_pressed_is_chosen(page: Page) -> None:
     assert page.get_by_role("button", name="f2").get_attribute("aria-pressed") == "false"
 
 
-def test_all_aircraft_and_slots_are_in_the_picture_all_the_time(page: Page) -> None:
+def test_all_aircraft_and_slots_are_in_the_picture_all_the_time(page):
     outside: list[object] = page.evaluate(
         """() => {
             const { player } = document.getElementById("replay");
@@ -273,9 +270,7 @@ def test_all_aircraft_and_slots_are_in_the_picture_all_the_time(page: Page) -> N
     assert outside == []
 
 
-def test_changes_of_mode_can_be_walked_through(
-    circle_flight: FlightRecord, open_page: OpenPage, write_page: WritePage
-) -> None:
+def test_changes_of_mode_can_be_walked_through(circle_flight, open_page, write_page):
     follower = circle_flight.followers[0]
     mode = np.where(circle_flight.time_s < 12.0, 1, 2)
     record = replace(circle_flight, vehicles=(circle_flight.leader, replace(follower, mode=mode)))
@@ -288,9 +283,7 @@ def test_changes_of_mode_can_be_walked_through(
     assert moment(page) == 0.0
 
 
-def test_events_are_reached_by_mark_list_and_key(
-    circle_flight: FlightRecord, open_page: OpenPage, write_page: WritePage
-) -> None:
+def test_events_are_reached_by_mark_list_and_key(circle_flight, open_page, write_page):
     events = (
         FlightEvent(time_s=12.0, vehicle="leader", kind="order", text="order 1 is <b>flown</b>"),
         FlightEvent(time_s=30.0, vehicle="f1", kind="text", text="take over", warning=True),
@@ -318,8 +311,8 @@ def test_events_are_reached_by_mark_list_and_key(
 
 
 def test_the_path_that_is_flown_at_the_moment_is_the_one_that_is_drawn(
-    circle_flight: FlightRecord, open_page: OpenPage, write_page: WritePage
-) -> None:
+    circle_flight, open_page, write_page
+):
     time_s = circle_flight.time_s
     number = np.select([time_s < 10.0, time_s < 20.0], [0.0, 1.0], np.nan)
     leader = replace(circle_flight.leader, path_number=number)
@@ -336,9 +329,7 @@ def test_the_path_that_is_flown_at_the_moment_is_the_one_that_is_drawn(
         assert page.evaluate(drawn) == [path, others]
 
 
-def test_the_page_is_usable_on_a_phone(
-    circle_flight: FlightRecord, open_page: OpenPage, write_page: WritePage
-) -> None:
+def test_the_page_is_usable_on_a_phone(circle_flight, open_page, write_page):
     page = open_page(write_page(circle_flight), phone=True)
     assert page.evaluate("document.documentElement.scrollWidth") == 390
     page.get_by_role("button", name="Play").tap()
@@ -355,9 +346,7 @@ def test_the_page_is_usable_on_a_phone(
     assert moment(page) == pytest.approx(150.0, abs=2.0)
 
 
-def test_the_whole_report_fits_a_phone_and_shows_the_narrow_plots(
-    circle_report: Path, open_page: OpenPage
-) -> None:
+def test_the_whole_report_fits_a_phone_and_shows_the_narrow_plots(circle_report, open_page):
     page = open_page(circle_report, phone=True)
     assert page.evaluate("document.documentElement.scrollWidth") == 390
     widths = page.locator(".plot img").evaluate_all("all => all.map((one) => one.naturalWidth)")
@@ -376,7 +365,7 @@ def brightness(page: Page, place: str) -> float:
 
 
 @pytest.mark.parametrize("place", [".plot", "canvas[data-part=scene]", "canvas.timeline"])
-def test_pictures_follow_dark_mode(circle_report: Path, open_page: OpenPage, place: str) -> None:
+def test_pictures_follow_dark_mode(circle_report, open_page, place):
     assert brightness(open_page(circle_report), place) > 0.85
     assert brightness(open_page(circle_report, dark=True), place) < 0.25
 
@@ -406,17 +395,15 @@ def shaken(vehicle: VehicleRecord, seed: int) -> VehicleRecord:
 
 
 def test_the_report_of_four_aircraft_for_300_s_is_below_2_mb_also_in_rough_air(
-    circle_flight: FlightRecord, circle_report: Path, tmp_path: Path
-) -> None:
+    circle_flight, circle_report, tmp_path
+):
     assert circle_report.stat().st_size < 2_000_000
     vehicles = tuple(shaken(one, seed) for seed, one in enumerate(circle_flight.vehicles))
     rough = write_report(replace(circle_flight, vehicles=vehicles), tmp_path)
     assert rough.stat().st_size < 2_000_000
 
 
-def test_only_the_pages_own_script_runs(
-    circle_flight: FlightRecord, open_page: OpenPage, write_page: WritePage, tmp_path: Path
-) -> None:
+def test_only_the_pages_own_script_runs(circle_flight, open_page, write_page, tmp_path):
     """Markup that got into the page by some fault would not run, nor load anything."""
     text = write_page(circle_flight).read_text(encoding="utf-8")
     foreign = (
@@ -433,15 +420,13 @@ def test_only_the_pages_own_script_runs(
     assert all("violates the following Content Security Policy" in one for one in told), told
 
 
-def test_names_stay_text(
-    make_vehicle: MakeVehicle, make_flight: MakeFlight, open_page: OpenPage, write_page: WritePage
-) -> None:
+def test_names_stay_text(open_page, write_page):
     name = '<img src=x onerror="document.title=1"></script><script>document.title=2</script>'
     time_s = np.arange(5.0)
-    record = make_flight(
+    record = still_flight(
         time_s,
-        make_vehicle(name, "leader", time_s),
-        make_vehicle("</script>", "follower", time_s),
+        still_vehicle(name, "leader", time_s),
+        still_vehicle("</script>", "follower", time_s),
         mission=name,
         mode_names=("waiting", "joining", name),
     )
@@ -452,9 +437,7 @@ def test_names_stay_text(
     assert page.locator("main img").count() == 0
 
 
-def test_moments_that_nobody_recorded_are_left_out(
-    circle_flight: FlightRecord, open_page: OpenPage, write_page: WritePage
-) -> None:
+def test_moments_that_nobody_recorded_are_left_out(circle_flight, open_page, write_page):
     gap = (circle_flight.time_s > 50.0) & (circle_flight.time_s < 60.0)
     follower = circle_flight.followers[0]
     lost = {
@@ -473,13 +456,11 @@ def test_moments_that_nobody_recorded_are_left_out(
     assert re.fullmatch(r"\d+\.\d", cell(page, "Airspeed", 1))
 
 
-def test_an_hour_replays_and_scrolls(
-    make_vehicle: MakeVehicle, make_flight: MakeFlight, open_page: OpenPage, write_page: WritePage
-) -> None:
+def test_an_hour_replays_and_scrolls(open_page, write_page):
     time_s = np.arange(0.0, 3600.1, 0.05)
     angle = time_s / 7.5
     vehicles = [
-        make_vehicle(
+        still_vehicle(
             name,
             "follower" if number else "leader",
             time_s,
@@ -489,7 +470,7 @@ def test_an_hour_replays_and_scrolls(
         )
         for number, name in enumerate(("leader", "f1", "f2", "f3"))
     ]
-    path = write_page(make_flight(time_s, *vehicles))
+    path = write_page(still_flight(time_s, *vehicles))
     assert path.stat().st_size < 2_000_000
     page = open_page(path)
     page.get_by_label("Length of the plot").select_option("60")

@@ -3,20 +3,14 @@
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
+from tests.kit.missions import plan_of
 from vfguide.companion.alerts import Alerts
 from vfguide.companion.arrangements import Arrangements
 from vfguide.companion.plan import FlightPlan
 from vfguide.companion.timing import SAME_CLOCK
 from vfguide.formation.arrangement import Arrangement, Manoeuvre, Point, SlotMove
-from vfguide.link.order_codec import (
-    Reply,
-    decode_reply,
-    encode_order,
-)
+from vfguide.link.order_codec import Reply, decode_reply, encode_order
 from vfguide.state import HeardState
-
-MakePlan = Callable[..., FlightPlan]
-
 
 NAMES = ("leader", "f1", "f2", "f3")
 
@@ -38,7 +32,7 @@ def nothing(kind: str, sender: str, receiver: str, now: float) -> bool:
 class Formation:
     """Four companions' knowledge of orders, on a link in memory."""
 
-    plan: MakePlan
+    plan: Callable[..., FlightPlan] = plan_of
     lost: Lost = nothing
     now: float = 0.0
     members: dict[str, Arrangements] = field(default_factory=dict)
@@ -121,13 +115,14 @@ def heard(time_s: float, number: int) -> HeardState:
     )
 
 
-def slots_of(plan: MakePlan) -> dict[str, Point]:
-    """Those of the three followers."""
-    found = {}
-    for name in NAMES[1:]:
-        task = plan(vehicle=name).task
-        found[name] = Point(task.slot.forward, task.slot.right)  # type: ignore[union-attr]
-    return found
+def slot_of(name: str) -> Point:
+    """That of a follower in the mission, m."""
+    slot = plan_of(vehicle=name).task.slot  # type: ignore[union-attr]
+    return Point(slot.forward, slot.right)
+
+
+SLOTS = {name: slot_of(name) for name in NAMES[1:]}
+"""The mission's slots of its three followers."""
 
 
 def further(slots: dict[str, Point], *, number: int = 1, time_s: float = 10.0) -> Arrangement:

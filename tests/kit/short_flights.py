@@ -1,11 +1,9 @@
 """A short flight with two vehicles, by hand."""
 
 import math
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
-import pytest
 
 from vfguide.record.flight import FlightRecord, RecordAcceptance, RecordOrigin, VehicleRecord
 from vfguide.record.vehicle import SERIES
@@ -34,38 +32,33 @@ def vehicle(name: str, time_s: np.ndarray, **given: object) -> VehicleRecord:
     return replace(made, **given)  # type: ignore[arg-type]
 
 
-@pytest.fixture
-def make_flight() -> Callable[..., FlightRecord]:
+def short_flight(*, name: str = "f1", **given: object) -> FlightRecord:
     """A flight of 2 s with 10 samples a second; the follower is 3 m ahead of its slot, 4 m left of it."""
-
-    def made(*, name: str = "f1", **given: object) -> FlightRecord:
-        time_s = np.arange(21) / 10.0
-        follower = vehicle(
-            name,
-            time_s,
-            slot_forward_m=-30.0,
-            slot_right_m=10.0,
-            north_m=20.0 * time_s - 27.0,
-            east_m=np.full_like(time_s, 6.0),
-        )
-        record = FlightRecord(
-            time_s=time_s,
-            vehicles=(vehicle("lead", time_s), follower),
-            mode_names=("joining", "tracking"),
-            path_north_m=np.array([0.0, 100.0, math.nan]),
-            path_east_m=np.array([0.0, 0.0, 0.0]),
-            mission="line",
-            controller="slot",
-            plant="heading-hold",
-            wind="calm",
-            mode="lockstep",
-            rate_hz=10.0,
-            seed=1,
-            duration_s=2.0,
-            wall_s=None,
-            acceptance=RecordAcceptance(),
-            origin=ORIGIN,
-        )
-        return replace(record, **given)  # type: ignore[arg-type]
-
-    return made
+    time_s = np.arange(21) / 10.0
+    follower = vehicle(
+        name,
+        time_s,
+        slot_forward_m=-30.0,
+        slot_right_m=10.0,
+        north_m=20.0 * time_s - 27.0,
+        east_m=np.full_like(time_s, 6.0),
+    )
+    record = FlightRecord(
+        time_s=time_s,
+        vehicles=(vehicle("lead", time_s), follower),
+        mode_names=("joining", "tracking"),
+        path_north_m=np.array([0.0, 100.0, math.nan]),
+        path_east_m=np.array([0.0, 0.0, 0.0]),
+        mission="line",
+        controller="slot",
+        plant="heading-hold",
+        wind="calm",
+        mode="lockstep",
+        rate_hz=10.0,
+        seed=1,
+        duration_s=2.0,
+        wall_s=None,
+        acceptance=RecordAcceptance(),
+        origin=ORIGIN,
+    )
+    return replace(record, **given)  # type: ignore[arg-type]

@@ -1,0 +1,169 @@
+"""Emulated autopilots in the air, and a ground station that talks to one in MAVLink bytes."""
+
+import math
+from collections.abc import Callable
+from typing import Any, Literal
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
+
+from sitl_stub import Autopilot, AutopilotConfig, CalmWind, PlantParameters, Wind
+from tests.kit.wire import command_long, parsed, result_of
+from vfguide.mavlink.adapter import Px4Steering, Vehicle
+from vfguide.mavlink.codec import Codec
+from vfguide.state import Hold
+
+LATITUDE_DEG, LONGITUDE_DEG = 47.0, 8.0
+ALTITUDE_M, HOME_ALTITUDE_M = 500.0, 400.0
+
+Kind = Literal["ardupilot", "px4"]
+
+
+def config_of(**changes: Any) -> AutopilotConfig:
+    """Configure system 7: 20 m/s, northbound, in the air over 47 N 8 E, but for what is given."""
+    fields: dict[str, Any] = {
+        "system_id": 7,
+        "plant": PlantParameters(),
+        "latitude_deg": LATITUDE_DEG,
+        "longitude_deg": LONGITUDE_DEG,
+        "altitude_amsl_m": ALTITUDE_M,
+        "home_altitude_amsl_m": HOME_ALTITUDE_M,
+        "course_rad": 0.0,
+        "airspeed_m_s": 20.0,
+    }
+    return AutopilotConfig(**(fields | changes))
+
+
+def new_autopilot(wind: Wind | None = None, **changes: Any) -> Autopilot:
+    """Make an autopilot that has just booted, in calm air if nothing is said."""
+    return Autopilot(config_of(**changes), wind or CalmWind())
+
+
+class GroundStation:
+    """Encodes what it sends, decodes what comes back, and moves simulation time."""
+
+    def __init__(self, autopilot: Autopilot, system_id: int = 7) -> None:
+        self.autopilot = autopilot
+        self.system_id = system_id
+        self._link = mavlink.MAVLink(None, srcSystem=255, srcComponent=190)
+        self._parser = mavlink.MAVLink(None)
+
+    def frame(self, message: MAVLink_message) -> bytes:
+        return bytes(message.pack(self._link))
+
+    def send(self, message: MAVLink_message) -> list[MAVLink_message]:
+        return self.decoded(self.autopilot.receive(self.frame(message)))
+
+    def decoded(self, data: bytes) -> list[MAVLink_message]:
+        return self._parser.parse_buffer(data) or []
+
+    def advance(self, to_s: float) -> list[MAVLink_message]:
+        return self.decoded(self.autopilot.advance(to_s))
+
+    def command_long(
+        self, command: int, *parameters: float, target: int | None = None
+    ) -> list[MAVLink_message]:
+        system_id = self.system_id if target is None else target
+        return self.send(command_long(command, *parameters, system_id=system_id))
+
+    def command_int(
+        self, command: int, *parameters: float, frame: int = 3, z: float = 0.0
+    ) -> list[MAVLink_message]:
+        padded = (*parameters, *(0.0,) * (4 - len(parameters)))
+        return self.send(
+            mavlink.MAVLink_command_int_message(
+                self.system_id, 1, frame, command, 0, 0, *padded, 0, 0, z
+            )
+        )
+
+    def result(self, replies: list[MAVLink_message]) -> str:
+        """Return the MAV_RESULT of the one acknowledgement among the replies."""
+        (ack,) = (reply for reply in replies if reply.get_type() == "COMMAND_ACK")
+        return result_of(ack)
+
+    def guided(self) -> None:
+        assert self.result(self.command_long(176, 1, 15)) == "ACCEPTED"
+
+    def interval(self, message_id: int, interval_us: float) -> str:
+        return self.result(self.command_long(511, message_id, interval_us))
+
+    def position_setpoint(
+        self, north_m: float, east_m: float, *, z: float = -100.0, mask: int = 0xDF8
+    ) -> list[MAVLink_message]:
+        return self.send(
+            mavlink.MAVLink_set_position_target_local_ned_message(
+                0, self.system_id, 1, 1, mask, north_m, east_m, z, 0, 0, 0, 0, 0, 0, 0, 0
+            )
+        )
+
+    def velocity_setpoint(
+        self, north_m_s: float, east_m_s: float, *, z: float = 0.0, mask: int = 3527
+    ) -> list[MAVLink_message]:
+        return self.send(
+            mavlink.MAVLink_set_position_target_local_ned_message(
+                0, self.system_id, 1, 1, mask, 0, 0, z, north_m_s, east_m_s, 0, 0, 0, 0, 0, 0
+            )
+        )
+
+
+def new_station(
+    wind: Wind | None = None,
+    *,
+    autopilot: Kind = "ardupilot",
+    version: tuple[int, int] | None = None,
+    course_rad: float = 0.0,
+    plant: PlantParameters | None = None,
+    **changes: Any,
+) -> GroundStation:
+    """Make a ground station with its aircraft."""
+    vehicle = new_autopilot(
+        wind,
+        autopilot=autopilot,
+        autopilot_version=version,
+        course_rad=course_rad % math.tau,
+        plant=plant or PlantParameters(),
+        **changes,
+    )
+    return GroundStation(vehicle)
+
+
+def address(
+    hold: Hold = "heading-hold",
+    *,
+    component_id: int = 3,
+    px4_steering: Px4Steering = "guided-course",
+) -> Vehicle:
+    """Name system 7, component 3, 45 degrees of bank: an address that a default would not hit."""
+    return Vehicle(
+        system_id=7,
+        component_id=component_id,
+        hold=hold,
+        lateral_acceleration=9.80665,
+        px4_steering=px4_steering,
+    )
+
+
+class Emulated:
+    """An emulated aircraft to obey what a codec sends it, and what it answers."""
+
+    def __init__(
+        self, kind: Kind, plant: Hold = "heading-hold", *, version: tuple[int, int] | None = None
+    ) -> None:
+        self.autopilot = new_autopilot(
+            autopilot=kind, autopilot_version=version, plant=PlantParameters(kind=plant)
+        )
+        self._codec = Codec(7, 1)
+        self._now = 0.0
+
+    def obey(self, messages: list[MAVLink_message]) -> list[tuple[int, str]]:
+        """Send messages; return (command, result) of each acknowledgement."""
+        replies = parsed(self.autopilot.receive(self._codec.encode(messages)))
+        acks = (reply for reply in replies if reply.get_type() == "COMMAND_ACK")
+        return [(ack.command, result_of(ack)) for ack in acks]
+
+    def stream(self, messages: Callable[[], list[MAVLink_message]], duration_s: float) -> None:
+        """Repeat messages at 10 Hz while the aircraft flies on."""
+        for _ in range(round(duration_s * 10)):
+            self.obey(messages())
+            self._now += 0.1
+            self.autopilot.advance(self._now)

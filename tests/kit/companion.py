@@ -1,0 +1,217 @@
+"""One companion with a real emulated autopilot in virtual time, and a leader on the link."""
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+
+from msgspec.structs import replace
+
+from sitl_stub import Autopilot
+from tests.kit.autopilot import new_autopilot
+from tests.kit.missions import mission_with, plan_of
+from tests.kit.wire import command_long, number_of, packed, parsed
+from vfguide.companion.consent import ConsentStore, MemoryStore
+from vfguide.companion.core import Companion
+from vfguide.companion.mission_plan import adapter_of, flight_plan
+from vfguide.companion.supervisor import Mode
+from vfguide.companion.timing import SAME_CLOCK, SharedClock
+from vfguide.link.codec import LeaderMessage, encode
+
+RATE_HZ = 10.0
+"""Of telemetry and guidance. What is shown here does not depend on it; its cost does."""
+GUIDED, LOITER, MANUAL = 15, 12, 0
+
+FRAME = plan_of("line-calm", "f1").frame
+
+Said = Callable[[float], Iterable[bytes]]
+"""What arrives over the link at a time."""
+
+
+def leader_bytes(now: float, /, **values: float) -> bytes:
+    """Encode a leader that flies north from the origin at 20 m/s, as it crosses the link."""
+    latitude, longitude = FRAME.to_geodetic(20.0 * now, 0.0)
+    fields = {
+        "sequence": 1,
+        "time_s": now,
+        "latitude_deg": latitude,
+        "longitude_deg": longitude,
+        "altitude_amsl": 588.0,
+        "course": 0.0,
+        "ground_speed": 20.0,
+        "acceleration": 0.0,
+        "turn_rate": 0.0,
+        "turn_acceleration": 0.0,
+    }
+    return encode(LeaderMessage(**(fields | values)))
+
+
+def heard_until(silent_s: float, back_s: float = 1e9) -> Said:
+    """Make a link on which the leader falls silent after some time, and speaks again after another."""
+
+    def link(now: float) -> list[bytes]:
+        return [leader_bytes(now)] if now <= silent_s or now >= back_s else []
+
+    return link
+
+
+@dataclass(slots=True)
+class Flight:
+    """One vehicle on its way."""
+
+    companion: Companion
+    autopilot: Autopilot
+    link: Said
+    now: float = 0.0
+    booted: float = 0.0
+    """When the autopilot was made."""
+    waiting: bytes = b""
+    """What the autopilot has said and the companion has not heard yet."""
+    sent: list[tuple[float, bytes]] = field(default_factory=list)
+    published: list[bytes] = field(default_factory=list)
+    events: list[tuple[float, str]] = field(default_factory=list)
+    modes: list[tuple[float, Mode]] = field(default_factory=list)
+    lose: frozenset[int] = frozenset()
+    """Commands that never arrive."""
+    deaf: bool = False
+    """Whether nothing that the autopilot says arrives."""
+    forge: Callable[[float], bytes] = lambda _now: b""
+    """What another says in the autopilot's name at a time."""
+    make: Callable[[], Companion] | None = None
+    """Makes the companion of a process that starts anew, with the state that the one before has kept."""
+    late_s: float = 0.0
+    """How long what the autopilot says is under way, as in the buffer of a radio."""
+    _under_way: list[tuple[float, bytes]] = field(default_factory=list)
+    _steps: int = 0
+
+    def run(self, until_s: float) -> None:
+        """Fly on, both sides taking turns."""
+        while self._steps / RATE_HZ <= until_s:
+            self.now = self._steps / RATE_HZ
+            for data in self.link(self.now):
+                self.companion.receive_link(data, self.now)
+            said = self.waiting + self.autopilot.advance(self.now - self.booted)
+            self._under_way.append((self.now + self.late_s, said))
+            telemetry = b""
+            while self._under_way and self._under_way[0][0] <= self.now + 1e-9:
+                telemetry += self._under_way.pop(0)[1]
+            telemetry = self.forge(self.now) + (b"" if self.deaf else telemetry)
+            out = self.companion.receive_mavlink(telemetry, self.now)
+            self.sent.append((self.now, out.to_autopilot))
+            self.waiting = self.autopilot.receive(self._passed_on(out.to_autopilot))
+            self.published += out.to_link
+            self.events += [(event.time_s, event.text) for event in out.events]
+            self.modes.append((self.now, self.companion.snapshot.mode))
+            self._steps += 1
+
+    def _passed_on(self, data: bytes) -> bytes:
+        if not self.lose:
+            return data
+        kept = [message for message in parsed(data) if number_of(message) not in self.lose]
+        return b"".join(bytes(message.get_msgbuf()) for message in kept)
+
+    def restart(self) -> None:
+        """The companion is killed, and another process takes its place."""
+        assert self.make is not None
+        self.companion = self.make()
+
+    def hang(self, until_s: float) -> None:
+        """The companion's process stands still; what the autopilot says waits in a buffer."""
+        self._steps = int(until_s * RATE_HZ) + 1
+        self.waiting += self.autopilot.advance(until_s - self.booted)
+
+    def pilot(self, main_mode: int, sub_mode: int = 0) -> None:
+        """The pilot turns the mode switch."""
+        self.command(176, 1, main_mode, sub_mode)
+
+    def command(self, number: int, *parameters: float) -> None:
+        """Somebody else on the network commands the autopilot."""
+        self.waiting += self.autopilot.receive(packed(command_long(number, *parameters)))
+
+    def times(self, number: int | str) -> list[float]:
+        """When a command, or another message by its name, was sent."""
+        return [
+            time
+            for time, data in self.sent
+            for message in parsed(data)
+            if number_of(message) == number
+        ]
+
+    def later(self, number: int | str, from_s: float) -> list[float]:
+        """When it was sent, after a time."""
+        return [time for time in self.times(number) if time > from_s]
+
+    def texts(self) -> list[tuple[float, str]]:
+        """What the companion told to ground stations, as these put the parts together, and when."""
+        whole: list[tuple[float, str]] = []
+        for time, data in self.sent:
+            for message in parsed(data):
+                if message.get_type() == "STATUSTEXT" and message.chunk_seq:
+                    whole[-1] = (time, whole[-1][1] + message.text)
+                elif message.get_type() == "STATUSTEXT":
+                    whole.append((time, message.text))
+        return whole
+
+    def reboot(self) -> None:
+        """The autopilot starts anew; what it was about to say is lost."""
+        self.autopilot, self.booted, self.waiting = emulator(), self.now, b""
+
+    def mode_at(self, time_s: float) -> Mode:
+        """What the companion was doing."""
+        return next(mode for time, mode in reversed(self.modes) if time <= time_s)
+
+
+def emulator(
+    kind: str = "ardupilot", system_id: int = 2, version: tuple[int, int] | None = None
+) -> Autopilot:
+    """50 m behind the origin and 30 m left of it, northbound at 20 m/s, in a loiter."""
+    latitude, longitude = FRAME.to_geodetic(-50.0, -30.0)
+    return new_autopilot(
+        system_id=system_id,
+        autopilot=kind,
+        autopilot_version=version,
+        latitude_deg=latitude,
+        longitude_deg=longitude,
+        altitude_amsl_m=588.0,
+        home_altitude_amsl_m=488.0,
+    )
+
+
+def new_flight(
+    vehicle: str = "f1",
+    *,
+    engage: bool = True,
+    kind: str = "ardupilot",
+    version: tuple[int, int] | None = None,
+    link: Said | None = None,
+    patience: dict[str, float] | None = None,
+    clock: SharedClock = SAME_CLOCK,
+    store: ConsentStore | None = None,
+    engage_from: tuple[str, ...] = ("LOITER", "HOLD"),
+) -> Flight:
+    """Make a flight of f1 (slot 20 m behind, 20 m left) after a leader that is heard all the time.
+
+    The leader's path is the line that it flies: north from the origin.
+    """
+    mission = mission_with(
+        "line-calm",
+        path={"course_deg": 0.0},
+        patience=patience or {},
+        rehearsal={"rate_hz": RATE_HZ},
+    )
+    declared = mission.vehicles[vehicle].model_copy(update={"autopilot": kind})
+    kept = store or MemoryStore()
+
+    def companion() -> Companion:
+        return Companion(
+            replace(flight_plan(mission, vehicle), engage_from=engage_from),
+            adapter_of(declared),
+            engage=engage,
+            consent=kept,
+            clock=clock,
+        )
+
+    return Flight(
+        companion=companion(),
+        make=companion,
+        autopilot=emulator(kind, declared.system_id, version),
+        link=link or (lambda now: [leader_bytes(now)]),
+    )

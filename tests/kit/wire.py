@@ -1,0 +1,74 @@
+"""MAVLink as bytes, packed and parsed by pymavlink alone."""
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
+
+
+def packed(
+    *messages: MAVLink_message,
+    system_id: int = 255,
+    component_id: int = 190,
+    version_1: bool = False,
+) -> bytes:
+    """Pack messages as their sender would; a ground station, if nothing is said."""
+    sender = mavlink.MAVLink(None, srcSystem=system_id, srcComponent=component_id)
+    return b"".join(bytes(one.pack(sender, force_mavlink1=version_1)) for one in messages)
+
+
+def framed(
+    message: MAVLink_message, *, system_id: int = 7, component_id: int = 1, version_1: bool = False
+) -> bytes:
+    """Pack a message of an autopilot, system 7 if nothing is said."""
+    return packed(message, system_id=system_id, component_id=component_id, version_1=version_1)
+
+
+def spoken(*messages: MAVLink_message) -> bytes:
+    """Pack messages as the autopilot of f1 sends them."""
+    return packed(*messages, system_id=2, component_id=1)
+
+
+def beat(system_id: int = 1) -> bytes:
+    """Pack a heartbeat of some system's autopilot."""
+    message = mavlink.MAVLink_heartbeat_message(1, 3, 0, 0, 4, 3)
+    return packed(message, system_id=system_id, component_id=1)
+
+
+def parsed(data: bytes) -> list[MAVLink_message]:
+    """Return the messages in bytes."""
+    return mavlink.MAVLink(None).parse_buffer(data) or []
+
+
+def command_long(
+    number: int, *parameters: float, system_id: int = 0, component_id: int = 1
+) -> MAVLink_message:
+    """Make a COMMAND_LONG; parameters that are not given are 0."""
+    padded = (*parameters, *(0.0,) * (7 - len(parameters)))
+    return mavlink.MAVLink_command_long_message(system_id, component_id, number, 0, *padded)
+
+
+def number_of(message: MAVLink_message) -> int | str:
+    """Return the number of a command, the name of any other message."""
+    if message.get_type() in {"COMMAND_INT", "COMMAND_LONG"}:
+        return int(message.command)
+    return str(message.get_type())
+
+
+def result_of(ack: MAVLink_message) -> str:
+    """Return the MAV_RESULT of an acknowledgement, by its name."""
+    return str(mavlink.enums["MAV_RESULT"][ack.result].name).removeprefix("MAV_RESULT_")
+
+
+def position_report(
+    *,
+    lat: int = 473_977_420,
+    lon: int = 85_455_940,
+    vx: int = 0,
+    vy: int = 0,
+    hdg: int = 0,
+    time_boot_ms: int = 1000,
+    alt: int = 588_000,
+) -> MAVLink_message:
+    """Make a GLOBAL_POSITION_INT with whatever is of interest in it."""
+    return mavlink.MAVLink_global_position_int_message(
+        time_boot_ms, lat, lon, alt, 100_000, vx, vy, 0, hdg
+    )
