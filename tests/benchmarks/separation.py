@@ -88,7 +88,7 @@ def fly(number: int, afterwards_s: float = AFTERWARDS_S) -> Outcome:
     mission = mission_in_place(KINDS[number % len(KINDS)])
     names = [mission.leader.vehicle, *mission.followers_by_name]
     events = random_events(Random(number), names)
-    record = Strays(mission, events).fly(events[-1].time_s + afterwards_s)
+    record = Strays(mission, events).fly(events[-1].time_s + afterwards_s).record
     pairs = approaches(mission, record, events, from_s=BEGIN_S)
     avoidable = [one for one in pairs if not one.unavoidable]
     return Outcome(

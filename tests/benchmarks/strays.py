@@ -5,29 +5,24 @@ Everything passes through MAVLink bytes in virtual time; distances are those of 
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from itertools import combinations
-from pathlib import Path
 
 import numpy as np
 from msgspec.structs import replace
-from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 import sitl_stub
-import vfguide.lab.rehearsal.aircraft
-from vfguide.companion.core import Companion
-from vfguide.companion.mission_plan import adapter_of, airframe_of, flight_plan
-from vfguide.companion.role import Outgoing, Snapshot
+from tests.kit.formation import Formation
+from tests.kit.missions import content_of
+from vfguide.companion.mission_plan import airframe_of
 from vfguide.companion.supervisor import Mode
 from vfguide.elementwise import BoolArray
 from vfguide.guidance.airframe import bank_limited_turn_rate
 from vfguide.guidance.predicted_tracks import TIMES, Agility, OwnMotion
 from vfguide.guidance.separation import escape_tracks
-from vfguide.lab.rehearsal.aircraft import Aircraft, Mail, step_all
+from vfguide.lab.rehearsal.aircraft import Mail
 from vfguide.lab.rehearsal.emulators import emulator_of
-from vfguide.lab.rehearsal.recorder import flight_record
 from vfguide.link.codec import decode, encode
-from vfguide.mission.load import load_mission
 from vfguide.mission.model import Mission
 from vfguide.record.flight import FlightRecord
 from vfguide.record.vehicle import VehicleRecord
@@ -47,12 +42,10 @@ HEARD_S = 10.0
 REACTION_S = 0.5
 """Age of what is heard, and half a period of what answers: no turn of a neighbour is known sooner."""
 
-MISSIONS = Path(__file__).parents[2] / "missions"
-
 
 def mission_in_place(name: str) -> Mission:
     """A shipped mission with every follower in its slot at the start, and ArduPlane's modes to select."""
-    content = load_mission(MISSIONS / f"{name}.yaml").model_dump(exclude_unset=True)
+    content = content_of(name)
     rehearsal = content.setdefault("rehearsal", {})
     rehearsal["start"] = {one["vehicle"]: {} for one in content["followers"]}
     for vehicle in content["vehicles"].values():
@@ -90,98 +83,26 @@ class Approach:
     """Whether one flew at the other faster than that could turn away."""
 
 
-class Dead:
-    """A companion that is no more."""
-
-    def __init__(self, snapshot: Snapshot) -> None:
-        self.snapshot = snapshot
-
-    def receive_link(self, data: bytes, now: float) -> None:
-        """Nothing."""
-
-    def receive_neighbour(self, vehicle: str, data: bytes, now: float) -> None:
-        """Nothing."""
-
-    def receive_mavlink(self, data: bytes, now: float) -> Outgoing:
-        """Nothing."""
-        del data, now
-        return Outgoing()
-
-
-@dataclass(slots=True)
-class Disturbed:
-    """An emulated autopilot that may hang: nothing in, nothing out, its surfaces where they are."""
-
-    autopilot: sitl_stub.Autopilot
-    frozen: bool = False
-    answers: bytes = b""
-
-    def advance(self, to_s: float) -> bytes:
-        """Fly on; nothing is said by one that hangs."""
-        said, self.answers = self.answers + self.autopilot.advance(to_s), b""
-        return b"" if self.frozen else said
-
-    def receive(self, data: bytes) -> bytes:
-        """Take a datagram, unless it hangs."""
-        return b"" if self.frozen else self.autopilot.receive(data)
-
-    def truth(self) -> sitl_stub.Truth:
-        """Where it really is."""
-        return self.autopilot.truth()
-
-    def select(self, mode: int) -> None:
-        """The pilot's mode switch."""
-        order = mavlink.MAVLink_command_long_message(
-            self.autopilot.system_id, 1, mavlink.MAV_CMD_DO_SET_MODE, 0, 1, mode, 0, 0, 0, 0, 0
-        )
-        self.answers += self.autopilot.receive(order.pack(mavlink.MAVLink(None, srcSystem=255)))
-
-
-@dataclass(slots=True)
-class Strays:
+class Strays(Formation):
     """A formation, and what happens to it."""
 
-    mission: Mission
-    events: Sequence[Event]
-    emulators: dict[str, Disturbed] = field(default_factory=dict)
-    formation: dict[str, Aircraft] = field(default_factory=dict)
-    lies: dict[str, float] = field(default_factory=dict)
-
-    def fly(self, until_s: float) -> FlightRecord:
-        """Fly to a time (s)."""
-        names = [self.mission.leader.vehicle, *self.mission.followers_by_name]
-
-        def emulator(mission: Mission, name: str) -> Disturbed:
+    def __init__(self, mission: Mission, events: Sequence[Event]) -> None:
+        super().__init__(mission, carry=lambda said: [self._said(one) for one in said])
+        self.waiting = sorted(events)
+        self.lies: dict[str, float] = {}
+        for name in self.names:
             faults = tuple(
                 sitl_stub.Fault("offset", one.time_s, one.length_s, 0.0, one.value)
-                for one in self.events
+                for one in events
                 if one.what == "glitch" and one.vehicle == name
             )
-            made = Disturbed(emulator_of(mission, name, faults))
-            return self.emulators.setdefault(name, made)
+            self.emulators[name].autopilot = emulator_of(mission, name, faults)
 
-        usual = vfguide.lab.rehearsal.aircraft.emulator_of
-        vfguide.lab.rehearsal.aircraft.emulator_of = emulator  # type: ignore[assignment]
-        try:
-            self.formation = {name: Aircraft(self.mission, name) for name in names}
-        finally:
-            vfguide.lab.rehearsal.aircraft.emulator_of = usual
-        rate_hz, waiting = self.mission.rehearsal.rate_hz, sorted(self.events)
-        times: list[float] = []
-        mail: list[Mail] = []
-        for step in range(round(until_s * rate_hz)):
-            times.append(step / rate_hz)
-            while waiting and waiting[0].time_s <= times[-1]:
-                self._happen(waiting.pop(0))
-            leader, *followers = self.formation.values()
-            led = [self._said(one) for one in leader.step(times[-1], mail)]
-            mail = [self._said(one) for one in step_all(followers, times[-1], [*led, *mail])]
-        return flight_record(
-            self.mission,
-            times,
-            [one.recorder.record() for one in self.formation.values()],
-            wall_s=0.0,
-        )
+    def step(self) -> None:
+        """Let happen what is due, and fly on."""
+        while self.waiting and self.waiting[0].time_s <= self.now:
+            self._happen(self.waiting.pop(0))
+        super().step()
 
     def _said(self, mail: Mail) -> Mail:
         """What a vehicle says, or its lie."""
@@ -194,18 +115,14 @@ class Strays:
         return sender, encode(replace(message, longitude_deg=message.longitude_deg + east))
 
     def _happen(self, event: Event) -> None:
-        name = event.vehicle
-        aircraft, emulator = self.formation[name], self.emulators[name]
+        name, emulator = event.vehicle, self.emulators[event.vehicle]
         match event.what:
             case "killed":
-                aircraft.companion = Dead(aircraft.companion.snapshot)  # type: ignore[assignment]
+                self.kill(name)
             case "restarted":
-                plan = flight_plan(self.mission, name)
-                adapter = adapter_of(self.mission.vehicles[name])
-                aircraft.companion = Companion(plan, adapter, engage=True)
+                self.restart(name)
             case "frozen":
-                emulator.frozen = True
-                emulator.autopilot.hold_bank(emulator.truth().bank_rad)
+                emulator.freeze()
             case "thawed":
                 emulator.frozen = False
             case "bank":

@@ -58,7 +58,7 @@ SLOW = tuple(CASES)[3:]
 )
 def test_nobody_under_guidance_comes_near(mission, case):
     chosen, events = mission_in_place(mission), CASES[case]
-    record = Strays(chosen, events).fly(events[-1].time_s + AFTERWARDS_S)
+    record = Strays(chosen, events).fly(events[-1].time_s + AFTERWARDS_S).record
     found = approaches(chosen, record, events, from_s=FROM_S)
     assert len(found) >= 5
     near = [

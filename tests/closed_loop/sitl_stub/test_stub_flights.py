@@ -10,13 +10,13 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from sitl_stub import (
     ArticleWind,
     Autopilot,
-    AutopilotConfig,
     CalmWind,
     PlantParameters,
     SteadyWind,
     Truth,
     Wind,
 )
+from tests.kit.autopilot import config_of
 
 Kind = Literal["course-hold", "heading-hold"]
 
@@ -26,15 +26,11 @@ LATERAL_M_S2 = 9.80665
 
 def guided(wind: Wind, kind: Kind = "heading-hold", altitude_amsl_m: float = 0.0) -> Autopilot:
     """A northbound aircraft in GUIDED at 20 m/s over 47 N 8 E."""
-    config = AutopilotConfig(
+    config = config_of(
         system_id=1,
         plant=PlantParameters(kind=kind),
-        latitude_deg=47.0,
-        longitude_deg=8.0,
         altitude_amsl_m=altitude_amsl_m,
         home_altitude_amsl_m=0.0,
-        course_rad=0.0,
-        airspeed_m_s=20.0,
     )
     vehicle = Autopilot(config, wind)
     command(vehicle, 176, 1, 15)

@@ -9,9 +9,10 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
-from sitl_stub import Autopilot, AutopilotConfig, CalmWind, PlantParameters
+from sitl_stub import Autopilot
 from sitl_stub.links import Address
 from sitl_stub.server import serve
+from tests.kit.autopilot import new_autopilot
 
 PATIENCE_S = 60.0
 """Nothing here takes a second; a machine may be busy."""
@@ -88,20 +89,6 @@ def autopilot() -> Autopilot:
 def another_autopilot() -> Autopilot:
     """The same once more."""
     return new_autopilot()
-
-
-def new_autopilot() -> Autopilot:
-    config = AutopilotConfig(
-        system_id=7,
-        plant=PlantParameters(),
-        latitude_deg=47.0,
-        longitude_deg=8.0,
-        altitude_amsl_m=500.0,
-        home_altitude_amsl_m=400.0,
-        course_rad=0.0,
-        airspeed_m_s=20.0,
-    )
-    return Autopilot(config, CalmWind())
 
 
 @pytest.fixture

@@ -5,9 +5,10 @@ import math
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sitl_stub import Autopilot, AutopilotConfig, CalmWind, PlantParameters
+from sitl_stub import Autopilot, CalmWind, PlantParameters
 from tests.autopilots.answers import Answers
 from tests.autopilots.emulated import Emulated
+from tests.kit.autopilot import config_of
 
 SYSTEM_ID = 7
 
@@ -37,15 +38,11 @@ PX4 = PlantParameters(
 
 def on_the_ground(autopilot: str, plant: PlantParameters) -> Emulated:
     """One that stands on the ground, disarmed."""
-    config = AutopilotConfig(
-        system_id=SYSTEM_ID,
+    config = config_of(
         autopilot=autopilot,
         plant=plant,
-        latitude_deg=47.0,
-        longitude_deg=8.0,
         altitude_amsl_m=0.0,
         home_altitude_amsl_m=0.0,
-        course_rad=0.0,
         airspeed_m_s=15.0,
         airborne=False,
         armed=False,

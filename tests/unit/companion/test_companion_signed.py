@@ -1,6 +1,7 @@
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sitl_stub import Autopilot, AutopilotConfig, CalmWind, PlantParameters, Signing
+from sitl_stub import Autopilot, CalmWind, Signing
+from tests.kit.autopilot import config_of
 from tests.kit.missions import shipped
 from vfguide.companion.core import Companion
 from vfguide.companion.mission_plan import adapter_of, flight_plan
@@ -19,15 +20,12 @@ class Pair:
 
     def __init__(self, mission: Mission, key: bytes | None) -> None:
         self.now = 0.0
-        config = AutopilotConfig(
+        config = config_of(
             system_id=1,
-            plant=PlantParameters(),
             latitude_deg=47.397742,
             longitude_deg=8.545594,
             altitude_amsl_m=588.0,
             home_altitude_amsl_m=488.0,
-            course_rad=0.0,
-            airspeed_m_s=20.0,
         )
         signed = Signing(KEY)
         self.autopilot = Autopilot(

@@ -7,8 +7,9 @@ from typing import Any, Literal
 import pytest
 import yaml
 
-from sitl_stub import Autopilot, AutopilotConfig, PlantParameters, SteadyWind
+from sitl_stub import Autopilot, PlantParameters, SteadyWind
 from sitl_stub.codec import Signing
+from tests.kit.autopilot import config_of
 from tests.kit.missions import shipped
 from vfguide.companion.mission_plan import adapter_of, flight_plan
 from vfguide.identification.core import Identification, Stage
@@ -34,7 +35,7 @@ Kind = Literal["ardupilot", "px4"]
 def autopilot(
     kind: Kind, plant: PlantParameters, *, course: float = 1.0, key: bytes | None = None
 ) -> Autopilot:
-    config = AutopilotConfig(
+    config = config_of(
         system_id=1,
         autopilot=kind,
         plant=plant,
@@ -43,7 +44,6 @@ def autopilot(
         altitude_amsl_m=588.0,
         home_altitude_amsl_m=488.0,
         course_rad=course,
-        airspeed_m_s=20.0,
     )
     if key is None:
         return Autopilot(config, SteadyWind(4.0, 2.0))

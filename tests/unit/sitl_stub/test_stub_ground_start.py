@@ -4,8 +4,8 @@ from typing import Any, Literal
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sitl_stub import Autopilot, AutopilotConfig, PlantParameters, SteadyWind
-from tests.kit.autopilot import GroundStation, new_station
+from sitl_stub import Autopilot, PlantParameters, SteadyWind
+from tests.kit.autopilot import GroundStation, config_of, new_station
 
 Vehicle = Any  # the ground station of conftest.py, which tests cannot import
 
@@ -19,16 +19,11 @@ def on_ground(
     ready_after_s: float = 0.0,
 ) -> Vehicle:
     """Makes an aircraft that stands on the ground at 400 m, its nose to the east."""
-    config = AutopilotConfig(
-        system_id=7,
+    config = config_of(
         autopilot=autopilot,
         plant=plant or PlantParameters(),
-        latitude_deg=47.0,
-        longitude_deg=8.0,
         altitude_amsl_m=400.0,
-        home_altitude_amsl_m=400.0,
         course_rad=math.pi / 2,
-        airspeed_m_s=20.0,
         airborne=False,
         armed=False,
         ready_after_s=ready_after_s,

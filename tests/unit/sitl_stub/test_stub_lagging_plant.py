@@ -5,7 +5,7 @@ import pytest
 from msgspec.structs import replace
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sitl_stub import Autopilot, AutopilotConfig, CalmWind, PlantParameters, SteadyWind, Wind
+from sitl_stub import CalmWind, PlantParameters, SteadyWind, Wind
 from sitl_stub.lagging_plant import (
     MAX_LAGGING_STEP_S,
     lagging_stepped,
@@ -16,6 +16,7 @@ from sitl_stub.lagging_plant import (
 from sitl_stub.plant import PlantState
 from sitl_stub.px4 import EmulatedPx4
 from sitl_stub.targets import AltitudeTarget, SpeedTarget, Targets, TurnTarget
+from tests.kit.autopilot import new_autopilot
 
 BANK = PlantParameters(kind="bank")
 LOOPS = EmulatedPx4.loops
@@ -211,20 +212,7 @@ def test_px4_s_course_wants_the_bank_of_the_turn_that_alpha_asks_for():
     ],
 )
 def test_px4_s_course_in_a_ramp_lags_by_its_bandwidth_and_its_dead_time(plant, lag):
-    autopilot = Autopilot(
-        AutopilotConfig(
-            system_id=7,
-            autopilot="px4",
-            plant=plant,
-            latitude_deg=47.0,
-            longitude_deg=8.0,
-            altitude_amsl_m=500.0,
-            home_altitude_amsl_m=400.0,
-            course_rad=0.0,
-            airspeed_m_s=15.0,
-        ),
-        CalmWind(),
-    )
+    autopilot = new_autopilot(autopilot="px4", plant=plant, airspeed_m_s=15.0)
     link = mavlink.MAVLink(None, srcSystem=255, srcComponent=190)
 
     def command(number: int, *parameters: float) -> None:

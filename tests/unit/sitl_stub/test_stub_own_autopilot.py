@@ -7,10 +7,10 @@ from typing import Any
 
 import pytest
 
-from sitl_stub import Autopilot, AutopilotConfig, CalmWind, PlantParameters, load_plugins
+from sitl_stub import Autopilot, AutopilotConfig, CalmWind, load_plugins
 from sitl_stub.personality import Personality, personality
 from sitl_stub.registry import autopilots
-from tests.kit.autopilot import GroundStation
+from tests.kit.autopilot import GroundStation, config_of
 
 Station = Any  # conftest.GroundStation
 EXAMPLE = Path(__file__).parents[3] / "examples" / "own_emulated_autopilot.py"
@@ -18,17 +18,7 @@ MANUAL, LOITER, GUIDED = 0, 12, 15
 
 
 def config(autopilot: str) -> AutopilotConfig:
-    return AutopilotConfig(
-        system_id=1,
-        autopilot=autopilot,
-        plant=PlantParameters(),
-        latitude_deg=47.0,
-        longitude_deg=8.0,
-        altitude_amsl_m=500.0,
-        home_altitude_amsl_m=400.0,
-        course_rad=0.0,
-        airspeed_m_s=20.0,
-    )
+    return config_of(system_id=1, autopilot=autopilot)
 
 
 @pytest.fixture

@@ -2,23 +2,14 @@
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sitl_stub import Autopilot, AutopilotConfig, CalmWind, PlantParameters
+from sitl_stub import Autopilot
+from tests.kit.autopilot import new_autopilot
 
 REBOOT, SET_MESSAGE_INTERVAL, SET_MODE = 246, 511, 176
 
 
 def flying() -> Autopilot:
-    config = AutopilotConfig(
-        system_id=1,
-        plant=PlantParameters(),
-        latitude_deg=47.0,
-        longitude_deg=8.0,
-        altitude_amsl_m=600.0,
-        home_altitude_amsl_m=500.0,
-        course_rad=0.0,
-        airspeed_m_s=20.0,
-    )
-    return Autopilot(config, CalmWind())
+    return new_autopilot(system_id=1, altitude_amsl_m=600.0, home_altitude_amsl_m=500.0)
 
 
 def command(number: int, *parameters: float) -> bytes:

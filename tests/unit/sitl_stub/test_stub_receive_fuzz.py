@@ -9,23 +9,17 @@ from numpy.random import default_rng
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sitl_stub import Autopilot, AutopilotConfig, PlantParameters, SteadyWind
-from tests.kit.autopilot import new_station
+from tests.kit.autopilot import config_of, new_station
 
 LINK = mavlink.MAVLink(None, srcSystem=255, srcComponent=190)
 COMMANDS = (176, 178, 400, 511, 512, 43000, 43001, 43002, 192)
 
 
 def autopilot(kind: str = "ardupilot", plant: str = "heading-hold") -> Autopilot:
-    config = AutopilotConfig(
-        system_id=7,
+    config = config_of(
         autopilot="px4" if kind == "px4" else "ardupilot",
         plant=PlantParameters(kind="course-hold" if plant == "course-hold" else "heading-hold"),
-        latitude_deg=47.0,
-        longitude_deg=8.0,
-        altitude_amsl_m=500.0,
-        home_altitude_amsl_m=400.0,
         course_rad=1.0,
-        airspeed_m_s=20.0,
     )
     vehicle = Autopilot(config, SteadyWind(5.0, 1.0))
     if kind == "ardupilot":

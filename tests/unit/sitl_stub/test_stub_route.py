@@ -8,9 +8,10 @@ from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
-from sitl_stub import Autopilot, AutopilotConfig, CalmWind, PlantParameters, Route
+from sitl_stub import Autopilot, Route
 from sitl_stub.options import OptionError, parse_route, parse_stream
 from sitl_stub.route import RouteFollower
+from tests.kit.autopilot import new_autopilot
 
 LATITUDE, LONGITUDE = 47.0, 8.0
 METRES = math.degrees(1.0 / 6_368_000.0)
@@ -27,21 +28,12 @@ LINE = Route((place(0, 0), place(500, 0)))
 
 
 def autopilot(route: Route, *streams: tuple[int, int]) -> Autopilot:
-    return Autopilot(
-        AutopilotConfig(
-            system_id=7,
-            plant=PlantParameters(),
-            latitude_deg=LATITUDE,
-            longitude_deg=LONGITUDE,
-            altitude_amsl_m=588.0,
-            home_altitude_amsl_m=488.0,
-            course_rad=0.0,
-            airspeed_m_s=20.0,
-            route=route,
-            streams=streams or None,
-            icao_address=0x4B1900,
-        ),
-        CalmWind(),
+    return new_autopilot(
+        altitude_amsl_m=588.0,
+        home_altitude_amsl_m=488.0,
+        route=route,
+        streams=streams or None,
+        icao_address=0x4B1900,
     )
 
 

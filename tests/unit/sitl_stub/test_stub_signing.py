@@ -5,8 +5,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sitl_stub import Autopilot, AutopilotConfig, CalmWind, PlantParameters, Signing
+from sitl_stub import Autopilot, CalmWind, Signing
 from sitl_stub.codec import EPOCH_UNIX_S, key_of, ticks_of
+from tests.kit.autopilot import config_of
 
 NOW_S = 1_800_000_000.0
 KEY, OTHER_KEY = bytes(range(32)), bytes(32 * [7])
@@ -18,17 +19,7 @@ class Clock:
 
 
 def vehicle(*, armed: bool = True) -> tuple[Autopilot, Clock]:
-    config = AutopilotConfig(
-        system_id=7,
-        plant=PlantParameters(),
-        latitude_deg=47.0,
-        longitude_deg=8.0,
-        altitude_amsl_m=500.0,
-        home_altitude_amsl_m=400.0,
-        course_rad=0.0,
-        airspeed_m_s=20.0,
-        armed=armed,
-    )
+    config = config_of(armed=armed)
     clock = Clock()
     autopilot = Autopilot(config, CalmWind(), signing=Signing(KEY), unix_time=lambda: clock.now_s)
     return autopilot, clock
