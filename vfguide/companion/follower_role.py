@@ -276,6 +276,7 @@ class FollowerRole(Role):
             distance=self._distance,
             lyapunov=guidance.lyapunov,
             publish=self._own_state(navigated, motion, mode, setpoint.course),
+            keeps_clear=avoidance.setpoint is not None,
             climb_m=avoidance.climb_m,
             along_track=error.along_track,
             cross_track=error.cross_track,

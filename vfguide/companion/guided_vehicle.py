@@ -12,7 +12,7 @@ from vfguide.companion.arrangements import Arrangements
 from vfguide.companion.authority import ModeAuthority
 from vfguide.companion.learned_response import ResponseLearner
 from vfguide.companion.own_vehicle import NavigatedState, OwnVehicle
-from vfguide.companion.plan import FlightPlan
+from vfguide.companion.plan import FlightPlan, doubting
 from vfguide.companion.role import Outgoing, RoleStep
 from vfguide.companion.roles import RoleMaker, role_of
 from vfguide.companion.state_publisher import TargetSender
@@ -112,11 +112,14 @@ class GuidedVehicle:
         What is known of the formation is kept, and the pilot hears of it.
         """
         own, softness = self.own, self._guard.softness
+        flown = doubting(self.plan) if self._guard.doubted else self.plan
         words, plan = self._learner.step(
-            self.plan, own.air.turn_efficiency, now, bank_heard=own.air.bank_heard
+            flown, own.air.turn_efficiency, now, bank_heard=own.air.bank_heard
         )
         for sentence in words:
             self._alerts.say("response", WARNING, sentence)
+        if plan is None and flown != self.plan:
+            plan = flown
         if is_other(softness, self.plan.softness):
             plan = replace(plan or self.plan, softness=softness)
         if plan is None:
@@ -168,19 +171,24 @@ class GuidedVehicle:
         self._learner.note(setpoint if steers else None, now)
         if not steers:
             self._guard.reset()
+        elif step.keeps_clear:
+            # Another vehicle decides how hard it turns.
+            self._guard.pause()
         if setpoint is None:
             return []
         self.is_ready = True
-        if steers:
+        if steers and not step.keeps_clear:
             strain = self._guard.watch(
                 navigated.state,
                 setpoint,
                 self.plan.airframe,
                 self.own.air.fresh_bank(now),
                 in_place=mode is Mode.TRACKING,
+                confirmed=self._learner.confirmed,
             )
             if strain is not None:
                 self._alerts.say("strain", WARNING, strain)
+        if steers:
             self._authority.note_steering()
             self.lyapunov = step.lyapunov
             out.steered = self.has_steered = True

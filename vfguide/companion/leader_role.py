@@ -118,6 +118,7 @@ class LeaderRole(Role):
                 arrangement=self._arrangements.number,
                 course_setpoint=setpoint.course,
             ),
+            keeps_clear=avoidance.setpoint is not None,
             climb_m=avoidance.climb_m,
             cross_track=-guidance.cross_track_error,
             motion=motion,

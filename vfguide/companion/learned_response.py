@@ -34,11 +34,11 @@ UNHEARD = (
     " autopilot sends it, or write slips: true or false"
 )
 
-AT_LIMIT = 0.85
-"""Share of the greatest bank from which a bank says nothing of the course error."""
-
 LEAST_EXPLAINED = 0.5
 """Share of the motion that a model explains, below which it is no model of it."""
+
+ALL_EXPLAINED = 0.97
+"""Share of the motion from which a hold is one of first order."""
 
 WIDEST_SPREAD = 2.0
 """A gain that is known less well changes nothing."""
@@ -75,10 +75,8 @@ class FlownHold(msgspec.Struct, frozen=True, kw_only=True):
     """s."""
     certainty: HoldCertainty
     """How well that is known."""
-    likeness: float = LIKENESS["first-order"][0]
-    """Factor between two gains that are the same."""
-    likeness_s: float = LIKENESS["first-order"][1]
-    """Difference of dead time and lag together, s, that is none."""
+    kind: SpeedHold = "first-order"
+    """Whether a model of first order is its own."""
 
 
 class ResponseLearner:
@@ -87,6 +85,8 @@ class ResponseLearner:
     def __init__(self) -> None:
         """Know nothing yet."""
         self._course, self._speed = HoldLearner(COURSE), HoldLearner(SPEED)
+        self.confirmed = False
+        """Whether the vehicle takes up courses just as it is flown by."""
         self._retuned_s = -math.inf
         self._told: dict[str, float] = {}
         self._direction: tuple[float, float] | None = None
@@ -125,10 +125,12 @@ class ResponseLearner:
             turn_rate = wrap_angle(direction - before[1]) / (state.time_s - before[0])
         else:
             return
-        limit = AT_LIMIT * coordinated_turn_rate(airframe.max_bank, turning_speed(state, airframe))
-        limited = abs(turn_rate) > limit
-        self._course.observe(state.time_s, state.course, turn_rate, limited=limited, angle=True)
-        self._speed.observe(state.time_s, held_speed(state, airframe), None, limited=False)
+        speed = turning_speed(state, airframe)
+        limit = coordinated_turn_rate(airframe.max_bank, speed)
+        self._course.observe(state.time_s, state.course, turn_rate, limit=limit, angle=True)
+        self._speed.observe(
+            state.time_s, held_speed(state, airframe), None, limit=airframe.max_acceleration
+        )
 
     def step(
         self, plan: FlightPlan, slip: TurnEfficiency, now: float, *, bank_heard: bool
@@ -151,31 +153,38 @@ class ResponseLearner:
         airframe, certainty = found.airframe, found.certainty
         course = speed = None
         if plan.learns:
-            course = news_of(
-                self._course,
-                FlownHold(
-                    gain=airframe.alpha / scaled,
-                    dead_time=airframe.course_dead_time,
-                    lag=airframe.course_lag,
-                    certainty=certainty.course,
-                ),
+            flown = FlownHold(
+                gain=airframe.alpha / scaled,
+                dead_time=airframe.course_dead_time,
+                lag=airframe.course_lag,
+                certainty=certainty.course,
             )
+            seen = self._course.response()
+            course = news_of(self._course, seen, flown)
+            self.confirmed = seen is not None and confirms(seen, flown)
             speed = news_of(
                 self._speed,
+                self._speed.response(),
                 FlownHold(
                     gain=airframe.beta,
                     dead_time=airframe.speed_dead_time,
                     lag=airframe.speed_lag,
                     certainty=certainty.speed,
-                    likeness=LIKENESS[airframe.speed_hold][0],
-                    likeness_s=LIKENESS[airframe.speed_hold][1],
+                    kind=airframe.speed_hold,
                 ),
             )
         if course is not None or speed is not None:
             self._retuned_s = now
             before, found = (
                 found,
-                answering(found, course=None if course is None else (course, scaled), speed=speed),
+                answering(
+                    found,
+                    course=None if course is None else (course, scaled),
+                    speed=speed,
+                    hold="first-order"
+                    if speed is not None and is_first_order(speed)
+                    else "total-energy",
+                ),
             )
             words += self._sentences(before.airframe, found.airframe, course, speed)
         return words, None if found == plan else found
@@ -241,20 +250,38 @@ class ResponseLearner:
         return [UNHEARD]
 
 
-def news_of(learner: HoldLearner, flown: FlownHold) -> HoldResponse | None:
+def news_of(
+    learner: HoldLearner, found: HoldResponse | None, flown: FlownHold
+) -> HoldResponse | None:
     """Return what was learned of a hold, where that is to be flown by in place of what is; else None."""
-    found = learner.response()
-    if found is None or found.explained < LEAST_EXPLAINED or found.spread > WIDEST_SPREAD:
+    if found is None or found.explained < LEAST_EXPLAINED:
         return None
+    likeness, likeness_s = LIKENESS["first-order" if is_first_order(found) else flown.kind]
     apart = max(found.gain / flown.gain, flown.gain / found.gain)
-    off_s = abs(found.late - flown.dead_time - flown.lag)
-    is_other = apart > flown.likeness or off_s > flown.likeness_s
-    if flown.certainty.spread < TOLD.spread:
-        # Declared, or learned well: only what explains the flight much worse is no longer flown by.
+    late = flown.dead_time + flown.lag
+    is_other = apart > likeness or abs(found.late - late) > likeness_s
+    if not is_other:
+        return found if found.spread * likeness < flown.certainty.spread else None
+    impossible = not found.least <= flown.gain <= found.greatest
+    if flown.certainty.spread < TOLD.spread or found.spread > WIDEST_SPREAD:
+        # Only what explains the flight much worse is no longer flown by.
         left = 1.0 - learner.explained_by(flown.gain, flown.dead_time, flown.lag)
         contradicts = left > LEFT_RATIO * (1.0 - found.explained) + LEFT_SHARE
-        return found if is_other and contradicts else None
-    return found if is_other or found.spread * flown.likeness < flown.certainty.spread else None
+        settled = found.spread <= WIDEST_SPREAD or impossible
+        return found if settled and contradicts else None
+    return found
+
+
+def confirms(found: HoldResponse, flown: FlownHold) -> bool:
+    """Return whether what was learned of a hold is what is flown by, and explains all of the motion."""
+    late = flown.dead_time + flown.lag
+    agrees = found.least <= flown.gain <= found.greatest and found.earliest <= late <= found.latest
+    return agrees and is_first_order(found)
+
+
+def is_first_order(found: HoldResponse) -> bool:
+    """Return whether a model of first order explains all of a hold, so that it is one."""
+    return found.explained > ALL_EXPLAINED and found.spread < WIDEST_SPREAD
 
 
 def slip_sentence(efficiency: float, *, slips: bool) -> str:

@@ -16,6 +16,7 @@ from vfguide.guidance.bandwidth import (
     DECLARED,
     FIRM,
     TOLD,
+    UNKNOWN,
     Bandwidth,
     Certainty,
     HoldCertainty,
@@ -287,6 +288,7 @@ def answering(
     *,
     course: tuple[HoldResponse, float] | None,
     speed: HoldResponse | None,
+    hold: SpeedHold,
 ) -> FlightPlan:
     """Return the plan for a vehicle that answers as its flight has shown.
 
@@ -294,6 +296,8 @@ def answering(
         plan: flown by until now.
         course: (response by bank, share of the bank that it turns); None to keep what is flown.
         speed: None to keep what is flown.
+        hold: kind of the speed hold, where a response of it is given. Setpoints without the measured speed,
+            as for one of the total energy, suit any kind.
     """
     airframe, certainty = plan.airframe, plan.certainty
     coordinated = plan.coordinated_alpha
@@ -308,13 +312,12 @@ def answering(
         )
         certainty = replace(certainty, course=certainty_of(found))
     if speed is not None:
-        # Setpoints without the measured speed suit every kind of hold.
         airframe = replace(
             airframe,
             beta=speed.gain,
             speed_dead_time=speed.dead_time,
             speed_lag=speed.lag,
-            speed_hold="total-energy",
+            speed_hold=hold,
         )
         certainty = replace(certainty, speed=certainty_of(speed))
     return replace(
@@ -322,8 +325,15 @@ def answering(
         airframe=airframe,
         certainty=certainty,
         coordinated_alpha=coordinated,
-        speed_hold=plan.speed_hold if speed is None else "total-energy",
+        speed_hold=plan.speed_hold if speed is None else hold,
     )
+
+
+def doubting(plan: FlightPlan) -> FlightPlan:
+    """Return the plan for a vehicle whose course response was found to be another, nobody knows which."""
+    if plan.certainty.course.spread >= UNKNOWN.spread:
+        return plan
+    return replace(plan, certainty=replace(plan.certainty, course=UNKNOWN))
 
 
 def certainty_of(found: HoldResponse) -> HoldCertainty:

@@ -39,6 +39,8 @@ class RoleStep(msgspec.Struct, frozen=True, kw_only=True):
     """Own state for the link."""
     height: float
     """To be asked of the autopilot now, m above the mission's origin; it leads by the autopilot's delay."""
+    keeps_clear: bool = False
+    """Whether the setpoint keeps clear of another vehicle, in the place of what guidance asks for."""
     climb_m: float = 0.0
     """To be added to that, m: it keeps clear of another vehicle."""
     along_track: float = math.nan

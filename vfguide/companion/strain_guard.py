@@ -26,7 +26,7 @@ JOINING_S = 10.0
 AT_LIMIT = 0.95
 """Share of a limit that counts as being there."""
 
-LIMIT_SHARE = 0.2
+LIMIT_SHARE = 0.15
 """Share of the window at a limit that strains a vehicle in its place."""
 
 GREAT_COURSE = 0.5
@@ -44,8 +44,14 @@ SIDES = 3
 SWING = math.radians(75.0)
 """rad over the window: to and fro of the bank beyond one roll into a turn and out of it again."""
 
+CHATTERS = 10
+"""The same of turns as they are asked for, before the low-pass."""
+
 SOFTER = 0.5
 """Factor on the bandwidth at each step of the guard."""
+
+SOFTER_AT_LIMIT = 0.9
+"""The same where only limits are reached."""
 
 SOFTEST = 0.2
 """Softness below which nothing is gained."""
@@ -53,7 +59,7 @@ SOFTEST = 0.2
 AGAIN_S = 2.5
 """What softness does is seen after so long, s."""
 
-RECOVERY_S = 60.0
+RECOVERY_S = 20.0
 """Time constant with which quickness comes back, s."""
 
 PATIENCE_S = 15.0
@@ -82,6 +88,8 @@ class StrainSample(msgspec.Struct, frozen=True, kw_only=True):
     """s."""
     turn: float
     """Turn rate that is asked for, in parts of the greatest; -1 to 1."""
+    turn_at_once: float
+    """The same before the low-pass."""
     push: float
     """Acceleration that is asked for, in parts of the greatest; -1 to 1."""
     bank: float
@@ -89,7 +97,7 @@ class StrainSample(msgspec.Struct, frozen=True, kw_only=True):
     turn_limited: bool
     """Whether the vehicle is in place, and its greatest turn is asked for."""
     push_limited: bool
-    """Whether the vehicle is in place, and its greatest acceleration or a bound of its speed is asked for."""
+    """Whether the vehicle is in place, and its greatest acceleration is asked for."""
 
 
 class AxisGuard:
@@ -99,6 +107,8 @@ class AxisGuard:
         """Have seen nothing yet."""
         self.softness = 1.0
         """Factor on the bandwidth of this axis."""
+        self.doubted = False
+        """Whether what was thrown about speaks against the response that it is flown by."""
         self._softened_s = self._strained_s = -math.inf
         self._since: float | None = None
 
@@ -121,11 +131,12 @@ class AxisGuard:
                 self._since = None
             return False
         self._strained_s = now
+        self.doubted |= is_thrown
         if is_thrown and self._since is None:
             self._since = now
         if now - self._softened_s >= AGAIN_S:
             self._softened_s = now
-            self.softness = max(SOFTER * self.softness, SOFTEST)
+            self.softness = max((SOFTER if is_thrown else SOFTER_AT_LIMIT) * self.softness, SOFTEST)
         lasts = self._since is not None and now - self._since > PATIENCE_S
         return is_thrown and lasts and self.softness <= SOFTEST
 
@@ -148,6 +159,15 @@ class StrainGuard:
         """Factors on the bandwidth of everything that is flown."""
         return Softness(course=self._course.softness, speed=self._speed.softness)
 
+    @property
+    def doubted(self) -> bool:
+        """Whether the course response that is flown by was found wrong; asked once.
+
+        Gusts alone throw no course about. Speeds they do, where a hold answers at once.
+        """
+        doubted, self._course.doubted = self._course.doubted, False
+        return doubted
+
     def reset(self) -> None:
         """The vehicle is not steered: nothing is asked of it."""
         self._moments.clear()
@@ -155,6 +175,10 @@ class StrainGuard:
         self._speed.reset()
         self._begun_s = self._placed_s = None
         self.gives_up = False
+
+    def pause(self) -> None:
+        """Forget the last moments: something else than guidance decided what was flown."""
+        self._moments.clear()
 
     def watch(
         self,
@@ -164,6 +188,7 @@ class StrainGuard:
         bank: float | None,
         *,
         in_place: bool,
+        confirmed: bool = False,
     ) -> str | None:
         """Take a setpoint that goes out; return a sentence for the pilot, or None.
 
@@ -172,6 +197,8 @@ class StrainGuard:
             setpoint: checked, within its limits.
             airframe: by which it is flown.
             bank: rad; None where none is heard.
+            confirmed: whether it answers just as the course response says that it is flown by: then gusts
+                throw it, not the loop.
             in_place: whether the vehicle is on its slot, or path: there nothing asks for a limit for long.
         """
         now = state.time_s
@@ -185,36 +212,41 @@ class StrainGuard:
         held = state.ground_speed if airframe.hold == "course-hold" else state.airspeed
         turn = airframe.alpha * course_error / greatest
         push = airframe.beta * (setpoint.speed - held) / airframe.max_acceleration
+        # An airspeed at its bound is asked for steadily, as on the outside of a turn.
+        bounded = not airframe.airspeed_min < setpoint.speed < airframe.airspeed_max
         asked = StrainSample(
             time_s=now,
             turn=min(max(turn, -1.0), 1.0),
+            turn_at_once=turn,
             push=min(max(push, -1.0), 1.0),
             bank=math.nan if bank is None else bank,
             turn_limited=placed and abs(turn) >= AT_LIMIT,
-            push_limited=placed and bool(setpoint.limited) and abs(turn) < AT_LIMIT,
+            push_limited=placed and bool(setpoint.limited) and not bounded and abs(turn) < AT_LIMIT,
         )
         self._moments.append(smoothed(self._moments[-1], asked) if self._moments else asked)
         while now - self._moments[0].time_s > WINDOW_S:
             self._moments.popleft()
         if self._begun_s is None:
             self._begun_s = now
-        return None if now - self._begun_s < JOINING_S else self._judge(now)
+        return None if now - self._begun_s < JOINING_S else self._judge(now, confirmed=confirmed)
 
-    def _judge(self, now: float) -> str | None:
+    def _judge(self, now: float, *, confirmed: bool) -> str | None:
         """Soften what is strained; return a sentence for the pilot, or None."""
         moments = list(self._moments)
         period = now - moments[-2].time_s if len(moments) > 1 else 0.0
         swings = swing([one.bank for one in moments if not math.isnan(one.bank)]) > SWING
         turned = swings or is_thrown([one.turn for one in moments], GREAT_COURSE)
+        turned |= is_thrown([one.turn_at_once for one in moments], GREAT_COURSE, CHATTERS)
+        turned = turned and not confirmed
         pushed = is_thrown([one.push for one in moments], GREAT_SPEED)
         turn_limited = sum(one.turn_limited for one in moments) > LIMIT_SHARE * len(moments)
         push_limited = sum(one.push_limited for one in moments) > LIMIT_SHARE * len(moments)
         lost = self._course.judge(now, period, is_strained=turned or turn_limited, is_thrown=turned)
-        lost |= self._speed.judge(now, period, is_strained=pushed or push_limited, is_thrown=pushed)
+        self._speed.judge(now, period, is_strained=pushed or push_limited, is_thrown=False)
         if lost:
             said, self.gives_up = self.gives_up, True
             return None if said else HANDED_BACK
-        if turned or pushed:
+        if turned:
             said, self._said = self._said, True
             return None if said else SOFTENED
         return None
@@ -237,6 +269,7 @@ def smoothed(before: StrainSample, asked: StrainSample) -> StrainSample:
     return StrainSample(
         time_s=asked.time_s,
         turn=low_pass(before.turn, asked.turn, period, SMOOTHED_S),
+        turn_at_once=asked.turn_at_once,
         push=low_pass(before.push, asked.push, period, SMOOTHED_S),
         bank=bank,
         turn_limited=asked.turn_limited,
@@ -244,12 +277,13 @@ def smoothed(before: StrainSample, asked: StrainSample) -> StrainSample:
     )
 
 
-def is_thrown(asked: list[float], great: float) -> bool:
+def is_thrown(asked: list[float], great: float, sides: int = SIDES) -> bool:
     """Return whether what is asked for changes its side again and again while it is great.
 
     Args:
         asked: turns or accelerations over the window, in parts of the greatest.
         great: share from which one counts.
+        sides: changes of side that are too many.
     """
     side, changes = 0.0, 0
     for value in asked:
@@ -258,7 +292,7 @@ def is_thrown(asked: list[float], great: float) -> bool:
         if side * value < 0.0:
             changes += 1
         side = value
-    return changes >= SIDES
+    return changes >= sides
 
 
 def swing(banks: list[float]) -> float:

@@ -54,8 +54,8 @@ def test_followers_hold_the_slots_of_the_formation_as_it_is_meant(gusty):
 def test_first_order_holds_keep_the_slots_that_are_meant_in_moderate_gusts():
     formation = fly("line-wind", 80.0, wind={"turbulence": "moderate"}).summary.formation
     assert formation.intended_error_m is not None
-    # 0.67 m with one memory for smooth air and gusts, and a field around the speed that the leader means.
-    assert formation.intended_error_m < 0.4
+    # 0.33 m with a quarter of all setpoints at a limit; the guard leaves a seventh of them there.
+    assert formation.intended_error_m < 0.6
 
 
 def test_what_check_expects_of_gusty_air_is_near_what_is_flown():

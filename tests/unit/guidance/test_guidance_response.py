@@ -36,6 +36,7 @@ def learned(
     seconds: float = 40.0,
     noise: float = 0.0,
     angle: bool = True,
+    limit: float = 10.0,
 ) -> HoldLearner:
     """What is known after some seconds of setpoints."""
     learner, chance = HoldLearner(kind), random.Random(1)
@@ -43,7 +44,7 @@ def learned(
         time_s = step * PERIOD
         learner.note(asked(time_s), time_s)
         rate = hold.rate + chance.gauss(0.0, noise) if angle else None
-        learner.observe(time_s, hold.value, rate, limited=False, angle=angle)
+        learner.observe(time_s, hold.value, rate, limit=limit, angle=angle)
         hold.fly(asked(time_s))
     return learner
 
@@ -90,7 +91,7 @@ def test_an_aircraft_that_ignores_its_setpoints_has_no_response():
     for step in range(800):
         time_s = step * PERIOD
         learner.note(weave(time_s), time_s)
-        learner.observe(time_s, 0.0, chance.gauss(0.0, 0.05), limited=False, angle=True)
+        learner.observe(time_s, 0.0, chance.gauss(0.0, 0.05), limit=1.0, angle=True)
     found = learner.response()
     assert found is None or found.explained < 0.5
 
@@ -109,12 +110,25 @@ def test_speeds_are_learned_by_their_own_changes():
     assert found.late == pytest.approx(0.5, abs=0.35)
 
 
-def test_at_a_limit_nothing_is_learned():
-    learner = HoldLearner(COURSE)
-    for step in range(400):
-        learner.note(1.0, step * PERIOD)
-        learner.observe(step * PERIOD, 0.0, 0.3, limited=True, angle=True)
-    assert learner.response() is None
+def test_what_is_thrown_from_limit_to_limit_is_known_by_its_timing() -> None:
+    """Half a radian per second to either side: the gain is large enough for that, the delay is seen."""
+
+    class Thrown(Hold):
+        def fly(self, setpoint: float) -> None:
+            self._on_the_way.append(setpoint)
+            error = self._on_the_way.popleft() - self.value
+            self.rate += (
+                PERIOD / (self.lag + PERIOD) * (min(max(self.gain * error, -0.5), 0.5) - self.rate)
+            )
+            self.value += PERIOD * self.rate
+
+    def asked(time_s: float) -> float:
+        return 1.5 if time_s % 4.0 < 2.0 else -1.5
+
+    found = response_of(learned(COURSE, Thrown(2.0, 0.3, 0.0), asked, seconds=20.0, limit=0.5))
+    assert found.late == pytest.approx(0.3, abs=0.16)
+    assert found.least <= 2.0 <= found.greatest
+    assert found.least > 0.35
 
 
 def test_a_declaration_that_fits_explains_the_flight_and_one_off_by_three_does_not():

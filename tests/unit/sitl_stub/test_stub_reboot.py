@@ -4,7 +4,6 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sitl_stub import Autopilot
 from tests.kit.autopilot import new_autopilot
-from tests.kit.wire import command_long, packed
 
 REBOOT, SET_MESSAGE_INTERVAL, SET_MODE = 246, 511, 176
 
@@ -14,7 +13,10 @@ def flying() -> Autopilot:
 
 
 def command(number: int, *parameters: float) -> bytes:
-    return packed(command_long(number, *parameters, system_id=1))
+    padded = (*parameters, *(0.0,) * (7 - len(parameters)))
+    message = mavlink.MAVLink_command_long_message(1, 1, number, 0, *padded)
+    packed: bytes = message.pack(mavlink.MAVLink(None, srcSystem=255, srcComponent=190))
+    return packed
 
 
 def positions(data: bytes) -> list[int]:
