@@ -212,6 +212,6 @@ def new_flight(
     return Flight(
         companion=companion(),
         make=companion,
-        autopilot=emulator(kind, declared.system_id, version),
+        autopilot=emulator("ardupilot" if kind == "auto" else kind, declared.system_id, version),
         link=link or (lambda now: [leader_bytes(now)]),
     )

@@ -12,7 +12,6 @@ from vfguide.laws.leader import LeaderTask
 from vfguide.mavlink.adapter import AutopilotSetpoint
 from vfguide.mavlink.ardupilot import ArduPlane
 from vfguide.mavlink.px4 import Px4
-from vfguide.mission.model import Timeouts
 from vfguide.mission.model import Timeouts as MissionTimeouts
 from vfguide.paths.circle import Circle
 from vfguide.paths.line import Line
@@ -54,7 +53,7 @@ def test_a_follower_flies_away_at_its_leaders_airspeed_as_far_as_it_can(lowest, 
 
 
 def test_patience_is_the_missions():
-    assert plan_of().timeouts == Timeouts()
+    assert plan_of().timeouts == ModeTimeouts()
     declared = MissionTimeouts(telemetry_s=2.0, leader_s=3.0, prediction_s=4.0, breakaway_s=0.0)
     changed = shipped("line-calm").model_copy(update={"patience": declared})
     for name in ("leader", "f1"):
