@@ -29,9 +29,10 @@ def check(
 ) -> None:
     """Find out what can be known before take-off.
 
-    One line for each finding; what formation error to expect is flown, a minute in virtual time. Exit
-    status: 0 ready to fly, 1 with warnings under --strict, 2 the mission cannot be flown, 3 the rehearsal
-    broke or was stopped.
+    One line for each finding; what formation error to expect is flown in virtual time: a minute as the
+    mission declares it, and 40 s each by aircraft that answer half and twice as fast. Exit status: 0 ready
+    to fly, 1 with warnings under --strict, 2 the mission cannot be flown, 3 the rehearsal broke or was
+    stopped.
     """
     try:
         loaded = read_mission(mission)

@@ -1,6 +1,7 @@
 """How precise a formation will be: flown for a minute, from its slots, in all that the mission declares.
 
-A mission with a time table is flown until its last order has settled.
+A mission with a time table is flown until its last order has settled. Two shorter flights show what it comes
+to if the aircraft answer half or twice as fast.
 """
 
 import math
@@ -19,6 +20,13 @@ from vfguide.lab.rehearsal.radio_flight import fly_rehearsal
 from vfguide.lab.report.geometry import pair_separations
 from vfguide.lab.report.metrics import summarise
 from vfguide.lab.studies.flown import beyond_when_flown
+from vfguide.lab.studies.unlike_declared import (
+    UnlikeDeclared,
+    declares_any_response,
+    fly_unlike_declared,
+    losses_found,
+    worst_in_words,
+)
 from vfguide.mission.finding import Finding
 from vfguide.mission.flight_limits import climb_limits
 from vfguide.mission.flight_path import height_span, path_of
@@ -55,13 +63,16 @@ def expected_precision(
     Raises:
         VfguideError: a library of its law is not installed, or a process died.
     """
-    flight = fly_rehearsal(from_the_slots(mission), processes=os.cpu_count() or 1, stop=stop)
-    if flight.interrupted:
+    rehearsed = from_the_slots(mission)
+    flight = fly_rehearsal(rehearsed, processes=os.cpu_count() or 1, stop=stop)
+    unlike = None if flight.interrupted else fly_unlike_declared(rehearsed, stop)
+    if unlike is None:
         return None
     return (
-        precision_of(mission, first_minute(flight.record)),
+        precision_of(mission, first_minute(flight.record), unlike),
         *orders_amiss(mission, flight),
         *fence_left(mission, flight.record),
+        *losses_found(mission, unlike),
     )
 
 
@@ -140,17 +151,30 @@ def orders_not_flown(mission: Mission, flight: LockstepFlight) -> Iterator[Findi
         yield Finding("error", ("orders", number - 1), message, "see it: vfguide fly")
 
 
-def precision_of(mission: Mission, record: FlightRecord) -> Finding:
-    """What formation error to expect of a mission, against what it asks for."""
+def precision_of(
+    mission: Mission, record: FlightRecord, unlike: tuple[UnlikeDeclared, ...]
+) -> Finding:
+    """What formation error to expect of a mission, against what it asks for.
+
+    Args:
+        mission: the mission.
+        record: of its flight as rehearsed.
+        unlike: what became of it where the aircraft answered otherwise.
+    """
     formation = summarise(record).formation
     error, asked = formation.mean_error_m, mission.acceptance.mean_error_m
     if error is None or formation.p95_error_m is None:
         message = "the rehearsal measured no formation error"
         return Finding("warning", ("followers",), message, "see why: vfguide fly")
+    learned = (
+        ""
+        if declares_any_response(mission)
+        else "how it answers is not declared: it is learned in flight; "
+    )
     message = (
-        f"expect {error:.2f} m of mean formation error, 95 % of the time below"
-        f" {formation.p95_error_m:.2f} m: flown for {record.duration_s:.0f} s in"
-        f" {conditions_in_words(mission)}; an aircraft that answers otherwise adds to it"
+        f"{learned}expect {error:.2f} m of mean formation error, 95 % of the time below"
+        f" {formation.p95_error_m:.2f} m; {worst_in_words(mission, error, unlike)}: flown for"
+        f" {record.duration_s:.0f} s in {conditions_in_words(mission)}"
     )
     if asked is not None and error > asked:
         message += f"; acceptance.mean_error_m is {asked:g}"
@@ -220,4 +244,5 @@ def conditions_in_words(mission: Mission) -> str:
     else:
         words.append(f"a radio with {radio.leader_hz:g} leader states a second")
         words += [f"{radio.loss:.0%} of its packets lost"] * (radio.loss > 0.0)
-    return f"{', '.join(words)}, with vehicles as declared"
+    words += ["with vehicles as declared"] * declares_any_response(mission)
+    return ", ".join(words)
