@@ -60,6 +60,9 @@ answers by pitch at once and by throttle later: a model of first order is only r
 RETUNED_S = 4.0
 """Least time between two changes, s: what one of them does is seen before the next."""
 
+JUDGED_S = 0.5
+"""What was learned is looked at no more often than this, s."""
+
 COORDINATED_SHARE = 1.0
 """Of the turn that its bank says, of a vehicle that does not slip."""
 
@@ -87,7 +90,7 @@ class ResponseLearner:
         self._course, self._speed = HoldLearner(COURSE), HoldLearner(SPEED)
         self.confirmed = False
         """Whether the vehicle takes up courses just as it is flown by."""
-        self._retuned_s = -math.inf
+        self._retuned_s = self._judged_s = -math.inf
         self._told: dict[str, float] = {}
         self._direction: tuple[float, float] | None = None
         self._efficiency: float | None = None
@@ -146,8 +149,9 @@ class ResponseLearner:
         if plan.asks_response:
             return [], None
         words, found = self._find_slip(plan, slip, now, bank_heard=bank_heard)
-        if now - self._retuned_s < RETUNED_S:
+        if now - self._retuned_s < RETUNED_S or now - self._judged_s < JUDGED_S:
             return words, None if found == plan else found
+        self._judged_s = now
         share = slip.value if slip.is_known or found.slips else COORDINATED_SHARE
         scaled = share if bank_heard else 1.0
         airframe, certainty = found.airframe, found.certainty
@@ -162,6 +166,8 @@ class ResponseLearner:
             seen = self._course.response()
             course = news_of(self._course, seen, flown)
             self.confirmed = seen is not None and confirms(seen, flown)
+        # A hold that creeps has a model of its own, by which it is asked for more than is wanted.
+        if plan.learns and plan.creeping_hold is None:
             speed = news_of(
                 self._speed,
                 self._speed.response(),

@@ -26,8 +26,11 @@ JOINING_S = 10.0
 AT_LIMIT = 0.95
 """Share of a limit that counts as being there."""
 
+GUSTY = 0.3
+"""Share of gusts in the wind's changes from which limits are asked for by them, not by a manoeuvre."""
+
 LIMIT_SHARE = 0.15
-"""Share of the window at a limit that strains a vehicle in its place."""
+"""Share of the window at a limit that strains a vehicle in its place, in gusts."""
 
 GREAT_COURSE = 0.5
 """Share of the greatest turn rate from which a turn that is asked for counts as great."""
@@ -95,9 +98,9 @@ class StrainSample(msgspec.Struct, frozen=True, kw_only=True):
     bank: float
     """rad; NaN where none is heard."""
     turn_limited: bool
-    """Whether the vehicle is in place, and its greatest turn is asked for."""
+    """Whether gusts ask for its greatest turn, while the vehicle is in place."""
     push_limited: bool
-    """Whether the vehicle is in place, and its greatest acceleration is asked for."""
+    """The same of its greatest acceleration."""
 
 
 class AxisGuard:
@@ -214,14 +217,15 @@ class StrainGuard:
         push = airframe.beta * (setpoint.speed - held) / airframe.max_acceleration
         # An airspeed at its bound is asked for steadily, as on the outside of a turn.
         bounded = not airframe.airspeed_min < setpoint.speed < airframe.airspeed_max
+        gusty = placed and float(state.gust_share) > GUSTY
         asked = StrainSample(
             time_s=now,
             turn=min(max(turn, -1.0), 1.0),
             turn_at_once=turn,
             push=min(max(push, -1.0), 1.0),
             bank=math.nan if bank is None else bank,
-            turn_limited=placed and abs(turn) >= AT_LIMIT,
-            push_limited=placed and bool(setpoint.limited) and not bounded and abs(turn) < AT_LIMIT,
+            turn_limited=gusty and abs(turn) >= AT_LIMIT,
+            push_limited=gusty and bool(setpoint.limited) and not bounded and abs(turn) < AT_LIMIT,
         )
         self._moments.append(smoothed(self._moments[-1], asked) if self._moments else asked)
         while now - self._moments[0].time_s > WINDOW_S:
@@ -238,7 +242,7 @@ class StrainGuard:
         turned = swings or is_thrown([one.turn for one in moments], GREAT_COURSE)
         turned |= is_thrown([one.turn_at_once for one in moments], GREAT_COURSE, CHATTERS)
         turned = turned and not confirmed
-        pushed = is_thrown([one.push for one in moments], GREAT_SPEED)
+        pushed = not confirmed and is_thrown([one.push for one in moments], GREAT_SPEED)
         turn_limited = sum(one.turn_limited for one in moments) > LIMIT_SHARE * len(moments)
         push_limited = sum(one.push_limited for one in moments) > LIMIT_SHARE * len(moments)
         lost = self._course.judge(now, period, is_strained=turned or turn_limited, is_thrown=turned)

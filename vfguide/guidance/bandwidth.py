@@ -179,7 +179,8 @@ def bandwidth_of(
     fastest = (
         1.0 / (factor * (max(period, LEAST_PERIOD) + loop_delay)) if factor > 0.0 else math.inf
     )
-    slowest_hold = airframe.beta * DECLARED.spread / certainty.speed.spread
+    # A hold that is slower than believed by TOLD.spread is still led with a damping of 0.7.
+    slowest_hold = airframe.beta / max(certainty.speed.spread / TOLD.spread, 1.0)
     energy_field = min(
         slowest_hold / (1.0 + NESTING),
         MARGIN / (NESTING * certainty.speed.spread * (speed_delay + certainty.speed.late)),

@@ -26,7 +26,7 @@ def launched(**options: object) -> Formation:
     return Formation(mission_with("circle-wind", rehearsal={"start": start}), **options)
 
 
-def test_formation_is_kept_over_a_bad_link(launched):
+def test_formation_is_kept_over_a_bad_link():
     formation = launched()
     formation.fly(SETTLED_S)
     formation.link(delay_s=0.3, loss=0.3)
@@ -38,7 +38,7 @@ def test_formation_is_kept_over_a_bad_link(launched):
 
 
 @pytest.mark.parametrize(("name", "length_s"), [("f1", 5.0), ("f2", 10.0), ("f3", 5.0)])
-def test_a_follower_that_its_pilot_borrows_comes_back(name, length_s, launched):
+def test_a_follower_that_its_pilot_borrows_comes_back(name, length_s):
     returned_s = SETTLED_S + length_s
     formation = launched()
     formation.fly(SETTLED_S)
@@ -57,7 +57,7 @@ def test_a_follower_that_its_pilot_borrows_comes_back(name, length_s, launched):
 
 
 @pytest.mark.parametrize("name", ["f1", "f2", "f3"])
-def test_a_follower_whose_companion_was_dead_comes_back_clear_of_the_others(name, launched):
+def test_a_follower_whose_companion_was_dead_comes_back_clear_of_the_others(name):
     # The autopilot holds the last course that it was given: on a circle that leads through the others' slots.
     restarted_s = SETTLED_S + 4.0
     formation = launched()
@@ -73,7 +73,7 @@ def test_a_follower_whose_companion_was_dead_comes_back_clear_of_the_others(name
     assert flown.nearest() >= 5.0
 
 
-def test_two_that_come_back_at_once_keep_clear_of_a_third_whose_companion_is_dead(launched):
+def test_two_that_come_back_at_once_keep_clear_of_a_third_whose_companion_is_dead():
     formation = launched()
     formation.fly(SETTLED_S)
     for name in ("f1", "f3"):
@@ -92,7 +92,7 @@ def test_two_that_come_back_at_once_keep_clear_of_a_third_whose_companion_is_dea
     assert flown.nearest() >= 5.0
 
 
-def test_formation_outlives_a_leader_without_telemetry(launched):
+def test_formation_outlives_a_leader_without_telemetry():
     formation = launched()
     formation.fly(SETTLED_S)
     leader = formation.emulators["leader"]

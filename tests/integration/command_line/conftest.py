@@ -31,6 +31,7 @@ leader: {vehicle: lead, airspeed_m_s: 20}
 followers:
   - {vehicle: wing, slot: {forward_m: -20, right_m: 20}}
 vehicles:
+  defaults: {alpha_1_s: 1.2, beta_1_s: 0.8}
   lead: {system_id: 1}
   wing: {system_id: 2}
 rehearsal:
