@@ -37,6 +37,9 @@ UNHEARD = (
 LEAST_EXPLAINED = 0.5
 """Share of the motion that a model explains, below which it is no model of it."""
 
+SPEED_EXPLAINED = 0.8
+"""The same of speeds, which gusts change as much as the hold does."""
+
 ALL_EXPLAINED = 0.97
 """Share of the motion from which a hold is one of first order."""
 
@@ -78,6 +81,8 @@ class FlownHold(msgspec.Struct, frozen=True, kw_only=True):
     """s."""
     certainty: HoldCertainty
     """How well that is known."""
+    least_explained: float = LEAST_EXPLAINED
+    """Share of the motion that a model has to explain to replace it."""
     kind: SpeedHold = "first-order"
     """Whether a model of first order is its own."""
 
@@ -176,6 +181,7 @@ class ResponseLearner:
                     dead_time=airframe.speed_dead_time,
                     lag=airframe.speed_lag,
                     certainty=certainty.speed,
+                    least_explained=SPEED_EXPLAINED,
                     kind=airframe.speed_hold,
                 ),
             )
@@ -260,7 +266,7 @@ def news_of(
     learner: HoldLearner, found: HoldResponse | None, flown: FlownHold
 ) -> HoldResponse | None:
     """Return what was learned of a hold, where that is to be flown by in place of what is; else None."""
-    if found is None or found.explained < LEAST_EXPLAINED:
+    if found is None or found.explained < flown.least_explained:
         return None
     likeness, likeness_s = LIKENESS["first-order" if is_first_order(found) else flown.kind]
     apart = max(found.gain / flown.gain, flown.gain / found.gain)

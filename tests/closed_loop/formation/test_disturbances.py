@@ -132,7 +132,7 @@ def rubbish(random: Random, published: list[Mail]) -> list[Mail]:
     return heard
 
 
-def test_rubbish_on_the_link_changes_nothing_but_counters(launched, tmp_path):
+def test_rubbish_on_the_link_changes_nothing_but_counters(tmp_path):
     random = Random(7)
 
     def flown(carry: Callable[[list[Mail]], list[Mail]]) -> tuple[dict[str, bytes], Counter[str]]:
