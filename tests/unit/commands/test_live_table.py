@@ -2,6 +2,7 @@ import io
 import math
 from dataclasses import replace
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -67,7 +68,7 @@ def test_errors_are_from_the_slot_that_was_ordered_and_of_nobody_who_has_left():
 
 
 def test_a_companion_that_is_gone_is_offline_whatever_it_did_last():
-    gone = replace(presence(), status="offline")
+    gone = msgspec.structs.replace(presence(), status="offline")
     assert rows_of(("f1",), None, {"f1": gone})[0].mode == "offline"
 
 
