@@ -125,6 +125,7 @@ def test_a_failed_stage_shows_its_failures_and_fails_the_whole(tmp_path, monkeyp
 
 def test_all_is_well_where_every_stage_is(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
+    monkeypatch.delenv("PYTEST_ADDOPTS", raising=False)
     results = "import os, re, pathlib; pathlib.Path(re.search('xml=(.*)', os.environ['PYTEST_ADDOPTS'])[1])"
     program = f'{results}.write_text("""{RESULTS}""")'
     assert main([python("good", program)], []) == 0
