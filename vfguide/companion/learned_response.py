@@ -13,6 +13,7 @@ from vfguide.companion.own_vehicle import NavigatedState
 from vfguide.companion.plan import FlightPlan, answering, turning
 from vfguide.elementwise import wrap_angle
 from vfguide.guidance.airframe import (
+    GRAVITY,
     coordinated_turn_rate,
     held_direction,
     held_speed,
@@ -66,6 +67,12 @@ RETUNED_S = 4.0
 JUDGED_S = 0.5
 """What was learned is looked at no more often than this, s."""
 
+LEAST_CLIMB = 0.3
+"""m/s: slower climbs and descents take no energy that is worth a word."""
+
+SLOWEST_HOLD = 0.5
+"""1/s: what a speed hold asks for at least for each m/s that it is off, as far as energy is concerned."""
+
 COORDINATED_SHARE = 1.0
 """Of the turn that its bank says, of a vehicle that does not slip."""
 
@@ -98,6 +105,7 @@ class ResponseLearner:
         self._retuned_s = self._judged_s = -math.inf
         self._told: dict[str, float] = {}
         self._direction: tuple[float, float] | None = None
+        self._speed_wanted: float | None = None
         self._efficiency: float | None = None
         self._slip_said: bool | None = None
         self._since = math.inf
@@ -111,6 +119,7 @@ class ResponseLearner:
         else:
             self._course.note(setpoint.course, now)
             self._speed.note(setpoint.speed, now)
+        self._speed_wanted = None if setpoint is None else setpoint.speed
 
     def observe(self, plan: FlightPlan, navigated: NavigatedState, bank: float | None) -> None:
         """Take how the vehicle moves.
@@ -136,9 +145,13 @@ class ResponseLearner:
         speed = turning_speed(state, airframe)
         limit = coordinated_turn_rate(airframe.max_bank, speed)
         self._course.observe(state.time_s, state.course, turn_rate, limit=limit, angle=True)
-        self._speed.observe(
-            state.time_s, held_speed(state, airframe), None, limit=airframe.max_acceleration
-        )
+        held = held_speed(state, airframe)
+        if self._speed_wanted is not None and is_short_of_energy(
+            self._speed_wanted - held, state.airspeed, state.climb_rate, airframe
+        ):
+            self._speed.interrupt()
+            return
+        self._speed.observe(state.time_s, held, None, limit=airframe.max_acceleration)
 
     def step(
         self, plan: FlightPlan, slip: TurnEfficiency, now: float, *, bank_heard: bool
@@ -260,6 +273,28 @@ class ResponseLearner:
             return []
         self._complained = True
         return [UNHEARD]
+
+
+def is_short_of_energy(
+    error: float, airspeed: float, climb_rate: float, airframe: Airframe
+) -> bool:
+    """Return whether a climb or a descent leaves less acceleration than a speed hold wants.
+
+    Such a vehicle is late because of its engine or its drag, whatever its speed hold is.
+
+    Args:
+        error: wanted speed less the one that is flown, m/s.
+        airspeed: m/s.
+        climb_rate: m/s, positive up.
+        airframe: with the climb and sink rates that the vehicle keeps up.
+    """
+    if abs(climb_rate) < LEAST_CLIMB:
+        return False
+    wanted = max(airframe.beta, SLOWEST_HOLD) * error
+    share = GRAVITY / airspeed
+    slowest = -share * (airframe.sink_max + climb_rate)
+    fastest = share * (airframe.climb_max - climb_rate)
+    return not slowest <= wanted <= fastest
 
 
 def news_of(

@@ -156,6 +156,10 @@ class HoldLearner:
     def forget_setpoints(self) -> None:
         """Nothing is on its way to the autopilot: it does not fly by setpoints now."""
         self._setpoints.clear()
+        self.interrupt()
+
+    def interrupt(self) -> None:
+        """The hold is not seen for a moment: it does not follow for a reason of its own."""
         self._settling_s = 0.0
 
     def observe(
