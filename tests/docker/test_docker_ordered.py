@@ -25,7 +25,8 @@ MOVED_S = 28.0
 LED_S = 14.0
 """After a leader's companion is killed: until a deputy has drawn in and the next order is given."""
 
-ENDS_S = 118.0
+ENDS_S = 165.0
+"""On busy cores the second order takes half a minute to come out of its container."""
 
 SLOT_M = 1.5
 """From the slot that was ordered, on cores that ten containers share."""
