@@ -124,8 +124,15 @@ class Setpoint(msgspec.Struct, Generic[Number], frozen=True, kw_only=True):
     """chi^c, course over ground, rad, not wrapped."""
     speed: Number
     """V_a^c for a vehicle that holds airspeed, V_g^c for one that holds ground speed, m/s."""
-    limited: bool | BoolArray
-    """Whether a limit of the vehicle cut what the law asked for."""
+    turn_limited: bool | BoolArray = False
+    """Whether the greatest bank cut the turn that the law asked for."""
+    speed_limited: bool | BoolArray = False
+    """Whether acceleration or speed range cut what the law asked for."""
+
+    @property
+    def limited(self) -> bool | BoolArray:
+        """Whether a limit of the vehicle cut what the law asked for."""
+        return self.turn_limited | self.speed_limited
 
 
 class Airframe(msgspec.Struct, frozen=True, kw_only=True):

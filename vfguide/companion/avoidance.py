@@ -480,5 +480,5 @@ def setpoint_of(
         course=cmath.phase(own.velocity)
         + course_error_for(rate, max(abs(own.air_velocity), 1.0), airframe),
         speed=min(max(speed, agility.speed_min), agility.speed_max),
-        limited=True,
+        turn_limited=True,
     )

@@ -177,9 +177,8 @@ class DelayCompensator:
         rate = airframe.beta * (wanted.speed - held_speed(after, airframe))
         speed = held_speed(at, airframe) + (rate - self._bias.acceleration) / airframe.beta
         slowest, fastest = speed_range(at, airframe)
-        limited = bool(course.limited) or bool(wanted.limited)
-        return Setpoint(
-            course=course.course, speed=min(max(speed, slowest), fastest), limited=limited
+        return replace(
+            course, speed=min(max(speed, slowest), fastest), speed_limited=wanted.speed_limited
         )
 
     def course_setpoint(self, law: Law) -> Setpoint[float]:

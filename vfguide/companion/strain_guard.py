@@ -225,7 +225,7 @@ class StrainGuard:
             push=min(max(push, -1.0), 1.0),
             bank=math.nan if bank is None else bank,
             turn_limited=gusty and abs(turn) >= AT_LIMIT,
-            push_limited=gusty and bool(setpoint.limited) and not bounded and abs(turn) < AT_LIMIT,
+            push_limited=gusty and bool(setpoint.speed_limited) and not bounded,
         )
         self._moments.append(smoothed(self._moments[-1], asked) if self._moments else asked)
         while now - self._moments[0].time_s > WINDOW_S:

@@ -209,7 +209,8 @@ def heading_hold(
     return Setpoint(
         course=course_command(state.course, turn, airframe.alpha, hold),
         speed=airspeed,
-        limited=(turn != heading_rate) | (rate != airspeed_rate) | (airspeed != wanted),
+        turn_limited=turn != heading_rate,
+        speed_limited=(rate != airspeed_rate) | (airspeed != wanted),
     )
 
 
@@ -231,5 +232,6 @@ def _course_hold(
     return Setpoint(
         course=course_command(state.course, turn, airframe.alpha, hold),
         speed=speed,
-        limited=(turn != course_rate) | (rate != acceleration) | (speed != wanted),
+        turn_limited=turn != course_rate,
+        speed_limited=(rate != acceleration) | (speed != wanted),
     )

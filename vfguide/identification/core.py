@@ -113,7 +113,7 @@ class StepsRole(Role):
                 if navigated.air_data is not None:
                     self.recording.banks.note(self._bank(state.time_s, navigated.air_data))
         return RoleStep(
-            setpoint=Setpoint(course=course, speed=speed, limited=False),
+            setpoint=Setpoint(course=course, speed=speed),
             # Never in place: the pilot hears that it is steered.
             distance=math.inf,
             lyapunov=math.nan,

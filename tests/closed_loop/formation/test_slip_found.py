@@ -8,7 +8,6 @@ from tests.kit.flight import fly
 from tests.kit.missions import content_of
 from vfguide.mission import Mission
 
-
 LEARNED_S = 60.0
 """By then slip and response have been found, and what that changes is over."""
 

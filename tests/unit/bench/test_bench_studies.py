@@ -96,7 +96,7 @@ def test_figures_are_gathered_while_flying():
         watch(
             time_s,
             distances,
-            Setpoint(course=course, speed=2.0 * course, limited=np.array([[False, True]] * 2)),
+            Setpoint(course=course, speed=2.0 * course, turn_limited=np.array([[False, True]] * 2)),
         )
     outcome = watch.outcome()
     assert outcome.mean_error_m == pytest.approx([1.0, 0.4])

@@ -80,9 +80,9 @@ def flown(
     delay_compensator.observe(now)
     for step in range(round(seconds / PERIOD)):
         time_s = step * PERIOD
-        setpoint = Setpoint(course=0.3, speed=22.0, limited=False)
+        setpoint = Setpoint(course=0.3, speed=22.0)
         if step == 0:
-            delay_compensator.note(Setpoint(course=0.0, speed=20.0, limited=False), -10.0)
+            delay_compensator.note(Setpoint(course=0.0, speed=20.0), -10.0)
         delay_compensator.note(setpoint, time_s)
         for part in range(4):
             at = time_s + part * PERIOD / 4
@@ -102,7 +102,7 @@ def ahead_of(delay_compensator: DelayCompensator) -> VehicleState[float]:
 
     def law(ahead: VehicleState[float]) -> Setpoint[float]:
         seen.append(ahead)
-        return Setpoint(course=ahead.course, speed=ahead.airspeed, limited=False)
+        return Setpoint(course=ahead.course, speed=ahead.airspeed)
 
     delay_compensator.setpoint(law, law)
     return seen[1]
@@ -125,8 +125,8 @@ def test_what_the_vehicle_does_beyond_its_model_is_taken_off():
     delay_compensator = DelayCompensator(LATE)
     now = flown(delay_compensator, LATE, Bias(turn_rate=0.05, acceleration=0.3), 4.0)
     still = delay_compensator.setpoint(
-        lambda ahead: Setpoint(course=ahead.course, speed=ahead.airspeed, limited=False),
-        lambda ahead: Setpoint(course=ahead.course, speed=ahead.airspeed, limited=False),
+        lambda ahead: Setpoint(course=ahead.course, speed=ahead.airspeed),
+        lambda ahead: Setpoint(course=ahead.course, speed=ahead.airspeed),
     )
     # To neither turn nor accelerate it has to be told to turn left by 0.05 rad/s, to slow by 0.3 m/s².
     at = ahead_of(delay_compensator)
@@ -149,7 +149,7 @@ def test_a_ground_speed_is_one_that_the_airspeed_range_allows(wind, slowest, fas
     delay_compensator.observe(state(**wind))
 
     def told(speed: float) -> float:
-        wanted = Setpoint(course=0.0, speed=speed, limited=False)
+        wanted = Setpoint(course=0.0, speed=speed)
         return delay_compensator.setpoint(lambda _: wanted, lambda _: wanted).speed
 
     assert told(3.0) == pytest.approx(slowest)
@@ -164,7 +164,7 @@ def test_a_ground_speed_is_allowed_by_the_wind_on_the_course_on_which_it_takes_e
     for step in range(200):
         course = 0.2 * PERIOD * step
         delay_compensator.observe(state(time_s=step * PERIOD, course=course, wind_north=5.0))
-    wanted = Setpoint(course=0.0, speed=60.0, limited=False)
+    wanted = Setpoint(course=0.0, speed=60.0)
     told = delay_compensator.setpoint(lambda _: wanted, lambda _: wanted).speed
     tail, cross = 5.0 * math.cos(course + 0.1), 5.0 * math.sin(course + 0.1)
     # On the course of now it would be 0.4 m/s more.
@@ -233,7 +233,7 @@ def test_a_long_memory_hardly_answers_to_a_swing():
     spreads = []
     for memory in (Memory(), SLIPPING):
         delay_compensator = DelayCompensator(LATE, memory=memory)
-        delay_compensator.note(Setpoint(course=0.0, speed=20.0, limited=False), -10.0)
+        delay_compensator.note(Setpoint(course=0.0, speed=20.0), -10.0)
         sent = []
         for step in range(400):
             time_s = step * PERIOD
@@ -241,7 +241,7 @@ def test_a_long_memory_hardly_answers_to_a_swing():
             swing = 0.1 / math.tau * math.sin(math.tau * time_s)
             delay_compensator.observe(state(time_s=time_s, course=swing, heading=swing))
             still = delay_compensator.course_setpoint(
-                lambda ahead: Setpoint(course=ahead.course, speed=20.0, limited=False)
+                lambda ahead: Setpoint(course=ahead.course, speed=20.0)
             )
             sent.append(still.course - swing)
         spreads.append(max(sent[200:]) - min(sent[200:]))
@@ -255,7 +255,7 @@ def sent_errors(memory: Memory, asked: list[float]) -> list[float]:
     sent = []
     for step, turn_rate in enumerate(asked):
         delay_compensator.observe(state(time_s=step * PERIOD))
-        wanted = Setpoint(course=turn_rate / airframe.alpha, speed=20.0, limited=False)
+        wanted = Setpoint(course=turn_rate / airframe.alpha, speed=20.0)
         sent.append(delay_compensator.course_setpoint(lambda _, wanted=wanted: wanted).course)
     return sent
 

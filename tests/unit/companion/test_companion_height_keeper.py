@@ -42,7 +42,7 @@ def asked(
         height = keeper.step(
             navigated(now, airspeed(now)),
             target,
-            Setpoint(course=0.0, speed=wanted, limited=False),
+            Setpoint(course=0.0, speed=wanted),
             steered=steered,
         )
     return height
@@ -107,7 +107,7 @@ def test_height_that_a_climb_gave_up_is_not_missing_in_the_descent_after_it(keep
         target = max(156.0 - 3.0 * step * PERIOD_S, 60.0)
         sink = HeightTarget(height=target, climb_rate=-3.0 if target > 60.0 else 0.0, ahead=target)
         now = step * PERIOD_S
-        setpoint: Setpoint[float] = Setpoint(course=0.0, speed=20.0, limited=False)
+        setpoint: Setpoint[float] = Setpoint(course=0.0, speed=20.0)
         height = keeper.step(navigated(now, 20.0), sink, setpoint, steered=True)
         # Never below both where the climb ended and where the path is.
         assert height >= min(begin, target) - 1e-6

@@ -44,7 +44,7 @@ def test_a_setpoint_that_cannot_be_flown_never_becomes_bytes(monkeypatch, kind, 
         found = step(role, navigated, *rest)
         if navigated.state.time_s <= from_s:
             return found
-        return replace(found, setpoint=Setpoint(course=course, speed=speed, limited=False))
+        return replace(found, setpoint=Setpoint(course=course, speed=speed))
 
     monkeypatch.setattr(FollowerRole, "step", broken)
     flown = new_flight(kind=kind)
@@ -57,7 +57,7 @@ def test_a_setpoint_that_cannot_be_flown_never_becomes_bytes(monkeypatch, kind, 
 
 @pytest.mark.parametrize("speed", [12.0, 20.0, 32.0])
 def test_the_whole_airspeed_range_can_be_flown(speed):
-    assert is_flyable(Setpoint(course=-40.0, speed=speed, limited=False), plan_of())
+    assert is_flyable(Setpoint(course=-40.0, speed=speed), plan_of())
 
 
 @pytest.mark.parametrize(
@@ -72,7 +72,7 @@ def test_the_whole_airspeed_range_can_be_flown(speed):
 def test_a_ground_speed_is_bound_by_the_airspeed_range_and_the_strongest_wind(speed, flyable):
     known = plan_of()
     by_ground = replace(known, airframe=replace(known.airframe, hold="course-hold"))
-    setpoint = Setpoint(course=1.0, speed=speed, limited=False)
+    setpoint = Setpoint(course=1.0, speed=speed)
     assert is_flyable(setpoint, by_ground) is flyable
 
 
@@ -189,7 +189,7 @@ def complaints(
     found = []
     for step in range(round(seconds * 20)):
         now = step / 20
-        setpoint = Setpoint(course=wanted(now), speed=20.0, limited=False)
+        setpoint = Setpoint(course=wanted(now), speed=20.0)
         complaint = watch.watch(vehicle_at(time_s=now, course=course(now)), setpoint)
         if complaint is not None:
             found.append((now, complaint))
@@ -225,7 +225,7 @@ def test_a_nose_that_turns_into_a_swinging_wind_follows_although_the_course_stay
     for step in range(1200):
         now = step / 20
         flown = replace(vehicle_at(time_s=now), heading=0.08 * now)
-        setpoint = Setpoint(course=0.067, speed=20.0, limited=False)
+        setpoint = Setpoint(course=0.067, speed=20.0)
         assert watch.watch(flown, setpoint) is None
 
 

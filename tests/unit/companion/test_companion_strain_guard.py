@@ -56,7 +56,7 @@ def watched(
     for step in range(round(seconds / PERIOD)):
         time_s = begun_s + step * PERIOD
         course, bank, limited = asked(time_s)
-        setpoint = Setpoint(course=course, speed=20.0, limited=limited)
+        setpoint = Setpoint(course=course, speed=20.0, speed_limited=limited)
         state = replace(STRAIGHT, time_s=time_s, gusts=gusts)
         text = guard.watch(state, setpoint, AIRFRAME, bank, in_place=True)
         if text is not None:

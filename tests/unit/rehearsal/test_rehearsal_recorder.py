@@ -23,7 +23,7 @@ def truth(**values: float) -> sitl_stub.Truth:
 def test_a_record_has_the_true_states_and_what_the_companion_did_in_the_order_of_the_samples():
     recorder = VehicleRecorder(MISSION, "f1")
     waiting = Snapshot(mode=Mode.WAITING, setpoint=None, lyapunov=math.nan)
-    setpoint = Setpoint(course=0.5, speed=21.0, limited=True)
+    setpoint = Setpoint(course=0.5, speed=21.0, turn_limited=True)
     tracking = Snapshot(mode=Mode.TRACKING, setpoint=setpoint, lyapunov=2.5)
     recorder.sample(truth(bank_rad=0.25), waiting)
     recorder.sample(truth(bank_rad=0.75), tracking)

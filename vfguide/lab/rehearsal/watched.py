@@ -160,7 +160,7 @@ def snapshot_of(step: GuidanceStep | None) -> Snapshot:
         return UNSEEN
     setpoint = None
     if math.isfinite(step.course_rad):
-        setpoint = Setpoint(course=step.course_rad, speed=step.speed_m_s, limited=step.limited)
+        setpoint = Setpoint(course=step.course_rad, speed=step.speed_m_s, turn_limited=step.limited)
     return Snapshot(
         mode=Mode(step.mode), setpoint=setpoint, lyapunov=step.lyapunov_m2, path=step.path
     )

@@ -95,7 +95,7 @@ class SeparateFollowers:
             ).setpoint
             course[row, column], speed[row, column] = setpoint.course, setpoint.speed
             limited[row, column] = setpoint.limited
-        return Setpoint(course=course, speed=speed, limited=limited)
+        return Setpoint(course=course, speed=speed, turn_limited=limited)
 
     def reset(self) -> None:
         """Every one of them."""
