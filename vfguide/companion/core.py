@@ -158,6 +158,7 @@ class Companion:
             left=self._arrangements.flight.has_left,
             path=self._arrangements.flight.path,
             lead=self._vehicle.role.lead if self._mode.steers else None,
+            response=self._vehicle.response,
         )
 
     @property

@@ -27,7 +27,7 @@ from vfguide.companion.presence_figures import (
     latency_figures,
     refused_messages,
 )
-from vfguide.companion.role import Outgoing, flight_event
+from vfguide.companion.role import Outgoing, Snapshot, flight_event
 from vfguide.companion.timing import SAME_CLOCK, SharedClock
 from vfguide.errors import VfguideError, described_error
 from vfguide.link.address import LinkAddress
@@ -347,7 +347,9 @@ class Daemon:
         if out.to_others and self._target_connection is not None:
             self._target_connection.send(out.to_others)
         if self._record is not None and (out.steered or out.events):
-            self._record.add_step(self._step())
+            now, snapshot = self._clock.now(), self._companion.snapshot
+            self._record.add_step(self._step(snapshot, now))
+            self._record.add_response(now, snapshot.response)
             for event in out.events:
                 formation_time_s = self._shared_clock.from_own(event.time_s)
                 self._record.add_event(flight_event(self._name, event), formation_time_s)
@@ -439,10 +441,9 @@ class Daemon:
             )
         return figures
 
-    def _step(self) -> GuidanceStep:
+    def _step(self, snapshot: Snapshot, now: float) -> GuidanceStep:
         """What the companion did last, for the record."""
-        now = self._clock.now()
-        step = self._companion.snapshot.guidance_step(now, self._companion.leader_age(now))
+        step = snapshot.guidance_step(now, self._companion.leader_age(now))
         return replace(step, formation_time_s=self._shared_clock.from_own(now))
 
     def _tell_of_record(self) -> None:

@@ -12,7 +12,7 @@ from vfguide.companion.arrangements import Arrangements
 from vfguide.companion.authority import ModeAuthority
 from vfguide.companion.learned_response import ResponseLearner
 from vfguide.companion.own_vehicle import NavigatedState, OwnVehicle
-from vfguide.companion.plan import FlightPlan, doubting
+from vfguide.companion.plan import FlightPlan, doubting, response_of
 from vfguide.companion.role import Outgoing, RoleStep
 from vfguide.companion.roles import RoleMaker, role_of
 from vfguide.companion.state_publisher import TargetSender
@@ -92,6 +92,8 @@ class GuidedVehicle:
     def _fly_by(self, plan: FlightPlan) -> None:
         self.plan = plan
         """By which it flies."""
+        self.response = response_of(plan)
+        """The same, for the record."""
         self.own = OwnVehicle(plan, self._alerts)
         """Its navigation."""
         self.role = self._make_role(plan, self._clock, self._arrangements, self._alerts)
@@ -124,7 +126,7 @@ class GuidedVehicle:
             plan = replace(plan or self.plan, softness=softness)
         if plan is None:
             return None
-        self.plan = plan
+        self.plan, self.response = plan, response_of(plan)
         self._arrangements.adopt(plan)
         for part in (self.own, self.role, self.steering):
             part.retune(plan)

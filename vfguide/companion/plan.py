@@ -34,6 +34,7 @@ from vfguide.laws.base import Law
 from vfguide.laws.leader import LeaderTask
 from vfguide.mavlink.parameters import AutopilotResponse
 from vfguide.mission.quantity import Section
+from vfguide.record.response import VehicleResponse
 from vfguide.state import Airframe, SpeedHold
 
 STOPPED_S = 0.7
@@ -185,8 +186,8 @@ class FlightPlan(msgspec.Struct, frozen=True, kw_only=True):
     """Whether the autopilot is asked for its bank, which tells how the vehicle takes up courses."""
     learns: bool = True
     """Whether what the flight shows of the response is flown by."""
-    slip_found: bool = False
-    """Whether flight has shown it."""
+    turn_efficiency: float | None = None
+    """What it turns of what its bank says; None until flight has shown it."""
     creeping_hold: CreepingHold | None = None
     """How its airspeed hold creeps, where it does."""
     coordinated_alpha: float | None = None
@@ -209,7 +210,7 @@ class FlightPlan(msgspec.Struct, frozen=True, kw_only=True):
     @property
     def surely_slips(self) -> bool:
         """Whether its nose is known not to show where it flies, not only taken not to."""
-        return self.slips and (self.slip_found or not self.finds_slip)
+        return self.slips and (self.turn_efficiency is not None or not self.finds_slip)
 
     @property
     def keeps_time(self) -> bool:
@@ -280,7 +281,7 @@ def turning(plan: FlightPlan, efficiency: float, *, slips: bool) -> FlightPlan:
         alpha=plan.airframe.alpha if alpha is None else efficiency * alpha,
         speed_hold="total-energy" if slips else plan.speed_hold,
     )
-    return replace(plan, airframe=flown, slips=slips, slip_found=True)
+    return replace(plan, airframe=flown, slips=slips, turn_efficiency=efficiency)
 
 
 def answering(
@@ -340,6 +341,23 @@ def certainty_of(found: HoldResponse) -> HoldCertainty:
     """Return how well a response is known that was learned in flight."""
     return HoldCertainty(
         spread=max(found.spread, DECLARED.spread), late=max(found.latest - found.late, 0.0)
+    )
+
+
+def response_of(plan: FlightPlan) -> VehicleResponse:
+    """Return by what the vehicle of a plan is flown, for the record."""
+    airframe, certainty = plan.airframe, plan.certainty
+    return VehicleResponse(
+        alpha_1_s=airframe.alpha,
+        course_dead_time_s=airframe.course_dead_time,
+        course_lag_s=airframe.course_lag,
+        course_spread=certainty.course.spread,
+        beta_1_s=airframe.beta,
+        speed_dead_time_s=airframe.speed_dead_time,
+        speed_lag_s=airframe.speed_lag,
+        speed_spread=certainty.speed.spread,
+        slips=plan.slips,
+        turn_efficiency=plan.turn_efficiency,
     )
 
 

@@ -14,6 +14,7 @@ from vfguide.formation.arrangement import MAIN_PATH, Point
 from vfguide.mavlink.reports import TrafficReport
 from vfguide.record.events import FlightEvent, plain
 from vfguide.record.guidance_log import GuidanceStep
+from vfguide.record.response import VehicleResponse
 from vfguide.state import HeardState, LeaderState, Setpoint
 
 
@@ -182,6 +183,8 @@ class Snapshot(msgspec.Struct, frozen=True, kw_only=True):
     """Name of the path that the leader follows; None in a hold, and once all was called off."""
     lead: Lead | None = None
     """By which it leads; None where it does not, or where there are no deputies."""
+    response: VehicleResponse | None = None
+    """By which it is flown."""
 
     def guidance_step(self, now: float, leader_age: float) -> GuidanceStep:
         """As an entry of the log.

@@ -6,6 +6,7 @@
         f1.tlog            every MAVLink frame in and out
         f1.guidance.csv    every step of guidance
         f1.events.csv      modes, orders, who leads, warnings
+        f1.response.csv    how the vehicle is taken to answer, each time that this changes
 
 Each is written once or only ever appended to: none needs an orderly end.
 """
@@ -31,6 +32,8 @@ from vfguide.record.events import HEADER as EVENTS_HEADER
 from vfguide.record.events import SUFFIX as EVENTS_SUFFIX
 from vfguide.record.events import FlightEvent, encode_event
 from vfguide.record.guidance_log import HEADER, SUFFIX, GuidanceStep, encode_step
+from vfguide.record.response import RESPONSE_HEADER, VehicleResponse, encode_response
+from vfguide.record.response import SUFFIX as RESPONSE_SUFFIX
 from vfguide.record.tlog import stamped
 from vfguide.regular_file import open_regular
 
@@ -90,6 +93,9 @@ class Recording:
         self._guidance.append(HEADER)
         self._events = GrowingFile(directory / f"{name}{EVENTS_SUFFIX}")
         self._events.append(EVENTS_HEADER)
+        self._response = GrowingFile(directory / f"{name}{RESPONSE_SUFFIX}")
+        self._response.append(RESPONSE_HEADER)
+        self._flown: VehicleResponse | None = None
         self._writer = DiskWriter()
 
     def add_datagram(self, now: float, datagram: bytes) -> None:
@@ -103,6 +109,12 @@ class Recording:
     def add_event(self, event: FlightEvent, formation_time_s: float) -> None:
         """Keep something that the companion said, at a time of its own clock and the formation's, s."""
         self._writer.put(self._events, partial(encode_event, event, formation_time_s))
+
+    def add_response(self, now: float, response: VehicleResponse | None) -> None:
+        """Keep by what the vehicle is flown from a time of the companion's clock on, s, if it is new."""
+        if response is not None and response != self._flown:
+            self._flown = response
+            self._writer.put(self._response, partial(encode_response, now, response))
 
     def news(self) -> list[str]:
         """What has happened to the record since the last call, one line each; empty while all is well."""
@@ -264,6 +276,16 @@ def files_of(directory: Path, vehicle: str) -> tuple[Path, Path]:
 def events_file(directory: Path, vehicle: str) -> Path:
     """What the companion said, of a recording."""
     return directory / f"{file_stem(vehicle)}{EVENTS_SUFFIX}"
+
+
+def response_files(parent: Path, vehicle: str) -> list[Path]:
+    """By what the vehicle was flown, of all its starts below a directory."""
+    return sorted(parent.glob(f"*/{file_stem(vehicle)}{RESPONSE_SUFFIX}"))
+
+
+def response_file(directory: Path, vehicle: str) -> Path:
+    """By what the vehicle was flown, of a recording."""
+    return directory / f"{file_stem(vehicle)}{RESPONSE_SUFFIX}"
 
 
 def guidance_files(parent: Path, vehicle: str) -> list[Path]:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from vfguide.elementwise import BoolArray, FloatArray
 from vfguide.record.archive import AnyArray
+from vfguide.record.response import VehicleResponse, compose_response, describe_response
 
 Role = Literal["leader", "follower"]
 IntegerArray = NDArray[np.integer[Any]]
@@ -125,6 +126,10 @@ class VehicleRecord:
     """Slot above the leader, m; 0 for the leader."""
     limits: FlightLimits | None = None
     """Limits of its airspeed and bank; None where the record does not hold them."""
+    response: VehicleResponse | None = None
+    """How it was finally flown; None where no companion told, and in records of earlier versions."""
+    declared: VehicleResponse | None = None
+    """What its mission declares of that; None in records of earlier versions."""
     slot_forward_series_m: FloatArray | None = None
     """Where the slot was at each sample, where it was changed in flight; None of one that was not.
 
@@ -182,6 +187,8 @@ def describe_vehicle(vehicle: VehicleRecord) -> dict[str, object]:
         "slot_right_m": vehicle.slot_right_m,
         "slot_up_m": vehicle.slot_up_m,
         "limits": None if vehicle.limits is None else vehicle.limits.describe(),
+        "response": describe_response(vehicle.response),
+        "declared": describe_response(vehicle.declared),
     }
 
 
@@ -205,6 +212,8 @@ def compose_vehicle(
         # Records of earlier versions do not tell.
         slot_up_m=float(entry.get("slot_up_m", 0.0)),
         limits=compose_limits(entry.get("limits")),
+        response=compose_response(entry.get("response")),
+        declared=compose_response(entry.get("declared")),
         mode=mode.astype(np.int64),
         limited=limited.astype(np.bool_),
         **{name: floats(arrays, prefix + name) for name in SERIES},

@@ -63,7 +63,7 @@ def test_alpha_is_what_the_bank_gives_times_what_is_turned_of_it(finding):
 
 
 def test_an_alpha_that_is_declared_stays(finding):
-    assert turning(finding, 0.8, slips=True) == replace(finding, slip_found=True)
+    assert turning(finding, 0.8, slips=True) == replace(finding, turn_efficiency=0.8)
 
 
 def test_before_the_autopilot_has_told_its_parameters_nothing_changes(finding):

@@ -50,7 +50,7 @@ def after_laps(plan: FlightPlan, laps: float) -> tuple[NavigatedState, OwnVehicl
 
 
 def test_wind_scale_and_direction_are_found_in_spite_of_the_slip():
-    navigated, own, direction = after_laps(replace(plan_of(), slips=True, slip_found=True), 3.0)
+    navigated, own, direction = after_laps(replace(plan_of(), slips=True, turn_efficiency=0.8), 3.0)
     assert own.air.calibration.scale == pytest.approx(AIRSPEED / SHOWN, abs=0.015)
     state = navigated.state
     assert (state.wind_north, state.wind_east) == (

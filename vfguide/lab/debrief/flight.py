@@ -14,6 +14,7 @@ from vfguide.lab.debrief.recordings import FlightRecordings, RecordingContents
 from vfguide.lab.rehearsal.recorder import (
     MODES,
     beside_paths,
+    declared_by,
     drawn_outlines,
     drawn_path,
     limits_of,
@@ -186,6 +187,8 @@ def vehicle_record(
         slot_right_m=slot.right_m if slot else 0.0,
         slot_up_m=slot.up_m if slot else 0.0,
         limits=limits_of(mission.vehicles[name]),
+        response=next((one.response for one, _ in reversed(parts) if one.response), None),
+        declared=declared_by(mission.vehicles[name]),
         north_m=known_north,
         east_m=known_east,
         altitude_amsl_m=sampled(moments, when, positions[:, 3]),

@@ -26,7 +26,9 @@ from vfguide.record.recording import (
     find_recordings,
     is_recording,
     read_start,
+    response_file,
 )
+from vfguide.record.response import VehicleResponse, read_response
 
 TOGETHER_S = 60.0
 """s between the end of one recording and the start of the next of the same flight."""
@@ -53,6 +55,8 @@ class RecordingContents:
     """What its companion did, by the companion's own clock, s."""
     events: tuple[FlightEvent, ...] = ()
     """What its companion said, in s of its own clock."""
+    response: VehicleResponse | None = None
+    """By what its companion flew it last; None where that is not recorded."""
 
     @property
     def span_s(self) -> tuple[float, float]:
@@ -146,6 +150,7 @@ def read_recording(directory: Path) -> RecordingContents:
         telemetry=read_telemetry(tlog, system_id=start.system_id, start_s=start.unix_s),
         guidance=read_guidance(guidance),
         events=tuple(read_events(start.vehicle, events_file(directory, start.vehicle))),
+        response=read_response(response_file(directory, start.vehicle)),
     )
 
 
@@ -165,7 +170,7 @@ def heard_leader(
         heard = read_telemetry(tlog, system_id=system_id, start_s=one.start.unix_s)
         heard.positions[:, 0] -= mission.leader.least_delay_s or 0.0
         start = replace(one.start, vehicle=name, system_id=system_id)
-        found.append(replace(one, start=start, telemetry=heard, events=()))
+        found.append(replace(one, start=start, telemetry=heard, events=(), response=None))
     best = max(found, key=lambda one: len(one.telemetry.positions))
     # Whatever is known of the clock is the follower's.
     return [best] if len(best.telemetry.positions) else []

@@ -33,7 +33,8 @@ from vfguide.mission.rehearsal import Loss
 from vfguide.record.events import read_events
 from vfguide.record.flight import FlightRecord
 from vfguide.record.guidance_log import read_guidance, read_newest
-from vfguide.record.recording import events_files, guidance_files
+from vfguide.record.recording import events_files, guidance_files, response_files
+from vfguide.record.response import read_response
 from vfguide.registry import plugin_files
 
 LEAD_S = 3.0
@@ -313,7 +314,13 @@ class LiveFlight:
                 zero_s=self._companions_zero_s,
             )
         ]
-        return self.truth_collector.record(wall_s=wall_s, tracks=tracks, events=events)
+        responses = {
+            name: read_response(*response_files(self._directory / RECORDINGS, name))
+            for name in self.mission.companions
+        }
+        return self.truth_collector.record(
+            wall_s=wall_s, tracks=tracks, events=events, responses=responses
+        )
 
 
 @asynccontextmanager

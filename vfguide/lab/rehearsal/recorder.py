@@ -22,6 +22,7 @@ from vfguide.mission.vehicle import Vehicle
 from vfguide.record.events import FlightEvent, merged_events
 from vfguide.record.flight import FlightMode, FlightRecord, RecordAcceptance, RecordOrigin
 from vfguide.record.outline import Outline, OutlineKind
+from vfguide.record.response import VehicleResponse
 from vfguide.record.vehicle import LEAD_SERIES, SLOT_SERIES, FlightLimits, VehicleRecord
 
 TRUTHS = (
@@ -73,11 +74,13 @@ class VehicleRecorder:
         self._leads = array("d") if mission.deputies else None
         self._slots = array("d")
         self._path_names = tuple(mission.paths_by_name)
+        self._response: VehicleResponse | None = None
 
     def sample(self, truth: sitl_stub.Truth, snapshot: Snapshot) -> None:
         """Note where the aircraft is and what its companion did."""
         self._truths.extend(truth_row(truth))
         self._doings.extend(doings_row(snapshot, self._path_names))
+        self._response = snapshot.response or self._response
         self._slots.extend(slot_row(snapshot, self._slot))
         if self._leads is not None:
             self._leads.extend(lead_row(snapshot, self._mission.origin.altitude_amsl_m))
@@ -106,6 +109,8 @@ class VehicleRecorder:
             slot_right_m=slot.right_m if slot else 0.0,
             slot_up_m=slot.up_m if slot else 0.0,
             limits=limits_of(vehicle),
+            response=self._response,
+            declared=declared_by(vehicle),
             north_m=north,
             east_m=east,
             **{field: truths[field] for field in TRUTHS},
@@ -145,6 +150,20 @@ def limits_of(vehicle: Vehicle) -> FlightLimits:
         least_airspeed_m_s=lowest,
         greatest_airspeed_m_s=highest,
         greatest_bank_deg=vehicle.max_bank_deg,
+    )
+
+
+def declared_by(vehicle: Vehicle) -> VehicleResponse:
+    """Return what the mission declares of how a vehicle answers."""
+    course, speed = (name in vehicle.model_fields_set for name in ("alpha_1_s", "beta_1_s"))
+    return VehicleResponse(
+        alpha_1_s=vehicle.alpha_1_s if course else None,
+        course_dead_time_s=vehicle.course_dead_time_s if course else None,
+        course_lag_s=vehicle.course_lag_s if course else None,
+        beta_1_s=vehicle.beta_1_s if speed else None,
+        speed_dead_time_s=vehicle.speed_dead_time_s if speed else None,
+        speed_lag_s=vehicle.speed_lag_s if speed else None,
+        slips=None if vehicle.slips == "auto" else vehicle.slips,
     )
 
 

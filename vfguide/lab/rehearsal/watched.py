@@ -34,6 +34,7 @@ from vfguide.record.flight import FlightRecord
 from vfguide.record.guidance_log import GuidanceStep, GuidanceTrack
 from vfguide.record.guidance_series import age_series, lead_series, slot_series
 from vfguide.record.latency import Latency, latency_of
+from vfguide.record.response import VehicleResponse
 from vfguide.state import Setpoint
 
 NUMBERS = frozenset(sitl_stub.Truth.__struct_fields__) - {"mode", "armed"}
@@ -105,6 +106,7 @@ class TruthCollector(asyncio.DatagramProtocol):
         tracks: Mapping[str, GuidanceTrack] | None = None,
         only_at_s: float | None = None,
         events: Iterable[FlightEvent] = (),
+        responses: Mapping[str, VehicleResponse | None] | None = None,
     ) -> FlightRecord:
         """What has been seen so far.
 
@@ -113,6 +115,7 @@ class TruthCollector(asyncio.DatagramProtocol):
             tracks: what companions did, by vehicle, at times of the flight; as far as it is known.
             only_at_s: the newest sample alone that is not after this time, s, for a display.
             events: what companions said, at times of the flight.
+            responses: by what companions flew, by vehicle; as far as it is known.
 
         Raises:
             VfguideError: nothing has.
@@ -133,7 +136,7 @@ class TruthCollector(asyncio.DatagramProtocol):
                 # The answer to the report of this sample comes a little later.
                 step = track.at(time_s + 0.5 / self._rate_hz) if track is not None else None
                 recorder.sample(self.truths[name][sample], snapshot_of(step))
-            record = recorder.record()
+            record = replace(recorder.record(), response=(responses or {}).get(name))
             if track is not None:
                 record = replace(record, **self._series(name, track, np.array(times)))
             vehicles.append(record)

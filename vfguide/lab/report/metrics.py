@@ -35,6 +35,7 @@ from vfguide.lab.report.geometry import intended_leader, pair_separations, slot_
 from vfguide.lab.report.summary import FollowerSummary, FormationSummary, LeaderSummary, Summary
 from vfguide.record.flight import FlightRecord, RecordAcceptance, VehicleRecord
 from vfguide.record.latency import describe_latency
+from vfguide.record.response import VehicleResponse, describe_response
 
 IN_PLACE_M = 10.0
 """Within this distance of its slot a follower has come to it: see `vfguide.companion.supervisor`."""
@@ -162,6 +163,8 @@ def summary_json(summary: Summary) -> dict[str, Any]:
 
 def _plain(value: object) -> object:
     """A value for JSON: lists for tuples, and None for NaN and infinities, which JSON does not have."""
+    if isinstance(value, VehicleResponse):
+        return describe_response(value)
     if isinstance(value, dict):
         return {key: _plain(entry) for key, entry in value.items()}
     if isinstance(value, list | tuple):
@@ -274,4 +277,6 @@ def _handling(record: FlightRecord, vehicle: VehicleRecord, window: BoolArray) -
         "speed_limited_fraction": (
             share(at_speed_limit(vehicle, limits)[window][told]) if limits else None
         ),
+        "response": vehicle.response,
+        "declared": vehicle.declared,
     }

@@ -25,6 +25,7 @@ from vfguide.lab.report.wording import (
     main_error,
     mean_in_digits,
     pace,
+    response_words,
     setting,
     verdict,
 )
@@ -116,6 +117,11 @@ def render_page(record: FlightRecord, summary: Summary, pictures: Sequence[Path]
         rows=[(one.name, _vehicle_cells(summary, one)) for one in record.vehicles],
         handling_headings=HANDLING_HEADINGS,
         handling=[(name, _handling_cells(one)) for name, one in summary.vehicles.items()],
+        responses=[
+            (name, words)
+            for name, one in summary.vehicles.items()
+            if (words := response_words(one)) is not None
+        ],
         plots=[
             _plot_part(record, plot, picture)
             for plot, picture in zip(plots_for(record), pictures, strict=True)

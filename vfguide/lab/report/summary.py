@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from vfguide.lab.report.figures import Spread
 from vfguide.record.flight import RecordAcceptance, Role
 from vfguide.record.latency import Latency
+from vfguide.record.response import VehicleResponse
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -53,6 +54,10 @@ class Handling:
     """Share of the time at the greatest bank; None where the record does not hold limits."""
     speed_limited_fraction: float | None
     """Share of the time with the lowest or highest airspeed as setpoint; None where that is not known."""
+    response: VehicleResponse | None
+    """How it was finally flown; None where no companion told."""
+    declared: VehicleResponse | None
+    """What the mission declares of that."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -12,6 +12,7 @@ from vfguide.lab.report.wording import (
     in_percent,
     main_error,
     pace,
+    response_words,
     setting,
     settled_after,
     verdict,
@@ -70,6 +71,11 @@ def verdict_text(summary: Summary) -> Text:
                 f"least separation: {in_digits(formation.min_separation_m, 'm')}"
             )
         )
+    lines += [
+        Text(f"{name}: {words}", style="dim")
+        for name, vehicle in summary.vehicles.items()
+        if (words := response_words(vehicle)) is not None
+    ]
     lines.append(Text(verdict(summary), style="bold green" if summary.accepted else "bold red"))
     lines += [Text(f"  {reason}", style="red") for reason in summary.rejections]
     return Text("\n").join(lines)

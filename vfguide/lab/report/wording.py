@@ -5,10 +5,15 @@ from dataclasses import dataclass
 
 from vfguide.lab.report.figures import Spread
 from vfguide.lab.report.metrics import reject_error, reject_separation, reject_settling
-from vfguide.lab.report.summary import FollowerSummary, LeaderSummary, Summary
+from vfguide.lab.report.summary import FollowerSummary, Handling, LeaderSummary, Summary
+from vfguide.record.response import VehicleResponse
 
 UNKNOWN = "not measured"
 NOT_REQUIRED = "no limit"
+
+
+HoldNumbers = tuple[float | None, float | None, float | None]
+"""Gain (1/s), dead time (s) and lag (s) of a hold."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -135,6 +140,53 @@ def pace(summary: Summary) -> str:
     if summary.real_time_factor is not None:
         flown += f" ({summary.real_time_factor:.3g} times real time)"
     return flown
+
+
+def response_words(handling: Handling) -> str | None:
+    """Return how a vehicle was finally flown beside what was declared; None where no companion told."""
+    flown, declared = handling.response, handling.declared or VehicleResponse()
+    if flown is None:
+        return None
+    parts = [
+        hold_words("alpha", course_of(flown), flown.course_spread, course_of(declared)),
+        hold_words("beta", speed_of(flown), flown.speed_spread, speed_of(declared)),
+    ]
+    if flown.turn_efficiency is not None:
+        turns = "slips" if flown.slips else "does not slip"
+        parts.append(f"turns {flown.turn_efficiency:.2f} of what its bank says: {turns}")
+    elif flown.slips:
+        parts.append("taken for one that slips")
+    return "; ".join(parts)
+
+
+def course_of(response: VehicleResponse) -> HoldNumbers:
+    """Return the numbers of its course hold."""
+    return response.alpha_1_s, response.course_dead_time_s, response.course_lag_s
+
+
+def speed_of(response: VehicleResponse) -> HoldNumbers:
+    """Return the numbers of its speed hold."""
+    return response.beta_1_s, response.speed_dead_time_s, response.speed_lag_s
+
+
+def hold_words(name: str, flown: HoldNumbers, spread: float | None, declared: HoldNumbers) -> str:
+    """Return one hold as it was flown, and in which bounds its gain is known, beside what was declared."""
+    gain, dead_time, lag = flown
+    if gain is None:
+        return f"{name} not told"
+    if flown == declared:
+        return f"{name} {gain:.2f} as declared"
+    bounds = "" if spread is None else f" ({gain / spread:.2f} to {gain * spread:.2f})"
+    words = f"{name} {gain:.2f}{bounds}{lateness(dead_time, lag)}"
+    if declared[0] is None:
+        return f"{words}, not declared"
+    return f"{words}, declared {declared[0]:.2f}{lateness(*declared[1:])}"
+
+
+def lateness(dead_time: float | None, lag: float | None) -> str:
+    """Return how late a hold is, in words; none where it is not."""
+    late = (dead_time or 0.0) + (lag or 0.0)
+    return f" {late:.2g} s late" if late > 0.0 else ""
 
 
 def main_error(vehicle: LeaderSummary | FollowerSummary) -> tuple[str, str, str]:
