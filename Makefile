@@ -16,7 +16,7 @@ help: ## this list
 fly: $(VENV)/.runtime ## sets up .venv and flies missions/circle-wind.yaml (or MISSION=...), report included
 	$(BIN)/vfguide fly $(MISSION) --out $(OUT)
 
-# tests/stages.py runs test-lint, test-lockstep, test-sockets and test-containers side by side, then test-live.
+# tests/stages.py runs test-lint, test-lockstep, test-sockets and test-containers side by side; test-live follows test-containers.
 test: $(VENV)/.dev ## lint and the whole test suite, as continuous integration runs it; a line a stage, output in test-logs/
 	$(BIN)/python tests/stages.py
 
@@ -28,16 +28,16 @@ test-lockstep: $(VENV)/.dev
 	nice -n 19 $(BIN)/pytest -n 2 --dist loadscope --no-loadscope-reorder -m 'not real_time'
 
 test-sockets: $(VENV)/.dev
-	$(BIN)/pytest -m 'real_time and not live'
+	$(BIN)/pytest -m 'real_time and not live' tests/integration
 
 # The image may be under way, and may be missing where there is no Docker engine: tests/docker says so.
 test-containers: $(VENV)/.dev
 	-tests/docker/make-image
 	$(BIN)/pytest tests/docker
 
-# Formations that fly in real time, with nothing beside them.
+# Formations that fly in real time. Named are the places that have some: to look for more takes half a minute.
 test-live: $(VENV)/.dev
-	$(BIN)/pytest -n 2 --dist loadscope --no-loadscope-reorder -m live --ignore tests/docker
+	$(BIN)/pytest -n 2 --dist loadscope --no-loadscope-reorder -m live tests/autopilots tests/integration/console tests/integration/live
 
 test-fast: $(VENV)/.dev ## the unit tests that fly nothing, in a minute
 	$(BIN)/pytest -n auto -q -m 'not flies' tests/unit

@@ -114,6 +114,9 @@ LONGEST = (
     "closed_loop/formation/test_crews_missions.py",
     "closed_loop/formation/test_article_missions.py",
     "closed_loop",
+    "unit/report",
+    "unit/identification",
+    "unit/bench",
     "integration",
 )
 """What comes first, so that no process is left with a long test when the others have no more.

@@ -12,7 +12,7 @@ import time
 import xml.etree.ElementTree as ET
 from collections import Counter, defaultdict
 from collections.abc import Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor, as_completed
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -29,6 +29,9 @@ FAILURES = re.compile(r"^=+ (FAILURES|ERRORS) =+$")
 
 PLACE = re.compile(r"^\S+:\d+: ")
 """Where a test was skipped, before the reason."""
+
+NOT_PASSED = {"MFLAGS", "MAKELEVEL", "PYTHONDONTWRITEBYTECODE"}
+"""Variables of the environment that no stage sees."""
 
 ENDS = (("failed", "failures"), ("errors", "errors"), ("skipped", "skipped"))
 """How tests end, by our words and by those of the results' file; the others have passed."""
@@ -63,28 +66,37 @@ def made(name: str) -> Stage:
     return Stage(name, ("make", "--no-print-directory", f"test-{name}"))
 
 
-BESIDE = tuple(map(made, ("lint", "lockstep", "sockets", "containers")))
-"""Side by side: lint and the flights in lockstep take what processor is left; the others mostly wait."""
+ROWS = (
+    (made("lockstep"),),
+    (made("lint"),),
+    (made("sockets"),),
+    (made("containers"), made("live")),
+)
+"""Side by side, the stages of a row one after the other.
 
-ALONE = (made("live"),)
-"""Afterwards, one after the other: formations that fly in real time, which need the processor."""
+Lint and the flights in lockstep take what processor is left. Formations that fly in real time need it: those
+in containers fly first, then the others.
+"""
 
 
-def main(beside: Sequence[Stage] = BESIDE, alone: Sequence[Stage] = ALONE) -> int:
+def main(rows: Sequence[Sequence[Stage]] = ROWS) -> int:
     """Run all stages; return 0 where each has succeeded, else 1."""
     began_s = time.monotonic()
     LOGS.mkdir(exist_ok=True)
-    ended = []
-    with ThreadPoolExecutor(max_workers=len(beside)) as pool:
-        for future in as_completed([pool.submit(run, stage) for stage in beside]):
-            ended.append(future.result())
-            tell(ended[-1])
-    for stage in alone:
-        ended.append(run(stage))
-        tell(ended[-1])
+    with ThreadPoolExecutor(max_workers=len(rows)) as pool:
+        ended = [one for row in pool.map(run_row, rows) for one in row]
     (LOGS / "longest.txt").write_text(longest(ended))
     say(total_line(ended, time.monotonic() - began_s))
     return int(any(one.status for one in ended))
+
+
+def run_row(row: Sequence[Stage]) -> list[Ended]:
+    """Run stages one after the other, and tell how each ended."""
+    ended = []
+    for stage in row:
+        ended.append(run(stage))
+        tell(ended[-1])
+    return ended
 
 
 def run(stage: Stage) -> Ended:
@@ -108,9 +120,10 @@ def run(stage: Stage) -> Ended:
 def environment(own: Mapping[str, str], results: Path) -> dict[str, str]:
     """What a stage runs in: pytest writes its results, and make's processes are not shared out anew.
 
-    Of make's own flags only variables of its command line are passed on: stages run side by side here.
+    Of make's own flags only variables of its command line are passed on: stages run side by side here. What
+    Python has compiled is kept: hundreds of processes import the same modules.
     """
-    passed = {name: value for name, value in own.items() if name not in {"MFLAGS", "MAKELEVEL"}}
+    passed = {name: value for name, value in own.items() if name not in NOT_PASSED}
     variables = passed.pop("MAKEFLAGS", "").partition("-- ")[2]
     if variables:
         passed["MAKEFLAGS"] = f"-- {variables}"
@@ -177,10 +190,11 @@ def failures(log: str) -> str:
 
 
 def tell(one: Ended) -> None:
-    """Say how a stage ended, and what failed in it."""
-    say(stage_line(one))
+    """Say how a stage ended, and what failed in it, at once: others end meanwhile."""
+    told = [stage_line(one)]
     if one.status:
-        say(failures(log_of(one.name).read_text(errors="replace")))
+        told.append(failures(log_of(one.name).read_text(errors="replace")))
+    say("\n".join(told))
 
 
 def log_of(name: str) -> Path:

@@ -97,6 +97,7 @@ def test_of_make_s_flags_a_stage_gets_the_variables_alone(tmp_path):
         "MAKEFLAGS": "kw -j4 --jobserver-auth=3,4 -- VENV=.other",
         "MFLAGS": "-kw",
         "MAKELEVEL": "1",
+        "PYTHONDONTWRITEBYTECODE": "1",
         "PYTEST_ADDOPTS": "-x",
         "HOME": "/root",
     }
@@ -111,12 +112,12 @@ def test_of_make_s_flags_a_stage_gets_the_variables_alone(tmp_path):
 def test_a_failed_stage_shows_its_failures_and_fails_the_whole(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     broken = python("broken", "print('=== ERRORS ==='); print('why'); raise SystemExit(3)")
-    assert main([python("good", "print('quiet')"), broken], [python("last", "pass")]) == 1
+    assert main([[python("good", "print('quiet')")], [broken, python("last", "pass")]]) == 1
     said = capsys.readouterr().out.splitlines()
-    assert [line.split()[0] for line in said if line[:1].isalpha() and " s  " in line][-2:] == [
-        "last",
-        "all",
-    ]
+    stages = [line.split()[0] for line in said if line[:1].isalpha() and " s  " in line]
+    assert stages.index("broken") < stages.index("last")
+    assert sorted(stages[:-1]) == ["broken", "good", "last"]
+    assert stages[-1] == "all"
     assert "=== ERRORS ===" in said
     assert "why" in said
     assert "quiet" not in said
@@ -128,7 +129,7 @@ def test_all_is_well_where_every_stage_is(tmp_path, monkeypatch, capsys):
     monkeypatch.delenv("PYTEST_ADDOPTS", raising=False)
     results = "import os, re, pathlib; pathlib.Path(re.search('xml=(.*)', os.environ['PYTEST_ADDOPTS'])[1])"
     program = f'{results}.write_text("""{RESULTS}""")'
-    assert main([python("good", program)], []) == 0
+    assert main([[python("good", program)]]) == 0
     stage, whole = capsys.readouterr().out.splitlines()
     assert stage.endswith("4 passed, 2 failed, 1 errors, 3 skipped")
     assert whole.endswith("(2: set PX4 to the program; 1: no mosquitto)")
