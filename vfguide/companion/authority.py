@@ -150,6 +150,11 @@ class ModeAuthority:
         return self._beat is not None and self._adapter.is_engaged(self._beat.custom_mode)
 
     @property
+    def shows_disarmed(self) -> bool:
+        """Whether the newest heartbeat, however old it is, shows a vehicle whose motor is off."""
+        return self._beat is not None and not self._beat.armed
+
+    @property
     def answers_for_vehicle(self) -> bool:
         """Whether the vehicle flies by what this companion has sent since it was last in other hands.
 

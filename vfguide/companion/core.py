@@ -26,7 +26,7 @@ from vfguide.companion.supervisor import Control, Mode, Situation, next_mode, ob
 from vfguide.companion.timing import SAME_CLOCK, SharedClock, Wakefulness
 from vfguide.formation.arrangement import Arrangement
 from vfguide.mavlink.adapter import AutopilotAdapter
-from vfguide.mavlink.announcements import INFO, NOTICE, WARNING
+from vfguide.mavlink.announcements import CRITICAL, INFO, NOTICE, WARNING
 from vfguide.mavlink.codec import Codec
 from vfguide.mavlink.framing import ConnectionSigning
 from vfguide.mavlink.reports import (
@@ -125,6 +125,7 @@ class Companion:
             role=role,
         )
         self._mode = Mode.WAITING
+        self._objected: str | None = None
         self._idle_since = self._leader_since = math.inf
         self._greeting_s = greeting_s
         self._stands_back = self._stopped = self._leaving = False
@@ -375,14 +376,23 @@ class Companion:
         """What would keep it from steering now, in words; None where nothing would."""
         if self._stands_back:
             return "another companion of this name was here before: stop one of them"
-        return self._arrangements.obstacle(now) or obstacle(
-            self._timeouts,
-            telemetry_age=now - self._vehicle.telemetry_time,
-            doubts=self._vehicle.own.doubts,
-            fault=self._vehicle.own.fault(now),
-            leader_age=self.leader_age(now),
-            time_known=math.isfinite(self._clock.from_own(now)),
+        return (
+            self.objection
+            or self._arrangements.obstacle(now)
+            or obstacle(
+                self._timeouts,
+                telemetry_age=now - self._vehicle.telemetry_time,
+                doubts=self._vehicle.own.doubts,
+                fault=self._vehicle.own.fault(now),
+                leader_age=self.leader_age(now),
+                time_known=math.isfinite(self._clock.from_own(now)),
+            )
         )
+
+    @property
+    def objection(self) -> str | None:
+        """Why the vehicle is not steered whatever its mode, and what to do; None where nothing is known."""
+        return self._housekeeping.obedience.refusal
 
     @property
     def findings(self) -> list[str]:
@@ -426,9 +436,8 @@ class Companion:
             case TrafficReport() | LandedReport():
                 self._note(report, now)
             case CommandReport():
-                self._authority.hear_answer(report, now)
+                self._housekeeping.answered(report, now)
                 self._loiter_height.answered(report)
-                self._warn("command", self._housekeeping.commands.answered(report, now))
                 self._warn("autopilot", self._adapter.hear(report))
             case VersionReport():
                 steered = self._adapter.hear(report)
@@ -464,6 +473,7 @@ class Companion:
         navigated = self._vehicle.own.take(report, now)
         if self._vehicle.own.reboots > reboots:
             self._authority.rebooted()
+            self._housekeeping.obedience.forget()
         if self._vehicle.own.doubts:
             self._phase.doubt_position()
         elif navigated is not None:
@@ -480,6 +490,8 @@ class Companion:
         if self._vehicle.plan.asks_response:
             # Not steered by a response that the autopilot is about to put right.
             control = Control.UNKNOWN
+        if self._object():
+            control = Control.BARRED
         situation = Situation(
             control=control,
             telemetry_age=now - self._vehicle.telemetry_time,
@@ -500,8 +512,23 @@ class Companion:
         if self._mode.steers is not before.steers:
             self._vehicle.steering.reset()
 
+    def _object(self) -> bool:
+        """Whether something speaks against steering at all; pilot and log hear once what it is."""
+        before, self._objected = self._objected, self.objection
+        if self._objected == before:
+            return before is not None
+        if self._objected is not None:
+            self._alerts.say("objection", CRITICAL, f"not steered: {self._objected}", told=False)
+            self._alerts.show_mode(f"not steered: {self._objected}")
+            return True
+        guided = self._adapter.engaged_name
+        self._alerts.say("objection", NOTICE, f"may be steered again: select {guided}")
+        return False
+
     def _sentence(self, situation: Situation, now: float) -> str:
         """What this companion does, and what the pilot can do."""
+        if self._objected is not None:
+            return f"not steered: {self._objected}"
         flight_mode, guided = self._authority.mode_name(), self._adapter.engaged_name
         # Only what is known to be of now is answered with a command.
         returns = situation.steered and math.isfinite(self._vehicle.own.greatest_age(now))
@@ -514,7 +541,7 @@ class Companion:
         if self._wakefulness.is_stale(now - age_s):
             age_s = math.inf
         commands = self._authority.commands(wish, now, age_s=age_s)
-        told = self._stopped or self._arrangements.flight.has_left
+        told = self._stopped or self._arrangements.flight.has_left or self._objected is not None
         if commands and wish is Wish.RETURN and self._mode is Mode.WAITING and not told:
             self._alerts.say(
                 "hand-back",
@@ -543,6 +570,8 @@ class Companion:
         if self._stands_back:
             # The other one may steer this very vehicle.
             return Wish.RETURN if self._vehicle.has_steered else Wish.NONE
+        if self._objected is not None:
+            return Wish.RETURN
         lost_s = self._timeouts.telemetry_lost_s
         deaf = now - max(self._vehicle.telemetry_time, self._wakefulness.since) > lost_s
         # As after a companion that was replaced while it steered, by one that hears no leader.

@@ -8,6 +8,7 @@ from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 from vfguide.companion.alerts import Alerts
 from vfguide.companion.authority import ModeAuthority
 from vfguide.companion.guided_vehicle import GuidedVehicle
+from vfguide.companion.obedience import Obedience
 from vfguide.companion.parameter_check import ParameterCheck
 from vfguide.companion.plan import FlightPlan
 from vfguide.companion.supervisor import Mode
@@ -19,7 +20,7 @@ from vfguide.mavlink.announcements import (
     heartbeat,
     time_question,
 )
-from vfguide.mavlink.reports import ParameterReport
+from vfguide.mavlink.reports import CommandReport, ParameterReport
 
 HEARTBEAT_S = 1.0
 """Interval of heartbeats, and of tries of what the autopilot has not answered to."""
@@ -71,6 +72,8 @@ class Housekeeping:
         self._return_since = math.inf
         self.commands = Acknowledgements()
         """Of commands that were sent, by whatever part of the companion."""
+        self.obedience = Obedience(adapter)
+        """Whether the autopilot takes the commands by which it is steered."""
 
     @property
     def plan(self) -> FlightPlan:
@@ -132,8 +135,17 @@ class Housekeeping:
             for text in self.commands.overdue(now):
                 self._alerts.say("command", WARNING, text)
         if authority.connected and authority.recognised:
-            messages += self._questions()
+            messages += self._questions(now)
         return messages
+
+    def answered(self, report: CommandReport, now: float) -> None:
+        """Take an answer to a command, and tell the pilot of a refusal."""
+        known = self.obedience.hear(report, now, guided=self._authority.shows_guided)
+        if not known:
+            self._authority.hear_answer(report, now)
+        complaint = self.commands.answered(report, now)
+        if complaint is not None and not known:
+            self._alerts.say("command", WARNING, complaint)
 
     def _leaves_to_fail_safe(self, now: float, returns: Callable[[], bool]) -> bool:
         """Whether a vehicle flies on by old setpoints although it should have been handed back.
@@ -156,9 +168,11 @@ class Housekeeping:
             return [heartbeat(), ground_station_heartbeat()]
         return [heartbeat()]
 
-    def _questions(self) -> list[MAVLink_message]:
+    def _questions(self, now: float) -> list[MAVLink_message]:
         """What is not known of the autopilot yet."""
         messages = self._adapter.questions()
+        if self._authority.shows_disarmed and not self._authority.shows_guided:
+            messages += self.obedience.questions(now)
         if self._parameter_check is not None:
             messages += self._parameter_check.requests(
                 lambda text: self._alerts.say("parameter", WARNING, text)

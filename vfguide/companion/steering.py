@@ -53,6 +53,14 @@ FOLLOWED_SHARE = 0.2
 TRACKING_PATIENCE_S = 4.0
 """How long that has to last, on top of the memory."""
 
+DISOBEDIENCE_S = 4.0
+"""So long after the complaint nobody steers the vehicle, whatever its autopilot answers."""
+
+DISOBEYED = (
+    "the autopilot accepts courses and flies none: handed back; see that its firmware flies courses"
+)
+"""What the pilot hears then."""
+
 ALTITUDE_M = 20.0
 """Farther from the altitude of the mission than this is worth a text."""
 
@@ -142,17 +150,23 @@ class TrackingMonitor:
     def __init__(self, airframe: Airframe) -> None:
         self._airframe = airframe
         self._complained = self._astray = False
+        self._since: float | None
         self.reset()
 
     def retune(self, airframe: Airframe) -> None:
         """Expect another response from now on."""
         self._airframe = airframe
+        self._since = None
+        self._astray_since = math.inf
 
     def reset(self) -> None:
         """The vehicle is not being steered: nothing can be expected of it."""
         self._before: tuple[VehicleState[float], Setpoint[float]] | None = None
         self._expected = self._turned = 0.0
-        self._since: float | None = None
+        self._since = None
+        self._astray_since = math.inf
+        self.gives_up = False
+        """Whether its autopilot flies none of its courses, and is better off by itself."""
 
     def watch(self, state: VehicleState[float], setpoint: Setpoint[float]) -> str | None:
         """Take a state and the setpoint that goes out with it; a complaint, or None."""
@@ -190,12 +204,19 @@ class TrackingMonitor:
         if follows:
             self._since = None
             if self._complained and abs(self._expected) >= EXPECTED_LEAST:
-                self._complained = False
+                self._complained = self.gives_up = False
+                self._astray_since = math.inf
                 return "the course follows again, nothing to do"
             return None
         if self._since is None:
             self._since = now
-        if self._complained or now - self._since < TRACKING_PATIENCE_S:
+        if now - self._astray_since >= DISOBEDIENCE_S and not self.gives_up:
+            self.gives_up = True
+            return DISOBEYED
+        if now - self._since < TRACKING_PATIENCE_S:
+            return None
+        self._astray_since = min(self._astray_since, now)
+        if self._complained:
             return None
         self._complained = True
         return (
@@ -264,8 +285,8 @@ class Steering:
         self._tracking.retune(plan.airframe)
 
     def closed(self, now: float) -> bool:
-        """Whether nothing could be passed on for so long that the autopilot is better off by itself."""
-        return self._guard.closed(now)
+        """Whether nothing was passed on or flown for so long that the autopilot is better off by itself."""
+        return self._guard.closed(now) or self._tracking.gives_up
 
     def _say(self, text: str | None) -> None:
         if text is not None:

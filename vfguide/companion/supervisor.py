@@ -56,6 +56,8 @@ class Control(Enum):
     """The autopilot's own, as the companion handed it back."""
     PILOT = "pilot"
     """The pilot has left the guided mode, or a fail-safe has."""
+    BARRED = "barred"
+    """Not to be steered, whatever its mode: see the companion's objection."""
 
 
 class Situation(msgspec.Struct, frozen=True, kw_only=True):

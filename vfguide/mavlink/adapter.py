@@ -155,6 +155,15 @@ class AutopilotAdapter(ABC):
         """Names of the parameters that `parameter_warnings` wants to know."""
         return ()
 
+    @property
+    def steering_commands(self) -> frozenset[int]:
+        """Numbers of the commands without which it cannot be steered."""
+        return frozenset()
+
+    def steering_questions(self) -> list[MAVLink_message]:
+        """Commands whose refusal outside the guided mode shows whether the autopilot has them."""
+        return []
+
     def recognise(self, autopilot: int) -> str | None:
         """None if this adapter can speak to this MAV_AUTOPILOT, or else what is wrong, in words."""
         return None if self.number is None else other_autopilot(autopilot, self.number)

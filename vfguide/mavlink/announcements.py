@@ -10,6 +10,7 @@ from vfguide.mavlink.reports import CommandReport
 
 INFO: int = mavlink.MAV_SEVERITY_INFO
 NOTICE: int = mavlink.MAV_SEVERITY_NOTICE
+CRITICAL: int = mavlink.MAV_SEVERITY_CRITICAL
 WARNING: int = mavlink.MAV_SEVERITY_WARNING
 
 CHUNK = 50

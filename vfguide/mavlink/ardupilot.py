@@ -103,6 +103,15 @@ MODES = [
 
 HOMEWARD = frozenset({"RTL", "QLAND", "QRTL", "LOITER_ALT_QLAND", "AUTOLAND"})
 
+STEERING_COMMANDS = frozenset(
+    {
+        mavlink.MAV_CMD_GUIDED_CHANGE_HEADING,
+        mavlink.MAV_CMD_GUIDED_CHANGE_SPEED,
+        mavlink.MAV_CMD_GUIDED_CHANGE_ALTITUDE,
+    }
+)
+"""What GUIDED is steered by."""
+
 COURSE_OVER_GROUND = 0
 
 LEAST_TICKS = 1.25
@@ -348,6 +357,15 @@ class ArduPlane(AutopilotAdapter):
         """RTL, and what lands."""
         return self.mode_name(custom_mode) in HOMEWARD
 
+    @property
+    def steering_commands(self) -> frozenset[int]:
+        """All three: firmware without one of them has none."""
+        return STEERING_COMMANDS
+
+    def steering_questions(self) -> list[MAVLink_message]:
+        """A course, which fails outside GUIDED."""
+        return [self._course(0.0)]
+
     def denies_guided(self, report: CommandReport) -> bool:
         """Courses and altitudes fail in every other mode, and for no other reason."""
         guided_only = {
@@ -376,19 +394,22 @@ class ArduPlane(AutopilotAdapter):
         The lateral acceleration is what a turn may take: 0 would be accepted and the aircraft would
         not turn. The speed's acceleration is 0: any other restarts the slew with each new value.
         """
-        vehicle = self._vehicle
-        return [
-            command_int(
-                vehicle,
-                mavlink.MAV_CMD_GUIDED_CHANGE_HEADING,
-                COURSE_OVER_GROUND,
-                compass_degrees(setpoint.course),
-                vehicle.lateral_acceleration,
-            ),
-            command_int(
-                vehicle, mavlink.MAV_CMD_GUIDED_CHANGE_SPEED, self._speed_type, setpoint.speed
-            ),
-        ]
+        speed = command_int(
+            self._vehicle,
+            mavlink.MAV_CMD_GUIDED_CHANGE_SPEED,
+            self._speed_type,
+            setpoint.speed,
+        )
+        return [self._course(setpoint.course), speed]
+
+    def _course(self, course: float) -> MAVLink_message:
+        return command_int(
+            self._vehicle,
+            mavlink.MAV_CMD_GUIDED_CHANGE_HEADING,
+            COURSE_OVER_GROUND,
+            compass_degrees(course),
+            self._vehicle.lateral_acceleration,
+        )
 
     def hold_altitude(self, altitude_amsl: float) -> list[MAVLink_message]:
         """GUIDED_CHANGE_ALTITUDE; a climb rate of 0 leaves it to the autopilot."""

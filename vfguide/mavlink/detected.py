@@ -70,6 +70,15 @@ class DetectedAutopilot(AutopilotAdapter):
         """What the autopilot that was found has here."""
         return () if self._found is None else self._found.parameters
 
+    @property
+    def steering_commands(self) -> frozenset[int]:
+        """What the autopilot that was found has here."""
+        return frozenset() if self._found is None else self._found.steering_commands
+
+    def steering_questions(self) -> list[MAVLink_message]:
+        """What the autopilot that was found has here."""
+        return [] if self._found is None else self._found.steering_questions()
+
     def recognise(self, autopilot: int) -> str | None:
         """Settle on the first autopilot that can be spoken to."""
         if self._found is not None:

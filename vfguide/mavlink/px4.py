@@ -229,6 +229,17 @@ class Px4(AutopilotAdapter):
         """Return, and what lands."""
         return self.mode_name(custom_mode) in HOMEWARD
 
+    @property
+    def steering_commands(self) -> frozenset[int]:
+        """The course in Guided Course; setpoints of offboard are not answered."""
+        if not isinstance(self._steering, GuidedCourse):
+            return frozenset()
+        return frozenset({mavlink.MAV_CMD_GUIDED_CHANGE_HEADING})
+
+    def steering_questions(self) -> list[MAVLink_message]:
+        """A course, which is denied outside Guided Course."""
+        return self._steering.course(0.0) if isinstance(self._steering, GuidedCourse) else []
+
     def denies_guided(self, report: CommandReport) -> bool:
         """A course is denied outside Guided Course; setpoints of offboard are not answered."""
         command = mavlink.MAV_CMD_GUIDED_CHANGE_HEADING

@@ -96,13 +96,18 @@ class GuidedCourse:
 
     def fly(self, setpoint: AutopilotSetpoint) -> list[MAVLink_message]:
         """GUIDED_CHANGE_HEADING with a course over ground, DO_CHANGE_SPEED."""
-        course = command_long(
-            self._vehicle,
-            mavlink.MAV_CMD_GUIDED_CHANGE_HEADING,
-            COURSE_OVER_GROUND,
-            compass_degrees(setpoint.course),
-        )
-        return [course, change_speed(self._vehicle, setpoint.speed)]
+        return [*self.course(setpoint.course), change_speed(self._vehicle, setpoint.speed)]
+
+    def course(self, course: float) -> list[MAVLink_message]:
+        """GUIDED_CHANGE_HEADING with a course over ground (rad)."""
+        return [
+            command_long(
+                self._vehicle,
+                mavlink.MAV_CMD_GUIDED_CHANGE_HEADING,
+                COURSE_OVER_GROUND,
+                compass_degrees(course),
+            )
+        ]
 
     def stay_ready(self, setpoint: AutopilotSetpoint) -> list[MAVLink_message]:
         """Nothing: the mode can be entered at any time."""

@@ -197,9 +197,11 @@ def complaints(
 
 
 def test_an_aircraft_that_ignores_its_course_is_told_of_within_ten_seconds():
-    ((when, text),) = complaints(lambda _: 0.0, lambda _: 0.5, 60.0)
+    (when, text), (given_up, last) = complaints(lambda _: 0.0, lambda _: 0.5, 60.0)
     assert when < 10.0
     assert "the course does not follow the setpoints: asked to turn at" in text
+    assert given_up < when + 5.0
+    assert "accepts courses and flies none: handed back" in last
 
 
 def test_an_aircraft_that_turns_the_wrong_way_is_told_of():
@@ -238,8 +240,8 @@ def test_it_says_when_the_course_follows_again():
         return 0.0 if now < 20.0 else 0.3 * (now - 20.0)
 
     texts = [text for _, text in complaints(course, lambda now: course(now) + 0.3, 40.0)]
-    assert len(texts) == 2
-    assert texts[1] == "the course follows again, nothing to do"
+    assert len(texts) == 3
+    assert texts[2] == "the course follows again, nothing to do"
 
 
 @pytest.mark.parametrize(("off", "words"), [(25.0, "25 m above"), (-30.0, "30 m below")])

@@ -1,0 +1,167 @@
+"""An autopilot that refuses what it is steered by, or accepts it and flies something else."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from sitl_stub import Autopilot
+from tests.kit.autopilot import new_autopilot
+from tests.kit.companion import FRAME, Flight, new_flight
+from tests.kit.missions import mission_with
+from tests.kit.wire import number_of, packed, parsed, spoken
+from vfguide.companion.core import Companion
+from vfguide.companion.mission_plan import adapter_of, flight_plan
+from vfguide.companion.obedience import Obedience
+from vfguide.link.presence import LONGEST_TEXT
+from vfguide.mavlink.reports import CommandReport
+
+HEADING, SPEED, ALTITUDE, SET_MODE = 43_002, 43_000, 43_001, 176
+STEERING = frozenset({HEADING, SPEED, ALTITUDE})
+ACCEPTED, DENIED, UNSUPPORTED, FAILED = 0, 2, 3, 4
+
+
+@dataclass(slots=True)
+class Bent:
+    """An autopilot whose answers to some commands are another's."""
+
+    autopilot: Autopilot
+    commands: frozenset[int]
+    result: int
+
+    def advance(self, now: float) -> bytes:
+        return self.autopilot.advance(now)
+
+    def receive(self, data: bytes) -> bytes:
+        said = b""
+        for message in parsed(data):
+            if number_of(message) in self.commands:
+                said += spoken(mavlink.MAVLink_command_ack_message(message.command, self.result))
+            else:
+                said += self.autopilot.receive(bytes(message.get_msgbuf()))
+        return said
+
+    def __getattr__(self, name: str) -> Callable[..., object]:
+        return getattr(self.autopilot, name)
+
+
+def flown_by(result: int, *, commands: frozenset[int] = STEERING, until_s: float = 15.0) -> Flight:
+    flown = new_flight()
+    flown.autopilot = Bent(flown.autopilot, commands, result)  # type: ignore[assignment]
+    flown.run(until_s)
+    return flown
+
+
+@pytest.mark.parametrize("commands", [STEERING, frozenset({HEADING}), frozenset({SPEED})])
+def test_an_autopilot_without_a_steering_command_is_handed_back_at_once(commands):
+    flown = flown_by(UNSUPPORTED, commands=commands)
+    engaged = flown.times(SET_MODE)[0]
+    told = next(
+        time for time, text in flown.texts() if "not steered: the autopilot refuses" in text
+    )
+    assert told <= engaged + 3.0
+    assert flown.autopilot.truth().mode == "LOITER"
+    assert len(flown.times(SET_MODE)) == 2
+    # Nothing is asked of it again, however long it flies.
+    assert flown.later(HEADING, engaged + 3.0) == []
+    assert flown.companion.obstacle(15.0) == flown.companion.objection
+
+
+@pytest.mark.parametrize("result", [DENIED, FAILED])
+def test_an_autopilot_that_refuses_courses_in_its_guided_mode_is_handed_back(result):
+    flown = flown_by(result)
+    assert flown.autopilot.truth().mode == "LOITER"
+    assert flown.companion.objection is not None
+    assert "refuses GUIDED_CHANGE_" in flown.companion.objection
+
+
+def test_an_autopilot_that_accepts_courses_and_flies_none_is_told_of_and_handed_back():
+    flown = flown_by(ACCEPTED, until_s=25.0)
+    engaged = flown.times(SET_MODE)[0]
+    complained = next(time for time, text in flown.events if "does not follow" in text)
+    assert complained <= engaged + 8.0
+    gave_up = next(time for time, text in flown.events if "flies none: handed back" in text)
+    assert gave_up <= complained + 6.0
+    assert flown.autopilot.truth().mode == "LOITER"
+
+
+def on_the_ground(result: int | None) -> tuple[Companion, list[str]]:
+    """A companion whose vehicle stands disarmed for 10 s, and what was said."""
+    mission = mission_with("line-calm", path={"course_deg": 0.0})
+    companion = Companion(
+        flight_plan(mission, "f1"), adapter_of(mission.vehicles["f1"]), engage=True
+    )
+    latitude, longitude = FRAME.to_geodetic(0.0, 0.0)
+    autopilot: Autopilot | Bent = new_autopilot(
+        system_id=2,
+        latitude_deg=latitude,
+        longitude_deg=longitude,
+        altitude_amsl_m=488.0,
+        home_altitude_amsl_m=488.0,
+        airborne=False,
+        armed=False,
+    )
+    if result is not None:
+        autopilot = Bent(autopilot, STEERING, result)  # type: ignore[arg-type]
+    said: list[str] = []
+    waiting = b""
+    for tenth in range(100):
+        now = 0.1 * tenth
+        out = companion.receive_mavlink(waiting + autopilot.advance(now), now)
+        waiting = autopilot.receive(out.to_autopilot)
+        said += [event.text for event in out.events]
+    return companion, said
+
+
+def test_on_the_ground_a_firmware_without_guided_commands_is_no_go():
+    companion, said = on_the_ground(UNSUPPORTED)
+    assert companion.obstacle(10.0) == companion.objection
+    assert companion.objection == (
+        "the autopilot refuses GUIDED_CHANGE_HEADING (UNSUPPORTED): use firmware built with guided commands"
+    )
+    assert len(companion.objection) <= LONGEST_TEXT
+    assert [text for text in said if "refuses" in text] == [f"not steered: {companion.objection}"]
+
+
+def test_on_the_ground_a_usual_firmware_is_asked_once_and_nobody_hears_of_it():
+    companion, said = on_the_ground(None)
+    assert companion.objection is None
+    assert [text for text in said if "GUIDED_CHANGE" in text] == []
+
+
+def test_after_a_reboot_it_is_asked_anew():
+    flown = flown_by(UNSUPPORTED, until_s=8.0)
+    assert flown.companion.objection is not None
+    flown.reboot()
+    flown.run(12.0)
+    assert flown.companion.objection is None
+
+
+def test_a_single_answer_in_anothers_name_ends_nothing():
+    flown = new_flight()
+    flown.run(10.0)
+    stray = packed(
+        mavlink.MAVLink_command_ack_message(HEADING, UNSUPPORTED), system_id=2, component_id=1
+    )
+    flown.companion.receive_mavlink(stray, 10.05)
+    flown.run(15.0)
+    assert flown.mode_at(15.0).steers
+
+
+@given(
+    st.lists(
+        st.tuples(st.integers(0, 65_535), st.integers(0, 255), st.floats(0.0, 3.0), st.booleans()),
+        max_size=40,
+    )
+)
+def test_answers_of_other_commands_never_speak_against_it(answers):
+    obedience = Obedience(adapter_of(mission_with("line-calm").vehicles["f1"]))
+    now = 0.0
+    for command, result, passed, guided in answers:
+        now += passed
+        if command not in STEERING:
+            obedience.hear(CommandReport(command=command, result=result), now, guided=guided)
+    assert obedience.refusal is None
