@@ -10,7 +10,7 @@ from sitl_stub.aircraft import PlantParameters
 from sitl_stub.geometry import displace, wrap_to_two_pi
 from sitl_stub.lagging_plant import rates_of, shown_bank_rad
 from sitl_stub.loops import bank_of_rad
-from sitl_stub.plant import RATES, PlantState, with_speed_kind
+from sitl_stub.plant import RATES, PlantRates, PlantState, with_speed_kind
 from sitl_stub.rigid_body import air_flow, attitude_rates, body_to_ground, velocity_ned_m_s
 from sitl_stub.six_dof import body_of
 from sitl_stub.targets import Targets
@@ -50,7 +50,7 @@ class Motion(NamedTuple):
     """Horizontal speed through the air."""
 
     turn_rate_rad_s: float
-    """Turn rate of the velocity that the plant turns, positive right."""
+    """Turn rate of the nose, positive right."""
 
     bank_rad: float
     """Bank of the coordinated turn, positive right."""
@@ -66,18 +66,49 @@ def ideal_motion(
     air_north_m_s, air_east_m_s = north_m_s - wind_m_s[0], east_m_s - wind_m_s[1]
     ground_speed_m_s = math.hypot(north_m_s, east_m_s)
     airspeed_m_s = math.hypot(air_north_m_s, air_east_m_s)
-    turning_speed_m_s = airspeed_m_s if plant.kind == "heading-hold" else ground_speed_m_s
+    heading_rad = math.atan2(air_east_m_s, air_north_m_s)
+    turn_rate_rad_s = rates.turn_rate_rad_s
+    if plant.kind == "course-hold":
+        turn_rate_rad_s = nose_turn_rate_rad_s(
+            rates,
+            drift_rad=math.atan2(east_m_s, north_m_s) - heading_rad,
+            ground_speed_m_s=ground_speed_m_s,
+            airspeed_m_s=airspeed_m_s,
+            holds_airspeed=targets.speed.kind == "airspeed",
+        )
     return Motion(
         north_m_s,
         east_m_s,
         -state.climb_m_s,
         wrap_to_two_pi(math.atan2(east_m_s, north_m_s)),
         ground_speed_m_s,
-        wrap_to_two_pi(math.atan2(air_east_m_s, air_north_m_s)),
+        wrap_to_two_pi(heading_rad),
         airspeed_m_s,
-        rates.turn_rate_rad_s,
-        bank_of_rad(rates.turn_rate_rad_s, turning_speed_m_s),
+        turn_rate_rad_s,
+        bank_of_rad(turn_rate_rad_s, airspeed_m_s),
     )
+
+
+def nose_turn_rate_rad_s(
+    rates: PlantRates,
+    *,
+    drift_rad: float,
+    ground_speed_m_s: float,
+    airspeed_m_s: float,
+    holds_airspeed: bool,
+) -> float:
+    """Turn rate of the air velocity while the course turns, in steady wind: the wind triangle's derivative.
+
+    The acceleration over ground is that through the air, and its part across the nose turns the nose.
+    """
+    turning_m_s2 = ground_speed_m_s * rates.turn_rate_rad_s
+    if holds_airspeed:
+        across_m_s2 = turning_m_s2 / math.cos(drift_rad)
+    else:
+        across_m_s2 = turning_m_s2 * math.cos(drift_rad) + rates.acceleration_m_s2 * math.sin(
+            drift_rad
+        )
+    return across_m_s2 / max(airspeed_m_s, 1.0)
 
 
 def lagging_motion(

@@ -1,5 +1,6 @@
 """The own vehicle's motion through the air: reports of airspeed, bank and heading, and what they teach."""
 
+import cmath
 import math
 
 import msgspec
@@ -9,7 +10,7 @@ from vfguide.companion.distrust import AirspeedGate
 from vfguide.companion.plan import FlightPlan
 from vfguide.elementwise import low_pass, wrap_angle
 from vfguide.guidance.airspeed_calibration import Calibration, calibrated, calibration_of
-from vfguide.guidance.turn_efficiency import TurnEfficiency, learned
+from vfguide.guidance.turn_efficiency import TurnEfficiency, agreed, learned
 from vfguide.mavlink.reports import PositionReport
 from vfguide.state import VehicleState
 
@@ -60,8 +61,9 @@ class AirMotion:
         """
         self.gate = AirspeedGate(plan.airframe, alerts)
         """Which airspeeds can be true."""
-        self.turn_efficiency = TurnEfficiency()
-        """What it turns of what its bank says; nothing is learned where no bank is heard."""
+        self.by_nose, self.by_path = TurnEfficiency(), TurnEfficiency()
+        """What it turns of what its bank says, by two witnesses."""
+        self._velocity = 0j
         self._calibrates = calibrates
         # While it is not known whether it slips both are learned, of which one is right.
         kinds = (False, True) if plan.finds_slip else (plan.slips,)
@@ -77,6 +79,11 @@ class AirMotion:
     def retune(self, plan: FlightPlan) -> None:
         """Go on with what is known of the vehicle by now; what was learned of it is kept."""
         self._slips = plan.surely_slips
+
+    @property
+    def turn_efficiency(self) -> TurnEfficiency:
+        """What it turns of what its bank says; nothing is learned where no bank is heard."""
+        return agreed(self.by_nose, self.by_path)
 
     @property
     def bank_heard(self) -> bool:
@@ -166,6 +173,8 @@ class AirMotion:
         """
         fresh = now - self._airspeed_time <= AIRSPEED_FRESH_S
         before, self._nose = self._nose, report.heading
+        velocity = complex(report.velocity_north, report.velocity_east)
+        accelerated, self._velocity = velocity - self._velocity, velocity
         if report.heading is None or before is None:
             return
         flying = fresh and self._airspeed > LEAST_CALIBRATED
@@ -175,12 +184,14 @@ class AirMotion:
         turn_rate = wrap_angle(report.heading - before) / interval
         self._turn_rate = low_pass(self._turn_rate, turn_rate, interval, TURN_RATE_S)
         if now - self._bank_time <= AIR_DATA_FRESH_S:
-            self.turn_efficiency = learned(
-                self.turn_efficiency,
-                bank=self._bank,
-                airspeed=self.calibration.scale * self._airspeed,
-                turn_rate=turn_rate,
-                period=interval,
+            airspeed = self.calibration.scale * self._airspeed
+            across = (accelerated * cmath.rect(1.0, -report.heading)).imag
+            self.by_nose, self.by_path = (
+                learned(known, bank=self._bank, airspeed=airspeed, turn_rate=rate, period=interval)
+                for known, rate in (
+                    (self.by_nose, turn_rate),
+                    (self.by_path, across / (interval * airspeed)),
+                )
             )
         wind_rate = math.hypot(state.wind_rate_north, state.wind_rate_east)
         for slips, known in self._calibrations.items():

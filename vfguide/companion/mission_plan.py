@@ -349,6 +349,7 @@ def guidance_settings(mission: Mission) -> GuidanceSettings:
             boundary_layer_factor=chosen.layer_factor,
             loop_delay_s=chosen.loop_delay_s,
             rho=chosen.rho,
+            amplification=chosen.amplification,
         ),
         observer=ObserverGains(
             gamma=chosen.observer.gamma, rho=chosen.observer.rho, sigma=chosen.observer.sigma

@@ -371,6 +371,7 @@ def bandwidth_for(plan: FlightPlan) -> Bandwidth:
         period=1.0 / plan.rate_hz,
         loop_delay=sliding.loop_delay_s,
         factor=sliding.boundary_layer_factor,
+        amplification=sliding.amplification,
         softness=plan.softness,
     )
 

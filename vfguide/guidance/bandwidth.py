@@ -11,8 +11,9 @@ both kept where
 
 k and D are the greatest that the response may have: the spread of its gain, the loop's own period and delay,
 the share of the known delay that prediction does not take away, and the delay that may come on top. Within
-that bound `sharpness` chooses how quick the loop is around the response as it most probably is. A loop around
-another one is slower by `NESTING` (Astrom and Murray, Feedback Systems, 2nd edition, chapters 10 and 14).
+that bound `sharpness` chooses how quick the loop is around the response as it most probably is, and how many
+times quicker than the hold that it commands. A loop around another one is slower by `NESTING` (Astrom and
+Murray, Feedback Systems, 2nd edition, chapters 10 and 14).
 """
 
 import math
@@ -34,6 +35,9 @@ FORETOLD_SHARE = 0.2
 SLIPPING_BANDWIDTH = 0.45
 """1/s: of the course loop of an aircraft that slips. On ArduPilot's simulated plane 0.7 kept the yaw
 swinging at 0.9 Hz for ever."""
+
+USUAL_AMPLIFICATION, AMPLIFICATION_STEP = 1.5, 4.0
+"""How many times quicker than a hold its loop is at sharpness 0.5, and the factor from there to 1."""
 
 QUICKEST_FACTOR = 1.0 / MARGIN
 """Layer factor at sharpness 1, where the margins are just kept."""
@@ -118,6 +122,15 @@ def factor_of(sharpness: float) -> float:
     return float(QUICKEST_FACTOR * (USUAL_FACTOR / QUICKEST_FACTOR) ** (2.0 * (1.0 - sharpness)))
 
 
+def amplification_of(sharpness: float) -> float:
+    """How many times quicker than a hold the loop around it may be, for a sharpness from 0 to 1.
+
+    A loop of gain g around a hold of gain alpha sends setpoints that are g / alpha times as great as what it
+    has measured, noise included: more than the hold can follow only wears its servos.
+    """
+    return float(USUAL_AMPLIFICATION * AMPLIFICATION_STEP ** (2.0 * sharpness - 1.0))
+
+
 def bearable(
     gain_delay: float, certainty: HoldCertainty, *, period: float, loop_delay: float, factor: float
 ) -> float:
@@ -145,6 +158,7 @@ def bandwidth_of(
     period: float,
     loop_delay: float,
     factor: float,
+    amplification: float = math.inf,
     softness: Softness = FIRM,
 ) -> Bandwidth:
     """Bandwidth that every response an aircraft may have bears.
@@ -156,6 +170,7 @@ def bandwidth_of(
         period: of the loop, s.
         loop_delay: from measurement to effect beyond the period, s.
         factor: see `bearable`.
+        amplification: how many times quicker than the hold that it commands a loop may be.
         softness: factors on what results.
     """
     course = bearable(
@@ -174,6 +189,8 @@ def bandwidth_of(
         loop_delay=loop_delay,
         factor=factor,
     )
+    course = min(course, amplification * airframe.alpha)
+    speed = min(speed, amplification * airframe.beta)
     if slips and factor > 0.0:
         course = min(course, SLIPPING_BANDWIDTH)
     fastest = (

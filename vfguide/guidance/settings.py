@@ -80,6 +80,8 @@ class SlidingGains(msgspec.Struct, frozen=True, kw_only=True):
     """From measurement to the aircraft's response, beyond the sampling period, s."""
     rho: float
     """Weight of the Lyapunov function, s²."""
+    amplification: float = math.inf
+    """How many times quicker than the hold that it commands a loop may be."""
     course_bandwidth: float = math.inf
     """Greatest gain of the course law within its layer, 1/s."""
     speed_bandwidth: float = math.inf

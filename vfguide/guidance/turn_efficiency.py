@@ -2,6 +2,9 @@
 
     turn rate = turn efficiency * g tan(bank) / V
 
+There are two witnesses of the turn rate. A wind that changes turns the nose as well; gusts disturb the
+acceleration over ground. Where the two do not agree nothing is known.
+
 1 is a coordinated turn. A vehicle without coordination turns less and slips; ArduPilot's simulated plane does
 by 0.745 to 0.85, other values in other parts of a circle in wind, which is why no more than their slow mean
 is learned. Straight flight tells nothing.
@@ -59,7 +62,7 @@ class TurnEfficiency(msgspec.Struct, frozen=True, kw_only=True):
     by_bank: float = 0.0
     """g tan(bank) / V, smoothed, rad/s."""
     turn_rate: float = 0.0
-    """Turn rate of the nose, smoothed, rad/s."""
+    """Turn rate, smoothed, rad/s."""
     seen_s: float = 0.0
     """For how long bank and turn rate have been smoothed without a gap, s."""
 
@@ -79,6 +82,21 @@ class TurnEfficiency(msgspec.Struct, frozen=True, kw_only=True):
         return self.value < (COORDINATED_ABOVE if before else SLIPS_BELOW)
 
 
+def agreed(first: TurnEfficiency, second: TurnEfficiency) -> TurnEfficiency:
+    """Return what two witnesses know together; that they differ makes it uncertain.
+
+    Args:
+        first: by one witness.
+        second: by the other.
+    """
+    apart = first.value - second.value
+    return replace(
+        first,
+        value=0.5 * (first.value + second.value),
+        variance=max(first.variance, second.variance) + 0.25 * apart * apart,
+    )
+
+
 def learned(
     before: TurnEfficiency, *, bank: float, airspeed: float, turn_rate: float, period: float
 ) -> TurnEfficiency:
@@ -88,7 +106,7 @@ def learned(
         before: after the report before.
         bank: rad, positive right.
         airspeed: true, m/s.
-        turn_rate: of the nose since the report before, rad/s.
+        turn_rate: since the report before, rad/s.
         period: since then, s.
     """
     if not all(map(math.isfinite, (bank, airspeed, turn_rate, period))):

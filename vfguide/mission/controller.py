@@ -4,6 +4,7 @@
 `controller:` has the fields of both, by a model that is made of the two for each law.
 """
 
+import math
 from collections.abc import Mapping
 from functools import cache
 from typing import Annotated, Any, Literal
@@ -20,7 +21,7 @@ from pydantic import (
 from pydantic.fields import FieldInfo
 from pydantic_core import InitErrorDetails
 
-from vfguide.guidance.bandwidth import factor_of
+from vfguide.guidance.bandwidth import amplification_of, factor_of
 from vfguide.guidance.settings import SlotFrame
 from vfguide.mission.quantity import Duration, Gain, NotNegative, Section, Switch
 from vfguide.registry import laws
@@ -102,8 +103,16 @@ class Controller(Section):
     @property
     def layer_factor(self) -> float:
         """Boundary layer over kappa times the delay: as chosen, or by `sharpness`."""
-        chosen = "boundary_layer_factor" in self.model_fields_set
-        return self.boundary_layer_factor if chosen else factor_of(self.sharpness)
+        return self.boundary_layer_factor if self._chooses_layer else factor_of(self.sharpness)
+
+    @property
+    def amplification(self) -> float:
+        """How many times quicker than a hold its loop may be: by `sharpness`, unless the layer is chosen."""
+        return math.inf if self._chooses_layer else amplification_of(self.sharpness)
+
+    @property
+    def _chooses_layer(self) -> bool:
+        return "boundary_layer_factor" in self.model_fields_set
 
     _gains_of_others: dict[str, Any] = PrivateAttr(default_factory=dict)
     """What the mission holds for other laws, as it is written there, for flights by one of them."""

@@ -97,7 +97,7 @@ def test_what_holds_course_and_ground_speed_is_not_asked():
 
 def test_what_was_learned_outlasts_another_response(finding):
     own = OwnVehicle(finding)
-    own.air.turn_efficiency = known(1.0)
+    own.air.by_nose = own.air.by_path = known(1.0)
     calibration = own.air.calibration
     first = own.take(report(finding, 0.0), 0.0)
     assert first is not None
