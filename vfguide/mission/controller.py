@@ -103,16 +103,15 @@ class Controller(Section):
     @property
     def layer_factor(self) -> float:
         """Boundary layer over kappa times the delay: as chosen, or by `sharpness`."""
-        return self.boundary_layer_factor if self._chooses_layer else factor_of(self.sharpness)
+        chosen = "boundary_layer_factor" in self.model_fields_set
+        return self.boundary_layer_factor if chosen else factor_of(self.sharpness)
 
     @property
     def amplification(self) -> float:
-        """How many times quicker than a hold its loop may be: by `sharpness`, unless the layer is chosen."""
-        return math.inf if self._chooses_layer else amplification_of(self.sharpness)
-
-    @property
-    def _chooses_layer(self) -> bool:
-        return "boundary_layer_factor" in self.model_fields_set
+        """How many times quicker than a hold its loop may be: by `sharpness`, where the mission has no gains."""
+        gains = set(type(self).model_fields) - set(Controller.model_fields)
+        chosen = self.model_fields_set & {*gains, "kappa", "boundary_layer_factor"}
+        return math.inf if chosen else amplification_of(self.sharpness)
 
     _gains_of_others: dict[str, Any] = PrivateAttr(default_factory=dict)
     """What the mission holds for other laws, as it is written there, for flights by one of them."""
