@@ -25,6 +25,8 @@ class LocalFrame:
     def __init__(self, latitude_deg: float, longitude_deg: float, altitude_m: float) -> None:
         self.altitude_m = altitude_m
         """Altitude of the origin, m above mean sea level."""
+        self.origin = latitude_deg, longitude_deg
+        """Latitude and longitude of the origin, degrees."""
         self._latitude_deg = latitude_deg
         self._longitude_deg = longitude_deg
         self._north_radius_m = float(rcurve.meridian(latitude_deg)) + altitude_m
@@ -96,6 +98,12 @@ def earth_centred(
         from_axis * math.sin(longitude),
         (radius * AXIS_RATIO**2 + altitude_m) * sine,
     )
+
+
+def way_m(first: tuple[float, float], second: tuple[float, float]) -> float:
+    """Way over the earth between two places, each (latitude, longitude) in degrees; to 0.5 %."""
+    chord = math.dist(earth_centred(*first, 0.0), earth_centred(*second, 0.0))
+    return 2.0 * EARTH_RADIUS * math.asin(min(chord / (2.0 * EARTH_RADIUS), 1.0))
 
 
 def wrap_longitude(longitude_deg: float) -> float:

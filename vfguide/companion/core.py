@@ -20,9 +20,10 @@ from vfguide.companion.guided_vehicle import GuidedVehicle
 from vfguide.companion.height_keeper import LoiterHeight
 from vfguide.companion.housekeeping import Housekeeping
 from vfguide.companion.plan import FlightPlan
+from vfguide.companion.reach import EngageRange
 from vfguide.companion.role import Outgoing, Snapshot
 from vfguide.companion.roles import RoleMaker, role_of
-from vfguide.companion.supervisor import Control, Mode, Situation, next_mode, obstacle
+from vfguide.companion.supervisor import Control, Mode, Objection, Situation, next_mode, obstacle
 from vfguide.companion.timing import SAME_CLOCK, SharedClock, Wakefulness
 from vfguide.formation.arrangement import Arrangement
 from vfguide.mavlink.adapter import AutopilotAdapter
@@ -125,7 +126,8 @@ class Companion:
             role=role,
         )
         self._mode = Mode.WAITING
-        self._objected: str | None = None
+        self._objected: Objection | None = None
+        self._reach = EngageRange(plan)
         self._idle_since = self._leader_since = math.inf
         self._greeting_s = greeting_s
         self._stands_back = self._stopped = self._leaving = False
@@ -376,23 +378,26 @@ class Companion:
         """What would keep it from steering now, in words; None where nothing would."""
         if self._stands_back:
             return "another companion of this name was here before: stop one of them"
-        return (
-            self.objection
-            or self._arrangements.obstacle(now)
-            or obstacle(
-                self._timeouts,
-                telemetry_age=now - self._vehicle.telemetry_time,
-                doubts=self._vehicle.own.doubts,
-                fault=self._vehicle.own.fault(now),
-                leader_age=self.leader_age(now),
-                time_known=math.isfinite(self._clock.from_own(now)),
-            )
+        objected = self.objection(now)
+        if objected is not None:
+            return objected.text
+        return self._arrangements.obstacle(now) or obstacle(
+            self._timeouts,
+            telemetry_age=now - self._vehicle.telemetry_time,
+            doubts=self._vehicle.own.doubts,
+            fault=self._vehicle.own.fault(now),
+            leader_age=self.leader_age(now),
+            time_known=math.isfinite(self._clock.from_own(now)),
         )
 
-    @property
-    def objection(self) -> str | None:
+    def objection(self, now: float) -> Objection | None:
         """Why the vehicle is not steered whatever its mode, and what to do; None where nothing is known."""
-        return self._housekeeping.obedience.refusal
+        refusal = self._housekeeping.obedience.refusal
+        if refusal is not None or self._mode.steers:
+            return refusal
+        known = now - self._vehicle.telemetry_time <= self._timeouts.telemetry_s
+        distance = self._vehicle.distance if known else math.inf
+        return self._reach.objection(distance)
 
     @property
     def findings(self) -> list[str]:
@@ -469,6 +474,7 @@ class Companion:
         found = self._vehicle.learn(now)
         if found is not None:
             self._housekeeping.retune(found)
+        self._reach.note(report)
         reboots = self._vehicle.own.reboots
         navigated = self._vehicle.own.take(report, now)
         if self._vehicle.own.reboots > reboots:
@@ -490,7 +496,7 @@ class Companion:
         if self._vehicle.plan.asks_response:
             # Not steered by a response that the autopilot is about to put right.
             control = Control.UNKNOWN
-        if self._object():
+        if self._object(now):
             control = Control.BARRED
         situation = Situation(
             control=control,
@@ -512,15 +518,19 @@ class Companion:
         if self._mode.steers is not before.steers:
             self._vehicle.steering.reset()
 
-    def _object(self) -> bool:
+    def _object(self, now: float) -> bool:
         """Whether something speaks against steering at all; pilot and log hear once what it is."""
-        before, self._objected = self._objected, self.objection
-        if self._objected == before:
-            return before is not None
-        if self._objected is not None:
-            self._alerts.say("objection", CRITICAL, f"not steered: {self._objected}", told=False)
-            self._alerts.show_mode(f"not steered: {self._objected}")
+        before, self._objected = self._objected, self.objection(now)
+        found = self._objected
+        if found is not None:
+            # The figures of one kind may change: it is the same to who hears it.
+            if before is None or before.key != found.key:
+                text = f"not steered: {found.text}"
+                self._alerts.say("objection", CRITICAL, text, told=False)
+                self._alerts.show_mode(text)
             return True
+        if before is None:
+            return False
         guided = self._adapter.engaged_name
         self._alerts.say("objection", NOTICE, f"may be steered again: select {guided}")
         return False
@@ -528,7 +538,7 @@ class Companion:
     def _sentence(self, situation: Situation, now: float) -> str:
         """What this companion does, and what the pilot can do."""
         if self._objected is not None:
-            return f"not steered: {self._objected}"
+            return f"not steered: {self._objected.text}"
         flight_mode, guided = self._authority.mode_name(), self._adapter.engaged_name
         # Only what is known to be of now is answered with a command.
         returns = situation.steered and math.isfinite(self._vehicle.own.greatest_age(now))

@@ -65,6 +65,10 @@ them, whose clocks may be seconds apart from it: that would look like a delay.""
 FLIES_M_S = 3.0
 """Over ground: slower than this it stands on the ground, or hangs from a parachute."""
 
+LIKE_PLANNED_M = 25.0
+"""Within this of the mission's flying height a leader's altitude has to be once before it is followed: those
+above the ellipsoid or the ground, or by a wrong air pressure, differ by more."""
+
 OTHERS_HEARD = 10
 """Reports of another system, before it is told that the leader is not heard."""
 
@@ -110,6 +114,7 @@ class LeaderTelemetry:
         )
         self._gate = InnovationGate(reach_of(airframe), moved_s=moved_s)
         self._altitude = AltitudeGate()
+        self._has_height = self._height_told = False
         self._place: ReportedMotion | None = None
         self._unstamped: tuple[float, float] | None = None
         self._motion: ObservedMotion | None = None
@@ -216,6 +221,7 @@ class LeaderTelemetry:
         self._kind, self._place, self._motion = kind, None, None
         self._gate = InnovationGate(reach_of(self._leader.airframe), moved_s=self._moved_s)
         self._altitude = AltitudeGate()
+        self._has_height = False
         if restarted:
             self._say("has another clock, as after a restart: followed by that from now on")
 
@@ -253,6 +259,7 @@ class LeaderTelemetry:
         judgement = self._gate.judge(motion)
         known = math.isfinite(report.altitude_amsl)
         altitude = self._altitude.judge(report.altitude_amsl, moment.even_s) if known else math.nan
+        altitude = self._as_planned(altitude)
         self._place = motion
         if judgement.verdict is not GateVerdict.BELIEVED:
             self._doubt(judgement, motion, moment, altitude)
@@ -270,6 +277,26 @@ class LeaderTelemetry:
             self._motion, moment, altitude, altitude - self._frame.altitude_m, report.climb_rate
         )
         return True
+
+    def _as_planned(self, altitude: float) -> float:
+        """An altitude (m above mean sea level), NaN until it has once been like the mission's."""
+        off = altitude - self._frame.altitude_m - self._leader.height
+        if self._has_height or math.isnan(off):
+            return altitude
+        if abs(off) <= LIKE_PLANNED_M:
+            self._has_height = True
+            if self._height_told:
+                self._height_told = False
+                self._say("is as high as the mission says: its height is followed, nothing to do")
+            return altitude
+        if not self._height_told:
+            self._height_told = True
+            side = "above" if off > 0.0 else "below"
+            self._say(
+                f"reports an altitude of {altitude:.0f} m, {abs(off):.0f} m {side} the mission's: own height"
+                " kept; see that it reports heights above mean sea level, or set height_above_origin_m"
+            )
+        return math.nan
 
     def _velocity_between(
         self, north: float, east: float, moment: Moment

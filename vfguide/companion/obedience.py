@@ -10,6 +10,7 @@ from collections import Counter
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
+from vfguide.companion.supervisor import Objection
 from vfguide.mavlink.adapter import AutopilotAdapter
 from vfguide.mavlink.announcements import GOOD, name_of
 from vfguide.mavlink.reports import CommandReport
@@ -37,7 +38,7 @@ class Obedience:
         self._is_known = False
         self._unsupported: Counter[int] = Counter()
         self._refused: dict[int, list[float]] = {}
-        self.refusal: str | None = None
+        self.refusal: Objection | None = None
         """Why it cannot be steered, and what to do; None where nothing shows that."""
 
     def questions(self, now: float) -> list[MAVLink_message]:
@@ -81,4 +82,5 @@ class Obedience:
         command = name_of("MAV_CMD", report.command).removeprefix("MAV_CMD_")
         if self.refusal is not None:
             return
-        self.refusal = f"the autopilot refuses {command} ({result}): {remedy}"
+        text = f"the autopilot refuses {command} ({result}): {remedy}"
+        self.refusal = Objection(key="refusal", text=text)

@@ -60,6 +60,15 @@ class Control(Enum):
     """Not to be steered, whatever its mode: see the companion's objection."""
 
 
+class Objection(msgspec.Struct, frozen=True, kw_only=True):
+    """Why a vehicle is not steered, whatever its mode."""
+
+    key: str
+    """Its kind: pilot and log hear each once."""
+    text: str
+    """What is found, and what to do."""
+
+
 class Situation(msgspec.Struct, frozen=True, kw_only=True):
     """What the supervisor decides by."""
 

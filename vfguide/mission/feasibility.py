@@ -17,7 +17,9 @@ from itertools import combinations
 
 import numpy as np
 
+from vfguide.formation.arrangement import MAIN_PATH
 from vfguide.formation.transition import RefusedOrderError
+from vfguide.frames import way_m
 from vfguide.guidance.airframe import GRAVITY
 from vfguide.guidance.path import END_SHARE
 from vfguide.guidance.predicted_tracks import TIMES, Agility, ComplexArray, OwnMotion, arc
@@ -43,6 +45,7 @@ from vfguide.mission.loop_limits import (
 )
 from vfguide.mission.model import Mission
 from vfguide.mission.order_plan import on_path, timetable
+from vfguide.mission.place import ENGAGED_M, Place
 from vfguide.mission.starts import follower_start, leader_start
 from vfguide.registry import laws
 
@@ -94,6 +97,25 @@ def _distant(name: str, distance: float, target: str) -> Finding:
     location = ("rehearsal", "start", name)
     message = f"begins {distance:.0f} m from {target}"
     return Finding("warning", location, message, f"begin within {FAR_M:.0f} m of it")
+
+
+def far_from_home(mission: Mission) -> Iterator[Finding]:
+    """A plan that is meant to take off elsewhere than where the mission is: its origin is a mistake."""
+    for name, shape in mission.paths_by_name.items():
+        home: Place | None = getattr(shape, "home", None)
+        if home is None or home.latitude_deg is None or home.longitude_deg is None:
+            continue
+        place = home.latitude_deg, home.longitude_deg
+        origin = mission.origin.latitude_deg, mission.origin.longitude_deg
+        away = way_m(origin, place)
+        if away > ENGAGED_M:
+            yield Finding(
+                "warning",
+                ("origin",) if name == MAIN_PATH else ("paths", name),
+                f"at {origin[0]:g}, {origin[1]:g}, {away / 1e3:.1f} km from the home of its plan; nobody"
+                f" is engaged farther than {ENGAGED_M / 1e3:g} km from path or slot",
+                f"set origin where it is flown: the plan's home is {place[0]:g}, {place[1]:g}",
+            )
 
 
 def below_ground(mission: Mission) -> Iterator[Finding]:
@@ -294,6 +316,7 @@ OF_THE_MISSION: tuple[Callable[[Mission], Iterator[Finding]], ...] = (
     observer_out_of_tune,
     crowded_starts,
     distant_starts,
+    far_from_home,
     hand_back_at_the_end,
     settling_after_the_end,
     losses_after_the_end,

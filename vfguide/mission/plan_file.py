@@ -6,7 +6,7 @@ What a formation does not do (cameras, changes of speed, loitering on the way) i
 
 import json
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeGuard
 
@@ -39,6 +39,10 @@ ABSOLUTE, RELATIVE, TERRAIN = {0, 5}, {3, 6}, {10, 11}
 
 GEOGRAPHIC = 7
 """Parameters of an item: the last three are latitude, longitude and altitude."""
+
+
+MOST_LATITUDE_DEG = 85.0
+"""Nobody flies nearer to a pole."""
 
 
 def read_plan(path: Path) -> dict[str, Any]:
@@ -91,7 +95,11 @@ def parse_plan(content: bytes) -> dict[str, Any]:
         raise InputError(
             f"has {len(reader.waypoints)} waypoints that can be flown; draw two or more"
         )
-    found: dict[str, Any] = {"waypoints": reader.waypoints, "end": reader.end}
+    found: dict[str, Any] = {
+        "waypoints": reader.waypoints,
+        "end": reader.end,
+        "home": place_of(home),
+    }
     if reader.loiter_radius_m:
         found["loiter_radius_m"] = reader.loiter_radius_m
     if not isinstance(data.get("geoFence", {}), dict):
@@ -109,6 +117,13 @@ def parse_plan(content: bytes) -> dict[str, Any]:
     if reader.left_out:
         found["left_out"] = sorted(reader.left_out)
     return found
+
+
+def place_of(place: Sequence[float] | None) -> dict[str, float] | None:
+    """Latitude and longitude of a place, if there is one where somebody flies."""
+    if not place or abs(place[0]) > MOST_LATITUDE_DEG or abs(place[1]) > 180.0:
+        return None
+    return {"latitude_deg": place[0], "longitude_deg": place[1]}
 
 
 class Reader:

@@ -33,6 +33,9 @@ class PlanContents(Section):
     loiter_radius_m: quantity.Number = 0.0
     """Radius of the loiter that ends the mission, m; negative counter-clockwise, 0 where it gives none."""
 
+    home: Place | None = None
+    """Where it is meant to take off."""
+
     fence: Fence = Fence()
     """The plan's fence."""
 
@@ -113,6 +116,11 @@ class PlanShape(RouteShape):
     def fence(self) -> Fence:
         """Fence of the plan."""
         return self.read.fence
+
+    @property
+    def home(self) -> Place | None:
+        """Where the plan is meant to take off."""
+        return self.read.home
 
     @property
     def rally_points(self) -> tuple[Place, ...]:

@@ -359,3 +359,54 @@ def test_a_jump_of_a_leader_that_tells_places_alone_is_not_followed_at_once():
     newest = telemetry.newest
     assert newest is not None
     assert newest.east == pytest.approx(0.0, abs=1.0)
+
+
+def high(sent_s: float, altitude_m: float) -> bytes:
+    """20 m/s north from the origin, at an altitude above mean sea level."""
+    message = position(sent_s, 20.0 * sent_s, 0.0)
+    message.alt = round(altitude_m * 1e3)
+    return packed(message)
+
+
+@pytest.mark.parametrize(("altitude_m", "off"), [(0.0, "588 m below"), (635.0, "47 m above")])
+def test_an_altitude_that_cannot_be_right_is_not_followed_and_told_once(altitude_m, off):
+    alerts = Alerts()
+    telemetry = listener(alerts)
+    for step in range(20):
+        telemetry.take(high(0.25 * step, altitude_m), 0.25 * step + 0.2)
+    assert telemetry.newest is not None
+    # Its place is followed, at one's own height.
+    assert telemetry.newest.north == pytest.approx(95.0, abs=0.1)
+    assert math.isnan(telemetry.newest.height)
+    (text,) = said(alerts)
+    assert f"an altitude of {altitude_m:.0f} m, {off} the mission's: own height kept" in text
+
+
+def test_a_leader_that_climbs_to_the_missions_height_and_beyond_is_followed():
+    alerts = Alerts()
+    telemetry = listener(alerts)
+    heights = []
+    for step in range(120):
+        telemetry.take(high(0.25 * step, 548.0 + 0.75 * step), 0.25 * step + 0.2)
+        assert telemetry.newest is not None
+        heights.append(telemetry.newest.height)
+    assert math.isnan(heights[0])
+    # 25 m below the flying height of 100 m, 15 m above where it began.
+    assert math.isnan(heights[19])
+    assert heights[20] == pytest.approx(75.0)
+    assert heights[-1] == pytest.approx(149.25)
+    assert [text.split(",")[0][:25] for text in said(alerts)] == [
+        "reports an altitude of 54",
+        "is as high as the mission",
+    ]
+
+
+@given(st.lists(st.floats(-1000.0, 30_000.0), min_size=1, max_size=30))
+def test_whatever_altitude_is_first_told_none_is_followed_far_from_the_missions(altitudes):
+    telemetry, near = listener(), False
+    for step, altitude in enumerate(altitudes):
+        telemetry.take(high(0.25 * step, altitude), 0.25 * step + 0.2)
+        near = near or abs(altitude - 588.0) <= 25.001
+        newest = telemetry.newest
+        assert newest is not None
+        assert near or math.isnan(newest.height)

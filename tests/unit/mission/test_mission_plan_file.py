@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 from tests.kit.missions import MISSIONS, shipped
 from vfguide.errors import InputError
+from vfguide.mission.feasibility import far_from_home
 from vfguide.mission.load import parse_mission
 from vfguide.mission.plan_file import MAX_BYTES, parse_plan, read_plan
 
@@ -180,3 +181,25 @@ def test_a_mission_that_was_read_needs_its_plan_no_more(tmp_path):
     mission = shipped("survey-plan")
     content = yaml.safe_dump(mission.model_dump(mode="json", exclude_unset=True)).encode()
     assert parse_mission(content, file=str(tmp_path / "mission.yaml")).mission == mission
+
+
+@pytest.mark.parametrize(("moved_deg", "warned"), [(0.0, False), (0.04, False), (0.3, True)])
+def test_a_plan_that_takes_off_far_from_the_origin_is_warned_of(tmp_path, moved_deg, warned):
+    content = json.loads(plan(*TWO))
+    (tmp_path / "two.plan").write_text(json.dumps(content), encoding="utf-8")
+    data = {
+        "name": "moved",
+        "origin": {"latitude_deg": 47.0 + moved_deg, "longitude_deg": 8.0, "altitude_amsl_m": 500},
+        "height_above_origin_m": 100,
+        "path": {"type": "plan", "file": "two.plan", "gain": 0.015},
+        "leader": {"vehicle": "a", "airspeed_m_s": 20},
+        "followers": [],
+        "vehicles": {"a": {"system_id": 1}},
+    }
+    file = tmp_path / "moved.yaml"
+    loaded = parse_mission(json.dumps(data).encode(), file=str(file))
+    found = [str(one) for one in far_from_home(loaded.mission)]
+    # 0.3 degrees of latitude are 33.4 km.
+    expected = ["33.4 km from the home of its plan", "the plan's home is 47, 8"]
+    assert len(found) == warned
+    assert all(words in text for text in found for words in expected)
