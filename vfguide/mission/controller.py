@@ -108,7 +108,7 @@ class Controller(Section):
 
     @property
     def amplification(self) -> float:
-        """How many times quicker than a hold its loop may be: by `sharpness`, where the mission has no gains."""
+        """How much quicker than a hold its loop may be: by `sharpness`, where the mission has no gains."""
         gains = set(type(self).model_fields) - set(Controller.model_fields)
         chosen = self.model_fields_set & {*gains, "kappa", "boundary_layer_factor"}
         return math.inf if chosen else amplification_of(self.sharpness)
