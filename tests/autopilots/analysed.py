@@ -187,8 +187,7 @@ def contains(answer: Answer, known: tuple[float, float]) -> bool:
     """Whether what is known otherwise is within the stated uncertainty."""
     if answer.response is None:
         return True
-    value, half = answer.response.bandwidth.value, answer.response.bandwidth.half_width
-    return value - half <= known[1] and known[0] <= value + half
+    return answer.response.least <= known[1] and known[0] <= answer.response.greatest
 
 
 def contains_slip(answer: SlipAnswer, known: float) -> bool:

@@ -11,7 +11,6 @@ import msgspec
 
 from vfguide.companion.own_vehicle import NavigatedState
 from vfguide.companion.plan import FlightPlan, answering, turning
-from vfguide.elementwise import wrap_angle
 from vfguide.guidance.airframe import (
     GRAVITY,
     coordinated_turn_rate,
@@ -104,7 +103,6 @@ class ResponseLearner:
         """Whether the vehicle takes up courses just as it is flown by."""
         self._retuned_s = self._judged_s = -math.inf
         self._told: dict[str, float] = {}
-        self._direction: tuple[float, float] | None = None
         self._speed_wanted: float | None = None
         self._efficiency: float | None = None
         self._slip_said: bool | None = None
@@ -132,19 +130,16 @@ class ResponseLearner:
         state, airframe = navigated.state, plan.airframe
         if navigated.moved:
             self.note(None, state.time_s)
-            self._direction = None
-            return
-        direction = held_direction(state, airframe)
-        before, self._direction = self._direction, (state.time_s, direction)
-        if bank is not None:
-            turn_rate = coordinated_turn_rate(bank, turning_speed(state, airframe))
-        elif before is not None and state.time_s > before[0]:
-            turn_rate = wrap_angle(direction - before[1]) / (state.time_s - before[0])
-        else:
             return
         speed = turning_speed(state, airframe)
-        limit = coordinated_turn_rate(airframe.max_bank, speed)
-        self._course.observe(state.time_s, state.course, turn_rate, limit=limit, angle=True)
+        self._course.observe(
+            state.time_s,
+            state.course,
+            None if bank is None else coordinated_turn_rate(bank, speed),
+            limit=coordinated_turn_rate(airframe.max_bank, speed),
+            angle=True,
+            turned=held_direction(state, airframe),
+        )
         held = held_speed(state, airframe)
         if self._speed_wanted is not None and is_short_of_energy(
             self._speed_wanted - held, state.airspeed, state.climb_rate, airframe

@@ -23,23 +23,15 @@ from itertools import product
 
 import msgspec
 import numpy as np
+from msgspec.structs import replace
 
 from vfguide.elementwise import FloatArray
 
-MEMORY_S = 60.0
-"""Time constant with which old evidence fades, s."""
-
-OFFSET_PRIOR_S = 4.0
-"""Seconds of evidence that speak for no offset: a steady turn tells the gain, too."""
-
-MODEL_SHARE = 0.05
-"""Of the motion, the part that no hypothesis is expected to explain."""
+AROUND = 4
+"""Steps to either side of a finer grid's middle; twice as many for gains."""
 
 AS_LIKELY = 3.0
 """Log-likelihood below the best by which a hypothesis still counts: 95 % of two free parameters."""
-
-GAIN_STEP = 1.3
-"""Factor between two gains of the grid."""
 
 GRID_S = 0.08
 """Half a step between two delays of the grid, s."""
@@ -47,14 +39,11 @@ GRID_S = 0.08
 LEAST_S = 2.0
 """Less evidence tells nothing, s."""
 
-SETTLED_S = 0.5
-"""Beyond the low-pass, until the filters have forgotten their beginning, s."""
+TAKE_S = 0.09
+"""Evidence is taken no more often than this, s: responses take longer."""
 
 GAP_S = 1.0
 """After a longer silence the filters begin anew; what was learned is kept, s."""
-
-TAKE_S = 0.09
-"""Evidence is taken no more often than this, s: responses take longer."""
 
 
 class HoldKind(msgspec.Struct, frozen=True, kw_only=True):
@@ -70,6 +59,42 @@ class HoldKind(msgspec.Struct, frozen=True, kw_only=True):
     """Low-pass on both sides of the model, s."""
     noise: float
     """Rate that is noise after the low-pass: rad/s of a course, m/s² of a speed."""
+    gain_step: float = 1.3
+    """Factor between two gains of the grid."""
+    memory_s: float = 60.0
+    """Time constant with which old evidence fades, s."""
+    offset_prior_s: float = 4.0
+    """Seconds of evidence that speak for no offset: a steady turn tells the gain, too."""
+    settled_s: float = 0.5
+    """Beyond the low-pass, until lags and filters have forgotten their beginning, s."""
+    model_share: float = 0.05
+    """Of the motion, the part that no hypothesis is expected to explain."""
+
+    def around(self, found: "HoldResponse", step_s: float, factor: float) -> "HoldKind":
+        """Return the same with a finer grid around a response.
+
+        Args:
+            found: in the middle.
+            step_s: between two dead times, or lags, s.
+            factor: between two gains.
+        """
+        steps = range(-AROUND, AROUND + 1)
+        dead_times, lags = (
+            tuple(
+                round(max(middle + step * step_s, 0.0), 6)
+                for step in steps
+                if middle + step * step_s > -0.5 * step_s
+            )
+            for middle in (found.dead_time, found.lag)
+        )
+        width = factor ** (2 * AROUND)
+        return replace(
+            self,
+            gains=(found.gain / width, found.gain * width),
+            gain_step=factor,
+            dead_times=dead_times,
+            lags=lags,
+        )
 
 
 COURSE = HoldKind(
@@ -116,9 +141,19 @@ class HoldResponse(msgspec.Struct, frozen=True, kw_only=True):
         return max(self.greatest / self.gain, self.gain / self.least)
 
     @property
+    def doubt(self) -> float:
+        """Half of the range of plausible gains, in parts of the gain."""
+        return 0.5 * (self.greatest - self.least) / self.gain
+
+    @property
     def late(self) -> float:
         """Dead time and lag together, s."""
         return self.dead_time + self.lag
+
+
+def apart(value: float, other: float, *, angle: bool) -> float:
+    """Return the difference of two values; of two directions the shorter way, rad."""
+    return math.remainder(value - other, math.tau) if angle else value - other
 
 
 class HoldLearner:
@@ -132,8 +167,8 @@ class HoldLearner:
         """
         self._kind = kind
         least, greatest = kind.gains
-        steps = math.ceil(math.log(greatest / least) / math.log(GAIN_STEP))
-        gains = [least * GAIN_STEP**step for step in range(steps + 1)]
+        steps = math.ceil(math.log(greatest / least) / math.log(kind.gain_step))
+        gains = [least * kind.gain_step**step for step in range(steps + 1)]
         grid = list(product(kind.dead_times, kind.lags, gains))
         columns: FloatArray = np.array(grid).T
         self._dead_times, self._lags, self._gains = columns
@@ -144,7 +179,8 @@ class HoldLearner:
         self._x, self._xx, self._xy = np.zeros((3, len(grid)))
         self._time_s = -math.inf
         self._lagged = self._filtered = np.zeros(len(grid))
-        self._rate = self._value = self._settling_s = 0.0
+        self._rate = self._value = self._direction = self._settling_s = 0.0
+        self._rate_seen: float | None = None
 
     def note(self, setpoint: float, time_s: float) -> None:
         """A setpoint (rad, unwrapped or not, or m/s) has gone out at a time (s)."""
@@ -163,7 +199,14 @@ class HoldLearner:
         self._settling_s = 0.0
 
     def observe(
-        self, time_s: float, value: float, rate: float | None, *, limit: float, angle: bool = False
+        self,
+        time_s: float,
+        value: float,
+        rate: float | None,
+        *,
+        limit: float,
+        angle: bool = False,
+        turned: float | None = None,
     ) -> None:
         """Take what the aircraft does.
 
@@ -171,47 +214,68 @@ class HoldLearner:
             time_s: when, s.
             value: what is held: course, rad, or speed, m/s.
             rate: how fast that changes as far as the autopilot decides it: rad/s, m/s²; None to see it by
-                the value's own changes.
+                the changes of what it turns.
             limit: greatest rate of the aircraft, rad/s or m/s².
             angle: whether value and setpoints are directions.
+            turned: what the autopilot turns to change it, rad, as the heading; None where that is the value.
         """
         if not self._setpoints:
             return
         period = time_s - self._time_s
         if period < TAKE_S:
             return
-        predicted = np.clip(self._gains * self._errors(time_s, value, angle=angle), -limit, limit)
         before, self._value, self._time_s = self._value, value, time_s
+        direction = value if turned is None else turned
+        direction_before, self._direction = self._direction, direction
+        rate_before, self._rate_seen = self._rate_seen, rate
         if period > GAP_S or self._settling_s == 0.0:
-            self._settling_s = TAKE_S
+            self._settling_s = min(period, GAP_S)
+            errors = self._errors(time_s, 0.0, value, angle=angle)
+            predicted = np.clip(self._gains * errors, -limit, limit)
             self._lagged, self._filtered, self._rate = predicted, predicted, rate or 0.0
             return
+        # Everything is the mean over the period, so that nothing is half a period early or late.
+        change = apart(value, before, angle=angle)
+        errors = self._errors(time_s, period, before + 0.5 * change, angle=angle)
+        predicted = np.clip(self._gains * errors, -limit, limit)
         if rate is None:
-            rate = (value - before) / period
+            rate = apart(direction, direction_before, angle=angle) / period
+        elif rate_before is not None:
+            rate = 0.5 * (rate_before + rate)
+        kept = np.exp(-period / np.maximum(self._lags, 1e-9))
+        ahead = self._lagged - predicted
+        mean = predicted + (self._lags / period) * (1.0 - kept) * ahead
+        self._lagged = predicted + kept * ahead
         share = period / (self._kind.filter_s + period)
-        self._lagged = self._lagged + (period / (self._lags + period)) * (predicted - self._lagged)
-        self._filtered = self._filtered + share * (self._lagged - self._filtered)
+        self._filtered = self._filtered + share * (mean - self._filtered)
         self._rate += share * (rate - self._rate)
         self._settling_s += period
-        if self._settling_s > 2.0 * self._kind.filter_s + SETTLED_S:
+        if self._settling_s > 2.0 * self._kind.filter_s + self._kind.settled_s:
             self._learn(period)
 
-    def _errors(self, time_s: float, value: float, *, angle: bool) -> FloatArray:
-        """Setpoint less value for each hypothesis."""
+    def _errors(self, time_s: float, period: float, value: float, *, angle: bool) -> FloatArray:
+        """Mean setpoint over a period that ends now, less the mean value, for each hypothesis."""
         errors = []
         for dead_time in self._kind.dead_times:
-            setpoint = self._setpoints[0][1]
+            until, since = time_s - dead_time, time_s - dead_time - period
+            total = 0.0
             for sent_s, sent in reversed(self._setpoints):
-                if sent_s <= time_s - dead_time:
-                    setpoint = sent
+                if sent_s >= until:
+                    continue
+                error = apart(sent, value, angle=angle)
+                if sent_s <= since:
                     break
-            error = setpoint - value
-            errors.append(math.remainder(error, math.tau) if angle else error)
+                total += (until - sent_s) * error
+                until = sent_s
+            else:
+                # Before the first that is known there was another like it.
+                error = apart(self._setpoints[0][1], value, angle=angle)
+            errors.append(error if period == 0.0 else (total + (until - since) * error) / period)
         return np.repeat(errors, self._for_each_dead_time)
 
     def _learn(self, period: float) -> None:
         """Add one moment to the sums."""
-        fade = math.exp(-period / MEMORY_S)
+        fade = math.exp(-period / self._kind.memory_s)
         x, y = self._filtered, self._rate
         self._seconds = fade * self._seconds + period
         self._y = fade * self._y + period * y
@@ -240,7 +304,7 @@ class HoldLearner:
 
     def _left(self, factors: FloatArray) -> FloatArray:
         """Return what each hypothesis leaves, its gain multiplied by a factor and its offset free."""
-        weight = self._seconds + OFFSET_PRIOR_S
+        weight = self._seconds + self._kind.offset_prior_s
         offsets = (self._y - factors * self._x) / weight
         left: FloatArray = (
             self._yy + factors * (factors * self._xx - 2.0 * self._xy) - offsets * offsets * weight
@@ -252,13 +316,13 @@ class HoldLearner:
         seconds = self._seconds
         if seconds < LEAST_S:
             return None
-        weight = seconds + OFFSET_PRIOR_S
+        weight = seconds + self._kind.offset_prior_s
         variation = np.maximum(self._xx * weight - self._x * self._x, 1e-12)
         factors = (self._xy * weight - self._x * self._y) / variation
-        half_step = math.sqrt(GAIN_STEP)
+        half_step = math.sqrt(self._kind.gain_step)
         factors = np.clip(factors, 1.0 / half_step, half_step)
         moved = max(self._yy / seconds, 1e-12)
-        floor = self._kind.noise**2 + MODEL_SHARE**2 * moved
+        floor = self._kind.noise**2 + self._kind.model_share**2 * moved
         left = self._left(factors) / seconds + floor
         # The low-pass makes neighbouring moments one piece of evidence.
         pieces = seconds / (2.0 * self._kind.filter_s)

@@ -13,13 +13,14 @@ import numpy as np
 
 from vfguide.elementwise import BoolArray, FloatArray
 from vfguide.guidance.airframe import GRAVITY
-from vfguide.identification.fit import NORMAL_95, Estimate
 from vfguide.identification.flown import LONGEST_S, evenly, longest_run
 from vfguide.identification.slip import (
     LEAST_REPORTS,
     LEAST_TURNS,
+    NORMAL_95,
     SLIPS_BELOW,
     Bank,
+    Estimate,
     Slip,
     leg_weights,
     legs_of,

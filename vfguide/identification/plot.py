@@ -1,5 +1,6 @@
-"""What was told, what was seen, and what the fitted response would have done, as a picture."""
+"""What was told, what was seen, and what the learned response would have done, as a picture."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -8,7 +9,8 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from vfguide.elementwise import FloatArray
-from vfguide.identification.fit import Response, Samples
+from vfguide.guidance.response import HoldResponse
+from vfguide.identification.learned import HoldSamples, followed
 from vfguide.identification.recording import Findings
 
 TOLD, SEEN, MODELLED = "#9aa0a6", "#1a73e8", "#d93025"
@@ -28,13 +30,11 @@ def draw_findings(findings: Findings, path: Path, title: str) -> None:
     figure.suptitle(title)
     course, speed = findings.course_samples, findings.speed_samples
     if course is not None and findings.course is not None:
-        degrees = np.degrees(course.direction)
-        modelled = np.degrees(findings.course.modelled)
-        draw(upper, course, np.degrees(course.setpoint), degrees, modelled)
+        draw(upper, course, findings.course, np.degrees)
         upper.set_ylabel("heading (setpoint: course), degrees")
         upper.set_title(words(findings.course, "alpha"), loc="left", fontsize=10)
     if speed is not None and findings.speed is not None:
-        draw(lower, speed, speed.setpoint, speed.speed, findings.speed.modelled)
+        draw(lower, speed, findings.speed, np.asarray)
         lower.set_ylabel("speed, m/s")
         lower.set_title(words(findings.speed, "beta"), loc="left", fontsize=10)
     lower.set_xlabel("time, s")
@@ -42,9 +42,13 @@ def draw_findings(findings: Findings, path: Path, title: str) -> None:
 
 
 def draw(
-    axes: Axes, samples: Samples, told: FloatArray, seen: FloatArray, modelled: FloatArray
+    axes: Axes,
+    samples: HoldSamples,
+    found: HoldResponse,
+    shown: Callable[[FloatArray], FloatArray],
 ) -> None:
-    """One stretch: setpoints as steps, what was seen, what the model makes of it."""
+    """Draw one stretch: setpoints as steps, what was seen, what the model makes of it."""
+    told, seen, modelled = map(shown, (samples.setpoint, samples.seen, followed(samples, found)))
     first, last = samples.time_s[0], samples.time_s[-1]
     near = samples.setpoint_s >= first
     near[max(int(np.argmax(near)) - 1, 0)] = True
@@ -52,18 +56,16 @@ def draw(
     axes.stairs(told[near], edges, color=TOLD, label="setpoint", baseline=None)
     axes.plot(samples.time_s - first, seen, color=SEEN, linewidth=1.6, label="flown")
     axes.plot(
-        samples.time_s - first, modelled, color=MODELLED, linewidth=1.0, label="fitted response"
+        samples.time_s - first, modelled, color=MODELLED, linewidth=1.0, label="learned response"
     )
     axes.grid(visible=True, alpha=0.3)
     axes.legend(loc="upper right", fontsize=8)
 
 
-def words(response: Response, name: str) -> str:
-    """The fitted numbers."""
-    parts = [
-        f"{name} {response.bandwidth.value:.3f} +- {response.bandwidth.half_width:.3f} 1/s",
-        f"dead time {response.dead_time.value:.3f} +- {response.dead_time.half_width:.3f} s",
-    ]
-    if response.lag.value > 0.0:
-        parts.append(f"lag {response.lag.value:.3f} +- {response.lag.half_width:.3f} s")
-    return ", ".join(parts)
+def words(found: HoldResponse, name: str) -> str:
+    """Return the numbers that were found."""
+    return (
+        f"{name} {found.gain:.3f} ({found.least:.2f} to {found.greatest:.2f}) 1/s, dead time"
+        f" {found.dead_time:.2f} s, lag {found.lag:.2f} s, together {found.earliest:.2f} to"
+        f" {found.latest:.2f} s"
+    )

@@ -1,6 +1,6 @@
 """What was found, as lines for the mission file."""
 
-from vfguide.identification.fit import Estimate, Response
+from vfguide.guidance.response import HoldResponse
 from vfguide.identification.recording import Findings
 from vfguide.identification.slip import Slip
 
@@ -12,7 +12,10 @@ def profile_text(vehicle: str, findings: Findings) -> str:
         vehicle: its name.
         findings: what was found; what was not is left out.
     """
-    lines = [f"# {vehicle}, as `vfguide identify` has measured it; +- is for 95 %.", f"{vehicle}:"]
+    lines = [
+        f"# {vehicle}, as `vfguide identify` has measured it, in bounds of 95 %.",
+        f"{vehicle}:",
+    ]
     if findings.course is not None:
         lines += response_lines(findings.course, "alpha_1_s", "course")
     if findings.speed is not None:
@@ -37,17 +40,10 @@ def slip_line(slip: Slip | None) -> str:
     return f"  slips: {str(slip.slips).lower()} # {words}"
 
 
-def response_lines(response: Response, bandwidth: str, loop: str) -> list[str]:
-    """Three fields, each with its interval."""
+def response_lines(found: HoldResponse, bandwidth: str, loop: str) -> list[str]:
+    """Return the three fields of a response, with the bounds of what it may be."""
     return [
-        field_line(bandwidth, response.bandwidth),
-        field_line(f"{loop}_dead_time_s", response.dead_time),
-        field_line(f"{loop}_lag_s", response.lag),
+        f"  {bandwidth}: {found.gain:.3f} # {found.least:.2f} to {found.greatest:.2f}",
+        f"  {loop}_dead_time_s: {found.dead_time:.3f}",
+        f"  {loop}_lag_s: {found.lag:.3f} # together {found.earliest:.2f} to {found.latest:.2f}",
     ]
-
-
-def field_line(name: str, estimate: Estimate) -> str:
-    """One field; a dead time that cannot be told from none is none."""
-    value = 0.0 if estimate.value < 0.0005 else estimate.value
-    comment = "" if estimate.half_width == 0.0 else f" # +- {estimate.half_width:.3f}"
-    return f"  {name}: {value:.3f}{comment}"

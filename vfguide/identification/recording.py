@@ -1,25 +1,22 @@
-"""The steps that are flown, what was seen and said on them, and the stretches that are fitted.
+"""The steps that are flown, what was seen and said on them, and the stretches from which is learned.
 
 What a flight did not tell is said in one line, with why, and what to do about it.
 """
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from enum import Enum
 
 import numpy as np
 
-from vfguide.elementwise import FloatArray
 from vfguide.guidance.airframe import bank_limited_turn_rate, held_direction, held_speed
-from vfguide.identification.fit import (
+from vfguide.guidance.response import HoldResponse
+from vfguide.identification.learned import (
     SETTLED_S,
-    Response,
-    Samples,
-    course_response,
-    fit_response,
-    mean_setpoint,
-    smoothed,
-    speed_response,
+    HoldSamples,
+    as_seen,
+    response_in,
+    turn_limits,
 )
 from vfguide.identification.slip import Banks, Slip
 from vfguide.state import Airframe, VehicleState
@@ -49,11 +46,14 @@ TURN_S = 14.0
 LEAST_REPORTS = 100
 """Fewer of them say nothing."""
 
+UNSEEN = (
+    "too few reports of its steps, or what it did is no answer to them; see that telemetry comes at"
+    " rehearsal.rate_hz, and that the air is calm"
+)
+"""Why nothing is known of a hold."""
+
 KNOWN_SHARE = 0.2
 """A bandwidth is known well within this share of it."""
-
-WIND_S = 20.0
-"""The wind that a stretch is flown in is the mean over this long: more than a response takes."""
 
 
 class Phase(Enum):
@@ -147,13 +147,13 @@ def described(airframe: Airframe, repeats: int) -> list[str]:
 class Findings:
     """What a flight tells."""
 
-    course: Response | None
+    course: HoldResponse | None
     """None where there are too few reports."""
-    course_samples: Samples | None
+    course_samples: HoldSamples | None
     """What it was found from."""
-    speed: Response | None
+    speed: HoldResponse | None
     """The same of the speed; None, too, where there was no room for steps."""
-    speed_samples: Samples | None
+    speed_samples: HoldSamples | None
     """What it was found from."""
     slip: Slip | None = None
     """None where the autopilot told no banks, or has turned too little."""
@@ -182,24 +182,18 @@ class StepsRecording:
             self.setpoints.append((time_s, course, speed))
 
     def findings(self) -> Findings:
-        """Fit what was seen so far."""
-        airframe = self.airframe
+        """Return what is learned of all that was seen so far."""
         course, speed = self._samples(Phase.COURSE), self._samples(Phase.SPEED)
+        has_steps = speed_step(self.airframe) > 0.0
         return Findings(
-            course=None
-            if course is None
-            else fit_response(
-                lambda values: course_response(course, values, airframe), course.direction
-            ),
+            course=None if course is None else response_in(course),
             course_samples=course,
-            speed=None
-            if speed is None or speed_step(airframe) == 0.0
-            else fit_response(lambda values: speed_response(speed, values, airframe), speed.speed),
+            speed=None if speed is None or not has_steps else response_in(speed),
             speed_samples=speed,
             slip=self.banks.slip(),
         )
 
-    def _samples(self, phase: Phase) -> Samples | None:
+    def _samples(self, phase: Phase) -> HoldSamples | None:
         """The stretch of one kind of steps, with the settled moment before it."""
         times = [state.time_s for state, flown in self.reports if flown is phase]
         if len(times) < LEAST_REPORTS:
@@ -209,7 +203,6 @@ class StepsRecording:
         airframe = self.airframe
         time_s = np.array([state.time_s for state in stretch])
         speed = np.array([held_speed(state, airframe) for state in stretch])
-        north, east = self._wind(stretch, time_s)
         is_course = phase is Phase.COURSE
         told = np.array([(at, course, pace) for at, course, pace in self.setpoints if at <= last])
         direction = np.unwrap(np.array([held_direction(state, airframe) for state in stretch]))
@@ -217,41 +210,29 @@ class StepsRecording:
         setpoint = np.unwrap(told[:, 1])
         asked = setpoint[max(int(np.searchsorted(told[:, 0], first, side="right")) - 1, 0)]
         setpoint += 2.0 * np.pi * np.round((direction[0] - asked) / (2.0 * np.pi))
-        samples = Samples(
-            time_s=time_s,
-            direction=direction,
-            speed=speed,
-            wind_north=north,
-            wind_east=east,
-            setpoint_s=told[:, 0],
-            setpoint=setpoint if is_course else told[:, 2],
+        if is_course:
+            return HoldSamples(
+                time_s=time_s,
+                value=np.array([state.course for state in stretch]),
+                turned=direction,
+                limit=turn_limits(airframe, speed),
+                setpoint_s=told[:, 0],
+                setpoint=setpoint,
+            )
+        return as_seen(
+            HoldSamples(
+                time_s=time_s,
+                value=speed,
+                limit=np.full(len(speed), airframe.max_acceleration),
+                setpoint_s=told[:, 0],
+                setpoint=told[:, 2],
+            )
         )
-        return samples if is_course else as_seen(samples)
-
-    def _wind(
-        self, stretch: list[VehicleState[float]], time_s: FloatArray
-    ) -> tuple[FloatArray, FloatArray]:
-        """Wind at each report, without what one report alone adds to it; none where course is held."""
-        if self.airframe.hold == "course-hold":
-            return np.zeros_like(time_s), np.zeros_like(time_s)
-        north = np.array([state.wind_north for state in stretch])
-        east = np.array([state.wind_east for state in stretch])
-        return smoothed(time_s, north, WIND_S), smoothed(time_s, east, WIND_S)
 
 
-def as_seen(samples: Samples) -> Samples:
-    """The same, with setpoints on the scale of what was seen: they are indicated airspeeds, states true ones.
-
-    The steps go either way and back: however late a response is, its mean is that of its setpoints.
-    """
-    offset = float(np.mean(samples.speed[1:] - mean_setpoint(samples, 0.0)))
-    return replace(samples, setpoint=samples.setpoint + offset)
-
-
-def is_good(response: Response) -> bool:
-    """Whether a response is known well enough to be flown by: its bandwidth within a fifth."""
-    bandwidth = response.bandwidth
-    return math.isfinite(bandwidth.value) and bandwidth.half_width < KNOWN_SHARE * bandwidth.value
+def is_good(found: HoldResponse) -> bool:
+    """Return whether a response is known well enough to be flown by: its bandwidth within a fifth."""
+    return found.doubt < KNOWN_SHARE
 
 
 def shortcoming(findings: Findings, airframe: Airframe, ended: str | None) -> str | None:
@@ -279,7 +260,7 @@ def shortcoming(findings: Findings, airframe: Airframe, ended: str | None) -> st
 def course_missing(findings: Findings) -> str | None:
     """What is not known of the course response; None where it is known well."""
     if findings.course is None:
-        return "alpha_1_s (too few reports of its steps; see that telemetry comes at rehearsal.rate_hz)"
+        return f"alpha_1_s ({UNSEEN})"
     if is_good(findings.course):
         return None
     return f"alpha_1_s ({wide(findings.course)}; fly again in calmer air, or with more --repeats)"
@@ -293,9 +274,7 @@ def speed_missing(findings: Findings, airframe: Airframe) -> str | None:
             f" {airframe.cruise:g} m/s; widen it)"
         )
     if findings.speed is None:
-        return (
-            "beta_1_s (too few reports of its steps; see that telemetry comes at rehearsal.rate_hz)"
-        )
+        return f"beta_1_s ({UNSEEN})"
     if is_good(findings.speed):
         return None
     return (
@@ -304,10 +283,9 @@ def speed_missing(findings: Findings, airframe: Airframe) -> str | None:
     )
 
 
-def wide(response: Response) -> str:
-    """A bandwidth and its interval."""
-    found = response.bandwidth
+def wide(found: HoldResponse) -> str:
+    """Return a bandwidth and its bounds."""
     return (
-        f"{found.value:.2f} +- {found.half_width:.2f} 1/s, and known well is what is within"
+        f"{found.gain:.2f}, {found.least:.2f} to {found.greatest:.2f} 1/s, and known well is what is within"
         f" {KNOWN_SHARE * 100.0:.0f} %"
     )

@@ -20,7 +20,8 @@ import numpy as np
 from vfguide.elementwise import FloatArray
 from vfguide.guidance.airframe import GRAVITY
 from vfguide.guidance.airspeed_calibration import GREATEST_SCALE, LEAST_SCALE
-from vfguide.identification.fit import NORMAL_95, Estimate, correlation_factor, smoothed
+
+NORMAL_95 = 1.96
 
 END_S = 1.0
 """Ends of a leg are means over so long: a swing of 0.9 Hz and most noise leave nothing in them."""
@@ -43,6 +44,16 @@ ANGLE_ERROR, SHARE_ERROR = 0.01, 0.03
 SLIPS_BELOW = 0.9
 """A vehicle that turns less than this share of what its bank says slips; 1 is a coordinated turn, and
 ArduPilot's simulated plane has 0.75 to 0.85."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Estimate:
+    """A value that was measured."""
+
+    value: float
+    """The most likely."""
+    half_width: float
+    """Half width of the interval that holds the true value in 95 % of all cases, if the model is right."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -209,3 +220,22 @@ def turn_efficiency(legs: list[SlipLeg]) -> Estimate | None:
     variance = float(rest @ rest) / degrees * float(inverse[0, 0])
     half_width = float(stdtrit(degrees, 0.975)) * math.sqrt(max(variance, 0.0))
     return Estimate(value=float(values[0]), half_width=half_width)
+
+
+def smoothed(time_s: FloatArray, values: FloatArray, width_s: float) -> FloatArray:
+    """Running mean over some seconds, as wide to either side as there is room."""
+    total = np.concatenate(([0.0], np.cumsum(values)))
+    half = 0.5 * width_s
+    low = np.searchsorted(time_s, time_s - half, side="left")
+    high = np.searchsorted(time_s, time_s + half, side="right")
+    mean: FloatArray = (total[high] - total[low]) / (high - low)
+    return mean
+
+
+def correlation_factor(rest: FloatArray) -> float:
+    """How many times fewer samples there are than it seems, from the correlation of neighbours."""
+    power = float(rest @ rest)
+    if power == 0.0:
+        return 1.0
+    correlation = min(max(float(rest[1:] @ rest[:-1]) / power, 0.0), 0.99)
+    return (1.0 + correlation) / (1.0 - correlation)

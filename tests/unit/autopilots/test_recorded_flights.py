@@ -47,9 +47,9 @@ def test_a_recorded_arduplane_s_course_is_known_from_its_circle(tmp_path):
     course, speed = answers_of(mission, flight)
     assert course.good
     assert course.response is not None
-    assert 0.72 <= course.response.bandwidth.value <= 0.84
-    assert course.response.bandwidth.half_width <= 0.14
-    assert 0.05 <= course.response.dead_time.value <= 0.2
+    assert 0.72 <= course.response.gain <= 0.86
+    assert course.response.doubt * course.response.gain <= 0.14
+    assert course.response.earliest <= 0.3 <= course.response.latest
     # TECS is no hold of first order, and the circle hardly asked for other speeds.
     assert speed.response is None
 

@@ -4,11 +4,11 @@ import math
 
 import pytest
 
-from vfguide.identification.fit import Estimate
 from vfguide.identification.profile import slip_line
 from vfguide.identification.slip import (
     Bank,
     Banks,
+    Estimate,
     Slip,
     SlipLeg,
     legs_of,

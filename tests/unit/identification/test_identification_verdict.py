@@ -1,11 +1,10 @@
 """The line that says what a flight did not tell, why, and what to do about it."""
 
-import numpy as np
 import pytest
 
 from vfguide.commands import identify as command
+from vfguide.guidance.response import HoldResponse
 from vfguide.identification.core import Identification
-from vfguide.identification.fit import Estimate, Response
 from vfguide.identification.recording import Findings, StepsRecording, shortcoming
 from vfguide.mission import load_mission
 from vfguide.state import Airframe
@@ -13,18 +12,21 @@ from vfguide.state import Airframe
 AIRFRAME = Airframe()
 
 
-def response(value: float, half_width: float) -> Response:
-    late = Estimate(value=0.2, half_width=0.05)
-    return Response(
-        bandwidth=Estimate(value=value, half_width=half_width),
-        dead_time=late,
-        lag=late,
-        residual=0.01,
-        modelled=np.zeros(2),
+def response(gain: float, half_width: float) -> HoldResponse:
+    return HoldResponse(
+        gain=gain,
+        least=gain - half_width,
+        greatest=gain + half_width,
+        dead_time=0.2,
+        lag=0.2,
+        earliest=0.3,
+        latest=0.5,
+        explained=0.99,
+        seconds=60.0,
     )
 
 
-def findings(course: Response | None, speed: Response | None) -> Findings:
+def findings(course: HoldResponse | None, speed: HoldResponse | None) -> Findings:
     return Findings(course=course, course_samples=None, speed=speed, speed_samples=None)
 
 
@@ -38,8 +40,18 @@ def test_nothing_is_said_where_all_is_known_well():
 @pytest.mark.parametrize(
     ("found", "airframe", "ended", "words"),
     [
-        (findings(GOOD, WIDE), AIRFRAME, None, ("beta_1_s (0.60 +- 0.25 1/s", "response: auto")),
-        (findings(WIDE, GOOD), AIRFRAME, None, ("alpha_1_s (0.60 +- 0.25 1/s", "more --repeats")),
+        (
+            findings(GOOD, WIDE),
+            AIRFRAME,
+            None,
+            ("beta_1_s (0.60, 0.35 to 0.85 1/s", "response: auto"),
+        ),
+        (
+            findings(WIDE, GOOD),
+            AIRFRAME,
+            None,
+            ("alpha_1_s (0.60, 0.35 to 0.85 1/s", "more --repeats"),
+        ),
         (findings(None, GOOD), AIRFRAME, None, ("alpha_1_s (too few reports", "rate_hz")),
         (
             findings(GOOD, None),
