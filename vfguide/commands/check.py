@@ -55,6 +55,26 @@ def findings_of(faults: Sequence[MissionFault]) -> list[Finding]:
     ]
 
 
+def lowered_in(mission: Mission) -> list[Finding]:
+    """Return which gains of a mission some of its aircraft do not bear, as they are declared."""
+    # Here, because what is wrong needs no plan.
+    from vfguide.companion.lowered_gains import LoweredGain, lowered_gains
+    from vfguide.companion.mission_plan import flight_plan
+
+    lowered: dict[LoweredGain, list[str]] = {}
+    for name in mission.companions:
+        for one in lowered_gains(flight_plan(mission, name)):
+            lowered.setdefault(one, []).append(name)
+    return [
+        Finding(
+            "note",
+            ("path", "gain") if one.name == "path.gain" else ("controller", one.name),
+            one.sentence(f"{names[0]} bears" if len(names) == 1 else f"{', '.join(names)} bear"),
+        )
+        for one, names in lowered.items()
+    ]
+
+
 def with_expectation(
     findings: Sequence[Finding], mission: Mission, source: MissionSource
 ) -> Sequence[Finding]:
@@ -73,7 +93,8 @@ def with_expectation(
         expected = expected_precision(mission, stop)
     if expected is None:
         raise VfguideError("stopped before the rehearsal had ended")
-    return worst_first([*findings, *(one.placed(source) for one in expected)])
+    found = [*lowered_in(mission), *expected]
+    return worst_first([*findings, *(one.placed(source) for one in found)])
 
 
 def report_findings(

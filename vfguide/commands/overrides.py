@@ -20,6 +20,9 @@ from vfguide.mission.model import Mission
 SpeedResponseName = Literal["first-order", "tecs", "px4", "px4-untrimmed"]
 WindName = Literal["calm", "article"]
 
+EXACT = "exact"
+"""Behind the name of a law: its gains as they are written, whatever the aircraft bears."""
+
 OPTIONS: dict[Location, str] = {
     ("rehearsal", "duration_s"): "--duration",
     ("rehearsal", "rate_hz"): "--rate",
@@ -131,11 +134,20 @@ def overridden(mission: Mission, overrides: Overrides) -> dict[str, Any]:
 def put_law(content: dict[str, Any], name: str, *, option: str) -> None:
     """Put a law into the fields of a mission.
 
+    Args:
+        content: fields of the mission.
+        name: of the law; with `exact` behind it its gains are flown as they are written.
+        option: that names it.
+
     Raises:
         InputError: there is no law of this name; the message begins with the option that names it.
     """
+    law, _, manner = name.partition(" ")
+    exact = {"exact": True} if manner.strip() == EXACT else {}
     try:
-        content["controller"] = with_law(content.get("controller", {}), name)
+        content["controller"] = (
+            with_law(content.get("controller", {}), law if exact else name) | exact
+        )
     except InputError as error:
         raise InputError(f"{option} {error}") from error
 

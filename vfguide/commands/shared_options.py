@@ -82,7 +82,10 @@ Force = Annotated[
     bool, typer.Option("--force", help="Replace in --out what another flight or program wrote.")
 ]
 Controller = Annotated[
-    str | None, typer.Option(metavar="LAW", help="Instead of the file's controller.type.")
+    str | None,
+    typer.Option(
+        metavar="LAW", help="Instead of the file's controller.type; 'article exact' is not bounded."
+    ),
 ]
 Settings = Annotated[
     list[str] | None,

@@ -11,6 +11,7 @@ from vfguide.companion.announcer import PlottedValues
 from vfguide.companion.arrangements import Arrangements
 from vfguide.companion.authority import ModeAuthority
 from vfguide.companion.learned_response import ResponseLearner
+from vfguide.companion.lowered_gains import lowered_gains
 from vfguide.companion.own_vehicle import NavigatedState, OwnVehicle
 from vfguide.companion.plan import FlightPlan, doubting, response_of
 from vfguide.companion.role import Outgoing, RoleStep
@@ -23,7 +24,7 @@ from vfguide.companion.timing import SharedClock
 from vfguide.errors import described_error
 from vfguide.formation.arrangement import Point
 from vfguide.mavlink.adapter import AutopilotAdapter
-from vfguide.mavlink.announcements import WARNING
+from vfguide.mavlink.announcements import NOTICE, WARNING
 
 FAILURE_S = 10.0
 """Between two texts that guidance fails."""
@@ -68,6 +69,7 @@ class GuidedVehicle:
         self._fly_by(plan)
         self._learner = ResponseLearner()
         self._guard = StrainGuard()
+        self._gains_of: FlightPlan | None = None
         self._target_sender = TargetSender(plan) if sends_target else None
         self.plotted = PlottedValues()
         """What ground stations draw of the flight."""
@@ -191,6 +193,7 @@ class GuidedVehicle:
             if strain is not None:
                 self._alerts.say("strain", WARNING, strain)
         if steers:
+            self._tell_of_gains()
             self._authority.note_steering()
             self.lyapunov = step.lyapunov
             out.steered = self.has_steered = True
@@ -198,6 +201,14 @@ class GuidedVehicle:
         if mode is not Mode.LOST and self._authority.recognised:
             return self.steering.stay_ready(setpoint, navigated, now)
         return []
+
+    def _tell_of_gains(self) -> None:
+        """Tell the pilot once of each gain of the mission that this aircraft does not bear."""
+        if self._gains_of is self.plan:
+            return
+        self._gains_of = self.plan
+        for one in lowered_gains(self.plan):
+            self._alerts.say(f"gain: {one.name}", NOTICE, one.sentence(), quiet_s=math.inf)
 
     def _tell_of_failure(self, error: Exception) -> None:
         """Tell the pilot, now and then, that guidance has failed."""

@@ -133,7 +133,11 @@ def known_paths(mission: Mission) -> dict[str, KnownPath]:
 def known_path(shape: PathShape) -> KnownPath:
     """A path of a mission, and the field around it."""
     path = path_of(shape)
-    gains = PathGains(gain=shape.gain, approach_angle=shape.approach_angle)
+    gains = PathGains(
+        gain=shape.gain,
+        approach_angle=shape.approach_angle,
+        chosen="gain" in shape.model_fields_set,
+    )
     return KnownPath(path, gains, heights=height_span(path))
 
 

@@ -127,6 +127,8 @@ class PathGains(msgspec.Struct, frozen=True, kw_only=True):
     """k, 1/m."""
     approach_angle: float
     """chi_inf, rad."""
+    chosen: bool = False
+    """Whether the mission has chosen the gain itself."""
 
 
 class GuidanceSettings(msgspec.Struct, frozen=True, kw_only=True):

@@ -74,6 +74,13 @@ class SlotGains(FieldGains):
     as fast as the field bears it."""
 
 
+class ArticleGains(FieldGains):
+    """The article's dual field."""
+
+    exact: Switch = False
+    """Fly the gains as they are written, whatever the aircraft bears, as the article does."""
+
+
 def field_motion(
     motion: SlotMotion[Number], error: FormationError[Number], gains: FieldGains
 ) -> DesiredMotion[Number]:
@@ -243,8 +250,20 @@ class ArticleField(SlotField):
     It learns nothing: what keeps it off its slot on a turn is no disturbance.
     """
 
-    Gains = FieldGains
+    Gains = ArticleGains
     slot_frame = "leader"
+
+    def within(self, bandwidth: Bandwidth) -> Self:
+        """Return the law within a bandwidth, unless it is to be exact."""
+        if not self.gains.exact:
+            return super().within(bandwidth)
+        exact = copy.copy(self)
+        exact.bandwidth = bandwidth
+        return exact
+
+    def for_speed(self) -> Self:
+        """Return the law for the speed of a late autopilot; itself, where it is to be exact."""
+        return self if self.gains.exact else super().for_speed()
 
     @property
     def integral_s(self) -> float:

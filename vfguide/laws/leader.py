@@ -127,6 +127,17 @@ class LeaderLaw(ABC):
         )
 
 
+def steepest_gain(course_bandwidth: float, gains: PathGains, airspeed: float) -> float:
+    """Return the gain (1/m) of a path's field that is as steep as the course law beneath it.
+
+    Args:
+        course_bandwidth: of that law, 1/s.
+        gains: of the field.
+        airspeed: m/s.
+    """
+    return course_bandwidth / (2.0 / math.pi * gains.approach_angle * airspeed)
+
+
 @leader_law("field")
 class PathField(LeaderLaw):
     """The vector field around the path, of the article; its ground speed may be an adaptive estimate."""
@@ -137,7 +148,9 @@ class PathField(LeaderLaw):
         """Along the field; the memory is V^_g, m/s, None before the first step."""
         state, angle = view.state, view.path_gains.approach_angle
         # No faster than the course law beneath it, even at the middle of the field.
-        steepest = self.settings.sliding.course_bandwidth / (2.0 / math.pi * angle * view.airspeed)
+        steepest = steepest_gain(
+            self.settings.sliding.course_bandwidth, view.path_gains, view.airspeed
+        )
         gains = (min(view.path_gains.gain, steepest), angle)
         course = desired_course(view.point, *gains)
         regressor = desired_course_rate_per_speed(view.point, state.course, *gains)

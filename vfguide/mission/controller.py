@@ -212,7 +212,8 @@ def gains_of(controller: Controller) -> Any:  # noqa: ANN401 - each law has a se
     """The gains of the controller's law: an instance of the law's `Gains`."""
     section: type[BaseModel] = laws.find(controller.type).Gains
     return section.model_construct(
-        **{name: getattr(controller, name) for name in section.model_fields}
+        _fields_set=controller.model_fields_set & set(section.model_fields),
+        **{name: getattr(controller, name) for name in section.model_fields},
     )
 
 
