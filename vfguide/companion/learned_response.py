@@ -10,7 +10,7 @@ import math
 import msgspec
 
 from vfguide.companion.own_vehicle import NavigatedState
-from vfguide.companion.plan import FlightPlan, answering, turning
+from vfguide.companion.plan import FlightPlan, answering, banking, turning
 from vfguide.guidance.airframe import (
     GRAVITY,
     coordinated_turn_rate,
@@ -19,12 +19,16 @@ from vfguide.guidance.airframe import (
     turning_speed,
 )
 from vfguide.guidance.bandwidth import TOLD, HoldCertainty
+from vfguide.guidance.bank_limit import BankLimit, BankMoment
 from vfguide.guidance.response import COURSE, SPEED, HoldLearner, HoldResponse
 from vfguide.guidance.turn_efficiency import TurnEfficiency
 from vfguide.state import Airframe, Setpoint, SpeedHold
 
 STEP = 0.02
 """A turn efficiency that differs by less from the one that is flown by changes nothing."""
+
+BANK_STEP = math.radians(1.0)
+"""A limit of the bank that differs by less from the one that is flown by changes nothing."""
 
 UNHEARD_S = 20.0
 """After so long without a bank the pilot hears that there is none."""
@@ -99,6 +103,8 @@ class ResponseLearner:
     def __init__(self) -> None:
         """Know nothing yet."""
         self._course, self._speed = HoldLearner(COURSE), HoldLearner(SPEED)
+        self._bank = BankLimit()
+        self._course_wanted: float | None = None
         self.confirmed = False
         """Whether the vehicle takes up courses just as it is flown by."""
         self._retuned_s = self._judged_s = -math.inf
@@ -114,10 +120,12 @@ class ResponseLearner:
         if setpoint is None:
             self._course.forget_setpoints()
             self._speed.forget_setpoints()
+            self._bank.interrupt()
         else:
             self._course.note(setpoint.course, now)
             self._speed.note(setpoint.speed, now)
         self._speed_wanted = None if setpoint is None else setpoint.speed
+        self._course_wanted = None if setpoint is None else setpoint.course
 
     def observe(self, plan: FlightPlan, navigated: NavigatedState, bank: float | None) -> None:
         """Take how the vehicle moves.
@@ -140,6 +148,15 @@ class ResponseLearner:
             angle=True,
             turned=held_direction(state, airframe),
         )
+        if bank is not None and self._course_wanted is not None:
+            self._bank.observe(
+                BankMoment(
+                    time_s=state.time_s,
+                    bank=bank,
+                    asked=least_asked(self._course_wanted - state.course, speed, plan),
+                ),
+                airframe.course_dead_time + airframe.course_lag + plan.certainty.course.late,
+            )
         held = held_speed(state, airframe)
         if self._speed_wanted is not None and is_short_of_energy(
             self._speed_wanted - held, state.airspeed, state.climb_rate, airframe
@@ -162,6 +179,8 @@ class ResponseLearner:
         if plan.asks_response:
             return [], None
         words, found = self._find_slip(plan, slip, now, bank_heard=bank_heard)
+        if plan.learns:
+            found = self._find_limit(found, words)
         if now - self._retuned_s < RETUNED_S or now - self._judged_s < JUDGED_S:
             return words, None if found == plan else found
         self._judged_s = now
@@ -208,6 +227,26 @@ class ResponseLearner:
             )
             words += self._sentences(before.airframe, found.airframe, course, speed)
         return words, None if found == plan else found
+
+    def _find_limit(self, plan: FlightPlan, words: list[str]) -> FlightPlan:
+        """Return the plan with the bank that is reached at most, and say so once."""
+        limit = self._bank.value
+        known = plan.airframe.max_bank
+        if limit is not None and abs(limit - known) < BANK_STEP:
+            return plan
+        found = banking(plan, limit)
+        if (
+            found is not plan
+            and found.airframe.max_bank < known
+            and "max_bank_deg" not in self._told
+        ):
+            self._told["max_bank_deg"] = math.degrees(known)
+            degrees = math.degrees(found.airframe.max_bank)
+            words.append(
+                f"it banks no further than {degrees:.0f} degrees, and is flown so; for the mission:"
+                f" max_bank_deg: {degrees:.0f}"
+            )
+        return found
 
     def _sentences(
         self,
@@ -268,6 +307,19 @@ class ResponseLearner:
             return []
         self._complained = True
         return [UNHEARD]
+
+
+def least_asked(error: float, speed: float, plan: FlightPlan) -> float:
+    """Return the least bank that a course may have asked for, rad, positive right.
+
+    Args:
+        error: course that is asked for less the one that is flown, rad.
+        speed: at which the vehicle turns, m/s.
+        plan: that is flown by.
+    """
+    alpha = plan.airframe.alpha / plan.certainty.course.spread
+    turn_rate = alpha * math.remainder(error, math.tau)
+    return math.atan(turn_rate * speed / GRAVITY)
 
 
 def is_short_of_energy(

@@ -190,6 +190,8 @@ class FlightPlan(msgspec.Struct, frozen=True, kw_only=True):
     """What it turns of what its bank says; None until flight has shown it."""
     creeping_hold: CreepingHold | None = None
     """How its airspeed hold creeps, where it does."""
+    declared_bank: float | None = None
+    """Bank that was said to be its limit, rad, where flight has shown another; else None."""
     coordinated_alpha: float | None = None
     """1/s: alpha if it turned as its bank says; None where the autopilot has not told it."""
     certainty: Certainty = AS_DECLARED
@@ -328,6 +330,20 @@ def answering(
         coordinated_alpha=coordinated,
         speed_hold=plan.speed_hold if speed is None else hold,
     )
+
+
+def banking(plan: FlightPlan, limit: float | None) -> FlightPlan:
+    """Return the plan for a vehicle that banks no further than a limit (rad) that its flight has shown.
+
+    Args:
+        plan: flown by until now.
+        limit: None where none was found, or where it was found to be none.
+    """
+    declared = plan.declared_bank or plan.airframe.max_bank
+    reached = declared if limit is None else min(limit, declared)
+    if reached == plan.airframe.max_bank:
+        return plan
+    return replace(plan, airframe=replace(plan.airframe, max_bank=reached), declared_bank=declared)
 
 
 def doubting(plan: FlightPlan) -> FlightPlan:

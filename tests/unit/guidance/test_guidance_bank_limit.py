@@ -1,0 +1,78 @@
+"""How far an aircraft banks is learned from plateaus below what is asked for, and from nothing else."""
+
+import math
+from collections.abc import Callable
+
+import pytest
+
+from tests.kit.flight import fly
+from tests.kit.missions import shipped
+from vfguide.commands.overrides import Overrides, apply_overrides, parse_settings
+from vfguide.guidance.bank_limit import BankLimit, BankMoment
+
+PERIOD = 0.1
+
+
+def asked(time_s: float) -> float:
+    """To one side for 5 s, straight on for 5 s, to the other side, rad."""
+    turn = math.radians(45.0) * (1.0 if time_s % 20.0 < 10.0 else -1.0)
+    return turn if time_s % 10.0 < 5.0 else 0.0
+
+
+def limit_of(
+    flown: Callable[[float], float],
+    *,
+    seconds: float = 40.0,
+    wanted: Callable[[float], float] = asked,
+) -> BankLimit:
+    """What is known after some seconds of an aircraft that banks so, by what it is asked for."""
+    learner, bank = BankLimit(), 0.0
+    for step in range(round(seconds / PERIOD)):
+        time_s = step * PERIOD
+        bank += PERIOD / (0.3 + PERIOD) * (flown(wanted(time_s)) - bank)
+        learner.observe(BankMoment(time_s=time_s, bank=bank, asked=wanted(time_s)), late=0.5)
+    return learner
+
+
+def within(degrees: float) -> Callable[[float], float]:
+    most = math.radians(degrees)
+    return lambda wanted: min(max(wanted, -most), most)
+
+
+def test_a_bank_that_is_never_passed_although_more_is_asked_is_its_limit():
+    value = limit_of(within(25.0)).value
+    assert value is not None
+    assert math.degrees(value) == pytest.approx(25.0, abs=0.5)
+
+
+def test_one_plateau_is_none():
+    assert limit_of(within(25.0), seconds=9.0).value is None
+
+
+def test_what_follows_is_asked_for_no_more_than_it_banks():
+    assert limit_of(lambda wanted: wanted).value is None
+    # A steady turn with the bank that it is asked for.
+    assert limit_of(lambda wanted: wanted, wanted=lambda _: 0.4).value is None
+
+
+def test_a_greater_bank_ends_what_was_taken_for_a_limit():
+    learner = limit_of(within(25.0))
+    for step in range(60):
+        learner.observe(
+            BankMoment(time_s=40.0 + step * PERIOD, bank=math.radians(32.0), asked=1.0), late=0.5
+        )
+    assert learner.value is None
+
+
+def test_an_aircraft_that_banks_less_than_its_mission_says_is_flown_by_what_it_does():
+    settings = [
+        "rehearsal.emulator.max_bank_deg=22",
+        "rehearsal.duration_s=60",
+        "wind.type=calm",
+    ]
+    mission = apply_overrides(shipped("circle-wind"), Overrides(settings=parse_settings(settings)))
+    said = [one.text for events in fly(mission).events.values() for one in events]
+    heard = [text for text in said if text.startswith("it banks no further than")]
+    assert heard
+    assert len(heard) <= 4
+    assert all("for the mission: max_bank_deg: 2" in text for text in heard)
