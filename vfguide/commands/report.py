@@ -187,11 +187,16 @@ def analyse_logs(mission: Mission, paths: Sequence[Path], out: Path, *, force: b
     from vfguide.lab.debrief.logged_flight import logged_flight, read_log
 
     refuse_foreign(out, mission.name, (*REPORT_NAMES, RECORD_NAME), force=force)
+    from vfguide.identification.flown import with_responses
+    from vfguide.identification.flown_slip import known_slips
+
     flight = logged_flight(mission, [log for path in paths for log in read_log(path, mission)])
-    write_report_of(flight.record, out)
+    answers, slips = answers_of(mission, flight), slips_of(mission, flight)
+    record = with_responses(flight.record, answers, known_slips(slips))
+    write_report_of(record, out)
     with whole_file(out / RECORD_NAME) as partial:
-        flight.record.save(partial)
-    tell_responses(answers_of(mission, flight), slips_of(mission, flight))
+        record.save(partial)
+    tell_responses(answers, slips)
 
 
 def answers_of(mission: Mission, flight: "LoggedFlight") -> list["Answer"]:

@@ -374,6 +374,7 @@ def response_of(plan: FlightPlan) -> VehicleResponse:
         speed_spread=certainty.speed.spread,
         slips=plan.slips,
         turn_efficiency=plan.turn_efficiency,
+        max_bank_deg=math.degrees(airframe.max_bank),
     )
 
 

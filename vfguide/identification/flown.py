@@ -5,8 +5,8 @@ nothing can be told.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import Literal
+from dataclasses import dataclass, replace
+from typing import Any, Literal
 
 import numpy as np
 
@@ -15,6 +15,8 @@ from vfguide.guidance.response import HoldResponse
 from vfguide.identification.learned import HoldSamples, response_in, turn_limits
 from vfguide.identification.profile import response_lines, slip_line
 from vfguide.identification.slip import Slip
+from vfguide.record.flight import FlightRecord
+from vfguide.record.response import VehicleResponse
 from vfguide.record.vehicle import VehicleRecord
 from vfguide.state import Airframe
 
@@ -211,6 +213,40 @@ def answer_sentence(answer: Answer) -> str:
     if known.least <= answer.mission <= known.greatest:
         return f"{found}: known well; the mission's {answer.mission:.2f} fits"
     return f"{found}: known well; the mission says {answer.mission:.2f}"
+
+
+def with_responses(
+    record: FlightRecord, answers: Sequence[Answer], slips: Mapping[str, Slip]
+) -> FlightRecord:
+    """Return a flight with what it shows of how its vehicles answered.
+
+    Args:
+        record: of the flight.
+        answers: of all loops of all vehicles.
+        slips: by vehicle, of those of whom it is known.
+    """
+    found: dict[str, dict[str, Any]] = {}
+    for one in answers:
+        if one.response is not None:
+            known = one.response
+            found.setdefault(one.vehicle, {}).update(
+                {
+                    BANDWIDTHS[one.loop]: known.gain,
+                    f"{one.loop}_dead_time_s": known.dead_time,
+                    f"{one.loop}_lag_s": known.lag,
+                    f"{one.loop}_spread": known.spread,
+                }
+            )
+    for name, slip in slips.items():
+        turns = {"slips": slip.slips, "turn_efficiency": slip.efficiency.value}
+        found.setdefault(name, {}).update(turns)
+    return replace(
+        record,
+        vehicles=tuple(
+            replace(one, response=VehicleResponse(**found[one.name])) if one.name in found else one
+            for one in record.vehicles
+        ),
+    )
 
 
 def flown_profile(answers: Sequence[Answer], slips: Mapping[str, Slip]) -> str:

@@ -44,6 +44,8 @@ class VehicleResponse(msgspec.Struct, frozen=True, kw_only=True):
     """Whether it turns less than its bank says."""
     turn_efficiency: float | None = None
     """What it turns of that, where flight has shown it."""
+    max_bank_deg: float | None = None
+    """How far it banks, degrees."""
 
 
 NUMBERS = tuple(name for name in VehicleResponse.__struct_fields__ if name != "slips")

@@ -7,8 +7,15 @@ import msgspec
 import numpy as np
 import pytest
 
+from tests.kit.records import still_flight
 from vfguide.elementwise import FloatArray
-from vfguide.identification.flown import Answer, answer_sentence, flown_profile, flown_responses
+from vfguide.identification.flown import (
+    Answer,
+    answer_sentence,
+    flown_profile,
+    flown_responses,
+    with_responses,
+)
 from vfguide.record.vehicle import VehicleRecord
 from vfguide.state import Airframe
 
@@ -106,6 +113,15 @@ def test_the_words_say_how_sure_it_is_and_whether_the_mission_fits():
         "speed_dead_time_s",
         "speed_lag_s",
     ]
+
+
+def test_the_flight_s_report_has_what_it_shows():
+    time_s, vehicle = flight()
+    record = still_flight(time_s, replace(vehicle, role="leader"))
+    (leader,) = with_responses(record, answers(time_s, vehicle), {}).vehicles
+    assert leader.response is not None
+    assert leader.response.alpha_1_s == pytest.approx(0.8, rel=0.05)
+    assert leader.response.slips is None
 
 
 @pytest.mark.parametrize(

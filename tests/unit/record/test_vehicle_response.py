@@ -32,13 +32,16 @@ LEARNED = VehicleResponse(
     speed_spread=2.0,
     slips=True,
     turn_efficiency=0.81,
+    max_bank_deg=22.0,
 )
 
-DECLARED = VehicleResponse(alpha_1_s=1.0, course_dead_time_s=0.0, course_lag_s=0.0, slips=False)
+DECLARED = VehicleResponse(
+    alpha_1_s=1.0, course_dead_time_s=0.0, course_lag_s=0.0, slips=False, max_bank_deg=45.0
+)
 
 SENTENCE = (
     "alpha 0.40 (0.32 to 0.50) 0.3 s late, declared 1.00; beta 0.32 (0.16 to 0.64) 0.5 s late,"
-    " not declared; turns 0.81 of what its bank says: slips"
+    " not declared; turns 0.81 of what its bank says: slips; banks to 22°, declared 45°"
 )
 
 

@@ -164,6 +164,7 @@ def declared_by(vehicle: Vehicle) -> VehicleResponse:
         speed_dead_time_s=vehicle.speed_dead_time_s if speed else None,
         speed_lag_s=vehicle.speed_lag_s if speed else None,
         slips=None if vehicle.slips == "auto" else vehicle.slips,
+        max_bank_deg=vehicle.max_bank_deg,
     )
 
 

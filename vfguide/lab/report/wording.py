@@ -11,6 +11,9 @@ from vfguide.record.response import VehicleResponse
 UNKNOWN = "not measured"
 NOT_REQUIRED = "no limit"
 
+LEAST_BANK_DEG = 0.5
+"""Limits of the bank that differ by less are the same."""
+
 
 HoldNumbers = tuple[float | None, float | None, float | None]
 """Gain (1/s), dead time (s) and lag (s) of a hold."""
@@ -156,6 +159,9 @@ def response_words(handling: Handling) -> str | None:
         parts.append(f"turns {flown.turn_efficiency:.2f} of what its bank says: {turns}")
     elif flown.slips:
         parts.append("taken for one that slips")
+    bank, said = flown.max_bank_deg, declared.max_bank_deg
+    if bank is not None and said is not None and abs(bank - said) >= LEAST_BANK_DEG:
+        parts.append(f"banks to {bank:.0f}\u00b0, declared {said:.0f}\u00b0")
     return "; ".join(parts)
 
 
