@@ -36,6 +36,9 @@ AS_LIKELY = 3.0
 GRID_S = 0.08
 """Half a step between two delays of the grid, s."""
 
+MOST_S = 60.0
+"""More evidence makes no surer, s: no autopilot is quite of the model's kind."""
+
 LEAST_S = 2.0
 """Less evidence tells nothing, s."""
 
@@ -325,7 +328,7 @@ class HoldLearner:
         floor = self._kind.noise**2 + self._kind.model_share**2 * moved
         left = self._left(factors) / seconds + floor
         # The low-pass makes neighbouring moments one piece of evidence.
-        pieces = seconds / (2.0 * self._kind.filter_s)
+        pieces = min(seconds, MOST_S) / (2.0 * self._kind.filter_s)
         likelihoods = -0.5 * pieces * np.log(left)
         best = int(np.argmax(likelihoods))
         possible = likelihoods >= likelihoods[best] - AS_LIKELY

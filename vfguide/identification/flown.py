@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
+from msgspec import structs
 
 from vfguide.elementwise import BoolArray, FloatArray
 from vfguide.guidance.response import HoldResponse
@@ -29,10 +30,15 @@ LEAST_S = 20.0
 FITTED_HZ = 10.0
 """Samples a second that are looked at: responses take longer than a tenth of a second."""
 
+MODEL_SHARE = 0.15
+"""By which a bandwidth is uncertain at least: a steady turn shows only the sum of its inverse and the delay,
+and no autopilot is quite of the model's kind. ArduPlane's alpha is 0.72 1/s by long steps and 0.78 to 0.84
+by steady turns."""
+
 MOST_DOUBT = 0.6
 """Share of a bandwidth: less certain is reported as no answer."""
 
-LEAST_DOUBT = 1.0 / 6.0
+LEAST_DOUBT = 0.2
 """Share of a bandwidth: what is more certain counts as known well."""
 
 LEAST_TURN = 0.1
@@ -140,12 +146,25 @@ def loop_answer(
     mission = airframe.alpha if loop == "course" else airframe.beta
     response, why = None, unknown_because(loop, time_s, vehicle, stretch)
     if not why:
-        response = response_in(
-            samples_of(loop, time_s, vehicle, stretch, airframe=airframe, setpoints=setpoints)
+        response = with_doubt(
+            response_in(
+                samples_of(loop, time_s, vehicle, stretch, airframe=airframe, setpoints=setpoints)
+            )
         )
         if response is None or response.doubt > MOST_DOUBT:
             response, why = None, "quite other values explain this flight as well"
     return Answer(vehicle=vehicle.name, loop=loop, response=response, why=why, mission=mission)
+
+
+def with_doubt(found: HoldResponse | None) -> HoldResponse | None:
+    """Return a response no surer than a flight without steps can tell."""
+    if found is None:
+        return None
+    return structs.replace(
+        found,
+        least=min(found.least, (1.0 - MODEL_SHARE) * found.gain),
+        greatest=max(found.greatest, (1.0 + MODEL_SHARE) * found.gain),
+    )
 
 
 def unknown_because(loop: Loop, time_s: FloatArray, vehicle: VehicleRecord, stretch: slice) -> str:

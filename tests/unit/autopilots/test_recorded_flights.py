@@ -48,6 +48,7 @@ def test_a_recorded_arduplane_s_course_is_known_from_its_circle(tmp_path):
     assert course.good
     assert course.response is not None
     assert 0.72 <= course.response.gain <= 0.86
+    assert course.response.least <= 0.78 <= course.response.greatest
     assert course.response.doubt * course.response.gain <= 0.14
     assert course.response.earliest <= 0.3 <= course.response.latest
     # TECS is no hold of first order, and the circle hardly asked for other speeds.
