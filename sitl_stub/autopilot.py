@@ -177,7 +177,9 @@ class Autopilot:
         self._personality.arming.ready_from_us = round(config.ready_after_s * 1e6)
         self._flight = flight_at_start(config, air, self._personality)
         self._reported_mode = self._flight.mode
-        self._codec = EmulatorCodec(config.system_id, self.counters, signing)
+        self._codec = EmulatorCodec(
+            config.system_id, self.counters, signing, component_id=config.component_id
+        )
         self._unix_time = unix_time or (lambda: self._flight.time_us * 1e-6)
         self._boot_us = -round(config.boot_time_s * 1e6)
         self._sensors = Sensors(config)
@@ -401,5 +403,7 @@ class Autopilot:
             altitude_error_m,
             self._personality.arming.is_ready(flight),
             self.config.icao_address,
+            self.config.vehicle_type,
+            self.config.uid,
         )
         return [TELEMETRY[message_id](report) for message_id in message_ids]

@@ -201,13 +201,18 @@ class EmulatorCodec:
     """One MAVLink endpoint: parses what is meant for this autopilot, encodes what it says."""
 
     def __init__(
-        self, system_id: int, counters: Counter[str], signing: Signing | None = None
+        self,
+        system_id: int,
+        counters: Counter[str],
+        signing: Signing | None = None,
+        *,
+        component_id: int = COMPONENT_ID,
     ) -> None:
         self.signing = signing
         """Checks and signs every frame; None: nobody is asked for a signature."""
-        self._system_id = system_id
+        self._system_id, self._component_id = system_id, component_id
         self._counters = counters
-        self._encoder = mavlink.MAVLink(None, srcSystem=system_id, srcComponent=COMPONENT_ID)
+        self._encoder = mavlink.MAVLink(None, srcSystem=system_id, srcComponent=component_id)
         self._parser = mavlink.MAVLink(None)
 
     def decode(self, data: bytes, unix_s: float = 0.0) -> list[MAVLink_message]:
@@ -262,12 +267,12 @@ class EmulatorCodec:
 
     def _is_for_me(self, message: MAVLink_message) -> bool:
         sender = (message.get_srcSystem(), message.get_srcComponent())
-        if sender == (self._system_id, COMPONENT_ID):
+        if sender == (self._system_id, self._component_id):
             self._counters["from itself"] += 1
             return False
         if not (
             getattr(message, "target_system", 0) in {0, self._system_id}
-            and getattr(message, "target_component", 0) in {0, COMPONENT_ID}
+            and getattr(message, "target_component", 0) in {0, self._component_id}
         ):
             self._counters["for another"] += 1
             return False

@@ -17,6 +17,15 @@ class AutopilotConfig(msgspec.Struct, frozen=True, kw_only=True):
     system_id: int
     """MAVLink system id, 1 to 255."""
 
+    component_id: int = 1
+    """MAVLink component of its autopilot, 1 to 255."""
+
+    vehicle_type: int = 1
+    """MAV_TYPE in its heartbeat: 1 is a fixed wing, 2 a quadrotor."""
+
+    uid: int = 0
+    """Hardware number in AUTOPILOT_VERSION; 0: it has none."""
+
     autopilot: str = "ardupilot"
     """Name of the autopilot that it behaves as."""
 
@@ -136,6 +145,13 @@ class AutopilotConfig(msgspec.Struct, frozen=True, kw_only=True):
             raise ValueError(f"loop_rate_hz must be 10 to 1000, not {self.loop_rate_hz!r}")
 
     def _check_numbers(self) -> None:
+        for name, value, most in (
+            ("component_id", self.component_id, 255),
+            ("vehicle_type", self.vehicle_type + 1, 256),
+            ("uid", self.uid + 1, 2**64),
+        ):
+            if not 1 <= value <= most:
+                raise ValueError(f"{name} is out of its range")
         for name in (
             "latitude_deg",
             "longitude_deg",

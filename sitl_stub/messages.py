@@ -93,6 +93,12 @@ class ReportedInstant(NamedTuple):
     icao_address: int = 0
     """ICAO address of its transponder."""
 
+    vehicle_type: int = mavlink.MAV_TYPE_FIXED_WING
+    """MAV_TYPE in its heartbeat."""
+
+    uid: int = 0
+    """Hardware number; 0 where it has none."""
+
     @property
     def altitude_amsl_m(self) -> float:
         """Altitude as it is measured."""
@@ -313,7 +319,7 @@ def high_latency2(report: ReportedInstant) -> MAVLink_message:
     motion = report.motion
     return mavlink.MAVLink_high_latency2_message(
         report.time_boot_ms,
-        mavlink.MAV_TYPE_FIXED_WING,
+        report.vehicle_type,
         report.personality.firmware,
         report.flight.mode.custom_mode & 0xFFFF,
         degrees_e7(report.latitude_rad),
@@ -369,7 +375,7 @@ def heartbeat(report: ReportedInstant) -> MAVLink_message:
     """Who this is, the mode, whether armed."""
     armed = mavlink.MAV_MODE_FLAG_SAFETY_ARMED if report.flight.armed else 0
     return mavlink.MAVLink_heartbeat_message(
-        mavlink.MAV_TYPE_FIXED_WING,
+        report.vehicle_type,
         report.personality.firmware,
         mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED | armed,
         report.flight.mode.custom_mode,
@@ -460,5 +466,5 @@ def autopilot_version(report: ReportedInstant) -> MAVLink_message:
         no_hash,
         0,
         0,
-        0,
+        report.uid,
     )

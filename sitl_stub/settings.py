@@ -70,6 +70,15 @@ class Settings(BaseModel):
     system_id: Annotated[int, Option("N")]
     """MAVLink system id, 1 to 255. Required."""
 
+    component_id: Annotated[int, Option("N")] = 1
+    """MAVLink component of its autopilot, 1 to 255."""
+
+    vehicle_type: Annotated[int, Option("N")] = 1
+    """MAV_TYPE in its heartbeat: 1 a fixed wing, 2 a quadrotor."""
+
+    uid: Annotated[int, Option("N")] = 0
+    """Hardware number in AUTOPILOT_VERSION, which counts up with --count; 0: none."""
+
     mavlink: Annotated[str | None, Option("URL")] = None
     """udpin://, udpout://, tcpin:// or tcpout:// HOST:PORT. Required."""
 
@@ -337,6 +346,9 @@ class Settings(BaseModel):
         below_m = DEFAULT_HEIGHT_M if self.airborne else 0.0
         return AutopilotConfig(
             system_id=self.system_id + index,
+            component_id=int(checked("--component-id", self.component_id, 0, 256)),
+            vehicle_type=int(checked("--vehicle-type", self.vehicle_type, -1, 256)),
+            uid=self.uid and int(checked("--uid", self.uid, -1, 2**64)) + index,
             autopilot=self.autopilot,
             autopilot_version=self._version(),
             plant=self.plant_parameters(),

@@ -145,6 +145,11 @@ class ModeAuthority:
         return self._stranger is None
 
     @property
+    def stranger(self) -> str | None:
+        """What is wrong with the autopilot that is heard, in words; None where it is the one spoken to."""
+        return self._stranger
+
+    @property
     def shows_guided(self) -> bool:
         """Whether the newest heartbeat, however old it is, shows the guided mode."""
         return self._beat is not None and self._adapter.is_engaged(self._beat.custom_mode)

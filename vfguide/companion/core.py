@@ -19,6 +19,7 @@ from vfguide.companion.ground_orders import GroundOrders
 from vfguide.companion.guided_vehicle import GuidedVehicle
 from vfguide.companion.height_keeper import LoiterHeight
 from vfguide.companion.housekeeping import Housekeeping
+from vfguide.companion.identity import VehicleIdentity
 from vfguide.companion.plan import FlightPlan
 from vfguide.companion.reach import EngageRange
 from vfguide.companion.role import Outgoing, Snapshot
@@ -44,6 +45,7 @@ from vfguide.mavlink.reports import (
     PositionReport,
     Report,
     SensorsReport,
+    SteeringReport,
     TextReport,
     TimeReport,
     TrafficReport,
@@ -128,6 +130,7 @@ class Companion:
         self._mode = Mode.WAITING
         self._objected: Objection | None = None
         self._reach = EngageRange(plan)
+        self._identity = VehicleIdentity(plan.system_id)
         self._idle_since = self._leader_since = math.inf
         self._greeting_s = greeting_s
         self._stands_back = self._stopped = self._leaving = False
@@ -392,7 +395,7 @@ class Companion:
 
     def objection(self, now: float) -> Objection | None:
         """Why the vehicle is not steered whatever its mode, and what to do; None where nothing is known."""
-        refusal = self._housekeeping.obedience.refusal
+        refusal = self._identity.objection(now) or self._housekeeping.obedience.refusal
         if refusal is not None or self._mode.steers:
             return refusal
         known = now - self._vehicle.telemetry_time <= self._timeouts.telemetry_s
@@ -435,16 +438,19 @@ class Companion:
             ):
                 self._vehicle.own.note(report, now)
             case HeartbeatReport():
+                self._identity.note_heartbeat(report, now)
                 self._warn("autopilot", self._authority.hear(report, now))
+                self._housekeeping.obedience.note_mode(guided=self._authority.shows_guided)
                 self._change_mode(now)
                 return self._command_mode(now) + self._loiter_height_due(now)
-            case TrafficReport() | LandedReport():
+            case TrafficReport() | LandedReport() | SteeringReport():
                 self._note(report, now)
             case CommandReport():
                 self._housekeeping.answered(report, now)
                 self._loiter_height.answered(report)
                 self._warn("autopilot", self._adapter.hear(report))
             case VersionReport():
+                self._identity.note_version(report, now)
                 steered = self._adapter.hear(report)
                 if steered is not None:
                     self._alerts.say("autopilot", INFO, steered, told=False)
@@ -460,8 +466,12 @@ class Companion:
         if text is not None:
             self._alerts.say(key, WARNING, text)
 
-    def _note(self, report: TrafficReport | LandedReport, now: float) -> None:
+    def _note(self, report: TrafficReport | LandedReport | SteeringReport, now: float) -> None:
         """Take what nothing is answered to."""
+        if isinstance(report, SteeringReport):
+            guided = self._authority.shows_guided
+            self._identity.note_steering(report, now, guided=guided)
+            return
         if isinstance(report, TrafficReport):
             self._vehicle.role.receive_traffic(report, now)
         else:
@@ -475,6 +485,7 @@ class Companion:
         if found is not None:
             self._housekeeping.retune(found)
         self._reach.note(report)
+        self._identity.note_position(report, now)
         reboots = self._vehicle.own.reboots
         navigated = self._vehicle.own.take(report, now)
         if self._vehicle.own.reboots > reboots:
@@ -581,7 +592,7 @@ class Companion:
             # The other one may steer this very vehicle.
             return Wish.RETURN if self._vehicle.has_steered else Wish.NONE
         if self._objected is not None:
-            return Wish.RETURN
+            return Wish.RETURN if self._objected.returns else Wish.NONE
         lost_s = self._timeouts.telemetry_lost_s
         deaf = now - max(self._vehicle.telemetry_time, self._wakefulness.since) > lost_s
         # As after a companion that was replaced while it steered, by one that hears no leader.

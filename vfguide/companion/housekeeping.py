@@ -19,6 +19,7 @@ from vfguide.mavlink.announcements import (
     ground_station_heartbeat,
     heartbeat,
     time_question,
+    version_question,
 )
 from vfguide.mavlink.reports import CommandReport, ParameterReport
 
@@ -33,6 +34,9 @@ FAIL_SAFE = (
     " autopilot's fail-safe to act where it is set; take over"
 )
 """What the pilot hears then."""
+
+VERSION_ASKS = 2
+"""How often the number of its hardware is asked for: whoever shares its name answers, too."""
 
 RATE_SHARE = 0.7
 """Below this share of the rate that was asked for, telemetry is asked for again."""
@@ -70,6 +74,7 @@ class Housekeeping:
         self._time = -math.inf
         self._asked_for_telemetry = False
         self._return_since = math.inf
+        self._version_asks = 0
         self.commands = Acknowledgements()
         """Of commands that were sent, by whatever part of the companion."""
         self.obedience = Obedience(adapter)
@@ -171,6 +176,9 @@ class Housekeeping:
     def _questions(self, now: float) -> list[MAVLink_message]:
         """What is not known of the autopilot yet."""
         messages = self._adapter.questions()
+        if not messages and self._version_asks < VERSION_ASKS:
+            self._version_asks += 1
+            messages = [version_question(self._plan.system_id, self._plan.component_id)]
         if self._authority.shows_disarmed and not self._authority.shows_guided:
             messages += self.obedience.questions(now)
         if self._parameter_check is not None:

@@ -77,6 +77,14 @@ class Obedience:
             self._refuse(report, "see what it says, and start it anew")
         return False
 
+    def note_mode(self, *, guided: bool) -> None:
+        """Take a heartbeat: in another mode commands are refused rightly, and may be tried again later."""
+        if guided:
+            return
+        self._refused.clear()
+        if not any(times >= UNSUPPORTED_TIMES for times in self._unsupported.values()):
+            self.refusal = None
+
     def _refuse(self, report: CommandReport, remedy: str) -> None:
         result = name_of("MAV_RESULT", report.result).removeprefix("MAV_RESULT_")
         command = name_of("MAV_CMD", report.command).removeprefix("MAV_CMD_")

@@ -67,6 +67,8 @@ class Objection(msgspec.Struct, frozen=True, kw_only=True):
     """Its kind: pilot and log hear each once."""
     text: str
     """What is found, and what to do."""
+    returns: bool = True
+    """Whether a vehicle that was steered is handed back; not where somebody else steers it."""
 
 
 class Situation(msgspec.Struct, frozen=True, kw_only=True):

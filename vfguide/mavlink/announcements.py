@@ -102,6 +102,15 @@ def time_question(stamp: int) -> MAVLink_message:
     return mavlink.MAVLink_timesync_message(0, stamp)
 
 
+def version_question(system_id: int, component_id: int) -> MAVLink_message:
+    """REQUEST_MESSAGE for AUTOPILOT_VERSION, which has the number of the hardware."""
+    wanted = mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION
+    request = mavlink.MAV_CMD_REQUEST_MESSAGE
+    return mavlink.MAVLink_command_long_message(
+        system_id, component_id, request, 0, wanted, *(0.0,) * 6
+    )
+
+
 def heartbeat() -> MAVLink_message:
     """HEARTBEAT of an onboard computer."""
     return mavlink.MAVLink_heartbeat_message(

@@ -6,9 +6,10 @@ them is true because it is well-formed: whoever has a transmitter can send it.
 
 import math
 import struct
-from collections import Counter
-from collections.abc import Callable, Iterable
+from collections import Counter, deque
+from collections.abc import Callable, Iterable, Sequence
 
+from msgspec.structs import replace
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from pymavlink.dialects.v20.ardupilotmega import MAVError, MAVLink, MAVLink_message
 
@@ -27,10 +28,17 @@ from vfguide.mavlink.reports import (
     PositionReport,
     Report,
     SensorsReport,
+    SteeringReport,
     TextReport,
     TimeReport,
     TrafficReport,
     VersionReport,
+)
+from vfguide.mavlink.senders import (
+    STEERING_COMMANDS,
+    STEERING_MESSAGES,
+    SequencePlaces,
+    steers,
 )
 
 LOWEST_M, HIGHEST_M = -1000.0, 30_000.0
@@ -80,6 +88,9 @@ WHOLE_NUMBERS = {
 """How whole numbers lie in the four bytes of a parameter's value, where they are not converted."""
 
 COMPANION_COMPONENT = mavlink.MAV_COMP_ID_ONBOARD_COMPUTER
+
+ECHOES = 256
+"""Own messages that steer, and are known again where a router sends them back."""
 
 OUR_COMPONENTS = frozenset({mavlink.MAV_COMP_ID_ALL, COMPANION_COMPONENT})
 """Targets within its own system that a companion is meant by."""
@@ -171,6 +182,7 @@ def heartbeat_report(message: MAVLink_message) -> HeartbeatReport | None:
         autopilot=message.autopilot,
         custom_mode=message.custom_mode,
         armed=bool(message.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED),
+        vehicle_type=message.type,
         status=message.system_status,
     )
 
@@ -199,10 +211,20 @@ def order_request(message: MAVLink_message) -> OrderRequest | None:
     )
 
 
+def answered_to(message: MAVLink_message) -> list[SteeringReport]:
+    """Whom an autopilot tells that it obeys a command that steers; nothing of any other message."""
+    if message.get_msgId() != mavlink.MAVLINK_MSG_ID_COMMAND_ACK:
+        return []
+    if message.command not in STEERING_COMMANDS or message.result != mavlink.MAV_RESULT_ACCEPTED:
+        return []
+    return [SteeringReport(sender=(message.target_system, message.target_component))]
+
+
 def version_report(message: MAVLink_message) -> VersionReport:
     """AUTOPILOT_VERSION: major and minor are the two upper bytes of the firmware's version."""
     version = message.flight_sw_version
-    return VersionReport(major=version >> 24, minor=version >> 16 & 0xFF)
+    uid = message.uid or int.from_bytes(bytes(message.uid2), "little")
+    return VersionReport(major=version >> 24, minor=version >> 16 & 0xFF, uid=uid)
 
 
 def text_report(message: MAVLink_message) -> TextReport:
@@ -325,6 +347,9 @@ class Codec:
         self.counters: Counter[str] = Counter()
         """What was received and passed over, by reason."""
         self._source = (system_id, component_id)
+        self.places = SequencePlaces()
+        """Numbers of the autopilot's frames: by them two that share its name are told apart."""
+        self._sent: deque[bytes] = deque(maxlen=ECHOES)
         self._signing = signing
         self._takes_orders = takes_orders
         self._readers = REPORTS | (ATTITUDE_REPORTS if hears_attitude else {})
@@ -339,21 +364,61 @@ class Codec:
             elif (frame.system_id, frame.component_id) != self._source:
                 reports += self._others(frame)
             elif (reader := self._readers.get(frame.message_id)) is None:
+                self._note_sender(frame)
                 self.counters["not used"] += 1
-            elif (message := self._message(frame.content)) is None:
-                self.counters["not MAVLink"] += 1
-            elif self._signing is not None and not self._signing.accepts(frame):
-                self.counters["not signed"] += 1
-            elif not self._is_addressed(message):
-                self.counters["for somebody else"] += 1
-            elif (report := reader(message)) is None:
-                self.counters["out of range"] += 1
+                if frame.message_id in STEERING_MESSAGES:
+                    reports += self._steering(frame)
             else:
-                reports.append(report)
+                reports += self._read(frame, reader)
         return reports
 
+    def _read(
+        self, frame: Frame, reader: Callable[[MAVLink_message], Report | None]
+    ) -> Sequence[Report]:
+        """What a frame of the autopilot says."""
+        message = self._message(frame.content)
+        if message is None:
+            self.counters["not MAVLink"] += 1
+            return ()
+        if self._signing is not None and not self._signing.accepts(frame):
+            self.counters["not signed"] += 1
+            return ()
+        series = self._note_sender(frame)
+        if not self._is_addressed(message):
+            self.counters["for somebody else"] += 1
+            return answered_to(message)
+        report = reader(message)
+        if report is None:
+            self.counters["out of range"] += 1
+            return ()
+        if series and isinstance(report, PositionReport | HeartbeatReport):
+            return (replace(report, series=series),)
+        return (report,)
+
+    def _note_sender(self, frame: Frame) -> int:
+        """Series of numbers that a frame in the autopilot's name is one of.
+
+        On a signed connection only signed ones count.
+        """
+        if self._signing is not None and not self._signing.has_taken(frame):
+            return 0
+        return self.places.note(frame)
+
+    def _steering(self, frame: Frame) -> list[SteeringReport]:
+        """What it says where a message of somebody else steers this vehicle."""
+        message = self._message(frame.content)
+        if message is None or frame.content in self._sent or not steers(message):
+            return []
+        if self._signing is not None and not self._signing.vouches_for(frame):
+            return []
+        system_id, component_id = message.target_system, message.target_component
+        meant = system_id in {0, self._source[0]} and component_id in {0, self._source[1]}
+        return [SteeringReport(sender=(frame.system_id, frame.component_id))] if meant else []
+
     def _others(self, frame: Frame) -> list[Report]:
-        """What somebody else has sent: of interest only where it requests an order of this companion."""
+        """What somebody else has sent: of interest where it orders this companion, or steers its vehicle."""
+        if frame.message_id in STEERING_MESSAGES and (found := self._steering(frame)):
+            return [*found]
         wanted = self._takes_orders and frame.message_id == mavlink.MAVLINK_MSG_ID_COMMAND_LONG
         message = self._message(frame.content) if wanted else None
         target = (self._source[0], COMPANION_COMPONENT)
@@ -393,5 +458,7 @@ class Codec:
 
     def _pack(self, message: MAVLink_message) -> bytes:
         packed: bytes = message.pack(self._parser)
+        if message.get_msgId() in STEERING_MESSAGES:
+            self._sent.append(packed)
         self._parser.seq = (self._parser.seq + 1) % 256
         return packed

@@ -165,6 +165,13 @@ class ConnectionSigning:
         last = self._streams.get(stream)
         return stamp > (self._now() - PATIENCE if last is None else last)
 
+    def has_taken(self, frame: Frame) -> bool:
+        """Whether a frame is the one that its stream was accepted by last: signed ones are counted once."""
+        if frame.content[0] != MAGIC_2 or not frame.content[2] & SIGNED:
+            return False
+        stamp, stream = stamp_and_stream(frame)
+        return self._streams.get(stream) == stamp
+
     def prepare(self, encoder: MAVLink) -> None:
         """Let an encoder sign what it packs next, at this end's time."""
         signing = encoder.signing

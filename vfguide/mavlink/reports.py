@@ -22,6 +22,8 @@ class PositionReport(msgspec.Struct, frozen=True, kw_only=True):
     """psi, rad: the message's hdg is yaw, not course. None where the autopilot does not know it."""
     climb_rate: float = 0.0
     """m/s, positive up."""
+    series: int = 0
+    """Series of numbers that its frame is one of; another may be another aircraft's."""
 
 
 class TrafficReport(msgspec.Struct, frozen=True, kw_only=True):
@@ -68,6 +70,10 @@ class HeartbeatReport(msgspec.Struct, frozen=True, kw_only=True):
     """Mode, in the autopilot's own numbers."""
     armed: bool
     """Whether the motors are armed."""
+    series: int = 0
+    """Series of numbers that its frame is one of."""
+    vehicle_type: int = 1
+    """MAV_TYPE: 1 is a fixed wing."""
     status: int
     """MAV_STATE: ArduPlane is ACTIVE only while it flies, both are CRITICAL in a fail-safe."""
 
@@ -108,6 +114,15 @@ class VersionReport(msgspec.Struct, frozen=True, kw_only=True):
     """Major version of the autopilot's firmware; 0 where it does not know."""
     minor: int
     """Minor version of the autopilot's firmware."""
+    uid: int = 0
+    """Number of its hardware; 0 where it has none."""
+
+
+class SteeringReport(msgspec.Struct, frozen=True, kw_only=True):
+    """Somebody else steers the same vehicle: a message of its own, or the autopilot's answer to one."""
+
+    sender: tuple[int, int]
+    """MAVLink system and component of who steers."""
 
 
 class TextReport(msgspec.Struct, frozen=True, kw_only=True):
@@ -189,6 +204,7 @@ Report = (
     | LandedReport
     | OrderRequest
     | CommandReport
+    | SteeringReport
     | TextReport
     | ParameterReport
     | TimeReport

@@ -129,5 +129,6 @@ def test_an_autopilot_that_acknowledges_and_does_not_turn_is_complained_of(kind)
         out = companion.receive_mavlink(spoken(beat(autopilot, mode), place), now)
         told += [event.text for event in out.events if event.warning]
     assert [text[:47] for text in told if "course" in text] == [
-        "the course does not follow the setpoints: asked"
+        "the course does not follow the setpoints: asked",
+        "the autopilot accepts courses and flies none: h",
     ]

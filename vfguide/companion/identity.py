@@ -1,0 +1,177 @@
+"""Who speaks as this vehicle's autopilot, who else steers it, and what it is: known before it is steered.
+
+| what shows | what it is |
+|---|---|
+| numbers of frames, boot clocks, places or kinds go to and fro | two aircraft with one system id |
+| two numbers of hardware | the same |
+| somebody else's message that steers, or the autopilot's answer to one | another controller |
+| a type in the heartbeat that is no fixed wing | another kind of vehicle |
+
+What comes over two links from one aircraft has two series of numbers and one boot clock: that is one.
+"""
+
+import math
+from collections import deque
+
+import msgspec
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from vfguide.companion.supervisor import Objection
+from vfguide.frames import way_m
+from vfguide.mavlink.announcements import name_of
+from vfguide.mavlink.reports import (
+    HeartbeatReport,
+    PositionReport,
+    SteeringReport,
+    VersionReport,
+)
+
+WITHIN_S = 3.0
+"""What speaks for two has to be seen again and again within this."""
+
+TIMES = 4
+"""How often places have to change: a glitch comes and goes."""
+
+CLOCKS_APART_S = 0.3
+"""Boot times of one clock fall back by less: a frame that was overtaken on its way."""
+
+FALLS = 2
+"""How often a boot clock has to fall back, or a heartbeat to change to and fro: a reboot is one."""
+
+QUIET_S = 10.0
+"""After so long without a sign of it, a conflict is over."""
+
+STREAM_COMMANDS = 3
+"""So many within `WITHIN_S` are a controller's; one outside the guided mode is a ground station's."""
+
+SAME_PLACE_M, FASTEST_M_S = 50.0, 100.0
+"""Two series of positions are one aircraft's if they are no farther apart than this, and what it may fly."""
+
+MOST_SERIES = 4
+"""Series of numbers whose newest positions are remembered."""
+
+FIXED_WINGS = frozenset({mavlink.MAV_TYPE_FIXED_WING, *range(19, 26)})
+"""MAV_TYPE of what flies on wings: 19 to 25 take off upward."""
+
+
+class SeenPlace(msgspec.Struct, frozen=True):
+    """The newest position of one series."""
+
+    boot_time_s: float
+    """By its own clock, s."""
+    place: tuple[float, float]
+    """Latitude and longitude, degrees."""
+    heard_s: float
+    """When it was heard, s."""
+
+
+def agree(one: SeenPlace, other: SeenPlace) -> bool:
+    """Whether two positions are those of one aircraft by one clock."""
+    apart_s = abs(other.boot_time_s - one.boot_time_s)
+    passed_s = abs(other.heard_s - one.heard_s)
+    if apart_s > passed_s + WITHIN_S:
+        return False
+    return way_m(one.place, other.place) <= SAME_PLACE_M + FASTEST_M_S * apart_s
+
+
+class VehicleIdentity:
+    """Of one vehicle, as its companion hears it."""
+
+    def __init__(self, system_id: int) -> None:
+        self._system_id = system_id
+        self._kind: tuple[int, int, bool] | None = None
+        self._series: deque[int] = deque(maxlen=MOST_SERIES)
+        self._returned: deque[float] = deque(maxlen=FALLS)
+        self._fell: deque[float] = deque(maxlen=FALLS)
+        self._before: SeenPlace | None = None
+        self._uid: tuple[int, float] = (0, -math.inf)
+        self._two_s = self._two_numbers_s = self._same_s = -math.inf
+        self._jumped: deque[float] = deque(maxlen=TIMES)
+        self._places: dict[int, SeenPlace] = {}
+        self._steered: deque[float] = deque(maxlen=STREAM_COMMANDS)
+        self._other: tuple[int, int] | None = None
+        self._other_s = -math.inf
+
+    def note_heartbeat(self, report: HeartbeatReport, now: float) -> None:
+        """Take what kind of vehicle it is: one that changes to and fro is two."""
+        kind = report.vehicle_type, report.autopilot, report.armed
+        if self._kind is not None and kind != self._kind:
+            self._note_fall(now)
+        self._kind = kind
+        series = report.series
+        if self._series and series != self._series[-1] and series in self._series:
+            self._returned.append(now)
+            if len(self._returned) == FALLS and now - self._returned[0] <= WITHIN_S:
+                self._two_numbers_s = now
+        self._series.append(series)
+
+    def note_version(self, report: VersionReport, now: float) -> None:
+        """Take the number of its hardware: another one at the same time is another aircraft."""
+        if report.uid == 0:
+            return
+        before, self._uid = self._uid, (report.uid, now)
+        if before[0] not in {0, report.uid} and now - before[1] <= WITHIN_S:
+            self._two_s = now
+
+    def note_position(self, report: PositionReport, now: float) -> None:
+        """Take a position: its boot time, and where it is, beside the one before.
+
+        One boot clock and one place in two series of numbers are those of one aircraft over two links.
+        """
+        place = report.latitude_deg, report.longitude_deg
+        seen = SeenPlace(report.boot_time_s, place, now)
+        before, self._before = self._before, seen
+        if before is not None and seen.boot_time_s < before.boot_time_s - CLOCKS_APART_S:
+            self._note_fall(now)
+        elif before is not None and not agree(before, seen):
+            self._jumped.append(now)
+            if len(self._jumped) == TIMES and now - self._jumped[0] <= WITHIN_S:
+                self._two_s = now
+        self._places[report.series] = seen
+        if len(self._places) > MOST_SERIES:
+            del self._places[min(self._places)]
+        if len(self._places) > 1:
+            others = [one for series, one in self._places.items() if series != report.series]
+            if any(now - one.heard_s <= WITHIN_S and agree(one, seen) for one in others):
+                self._same_s = now
+
+    def _note_fall(self, now: float) -> None:
+        """Something has changed that changes once with a reboot, and to and fro with two aircraft."""
+        self._fell.append(now)
+        if len(self._fell) == FALLS and now - self._fell[0] <= WITHIN_S:
+            self._two_s = now
+
+    def note_steering(self, report: SteeringReport, now: float, *, guided: bool) -> None:
+        """Take that somebody else steers the vehicle.
+
+        Args:
+            report: who.
+            now: s.
+            guided: whether heartbeats show the mode in which this companion steers.
+        """
+        self._steered.append(now)
+        lasts = len(self._steered) == STREAM_COMMANDS and now - self._steered[0] <= WITHIN_S
+        if guided or lasts:
+            self._other, self._other_s = report.sender, now
+
+    def objection(self, now: float) -> Objection | None:
+        """Why the vehicle is not to be steered, and what to do; None where nothing speaks against it."""
+        kind = mavlink.MAV_TYPE_FIXED_WING if self._kind is None else self._kind[0]
+        if kind not in FIXED_WINGS:
+            name = name_of("MAV_TYPE", kind).removeprefix("MAV_TYPE_")
+            text = f"the vehicle is no fixed wing (MAV_TYPE {kind}, {name}): see --mavlink"
+            return Objection(key="type", text=text, returns=False)
+        numbers_s = -math.inf if now - self._same_s <= QUIET_S else self._two_numbers_s
+        if now - max(self._two_s, numbers_s) <= QUIET_S:
+            text = (
+                f"two aircraft speak as system {self._system_id}: switch one off, or set its SYSID_THISMAV"
+                " (PX4: MAV_SYS_ID)"
+            )
+            return Objection(key="two", text=text)
+        if self._other is not None and now - self._other_s <= QUIET_S:
+            system_id, component_id = self._other
+            text = (
+                f"component {component_id} of system {system_id} steers this vehicle, too: stop it"
+            )
+            return Objection(key="controller", text=text, returns=False)
+        return None
