@@ -63,6 +63,9 @@ MOST_RETURNS = 3
 LONGEST_PAUSE_S = 32.0
 """Between requests for the guided mode; the first pause is 1 s, each other twice the one before."""
 
+YOUNG_AUTOPILOT_S = 12.0
+"""An autopilot that is up for less, as a simulated one that starts in the air, was not steered before."""
+
 JITTER_S = 0.25
 """Heartbeats may come this much early."""
 
@@ -123,6 +126,8 @@ class ModeAuthority:
         self._consent = store.load()
         # What a companion before this one has steered is this one's to answer for.
         self._inherited = self._consent.steered
+        self._may_be_lost = store.was_missing
+        self._up_s = math.inf
         self._stranger: str | None = None
         self._alerts = alerts or Alerts()
         self._asking: int | None = None
@@ -235,6 +240,10 @@ class ModeAuthority:
         if self._adapter.denies_guided(report):
             self._denied_time = self._changed_time = now
 
+    def note_uptime(self, boot_time_s: float) -> None:
+        """Take for how long the autopilot has been up, s: before a flight of its can have been steered."""
+        self._up_s = boot_time_s
+
     def note_life(self, now: float) -> None:
         """Something else than a heartbeat has come from the autopilot."""
         self._life_time = now
@@ -345,6 +354,7 @@ class ModeAuthority:
             self._alerts.forget("authority")
             self._set(Consent())
         self._watch_gap(now)
+        self._watch_record(now)
         if not report.armed:
             return
         name = self._adapter.mode_name(report.custom_mode)
@@ -372,6 +382,17 @@ class ModeAuthority:
         elif self._phase.flies(now):
             self._unseen = False
             self._spend("its heartbeats were not heard for a while in the air")
+
+    def _watch_record(self, now: float) -> None:
+        """Without a record: a vehicle in the air may have been steered before, and left to its pilot."""
+        if not self._may_be_lost:
+            return
+        if self._phase.is_on_ground(now):
+            self._may_be_lost = False
+        elif self._phase.flies(now):
+            self._may_be_lost = False
+            if self._up_s > YOUNG_AUTOPILOT_S:
+                self._spend("no record of this flight was found")
 
     def _is_pilots_change(self, report: HeartbeatReport, previous: HeartbeatReport | None) -> bool:
         """Whether another mode was selected by hand: the end of a take-off is the autopilot's doing."""

@@ -37,6 +37,10 @@ class ConsentStore(Protocol):
     def fault(self) -> str | None:
         """Why nothing is kept, and what to do about it, in one line; None where all is well."""
 
+    @property
+    def was_missing(self) -> bool:
+        """Whether nothing at all was found by `load`: a first flight, or a record that was lost."""
+
     def load(self) -> Consent:
         """What is known of the flight."""
 
@@ -51,6 +55,7 @@ class MemoryStore:
     """Keeps it as long as this object lives: for rehearsals."""
 
     fault = None
+    was_missing = False
 
     def __init__(self) -> None:
         self._consent = Consent()
@@ -83,6 +88,8 @@ class FileStore:
         self._written: Future[str | None] | None = None
         self._wanted: Consent | None = None
         self._fault: str | None = None
+        self.was_missing = False
+        """Whether `load` found no file."""
 
     @property
     def fault(self) -> str | None:
@@ -91,11 +98,14 @@ class FileStore:
         return self._fault
 
     def load(self) -> Consent:
-        """What the file says; without a file this is a first flight, with a damaged one consent is spent."""
+        """What the file says; with a damaged one consent is spent.
+
+        Without a file this is a first flight, unless the vehicle is in the air already.
+        """
         try:
             consent = parse(content_of(self._file))
         except FileNotFoundError:
-            consent = Consent()
+            consent, self.was_missing = Consent(), True
         except (OSError, ValueError) as error:
             self._fault = self._complaint("cannot be read", error)
             return Consent(spent="what was agreed for it cannot be read")
@@ -146,6 +156,13 @@ class FileStore:
             f"not engaged by itself: {self._file} {what} ({reason});"
             " mend it or name another with --state, or engage by hand"
         )
+
+
+def begin_flight(directory: Path, vehicle: str) -> None:
+    """Keep the record of a new flight, as of a vehicle that begins it in the air."""
+    store = FileStore(directory, vehicle)
+    store.save(Consent())
+    store.close()
 
 
 def content_of(file: Path) -> bytes:

@@ -326,3 +326,25 @@ def test_a_pipe_in_place_of_the_file_is_no_consent(tmp_path):
     store = FileStore(tmp_path, "f1")
     assert store.load().is_spent
     assert store.fault is not None
+
+
+@pytest.mark.parametrize("lost", [True, False])
+def test_a_record_that_is_lost_in_the_air_leaves_the_vehicle_to_its_pilot(tmp_path, lost):
+    flown = new_flight(store=FileStore(tmp_path, "f1"))
+    flown.run(20.0)
+    flown.pilot(12)
+    flown.run(24.0)
+    if lost:
+        (tmp_path / "f1.consent.json").unlink()
+    restarted = new_flight(store=FileStore(tmp_path, "f1"))
+    flown.companion, flown.make = restarted.companion, restarted.make
+    flown.run(34.0)
+    assert flown.later(176, 20.0) == []
+    told = [text for time, text in flown.events if time > 24.0 and "not engaged by itself" in text]
+    reason = (
+        "no record of this flight was found" if lost else "it has been in GUIDED in this flight"
+    )
+    assert told == [f"not engaged by itself, {reason}: select GUIDED to be steered"]
+    flown.pilot(15)
+    flown.run(40.0)
+    assert flown.mode_at(40.0).steers

@@ -15,6 +15,7 @@ from tempfile import TemporaryDirectory
 import yaml
 
 from vfguide.companion.clock import Clock
+from vfguide.companion.consent import begin_flight
 from vfguide.errors import VfguideError
 from vfguide.lab.rehearsal.emulators import settings_of
 from vfguide.lab.rehearsal.processes import Account, Process, accounts_of, free_port, python_module
@@ -184,6 +185,8 @@ class LiveFlight:
         ports = {name: free_port(socket.SOCK_DGRAM) for name in self.mission.companions}
         hears = {name: free_port(socket.SOCK_DGRAM) for name in ports} if self._is_foreign else {}
         for name, port in ports.items():
+            # Each flight is a first one, and begins in the air.
+            begin_flight(Path(self._state.name), name)
             options = [
                 f"--mission={mission_file}",
                 f"--mavlink=udpin://127.0.0.1:{port}",
@@ -192,7 +195,6 @@ class LiveFlight:
                 *(f"--link={link}" for link in self._links),
                 f"--record={self._directory / RECORDINGS}",
                 f"--clock={clock.epoch_s!r},{clock.rate!r}",
-                # Each flight is a first one: nothing is known of one before.
                 f"--state={self._state.name}",
                 "--engage",
             ]

@@ -13,6 +13,7 @@ from typing import Any, Literal
 import yaml
 
 import sitl_stub
+from vfguide.companion.consent import begin_flight
 from vfguide.errors import VfguideError
 from vfguide.lab.rehearsal.emulators import emulator_of
 from vfguide.lab.rehearsal.processes import Account, account_of, free_port, python_module
@@ -198,6 +199,7 @@ def companions(link: str, *, rate_hz: float, directory: Path) -> list[Client]:
         port = free_port(socket.SOCK_DGRAM)
         options = [f"--mission={path}", f"--mavlink=udpin://127.0.0.1:{port}", f"--link={link}"]
         # Consent of its own: what an earlier measurement has left is of another flight.
+        begin_flight(directory / "state", name)
         options.append(f"--state={directory / 'state'}")
         if name in recording:
             options.append(f"--record={directory / 'recordings'}")
