@@ -11,6 +11,7 @@ import msgspec
 
 from vfguide.companion.own_vehicle import NavigatedState
 from vfguide.companion.plan import FlightPlan, answering, banking, turning
+from vfguide.elementwise import wrap_angle
 from vfguide.guidance.airframe import (
     GRAVITY,
     coordinated_turn_rate,
@@ -153,7 +154,7 @@ class ResponseLearner:
                 BankMoment(
                     time_s=state.time_s,
                     bank=bank,
-                    asked=least_asked(self._course_wanted - state.course, speed, plan),
+                    asked=speed / GRAVITY * wrap_angle(self._course_wanted - state.course),
                 ),
                 airframe.course_dead_time + airframe.course_lag + plan.certainty.course.late,
             )
@@ -307,19 +308,6 @@ class ResponseLearner:
             return []
         self._complained = True
         return [UNHEARD]
-
-
-def least_asked(error: float, speed: float, plan: FlightPlan) -> float:
-    """Return the least bank that a course may have asked for, rad, positive right.
-
-    Args:
-        error: course that is asked for less the one that is flown, rad.
-        speed: at which the vehicle turns, m/s.
-        plan: that is flown by.
-    """
-    alpha = plan.airframe.alpha / plan.certainty.course.spread
-    turn_rate = alpha * math.remainder(error, math.tau)
-    return math.atan(turn_rate * speed / GRAVITY)
 
 
 def is_short_of_energy(

@@ -13,10 +13,13 @@ from vfguide.guidance.bank_limit import BankLimit, BankMoment
 PERIOD = 0.1
 
 
+ALPHA = 0.8
+
+
 def asked(time_s: float) -> float:
-    """To one side for 5 s, straight on for 5 s, to the other side, rad."""
-    turn = math.radians(45.0) * (1.0 if time_s % 20.0 < 10.0 else -1.0)
-    return turn if time_s % 10.0 < 5.0 else 0.0
+    """To one side by 45 degrees for 5 s, by 12 degrees for 5 s, then to the other side, rad."""
+    turn = math.radians(45.0 if time_s % 10.0 < 5.0 else 12.0)
+    return turn if time_s % 20.0 < 10.0 else -turn
 
 
 def limit_of(
@@ -30,7 +33,8 @@ def limit_of(
     for step in range(round(seconds / PERIOD)):
         time_s = step * PERIOD
         bank += PERIOD / (0.3 + PERIOD) * (flown(wanted(time_s)) - bank)
-        learner.observe(BankMoment(time_s=time_s, bank=bank, asked=wanted(time_s)), late=0.5)
+        error = math.tan(wanted(time_s)) / ALPHA
+        learner.observe(BankMoment(time_s=time_s, bank=bank, asked=error), late=0.5)
     return learner
 
 
@@ -53,6 +57,10 @@ def test_what_follows_is_asked_for_no_more_than_it_banks():
     assert limit_of(lambda wanted: wanted).value is None
     # A steady turn with the bank that it is asked for.
     assert limit_of(lambda wanted: wanted, wanted=lambda _: 0.4).value is None
+
+
+def test_one_that_answers_a_third_as_fast_as_was_thought_is_not_at_a_limit():
+    assert limit_of(lambda wanted: wanted / 3.0).value is None
 
 
 def test_a_greater_bank_ends_what_was_taken_for_a_limit():
