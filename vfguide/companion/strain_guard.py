@@ -38,6 +38,9 @@ GREAT_COURSE = 0.5
 GREAT_SPEED = 0.5
 """The same of the greatest acceleration."""
 
+RESTLESS = 0.045
+"""Root mean square of what the low-pass takes off, in parts of the greatest: more only wears servos."""
+
 SMOOTHED_S = 0.3
 """Time constant on all three, s: what is shorter moves no aircraft."""
 
@@ -56,7 +59,7 @@ SOFTER = 0.5
 SOFTER_AT_LIMIT = 0.9
 """The same where only limits are reached."""
 
-SOFTEST = 0.2
+SOFTEST = 0.08
 """Softness below which nothing is gained."""
 
 AGAIN_S = 2.5
@@ -93,8 +96,12 @@ class StrainSample(msgspec.Struct, frozen=True, kw_only=True):
     """Turn rate that is asked for, in parts of the greatest; -1 to 1."""
     turn_at_once: float
     """The same before the low-pass."""
+    push_at_once: float
+    """Acceleration before the low-pass."""
     push: float
     """Acceleration that is asked for, in parts of the greatest; -1 to 1."""
+    gusty: bool
+    """Whether gusts ask for what is asked."""
     bank: float
     """rad; NaN where none is heard."""
     turn_limited: bool
@@ -222,6 +229,8 @@ class StrainGuard:
             time_s=now,
             turn=min(max(turn, -1.0), 1.0),
             turn_at_once=turn,
+            push_at_once=push,
+            gusty=float(state.gust_share) > GUSTY,
             push=min(max(push, -1.0), 1.0),
             bank=math.nan if bank is None else bank,
             turn_limited=gusty and abs(turn) >= AT_LIMIT,
@@ -243,10 +252,17 @@ class StrainGuard:
         turned |= is_thrown([one.turn_at_once for one in moments], GREAT_COURSE, CHATTERS)
         turned = turned and not confirmed
         pushed = not confirmed and is_thrown([one.push for one in moments], GREAT_SPEED)
+        still = [one for one in moments if not one.gusty]
+        worn = restlessness([one.turn_at_once - one.turn for one in still]) > RESTLESS
+        worn_out = restlessness([one.push_at_once - one.push for one in still]) > RESTLESS
         turn_limited = sum(one.turn_limited for one in moments) > LIMIT_SHARE * len(moments)
         push_limited = sum(one.push_limited for one in moments) > LIMIT_SHARE * len(moments)
-        lost = self._course.judge(now, period, is_strained=turned or turn_limited, is_thrown=turned)
-        self._speed.judge(now, period, is_strained=pushed or push_limited, is_thrown=False)
+        lost = self._course.judge(
+            now, period, is_strained=turned or turn_limited or worn, is_thrown=turned
+        )
+        self._speed.judge(
+            now, period, is_strained=pushed or push_limited or worn_out, is_thrown=False
+        )
         if lost:
             said, self.gives_up = self.gives_up, True
             return None if said else HANDED_BACK
@@ -274,6 +290,8 @@ def smoothed(before: StrainSample, asked: StrainSample) -> StrainSample:
         time_s=asked.time_s,
         turn=low_pass(before.turn, asked.turn, period, SMOOTHED_S),
         turn_at_once=asked.turn_at_once,
+        push_at_once=asked.push_at_once,
+        gusty=asked.gusty,
         push=low_pass(before.push, asked.push, period, SMOOTHED_S),
         bank=bank,
         turn_limited=asked.turn_limited,
@@ -297,6 +315,11 @@ def is_thrown(asked: list[float], great: float, sides: int = SIDES) -> bool:
             changes += 1
         side = value
     return changes >= sides
+
+
+def restlessness(differences: list[float]) -> float:
+    """Return the root mean square of what is asked for beyond its low-pass."""
+    return math.sqrt(sum(one * one for one in differences) / max(len(differences), 1))
 
 
 def swing(banks: list[float]) -> float:

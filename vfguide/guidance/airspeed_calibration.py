@@ -13,7 +13,7 @@ import math
 
 import msgspec
 
-from vfguide.elementwise import clip, cos, greater_of, sin
+from vfguide.elementwise import clip, cos, greater_of, low_pass, sin
 
 LEAST_SCALE, GREATEST_SCALE = 0.85, 1.25
 """Indicated against true airspeed at 3000 m is 1.16; the rest is the sensor's."""
@@ -36,6 +36,10 @@ that turns with the aircraft, or on a straight flight any change at all, is take
 
 SETTLED_SCALE, SETTLED_WIND = 0.02, 0.7
 """Standard deviations of scale and wind (m/s) below which they are used instead of a heading that slips."""
+
+STEADY, STEADY_MEMORY_S = 0.75, 10.0
+"""Root mean square of what the model leaves of a velocity, m/s, above which the wind is too unsteady for it,
+and the memory, s. Real ArduPlanes leave 0.06 in smooth air and 0.3 to 0.7 in turbulence."""
 
 SCALE_DRIFT = 3e-4
 """How much the scale changes, 1/sqrt(s): with altitude and temperature."""
@@ -63,6 +67,9 @@ class Calibration(msgspec.Struct, frozen=True, kw_only=True):
     )
     """Covariance of the estimate; without a doubt of the slip it stays 0."""
 
+    surprise: float = 4.0
+    """Mean square of what the model leaves of a velocity, (m/s)²; great until it has shown to be small."""
+
     @property
     def scale(self) -> float:
         """True airspeed over the reported one, within what is possible."""
@@ -70,8 +77,9 @@ class Calibration(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def is_settled(self) -> bool:
-        """Whether scale and wind are known well enough to be flown by."""
-        return self.deviation < SETTLED_SCALE and self.covariance[1][1] < SETTLED_WIND**2
+        """Whether scale and wind are known well enough to be flown by, and the wind is steady."""
+        is_known = self.deviation < SETTLED_SCALE and self.covariance[1][1] < SETTLED_WIND**2
+        return is_known and self.surprise < STEADY**2
 
     @property
     def deviation(self) -> float:
@@ -118,10 +126,14 @@ def calibrated(
     estimate = before.estimate
     # One velocity is averaged over the reports of a second: their errors are not independent.
     unsteady = CHANGE_S * greater_of(wind_rate - STEADY_WIND_RATE, 0.0)
-    variance = (NOISE**2 + unsteady * unsteady) / max(min(period, 1.0), 1e-3)
+    changing = greater_of(before.surprise - STEADY**2, 0.0) * STEADY_MEMORY_S
+    variance = (NOISE**2 + unsteady * unsteady + changing) / max(min(period, 1.0), 1e-3)
+    surprise = before.surprise
     for row, seen in ((north, velocity_north), (east, velocity_east)):
+        left = seen - _dot(row, before.estimate)
+        surprise = low_pass(surprise, left * left, 0.5 * period, STEADY_MEMORY_S)
         estimate, spread = _updated(estimate, spread, row, seen, variance)
-    return Calibration(estimate=estimate, covariance=spread)
+    return Calibration(estimate=estimate, covariance=spread, surprise=surprise)
 
 
 def _with_added(matrix: Matrix, diagonal: Vector) -> Matrix:

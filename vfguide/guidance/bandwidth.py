@@ -36,7 +36,7 @@ SLIPPING_BANDWIDTH = 0.45
 """1/s: of the course loop of an aircraft that slips. On ArduPilot's simulated plane 0.7 kept the yaw
 swinging at 0.9 Hz for ever."""
 
-USUAL_AMPLIFICATION, AMPLIFICATION_STEP = 1.5, 4.0
+USUAL_AMPLIFICATION, AMPLIFICATION_STEP = 4.0, 4.0
 """How many times quicker than a hold its loop is at sharpness 0.5, and the factor from there to 1."""
 
 QUICKEST_FACTOR = 1.0 / MARGIN

@@ -119,6 +119,19 @@ def test_setpoints_that_gusts_push_to_a_limit_for_a_fifth_of_the_time_are_soften
     assert guard.softness.speed == 1.0
 
 
+def test_setpoints_that_noise_shakes_wear_servos_and_are_softened_without_a_word():
+    # 0.05 rad to and fro at each of 20 steps a second, of alpha 1 and 0.49 rad/s: 0.1 of the greatest turn.
+    def shaken(time_s: float) -> tuple[float, float, bool]:
+        return (0.05 if round(time_s / PERIOD) % 2 else -0.05), 0.0, False
+
+    guard, said = watched(shaken, 40.0)
+    assert guard.softness.course < 0.5
+    assert guard.softness.speed == 1.0
+    assert not said
+    # In gusts as much is what flying takes.
+    assert watched(shaken, 40.0, gusts=GUSTS)[0].softness.course == 1.0
+
+
 def test_quickness_comes_back_slowly():
     guard, _ = watched(thrown, JOINING_S + 8.0)
     soft = guard.softness.course

@@ -96,11 +96,12 @@ def test_a_total_energy_hold_is_led_at_a_third_of_its_own_pace():
 def test_a_slow_hold_is_not_driven_by_setpoints_many_times_its_errors():
     options = {"slips": False, "period": PERIOD, "loop_delay": 0.0, "factor": 3.5}
     slow = Airframe(alpha=0.3, beta=0.2)
+    # Four times as quick at sharpness 0.5.
     held = bandwidth_of(slow, AS_DECLARED, **options, amplification=amplification_of(0.5))
-    assert (held.course, held.speed) == pytest.approx((0.45, 0.3))
+    assert (held.course, held.speed) == pytest.approx((1.2, 0.8))
     assert bandwidth_of(slow, AS_DECLARED, **options).course > 5.0
-    assert amplification_of(1.0) == pytest.approx(6.0)
-    assert amplification_of(0.0) == pytest.approx(0.375)
+    assert amplification_of(1.0) == pytest.approx(16.0)
+    assert amplification_of(0.0) == pytest.approx(1.0)
 
 
 def test_softness_slows_the_loop_that_is_flown_not_the_one_that_could_be():
