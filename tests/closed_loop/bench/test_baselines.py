@@ -6,12 +6,13 @@ from vfguide.lab.studies.comparison import BAD_LINK
 from vfguide.lab.studies.flown import Case, fly
 
 DURATION_S = 60.0
+SLOW = {"rehearsal": {"duration_s": DURATION_S, "rate_hz": 10.0}}
 
 
 @pytest.mark.parametrize("law", ["pid", "mpc"])
 @pytest.mark.parametrize("mission", ["line-wind", "circle-calm"])
 def test_a_baseline_holds_its_slots(law, mission):
-    case = Case(mission=mission, controller=law, changes={"rehearsal": {"duration_s": DURATION_S}})
+    case = Case(mission=mission, controller=law, changes=SLOW)
     figures, _ = fly(case)
     assert figures.mean_error_m < 0.25
     assert figures.settle_1m_s is not None

@@ -3,7 +3,7 @@
 import pytest
 
 from tests.kit.flight import fly
-from tests.kit.missions import mission_with
+from tests.kit.missions import content_of
 
 # Mean formation error over the last half, m. The article claims 0.85, 2.31, 1.12 and 2.97.
 REQUIRED = {"line-calm": 0.05, "line-wind": 0.15, "circle-calm": 0.05, "circle-wind": 0.25}
@@ -17,14 +17,16 @@ EASIEST_AND_HARDEST = pytest.mark.parametrize("name", ["line-calm", "circle-wind
 SHORT = {"duration_s": 100.0}
 """For what is not required of 300 s: all are in place after 20 s, and the mean is of the last half."""
 
+SLOW = {**SHORT, "rate_hz": 10.0}
+"""For what takes no fast loop to be seen, in half the processor's time."""
+
 CALM = {"duration_s": 150.0}
 """Nothing changes any more after that: one round of the circle takes 47 s."""
 
 
 @EVERY_MISSION
 def test_formation_is_kept_as_closely_as_required_with_smooth_setpoints(name):
-    mission = mission_with(name, rehearsal=CALM if "calm" in name else {})
-    summary = fly(mission).summary
+    summary = fly(name, rehearsal=CALM if "calm" in name else {}).summary
     formation = summary.formation
     assert formation.mean_error_m <= REQUIRED[name]
     assert formation.mean_error_m <= USUAL[name]
@@ -42,16 +44,15 @@ def test_formation_is_kept_as_closely_as_required_with_smooth_setpoints(name):
 
 
 def test_setpoints_are_smooth_in_a_fast_loop_too():
-    mission = mission_with("line-calm", rehearsal={"rate_hz": 50.0, "duration_s": 60.0})
-    for vehicle in fly(mission).summary.vehicles.values():
+    flight = fly("line-calm", rehearsal={"rate_hz": 50.0, "duration_s": 60.0})
+    for vehicle in flight.summary.vehicles.values():
         assert vehicle.course_setpoint_variation_rad_s < 0.1
 
 
 @EASIEST_AND_HARDEST
 def test_a_leader_without_measured_ground_speed_costs_at_most_twice_the_error(name):
     observer = {"leader_speed_source": "observer"}
-    mission = mission_with(name, controller=observer, rehearsal=SHORT)
-    formation = fly(mission).summary.formation
+    formation = fly(name, controller=observer, rehearsal=SLOW).summary.formation
     assert formation.mean_error_m <= 2.0 * REQUIRED[name]
     assert formation.settle_10m_s <= 30.0
     assert formation.min_separation_m >= 5.0
@@ -78,21 +79,18 @@ def test_a_slow_lossy_link_and_noisy_positions_are_borne(name):
 
 @pytest.mark.parametrize("name", ["line-wind", "circle-wind"])
 def test_the_articles_own_plant_is_flown_as_well(name):
-    content = mission_with(name)
     vehicles = {
-        vehicle: {**fields.model_dump(exclude_unset=True), "plant": "course-hold"}
-        for vehicle, fields in content.vehicles.items()
+        vehicle: {**fields, "plant": "course-hold"}
+        for vehicle, fields in content_of(name)["vehicles"].items()
     }
-    mission = mission_with(name, vehicles=vehicles, rehearsal=SHORT)
-    formation = fly(mission).summary.formation
+    formation = fly(name, vehicles=vehicles, rehearsal=SLOW).summary.formation
     assert formation.mean_error_m <= REQUIRED[name]
 
 
 def test_the_articles_field_keeps_a_steady_error_on_every_turn():
     # Slots 20 m aside and 40 m behind on a 150 m circle ask for a course up to 14.9 degrees and a speed
     # up to 2.7 m/s off the leader's; the article's field gives them only to an error of metres.
-    controller = {"type": "article"}
-    mission = mission_with("circle-calm", controller=controller, rehearsal=SHORT)
-    formation = fly(mission).summary.formation
+    article = {"type": "article"}
+    formation = fly("circle-calm", controller=article, rehearsal=SHORT).summary.formation
     assert formation.mean_error_m > 2.0
     assert formation.max_error_m - formation.mean_error_m < 0.5

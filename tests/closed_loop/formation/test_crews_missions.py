@@ -32,8 +32,8 @@ def test_mission_is_flown_within_its_acceptance(name, duration_s):
 def test_easement_spreads_the_jump_of_the_turn_rate():
     def greatest_error(easement_m: float) -> float:
         path = {"easement_m": easement_m}
-        mission = mission_with("survey-racetrack", path=path, rehearsal={"duration_s": 80.0})
-        return fly(mission).summary.formation.max_error_m
+        flight = fly("survey-racetrack", 80.0, path=path, rehearsal={"rate_hz": 10.0})
+        return flight.summary.formation.max_error_m
 
     # 8.3 m against 0.8 m.
     assert greatest_error(100.0) < 0.25 * greatest_error(0.0)

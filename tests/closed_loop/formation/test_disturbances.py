@@ -20,10 +20,11 @@ RECOVERY_S = 30.0
 """From the end of a disturbance until everyone is within 1 m of the slot, and stays."""
 
 
-def launched(**options: object) -> Formation:
+def launched(rate_hz: float = 10.0, **options: object) -> Formation:
     """Launch the formation of the article's circle in wind, everyone in place."""
     start = {**IN_PLACE, "leader": {"north_m": 0, "east_m": 0, "course_deg": 270}}
-    return Formation(mission_with("circle-wind", rehearsal={"start": start}), **options)
+    rehearsal = {"start": start, "rate_hz": rate_hz}
+    return Formation(mission_with("circle-wind", rehearsal=rehearsal), **options)
 
 
 def test_formation_is_kept_over_a_bad_link():
@@ -136,7 +137,7 @@ def test_rubbish_on_the_link_changes_nothing_but_counters(tmp_path):
     random = Random(7)
 
     def flown(carry: Callable[[list[Mail]], list[Mail]]) -> tuple[dict[str, bytes], Counter[str]]:
-        formation = launched(logged=True, carry=carry)
+        formation = launched(20.0, logged=True, carry=carry)
         formation.fly(20.0)
         content, counters = {}, Counter[str]()
         for name, aircraft in formation.aircraft.items():

@@ -23,7 +23,7 @@ class Silence(Formation):
 
     def __init__(self, name: str, begins_s: float, ends_s: float = 1e9, **sections: object) -> None:
         start: dict[str, object] = {"f1": {}, "f2": {}, "f3": {}}
-        mission = mission_with(name, rehearsal={"start": start}, **sections)
+        mission = mission_with(name, rehearsal={"start": start, "rate_hz": 10.0}, **sections)
         super().__init__(mission, carry=self.heard)
         self.begins_s, self.ends_s = begins_s, ends_s
 

@@ -63,7 +63,7 @@ def test_what_check_expects_of_gusty_air_is_near_what_is_flown():
     windy = mission_with(
         "line-wind",
         wind={"turbulence": "moderate"},
-        rehearsal={"duration_s": 120.0, "seed": 2},
+        rehearsal={"duration_s": 120.0, "rate_hz": 10.0, "seed": 2},
         acceptance={"mean_error_m": 0.3},
     )
     flown = fly(windy).summary.formation.mean_error_m
@@ -79,6 +79,7 @@ def test_what_check_expects_of_gusty_air_is_near_what_is_flown():
 def test_check_says_which_two_come_too_near_by_an_order():
     content = content_of("shapes")
     content["acceptance"] = {"min_separation_m": 12.0}
+    content["rehearsal"]["rate_hz"] = 10.0
     content["orders"] = [{"at_s": 12, "shape": "trail", "spacing_m": 10}]
     _, *found = expected_precision(Mission.model_validate(content)) or ()
     assert {(one.severity, one.field) for one in found} == {("error", "orders")}

@@ -12,6 +12,7 @@ from types import SimpleNamespace
 import pytest
 
 from vfguide.cli import main
+from vfguide.commands import check
 
 ALONE = """\
 name: alone
@@ -109,6 +110,12 @@ def process() -> Command:
         return outcome
 
     return run
+
+
+@pytest.fixture
+def unflown(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Leave out what `check` flies to tell the error to expect."""
+    monkeypatch.setattr(check, "with_expectation", lambda found, *_: found)
 
 
 def changed(text: str, changes: Sequence[tuple[str, str]]) -> str:

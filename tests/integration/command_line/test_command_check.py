@@ -8,8 +8,6 @@ from typing import Any
 
 import pytest
 
-from vfguide.commands import check
-
 Make = Callable[..., Any]
 
 MISSIONS = sorted((Path(__file__).parents[3] / "missions").glob("*.yaml"))
@@ -19,10 +17,10 @@ FLOWN_BY_CHECK = {"ardupilot-sitl", "circle-wind"}
 
 
 @pytest.mark.parametrize("mission", MISSIONS, ids=[path.stem for path in MISSIONS])
-def test_every_shipped_mission_is_ready_without_a_warning(command, mission, monkeypatch):
+def test_every_shipped_mission_is_ready_without_a_warning(command, mission, request):
     if mission.stem not in FLOWN_BY_CHECK:
         # The missions are flown in tests/closed_loop.
-        monkeypatch.setattr(check, "with_expectation", lambda found, *_: found)
+        request.getfixturevalue("unflown")
     outcome = command("check", mission, "--strict")
     assert outcome.status == 0
     assert outcome.err == ""
@@ -130,6 +128,7 @@ FINDINGS = [
 ]
 
 
+@pytest.mark.usefixtures("unflown")
 @pytest.mark.parametrize(("changes", "expected", "remedy"), FINDINGS)
 def test_a_finding_is_one_line_with_place_and_remedy(command, pair_with, changes, expected, remedy):
     path = pair_with(*changes)

@@ -85,6 +85,7 @@ def test_a_terminal_without_the_letters_of_a_message_shows_escapes(process, alon
     assert process("flie\u00dfen", environment=ASCII).status == 2
 
 
+@pytest.mark.usefixtures("unflown")
 @pytest.mark.parametrize("columns", ["0", "1", "20", "-5", "wide"])
 def test_a_terminal_of_any_width_will_do(command, pair_with, monkeypatch, columns):
     monkeypatch.setenv("COLUMNS", columns)
