@@ -407,7 +407,7 @@ class Daemon:
                 time_s=now,
                 version=VERSION,
                 signed=self._surroundings.trust.signs,
-                obstacle=fit_text(self._companion.obstacle(now) or ""),
+                obstacle=fit_text(self._obstacle(now) or ""),
                 autopilot=fit_text(self._companion.flight_mode),
                 warning=fit_text(self._warning, LONGEST_WARNING),
                 findings=tuple(
@@ -417,6 +417,11 @@ class Daemon:
                 figures=self._figures(),
             )
         )
+
+    def _obstacle(self, now: float) -> str | None:
+        """What keeps the vehicle from being steered: first of all that its autopilot is not the one heard."""
+        unknown = None if self._introduced else self._introduction.complaint()
+        return unknown or self._companion.obstacle(now)
 
     def _figures(self) -> dict[str, float]:
         """Latencies in milliseconds and counters, for operators."""
@@ -463,7 +468,7 @@ class Daemon:
         if self._introduced or self._complained:
             return
         text = self._introduction.complaint()
-        if text is not None and self._introduction.others.total() >= OTHERS_HEARD:
+        if text is not None and self._introduction.refused >= OTHERS_HEARD:
             self._complained = True
             logger.warning(text, extra={"vehicle": self._name})
 

@@ -29,7 +29,6 @@ from vfguide.mavlink.reports import (
     Report,
     SensorsReport,
     SteeringReport,
-    TextReport,
     TimeReport,
     TrafficReport,
     VersionReport,
@@ -40,6 +39,7 @@ from vfguide.mavlink.senders import (
     SequencePlaces,
     steers,
 )
+from vfguide.mavlink.texts import TextJoiner
 
 LOWEST_M, HIGHEST_M = -1000.0, 30_000.0
 """Altitudes that aircraft can have; another is one that is not known."""
@@ -227,12 +227,6 @@ def version_report(message: MAVLink_message) -> VersionReport:
     return VersionReport(major=version >> 24, minor=version >> 16 & 0xFF, uid=uid)
 
 
-def text_report(message: MAVLink_message) -> TextReport:
-    """STATUSTEXT; what is not printable is left out, since it ends on a terminal and in a log."""
-    text = "".join(character for character in message.text if character.isprintable())
-    return TextReport(severity=message.severity, text=text)
-
-
 def parameter_report(message: MAVLink_message) -> ParameterReport | None:
     """PARAM_VALUE, or None where it is neither a finite number nor a whole one."""
     layout = WHOLE_NUMBERS.get(message.param_type)
@@ -298,13 +292,17 @@ def battery_report(message: MAVLink_message) -> BatteryReport:
     )
 
 
+def not_read(_message: MAVLink_message) -> None:
+    """What is put together of several messages."""
+
+
 REPORTS: dict[int, Callable[[MAVLink_message], Report | None]] = {
     mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT: position_report,
     mavlink.MAVLINK_MSG_ID_VFR_HUD: airspeed_report,
     mavlink.MAVLINK_MSG_ID_HEARTBEAT: heartbeat_report,
     mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: landed_report,
     mavlink.MAVLINK_MSG_ID_COMMAND_ACK: command_report,
-    mavlink.MAVLINK_MSG_ID_STATUSTEXT: text_report,
+    mavlink.MAVLINK_MSG_ID_STATUSTEXT: not_read,
     mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION: version_report,
     mavlink.MAVLINK_MSG_ID_PARAM_VALUE: parameter_report,
     mavlink.MAVLINK_MSG_ID_TIMESYNC: time_report,
@@ -349,6 +347,7 @@ class Codec:
         self._source = (system_id, component_id)
         self.places = SequencePlaces()
         """Numbers of the autopilot's frames: by them two that share its name are told apart."""
+        self._texts = TextJoiner()
         self._sent: deque[bytes] = deque(maxlen=ECHOES)
         self._signing = signing
         self._takes_orders = takes_orders
@@ -363,36 +362,44 @@ class Codec:
                 self.counters["not MAVLink"] += 1
             elif (frame.system_id, frame.component_id) != self._source:
                 reports += self._others(frame)
-            elif (reader := self._readers.get(frame.message_id)) is None:
+            elif frame.message_id not in self._readers:
                 self._note_sender(frame)
                 self.counters["not used"] += 1
                 if frame.message_id in STEERING_MESSAGES:
                     reports += self._steering(frame)
             else:
-                reports += self._read(frame, reader)
+                reports += self._read(frame)
         return reports
 
-    def _read(
-        self, frame: Frame, reader: Callable[[MAVLink_message], Report | None]
-    ) -> Sequence[Report]:
+    def _read(self, frame: Frame) -> Sequence[Report]:
         """What a frame of the autopilot says."""
         message = self._message(frame.content)
         if message is None:
             self.counters["not MAVLink"] += 1
-            return ()
-        if self._signing is not None and not self._signing.accepts(frame):
+        elif self._signing is not None and not self._signing.accepts(frame):
             self.counters["not signed"] += 1
-            return ()
-        series = self._note_sender(frame)
-        if not self._is_addressed(message):
+        elif not self._is_addressed(message):
+            self._note_sender(frame)
             self.counters["for somebody else"] += 1
             return answered_to(message)
-        report = reader(message)
+        elif frame.message_id == mavlink.MAVLINK_MSG_ID_STATUSTEXT:
+            self._note_sender(frame)
+            return self._texts.take(message)
+        else:
+            return self._reports_of(frame, message)
+        return ()
+
+    def _reports_of(self, frame: Frame, message: MAVLink_message) -> Sequence[Report]:
+        """What a message says, with the series of numbers that it is one of where that matters."""
+        series = self._note_sender(frame)
+        report = self._readers[frame.message_id](message)
         if report is None:
             self.counters["out of range"] += 1
             return ()
         if series and isinstance(report, PositionReport | HeartbeatReport):
-            return (replace(report, series=series),)
+            report = replace(report, series=series)
+        if isinstance(report, HeartbeatReport):
+            return (*self._texts.beat(), report)
         return (report,)
 
     def _note_sender(self, frame: Frame) -> int:

@@ -7,6 +7,7 @@ import asyncio
 import math
 import select
 import socket
+from collections import OrderedDict
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 from random import Random
@@ -15,12 +16,16 @@ from typing import Any, cast
 from vfguide.backoff import retry_delay
 from vfguide.mavlink.address import NetworkAddress, Status, reason_of
 from vfguide.mavlink.framing import MAGIC_1, MAGIC_2, Introduction
+from vfguide.mavlink.stream import DatagramFramer
 
 Endpoint = tuple[Any, ...]
 """Host and port as sockets give them; IPv6 adds more, which says nothing about who it is."""
 
 PEER_SILENCE = 1.0
 """s that a peer must be silent before another may take its place, unless something else is said."""
+
+MOST_SENDERS = 16
+"""At one port, the newest, whose frames are put together from several datagrams."""
 
 LARGEST_DATAGRAM = 4096
 """Bytes; autopilots and routers send at most what fits a packet, 1500."""
@@ -29,7 +34,7 @@ RECEIVE_BUFFER, SEND_BUFFER = 64 * 1024, 16 * 1024
 """Bytes in the kernel; what larger ones kept would be older when it is read."""
 
 
-def begins_frame(datagram: bytes) -> bool:
+def begins_like_frame(datagram: bytes) -> bool:
     """Whether the first byte is one that MAVLink frames begin with."""
     return bool(datagram) and datagram[0] in {MAGIC_1, MAGIC_2}
 
@@ -45,7 +50,7 @@ class UdpPeer:
         self,
         given: Endpoint | None = None,
         *,
-        introduces: Callable[[bytes], bool] = begins_frame,
+        introduces: Callable[[bytes], bool] = begins_like_frame,
         silence_s: float = PEER_SILENCE,
     ) -> None:
         """Make a peer.
@@ -92,6 +97,7 @@ class UdpSocket(asyncio.DatagramProtocol):
         self._receive = receive
         self._status = status
         self._peer = peer
+        self._framers: OrderedDict[Endpoint, DatagramFramer] = OrderedDict()
         self._transport: asyncio.DatagramTransport | None = None
         self._poll = select.poll()
         self.lost: asyncio.Future[None] = self._loop.create_future()
@@ -112,14 +118,25 @@ class UdpSocket(asyncio.DatagramProtocol):
         before, rival = self._peer.endpoint, self._peer.rival
         if len(data) > LARGEST_DATAGRAM:
             self._status.counters["oversized datagrams"] += 1
-        elif not self._peer.admits(addr, data, self._loop.time()):
+            return
+        frames = self._framer(addr).feed(data)
+        if not self._peer.admits(addr, frames, self._loop.time()):
             self._status.counters["datagrams of strangers"] += 1
             if self._peer.rival not in {None, rival}:
                 self._status.warn(f"{addr[0]} port {addr[1]} says that it is this vehicle, too")
         else:
             if self._peer.endpoint != before:
                 self._report()
-            self._receive(data)
+            if frames:
+                self._receive(frames)
+
+    def _framer(self, source: Endpoint) -> DatagramFramer:
+        """What makes frames of a sender's datagrams; of who has spoken among the last few."""
+        framer = self._framers.pop(source, None) or DatagramFramer(self._status.counters)
+        self._framers[source] = framer
+        if len(self._framers) > MOST_SENDERS:
+            self._framers.popitem(last=False)
+        return framer
 
     def error_received(self, exc: Exception) -> None:
         """Count it: a peer that is not up yet refuses, a network that is down comes back."""

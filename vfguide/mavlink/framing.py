@@ -41,8 +41,18 @@ PATIENCE = 60 * UNITS_PER_S
 
 LATEST = 2**48 - 1
 
+UNSIGNED = (
+    "does not sign: set up signing with the key of --signing-key-file, or leave that option out"
+)
+
+OTHER_KEY = "signs with another key than that of --signing-key-file: give both the same"
+"""What keeps a signed connection from being one."""
+
 TIME_STAMP, DIGEST = slice(-12, -6), slice(-6, None)
 """Places in a frame, after the link's number."""
+
+MOST_OTHERS = 64
+"""Other autopilots at one port that are told apart."""
 
 SILENCE_S = 10.0
 """s that a peer must be silent before another address may take its place: a router that is started anew."""
@@ -78,6 +88,17 @@ def frames_of(datagram: bytes) -> Iterator[Frame | None]:
         else:
             yield frame_at(datagram, start, end)
             start = end
+
+
+def holds_whole_frames(datagram: bytes) -> bool:
+    """Whether a datagram is one frame after the other, by their headers, with nothing before or behind."""
+    start, size = 0, len(datagram)
+    while start < size:
+        end = end_of_frame(datagram, start)
+        if end is None or end > size:
+            return False
+        start = end
+    return size > 0
 
 
 def end_of_frame(datagram: bytes, start: int) -> int | None:
@@ -155,15 +176,27 @@ class ConnectionSigning:
 
     def vouches_for(self, frame: Frame) -> bool:
         """Whether `accepts` would accept a frame, without taking it."""
+        return self.fault_of(frame) is None
+
+    def fault_of(self, frame: Frame) -> str | None:
+        """Why a frame is not accepted, and what to do, in words; None where it would be."""
         content = frame.content
         if content[0] != MAGIC_2 or not content[2] & SIGNED:
-            return False
+            return UNSIGNED
         digest = hashlib.sha256(self._key + content[: DIGEST.start]).digest()[:6]
         if not hmac.compare_digest(digest, content[DIGEST]):
-            return False
+            return OTHER_KEY
         stamp, stream = stamp_and_stream(frame)
         last = self._streams.get(stream)
-        return stamp > (self._now() - PATIENCE if last is None else last)
+        if last is not None:
+            return None if stamp > last else "signs frames that were heard before"
+        late_s = (self._now() - stamp) / UNITS_PER_S
+        if late_s < PATIENCE / UNITS_PER_S:
+            return None
+        return (
+            f"signs by a clock that is {in_words(late_s)} behind this computer's: set the one that is wrong"
+            " (the autopilot takes its time from GPS)"
+        )
 
     def has_taken(self, frame: Frame) -> bool:
         """Whether a frame is the one that its stream was accepted by last: signed ones are counted once."""
@@ -192,6 +225,14 @@ def stamp_and_stream(frame: Frame) -> tuple[int, tuple[int, int, int]]:
     return stamp, (frame.system_id, frame.component_id, content[-SIGNATURE])
 
 
+def in_words(late_s: float) -> str:
+    """A long time (s) in the unit that suits it."""
+    for unit, seconds in (("days", 86_400.0), ("hours", 3600.0)):
+        if late_s >= seconds:
+            return f"{late_s / seconds:.1f} {unit}"
+    return f"{late_s / 60.0:.0f} minutes"
+
+
 class Introduction:
     """Looks for the heartbeat of one autopilot, and notes which others are there instead."""
 
@@ -205,8 +246,10 @@ class Introduction:
             component_id: of its autopilot.
             signing: of the connection, if it is signed.
         """
-        self.others: Counter[int] = Counter()
-        """Heartbeats of autopilots of other systems, by system."""
+        self.others: Counter[tuple[int, int]] = Counter()
+        """Heartbeats of other autopilots, by system and component."""
+        self._fault: str | None = None
+        self._faults = 0
         self._source = (system_id, component_id)
         self._signing = signing
         self._parser = MAVLink(None)
@@ -230,10 +273,19 @@ class Introduction:
         if message is None or message.autopilot == mavlink.MAV_AUTOPILOT_INVALID:
             return False
         if (frame.system_id, frame.component_id) != self._source:
-            if frame.system_id != self._source[0]:
-                self.others[frame.system_id] += 1
+            if len(self.others) < MOST_OTHERS:
+                self.others[frame.system_id, frame.component_id] += 1
             return False
-        return self._signing is None or self._signing.vouches_for(frame)
+        if self._signing is None:
+            return True
+        self._fault = self._signing.fault_of(frame)
+        self._faults += self._fault is not None
+        return self._fault is None
+
+    @property
+    def refused(self) -> int:
+        """How many heartbeats of autopilots have introduced nobody."""
+        return self.others.total() + self._faults
 
     def _decoded(self, frame: Frame) -> MAVLink_message | None:
         try:
@@ -242,11 +294,20 @@ class Introduction:
             return None
 
     def complaint(self) -> str | None:
-        """What is wrong where only other systems were heard, with the remedy; None where none was."""
+        """What is wrong where no heartbeat was the expected one, with the remedy; None where none came."""
+        expected, component = self._source
+        if self._fault is not None:
+            return f"the autopilot of system {expected} {self._fault}"
         if not self.others:
             return None
-        heard = " and ".join(str(system_id) for system_id in sorted(self.others)[:3])
-        expected = self._source[0]
+        components = sorted(one for system_id, one in self.others if system_id == expected)
+        if components:
+            return (
+                f"the autopilot of system {expected} is component {components[0]}, expected {component}:"
+                f" set component_id to {components[0]} in the mission"
+            )
+        systems = sorted({system_id for system_id, _ in self.others})[:3]
+        heard = " and ".join(map(str, systems))
         return (
             f"heard system {heard}, expected {expected}: set system_id in the mission, "
             f"or SYSID_THISMAV (PX4: MAV_SYS_ID) to {expected}, or choose the port of this vehicle"

@@ -38,6 +38,7 @@ from vfguide.mavlink.framing import (
     SIGNED,
     end_of_frame,
     frame_at,
+    holds_whole_frames,
     next_magic,
 )
 
@@ -121,6 +122,34 @@ class StreamFramer:
         self.counters["bytes left out"] += kept - done
         self._buffer = buffer[kept:]
         return frames
+
+
+class DatagramFramer:
+    """Makes whole frames of one sender's datagrams, however it cuts its stream into them."""
+
+    def __init__(self, counters: Counter[str]) -> None:
+        """Count into the connection's counters what belongs to no frame."""
+        self._counters = counters
+        self._framer = StreamFramer()
+        self._cuts = False
+
+    def feed(self, datagram: bytes) -> bytes:
+        """Take the next datagram; the frames that are whole with it."""
+        # What begins with a frame is no middle of one: nothing before it is waited for any more.
+        if holds_whole_frames(datagram) and not (self._cuts and not begins_frame(datagram)):
+            if self._cuts:
+                self._framer, self._cuts = StreamFramer(), False
+            return datagram
+        self._cuts = True
+        before = self._framer.counters.copy()
+        frames = self._framer.feed(datagram)
+        self._counters.update(self._framer.counters - before)
+        return b"".join(frames)
+
+
+def begins_frame(datagram: bytes) -> bool:
+    """Whether a datagram begins with a frame whose checksum is right."""
+    return judge(datagram, 0)[0] is FrameVerdict.PROVED
 
 
 def judge(buffer: bytes, start: int) -> tuple[FrameVerdict, int]:

@@ -96,10 +96,12 @@ KEY = bytes(range(32))
 NOW_S = 1.8e9
 
 
-def heartbeat(system_id: int = 7, *, autopilot: int = 3, signed_s: float | None = None) -> bytes:
+def heartbeat(
+    system_id: int = 7, *, autopilot: int = 3, signed_s: float | None = None, key: bytes = KEY
+) -> bytes:
     sender = mavlink.MAVLink(None, srcSystem=system_id, srcComponent=1)
     if signed_s is not None:
-        ConnectionSigning(KEY, lambda: signed_s).prepare(sender)
+        ConnectionSigning(key, lambda: signed_s).prepare(sender)
     return bytes(mavlink.MAVLink_heartbeat_message(1, autopilot, 0, 0, 4, 3).pack(sender))
 
 
@@ -170,3 +172,43 @@ def test_a_companion_at_the_port_of_another_vehicle_says_so():
         "heard system 7, expected 1: set system_id in the mission, "
         "or SYSID_THISMAV (PX4: MAV_SYS_ID) to 1, or choose the port of this vehicle"
     )
+
+
+def test_an_autopilot_that_is_another_component_is_named_and_what_to_set():
+    introduction = Introduction(7, 1)
+    sender = mavlink.MAVLink(None, srcSystem=7, srcComponent=2)
+    beat = bytes(mavlink.MAVLink_heartbeat_message(1, 3, 0, 0, 4, 3).pack(sender))
+    assert not introduction.is_given_by(beat)
+    assert introduction.complaint() == (
+        "the autopilot of system 7 is component 2, expected 1: set component_id to 2 in the mission"
+    )
+    # A gimbal's heartbeat is none of an autopilot.
+    gimbal = bytes(mavlink.MAVLink_heartbeat_message(26, 8, 0, 0, 4, 3).pack(sender))
+    quiet = Introduction(7, 1)
+    assert not quiet.is_given_by(gimbal)
+    assert quiet.complaint() is None
+
+
+@pytest.mark.parametrize(
+    ("beat", "words"),
+    [
+        (heartbeat(), "does not sign: set up signing with the key"),
+        (heartbeat(signed_s=NOW_S, key=bytes(range(1, 33))), "signs with another key"),
+        (heartbeat(signed_s=NOW_S - 86_400.0), "a clock that is 1.0 days behind this computer's"),
+        (heartbeat(signed_s=NOW_S - 600.0), "a clock that is 10 minutes behind this computer's"),
+    ],
+)
+def test_a_signature_that_is_not_taken_is_told_with_its_reason(beat, words):
+    introduction = Introduction(7, 1, signing=ConnectionSigning(KEY, lambda: NOW_S))
+    assert not introduction.is_given_by(beat)
+    assert words in str(introduction.complaint())
+    assert introduction.refused == 1
+    assert introduction.is_given_by(heartbeat(signed_s=NOW_S))
+
+
+@given(st.lists(st.binary(max_size=60), max_size=10))
+def test_whatever_introduces_nobody_is_told_in_one_sentence_or_not_at_all(datagrams):
+    introduction = Introduction(7, 1, signing=ConnectionSigning(KEY, lambda: NOW_S))
+    for datagram in datagrams:
+        assert not introduction.is_given_by(datagram)
+    assert introduction.complaint() is None or introduction.refused > 0

@@ -143,9 +143,10 @@ def test_an_acknowledgement_of_mavlink_1_has_no_target_and_counts(codec):
     assert codec.decode(data) == [CommandReport(command=176, result=4)]
 
 
-def test_a_status_text_loses_its_control_characters(codec):
+def test_a_status_text_shows_its_control_characters_by_their_numbers(codec):
     message = mavlink.MAVLink_statustext_message(4, b"low\x1b[31m \x07battery\r\n\t\x7f!")
-    assert codec.decode(framed(message)) == [TextReport(severity=4, text="low[31m battery!")]
+    text = r"low\x1b[31m \x07battery\r\n\t\x7f!"
+    assert codec.decode(framed(message)) == [TextReport(severity=4, text=text)]
 
 
 def test_a_status_text_of_any_bytes_is_printable(codec):
