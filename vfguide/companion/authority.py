@@ -138,6 +138,8 @@ class ModeAuthority:
         self._returns = 0
         self._return_time = -math.inf
         self._late_since: float | None = None
+        self._unsettled_since = math.inf
+        self._gap_s = 0.0
         self._previous: HeartbeatReport | None = None
         self.connected = False
         """Whether a heartbeat has come."""
@@ -309,6 +311,8 @@ class ModeAuthority:
 
     def _note(self, report: HeartbeatReport, now: float) -> None:
         before = self._beat
+        if before is not None:
+            self._gap_s = now - self._beat_time
         if before is not None and now - self._beat_time > UNSEEN_S:
             self._unseen = True
         guided = self._adapter.is_engaged(report.custom_mode)
@@ -446,8 +450,10 @@ class ModeAuthority:
 
     def _ask(self, beat: HeartbeatReport, age_s: float, now: float) -> list[MAVLink_message]:
         spent = self._consent.is_spent and self._asking is None
+        settled = self._is_settled(now, run_s=LEAST_RUN_S)
+        self._watch_interval(now, settled=settled)
         # The pilot was told when the guided mode was left.
-        if not self._is_settled(now, run_s=LEAST_RUN_S) or (spent and self._seen_guided):
+        if not settled or (spent and self._seen_guided):
             return []
         obstacle = self._obstacle(beat, now)
         if obstacle is not None:
@@ -476,6 +482,15 @@ class ModeAuthority:
             )
         self._request_time = now
         return self._adapter.engage()
+
+    def _watch_interval(self, now: float, *, settled: bool) -> None:
+        """Tell the pilot where heartbeats come too seldom to show a mode that may be left."""
+        self._unsettled_since = math.inf if settled else min(self._unsettled_since, now)
+        if self._gap_s > SETTLED_S and now - self._unsettled_since >= LATE_TELEMETRY_S:
+            self._notice(
+                f"a heartbeat comes every {self._gap_s:.0f} s, too seldom to engage by: let one come each"
+                f" second (radio, its stream rates), or select {self._adapter.engaged_name}"
+            )
 
     def _obstacle(self, beat: HeartbeatReport, now: float) -> str | None:
         """Why the guided mode is not entered by itself, and what to do; None where it may be."""

@@ -487,6 +487,7 @@ class Companion:
         self._reach.note(report)
         self._identity.note_position(report, now)
         self._authority.note_uptime(report.boot_time_s)
+        self._housekeeping.note_position(now)
         reboots = self._vehicle.own.reboots
         navigated = self._vehicle.own.take(report, now)
         if self._vehicle.own.reboots > reboots:

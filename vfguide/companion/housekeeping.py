@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable
 
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
 from vfguide.companion.alerts import Alerts
@@ -14,6 +15,7 @@ from vfguide.companion.plan import FlightPlan
 from vfguide.companion.supervisor import Mode
 from vfguide.mavlink.adapter import AutopilotAdapter
 from vfguide.mavlink.announcements import (
+    GOOD,
     WARNING,
     Acknowledgements,
     ground_station_heartbeat,
@@ -37,6 +39,15 @@ FAIL_SAFE = (
 
 VERSION_ASKS = 2
 """How often the number of its hardware is asked for: whoever shares its name answers, too."""
+
+SILENT_ASKS, HINT_ASKS = 3, 8
+"""After so many requests without a position streams are asked for as well, and the pilot hears of it."""
+
+NO_STREAM = (
+    "the autopilot sends no positions although it is asked: set SRx_POSITION, SRx_EXTRA2 and SRx_EXTRA1"
+    " of its port (PX4: MAV_x_MODE) to the mission's rate"
+)
+"""What the pilot hears then."""
 
 RATE_SHARE = 0.7
 """Below this share of the rate that was asked for, telemetry is asked for again."""
@@ -75,6 +86,9 @@ class Housekeeping:
         self._asked_for_telemetry = False
         self._return_since = math.inf
         self._version_asks = 0
+        self._by_streams = self._takes_intervals = False
+        self._silent_asks = 0
+        self._position_s = -math.inf
         self.commands = Acknowledgements()
         """Of commands that were sent, by whatever part of the companion."""
         self.obedience = Obedience(adapter)
@@ -133,9 +147,7 @@ class Housekeeping:
         # What comes unasked may have another rate, or its parts each their own.
         if authority.connected and (silent or slow or not self._asked_for_telemetry):
             self._asked_for_telemetry = True
-            messages += self._adapter.request_telemetry(self._plan.rate_hz)
-            if self._plan.hears_bank:
-                messages += self._adapter.request_attitude(self._plan.rate_hz)
+            messages += self._telemetry_requests(now)
         if not silent:
             for text in self.commands.overdue(now):
                 self._alerts.say("command", WARNING, text)
@@ -143,8 +155,35 @@ class Housekeeping:
             messages += self._questions(now)
         return messages
 
+    def _telemetry_requests(self, now: float) -> list[MAVLink_message]:
+        """What asks for telemetry: message by message, or by streams where that brings none."""
+        rate_hz, bank = self._plan.rate_hz, self._plan.hears_bank
+        none_came = now - self._position_s > self._timeouts.telemetry_s + HEARTBEAT_S
+        self._silent_asks = self._silent_asks + 1 if none_came else 0
+        by_message = [] if self._by_streams else self._adapter.request_telemetry(rate_hz)
+        if by_message and bank:
+            by_message += self._adapter.request_attitude(rate_hz)
+        # A request may get lost; an autopilot may also ignore it without an answer.
+        by_streams = self._by_streams or self._silent_asks > SILENT_ASKS
+        if self._silent_asks == HINT_ASKS:
+            self._alerts.say("telemetry", WARNING, NO_STREAM)
+        if not by_streams:
+            return by_message
+        return [*by_message, *self._adapter.request_streams(rate_hz, attitude=bank)]
+
+    def note_position(self, now: float) -> None:
+        """Take that a position has come, whether it is believed or not."""
+        self._position_s = now
+
     def answered(self, report: CommandReport, now: float) -> None:
         """Take an answer to a command, and tell the pilot of a refusal."""
+        if report.command == mavlink.MAV_CMD_SET_MESSAGE_INTERVAL:
+            self._takes_intervals = self._takes_intervals or report.result in GOOD
+            unsupported = report.result == mavlink.MAV_RESULT_UNSUPPORTED
+            self._by_streams = unsupported and not self._takes_intervals
+        if report.command == mavlink.MAV_CMD_REQUEST_MESSAGE:
+            # Who has no number, or cannot be asked for it, is none the worse for it.
+            return
         known = self.obedience.hear(report, now, guided=self._authority.shows_guided)
         if not known:
             self._authority.hear_answer(report, now)

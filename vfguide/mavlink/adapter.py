@@ -41,6 +41,9 @@ ATTITUDE = mavlink.MAVLINK_MSG_ID_ATTITUDE
 HEALTH_US = 500_000
 """Between the autopilot's words of its own health: found bad within two seconds."""
 
+HEALTH_HZ = 2
+"""The same of a stream."""
+
 DIGITS = 2
 """Decimals that count: 0.01 m/s of speed, which is all that ArduPlane keeps, 0.01 degrees of course."""
 
@@ -227,6 +230,10 @@ class AutopilotAdapter(ABC):
         """Ask for position and airspeed at this rate."""
         return telemetry_at(self._vehicle, rate_hz)
 
+    def request_streams(self, rate_hz: float, *, attitude: bool) -> list[MAVLink_message]:
+        """Ask for the same where no message is sent on its own: by streams."""
+        return data_streams(self._vehicle, rate_hz, attitude=attitude)
+
     def request_attitude(self, rate_hz: float) -> list[MAVLink_message]:
         """What asks for ATTITUDE at this rate, where the bank is of interest."""
         return [message_at(self._vehicle, ATTITUDE, rate_hz)]
@@ -332,6 +339,30 @@ def telemetry_at(
         intervals += [(number, health_us) for number in health]
     command = mavlink.MAV_CMD_SET_MESSAGE_INTERVAL
     return [command_long(vehicle, command, *wanted) for wanted in intervals]
+
+
+def data_streams(vehicle: Vehicle, rate_hz: float, *, attitude: bool) -> list[MAVLink_message]:
+    """REQUEST_DATA_STREAM, for autopilots without SET_MESSAGE_INTERVAL: positions, airspeeds and health.
+
+    Args:
+        vehicle: the vehicle.
+        rate_hz: of position and airspeed, Hz.
+        attitude: whether ATTITUDE is wanted as often.
+    """
+    rate = max(round(rate_hz), 1)
+    streams = [
+        (mavlink.MAV_DATA_STREAM_POSITION, rate),
+        (mavlink.MAV_DATA_STREAM_EXTRA2, rate),
+        (mavlink.MAV_DATA_STREAM_EXTENDED_STATUS, min(HEALTH_HZ, rate)),
+    ]
+    if attitude:
+        streams.append((mavlink.MAV_DATA_STREAM_EXTRA1, rate))
+    return [
+        mavlink.MAVLink_request_data_stream_message(
+            vehicle.system_id, vehicle.component_id, stream, hertz, 1
+        )
+        for stream, hertz in streams
+    ]
 
 
 def message_at(vehicle: Vehicle, number: int, rate_hz: float) -> MAVLink_message:

@@ -57,11 +57,18 @@ REASONS: dict[tuple[int, int], str] = {
     (mavlink.MAV_CMD_DO_SET_MODE, mavlink.MAV_RESULT_FAILED): (
         "it is not ready for that mode: no position, or not armed"
     ),
+    (mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, mavlink.MAV_RESULT_UNSUPPORTED): (
+        "asked for streams instead; should they not come, set SRx_POSITION, SRx_EXTRA2 and SRx_EXTRA1"
+    ),
     (mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, mavlink.MAV_RESULT_DENIED): (
         "faster than its loop: raise SCHED_LOOP_RATE, or lower rehearsal.rate_hz"
     ),
 }
 """What a refusal usually means."""
+
+
+ASKING = frozenset({mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, mavlink.MAV_CMD_REQUEST_MESSAGE})
+"""Commands by which nothing flies: what they ask for may come otherwise, or not be needed."""
 
 
 def status_texts(text: str, severity: int, number: int) -> list[MAVLink_message]:
@@ -141,10 +148,11 @@ class Acknowledgements:
     def sent(self, messages: Iterable[MAVLink_message], now: float) -> None:
         """Note the commands among messages that go out now (s)."""
         for message in messages:
-            if message.get_msgId() in {
+            command = message.get_msgId() in {
                 mavlink.MAVLINK_MSG_ID_COMMAND_INT,
                 mavlink.MAVLINK_MSG_ID_COMMAND_LONG,
-            }:
+            }
+            if command and message.command != mavlink.MAV_CMD_REQUEST_MESSAGE:
                 self._waiting.setdefault(message.command, now)
 
     def answered(self, report: CommandReport, now: float) -> str | None:
@@ -181,7 +189,7 @@ def refusal(command: int, result: int) -> str:
     text = f"autopilot answers {name_of('MAV_CMD', command)}: {answer}"
     reason = REASONS.get((command, result))
     text = text if reason is None else f"{text} ({reason})"
-    return f"{text}; be ready to take over"
+    return text if command in ASKING else f"{text}; be ready to take over"
 
 
 def name_of(group: str, number: int) -> str:
