@@ -5,7 +5,6 @@ from typing import Literal
 
 import pytest
 from pymap3d.vincenty import vdist
-from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sitl_stub import (
     ArticleWind,
@@ -17,10 +16,10 @@ from sitl_stub import (
     Wind,
 )
 from tests.kit.autopilot import config_of
+from tests.kit.wire import command_long, packed
 
 Kind = Literal["course-hold", "heading-hold"]
 
-LINK = mavlink.MAVLink(None, srcSystem=255, srcComponent=190)
 LATERAL_M_S2 = 9.80665
 
 
@@ -38,8 +37,7 @@ def guided(wind: Wind, kind: Kind = "heading-hold", altitude_amsl_m: float = 0.0
 
 
 def command(vehicle: Autopilot, number: int, *parameters: float) -> None:
-    padded = (*parameters, *(0.0,) * (7 - len(parameters)))
-    vehicle.receive(mavlink.MAVLink_command_long_message(1, 1, number, 0, *padded).pack(LINK))
+    vehicle.receive(packed(command_long(number, *parameters, system_id=1)))
 
 
 def steer(vehicle: Autopilot, course_rad: float) -> None:

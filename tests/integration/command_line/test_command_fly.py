@@ -118,15 +118,6 @@ def test_a_missing_file_is_one_line(command, tmp_path):
     assert "circle-wind" in line
 
 
-def test_a_misspelt_field_is_one_line_with_its_place(command, alone_with):
-    path = alone_with(("radius_m", "raduis_m"))
-    outcome = command("fly", path)
-    assert outcome.status == 2
-    assert f"{path}:3: path.raduis_m: unknown field 'raduis_m'; did you mean 'radius_m'?" in (
-        outcome.lines
-    )
-
-
 def test_a_mission_that_cannot_be_flown_is_refused_before_flying(command, alone_with, tmp_path):
     path = alone_with(("radius_m: 150", "radius_m: 20"))
     outcome = command("fly", path, "--out", tmp_path / "out")

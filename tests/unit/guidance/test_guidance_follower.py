@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable
 from itertools import pairwise
+from typing import Any
 
 import pytest
 from msgspec.structs import replace
@@ -12,8 +13,8 @@ from tests.kit.states import Plant, choices, leader_at, vehicle_at
 from vfguide.guidance.formation import Slot, slot_motion
 from vfguide.guidance.settings import GuidanceSettings
 from vfguide.laws.field import SlotField, SlotGains
-from vfguide.laws.keeper import SlotKeeper
-from vfguide.state import Airframe, LeaderState
+from vfguide.laws.keeper import FollowerGuidance, SlotKeeper
+from vfguide.state import Airframe, LeaderState, VehicleState
 
 COURSE_HOLD = Airframe(hold="course-hold")
 PERIOD = 0.05
@@ -44,25 +45,24 @@ def fly_behind(
     return sum(errors) / len(errors)
 
 
+def guided(
+    state: VehicleState[float], leader: LeaderState[float] | None = None, **options: Any
+) -> FollowerGuidance[float]:
+    """One step toward the slot behind a leader, by the usual settings if nothing is said."""
+    usual = {"slot": BEHIND, "settings": choices(), "airframe": COURSE_HOLD, "period": PERIOD}
+    chosen = usual | options
+    return follower_step(state, leader or leader_at(), **chosen)
+
+
 def test_in_the_slot_a_follower_flies_as_the_leader():
-    guidance = follower_step(
-        vehicle_at(-20.0, 0.0), leader_at(), BEHIND, choices(), COURSE_HOLD, period=PERIOD
-    )
+    guidance = guided(vehicle_at(-20.0, 0.0))
     assert (guidance.setpoint.course, guidance.setpoint.speed) == (0.0, 20.0)
     assert not guidance.setpoint.limited
     assert guidance.lyapunov == 0.0
 
 
 def test_a_little_behind_a_follower_speeds_up():
-    guidance = follower_step(
-        vehicle_at(-20.1, 0.0),
-        leader_at(),
-        BEHIND,
-        choices(),
-        COURSE_HOLD,
-        period=PERIOD,
-        integral_s=0.0,
-    )
+    guidance = guided(vehicle_at(-20.1, 0.0), integral_s=0.0)
     # V_inf (2/pi) atan(0.2 . 0.1) = 0.101846 m/s; layer 0.525: 3 . 0.101846/0.525 + 0.1/50 = 0.58398 m/s²,
     # and a lead of 1/0.8 + 0.05/2 = 1.275 s
     assert guidance.speed_error == pytest.approx(-0.10185, abs=1e-5)
@@ -74,46 +74,27 @@ def test_a_little_behind_a_follower_speeds_up():
 
 def test_a_follower_that_closes_in_eases_off_as_the_field_does():
     closing = vehicle_at(-20.5, 0.0, ground_speed=20.2)
-    guidance = follower_step(
-        closing, leader_at(), BEHIND, choices(), COURSE_HOLD, period=PERIOD, integral_s=0.0
-    )
+    guidance = guided(closing, integral_s=0.0)
     # V~ = 0.2 - 5.09296 atan(0.1) = -0.307608; the field falls by 5.09296 . 0.2/1.01 . 0.2 = 0.20170 m/s²
     # 3 . 0.307608/0.525 + 0.5/50 - 0.20170 = 1.56606 m/s²
     assert guidance.setpoint.speed == pytest.approx(20.2 + 1.56606 * 1.275, abs=1e-4)
 
 
 def test_the_leaders_acceleration_is_fed_forward():
-    guidance = follower_step(
-        vehicle_at(-20.0, 0.0),
-        leader_at(acceleration=0.4),
-        BEHIND,
-        choices(),
-        COURSE_HOLD,
-        period=PERIOD,
-    )
+    guidance = guided(vehicle_at(-20.0, 0.0), leader_at(acceleration=0.4))
     # 0.4 m/s² . (1/0.8 + 0.05/2) s
     assert guidance.setpoint.speed == pytest.approx(20.51)
 
 
 def test_far_behind_it_takes_all_the_acceleration_there_is():
-    guidance = follower_step(
-        vehicle_at(-30.0, 0.0), leader_at(), BEHIND, choices(), COURSE_HOLD, period=PERIOD
-    )
+    guidance = guided(vehicle_at(-30.0, 0.0))
     # 10/50 + 3 m/s² is asked for, 3 m/s² allowed: 20 + 3 . 1.275
     assert guidance.setpoint.speed == pytest.approx(23.825)
     assert guidance.setpoint.limited
 
 
 def test_left_of_its_slot_a_follower_turns_right():
-    guidance = follower_step(
-        vehicle_at(-20.0, -0.5),
-        leader_at(),
-        BEHIND,
-        choices(),
-        COURSE_HOLD,
-        period=PERIOD,
-        integral_s=0.0,
-    )
+    guidance = guided(vehicle_at(-20.0, -0.5), integral_s=0.0)
     # chi_inf (2/pi) atan(0.2 . 0.5) = 0.5 . 0.09967 = 0.049834 rad; 3 . 0.049834/0.525 = 0.28477 rad/s
     assert guidance.course_error == pytest.approx(-0.04983, abs=1e-5)
     assert guidance.setpoint.course == pytest.approx(0.28477 * (1.0 / 1.2 + 0.025), abs=1e-4)
@@ -122,14 +103,8 @@ def test_left_of_its_slot_a_follower_turns_right():
 @pytest.mark.parametrize(("predicts", "along"), [(True, 0.0), (False, -2.0)])
 def test_a_leader_state_of_100_ms_costs_two_metres_unless_it_is_carried_on(predicts, along):
     # the leader was at the origin 0.1 s ago, so that now the slot is at -20 + 2 m
-    guidance = follower_step(
-        vehicle_at(-18.0, 0.0, time_s=0.1),
-        leader_at(),
-        BEHIND,
-        choices(predict_leader=predicts),
-        COURSE_HOLD,
-        period=PERIOD,
-    )
+    state = vehicle_at(-18.0, 0.0, time_s=0.1)
+    guidance = guided(state, settings=choices(predict_leader=predicts))
     assert guidance.error.along_track == pytest.approx(along, abs=1e-9)
 
 
@@ -166,12 +141,7 @@ def test_on_a_turn_the_articles_field_is_three_metres_off_and_the_slots_is_not(
 
 
 def test_with_the_usual_layer_and_period_a_slot_is_held_to_centimetres_on_a_turn():
-    error = fly_behind(
-        circling,
-        Slot(forward=-40.0, right=0.0),
-        choices(),
-        period=PERIOD,
-    )
+    error = fly_behind(circling, Slot(forward=-40.0, right=0.0), choices(), period=PERIOD)
     assert error < 0.05
 
 
@@ -182,7 +152,7 @@ def test_from_beside_and_behind_a_follower_closes_up_within_the_bound(side):
     for step in range(1200):
         state = vehicle_at(flyer.north, flyer.east, flyer.course, flyer.speed, time_s=step * PERIOD)
         ahead = leader_at(time_s=step * PERIOD, north=20.0 * step * PERIOD)
-        guidance = follower_step(state, ahead, BEHIND, choices(), COURSE_HOLD, period=PERIOD)
+        guidance = guided(state, ahead)
         flyer.fly(guidance.setpoint.course, guidance.setpoint.speed, PERIOD)
         values.append(guidance.lyapunov)
     assert math.hypot(guidance.error.along_track, guidance.error.cross_track) < 0.01
@@ -194,21 +164,18 @@ def test_from_beside_and_behind_a_follower_closes_up_within_the_bound(side):
 def test_the_field_turns_the_short_way_round_through_south():
     # the leader flies at 179 degrees, the follower at -179: 2 degrees too far right
     ahead = leader_at(course=math.radians(179.0))
-    slot = Slot(forward=0.0, right=0.0)
     state = vehicle_at(0.0, 0.0, math.radians(-179.0))
-    guidance = follower_step(state, ahead, slot, choices(), COURSE_HOLD, period=PERIOD)
+    guidance = guided(state, ahead, slot=Slot(forward=0.0, right=0.0))
     assert guidance.course_error == pytest.approx(math.radians(2.0), abs=1e-9)
     assert guidance.setpoint.course < state.course
 
 
 def test_wind_feedforward_takes_the_winds_acceleration_off():
     state = vehicle_at(-20.0, 0.0, wind_rate=(0.8, 0.0))
-    with_it = follower_step(state, leader_at(), BEHIND, choices(), Airframe(), period=PERIOD)
+    with_it = guided(state, airframe=Airframe())
     # the tail wind grows by 0.8 m/s²: V_a has to fall by it, 0.8 . 1.275 = 1.02 m/s below the airspeed
     assert with_it.setpoint.speed == pytest.approx(18.98)
-    without = follower_step(
-        state, leader_at(), BEHIND, choices(wind_feedforward=False), Airframe(), period=PERIOD
-    )
+    without = guided(state, settings=choices(wind_feedforward=False), airframe=Airframe())
     assert without.setpoint.speed == pytest.approx(20.0)
 
 
@@ -216,8 +183,7 @@ def test_a_narrower_layer_answers_more_sharply():
     usual = choices()
     sharp = replace(usual, sliding=replace(usual.sliding, boundary_layer_factor=2.0))
     state = vehicle_at(-20.1, 0.0)
-    slow = follower_step(state, leader_at(), BEHIND, usual, COURSE_HOLD, period=PERIOD)
-    fast = follower_step(state, leader_at(), BEHIND, sharp, COURSE_HOLD, period=PERIOD)
+    slow, fast = guided(state, settings=usual), guided(state, settings=sharp)
     assert fast.setpoint.speed > slow.setpoint.speed
 
 

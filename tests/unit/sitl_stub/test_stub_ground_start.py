@@ -80,14 +80,6 @@ def test_px4_takes_off_by_command_and_ends_in_a_loiter():
     assert truth.altitude_amsl_m == pytest.approx(450.0, abs=2.5)
 
 
-def test_px4_takes_off_without_a_word():
-    vehicle = on_ground("px4")
-    heard = vehicle.command_long(400, 1) + vehicle.command_long(22, 0, 0, 0, math.nan)
-    heard += vehicle.advance(90.0)
-    assert vehicle.autopilot.truth().mode == "AUTO.LOITER"
-    assert [message.text for message in heard if message.get_type() == "STATUSTEXT"] == []
-
-
 def test_a_mode_that_does_not_take_off_ends_the_roll():
     vehicle = on_ground()
     vehicle.command_long(400, 1)

@@ -3,7 +3,6 @@ from collections.abc import Callable
 
 import pytest
 from msgspec.structs import replace
-from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sitl_stub import CalmWind, PlantParameters, SteadyWind, Wind
 from sitl_stub.lagging_plant import (
@@ -17,6 +16,7 @@ from sitl_stub.plant import PlantState
 from sitl_stub.px4 import EmulatedPx4
 from sitl_stub.targets import AltitudeTarget, SpeedTarget, Targets, TurnTarget
 from tests.kit.autopilot import new_autopilot
+from tests.kit.wire import command_long, packed
 
 BANK = PlantParameters(kind="bank")
 LOOPS = EmulatedPx4.loops
@@ -213,12 +213,9 @@ def test_px4_s_course_wants_the_bank_of_the_turn_that_alpha_asks_for():
 )
 def test_px4_s_course_in_a_ramp_lags_by_its_bandwidth_and_its_dead_time(plant, lag):
     autopilot = new_autopilot(autopilot="px4", plant=plant, airspeed_m_s=15.0)
-    link = mavlink.MAVLink(None, srcSystem=255, srcComponent=190)
 
     def command(number: int, *parameters: float) -> None:
-        padded = (*parameters, *(0.0,) * (7 - len(parameters)))
-        message = mavlink.MAVLink_command_long_message(7, 1, number, 0, *padded)
-        autopilot.receive(message.pack(link))
+        autopilot.receive(packed(command_long(number, *parameters, system_id=7)))
 
     command(176, 1, 4, 19)
     for step in range(600):

@@ -4,27 +4,18 @@ from typing import Any
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sitl_stub import Autopilot, AutopilotConfig, BadLink, CalmWind, Fault, PlantParameters
+from sitl_stub import BadLink, Fault, PlantParameters
 from sitl_stub.air import AirData, density_ratio
 from sitl_stub.sensor_errors import SensorErrors
-from tests.kit.autopilot import GroundStation
+from tests.kit.autopilot import GroundStation, new_autopilot
 
 Vehicle = Any  # the ground station of conftest.py, which tests cannot import
 
 
 def make(**changes: object) -> Vehicle:
     """Makes an aircraft in the air at 580 m with some fields of its configuration changed."""
-    fields: dict[str, Any] = {
-        "system_id": 7,
-        "plant": PlantParameters(),
-        "latitude_deg": 47.0,
-        "longitude_deg": 8.0,
-        "altitude_amsl_m": 580.0,
-        "home_altitude_amsl_m": 480.0,
-        "course_rad": 0.0,
-        "airspeed_m_s": 20.0,
-    }
-    return GroundStation(Autopilot(AutopilotConfig(**(fields | changes)), CalmWind()), 7)
+    height = {"altitude_amsl_m": 580.0, "home_altitude_amsl_m": 480.0}
+    return GroundStation(new_autopilot(**(height | changes)))
 
 
 def of_type(messages: list[Any], name: str) -> list[Any]:

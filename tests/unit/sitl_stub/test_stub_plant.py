@@ -68,39 +68,26 @@ def test_a_45_deg_bank_at_20_m_s_turns_at_0_4903_rad_s():
     assert bank_of_rad(0.4903325, 20.0) == pytest.approx(math.pi / 4)
 
 
-def test_a_large_course_error_turns_no_faster_than_the_bank_limit():
-    rate = turn_rate_rad_s(
-        PlantParameters(),
-        TurnTarget("course", math.pi / 2),
-        course_rad=0.0,
-        heading_rad=0.0,
-        speed_m_s=20.0,
+def turn_rate(target: TurnTarget, course_rad: float = 0.0) -> float:
+    """How fast the usual aircraft turns toward a target, rad/s, nose to the north at 20 m/s."""
+    return turn_rate_rad_s(
+        PlantParameters(), target, course_rad=course_rad, heading_rad=0.0, speed_m_s=20.0
     )
-    assert rate == pytest.approx(0.4903325)
+
+
+def test_a_large_course_error_turns_no_faster_than_the_bank_limit():
+    assert turn_rate(TurnTarget("course", math.pi / 2)) == pytest.approx(0.4903325)
 
 
 @pytest.mark.parametrize(("course_deg", "sign"), [(10.0, -1.0), (190.0, 1.0), (350.0, 1.0)])
 def test_the_shorter_way_round_is_taken(course_deg, sign):
-    rate = turn_rate_rad_s(
-        PlantParameters(),
-        TurnTarget("course", 0.0),
-        course_rad=math.radians(course_deg),
-        heading_rad=0.0,
-        speed_m_s=20.0,
-    )
+    rate = turn_rate(TurnTarget("course", 0.0), math.radians(course_deg))
     assert math.copysign(1.0, rate) == sign
 
 
 def test_a_lateral_acceleration_limit_below_the_bank_limit_governs():
     # 2 m/s^2 at 20 m/s: 0.1 rad/s.
-    rate = turn_rate_rad_s(
-        PlantParameters(),
-        TurnTarget("course", 2.0, max_acceleration_m_s2=2.0),
-        course_rad=0.0,
-        heading_rad=0.0,
-        speed_m_s=20.0,
-    )
-    assert rate == pytest.approx(0.1)
+    assert turn_rate(TurnTarget("course", 2.0, max_acceleration_m_s2=2.0)) == pytest.approx(0.1)
 
 
 def test_speed_changes_no_faster_than_the_acceleration_limit():

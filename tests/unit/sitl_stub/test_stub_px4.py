@@ -70,11 +70,6 @@ def test_versions_that_are_not_known_are_no_configuration(version):
         new_station(autopilot="px4", version=version)
 
 
-def test_offboard_without_a_stream_is_rejected():
-    vehicle = new_station(autopilot="px4")
-    assert vehicle.result(vehicle.command_long(*OFFBOARD)) == "TEMPORARILY_REJECTED"
-
-
 @pytest.mark.parametrize("setpoint", ["velocity_setpoint", "position_setpoint"])
 def test_offboard_needs_a_setpoint_within_half_a_second(setpoint):
     vehicle = new_station(autopilot="px4")
@@ -199,13 +194,6 @@ def test_a_lost_stream_leaves_offboard_after_1_7_seconds_without_a_word(action, 
     messages = vehicle.advance(1.75)
     assert vehicle.autopilot.truth().mode == mode
     assert [m.text for m in messages if m.get_type() == "STATUSTEXT"] == []
-
-
-def test_the_default_is_to_return():
-    vehicle = new_station(autopilot="px4")
-    offboard(vehicle)
-    vehicle.advance(2.0)
-    assert vehicle.autopilot.truth().mode == "AUTO.RTL"
 
 
 def test_the_stream_is_lost_just_as_late_in_one_long_advance():

@@ -1,9 +1,8 @@
 """An autopilot that starts anew in the air."""
 
-from pymavlink.dialects.v20 import ardupilotmega as mavlink
-
 from sitl_stub import Autopilot
 from tests.kit.autopilot import new_autopilot
+from tests.kit.wire import command_long, packed, parsed
 
 REBOOT, SET_MESSAGE_INTERVAL, SET_MODE = 246, 511, 176
 
@@ -13,15 +12,11 @@ def flying() -> Autopilot:
 
 
 def command(number: int, *parameters: float) -> bytes:
-    padded = (*parameters, *(0.0,) * (7 - len(parameters)))
-    message = mavlink.MAVLink_command_long_message(1, 1, number, 0, *padded)
-    packed: bytes = message.pack(mavlink.MAVLink(None, srcSystem=255, srcComponent=190))
-    return packed
+    return packed(command_long(number, *parameters, system_id=1))
 
 
 def positions(data: bytes) -> list[int]:
-    found = mavlink.MAVLink(None).parse_buffer(data) or []
-    return [one.time_boot_ms for one in found if one.get_type() == "GLOBAL_POSITION_INT"]
+    return [one.time_boot_ms for one in parsed(data) if one.get_type() == "GLOBAL_POSITION_INT"]
 
 
 def test_reboot_forgets_mode_streams_and_boot_time_but_flies_on():

@@ -1,6 +1,5 @@
 import math
 import struct
-from typing import Any
 
 import pytest
 from hypothesis import HealthCheck, given, settings
@@ -8,7 +7,7 @@ from hypothesis import strategies as st
 from numpy.random import default_rng
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sitl_stub import Autopilot, AutopilotConfig, PlantParameters, SteadyWind
+from sitl_stub import Autopilot, PlantParameters, SteadyWind
 from tests.kit.autopilot import config_of, new_station
 
 LINK = mavlink.MAVLink(None, srcSystem=255, srcComponent=190)
@@ -177,15 +176,5 @@ def test_an_unknown_message_id_is_dropped():
     ],
 )
 def test_a_start_that_cannot_be_flown_is_refused_by_name(field, value):
-    fields: dict[str, Any] = {
-        "system_id": 7,
-        "plant": PlantParameters(),
-        "latitude_deg": 47.0,
-        "longitude_deg": 8.0,
-        "altitude_amsl_m": 500.0,
-        "home_altitude_amsl_m": 400.0,
-        "course_rad": 1.0,
-        "airspeed_m_s": 20.0,
-    }
     with pytest.raises(ValueError, match=field):
-        AutopilotConfig(**(fields | {field: value}))
+        config_of(**{field: value})
