@@ -24,6 +24,7 @@ import msgspec
 
 from vfguide.companion.alerts import Alerts
 from vfguide.companion.lost_time import LostTime
+from vfguide.companion.stamp_sense import StampSense
 from vfguide.mavlink.announcements import WARNING
 
 RATE_WINDOW_S = 10.0
@@ -67,6 +68,9 @@ REPORTED_SKEW = 0.005
 
 WINDOW_S = 30.0
 """How long a fast report is remembered: two clocks drift apart by some milliseconds in this time."""
+
+ARRIVAL_STEP_S = 0.001
+"""By which boot times by arrival begin after the newest that was believed."""
 
 WRAP_S = 2**32 * 1e-3
 """Boot times are counted in 32 bits of milliseconds: after 49.7 days they begin at 0 again."""
@@ -197,6 +201,8 @@ class AutopilotClock:
         self._reported_skew = 0.0
         self._explained_skew = self._sooner_s = 0.0
         self._lost = LostTime(self._alerts)
+        self._sense = StampSense()
+        self._arrival_offset_s = 0.0
         self._elsewhere: Elsewhere | None = None
         self._least = self._least_before = self._recent = math.inf
         self._window_ends = self._look_ends = -math.inf
@@ -206,13 +212,20 @@ class AutopilotClock:
         self._first_asked: float | None = None
         self._newest_answered: float | None = None
 
-    def read(self, boot_time_s: float, now: float) -> Reading | None:
+    def read(
+        self, boot_time_s: float, now: float, place: tuple[float, float] | None = None
+    ) -> Reading | None:
         """When a report that is read now was true; None where its boot time cannot be believed.
+
+        Boot times that tell no time are replaced by when reports arrive: their clock goes on from there.
 
         Args:
             boot_time_s: as reported, s; begins at 0 again after 2^32 ms.
             now: s on the companion's clock.
+            place: that is reported with it; None where that does not matter.
         """
+        if place is not None:
+            boot_time_s = self._sensible(boot_time_s, place, now)
         boot_time_s = self._unwrapped(boot_time_s)
         rebooted = False
         if not self._follows(boot_time_s, now):
@@ -229,6 +242,28 @@ class AutopilotClock:
             skew=self._rate.skew,
             rebooted=rebooted,
         )
+
+    def _sensible(self, boot_time_s: float, place: tuple[float, float], now: float) -> float:
+        """A boot time, or one by arrival that goes on from the last where boot times tell no time."""
+        before = self._sense.fault
+        self._sense.note(boot_time_s, place, now)
+        fault = self._sense.fault
+        if fault is not None and before is None:
+            # It goes on from the newest that was believed, without what answers have said of another clock.
+            self._arrival_offset_s = max(self._newest, 0.0) + ARRIVAL_STEP_S - now
+            self._forget()
+            self._alerts.say(
+                "clock",
+                WARNING,
+                f"the autopilot's boot times {fault}: flown by when its reports arrive, less certainly;"
+                " see its firmware and what passes its telemetry on",
+            )
+        elif fault is None and before is not None:
+            self._forget()
+            self._alerts.say(
+                "clock", WARNING, "the autopilot's boot times tell time again: nothing to do"
+            )
+        return boot_time_s if fault is None else now + self._arrival_offset_s
 
     def ask(self, now: float) -> int | None:
         """The stamp (ns) of a question to send now, or None while none is due."""
@@ -248,7 +283,7 @@ class AutopilotClock:
         asked = self._asked.pop(stamp, None)
         if asked is not None:
             self._newest_answered = max(asked, self._newest_answered or asked)
-        if asked is None or not math.isfinite(self._newest):
+        if asked is None or not math.isfinite(self._newest) or self._sense.fault is not None:
             return
         time_s = autopilot_ns * NANOSECOND
         # The answer's clock does not wrap.

@@ -65,13 +65,16 @@ class SeenPlace(msgspec.Struct, frozen=True):
     """When it was heard, s."""
 
 
-def agree(one: SeenPlace, other: SeenPlace) -> bool:
-    """Whether two positions are those of one aircraft by one clock."""
+def near(one: SeenPlace, other: SeenPlace) -> bool:
+    """Whether one aircraft can have been at both, as long as passed by its clock or the reader's."""
+    passed_s = max(abs(other.boot_time_s - one.boot_time_s), abs(other.heard_s - one.heard_s))
+    return way_m(one.place, other.place) <= SAME_PLACE_M + FASTEST_M_S * passed_s
+
+
+def by_one_clock(one: SeenPlace, other: SeenPlace) -> bool:
+    """Whether the boot times of two positions are those of one clock."""
     apart_s = abs(other.boot_time_s - one.boot_time_s)
-    passed_s = abs(other.heard_s - one.heard_s)
-    if apart_s > passed_s + WITHIN_S:
-        return False
-    return way_m(one.place, other.place) <= SAME_PLACE_M + FASTEST_M_S * apart_s
+    return apart_s <= abs(other.heard_s - one.heard_s) + WITHIN_S
 
 
 class VehicleIdentity:
@@ -123,7 +126,7 @@ class VehicleIdentity:
         before, self._before = self._before, seen
         if before is not None and seen.boot_time_s < before.boot_time_s - CLOCKS_APART_S:
             self._note_fall(now)
-        elif before is not None and not agree(before, seen):
+        elif before is not None and not near(before, seen):
             self._jumped.append(now)
             if len(self._jumped) == TIMES and now - self._jumped[0] <= WITHIN_S:
                 self._two_s = now
@@ -132,7 +135,8 @@ class VehicleIdentity:
             del self._places[min(self._places)]
         if len(self._places) > 1:
             others = [one for series, one in self._places.items() if series != report.series]
-            if any(now - one.heard_s <= WITHIN_S and agree(one, seen) for one in others):
+            recent = [one for one in others if now - one.heard_s <= WITHIN_S]
+            if any(near(one, seen) and by_one_clock(one, seen) for one in recent):
                 self._same_s = now
 
     def _note_fall(self, now: float) -> None:

@@ -19,6 +19,7 @@ from vfguide.companion.plausibility import (
     ReportedMotion,
     reach_of,
 )
+from vfguide.companion.stamp_sense import StampSense
 from vfguide.companion.timing import LeaderClock, Moment
 from vfguide.frames import LocalFrame
 from vfguide.guidance.airframe import bank_limited_turn_rate
@@ -30,7 +31,7 @@ from vfguide.guidance.leader_motion import (
     observed_motion,
 )
 from vfguide.mavlink.announcements import WARNING, heartbeat, time_question
-from vfguide.mavlink.codec import COMPANION_COMPONENT, Codec
+from vfguide.mavlink.codec import COMPANION_COMPONENT, Codec, Pair
 from vfguide.mavlink.leader_messages import KINDS, Kind, LeaderCodec, LeaderReport
 from vfguide.mavlink.reports import TimeReport
 from vfguide.state import HeardState
@@ -105,6 +106,7 @@ class LeaderTelemetry:
         self._said_s = -math.inf
         self._asked: dict[int, float] = {}
         self._clocks: dict[Kind, LeaderClock] = {}
+        self._senses: dict[Kind, StampSense] = {}
         self._heard_s: dict[Kind, tuple[float, float]] = {}
         self._kind: Kind | None = None
         airframe = leader.airframe
@@ -196,8 +198,8 @@ class LeaderTelemetry:
 
     def _moment(self, report: LeaderReport, now: float) -> Moment | None:
         """When a report was true; None where that cannot be known, or it was heard before."""
-        if report.stamp_s is None:
-            place = report.latitude_deg, report.longitude_deg
+        place = report.latitude_deg, report.longitude_deg
+        if report.stamp_s is None or self._are_worthless(report.kind, report.stamp_s, place, now):
             if place == self._unstamped:
                 # A receiver that repeats a position says nothing new about where the aircraft is now.
                 self._counters["repeated"] += 1
@@ -210,6 +212,21 @@ class LeaderTelemetry:
             clock = LeaderClock(least_delay_s=self._leader.least_delay_s)
             self._clocks[report.kind] = clock
         return clock.read(report.stamp_s, now)
+
+    def _are_worthless(self, kind: Kind, stamp_s: float, place: Pair, now: float) -> bool:
+        """Whether the stamps of a kind of message tell no time; the pilot hears of both changes."""
+        sense = self._senses.setdefault(kind, StampSense())
+        before = sense.fault
+        sense.note(stamp_s, place, now)
+        if sense.fault is not None and before is None:
+            self._clocks.pop(kind, None)
+            self._say(
+                f"sends time stamps that {sense.fault}: followed by when its messages arrive, later by what"
+                " they are under way; set its clock, or leader.least_delay_s"
+            )
+        elif sense.fault is None and before is not None:
+            self._say("sends time stamps that tell time again: followed by them, nothing to do")
+        return sense.fault is not None
 
     def _has_better(self, kind: Kind, now: float) -> bool:
         """Whether another kind of message is to be followed: the best that comes again and again."""

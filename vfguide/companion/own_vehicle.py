@@ -248,7 +248,8 @@ class OwnVehicle:
 
     def take(self, report: PositionReport, now: float) -> NavigatedState | None:
         """What a position report leads to; None where it is not newer than the one before, or false."""
-        reading, before = self._clock.read(report.boot_time_s, now), self._reading
+        at = report.latitude_deg, report.longitude_deg
+        reading, before = self._clock.read(report.boot_time_s, now, at), self._reading
         if reading is None:
             self._counters["boot time not believed"] += 1
             return None
