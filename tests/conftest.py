@@ -1,6 +1,7 @@
 """Which tests fly in real time, and what that means for how they are run: docs/architecture.md, Tests."""
 
 import asyncio
+import fcntl
 import inspect
 import os
 import re
@@ -234,9 +235,18 @@ def pytest_terminal_summary(
 
 
 @pytest.fixture(scope="session")
-def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A Python that has vfguide from its wheel, and of this environment the libraries alone."""
-    place = tmp_path_factory.mktemp("installed")
-    python = python_with(TESTS.parent, place)
-    (packages_of(python) / "libraries.pth").write_text(sysconfig.get_path("purelib") + "\n")
+def installed() -> Path:
+    """A Python that has vfguide from its wheel, and of this environment the libraries alone.
+
+    One for all processes of the session.
+    """
+    place = Path(os.environ[FLIGHTS], "installed")
+    python = place / "venv" / "bin" / "python"
+    with place.with_suffix(".lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        if not place.exists():
+            place.mkdir()
+            assert python_with(TESTS.parent, place) == python
+            libraries = sysconfig.get_path("purelib")
+            (packages_of(python) / "libraries.pth").write_text(f"{libraries}\n")
     return python
