@@ -175,7 +175,18 @@ class SensorErrors:
         return deviation * float(self._random.standard_normal())
 
 
-FaultKind = Literal["offset", "frozen", "zero", "velocity", "airspeed", "clock"]
+FaultKind = Literal[
+    "offset",
+    "drift",
+    "noise",
+    "frozen",
+    "zero",
+    "velocity",
+    "held",
+    "airspeed",
+    "altitude",
+    "clock",
+]
 
 Place = tuple[float, float]
 """Latitude and longitude, rad."""
@@ -186,9 +197,11 @@ class Fault:
     """Something that is wrong for a while."""
 
     kind: FaultKind
-    """`offset`: positions are `north`, `east` metres off. `frozen`: positions stay as they were. `zero`:
-    latitude and longitude are 0. `velocity`: the ground velocity is `north`, `east` m/s. `airspeed`: it is
-    `north` m/s. `clock`: the autopilot's clock loses `north` seconds, evenly over the time."""
+    """`offset`: positions are `north`, `east` metres off. `drift`: they drift off by as many m/s, and are
+    right again at the end. `noise`: they are off by white noise of `north` metres. `frozen`: positions stay
+    as they were. `zero`: latitude and longitude are 0. `velocity`: the ground velocity is `north`, `east`
+    m/s. `held`: it stays as it was. `airspeed`: it is `north` m/s. `altitude`: altitudes are `north` metres
+    off. `clock`: the autopilot's clock loses `north` seconds, evenly over the time."""
 
     start_s: float
     """Simulation time of its beginning."""
@@ -229,6 +242,8 @@ class Faults:
     def __init__(self, faults: Sequence[Fault] = ()) -> None:
         self._faults = list(faults)
         self._frozen: Place | None = None
+        self._held: Motion | None = None
+        self._random = default_rng(0x66_61_75)
 
     def add(self, fault: Fault) -> None:
         """One more."""
@@ -240,8 +255,24 @@ class Faults:
 
     def offset_m(self, time_s: float) -> tuple[float, float]:
         """(north, east) in m by which positions are off."""
-        present = [one for one in self._faults if one.kind == "offset" and one.is_on(time_s)]
-        return sum(one.north for one in present), sum(one.east for one in present)
+        north_m = east_m = 0.0
+        for one in self._faults:
+            if not one.is_on(time_s):
+                continue
+            if one.kind == "offset":
+                north_m, east_m = north_m + one.north, east_m + one.east
+            elif one.kind == "drift":
+                since_s = time_s - one.start_s
+                north_m, east_m = north_m + since_s * one.north, east_m + since_s * one.east
+            elif one.kind == "noise":
+                north_m += one.north * float(self._random.standard_normal())
+                east_m += one.north * float(self._random.standard_normal())
+        return north_m, east_m
+
+    def altitude_m(self, time_s: float) -> float:
+        """By how much altitudes are off, m."""
+        present = [one for one in self._faults if one.kind == "altitude" and one.is_on(time_s)]
+        return sum(one.north for one in present)
 
     def place(self, place: Place, time_s: float) -> Place:
         """The position as it is reported."""
@@ -254,6 +285,7 @@ class Faults:
 
     def motion(self, motion: Motion, time_s: float) -> Motion:
         """The motion as it is reported."""
+        held = False
         for fault in self._faults:
             if not fault.is_on(time_s):
                 continue
@@ -265,4 +297,11 @@ class Faults:
                     east_m_s=fault.east,
                     ground_speed_m_s=math.hypot(fault.north, fault.east),
                 )
-        return motion
+            held |= fault.kind == "held"
+        if not held or self._held is None:
+            self._held = motion
+        return motion._replace(
+            north_m_s=self._held.north_m_s,
+            east_m_s=self._held.east_m_s,
+            ground_speed_m_s=self._held.ground_speed_m_s,
+        )

@@ -65,7 +65,8 @@ class Sensors:
                 )
             latitude_rad, longitude_rad = self.faults.place((latitude_rad, longitude_rad), time_s)
         motion = self.faults.motion(self._motion(flight), time_s)
-        return Measurement(motion, latitude_rad, longitude_rad, self._errors.altitude_m(time_s))
+        altitude_error_m = self._errors.altitude_m(time_s) + self.faults.altitude_m(time_s)
+        return Measurement(motion, latitude_rad, longitude_rad, altitude_error_m)
 
     def _position_error_m(self, time_s: float) -> tuple[float, float]:
         north_m, east_m = self._errors.position_m(time_s)

@@ -1,6 +1,9 @@
 """What an autopilot's impossible reports cost: metres off the slot, flown in virtual time.
 
-    .venv/bin/python tests/benchmarks/impossible_reports.py [f1|leader]
+    .venv/bin/python tests/benchmarks/impossible_reports.py [f1|leader] [PART OF A NAME]
+
+A row for each witness (place, velocity, airspeed, altitude, alone and in pairs) and each kind of fault:
+stands still, steps, drifts, is noisy, comes late, is missing.
 
 The article's circle in its wind, everybody in place; at 30 s one vehicle's reports go wrong. Told are the
 greatest distance of that vehicle (or of f1, where it is the leader's) from where it flies without the fault,
@@ -28,16 +31,63 @@ COURSE_DEG = {"circle-wind": 270.0, "line-wind": 45.0}
 
 AT_S = 30.0
 
-FAULTS = {
+
+@dataclass(frozen=True, slots=True)
+class Late:
+    """Position reports come late for a while, or not at all."""
+
+    start_s: float
+    """When it begins, s."""
+    length_s: float
+    """For how long, s."""
+    late_s: float
+    """By how much, s; infinite where they are lost."""
+
+
+STUCK = {"place": ("frozen",), "velocity": ("held",), "place and velocity": ("frozen", "held")}
+"""Kinds of the emulator's faults by the witness that stands still."""
+
+
+def stuck(witness: str, length_s: float) -> tuple[Fault, ...]:
+    """A witness stands still from `AT_S` on."""
+    return tuple(Fault(kind, AT_S, length_s) for kind in STUCK[witness])
+
+
+FAULTS: dict[str, tuple[Fault | Late, ...]] = {
+    **{
+        f"{witness} stuck for {length_s:g} s": stuck(witness, length_s)
+        for witness in STUCK
+        for length_s in (2.0, 2.5, 3.0, 5.0, inf)
+    },
     "position 40 m off, for ever": (Fault("offset", AT_S, inf, 40.0),),
     "position 50 m off for 3 s": (Fault("offset", AT_S, 3.0, 50.0),),
     "position 5 km off for 3 s": (Fault("offset", AT_S, 3.0, 5000.0),),
     "position 5 km off, for ever": (Fault("offset", AT_S, inf, 5000.0),),
     "latitude and longitude 0 for 3 s": (Fault("zero", AT_S, 3.0),),
-    "positions frozen for 5 s": (Fault("frozen", AT_S, 5.0),),
+    **{
+        f"position drifts by {rate:g} m/s for 20 s": (Fault("drift", AT_S, 20.0, rate),)
+        for rate in (0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 5.0)
+    },
+    "position noisy by 3 m for 20 s": (Fault("noise", AT_S, 20.0, 3.0),),
     "velocity 327 m/s for 3 s": (Fault("velocity", AT_S, 3.0, 327.0),),
+    "velocity 20 m/s east for 5 s": (Fault("velocity", AT_S, 5.0, 0.0, 20.0),),
     "airspeed 500 m/s for 10 s": (Fault("airspeed", AT_S, 10.0, 500.0),),
     "airspeed 0 for 10 s": (Fault("airspeed", AT_S, 10.0, 0.0),),
+    "place, velocity stuck and airspeed 0 for 5 s": (
+        *stuck("place and velocity", 5.0),
+        Fault("airspeed", AT_S, 5.0, 0.0),
+    ),
+    **{
+        f"positions {late_s:g} s late for 10 s": (Late(AT_S, 10.0, late_s),)
+        for late_s in (0.2, 1.0, 3.0)
+    },
+    **{
+        f"positions missing for {length_s:g} s": (Late(AT_S, length_s, inf),)
+        for length_s in (1.0, 3.0, 5.0)
+    },
+    "altitude 47 m off, for ever": (Fault("altitude", AT_S, inf, 47.0),),
+    "altitude 47 m off from the start": (Fault("altitude", 0.0, inf, 47.0),),
+    "altitude 0 from the start": (Fault("altitude", 0.0, inf, -588.0),),
     "clock loses 1.6 s in 30 s": (Fault("clock", AT_S, 30.0, 1.6),),
     "clock loses 0.5 s at once": (Fault("clock", AT_S, 0.05, 0.5),),
 }
@@ -104,6 +154,53 @@ class Stop:
     """For how long, s."""
 
 
+GLOBAL_POSITION_INT = 33
+
+
+class LatePositions:
+    """An emulated autopilot whose position reports come late, or not at all."""
+
+    def __init__(self, autopilot: Autopilot, faults: Sequence[Late]) -> None:
+        self._autopilot = autopilot
+        self._faults = faults
+        self._held: list[tuple[float, bytes]] = []
+
+    def advance(self, now: float) -> bytes:
+        """Fly to a time; what is said then, and what was held until then."""
+        said = b""
+        for frame in frames_of(self._autopilot.advance(now)):
+            late_s = max(
+                (one.late_s for one in self._faults if 0.0 <= now - one.start_s < one.length_s),
+                default=0.0,
+            )
+            position = int.from_bytes(frame[7:10], "little") == GLOBAL_POSITION_INT
+            if position and late_s > 0.0:
+                self._held.append((now + late_s, frame))
+            else:
+                said += frame
+        due = [frame for due_s, frame in self._held if due_s <= now]
+        self._held = [one for one in self._held if one[0] > now]
+        return said + b"".join(due)
+
+    def receive(self, data: bytes) -> bytes:
+        """Hear."""
+        return self._autopilot.receive(data)
+
+    def truth(self) -> Truth:
+        """Where the aircraft is."""
+        return self._autopilot.truth()
+
+
+def frames_of(data: bytes) -> list[bytes]:
+    """Split bytes into MAVLink 2 frames, which are signed where the third byte says so."""
+    frames = []
+    while data:
+        length = 12 + data[1] + (13 if data[2] & 1 else 0)
+        frames.append(data[:length])
+        data = data[length:]
+    return frames
+
+
 class Stopped:
     """An emulated autopilot that is stopped now and then: it hears and says nothing, and its time stands."""
 
@@ -138,17 +235,23 @@ def in_place(name: str = "circle-wind") -> Mission:
 
 def fly(
     mission: Mission,
-    faults: dict[str, Sequence[Fault]],
+    faults: dict[str, Sequence[Fault | Late]],
     until_s: float,
     stops: dict[str, Sequence[Stop]] | None = None,
 ) -> Flown:
     """Fly the mission with these faults and stops by vehicle."""
     emulators: dict[str, Autopilot] = {}
 
-    def emulator(mission: Mission, name: str) -> Autopilot | Stopped:
+    def emulator(mission: Mission, name: str) -> Autopilot | Stopped | LatePositions:
         emulators[name] = emulator_of(mission, name)
+        late = []
         for fault in faults.get(name, ()):
-            emulators[name].inject(fault)
+            if isinstance(fault, Late):
+                late.append(fault)
+            else:
+                emulators[name].inject(fault)
+        if late:
+            return LatePositions(emulators[name], late)
         stopped = (stops or {}).get(name)
         return Stopped(emulators[name], stopped) if stopped else emulators[name]
 
@@ -186,7 +289,10 @@ def main() -> None:
     mission = in_place()
     until_s = AT_S + 60.0
     right = fly(mission, {}, until_s)
+    part = sys.argv[2] if len(sys.argv) > 2 else ""
     for name, faults in FAULTS.items():
+        if part not in name:
+            continue
         flown = fly(mission, {faulty: faults}, until_s)
         off, nearest = flown.off(right, watched), flown.nearest()
         write(f"{name}: {watched} {off:.1f} m off, nearest {nearest:.1f} m\n")

@@ -11,7 +11,8 @@ from vfguide.companion.plan import FlightPlan
 from vfguide.elementwise import low_pass, wrap_angle
 from vfguide.guidance.airspeed_calibration import Calibration, calibrated, calibration_of
 from vfguide.guidance.turn_efficiency import TurnEfficiency, agreed, learned
-from vfguide.mavlink.reports import PositionReport
+from vfguide.guidance.wind_triangle import polar
+from vfguide.mavlink.reports import AirspeedReport, PositionReport
 from vfguide.state import VehicleState
 
 LONGEST_S = 1.0
@@ -28,6 +29,9 @@ TURN_RATE_S = 2.0
 
 LEAST_CALIBRATED = 5.0
 """m/s: slower than this nothing is learned of the airspeed sensor."""
+
+HEADING_ROUNDING = math.radians(1.5)
+"""By so much the heading that comes with airspeeds, in whole degrees, differs from the other."""
 
 LEAST_AIRSPEED = 1.0
 """m/s: an aircraft on the ground reports 0, by which no turn rate can be divided."""
@@ -73,6 +77,9 @@ class AirMotion:
         self._bank = 0.0
         self._bank_time = -math.inf
         self._nose: float | None = None
+        self._second_heading: float | None = None
+        self._witness: tuple[float, float] | None = None
+        self._witness_before: tuple[float, float] | None = None
         self._turn_rate = 0.0
         self.retune(plan)
 
@@ -95,17 +102,43 @@ class AirMotion:
         """True airspeed over the reported one; setpoints are airspeeds as the autopilot reports them."""
         return self._calibrations[self._slips]
 
-    def note_airspeed(self, airspeed: float, now: float, known: VehicleState[float] | None) -> None:
-        """Take a reported airspeed (m/s), if it can be true.
+    def note_airspeed(
+        self, report: AirspeedReport, now: float, known: VehicleState[float] | None
+    ) -> None:
+        """Take a reported airspeed, if it can be true, and a heading.
 
         Args:
-            airspeed: m/s.
+            report: of both.
             now: s.
             known: state of the vehicle, by which it is judged; None while that is not believed.
         """
         expected = None if known is None else known.airspeed / self.calibration.scale
-        if self.gate.passes(airspeed, expected, now):
-            self._airspeed, self._airspeed_time = airspeed, now
+        self._second_heading = report.heading
+        if self.gate.passes(report.airspeed, expected, now):
+            self._airspeed, self._airspeed_time = report.airspeed, now
+
+    def velocity(self, report: PositionReport, now: float) -> tuple[float, float] | None:
+        """Velocity (north, east) through the air at a report, m/s; None where heading or airspeed is unknown.
+
+        A heading that is repeated to the digit is replaced by the one that comes with airspeeds.
+        """
+        if report.heading is None or now - self._airspeed_time > AIRSPEED_FRESH_S:
+            self._witness = None
+            return None
+        heading, second = report.heading, self._second_heading
+        if second is not None and heading == self._nose:
+            off = wrap_angle(second - heading)
+            heading += off if abs(off) > HEADING_ROUNDING else 0.0
+        self._witness_before = self._witness
+        self._witness = heading, max(self.calibration.scale * self._airspeed, LEAST_AIRSPEED)
+        return polar(self._witness[1], heading)
+
+    def carried_on(self, known: VehicleState[float]) -> tuple[float, float]:
+        """(heading in rad, true airspeed in m/s) of a vehicle that has turned as its nose has."""
+        if self._witness is None or self._witness_before is None:
+            return known.heading, known.airspeed
+        heading = known.heading + wrap_angle(self._witness[0] - self._witness_before[0])
+        return heading, self._witness[1]
 
     def note_bank(self, bank: float, now: float) -> None:
         """Take a reported bank, rad, positive right."""

@@ -1,8 +1,4 @@
-"""Doubts about reports: altitudes, the autopilot's own word of its navigation, and texts for the pilot.
-
-Altitudes: keeping clear leaves out vehicles that fly far above or below. A false altitude would make an
-aircraft that is straight ahead look harmless, so a doubted one counts as not known, and a vehicle without
-a known altitude is kept clear of in the plane.
+"""Doubts about reports: the autopilot's own word of its navigation, airspeeds, and texts for the pilot.
 
 Receiver, estimator, sensors: what an autopilot does not say is unknown, not bad.
 """
@@ -13,28 +9,10 @@ from collections import Counter
 import msgspec
 
 from vfguide.companion.alerts import Alerts
-from vfguide.companion.plausibility import (
-    CARRIED_S,
-    OVERSPEED,
-    RETURN_S,
-    GateVerdict,
-    Judgement,
-)
+from vfguide.companion.belief import OVERSPEED, RETURN_S, Belief, Believed, Life
 from vfguide.mavlink.announcements import WARNING
 from vfguide.mavlink.reports import EstimatorReport, GpsReport, SensorsReport
 from vfguide.state import Airframe
-
-STEP_M = 10.0
-"""So far an altitude may be from where the ones before lead: noise, and a barometer that settles."""
-
-CLIMB_M_S = 15.0
-"""And by so much more for each second: faster than these aircraft climb or dive."""
-
-RETURN_M_S = 0.5
-"""How fast the true altitude may have left the last believed one, on average, while reports were doubted."""
-
-ALTITUDE_RETURN_S = 2.0
-"""For so long doubted reports have to agree with each other before they are believed again."""
 
 BAD_S = 1.0
 """Something has to be bad for so long: estimators change lanes, and a receiver may drop one navigated."""
@@ -57,12 +35,6 @@ LASTING_S = 1.0
 ROW_S = 30.0
 """Faults that follow each other within this time are counted: texts that say the same are sent once in it."""
 
-FROZEN_S = 0.5
-"""A position that does not change by a centimetre for longer, of a vehicle that moves, is frozen."""
-
-MOVING_M_S = 5.0
-"""Airspeed of a vehicle that moves for certain."""
-
 AIRSPEED_OFF_M_S = 8.0
 """By so much an airspeed may differ from the one that ground velocity and wind come to."""
 
@@ -74,67 +46,6 @@ UNDERSPEED = 0.6
 
 AIRSPEED_SHARE = 0.6
 """But never by more than this share of it: a blocked tube shows nothing at all."""
-
-
-class AltitudeGate:
-    """Judges the altitudes of one vehicle.
-
-    A step is doubted until the reports are back where the vehicle can have climbed to at `RETURN_M_S`. One
-    that stays is believed late, 3 minutes after a step of 100 m. Until then its vehicle is kept clear of more
-    than needed.
-    """
-
-    def __init__(self) -> None:
-        self._known = math.nan
-        self._known_time = -math.inf
-        self._seen = math.nan
-        self._seen_time = -math.inf
-        self._seen_since = -math.inf
-        self.doubted = False
-        """Whether the reported altitudes are not believed now."""
-
-    def judge(self, altitude_amsl: float, time_s: float) -> float:
-        """Take a reported altitude.
-
-        Args:
-            altitude_amsl: m above mean sea level.
-            time_s: of the report; not before that of the report before.
-
-        Returns:
-            the altitude, or NaN while it is doubted.
-        """
-        if math.isnan(self._known):
-            return self._believe(altitude_amsl, time_s)
-        if not self.doubted:
-            if follows(self._known, altitude_amsl, time_s - self._known_time):
-                return self._follow(altitude_amsl, time_s)
-            self.doubted = True
-            self._seen_since = time_s
-        elif not follows(self._seen, altitude_amsl, time_s - self._seen_time):
-            self._seen_since = time_s
-        self._seen, self._seen_time = altitude_amsl, time_s
-        left_m = STEP_M + RETURN_M_S * (time_s - self._known_time)
-        agreed = time_s - self._seen_since >= ALTITUDE_RETURN_S
-        if agreed and abs(altitude_amsl - self._known) <= left_m:
-            return self._believe(altitude_amsl, time_s)
-        return math.nan
-
-    def _follow(self, altitude_amsl: float, time_s: float) -> float:
-        """Believe an altitude; what is known follows as fast as an aircraft climbs: steps do not add up."""
-        climb_m = CLIMB_M_S * max(time_s - self._known_time, 0.0)
-        self._known += min(max(altitude_amsl - self._known, -climb_m), climb_m)
-        self._known_time = time_s
-        return altitude_amsl
-
-    def _believe(self, altitude_amsl: float, time_s: float) -> float:
-        self.doubted = False
-        self._known, self._known_time = altitude_amsl, time_s
-        return altitude_amsl
-
-
-def follows(before: float, altitude_amsl: float, interval_s: float) -> bool:
-    """Whether an altitude (m) can follow one from some time (s) before."""
-    return abs(altitude_amsl - before) <= STEP_M + CLIMB_M_S * max(interval_s, 0.0)
 
 
 class Word(msgspec.Struct):
@@ -212,29 +123,6 @@ def with_remedy(fault: str) -> str:
     return f"{fault}: {next(remedies, 'see its GPS and its ground station')}"
 
 
-class FrozenPosition:
-    """Finds positions that stay the same, without a ground velocity, in flight."""
-
-    def __init__(self) -> None:
-        self._place = (math.nan, math.nan)
-        self._since = 0.0
-
-    def fault(self, place: tuple[float, float], airspeed: float, time_s: float) -> str | None:
-        """What is wrong with a position, if it is, in words.
-
-        Args:
-            place: latitude and longitude as reported, degrees.
-            airspeed: m/s.
-            time_s: s.
-        """
-        if place != self._place:
-            self._place, self._since = place, time_s
-        # An airspeed that is no number says nothing.
-        if airspeed > MOVING_M_S and time_s - self._since > FROZEN_S:
-            return "the position does not change in flight"
-        return None
-
-
 class AirspeedGate:
     """Passes airspeeds that can be true."""
 
@@ -282,23 +170,23 @@ class AirspeedGate:
 
 
 class Doubt:
-    """Words for what an innovation gate decides, and counts."""
+    """Words for what becomes of a belief, and counts."""
 
     def __init__(self, alerts: Alerts | None = None) -> None:
         self._alerts = alerts or Alerts()
         self.counters: Counter[str] = Counter()
         """Reports that were not believed, by reason."""
-        self._told: GateVerdict | None = None
+        self._told: Life | None = None
         self._since = math.inf
         self._reported_time = -math.inf
         self._times = 0
 
-    def note(self, judgement: Judgement, now: float) -> None:
-        """Take a judgement."""
-        if judgement.verdict is GateVerdict.BELIEVED:
-            if judgement.moved is not None:
+    def note(self, believed: Believed, belief: Belief, now: float) -> None:
+        """Take what a report left of a belief."""
+        if believed.is_reported:
+            if believed.moved is not None:
                 self._say(
-                    f"the position is believed again, {judgement.off:.0f} m from where it was expected:"
+                    f"the position is believed again, {believed.off:.0f} m from where it was expected:"
                     " steered by it where the autopilot is still in the guided mode; check it"
                 )
             elif self._told is not None:
@@ -307,18 +195,15 @@ class Doubt:
                 )
             self._told, self._since = None, math.inf
             return
-        self.counters[
-            "position carried on by velocity"
-            if judgement.verdict is GateVerdict.CARRIED
-            else "position not believed"
-        ] += 1
+        coasts = believed.life is Life.COASTING
+        self.counters["position carried on" if coasts else "position not believed"] += 1
         self._since = min(self._since, now)
         if self._told is None:
-            self._begin(judgement, now)
-        elif self._told is GateVerdict.CARRIED and judgement.verdict is not GateVerdict.CARRIED:
-            self._tell(judgement, now)
+            self._begin(believed, belief, now)
+        elif self._told is Life.COASTING and not coasts:
+            self._tell(believed, belief, now)
 
-    def _begin(self, judgement: Judgement, now: float) -> None:
+    def _begin(self, believed: Believed, belief: Belief, now: float) -> None:
         """Tell of a fault that has not been told of, unless it is a short one among others."""
         apart_s = now - self._reported_time
         if apart_s >= ROW_S:
@@ -326,11 +211,11 @@ class Doubt:
         elif apart_s < QUIET_S and now - self._since < LASTING_S * self._times:
             return
         self._times += 1
-        self._tell(judgement, now)
+        self._tell(believed, belief, now)
 
-    def _tell(self, judgement: Judgement, now: float) -> None:
-        self._told, self._reported_time = judgement.verdict, now
-        self._say(self._sentence(judgement) + self._count)
+    def _tell(self, believed: Believed, belief: Belief, now: float) -> None:
+        self._told, self._reported_time = believed.life, now
+        self._say(sentence_of(believed, belief) + self._count)
 
     def _say(self, text: str) -> None:
         self._alerts.say("position", WARNING, text)
@@ -340,13 +225,18 @@ class Doubt:
         """Which fault in a row it is: the same words twice would be taken for one."""
         return f" (fault {self._times} in a row)" if self._times > 1 else ""
 
-    def _sentence(self, judgement: Judgement) -> str:
-        if judgement.verdict is GateVerdict.CARRIED:
-            return (
-                f"{judgement.reason}: flown on by velocity for {CARRIED_S:g} s;"
-                " check the GPS, be ready to take over"
-            )
+
+def sentence_of(believed: Believed, belief: Belief) -> str:
+    """What is not believed, what the vehicle flies by, and what to do."""
+    if believed.life is not Life.COASTING:
         return (
-            f"{judgement.reason}: not steered until it has been right for {RETURN_S:g} s;"
+            f"{believed.reason}: not steered until it has been right for {belief.agree_s:g} s;"
             " check the GPS, be ready to take over"
         )
+    carried_by = "velocity"
+    if not believed.by_velocity:
+        carried_by = "positions and airspeed" if believed.by_place else "heading and airspeed"
+    return (
+        f"{believed.reason}: flown on by {carried_by} for {belief.lasts_s(believed):.0f} s;"
+        " check the GPS, be ready to take over"
+    )

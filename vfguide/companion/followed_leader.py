@@ -6,6 +6,7 @@ from msgspec.structs import replace
 
 from vfguide.companion.alerts import Alerts
 from vfguide.companion.arrangements import Arrangements
+from vfguide.companion.belief import MOVING_M_S, HeightWitnesses
 from vfguide.companion.leader_telemetry import LeaderTelemetry
 from vfguide.companion.own_vehicle import NavigatedState
 from vfguide.companion.plan import FlightPlan, FollowerTask, ForeignLeader
@@ -87,10 +88,21 @@ class FollowedLeader:
         self._moved_s = plan.timeouts.prediction_s + plan.timeouts.breakaway_s + HANDED_BACK_S
         self.receiver: StateReceiver | LeaderTelemetry = (
             LeaderTelemetry(
-                task.leader, plan.frame, alerts, moved_s=self._moved_s, system_id=plan.system_id
+                task.leader,
+                plan.frame,
+                alerts,
+                moved_s=self._moved_s,
+                system_id=plan.system_id,
             )
             if isinstance(task.leader, ForeignLeader)
-            else StateReceiver(plan.frame, clock, alerts, whose="the leader", moved_s=self._moved_s)
+            else StateReceiver(
+                plan.frame,
+                clock,
+                alerts,
+                whose="the leader",
+                moved_s=self._moved_s,
+                beside=self._beside,
+            )
         )
         """Hears the mission's leader."""
         self._followed = self.receiver
@@ -106,12 +118,23 @@ class FollowedLeader:
         self._deviation: HeightDeviation | None = None
         self._planned = PlannedHeight(plan.climb_limits)
         self._wind = (0.0, 0.0)
+        self._own_altitude = math.nan
         self.gusts = 0.0
         """How fast gusts carry a vehicle that nobody corrects, m/s, as the leader's course tells.
 
         It fades within GUSTS_S once that is calm: a deputy leads smoothly in the gusts that its leader was
         lost in.
         """
+
+    def _beside(self, heard: HeardState) -> HeightWitnesses:
+        """What there is beside the leader's altitude: the mission's where it is, and one's own."""
+        known = self._known_leader()
+        climbed = 0.0 if isinstance(known, ForeignLeader) else known.point_beside(heard).height
+        return HeightWitnesses(
+            planned=self._plan.frame.altitude_m + known.height + climbed,
+            own=self._own_altitude,
+            above=known.height,
+        )
 
     @property
     def motion(self) -> LeaderState[float] | None:
@@ -342,9 +365,13 @@ class FollowedLeader:
         point = known.point_beside(leader)
         self._arrangements.watch_route(known.path, point, steered=heard.steered)
 
-    def note_wind(self, navigated: NavigatedState) -> None:
-        """The mean wind, in which the leader's speed is planned."""
+    def note_own(self, navigated: NavigatedState) -> None:
+        """Take the own state: the mean wind, in which the leader's speed is planned, and the altitude."""
         state, (north, east) = navigated.state, self._wind
+        flies = state.ground_speed > MOVING_M_S
+        self._own_altitude = navigated.altitude_amsl if flies else math.nan
+        if isinstance(self.receiver, LeaderTelemetry):
+            self.receiver.own_altitude = self._own_altitude
         if not math.isfinite(navigated.interval):
             self._wind = state.wind_north, state.wind_east
             return

@@ -216,7 +216,7 @@ class FollowerRole(Role):
     def step(self, navigated: NavigatedState, mode: Mode) -> RoleStep:
         """One step toward the slot, or away from the others once the formation breaks up."""
         motion = self._report.note(navigated)
-        self.followed.note_wind(navigated)
+        self.followed.note_own(navigated)
         self._traffic.arrange(self._arrangements.flight.others(navigated.state.time_s))
         leader = self.followed.at(navigated)
         if leader is None:

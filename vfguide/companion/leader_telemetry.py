@@ -10,15 +10,15 @@ from collections import Counter
 from msgspec.structs import replace
 
 from vfguide.companion.alerts import Alerts
-from vfguide.companion.distrust import AltitudeGate
-from vfguide.companion.plan import ForeignLeader
-from vfguide.companion.plausibility import (
-    GateVerdict,
-    InnovationGate,
-    Judgement,
+from vfguide.companion.belief import (
+    Belief,
+    Believed,
+    HeightBelief,
+    HeightWitnesses,
     ReportedMotion,
     reach_of,
 )
+from vfguide.companion.plan import ForeignLeader
 from vfguide.companion.stamp_sense import StampSense
 from vfguide.companion.timing import LeaderClock, Moment
 from vfguide.frames import LocalFrame
@@ -66,10 +66,6 @@ them, whose clocks may be seconds apart from it: that would look like a delay.""
 FLIES_M_S = 3.0
 """Over ground: slower than this it stands on the ground, or hangs from a parachute."""
 
-LIKE_PLANNED_M = 25.0
-"""Within this of the mission's flying height a leader's altitude has to be once before it is followed: those
-above the ellipsoid or the ground, or by a wrong air pressure, differ by more."""
-
 OTHERS_HEARD = 10
 """Reports of another system, before it is told that the leader is not heard."""
 
@@ -114,9 +110,10 @@ class LeaderTelemetry:
             turn_rate=bank_limited_turn_rate(airframe.max_bank, airframe.airspeed_min),
             acceleration=2.0 * airframe.max_acceleration,
         )
-        self._gate = InnovationGate(reach_of(airframe), moved_s=moved_s)
-        self._altitude = AltitudeGate()
-        self._has_height = self._height_told = False
+        self._belief = Belief(reach_of(airframe), moved_s=moved_s)
+        self._altitude = HeightBelief()
+        self.own_altitude = math.nan
+        """Of the follower in flight, m above mean sea level; NaN while it is not known."""
         self._place: ReportedMotion | None = None
         self._unstamped: tuple[float, float] | None = None
         self._motion: ObservedMotion | None = None
@@ -236,9 +233,8 @@ class LeaderTelemetry:
     def _begin(self, kind: Kind, *, restarted: bool) -> None:
         """From here on times are on another clock: nothing before them says how long ago it was."""
         self._kind, self._place, self._motion = kind, None, None
-        self._gate = InnovationGate(reach_of(self._leader.airframe), moved_s=self._moved_s)
-        self._altitude = AltitudeGate()
-        self._has_height = False
+        self._belief = Belief(reach_of(self._leader.airframe), moved_s=self._moved_s)
+        self._altitude = HeightBelief()
         if restarted:
             self._say("has another clock, as after a restart: followed by that from now on")
 
@@ -273,13 +269,11 @@ class LeaderTelemetry:
         if self._place is not None and motion.time_s - self._place.time_s < LEAST_INTERVAL_S:
             self._counters["not newer"] += 1
             return False
-        judgement = self._gate.judge(motion)
-        known = math.isfinite(report.altitude_amsl)
-        altitude = self._altitude.judge(report.altitude_amsl, moment.even_s) if known else math.nan
-        altitude = self._as_planned(altitude)
+        believed = self._belief.take(motion)
+        altitude = self._judge_altitude(report.altitude_amsl, moment.even_s)
         self._place = motion
-        if judgement.verdict is not GateVerdict.BELIEVED:
-            self._doubt(judgement, motion, moment, altitude)
+        if not believed.is_reported:
+            self._doubt(believed, motion, moment, altitude)
             return False
         if self._doubted:
             self._say("reports what can be again: believed, nothing to do")
@@ -295,25 +289,17 @@ class LeaderTelemetry:
         )
         return True
 
-    def _as_planned(self, altitude: float) -> float:
-        """An altitude (m above mean sea level), NaN until it has once been like the mission's."""
-        off = altitude - self._frame.altitude_m - self._leader.height
-        if self._has_height or math.isnan(off):
-            return altitude
-        if abs(off) <= LIKE_PLANNED_M:
-            self._has_height = True
-            if self._height_told:
-                self._height_told = False
-                self._say("is as high as the mission says: its height is followed, nothing to do")
-            return altitude
-        if not self._height_told:
-            self._height_told = True
-            side = "above" if off > 0.0 else "below"
-            self._say(
-                f"reports an altitude of {altitude:.0f} m, {abs(off):.0f} m {side} the mission's: own height"
-                " kept; see that it reports heights above mean sea level, or set height_above_origin_m"
-            )
-        return math.nan
+    def _judge_altitude(self, altitude_amsl: float, time_s: float) -> float:
+        """Altitude (m above mean sea level) of a report, NaN where it is not told or doubted."""
+        if not math.isfinite(altitude_amsl):
+            return math.nan
+        before = self._altitude.doubted
+        height = self._leader.height
+        beside = HeightWitnesses(self._frame.altitude_m + height, self.own_altitude, height)
+        altitude = self._altitude.judge(altitude_amsl, time_s, beside)
+        if self._altitude.doubted is not before:
+            self._say(self._altitude.sentence)
+        return altitude
 
     def _velocity_between(
         self, north: float, east: float, moment: Moment
@@ -331,7 +317,7 @@ class LeaderTelemetry:
         interval_s = math.inf if before is None else moment.even_s - before.time_s
         if before is None or not LEAST_INTERVAL_S <= interval_s <= LONGEST_S:
             if interval_s > LONGEST_S:
-                self._gate = InnovationGate(reach_of(self._leader.airframe), moved_s=self._moved_s)
+                self._belief = Belief(reach_of(self._leader.airframe), moved_s=self._moved_s)
             self._place = ReportedMotion(moment.even_s, north, east, 0.0, 0.0)
             return None
         return (north - before.north) / interval_s, (east - before.east) / interval_s
@@ -351,11 +337,11 @@ class LeaderTelemetry:
         return observed_motion(before, seen, self._limits, self._leader.rate_filter_s)
 
     def _doubt(
-        self, judgement: Judgement, motion: ReportedMotion, moment: Moment, altitude: float
+        self, believed: Believed, motion: ReportedMotion, moment: Moment, altitude: float
     ) -> None:
         """It reports what cannot be: it may be there, or where its velocities lead."""
         self._counters["impossible"] += 1
-        if judgement.verdict is not GateVerdict.REFUSED:
+        if believed.leads:
             there = HeardState(
                 time_s=moment.time_s,
                 north=motion.north,
@@ -368,11 +354,11 @@ class LeaderTelemetry:
                 altitude_amsl=altitude,
                 steered=False,
             )
-            carried = replace(there, north=judgement.north, east=judgement.east, steered=True)
+            carried = replace(there, north=believed.north, east=believed.east, steered=True)
             self.doubted = there, carried
         if not self._doubted:
             self._say(
-                f"reports what cannot be ({judgement.reason}): not believed;"
+                f"reports what cannot be ({believed.reason}): not believed;"
                 " be ready to take over should it come near"
             )
         self._doubted = True

@@ -6,28 +6,22 @@ from collections import Counter
 import msgspec
 from msgspec.structs import replace
 
-from vfguide.companion.air_motion import LEAST_CALIBRATED, AirMotion, ReportedAirData
+from vfguide.companion.air_motion import AirMotion, ReportedAirData
 from vfguide.companion.alerts import Alerts
 from vfguide.companion.autopilot_clock import AutopilotClock, Reading
-from vfguide.companion.delay_compensator import DelayCompensator, memory_of
-from vfguide.companion.distrust import (
-    AltitudeGate,
-    Doubt,
-    FrozenPosition,
-    NavigationHealth,
-    with_remedy,
-)
-from vfguide.companion.plan import FlightPlan
-from vfguide.companion.plausibility import (
-    CARRIED_S,
-    RETURN_S,
+from vfguide.companion.belief import (
     STAYED_S,
-    GateVerdict,
-    InnovationGate,
-    Judgement,
+    Belief,
+    Believed,
+    HeightBelief,
+    Life,
     ReportedMotion,
+    radius_limit,
     reach_of,
 )
+from vfguide.companion.delay_compensator import DelayCompensator, memory_of
+from vfguide.companion.distrust import Doubt, NavigationHealth, with_remedy
+from vfguide.companion.plan import FlightPlan
 from vfguide.elementwise import wrap_angle
 from vfguide.guidance.navigation import (
     Sample,
@@ -35,6 +29,7 @@ from vfguide.guidance.navigation import (
     first_state,
     navigate,
     navigate_blind,
+    navigate_unseen,
     velocity_error,
     velocity_error_at_first,
     with_right_velocity,
@@ -56,19 +51,12 @@ from vfguide.state import Setpoint, VehicleState
 GAP_S = 1.0
 """After a silence longer than this the filter starts anew."""
 
-CARRIED = frozenset({GateVerdict.CARRIED, GateVerdict.ADRIFT})
-"""Where the place is the one that the velocity leads to."""
-
 WAIT_S = 0.3
 """By so much reports are late or early on an ordinary link. Those that keep one waiting for longer than their
 stamps say may come of a clock that stood still; one whose stamp is farther ahead, of one that has leapt."""
 
 SLIP_S = 0.1
 """After a slip of the autopilot's clock by more the filter starts anew: it cannot know how long was flown."""
-
-SURE_AGAIN_S = CARRIED_S - RETURN_S + GAP_S
-"""After nothing was believed for longer, the carried place would be given up before the reports are believed
-again: the vehicle would be steered for a moment, not steered, and steered again."""
 
 SENSORS_S = 10.0
 """After so long the word of the sensors and the battery counts as old."""
@@ -168,18 +156,21 @@ class OwnVehicle:
         self._blind = plan.leads and plan.settings.speed_source == "observer"
         self._nominal_period = 1.0 / plan.rate_hz
         self._clock = AutopilotClock(self._alerts)
-        self._gate = InnovationGate(reach_of(plan.airframe), moved_s=STAYED_S)
+        spacing = min((one.spacing for one in plan.others), default=math.inf)
+        self.belief = Belief(
+            reach_of(plan.airframe), moved_s=STAYED_S, most_m=radius_limit(spacing)
+        )
+        """What is believed of its motion."""
         self._doubt = Doubt(self._alerts)
-        self._altitude = AltitudeGate()
+        self._altitude = HeightBelief()
+        self._through_air_s = 0.0
         self._reading: Reading | None = None
-        self._refused = self._comes_back = False
         self._refusal: str | None = None
         self._refusal_s = -math.inf
         self._passed_s = 0.0
         self.reboots = 0
         """How often the autopilot has started anew, as its boot time says."""
         self._counters: Counter[str] = Counter()
-        self._frozen = FrozenPosition()
         self._health = NavigationHealth()
         self.sensors = SensorWatch()
         """What the autopilot says of its sensors and batteries."""
@@ -209,7 +200,7 @@ class OwnVehicle:
     @property
     def doubts(self) -> bool:
         """Whether the position that was reported last is not believed."""
-        return self._gate.doubts
+        return self.belief.doubts
 
     @property
     def course_offset(self) -> float:
@@ -256,57 +247,77 @@ class OwnVehicle:
         if reading.rebooted:
             self.reboots += 1
             self._state = before = None
-            self._gate.forget()
-            self._altitude = AltitudeGate()
+            self.belief.forget()
+            self._altitude = HeightBelief()
         previous, time_s = self._state, reading.time_s
         if before is not None and reading.boot_time_s <= before.boot_time_s:
             return None
         self._reading = reading
         sample = self._sample(report, time_s, now)
-        judgement = self._judge(report, sample, reading, before)
-        self._doubt.note(judgement, now)
-        if judgement.verdict is GateVerdict.REFUSED:
-            self._refused = True
-            self._refusal, self._refusal_s = judgement.reason, now
+        believed = self._believe(report, sample, reading, before)
+        self._doubt.note(believed, self.belief, now)
+        if not believed.leads:
+            self._refusal, self._refusal_s = believed.reason, now
             return None
-        if previous is not None and time_s <= previous.time_s:
+        late = previous is not None and time_s <= previous.time_s
+        if late or (previous is None and not believed.is_reported):
             return None
-        moved = judgement.moved is not None
         interval = math.inf if previous is None else time_s - previous.time_s
-        self._comes_back = judgement.verdict is not GateVerdict.BELIEVED and (
-            self._comes_back or (self._refused and interval > SURE_AGAIN_S)
-        )
-        self._refused = False
         altitude = self._judge_altitude(report.altitude_amsl, reading.boot_time_s)
         used = replace(sample, height=altitude - self._frame.altitude_m)
-        if judgement.verdict in CARRIED:
-            used = replace(used, north=judgement.north, east=judgement.east)
-        fresh = previous is None or interval > GAP_S or moved or slip_s(before, reading) > SLIP_S
-        used = self._with_right_velocity(used, fresh=fresh, carried=judgement.verdict in CARRIED)
-        if previous is None or fresh:
-            self._period = self._nominal_period
-            if math.isnan(used.height):
-                used = replace(used, height=0.0 if previous is None else previous.height)
-            state = first_state(used)
+        if not believed.by_place:
+            used = replace(used, north=believed.north, east=believed.east)
+        if previous is not None and not believed.by_velocity:
+            state = self._through_air(previous, used, by_place=believed.by_place)
         else:
-            self._period += PERIOD_SHARE * (interval - self._period)
-            step = navigate_blind if self._blind else navigate
-            state = step(previous, used, self._filters)
+            state = self._by_report(used, believed, slip_s(before, reading))
+            self.air.learn(report, state, interval, now)
         self._state = state
-        self.air.learn(report, state, interval, now)
         if self._delay_compensator is not None:
             self._delay_compensator.observe(state)
         return NavigatedState(
             state=state,
-            place=self._place(report, sample, judgement, state),
+            place=self._place(report, state, is_reported=believed.is_reported),
             period=self._period,
             interval=interval,
             altitude_amsl=altitude,
-            moved=moved,
-            steerable=judgement.verdict is not GateVerdict.ADRIFT and not self._comes_back,
+            moved=believed.moved is not None,
+            steerable=believed.life is not Life.DOUBTED,
             delay_compensator=self._delay_compensator,
-            air_data=self.air.data(report, now),
+            air_data=self.air.data(report, now) if believed.by_velocity else None,
         )
+
+    def _by_report(
+        self, sample: Sample[float], believed: Believed, slipped_s: float
+    ) -> VehicleState[float]:
+        """The state by the reported velocity, and by the place that is believed."""
+        previous = self._state
+        interval = math.inf if previous is None else sample.time_s - previous.time_s
+        longest = max(interval, self._through_air_s)
+        fresh = longest > GAP_S or believed.moved is not None or slipped_s > SLIP_S
+        self._through_air_s = 0.0
+        sample = self._with_right_velocity(sample, fresh=fresh, carried=not believed.by_place)
+        if previous is None or fresh:
+            self._period = self._nominal_period
+            if math.isnan(sample.height):
+                sample = replace(sample, height=0.0 if previous is None else previous.height)
+            return first_state(sample)
+        self._period += PERIOD_SHARE * (interval - self._period)
+        step = navigate_blind if self._blind else navigate
+        return step(previous, sample, self._filters)
+
+    def _through_air(
+        self, previous: VehicleState[float], sample: Sample[float], *, by_place: bool
+    ) -> VehicleState[float]:
+        """The state by heading and airspeed, and by the place where that counts."""
+        self._through_air_s += sample.time_s - previous.time_s
+        heading, airspeed = self.air.carried_on(previous)
+        sample = replace(sample, heading=heading, airspeed=airspeed)
+        if math.isnan(sample.height) and not by_place:
+            sample = replace(sample, height=previous.height)
+        if by_place:
+            return navigate_blind(previous, sample, self._filters, by_course=False)
+        return navigate_unseen(previous, sample, self._filters)
 
     def _with_right_velocity(
         self, sample: Sample[float], *, fresh: bool, carried: bool
@@ -366,8 +377,8 @@ class OwnVehicle:
         match report:
             case AirspeedReport():
                 # False velocities lead to a false wind.
-                known = None if self._gate.doubts else self._state
-                self.air.note_airspeed(report.airspeed, now, known)
+                known = None if self.belief.doubts else self._state
+                self.air.note_airspeed(report, now, known)
             case AttitudeReport():
                 self.air.note_bank(report.bank, now)
             case TimeReport():
@@ -384,14 +395,14 @@ class OwnVehicle:
         """Reports that were not used, by reason."""
         return self._counters + self._doubt.counters + self.air.gate.counters
 
-    def _judge(
+    def _believe(
         self,
         report: PositionReport,
         sample: Sample[float],
         reading: Reading,
         before: Reading | None,
-    ) -> Judgement:
-        """Whether a report can be true, after the one before."""
+    ) -> Believed:
+        """Hold a report against all that is known."""
         state, velocity = self._state, (sample.velocity_north, sample.velocity_east)
         if self._blind and state is not None:
             # What is not used cannot be wrong, and does not show where the vehicle goes.
@@ -411,30 +422,22 @@ class OwnVehicle:
             slack_s = max(slack_s, waited_s if waited_s > WAIT_S else 0.0)
         place = (report.latitude_deg, report.longitude_deg)
         fault = self._health.fault(reading.read_s)
-        if motion.speed < LEAST_CALIBRATED:
-            airspeed = self.air.fresh_airspeed(reading.read_s)
-            fault = fault or self._frozen.fault(place, airspeed, reading.boot_time_s)
         if state is None and place == (0.0, 0.0):
             fault = "a position of 0, 0"
-        return self._gate.judge(motion, fault=fault, slack_s=slack_s)
+        air = None if self._blind else self.air.velocity(report, reading.read_s)
+        return self.belief.take(motion, air=air, fault=fault, slack_s=slack_s)
 
     def _place(
-        self,
-        report: PositionReport,
-        sample: Sample[float],
-        judgement: Judgement,
-        state: VehicleState[float],
+        self, report: PositionReport, state: VehicleState[float], *, is_reported: bool
     ) -> GeodeticPlace:
         """The navigated position on the ellipsoid."""
-        if judgement.verdict in CARRIED:
-            latitude, longitude = self._frame.to_geodetic(state.north, state.east)
-        else:
+        if is_reported:
+            north, east = self._frame.to_local(report.latitude_deg, report.longitude_deg)
             latitude, longitude = self._frame.shifted(
-                report.latitude_deg,
-                report.longitude_deg,
-                state.north - sample.north,
-                state.east - sample.east,
+                report.latitude_deg, report.longitude_deg, state.north - north, state.east - east
             )
+        else:
+            latitude, longitude = self._frame.to_geodetic(state.north, state.east)
         # An altitude that is doubted is for the others to judge, too.
         doubted = self._altitude.doubted
         altitude = report.altitude_amsl if doubted else self._frame.altitude_m + state.height

@@ -140,7 +140,7 @@ class SuccessionRole(Role):
         self._report.term = self._succession.term
         self._arrangements.coordinator = self._succession.holder
         if self._flies_path:
-            self._follower_role.followed.note_wind(navigated)
+            self._follower_role.followed.note_own(navigated)
         step = self._role.step(navigated, mode)
         motion = step.motion or self._follower_role.followed.carried
         self._last = None if motion is None else (motion, navigated)

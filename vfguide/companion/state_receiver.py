@@ -2,16 +2,17 @@
 
 import math
 from collections import Counter
+from collections.abc import Callable
 from functools import lru_cache
 
 from msgspec.structs import replace
 
 from vfguide.companion.alerts import Alerts
-from vfguide.companion.distrust import AltitudeGate
-from vfguide.companion.plausibility import (
+from vfguide.companion.belief import (
     MOVED_S,
-    GateVerdict,
-    InnovationGate,
+    Belief,
+    HeightBelief,
+    HeightWitnesses,
     ReportedMotion,
     reach_of,
 )
@@ -50,6 +51,7 @@ class StateReceiver:
         *,
         whose: str = "it",
         moved_s: float = MOVED_S,
+        beside: Callable[[HeardState], HeightWitnesses] | None = None,
     ) -> None:
         """Make it, with nothing heard yet.
 
@@ -59,11 +61,13 @@ class StateReceiver:
             alerts: takes what a pilot should know.
             whose: states these are, as texts begin.
             moved_s: for how long states from where it cannot be have to agree before they are believed.
+            beside: finds what there is beside the altitude of a state.
         """
         self._frame = frame
         self._clock = clock
-        self._gate = InnovationGate(ANY_REACH, moved_s=moved_s)
-        self._altitude = AltitudeGate()
+        self._belief = Belief(ANY_REACH, moved_s=moved_s)
+        self._altitude = HeightBelief()
+        self._beside = beside
         self._doubted = False
         self._judged_s = -math.inf
         self._alerts = alerts or Alerts()
@@ -102,20 +106,19 @@ class StateReceiver:
     def _judge_altitude(self, motion: HeardState, time_s: float) -> float:
         """The altitude of a state (m), NaN while it is doubted."""
         before = self._altitude.doubted
-        altitude = self._altitude.judge(motion.altitude_amsl, time_s)
+        known = self._altitude.is_known
+        beside = None if known or self._beside is None else self._beside(motion)
+        altitude = self._altitude.judge(motion.altitude_amsl, time_s, beside)
         if self._altitude.doubted and not before:
             self.counters["altitude steps"] += 1
-            self._say(
-                "reports an altitude that steps: not believed, kept clear of at every height;"
-                " be ready to take over should it come near"
-            )
+            self._say(self._altitude.sentence)
         return altitude
 
     def _judge(self, motion: HeardState, time_s: float) -> bool:
         """Whether a state can be true, after those before; it was so at a time (s) of one's own clock."""
         self._judged_s = time_s
         north, east = polar(motion.ground_speed, motion.course)
-        judgement = self._gate.judge(
+        believed = self._belief.take(
             ReportedMotion(
                 # On one's own clock: the formation's jumps when the leader's computer starts anew.
                 time_s=time_s,
@@ -133,14 +136,14 @@ class StateReceiver:
             if same
             else replace(motion, time_s=time_s, altitude_amsl=altitude, height=height)
         )
-        if judgement.verdict is not GateVerdict.BELIEVED:
-            if judgement.verdict is not GateVerdict.REFUSED:
-                carried = replace(state, north=judgement.north, east=judgement.east)
+        if not believed.is_reported:
+            if believed.leads:
+                carried = replace(state, north=believed.north, east=believed.east)
                 self.doubted = replace(state, steered=False), carried
             self.counters["impossible"] += 1
             if not self._doubted:
                 self._say(
-                    f"reports what cannot be ({judgement.reason}): not believed;"
+                    f"reports what cannot be ({believed.reason}): not believed;"
                     " be ready to take over should it come near"
                 )
             self._doubted = True

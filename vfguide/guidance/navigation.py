@@ -200,11 +200,21 @@ def gusts_after(
 
 
 def navigate_blind(
-    previous: VehicleState[Number], sample: Sample[Number], times: FilterTimes
+    previous: VehicleState[Number],
+    sample: Sample[Number],
+    times: FilterTimes,
+    *,
+    by_course: bool = True,
 ) -> VehicleState[Number]:
-    """State after a report whose ground speed is not to be used; its course is.
+    """State after a report whose ground speed is not to be used.
 
     Wind and its rate follow from how the reported positions leave those that airspeed and heading predict.
+
+    Args:
+        previous: state after the report before.
+        sample: the report; later than the previous state.
+        times: memory of the filter.
+        by_course: whether the course of the reported velocity is right.
     """
     period = sample.time_s - previous.time_s
     gain, rate_gain, second_gain = fading_memory_3(period, times.blind_s)
@@ -226,7 +236,37 @@ def navigate_blind(
         ),
         # Positions show the wind by its integral: three orders end with its rate.
         wind_jerk=(sample.north * 0.0, sample.east * 0.0),
-        course=atan2(sample.velocity_east, sample.velocity_north),
+        course=atan2(sample.velocity_east, sample.velocity_north) if by_course else None,
+    )
+
+
+def navigate_unseen(
+    previous: VehicleState[Number], sample: Sample[Number], times: FilterTimes
+) -> VehicleState[Number]:
+    """State after a report of which heading and airspeed alone are used.
+
+    The wind goes on changing as it did; what gusts changed foretells nothing.
+    """
+    period = sample.time_s - previous.time_s
+    smooth = 1.0 - previous.gust_share
+    before = replace(
+        previous,
+        wind_rate_north=smooth * previous.wind_rate_north,
+        wind_rate_east=smooth * previous.wind_rate_east,
+        wind_jerk_north=0.0 * sample.north,
+        wind_jerk_east=0.0 * sample.north,
+    )
+    air = polar(sample.airspeed, sample.heading)
+    north, east, wind_north, wind_east = _predict(before, air, period)
+    return _state(
+        sample,
+        air,
+        gusts=previous.gusts,
+        height=carried_height(previous, sample, times.height_s),
+        position=(north, east),
+        wind=(wind_north, wind_east),
+        wind_rate=(before.wind_rate_north, before.wind_rate_east),
+        wind_jerk=(before.wind_jerk_north, before.wind_jerk_east),
     )
 
 

@@ -165,7 +165,12 @@ def position_report(message: MAVLink_message) -> PositionReport | None:
 def airspeed_report(message: MAVLink_message) -> AirspeedReport | None:
     """VFR_HUD, or None where the airspeed is no speed."""
     airspeed = message.airspeed
-    return AirspeedReport(airspeed=airspeed) if 0.0 <= airspeed <= GREATEST_AIRSPEED else None
+    if not 0.0 <= airspeed <= GREATEST_AIRSPEED:
+        return None
+    known = 0 <= message.heading <= 360
+    return AirspeedReport(
+        airspeed=airspeed, heading=math.radians(message.heading) if known else None
+    )
 
 
 def attitude_report(message: MAVLink_message) -> AttitudeReport | None:

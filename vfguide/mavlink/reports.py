@@ -52,6 +52,8 @@ class AirspeedReport(msgspec.Struct, frozen=True, kw_only=True):
 
     airspeed: float
     """m/s."""
+    heading: float | None = None
+    """rad, in whole degrees; None where the autopilot does not know it."""
 
 
 class AttitudeReport(msgspec.Struct, frozen=True, kw_only=True):

@@ -23,7 +23,7 @@ OWN_FAULTS = (
     ("latitude and longitude 0", Fault("zero", 0.0, 3.0), "m from where it can be", 1.0),
     ("5 km off", Fault("offset", 0.0, 3.0, 5000.0), "5000 m from where it can be", 1.0),
     ("50 m off", Fault("offset", 0.0, 3.0, 50.0), "50 m from where it can be", 1.0),
-    ("frozen", Fault("frozen", 0.0, 3.0), "m from where it can be", 2.0),
+    ("frozen", Fault("frozen", 0.0, 3.0), "the position does not change in flight", 2.0),
     # Nothing to steer by for 5 s, and then for another 2 s: it flies on on its last course.
     ("velocity 327 m/s", Fault("velocity", 0.0, 3.0, 327.0), "a speed of 327 m/s", 10.0),
     ("airspeed 500 m/s", Fault("airspeed", 0.0, 3.0, 500.0), "an airspeed of 500 m/s", 1.0),
@@ -164,8 +164,8 @@ def test_a_leader_whose_position_stays_40_m_ahead_is_handed_back_and_the_formati
 ):
     assert leader_ahead.nearest(20.0) > LEAST_M
     said = leader_ahead.said("leader", 20.0, 75.0)
-    assert any("40 m from where it can be: not steered" in text for text in said)
-    assert "autopilot: Mode LOITER" in leader_ahead.said("leader", 20.0, 40.0)
+    assert any("from where it can be: not steered" in text for text in said)
+    assert "autopilot: Mode LOITER" in leader_ahead.said("leader", 20.0, 48.0)
     for name in ("f1", "f2"):
         assert leader_ahead.mode_changes(name, 50.0, 65.0)[-3:] == [
             "predicting",
@@ -198,3 +198,43 @@ def test_a_step_of_the_place_that_a_gap_in_the_telemetry_hides_is_not_flown_to(l
     flown = fly(line, {"f1": [Fault("offset", 11.0, inf, 0.0, -28.0)]}, 30.0, stops={"f1": [gap]})
     assert flown.nearest() > LEAST_M
     assert any("from where it can be" in text for text in flown.said("f1", 12.0, 20.0))
+
+
+@pytest.mark.parametrize("length_s", [2.0, 3.0, 5.0])
+def test_place_and_velocity_that_are_repeated_while_stamps_go_on_are_not_flown_by(circle, length_s):
+    kinds = ("frozen", "held")
+    flown = fly(circle, {"f1": [Fault(kind, 10.0, length_s) for kind in kinds]}, 22.0)
+    assert flown.nearest(9.0) > LEAST_M
+    assert (
+        "do not change in flight: flown on by heading and airspeed"
+        in flown.said("f1", 9.9, 12.0)[0]
+    )
+    # Right again with the first report that differs.
+    back_s = 10.0 + length_s + 0.5
+    assert any("are right again" in text for text in flown.said("f1", 11.0, back_s))
+    assert flown.mode_at("f1", 22.0) == "tracking"
+
+
+def test_a_velocity_that_stands_still_in_a_turn_is_outweighed_by_positions_and_airspeed(
+    circle, undisturbed
+):
+    flown = fly(circle, {"f1": [Fault("held", 10.0, 5.0)]}, 25.0)
+    assert flown.nearest(9.0) > LEAST_M
+    assert flown.off(undisturbed, "f1", 9.0, 25.0) < 2.0
+    assert "the velocity does not change in a turn" in flown.said("f1", 9.9, 11.0)[0]
+    assert flown.mode_changes("f1", 9.0, 25.0) == []
+
+
+@pytest.mark.parametrize("rate", [1.5, 4.0])
+def test_a_place_that_drifts_is_not_followed_into_another(circle, rate):
+    flown = fly(circle, {"f1": [Fault("drift", 10.0, 15.0, rate)]}, 35.0)
+    assert flown.nearest(9.0) > LEAST_M
+    assert any("contradict each other" in text for text in flown.said("f1", 10.0, 17.0))
+
+
+@pytest.mark.parametrize("off_m", [-588.0, 47.0])
+def test_a_leaders_altitude_that_cannot_be_is_not_followed(line, off_m):
+    flown = fly(line, {"leader": [Fault("altitude", 0.0, inf, off_m)]}, 15.0)
+    for name in ("f1", "f2"):
+        assert all(abs(place[2] - 588.0) < 2.0 for place in flown.places[name])
+        assert any("the mission's: own height kept" in text for text in flown.said(name, 0.0, 4.0))

@@ -14,13 +14,14 @@ from tests.kit.companion import leader_bytes, new_flight
 from tests.kit.missions import plan_of
 from tests.kit.wire import parsed, spoken
 from vfguide.companion.alerts import Alerts
-from vfguide.companion.distrust import AltitudeGate, Doubt, NavigationHealth
-from vfguide.companion.plausibility import GateVerdict, Judgement
+from vfguide.companion.belief import STAYED_S, Belief, Believed, HeightBelief, Life, reach_of
+from vfguide.companion.distrust import Doubt, NavigationHealth
 from vfguide.companion.state_receiver import StateReceiver
 from vfguide.companion.supervisor import Mode
 from vfguide.companion.timing import SAME_CLOCK
 from vfguide.mavlink.codec import REPORTS
 from vfguide.mavlink.reports import EstimatorReport, GpsReport, SensorsReport
+from vfguide.state import Airframe
 
 RTL = 11
 
@@ -29,11 +30,13 @@ def told(faults: Iterable[tuple[float, float]], until_s: float) -> list[tuple[fl
     """When what is said of a speed that is wrong in these spans, at ten reports a second."""
     alerts = Alerts()
     doubt, spans, words = Doubt(alerts), list(faults), []
+    belief = Belief(reach_of(Airframe()), moved_s=STAYED_S)
     for step in range(round(until_s * 10)):
         now = step / 10
         wrong = any(begin <= now < end for begin, end in spans)
-        verdict = GateVerdict.REFUSED if wrong else GateVerdict.BELIEVED
-        doubt.note(Judgement(verdict=verdict, north=0.0, east=0.0, reason="a speed"), now)
+        right = Believed(Life.TRUSTED, 0.0, 0.0)
+        refused = right._replace(life=Life.DOUBTED, by_place=False, leads=False, reason="a speed")
+        doubt.note(refused if wrong else right, belief, now)
         words += [(now, one.text) for one in alerts.heard(now)]
     return words
 
@@ -120,7 +123,7 @@ def test_a_mode_that_the_autopilot_denies_is_not_called_the_pilots():
 
 def judged(altitudes: list[float], interval_s: float = 1.0) -> list[bool]:
     """Which of these reports are believed."""
-    gate = AltitudeGate()
+    gate = HeightBelief()
     return [
         not math.isnan(gate.judge(altitude, number * interval_s))
         for number, altitude in enumerate(altitudes)

@@ -1,0 +1,918 @@
+"""What is believed of one aircraft: reports are evidence, held against each other and against a prediction.
+
+Witnesses are the place, the velocity over ground and, of the own vehicle, the motion through the air (heading
+and airspeed). Each report is compared with where the vehicle must be, carried on from the last believed one.
+With a greatest acceleration a, a manoeuvre that begins within an interval T leaves the place open by
+a T² / 8; a margin of two in a is allowed. To that comes the noise of the reports, which is learned from how
+much successive innovations differ. Neither a step nor a steady drag makes it look noisier.
+
+Two that agree outweigh the third. A place that steps is outweighed by the velocity, which carries it on. A
+velocity that steps, where the air velocity does not, is outweighed by places and air. What is repeated to
+the digit although the aircraft must have moved is no evidence at all: place and velocity that both stand
+still are a silence, through which the air motion leads. Where place and velocity part without a step it
+cannot be known which of them is false: neither is used.
+
+Whatever is missing, the radius of what is known (m, 95 %) grows. It is steered within `most_m`, which follows
+from the spacing of the mission; beyond it the place is still told to the others.
+
+`LIVES` is the whole life of a belief.
+
+What cannot be seen: steps within the tolerance (4 m and six times the noise), positions that drift off by
+less than that in `LEAN_S` (1 m/s where noise is 0.3 m), and positions and velocities forged together.
+"""
+
+import math
+from enum import Enum
+from typing import NamedTuple
+
+import msgspec
+
+from vfguide.guidance.airframe import GRAVITY
+from vfguide.state import Airframe
+
+START_S = 0.4
+"""Reports that contradict a place that has only just been believed have to agree for at least this."""
+
+RETURN_S = 2.0
+"""Reports that come back to the carried place are believed after having agreed with each other for this."""
+
+MOVED_S = 5.0
+"""Reports that stay elsewhere are believed after having agreed with each other for so long: longer than a
+receiver's glitches of some seconds last."""
+
+STAYED_S = 30.0
+"""The same for one's own vehicle, which flies by them: by then it has been handed to its autopilot, and its
+pilot knows."""
+
+BRIEF_S = 0.5
+"""After less than this of wrong reports, right ones are believed at once: a frame or two were forged."""
+
+LEAN_S = 6.0
+"""Memory of the carried place: how long it takes to lean on believed positions. Places and velocities of
+recorded estimators part by 3 m in it at most."""
+
+LEAST_TOLERANCE_M = 4.0
+"""Innovations below this are never a fault: an estimator may correct itself by as much."""
+
+NOISE_FACTOR = 6.0
+"""Tolerance in standard deviations of the position noise."""
+
+EXPECTED_NOISE_M = 0.7
+"""Standard deviation, per axis, that is assumed before anything is known."""
+
+GREATEST_NOISE_M = 3.0
+"""More noise than this makes no report more credible."""
+
+NOISE_S = 10.0
+"""Memory of the noise."""
+
+UNBROKEN_S = 0.5
+"""After a longer gap an innovation says nothing of the noise, and the carried place nothing any more."""
+
+STOOD_S = 0.3
+"""After a longer gap an autopilot may have been stopped."""
+
+REPEATED_S = 0.12
+"""What is repeated to the digit for longer is no evidence: no estimator of an aircraft is as slow."""
+
+REPEATED_COUNT = 2
+"""Times that it has to be repeated for that: links say a thing twice."""
+
+REPEATED_M = 1.0
+"""And the aircraft must have moved by so much meanwhile, a hundred times the digit."""
+
+TURNED_M_S = 0.5
+"""A velocity is not repeated to the digit while the air velocity changes by this, five times its noise."""
+
+PARTED_M, PARTED_SIGMAS = 0.3, 3.0
+"""And while positions leave the way that it leads, by this and as many standard deviations."""
+
+VELOCITY_TOLERANCE_M_S = 4.0
+"""Noise and corrections of reported velocities."""
+
+CARRY_ERROR_M_S = 0.5
+"""How fast a place that is carried by velocities may leave the true one: recorded ones do by 0.3 m/s."""
+
+AIR_ERROR_M_S = 2.0
+"""How fast one that is carried through the air may: in gusts, and in a wind that swings, 4 m in 2 s."""
+
+WIND_CHANGE_M_S2 = 2.0
+"""How fast the wind changes, in gusts."""
+
+LEAST_ACCELERATION_M_S2 = 20.0
+"""What any airframe can do in a pilot's hands."""
+
+MARGIN = 2.0
+"""Over the acceleration that a vehicle is asked for at most: gusts, and pilots."""
+
+OVERSPEED = 1.5
+"""Speed of a dive in parts of the greatest speed that a vehicle may be asked for."""
+
+GREATEST_WIND_M_S = 40.0
+"""No wind that these aircraft fly in is stronger."""
+
+MOVING_M_S = 5.0
+"""A slower velocity is no witness of flight."""
+
+STANDS = "position and velocity do not change in flight"
+"""Reason for what is repeated to the digit."""
+
+SPACING_SHARE = 0.25
+"""Part of the spacing that a place may be off by: two that are off toward each other keep half of it."""
+
+LEAST_RADIUS_M, GREATEST_RADIUS_M = 4.0, 7.0
+"""Bounds of that: what noise alone may come to, and what is over before reports that stay are believed."""
+
+RADIUS_SIGMAS = 2.45
+"""95 % of a circular normal distribution, in standard deviations of an axis."""
+
+
+class Life(Enum):
+    """How much is believed."""
+
+    UNKNOWN = "unknown"
+    """Nothing yet."""
+    SETTLING = "settling"
+    """Reports are believed, but no more than others that agree with each other for as long."""
+    TRUSTED = "trusted"
+    """Reports are believed."""
+    COASTING = "coasting"
+    """The vehicle is carried on by the witnesses that agree; good enough to steer by."""
+    DOUBTED = "doubted"
+    """Not good enough to steer by."""
+
+
+class Finding(Enum):
+    """What one more report comes to."""
+
+    AGREES = "agrees"
+    """The witnesses agree."""
+    SETTLED = "settled"
+    """They have done so for long enough."""
+    OUTWEIGHED = "outweighed"
+    """One of them is false or missing, others carry on."""
+    CONTRADICTED = "contradicted"
+    """It cannot be known which is false, or nothing is left."""
+    WORN = "worn"
+    """What is carried on is too uncertain by now."""
+    MOVED = "moved"
+    """Reports from elsewhere have agreed for long enough."""
+
+
+LIVES = """
+|           | agrees   | settled | outweighed | contradicted | worn    | moved    |
+| --------- | -------- | ------- | ---------- | ------------ | ------- | -------- |
+| unknown   | settling | trusted | unknown    | unknown      | unknown | settling |
+| settling  | settling | trusted | coasting   | doubted      | doubted | settling |
+| trusted   | trusted  | trusted | coasting   | doubted      | doubted | settling |
+| coasting  | coasting | trusted | coasting   | doubted      | doubted | settling |
+| doubted   | doubted  | trusted | doubted    | doubted      | doubted | settling |
+"""
+"""The life that follows from a life (rows) and a finding (columns)."""
+
+
+def lives_of(table: str) -> dict[Life, dict[Finding, Life]]:
+    """Read a table of lives."""
+    header, _, *rows = [
+        [cell.strip() for cell in line.strip("|").split("|")] for line in table.strip().splitlines()
+    ]
+    findings = [Finding(name) for name in header[1:]]
+    return {Life(name): dict(zip(findings, map(Life, cells), strict=True)) for name, *cells in rows}
+
+
+NEXT = lives_of(LIVES)
+
+
+class Reach(msgspec.Struct, frozen=True, kw_only=True):
+    """What an aircraft can do between two reports."""
+
+    speed: float
+    """Greatest speed over ground, m/s."""
+    acceleration: float
+    """Greatest change of the horizontal velocity, m/s²."""
+
+    def velocity_change(self, interval_s: float) -> float:
+        """By how much the reported velocity can change, m/s."""
+        return VELOCITY_TOLERANCE_M_S + self.acceleration * interval_s
+
+    def displacement(self, interval_s: float) -> float:
+        """How far the place can be from the one that the mean of both velocities leads to, m."""
+        # a T² / 8, a being the acceleration without its margin of two.
+        return min(0.0625 * self.acceleration * interval_s**2, 2.0 * self.speed * interval_s)
+
+
+def reach_of(airframe: Airframe) -> Reach:
+    """What a vehicle with these limits can do, in a pilot's hands and in gusts too."""
+    asked = GRAVITY * math.tan(airframe.max_bank) + airframe.max_acceleration
+    return Reach(
+        speed=OVERSPEED * airframe.airspeed_max + GREATEST_WIND_M_S,
+        acceleration=max(MARGIN * asked, LEAST_ACCELERATION_M_S2),
+    )
+
+
+class ReportedMotion(NamedTuple):
+    """Position and velocity at a time."""
+
+    time_s: float
+    """s, on any clock that runs evenly."""
+    north: float
+    """m."""
+    east: float
+    """m."""
+    velocity_north: float
+    """Over ground, m/s."""
+    velocity_east: float
+    """Over ground, m/s."""
+
+    @property
+    def speed(self) -> float:
+        """Over ground, m/s."""
+        return math.hypot(self.velocity_north, self.velocity_east)
+
+
+def carried(motion: ReportedMotion, to: ReportedMotion) -> tuple[float, float]:
+    """(north, east) of a place that is carried to the time of another motion by the mean velocity of both."""
+    half = 0.5 * (to.time_s - motion.time_s)
+    return (
+        motion.north + half * (motion.velocity_north + to.velocity_north),
+        motion.east + half * (motion.velocity_east + to.velocity_east),
+    )
+
+
+def velocity_change(motion: ReportedMotion, to: ReportedMotion) -> float:
+    """By how much the velocity differs, m/s."""
+    return math.hypot(
+        to.velocity_north - motion.velocity_north, to.velocity_east - motion.velocity_east
+    )
+
+
+def innovation(
+    motion: ReportedMotion, to: ReportedMotion, slack_s: float = 0.0, stood_s: float = 0.0
+) -> tuple[float, float]:
+    """(north, east) from the carried place to the reported one, m.
+
+    Args:
+        motion: the one before.
+        to: the reported one.
+        slack_s: by so much the time between both may have been longer than their stamps say.
+        stood_s: by so much it may have been shorter.
+    """
+    north, east = carried(motion, to)
+    north, east = to.north - north, to.east - east
+    speed = to.speed
+    if speed == 0.0 or (slack_s <= 0.0 and stood_s <= 0.0):
+        return north, east
+    ahead_north, ahead_east = to.velocity_north / speed, to.velocity_east / speed
+    along = north * ahead_north + east * ahead_east
+    excused = min(max(along, -speed * stood_s), speed * slack_s)
+    return north - excused * ahead_north, east - excused * ahead_east
+
+
+def leaned(motion: ReportedMotion, north: float, east: float, interval_s: float) -> ReportedMotion:
+    """A carried place that leans on the reported one.
+
+    Args:
+        motion: as reported.
+        north: of the innovation, m.
+        east: of the innovation, m.
+        interval_s: since the report before.
+    """
+    rest = 0.0 if interval_s > UNBROKEN_S else LEAN_S / (LEAN_S + interval_s)
+    return motion._replace(north=motion.north - rest * north, east=motion.east - rest * east)
+
+
+class Believed(NamedTuple):
+    """What one more report leaves of a belief."""
+
+    life: Life
+    """How much is believed."""
+    north: float
+    """Of the place to go by, m."""
+    east: float
+    """Of the place to go by, m."""
+    by_place: bool = True
+    """Whether the reported place counts; else it is carried on."""
+    by_velocity: bool = True
+    """Whether the reported velocity counts; else the motion through the air leads."""
+    leads: bool = True
+    """Whether anything leads on, so that the others can be told of a place."""
+    off: float = 0.0
+    """How far the report is from where the vehicle must be, m."""
+    moved: tuple[float, float] | None = None
+    """(north, east) in m from the carried place to the one that is believed now, if it is another one."""
+    reason: str | None = None
+    """Why it is not believed, in words."""
+
+    @property
+    def is_reported(self) -> bool:
+        """Whether the report is believed as it is."""
+        return self.by_place and self.by_velocity
+
+
+def radius_limit(spacing: float) -> float:
+    """Radius (m) within which an aircraft is steered whose nearest neighbour's slot is that far away, m."""
+    return min(max(SPACING_SHARE * spacing, LEAST_RADIUS_M), GREATEST_RADIUS_M)
+
+
+class Belief:
+    """What is believed of one aircraft, and how well its place is known."""
+
+    def __init__(self, reach: Reach, *, moved_s: float, most_m: float = GREATEST_RADIUS_M) -> None:
+        """Before the first report, which is believed where its speed is possible.
+
+        Args:
+            reach: what the vehicle can do.
+            moved_s: for how long reports from elsewhere have to agree with each other.
+            most_m: radius of a place that may be steered by, m.
+        """
+        self._reach = reach
+        self._moved_s = moved_s
+        self._most_m = most_m
+        self._variance = EXPECTED_NOISE_M**2
+        self.forget()
+
+    def forget(self) -> None:
+        """The next report is the first one."""
+        self.life = Life.UNKNOWN
+        self._known: ReportedMotion | None = None
+        self._believed_since = 0.0
+        self._doubted_since: float | None = None
+        self._seen: ReportedMotion | None = None
+        self._seen_since = 0.0
+        self._elsewhere_s = self._moved_s
+        self._newest: ReportedMotion | None = None
+        self._place_since = 0.0
+        self._held_from = ReportedMotion(0.0, math.nan, math.nan, math.nan, math.nan)
+        self._place_count = self._velocity_count = 0
+        self._turned_from: tuple[float, float] | None = None
+        self._wind: tuple[float, float] | None = None
+        self._contradicts = self._silent = self._velocity_is_false = False
+        self.agree_s = RETURN_S
+        """For how long doubted reports have to agree before they are believed again, s."""
+        self._innovation: tuple[float, float] | None = None
+        self._lost_m = 0.0
+
+    @property
+    def noise(self) -> float:
+        """Standard deviation of the places along an axis, m."""
+        return min(math.sqrt(self._variance), GREATEST_NOISE_M)
+
+    @property
+    def tolerance(self) -> float:
+        """Innovation (m) that noise explains."""
+        return LEAST_TOLERANCE_M + NOISE_FACTOR * self.noise
+
+    @property
+    def radius(self) -> float:
+        """Within which the vehicle is at 95 %, m; infinite while nothing is known."""
+        if self._known is None:
+            return math.inf
+        return RADIUS_SIGMAS * self.noise + self._lost_m
+
+    def lasts_s(self, believed: Believed) -> float:
+        """For how long a vehicle that coasts may be steered on, s."""
+        witnessed = believed.by_velocity or believed.by_place
+        growth = CARRY_ERROR_M_S if witnessed else AIR_ERROR_M_S
+        return max(self._most_m - self.radius, 0.0) / growth
+
+    @property
+    def doubts(self) -> bool:
+        """Whether what was reported last is not believed."""
+        return self._doubted_since is not None
+
+    def take(
+        self,
+        motion: ReportedMotion,
+        *,
+        air: tuple[float, float] | None = None,
+        fault: str | None = None,
+        slack_s: float = 0.0,
+    ) -> Believed:
+        """Take a report, which has to be later than the one before.
+
+        Args:
+            motion: as reported.
+            air: velocity (north, east) through the air, m/s; None where it is not known.
+            fault: why it is not to be believed whatever it says, if there is a reason; the place after it is
+                a new one.
+            slack_s: by so much the time since the report before may have been longer than the stamps say.
+        """
+        unknown = fault is not None
+        fault = fault or self._impossible(motion, air)
+        known, newest = self._known, self._newest
+        self._newest = motion
+        place_repeats, velocity_repeats = self._repeats(newest, motion, air)
+        if known is None or newest is None:
+            return self._refused(motion, fault) if fault else self._adopted(motion)
+        if fault is not None:
+            self._doubt(known)
+            self._seen = None
+            self._silent = False
+            if unknown:
+                self._elsewhere_s = RETURN_S
+            return self._refused(motion, fault)
+        if place_repeats and velocity_repeats:
+            return self._silence(known, motion, motion.time_s - newest.time_s, air)
+        outweighed = self._starts_outweighed(newest, motion, air, repeats=velocity_repeats)
+        if outweighed and air is not None and self._wind is not None:
+            off = self._off_air(motion, air, self._wind)
+            return self._outweigh_velocity(known, motion, off, slack_s, repeats=velocity_repeats)
+        if velocity_change(known, motion) > self._reach.velocity_change(
+            motion.time_s - known.time_s
+        ):
+            return self._refuse_step(known, motion, slack_s)
+        if air is not None:
+            self._wind = (motion.velocity_north - air[0], motion.velocity_east - air[1])
+        return self._judge_place(known, newest, motion, slack_s, repeats=place_repeats)
+
+    def _refuse_step(
+        self, known: ReportedMotion, motion: ReportedMotion, slack_s: float
+    ) -> Believed:
+        """The velocity steps, and nothing but the place speaks against it."""
+        self._doubt(known)
+        self._contradicts, self._silent = True, False
+        self._watch(motion, slack_s)
+        if self._has_moved(motion):
+            return self._adopted(motion)
+        turned = velocity_change(known, motion)
+        return self._refused(motion, f"the velocity steps by {turned:.0f} m/s")
+
+    def _repeats(
+        self,
+        newest: ReportedMotion | None,
+        motion: ReportedMotion,
+        air: tuple[float, float] | None,
+    ) -> tuple[bool, bool]:
+        """Whether (place, velocity) are repeated to the digit by an aircraft that moves, or turns."""
+        now = motion.time_s
+        same_place = same_velocity = False
+        if newest is not None:
+            same_place = newest.north == motion.north and newest.east == motion.east
+            same_velocity = (
+                newest.velocity_north == motion.velocity_north
+                and newest.velocity_east == motion.velocity_east
+            )
+        self._place_count += 1
+        self._velocity_count += 1
+        if not same_place:
+            self._place_since, self._place_count = now, 0
+        if not same_velocity:
+            self._velocity_count, self._held_from, self._turned_from = 0, motion, air
+            if not same_place:
+                return False, False
+        place_s, velocity_s = now - self._place_since, now - self._held_from.time_s
+        place_repeats = place_s > REPEATED_S and self._place_count >= REPEATED_COUNT
+        velocity_repeats = velocity_s > REPEATED_S and self._velocity_count >= REPEATED_COUNT
+        if not velocity_repeats:
+            return place_repeats and motion.speed > max(MOVING_M_S, REPEATED_M / place_s), False
+        fastest = motion.speed if air is None else max(motion.speed, math.hypot(*air))
+        place_repeats = place_repeats and fastest > max(MOVING_M_S, REPEATED_M / place_s)
+        if place_repeats or air is None or self._turned_from is None:
+            return place_repeats, place_repeats
+        turned = math.hypot(air[0] - self._turned_from[0], air[1] - self._turned_from[1])
+        parted = math.hypot(*innovation(self._held_from, motion))
+        return False, turned > TURNED_M_S and parted > PARTED_M + PARTED_SIGMAS * self.noise
+
+    def _silence(
+        self,
+        known: ReportedMotion,
+        motion: ReportedMotion,
+        passed_s: float,
+        air: tuple[float, float] | None,
+    ) -> Believed:
+        """Place and velocity are repeated: no evidence, through which the air motion leads."""
+        if self._doubted_since is None:
+            self._silent = True
+        self._doubt(known)
+        self._seen = None
+        self._lost_m += AIR_ERROR_M_S * passed_s
+        if air is None or self._wind is None or motion.speed < MOVING_M_S:
+            return self._refused(motion, STANDS)
+        return self._carried(known.north, known.east, STANDS, by_velocity=False)
+
+    def _starts_outweighed(
+        self,
+        newest: ReportedMotion,
+        motion: ReportedMotion,
+        air: tuple[float, float] | None,
+        *,
+        repeats: bool,
+    ) -> bool:
+        """Whether places and air outweigh the velocity from this report on."""
+        if self._velocity_is_false or air is None or self._wind is None:
+            return self._velocity_is_false
+        if repeats:
+            return True
+        passed_s = motion.time_s - newest.time_s
+        if velocity_change(newest, motion) <= self._reach.velocity_change(passed_s):
+            return False
+        off = math.hypot(*self._off_air(motion, air, self._wind))
+        return off > VELOCITY_TOLERANCE_M_S + WIND_CHANGE_M_S2 * passed_s
+
+    def _off_air(
+        self, motion: ReportedMotion, air: tuple[float, float], wind: tuple[float, float]
+    ) -> tuple[float, float]:
+        """By how much a velocity differs from that through the air and the wind's, m/s."""
+        return (
+            motion.velocity_north - air[0] - wind[0],
+            motion.velocity_east - air[1] - wind[1],
+        )
+
+    def _outweigh_velocity(
+        self,
+        known: ReportedMotion,
+        motion: ReportedMotion,
+        off_air: tuple[float, float],
+        slack_s: float,
+        *,
+        repeats: bool,
+    ) -> Believed:
+        """Judge a report whose velocity is off from what places and air lead to."""
+        off_north, off_east = off_air
+        off_m_s = math.hypot(off_north, off_east)
+        self._velocity_is_false = True
+        self._doubt(known)
+        self._watch(motion, slack_s)
+        right = motion._replace(
+            velocity_north=motion.velocity_north - off_north,
+            velocity_east=motion.velocity_east - off_east,
+        )
+        interval_s = motion.time_s - known.time_s
+        north, east = innovation(known, right, slack_s)
+        off = math.hypot(north, east)
+        agrees = off <= self.tolerance + self._reach.displacement(interval_s)
+        brief = motion.time_s - (self._doubted_since or 0.0) <= BRIEF_S
+        near = off_m_s <= VELOCITY_TOLERANCE_M_S
+        if repeats:
+            self._seen_since = motion.time_s
+        elif agrees and ((brief and near) or self._steady_s(motion) >= RETURN_S):
+            return self._agreed(motion, motion, off)
+        self._lost_m += CARRY_ERROR_M_S * interval_s
+        if not agrees:
+            if self._has_moved(motion):
+                return self._adopted(motion)
+            # The place steps as well: the air leads alone.
+            self._lost_m += (AIR_ERROR_M_S - CARRY_ERROR_M_S) * interval_s
+            self._known = right._replace(north=right.north - north, east=right.east - east)
+            reason = "position and velocity contradict each other, and the motion through the air"
+            return self._carried(right.north - north, right.east - east, reason, by_velocity=False)
+        self._known = right
+        reason = f"the velocity steps by {off_m_s:.0f} m/s"
+        if motion.speed > self._reach.speed:
+            reason = f"a speed of {motion.speed:.0f} m/s"
+        elif repeats:
+            reason = "the velocity does not change in a turn"
+        return self._carried(motion.north, motion.east, reason, by_velocity=False, by_place=True)
+
+    def _judge_place(
+        self,
+        known: ReportedMotion,
+        newest: ReportedMotion,
+        motion: ReportedMotion,
+        slack_s: float,
+        *,
+        repeats: bool,
+    ) -> Believed:
+        """The velocity can be true: the position, after the believed one and the newest one?"""
+        interval_s = motion.time_s - known.time_s
+        north, east = innovation(known, motion, slack_s)
+        off = math.hypot(north, east)
+        self._learn_noise(north, east, interval_s)
+        within = off <= self.tolerance + self._reach.displacement(interval_s) + self._drift(motion)
+        agrees = within and not repeats
+        if not agrees and self._doubted_since is None:
+            self._begin_doubt(known, newest, motion, repeats=repeats)
+        if self._doubted_since is not None:
+            self._watch(motion, slack_s)
+            brief = self._is_brief(known, motion)
+            self._silent = False
+            if agrees and (brief or self._steady_s(motion) >= self.agree_s):
+                self._settle()
+        if self._doubted_since is None:
+            return self._agreed(motion, leaned(motion, north, east, interval_s), off)
+        if not agrees and self._has_moved(motion):
+            return self._adopted(motion)
+        if self._contradicts:
+            self._lost_m = max(self._lost_m, off)
+            return self._refused(motion, "position and velocity contradict each other")
+        place_north, place_east = motion.north - north, motion.east - east
+        self._known = motion._replace(north=place_north, east=place_east)
+        self._lost_m += CARRY_ERROR_M_S * interval_s
+        if self._doubted_since - self._believed_since < START_S:
+            return self._refused(motion, "the first positions do not agree with each other")
+        reason = "the position has just come back"
+        if not within:
+            reason = f"the position is {off:.0f} m from where it can be"
+        elif repeats:
+            reason = "the position does not change in flight"
+        return self._carried(place_north, place_east, reason, off=off)
+
+    def _is_brief(self, known: ReportedMotion, motion: ReportedMotion) -> bool:
+        """Whether what agrees now may be believed at once."""
+        if self._silent:
+            # A silence ends with the first report that fits, as a gap does.
+            return True
+        if self._doubted_since is None or self.agree_s > RETURN_S:
+            return False
+        # Time passes, and with it what the velocity could have become: it has to be the former one.
+        former = velocity_change(known, motion) <= VELOCITY_TOLERANCE_M_S
+        brief = motion.time_s - self._doubted_since <= BRIEF_S
+        return brief and (former or not self._contradicts)
+
+    def _begin_doubt(
+        self,
+        known: ReportedMotion,
+        newest: ReportedMotion,
+        motion: ReportedMotion,
+        *,
+        repeats: bool,
+    ) -> None:
+        """The place cannot be true: it steps or stands, or it cannot be known what is false."""
+        if self._stood_still(known, motion):
+            self._elsewhere_s = RETURN_S
+        else:
+            stepped = math.hypot(*innovation(newest, motion)) > self.tolerance
+            self._contradicts = not (repeats or stepped)
+            # What parts slowly agrees again only where it does not go on parting.
+            self.agree_s = MOVED_S if self._contradicts else RETURN_S
+        self._doubt(known)
+
+    def _impossible(
+        self, motion: ReportedMotion, air: tuple[float, float] | None = None
+    ) -> str | None:
+        """What no aircraft does, whatever it did before; a speed that the air outweighs is not looked at."""
+        speed = motion.speed
+        if not math.isfinite(speed + motion.north + motion.east + motion.time_s):
+            return "the position is no number"
+        if air is not None and self._wind is not None:
+            return None
+        return f"a speed of {speed:.0f} m/s" if speed > self._reach.speed else None
+
+    def _find(self, finding: Finding) -> None:
+        self.life = NEXT[self.life][finding]
+
+    def _carried(
+        self,
+        north: float,
+        east: float,
+        reason: str,
+        *,
+        by_place: bool = False,
+        by_velocity: bool = True,
+        off: float = 0.0,
+    ) -> Believed:
+        """The witnesses that agree carry the vehicle on."""
+        self._find(Finding.WORN if self.radius > self._most_m else Finding.OUTWEIGHED)
+        return Believed(
+            self.life,
+            north,
+            east,
+            by_place=by_place,
+            by_velocity=by_velocity,
+            off=off,
+            reason=reason,
+        )
+
+    def _refused(self, motion: ReportedMotion, reason: str) -> Believed:
+        self._find(Finding.CONTRADICTED)
+        return Believed(
+            self.life,
+            motion.north,
+            motion.east,
+            by_place=False,
+            by_velocity=False,
+            leads=False,
+            reason=reason,
+        )
+
+    def _agreed(self, motion: ReportedMotion, known: ReportedMotion, off: float) -> Believed:
+        """The report is believed as it is."""
+        self._known = known
+        if self.life is not Life.TRUSTED:
+            self._settle()
+            long = motion.time_s - self._believed_since >= MOVED_S
+            settled = long or self.life is not Life.SETTLING
+            self._find(Finding.SETTLED if settled else Finding.AGREES)
+        return Believed(self.life, motion.north, motion.east, off=off)
+
+    def _adopted(self, motion: ReportedMotion) -> Believed:
+        """The vehicle is there, wherever it was thought to be."""
+        known, moved = self._known, None
+        self._believed_since = motion.time_s
+        if known is not None:
+            self._believed_since = self._seen_since
+            moved = innovation(known, motion)
+        self._known, self._innovation = motion, None
+        self._settle()
+        self._find(Finding.MOVED)
+        return Believed(
+            self.life,
+            motion.north,
+            motion.east,
+            off=0.0 if moved is None else math.hypot(*moved),
+            moved=moved,
+        )
+
+    def _settle(self) -> None:
+        """Nothing is doubted any more."""
+        self._doubted_since = self._seen = None
+        self._contradicts = self._silent = self._velocity_is_false = False
+        self.agree_s = RETURN_S
+        self._elsewhere_s = self._moved_s
+        self._lost_m = 0.0
+
+    def _stood_still(self, known: ReportedMotion, motion: ReportedMotion) -> bool:
+        """Whether a report fits a vehicle that has flown for a part of the time since the one before."""
+        interval_s = motion.time_s - known.time_s
+        off = math.hypot(*innovation(known, motion, stood_s=interval_s))
+        return interval_s > STOOD_S and off <= self.tolerance
+
+    def _doubt(self, known: ReportedMotion) -> None:
+        if self._doubted_since is None:
+            self._doubted_since = known.time_s
+
+    def _drift(self, motion: ReportedMotion) -> float:
+        """How far the carried place may have left the true one since it was last believed, m."""
+        if self._doubted_since is None or self._silent:
+            return 0.0
+        return CARRY_ERROR_M_S * (motion.time_s - self._doubted_since)
+
+    def _watch(self, motion: ReportedMotion, slack_s: float) -> None:
+        """Whether doubted reports agree with each other."""
+        seen, self._seen = self._seen, motion
+        if seen is not None:
+            interval_s = motion.time_s - seen.time_s
+            turned = velocity_change(seen, motion)
+            north, east = innovation(seen, motion, slack_s)
+            within = self.tolerance + self._reach.displacement(interval_s)
+            turns = turned <= self._reach.velocity_change(interval_s)
+            if turns and math.hypot(north, east) <= within:
+                # Not the report itself: one that stays behind its velocity a little each time is not steady.
+                self._seen = (
+                    motion._replace(north=motion.north - north, east=motion.east - east)
+                    if self._contradicts or self._velocity_is_false
+                    else leaned(motion, north, east, interval_s)
+                )
+                return
+            self._elsewhere_s = self._moved_s
+        self._seen_since = motion.time_s
+
+    def _steady_s(self, motion: ReportedMotion) -> float:
+        """For how long doubted reports have agreed with each other, s."""
+        return motion.time_s - self._seen_since
+
+    def _has_moved(self, motion: ReportedMotion) -> bool:
+        """Whether doubted reports have been steady for long, where an aircraft could have flown."""
+        known, since = self._known, self._doubted_since
+        if known is None or since is None:
+            return False
+        steady_s, believed_s = self._steady_s(motion), since - self._believed_since
+        if believed_s < MOVED_S and steady_s >= max(believed_s, START_S):
+            # However far: that the vehicle was at the former place is no surer.
+            return True
+        if steady_s < self._elsewhere_s:
+            return False
+        far = math.hypot(motion.north - known.north, motion.east - known.east)
+        return far <= self._reach.speed * (motion.time_s - since)
+
+    def _learn_noise(self, north: float, east: float, interval_s: float) -> None:
+        """Both axes of two innovations: the mean square of their difference is four variances."""
+        before, self._innovation = self._innovation, (north, east)
+        if before is None:
+            return
+        if not 0.0 < interval_s <= UNBROKEN_S:
+            self._innovation = None
+            return
+        differ = math.hypot(north - before[0], east - before[1])
+        # One step, however far, is no noise.
+        squared = min(differ, NOISE_FACTOR * GREATEST_NOISE_M) ** 2
+        share = min(interval_s / NOISE_S, 0.1)
+        self._variance += share * (0.25 * squared - self._variance)
+
+
+STEP_M = 10.0
+"""So far an altitude may be from where the ones before lead: noise, and a barometer that settles."""
+
+CLIMB_M_S = 15.0
+"""And by so much more for each second: faster than these aircraft climb or dive."""
+
+RETURN_M_S = 0.5
+"""How fast the true altitude may have left the last believed one, on average, while reports were doubted."""
+
+BESIDE_M, LEAST_BESIDE_M = 25.0, 10.0
+"""So far the altitude of a leader may be from the mission's and from one's own, in high and in low flight.
+Barometers are set apart by 10 m; heights above the ellipsoid, or the ground, differ by more from those above
+the sea."""
+
+BESIDE_SHARE = 0.5
+"""And no farther than this part of the flying height."""
+
+
+class HeightWitnesses(NamedTuple):
+    """What there is beside a leader's own altitude."""
+
+    planned: float
+    """Its altitude by the mission, m above mean sea level."""
+    own: float
+    """One's own in flight, m above mean sea level; NaN where it is not known."""
+    above: float
+    """Flying height by the mission, m."""
+
+    def bear_out(self, altitude_amsl: float) -> bool:
+        """Whether one of them is near an altitude, m above mean sea level."""
+        within = min(max(BESIDE_SHARE * self.above, LEAST_BESIDE_M), BESIDE_M)
+        return any(abs(altitude_amsl - one) <= within for one in (self.planned, self.own))
+
+
+class HeightBelief:
+    """What is believed of the altitudes of one vehicle.
+
+    Keeping clear leaves out vehicles that fly far above or below. A false altitude would make an aircraft
+    that is straight ahead look harmless, so a doubted one counts as not known, and a vehicle without a
+    known altitude is kept clear of in the plane.
+
+    A step is doubted until the reports are back where the vehicle can have climbed to at `RETURN_M_S`. One
+    that stays is believed late, 3 minutes after a step of 100 m. Until then its vehicle is kept clear of more
+    than needed.
+    """
+
+    def __init__(self) -> None:
+        self._known = math.nan
+        self._known_time = -math.inf
+        self._seen = self._off = math.nan
+        self._seen_time = -math.inf
+        self._seen_since = -math.inf
+        self.doubted = False
+        """Whether the reported altitudes are not believed now."""
+
+    @property
+    def is_known(self) -> bool:
+        """Whether an altitude has been believed."""
+        return not math.isnan(self._known)
+
+    @property
+    def sentence(self) -> str:
+        """What became of the altitudes, as a sentence about their vehicle goes on, and the remedy."""
+        if not self.doubted:
+            return (
+                "is as high as the mission says, or oneself: its height is followed, nothing to do"
+            )
+        if self.is_known:
+            return (
+                "reports an altitude that steps: not believed, kept clear of at every height;"
+                " be ready to take over should it come near"
+            )
+        side = "above" if self._off > 0.0 else "below"
+        return (
+            f"reports an altitude of {self._seen:.0f} m, {abs(self._off):.0f} m {side} the mission's: own"
+            " height kept; see that it reports heights above mean sea level, or set height_above_origin_m"
+        )
+
+    def judge(
+        self, altitude_amsl: float, time_s: float, beside: HeightWitnesses | None = None
+    ) -> float:
+        """Take a reported altitude.
+
+        Args:
+            altitude_amsl: m above mean sea level.
+            time_s: of the report; not before that of the report before.
+            beside: other witnesses, which have to bear out the first altitude, where there are any.
+
+        Returns:
+            the altitude, or NaN while it is doubted.
+        """
+        if math.isnan(self._known):
+            self.doubted = beside is not None and not beside.bear_out(altitude_amsl)
+            self._seen = altitude_amsl
+            self._off = 0.0 if beside is None else altitude_amsl - beside.planned
+            return math.nan if self.doubted else self._believe(altitude_amsl, time_s)
+        if not self.doubted:
+            if follows(self._known, altitude_amsl, time_s - self._known_time):
+                return self._follow(altitude_amsl, time_s)
+            self.doubted = True
+            self._seen_since = time_s
+        elif not follows(self._seen, altitude_amsl, time_s - self._seen_time):
+            self._seen_since = time_s
+        self._seen, self._seen_time = altitude_amsl, time_s
+        left_m = STEP_M + RETURN_M_S * (time_s - self._known_time)
+        agreed = time_s - self._seen_since >= RETURN_S
+        if agreed and abs(altitude_amsl - self._known) <= left_m:
+            return self._believe(altitude_amsl, time_s)
+        return math.nan
+
+    def _follow(self, altitude_amsl: float, time_s: float) -> float:
+        """Believe an altitude; what is known follows as fast as an aircraft climbs: steps do not add up."""
+        climb_m = CLIMB_M_S * max(time_s - self._known_time, 0.0)
+        self._known += min(max(altitude_amsl - self._known, -climb_m), climb_m)
+        self._known_time = time_s
+        return altitude_amsl
+
+    def _believe(self, altitude_amsl: float, time_s: float) -> float:
+        self.doubted = False
+        self._known, self._known_time = altitude_amsl, time_s
+        return altitude_amsl
+
+
+def follows(before: float, altitude_amsl: float, interval_s: float) -> bool:
+    """Whether an altitude (m) can follow one from some time (s) before."""
+    return abs(altitude_amsl - before) <= STEP_M + CLIMB_M_S * max(interval_s, 0.0)
