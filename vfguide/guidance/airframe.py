@@ -25,6 +25,10 @@ GRAVITY = 9.80665
 """Standard gravity, m/s²."""
 
 
+GREATEST_LEAD = math.radians(150.0)
+"""How far a course setpoint may lead the course: half a turn ahead an autopilot turns the other way."""
+
+
 def saturation(value: Number) -> Number:
     """sat(.) of the sliding-mode laws: the value itself inside [-1, 1], its sign outside."""
     return clip(value, -1.0, 1.0)
@@ -114,11 +118,16 @@ def wanted_bank(course_error: float, airspeed: float, airframe: Airframe) -> flo
 
 
 def course_error_for(turn_rate: float, airspeed: float, airframe: Airframe) -> float:
-    """Course error (rad) that makes the autopilot turn at this rate (rad/s): `wanted_bank` backwards."""
+    """Course error (rad) that makes the autopilot turn at this rate (rad/s): `wanted_bank` backwards.
+
+    It is at most `GREATEST_LEAD` to either side.
+    """
     bank = coordinated_bank(turn_rate, airspeed, airframe.max_bank)
     if airframe.course_lag == 0.0:
-        return coordinated_turn_rate(bank, airspeed) / airframe.alpha
-    return bank * GRAVITY / (airframe.alpha * airframe.cruise)
+        error = coordinated_turn_rate(bank, airspeed) / airframe.alpha
+    else:
+        error = bank * GRAVITY / (airframe.alpha * airframe.cruise)
+    return min(max(error, -GREATEST_LEAD), GREATEST_LEAD)
 
 
 def first_order_lag(value: float, target: float, step_s: float, lag_s: float) -> float:

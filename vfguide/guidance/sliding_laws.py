@@ -4,7 +4,7 @@ The boundary layer of the course law follows the loop that it runs in.
 """
 
 from vfguide.elementwise import Number, clip, greater_of
-from vfguide.guidance.airframe import bank_limited_turn_rate, saturation, speed_range
+from vfguide.guidance.airframe import GREATEST_LEAD, bank_limited_turn_rate, saturation, speed_range
 from vfguide.guidance.wind_triangle import (
     air_relative_rates,
     ground_speed_on_course,
@@ -58,7 +58,8 @@ def course_command(course: Number, course_rate: Number, alpha: float, hold: floa
         alpha: response, 1/s.
         hold: T, s.
     """
-    return course + course_rate * (1.0 / alpha + 0.5 * hold)
+    lead = course_rate * (1.0 / alpha + 0.5 * hold)
+    return course + clip(lead, -GREATEST_LEAD, GREATEST_LEAD)
 
 
 POSITION_SHARE = 1.0 / 3.0
