@@ -202,7 +202,7 @@ class AutopilotClock:
         self._explained_skew = self._sooner_s = 0.0
         self._lost = LostTime(self._alerts)
         self._sense = StampSense()
-        self._arrival_offset_s = 0.0
+        self._arrival_offset_s = self._offset_s = 0.0
         self._elsewhere: Elsewhere | None = None
         self._least = self._least_before = self._recent = math.inf
         self._window_ends = self._look_ends = -math.inf
@@ -259,11 +259,13 @@ class AutopilotClock:
                 " see its firmware and what passes its telemetry on",
             )
         elif fault is None and before is not None:
+            # Goes on from there, too: the autopilot has not started anew.
+            self._offset_s = now + self._arrival_offset_s - boot_time_s
             self._forget()
             self._alerts.say(
                 "clock", WARNING, "the autopilot's boot times tell time again: nothing to do"
             )
-        return boot_time_s if fault is None else now + self._arrival_offset_s
+        return (boot_time_s + self._offset_s) if fault is None else now + self._arrival_offset_s
 
     def ask(self, now: float) -> int | None:
         """The stamp (ns) of a question to send now, or None while none is due."""
@@ -285,7 +287,7 @@ class AutopilotClock:
             self._newest_answered = max(asked, self._newest_answered or asked)
         if asked is None or not math.isfinite(self._newest) or self._sense.fault is not None:
             return
-        time_s = autopilot_ns * NANOSECOND
+        time_s = autopilot_ns * NANOSECOND + self._offset_s
         # The answer's clock does not wrap.
         time_s += WRAP_S * round((self._newest - time_s) / WRAP_S)
         least, most = asked - self._even(time_s), now - self._even(time_s)

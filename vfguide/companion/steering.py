@@ -156,8 +156,6 @@ class TrackingMonitor:
     def retune(self, airframe: Airframe) -> None:
         """Expect another response from now on."""
         self._airframe = airframe
-        self._since = None
-        self._astray_since = math.inf
 
     def reset(self) -> None:
         """The vehicle is not being steered: nothing can be expected of it."""

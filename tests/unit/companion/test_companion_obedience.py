@@ -75,6 +75,14 @@ def test_an_autopilot_without_a_steering_command_is_handed_back_at_once(commands
     assert flown.companion.obstacle(15.0) == reason(flown.companion)
 
 
+def test_a_px4_without_guided_courses_is_handed_back_at_once():
+    flown = new_flight(kind="px4", version=(1, 18))
+    flown.autopilot = Bent(flown.autopilot, frozenset({HEADING}), UNSUPPORTED)  # type: ignore[assignment]
+    flown.run(12.0)
+    assert any("refuses GUIDED_CHANGE_HEADING (UNSUPPORTED)" in text for _, text in flown.events)
+    assert flown.autopilot.truth().mode == "AUTO.LOITER"
+
+
 @pytest.mark.parametrize("result", [DENIED, FAILED])
 def test_an_autopilot_that_refuses_courses_in_its_guided_mode_is_handed_back(result):
     flown = flown_by(result)
