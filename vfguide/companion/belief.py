@@ -503,6 +503,9 @@ class Belief:
             return self._velocity_is_false
         if repeats:
             return True
+        if self._silent:
+            # What was repeated until now shows nothing of how the velocity changes.
+            return False
         passed_s = motion.time_s - newest.time_s
         if velocity_change(newest, motion) <= self._reach.velocity_change(passed_s):
             return False

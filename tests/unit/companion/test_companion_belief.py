@@ -324,8 +324,13 @@ AIR = (18.0, -3.0)
 """Through the air; the wind is (2, 3) m/s."""
 
 
-def repeated(from_s: float, to_s: float, *, place: bool, velocity: bool) -> list[tuple[float, str]]:
-    """What becomes of reports in a turn of 0.13 rad/s, of which some are repeated to the digit."""
+def repeated(
+    from_s: float, to_s: float, *, place: bool, velocity: bool, wind_rate: float = 0.0
+) -> list[tuple[float, str]]:
+    """What becomes of reports in a turn of 0.13 rad/s, of which some are repeated to the digit.
+
+    From then on the wind changes by `wind_rate`, m/s².
+    """
     one, held, kinds = gate(), None, []
     for step in range(round(20.0 / PERIOD_S)):
         time_s = step * PERIOD_S
@@ -346,7 +351,8 @@ def repeated(from_s: float, to_s: float, *, place: bool, velocity: bool) -> list
             motion = motion._replace(
                 velocity_north=held.velocity_north, velocity_east=held.velocity_east
             )
-        air = (true.velocity_north - 2.0, true.velocity_east - 3.0)
+        wind = 2.0 + wind_rate * max(time_s - from_s, 0.0)
+        air = (true.velocity_north - wind, true.velocity_east - 3.0)
         found = one.take(motion, air=air)
         kinds.append((time_s, f"{found.life.value} {found.by_place:d}{found.by_velocity:d}"))
     return kinds
@@ -369,6 +375,11 @@ def test_what_is_repeated_for_long_is_not_steered_by():
     assert between(kinds, 10.2, 12.5) == {"coasting 00"}
     assert between(kinds, 13.5, 16.0) == {"doubted 00"}
     assert between(kinds, 16.0, 20.0) == {"trusted 11"}
+
+
+def test_a_silence_in_a_wind_that_swings_ends_with_the_first_report_that_differs():
+    kinds = repeated(10.0, 13.0, place=True, velocity=True, wind_rate=2.0)
+    assert between(kinds, 13.0, 20.0) == {"trusted 11"}
 
 
 def test_a_velocity_alone_that_is_repeated_in_a_turn_is_outweighed():
