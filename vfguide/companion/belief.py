@@ -142,7 +142,7 @@ class Life(Enum):
     """Not good enough to steer by."""
 
 
-class Finding(Enum):
+class Evidence(Enum):
     """What one more report comes to."""
 
     AGREES = "agrees"
@@ -168,15 +168,15 @@ LIVES = """
 | coasting  | coasting | trusted | coasting   | doubted      | doubted | settling |
 | doubted   | doubted  | trusted | doubted    | doubted      | doubted | settling |
 """
-"""The life that follows from a life (rows) and a finding (columns)."""
+"""The life that follows from a life (rows) and what the evidence comes to (columns)."""
 
 
-def lives_of(table: str) -> dict[Life, dict[Finding, Life]]:
+def lives_of(table: str) -> dict[Life, dict[Evidence, Life]]:
     """Read a table of lives."""
     header, _, *rows = [
         [cell.strip() for cell in line.strip("|").split("|")] for line in table.strip().splitlines()
     ]
-    findings = [Finding(name) for name in header[1:]]
+    findings = [Evidence(name) for name in header[1:]]
     return {Life(name): dict(zip(findings, map(Life, cells), strict=True)) for name, *cells in rows}
 
 
@@ -651,7 +651,7 @@ class Belief:
             return None
         return f"a speed of {speed:.0f} m/s" if speed > self._reach.speed else None
 
-    def _find(self, finding: Finding) -> None:
+    def _find(self, finding: Evidence) -> None:
         self.life = NEXT[self.life][finding]
 
     def _carried(
@@ -665,7 +665,7 @@ class Belief:
         off: float = 0.0,
     ) -> Believed:
         """The witnesses that agree carry the vehicle on."""
-        self._find(Finding.WORN if self.radius > self._most_m else Finding.OUTWEIGHED)
+        self._find(Evidence.WORN if self.radius > self._most_m else Evidence.OUTWEIGHED)
         return Believed(
             self.life,
             north,
@@ -677,7 +677,7 @@ class Belief:
         )
 
     def _refused(self, motion: ReportedMotion, reason: str) -> Believed:
-        self._find(Finding.CONTRADICTED)
+        self._find(Evidence.CONTRADICTED)
         return Believed(
             self.life,
             motion.north,
@@ -695,7 +695,7 @@ class Belief:
             self._settle()
             long = motion.time_s - self._believed_since >= MOVED_S
             settled = long or self.life is not Life.SETTLING
-            self._find(Finding.SETTLED if settled else Finding.AGREES)
+            self._find(Evidence.SETTLED if settled else Evidence.AGREES)
         return Believed(self.life, motion.north, motion.east, off=off)
 
     def _adopted(self, motion: ReportedMotion) -> Believed:
@@ -707,7 +707,7 @@ class Belief:
             moved = innovation(known, motion)
         self._known, self._innovation = motion, None
         self._settle()
-        self._find(Finding.MOVED)
+        self._find(Evidence.MOVED)
         return Believed(
             self.life,
             motion.north,

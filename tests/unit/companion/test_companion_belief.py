@@ -15,7 +15,7 @@ from vfguide.companion.belief import (
     STAYED_S,
     Belief,
     Believed,
-    Finding,
+    Evidence,
     HeightBelief,
     HeightWitnesses,
     Life,
@@ -427,14 +427,14 @@ def test_a_first_altitude_that_no_other_witness_bears_out_is_doubted(off_m):
     assert not heights.doubted
 
 
-@given(st.lists(st.sampled_from(Finding), max_size=30))
+@given(st.lists(st.sampled_from(Evidence), max_size=30))
 def test_no_life_is_steered_by_after_a_contradiction_before_reports_have_agreed(findings):
     life, contradicted = Life.UNKNOWN, True
     for finding in findings:
         life = NEXT[life][finding]
-        if finding in {Finding.CONTRADICTED, Finding.WORN}:
+        if finding in {Evidence.CONTRADICTED, Evidence.WORN}:
             contradicted = True
-        elif finding in {Finding.SETTLED, Finding.MOVED} or life is Life.SETTLING:
+        elif finding in {Evidence.SETTLED, Evidence.MOVED} or life is Life.SETTLING:
             contradicted = False
         if contradicted:
             assert life in {Life.UNKNOWN, Life.DOUBTED}
@@ -442,7 +442,7 @@ def test_no_life_is_steered_by_after_a_contradiction_before_reports_have_agreed(
 
 def test_every_life_knows_what_follows_from_every_finding():
     assert set(NEXT) == set(Life)
-    assert all(set(row) == set(Finding) for row in NEXT.values())
+    assert all(set(row) == set(Evidence) for row in NEXT.values())
 
 
 def test_the_documentation_prints_the_table_of_lives():
