@@ -64,8 +64,8 @@ def away(flown: Flight) -> FloatArray:
 
 
 def arrived_s(flown: Flight) -> float:
-    """When f3 has come within 1 m of its slot, to stay."""
-    return float(flown.record.time_s[np.flatnonzero(away(flown) > 1.0)[-1]])
+    """When f3 has come within 2 m of its slot, to stay."""
+    return float(flown.record.time_s[np.flatnonzero(away(flown) > 2.0)[-1]])
 
 
 def test_who_is_behind_in_a_climb_gets_its_speed_by_climbing_later():
