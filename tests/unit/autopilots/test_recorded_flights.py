@@ -8,8 +8,12 @@ import pytest
 
 from tests.autopilots.answers import RECORDINGS
 from vfguide.commands.report import answers_of, slips_of
+from vfguide.companion.mission_plan import flight_plan
+from vfguide.companion.own_vehicle import OwnVehicle
 from vfguide.lab.debrief.logged_flight import LoggedFlight, logged_flight, read_log
 from vfguide.lab.report.geometry import slot_error
+from vfguide.mavlink.codec import Codec
+from vfguide.mavlink.reports import AirspeedReport, AttitudeReport, PositionReport
 from vfguide.mission import Mission, load_mission
 
 JOINED_S = 101.5
@@ -60,3 +64,25 @@ def test_a_recorded_px4_turns_as_its_bank_says(tmp_path):
     for told in slips_of(mission, flight):
         assert told.slip is not None
         assert told.slip.efficiency.value == pytest.approx(1.0, abs=0.05)
+
+
+@pytest.mark.parametrize("name", ["arduplane-circle", "px4-line"])
+@pytest.mark.parametrize("vehicle", ["leader", "f1"])
+def test_a_recorded_flight_is_trusted_from_its_first_report_to_its_last(name, vehicle):
+    place = RECORDINGS / "flights" / name
+    mission = load_mission(place / "mission.yaml")
+    own = OwnVehicle(flight_plan(mission, vehicle))
+    codec = Codec(mission.vehicles[vehicle].system_id, 1)
+    data, start, believed = lzma.decompress((place / f"{vehicle}.tlog.xz").read_bytes()), 0, 0
+    # Each frame has the computer's time before it, us.
+    while start + 20 <= len(data):
+        now = int.from_bytes(data[start : start + 8], "big") * 1e-6
+        end = start + 20 + data[start + 9] + (13 if data[start + 10] & 1 else 0)
+        for report in codec.decode(data[start + 8 : end]):
+            if isinstance(report, PositionReport):
+                believed += own.take(report, now) is not None
+                assert not own.doubts
+            elif isinstance(report, AirspeedReport | AttitudeReport):
+                own.note(report, now)
+        start = end
+    assert believed > 900
