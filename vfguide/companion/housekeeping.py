@@ -159,6 +159,8 @@ class Housekeeping:
         """What asks for telemetry: message by message, or by streams where that brings none."""
         rate_hz, bank = self._plan.rate_hz, self._plan.hears_bank
         none_came = now - self._position_s > self._timeouts.telemetry_s + HEARTBEAT_S
+        # Where nothing at all is heard another way of asking brings nothing.
+        none_came = none_came and self._authority.silence_s(now) <= FAIL_SAFE_S
         self._silent_asks = self._silent_asks + 1 if none_came else 0
         by_message = [] if self._by_streams else self._adapter.request_telemetry(rate_hz)
         if by_message and bank:
