@@ -63,9 +63,18 @@ a swing adds to the turn rate would feed it, taken off at once. Nor may what it 
 as roll: the low-pass on the answer leaves a third of it."""
 
 
-def memory_of(*, slips: bool, speed_hold: SpeedHold) -> Memory:
-    """How fast departures of such a vehicle from its model are learned."""
+def memory_of(*, slips: bool, speed_hold: SpeedHold, course_bandwidth: float = math.inf) -> Memory:
+    """How fast departures of such a vehicle from its model are learned.
+
+    What is learned is taken off what is asked: that is a loop, too, which an aircraft has to bear.
+
+    Args:
+        slips: whether it slips.
+        speed_hold: kind of its speed hold.
+        course_bandwidth: that its course hold bears, 1/s.
+    """
     memory = SLIPPING if slips else Memory()
+    memory = replace(memory, turn_rate_s=max(memory.turn_rate_s, 1.0 / course_bandwidth))
     return replace(memory, acceleration_s=ENERGY_S) if speed_hold == "total-energy" else memory
 
 

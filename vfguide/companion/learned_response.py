@@ -11,7 +11,7 @@ import msgspec
 
 from vfguide.companion.own_vehicle import NavigatedState
 from vfguide.companion.plan import FlightPlan, answering, banking, turning
-from vfguide.elementwise import wrap_angle
+from vfguide.elementwise import clip, wrap_angle
 from vfguide.guidance.airframe import (
     GRAVITY,
     coordinated_turn_rate,
@@ -77,6 +77,10 @@ LEAST_CLIMB = 0.3
 SLOWEST_HOLD = 0.5
 """1/s: what a speed hold asks for at least for each m/s that it is off, as far as energy is concerned."""
 
+SURE_SHARE = 0.75
+"""Of the greatest turn rate: beyond it nothing is learned of a course hold. A vehicle that banks less than the
+mission says would be taken for a slow one."""
+
 COORDINATED_SHARE = 1.0
 """Of the turn that its bank says, of a vehicle that does not slip."""
 
@@ -141,11 +145,12 @@ class ResponseLearner:
             self.note(None, state.time_s)
             return
         speed = turning_speed(state, airframe)
+        limit = SURE_SHARE * coordinated_turn_rate(airframe.max_bank, speed)
         self._course.observe(
             state.time_s,
             state.course,
-            None if bank is None else coordinated_turn_rate(bank, speed),
-            limit=coordinated_turn_rate(airframe.max_bank, speed),
+            None if bank is None else clip(coordinated_turn_rate(bank, speed), -limit, limit),
+            limit=limit,
             angle=True,
             turned=held_direction(state, airframe),
         )

@@ -21,7 +21,7 @@ from vfguide.companion.belief import (
 )
 from vfguide.companion.delay_compensator import DelayCompensator, memory_of
 from vfguide.companion.distrust import Doubt, NavigationHealth, with_remedy
-from vfguide.companion.plan import FlightPlan
+from vfguide.companion.plan import FlightPlan, bearable_course
 from vfguide.elementwise import wrap_angle
 from vfguide.guidance.navigation import (
     Sample,
@@ -189,7 +189,11 @@ class OwnVehicle:
         """Go on with another response of the same vehicle; what was learned of it is kept."""
         self.air.retune(plan)
         airframe = plan.airframe
-        memory = memory_of(slips=plan.slips, speed_hold=airframe.speed_hold)
+        memory = memory_of(
+            slips=plan.slips,
+            speed_hold=airframe.speed_hold,
+            course_bandwidth=plan.softness.course * bearable_course(plan),
+        )
         if airframe.is_ideal:
             self._delay_compensator = None
         elif self._delay_compensator is None:

@@ -22,6 +22,7 @@ from vfguide.guidance.bandwidth import (
     HoldCertainty,
     Softness,
     bandwidth_of,
+    bearable,
 )
 from vfguide.guidance.creeping_speed import CreepingHold
 from vfguide.guidance.formation import Slot
@@ -390,6 +391,18 @@ def bandwidth_for(plan: FlightPlan) -> Bandwidth:
         factor=sliding.boundary_layer_factor,
         amplification=sliding.amplification,
         softness=plan.softness,
+    )
+
+
+def bearable_course(plan: FlightPlan) -> float:
+    """Return the greatest bandwidth (1/s) that the course hold of a plan bears, as well as it is known."""
+    airframe = plan.airframe
+    return bearable(
+        airframe.course_dead_time + airframe.course_lag,
+        plan.certainty.course,
+        period=1.0 / plan.rate_hz,
+        loop_delay=plan.settings.sliding.loop_delay_s,
+        factor=0.0,
     )
 
 

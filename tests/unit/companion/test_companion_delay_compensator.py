@@ -295,6 +295,9 @@ def test_what_is_sent_as_speed_has_nothing_of_the_measured_one(k_x, expected_k_x
 def test_a_total_energy_hold_is_learned_slowly_whether_or_not_the_vehicle_slips():
     assert memory_of(slips=False, speed_hold="first-order") == Memory()
     assert memory_of(slips=False, speed_hold="total-energy") == Memory(acceleration_s=10.0)
+    # Of a hold that bears 0.5 1/s what is not known is learned in 2 s; one that bears more keeps its 0.6 s.
+    assert memory_of(slips=False, speed_hold="first-order", course_bandwidth=0.5).turn_rate_s == 2.0
+    assert memory_of(slips=False, speed_hold="first-order", course_bandwidth=9.0).turn_rate_s == 0.6
     slipping = memory_of(slips=True, speed_hold="total-energy")
     assert slipping == Memory(turn_rate_s=3.0, acceleration_s=10.0, answer_s=0.5)
 
