@@ -78,8 +78,8 @@ SLOWEST_HOLD = 0.5
 """1/s: what a speed hold asks for at least for each m/s that it is off, as far as energy is concerned."""
 
 SURE_SHARE = 0.75
-"""Of the greatest turn rate: beyond it nothing is learned of a course hold. A vehicle that banks less than what
-the mission says would be taken for a slow one."""
+"""Of the greatest turn rate: beyond it nothing is learned of a course hold. A vehicle that banks less than
+its mission says would be taken for a slow one."""
 
 COORDINATED_SHARE = 1.0
 """Of the turn that its bank says, of a vehicle that does not slip."""
