@@ -253,8 +253,8 @@ class StrainGuard:
         turned = turned and not confirmed
         pushed = not confirmed and is_thrown([one.push for one in moments], GREAT_SPEED)
         still = [one for one in moments if not one.gusty]
-        worn = restlessness([one.turn_at_once - one.turn for one in still]) > RESTLESS
-        worn_out = restlessness([one.push_at_once - one.push for one in still]) > RESTLESS
+        worn = is_restless([one.turn_at_once - one.turn for one in still])
+        worn_out = is_restless([one.push_at_once - one.push for one in still])
         turn_limited = sum(one.turn_limited for one in moments) > LIMIT_SHARE * len(moments)
         push_limited = sum(one.push_limited for one in moments) > LIMIT_SHARE * len(moments)
         lost = self._course.judge(
@@ -317,9 +317,17 @@ def is_thrown(asked: list[float], great: float, sides: int = SIDES) -> bool:
     return changes >= sides
 
 
-def restlessness(differences: list[float]) -> float:
-    """Return the root mean square of what is asked for beyond its low-pass."""
-    return math.sqrt(sum(one * one for one in differences) / max(len(differences), 1))
+def is_restless(differences: list[float]) -> bool:
+    """Return whether noise shakes what is asked for.
+
+    It goes to and fro many times, where a leader that is heard once a second makes one jump each time.
+
+    Args:
+        differences: what is asked for beyond its low-pass, in parts of the greatest.
+    """
+    changes = sum(before * after < 0.0 for before, after in pairwise(differences))
+    power = sum(one * one for one in differences)
+    return changes >= CHATTERS and power > RESTLESS * RESTLESS * len(differences)
 
 
 def swing(banks: list[float]) -> float:
