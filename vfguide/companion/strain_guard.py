@@ -100,8 +100,8 @@ class StrainSample(msgspec.Struct, frozen=True, kw_only=True):
     """Acceleration before the low-pass."""
     push: float
     """Acceleration that is asked for, in parts of the greatest; -1 to 1."""
-    gusty: bool
-    """Whether gusts ask for what is asked."""
+    may_shake: bool
+    """Whether setpoints may shake: in gusts, and those of a hold that answers at once."""
     bank: float
     """rad; NaN where none is heard."""
     turn_limited: bool
@@ -230,7 +230,7 @@ class StrainGuard:
             turn=min(max(turn, -1.0), 1.0),
             turn_at_once=turn,
             push_at_once=push,
-            gusty=float(state.gust_share) > GUSTY,
+            may_shake=airframe.is_ideal or float(state.gust_share) > GUSTY,
             push=min(max(push, -1.0), 1.0),
             bank=math.nan if bank is None else bank,
             turn_limited=gusty and abs(turn) >= AT_LIMIT,
@@ -252,7 +252,7 @@ class StrainGuard:
         turned |= is_thrown([one.turn_at_once for one in moments], GREAT_COURSE, CHATTERS)
         turned = turned and not confirmed
         pushed = not confirmed and is_thrown([one.push for one in moments], GREAT_SPEED)
-        still = [one for one in moments if not one.gusty]
+        still = [one for one in moments if not one.may_shake]
         worn = is_restless([one.turn_at_once - one.turn for one in still])
         worn_out = is_restless([one.push_at_once - one.push for one in still])
         turn_limited = sum(one.turn_limited for one in moments) > LIMIT_SHARE * len(moments)
@@ -291,7 +291,7 @@ def smoothed(before: StrainSample, asked: StrainSample) -> StrainSample:
         turn=low_pass(before.turn, asked.turn, period, SMOOTHED_S),
         turn_at_once=asked.turn_at_once,
         push_at_once=asked.push_at_once,
-        gusty=asked.gusty,
+        may_shake=asked.may_shake,
         push=low_pass(before.push, asked.push, period, SMOOTHED_S),
         bank=bank,
         turn_limited=asked.turn_limited,

@@ -50,6 +50,7 @@ def watched(
     begun_s: float = 0.0,
     guard: StrainGuard | None = None,
     gusts: Gusts[float] | None = None,
+    airframe: Airframe = AIRFRAME,
 ) -> tuple[StrainGuard, list[tuple[float, str]]]:
     """A guard that has watched for so long, and what it has said."""
     guard, said = guard or StrainGuard(), []
@@ -58,7 +59,7 @@ def watched(
         course, bank, limited = asked(time_s)
         setpoint = Setpoint(course=course, speed=20.0, speed_limited=limited)
         state = replace(STRAIGHT, time_s=time_s, gusts=gusts)
-        text = guard.watch(state, setpoint, AIRFRAME, bank, in_place=True)
+        text = guard.watch(state, setpoint, airframe, bank, in_place=True)
         if text is not None:
             said.append((time_s, text))
     return guard, said
@@ -124,12 +125,14 @@ def test_setpoints_that_noise_shakes_wear_servos_and_are_softened_without_a_word
     def shaken(time_s: float) -> tuple[float, float, bool]:
         return (0.05 if round(time_s / PERIOD) % 2 else -0.05), 0.0, False
 
-    guard, said = watched(shaken, 40.0)
+    late = Airframe(course_lag=0.4)
+    guard, said = watched(shaken, 40.0, airframe=late)
     assert guard.softness.course < 0.5
     assert guard.softness.speed == 1.0
     assert not said
-    # In gusts as much is what flying takes.
-    assert watched(shaken, 40.0, gusts=GUSTS)[0].softness.course == 1.0
+    # In gusts, and of a hold that answers at once, as much is what flying takes.
+    assert watched(shaken, 40.0, airframe=late, gusts=GUSTS)[0].softness.course == 1.0
+    assert watched(shaken, 40.0)[0].softness.course == 1.0
 
 
 def test_quickness_comes_back_slowly():
