@@ -25,7 +25,7 @@ def test_a_mission_is_flown_by_it_and_its_numbers_count(run):
     for damping in (0.8, 0.2):
         option = f"rehearsal.emulator.plant_options.course_damping={damping}"
         own = ("--plugin", "own_plant.py", "--plant", "measured", "--set", option)
-        flown = run("vfguide", "fly", "circle-calm", *own, "--duration", "40", "--json")
+        flown = run("vfguide", "fly", "circle-calm", *own, "--duration", "60", "--json")
         assert flown.returncode in (0, 1), flown.stderr
         summary = json.loads(flown.stdout)
         assert summary["plant"] == "measured"
