@@ -107,7 +107,6 @@ STEERING_COMMANDS = frozenset(
     {
         mavlink.MAV_CMD_GUIDED_CHANGE_HEADING,
         mavlink.MAV_CMD_GUIDED_CHANGE_SPEED,
-        mavlink.MAV_CMD_GUIDED_CHANGE_ALTITUDE,
     }
 )
 """What GUIDED is steered by."""
@@ -359,7 +358,7 @@ class ArduPlane(AutopilotAdapter):
 
     @property
     def steering_commands(self) -> frozenset[int]:
-        """All three: firmware without one of them has none."""
+        """Courses and speeds: one that keeps its height alone is in its place on the map."""
         return STEERING_COMMANDS
 
     def steering_questions(self) -> list[MAVLink_message]:

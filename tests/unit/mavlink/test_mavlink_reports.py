@@ -80,13 +80,17 @@ def test_a_position_off_the_earth_is_counted_and_not_delivered(codec, place):
 
 def test_the_airspeed_is_that_of_the_hud_and_not_its_ground_speed(codec):
     message = mavlink.MAVLink_vfr_hud_message(21.5, 27.0, 90, 50, 588.0, 1.0)
-    assert codec.decode(framed(message)) == [AirspeedReport(airspeed=21.5, heading=math.radians(90.0))]
+    assert codec.decode(framed(message)) == [
+        AirspeedReport(airspeed=21.5, heading=math.radians(90.0))
+    ]
 
 
 @pytest.mark.parametrize("airspeed", [0.0, 500.0])
 def test_the_ends_of_the_airspeed_range_are_delivered(codec, airspeed):
     message = mavlink.MAVLink_vfr_hud_message(airspeed, 27.0, 90, 50, 588.0, 1.0)
-    assert codec.decode(framed(message)) == [AirspeedReport(airspeed=airspeed, heading=math.radians(90.0))]
+    assert codec.decode(framed(message)) == [
+        AirspeedReport(airspeed=airspeed, heading=math.radians(90.0))
+    ]
 
 
 @pytest.mark.parametrize("airspeed", [math.nan, math.inf, -math.inf, -0.1, 500.1, 3e38])
