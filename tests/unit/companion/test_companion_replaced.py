@@ -55,7 +55,7 @@ def test_a_vehicle_whose_new_companion_hears_no_positions_is_handed_back(kind):
     flown = new_flight(kind=kind)
     flown.run(15.0)
     flown.command(MESSAGE_INTERVAL, 33, -1)
-    flown.lose = frozenset({MESSAGE_INTERVAL})
+    flown.lose = frozenset({MESSAGE_INTERVAL, "REQUEST_DATA_STREAM"})
     replaced(flown, 2.0)
     flown.run(40.0)
     assert flown.autopilot.truth().mode == HELD[kind]
