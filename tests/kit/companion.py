@@ -69,7 +69,7 @@ class Flight:
     published: list[bytes] = field(default_factory=list)
     events: list[tuple[float, str]] = field(default_factory=list)
     modes: list[tuple[float, Mode]] = field(default_factory=list)
-    lose: frozenset[int] = frozenset()
+    lose: frozenset[int | str] = frozenset()
     """Commands that never arrive."""
     deaf: bool = False
     """Whether nothing that the autopilot says arrives."""
