@@ -152,9 +152,9 @@ def test_a_vehicle_does_not_come_back_through_the_height_of_another(heights_besi
 
 
 def test_no_vehicle_descends_by_more_than_a_quarter_of_the_height_that_it_has(heights_beside):
-    # 60 m above the origin, in a mission of 100 m: f3 keeps it from climbing.
-    heights = heights_beside(lambda _: 12.0, height_m=60.0)
-    assert min(heights.values()) == pytest.approx(-15.0, abs=0.5)
+    # 76 m above the origin, in a mission of 100 m: f3 keeps it from climbing, and it would descend by 20 m.
+    heights = heights_beside(lambda _: 12.0, height_m=76.0)
+    assert min(heights.values()) == pytest.approx(-19.0, abs=0.5)
 
 
 @pytest.mark.parametrize(("slot_m", "step_m"), [(8.0, 0.0), (20.0, 20.0)])
