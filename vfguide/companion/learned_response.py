@@ -9,6 +9,7 @@ import math
 
 import msgspec
 
+from vfguide.companion.height_keeper import LEAST_CLIMB
 from vfguide.companion.own_vehicle import NavigatedState
 from vfguide.companion.plan import FlightPlan, answering, banking, turning
 from vfguide.elementwise import clip, wrap_angle
@@ -70,9 +71,6 @@ RETUNED_S = 4.0
 
 JUDGED_S = 0.5
 """What was learned is looked at no more often than this, s."""
-
-LEAST_CLIMB = 0.3
-"""m/s: slower climbs and descents take no energy that is worth a word."""
 
 SLOWEST_HOLD = 0.5
 """1/s: what a speed hold asks for at least for each m/s that it is off, as far as energy is concerned."""
