@@ -1,7 +1,7 @@
 """What a companion knows of its own vehicle, what it is told of the leader, and what it asks for."""
 
 import math
-from typing import Generic, Literal
+from typing import Generic, Literal, NamedTuple
 
 import msgspec
 
@@ -102,6 +102,19 @@ class LeaderState(msgspec.Struct, Generic[Number], frozen=True, kw_only=True):
     """m/s, positive up."""
 
 
+class LeaderPlace(NamedTuple):
+    """Where a leader was, and when, by one of its states."""
+
+    time_s: float
+    """By the leader's stamp, s on the clock that the formation shares."""
+    north: float
+    """m from the mission's origin."""
+    east: float
+    """m from the mission's origin."""
+    altitude_amsl: float
+    """m above mean sea level."""
+
+
 class HeardState(LeaderState[float], frozen=True, kw_only=True):
     """A vehicle's state as the others hear it."""
 
@@ -115,6 +128,8 @@ class HeardState(LeaderState[float], frozen=True, kw_only=True):
     """Number of the newest order that it flies by or is about to; 0 before the first."""
     course_setpoint: float = math.nan
     """Course that its autopilot was told to hold, rad; NaN where it is not steered, or was not told."""
+    leader_place: LeaderPlace | None = None
+    """Where its own leader was, by the newest leader state that it has heard; None where it does not tell."""
 
 
 class Setpoint(msgspec.Struct, Generic[Number], frozen=True, kw_only=True):

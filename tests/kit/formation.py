@@ -25,6 +25,9 @@ CHANGE_SPEED, CHANGE_HEADING = 43000, 43002
 Carry = Callable[[list[Mail]], list[Mail]]
 """What is heard for what is said."""
 
+Tell = Callable[[str, Mail, float], Mail]
+"""What one aircraft, by its name, hears of a message at a time, s."""
+
 
 class Pushed:
     """An emulated autopilot, and what a pilot and the wire to its companion do."""
@@ -91,9 +94,17 @@ class Dead:
 class Formation:
     """All aircraft of a mission; what they say goes through `carry`."""
 
-    def __init__(self, mission: Mission, *, logged: bool = False, carry: Carry = list) -> None:
+    def __init__(
+        self,
+        mission: Mission,
+        *,
+        logged: bool = False,
+        carry: Carry = list,
+        tell: Tell | None = None,
+    ) -> None:
         self.mission = mission
         self.carry = carry
+        self.tell = tell
         self.names = [mission.leader.vehicle, *mission.followers_by_name]
         self.aircraft = {}
         self.emulators: dict[str, Pushed] = {}
@@ -118,8 +129,9 @@ class Formation:
     def step(self) -> None:
         """One turn of each, leader first: it is heard at once, all others a step later."""
         mail, self._mail, now = self._mail, [], self.now
-        for one in self.aircraft.values():
-            said = self.carry(one.step(now, mail))
+        for name, one in self.aircraft.items():
+            heard = mail if self.tell is None else [self.tell(name, sent, now) for sent in mail]
+            said = self.carry(one.step(now, heard))
             if one.leads:
                 mail = [*mail, *said]
             else:

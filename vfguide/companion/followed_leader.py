@@ -7,12 +7,13 @@ from msgspec.structs import replace
 from vfguide.companion.alerts import Alerts
 from vfguide.companion.arrangements import Arrangements
 from vfguide.companion.belief import MOVING_M_S, HeightWitnesses
+from vfguide.companion.leader_stories import LeaderStories
 from vfguide.companion.leader_telemetry import LeaderTelemetry
 from vfguide.companion.own_vehicle import NavigatedState
 from vfguide.companion.plan import FlightPlan, FollowerTask, ForeignLeader
 from vfguide.companion.planned_height import PlannedHeight
 from vfguide.companion.state_publisher import GAP_S
-from vfguide.companion.state_receiver import StateReceiver
+from vfguide.companion.state_receiver import StateReceiver, motion_of, place_said
 from vfguide.companion.timing import SharedClock
 from vfguide.elementwise import low_pass
 from vfguide.guidance.formation import extrapolate_by_rates
@@ -38,7 +39,8 @@ from vfguide.guidance.intended_motion import (
 from vfguide.guidance.leader_motion import carried_on
 from vfguide.guidance.navigation import memory_of
 from vfguide.guidance.path import Path, PathPoint
-from vfguide.state import HeardState, LeaderState
+from vfguide.link.codec import LinkDataError
+from vfguide.state import HeardState, LeaderPlace, LeaderState
 
 CARRY_S = 0.25
 """Longest step in which a silent leader is carried on."""
@@ -106,6 +108,8 @@ class FollowedLeader:
         )
         """Hears the mission's leader."""
         self._followed = self.receiver
+        self.stories = LeaderStories(plan.most_m, alerts)
+        """What the other followers say of their leader, against what this one was told."""
         self._deputy: str | None = None
         self.stands_in = False
         """Whether the follower stands in for a leader that is lost, and carries its motion on for all."""
@@ -137,6 +141,11 @@ class FollowedLeader:
         )
 
     @property
+    def place(self) -> LeaderPlace | None:
+        """Where the leader was, by the newest state of it; None where the others know it by themselves."""
+        return None if self.stands_in else self.stories.newest
+
+    @property
     def motion(self) -> LeaderState[float] | None:
         """Newest leader state as slots are fixed to it, times on the follower's clock."""
         if isinstance(self._task.leader, ForeignLeader):
@@ -163,17 +172,32 @@ class FollowedLeader:
     def note_leader(self, data: bytes, now: float) -> bool:
         """Take a state of the mission's leader as one of any other vehicle; whether it is sound and newer."""
         newer = self.receiver.take(data, now)
-        if newer and not isinstance(self.receiver, LeaderTelemetry):
-            # One without a companion knows of no order.
+        if isinstance(self.receiver, LeaderTelemetry):
+            # One without a companion knows of no order, and each hears it by its own receiver.
+            return newer
+        if newer:
             self._arrangements.hear(self.name, self.receiver.newest, now)
-        return newer
+        self._compare(data, leads=False)
+        return newer and self.stories.may_be_followed(now)
+
+    def _compare(self, data: bytes, *, leads: bool) -> None:
+        """Remember what the leader says, for what others say of it."""
+        try:
+            said = motion_of(data, self._plan.frame)
+        except LinkDataError:
+            return
+        # A leader that obeys another one says where it is itself.
+        if leads or said.term == 0:
+            self.stories.hear_leader(place_said(said), said.term)
 
     def note_lead(self, vehicle: str, data: bytes, now: float) -> bool:
         """Take a state of the leader by which a deputy leads; whether it is sound and newer."""
         if vehicle != self._deputy:
             self._deputy = vehicle
             self._carried_on = StateReceiver(self._plan.frame, self._clock, moved_s=self._moved_s)
-        return self._carried_on.take(data, now)
+        newer = self._carried_on.take(data, now)
+        self._compare(data, leads=True)
+        return newer and self.stories.may_be_followed(now)
 
     def follow_leader(self) -> None:
         """Fly by the mission's leader, as it was heard last."""

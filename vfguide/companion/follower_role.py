@@ -166,7 +166,10 @@ class FollowerRole(Role):
     def note_leader(self, data: bytes, now: float) -> bool:
         """Take a state of the mission's leader as one of any other vehicle; whether it is sound and newer."""
         newer = self.followed.note_leader(data, now)
-        self._traffic.note(self.followed.name, self.followed.receiver)
+        receiver = self.followed.receiver
+        heard = receiver.newest
+        elsewhere = None if heard is None else self.followed.stories.elsewhere(heard, now)
+        self._traffic.note(self.followed.name, receiver, elsewhere)
         return newer
 
     def receive_lead(self, vehicle: str, data: bytes, now: float) -> None:
@@ -188,6 +191,8 @@ class FollowerRole(Role):
         """Take a state of another follower."""
         state = self._traffic.receive(vehicle, data, now)
         self._arrangements.hear(vehicle, state, now)
+        if state is not None:
+            self.followed.stories.hear_follower(vehicle, state, now)
 
     def receive_traffic(self, report: TrafficReport, now: float) -> None:
         """Take what the own autopilot reports of an aircraft that is not of the formation."""
@@ -361,6 +366,7 @@ class FollowerRole(Role):
             steered=mode.steers,
             arrangement=self._arrangements.number,
             course_setpoint=course_setpoint,
+            leader=self.followed.place,
         )
 
     def _away(self, navigated: NavigatedState, leader: LeaderState[float]) -> Setpoint[float]:

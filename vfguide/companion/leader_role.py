@@ -12,6 +12,7 @@ from vfguide.companion.alerts import Alerts
 from vfguide.companion.arrangements import Arrangements
 from vfguide.companion.avoidance import Intent, KeepClear
 from vfguide.companion.height_keeper import HeightKeeper
+from vfguide.companion.leader_stories import LeaderStories
 from vfguide.companion.own_vehicle import NavigatedState
 from vfguide.companion.plan import FlightPlan, course_settings
 from vfguide.companion.planned_height import PlannedHeight
@@ -26,7 +27,7 @@ from vfguide.guidance.predicted_tracks import HORIZON_S, WantedMotion
 from vfguide.guidance.wind_triangle import ground_speed_on_course
 from vfguide.laws.leader import FIRST, LeaderGuidance, LeaderLaw, LeaderTask, leader_step
 from vfguide.mavlink.reports import TrafficReport
-from vfguide.state import LeaderState, VehicleState
+from vfguide.state import LeaderPlace, LeaderState, VehicleState
 
 ASTRAY_S = 1.0
 """What a velocity that is not the wanted one counts for in how far the leader is astray: m for each m/s."""
@@ -63,6 +64,7 @@ class LeaderRole(Role):
         self._memory: Any = FIRST
         self._traffic = Traffic(plan.others, plan.frame, clock, alerts)
         self._keep_clear = KeepClear(plan, self._traffic, alerts)
+        self._stories = LeaderStories(plan.most_m, alerts, leads=True)
         self._height = HeightKeeper(plan)
         self._planned = PlannedHeight(plan.climb_limits)
 
@@ -94,6 +96,9 @@ class LeaderRole(Role):
         self._memory = guidance.memory
         self._arrangements.watch_route(task.path, guidance.point, steered=mode.steers)
         motion = self._report.note(navigated)
+        state, altitude = navigated.state, navigated.place.altitude_amsl
+        place = LeaderPlace(state.time_s, state.north, state.east, altitude)
+        self._stories.hear_leader(place, self._report.term)
         distance = abs(guidance.cross_track_error)
         planned = partial(self._planned_height, guidance.point, motion, steered=mode.steers)
         target = planned(self._height.delay_s(navigated))
@@ -216,6 +221,8 @@ class LeaderRole(Role):
         """Take a state of a follower."""
         state = self._traffic.receive(vehicle, data, now)
         self._arrangements.hear(vehicle, state, now)
+        if state is not None:
+            self._stories.hear_follower(vehicle, state, now)
 
     def receive_traffic(self, report: TrafficReport, now: float) -> None:
         """Take what the own autopilot reports of an aircraft that is not of the formation."""

@@ -16,7 +16,6 @@ from vfguide.companion.belief import (
     HeightBelief,
     Life,
     ReportedMotion,
-    radius_limit,
     reach_of,
 )
 from vfguide.companion.delay_compensator import DelayCompensator, memory_of
@@ -156,10 +155,7 @@ class OwnVehicle:
         self._blind = plan.leads and plan.settings.speed_source == "observer"
         self._nominal_period = 1.0 / plan.rate_hz
         self._clock = AutopilotClock(self._alerts)
-        spacing = min((one.spacing for one in plan.others), default=math.inf)
-        self.belief = Belief(
-            reach_of(plan.airframe), moved_s=STAYED_S, most_m=radius_limit(spacing)
-        )
+        self.belief = Belief(reach_of(plan.airframe), moved_s=STAYED_S, most_m=plan.most_m)
         """What is believed of its motion."""
         self._doubt = Doubt(self._alerts)
         self._altitude = HeightBelief()

@@ -9,6 +9,7 @@ from collections.abc import Mapping
 import msgspec
 from msgspec.structs import replace
 
+from vfguide.companion.belief import radius_limit
 from vfguide.companion.supervisor import ModeTimeouts
 from vfguide.frames import LocalFrame
 from vfguide.guidance.bandwidth import (
@@ -209,6 +210,11 @@ class FlightPlan(msgspec.Struct, frozen=True, kw_only=True):
     def ceiling_along(self, path: str) -> float:
         """The same along a path of this name, m above the origin; infinite without a fence."""
         return self.paths[path].ceiling if path in self.paths else self.ceiling
+
+    @property
+    def most_m(self) -> float:
+        """Radius of a place that may be flown by, m: the own one, or the leader's."""
+        return radius_limit(min((one.spacing for one in self.others), default=math.inf))
 
     @property
     def surely_slips(self) -> bool:

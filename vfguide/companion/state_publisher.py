@@ -5,10 +5,10 @@ import math
 from vfguide.companion.own_vehicle import NavigatedState
 from vfguide.companion.plan import FlightPlan
 from vfguide.guidance.leader_motion import MotionEstimate, estimated_motion, motion_at_first
-from vfguide.link.codec import LeaderMessage, encode
+from vfguide.link.codec import LeaderMessage, LeaderSighting, encode
 from vfguide.mavlink.codec import Codec
 from vfguide.mavlink.leader_messages import INTERVAL_S, follow_target_message
-from vfguide.state import LeaderState
+from vfguide.state import LeaderPlace, LeaderState
 
 GAP_S = 1.0
 """After a silence longer than this the rates start anew."""
@@ -47,6 +47,7 @@ class StatePublisher:
         steered: bool,
         arrangement: int = 0,
         course_setpoint: float = math.nan,
+        leader: LeaderPlace | None = None,
     ) -> bytes:
         """The motion as bytes for the link.
 
@@ -57,9 +58,10 @@ class StatePublisher:
             steered: whether this companion steers the vehicle.
             arrangement: number of the order that it flies by.
             course_setpoint: that its autopilot is told to hold, rad; NaN where there is none.
+            leader: where its leader was by the newest state of it; None where there is none.
         """
         self._sequence = (self._sequence + 1) % 2**32
-        place = navigated.place
+        place, state = navigated.place, navigated.state
         return encode(
             LeaderMessage(
                 sequence=self._sequence,
@@ -77,6 +79,14 @@ class StatePublisher:
                 arrangement=arrangement,
                 steered=steered,
                 course_setpoint=course_setpoint if steered else math.nan,
+                sighting=None
+                if leader is None
+                else LeaderSighting(
+                    age_s=time_s - leader.time_s,
+                    north=leader.north - state.north,
+                    east=leader.east - state.east,
+                    up=leader.altitude_amsl - place.altitude_amsl,
+                ),
             )
         )
 

@@ -21,7 +21,7 @@ from vfguide.frames import LocalFrame
 from vfguide.guidance.wind_triangle import polar
 from vfguide.link.codec import LinkDataError, decode
 from vfguide.mavlink.announcements import WARNING
-from vfguide.state import Airframe, HeardState
+from vfguide.state import Airframe, HeardState, LeaderPlace
 
 FUTURE_S = 0.25
 """A state from farther in the future than this is not believed."""
@@ -166,6 +166,7 @@ def motion_of(data: bytes, frame: LocalFrame) -> HeardState:
     """
     message = decode(data)
     north, east = frame.to_local(message.latitude_deg, message.longitude_deg)
+    sighting = message.sighting
     return HeardState(
         time_s=message.time_s,
         north=north,
@@ -182,4 +183,17 @@ def motion_of(data: bytes, frame: LocalFrame) -> HeardState:
         term=message.term,
         arrangement=message.arrangement,
         course_setpoint=message.course_setpoint,
+        leader_place=None
+        if sighting is None
+        else LeaderPlace(
+            time_s=message.time_s - sighting.age_s,
+            north=north + sighting.north,
+            east=east + sighting.east,
+            altitude_amsl=message.altitude_amsl + sighting.up,
+        ),
     )
+
+
+def place_said(said: HeardState) -> LeaderPlace:
+    """Where a leader says that it is, on the clock that the formation shares."""
+    return LeaderPlace(said.time_s, said.north, said.east, said.altitude_amsl)

@@ -164,8 +164,19 @@ class Traffic:
         """Note that there is no connection to the link now."""
         self._link_lost_s = now
 
-    def note(self, vehicle: str, receiver: StateReceiver | LeaderTelemetry) -> None:
-        """Take what is heard of a vehicle: its state, or both places where it may be."""
+    def note(
+        self,
+        vehicle: str,
+        receiver: StateReceiver | LeaderTelemetry,
+        elsewhere: HeardState | None = None,
+    ) -> None:
+        """Take what is heard of a vehicle: its state, or both places where it may be.
+
+        Args:
+            vehicle: its name.
+            receiver: of its states.
+            elsewhere: where others say that it is; None where nobody says anything else.
+        """
         row = self._rows.get(vehicle)
         if row is None:
             return
@@ -176,7 +187,10 @@ class Traffic:
             self._note(row, carried)
         elif receiver.newest is not None:
             self._note(row, receiver.newest)
-            self._heard.time[doubted_row] = -np.inf
+            if elsewhere is None:
+                self._heard.time[doubted_row] = -np.inf
+            else:
+                self._note(doubted_row, elsewhere)
 
     def _note(self, row: int, state: HeardState) -> None:
         known = self._heard

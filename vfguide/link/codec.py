@@ -7,6 +7,10 @@ rate (rad/s), turn acceleration (rad/s²) and climb rate (m/s), then the term an
 each), and the CRC-32 of all that (u32). 104 bytes. Position is geodetic, so that no two vehicles have to
 agree on an origin.
 
+A follower's state also tells where its leader was by the newest leader state that it has heard. Before the
+CRC-32 stand four i16: how much older that state is (ms), and how far north, east and up of the sender the
+leader was (0.1 m). A flag says so; 112 bytes.
+
 The course setpoint counts from 1 in steps of 2 pi / 65535; 0, which older senders write there, tells none.
 
 The lowest flag says that the sender is not under guidance. Senders that know no flags write 0 there, and
@@ -24,6 +28,7 @@ The number is random: an answer with it shows that the question was heard.
 import math
 import struct
 import zlib
+from typing import NamedTuple
 
 import msgspec
 
@@ -37,12 +42,21 @@ NOT_STEERED = 0x01
 LEADS = 0x02
 """Flag: the state is that of the leader by which the sender leads, in a term above 0."""
 
+TELLS_LEADER = 0x04
+"""Flag: the state tells where the sender's leader was."""
 
 COURSES = 65535
 """Course setpoints that are told apart, 0.1 mrad each."""
 
 FLAGS_AT = 5
 SIZE = LAYOUT.size + CHECKSUM.size
+
+SIGHTING = struct.Struct("<4h")
+SIGHTING_UNITS = (1e-3, 0.1, 0.1, 0.1)
+"""Of an age (s) and three distances (m)."""
+
+GREATEST_STEPS = 32767
+"""Of each: half a minute, and 3 km."""
 
 GREATEST = (math.inf, 90.0, 180.0, 50e3, 10.0, 500.0, 100.0, 10.0, 100.0, 200.0)
 """Greatest magnitude of each value: beyond them it is no aircraft's state."""
@@ -61,6 +75,19 @@ GREATEST_TIME_S = 1e10
 
 class LinkDataError(ValueError):
     """Bytes from the link that are no leader state; the text says why."""
+
+
+class LeaderSighting(NamedTuple):
+    """Where a follower's leader was, by the newest leader state that the follower has heard."""
+
+    age_s: float
+    """How much older that state is than the follower's own, s; below 0 where it is newer."""
+    north: float
+    """From the follower, m."""
+    east: float
+    """From the follower, m."""
+    up: float
+    """From the follower, m."""
 
 
 class LeaderMessage(msgspec.Struct, frozen=True, kw_only=True):
@@ -99,14 +126,19 @@ class LeaderMessage(msgspec.Struct, frozen=True, kw_only=True):
     on along it. NaN where its companion does not steer it, or did not tell."""
     leads: bool = False
     """Whether this is the leader by which the sender leads, and not the sender itself."""
+    sighting: LeaderSighting | None = None
+    """Where the sender's leader was; None where it follows none, or one that is too far away to be told."""
 
 
 def encode(message: LeaderMessage) -> bytes:
     """Bytes of a leader state."""
+    sighting = encoded_sighting(message.sighting)
     body = LAYOUT.pack(
         MAGIC,
         VERSION,
-        (0 if message.steered else NOT_STEERED) | (LEADS if message.leads else 0),
+        (NOT_STEERED * (not message.steered))
+        | (LEADS * message.leads)
+        | (TELLS_LEADER * bool(sighting)),
         course_in_steps(message.course_setpoint),
         message.sequence,
         message.time_s,
@@ -122,7 +154,18 @@ def encode(message: LeaderMessage) -> bytes:
         message.term,
         message.arrangement,
     )
-    return body + CHECKSUM.pack(zlib.crc32(body))
+    return _sealed(body + sighting)
+
+
+def encoded_sighting(sighting: LeaderSighting | None) -> bytes:
+    """Bytes of where a leader was; none where there is nothing to tell, or it is out of range."""
+    if sighting is None:
+        return b""
+    values = [value / unit for value, unit in zip(sighting, SIGHTING_UNITS, strict=True)]
+    # Not "above": NaN is out of range, too.
+    if not all(abs(value) <= GREATEST_STEPS for value in values):
+        return b""
+    return SIGHTING.pack(*map(round, values))
 
 
 def decode(data: bytes) -> LeaderMessage:
@@ -131,14 +174,17 @@ def decode(data: bytes) -> LeaderMessage:
     Raises:
         LinkDataError: wrong size, mark, version or checksum, or a value that no aircraft has.
     """
-    if len(data) != SIZE:
+    if len(data) not in {SIZE, SIZE + SIGHTING.size}:
         raise LinkDataError(f"{len(data)} bytes where a leader state has {SIZE}")
     magic, version, flags, setpoint, sequence, *values, term, arrangement = LAYOUT.unpack_from(data)
     if magic != MAGIC:
         raise LinkDataError("not a leader state")
+    told = data[LAYOUT.size : -CHECKSUM.size]
+    if bool(told) is not bool(flags & TELLS_LEADER):
+        raise LinkDataError(f"{len(data)} bytes, which its flags contradict")
     if version != VERSION:
         raise LinkDataError(f"version {version} where this companion speaks {VERSION}")
-    if zlib.crc32(data[: LAYOUT.size]) != CHECKSUM.unpack_from(data, LAYOUT.size)[0]:
+    if zlib.crc32(data[: -CHECKSUM.size]) != CHECKSUM.unpack(data[-CHECKSUM.size :])[0]:
         raise LinkDataError("damaged: the checksum does not match")
     # Not "above": a comparison with NaN is false whichever way it is put.
     sound = all(abs(value) <= greatest for value, greatest in zip(values, GREATEST, strict=True))
@@ -163,7 +209,16 @@ def decode(data: bytes) -> LeaderMessage:
         steered=not flags & NOT_STEERED,
         course_setpoint=(setpoint - 1) * math.tau / COURSES if setpoint else math.nan,
         leads=bool(flags & LEADS),
+        sighting=decoded_sighting(told),
     )
+
+
+def decoded_sighting(told: bytes) -> LeaderSighting | None:
+    """Where a leader was, of the bytes that tell it; None of none."""
+    if not told:
+        return None
+    steps = SIGHTING.unpack(told)
+    return LeaderSighting(*(step * unit for step, unit in zip(steps, SIGHTING_UNITS, strict=True)))
 
 
 def course_in_steps(course: float) -> int:

@@ -5,9 +5,10 @@ import zlib
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
+from msgspec.structs import replace
 
 from tests.kit.states import leader_message
-from vfguide.link.codec import LeaderMessage, LinkDataError, decode, encode
+from vfguide.link.codec import LeaderMessage, LeaderSighting, LinkDataError, decode, encode
 
 GREATEST = {
     "latitude_deg": 90.0,
@@ -66,8 +67,36 @@ def test_a_course_setpoint_is_told_in_steps_of_a_tenth_of_a_milliradian(course, 
     assert math.isnan(told) if math.isnan(course) else abs(told - course) < 1e-4
 
 
-def test_every_single_bit_flip_is_refused():
-    good = encode(leader_message())
+def test_where_the_leader_was_is_told_in_tenths_of_a_metre_and_milliseconds():
+    seen = LeaderSighting(age_s=-0.012, north=20.0, east=-20.1, up=3276.7)
+    data = encode(replace(leader_message(), sighting=seen))
+    assert len(data) == 112
+    assert data[5] == 0x04
+    assert struct.unpack("<4h", data[100:108]) == (-12, 200, -201, 32767)
+    assert decode(data).sighting == pytest.approx(seen)
+
+
+@pytest.mark.parametrize("far", [3276.8, -3277.0, math.nan, math.inf])
+def test_a_leader_that_is_too_far_away_is_not_told(far):
+    seen = LeaderSighting(age_s=0.0, north=far, east=0.0, up=0.0)
+    data = encode(replace(leader_message(), sighting=seen))
+    assert len(data) == 104
+    assert decode(data).sighting is None
+
+
+@pytest.mark.parametrize("tells", [True, False])
+def test_a_flag_that_the_size_contradicts_is_refused(tells):
+    seen = LeaderSighting(age_s=0.0, north=0.0, east=0.0, up=0.0)
+    data = encode(replace(leader_message(), sighting=None if tells else seen))
+    body = bytearray(data[:-4])
+    body[5] ^= 0x04
+    with pytest.raises(LinkDataError, match="which its flags contradict"):
+        decode(with_checksum(bytes(body)))
+
+
+@pytest.mark.parametrize("sighting", [None, LeaderSighting(0.0, 1.0, 2.0, 3.0)])
+def test_every_single_bit_flip_is_refused(sighting):
+    good = encode(replace(leader_message(), sighting=sighting))
     for bit in range(8 * len(good)):
         data = bytearray(good)
         data[bit // 8] ^= 1 << bit % 8
