@@ -446,5 +446,5 @@ def test_every_life_knows_what_follows_from_every_finding():
 
 
 def test_the_documentation_prints_the_table_of_lives():
-    page = Path(__file__).parents[3] / "docs" / "architecture.md"
+    page = Path(__file__).parents[3] / "docs" / "belief.md"
     assert LIVES.strip() in page.read_text(encoding="utf-8")
