@@ -7,9 +7,9 @@ from typing import Any, Literal
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
-from sitl_stub import Autopilot, AutopilotConfig, CalmWind, PlantParameters, Wind
+from sitl_stub import Autopilot, AutopilotConfig, CalmWind, PlantParameters, Truth, Wind
 from tests.kit.wire import command_long, parsed, result_of
-from vfguide.mavlink.adapter import Px4Steering, Vehicle
+from vfguide.mavlink.adapter import AutopilotSetpoint, Px4Steering, Vehicle
 from vfguide.mavlink.codec import Codec
 from vfguide.state import Hold
 
@@ -17,6 +17,8 @@ LATITUDE_DEG, LONGITUDE_DEG = 47.0, 8.0
 ALTITUDE_M, HOME_ALTITUDE_M = 500.0, 400.0
 
 Kind = Literal["ardupilot", "px4"]
+
+REAL32 = mavlink.MAV_PARAM_TYPE_REAL32
 
 
 def config_of(**changes: Any) -> AutopilotConfig:
@@ -81,8 +83,28 @@ class GroundStation:
         (ack,) = (reply for reply in replies if reply.get_type() == "COMMAND_ACK")
         return result_of(ack)
 
-    def guided(self) -> None:
+    @property
+    def truth(self) -> Truth:
+        """Where the aircraft is, and how it flies."""
+        return self.autopilot.truth()
+
+    def flown(self, to_s: float) -> Truth:
+        """Fly on until a time; return how it flies then."""
+        self.advance(to_s)
+        return self.truth
+
+    def guided(self) -> "GroundStation":
+        """Select ArduPlane's GUIDED."""
         assert self.result(self.command_long(176, 1, 15)) == "ACCEPTED"
+        return self
+
+    def read(self, name: str) -> MAVLink_message:
+        """Return the answer about a parameter."""
+        (value,) = self.send(mavlink.MAVLink_param_request_read_message(7, 1, name.encode(), -1))
+        return value
+
+    def write(self, name: str, value: float, kind: int = REAL32) -> list[MAVLink_message]:
+        return self.send(mavlink.MAVLink_param_set_message(7, 1, name.encode(), value, kind))
 
     def interval(self, message_id: int, interval_us: float) -> str:
         return self.result(self.command_long(511, message_id, interval_us))
@@ -127,6 +149,13 @@ def new_station(
     return GroundStation(vehicle)
 
 
+def asked(course: float, speed: float) -> AutopilotSetpoint:
+    """Ask for a course and a speed over 47 N 8 E, at 588 m."""
+    return AutopilotSetpoint(
+        course=course, speed=speed, altitude_amsl=588.0, latitude_deg=47.0, longitude_deg=8.0
+    )
+
+
 def address(
     hold: Hold = "heading-hold",
     *,
@@ -141,6 +170,11 @@ def address(
         lateral_acceleration=9.80665,
         px4_steering=px4_steering,
     )
+
+
+def sent(messages: list[MAVLink_message]) -> list[MAVLink_message]:
+    """Return a companion's messages as the other side reads them."""
+    return parsed(Codec(7, 3).encode(messages))
 
 
 class Emulated:

@@ -1,5 +1,7 @@
 """MAVLink as bytes, packed and parsed by pymavlink alone."""
 
+from itertools import pairwise
+
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
@@ -22,6 +24,16 @@ def framed(
     return packed(message, system_id=system_id, component_id=component_id, version_1=version_1)
 
 
+def frame_of(
+    number: int, payload: bytes, crc_extra: int | None = None, *, system_id: int = 7
+) -> bytes:
+    """Make a frame of MAVLink 2 around any payload, with the checksum of its message."""
+    extra = mavlink.mavlink_map[number].crc_extra if crc_extra is None else crc_extra
+    header = bytes([len(payload), 0, 0, 0, system_id, 1]) + number.to_bytes(3, "little")
+    checksum = mavlink.x25crc(header + payload + bytes([extra])).crc
+    return b"\xfd" + header + payload + checksum.to_bytes(2, "little")
+
+
 def spoken(*messages: MAVLink_message) -> bytes:
     """Pack messages as the autopilot of f1 sends them."""
     return packed(*messages, system_id=2, component_id=1)
@@ -36,6 +48,22 @@ def beat(system_id: int = 1) -> bytes:
 def parsed(data: bytes) -> list[MAVLink_message]:
     """Return the messages in bytes."""
     return mavlink.MAVLink(None).parse_buffer(data) or []
+
+
+def of_type(messages: list[MAVLink_message], name: str) -> list[MAVLink_message]:
+    """Return the messages of one type."""
+    return [one for one in messages if one.get_type() == name]
+
+
+def types_of(messages: list[MAVLink_message]) -> list[str]:
+    """Return the type of each message."""
+    return [one.get_type() for one in messages]
+
+
+def cut(stream: bytes, places: list[int]) -> list[bytes]:
+    """Cut a stream into pieces at places, which count on from its beginning beyond its end."""
+    edges = [0, *sorted(place % (len(stream) + 1) for place in places), len(stream)]
+    return [stream[start:end] for start, end in pairwise(edges)]
 
 
 def command_long(

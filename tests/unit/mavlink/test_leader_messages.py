@@ -9,6 +9,8 @@ from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
+from tests.kit.states import leader_at
+from tests.kit.wire import frame_of, framed, position_report
 from vfguide.mavlink.codec import traffic_report
 from vfguide.mavlink.leader_messages import (
     READERS,
@@ -17,27 +19,10 @@ from vfguide.mavlink.leader_messages import (
     follow_target_message,
 )
 from vfguide.mavlink.reports import TimeReport
-from vfguide.state import LeaderState
-
-
-def packed(message: MAVLink_message, *, system_id: int = 7, component_id: int = 1) -> bytes:
-    sender = mavlink.MAVLink(None, srcSystem=system_id, srcComponent=component_id)
-    return bytes(message.pack(sender))
 
 
 def global_position(**values: int) -> MAVLink_message:
-    fields = {
-        "time_boot_ms": 1500,
-        "lat": 473977420,
-        "lon": 85455940,
-        "alt": 588_000,
-        "relative_alt": 100_000,
-        "vx": 1200,
-        "vy": -900,
-        "vz": 0,
-        "hdg": 0,
-    }
-    return mavlink.MAVLink_global_position_int_message(**(fields | values))
+    return position_report(**({"time_boot_ms": 1500, "vx": 1200, "vy": -900} | values))
 
 
 def target(**values: Any) -> MAVLink_message:
@@ -77,14 +62,14 @@ def adsb(**values: Any) -> MAVLink_message:
 
 
 def one(message: MAVLink_message, codec: LeaderCodec | None = None) -> LeaderReport:
-    (report,) = (codec or LeaderCodec(system_id=7)).decode(packed(message))
+    (report,) = (codec or LeaderCodec(system_id=7)).decode(framed(message))
     assert isinstance(report, LeaderReport)
     return report
 
 
 def refused(message: MAVLink_message) -> dict[str, int]:
     codec = LeaderCodec(system_id=7)
-    assert codec.decode(packed(message)) == []
+    assert codec.decode(framed(message)) == []
     return dict(codec.counters)
 
 
@@ -117,27 +102,20 @@ def high_latency(failures: int = 0) -> MAVLink_message:
     )
 
 
-def test_high_latency_message_tells_a_place_alone():
+def test_high_latency_message_tells_a_place_alone_and_without_gps_nothing():
     report = one(high_latency())
-    assert report.stamp_s == pytest.approx(4.5)
-    assert report.altitude_amsl == pytest.approx(588.0)
+    assert (report.stamp_s, report.altitude_amsl) == pytest.approx((4.5, 588.0))
     assert report.velocity is None
-
-
-def test_high_latency_message_without_gps_is_refused():
     assert refused(high_latency(mavlink.HL_FAILURE_FLAG_GPS)) == {"out of range": 1}
 
 
 def test_adsb_tells_its_course_and_how_old_it_is_but_no_time():
     report = one(adsb(), LeaderCodec(icao_address=0x4B1900))
-    assert report.stamp_s is None
-    assert report.age_s == 2.0
+    assert (report.stamp_s, report.age_s) == (None, 2.0)
     assert report.velocity == pytest.approx((0.0, 30.0), abs=1e-9)
-
-
-def test_pressure_altitude_of_adsb_is_none_to_keep_clear_by():
-    report = one(adsb(altitude_type=0), LeaderCodec(icao_address=0x4B1900))
-    assert math.isnan(report.altitude_amsl)
+    # A pressure altitude is none to keep clear by.
+    by_pressure = one(adsb(altitude_type=0), LeaderCodec(icao_address=0x4B1900))
+    assert math.isnan(by_pressure.altitude_amsl)
 
 
 def test_altitude_of_another_aircraft_says_by_how_much_it_may_be_off():
@@ -156,12 +134,17 @@ def test_altitude_of_another_aircraft_says_by_how_much_it_may_be_off():
 
 @pytest.mark.parametrize("values", [{"ICAO_address": 1}, {"flags": 0b1110}, {"tslc": 6}])
 def test_adsb_of_another_aircraft_or_without_a_fresh_place_is_refused(values):
-    assert LeaderCodec(icao_address=0x4B1900).decode(packed(adsb(**values))) == []
+    assert LeaderCodec(icao_address=0x4B1900).decode(framed(adsb(**values))) == []
 
 
-def test_whoever_passes_adsb_on_it_is_read():
-    codec = LeaderCodec(icao_address=0x4B1900)
-    assert len(codec.decode(packed(adsb(), system_id=200))) == 1
+def test_any_component_of_the_aircraft_may_speak_and_no_other_system():
+    codec = LeaderCodec(system_id=7)
+    assert len(codec.decode(framed(target(), component_id=191))) == 1
+    assert codec.decode(framed(global_position(), system_id=8)) == []
+    assert codec.counters == {"of another system": 1}
+    # Whoever passes ADS-B on.
+    receiver = LeaderCodec(icao_address=0x4B1900)
+    assert len(receiver.decode(framed(adsb(), system_id=200))) == 1
 
 
 @pytest.mark.parametrize(
@@ -185,22 +168,11 @@ def test_altitude_that_no_aircraft_has_is_not_known(altitude):
     assert math.isnan(one(target(alt=altitude)).altitude_amsl)
 
 
-def test_other_systems_are_passed_over():
-    codec = LeaderCodec(system_id=7)
-    assert codec.decode(packed(global_position(), system_id=8)) == []
-    assert codec.counters == {"of another system": 1}
-
-
-def test_any_component_of_the_aircraft_may_speak():
-    codec = LeaderCodec(system_id=7)
-    assert len(codec.decode(packed(target(), component_id=191))) == 1
-
-
 def test_answers_about_the_time_are_read_and_questions_are_not():
     codec = LeaderCodec(system_id=7)
     answer, question = (mavlink.MAVLink_timesync_message(tc1, 123) for tc1 in (456, 0))
-    assert codec.decode(packed(answer)) == [TimeReport(stamp=123, autopilot_ns=456)]
-    assert codec.decode(packed(question)) == []
+    assert codec.decode(framed(answer)) == [TimeReport(stamp=123, autopilot_ns=456)]
+    assert codec.decode(framed(question)) == []
 
 
 @given(st.binary(max_size=300))
@@ -210,7 +182,7 @@ def test_no_bytes_raise(data):
 
 @given(st.sampled_from(sorted(READERS)), st.binary(min_size=1, max_size=255))
 def test_no_payload_raises_or_leads_to_numbers_that_are_none(number, payload):
-    frame = framed(number, payload, mavlink.mavlink_map[number].crc_extra)
+    frame = frame_of(number, payload)
     for report in LeaderCodec(system_id=7).decode(frame):
         if isinstance(report, TimeReport):
             continue
@@ -220,24 +192,8 @@ def test_no_payload_raises_or_leads_to_numbers_that_are_none(number, payload):
         assert not math.isinf(report.altitude_amsl)
 
 
-def framed(number: int, payload: bytes, crc_extra: int) -> bytes:
-    """A frame of MAVLink 2 around any payload, with its right checksum."""
-    header = bytes([len(payload), 0, 0, 0, 7, 1, number & 0xFF, number >> 8 & 0xFF, 0])
-    checksum = mavlink.x25crc(header + payload + bytes([crc_extra])).crc
-    return bytes([0xFD]) + header + payload + checksum.to_bytes(2, "little")
-
-
 def test_own_follow_target_says_what_the_motion_is():
-    motion = LeaderState(
-        time_s=12.5,
-        north=0.0,
-        east=0.0,
-        course=math.pi / 2.0,
-        ground_speed=20.0,
-        acceleration=0.5,
-        turn_rate=0.1,
-        turn_acceleration=0.0,
-    )
+    motion = leader_at(time_s=12.5, course=math.pi / 2.0, acceleration=0.5, turn_rate=0.1)
     message = follow_target_message(
         motion, latitude_deg=47.0, longitude_deg=8.0, altitude_amsl=588.0, heading=math.pi / 2.0
     )

@@ -1,42 +1,31 @@
 import math
-from collections.abc import Callable
 from typing import Any
 
 import pytest
 from msgspec.structs import replace
 
-from tests.kit.autopilot import Emulated, address
-from vfguide.mavlink.adapter import AutopilotSetpoint
+from tests.kit.autopilot import Emulated, address, asked
 from vfguide.mavlink.ardupilot import ArduPlane
 from vfguide.mavlink.px4 import Px4
 
-Make = Callable[..., Any]
 
-
-def asked(course: float, speed: float) -> AutopilotSetpoint:
-    """Over 47 N 8 E, at 588 m."""
-    return AutopilotSetpoint(
-        course=course, speed=speed, altitude_amsl=588.0, latitude_deg=47.0, longitude_deg=8.0
-    )
-
-
-def test_arduplane_enters_guided_and_goes_back_to_loiter():
+def test_arduplane_flies_the_course_airspeed_and_altitude_in_guided_and_goes_back_to_loiter():
     plane, aircraft = ArduPlane(address(component_id=1)), Emulated("ardupilot")
     assert aircraft.autopilot.truth().mode == "LOITER"
     assert aircraft.obey(plane.engage()) == [(176, "ACCEPTED")]
-    assert aircraft.autopilot.truth().mode == "GUIDED"
-    assert aircraft.obey(plane.hand_back()) == [(176, "ACCEPTED")]
-    assert aircraft.autopilot.truth().mode == "LOITER"
-
-
-def test_arduplane_flies_the_course_airspeed_and_altitude():
-    plane, aircraft = ArduPlane(address(component_id=1)), Emulated("ardupilot")
-    aircraft.obey(plane.engage())
     answers = aircraft.obey(plane.fly(asked(-1.0, 24.0)))
     assert answers == [(43_002, "ACCEPTED"), (43_000, "ACCEPTED")]
     assert aircraft.obey(plane.hold_altitude(520.0)) == [(43_001, "ACCEPTED")]
     aircraft.stream(lambda: plane.fly(asked(-1.0, 24.0)), 30.0)
+    assert_flown(aircraft, "GUIDED")
+    assert aircraft.obey(plane.hand_back()) == [(176, "ACCEPTED")]
+    assert aircraft.autopilot.truth().mode == "LOITER"
+
+
+def assert_flown(aircraft: Emulated, mode: str) -> None:
+    """A course of -1 rad at 24 m/s, 520 m above the sea."""
     truth = aircraft.autopilot.truth()
+    assert truth.mode == mode
     assert math.remainder(truth.course_rad + 1.0, math.tau) == pytest.approx(0.0, abs=1e-3)
     assert truth.airspeed_m_s == pytest.approx(24.0, abs=1e-3)
     assert truth.altitude_amsl_m == pytest.approx(520.0, abs=0.1)
@@ -46,58 +35,40 @@ def test_arduplane_takes_a_ground_speed_where_the_vehicle_holds_one():
     plane = ArduPlane(address("course-hold", component_id=1))
     aircraft = Emulated("ardupilot", "course-hold")
     aircraft.obey(plane.engage())
-    assert aircraft.obey(plane.fly(asked(1.0, 24.0))) == [
-        (43_002, "ACCEPTED"),
-        (43_000, "ACCEPTED"),
-    ]
+    answers = aircraft.obey(plane.fly(asked(1.0, 24.0)))
+    assert answers == [(43_002, "ACCEPTED"), (43_000, "ACCEPTED")]
 
 
 @pytest.mark.parametrize(
     ("steering", "version"),
-    [("position", (1, 15)), ("position", (1, 18)), ("velocity", (1, 14))],
+    [("position", (1, 15)), ("position", (1, 17)), ("position", (1, 18)), ("velocity", (1, 14))],
 )
-def test_px4_enters_offboard_once_setpoints_arrive(steering, version):
-    plane = Px4(address(component_id=1, px4_steering=steering))
-    aircraft = Emulated("px4", version=version)
-    assert aircraft.obey(plane.engage()) == [(176, "TEMPORARILY_REJECTED")]
-    assert aircraft.obey(plane.fly(asked(1.0, 24.0))) == [(178, "ACCEPTED")]
-    assert aircraft.obey(plane.engage()) == [(176, "ACCEPTED")]
-    assert aircraft.autopilot.truth().mode == "OFFBOARD"
-    assert aircraft.obey(plane.hand_back()) == [(176, "ACCEPTED")]
-    assert aircraft.autopilot.truth().mode == "AUTO.LOITER"
-
-
-@pytest.mark.parametrize(
-    ("steering", "version"),
-    [
-        ("position", (1, 15)),
-        ("position", (1, 17)),
-        ("position", (1, 18)),
-        ("velocity", (1, 14)),
-    ],
-)
-def test_px4_in_offboard_flies_the_course_and_airspeed(steering, version):
+def test_px4_enters_offboard_once_setpoints_arrive_and_flies_the_course_and_airspeed(
+    steering, version
+):
     plane = Px4(address(component_id=1, px4_steering=steering))
     aircraft = Emulated("px4", version=version)
 
     def setpoint() -> list[Any]:
         where = aircraft.autopilot.truth()
-        wanted = replace(
-            asked(2.5, 24.0), latitude_deg=where.latitude_deg, longitude_deg=where.longitude_deg
+        return plane.fly(
+            replace(
+                asked(2.5, 24.0), latitude_deg=where.latitude_deg, longitude_deg=where.longitude_deg
+            )
         )
-        messages: list[Any] = plane.fly(wanted)
-        return messages
 
-    aircraft.obey(setpoint())
-    aircraft.obey(plane.engage())
+    assert aircraft.obey(plane.engage()) == [(176, "TEMPORARILY_REJECTED")]
+    assert aircraft.obey(setpoint()) == [(178, "ACCEPTED")]
+    assert aircraft.obey(plane.engage()) == [(176, "ACCEPTED")]
     aircraft.stream(setpoint, 60.0)
     truth = aircraft.autopilot.truth()
     assert truth.mode == "OFFBOARD"
-    assert truth.course_rad == pytest.approx(2.5, abs=1e-3)
-    assert truth.airspeed_m_s == pytest.approx(24.0, abs=1e-3)
+    assert (truth.course_rad, truth.airspeed_m_s) == pytest.approx((2.5, 24.0), abs=1e-3)
     held_m = 588.0 if plane.holds_altitude else 500.0
     assert truth.altitude_amsl_m == pytest.approx(held_m, abs=0.1)
     assert dict(aircraft.autopilot.counters) == {}
+    assert aircraft.obey(plane.hand_back()) == [(176, "ACCEPTED")]
+    assert aircraft.autopilot.truth().mode == "AUTO.LOITER"
 
 
 def test_px4_in_guided_course_flies_course_airspeed_and_altitude():
@@ -106,11 +77,7 @@ def test_px4_in_guided_course_flies_course_airspeed_and_altitude():
     assert aircraft.obey(plane.fly(asked(-1.0, 24.0))) == [(43_002, "ACCEPTED"), (178, "ACCEPTED")]
     assert aircraft.obey(plane.hold_altitude(520.0)) == [(186, "ACCEPTED")]
     aircraft.stream(list, 60.0)
-    truth = aircraft.autopilot.truth()
-    assert truth.mode == "AUTO.COURSE"
-    assert math.remainder(truth.course_rad + 1.0, math.tau) == pytest.approx(0.0, abs=1e-3)
-    assert truth.airspeed_m_s == pytest.approx(24.0, abs=1e-3)
-    assert truth.altitude_amsl_m == pytest.approx(520.0, abs=0.1)
+    assert_flown(aircraft, "AUTO.COURSE")
     assert aircraft.obey(plane.hand_back()) == [(176, "ACCEPTED")]
     assert aircraft.autopilot.truth().mode == "AUTO.LOITER"
 

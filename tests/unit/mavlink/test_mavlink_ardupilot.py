@@ -1,28 +1,12 @@
 import math
-from typing import Any
 
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from tests.kit.autopilot import address
-from tests.kit.wire import parsed
-from vfguide.mavlink.adapter import AutopilotSetpoint, Vehicle
+from tests.kit.autopilot import address, asked, sent
+from vfguide.mavlink.adapter import Vehicle
 from vfguide.mavlink.ardupilot import ArduPlane
-from vfguide.mavlink.codec import Codec
-
-
-def asked(course: float, speed: float) -> AutopilotSetpoint:
-    """Over 47 N 8 E, at 588 m."""
-    return AutopilotSetpoint(
-        course=course, speed=speed, altitude_amsl=588.0, latitude_deg=47.0, longitude_deg=8.0
-    )
-
-
-def sent(messages: list[Any]) -> list[Any]:
-    """The messages as the other side reads them."""
-    received: list[Any] = parsed(Codec(7, 3).encode(messages))
-    return received
 
 
 def test_guided_is_the_only_mode_that_obeys():

@@ -1,24 +1,10 @@
-from collections.abc import Callable
-from typing import Any
-
 import pytest
 
-from tests.kit.autopilot import address
-from vfguide.mavlink.adapter import AutopilotSetpoint
+from tests.kit.autopilot import address, asked
 from vfguide.mavlink.ardupilot import ArduPlane
 from vfguide.mavlink.detected import DetectedAutopilot
 from vfguide.mavlink.px4 import Px4
 from vfguide.mavlink.reports import VersionReport
-
-Make = Callable[..., Any]
-
-
-def asked(course: float, speed: float) -> AutopilotSetpoint:
-    """Over 47 N 8 E, at 588 m."""
-    return AutopilotSetpoint(
-        course=course, speed=speed, altitude_amsl=588.0, latitude_deg=47.0, longitude_deg=8.0
-    )
-
 
 ARDUPILOT, PX4, PAPARAZZI = 3, 12, 9
 GUIDED, OFFBOARD = 15, 6 << 16
@@ -38,19 +24,15 @@ def test_an_autopilot_that_was_not_heard_is_told_nothing():
 def test_the_heartbeat_tells_how_to_speak(number, kind):
     adapter, known = DetectedAutopilot(address()), kind(address())
     assert adapter.recognise(number) is None
-    for act in ("engage", "hand_back"):
-        found, expected = getattr(adapter, act)(), getattr(known, act)()
+    for act, *given in (("engage",), ("hand_back",), ("fly", asked(1.0, 20.0))):
+        found, expected = getattr(adapter, act)(*given), getattr(known, act)(*given)
         assert [str(one) for one in found] == [str(one) for one in expected]
-    assert [str(one) for one in adapter.fly(asked(1.0, 20.0))] == [
-        str(one) for one in known.fly(asked(1.0, 20.0))
-    ]
     for mode in (GUIDED, OFFBOARD):
         assert adapter.is_engaged(mode) is known.is_engaged(mode)
-    assert adapter.parameters == known.parameters
-    assert adapter.is_ready is known.is_ready is True
-    assert adapter.counts_ground_stations is known.counts_ground_stations
-    assert adapter.streams_before_engaging is known.streams_before_engaging
-    assert adapter.keep_alive_s == known.keep_alive_s
+    assert adapter.is_ready
+    same = ("counts_ground_stations", "is_ready", "keep_alive_s", "parameters")
+    for name in (*same, "streams_before_engaging"):
+        assert getattr(adapter, name) == getattr(known, name)
 
 
 def test_it_hears_the_version_of_what_was_found():

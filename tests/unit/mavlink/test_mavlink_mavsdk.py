@@ -8,8 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from tests.kit.autopilot import address
-from vfguide.mavlink.adapter import AutopilotSetpoint
+from tests.kit.autopilot import address, asked
 from vfguide.mavlink.mavsdk import (
     HEARD,
     direct_message,
@@ -28,14 +27,6 @@ from vfguide.mavlink.reports import (
     TextReport,
     VersionReport,
 )
-
-
-def asked(course: float, speed: float) -> AutopilotSetpoint:
-    """Over 47 N 8 E, at 588 m."""
-    return AutopilotSetpoint(
-        course=course, speed=speed, altitude_amsl=588.0, latitude_deg=47.0, longitude_deg=8.0
-    )
-
 
 VERSION = {
     "flight_sw_version": 0x01120080,

@@ -1,5 +1,4 @@
 import math
-from typing import Any
 
 import pytest
 from hypothesis import given, settings
@@ -7,29 +6,14 @@ from hypothesis import strategies as st
 from msgspec.structs import replace
 from pymap3d.vincenty import vdist
 
-from tests.kit.autopilot import address
-from tests.kit.wire import parsed
-from vfguide.mavlink.adapter import AutopilotSetpoint, Vehicle
-from vfguide.mavlink.codec import Codec
+from tests.kit.autopilot import address, asked, sent
+from vfguide.mavlink.adapter import Vehicle
 from vfguide.mavlink.px4 import Px4, Px4ByMavsdk
 from vfguide.mavlink.px4_steering import point_ahead
 from vfguide.mavlink.reports import CommandReport, VersionReport
 
 GUIDED_COURSE, OFFBOARD, LOITER = 4 << 16 | 19 << 24, 6 << 16, 4 << 16 | 3 << 24
 SET_MODE, ACCEPTED, REJECTED = 176, 0, 1
-
-
-def asked(course: float, speed: float) -> AutopilotSetpoint:
-    """Over 47 N 8 E, at 588 m."""
-    return AutopilotSetpoint(
-        course=course, speed=speed, altitude_amsl=588.0, latitude_deg=47.0, longitude_deg=8.0
-    )
-
-
-def sent(messages: list[Any]) -> list[Any]:
-    """The messages as the other side reads them."""
-    received: list[Any] = parsed(Codec(7, 3).encode(messages))
-    return received
 
 
 def of_version(major: int, minor: int) -> Px4:

@@ -1,14 +1,10 @@
-from collections.abc import Callable
 from itertools import pairwise
-from typing import Any
 
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from vfguide.mavlink.stream import LARGEST_FRAME, StreamFramer
-
-Make = Callable[..., Any]
 
 SENDER = mavlink.MAVLink(None, srcSystem=7, srcComponent=1)
 

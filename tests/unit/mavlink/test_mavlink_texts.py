@@ -54,9 +54,24 @@ def test_a_text_whose_end_is_lost_ends_where_another_begins():
     assert texts(Codec(7, 1), first, short) == [f"{LONG[:50].decode()}[...]", "next"]
 
 
-def test_bytes_that_are_no_text_are_shown_by_their_numbers():
-    message = mavlink.MAVLink_statustext_message(4, b"Temp 46\xb0C over \x1b[31mlimit", 0, 0)
-    assert texts(Codec(7, 1), framed(message)) == [r"Temp 46\xb0C over \x1b[31mlimit"]
+@pytest.mark.parametrize(
+    ("said", "text"),
+    [
+        (b"Temp 46\xb0C over \x1b[31mlimit", r"Temp 46\xb0C over \x1b[31mlimit"),
+        (b"low\x1b[31m \x07battery\r\n\t\x7f!", r"low\x1b[31m \x07battery\r\n\t\x7f!"),
+    ],
+)
+def test_bytes_that_are_no_text_are_shown_by_their_numbers(codec, said, text):
+    message = mavlink.MAVLink_statustext_message(4, said, 0, 0)
+    assert codec.decode(framed(message)) == [TextReport(severity=4, text=text)]
+
+
+def test_each_byte_can_be_printed():
+    for start in range(1, 256, 50):
+        said = bytes(range(start, min(start + 50, 256)))
+        message = mavlink.MAVLink_statustext_message(4, said)
+        (text,) = texts(Codec(7, 1), framed(message))
+        assert text.isprintable()
 
 
 @given(st.lists(st.tuples(st.binary(max_size=50), st.integers(0, 3), st.integers(0, 255))))

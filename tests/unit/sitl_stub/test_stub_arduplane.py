@@ -1,18 +1,14 @@
 import math
-from typing import Any
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sitl_stub import PlantParameters, SteadyWind
 from tests.kit.autopilot import new_station
+from tests.kit.wire import types_of
 
 SPEED, ALTITUDE, HEADING = 43000, 43001, 43002
 LATERAL = 9.80665
-
-
-def names(messages: list[Any]) -> list[str]:
-    return [message.get_type() for message in messages]
 
 
 def test_a_mode_change_is_acknowledged_announced_and_shown_at_once():
@@ -23,26 +19,25 @@ def test_a_mode_change_is_acknowledged_announced_and_shown_at_once():
     assert heartbeat.custom_mode == 15
     assert heartbeat.base_mode & mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
     assert heartbeat.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED
-    assert vehicle.autopilot.truth().mode == "GUIDED"
+    assert vehicle.truth.mode == "GUIDED"
 
 
 def test_the_mode_message_changes_the_mode_too():
     vehicle = new_station()
     vehicle.send(mavlink.MAVLink_set_mode_message(7, 1, 5))
-    assert vehicle.autopilot.truth().mode == "FBWA"
+    assert vehicle.truth.mode == "FBWA"
 
 
 @pytest.mark.parametrize("parameters", [(1, 99), (0, 15), (1, 15.5), (1, -1)])
 def test_a_mode_that_does_not_exist_is_denied(parameters):
     vehicle = new_station()
     assert vehicle.result(vehicle.command_long(176, *parameters)) == "DENIED"
-    assert vehicle.autopilot.truth().mode == "LOITER"
+    assert vehicle.truth.mode == "LOITER"
 
 
 def test_loiter_turns_at_a_15_deg_bank():
     vehicle = new_station()
-    vehicle.advance(10.0)
-    truth = vehicle.autopilot.truth()
+    truth = vehicle.flown(10.0)
     # g tan(15 deg) / 20 = 0.13139 rad/s
     assert truth.course_rad == pytest.approx(1.3139, abs=1e-4)
     assert math.degrees(truth.bank_rad) == pytest.approx(15.0)
@@ -52,199 +47,174 @@ def test_loiter_turns_at_a_15_deg_bank():
 def test_other_modes_keep_the_course_they_had():
     vehicle = new_station(SteadyWind(5.0, 1.0), course_rad=0.7)
     vehicle.command_long(176, 1, 10)
-    vehicle.advance(30.0)
-    assert vehicle.autopilot.truth().course_rad == pytest.approx(0.7, abs=1e-6)
+    assert vehicle.flown(30.0).course_rad == pytest.approx(0.7, abs=1e-6)
 
 
 def test_a_course_is_flown_over_ground_in_a_crosswind():
-    vehicle = new_station(SteadyWind(5.0, math.pi / 2))
-    vehicle.guided()
+    vehicle = new_station(SteadyWind(5.0, math.pi / 2)).guided()
     assert vehicle.result(vehicle.command_int(HEADING, 0, 45.0, LATERAL)) == "ACCEPTED"
-    vehicle.advance(20.0)
-    truth = vehicle.autopilot.truth()
+    truth = vehicle.flown(20.0)
     assert math.degrees(truth.course_rad) == pytest.approx(45.0, abs=1e-3)
     assert math.degrees(truth.heading_rad) < 45.0
 
 
 def test_a_heading_points_the_nose():
-    vehicle = new_station(SteadyWind(5.0, math.pi / 2))
-    vehicle.guided()
+    vehicle = new_station(SteadyWind(5.0, math.pi / 2)).guided()
     vehicle.command_long(HEADING, 1, 45.0, LATERAL)
-    vehicle.advance(20.0)
-    assert math.degrees(vehicle.autopilot.truth().heading_rad) == pytest.approx(45.0, abs=1e-3)
+    assert math.degrees(vehicle.flown(20.0).heading_rad) == pytest.approx(45.0, abs=1e-3)
 
 
 def test_zero_lateral_acceleration_is_accepted_and_the_aircraft_hardly_turns():
-    vehicle = new_station()
-    vehicle.guided()
+    vehicle = new_station().guided()
     assert vehicle.result(vehicle.command_int(HEADING, 0, 90.0, 0.0)) == "ACCEPTED"
     vehicle.advance(10.0)
     # 0.05 m/s^2 at 20 m/s for 10 s: 0.025 rad.
-    assert vehicle.autopilot.truth().course_rad == pytest.approx(0.025, abs=1e-6)
+    assert vehicle.truth.course_rad == pytest.approx(0.025, abs=1e-6)
 
 
 @pytest.mark.parametrize("angle_deg", [360.0, -1.0, 720.0])
 def test_a_course_outside_0_to_360_is_denied(angle_deg):
-    vehicle = new_station()
-    vehicle.guided()
+    vehicle = new_station().guided()
     assert vehicle.result(vehicle.command_int(HEADING, 0, angle_deg, LATERAL)) == "DENIED"
     assert vehicle.result(vehicle.command_int(HEADING, 3, 10.0, LATERAL)) == "DENIED"
 
 
 def test_cancelling_the_course_returns_to_circling():
-    vehicle = new_station()
-    vehicle.guided()
+    vehicle = new_station().guided()
     vehicle.command_int(HEADING, 0, 0.0, LATERAL)
     assert vehicle.result(vehicle.command_int(HEADING, 2, math.nan, math.nan)) == "ACCEPTED"
-    assert math.degrees(vehicle.autopilot.truth().bank_rad) == pytest.approx(15.0)
+    assert math.degrees(vehicle.truth.bank_rad) == pytest.approx(15.0)
 
 
-def test_an_airspeed_is_flown_and_held_for_ever():
-    vehicle = new_station()
-    vehicle.guided()
-    assert vehicle.result(vehicle.command_int(SPEED, 0, 25.0, 0)) == "ACCEPTED"
-    vehicle.advance(300.0)
-    assert vehicle.autopilot.truth().airspeed_m_s == pytest.approx(25.0)
-
-
-def test_an_acceleration_with_the_speed_limits_its_change():
-    vehicle = new_station()
-    vehicle.guided()
-    vehicle.command_int(SPEED, 0, 30.0, 0.5)
-    vehicle.advance(4.0)
-    assert vehicle.autopilot.truth().airspeed_m_s == pytest.approx(22.0)
+@pytest.mark.parametrize(
+    ("speed", "acceleration", "after_s", "flown"),
+    [
+        # Held for ever.
+        (25.0, 0, 300.0, 25.0),
+        # 0.5 m/s² for 4 s.
+        (30.0, 0.5, 4.0, 22.0),
+    ],
+)
+def test_an_airspeed_is_taken_up_as_fast_as_is_commanded(speed, acceleration, after_s, flown):
+    vehicle = new_station().guided()
+    assert vehicle.result(vehicle.command_int(SPEED, 0, speed, acceleration)) == "ACCEPTED"
+    assert vehicle.flown(after_s).airspeed_m_s == pytest.approx(flown)
 
 
 def test_the_limits_themselves_are_accepted_despite_single_precision():
-    vehicle = new_station(plant=PlantParameters(airspeed_min_m_s=12.3, airspeed_max_m_s=28.3))
-    vehicle.guided()
+    vehicle = new_station(
+        plant=PlantParameters(airspeed_min_m_s=12.3, airspeed_max_m_s=28.3)
+    ).guided()
     assert vehicle.result(vehicle.command_int(SPEED, 0, 12.3, 0)) == "ACCEPTED"
     assert vehicle.result(vehicle.command_int(SPEED, 0, 28.3, 0)) == "ACCEPTED"
 
 
 def test_the_article_s_plant_takes_a_ground_speed():
-    vehicle = new_station(SteadyWind(6.0, 0.3), plant=PlantParameters(kind="course-hold"))
-    vehicle.guided()
+    vehicle = new_station(SteadyWind(6.0, 0.3), plant=PlantParameters(kind="course-hold")).guided()
     vehicle.command_int(HEADING, 0, 90.0, LATERAL)
     assert vehicle.result(vehicle.command_int(SPEED, 1, 21.5, 0)) == "ACCEPTED"
     assert vehicle.result(vehicle.command_int(SPEED, 1, 0.0, 0)) == "FAILED"
-    vehicle.advance(30.0)
-    assert vehicle.autopilot.truth().ground_speed_m_s == pytest.approx(21.5)
+    assert vehicle.flown(30.0).ground_speed_m_s == pytest.approx(21.5)
 
 
 def test_changing_speed_mode_in_flight_does_not_jump():
-    vehicle = new_station(SteadyWind(6.0, 0.3), plant=PlantParameters(kind="course-hold"))
-    vehicle.guided()
-    before = vehicle.autopilot.truth()
+    vehicle = new_station(SteadyWind(6.0, 0.3), plant=PlantParameters(kind="course-hold")).guided()
+    before = vehicle.truth
     vehicle.command_int(SPEED, 1, 21.5, 0)
-    after = vehicle.autopilot.truth()
+    after = vehicle.truth
     assert after.ground_speed_m_s == pytest.approx(before.ground_speed_m_s)
     assert after.airspeed_m_s == pytest.approx(before.airspeed_m_s)
 
 
 def test_the_common_speed_command_is_ignored_once_the_guided_one_was_used():
-    vehicle = new_station()
-    vehicle.guided()
+    vehicle = new_station().guided()
     vehicle.command_long(178, 0, 22.0)
-    vehicle.advance(20.0)
-    assert vehicle.autopilot.truth().airspeed_m_s == pytest.approx(22.0, abs=1e-3)
+    assert vehicle.flown(20.0).airspeed_m_s == pytest.approx(22.0, abs=1e-3)
     vehicle.command_int(SPEED, 0, 24.0, 0)
     replies = vehicle.command_long(178, 0, 18.0)
     assert vehicle.result(replies) == "ACCEPTED"
-    assert names(replies) == ["COMMAND_ACK", "STATUSTEXT"]
-    vehicle.advance(40.0)
-    assert vehicle.autopilot.truth().airspeed_m_s == pytest.approx(24.0, abs=1e-3)
+    assert types_of(replies) == ["COMMAND_ACK", "STATUSTEXT"]
+    assert vehicle.flown(40.0).airspeed_m_s == pytest.approx(24.0, abs=1e-3)
     vehicle.command_long(176, 1, 12)
     vehicle.guided()
     vehicle.command_long(178, 0, 18.0)
-    vehicle.advance(60.0)
-    assert vehicle.autopilot.truth().airspeed_m_s == pytest.approx(18.0, abs=1e-3)
+    assert vehicle.flown(60.0).airspeed_m_s == pytest.approx(18.0, abs=1e-3)
 
 
 @pytest.mark.parametrize(
-    ("parameters", "expected"),
-    [((0, -1.0), "ACCEPTED"), ((0, -2.0), "ACCEPTED"), ((0, 50.0), "FAILED"), ((9, 20), "DENIED")],
+    ("command", "expected"),
+    [
+        # No change, and the default.
+        ((178, 0, -1.0), "ACCEPTED"),
+        ((178, 0, -2.0), "ACCEPTED"),
+        ((178, 0, 50.0), "FAILED"),
+        ((178, 9, 20.0), "DENIED"),
+        ((31_337,), "UNSUPPORTED"),
+    ],
 )
-def test_the_common_speed_command_knows_no_change_and_default(parameters, expected):
+def test_a_command_in_loiter_is_answered(command, expected):
     vehicle = new_station()
-    assert vehicle.result(vehicle.command_long(178, *parameters)) == expected
+    assert vehicle.result(vehicle.command_long(*command)) == expected
 
 
-@pytest.mark.parametrize(("frame", "z"), [(0, 530.0), (3, 130.0), (5, 530.0), (6, 130.0)])
-def test_an_altitude_is_flown_in_either_frame(frame, z):
-    vehicle = new_station()
-    vehicle.guided()
-    assert vehicle.result(vehicle.command_int(ALTITUDE, 0, 0, 0, frame=frame, z=z)) == "ACCEPTED"
-    vehicle.advance(60.0)
-    assert vehicle.autopilot.truth().altitude_amsl_m == pytest.approx(530.0, abs=1e-3)
-
-
-def test_an_altitude_above_terrain_is_denied():
-    vehicle = new_station()
-    vehicle.guided()
-    assert vehicle.result(vehicle.command_int(ALTITUDE, frame=10, z=100.0)) == "DENIED"
+@pytest.mark.parametrize(
+    ("frame", "z", "answer", "flown_m"),
+    [
+        *((frame, 530.0, "ACCEPTED", 530.0) for frame in (0, 5)),
+        *((frame, 130.0, "ACCEPTED", 530.0) for frame in (3, 6)),
+        # Above terrain.
+        (10, 100.0, "DENIED", 500.0),
+    ],
+)
+def test_an_altitude_is_flown_in_either_frame(frame, z, answer, flown_m):
+    vehicle = new_station().guided()
+    assert vehicle.result(vehicle.command_int(ALTITUDE, 0, 0, 0, frame=frame, z=z)) == answer
+    assert vehicle.flown(60.0).altitude_amsl_m == pytest.approx(flown_m, abs=1e-3)
 
 
 def test_leaving_and_entering_guided_clears_all_commands():
-    vehicle = new_station()
-    vehicle.guided()
+    vehicle = new_station().guided()
     vehicle.command_int(HEADING, 0, 90.0, LATERAL)
     vehicle.command_int(SPEED, 0, 25.0, 0)
     vehicle.command_int(ALTITUDE, frame=0, z=900.0)
     vehicle.advance(10.0)
     vehicle.command_long(176, 1, 12)
     vehicle.guided()
-    height_m = vehicle.autopilot.truth().altitude_amsl_m
-    vehicle.advance(40.0)
-    truth = vehicle.autopilot.truth()
+    height_m = vehicle.truth.altitude_amsl_m
+    truth = vehicle.flown(40.0)
     assert math.degrees(truth.bank_rad) == pytest.approx(15.0)
     assert truth.airspeed_m_s == pytest.approx(20.0, abs=1e-3)
     assert truth.altitude_amsl_m == pytest.approx(height_m)
 
 
 def test_sending_guided_again_changes_nothing():
-    vehicle = new_station()
-    vehicle.guided()
+    vehicle = new_station().guided()
     vehicle.command_int(HEADING, 0, 90.0, LATERAL)
-    assert names(vehicle.command_long(176, 1, 15)) == ["COMMAND_ACK"]
-    vehicle.advance(20.0)
-    assert math.degrees(vehicle.autopilot.truth().course_rad) == pytest.approx(90.0, abs=1e-3)
+    assert types_of(vehicle.command_long(176, 1, 15)) == ["COMMAND_ACK"]
+    assert math.degrees(vehicle.flown(20.0).course_rad) == pytest.approx(90.0, abs=1e-3)
 
 
-@pytest.mark.parametrize("command", [SPEED, HEADING, 178, 176, 400, 511, 512])
+@pytest.mark.parametrize("command", [SPEED, HEADING, ALTITUDE, 178, 176, 400, 511, 512])
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
 def test_a_non_finite_value_is_denied_counted_and_never_flown(command, value):
-    vehicle = new_station()
-    vehicle.guided()
-    before = vehicle.autopilot.truth()
-    assert vehicle.result(vehicle.command_int(command, value, value, value)) == "DENIED"
+    vehicle = new_station().guided()
+    before = vehicle.truth
+    assert vehicle.result(vehicle.command_int(command, value, value, value, z=value)) == "DENIED"
     assert vehicle.autopilot.counters["non-finite field"] == 1
-    assert vehicle.autopilot.truth() == before
-
-
-def test_a_non_finite_altitude_is_denied():
-    vehicle = new_station()
-    vehicle.guided()
-    assert vehicle.result(vehicle.command_int(ALTITUDE, z=math.nan)) == "DENIED"
+    assert vehicle.truth == before
 
 
 def test_velocity_setpoints_are_silently_ignored():
-    vehicle = new_station()
-    vehicle.guided()
-    before = vehicle.autopilot.truth()
+    vehicle = new_station().guided()
+    before = vehicle.truth
     assert vehicle.velocity_setpoint(0.0, 20.0) == []
-    assert vehicle.autopilot.truth() == before
-
-
-def test_an_unknown_command_is_unsupported():
-    vehicle = new_station()
-    assert vehicle.result(vehicle.command_long(31_337)) == "UNSUPPORTED"
+    assert vehicle.truth == before
 
 
 def test_only_its_own_commands_and_those_for_everyone_are_obeyed():
     vehicle = new_station()
     assert vehicle.command_long(176, 1, 15, target=8) == []
-    assert vehicle.autopilot.truth().mode == "LOITER"
+    assert vehicle.truth.mode == "LOITER"
     assert vehicle.autopilot.counters["for another"] == 1
     assert vehicle.result(vehicle.command_long(176, 1, 15, target=0)) == "ACCEPTED"
 

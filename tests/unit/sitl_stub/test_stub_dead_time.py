@@ -15,13 +15,9 @@ def test_a_course_reaches_its_loop_after_the_dead_time_and_is_flown_as_without_i
         vehicle.command_int(43002, 0, 0.0, LATERAL)
         vehicle.advance(10.0)
         vehicle.command_int(43002, 0, 20.0, LATERAL)
-    late.advance(10.29)
-    assert late.autopilot.truth().course_rad == pytest.approx(0.0, abs=1e-6)
+    assert late.flown(10.29).course_rad == pytest.approx(0.0, abs=1e-6)
     prompt.advance(11.0)
-    late.advance(11.3)
-    assert late.autopilot.truth().course_rad == pytest.approx(
-        prompt.autopilot.truth().course_rad, abs=1e-6
-    )
+    assert late.flown(11.3).course_rad == pytest.approx(prompt.truth.course_rad, abs=1e-6)
 
 
 def test_a_stream_of_speeds_is_delayed_and_not_swallowed():
@@ -32,20 +28,14 @@ def test_a_stream_of_speeds_is_delayed_and_not_swallowed():
             vehicle.command_int(43000, 0, 20.0 + 0.02 * index, 0.0)
             vehicle.advance(0.05 * (index + 1))
         vehicle.advance(10.0 + delay_s)
-    assert late.autopilot.truth().airspeed_m_s == pytest.approx(
-        prompt.autopilot.truth().airspeed_m_s, abs=1e-9
-    )
+    assert late.truth.airspeed_m_s == pytest.approx(prompt.truth.airspeed_m_s, abs=1e-9)
 
 
 def test_what_was_commanded_before_a_change_of_mode_does_not_come_after_it():
-    vehicle = new_station(plant=PlantParameters(course_dead_time_s=1.0))
-    vehicle.guided()
+    vehicle = new_station(plant=PlantParameters(course_dead_time_s=1.0)).guided()
     vehicle.command_int(43002, 0, 180.0, LATERAL)
     vehicle.command_long(176, 1, 10)  # AUTO flies straight on
-    vehicle.advance(10.0)
-    assert math.remainder(vehicle.autopilot.truth().course_rad, math.tau) == pytest.approx(
-        0.0, abs=1e-6
-    )
+    assert math.remainder(vehicle.flown(10.0).course_rad, math.tau) == pytest.approx(0.0, abs=1e-6)
 
 
 def test_tecs_brings_its_own_dead_time_unless_it_is_given_one():

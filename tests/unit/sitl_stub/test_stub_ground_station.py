@@ -2,42 +2,33 @@
 
 import math
 import struct
-from typing import Any
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from tests.kit.autopilot import new_station
-
-Vehicle = Any  # the ground station of conftest.py, which tests cannot import
+from tests.kit.autopilot import GroundStation, new_station
+from tests.kit.wire import command_long, of_type, packed
 
 MISSION, FENCE, RALLY = 0, 1, 2
 AUTOPILOTS = ["ardupilot", "px4"]
 
 
-def of_type(messages: list[Any], name: str) -> list[Any]:
-    return [message for message in messages if message.get_type() == name]
+def number_of(frame: bytes) -> int:
+    return int.from_bytes(frame[7:10], "little")
 
 
-def frames(data: bytes) -> list[bytes]:
-    """Whole MAVLink 2 frames, of messages that pymavlink does not know too."""
-    found = []
+def frames(vehicle: GroundStation, command: int, *parameters: float) -> list[bytes]:
+    """Whole MAVLink 2 frames that answer, of messages that pymavlink does not know too."""
+    data, found = vehicle.autopilot.receive(packed(command_long(command, *parameters))), []
     while data:
         found.append(data[: 12 + data[1]])
         data = data[12 + data[1] :]
     return found
 
 
-def requested(vehicle: Vehicle, message_id: int, parameter: float = 0.0) -> list[bytes]:
+def requested(vehicle: GroundStation, message_id: int, parameter: float = 0.0) -> list[bytes]:
     """The frames that follow the acknowledgement of a request."""
-    command = mavlink.MAVLink_command_long_message(
-        7, 1, 512, 0, message_id, parameter, 0, 0, 0, 0, 0
-    )
-    return frames(vehicle.autopilot.receive(vehicle.frame(command)))[1:]
-
-
-def number_of(frame: bytes) -> int:
-    return int.from_bytes(frame[7:10], "little")
+    return frames(vehicle, 512, message_id, parameter)[1:]
 
 
 @pytest.mark.parametrize("autopilot", AUTOPILOTS)
@@ -71,10 +62,7 @@ def test_the_protocol_version_is_mavlink_2():
     checksum = mavlink.x25crc(frame[1:-2])
     checksum.accumulate(bytes([217]))
     assert struct.pack("<H", checksum.crc) == frame[-2:]
-    by_command = vehicle.autopilot.receive(
-        vehicle.frame(mavlink.MAVLink_command_long_message(7, 1, 519, 0, 1, 0, 0, 0, 0, 0, 0))
-    )
-    assert [number_of(one) for one in frames(by_command)] == [77, 300]
+    assert [number_of(one) for one in frames(vehicle, 519, 1)] == [77, 300]
 
 
 def test_all_modes_come_at_once_for_index_0_and_none_for_one_too_many():
@@ -95,16 +83,12 @@ def test_a_list_that_is_brought_finds_no_room_and_an_item_that_is_not_there_is_r
     assert (cleared.type, cleared.mission_type) == (mavlink.MAV_MISSION_ACCEPTED, RALLY)
 
 
-def test_time_is_synchronised_with_who_asks():
+def test_time_is_synchronised_with_who_asks_and_a_ping_comes_back():
     vehicle = new_station(boot_time_s=5.0)
     vehicle.advance(2.0)
     (answer,) = vehicle.send(mavlink.MAVLink_timesync_message(0, 123_456))
     assert (answer.tc1, answer.ts1) == (7_000_000_000, 123_456)
     assert vehicle.send(mavlink.MAVLink_timesync_message(1, 2)) == []
-
-
-def test_a_ping_comes_back():
-    vehicle = new_station()
     (answer,) = vehicle.send(mavlink.MAVLink_ping_message(99, 7, 0, 0))
     assert (answer.seq, answer.target_system, answer.target_component) == (7, 255, 190)
 
@@ -135,28 +119,25 @@ def test_px4_flies_home_and_holds_there_when_told():
     vehicle = new_station(autopilot="px4")
     vehicle.advance(10.0)
     assert vehicle.result(vehicle.command_long(20)) == "ACCEPTED"
-    assert vehicle.autopilot.truth().mode == "AUTO.RTL"
-    vehicle.advance(120.0)
-    truth = vehicle.autopilot.truth()
-    away_m = (
-        ((truth.latitude_deg - 47.0) * 111_180.0) ** 2
-        + ((truth.longitude_deg - 8.0) * 76_060.0) ** 2
-    ) ** 0.5
-    assert away_m == pytest.approx(80.0, abs=10.0)
+    assert vehicle.truth.mode == "AUTO.RTL"
+    truth = vehicle.flown(120.0)
+    north_m = (truth.latitude_deg - 47.0) * 111_180.0
+    east_m = (truth.longitude_deg - 8.0) * 76_060.0
+    assert math.hypot(north_m, east_m) == pytest.approx(80.0, abs=10.0)
 
 
 def reposition(
-    vehicle: Vehicle, flags: int, latitude_deg: float = 47.01, speed_m_s: float = -1.0
+    vehicle: GroundStation,
+    flags: int,
+    latitude_deg: float = 47.01,
+    speed_m_s: float = -1.0,
+    altitude_m: float = 520.0,
 ) -> str:
-    result: str = vehicle.result(
-        vehicle.send(
-            mavlink.MAVLink_command_int_message(
-                *(7, 1, 0, 192, 0, 0, speed_m_s, flags, 0, 0),
-                *(round(latitude_deg * 1e7), 80_000_000, 520.0),
-            )
-        )
+    message = mavlink.MAVLink_command_int_message(
+        *(7, 1, 0, 192, 0, 0, speed_m_s, flags, 0, 0),
+        *(round(latitude_deg * 1e7), 80_000_000, altitude_m),
     )
-    return result
+    return vehicle.result(vehicle.send(message))
 
 
 @pytest.mark.parametrize(
@@ -166,8 +147,7 @@ def reposition(
 def test_px4_flies_to_a_place_on_the_bearing_and_at_the_airspeed_of_the_command(speed_m_s, flown):
     vehicle = new_station(autopilot="px4")
     assert reposition(vehicle, 1, 47.03, speed_m_s) == "ACCEPTED"
-    vehicle.advance(30.0)
-    truth = vehicle.autopilot.truth()
+    truth = vehicle.flown(30.0)
     assert truth.mode == "AUTO.LOITER"
     assert truth.airspeed_m_s == pytest.approx(flown, abs=1e-3)
     assert math.degrees(math.remainder(truth.course_rad, math.tau)) == pytest.approx(0.0, abs=2.5)
@@ -177,9 +157,8 @@ def test_arduplane_is_repositioned_in_guided_and_forgets_its_course():
     vehicle = new_station()
     assert reposition(vehicle, 0) == "FAILED"
     assert reposition(vehicle, 1) == "ACCEPTED"
-    assert vehicle.autopilot.truth().mode == "GUIDED"
-    vehicle.advance(200.0)
-    truth = vehicle.autopilot.truth()
+    assert vehicle.truth.mode == "GUIDED"
+    truth = vehicle.flown(200.0)
     assert truth.altitude_amsl_m == pytest.approx(520.0, abs=0.1)
     assert (truth.latitude_deg - 47.01) * 111_180.0 == pytest.approx(0.0, abs=95.0)
     assert reposition(vehicle, 1, 95.0) == "DENIED"
@@ -189,11 +168,6 @@ def test_arduplane_is_repositioned_in_guided_and_forgets_its_course():
 @pytest.mark.parametrize("autopilot", AUTOPILOTS)
 def test_a_height_that_is_no_number_repositions_nobody(autopilot):
     vehicle = new_station(autopilot=autopilot)
-    before = vehicle.autopilot.truth()
-    replies = vehicle.send(
-        mavlink.MAVLink_command_int_message(
-            7, 1, 0, 192, 0, 0, -1, 1, 0, 0, 470_100_000, 80_000_000, float("nan")
-        )
-    )
-    assert vehicle.result(replies) == "DENIED"
-    assert vehicle.autopilot.truth() == before
+    before = vehicle.truth
+    assert reposition(vehicle, 1, 47.01, -1.0, math.nan) == "DENIED"
+    assert vehicle.truth == before

@@ -1,5 +1,4 @@
 import math
-from typing import Any
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
@@ -8,18 +7,13 @@ from sitl_stub import BadLink, Fault, PlantParameters
 from sitl_stub.air import AirData, density_ratio
 from sitl_stub.sensor_errors import SensorErrors
 from tests.kit.autopilot import GroundStation, new_autopilot
+from tests.kit.wire import command_long, of_type, packed, types_of
 
-Vehicle = Any  # the ground station of conftest.py, which tests cannot import
 
-
-def make(**changes: object) -> Vehicle:
+def make(**changes: object) -> GroundStation:
     """Makes an aircraft in the air at 580 m with some fields of its configuration changed."""
     height = {"altitude_amsl_m": 580.0, "home_altitude_amsl_m": 480.0}
     return GroundStation(new_autopilot(**(height | changes)))
-
-
-def of_type(messages: list[Any], name: str) -> list[Any]:
-    return [message for message in messages if message.get_type() == name]
 
 
 def test_the_standard_atmosphere_is_known():
@@ -37,7 +31,7 @@ def test_an_indicated_airspeed_is_flown_faster_and_shown_as_commanded():
     assert vehicle.result(vehicle.command_int(43000, 0, 32.5)) == "FAILED"
     hud = of_type(vehicle.advance(30.0), "VFR_HUD")[-1]
     assert hud.airspeed == pytest.approx(22.0, abs=1e-3)
-    assert vehicle.autopilot.truth().airspeed_m_s == pytest.approx(22.0 / 0.9723, abs=2e-3)
+    assert vehicle.truth.airspeed_m_s == pytest.approx(22.0 / 0.9723, abs=2e-3)
     vehicle.command_int(43000, 0, 32.0)
     hud = of_type(vehicle.advance(60.0), "VFR_HUD")[-1]
     assert hud.airspeed == pytest.approx(32.0, abs=1e-3)
@@ -45,7 +39,7 @@ def test_an_indicated_airspeed_is_flown_faster_and_shown_as_commanded():
 
 def test_a_sensor_that_is_off_by_3_percent_is_flown_by_all_the_same():
     vehicle = make(airspeed_calibration=1.03)
-    assert vehicle.autopilot.truth().airspeed_m_s == pytest.approx(20.0 / 1.03)
+    assert vehicle.truth.airspeed_m_s == pytest.approx(20.0 / 1.03)
     assert of_type(vehicle.advance(0.0), "VFR_HUD")[0].airspeed == pytest.approx(20.0)
 
 
@@ -63,7 +57,7 @@ def test_an_altitude_that_drifts_is_held_as_it_is_measured(autopilot, plant):
     reports = [one.alt * 1e-3 for one in of_type(vehicle.advance(105.0), "GLOBAL_POSITION_INT")]
     # What it measured at the start is what it measures still; a noise of 0.8 m of 100 reports is left.
     assert sum(reports) / len(reports) == pytest.approx(580.0 + before, abs=0.5)
-    true_m = vehicle.autopilot.truth().altitude_amsl_m
+    true_m = vehicle.truth.altitude_amsl_m
     assert true_m == pytest.approx(580.0 + before - after, abs=1.0)
 
 
@@ -75,7 +69,7 @@ def test_a_height_that_is_commanded_is_reached_as_it_is_measured():
     vehicle.advance(60.0)
     drift_m = SensorErrors("standalone", seed=10, system_id=7).altitude_drift_m(60.0)
     assert abs(drift_m) > 1.0
-    assert vehicle.autopilot.truth().altitude_amsl_m == pytest.approx(600.0 - drift_m, abs=0.5)
+    assert vehicle.truth.altitude_amsl_m == pytest.approx(600.0 - drift_m, abs=0.5)
 
 
 def test_a_glitch_moves_reported_positions_for_its_time_and_nothing_else():
@@ -90,16 +84,12 @@ def test_a_glitch_moves_reported_positions_for_its_time_and_nothing_else():
     )
     off_m = [round((one.lat - other.lat) * 1e-7 * 111_180.0) for one, other in positions]
     assert off_m == [0, 0, 40, 40, 40, 0, 0, 0]
-    assert glitched.autopilot.truth() == right.autopilot.truth()
+    assert glitched.truth == right.truth
 
 
 def test_velocity_heading_and_airspeed_have_noise_of_the_given_size():
-    noise = {
-        "velocity_noise_m_s": 0.3,
-        "heading_noise_rad": math.radians(1.0),
-        "airspeed_noise_m_s": 0.5,
-    }
-    noisy, quiet = make(**noise), make()
+    noise = {"velocity_noise_m_s": 0.3, "airspeed_noise_m_s": 0.5}
+    noisy, quiet = make(heading_noise_rad=math.radians(1.0), **noise), make()
     for each in (noisy, quiet):
         each.interval(33, 10_000)
         each.interval(74, 10_000)
@@ -107,57 +97,45 @@ def test_velocity_heading_and_airspeed_have_noise_of_the_given_size():
 
     def spread(name: str, field: str) -> float:
         pairs = zip(of_type(shown, name), of_type(true, name), strict=True)
-        errors = [getattr(one, field) - getattr(other, field) for one, other in pairs]
+        # No other error is as large as half a turn of a heading in cdeg.
         errors = [
-            (error + 18_000) % 36_000 - 18_000 if field == "hdg" else error for error in errors
+            (getattr(a, field) - getattr(b, field) + 18_000) % 36_000 - 18_000 for a, b in pairs
         ]
         return math.sqrt(sum(error**2 for error in errors) / len(errors))
 
     assert spread("GLOBAL_POSITION_INT", "vx") == pytest.approx(30.0, rel=0.1)
     assert spread("GLOBAL_POSITION_INT", "hdg") == pytest.approx(100.0, rel=0.1)
     assert spread("VFR_HUD", "airspeed") == pytest.approx(0.5, rel=0.1)
-    assert noisy.autopilot.truth() == quiet.autopilot.truth()
+    assert noisy.truth == quiet.truth
 
 
-def stamps(vehicle: Vehicle, interval_us: int) -> list[int]:
+@pytest.mark.parametrize(
+    ("loop_hz", "interval_us", "stamps"),
+    [
+        # 20 Hz on a scheduler of 50 Hz comes 40 and 60 ms apart.
+        (50.0, 50_000, [0, 60, 100, 160, 200, 260, 300, 360, 400, 460, 500]),
+        (50.0, 40_000, list(range(0, 501, 40))),
+        (200.0, 20_000, list(range(0, 501, 20))),
+    ],
+)
+def test_a_stream_comes_at_turns_of_the_scheduler(loop_hz, interval_us, stamps):
+    vehicle = make(loop_rate_hz=loop_hz)
     vehicle.interval(33, interval_us)
     positions = of_type(vehicle.advance(0.5), "GLOBAL_POSITION_INT")
-    return [position.time_boot_ms for position in positions]
-
-
-def test_20_hz_on_a_scheduler_of_50_hz_comes_40_and_60_ms_apart():
-    assert stamps(make(loop_rate_hz=50.0), 50_000) == [
-        0,
-        60,
-        100,
-        160,
-        200,
-        260,
-        300,
-        360,
-        400,
-        460,
-        500,
-    ]
-    assert stamps(make(loop_rate_hz=50.0), 40_000) == list(range(0, 501, 40))
-    assert stamps(make(loop_rate_hz=200.0), 20_000) == list(range(0, 501, 20))
+    assert [position.time_boot_ms for position in positions] == stamps
 
 
 def test_a_stream_faster_than_four_fifths_of_the_loop_is_denied():
     vehicle = make(loop_rate_hz=50.0)
     assert vehicle.interval(33, 20_000) == "DENIED"
     assert vehicle.interval(33, 25_000) == "ACCEPTED"
-    (value,) = vehicle.send(
-        mavlink.MAVLink_param_request_read_message(7, 1, b"SCHED_LOOP_RATE", -1)
-    )
-    assert value.param_value == 50.0
+    assert vehicle.read("SCHED_LOOP_RATE").param_value == 50.0
 
 
 def test_old_parameters_have_old_names_and_units():
     vehicle = make(old_parameter_names=True)
-    (speed,) = vehicle.send(mavlink.MAVLink_param_request_read_message(7, 1, b"TRIM_ARSPD_CM", -1))
-    assert speed.param_value == 2000.0
-    vehicle.send(mavlink.MAVLink_param_set_message(7, 1, b"ARSPD_FBW_MAX", 25.0, 4))
+    assert vehicle.read("TRIM_ARSPD_CM").param_value == 2000.0
+    vehicle.write("ARSPD_FBW_MAX", 25.0)
     vehicle.guided()
     assert vehicle.result(vehicle.command_int(43000, 0, 26.0)) == "FAILED"
     assert vehicle.send(mavlink.MAVLink_param_request_read_message(7, 1, b"AIRSPEED_MAX", -1)) == []
@@ -169,15 +147,14 @@ def test_a_slow_link_delays_both_ways():
     assert link.advance(0.0) == b""
     assert link.advance(0.19) == b""
     assert len(vehicle.decoded(link.advance(0.2))) == 5
-    mode = mavlink.MAVLink_command_long_message(7, 1, 176, 0, 1, 15, 0, 0, 0, 0, 0)
-    assert link.receive(vehicle.frame(mode)) == b""
+    assert link.receive(packed(command_long(176, 1, 15, system_id=7))) == b""
     link.advance(0.39)
     assert link.truth().mode == "LOITER"
     assert link.next_due_s == pytest.approx(0.4)
     link.advance(0.4)
     assert link.truth().mode == "GUIDED"
-    names = [message.get_type() for message in vehicle.decoded(link.advance(0.6))]
-    assert names == ["COMMAND_ACK", "STATUSTEXT", "HEARTBEAT"]
+    answers = types_of(vehicle.decoded(link.advance(0.6)))
+    assert answers == ["COMMAND_ACK", "STATUSTEXT", "HEARTBEAT"]
 
 
 def test_a_lossy_link_loses_its_share_and_repeats_by_its_seed():

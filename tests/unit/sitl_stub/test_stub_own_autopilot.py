@@ -32,8 +32,7 @@ def test_it_turns_to_a_course_in_its_guided_mode_alone(ground):
     assert ground.result(ground.command_long(176, 1, GUIDED)) == "ACCEPTED"
     assert ground.result(ground.command_long(43002, 0, 90, 5)) == "ACCEPTED"
     assert ground.result(ground.command_long(43000, 0, 24, 0)) == "ACCEPTED"
-    ground.advance(20.0)
-    truth = ground.autopilot.truth()
+    truth = ground.flown(20.0)
     # first order with 1.2 1/s: after 20 s of a quarter turn and 4 m/s nothing is left
     assert truth.course_rad == pytest.approx(math.pi / 2.0, abs=1e-3)
     assert truth.airspeed_m_s == pytest.approx(24.0, abs=1e-3)

@@ -9,34 +9,16 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sitl_stub import PlantParameters
 from sitl_stub.parameters import Parameters, ParameterType, int8, int16, int32, real, stored
-from tests.kit.autopilot import new_station
+from tests.kit.autopilot import GroundStation, new_station
 
-Vehicle = Any  # the ground station of conftest.py, which tests cannot import
-
-Value = Any  # a PARAM_VALUE
-
-INT32, REAL32 = 6, 9
+INT32 = mavlink.MAV_PARAM_TYPE_INT32
 
 
-def listed(vehicle: Vehicle) -> list[Any]:
+def listed(vehicle: GroundStation) -> list[Any]:
     """The whole list, which comes by and by."""
     values = vehicle.send(mavlink.MAVLink_param_request_list_message(7, 1))
-    values += vehicle.advance(vehicle.autopilot.truth().time_s + 0.9)
+    values += vehicle.advance(vehicle.truth.time_s + 0.9)
     return [value for value in values if value.get_type() == "PARAM_VALUE"]
-
-
-def read(vehicle: Vehicle, name: str) -> Value:
-    (value,) = vehicle.send(
-        mavlink.MAVLink_param_request_read_message(7, 1, name.encode("ascii"), -1)
-    )
-    return value
-
-
-def write(vehicle: Vehicle, name: str, value: float, kind: int = REAL32) -> list[Any]:
-    replies: list[Any] = vehicle.send(
-        mavlink.MAVLink_param_set_message(7, 1, name.encode("ascii"), value, kind)
-    )
-    return replies
 
 
 def test_the_list_is_complete_and_numbered_and_tells_the_limits_flown():
@@ -60,47 +42,46 @@ def test_a_list_comes_in_parts_so_that_datagrams_stay_short():
 
 def test_one_is_read_by_name_or_by_number_and_none_that_is_none():
     vehicle = new_station()
-    value = read(vehicle, "AIRSPEED_MIN")
+    value = vehicle.read("AIRSPEED_MIN")
     (same,) = vehicle.send(mavlink.MAVLink_param_request_read_message(7, 1, b"", value.param_index))
     assert (same.param_id, same.param_value) == ("AIRSPEED_MIN", 12.0)
     assert vehicle.send(mavlink.MAVLink_param_request_read_message(7, 1, b"NONE", -1)) == []
     assert vehicle.send(mavlink.MAVLink_param_request_read_message(7, 1, b"", 999)) == []
-    assert write(vehicle, "NONE", 1.0) == []
+    assert vehicle.write("NONE", 1.0) == []
 
 
 def test_a_new_airspeed_limit_is_stored_answered_and_flown_by():
-    vehicle = new_station()
-    vehicle.guided()
-    (answer,) = write(vehicle, "AIRSPEED_MAX", 24.0)
+    vehicle = new_station().guided()
+    (answer,) = vehicle.write("AIRSPEED_MAX", 24.0)
     assert answer.param_value == 24.0
-    assert read(vehicle, "AIRSPEED_MAX").param_value == 24.0
+    assert vehicle.read("AIRSPEED_MAX").param_value == 24.0
     assert vehicle.result(vehicle.command_int(43000, 0, 25.0)) == "FAILED"
     assert vehicle.result(vehicle.command_int(43000, 0, 24.0)) == "ACCEPTED"
 
 
 def test_guided_p_is_what_the_bank_plant_flies_by():
     vehicle = new_station(plant=PlantParameters(kind="bank"))
-    assert read(vehicle, "GUIDED_P").param_value == 12_000.0
+    assert vehicle.read("GUIDED_P").param_value == 12_000.0
     vehicle.guided()
     vehicle.command_int(43002, 0, 0.0, 9.8)
     vehicle.advance(20.0)
-    write(vehicle, "GUIDED_P", 3000.0)
+    vehicle.write("GUIDED_P", 3000.0)
     vehicle.command_int(43002, 0, 20.0, 9.8)
     vehicle.advance(20.5)
     # 3000 cdeg/rad * 0.349 rad = 10.5 deg at most
-    assert 0.0 < math.degrees(vehicle.autopilot.truth().bank_rad) < 10.5
+    assert 0.0 < math.degrees(vehicle.truth.bank_rad) < 10.5
 
 
 def test_npfg_s_parameters_are_what_px4_s_course_is_flown_by():
     def lag_s(period_s: float) -> float:
         """Of a course that turns with 3 degrees a second."""
         vehicle = new_station(autopilot="px4", plant=PlantParameters(kind="npfg"))
-        write(vehicle, "NPFG_PERIOD", period_s)
+        vehicle.write("NPFG_PERIOD", period_s)
         vehicle.command_long(176, 1, 4, 19)
         for tenth in range(300):
             vehicle.advance(tenth / 10.0)
             vehicle.command_long(43_002, 0, 0.3 * tenth)
-        behind = math.radians(0.3 * 299) - vehicle.autopilot.truth().course_rad
+        behind = math.radians(0.3 * 299) - vehicle.truth.course_rad
         return math.remainder(behind, math.tau) / math.radians(3.0)
 
     # 4 pi 0.7 / 10 = 0.880, and half of it; setpoints are 0.05 s old on average, and 0.1 s when they end.
@@ -115,18 +96,18 @@ def test_the_throttles_of_its_airspeeds_decide_how_px4_s_speed_answers(response)
         autopilot="px4", plant=PlantParameters(kind="npfg", speed_response=response)
     )
     trimmed = response == "px4"
-    assert (read(vehicle, "FW_THR_ASPD_MIN").param_value > 0.0) is trimmed
-    assert read(vehicle, "FW_T_TAS_TC").param_value == (2.0 if trimmed else 5.0)
+    assert (vehicle.read("FW_THR_ASPD_MIN").param_value > 0.0) is trimmed
+    assert vehicle.read("FW_T_TAS_TC").param_value == (2.0 if trimmed else 5.0)
 
     def missing_m_s(to_s: float, wanted_m_s: float) -> float:
         vehicle.command_long(178, 0, wanted_m_s, -1)
         vehicle.advance(to_s)
-        return abs(float(vehicle.autopilot.truth().airspeed_m_s) - wanted_m_s)
+        return abs(float(vehicle.truth.airspeed_m_s) - wanted_m_s)
 
     vehicle.command_long(176, 1, 4, 19)
     first = missing_m_s(20.0, 22.0)
     for name, value in (("MIN", 0.28), ("MAX", 0.0 if trimmed else 0.98)):
-        write(vehicle, f"FW_THR_ASPD_{name}", value)
+        vehicle.write(f"FW_THR_ASPD_{name}", value)
     second = missing_m_s(120.0, 22.0), missing_m_s(140.0, 24.0)
     assert (first < 0.1) is trimmed
     assert (second[1] < 0.1) is not trimmed
@@ -137,10 +118,10 @@ def test_a_roll_that_is_set_slower_is_flown_slower():
         vehicle = new_station(autopilot="px4", plant=PlantParameters(kind="npfg"))
         vehicle.command_long(176, 1, 4, 19)
         vehicle.advance(10.0)
-        write(vehicle, "FW_R_TC", roll_s)
+        vehicle.write("FW_R_TC", roll_s)
         vehicle.command_long(43_002, 0, 30.0)
         vehicle.advance(10.3)
-        return math.degrees(vehicle.autopilot.truth().bank_rad)
+        return math.degrees(vehicle.truth.bank_rad)
 
     assert bank_deg(0.4) > 1.5 * bank_deg(0.8)
 
@@ -149,40 +130,38 @@ def test_px4_copies_the_bytes_of_whole_numbers_as_its_capabilities_say():
     vehicle = new_station(autopilot="px4")
     version = vehicle.command_long(512, 148)[-1]
     assert version.capabilities & 16
-    value = read(vehicle, "NAV_RCL_ACT")
+    value = vehicle.read("NAV_RCL_ACT")
     assert value.param_type == INT32
     assert struct.pack("<f", value.param_value) == struct.pack("<i", 2)
     (three,) = struct.unpack("<f", struct.pack("<i", 3))
-    write(vehicle, "COM_OBL_RC_ACT", three, INT32)
-    assert struct.pack("<f", read(vehicle, "COM_OBL_RC_ACT").param_value) == struct.pack("<i", 3)
+    vehicle.write("COM_OBL_RC_ACT", three, INT32)
+    assert struct.pack("<f", vehicle.read("COM_OBL_RC_ACT").param_value) == struct.pack("<i", 3)
 
 
 def test_px4_s_offboard_loss_obeys_its_parameters():
     vehicle = new_station(autopilot="px4")
-    write(vehicle, "COM_OF_LOSS_T", 3.0)
+    vehicle.write("COM_OF_LOSS_T", 3.0)
     (loiter,) = struct.unpack("<f", struct.pack("<i", 5))
-    write(vehicle, "COM_OBL_RC_ACT", loiter, INT32)
+    vehicle.write("COM_OBL_RC_ACT", loiter, INT32)
     vehicle.velocity_setpoint(20.0, 0.0)
     vehicle.command_long(176, 1, 6)
-    vehicle.advance(3.6)
-    assert vehicle.autopilot.truth().mode == "OFFBOARD"
-    vehicle.advance(3.8)
-    assert vehicle.autopilot.truth().mode == "AUTO.LOITER"
+    assert vehicle.flown(3.6).mode == "OFFBOARD"
+    assert vehicle.flown(3.8).mode == "AUTO.LOITER"
 
 
 def test_px4_s_list_begins_with_its_checksum_which_changes_with_a_value():
     vehicle = new_station(autopilot="px4")
     first = listed(vehicle)[0]
     assert (first.param_id, first.param_index) == ("_HASH_CHECK", 65_535)
-    before = struct.pack("<f", read(vehicle, "_HASH_CHECK").param_value)
-    write(vehicle, "NAV_LOITER_RAD", 120.0)
-    assert struct.pack("<f", read(vehicle, "_HASH_CHECK").param_value) != before
+    before = struct.pack("<f", vehicle.read("_HASH_CHECK").param_value)
+    vehicle.write("NAV_LOITER_RAD", 120.0)
+    assert struct.pack("<f", vehicle.read("_HASH_CHECK").param_value) != before
 
 
 def test_telling_px4_the_checksum_ends_its_list():
     vehicle = new_station(autopilot="px4")
     vehicle.send(mavlink.MAVLink_param_request_list_message(7, 1))
-    write(vehicle, "_HASH_CHECK", 0.0)
+    vehicle.write("_HASH_CHECK", 0.0)
     names = [message.get_type() for message in vehicle.advance(1.0)]
     assert "PARAM_VALUE" not in names
 
@@ -192,16 +171,14 @@ def test_the_ground_s_silence_is_noticed_once_the_fail_safe_is_on():
     heartbeat = mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3)
     vehicle.guided()
     vehicle.send(heartbeat)
-    vehicle.advance(60.0)
-    assert vehicle.autopilot.truth().mode == "GUIDED"  # off, as it comes
-    write(vehicle, "FS_GCS_ENABL", 1.0)
-    write(vehicle, "FS_LONG_ACTN", 1.0)
+    assert vehicle.flown(60.0).mode == "GUIDED"  # off, as it comes
+    vehicle.write("FS_GCS_ENABL", 1.0)
+    vehicle.write("FS_LONG_ACTN", 1.0)
     for second in range(61, 80):
         vehicle.send(heartbeat)
         vehicle.advance(float(second))
-    assert vehicle.autopilot.truth().mode == "GUIDED"
-    vehicle.advance(90.0)
-    assert vehicle.autopilot.truth().mode == "RTL"
+    assert vehicle.truth.mode == "GUIDED"
+    assert vehicle.flown(90.0).mode == "RTL"
 
 
 @given(st.floats(width=32), st.sampled_from(["A", "B", "C", "D"]))
