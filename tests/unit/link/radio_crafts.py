@@ -2,6 +2,7 @@
 
 from collections import Counter
 from itertools import count
+from typing import Any
 
 from tests.unit.link.shared_radio import state_at
 from tests.unit.link.wire import FORMATION, KEYS, LEADER, trust_of
@@ -14,20 +15,11 @@ from vfguide.link.presence import Presence
 from vfguide.link.radio_framing import Framer
 from vfguide.link.radio_schedule import Channel, make_timetable
 from vfguide.link.radio_station import Station
-from vfguide.link.trust import Trust
 
 CHANNEL = Channel(baud=57_600, air_bytes_s=4000.0)
-
-
 KEY = bytes(range(32))
-
-
 NAMES = (LEADER, "f1", "f2")
-
-
 STEP_S = 0.05
-
-
 ASK_S = 0.2
 
 
@@ -60,30 +52,17 @@ class Craft:
         """Orders, and whether each was repeated by a vehicle."""
         self.replies: list[tuple[str, bytes]] = []
         self.publishes = not (watches or orders)
-        self.peer_clock = (
+        self.peer_clock: Any = (
             None if leads or watches else PeerClock(chance=count(1 + 1000 * session).__next__)
         )
-        trust = (
-            trust_of(name, session)
-            if formation == FORMATION and not watches and name in KEYS
-            else Trust(
-                formation=formation,
-                name=name,
-                leader=LEADER,
-                session=session,
-                roster=None,
-                watches=watches,
-            )
-        )
+        signed = formation == FORMATION and not watches and name in KEYS
+        trust = trust_of(name, session, signed=signed, formation=formation, watches=watches)
 
         def note(data: bytes) -> None:
             self.heard.append((decode(data).time_s, air.now))
 
         def note_neighbour(vehicle: str, data: bytes) -> None:
             self.neighbours.append((vehicle, decode(data).time_s))
-
-        def note_presence(vehicle: str, presence: Presence) -> None:
-            self.presences[vehicle] = presence
 
         def note_order(data: bytes, sealed: bytes, repeated: bool) -> None:
             self.sealed = sealed
@@ -95,24 +74,19 @@ class Craft:
             receive=ignore if leads or watches else note,
             neighbours=[one for one in vehicles[1:] if one != name],
             receive_neighbour=note_neighbour,
-            receive_presence=note_presence if watches or orders else None,
+            receive_presence=self.presences.__setitem__ if watches or orders else None,
             receive_order=None if watches else note_order,
-            receive_reply=None
-            if watches
-            else lambda vehicle, data: self.replies.append((vehicle, data)),
+            receive_reply=None if watches else lambda *reply: self.replies.append(reply),
             peer_clock=self.peer_clock,
         )
+        table = make_timetable(len(vehicles), leader_hz=10.0, followers_hz=2.5, channel=CHANNEL)
         self.station = Station(
             self.member,
             formation=formation,
             vehicles=vehicles,
             key=key,
             channel=CHANNEL,
-            timetable=make_timetable(
-                len(vehicles), leader_hz=10.0, followers_hz=2.5, channel=CHANNEL
-            )
-            if leads
-            else None,
+            timetable=table if leads else None,
             listens_first=not leads if listens_first is None else listens_first,
         )
         self.member.send = lambda parcel: self.station.post(parcel, self.member.clock())

@@ -5,7 +5,8 @@ import os
 from contextlib import suppress
 from pathlib import Path
 
-from vfguide.link.codec import LeaderMessage, encode
+from tests.kit.states import leader_message
+from vfguide.link.codec import encode
 from vfguide.link.keys import key_places, make_radio_key
 
 
@@ -82,17 +83,4 @@ class SharedAir:
 
 
 def state_at(time_s: float) -> bytes:
-    return encode(
-        LeaderMessage(
-            sequence=1,
-            time_s=time_s,
-            latitude_deg=47.0,
-            longitude_deg=8.0,
-            altitude_amsl=500.0,
-            course=1.0,
-            ground_speed=20.0,
-            acceleration=0.0,
-            turn_rate=0.1,
-            turn_acceleration=0.0,
-        )
-    )
+    return encode(leader_message(time_s=time_s))

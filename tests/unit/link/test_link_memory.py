@@ -31,26 +31,23 @@ def arrivals(link: MemoryLink, count: int, interval_s: float = 10.0) -> dict[int
     return flights
 
 
-def test_a_message_arrives_after_the_delay_and_not_before():
-    link = link_of(delay_s=0.25)
-    link.send(sent(b"state"), 1.0)
-    assert received(link, 1.0) == []
-    assert received(link, 1.2499) == []
-    assert received(link, 1.25) == [b"state"]
+@pytest.mark.parametrize(
+    ("delay_s", "sent_s", "before_s", "arrives_s"),
+    [
+        (0.25, 1.0, [1.0, 1.2499], 1.25),
+        (0.0, 1.0, [], 1.0),
+        # 0.1 + 0.2 is a hair more than 0.3.
+        (0.2, 0.1, [0.1], 0.3),
+    ],
+)
+def test_a_message_arrives_once_after_the_delay_and_not_before(
+    delay_s, sent_s, before_s, arrives_s
+):
+    link = link_of(delay_s=delay_s)
+    link.send(sent(b"state"), sent_s)
+    assert [received(link, now) for now in before_s] == [[]] * len(before_s)
+    assert received(link, arrives_s) == [b"state"]
     assert received(link, 9.0) == []
-
-
-def test_without_a_delay_a_message_arrives_at_once():
-    link = link_of()
-    link.send(sent(b"state"), 1.0)
-    assert received(link, 1.0) == [b"state"]
-
-
-def test_a_rounding_error_does_not_hold_a_message_back():
-    # 0.1 + 0.2 is a hair more than 0.3.
-    link = link_of(delay_s=0.2)
-    link.send(sent(b"state"), 0.1)
-    assert received(link, 0.3) == [b"state"]
 
 
 def test_messages_sent_at_the_same_time_keep_their_order():
@@ -80,26 +77,16 @@ def test_no_message_arrives_before_it_was_sent():
     assert len(received(link, 5.6)) > 90
 
 
-def test_the_share_that_is_lost_is_the_one_that_was_asked_for():
-    link = link_of(loss=0.3)
+@pytest.mark.parametrize(
+    ("loss", "arrive", "within"),
+    # Five standard deviations: 5 sqrt(0.3 * 0.7 * 10000) = 229.
+    [(0.3, 7000, 229), (0.0, 10_000, 0), (1.0, 0, 0)],
+)
+def test_the_share_that_is_lost_is_the_one_that_was_asked_for(loss, arrive, within):
+    link = link_of(loss=loss)
     for number in range(10_000):
         link.send(sent(b"state"), float(number))
-    # Five standard deviations: 5 sqrt(0.3 * 0.7 * 10000) = 229.
-    assert len(received(link, 1e5)) == pytest.approx(7000, abs=229)
-
-
-def test_a_link_that_loses_nothing_loses_nothing():
-    link = link_of(loss=0.0)
-    for number in range(1000):
-        link.send(sent(b"state"), float(number))
-    assert len(received(link, 1e5)) == 1000
-
-
-def test_a_link_that_loses_all_delivers_nothing():
-    link = link_of(loss=1.0)
-    for number in range(1000):
-        link.send(sent(b"state"), float(number))
-    assert received(link, 1e5) == []
+    assert len(received(link, 1e5)) == pytest.approx(arrive, abs=within)
 
 
 def test_messages_that_overtake_each_other_come_in_the_order_of_arrival():

@@ -1,13 +1,13 @@
 """Orders and answers as bytes: what goes in comes out, and nothing else is read."""
 
-import struct
-import zlib
+from contextlib import suppress
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from msgspec.structs import replace
 
+from tests.unit.link.wire import sealed
 from vfguide.formation.arrangement import Arrangement, HoldCircle, Manoeuvre, Point, SlotMove
 from vfguide.link.codec import LinkDataError
 from vfguide.link.order_codec import (
@@ -19,6 +19,7 @@ from vfguide.link.order_codec import (
     encode_reply,
 )
 
+HERE = Arrangement(number=4, time_s=5.0, across_s=10.0, places=())
 OFFSETS = st.integers(-32000, 32000).map(lambda number: number * 0.1)
 POINTS = st.builds(Point, OFFSETS, OFFSETS, OFFSETS)
 NAMES = st.text(min_size=1, max_size=12)
@@ -42,9 +43,7 @@ def test_an_order_survives_the_link(order):
 
 def test_a_hold_carries_its_circle():
     circle = HoldCircle(latitude_deg=47.4, longitude_deg=-8.5, radius_m=250.0, clockwise=False)
-    order = Arrangement(
-        number=3, time_s=5.0, flown=Manoeuvre.HOLD, across_s=10.0, places=(), circle=circle
-    )
+    order = replace(HERE, flown=Manoeuvre.HOLD, circle=circle)
     assert decode_order(encode_order(order)) == order
 
 
@@ -55,10 +54,8 @@ def test_a_hold_carries_its_circle():
     st.booleans(),
 )
 def test_another_path_and_who_is_to_lead_survive_the_link(path, check, radius_m, held):
-    order = Arrangement(
-        number=4,
-        time_s=5.0,
-        across_s=10.0,
+    order = replace(
+        HERE,
         places=(SlotMove(vehicle="f1", begin=Point(-20.0, 20.0), end=Point(-20.0, 20.0)),),
         path=path,
         path_check=check,
@@ -69,31 +66,21 @@ def test_another_path_and_who_is_to_lead_survive_the_link(path, check, radius_m,
 
 
 def test_who_is_to_lead_on_the_path_that_is_flown_has_its_check():
-    order = Arrangement(number=4, time_s=5.0, across_s=0.0, places=(), path_check=9, lead="f1")
+    order = replace(HERE, across_s=0.0, path_check=9, lead="f1")
     assert decode_order(encode_order(order)) == order
-    other = replace(order, path="survey")
     with pytest.raises(LinkDataError, match="turns onto a path"):
-        decode_order(encode_order(other))
+        decode_order(encode_order(replace(order, path="survey")))
 
 
-def test_a_path_by_its_name_alone_is_not_read():
-    order = Arrangement(
-        number=4, time_s=5.0, across_s=10.0, places=(), path="survey", turn_radius_m=50.0
-    )
-    body = bytearray(encode_order(order)[:-4])
+def test_a_path_by_its_name_alone_is_not_read_and_turns_onto_it_can_be_flown():
+    body = bytearray(encode_order(replace(HERE, path="survey", turn_radius_m=50.0))[:-4])
     assert body[6] == 16
     # As an operator's program wrote it that knew no check of a path.
     body[6] = 4
     with pytest.raises(LinkDataError, match="flags"):
-        decode_order(bytes(body) + zlib.crc32(body).to_bytes(4, "little"))
-
-
-def test_turns_onto_a_path_that_nobody_can_fly_are_refused():
-    order = Arrangement(
-        number=4, time_s=5.0, across_s=10.0, places=(), path="survey", turn_radius_m=5.0
-    )
+        decode_order(sealed(bytes(body)))
     with pytest.raises(LinkDataError, match="nobody can fly"):
-        decode_order(encode_order(order))
+        decode_order(encode_order(replace(HERE, path="survey", turn_radius_m=5.0)))
 
 
 @given(st.builds(Reply, number=st.integers(1, 2**32 - 1), verdict=st.sampled_from(Verdict),
@@ -114,11 +101,8 @@ def test_bytes_that_are_no_order_are_refused_and_nothing_else_happens(data):
             body = known + data
             with pytest.raises(LinkDataError):
                 decode(body)
-            whole = body + struct.pack("<I", zlib.crc32(body))
-            try:
-                decode(whole)
-            except LinkDataError:
-                continue
+            with suppress(LinkDataError):
+                decode(sealed(body))
 
 
 @given(ORDERS, st.data())
@@ -133,12 +117,9 @@ def test_a_damaged_order_is_refused(order, data):
 def test_two_followers_of_one_name_are_no_order():
     place = SlotMove(vehicle="f1", begin=Point(0.0, 10.0), end=Point(0.0, 20.0))
     with pytest.raises(LinkDataError, match="followers do not fit"):
-        decode_order(
-            encode_order(Arrangement(number=1, time_s=0.0, across_s=1.0, places=(place, place)))
-        )
+        decode_order(encode_order(replace(HERE, places=(place, place))))
 
 
 def test_an_order_says_nothing_but_what_companions_heed():
-    order = Arrangement(number=7, time_s=0.0, across_s=0.0, places=())
     # Mark 4, version to followers 4, number 4, time 8, two durations 8, checksum 4.
-    assert len(encode_order(order)) == 32
+    assert len(encode_order(HERE)) == 32

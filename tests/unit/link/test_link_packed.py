@@ -66,28 +66,18 @@ def packed(
     return head + TAG
 
 
-def values(greatest: float) -> st.SearchStrategy[float]:
-    return st.floats(-greatest, greatest)
-
-
 @st.composite
 def states(draw: st.DrawFn) -> LeaderMessage:
-    numbers = [draw(values(one)) for one in GREATEST[1:]]
+    names = ("latitude_deg", "longitude_deg", "altitude_amsl", "course", "ground_speed")
+    rates = ("acceleration", "turn_rate", "turn_acceleration", "climb_rate")
+    bounds = zip((*names, *rates), GREATEST[1:], strict=True)
     return LeaderMessage(
         sequence=0,
         time_s=draw(st.floats(0.0, 1e9)),
-        latitude_deg=numbers[0],
-        longitude_deg=numbers[1],
-        altitude_amsl=numbers[2],
-        course=numbers[3],
-        ground_speed=numbers[4],
-        acceleration=numbers[5],
-        turn_rate=numbers[6],
-        turn_acceleration=numbers[7],
-        climb_rate=numbers[8],
         term=draw(st.integers(0, 300)),
         arrangement=draw(st.integers(0, 2**32 - 1)),
         steered=draw(st.booleans()),
+        **{name: draw(st.floats(-greatest, greatest)) for name, greatest in bounds},
     )
 
 
@@ -111,12 +101,11 @@ def test_a_state_comes_out_as_it_went_in_within_the_steps_of_its_fields(state, l
     packet = decode_packet(data)
     assert packet.beat == (BEAT if leads else None)
     found = packet.state
-    assert found is not None
     assert found.steered is state.steered
     # Never later than it was true: a copy of a state must not look newer than the state itself.
     assert -1e-6 <= state.time_s - found.time_s <= TICK_S + 1e-6
-    assert found.latitude_deg == pytest.approx(state.latitude_deg, abs=0.51e-7)
-    assert found.longitude_deg == pytest.approx(state.longitude_deg, abs=0.51e-7)
+    place = (state.latitude_deg, state.longitude_deg)
+    assert (found.latitude_deg, found.longitude_deg) == pytest.approx(place, abs=0.51e-7)
     assert found.altitude_amsl == pytest.approx(state.altitude_amsl, abs=0.51e-2)
     assert math.remainder(found.course - state.course, math.tau) == pytest.approx(0.0, abs=5e-5)
     # A ground speed is never negative, and 500 m/s fit.
@@ -175,19 +164,18 @@ def test_every_kind_fits_into_a_slot_and_says_what_was_said(kind):
         )
 
 
+def test_a_question_is_as_long_as_its_answer_and_formations_have_marks_of_their_own():
+    """Else the difference in time on the way would look like one of the clocks."""
+    assert len(BODIES[PackedKind.QUESTION]) == len(BODIES[PackedKind.ANSWER])
+    assert formation_mark("circle") != formation_mark("line")
+    assert 0 <= formation_mark("circle") < 65536
+
+
 def test_a_companion_that_is_ready_says_so():
     ready = replace(PRESENCE, obstacle="", findings=(), figures={"links": 2.0, "links_lost": 0.0})
     packet = decode_packet(packed(PackedKind.PRESENCE, encode_packed_presence(ready, 1)))
-    assert packet.presence is not None
-    assert not packet.presence.obstacle
-    assert not packet.presence.findings
-    assert not packet.presence.figures
-
-
-def test_a_question_is_as_long_as_its_answer():
-    """Else the difference in time on the way would look like one of the clocks."""
-    lengths = {len(BODIES[kind]) for kind in (PackedKind.QUESTION, PackedKind.ANSWER)}
-    assert len(lengths) == 1
+    said = packet.presence
+    assert (said.obstacle, said.findings, said.figures) == ("", (), {})
 
 
 @given(st.binary(max_size=80))
@@ -242,8 +230,3 @@ def test_a_tag_is_of_one_key_one_session_and_one_text():
 def test_a_time_that_no_packet_can_tell_is_refused(time_s):
     with pytest.raises(ValueError, match="no time"):
         ticks_of(time_s)
-
-
-def test_formations_have_marks_of_their_own():
-    assert formation_mark("circle") != formation_mark("line")
-    assert 0 <= formation_mark("circle") < 65536

@@ -6,10 +6,10 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from msgspec.structs import replace
 
+from tests.unit.link.wire import trust_of
 from vfguide.link.codec import LinkDataError
 from vfguide.link.member import Member
 from vfguide.link.presence import Presence, decode_presence, encode_presence, shorter_presences
-from vfguide.link.trust import Trust
 
 PLAIN = Presence(
     status="online", mode="tracking", time_s=12.5, version="0.1.0", figures={"delay_ms": 0.25}
@@ -134,14 +134,9 @@ def test_where_there_is_little_room_the_number_of_lost_links_goes_last():
         autopilot="é" * 100,
         warning="\U0001f6e9" * 200,
         findings=("ä" * 200, "b" * 200, "c" * 200),
-        figures={
-            **figures,
-            "links": 2.0,
-            "links_lost": 1.0,
-            "leader_age_ms_last": 20.0,
-            "term": 3.0,
-            "order": 2.0**32,
-        },
+        figures=figures
+        | {"links": 2.0, "links_lost": 1.0, "leader_age_ms_last": 20.0}
+        | {"term": 3.0, "order": 2.0**32},
     )
     sizes = [len(encode_presence(one)) for one in shorter_presences(wide)]
     # 1400 bytes less the envelope and its signature.
@@ -171,7 +166,6 @@ def test_three_findings_in_full_go_in_one_datagram_beside_the_figures_that_peopl
 
 def test_a_presence_that_no_envelope_has_room_for_goes_with_less_in_it():
     figures = {f"{'n' * 90}{number}": 1.0 for number in range(60)}
-    trust = Trust(formation="test", name="f1", leader="f0", session=1, roster=None)
-    member = Member(trust, clock=lambda: 0.0)
+    member = Member(trust_of("f1", 1, signed=False), clock=lambda: 0.0)
     sent = decode_presence(member.presence(replace(PLAIN, figures=figures)).body)
     assert (sent.mode, sent.figures) == (PLAIN.mode, {})

@@ -1,11 +1,11 @@
 """Packets on a stream of bytes that arrive cut and damaged."""
 
 from collections import Counter
-from itertools import pairwise
 
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tests.kit.wire import cut
 from vfguide.link.radio_framing import (
     LARGEST_FRAME,
     LARGEST_PACKET,
@@ -19,12 +19,6 @@ from vfguide.link.radio_framing import (
 
 PACKETS = st.binary(min_size=1, max_size=LARGEST_PACKET)
 DAMAGED = "refused: damaged on the air"
-
-
-def cut(data: bytes, places: list[int]) -> list[bytes]:
-    """The same bytes in pieces."""
-    bounds = [0, *sorted(place % (len(data) + 1) for place in places), len(data)]
-    return [data[start:end] for start, end in pairwise(bounds)]
 
 
 def test_zeros_are_stuffed_as_cheshire_and_baker_have_it():

@@ -89,53 +89,47 @@ def test_the_leader_has_each_beat_and_one_turn_more_in_a_cycle():
     assert [turn.beat for turn in found] == [0, 1, 2, 3, None, 0]
 
 
-def test_an_operator_has_what_is_left_of_a_cycle():
-    """16 places behind the beats, of which 11 followers and the answer have 12: the last of each beat."""
-    one = Beat(OPERATOR)
-    one.hear_leader(beat(0), 7.0)
-    assert [turn.at_s for turn in turns(one, 7.0, 5)] == pytest.approx(
-        [7.08, 7.18, 7.28, 7.38, 7.48]
-    )
+@pytest.mark.parametrize(
+    ("number", "heard", "from_s", "turns_s"),
+    [
+        # 16 places behind the beats, 12 of them of 11 followers and the answer: the last of each beat.
+        (OPERATOR, (0, 7.0), 7.0, [7.08, 7.18, 7.28, 7.38, 7.48]),
+        # Beat 2 began at 7.2 on its clock: the cycle at 7.0, and follower 5 has its second slot.
+        (5, (2, 7.2), 7.2, [7.44, 7.84, 8.24]),
+        # A missed beat moves no turn.
+        (5, (2, 7.2), 100.0, [100.24]),
+    ],
+)
+def test_turns_count_from_the_beat_that_was_heard(number, heard, from_s, turns_s):
+    one = Beat(number)
+    one.hear_leader(beat(heard[0]), heard[1])
+    found = turns(one, from_s, len(turns_s))
+    assert [turn.at_s for turn in found] == pytest.approx(turns_s)
 
 
-def test_a_follower_counts_its_turn_from_the_beat_that_it_heard():
-    """Beat 2 began at 7.2 on its clock: the cycle at 7.0, and follower 5 has its second slot."""
-    one = Beat(5)
-    one.hear_leader(beat(2), 7.2)
-    assert [turn.at_s for turn in turns(one, 7.2, 3)] == pytest.approx([7.44, 7.84, 8.24])
-
-
-def test_a_missed_beat_moves_no_turn():
-    one = Beat(5)
-    one.hear_leader(beat(2), 7.2)
-    assert turns(one, 100.0, 1)[0].at_s == pytest.approx(100.24)
-
-
-def test_a_beat_that_comes_late_moves_turns_by_a_tenth_and_one_that_comes_early_wholly():
+def test_while_the_leader_is_heard_no_follower_keeps_the_beat():
     one = Beat(5)
     one.hear_leader(beat(0), 7.0)
-    one.hear_leader(beat(0), 7.408)
-    assert turns(one, 7.408, 1)[0].at_s == pytest.approx(7.4408)
-    one.hear_leader(beat(0), 7.79)
-    assert turns(one, 7.79, 1)[0].at_s == pytest.approx(7.83)
+    one.hear_follower(3, 7.3)
+    assert turns(one, 7.3, 1)[0].at_s == pytest.approx(7.44)
 
 
-def test_a_turn_that_a_later_beat_moves_is_not_taken_twice():
-    one = Beat(1)
-    one.hear_leader(beat(0), 7.0)
-    assert turns(one, 7.0, 1)[0].at_s == pytest.approx(7.02)
-    one.hear_leader(beat(0), 7.01)
-    assert turns(one, 7.021, 1)[0].at_s == pytest.approx(7.421)
-
-
-def test_a_leader_that_starts_anew_is_followed_at_once():
-    one = Beat(5)
-    one.hear_leader(beat(0), 7.0)
-    one.hear_leader(beat(0), 7.2)
-    assert turns(one, 7.2, 1)[0].at_s == pytest.approx(7.24)
-    one.hear_leader(beat(0, period_ms=200), 8.0)
-    # Five slots of 40 ms in each beat of 200 ms.
-    assert turns(one, 8.0, 1)[0].at_s == pytest.approx(8.08)
+@pytest.mark.parametrize(
+    ("number", "heard"),
+    [
+        # A beat that comes late moves turns by a tenth, and one that comes early wholly.
+        (5, [(7.0, 100, 7.0, 7.04), (7.408, 100, 7.408, 7.4408), (7.79, 100, 7.79, 7.83)]),
+        # A turn that a later beat moves is not taken twice.
+        (1, [(7.0, 100, 7.0, 7.02), (7.01, 100, 7.021, 7.421)]),
+        # A leader that starts anew is followed at once: five slots of 40 ms in each beat of 200 ms.
+        (5, [(7.0, 100, 7.0, 7.04), (7.2, 100, 7.2, 7.24), (8.0, 200, 8.0, 8.08)]),
+    ],
+)
+def test_a_later_beat_moves_the_turns(number, heard):
+    one = Beat(number)
+    for begins_s, period_ms, from_s, turn_s in heard:
+        one.hear_leader(beat(0, period_ms=period_ms), begins_s)
+        assert turns(one, from_s, 1)[0].at_s == pytest.approx(turn_s)
 
 
 def test_without_the_leader_the_follower_of_the_least_number_keeps_the_beat():
@@ -155,10 +149,3 @@ def test_a_slow_leader_is_not_silent_between_its_beats():
     one.hear_leader(beat(0, period_ms=2000), 0.0)
     assert not one.is_silent(5.9)
     assert one.is_silent(6.1)
-
-
-def test_while_the_leader_is_heard_no_follower_keeps_the_beat():
-    one = Beat(5)
-    one.hear_leader(beat(0), 7.0)
-    one.hear_follower(3, 7.3)
-    assert turns(one, 7.3, 1)[0].at_s == pytest.approx(7.44)

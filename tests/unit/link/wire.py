@@ -1,9 +1,12 @@
 """A formation's members on a wire in virtual time, which somebody may have in hand."""
 
 import heapq
+import struct
+import zlib
 from collections import Counter
 from collections.abc import Callable, Iterable
 from itertools import count
+from typing import Any
 
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 
@@ -30,16 +33,14 @@ Carried = Iterable[tuple[float, bytes]]
 
 
 def trust_of(name: str, session: int, *, signed: bool = True, **options: object) -> Trust:
-    """What a member signs with, and whom it believes."""
-    return Trust(
-        formation=FORMATION,
-        name=name,
-        leader=LEADER,
-        session=session,
-        roster=ROSTER if signed else None,
-        key=KEYS[name] if signed else None,
-        **options,  # type: ignore[arg-type]
-    )
+    """What a member signs with, and whom it believes; who has no key is given none."""
+    usual = {
+        "formation": FORMATION,
+        "leader": LEADER,
+        "roster": ROSTER if signed else None,
+        "key": KEYS.get(name) if signed else None,
+    }
+    return Trust(name=name, session=session, **(usual | options))  # type: ignore[arg-type]
 
 
 class Station:
@@ -53,7 +54,7 @@ class Station:
         self.neighbours: list[tuple[str, bytes]] = []
         self.skew_s = skew_s
         leads = name == LEADER
-        self.clock = None if leads else PeerClock(chance=count(1 + 1000 * session).__next__)
+        self.clock: Any = None if leads else PeerClock(chance=count(1 + 1000 * session).__next__)
         options = {} if leads else {"receive": self._note}
         self.member = Member(
             trust_of(name, session, signed=signed),
@@ -72,6 +73,11 @@ class Station:
 
     def _note(self, data: bytes) -> None:
         self.heard.append((round(self.wire.now, 6), data))
+
+
+def sealed(body: bytes) -> bytes:
+    """A message with its checksum."""
+    return body + struct.pack("<I", zlib.crc32(body))
 
 
 def straight(parcel: Parcel) -> Carried:

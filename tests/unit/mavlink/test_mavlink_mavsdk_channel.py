@@ -3,7 +3,7 @@
 import asyncio
 import json
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import AbstractAsyncContextManager, contextmanager
 from dataclasses import dataclass, field
 from random import Random
 from types import SimpleNamespace
@@ -14,12 +14,12 @@ from mavsdk import MavsdkError
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 import vfguide.mavlink.mavsdk
+from tests.kit.autopilot import address, asked
 from tests.kit.sockets import until
 from vfguide.errors import InputError
-from vfguide.mavlink.adapter import AutopilotSetpoint, Vehicle
 from vfguide.mavlink.address import parse_address
 from vfguide.mavlink.codec import Codec
-from vfguide.mavlink.connection import Connection, open_connection
+from vfguide.mavlink.connection import open_connection
 from vfguide.mavlink.mavsdk import DEAF_S, Plugins
 from vfguide.mavlink.px4 import Px4
 
@@ -115,51 +115,31 @@ def failures(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     return given
 
 
-def during(
-    test: Callable[[Connection], Any], receive: Callable[[bytes], None] = lambda _: None
-) -> None:
-    """Run a test with a connection."""
-
-    async def run() -> None:
-        address = parse_address("udpin://127.0.0.1:14540")
-        async with open_connection(address, receive, random=Random(1), by_mavsdk=True) as made:
-            await test(made)
-
-    asyncio.run(run())
+def opened(receive: Callable[[bytes], None] = lambda _: None) -> AbstractAsyncContextManager[Any]:
+    """A connection by MAVSDK."""
+    port = parse_address("udpin://127.0.0.1:14540")
+    return open_connection(port, receive, random=Random(1), by_mavsdk=True)
 
 
 @pytest.mark.parametrize("fails_at", ["open", "search", "plugins", "subscribe"])
 @pytest.mark.parametrize("error", [MavsdkError("x"), RuntimeError("x"), OSError(5, "x")])
-def test_a_mavsdk_that_fails_is_followed_by_another(lives, fails_at, error):
+async def test_a_mavsdk_that_fails_is_followed_by_another(lives, fails_at, error):
     begun = lives(Life(fails_at, error), Life())
     heard: list[bytes] = []
-
-    async def test(made):
+    async with opened(heard.append) as made:
         await until(lambda: made.connected)
         assert len(begun) == made.counters["tries"] == 2
         begun[1].beat()
         await until(lambda: heard)
-
-    during(test, heard.append)
     assert len(Codec(7, 1).decode(heard[0])) == 1
 
 
-def test_a_mavsdk_that_fails_in_flight_is_followed_by_another(lives, monkeypatch):
+async def test_a_mavsdk_that_fails_in_flight_is_followed_by_another(lives, monkeypatch):
     monkeypatch.setattr(vfguide.mavlink.mavsdk, "SILENCE_S", 0.0)
     begun = lives(Life("watch", RuntimeError("has been destroyed")), Life())
-    vehicle = Vehicle(
-        system_id=7,
-        component_id=1,
-        hold="heading-hold",
-        lateral_acceleration=9.8,
-        px4_steering="velocity",
-    )
-    setpoint = AutopilotSetpoint(
-        course=1.0, speed=20.0, altitude_amsl=588.0, latitude_deg=47.0, longitude_deg=8.0
-    )
-    velocity = Codec(7, 1).encode(Px4(vehicle).stay_ready(setpoint))
-
-    async def test(made):
+    plane = Px4(address(component_id=1, px4_steering="velocity"))
+    velocity = Codec(7, 1).encode(plane.stay_ready(asked(1.0, 20.0)))
+    async with opened() as made:
         await until(lambda: made.connected)
         begun[0].beat(OFFBOARD)
         await asyncio.sleep(0)
@@ -168,24 +148,19 @@ def test_a_mavsdk_that_fails_in_flight_is_followed_by_another(lives, monkeypatch
         assert (made.counters["connected"], made.counters["disconnected"]) == (2, 1)
         begun[1].beat()
 
-    during(test)
 
-
-def test_it_waits_as_every_connection_does_and_anew_after_each_success(
+async def test_it_waits_as_every_connection_does_and_anew_after_each_success(
     lives, failures, monkeypatch
 ):
     monkeypatch.setattr(vfguide.mavlink.mavsdk, "DEAF_S", 0.0)
     # The third hears an autopilot for a moment.
     lives(Life("open"), Life("search"), Life(), Life("open"), Life("subscribe"))
-
-    async def test(_made):
+    async with opened():
         await until(lambda: len(failures) >= 5)
-
-    during(test)
     assert failures[:5] == [1, 2, 1, 2, 3]
 
 
-def test_a_mavsdk_that_hears_nothing_any_more_is_followed_by_another(lives, monkeypatch):
+async def test_a_mavsdk_that_hears_nothing_any_more_is_followed_by_another(lives, monkeypatch):
     looks, now = [0], [100.0]
 
     def monotonic() -> float:
@@ -199,7 +174,7 @@ def test_a_mavsdk_that_hears_nothing_any_more_is_followed_by_another(lives, monk
         seen = looks[0]
         await until(lambda: looks[0] >= seen + 10)
 
-    async def test(made):
+    async with opened() as made:
         await until(lambda: made.connected)
         now[0] += DEAF_S - 0.1
         begun[0].beat()
@@ -212,26 +187,19 @@ def test_a_mavsdk_that_hears_nothing_any_more_is_followed_by_another(lives, monk
         await until(lambda: len(begun) == 2)
         await until(lambda: made.connected)
 
-    during(test)
 
-
-def test_an_address_that_will_not_do_is_told_before_anything_flies(lives):
+async def test_an_address_that_will_not_do_is_told_before_anything_flies(lives):
     lives(Life("open", InputError("MAVLink address x: MAVSDK says CONNECTION_URL_INVALID")))
 
-    async def test(_made):
-        pytest.fail("it was opened")
-
     with pytest.raises(InputError, match="CONNECTION_URL_INVALID"):
-        during(test)
+        async with opened():
+            pytest.fail("it was opened")
 
 
-def test_an_address_that_was_good_is_tried_again(lives, failures, monkeypatch):
+async def test_an_address_that_was_good_is_tried_again(lives, failures, monkeypatch):
     monkeypatch.setattr(vfguide.mavlink.mavsdk, "DEAF_S", 0.0)
     taken = Life("open", InputError("MAVLink address x: MAVSDK says BIND_ERROR"))
     begun = lives(Life(), taken)
-
-    async def test(_made):
+    async with opened():
         await until(lambda: len(begun) >= 3)
-
-    during(test)
     assert failures[:2] == [1, 2]

@@ -7,7 +7,6 @@ from msgspec.structs import replace
 from pymap3d.vincenty import vdist
 
 from tests.kit.autopilot import address, asked, sent
-from vfguide.mavlink.adapter import Vehicle
 from vfguide.mavlink.px4 import Px4, Px4ByMavsdk
 from vfguide.mavlink.px4_steering import point_ahead
 from vfguide.mavlink.reports import CommandReport, VersionReport
@@ -46,18 +45,15 @@ def test_the_version_tells_how_it_is_steered(version, mode, words):
 
 
 @pytest.mark.parametrize(
-    ("minor", "parameter"), [(18, "NAV_DLL_ACT decides"), (16, "COM_OBL_RC_ACT decides")]
+    ("minor", "parameter", "repeats"),
+    # MAVSDK repeats the setpoints of offboard while its companion hangs.
+    [(18, "NAV_DLL_ACT decides", False), (16, "COM_OBL_RC_ACT decides", True)],
 )
-def test_it_is_told_what_stops_an_aircraft_whose_companion_dies(minor, parameter):
-    told = Px4(address(px4_steering="auto")).hear(VersionReport(major=1, minor=minor))
-    assert parameter in str(told)
-
-
-@pytest.mark.parametrize(("minor", "repeats"), [(18, False), (16, True)])
-def test_of_a_companion_that_hangs_mavsdk_repeats_the_setpoints_of_offboard(minor, repeats):
+def test_it_is_told_what_stops_an_aircraft_whose_companion_dies(minor, parameter, repeats):
     version = VersionReport(major=1, minor=minor)
-    told = Px4ByMavsdk(address(px4_steering="auto")).hear(version)
-    assert ("not while it hangs" in str(told)) is repeats
+    vehicle = address(px4_steering="auto")
+    assert parameter in str(Px4(vehicle).hear(version))
+    assert ("not while it hangs" in str(Px4ByMavsdk(vehicle).hear(version))) is repeats
 
 
 def test_before_its_version_is_known_nothing_is_steered():
@@ -120,59 +116,58 @@ def test_a_way_that_the_mission_chooses_stays(steering):
 
 
 @pytest.mark.parametrize(
-    ("custom_mode", "engaged"),
+    ("steering", "custom_mode", "engaged"),
     [
-        (6 << 16, True),
-        (6 << 16 | 3 << 24, True),
-        (GUIDED_COURSE, False),
-        (LOITER, False),
-        (4 << 16 | 6 << 24, False),
-        (7 << 16, False),
-        (6, False),
-        (15, False),
-        (0, False),
-        (0x0106 << 16, True),
-        (2**32 - 1, False),
+        # Offboard is told by the main mode alone.
+        ("position", 6 << 16, True),
+        ("position", 6 << 16 | 3 << 24, True),
+        ("position", GUIDED_COURSE, False),
+        ("position", LOITER, False),
+        ("position", 4 << 16 | 6 << 24, False),
+        ("position", 7 << 16, False),
+        ("position", 6, False),
+        ("position", 15, False),
+        ("position", 0, False),
+        ("position", 0x0106 << 16, True),
+        ("position", 2**32 - 1, False),
+        # Guided Course by main and sub mode.
+        ("guided-course", GUIDED_COURSE, True),
+        ("guided-course", LOITER, False),
+        ("guided-course", 6 << 16 | 19 << 24, False),
+        ("guided-course", OFFBOARD, False),
     ],
 )
-def test_offboard_is_told_by_the_main_mode_alone(custom_mode, engaged):
-    assert Px4(address(px4_steering="position")).is_engaged(custom_mode) is engaged
+def test_the_mode_tells_whether_it_is_engaged(steering, custom_mode, engaged):
+    assert Px4(address(px4_steering=steering)).is_engaged(custom_mode) is engaged
 
 
 @pytest.mark.parametrize(
-    ("custom_mode", "engaged"),
-    [(GUIDED_COURSE, True), (LOITER, False), (6 << 16 | 19 << 24, False), (OFFBOARD, False)],
-)
-def test_guided_course_is_told_by_main_and_sub_mode(custom_mode, engaged):
-    assert Px4(address()).is_engaged(custom_mode) is engaged
-
-
-@pytest.mark.parametrize(
-    ("steering", "streams", "counts", "holds"),
+    ("steering", "streams", "counts", "holds", "altitude"),
     [
-        ("guided-course", False, True, True),
-        ("position", True, False, True),
-        ("velocity", True, False, False),
+        ("guided-course", False, True, True, [(186, 588.5, 0.0)]),
+        # In offboard no message is about the altitude alone.
+        ("position", True, False, True, []),
+        ("velocity", True, False, False, []),
     ],
 )
-def test_what_each_way_needs_and_holds(steering, streams, counts, holds):
+def test_what_each_way_needs_and_holds(steering, streams, counts, holds, altitude):
     plane = Px4(address(px4_steering=steering))
     assert plane.streams_before_engaging is streams
     assert plane.counts_ground_stations is counts
     assert plane.holds_altitude is holds
+    told = sent(plane.hold_altitude(588.5))
+    assert [(one.command, one.param1, one.param2) for one in told] == altitude
+    # What is streamed beforehand is the setpoint without the speed.
+    before = sent(plane.stay_ready(asked(math.radians(150.0), 20.0)))
+    steered, _ = sent(plane.fly(asked(math.radians(150.0), 20.0)))
+    assert [one.to_dict() for one in before] == [steered.to_dict()] * streams
 
 
 @pytest.mark.parametrize(("course", "degrees"), [(-1.0, 302.704), (150.0, 314.367), (0.0, 0.0)])
 def test_guided_course_takes_a_course_over_ground_in_degrees(course, degrees):
     heading, _ = sent(Px4(address()).fly(asked(course, 20.0)))
-    assert (heading.get_type(), heading.command) == ("COMMAND_LONG", 43_002)
-    assert heading.param1 == 0.0
+    assert (heading.get_type(), heading.command, heading.param1) == ("COMMAND_LONG", 43_002, 0.0)
     assert heading.param2 == pytest.approx(degrees, abs=1e-3)
-
-
-def test_guided_course_takes_an_altitude_above_the_sea():
-    (altitude,) = sent(Px4(address()).hold_altitude(588.5))
-    assert (altitude.command, altitude.param1, altitude.param2) == (186, 588.5, 0.0)
 
 
 def test_a_course_goes_as_a_position_1500_m_ahead_and_nothing_else():
@@ -180,9 +175,7 @@ def test_a_course_goes_as_a_position_1500_m_ahead_and_nothing_else():
     setpoint, _ = sent(plane.fly(asked(math.radians(90.0), 20.0)))
     assert setpoint.get_type() == "SET_POSITION_TARGET_GLOBAL_INT"
     # Bits 3-5 velocity, 6-8 acceleration, 10 yaw, 11 yaw rate: 56 + 448 + 1024 + 2048.
-    assert setpoint.type_mask == 0xDF8
-    assert setpoint.coordinate_frame == 5
-    assert setpoint.alt == 588.0
+    assert (setpoint.type_mask, setpoint.coordinate_frame, setpoint.alt) == (0xDF8, 5, 588.0)
     # The parallel of 47 degrees has a radius of 4 357 690 m.
     degrees = math.degrees(1500.0 / 4_357_690.0)
     assert setpoint.lon_int == pytest.approx(8e7 + degrees * 1e7, abs=30.0)
@@ -210,23 +203,8 @@ def test_a_course_goes_as_a_velocity_and_nothing_else():
     setpoint, _ = sent(plane.fly(asked(math.radians(150.0), 20.0)))
     assert setpoint.get_type() == "SET_POSITION_TARGET_LOCAL_NED"
     # Bits 0-2 position, 6-8 acceleration, 10 yaw, 11 yaw rate: 7 + 448 + 1024 + 2048.
-    assert setpoint.type_mask == 3527
-    assert setpoint.coordinate_frame == 1
-    assert setpoint.vx == pytest.approx(-17.320508, abs=1e-5)
-    assert setpoint.vy == pytest.approx(10.0, abs=1e-5)
-    assert setpoint.vz == 0.0
-
-
-@pytest.mark.parametrize("steering", ["position", "velocity"])
-def test_staying_ready_is_the_setpoint_without_the_speed(steering):
-    plane = Px4(address(px4_steering=steering))
-    (setpoint,) = sent(plane.stay_ready(asked(math.radians(150.0), 20.0)))
-    steered, _ = sent(plane.fly(asked(math.radians(150.0), 20.0)))
-    assert setpoint.to_dict() == steered.to_dict()
-
-
-def test_guided_course_needs_nothing_beforehand():
-    assert Px4(address()).stay_ready(asked(1.0, 20.0)) == []
+    assert (setpoint.type_mask, setpoint.coordinate_frame, setpoint.vz) == (3527, 1, 0.0)
+    assert (setpoint.vx, setpoint.vy) == pytest.approx((-17.320508, 10.0), abs=1e-5)
 
 
 @pytest.mark.parametrize("steering", ["guided-course", "position", "velocity"])
@@ -234,8 +212,7 @@ def test_guided_course_needs_nothing_beforehand():
 def test_a_speed_goes_by_command_and_leaves_the_throttle_alone(steering, hold, speed_type):
     plane = Px4(address(hold, px4_steering=steering))
     _, speed = sent(plane.fly(asked(0.0, 17.25)))
-    assert speed.get_type() == "COMMAND_LONG"
-    assert speed.command == 178
+    assert (speed.get_type(), speed.command) == ("COMMAND_LONG", 178)
     assert (speed.param1, speed.param2, speed.param3) == (speed_type, 17.25, -1.0)
 
 
@@ -251,8 +228,7 @@ def test_a_speed_goes_by_command_and_leaves_the_throttle_alone(steering, hold, s
 )
 def test_modes_are_set_by_main_and_sub_mode(steering, act, modes):
     (command,) = sent(getattr(Px4(address(px4_steering=steering)), act)())
-    assert command.get_type() == "COMMAND_LONG"
-    assert command.command == SET_MODE
+    assert (command.get_type(), command.command) == ("COMMAND_LONG", SET_MODE)
     assert (command.param1, command.param2, command.param3) == (1.0, *modes)
 
 
@@ -260,11 +236,6 @@ def test_hold_is_what_it_is_handed_back_to():
     plane = Px4(address(px4_steering="auto"))
     modes = (LOITER, GUIDED_COURSE, OFFBOARD, 4 << 16)
     assert [plane.is_handed_back(mode) for mode in modes] == [True, False, False, False]
-
-
-@pytest.mark.parametrize("steering", ["position", "velocity"])
-def test_in_offboard_no_message_is_about_the_altitude_alone(steering):
-    assert Px4(address(px4_steering=steering)).hold_altitude(588.0) == []
 
 
 @pytest.mark.parametrize("steering", ["auto", "guided-course", "position", "velocity"])
@@ -287,14 +258,7 @@ def test_every_message_is_addressed_to_the_vehicle(steering):
 @settings(deadline=None, derandomize=True)
 @given(course=st.floats(-1e4, 1e4), speed=st.floats(1.0, 100.0))
 def test_the_velocity_points_along_any_course(course, speed):
-    vehicle = Vehicle(
-        system_id=7,
-        component_id=1,
-        hold="heading-hold",
-        lateral_acceleration=9.8,
-        px4_steering="velocity",
-    )
-    setpoint, _ = sent(Px4(vehicle).fly(asked(course, speed)))
+    setpoint, _ = sent(Px4(address(px4_steering="velocity")).fly(asked(course, speed)))
     off = math.remainder(math.atan2(setpoint.vy, setpoint.vx) - course, 2.0 * math.pi)
     assert abs(off) < 1e-6
     assert math.hypot(setpoint.vx, setpoint.vy) == pytest.approx(speed, rel=1e-6)

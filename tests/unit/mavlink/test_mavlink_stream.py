@@ -1,22 +1,14 @@
-from itertools import pairwise
-
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from tests.kit.wire import cut, framed
 from vfguide.mavlink.stream import LARGEST_FRAME, StreamFramer
-
-SENDER = mavlink.MAVLink(None, srcSystem=7, srcComponent=1)
-
-
-def packed(message: mavlink.MAVLink_message, *, version_1: bool = False) -> bytes:
-    return bytes(message.pack(SENDER, force_mavlink1=version_1))
 
 
 def signed(message: mavlink.MAVLink_message) -> bytes:
     sender = mavlink.MAVLink(None, srcSystem=7, srcComponent=1)
-    sender.signing.secret_key = bytes(32)
-    sender.signing.sign_outgoing = True
+    sender.signing.secret_key, sender.signing.sign_outgoing = bytes(32), True
     return bytes(message.pack(sender))
 
 
@@ -28,18 +20,18 @@ def tunnel(content: bytes) -> mavlink.MAVLink_message:
 # In no message set: nobody can say what its checksum should be.
 UNKNOWN = bytes.fromhex("fd 04 00 00 00 07 01 fe ff ff") + b"data" + b"CC"
 
-HEARTBEAT = packed(mavlink.MAVLink_heartbeat_message(1, 3, 0, 0, 4, 3))
-WIND = packed(mavlink.MAVLink_wind_message(10.0, 5.0, 0.0))
+HEARTBEAT = framed(mavlink.MAVLink_heartbeat_message(1, 3, 0, 0, 4, 3))
+WIND = framed(mavlink.MAVLink_wind_message(10.0, 5.0, 0.0))
 
 CONTENTS = st.binary(max_size=128) | st.binary(max_size=60).map(
     lambda some: some.replace(b"\0", b"\xfd").replace(b"\1", b"\xfe")
 )
 FRAMES = st.one_of(
     st.sampled_from([HEARTBEAT, WIND]),
-    st.builds(packed, CONTENTS.map(tunnel)),
+    st.builds(framed, CONTENTS.map(tunnel)),
     st.builds(signed, CONTENTS.map(tunnel)),
     st.builds(
-        lambda text: packed(mavlink.MAVLink_statustext_message(6, text), version_1=True),
+        lambda text: framed(mavlink.MAVLink_statustext_message(6, text), version_1=True),
         st.binary(max_size=50).map(lambda some: some.replace(b"\0", b"\xfe")),
     ),
 )
@@ -47,12 +39,6 @@ GARBAGE = st.binary(max_size=400) | st.lists(
     st.sampled_from([b"\xfd", b"\xfe", b"\xfd\xff\0", b"\xfe\xff", b"\xfd\xff\1", b"x"]),
     max_size=40,
 ).map(b"".join)
-
-
-def cut(stream: bytes, places: list[int]) -> list[bytes]:
-    """A stream in pieces."""
-    ends = sorted({0, len(stream), *(place % (len(stream) + 1) for place in places)})
-    return [stream[start:end] for start, end in pairwise(ends)]
 
 
 def fed(framer: StreamFramer, pieces: list[bytes]) -> list[bytes]:
@@ -125,20 +111,16 @@ def test_a_damaged_frame_is_dropped_and_the_next_is_not():
 
 
 def test_in_step_frames_within_a_frame_are_its_content():
-    outer = packed(tunnel(HEARTBEAT + WIND))
-    framer = StreamFramer()
+    outer = framed(tunnel(HEARTBEAT + WIND))
     stream = HEARTBEAT + outer + WIND
-    assert fed(framer, [stream[i : i + 1] for i in range(len(stream))]) == [HEARTBEAT, outer, WIND]
+    bytewise = [stream[i : i + 1] for i in range(len(stream))]
+    assert fed(StreamFramer(), bytewise) == [HEARTBEAT, outer, WIND]
 
 
 def test_a_message_that_is_not_known_is_left_out():
     framer = StreamFramer()
     assert framer.feed(HEARTBEAT + UNKNOWN + WIND) == [HEARTBEAT, WIND]
-    assert framer.counters["unknown message"] == 1
-    assert framer.counters["out of step"] == 0
-
-
-def test_what_only_looks_like_a_message_does_not_swallow_the_frame_behind_it():
+    assert (framer.counters["unknown message"], framer.counters["out of step"]) == (1, 0)
     # An unknown message's header with a length that reaches into the next frame.
     false = bytes.fromhex("fd 10 00 00 00 07 01 fe ff ff")
     assert StreamFramer().feed(HEARTBEAT + false + WIND + HEARTBEAT) == [HEARTBEAT, WIND, HEARTBEAT]

@@ -1,10 +1,12 @@
-"""How a PX4 answers, by its own parameters."""
+"""How an autopilot answers, by its own parameters."""
 
 import math
 
 import pytest
+from msgspec.structs import replace
 
 from tests.kit.autopilot import address
+from vfguide.mavlink.ardupilot import arduplane_response
 from vfguide.mavlink.parameters import AutopilotResponse, FlightNeeds
 from vfguide.mavlink.px4 import Px4
 from vfguide.mavlink.px4_parameters import px4_response, px4_warnings
@@ -58,30 +60,22 @@ def test_what_the_parameters_tell_is_taken():
 
 
 @pytest.mark.parametrize(
-    ("parameters", "climb", "sink"),
+    ("parameters", "rates"),
     [
         # As PX4 comes: it may climb at 5 m/s, and goes to a new altitude at 3.
-        (
-            {
-                "FW_T_CLMB_MAX": 5.0,
-                "FW_T_CLMB_R_SP": 3.0,
-                "FW_T_SINK_MAX": 5.0,
-                "FW_T_SINK_R_SP": 2.0,
-            },
-            3.0,
-            2.0,
-        ),
-        ({"FW_T_CLMB_MAX": 2.5, "FW_T_CLMB_R_SP": 3.0, "FW_T_SINK_MAX": 1.5}, 2.5, 1.5),
-        ({"FW_T_CLMB_R_SP": 0.0}, None, None),
+        ({"CLMB_MAX": 5.0, "CLMB_R_SP": 3.0, "SINK_MAX": 5.0, "SINK_R_SP": 2.0}, (3.0, 2.0)),
+        ({"CLMB_MAX": 2.5, "CLMB_R_SP": 3.0, "SINK_MAX": 1.5}, (2.5, 1.5)),
+        ({"CLMB_R_SP": 0.0}, (None, None)),
     ],
 )
-def test_the_height_goes_to_another_at_the_lower_of_two_rates(parameters, climb, sink):
-    response = px4_response(parameters)
-    assert (response.climb_max, response.sink_max) == (climb, sink)
+def test_the_height_goes_to_another_at_the_lower_of_two_rates(parameters, rates):
+    response = px4_response({f"FW_T_{name}": value for name, value in parameters.items()})
+    assert (response.climb_max, response.sink_max) == rates
 
 
-def test_what_was_not_answered_is_not_known():
-    assert px4_response({}) == AutopilotResponse()
+@pytest.mark.parametrize("response", [px4_response({}), arduplane_response({}, NEEDS)])
+def test_what_was_not_answered_is_not_known(response):
+    assert response == AutopilotResponse()
 
 
 @pytest.mark.parametrize(
@@ -127,3 +121,41 @@ def test_all_that_the_response_wants_is_asked_for():
     plane = Px4(address())
     assert set(FACTORY) <= set(plane.parameters)
     assert plane.response(FACTORY, NEEDS) == px4_response(FACTORY)
+
+
+FAST = replace(NEEDS, airspeed_min=12.0, airspeed_max=32.0, airspeed=20.0, alpha=1.2)
+"""Of an ArduPlane."""
+
+
+def test_factory_settings_of_a_vehicle_that_slips_are_slow():
+    # 50 degrees of bank per radian: 0.8727 * 9.80665 / 20 = 0.428 1/s, of which 0.745 are flown.
+    response = arduplane_response(
+        {"GUIDED_P": 5000.0, "TECS_TIME_CONST": 5.0}, replace(FAST, slips=True)
+    )
+    assert response.alpha == pytest.approx(0.319, abs=0.001)
+    assert response.beta == pytest.approx(0.4)
+
+
+def test_coordinated_turns_follow_all_of_the_bank():
+    response = arduplane_response({"GUIDED_P": 12_000.0}, FAST)
+    assert response.alpha == pytest.approx(1.027, abs=0.001)
+
+
+@pytest.mark.parametrize(
+    "parameters",
+    [
+        {"AIRSPEED_MIN": 10.0, "AIRSPEED_MAX": 30.0, "ROLL_LIMIT_DEG": 40.0},
+        {"ARSPD_FBW_MIN": 10.0, "ARSPD_FBW_MAX": 30.0, "LIM_ROLL_CD": 4000.0},
+    ],
+)
+def test_limits_are_told_under_both_names(parameters):
+    assert arduplane_response(parameters, FAST) == AutopilotResponse(
+        airspeed_min=10.0, airspeed_max=30.0, max_bank=math.radians(40.0)
+    )
+
+
+def test_the_height_goes_to_another_as_fast_as_the_tecs_lets_it():
+    response = arduplane_response({"TECS_CLMB_MAX": 3.5, "TECS_SINK_MAX": 2.5}, FAST)
+    assert (response.climb_max, response.sink_max) == (3.5, 2.5)
+    nothing = arduplane_response({"TECS_CLMB_MAX": 0.0, "TECS_SINK_MAX": math.nan}, FAST)
+    assert (nothing.climb_max, nothing.sink_max) == (None, None)
