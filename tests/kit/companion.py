@@ -2,33 +2,63 @@
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
+from typing import Any
 
 from msgspec.structs import replace
+from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
 from sitl_stub import Autopilot
 from tests.kit.autopilot import new_autopilot
-from tests.kit.missions import mission_with, plan_of
-from tests.kit.wire import command_long, number_of, packed, parsed
+from tests.kit.missions import mission_with, shipped
+from tests.kit.states import FRAME
+from tests.kit.wire import command_long, number_of, packed, parsed, spoken
 from vfguide.companion.consent import ConsentStore, MemoryStore
 from vfguide.companion.core import Companion
 from vfguide.companion.mission_plan import adapter_of, flight_plan
+from vfguide.companion.plan import FlightPlan
 from vfguide.companion.supervisor import Mode
 from vfguide.companion.timing import SAME_CLOCK, SharedClock
 from vfguide.link.codec import LeaderMessage, encode
+from vfguide.mission import Mission
 
 RATE_HZ = 10.0
 """Of telemetry and guidance. What is shown here does not depend on it; its cost does."""
-GUIDED, LOITER, MANUAL = 15, 12, 0
+GUIDED, LOITER, RTL, MANUAL = 15, 12, 11, 0
+"""Modes of ArduPlane."""
 
-FRAME = plan_of("line-calm", "f1").frame
+SET_MODE, HEADING, SPEED, ALTITUDE, MESSAGE_INTERVAL = 176, 43_002, 43_000, 43_001, 511
+"""Commands."""
+
+KINDS = ["ardupilot", "px4"]
+SELECT_GUIDED = {"ardupilot": (15, 0), "px4": (4, 19)}
+SELECT_LOITER = {"ardupilot": (12, 0), "px4": (4, 3)}
+SELECT_RTL = {"ardupilot": (11, 0), "px4": (4, 5)}
+SELECT_MANUAL = {"ardupilot": (0, 0), "px4": (1, 0)}
+"""What a pilot selects of each kind: main mode and sub mode."""
+
+IN_GUIDED = {"ardupilot": "GUIDED", "px4": "AUTO.COURSE"}
+IN_LOITER = {"ardupilot": "LOITER", "px4": "AUTO.LOITER"}
+"""What each kind then shows."""
+
+HASTY = {"prediction_s": 3.0, "breakaway_s": 2.0}
+"""The patience of a mission whose leader is lost 5 s after it was heard last."""
 
 Said = Callable[[float], Iterable[bytes]]
 """What arrives over the link at a time."""
 
 
-def leader_bytes(now: float, /, **values: float) -> bytes:
-    """Encode a leader that flies north from the origin at 20 m/s, as it crosses the link."""
-    latitude, longitude = FRAME.to_geodetic(20.0 * now, 0.0)
+def leader_bytes(
+    now: float, /, *, north: float | None = None, east: float = 0.0, **values: float
+) -> bytes:
+    """Encode a leader that flies north from the origin at 20 m/s, as it crosses the link.
+
+    Args:
+        now: time of the state, s.
+        north: of the origin, m, if it is elsewhere.
+        east: of the origin, m.
+        values: of fields that are otherwise.
+    """
+    latitude, longitude = FRAME.to_geodetic(20.0 * now if north is None else north, east)
     fields = {
         "sequence": 1,
         "time_s": now,
@@ -46,11 +76,21 @@ def leader_bytes(now: float, /, **values: float) -> bytes:
 
 def heard_until(silent_s: float, back_s: float = 1e9) -> Said:
     """Make a link on which the leader falls silent after some time, and speaks again after another."""
+    return lambda now: [leader_bytes(now)] if now <= silent_s or now >= back_s else []
 
-    def link(now: float) -> list[bytes]:
-        return [leader_bytes(now)] if now <= silent_s or now >= back_s else []
 
-    return link
+def heard_from(begin_s: float) -> Said:
+    """Make a link on which the leader is not heard before some time."""
+    return heard_until(-1.0, begin_s)
+
+
+Edit = Callable[[MAVLink_message, float], MAVLink_message | None]
+"""What becomes of a message of the autopilot at a time; None if it never arrives."""
+
+
+def without(*kinds: str) -> Edit:
+    """Make a wire that loses some kinds of the autopilot's messages."""
+    return lambda message, _now: None if message.get_type() in kinds else message
 
 
 @dataclass(slots=True)
@@ -75,6 +115,8 @@ class Flight:
     """Whether nothing that the autopilot says arrives."""
     forge: Callable[[float], bytes] = lambda _now: b""
     """What another says in the autopilot's name at a time."""
+    edit: Edit | None = None
+    """What becomes of each message of the autopilot on its way."""
     make: Callable[[], Companion] | None = None
     """Makes the companion of a process that starts anew, with the state that the one before has kept."""
     late_s: float = 0.0
@@ -92,7 +134,7 @@ class Flight:
             self._under_way.append((self.now + self.late_s, said))
             telemetry = b""
             while self._under_way and self._under_way[0][0] <= self.now + 1e-9:
-                telemetry += self._under_way.pop(0)[1]
+                telemetry += self._edited(self._under_way.pop(0)[1])
             telemetry = self.forge(self.now) + (b"" if self.deaf else telemetry)
             out = self.companion.receive_mavlink(telemetry, self.now)
             self.sent.append((self.now, out.to_autopilot))
@@ -101,6 +143,12 @@ class Flight:
             self.events += [(event.time_s, event.text) for event in out.events]
             self.modes.append((self.now, self.companion.snapshot.mode))
             self._steps += 1
+
+    def _edited(self, data: bytes) -> bytes:
+        if self.edit is None:
+            return data
+        edited = (self.edit(message, self.now) for message in parsed(data))
+        return spoken(*(message for message in edited if message is not None))
 
     def _passed_on(self, data: bytes) -> bytes:
         if not self.lose:
@@ -154,25 +202,37 @@ class Flight:
         """The autopilot starts anew; what it was about to say is lost."""
         self.autopilot, self.booted, self.waiting = emulator(), self.now, b""
 
+    def place(self) -> tuple[float, float]:
+        """Where the vehicle is, m north and east of the origin."""
+        truth = self.autopilot.truth()
+        return FRAME.to_local(truth.latitude_deg, truth.longitude_deg)
+
     def mode_at(self, time_s: float) -> Mode:
         """What the companion was doing."""
         return next(mode for time, mode in reversed(self.modes) if time <= time_s)
 
 
 def emulator(
-    kind: str = "ardupilot", system_id: int = 2, version: tuple[int, int] | None = None
+    kind: str = "ardupilot",
+    system_id: int = 2,
+    version: tuple[int, int] | None = None,
+    *,
+    north: float = -50.0,
+    east: float = -30.0,
+    **changes: Any,
 ) -> Autopilot:
     """50 m behind the origin and 30 m left of it, northbound at 20 m/s, in a loiter."""
-    latitude, longitude = FRAME.to_geodetic(-50.0, -30.0)
-    return new_autopilot(
-        system_id=system_id,
-        autopilot=kind,
-        autopilot_version=version,
-        latitude_deg=latitude,
-        longitude_deg=longitude,
-        altitude_amsl_m=588.0,
-        home_altitude_amsl_m=488.0,
-    )
+    latitude, longitude = FRAME.to_geodetic(north, east)
+    fields: dict[str, Any] = {
+        "system_id": system_id,
+        "autopilot": kind,
+        "autopilot_version": version,
+        "latitude_deg": latitude,
+        "longitude_deg": longitude,
+        "altitude_amsl_m": 588.0,
+        "home_altitude_amsl_m": 488.0,
+    }
+    return new_autopilot(**(fields | changes))
 
 
 def new_flight(
@@ -186,10 +246,12 @@ def new_flight(
     clock: SharedClock = SAME_CLOCK,
     store: ConsentStore | None = None,
     engage_from: tuple[str, ...] = ("LOITER", "HOLD"),
+    until_s: float | None = None,
 ) -> Flight:
     """Make a flight of f1 (slot 20 m behind, 20 m left) after a leader that is heard all the time.
 
-    The leader's path is the line that it flies: north from the origin.
+    The leader's path is the line that it flies: north from the origin. The flight begins, or has gone on
+    until a time.
     """
     mission = mission_with(
         "line-calm",
@@ -209,9 +271,39 @@ def new_flight(
             clock=clock,
         )
 
-    return Flight(
+    flight = Flight(
         companion=companion(),
         make=companion,
         autopilot=emulator("ardupilot" if kind == "auto" else kind, declared.system_id, version),
         link=link or (lambda now: [leader_bytes(now)]),
     )
+    if until_s is not None:
+        flight.run(until_s)
+    return flight
+
+
+def companion_of(
+    vehicle: str = "f1",
+    *,
+    mission: Mission | None = None,
+    plan: FlightPlan | None = None,
+    autopilot: str | None = None,
+    engage: bool = True,
+    **options: Any,
+) -> Companion:
+    """Make the companion of a vehicle with nothing around it.
+
+    Args:
+        vehicle: in the mission.
+        mission: line-calm if absent.
+        plan: another than the mission's.
+        autopilot: another than the mission's.
+        engage: whether it may.
+        options: of the companion.
+    """
+    mission = mission or shipped("line-calm")
+    declared = mission.vehicles[vehicle]
+    if autopilot is not None:
+        declared = declared.model_copy(update={"autopilot": autopilot})
+    adapter = adapter_of(declared)
+    return Companion(plan or flight_plan(mission, vehicle), adapter, engage=engage, **options)

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import Any
 
 from tests.kit.missions import plan_of
 from vfguide.companion.alerts import Alerts
@@ -125,17 +126,46 @@ SLOTS = {name: slot_of(name) for name in NAMES[1:]}
 """The mission's slots of its three followers."""
 
 
+def begun(until_s: float = 5.0, **parts: Any) -> Formation:
+    """Make a formation that has flown for a while; `parts` as of Formation."""
+    formation = Formation(**parts)
+    formation.run(until_s)
+    return formation
+
+
+def member_of(vehicle: str = "f1") -> Arrangements:
+    """Make one companion's knowledge of orders, with nobody around it."""
+    return Arrangements(plan_of(vehicle=vehicle), SAME_CLOCK)
+
+
+def moves(ends: dict[str, Point], begins: dict[str, Point] | None = None) -> tuple[SlotMove, ...]:
+    """Move vehicles from slots, the mission's if nothing is said, to others."""
+    begins = SLOTS if begins is None else begins
+    return tuple(SlotMove(vehicle=name, begin=begins[name], end=end) for name, end in ends.items())
+
+
+def order_of(*places: SlotMove, **changes: Any) -> Arrangement:
+    """Make order 1: from 10 s on, within 10 s, but for what is given."""
+    fields: dict[str, Any] = {"number": 1, "time_s": 10.0, "across_s": 10.0, "places": places}
+    return Arrangement(**(fields | changes))
+
+
+def answered(member: Arrangements) -> list[Reply]:
+    """Take what a companion answers."""
+    return [decode_reply(data) for data in member.to_say()[0]]
+
+
 def further(slots: dict[str, Point], *, number: int = 1, time_s: float = 10.0) -> Arrangement:
     """Everybody half as far again from the leader, within 10 s."""
-    places = tuple(
-        SlotMove(vehicle=name, begin=slot, end=Point(1.5 * slot.forward, 1.5 * slot.right))
-        for name, slot in slots.items()
-    )
-    return Arrangement(number=number, time_s=time_s, across_s=10.0, places=places)
+    ends = {name: Point(1.5 * slot.forward, 1.5 * slot.right) for name, slot in slots.items()}
+    return order_of(*moves(ends, slots), number=number, time_s=time_s)
+
+
+def abort(*places: SlotMove, number: int = 4, time_s: float = 5.0) -> Arrangement:
+    """Make an order that calls everything off."""
+    return order_of(*places, number=number, time_s=time_s, flown=Manoeuvre.ABORT, across_s=0.0)
 
 
 def called_off(*, number: int, time_s: float) -> bytes:
-    """An order that calls everything off."""
-    return encode_order(
-        Arrangement(number=number, time_s=time_s, flown=Manoeuvre.ABORT, across_s=0.0, places=())
-    )
+    """An order that calls everything off, in bytes."""
+    return encode_order(abort(number=number, time_s=time_s))

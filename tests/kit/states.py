@@ -6,10 +6,15 @@ from typing import TypedDict, Unpack
 
 from msgspec.structs import replace
 
+from vfguide.frames import LocalFrame
 from vfguide.guidance.navigation import FilterTimes
 from vfguide.guidance.settings import GuidanceSettings, ObserverGains, SlidingGains, SpeedSource
 from vfguide.link.codec import LeaderMessage
+from vfguide.mavlink.reports import PositionReport
 from vfguide.state import LeaderState, VehicleState
+
+FRAME = LocalFrame(47.397742, 8.545594, 488.0)
+"""Around the origin of line-calm."""
 
 NORTHBOUND: LeaderState[float] = LeaderState(
     time_s=0.0,
@@ -88,6 +93,27 @@ def vehicle_at(
 def leader_at(**changes: float) -> LeaderState[float]:
     """Make a leader at the origin that flies north at 20 m/s, but for what is given."""
     return replace(NORTHBOUND, **changes)
+
+
+def reported(
+    time_s: float = 1.0,
+    north: float = 0.0,
+    east: float = 0.0,
+    *,
+    velocity: tuple[float, float] = (20.0, 0.0),
+    heading: float | None = 0.0,
+) -> PositionReport:
+    """Make a report of a place around the origin of line-calm, 588 m high."""
+    latitude, longitude = FRAME.to_geodetic(north, east)
+    return PositionReport(
+        boot_time_s=time_s,
+        latitude_deg=latitude,
+        longitude_deg=longitude,
+        altitude_amsl=588.0,
+        velocity_north=velocity[0],
+        velocity_east=velocity[1],
+        heading=heading,
+    )
 
 
 def leader_message(**values: float) -> LeaderMessage:

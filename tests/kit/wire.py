@@ -45,6 +45,13 @@ def beat(system_id: int = 1) -> bytes:
     return packed(message, system_id=system_id, component_id=1)
 
 
+def heartbeat(
+    mode: int = 15, *, status: int = 4, armed: bool = True, autopilot: int = 3
+) -> MAVLink_message:
+    """Make a heartbeat of a fixed wing: in GUIDED of ArduPlane, in the air, if nothing is said."""
+    return mavlink.MAVLink_heartbeat_message(1, autopilot, 1 | armed << 7, mode, status, 3)
+
+
 def parsed(data: bytes) -> list[MAVLink_message]:
     """Return the messages in bytes."""
     return mavlink.MAVLink(None).parse_buffer(data) or []
@@ -100,3 +107,10 @@ def position_report(
     return mavlink.MAVLink_global_position_int_message(
         time_boot_ms, lat, lon, alt, 100_000, vx, vy, 0, hdg
     )
+
+
+def northbound(time_s: float) -> MAVLink_message:
+    """Make the position of an aircraft that flies north from the origin of line-calm at 20 m/s."""
+    # 89.93 degE7 to the metre.
+    latitude = 473_977_420 + round(20.0 * 89.93 * time_s)
+    return position_report(lat=latitude, vx=2000, time_boot_ms=round(time_s * 1e3))

@@ -6,30 +6,37 @@ import pytest
 from msgspec.structs import replace
 
 from tests.kit.missions import plan_of
-from tests.kit.orders import NAMES, SLOTS, Formation, called_off, further, heard
+from tests.kit.orders import (
+    NAMES,
+    SLOTS,
+    abort,
+    answered,
+    begun,
+    called_off,
+    further,
+    heard,
+    member_of,
+    order_of,
+)
 from vfguide.companion.arrangements import Arrangements
-from vfguide.companion.timing import SAME_CLOCK, SharedClock
-from vfguide.formation.arrangement import Arrangement, Manoeuvre, Point, SlotMove
-from vfguide.link.order_codec import Verdict, check_of, decode_reply, encode_order
+from vfguide.companion.timing import SharedClock
+from vfguide.formation.arrangement import Point, SlotMove
+from vfguide.link.order_codec import Verdict, check_of, encode_order
 
 
 def test_an_abort_is_flown_at_once_without_answers():
-    formation = Formation()
-    formation.run(5.0)
-    formation.give(
-        Arrangement(number=4, time_s=0.0, flown=Manoeuvre.ABORT, across_s=0.0, places=())
-    )
+    formation = begun()
+    formation.give(abort(time_s=0.0))
     assert formation.flown == dict.fromkeys(NAMES, 4)
     assert all(member.flight.has_left for member in formation.members.values())
 
 
 @pytest.mark.parametrize(("given_s", "flown"), [(69.0, False), (71.0, True), (131.0, False)])
 def test_an_abort_is_of_now(given_s, flown):
-    member = Arrangements(plan_of(vehicle="f1"), SAME_CLOCK)
+    member = member_of()
     member.receive_order(called_off(number=4, time_s=given_s), b"", 100.0)
     assert member.flight.has_left is flown
-    (data,), _ = member.to_say()
-    reply = decode_reply(data)
+    (reply,) = answered(member)
     assert reply.verdict is (Verdict.FLOWN if flown else Verdict.REFUSED)
 
 
@@ -43,21 +50,20 @@ def test_an_abort_is_flown_where_no_time_is_known():
 @pytest.mark.parametrize("number", [3, 4])
 @pytest.mark.parametrize("now", [5.5, 11.0])
 def test_an_abort_is_flown_whatever_its_number(number, now):
-    formation = Formation()
-    formation.run(5.0)
+    formation = begun()
     formation.give(further(SLOTS, number=4, time_s=10.0))
     if now > 10.0:
         formation.run(now)
         assert formation.flown == dict.fromkeys(NAMES, 4)
     for member in formation.members.values():
         member.to_say()
-        abort = called_off(number=number, time_s=formation.now)
-        member.receive_order(abort, abort, formation.now)
-        member.receive_order(abort, abort, formation.now)
+        data = called_off(number=number, time_s=formation.now)
+        member.receive_order(data, data, formation.now)
+        member.receive_order(data, data, formation.now)
         assert member.flight.has_left
-        replies = [decode_reply(data) for data in member.to_say()[0]]
-        expected = (number, Verdict.FLOWN, check_of(abort))
-        assert [(one.number, one.verdict, one.check) for one in replies] == [expected] * 2
+        expected = (number, Verdict.FLOWN, check_of(data))
+        replies = [(one.number, one.verdict, one.check) for one in answered(member)]
+        assert replies == [expected] * 2
     # The greater number decides, and nobody flies the pending order.
     formation.run(20.0)
     assert set(formation.flown.values()) == {4 if now > 10.0 else number}
@@ -68,40 +74,28 @@ def test_after_an_abort_the_height_of_the_slot_is_the_one_that_it_had():
     begin = SLOTS["f1"]
     end = Point(begin.forward, begin.right, 6.0)
     place = SlotMove(vehicle="f1", begin=begin, end=begin, layer=20.0)
-    order = Arrangement(number=1, time_s=10.0, climb_s=20.0, across_s=10.0, places=(place,))
-    member = Arrangements(plan_of(vehicle="f1"), SAME_CLOCK)
+    order = order_of(replace(place, end=end), climb_s=20.0)
+    member = member_of()
     member.hear("leader", heard(10.0, 1), 10.0)
-    member.receive_order(encode_order(replace(order, places=(replace(place, end=end),))), b"", 10.0)
+    member.receive_order(encode_order(order), b"", 10.0)
     # Half of its way into the layer, and the abort tells the mission's slot.
-    abort = Arrangement(
-        number=2,
-        time_s=20.0,
-        flown=Manoeuvre.ABORT,
-        across_s=0.0,
-        places=(SlotMove(vehicle="f1", begin=begin, end=begin),),
-    )
+    back = abort(SlotMove(vehicle="f1", begin=begin, end=begin), number=2, time_s=20.0)
     assert member.own_up(20.0) == pytest.approx(10.0)
-    member.receive_order(encode_order(abort), b"", 20.0)
+    member.receive_order(encode_order(back), b"", 20.0)
     assert member.own_up(60.0) == pytest.approx(10.0)
 
 
 def test_an_old_abort_of_a_lower_number_is_not_flown():
-    formation = Formation()
-    formation.run(5.0)
+    formation = begun()
     formation.give(further(SLOTS, number=4, time_s=10.0))
     formation.run(40.0)
-    formation.give(
-        Arrangement(number=3, time_s=9.0, flown=Manoeuvre.ABORT, across_s=0.0, places=())
-    )
+    formation.give(abort(number=3, time_s=9.0))
     assert not any(member.flight.has_left for member in formation.members.values())
 
 
 def test_no_order_brings_a_formation_back_after_an_abort():
-    formation = Formation()
-    formation.run(5.0)
-    formation.give(
-        Arrangement(number=4, time_s=5.0, flown=Manoeuvre.ABORT, across_s=0.0, places=())
-    )
+    formation = begun()
+    formation.give(abort())
     formation.run(6.0)
     formation.give(further(SLOTS, number=5, time_s=12.0))
     formation.run(15.0)
@@ -118,18 +112,13 @@ def test_no_order_brings_a_formation_back_after_an_abort():
         member.receive_order(order, order, 15.1, repeated=repeated)
         assert member.flight.called_off == 4
     # The same abort is answered as before, and a further one is flown.
-    formation.give(
-        Arrangement(number=7, time_s=15.0, flown=Manoeuvre.ABORT, across_s=0.0, places=())
-    )
+    formation.give(abort(number=7, time_s=15.0))
     assert formation.flown == dict.fromkeys(NAMES, 7)
 
 
 def test_after_an_abort_a_restarted_companion_hears_of_it_again():
-    formation = Formation()
-    formation.run(5.0)
-    formation.give(
-        Arrangement(number=4, time_s=5.0, flown=Manoeuvre.ABORT, across_s=0.0, places=())
-    )
+    formation = begun()
+    formation.give(abort())
     formation.run(60.0)
     formation.start("f2")
     formation.run(64.0)

@@ -53,8 +53,7 @@ def values(flown: Flown, name: str) -> list[tuple[float, float]]:
 
 
 def test_a_follower_s_errors_say_where_its_slot_is_twice_a_second():
-    flown = new_flight(engage=False)
-    flown.run(10.0)
+    flown = new_flight(engage=False, until_s=10.0)
     along, cross = values(flown, "slot_along"), values(flown, "slot_cross")
     # It flies 50 m behind the origin and 30 m left of it, its slot is 20 m behind and 20 m left; both fly
     # north at 20 m/s, but the loiter turns it away: only the beginning is known beforehand.
@@ -66,8 +65,7 @@ def test_a_follower_s_errors_say_where_its_slot_is_twice_a_second():
 
 
 def test_in_its_slot_the_errors_are_small_and_the_mode_is_2():
-    flown = new_flight()
-    flown.run(90.0)
+    flown = new_flight(until_s=90.0)
     for name in ("slot_along", "slot_cross", "slot_up"):
         assert abs(values(flown, name)[-1][1]) < 1.0
     assert values(flown, "form_mode")[-1][1] == 2.0
@@ -75,15 +73,13 @@ def test_in_its_slot_the_errors_are_small_and_the_mode_is_2():
 
 
 def test_without_a_leader_the_mode_is_sent_and_no_error():
-    flown = new_flight(link=lambda _now: [])
-    flown.run(5.0)
+    flown = new_flight(link=lambda _now: [], until_s=5.0)
     assert values(flown, "form_mode")
     assert values(flown, "slot_along") == []
 
 
 def test_a_position_that_is_not_heard_any_more_leaves_a_gap_in_the_curve():
-    flown = new_flight(engage=False)
-    flown.run(5.0)
+    flown = new_flight(engage=False, until_s=5.0)
     flown.deaf = True
     flown.run(10.0)
     assert values(flown, "slot_along")[-1][0] <= 6.1

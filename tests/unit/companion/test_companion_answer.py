@@ -44,8 +44,7 @@ def test_setpoints_are_in_the_first_half_and_heartbeats_in_the_second():
 
 
 def test_an_airspeed_leads_to_nothing_and_the_pilots_mode_to_something():
-    flown = new_flight()
-    flown.run(10.0)
+    flown = new_flight(until_s=10.0)
     companion, now = flown.companion, flown.now + 0.01
     assert companion.snapshot.mode.steers
     airspeed = mavlink.MAVLink_vfr_hud_message(20.0, 20.0, 0, 50, 588.0, 0.0)

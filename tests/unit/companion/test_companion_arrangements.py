@@ -8,23 +8,31 @@ from hypothesis import strategies as st
 from msgspec.structs import replace
 
 from tests.kit.missions import plan_of
-from tests.kit.orders import NAMES, SLOTS, Formation, called_off, further, heard
-from vfguide.companion.arrangements import Arrangements
-from vfguide.companion.timing import SAME_CLOCK, SharedClock
-from vfguide.formation.arrangement import Arrangement, HoldCircle, Manoeuvre, Point, SlotMove
-from vfguide.link.order_codec import (
-    Reply,
-    Verdict,
-    check_of,
-    decode_reply,
-    encode_order,
-    encode_reply,
+from tests.kit.orders import (
+    NAMES,
+    SLOTS,
+    Formation,
+    answered,
+    begun,
+    called_off,
+    further,
+    heard,
+    member_of,
+    moves,
+    order_of,
 )
+from vfguide.companion.arrangements import Arrangements
+from vfguide.companion.timing import SharedClock
+from vfguide.formation.arrangement import Arrangement, HoldCircle, Manoeuvre, Point, SlotMove
+from vfguide.link.order_codec import Reply, Verdict, check_of, encode_order, encode_reply
+
+AWAY = {name: Point(1.5 * slot.forward, 1.5 * slot.right) for name, slot in SLOTS.items()}
+"""Where `further` leads to."""
+LEFT, RIGHT = Point(-20, -10), Point(-20, 10)
 
 
 def test_all_fly_an_order_from_its_time_on_once_all_have_agreed():
-    formation = Formation()
-    formation.run(5.0)
+    formation = begun()
     formation.give(further(SLOTS))
     formation.run(9.9)
     assert formation.flown == dict.fromkeys(NAMES, 0)
@@ -45,8 +53,7 @@ def test_all_fly_an_order_from_its_time_on_once_all_have_agreed():
 
 @pytest.mark.parametrize("deaf", NAMES)
 def test_an_order_that_one_has_not_received_changes_nobody(deaf):
-    formation = Formation(lost=lambda kind, _, to, __: kind == "order" and to == deaf)
-    formation.run(5.0)
+    formation = begun(lost=lambda kind, _, to, __: kind == "order" and to == deaf)
     formation.give(further(SLOTS))
     formation.run(60.0)
     assert formation.flown == dict.fromkeys(NAMES, 0)
@@ -73,13 +80,9 @@ def test_whatever_is_lost_all_fly_the_same_in_the_end_and_no_order_without_all_a
 
 
 def test_one_that_cannot_is_asked_once_and_says_why_and_nobody_changes():
-    formation = Formation()
-    places = tuple(
-        SlotMove(vehicle=name, begin=slot, end=Point(slot.forward + 200.0, slot.right + 300.0))
-        for name, slot in SLOTS.items()
-    )
-    formation.run(5.0)
-    formation.give(Arrangement(number=1, time_s=10.0, across_s=10.0, places=places))
+    formation = begun()
+    ends = {name: Point(slot.forward + 200.0, slot.right + 300.0) for name, slot in SLOTS.items()}
+    formation.give(order_of(*moves(ends)))
     formation.run(30.0)
     assert formation.flown == dict.fromkeys(NAMES, 0)
     # 200 m in 10 s at 1/0.7 of the mean beside 20 m/s: 48.6 m/s.
@@ -89,36 +92,23 @@ def test_one_that_cannot_is_asked_once_and_says_why_and_nobody_changes():
 
 
 @pytest.mark.parametrize(
-    ("change", "sentence"),
+    ("order", "sentence"),
     [
-        ({"time_s": 5.5}, "its time is 0 s ahead"),
-        ({"time_s": 500.0}, "its time is 495 s ahead"),
+        (further(SLOTS, time_s=5.5), "its time is 0 s ahead"),
+        (further(SLOTS, time_s=500.0), "its time is 495 s ahead"),
+        (order_of(*moves({"f9": Point(0, 9)}, {"f9": Point(0, 9)})), "f9 is no follower"),
         (
-            {"places": (SlotMove(vehicle="f9", begin=Point(0, 9), end=Point(0, 9)),)},
-            "f9 is no follower",
-        ),
-        (
-            {"places": (SlotMove(vehicle="f1", begin=Point(-90, 0), end=Point(-50, 0)),)},
+            order_of(*moves({"f1": Point(-50, 0)}, {"f1": Point(-90, 0)})),
             "f1 is to begin -90 m ahead of",
         ),
         (
-            {
-                "places": (
-                    SlotMove(vehicle="f2", begin=Point(-20, 10), end=Point(-20, -10)),
-                    SlotMove(vehicle="f3", begin=Point(-20, -10), end=Point(-20, 10)),
-                )
-            },
+            order_of(*moves({"f2": LEFT, "f3": RIGHT}, {"f2": RIGHT, "f3": LEFT})),
             "f2 and f3 would come within 0.0 m of each other 5 s after its beginning",
         ),
     ],
 )
-def test_a_wrong_order_is_refused_with_its_reason(change, sentence):
-    member = Arrangements(plan_of(vehicle="f1"), SAME_CLOCK)
-    member.receive_order(encode_order(replace(further(SLOTS), **change)), b"", 5.0)  # type: ignore[arg-type]
-    (data,), _ = member.to_say()
-    reply = decode_reply(data)
-    assert reply.verdict is Verdict.REFUSED
-    assert sentence in reply.text
+def test_a_wrong_order_is_refused_with_its_reason(order, sentence):
+    assert_refused(member_of(), order, sentence)
 
 
 @pytest.mark.parametrize(
@@ -131,21 +121,16 @@ def test_a_wrong_order_is_refused_with_its_reason(change, sentence):
     ],
 )
 def test_slots_come_near_the_one_of_a_vehicle_only_once_it_has_joined(joining_m, spacing, sentence):
-    begin = SLOTS["f1"]
-    place = SlotMove(
-        vehicle="f1", begin=begin, end=Point(spacing * begin.forward, spacing * begin.right)
-    )
-    member = Arrangements(plan_of(vehicle="f1"), SAME_CLOCK)
+    slot = SLOTS["f1"]
+    member = member_of()
     member.joining_m = joining_m
-    assert_refused(
-        member, Arrangement(number=1, time_s=10.0, across_s=10.0, places=(place,)), sentence
-    )
+    nearer = moves({"f1": Point(spacing * slot.forward, spacing * slot.right)})
+    assert_refused(member, order_of(*nearer), sentence)
 
 
 @pytest.mark.parametrize("restarted", NAMES)
 def test_a_companion_that_was_restarted_waits_until_the_order_is_repeated(restarted):
-    formation = Formation()
-    formation.run(5.0)
+    formation = begun()
     formation.give(further(SLOTS))
     formation.run(30.0)
     formation.start(restarted)
@@ -157,32 +142,23 @@ def test_a_companion_that_was_restarted_waits_until_the_order_is_repeated(restar
 
 
 def test_an_old_order_is_not_flown_again():
-    formation = Formation()
-    formation.run(5.0)
+    formation = begun()
     formation.give(further(SLOTS, number=7))
     formation.run(30.0)
-    back = tuple(
-        SlotMove(vehicle=name, begin=Point(1.5 * slot.forward, 1.5 * slot.right), end=slot)
-        for name, slot in SLOTS.items()
-    )
-    formation.give(Arrangement(number=5, time_s=40.0, across_s=10.0, places=back))
+    formation.give(order_of(*moves(SLOTS, AWAY), number=5, time_s=40.0))
     formation.run(60.0)
     assert formation.flown == dict.fromkeys(NAMES, 7)
 
 
 def test_who_has_no_place_leaves_and_comes_back_by_another_order():
-    formation = Formation()
-    formation.run(5.0)
-    stay = tuple(
-        SlotMove(vehicle=name, begin=SLOTS[name], end=SLOTS[name]) for name in ("f1", "f3")
-    )
-    formation.give(Arrangement(number=1, time_s=10.0, across_s=6.0, places=stay))
+    formation = begun()
+    stay = moves({name: SLOTS[name] for name in ("f1", "f3")})
+    formation.give(order_of(*stay, across_s=6.0))
     formation.run(20.0)
     assert [name for name in NAMES if formation.members[name].flight.has_left] == ["f2"]
     assert formation.members["f2"].obstacle(20.0) == "ordered out of the formation"
     assert formation.members["f1"].obstacle(20.0) is None
-    everybody = tuple(SlotMove(vehicle=name, begin=slot, end=slot) for name, slot in SLOTS.items())
-    formation.give(Arrangement(number=2, time_s=30.0, across_s=6.0, places=everybody))
+    formation.give(order_of(*moves(SLOTS), number=2, time_s=30.0, across_s=6.0))
     formation.run(30.1)
     assert not formation.members["f2"].flight.has_left
     assert formation.members["f2"].returns_to_formation()
@@ -190,10 +166,8 @@ def test_who_has_no_place_leaves_and_comes_back_by_another_order():
 
 
 def test_an_operator_that_asks_hears_the_order_that_is_flown():
-    member = Arrangements(plan_of(vehicle="leader"), SAME_CLOCK)
-    formation = Formation()
-    formation.members["leader"] = member
-    formation.run(5.0)
+    formation = begun()
+    member = formation.members["leader"]
     formation.give(further(SLOTS))
     formation.run(30.0)
     asks = encode_reply(Reply(number=0, verdict=Verdict.UNKNOWN))
@@ -203,7 +177,7 @@ def test_an_operator_that_asks_hears_the_order_that_is_flown():
 
 
 def test_one_that_misses_the_confirmation_goes_on_until_its_time_and_flies_the_order_once_repeated():
-    member = Arrangements(plan_of(vehicle="f2"), SAME_CLOCK)
+    member = member_of("f2")
     data = encode_order(further(SLOTS))
     member.receive_order(data, data, 5.0)
     # Of the leader nothing is heard any more.
@@ -218,8 +192,7 @@ def test_one_that_misses_the_confirmation_goes_on_until_its_time_and_flies_the_o
 
 def test_one_that_took_an_order_for_void_flies_it_once_the_others_do():
     lost = {"state"}
-    formation = Formation(lost=lambda kind, _, to, __: kind in lost and to == "f2")
-    formation.run(5.0)
+    formation = begun(lost=lambda kind, _, to, __: kind in lost and to == "f2")
     formation.give(further(SLOTS))
     formation.run(10.4)
     # Its own clock alone has brought it here: a leader whose states come late says nothing of the order.
@@ -235,7 +208,7 @@ def test_one_that_took_an_order_for_void_flies_it_once_the_others_do():
 
 
 def test_what_a_vehicle_repeats_counts_only_where_the_others_fly_by_it():
-    member = Arrangements(plan_of(vehicle="f1"), SAME_CLOCK)
+    member = member_of()
     abort = called_off(number=4, time_s=99.0)
     for data in (abort, encode_order(further(SLOTS, time_s=104.0))):
         member.receive_order(data, data, 100.0, repeated=True)
@@ -251,7 +224,9 @@ class RebootedClock:
 
     def __init__(self) -> None:
         self.ahead_s = 1000.0
-        self.shared = SharedClock(from_own=lambda own_s: own_s + self.ahead_s)
+        clock = SharedClock(from_own=lambda own_s: own_s + self.ahead_s)
+        self.member = Arrangements(plan_of(vehicle="f1"), clock)
+        self.member.receive_order(encode_order(further(SLOTS, time_s=1010.0)), b"", 5.0)
 
 
 @pytest.mark.parametrize(
@@ -259,8 +234,7 @@ class RebootedClock:
 )
 def test_slots_stay_where_they_are_when_the_leaders_computer_starts_anew(at_s, share):
     clock = RebootedClock()
-    member = Arrangements(plan_of(vehicle="f1"), clock.shared)
-    member.receive_order(encode_order(further(SLOTS, time_s=1010.0)), b"", 5.0)
+    member = clock.member
     member.hear("leader", heard(6.0, 1), 6.0)
     member.step(10.0)
     before = member.flight.slot("f1", at_s)
@@ -274,31 +248,25 @@ def test_slots_stay_where_they_are_when_the_leaders_computer_starts_anew(at_s, s
     # What is on its way goes on; then the next order is taken by the new clock.
     member.to_say()
     now = at_s + 30.0
-    onward = tuple(
-        SlotMove(vehicle=name, begin=Point(1.5 * slot.forward, 1.5 * slot.right), end=slot)
-        for name, slot in SLOTS.items()
-    )
-    order = Arrangement(number=2, time_s=now - 20.0 + 6.0, across_s=10.0, places=onward)
+    order = order_of(*moves(SLOTS, AWAY), number=2, time_s=now - 20.0 + 6.0)
     member.receive_order(encode_order(order), b"", now)
     member.step(now)
-    assert [decode_reply(data).verdict for data in member.to_say()[0]] == [Verdict.READY]
+    assert [reply.verdict for reply in answered(member)] == [Verdict.READY]
 
 
 def test_an_order_that_waits_for_its_time_is_decided_when_the_clock_starts_anew():
     clock = RebootedClock()
-    member = Arrangements(plan_of(vehicle="f1"), clock.shared)
-    member.receive_order(encode_order(further(SLOTS, time_s=1010.0)), b"", 5.0)
+    member = clock.member
     member.step(5.0)
     clock.ahead_s = -4.0
     for time_s in (6.0, 10.4, 10.6):
         member.hear("leader", heard(time_s, 0), time_s)
         member.step(time_s)
-    verdicts = [decode_reply(data).verdict for data in member.to_say()[0]]
-    assert verdicts[-1] is Verdict.VOID
+    assert answered(member)[-1].verdict is Verdict.VOID
 
 
 def test_a_leader_whose_computer_was_started_anew_flies_the_order_that_all_others_fly():
-    leader = Arrangements(plan_of(vehicle="leader"), SAME_CLOCK)
+    leader = member_of("leader")
     leader.hear("f1", heard(20.0, 7), 20.0)
     data = encode_order(further(SLOTS, number=7, time_s=100010.0))
     leader.receive_order(data, data, 20.0, repeated=True)
@@ -309,8 +277,7 @@ def test_a_leader_whose_computer_was_started_anew_flies_the_order_that_all_other
 
 
 def test_two_orders_of_one_number_are_not_both_flown():
-    formation = Formation()
-    formation.run(5.0)
+    formation = begun()
     first, second = (
         encode_order(replace(further(SLOTS), across_s=across_s)) for across_s in (10.0, 12.0)
     )
@@ -319,18 +286,13 @@ def test_two_orders_of_one_number_are_not_both_flown():
             member.receive_order(data, data, 5.0)
     formation.run(60.0)
     assert formation.flown == dict.fromkeys(NAMES, 0)
-    verdicts = {
-        check: {reply.verdict for _, reply in formation.said if reply.check == check}
-        for check in (check_of(first), check_of(second))
-    }
-    assert verdicts == {
-        check_of(first): {Verdict.READY, Verdict.REFUSED, Verdict.VOID},
-        check_of(second): {Verdict.READY, Verdict.REFUSED, Verdict.VOID},
-    }
+    for check in (check_of(first), check_of(second)):
+        verdicts = {reply.verdict for _, reply in formation.said if reply.check == check}
+        assert verdicts == {Verdict.READY, Verdict.REFUSED, Verdict.VOID}
 
 
 def test_the_number_of_one_vehicle_stops_nobody():
-    member = Arrangements(plan_of(vehicle="f2"), SAME_CLOCK)
+    member = member_of("f2")
     for name, number in (("leader", 0), ("f3", 0), ("f1", 2**32 - 1)):
         member.hear(name, heard(5.0, number), 5.0)
     assert not member.waits(5.0)
@@ -343,14 +305,14 @@ def test_the_number_of_one_vehicle_stops_nobody():
 
 @pytest.mark.parametrize("others", [("leader",), ("f1", "f3")])
 def test_the_leaders_number_counts_and_that_of_two_others(others):
-    member = Arrangements(plan_of(vehicle="f2"), SAME_CLOCK)
+    member = member_of("f2")
     for name in {*NAMES} - {"f2"}:
         member.hear(name, heard(5.0, 7 if name in others else 0), 5.0)
     assert member.waits(5.0)
 
 
 def test_one_vehicles_number_counts_where_no_second_is_heard():
-    member = Arrangements(plan_of(vehicle="leader"), SAME_CLOCK)
+    member = member_of("leader")
     member.hear("f1", heard(5.0, 7), 5.0)
     assert member.waits(5.0)
 
@@ -371,8 +333,7 @@ def test_a_slot_that_moves_faster_than_its_aircraft_is_refused(to, layer, climb_
     begin = SLOTS["f1"]
     end = Point(begin.forward, begin.right + to[0], to[1])
     place = SlotMove(vehicle="f1", begin=begin, end=end, layer=layer)
-    order = Arrangement(number=1, time_s=10.0, climb_s=climb_s, across_s=10.0, places=(place,))
-    assert_refused(Arrangements(plan_of(vehicle="f1"), SAME_CLOCK), order, sentence)
+    assert_refused(member_of(), order_of(place, climb_s=climb_s), sentence)
 
 
 @pytest.mark.parametrize(
@@ -388,30 +349,25 @@ def test_a_slot_that_moves_faster_than_its_aircraft_is_refused(to, layer, climb_
 def test_a_hold_that_nobody_can_fly_or_that_is_elsewhere_is_refused(
     vehicle, radius_m, away_deg, sentence
 ):
-    own = plan_of(vehicle=vehicle)
-    latitude_deg, longitude_deg = own.frame.to_geodetic(0.0, 0.0)
+    latitude_deg, longitude_deg = plan_of().frame.origin
     circle = HoldCircle(
         latitude_deg=latitude_deg + away_deg, longitude_deg=longitude_deg, radius_m=radius_m
     )
-    order = Arrangement(
-        number=1, time_s=10.0, flown=Manoeuvre.HOLD, across_s=10.0, places=(), circle=circle
-    )
-    assert_refused(Arrangements(own, SAME_CLOCK), order, sentence)
+    order = order_of(flown=Manoeuvre.HOLD, circle=circle)
+    assert_refused(member_of(vehicle), order, sentence)
 
 
 def assert_refused(member: Arrangements, order: Arrangement, sentence: str | None) -> None:
     """See that an order is refused with this in its sentence; with none, that it is agreed to."""
     member.receive_order(encode_order(order), b"", 5.0)
     member.step(5.0)
-    (data,), _ = member.to_say()
-    reply = decode_reply(data)
+    (reply,) = answered(member)
     assert reply.verdict is (Verdict.READY if sentence is None else Verdict.REFUSED)
     assert (sentence or "") in reply.text
 
 
 def test_an_order_may_be_given_while_slots_still_move_that_are_at_rest_at_its_time():
-    formation = Formation()
-    formation.run(5.0)
+    formation = begun()
     first = further(SLOTS)
     formation.give(first)
     # They move from 10 s to 20 s.

@@ -1,7 +1,7 @@
 """What is believed of an aircraft that flies at 20 m/s, reported 20 times a second."""
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from random import Random
 
@@ -29,8 +29,6 @@ REACH = reach_of(Airframe())
 PERIOD_S = 0.05
 BELIEVED, CARRIED, ADRIFT, REFUSED = "believed", "carried", "adrift", "refused"
 
-Change = Callable[[ReportedMotion], ReportedMotion]
-
 
 def kind_of(one: Believed) -> str:
     """What became of a report."""
@@ -41,8 +39,20 @@ def kind_of(one: Believed) -> str:
     return CARRIED if one.life is Life.COASTING else ADRIFT
 
 
+def witnesses_of(one: Believed) -> str:
+    """The life of what is believed, and whether place and velocity bear it."""
+    return f"{one.life.value} {one.by_place:d}{one.by_velocity:d}"
+
+
 def gate() -> Belief:
     return Belief(REACH, moved_s=STAYED_S, most_m=radius_limit(28.0))
+
+
+def flying(time_s: float, north: float) -> ReportedMotion:
+    """Northbound at 20 m/s."""
+    return ReportedMotion(
+        time_s=time_s, north=north, east=0.0, velocity_north=20.0, velocity_east=0.0
+    )
 
 
 def straight(
@@ -51,62 +61,69 @@ def straight(
     """North at 20 m/s, with positions that are off by some metres at a time."""
     for step in range(round(until_s / PERIOD_S) + 1):
         time_s = step * PERIOD_S
-        yield ReportedMotion(
-            time_s=time_s,
-            north=20.0 * time_s + north(time_s),
-            east=0.0,
-            velocity_north=20.0,
-            velocity_east=0.0,
-        )
+        yield flying(time_s, 20.0 * time_s + north(time_s))
 
 
-def judged(motions: Iterator[ReportedMotion]) -> list[tuple[float, Believed]]:
+Judgements = list[tuple[float, Believed]]
+
+
+def judged(motions: Iterable[ReportedMotion]) -> Judgements:
     one = gate()
     return [(motion.time_s, one.take(motion)) for motion in motions]
 
 
-def believed(judgements: list[tuple[float, Believed]], from_s: float, to_s: float) -> set[str]:
-    return {kind_of(one) for time_s, one in judgements if from_s - 0.01 < time_s < to_s - 0.01}
+def believed(
+    judgements: Judgements,
+    from_s: float,
+    to_s: float,
+    of: Callable[[Believed], str] = kind_of,
+) -> set[str]:
+    return {of(one) for time_s, one in judgements if from_s - 0.01 < time_s < to_s - 0.01}
 
 
 def during(start_s: float, end_s: float, off: float) -> Callable[[float], float]:
     return lambda time_s: off if start_s - 0.01 < time_s < end_s - 0.01 else 0.0
 
 
-def test_a_first_report_that_stands_alone_is_flown_by_for_one_period():
-    found = judged(straight(3.0, during(0.0, 0.05, 40.0)))
-    # The true ones begin at 0.05 s, and agree with each other for 0.4 s before they are believed.
-    assert believed(found, 0.05, 0.4) == {REFUSED}
-    assert believed(found, 0.5, 3.1) == {BELIEVED}
-    assert all(abs(one.north - 20.0 * time_s) < 0.01 for time_s, one in found[1:])
+def moved_at(judgements: Judgements) -> float:
+    """When a new place is believed first."""
+    return next(time_s for time_s, one in judgements if one.moved is not None)
+
+
+@pytest.mark.parametrize(
+    ("begin_s", "end_s", "off", "kinds", "true_s"),
+    [
+        # The true ones begin at 0.05 s, and agree with each other for 0.4 s before they are believed.
+        (0.0, 0.05, 40.0, {(0.05, 0.4): REFUSED, (0.5, 30.0): BELIEVED}, 0.05),
+        # A start far from the true place does not keep the true one out.
+        (0.0, 3.0, 100_000.0, {(6.2, 30.0): BELIEVED}, 6.2),
+        # Wrong for 3 s, and then right for the 2 s after which it is believed; the velocity carries over.
+        (
+            *(10.0, 13.0, 50.0),
+            {(0.0, 10.0): BELIEVED, (10.0, 15.0): CARRIED, (15.0, 30.0): BELIEVED},
+            0.0,
+        ),
+        # A single forged report costs one report.
+        (
+            *(10.0, 10.05, 50.0),
+            {(0.0, 10.0): BELIEVED, (10.0, 10.05): CARRIED, (10.05, 30.0): BELIEVED},
+            0.0,
+        ),
+    ],
+)
+def test_wrong_places_for_a_while_are_over_soon(begin_s, end_s, off, kinds, true_s):
+    found = judged(straight(30.0, during(begin_s, end_s, off)))
+    for span, kind in kinds.items():
+        assert believed(found, *span) == {kind}
+    assert all(abs(one.north - 20.0 * time_s) < 0.01 for time_s, one in found if time_s >= true_s)
+    assert begin_s == 0.0 or all(one.moved is None for _, one in found)
 
 
 def test_a_start_with_3_s_of_wrong_reports_is_over_after_as_long_of_true_ones():
     found = judged(straight(20.0, during(0.0, 3.0, -28.0)))
-    first = next(time_s for time_s, one in found if one.moved is not None)
+    first = moved_at(found)
     assert 5.8 < first < 6.2
     assert believed(found, first, 21.0) == {BELIEVED}
-
-
-def test_a_start_far_from_the_true_place_does_not_keep_the_true_one_out():
-    found = judged(straight(20.0, during(0.0, 3.0, 100_000.0)))
-    assert believed(found, 6.2, 21.0) == {BELIEVED}
-    assert all(abs(one.north - 20.0 * time_s) < 0.01 for time_s, one in found if time_s > 6.2)
-
-
-def test_a_step_of_50_m_for_3_s_is_carried_over_by_the_velocity():
-    found = judged(straight(30.0, during(10.0, 13.0, 50.0)))
-    assert believed(found, 0.0, 10.0) == {BELIEVED}
-    # Wrong for 3 s, and then right for the 2 s after which it is believed.
-    assert believed(found, 10.0, 15.0) == {CARRIED}
-    assert believed(found, 15.0, 31.0) == {BELIEVED}
-    assert all(abs(one.north - 20.0 * time_s) < 0.01 for time_s, one in found)
-    assert all(one.moved is None for _, one in found)
-
-
-def test_a_single_forged_report_costs_one_report():
-    found = judged(straight(20.0, during(10.0, 10.05, 50.0)))
-    assert [time_s for time_s, one in found if kind_of(one) != BELIEVED] == [10.0]
 
 
 def test_a_step_that_stays_is_not_flown_by_before_half_a_minute():
@@ -122,13 +139,11 @@ def test_a_step_that_stays_is_not_flown_by_before_half_a_minute():
 def test_5_km_are_not_believed_before_an_aircraft_could_have_flown_them():
     found = judged(straight(90.0, during(10.0, 199.0, 5000.0)))
     # 88 m/s: 48 in a dive, and 40 of wind.
-    first = next(time_s for time_s, one in found if one.moved is not None)
-    assert 5000.0 / REACH.speed - 1.0 < first - 10.0 < 5000.0 / REACH.speed + 1.0
+    assert moved_at(found) - 10.0 == pytest.approx(5000.0 / REACH.speed, abs=1.0)
 
 
 def test_a_place_after_the_autopilot_had_none_is_believed_after_2_s():
-    one = gate()
-    judgements = []
+    one, judgements = gate(), []
     for motion in straight(20.0, during(9.0, 99.0, 40.0)):
         fault = "the GPS has no fix" if 10.0 <= motion.time_s < 12.0 else None
         judgements.append((motion.time_s, one.take(motion, fault=fault)))
@@ -140,22 +155,15 @@ def test_a_place_after_the_autopilot_had_none_is_believed_after_2_s():
     assert one.take(motion._replace(time_s=20.05, north=motion.north + 60.0)).reason is not None
 
 
-def behind(gap_s: float) -> Iterator[ReportedMotion]:
-    """North at 20 m/s, and from 10 s on 20 m behind, after a gap."""
-    for motion in straight(25.0, during(10.0, 99.0, -20.0)):
-        if not 10.0 - gap_s < motion.time_s < 10.0:
-            yield motion
-
-
-def test_who_was_stopped_for_a_second_is_believed_2_s_later_where_that_left_it():
-    found = judged(behind(gap_s=1.0))
-    assert BELIEVED not in believed(found, 10.0, 12.0)
-    assert believed(found, 12.1, 25.0) == {BELIEVED}
-
-
-def test_a_step_back_without_a_gap_is_a_step_like_any_other():
-    found = judged(behind(gap_s=0.0))
-    assert BELIEVED not in believed(found, 10.0, 25.0)
+@pytest.mark.parametrize(("gap_s", "doubted_s"), [(1.0, 2.0), (0.0, 15.0)])
+def test_who_was_stopped_for_a_second_is_believed_2_s_later_and_not_after_a_mere_step_back(
+    gap_s, doubted_s
+):
+    # From 10 s on it is 20 m behind.
+    motions = straight(25.0, during(10.0, 99.0, -20.0))
+    found = judged(one for one in motions if not 10.0 - gap_s < one.time_s < 10.0)
+    assert BELIEVED not in believed(found, 10.0, 10.0 + doubted_s)
+    assert believed(found, 10.1 + doubted_s, 25.0) <= {BELIEVED}
 
 
 def test_positions_that_stay_where_they_are_are_never_a_new_place():
@@ -175,10 +183,7 @@ def test_a_velocity_of_327_m_s_is_refused():
     motions = list(straight(20.0))
     for motion in motions[:200]:
         one.take(motion)
-    wrong = ReportedMotion(
-        time_s=10.0, north=200.0, east=0.0, velocity_north=327.67, velocity_east=0.0
-    )
-    assert kind_of(one.take(wrong)) == REFUSED
+    assert kind_of(one.take(flying(10.0, 200.0)._replace(velocity_north=327.67))) == REFUSED
     assert kind_of(one.take(motions[201])) == BELIEVED
 
 
@@ -248,10 +253,7 @@ def test_a_turn_that_began_in_a_gap_is_believed_at_once():
 
 
 def test_what_is_no_number_is_refused():
-    nowhere = ReportedMotion(
-        time_s=0.0, north=math.nan, east=0.0, velocity_north=0.0, velocity_east=0.0
-    )
-    assert kind_of(gate().take(nowhere)) == REFUSED
+    assert kind_of(gate().take(flying(0.0, math.nan))) == REFUSED
 
 
 def test_a_drag_of_4_m_s_is_found_and_one_of_half_a_metre_is_not():
@@ -275,15 +277,9 @@ def test_no_step_is_ever_flown_by(off, bearing, at, length, noise):
     random, one = Random(at), gate()
     for step, motion in enumerate(straight(20.0)):
         away = off if at <= step < at + length else 0.0
-        judgement = one.take(
-            ReportedMotion(
-                time_s=motion.time_s,
-                north=motion.north + away * math.cos(bearing) + random.gauss(0.0, noise),
-                east=motion.east + away * math.sin(bearing) + random.gauss(0.0, noise),
-                velocity_north=motion.velocity_north,
-                velocity_east=motion.velocity_east,
-            )
-        )
+        north = motion.north + away * math.cos(bearing) + random.gauss(0.0, noise)
+        east = motion.east + away * math.sin(bearing) + random.gauss(0.0, noise)
+        judgement = one.take(motion._replace(north=north, east=east))
         if kind_of(judgement) in {BELIEVED, CARRIED}:
             apart = math.hypot(judgement.north - motion.north, judgement.east - motion.east)
             assert apart < 4.0
@@ -324,14 +320,12 @@ AIR = (18.0, -3.0)
 """Through the air; the wind is (2, 3) m/s."""
 
 
-def repeated(
-    from_s: float, to_s: float, *, place: bool, velocity: bool, wind_rate: float = 0.0
-) -> list[tuple[float, str]]:
-    """What becomes of reports in a turn of 0.13 rad/s, of which some are repeated to the digit.
+def repeated(what: str, to_s: float, wind_rate: float) -> Judgements:
+    """Judge reports in a turn of 0.13 rad/s, of which some are repeated to the digit from 10 s on.
 
     From then on the wind changes by `wind_rate`, m/s².
     """
-    one, held, kinds = gate(), None, []
+    one, held, found = gate(), None, []
     for step in range(round(20.0 / PERIOD_S)):
         time_s = step * PERIOD_S
         angle, radius = 0.13 * time_s, 20.0 / 0.13
@@ -342,66 +336,47 @@ def repeated(
             velocity_north=20.0 * math.cos(angle),
             velocity_east=20.0 * math.sin(angle),
         )
-        if held is None or not from_s <= time_s < to_s:
+        if held is None or not 10.0 <= time_s < to_s:
             held = true
-        motion = true
-        if place:
-            motion = motion._replace(north=held.north, east=held.east)
-        if velocity:
-            motion = motion._replace(
-                velocity_north=held.velocity_north, velocity_east=held.velocity_east
-            )
-        wind = 2.0 + wind_rate * max(time_s - from_s, 0.0)
+        motion = held._replace(time_s=time_s)
+        if "place" not in what:
+            motion = motion._replace(north=true.north, east=true.east)
+        if "velocity" not in what:
+            motion = true._replace(north=held.north, east=held.east)
+        wind = 2.0 + wind_rate * max(time_s - 10.0, 0.0)
         air = (true.velocity_north - wind, true.velocity_east - 3.0)
-        found = one.take(motion, air=air)
-        kinds.append((time_s, f"{found.life.value} {found.by_place:d}{found.by_velocity:d}"))
-    return kinds
+        found.append((time_s, one.take(motion, air=air)))
+    return found
 
 
-def between(kinds: list[tuple[float, str]], from_s: float, to_s: float) -> set[str]:
-    return {kind for time_s, kind in kinds if from_s - 0.01 < time_s < to_s - 0.01}
-
-
-def test_a_place_and_velocity_that_are_repeated_are_a_silence():
-    kinds = repeated(10.0, 12.0, place=True, velocity=True)
-    # Three reports alike; after them heading and airspeed lead, until the first that differs.
-    assert between(kinds, 10.2, 12.0) == {"coasting 00"}
-    assert between(kinds, 12.0, 20.0) == {"trusted 11"}
-
-
-def test_what_is_repeated_for_long_is_not_steered_by():
-    kinds = repeated(10.0, 16.0, place=True, velocity=True)
-    # 2 m/s from some 1 m to 7 m.
-    assert between(kinds, 10.2, 12.5) == {"coasting 00"}
-    assert between(kinds, 13.5, 16.0) == {"doubted 00"}
-    assert between(kinds, 16.0, 20.0) == {"trusted 11"}
-
-
-def test_a_silence_in_a_wind_that_swings_ends_with_the_first_report_that_differs():
-    kinds = repeated(10.0, 13.0, place=True, velocity=True, wind_rate=2.0)
-    assert between(kinds, 13.0, 20.0) == {"trusted 11"}
-
-
-def test_a_velocity_alone_that_is_repeated_in_a_turn_is_outweighed():
-    kinds = repeated(10.0, 15.0, place=False, velocity=True)
-    # 1.33 m/s² of positions that leave it, of which three standard deviations may be noise: 1.2 m.
-    assert between(kinds, 11.2, 15.0) == {"coasting 10"}
-    assert between(kinds, 17.1, 20.0) == {"trusted 11"}
-
-
-def test_a_place_alone_that_is_repeated_is_carried_on_by_the_velocity():
-    kinds = repeated(10.0, 13.0, place=True, velocity=False)
-    assert between(kinds, 10.2, 13.0) == {"coasting 01"}
-    assert between(kinds, 15.1, 20.0) == {"trusted 11"}
+@pytest.mark.parametrize(
+    ("what", "to_s", "wind_rate", "lives"),
+    [
+        # Three reports alike; after them heading and airspeed lead, until the first that differs.
+        ("place, velocity", 12.0, 0.0, {10.2: "coasting 00", 12.0: "trusted 11"}),
+        # 2 m/s from some 1 m to 7 m: what is repeated for long is not steered by.
+        (
+            *("place, velocity", 16.0, 0.0),
+            {10.2: "coasting 00", 12.5: None, 13.5: "doubted 00", 16.0: "trusted 11"},
+        ),
+        # In a wind that swings the silence ends with the first report that differs, too.
+        ("place, velocity", 13.0, 2.0, {13.0: "trusted 11"}),
+        # 1.33 m/s² of positions that leave it, of which three standard deviations may be noise: 1.2 m.
+        ("velocity", 15.0, 0.0, {11.2: "coasting 10", 15.0: None, 17.1: "trusted 11"}),
+        # A place alone is carried on by the velocity.
+        ("place", 13.0, 0.0, {10.2: "coasting 01", 13.0: None, 15.1: "trusted 11"}),
+    ],
+)
+def test_what_is_repeated_is_a_silence(what, to_s, wind_rate, lives):
+    found = repeated(what, to_s, wind_rate)
+    for (from_s, life), until_s in zip(lives.items(), [*lives, 20.0][1:], strict=True):
+        assert life is None or believed(found, from_s, until_s, witnesses_of) == {life}
 
 
 def test_without_the_air_motion_nothing_leads_through_a_silence():
-    one = gate()
-    for motion in straight(10.0):
-        one.take(motion)
-    last = motion
-    for step in range(1, 5):
-        found = one.take(last._replace(time_s=last.time_s + step * PERIOD_S))
+    motions = list(straight(10.0))
+    again = [motions[-1]._replace(time_s=10.0 + step * PERIOD_S) for step in range(1, 5)]
+    _, found = judged([*motions, *again])[-1]
     assert (found.life, found.leads) == (Life.DOUBTED, False)
 
 
@@ -410,7 +385,7 @@ def test_a_velocity_that_steps_is_outweighed_by_place_and_air():
     for motion in with_velocity(10.0, 13.0, 12.0, 12.0):
         found = one.take(motion, air=AIR)
         if 10.0 <= motion.time_s < 13.0:
-            assert (found.life, found.by_place, found.by_velocity) == (Life.COASTING, True, False)
+            assert witnesses_of(found) == "coasting 10"
         elif motion.time_s > 15.1:
             assert found.life is Life.TRUSTED
 

@@ -1,13 +1,12 @@
 """No companion flies, or agrees to fly, above the fence of its path."""
 
-from collections.abc import Callable
 from typing import Any
 
 import pytest
 from msgspec.structs import replace
 
 from tests.kit.missions import content_of, plan_of
-from tests.kit.orders import NAMES, SLOTS, Formation
+from tests.kit.orders import NAMES, SLOTS, Formation, moves, order_of
 from vfguide.companion.mission_plan import flight_plan
 from vfguide.companion.order_limits import ceiling_objection, climb_objection
 from vfguide.companion.plan import FlightPlan
@@ -21,32 +20,23 @@ from vfguide.mission import Mission
 CIRCLE = HoldCircle(latitude_deg=47.3988, longitude_deg=8.545594, radius_m=200.0)
 
 
-def fenced(ceiling: float) -> Callable[..., FlightPlan]:
-    """Plans of a mission with a fence of this height, m above the origin."""
-    return lambda **options: replace(plan_of(**options), ceiling=ceiling, paths={})
+def fenced(vehicle: str = "f1") -> FlightPlan:
+    """Plan of a mission with a fence 150 m above the origin."""
+    return replace(plan_of(vehicle=vehicle), ceiling=150.0, paths={})
 
 
 def held() -> Arrangement:
     """A hold in which f1, f2 and f3 are stacked by 15 m each."""
-    places = tuple(
-        SlotMove(vehicle=name, begin=slot, end=replace(slot, up=15.0 * rank))
-        for rank, (name, slot) in enumerate(SLOTS.items(), 1)
-    )
-    return Arrangement(
-        number=1,
-        time_s=10.0,
-        across_s=40.0,
-        places=places,
-        flown=Manoeuvre.HOLD,
-        circle=CIRCLE,
-    )
+    stack = enumerate(SLOTS.items(), 1)
+    places = moves({name: replace(slot, up=15.0 * rank) for rank, (name, slot) in stack})
+    return order_of(*places, across_s=40.0, flown=Manoeuvre.HOLD, circle=CIRCLE)
 
 
 @pytest.mark.parametrize(("leader_height", "flown"), [(100.0, True), (130.0, False)])
 def test_a_hold_whose_stacked_heights_would_leave_the_fence_is_flown_by_nobody(
     leader_height, flown
 ):
-    formation = Formation(fenced(150.0))
+    formation = Formation(fenced)
     for member in formation.members.values():
         # It climbs at 0.5 m/s, and has 5 s for it until the hold, in which that comes to rest 0.6 m higher.
         member.leader_height = lambda ahead_s: leader_height - 2.5 + 0.5 * ahead_s
@@ -54,9 +44,8 @@ def test_a_hold_whose_stacked_heights_would_leave_the_fence_is_flown_by_nobody(
     formation.give(held())
     formation.run(40.0)
     assert formation.flown == dict.fromkeys(NAMES, int(flown))
-    refused = {
-        name: reply.text for name, reply in formation.said if reply.verdict is Verdict.REFUSED
-    }
+    said = formation.said
+    refused = {name: reply.text for name, reply in said if reply.verdict is Verdict.REFUSED}
     # The leader itself stays where it is; 130 m and 15 m are below the fence, 30 and 45 m more are not.
     assert set(refused) == (set() if flown else {"f2", "f3"})
     if not flown:
@@ -64,10 +53,10 @@ def test_a_hold_whose_stacked_heights_would_leave_the_fence_is_flown_by_nobody(
 
 
 def test_a_layer_above_the_fence_is_refused_and_a_lower_slot_is_not():
-    one = replace(plan_of(vehicle="f1"), ceiling=150.0, paths={})
+    one = fenced()
     here = Point(-20.0, -20.0, 5.0)
     crosses = SlotMove(vehicle="f1", begin=here, end=here, layer=24.0)
-    order = Arrangement(number=1, time_s=10.0, climb_s=20.0, across_s=10.0, places=(crosses,))
+    order = order_of(crosses, climb_s=20.0)
     text = ceiling_objection(order, crosses, one, 140.0, 150.0)
     assert text == "f1 would fly 164 m above the origin, and the fence ends at 150 m"
     # One that is above it already is not kept from going down.
@@ -79,7 +68,7 @@ def test_a_path_whose_fence_the_leader_is_above_is_refused():
     one = plan_of(vehicle="leader")
     survey = replace(one.paths["main"], ceiling=120.0)
     leader = replace(one, paths={**one.paths, "survey": survey})
-    order = Arrangement(number=1, time_s=10.0, across_s=10.0, places=(), path="survey")
+    order = order_of(path="survey")
     text = ceiling_objection(order, None, leader, 200.0, one.ceiling)
     assert text == "leader would fly 200 m above the origin, and the fence ends at 120 m"
     assert ceiling_objection(order, None, leader, 110.0, one.ceiling) is None
@@ -89,17 +78,9 @@ def test_a_path_whose_fence_the_leader_is_above_is_refused():
     ("leader_height", "limits", "said"),
     [
         # Half of the 4 m/s that all of the mission climb by, and of the 3 m/s that they descend by.
-        (
-            100.0,
-            {"climb_max": 1.9},
-            "climb at 2.0 m/s to the height of 'high', and its limit is 1.9 m/s",
-        ),
+        (100.0, {"climb_max": 1.9}, ("climb at 2.0 m/s", "1.9 m/s")),
         (100.0, {"climb_max": 2.0, "sink_max": 1.0}, None),
-        (
-            220.0,
-            {"sink_max": 1.0},
-            "sink at 1.5 m/s to the height of 'high', and its limit is 1 m/s",
-        ),
+        (220.0, {"sink_max": 1.0}, ("sink at 1.5 m/s", "1 m/s")),
         (160.0, {"climb_max": 1.0, "sink_max": 1.0}, None),
     ],
 )
@@ -111,9 +92,11 @@ def test_a_path_at_another_height_is_refused_by_who_cannot_climb_there_with_the_
     high = replace(one.paths["main"], heights=(60.0, 60.0))
     paths = {**one.paths, "high": high}
     f1 = replace(one, paths=paths, airframe=replace(one.airframe, **limits))
-    order = Arrangement(number=1, time_s=10.0, across_s=10.0, places=(), path="high")
+    order = order_of(path="high")
     text = climb_objection(order, f1, leader_height, "main")
-    assert text == (None if said is None else f"f1 would have to {said}")
+    assert text == (
+        said and "f1 would have to {} to the height of 'high', and its limit is {}".format(*said)
+    )
     assert climb_objection(order, f1, leader_height, "high") is None
 
 
@@ -143,10 +126,8 @@ def test_plans_know_the_fence_of_each_path():
 
 def test_a_vehicle_whose_slot_is_above_the_fence_stays_below_it():
     # The slot of f1 is 5 m above a leader at 100 m and climbing; the fence ends at 110 m.
-    mission = climbing(fence={"max_height_m": 110})
-    content = content_of(mission)
-    content["rehearsal"] = {"rate_hz": 10.0, "start": {"leader": {"north_m": 0, "east_m": 0}}}
-    mission = Mission.model_validate(content)
+    start = {"leader": {"north_m": 0, "east_m": 0}}
+    mission = climbing(fence={"max_height_m": 110}, rehearsal={"rate_hz": 10.0, "start": start})
     aircraft = [Aircraft(mission, name) for name in ("leader", "f1")]
     mail = list[Mail]()
     for step in range(250):

@@ -75,8 +75,7 @@ def test_state_lies_where_systemd_says_or_else_in_the_users_state_directory(monk
 
 @pytest.mark.parametrize("mode", [RTL, FBWA, MANUAL, LOITER])
 def test_a_companion_that_is_replaced_does_not_take_what_the_pilot_took(mode):
-    flown = new_flight()
-    flown.run(10.0)
+    flown = new_flight(until_s=10.0)
     assert flown.autopilot.truth().mode == "GUIDED"
     flown.pilot(mode)
     taken = flown.autopilot.truth().mode
@@ -89,8 +88,7 @@ def test_a_companion_that_is_replaced_does_not_take_what_the_pilot_took(mode):
 
 
 def test_a_companion_that_is_replaced_while_it_steers_goes_on():
-    flown = new_flight()
-    flown.run(10.0)
+    flown = new_flight(until_s=10.0)
     flown.restart()
     flown.run(14.0)
     assert flown.mode_at(14.0).steers
@@ -111,8 +109,7 @@ def test_a_companion_that_finds_the_aircraft_in_other_hands_leaves_it_there(mode
 
 
 def test_a_deaf_companion_commands_no_mode():
-    flown = new_flight()
-    flown.run(10.0)
+    flown = new_flight(until_s=10.0)
     flown.deaf = True
     flown.run(11.0)
     flown.pilot(RTL)
@@ -123,8 +120,7 @@ def test_a_deaf_companion_commands_no_mode():
 
 
 def test_after_a_hang_nothing_goes_by_what_was_said_meanwhile():
-    flown = new_flight()
-    flown.run(10.0)
+    flown = new_flight(until_s=10.0)
     flown.hang(29.0)
     flown.pilot(LOITER)
     flown.waiting = flown.waiting[:-200]
@@ -136,8 +132,7 @@ def test_after_a_hang_nothing_goes_by_what_was_said_meanwhile():
 
 
 def test_a_vehicle_that_is_disarmed_in_the_air_is_not_steered_on():
-    flown = new_flight()
-    flown.run(10.0)
+    flown = new_flight(until_s=10.0)
     flown.command(ARM, 0, 21196)
     flown.run(20.0)
     assert flown.later(HEADING, 11.1) == flown.later(SET_MODE, 10.0) == []
@@ -235,8 +230,7 @@ def test_the_next_flight_begins_when_it_is_seen_disarmed_on_the_ground():
 
 def test_a_reboot_in_the_air_does_not_end_the_flight():
     # For 9 s without a fix: disarmed, standing by, no speed. The pilot has taken LOITER before.
-    flown = new_flight()
-    flown.run(8.0)
+    flown = new_flight(until_s=8.0)
     flown.pilot(LOITER)
 
     def rebooted(now: float) -> bytes:
@@ -257,8 +251,7 @@ def test_a_reboot_in_the_air_does_not_end_the_flight():
 
 
 def test_a_companion_that_has_stood_still_hands_back_what_it_steered():
-    flown = new_flight()
-    flown.run(8.0)
+    flown = new_flight(until_s=8.0)
     flown.hang(12.0)
     flown.companion.receive_mavlink(b"", 12.0)
     flown.companion.stop(12.1)
@@ -269,8 +262,7 @@ def test_a_companion_that_has_stood_still_hands_back_what_it_steered():
 
 
 def test_a_stop_before_guided_shows_is_followed_by_handing_back():
-    flown = new_flight()
-    flown.run(1.05)
+    flown = new_flight(until_s=1.05)
     assert flown.times(SET_MODE) == [1.0]
     flown.companion.stop(1.06)
     assert not flown.companion.released
@@ -281,9 +273,11 @@ def test_a_stop_before_guided_shows_is_followed_by_handing_back():
 
 def test_guided_of_the_pilots_own_is_not_undone_where_nothing_was_steered():
     flown = new_flight(
-        engage=False, link=heard_until(1.0), patience={"prediction_s": 1.0, "breakaway_s": 1.0}
+        engage=False,
+        link=heard_until(1.0),
+        patience={"prediction_s": 1.0, "breakaway_s": 1.0},
+        until_s=4.0,
     )
-    flown.run(4.0)
     flown.pilot(GUIDED)
     flown.run(9.0)
     assert flown.times(SET_MODE) == []
@@ -298,8 +292,7 @@ def test_guided_of_the_pilots_own_is_not_undone_where_nothing_was_steered():
 
 
 def test_a_speed_that_every_mode_obeys_is_not_sent_without_heartbeats(monkeypatch):
-    flown = new_flight(kind="px4")
-    flown.run(5.0)
+    flown = new_flight(kind="px4", until_s=5.0)
     assert flown.mode_at(5.0).steers
     advance = flown.autopilot.advance
 
@@ -316,8 +309,7 @@ def test_a_speed_that_every_mode_obeys_is_not_sent_without_heartbeats(monkeypatc
 def test_a_state_that_cannot_be_kept_is_told_at_the_start(tmp_path):
     file = tmp_path / "f1.consent.json"
     file.write_text("[" * 4000)
-    flown = new_flight(store=FileStore(tmp_path, "f1"), link=lambda _now: [])
-    flown.run(0.2)
+    flown = new_flight(store=FileStore(tmp_path, "f1"), link=lambda _now: [], until_s=0.2)
     assert any("cannot be read (damaged)" in text for _, text in flown.texts())
 
 
@@ -330,8 +322,7 @@ def test_a_pipe_in_place_of_the_file_is_no_consent(tmp_path):
 
 @pytest.mark.parametrize("lost", [True, False])
 def test_a_record_that_is_lost_in_the_air_leaves_the_vehicle_to_its_pilot(tmp_path, lost):
-    flown = new_flight(store=FileStore(tmp_path, "f1"))
-    flown.run(20.0)
+    flown = new_flight(store=FileStore(tmp_path, "f1"), until_s=20.0)
     flown.pilot(12)
     flown.run(24.0)
     if lost:

@@ -1,18 +1,18 @@
 """What the pilot hears of reports that are not believed, and that a recovery is one."""
 
 import math
-from collections.abc import Callable, Iterable
-from typing import Any
+from collections.abc import Iterable
+from itertools import accumulate
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
+from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
-from sitl_stub import Autopilot, Truth
-from tests.kit.companion import leader_bytes, new_flight
-from tests.kit.missions import plan_of
-from tests.kit.wire import parsed, spoken
+from tests.kit.companion import GUIDED, RTL, leader_bytes, new_flight
+from tests.kit.states import FRAME
+from tests.kit.wire import heartbeat, spoken
 from vfguide.companion.alerts import Alerts
 from vfguide.companion.belief import STAYED_S, Belief, Believed, HeightBelief, Life, reach_of
 from vfguide.companion.distrust import Doubt, NavigationHealth
@@ -22,8 +22,6 @@ from vfguide.companion.timing import SAME_CLOCK
 from vfguide.mavlink.codec import REPORTS
 from vfguide.mavlink.reports import EstimatorReport, GpsReport, SensorsReport
 from vfguide.state import Airframe
-
-RTL = 11
 
 
 def told(faults: Iterable[tuple[float, float]], until_s: float) -> list[tuple[float, str]]:
@@ -51,12 +49,8 @@ def test_a_second_fault_that_lasts_is_told_soon_after_the_first():
 
 def test_each_recovery_that_follows_a_fault_of_which_was_told_is_told():
     words = [word for _, word in told([(20.0, 21.0), (24.0, 26.0)], 60.0)]
-    assert [word.startswith("position and velocity are right again") for word in words] == [
-        False,
-        True,
-        False,
-        True,
-    ]
+    right = [word.startswith("position and velocity are right again") for word in words]
+    assert right == [False, True] * 2
     assert len(set(words)) == 4
 
 
@@ -65,36 +59,14 @@ def test_a_fault_that_comes_and_goes_is_no_flood():
     assert len(words) <= 8
 
 
-@pytest.fixture
-def edited() -> Callable[..., Any]:
-    """Makes an autopilot one whose estimator has no position for some time."""
+def test_an_estimator_that_comes_back_is_steered_by_once():
+    def without_a_position(message: MAVLink_message, now: float) -> MAVLink_message:
+        if message.get_type() == "EKF_STATUS_REPORT" and 40.0 <= now < 45.0:
+            message.flags = 1 | 2 | 4 | 32
+        return message
 
-    class Edited:
-        def __init__(self, autopilot: Autopilot, begin: float, end: float) -> None:
-            self._autopilot, self._span = autopilot, (begin, end)
-
-        def truth(self) -> Truth:
-            return self._autopilot.truth()
-
-        def receive(self, data: bytes) -> bytes:
-            return self._autopilot.receive(data)
-
-        def advance(self, now: float) -> bytes:
-            said = parsed(self._autopilot.advance(now))
-            for message in said:
-                if (
-                    message.get_type() == "EKF_STATUS_REPORT"
-                    and self._span[0] <= now < self._span[1]
-                ):
-                    message.flags = 1 | 2 | 4 | 32
-            return bytes(spoken(*said))
-
-    return Edited
-
-
-def test_an_estimator_that_comes_back_is_steered_by_once(edited):
     flown = new_flight()
-    flown.autopilot = edited(flown.autopilot, 40.0, 45.0)
+    flown.edit = without_a_position
     flown.run(70.0)
     changes = [text for time, text in flown.events if time > 38.0 and "->" in text]
     assert changes == ["tracking -> waiting", "waiting -> tracking"]
@@ -106,12 +78,10 @@ def test_an_estimator_that_comes_back_is_steered_by_once(edited):
 
 
 def test_a_mode_that_the_autopilot_denies_is_not_called_the_pilots():
-    flown = new_flight()
-    flown.run(15.0)
+    flown = new_flight(until_s=15.0)
     flown.pilot(RTL)
     flown.run(18.0)
-    forged = mavlink.MAVLink_heartbeat_message(1, 3, 129, 15, 4, 3)
-    flown.forge = lambda _now: spoken(forged)
+    flown.forge = lambda _now: spoken(heartbeat(GUIDED))
     flown.run(24.0)
     assert flown.mode_at(24.0) is Mode.PILOT
     # Texts have 2 s between them, and warnings come before this one.
@@ -132,10 +102,7 @@ def judged(altitudes: list[float], interval_s: float = 1.0) -> list[bool]:
 
 @given(st.lists(st.floats(-14.9, 14.9), min_size=1, max_size=50))
 def test_what_an_aircraft_can_climb_is_believed(rates):
-    altitudes = [588.0]
-    for rate in rates:
-        altitudes.append(altitudes[-1] + rate)
-    assert all(judged(altitudes))
+    assert all(judged([*accumulate(rates, initial=588.0)]))
 
 
 @given(st.floats(26.0, 1000.0), st.sampled_from([-1.0, 1.0]))
@@ -169,7 +136,7 @@ def test_a_step_of_a_hundred_metres_that_stays_is_doubted_for_three_minutes():
 @pytest.mark.parametrize("step", [100.0, -100.0])
 def test_a_neighbour_whose_altitude_steps_has_none(step):
     alerts = Alerts()
-    receiver = StateReceiver(plan_of().frame, SAME_CLOCK, alerts, whose="f2")
+    receiver = StateReceiver(FRAME, SAME_CLOCK, alerts, whose="f2")
     for number in range(20):
         time_s = number / 5
         altitude = 588.0 + (step if number >= 10 else 0.0)
@@ -180,31 +147,29 @@ def test_a_neighbour_whose_altitude_steps_has_none(step):
     assert said.text.startswith("f2 reports an altitude that steps")
 
 
-Word = GpsReport | EstimatorReport | SensorsReport
-
 ALL_GOOD = 0x33F
 """What ArduPlane 4.7 and PX4 1.18 send in flight; PX4 sends 0x3BF at rest."""
 
 
-def gps(fix_type: int, h_acc: int = 300) -> mavlink.MAVLink_gps_raw_int_message:
+def gps(fix_type: int, h_acc: int = 300) -> MAVLink_message:
     return mavlink.MAVLink_gps_raw_int_message(0, fix_type, 0, 0, 0, 121, 200, 0, 0, 10, 0, h_acc)
 
 
-def ekf(flags: int) -> mavlink.MAVLink_ekf_status_report_message:
+def ekf(flags: int) -> MAVLink_message:
     return mavlink.MAVLink_ekf_status_report_message(flags, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
-def estimator(flags: int) -> mavlink.MAVLink_estimator_status_message:
+def estimator(flags: int) -> MAVLink_message:
     return mavlink.MAVLink_estimator_status_message(0, flags, *(0.1,) * 6, 0.3, 0.3)
 
 
-def sensors(present: int, enabled: int, health: int) -> mavlink.MAVLink_sys_status_message:
+def sensors(present: int, enabled: int, health: int) -> MAVLink_message:
     return mavlink.MAVLink_sys_status_message(
         present, enabled, health, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0
     )
 
 
-def fault_of(message: mavlink.MAVLink_message, for_s: float = 2.0) -> str | None:
+def fault_of(message: MAVLink_message, for_s: float = 2.0) -> str | None:
     """What is wrong after an autopilot has said this twice a second for a while."""
     health = NavigationHealth()
     report = REPORTS[message.get_msgId()](message)

@@ -1,42 +1,37 @@
 """A companion that can do nothing any more leaves the aircraft to its autopilot's fail-safe, and says so."""
 
-from typing import Any
-
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
+from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
-from tests.kit.companion import heard_until, new_flight
-from tests.kit.missions import plan_of
-from tests.kit.wire import spoken
+from tests.kit.companion import GUIDED, SET_MODE, Flight, heard_until, new_flight, without
+from tests.kit.wire import packed, spoken
 
-Flown = Any
-
-SET_MODE = mavlink.MAV_CMD_DO_SET_MODE
-GUIDED = 15
 DEAF_S = 12.0
 
 RECIPE = {"FS_GCS_ENABL": 1.0, "FS_LONG_ACTN": 1.0, "FS_LONG_TIMEOUT": 5.0, "MAV_GCS_SYSID": 2.0}
 """As docs/on-an-aircraft.md has it, for the vehicle with system id 2."""
 
 
-def set_up(flown: Flown) -> None:
-    station = mavlink.MAVLink(None, srcSystem=255, srcComponent=190)
+def set_up_flight() -> Flight:
+    """Fly until something happens, with an autopilot that is set up by the recipe."""
+    flown = new_flight()
     for name, value in RECIPE.items():
-        message = mavlink.MAVLink_param_set_message(
+        setting = mavlink.MAVLink_param_set_message(
             2, 1, name.encode(), value, mavlink.MAV_PARAM_TYPE_REAL32
         )
-        flown.autopilot.receive(message.pack(station))
+        flown.autopilot.receive(packed(setting))
+    flown.run(DEAF_S)
+    assert flown.autopilot.truth().mode == "GUIDED"
+    return flown
 
 
-def texts(flown: Flown, since_s: float) -> list[str]:
+def texts(flown: Flight, since_s: float) -> list[str]:
     return [text for time_s, text in flown.texts() if time_s >= since_s]
 
 
 def test_a_deaf_companion_lets_the_autopilots_fail_safe_take_over():
-    flown = new_flight()
-    set_up(flown)
-    flown.run(DEAF_S)
-    assert flown.autopilot.truth().mode == "GUIDED"
+    flown = set_up_flight()
     flown.deaf = True
     # 10 s until it is to be handed back, 5 s for that, 5 s of the autopilot's own patience.
     flown.run(DEAF_S + 22.0)
@@ -46,40 +41,7 @@ def test_a_deaf_companion_lets_the_autopilots_fail_safe_take_over():
     assert "no heartbeat heard, not steering; check the telemetry, or take over" in said[1]
     assert "this companion falls silent" in said[2]
     assert len(said) == 3
-
-
-def test_so_does_one_that_hears_positions_and_no_heartbeats():
-    flown = new_flight()
-    set_up(flown)
-    flown.run(DEAF_S)
-    autopilot = flown.autopilot
-    sender = mavlink.MAVLink(None, srcSystem=2, srcComponent=1)
-
-    class WithoutHeartbeats:
-        """Says all but one kind of message."""
-
-        def advance(self, time_s: float) -> bytes:
-            messages = mavlink.MAVLink(None).parse_buffer(autopilot.advance(time_s)) or []
-            return b"".join(
-                message.pack(sender) for message in messages if message.get_type() != "HEARTBEAT"
-            )
-
-        def receive(self, data: bytes) -> bytes:
-            answer: bytes = autopilot.receive(data)
-            return answer
-
-    flown.autopilot = WithoutHeartbeats()
-    flown.run(DEAF_S + 22.0)
-    assert autopilot.truth().mode == "RTL"
-    assert flown.later(SET_MODE, DEAF_S) == []
-
-
-def test_it_speaks_again_once_it_hears_again_and_does_not_take_the_aircraft_back():
-    flown = new_flight()
-    set_up(flown)
-    flown.run(DEAF_S)
-    flown.deaf = True
-    flown.run(DEAF_S + 22.0)
+    # It speaks again once it hears again, and does not take the aircraft back.
     flown.deaf = False
     flown.run(DEAF_S + 40.0)
     assert flown.later("HEARTBEAT", DEAF_S + 24.0)
@@ -87,10 +49,16 @@ def test_it_speaks_again_once_it_hears_again_and_does_not_take_the_aircraft_back
     assert flown.later(SET_MODE, DEAF_S) == []
 
 
+def test_so_does_one_that_hears_positions_and_no_heartbeats():
+    flown = set_up_flight()
+    flown.edit = without("HEARTBEAT")
+    flown.run(DEAF_S + 22.0)
+    assert flown.autopilot.truth().mode == "RTL"
+    assert flown.later(SET_MODE, DEAF_S) == []
+
+
 def test_a_pilot_who_has_taken_over_is_not_disturbed_by_a_companion_that_goes_deaf():
-    flown = new_flight()
-    set_up(flown)
-    flown.run(DEAF_S)
+    flown = set_up_flight()
     flown.pilot(0)
     flown.run(DEAF_S + 3.0)
     flown.deaf = True
@@ -99,8 +67,7 @@ def test_a_pilot_who_has_taken_over_is_not_disturbed_by_a_companion_that_goes_de
 
 
 def test_guided_by_hand_without_a_leader_is_told_to_the_pilot():
-    flown = new_flight(engage=False, link=heard_until(-1.0))
-    flown.run(5.0)
+    flown = new_flight(engage=False, link=heard_until(-1.0), until_s=5.0)
     flown.pilot(GUIDED)
     flown.run(30.0)
     assert [text.split(": ", 1)[1] for text in texts(flown, 0.0)] == [
@@ -109,8 +76,7 @@ def test_guided_by_hand_without_a_leader_is_told_to_the_pilot():
 
 
 def test_refusals_that_nobody_asked_for_do_not_end_the_steering_of_a_px4():
-    flown = new_flight(kind="px4", version=(1, 18))
-    flown.run(15.0)
+    flown = new_flight(kind="px4", version=(1, 18), until_s=15.0)
     refusal = mavlink.MAVLink_command_ack_message(SET_MODE, mavlink.MAV_RESULT_DENIED)
     flown.forge = lambda now: spoken(refusal) if 15.2 < now < 15.5 else b""
     flown.run(30.0)
@@ -119,38 +85,24 @@ def test_refusals_that_nobody_asked_for_do_not_end_the_steering_of_a_px4():
 
 @pytest.mark.parametrize("leap_s", [1.1, 1.9])
 def test_a_leap_of_the_boot_time_excuses_no_step_of_the_place(leap_s):
-    flown = new_flight()
-    flown.run(20.0)
-    autopilot = flown.autopilot
-    sender = mavlink.MAVLink(None, srcSystem=2, srcComponent=1)
+    flown = new_flight(until_s=20.0)
 
-    class Leaping:
+    def leaping(message: MAVLink_message, now: float) -> MAVLink_message:
         """Ahead in time and, at 20 m/s to the north, in place."""
+        if message.get_type() == "GLOBAL_POSITION_INT" and now > 20.5:
+            message.time_boot_ms += int(leap_s * 1e3)
+            message.lat += int(leap_s * 20.0 / 111_320.0 * 1e7)
+        return message
 
-        def advance(self, time_s: float) -> bytes:
-            said = b""
-            for message in mavlink.MAVLink(None).parse_buffer(autopilot.advance(time_s)) or []:
-                if message.get_type() == "GLOBAL_POSITION_INT" and time_s > 20.5:
-                    message.time_boot_ms += int(leap_s * 1e3)
-                    message.lat += int(leap_s * 20.0 / 111_320.0 * 1e7)
-                said += message.pack(sender)
-            return said
-
-        def receive(self, data: bytes) -> bytes:
-            answer: bytes = autopilot.receive(data)
-            return answer
-
-    flown.autopilot = Leaping()
+    flown.edit = leaping
     flown.run(30.0)
-    truth = autopilot.truth()
-    north_m, _ = plan_of().frame.to_local(truth.latitude_deg, truth.longitude_deg)
+    north_m, _ = flown.place()
     # The leader is at 20 m/s times the time, f1's slot 20 m behind; 0.3 s of the leap are an ordinary link's.
     assert abs(20.0 * 30.0 - 20.0 - north_m) < 8.0
 
 
 def test_guidance_that_fails_hands_the_aircraft_back_and_says_why(monkeypatch):
-    flown = new_flight()
-    flown.run(DEAF_S)
+    flown = new_flight(until_s=DEAF_S)
     assert flown.autopilot.truth().mode == "GUIDED"
 
     def fails(*_: object) -> None:

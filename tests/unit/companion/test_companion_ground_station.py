@@ -59,8 +59,7 @@ def interval_us(station: QGroundControl, message_id: int) -> int:
 
 @pytest.mark.parametrize("kind", ["ardupilot", "px4"])
 def test_qgroundcontrol_gets_its_answers_and_the_companion_its_rate_back(kind):
-    flown = new_flight(kind=kind)
-    flown.run(20.0)
+    flown = new_flight(kind=kind, until_s=20.0)
     assert flown.companion.snapshot.mode.steers
     station = QGroundControl(flown, system_id=2)
     before_us = interval_us(station, 33)
@@ -80,8 +79,7 @@ def test_qgroundcontrol_gets_its_answers_and_the_companion_its_rate_back(kind):
 
 
 def test_answers_to_the_ground_station_are_none_to_the_companion():
-    flown = new_flight()
-    flown.run(20.0)
+    flown = new_flight(until_s=20.0)
     station = QGroundControl(flown, system_id=2)
     said = len(flown.events)
     # Refused: an airspeed beyond its range, a mode that it does not have.
@@ -95,8 +93,7 @@ def test_answers_to_the_ground_station_are_none_to_the_companion():
 
 
 def test_it_hears_what_the_companion_says_to_it():
-    flown = new_flight()
-    flown.run(10.0)
+    flown = new_flight(until_s=10.0)
     heard = [
         message
         for _, data in flown.sent

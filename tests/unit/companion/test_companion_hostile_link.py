@@ -75,8 +75,7 @@ def test_a_leader_state_that_is_too_old_to_be_one_changes_nothing():
 
 
 def test_a_leader_state_that_comes_late_is_used_if_it_is_the_newest():
-    flown = new_flight(link=lambda now: [leader_bytes(now - 0.3)])
-    flown.run(40.0)
+    flown = new_flight(link=lambda now: [leader_bytes(now - 0.3)], until_s=40.0)
     assert flown.companion.counters["not newer"] == 0
     assert flown.companion.snapshot.mode.value == "tracking"
 

@@ -30,8 +30,7 @@ def position(boot_time_s: float) -> mavlink.MAVLink_global_position_int_message:
 
 
 def test_heartbeats_go_out_once_a_second():
-    flown = new_flight()
-    flown.run(20.0)
+    flown = new_flight(until_s=20.0)
     assert flown.times("HEARTBEAT") == [float(second) for second in range(21)]
 
 
@@ -69,8 +68,7 @@ def test_telemetry_is_asked_for_until_it_flows():
 
 
 def test_telemetry_is_asked_for_again_after_a_reboot():
-    flown = new_flight()
-    flown.run(20.0)
+    flown = new_flight(until_s=20.0)
     assert flown.times(MESSAGE_INTERVAL)[-1] < 3.0
     flown.autopilot, flown.booted = emulator(), 20.0
     flown.run(30.0)
@@ -80,8 +78,7 @@ def test_telemetry_is_asked_for_again_after_a_reboot():
 
 
 def test_telemetry_is_asked_for_again_when_it_has_stopped():
-    flown = new_flight()
-    flown.run(10.0)
+    flown = new_flight(until_s=10.0)
     flown.command(MESSAGE_INTERVAL, 33, -1)
     flown.run(20.0)
     assert [time for time in flown.times(MESSAGE_INTERVAL) if time > 10.0] == [12.0] * 7
@@ -198,8 +195,7 @@ def test_telemetry_is_asked_for_again_below_seventy_percent_of_its_rate(
 
 
 def test_a_real_autopilot_that_refuses_is_reported_by_name():
-    flown = new_flight()
-    flown.run(10.0)
+    flown = new_flight(until_s=10.0)
     flown.pilot(12)
     # The heartbeat with the new mode is lost: setpoints go on and fail, which is said once each.
     flown.waiting = b""

@@ -14,8 +14,7 @@ SET_MODE, CHANGE_HEADING = 176, 43_002
 
 
 def test_each_change_of_mode_is_told_to_ground_stations():
-    flown = new_flight(link=heard_until(40.0, 50.0), patience=HASTY)
-    flown.run(52.0)
+    flown = new_flight(link=heard_until(40.0, 50.0), patience=HASTY, until_s=52.0)
     flown.pilot(LOITER)
     flown.run(54.0)
     assert [text for _, text in flown.texts()] == [
@@ -58,8 +57,7 @@ def test_a_text_without_an_end_is_cut():
 
 @pytest.mark.parametrize("kind", ["ardupilot", "px4"])
 def test_stopping_hands_back_what_is_steered(kind):
-    flown = new_flight(kind=kind)
-    flown.run(20.0)
+    flown = new_flight(kind=kind, until_s=20.0)
     assert flown.companion.snapshot.mode.steers
     flown.sent.clear()
     out = flown.companion.stop(20.0)
@@ -83,8 +81,7 @@ def test_stopping_hands_back_what_is_steered(kind):
 
 
 def test_stopping_while_breaking_away_hands_back():
-    flown = new_flight(link=heard_until(20.0), patience={"prediction_s": 3.0})
-    flown.run(25.0)
+    flown = new_flight(link=heard_until(20.0), patience={"prediction_s": 3.0}, until_s=25.0)
     assert flown.mode_at(25.0) is Mode.BREAKAWAY
     flown.companion.stop(25.0)
     flown.run(26.0)
@@ -93,8 +90,9 @@ def test_stopping_while_breaking_away_hands_back():
 
 @pytest.mark.parametrize("begins", ["waiting", "pilot", "lost"])
 def test_stopping_says_nothing_where_nothing_is_steered(begins):
-    flown = new_flight(engage=begins != "waiting", link=heard_until(10.0), patience=HASTY)
-    flown.run(8.0)
+    flown = new_flight(
+        engage=begins != "waiting", link=heard_until(10.0), patience=HASTY, until_s=8.0
+    )
     if begins == "pilot":
         flown.pilot(LOITER)
     flown.run(20.0)
@@ -105,8 +103,7 @@ def test_stopping_says_nothing_where_nothing_is_steered(begins):
 
 
 def test_last_words_are_said_three_times_and_no_more():
-    flown = new_flight()
-    flown.run(20.0)
+    flown = new_flight(until_s=20.0)
     flown.lose = frozenset({SET_MODE})
     flown.companion.stop(20.0)
     flown.run(26.0)
@@ -116,8 +113,7 @@ def test_last_words_are_said_three_times_and_no_more():
 
 @pytest.mark.parametrize("mode", [RTL, MANUAL])
 def test_last_words_are_not_said_into_the_pilots_mode(mode):
-    flown = new_flight()
-    flown.run(20.4)
+    flown = new_flight(until_s=20.4)
     # Its heartbeat is lost, and the companion is stopped: SIGTERM a moment after the pilot's hand.
     flown.pilot(mode)
     flown.waiting = b""
@@ -131,8 +127,7 @@ def test_last_words_are_not_said_into_the_pilots_mode(mode):
 @pytest.mark.parametrize("mode", [RTL, MANUAL])
 @pytest.mark.parametrize("every_steps", [1, 3, 10])
 def test_forged_heartbeats_and_a_stop_do_not_undo_the_pilot(mode, every_steps):
-    flown = new_flight()
-    flown.run(20.0)
+    flown = new_flight(until_s=20.0)
     flown.pilot(mode)
     flown.run(22.0)
     guided = mavlink.MAVLink_heartbeat_message(1, 3, 129, 15, 4, 3)
@@ -146,8 +141,7 @@ def test_forged_heartbeats_and_a_stop_do_not_undo_the_pilot(mode, every_steps):
 
 @pytest.mark.parametrize("stops", [False, True])
 def test_forged_heartbeats_are_not_believed_by_a_companion_that_hears_nothing_else(stops):
-    flown = new_flight(link=heard_until(20.0), patience=HASTY)
-    flown.run(20.0)
+    flown = new_flight(link=heard_until(20.0), patience=HASTY, until_s=20.0)
     flown.deaf = True
     flown.run(20.5)
     flown.pilot(RTL)
@@ -163,8 +157,7 @@ def test_forged_heartbeats_are_not_believed_by_a_companion_that_hears_nothing_el
 
 @pytest.mark.parametrize("target", [(0, 0), (255, 190), (2, 191)])
 def test_an_answer_alone_releases_nothing(target):
-    flown = new_flight()
-    flown.run(20.0)
+    flown = new_flight(until_s=20.0)
     flown.companion.stop(20.0)
     # MAV_CMD_DO_SET_MODE, accepted: of anybody's command, and heartbeats still show GUIDED.
     answer = mavlink.MAVLink_command_ack_message(SET_MODE, 0, 0, 0, *target)
@@ -177,7 +170,6 @@ def test_an_answer_alone_releases_nothing(target):
 
 
 def test_whoever_steers_nothing_is_released_at_once():
-    flown = new_flight(engage=False)
-    flown.run(5.0)
+    flown = new_flight(engage=False, until_s=5.0)
     flown.companion.stop(5.05)
     assert flown.companion.released

@@ -14,8 +14,7 @@ HASTY = {"prediction_s": 5.0, "breakaway_s": 3.0}
 
 
 def test_a_silent_leader_is_predicted_then_left_and_then_lost():
-    flown = new_flight(link=heard_until(40.0), patience=HASTY)
-    flown.run(60.0)
+    flown = new_flight(link=heard_until(40.0), patience=HASTY, until_s=60.0)
     assert flown.mode_at(40.55) is Mode.TRACKING
     assert flown.mode_at(40.65) is Mode.PREDICTING
     assert flown.mode_at(45.0) is Mode.PREDICTING
@@ -28,8 +27,7 @@ def test_a_silent_leader_is_predicted_then_left_and_then_lost():
 
 
 def test_half_a_minute_of_silence_is_borne_unless_the_mission_says_otherwise():
-    flown = new_flight(link=heard_until(30.0))
-    flown.run(86.0)
+    flown = new_flight(link=heard_until(30.0), until_s=86.0)
     assert flown.mode_at(60.0) is Mode.PREDICTING
     assert flown.mode_at(60.1) is Mode.BREAKAWAY
     assert flown.mode_at(85.0) is Mode.BREAKAWAY
@@ -37,8 +35,7 @@ def test_half_a_minute_of_silence_is_borne_unless_the_mission_says_otherwise():
 
 
 def test_while_predicting_it_flies_on_in_its_slot():
-    flown = new_flight(link=heard_until(40.0))
-    flown.run(60.0)
+    flown = new_flight(link=heard_until(40.0), until_s=60.0)
     truth = flown.autopilot.truth()
     north, east = plan_of().frame.to_local(truth.latitude_deg, truth.longitude_deg)
     # The leader would be at (1200, 0), and the slot 20 m behind and 20 m left of it.
@@ -51,8 +48,7 @@ def test_a_gap_in_telemetry_does_not_bend_the_way_of_a_silent_leader():
         """Its last words are of a moment in which it turned."""
         return [leader_bytes(now, turn_rate=0.2 if now == 40.0 else 0.0)] if now <= 40.0 else []
 
-    flown = new_flight(link=link)
-    flown.run(50.0)
+    flown = new_flight(link=link, until_s=50.0)
     flown.command(511, 33, -1)
     flown.lose = frozenset({511})
     flown.run(52.0)
@@ -67,8 +63,9 @@ def test_a_gap_in_telemetry_does_not_bend_the_way_of_a_silent_leader():
 
 
 def test_breaking_away_it_turns_to_the_side_of_its_slot():
-    flown = new_flight(link=heard_until(30.0), patience={"prediction_s": 2.0, "breakaway_s": 20.0})
-    flown.run(50.0)
+    flown = new_flight(
+        link=heard_until(30.0), patience={"prediction_s": 2.0, "breakaway_s": 20.0}, until_s=50.0
+    )
     assert flown.mode_at(50.0) is Mode.BREAKAWAY
     truth = flown.autopilot.truth()
     assert math.remainder(truth.course_rad - math.radians(-60.0), math.tau) == pytest.approx(
@@ -79,8 +76,7 @@ def test_breaking_away_it_turns_to_the_side_of_its_slot():
 
 
 def test_a_vehicle_whose_leader_is_lost_goes_back_to_its_autopilot():
-    flown = new_flight(link=heard_until(20.0), patience=HASTY)
-    flown.run(28.95)
+    flown = new_flight(link=heard_until(20.0), patience=HASTY, until_s=28.95)
     assert flown.autopilot.truth().mode == "GUIDED"
     flown.run(29.0)
     assert flown.autopilot.truth().mode == "LOITER"
@@ -91,8 +87,7 @@ def test_a_vehicle_whose_leader_is_lost_goes_back_to_its_autopilot():
 
 
 def test_px4_is_handed_back_to_its_hold():
-    flown = new_flight(kind="px4", link=heard_until(20.0), patience=HASTY)
-    flown.run(28.0)
+    flown = new_flight(kind="px4", link=heard_until(20.0), patience=HASTY, until_s=28.0)
     assert flown.autopilot.truth().mode == "AUTO.COURSE"
     flown.run(40.0)
     assert flown.autopilot.truth().mode == "AUTO.LOITER"
@@ -100,8 +95,7 @@ def test_px4_is_handed_back_to_its_hold():
 
 
 def test_handing_back_is_commanded_three_times_on_heartbeats_that_show_guided():
-    flown = new_flight(link=heard_until(20.0), patience=HASTY)
-    flown.run(28.0)
+    flown = new_flight(link=heard_until(20.0), patience=HASTY, until_s=28.0)
     flown.lose = frozenset({SET_MODE})
     flown.run(40.0)
     assert flown.mode_at(40.0) is Mode.LOST
@@ -112,8 +106,7 @@ def test_handing_back_is_commanded_three_times_on_heartbeats_that_show_guided():
 
 
 def test_a_pilot_who_selects_guided_without_a_leader_keeps_it_unsteered():
-    flown = new_flight(link=heard_until(20.0), patience=HASTY)
-    flown.run(30.0)
+    flown = new_flight(link=heard_until(20.0), patience=HASTY, until_s=30.0)
     flown.pilot(GUIDED)
     flown.run(34.0)
     assert flown.autopilot.truth().mode == "GUIDED"
@@ -122,8 +115,7 @@ def test_a_pilot_who_selects_guided_without_a_leader_keeps_it_unsteered():
 
 
 def test_a_leader_that_is_back_in_time_is_followed_again():
-    flown = new_flight(link=heard_until(40.0, 60.0))
-    flown.run(70.0)
+    flown = new_flight(link=heard_until(40.0, 60.0), until_s=70.0)
     assert flown.mode_at(59.95) is Mode.PREDICTING
     assert flown.mode_at(60.0) is Mode.TRACKING
     assert flown.autopilot.truth().mode == "GUIDED"
@@ -131,8 +123,7 @@ def test_a_leader_that_is_back_in_time_is_followed_again():
 
 
 def test_a_leader_that_is_back_during_the_breakaway_is_followed_again():
-    flown = new_flight(link=heard_until(40.0, 47.0), patience=HASTY)
-    flown.run(80.0)
+    flown = new_flight(link=heard_until(40.0, 47.0), patience=HASTY, until_s=80.0)
     assert flown.mode_at(46.95) is Mode.BREAKAWAY
     assert flown.mode_at(47.0) in {Mode.JOINING, Mode.TRACKING}
     assert flown.mode_at(80.0) is Mode.TRACKING
@@ -140,8 +131,7 @@ def test_a_leader_that_is_back_during_the_breakaway_is_followed_again():
 
 
 def test_the_pilot_wins_over_a_silent_leader():
-    flown = new_flight(link=heard_until(20.0), patience=HASTY)
-    flown.run(22.0)
+    flown = new_flight(link=heard_until(20.0), patience=HASTY, until_s=22.0)
     flown.pilot(MANUAL)
     flown.run(40.0)
     assert flown.mode_at(40.0) is Mode.PILOT
@@ -150,8 +140,7 @@ def test_the_pilot_wins_over_a_silent_leader():
 
 
 def test_what_was_handed_back_is_the_pilots_to_fly():
-    flown = new_flight(link=heard_until(5.0), patience=HASTY)
-    flown.run(20.0)
+    flown = new_flight(link=heard_until(5.0), patience=HASTY, until_s=20.0)
     assert flown.autopilot.truth().mode == "LOITER"
     flown.pilot(MANUAL)
     flown.run(30.0)

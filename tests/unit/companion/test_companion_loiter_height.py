@@ -105,8 +105,7 @@ def test_on_a_climbing_path_all_stay_within_the_fence_and_apart():
 
 @pytest.mark.parametrize("kind", ["ardupilot", "px4"])
 def test_an_autopilot_that_was_handed_back_climbs_to_it_and_a_pilots_mode_is_left_alone(kind):
-    flown = new_flight(kind=kind)
-    flown.run(20.0)
+    flown = new_flight(kind=kind, until_s=20.0)
     before = flown.autopilot.truth().altitude_amsl_m
     data = encode_order(abort(time_s=flown.now))
     flown.companion.receive_order(data, data, flown.now)

@@ -156,8 +156,7 @@ def test_after_a_reboot_it_is_asked_anew():
 
 
 def test_a_single_answer_in_anothers_name_ends_nothing():
-    flown = new_flight()
-    flown.run(10.0)
+    flown = new_flight(until_s=10.0)
     stray = packed(
         mavlink.MAVLink_command_ack_message(HEADING, UNSUPPORTED), system_id=2, component_id=1
     )

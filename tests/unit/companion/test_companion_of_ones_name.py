@@ -7,8 +7,7 @@ HEARD_S = 10.0
 
 
 def test_the_younger_hands_back_the_vehicle_that_it_steers_and_says_why():
-    one = new_flight()
-    one.run(HEARD_S)
+    one = new_flight(until_s=HEARD_S)
     assert one.modes[-1][1].steers
     out = one.companion.stand_back(one.now, twin=True)
     assert "another companion of this name was here before" in out.events[0].text

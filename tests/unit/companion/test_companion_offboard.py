@@ -2,17 +2,15 @@
 
 import struct
 from itertools import pairwise
-from typing import Any
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from tests.kit.companion import heard_until, new_flight
+from tests.kit.companion import HEADING, SET_MODE, Flight, heard_until, new_flight
+from tests.kit.wire import packed, parsed
 from vfguide.companion.supervisor import Mode
 
-Flown = Any  # the flight of conftest.py, which tests cannot import
-
-SET_MODE, CHANGE_SPEED, HEADING, REQUEST_MESSAGE = 176, 178, 43_002, 512
+CHANGE_SPEED, REQUEST_MESSAGE = 178, 512
 GROUND_STATION, COMPANION = 6, 18
 POSITION = "SET_POSITION_TARGET_GLOBAL_INT"
 BY_POSITIONS = (1, 16)
@@ -22,8 +20,7 @@ ALTITUDE_CONTROL, OFFBOARD, AUTO, LOITER = 2, 6, 4, 3
 
 
 def test_px4_hears_setpoints_before_it_is_asked_for_offboard():
-    flown = new_flight(kind="px4", version=BY_POSITIONS)
-    flown.run(40.0)
+    flown = new_flight(kind="px4", version=BY_POSITIONS, until_s=40.0)
     setpoints = flown.times(POSITION)
     assert flown.times(SET_MODE)
     assert setpoints[0] < flown.times(SET_MODE)[0]
@@ -34,17 +31,11 @@ def test_px4_hears_setpoints_before_it_is_asked_for_offboard():
     assert flown.times(CHANGE_SPEED) == steered
 
 
-def test_px4_hears_setpoints_from_a_companion_that_may_not_engage():
-    flown = new_flight(kind="px4", version=BY_POSITIONS, engage=False)
-    flown.run(10.0)
+def test_px4_hears_setpoints_from_a_companion_that_may_not_engage_and_may_be_put_into_offboard():
+    flown = new_flight(kind="px4", version=BY_POSITIONS, engage=False, until_s=10.0)
     assert flown.later(POSITION, 5.0) == [pytest.approx(5.1 + 0.1 * k) for k in range(50)]
     assert flown.times(CHANGE_SPEED) == flown.times(SET_MODE) == []
     assert flown.autopilot.truth().mode == "AUTO.LOITER"
-
-
-def test_the_pilot_can_select_offboard_for_a_companion_that_may_not_engage():
-    flown = new_flight(kind="px4", version=BY_POSITIONS, engage=False)
-    flown.run(10.0)
     flown.pilot(OFFBOARD)
     assert flown.autopilot.truth().mode == "OFFBOARD"
     flown.run(50.0)
@@ -55,8 +46,7 @@ def test_the_pilot_can_select_offboard_for_a_companion_that_may_not_engage():
 
 @pytest.mark.parametrize("mode", [(ALTITUDE_CONTROL, 0), (AUTO, LOITER)])
 def test_px4_that_the_pilot_took_hears_the_stream_and_nothing_that_it_would_obey(mode):
-    flown = new_flight(kind="px4", version=BY_POSITIONS)
-    flown.run(10.0)
+    flown = new_flight(kind="px4", version=BY_POSITIONS, until_s=10.0)
     assert flown.autopilot.truth().mode == "OFFBOARD"
     flown.pilot(*mode)
     flown.run(20.0)
@@ -70,8 +60,7 @@ def test_px4_that_the_pilot_took_hears_the_stream_and_nothing_that_it_would_obey
 
 @pytest.mark.parametrize("vehicle", ["f1", "leader"])
 def test_the_pilot_of_px4_can_select_offboard_again(vehicle):
-    flown = new_flight(vehicle, kind="px4", version=BY_POSITIONS)
-    flown.run(10.0)
+    flown = new_flight(vehicle, kind="px4", version=BY_POSITIONS, until_s=10.0)
     flown.pilot(AUTO, LOITER)
     flown.run(15.0)
     flown.pilot(OFFBOARD)
@@ -83,42 +72,34 @@ def test_the_pilot_of_px4_can_select_offboard_again(vehicle):
 
 def test_px4_that_was_given_back_for_lack_of_a_leader_hears_no_stream():
     patience = {"prediction_s": 2.0, "breakaway_s": 2.0}
-    flown = new_flight(kind="px4", version=BY_POSITIONS, link=heard_until(10.0), patience=patience)
-    flown.run(20.0)
+    flown = new_flight(
+        kind="px4", version=BY_POSITIONS, link=heard_until(10.0), patience=patience, until_s=20.0
+    )
     assert flown.mode_at(20.0) is Mode.LOST
     assert flown.later(POSITION, 10.0)
     assert flown.later(POSITION, 14.5) == []
 
 
 def test_arduplane_hears_no_setpoints_while_it_is_not_engaged():
-    waiting = new_flight(engage=False)
-    waiting.run(10.0)
+    waiting = new_flight(engage=False, until_s=10.0)
     assert waiting.times(HEADING) == waiting.times(POSITION) == []
-    taken = new_flight()
-    taken.run(10.0)
+    taken = new_flight(until_s=10.0)
     taken.pilot(12)
     taken.run(20.0)
     assert taken.times(HEADING)
     assert taken.later(HEADING, 10.0) == taken.times(POSITION) == []
 
 
-def test_px4_that_has_guided_course_is_engaged_without_a_stream():
-    flown = new_flight(kind="px4")
-    flown.run(60.0)
+def test_px4_that_has_guided_course_is_engaged_without_a_stream_once_it_has_told_its_version():
+    flown = new_flight(kind="px4", until_s=60.0)
     assert flown.times(POSITION) == []
+    assert flown.times(REQUEST_MESSAGE)[0] < flown.times(SET_MODE)[0]
+    (text,) = [text for _, text in flown.events if "PX4 1.18" in text]
+    assert text.endswith("should it and every ground station fall silent, NAV_DLL_ACT decides")
     assert flown.autopilot.truth().mode == "AUTO.COURSE"
     assert flown.mode_at(60.0) is Mode.TRACKING
     assert flown.later(HEADING, 50.0)
     assert flown.autopilot.truth().altitude_amsl_m == pytest.approx(588.0, abs=0.5)
-
-
-def test_it_is_asked_for_its_version_before_it_is_engaged():
-    flown = new_flight(kind="px4")
-    flown.run(20.0)
-    assert flown.times(REQUEST_MESSAGE)
-    assert flown.times(REQUEST_MESSAGE)[0] < flown.times(SET_MODE)[0]
-    (text,) = [text for _, text in flown.events if "PX4 1.18" in text]
-    assert text.endswith("should it and every ground station fall silent, NAV_DLL_ACT decides")
 
 
 def test_one_whose_version_cannot_be_asked_for_is_flown_by_positions():
@@ -129,16 +110,13 @@ def test_one_whose_version_cannot_be_asked_for_is_flown_by_positions():
     assert flown.mode_at(60.0) is Mode.TRACKING
 
 
-def heartbeat_kinds(flown: Flown, from_s: float) -> set[int]:
-    parser = mavlink.MAVLink(None)
+def heartbeat_kinds(flown: Flight, from_s: float) -> set[int]:
     sent = b"".join(data for time, data in flown.sent if time > from_s)
-    messages = parser.parse_buffer(sent) or []
-    return {one.type for one in messages if one.get_type() == "HEARTBEAT"}
+    return {one.type for one in parsed(sent) if one.get_type() == "HEARTBEAT"}
 
 
 def test_a_ground_station_beats_beside_the_companion_until_a_pilot_flies():
-    flown = new_flight(kind="px4")
-    flown.run(20.0)
+    flown = new_flight(kind="px4", until_s=20.0)
     assert heartbeat_kinds(flown, 10.0) == {COMPANION, GROUND_STATION}
     flown.pilot(ALTITUDE_CONTROL)
     flown.run(30.0)
@@ -148,17 +126,15 @@ def test_a_ground_station_beats_beside_the_companion_until_a_pilot_flies():
 
 @pytest.mark.parametrize("kind", ["ardupilot", "px4"])
 def test_no_ground_station_beats_where_the_autopilot_has_another_fail_safe(kind):
-    flown = new_flight(kind=kind, version=BY_POSITIONS if kind == "px4" else None)
-    flown.run(20.0)
+    flown = new_flight(kind=kind, version=BY_POSITIONS if kind == "px4" else None, until_s=20.0)
     assert heartbeat_kinds(flown, 0.0) == {COMPANION}
 
 
 def test_a_companion_that_dies_in_guided_course_leaves_an_aircraft_that_loiters():
-    flown = new_flight(kind="px4")
-    flown.run(20.0)
+    flown = new_flight(kind="px4", until_s=20.0)
     (one,) = struct.unpack("<f", struct.pack("<i", 1))
     setting = mavlink.MAVLink_param_set_message(2, 1, b"NAV_DLL_ACT", one, 6)
-    flown.autopilot.receive(setting.pack(mavlink.MAVLink(None, srcSystem=255, srcComponent=190)))
+    flown.autopilot.receive(packed(setting))
     flown.run(40.0)
     assert flown.autopilot.truth().mode == "AUTO.COURSE"
     flown.autopilot.advance(51.0)

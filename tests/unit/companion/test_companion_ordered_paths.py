@@ -6,7 +6,7 @@ import pytest
 from msgspec.structs import replace
 
 from tests.kit.missions import plan_of
-from tests.kit.orders import NAMES, SLOTS, Formation, further
+from tests.kit.orders import NAMES, SLOTS, Formation, begun, further
 from vfguide.companion.arrangements import Arrangements
 from vfguide.companion.plan import FlightPlan, FollowerTask, KnownPath, LeadPlan
 from vfguide.companion.timing import SAME_CLOCK
@@ -27,10 +27,18 @@ def with_paths(**options: str) -> FlightPlan:
     return replace(one, paths={**one.paths, "survey": other}, lead=lead)
 
 
+def with_another(path: str, vehicle: str) -> FlightPlan:
+    """Plan of a mission in which this path is another curve."""
+    one = with_paths(vehicle=vehicle)
+    return replace(one, paths={**one.paths, path: replace(one.paths[path], check=7)})
+
+
+SURVEY = replace(further(SLOTS), path="survey", turn_radius_m=125.0)
+
+
 def test_another_path_is_known_from_the_agreed_time_on_and_its_field_is_as_gentle_as_the_turns():
-    formation = Formation(with_paths)
-    formation.run(5.0)
-    formation.give(replace(further(SLOTS), path="survey", turn_radius_m=125.0))
+    formation = begun(plan=with_paths)
+    formation.give(SURVEY)
     formation.run(9.9)
     assert [one.flight.route for one in formation.members.values()] == [None] * len(NAMES)
     formation.run(10.05)
@@ -40,59 +48,43 @@ def test_another_path_is_known_from_the_agreed_time_on_and_its_field_is_as_gentl
     assert {one.gains.gain for one in routes if one is not None} == {0.008}
 
 
-def test_a_path_that_one_companion_does_not_know_is_flown_by_nobody():
+@pytest.mark.parametrize(
+    ("name", "plan", "order", "refusal"),
+    [
+        ("f2", plan_of(vehicle="f2"), SURVEY, "no path is called 'survey' in its mission"),
+        (
+            "f2",
+            with_another("survey", "f2"),
+            SURVEY,
+            "its mission file means another curve by 'survey'",
+        ),
+        (
+            "f1",
+            with_another("main", "f1"),
+            replace(further(SLOTS), lead="f1", path_check=8),
+            "its mission file means another curve by 'main'",
+        ),
+    ],
+)
+def test_nobody_flies_or_leads_along_a_path_that_one_does_not_know_or_knows_as_another_curve(
+    name, plan, order, refusal
+):
     formation = Formation(with_paths)
-    formation.members["f2"] = Arrangements(plan_of(vehicle="f2"), SAME_CLOCK, formation.alerts)
+    formation.members[name] = Arrangements(plan, SAME_CLOCK, formation.alerts)
     formation.run(5.0)
-    formation.give(replace(further(SLOTS), path="survey", turn_radius_m=125.0))
+    formation.give(order)
     formation.run(60.0)
     assert formation.flown == dict.fromkeys(NAMES, 0)
-    refused = {reply.text for name, reply in formation.said if name == "f2"}
-    assert "no path is called 'survey' in its mission: give all the same mission" in refused
-
-
-def test_a_path_that_is_another_curve_for_one_companion_is_flown_by_nobody():
-    formation = Formation(with_paths)
-    other = with_paths(vehicle="f2")
-    paths = {**other.paths, "survey": replace(other.paths["survey"], check=7)}
-    formation.members["f2"] = Arrangements(
-        replace(other, paths=paths), SAME_CLOCK, formation.alerts
-    )
-    formation.run(5.0)
-    formation.give(replace(further(SLOTS), path="survey", turn_radius_m=125.0))
-    formation.run(60.0)
-    assert formation.flown == dict.fromkeys(NAMES, 0)
-    refused = {reply.text for name, reply in formation.said if name == "f2"}
-    assert refused >= {
-        "its mission file means another curve by 'survey': give all the same mission"
-    }
-
-
-def test_nobody_leads_by_an_order_along_a_path_that_is_another_curve_in_its_own_mission():
-    formation = Formation(with_paths)
-    other = with_paths(vehicle="f1")
-    paths = {**other.paths, "main": replace(other.paths["main"], check=7)}
-    formation.members["f1"] = Arrangements(
-        replace(other, paths=paths), SAME_CLOCK, formation.alerts
-    )
-    formation.run(5.0)
-    formation.give(replace(further(SLOTS), lead="f1", path_check=8))
-    formation.run(60.0)
-    assert formation.flown == dict.fromkeys(NAMES, 0)
-    refused = {reply.text for name, reply in formation.said if name == "f1"}
-    assert refused >= {"its mission file means another curve by 'main': give all the same mission"}
+    refused = {reply.text for said_by, reply in formation.said if said_by == name}
+    assert f"{refusal}: give all the same mission" in refused
 
 
 def test_a_companion_that_missed_the_order_and_means_another_curve_by_its_path_does_not_steer():
-    formation = Formation(with_paths)
-    formation.run(5.0)
-    formation.give(replace(further(SLOTS), path="survey", turn_radius_m=125.0))
+    formation = begun(plan=with_paths)
+    formation.give(SURVEY)
     formation.run(11.0)
-    other = with_paths(vehicle="f2")
-    paths = {**other.paths, "survey": replace(other.paths["survey"], check=7)}
-    formation.members["f2"] = Arrangements(
-        replace(other, paths=paths), SAME_CLOCK, formation.alerts
-    )
+    other = with_another("survey", "f2")
+    formation.members["f2"] = Arrangements(other, SAME_CLOCK, formation.alerts)
     formation.run(30.0)
     assert formation.flown["f2"] == 0
     assert formation.members["f2"].obstacle(formation.now) is not None
@@ -100,8 +92,7 @@ def test_a_companion_that_missed_the_order_and_means_another_curve_by_its_path_d
 
 
 def test_who_is_to_lead_leads_for_a_moment_after_the_agreed_time_only():
-    formation = Formation(with_paths)
-    formation.run(5.0)
+    formation = begun(plan=with_paths)
     formation.give(replace(further(SLOTS), lead="f1"))
     formation.run(10.1)
     assert [name for name, one in formation.members.items() if one.leads_by_order(10.1)] == ["f1"]
@@ -109,8 +100,7 @@ def test_who_is_to_lead_leads_for_a_moment_after_the_agreed_time_only():
 
 
 def test_another_copy_of_the_order_at_its_very_time_does_not_keep_anybody_from_leading_by_it():
-    formation = Formation(with_paths)
-    formation.run(5.0)
+    formation = begun(plan=with_paths)
     order = replace(further(SLOTS), lead="f1")
     formation.give(order)
     formation.run(9.95)
@@ -122,8 +112,7 @@ def test_another_copy_of_the_order_at_its_very_time_does_not_keep_anybody_from_l
 
 
 def test_a_companion_that_hears_of_the_order_later_does_not_lead_by_it():
-    formation = Formation(with_paths)
-    formation.run(5.0)
+    formation = begun(plan=with_paths)
     formation.give(replace(further(SLOTS), lead="f1"))
     formation.run(11.0)
     formation.start("f1")
@@ -134,21 +123,17 @@ def test_a_companion_that_hears_of_the_order_later_does_not_lead_by_it():
 
 
 def test_nobody_is_ordered_to_lead_who_is_not_heard():
-    formation = Formation(with_paths)
-    formation.run(5.0)
+    formation = begun(plan=with_paths)
     formation.silent.add("f1")
     formation.run(12.0)
     formation.give(replace(further(SLOTS), time_s=20.0, lead="f1"))
     formation.run(60.0)
-    assert {name: formation.flown[name] for name in NAMES if name != "f1"} == {
-        name: 0 for name in NAMES if name != "f1"
-    }
+    assert {formation.flown[name] for name in NAMES if name != "f1"} == {0}
     assert "f1 is to lead, and is not heard" in {reply.text for _, reply in formation.said}
 
 
 def test_nobody_leads_by_an_order_who_is_no_deputy():
-    formation = Formation(with_paths)
-    formation.run(5.0)
+    formation = begun(plan=with_paths)
     formation.give(replace(further(SLOTS), lead="f2"))
     formation.run(60.0)
     assert formation.flown == dict.fromkeys(NAMES, 0)

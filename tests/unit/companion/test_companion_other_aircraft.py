@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from msgspec.structs import replace
 
+from tests.kit.states import FRAME
 from vfguide.companion.other_aircraft import (
     MOST_AIRCRAFT,
     MOST_VERDICTS,
@@ -16,10 +17,8 @@ from vfguide.companion.other_aircraft import (
     OtherAircraft,
 )
 from vfguide.companion.possibilities import Viewpoint
-from vfguide.frames import LocalFrame
 from vfguide.mavlink.reports import TrafficReport
 
-FRAME = LocalFrame(47.397742, 8.545594, 488.0)
 HERE = Viewpoint(
     time_s=10.0,
     place=0j,

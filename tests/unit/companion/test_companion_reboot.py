@@ -13,8 +13,7 @@ GUIDED, LOITER, MANUAL, RTL = 15, 12, 0, 11
 
 def test_an_autopilot_that_reboots_while_it_is_steered_stays_where_it_came_up():
     # A reboot gives nobody any right: what looks like one may be injected.
-    flown = new_flight()
-    flown.run(40.0)
+    flown = new_flight(until_s=40.0)
     assert flown.mode_at(40.0) is Mode.TRACKING
     flown.reboot()
     flown.run(50.0)
@@ -32,8 +31,7 @@ def test_an_autopilot_that_reboots_while_it_is_steered_stays_where_it_came_up():
 
 @pytest.mark.parametrize("mode", [LOITER, MANUAL])
 def test_an_autopilot_that_reboots_in_a_pilots_hands_stays_there(mode):
-    flown = new_flight()
-    flown.run(20.0)
+    flown = new_flight(until_s=20.0)
     flown.pilot(mode)
     flown.run(30.0)
     flown.reboot()
@@ -44,8 +42,7 @@ def test_an_autopilot_that_reboots_in_a_pilots_hands_stays_there(mode):
 
 
 def test_what_the_operator_did_not_allow_is_not_engaged_after_a_reboot():
-    flown = new_flight(engage=False)
-    flown.run(2.0)
+    flown = new_flight(engage=False, until_s=2.0)
     flown.pilot(GUIDED)
     flown.run(20.0)
     assert flown.mode_at(20.0).steers
@@ -56,8 +53,7 @@ def test_what_the_operator_did_not_allow_is_not_engaged_after_a_reboot():
 
 
 def test_frames_that_look_like_a_reboot_give_nobody_the_guided_mode():
-    flown = new_flight()
-    flown.run(30.0)
+    flown = new_flight(until_s=30.0)
     flown.pilot(RTL)
 
     def position(now: float) -> bytes:

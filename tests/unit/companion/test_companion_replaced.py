@@ -37,8 +37,7 @@ def replaced(flown: Flown, gap_s: float) -> None:
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("gap_s", [0.5, 2.0, 3.5])
 def test_a_vehicle_whose_new_companion_hears_no_leader_is_handed_back(kind, gap_s):
-    flown = new_flight(kind=kind, link=heard_until(15.0))
-    flown.run(15.0)
+    flown = new_flight(kind=kind, link=heard_until(15.0), until_s=15.0)
     replaced(flown, gap_s)
     flown.run(40.0)
     assert flown.autopilot.truth().mode == HELD[kind]
@@ -52,8 +51,7 @@ def test_a_vehicle_whose_new_companion_hears_no_leader_is_handed_back(kind, gap_
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_vehicle_whose_new_companion_hears_no_positions_is_handed_back(kind):
-    flown = new_flight(kind=kind)
-    flown.run(15.0)
+    flown = new_flight(kind=kind, until_s=15.0)
     flown.command(MESSAGE_INTERVAL, 33, -1)
     flown.lose = frozenset({MESSAGE_INTERVAL, "REQUEST_DATA_STREAM"})
     replaced(flown, 2.0)
@@ -63,8 +61,7 @@ def test_a_vehicle_whose_new_companion_hears_no_positions_is_handed_back(kind):
 
 
 def test_a_vehicle_that_does_not_obey_its_new_companion_is_handed_back_three_times():
-    flown = new_flight(link=heard_until(15.0))
-    flown.run(15.0)
+    flown = new_flight(link=heard_until(15.0), until_s=15.0)
     flown.lose = frozenset({SET_MODE})
     replaced(flown, 2.0)
     flown.run(60.0)
@@ -74,8 +71,7 @@ def test_a_vehicle_that_does_not_obey_its_new_companion_is_handed_back_three_tim
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_new_companion_that_hears_everything_steers_on(kind):
-    flown = new_flight(kind=kind)
-    flown.run(20.0)
+    flown = new_flight(kind=kind, until_s=20.0)
     replaced(flown, 2.0)
     flown.run(50.0)
     assert flown.autopilot.truth().mode == GUIDED[kind]
@@ -85,8 +81,7 @@ def test_a_new_companion_that_hears_everything_steers_on(kind):
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_new_companion_that_is_stopped_hands_back(kind):
-    flown = new_flight(kind=kind, link=heard_until(15.0))
-    flown.run(15.0)
+    flown = new_flight(kind=kind, link=heard_until(15.0), until_s=15.0)
     replaced(flown, 2.0)
     flown.run(20.0)
     flown.companion.stop(flown.now)
@@ -96,8 +91,7 @@ def test_a_new_companion_that_is_stopped_hands_back(kind):
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_guided_that_the_pilot_gave_after_taking_over_is_not_handed_back_by_a_new_companion(kind):
-    flown = new_flight(kind=kind, link=heard_until(15.0))
-    flown.run(15.0)
+    flown = new_flight(kind=kind, link=heard_until(15.0), until_s=15.0)
     flown.pilot(*HOLD[kind])
     flown.run(18.0)
     flown.pilot(*SELECT_GUIDED[kind])
@@ -114,8 +108,7 @@ def test_guided_that_the_pilot_gave_after_taking_over_is_not_handed_back_by_a_ne
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_new_companion_does_not_name_a_pilot_who_does_not_fly(kind):
-    flown = new_flight(kind=kind, link=heard_until(15.0))
-    flown.run(15.0)
+    flown = new_flight(kind=kind, link=heard_until(15.0), until_s=15.0)
     replaced(flown, 2.0)
     flown.run(40.0)
     later = [text for time, text in flown.texts() if time > 15.0]
@@ -124,8 +117,7 @@ def test_a_new_companion_does_not_name_a_pilot_who_does_not_fly(kind):
 
 def test_who_steers_is_on_the_disk(tmp_path):
     store = FileStore(tmp_path, "f1")
-    flown = new_flight(store=store, engage=False)
-    flown.run(5.0)
+    flown = new_flight(store=store, engage=False, until_s=5.0)
     assert not store.load().steered
     flown.pilot(*SELECT_GUIDED["ardupilot"])
     flown.run(10.0)
@@ -137,8 +129,7 @@ def test_who_steers_is_on_the_disk(tmp_path):
 
 def test_nobody_steers_once_the_pilot_has_taken_over():
     store = MemoryStore()
-    flown = new_flight(store=store)
-    flown.run(10.0)
+    flown = new_flight(store=store, until_s=10.0)
     assert store.load().steered
     flown.pilot(*HOLD["ardupilot"])
     flown.run(12.0)

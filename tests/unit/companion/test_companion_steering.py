@@ -47,8 +47,7 @@ def test_a_setpoint_that_cannot_be_flown_never_becomes_bytes(monkeypatch, kind, 
         return replace(found, setpoint=Setpoint(course=course, speed=speed))
 
     monkeypatch.setattr(FollowerRole, "step", broken)
-    flown = new_flight(kind=kind)
-    flown.run(4.0)
+    flown = new_flight(kind=kind, until_s=4.0)
     assert flown.times(HEADING)[-1] == 3.0
     assert flown.times(SPEED if kind == "ardupilot" else 178)[-1] == 3.0
     assert flown.companion.snapshot.setpoint is not None
@@ -139,8 +138,7 @@ def test_no_altitude_that_is_sent_is_below_the_floor_or_no_number(monkeypatch, g
         return replace(found, height=height, climb_m=climb_m)
 
     monkeypatch.setattr(FollowerRole, "step", broken)
-    flown = new_flight()
-    flown.run(12.0)
+    flown = new_flight(until_s=12.0)
     sent = [
         message.z
         for time, data in flown.sent

@@ -39,8 +39,7 @@ def complaints(events: list[tuple[float, str]]) -> list[tuple[float, str]]:
 
 
 def test_setpoints_that_cannot_be_flown_are_counted_and_told_once(gate):
-    flown = new_flight()
-    flown.run(10.0)
+    flown = new_flight(until_s=10.0)
     assert flown.companion.counters[REASON] == 0
     gate.is_open = False
     flown.run(15.0)
@@ -50,8 +49,7 @@ def test_setpoints_that_cannot_be_flown_are_counted_and_told_once(gate):
 
 
 def test_the_complaint_is_a_warning(gate):
-    flown = new_flight()
-    flown.run(10.0)
+    flown = new_flight(until_s=10.0)
     gate.is_open = False
     telemetry = flown.waiting + flown.autopilot.advance(10.1)
     out = flown.companion.receive_mavlink(telemetry, 10.1)
@@ -60,8 +58,7 @@ def test_the_complaint_is_a_warning(gate):
 
 
 def test_after_more_than_a_second_of_them_the_vehicle_is_handed_back(gate):
-    flown = new_flight()
-    flown.run(10.0)
+    flown = new_flight(until_s=10.0)
     gate.is_open = False
     # Looked at once a second: 0.9 s after the first of them is too early.
     flown.run(11.5)
@@ -74,8 +71,7 @@ def test_after_more_than_a_second_of_them_the_vehicle_is_handed_back(gate):
 
 
 def test_a_moment_without_them_passes_by_itself(gate):
-    flown = new_flight()
-    flown.run(10.0)
+    flown = new_flight(until_s=10.0)
     gate.is_open = False
     flown.run(10.5)
     gate.is_open = True
@@ -93,8 +89,7 @@ def test_a_moment_without_them_passes_by_itself(gate):
 
 
 def test_a_vehicle_that_was_handed_back_is_steered_again_once_its_pilot_says_so(gate):
-    flown = new_flight()
-    flown.run(10.0)
+    flown = new_flight(until_s=10.0)
     gate.is_open = False
     flown.run(15.0)
     gate.is_open = True
@@ -109,8 +104,7 @@ def test_a_vehicle_that_was_handed_back_is_steered_again_once_its_pilot_says_so(
 
 def test_autopilots_that_need_a_stream_are_not_engaged_without_one(gate):
     gate.is_open = False
-    flown = new_flight(kind="px4", version=(1, 16))
-    flown.run(5.0)
+    flown = new_flight(kind="px4", version=(1, 16), until_s=5.0)
     assert flown.times(SET_MODE) == []
     gate.is_open = True
     flown.run(10.0)

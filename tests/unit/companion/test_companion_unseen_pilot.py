@@ -1,36 +1,23 @@
 """A pilot who may have flown unseen has flown: the vehicle is not engaged by itself any more."""
 
 from collections.abc import Callable
-from typing import Any, Protocol
 
 import pytest
-from pymavlink.dialects.v20 import ardupilotmega as mavlink
+from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
-from sitl_stub import Autopilot, Truth
-from tests.kit.companion import leader_bytes, new_flight
-from tests.kit.wire import parsed, spoken
-
-Make = Callable[..., Any]
-
-SET_MODE, MESSAGE_INTERVAL = 176, 511
-HOLD = {"ardupilot": (12, 0), "px4": (4, 3)}
-MANUAL = {"ardupilot": (0, 0), "px4": (1, 0)}
-HELD = {"ardupilot": "LOITER", "px4": "AUTO.LOITER"}
-KINDS = ["ardupilot", "px4"]
-
-
-class Flown(Protocol):
-    """A flight, as far as it can be left unseen."""
-
-    now: float
-    deaf: bool
-
-    def run(self, until_s: float) -> None: ...
-
-    def hang(self, until_s: float) -> None: ...
+from tests.kit.companion import (
+    IN_LOITER,
+    KINDS,
+    SELECT_LOITER,
+    SELECT_MANUAL,
+    SET_MODE,
+    Flight,
+    heard_from,
+    new_flight,
+)
 
 
-def deaf(flown: Flown, until_s: float, between: Callable[[], None]) -> None:
+def deaf(flown: Flight, until_s: float, between: Callable[[], None]) -> None:
     """Nothing is heard for a while in which something happens."""
     flown.deaf = True
     flown.run((flown.now + until_s) / 2.0)
@@ -39,11 +26,21 @@ def deaf(flown: Flown, until_s: float, between: Callable[[], None]) -> None:
     flown.deaf = False
 
 
-def hung(flown: Flown, until_s: float, between: Callable[[], None]) -> None:
+def hung(flown: Flight, until_s: float, between: Callable[[], None]) -> None:
     """The companion stands still for a while in which something happens."""
     flown.hang((flown.now + until_s) / 2.0)
     between()
     flown.hang(until_s)
+
+
+def by_hand(flown: Flight, kind: str) -> Callable[[], None]:
+    """Flying by hand for a moment."""
+
+    def fly() -> None:
+        flown.pilot(*SELECT_MANUAL[kind])
+        flown.pilot(*SELECT_LOITER[kind])
+
+    return fly
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -53,29 +50,18 @@ def test_a_request_that_nobody_has_answered_is_forgotten_by_one_that_did_not_wat
     flown.lose = frozenset({SET_MODE})
     flown.run(5.5)
     assert flown.times(SET_MODE)
-
-    def fly_by_hand() -> None:
-        flown.pilot(*MANUAL[kind])
-        flown.pilot(*HOLD[kind])
-
-    away(flown, 20.0, fly_by_hand)
+    away(flown, 20.0, by_hand(flown, kind))
     flown.lose = frozenset()
     flown.run(50.0)
     assert flown.later(SET_MODE, 20.0) == []
-    assert flown.autopilot.truth().mode == HELD[kind]
+    assert flown.autopilot.truth().mode == IN_LOITER[kind]
 
 
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("away", [deaf, hung])
 def test_a_vehicle_that_waits_for_its_leader_is_not_engaged_after_it_was_not_watched(kind, away):
-    flown = new_flight(kind=kind, link=lambda now: [leader_bytes(now)] if now >= 20.0 else [])
-    flown.run(4.0)
-
-    def fly_by_hand() -> None:
-        flown.pilot(*MANUAL[kind])
-        flown.pilot(*HOLD[kind])
-
-    away(flown, 14.0, fly_by_hand)
+    flown = new_flight(kind=kind, link=heard_from(20.0), until_s=4.0)
+    away(flown, 14.0, by_hand(flown, kind))
     flown.run(40.0)
     assert flown.times(SET_MODE) == []
     reasons = [text for _, text in flown.texts() if "heartbeats were not heard" in text]
@@ -83,60 +69,35 @@ def test_a_vehicle_that_waits_for_its_leader_is_not_engaged_after_it_was_not_wat
     assert reasons[0].endswith("to be steered")
 
 
-@pytest.fixture
-def astray() -> Callable[..., Any]:
-    """Makes an autopilot one whose positions are lost, or 5 km off, while it is told so."""
+def off(message: MAVLink_message, now: float) -> MAVLink_message | None:
+    """Positions 5 km off between 4 and 15 s."""
+    if message.get_type() == "GLOBAL_POSITION_INT" and 4.0 < now <= 15.0:
+        message.lat += 500_000
+    return message
 
-    class Astray:
-        wrong = True
 
-        def __init__(self, autopilot: Autopilot, *, lies: bool) -> None:
-            self._autopilot, self._lies = autopilot, lies
-
-        def truth(self) -> Truth:
-            return self._autopilot.truth()
-
-        def receive(self, data: bytes) -> bytes:
-            return self._autopilot.receive(data)
-
-        def advance(self, now: float) -> bytes:
-            edited = map(self._edited, parsed(self._autopilot.advance(now)))
-            return bytes(spoken(*(one for one in edited if one is not None)))
-
-        def _edited(self, message: mavlink.MAVLink_message) -> mavlink.MAVLink_message | None:
-            if not self.wrong or message.get_type() != "GLOBAL_POSITION_INT":
-                return message
-            if not self._lies:
-                return None
-            message.lat += 500_000
-            return message
-
-    return Astray
+def lost(message: MAVLink_message, now: float) -> MAVLink_message | None:
+    """No positions between 4 and 15 s."""
+    return None if message.get_type() == "GLOBAL_POSITION_INT" and 4.0 < now <= 15.0 else message
 
 
 @pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("lies", [False, True])
-def test_flying_by_hand_without_positions_spends_the_right_to_engage(astray, kind, lies):
-    flown = new_flight(kind=kind, link=lambda now: [leader_bytes(now)] if now >= 18.0 else [])
-    flown.autopilot = astray(flown.autopilot, lies=lies)
-    flown.autopilot.wrong = False
-    flown.run(4.0)
-    flown.autopilot.wrong = True
+@pytest.mark.parametrize("edit", [off, lost])
+def test_flying_by_hand_without_positions_spends_the_right_to_engage(kind, edit):
+    flown = new_flight(kind=kind, link=heard_from(18.0))
+    flown.edit = edit
     flown.run(8.0)
-    flown.pilot(*MANUAL[kind])
+    flown.pilot(*SELECT_MANUAL[kind])
     flown.run(12.0)
-    flown.pilot(*HOLD[kind])
-    flown.run(15.0)
-    flown.autopilot.wrong = False
+    flown.pilot(*SELECT_LOITER[kind])
     flown.run(40.0)
     assert flown.times(SET_MODE) == []
-    assert flown.autopilot.truth().mode == HELD[kind]
+    assert flown.autopilot.truth().mode == IN_LOITER[kind]
 
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_one_lost_heartbeat_hides_no_flight(kind):
-    flown = new_flight(kind=kind, link=lambda now: [leader_bytes(now)] if now >= 10.0 else [])
-    flown.run(5.5)
+    flown = new_flight(kind=kind, link=heard_from(10.0), until_s=5.5)
     flown.deaf = True
     flown.run(6.5)
     flown.deaf = False
