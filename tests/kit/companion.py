@@ -30,15 +30,28 @@ SET_MODE, HEADING, SPEED, ALTITUDE, MESSAGE_INTERVAL = 176, 43_002, 43_000, 43_0
 """Commands."""
 
 KINDS = ["ardupilot", "px4"]
-SELECT_GUIDED = {"ardupilot": (15, 0), "px4": (4, 19)}
-SELECT_LOITER = {"ardupilot": (12, 0), "px4": (4, 3)}
-SELECT_RTL = {"ardupilot": (11, 0), "px4": (4, 5)}
-SELECT_MANUAL = {"ardupilot": (0, 0), "px4": (1, 0)}
+MODES = {
+    "ardupilot": {
+        "GUIDED": (15, 0),
+        "LOITER": (12, 0),
+        "RTL": (11, 0),
+        "AUTO": (10, 0),
+        "FBWA": (5, 0),
+        "MANUAL": (0, 0),
+    },
+    "px4": {
+        "GUIDED": (4, 19),
+        "LOITER": (4, 3),
+        "RTL": (4, 5),
+        "OFFBOARD": (6, 0),
+        "ALTCTL": (2, 0),
+        "MANUAL": (1, 0),
+    },
+}
 """What a pilot selects of each kind: main mode and sub mode."""
 
-IN_GUIDED = {"ardupilot": "GUIDED", "px4": "AUTO.COURSE"}
-IN_LOITER = {"ardupilot": "LOITER", "px4": "AUTO.LOITER"}
-"""What each kind then shows."""
+PX4_NAMES = {"AUTO.COURSE": "GUIDED", "AUTO.LOITER": "LOITER", "AUTO.RTL": "RTL"}
+"""What PX4 calls the modes that both have."""
 
 HASTY = {"prediction_s": 3.0, "breakaway_s": 2.0}
 """The patience of a mission whose leader is lost 5 s after it was heard last."""
@@ -166,9 +179,19 @@ class Flight:
         self._steps = int(until_s * RATE_HZ) + 1
         self.waiting += self.autopilot.advance(until_s - self.booted)
 
-    def pilot(self, main_mode: int, sub_mode: int = 0) -> None:
-        """The pilot turns the mode switch."""
-        self.command(176, 1, main_mode, sub_mode)
+    def pilot(self, mode: str | int, *, until_s: float | None = None) -> None:
+        """The pilot turns the mode switch; the flight goes on until a time, if one is given."""
+        kind = self.autopilot.config.autopilot
+        wanted = MODES[kind][mode] if isinstance(mode, str) else (mode, 0)
+        self.command(SET_MODE, 1, *wanted)
+        if until_s is not None:
+            self.run(until_s)
+
+    @property
+    def autopilot_mode(self) -> str:
+        """The mode in which the autopilot is, by the name that both kinds have for it."""
+        mode = self.autopilot.truth().mode
+        return PX4_NAMES.get(mode, mode)
 
     def command(self, number: int, *parameters: float) -> None:
         """Somebody else on the network commands the autopilot."""

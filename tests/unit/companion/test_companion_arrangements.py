@@ -40,7 +40,6 @@ def test_all_fly_an_order_from_its_time_on_once_all_have_agreed():
     assert formation.flown == dict.fromkeys(NAMES, 1)
     # Half of the way at half of the time.
     slot = formation.members["leader"].flight.slot("f1", 15.0)
-    assert slot is not None
     assert slot.forward == pytest.approx(1.25 * SLOTS["f1"].forward)
     assert {name for name, reply in formation.said if reply.verdict is Verdict.FLOWN} == set(NAMES)
     # The slots move from 10 to 20 s: each says once that they are at rest.
@@ -241,8 +240,6 @@ def test_slots_stay_where_they_are_when_the_leaders_computer_starts_anew(at_s, s
     clock.ahead_s = -20.0
     member.step(at_s)
     after = member.flight.slot("f1", at_s)
-    assert before is not None
-    assert after is not None
     assert after.forward == pytest.approx(before.forward)
     assert after.forward == pytest.approx((1.0 + 0.5 * share) * SLOTS["f1"].forward)
     # What is on its way goes on; then the next order is taken by the new clock.
@@ -272,7 +269,6 @@ def test_a_leader_whose_computer_was_started_anew_flies_the_order_that_all_other
     leader.receive_order(data, data, 20.0, repeated=True)
     assert not leader.waits(20.0)
     slot = leader.flight.slot("f1", 20.0)
-    assert slot is not None
     assert slot.forward == 1.5 * SLOTS["f1"].forward
 
 

@@ -8,13 +8,20 @@ from typing import Any
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from tests.kit.companion import heard_until, leader_bytes, new_flight
-from tests.kit.wire import parsed, spoken
+from tests.kit.companion import (
+    HEADING,
+    LOITER,
+    SET_MODE,
+    heard_until,
+    leader_bytes,
+    new_flight,
+    without,
+)
+from tests.kit.wire import heartbeat, parsed, position_report, spoken
 from vfguide.companion.consent import Consent, FileStore, default_directory
 from vfguide.companion.supervisor import Mode
 
-SET_MODE, HEADING, ARM = 176, 43_002, 400
-GUIDED, LOITER, MANUAL, RTL, FBWA, AUTO = 15, 12, 0, 11, 5, 10
+ARM = 400
 
 
 def stored(directory: Path, consent: Consent) -> FileStore:
@@ -55,6 +62,13 @@ def test_a_damaged_file_is_no_consent(tmp_path, content):
     assert json.loads(file.read_text()) == {"version": 1, "spent": "", "steered": False}
 
 
+def test_a_pipe_in_place_of_the_file_is_no_consent(tmp_path):
+    os.mkfifo(tmp_path / "f1.consent.json")
+    store = FileStore(tmp_path, "f1")
+    assert store.load().is_spent
+    assert store.fault is not None
+
+
 def test_a_directory_that_cannot_be_written_to_is_no_consent(tmp_path):
     (tmp_path / "state").write_text("a file where the directory should be")
     store = FileStore(tmp_path / "state", "f1")
@@ -73,16 +87,14 @@ def test_state_lies_where_systemd_says_or_else_in_the_users_state_directory(monk
     assert default_directory() == Path("/home/pilot/.state/vfguide")
 
 
-@pytest.mark.parametrize("mode", [RTL, FBWA, MANUAL, LOITER])
+@pytest.mark.parametrize("mode", ["RTL", "FBWA", "MANUAL", "LOITER"])
 def test_a_companion_that_is_replaced_does_not_take_what_the_pilot_took(mode):
     flown = new_flight(until_s=10.0)
-    assert flown.autopilot.truth().mode == "GUIDED"
-    flown.pilot(mode)
-    taken = flown.autopilot.truth().mode
-    flown.run(12.0)
+    assert flown.autopilot_mode == "GUIDED"
+    flown.pilot(mode, until_s=12.0)
     flown.restart()
     flown.run(20.0)
-    assert flown.autopilot.truth().mode == taken
+    assert flown.autopilot_mode == mode
     assert flown.later(SET_MODE, 10.0) == []
     assert flown.mode_at(20.0) is Mode.PILOT
 
@@ -95,15 +107,13 @@ def test_a_companion_that_is_replaced_while_it_steers_goes_on():
     assert len(flown.times(SET_MODE)) == 1
 
 
-@pytest.mark.parametrize("mode", [RTL, AUTO, FBWA, MANUAL])
+@pytest.mark.parametrize("mode", ["RTL", "AUTO", "FBWA", "MANUAL"])
 def test_a_companion_that_finds_the_aircraft_in_other_hands_leaves_it_there(mode):
     flown = new_flight()
-    flown.pilot(mode)
-    flown.run(8.0)
+    flown.pilot(mode, until_s=8.0)
     assert flown.times(SET_MODE) == []
     # Nor does a loiter that the pilot selects after that.
-    flown.pilot(LOITER)
-    flown.run(14.0)
+    flown.pilot("LOITER", until_s=14.0)
     assert flown.times(SET_MODE) == []
     assert any("to be steered" in text for _, text in flown.texts())
 
@@ -112,9 +122,8 @@ def test_a_deaf_companion_commands_no_mode():
     flown = new_flight(until_s=10.0)
     flown.deaf = True
     flown.run(11.0)
-    flown.pilot(RTL)
-    flown.run(40.0)
-    assert flown.autopilot.truth().mode == "RTL"
+    flown.pilot("RTL", until_s=40.0)
+    assert flown.autopilot_mode == "RTL"
     assert flown.later(SET_MODE, 10.0) == []
     assert flown.later(HEADING, 10.1) == []
 
@@ -122,7 +131,7 @@ def test_a_deaf_companion_commands_no_mode():
 def test_after_a_hang_nothing_goes_by_what_was_said_meanwhile():
     flown = new_flight(until_s=10.0)
     flown.hang(29.0)
-    flown.pilot(LOITER)
+    flown.pilot("LOITER")
     flown.waiting = flown.waiting[:-200]
     flown.hang(30.0)
     flown.run(40.0)
@@ -137,20 +146,6 @@ def test_a_vehicle_that_is_disarmed_in_the_air_is_not_steered_on():
     flown.run(20.0)
     assert flown.later(HEADING, 11.1) == flown.later(SET_MODE, 10.0) == []
     assert flown.mode_at(20.0) is Mode.WAITING
-
-
-def beat(status: int, *, armed: bool, mode: int = LOITER) -> mavlink.MAVLink_heartbeat_message:
-    return mavlink.MAVLink_heartbeat_message(1, 3, 1 | armed << 7, mode, status, 3)
-
-
-def place(
-    now: float, north: float, speed: float, altitude: float
-) -> mavlink.MAVLink_global_position_int_message:
-    latitude = 473_977_420 + round(north / 111_177.0 * 1e7)
-    return mavlink.MAVLink_global_position_int_message(
-        *(round(now * 1e3), latitude, 85_455_940, round(altitude * 1e3), 0),
-        *(round(speed * 100), 0, 0, 0),
-    )
 
 
 def toward(value: float, wanted: float, step: float) -> float:
@@ -177,11 +172,14 @@ def asked(*spans: dict[str, Any], landed: int | None = None) -> list[float]:
             speed, altitude = toward(speed, wanted[0], 0.4), toward(altitude, wanted[1], 1.0)
             north += 0.1 * speed
             companion.receive_link(leader_bytes(now), now)
-            messages = [
-                *answers,
-                beat(shown["status"], armed=shown["armed"]),
-                place(now, north, speed, altitude),
-            ]
+            place = position_report(
+                time_boot_ms=round(now * 1e3),
+                lat=473_977_420 + round(north / 111_177.0 * 1e7),
+                alt=round(altitude * 1e3),
+                vx=round(speed * 100),
+            )
+            beat = heartbeat(LOITER, status=shown["status"], armed=shown["armed"])
+            messages = [*answers, beat, place]
             if landed is not None:
                 messages.append(mavlink.MAVLink_extended_sys_state_message(0, landed))
             sent = parsed(companion.receive_mavlink(spoken(*messages), now).to_autopilot)
@@ -199,11 +197,6 @@ STANDING = {"status": 3, "armed": False, "speed": 0.0, "altitude": 488.0}
 FLYING = {"status": 4, "armed": True}
 
 
-def test_it_engages_in_the_air():
-    assert asked(FLYING)
-    assert asked(FLYING, landed=mavlink.MAV_LANDED_STATE_IN_AIR)
-
-
 @pytest.mark.parametrize(
     "change",
     [{"status": 3}, {"status": 5}, {"armed": False}, {"speed": 5.0}, {"altitude": 500.0}],
@@ -212,9 +205,11 @@ def test_it_does_not_engage_on_the_ground_too_low_or_in_a_fail_safe(change):
     assert asked(FLYING | change) == []
 
 
-@pytest.mark.parametrize("landed", [0, 1, 3, 4])
-def test_it_does_not_engage_where_the_autopilot_says_that_it_is_not_in_the_air(landed):
-    assert asked(FLYING, landed=landed) == []
+@pytest.mark.parametrize(
+    ("landed", "engages"), [(None, True), (0, False), (1, False), (2, True), (3, False), (4, False)]
+)
+def test_it_engages_in_the_air_unless_the_autopilot_says_that_it_is_not_there(landed, engages):
+    assert bool(asked(FLYING, landed=landed)) is engages
 
 
 def test_the_next_flight_begins_when_it_is_seen_disarmed_on_the_ground():
@@ -231,23 +226,20 @@ def test_the_next_flight_begins_when_it_is_seen_disarmed_on_the_ground():
 def test_a_reboot_in_the_air_does_not_end_the_flight():
     # For 9 s without a fix: disarmed, standing by, no speed. The pilot has taken LOITER before.
     flown = new_flight(until_s=8.0)
-    flown.pilot(LOITER)
+    flown.pilot("LOITER")
 
     def rebooted(now: float) -> bytes:
         passed_s = now - 8.0
-        if not 0.0 < passed_s <= 9.0:
-            return b""
-        nowhere = mavlink.MAVLink_global_position_int_message(
-            round(passed_s * 1e3), 0, 0, 0, 0, 0, 0, 0, 0
-        )
-        return spoken(nowhere, beat(3, armed=False))
+        nowhere = position_report(time_boot_ms=max(round(passed_s * 1e3), 0), lat=0, lon=0, alt=0)
+        beat = heartbeat(LOITER, status=3, armed=False)
+        return spoken(nowhere, beat) if 0.0 < passed_s <= 9.0 else b""
 
     flown.deaf, flown.forge = True, rebooted
     flown.run(17.0)
     flown.deaf = False
     flown.run(24.0)
     assert flown.later(SET_MODE, 8.0) == []
-    assert flown.autopilot.truth().mode == "LOITER"
+    assert flown.autopilot_mode == "LOITER"
 
 
 def test_a_companion_that_has_stood_still_hands_back_what_it_steered():
@@ -257,7 +249,7 @@ def test_a_companion_that_has_stood_still_hands_back_what_it_steered():
     flown.companion.stop(12.1)
     assert not flown.companion.released
     flown.run(18.0)
-    assert flown.autopilot.truth().mode == "LOITER"
+    assert flown.autopilot_mode == "LOITER"
     assert flown.companion.released
 
 
@@ -267,7 +259,7 @@ def test_a_stop_before_guided_shows_is_followed_by_handing_back():
     flown.companion.stop(1.06)
     assert not flown.companion.released
     flown.run(6.5)
-    assert flown.autopilot.truth().mode == "LOITER"
+    assert flown.autopilot_mode == "LOITER"
     assert flown.companion.released
 
 
@@ -278,10 +270,9 @@ def test_guided_of_the_pilots_own_is_not_undone_where_nothing_was_steered():
         patience={"prediction_s": 1.0, "breakaway_s": 1.0},
         until_s=4.0,
     )
-    flown.pilot(GUIDED)
-    flown.run(9.0)
+    flown.pilot("GUIDED", until_s=9.0)
     assert flown.times(SET_MODE) == []
-    assert flown.autopilot.truth().mode == "GUIDED"
+    assert flown.autopilot_mode == "GUIDED"
     assert [text for _, text in flown.texts()] == [
         "vfguide f1: not steering, no position or no leader heard; watch it, or take over",
         (
@@ -291,16 +282,10 @@ def test_guided_of_the_pilots_own_is_not_undone_where_nothing_was_steered():
     ]
 
 
-def test_a_speed_that_every_mode_obeys_is_not_sent_without_heartbeats(monkeypatch):
+def test_a_speed_that_every_mode_obeys_is_not_sent_without_heartbeats():
     flown = new_flight(kind="px4", until_s=5.0)
     assert flown.mode_at(5.0).steers
-    advance = flown.autopilot.advance
-
-    def without_heartbeats(now: float) -> bytes:
-        heard = [one for one in parsed(advance(now)) if one.get_type() != "HEARTBEAT"]
-        return b"".join(bytes(one.get_msgbuf()) for one in heard)
-
-    monkeypatch.setattr(flown.autopilot, "advance", without_heartbeats)
+    flown.edit = without("HEARTBEAT")
     flown.run(9.0)
     assert flown.later(178, 6.0)
     assert flown.later(178, 7.6) == []
@@ -313,26 +298,17 @@ def test_a_state_that_cannot_be_kept_is_told_at_the_start(tmp_path):
     assert any("cannot be read (damaged)" in text for _, text in flown.texts())
 
 
-def test_a_pipe_in_place_of_the_file_is_no_consent(tmp_path):
-    os.mkfifo(tmp_path / "f1.consent.json")
-    store = FileStore(tmp_path, "f1")
-    assert store.load().is_spent
-    assert store.fault is not None
-
-
 @pytest.mark.parametrize("lost", [True, False])
 def test_a_record_that_is_lost_in_the_air_leaves_the_vehicle_to_its_pilot(tmp_path, lost):
     flown = new_flight(store=FileStore(tmp_path, "f1"), until_s=20.0)
-    flown.pilot(12)
-    flown.run(24.0)
+    flown.pilot("LOITER", until_s=24.0)
     if lost:
         (tmp_path / "f1.consent.json").unlink()
     restarted = new_flight(store=FileStore(tmp_path, "f1"))
     flown.companion, flown.make = restarted.companion, restarted.make
     flown.run(34.0)
-    assert flown.later(176, 20.0) == []
+    assert flown.later(SET_MODE, 20.0) == []
     (told,) = [text for time, text in flown.events if time > 24.0 and "not engaged by" in text]
     assert ("no record of this flight was found: select GUIDED" in told) is lost
-    flown.pilot(15)
-    flown.run(40.0)
+    flown.pilot("GUIDED", until_s=40.0)
     assert flown.mode_at(40.0).steers

@@ -1,13 +1,14 @@
 """The near future of a vehicle, against a vehicle that is stepped finely by the same kind of response."""
 
 import math
+from typing import Literal
 
 import pytest
 from msgspec.structs import replace
 
-from tests.kit.missions import shipped
+from tests.kit.missions import plan_of
+from tests.kit.states import vehicle_at
 from vfguide.companion.delay_compensator import SLIPPING, DelayCompensator, Memory, memory_of, steps
-from vfguide.companion.mission_plan import flight_plan
 from vfguide.guidance.airframe import (
     ActiveSetpoint,
     Bias,
@@ -25,25 +26,6 @@ from vfguide.state import Airframe, Setpoint, VehicleState
 
 LATE = Airframe(alpha=1.03, beta=0.55, course_lag=0.4, speed_dead_time=0.5, course_dead_time=0.2)
 PERIOD = 0.05
-
-
-def state(**values: float) -> VehicleState[float]:
-    fields = {
-        "time_s": 0.0,
-        "north": 0.0,
-        "east": 0.0,
-        "course": 0.0,
-        "ground_speed": 20.0,
-        "heading": 0.0,
-        "airspeed": 20.0,
-        "wind_north": 0.0,
-        "wind_east": 0.0,
-        "wind_rate_north": 0.0,
-        "wind_rate_east": 0.0,
-        "wind_jerk_north": 0.0,
-        "wind_jerk_east": 0.0,
-    }
-    return VehicleState(**(fields | values))
 
 
 @pytest.mark.parametrize("lag", [0.0, 0.4])
@@ -64,7 +46,7 @@ def test_a_lag_leaves_a_third_after_its_time_constant():
 def test_a_vehicle_moves_with_the_wind_and_along_its_turn():
     # 0.2 rad/s at 20 m/s are a radius of 100 m; after 1 s the arc is 20 m long.
     bank = math.atan(0.2 * 20.0 / 9.80665)
-    now = state(wind_east=3.0, course=math.atan2(3.0, 20.0), ground_speed=math.hypot(20.0, 3.0))
+    now = vehicle_at(0.0, 0.0, math.atan2(3.0, 20.0), math.hypot(20.0, 3.0), wind=(0.0, 3.0))
     for _ in range(100):
         now = propagate(now, Inner(bank=bank), Bias(), 0.01, Airframe())
     assert now.heading == pytest.approx(0.2, abs=1e-9)
@@ -76,14 +58,12 @@ def flown(
     delay_compensator: DelayCompensator, airframe: Airframe, bias: Bias, seconds: float
 ) -> VehicleState[float]:
     """Fly 0.3 rad to the right and 2 m/s faster, reporting at 20 Hz, with the setpoints sent at time 0."""
-    now, inner = state(), Inner()
+    now, inner = vehicle_at(), Inner()
     delay_compensator.observe(now)
+    delay_compensator.note(Setpoint(course=0.0, speed=20.0), -10.0)
     for step in range(round(seconds / PERIOD)):
         time_s = step * PERIOD
-        setpoint = Setpoint(course=0.3, speed=22.0)
-        if step == 0:
-            delay_compensator.note(Setpoint(course=0.0, speed=20.0), -10.0)
-        delay_compensator.note(setpoint, time_s)
+        delay_compensator.note(Setpoint(course=0.3, speed=22.0), time_s)
         for part in range(4):
             at = time_s + part * PERIOD / 4
             told = ActiveSetpoint(
@@ -96,13 +76,18 @@ def flown(
     return now
 
 
+def straight_on(ahead: VehicleState[float]) -> Setpoint[float]:
+    """A law that neither turns nor accelerates."""
+    return Setpoint(course=ahead.course, speed=ahead.airspeed)
+
+
 def ahead_of(delay_compensator: DelayCompensator) -> VehicleState[float]:
     """The state that a law for the speed is shown."""
     seen = []
 
     def law(ahead: VehicleState[float]) -> Setpoint[float]:
         seen.append(ahead)
-        return Setpoint(course=ahead.course, speed=ahead.airspeed)
+        return straight_on(ahead)
 
     delay_compensator.setpoint(law, law)
     return seen[1]
@@ -124,10 +109,7 @@ def test_the_future_is_what_comes():
 def test_what_the_vehicle_does_beyond_its_model_is_taken_off():
     delay_compensator = DelayCompensator(LATE)
     now = flown(delay_compensator, LATE, Bias(turn_rate=0.05, acceleration=0.3), 4.0)
-    still = delay_compensator.setpoint(
-        lambda ahead: Setpoint(course=ahead.course, speed=ahead.airspeed),
-        lambda ahead: Setpoint(course=ahead.course, speed=ahead.airspeed),
-    )
+    still = delay_compensator.setpoint(straight_on, straight_on)
     # To neither turn nor accelerate it has to be told to turn left by 0.05 rad/s, to slow by 0.3 m/s².
     at = ahead_of(delay_compensator)
     assert still.speed - at.airspeed == pytest.approx(-0.3 / 0.55, abs=0.1)
@@ -137,16 +119,16 @@ def test_what_the_vehicle_does_beyond_its_model_is_taken_off():
 @pytest.mark.parametrize(
     ("wind", "slowest", "fastest"),
     [
-        ({}, 12.0, 32.0),
-        ({"wind_north": 5.0}, 17.0, 37.0),  # from behind
-        ({"wind_north": -4.0}, 8.0, 28.0),  # from ahead
-        ({"wind_east": 9.0}, math.sqrt(63.0), math.sqrt(943.0)),  # 12² - 9², 32² - 9²
+        ((0.0, 0.0), 12.0, 32.0),
+        ((5.0, 0.0), 17.0, 37.0),  # from behind
+        ((-4.0, 0.0), 8.0, 28.0),  # from ahead
+        ((0.0, 9.0), math.sqrt(63.0), math.sqrt(943.0)),  # 12² - 9², 32² - 9²
     ],
 )
 def test_a_ground_speed_is_one_that_the_airspeed_range_allows(wind, slowest, fastest):
     # Half a second late, nothing on its way: northbound, whatever the laws ask for.
     delay_compensator = DelayCompensator(replace(LATE, hold="course-hold"))
-    delay_compensator.observe(state(**wind))
+    delay_compensator.observe(replace(vehicle_at(), wind_north=wind[0], wind_east=wind[1]))
 
     def told(speed: float) -> float:
         wanted = Setpoint(course=0.0, speed=speed)
@@ -163,7 +145,8 @@ def test_a_ground_speed_is_allowed_by_the_wind_on_the_course_on_which_it_takes_e
     delay_compensator = DelayCompensator(airframe)
     for step in range(200):
         course = 0.2 * PERIOD * step
-        delay_compensator.observe(state(time_s=step * PERIOD, course=course, wind_north=5.0))
+        now = replace(vehicle_at(course=course), time_s=step * PERIOD, wind_north=5.0)
+        delay_compensator.observe(now)
     wanted = Setpoint(course=0.0, speed=60.0)
     told = delay_compensator.setpoint(lambda _: wanted, lambda _: wanted).speed
     tail, cross = 5.0 * math.cos(course + 0.1), 5.0 * math.sin(course + 0.1)
@@ -179,7 +162,7 @@ def test_steps_make_up_their_span():
 
 def field_of(gains: dict[str, float] | None = None, **airframe: float | str) -> SlotField:
     """The field of the mission circle-wind, but for what is given of gains and airframe."""
-    plan = flight_plan(shipped("circle-wind"), "f1")
+    plan = plan_of("circle-wind")
     chosen = plan.gains.model_copy(update=gains)
     return SlotField(chosen, plan.settings, replace(plan.airframe, **airframe))
 
@@ -198,23 +181,19 @@ def within(field: SlotField, certainty: Certainty = AS_DECLARED, *, slips: bool)
     return field.within(bandwidth)
 
 
-def course_gain(field: SlotField) -> float:
-    """How fast the course law beneath a field answers, 1/s."""
+def gain(field: SlotField, law: Literal["course", "speed"]) -> float:
+    """How fast the course or speed law beneath a field answers, 1/s."""
     sliding = field.settings.sliding
-    return sliding.kappa / sliding.layer(0.04, sliding.course_bandwidth)
-
-
-def speed_gain(field: SlotField) -> float:
-    """How fast the speed law beneath a field answers, 1/s."""
-    sliding = field.settings.sliding
-    return sliding.kappa / sliding.layer(0.04, sliding.speed_bandwidth)
+    bandwidth = sliding.course_bandwidth if law == "course" else sliding.speed_bandwidth
+    return sliding.kappa / sliding.layer(0.04, bandwidth)
 
 
 def test_without_a_delay_nothing_is_slowed():
     known = field_of()
     bounded = within(known, slips=False)
     assert bounded.gains == known.gains
-    assert (course_gain(bounded), speed_gain(bounded)) == (course_gain(known), speed_gain(known))
+    assert gain(bounded, "course") == gain(known, "course")
+    assert gain(bounded, "speed") == gain(known, "speed")
 
 
 def test_each_field_is_slower_than_the_law_inside_it():
@@ -222,10 +201,10 @@ def test_each_field_is_slower_than_the_law_inside_it():
     slowed = within(known, slips=False)
     share = 2.0 / math.pi
     lateral = 20.0 * share * slowed.gains.chi_inf * slowed.gains.k_y
-    assert lateral <= course_gain(slowed) / 2.0 + 1e-9
+    assert lateral <= gain(slowed, "course") / 2.0 + 1e-9
     along = share * slowed.gains.v_inf_m_s * slowed.gains.k_x
-    assert along <= speed_gain(slowed) / 2.0 + 1e-9
-    assert course_gain(slowed) < course_gain(known)
+    assert along <= gain(slowed, "speed") / 2.0 + 1e-9
+    assert gain(slowed, "course") < gain(known, "course")
 
 
 def test_a_long_memory_hardly_answers_to_a_swing():
@@ -239,11 +218,8 @@ def test_a_long_memory_hardly_answers_to_a_swing():
             time_s = step * PERIOD
             # The course stays within a sixtieth of a radian: 0.1 / (2 pi).
             swing = 0.1 / math.tau * math.sin(math.tau * time_s)
-            delay_compensator.observe(state(time_s=time_s, course=swing, heading=swing))
-            still = delay_compensator.course_setpoint(
-                lambda ahead: Setpoint(course=ahead.course, speed=20.0)
-            )
-            sent.append(still.course - swing)
+            delay_compensator.observe(vehicle_at(time_s=time_s, course=swing))
+            sent.append(delay_compensator.course_setpoint(straight_on).course - swing)
         spreads.append(max(sent[200:]) - min(sent[200:]))
     # First-order filters of 0.6 s and of 3 s pass 0.26 and 0.05 of 1 Hz.
     assert spreads[1] < 0.6 * spreads[0]
@@ -254,7 +230,7 @@ def sent_errors(memory: Memory, asked: list[float]) -> list[float]:
     delay_compensator, airframe = DelayCompensator(Airframe(), memory=memory), Airframe()
     sent = []
     for step, turn_rate in enumerate(asked):
-        delay_compensator.observe(state(time_s=step * PERIOD))
+        delay_compensator.observe(vehicle_at(time_s=step * PERIOD))
         wanted = Setpoint(course=turn_rate / airframe.alpha, speed=20.0)
         sent.append(delay_compensator.course_setpoint(lambda _, wanted=wanted: wanted).course)
     return sent
@@ -286,7 +262,7 @@ def test_what_is_sent_as_speed_has_nothing_of_the_measured_one(k_x, expected_k_x
     sent = within(known, slips=False).for_speed()
     slope = 2.0 / math.pi * sent.gains.v_inf_m_s * sent.gains.k_x
     # V + (dV/dt) / beta, where dV/dt falls by the gain and by the slope of the field with each m/s.
-    assert 1.0 - (speed_gain(sent) + slope) / beta == pytest.approx(0.0, abs=1e-9)
+    assert 1.0 - (gain(sent, "speed") + slope) / beta == pytest.approx(0.0, abs=1e-9)
     # No more than a third of beta, half of what is left to the law inside.
     assert sent.gains.k_x == pytest.approx(expected_k_x)
     assert not sent.answers_course_error
@@ -305,14 +281,14 @@ def test_a_total_energy_hold_is_learned_slowly_whether_or_not_the_vehicle_slips(
 def test_the_course_law_of_a_vehicle_that_slips_is_no_faster_than_its_yaw_bears():
     # kappa 3 and factor 4.8 alone: 1 / (4.8 (0.05 + 0.2 * 0.5)) = 1.4 1/s.
     slowed = within(field_of(course_dead_time=0.5), slips=True)
-    assert course_gain(slowed) == pytest.approx(0.45)
+    assert gain(slowed, "course") == pytest.approx(0.45)
     assert 20.0 * 2.0 / math.pi * slowed.gains.chi_inf * slowed.gains.k_y <= 0.225 + 1e-9
 
 
 def test_a_vehicle_that_nobody_steers_is_expected_to_turn_on():
     delay_compensator = DelayCompensator(LATE)
     bank = math.atan(0.1 * 20.0 / 9.80665)
-    now = state()
+    now = vehicle_at()
     for _ in range(200):
         delay_compensator.observe(now)
         now = propagate(now, Inner(bank=bank), Bias(), PERIOD, LATE)

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
-from tests.kit.companion import GUIDED, RTL, leader_bytes, new_flight
+from tests.kit.companion import GUIDED, leader_bytes, new_flight
 from tests.kit.states import FRAME
 from tests.kit.wire import heartbeat, spoken
 from vfguide.companion.alerts import Alerts
@@ -79,8 +79,7 @@ def test_an_estimator_that_comes_back_is_steered_by_once():
 
 def test_a_mode_that_the_autopilot_denies_is_not_called_the_pilots():
     flown = new_flight(until_s=15.0)
-    flown.pilot(RTL)
-    flown.run(18.0)
+    flown.pilot("RTL", until_s=18.0)
     flown.forge = lambda _now: spoken(heartbeat(GUIDED))
     flown.run(24.0)
     assert flown.mode_at(24.0) is Mode.PILOT
@@ -141,7 +140,6 @@ def test_a_neighbour_whose_altitude_steps_has_none(step):
         time_s = number / 5
         altitude = 588.0 + (step if number >= 10 else 0.0)
         assert receiver.take(leader_bytes(time_s, altitude_amsl=altitude), time_s)
-        assert receiver.newest is not None
         assert math.isnan(receiver.newest.altitude_amsl) is (number >= 10)
     (said,) = alerts.heard(4.0)
     assert said.text.startswith("f2 reports an altitude that steps")

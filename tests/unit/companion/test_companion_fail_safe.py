@@ -4,7 +4,7 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
-from tests.kit.companion import GUIDED, SET_MODE, Flight, heard_until, new_flight, without
+from tests.kit.companion import SET_MODE, Flight, heard_until, new_flight, without
 from tests.kit.wire import packed, spoken
 
 DEAF_S = 12.0
@@ -22,7 +22,7 @@ def set_up_flight() -> Flight:
         )
         flown.autopilot.receive(packed(setting))
     flown.run(DEAF_S)
-    assert flown.autopilot.truth().mode == "GUIDED"
+    assert flown.autopilot_mode == "GUIDED"
     return flown
 
 
@@ -35,7 +35,7 @@ def test_a_deaf_companion_lets_the_autopilots_fail_safe_take_over():
     flown.deaf = True
     # 10 s until it is to be handed back, 5 s for that, 5 s of the autopilot's own patience.
     flown.run(DEAF_S + 22.0)
-    assert flown.autopilot.truth().mode == "RTL"
+    assert flown.autopilot_mode == "RTL"
     assert flown.later(SET_MODE, DEAF_S) == []
     said = texts(flown, DEAF_S)
     assert "no heartbeat heard, not steering; check the telemetry, or take over" in said[1]
@@ -45,7 +45,7 @@ def test_a_deaf_companion_lets_the_autopilots_fail_safe_take_over():
     flown.deaf = False
     flown.run(DEAF_S + 40.0)
     assert flown.later("HEARTBEAT", DEAF_S + 24.0)
-    assert flown.autopilot.truth().mode == "RTL"
+    assert flown.autopilot_mode == "RTL"
     assert flown.later(SET_MODE, DEAF_S) == []
 
 
@@ -53,23 +53,21 @@ def test_so_does_one_that_hears_positions_and_no_heartbeats():
     flown = set_up_flight()
     flown.edit = without("HEARTBEAT")
     flown.run(DEAF_S + 22.0)
-    assert flown.autopilot.truth().mode == "RTL"
+    assert flown.autopilot_mode == "RTL"
     assert flown.later(SET_MODE, DEAF_S) == []
 
 
 def test_a_pilot_who_has_taken_over_is_not_disturbed_by_a_companion_that_goes_deaf():
     flown = set_up_flight()
-    flown.pilot(0)
-    flown.run(DEAF_S + 3.0)
+    flown.pilot("MANUAL", until_s=DEAF_S + 3.0)
     flown.deaf = True
     flown.run(DEAF_S + 40.0)
-    assert flown.autopilot.truth().mode == "MANUAL"
+    assert flown.autopilot_mode == "MANUAL"
 
 
 def test_guided_by_hand_without_a_leader_is_told_to_the_pilot():
     flown = new_flight(engage=False, link=heard_until(-1.0), until_s=5.0)
-    flown.pilot(GUIDED)
-    flown.run(30.0)
+    flown.pilot("GUIDED", until_s=30.0)
     assert [text.split(": ", 1)[1] for text in texts(flown, 0.0)] == [
         "not steering, no position or no leader heard; watch it, or take over"
     ]
@@ -103,14 +101,14 @@ def test_a_leap_of_the_boot_time_excuses_no_step_of_the_place(leap_s):
 
 def test_guidance_that_fails_hands_the_aircraft_back_and_says_why(monkeypatch):
     flown = new_flight(until_s=DEAF_S)
-    assert flown.autopilot.truth().mode == "GUIDED"
+    assert flown.autopilot_mode == "GUIDED"
 
     def fails(*_: object) -> None:
         raise ValueError("the path\nhas no course here")
 
     monkeypatch.setattr(flown.companion._vehicle.role, "step", fails)  # noqa: SLF001
     flown.run(DEAF_S + 14.0)
-    assert flown.autopilot.truth().mode == "LOITER"
+    assert flown.autopilot_mode == "LOITER"
     said = texts(flown, DEAF_S)
     assert "guidance fails (ValueError in test_companion_fail_safe.py" in said[0]
     assert "the path has no course here): take over; mend the law or the path" in said[0]

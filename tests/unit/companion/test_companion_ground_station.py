@@ -1,15 +1,11 @@
 """A ground station on the companion's own connection, by a router: both get what they ask for."""
 
-from typing import Any
-
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
-from tests.kit.companion import new_flight
-
-Flown = Any
-"""A flight of conftest.py, which tests cannot import."""
+from tests.kit.companion import KINDS, Flight, new_flight
+from tests.kit.wire import command_long, packed, parsed
 
 REQUEST_MESSAGE, SET_MESSAGE_INTERVAL, GET_MESSAGE_INTERVAL = 512, 511, 510
 
@@ -17,21 +13,18 @@ REQUEST_MESSAGE, SET_MESSAGE_INTERVAL, GET_MESSAGE_INTERVAL = 512, 511, 510
 class QGroundControl:
     """What QGroundControl sends to a vehicle, in its order; everything it hears comes by the same router."""
 
-    def __init__(self, flown: Flown, system_id: int) -> None:
+    def __init__(self, flown: Flight, system_id: int) -> None:
         self._flown = flown
         self._vehicle = system_id
-        self._writer = mavlink.MAVLink(None, srcSystem=255, srcComponent=190)
-        self._reader = mavlink.MAVLink(None)
 
     def send(self, message: MAVLink_message) -> list[MAVLink_message]:
         """Send a message; what the autopilot answers at once reaches the companion, too."""
-        answer = self._flown.autopilot.receive(message.pack(self._writer))
+        answer = self._flown.autopilot.receive(packed(message))
         self._flown.waiting += answer
-        return self._reader.parse_buffer(answer) or []
+        return parsed(answer)
 
     def command(self, number: int, *parameters: float) -> list[MAVLink_message]:
-        padded = (*parameters, *(0.0,) * (7 - len(parameters)))
-        return self.send(mavlink.MAVLink_command_long_message(self._vehicle, 1, number, 0, *padded))
+        return self.send(command_long(number, *parameters, system_id=self._vehicle))
 
     def start(self) -> dict[str, list[MAVLink_message]]:
         """Connect to the vehicle; the answers by what was asked."""
@@ -57,7 +50,7 @@ def interval_us(station: QGroundControl, message_id: int) -> int:
     return next(one.interval_us for one in answers if one.get_type() == "MESSAGE_INTERVAL")
 
 
-@pytest.mark.parametrize("kind", ["ardupilot", "px4"])
+@pytest.mark.parametrize("kind", KINDS)
 def test_qgroundcontrol_gets_its_answers_and_the_companion_its_rate_back(kind):
     flown = new_flight(kind=kind, until_s=20.0)
     assert flown.companion.snapshot.mode.steers
@@ -94,12 +87,8 @@ def test_answers_to_the_ground_station_are_none_to_the_companion():
 
 def test_it_hears_what_the_companion_says_to_it():
     flown = new_flight(until_s=10.0)
-    heard = [
-        message
-        for _, data in flown.sent
-        for message in mavlink.MAVLink(None).parse_buffer(data) or []
-    ]
+    heard = parsed(b"".join(data for _, data in flown.sent))
     to_all = [one for one in heard if one.get_type() in {"STATUSTEXT", "NAMED_VALUE_FLOAT"}]
-    assert {one.get_type() for one in to_all} == {"STATUSTEXT", "NAMED_VALUE_FLOAT"}
+    assert kinds(to_all) == {"STATUSTEXT", "NAMED_VALUE_FLOAT"}
     # Of the vehicle's own system, by its computer on board: routers pass that on to everybody.
     assert {(one.get_srcSystem(), one.get_srcComponent()) for one in to_all} == {(2, 191)}

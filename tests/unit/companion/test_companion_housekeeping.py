@@ -1,32 +1,22 @@
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from tests.kit.companion import emulator, leader_bytes, new_flight
-from tests.kit.missions import plan_of, shipped
-from tests.kit.wire import parsed, spoken
+from tests.kit.companion import (
+    HEADING,
+    MESSAGE_INTERVAL,
+    companion_of,
+    leader_bytes,
+    new_flight,
+)
+from tests.kit.wire import heartbeat, northbound, parsed, spoken
 from vfguide.companion.core import Companion
-from vfguide.companion.mission_plan import adapter_of
 from vfguide.companion.supervisor import Mode
-
-MESSAGE_INTERVAL, HEADING = 511, 43_002
 
 
 @pytest.fixture
 def companion() -> Companion:
     """Of f1, with nothing around it."""
-    return Companion(plan_of(), adapter_of(shipped("line-calm").vehicles["f1"]), engage=True)
-
-
-def beat(*, custom_mode: int = 15) -> mavlink.MAVLink_heartbeat_message:
-    return mavlink.MAVLink_heartbeat_message(1, 3, 129, custom_mode, 4, 3)
-
-
-def position(boot_time_s: float) -> mavlink.MAVLink_global_position_int_message:
-    # 20 m/s north; 89.93 degE7 to the metre.
-    latitude = 473_977_420 + round(20.0 * 89.93 * boot_time_s)
-    return mavlink.MAVLink_global_position_int_message(
-        round(boot_time_s * 1e3), latitude, 85_455_940, 588_000, 100_000, 2000, 0, 0, 0
-    )
+    return companion_of()
 
 
 def test_heartbeats_go_out_once_a_second():
@@ -34,26 +24,13 @@ def test_heartbeats_go_out_once_a_second():
     assert flown.times("HEARTBEAT") == [float(second) for second in range(21)]
 
 
-def test_heartbeats_go_out_by_time_alone(companion):
-    beats = [
-        tenth / 10
-        for tenth in range(51)
-        for message in parsed(companion.poll(tenth / 10).to_autopilot)
-        if message.get_type() == "HEARTBEAT"
-    ]
-    assert beats == [0.0, 1.0, 2.0, 3.0, 4.0, 5.0]
-
-
-def test_a_heartbeat_is_an_onboard_computers(companion):
-    (message,) = parsed(companion.poll(0.0).to_autopilot)
-    assert (message.type, message.autopilot) == (18, 8)
-    assert (message.get_srcSystem(), message.get_srcComponent()) == (2, 191)
-
-
-def test_an_autopilot_that_was_never_heard_is_asked_for_nothing(companion):
-    for second in range(5):
-        messages = parsed(companion.poll(float(second)).to_autopilot)
-        assert [message.get_type() for message in messages] == ["HEARTBEAT"]
+def test_before_an_autopilot_is_heard_heartbeats_go_out_by_time_and_nothing_is_asked_for(companion):
+    sent = [(n / 10, one) for n in range(51) for one in parsed(companion.poll(n / 10).to_autopilot)]
+    assert [time for time, _ in sent] == [0.0, 1.0, 2.0, 3.0, 4.0, 5.0]
+    assert {one.get_type() for _, one in sent} == {"HEARTBEAT"}
+    # Of a computer on board.
+    assert {(one.type, one.autopilot) for _, one in sent} == {(18, 8)}
+    assert {(one.get_srcSystem(), one.get_srcComponent()) for _, one in sent} == {(2, 191)}
 
 
 def test_telemetry_is_asked_for_until_it_flows():
@@ -70,9 +47,9 @@ def test_telemetry_is_asked_for_until_it_flows():
 def test_telemetry_is_asked_for_again_after_a_reboot():
     flown = new_flight(until_s=20.0)
     assert flown.times(MESSAGE_INTERVAL)[-1] < 3.0
-    flown.autopilot, flown.booted = emulator(), 20.0
+    flown.reboot()
     flown.run(30.0)
-    later = [time for time in flown.times(MESSAGE_INTERVAL) if time > 20.0]
+    later = flown.later(MESSAGE_INTERVAL, 20.0)
     assert later
     assert later[-1] <= 23.0
 
@@ -81,14 +58,14 @@ def test_telemetry_is_asked_for_again_when_it_has_stopped():
     flown = new_flight(until_s=10.0)
     flown.command(MESSAGE_INTERVAL, 33, -1)
     flown.run(20.0)
-    assert [time for time in flown.times(MESSAGE_INTERVAL) if time > 10.0] == [12.0] * 7
+    assert flown.later(MESSAGE_INTERVAL, 10.0) == [12.0] * 7
     assert flown.times(HEADING)[-1] > 19.5
 
 
 def test_without_telemetry_nothing_is_steered_by(companion):
     for step in range(41):
         companion.receive_link(leader_bytes(step / 20), step / 20)
-        companion.receive_mavlink(spoken(beat(), position(step / 20)), step / 20)
+        companion.receive_mavlink(spoken(heartbeat(), northbound(step / 20)), step / 20)
     assert companion.snapshot.mode.steers
     out = companion.poll(3.1)
     assert companion.snapshot.mode is Mode.WAITING
@@ -101,40 +78,29 @@ def test_without_telemetry_nothing_is_steered_by(companion):
 def test_a_duplicate_position_is_not_steered_by_twice(companion):
     for step in range(11):
         companion.receive_link(leader_bytes(step / 20), step / 20)
-        companion.receive_mavlink(spoken(beat(), position(step / 20)), step / 20)
-    assert companion.receive_mavlink(spoken(position(0.5)), 0.52).to_autopilot == b""
-    assert companion.receive_mavlink(spoken(position(0.45)), 0.53).to_autopilot == b""
-    assert not companion.receive_mavlink(spoken(position(0.45)), 0.54).steered
-    assert companion.receive_mavlink(spoken(position(0.55)), 0.55).steered
+        companion.receive_mavlink(spoken(heartbeat(), northbound(step / 20)), step / 20)
+    assert companion.receive_mavlink(spoken(northbound(0.5)), 0.52).to_autopilot == b""
+    assert companion.receive_mavlink(spoken(northbound(0.45)), 0.53).to_autopilot == b""
+    assert not companion.receive_mavlink(spoken(northbound(0.45)), 0.54).steered
+    assert companion.receive_mavlink(spoken(northbound(0.55)), 0.55).steered
+
+
+BEYOND = "not in GUIDED, or an airspeed outside AIRSPEED_MIN to AIRSPEED_MAX"
+NO_COURSE = "not in Guided Course, or a course that it does not take"
+NO_MODE = (
+    "it has no such mode or cannot fly it now; offboard wants setpoints first, at 2 Hz or more"
+)
+READY = "; be ready to take over"
 
 
 @pytest.mark.parametrize(
     ("command", "result", "text"),
     [
-        (
-            *(43_000, 4),
-            (
-                "autopilot answers MAV_CMD_GUIDED_CHANGE_SPEED: FAILED"
-                " (not in GUIDED, or an airspeed outside AIRSPEED_MIN to AIRSPEED_MAX); be ready to take over"
-            ),
-        ),
-        (
-            *(43_002, 2),
-            (
-                "autopilot answers MAV_CMD_GUIDED_CHANGE_HEADING: DENIED"
-                " (not in Guided Course, or a course that it does not take); be ready to take over"
-            ),
-        ),
-        (
-            *(176, 1),
-            (
-                "autopilot answers MAV_CMD_DO_SET_MODE: TEMPORARILY_REJECTED"
-                " (it has no such mode or cannot fly it now; offboard wants setpoints first, at 2 Hz or more)"
-                "; be ready to take over"
-            ),
-        ),
-        (60_000, 2, "autopilot answers 60000: DENIED; be ready to take over"),
-        (511, 200, "autopilot answers MAV_CMD_SET_MESSAGE_INTERVAL: 200"),
+        (43_000, 4, f"MAV_CMD_GUIDED_CHANGE_SPEED: FAILED ({BEYOND}){READY}"),
+        (43_002, 2, f"MAV_CMD_GUIDED_CHANGE_HEADING: DENIED ({NO_COURSE}){READY}"),
+        (176, 1, f"MAV_CMD_DO_SET_MODE: TEMPORARILY_REJECTED ({NO_MODE}){READY}"),
+        (60_000, 2, f"60000: DENIED{READY}"),
+        (511, 200, "MAV_CMD_SET_MESSAGE_INTERVAL: 200"),
     ],
 )
 def test_a_refused_command_is_one_event_however_often_it_is_refused(
@@ -146,7 +112,7 @@ def test_a_refused_command_is_one_event_however_often_it_is_refused(
         for step in range(50)
         for event in companion.receive_mavlink(refusal, step / 10).events
     ]
-    assert [(event.time_s, event.text) for event in events] == [(0.0, text)]
+    assert [(event.time_s, event.text) for event in events] == [(0.0, f"autopilot answers {text}")]
 
 
 def test_each_kind_of_refusal_is_an_event(companion):
@@ -155,28 +121,18 @@ def test_each_kind_of_refusal_is_an_event(companion):
     assert len(companion.receive_mavlink(data, 0.0).events) == 3
 
 
-def test_what_a_ground_station_was_refused_is_no_event(companion):
-    data = spoken(mavlink.MAVLink_command_ack_message(43_000, 4, 0, 0, 255, 190))
+@pytest.mark.parametrize("answer", [(0,), (5,), (4, 0, 0, 255, 190)])
+def test_what_is_accepted_or_was_refused_to_a_ground_station_is_no_event(companion, answer):
+    data = spoken(mavlink.MAVLink_command_ack_message(43_000, *answer))
     assert companion.receive_mavlink(data, 0.0).events == []
-
-
-@pytest.mark.parametrize("result", [0, 5])
-def test_an_accepted_command_is_no_event(companion, result):
-    data = spoken(mavlink.MAVLink_command_ack_message(43_000, result))
-    assert companion.receive_mavlink(data, 0.0).events == []
-
-
-def test_what_the_autopilot_says_is_an_event(companion):
-    data = spoken(mavlink.MAVLink_statustext_message(4, b"Battery low\x07"))
-    (event,) = companion.receive_mavlink(data, 7.0).events
-    assert (event.time_s, event.text) == (7.0, r"autopilot: Battery low\x07")
 
 
 @pytest.mark.parametrize("severity", range(8))
-def test_what_the_autopilot_says_is_worrying_from_a_warning_on(companion, severity):
+def test_what_the_autopilot_says_is_an_event_and_worrying_from_a_warning_on(companion, severity):
     # MAV_SEVERITY: 0 is an emergency, 4 a warning, 5 a notice, 7 for debugging.
-    data = spoken(mavlink.MAVLink_statustext_message(severity, b"Something"))
+    data = spoken(mavlink.MAVLink_statustext_message(severity, b"Battery low\x07"))
     (event,) = companion.receive_mavlink(data, 7.0).events
+    assert (event.time_s, event.text) == (7.0, r"autopilot: Battery low\x07")
     assert event.warning is (severity <= 4)
 
 
@@ -188,7 +144,7 @@ def test_telemetry_is_asked_for_again_below_seventy_percent_of_its_rate(
     numbers = []
     for step in range(60):
         now = step * interval_s
-        out = companion.receive_mavlink(spoken(beat(), position(now)), now)
+        out = companion.receive_mavlink(spoken(heartbeat(), northbound(now)), now)
         if step > 20:
             numbers += [getattr(one, "command", None) for one in parsed(out.to_autopilot)]
     assert (MESSAGE_INTERVAL in numbers) is asked
@@ -196,15 +152,12 @@ def test_telemetry_is_asked_for_again_below_seventy_percent_of_its_rate(
 
 def test_a_real_autopilot_that_refuses_is_reported_by_name():
     flown = new_flight(until_s=10.0)
-    flown.pilot(12)
+    flown.pilot("LOITER")
     # The heartbeat with the new mode is lost: setpoints go on and fail, which is said once each.
     flown.waiting = b""
     flown.run(13.0)
     assert [text for _, text in flown.events if "answers" in text] == [
-        "autopilot answers MAV_CMD_GUIDED_CHANGE_HEADING: FAILED (not in GUIDED); be ready to take over",
-        (
-            "autopilot answers MAV_CMD_GUIDED_CHANGE_SPEED: FAILED"
-            " (not in GUIDED, or an airspeed outside AIRSPEED_MIN to AIRSPEED_MAX); be ready to take over"
-        ),
+        f"autopilot answers MAV_CMD_GUIDED_CHANGE_HEADING: FAILED (not in GUIDED){READY}",
+        f"autopilot answers MAV_CMD_GUIDED_CHANGE_SPEED: FAILED ({BEYOND}){READY}",
     ]
     assert flown.mode_at(13.0) is Mode.PILOT

@@ -3,20 +3,17 @@
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from tests.kit.companion import heard_until, new_flight
-from tests.kit.wire import parsed, spoken
+from tests.kit.companion import HASTY, KINDS, SET_MODE, heard_until, new_flight
+from tests.kit.wire import heartbeat, parsed, spoken
 from vfguide.companion.supervisor import Mode
 from vfguide.mavlink.announcements import NOTICE, status_texts
 
-HASTY = {"prediction_s": 3.0, "breakaway_s": 2.0}
-LOITER, RTL, MANUAL = 12, 11, 0
-SET_MODE, CHANGE_HEADING = 176, 43_002
+LOITER = 12
 
 
 def test_each_change_of_mode_is_told_to_ground_stations():
     flown = new_flight(link=heard_until(40.0, 50.0), patience=HASTY, until_s=52.0)
-    flown.pilot(LOITER)
-    flown.run(54.0)
+    flown.pilot("LOITER", until_s=54.0)
     assert [text for _, text in flown.texts()] == [
         f"vfguide f1: {text}"
         for text in (
@@ -32,11 +29,6 @@ def test_each_change_of_mode_is_told_to_ground_stations():
     assert [time for time, _ in flown.texts()][:6] == changes
 
 
-def test_a_short_text_is_one_message():
-    (message,) = status_texts("vfguide f1: é", NOTICE, 7)
-    assert (message.severity, message.text, message.id) == (5, "vfguide f1: ?", 0)
-
-
 @pytest.mark.parametrize("length", [51, 99, 100, 101, 150, 249])
 def test_a_long_text_arrives_whole_and_its_end_shows(length):
     text = "".join(chr(65 + index % 26) for index in range(length))
@@ -50,12 +42,14 @@ def test_a_long_text_arrives_whole_and_its_end_shows(length):
     assert sizes[-1] < 50
 
 
-def test_a_text_without_an_end_is_cut():
+def test_a_short_text_is_one_message_and_one_without_an_end_is_cut():
+    (message,) = status_texts("vfguide f1: é", NOTICE, 7)
+    assert (message.severity, message.text, message.id) == (5, "vfguide f1: ?", 0)
     messages = status_texts("x" * 1000, NOTICE, 7)
     assert [len(message.text) for message in messages] == [50, 50, 50, 50, 50, 49]
 
 
-@pytest.mark.parametrize("kind", ["ardupilot", "px4"])
+@pytest.mark.parametrize("kind", KINDS)
 def test_stopping_hands_back_what_is_steered(kind):
     flown = new_flight(kind=kind, until_s=20.0)
     assert flown.companion.snapshot.mode.steers
@@ -75,7 +69,7 @@ def test_stopping_hands_back_what_is_steered(kind):
     assert (message.param1, message.param2, message.param3) == wanted
     assert (message.target_system, message.get_srcSystem()) == (2, 2)
     assert flown.times(SET_MODE) == [21.0]
-    assert flown.autopilot.truth().mode == ("LOITER" if kind == "ardupilot" else "AUTO.LOITER")
+    assert flown.autopilot_mode == "LOITER"
     assert flown.companion.snapshot.mode is Mode.WAITING
     assert flown.companion.released
 
@@ -85,17 +79,16 @@ def test_stopping_while_breaking_away_hands_back():
     assert flown.mode_at(25.0) is Mode.BREAKAWAY
     flown.companion.stop(25.0)
     flown.run(26.0)
-    assert flown.autopilot.truth().mode == "LOITER"
+    assert flown.autopilot_mode == "LOITER"
 
 
 @pytest.mark.parametrize("begins", ["waiting", "pilot", "lost"])
-def test_stopping_says_nothing_where_nothing_is_steered(begins):
+def test_stopping_says_nothing_where_nothing_is_steered_and_releases_at_once(begins):
     flown = new_flight(
         engage=begins != "waiting", link=heard_until(10.0), patience=HASTY, until_s=8.0
     )
     if begins == "pilot":
-        flown.pilot(LOITER)
-    flown.run(20.0)
+        flown.pilot("LOITER", until_s=20.0)
     assert flown.companion.snapshot.mode.value == begins
     out = flown.companion.stop(20.05)
     assert (out.to_autopilot, out.events) == (b"", [])
@@ -111,7 +104,7 @@ def test_last_words_are_said_three_times_and_no_more():
     assert not flown.companion.released
 
 
-@pytest.mark.parametrize("mode", [RTL, MANUAL])
+@pytest.mark.parametrize("mode", ["RTL", "MANUAL"])
 def test_last_words_are_not_said_into_the_pilots_mode(mode):
     flown = new_flight(until_s=20.4)
     # Its heartbeat is lost, and the companion is stopped: SIGTERM a moment after the pilot's hand.
@@ -120,23 +113,21 @@ def test_last_words_are_not_said_into_the_pilots_mode(mode):
     flown.companion.stop(20.4)
     flown.run(30.0)
     assert flown.later(SET_MODE, 20.0) == []
-    assert flown.autopilot.truth().mode == {RTL: "RTL", MANUAL: "MANUAL"}[mode]
+    assert flown.autopilot_mode == mode
     assert flown.companion.released
 
 
-@pytest.mark.parametrize("mode", [RTL, MANUAL])
+@pytest.mark.parametrize("mode", ["RTL", "MANUAL"])
 @pytest.mark.parametrize("every_steps", [1, 3, 10])
 def test_forged_heartbeats_and_a_stop_do_not_undo_the_pilot(mode, every_steps):
     flown = new_flight(until_s=20.0)
-    flown.pilot(mode)
-    flown.run(22.0)
-    guided = mavlink.MAVLink_heartbeat_message(1, 3, 129, 15, 4, 3)
-    flown.forge = lambda now: b"" if round(now * 20) % every_steps else spoken(guided)
+    flown.pilot(mode, until_s=22.0)
+    flown.forge = lambda now: b"" if round(now * 20) % every_steps else spoken(heartbeat())
     flown.run(25.0)
     flown.companion.stop(25.0)
     flown.run(32.0)
     assert flown.later(SET_MODE, 20.0) == []
-    assert flown.autopilot.truth().mode == {RTL: "RTL", MANUAL: "MANUAL"}[mode]
+    assert flown.autopilot_mode == mode
 
 
 @pytest.mark.parametrize("stops", [False, True])
@@ -144,15 +135,14 @@ def test_forged_heartbeats_are_not_believed_by_a_companion_that_hears_nothing_el
     flown = new_flight(link=heard_until(20.0), patience=HASTY, until_s=20.0)
     flown.deaf = True
     flown.run(20.5)
-    flown.pilot(RTL)
-    guided = mavlink.MAVLink_heartbeat_message(1, 3, 129, 15, 4, 3)
-    flown.forge = lambda _now: spoken(guided)
+    flown.pilot("RTL")
+    flown.forge = lambda _now: spoken(heartbeat())
     flown.run(28.0)
     if stops:
         flown.companion.stop(28.0)
     flown.run(40.0)
     assert flown.later(SET_MODE, 20.0) == []
-    assert flown.autopilot.truth().mode == "RTL"
+    assert flown.autopilot_mode == "RTL"
 
 
 @pytest.mark.parametrize("target", [(0, 0), (255, 190), (2, 191)])
@@ -163,13 +153,6 @@ def test_an_answer_alone_releases_nothing(target):
     answer = mavlink.MAVLink_command_ack_message(SET_MODE, 0, 0, 0, *target)
     flown.companion.receive_mavlink(spoken(answer), 20.1)
     assert not flown.companion.released
-    loiter = mavlink.MAVLink_heartbeat_message(1, 3, 129, LOITER, 4, 3)
-    out = flown.companion.receive_mavlink(spoken(loiter), 20.2)
+    out = flown.companion.receive_mavlink(spoken(heartbeat(LOITER)), 20.2)
     assert flown.companion.released
     assert out.to_link == []
-
-
-def test_whoever_steers_nothing_is_released_at_once():
-    flown = new_flight(engage=False, until_s=5.0)
-    flown.companion.stop(5.05)
-    assert flown.companion.released

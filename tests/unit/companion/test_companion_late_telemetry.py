@@ -6,8 +6,6 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from tests.kit.companion import (
     HASTY,
     KINDS,
-    SELECT_MANUAL,
-    SELECT_RTL,
     SET_MODE,
     Flight,
     heard_from,
@@ -24,17 +22,16 @@ def lost_at_25(**options: object) -> Flight:
 
 
 @pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("modes", [SELECT_RTL, SELECT_MANUAL])
+@pytest.mark.parametrize("mode", ["RTL", "MANUAL"])
 @pytest.mark.parametrize("before_s", [0.1, 0.8, 1.8, 2.8])
-def test_a_mode_selected_while_telemetry_is_late_is_not_engaged_over(kind, modes, before_s):
+def test_a_mode_selected_while_telemetry_is_late_is_not_engaged_over(kind, mode, before_s):
     flown = new_flight(kind=kind, link=heard_from(10.0))
     flown.late_s = 3.0
     flown.run(10.0 - before_s)
-    flown.pilot(*modes[kind])
-    selected = flown.autopilot.truth().mode
+    flown.pilot(mode)
     flown.run(20.0)
     assert flown.times(SET_MODE) == []
-    assert flown.autopilot.truth().mode == selected
+    assert flown.autopilot_mode == mode
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -45,8 +42,7 @@ def test_a_companion_that_stops_does_not_undo_a_mode_that_it_has_not_heard_of(
     flown = new_flight(kind=kind, until_s=20.0)
     flown.late_s = late_s
     flown.run(29.2)
-    flown.pilot(*SELECT_RTL[kind])
-    flown.run(29.2 + before_s)
+    flown.pilot("RTL", until_s=29.2 + before_s)
     flown.companion.stop(flown.now)
     flown.run(40.0)
     assert flown.later(SET_MODE, 20.0) == []
@@ -59,8 +55,7 @@ def test_a_lost_leader_does_not_undo_a_mode_that_was_not_heard_of(kind, after_s)
     flown = lost_at_25(kind=kind, until_s=20.0)
     flown.late_s = 3.0
     flown.run(25.0 + after_s)
-    flown.pilot(*SELECT_RTL[kind])
-    flown.run(50.0)
+    flown.pilot("RTL", until_s=50.0)
     assert flown.later(SET_MODE, 20.0) == []
 
 
@@ -68,7 +63,7 @@ def test_the_pilot_hears_that_late_telemetry_keeps_the_companion_from_handing_ba
     flown = lost_at_25(until_s=20.0)
     flown.late_s = 3.0
     flown.run(50.0)
-    assert flown.autopilot.truth().mode == "GUIDED"
+    assert flown.autopilot_mode == "GUIDED"
     late = [text for _, text in flown.texts() if "telemetry comes late" in text]
     assert late == [
         (
@@ -79,7 +74,7 @@ def test_the_pilot_hears_that_late_telemetry_keeps_the_companion_from_handing_ba
     # In time again, it is handed back.
     flown.late_s = 0.0
     flown.run(60.0)
-    assert flown.autopilot.truth().mode == "LOITER"
+    assert flown.autopilot_mode == "LOITER"
 
 
 @pytest.mark.parametrize(("late_s", "edit"), [(0.2, None), (0.5, None), (0.0, without("TIMESYNC"))])
@@ -87,9 +82,9 @@ def test_an_ordinary_radio_is_quick_enough_and_an_autopilot_without_a_time_flown
     flown = lost_at_25()
     flown.late_s, flown.edit = late_s, edit
     flown.run(20.0)
-    assert flown.autopilot.truth().mode == "GUIDED"
+    assert flown.autopilot_mode == "GUIDED"
     flown.run(40.0)
-    assert flown.autopilot.truth().mode == "LOITER"
+    assert flown.autopilot_mode == "LOITER"
 
 
 @pytest.mark.parametrize("forged", [False, True])
@@ -103,15 +98,15 @@ def test_answers_that_stay_away_end_the_right_to_command_modes_and_others_date_n
         )
     flown.run(40.0)
     assert flown.later(SET_MODE, 20.0) == []
-    assert flown.autopilot.truth().mode == "GUIDED"
+    assert flown.autopilot_mode == "GUIDED"
 
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_what_waited_while_the_companion_stood_still_for_a_moment_shows_no_mode(kind):
     flown = new_flight(kind=kind, until_s=0.6)
     flown.hang(1.05)
-    flown.pilot(*SELECT_MANUAL[kind])
+    flown.pilot("MANUAL")
     flown.hang(1.7)
     flown.run(10.0)
     assert flown.times(SET_MODE) == []
-    assert flown.autopilot.truth().mode == "MANUAL"
+    assert flown.autopilot_mode == "MANUAL"

@@ -2,12 +2,16 @@ import math
 
 import pytest
 
-from tests.kit.companion import heard_until, leader_bytes, new_flight
-from tests.kit.missions import plan_of
+from tests.kit.companion import (
+    HEADING,
+    KINDS,
+    SET_MODE,
+    SPEED,
+    heard_until,
+    leader_bytes,
+    new_flight,
+)
 from vfguide.companion.supervisor import Mode
-
-SET_MODE, HEADING, SPEED = 176, 43_002, 43_000
-GUIDED, MANUAL = 15, 0
 
 HASTY = {"prediction_s": 5.0, "breakaway_s": 3.0}
 """The leader is lost 8 s after it was heard last."""
@@ -26,29 +30,23 @@ def test_a_silent_leader_is_predicted_then_left_and_then_lost():
     assert changes == ["tracking -> predicting", "predicting -> breakaway", "breakaway -> lost"]
 
 
-def test_half_a_minute_of_silence_is_borne_unless_the_mission_says_otherwise():
-    flown = new_flight(link=heard_until(30.0), until_s=86.0)
+def test_half_a_minute_of_silence_is_borne_in_its_slot_unless_the_mission_says_otherwise():
+    flown = new_flight(link=heard_until(30.0), until_s=50.0)
+    # The leader would be at (1000, 0), and the slot 20 m behind and 20 m left of it.
+    assert flown.place() == pytest.approx((980.0, -20.0), abs=1.0)
+    assert flown.times(HEADING)[-1] > 49.5
+    flown.run(86.0)
     assert flown.mode_at(60.0) is Mode.PREDICTING
     assert flown.mode_at(60.1) is Mode.BREAKAWAY
     assert flown.mode_at(85.0) is Mode.BREAKAWAY
     assert flown.mode_at(85.1) is Mode.LOST
 
 
-def test_while_predicting_it_flies_on_in_its_slot():
-    flown = new_flight(link=heard_until(40.0), until_s=60.0)
-    truth = flown.autopilot.truth()
-    north, east = plan_of().frame.to_local(truth.latitude_deg, truth.longitude_deg)
-    # The leader would be at (1200, 0), and the slot 20 m behind and 20 m left of it.
-    assert (north, east) == (pytest.approx(1180.0, abs=1.0), pytest.approx(-20.0, abs=1.0))
-    assert flown.times(HEADING)[-1] > 59.5
-
-
 def test_a_gap_in_telemetry_does_not_bend_the_way_of_a_silent_leader():
-    def link(now: float) -> list[bytes]:
-        """Its last words are of a moment in which it turned."""
-        return [leader_bytes(now, turn_rate=0.2 if now == 40.0 else 0.0)] if now <= 40.0 else []
-
-    flown = new_flight(link=link, until_s=50.0)
+    flown = new_flight(link=heard_until(39.95), until_s=39.95)
+    # Its last words are of a moment in which it turned.
+    flown.companion.receive_link(leader_bytes(40.0, turn_rate=0.2), 40.0)
+    flown.run(50.0)
     flown.command(511, 33, -1)
     flown.lose = frozenset({511})
     flown.run(52.0)
@@ -56,10 +54,8 @@ def test_a_gap_in_telemetry_does_not_bend_the_way_of_a_silent_leader():
     flown.lose = frozenset()
     flown.run(65.0)
     assert flown.mode_at(65.0) is Mode.PREDICTING
-    truth = flown.autopilot.truth()
-    north, east = plan_of().frame.to_local(truth.latitude_deg, truth.longitude_deg)
     # A leader that went on turning would by now be going round in circles of 100 m.
-    assert (north, east) == (pytest.approx(1280.0, abs=5.0), pytest.approx(-20.0, abs=5.0))
+    assert flown.place() == pytest.approx((1280.0, -20.0), abs=5.0)
 
 
 def test_breaking_away_it_turns_to_the_side_of_its_slot():
@@ -68,30 +64,24 @@ def test_breaking_away_it_turns_to_the_side_of_its_slot():
     )
     assert flown.mode_at(50.0) is Mode.BREAKAWAY
     truth = flown.autopilot.truth()
-    assert math.remainder(truth.course_rad - math.radians(-60.0), math.tau) == pytest.approx(
-        0.0, abs=0.01
+    assert math.remainder(truth.course_rad, math.tau) == pytest.approx(
+        math.radians(-60.0), abs=0.01
     )
     assert truth.airspeed_m_s == pytest.approx(20.0, abs=0.1)
     assert min(flown.times(HEADING)[-1], flown.times(SPEED)[-1]) > 49.5
 
 
-def test_a_vehicle_whose_leader_is_lost_goes_back_to_its_autopilot():
-    flown = new_flight(link=heard_until(20.0), patience=HASTY, until_s=28.95)
-    assert flown.autopilot.truth().mode == "GUIDED"
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_vehicle_whose_leader_is_lost_goes_back_to_its_autopilot(kind):
+    flown = new_flight(kind=kind, link=heard_until(20.0), patience=HASTY, until_s=28.95)
+    assert flown.autopilot_mode == "GUIDED"
     flown.run(29.0)
-    assert flown.autopilot.truth().mode == "LOITER"
+    assert flown.autopilot_mode == "LOITER"
     flown.run(60.0)
-    assert flown.autopilot.truth().mode == "LOITER"
-    for command in (HEADING, SPEED):
-        assert 27.5 < flown.times(command)[-1] <= 28.0
-
-
-def test_px4_is_handed_back_to_its_hold():
-    flown = new_flight(kind="px4", link=heard_until(20.0), patience=HASTY, until_s=28.0)
-    assert flown.autopilot.truth().mode == "AUTO.COURSE"
-    flown.run(40.0)
-    assert flown.autopilot.truth().mode == "AUTO.LOITER"
+    assert flown.autopilot_mode == "LOITER"
     assert flown.mode_at(40.0) is Mode.LOST
+    for command in (HEADING, SPEED if kind == "ardupilot" else 178):
+        assert 27.5 < flown.times(command)[-1] <= 28.0
 
 
 def test_handing_back_is_commanded_three_times_on_heartbeats_that_show_guided():
@@ -99,7 +89,7 @@ def test_handing_back_is_commanded_three_times_on_heartbeats_that_show_guided():
     flown.lose = frozenset({SET_MODE})
     flown.run(40.0)
     assert flown.mode_at(40.0) is Mode.LOST
-    assert [time for time in flown.times(SET_MODE) if time > 20.0] == [29.0, 30.0, 31.0]
+    assert flown.later(SET_MODE, 20.0) == [29.0, 30.0, 31.0]
     assert [text for _, text in flown.events if "take it by hand" in text] == [
         "the autopilot stays in GUIDED although it was handed back 3 times: take it by hand"
     ]
@@ -107,42 +97,35 @@ def test_handing_back_is_commanded_three_times_on_heartbeats_that_show_guided():
 
 def test_a_pilot_who_selects_guided_without_a_leader_keeps_it_unsteered():
     flown = new_flight(link=heard_until(20.0), patience=HASTY, until_s=30.0)
-    flown.pilot(GUIDED)
-    flown.run(34.0)
-    assert flown.autopilot.truth().mode == "GUIDED"
+    flown.pilot("GUIDED", until_s=34.0)
+    assert flown.autopilot_mode == "GUIDED"
     assert any("stays in GUIDED, unsteered" in text for _, text in flown.texts())
     assert 27.5 < flown.times(HEADING)[-1] <= 28.0
 
 
-def test_a_leader_that_is_back_in_time_is_followed_again():
-    flown = new_flight(link=heard_until(40.0, 60.0), until_s=70.0)
-    assert flown.mode_at(59.95) is Mode.PREDICTING
-    assert flown.mode_at(60.0) is Mode.TRACKING
-    assert flown.autopilot.truth().mode == "GUIDED"
-    assert len(flown.times(SET_MODE)) == 1
-
-
-def test_a_leader_that_is_back_during_the_breakaway_is_followed_again():
-    flown = new_flight(link=heard_until(40.0, 47.0), patience=HASTY, until_s=80.0)
-    assert flown.mode_at(46.95) is Mode.BREAKAWAY
-    assert flown.mode_at(47.0) in {Mode.JOINING, Mode.TRACKING}
+@pytest.mark.parametrize(
+    ("back_s", "patience", "before", "then"),
+    [
+        (60.0, {}, Mode.PREDICTING, {Mode.TRACKING}),
+        (47.0, HASTY, Mode.BREAKAWAY, {Mode.JOINING, Mode.TRACKING}),
+    ],
+)
+def test_a_leader_that_is_back_in_time_or_during_the_breakaway_is_followed_again(
+    back_s, patience, before, then
+):
+    flown = new_flight(link=heard_until(40.0, back_s), patience=patience, until_s=80.0)
+    assert flown.mode_at(back_s - 0.05) is before
+    assert flown.mode_at(back_s) in then
     assert flown.mode_at(80.0) is Mode.TRACKING
+    assert flown.autopilot_mode == "GUIDED"
     assert len(flown.times(SET_MODE)) == 1
 
 
-def test_the_pilot_wins_over_a_silent_leader():
-    flown = new_flight(link=heard_until(20.0), patience=HASTY, until_s=22.0)
-    flown.pilot(MANUAL)
-    flown.run(40.0)
+@pytest.mark.parametrize(("silent_s", "taken_s"), [(20.0, 22.0), (5.0, 20.0)])
+def test_the_pilot_wins_over_a_silent_leader_and_flies_what_was_handed_back(silent_s, taken_s):
+    flown = new_flight(link=heard_until(silent_s), patience=HASTY, until_s=taken_s)
+    assert flown.autopilot_mode == ("GUIDED" if silent_s == 20.0 else "LOITER")
+    flown.pilot("MANUAL", until_s=40.0)
     assert flown.mode_at(40.0) is Mode.PILOT
-    assert flown.autopilot.truth().mode == "MANUAL"
-    assert [time for time in flown.times(SET_MODE) if time > 20.0] == []
-
-
-def test_what_was_handed_back_is_the_pilots_to_fly():
-    flown = new_flight(link=heard_until(5.0), patience=HASTY, until_s=20.0)
-    assert flown.autopilot.truth().mode == "LOITER"
-    flown.pilot(MANUAL)
-    flown.run(30.0)
-    assert flown.autopilot.truth().mode == "MANUAL"
-    assert [time for time in flown.times(SET_MODE) if time > 20.0] == []
+    assert flown.autopilot_mode == "MANUAL"
+    assert flown.later(SET_MODE, 20.0) == []

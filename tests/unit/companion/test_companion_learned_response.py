@@ -38,7 +38,6 @@ def test_one_that_does_not_slip_is_flown_as_if_the_mission_said_so(finding):
     assert words == [
         "it turns 1.00 of what its bank says: it does not slip, and is flown so; nothing to do"
     ]
-    assert found is not None
     assert not found.slips
     assert found.airframe == plan_of().airframe
 
@@ -52,13 +51,11 @@ def test_alpha_is_what_the_bank_gives_times_what_is_turned_of_it(finding):
     assert words == [
         "it turns 0.80 of what its bank says: flown as a vehicle that slips; nothing to do"
     ]
-    assert found is not None
     assert found.airframe.alpha == pytest.approx(0.8)
     # 0.01 more changes nothing, 0.03 more the alpha and no word.
     assert learner.step(found, known(0.81), 1.0, bank_heard=True) == ([], None)
     words, later = learner.step(found, known(0.83), 2.0, bank_heard=True)
     assert words == []
-    assert later is not None
     assert later.airframe.alpha == pytest.approx(0.83)
 
 
@@ -100,14 +97,12 @@ def test_what_was_learned_outlasts_another_response(finding):
     own.air.by_nose = own.air.by_path = known(1.0)
     calibration = own.air.calibration
     first = own.take(report(finding, 0.0), 0.0)
-    assert first is not None
     assert first.delay_compensator is not None
     own.retune(turning(finding, 1.0, slips=False))
     assert own.air.turn_efficiency == known(1.0)
     assert own.air.calibration is calibration
     # The mission's holds are ideal: setpoints take effect at once.
     second = own.take(report(finding, 0.1), 0.1)
-    assert second is not None
     assert second.delay_compensator is None
     assert second.interval == pytest.approx(0.1)
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import pytest
 from hypothesis import given
@@ -9,17 +10,24 @@ from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sitl_stub import Autopilot
-from tests.kit.autopilot import new_autopilot
-from tests.kit.companion import FRAME, Flight, new_flight
-from tests.kit.missions import mission_with
-from tests.kit.wire import number_of, packed, parsed, spoken
+from tests.kit.companion import (
+    ALTITUDE,
+    HEADING,
+    SET_MODE,
+    SPEED,
+    Flight,
+    companion_of,
+    emulator,
+    new_flight,
+)
+from tests.kit.missions import shipped
+from tests.kit.wire import number_of, parsed, spoken
 from vfguide.companion.core import Companion
-from vfguide.companion.mission_plan import adapter_of, flight_plan
+from vfguide.companion.mission_plan import adapter_of
 from vfguide.companion.obedience import Obedience
 from vfguide.link.presence import LONGEST_TEXT
 from vfguide.mavlink.reports import CommandReport
 
-HEADING, SPEED, ALTITUDE, SET_MODE = 43_002, 43_000, 43_001, 176
 STEERING = frozenset({HEADING, SPEED, ALTITUDE})
 ACCEPTED, DENIED, UNSUPPORTED, FAILED = 0, 2, 3, 4
 
@@ -53,8 +61,10 @@ def reason(companion: Companion, now: float = 15.0) -> str | None:
     return None if found is None else found.text
 
 
-def flown_by(result: int, *, commands: frozenset[int] = STEERING, until_s: float = 15.0) -> Flight:
-    flown = new_flight()
+def flown_by(
+    result: int, *, commands: frozenset[int] = STEERING, until_s: float = 15.0, **options: Any
+) -> Flight:
+    flown = new_flight(**options)
     flown.autopilot = Bent(flown.autopilot, commands, result)  # type: ignore[assignment]
     flown.run(until_s)
     return flown
@@ -64,11 +74,10 @@ def flown_by(result: int, *, commands: frozenset[int] = STEERING, until_s: float
 def test_an_autopilot_without_a_steering_command_is_handed_back_at_once(commands):
     flown = flown_by(UNSUPPORTED, commands=commands)
     engaged = flown.times(SET_MODE)[0]
-    told = next(
-        time for time, text in flown.texts() if "not steered: the autopilot refuses" in text
-    )
+    refused = "not steered: the autopilot refuses"
+    told = next(time for time, text in flown.texts() if refused in text)
     assert told <= engaged + 3.0
-    assert flown.autopilot.truth().mode == "LOITER"
+    assert flown.autopilot_mode == "LOITER"
     assert len(flown.times(SET_MODE)) == 2
     # Nothing is asked of it again, however long it flies.
     assert flown.later(HEADING, engaged + 3.0) == []
@@ -76,17 +85,15 @@ def test_an_autopilot_without_a_steering_command_is_handed_back_at_once(commands
 
 
 def test_a_px4_without_guided_courses_is_handed_back_at_once():
-    flown = new_flight(kind="px4", version=(1, 18))
-    flown.autopilot = Bent(flown.autopilot, frozenset({HEADING}), UNSUPPORTED)  # type: ignore[assignment]
-    flown.run(12.0)
+    flown = flown_by(UNSUPPORTED, commands=frozenset({HEADING}), kind="px4", version=(1, 18))
     assert any("refuses GUIDED_CHANGE_HEADING (UNSUPPORTED)" in text for _, text in flown.events)
-    assert flown.autopilot.truth().mode == "AUTO.LOITER"
+    assert flown.autopilot_mode == "LOITER"
 
 
 @pytest.mark.parametrize("result", [DENIED, FAILED])
 def test_an_autopilot_that_refuses_courses_in_its_guided_mode_is_handed_back(result):
     flown = flown_by(result)
-    assert flown.autopilot.truth().mode == "LOITER"
+    assert flown.autopilot_mode == "LOITER"
     assert any("refuses GUIDED_CHANGE_" in text for _, text in flown.events)
     # Whoever selects GUIDED again lets it try again.
     assert reason(flown.companion) is None
@@ -99,24 +106,14 @@ def test_an_autopilot_that_accepts_courses_and_flies_none_is_told_of_and_handed_
     assert complained <= engaged + 8.0
     gave_up = next(time for time, text in flown.events if "flies none: handed back" in text)
     assert gave_up <= complained + 6.0
-    assert flown.autopilot.truth().mode == "LOITER"
+    assert flown.autopilot_mode == "LOITER"
 
 
 def on_the_ground(result: int | None) -> tuple[Companion, list[str]]:
     """A companion whose vehicle stands disarmed for 10 s, and what was said."""
-    mission = mission_with("line-calm", path={"course_deg": 0.0})
-    companion = Companion(
-        flight_plan(mission, "f1"), adapter_of(mission.vehicles["f1"]), engage=True
-    )
-    latitude, longitude = FRAME.to_geodetic(0.0, 0.0)
-    autopilot: Autopilot | Bent = new_autopilot(
-        system_id=2,
-        latitude_deg=latitude,
-        longitude_deg=longitude,
-        altitude_amsl_m=488.0,
-        home_altitude_amsl_m=488.0,
-        airborne=False,
-        armed=False,
+    companion = companion_of()
+    autopilot: Autopilot | Bent = emulator(
+        north=0.0, east=0.0, altitude_amsl_m=488.0, airborne=False, armed=False
     )
     if result is not None:
         autopilot = Bent(autopilot, STEERING, result)  # type: ignore[arg-type]
@@ -157,22 +154,18 @@ def test_after_a_reboot_it_is_asked_anew():
 
 def test_a_single_answer_in_anothers_name_ends_nothing():
     flown = new_flight(until_s=10.0)
-    stray = packed(
-        mavlink.MAVLink_command_ack_message(HEADING, UNSUPPORTED), system_id=2, component_id=1
-    )
+    stray = spoken(mavlink.MAVLink_command_ack_message(HEADING, UNSUPPORTED))
     flown.companion.receive_mavlink(stray, 10.05)
     flown.run(15.0)
     assert flown.mode_at(15.0).steers
 
 
-@given(
-    st.lists(
-        st.tuples(st.integers(0, 65_535), st.integers(0, 255), st.floats(0.0, 3.0), st.booleans()),
-        max_size=40,
-    )
-)
+ANSWER = st.tuples(st.integers(0, 65_535), st.integers(0, 255), st.floats(0.0, 3.0), st.booleans())
+
+
+@given(st.lists(ANSWER, max_size=40))
 def test_answers_of_other_commands_never_speak_against_it(answers):
-    obedience = Obedience(adapter_of(mission_with("line-calm").vehicles["f1"]))
+    obedience = Obedience(adapter_of(shipped("line-calm").vehicles["f1"]))
     now = 0.0
     for command, result, passed, guided in answers:
         now += passed

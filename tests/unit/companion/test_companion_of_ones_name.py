@@ -14,7 +14,7 @@ def test_the_younger_hands_back_the_vehicle_that_it_steers_and_says_why():
     assert not one.companion.stand_back(one.now, twin=True).events
     one.run(HEARD_S + 5.0)
     assert not one.modes[-1][1].steers
-    assert one.autopilot.truth().mode == "LOITER"
+    assert one.autopilot_mode == "LOITER"
     assert one.companion.obstacle(one.now) is not None
 
 
@@ -24,8 +24,8 @@ def test_the_younger_that_has_not_steered_commands_nothing_until_the_other_is_si
     one.companion.stand_back(0.0, twin=True)
     one.run(HEARD_S)
     assert {mode for _, mode in one.modes} == {Mode.WAITING}
-    assert one.autopilot.truth().mode == "LOITER"
+    assert one.autopilot_mode == "LOITER"
     one.companion.stand_back(one.now, twin=False)
     one.run(2.0 * HEARD_S)
     assert one.modes[-1][1].steers
-    assert one.autopilot.truth().mode == "GUIDED"
+    assert one.autopilot_mode == "GUIDED"

@@ -63,7 +63,6 @@ def seen(
 def test_an_aircraft_is_carried_on_and_given_more_room_the_older_its_report():
     """Two seconds old when heard: at 400 - 2 x 30 m now, and 2 x 5 m more are kept."""
     found = seen(report(400.0, age_s=2.0))
-    assert found is not None
     assert found.names == ("aircraft 000001",)
     assert found.others.tracks[0, 0] == pytest.approx(340 + 0j, abs=0.1)
     # After four steps of half a second.
@@ -207,7 +206,6 @@ def test_reports_that_cannot_be_are_counted_and_not_used():
     aircraft.take(report(1060.0), 11.0)
     assert aircraft.counters["traffic: cannot have got there"] == 1
     found = aircraft.nearby(replace(HERE, time_s=11.0), tuple)
-    assert found is not None
     assert found.others.tracks[0, 0] == pytest.approx(370 + 0j, abs=0.1)
 
 
@@ -216,7 +214,6 @@ def test_an_aircraft_that_does_not_tell_its_velocity_has_that_between_its_report
     for time_s in (8.0, 10.0):
         aircraft.take(report(500.0 - 25.0 * time_s, velocity=None), time_s)
     found = aircraft.nearby(HERE, tuple)
-    assert found is not None
     assert found.others.tracks[0, 2] - found.others.tracks[0, 0] == pytest.approx(-25 + 0j, abs=0.1)
 
 

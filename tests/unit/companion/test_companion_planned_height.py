@@ -4,6 +4,7 @@ import math
 
 import pytest
 
+from tests.kit.states import leader_at
 from vfguide.companion.planned_height import PlannedHeight
 from vfguide.guidance.height import BesidePath, HeightTarget
 from vfguide.guidance.height_change import ClimbLimits
@@ -18,18 +19,7 @@ FLYING = 100.0
 
 def leader(time_s: float, height: float, climb_rate: float) -> LeaderState[float]:
     """A leader that flies north at 20 m/s."""
-    return LeaderState(
-        time_s=time_s,
-        north=20.0 * time_s,
-        east=0.0,
-        course=0.0,
-        ground_speed=20.0,
-        acceleration=0.0,
-        turn_rate=0.0,
-        turn_acceleration=0.0,
-        height=height,
-        climb_rate=climb_rate,
-    )
+    return leader_at(time_s=time_s, north=20.0 * time_s, height=height, climb_rate=climb_rate)
 
 
 def along(

@@ -8,7 +8,6 @@ from hypothesis import strategies as st
 from msgspec.structs import replace
 
 from tests.kit.companion import (
-    GUIDED,
     HEADING,
     SET_MODE,
     Flight,
@@ -42,8 +41,7 @@ def test_a_slot_that_is_far_away_is_not_flown_to(vehicle_m, leader_m):
     assert f"{abs(vehicle_m - leader_m) / 1e3:.1f} km from its slot"[:2] in told
     assert "engaged within 5.0 km" in told
     # A pilot's GUIDED does not make it nearer.
-    flown.pilot(GUIDED)
-    flown.run(12.0)
+    flown.pilot("GUIDED", until_s=12.0)
     assert flown.times(HEADING) == []
     assert flown.mode_at(12.0) is Mode.WAITING
 

@@ -4,38 +4,27 @@ from typing import Any
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
-from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
-from tests.kit.companion import emulator, leader_bytes, new_flight
-from tests.kit.missions import plan_of, shipped
-from tests.kit.wire import parsed, spoken
-from vfguide.companion.core import Companion
-from vfguide.companion.mission_plan import adapter_of
+from tests.kit.companion import (
+    KINDS,
+    LOITER,
+    SET_MODE,
+    companion_of,
+    emulator,
+    leader_bytes,
+    new_flight,
+)
+from tests.kit.wire import heartbeat, northbound, parsed, position_report, spoken
 from vfguide.companion.supervisor import Mode
 
-SET_MODE = 176
 
-
-def beat(autopilot: int, custom_mode: int, *, armed: bool = True) -> MAVLink_message:
-    flags = mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED | (128 if armed else 0)
-    return mavlink.MAVLink_heartbeat_message(1, autopilot, flags, custom_mode, 4, 3)
-
-
-def position(boot_time_s: float) -> MAVLink_message:
-    # 20 m/s north; 89.93 degE7 to the metre.
-    latitude = 473_977_420 + round(20.0 * 89.93 * boot_time_s)
-    return mavlink.MAVLink_global_position_int_message(
-        round(boot_time_s * 1e3), latitude, 85_455_940, 588_000, 100_000, 2000, 0, 0, 0
-    )
-
-
-@pytest.mark.parametrize("kind", ["ardupilot", "px4"])
+@pytest.mark.parametrize("kind", KINDS)
 def test_an_autopilot_that_is_found_out_is_flown_like_one_that_is_named(kind):
     flown = new_flight(kind="auto")
     flown.autopilot = emulator(kind, 2)
     flown.run(60.0)
     assert flown.mode_at(60.0) is Mode.TRACKING
-    assert flown.autopilot.truth().mode == ("AUTO.COURSE" if kind == "px4" else "GUIDED")
+    assert flown.autopilot_mode == "GUIDED"
 
 
 @pytest.mark.parametrize(("named", "flies"), [("ardupilot", "px4"), ("px4", "ardupilot")])
@@ -49,13 +38,13 @@ def test_another_autopilot_than_the_missions_is_said_once_and_not_steered(named,
 
 
 def test_a_vehicle_that_is_not_armed_is_not_engaged():
-    companion = Companion(plan_of(), adapter_of(shipped("line-calm").vehicles["f1"]), engage=True)
+    companion = companion_of()
     sent: dict[bool, list[int]] = {True: [], False: []}
     told = []
     for step in range(200):
         now, armed = step / 20, step >= 100
         companion.receive_link(leader_bytes(now), now)
-        data = spoken(beat(3, 12, armed=armed), position(now))
+        data = spoken(heartbeat(LOITER, armed=armed), northbound(now))
         out = companion.receive_mavlink(data, now)
         told += [event.text for event in out.events]
         sent[armed] += [getattr(one, "command", 0) for one in parsed(out.to_autopilot)]
@@ -66,14 +55,12 @@ def test_a_vehicle_that_is_not_armed_is_not_engaged():
 
 def inspected(values: dict[str, float]) -> tuple[list[float], list[str]]:
     """When parameters are asked for, and what is said of those with these values."""
-    companion = Companion(
-        plan_of(), adapter_of(shipped("line-calm").vehicles["f1"]), engage=False, inspect=True
-    )
+    companion = companion_of(engage=False, inspect=True)
     asked, told = [], []
     answers: list[Any] = []
     for step in range(200):
         now = step / 20
-        out = companion.receive_mavlink(spoken(beat(3, 12), position(now), *answers), now)
+        out = companion.receive_mavlink(spoken(heartbeat(LOITER), northbound(now), *answers), now)
         told += [event.text for event in out.events if event.warning]
         requests = [
             one for one in parsed(out.to_autopilot) if one.get_type() == "PARAM_REQUEST_READ"
@@ -105,28 +92,20 @@ def test_an_autopilot_that_answers_for_nothing_is_told_of_once():
     ]
 
 
-@pytest.mark.parametrize("kind", ["ardupilot", "px4"])
+@pytest.mark.parametrize("kind", KINDS)
 def test_an_autopilot_that_acknowledges_and_does_not_turn_is_complained_of(kind):
-    declared = shipped("line-calm").vehicles["f1"].model_copy(update={"autopilot": kind})
-    companion = Companion(plan_of(), adapter_of(declared), engage=True)
+    companion = companion_of(autopilot=kind)
     autopilot, mode = (3, 15) if kind == "ardupilot" else (12, 6 << 16)
     told = []
     for step in range(400):
         now = step / 20
         companion.receive_link(leader_bytes(now), now)
         # It flies east, past a leader that flies north.
-        place = mavlink.MAVLink_global_position_int_message(
-            round(now * 1e3),
-            473_977_420,
-            85_455_940 + step * 133,
-            588_000,
-            100_000,
-            0,
-            2000,
-            0,
-            9000,
+        place = position_report(
+            time_boot_ms=round(now * 1e3), lon=85_455_940 + step * 133, vy=2000, hdg=9000
         )
-        out = companion.receive_mavlink(spoken(beat(autopilot, mode), place), now)
+        beat = heartbeat(mode, autopilot=autopilot)
+        out = companion.receive_mavlink(spoken(beat, place), now)
         told += [event.text for event in out.events if event.warning]
     assert [text[:47] for text in told if "course" in text] == [
         "the course does not follow the setpoints: asked",

@@ -116,7 +116,6 @@ def test_a_leader_state_is_put_into_the_local_frame(follower):
     data = leader_bytes(10.0, course=0.5, ground_speed=21.0, acceleration=0.25, turn_rate=0.125)
     follower.receive(data, 10.2)
     state = follower.followed.motion
-    assert state is not None
     assert (state.north, state.east) == (
         pytest.approx(200.0, abs=1e-3),
         pytest.approx(0.0, abs=1e-3),
@@ -253,7 +252,6 @@ def test_a_leader_whose_altitude_is_doubted_is_followed_up_its_helix():
             ),
             now,
         )
-        assert role.followed.motion is not None
         assert role.leader_age(now) == pytest.approx(0.0, abs=1e-6)
         assert role.followed.motion.height == pytest.approx(made.height + place.height, abs=1.0)
 

@@ -51,7 +51,7 @@ class Pair:
 def test_with_the_key_the_companion_is_obeyed():
     pair = Pair(shipped("line-calm"), KEY)
     pair.fly(30.0)
-    assert pair.autopilot.truth().mode == "GUIDED"
+    assert pair.autopilot_mode == "GUIDED"
     assert pair.companion.snapshot.mode is Mode.TRACKING
     assert pair.autopilot.counters["not signed"] == 0
 
@@ -59,7 +59,7 @@ def test_with_the_key_the_companion_is_obeyed():
 def test_without_it_nothing_that_is_said_is_obeyed():
     pair = Pair(shipped("line-calm"), None)
     pair.fly(5.0)
-    assert pair.autopilot.truth().mode == "LOITER"
+    assert pair.autopilot_mode == "LOITER"
     assert pair.autopilot.counters["not signed"] > 0
 
 

@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from msgspec.structs import replace
 
+from tests.kit.states import vehicle_at
 from vfguide.companion.strain_guard import (
     HANDED_BACK,
     JOINING_S,
@@ -16,26 +17,10 @@ from vfguide.companion.strain_guard import (
     StrainGuard,
     swing,
 )
-from vfguide.state import Airframe, Gusts, Setpoint, VehicleState
+from vfguide.state import Airframe, Gusts, Setpoint
 
 PERIOD = 0.05
 AIRFRAME = Airframe()
-
-STRAIGHT = VehicleState(
-    time_s=0.0,
-    north=0.0,
-    east=0.0,
-    course=0.0,
-    ground_speed=20.0,
-    heading=0.0,
-    airspeed=20.0,
-    wind_north=0.0,
-    wind_east=0.0,
-    wind_rate_north=0.0,
-    wind_rate_east=0.0,
-    wind_jerk_north=0.0,
-    wind_jerk_east=0.0,
-)
 
 GUSTS = Gusts(share=0.9, surprise_north=0.0, surprise_east=0.0, power=1.0, correlation=0.0)
 
@@ -58,7 +43,7 @@ def watched(
         time_s = begun_s + step * PERIOD
         course, bank, limited = asked(time_s)
         setpoint = Setpoint(course=course, speed=20.0, speed_limited=limited)
-        state = replace(STRAIGHT, time_s=time_s, gusts=gusts)
+        state = replace(vehicle_at(time_s=time_s), gusts=gusts)
         text = guard.watch(state, setpoint, airframe, bank, in_place=True)
         if text is not None:
             said.append((time_s, text))
@@ -82,13 +67,9 @@ def test_a_quiet_flight_is_left_alone():
 
 def test_a_turn_onto_the_slot_at_the_limit_is_no_strain():
     def joins(time_s: float) -> tuple[float, float, bool]:
-        return (
-            (1.2, 0.7, True)
-            if time_s < 6.0
-            else (-0.8, -0.6, True)
-            if time_s < 8.0
-            else (0.0,) * 2 + (False,)
-        )
+        if time_s >= 8.0:
+            return 0.0, 0.0, False
+        return (1.2, 0.7, True) if time_s < 6.0 else (-0.8, -0.6, True)
 
     guard, said = watched(joins, 30.0)
     assert guard.softness.course == 1.0

@@ -70,7 +70,6 @@ def far_away(now: float) -> bytes:
 
 def found(traffic: Traffic, here: Viewpoint, rows: frozenset[int] = frozenset({0})) -> Others:
     seen = traffic.possibilities(here, led(here.time_s))
-    assert seen is not None
     assert set(seen[1]) == rows
     return seen[0]
 
@@ -196,7 +195,6 @@ def test_one_that_holds_its_course_holds_its_airspeed_too():
             traffic.note("leader", heard_leader(far_away(now), now))
         wind = 0j if now <= 11.0 else 12.0j
         seen = traffic.possibilities(replace(beside(now), wind=wind), led(now))
-    assert seen is not None
     # 20 m/s until 11 s; in 12 m/s from the side 16 m/s are left along the course, 32 m by 13 s.
     held = seen[0].tracks[1]
     assert held[0] == pytest.approx(252.0, abs=1.0)
@@ -214,7 +212,6 @@ def test_one_that_falls_silent_while_it_speeds_up_goes_on_for_a_second():
         if step % 10 == 0:
             traffic.note("leader", heard_leader(far_away(now), now))
         seen = traffic.possibilities(beside(now), led(now))
-    assert seen is not None
     held = seen[0].tracks[1]
     # 21 m in the first second and 22 m in each of the others, from 200 m north on.
     assert held[0] == pytest.approx(200.0 + 21.0 + 44.0, abs=1.5)
@@ -235,7 +232,6 @@ def test_over_a_slow_link_too_the_airspeed_is_the_one_that_is_flown(gusts):
         if step % 10 == 0:
             traffic.note("leader", heard_leader(far_away(now), now))
         seen = traffic.possibilities(replace(beside(now), gusts=gusts), led(now))
-    assert seen is not None
     held = seen[0].tracks[1]
     assert held[1] - held[0] == pytest.approx(20.0 * STEP_S, abs=0.01)
 
@@ -338,7 +334,6 @@ def test_a_silent_vehicle_is_not_carried_off_by_a_wind_that_has_not_changed():
     for time_s in (11.5, 13.0):
         heard.receive("f3", far_away(time_s), time_s)
     seen = heard.possibilities(here(13.0), None)
-    assert seen is not None
     # 200 m north at 10 s and 20 m/s: 260 m at 13 s.
     assert {round(float(place)) for place in seen[0].tracks[:, 0].real} == {260}
 
@@ -358,7 +353,6 @@ def test_a_silent_vehicle_is_carried_by_the_wind_as_it_has_been_and_not_as_it_is
         if step % 10 == 0:
             heard.receive("f3", far_away(now), now)
         seen = heard.possibilities(here(now), None)
-    assert seen is not None
     # 200 m north at 10 s and 20 m/s, 24 m back and 6 m on: 302 m at 16 s.
     assert seen[0].tracks[:, 0].real == pytest.approx(302.0, abs=1.0)
     # Over the ground it flies as fast as the wind of now makes it.
@@ -437,6 +431,5 @@ def test_a_leader_that_is_late_is_looked_for_on_its_last_course_before_it_counts
     leader = np.array([False, True, False, False])
     assert traffic.lost_for(10.5, late=leader)[1] == pytest.approx(0.5)
     usual, late = (traffic.possibilities(here, led(10.5), late=one) for one in (None, leader))
-    assert late is not None
     # With the formation, and straight on: a vehicle that is steered does the first alone.
     assert usual is None or len(usual[1]) < len(late[1])

@@ -63,10 +63,10 @@ def test_after_more_than_a_second_of_them_the_vehicle_is_handed_back(gate):
     # Looked at once a second: 0.9 s after the first of them is too early.
     flown.run(11.5)
     assert flown.later(SET_MODE, 10.0) == []
-    assert flown.autopilot.truth().mode == "GUIDED"
+    assert flown.autopilot_mode == "GUIDED"
     flown.run(15.0)
     assert flown.later(SET_MODE, 10.0) == [12.0]
-    assert flown.autopilot.truth().mode == "LOITER"
+    assert flown.autopilot_mode == "LOITER"
     assert len(complaints(flown.events)) == 1
 
 
@@ -94,11 +94,10 @@ def test_a_vehicle_that_was_handed_back_is_steered_again_once_its_pilot_says_so(
     flown.run(15.0)
     gate.is_open = True
     flown.run(20.0)
-    assert flown.autopilot.truth().mode == "LOITER"
-    flown.pilot(GUIDED)
-    flown.run(85.0)
+    assert flown.autopilot_mode == "LOITER"
+    flown.pilot("GUIDED", until_s=85.0)
     assert flown.later(HEADING, 10.0)[0] == pytest.approx(20.1)
-    assert flown.autopilot.truth().mode == "GUIDED"
+    assert flown.autopilot_mode == "GUIDED"
     assert flown.mode_at(85.0) is Mode.TRACKING
 
 
@@ -108,4 +107,4 @@ def test_autopilots_that_need_a_stream_are_not_engaged_without_one(gate):
     assert flown.times(SET_MODE) == []
     gate.is_open = True
     flown.run(10.0)
-    assert flown.autopilot.truth().mode == "OFFBOARD"
+    assert flown.autopilot_mode == "OFFBOARD"
