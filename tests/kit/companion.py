@@ -310,8 +310,9 @@ def companion_of(
     *,
     mission: Mission | None = None,
     plan: FlightPlan | None = None,
-    autopilot: str | None = None,
     engage: bool = True,
+    autopilot: str | None = None,
+    plant: str | None = None,
     **options: Any,
 ) -> Companion:
     """Make the companion of a vehicle with nothing around it.
@@ -320,13 +321,15 @@ def companion_of(
         vehicle: in the mission.
         mission: line-calm if absent.
         plan: another than the mission's.
-        autopilot: another than the mission's.
         engage: whether it may.
+        autopilot: another than the mission's.
+        plant: another than the mission's.
         options: of the companion.
     """
     mission = mission or shipped("line-calm")
-    declared = mission.vehicles[vehicle]
-    if autopilot is not None:
-        declared = declared.model_copy(update={"autopilot": autopilot})
-    adapter = adapter_of(declared)
-    return Companion(plan or flight_plan(mission, vehicle), adapter, engage=engage, **options)
+    given = {"autopilot": autopilot, "plant": plant}
+    changes = {name: value for name, value in given.items() if value is not None}
+    declared = mission.vehicles[vehicle].model_copy(update=changes)
+    vehicles = {**mission.vehicles, vehicle: declared}
+    plan = plan or flight_plan(mission.model_copy(update={"vehicles": vehicles}), vehicle)
+    return Companion(plan, adapter_of(declared), engage=engage, **options)

@@ -2,22 +2,21 @@
 
 import math
 from itertools import pairwise
-from typing import Any
 
 import pytest
-from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from tests.kit.companion import new_flight
+from tests.kit.companion import Flight, new_flight
 from tests.kit.missions import plan_of
+from tests.kit.states import reported
+from tests.kit.wire import parsed
 from vfguide.companion.alerts import Alerts
 from vfguide.companion.announcer import Announcer, PlottedValues
 from vfguide.companion.own_vehicle import OwnVehicle
 from vfguide.companion.role import RoleStep
-from vfguide.companion.roles import LeaderRole, role_of
+from vfguide.companion.roles import role_of
 from vfguide.companion.supervisor import Control, Mode
 from vfguide.companion.timing import SAME_CLOCK
-from vfguide.laws.leader import LeaderTask
-from vfguide.mavlink.reports import AirspeedReport, PositionReport
+from vfguide.mavlink.reports import AirspeedReport
 
 
 def test_why_nothing_is_steered_is_told_once_it_has_lasted_for_two_seconds():
@@ -37,19 +36,11 @@ def test_on_the_way_into_steering_only_the_steering_is_told():
     assert not announcer.due(12.0)
 
 
-Flown = Any
-"""A flight of conftest.py, which tests cannot import."""
-
-
-def values(flown: Flown, name: str) -> list[tuple[float, float]]:
+def values(flown: Flight, name: str) -> list[tuple[float, float]]:
     """(time sent in s, value) of everything sent by a name."""
-    parser = mavlink.MAVLink(None)
-    return [
-        (time, message.value)
-        for time, data in flown.sent
-        for message in parser.parse_buffer(data) or []
-        if message.get_type() == "NAMED_VALUE_FLOAT" and message.name == name
-    ]
+    sent = [(time, message) for time, data in flown.sent for message in parsed(data)]
+    named = [one for one in sent if one[1].get_type() == "NAMED_VALUE_FLOAT"]
+    return [(time, message.value) for time, message in named if message.name == name]
 
 
 def test_a_follower_s_errors_say_where_its_slot_is_twice_a_second():
@@ -88,57 +79,32 @@ def test_a_position_that_is_not_heard_any_more_leaves_a_gap_in_the_curve():
 def test_the_leader_sends_where_its_path_is_and_no_slot():
     its = plan_of("line-calm", "leader")
     role, plotted = role_of(its, SAME_CLOCK), PlottedValues()
-    assert isinstance(role, LeaderRole)
-    assert isinstance(its.task, LeaderTask)
     course = its.task.path.nearest(0.0, 0.0, 0.0).course
     # 3 m to the right of a line through the origin, which is then 3 m to the left.
-    latitude, longitude = its.frame.to_geodetic(-3.0 * math.sin(course), 3.0 * math.cos(course))
-    report = PositionReport(
-        boot_time_s=4.0,
-        latitude_deg=latitude,
-        longitude_deg=longitude,
-        altitude_amsl=588.0,
-        velocity_north=20.0 * math.cos(course),
-        velocity_east=20.0 * math.sin(course),
-        heading=course,
-    )
+    place = -3.0 * math.sin(course), 3.0 * math.cos(course)
+    velocity = 20.0 * math.cos(course), 20.0 * math.sin(course)
     own = OwnVehicle(its)
     own.note(AirspeedReport(airspeed=20.0), 4.0)
-    navigated = own.take(report, 4.0)
-    assert navigated is not None
+    navigated = own.take(reported(4.0, *place, velocity=velocity, heading=course), 4.0)
     plotted.note(role.step(navigated, Mode.TRACKING), 4.0)
     sent = {message.name: message.value for message in plotted.due(Mode.TRACKING, 4.0)}
     assert sent == {"form_mode": 2.0, "path_cross": pytest.approx(-3.0, abs=0.01)}
 
 
-def slot_off(*, along_track: float = 1.0, cross_track: float = 1.0, up: float = 0.0) -> RoleStep:
-    """A step of one whose slot is elsewhere by so much, m."""
-    return RoleStep(
-        setpoint=None,
-        distance=1.0,
-        lyapunov=1.0,
-        publish=None,
-        height=100.0,
-        along_track=along_track,
-        cross_track=cross_track,
-        up=up,
-    )
-
-
-def test_a_slot_above_is_positive_and_of_a_doubted_height_none_is_sent():
-    for up, sent in ((-4.0, -4.0), (math.nan, None)):
-        plotted = PlottedValues()
-        step = slot_off(cross_track=2.0, up=up)
-        plotted.note(step, 0.0)
-        found = {one.name: one.value for one in plotted.due(Mode.TRACKING, 0.0)}
-        assert found.get("slot_up") == sent
-
-
-def test_names_fit_their_field():
-    for along, count in ((1.0, 4), (math.nan, 2)):
-        plotted = PlottedValues()
-        step = slot_off(along_track=along)
-        plotted.note(step, 0.0)
-        messages = plotted.due(Mode.JOINING, 0.0)
-        assert len(messages) == count
-        assert all(len(message.name) <= 10 for message in messages)
+@pytest.mark.parametrize(
+    ("change", "sent"),
+    [
+        # A slot above is positive.
+        ({"up": -4.0}, {"slot_along": 1.0, "slot_cross": 2.0, "slot_up": -4.0}),
+        ({"up": math.nan}, {"slot_along": 1.0, "slot_cross": 2.0}),
+        ({"along_track": math.nan}, {"path_cross": 2.0}),
+    ],
+)
+def test_what_is_known_of_the_slot_is_sent_by_names_that_fit_their_field(change, sent):
+    off = {"along_track": 1.0, "cross_track": 2.0, "up": 0.0} | change
+    step = RoleStep(setpoint=None, distance=1.0, lyapunov=1.0, publish=None, height=100.0, **off)
+    plotted = PlottedValues()
+    plotted.note(step, 0.0)
+    found = {one.name: one.value for one in plotted.due(Mode.TRACKING, 0.0)}
+    assert found == {"form_mode": 2.0, **sent}
+    assert all(len(name) <= 10 for name in found)

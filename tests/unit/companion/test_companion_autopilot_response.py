@@ -3,9 +3,8 @@
 import pytest
 from msgspec.structs import replace
 
-from tests.kit.companion import new_flight
+from tests.kit.companion import Flight, companion_of, new_flight
 from tests.kit.missions import plan_of, shipped
-from vfguide.companion.core import Companion
 from vfguide.companion.mission_plan import adapter_of
 from vfguide.companion.parameter_check import TRIES, ParameterCheck, response_sentence
 from vfguide.companion.plan import FlightPlan, flown_by
@@ -14,6 +13,7 @@ from vfguide.mavlink.parameters import AutopilotResponse
 from vfguide.mavlink.reports import ParameterReport
 
 WORDS = "flown by the autopilot's own parameters"
+LIMITS = "12 to 32 m/s, 45 degrees of bank"
 
 
 @pytest.fixture
@@ -24,25 +24,25 @@ def asking() -> FlightPlan:
     return replace(declared, airframe=slow, asks_response=True)
 
 
+def flight_by(plan: FlightPlan, until_s: float, kind: str = "ardupilot") -> Flight:
+    flown = new_flight(kind=kind)
+    flown.companion = companion_of(plan=plan, autopilot=kind)
+    flown.run(until_s)
+    return flown
+
+
 def test_nothing_is_steered_before_the_autopilot_has_told_and_the_pilot_hears_what(asking):
-    flown = new_flight()
-    adapter = adapter_of(shipped("line-calm").vehicles["f1"])
-    flown.companion = Companion(asking, adapter, engage=True)
-    flown.run(30.0)
-    told = next(time for time, text in flown.texts() if WORDS in text)
+    flown = flight_by(asking, 30.0)
+    told, words = next((time, text) for time, text in flown.texts() if WORDS in text)
     steering = next(time for time, mode in flown.modes if mode in {Mode.JOINING, Mode.TRACKING})
     assert told < 10.0
     assert steering > 0.0
-    words = next(text for _, text in flown.texts() if WORDS in text)
     # GUIDED_P of the emulated 1.2 1/s at 22 m/s, flown at 20 m/s: 1.2 * 22 / 20.
     assert "alpha 1.32" in words
 
 
 def test_a_px4_tells_its_course_loop_and_what_it_takes_of_the_mission(asking):
-    flown = new_flight(kind="px4")
-    declared = shipped("line-calm").vehicles["f1"].model_copy(update={"autopilot": "px4"})
-    flown.companion = Companion(asking, adapter_of(declared), engage=True)
-    flown.run(30.0)
+    flown = flight_by(asking, 30.0, "px4")
     told, words = next((time, text) for time, text in flown.texts() if WORDS in text)
     assert told < 10.0
     # The emulated loops' 1.2 1/s as NPFG_PERIOD and NPFG_DAMPING, limits of both.
@@ -58,14 +58,8 @@ def test_a_px4_tells_its_course_loop_and_what_it_takes_of_the_mission(asking):
 @pytest.mark.parametrize(
     ("told", "words"),
     [
-        (
-            AutopilotResponse(alpha=0.88),
-            "alpha 0.88 1/s, 12 to 32 m/s, 45 degrees of bank; how its speed",
-        ),
-        (
-            AutopilotResponse(beta=1.5),
-            "beta 1.50 1/s, 12 to 32 m/s, 45 degrees of bank; how it takes up",
-        ),
+        (AutopilotResponse(alpha=0.88), f"alpha 0.88 1/s, {LIMITS}; how its speed"),
+        (AutopilotResponse(beta=1.5), f"beta 1.50 1/s, {LIMITS}; how it takes up"),
         (AutopilotResponse(), "do not tell how it answers"),
     ],
 )
@@ -73,36 +67,27 @@ def test_what_the_parameters_leave_open_is_said(asking, told, words):
     assert words in response_sentence(told, asking, flown_by(asking, told))
 
 
-def test_a_roll_that_the_mission_does_not_declare_is_the_autopilot_s(asking):
-    told = AutopilotResponse(course_dead_time=0.2, course_lag=0.4, speed_hold="total-energy")
+def test_a_roll_that_the_mission_does_not_declare_is_the_autopilot_s_and_no_other(asking):
+    told = AutopilotResponse(
+        alpha=0.9, beta=1.5, course_dead_time=0.2, course_lag=0.4, speed_hold="total-energy"
+    )
     airframe = flown_by(asking, told).airframe
     assert (airframe.course_dead_time, airframe.course_lag) == (0.2, 0.4)
     assert airframe.speed_hold == "total-energy"
     measured = replace(asking.airframe, course_dead_time=0.3, course_lag=0.6)
-    airframe = flown_by(replace(asking, airframe=measured), told).airframe
-    assert (airframe.course_dead_time, airframe.course_lag) == (0.3, 0.6)
-
-
-def test_a_roll_that_the_mission_declares_is_not_told_again(asking):
-    told = AutopilotResponse(alpha=0.9, beta=1.5, course_dead_time=0.2, course_lag=0.4)
-    measured = replace(asking.airframe, course_dead_time=0.3, course_lag=0.6)
     declared = replace(asking, airframe=measured)
-    sentence = response_sentence(told, declared, flown_by(declared, told))
+    flown = flown_by(declared, told)
+    assert (flown.airframe.course_dead_time, flown.airframe.course_lag) == (0.3, 0.6)
+    # Nor is it told again.
+    sentence = response_sentence(told, declared, flown)
     assert "roll" not in sentence
     assert sentence.endswith("45 degrees of bank; nothing to do")
 
 
-@pytest.mark.parametrize(
-    "told",
-    [
-        AutopilotResponse(max_bank=0.5),
-        AutopilotResponse(alpha=0.9, max_bank=0.5),
-        AutopilotResponse(beta=0.9, max_bank=0.5),
-        AutopilotResponse(alpha=0.9, beta=0.9, max_bank=0.5),
-    ],
-)
-def test_a_limit_that_is_tighter_is_told_whatever_else_is_known(asking, told):
+@pytest.mark.parametrize("known", [{}, {"alpha": 0.9}, {"beta": 0.9}, {"alpha": 0.9, "beta": 0.9}])
+def test_a_limit_that_is_tighter_is_told_whatever_else_is_known(asking, known):
     """0.5 rad are 28.6 degrees; the slot beside a straight path takes no bank."""
+    told = AutopilotResponse(max_bank=0.5, **known)
     sentence = response_sentence(told, asking, flown_by(asking, told))
     assert sentence.endswith(
         "tighter than the mission's limits: 29 degrees of bank, not 45; less is left to come back to the"
@@ -124,10 +109,7 @@ def test_an_autopilot_that_cannot_hold_the_slot_is_told_and_speaks_against_takin
 
 
 def test_what_a_climb_that_is_set_too_low_costs_is_told_to_the_pilot(asking):
-    flown = new_flight()
-    adapter = adapter_of(shipped("line-calm").vehicles["f1"])
-    flown.companion = Companion(asking, adapter, engage=True)
-    flown.run(15.0)
+    flown = flight_by(asking, 15.0)
     words = " ".join(text for _, text in flown.texts())
     # The emulated autopilot's 3 m/s are 0.5 * 9.80665 * 3 / 20 = 0.74 m/s² at 20 m/s.
     assert "TECS_CLMB_MAX is 3 m/s" in words
@@ -150,13 +132,6 @@ def test_limits_are_the_tighter_of_both(asking):
     assert (airframe.airspeed_min, airframe.airspeed_max) == (14.0, asking.airframe.airspeed_max)
 
 
-def test_what_an_autopilot_does_not_tell_stays_as_declared(asking):
-    flown = flown_by(asking, AutopilotResponse())
-    assert flown == replace(asking, asks_response=False)
-
-
-def test_limits_that_exclude_each_other_stay_as_declared(asking):
-    declared = asking.airframe
-    airframe = flown_by(asking, AutopilotResponse(airspeed_min=50.0)).airframe
-    assert airframe.airspeed_min == declared.airspeed_min
-    assert airframe.airspeed_max == declared.airspeed_max
+@pytest.mark.parametrize("told", [AutopilotResponse(), AutopilotResponse(airspeed_min=50.0)])
+def test_what_is_not_told_and_limits_that_exclude_each_other_stay_as_declared(asking, told):
+    assert flown_by(asking, told) == replace(asking, asks_response=False)

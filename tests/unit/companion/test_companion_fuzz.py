@@ -5,8 +5,9 @@ from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
+from tests.kit.companion import companion_of
 from tests.kit.missions import shipped
-from tests.kit.wire import parsed
+from tests.kit.wire import packed, parsed
 from vfguide.companion.core import Companion
 from vfguide.companion.mission_plan import adapter_of, flight_plan
 from vfguide.link.codec import LeaderMessage, encode
@@ -91,14 +92,13 @@ def test_whatever_arrives_a_companion_goes_on_and_sends_sound_messages(variant, 
     changed = {"vehicles": {**article.vehicles, vehicle: declared}, "controller": chosen}
     known = flight_plan(article.model_copy(update=changed), vehicle)
     companion = Companion(known, adapter_of(declared), engage=True)
-    autopilot = mavlink.MAVLink(None, srcSystem=known.system_id, srcComponent=1)
     limits = (known.airframe.airspeed_min, known.airframe.airspeed_max)
     now = 0.0
     for wait, telemetry, state in steps:
         now += wait
         if state is not None:
             companion.receive_link(encode(state), now)
-        data = b"".join(message.pack(autopilot) for message in telemetry)
+        data = packed(*telemetry, system_id=known.system_id, component_id=1)
         out = companion.receive_mavlink(data, now)
         for message in parsed(out.to_autopilot):
             assert is_sound(message, limits)
@@ -111,10 +111,7 @@ def test_whatever_arrives_a_companion_goes_on_and_sends_sound_messages(variant, 
     datagrams=st.lists(st.binary(max_size=120), max_size=6), links=st.lists(st.binary(max_size=100))
 )
 def test_random_bytes_from_everywhere_are_borne(datagrams, links):
-    article = shipped("line-calm")
-    companion = Companion(
-        flight_plan(article, "f1"), adapter_of(article.vehicles["f1"]), engage=True
-    )
+    companion = companion_of()
     for number, data in enumerate(datagrams):
         for state in links:
             companion.receive_link(state, number / 10)

@@ -88,7 +88,8 @@ def test_stopping_says_nothing_where_nothing_is_steered_and_releases_at_once(beg
         engage=begins != "waiting", link=heard_until(10.0), patience=HASTY, until_s=8.0
     )
     if begins == "pilot":
-        flown.pilot("LOITER", until_s=20.0)
+        flown.pilot("LOITER")
+    flown.run(20.0)
     assert flown.companion.snapshot.mode.value == begins
     out = flown.companion.stop(20.05)
     assert (out.to_autopilot, out.events) == (b"", [])

@@ -9,9 +9,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from msgspec.structs import replace
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
+from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
 from tests.kit.states import FRAME
-from tests.kit.wire import framed, parsed, position_report
+from tests.kit.wire import framed as packed
+from tests.kit.wire import parsed, position_report
 from vfguide.companion.alerts import Alerts
 from vfguide.companion.leader_telemetry import LeaderTelemetry
 from vfguide.companion.plan import ForeignLeader
@@ -38,6 +40,24 @@ def said(alerts: Alerts) -> list[str]:
     return [one.text.removeprefix("the leader ") for one in alerts.heard(0.0)]
 
 
+def position(
+    sent_s: float, north: float, east: float, velocity: tuple[float, float] = (20.0, 0.0)
+) -> MAVLink_message:
+    latitude, longitude = FRAME.to_geodetic(north, east)
+    return position_report(
+        time_boot_ms=round((sent_s + BOOTED_S) * 1e3),
+        lat=round(latitude * 1e7),
+        lon=round(longitude * 1e7),
+        vx=round(velocity[0] * 100.0),
+        vy=round(velocity[1] * 100.0),
+    )
+
+
+def northbound(sent_s: float) -> bytes:
+    """20 m/s north from the origin."""
+    return packed(position(sent_s, 20.0 * sent_s, 0.0))
+
+
 def hear(
     telemetry: LeaderTelemetry,
     sent_s: float,
@@ -51,16 +71,10 @@ def hear(
     system_id: int = 7,
 ) -> bool:
     """Hear where the leader is: 20 m/s north from the origin, 0.2 s late, if nothing is said."""
-    latitude, longitude = FRAME.to_geodetic(20.0 * sent_s if north is None else north, east)
-    message = position_report(
-        time_boot_ms=round(((sent_s if stamp_s is None else stamp_s) + BOOTED_S) * 1e3),
-        lat=round(latitude * 1e7),
-        lon=round(longitude * 1e7),
-        alt=round(altitude * 1e3),
-        vx=round(velocity[0] * 100.0),
-        vy=round(velocity[1] * 100.0),
-    )
-    return telemetry.take(framed(message, system_id=system_id), sent_s + late_s)
+    place = 20.0 * sent_s if north is None else north
+    message = position(sent_s if stamp_s is None else stamp_s, place, east, velocity)
+    message.alt = round(altitude * 1e3)
+    return telemetry.take(packed(message, system_id=system_id), sent_s + late_s)
 
 
 def hear_place(telemetry: LeaderTelemetry, sent_s: float, north: float, east: float = 0.0) -> bool:
@@ -71,7 +85,7 @@ def hear_place(telemetry: LeaderTelemetry, sent_s: float, north: float, east: fl
     message = mavlink.MAVLink_follow_target_message(
         round((sent_s + BOOTED_S) * 1e3), 1, *place, zero, zero, [1.0, *zero], zero, zero, 0
     )
-    return telemetry.take(framed(message), sent_s + 0.2)
+    return telemetry.take(packed(message), sent_s + 0.2)
 
 
 def fly(
@@ -85,7 +99,7 @@ def fly(
 def answer(telemetry: LeaderTelemetry, sent_s: float, asked: int) -> None:
     """Hear an answer to a question for its time."""
     message = mavlink.MAVLink_timesync_message(round((sent_s + BOOTED_S) * 1e9), asked)
-    telemetry.take(framed(message), 5.6)
+    telemetry.take(packed(message), 5.6)
 
 
 def test_place_and_time_are_those_of_when_it_was_sent():
@@ -265,7 +279,7 @@ def test_whatever_is_said_in_its_name_the_motion_stays_finite(said):
     for number, (stamp, lat, lon, alt, vx, vy) in enumerate(said):
         now = 3.2 + 0.1 * number
         message = mavlink.MAVLink_global_position_int_message(stamp, lat, lon, alt, 0, vx, vy, 0, 0)
-        telemetry.take(framed(message), now)
+        telemetry.take(packed(message), now)
         newest = telemetry.newest
         assert newest.time_s <= now
         assert math.isfinite(newest.north + newest.east + newest.course + newest.ground_speed)

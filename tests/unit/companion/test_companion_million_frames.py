@@ -10,11 +10,9 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 from pymavlink.generator.mavcrc import x25crc
 
-from tests.kit.companion import leader_bytes
+from tests.kit.companion import companion_of, leader_bytes
 from tests.kit.missions import shipped
-from tests.kit.wire import parsed
-from vfguide.companion.core import Companion
-from vfguide.companion.mission_plan import adapter_of, flight_plan
+from tests.kit.wire import heartbeat, packed, parsed, position_report
 
 FRAMES = int(os.environ.get("VFGUIDE_FUZZ_FRAMES", "40000"))
 POOL = 4000
@@ -37,21 +35,23 @@ METRES = 0.0111
 
 def sound_frames(system_id: int, now: float = 1.0) -> list[bytes]:
     """One of each kind that is listened to, and one that is not: of a vehicle that flies north at 20 m/s."""
-    sender = mavlink.MAVLink(None, srcSystem=system_id, srcComponent=1)
-    boot_ms, north = round(1000 * now), round(20.0 * now / METRES)
+    position = position_report(
+        time_boot_ms=round(1000 * now),
+        lat=473_977_420 + round(20.0 * now / METRES),
+        vx=2000,
+        hdg=9000,
+    )
     messages = [
-        mavlink.MAVLink_heartbeat_message(1, 3, 129, 15, 4, 3),
-        mavlink.MAVLink_heartbeat_message(1, 12, 129, 6 << 16, 4, 3),
+        heartbeat(),
+        heartbeat(6 << 16, autopilot=12),
         mavlink.MAVLink_vfr_hud_message(20.0, 20.0, 0, 50, 588.0, 0.0),
-        mavlink.MAVLink_global_position_int_message(
-            boot_ms, 473_977_420 + north, 85_455_940, 588_000, 100_000, 2000, 0, 0, 9000
-        ),
+        position,
         mavlink.MAVLink_command_ack_message(43_002, 4),
         mavlink.MAVLink_statustext_message(4, b"low battery"),
         mavlink.MAVLink_param_value_message(b"GUIDED_P", 12_000.0, 9, 100, 1),
         mavlink.MAVLink_attitude_message(1000, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
     ]
-    return [bytes(message.pack(sender)) for message in messages]
+    return [packed(message, system_id=system_id, component_id=1) for message in messages]
 
 
 def mutated(frame: bytes, random: Random) -> bytes:
@@ -95,9 +95,7 @@ def test_no_frame_is_too_damaged_and_none_leaves_a_trace(kind):
         update={"autopilot": kind, "course_lag_s": 0.4, "speed_dead_time_s": 0.5}
     )
     article = article.model_copy(update={"vehicles": {**article.vehicles, "f1": declared}})
-    companion = Companion(
-        flight_plan(article, "f1"), adapter_of(declared), engage=True, inspect=True
-    )
+    companion = companion_of(mission=article, inspect=True)
     random = Random(f"{kind} {FRAMES}")
     sound = sound_frames(declared.system_id)
     pool = [mutated(random.choice(sound), random) for _ in range(POOL)]

@@ -1,14 +1,12 @@
 import math
-from collections.abc import Callable
 
 import pytest
 from msgspec.structs import replace
 
 from tests.kit.missions import plan_of
+from tests.kit.states import FRAME, reported
 from vfguide.companion.own_vehicle import NavigatedState, OwnVehicle
 from vfguide.mavlink.reports import AirspeedReport, BatteryReport, PositionReport, SensorsReport
-
-MakeReport = Callable[..., PositionReport]
 
 
 @pytest.fixture
@@ -16,26 +14,15 @@ def own() -> OwnVehicle:
     return OwnVehicle(plan_of())
 
 
-@pytest.fixture
-def report() -> MakeReport:
-    """A report by its place north of the origin; 22 m/s north and 3 m/s east over ground, nose north."""
-    frame = plan_of().frame
-
-    def make(
-        boot_time_s: float, *, north: float = 0.0, heading: float | None = 0.0
-    ) -> PositionReport:
-        latitude, longitude = frame.to_geodetic(north, 0.0)
-        return PositionReport(
-            boot_time_s=boot_time_s,
-            latitude_deg=latitude,
-            longitude_deg=longitude,
-            altitude_amsl=588.0,
-            velocity_north=22.0,
-            velocity_east=3.0,
-            heading=heading,
-        )
-
-    return make
+def report(
+    boot_time_s: float,
+    *,
+    north: float = 0.0,
+    velocity: tuple[float, float] = (22.0, 3.0),
+    heading: float | None = 0.0,
+) -> PositionReport:
+    """A report of 22 m/s north and 3 m/s east over ground, nose north."""
+    return reported(boot_time_s, north, velocity=velocity, heading=heading)
 
 
 def taken(own: OwnVehicle, report: PositionReport, now: float) -> NavigatedState:
@@ -46,16 +33,13 @@ def taken(own: OwnVehicle, report: PositionReport, now: float) -> NavigatedState
     return navigated
 
 
-def test_the_first_report_is_taken_as_it_is(own, report):
+def test_the_first_report_is_taken_as_it_is(own):
     navigated = taken(own, report(5.0, north=100.0), now=42.0)
     state = navigated.state
     assert state.time_s == 42.0
-    assert (state.north, state.east) == (
-        pytest.approx(100.0, abs=1e-3),
-        pytest.approx(0.0, abs=1e-3),
-    )
+    assert (state.north, state.east) == pytest.approx((100.0, 0.0), abs=1e-3)
     # Air velocity (20, 0), ground velocity (22, 3).
-    assert (state.wind_north, state.wind_east) == (pytest.approx(2.0), pytest.approx(3.0))
+    assert (state.wind_north, state.wind_east) == pytest.approx((2.0, 3.0))
     assert (state.wind_rate_north, state.wind_rate_east) == (0.0, 0.0)
     assert state.course == pytest.approx(math.atan2(3.0, 22.0))
     assert state.ground_speed == pytest.approx(math.sqrt(493.0))
@@ -64,22 +48,18 @@ def test_the_first_report_is_taken_as_it_is(own, report):
     assert navigated.period == pytest.approx(0.05)
 
 
-def test_the_place_is_the_navigated_one(own, report):
+def test_the_place_is_the_navigated_one(own):
     taken(own, report(5.0), now=42.0)
     # Predicted at 1.1 m, reported at 6.1 m: the filter leans 0.05 / 2.05 of the 5 m between.
     navigated = taken(own, report(5.05, north=6.1), now=42.05)
     assert navigated.state.north == pytest.approx(1.1 + 5.0 * 0.05 / 2.05, abs=1e-3)
-    north, east = plan_of().frame.to_local(
-        navigated.place.latitude_deg, navigated.place.longitude_deg
-    )
-    assert (north, east) == (
-        pytest.approx(navigated.state.north, abs=1e-3),
-        pytest.approx(navigated.state.east, abs=1e-3),
-    )
+    state, place = navigated.state, navigated.place
+    place_m = FRAME.to_local(place.latitude_deg, place.longitude_deg)
+    assert place_m == pytest.approx((state.north, state.east), abs=1e-3)
     assert navigated.place.altitude_amsl == 588.0
 
 
-def test_intervals_are_those_of_the_autopilots_clock(own, report):
+def test_intervals_are_those_of_the_autopilots_clock(own):
     taken(own, report(5.0), now=42.0)
     # Read 0.2 s late: neither the interval nor the time of the state knows.
     navigated = taken(own, report(5.15), now=42.35)
@@ -89,7 +69,7 @@ def test_intervals_are_those_of_the_autopilots_clock(own, report):
 
 
 @pytest.mark.parametrize("boot_time_s", [6.0, 5.95, 5.1])
-def test_a_duplicate_and_a_late_report_are_ignored(own, report, boot_time_s):
+def test_a_duplicate_and_a_late_report_are_ignored(own, boot_time_s):
     taken(own, report(6.0), now=42.0)
     assert own.take(report(boot_time_s, north=500.0), 42.01) is None
     navigated = taken(own, report(6.05, north=1.1), now=42.05)
@@ -97,7 +77,7 @@ def test_a_duplicate_and_a_late_report_are_ignored(own, report, boot_time_s):
     assert navigated.state.north == pytest.approx(1.1, abs=1e-3)
 
 
-def test_after_a_gap_the_filter_starts_anew(own, report):
+def test_after_a_gap_the_filter_starts_anew(own):
     taken(own, report(5.0), now=42.0)
     taken(own, report(5.15), now=42.15)
     # 22 m/s for 1.16 s are 25.5 m: a filter would lean on that.
@@ -107,13 +87,13 @@ def test_after_a_gap_the_filter_starts_anew(own, report):
     assert navigated.period == pytest.approx(0.05)
 
 
-def test_a_second_without_reports_is_no_gap_yet(own, report):
+def test_a_second_without_reports_is_no_gap_yet(own):
     taken(own, report(5.0), now=42.0)
     navigated = taken(own, report(5.99, north=30.0), now=42.99)
     assert navigated.state.north < 28.0
 
 
-def test_a_reboot_starts_anew_as_soon_as_it_is_certain(own, report):
+def test_a_reboot_starts_anew_as_soon_as_it_is_certain(own):
     taken(own, report(100.0), now=200.0)
     for number in range(20):
         assert own.take(report(0.05 * (1 + number)), 201.0 + 0.05 * number) is None
@@ -126,16 +106,14 @@ def test_a_reboot_starts_anew_as_soon_as_it_is_certain(own, report):
     assert after.interval == pytest.approx(0.05)
 
 
-def test_without_any_airspeed_there_is_no_wind(own, report):
+def test_without_any_airspeed_there_is_no_wind(own):
     navigated = own.take(report(5.0, heading=math.atan2(3.0, 22.0)), 42.0)
     assert navigated.state.airspeed == pytest.approx(math.sqrt(493.0))
-    assert (navigated.state.wind_north, navigated.state.wind_east) == (
-        pytest.approx(0.0, abs=1e-9),
-        pytest.approx(0.0, abs=1e-9),
-    )
+    wind = navigated.state.wind_north, navigated.state.wind_east
+    assert wind == pytest.approx((0.0, 0.0), abs=1e-9)
 
 
-def test_an_airspeed_that_is_too_old_falls_back_on_the_wind(own, report):
+def test_an_airspeed_that_is_too_old_falls_back_on_the_wind(own):
     own.note(AirspeedReport(airspeed=20.0), 42.0)
     own.take(report(5.0), 42.0)
     own.note(AirspeedReport(airspeed=12.0), 42.1)
@@ -153,22 +131,12 @@ def test_a_compass_that_is_off_makes_no_wind_where_no_airspeed_is_known(own):
     north = east = 0.0
     for number in range(1200):
         time_s, course = 0.05 * number, 0.15 * 0.05 * number
-        latitude, longitude = plan_of().frame.to_geodetic(north, east)
         velocity = 20.0 * math.cos(course), 20.0 * math.sin(course)
         if number == 0:
             own.note(AirspeedReport(airspeed=20.0), 40.0)
-        navigated = own.take(
-            PositionReport(
-                boot_time_s=5.0 + time_s,
-                latitude_deg=latitude,
-                longitude_deg=longitude,
-                altitude_amsl=588.0,
-                velocity_north=velocity[0],
-                velocity_east=velocity[1],
-                heading=course + (0.0 if number < 45 else 0.7),
-            ),
-            40.0 + time_s,
-        )
+        heading = course + (0.0 if number < 45 else 0.7)
+        said = reported(5.0 + time_s, north, east, velocity=velocity, heading=heading)
+        navigated = own.take(said, 40.0 + time_s)
         assert navigated.state.airspeed < 25.0
         # The ground velocity is the measured one all the same, a little late.
         assert navigated.state.ground_speed == pytest.approx(20.0, abs=0.5)
@@ -176,31 +144,31 @@ def test_a_compass_that_is_off_makes_no_wind_where_no_airspeed_is_known(own):
         east += velocity[1] * 0.05
 
 
-def test_an_airspeed_is_not_judged_by_a_wind_that_no_aircraft_could_fly_in(own, report):
+def test_an_airspeed_is_not_judged_by_a_wind_that_no_aircraft_could_fly_in(own):
     # Of (22, 3) m/s over ground a wind of (2, 3) leaves 20 m/s; of (6, 3) 4 m/s, which is no fixed wing's.
     taken(own, report(5.0), now=42.0)
-    slow = replace(report(6.9), velocity_north=6.0)
     for number in range(20):
-        own.take(replace(slow, boot_time_s=5.05 + 0.1 * number), 42.05 + 0.1 * number)
+        slow = report(5.05 + 0.1 * number, velocity=(6.0, 3.0))
+        own.take(slow, 42.05 + 0.1 * number)
     own.note(AirspeedReport(airspeed=20.0), 44.2)
     assert own.counters["airspeed not believed"] == 0
 
 
-def test_an_unknown_heading_falls_back_on_the_wind(own, report):
+def test_an_unknown_heading_falls_back_on_the_wind(own):
     taken(own, report(5.0), now=42.0)
     # Ground velocity (22, 3) without the wind of (2, 3) points north.
     navigated = taken(own, report(5.05, heading=None), now=42.05)
     assert navigated.state.heading == pytest.approx(0.0, abs=1e-12)
 
 
-def test_a_heading_that_was_never_known_is_the_course(own, report):
+def test_a_heading_that_was_never_known_is_the_course(own):
     navigated = taken(own, report(5.0, heading=None), now=42.0)
     assert navigated.state.heading == pytest.approx(math.atan2(3.0, 22.0))
 
 
-def test_an_aircraft_on_the_ground_has_an_airspeed_that_can_be_divided_by(own, report):
+def test_an_aircraft_on_the_ground_has_an_airspeed_that_can_be_divided_by(own):
     own.note(AirspeedReport(airspeed=0.0), 42.0)
-    navigated = own.take(replace(report(5.0), velocity_north=0.0, velocity_east=0.0), 42.0)
+    navigated = own.take(report(5.0, velocity=(0.0, 0.0)), 42.0)
     assert navigated.state.airspeed == 1.0
 
 
@@ -208,25 +176,21 @@ def test_an_aircraft_on_the_ground_has_an_airspeed_that_can_be_divided_by(own, r
     ("vehicle", "wind_north"),
     [("leader", 0.0), ("f1", -10.0 * (1.0 - math.exp(-3.0 * 0.4 / 0.35)))],
 )
-def test_only_a_leader_with_the_observer_navigates_by_positions_alone(report, vehicle, wind_north):
+def test_only_a_leader_with_the_observer_navigates_by_positions_alone(vehicle, wind_north):
     known = plan_of(vehicle=vehicle)
     own = OwnVehicle(replace(known, settings=replace(known.settings, speed_source="observer")))
     own.note(AirspeedReport(airspeed=20.0), 42.0)
-    own.take(replace(report(5.0), velocity_north=20.0, velocity_east=0.0), 42.0)
+    own.take(report(5.0, velocity=(20.0, 0.0)), 42.0)
     # The position says 20 m/s, the velocity 10: who believes it sees a head wind, filtered over 0.35 s.
-    navigated = own.take(
-        replace(report(5.4, north=8.0), velocity_north=10.0, velocity_east=0.0), 42.4
-    )
+    navigated = own.take(report(5.4, north=8.0, velocity=(10.0, 0.0)), 42.4)
     assert navigated.state.wind_north == pytest.approx(wind_north, abs=1e-3)
 
 
-def drifting(own: OwnVehicle, report: MakeReport) -> NavigatedState:
+def drifting(own: OwnVehicle) -> NavigatedState:
     """After 5 s of 22 m/s north and 2.7 m/s east by the positions; velocities have 3 m/s to the east."""
-    frame = plan_of().frame
     for step in range(101):
         time_s = 0.05 * step
-        latitude, longitude = frame.to_geodetic(22.0 * time_s, 2.7 * time_s)
-        moved = replace(report(5.0 + time_s), latitude_deg=latitude, longitude_deg=longitude)
+        moved = reported(5.0 + time_s, 22.0 * time_s, 2.7 * time_s, velocity=(22.0, 3.0))
         navigated = taken(own, moved, now=40.0 + time_s)
     return navigated
 
@@ -234,45 +198,55 @@ def drifting(own: OwnVehicle, report: MakeReport) -> NavigatedState:
 REPORTED, TRUE = math.atan2(3.0, 22.0), math.atan2(2.7, 22.0)
 
 
-def test_a_velocity_that_positions_contradict_is_put_right_and_the_autopilot_told_its_own_course(
-    report,
-):
+def test_a_velocity_that_positions_contradict_is_put_right_and_the_autopilot_told_its_own_course():
     known = plan_of()
     filters = replace(known.settings.filters, velocity_s=0.3, position_s=0.2)
     own = OwnVehicle(replace(known, settings=replace(known.settings, filters=filters)))
-    assert drifting(own, report).state.course == pytest.approx(TRUE, abs=0.001)
+    assert drifting(own).state.course == pytest.approx(TRUE, abs=0.001)
     # 0.75 degrees: its course hold acts on the course that it reports.
     assert own.course_offset == pytest.approx(REPORTED - TRUE, abs=0.001)
 
 
-def test_velocities_are_taken_as_they_are_unless_the_mission_says_otherwise(own, report):
-    assert drifting(own, report).state.course == pytest.approx(REPORTED, abs=0.001)
+def test_velocities_are_taken_as_they_are_unless_the_mission_says_otherwise(own):
+    assert drifting(own).state.course == pytest.approx(REPORTED, abs=0.001)
     assert own.course_offset == 0.0
+
+
+def batteries(own: OwnVehicle, *reports: SensorsReport | BatteryReport) -> None:
+    for one in reports:
+        own.note(one, 0.0)
+
+
+def told(own: OwnVehicle, now: float) -> tuple[float | None, float | None]:
+    """What is left of a battery, and its volts."""
+    newest = own.sensors.newest(now)
+    return newest.battery, newest.battery_voltage
+
+
+SENSORS = SensorsReport(gps=True, attitude=True)
+FIRST = replace(SENSORS, battery=0.9, battery_voltage=12.3)
 
 
 def test_the_emptiest_of_several_batteries_is_the_one_that_is_told(own):
     assert own.sensors.newest(0.0) is None
-    own.note(SensorsReport(gps=True, attitude=True, battery=0.9, battery_voltage=12.3), 0.0)
-    own.note(BatteryReport(number=0, remaining=0.9, voltage=12.3), 0.0)
-    own.note(BatteryReport(number=1, remaining=0.4, voltage=22.0), 0.0)
-    own.note(BatteryReport(number=2, remaining=None, voltage=5.0), 0.0)
-    told = own.sensors.newest(1.0)
-    assert (told.battery, told.battery_voltage) == (0.4, 22.0)
+    others = [(0, 0.9, 12.3), (1, 0.4, 22.0), (2, None, 5.0)]
+    reports = [BatteryReport(number=n, remaining=left, voltage=volts) for n, left, volts in others]
+    batteries(own, FIRST, *reports)
+    assert told(own, 1.0) == (0.4, 22.0)
     # Ten seconds later the second battery is not heard of any more.
-    own.note(SensorsReport(gps=True, attitude=True, battery=0.85, battery_voltage=12.2), 10.5)
-    told = own.sensors.newest(10.5)
-    assert (told.battery, told.battery_voltage) == (0.85, 12.2)
+    own.note(replace(SENSORS, battery=0.85, battery_voltage=12.2), 10.5)
+    assert told(own, 10.5) == (0.85, 12.2)
 
 
-def test_volts_of_another_battery_are_not_told_with_what_is_left_of_this_one(own):
-    own.note(SensorsReport(gps=True, attitude=True, battery=0.9, battery_voltage=12.3), 0.0)
-    own.note(BatteryReport(number=1, remaining=0.4, voltage=None), 0.0)
-    told = own.sensors.newest(1.0)
-    assert (told.battery, told.battery_voltage) == (0.4, None)
-
-
-def test_a_battery_that_sys_status_knows_nothing_of_is_told(own):
-    own.note(SensorsReport(gps=True, attitude=True), 0.0)
-    own.note(BatteryReport(number=0, remaining=0.7, voltage=None), 0.0)
-    told = own.sensors.newest(1.0)
-    assert (told.battery, told.battery_voltage) == (0.7, None)
+@pytest.mark.parametrize(
+    ("sensors", "number", "remaining"),
+    [
+        # Volts of another battery are not told with what is left of this one.
+        (FIRST, 1, 0.4),
+        # SYS_STATUS knows nothing of this one.
+        (SENSORS, 0, 0.7),
+    ],
+)
+def test_a_battery_without_volts_is_told_without(own, sensors, number, remaining):
+    batteries(own, sensors, BatteryReport(number=number, remaining=remaining, voltage=None))
+    assert told(own, 1.0) == (remaining, None)

@@ -3,32 +3,14 @@
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from tests.kit.companion import new_flight
-from tests.kit.missions import plan_of, shipped
-from tests.kit.wire import spoken
-from vfguide.companion.core import Companion
-from vfguide.companion.mission_plan import adapter_of
+from tests.kit.companion import companion_of, new_flight
+from tests.kit.wire import heartbeat, position_report, spoken
 from vfguide.companion.supervisor import NOTHING_HEARD
 from vfguide.link.presence import LONGEST_TEXT
 
-HEARTBEAT = mavlink.MAVLink_heartbeat_message(1, 3, 0x01, 10, 3, 3)
-
+HEARTBEAT = heartbeat(10, status=3, armed=False)
 NO_FIX = mavlink.MAVLink_gps_raw_int_message(0, 1, 0, 0, 0, 65_535, 65_535, 0, 0, 0)
-
 NO_POSITION = mavlink.MAVLink_ekf_status_report_message(0x400, 0.0, 0.0, 0.0, 0.0, 0.0)
-
-
-def position(now: float, latitude: int = 0, longitude: int = 0) -> mavlink.MAVLink_message:
-    """At rest on the ground."""
-    return mavlink.MAVLink_global_position_int_message(
-        int(now * 1e3), latitude, longitude, 488_000, 0, 0, 0, 0, 0
-    )
-
-
-def companion() -> Companion:
-    """Makes f1's, with nothing heard."""
-    adapter = adapter_of(shipped("line-calm").vehicles["f1"])
-    return Companion(plan_of(), adapter, engage=True, inspect=True)
 
 
 @pytest.mark.parametrize(
@@ -43,11 +25,12 @@ def companion() -> Companion:
     ],
 )
 def test_before_the_first_position_is_believed_it_says_why_none_is(said, why):
-    one = companion()
+    one = companion_of(inspect=True)
     assert one.obstacle(0.0) == NOTHING_HEARD
     for tenth in range(30):
         now = 0.1 * tenth
-        one.receive_mavlink(spoken(HEARTBEAT, *said, position(now)), now)
+        place = position_report(time_boot_ms=int(now * 1e3), lat=0, lon=0, alt=488_000)
+        one.receive_mavlink(spoken(HEARTBEAT, *said, place), now)
     assert one.obstacle(2.9) == why
     assert len(why) <= LONGEST_TEXT
     # Nothing comes any more, and what was said is old.
@@ -55,7 +38,7 @@ def test_before_the_first_position_is_believed_it_says_why_none_is(said, why):
 
 
 def test_what_the_estimator_says_counts_where_it_sends_no_position_at_all():
-    one = companion()
+    one = companion_of(inspect=True)
     for tenth in range(30):
         one.receive_mavlink(spoken(HEARTBEAT, NO_POSITION), 0.1 * tenth)
     assert one.obstacle(2.9) == (
@@ -65,7 +48,7 @@ def test_what_the_estimator_says_counts_where_it_sends_no_position_at_all():
 
 def test_a_parameter_that_speaks_against_taking_off_is_found_until_it_is_mended():
     flown = new_flight()
-    flown.companion = companion()
+    flown.companion = companion_of(inspect=True)
     flown.run(1.0)
     assert flown.companion.findings == []
     flown.run(10.0)

@@ -1,20 +1,20 @@
 import math
-from collections.abc import Callable
 
 import pytest
 from msgspec.structs import replace
 
-from tests.kit.companion import leader_bytes, new_flight
-from tests.kit.missions import content_of, plan_of, shipped
+from tests.kit.companion import Said, leader_bytes, new_flight
+from tests.kit.missions import plan_of, replaced
+from tests.kit.orders import heard, order_of
+from tests.kit.states import reported
 from vfguide.companion.arrangements import Arrangements
 from vfguide.companion.mission_plan import flight_plan
 from vfguide.companion.own_vehicle import NavigatedState, OwnVehicle
-from vfguide.companion.plan import FlightPlan, FollowerTask
-from vfguide.companion.roles import FollowerRole, LeaderRole, SuccessionRole, role_of
+from vfguide.companion.plan import FlightPlan
+from vfguide.companion.roles import FollowerRole, LeaderRole, role_of
 from vfguide.companion.supervisor import Mode
 from vfguide.companion.timing import SAME_CLOCK, SharedClock
-from vfguide.formation.arrangement import Arrangement, HoldCircle, Manoeuvre
-from vfguide.guidance.intended_motion import KnownLeader
+from vfguide.formation.arrangement import HoldCircle, Manoeuvre
 from vfguide.link.codec import LeaderMessage, decode, encode
 from vfguide.link.order_codec import encode_order
 from vfguide.link.packed import (
@@ -25,25 +25,19 @@ from vfguide.link.packed import (
     encode_packet,
     ticks_of,
 )
-from vfguide.mavlink.reports import AirspeedReport, PositionReport
-from vfguide.mission.model import Mission
+from vfguide.mavlink.reports import AirspeedReport
 from vfguide.paths.circle import Circle, Helix
 from vfguide.paths.climb import Climb
-from vfguide.state import HeardState
 
 
 @pytest.fixture
 def follower() -> FollowerRole:
-    role = role_of(plan_of(vehicle="f1"), SAME_CLOCK)
-    assert isinstance(role, FollowerRole)
-    return role
+    return role_of(plan_of(vehicle="f1"), SAME_CLOCK)
 
 
 @pytest.fixture
 def leader() -> LeaderRole:
-    role = role_of(plan_of(vehicle="leader"), SAME_CLOCK)
-    assert isinstance(role, LeaderRole)
-    return role
+    return role_of(plan_of(vehicle="leader"), SAME_CLOCK)
 
 
 def fixes(plan: FlightPlan, course: float, times: list[float]) -> list[NavigatedState]:
@@ -53,29 +47,18 @@ def fixes(plan: FlightPlan, course: float, times: list[float]) -> list[Navigated
     begin = course + 0.1 * times[0]
     for time_s in times:
         angle = course + 0.1 * time_s
-        latitude, longitude = plan.frame.to_geodetic(
-            200.0 * (math.sin(angle) - math.sin(begin)), 200.0 * (math.cos(begin) - math.cos(angle))
-        )
+        north = 200.0 * (math.sin(angle) - math.sin(begin))
+        east = 200.0 * (math.cos(begin) - math.cos(angle))
+        velocity = 20.0 * math.cos(angle), 20.0 * math.sin(angle)
         own.note(AirspeedReport(airspeed=20.0), time_s)
-        report = PositionReport(
-            boot_time_s=time_s,
-            latitude_deg=latitude,
-            longitude_deg=longitude,
-            altitude_amsl=588.0,
-            velocity_north=20.0 * math.cos(angle),
-            velocity_east=20.0 * math.sin(angle),
-            heading=angle,
+        found.append(
+            own.take(reported(time_s, north, east, velocity=velocity, heading=angle), time_s)
         )
-        navigated = own.take(report, time_s)
-        assert navigated is not None
-        found.append(navigated)
     return found
 
 
 def published(leader: LeaderRole, navigated: NavigatedState) -> LeaderMessage:
-    data = leader.step(navigated, Mode.TRACKING).publish
-    assert data is not None
-    return decode(data)
+    return decode(leader.step(navigated, Mode.TRACKING).publish)
 
 
 def test_a_leader_publishes_where_it_is_and_how_it_moves(leader):
@@ -92,11 +75,10 @@ def test_a_leader_publishes_where_it_is_and_how_it_moves(leader):
 
 def test_a_leader_counts_its_messages_up(leader):
     times = [3.0, 3.05, 3.1]
-    messages = [
-        published(leader, navigated) for navigated in fixes(plan_of(vehicle="leader"), 0.5, times)
-    ]
+    found = fixes(plan_of(vehicle="leader"), 0.5, times)
+    messages = [published(leader, navigated) for navigated in found]
     assert [one.sequence - messages[0].sequence for one in messages] == [0, 1, 2]
-    assert [one.time_s for one in messages] == [pytest.approx(time) for time in times]
+    assert [one.time_s for one in messages] == pytest.approx(times)
 
 
 def test_a_leader_learns_its_turn_rate_and_forgets_it_in_a_gap(leader):
@@ -116,10 +98,7 @@ def test_a_leader_state_is_put_into_the_local_frame(follower):
     data = leader_bytes(10.0, course=0.5, ground_speed=21.0, acceleration=0.25, turn_rate=0.125)
     follower.receive(data, 10.2)
     state = follower.followed.motion
-    assert (state.north, state.east) == (
-        pytest.approx(200.0, abs=1e-3),
-        pytest.approx(0.0, abs=1e-3),
-    )
+    assert (state.north, state.east) == pytest.approx((200.0, 0.0), abs=1e-3)
     assert (state.time_s, state.course, state.ground_speed) == (10.0, 0.5, 21.0)
     assert (state.acceleration, state.turn_rate, state.turn_acceleration) == (0.25, 0.125, 0.0)
     assert follower.leader_age(10.7) == pytest.approx(0.7)
@@ -138,9 +117,8 @@ def test_the_distance_is_that_from_the_slot(follower):
     # Leader at 60 m north, northbound: the slot is at (40, -20); the follower is at the origin.
     follower.receive(leader_bytes(3.0), 3.0)
     (navigated,) = fixes(plan_of(), -0.3, [3.0])
-    assert follower.step(navigated, Mode.JOINING).distance == pytest.approx(
-        math.hypot(40.0, 20.0), abs=1e-3
-    )
+    distance = follower.step(navigated, Mode.JOINING).distance
+    assert distance == pytest.approx(math.hypot(40.0, 20.0), abs=1e-3)
 
 
 @pytest.mark.parametrize(
@@ -176,18 +154,14 @@ def test_the_first_leader_state_must_be_of_the_right_time_too(follower, time_s):
 
 
 def test_a_leaders_clock_is_read_by_way_of_the_followers_own():
-    def skewed(now: float) -> list[bytes]:
-        """The same leader, whose clock is 2 s ahead; both times have exact binary values."""
-        return [leader_bytes(now, time_s=on_a_grid(now) + 2.0)]
+    def ahead(seconds: float) -> Said:
+        """Hear a leader whose clock is so much ahead, by times that have exact binary values."""
+        return lambda now: [leader_bytes(now, time_s=round(now * 1024.0) / 1024.0 + seconds)]
 
-    def on_a_grid(now: float) -> float:
-        return round(now * 1024.0) / 1024.0
-
-    same = new_flight(link=lambda now: [leader_bytes(now, time_s=on_a_grid(now))])
-    mapped = new_flight(link=skewed, clock=SharedClock(to_own=lambda time_s: time_s - 2.0))
-    unmapped = new_flight(link=skewed)
-    for flown in (same, mapped, unmapped):
-        flown.run(20.0)
+    two_ahead = SharedClock(to_own=lambda time_s: time_s - 2.0)
+    same = new_flight(link=ahead(0.0), until_s=20.0)
+    mapped = new_flight(link=ahead(2.0), clock=two_ahead, until_s=20.0)
+    unmapped = new_flight(link=ahead(2.0), until_s=20.0)
     assert mapped.sent == same.sent
     assert mapped.events == same.events
     assert mapped.companion.counters == same.companion.counters
@@ -208,9 +182,7 @@ def test_a_follower_tells_the_others_five_times_a_second_on_the_formations_clock
     times = [3.0 + 0.05 * number for number in range(20)]
     steps = [role.step(navigated, Mode.TRACKING) for navigated in fixes(plan_of(), 0.5, times)]
     told = [decode(step.publish) for step in steps if step.publish is not None]
-    assert [one.time_s for one in told] == [
-        pytest.approx(53.0 + 0.2 * number) for number in range(5)
-    ]
+    assert [one.time_s for one in told] == pytest.approx([53.0, 53.2, 53.4, 53.6, 53.8])
     assert [one.sequence for one in told] == [1, 2, 3, 4, 5]
     assert told[0].latitude_deg == pytest.approx(47.397742, abs=1e-9)
 
@@ -225,75 +197,37 @@ def test_a_leader_whose_altitude_is_doubted_is_followed_up_its_helix():
     circle = Circle(north=0.0, east=0.0, radius=300.0, direction=1)
     helix = Helix(circle=circle, climb=Climb(slope=0.1, end=1000.0))
     made = plan_of(vehicle="f1")
-    assert isinstance(made.task, FollowerTask)
-    assert isinstance(made.task.leader, KnownLeader)
     task = replace(made.task, leader=replace(made.task.leader, path=helix))
     role = FollowerRole(made, task, SAME_CLOCK, Arrangements(made, SAME_CLOCK))
     for step in range(100):
         # On the second turn, by 20 m/s; from the fourth second on it says 60 m too much.
         now = 0.1 * step
         place = helix.at(2000.0 + 20.0 * now)
-        latitude, longitude = made.frame.to_geodetic(place.north, place.east)
-        role.receive(
-            encode(
-                LeaderMessage(
-                    sequence=step,
-                    time_s=now,
-                    latitude_deg=latitude,
-                    longitude_deg=longitude,
-                    altitude_amsl=made.altitude_amsl + place.height + (60.0 if now > 4.0 else 0.0),
-                    course=math.remainder(place.course, math.tau),
-                    ground_speed=20.0,
-                    acceleration=0.0,
-                    turn_rate=20.0 / 300.0,
-                    turn_acceleration=0.0,
-                    climb_rate=2.0,
-                )
-            ),
+        said = leader_bytes(
             now,
+            north=place.north,
+            east=place.east,
+            altitude_amsl=made.altitude_amsl + place.height + (60.0 if now > 4.0 else 0.0),
+            course=math.remainder(place.course, math.tau),
+            turn_rate=20.0 / 300.0,
+            climb_rate=2.0,
         )
+        role.receive(said, now)
         assert role.leader_age(now) == pytest.approx(0.0, abs=1e-6)
         assert role.followed.motion.height == pytest.approx(made.height + place.height, abs=1.0)
 
 
-def deputy_of(mission: Mission, name: str, clock: SharedClock = SAME_CLOCK) -> SuccessionRole:
-    content = content_of(mission)
-    content["deputies"] = ["f1", "f2"]
-    role = role_of(flight_plan(Mission.model_validate(content), name), clock)
-    assert isinstance(role, SuccessionRole)
-    return role
-
-
-def fly_after(
-    role: SuccessionRole, plan: FlightPlan, state: Callable[[float], bytes | None]
-) -> tuple[str, int]:
-    """Who leads after 20 s at 20 Hz, in which a follower is heard as well; what the leader says at a time."""
-    for navigated in fixes(plan, 0.0, [0.05 * step for step in range(400)]):
+def leadership_after(said: Said, clock: SharedClock) -> tuple[str, int]:
+    """Who leads f1 after 20 s at 20 Hz of this leader, in which a follower is heard as well."""
+    plan = flight_plan(replaced("line-calm", deputies=["f1", "f2"]), "f1")
+    role = role_of(plan, clock)
+    for navigated in fixes(plan_of(), 0.0, [0.05 * step for step in range(400)]):
         now = navigated.state.time_s
-        said = state(now)
-        if said is not None:
-            role.receive(said, now)
-        latitude, longitude = plan.frame.to_geodetic(-60.0 + 20.0 * now, 60.0)
-        role.receive_neighbour("f3", leader_says(now, latitude, longitude), now)
+        for data in said(now):
+            role.receive(data, now)
+        role.receive_neighbour("f3", leader_bytes(now, north=-60.0 + 20.0 * now, east=60.0), now)
         role.step(navigated, Mode.TRACKING)
     return role.leadership
-
-
-def leader_says(now: float, latitude: float, longitude: float, time_s: float = math.nan) -> bytes:
-    return encode(
-        LeaderMessage(
-            sequence=round(20.0 * now),
-            time_s=now if math.isnan(time_s) else time_s,
-            latitude_deg=latitude,
-            longitude_deg=longitude,
-            altitude_amsl=588.0,
-            course=0.0,
-            ground_speed=20.0,
-            acceleration=0.0,
-            turn_rate=0.0,
-            turn_acceleration=0.0,
-        )
-    )
 
 
 @pytest.mark.parametrize(
@@ -307,43 +241,31 @@ def leader_says(now: float, latitude: float, longitude: float, time_s: float = m
     ],
 )
 def test_a_leader_that_says_what_cannot_be_is_succeeded(north, ahead_s, expected):
-    plan = flight_plan(shipped("line-calm"), "f1")
-
-    def state(now: float) -> bytes:
+    def said(now: float) -> list[bytes]:
         # From the fifth second on what it says is wrong.
-        wrong = now > 5.0
-        place = plan.frame.to_geodetic(20.0 * now + (north if wrong else 0.0), 0.0)
-        return leader_says(now, *place, time_s=100.0 + now + (ahead_s if wrong else 0.0))
+        off_m, off_s = (north, ahead_s) if now > 5.0 else (0.0, 0.0)
+        return [leader_bytes(now, north=20.0 * now + off_m, time_s=100.0 + now + off_s)]
 
     clock = SharedClock(to_own=lambda time_s: time_s - 100.0, from_own=lambda now: now + 100.0)
-    assert fly_after(deputy_of(shipped("line-calm"), "f1", clock), plan, state) == expected
+    assert leadership_after(said, clock) == expected
 
 
 def test_a_leader_is_heard_while_the_time_is_not_known():
-    plan = flight_plan(shipped("line-calm"), "f1")
     clock = SharedClock(to_own=lambda _: math.nan, from_own=lambda _: math.nan)
-
-    def state(now: float) -> bytes:
-        return leader_says(now, *plan.frame.to_geodetic(20.0 * now, 0.0))
-
-    assert fly_after(deputy_of(shipped("line-calm"), "f1", clock), plan, state) == ("leader", 0)
+    assert leadership_after(lambda now: [leader_bytes(now)], clock) == ("leader", 0)
 
 
 @pytest.mark.parametrize("by_radio", [False, True])
 def test_an_order_that_the_others_fly_by_is_waited_for_by_radio_too(by_radio):
     made = plan_of(vehicle="f1")
-    assert isinstance(made.task, FollowerTask)
     arrangements = Arrangements(made, SAME_CLOCK)
     role = FollowerRole(made, made.task, SAME_CLOCK, arrangements)
-    said = decode(leader_says(1.0, *made.frame.to_geodetic(20.0, 0.0)))
-    packed = replace(said, arrangement=217_000_000)
+    packed = decode(leader_bytes(1.0, arrangement=217_000_000))
     if by_radio:
         body = encode_packet(
             PackedKind.STATE, formation=4, sender=3, ticks=ticks_of(1.0), body=encode_motion(packed)
         )
-        received = decode_packet(body + bytes(TAG_SIZE)).state
-        assert received is not None
-        packed = received
+        packed = decode_packet(body + bytes(TAG_SIZE)).state
     role.receive(encode(packed), 1.0)
     role.receive_neighbour("f2", encode(packed), 1.0)
     assert role.followed.motion is not None
@@ -355,22 +277,14 @@ def test_a_leader_that_is_restarted_in_a_hold_keeps_the_height_that_it_has():
     arrangements = Arrangements(own, SAME_CLOCK)
     role = LeaderRole(own, own.task, SAME_CLOCK, arrangements)  # type: ignore[arg-type]
     first, second = fixes(own, 0.5, [3.0, 3.1])
-    at = [
-        replace(one, state=replace(one.state, height=height))
-        for one, height in ((first, 160.0), (second, 161.5))
-    ]
+    first = replace(first, state=replace(first.state, height=160.0))
+    second = replace(second, state=replace(second.state, height=161.5))
     # It waits until the order is repeated, and has not steered yet.
-    role.step(at[0], Mode.WAITING)
+    role.step(first, Mode.WAITING)
     latitude_deg, longitude_deg = own.frame.to_geodetic(0.0, 200.0)
     circle = HoldCircle(latitude_deg=latitude_deg, longitude_deg=longitude_deg, radius_m=200.0)
-    hold = Arrangement(
-        number=3, time_s=2.0, flown=Manoeuvre.HOLD, across_s=0.0, places=(), circle=circle
-    )
-    state = HeardState(
-        time_s=3.0, north=0.0, east=0.0, course=0.0, ground_speed=20.0, acceleration=0.0,
-        turn_rate=0.0, turn_acceleration=0.0, altitude_amsl=588.0, steered=True, arrangement=3,
-    )  # fmt: skip
-    arrangements.hear("f1", state, 3.0)
+    hold = order_of(number=3, time_s=2.0, flown=Manoeuvre.HOLD, across_s=0.0, circle=circle)
+    arrangements.hear("f1", heard(3.0, 3), 3.0)
     arrangements.receive_order(encode_order(hold), b"", 3.0, repeated=True)
     assert arrangements.flight.circle is not None
-    assert role.step(at[1], Mode.TRACKING).height == pytest.approx(161.5, abs=0.5)
+    assert role.step(second, Mode.TRACKING).height == pytest.approx(161.5, abs=0.5)

@@ -1,52 +1,54 @@
 import math
 from collections.abc import Callable
+from typing import Any
 
 import pytest
 from msgspec.structs import replace
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from tests.kit.companion import leader_bytes, new_flight
-from tests.kit.missions import content_of, plan_of, shipped
+from tests.kit.companion import (
+    ALTITUDE,
+    HEADING,
+    KINDS,
+    SPEED,
+    companion_of,
+    leader_bytes,
+    new_flight,
+)
+from tests.kit.missions import content_of, plan_of
 from tests.kit.states import vehicle_at
-from tests.kit.wire import parsed
-from vfguide.companion.core import Companion
+from tests.kit.wire import heartbeat, number_of, packed, parsed, position_report
 from vfguide.companion.follower_role import FollowerRole
-from vfguide.companion.mission_plan import adapter_of, flight_plan
+from vfguide.companion.mission_plan import flight_plan
 from vfguide.companion.own_vehicle import NavigatedState
-from vfguide.companion.plan import FlightPlan
 from vfguide.companion.role import RoleStep
 from vfguide.companion.steering import SetpointGuard, TrackingMonitor, is_flyable
 from vfguide.mission.model import Mission
 from vfguide.state import Airframe, Setpoint
 
-SET_MODE, HEADING, SPEED = 176, 43_002, 43_000
+
+def bend_guidance(monkeypatch: pytest.MonkeyPatch, from_s: float, **change: Any) -> None:
+    """Let the step of a follower ask for something else from a time on."""
+    step = FollowerRole.step
+
+    def bent(role: FollowerRole, navigated: NavigatedState, *rest: object) -> RoleStep:
+        found = step(role, navigated, *rest)
+        return found if navigated.state.time_s <= from_s else replace(found, **change)
+
+    monkeypatch.setattr(FollowerRole, "step", bent)
+
 
 UNFLYABLE = [
-    (math.nan, 20.0),
-    (math.inf, 20.0),
-    (-math.inf, 20.0),
-    (1.0, math.nan),
-    (1.0, math.inf),
-    (1.0, -math.inf),
-    (1.0, 11.999),
-    (1.0, 32.001),
-    (1.0, -20.0),
+    *((math.nan, 20.0), (math.inf, 20.0), (-math.inf, 20.0)),
+    *((1.0, math.nan), (1.0, math.inf), (1.0, -math.inf)),
+    *((1.0, 11.999), (1.0, 32.001), (1.0, -20.0)),
 ]
 
 
-@pytest.mark.parametrize("kind", ["ardupilot", "px4"])
+@pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize(("course", "speed"), UNFLYABLE)
 def test_a_setpoint_that_cannot_be_flown_never_becomes_bytes(monkeypatch, kind, course, speed):
-    step = FollowerRole.step
-    from_s = 3.0
-
-    def broken(role: FollowerRole, navigated: NavigatedState, *rest: object) -> RoleStep:
-        found = step(role, navigated, *rest)
-        if navigated.state.time_s <= from_s:
-            return found
-        return replace(found, setpoint=Setpoint(course=course, speed=speed))
-
-    monkeypatch.setattr(FollowerRole, "step", broken)
+    bend_guidance(monkeypatch, 3.0, setpoint=Setpoint(course=course, speed=speed))
     flown = new_flight(kind=kind, until_s=4.0)
     assert flown.times(HEADING)[-1] == 3.0
     assert flown.times(SPEED if kind == "ardupilot" else 178)[-1] == 3.0
@@ -74,43 +76,26 @@ def test_a_ground_speed_is_bound_by_the_airspeed_range_and_the_strongest_wind(sp
     assert is_flyable(setpoint, by_ground) is flyable
 
 
-def companions(mission: Mission, hold: str) -> list[Companion]:
-    """Leader and follower f1, whose loops hold this."""
-    vehicles = {
-        name: vehicle.model_copy(update={"plant": hold})
-        for name, vehicle in mission.vehicles.items()
-    }
-    held = mission.model_copy(update={"vehicles": vehicles})
-    return [
-        Companion(flight_plan(held, name), adapter_of(vehicles[name]), engage=True)
-        for name in ("leader", "f1")
-    ]
-
-
 @pytest.mark.parametrize("hold", ["heading-hold", "course-hold"])
 @pytest.mark.parametrize("hdg", [0, 9000, 65_535])
-def test_an_aircraft_that_stands_on_the_ground_is_borne(hold, hdg):
-    for companion, system_id in zip(companions(shipped("line-calm"), hold), (1, 2), strict=True):
-        sender = mavlink.MAVLink(None, srcSystem=system_id, srcComponent=1)
-        for step in range(60):
-            now = step / 20
-            companion.receive_link(leader_bytes(now), now)
-            messages = [
-                mavlink.MAVLink_heartbeat_message(1, 3, 129, 15, 4, 3),
-                mavlink.MAVLink_vfr_hud_message(0.0, 0.0, 0, 0, 488.0, 0.0),
-                mavlink.MAVLink_global_position_int_message(
-                    step * 50, 473_977_420, 85_455_940, 488_000, 0, 0, 0, 0, hdg
-                ),
-            ]
-            data = b"".join(message.pack(sender) for message in messages)
-            out = companion.receive_mavlink(data, now)
-            for message in parsed(out.to_autopilot):
-                if message.get_type() == "COMMAND_INT":
-                    assert math.isfinite(message.param2)
-        assert companion.snapshot.mode.steers
+@pytest.mark.parametrize(("name", "system_id"), [("leader", 1), ("f1", 2)])
+def test_an_aircraft_that_stands_on_the_ground_is_borne(hold, hdg, name, system_id):
+    companion = companion_of(name, plant=hold)
+    for step in range(60):
+        now = step / 20
+        companion.receive_link(leader_bytes(now), now)
+        messages = [
+            heartbeat(),
+            mavlink.MAVLink_vfr_hud_message(0.0, 0.0, 0, 0, 488.0, 0.0),
+            position_report(time_boot_ms=step * 50, alt=488_000, hdg=hdg),
+        ]
+        said = packed(*messages, system_id=system_id, component_id=1)
+        for message in parsed(companion.receive_mavlink(said, now).to_autopilot):
+            if message.get_type() == "COMMAND_INT":
+                assert math.isfinite(message.param2)
+    assert companion.snapshot.mode.steers
 
 
-ALTITUDE = 43_001
 ORIGIN_M = 488.0
 """Altitude of the mission's origin; it flies 100 m above that."""
 
@@ -128,36 +113,16 @@ ORIGIN_M = 488.0
     ],
 )
 def test_no_altitude_that_is_sent_is_below_the_floor_or_no_number(monkeypatch, guided, asked):
-    step, (height, climb_m) = FollowerRole.step, guided
-
-    def broken(role: FollowerRole, navigated: NavigatedState, *rest: object) -> RoleStep:
-        found = step(role, navigated, *rest)
-        if navigated.state.time_s <= 5.0:
-            return found
-        return replace(found, height=height, climb_m=climb_m)
-
-    monkeypatch.setattr(FollowerRole, "step", broken)
+    height, climb_m = guided
+    bend_guidance(monkeypatch, 5.0, height=height, climb_m=climb_m)
     flown = new_flight(until_s=12.0)
-    sent = [
-        message.z
-        for time, data in flown.sent
-        for message in parsed(data)
-        if time > 6.0 and getattr(message, "command", 0) == ALTITUDE
-    ]
+    said = parsed(b"".join(data for time, data in flown.sent if time > 6.0))
+    sent = [message.z for message in said if number_of(message) == ALTITUDE]
     assert sent
     assert sent == pytest.approx([asked] * len(sent), abs=0.05)
     assert flown.times(HEADING)[-1] > 11.0
     complaints = [text for _, text in flown.texts() if "a height that is no number" in text]
     assert len(complaints) == (0 if math.isfinite(height + climb_m) else 1)
-
-
-def with_heights(mission: Mission, flying_m: float, up_m: float, end_m: float) -> FlightPlan:
-    climb = {"climb_deg": math.copysign(5.0, end_m), "end_height_m": end_m}
-    content = content_of(mission)
-    content["height_above_origin_m"] = flying_m
-    content["path"] = {"type": "line", "course_deg": 0.0, **climb}
-    content["followers"][0]["slot"]["up_m"] = up_m
-    return flight_plan(Mission.model_validate(content), "f1")
 
 
 @pytest.mark.parametrize(
@@ -173,7 +138,11 @@ def with_heights(mission: Mission, flying_m: float, up_m: float, end_m: float) -
     ],
 )
 def test_the_floor_leaves_room_for_the_missions_own_lowest_height(flying_m, up_m, end_m, floor_m):
-    guard = SetpointGuard(with_heights(shipped("line-calm"), flying_m, up_m, end_m))
+    climb = {"climb_deg": math.copysign(5.0, end_m), "end_height_m": end_m}
+    content = content_of("line-calm") | {"height_above_origin_m": flying_m}
+    content["path"] = {"type": "line", "course_deg": 0.0, **climb}
+    content["followers"][0]["slot"]["up_m"] = up_m
+    guard = SetpointGuard(flight_plan(Mission.model_validate(content), "f1"))
     assert guard.height(-1000.0)[0] == pytest.approx(floor_m)
     assert guard.height(flying_m + up_m) == (flying_m + up_m, None)
 
@@ -205,17 +174,20 @@ def test_an_aircraft_that_turns_the_wrong_way_is_told_of():
     assert complaints(lambda now: -0.1 * now, lambda now: -0.1 * now + 0.4, 30.0)
 
 
-def test_a_first_order_course_is_followed():
-    assert complaints(lambda now: 1.0 - math.exp(-1.2 * now), lambda _: 1.0, 30.0) == []
-
-
-def test_a_course_four_times_slower_than_the_mission_says_still_follows():
-    assert complaints(lambda now: 1.0 - math.exp(-0.3 * now), lambda _: 1.0, 30.0) == []
-
-
-def test_a_turn_at_the_bank_limit_is_followed():
-    # 9.80665 / 20 m/s = 0.49 rad/s with 45 degrees of bank.
-    assert complaints(lambda now: 0.49 * now, lambda now: 0.49 * now + 2.0, 30.0) == []
+@pytest.mark.parametrize(
+    ("course", "wanted"),
+    [
+        # A first-order course, and one four times slower than the mission says.
+        (lambda now: 1.0 - math.exp(-1.2 * now), lambda _: 1.0),
+        (lambda now: 1.0 - math.exp(-0.3 * now), lambda _: 1.0),
+        # A turn at the bank limit: 9.80665 / 20 m/s = 0.49 rad/s with 45 degrees of bank.
+        (lambda now: 0.49 * now, lambda now: 0.49 * now + 2.0),
+        # Small errors are nobody's business.
+        (lambda _: 0.0, lambda _: 0.03),
+    ],
+)
+def test_a_course_that_follows_is_not_complained_of(course, wanted):
+    assert complaints(course, wanted, 60.0) == []
 
 
 def test_a_nose_that_turns_into_a_swinging_wind_follows_although_the_course_stays():
@@ -226,10 +198,6 @@ def test_a_nose_that_turns_into_a_swinging_wind_follows_although_the_course_stay
         flown = replace(vehicle_at(time_s=now), heading=0.08 * now)
         setpoint = Setpoint(course=0.067, speed=20.0)
         assert watch.watch(flown, setpoint) is None
-
-
-def test_small_errors_are_nobodys_business():
-    assert complaints(lambda _: 0.0, lambda _: 0.03, 60.0) == []
 
 
 def test_it_says_when_the_course_follows_again():

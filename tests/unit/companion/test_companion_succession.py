@@ -48,17 +48,26 @@ def hear_until(one: Succession, until_s: float, *, steered: bool = True) -> None
         one.step(step * STEP_S, eligible=True)
 
 
+def followed(name: str = "f1", *, steered: bool = True) -> Succession:
+    """Make one that has heard the leader until 10 s."""
+    one = deputy(name)
+    hear_until(one, 10.0, steered=steered)
+    return one
+
+
+def started(*, leads: bool) -> Succession:
+    """Make a leader that has started at 5 s, and leads if it has listened long enough since then."""
+    one = deputy("leader")
+    one.step(5.0, eligible=False)
+    if leads:
+        assert one.step(5.0 + LISTEN_S + STEP_S, eligible=False)
+    return one
+
+
 def test_every_term_is_one_vehicles():
     # Of three terms each of the three has one, the last in the order the lowest.
-    assert [holder_of(term, ORDER) for term in range(7)] == [
-        "leader",
-        "f2",
-        "f1",
-        "leader",
-        "f2",
-        "f1",
-        "leader",
-    ]
+    holders = ["leader", *("f2", "f1", "leader") * 2]
+    assert [holder_of(term, ORDER) for term in range(7)] == holders
 
 
 def test_the_next_term_is_in_the_next_round():
@@ -69,51 +78,38 @@ def test_the_next_term_is_in_the_next_round():
     assert [term_above(4, name, ORDER) for name in ORDER] == [9, 8, 7]
 
 
-def test_the_first_deputy_leads_as_soon_as_the_leader_is_silent_for_too_long():
-    one = deputy("f1")
-    hear_until(one, 10.0)
-    led_s = lead_time(one, from_s=10.0, until_s=20.0, others=True)
-    # Its turn comes at once, since nobody but the silent leader comes before it.
-    assert led_s == pytest.approx(10.0 + SILENCE_S, abs=2.0 * STEP_S)
-    assert (one.term, one.holder, one.leads) == (2, "f1", True)
-
-
-def test_the_second_deputy_leaves_the_first_its_turn():
-    one = deputy("f2")
-    hear_until(one, 10.0)
-    led_s = lead_time(one, from_s=10.0, until_s=20.0, others=True)
-    assert led_s == pytest.approx(10.0 + SILENCE_S + STAGGER_S, abs=2.0 * STEP_S)
-    assert one.term == 1
-
-
-def test_a_deputy_that_hears_nobody_takes_itself_for_deaf_at_first():
-    one = deputy("f1")
-    hear_until(one, 10.0)
-    led_s = lead_time(one, from_s=10.0, until_s=20.0, others=False)
-    assert led_s == pytest.approx(10.0 + DEAF_S + SILENCE_S, abs=2.0 * STEP_S)
+@pytest.mark.parametrize(
+    ("name", "steered", "others", "waits_s", "term"),
+    [
+        # Its turn comes at once, since nobody but the silent leader comes before it.
+        ("f1", True, True, SILENCE_S, 2),
+        # The second deputy leaves the first its turn.
+        ("f2", True, True, SILENCE_S + STAGGER_S, 1),
+        # One that hears nobody takes itself for deaf at first.
+        ("f1", True, False, DEAF_S + SILENCE_S, 2),
+        # A leader that was never steered is followed, too.
+        ("f1", False, True, SILENCE_S, 2),
+        # A follower never leads.
+        ("f3", True, True, math.inf, 0),
+    ],
+)
+def test_a_deputy_leads_as_soon_as_the_leader_is_silent_for_too_long(
+    name, steered, others, waits_s, term
+):
+    one = followed(name, steered=steered)
+    assert not one.leads
+    led_s = lead_time(one, from_s=10.0, until_s=30.0, others=others)
+    assert led_s == pytest.approx(10.0 + waits_s, abs=2.0 * STEP_S)
+    assert (one.term, one.leads) == (term, term > 0)
+    assert one.holder == (name if term else "leader")
 
 
 def test_after_a_blackout_of_the_link_the_leader_has_as_long_as_ever():
-    one = deputy("f1")
-    hear_until(one, 10.0)
+    one = followed()
     assert lead_time(one, from_s=10.0, until_s=14.0, others=False) == math.inf
     # The first of the others is heard 0.2 s later.
     led_s = lead_time(one, from_s=14.0, until_s=20.0, others=True)
     assert led_s == pytest.approx(14.2 + SILENCE_S, abs=2.0 * STEP_S)
-
-
-def test_a_follower_never_leads():
-    one = deputy("f3")
-    hear_until(one, 10.0)
-    assert lead_time(one, from_s=10.0, until_s=30.0, others=True) == math.inf
-
-
-def test_a_leader_that_was_never_steered_is_followed_and_succeeded_once_it_is_silent():
-    one = deputy("f1")
-    hear_until(one, 10.0, steered=False)
-    assert not one.leads
-    led_s = lead_time(one, from_s=10.0, until_s=30.0, others=True)
-    assert led_s == pytest.approx(10.0 + SILENCE_S, abs=2.0 * STEP_S)
 
 
 def test_no_leader_is_succeeded_that_was_never_heard():
@@ -121,8 +117,7 @@ def test_no_leader_is_succeeded_that_was_never_heard():
 
 
 def test_a_leader_that_its_pilot_takes_is_succeeded_although_it_is_heard():
-    one = deputy("f1")
-    hear_until(one, 10.0)
+    one = followed()
     now, led_s = 10.0, math.inf
     while led_s == math.inf and now < 15.0:
         now += STEP_S
@@ -134,16 +129,14 @@ def test_a_leader_that_its_pilot_takes_is_succeeded_although_it_is_heard():
 
 
 def test_a_deputy_that_is_not_steered_does_not_lead():
-    one = deputy("f1")
-    hear_until(one, 10.0)
+    one = followed()
     for step in range(1, 200):
         one.hear_other(0, 10.0 + step * STEP_S)
         assert not one.step(10.0 + step * STEP_S, eligible=False)
 
 
 def test_a_higher_term_ends_ones_own():
-    one = deputy("f2")
-    hear_until(one, 10.0)
+    one = followed("f2")
     lead_time(one, from_s=10.0, until_s=20.0, others=True)
     assert one.leads
     assert one.hear_leader("f1", 2, 20.0, steered=True)
@@ -160,9 +153,8 @@ def test_nobody_leads_in_a_term_of_another():
 
 
 def test_a_leader_that_has_just_started_listens_before_it_leads():
-    one = deputy("leader")
-    assert not one.leads
-    one.step(5.0, eligible=False)
+    assert not deputy("leader").leads
+    one = started(leads=False)
     one.step(5.0 + LISTEN_S - STEP_S, eligible=False)
     assert not one.leads
     assert one.step(5.0 + LISTEN_S + STEP_S, eligible=False)
@@ -170,16 +162,14 @@ def test_a_leader_that_has_just_started_listens_before_it_leads():
 
 
 def test_a_leader_that_comes_back_follows_the_one_who_leads_by_now():
-    one = deputy("leader")
-    one.step(5.0, eligible=False)
+    one = started(leads=False)
     assert one.hear_leader("f1", 2, 5.1, steered=True)
     one.step(20.0, eligible=False)
     assert (one.leads, one.holder) == (False, "f1")
 
 
 def test_a_leader_that_comes_back_when_its_deputies_are_gone_leads_in_a_new_term():
-    one = deputy("leader")
-    one.step(5.0, eligible=False)
+    one = started(leads=False)
     # A follower still says which term it obeyed last.
     one.hear_other(2, 5.1)
     one.step(5.0 + VACANT_S - STEP_S, eligible=False)
@@ -189,9 +179,7 @@ def test_a_leader_that_comes_back_when_its_deputies_are_gone_leads_in_a_new_term
 
 
 def test_a_leader_whose_followers_obey_a_lost_deputy_leads_them_in_a_new_term():
-    one = deputy("leader")
-    one.step(5.0, eligible=False)
-    one.step(5.0 + LISTEN_S + STEP_S, eligible=False)
+    one = started(leads=True)
     # f2 led f3 in term 1, was heard by f3 alone, and died.
     one.hear_other(1, 10.0)
     one.step(10.0, eligible=True)
@@ -204,10 +192,7 @@ def test_a_leader_whose_followers_obey_a_lost_deputy_leads_them_in_a_new_term():
 
 
 def test_two_leaders_that_do_not_hear_each_other_take_no_turns():
-    one, other = deputy("leader"), deputy("f1")
-    hear_until(other, 10.0)
-    one.step(5.0, eligible=False)
-    one.step(5.0 + LISTEN_S + STEP_S, eligible=False)
+    one, other = started(leads=True), followed()
     now, changes, terms = 10.0, 0, (0, 0)
     while now < 130.0:
         now += STEP_S
@@ -224,9 +209,7 @@ def test_two_leaders_that_do_not_hear_each_other_take_no_turns():
 
 
 def test_a_leader_that_hears_its_successor_in_time_follows_it():
-    one = deputy("leader")
-    one.step(5.0, eligible=False)
-    one.step(5.0 + LISTEN_S + STEP_S, eligible=False)
+    one = started(leads=True)
     one.hear_other(1, 10.0)
     one.step(10.0, eligible=True)
     assert one.hear_leader("f2", 1, 10.5, steered=True)
@@ -235,8 +218,7 @@ def test_a_leader_that_hears_its_successor_in_time_follows_it():
 
 
 def test_no_state_with_an_impossible_term_ends_succession():
-    one = deputy("f1")
-    hear_until(one, 10.0)
+    one = followed()
     one.hear_other(GREATEST_TERM, 10.0)
     # Of f3, and of a deputy that would be the holder.
     assert not one.hear_leader("f3", GREATEST_TERM, 10.0, steered=True)
@@ -246,16 +228,14 @@ def test_no_state_with_an_impossible_term_ends_succession():
 
 
 def test_a_leader_that_has_just_started_leads_although_it_hears_an_impossible_term():
-    one = deputy("leader")
-    one.step(5.0, eligible=False)
+    one = started(leads=False)
     one.hear_other(GREATEST_TERM, 5.1)
     assert one.step(5.0 + LISTEN_S + STEP_S, eligible=False)
     assert (one.leads, one.term) == (True, 0)
 
 
 def test_a_term_some_rounds_above_is_believed():
-    one = deputy("leader")
-    one.step(5.0, eligible=False)
+    one = started(leads=False)
     one.hear_other(32, 5.1)
     assert one.step(5.0 + VACANT_S + STEP_S, eligible=False)
     # The leader's are 3, 6, ..., 33, 36: the first of the next round.
@@ -279,13 +259,10 @@ class Formation(RuleBasedStateMachine):
         self.delay_s = 0.05
         self.groups = dict.fromkeys(NAMES, 0)
         self.down: set[str] = set()
-        self.vehicles = {name: self.made(name) for name in NAMES}
+        self.vehicles = {name: deputy(name) for name in NAMES}
         self.mail: list[tuple[float, str, str, int, bool]] = []
         self.terms: dict[int, str] = {}
         self.pass_time(3.0)
-
-    def made(self, name: str) -> Succession:
-        return Succession(name, ORDER, silence_s=SILENCE_S)
 
     @rule(seconds=st.floats(0.1, 12.0))
     def pass_time(self, seconds: float) -> None:
@@ -343,7 +320,7 @@ class Formation(RuleBasedStateMachine):
     def restart(self, data: st.DataObject) -> None:
         name = data.draw(st.sampled_from(sorted(self.down)))
         self.down.discard(name)
-        self.vehicles[name] = self.made(name)
+        self.vehicles[name] = deputy(name)
         self.changed_s = self.now
 
     @rule(to=st.sampled_from(NAMES), term=st.integers(0, GREATEST_TERM) | st.integers(0, 4000))
@@ -359,11 +336,8 @@ class Formation(RuleBasedStateMachine):
 
     @invariant()
     def never_two_leaders_of_one_term(self) -> None:
-        leaders = [
-            one.term
-            for name, one in getattr(self, "vehicles", {}).items()
-            if one.leads and name not in self.down
-        ]
+        vehicles = getattr(self, "vehicles", {}).items()
+        leaders = [one.term for name, one in vehicles if one.leads and name not in self.down]
         assert len(leaders) == len(set(leaders))
 
     @invariant()
@@ -371,23 +345,17 @@ class Formation(RuleBasedStateMachine):
         if not hasattr(self, "vehicles") or self.now - self.changed_s < SETTLED_S:
             return
         for group in set(self.groups.values()):
-            part = [
-                one
-                for name, one in self.vehicles.items()
-                if self.groups[name] == group and name not in self.down
-            ]
+            alive = [name for name in NAMES if self.groups[name] == group and name not in self.down]
+            part = {name: self.vehicles[name] for name in alive}
             # A deputy that was made anew knows of no leader, and cannot carry one on.
-            able = [
-                one
-                for name, one in self.vehicles.items()
-                if one in part and (one.was_heard or name == "leader") and name in ORDER
-            ]
-            leaders = [one for one in part if one.leads]
+            deputies = [one for name, one in part.items() if name in ORDER[1:]]
+            able = "leader" in part or any(one.was_heard for one in deputies)
+            leaders = [one for one in part.values() if one.leads]
             assert len(leaders) <= 1
             if able:
                 assert len(leaders) == 1
             if leaders:
-                assert {one.term for one in part} == {leaders[0].term}
+                assert {one.term for one in part.values()} == {leaders[0].term}
 
 
 Formation.TestCase.settings = settings(max_examples=60, stateful_step_count=25, deadline=None)
@@ -395,16 +363,13 @@ TestFormation = Formation.TestCase
 
 
 def test_a_deputy_that_is_ordered_to_lead_leads_at_once_in_a_term_of_its_own():
-    one = deputy("f2")
-    hear_until(one, 10.0)
+    one = followed("f2")
     assert not one.step(10.0, eligible=False, ordered=True)
     assert one.step(10.05, eligible=True, ordered=True)
     # Of terms 1 to 3 the first is that of the last in the order.
     assert (one.term, one.holder) == (1, "f2")
     # The mission's leader, ordered back, leads in the last of the next three.
-    leader = Succession("leader", ORDER, silence_s=SILENCE_S)
-    leader.step(0.0, eligible=True)
-    leader.step(LISTEN_S, eligible=True)
+    leader = started(leads=True)
     assert leader.hear_leader("f2", 1, 11.0, steered=True)
     assert leader.step(11.05, eligible=True, ordered=True)
     assert (leader.term, leader.holder) == (6, "leader")
