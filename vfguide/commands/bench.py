@@ -30,10 +30,11 @@ from vfguide.lab.studies.comparison import (
 from vfguide.lab.studies.flown import MISSIONS, Tracks, executor_on, flown_by, fly
 from vfguide.lab.studies.latency import render, run_latency
 from vfguide.lab.studies.monte_carlo import (
+    DURATION_S,
     SWEEPS,
     Found,
-    batches,
     fly_point,
+    formations_of,
     points,
     sampled,
     summary_of,
@@ -41,7 +42,6 @@ from vfguide.lab.studies.monte_carlo import (
 from vfguide.lab.studies.radio import RATES_HZ, SIZES, RadioCase, RadioFigures
 from vfguide.lab.studies.radio import fly as fly_radio
 from vfguide.lab.studies.scale import measure_all, step_costs
-from vfguide.lab.studies.trust_cost import AIRCRAFT, render_trust_cost, run_trust_cost
 from vfguide.registry import laws
 
 CONDITIONS = ("shipped", "bad link")
@@ -303,12 +303,10 @@ def sample_formations(
     """Fly and print."""
     laws.find(law)
     with executor_on(scheduler, processes) as executor:
-        result = summary_of(list(sampled(executor, batches(law, formations, seed))))
+        result = summary_of(list(sampled(executor, formations_of(law, formations, seed))))
     error, settle = result["mean_error_m"], result["settle_10m_s"]
     Terminal().tell(
-        f"{law}, slot_frame leader: {result['formations']} formations, "
-        f"{result['vehicle_seconds']:.3g} vehicle-seconds, "
-        f"{result['vehicle_seconds_per_processor_second']:.3g} for each second of one core\n"
+        f"{law}: {result['formations']} formations of 4, {DURATION_S:.0f} s each\n"
         f"within 10 m at the end {result['within_10m_at_end']:.2%}, within 1 m "
         f"{result['within_1m_at_end']:.2%}; never at a limit in the last half "
         f"{result['share_without_limits']:.2%}\n"
@@ -377,16 +375,6 @@ def shown(figures: RadioFigures) -> str:
     if figures.air_bytes_s == 0.0:
         return errors
     return f"{errors} / {figures.leader_age_s * 1e3:.0f} / {figures.air_bytes_s:.0f}"
-
-
-def measure_trust(*, seconds: float, aircraft: Sequence[int] | None, as_json: bool) -> None:
-    """Measure what signing costs, and print it.
-
-    Raises:
-        VfguideError: one of the programs does not do its part.
-    """
-    result = run_trust_cost(seconds=seconds, aircraft=aircraft or AIRCRAFT)
-    Terminal().tell(json.dumps(result, indent=2) if as_json else render_trust_cost(result))
 
 
 def measure_latency(*, seconds: float, rate_hz: float, as_json: bool) -> None:

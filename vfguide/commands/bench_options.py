@@ -77,27 +77,6 @@ def latency(
 
 
 @bench.command()
-def trust(
-    *,
-    seconds: Annotated[
-        float, typer.Option(metavar="S", min=2.0, max=600.0, help="Length of each measurement.")
-    ] = 15.0,
-    aircraft: Annotated[
-        list[int] | None,
-        typer.Option(metavar="N", min=3, max=200, help="Size of a formation; 4, 30 and 100."),
-    ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print JSON on standard output.")] = False,
-) -> None:
-    """Measure what signed messages cost a follower, beside unsigned ones at the same broker.
-
-    Exit status: 0 measured, 3 broken.
-    """
-    from vfguide.commands.bench import measure_trust
-
-    measure_trust(seconds=seconds, aircraft=aircraft, as_json=as_json)
-
-
-@bench.command()
 def radio(
     *,
     seconds: Annotated[
@@ -184,7 +163,7 @@ def monte_carlo(
     *,
     formations: Annotated[
         int, typer.Option(metavar="N", min=1, help="How many, each in a flight of its own.")
-    ] = 10_000,
+    ] = 100,
     law: Law = "slot",
     processes: Annotated[
         int | None, typer.Option(metavar="N", min=1, help="As many as processors if absent.")
@@ -193,7 +172,7 @@ def monte_carlo(
     json_file: JsonFile = None,
     scheduler: Scheduler = None,
 ) -> None:
-    """Fly thousands of formations at once: random starts, winds, offsets and gains."""
+    """Fly formations with random starts, winds, offsets and gains."""
     from vfguide.commands.bench import sample_formations
 
     sample_formations(

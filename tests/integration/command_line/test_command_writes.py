@@ -53,7 +53,7 @@ COMMANDS: dict[str, Words] = {
             "bench",
             "monte-carlo",
             "--formations",
-            "20",
+            "1",
             "--processes",
             "1",
             "--json",

@@ -1,26 +1,25 @@
 """The arithmetic of studies, and that a study is the same wherever it is flown."""
 
 import math
-from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from vfguide.lab.studies.array_case import Watch
 from vfguide.lab.studies.comparison import seeded, summed_up
 from vfguide.lab.studies.flown import MISSIONS, Figures, article_mission, dask_executor
 from vfguide.lab.studies.monte_carlo import (
-    Batch,
-    batches,
+    Formation,
     drawn_mission,
     drawn_slots,
+    fly_formation,
+    formations_of,
     sampled,
     summary_of,
 )
 from vfguide.lab.studies.scale import crowd, growth_exponent
 from vfguide.mission import load_mission
-from vfguide.state import Setpoint
 
 SHIPPED = Path(__file__).parents[3] / "missions"
 
@@ -85,33 +84,6 @@ def test_a_crowd_keeps_its_distances():
     assert len(set(slots)) == 100
 
 
-def test_figures_are_gathered_while_flying():
-    watch = Watch(1.0)
-    for step in range(11):
-        time_s = step / 10.0
-        distances = (
-            np.array([[20.0, 0.5], [5.0, 0.5]]) if step < 5 else np.array([[2.0, 0.5], [0.0, 0.3]])
-        )
-        course = np.array([[0.1 * (step % 2), 0.1 * step]] * 2)
-        watch(
-            time_s,
-            distances,
-            Setpoint(course=course, speed=2.0 * course, turn_limited=np.array([[False, True]] * 2)),
-        )
-    outcome = watch.outcome()
-    assert outcome.mean_error_m == pytest.approx([1.0, 0.4])
-    assert outcome.max_error_m == pytest.approx([2.0, 0.5])
-    assert outcome.settle_10m_s == pytest.approx([0.4, 0.0])
-    assert list(outcome.settle_1m_s) == [math.inf, 0.0]
-    assert outcome.limited == pytest.approx([0.0, 1.0])
-    # Five steps of 0.1 rad there and back in half a second, one of them net; a steady turn has none.
-    assert outcome.chatter_rad_s == pytest.approx([0.8, 0.0], abs=1e-12)
-    # Of the speeds both count: five steps of 0.2 m/s in half a second.
-    assert outcome.speed_variation_m_s2 == pytest.approx([2.0, 2.0])
-    watch(1.1, 50.0 * distances, None)
-    assert list(watch.outcome().settle_1m_s) == [math.inf, 0.0]
-
-
 def test_drawn_slots_are_apart():
     slots = [(0.0, 0.0), *drawn_slots(3, np.random.default_rng(1))]
     for number, one in enumerate(slots):
@@ -139,34 +111,40 @@ def test_drawn_slots_are_apart():
 )
 def test_random_gains_are_those_of_the_law_that_flies(law, drawn):
     """They used to be those of the field, whatever flew."""
-    batch = Batch(law=law, count=1, seed=(1, 0))
-    first, gains = drawn_mission(batch, np.random.default_rng(1))
-    second, others = drawn_mission(batch, np.random.default_rng(2))
-    assert set(gains) == drawn
-    for name, value in gains.items():
-        assert getattr(first.controller, name) == value
-        assert getattr(second.controller, name) == others[name] != value
+    shipped = article_mission("circle-wind", {"controller": {"type": law}}).controller.model_dump()
+    formation = Formation(law=law, seed=(1, 0))
+    for seed in (1, 2):
+        flown = drawn_mission(formation, np.random.default_rng(seed)).controller.model_dump()
+        assert {name for name, value in flown.items() if value != shipped[name]} == drawn
 
 
-def test_a_sample_of_formations_is_repeatable_by_its_seed():
-    tasks = batches("slot", 6, 3, duration_s=8.0)
-    with ThreadPoolExecutor(1) as executor:
-        first, second = (next(sampled(executor, tasks)).outcome.mean_error_m for _ in range(2))
-    assert np.array_equal(first, second)
-    assert first.shape == (6,)
+def test_a_drawn_formation_is_repeatable_by_its_seed():
+    first, second = formations_of("slot", 2, 3, duration_s=4.0)
+    assert fly_formation(first).mean_error_m == fly_formation(first).mean_error_m
+    assert fly_formation(first).mean_error_m != fly_formation(second).mean_error_m
+
+
+def test_formations_are_summed_up():
+    never = replace(figures(30.0, None), settle_10m_s=None, limited=0.2)
+    told = summary_of([figures(1.0), figures(2.0, None), figures(3.0), never])
+    assert told["formations"] == 4
+    assert (told["within_10m_at_end"], told["within_1m_at_end"]) == (0.75, 0.5)
+    assert told["share_without_limits"] == 0.75
+    assert told["mean_error_m"]["max"] == 30.0
+    assert told["mean_error_without_limits_m"]["median"] == 2.0
+    assert told["settle_10m_s"]["max"] == 5.0
 
 
 def test_a_dask_cluster_takes_the_same_call():
     from distributed import LocalCluster
 
-    tasks = batches("pid", 4, 5, duration_s=6.0)
-    with ThreadPoolExecutor(1) as executor:
-        here = summary_of(list(sampled(executor, tasks)))
+    tasks = formations_of("pid", 2, 5, duration_s=3.0)
+    here = [fly_formation(one).mean_error_m for one in tasks]
     with (
         LocalCluster(
             n_workers=1, threads_per_worker=1, processes=False, dashboard_address=None
         ) as cluster,
         dask_executor(cluster.scheduler_address) as executor,
     ):
-        there = summary_of(list(sampled(executor, tasks)))
-    assert there["mean_error_m"] == here["mean_error_m"]
+        there = [one.mean_error_m for one in sampled(executor, tasks)]
+    assert there == here

@@ -41,7 +41,12 @@ ARTICLE_ERROR_M: Mapping[MissionName, float] = {
 }
 """Mean errors that the article claims for its field, m."""
 
-AIRCRAFT = {"alpha_1_s": 1.2, "beta_1_s": 0.8, "airspeed_range_m_s": [12, 32], "max_bank_deg": 45}
+AIRCRAFT: Mapping[str, Any] = {
+    "alpha_1_s": 1.2,
+    "beta_1_s": 0.8,
+    "airspeed_range_m_s": [12, 32],
+    "max_bank_deg": 45,
+}
 SLOTS = {"f1": (-20, -20), "f2": (-20, 20), "f3": (-40, 0)}
 
 PATHS: Mapping[str, Mapping[str, Any]] = {
@@ -60,7 +65,7 @@ PATHS: Mapping[str, Mapping[str, Any]] = {
     },
 }
 
-LEADER_STARTS = {
+LEADER_STARTS: Mapping[str, Mapping[str, float]] = {
     "line": {"north_m": -21.2, "east_m": 21.2, "course_deg": 45},
     "circle": {"north_m": 30, "east_m": 0, "course_deg": 270},
 }

@@ -1,36 +1,37 @@
-"""Monte Carlo: formations with random gains and aircraft; and sweeps of one condition after the other."""
+"""Monte Carlo: formations with random gains and starts; and sweeps of one condition after the other."""
 
 import math
-import time
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
-import msgspec
 import numpy as np
 from numpy.random import Generator, SeedSequence, default_rng
 from pydantic.fields import FieldInfo
 
 from vfguide.elementwise import FloatArray
-from vfguide.lab.studies.array_case import ArrayOutcome, ArrayStart, Watch, conditions_of, start_of
-from vfguide.lab.studies.array_formation import fly_formations
-from vfguide.lab.studies.array_plant import Plane, SwingingWind
-from vfguide.lab.studies.flown import Case, article_mission, flown_by, fly
+from vfguide.lab.rehearsal.radio_flight import fly_rehearsal
+from vfguide.lab.studies.flown import (
+    AIRCRAFT,
+    FOLLOWER_STARTS,
+    LEADER_STARTS,
+    Case,
+    Figures,
+    article_mission,
+    figures_of,
+    flown_by,
+    fly,
+    or_nan,
+)
 from vfguide.mission.controller import Controller, gains_of
 from vfguide.mission.model import Mission
 from vfguide.registry import laws
-
-BATCH = 1024
-"""Formations at once: more of them do not fit the processor's cache."""
 
 DURATION_S = 120.0
 
 GREATEST_WIND = 0.4
 """Strongest wind, in parts of the leader's airspeed."""
-
-GREATEST_SWING_RATE = 0.1
-"""rad/s: the article's."""
 
 START_SPREAD_M = 100.0
 """Displacement of everybody at the start, on each axis."""
@@ -43,107 +44,86 @@ LEAST_SPACING_M = 15.0
 GAIN_FACTOR = 2.0
 """Gains of the law and kappa are up to this many times those of the mission, or that part of them."""
 
-QUICK_S, FULL_S = 60.0, 150.0
+QUICK_S, FULL_S = 60.0, 120.0
 
 AIRSPEED_M_S = 20.0
 
 MISSIONS = ("line-wind", "circle-wind")
 
-WRONG = ("alpha", "beta")
-"""Flown in the array form, whose plant need not be what the laws believe."""
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Batch:
-    """Formations that share slots and gains; can be handed to another process."""
+class Formation:
+    """One formation to be drawn and flown; can be handed to another process."""
 
     law: str
     """Name of the law of the followers."""
-    count: int
-    """Number of formations."""
     seed: tuple[int, ...]
     """Seed of everything random in it."""
-    mission: str = "circle-wind"
-    """Whose path is flown."""
     duration_s: float = DURATION_S
-    """Length of each flight, s."""
-    position_noise_m: float = 0.0
-    """Standard deviation of reported positions, m per axis."""
+    """Length of the flight, s."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class BatchResult:
-    """What a batch came to."""
-
-    batch: Batch
-    """Which."""
-    outcome: ArrayOutcome
-    """One number for each formation."""
-    wind_share: FloatArray
-    """Mean wind over the leader's airspeed, of each formation."""
-    gains: dict[str, float]
-    """Those drawn."""
-    vehicle_seconds: float
-    """How much was flown."""
-    processor_s: float
-    """What it took of one core."""
-
-
-def batches(law: str, formations: int, seed: int, *, duration_s: float = DURATION_S) -> list[Batch]:
-    """So many formations in batches."""
-    sizes = [BATCH] * (formations // BATCH)
-    if formations % BATCH:
-        sizes.append(formations % BATCH)
+def formations_of(
+    law: str, count: int, seed: int, *, duration_s: float = DURATION_S
+) -> list[Formation]:
+    """So many formations of one law."""
     return [
-        Batch(law=law, count=size, seed=(seed, number), duration_s=duration_s)
-        for number, size in enumerate(sizes)
+        Formation(law=law, seed=(seed, number), duration_s=duration_s) for number in range(count)
     ]
 
 
-def sampled(executor: Executor, tasks: list[Batch]) -> Iterator[BatchResult]:
-    """What the batches come to, in their order."""
-    return flown_by(executor, fly_batch, tasks)
+def sampled(executor: Executor, formations: list[Formation]) -> Iterator[Figures]:
+    """What the formations come to, in their order."""
+    return flown_by(executor, fly_formation, formations)
 
 
-def fly_batch(batch: Batch) -> BatchResult:
-    """Draw, and fly."""
-    began = time.process_time()
-    random = default_rng(SeedSequence(batch.seed))
-    mission, gains = drawn_mission(batch, random)
-    # Airspeeds are reported as they are: nothing is learnt about them.
-    conditions = replace(conditions_of(mission, Plane(), rounded=False), calibrates=False)
-    start = drawn_start(mission, batch.count, random)
-    watch = Watch(batch.duration_s)
-    # Arithmetic on what has flown out of bounds may overflow: it is counted as not settled.
-    with np.errstate(over="ignore", invalid="ignore"):
-        fly_formations(start, conditions, watch, random)
-    vehicles = start.north.size
-    return BatchResult(
-        batch=batch,
-        outcome=watch.outcome(),
-        wind_share=start.wind.mean / mission.leader.airspeed_m_s,
-        gains=gains,
-        vehicle_seconds=vehicles * batch.duration_s,
-        processor_s=time.process_time() - began,
+def fly_formation(formation: Formation) -> Figures:
+    """Draw a formation, and fly it."""
+    random = default_rng(SeedSequence(formation.seed))
+    return figures_of(fly_rehearsal(drawn_mission(formation, random)).record)
+
+
+def drawn_mission(formation: Formation, random: Generator) -> Mission:
+    """Circle with random slots, gains, starts and a random steady wind."""
+    mission = article_mission(
+        "circle-wind",
+        {
+            "controller": {"type": formation.law},
+            "rehearsal": {"duration_s": formation.duration_s, "start": drawn_starts(random)},
+        },
     )
-
-
-def drawn_mission(batch: Batch, random: Generator) -> tuple[Mission, dict[str, float]]:
-    """A mission with random slots and gains, and those gains."""
-    # The array form has slots turn with the leader's measured course.
-    controller = {"type": batch.law, "slot_frame": "leader"}
-    mission = article_mission(batch.mission, {"controller": controller})
-    slots = drawn_slots(len(mission.followers), random)
-    gains = drawn_gains(mission.controller, random)
     content = mission.model_dump(exclude_unset=True)
-    content["controller"] |= gains
-    content["rehearsal"] |= {
-        "duration_s": batch.duration_s,
-        "position_noise_m": batch.position_noise_m,
+    content["wind"] = {
+        "type": "steady",
+        "speed_m_s": float(random.uniform(0.0, GREATEST_WIND * AIRSPEED_M_S)),
+        "toward_deg": float(random.uniform(0.0, 360.0)),
     }
+    content["controller"] |= drawn_gains(mission.controller, random)
+    slots = drawn_slots(len(mission.followers), random)
     for follower, (forward, right) in zip(content["followers"], slots, strict=True):
         follower["slot"] = {"forward_m": forward, "right_m": right, "up_m": 0.0}
-    return Mission.model_validate(content), gains
+    return Mission.model_validate(content)
+
+
+def drawn_starts(random: Generator) -> dict[str, Any]:
+    """Everybody somewhere around its place, on any course."""
+    leader = LEADER_STARTS["circle"]
+    places: dict[str, tuple[float, float]] = {
+        "leader": (leader["north_m"], leader["east_m"]),
+        **FOLLOWER_STARTS,
+    }
+    starts = {}
+    for name, (first, second) in places.items():
+        ahead, aside = (
+            float(one) for one in random.uniform(-START_SPREAD_M, START_SPREAD_M, size=2)
+        )
+        axes = ("north_m", "east_m") if name == "leader" else ("forward_m", "right_m")
+        starts[name] = {
+            axes[0]: first + ahead,
+            axes[1]: second + aside,
+            "course_deg": float(random.uniform(0.0, 360.0)),
+        }
+    return starts
 
 
 def drawn_gains(controller: Controller, random: Generator) -> dict[str, float]:
@@ -179,61 +159,20 @@ def drawn_slots(count: int, random: Generator) -> list[tuple[float, float]]:
     return taken[1:]
 
 
-def drawn_start(mission: Mission, count: int, random: Generator) -> ArrayStart:
-    """Everybody somewhere, in any direction; every formation in a wind of its own."""
-    airspeed = mission.leader.airspeed_m_s
-    mean = random.uniform(0.0, GREATEST_WIND * airspeed, count)
-    wind = SwingingWind(
-        mean=mean,
-        swell=mean * random.uniform(0.0, 0.6, count),
-        centre=random.uniform(-math.pi, math.pi, count),
-        swing=random.uniform(0.0, math.pi, count),
-        rate=random.uniform(0.0, GREATEST_SWING_RATE, count),
-        phase=random.uniform(-math.pi, math.pi, count),
-    )
-    planned = start_of(mission, count, wind=wind)
-    shape = planned.north.shape
-    return replace(
-        planned,
-        north=planned.north + random.uniform(-START_SPREAD_M, START_SPREAD_M, shape),
-        east=planned.east + random.uniform(-START_SPREAD_M, START_SPREAD_M, shape),
-        course=random.uniform(-math.pi, math.pi, shape),
-    )
-
-
-def summary_of(flown: list[BatchResult]) -> dict[str, Any]:
-    """All batches in a few figures."""
-    mean = np.concatenate([one.outcome.mean_error_m for one in flown])
-    settle = np.concatenate([one.outcome.settle_10m_s for one in flown])
-    settle_1m = np.concatenate([one.outcome.settle_1m_s for one in flown])
-    limited = np.concatenate([one.outcome.limited for one in flown])
-    wind = np.concatenate([one.wind_share for one in flown])
-    settled = np.isfinite(settle)
-    unlimited = limited == 0.0
-    seconds = sum(one.vehicle_seconds for one in flown)
-    processor = sum(one.processor_s for one in flown)
+def summary_of(flown: Sequence[Figures]) -> dict[str, Any]:
+    """All formations in a few figures."""
+    mean = np.array([one.mean_error_m for one in flown])
+    settle = np.array([or_nan(one.settle_10m_s) for one in flown])
+    settle_1m = np.array([or_nan(one.settle_1m_s) for one in flown])
+    unlimited = np.array([one.limited == 0.0 for one in flown])
     return {
-        "formations": int(mean.size),
-        "vehicle_seconds": seconds,
-        "processor_s": processor,
-        "vehicle_seconds_per_processor_second": seconds / processor,
-        "within_10m_at_end": float(np.mean(settled)),
+        "formations": len(flown),
+        "within_10m_at_end": float(np.mean(np.isfinite(settle))),
         "within_1m_at_end": float(np.mean(np.isfinite(settle_1m))),
         "share_without_limits": float(np.mean(unlimited)),
         "mean_error_m": quantiles(mean),
         "mean_error_without_limits_m": quantiles(mean[unlimited]),
-        "settle_10m_s": quantiles(settle[settled]),
-        "by_wind": [
-            {
-                "from": float(low),
-                "to": float(low) + 0.1,
-                "formations": int(np.sum(here)),
-                "within_10m_at_end": float(np.mean(settled[here])) if np.any(here) else None,
-                "mean_error_m": quantiles(mean[here]),
-            }
-            for low in np.arange(0.0, GREATEST_WIND, 0.1)
-            if (here := (wind >= low) & (wind < low + 0.1)) is not None
-        ],
+        "settle_10m_s": quantiles(settle),
     }
 
 
@@ -318,8 +257,6 @@ def points(laws: Sequence[str], *, quick: bool) -> list[SweepPoint]:
 
 def fly_point(point: SweepPoint) -> Found:
     """Fly one."""
-    if point.sweep in WRONG:
-        return fly_misled(point)
     rehearsal: dict[str, Any] = {"duration_s": point.duration_s}
     changes: dict[str, dict[str, Any]] = {"rehearsal": rehearsal}
     match point.sweep:
@@ -329,6 +266,10 @@ def fly_point(point: SweepPoint) -> Found:
             rehearsal["link_loss"] = point.value
         case "noise":
             rehearsal["position_noise_m"] = point.value
+        case "alpha" | "beta":
+            # Vehicles respond faster or slower than their mission says; companions learn it.
+            declared = f"{point.sweep}_1_s"
+            rehearsal["emulator"] = {declared: AIRCRAFT[declared] * point.value}
         case "wind":
             # Along the line's course on one side, across it on the other half of the circle.
             speed = point.value * AIRSPEED_M_S
@@ -342,34 +283,4 @@ def fly_point(point: SweepPoint) -> Found:
         max_error_m=figures.max_error_m,
         settle_10m_s=figures.settle_10m_s,
         chatter_rad_s=figures.course_variation_rad_s,
-    )
-
-
-def fly_misled(point: SweepPoint) -> Found:
-    """Fly one whose vehicles respond faster or slower than the laws believe."""
-    # The array form has slots turn with the leader's measured course.
-    changes: dict[str, dict[str, Any]] = {
-        "rehearsal": {"duration_s": point.duration_s},
-        "controller": {"slot_frame": "leader"},
-    }
-    mission = Case(mission=point.mission, controller=point.law, changes=changes).flown()
-    conditions = conditions_of(mission)
-    believed = conditions.airframe
-    really = {point.sweep: getattr(believed, point.sweep) * point.value}
-    watch = Watch(point.duration_s)
-    with np.errstate(over="ignore", invalid="ignore"):
-        fly_formations(
-            start_of(mission),
-            replace(conditions, plant=msgspec.structs.replace(believed, **really)),
-            watch,
-            default_rng(1),
-        )
-    outcome = watch.outcome()
-    settle = float(outcome.settle_10m_s[0])
-    return Found(
-        point=point,
-        mean_error_m=float(outcome.mean_error_m[0]),
-        max_error_m=float(outcome.max_error_m[0]),
-        settle_10m_s=settle if np.isfinite(settle) else None,
-        chatter_rad_s=float(outcome.chatter_rad_s[0]),
     )
