@@ -390,17 +390,16 @@ class Autopilot:
             return []
         flight = self._flight
         with_position = not POSITION_MESSAGES.isdisjoint(message_ids)
-        motion, latitude_rad, longitude_rad, altitude_error_m = self._sensors.measure(
-            flight, with_position=with_position
-        )
+        measured = self._sensors.measure(flight, with_position=with_position)
         report = ReportedInstant(
             round(self._since_boot_us() * 1e-3) % 2**32,
             flight,
-            motion,
-            latitude_rad,
-            longitude_rad,
+            measured.motion,
+            measured.latitude_rad,
+            measured.longitude_rad,
             self._personality,
-            altitude_error_m,
+            measured.altitude_error_m,
+            measured.satellite_error_m,
             self._personality.arming.is_ready(flight),
             self.config.icao_address,
             self.config.vehicle_type,

@@ -87,6 +87,9 @@ class ReportedInstant(NamedTuple):
     altitude_error_m: float = 0.0
     """Error of the barometer's altitude."""
 
+    satellite_error_m: float = 0.0
+    """Error of the altitude by satellites."""
+
     ready: bool = True
     """Whether its sensors have settled."""
 
@@ -134,7 +137,7 @@ def gps_raw_int(report: ReportedInstant) -> MAVLink_message:
         fix,
         degrees_e7(report.latitude_rad),
         degrees_e7(report.longitude_rad),
-        millimetres(report.altitude_amsl_m),
+        millimetres(report.flight.state.altitude_amsl_m + report.satellite_error_m),
         120,
         200,
         abs(centimetres_per_second(motion.ground_speed_m_s)),

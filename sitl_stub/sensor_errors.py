@@ -44,6 +44,9 @@ AIRSPEED_M_S = 0.08
 CALIBRATION = 0.02
 """Standard deviation of the airspeed sensor's scale, which is constant during a flight."""
 
+VERTICAL = 2.0
+"""Errors of a satellite altitude in parts of those of a level axis: no satellite is below the horizon."""
+
 ALTITUDE_M, DRIFTING_ALTITUDE_M, ALTITUDE_S = 0.8, 2.0, 300.0
 """Standard deviation of each altitude (10 Pa) and of its drift; correlation time of the drift."""
 
@@ -131,6 +134,10 @@ class SensorErrors:
             for shared_axis, own_axis in zip(shared.spawn(2), own.spawn(2), strict=True)
         ]
         self._altitude = GaussMarkov(DRIFTING_ALTITUDE_M, ALTITUDE_S, own.spawn(1)[0])
+        self._satellite = (
+            GaussMarkov(VERTICAL * self.figures.shared_m, SHARED_S, shared.spawn(1)[0]),
+            GaussMarkov(VERTICAL * self.figures.own_m, OWN_S, own.spawn(1)[0]),
+        )
         self.calibration = 1.0 + CALIBRATION * float(own.standard_normal())
         """What the airspeed sensor shows in parts of what it should."""
         self.clock_rate = CLOCK_RATE * float(own.standard_normal())
@@ -155,6 +162,12 @@ class SensorErrors:
         if self.figures is None:
             return 0.0
         return self.altitude_drift_m(time_s) + self._white(ALTITUDE_M)
+
+    def satellite_altitude_m(self, time_s: float) -> float:
+        """Error of the altitude by satellites, which no barometer corrects."""
+        if self.figures is None:
+            return 0.0
+        return sum(part.at(time_s) for part in self._satellite)
 
     def velocity_m_s(self) -> tuple[float, float]:
         """(north, east) error of a reported velocity."""

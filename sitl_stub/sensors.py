@@ -29,6 +29,9 @@ class Measurement(NamedTuple):
     altitude_error_m: float
     """Error of the measured altitude above mean sea level."""
 
+    satellite_error_m: float
+    """Error of the altitude by satellites."""
+
 
 class Sensors:
     """Measures one flight. Positions have a generator of noise of their own."""
@@ -66,7 +69,8 @@ class Sensors:
             latitude_rad, longitude_rad = self.faults.place((latitude_rad, longitude_rad), time_s)
         motion = self.faults.motion(self._motion(flight), time_s)
         altitude_error_m = self._errors.altitude_m(time_s) + self.faults.altitude_m(time_s)
-        return Measurement(motion, latitude_rad, longitude_rad, altitude_error_m)
+        satellite_error_m = self._errors.satellite_altitude_m(time_s)
+        return Measurement(motion, latitude_rad, longitude_rad, altitude_error_m, satellite_error_m)
 
     def _position_error_m(self, time_s: float) -> tuple[float, float]:
         north_m, east_m = self._errors.position_m(time_s)

@@ -128,6 +128,8 @@ class HeardState(LeaderState[float], frozen=True, kw_only=True):
     """Number of the newest order that it flies by or is about to; 0 before the first."""
     course_setpoint: float = math.nan
     """Course that its autopilot was told to hold, rad; NaN where it is not steered, or was not told."""
+    satellite_m: float = math.nan
+    """By how much its altitude by satellites is above `altitude_amsl`, m; NaN where it does not tell."""
     leader_place: LeaderPlace | None = None
     """Where its own leader was, by the newest leader state that it has heard; None where it does not tell."""
 

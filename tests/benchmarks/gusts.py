@@ -40,10 +40,18 @@ def limited_share(flight: vfguide.Flight) -> float:
     return float(np.mean([flight.tracks[name].limited[settled].mean() for name in flight.errors]))
 
 
+def height_error_m(flight: vfguide.Flight) -> float:
+    """Height of the followers above their leader, root mean square over the last half of the flight."""
+    settled = flight.time_s >= flight.time_s[-1] / 2.0
+    leader, *_ = flight.tracks.values()
+    above = [flight.tracks[name].altitude_amsl_m - leader.altitude_amsl_m for name in flight.errors]
+    return float(np.sqrt(np.mean(np.square(above)[:, settled])))
+
+
 def main() -> None:
     """Fly and print."""
     mission = vfguide.load_mission(MISSION)
-    metrics = [roll_share, greatest_roll_share, limited_share]
+    metrics = [roll_share, greatest_roll_share, limited_share, height_error_m]
     for law in sys.argv[1:] or LAWS:
         for one in vfguide.compare(mission, laws=[law], seeds=SEEDS, metrics=metrics):
             formation = one.summary.formation
@@ -51,7 +59,8 @@ def main() -> None:
                 f"{law}, seed {one.seed}: {formation.intended_error_m:.2f} m as meant, "
                 f"{formation.mean_error_m:.2f} m as they are, "
                 f"roll {one.metrics['roll_share']:.2f} (at most {one.metrics['greatest_roll_share']:.2f}), "
-                f"limited {one.metrics['limited_share']:.1%}\n"
+                f"limited {one.metrics['limited_share']:.1%}, "
+                f"height {one.metrics['height_error_m']:.2f} m\n"
             )
             sys.stdout.flush()
 

@@ -23,6 +23,7 @@ from vfguide.guidance.height import (
     BesidePath,
     HeightDeviation,
     HeightTarget,
+    altimeter_difference,
     followed_height,
     height_deviation,
     held_height,
@@ -123,6 +124,8 @@ class FollowedLeader:
         self._planned = PlannedHeight(plan.climb_limits)
         self._wind = (0.0, 0.0)
         self._own_altitude = math.nan
+        self.altimeters_m = 0.0
+        """By how much the own altimeter shows more than the leader's at one height, m."""
         self.gusts = 0.0
         """How fast gusts carry a vehicle that nobody corrects, m/s, as the leader's course tells.
 
@@ -394,6 +397,10 @@ class FollowedLeader:
         state, (north, east) = navigated.state, self._wind
         flies = state.ground_speed > MOVING_M_S
         self._own_altitude = navigated.altitude_amsl if flies else math.nan
+        heard, interval = self._followed.newest, navigated.interval
+        if isinstance(heard, HeardState) and interval <= GAP_S:
+            differ = heard.satellite_m - navigated.satellite_m
+            self.altimeters_m = altimeter_difference(self.altimeters_m, differ, interval)
         if isinstance(self.receiver, LeaderTelemetry):
             self.receiver.own_altitude = self._own_altitude
         if not math.isfinite(navigated.interval):

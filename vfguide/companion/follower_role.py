@@ -139,10 +139,11 @@ class FollowerRole(Role):
         now, ahead_s = navigated.state.time_s, self._height.delay_s(navigated)
         target = self.followed.height(leader, now, ahead_s)
         (up, rate), (up_ahead, _) = self._slot_height(now), self._slot_height(now + ahead_s)
+        shown_more = self.followed.altimeters_m
         return HeightTarget(
-            height=target.height + up,
+            height=target.height + up + shown_more,
             climb_rate=target.climb_rate + rate,
-            ahead=target.ahead + up_ahead,
+            ahead=target.ahead + up_ahead + shown_more,
         )
 
     def _leader_height(self, leader: LeaderState[float], now: float, ahead_s: float) -> float:

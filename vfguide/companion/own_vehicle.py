@@ -19,7 +19,7 @@ from vfguide.companion.belief import (
     reach_of,
 )
 from vfguide.companion.delay_compensator import DelayCompensator, memory_of
-from vfguide.companion.distrust import Doubt, NavigationHealth, with_remedy
+from vfguide.companion.distrust import FRESH_S, LEAST_FIX, Doubt, NavigationHealth, with_remedy
 from vfguide.companion.plan import FlightPlan, bearable_course
 from vfguide.elementwise import wrap_angle
 from vfguide.guidance.navigation import (
@@ -94,6 +94,8 @@ class NavigatedState(msgspec.Struct, frozen=True, kw_only=True):
     """Since the report before, s; infinite for the first."""
     altitude_amsl: float
     """m above mean sea level; NaN while the reported one is doubted."""
+    satellite_m: float = math.nan
+    """By how much the altitude by satellites is above that, m; NaN while not known."""
     moved: bool = False
     """Whether the vehicle is believed to be elsewhere than by the report before: what was learned is void."""
     steerable: bool = True
@@ -159,6 +161,8 @@ class OwnVehicle:
         """What is believed of its motion."""
         self._doubt = Doubt(self._alerts)
         self._altitude = HeightBelief()
+        self._held, self._held_s = math.nan, -math.inf
+        self._satellite_m, self._satellite_s = math.nan, -math.inf
         self._through_air_s = 0.0
         self._reading: Reading | None = None
         self._refusal: str | None = None
@@ -264,6 +268,7 @@ class OwnVehicle:
             return None
         interval = math.inf if previous is None else time_s - previous.time_s
         altitude = self._judge_altitude(report.altitude_amsl, reading.boot_time_s)
+        self._held, self._held_s = altitude, now
         used = replace(sample, height=altitude - self._frame.altitude_m)
         if not believed.by_place:
             used = replace(used, north=believed.north, east=believed.east)
@@ -281,6 +286,7 @@ class OwnVehicle:
             period=self._period,
             interval=interval,
             altitude_amsl=altitude,
+            satellite_m=self._satellite_m if now - self._satellite_s <= FRESH_S else math.nan,
             moved=believed.moved is not None,
             steerable=believed.life is not Life.DOUBTED,
             delay_compensator=self._delay_compensator,
@@ -388,7 +394,16 @@ class OwnVehicle:
             case _:
                 if isinstance(report, SensorsReport):
                     self.sensors.note(report, now)
+                elif isinstance(report, GpsReport):
+                    self._note_satellites(report, now)
                 self._health.take(report, now)
+
+    def _note_satellites(self, report: GpsReport, now: float) -> None:
+        """Compare the altitude by satellites with the one that the autopilot holds."""
+        if self._state is None or now - self._held_s > GAP_S or report.fix_type < LEAST_FIX:
+            return
+        held = self._held + self._state.climb_rate * (now - self._held_s)
+        self._satellite_m, self._satellite_s = report.altitude_amsl - held, now
 
     @property
     def counters(self) -> Counter[str]:

@@ -79,6 +79,7 @@ class StatePublisher:
                 arrangement=arrangement,
                 steered=steered,
                 course_setpoint=course_setpoint if steered else math.nan,
+                satellite_m=navigated.satellite_m,
                 sighting=None
                 if leader is None
                 else LeaderSighting(

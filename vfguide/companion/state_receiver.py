@@ -183,6 +183,7 @@ def motion_of(data: bytes, frame: LocalFrame) -> HeardState:
         term=message.term,
         arrangement=message.arrangement,
         course_setpoint=message.course_setpoint,
+        satellite_m=message.satellite_m,
         leader_place=None
         if sighting is None
         else LeaderPlace(

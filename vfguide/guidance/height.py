@@ -51,6 +51,15 @@ MOST_LATE_M = 15.0
 GAP_S = 1.0
 """After a silence longer than this a leader's deviation starts anew."""
 
+ALTIMETERS_S = 10.0
+"""Memory of how altimeters differ: a barometer drifts for minutes, and what is a receiver's own for one."""
+
+ALTIMETERS_M_S = 0.3
+"""No more than this is climbed because of them: a satellite altitude that steps moves no aircraft at once."""
+
+ALTIMETERS_M = 10.0
+"""Nor is more believed: barometers that are set at one place and time differ by less."""
+
 LEAST_SHARE = 0.5
 """No leader takes its followers below this share of the flying height, unless its path leads there."""
 
@@ -75,6 +84,25 @@ class HeightTarget(msgspec.Struct, frozen=True, kw_only=True):
     """With it, m/s, positive up."""
     ahead: float
     """To be flown once a setpoint takes effect, m above the mission's origin."""
+
+
+def altimeter_difference(known: float, differ: float, interval: float) -> float:
+    """By how much the own altimeter shows more than the leader's at one height, m.
+
+    Barometers drift apart. Altitudes by satellites do not: neighbours see the same satellites through the
+    same air, and share most of their error.
+
+    Args:
+        known: what was known before, m.
+        differ: by how much the leader's altitude by satellites is above its altimeter's, less the same of
+            the own; m, NaN where one of them is not known.
+        interval: since then, s.
+    """
+    if math.isnan(differ):
+        return known
+    most = ALTIMETERS_M_S * interval
+    moved = low_pass(known, differ, interval, ALTIMETERS_S) - known
+    return min(max(known + min(max(moved, -most), most), -ALTIMETERS_M), ALTIMETERS_M)
 
 
 def held_height(height: float) -> HeightTarget:

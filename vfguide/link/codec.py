@@ -9,7 +9,8 @@ agree on an origin.
 
 A follower's state also tells where its leader was by the newest leader state that it has heard. Before the
 CRC-32 stand four i16: how much older that state is (ms), and how far north, east and up of the sender the
-leader was (0.1 m). A flag says so; 112 bytes.
+leader was (0.1 m). Whoever knows its altitude by satellites tells in another i16 by how much that is above
+the altitude that it holds (cm). A flag says of each whether it is there.
 
 The course setpoint counts from 1 in steps of 2 pi / 65535; 0, which older senders write there, tells none.
 
@@ -45,18 +46,25 @@ LEADS = 0x02
 TELLS_LEADER = 0x04
 """Flag: the state tells where the sender's leader was."""
 
+TELLS_SATELLITE = 0x08
+"""Flag: the state tells the sender's altitude by satellites."""
+
 COURSES = 65535
 """Course setpoints that are told apart, 0.1 mrad each."""
 
 FLAGS_AT = 5
 SIZE = LAYOUT.size + CHECKSUM.size
 
-SIGHTING = struct.Struct("<4h")
-SIGHTING_UNITS = (1e-3, 0.1, 0.1, 0.1)
-"""Of an age (s) and three distances (m)."""
+TAIL = (
+    (TELLS_LEADER, struct.Struct("<4h"), (1e-3, 0.1, 0.1, 0.1)),
+    (TELLS_SATELLITE, struct.Struct("<h"), (0.01,)),
+)
+"""Flag, layout and units (s, m) of what not every state tells."""
+
+LONGEST = SIZE + sum(layout.size for _, layout, _ in TAIL)
 
 GREATEST_STEPS = 32767
-"""Of each: half a minute, and 3 km."""
+"""Of each: half a minute, 3 km, and 327 m."""
 
 GREATEST = (math.inf, 90.0, 180.0, 50e3, 10.0, 500.0, 100.0, 10.0, 100.0, 200.0)
 """Greatest magnitude of each value: beyond them it is no aircraft's state."""
@@ -126,19 +134,19 @@ class LeaderMessage(msgspec.Struct, frozen=True, kw_only=True):
     on along it. NaN where its companion does not steer it, or did not tell."""
     leads: bool = False
     """Whether this is the leader by which the sender leads, and not the sender itself."""
+    satellite_m: float = math.nan
+    """By how much its altitude by satellites is above `altitude_amsl`, m; NaN where it does not tell."""
     sighting: LeaderSighting | None = None
     """Where the sender's leader was; None where it follows none, or one that is too far away to be told."""
 
 
 def encode(message: LeaderMessage) -> bytes:
     """Bytes of a leader state."""
-    sighting = encoded_sighting(message.sighting)
+    tail_flags, tail = encoded_tail(message)
     body = LAYOUT.pack(
         MAGIC,
         VERSION,
-        (NOT_STEERED * (not message.steered))
-        | (LEADS * message.leads)
-        | (TELLS_LEADER * bool(sighting)),
+        (NOT_STEERED * (not message.steered)) | (LEADS * message.leads) | tail_flags,
         course_in_steps(message.course_setpoint),
         message.sequence,
         message.time_s,
@@ -154,18 +162,39 @@ def encode(message: LeaderMessage) -> bytes:
         message.term,
         message.arrangement,
     )
-    return _sealed(body + sighting)
+    return _sealed(body + tail)
 
 
-def encoded_sighting(sighting: LeaderSighting | None) -> bytes:
-    """Bytes of where a leader was; none where there is nothing to tell, or it is out of range."""
-    if sighting is None:
-        return b""
-    values = [value / unit for value, unit in zip(sighting, SIGHTING_UNITS, strict=True)]
-    # Not "above": NaN is out of range, too.
-    if not all(abs(value) <= GREATEST_STEPS for value in values):
-        return b""
-    return SIGHTING.pack(*map(round, values))
+def encoded_tail(message: LeaderMessage) -> tuple[int, bytes]:
+    """(flags, bytes) of what not every state tells; what is not known or out of range is not told."""
+    flags, tail = 0, b""
+    told = (message.sighting or (math.nan,) * 4, (message.satellite_m,))
+    for (flag, layout, units), values in zip(TAIL, told, strict=True):
+        steps = [value / unit for value, unit in zip(values, units, strict=True)]
+        # Not "above": NaN is not told, either.
+        if all(abs(step) <= GREATEST_STEPS for step in steps):
+            flags, tail = flags | flag, tail + layout.pack(*map(round, steps))
+    return flags, tail
+
+
+def decoded_tail(tail: bytes, flags: int) -> list[tuple[float, ...] | None]:
+    """What not every state tells, one entry for each that can be; None where it is not there.
+
+    Raises:
+        LinkDataError: the flags do not fit the bytes.
+    """
+    found: list[tuple[float, ...] | None] = []
+    for flag, layout, units in TAIL:
+        if not flags & flag:
+            found.append(None)
+            continue
+        if len(tail) < layout.size:
+            raise LinkDataError("shorter than its flags say")
+        steps, tail = layout.unpack_from(tail), tail[layout.size :]
+        found.append(tuple(step * unit for step, unit in zip(steps, units, strict=True)))
+    if tail:
+        raise LinkDataError("longer than its flags say")
+    return found
 
 
 def decode(data: bytes) -> LeaderMessage:
@@ -174,18 +203,16 @@ def decode(data: bytes) -> LeaderMessage:
     Raises:
         LinkDataError: wrong size, mark, version or checksum, or a value that no aircraft has.
     """
-    if len(data) not in {SIZE, SIZE + SIGHTING.size}:
-        raise LinkDataError(f"{len(data)} bytes where a leader state has {SIZE}")
+    if not SIZE <= len(data) <= LONGEST:
+        raise LinkDataError(f"{len(data)} bytes where a leader state has {SIZE} to {LONGEST}")
     magic, version, flags, setpoint, sequence, *values, term, arrangement = LAYOUT.unpack_from(data)
     if magic != MAGIC:
         raise LinkDataError("not a leader state")
-    told = data[LAYOUT.size : -CHECKSUM.size]
-    if bool(told) is not bool(flags & TELLS_LEADER):
-        raise LinkDataError(f"{len(data)} bytes, which its flags contradict")
     if version != VERSION:
         raise LinkDataError(f"version {version} where this companion speaks {VERSION}")
     if zlib.crc32(data[: -CHECKSUM.size]) != CHECKSUM.unpack(data[-CHECKSUM.size :])[0]:
         raise LinkDataError("damaged: the checksum does not match")
+    sighting, satellite = decoded_tail(data[LAYOUT.size : -CHECKSUM.size], flags)
     # Not "above": a comparison with NaN is false whichever way it is put.
     sound = all(abs(value) <= greatest for value, greatest in zip(values, GREATEST, strict=True))
     if not sound or not math.isfinite(values[0]):
@@ -209,16 +236,9 @@ def decode(data: bytes) -> LeaderMessage:
         steered=not flags & NOT_STEERED,
         course_setpoint=(setpoint - 1) * math.tau / COURSES if setpoint else math.nan,
         leads=bool(flags & LEADS),
-        sighting=decoded_sighting(told),
+        sighting=None if sighting is None else LeaderSighting(*sighting),
+        satellite_m=math.nan if satellite is None else satellite[0],
     )
-
-
-def decoded_sighting(told: bytes) -> LeaderSighting | None:
-    """Where a leader was, of the bytes that tell it; None of none."""
-    if not told:
-        return None
-    steps = SIGHTING.unpack(told)
-    return LeaderSighting(*(step * unit for step, unit in zip(steps, SIGHTING_UNITS, strict=True)))
 
 
 def course_in_steps(course: float) -> int:
@@ -228,7 +248,7 @@ def course_in_steps(course: float) -> int:
 
 def is_leaders(data: bytes) -> bool:
     """Whether these bytes say of themselves that they are the state by which their sender leads."""
-    return len(data) == SIZE and data.startswith(MAGIC) and bool(data[FLAGS_AT] & LEADS)
+    return len(data) >= SIZE and data.startswith(MAGIC) and bool(data[FLAGS_AT] & LEADS)
 
 
 class Ask(msgspec.Struct, frozen=True, kw_only=True):

@@ -254,7 +254,9 @@ def gps_report(message: MAVLink_message) -> GpsReport:
     """GPS_RAW_INT; an accuracy of 0 is one that the receiver does not tell."""
     millimetres = message.h_acc
     return GpsReport(
-        fix_type=message.fix_type, accuracy=millimetres * 1e-3 if millimetres else None
+        fix_type=message.fix_type,
+        accuracy=millimetres * 1e-3 if millimetres else None,
+        altitude_amsl=message.alt * 1e-3,
     )
 
 

@@ -163,6 +163,8 @@ class GpsReport(msgspec.Struct, frozen=True, kw_only=True):
     """GPS_FIX_TYPE."""
     accuracy: float | None
     """Horizontal, m; None where the receiver does not say."""
+    altitude_amsl: float
+    """By satellites, m above mean sea level."""
 
 
 class EstimatorReport(msgspec.Struct, frozen=True, kw_only=True):

@@ -220,6 +220,6 @@ def test_what_is_bad_for_a_second_is_told(message, words):
 def test_what_is_not_said_any_more_is_unknown():
     health = NavigationHealth()
     for now in (0.0, 1.0, 2.0):
-        health.take(GpsReport(fix_type=0, accuracy=None), now)
+        health.take(GpsReport(fix_type=0, accuracy=None, altitude_amsl=0.0), now)
     assert health.fault(12.0) is not None
     assert health.fault(12.1) is None

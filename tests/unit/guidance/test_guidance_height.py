@@ -14,6 +14,7 @@ from vfguide.guidance.height import (
     HeightDeviation,
     HeightTarget,
     Neighbour,
+    altimeter_difference,
     best_step,
     clearance,
     deepest,
@@ -176,6 +177,28 @@ def test_a_path_that_leads_lower_is_followed():
 
 UP, DOWN = 20.0, -20.0
 STEPS = (0.0, UP, DOWN)
+
+
+def altimeters_after(seconds: float, differ: float, known: float = 0.0) -> float:
+    for _ in range(round(seconds * 10.0)):
+        known = altimeter_difference(known, differ, 0.1)
+    return known
+
+
+def test_altimeters_that_differ_are_followed_in_ten_seconds():
+    # 2 (1 - exp(-1)) = 1.264 m, and 0.1 s late; the rate of 0.2 m/s is allowed.
+    assert altimeters_after(10.0, 2.0) == pytest.approx(1.264, abs=0.01)
+    assert altimeters_after(100.0, 2.0) == pytest.approx(2.0, abs=0.001)
+
+
+@pytest.mark.parametrize(("differ", "known"), [(500.0, 3.0), (-500.0, -3.0), (math.inf, 3.0)])
+def test_satellite_altitudes_that_step_move_an_aircraft_slowly_and_not_far(differ, known):
+    assert altimeters_after(10.0, differ) == pytest.approx(known)
+    assert altimeters_after(100.0, differ) == math.copysign(10.0, differ)
+
+
+def test_altimeters_of_which_one_is_not_known_differ_as_before():
+    assert altimeters_after(10.0, math.nan, 1.5) == 1.5
 
 
 def beside(distance: float, up: float, *, over: bool | None = None, soon: float = 0.0) -> Neighbour:

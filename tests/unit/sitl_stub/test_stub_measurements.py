@@ -61,6 +61,26 @@ def test_an_altitude_that_drifts_is_held_as_it_is_measured(autopilot, plant):
     assert true_m == pytest.approx(580.0 + before - after, abs=1.0)
 
 
+def test_neighbours_share_most_of_what_their_altitudes_by_satellites_are_off():
+    apart, off = [], []
+    for seed in range(30):
+        one, two = (SensorErrors("standalone", seed=seed, system_id=number) for number in (1, 2))
+        apart.append(one.satellite_altitude_m(0.0) - two.satellite_altitude_m(0.0))
+        off.append(one.satellite_altitude_m(0.0))
+    # 2 . 1.26 m shared, 2 . 0.2 m each one's own; a third of margin for 30 draws.
+    assert math.sqrt(sum(x * x for x in apart) / 30) == pytest.approx(0.4 * 1.414, rel=0.33)
+    assert math.sqrt(sum(x * x for x in off) / 30) == pytest.approx(2.55, rel=0.33)
+
+
+def test_a_receiver_tells_the_altitude_by_satellites_whatever_the_barometer_shows():
+    vehicle = make(sensors="standalone", seed=3)
+    vehicle.interval(24, 1_000_000)
+    report = of_type(vehicle.advance(1.5), "GPS_RAW_INT")[-1]
+    error_m = SensorErrors("standalone", seed=3, system_id=7).satellite_altitude_m(1.0)
+    true_m = vehicle.autopilot.truth().altitude_amsl_m
+    assert report.alt * 1e-3 == pytest.approx(true_m + error_m, abs=0.3)
+
+
 def test_a_height_that_is_commanded_is_reached_as_it_is_measured():
     vehicle = make(sensors="standalone", seed=10)
     vehicle.guided()
