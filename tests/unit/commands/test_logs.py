@@ -51,11 +51,11 @@ def logged_to_file(log_format: str) -> str:
 def test_a_terminal_gets_a_line_to_read_and_all_else_json_unless_it_is_chosen(
     log_format, readable_on_a_terminal, readable_elsewhere
 ):
-    for text, readable in (
-        (logged_to_terminal(log_format), readable_on_a_terminal),
-        (logged_to_file(log_format), readable_elsewhere),
+    for logged, readable in (
+        (logged_to_terminal, readable_on_a_terminal),
+        (logged_to_file, readable_elsewhere),
     ):
-        (line,) = text.splitlines()
+        (line,) = logged(log_format).splitlines()
         if readable:
             assert LINE.fullmatch(line)
             continue

@@ -1,11 +1,10 @@
 """What the console draws on the ground, and which path it draws as the one that is flown."""
 
-import math
-
+import numpy as np
 import pytest
 from msgspec.structs import replace
 
-from tests.kit.missions import content_of, shipped
+from tests.kit.missions import replaced, shipped
 from vfguide.formation.arrangement import Arrangement
 from vfguide.lab.console.ground import describe_ground
 from vfguide.lab.console.model import FormationModel
@@ -16,14 +15,13 @@ from vfguide.mission import Mission
 @pytest.fixture(scope="module")
 def mission() -> Mission:
     """A circle of 300 m, another of 250 m round a place 50 m north, and a fence of 900 m."""
-    content = content_of("circle-wind")
-    circle = {"type": "circle", "centre": {"north_m": 0.0, "east_m": 0.0}, "radius_m": 300.0}
-    content["path"] = circle
-    content["paths"] = {
-        "near": {**circle, "centre": {"north_m": 50.0, "east_m": 0.0}, "radius_m": 250.0}
-    }
-    content["fence"] = {"circles": [{"centre": {"north_m": 0.0, "east_m": 0.0}, "radius_m": 900.0}]}
-    return Mission.model_validate(content)
+    here, north = ({"north_m": north_m, "east_m": 0.0} for north_m in (0.0, 50.0))
+    return replaced(
+        "circle-wind",
+        path={"type": "circle", "centre": here, "radius_m": 300.0},
+        paths={"near": {"type": "circle", "centre": north, "radius_m": 250.0}},
+        fence={"circles": [{"centre": here, "radius_m": 900.0}]},
+    )
 
 
 def order(path: str) -> Arrangement:
@@ -34,8 +32,8 @@ def test_all_paths_and_the_fence_are_drawn_where_they_are(mission):
     ground = describe_ground(mission)
     for name, north_m, radius_m in (("main", 0.0, 300.0), ("near", 50.0, 250.0)):
         line = ground["paths"][name]
-        for north, east in zip(line["north_m"], line["east_m"], strict=True):
-            assert math.hypot(north - north_m, east) == pytest.approx(radius_m, abs=0.02)
+        away_m = np.hypot(np.array(line["north_m"]) - north_m, line["east_m"])
+        assert away_m == pytest.approx(radius_m, abs=0.02)
     (fence,) = ground["outlines"]
     assert fence["kind"] == "fence"
     assert max(fence["north_m"]) == pytest.approx(900.0, abs=0.5)
@@ -56,9 +54,7 @@ def test_what_was_flown_is_kept_with_the_time_from_which_on_it_was(mission):
         if tenths >= 10:
             formation.take_order(3, order("near"), leads=formation.names[0])
         formation.sample(0.1 * tenths)
-    flown = formation.describe()["flown"]
-    assert isinstance(flown, list)
-    kept = [(one["t"], one["number"], one["path"]) for one in flown]
+    kept = [(one["t"], one["number"], one["path"]) for one in formation.describe()["flown"]]
     assert kept == [(0.0, 0, "main"), (pytest.approx(0.9), 3, "near")]
 
 

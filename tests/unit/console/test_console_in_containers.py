@@ -15,9 +15,7 @@ BIN = ROOT / "docker" / "bin"
 @pytest.fixture(scope="module")
 def services() -> dict[str, Any]:
     """All services of docker-compose.yml, by name."""
-    content = yaml.safe_load((ROOT / "docker-compose.yml").read_text(encoding="utf-8"))
-    found: dict[str, Any] = content["services"]
-    return found
+    return yaml.safe_load((ROOT / "docker-compose.yml").read_text(encoding="utf-8"))["services"]
 
 
 def run(script: str, path: str, **environment: str) -> str:

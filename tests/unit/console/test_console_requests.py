@@ -55,6 +55,11 @@ class Nothing(Source):
         return "{}"
 
 
+@pytest.fixture
+def panel() -> Panel:
+    return Panel()
+
+
 def post(
     path: str,
     body: bytes,
@@ -103,8 +108,7 @@ def post(
     return sent[0]["status"], text
 
 
-def test_an_operator_s_page_has_an_order_rehearsed_given_and_everything_called_off():
-    panel = Panel()
+def test_an_operator_s_page_has_an_order_rehearsed_given_and_everything_called_off(panel):
     assert post("/order/rehearse", VEE, panel=panel) == (202, '{"number":1}')
     assert post("/order/give", b'{"number": 1}', panel=panel)[0] == 202
     assert post("/order/abort", b"{}", panel=panel) == (202, '{"number":2}')
@@ -128,25 +132,22 @@ def test_an_operator_s_page_has_an_order_rehearsed_given_and_everything_called_o
         {"sec_fetch_site": "same-site"},
     ],
 )
-def test_nobody_else_orders(headers):
-    panel = Panel()
+def test_nobody_else_orders(panel, headers):
     for path, body in (("rehearse", VEE), ("give", b'{"number": 1}'), ("abort", b"{}")):
         status, _ = post(f"/order/{path}", body, panel=panel, **headers)
         assert status == 403
     assert panel.asked == []
 
 
-def test_without_operators_nothing_can_be_changed():
-    panel = Panel()
-    for path in ("rehearse", "give", "abort"):
-        status, text = post(f"/order/{path}", VEE, panel=panel, operators=False)
-        assert (status, text) == (405, "Nothing can be changed here.\n")
+@pytest.mark.parametrize("path", ["rehearse", "give", "abort"])
+def test_without_operators_nothing_can_be_changed(panel, path):
+    answer = post(f"/order/{path}", VEE, panel=panel, operators=False)
+    assert answer == (405, "Nothing can be changed here.\n")
     assert panel.asked == []
 
 
 @pytest.mark.parametrize("method", ["GET", "PUT", "DELETE", "PATCH", "OPTIONS"])
-def test_orders_are_posted(method):
-    panel = Panel()
+def test_orders_are_posted(panel, method):
     assert post("/order/abort", b"{}", panel=panel, method=method)[0] == 405
     assert panel.asked == []
 
@@ -161,10 +162,6 @@ def test_orders_are_posted(method):
         b"{",
         b'{"shape": "vee"} {}',
         b'{"shape": "wedge"}',
-        b'{"shape": "vee", "spacing_m": "30"}',
-        b'{"shape": "vee", "spacing_m": NaN}',
-        b'{"shape": "vee", "spacing_m": 1e9}',
-        b'{"shape": "vee", "spacing_m": 0}',
         b'{"swap": ["f1"]}',
         b'{"swap": ["f1", "f2", "f3"]}',
         b'{"leave": "f1"}',
@@ -176,8 +173,7 @@ def test_orders_are_posted(method):
         b"[" * 4000,
     ],
 )
-def test_what_is_no_order_is_one_line(body):
-    panel = Panel()
+def test_what_is_no_order_is_one_line(panel, body):
     status, text = post("/order/rehearse", body, panel=panel)
     assert status == 422
     assert text.count("\n") == 1
@@ -186,23 +182,23 @@ def test_what_is_no_order_is_one_line(body):
     assert panel.asked == []
 
 
-def test_a_spacing_that_is_none_is_answered_with_the_limits():
+def test_a_spacing_that_is_none_is_answered_with_the_limits(panel):
     for spacing in (b"0", b"1e9", b"NaN", b'"30"'):
-        assert post("/order/rehearse", b'{"shape": "vee", "spacing_m": ' + spacing + b"}") == (
+        body = b'{"shape": "vee", "spacing_m": ' + spacing + b"}"
+        assert post("/order/rehearse", body, panel=panel) == (
             422,
             "The spacing has to be a number from 1 to 1000 m: correct it and rehearse again.\n",
         )
+    assert panel.asked == []
 
 
-def test_a_rehearsed_order_is_dropped_by_its_number():
-    panel = Panel()
+def test_a_rehearsed_order_is_dropped_by_its_number(panel):
     assert post("/order/drop", b'{"number": 4}', panel=panel) == (202, '{"number":4}')
     assert post("/order/drop", b"{}", panel=panel)[0] == 422
     assert panel.asked == [("drop", 4)]
 
 
-def test_long_bodies_are_not_read():
-    panel = Panel()
+def test_long_bodies_are_not_read(panel):
     body = VEE + b" " * LARGEST_BODY
     assert post("/order/rehearse", body, panel=panel)[0] == 413
     assert panel.asked == []

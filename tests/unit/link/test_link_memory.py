@@ -109,9 +109,10 @@ def test_losses_do_not_change_the_flight_of_what_gets_through():
 
 
 def test_the_same_seed_repeats_a_link_and_another_does_not():
-    first = arrivals(link_of(delay_s=0.3, jitter_s=0.2, loss=0.2, seed="1 f1"), 60)
-    again = arrivals(link_of(delay_s=0.3, jitter_s=0.2, loss=0.2, seed="1 f1"), 60)
-    other = arrivals(link_of(delay_s=0.3, jitter_s=0.2, loss=0.2, seed="1 f2"), 60)
+    first, again, other = (
+        arrivals(link_of(delay_s=0.3, jitter_s=0.2, loss=0.2, seed=seed), 60)
+        for seed in ("1 f1", "1 f1", "1 f2")
+    )
     assert first == again
     assert first != other
 

@@ -110,18 +110,13 @@ def test_an_answer_is_said_three_times_and_an_order_as_long_as_its_operator_give
     assert not said(outbox, 11.0 + FORGET_S + 0.01, 20)
 
 
-def test_a_newer_answer_to_an_order_takes_the_place_of_the_one_before():
+def test_a_newer_answer_takes_the_place_of_the_one_before_and_no_more_than_a_few_wait():
     outbox = OrderOutbox()
-    outbox.post(Kind.REPLY, ready(1), ready(1), 0.0)
-    outbox.post(Kind.REPLY, ready(2), ready(2), 0.0)
     flown = ready(1, Verdict.FLOWN)
-    outbox.post(Kind.REPLY, flown, flown, 0.1)
+    for now, answer in ((0.0, ready(1)), (0.0, ready(2)), (0.1, flown)):
+        outbox.post(Kind.REPLY, answer, answer, now)
     found = {piece for _, piece in said(outbox, 0.1, 20)}
     assert found == {*pieces_of(ready(2)), *pieces_of(flown)}
-
-
-def test_no_more_than_a_few_messages_wait():
-    outbox = OrderOutbox()
     for number in range(1, 20):
-        outbox.post(Kind.REPLY, ready(number), ready(number), 0.0)
-    assert len(said(outbox, 0.0, 100)) == ROUNDS * MOST_WAITING
+        outbox.post(Kind.REPLY, ready(number), ready(number), 0.2)
+    assert len(said(outbox, 0.2, 100)) == ROUNDS * MOST_WAITING

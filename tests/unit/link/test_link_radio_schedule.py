@@ -76,12 +76,9 @@ def test_no_two_turns_of_a_timetable_meet(members, leader_hz, followers_hz):
     assert timetable_of(table.info(0)).beats == table.beats
 
 
-def test_nobody_but_the_leader_speaks_before_the_first_beat():
+def test_the_leader_has_each_beat_and_one_turn_more_in_a_cycle_and_nobody_speaks_before_it():
     assert Beat(3).next_turn(5.0) is None
     assert Beat(None).next_turn(5.0) is None
-
-
-def test_the_leader_has_each_beat_and_one_turn_more_in_a_cycle():
     one = Beat(LEADER)
     one.begin(TWELVE, 7.0)
     found = turns(one, 7.0, 6)
@@ -105,13 +102,6 @@ def test_turns_count_from_the_beat_that_was_heard(number, heard, from_s, turns_s
     one.hear_leader(beat(heard[0]), heard[1])
     found = turns(one, from_s, len(turns_s))
     assert [turn.at_s for turn in found] == pytest.approx(turns_s)
-
-
-def test_while_the_leader_is_heard_no_follower_keeps_the_beat():
-    one = Beat(5)
-    one.hear_leader(beat(0), 7.0)
-    one.hear_follower(3, 7.3)
-    assert turns(one, 7.3, 1)[0].at_s == pytest.approx(7.44)
 
 
 @pytest.mark.parametrize(
@@ -144,8 +134,12 @@ def test_without_the_leader_the_follower_of_the_least_number_keeps_the_beat():
     assert turns(third, late_s, 1)[0].at_s == pytest.approx(late_s + 0.22)
 
 
-def test_a_slow_leader_is_not_silent_between_its_beats():
+def test_while_the_leader_is_heard_no_follower_keeps_the_beat_though_it_is_slow():
     one = Beat(5)
-    one.hear_leader(beat(0, period_ms=2000), 0.0)
-    assert not one.is_silent(5.9)
-    assert one.is_silent(6.1)
+    one.hear_leader(beat(0), 7.0)
+    one.hear_follower(3, 7.3)
+    assert turns(one, 7.3, 1)[0].at_s == pytest.approx(7.44)
+    slow = Beat(5)
+    slow.hear_leader(beat(0, period_ms=2000), 0.0)
+    assert not slow.is_silent(5.9)
+    assert slow.is_silent(6.1)

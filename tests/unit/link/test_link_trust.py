@@ -30,7 +30,7 @@ from vfguide.link.envelope import (
     formation_number,
 )
 from vfguide.link.keys import Roster
-from vfguide.link.member import Member, Parcel
+from vfguide.link.member import Parcel
 from vfguide.link.trust import RefusedError, Trust
 from vfguide.link.twin import TWIN_QUIET_S, TWIN_SPREAD_S
 
@@ -378,31 +378,17 @@ def test_a_recording_of_its_own_run_before_makes_no_companion_step_back():
     assert not again.member.stands_back
 
 
-def desk_of(wire: Wire, session: int) -> tuple[Station, list[bytes]]:
-    """An operator's program, all of which use one key, and the orders that it hears."""
-    desk, orders = wire.station("eye", session=session), list[bytes]()
-    desk.member = Member(
-        trust_of("eye", session),
-        clock=lambda: wire.now,
-        receive_order=lambda data, _sealed, _repeated: orders.append(data),
-        receive_reply=lambda _vehicle, _data: None,
-        peer_clock=desk.clock,
-    )
-    desk.member.send = lambda parcel: wire.send(desk, parcel)
-    return desk, orders
-
-
 def test_of_two_programs_of_one_operator_none_steps_back_and_each_hears_the_others_orders(caplog):
+    """All of an operator's programs use one key."""
     wire, leader, one, other = formation()
-    desk, orders = desk_of(wire, 60)
-    second, heard = desk_of(wire, 61)
+    desk, second = (wire.station("eye", session=session) for session in (60, 61))
     for station in (desk, second):
         station.member.ask()
     wire.fly(leader, 3.0, one, other)
     desk.member.say(Kind.ORDER, b"vee")
     wire.run(0.1)
-    assert heard == [b"vee"]
-    assert orders == []
+    assert [data for data, *_ in second.orders] == [b"vee"]
+    assert desk.orders == []
     assert not second.member.stands_back
     said = len(wire.sent)
     second.member.say(Kind.REPLY, b"which order is flown?")
@@ -411,7 +397,7 @@ def test_of_two_programs_of_one_operator_none_steps_back_and_each_hears_the_othe
     true = decode_envelope(desk.member.say(Kind.ORDER, b"trail").data)
     wire.inject(true.signed + bytes(64))
     wire.run(0.1)
-    assert heard == [b"vee", b"trail"]
+    assert [data for data, *_ in second.orders] == [b"vee", b"trail"]
     assert not caplog.messages
 
 

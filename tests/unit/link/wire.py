@@ -52,6 +52,9 @@ class Station:
         self.heard: list[tuple[float, bytes]] = []
         """States of the leader, and when they came."""
         self.neighbours: list[tuple[str, bytes]] = []
+        self.orders: list[tuple[bytes, bytes, bool]] = []
+        """Orders, each with its envelope, and whether a vehicle repeated it."""
+        self.replies: list[tuple[str, bytes]] = []
         self.skew_s = skew_s
         leads = name == LEADER
         self.clock: Any = None if leads else PeerClock(chance=count(1 + 1000 * session).__next__)
@@ -60,7 +63,9 @@ class Station:
             trust_of(name, session, signed=signed),
             clock=lambda: wire.now + self.skew_s,
             neighbours=[one for one in ("f1", "f2") if one != name],
-            receive_neighbour=lambda vehicle, data: self.neighbours.append((vehicle, data)),
+            receive_neighbour=lambda *said: self.neighbours.append(said),
+            receive_order=lambda *order: self.orders.append(order),
+            receive_reply=lambda *reply: self.replies.append(reply),
             peer_clock=self.clock,
             **options,  # type: ignore[arg-type]
         )

@@ -26,17 +26,14 @@ def global_position(**values: int) -> MAVLink_message:
 
 
 def target(**values: Any) -> MAVLink_message:
-    fields = {
+    fields = {key: [0.0, 0.0, 0.0] for key in ("acc", "rates", "position_cov")} | {
         "timestamp": 2500,
         "est_capabilities": 0b11,
         "lat": 473977420,
         "lon": 85455940,
         "alt": 588.0,
         "vel": [12.0, -9.0, 0.0],
-        "acc": [0.0, 0.0, 0.0],
         "attitude_q": [1.0, 0.0, 0.0, 0.0],
-        "rates": [0.0, 0.0, 0.0],
-        "position_cov": [0.0, 0.0, 0.0],
         "custom_state": 0,
     }
     return mavlink.MAVLink_follow_target_message(**(fields | values))
@@ -73,28 +70,6 @@ def refused(message: MAVLink_message) -> dict[str, int]:
     return dict(codec.counters)
 
 
-def test_global_position_is_read_in_si_units():
-    report = one(global_position())
-    assert report.stamp_s == pytest.approx(1.5)
-    assert (report.latitude_deg, report.longitude_deg) == pytest.approx((47.397742, 8.545594))
-    assert report.altitude_amsl == pytest.approx(588.0)
-    assert report.velocity == pytest.approx((12.0, -9.0))
-
-
-def test_follow_target_tells_a_velocity_only_where_its_bit_says_so():
-    assert one(target()).velocity == pytest.approx((12.0, -9.0))
-    assert one(target(est_capabilities=0b01)).velocity is None
-
-
-def test_covariance_message_counts_microseconds_and_metres_per_second():
-    message = mavlink.MAVLink_global_position_int_cov_message(
-        3_500_000, 0, 473977420, 85455940, 588_000, 100_000, 12.0, -9.0, 0.0, [0.0] * 36
-    )
-    report = one(message)
-    assert report.stamp_s == pytest.approx(3.5)
-    assert report.velocity == pytest.approx((12.0, -9.0))
-
-
 def high_latency(failures: int = 0) -> MAVLink_message:
     return mavlink.MAVLink_high_latency2_message(
         *(4500, 1, 3, 0, 473977420, 85455940, 588, 0, 45, 0, 0, 0, 100, 0, 75),
@@ -102,11 +77,30 @@ def high_latency(failures: int = 0) -> MAVLink_message:
     )
 
 
-def test_high_latency_message_tells_a_place_alone_and_without_gps_nothing():
-    report = one(high_latency())
-    assert (report.stamp_s, report.altitude_amsl) == pytest.approx((4.5, 588.0))
-    assert report.velocity is None
-    assert refused(high_latency(mavlink.HL_FAILURE_FLAG_GPS)) == {"out of range": 1}
+# Counts microseconds and metres per second.
+COVARIANCE = mavlink.MAVLink_global_position_int_cov_message(
+    3_500_000, 0, 473977420, 85455940, 588_000, 100_000, 12.0, -9.0, 0.0, [0.0] * 36
+)
+
+
+@pytest.mark.parametrize(
+    ("message", "stamp_s", "velocity"),
+    [
+        (global_position(), 1.5, (12.0, -9.0)),
+        (target(), 2.5, (12.0, -9.0)),
+        # A follow target tells a velocity only where its bit says so.
+        (target(est_capabilities=0b01), 2.5, None),
+        (COVARIANCE, 3.5, (12.0, -9.0)),
+        # Tells a place alone.
+        (high_latency(), 4.5, None),
+    ],
+)
+def test_each_message_is_read_in_si_units(message, stamp_s, velocity):
+    report = one(message)
+    place = (report.latitude_deg, report.longitude_deg, report.altitude_amsl)
+    assert place == pytest.approx((47.397742, 8.545594, 588.0))
+    assert report.stamp_s == pytest.approx(stamp_s)
+    assert report.velocity == (velocity and pytest.approx(velocity))
 
 
 def test_adsb_tells_its_course_and_how_old_it_is_but_no_time():
@@ -121,15 +115,11 @@ def test_adsb_tells_its_course_and_how_old_it_is_but_no_time():
 def test_altitude_of_another_aircraft_says_by_how_much_it_may_be_off():
     """An airliner at 10 km by air pressure is far above; a type that there is not says nothing."""
     airliner = traffic_report(adsb(altitude_type=0, altitude=10_000_000))
-    assert airliner is not None
     assert (airliner.altitude_amsl, airliner.altitude_error) == (10_000.0, 500.0)
     geometric = traffic_report(adsb())
-    assert geometric is not None
     assert (geometric.altitude_amsl, geometric.altitude_error) == (588.0, 0.0)
     for values in ({"altitude_type": 7}, {"altitude_type": 0, "flags": 0b1101}):
-        unknown = traffic_report(adsb(**values))
-        assert unknown is not None
-        assert math.isnan(unknown.altitude_amsl)
+        assert math.isnan(traffic_report(adsb(**values)).altitude_amsl)
 
 
 @pytest.mark.parametrize("values", [{"ICAO_address": 1}, {"flags": 0b1110}, {"tslc": 6}])
@@ -157,6 +147,7 @@ def test_any_component_of_the_aircraft_may_speak_and_no_other_system():
         target(vel=[math.nan, 0.0, 0.0]),
         target(vel=[math.inf, 0.0, 0.0]),
         target(vel=[2000.0, 0.0, 0.0]),
+        high_latency(mavlink.HL_FAILURE_FLAG_GPS),
     ],
 )
 def test_what_is_no_place_or_no_velocity_is_refused(message):

@@ -1,12 +1,19 @@
+"""What adapters say, and that autopilots obey it."""
+
 import math
 from typing import Any
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from msgspec.structs import replace
 
 from tests.kit.autopilot import Emulated, address, asked
+from vfguide.mavlink.adapter import SetpointStream
 from vfguide.mavlink.ardupilot import ArduPlane
+from vfguide.mavlink.detected import DetectedAutopilot
 from vfguide.mavlink.px4 import Px4
+from vfguide.mavlink.reports import VersionReport
 
 
 def test_arduplane_flies_the_course_airspeed_and_altitude_in_guided_and_goes_back_to_loiter():
@@ -105,3 +112,124 @@ def test_a_message_for_another_component_is_not_obeyed(kind, adapter):
     aircraft = Emulated(kind)
     assert aircraft.obey(adapter(address(component_id=3)).hand_back()) == []
     assert aircraft.autopilot.counters["for another"] == 1
+
+
+HEADING, SPEED = 43_002, 43_000
+
+
+def commands(messages: list[Any]) -> list[int]:
+    return [getattr(message, "command", 0) for message in messages]
+
+
+def test_arduplane_hears_all_at_first_and_after_a_reset_and_else_what_has_changed_alone():
+    plane = ArduPlane(address())
+    stream = SetpointStream(plane)
+
+    def due(course: float, speed: float, now: float) -> list[int]:
+        return commands(stream.due(plane.fly(asked(course, speed)), now))
+
+    assert due(1.0, 20.0, 0.0) == [HEADING, SPEED]
+    assert due(1.0, 20.02, 0.1) == [SPEED]
+    assert due(1.001, 20.02, 0.2) == [HEADING]
+    assert due(1.001, 20.02, 0.3) == []
+    # Less than a centimetre a second is no change.
+    assert due(1.001, 20.024, 0.4) == []
+    stream.reset()
+    assert due(1.001, 20.02, 0.41) == [HEADING, SPEED]
+
+
+def test_px4_hears_the_speed_after_each_course_since_the_course_cancels_it():
+    plane = Px4(address(px4_steering="position"))
+    stream = SetpointStream(plane)
+    stream.due(plane.fly(asked(1.0, 20.0)), 0.0)
+    assert commands(stream.due(plane.fly(asked(1.01, 20.0)), 0.05)) == [0, 178]
+
+
+@pytest.mark.parametrize(
+    ("kind", "steering", "keep_alive_s"),
+    [
+        (ArduPlane, "auto", 0.5),
+        (Px4, "guided-course", 0.5),
+        (Px4, "position", 0.2),
+        (Px4, "velocity", 0.2),
+    ],
+)
+def test_what_has_not_changed_is_repeated_at_the_keep_alive_rate(kind, steering, keep_alive_s):
+    plane = kind(address(px4_steering=steering))
+    stream = SetpointStream(plane)
+    stream.due(plane.fly(asked(1.0, 20.0)), 0.0)
+    assert stream.due(plane.fly(asked(1.0, 20.0)), keep_alive_s - 0.01) == []
+    assert len(stream.due(plane.fly(asked(1.0, 20.0)), keep_alive_s)) == 2
+
+
+@given(steps=st.lists(st.floats(0.001, 0.4), min_size=1, max_size=50))
+def test_px4_never_waits_longer_than_offboard_bears(steps):
+    plane = Px4(address(px4_steering="position"))
+    stream = SetpointStream(plane)
+    now = sent = 0.0
+    stream.due(plane.fly(asked(1.0, 20.0)), now)
+    for step in steps:
+        now += step
+        if stream.due(plane.fly(asked(1.0, 20.0)), now):
+            # The report after the keep-alive time brings it: a fifth of a second, and one step more.
+            assert now - sent <= 0.2 + step + 1e-9
+            sent = now
+
+
+ARDUPILOT, PX4, PAPARAZZI = 3, 12, 9
+GUIDED, OFFBOARD = 15, 6 << 16
+
+
+def test_an_autopilot_that_was_not_heard_is_told_nothing():
+    adapter = DetectedAutopilot(address())
+    assert not adapter.is_ready
+    assert adapter.questions() == []
+    assert adapter.engage() == adapter.hand_back() == adapter.hold_altitude(500.0) == []
+    assert adapter.fly(asked(1.0, 20.0)) == adapter.stay_ready(asked(1.0, 20.0)) == []
+    assert not adapter.is_engaged(GUIDED)
+    assert not adapter.is_handed_back(12)
+
+
+@pytest.mark.parametrize(("number", "kind"), [(ARDUPILOT, ArduPlane), (PX4, Px4)])
+def test_the_heartbeat_tells_how_to_speak(number, kind):
+    adapter, known = DetectedAutopilot(address()), kind(address())
+    assert adapter.recognise(number) is None
+    for act, *arguments in (("engage",), ("hand_back",), ("fly", asked(1.0, 20.0))):
+        found, expected = getattr(adapter, act)(*arguments), getattr(known, act)(*arguments)
+        assert [str(one) for one in found] == [str(one) for one in expected]
+    for mode in (GUIDED, OFFBOARD):
+        assert adapter.is_engaged(mode) is known.is_engaged(mode)
+    assert adapter.is_ready
+    same = ("counts_ground_stations", "is_ready", "keep_alive_s", "parameters")
+    for name in (*same, "streams_before_engaging"):
+        assert getattr(adapter, name) == getattr(known, name)
+
+
+def test_it_hears_the_version_of_what_was_found():
+    adapter = DetectedAutopilot(address(px4_steering="auto"))
+    adapter.recognise(PX4)
+    assert not adapter.is_ready
+    assert len(adapter.questions()) == 1
+    assert "Guided Course" in str(adapter.hear(VersionReport(major=1, minor=18)))
+    assert adapter.is_ready
+    assert adapter.counts_ground_stations
+
+
+def test_it_stays_with_the_first_autopilot():
+    adapter = DetectedAutopilot(address())
+    adapter.recognise(ARDUPILOT)
+    assert "the mission says ArduPilot and the vehicle is PX4" in str(adapter.recognise(PX4))
+    assert adapter.is_engaged(GUIDED)
+
+
+def test_an_autopilot_that_is_not_spoken_here_is_told_so():
+    complaint = DetectedAutopilot(address()).recognise(PAPARAZZI)
+    assert complaint == ("the vehicle is autopilot number 9, which is not spoken here: not steered")
+
+
+@pytest.mark.parametrize(("kind", "other"), [(ArduPlane, PX4), (Px4, ARDUPILOT)])
+def test_another_autopilot_than_the_missions_is_told_in_words(kind, other):
+    complaint = str(kind(address()).recognise(other))
+    assert "ArduPilot" in complaint
+    assert "PX4" in complaint
+    assert "not steered" in complaint

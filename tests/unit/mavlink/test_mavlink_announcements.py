@@ -13,9 +13,10 @@ def answer(command: int, result: int) -> CommandReport:
     return CommandReport(command=command, result=result)
 
 
-def test_an_accepted_command_is_no_news():
+def test_an_accepted_command_is_no_news_and_what_is_no_command_waits_for_no_answer():
     watch = Acknowledgements()
     watch.sent([command_int(VEHICLE, SPEED)], 0.0)
+    watch.sent([mavlink.MAVLink_heartbeat_message(18, 8, 0, 0, 4, 3)], 0.0)
     assert watch.answered(answer(SPEED, ACCEPTED), 0.1) is None
     assert watch.overdue(60.0) == []
 
@@ -34,9 +35,8 @@ def test_a_refusal_is_told_once_with_its_reason_and_again_after_a_while():
 
 def test_each_kind_of_refusal_is_told():
     watch = Acknowledgements()
-    assert watch.answered(answer(SPEED, FAILED), 0.0)
-    assert watch.answered(answer(SPEED, DENIED), 0.0)
-    assert watch.answered(answer(HEADING, FAILED), 0.0)
+    for command, result in ((SPEED, FAILED), (SPEED, DENIED), (HEADING, FAILED)):
+        assert watch.answered(answer(command, result), 0.0)
 
 
 def test_a_command_that_is_never_answered_is_told_once():
@@ -54,12 +54,6 @@ def test_a_command_that_is_never_answered_is_told_once():
     watch.answered(answer(SPEED, ACCEPTED), 10.0)
     watch.sent([command_long(VEHICLE, SPEED)], 11.0)
     assert len(watch.overdue(15.0)) == 1
-
-
-def test_setpoints_that_are_no_commands_wait_for_no_answer():
-    watch = Acknowledgements()
-    watch.sent([mavlink.MAVLink_heartbeat_message(18, 8, 0, 0, 4, 3)], 0.0)
-    assert watch.overdue(60.0) == []
 
 
 def test_numbers_that_nobody_has_named_are_told_as_numbers():

@@ -1,3 +1,5 @@
+"""Bytes into reports and messages into bytes, whatever comes over the wire."""
+
 import math
 
 import pytest
@@ -6,7 +8,7 @@ from hypothesis import strategies as st
 from msgspec.structs import astuple
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from tests.kit.wire import frame_of, framed, position_report
+from tests.kit.wire import frame_of, framed, parsed, position_report, types_of
 from vfguide.mavlink.codec import Codec
 from vfguide.mavlink.reports import Report
 
@@ -121,3 +123,24 @@ def test_mutated_frames_never_raise(frames, changes):
     reports = Codec(7, 1).decode(bytes(data))
     assert len(reports) <= len(frames)
     assert all(is_finite(report) for report in reports)
+
+
+def beat() -> mavlink.MAVLink_heartbeat_message:
+    return mavlink.MAVLink_heartbeat_message(18, 8, 0, 0, 4, 3)
+
+
+def test_a_datagram_holds_all_messages_in_order_from_the_onboard_computer_of_the_vehicle(codec):
+    assert codec.encode([]) == b""
+    data = codec.encode([beat(), mavlink.MAVLink_attitude_message(1, 0, 0, 0, 0, 0, 0), beat()])
+    # MAVLink 2.
+    assert data[0] == 0xFD
+    assert types_of(parsed(data)) == ["HEARTBEAT", "ATTITUDE", "HEARTBEAT"]
+    assert {(one.get_srcSystem(), one.get_srcComponent()) for one in parsed(data)} == {(7, 191)}
+
+
+def test_sequence_numbers_are_consecutive_whatever_is_received_and_wrap_at_256(codec):
+    numbers = []
+    for _ in range(100):
+        numbers += [message.get_seq() for message in parsed(codec.encode([beat()] * 3))]
+        codec.decode(POSITION + b"\xfdgarbage")
+    assert numbers == [number % 256 for number in range(300)]

@@ -1,3 +1,5 @@
+"""Frames of datagrams, and who may send them."""
+
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -6,8 +8,8 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from tests.kit.wire import framed, position_report
 from vfguide.mavlink.datagram import UdpPeer
 from vfguide.mavlink.framing import ConnectionSigning, Frame, Introduction, frames_of
-from vfguide.mavlink.framing import frames_of as frames
 
+POSITION = framed(position_report())
 BODIES = st.binary(max_size=255)
 
 FRAMES_2 = st.builds(
@@ -26,51 +28,40 @@ FRAMES_1 = st.builds(
 )
 
 
-def signed_by(data: bytes) -> bytes:
-    """A frame with the signature flag and a signature, whatever they are worth."""
-    return data[:2] + b"\x01" + data[3:] + b"S" * 13
-
-
 def test_headers_are_read():
     message = mavlink.MAVLink_wind_message(10.0, 5.0, 0.0)
     new = framed(message, system_id=200, component_id=34)
     old = framed(message, system_id=201, component_id=35, version_1=True)
-    assert list(frames_of(new + old)) == [Frame(168, 200, 34, new), Frame(168, 201, 35, old)]
+    # The number of a message has three bytes.
+    high = framed(mavlink.MAVLink_cubepilot_raw_rc_message(b"\x01" * 32))
+    frames = [Frame(168, 200, 34, new), Frame(168, 201, 35, old), Frame(50_001, 7, 1, high)]
+    assert list(frames_of(new + old + high)) == frames
 
 
-def test_message_numbers_have_three_bytes():
-    data = framed(mavlink.MAVLink_cubepilot_raw_rc_message(b"\x01" * 32))
-    (found,) = frames_of(data)
-    assert found == Frame(50_001, 7, 1, data)
+def flagged(flags: int, rest: bytes = b"") -> bytes:
+    """A frame with these flags, and what follows it."""
+    return POSITION[:2] + bytes([flags]) + POSITION[3:] + rest
 
 
-def test_a_signature_belongs_to_its_frame():
-    plain = framed(position_report())
-    signed = signed_by(plain)
-    assert [one and one.content for one in frames_of(signed + plain)] == [signed, plain]
-
-
-@pytest.mark.parametrize("flags", [0x02, 0x03, 0x80, 0xFF])
-def test_a_frame_with_unknown_flags_is_dropped(flags):
-    plain = framed(position_report(lat=0, lon=0, alt=0))
-    strange = plain[:2] + bytes([flags]) + plain[3:]
-    assert [one and one.content for one in frames_of(strange + plain)] == [None, plain]
-
-
-def test_garbage_is_one_stretch_up_to_the_next_frame():
-    plain = framed(position_report())
-    found = [one and one.content for one in frames_of(b"garbage" + plain + b"more")]
-    assert found == [None, plain, None]
+@pytest.mark.parametrize(
+    ("datagram", "frames"),
+    [
+        # A signature, whatever it is worth, belongs to its frame.
+        (flagged(0x01, b"S" * 13) + POSITION, [flagged(0x01, b"S" * 13), POSITION]),
+        # A frame with flags that are not known is dropped.
+        *((flagged(flags) + POSITION, [None, POSITION]) for flags in (0x02, 0x03, 0x80, 0xFF)),
+        # Garbage is one stretch up to the next frame.
+        (b"garbage" + POSITION + b"more", [None, POSITION, None]),
+        (b"", []),
+    ],
+)
+def test_a_datagram_holds_frames_and_stretches_of_garbage(datagram, frames):
+    assert [one and one.content for one in frames_of(datagram)] == frames
 
 
 def test_a_magic_byte_in_garbage_does_not_swallow_the_frame_behind_it():
-    plain = framed(position_report())
     for garbage in (b"\xfd", b"\xfe\xff", b"\xfd\xff\x00"):
-        assert [one.content for one in frames_of(garbage + plain) if one] == [plain]
-
-
-def test_no_bytes_hold_no_frames():
-    assert list(frames_of(b"")) == []
+        assert [one.content for one in frames_of(garbage + POSITION) if one] == [POSITION]
 
 
 @settings(deadline=None, derandomize=True)
@@ -97,17 +88,18 @@ NOW_S = 1.8e9
 
 
 def heartbeat(
-    system_id: int = 7, *, autopilot: int = 3, signed_s: float | None = None, key: bytes = KEY
+    system_id: int = 7,
+    *,
+    component_id: int = 1,
+    kind: int = 1,
+    autopilot: int = 3,
+    signed_s: float | None = None,
+    key: bytes = KEY,
 ) -> bytes:
-    sender = mavlink.MAVLink(None, srcSystem=system_id, srcComponent=1)
+    sender = mavlink.MAVLink(None, srcSystem=system_id, srcComponent=component_id)
     if signed_s is not None:
         ConnectionSigning(key, lambda: signed_s).prepare(sender)
-    return bytes(mavlink.MAVLink_heartbeat_message(1, autopilot, 0, 0, 4, 3).pack(sender))
-
-
-def position(system_id: int = 7) -> bytes:
-    message = mavlink.MAVLink_global_position_int_message(1000, 1, 1, 1, 1, 0, 0, 0, 0)
-    return bytes(message.pack(mavlink.MAVLink(None, srcSystem=system_id, srcComponent=1)))
+    return bytes(mavlink.MAVLink_heartbeat_message(kind, autopilot, 0, 0, 4, 3).pack(sender))
 
 
 def peer_of(introduction: Introduction) -> UdpPeer:
@@ -117,21 +109,21 @@ def peer_of(introduction: Introduction) -> UdpPeer:
 def test_only_the_heartbeat_of_the_expected_autopilot_introduces():
     introduction = Introduction(7, 1)
     assert introduction.is_given_by(heartbeat())
-    assert introduction.is_given_by(position() + heartbeat())
+    assert introduction.is_given_by(POSITION + heartbeat())
     damaged = bytearray(heartbeat())
     damaged[-1] ^= 1
     # A ground station, another vehicle, no heartbeat, a wrong checksum, no MAVLink.
-    for other in (heartbeat(autopilot=8), heartbeat(8), position(), bytes(damaged), b"\xfd rest"):
+    for other in (heartbeat(autopilot=8), heartbeat(8), POSITION, bytes(damaged), b"\xfd rest"):
         assert not introduction.is_given_by(other)
 
 
 def test_whatever_a_stranger_sends_after_a_second_of_silence_it_does_not_get_the_setpoints():
     peer = peer_of(Introduction(7, 1))
     assert peer.admits(OWN, heartbeat(), 0.0)
-    for datagram in (position(), heartbeat(), heartbeat(8), b"\xfd rest"):
+    for datagram in (POSITION, heartbeat(), heartbeat(8), b"\xfd rest"):
         assert not peer.admits(STRANGER, datagram, 1.5)
     assert peer.endpoint == OWN
-    assert peer.admits(OWN, position(), 1.6)
+    assert peer.admits(OWN, POSITION, 1.6)
 
 
 def test_a_router_that_is_started_anew_is_the_peer_after_ten_seconds_of_silence():
@@ -139,9 +131,9 @@ def test_a_router_that_is_started_anew_is_the_peer_after_ten_seconds_of_silence(
     peer.admits(OWN, heartbeat(), 0.0)
     assert not peer.admits(STRANGER, heartbeat(), 9.9)
     assert peer.rival == STRANGER
-    assert not peer.admits(STRANGER, position(), 10.1)
+    assert not peer.admits(STRANGER, POSITION, 10.1)
     assert peer.admits(STRANGER, heartbeat(), 10.1)
-    assert peer.admits(STRANGER, position(), 10.2)
+    assert peer.admits(STRANGER, POSITION, 10.2)
     assert not peer.admits(OWN, heartbeat(), 10.3)
 
 
@@ -159,7 +151,7 @@ def test_a_recorded_introduction_is_worth_nothing_once_its_original_was_heard():
     peer = peer_of(Introduction(7, 1, signing=signing))
     original = heartbeat(signed_s=NOW_S)
     assert peer.admits(OWN, original, 0.0)
-    (frame,) = [frame for frame in frames(original) if frame is not None]
+    (frame,) = [frame for frame in frames_of(original) if frame is not None]
     assert signing.accepts(frame)
     assert not peer.admits(STRANGER, original, 20.0)
 
@@ -176,16 +168,13 @@ def test_a_companion_at_the_port_of_another_vehicle_says_so():
 
 def test_an_autopilot_that_is_another_component_is_named_and_what_to_set():
     introduction = Introduction(7, 1)
-    sender = mavlink.MAVLink(None, srcSystem=7, srcComponent=2)
-    beat = bytes(mavlink.MAVLink_heartbeat_message(1, 3, 0, 0, 4, 3).pack(sender))
-    assert not introduction.is_given_by(beat)
+    assert not introduction.is_given_by(heartbeat(component_id=2))
     assert introduction.complaint() == (
         "the autopilot of system 7 is component 2, expected 1: set component_id to 2 in the mission"
     )
     # A gimbal's heartbeat is none of an autopilot.
-    gimbal = bytes(mavlink.MAVLink_heartbeat_message(26, 8, 0, 0, 4, 3).pack(sender))
     quiet = Introduction(7, 1)
-    assert not quiet.is_given_by(gimbal)
+    assert not quiet.is_given_by(heartbeat(component_id=2, kind=26, autopilot=8))
     assert quiet.complaint() is None
 
 
@@ -212,3 +201,56 @@ def test_whatever_introduces_nobody_is_told_in_one_sentence_or_not_at_all(datagr
     for datagram in datagrams:
         assert not introduction.is_given_by(datagram)
     assert introduction.complaint() is None or introduction.refused > 0
+
+
+FIRST, SECOND = ("10.0.0.1", 14550), ("10.0.0.2", 14550)
+FRAME = b"\xfd rest"
+
+
+def test_whoever_speaks_first_is_the_peer_until_another_speaks_after_a_second_of_silence():
+    peer = UdpPeer()
+    assert peer.endpoint is None
+    assert peer.admits(FIRST, FRAME, 10.0)
+    assert peer.endpoint == FIRST
+    assert not peer.admits(SECOND, FRAME, 10.999)
+    assert peer.endpoint == FIRST
+    assert peer.admits(SECOND, FRAME, 11.0)
+    assert peer.endpoint == SECOND
+    assert not peer.admits(FIRST, FRAME, 11.5)
+
+
+def test_a_peer_that_speaks_keeps_its_place_however_often_others_try():
+    peer = UdpPeer()
+    for tenth in range(100):
+        assert peer.admits(FIRST, FRAME, 0.1 * tenth)
+        assert not peer.admits(SECOND, FRAME, 0.1 * tenth + 0.05)
+
+
+def test_those_who_are_not_listened_to_do_not_prolong_the_silence():
+    peer = UdpPeer()
+    peer.admits(FIRST, FRAME, 0.0)
+    for tenth in range(1, 10):
+        assert not peer.admits(SECOND, FRAME, 0.1 * tenth)
+    assert peer.admits(SECOND, FRAME, 1.0)
+
+
+def test_another_port_of_the_same_host_is_another_peer_and_another_flow_label_is_not():
+    peer = UdpPeer()
+    peer.admits(("10.0.0.1", 1), FRAME, 0.0)
+    assert not peer.admits(("10.0.0.1", 2), FRAME, 0.5)
+    scoped = UdpPeer(("fe80::1", 14550, 0, 2))
+    assert scoped.admits(("fe80::1", 14550, 7, 2), FRAME, 0.0)
+
+
+@pytest.mark.parametrize("datagram", [b"", b"GET / HTTP/1.1", b"\x00\xfd"])
+def test_what_does_not_begin_as_mavlink_makes_nobody_a_peer(datagram):
+    peer = UdpPeer()
+    assert not peer.admits(FIRST, datagram, 0.0)
+    assert peer.endpoint is None
+
+
+def test_a_given_peer_is_the_only_one_for_ever():
+    peer = UdpPeer(FIRST)
+    assert not peer.admits(SECOND, FRAME, 1e6)
+    assert peer.endpoint == FIRST
+    assert peer.admits(FIRST, FRAME, 2e6)

@@ -6,9 +6,9 @@ import math
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from tests.kit.autopilot import address, asked
+from tests.kit.wire import framed
 from vfguide.mavlink.mavsdk import (
     HEARD,
     direct_message,
@@ -23,18 +23,14 @@ from vfguide.mavlink.reports import (
     CommandReport,
     HeartbeatReport,
     ParameterReport,
-    PositionReport,
     TextReport,
     VersionReport,
 )
 
-VERSION = {
-    "flight_sw_version": 0x01120080,
-    **dict.fromkeys(
-        ("flight_custom_version", "middleware_custom_version", "os_custom_version"), [0] * 8
-    ),
-    "uid2": [0] * 18,
-}
+VERSION = dict.fromkeys(
+    ("flight_custom_version", "middleware_custom_version", "os_custom_version"), [0] * 8
+) | {"flight_sw_version": 0x01120080, "uid2": [0] * 18}
+
 
 POSITION = (
     '{"message_id":33,"message_name":"GLOBAL_POSITION_INT","alt":588000,"hdg":1497,"lat":473980997,'
@@ -43,14 +39,11 @@ POSITION = (
 
 
 def frame_of(name: str, fields_json: str) -> bytes:
-    message = message_of(name, fields_json)
-    assert message is not None
-    return bytes(message.pack(mavlink.MAVLink(None, srcSystem=7, srcComponent=1)))
+    return framed(message_of(name, fields_json))
 
 
 def test_a_position_arrives_as_it_was_sent(codec):
     (report,) = codec.decode(frame_of("GLOBAL_POSITION_INT", POSITION))
-    assert isinstance(report, PositionReport)
     assert report.boot_time_s == 2.0
     assert report.latitude_deg == pytest.approx(47.3980997)
     assert (report.velocity_north, report.velocity_east) == (19.8, 5.29)
@@ -78,22 +71,18 @@ def test_what_is_no_message_is_none(name, text):
     assert message_of(name, text) is None
 
 
-def test_a_setpoint_becomes_mavsdks_velocity():
+def test_a_setpoint_becomes_mavsdks_velocity_or_position_above_sea_level():
     setpoint, _ = Px4(address(px4_steering="velocity")).fly(asked(2.0, 20.0))
     velocity = velocity_of(setpoint)
     assert (velocity.north_m_s, velocity.east_m_s) == pytest.approx((-8.3229, 18.1859), abs=1e-4)
     assert velocity.down_m_s == 0.0
     assert velocity.yaw_deg == pytest.approx(114.5916, abs=1e-4)
-
-
-def test_a_position_becomes_mavsdks_above_sea_level():
     setpoint, _ = Px4(address(px4_steering="position")).fly(asked(0.0, 20.0))
     position = position_of(setpoint)
     # 1500 m north: the meridian's radius at 47 degrees is 6 369 700 m.
     assert position.lat_deg == pytest.approx(47.0 + math.degrees(1500.0 / 6_369_700.0), abs=1e-5)
     assert position.lon_deg == pytest.approx(8.0, abs=1e-7)
-    assert position.alt_m == 588.0
-    assert position.altitude_type.name == "AMSL"
+    assert (position.alt_m, position.altitude_type.name) == (588.0, "AMSL")
 
 
 def test_modes_are_recognised_and_speeds_are_none():

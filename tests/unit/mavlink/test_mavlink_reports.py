@@ -1,9 +1,14 @@
+"""Messages of an autopilot in SI units, and its texts whole again where they come in parts."""
+
 import math
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from tests.kit.wire import framed, position_report
+from vfguide.mavlink.codec import Codec
 from vfguide.mavlink.reports import (
     AirspeedReport,
     BatteryReport,
@@ -11,6 +16,7 @@ from vfguide.mavlink.reports import (
     HeartbeatReport,
     PositionReport,
     SensorsReport,
+    TextReport,
 )
 
 
@@ -156,3 +162,79 @@ def test_each_battery_is_told_by_itself(codec, cells, percent, told):
     assert isinstance(report, BatteryReport)
     assert report.number == 1
     assert (report.remaining, report.voltage) == pytest.approx(told)
+
+
+LONG = (
+    b"PreArm: Compass not calibrated and the EKF yaw estimate is inconsistent by 46 degrees;"
+    b" calibrate before flight"
+)
+
+
+def parts(text: bytes, number: int = 77) -> list[bytes]:
+    """A text as an autopilot sends it."""
+    starts = range(0, len(text) + 1, 50)
+    return [
+        framed(mavlink.MAVLink_statustext_message(2, text[at : at + 50], number, place))
+        for place, at in enumerate(starts)
+    ]
+
+
+def texts(codec: Codec, *said: bytes) -> list[str]:
+    found = [report for one in said for report in codec.decode(one)]
+    return [report.text for report in found if isinstance(report, TextReport)]
+
+
+BEAT = framed(mavlink.MAVLink_heartbeat_message(1, 3, 0, 0, 4, 3))
+
+
+@pytest.mark.parametrize("text", [LONG, b"a" * 50, b"a" * 100, "46 \u00b0C ".encode() * 9])
+def test_a_text_in_parts_is_one_text(text):
+    assert texts(Codec(7, 1), *parts(text)) == [text.decode()]
+
+
+FIRST, MIDDLE, LAST = parts(LONG)
+NEXT = framed(mavlink.MAVLink_statustext_message(4, b"next", 0, 0))
+
+
+@pytest.mark.parametrize(
+    ("said", "told"),
+    [
+        # Parts that overtake each other are put in order.
+        ([LAST, FIRST, MIDDLE], [LONG.decode()]),
+        # A part that is lost is told as a gap, after two heartbeats and not before.
+        ([FIRST, LAST, BEAT], []),
+        ([FIRST, LAST, BEAT, BEAT], [f"{LONG[:50].decode()}[...]{LONG[100:].decode()}"]),
+        # A text whose end is lost ends where another begins.
+        ([FIRST, NEXT], [f"{LONG[:50].decode()}[...]", "next"]),
+    ],
+)
+def test_parts_come_in_any_order_or_not_at_all(codec, said, told):
+    assert texts(codec, *said) == told
+
+
+@pytest.mark.parametrize(
+    ("said", "text"),
+    [
+        (b"Temp 46\xb0C over \x1b[31mlimit", r"Temp 46\xb0C over \x1b[31mlimit"),
+        (b"low\x1b[31m \x07battery\r\n\t\x7f!", r"low\x1b[31m \x07battery\r\n\t\x7f!"),
+    ],
+)
+def test_bytes_that_are_no_text_are_shown_by_their_numbers(codec, said, text):
+    message = mavlink.MAVLink_statustext_message(4, said, 0, 0)
+    assert codec.decode(framed(message)) == [TextReport(severity=4, text=text)]
+
+
+def test_each_byte_can_be_printed():
+    for start in range(1, 256, 50):
+        said = bytes(range(start, min(start + 50, 256)))
+        message = mavlink.MAVLink_statustext_message(4, said)
+        (text,) = texts(Codec(7, 1), framed(message))
+        assert text.isprintable()
+
+
+@given(st.lists(st.tuples(st.binary(max_size=50), st.integers(0, 3), st.integers(0, 255))))
+def test_whatever_comes_it_can_be_printed(said):
+    codec = Codec(7, 1)
+    for raw, number, place in said:
+        message = mavlink.MAVLink_statustext_message(4, raw, number, place)
+        assert all(text.isprintable() for text in texts(codec, framed(message), BEAT))

@@ -22,8 +22,16 @@ def test_a_mode_change_is_acknowledged_announced_and_shown_at_once():
     assert vehicle.truth.mode == "GUIDED"
 
 
-def test_the_mode_message_changes_the_mode_too():
+def test_only_its_own_commands_and_those_for_everyone_are_obeyed_and_no_echo_of_its_own():
     vehicle = new_station()
+    echo = vehicle.autopilot.advance(0.0)
+    assert vehicle.autopilot.receive(echo) == b""
+    assert vehicle.autopilot.counters["from itself"] == 5
+    assert vehicle.command_long(176, 1, 15, target=8) == []
+    assert vehicle.truth.mode == "LOITER"
+    assert vehicle.autopilot.counters["for another"] == 1
+    assert vehicle.result(vehicle.command_long(176, 1, 15, target=0)) == "ACCEPTED"
+    # By the message that sets a mode, too.
     vehicle.send(mavlink.MAVLink_set_mode_message(7, 1, 5))
     assert vehicle.truth.mode == "FBWA"
 
@@ -50,18 +58,13 @@ def test_other_modes_keep_the_course_they_had():
     assert vehicle.flown(30.0).course_rad == pytest.approx(0.7, abs=1e-6)
 
 
-def test_a_course_is_flown_over_ground_in_a_crosswind():
+@pytest.mark.parametrize(("kind", "pointed"), [(0, "course_rad"), (1, "heading_rad")])
+def test_a_course_is_flown_over_ground_in_a_crosswind_and_a_heading_points_the_nose(kind, pointed):
     vehicle = new_station(SteadyWind(5.0, math.pi / 2)).guided()
-    assert vehicle.result(vehicle.command_int(HEADING, 0, 45.0, LATERAL)) == "ACCEPTED"
+    assert vehicle.result(vehicle.command_int(HEADING, kind, 45.0, LATERAL)) == "ACCEPTED"
     truth = vehicle.flown(20.0)
-    assert math.degrees(truth.course_rad) == pytest.approx(45.0, abs=1e-3)
-    assert math.degrees(truth.heading_rad) < 45.0
-
-
-def test_a_heading_points_the_nose():
-    vehicle = new_station(SteadyWind(5.0, math.pi / 2)).guided()
-    vehicle.command_long(HEADING, 1, 45.0, LATERAL)
-    assert math.degrees(vehicle.flown(20.0).heading_rad) == pytest.approx(45.0, abs=1e-3)
+    assert math.degrees(getattr(truth, pointed)) == pytest.approx(45.0, abs=1e-3)
+    assert truth.heading_rad < truth.course_rad
 
 
 def test_zero_lateral_acceleration_is_accepted_and_the_aircraft_hardly_turns():
@@ -109,21 +112,16 @@ def test_the_limits_themselves_are_accepted_despite_single_precision():
     assert vehicle.result(vehicle.command_int(SPEED, 0, 28.3, 0)) == "ACCEPTED"
 
 
-def test_the_article_s_plant_takes_a_ground_speed():
-    vehicle = new_station(SteadyWind(6.0, 0.3), plant=PlantParameters(kind="course-hold")).guided()
-    vehicle.command_int(HEADING, 0, 90.0, LATERAL)
-    assert vehicle.result(vehicle.command_int(SPEED, 1, 21.5, 0)) == "ACCEPTED"
-    assert vehicle.result(vehicle.command_int(SPEED, 1, 0.0, 0)) == "FAILED"
-    assert vehicle.flown(30.0).ground_speed_m_s == pytest.approx(21.5)
-
-
-def test_changing_speed_mode_in_flight_does_not_jump():
-    vehicle = new_station(SteadyWind(6.0, 0.3), plant=PlantParameters(kind="course-hold")).guided()
+def test_the_article_s_plant_takes_a_ground_speed_without_a_jump():
+    plant = PlantParameters(kind="course-hold")
+    vehicle = new_station(SteadyWind(6.0, 0.3), plant=plant).guided()
     before = vehicle.truth
-    vehicle.command_int(SPEED, 1, 21.5, 0)
-    after = vehicle.truth
-    assert after.ground_speed_m_s == pytest.approx(before.ground_speed_m_s)
-    assert after.airspeed_m_s == pytest.approx(before.airspeed_m_s)
+    assert vehicle.result(vehicle.command_int(SPEED, 1, 21.5, 0)) == "ACCEPTED"
+    speeds = (before.ground_speed_m_s, before.airspeed_m_s)
+    assert (vehicle.truth.ground_speed_m_s, vehicle.truth.airspeed_m_s) == pytest.approx(speeds)
+    assert vehicle.result(vehicle.command_int(SPEED, 1, 0.0, 0)) == "FAILED"
+    vehicle.command_int(HEADING, 0, 90.0, LATERAL)
+    assert vehicle.flown(30.0).ground_speed_m_s == pytest.approx(21.5)
 
 
 def test_the_common_speed_command_is_ignored_once_the_guided_one_was_used():
@@ -209,18 +207,3 @@ def test_velocity_setpoints_are_silently_ignored():
     before = vehicle.truth
     assert vehicle.velocity_setpoint(0.0, 20.0) == []
     assert vehicle.truth == before
-
-
-def test_only_its_own_commands_and_those_for_everyone_are_obeyed():
-    vehicle = new_station()
-    assert vehicle.command_long(176, 1, 15, target=8) == []
-    assert vehicle.truth.mode == "LOITER"
-    assert vehicle.autopilot.counters["for another"] == 1
-    assert vehicle.result(vehicle.command_long(176, 1, 15, target=0)) == "ACCEPTED"
-
-
-def test_an_echo_of_its_own_messages_is_dropped():
-    vehicle = new_station()
-    echo = vehicle.autopilot.advance(0.0)
-    assert vehicle.autopilot.receive(echo) == b""
-    assert vehicle.autopilot.counters["from itself"] == 5

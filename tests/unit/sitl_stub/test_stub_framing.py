@@ -1,45 +1,33 @@
-from itertools import pairwise
-
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sitl_stub.codec import EmulatorFramer
-
-LINK_2 = mavlink.MAVLink(None, srcSystem=255, srcComponent=190)
-LINK_1 = mavlink.MAVLink(None, srcSystem=255, srcComponent=190)
-SIGNED_LINK = mavlink.MAVLink(None, srcSystem=255, srcComponent=190)
-SIGNED_LINK.signing.secret_key = bytes(32)
-SIGNED_LINK.signing.sign_outgoing = True
+from tests.kit.wire import command_long, cut, packed
 
 HEARTBEAT = mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3)
-COMMAND = mavlink.MAVLink_command_long_message(7, 1, 511, 0, 33, 1e6, 0, 0, 0, 0, 0)
+COMMAND = command_long(511, 33, 1e6, system_id=7)
+SIGNED = mavlink.MAVLink(None, srcSystem=255, srcComponent=190)
+SIGNED.signing.secret_key, SIGNED.signing.sign_outgoing = bytes(32), True
 
 FRAMES = [
-    bytes(HEARTBEAT.pack(LINK_2)),
-    bytes(COMMAND.pack(LINK_2)),
-    bytes(HEARTBEAT.pack(LINK_1, force_mavlink1=True)),
-    bytes(COMMAND.pack(LINK_1, force_mavlink1=True)),
-    bytes(HEARTBEAT.pack(SIGNED_LINK)),
+    packed(HEARTBEAT),
+    packed(COMMAND),
+    packed(HEARTBEAT, version_1=True),
+    packed(COMMAND, version_1=True),
+    bytes(HEARTBEAT.pack(SIGNED)),
 ]
 
 
-def in_pieces(stream: bytes, cuts: list[int]) -> list[bytes]:
-    edges = [0, *sorted(cut % (len(stream) + 1) for cut in cuts), len(stream)]
-    return [stream[start:end] for start, end in pairwise(edges)]
+@given(st.lists(st.sampled_from(FRAMES)), st.lists(st.integers(0, 2000)))
+def test_frames_come_out_whole_wherever_the_stream_was_cut(frames, cuts):
+    framer, stream = EmulatorFramer(), b"".join(frames)
+    assert b"".join(framer.feed(piece) for piece in cut(stream, cuts)) == stream
 
 
 def test_the_samples_are_of_both_versions_and_signed():
     assert [frame[0] for frame in FRAMES] == [0xFD, 0xFD, 0xFE, 0xFE, 0xFD]
     assert [frame[2] & 1 for frame in FRAMES if frame[0] == 0xFD] == [0, 0, 1]
-
-
-@given(st.lists(st.sampled_from(FRAMES)), st.lists(st.integers(0, 2000)))
-def test_frames_come_out_whole_wherever_the_stream_was_cut(frames, cuts):
-    framer = EmulatorFramer()
-    assert b"".join(framer.feed(piece) for piece in in_pieces(b"".join(frames), cuts)) == b"".join(
-        frames
-    )
 
 
 @given(st.lists(st.sampled_from(FRAMES)), st.binary(max_size=40))
@@ -61,12 +49,8 @@ def test_garbage_costs_no_good_frame(parts):
     assert b"".join(framer.feed(stream[at : at + 7]) for at in range(0, len(stream), 7)) == wanted
 
 
-def test_a_frame_with_a_wrong_checksum_is_dropped_and_the_next_one_is_not():
-    good = FRAMES[1]
-    bad = good[:-1] + bytes((good[-1] ^ 1,))
-    assert EmulatorFramer().feed(bad + good) == good
-
-
-def test_a_cut_off_frame_does_not_swallow_the_next_one():
+def test_a_damaged_or_cut_off_frame_does_not_swallow_the_next_one():
     heartbeat, command = FRAMES[0], FRAMES[1]
+    damaged = command[:-1] + bytes((command[-1] ^ 1,))
+    assert EmulatorFramer().feed(damaged + command) == command
     assert EmulatorFramer().feed(command[:-5] + heartbeat + bytes(300)) == heartbeat

@@ -74,13 +74,16 @@ def test_px4_takes_off_by_command_and_ends_in_a_loiter():
     assert truth.altitude_amsl_m == pytest.approx(450.0, abs=2.5)
 
 
-def test_a_mode_that_does_not_take_off_ends_the_roll():
+def test_a_mode_that_does_not_take_off_ends_the_roll_and_a_reboot_on_the_ground_disarms():
     vehicle = on_ground()
     vehicle.command_long(400, 1)
     vehicle.command_long(176, 1, 13)
     vehicle.advance(1.0)
     vehicle.command_long(176, 1, 0)
     assert vehicle.flown(5.0).ground_speed_m_s == 0.0
+    assert vehicle.truth.armed
+    vehicle.command_long(246, 1)
+    assert not vehicle.truth.armed
 
 
 @pytest.mark.parametrize(
@@ -114,10 +117,3 @@ def test_in_the_air_it_is_disarmed_by_force_only():
     heartbeat = vehicle.advance(0.0)[0]
     assert not heartbeat.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED
     assert vehicle.result(vehicle.command_long(400, 2)) == "UNSUPPORTED"
-
-
-def test_a_reboot_on_the_ground_disarms():
-    vehicle = on_ground()
-    vehicle.command_long(400, 1)
-    vehicle.command_long(246, 1)
-    assert not vehicle.truth.armed

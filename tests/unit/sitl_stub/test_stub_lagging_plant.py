@@ -15,8 +15,7 @@ from sitl_stub.lagging_plant import (
 from sitl_stub.plant import PlantState
 from sitl_stub.px4 import EmulatedPx4
 from sitl_stub.targets import AltitudeTarget, SpeedTarget, Targets, TurnTarget
-from tests.kit.autopilot import new_autopilot
-from tests.kit.wire import command_long, packed
+from tests.kit.autopilot import new_station
 
 BANK = PlantParameters(kind="bank")
 LOOPS = EmulatedPx4.loops
@@ -32,16 +31,8 @@ OWN = PlantParameters(
 TECS = PlantParameters(speed_response="tecs")
 
 
-def state(**changes: float) -> PlantState:
-    fields = {"direction_rad": 0.0, "speed_m_s": 20.0, "altitude_amsl_m": 500.0} | changes
-    return PlantState(
-        fields["direction_rad"],
-        fields["speed_m_s"],
-        "airspeed",
-        math.radians(47.0),
-        0.1,
-        fields["altitude_amsl_m"],
-    )
+def state(speed_m_s: float = 20.0) -> PlantState:
+    return PlantState(0.0, speed_m_s, "airspeed", math.radians(47.0), 0.1, 500.0)
 
 
 def targets(course_rad: float = 0.0, speed_m_s: float = 20.0, hold: str = "course") -> Targets:
@@ -68,28 +59,50 @@ def flown(
     return states
 
 
-def test_12000_cdeg_per_rad_bank_12_deg_for_a_course_error_of_a_tenth():
+NPFG = PlantParameters(kind="npfg", alpha_1_s=0.9, max_bank_rad=math.radians(50.0))
+
+
+@pytest.mark.parametrize(
+    ("plant", "airspeed_m_s", "target", "bank_deg"),
+    [
+        # 12000 cdeg/rad and a tenth of a radian.
+        (BANK, 20.0, (0.1,), 12.0),
+        # Limited by the aircraft, and by the acceleration that is commanded: atan(2 / 9.80665).
+        (BANK, 20.0, (-2.0,), -45.0),
+        (BANK, 20.0, (2.0, 2.0), 11.527),
+        # PX4 wants the bank of the turn that alpha asks for: atan(0.9 * 15 * sin(0.1) / 9.80665);
+        # at 90 degrees atan(1.3766) = 54 degrees, beyond the limit.
+        (NPFG, 15.0, (0.1,), 7.826),
+        (NPFG, 15.0, (-0.1,), -7.826),
+        (NPFG, 15.0, (2.0,), 50.0),
+        (NPFG, 15.0, (3.0,), 50.0),
+    ],
+)
+def test_a_course_error_wants_a_bank_within_the_limits(plant, airspeed_m_s, target, bank_deg):
     wanted = wanted_bank_rad(
-        BANK, TurnTarget("course", 0.1), course_rad=0.0, heading_rad=0.0, airspeed_m_s=20.0
+        plant,
+        TurnTarget("course", *target),
+        course_rad=0.0,
+        heading_rad=0.0,
+        airspeed_m_s=airspeed_m_s,
     )
-    assert math.degrees(wanted) == pytest.approx(12.0)
+    assert math.degrees(wanted) == pytest.approx(bank_deg, abs=1e-3)
 
 
-def test_the_bank_is_limited_by_the_aircraft_and_by_the_acceleration_commanded():
-    far = TurnTarget("course", -2.0)
-    assert wanted_bank_rad(
-        BANK, far, course_rad=0.0, heading_rad=0.0, airspeed_m_s=20.0
-    ) == pytest.approx(-math.pi / 4)
-    # atan(2 / 9.80665) = 11.53 deg
-    weak = TurnTarget("course", 2.0, 2.0)
-    assert math.degrees(
-        wanted_bank_rad(BANK, weak, course_rad=0.0, heading_rad=0.0, airspeed_m_s=20.0)
-    ) == pytest.approx(11.527, abs=1e-3)
-
-
-def test_the_roll_follows_with_its_time_constant():
-    end = flown(BANK, targets(0.5, hold="bank"), 0.4)[-1]
-    assert end.roll_rad == pytest.approx(0.5 * (1.0 - math.exp(-1.0)), abs=1e-4)
+@pytest.mark.parametrize(
+    ("plant", "share"),
+    [
+        (BANK, 1.0 - math.exp(-1.0)),
+        # The delay is that of a second lag: 1 - (0.4 e^(-t/0.4) - 0.2 e^(-t/0.2)) / 0.2.
+        (
+            PlantParameters(kind="npfg", roll_time_s=0.4, roll_delay_s=0.2),
+            1.0 - (0.4 * math.exp(-1.0) - 0.2 * math.exp(-2.0)) / 0.2,
+        ),
+    ],
+)
+def test_the_roll_follows_with_its_time_constant_and_its_delay(plant, share):
+    end = flown(plant, targets(0.5, hold="bank"), 0.4)[-1]
+    assert end.roll_rad == pytest.approx(0.5 * share, abs=1e-4)
 
 
 @pytest.mark.parametrize("efficiency", [1.0, 0.7])
@@ -106,8 +119,10 @@ def test_a_course_step_of_30_deg_takes_as_long_as_measured_on_arduplane():
     plant = PlantParameters(kind="bank", turn_efficiency=0.7)
     states = flown(plant, targets(math.radians(30.0)), 20.0)
     shares = [one.direction_rad / math.radians(30.0) for one in states]
-    t63_s = next(index for index, share in enumerate(shares) if share > 0.632) * 0.005
-    t90_s = next(index for index, share in enumerate(shares) if share > 0.9) * 0.005
+    t63_s, t90_s = (
+        next(index for index, share in enumerate(shares) if share > least) * 0.005
+        for least in (0.632, 0.9)
+    )
     assert t63_s == pytest.approx(1.6, abs=0.45)
     assert 2.0 < t90_s < 3.7
     assert max(shares[:-1]) < 1.02
@@ -115,9 +130,8 @@ def test_a_course_step_of_30_deg_takes_as_long_as_measured_on_arduplane():
 
 def test_the_course_is_held_through_a_crosswind():
     end = flown(BANK, targets(), 60.0, SteadyWind(5.0, math.pi / 2))[-1]
-    assert math.degrees(math.remainder(end.direction_rad, math.tau)) == pytest.approx(
-        -14.4775, abs=0.01
-    )
+    nose_deg = math.degrees(math.remainder(end.direction_rad, math.tau))
+    assert nose_deg == pytest.approx(-14.4775, abs=0.01)
     assert end.roll_rad == pytest.approx(0.0, abs=1e-3)
 
 
@@ -137,13 +151,11 @@ def test_a_slow_sinusoid_of_speed_comes_out_as_large_and_as_late_as_measured():
     )
     last = states[-round(48.0 / 0.005) :]
     start_s = 240.0 - 48.0
-    phases = [omega * (start_s + index * 0.005) for index in range(len(last))]
-    sine = sum(
-        (one.speed_m_s - 20.0) * math.sin(phase) for one, phase in zip(last, phases, strict=True)
-    )
-    cosine = sum(
-        (one.speed_m_s - 20.0) * math.cos(phase) for one, phase in zip(last, phases, strict=True)
-    )
+    swings = [
+        (omega * (start_s + index * 0.005), one.speed_m_s - 20.0) for index, one in enumerate(last)
+    ]
+    sine = sum(swing * math.sin(phase) for phase, swing in swings)
+    cosine = sum(swing * math.cos(phase) for phase, swing in swings)
     gain = math.hypot(sine, cosine) * 2.0 / len(last) / 1.5
     late_s = math.atan2(-cosine, sine) / omega + TECS.speed_delay_s
     assert 0.93 < gain < 1.07
@@ -186,19 +198,6 @@ def test_a_ground_speed_hold_cannot_lag():
         PlantParameters(kind="course-hold", speed_response="tecs")
 
 
-def test_px4_s_course_wants_the_bank_of_the_turn_that_alpha_asks_for():
-    npfg = PlantParameters(kind="npfg", alpha_1_s=0.9, max_bank_rad=math.radians(50.0))
-
-    def wanted(course_rad: float) -> float:
-        target = TurnTarget("course", course_rad)
-        return wanted_bank_rad(npfg, target, course_rad=0.0, heading_rad=0.0, airspeed_m_s=15.0)
-
-    # atan(0.9 * 15 * sin(0.1) / 9.80665) = 0.1366; at 90 degrees atan(1.3766) = 54 degrees, beyond the limit.
-    assert wanted(0.1) == pytest.approx(0.1366, abs=1e-4)
-    assert wanted(-0.1) == -wanted(0.1)
-    assert wanted(2.0) == wanted(3.0) == pytest.approx(math.radians(50.0))
-
-
 @pytest.mark.parametrize(
     ("plant", "lag"),
     [
@@ -212,17 +211,13 @@ def test_px4_s_course_wants_the_bank_of_the_turn_that_alpha_asks_for():
     ],
 )
 def test_px4_s_course_in_a_ramp_lags_by_its_bandwidth_and_its_dead_time(plant, lag):
-    autopilot = new_autopilot(autopilot="px4", plant=plant, airspeed_m_s=15.0)
-
-    def command(number: int, *parameters: float) -> None:
-        autopilot.receive(packed(command_long(number, *parameters, system_id=7)))
-
-    command(176, 1, 4, 19)
+    vehicle = new_station(autopilot="px4", plant=plant, airspeed_m_s=15.0)
+    vehicle.command_long(176, 1, 4, 19)
     for step in range(600):
-        autopilot.advance(step / 20)
-        command(43_002, 0, 6.0 * step / 20)
-    lag_s = math.remainder(math.radians(6.0 * 599 / 20) - autopilot.truth().course_rad, math.tau)
-    lag_s /= math.radians(6.0)
+        vehicle.advance(step / 20)
+        vehicle.command_long(43_002, 0, 6.0 * step / 20)
+    behind = math.radians(6.0 * 599 / 20) - vehicle.truth.course_rad
+    lag_s = math.remainder(behind, math.tau) / math.radians(6.0)
     assert lag_s == pytest.approx(lag, abs=0.05)
 
 
@@ -242,14 +237,6 @@ def test_px4_s_course_takes_up_a_step_as_measured():
     assert share(1.25) == pytest.approx(0.49, abs=0.04)
     assert share(2.0) == pytest.approx(0.85, abs=0.04)
     assert max(one.direction_rad for one in states) < math.radians(31.5)
-
-
-def test_a_delay_of_the_roll_is_that_of_a_second_lag():
-    plant = PlantParameters(kind="npfg", roll_time_s=0.4, roll_delay_s=0.2)
-    end = flown(plant, targets(0.5, hold="bank"), 0.4)[-1]
-    # 1 - (0.4 e^(-t/0.4) - 0.2 e^(-t/0.2)) / 0.2
-    share = 1.0 - (0.4 * math.exp(-1.0) - 0.2 * math.exp(-2.0)) / 0.2
-    assert end.roll_rad == pytest.approx(0.5 * share, abs=1e-4)
 
 
 PX4 = PlantParameters(kind="npfg", speed_response="px4")

@@ -1,6 +1,7 @@
-"""A plant of one's own: it answers as its model says, in the air that carries it."""
+"""A plant and an autopilot of one's own in the emulator."""
 
 import math
+import re
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -13,14 +14,17 @@ from sitl_stub import (
     AirState,
     PlantParameters,
     SteadyWind,
+    load_plugins,
     options_of,
     plant,
     plant_of,
 )
+from sitl_stub.personality import Personality, personality
 from sitl_stub.plant import PlantState
 from sitl_stub.plants import Plant
-from sitl_stub.registry import load_plugins
+from sitl_stub.registry import autopilots
 from sitl_stub.targets import AltitudeTarget, SpeedTarget, Targets, TurnTarget
+from tests.kit.autopilot import GroundStation, config_of, new_autopilot
 
 EXAMPLE = Path(__file__).parents[3] / "examples" / "own_plant.py"
 START = PlantState(0.0, 20.0, "airspeed", 0.8, 0.1, 500.0)
@@ -77,9 +81,8 @@ def test_it_is_carried_by_the_wind_and_flies_the_course_through_it():
     last = flown(aircraft, held(course=0.0), 20.0, wind)[-1]
     motion = aircraft.motion(held(course=0.0), last, wind.at(0.0))
     # the nose points asin(5/20) = 14.48 degrees into the wind, so that it flies north at sqrt(400 - 25) m/s
-    assert math.degrees(math.remainder(motion.heading_rad, math.tau)) == pytest.approx(
-        -14.48, abs=0.01
-    )
+    heading_deg = math.degrees(math.remainder(motion.heading_rad, math.tau))
+    assert heading_deg == pytest.approx(-14.48, abs=0.01)
     assert (motion.north_m_s, motion.east_m_s) == pytest.approx((19.365, 0.0), abs=0.01)
 
 
@@ -136,3 +139,50 @@ def test_the_example_is_one_file_that_needs_nothing_of_vfguide():
         line for line in EXAMPLE.read_text().splitlines() if line.startswith(("import", "from"))
     )
     assert type(measured()).__name__ == "Measured"
+
+
+AUTOPILOT = Path(__file__).parents[3] / "examples" / "own_emulated_autopilot.py"
+MANUAL, LOITER, GUIDED = 0, 12, 15
+
+
+@pytest.fixture
+def ground() -> GroundStation:
+    load_plugins([AUTOPILOT])
+    return GroundStation(new_autopilot(system_id=1, autopilot="brief"), 1)
+
+
+def test_it_turns_to_a_course_in_its_guided_mode_alone(ground):
+    assert ground.result(ground.command_long(43002, 0, 90, 5)) == "FAILED"
+    assert ground.result(ground.command_long(176, 1, GUIDED)) == "ACCEPTED"
+    assert ground.result(ground.command_long(43002, 0, 90, 5)) == "ACCEPTED"
+    assert ground.result(ground.command_long(43000, 0, 24, 0)) == "ACCEPTED"
+    truth = ground.flown(20.0)
+    # first order with 1.2 1/s: after 20 s of a quarter turn and 4 m/s nothing is left
+    assert truth.course_rad == pytest.approx(math.pi / 2.0, abs=1e-3)
+    assert truth.airspeed_m_s == pytest.approx(24.0, abs=1e-3)
+
+
+def test_what_it_does_not_have_is_refused(ground):
+    assert ground.result(ground.command_long(176, 1, 11)) == "DENIED"
+    assert ground.result(ground.command_long(43001, 0, 0)) == "UNSUPPORTED"
+    ground.guided()
+    # its aircraft flies 12 to 32 m/s
+    assert ground.result(ground.command_long(43000, 0, 50, 0)) == "FAILED"
+    assert ground.result(ground.command_long(43002, 0, math.nan, 5)) == "DENIED"
+
+
+def test_a_name_that_is_not_known_is_one_line_with_those_that_are():
+    load_plugins([AUTOPILOT])
+    with pytest.raises(ValueError, match=r"one of ardupilot, px4, brief.*not 'breif'"):
+        config_of(autopilot="breif")
+
+
+def test_a_class_that_leaves_its_modes_out_is_refused_and_a_name_is_taken_once():
+    class Partly(Personality):
+        firmware = 3
+
+    with pytest.raises(ValueError, match=re.escape("the class of partly has no modes; write it")):
+        personality("partly")(Partly)
+    assert "partly" not in autopilots
+    with pytest.raises(ValueError, match="px4: there is an autopilot of this name already"):
+        personality("px4")(Personality)

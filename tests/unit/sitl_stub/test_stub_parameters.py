@@ -10,6 +10,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from sitl_stub import PlantParameters
 from sitl_stub.parameters import Parameters, ParameterType, int8, int16, int32, real, stored
 from tests.kit.autopilot import GroundStation, new_station
+from tests.kit.wire import of_type
 
 INT32 = mavlink.MAV_PARAM_TYPE_INT32
 
@@ -18,11 +19,12 @@ def listed(vehicle: GroundStation) -> list[Any]:
     """The whole list, which comes by and by."""
     values = vehicle.send(mavlink.MAVLink_param_request_list_message(7, 1))
     values += vehicle.advance(vehicle.truth.time_s + 0.9)
-    return [value for value in values if value.get_type() == "PARAM_VALUE"]
+    return of_type(values, "PARAM_VALUE")
 
 
 def test_the_list_is_complete_and_numbered_and_tells_the_limits_flown():
-    values = listed(new_station())
+    vehicle = new_station()
+    values = listed(vehicle)
     assert [value.param_index for value in values] == list(range(len(values)))
     assert {value.param_count for value in values} == {len(values)}
     by_name = {value.param_id: value.param_value for value in values}
@@ -30,14 +32,9 @@ def test_the_list_is_complete_and_numbered_and_tells_the_limits_flown():
     assert by_name["ROLL_LIMIT_DEG"] == pytest.approx(45.0)
     assert by_name["FS_GCS_ENABL"] == 0.0
     assert {"GUIDED_P", "SCHED_LOOP_RATE", "FS_LONG_ACTN", "TKOFF_ALT"} <= by_name.keys()
-
-
-def test_a_list_comes_in_parts_so_that_datagrams_stay_short():
-    vehicle = new_station()
-    first = vehicle.autopilot.receive(
-        vehicle.frame(mavlink.MAVLink_param_request_list_message(7, 1))
-    )
-    assert len(first) < 500
+    # It comes in parts, so that datagrams stay short.
+    asked = vehicle.frame(mavlink.MAVLink_param_request_list_message(7, 1))
+    assert len(vehicle.autopilot.receive(asked)) < 500
 
 
 def test_one_is_read_by_name_or_by_number_and_none_that_is_none():
@@ -149,21 +146,16 @@ def test_px4_s_offboard_loss_obeys_its_parameters():
     assert vehicle.flown(3.8).mode == "AUTO.LOITER"
 
 
-def test_px4_s_list_begins_with_its_checksum_which_changes_with_a_value():
+def test_px4_s_list_begins_with_its_checksum_which_changes_with_a_value_and_ends_the_list():
     vehicle = new_station(autopilot="px4")
     first = listed(vehicle)[0]
     assert (first.param_id, first.param_index) == ("_HASH_CHECK", 65_535)
     before = struct.pack("<f", vehicle.read("_HASH_CHECK").param_value)
     vehicle.write("NAV_LOITER_RAD", 120.0)
     assert struct.pack("<f", vehicle.read("_HASH_CHECK").param_value) != before
-
-
-def test_telling_px4_the_checksum_ends_its_list():
-    vehicle = new_station(autopilot="px4")
     vehicle.send(mavlink.MAVLink_param_request_list_message(7, 1))
     vehicle.write("_HASH_CHECK", 0.0)
-    names = [message.get_type() for message in vehicle.advance(1.0)]
-    assert "PARAM_VALUE" not in names
+    assert of_type(vehicle.advance(vehicle.truth.time_s + 1.0), "PARAM_VALUE") == []
 
 
 def test_the_ground_s_silence_is_noticed_once_the_fail_safe_is_on():

@@ -48,18 +48,14 @@ def flown(
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_a_small_course_step_reaches_63_percent_after_one_time_constant(kind):
-    plant = PlantParameters(kind=kind)
-    wanted = targets(turn=TurnTarget("course", 0.1))
-    end = flown(plant, wanted, state(), 1.0 / 1.2, step_s=1.0 / 120.0)
-    assert end.direction_rad == pytest.approx(0.1 * (1.0 - math.exp(-1.0)), abs=2e-5)
-
-
-@pytest.mark.parametrize("kind", KINDS)
-def test_a_small_speed_step_reaches_63_percent_after_one_time_constant(kind):
-    wanted = targets(speed=SpeedTarget("airspeed", 22.0))
-    end = flown(PlantParameters(kind=kind), wanted, state(), 1.25)
-    assert end.speed_m_s == pytest.approx(20.0 + 2.0 * (1.0 - math.exp(-1.0)), abs=1e-4)
+def test_a_small_step_reaches_63_percent_after_one_time_constant(kind):
+    plant, share = PlantParameters(kind=kind), 1.0 - math.exp(-1.0)
+    turned = flown(
+        plant, targets(TurnTarget("course", 0.1)), state(), 1.0 / 1.2, step_s=1.0 / 120.0
+    )
+    assert turned.direction_rad == pytest.approx(0.1 * share, abs=2e-5)
+    faster = flown(plant, targets(speed=SpeedTarget("airspeed", 22.0)), state(), 1.25)
+    assert faster.speed_m_s == pytest.approx(20.0 + 2.0 * share, abs=1e-4)
 
 
 def test_a_45_deg_bank_at_20_m_s_turns_at_0_4903_rad_s():
@@ -67,36 +63,35 @@ def test_a_45_deg_bank_at_20_m_s_turns_at_0_4903_rad_s():
     assert bank_of_rad(0.4903325, 20.0) == pytest.approx(math.pi / 4)
 
 
-def turn_rate(target: TurnTarget, course_rad: float = 0.0) -> float:
-    """How fast the usual aircraft turns toward a target, rad/s, nose to the north at 20 m/s."""
-    return turn_rate_rad_s(
+@pytest.mark.parametrize(
+    ("target", "course_deg", "rate_rad_s"),
+    [
+        (TurnTarget("course", math.pi / 2), 0.0, 0.4903325),
+        # The shorter way round: alpha times 10 degrees, and as fast as the bank allows.
+        (TurnTarget("course", 0.0), 10.0, -1.2 * math.radians(10.0)),
+        (TurnTarget("course", 0.0), 190.0, 0.4903325),
+        (TurnTarget("course", 0.0), 350.0, 1.2 * math.radians(10.0)),
+        # 2 m/s^2 at 20 m/s: 0.1 rad/s, less than the bank limit.
+        (TurnTarget("course", 2.0, max_acceleration_m_s2=2.0), 0.0, 0.1),
+    ],
+)
+def test_it_turns_the_shorter_way_no_faster_than_its_limits(target, course_deg, rate_rad_s):
+    """Nose to the north at 20 m/s."""
+    course_rad = math.radians(course_deg)
+    rate = turn_rate_rad_s(
         PlantParameters(), target, course_rad=course_rad, heading_rad=0.0, speed_m_s=20.0
     )
+    assert rate == pytest.approx(rate_rad_s)
 
 
-def test_a_large_course_error_turns_no_faster_than_the_bank_limit():
-    assert turn_rate(TurnTarget("course", math.pi / 2)) == pytest.approx(0.4903325)
-
-
-@pytest.mark.parametrize(("course_deg", "sign"), [(10.0, -1.0), (190.0, 1.0), (350.0, 1.0)])
-def test_the_shorter_way_round_is_taken(course_deg, sign):
-    rate = turn_rate(TurnTarget("course", 0.0), math.radians(course_deg))
-    assert math.copysign(1.0, rate) == sign
-
-
-def test_a_lateral_acceleration_limit_below_the_bank_limit_governs():
-    # 2 m/s^2 at 20 m/s: 0.1 rad/s.
-    assert turn_rate(TurnTarget("course", 2.0, max_acceleration_m_s2=2.0)) == pytest.approx(0.1)
-
-
-def test_speed_changes_no_faster_than_the_acceleration_limit():
-    end = flown(PlantParameters(), targets(speed=SpeedTarget("airspeed", 32.0)), state(), 1.0)
-    assert end.speed_m_s == pytest.approx(23.0)
-
-
-def test_airspeed_stays_in_its_range_whatever_is_asked():
-    end = flown(PlantParameters(), targets(speed=SpeedTarget("airspeed", 90.0)), state(), 30.0)
-    assert end.speed_m_s == 32.0
+@pytest.mark.parametrize(
+    ("asked", "seconds", "flown_m_s"),
+    # At most 3 m/s² more, and at most 32 m/s.
+    [(32.0, 1.0, 23.0), (90.0, 30.0, 32.0)],
+)
+def test_speed_changes_no_faster_than_its_limit_and_stays_in_its_range(asked, seconds, flown_m_s):
+    wanted = targets(speed=SpeedTarget("airspeed", asked))
+    assert flown(PlantParameters(), wanted, state(), seconds).speed_m_s == pytest.approx(flown_m_s)
 
 
 def test_a_climb_is_limited_and_then_settles():
@@ -177,12 +172,8 @@ def test_course_hold_ground_speed_keeps_the_airspeed_flyable():
 def test_a_hurricane_leaves_everything_finite(kind):
     plant = PlantParameters(kind=kind)
     end = flown(plant, targets(), state(1.0), 30.0, SteadyWind(60.0, 3.0))
-    assert all(
-        map(
-            math.isfinite,
-            (end.direction_rad, end.speed_m_s, end.latitude_rad, end.longitude_rad),
-        )
-    )
+    values = (end.direction_rad, end.speed_m_s, end.latitude_rad, end.longitude_rad)
+    assert all(map(math.isfinite, values))
 
 
 def path_length_error_m(end: PlantState, fine: PlantState) -> float:

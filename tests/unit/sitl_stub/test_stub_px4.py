@@ -61,11 +61,12 @@ def ground_station_speaks(vehicle: GroundStation, kind: int = mavlink.MAV_TYPE_G
     vehicle.send(mavlink.MAVLink_heartbeat_message(kind, 8, 0, 0, 4, 3))
 
 
-def test_the_heartbeat_is_px4_s_in_auto_loiter():
+def test_the_heartbeat_is_px4_s_in_auto_loiter_and_wind_is_not_among_its_messages():
     vehicle = new_station(autopilot="px4")
     heartbeat = vehicle.advance(0.0)[0]
     assert heartbeat.autopilot == mavlink.MAV_AUTOPILOT_PX4
     assert heartbeat.custom_mode == 0x0304_0000
+    assert vehicle.interval(168, 100_000) == "DENIED"
 
 
 @pytest.mark.parametrize(
@@ -101,6 +102,11 @@ def test_the_course_of_a_velocity_is_flown_by_1_14_and_its_length_is_ignored():
     fly(vehicle, 15.0, lambda: vehicle.velocity_setpoint(0.0, 35.0))
     assert course_deg(vehicle) == pytest.approx(90.0, abs=1e-2)
     assert vehicle.truth.airspeed_m_s == pytest.approx(20.0)
+    # The zero vector keeps the stream alive and the course as it was.
+    before = course_deg(vehicle)
+    fly(vehicle, 20.0, lambda: vehicle.velocity_setpoint(0.0, 0.0))
+    assert vehicle.truth.mode == "OFFBOARD"
+    assert course_deg(vehicle) == pytest.approx(before, abs=1e-2)
 
 
 @pytest.mark.parametrize("version", [(1, 17), (1, 18)])
@@ -235,15 +241,6 @@ def test_a_non_finite_setpoint_is_counted_and_does_not_feed_the_stream():
     vehicle.position_setpoint(math.nan, 0.0)
     assert vehicle.result(vehicle.command_long(*OFFBOARD)) == "TEMPORARILY_REJECTED"
     assert vehicle.autopilot.counters["non-finite field"] == 3
-
-
-def test_the_zero_vector_keeps_the_stream_alive_and_the_course_as_it_was():
-    vehicle = new_station(autopilot="px4", version=STEERED)
-    offboard(vehicle)
-    fly(vehicle, 10.0, lambda: vehicle.velocity_setpoint(0.0, 20.0))
-    fly(vehicle, 15.0, lambda: vehicle.velocity_setpoint(0.0, 0.0))
-    assert vehicle.truth.mode == "OFFBOARD"
-    assert course_deg(vehicle) == pytest.approx(90.0, abs=1e-3)
 
 
 def test_guided_course_flies_commands_and_flies_on_when_they_stop():
@@ -409,8 +406,3 @@ def test_position_control_is_left_to_the_pilot():
     truth = vehicle.flown(5.0)
     assert truth.mode == "POSCTL"
     assert truth.course_rad == pytest.approx(0.0, abs=1e-6)
-
-
-def test_wind_is_not_among_its_messages():
-    vehicle = new_station(autopilot="px4")
-    assert vehicle.interval(168, 100_000) == "DENIED"

@@ -12,6 +12,7 @@ from sitl_stub import Autopilot, Route
 from sitl_stub.options import OptionError, parse_route, parse_stream
 from sitl_stub.route import RouteFollower
 from tests.kit.autopilot import new_autopilot
+from tests.kit.wire import of_type, packed, parsed, types_of
 
 LATITUDE, LONGITUDE = 47.0, 8.0
 METRES = math.degrees(1.0 / 6_368_000.0)
@@ -86,50 +87,39 @@ def test_where_its_route_crosses_itself_it_flies_on_as_before():
 def test_a_mode_that_a_pilot_selects_ends_the_route():
     flown = autopilot(SQUARE)
     flown.advance(5.0)
-    sender = mavlink.MAVLink(None, srcSystem=255)
-    flown.receive(bytes(mavlink.MAVLink_set_mode_message(7, 1, 15).pack(sender)))
+    flown.receive(packed(mavlink.MAVLink_set_mode_message(7, 1, 15)))
     assert flown.truth().mode == "GUIDED"
 
 
-def heard(flown: Autopilot, until_s: float) -> list[MAVLink_message]:
-    return mavlink.MAVLink(None).parse_buffer(flown.advance(until_s)) or []
+def newest(name: str) -> tuple[MAVLink_message, Autopilot]:
+    """The last message of a kind on a flight of 10 s, and who has sent it."""
+    flown = autopilot(LINE, (getattr(mavlink, f"MAVLINK_MSG_ID_{name}"), 1_000_000))
+    return of_type(parsed(flown.advance(10.0)), name)[-1], flown
 
 
 def test_it_sends_what_was_asked_for_and_its_heartbeat_alone():
-    messages = heard(autopilot(LINE, (mavlink.MAVLINK_MSG_ID_FOLLOW_TARGET, 100_000)), 10.0)
-    kinds = [one.get_type() for one in messages]
+    flown = autopilot(LINE, (mavlink.MAVLINK_MSG_ID_FOLLOW_TARGET, 100_000))
+    kinds = types_of(parsed(flown.advance(10.0)))
     assert set(kinds) == {"HEARTBEAT", "FOLLOW_TARGET"}
     assert kinds.count("FOLLOW_TARGET") == 101
 
 
 @pytest.mark.parametrize(
-    "number",
-    [
-        mavlink.MAVLINK_MSG_ID_FOLLOW_TARGET,
-        mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT_COV,
-        mavlink.MAVLINK_MSG_ID_HIGH_LATENCY2,
-        mavlink.MAVLINK_MSG_ID_ADSB_VEHICLE,
-    ],
+    "name", ["FOLLOW_TARGET", "GLOBAL_POSITION_INT_COV", "HIGH_LATENCY2", "ADSB_VEHICLE"]
 )
-def test_every_message_tells_the_same_place(number):
-    flown = autopilot(LINE, (number, 1_000_000))
-    newest = [one for one in heard(flown, 10.0) if one.get_msgId() == number][-1]
-    latitude = getattr(newest, "lat", getattr(newest, "latitude", None))
+def test_every_message_tells_the_same_place(name):
+    message, flown = newest(name)
+    latitude = getattr(message, "lat", getattr(message, "latitude", None))
     assert latitude * 1e-7 == pytest.approx(flown.truth().latitude_deg, abs=1e-7)
 
 
-def test_summary_for_satellites_is_in_its_coarse_units():
-    flown = autopilot(LINE, (mavlink.MAVLINK_MSG_ID_HIGH_LATENCY2, 1_000_000))
-    newest = [one for one in heard(flown, 10.0) if one.get_type() == "HIGH_LATENCY2"][-1]
-    assert (newest.altitude, newest.heading) == (588, 0)
+def test_satellites_are_told_coarse_units_and_a_transponder_its_address_and_course():
+    summary, _ = newest("HIGH_LATENCY2")
+    assert (summary.altitude, summary.heading) == (588, 0)
     # 20 m/s in 0.2 m/s.
-    assert (newest.airspeed, newest.groundspeed) == (100, 100)
-
-
-def test_transponder_says_its_address_and_course():
-    flown = autopilot(LINE, (mavlink.MAVLINK_MSG_ID_ADSB_VEHICLE, 1_000_000))
-    newest = [one for one in heard(flown, 10.0) if one.get_type() == "ADSB_VEHICLE"][-1]
-    assert (newest.ICAO_address, newest.heading % 36000, newest.hor_velocity) == (0x4B1900, 0, 2000)
+    assert (summary.airspeed, summary.groundspeed) == (100, 100)
+    adsb, _ = newest("ADSB_VEHICLE")
+    assert (adsb.ICAO_address, adsb.heading % 36000, adsb.hor_velocity) == (0x4B1900, 0, 2000)
 
 
 def test_options_are_read():
@@ -137,16 +127,22 @@ def test_options_are_read():
     assert parse_stream("FOLLOW_TARGET:10") == (144, 100_000)
 
 
-@pytest.mark.parametrize("text", ["", "47,8", "47;8", "47,8;x,9", "95,0;1,1", "nan,0;1,1"])
-def test_what_is_no_route_is_refused(text):
-    with pytest.raises(OptionError, match="--route"):
-        parse_route(text)
-
-
-@pytest.mark.parametrize("text", ["", "FOLLOW_TARGET", "FOLLOW_TARGET:0", "PING:1", "VFR_HUD:nan"])
-def test_what_is_no_stream_is_refused(text):
-    with pytest.raises(OptionError, match="--stream"):
-        parse_stream(text)
+@pytest.mark.parametrize(
+    ("option", "parse", "text"),
+    [
+        *(
+            ("--route", parse_route, text)
+            for text in ("", "47,8", "47;8", "47,8;x,9", "95,0;1,1", "nan,0;1,1")
+        ),
+        *(
+            ("--stream", parse_stream, text)
+            for text in ("", "FOLLOW_TARGET", "FOLLOW_TARGET:0", "PING:1", "VFR_HUD:nan")
+        ),
+    ],
+)
+def test_what_is_no_route_or_no_stream_is_refused(option, parse, text):
+    with pytest.raises(OptionError, match=option):
+        parse(text)
 
 
 offsets = st.tuples(st.floats(-2000.0, 2000.0), st.floats(-2000.0, 2000.0))

@@ -8,6 +8,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from sitl_stub import Autopilot, CalmWind, Signing
 from sitl_stub.codec import EPOCH_UNIX_S, key_of, ticks_of
 from tests.kit.autopilot import config_of
+from tests.kit.wire import command_long, packed
 
 NOW_S = 1_800_000_000.0
 KEY, OTHER_KEY = bytes(range(32)), bytes(32 * [7])
@@ -19,8 +20,7 @@ class Clock:
 
 
 def vehicle(*, armed: bool = True) -> tuple[Autopilot, Clock]:
-    config = config_of(armed=armed)
-    clock = Clock()
+    config, clock = config_of(armed=armed), Clock()
     autopilot = Autopilot(config, CalmWind(), signing=Signing(KEY), unix_time=lambda: clock.now_s)
     return autopilot, clock
 
@@ -34,10 +34,11 @@ def sender(key: bytes | None, at_s: float, *, link_id: int = 1) -> mavlink.MAVLi
     return link
 
 
-def mode(link: mavlink.MAVLink, number: int = 15) -> bytes:
-    return bytes(
-        mavlink.MAVLink_command_long_message(7, 1, 176, 0, 1, number, 0, 0, 0, 0, 0).pack(link)
-    )
+GUIDED, LOITER = (command_long(176, 1, number, system_id=7) for number in (15, 12))
+
+
+def mode(link: mavlink.MAVLink, order: mavlink.MAVLink_message = GUIDED) -> bytes:
+    return bytes(order.pack(link))
 
 
 def test_who_has_the_key_is_obeyed_and_the_answer_is_signed():
@@ -62,8 +63,7 @@ def test_an_unsigned_or_wrongly_signed_packet_changes_nothing(key):
 
 def test_a_mavlink_1_packet_changes_nothing():
     autopilot, _ = vehicle()
-    message = mavlink.MAVLink_command_long_message(7, 1, 176, 0, 1, 15, 0, 0, 0, 0, 0)
-    assert autopilot.receive(bytes(message.pack(sender(None, NOW_S), force_mavlink1=True))) == b""
+    assert autopilot.receive(packed(GUIDED, version_1=True)) == b""
     assert autopilot.truth().mode == "LOITER"
 
 
@@ -72,7 +72,7 @@ def test_a_packet_played_back_changes_nothing():
     link = sender(KEY, NOW_S)
     guided = mode(link)
     autopilot.receive(guided)
-    autopilot.receive(mode(link, 12))
+    autopilot.receive(mode(link, LOITER))
     assert autopilot.receive(guided) == b""
     assert autopilot.truth().mode == "LOITER"
 
@@ -88,7 +88,7 @@ def test_a_forged_packet_from_the_future_locks_nobody_out():
     true_sender = sender(KEY, NOW_S)
     autopilot.receive(mode(true_sender))
     assert autopilot.receive(mode(sender(OTHER_KEY, NOW_S + 50.0 * YEAR_S))) == b""
-    autopilot.receive(mode(true_sender, 12))
+    autopilot.receive(mode(true_sender, LOITER))
     assert autopilot.truth().mode == "LOITER"
     assert autopilot.receive(mode(sender(KEY, NOW_S + 1.0, link_id=9))) != b""
 

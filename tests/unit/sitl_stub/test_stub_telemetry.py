@@ -115,11 +115,22 @@ def test_a_single_message_follows_the_acknowledgement_of_its_request(message_id,
     assert types_of(replies) == ["COMMAND_ACK", *answers]
 
 
-def test_hdg_is_the_nose_and_the_velocity_is_over_ground():
-    # Northbound with 5 m/s to the east: the nose is asin(5/20) = 14.48 deg left, 345.52 deg.
-    position = of_type(new_station(CROSSWIND).advance(0.0), "GLOBAL_POSITION_INT")[0]
+def test_what_is_told_of_a_turn_northbound_in_a_crosswind():
+    """5 m/s to the east: the nose is asin(5/20) = 14.48 deg left, 345.52 deg."""
+    vehicle = new_station(CROSSWIND)
+    told = {message.get_type(): message for message in vehicle.advance(0.0)}
+    position, hud = told["GLOBAL_POSITION_INT"], told["VFR_HUD"]
+    # hdg is the nose and the velocity is over ground.
     assert position.hdg == 34_552
     assert (position.vx, position.vy, position.vz) == (1936, 0, 0)
+    assert (hud.airspeed, hud.groundspeed) == pytest.approx((20.0, 19.364917))
+    assert (hud.heading, hud.alt) == (346, 500.0)
+    # Home is on the ground below the start.
+    home = vehicle.command_long(512, 242)[1]
+    assert (home.latitude, home.longitude, home.altitude) == (470_000_000, 80_000_000, 400_000)
+    attitude = of_type(new_station().advance(0.0), "ATTITUDE")[0]
+    assert math.degrees(attitude.roll) == pytest.approx(15.0)
+    assert attitude.yawspeed == pytest.approx(0.13139, abs=1e-4)
 
 
 def test_a_position_is_rounded_to_the_nearest_unit_of_the_message():
@@ -130,19 +141,6 @@ def test_a_position_is_rounded_to_the_nearest_unit_of_the_message():
     assert position.lat == round(truth.latitude_deg * 1e7)
     assert position.lon == round(truth.longitude_deg * 1e7)
     assert (position.alt, position.relative_alt) == (500_000, 100_000)
-
-
-def test_the_head_up_display_has_airspeed_and_ground_speed():
-    hud = of_type(new_station(CROSSWIND).advance(0.0), "VFR_HUD")[0]
-    assert hud.airspeed == pytest.approx(20.0)
-    assert hud.groundspeed == pytest.approx(19.364917)
-    assert (hud.heading, hud.alt) == (346, 500.0)
-
-
-def test_attitude_shows_the_bank_of_the_turn():
-    attitude = of_type(new_station().advance(0.0), "ATTITUDE")[0]
-    assert math.degrees(attitude.roll) == pytest.approx(15.0)
-    assert attitude.yawspeed == pytest.approx(0.13139, abs=1e-4)
 
 
 @pytest.mark.parametrize("kind", ["heading-hold", "course-hold"])
@@ -170,11 +168,6 @@ def test_the_local_position_is_from_home_on_the_ground():
     local = of_type(vehicle.advance(100.0), "LOCAL_POSITION_NED")[-1]
     # 2000 m at 500 m of altitude, along the meridian.
     assert (local.x, local.y, local.z) == pytest.approx((2000.0, 0.0, -100.0), abs=0.01)
-
-
-def test_home_is_on_the_ground_below_the_start():
-    home = new_station().command_long(512, 242)[1]
-    assert (home.latitude, home.longitude, home.altitude) == (470_000_000, 80_000_000, 400_000)
 
 
 @pytest.mark.parametrize(
@@ -234,6 +227,25 @@ def test_sequence_numbers_are_consecutive_over_replies_and_telemetry():
     vehicle = new_station()
     messages = [*vehicle.advance(0.0), *vehicle.command_long(176, 1, 15), *vehicle.advance(100.0)]
     assert [m.get_seq() for m in messages] == [index % 256 for index in range(len(messages))]
+
+
+def test_a_reboot_forgets_mode_streams_and_boot_time_but_flies_on():
+    vehicle = new_station()
+    vehicle.advance(1.0)
+    vehicle.interval(33, 50_000)
+    vehicle.guided()
+    assert len(of_type(vehicle.advance(2.0), "GLOBAL_POSITION_INT")) == 20
+    # Anything but a reboot is denied.
+    vehicle.command_long(246, 2)
+    before = vehicle.truth
+    assert before.mode == "GUIDED"
+    vehicle.command_long(246, 1)
+    after = vehicle.truth
+    assert after.mode == "LOITER"
+    assert (after.latitude_deg, after.longitude_deg) == (before.latitude_deg, before.longitude_deg)
+    # One position a second again, 1 s and 2 s after the boot at 2 s.
+    positions = of_type(vehicle.advance(4.0), "GLOBAL_POSITION_INT")
+    assert [one.time_boot_ms for one in positions] == [1000, 2000]
 
 
 def test_a_schedule_with_nothing_in_it_has_nothing_due():

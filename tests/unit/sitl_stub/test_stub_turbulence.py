@@ -43,11 +43,19 @@ def covariances(
     return total / (8 * len(fields))
 
 
-def test_moderate_turbulence_at_100_m_is_that_of_the_standard():
-    # h = 328.08 ft, a = 0.44701: L = 328.08 / 0.38050 = 862.2 ft, sigma = 3.0 kn / 0.72466 = 4.140 kn.
-    intensity = low_altitude_intensity("moderate", 100.0)
-    assert intensity.length_m == pytest.approx(862.2 * 0.3048, rel=1e-3)
-    assert intensity.deviation_m_s == pytest.approx(4.140 * 0.514444, rel=1e-3)
+@pytest.mark.parametrize(
+    ("level", "height_m", "length_ft", "deviation_kn"),
+    [
+        # h = 328.08 ft, a = 0.44701: L = 328.08 / 0.38050 = 862.2 ft, sigma = 3.0 kn / 0.72466.
+        ("moderate", 100.0, 862.2, 4.140),
+        # Above the model its upper end holds: at 1000 ft a is 1, L = 1000 ft and sigma = 0.1 W20.
+        ("severe", 2000.0, 1000.0, 4.5),
+    ],
+)
+def test_turbulence_is_that_of_the_standard(level, height_m, length_ft, deviation_kn):
+    intensity = low_altitude_intensity(level, height_m)
+    assert intensity.length_m == pytest.approx(length_ft * 0.3048, rel=1e-3)
+    assert intensity.deviation_m_s == pytest.approx(deviation_kn * 0.514444, rel=1e-3)
 
 
 def test_light_and_severe_are_half_and_one_and_a_half_of_moderate():
@@ -56,13 +64,6 @@ def test_light_and_severe_are_half_and_one_and_a_half_of_moderate():
         for level in ("light", "moderate", "severe")
     )
     assert (light, severe) == pytest.approx((0.5 * moderate, 1.5 * moderate))
-
-
-def test_above_the_low_altitude_model_its_upper_end_holds():
-    # At 1000 ft a is 1: L = 1000 ft and sigma = 0.1 W20.
-    intensity = low_altitude_intensity("severe", 2000.0)
-    assert intensity.length_m == pytest.approx(304.8)
-    assert intensity.deviation_m_s == pytest.approx(4.5 * 0.514444)
 
 
 def test_each_component_has_the_variance_of_the_standard(fields):
