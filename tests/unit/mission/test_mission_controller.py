@@ -1,31 +1,26 @@
 """The section `controller:` of a mission: what every law shares, and the gains of the one that flies."""
 
 import pickle
-from pathlib import Path
 
 import pytest
 from pydantic import ValidationError
 
+from tests.kit.missions import faults_of, line_of, loaded, mission_with, shipped, text_of
 from vfguide.commands.overrides import Overrides, apply_overrides
 from vfguide.errors import InputError
 from vfguide.laws.field_findings import told_apart
-from vfguide.mission import Mission, MissionError, check_mission, load_mission, parse_mission
+from vfguide.mission import Mission, check_mission
 from vfguide.mission.controller import controller_of, gains_of, with_law
 
-CIRCLE = Path(__file__).parents[3] / "missions" / "circle-wind.yaml"
+CIRCLE = shipped("circle-wind")
 
 
 def test_a_mission_without_a_word_about_it_is_flown_by_the_slots_field():
     controller = controller_of({})
     assert controller.type == "slot"
-    assert gains_of(controller).model_dump() == {
-        "k_x": 0.2,
-        "k_y": 0.2,
-        "chi_inf_deg": 45.0,
-        "v_inf_m_s": 8.0,
-        "rate_feedforward": True,
-        "integral_s": None,
-    }
+    usual = {"k_x": 0.2, "k_y": 0.2, "chi_inf_deg": 45.0, "v_inf_m_s": 8.0}
+    usual |= {"rate_feedforward": True, "integral_s": None}
+    assert gains_of(controller).model_dump() == usual
 
 
 def test_gains_of_a_law_stand_beside_what_all_laws_share():
@@ -46,8 +41,8 @@ def test_gains_of_another_law_do_not_count():
 
 
 def test_a_loaded_mission_is_flown_by_another_law_with_the_gains_that_its_file_has_for_it():
-    content = CIRCLE.read_text().replace("k_x: 0.42", "k_x: 0.42, pid: {lateral_p_rad_m: 0.3}")
-    mission = parse_mission(content.encode(), file="here").mission
+    groups = ("k_x: 0.42", "k_x: 0.42, pid: {lateral_p_rad_m: 0.3}")
+    mission = loaded(text_of("circle-wind", groups)).mission
     other = apply_overrides(mission, Overrides(controller="pid"))
     assert gains_of(other.controller).lateral_p_rad_m == 0.3
     # And back again; the field's gains were flat, and have no meaning for a PID.
@@ -74,46 +69,33 @@ def test_for_another_law_a_gain_of_the_same_name_does_not_count():
 
 
 def test_a_mission_is_the_same_in_another_process():
-    mission = load_mission(CIRCLE)
-    there = pickle.loads(pickle.dumps(mission))  # noqa: S301 - of this test's own making
-    assert there == mission
-    assert type(there.controller) is type(mission.controller)
-    assert Mission.model_validate(mission.model_dump()) == mission
+    there = pickle.loads(pickle.dumps(CIRCLE))  # noqa: S301 - of this test's own making
+    assert there == CIRCLE
+    assert type(there.controller) is type(CIRCLE.controller)
+    assert Mission.model_validate(CIRCLE.model_dump()) == CIRCLE
 
 
 @pytest.mark.parametrize(
-    ("gain", "said"),
+    ("gain", "fault"),
     [
-        ("k_x: 0.42", "controller.k_x: 20 is too large; choose 10 or less"),
+        ("k_x: 20", "controller.k_x: 20 is too large; choose 10 or less"),
         ("k_z: 1", "controller.k_z: unknown field 'k_z'; did you mean"),
     ],
 )
-def test_a_wrong_gain_is_a_fault_at_its_line(gain, said):
-    text = CIRCLE.read_text()
-    assert "k_x: 0.42" in text
-    wrong = text.replace("k_x: 0.42", "k_x: 20" if gain.startswith("k_x") else gain)
-    with pytest.raises(MissionError) as caught:
-        parse_mission(wrong.encode(), file="m.yaml")
-    (fault,) = caught.value.faults
-    line = wrong[: wrong.index("controller:")].count("\n") + 1
-    assert fault.line is not None
-    assert fault.line >= line
-    assert (
-        said.removeprefix("controller.") in f"{fault.location[-1]}: {fault.message}; {fault.remedy}"
-    )
-
-
-def findings(**controller: object) -> list[str]:
-    content = load_mission(CIRCLE).model_dump(exclude_unset=True)
-    content["controller"] |= controller
-    return [str(one) for one in check_mission(Mission.model_validate(content))]
+def test_a_wrong_gain_is_a_fault_at_its_line(gain, fault):
+    text = text_of("circle-wind", ("k_x: 0.42", gain))
+    (found,) = faults_of(text)
+    place, told = found.split(": ", 1)
+    assert int(place.removeprefix("m.yaml:")) >= line_of("controller:", text)
+    assert told.startswith(fault)
 
 
 @pytest.mark.parametrize("law", ["pid", "mpc"])
 def test_a_law_that_is_no_field_is_not_judged_as_one(law):
     """`type: pid` with k_x 5 used to be told to lower k_x."""
-    content = with_law(load_mission(CIRCLE).controller.model_dump(exclude_unset=True), law)
-    found = findings(**content, k_x=5.0)
+    controller = with_law(CIRCLE.controller.model_dump(exclude_unset=True), law)
+    mission = mission_with(CIRCLE, controller={**controller, "k_x": 5.0})
+    found = [str(one) for one in check_mission(mission)]
     assert not any("k_x" in one or "swings" in one for one in found)
 
 

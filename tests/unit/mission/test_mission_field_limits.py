@@ -1,29 +1,25 @@
 """Fields that ask for more than a bank gives or a loop follows, against numbers worked out by hand."""
 
 import math
-import re
 
 import pytest
 
-from tests.kit.missions import MISSIONS
+from tests.kit.missions import line_of, loaded
+from tests.kit.missions import text_of as changed_text
 from vfguide.guidance.formation import field_slope
 from vfguide.laws.field_findings import course_field_turn_rate
-from vfguide.mission import Finding, check_mission, parse_mission, report_on
+from vfguide.mission import Finding, check_mission, report_on
 
-CONTROLLER = "controller: {type: slot, k_x: 0.25, k_y: 0.25, integral_s: 1.2}"
+GAINS = "type: slot, k_x: 0.25, k_y: 0.25, integral_s: 1.2"
 
 
 def text_of(name: str, *changes: tuple[str, str]) -> str:
-    text = re.sub(r"controller: \{[^}]*\}", CONTROLLER, (MISSIONS / f"{name}.yaml").read_text())
-    for old, new in changes:
-        assert old in text
-        text = text.replace(old, new)
-    return text
+    return changed_text(name, *changes, controller=GAINS)
 
 
 def findings_of(name: str, field: str, *changes: tuple[str, str]) -> list[Finding]:
-    loaded = parse_mission(text_of(name, *changes).encode(), file="m.yaml")
-    return [one for one in check_mission(loaded.mission) if one.field == field]
+    found = check_mission(loaded(text_of(name, *changes)).mission)
+    return [one for one in found if one.field == field]
 
 
 @pytest.mark.parametrize(
@@ -39,10 +35,10 @@ def test_a_field_that_pulls_faster_than_the_law_follows_is_a_warning_with_a_gain
     name, pull, most
 ):
     text = text_of("circle-wind", (f"{name}: 0.25", f"{name}: 5"))
-    loaded = parse_mission(text.encode(), file="m.yaml")
-    (warning,) = report_on(loaded.mission, loaded.source).warnings
+    read = loaded(text)
+    (warning,) = report_on(read.mission, read.source).warnings
     assert warning.field == f"controller.{name}"
-    assert warning.line == text[: text.index(f"{name}: 5")].count("\n") + 1
+    assert warning.line == line_of(f"{name}: 5", text)
     assert f"pulls at {pull} 1/s, faster than the 5.7 1/s" in warning.message
     assert warning.remedy == f"lower {name} to {most} 1/m or less"
 
@@ -159,12 +155,13 @@ def test_an_integral_that_learns_faster_than_the_field_moves_is_found(learns_s, 
 
 
 @pytest.mark.parametrize(
-    "change", [("integral_s: 1.2", "integral_s: 0.8"), ("integral_s: 1.2", "integral_s: 0")]
+    "changes",
+    [
+        [("integral_s: 1.2", "integral_s: 0.8")],
+        [("integral_s: 1.2", "integral_s: 0")],
+        # One that the law does not use.
+        [("integral_s: 1.2", "integral_s: 0.1"), ("type: slot", "type: pid")],
+    ],
 )
-def test_the_integral_of_the_remedy_and_none_at_all_are_no_findings(change):
-    assert not findings_of("circle-wind", "controller.integral_s", change)
-
-
-def test_an_integral_that_no_law_uses_is_no_finding():
-    changes = (("integral_s: 1.2", "integral_s: 0.1"), ("type: slot", "type: pid"))
+def test_the_integral_of_the_remedy_and_none_at_all_are_no_findings(changes):
     assert not findings_of("circle-wind", "controller.integral_s", *changes)

@@ -1,41 +1,16 @@
 """What a reader of a wrong mission file is told: the line, the field, the fault and the remedy."""
 
-from pathlib import Path
-
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from vfguide.mission import MissionError, load_mission, parse_mission
+from tests.kit.missions import content_of, faults_of, line_of, text_of
+from vfguide.mission import MissionError, load_mission
 from vfguide.mission.model import Mission
 
-CIRCLE_WIND = (Path(__file__).parents[3] / "missions" / "circle-wind.yaml").read_text()
 
-AIRSPEED_RANGE_DESCENDS = (
-    "vehicles.leader.airspeed_range_m_s: the lowest airspeed comes first and must be below the highest; "
-    "write [lowest, highest]"
-)
-
-
-def faults_of(content: str | bytes) -> list[str]:
-    data = content.encode() if isinstance(content, str) else content
-    with pytest.raises(MissionError) as caught:
-        parse_mission(data, file="m.yaml")
-    lines = str(caught.value).split("\n")
-    assert len(lines) == len(caught.value.faults)
-    return lines
-
-
-def changed(*changes: tuple[str, str]) -> str:
-    text = CIRCLE_WIND
-    for old, new in changes:
-        assert old in text
-        text = text.replace(old, new, 1)
-    return text
-
-
-def line_of(text: str) -> int:
-    return CIRCLE_WIND[: CIRCLE_WIND.index(text)].count("\n") + 1
+def faults_with(*changes: tuple[str, str]) -> list[str]:
+    return faults_of(text_of("circle-wind", *changes))
 
 
 PATHS = "line, circle, helix, racetrack, figure-eight, waypoints, plan"
@@ -53,8 +28,8 @@ PATHS = "line, circle, helix, racetrack, figure-eight, waypoints, plan"
             "system_id: 2",
             "system_id: 255",
             (
-                "vehicles.f1.system_id: 255 is also the ground station's; "
-                "give each vehicle its own number from 1 to 254"
+                "vehicles.f1.system_id: 255 is also the ground station's; give each vehicle its own number "
+                "from 1 to 254"
             ),
         ),
         (
@@ -62,38 +37,7 @@ PATHS = "line, circle, helix, racetrack, figure-eight, waypoints, plan"
             "system_id: 2.0",
             "vehicles.f1.system_id: 2.0 is not a whole number; write a whole number, without a point",
         ),
-        (
-            "kappa: 3",
-            "kappa: 3m",
-            "controller.kappa: '3m' is not a number; write the number alone, without a unit",
-        ),
         ("gain: 0.015", "gian: 0.015", "path.gian: unknown field 'gian'; did you mean 'gain'?"),
-        (
-            "kappa: 3",
-            "kappa: '3'",
-            "controller.kappa: '3' is not a number; write a number without quotes",
-        ),
-        (
-            "kappa: 3",
-            "kappa: yes",
-            "controller.kappa: 'yes' is not a number; write a number without quotes",
-        ),
-        (
-            "kappa: 3",
-            "kappa: true",
-            "controller.kappa: true is not a number; write a number without quotes",
-        ),
-        (
-            "kappa: 3",
-            "kappa: .nan",
-            "controller.kappa: nan is not a finite number; write a finite number",
-        ),
-        (
-            "kappa: 3",
-            "kappa: -.inf",
-            "controller.kappa: -inf is not a finite number; write a finite number",
-        ),
-        ("kappa: 3", "kappa: -3", "controller.kappa: -3 is too small; choose 1e-06 or more"),
         (
             "rate_hz: 20",
             "rate_hz: 2026-01-01",
@@ -104,11 +48,7 @@ PATHS = "line, circle, helix, racetrack, figure-eight, waypoints, plan"
             "type: cirle",
             f"path.type: 'cirle' is not known; did you mean 'circle'? use one of: {PATHS}",
         ),
-        (
-            "type: circle, ",
-            "",
-            f"path.type: is missing; add one of: {PATHS}",
-        ),
+        ("type: circle, ", "", f"path.type: is missing; add one of: {PATHS}"),
         (
             "type: slot",
             "type: solt",
@@ -117,7 +57,10 @@ PATHS = "line, circle, helix, racetrack, figure-eight, waypoints, plan"
         (
             "[12, 32]",
             "[32, 12]",
-            AIRSPEED_RANGE_DESCENDS,
+            (
+                "vehicles.leader.airspeed_range_m_s: the lowest airspeed comes first and must be below "
+                "the highest; write [lowest, highest]"
+            ),
         ),
         (
             "[12, 32]",
@@ -142,20 +85,34 @@ PATHS = "line, circle, helix, racetrack, figure-eight, waypoints, plan"
     ],
 )
 def test_one_wrong_field_gives_one_line(old, new, expected):
-    assert faults_of(changed((old, new))) == [f"m.yaml:{line_of(old)}: {expected}"]
+    line = line_of(old, text_of("circle-wind"))
+    assert faults_with((old, new)) == [f"m.yaml:{line}: {expected}"]
+
+
+@pytest.mark.parametrize(
+    ("written", "expected"),
+    [
+        ("3m", "'3m' is not a number; write the number alone, without a unit"),
+        ("'3'", "'3' is not a number; write a number without quotes"),
+        ("yes", "'yes' is not a number; write a number without quotes"),
+        ("true", "true is not a number; write a number without quotes"),
+        (".nan", "nan is not a finite number; write a finite number"),
+        ("-.inf", "-inf is not a finite number; write a finite number"),
+        ("-3", "-3 is too small; choose 1e-06 or more"),
+    ],
+)
+def test_a_wrong_number_gives_one_line(written, expected):
+    line = line_of("kappa: 3", text_of("circle-wind"))
+    found = faults_with(("kappa: 3", f"kappa: {written}"))
+    assert found == [f"m.yaml:{line}: controller.kappa: {expected}"]
 
 
 def test_all_faults_are_reported_at_once_in_the_order_of_the_file():
-    text = changed(
+    found = faults_with(
         ("kappa: 3", "kappa: fast"), ("radius_m", "radius"), ("system_id: 2", "system_id: 1")
     )
-    found = faults_of(text)
-    assert [one.split(": ")[1] for one in found] == [
-        "path.radius_m",
-        "path.radius",
-        "vehicles.f1.system_id",
-        "controller.kappa",
-    ]
+    places = ["path.radius_m", "path.radius", "vehicles.f1.system_id", "controller.kappa"]
+    assert [one.split(": ")[1] for one in found] == places
 
 
 @pytest.mark.parametrize(
@@ -175,29 +132,32 @@ def test_all_faults_are_reported_at_once_in_the_order_of_the_file():
     ],
 )
 def test_contradictions_between_fields_are_faults(old, new, expected):
-    assert any(expected in one for one in faults_of(changed((old, new))))
+    assert any(expected in one for one in faults_with((old, new)))
 
 
 def test_a_field_given_twice_names_both_lines():
-    assert "m.yaml:2: name: given twice, first in line 1; remove one" in faults_of(
-        "name: a\nname: b\n"
-    )
+    found = faults_of("name: a\nname: b\n")
+    assert "m.yaml:2: name: given twice, first in line 1; remove one" in found
 
 
 def test_an_empty_section_says_what_belongs_there():
-    found = faults_of(changed(("wind: {type: article}", "wind:")))
-    assert found[0].startswith(f"m.yaml:{line_of('wind: {type')}: wind: is left empty")
+    found = faults_with(("wind: {type: article}", "wind:"))
+    line = line_of("wind: {type", text_of("circle-wind"))
+    assert found[0].startswith(f"m.yaml:{line}: wind: is left empty")
 
 
-def test_a_line_needs_a_course_and_only_one():
-    circle = CIRCLE_WIND[CIRCLE_WIND.index("path: {") :].split("\n")[0]
-    for path, expected in [
+@pytest.mark.parametrize(
+    ("path", "expected"),
+    [
         ("path: {type: line}", "the line has no course"),
         ("path: {type: line, slope: 1, course_deg: 3}", "not both"),
         ("path: {type: line, course_deg: 3, direction: forward}", "say nothing without slope"),
-    ]:
-        (found,) = faults_of(changed((circle, path)))
-        assert expected in found
+    ],
+)
+def test_a_line_needs_a_course_and_only_one(path, expected):
+    (circle,) = (one for one in text_of("circle-wind").split("\n") if one.startswith("path: {"))
+    (found,) = faults_with((circle, path))
+    assert expected in found
 
 
 @given(
@@ -205,13 +165,13 @@ def test_a_line_needs_a_course_and_only_one():
     unit=st.sampled_from(["m", "km", " m/s", "\N{DEGREE SIGN}", "deg", "%", " s"]),
 )
 def test_a_unit_behind_any_number_is_told(number, unit):
-    (line,) = faults_of(changed(("kappa: 3", f"kappa: '{number}{unit}'")))
+    (line,) = faults_with(("kappa: 3", f"kappa: '{number}{unit}'"))
     assert line.endswith("is not a number; write the number alone, without a unit")
 
 
 def test_a_name_is_proposed_once():
     start = ("rehearsal:", "rehearsal:\n  start: {f9: {forward_m: 0, right_m: 0}}\n")
-    found = faults_of(changed(("vehicle: f2", "vehicle: f1")).replace(*start))
+    found = faults_with(("vehicle: f2", "vehicle: f1"), start)
     (line,) = (one for one in found if "is neither 'leader' nor a follower" in one)
     assert line.endswith("use one of: leader, f1, f3")
 
@@ -266,8 +226,7 @@ def test_control_characters_never_reach_the_terminal():
 
 
 def test_contradictions_are_also_found_without_a_file():
-    mission = parse_mission(CIRCLE_WIND.encode(), file="m.yaml").mission
-    data = mission.model_dump(exclude_unset=True)
+    data = content_of("circle-wind")
     data["vehicles"]["f1"]["system_id"] = 1
     with pytest.raises(ValueError, match="is also leader's"):
         Mission.model_validate(data)

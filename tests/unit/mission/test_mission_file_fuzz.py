@@ -2,41 +2,24 @@
 
 import copy
 from collections.abc import Iterable
-from pathlib import Path
 from typing import Any
 
 import yaml
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from vfguide.mission import MissionError, check_mission, parse_mission
+from tests.kit.missions import MISSION_FILES, loaded
+from vfguide.mission import MissionError, check_mission
 
-MISSIONS = [
-    file.read_bytes() for file in sorted((Path(__file__).parents[3] / "missions").glob("*.yaml"))
-]
+MISSIONS = [file.read_bytes() for file in MISSION_FILES]
 TREES = [yaml.safe_load(content) for content in MISSIONS]
 
 bounded = settings(
     deadline=None, max_examples=150, suppress_health_check=[HealthCheck.too_slow], derandomize=True
 )
 
-names = st.sampled_from(
-    [
-        "name",
-        "type",
-        "line",
-        "leader",
-        "f1",
-        "path",
-        "slope",
-        "radius_m",
-        "start",
-        "x",
-        "",
-        "é",
-        "\n",
-    ]
-)
+words = ["name", "type", "line", "leader", "f1", "path", "slope", "radius_m", "start", "x"]
+names = st.sampled_from([*words, "", "é", "\n"])
 scalars = st.one_of(
     st.none(),
     st.booleans(),
@@ -58,11 +41,11 @@ structures = st.recursive(
 def read_and_check(content: bytes) -> None:
     """Read the bytes; a mission is checked as well, a fault must be fit to be printed."""
     try:
-        loaded = parse_mission(content, file="m.yaml")
+        read = loaded(content)
     except MissionError as error:
         expect_printable(error)
     else:
-        for finding in check_mission(loaded.mission, loaded.source):
+        for finding in check_mission(read.mission, read.source):
             assert str(finding).isprintable()
             assert finding.line is not None
 

@@ -1,21 +1,20 @@
 """What a correct mission file means once it is read."""
 
 import math
+from itertools import combinations
 from pathlib import Path
 
 import pytest
 
+from tests.kit.missions import LEAST, MISSION_FILES, loaded, shipped
 from vfguide.errors import InputError
-from vfguide.mission import MissionError, load_mission, parse_mission, read_mission
+from vfguide.mission import MissionError, load_mission, read_mission
 from vfguide.mission.rehearsal import ArticleWind, CalmWind
 from vfguide.mission.starts import follower_start, leader_start, path_beginning
 from vfguide.paths.circle import CircleShape
 from vfguide.paths.line import LineShape
 
-FOLDER = Path(__file__).parents[3] / "missions"
-MISSIONS = sorted(FOLDER.glob("*.yaml"))
-
-CONTRACT_EXAMPLE = b"""
+CONTRACT_EXAMPLE = """
 name: circle-wind
 origin: {latitude_deg: 47.397742, longitude_deg: 8.545594, altitude_amsl_m: 488}
 path: {type: circle, centre: {north_m: 150, east_m: 0}, radius_m: 150, direction: clockwise, gain: 0.03}
@@ -35,49 +34,29 @@ rehearsal: {duration_s: 300, rate_hz: 20, start: {}, link_delay_s: 0, link_loss:
 acceptance: {mean_error_m: 0.3, settle_10m_s: 60}
 """
 
-LEAST = b"""
-name: alone
-origin: {latitude_deg: 0, longitude_deg: 0, altitude_amsl_m: 0}
-path: {type: line, course_deg: 90}
-leader: {vehicle: one, airspeed_m_s: 20}
-vehicles: {one: {system_id: 1}}
-"""
-
 
 def with_path(path: str) -> LineShape | CircleShape:
-    content = LEAST.replace(b"{type: line, course_deg: 90}", path.encode())
-    loaded = parse_mission(content, file="m.yaml").mission.path
-    assert isinstance(loaded, LineShape | CircleShape)
-    return loaded
+    shape = loaded(LEAST.replace("{type: line, course_deg: 90}", path)).mission.path
+    assert isinstance(shape, LineShape | CircleShape)
+    return shape
 
 
-@pytest.mark.parametrize("file", MISSIONS, ids=lambda file: file.stem)
+@pytest.mark.parametrize("file", MISSION_FILES, ids=lambda file: file.stem)
 def test_a_shipped_mission_loads_under_the_name_of_its_file(file):
     assert load_mission(file).name == file.stem
 
 
 def test_these_missions_are_shipped():
-    assert [file.stem for file in MISSIONS] == [
-        "aerosonde-gusts",
-        "ardupilot-sitl",
-        "circle-calm",
-        "circle-wind",
-        "climb-and-turn",
-        "figure-eight",
-        "foreign-leader",
-        "leader-lost",
-        "line-calm",
-        "line-wind",
-        "px4-sitl",
-        "shapes",
-        "survey-plan",
-        "survey-racetrack",
-        "transit-abreast",
-    ]
+    names = """
+        aerosonde-gusts ardupilot-sitl circle-calm circle-wind climb-and-turn figure-eight
+        foreign-leader leader-lost line-calm line-wind px4-sitl shapes survey-plan survey-racetrack
+        transit-abreast
+    """
+    assert [file.stem for file in MISSION_FILES] == names.split()
 
 
 def test_the_documented_example_loads():
-    mission = parse_mission(CONTRACT_EXAMPLE, file="m.yaml").mission
+    mission = loaded(CONTRACT_EXAMPLE).mission
     assert isinstance(mission.path, CircleShape)
     assert isinstance(mission.wind, ArticleWind)
     assert mission.leader_vehicle.airspeed_range_m_s == (12.0, 32.0)
@@ -85,7 +64,7 @@ def test_the_documented_example_loads():
 
 
 def test_a_leader_alone_with_everything_else_left_out_is_a_mission():
-    mission = parse_mission(LEAST, file="m.yaml").mission
+    mission = loaded(LEAST).mission
     assert mission.followers == ()
     assert isinstance(mission.wind, CalmWind)
     assert (mission.rehearsal.rate_hz, mission.controller.kappa) == (20.0, 3.0)
@@ -93,8 +72,8 @@ def test_a_leader_alone_with_everything_else_left_out_is_a_mission():
 
 
 def test_a_byte_order_mark_and_windows_line_ends_do_no_harm():
-    content = b"\xef\xbb\xbf" + LEAST.replace(b"\n", b"\r\n")
-    assert parse_mission(content, file="m.yaml").mission.name == "alone"
+    content = b"\xef\xbb\xbf" + LEAST.replace("\n", "\r\n").encode()
+    assert loaded(content).mission.name == "alone"
 
 
 def test_numbers_may_be_written_with_an_exponent_and_no_point():
@@ -120,8 +99,8 @@ def test_a_slope_and_an_intercept_stand_for_a_point_and_a_course(fields, east_m,
 
 
 def test_each_field_is_found_on_its_line():
-    source = read_mission(MISSIONS[0]).source
-    lines = MISSIONS[0].read_text().splitlines()
+    source = read_mission(MISSION_FILES[0]).source
+    lines = MISSION_FILES[0].read_text().splitlines()
     line = source.line_of(("vehicles", "f2", "system_id"))
     assert line is not None
     assert lines[line - 1].lstrip().startswith("f2:")
@@ -129,7 +108,7 @@ def test_each_field_is_found_on_its_line():
 
 
 def test_a_leader_begins_thirty_metres_right_of_its_path():
-    mission = parse_mission(LEAST, file="m.yaml").mission
+    mission = loaded(LEAST).mission
     start = leader_start(mission)
     assert (start.north_m, start.east_m) == pytest.approx((-30.0, 0.0))
     assert start.course_deg == 90.0
@@ -143,7 +122,7 @@ def test_a_circle_begins_where_it_passes_nearest_to_the_origin():
 
 
 def test_a_given_start_counts_from_the_slot_in_the_course_frame_of_the_leader():
-    mission = load_mission(FOLDER / "circle-wind.yaml")
+    mission = shipped("circle-wind")
     start = follower_start(mission, "f1")
     # leader at (30, 0) flying west: 80 m behind is east of it, 70 m left is south
     assert (start.north_m, start.east_m) == pytest.approx((-40.0, 80.0))
@@ -151,27 +130,22 @@ def test_a_given_start_counts_from_the_slot_in_the_course_frame_of_the_leader():
 
 
 def test_default_starts_lie_out_of_place_and_no_closer_together_than_the_slots():
-    mission = parse_mission(CONTRACT_EXAMPLE, file="m.yaml").mission
+    mission = loaded(CONTRACT_EXAMPLE).mission
     leader = leader_start(mission)
-    slots = {one.vehicle: one.slot for one in mission.followers}
-    starts = {name: follower_start(mission, name) for name in slots}
-    for name, slot in slots.items():
-        place = leader.shifted(forward_m=slot.forward_m, right_m=slot.right_m)
-        start = starts[name]
-        away = math.dist((place.north_m, place.east_m), (start.north_m, start.east_m))
-        assert 50.0 <= away <= 100.0
-        for other, other_slot in slots.items():
-            apart = math.dist(
-                (start.north_m, start.east_m), (starts[other].north_m, starts[other].east_m)
-            )
-            in_formation = math.dist(
-                (slot.forward_m, slot.right_m), (other_slot.forward_m, other_slot.right_m)
-            )
-            assert apart >= in_formation - 1e-9
+    slots, starts = [], []
+    for one in mission.followers:
+        place = leader.shifted(forward_m=one.slot.forward_m, right_m=one.slot.right_m)
+        start = follower_start(mission, one.vehicle)
+        starts.append((start.north_m, start.east_m))
+        slots.append((place.north_m, place.east_m))
+        assert 50.0 <= math.dist(starts[-1], slots[-1]) <= 100.0
+    for one, other in combinations(range(3), 2):
+        in_formation = math.dist(slots[one], slots[other])
+        assert math.dist(starts[one], starts[other]) >= in_formation - 1e-9
 
 
 def test_a_mission_cannot_be_changed_after_it_is_read():
-    mission = parse_mission(LEAST, file="m.yaml").mission
+    mission = loaded(LEAST).mission
     with pytest.raises(ValueError, match="frozen"):
         mission.name = "other"
 
@@ -180,7 +154,7 @@ def test_a_faulty_mission_is_an_input_error():
     assert issubclass(MissionError, InputError)
 
 
-@pytest.mark.parametrize("file", MISSIONS, ids=lambda file: file.stem)
+@pytest.mark.parametrize("file", MISSION_FILES, ids=lambda file: file.stem)
 def test_a_mission_that_comes_along_is_found_by_its_name_from_anywhere(file, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert load_mission(Path(file.stem)) == load_mission(file)
@@ -188,5 +162,37 @@ def test_a_mission_that_comes_along_is_found_by_its_name_from_anywhere(file, tmp
 
 def test_a_file_of_ones_own_goes_before_a_mission_of_its_name(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    (tmp_path / "circle-wind").write_bytes(LEAST)
+    (tmp_path / "circle-wind").write_text(LEAST)
     assert load_mission(Path("circle-wind")).name == "alone"
+
+
+def test_a_mission_that_says_nothing_has_the_usual_patience():
+    patience = loaded(LEAST).mission.patience
+    assert (patience.telemetry_s, patience.leader_s) == (1.0, 0.6)
+    assert (patience.prediction_s, patience.breakaway_s) == (30.0, 25.0)
+
+
+@pytest.mark.parametrize("file", MISSION_FILES, ids=lambda file: file.stem)
+def test_a_shipped_mission_outlasts_a_silence_of_twenty_seconds(file):
+    assert load_mission(file).patience.prediction_s > 20.0
+
+
+def test_the_patience_that_is_given_counts_and_the_rest_is_as_usual():
+    patience = loaded(f"{LEAST}patience: {{prediction_s: 5, breakaway_s: 0}}").mission.patience
+    assert (patience.leader_s, patience.prediction_s, patience.breakaway_s) == (0.6, 5.0, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("field", "values"),
+    [
+        ("telemetry_s", ["0"]),
+        ("leader_s", ["0", "-1"]),
+        ("prediction_s", ["0", "3600.1", ".inf"]),
+        ("breakaway_s", ["-0.1", "3601", ".nan", "'5'"]),
+        ("patient", ["3"]),
+    ],
+)
+def test_a_patience_that_cannot_be_had_is_refused_by_name(field, values):
+    for value in values:
+        with pytest.raises(MissionError, match=rf"patience\.{field}"):
+            loaded(f"{LEAST}patience: {{{field}: {value}}}")

@@ -1,21 +1,14 @@
 """How fast a loop may run, and how old a leader's state may be."""
 
-from pathlib import Path
-
 import pytest
 
-from vfguide.mission import Finding, Mission, MissionError, check_mission, parse_mission
+from tests.kit.missions import loaded, text_of
+from vfguide.mission import Finding, Mission, MissionError, check_mission
 from vfguide.mission.loop_limits import effective_layer, mean_leader_age
-
-LINE = (Path(__file__).parents[3] / "missions" / "line-calm.yaml").read_text()
 
 
 def mission(*changes: tuple[str, str]) -> Mission:
-    text = LINE
-    for old, new in changes:
-        assert old in text
-        text = text.replace(old, new)
-    return parse_mission(text.encode(), file="m.yaml").mission
+    return loaded(text_of("line-calm", *changes)).mission
 
 
 def about_the_link(*changes: tuple[str, str]) -> list[Finding]:

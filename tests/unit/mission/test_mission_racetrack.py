@@ -1,24 +1,22 @@
 """The easement of a racetrack: its length where the file gives none, and one that does not fit."""
 
-from pathlib import Path
-
 import pytest
 
-from vfguide.mission import MissionError, parse_mission
+from tests.kit.missions import faults_of, line_of, loaded, text_of
 from vfguide.paths.racetrack import RacetrackShape
 
-CIRCLE = (Path(__file__).parents[3] / "missions" / "circle-calm.yaml").read_text()
+CIRCLE = text_of("circle-calm")
 FIELDS = "  type: racetrack\n  centre: {north_m: 0, east_m: 0}\n  course_deg: 0\n"
 
 
-def file_with(leg_m: float, radius_m: float, easement: str = "") -> bytes:
+def file_with(leg_m: float, radius_m: float, easement: str = "") -> str:
     (circle,) = [line for line in CIRCLE.split("\n") if line.startswith("path: ")]
     racetrack = f"path:\n{FIELDS}  leg_m: {leg_m}\n  radius_m: {radius_m}\n{easement}"
-    return CIRCLE.replace(circle, racetrack).encode()
+    return CIRCLE.replace(circle, racetrack)
 
 
-def easement_of(data: bytes) -> float:
-    path = parse_mission(data, file="m.yaml").mission.path
+def easement_of(text: str) -> float:
+    path = loaded(text).mission.path
     assert isinstance(path, RacetrackShape)
     return path.easement_m
 
@@ -43,26 +41,20 @@ def test_an_easement_that_is_given_and_fits_is_taken(easement_m):
     [(60, 150, 61, "60"), (600, 82.5, 100, "82.5")],
 )
 def test_one_that_is_too_long_is_a_fault_of_its_own_line(leg_m, radius_m, easement_m, longest):
-    data = file_with(leg_m, radius_m, f"  easement_m: {easement_m}\n")
-    line = data[: data.index(b"easement_m")].count(b"\n") + 1
-    with pytest.raises(MissionError) as caught:
-        parse_mission(data, file="m.yaml")
-    assert str(caught.value) == (
-        f"m.yaml:{line}: path.easement_m: is longer than the leg or the radius; "
+    text = file_with(leg_m, radius_m, f"  easement_m: {easement_m}\n")
+    (fault,) = faults_of(text)
+    assert fault == (
+        f"m.yaml:{line_of('easement_m', text)}: path.easement_m: is longer than the leg or the radius; "
         f"{longest} m is the most; shorten it, or leave it out"
     )
 
 
 def test_a_radius_that_is_no_number_is_the_only_fault_where_no_easement_is_given():
-    data = file_with(60, 150).replace(b"radius_m: 150", b"radius_m: wide")
-    with pytest.raises(MissionError) as caught:
-        parse_mission(data, file="m.yaml")
-    assert [fault.split(": ")[1] for fault in str(caught.value).split("\n")] == ["path.radius_m"]
+    faults = faults_of(file_with(60, 150).replace("radius_m: 150", "radius_m: wide"))
+    assert [fault.split(": ")[1] for fault in faults] == ["path.radius_m"]
 
 
 def test_a_remedy_that_is_a_fields_description_is_one_line():
-    data = file_with(60, 150).replace(b"  leg_m: 60\n", b"")
-    with pytest.raises(MissionError) as caught:
-        parse_mission(data, file="m.yaml")
-    assert "path.leg_m: is missing; add it: " in str(caught.value)
-    assert "\\u000a" not in str(caught.value)
+    faults = "\n".join(faults_of(file_with(60, 150).replace("  leg_m: 60\n", "")))
+    assert "path.leg_m: is missing; add it: " in faults
+    assert "\\u000a" not in faults

@@ -1,14 +1,13 @@
 """What a mission file says once for several vehicles: defaults, anchors, aliases and merged groups."""
 
 import time
-from pathlib import Path
 
 import pytest
 import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
-from vfguide.mission import MissionError, parse_mission
+from tests.kit.missions import faults_of, loaded, shipped
 from vfguide.mission.yaml_tree import TreeError, read_tree
 
 HEAD = """\
@@ -20,12 +19,6 @@ followers: [{vehicle: two, slot: {forward_m: -20, right_m: 20}}]
 """
 
 
-def faults(vehicles: str) -> list[str]:
-    with pytest.raises(MissionError) as caught:
-        parse_mission((HEAD + vehicles).encode(), file="m.yaml")
-    return str(caught.value).splitlines()
-
-
 def test_every_vehicle_has_the_defaults_that_it_does_not_give_itself():
     text = HEAD + (
         "vehicles:\n"
@@ -33,18 +26,19 @@ def test_every_vehicle_has_the_defaults_that_it_does_not_give_itself():
         "  one: {system_id: 1}\n"
         "  two: {system_id: 2, max_bank_deg: 30}\n"
     )
-    loaded = parse_mission(text.encode(), file="m.yaml")
-    one, two = loaded.mission.vehicles["one"], loaded.mission.vehicles["two"]
-    assert list(loaded.mission.vehicles) == ["one", "two"]
+    found = loaded(text)
+    vehicles = found.mission.vehicles
+    assert list(vehicles) == ["one", "two"]
+    one, two = vehicles.values()
     assert (one.alpha_1_s, one.max_bank_deg) == (0.9, 40.0)
     assert (two.alpha_1_s, two.max_bank_deg) == (0.9, 30.0)
-    assert loaded.source.line_of(("vehicles", "one", "max_bank_deg")) == 7
-    assert loaded.source.line_of(("vehicles", "two", "max_bank_deg")) == 9
+    assert found.source.line_of(("vehicles", "one", "max_bank_deg")) == 7
+    assert found.source.line_of(("vehicles", "two", "max_bank_deg")) == 9
 
 
 def test_a_wrong_default_is_one_fault_where_it_stands():
-    found = faults(
-        "vehicles:\n  defaults: {max_bank_deg: 99, alpa_1_s: 1}\n"
+    found = faults_of(
+        f"{HEAD}vehicles:\n  defaults: {{max_bank_deg: 99, alpa_1_s: 1}}\n"
         "  one: {system_id: 1}\n  two: {system_id: 2}\n"
     )
     assert len(found) == 2
@@ -91,7 +85,7 @@ def test_what_grows_when_it_is_written_out_is_refused_before_it_has_grown():
     many = "".join(f"  v{index}: {{system_id: {index}}}\n" for index in range(3000))
     fields = ", ".join(f"f{index}: 1" for index in range(3000))
     before = time.process_time()
-    found = faults(f"vehicles:\n  defaults: {{{fields}}}\n{many}")
+    found = faults_of(f"{HEAD}vehicles:\n  defaults: {{{fields}}}\n{many}")
     assert found == ["m.yaml: more than 20000 entries; this is no mission file"]
     # Nine million fields would take minutes.
     assert time.process_time() - before < 60.0
@@ -99,7 +93,6 @@ def test_what_grows_when_it_is_written_out_is_refused_before_it_has_grown():
 
 def test_shipped_missions_say_what_their_vehicles_share_once():
     for name in ("ardupilot-sitl", "px4-sitl", "aerosonde-gusts"):
-        file = Path(__file__).parents[3] / "missions" / f"{name}.yaml"
-        mission = parse_mission(file.read_bytes(), file=name).mission
-        vehicles = [one.model_dump(exclude={"system_id"}) for one in mission.vehicles.values()]
+        declared = shipped(name).vehicles.values()
+        vehicles = [one.model_dump(exclude={"system_id"}) for one in declared]
         assert all(one == vehicles[0] for one in vehicles)
