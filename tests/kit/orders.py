@@ -9,7 +9,8 @@ from vfguide.companion.alerts import Alerts
 from vfguide.companion.arrangements import Arrangements
 from vfguide.companion.plan import FlightPlan
 from vfguide.companion.timing import SAME_CLOCK
-from vfguide.formation.arrangement import Arrangement, Manoeuvre, Point, SlotMove
+from vfguide.formation.arrangement import Arrangement, HoldCircle, Manoeuvre, Point, SlotMove
+from vfguide.formation.transition import MotionLimits
 from vfguide.link.order_codec import Reply, decode_reply, encode_order
 from vfguide.state import HeardState
 
@@ -169,3 +170,11 @@ def abort(*places: SlotMove, number: int = 4, time_s: float = 5.0) -> Arrangemen
 def called_off(*, number: int, time_s: float) -> bytes:
     """An order that calls everything off, in bytes."""
     return encode_order(abort(number=number, time_s=time_s))
+
+
+VEE = {"f1": Point(-20.0, 20.0), "f2": Point(-20.0, -20.0), "f3": Point(-40.0, 40.0, 5.0)}
+"""Slots of a mission: the second place of its vee on the left is nobody's."""
+
+MOTION = MotionLimits(forward=5.0, back=4.0, aside=6.0, acceleration=1.0)
+CIRCLE = HoldCircle(latitude_deg=47.0, longitude_deg=8.0, radius_m=200.0)
+"""Where a hold is flown."""

@@ -56,11 +56,21 @@ def still_vehicle(
     return replace_some(vehicle, given)
 
 
+def still_leader(time_s: FloatArray, **given: object) -> VehicleRecord:
+    """A leader at the origin, on course north at 20 m/s, except for what is given."""
+    return still_vehicle("leader", "leader", time_s, **given)
+
+
+def still_follower(time_s: FloatArray, **given: object) -> VehicleRecord:
+    """The follower f1 at the origin, on course north at 20 m/s, except for what is given."""
+    return still_vehicle("f1", "follower", time_s, **given)
+
+
 def still_flight(time_s: FloatArray, *vehicles: VehicleRecord, **given: object) -> FlightRecord:
     """A calm flight of the vehicles given, or of a lone leader."""
     flight = FlightRecord(
         time_s=time_s,
-        vehicles=vehicles or (still_vehicle("leader", "leader", time_s),),
+        vehicles=vehicles or (still_leader(time_s),),
         mode_names=("waiting", "joining", "tracking"),
         path_north_m=np.array([0.0, 100.0]),
         path_east_m=np.array([0.0, 0.0]),
@@ -76,6 +86,12 @@ def still_flight(time_s: FloatArray, *vehicles: VehicleRecord, **given: object) 
         acceptance=RecordAcceptance(mean_error_m=1.0, settle_10m_s=60.0),
     )
     return replace_some(flight, given)
+
+
+def with_vehicle(record: FlightRecord, name: str, /, **given: object) -> FlightRecord:
+    """The same flight with other values for some fields of a vehicle."""
+    vehicles = [replace_some(one, given) if one.name == name else one for one in record.vehicles]
+    return replace(record, vehicles=tuple(vehicles))
 
 
 def article_wind(time_s: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -116,6 +116,18 @@ def reported(
     )
 
 
+def circling(time_s: float) -> LeaderState[float]:
+    """Make a leader on a circle of 150 m about the origin, clockwise at 20 m/s, 150 m north at first."""
+    bearing = 20.0 / 150.0 * time_s
+    return leader_at(
+        time_s=time_s,
+        north=150.0 * math.cos(bearing),
+        east=150.0 * math.sin(bearing),
+        course=bearing + math.pi / 2.0,
+        turn_rate=20.0 / 150.0,
+    )
+
+
 def leader_message(**values: float) -> LeaderMessage:
     """Make a leader state as it crosses the link, with some values of interest."""
     return replace(SAID, **values)
@@ -146,6 +158,10 @@ class Plant:
     speed: float = 20.0
     alpha: float = 1.2
     beta: float = 0.8
+
+    def state(self, time_s: float = 0.0) -> VehicleState[float]:
+        """Return what it reports at a time, in calm air."""
+        return vehicle_at(self.north, self.east, self.course, self.speed, time_s=time_s)
 
     def fly(self, course: float, speed: float, period: float) -> None:
         """Hold a course and a speed for a period: exact responses, position by the midpoint."""

@@ -114,3 +114,17 @@ def northbound(time_s: float) -> MAVLink_message:
     # 89.93 degE7 to the metre.
     latitude = 473_977_420 + round(20.0 * 89.93 * time_s)
     return position_report(lat=latitude, vx=2000, time_boot_ms=round(time_s * 1e3))
+
+
+def flown_position(
+    time_s: float, place: tuple[float, float], *, north_m_s: float, altitude_m: float = 588.0
+) -> MAVLink_message:
+    """Make the GLOBAL_POSITION_INT of a vehicle that flies north, by the time since its boot."""
+    latitude, longitude = (round(angle * 1e7) for angle in place)
+    return position_report(
+        lat=latitude,
+        lon=longitude,
+        vx=round(100 * north_m_s),
+        time_boot_ms=round(1e3 * time_s),
+        alt=round(1e3 * altitude_m),
+    )

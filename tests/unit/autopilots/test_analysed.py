@@ -1,7 +1,5 @@
 """A log held against the truth: a shifted clock changes no distance, a shifted place is reported."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -9,11 +7,12 @@ from tests.autopilots.analysed import Compared, clocks_of, compared
 from tests.autopilots.formation import load
 from tests.autopilots.true_tracks import TrueTrack
 from tests.autopilots.verdict import flight_record
+from tests.kit.missions import MISSIONS
 from vfguide.elementwise import FloatArray
 from vfguide.record.flight import FlightRecord
 
 MISSION = load(
-    Path(__file__).parents[3] / "missions" / "ardupilot-sitl.yaml",
+    MISSIONS / "ardupilot-sitl.yaml",
     {
         "followers": [{"vehicle": "f1", "slot": {"forward_m": 0, "right_m": 50}}],
         "vehicles": {"f2": None, "f3": None},

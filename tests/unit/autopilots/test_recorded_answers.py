@@ -79,12 +79,8 @@ SUBJECTS = {"px4": loitering_px4, "arduplane": loitering_arduplane}
 
 
 @pytest.mark.parametrize("autopilot", SUBJECTS)
-def test_the_emulator_answers_and_behaves_as_recorded(autopilot):
+def test_the_emulator_answers_and_behaves_as_recorded_and_comes_with_the_parameters(autopilot):
     assert Answers(autopilot).asked_of(SUBJECTS[autopilot]()) == []
-
-
-@pytest.mark.parametrize("autopilot", SUBJECTS)
-def test_the_emulator_comes_with_the_recorded_parameters(autopilot):
     assert Answers(autopilot).parameters_of(SUBJECTS[autopilot]()) == []
 
 

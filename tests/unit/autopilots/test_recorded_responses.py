@@ -28,10 +28,6 @@ OTHERS: Mapping[str, Mapping[str, Mapping[str, object]]] = {
 """Autopilots that are not the recorded ones."""
 
 
-def is_of(recorded: str, autopilot: str) -> bool:
-    return recorded.startswith(autopilot)
-
-
 @pytest.mark.parametrize("name", SLICES)
 def test_the_emulator_follows_as_the_real_autopilot_did(name):
     assert exceeded(SLICES[name], emulated(SLICES[name])) == {}
@@ -49,7 +45,7 @@ def test_mirrored_courses_are_told_apart(name):
         for name in QUICK
         for autopilot, others in OTHERS.items()
         for what, changes in others.items()
-        if is_of(name, autopilot)
+        if name.startswith(autopilot)
     ],
 )
 def test_other_autopilots_are_told_apart(name, changes):

@@ -1,6 +1,7 @@
 """The common time base of several simulators, from reports that come late and clocks that lose time."""
 
 from random import Random
+from types import SimpleNamespace
 from typing import cast
 
 import numpy as np
@@ -9,22 +10,11 @@ import pytest
 from tests.autopilots.ground_station import GroundStation
 from tests.autopilots.true_tracks import TrueTrack, true_track
 from tests.autopilots.verdict import back_after
-from vfguide.elementwise import FloatArray
 from vfguide.frames import LocalFrame
 
 SPEED_M_S = 20.0
 FRAME = LocalFrame(-35.0, 149.0, 500.0)
 TIMES_S = np.arange(105.0, 145.0, 0.04)
-
-
-class Recorded:
-    """A ground station that has heard these fixes."""
-
-    def __init__(self, fields: dict[str, FloatArray]) -> None:
-        self._fields = fields
-
-    def track(self) -> dict[str, FloatArray]:
-        return self._fields
 
 
 def station_of(
@@ -58,24 +48,21 @@ def station_of(
             }
         )
     fields = {name: np.array([row[name] for row in rows]) for name in rows[0]}
-    return cast("GroundStation", Recorded(fields))
+    return cast("GroundStation", SimpleNamespace(track=lambda: fields))
 
 
 def track_of(*, has_own_pace: bool = False, **options: float) -> TrueTrack:
     return true_track(station_of(**options), FRAME, TIMES_S, has_own_pace=has_own_pace)
 
 
-def test_delays_of_reports_do_not_move_an_aircraft():
-    track = track_of(delay_s=0.05)
-    assert track.north_m == pytest.approx(SPEED_M_S * (TIMES_S - 100.004), abs=0.02)
-    assert track.lost_s == pytest.approx(0.0, abs=1e-3)
-    assert track.late_s == pytest.approx(0.047, abs=0.002)
-
-
-def test_report_without_delay_is_where_and_when_it_says():
-    track = track_of(delay_s=0.0)
-    assert track.north_m == pytest.approx(SPEED_M_S * (TIMES_S - 100.004), abs=0.01)
-    assert track.lost_s == pytest.approx(0.0, abs=1e-6)
+@pytest.mark.parametrize(
+    ("delay_s", "north_m", "lost_s", "late_s"), [(0.05, 0.02, 1e-3, 0.047), (0.0, 0.01, 1e-6, 0.0)]
+)
+def test_delays_of_reports_do_not_move_an_aircraft(delay_s, north_m, lost_s, late_s):
+    track = track_of(delay_s=delay_s)
+    assert track.north_m == pytest.approx(SPEED_M_S * (TIMES_S - 100.004), abs=north_m)
+    assert track.lost_s == pytest.approx(0.0, abs=lost_s)
+    assert track.late_s == pytest.approx(late_s, abs=0.002)
 
 
 def test_simulator_that_stops_leaves_its_aircraft_where_it_was():

@@ -17,14 +17,8 @@ SHOWN = {
 
 
 def test_every_module_that_people_extend_has_a_page(tmp_path):
-    program = ROOT / "docs" / "make_api.py"
-    made = subprocess.run(
-        [sys.executable, program, tmp_path],
-        cwd=ROOT,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    program = [sys.executable, ROOT / "docs" / "make_api.py", tmp_path]
+    made = subprocess.run(program, cwd=ROOT, capture_output=True, text=True, check=False)
     assert (made.returncode, made.stderr) == (0, "")
     for page, words in SHOWN.items():
         text = (tmp_path / page).read_text()

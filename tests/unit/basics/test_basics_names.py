@@ -2,6 +2,7 @@
 
 import ast
 from collections import defaultdict
+from collections.abc import Iterator
 
 from tests.kit.missions import ROOT
 
@@ -18,23 +19,26 @@ SHARED = {
 """Names that stand in two places for two sides of the same thing."""
 
 
-def places_of_classes() -> dict[str, list[str]]:
-    found: dict[str, list[str]] = defaultdict(list)
+def nodes() -> Iterator[tuple[str, ast.AST]]:
+    """(file, node) of all that both packages are made of."""
     for package in ("vfguide", "sitl_stub"):
         for file in sorted((ROOT / package).rglob("*.py")):
             for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
-                if isinstance(node, ast.ClassDef):
-                    found[node.name].append(f"{file.relative_to(ROOT)}:{node.lineno}")
+                yield str(file.relative_to(ROOT)), node
+
+
+def places_of_classes() -> dict[str, list[str]]:
+    found: dict[str, list[str]] = defaultdict(list)
+    for file, node in nodes():
+        if isinstance(node, ast.ClassDef):
+            found[node.name].append(f"{file}:{node.lineno}")
     return found
 
 
-def test_a_class_name_stands_for_one_thing():
-    twice = {name: places for name, places in places_of_classes().items() if len(places) > 1}
-    assert {name: places for name, places in twice.items() if name not in SHARED} == {}
-
-
-def test_who_shares_a_name_still_does_and_twice_only():
+def test_a_class_name_stands_for_one_thing_and_a_shared_one_for_two():
     places = places_of_classes()
+    twice = {name: found for name, found in places.items() if len(found) > 1}
+    assert {name: found for name, found in twice.items() if name not in SHARED} == {}
     assert {name: len(places[name]) for name in SHARED} == dict.fromkeys(SHARED, 2)
 
 
@@ -43,11 +47,5 @@ SPLIT = {"LATE_S", "LOOK_S"}
 
 
 def test_times_that_mean_different_things_have_their_subject_in_their_names():
-    bare = [
-        f"{file.relative_to(ROOT)}: {node.id}"
-        for package in ("vfguide", "sitl_stub")
-        for file in sorted((ROOT / package).rglob("*.py"))
-        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8")))
-        if isinstance(node, ast.Name) and node.id in SPLIT
-    ]
-    assert bare == []
+    names = ((file, node.id) for file, node in nodes() if isinstance(node, ast.Name))
+    assert [one for one in names if one[1] in SPLIT] == []

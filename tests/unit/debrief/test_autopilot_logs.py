@@ -15,6 +15,7 @@ from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from tests.kit.wire import flown_position, packed
 from vfguide.errors import InputError
 from vfguide.lab.debrief.autopilot_log import AutopilotLog
 from vfguide.lab.debrief.dataflash import read_dataflash
@@ -45,22 +46,15 @@ foreign = helper("foreign_logs")
 @pytest.fixture
 def mission() -> Mission:
     """A leader due north and a follower whose slot is 30 m behind and 10 m right of it."""
-    vehicle = {"alpha_1_s": 1.2, "beta_1_s": 0.8, "airspeed_range_m_s": [12.0, 32.0]}
-    return Mission.model_validate(
-        {
-            "name": "north",
-            "origin": {"latitude_deg": 0.0, "longitude_deg": 8.0, "altitude_amsl_m": 0.0},
-            "path": {
-                "type": "line",
-                "point": {"north_m": 0.0, "east_m": 0.0},
-                "course_deg": 0.0,
-                "gain": 0.02,
-            },
-            "leader": {"vehicle": "lead", "airspeed_m_s": 20.0},
-            "followers": [{"vehicle": "f1", "slot": {"forward_m": -30.0, "right_m": 10.0}}],
-            "vehicles": {"lead": {"system_id": 1, **vehicle}, "f1": {"system_id": 2, **vehicle}},
-        }
-    )
+    content = {
+        "name": "north",
+        "origin": {"latitude_deg": 0.0, "longitude_deg": 8.0, "altitude_amsl_m": 0.0},
+        "path": {"type": "line", "course_deg": 0.0, "gain": 0.02},
+        "leader": {"vehicle": "lead", "airspeed_m_s": 20.0},
+        "followers": [{"vehicle": "f1", "slot": {"forward_m": -30.0, "right_m": 10.0}}],
+        "vehicles": {"lead": {"system_id": 1}, "f1": {"system_id": 2}},
+    }
+    return Mission.model_validate(content)
 
 
 def flight_in(mission: Mission, paths: list[Path]) -> FlightRecord:
@@ -80,17 +74,10 @@ def test_slot_errors_are_found_although_the_clocks_are_apart(mission, tmp_path, 
 
 def test_clocks_that_drift_apart_leave_no_error(mission, tmp_path):
     paths = [tmp_path / "a.BIN", tmp_path / "b.BIN"]
-    for path, drift in zip(paths, (5e-4, -5e-4), strict=True):
-        leads = drift > 0.0
-        foreign.write_dataflash(
-            path,
-            1 if leads else 2,
-            boot_s=100.0 if leads else 37.5,
-            north_m=0.0 if leads else -27.0,
-            east_m=0.0 if leads else 6.0,
-            drift=drift,
-            duration_s=240.0,
-        )
+    leader = {"boot_s": 100.0, "north_m": 0.0, "east_m": 0.0, "drift": 5e-4}
+    follower = {"boot_s": 37.5, "north_m": -27.0, "east_m": 6.0, "drift": -5e-4}
+    for number, place in enumerate((leader, follower)):
+        foreign.write_dataflash(paths[number], number + 1, **place, duration_s=240.0)
     # Told of from the setpoints' beginning at 5 s to their end at 15 s, in a file of 240 s: by one offset for
     # all of it the clocks would be 0.1 s apart there, which are 2 m at 20 m/s.
     error = slot_error((record := flight_in(mission, paths)).leader, record.followers[0])
@@ -137,20 +124,9 @@ def write_tlog(path: Path) -> None:
     for sample in range(101):
         time_s = sample / 5.0
         for system_id, north_m, east_m in ((1, 0.0, 0.0), (2, -27.0, 6.0)):
-            latitude, longitude = foreign.place(time_s, north_m, east_m)
-            position = mavlink.MAVLink_global_position_int_message(
-                round(1e3 * time_s),
-                round(latitude * 1e7),
-                round(longitude * 1e7),
-                100_000,
-                100_000,
-                2000,
-                0,
-                0,
-                0,
-            )
-            sender = mavlink.MAVLink(None, srcSystem=system_id, srcComponent=1)
-            log.add(time_s, position.pack(sender))
+            place = foreign.place(time_s, north_m, east_m)
+            position = flown_position(time_s, place, north_m_s=20.0, altitude_m=100.0)
+            log.add(time_s, packed(position, system_id=system_id, component_id=1))
     log.write(path)
 
 
@@ -171,11 +147,9 @@ def test_a_companions_log_tells_what_it_asked_for(tmp_path):
     ) -> None:
         system_id, component = sender
         padded = (*parameters, *(0.0,) * (4 - len(parameters)))
-        message = mavlink.MAVLink_command_int_message(
-            system_id, 1, 0, number, 0, 0, *padded, 0, 0, 0.0
-        )
-        packer = mavlink.MAVLink(None, srcSystem=system_id, srcComponent=component)
-        log.add(time_s, message.pack(packer))
+        fields = (system_id, 1, 0, number, 0, 0, *padded, 0, 0, 0.0)
+        message = mavlink.MAVLink_command_int_message(*fields)
+        log.add(time_s, packed(message, system_id=system_id, component_id=component))
 
     # A course of 350 degrees alone is no setpoint yet; 0 is the type of a course, and of an airspeed.
     command(1.0, 43002, 0, 350.0)
@@ -197,9 +171,8 @@ def test_a_companions_log_tells_what_it_asked_for(tmp_path):
 
 def test_the_roll_of_an_attitude_is_the_right_wing_down():
     half = math.radians(15.0)
-    assert roll_of(np.array([[math.cos(half), math.sin(half), 0.0, 0.0]]))[0] == pytest.approx(
-        math.radians(30.0)
-    )
+    (roll,) = roll_of(np.array([[math.cos(half), math.sin(half), 0.0, 0.0]]))
+    assert roll == pytest.approx(2.0 * half)
 
 
 def test_a_log_without_satellite_time_stands_alone_only(mission, tmp_path):

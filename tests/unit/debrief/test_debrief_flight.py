@@ -5,6 +5,7 @@ import math
 import os
 from collections.abc import Iterator
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +16,7 @@ from pymavlink import mavutil
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from tests.kit.missions import shipped
+from tests.kit.wire import flown_position, packed
 from vfguide.companion.mission_plan import local_frame
 from vfguide.errors import InputError
 from vfguide.lab.debrief.flight import flight_of
@@ -85,25 +87,14 @@ def write(
     (directory / "recording.json").write_text(json.dumps(content))
     text = yaml.safe_dump(mission.model_dump(mode="json", exclude_unset=True), sort_keys=False)
     (directory / "mission.yaml").write_text(text)
-    sender = mavlink.MAVLink(None, srcSystem=vehicle.system_id, srcComponent=1)
+    sender = {"system_id": vehicle.system_id, "component_id": 1}
     frame = local_frame(mission)
     tlog, guidance = bytearray(), bytearray(HEADER)
     for time_s in moments():
-        latitude, longitude = frame.to_geodetic(SPEED * time_s - behind_m, right_m)
-        position = mavlink.MAVLink_global_position_int_message(
-            round(time_s * 1e3) + 5000,
-            round(latitude * 1e7),
-            round(longitude * 1e7),
-            588_000,
-            100_000,
-            round(SPEED * 100),
-            0,
-            0,
-            0,
-        )
+        place = frame.to_geodetic(SPEED * time_s - behind_m, right_m)
+        position = flown_position(time_s + 5.0, place, north_m_s=SPEED)
         speed = mavlink.MAVLink_vfr_hud_message(SPEED, SPEED, 0, 50, 588.0, 0.0)
-        datagram = position.pack(sender) + speed.pack(sender)
-        tlog += stamped(start.unix_s + time_s, datagram)
+        tlog += stamped(start.unix_s + time_s, packed(position, speed, **sender))
         step = GuidanceStep(
             time_s=clock_s + time_s,
             mode="tracking",
@@ -153,9 +144,8 @@ def test_the_formations_clock_joins_computers_whose_time_of_day_differs(recordin
 def test_what_companions_said_is_at_the_times_of_the_flight(recordings):
     # 20 s after the beginning by each clock: f1's shows 900 s then, the leader's 100 s.
     for name, clock_s in (("leader", 100.0), ("f1", 900.0)):
-        said = FlightEvent(
-            time_s=clock_s + 20.0, vehicle=name, kind="order", text="order 1 is understood"
-        )
+        fields = {"vehicle": name, "kind": "order", "text": "order 1 is understood"}
+        said = FlightEvent(time_s=clock_s + 20.0, **fields)
         path = events_file(recordings / f"{name}-1", name)
         path.write_bytes(EVENTS_HEADER + encode_event(said, 120.0))
     record = flight_of(collect([recordings]))
@@ -218,9 +208,7 @@ def test_a_recording_that_was_cut_off_counts_up_to_there(recordings):
     assert summary.formation.settle_10m_s is not None
     assert summary.formation.settle_1m_s is None
     log = mavutil.mavlink_connection(str(tlog))
-    count = 0
-    while log.recv_match(type="GLOBAL_POSITION_INT") is not None:
-        count += 1
+    count = sum(1 for _ in iter(partial(log.recv_match, type="GLOBAL_POSITION_INT"), None))
     log.close()
     assert count == pytest.approx(LENGTH_S * RATE_HZ / 2, abs=2)
 
@@ -269,23 +257,13 @@ def test_a_leader_without_a_companion_is_where_its_follower_heard_it(tmp_path):
         wrong_s=7.0, clock_s=900.0, formation_s=900.0,
     )  # fmt: skip
     frame = local_frame(mission)
-    sender = mavlink.MAVLink(None, srcSystem=mission.leader_vehicle.system_id, srcComponent=1)
+    sender = {"system_id": mission.leader_vehicle.system_id, "component_id": 1}
     heard = bytearray()
     for time_s in moments():
-        latitude, longitude = frame.to_geodetic(SPEED * time_s, 0.0)
-        position = mavlink.MAVLink_global_position_int_message(
-            round(time_s * 1e3) + 77_000,
-            round(latitude * 1e7),
-            round(longitude * 1e7),
-            588_000,
-            100_000,
-            round(SPEED * 100),
-            0,
-            0,
-            0,
-        )
+        place = frame.to_geodetic(SPEED * time_s, 0.0)
+        position = packed(flown_position(time_s + 77.0, place, north_m_s=SPEED), **sender)
         # It arrives when the mission says that it does: least_delay_s after it was sent.
-        heard += stamped(FLOWN_S + 7.0 + time_s + 0.2, position.pack(sender))
+        heard += stamped(FLOWN_S + 7.0 + time_s + 0.2, position)
     tlog, _ = files_of(directory, "f1")
     with tlog.open("ab") as file:
         file.write(heard)

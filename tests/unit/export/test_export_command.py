@@ -1,14 +1,15 @@
 """`vfguide export` writes one file, whole, where it is told, and nothing else."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from tests.kit.missions import MISSIONS, shipped
-from tests.kit.short_flights import short_flight
+from tests.kit.short_flights import ORIGIN, short_flight
 from vfguide.commands.export import ENDINGS, export
 from vfguide.errors import InputError
-from vfguide.record.flight import FlightRecord, RecordOrigin
+from vfguide.record.flight import FlightRecord
 
 
 @pytest.fixture
@@ -54,7 +55,6 @@ def test_no_link_is_written_through(flown, tmp_path):
 
 
 def test_an_export_that_fails_leaves_nothing(tmp_path, flown):
-    (flown / "flight.npz").unlink()
     short_flight(begin_unix_s=-5.0).save(flown / "flight.npz")
     out = tmp_path / "out"
     out.mkdir()
@@ -69,7 +69,6 @@ def test_a_directory_that_is_not_there_is_one_line(flown, tmp_path):
 
 
 def test_a_mission_says_where_an_old_record_was_flown(tmp_path, flown):
-    (flown / "flight.npz").unlink()
     short_flight(origin=None, mission="line-calm").save(flown / "flight.npz")
     mission = shipped("line-calm")
     export([flown], out=tmp_path / "a.csv", mission=MISSIONS / "line-calm.yaml")
@@ -78,7 +77,6 @@ def test_a_mission_says_where_an_old_record_was_flown(tmp_path, flown):
 
 
 def test_the_mission_of_another_flight_is_refused(tmp_path, flown):
-    (flown / "flight.npz").unlink()
     short_flight(origin=None).save(flown / "flight.npz")
     with pytest.raises(InputError, match="not 'line-calm'"):
         export([flown], out=tmp_path / "a.csv", mission=MISSIONS / "line-calm.yaml")
@@ -88,15 +86,12 @@ def test_place_and_time_are_kept_in_the_record(tmp_path):
     short_flight(begin_unix_s=1.79e9).save(tmp_path / "flight.npz")
     record = FlightRecord.load(tmp_path / "flight.npz")
     assert record.begin_unix_s == 1.79e9
-    assert record.origin == RecordOrigin(
-        latitude_deg=47.0, longitude_deg=8.0, altitude_amsl_m=488.0
-    )
+    assert record.origin == ORIGIN
 
 
 @pytest.mark.parametrize("latitude", [91.0, -1e300])
 def test_a_record_of_nowhere_on_the_earth_is_damaged(tmp_path, latitude):
-    origin = RecordOrigin(latitude_deg=latitude, longitude_deg=0.0, altitude_amsl_m=0.0)
     path = tmp_path / "flight.npz"
-    short_flight(origin=origin).save(path)
+    short_flight(origin=replace(ORIGIN, latitude_deg=latitude)).save(path)
     with pytest.raises(InputError, match="nowhere on the earth"):
         FlightRecord.load(path)

@@ -7,6 +7,8 @@ import zipfile
 from collections import Counter
 from dataclasses import replace
 from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
 from xml.etree import ElementTree as ET
 
 import jsonschema
@@ -15,7 +17,8 @@ import pytest
 from mcap.reader import make_reader
 from pyarrow import parquet
 
-from tests.kit.short_flights import short_flight
+from tests.kit.records import with_vehicle
+from tests.kit.short_flights import ORIGIN, short_flight
 from vfguide.errors import InputError
 from vfguide.frames import LocalFrame
 from vfguide.lab.export.columns import UNITS, begin_of, geodetic
@@ -23,7 +26,7 @@ from vfguide.lab.export.earth import write_earth
 from vfguide.lab.export.foxglove import attitude, write_mcap
 from vfguide.lab.export.tables import write_csv, write_parquet
 from vfguide.record.events import FlightEvent
-from vfguide.record.flight import RecordOrigin
+from vfguide.record.flight import FlightRecord
 
 KML = "{http://www.opengis.net/kml/2.2}"
 GX = "{http://www.google.com/kml/ext/2.2}"
@@ -31,8 +34,7 @@ GX = "{http://www.google.com/kml/ext/2.2}"
 
 def test_places_on_the_earth_are_those_of_the_companions_frame():
     frame = LocalFrame(47.0, 8.0, 488.0)
-    origin = RecordOrigin(latitude_deg=47.0, longitude_deg=8.0, altitude_amsl_m=488.0)
-    latitude, longitude = geodetic(origin, np.array([3000.0]), np.array([-2000.0]))
+    latitude, longitude = geodetic(ORIGIN, np.array([3000.0]), np.array([-2000.0]))
     assert frame.to_local(latitude[0], longitude[0]) == pytest.approx((3000.0, -2000.0), abs=1e-3)
 
 
@@ -64,14 +66,12 @@ def test_names_are_no_formulas_for_a_spreadsheet(tmp_path, name):
 
 
 def test_parquet_keeps_types_and_units(tmp_path):
-    record = short_flight()
-    lost = replace(record.followers[0], airspeed_m_s=np.full_like(record.time_s, math.nan))
-    write_parquet(replace(record, vehicles=(record.leader, lost)), tmp_path / "a.parquet")
+    lost = with_vehicle(short_flight(), "f1", airspeed_m_s=np.full(21, math.nan))
+    write_parquet(lost, tmp_path / "a.parquet")
     table = parquet.read_table(tmp_path / "a.parquet")
     assert table.num_rows == 42
-    assert table.schema.field("bank_deg").metadata == {
-        b"unit": b"degrees, right wing down positive"
-    }
+    unit = {b"unit": b"degrees, right wing down positive"}
+    assert table.schema.field("bank_deg").metadata == unit
     rows = table.to_pylist()
     assert rows[-1]["vehicle"] == "f1"
     assert rows[-1]["slot_distance_m"] == pytest.approx(5.0)
@@ -129,6 +129,13 @@ def test_every_message_of_the_mcap_is_what_its_schema_says(tmp_path):
     }
 
 
+def messages_of(record: FlightRecord, directory: Path, **wanted: list[str]) -> list[Any]:
+    """(schema, channel, message) of each message of a flight's MCAP."""
+    write_mcap(record, directory / "a.mcap")
+    with (directory / "a.mcap").open("rb") as file:
+        return list(make_reader(file).iter_messages(**wanted))
+
+
 def test_orders_and_warnings_are_lines_of_the_log(tmp_path):
     events = (
         FlightEvent(time_s=0.5, vehicle="f1", kind="order", text="order 1 is understood"),
@@ -136,12 +143,8 @@ def test_orders_and_warnings_are_lines_of_the_log(tmp_path):
         FlightEvent(time_s=1.5, vehicle="f1", kind="text", text="take over", warning=True),
     )
     record = replace(short_flight(begin_unix_s=1_790_000_000.0), events=events)
-    write_mcap(record, tmp_path / "a.mcap")
-    with (tmp_path / "a.mcap").open("rb") as file:
-        found = [
-            (message.log_time, json.loads(message.data))
-            for _, _, message in make_reader(file).iter_messages(topics=["/log"])
-        ]
+    messages = messages_of(record, tmp_path, topics=["/log"])
+    found = [(message.log_time, json.loads(message.data)) for _, _, message in messages]
     told = [(when, one["level"], one["message"]) for when, one in found]
     assert (1_790_000_000_500_000_000, 2, "f1: order 1 is understood") in told
     assert (1_790_000_001_500_000_000, 3, "f1: take over") in told
@@ -163,10 +166,8 @@ def closed(schema: object) -> object:
 
 
 def test_the_mcap_says_where_and_when(tmp_path):
-    write_mcap(short_flight(begin_unix_s=1_790_000_000.5), tmp_path / "a.mcap")
-    with (tmp_path / "a.mcap").open("rb") as file:
-        found = list(make_reader(file).iter_messages(topics=["/f1/location"]))
-    _, _, last = found[-1]
+    record = short_flight(begin_unix_s=1_790_000_000.5)
+    _, _, last = messages_of(record, tmp_path, topics=["/f1/location"])[-1]
     assert last.log_time == 1_790_000_002_500_000_000
     fix = json.loads(last.data)
     assert fix["timestamp"] == {"sec": 1_790_000_002, "nsec": 500_000_000}
@@ -174,12 +175,9 @@ def test_the_mcap_says_where_and_when(tmp_path):
 
 
 def test_what_is_not_known_is_in_no_message(tmp_path):
-    record = short_flight()
-    unknown = np.full_like(record.time_s, math.nan)
-    lost = replace(record.followers[0], north_m=unknown, heading_rad=unknown)
-    write_mcap(replace(record, vehicles=(record.leader, lost)), tmp_path / "a.mcap")
-    with (tmp_path / "a.mcap").open("rb") as file:
-        topics = {channel.topic for _, channel, _ in make_reader(file).iter_messages()}
+    unknown = np.full(21, math.nan)
+    lost = with_vehicle(short_flight(), "f1", north_m=unknown, heading_rad=unknown)
+    topics = {channel.topic for _, channel, _ in messages_of(lost, tmp_path)}
     assert "/f1/state" in topics
     assert not {"/f1/location", "/scene/f1"} & topics
 

@@ -12,13 +12,14 @@ from typing import Any
 import msgspec
 import pytest
 
-from tests.kit.missions import content_of
+from tests.kit.missions import replaced
+from tests.kit.states import leader_message
 from vfguide.formation.arrangement import Arrangement, Manoeuvre
 from vfguide.formation.orders import Order
 from vfguide.lab import ordering
 from vfguide.lab.order_desk import OrderDesk, unanswered
 from vfguide.lab.ordering import EPOCH_S, OrderOutcome, conclusion, give_order, new_number
-from vfguide.link.codec import LeaderMessage, encode
+from vfguide.link.codec import encode
 from vfguide.link.envelope import Kind
 from vfguide.link.opening import WatchedFormation
 from vfguide.link.order_codec import Reply, Verdict, check_of, decode_order, encode_reply
@@ -30,38 +31,22 @@ FOLLOWERS = ("f1", "f2", "f3")
 @pytest.fixture
 def mission() -> Mission:
     """Four aircraft, of which f1 and f2 may lead in the leader's place."""
-    content = content_of("shapes")
-    return Mission.model_validate({**content, "deputies": ["f1", "f2"]})
+    return replaced("shapes", deputies=["f1", "f2"])
 
 
-def state(
-    latitude_deg: float,
-    *,
-    term: int = 0,
-    arrangement: int = 0,
-    leads: bool = False,
-    climb_rate: float = 0.0,
-) -> bytes:
-    """A state from the link."""
-    return encode(
-        LeaderMessage(
-            sequence=1,
-            time_s=100.0,
-            latitude_deg=latitude_deg,
-            longitude_deg=8.5,
-            altitude_amsl=588.0,
-            course=0.0,
-            ground_speed=20.0,
-            acceleration=0.0,
-            turn_rate=0.0,
-            turn_acceleration=0.0,
-            climb_rate=climb_rate,
-            term=term,
-            arrangement=arrangement,
-            steered=True,
-            leads=leads,
-        )
-    )
+def state(latitude_deg: float, **fields: float) -> bytes:
+    """A state from the link, at 100 s."""
+    usual = {"time_s": 100.0, "longitude_deg": 8.5, "course": 0.0, "climb_rate": 0.0}
+    usual |= {"term": 0, "arrangement": 0, "leads": False}
+    return encode(leader_message(latitude_deg=latitude_deg, **(usual | fields)))
+
+
+def desk_of(mission: Mission, **fields: float) -> OrderDesk:
+    """A desk at which all followers are heard."""
+    desk = OrderDesk(mission, clock=lambda: 0.0)
+    for name in FOLLOWERS:
+        desk.heard_state(name, state(47.4, **fields))
+    return desk
 
 
 class Air:
@@ -115,24 +100,19 @@ def outcome_of(
 def test_an_abort_is_given_though_the_leader_is_gone_and_the_order_that_is_flown_not_known(
     mission, monkeypatch
 ):
-    desk = OrderDesk(mission, clock=lambda: 0.0)
-    for name in FOLLOWERS:
-        desk.heard_state(name, state(47.4, arrangement=2**31))
+    desk = desk_of(mission, arrangement=2**31)
     outcome, air = outcome_of(mission, Order(action="abort"), desk, monkeypatch)
     assert air.orders[0].flown is Manoeuvre.ABORT
     assert air.orders[0].number > 2**31
-    assert {name: reply.verdict for name, reply in outcome.replies.items()} == dict.fromkeys(
-        FOLLOWERS, Verdict.FLOWN
-    )
+    verdicts = {name: reply.verdict for name, reply in outcome.replies.items()}
+    assert verdicts == dict.fromkeys(FOLLOWERS, Verdict.FLOWN)
     assert outcome.silent == ("leader",)
 
 
 def test_a_deputy_leads_where_its_term_is_the_highest_and_the_leader_that_is_gone_is_not_awaited(
     mission, monkeypatch
 ):
-    desk = OrderDesk(mission, clock=lambda: 0.0)
-    for name in FOLLOWERS:
-        desk.heard_state(name, state(47.4, term=2))
+    desk = desk_of(mission, term=2)
     # Of three that may lead, f2 has the terms 1, 4, ..., f1 2, 5, ..., the leader 3, 6, ...
     desk.heard_lead("f1", state(47.5, term=2, leads=True))
     outcome, air = outcome_of(mission, Order(shape="trail", spacing=20.0), desk, monkeypatch)
@@ -141,9 +121,7 @@ def test_a_deputy_leads_where_its_term_is_the_highest_and_the_leader_that_is_gon
 
 
 def test_an_order_to_lead_is_not_flown_where_another_leads_afterwards(mission, monkeypatch):
-    desk = OrderDesk(mission, clock=lambda: 0.0)
-    for name in FOLLOWERS:
-        desk.heard_state(name, state(47.4, term=2))
+    desk = desk_of(mission, term=2)
     desk.heard_lead("f1", state(47.5, term=2, leads=True))
     # All followers say that they fly it, and f1 leads on.
     outcome, _ = outcome_of(mission, Order(lead="f2"), desk, monkeypatch)
@@ -192,13 +170,10 @@ def test_two_orders_of_one_second_have_different_numbers_mostly_and_later_ones_g
 def test_who_gets_no_answer_hears_whether_anything_arrived_and_the_remedy():
     assert unanswered(Counter()).startswith("nothing arrives")
     assert unanswered(Counter({"copies": 7})).startswith("nothing arrives")
-    other = Counter(
-        {"refused: forged": 3, "refused: another session of the leader": 41, "copies": 9}
-    )
-    assert unanswered(other).startswith(
-        "44 messages arrived that are not believed, most for 'another"
-    )
-    assert "the keys that the companions use" in unanswered(other)
+    refused = {"refused: forged": 3, "refused: another session of the leader": 41}
+    told = unanswered(Counter({**refused, "copies": 9}))
+    assert told.startswith("44 messages arrived that are not believed, most for 'another")
+    assert "the keys that the companions use" in told
 
 
 def test_a_leader_that_climbs_is_expected_higher_by_the_time_of_an_order(mission):

@@ -1,4 +1,4 @@
-"""Shapes: where their slots are, and that no two are nearer than the spacing."""
+"""Shapes: where their slots are, no two nearer than the spacing, and by which they are known again."""
 
 import math
 from itertools import combinations
@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from vfguide.formation.shapes import SHAPES, shape_slots
+from vfguide.formation.shapes import SHAPES, named_shape, shape_slots
 
 STEP = 20.0 / math.sqrt(2.0)
 
@@ -45,3 +45,29 @@ def test_no_two_aircraft_of_a_shape_are_nearer_than_its_spacing(shape, count, sp
 def test_an_unknown_shape_is_refused_with_the_known_ones():
     with pytest.raises(ValueError, match="'ring': there are vee, echelon-left"):
         shape_slots("ring", 3, 20.0)  # type: ignore[arg-type]
+
+
+@given(
+    st.sampled_from(SHAPES),
+    st.integers(4, 12),
+    st.floats(8.0, 100.0),
+    st.randoms(use_true_random=False),
+)
+def test_a_shape_is_known_again_by_slots_that_orders_have_rounded(shape, count, spacing, random):
+    slots = [(round(x, 1), round(y, 1)) for x, y in shape_slots(shape, count, spacing)]
+    random.shuffle(slots)  # type: ignore[attr-defined]
+    found = named_shape(slots)
+    assert found is not None
+    name, apart = found
+    assert apart == pytest.approx(spacing, abs=0.1)
+    # With four followers, and with some other numbers, two shapes have the same slots.
+    places = shape_slots(name, count, spacing)
+    assert max(min(math.dist(slot, one) for one in places) for slot in slots) < 0.5
+
+
+def test_other_slots_are_no_shape():
+    assert named_shape([(-20.0, 0.0), (-50.0, 30.0)]) is None
+    assert named_shape([(0.0, 0.0)]) is None
+    assert named_shape([]) is None
+    assert named_shape([(-20.0, 0.0), (-40.0, 0.0)]) == ("trail", pytest.approx(20.0))
+    assert len(SHAPES) == 7

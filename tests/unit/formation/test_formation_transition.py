@@ -9,13 +9,13 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
+from tests.kit.orders import MOTION
 from vfguide.formation.arrangement import PEAK, Arrangement, Point, SlotMove, progress, time_of
 from vfguide.formation.orders import assigned
 from vfguide.formation.shapes import SHAPES, shape_slots
 from vfguide.formation.transition import (
     LAYER_M,
     LEAST_M,
-    MotionLimits,
     RefusedOrderError,
     Transition,
     approach_of,
@@ -23,7 +23,6 @@ from vfguide.formation.transition import (
     transition,
 )
 
-LIMITS = MotionLimits(forward=5.0, back=4.0, aside=6.0, acceleration=1.0)
 Offset = tuple[float, float]
 
 
@@ -34,21 +33,15 @@ def points(places: Sequence[Offset]) -> dict[str, Point]:
 
 def flown_distances(found: Transition, steps: int = 400) -> np.ndarray:
     """Distance of each two, the leader among them, at many times of a transition."""
-    order = Arrangement(
-        number=1,
-        time_s=0.0,
-        climb_s=found.climb_s,
-        across_s=found.across_s,
-        places=found.places,
-    )
+    times = {"time_s": 0.0, "climb_s": found.climb_s, "across_s": found.across_s}
+    order = Arrangement(number=1, places=found.places, **times)
     tracks = [np.zeros((steps + 1, 3))]
     times = np.linspace(0.0, order.duration_s, steps + 1)
     for place in found.places:
         slots = [order.slot(place.vehicle, time_s) for time_s in times]
         heights = [order.height(place.vehicle, time_s)[0] for time_s in times]
-        tracks.append(
-            np.array([(s.forward, s.right, h) for s, h in zip(slots, heights, strict=True)])
-        )
+        places = zip(slots, heights, strict=True)
+        tracks.append(np.array([(slot.forward, slot.right, up) for slot, up in places]))
     return np.array([np.linalg.norm(one - other, axis=1) for one, other in combinations(tracks, 2)])
 
 
@@ -86,11 +79,11 @@ def test_how_near_two_slots_come_is_exact():
 
 def test_a_transition_takes_as_long_as_the_slowest_way():
     # 40 m ahead at 5 m/s at most, which is 1/0.7 of the mean: 11.4 s.
-    found = transition({"f1": Point(-60.0, 0.0)}, {"f1": Point(-20.0, 0.0)}, LIMITS)
+    found = transition({"f1": Point(-60.0, 0.0)}, {"f1": Point(-20.0, 0.0)}, MOTION)
     assert found.across_s == pytest.approx(max(40.0 / 5.0 * PEAK, math.sqrt(40 * 8.929)), rel=1e-3)
     order = Arrangement(number=1, time_s=0.0, across_s=found.across_s, places=found.places)
     rates = [order.slot("f1", time_s).forward_rate for time_s in np.linspace(0, 20, 500)]
-    assert max(rates) <= LIMITS.forward + 1e-9
+    assert max(rates) <= MOTION.forward + 1e-9
 
 
 @pytest.mark.flies
@@ -109,7 +102,7 @@ def test_no_two_come_within_the_limit_between_any_two_shapes(
     offsets = {name: (point.forward, point.right) for name, point in begin.items()}
     places = assigned(offsets, shape_slots(second, count, other_spacing))
     end = {name: Point(*place) for name, place in places.items()}
-    distances = flown_distances(transition(begin, end, LIMITS))
+    distances = flown_distances(transition(begin, end, MOTION))
     assert distances.min() >= LEAST_M - 0.05
 
 
@@ -127,7 +120,7 @@ def test_an_order_by_name_keeps_the_limit_or_is_refused_in_words(places, random)
     random.shuffle(mixed)  # type: ignore[attr-defined]
     reason, found = "", None
     try:
-        found = transition(begin, points(mixed), LIMITS)
+        found = transition(begin, points(mixed), MOTION)
     except RefusedOrderError as refusal:
         reason = str(refusal)
     refused = "would come within" in reason
@@ -150,7 +143,7 @@ def test_interchangeable_vehicles_keep_the_least_distance_over_the_root_of_two(p
 def test_two_that_change_places_cross_in_layers():
     begin = points([(-20.0, -20.0), (-20.0, 20.0)])
     end = {"f1": begin["f2"], "f2": begin["f1"]}
-    found = transition(begin, end, LIMITS)
+    found = transition(begin, end, MOTION)
     assert {place.layer for place in found.places} == {None, LAYER_M}
     # 20 m behind the leader nobody comes nearer to it; the two pass each other 12 m apart.
     assert flown_distances(found).min() == pytest.approx(LAYER_M, abs=0.1)
@@ -159,21 +152,21 @@ def test_two_that_change_places_cross_in_layers():
 
 
 def test_who_would_meet_the_leader_crosses_above_it():
-    found = transition({"f1": Point(-20.0, 0.0)}, {"f1": Point(20.0, 0.0)}, LIMITS)
+    found = transition({"f1": Point(-20.0, 0.0)}, {"f1": Point(20.0, 0.0)}, MOTION)
     assert [place.layer for place in found.places] == [LAYER_M]
 
 
-def test_slots_that_are_too_near_are_refused_with_the_pair_and_the_distance():
-    begin = points([(-20.0, 0.0), (-40.0, 0.0)])
-    with pytest.raises(RefusedOrderError, match=r"slots of f1 and f2 would be 3\.0 m apart"):
-        transition(begin, points([(-20.0, 0.0), (-23.0, 0.0)]), LIMITS)
-
-
-def test_what_no_layer_helps_against_is_refused_with_pair_time_and_distance():
-    # They stand 3 m apart before anybody has climbed.
-    begin = points([(-20.0, 0.0), (-23.0, 0.0)])
-    with pytest.raises(RefusedOrderError, match=r"f1 and f2 .* within 3\.0 m .* 0 s after"):
-        transition(begin, points([(-20.0, 20.0), (-40.0, 0.0)]), LIMITS)
+@pytest.mark.parametrize(
+    ("begin", "end", "sentence"),
+    [
+        ((-40.0, 0.0), [(-20.0, 0.0), (-23.0, 0.0)], r"slots of f1 and f2 would be 3\.0 m apart"),
+        # They stand 3 m apart before anybody has climbed: no layer helps.
+        ((-23.0, 0.0), [(-20.0, 20.0), (-40.0, 0.0)], r"f1 and f2 .* within 3\.0 m .* 0 s after"),
+    ],
+)
+def test_slots_that_are_too_near_are_refused_with_pair_time_and_distance(begin, end, sentence):
+    with pytest.raises(RefusedOrderError, match=sentence):
+        transition(points([(-20.0, 0.0), begin]), points(end), MOTION)
 
 
 def test_no_times_are_looked_for_where_nobody_asks(monkeypatch):

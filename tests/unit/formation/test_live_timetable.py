@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 
 from tests.kit.missions import shipped
+from tests.kit.states import leader_message
 from vfguide.errors import InputError, VfguideError
 from vfguide.formation.arrangement import Arrangement
 from vfguide.formation.orders import Order
@@ -19,7 +20,7 @@ from vfguide.lab.live_timetable import timetable_given
 from vfguide.lab.order_desk import OrderDesk
 from vfguide.lab.ordering import rehearse_order
 from vfguide.lab.studies.order import Prediction, rehearsed
-from vfguide.link.codec import LeaderMessage, encode
+from vfguide.link.codec import encode
 from vfguide.link.envelope import Kind
 from vfguide.link.opening import WatchedFormation
 from vfguide.link.order_codec import Reply, Verdict, check_of, decode_order, encode_reply
@@ -29,27 +30,6 @@ WATCHED = WatchedFormation(addresses=(), formation="any", leader="leader", roste
 VEHICLES = ("leader", "f1", "f2", "f3")
 AHEAD_S = 1000.0
 """The formation's clock shows so much more than the flight's."""
-
-
-def state(time_s: float, number: int) -> bytes:
-    """A state of a vehicle that flies an order by its number."""
-    return encode(
-        LeaderMessage(
-            sequence=1,
-            time_s=time_s,
-            latitude_deg=47.4,
-            longitude_deg=8.5,
-            altitude_amsl=588.0,
-            course=0.0,
-            ground_speed=20.0,
-            acceleration=0.0,
-            turn_rate=0.0,
-            turn_acceleration=0.0,
-            climb_rate=0.0,
-            arrangement=number,
-            steered=True,
-        )
-    )
 
 
 class Flight:
@@ -99,8 +79,9 @@ class Flight:
     def speak(self) -> None:
         """Let everybody say where it is."""
         number = 0 if self.flown is None else self.flown.number
+        state = leader_message(time_s=self.now + AHEAD_S, term=0, arrangement=number)
         for vehicle in VEHICLES:
-            self.desk.heard_state(vehicle, state(self.now + AHEAD_S, number))
+            self.desk.heard_state(vehicle, encode(state))
 
     def say(self, kind: Kind, body: bytes) -> None:
         """Take an order, or a question for the one that is flown."""

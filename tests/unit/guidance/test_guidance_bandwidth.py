@@ -24,6 +24,7 @@ from vfguide.state import Airframe
 
 PERIOD = 0.05
 QUICKEST = {"period": PERIOD, "loop_delay": 0.0, "factor": 0.0}
+USUAL = {"slips": False, "period": PERIOD, "loop_delay": 0.0, "factor": 3.5}
 
 
 def margins(gain: float, strength: float, delay: float) -> tuple[float, float]:
@@ -78,42 +79,33 @@ def test_sharpness_1_just_keeps_the_margins_and_half_of_it_is_the_usual_loop():
 
 
 def test_a_vehicle_that_slips_is_turned_no_faster_than_its_yaw_bears():
-    options = {"period": PERIOD, "loop_delay": 0.0, "factor": 3.5}
     late = Airframe(course_lag=0.3)
-    assert bandwidth_of(late, AS_DECLARED, slips=True, **options).course == pytest.approx(0.45)
-    assert bandwidth_of(late, AS_DECLARED, slips=False, **options).course > 1.0
+    assert bandwidth_of(late, AS_DECLARED, **(USUAL | {"slips": True})).course == pytest.approx(
+        0.45
+    )
+    assert bandwidth_of(late, AS_DECLARED, **USUAL).course > 1.0
 
 
 def test_a_total_energy_hold_is_led_at_a_third_of_its_own_pace():
-    options = {"slips": False, "period": PERIOD, "loop_delay": 0.0, "factor": 3.5}
     slow = Airframe(beta=0.6, speed_hold="total-energy")
-    assert bandwidth_of(slow, AS_DECLARED, **options).energy_field == pytest.approx(0.2)
+    assert bandwidth_of(slow, AS_DECLARED, **USUAL).energy_field == pytest.approx(0.2)
     # Known within a factor of 3 instead of 1.5 it may be half as fast.
     doubted = Certainty(course=DECLARED, speed=HoldCertainty(spread=3.0, late=0.0))
-    assert bandwidth_of(slow, doubted, **options).energy_field == pytest.approx(0.1)
+    assert bandwidth_of(slow, doubted, **USUAL).energy_field == pytest.approx(0.1)
 
 
 def test_a_slow_hold_is_not_driven_by_setpoints_many_times_its_errors():
-    options = {"slips": False, "period": PERIOD, "loop_delay": 0.0, "factor": 3.5}
     slow = Airframe(alpha=0.3, beta=0.2)
     # Four times as quick at sharpness 0.5.
-    held = bandwidth_of(slow, AS_DECLARED, **options, amplification=amplification_of(0.5))
+    held = bandwidth_of(slow, AS_DECLARED, **USUAL, amplification=amplification_of(0.5))
     assert (held.course, held.speed) == pytest.approx((1.2, 0.8))
-    assert bandwidth_of(slow, AS_DECLARED, **options).course > 5.0
+    assert bandwidth_of(slow, AS_DECLARED, **USUAL).course > 5.0
     assert amplification_of(1.0) == pytest.approx(16.0)
     assert amplification_of(0.0) == pytest.approx(1.0)
 
 
 def test_softness_slows_the_loop_that_is_flown_not_the_one_that_could_be():
     # The loop has 1 / (3.5 * 0.05) = 5.7 1/s, whatever more the aircraft bears.
-    soft = bandwidth_of(
-        Airframe(),
-        AS_DECLARED,
-        slips=False,
-        period=PERIOD,
-        loop_delay=0.0,
-        factor=3.5,
-        softness=Softness(course=0.5),
-    )
+    soft = bandwidth_of(Airframe(), AS_DECLARED, **USUAL, softness=Softness(course=0.5))
     assert soft.course == pytest.approx(2.857, abs=0.001)
     assert soft.speed == pytest.approx(14.28, abs=0.01)

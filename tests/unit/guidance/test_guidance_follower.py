@@ -9,7 +9,7 @@ import pytest
 from msgspec.structs import replace
 
 from tests.kit.following import follower_step
-from tests.kit.states import Plant, choices, leader_at, vehicle_at
+from tests.kit.states import Plant, choices, circling, leader_at, vehicle_at
 from vfguide.guidance.formation import Slot, slot_motion
 from vfguide.guidance.settings import GuidanceSettings
 from vfguide.laws.field import SlotField, SlotGains
@@ -35,7 +35,7 @@ def fly_behind(
     errors = []
     for step in range(round(60.0 / period)):
         time = step * period
-        state = vehicle_at(flyer.north, flyer.east, flyer.course, flyer.speed, time_s=time)
+        state = flyer.state(time)
         ahead = motion(time)
         guidance = follower_step(state, ahead, slot, settings, COURSE_HOLD, period=period, law=law)
         flyer.fly(guidance.setpoint.course, guidance.setpoint.speed, period)
@@ -54,11 +54,24 @@ def guided(
     return follower_step(state, leader or leader_at(), **chosen)
 
 
-def test_in_the_slot_a_follower_flies_as_the_leader():
-    guidance = guided(vehicle_at(-20.0, 0.0))
-    assert (guidance.setpoint.course, guidance.setpoint.speed) == (0.0, 20.0)
-    assert not guidance.setpoint.limited
-    assert guidance.lyapunov == 0.0
+@pytest.mark.parametrize(
+    ("behind", "acceleration", "speed", "limited"),
+    [
+        # In the slot it flies as the leader.
+        (20.0, 0.0, 20.0, False),
+        # The leader's 0.4 m/s² . (1/0.8 + 0.05/2) s are fed forward.
+        (20.0, 0.4, 20.51, False),
+        # Far behind 10/50 + 3 m/s² is asked for, 3 m/s² allowed: 20 + 3 . 1.275
+        (30.0, 0.0, 23.825, True),
+    ],
+)
+def test_straight_behind_a_follower_is_told_what_brings_it_to_its_slot(
+    behind, acceleration, speed, limited
+):
+    guidance = guided(vehicle_at(-behind, 0.0), leader_at(acceleration=acceleration))
+    assert (guidance.setpoint.course, guidance.setpoint.speed) == (0.0, pytest.approx(speed))
+    assert guidance.setpoint.limited is limited
+    assert behind > 20.0 or guidance.lyapunov == 0.0
 
 
 def test_a_little_behind_a_follower_speeds_up():
@@ -80,19 +93,6 @@ def test_a_follower_that_closes_in_eases_off_as_the_field_does():
     assert guidance.setpoint.speed == pytest.approx(20.2 + 1.56606 * 1.275, abs=1e-4)
 
 
-def test_the_leaders_acceleration_is_fed_forward():
-    guidance = guided(vehicle_at(-20.0, 0.0), leader_at(acceleration=0.4))
-    # 0.4 m/s² . (1/0.8 + 0.05/2) s
-    assert guidance.setpoint.speed == pytest.approx(20.51)
-
-
-def test_far_behind_it_takes_all_the_acceleration_there_is():
-    guidance = guided(vehicle_at(-30.0, 0.0))
-    # 10/50 + 3 m/s² is asked for, 3 m/s² allowed: 20 + 3 . 1.275
-    assert guidance.setpoint.speed == pytest.approx(23.825)
-    assert guidance.setpoint.limited
-
-
 def test_left_of_its_slot_a_follower_turns_right():
     guidance = guided(vehicle_at(-20.0, -0.5), integral_s=0.0)
     # chi_inf (2/pi) atan(0.2 . 0.5) = 0.5 . 0.09967 = 0.049834 rad; 3 . 0.049834/0.525 = 0.28477 rad/s
@@ -108,18 +108,6 @@ def test_a_leader_state_of_100_ms_costs_two_metres_unless_it_is_carried_on(predi
     assert guidance.error.along_track == pytest.approx(along, abs=1e-9)
 
 
-def circling(time: float) -> LeaderState[float]:
-    """A leader on a circle of 150 m about the origin, clockwise at 20 m/s."""
-    bearing = 20.0 / 150.0 * time
-    return leader_at(
-        time_s=time,
-        north=150.0 * math.cos(bearing),
-        east=150.0 * math.sin(bearing),
-        course=bearing + math.pi / 2.0,
-        turn_rate=20.0 / 150.0,
-    )
-
-
 @pytest.mark.parametrize(
     ("law", "mean_error", "accuracy"), [("article", 3.14, 0.1), ("slot", 0.0, 0.01)]
 )
@@ -131,12 +119,8 @@ def test_on_a_turn_the_articles_field_is_three_metres_off_and_the_slots_is_not(
     settings = choices()
     # 0.2 . 3 . 0.05 = 0.03: as thin as the fine loop of this test bears
     thin = replace(settings, sliding=replace(settings.sliding, boundary_layer_factor=0.2))
-    slots = [
-        Slot(forward=-20.0, right=-20.0),
-        Slot(forward=-20.0, right=20.0),
-        Slot(forward=-40.0, right=0.0),
-    ]
-    errors = [fly_behind(circling, slot, thin, law=law) for slot in slots]
+    slots = ((-20.0, -20.0), (-20.0, 20.0), (-40.0, 0.0))
+    errors = [fly_behind(circling, Slot(*slot), thin, law=law) for slot in slots]
     assert sum(errors) / 3.0 == pytest.approx(mean_error, abs=accuracy)
 
 
@@ -150,7 +134,7 @@ def test_from_beside_and_behind_a_follower_closes_up_within_the_bound(side):
     flyer = Plant(north=-90.0, east=60.0 * side, course=0.8, speed=16.0)
     values = []
     for step in range(1200):
-        state = vehicle_at(flyer.north, flyer.east, flyer.course, flyer.speed, time_s=step * PERIOD)
+        state = flyer.state(step * PERIOD)
         ahead = leader_at(time_s=step * PERIOD, north=20.0 * step * PERIOD)
         guidance = guided(state, ahead)
         flyer.fly(guidance.setpoint.course, guidance.setpoint.speed, PERIOD)

@@ -8,9 +8,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tests.kit.states import leader_at, vehicle_at
+from tests.kit.states import circling, leader_at, vehicle_at
 from vfguide.elementwise import wrap_angle
 from vfguide.guidance.formation import (
+    FormationError,
     Slot,
     SlotLimits,
     SlotMotion,
@@ -25,6 +26,7 @@ from vfguide.guidance.formation import (
     slot_position,
     slot_velocity,
 )
+from vfguide.guidance.wind_triangle import ground_speed_on_course
 from vfguide.state import Airframe, LeaderState
 
 SLOTS = [
@@ -44,17 +46,6 @@ def test_a_slot_turns_with_the_leaders_course(course_deg, north, east):
     state = leader_at(north=100.0, east=200.0, course=math.radians(course_deg))
     place = slot_position(state, Slot(forward=-20.0, right=10.0))
     assert place == pytest.approx((north, east))
-
-
-def circling(time: float) -> LeaderState[float]:
-    """A leader on a circle of 150 m about the origin, clockwise at 20 m/s."""
-    bearing = 20.0 / 150.0 * time
-    return leader_at(
-        north=150.0 * math.cos(bearing),
-        east=150.0 * math.sin(bearing),
-        course=bearing + math.pi / 2.0,
-        turn_rate=20.0 / 150.0,
-    )
 
 
 @pytest.mark.parametrize("slot", SLOTS)
@@ -153,7 +144,7 @@ def test_ahead_is_positive_along_and_right_positive_across(north, east, along, r
 @pytest.mark.parametrize("turn_rate", [-0.2, 0.0, 0.15])
 @pytest.mark.parametrize("course", [-2.0, 0.3, 2.5])
 def test_error_rates_are_the_rates_of_the_errors(turn_rate, course):
-    def error_at(time: float) -> tuple[float, float, float, float]:
+    def error_at(time: float) -> FormationError[float]:
         slot_course = 0.7 + turn_rate * time
         motion = SlotMotion(
             north=30.0 + 22.0 * math.cos(0.7) * time,
@@ -166,19 +157,14 @@ def test_error_rates_are_the_rates_of_the_errors(turn_rate, course):
         follower = vehicle_at(
             5.0 + 18.0 * math.cos(course) * time, 9.0 + 18.0 * math.sin(course) * time, course, 18.0
         )
-        error = formation_error(motion, follower)
-        return (
-            error.along_track,
-            error.cross_track,
-            error.along_track_rate,
-            error.cross_track_rate,
-        )
+        return formation_error(motion, follower)
 
     step = 1e-4
-    after, before = error_at(step), error_at(-step)
-    _, _, along_rate, cross_rate = error_at(0.0)
-    assert along_rate == pytest.approx((after[0] - before[0]) / (2.0 * step), abs=1e-5)
-    assert cross_rate == pytest.approx((after[1] - before[1]) / (2.0 * step), abs=1e-5)
+    before, here, after = error_at(-step), error_at(0.0), error_at(step)
+    along = (after.along_track - before.along_track) / (2.0 * step)
+    cross = (after.cross_track - before.cross_track) / (2.0 * step)
+    assert here.along_track_rate == pytest.approx(along, abs=1e-5)
+    assert here.cross_track_rate == pytest.approx(cross, abs=1e-5)
 
 
 def test_the_dual_field_saturates_far_away_and_is_steepest_in_the_slot():
@@ -270,23 +256,13 @@ def test_courses_in_a_batch_are_those_alone():
 @pytest.mark.parametrize(("wind_north", "wind_east"), list(product([-8.0, 0.0, 8.0], repeat=2)))
 def test_nobody_comes_nearer_to_anybody_while_flying_away(wind_north, wind_east):
     """The formation of the shipped missions, each at 20 m/s through the air from where its slot is."""
-    slots = [Slot(forward=-20.0, right=-20.0), Slot(forward=-20.0, right=20.0)]
-    slots.append(Slot(forward=-40.0, right=0.0))
     places = []
-    for slot in slots:
+    for slot in SLOTS[:3]:
         course = breakaway_course(0.0, slot)
-        cross = wind_east * math.cos(course) - wind_north * math.sin(course)
-        tail = wind_north * math.cos(course) + wind_east * math.sin(course)
-        speed = tail + math.sqrt(20.0**2 - cross**2)
-        places.append(
-            [
-                (
-                    slot.forward + speed * time_s * math.cos(course),
-                    slot.right + speed * time_s * math.sin(course),
-                )
-                for time_s in (0.0, 5.0, 10.0, 25.0)
-            ]
-        )
+        speed = ground_speed_on_course(20.0, course, wind_north, wind_east)
+        north, east = speed * math.cos(course), speed * math.sin(course)
+        times = (0.0, 5.0, 10.0, 25.0)
+        places.append([(slot.forward + north * t, slot.right + east * t) for t in times])
     left, right, middle = places
     assert math.dist(left[-1], right[-1]) > 200.0
     for one, other in ((left, right), (left, middle), (right, middle)):

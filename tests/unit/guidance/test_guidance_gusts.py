@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from msgspec.structs import replace
 
+from tests.kit.records import article_wind
+from tests.kit.states import choices
 from vfguide.elementwise import FloatArray
 from vfguide.guidance.navigation import FilterTimes, Sample, first_state, gusts_after, navigate
-from vfguide.guidance.settings import SlidingGains
 from vfguide.guidance.sliding_laws import foretold_share
 from vfguide.state import Airframe, VehicleState
 
@@ -37,14 +38,6 @@ def navigated(winds: FloatArray, noise: FloatArray | None = None) -> list[Vehicl
     return states
 
 
-def article_wind(seconds: float) -> FloatArray:
-    """5 + 3 cos(0.1 t) m/s toward 135 + 180 sin(0.1 t) degrees."""
-    time_s = np.arange(round(seconds / PERIOD)) * PERIOD
-    speed = 5.0 + 3.0 * np.cos(0.1 * time_s)
-    toward = np.radians(135.0 + 180.0 * np.sin(0.1 * time_s))
-    return np.column_stack((speed * np.cos(toward), speed * np.sin(toward)))
-
-
 def random_walk(seconds: float, step_m_s: float = 0.18) -> FloatArray:
     """Moderate turbulence at 20 m/s: 2.1 m/s with 262 m, so 2.1 sqrt(2 * 20 / 262 * 0.05) = 0.18 a step."""
     steps = np.random.default_rng(3).normal(0.0, step_m_s, (round(seconds / PERIOD), 2))
@@ -53,7 +46,7 @@ def random_walk(seconds: float, step_m_s: float = 0.18) -> FloatArray:
 
 def test_a_wind_that_swings_smoothly_is_no_gust():
     rounding = np.random.default_rng(5).uniform(-0.005, 0.005, (1200, 2))
-    states = navigated(article_wind(60.0), rounding)
+    states = navigated(np.column_stack(article_wind(np.arange(1200) * PERIOD)), rounding)
     # At first the swing is unknown: its 2 m/s² look like a gust, until the filter has found the rate.
     assert max(state.gust_share for state in states) < 0.4
     assert max(state.gust_share for state in states[240:]) < 0.05
@@ -115,21 +108,21 @@ def in_gusts(share: float) -> VehicleState[float]:
     return replace(still, gusts=replace(known, share=share))
 
 
-def test_in_gusts_the_layer_is_as_narrow_as_the_sampled_loop_allows():
-    sliding = SlidingGains(
-        kappa=3.0, epsilon=0.01, boundary_layer_factor=4.8, loop_delay_s=0.0, rho=1.0
-    )
-    late = Airframe(course_lag=0.3)
-    # 4.8 . 3 . 0.05 s in smooth air, 2.5 . 3 . 0.05 s in gusts, and half way between them.
-    for share, layer in ((0.0, 0.72), (1.0, 0.375), (0.5, 0.5475)):
-        state = in_gusts(share)
-        assert sliding.layer_in(state, Airframe(), 0.05) == pytest.approx(layer)
-        # An autopilot that answers late has no quicker answer to give.
-        assert sliding.layer_in(state, late, 0.05) == pytest.approx(0.72)
-
-
-def test_a_layer_that_is_narrower_already_stays_so_in_gusts():
-    sliding = SlidingGains(
-        kappa=3.0, epsilon=0.01, boundary_layer_factor=2.1, loop_delay_s=0.0, rho=1.0
-    )
-    assert sliding.layer_in(in_gusts(1.0), Airframe(), 0.05) == pytest.approx(2.1 * 3.0 * 0.05)
+@pytest.mark.parametrize(
+    ("factor", "share", "layer"),
+    [
+        # 4.8 . 3 . 0.05 s in smooth air, 2.5 . 3 . 0.05 s in gusts, and half way between them.
+        (4.8, 0.0, 0.72),
+        (4.8, 1.0, 0.375),
+        (4.8, 0.5, 0.5475),
+        # One that is narrower already stays so.
+        (2.1, 1.0, 2.1 * 3.0 * 0.05),
+    ],
+)
+def test_in_gusts_the_layer_is_as_narrow_as_the_sampled_loop_allows(factor, share, layer):
+    sliding = replace(choices().sliding, boundary_layer_factor=factor)
+    state = in_gusts(share)
+    assert sliding.layer_in(state, Airframe(), 0.05) == pytest.approx(layer)
+    # An autopilot that answers late has no quicker answer to give.
+    late = sliding.layer_in(state, Airframe(course_lag=0.3), 0.05)
+    assert late == pytest.approx(factor * 3.0 * 0.05)

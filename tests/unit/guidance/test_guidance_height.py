@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from msgspec.structs import replace
 
+from tests.kit.states import leader_at
 from vfguide.guidance.height import (
     ENOUGH,
     BesidePath,
@@ -33,18 +34,8 @@ from vfguide.state import Airframe, LeaderState
 
 CLIMB = Line(north=0.0, east=0.0, course=0.0, climb=Climb(slope=0.1, end=math.inf))
 
-NORTHBOUND: LeaderState[float] = LeaderState(
-    time_s=10.0,
-    north=1000.0,
-    east=0.0,
-    course=0.0,
-    ground_speed=20.0,
-    acceleration=0.0,
-    turn_rate=0.0,
-    turn_acceleration=0.0,
-    height=195.0,
-    climb_rate=2.0,
-)
+
+NORTHBOUND = leader_at(time_s=10.0, north=1000.0, height=195.0, climb_rate=2.0)
 """On the climb: 95 m above the flying height of 100 m."""
 
 
@@ -55,22 +46,22 @@ def target(motion: LeaderState[float], ahead_s: float) -> HeightTarget:
     )
 
 
-def test_a_setpoint_leads_a_steady_climb_by_the_delay():
-    found = target(NORTHBOUND, 3.0)
-    assert (found.height, found.climb_rate) == (pytest.approx(195.0), pytest.approx(2.0))
-    # 3 s at 2 m/s.
-    assert found.ahead == pytest.approx(201.0)
-
-
-def test_a_leader_that_gets_faster_is_further_up_by_then():
-    # 20 * 3 + 0.5 * 2 * 9 = 69 m of way.
-    assert target(replace(NORTHBOUND, acceleration=2.0), 3.0).ahead == pytest.approx(201.9)
-
-
-def test_a_leader_across_its_path_does_not_climb():
-    found = target(replace(NORTHBOUND, course=math.pi / 2.0), 3.0)
-    assert found.climb_rate == pytest.approx(0.0, abs=1e-12)
-    assert found.ahead == pytest.approx(195.0)
+@pytest.mark.parametrize(
+    ("changes", "climb_rate", "ahead"),
+    [
+        # 3 s at 2 m/s.
+        ({}, 2.0, 201.0),
+        # One that gets faster is further up by then: 20 * 3 + 0.5 * 2 * 9 = 69 m of way.
+        ({"acceleration": 2.0}, 2.0, 201.9),
+        # One that flies across its path does not climb.
+        ({"course": math.pi / 2.0}, 0.0, 195.0),
+    ],
+)
+def test_a_setpoint_leads_a_climb_by_the_delay(changes, climb_rate, ahead):
+    found = target(replace(NORTHBOUND, **changes), 3.0)
+    assert found.height == pytest.approx(195.0)
+    assert found.climb_rate == pytest.approx(climb_rate, abs=1e-12)
+    assert found.ahead == pytest.approx(ahead)
 
 
 def test_a_leader_outside_a_helix_climbs_with_the_point_beside_it():
@@ -220,25 +211,43 @@ def test_a_distance_in_space_counts_in_least_distances():
     assert clearance(0.0, []) == ENOUGH
 
 
-def test_beside_one_alone_either_way_is_open_and_the_first_is_taken():
-    assert best_step(0.0, (0.0, UP, DOWN), [beside(3.0, 0.0)]) == UP
-    assert best_step(0.0, (0.0, DOWN, UP), [beside(3.0, 0.0)]) == DOWN
+@pytest.mark.parametrize(
+    ("steps", "others", "best"),
+    [
+        # Beside one alone either way is open, and the first is taken.
+        ((0.0, UP, DOWN), [], UP),
+        ((0.0, DOWN, UP), [], DOWN),
+        # 12 m above, and 9 m aside: 20 m would lead through that height, and end 8 m over it.
+        (STEPS, [beside(9.0, 12.0)], DOWN),
+        # 24 m above: 4 m under it.
+        (STEPS, [beside(6.0, 24.0)], DOWN),
+        # With others near above and below no height is better.
+        (STEPS, [beside(3.0, 12.0), beside(3.0, -12.0)], 0.0),
+        # Who is far away in the plane closes no height.
+        (STEPS, [beside(15.0, 12.0)], UP),
+    ],
+)
+def test_nobody_steps_into_or_through_the_layer_of_another(steps, others, best):
+    assert best_step(0.0, steps, [beside(3.0, 0.0), *others]) == best
 
 
-def test_nobody_steps_into_or_through_the_layer_of_another():
-    # 12 m above, and 9 m aside: 20 m would lead through that height, and end 8 m over it.
-    assert best_step(0.0, STEPS, [beside(3.0, 0.0), beside(9.0, 12.0)]) == DOWN
-    # 24 m above: 4 m under it.
-    assert best_step(0.0, STEPS, [beside(3.0, 0.0), beside(6.0, 24.0)]) == DOWN
+@pytest.mark.parametrize(
+    ("over", "others", "best"),
+    [
+        (True, [], UP),
+        (False, [], DOWN),
+        # The way over is closed to the first: it stays, and does not follow the other one down.
+        (True, [beside(3.0, 12.0)], 0.0),
+    ],
+)
+def test_of_two_that_are_as_high_one_goes_over_the_other_and_never_both(over, others, best):
+    assert best_step(0.0, STEPS, [beside(3.0, 0.0, over=over), *others]) == best
 
 
-def test_with_others_near_above_and_below_no_height_is_better():
-    layers = [beside(3.0, 0.0), beside(3.0, 12.0), beside(3.0, -12.0)]
-    assert best_step(0.0, STEPS, layers) == 0.0
-
-
-def test_who_is_far_away_in_the_plane_closes_no_height():
-    assert best_step(0.0, STEPS, [beside(3.0, 0.0), beside(15.0, 12.0)]) == UP
+# 7 m or 4 m below somebody, and 8 m above: 1.0 and 0.57 against 1.14 least distances.
+@pytest.mark.parametrize(("above", "best"), [(27.0, UP), (24.0, DOWN)])
+def test_a_step_is_kept_until_another_is_clearly_better(above, best):
+    assert best_step(UP, (UP, DOWN), [beside(0.0, above), beside(0.0, -28.0)]) == best
 
 
 def test_one_that_is_climbing_counts_where_it_will_be():
@@ -246,24 +255,6 @@ def test_one_that_is_climbing_counts_where_it_will_be():
     climbing = beside(5.0, 4.0, soon=9.0)
     assert best_step(0.0, STEPS, [beside(3.0, 0.0), climbing]) == DOWN
     assert clearance(UP, [beside(5.0, -2.0, soon=12.0)]) == pytest.approx(math.hypot(5, 10) / 7)
-
-
-def test_of_two_that_are_as_high_one_goes_over_the_other_and_never_both():
-    first = best_step(0.0, STEPS, [beside(3.0, 0.0, over=True)])
-    second = best_step(0.0, STEPS, [beside(3.0, 0.0, over=False)])
-    assert (first, second) == (UP, DOWN)
-    # The way over is closed to the first: it stays, and does not follow the other one down.
-    closed = [beside(3.0, 0.0, over=True), beside(3.0, 12.0)]
-    assert best_step(0.0, STEPS, closed) == 0.0
-
-
-def test_a_step_is_kept_until_another_is_clearly_better():
-    # 7 m and 8 m from somebody: 1.0 and 1.14 least distances.
-    near = [beside(0.0, 27.0), beside(0.0, -28.0)]
-    assert best_step(UP, (UP, DOWN), near) == UP
-    # 4 m: 0.57 against 1.14.
-    worse = [beside(0.0, 24.0), beside(0.0, -28.0)]
-    assert best_step(UP, (UP, DOWN), worse) == DOWN
 
 
 @pytest.mark.parametrize(("height_m", "deepest_m"), [(100.0, 20.0), (40.0, 10.0), (-3.0, 0.0)])
@@ -289,39 +280,25 @@ def test_no_step_leaves_less_than_staying_does(neighbours, present):
     assert found == present or clearance(found, neighbours) > clearance(present, neighbours)
 
 
-AIRCRAFT = Airframe(
-    hold="heading-hold",
-    alpha=1.2,
-    beta=0.8,
-    airspeed_min=12.0,
-    airspeed_max=32.0,
-    max_bank=0.785,
-    height_delay=2.0,
-    climb_max=4.0,
-    sink_max=3.0,
-)
-
-
-def level_at(height: float) -> HeightTarget:
-    return held_height(height)
+AIRCRAFT = Airframe(height_delay=2.0, climb_max=4.0, sink_max=3.0)
 
 
 def test_a_step_that_has_just_begun_is_counted_on_to_become_as_fast_as_the_vehicle_climbs():
-    heights = heights_ahead(100.0, 0.0, level_at(120.0), AIRCRAFT, begun_s=0.1)
+    heights = heights_ahead(100.0, 0.0, held_height(120.0), AIRCRAFT, begun_s=0.1)
     # 4 m/s after a lag of 1.2 s: 4 (2 - 1.2 (1 - exp(-2 / 1.2))) = 4.107 m in 2 s.
     assert heights[TIMES == 2.0] == pytest.approx([104.107], abs=1e-3)
     assert heights[0] == 100.0
     assert heights[-1] == 120.0
-    down = heights_ahead(100.0, 0.0, level_at(80.0), AIRCRAFT, begun_s=0.1)
+    down = heights_ahead(100.0, 0.0, held_height(80.0), AIRCRAFT, begun_s=0.1)
     assert down[TIMES == 2.0] == pytest.approx([100.0 - 4.107 * 3.0 / 4.0], abs=1e-3)
     assert down[-1] == pytest.approx(80.0)
 
 
 def test_a_vehicle_that_does_not_climb_is_counted_on_to_stay_where_it_is():
-    stuck = heights_ahead(100.0, 0.0, level_at(120.0), AIRCRAFT, begun_s=1.0)
+    stuck = heights_ahead(100.0, 0.0, held_height(120.0), AIRCRAFT, begun_s=1.0)
     assert stuck == pytest.approx(np.full(len(TIMES), 100.0))
     # After 2.4 s it should climb by 4 (1 - exp(-2)) = 3.459 m/s, and climbs half as fast.
-    slow = heights_ahead(100.0, 1.729, level_at(120.0), AIRCRAFT, begun_s=2.4)
+    slow = heights_ahead(100.0, 1.729, held_height(120.0), AIRCRAFT, begun_s=2.4)
     assert slow[-1] - slow[-2] == pytest.approx(0.5 * 2.0, abs=0.01)
 
 

@@ -39,16 +39,8 @@ Course = Callable[[float], float]
 def heard(
     time_s: float, course: float, *, east: float = 0.0, speed: float = 20.0
 ) -> LeaderState[float]:
-    return LeaderState(
-        time_s=time_s,
-        north=20.0 * time_s,
-        east=east,
-        course=course,
-        ground_speed=speed,
-        acceleration=0.0,
-        turn_rate=0.0,
-        turn_acceleration=0.0,
-    )
+    place = {"north": 20.0 * time_s, "east": east}
+    return leader_at(time_s=time_s, **place, course=course, ground_speed=speed)
 
 
 def after(
@@ -135,16 +127,7 @@ def test_on_a_circle_the_plan_turns_with_it_and_knows_what_the_wind_does_to_the_
     circle = Circle(north=0.0, east=0.0, radius=250.0, direction=1)
     known = KnownLeader(path=circle, path_gains=GAINS, airspeed=20.0, rate_filter_s=0.6)
     # In the north of a clockwise circle the course is east: 5 m/s of west wind come from behind.
-    north = LeaderState(
-        time_s=0.0,
-        north=250.0,
-        east=0.0,
-        course=math.pi / 2.0,
-        ground_speed=25.0,
-        acceleration=0.0,
-        turn_rate=0.1,
-        turn_acceleration=0.0,
-    )
+    north = leader_at(north=250.0, course=math.pi / 2.0, ground_speed=25.0, turn_rate=0.1)
     planned = planned_motion(north, known, (0.0, 5.0))
     assert planned.course == pytest.approx(math.pi / 2.0)
     assert planned.ground_speed == pytest.approx(25.0)

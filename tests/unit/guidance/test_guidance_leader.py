@@ -20,19 +20,20 @@ HEADING_HOLD, COURSE_HOLD = Airframe(), Airframe(hold="course-hold")
 PERIOD = 0.05
 NORTHBOUND = Line(north=0.0, east=0.0, course=0.0)
 CLOCKWISE = Circle(north=0.0, east=0.0, radius=150.0, direction=1)
+INSIDE = SlotLimits(slot=Slot(forward=0.0, right=67.5), airspeed_min=12.0, airspeed_max=32.0)
 
 
 def guide(
     state: VehicleState[float],
     task: LeaderTask,
-    settings: GuidanceSettings,
-    airframe: Airframe,
+    airframe: Airframe = HEADING_HOLD,
+    settings: GuidanceSettings | None = None,
     *,
-    period: float,
     memory: object = FIRST,
 ) -> LeaderGuidance[float]:
-    law = PathField(Section(), settings, airframe)
-    return leader_step(state, law, task, period=period, memory=memory)
+    """One step, by the usual settings if nothing is said."""
+    law = PathField(Section(), settings or choices(), airframe)
+    return leader_step(state, law, task, period=PERIOD, memory=memory)
 
 
 def along(path: Path, *followers: SlotLimits) -> LeaderTask:
@@ -42,7 +43,7 @@ def along(path: Path, *followers: SlotLimits) -> LeaderTask:
 
 @pytest.mark.parametrize("airframe", [HEADING_HOLD, COURSE_HOLD])
 def test_on_its_line_in_calm_air_a_leader_keeps_course_and_speed(airframe):
-    guidance = guide(vehicle_at(500.0, 0.0), along(NORTHBOUND), choices(), airframe, period=PERIOD)
+    guidance = guide(vehicle_at(500.0, 0.0), along(NORTHBOUND), airframe)
     assert (guidance.setpoint.course, guidance.setpoint.speed) == (0.0, 20.0)
     assert (guidance.cross_track_error, guidance.course_error) == (0.0, 0.0)
     assert not guidance.setpoint.limited
@@ -51,14 +52,14 @@ def test_on_its_line_in_calm_air_a_leader_keeps_course_and_speed(airframe):
 @pytest.mark.parametrize("airframe", [HEADING_HOLD, COURSE_HOLD])
 def test_on_its_circle_the_course_setpoint_leads_the_turn(airframe):
     state = vehicle_at(150.0, 0.0, math.pi / 2.0)
-    guidance = guide(state, along(CLOCKWISE), choices(), airframe, period=PERIOD)
+    guidance = guide(state, along(CLOCKWISE), airframe)
     # 20/150 = 0.1333 rad/s, times 1/1.2 + 0.05/2 = 0.858333 s: 0.11444 rad
     assert guidance.setpoint.course - state.course == pytest.approx(0.114444, abs=1e-5)
     assert guidance.setpoint.speed == pytest.approx(20.0)
 
 
 def test_right_of_its_line_it_turns_left():
-    guidance = guide(vehicle_at(0.0, 1.0), along(NORTHBOUND), choices(), COURSE_HOLD, period=PERIOD)
+    guidance = guide(vehicle_at(0.0, 1.0), along(NORTHBOUND), COURSE_HOLD)
     assert guidance.cross_track_error == pytest.approx(1.0)
     # chi~ = atan(0.03 . 1) = 0.029991; 3 . 0.029991/0.525 = 0.171377 rad/s to the left, times 0.858333 s
     assert guidance.course_error == pytest.approx(0.029991, abs=1e-6)
@@ -69,31 +70,23 @@ def test_a_leader_keeps_its_airspeed_and_lets_the_wind_have_the_ground_speed():
     # 5 m/s from behind: 20 m/s of airspeed are 25 over the ground
     windy = vehicle_at(ground_speed=25.0, wind=(5.0, 0.0))
     task = along(NORTHBOUND)
-    held = guide(windy, task, choices(), HEADING_HOLD, period=PERIOD)
+    held = guide(windy, task, HEADING_HOLD)
     assert held.setpoint.speed == pytest.approx(20.0)
-    assert guide(
-        windy, task, choices(), COURSE_HOLD, period=PERIOD
-    ).setpoint.speed == pytest.approx(25.0)
+    assert guide(windy, task, COURSE_HOLD).setpoint.speed == pytest.approx(25.0)
 
 
 @pytest.mark.parametrize("airframe", [HEADING_HOLD, COURSE_HOLD])
 def test_an_airspeed_off_cruise_is_commanded_back_at_the_holds_own_pace(airframe):
     slow = vehicle_at(ground_speed=18.0)
-    guidance = guide(slow, along(NORTHBOUND), choices(), airframe, period=PERIOD)
+    guidance = guide(slow, along(NORTHBOUND), airframe)
     assert guidance.setpoint.speed == pytest.approx(20.0)
 
 
 @pytest.mark.parametrize(("gives_way", "airspeed"), [(True, 22.0), (False, 20.0)])
 def test_the_leader_gives_way_to_an_inner_slot(gives_way, airspeed):
     # 67.5 m inside on 150 m: 20 (1 - 0.45) = 11 m/s, 2 less than 12 and the margin of 1
-    inside = SlotLimits(slot=Slot(forward=0.0, right=67.5), airspeed_min=12.0, airspeed_max=32.0)
-    guidance = guide(
-        vehicle_at(150.0, 0.0, math.pi / 2.0),
-        along(CLOCKWISE, inside),
-        choices(give_way=gives_way),
-        HEADING_HOLD,
-        period=PERIOD,
-    )
+    state, settings = vehicle_at(150.0, 0.0, math.pi / 2.0), choices(give_way=gives_way)
+    guidance = guide(state, along(CLOCKWISE, INSIDE), HEADING_HOLD, settings)
     assert guidance.setpoint.speed == pytest.approx(airspeed)
 
 
@@ -102,8 +95,8 @@ def test_the_leader_gives_way_to_an_inner_slot(gives_way, airspeed):
 def test_a_wind_that_grows_from_the_left_is_met_by_turning_into_it(north_rate, feedforward, course):
     # 2 m/s² toward the east: the nose turns left by 2/20 rad/s, . 0.858333 s; what blows along is left alone
     state = vehicle_at(wind_rate=(north_rate, 2.0))
-    chosen = choices(wind_feedforward=feedforward)
-    guidance = guide(state, along(NORTHBOUND), chosen, HEADING_HOLD, period=PERIOD)
+    settings = choices(wind_feedforward=feedforward)
+    guidance = guide(state, along(NORTHBOUND), HEADING_HOLD, settings)
     assert guidance.setpoint.course == pytest.approx(course, abs=1e-6)
     assert guidance.setpoint.speed == pytest.approx(20.0)
 
@@ -112,7 +105,7 @@ def test_flying_east_the_left_is_north():
     # 2 m/s² toward the south, from the left again
     state = vehicle_at(course=math.pi / 2.0, wind_rate=(-2.0, 1.5))
     task = along(Line(north=0.0, east=0.0, course=math.pi / 2.0))
-    guidance = guide(state, task, choices(), HEADING_HOLD, period=PERIOD)
+    guidance = guide(state, task, HEADING_HOLD)
     assert guidance.setpoint.course == pytest.approx(math.pi / 2.0 - 0.0858333)
 
 
@@ -120,25 +113,19 @@ def test_the_first_estimate_of_the_observer_is_the_airspeed():
     windy = vehicle_at(ground_speed=25.0, wind=(5.0, 0.0))
     observing = choices(speed_source="observer")
     task = along(NORTHBOUND)
-    first = guide(windy, task, observing, HEADING_HOLD, period=PERIOD)
+    first = guide(windy, task, HEADING_HOLD, observing)
     assert first.memory == pytest.approx(20.0)
-    later = guide(windy, task, observing, HEADING_HOLD, period=PERIOD, memory=24.0)
+    later = guide(windy, task, HEADING_HOLD, observing, memory=24.0)
     # 24 - 0.05 . 1 . 0.5 (24 - 20)
     assert later.memory == pytest.approx(23.9)
-    measured = guide(windy, task, choices(), HEADING_HOLD, period=PERIOD)
+    measured = guide(windy, task, HEADING_HOLD)
     assert measured.memory == 25.0
 
 
 def test_the_observers_estimate_falls_with_the_course_error_along_the_regressor():
     state = vehicle_at(150.0, 0.0, math.pi / 2.0 + 0.1)
-    guidance = guide(
-        state,
-        along(CLOCKWISE),
-        choices(speed_source="observer"),
-        HEADING_HOLD,
-        period=PERIOD,
-        memory=20.0,
-    )
+    observing = choices(speed_source="observer")
+    guidance = guide(state, along(CLOCKWISE), HEADING_HOLD, observing, memory=20.0)
     # phi = cos(0.1)/150 - 0.03 sin(0.1) = 0.0066334 - 0.002995 = 0.0036384; -0.05 . 200 . 0.1 . phi
     assert guidance.memory - 20.0 == pytest.approx(-0.0036384, abs=1e-6)
 
@@ -157,26 +144,17 @@ def test_the_observers_estimate_falls_with_the_course_error_along_the_regressor(
 def test_an_observing_leader_turns_by_its_estimate(airframe, estimate, lead):
     state = vehicle_at(150.0, 0.0, math.pi / 2.0)
     observing = choices(speed_source="observer")
-    guidance = guide(state, along(CLOCKWISE), observing, airframe, period=PERIOD, memory=estimate)
+    guidance = guide(state, along(CLOCKWISE), airframe, observing, memory=estimate)
     assert guidance.setpoint.course - state.course == pytest.approx(lead, abs=1e-6)
 
 
 @pytest.mark.parametrize("airframe", [HEADING_HOLD, COURSE_HOLD])
 def test_what_an_observing_leader_is_told_of_its_ground_speed_changes_nothing(airframe):
     # 67.5 m inside: an inner slot, so that giving way looks at the speed as well
-    inside = SlotLimits(slot=Slot(forward=0.0, right=67.5), airspeed_min=12.0, airspeed_max=32.0)
     state = vehicle_at(151.0, 0.0, math.pi / 2.0 + 0.1)
-    found = [
-        guide(
-            replace(state, ground_speed=told),
-            along(CLOCKWISE, inside),
-            choices(speed_source="observer"),
-            airframe,
-            period=PERIOD,
-            memory=21.0,
-        )
-        for told in (20.0, 5.0, 40.0)
-    ]
+    task, observing = along(CLOCKWISE, INSIDE), choices(speed_source="observer")
+    states = [replace(state, ground_speed=told) for told in (20.0, 5.0, 40.0)]
+    found = [guide(one, task, airframe, observing, memory=21.0) for one in states]
     assert found[0] == found[1] == found[2]
 
 
@@ -198,8 +176,8 @@ def test_from_any_course_a_leader_flies_onto_its_path(path, source, start_deg):
     settings, task, estimate = choices(speed_source=source), along(path), None
     worst = 0.0
     for step in range(1600):
-        state = vehicle_at(flyer.north, flyer.east, flyer.course, flyer.speed, time_s=step * PERIOD)
-        guidance = guide(state, task, settings, COURSE_HOLD, period=PERIOD, memory=estimate)
+        state = flyer.state(step * PERIOD)
+        guidance = guide(state, task, COURSE_HOLD, settings, memory=estimate)
         estimate = guidance.memory
         flyer.fly(guidance.setpoint.course, guidance.setpoint.speed, PERIOD)
         if step > 1200:
@@ -211,7 +189,7 @@ def test_from_any_course_a_leader_flies_onto_its_path(path, source, start_deg):
 def test_from_the_centre_of_its_circle_a_leader_flies_out_onto_it():
     flyer = Plant(course=2.0)
     for _ in range(1600):
-        state = vehicle_at(flyer.north, flyer.east, flyer.course, flyer.speed)
-        guidance = guide(state, along(CLOCKWISE), choices(), COURSE_HOLD, period=PERIOD)
+        state = flyer.state()
+        guidance = guide(state, along(CLOCKWISE), COURSE_HOLD)
         flyer.fly(guidance.setpoint.course, guidance.setpoint.speed, PERIOD)
     assert math.hypot(flyer.north, flyer.east) == pytest.approx(150.0, abs=0.5)

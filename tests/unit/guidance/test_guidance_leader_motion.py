@@ -86,20 +86,18 @@ def test_a_steady_acceleration_is_found():
     assert motion.ground_speed == pytest.approx(29.0)
 
 
-def test_a_turn_that_tightens_has_a_turn_acceleration():
+def test_what_grows_is_no_more_than_half_a_sample_late():
     times = [index * PERIOD for index in range(161)]
-    states = [vehicle_at(course=0.01 * time * time, time_s=time) for time in times]
-    # omega = 0.02 t: 0.02 rad/s², and a difference is half a sample late
+    states = [
+        vehicle_at(course=0.01 * time * time, ground_speed=20.0 + 0.1 * time * time, time_s=time)
+        for time in times
+    ]
+    # omega = 0.02 t: 0.02 rad/s², and a difference is half a sample late; dV/dt = 0.2 t likewise, where a
+    # first-order filter of 0.4 s would be 0.425 s late
     motion = estimates(states)
     assert motion.turn_acceleration == pytest.approx(0.02, rel=1e-5)
     assert motion.turn_rate == pytest.approx(0.02 * (8.0 - 0.025), rel=1e-5)
-
-
-def test_an_acceleration_that_grows_is_no_more_than_half_a_sample_late():
-    times = [index * PERIOD for index in range(161)]
-    states = [vehicle_at(ground_speed=20.0 + 0.1 * time * time, time_s=time) for time in times]
-    # dV/dt = 0.2 t; a first-order filter of 0.4 s would be 0.425 s late
-    assert estimates(states).acceleration == pytest.approx(0.2 * (8.0 - 0.025), rel=1e-5)
+    assert motion.acceleration == pytest.approx(0.2 * (8.0 - 0.025), rel=1e-5)
 
 
 def test_without_a_filter_the_differences_come_through():
@@ -111,18 +109,18 @@ def test_without_a_filter_the_differences_come_through():
 
 
 @pytest.mark.parametrize("outlier", [1.0, -2.0, 3.0])
-def test_an_outlier_of_the_course_turns_the_slot_frame_a_little_only(outlier):
-    states = [vehicle_at(), vehicle_at(course=outlier, time_s=PERIOD)]
-    # 20 rad/s and more are held at g tan(45 degrees)/12 = 0.81722 rad/s, of which 1 - e^(-1/4) is taken
+def test_an_outlier_turns_the_slot_frame_a_little_only(outlier):
+    states = [vehicle_at(), vehicle_at(course=outlier, ground_speed=90.0, time_s=PERIOD)]
+    # 20 rad/s and more are held at g tan(45 degrees)/12 = 0.81722 rad/s, and the speed at twice 3 m/s², of
+    # which 1 - e^(-1/4) is taken
     motion = estimates(states)
     assert abs(motion.turn_rate) == pytest.approx(0.81722 * 0.221199, abs=1e-5)
     assert math.copysign(1.0, motion.turn_rate) == math.copysign(1.0, outlier)
-
-
-def test_an_outlier_of_the_speed_is_bounded_too():
-    states = [vehicle_at(), vehicle_at(ground_speed=90.0, time_s=PERIOD)]
-    # twice 3 m/s², of which 1 - e^(-1/4) is taken
-    assert estimates(states).acceleration == pytest.approx(6.0 * 0.221199, abs=1e-5)
+    assert motion.acceleration == pytest.approx(6.0 * 0.221199, abs=1e-5)
+    # A steeper bank allows a faster turn: 9.80665 tan(60 degrees)/12
+    steep = replace(AIRFRAME, max_bank=math.radians(60.0))
+    unfiltered = estimated_motion(motion_at_first(states[0]), states[1], steep, 0.0)
+    assert abs(unfiltered.state.turn_rate) == pytest.approx(1.41547, abs=1e-5)
 
 
 def test_however_wild_the_courses_the_turn_rate_stays_within_the_bank_limit():
@@ -137,15 +135,6 @@ def test_however_wild_the_courses_the_turn_rate_stays_within_the_bank_limit():
         motion = estimated_motion(motion, wild, AIRFRAME, FILTER)
         assert abs(motion.state.turn_rate) <= 0.8173
         assert abs(motion.state.acceleration) <= 6.0
-
-
-def test_a_steeper_bank_allows_a_faster_turn():
-    steep = replace(AIRFRAME, max_bank=math.radians(60.0))
-    motion = estimated_motion(
-        motion_at_first(vehicle_at()), vehicle_at(course=2.0, time_s=PERIOD), steep, 0.0
-    )
-    # 9.80665 tan(60 degrees)/12
-    assert motion.state.turn_rate == pytest.approx(1.41547, abs=1e-5)
 
 
 SPEED, RADIUS = 20.0, 200.0

@@ -13,8 +13,9 @@ from tests.kit.following import keeper
 from tests.kit.states import choices, leader_at, vehicle_at
 from vfguide.guidance.airframe import GRAVITY
 from vfguide.guidance.formation import Slot, slot_motion
+from vfguide.laws.keeper import SlotKeeper
 from vfguide.laws.mpc import MpcGains, Programme, predicted_slot, regulator
-from vfguide.state import Airframe
+from vfguide.state import Airframe, Setpoint, VehicleState
 
 PERIOD = 0.05
 CHOSEN: dict[str, Any] = {
@@ -26,6 +27,15 @@ CHOSEN: dict[str, Any] = {
 }
 WEIGHTS = MpcGains(**CHOSEN)
 SLOT = Slot(forward=-40.0, right=10.0)
+
+
+def controller_of(**gains: float) -> SlotKeeper[float]:
+    return keeper("mpc", choices(), SLOT, Airframe(), **(CHOSEN | gains))
+
+
+def asked(controller: SlotKeeper[float], state: VehicleState[float], **leader: float) -> Setpoint:
+    """What a step asks for behind a leader."""
+    return controller.step(state, leader_at(**leader), period=PERIOD).setpoint
 
 
 def unbounded(count: int) -> tuple[np.ndarray, np.ndarray]:
@@ -67,54 +77,42 @@ def test_the_slot_is_predicted_along_the_leaders_arc():
 
 
 def test_on_a_turning_slot_it_asks_for_the_slots_own_motion():
-    leading = leader_at(turn_rate=0.1)
-    motion = slot_motion(leading, SLOT)
-    state = vehicle_at(
-        north=motion.north, east=motion.east, course=motion.course, ground_speed=motion.speed
-    )
-    controller = keeper("mpc", choices(), SLOT, Airframe(), **CHOSEN)
-    setpoint = controller.step(state, leading, period=PERIOD).setpoint
+    motion = slot_motion(leader_at(turn_rate=0.1), SLOT)
+    state = vehicle_at(motion.north, motion.east, motion.course, motion.speed)
+    setpoint = asked(controller_of(), state, turn_rate=0.1)
     lead = motion.turn_rate * (1.0 / 1.2 + 0.025)
     assert setpoint.course == pytest.approx(motion.course + lead, abs=1e-4)
     assert setpoint.speed == pytest.approx(motion.speed, abs=1e-3)
 
 
 def test_a_distant_slot_is_flown_to_within_bank_and_airspeed():
-    airframe = Airframe()
-    controller = keeper("mpc", choices(), SLOT, airframe, **CHOSEN)
+    airframe, controller = Airframe(), controller_of()
     fastest = GRAVITY * math.tan(airframe.max_bank) / 20.0
     steepest = fastest * (1.0 / airframe.alpha + PERIOD / 2.0)
     for east in (-300.0, 300.0):
-        setpoint = controller.step(
-            vehicle_at(north=-200.0, east=east), leader_at(), period=PERIOD
-        ).setpoint
+        setpoint = asked(controller, vehicle_at(north=-200.0, east=east))
         assert abs(setpoint.course) <= steepest + 1e-6
         assert airframe.airspeed_min <= setpoint.speed <= airframe.airspeed_max
 
 
 def test_a_vehicle_outside_its_bounds_is_led_back_in():
-    controller = keeper("mpc", choices(), SLOT, Airframe(), **CHOSEN)
+    controller = controller_of()
     too_fast = vehicle_at(north=-40.0, east=10.0, ground_speed=40.0)
-    assert controller.step(too_fast, leader_at(), period=PERIOD).setpoint.speed < 40.0
+    assert asked(controller, too_fast).speed < 40.0
     backwards = vehicle_at(north=-40.0, east=10.0, course=3.0)
-    assert abs(controller.step(backwards, leader_at(), period=PERIOD).setpoint.course - 3.0) > 0.1
+    assert abs(asked(controller, backwards).course - 3.0) > 0.1
 
 
 def test_with_an_integral_it_asks_for_more_the_longer_it_is_off_its_slot():
     behind = vehicle_at(north=-40.5, east=10.0)
 
-    def asked(integral_s: float) -> list[float]:
-        chosen = CHOSEN | {"integral_s": integral_s}
-        controller = keeper("mpc", choices(), SLOT, Airframe(), **chosen)
-        speeds = [
-            controller.step(behind, leader_at(), period=PERIOD).setpoint.speed for _ in range(5)
-        ]
+    def speeds_of(controller: SlotKeeper[float]) -> list[float]:
+        speeds = [asked(controller, behind).speed for _ in range(5)]
         controller.reset()
-        again = controller.step(behind, leader_at(), period=PERIOD).setpoint.speed
-        assert again == pytest.approx(speeds[0], abs=1e-3)
+        assert asked(controller, behind).speed == pytest.approx(speeds[0], abs=1e-3)
         return speeds
 
-    alone, learning = asked(0.0), asked(1.0)
+    alone, learning = speeds_of(controller_of()), speeds_of(controller_of(integral_s=1.0))
     assert alone == pytest.approx([alone[0]] * 5, abs=1e-3)
     # Each step moves the target by 0.5 m * 0.05 s / 1 s, less 1 / 256 for the nearness.
     _, gain = regulator(
@@ -129,11 +127,9 @@ def test_with_an_integral_it_asks_for_more_the_longer_it_is_off_its_slot():
 
 def test_the_same_states_give_the_same_setpoints():
     def flown() -> list[float]:
-        controller = keeper("mpc", choices(), SLOT, Airframe(), **CHOSEN)
+        controller = controller_of()
         states = [vehicle_at(north=-40.0 + 0.3 * step, east=8.0) for step in range(20)]
-        return [
-            controller.step(state, leader_at(), period=PERIOD).setpoint.speed for state in states
-        ]
+        return [asked(controller, state).speed for state in states]
 
     assert flown() == flown()
 
@@ -148,10 +144,9 @@ def test_the_same_states_give_the_same_setpoints():
     wind=st.floats(-30.0, 30.0),
 )
 def test_wherever_a_follower_is_its_guidance_is_finite(north, east, course, speed, turn_rate, wind):
-    controller = keeper("mpc", choices(), SLOT, Airframe(), **CHOSEN)
     state = vehicle_at(north=north, east=east, course=course, ground_speed=speed, wind=(wind, 0.0))
     # Nobody who stands still in the air is guided: a companion takes its airspeed for 1 m/s at least.
     state = replace(state, airspeed=max(state.airspeed, 1.0))
-    setpoint = controller.step(state, leader_at(turn_rate=turn_rate), period=PERIOD).setpoint
+    setpoint = asked(controller_of(), state, turn_rate=turn_rate)
     assert math.isfinite(setpoint.course)
     assert math.isfinite(setpoint.speed)

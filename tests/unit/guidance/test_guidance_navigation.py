@@ -17,6 +17,7 @@ from vfguide.guidance.navigation import (
     navigate,
     navigate_blind,
 )
+from vfguide.guidance.wind_triangle import compose
 from vfguide.state import VehicleState
 
 TIMES = FilterTimes(position_s=2.0, wind_s=0.2)
@@ -25,47 +26,36 @@ Track = Callable[[float], Sample[float]]
 Filter = Callable[[VehicleState[float], Sample[float], FilterTimes], VehicleState[float]]
 
 
-def steady_wind(time: float) -> Sample[float]:
-    """Straight flight at 20 m/s through a wind of (5, -3) m/s."""
+def windy(
+    time: float, farther: tuple[float, float] = (0.0, 0.0), faster: tuple[float, float] = (0.0, 0.0)
+) -> Sample[float]:
+    """Straight flight at 20 m/s through a wind of (5, -3) m/s, and so much (north, east) beside it."""
     north = AIRSPEED * math.cos(HEADING) + 5.0
     east = AIRSPEED * math.sin(HEADING) - 3.0
     return Sample(
         time_s=time,
-        north=north * time,
-        east=east * time,
-        velocity_north=north,
-        velocity_east=east,
+        north=north * time + farther[0],
+        east=east * time + farther[1],
+        velocity_north=north + faster[0],
+        velocity_east=east + faster[1],
         heading=HEADING,
         airspeed=AIRSPEED,
     )
+
+
+def steady_wind(time: float) -> Sample[float]:
+    return windy(time)
 
 
 def growing_wind(time: float) -> Sample[float]:
-    """The same with a wind that grows by (0.8, -0.5) m/s every second."""
-    steady = steady_wind(time)
-    return Sample(
-        time_s=time,
-        north=steady.north + 0.4 * time * time,
-        east=steady.east - 0.25 * time * time,
-        velocity_north=steady.velocity_north + 0.8 * time,
-        velocity_east=steady.velocity_east - 0.5 * time,
-        heading=HEADING,
-        airspeed=AIRSPEED,
-    )
+    """A wind that grows by (0.8, -0.5) m/s every second."""
+    return windy(time, (0.4 * time * time, -0.25 * time * time), (0.8 * time, -0.5 * time))
 
 
 def turning_wind(time: float) -> Sample[float]:
-    """The same with a wind whose growth grows by (0.3, -0.2) m/s² every second."""
-    steady = steady_wind(time)
-    return Sample(
-        time_s=time,
-        north=steady.north + 0.05 * time**3,
-        east=steady.east - 0.1 / 3.0 * time**3,
-        velocity_north=steady.velocity_north + 0.15 * time * time,
-        velocity_east=steady.velocity_east - 0.1 * time * time,
-        heading=HEADING,
-        airspeed=AIRSPEED,
-    )
+    """A wind whose growth grows by (0.3, -0.2) m/s² every second."""
+    farther = (0.05 * time**3, -0.1 / 3.0 * time**3)
+    return windy(time, farther, (0.15 * time * time, -0.1 * time * time))
 
 
 def run(
@@ -127,16 +117,8 @@ def noisy(track: Track, spread: float, seed: int) -> Track:
 
     def report(time: float) -> Sample[float]:
         true = track(time)
-        north, east = random.normal(0.0, spread, 2)
-        return Sample(
-            time_s=time,
-            north=true.north + float(north),
-            east=true.east + float(east),
-            velocity_north=true.velocity_north,
-            velocity_east=true.velocity_east,
-            heading=true.heading,
-            airspeed=true.airspeed,
-        )
+        north, east = random.normal(0.0, spread, 2).tolist()
+        return replace(true, north=true.north + north, east=true.east + east)
 
     return report
 
@@ -146,11 +128,7 @@ def noisy(track: Track, spread: float, seed: int) -> Track:
 def test_position_noise_of_0_3_m_falls_to_centimetres(track, seed):
     states = run(noisy(track, 0.3, seed), 120.0)
     settled = list(enumerate(states))[400:]
-    squares = [
-        (state.north - track(index * PERIOD).north) ** 2
-        + (state.east - track(index * PERIOD).east) ** 2
-        for index, state in settled
-    ]
+    squares = [miss(state, track(index * PERIOD)) ** 2 for index, state in settled]
     rms = math.sqrt(sum(squares) / len(squares) / 2.0)
     # lean = 0.05/2.05 = 0.0244: 0.3 sqrt(lean / (2 - lean)) = 0.0333 m on each axis
     assert rms == pytest.approx(0.0333, rel=0.3)
@@ -164,10 +142,7 @@ def test_without_memory_the_filter_passes_reports_through():
     for sample in samples[1:]:
         state = navigate(state, sample, none)
         assert miss(state, sample) < 1e-9
-        found = (
-            state.ground_speed * math.cos(state.course),
-            state.ground_speed * math.sin(state.course),
-        )
+        found = compose(state.ground_speed, 0.0, state.course)
         assert found == pytest.approx((sample.velocity_north, sample.velocity_east))
     # the difference of two winds 0.05 s apart
     assert state.wind_rate_north == pytest.approx(0.8)
@@ -188,15 +163,8 @@ def with_wrong_speed(track: Track) -> Track:
 
     def report(time: float) -> Sample[float]:
         true = track(time)
-        return Sample(
-            time_s=true.time_s,
-            north=true.north,
-            east=true.east,
-            velocity_north=2.0 * true.velocity_north,
-            velocity_east=2.0 * true.velocity_east,
-            heading=true.heading,
-            airspeed=true.airspeed,
-        )
+        north, east = 2.0 * true.velocity_north, 2.0 * true.velocity_east
+        return replace(true, velocity_north=north, velocity_east=east)
 
     return report
 

@@ -3,8 +3,9 @@
 import math
 from itertools import product
 
+import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from vfguide.elementwise import wrap_angle
@@ -16,6 +17,7 @@ from vfguide.guidance.path import (
     desired_course_slope,
     tangent_rate_per_speed,
 )
+from vfguide.guidance.wind_triangle import compose
 from vfguide.paths.circle import Circle
 from vfguide.paths.line import Line
 
@@ -36,42 +38,27 @@ def angle_between(first: float, second: float) -> float:
 
 
 @pytest.mark.parametrize("course", COURSES)
-def test_on_a_line_the_field_points_along_it(course):
+@pytest.mark.parametrize("approach", [math.pi / 2.0, 0.6])
+@pytest.mark.parametrize("right", [0.0, 1e7, -1e7])
+def test_the_field_points_along_a_line_and_far_away_approaches_it_at_the_approach_angle(
+    course, approach, right
+):
     line = Line(north=5.0, east=7.0, course=course)
-    north, east = 5.0 + 300.0 * math.cos(course), 7.0 + 300.0 * math.sin(course)
-    point = line.nearest(north, east)
-    assert point.cross_track_error == pytest.approx(0.0, abs=1e-9)
+    # (-sin, cos) is the unit vector right of the course
+    north, east = compose(300.0, right, course)
+    point = line.nearest(5.0 + north, 7.0 + east)
+    assert point.cross_track_error == pytest.approx(right, rel=1e-6, abs=1e-9)
     assert point.curvature == 0.0
-    assert angle_between(desired_course(point, GAIN, math.pi / 2.0), course) < 1e-9
-
-
-@pytest.mark.parametrize(("course", "approach"), list(product(COURSES, (math.pi / 2.0, 0.6))))
-def test_far_from_a_line_the_field_approaches_it_at_the_approach_angle(course, approach):
-    line = Line(north=0.0, east=0.0, course=course)
-    # 1e7 m to the right: (-sin, cos) is the unit vector right of the course
-    north, east = -1e7 * math.sin(course), 1e7 * math.cos(course)
-    right, left = line.nearest(north, east), line.nearest(-north, -east)
-    assert right.cross_track_error == pytest.approx(1e7)
-    assert left.cross_track_error == pytest.approx(-1e7)
-    assert angle_between(desired_course(right, GAIN, approach), course - approach) < 1e-5
-    assert angle_between(desired_course(left, GAIN, approach), course + approach) < 1e-5
+    expected = course - approach * np.sign(right)
+    assert angle_between(desired_course(point, GAIN, approach), expected) < (
+        1e-5 if right else 1e-9
+    )
 
 
 def test_at_one_over_the_gain_the_field_has_bent_half_way():
     # e = 1/k = 33.3 m right: atan(1) = pi/4, half of pi/2, so half of the approach angle, to the left
     point = Line(north=0.0, east=0.0, course=0.0).nearest(0.0, 1.0 / GAIN)
     assert desired_course(point, GAIN, 0.8) == pytest.approx(-0.4)
-
-
-@pytest.mark.parametrize(("direction", "bearing"), list(product(SENSES, COURSES)))
-def test_on_a_circle_the_field_is_the_tangent(direction, bearing):
-    circle = Circle(north=30.0, east=40.0, radius=150.0, direction=direction)
-    north, east = 30.0 + 150.0 * math.cos(bearing), 40.0 + 150.0 * math.sin(bearing)
-    point = circle.nearest(north, east)
-    assert point.cross_track_error == pytest.approx(0.0, abs=1e-9)
-    assert point.curvature == pytest.approx(direction / 150.0)
-    tangent = bearing + direction * math.pi / 2.0
-    assert angle_between(desired_course(point, GAIN, math.pi / 2.0), tangent) < 1e-9
 
 
 def test_outside_a_clockwise_circle_the_vehicle_is_left_of_it():
@@ -86,25 +73,22 @@ def test_outside_a_clockwise_circle_the_vehicle_is_left_of_it():
 
 @REPEATABLE
 @given(
-    north=st.floats(-2000.0, 2000.0),
-    east=st.floats(-2000.0, 2000.0),
+    bearing=st.floats(-math.pi, math.pi),
+    distance=st.floats(0.1, 1e6),
     direction=st.sampled_from(SENSES),
     gain=st.floats(0.001, 1.0),
 )
-def test_the_circle_field_is_the_articles(north, east, direction, gain):
+@example(bearing=0.5, distance=150.0, direction=1, gain=GAIN)
+@example(bearing=-2.5, distance=150.0, direction=-1, gain=GAIN)
+def test_the_circle_field_is_the_articles(bearing, distance, direction, gain):
+    # The tangent on the circle itself; far away it points at the centre.
     circle = Circle(north=12.0, east=-34.0, radius=150.0, direction=direction)
-    bearing = math.atan2(east + 34.0, north - 12.0)
-    distance = math.hypot(north - 12.0, east + 34.0)
+    north, east = compose(distance, 0.0, bearing)
+    point = circle.nearest(12.0 + north, -34.0 + east)
     article = bearing + direction * (math.pi / 2.0 + math.atan(gain * (distance - 150.0)))
-    field = desired_course(circle.nearest(north, east), gain, math.pi / 2.0)
-    assert angle_between(field, article) < 1e-9
-
-
-@pytest.mark.parametrize("direction", SENSES)
-def test_far_from_a_circle_the_field_points_at_its_centre(direction):
-    circle = Circle(north=0.0, east=0.0, radius=150.0, direction=direction)
-    field = desired_course(circle.nearest(-1e6, 0.0), GAIN, math.pi / 2.0)
-    assert angle_between(field, 0.0) < 1e-3
+    assert angle_between(desired_course(point, gain, math.pi / 2.0), article) < 1e-8
+    assert point.cross_track_error == pytest.approx(direction * (150.0 - distance), abs=1e-8)
+    assert point.curvature == pytest.approx(direction / 150.0)
 
 
 @pytest.mark.parametrize("error", [-80.0, -5.0, 0.0, 3.0, 60.0])

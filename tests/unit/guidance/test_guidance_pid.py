@@ -19,19 +19,20 @@ GAINS: dict[str, Any] = {
     "filter_s": 0.0,
     "greatest": 2.0,
 }
+USUAL = {**GAINS, "period": PERIOD, "share": 1.0, "held": False}
 EMPTY = AxisMemory(integral=0.0, rate=0.0)
 
 
 def test_the_correction_is_the_sum_of_three_parts():
-    correction, memory = axis_step(3.0, -0.4, EMPTY, **GAINS, period=PERIOD, share=1.0, held=False)
+    correction, memory = axis_step(3.0, -0.4, EMPTY, **USUAL)
     # 0.1 * 3 + 0.02 * 3 * 0.05 - 0.5 * 0.4
     assert correction == pytest.approx(0.103)
     assert memory.integral == pytest.approx(0.003)
 
 
 def test_the_rate_is_low_passed():
-    slow = GAINS | {"proportional": 0.0, "integral": 0.0, "derivative": 1.0, "filter_s": 0.15}
-    correction, memory = axis_step(0.0, 1.0, EMPTY, **slow, period=PERIOD, share=1.0, held=False)
+    slow = USUAL | {"proportional": 0.0, "integral": 0.0, "derivative": 1.0, "filter_s": 0.15}
+    correction, memory = axis_step(0.0, 1.0, EMPTY, **slow)
     # Backward Euler: 0.05 / (0.15 + 0.05).
     assert correction == memory.rate == pytest.approx(0.25)
 
@@ -39,9 +40,7 @@ def test_the_rate_is_low_passed():
 def test_an_integral_stands_still_while_its_correction_is_at_the_limit():
     memory = EMPTY
     for _ in range(100):
-        correction, memory = axis_step(
-            80.0, 0.0, memory, **GAINS, period=PERIOD, share=1.0, held=False
-        )
+        correction, memory = axis_step(80.0, 0.0, memory, **USUAL)
         assert correction == 2.0
     assert memory.integral == 0.0
 
@@ -51,15 +50,8 @@ def test_far_from_its_slot_a_follower_learns_nothing_for_its_integrals():
 
     def learned_at(east: float) -> float:
         """What the second step asks for more than the first, rad of course."""
-        gentle = keeper(
-            "pid",
-            choices(),
-            slot,
-            Airframe(),
-            lateral_p_rad_m=0.01,
-            lateral_i_rad_m_s=0.02,
-            lateral_d_rad_s_m=0.0,
-        )
+        gains = {"lateral_p_rad_m": 0.01, "lateral_i_rad_m_s": 0.02, "lateral_d_rad_s_m": 0.0}
+        gentle = keeper("pid", choices(), slot, Airframe(), **gains)
         state = vehicle_at(north=-20.0, east=east, course=0.0)
         errors = [gentle.step(state, leader_at(), period=PERIOD).course_error for _ in range(2)]
         return float(errors[0] - errors[1])
@@ -71,12 +63,12 @@ def test_far_from_its_slot_a_follower_learns_nothing_for_its_integrals():
 
 def test_an_integral_at_the_limit_still_shrinks():
     wound_up = AxisMemory(integral=2.0, rate=0.0)
-    _, memory = axis_step(-1.0, 0.0, wound_up, **GAINS, period=PERIOD, share=1.0, held=False)
+    _, memory = axis_step(-1.0, 0.0, wound_up, **USUAL)
     assert memory.integral == pytest.approx(2.0 - 0.02 * 0.05)
 
 
 def test_an_integral_stands_still_while_the_vehicle_is_at_a_limit():
-    _, memory = axis_step(3.0, 0.0, EMPTY, **GAINS, period=PERIOD, share=1.0, held=True)
+    _, memory = axis_step(3.0, 0.0, EMPTY, **USUAL | {"held": True})
     assert memory.integral == 0.0
 
 

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from vfguide.elementwise import wrap_angle
 from vfguide.guidance.path import Direction, PathPoint
+from vfguide.guidance.wind_triangle import compose
 from vfguide.paths.racetrack import Racetrack
 
 REPEATABLE = settings(deadline=None, derandomize=True, database=None, max_examples=200)
@@ -17,16 +18,9 @@ LEG, RADIUS, STEP = 600.0, 150.0, 0.1
 SENSES: tuple[Direction, Direction] = (1, -1)
 
 
-def racetrack(easement: float, direction: Direction = 1, course: float = 0.0) -> Racetrack:
-    return Racetrack(
-        north=0.0,
-        east=0.0,
-        course=course,
-        leg=LEG,
-        radius=RADIUS,
-        direction=direction,
-        easement=easement,
-    )
+def racetrack(easement: float, direction: Direction = 1, **place: float) -> Racetrack:
+    usual = {"north": 0.0, "east": 0.0, "course": 0.0} | place
+    return Racetrack(**usual, leg=LEG, radius=RADIUS, direction=direction, easement=easement)
 
 
 @cache
@@ -53,20 +47,13 @@ def lap(track: Racetrack) -> list[tuple[float, float, PathPoint[float]]]:
 
 
 @pytest.mark.parametrize("easement", [0.0, 40.0])
-def test_on_the_first_leg_the_path_runs_straight_ahead(easement):
-    # clockwise, north-going: the leg is 150 m west of the axis; 10 m further west is 10 m left
-    point = racetrack(easement).nearest(100.0, -160.0)
-    assert point.course == pytest.approx(0.0)
+@pytest.mark.parametrize(("side", "course"), [(1.0, 0.0), (-1.0, math.pi)])
+def test_the_legs_run_ahead_and_back(easement, side, course):
+    # clockwise: north-going 150 m west of the axis, south-going 150 m east; 10 m further out is left
+    point = racetrack(easement).nearest(100.0 * side, -160.0 * side)
+    assert abs(wrap_angle(point.course - course)) < 1e-9
     assert point.cross_track_error == pytest.approx(-10.0)
     assert point.curvature == pytest.approx(0.0, abs=1e-12)
-
-
-@pytest.mark.parametrize("easement", [0.0, 40.0])
-def test_on_the_second_leg_it_runs_back(easement):
-    # south-going 150 m east of the axis; 10 m further east is left again
-    point = racetrack(easement).nearest(-100.0, 160.0)
-    assert abs(wrap_angle(point.course - math.pi)) < 1e-9
-    assert point.cross_track_error == pytest.approx(-10.0)
 
 
 @pytest.mark.parametrize(
@@ -103,12 +90,9 @@ def test_counterclockwise_is_the_mirror_image(north, east, easement):
 )
 def test_a_racetrack_turned_and_moved_is_the_same_racetrack(along, right, course):
     still = racetrack(40.0).nearest(along, right)
-    moved = Racetrack(
-        north=400.0, east=-70.0, course=course, leg=LEG, radius=RADIUS, direction=1, easement=40.0
-    )
-    north = 400.0 + along * math.cos(course) - right * math.sin(course)
-    east = -70.0 + along * math.sin(course) + right * math.cos(course)
-    point = moved.nearest(north, east)
+    moved = racetrack(40.0, north=400.0, east=-70.0, course=course)
+    north, east = compose(along, right, course)
+    point = moved.nearest(400.0 + north, -70.0 + east)
     assert abs(wrap_angle(point.course - course - still.course)) < 1e-6
     assert point.cross_track_error == pytest.approx(still.cross_track_error, abs=1e-6)
     assert point.curvature == pytest.approx(still.curvature, abs=1e-7)
@@ -130,9 +114,8 @@ def test_the_tangent_integrates_to_the_closed_eased_track(easement, accuracy, di
     assert flown[-1][1] == pytest.approx(flown[0][1], abs=1e-4)
     assert max(abs(point.cross_track_error) for _, _, point in flown) < accuracy
     # one whole turn to the right or left
-    turned = sum(
-        wrap_angle(after[2].course - before[2].course) for before, after in pairwise(flown)
-    )
+    courses = [point.course for _, _, point in flown]
+    turned = sum(wrap_angle(after - before) for before, after in pairwise(courses))
     assert turned == pytest.approx(direction * 2.0 * math.pi, abs=1e-6)
     # inward by easement²/(24 R) to first order in easement/R
     shift = 450.0 - max(abs(north) for north, _, _ in flown)
@@ -145,9 +128,8 @@ def test_curvature_is_how_fast_the_tangent_turns_along_the_eased_track(
     easement, accuracy, direction
 ):
     flown = lap(racetrack(easement, direction))
-    for (_, _, before), (_, _, here), (_, _, after) in zip(
-        flown, flown[1:], flown[2:], strict=False
-    ):
+    points = [point for _, _, point in flown]
+    for before, here, after in zip(points, points[1:], points[2:], strict=False):
         turning = wrap_angle(after.course - before.course) / (2.0 * STEP)
         # 1/R is 6.7e-3 1/m
         assert here.curvature == pytest.approx(turning, abs=accuracy)

@@ -13,10 +13,10 @@ PERIOD = 0.05
 
 
 class Hold:
-    """A hold of one number: rate = gain * lag(setpoint(t - T) - value)."""
+    """A hold of one number: rate = gain * lag(setpoint(t - T) - value), within a limit."""
 
-    def __init__(self, gain: float, dead_time: float, lag: float) -> None:
-        self.gain, self.lag = gain, lag
+    def __init__(self, gain: float, dead_time: float, lag: float, limit: float = math.inf) -> None:
+        self.gain, self.lag, self.limit = gain, lag, limit
         self.value = self.rate = 0.0
         self._on_the_way = deque([0.0] * round(dead_time / PERIOD))
 
@@ -24,7 +24,7 @@ class Hold:
         self._on_the_way.append(setpoint)
         error = self._on_the_way.popleft() - self.value
         share = PERIOD / (self.lag + PERIOD)
-        self.rate += share * (self.gain * error - self.rate)
+        self.rate += share * (min(max(self.gain * error, -self.limit), self.limit) - self.rate)
         self.value += PERIOD * self.rate
 
 
@@ -97,15 +97,10 @@ def test_an_aircraft_that_ignores_its_setpoints_has_no_response():
 
 
 def test_speeds_are_learned_by_their_own_changes():
-    found = response_of(
-        learned(
-            SPEED,
-            Hold(0.4, 0.5, 0.0),
-            lambda time_s: 2.0 if time_s % 20.0 < 10.0 else -1.0,
-            seconds=60.0,
-            angle=False,
-        )
-    )
+    def asked(time_s: float) -> float:
+        return 2.0 if time_s % 20.0 < 10.0 else -1.0
+
+    found = response_of(learned(SPEED, Hold(0.4, 0.5, 0.0), asked, seconds=60.0, angle=False))
     assert found.gain == pytest.approx(0.4, rel=0.25)
     assert found.late == pytest.approx(0.5, abs=0.35)
 
@@ -113,19 +108,12 @@ def test_speeds_are_learned_by_their_own_changes():
 def test_what_is_thrown_from_limit_to_limit_is_known_by_its_timing() -> None:
     """Half a radian per second to either side: the gain is large enough for that, the delay is seen."""
 
-    class Thrown(Hold):
-        def fly(self, setpoint: float) -> None:
-            self._on_the_way.append(setpoint)
-            error = self._on_the_way.popleft() - self.value
-            self.rate += (
-                PERIOD / (self.lag + PERIOD) * (min(max(self.gain * error, -0.5), 0.5) - self.rate)
-            )
-            self.value += PERIOD * self.rate
-
     def asked(time_s: float) -> float:
         return 1.5 if time_s % 4.0 < 2.0 else -1.5
 
-    found = response_of(learned(COURSE, Thrown(2.0, 0.3, 0.0), asked, seconds=20.0, limit=0.5))
+    found = response_of(
+        learned(COURSE, Hold(2.0, 0.3, 0.0, limit=0.5), asked, seconds=20.0, limit=0.5)
+    )
     assert found.late == pytest.approx(0.3, abs=0.16)
     assert found.least <= 2.0 <= found.greatest
     assert found.least > 0.35

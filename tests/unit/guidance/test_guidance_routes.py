@@ -39,10 +39,8 @@ def misfits(places: Places, **fields: object) -> list[tuple[Any, str]]:
 def ends_of_pieces(path: ChainedPath) -> tuple[np.ndarray[Any, Any], ...]:
     """(course, curvature, next course, next curvature) at every joint, the last one included."""
     pieces = path.chain.pieces
-    course = pieces.course + pieces.length * (
-        pieces.curvature + 0.5 * pieces.growth * pieces.length
-    )
     curvature = pieces.curvature + pieces.growth * pieces.length
+    course = pieces.course + pieces.length * 0.5 * (pieces.curvature + curvature)
     again = int(np.searchsorted(pieces.progress, (path.chain.again or 0.0) - 1e-6))
     following = np.append(np.arange(1, course.size), again)
     return course, curvature, pieces.course[following], pieces.curvature[following]
@@ -141,9 +139,8 @@ def test_a_route_that_is_reversed_passes_its_waypoints_both_ways():
     assert there.progress == pytest.approx(400.0)
     # as far before the end of the round as the turn at the beginning is long
     turn = path.length - back.progress - 400.0
-    assert turn == pytest.approx(
-        sum(one.length for one in turn_back(Bend(100.0, 100.0))), abs=300.0
-    )
+    back = sum(one.length for one in turn_back(Bend(100.0, 100.0)))
+    assert turn == pytest.approx(back, abs=300.0)
     assert path.at(path.length).north == pytest.approx(0.0, abs=1e-6)
 
 
@@ -155,9 +152,8 @@ def test_before_its_beginning_a_route_runs_straight_on():
 
 
 def test_heights_climb_evenly_and_are_eased_where_the_slope_changes():
-    path = route(
-        ((0, 0, 0), (3000, 0, 60), (6000, 0, 60), (9000, 0, 0)), end="loiter", radius_m=100
-    )
+    places = ((0, 0, 0), (3000, 0, 60), (6000, 0, 60), (9000, 0, 0))
+    path = route(places, end="loiter", radius_m=100)
     # 2 % between the first two, begun and ended by curves of 120 m: level at the very beginning
     assert path.at(0.0).slope == pytest.approx(0.0)
     assert path.at(1000.0).slope == pytest.approx(60.0 / 2940.0)
@@ -194,11 +190,9 @@ def places_of(legs: list[tuple[float, float, float]]) -> list[tuple[float, float
     places = [(0.0, 0.0, 0.0)]
     for length, turn, rise in legs:
         course += turn
-        north, east, up = (
-            north + length * math.cos(course),
-            east + length * math.sin(course),
-            up + rise,
-        )
+        north += length * math.cos(course)
+        east += length * math.sin(course)
+        up += rise
         places.append((north, east, up))
     return places
 
@@ -246,13 +240,8 @@ def test_the_progress_of_a_vehicle_beside_any_route_never_jumps(legs, right):
 
 
 def test_geodetic_waypoints_count_from_the_origin_of_the_mission():
-    frame = {
-        "latitude_deg": 47.0,
-        "longitude_deg": 8.0,
-        "altitude_amsl_m": 500.0,
-        "height_above_origin_m": 100.0,
-        "radius_m": 80.0,
-    }
+    frame = {"latitude_deg": 47.0, "longitude_deg": 8.0, "altitude_amsl_m": 500.0}
+    frame |= {"height_above_origin_m": 100.0, "radius_m": 80.0}
     # one minute of latitude is 1853.2 m here, one of longitude 1268.2 m
     waypoints = [
         {"latitude_deg": 47.0, "longitude_deg": 8.0, "altitude_amsl_m": 600.0},
@@ -268,18 +257,27 @@ def test_geodetic_waypoints_count_from_the_origin_of_the_mission():
     assert pickle.loads(pickle.dumps(shape)) == shape  # noqa: S301 - our own
 
 
+SQUASHED = ((0, 0), (500, 0), (500, 150), (0, 150))
+
+
 @pytest.mark.parametrize(
     ("places", "fields", "location", "message"),
     [
         (((0, 0), (0, 0.5), (9, 9)), {}, ("waypoints", 1), "is the same place as waypoint 1"),
         (((0, 0), (900, 0), (0, 10), (9, 900)), {}, ("waypoints", 1), "turns back by 179°"),
         (
-            ((0, 0), (500, 0), (500, 150), (0, 150)),
+            SQUASHED,
             {"end": "repeat", "radius_m": 100, "easement_m": 0},
             ("waypoints", 2),
             "is 150 m long, its fillets need 200 m at a radius of 100 m",
         ),
         (((0, 0), (90, 0)), {"radius_m": 100}, ("waypoints", 1), "reaches beyond the waypoint"),
+        (
+            CORNERS,
+            {"loiter_radius_m": 0},
+            ("loiter_radius_m",),
+            "a circle of less than 10 m; write 10 or more, or -10 or less",
+        ),
     ],
 )
 def test_what_does_not_fit_together_is_named_with_its_place(places, fields, location, message):
@@ -294,8 +292,3 @@ def test_a_waypoint_on_another_continent_is_named_with_its_distance():
     ((location, message),) = misfits(((0.0, 0.0), (80e3, 60_001.0)))
     assert location[-2:] == ("waypoints", 1)
     assert "is 100 km away from the origin" in message
-
-
-def test_a_circle_at_the_end_has_a_radius():
-    ((_, message),) = misfits(CORNERS, loiter_radius_m=0)
-    assert message == "a circle of less than 10 m; write 10 or more, or -10 or less"

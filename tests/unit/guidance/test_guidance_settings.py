@@ -15,6 +15,7 @@ from vfguide.paths.line import Line
 
 GAINS = ObserverGains(gamma=2.0, rho=200.0, sigma=0.5)
 GROUND_SPEED, AIRSPEED, PERIOD = 25.0, 20.0, 0.05
+LINE = Line(north=0.0, east=0.0, course=0.4)
 
 
 def test_the_estimate_is_pulled_to_the_reference():
@@ -62,13 +63,7 @@ def with_a_dropout(time_s: float) -> float:
     return AIRSPEED if 20.0 < time_s < 40.0 else GROUND_SPEED
 
 
-@pytest.mark.parametrize(
-    "path",
-    [
-        Line(north=0.0, east=0.0, course=0.4),
-        Circle(north=0.0, east=0.0, radius=150.0, direction=-1),
-    ],
-)
+@pytest.mark.parametrize("path", [LINE, Circle(north=0.0, east=0.0, radius=150.0, direction=-1)])
 @pytest.mark.parametrize("reference", [measured, with_a_dropout])
 def test_with_a_measured_reference_estimate_and_path_converge(path, reference):
     flyer = Plant(north=100.0, east=-100.0, course=2.0)
@@ -78,11 +73,10 @@ def test_with_a_measured_reference_estimate_and_path_converge(path, reference):
 
 
 def test_on_a_line_the_law_survives_without_a_measured_speed():
-    line = Line(north=0.0, east=0.0, course=0.4)
     flyer = Plant(north=100.0, east=-100.0, course=2.0)
-    fly_path(flyer, line, without_gps_velocity, 90.0)
+    fly_path(flyer, LINE, without_gps_velocity, 90.0)
     # at the end the field does not turn, so that its rate needs no speed
-    assert abs(line.nearest(flyer.north, flyer.east).cross_track_error) < 0.01
+    assert abs(LINE.nearest(flyer.north, flyer.east).cross_track_error) < 0.01
 
 
 def test_on_a_circle_an_estimate_five_short_leaves_a_third_of_a_metre():

@@ -17,6 +17,7 @@ from vfguide.guidance.settings import GuidanceSettings
 from vfguide.guidance.slot_integral import (
     GREATEST_M,
     TURNING_RAD_S,
+    Offset,
     aimed_error,
     learning_growth,
     nearness,
@@ -47,6 +48,20 @@ def moving(course: float = 0.0, turn_rate: float = 0.0) -> SlotMotion[float]:
 STRAIGHT = moving()
 
 
+def learned(
+    before: Offset[float], error: FormationError[float], motion: SlotMotion[float] = STRAIGHT
+) -> Offset[float]:
+    """What is known after half a second of an error."""
+    return update_offset(before, error, LEARNS, motion, period=0.5, held=False)
+
+
+def ahead_by_course(metres: float, mean: float = 0.0) -> Offset[float]:
+    """An offset ahead that is as large as this where the course is north."""
+    first, second = no_offset(0.0).harmonics
+    known = (replace(first, ahead_cosine=metres), second)
+    return replace(no_offset(0.0), ahead=mean, harmonics=known)
+
+
 def test_a_field_that_aims_beyond_its_slot_sees_the_sum_of_error_and_offset():
     # at 5 cm all of the error is learned from: 0.03/1.5 and 0.04/1.5 m/s
     beyond = replace(no_offset(0.0), ahead=0.5, right=-0.25)
@@ -65,19 +80,17 @@ def test_nearness_is_one_in_the_slot_a_half_at_two_metres_and_little_far_away(al
 
 
 def test_the_offset_grows_by_the_error_over_the_time_and_stops_at_its_bound():
-    after = update_offset(
-        no_offset(0.0), off(0.03, -0.03), LEARNS, STRAIGHT, period=0.5, held=False
-    )
+    after = learned(no_offset(0.0), off(0.03, -0.03))
     assert (after.ahead, after.right) == pytest.approx((0.01, -0.01), abs=1e-6)
     full = replace(no_offset(0.0), ahead=GREATEST_M, right=-GREATEST_M)
-    assert update_offset(full, off(1.0, -1.0), LEARNS, STRAIGHT, period=0.5, held=False) == full
+    assert learned(full, off(1.0, -1.0)) == full
 
 
 def test_in_a_turn_each_harmonic_learns_in_its_own_phase_as_fast_as_the_mean():
     # at 40 rad/s harmonics are learned fully: 0.5 s . 0.03/1.5 m/s = 0.01 m, times the cosine and the sine
     # of 30 and of 60 degrees
     turning = moving(course=math.pi / 6.0, turn_rate=40.0)
-    after = update_offset(no_offset(0.0), off(0.03, -0.03), LEARNS, turning, period=0.5, held=False)
+    after = learned(no_offset(0.0), off(0.03, -0.03), turning)
     first, second = after.harmonics
     assert (first.ahead_cosine, first.ahead_sine) == pytest.approx((0.00866, 0.005), abs=1e-5)
     assert (second.ahead_cosine, second.ahead_sine) == pytest.approx((0.005, 0.00866), abs=1e-5)
@@ -85,22 +98,16 @@ def test_in_a_turn_each_harmonic_learns_in_its_own_phase_as_fast_as_the_mean():
 
 
 def test_on_a_straight_no_harmonic_is_learned_and_none_counts():
-    after = update_offset(
-        no_offset(0.0), off(0.03, -0.03), LEARNS, STRAIGHT, period=0.5, held=False
-    )
+    after = learned(no_offset(0.0), off(0.03, -0.03))
     assert after.harmonics == no_offset(0.0).harmonics
-    one, other = no_offset(0.0).harmonics
-    known = replace(no_offset(0.0), harmonics=(replace(one, ahead_cosine=2.0), other))
-    aimed = aimed_error(off(0.0, 0.0), known, LEARNS, STRAIGHT)
+    aimed = aimed_error(off(0.0, 0.0), ahead_by_course(2.0), LEARNS, STRAIGHT)
     assert aimed == off(0.0, 0.0)
 
 
 def test_at_the_turn_rate_at_which_they_count_by_half_harmonics_are_seen_by_half_and_move():
     # 2 cos(60 degrees) m . 1/2 ahead; it moves at -2 sin(60 degrees) . 0.04 . 1/2 m/s
-    one, other = no_offset(0.0).harmonics
-    known = replace(no_offset(0.0), harmonics=(replace(one, ahead_cosine=2.0), other))
     turning = moving(course=math.pi / 3.0, turn_rate=TURNING_RAD_S)
-    aimed = aimed_error(off(0.0, 0.0), known, LEARNS, turning)
+    aimed = aimed_error(off(0.0, 0.0), ahead_by_course(2.0), LEARNS, turning)
     assert aimed.along_track == pytest.approx(0.5)
     assert aimed.along_track_rate == pytest.approx(0.3 - 0.034641, abs=1e-6)
     assert learning_growth(TURNING_RAD_S, 50.0) == pytest.approx(2.0)
@@ -125,12 +132,11 @@ def test_all_parts_together_aim_no_farther_than_the_bound(parts):
 
 
 def test_what_is_learned_beyond_the_bound_of_all_parts_winds_nothing_up():
-    one, other = no_offset(0.0).harmonics
-    full = replace(no_offset(0.0), ahead=4.0, harmonics=(replace(one, ahead_cosine=2.0), other))
+    full = ahead_by_course(2.0, mean=4.0)
     turning = moving(course=0.0, turn_rate=40.0)
-    pushed = update_offset(full, off(0.5, 0.0), LEARNS, turning, period=0.5, held=False)
+    pushed = learned(full, off(0.5, 0.0), turning)
     assert pushed == full
-    drawn_back = update_offset(full, off(-0.5, 0.0), LEARNS, turning, period=0.5, held=False)
+    drawn_back = learned(full, off(-0.5, 0.0), turning)
     assert drawn_back.ahead < full.ahead
 
 
@@ -180,7 +186,7 @@ def error_with_biased_holds(settings: GuidanceSettings, **gains: float) -> tuple
     flyer = Plant(north=-20.0)
     controller = keeper("slot", settings, BEHIND, COURSE_HOLD, **gains)
     for step in range(1200):
-        state = vehicle_at(flyer.north, flyer.east, flyer.course, flyer.speed, time_s=step * PERIOD)
+        state = flyer.state(step * PERIOD)
         ahead = leader_at(time_s=step * PERIOD, north=20.0 * step * PERIOD)
         guidance = controller.step(state, ahead, period=PERIOD)
         flyer.fly(guidance.setpoint.course + 0.05, guidance.setpoint.speed - 0.5, PERIOD)
@@ -210,7 +216,7 @@ def error_on_a_circle(settings: GuidanceSettings) -> float:
     for step in range(6000):
         time_s = step * PERIOD
         course = math.remainder(turn_rate * time_s, 2.0 * math.pi)
-        state = vehicle_at(flyer.north, flyer.east, flyer.course, flyer.speed, time_s=time_s)
+        state = flyer.state(time_s)
         ahead = leader_at(
             time_s=time_s,
             north=100.0 * math.sin(course),
@@ -228,13 +234,9 @@ def error_on_a_circle(settings: GuidanceSettings) -> float:
 def test_what_comes_back_with_every_turn_is_learned_by_harmonics_and_hardly_by_the_mean(
     monkeypatch,
 ):
-    with_harmonics = error_on_a_circle(
-        choices(),
-    )
+    with_harmonics = error_on_a_circle(choices())
     monkeypatch.setattr(slot_integral, "HARMONICS", ())
-    mean_alone = error_on_a_circle(
-        choices(),
-    )
+    mean_alone = error_on_a_circle(choices())
     assert mean_alone > 0.03
     assert with_harmonics < mean_alone / 5.0
 

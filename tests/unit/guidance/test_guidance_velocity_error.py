@@ -3,6 +3,7 @@
 import math
 
 import pytest
+from msgspec.structs import replace
 
 from vfguide.guidance.navigation import (
     Sample,
@@ -58,9 +59,6 @@ def test_half_of_a_step_in_the_error_is_found_after_1_68_memories():
 def test_noise_of_positions_comes_through_as_the_memory_says():
     """One position 1 m off moves the velocity by rate_gain / period of it: (1 - e^(-dt/T))^2 / dt."""
     error = velocity_error_at_first(sample(0))
-    off = sample(1)
-    off = Sample(
-        **{name: getattr(off, name) for name in off.__slots__} | {"north": off.north + 1.0}
-    )
+    off = replace(sample(1), north=sample(1).north + 1.0)
     error = velocity_error(error, off, 0.3)
     assert error.short_north == pytest.approx((1.0 - math.exp(-PERIOD / 0.3)) ** 2 / PERIOD)

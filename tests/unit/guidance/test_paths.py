@@ -54,27 +54,22 @@ CORNERS = [
     {"north_m": north, "east_m": east}
     for north, east in ((0, 0), (700, 100), (600, 700), (1000, 1000), (-100, 1100))
 ]
+CIRCLE = Circle(north=30.0, east=-40.0, radius=150.0, direction=-1)
+LINE = {"north": 10.0, "east": 20.0, "course": 2.0}
+TRACK = {"north": 5.0, "east": 6.0, "course": 1.0, "leg": 400.0, "radius": 150.0}
+WAYPOINTS = {"type": "waypoints", "waypoints": CORNERS, "end": "repeat", "radius_m": 90}
 PATHS: dict[str, Path] = {
-    "line": Line(north=10.0, east=20.0, course=2.0),
-    "climbing line": Line(north=10.0, east=20.0, course=2.0, climb=Climb(slope=0.1, end=60.0)),
-    "helix": Helix(
-        circle=Circle(north=30.0, east=-40.0, radius=150.0, direction=-1),
-        climb=Climb(slope=0.1, end=600.0),
-    ),
-    "circle": Circle(north=30.0, east=-40.0, radius=150.0, direction=-1),
+    "line": Line(**LINE),
+    "climbing line": Line(**LINE, climb=Climb(slope=0.1, end=60.0)),
+    "helix": Helix(circle=CIRCLE, climb=Climb(slope=0.1, end=600.0)),
+    "circle": CIRCLE,
     "circle about the origin": Circle(north=0.0, east=0.0, radius=150.0, direction=1),
-    "racetrack": Racetrack(
-        north=5.0, east=6.0, course=1.0, leg=400.0, radius=150.0, direction=-1, easement=80.0
-    ),
-    "racetrack without easement": Racetrack(
-        north=5.0, east=6.0, course=1.0, leg=400.0, radius=150.0, direction=1
-    ),
+    "racetrack": Racetrack(**TRACK, direction=-1, easement=80.0),
+    "racetrack without easement": Racetrack(**TRACK, direction=1),
     "eight": EIGHT,
     "eight with a bridge": Bridge(400.0),
     "figure-eight": path_of(shape_of({"type": "figure-eight", "half_length_m": 500})),
-    "waypoints": path_of(
-        shape_of({"type": "waypoints", "waypoints": CORNERS, "end": "repeat", "radius_m": 90})
-    ),
+    "waypoints": path_of(shape_of(WAYPOINTS)),
 }
 
 
@@ -280,11 +275,7 @@ def test_a_place_beyond_all_bounds_raises_nothing():
 @pytest.mark.parametrize(
     ("kind", "shape", "words"),
     [
-        (
-            Square,
-            100.0,
-            r"path square: it has a corner near north -?\d+ m, east -?\d+ m; round it off",
-        ),
+        (Square, 100.0, r"path square: it has a corner near north -?\d+ m, east -?\d+ m; round it"),
         (Failing, 3.0, r"trace\(\) gives \(100000,\) and \(99997,\) for \(100000,\) shares"),
         (Failing, math.nan, r"trace\(\) fails \(ValueError in test_paths.py:\d+"),
         (Spiral, 100.0, "path spiral: the curve that it traces ends"),
@@ -307,12 +298,8 @@ def test_a_racetrack_is_looked_at_in_its_turns_however_long_its_legs_are():
 
 
 def test_a_figure_eight_is_the_lemniscate_of_its_half_length():
-    shape = {
-        "type": "figure-eight",
-        "half_length_m": 300,
-        "centre": {"north_m": 50},
-        "course_deg": 90,
-    }
+    shape = {"type": "figure-eight", "half_length_m": 300, "course_deg": 90}
+    shape |= {"centre": {"north_m": 50}}
     path = path_of(shape_of(shape))
     # Gauss's constant: the lemniscate of half length 1 is 5.2441151085842396 long
     assert path.length == pytest.approx(300.0 * 5.2441151085842396, rel=1e-12)

@@ -33,36 +33,33 @@ Kind = Literal["ardupilot", "px4"]
 
 
 def autopilot(
-    kind: Kind, plant: PlantParameters, *, course: float = 1.0, key: bytes | None = None
+    kind: Kind = "ardupilot",
+    plant: PlantParameters | None = None,
+    *,
+    course: float = 1.0,
+    key: bytes | None = None,
 ) -> Autopilot:
     config = config_of(
         system_id=1,
         autopilot=kind,
-        plant=plant,
+        plant=plant or PlantParameters(),
         latitude_deg=47.4,
         longitude_deg=8.5,
         altitude_amsl_m=588.0,
         home_altitude_amsl_m=488.0,
         course_rad=course,
     )
-    if key is None:
-        return Autopilot(config, SteadyWind(4.0, 2.0))
+    signing = None if key is None else Signing(key)
     # Both sides date their signatures by one clock.
-    return Autopilot(config, SteadyWind(4.0, 2.0), signing=Signing(key), unix_time=lambda: UNIX_S)
+    return Autopilot(config, SteadyWind(4.0, 2.0), signing=signing, unix_time=lambda: UNIX_S)
 
 
 def identification(
-    kind: Kind, *, engage: bool = True, signing: ConnectionSigning | None = None
+    kind: Kind = "ardupilot", *, engage: bool = True, signing: ConnectionSigning | None = None
 ) -> Identification:
-    mission = shipped("line-calm")
-    vehicle = mission.vehicles["leader"].model_copy(update={"autopilot": kind})
-    return Identification(
-        flight_plan(mission, "leader"),
-        adapter_of(vehicle),
-        engage=engage,
-        repeats=1,
-        signing=signing,
-    )
+    plan = flight_plan(shipped("line-calm"), "leader")
+    vehicle = shipped("line-calm").vehicles["leader"].model_copy(update={"autopilot": kind})
+    return Identification(plan, adapter_of(vehicle), engage=engage, repeats=1, signing=signing)
 
 
 def fly(
@@ -98,12 +95,8 @@ def test_the_flight_finds_what_flies_and_hands_it_back(kind, tmp_path):
     assert emulator.truth().mode in {"LOITER", "AUTO.LOITER"}
     findings = flight.recording.findings()
     fields = yaml.safe_load(profile_text("leader", findings))["leader"]
-    expected = {
-        "alpha_1_s": 0.9,
-        "course_dead_time_s": 0.3,
-        "beta_1_s": 0.6,
-        "speed_dead_time_s": 0.4,
-    }
+    expected = {"alpha_1_s": 0.9, "course_dead_time_s": 0.3}
+    expected |= {"beta_1_s": 0.6, "speed_dead_time_s": 0.4}
     assert {name: fields[name] for name in expected} == pytest.approx(expected, rel=0.05)
     draw_findings(findings, tmp_path / "leader.png", "leader")
     assert (tmp_path / "leader.png").read_bytes().startswith(b"\x89PNG")
@@ -111,7 +104,7 @@ def test_the_flight_finds_what_flies_and_hands_it_back(kind, tmp_path):
 
 def test_arduplanes_bank_and_roll_are_found():
     plant = PlantParameters(kind="bank", guided_p_cdeg_rad=12_000.0, roll_time_s=0.4)
-    flight = identification("ardupilot")
+    flight = identification()
     fly(flight, autopilot("ardupilot", plant), seconds=40.0)
     course = flight.recording.findings().course
     assert course is not None
@@ -124,7 +117,7 @@ def test_arduplanes_bank_and_roll_are_found():
 @pytest.mark.parametrize(("efficiency", "slips"), [(0.745, True), (1.0, False)])
 def test_what_is_turned_of_the_bank_is_found_in_two_minutes(efficiency, slips):
     plant = PlantParameters(kind="bank", turn_efficiency=efficiency, roll_time_s=0.35)
-    flight = identification("ardupilot")
+    flight = identification()
     fly(flight, autopilot("ardupilot", plant), seconds=120.0)
     assert flight.stage is Stage.DONE
     slip = flight.recording.banks.slip()
@@ -138,17 +131,14 @@ def test_what_is_turned_of_the_bank_is_found_in_two_minutes(efficiency, slips):
 
 
 def test_without_leave_it_waits_for_the_pilot():
-    flight, emulator = (
-        identification("ardupilot", engage=False),
-        autopilot("ardupilot", PlantParameters()),
-    )
+    flight, emulator = identification(engage=False), autopilot()
     fly(flight, emulator, seconds=5.0)
     assert flight.stage is Stage.WAITING
     assert emulator.truth().mode == "LOITER"
 
 
 def test_telemetry_that_falls_silent_ends_it():
-    flight, emulator = identification("ardupilot"), autopilot("ardupilot", PlantParameters())
+    flight, emulator = identification(), autopilot()
     fly(flight, emulator, seconds=10.0)
     told = [
         event.text for step in range(25) for event in flight.poll(10.0 + 0.1 * (step + 1)).events
@@ -165,7 +155,7 @@ def test_telemetry_that_falls_silent_ends_it():
 
 
 def test_the_operator_can_end_it():
-    flight, emulator = identification("ardupilot"), autopilot("ardupilot", PlantParameters())
+    flight, emulator = identification(), autopilot()
     fly(flight, emulator, seconds=10.0)
     emulator.receive(flight.stop(10.0).to_autopilot)
     fly(flight, emulator, seconds=10.0, began=10.05)
@@ -175,7 +165,7 @@ def test_the_operator_can_end_it():
 
 
 def test_a_lost_hand_back_is_repeated_until_it_is_seen():
-    flight, emulator = identification("ardupilot"), autopilot("ardupilot", PlantParameters())
+    flight, emulator = identification(), autopilot()
     fly(flight, emulator, seconds=10.0)
     flight.stop(10.0)
     fly(flight, emulator, seconds=2.5, began=10.05, loses=lambda _: True)
@@ -187,7 +177,7 @@ def test_a_lost_hand_back_is_repeated_until_it_is_seen():
 
 
 def test_a_vehicle_that_its_pilot_took_is_not_engaged_again():
-    flight, emulator = identification("ardupilot"), autopilot("ardupilot", PlantParameters())
+    flight, emulator = identification(), autopilot()
     fly(flight, emulator, seconds=20.0)
     emulator.receive(_packed(adapter_of(shipped("line-calm").vehicles["leader"]).hand_back()))
     fly(flight, emulator, seconds=20.0, began=20.0)
@@ -198,18 +188,18 @@ def test_a_vehicle_that_its_pilot_took_is_not_engaged_again():
 
 def test_an_autopilot_that_signs_is_identified_by_its_key_alone():
     key = bytes(range(32))
-    signs = identification("ardupilot", signing=ConnectionSigning(key, lambda: UNIX_S))
-    plain = identification("ardupilot")
+    signs = identification(signing=ConnectionSigning(key, lambda: UNIX_S))
+    plain = identification()
     for flight in (signs, plain):
-        emulator = autopilot("ardupilot", PlantParameters(), key=key)
+        emulator = autopilot(key=key)
         fly(flight, emulator, seconds=10.0)
         assert flight.stage is (Stage.FLYING if flight is signs else Stage.WAITING)
 
 
 @pytest.mark.parametrize("course", [3.1, -3.1, 0.02])
 def test_courses_and_setpoints_lie_on_one_turn_of_the_circle(course):
-    flight = identification("ardupilot")
-    fly(flight, autopilot("ardupilot", PlantParameters(), course=course), seconds=45.0)
+    flight = identification()
+    fly(flight, autopilot(course=course), seconds=45.0)
     samples = flight.recording.findings().course_samples
     assert samples is not None
     # The steps are 15 degrees either way, the wind turns the nose by 12 degrees at most.

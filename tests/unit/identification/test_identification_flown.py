@@ -7,7 +7,7 @@ import msgspec
 import numpy as np
 import pytest
 
-from tests.kit.records import still_flight
+from tests.kit.records import still_flight, still_follower
 from vfguide.elementwise import FloatArray
 from vfguide.identification.flown import (
     Answer,
@@ -48,31 +48,15 @@ def flight(duration_s: float = 120.0, *, change: float = 1.0) -> tuple[FloatArra
     speed_told = 20.0 + change * (1.5 * np.sin(0.13 * time_s) + 0.8 * np.sin(0.7 * time_s))
     course = first_order(course_told, 0.8, 0.3, 0.0)
     speed = first_order(speed_told, 0.6, 0.5, 20.0)
-    nothing = np.zeros_like(time_s)
-    vehicle = VehicleRecord(
-        name="f1",
-        role="follower",
-        system_id=2,
-        slot_forward_m=0.0,
-        slot_right_m=0.0,
-        north_m=nothing,
-        east_m=nothing,
-        altitude_amsl_m=nothing,
+    vehicle = still_follower(
+        time_s,
         course_rad=course,
         ground_speed_m_s=speed,
         heading_rad=course,
         airspeed_m_s=speed,
-        bank_rad=nothing,
-        wind_north_m_s=nothing,
-        wind_east_m_s=nothing,
-        path_cross_track_error_m=nothing,
-        path_course_rad=nothing,
         course_setpoint_rad=course_told,
         airspeed_setpoint_m_s=speed_told,
-        ground_speed_setpoint_m_s=nothing,
         mode=np.ones(len(time_s), dtype=np.int8),
-        limited=np.zeros(len(time_s), dtype=bool),
-        lyapunov=nothing,
     )
     return time_s, vehicle
 
@@ -105,14 +89,8 @@ def test_the_words_say_how_sure_it_is_and_whether_the_mission_fits():
     assert "the mission's 0.80 fits" in answer_sentence(fits)
     lines = flown_profile([course, speed], {}).splitlines()
     assert lines[0].startswith("f1:")
-    assert [line.split(":")[0].strip() for line in lines[1:]] == [
-        "alpha_1_s",
-        "course_dead_time_s",
-        "course_lag_s",
-        "beta_1_s",
-        "speed_dead_time_s",
-        "speed_lag_s",
-    ]
+    fields = "alpha_1_s course_dead_time_s course_lag_s beta_1_s speed_dead_time_s speed_lag_s"
+    assert [line.split(":")[0].strip() for line in lines[1:]] == fields.split()
 
 
 def test_the_flight_s_report_has_what_it_shows():
@@ -143,9 +121,8 @@ def test_what_cannot_be_told_is_not_told(duration_s, change, why):
 def test_a_speed_that_goes_its_own_way_gives_no_number():
     time_s, vehicle = flight()
     # Nothing of it is an answer: it swings as no setpoint does.
-    _, speed = answers(
-        time_s, replace(vehicle, airspeed_m_s=20.0 + 1.5 * np.sin(0.37 * time_s + 1.0))
-    )
+    own = 20.0 + 1.5 * np.sin(0.37 * time_s + 1.0)
+    _, speed = answers(time_s, replace(vehicle, airspeed_m_s=own))
     assert speed.response is None
     assert answer_sentence(speed) == (
         "f1: speed: cannot be told, quite other values explain this flight as well; "

@@ -5,14 +5,21 @@ from typing import Any
 
 import pytest
 
-from tests.kit.missions import MISSIONS, content_of, shipped
+from tests.kit.missions import (
+    MISSIONS,
+    faults_of,
+    mission_with,
+    replaced,
+    shipped,
+    text_of,
+)
 from vfguide.companion.mission_plan import flight_plan
 from vfguide.errors import InputError
 from vfguide.formation.arrangement import Manoeuvre
 from vfguide.formation.orders import Order
 from vfguide.formation.transition import RefusedOrderError
 from vfguide.lab.studies.prediction import flown_s
-from vfguide.mission import Mission, MissionError, check_mission, parse_mission
+from vfguide.mission import Mission, check_mission
 from vfguide.mission.flight_path import PathShape, curve_check, height_span, path_of
 from vfguide.mission.order_plan import LeaderPlace, formation_of_mission, resolve, timetable
 
@@ -23,12 +30,11 @@ HERE = LeaderPlace(0.0, 0.0, 0.0)
 
 def mission(paths: dict[str, Any], *orders: dict[str, Any], **sections: Any) -> Mission:
     """Four aircraft along a line to the north-east, with other paths."""
-    content = content_of("shapes")
     paths = {
         name: {"direction": "clockwise", **one} if one["type"] == "circle" else one
         for name, one in paths.items()
     }
-    return Mission.model_validate({**content, "paths": paths, "orders": orders, **sections})
+    return replaced("shapes", paths=paths, orders=orders, **sections)
 
 
 def ordered(one: Mission, **order: Any) -> Any:
@@ -58,42 +64,37 @@ def test_check_says_which_path_cannot_be_flown():
     assert all("on the path 'tight': " in one.message for one in errors)
 
 
-def test_an_order_of_a_path_that_cannot_be_flown_is_refused_in_a_sentence():
-    with pytest.raises(RefusedOrderError) as refusal:
-        ordered(mission({"tight": TIGHT}), path="tight")
-    assert str(refusal.value).startswith("f3: on the turn this slot lies at or beyond the centre")
+KEPT_IN = {"circles": [{"inclusion": True, "centre": {"north_m": 0, "east_m": 0}, "radius_m": 700}]}
 
 
-def test_an_order_of_a_path_that_leads_out_of_the_fence_is_refused():
-    fence = {
-        "circles": [{"inclusion": True, "centre": {"north_m": 0, "east_m": 0}, "radius_m": 700}]
-    }
-    with pytest.raises(RefusedOrderError) as refusal:
-        ordered(mission({"wide": WIDE}, fence=fence), path="wide")
-    assert "leaves the fence" in str(refusal.value)
+@pytest.mark.parametrize(
+    ("path", "sections", "sentence"),
+    [
+        (TIGHT, {}, "^f3: on the turn this slot lies at or beyond the centre"),
+        (WIDE, {"fence": KEPT_IN}, "leaves the fence"),
+    ],
+)
+def test_an_order_of_a_path_that_cannot_be_flown_is_refused_in_a_sentence(path, sections, sentence):
+    with pytest.raises(RefusedOrderError, match=sentence):
+        ordered(mission({"other": path}, **sections), path="other")
 
 
 def test_a_hold_in_the_time_table_is_where_the_other_path_has_led():
     one = mission({"wide": WIDE}, {"at_s": 20, "path": "wide"}, {"at_s": 90, "action": "hold"})
     (first, _), (held, _) = timetable(one)
     assert (first.path, held.path) == ("wide", "wide")
-    assert held.circle is not None
+    hold = held.circle
+    assert hold is not None
     # Along the line it would be 1270 m north; round the circle no more than 800 m and the hold's width.
-    north, _ = flight_plan(one, "leader").frame.to_local(
-        held.circle.latitude_deg, held.circle.longitude_deg
-    )
+    north, _ = flight_plan(one, "leader").frame.to_local(hold.latitude_deg, hold.longitude_deg)
     assert -100.0 < north < 1100.0
 
 
 def read(paths: str, orders: str = "[]") -> list[str]:
     """What is wrong with a mission's file."""
-    text = (MISSIONS / "shapes.yaml").read_text()
-    head, _, rest = text.partition("# One shape a minute")
+    head, _, rest = text_of("shapes").partition("# One shape a minute")
     tail = rest[rest.index("wind:") :]
-    content = f"{head}paths: {paths}\norders: {orders}\n{tail}"
-    with pytest.raises(MissionError) as error:
-        parse_mission(content.encode(), file="m.yaml")
-    return str(error.value).splitlines()
+    return faults_of(f"{head}paths: {paths}\norders: {orders}\n{tail}")
 
 
 @pytest.mark.parametrize(
@@ -136,21 +137,29 @@ def test_orders_that_contradict_each_other_are_refused_with_their_place(orders, 
     assert text in line
 
 
-def test_the_same_path_has_the_same_check_however_it_is_written():
-    written = {**WIDE, "radius_m": 300.0, "gain": 0.03, "direction": "clockwise"}
-    assert check_of({"wide": WIDE}) == check_of({"wide": written})
+def check_of(paths: dict[str, Any], **sections: Any) -> int:
+    """By which the path `wide` of a mission is told from others of its name."""
+    return formation_of_mission(mission(paths, **sections)).paths["wide"]
+
+
+ORIGIN = {"latitude_deg": 47.397752, "longitude_deg": 8.545594, "altitude_amsl_m": 488}
 
 
 @pytest.mark.parametrize(
-    "change", [{"radius_m": 301}, {"direction": "counterclockwise"}, {"gain": 0.02}]
+    ("change", "sections", "is_same"),
+    [
+        # The same, however it is written.
+        ({"radius_m": 300.0, "gain": 0.03, "direction": "clockwise"}, {}, True),
+        ({"radius_m": 301}, {}, False),
+        ({"direction": "counterclockwise"}, {}, False),
+        ({"gain": 0.02}, {}, False),
+        # The same numbers, from elsewhere.
+        ({}, {"origin": ORIGIN}, False),
+    ],
 )
-def test_another_curve_has_another_check(change):
-    assert check_of({"wide": WIDE}) != check_of({"wide": {**WIDE, **change}})
-
-
-def test_the_same_numbers_from_another_origin_have_another_check():
-    origin = {"latitude_deg": 47.397752, "longitude_deg": 8.545594, "altitude_amsl_m": 488}
-    assert check_of({"wide": WIDE}) != check_of({"wide": WIDE}, origin=origin)
+def test_another_curve_has_another_check(change, sections, is_same):
+    other = check_of({"wide": {**WIDE, **change}}, **sections)
+    assert (other == check_of({"wide": WIDE})) is is_same
 
 
 def test_a_plan_is_told_by_its_route_and_not_by_the_name_of_its_file(tmp_path):
@@ -171,19 +180,10 @@ def test_a_plan_is_told_by_its_route_and_not_by_the_name_of_its_file(tmp_path):
 
 @pytest.mark.parametrize("change", [{"wind": {"type": "calm"}}, {"leader": {"airspeed_m_s": 22.0}}])
 def test_a_route_whose_turns_the_mission_gives_is_another_curve_in_another_mission(change):
-    content = mission({}).model_dump(exclude_unset=True)
-    corners = [
-        {"north_m": 0, "east_m": 0},
-        {"north_m": 900, "east_m": 0},
-        {"north_m": 900, "east_m": 900},
-    ]
-    content["paths"] = {"wide": {"type": "waypoints", "waypoints": corners}}
-    first = Mission.model_validate(content)
-    other = Mission.model_validate(
-        content | {name: {**content[name], **section} for name, section in change.items()}
-    )
-    radii = {one.paths["wide"].bend.radius for one in (first, other)}
-    assert len(radii) == 2
+    corners = [{"north_m": north, "east_m": east} for north, east in ((0, 0), (900, 0), (900, 900))]
+    first = mission({"wide": {"type": "waypoints", "waypoints": corners}})
+    other = mission_with(first, **change)
+    assert first.paths["wide"].bend.radius != other.paths["wide"].bend.radius
     assert first.path_checks["wide"] != other.path_checks["wide"]
 
 
@@ -229,8 +229,3 @@ def test_a_time_table_is_flown_until_all_have_come_to_the_height_of_another_path
     assert (low, top) == (pytest.approx(0.0), pytest.approx(60.0))
     # 30 s at half of 4 m/s, 5 s to begin and to end it, 5 s for the last decimetres, and 15 s more.
     assert flown_s(found) == pytest.approx(50.0 + 30.0 + 5.0 + 5.0 + 15.0)
-
-
-def check_of(paths: dict[str, Any], **sections: Any) -> int:
-    """By which the path `wide` of a mission is told from others of its name."""
-    return formation_of_mission(mission(paths, **sections)).paths["wide"]

@@ -1,13 +1,14 @@
 """Every slot is held against the fence along the whole path, and rooms are those worked out by hand."""
 
 import math
+from contextlib import nullcontext
 from typing import Any
 
 import numpy as np
 import pytest
 import yaml
 
-from tests.kit.missions import content_of, shipped
+from tests.kit.missions import replaced, shipped
 from vfguide.formation.arrangement import Point
 from vfguide.formation.orders import Order
 from vfguide.formation.transition import RefusedOrderError
@@ -31,9 +32,7 @@ def room(fence: dict[str, Any], north: float, east: float) -> float:
     return float(found[0])
 
 
-def findings(**fields: object) -> list[Finding]:
-    content = content_of("circle-calm") | fields
-    mission = Mission.model_validate(content)
+def findings_of(mission: Mission) -> list[Finding]:
     return [*beyond_the_fence(mission, conditions_of(mission.path, mission.wind))]
 
 
@@ -63,31 +62,31 @@ def test_of_all_areas_the_one_with_the_least_room_counts():
     assert room({"circles": circles}, 0.0, -460.0) == pytest.approx(40.0)
 
 
-def test_a_fence_that_the_leader_keeps_to_is_left_by_the_outermost_slot():
-    path = {"type": "circle", "centre": {}, "radius_m": 200.0, "direction": "clockwise"}
-    centre = {"north_m": 0, "east_m": 0}
-    followers = [{"vehicle": "f1", "slot": {"forward_m": 0, "right_m": -40, "up_m": 10}}]
-    vehicles = {"leader": {"system_id": 1}, "f1": {"system_id": 2}}
-    mission: dict[str, Any] = {
-        "path": path,
-        "followers": followers,
-        "vehicles": vehicles,
-        "rehearsal": {},
-    }
-
-    def fenced(radius_m: float, **fields: object) -> list[Finding]:
-        fence = {"circles": [{"centre": centre, "radius_m": radius_m}], **fields}
-        return findings(**mission, fence=fence)
-
-    assert fenced(260.0) == []
-    (near,) = fenced(245.0)
-    assert (near.severity, near.field) == ("warning", "followers[0].slot")
-    assert "'f1' comes within 5 m of the fence" in near.message
-    (beyond,) = fenced(225.0)
-    assert beyond.severity == "error"
-    assert "'f1' leaves the fence by 15 m near north" in beyond.message
-    (high,) = fenced(300.0, max_height_m=105.0)
-    assert "'f1' flies 110 m above the origin" in high.message
+@pytest.mark.parametrize(
+    ("radius_m", "max_height_m", "found"),
+    [
+        (260.0, None, []),
+        (245.0, None, ["warning: followers[0].slot: 'f1' comes within 5 m of the fence"]),
+        (225.0, None, ["error: followers[0].slot: 'f1' leaves the fence by 15 m near north"]),
+        (300.0, 105.0, ["error: followers[0].slot: 'f1' flies 110 m above the origin"]),
+    ],
+)
+def test_a_fence_that_the_leader_keeps_to_is_left_by_the_outermost_slot(
+    radius_m, max_height_m, found
+):
+    fence = {"circles": [{"centre": {"north_m": 0, "east_m": 0}, "radius_m": radius_m}]}
+    mission = replaced(
+        "circle-calm",
+        path={"type": "circle", "centre": {}, "radius_m": 200.0, "direction": "clockwise"},
+        followers=[{"vehicle": "f1", "slot": {"forward_m": 0, "right_m": -40, "up_m": 10}}],
+        vehicles={"leader": {"system_id": 1}, "f1": {"system_id": 2}},
+        rehearsal={},
+        fence=fence if max_height_m is None else {**fence, "max_height_m": max_height_m},
+    )
+    told = findings_of(mission)
+    assert len(told) == len(found)
+    for one, words in zip(told, found, strict=True):
+        assert f"{one.severity}: {one.field}: {one.message}".find(words) >= 0
 
 
 def test_the_radius_of_fillets_leaves_every_slot_bank_and_airspeed():
@@ -113,7 +112,7 @@ def test_a_mission_file_can_hold_a_fence_by_latitude_and_longitude(tmp_path):
     file = tmp_path / "fenced.yaml"
     file.write_text(yaml.safe_dump(content), encoding="utf-8")
     mission = load_mission(file)
-    found = [*beyond_the_fence(mission, conditions_of(mission.path, mission.wind))]
+    found = findings_of(mission)
     assert {one.severity for one in found} == {"error"}
     assert len(found) == 1 + len(mission.followers)
 
@@ -130,23 +129,16 @@ def test_a_mission_file_can_hold_a_fence_by_latitude_and_longitude(tmp_path):
     ],
 )
 def test_an_order_that_leads_out_of_the_fence_is_refused(order, leader, sentence):
-    content = content_of("circle-calm")
     fence = {"circles": [{"centre": {"north_m": 150, "east_m": 0}, "radius_m": 205}]}
-    mission = Mission.model_validate(content | {"fence": fence})
+    mission = replaced("circle-calm", fence=fence)
     formation = formation_of_mission(mission)
-    if sentence is None:
-        resolve(mission, order, formation, number=1, time_s=5.0, leader=leader)
-        return
-    with pytest.raises(RefusedOrderError, match=sentence):
+    refusal = pytest.raises(RefusedOrderError, match=sentence) if sentence else nullcontext()
+    with refusal:
         resolve(mission, order, formation, number=1, time_s=5.0, leader=leader)
 
 
 def test_the_edge_of_an_area_is_closed():
-    corners = (
-        {"north_m": 0, "east_m": 0},
-        {"north_m": 90, "east_m": 0},
-        {"north_m": 90, "east_m": 80},
-    )
+    corners = [{"north_m": north, "east_m": east} for north, east in ((0, 0), (90, 0), (90, 80))]
     north, east = FencePolygon.model_validate({"points": corners}).edge(None)
     assert (north.tolist(), east.tolist()) == ([0.0, 90.0, 90.0, 0.0], [0.0, 0.0, 80.0, 0.0])
     around = {"centre": {"north_m": 10, "east_m": 20}, "radius_m": 5}

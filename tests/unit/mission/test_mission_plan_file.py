@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tests.kit.missions import MISSIONS, shipped
+from tests.kit.missions import LEAST, MISSIONS, shipped
 from vfguide.errors import InputError
 from vfguide.mission.feasibility import far_from_home
 from vfguide.mission.load import parse_mission
@@ -21,7 +21,7 @@ SHIPPED = json.loads((MISSIONS / "survey.plan").read_text(encoding="utf-8"))
 
 def waypoint(
     latitude: float, longitude: float, altitude: float, **fields: object
-) -> dict[str, object]:
+) -> dict[str, Any]:
     parameters = [0, 0, 0, None, latitude, longitude, altitude]
     return {"type": "SimpleItem", "command": 16, "frame": 3, "params": parameters} | fields
 
@@ -138,13 +138,8 @@ TREES = st.recursive(LEAVES, lambda inner: st.lists(inner, max_size=4), max_leav
 
 def spots(tree: object, way: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
     """Ways to every value of a tree."""
-    pairs = (
-        tree.items()
-        if isinstance(tree, dict)
-        else enumerate(tree)
-        if isinstance(tree, list)
-        else ()
-    )
+    pairs = enumerate(tree) if isinstance(tree, list) else ()
+    pairs = tree.items() if isinstance(tree, dict) else pairs
     return [way, *(spot for key, value in pairs for spot in spots(value, (*way, key)))]
 
 
@@ -185,19 +180,12 @@ def test_a_mission_that_was_read_needs_its_plan_no_more(tmp_path):
 
 @pytest.mark.parametrize(("moved_deg", "warned"), [(0.0, False), (0.04, False), (0.3, True)])
 def test_a_plan_that_takes_off_far_from_the_origin_is_warned_of(tmp_path, moved_deg, warned):
-    content = json.loads(plan(*TWO))
-    (tmp_path / "two.plan").write_text(json.dumps(content), encoding="utf-8")
-    data = {
-        "name": "moved",
-        "origin": {"latitude_deg": 47.0 + moved_deg, "longitude_deg": 8.0, "altitude_amsl_m": 500},
-        "height_above_origin_m": 100,
-        "path": {"type": "plan", "file": "two.plan", "gain": 0.015},
-        "leader": {"vehicle": "a", "airspeed_m_s": 20},
-        "followers": [],
-        "vehicles": {"a": {"system_id": 1}},
-    }
-    file = tmp_path / "moved.yaml"
-    loaded = parse_mission(json.dumps(data).encode(), file=str(file))
+    (tmp_path / "two.plan").write_bytes(plan(*TWO))
+    text = LEAST.replace(
+        "latitude_deg: 0, longitude_deg: 0", f"latitude_deg: {47 + moved_deg}, longitude_deg: 8"
+    )
+    text = text.replace("{type: line, course_deg: 90}", "{type: plan, file: two.plan}")
+    loaded = parse_mission(text.encode(), file=str(tmp_path / "moved.yaml"))
     found = [str(one) for one in far_from_home(loaded.mission)]
     # 0.3 degrees of latitude are 33.4 km.
     expected = ["33.4 km from the home of its plan", "the plan's home is 47, 8"]

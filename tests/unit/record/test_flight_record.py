@@ -12,9 +12,10 @@ import pytest
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
+from tests.kit.records import still_flight, still_follower, still_leader
 from vfguide.errors import InputError
 from vfguide.record.archive import write_archive
-from vfguide.record.flight import FlightRecord, RecordAcceptance, VehicleRecord
+from vfguide.record.flight import FlightRecord, RecordAcceptance
 from vfguide.record.latency import Latency, Percentiles, Promptness, Usage
 from vfguide.record.outline import Outline, compose_outlines
 from vfguide.record.vehicle import SERIES
@@ -25,38 +26,28 @@ limits = st.none() | figures
 names = st.text(st.characters(exclude_categories=["Cs"], exclude_characters="\0"), max_size=8)
 
 
-def some_vehicle(name: str, role: str, samples: int, value: float) -> VehicleRecord:
-    return VehicleRecord(
-        name=name,
-        role=role,
-        system_id=7,
-        slot_forward_m=-20.0,
-        slot_right_m=20.0,
-        mode=np.arange(samples, dtype=np.int64) % 3,
-        limited=np.arange(samples) % 2 == 0,
-        **{series: np.full(samples, value) + number for number, series in enumerate(SERIES)},
-    )
-
-
 def some_flight(samples: int = 3, value: float = 0.5, mission: str = "circle") -> FlightRecord:
-    return FlightRecord(
-        time_s=np.arange(float(samples)),
-        vehicles=(
-            some_vehicle("leader", "leader", samples, value),
-            some_vehicle("f1", "follower", samples, -value),
-        ),
+    """Every series of every vehicle is another one."""
+    time_s = np.arange(float(samples))
+
+    def series(value: float) -> dict[str, object]:
+        numbers = {name: np.full(samples, value) + number for number, name in enumerate(SERIES)}
+        slots = {"slot_forward_m": -20.0, "slot_right_m": 20.0, "system_id": 7}
+        mode = np.arange(samples, dtype=np.int64) % 3
+        return {**numbers, **slots, "mode": mode, "limited": np.arange(samples) % 2 == 0}
+
+    return still_flight(
+        time_s,
+        still_leader(time_s, **series(value)),
+        still_follower(time_s, **series(-value)),
         mode_names=("waiting", "tracking"),
         path_north_m=np.array([0.0, 1.0]),
         path_east_m=np.array([2.0, 3.0]),
         mission=mission,
-        controller="slot",
-        plant="heading-hold",
         wind="article",
-        mode="lockstep",
         rate_hz=20.0,
         seed=4,
         duration_s=300.0,
-        wall_s=4.1,
         acceptance=RecordAcceptance(mean_error_m=0.3, settle_10m_s=60.0, min_separation_m=5.0),
     )
 
@@ -72,51 +63,37 @@ records = st.builds(
 )
 
 
+def one_place(examples: int) -> settings:
+    """All examples share a directory."""
+    shared = [HealthCheck.function_scoped_fixture]
+    return settings(max_examples=examples, deadline=None, suppress_health_check=shared)
+
+
 @given(record=records)
-@settings(
-    max_examples=30, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
-)
+@one_place(30)
 def test_a_record_comes_back_as_it_was(tmp_path, record):
     record.save(tmp_path / "flight.npz")
-
     loaded = FlightRecord.load(tmp_path / "flight.npz")
-
-    assert (loaded.mission, loaded.seed, loaded.acceptance) == (
-        record.mission,
-        record.seed,
-        record.acceptance,
-    )
-    assert (loaded.mode_names, loaded.mode, loaded.rate_hz) == (
-        ("waiting", "tracking"),
-        "lockstep",
-        20.0,
-    )
+    for name in ("mission", "seed", "acceptance", "mode_names", "mode", "rate_hz"):
+        assert getattr(loaded, name) == getattr(record, name)
     assert np.array_equal(loaded.time_s, record.time_s)
     assert np.array_equal(loaded.path_east_m, record.path_east_m)
     for before, after in zip(record.vehicles, loaded.vehicles, strict=True):
-        assert (before.name, before.role, before.slot_right_m) == (
-            after.name,
-            after.role,
-            after.slot_right_m,
-        )
+        for name in ("name", "role", "slot_right_m"):
+            assert getattr(before, name) == getattr(after, name)
         for series in SERIES:
             assert np.array_equal(getattr(before, series), getattr(after, series), equal_nan=True)
         assert np.array_equal(before.mode, after.mode)
         assert np.array_equal(before.limited, after.limited)
 
 
-def test_the_same_record_gives_the_same_bytes(tmp_path):
-    some_flight().save(tmp_path / "first.npz")
-    some_flight().save(tmp_path / "second.npz")
-    assert (tmp_path / "first.npz").read_bytes() == (tmp_path / "second.npz").read_bytes()
-
-
-def test_how_long_a_flight_took_makes_no_difference_to_its_file(tmp_path):
-    flight = some_flight()
-    flight.save(tmp_path / "first.npz")
-    replace(flight, wall_s=99.0).save(tmp_path / "second.npz")
-    assert (tmp_path / "first.npz").read_bytes() == (tmp_path / "second.npz").read_bytes()
-    assert FlightRecord.load(tmp_path / "first.npz").wall_s is None
+def test_the_same_record_gives_the_same_bytes_however_long_the_flight_took(tmp_path):
+    contents = set()
+    for wall_s in (4.1, 4.1, 99.0):
+        replace(some_flight(), wall_s=wall_s).save(tmp_path / "flight.npz")
+        contents.add((tmp_path / "flight.npz").read_bytes())
+    assert len(contents) == 1
+    assert FlightRecord.load(tmp_path / "flight.npz").wall_s is None
 
 
 def test_latencies_and_the_fact_that_a_flight_was_stopped_come_back(tmp_path):
@@ -148,41 +125,38 @@ def complaint(path: Path) -> str:
     return text
 
 
-def test_a_missing_file_is_named(tmp_path):
+def test_what_is_no_record_is_refused_and_pickled_objects_are_never_loaded(tmp_path):
+    np.save(tmp_path / "one.npy", np.zeros(3))
+    np.savez(tmp_path / "other.npz", weights=np.zeros(3))
+    np.savez(tmp_path / "pickle.npz", description=np.array([{"a": 1}], dtype=object))
     assert "No such file" in complaint(tmp_path / "absent.npz")
-
-
-def test_a_directory_is_no_record(tmp_path):
     assert "directory" in complaint(tmp_path)
+    assert "single NumPy array" in complaint(tmp_path / "one.npy")
+    assert "no description" in complaint(tmp_path / "other.npz")
+    assert "no flight record" in complaint(tmp_path / "pickle.npz")
 
 
 @pytest.mark.parametrize(
     "content", [b"", b"hello", b"PK\x03\x04", b"\x93NUMPY\x01\x00", b"\x80\x04K\x01."]
 )
 def test_other_bytes_are_no_record(tmp_path, content):
-    path = tmp_path / "flight.npz"
-    path.write_bytes(content)
-    assert "no flight record" in complaint(path)
-
-
-def test_a_single_array_is_no_record(tmp_path):
-    np.save(tmp_path / "one.npy", np.zeros(3))
-    assert "single NumPy array" in complaint(tmp_path / "one.npy")
-
-
-def test_an_archive_of_something_else_is_no_record(tmp_path):
-    np.savez(tmp_path / "other.npz", weights=np.zeros(3))
-    assert "no description" in complaint(tmp_path / "other.npz")
-
-
-def test_pickled_objects_are_never_loaded(tmp_path):
-    np.savez(tmp_path / "pickle.npz", description=np.array([{"a": 1}], dtype=object))
-    assert "no flight record" in complaint(tmp_path / "pickle.npz")
+    (tmp_path / "flight.npz").write_bytes(content)
+    assert "no flight record" in complaint(tmp_path / "flight.npz")
 
 
 def test_a_newer_version_is_refused(tmp_path):
     write_archive(tmp_path / "new.npz", {"format": "vfguide-flight-record", "version": 99}, {})
     assert "version 99" in complaint(tmp_path / "new.npz")
+
+
+def change(path: Path, **changes: object) -> None:
+    """Write a flight's file whose arrays, or the fields of its description, are some others."""
+    some_flight().save(path)
+    with np.load(path) as stored:
+        arrays = dict(stored)
+    description = json.loads(str(arrays.pop("description")))
+    arrays |= {name: changes.pop(name) for name in arrays.keys() & changes.keys()}
+    np.savez(path, description=np.array(json.dumps(description | changes)), **arrays)
 
 
 @pytest.mark.parametrize(
@@ -199,29 +173,18 @@ def test_a_newer_version_is_refused(tmp_path):
     ],
 )
 def test_a_damaged_description_is_told_in_one_line(tmp_path, damage):
-    path = tmp_path / "flight.npz"
-    some_flight().save(path)
-    with np.load(path) as stored:
-        arrays = dict(stored)
-    description = {**json.loads(str(arrays.pop("description"))), **damage}
-    np.savez(path, description=np.array(json.dumps(description)), **arrays)
-    assert "damaged flight record" in complaint(path)
+    change(tmp_path / "flight.npz", **damage)
+    assert "damaged flight record" in complaint(tmp_path / "flight.npz")
 
 
 @pytest.mark.parametrize("value", [np.zeros(2), np.array(["a", "b", "c"])])
 def test_an_array_that_does_not_fit_is_named(tmp_path, value):
-    path = tmp_path / "flight.npz"
-    some_flight().save(path)
-    with np.load(path) as stored:
-        arrays = dict(stored)
-    np.savez(path, **{**arrays, "vehicle_1_east_m": value})
-    assert "east_m" in complaint(path)
+    change(tmp_path / "flight.npz", vehicle_1_east_m=value)
+    assert "east_m" in complaint(tmp_path / "flight.npz")
 
 
 @given(data=st.data())
-@settings(
-    max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
-)
+@one_place(150)
 def test_a_record_with_wrong_bytes_loads_or_is_refused(tmp_path, data):
     path = tmp_path / "flight.npz"
     some_flight().save(path)
@@ -237,9 +200,7 @@ def test_a_record_with_wrong_bytes_loads_or_is_refused(tmp_path, data):
     header=st.binary(max_size=40)
     | st.text("(){}',:<>|fi8 0123456789shapedecrOTu", max_size=40).map(str.encode)
 )
-@settings(
-    max_examples=100, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
-)
+@one_place(100)
 @example(header=b"0L")  # a number of Python 2
 def test_an_array_with_a_wrong_header_is_refused(tmp_path, header):
     path = tmp_path / "flight.npz"
@@ -255,24 +216,22 @@ def test_a_place_that_is_not_there_is_an_input_error(tmp_path):
         some_flight().save(tmp_path / "absent" / "flight.npz")
 
 
-def test_a_record_needs_its_leader_first():
-    record = some_flight()
-    with pytest.raises(ValueError, match="leader comes first"):
-        replace(record, vehicles=record.vehicles[::-1])
-    with pytest.raises(ValueError, match="exactly one leader"):
-        replace(record, vehicles=())
+FLIGHT = some_flight()
 
 
-def test_two_vehicles_need_two_names():
-    record = some_flight()
-    with pytest.raises(ValueError, match="same name"):
-        replace(record, vehicles=(record.leader, replace(record.followers[0], name="leader")))
-
-
-def test_times_need_to_ascend():
-    for times in ([0.0, 2.0, 1.0], [0.0, math.nan, 1.0]):
-        with pytest.raises(ValueError, match="ascending"):
-            replace(some_flight(), time_s=np.array(times))
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"vehicles": FLIGHT.vehicles[::-1]}, "leader comes first"),
+        ({"vehicles": ()}, "exactly one leader"),
+        ({"vehicles": (FLIGHT.leader, replace(FLIGHT.followers[0], name="leader"))}, "same name"),
+        ({"time_s": np.array([0.0, 2.0, 1.0])}, "ascending"),
+        ({"time_s": np.array([0.0, math.nan, 1.0])}, "ascending"),
+    ],
+)
+def test_a_record_needs_one_leader_first_names_of_its_own_and_ascending_times(changes, words):
+    with pytest.raises(ValueError, match=words):
+        replace(FLIGHT, **changes)
 
 
 def test_a_small_file_that_would_grow_beyond_all_flights_is_refused_unread(tmp_path):

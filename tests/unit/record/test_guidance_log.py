@@ -44,47 +44,37 @@ def written(path: Path, *steps: GuidanceStep) -> Path:
 
 
 def test_the_newest_step_that_is_not_later_counts(tmp_path):
-    track = read_guidance(written(tmp_path / "f1.csv", step(100.0, "joining"), step(100.05)))
+    file = written(tmp_path / "f1.csv", step(100.0, "joining"), step(100.05))
+    track = read_guidance(file)
     assert track.at(99.99) is None
     assert values(track.at(100.0)) == values(step(100.0, "joining"))
     assert values(track.at(100.049)) == values(step(100.0, "joining"))
     assert values(track.at(500.0)) == values(step(100.05))
+    # Times count from where the flight began.
+    assert values(read_guidance(file, zero_s=90.0).at(10.0)) == values(step(10.0, "joining"))
 
 
-def test_times_count_from_where_the_flight_began(tmp_path):
-    track = read_guidance(written(tmp_path / "f1.csv", step(100.0)), zero_s=90.0)
-    assert values(track.at(10.0)) == values(step(10.0))
+@pytest.mark.parametrize("file", ["absent.csv", "/dev/zero"])
+def test_a_file_that_is_not_there_or_has_no_end_leaves_nothing(tmp_path, file):
+    assert read_guidance(tmp_path / file).at(1.0) is None
 
 
 def test_what_was_not_sent_stays_unknown(tmp_path):
-    unsent = GuidanceStep(
-        time_s=1.0,
-        mode="waiting",
-        course_rad=math.nan,
-        speed_m_s=math.nan,
-        limited=False,
-        lyapunov_m2=math.nan,
-    )
+    nothing = {"course_rad": math.nan, "speed_m_s": math.nan, "lyapunov_m2": math.nan}
+    unsent = replace(step(1.0, "waiting"), limited=False, **nothing)
     found = read_guidance(written(tmp_path / "f1.csv", unsent)).at(1.0)
     assert found is not None
     assert math.isnan(found.course_rad)
     assert found.limited is False
 
 
+SLOT = {"slot_forward_m": -20.0, "slot_right_m": 10.0, "slot_up_m": 0.0}
+LED = {"lead_term": 2.0, "lead_course_rad": 0.0, "lead_height_m": 100.0}
+
+
 def test_ordered_slots_and_who_is_led_by_are_kept(tmp_path):
-    led = replace(
-        step(100.0),
-        slot_forward_m=-20.0,
-        slot_right_m=10.0,
-        slot_up_m=0.0,
-        lead_term=2.0,
-        lead_time_s=99.75,
-        lead_north_m=5.0,
-        lead_east_m=6.0,
-        lead_course_rad=0.5,
-        lead_height_m=100.0,
-        leader_age_s=0.125,
-    )
+    lead = LED | {"lead_time_s": 99.75, "lead_north_m": 5.0, "lead_east_m": 6.0}
+    led = replace(step(100.0), **SLOT, **lead, leader_age_s=0.125)
     track = read_guidance(written(tmp_path / "f1.csv", step(99.0), led), zero_s=90.0)
     assert values(track.steps) == values([step(9.0), replace(led, time_s=10.0, lead_time_s=9.75)])
 
@@ -99,14 +89,11 @@ def test_the_age_of_what_was_heard_holds_until_the_next_step_and_not_over_a_gap(
 
 
 def test_a_slot_counts_from_the_order_on_and_is_the_missions_before():
-    steps = [step(1.0)] + [
-        replace(step(time_s), slot_forward_m=-20.0, slot_right_m=right, slot_up_m=0.0)
-        for time_s, right in ((2.0, 10.0), (4.0, 20.0))
-    ]
+    ordered = [replace(step(2.0), **SLOT), replace(step(4.0), **SLOT | {"slot_right_m": 20.0})]
     moments = np.array([0.0, 2.0, 3.0, 9.0])
-    series = slot_series(GuidanceTrack(steps), moments, (-20.0, 5.0, 0.0))
+    series = slot_series(GuidanceTrack([step(1.0), *ordered]), moments, (-20.0, 5.0, 0.0))
     assert series["slot_right_series_m"].tolist() == [5.0, 10.0, 15.0, 20.0]
-    assert slot_series(GuidanceTrack(steps[:1]), moments, (-20.0, 5.0, 0.0)) == {}
+    assert slot_series(GuidanceTrack([step(1.0)]), moments, (-20.0, 5.0, 0.0)) == {}
 
 
 def test_that_a_vehicle_has_left_and_which_path_is_followed_are_kept(tmp_path):
@@ -145,44 +132,27 @@ def test_whatever_a_growing_file_holds_nothing_breaks(tmp_path_factory, content)
 
 
 def test_who_has_left_has_no_slot_until_it_is_given_one_again():
-    def slotted(time_s: float) -> GuidanceStep:
-        return replace(step(time_s), slot_forward_m=-20.0, slot_right_m=10.0, slot_up_m=0.0)
-
+    slotted = [replace(step(time_s), **SLOT) for time_s in (1.0, 4.0)]
     left = [replace(step(time_s), left=True) for time_s in (2.0, 2.5)]
-    moments = np.array([0.0, 1.5, 2.0, 3.0, 4.0, 5.0])
-    fixed = (-20.0, 5.0, 0.0)
-    joined = slot_series(GuidanceTrack([slotted(1.0), *left, slotted(4.0)]), moments, fixed)
-    nan = math.nan
-    assert np.array_equal(
-        joined["slot_right_series_m"], [5.0, 10.0, nan, nan, 10.0, 10.0], equal_nan=True
-    )
-    never = slot_series(GuidanceTrack([step(1.0), *left]), moments, fixed)
-    assert np.array_equal(
-        never["slot_right_series_m"], [5.0, 5.0, nan, nan, nan, nan], equal_nan=True
-    )
+    moments, nan = np.array([0.0, 1.5, 2.0, 3.0, 4.0, 5.0]), math.nan
+    for steps, rights in (
+        ([slotted[0], *left, slotted[1]], [5.0, 10.0, nan, nan, 10.0, 10.0]),
+        ([step(1.0), *left], [5.0, 5.0, nan, nan, nan, nan]),
+    ):
+        series = slot_series(GuidanceTrack(steps), moments, (-20.0, 5.0, 0.0))
+        assert np.array_equal(series["slot_right_series_m"], rights, equal_nan=True)
 
 
 def test_what_a_vehicle_led_by_is_known_while_it_led_and_at_its_own_time():
-    steps = [step(0.1)] + [
-        replace(
-            step(time_s + 0.1),
-            lead_term=2.0,
-            lead_time_s=time_s,
-            lead_north_m=20.0 * time_s,
-            lead_east_m=0.0,
-            lead_course_rad=0.0,
-            lead_height_m=100.0,
-        )
+    places = [
+        {"lead_time_s": time_s, "lead_north_m": 20.0 * time_s, "lead_east_m": 0.0}
         for time_s in (1.0, 1.5)
     ]
-    series = lead_series(GuidanceTrack(steps), np.array([0.5, 1.25, 2.0]), 488.0)
+    steps = [replace(step(one["lead_time_s"] + 0.1), **LED, **one) for one in places]
+    series = lead_series(GuidanceTrack([step(0.1), *steps]), np.array([0.5, 1.25, 2.0]), 488.0)
     assert np.array_equal(series["lead_north_m"], [np.nan, 25.0, np.nan], equal_nan=True)
     assert series["lead_term"][1] == 2.0
     assert series["lead_altitude_amsl_m"][1] == 588.0
-
-
-def test_a_companion_that_was_killed_leaves_nothing(tmp_path):
-    assert read_guidance(tmp_path / "absent.csv").at(1.0) is None
 
 
 def test_of_a_file_that_is_cut_off_anywhere_the_whole_lines_are_read(tmp_path):
@@ -199,10 +169,6 @@ def test_the_starts_of_one_companion_make_one_track(tmp_path):
     track = read_guidance(second, first)
     assert values(track.at(4.9)) == values(step(1.0))
     assert values(track.at(5.0)) == values(step(5.0))
-
-
-def test_a_file_without_an_end_is_not_read_for_ever():
-    assert read_guidance(Path("/dev/zero")).at(1.0) is None
 
 
 @given(content=st.binary(max_size=300))

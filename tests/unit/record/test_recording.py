@@ -39,21 +39,15 @@ def until(happened: Callable[[], bool]) -> None:
         time.sleep(0.01)
 
 
-def step(time_s: float) -> GuidanceStep:
-    return GuidanceStep(
-        time_s=time_s,
-        mode="tracking",
-        course_rad=0.5,
-        speed_m_s=21.0,
-        limited=False,
-        lyapunov_m2=0.25,
-    )
+STEP = GuidanceStep(
+    time_s=101.0, mode="tracking", course_rad=0.5, speed_m_s=21.0, limited=False, lyapunov_m2=0.25
+)
 
 
 def test_what_was_recorded_is_in_the_files_before_the_recording_ends(mission, tmp_path):
     recording = begin_recording(tmp_path, mission, "f1", clock_s=100.0)
     recording.add_datagram(101.0, HEARTBEAT + HEARTBEAT)
-    recording.add_step(step(101.0))
+    recording.add_step(STEP)
     tlog, guidance = files_of(recording.directory, "f1")
     until(lambda: len(list(read_tlog(tlog))) == 2)
     until(lambda: read_guidance(guidance).at(101.0) is not None)

@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from tests.kit.records import still_flight, still_vehicle
+from tests.kit.records import still_flight, still_leader
 from vfguide.lab.report.metrics import summarise, summary_json
 from vfguide.lab.report.page import write_report
 from vfguide.lab.report.table import verdict_text
@@ -46,7 +46,7 @@ SENTENCE = (
 
 
 def flight(**given):
-    return still_flight(TIME, still_vehicle("leader", "leader", TIME, **given))
+    return still_flight(TIME, still_leader(TIME, **given))
 
 
 def test_the_last_response_that_was_flown_by_is_read(tmp_path):

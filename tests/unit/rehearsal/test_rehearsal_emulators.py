@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from sitl_stub import Autopilot, cli
+from tests.kit.missions import content_of, mission_with
 from vfguide.companion.mission_plan import airframe_of
 from vfguide.errors import InputError
 from vfguide.lab.rehearsal.emulators import emulator_of
@@ -44,22 +45,13 @@ UNUSUAL_EMULATOR = {
 
 def unusual_mission() -> Mission:
     """A mission in which nothing of the aircraft is as it is by default."""
-    rehearsal = {
-        "emulator": UNUSUAL_EMULATOR,
-        "sensors": "sbas",
-        "position_noise_m": 0.2,
-        "seed": 7,
-    }
-    wind = {
-        "turbulence": "light",
-        "roughness_m": 0.03,
-        "gusts": [{"at_s": 3, "for_s": 2, "north_m_s": 4, "east_m_s": -1}],
-    }
-    content = article_mission("circle-wind", {"rehearsal": rehearsal, "wind": wind}).model_dump(
-        exclude_unset=True
-    )
-    content["vehicles"]["f1"].update(UNUSUAL_VEHICLE)
-    return Mission.model_validate(content)
+    noisy = {"sensors": "sbas", "position_noise_m": 0.2, "seed": 7}
+    gust = {"at_s": 3, "for_s": 2, "north_m_s": 4, "east_m_s": -1}
+    wind = {"turbulence": "light", "roughness_m": 0.03, "gusts": [gust]}
+    rehearsal = {"emulator": UNUSUAL_EMULATOR, **noisy}
+    mission = article_mission("circle-wind", {"rehearsal": rehearsal, "wind": wind})
+    f1 = {**content_of(mission)["vehicles"]["f1"], **UNUSUAL_VEHICLE}
+    return mission_with(mission, vehicles={"f1": f1})
 
 
 def emulator_by_command(
@@ -143,14 +135,10 @@ def test_a_dead_time_of_the_emulator_delays_what_is_flown_by_just_that(loop):
     start = article_mission("circle-calm").rehearsal.start.model_dump(exclude_unset=True)
     # Slots far ahead: the setpoints change in one step, and what follows them can be seen.
     moved = {"f1": {"forward_m": -60, "right_m": -50}}
-    flights = []
+    begins = []
     for emulator in ({}, {f"{loop}_dead_time_s": late_s}):
         rehearsal = {"emulator": emulator, "duration_s": 6, "start": {**start, **moved}}
-        flights.append(
-            fly_lockstep(article_mission("circle-calm", {"rehearsal": rehearsal})).record
-        )
-    begins = []
-    for flight in flights:
+        flight = fly_lockstep(article_mission("circle-calm", {"rehearsal": rehearsal})).record
         f1 = flight.vehicles[1]
         flown = f1.airspeed_m_s if loop == "speed" else np.unwrap(f1.course_rad)
         told = f1.airspeed_setpoint_m_s if loop == "speed" else f1.course_setpoint_rad
@@ -163,20 +151,11 @@ def test_a_dead_time_of_the_emulator_delays_what_is_flown_by_just_that(loop):
 
 
 def test_one_vehicle_can_differ_from_the_others():
-    mission = emulated_mission(
-        {
-            "alpha_1_s": 2.0,
-            "guided_p": 9000,
-            "vehicles": {"f1": {"alpha_1_s": 0.4}, "f2": {"plant": "bank", "roll_time_s": 0.8}},
-        }
-    )
+    own = {"f1": {"alpha_1_s": 0.4}, "f2": {"plant": "bank", "roll_time_s": 0.8}}
+    mission = emulated_mission({"alpha_1_s": 2.0, "guided_p": 9000, "vehicles": own})
     plants = {name: emulator_of(mission, name).config.plant for name in mission.vehicles}
-    assert {name: one.alpha_1_s for name, one in plants.items()} == {
-        "leader": 2.0,
-        "f1": 0.4,
-        "f2": 2.0,
-        "f3": 2.0,
-    }
+    bandwidths = {"leader": 2.0, "f1": 0.4, "f2": 2.0, "f3": 2.0}
+    assert {name: one.alpha_1_s for name, one in plants.items()} == bandwidths
     assert {one.guided_p_cdeg_rad for one in plants.values()} == {9000.0}
     assert [name for name, one in plants.items() if one.kind == "bank"] == ["f2"]
     assert plants["f2"].roll_time_s == 0.8
@@ -184,9 +163,8 @@ def test_one_vehicle_can_differ_from_the_others():
 
 
 def test_what_one_vehicle_cannot_fly_is_refused_in_its_own_place():
-    mission = emulated_mission(
-        {"vehicles": {"f2": {"plant": "course-hold", "speed_response": "tecs"}}}
-    )
+    impossible = {"plant": "course-hold", "speed_response": "tecs"}
+    mission = emulated_mission({"vehicles": {"f2": impossible}})
     emulator_of(mission, "f1")
     with pytest.raises(InputError, match=r"^rehearsal\.emulator\.vehicles\.f2: .*another plant"):
         emulator_of(mission, "f2")

@@ -13,11 +13,10 @@ MISSION = shipped("circle-wind")
 
 
 def truth(**values: float) -> sitl_stub.Truth:
-    numbers = dict.fromkeys(sitl_stub.Truth.__struct_fields__, 1.0) | {
-        "latitude_deg": MISSION.origin.latitude_deg,
-        "longitude_deg": MISSION.origin.longitude_deg,
-    }
-    return sitl_stub.Truth(**(numbers | values | {"mode": "GUIDED", "armed": True}))
+    origin = MISSION.origin
+    place = {"latitude_deg": origin.latitude_deg, "longitude_deg": origin.longitude_deg}
+    numbers = dict.fromkeys(sitl_stub.Truth.__struct_fields__, 1.0)
+    return sitl_stub.Truth(**numbers | place | values | {"mode": "GUIDED", "armed": True})
 
 
 def test_a_record_has_the_true_states_and_what_the_companion_did_in_the_order_of_the_samples():

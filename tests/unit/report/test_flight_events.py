@@ -11,6 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tests.kit.records import with_vehicle
 from vfguide.errors import InputError
 from vfguide.record.archive import read_archive, write_archive
 from vfguide.record.events import (
@@ -99,9 +100,8 @@ def test_events_of_all_vehicles_are_in_the_order_of_their_times():
 def test_a_record_keeps_events_and_the_path_that_was_flown(circle_flight, tmp_path):
     said = (event(3.0, "order 1 is void: f2 does not answer", warning=True),)
     number = np.where(circle_flight.time_s < 5.0, 0.0, math.nan)
-    leader = replace(circle_flight.leader, path_number=number)
-    vehicles = (leader, *circle_flight.followers)
-    replace(circle_flight, events=said, vehicles=vehicles).save(tmp_path / "flight.npz")
+    flown = with_vehicle(circle_flight, "leader", path_number=number)
+    replace(flown, events=said).save(tmp_path / "flight.npz")
     read = FlightRecord.load(tmp_path / "flight.npz")
     assert read.events == said
     np.testing.assert_array_equal(read.leader.path_number, number)

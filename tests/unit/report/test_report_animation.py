@@ -1,13 +1,12 @@
 """A moving picture of a flight: small, of the part that is asked for, whole or not at all."""
 
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
 from PIL import Image
 
-from tests.kit.records import still_flight
+from tests.kit.records import still_flight, with_vehicle
 from vfguide.commands.report import animate_flight
 from vfguide.errors import InputError
 from vfguide.lab.report.animation import (
@@ -59,9 +58,8 @@ def test_another_ending_is_refused(circle_flight, tmp_path):
 
 def test_states_that_are_not_known_are_left_out(circle_flight, tmp_path):
     unknown = np.full_like(circle_flight.time_s, math.nan)
-    follower = replace(circle_flight.followers[0], north_m=unknown, heading_rad=unknown)
-    leader = replace(circle_flight.leader, wind_north_m_s=unknown)
-    record = replace(circle_flight, vehicles=(leader, follower, circle_flight.followers[1]))
+    record = with_vehicle(circle_flight, "f1", north_m=unknown, heading_rad=unknown)
+    record = with_vehicle(record, "leader", wind_north_m_s=unknown)
     write_animation(record, tmp_path / "a.gif", begin_s=0.0, end_s=0.5)
     assert (tmp_path / "a.gif").stat().st_size > 1000
 

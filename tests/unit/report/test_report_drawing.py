@@ -9,7 +9,7 @@ from matplotlib import _pylab_helpers
 from matplotlib.figure import Figure
 from PIL import Image
 
-from tests.kit.records import still_flight, still_vehicle
+from tests.kit.records import still_flight, still_follower, still_leader, still_vehicle
 from vfguide.commands.output import PLOT_NAMES
 from vfguide.errors import InputError
 from vfguide.lab.report.errors_plot import errors_figure
@@ -27,22 +27,25 @@ from vfguide.lab.report.wind_plot import direction_for_drawing
 from vfguide.record.flight import Outline, RecordAcceptance
 
 
-def test_a_diamond_is_drawn_as_four_sides():
-    diamond = [(0.0, 0.0), (-20.0, -20.0), (20.0, -20.0), (0.0, -40.0)]
-    assert set(formation_links(diamond)) == {(0, 1), (0, 2), (1, 3), (2, 3)}
+@pytest.mark.parametrize(
+    ("others", "links"),
+    [
+        # A diamond has four sides, a V two arms.
+        ([(-20.0, -20.0), (20.0, -20.0), (0.0, -40.0)], {(0, 1), (0, 2), (1, 3), (2, 3)}),
+        (
+            [(-20.0, -20.0), (20.0, -20.0), (-40.0, -40.0), (40.0, -40.0)],
+            {(0, 1), (0, 2), (1, 3), (2, 4)},
+        ),
+    ],
+)
+def test_a_formation_is_drawn_in_its_shape(others, links):
+    assert set(formation_links([(0.0, 0.0), *others])) == links
 
 
-def test_a_v_is_drawn_as_two_arms():
-    arms = [(0.0, 0.0), (-20.0, -20.0), (20.0, -20.0), (-40.0, -40.0), (40.0, -40.0)]
-    assert set(formation_links(arms)) == {(0, 1), (0, 2), (1, 3), (2, 4)}
-
-
-def test_wind_toward_the_west_is_drawn_at_270():
-    assert direction_for_drawing(np.array([0.0]), np.array([-3.0]))[0] == pytest.approx(270.0)
-
-
-def test_still_air_has_no_direction():
-    assert math.isnan(direction_for_drawing(np.array([0.0]), np.array([0.01]))[0])
+def test_wind_toward_the_west_is_drawn_at_270_and_still_air_has_no_direction():
+    west, still = direction_for_drawing(np.zeros(2), np.array([-3.0, 0.01]))
+    assert west == pytest.approx(270.0)
+    assert math.isnan(still)
 
 
 def test_a_wind_that_passes_north_is_not_drawn_across_the_plot():
@@ -51,11 +54,10 @@ def test_a_wind_that_passes_north_is_not_drawn_across_the_plot():
     assert np.isnan(drawn).tolist() == [False, True, False, False]
 
 
-def test_a_formation_on_a_long_line_is_magnified(line_flight):
+def test_a_formation_is_magnified_on_a_long_line_and_not_on_a_small_circle(
+    line_flight, circle_flight
+):
     assert choose_magnification(line_flight, choose_view(line_flight)) > 5.0
-
-
-def test_a_formation_on_a_small_circle_is_drawn_to_scale(circle_flight):
     assert choose_magnification(circle_flight, choose_view(circle_flight)) == 1.0
 
 
@@ -67,11 +69,8 @@ def test_wind_arrows_are_drawn_inside_a_clockwise_circle(circle_flight):
 
 def test_drawn_formations_keep_clear_of_each_other(circle_flight):
     samples = list(choose_snapshots(circle_flight, 80.0))
-    places = list(
-        zip(
-            circle_flight.leader.north_m[samples], circle_flight.leader.east_m[samples], strict=True
-        )
-    )
+    leader = circle_flight.leader
+    places = np.column_stack((leader.north_m[samples], leader.east_m[samples]))
     gaps = [math.dist(a, b) for i, a in enumerate(places) for b in places[:i]]
     assert len(samples) > 3
     assert min(gaps) >= 80.0
@@ -89,9 +88,8 @@ def test_all_plots_of_a_flight_are_small_pictures(circle_flight, circle_report):
 def test_a_lone_leader_in_calm_air_is_drawn(tmp_path):
     paths = write_plots(still_flight(np.arange(3.0)), tmp_path)
     assert [path.name for path in paths] == ["tracks.png", "setpoints.png", "wind.png"]
-    assert not _pylab_helpers.Gcf.get_all_fig_managers(), (
-        "a figure is left in pyplot's global state"
-    )
+    left = _pylab_helpers.Gcf.get_all_fig_managers()
+    assert not left, "a figure is left in pyplot's global state"
 
 
 def test_a_perfect_flight_with_names_like_formulas_is_drawn(tmp_path):
@@ -121,10 +119,9 @@ def test_a_flight_that_broke_at_once_has_no_plots(samples):
 def test_a_limit_far_from_every_error_leaves_room_for_the_axes(tmp_path, required_m):
     """As of a flight that ended at once, long before anybody was near a slot."""
     time_s = np.arange(3.0)
-    leader = still_vehicle("leader", "leader", time_s)
-    follower = still_vehicle("f1", "follower", time_s, north_m=np.full(3, -60.0))
-    acceptance = RecordAcceptance(mean_error_m=required_m)
-    begun = still_flight(time_s, leader, follower, acceptance=acceptance)
+    vehicles = still_leader(time_s), still_follower(time_s, north_m=np.full(3, -60.0))
+    limits = RecordAcceptance(mean_error_m=required_m)
+    begun = still_flight(time_s, *vehicles, acceptance=limits)
     save_figure(errors_figure(begun), tmp_path / "errors.png")
 
 

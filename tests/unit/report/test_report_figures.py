@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from tests.kit.records import still_flight, still_vehicle
+from tests.kit.records import still_flight, still_follower, still_leader, with_vehicle
 from vfguide.lab.report.figures import (
     excess_variation_rate,
     least_separation,
@@ -26,29 +26,27 @@ from vfguide.record.latency import Latency, Percentiles, Promptness
 from vfguide.record.vehicle import SLOT_SERIES, FlightLimits
 
 ONE = np.array([0.0])
+TIME = np.arange(11.0)
+EASTBOUND = still_leader(ONE, course_rad=ONE + math.pi / 2.0)
 
 
-def test_slot_of_an_eastbound_leader_is_behind_and_to_its_right():
-    """Flying east, behind is west and right is south."""
-    leader = still_vehicle(
-        "leader", "leader", ONE, course_rad=ONE + math.pi / 2, north_m=ONE + 100.0
-    )
+@pytest.mark.parametrize(
+    ("leader", "place"),
+    [
+        (still_leader(ONE), (-20.0, 20.0)),
+        # Flying east, behind is west and right is south.
+        (replace(EASTBOUND, north_m=ONE + 100.0), (80.0, -20.0)),
+    ],
+)
+def test_a_slot_behind_and_to_the_right_of_the_leader_is_where_its_course_puts_it(leader, place):
     north, east = slot_track(leader, -20.0, 20.0)
-    assert north[0] == pytest.approx(80.0)
-    assert east[0] == pytest.approx(-20.0)
-
-
-def test_slot_of_a_northbound_leader_keeps_its_components():
-    north, east = slot_track(still_vehicle("leader", "leader", ONE), -20.0, 20.0)
-    assert (north[0], east[0]) == (-20.0, 20.0)
+    assert (north[0], east[0]) == pytest.approx(place)
 
 
 def test_a_leader_that_is_shaken_moves_its_slots_but_not_those_of_the_formation_as_it_is_meant():
     # 0.1 rad off the path's course, 50 m ahead: the slot swings by 2 * 50 * sin(0.05) = 4.998 m.
-    leader = still_vehicle("leader", "leader", TIME, course_rad=np.full_like(TIME, 0.1))
-    follower = still_vehicle(
-        "f1", "follower", TIME, slot_forward_m=-50.0, north_m=np.full_like(TIME, -50.0)
-    )
+    leader = still_leader(TIME, course_rad=np.full_like(TIME, 0.1))
+    follower = still_follower(TIME, slot_forward_m=-50.0, north_m=np.full_like(TIME, -50.0))
     formation = summarise(still_flight(TIME, leader, follower)).formation
     assert formation.mean_error_m == pytest.approx(4.998, abs=1e-3)
     assert formation.intended_error_m == pytest.approx(0.0, abs=1e-9)
@@ -56,17 +54,9 @@ def test_a_leader_that_is_shaken_moves_its_slots_but_not_those_of_the_formation_
 
 def test_error_is_positive_where_the_slot_is_ahead_and_to_the_right():
     """Leader eastbound, slot at north -20 and east -20, follower 3 m west and 4 m north of that."""
-    leader = still_vehicle("leader", "leader", ONE, course_rad=ONE + math.pi / 2)
-    follower = still_vehicle(
-        "f1",
-        "follower",
-        ONE,
-        slot_forward_m=-20.0,
-        slot_right_m=20.0,
-        north_m=ONE - 16.0,
-        east_m=ONE - 23.0,
-    )
-    error = slot_error(leader, follower)
+    slot = {"slot_forward_m": -20.0, "slot_right_m": 20.0}
+    follower = still_follower(ONE, **slot, north_m=ONE - 16.0, east_m=ONE - 23.0)
+    error = slot_error(EASTBOUND, follower)
     assert error.along_track_m[0] == pytest.approx(3.0)
     assert error.cross_track_m[0] == pytest.approx(4.0)
     assert error.distance_m[0] == pytest.approx(5.0)
@@ -74,10 +64,9 @@ def test_error_is_positive_where_the_slot_is_ahead_and_to_the_right():
 
 @given(course=st.floats(-10, 10), forward=st.floats(-100, 100), right=st.floats(-100, 100))
 def test_a_vehicle_in_its_slot_is_seen_there(course, forward, right):
-    leader = still_vehicle("leader", "leader", ONE, course_rad=ONE + course, north_m=ONE + 7.0)
+    leader = still_leader(ONE, course_rad=ONE + course, north_m=ONE + 7.0)
     north, east = slot_track(leader, forward, right)
-    follower = still_vehicle("f1", "follower", ONE, north_m=north, east_m=east)
-    seen = seen_from_leader(leader, follower)
+    seen = seen_from_leader(leader, still_follower(ONE, north_m=north, east_m=east))
     assert (seen[0][0], seen[1][0]) == pytest.approx((forward, right), abs=1e-9)
 
 
@@ -86,14 +75,11 @@ STAIRCASE = np.array([[30.0, 12.0, 8.0, 2.0, 0.5, 0.5], [30.0, 9.0, 9.0, 10.0, 0
 
 
 @pytest.mark.parametrize(
-    ("limit", "settled"), [(10.0, 3.0), (1.0, 3.0), (31.0, 0.0), (9.5, 3.0), (0.9, 4.0)]
+    ("limit", "settled"),
+    [(10.0, 3.0), (1.0, 3.0), (31.0, 0.0), (9.5, 3.0), (0.9, 4.0), (0.4, None)],
 )
 def test_settling_is_the_last_time_any_follower_was_out(limit, settled):
     assert settling_time(STAIRCASE_TIME, STAIRCASE, limit) == settled
-
-
-def test_a_follower_still_out_at_the_end_has_not_settled():
-    assert settling_time(STAIRCASE_TIME, STAIRCASE, 0.4) is None
 
 
 def test_an_error_that_is_not_known_counts_as_out():
@@ -147,11 +133,8 @@ def test_excess_is_between_nothing_and_all_of_the_variation(angles):
 
 def test_separation_counts_height():
     """3 m north, 4 m east, 12 m up: 13 m."""
-    leader = still_vehicle("leader", "leader", ONE)
-    above = still_vehicle(
-        "f1", "follower", ONE, north_m=ONE + 3.0, east_m=ONE + 4.0, altitude_amsl_m=ONE + 600.0
-    )
-    (pair,) = pair_separations(still_flight(ONE, leader, above))
+    above = still_follower(ONE, north_m=ONE + 3.0, east_m=ONE + 4.0, altitude_amsl_m=ONE + 600.0)
+    (pair,) = pair_separations(still_flight(ONE, still_leader(ONE), above))
     assert (pair.first, pair.second) == ("leader", "f1")
     assert pair.distance_m[0] == pytest.approx(13.0)
 
@@ -162,16 +145,13 @@ def test_least_separation_is_over_all_pairs_and_times():
     assert least_separation([np.array([9.0, math.nan])]) is None
 
 
-TIME = np.arange(11.0)
-
-
 @pytest.fixture
 def stepped_flight() -> FlightRecord:
     """Ten seconds; the slot is 20 m behind the leader, the follower 50, 12, 9, 4, 0.5 .. m behind it."""
     behind = np.array([50.0, 12.0, 9.0, 4.0, 0.5, 0.5, 0.4, 0.3, 0.2, 0.2, 0.2])
-    leader = still_vehicle("leader", "leader", TIME, path_cross_track_error_m=-0.1 * TIME)
-    follower = still_vehicle(
-        "f1", "follower", TIME, slot_forward_m=-20.0, north_m=-20.0 - behind, limited=TIME > 8.0
+    leader = still_leader(TIME, path_cross_track_error_m=-0.1 * TIME)
+    follower = still_follower(
+        TIME, slot_forward_m=-20.0, north_m=-20.0 - behind, limited=TIME > 8.0
     )
     limits = RecordAcceptance(mean_error_m=0.3, settle_10m_s=1.0, min_separation_m=20.2)
     return still_flight(TIME, leader, follower, acceptance=limits)
@@ -188,17 +168,18 @@ def test_figures_of_a_stepped_approach(stepped_flight):
     assert formation.min_separation_m == pytest.approx(20.2)
 
 
+def without_slot(since_s: float) -> dict[str, np.ndarray]:
+    """Slots of a follower 20 m behind that is ordered out of the formation."""
+    places = zip(SLOT_SERIES, (-20.0, 0.0, 0.0), strict=True)
+    return {name: np.where(since_s <= TIME, math.nan, value) for name, value in places}
+
+
 @pytest.mark.parametrize("mode", ["lockstep", "recorded"])
 def test_who_was_ordered_out_of_the_formation_is_in_no_figure_of_errors(stepped_flight, mode):
     """It is 300 m away from 8 s on: of the window 0.5, 0.4 and 0.3 m are left, of mean 0.4."""
-    leader, follower = stepped_flight.vehicles
-    gone = TIME >= 8.0
-    slots = {
-        name: np.where(gone, math.nan, value)
-        for name, value in zip(SLOT_SERIES, (-20.0, 0.0, 0.0), strict=True)
-    }
-    away = replace(follower, north_m=np.where(gone, -300.0, follower.north_m), **slots)
-    summary = summarise(replace(stepped_flight, vehicles=(leader, away), mode=mode))
+    north = np.where(TIME >= 8.0, -300.0, stepped_flight.followers[0].north_m)
+    away = with_vehicle(stepped_flight, "f1", north_m=north, **without_slot(8.0))
+    summary = summarise(replace(away, mode=mode))
     formation, own = summary.formation, summary.vehicles["f1"]
     assert isinstance(own, FollowerSummary)
     assert own.formation_error_m is not None
@@ -210,11 +191,7 @@ def test_who_was_ordered_out_of_the_formation_is_in_no_figure_of_errors(stepped_
 
 
 def test_where_all_were_sent_away_before_the_window_there_is_nothing_to_measure(stepped_flight):
-    leader, follower = stepped_flight.vehicles
-    slots = {name: np.where(TIME > 3.0, math.nan, 0.0) for name in SLOT_SERIES}
-    formation = summarise(
-        replace(stepped_flight, vehicles=(leader, replace(follower, **slots)))
-    ).formation
+    formation = summarise(with_vehicle(stepped_flight, "f1", **without_slot(4.0))).formation
     assert formation.mean_error_m is None
     assert formation.intended_error_m is None
 
@@ -222,16 +199,12 @@ def test_where_all_were_sent_away_before_the_window_there_is_nothing_to_measure(
 def test_a_leader_on_the_way_onto_another_path_swings_no_slot_as_it_is_meant():
     """From 8 s on the path is 100 m away and leads east: the slots behind it are where they were."""
     ordered = TIME >= 8.0
-    leader = still_vehicle(
-        "leader",
-        "leader",
+    leader = still_leader(
         TIME,
         path_course_rad=np.where(ordered, math.pi / 2, 0.0),
         path_cross_track_error_m=np.where(ordered, 100.0, 0.0),
     )
-    follower = still_vehicle(
-        "f1", "follower", TIME, slot_forward_m=-50.0, north_m=np.full_like(TIME, -51.0)
-    )
+    follower = still_follower(TIME, slot_forward_m=-50.0, north_m=np.full_like(TIME, -51.0))
     formation = summarise(still_flight(TIME, leader, follower)).formation
     assert formation.mean_error_m == pytest.approx(1.0)
     assert formation.intended_error_m == pytest.approx(1.0)
@@ -254,6 +227,12 @@ def test_only_a_live_flight_has_latencies(stepped_flight):
     assert latency["vehicles"]["leader"]["leader_age_ms"] is None
 
 
+FORMATION_FIGURES = [
+    *("mean_error_m", "p95_error_m", "max_error_m", "mean_error_3d_m", "intended_error_m"),
+    *("settle_10m_s", "settle_1m_s", "min_separation_m"),
+]
+
+
 def test_json_has_the_published_layout(stepped_flight):
     plain = summary_json(summarise(stepped_flight))
     assert plain["mission"] == "line-calm"
@@ -261,17 +240,7 @@ def test_json_has_the_published_layout(stepped_flight):
     assert (plain["mode"], plain["rate_hz"], plain["seed"]) == ("lockstep", 1.0, 1)
     assert (plain["duration_s"], plain["wall_s"], plain["real_time_factor"]) == (10.0, 0.5, 20.0)
     assert isinstance(plain["accepted"], bool)
-    assert set(plain["formation"]) == {
-        "window_s",
-        "mean_error_m",
-        "p95_error_m",
-        "max_error_m",
-        "mean_error_3d_m",
-        "intended_error_m",
-        "settle_10m_s",
-        "settle_1m_s",
-        "min_separation_m",
-    }
+    assert set(plain["formation"]) == {"window_s", *FORMATION_FIGURES}
     leader, follower = plain["vehicles"]["leader"], plain["vehicles"]["f1"]
     assert leader["role"] == "leader"
     assert leader["cross_track_error_m"] == pytest.approx({"mean": 0.75, "p95": 0.975, "max": 1.0})
@@ -284,9 +253,8 @@ def test_json_has_the_published_layout(stepped_flight):
 
 
 def test_json_has_null_for_what_is_not_finite(stepped_flight):
-    broken = replace(stepped_flight.leader, north_m=np.full_like(TIME, math.nan))
-    record = replace(stepped_flight, vehicles=(broken, *stepped_flight.followers), wall_s=0.0)
-    plain = summary_json(summarise(record))
+    broken = with_vehicle(stepped_flight, "leader", north_m=np.full_like(TIME, math.nan))
+    plain = summary_json(summarise(replace(broken, wall_s=0.0)))
     json.dumps(plain, allow_nan=False)
     assert plain["formation"]["mean_error_m"] is None
     assert plain["real_time_factor"] is None
@@ -302,37 +270,27 @@ def test_a_flight_at_its_limits_is_accepted(stepped_flight):
 @pytest.mark.parametrize(
     ("limits", "reason"),
     [
-        (RecordAcceptance(mean_error_m=0.2), "mean formation error 0.3 m is above 0.2 m"),
-        (RecordAcceptance(mean_error_m=0.29999), "mean formation error 0.3 m is above 0.29999 m"),
-        (RecordAcceptance(max_error_m=0.4), "greatest formation error 0.5 m is above 0.4 m"),
+        ({"mean_error_m": 0.2}, "mean formation error 0.3 m is above 0.2 m"),
+        ({"mean_error_m": 0.29999}, "mean formation error 0.3 m is above 0.29999 m"),
+        ({"max_error_m": 0.4}, "greatest formation error 0.5 m is above 0.4 m"),
+        ({"settle_10m_s": 0.5}, "all within 10 m of their slots only after 1 s, not 0.5 s"),
+        ({"settle_1m_s": 2.0}, "all within 1 m of their slots only after 3 s, not 2 s"),
         (
-            RecordAcceptance(settle_10m_s=0.5),
-            "all within 10 m of their slots only after 1 s, not 0.5 s",
-        ),
-        (
-            RecordAcceptance(settle_1m_s=2.0),
-            "all within 1 m of their slots only after 3 s, not 2 s",
-        ),
-        (
-            RecordAcceptance(min_separation_m=25.0),
+            {"min_separation_m": 25.0},
             "two vehicles came within 20.2 m of each other, closer than 25 m",
         ),
     ],
 )
 def test_a_rejection_says_why(stepped_flight, limits, reason):
-    summary = summarise(replace(stepped_flight, acceptance=limits))
+    summary = summarise(replace(stepped_flight, acceptance=RecordAcceptance(**limits)))
     assert not summary.accepted
     assert summary.rejections == (reason,)
 
 
 def test_a_follower_out_at_the_end_is_never_accepted(stepped_flight):
-    away = replace(stepped_flight.followers[0], north_m=np.full_like(TIME, -60.0))
-    record = replace(
-        stepped_flight,
-        vehicles=(stepped_flight.leader, away),
-        acceptance=RecordAcceptance(settle_10m_s=1e9),
-    )
-    assert summarise(record).rejections == (
+    away = with_vehicle(stepped_flight, "f1", north_m=np.full_like(TIME, -60.0))
+    summary = summarise(replace(away, acceptance=RecordAcceptance(settle_10m_s=1e9)))
+    assert summary.rejections == (
         "a follower was still 10 m or more from its slot at the end",
         "f1 was 40 m from its slot in the last half",
     )
@@ -353,9 +311,8 @@ def test_a_follower_out_at_the_end_is_never_accepted(stepped_flight):
 def test_a_flight_whose_followers_did_not_come_to_their_slots_is_not_accepted_by_any_mission(
     stepped_flight, acceptance, away_m, accepted
 ):
-    away = replace(stepped_flight.followers[0], north_m=np.full_like(TIME, -20.0 - away_m))
-    vehicles = (stepped_flight.leader, away)
-    summary = summarise(replace(stepped_flight, vehicles=vehicles, acceptance=acceptance))
+    away = with_vehicle(stepped_flight, "f1", north_m=np.full_like(TIME, -20.0 - away_m))
+    summary = summarise(replace(away, acceptance=acceptance))
     assert summary.accepted == accepted
     if not accepted:
         assert summary.rejections[-1] == "f1 was 30 m from its slot in the last half"
@@ -367,30 +324,22 @@ def test_a_flight_whose_followers_did_not_come_to_their_slots_is_not_accepted_by
 def test_a_follower_that_was_ordered_out_is_not_asked_to_be_in_a_slot(
     stepped_flight, gone_s, reasons
 ):
-    slots = {
-        name: np.where(gone_s <= TIME, math.nan, value)
-        for name, value in zip(SLOT_SERIES, (-20.0, 0.0, 0.0), strict=True)
-    }
-    away = replace(stepped_flight.followers[0], north_m=np.full_like(TIME, -50.0), **slots)
-    vehicles = (stepped_flight.leader, away)
-    summary = summarise(
-        replace(
-            stepped_flight, vehicles=vehicles, acceptance=RecordAcceptance(min_separation_m=0.0)
-        )
-    )
-    assert summary.rejections == reasons
+    north = np.full_like(TIME, -50.0)
+    away = with_vehicle(stepped_flight, "f1", north_m=north, **without_slot(gone_s))
+    limits = RecordAcceptance(min_separation_m=0.0)
+    assert summarise(replace(away, acceptance=limits)).rejections == reasons
+
+
+LIMITS = FlightLimits(least_airspeed_m_s=12.0, greatest_airspeed_m_s=32.0, greatest_bank_deg=45.0)
 
 
 def test_how_hard_a_vehicle_was_flown_is_counted_over_the_last_half(stepped_flight):
     """Six samples from 5 s on: bank 0, 4, 0, 4, 44.5, 45 degrees; speeds 20, 12, 32, 20, 20, 20 m/s."""
-    leader, follower = stepped_flight.vehicles
     banks = np.radians([0, 0, 0, 0, 0, 0.0, 4.0, 0.0, 4.0, 44.5, 45.0])
     speeds = np.array([12.0] * 5 + [20.0, 12.0, 32.0, 20.0, 20.0, 20.0])
-    limits = FlightLimits(
-        least_airspeed_m_s=12.0, greatest_airspeed_m_s=32.0, greatest_bank_deg=45.0
-    )
-    flown = replace(follower, bank_rad=banks, airspeed_setpoint_m_s=speeds, limits=limits)
-    own = summarise(replace(stepped_flight, vehicles=(leader, flown))).vehicles["f1"]
+    setpoints = {"bank_rad": banks, "airspeed_setpoint_m_s": speeds}
+    flown = with_vehicle(stepped_flight, "f1", limits=LIMITS, **setpoints)
+    own = summarise(flown).vehicles["f1"]
     steps_deg = (4.0, 4.0, 4.0, 40.5, 0.5)
     rms = math.radians(math.sqrt(sum(step**2 for step in steps_deg) / 5.0))
     assert own.roll_rate_rad_s == pytest.approx(rms)
@@ -400,48 +349,29 @@ def test_how_hard_a_vehicle_was_flown_is_counted_over_the_last_half(stepped_flig
 
 
 def test_where_limits_or_setpoints_are_not_known_no_share_of_them_is_told(stepped_flight):
-    leader, follower = stepped_flight.vehicles
-    limits = FlightLimits(
-        least_airspeed_m_s=12.0, greatest_airspeed_m_s=32.0, greatest_bank_deg=45.0
-    )
     unknown = np.full_like(TIME, math.nan)
-    silent = replace(follower, limits=limits, airspeed_setpoint_m_s=unknown, bank_rad=unknown)
-    summary = summarise(replace(stepped_flight, vehicles=(leader, silent)))
+    setpoints = {"bank_rad": unknown, "airspeed_setpoint_m_s": unknown}
+    silent = with_vehicle(stepped_flight, "f1", limits=LIMITS, **setpoints)
+    summary = summarise(silent)
     lead, own = summary.vehicles["leader"], summary.vehicles["f1"]
     assert (lead.bank_limited_fraction, lead.speed_limited_fraction) == (None, None)
     assert (own.bank_limited_fraction, own.speed_limited_fraction) == (None, None)
     assert own.roll_rate_rad_s is None
     # Ground speeds are what such a vehicle is told.
-    ground = replace(silent, ground_speed_setpoint_m_s=20.0 + TIME)
-    told = summarise(replace(stepped_flight, vehicles=(leader, ground))).vehicles["f1"]
+    ground = with_vehicle(silent, "f1", ground_speed_setpoint_m_s=20.0 + TIME)
+    told = summarise(ground).vehicles["f1"]
     assert told.speed_setpoint_variation_m_s2 == pytest.approx(1.0)
 
 
 def test_a_lone_leader_has_no_formation_and_is_accepted():
     plain = summary_json(summarise(still_flight(TIME)))
     assert plain["accepted"]
-    assert plain["formation"]["window_s"] == [5.0, 10.0]
-    assert {
-        name: value for name, value in plain["formation"].items() if name != "window_s"
-    } == dict.fromkeys(
-        (
-            "mean_error_m",
-            "p95_error_m",
-            "max_error_m",
-            "mean_error_3d_m",
-            "intended_error_m",
-            "settle_10m_s",
-            "settle_1m_s",
-            "min_separation_m",
-        )
-    )
+    nothing = dict.fromkeys(FORMATION_FIGURES)
+    assert plain["formation"] == {"window_s": [5.0, 10.0], **nothing}
 
 
 def test_a_flight_that_broke_at_once_is_not_accepted():
     none = np.array([])
-    record = still_flight(
-        none, still_vehicle("leader", "leader", none), still_vehicle("f1", "follower", none)
-    )
-    summary = summarise(record)
+    summary = summarise(still_flight(none, still_leader(none), still_follower(none)))
     assert not summary.accepted
     json.dumps(summary_json(summary), allow_nan=False)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from tests.kit.records import still_flight, still_vehicle
+from tests.kit.records import still_flight, still_follower, still_leader, still_vehicle
 from vfguide.lab.report.metrics import summarise
 from vfguide.lab.report.page import reproduction_command, write_report
 from vfguide.lab.report.table import summary_table
@@ -32,9 +32,8 @@ class Outline(HTMLParser):
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
         self.tags.append(tag)
-        self.references += [
-            value or "" for name, value in attrs if name in {"src", "href", "srcset", "data"}
-        ]
+        places = {"src", "href", "srcset", "data"}
+        self.references += [value or "" for name, value in attrs if name in places]
         if tag not in {"meta", "img", "source", "input"}:
             self.open.append(tag)
 
@@ -88,14 +87,9 @@ def rejected_page(tmp_path_factory: pytest.TempPathFactory) -> str:
     """Of a flight whose names are markup and whose two vehicles are in one place."""
     time_s = np.arange(3.0)
     vehicles = still_vehicle(HOSTILE, "leader", time_s), still_vehicle("<b>", "follower", time_s)
-    record = still_flight(
-        time_s,
-        *vehicles,
-        mission=HOSTILE,
-        controller=HOSTILE,
-        wind="</style>",
-        acceptance=RecordAcceptance(min_separation_m=5.0),
-    )
+    names = {"mission": HOSTILE, "controller": HOSTILE, "wind": "</style>"}
+    limits = RecordAcceptance(min_separation_m=5.0)
+    record = still_flight(time_s, *vehicles, **names, acceptance=limits)
     return write_report(record, tmp_path_factory.mktemp("report")).read_text(encoding="utf-8")
 
 
@@ -107,16 +101,10 @@ def test_a_rejected_flight_says_why_at_the_top(rejected_page):
 
 def test_the_page_says_who_did_not_come_to_its_slot_and_how_hard_it_was_flown(tmp_path):
     time_s = np.arange(11.0)
-    rolling = still_vehicle(
-        "f1",
-        "follower",
-        time_s,
-        north_m=time_s * 0.0 - 30.0,
-        bank_rad=np.radians(np.where(time_s % 2 > 0, 8.0, 0.0)),
-    )
-    flight = still_flight(
-        time_s, still_vehicle("leader", "leader", time_s), rolling, acceptance=RecordAcceptance()
-    )
+    banks = np.radians(np.where(time_s % 2 > 0, 8.0, 0.0))
+    rolling = still_follower(time_s, north_m=time_s * 0.0 - 30.0, bank_rad=banks)
+    vehicles = still_leader(time_s), rolling
+    flight = still_flight(time_s, *vehicles, acceptance=RecordAcceptance())
     text = read(write_report(flight, tmp_path).read_text(encoding="utf-8")).text
     assert "Not accepted" in text
     assert "All that the mission asks for was reached" not in text
@@ -137,7 +125,7 @@ def test_the_page_names_who_was_ordered_out_of_the_formation_and_is_in_no_figure
     time_s = np.arange(11.0)
     slots = {name: np.where(time_s > 5.0, np.nan, 0.0) for name in SLOT_SERIES}
     left = still_vehicle("<b>f1", "follower", time_s, **slots)
-    flight = still_flight(time_s, still_vehicle("leader", "leader", time_s), left)
+    flight = still_flight(time_s, still_leader(time_s), left)
     found = write_report(flight, tmp_path).read_text(encoding="utf-8")
     sentence = "without <b>f1 while ordered out of the formation."
     assert sentence in read(found).text
@@ -164,16 +152,10 @@ def test_a_wind_that_only_the_mission_knows_is_not_on_the_command_line(circle_fl
     assert "--live" in command
 
 
-@pytest.mark.parametrize(
-    ("value", "text"),
-    [
-        (0.05557, "0.056 m"),
-        (1.234, "1.23 m"),
-        (28.165, "28.2 m"),
-        (12345.6, "12346 m"),
-        (None, "not measured"),
-    ],
-)
+FIGURES = {0.05557: "0.056 m", 1.234: "1.23 m", 28.165: "28.2 m", 12345.6: "12346 m"}
+
+
+@pytest.mark.parametrize(("value", "text"), [*FIGURES.items(), (None, "not measured")])
 def test_figures_have_about_three_digits(value, text):
     assert in_digits(value, "m") == text
 

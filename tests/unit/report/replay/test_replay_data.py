@@ -3,14 +3,12 @@
 import json
 import math
 from base64 import b64decode, b64encode
-from collections.abc import Callable
-from dataclasses import replace
 from hashlib import sha256
 
 import numpy as np
 import pytest
 
-from tests.kit.records import still_flight, still_vehicle
+from tests.kit.records import still_flight, still_leader, still_vehicle, with_vehicle
 from vfguide.lab.report.replay.data import (
     ANGLE,
     MILLIMETRES,
@@ -23,8 +21,6 @@ from vfguide.lab.report.replay.data import (
 )
 from vfguide.lab.report.replay.page_part import NOTHING, hash_source, program, replay_of
 from vfguide.record.flight import FlightRecord, Outline
-
-MakeFlight = Callable[..., FlightRecord]
 
 
 def numbers(series: dict[str, object], kind: str) -> list[int]:
@@ -44,7 +40,7 @@ def test_what_no_number_can_hold_is_not_known(value):
 
 def test_angles_are_within_half_a_turn():
     time_s = np.arange(3.0)
-    leader = still_vehicle("leader", "leader", time_s, course_rad=np.radians([359.0, 180.5, 725.0]))
+    leader = still_leader(time_s, course_rad=np.radians([359.0, 180.5, 725.0]))
     course = series_of(still_flight(time_s, leader), leader)["course_deg"]
     assert numbers(encode(course, ANGLE), "<i2") == [-100, -17950, 500]
 
@@ -57,9 +53,9 @@ def test_slot_errors_are_those_of_the_figures(circle_flight):
     assert series["across_m"][0] == pytest.approx(30.0, abs=0.2)
 
 
-def still(time_s: np.ndarray, vehicles: int, make: MakeFlight) -> FlightRecord:
+def still(time_s: np.ndarray, vehicles: int) -> FlightRecord:
     others = [still_vehicle(f"f{n}", "follower", time_s) for n in range(1, vehicles)]
-    return make(time_s, still_vehicle("leader", "leader", time_s), *others)
+    return still_flight(time_s, still_leader(time_s), *others)
 
 
 @pytest.mark.parametrize(
@@ -74,12 +70,12 @@ def still(time_s: np.ndarray, vehicles: int, make: MakeFlight) -> FlightRecord:
 )
 def test_long_flights_are_shown_in_coarser_steps(seconds, vehicles, stride):
     time_s = np.arange(0.0, seconds + 0.01, 0.05)
-    assert choose_stride(still(time_s, vehicles, still_flight)) == stride
+    assert choose_stride(still(time_s, vehicles)) == stride
 
 
 def test_a_day_of_many_aircraft_stays_below_what_a_page_may_hold():
     time_s = np.arange(0.0, 86_400.0, 1.0)
-    record = still(time_s, 12, still_flight)
+    record = still(time_s, 12)
     samples = time_s.size / choose_stride(record)
     assert samples * 12 * 42 <= 12_000_000
 
@@ -116,9 +112,7 @@ def test_a_script_is_called_by_the_hash_of_its_bytes():
 
 
 def test_heights_of_slots_are_told(circle_flight):
-    follower = replace(circle_flight.followers[0], slot_up_m=5.0)
-    record = replace(circle_flight, vehicles=(circle_flight.leader, follower))
-    vehicles = describe_flight(record)["vehicles"]
+    vehicles = describe_flight(with_vehicle(circle_flight, "f1", slot_up_m=5.0))["vehicles"]
     assert isinstance(vehicles, list)
     assert vehicles[1]["slot"] == [-20.0, -20.0, 5.0]
 
@@ -128,14 +122,14 @@ def test_the_page_gets_the_places_of_a_slot_that_was_changed_in_flight(circle_fl
     assert "slot_north_m" not in series_of(circle_flight, follower)
     # From 20 m behind to 30 m to the right of it: where the error says that it was.
     count = circle_flight.time_s.size
-    moved = replace(
-        follower,
+    flight = with_vehicle(
+        circle_flight,
+        "f1",
         slot_forward_series_m=np.linspace(-20.0, 0.0, count),
         slot_right_series_m=np.linspace(0.0, 30.0, count),
     )
-    others = [one for one in circle_flight.vehicles if one is not follower]
-    flight = replace(circle_flight, vehicles=(others[0], moved, *others[1:]))
-    series, course = series_of(flight, moved), circle_flight.leader.course_rad
+    moved, course = flight.followers[0], flight.leader.course_rad
+    series = series_of(flight, moved)
     north = moved.north_m + series["along_m"] * np.cos(course) - series["across_m"] * np.sin(course)
     assert np.allclose(series["slot_north_m"], north)
     east = circle_flight.leader.east_m[-1] + 30.0 * np.cos(course[-1])

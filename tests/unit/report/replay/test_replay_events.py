@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from tests.kit.records import still_flight, still_vehicle
+from tests.kit.records import still_flight, still_follower, still_leader
 from vfguide.lab.report.replay.data import MOST_SHOWN, describe_events, flown_paths, shown_events
 from vfguide.record.events import EventKind, FlightEvent
 
@@ -49,19 +49,11 @@ def test_of_too_many_events_texts_make_way(circle_flight):
 def test_the_path_is_that_of_the_first_who_is_steered():
     time_s = np.arange(6.0)
     # The leader's companion is lost from 3 s on; its follower goes on along path 1, and holds from 5 s on.
-    leader = still_vehicle(
-        "leader", "leader", time_s,
-        path_number=np.array([0.0, 1.0, 1.0, 0.0, 0.0, 0.0]),
-        mode=np.array([2, 2, 2, 0, 0, 0]),
-    )  # fmt: skip
-    follower = still_vehicle(
-        "f1", "follower", time_s, path_number=np.array([0.0, 1.0, 1.0, 1.0, 1.0, math.nan])
-    )
-    assert flown_paths(still_flight(time_s, leader, follower)) == [
-        [0.0, 0.0],
-        [1.0, 1.0],
-        [5.0, None],
-    ]
+    first = np.array([0.0, 1.0, 1.0, 0.0, 0.0, 0.0])
+    second = np.array([0.0, 1.0, 1.0, 1.0, 1.0, math.nan])
+    leader = still_leader(time_s, path_number=first, mode=np.array([2, 2, 2, 0, 0, 0]))
+    record = still_flight(time_s, leader, still_follower(time_s, path_number=second))
+    assert flown_paths(record) == [[0.0, 0.0], [1.0, 1.0], [5.0, None]]
 
 
 def test_a_flight_on_its_one_path_says_nothing_of_paths(circle_flight):

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 import pytest
 from PIL import Image
-from playwright.sync_api import Page
+from playwright.sync_api import FloatRect, Page
 
-from tests.kit.records import still_flight, still_vehicle
+from tests.kit.records import still_flight, still_vehicle, with_vehicle
 from vfguide.elementwise import FloatArray
 from vfguide.lab.report.geometry import slot_error
 from vfguide.lab.report.page import write_report
@@ -56,8 +56,21 @@ def picture(page: Page, part: str) -> str:
     return text
 
 
+def player(page: Page, told: str, argument: object = None) -> Any:
+    """What a function of JavaScript makes of the player, and of an argument."""
+    program = f"(one) => ({told})(document.getElementById('replay').player, one)"
+    return page.evaluate(program, argument)
+
+
 def seek(page: Page, time_s: float) -> None:
-    page.evaluate("(time) => document.getElementById('replay').player.seek(time)", time_s)
+    player(page, "(player, time) => player.seek(time)", time_s)
+
+
+def box_of(page: Page, place: str) -> FloatRect:
+    """Where a part of the page is, in pixels."""
+    box = page.locator(place).bounding_box()
+    assert box is not None
+    return box
 
 
 @pytest.fixture
@@ -115,10 +128,8 @@ def test_the_age_of_what_was_heard_is_shown_where_it_was_recorded(
     plotted = page.get_by_label("Plotted quantity")
     assert page.get_by_role("row", name="Leader's state, s old").count() == 0
     assert "Age of the leader's state" not in plotted.inner_text()
-    leader, first, *others = circle_flight.vehicles
     ages = np.where(circle_flight.time_s < 100.0, 0.12, 1.5)
-    aged = replace(first, leader_age_s=ages)
-    known = open_page(write_page(replace(circle_flight, vehicles=(leader, aged, *others))))
+    known = open_page(write_page(with_vehicle(circle_flight, "f1", leader_age_s=ages)))
     seek(known, 50.0)
     assert [cell(known, "Leader's state", column) for column in (0, 1)] == ["\u2013", "0.12"]
     seek(known, 200.0)
@@ -131,12 +142,7 @@ def test_the_age_of_what_was_heard_is_shown_where_it_was_recorded(
 def test_between_samples_aircraft_are_on_the_curve(page, circle_flight):
     """The replay knows every fourth sample; two steps after one of them the record knows better."""
     sample = 100 * 20 + 2
-    state: dict[str, Any] = page.evaluate(
-        """() => {
-            const { flight } = document.getElementById("replay").player;
-            return flight.at(flight.leader, 100.1);
-        }"""
-    )
+    state = player(page, "({ flight }) => flight.at(flight.leader, 100.1)")
     leader = circle_flight.leader
     assert state["north_m"] == pytest.approx(leader.north_m[sample], abs=0.02)
     assert state["east_m"] == pytest.approx(leader.east_m[sample], abs=0.02)
@@ -162,29 +168,15 @@ def test_everything_can_be_reached_with_the_tab_key(page):
     reached = set()
     for _ in range(20):
         page.keyboard.press("Tab")
-        name = page.evaluate(
-            "document.activeElement.dataset.part ?? document.activeElement.textContent"
-        )
-        reached.add(name)
-    wanted = {
-        "play",
-        "slider",
-        "speed",
-        "quantity",
-        "span",
-        "above",
-        "course",
-        "aslant",
-        "whole",
-        "f1",
-    }
-    assert wanted <= reached
+        name = "document.activeElement.dataset.part ?? document.activeElement.textContent"
+        reached.add(page.evaluate(name))
+    assert {"play", "slider", "speed", "quantity", "span"} <= reached
+    assert {"above", "course", "aslant", "whole", "f1"} <= reached
 
 
 def test_a_press_on_the_plot_goes_to_its_time(page):
     page.locator("canvas.timeline").scroll_into_view_if_needed()
-    box = page.locator("canvas.timeline").bounding_box()
-    assert box is not None
+    box = box_of(page, "canvas.timeline")
     # The time axis lies between 48 pixels from the left and 12 from the right.
     middle = box["x"] + 48 + (box["width"] - 60) / 2
     page.mouse.move(middle, box["y"] + 60)
@@ -202,14 +194,10 @@ def test_each_view_and_quantity_draws_another_picture(page):
         page.get_by_role("button", name=name, exact=True).click()
         views.add(picture(page, "scene"))
     assert len(views) == 4
-    options = (
-        page.get_by_label("Plotted quantity")
-        .locator("option")
-        .evaluate_all("all => all.map(one => one.value)")
-    )
-    plots = set()
+    plotted, plots = page.get_by_label("Plotted quantity"), set()
+    options = plotted.locator("option").evaluate_all("all => all.map(one => one.value)")
     for option in options:
-        page.get_by_label("Plotted quantity").select_option(option)
+        plotted.select_option(option)
         plots.add(picture(page, "timeline"))
     assert len(plots) == len(options) == 8
 
@@ -217,8 +205,7 @@ def test_each_view_and_quantity_draws_another_picture(page):
 def test_dragging_turns_the_slanted_view_and_reset_undoes_it(page):
     page.get_by_role("button", name="3D").click()
     first = picture(page, "scene")
-    box = page.locator("canvas[data-part=scene]").bounding_box()
-    assert box is not None
+    box = box_of(page, "canvas[data-part=scene]")
     page.mouse.move(box["x"] + 600, box["y"] + 400)
     page.mouse.down()
     page.mouse.move(box["x"] + 500, box["y"] + 380)
@@ -230,15 +217,15 @@ def test_dragging_turns_the_slanted_view_and_reset_undoes_it(page):
 
 def test_an_aircraft_that_is_pressed_is_chosen(page):
     seek(page, 100.0)
-    place = page.evaluate(
-        """() => {
-            const { scene } = document.getElementById("replay").player;
+    place = player(
+        page,
+        """({ scene }) => {
             const { place } = scene.shown.find(({ vehicle }) => vehicle.name === "f2");
             const box = scene.canvas.getBoundingClientRect();
-            return { x: box.left + place.x, y: box.top + place.y };
-        }"""
+            return [box.left + place.x, box.top + place.y];
+        }""",
     )
-    page.mouse.click(place["x"], place["y"])
+    page.mouse.click(*place)
     assert page.get_by_role("button", name="f2").get_attribute("aria-pressed") == "true"
     page.keyboard.press("Escape")
     page.locator("#replay").focus()
@@ -247,9 +234,9 @@ def test_an_aircraft_that_is_pressed_is_chosen(page):
 
 
 def test_all_aircraft_and_slots_are_in_the_picture_all_the_time(page):
-    outside: list[object] = page.evaluate(
-        """() => {
-            const { player } = document.getElementById("replay");
+    outside = player(
+        page,
+        """(player) => {
             const outside = [];
             for (const view of ["above", "course", "aslant"]) {
                 player.look(view);
@@ -265,16 +252,15 @@ def test_all_aircraft_and_slots_are_in_the_picture_all_the_time(page):
                 }
             }
             return outside;
-        }"""
+        }""",
     )
     assert outside == []
 
 
 def test_changes_of_mode_can_be_walked_through(circle_flight, open_page, write_page):
-    follower = circle_flight.followers[0]
     mode = np.where(circle_flight.time_s < 12.0, 1, 2)
-    record = replace(circle_flight, vehicles=(circle_flight.leader, replace(follower, mode=mode)))
-    page = open_page(write_page(record))
+    one = replace(circle_flight, vehicles=circle_flight.vehicles[:2])
+    page = open_page(write_page(with_vehicle(one, "f1", mode=mode)))
     assert cell(page, "Mode", 1).startswith("joining")
     page.get_by_role("button", name="Next event").click()
     assert moment(page) == pytest.approx(12.0, abs=0.11)
@@ -297,14 +283,14 @@ def test_events_are_reached_by_mark_list_and_key(circle_flight, open_page, write
     assert entries.nth(1).get_attribute("aria-current") == "true"
     page.get_by_role("button", name="Event before").click()
     assert moment(page) == 12.0
-    place: list[float] = page.evaluate(
-        """() => {
-            const { timeline } = document.getElementById("replay").player;
+    place = player(
+        page,
+        """({ timeline }) => {
             const box = timeline.canvas.getBoundingClientRect();
             const x = timeline.xOf(30);
             for (let y = 0; y < box.height; y++)
                 if (timeline.eventNear(x, y)) return [box.left + x + 4, box.top + y + 4];
-        }"""
+        }""",
     )
     page.mouse.click(*place)
     assert moment(page) == 30.0
@@ -315,18 +301,14 @@ def test_the_path_that_is_flown_at_the_moment_is_the_one_that_is_drawn(
 ):
     time_s = circle_flight.time_s
     number = np.select([time_s < 10.0, time_s < 20.0], [0.0, 1.0], np.nan)
-    leader = replace(circle_flight.leader, path_number=number)
+    record = with_vehicle(circle_flight, "leader", path_number=number)
     east = Outline(kind="path", north_m=np.array([0.0, 0.0]), east_m=np.array([500.0, 700.0]))
-    record = replace(circle_flight, vehicles=(leader, *circle_flight.followers), outlines=(east,))
-    page = open_page(write_page(record))
-    drawn = """() => {
-        const { flight } = document.getElementById("replay").player;
-        return [flight.path.east_m.at(-1) ?? null, flight.outlines.length];
-    }"""
+    page = open_page(write_page(replace(record, outlines=(east,))))
+    drawn = "({ flight }) => [flight.path.east_m.at(-1) ?? null, flight.outlines.length]"
     main = pytest.approx(float(circle_flight.path_east_m[-1]), abs=0.01)
     for moment_s, path, others in ((5.0, main, 1), (15.0, 700.0, 1), (25.0, None, 2)):
         seek(page, moment_s)
-        assert page.evaluate(drawn) == [path, others]
+        assert player(page, drawn) == [path, others]
 
 
 def test_the_page_is_usable_on_a_phone(circle_flight, open_page, write_page):
@@ -340,8 +322,7 @@ def test_the_page_is_usable_on_a_phone(circle_flight, open_page, write_page):
             .map(({ width, height }) => Math.min(width, height))"""
     )
     assert min(boxes) >= 32, "a finger needs 32 pixels"
-    box = page.locator("canvas.timeline").bounding_box()
-    assert box is not None
+    box = box_of(page, "canvas.timeline")
     page.touchscreen.tap(box["x"] + 48 + (box["width"] - 60) / 2, box["y"] + 60)
     assert moment(page) == pytest.approx(150.0, abs=2.0)
 
@@ -370,28 +351,26 @@ def test_pictures_follow_dark_mode(circle_report, open_page, place):
     assert brightness(open_page(circle_report, dark=True), place) < 0.25
 
 
+GUSTS = {
+    **dict.fromkeys(("north_m", "east_m", "altitude_amsl_m", "airspeed_setpoint_m_s"), 0.7),
+    **dict.fromkeys(("wind_north_m_s", "wind_east_m_s"), 1.5),
+    "airspeed_m_s": 1.0,
+    "bank_rad": 0.1,
+    "course_setpoint_rad": 0.05,
+}
+"""Root mean square of the noise of a series."""
+
+
 def shaken(vehicle: VehicleRecord, seed: int) -> VehicleRecord:
     """The same in rough air: a curve that fills its picture is the largest file."""
-    random = np.random.default_rng(seed)
+    random, smooth = np.random.default_rng(seed), np.ones(20) / 20**0.5
 
-    def gusts(rms: float) -> FloatArray:
-        noise: FloatArray = np.convolve(
-            random.normal(0.0, rms, vehicle.north_m.size), np.ones(20) / 20**0.5, "same"
-        )
-        return noise
+    def gusty(name: str) -> FloatArray:
+        noise = random.normal(0.0, GUSTS[name], vehicle.north_m.size)
+        values: FloatArray = getattr(vehicle, name) + np.convolve(noise, smooth, "same")
+        return values
 
-    return replace(
-        vehicle,
-        north_m=vehicle.north_m + gusts(0.7),
-        east_m=vehicle.east_m + gusts(0.7),
-        altitude_amsl_m=vehicle.altitude_amsl_m + gusts(0.7),
-        wind_north_m_s=vehicle.wind_north_m_s + gusts(1.5),
-        wind_east_m_s=vehicle.wind_east_m_s + gusts(1.5),
-        airspeed_m_s=vehicle.airspeed_m_s + gusts(1.0),
-        bank_rad=vehicle.bank_rad + gusts(0.1),
-        course_setpoint_rad=vehicle.course_setpoint_rad + gusts(0.05),
-        airspeed_setpoint_m_s=vehicle.airspeed_setpoint_m_s + gusts(0.7),
-    )
+    return replace(vehicle, **{name: gusty(name) for name in GUSTS})
 
 
 def test_the_report_of_four_aircraft_for_300_s_is_below_2_mb_also_in_rough_air(
@@ -440,17 +419,13 @@ def test_names_stay_text(open_page, write_page):
 def test_moments_that_nobody_recorded_are_left_out(circle_flight, open_page, write_page):
     gap = (circle_flight.time_s > 50.0) & (circle_flight.time_s < 60.0)
     follower = circle_flight.followers[0]
-    lost = {
-        name: np.where(gap, np.nan, getattr(follower, name))
-        for name in ("north_m", "east_m", "altitude_amsl_m", "course_rad", "airspeed_m_s")
-    }
-    broken = replace(follower, **lost)
-    page = open_page(write_page(replace(circle_flight, vehicles=(circle_flight.leader, broken))))
+    names = ("north_m", "east_m", "altitude_amsl_m", "course_rad", "airspeed_m_s")
+    lost = {name: np.where(gap, np.nan, getattr(follower, name)) for name in names}
+    one = replace(circle_flight, vehicles=circle_flight.vehicles[:2])
+    page = open_page(write_page(with_vehicle(one, "f1", **lost)))
     seek(page, 55.0)
     assert cell(page, "Airspeed", 1) == "\u2013"
-    shown = page.evaluate(
-        "document.getElementById('replay').player.scene.shown.map((one) => one.vehicle.name)"
-    )
+    shown = player(page, "({ scene }) => scene.shown.map((one) => one.vehicle.name)")
     assert shown == ["leader"]
     seek(page, 70.0)
     assert re.fullmatch(r"\d+\.\d", cell(page, "Airspeed", 1))
@@ -478,12 +453,7 @@ def test_an_hour_replays_and_scrolls(open_page, write_page):
     page.get_by_role("button", name="Play").click()
     page.clock.run_for(5000)
     assert moment(page) == pytest.approx(300.0, abs=3.0)
-    shown = page.evaluate(
-        """() => {
-            const { timeline } = document.getElementById("replay").player;
-            return [timeline.from, timeline.to];
-        }"""
-    )
-    assert shown[1] - shown[0] == pytest.approx(60.0)
-    assert shown[0] <= moment(page) <= shown[1]
+    begin, end = player(page, "({ timeline }) => [timeline.from, timeline.to]")
+    assert end - begin == pytest.approx(60.0)
+    assert begin <= moment(page) <= end
     assert "1:00:00" in page.locator("output").inner_text()
