@@ -57,37 +57,31 @@ def write(
     mission: Mission,
     name: str,
     *,
-    behind_m: float,
-    right_m: float,
     wrong_s: float,
     clock_s: float,
     formation_s: float,
 ) -> Path:
-    """A recording of a vehicle that flies north at 20 m/s.
+    """A recording of a vehicle of a formation that flies north at 20 m/s, a follower behind its slot.
 
     Args:
-        behind_m: of the origin at the beginning, and `right_m` east of it.
         wrong_s: how much its computer's time of day is ahead.
         clock_s: what its companion's clock shows at the beginning.
         formation_s: what the leader's shows then; NaN for not known.
     """
-    vehicle = mission.vehicles[name]
-    start = RecordingStart(
-        vehicle=name,
-        mission=mission.name,
-        system_id=vehicle.system_id,
-        unix_s=FLOWN_S + wrong_s,
-        clock_s=clock_s,
-        computer=name,
-        program="0",
-    )
+    system_id, behind_m, right_m = mission.vehicles[name].system_id, 0.0, 0.0
+    if name in mission.followers_by_name:
+        slot = mission.followers_by_name[name].slot
+        behind_m, right_m = LATE_M - slot.forward_m, slot.right_m
+    names = {"vehicle": name, "mission": mission.name, "computer": name, "program": "0"}
+    clocks = {"unix_s": FLOWN_S + wrong_s, "clock_s": clock_s}
+    start = RecordingStart(**names, system_id=system_id, **clocks)
     directory = parent / f"{name}-1"
     directory.mkdir()
     content = {"format": "vfguide-recording", "version": 1, **asdict(start)}
     (directory / "recording.json").write_text(json.dumps(content))
     text = yaml.safe_dump(mission.model_dump(mode="json", exclude_unset=True), sort_keys=False)
     (directory / "mission.yaml").write_text(text)
-    sender = {"system_id": vehicle.system_id, "component_id": 1}
+    sender = {"system_id": system_id, "component_id": 1}
     frame = local_frame(mission)
     tlog, guidance = bytearray(), bytearray(HEADER)
     for time_s in moments():
@@ -113,16 +107,8 @@ def write(
 
 @pytest.fixture
 def recordings(mission: Mission, tmp_path: Path) -> Path:
-    slot = mission.followers_by_name["f1"].slot
-    write(
-        tmp_path, mission, "leader",
-        behind_m=0.0, right_m=0.0, wrong_s=0.0, clock_s=100.0, formation_s=math.nan,
-    )  # fmt: skip
-    write(
-        tmp_path, mission, "f1",
-        behind_m=LATE_M - slot.forward_m, right_m=slot.right_m,
-        wrong_s=7.0, clock_s=900.0, formation_s=100.0,
-    )  # fmt: skip
+    write(tmp_path, mission, "leader", wrong_s=0.0, clock_s=100.0, formation_s=math.nan)
+    write(tmp_path, mission, "f1", wrong_s=7.0, clock_s=900.0, formation_s=100.0)
     return tmp_path
 
 
@@ -250,12 +236,7 @@ def test_a_log_of_something_else_is_named(recordings):
 
 def test_a_leader_without_a_companion_is_where_its_follower_heard_it(tmp_path):
     mission = shipped("foreign-leader")
-    slot = mission.followers_by_name["f1"].slot
-    directory = write(
-        tmp_path, mission, "f1",
-        behind_m=LATE_M - slot.forward_m, right_m=slot.right_m,
-        wrong_s=7.0, clock_s=900.0, formation_s=900.0,
-    )  # fmt: skip
+    directory = write(tmp_path, mission, "f1", wrong_s=7.0, clock_s=900.0, formation_s=900.0)
     frame = local_frame(mission)
     sender = {"system_id": mission.leader_vehicle.system_id, "component_id": 1}
     heard = bytearray()

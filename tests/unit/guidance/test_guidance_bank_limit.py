@@ -49,18 +49,20 @@ def test_a_bank_that_is_never_passed_although_more_is_asked_is_its_limit():
     assert math.degrees(value) == pytest.approx(25.0, abs=0.5)
 
 
-def test_one_plateau_is_none():
-    assert limit_of(within(25.0), seconds=9.0).value is None
-
-
-def test_what_follows_is_asked_for_no_more_than_it_banks():
-    assert limit_of(lambda wanted: wanted).value is None
-    # A steady turn with the bank that it is asked for.
-    assert limit_of(lambda wanted: wanted, wanted=lambda _: 0.4).value is None
-
-
-def test_one_that_answers_a_third_as_fast_as_was_thought_is_not_at_a_limit():
-    assert limit_of(lambda wanted: wanted / 3.0).value is None
+@pytest.mark.parametrize(
+    ("flown", "options"),
+    [
+        # One plateau is none.
+        (within(25.0), {"seconds": 9.0}),
+        # What follows is asked for no more than it banks, in a steady turn as well.
+        (lambda wanted: wanted, {}),
+        (lambda wanted: wanted, {"wanted": lambda _: 0.4}),
+        # One that answers a third as fast as was thought.
+        (lambda wanted: wanted / 3.0, {}),
+    ],
+)
+def test_nothing_else_is_taken_for_a_limit(flown, options):
+    assert limit_of(flown, **options).value is None
 
 
 def test_a_greater_bank_ends_what_was_taken_for_a_limit():
@@ -73,14 +75,9 @@ def test_a_greater_bank_ends_what_was_taken_for_a_limit():
 
 
 def test_an_aircraft_that_banks_less_than_its_mission_says_is_flown_by_what_it_does():
-    settings = [
-        "rehearsal.emulator.max_bank_deg=22",
-        "rehearsal.duration_s=60",
-        "wind.type=calm",
-    ]
+    settings = ["rehearsal.emulator.max_bank_deg=22", "rehearsal.duration_s=60", "wind.type=calm"]
     mission = apply_overrides(shipped("circle-wind"), Overrides(settings=parse_settings(settings)))
-    said = [one.text for events in fly(mission).events.values() for one in events]
-    heard = [text for text in said if text.startswith("it banks no further than")]
+    heard = [text for text in fly(mission).texts() if text.startswith("it banks no further than")]
     assert heard
     assert len(heard) <= 4
     assert all("for the mission: max_bank_deg: 2" in text for text in heard)

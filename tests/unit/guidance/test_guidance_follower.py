@@ -120,7 +120,10 @@ def test_on_a_turn_the_articles_field_is_three_metres_off_and_the_slots_is_not(
     # 0.2 . 3 . 0.05 = 0.03: as thin as the fine loop of this test bears
     thin = replace(settings, sliding=replace(settings.sliding, boundary_layer_factor=0.2))
     slots = ((-20.0, -20.0), (-20.0, 20.0), (-40.0, 0.0))
-    errors = [fly_behind(circling, Slot(*slot), thin, law=law) for slot in slots]
+    errors = [
+        fly_behind(circling, Slot(forward=ahead, right=right), thin, law=law)
+        for ahead, right in slots
+    ]
     assert sum(errors) / 3.0 == pytest.approx(mean_error, abs=accuracy)
 
 

@@ -26,7 +26,7 @@ from vfguide.guidance.formation import (
     slot_position,
     slot_velocity,
 )
-from vfguide.guidance.wind_triangle import ground_speed_on_course
+from vfguide.guidance.wind_triangle import ground_speed_on_course, resolve
 from vfguide.state import Airframe, LeaderState
 
 SLOTS = [
@@ -50,14 +50,11 @@ def test_a_slot_turns_with_the_leaders_course(course_deg, north, east):
 
 @pytest.mark.parametrize("slot", SLOTS)
 def test_a_slots_velocity_is_that_of_a_rigid_figure(slot):
-    time, step = 3.0, 1e-4
-    state = circling(time)
-    after = slot_position(circling(time + step), slot)
-    before = slot_position(circling(time - step), slot)
-    north, east = (after[0] - before[0]) / (2.0 * step), (after[1] - before[1]) / (2.0 * step)
-    along, right = slot_velocity(20.0, state.turn_rate, slot)
-    assert along == pytest.approx(north * math.cos(state.course) + east * math.sin(state.course))
-    assert right == pytest.approx(east * math.cos(state.course) - north * math.sin(state.course))
+    state = circling(3.0)
+    places = [slot_position(circling(3.0 + step), slot) for step in (-1e-4, 1e-4)]
+    north, east = ((after - before) / 2e-4 for before, after in zip(*places, strict=True))
+    velocity = slot_velocity(20.0, state.turn_rate, slot)
+    assert velocity == pytest.approx(resolve(north, east, state.course))
     motion = slot_motion(state, slot)
     assert motion.speed == pytest.approx(math.hypot(north, east))
     assert wrap_angle(motion.course - math.atan2(east, north)) == pytest.approx(0.0, abs=1e-7)
@@ -85,20 +82,11 @@ def weaving(time: float) -> LeaderState[float]:
 @pytest.mark.parametrize("slot", SLOTS)
 @pytest.mark.parametrize("time", [0.0, 1.7, 5.0, 9.3])
 def test_turn_rate_and_acceleration_are_the_rates_of_course_and_speed(slot, time):
-    step = 1e-4
-    after = slot_motion(weaving(time + step), slot)
-    before = slot_motion(weaving(time - step), slot)
-    motion = slot_motion(weaving(time), slot)
-    turning = wrap_angle(after.course - before.course) / (2.0 * step)
+    before, motion, after = (slot_motion(weaving(time + step), slot) for step in (-1e-4, 0.0, 1e-4))
+    turning = wrap_angle(after.course - before.course) / 2e-4
     assert motion.turn_rate == pytest.approx(turning, abs=1e-7)
-    speeding = (after.speed - before.speed) / (2.0 * step)
+    speeding = (after.speed - before.speed) / 2e-4
     assert motion.acceleration == pytest.approx(speeding, abs=1e-6)
-
-
-def test_on_straight_flight_both_readings_of_a_slot_agree():
-    state = leader_at(north=7.0, east=9.0, course=2.0, acceleration=0.4)
-    for slot in SLOTS:
-        assert slot_motion(state, slot) == article_motion(state, slot)
 
 
 def test_the_articles_slot_takes_the_leaders_motion_even_in_a_turn():
@@ -106,6 +94,10 @@ def test_the_articles_slot_takes_the_leaders_motion_even_in_a_turn():
     motion = article_motion(state, SLOTS[0])
     found = (motion.course, motion.speed, motion.turn_rate, motion.acceleration)
     assert found == (1.0, 20.0, 0.2, 0.5)
+    # On straight flight both readings of a slot agree.
+    straight = leader_at(north=7.0, east=9.0, course=2.0, acceleration=0.4)
+    for slot in SLOTS:
+        assert slot_motion(straight, slot) == article_motion(straight, slot)
 
 
 def test_a_transient_turn_rate_does_not_reverse_a_slot():
@@ -197,13 +189,11 @@ def test_on_an_arc_the_prediction_misses_in_the_third_order_of_its_age():
 
 def test_a_changing_turn_rate_is_carried_on():
     start = leader_at(acceleration=1.0, turn_rate=0.2, turn_acceleration=0.3)
-    north = east = 0.0
     steps, age = 4000, 0.4
-    for index in range(steps):
-        time = (index + 0.5) * age / steps
-        course = 0.2 * time + 0.15 * time * time
-        north += (20.0 + time) * math.cos(course) * age / steps
-        east += (20.0 + time) * math.sin(course) * age / steps
+    time = (np.arange(steps) + 0.5) * age / steps
+    course = 0.2 * time + 0.15 * time * time
+    north = float(np.sum((20.0 + time) * np.cos(course)) * age / steps)
+    east = float(np.sum((20.0 + time) * np.sin(course)) * age / steps)
     later = extrapolate_by_rates(start, age)
     # 0.2 . 0.4 + 0.3 . 0.16/2 = 0.104 rad; 0.2 + 0.12 rad/s
     assert (later.course, later.turn_rate) == pytest.approx((0.104, 0.32))
@@ -271,6 +261,7 @@ def test_nobody_comes_nearer_to_anybody_while_flying_away(wind_north, wind_east)
 
 REPEATABLE = settings(deadline=None, derandomize=True, database=None, max_examples=300)
 AIRFRAME = Airframe()
+NARROW = Airframe(airspeed_min=19.5, airspeed_max=21.0)
 CRUISE = 20.0
 
 
@@ -284,19 +275,18 @@ OUTSIDE = slot(0.0, -120.0)
 """20 + 12 = 32 m/s."""
 
 
-def test_a_slot_needs_the_airspeed_of_its_own_velocity():
-    # 40 m behind at 0.1 rad/s: hypot(20, 4); in a wind of 5 m/s from behind: hypot(15, 4)
-    behind = Slot(forward=-40.0, right=0.0)
-    assert slot_airspeed(vehicle_at(), 0.1, behind) == pytest.approx(math.hypot(20.0, 4.0))
-    windy = vehicle_at(wind=(5.0, 0.0))
-    assert slot_airspeed(windy, 0.1, behind) == pytest.approx(math.hypot(15.0, 4.0))
-
-
-def test_the_slots_velocity_turns_with_the_leader():
-    # flying east the slot slips to the left of east, north: (4, 20), less the wind (4, 5): 15
-    windy = vehicle_at(course=math.pi / 2.0, wind=(4.0, 5.0))
-    needed = slot_airspeed(windy, 0.1, Slot(forward=-40.0, right=0.0))
-    assert needed == pytest.approx(15.0)
+@pytest.mark.parametrize(
+    ("state", "airspeed"),
+    [
+        # 40 m behind at 0.1 rad/s: hypot(20, 4); in a wind of 5 m/s from behind: hypot(15, 4)
+        (vehicle_at(), math.hypot(20.0, 4.0)),
+        (vehicle_at(wind=(5.0, 0.0)), math.hypot(15.0, 4.0)),
+        # flying east the slot slips to the left of east, north: (4, 20), less the wind (4, 5): 15
+        (vehicle_at(course=math.pi / 2.0, wind=(4.0, 5.0)), 15.0),
+    ],
+)
+def test_a_slot_needs_the_airspeed_of_its_own_velocity(state, airspeed):
+    assert slot_airspeed(state, 0.1, Slot(forward=-40.0, right=0.0)) == pytest.approx(airspeed)
 
 
 @pytest.mark.parametrize(
@@ -317,16 +307,22 @@ def test_the_leader_adds_what_the_worst_slot_lacks(followers, airspeed):
     assert found == pytest.approx(airspeed)
 
 
-def test_having_given_way_it_keeps_doing_so():
-    # at 22 m/s the slot needs 13, at cruise it would need 11 still: no hunting between the two
-    flying = vehicle_at(ground_speed=22.0)
-    assert airspeed_that_gives_way(CRUISE, flying, 0.1, [INSIDE], AIRFRAME) == pytest.approx(22.0)
-
-
-def test_it_gives_way_no_further_than_it_can_fly_itself():
-    narrow = Airframe(airspeed_min=19.5, airspeed_max=21.0)
-    assert airspeed_that_gives_way(CRUISE, vehicle_at(), 0.1, [INSIDE], narrow) == 21.0
-    assert airspeed_that_gives_way(CRUISE, vehicle_at(), 0.1, [OUTSIDE], narrow) == 19.5
+@pytest.mark.parametrize(
+    ("ground_speed", "slots", "airframe", "airspeed"),
+    [
+        # at 22 m/s the slot needs 13, at cruise it would need 11 still: no hunting between the two
+        (22.0, [INSIDE], AIRFRAME, 22.0),
+        # no further than it can fly itself
+        (20.0, [INSIDE], NARROW, 21.0),
+        (20.0, [OUTSIDE], NARROW, 19.5),
+    ],
+)
+def test_having_given_way_it_keeps_doing_so_and_never_beyond_its_own_range(
+    ground_speed, slots, airframe, airspeed
+):
+    flying = vehicle_at(ground_speed=ground_speed)
+    found = airspeed_that_gives_way(CRUISE, flying, 0.1, slots, airframe)
+    assert found == pytest.approx(airspeed)
 
 
 @REPEATABLE

@@ -86,55 +86,46 @@ def test_a_leader_that_flies_as_planned_has_no_deviation():
     assert (found.height, found.climb_rate) == (pytest.approx(0.0), pytest.approx(0.0))
 
 
-def deviation_after(seconds: float, climb_rate: float, *, memory_s: float) -> HeightDeviation:
-    """Of a leader that leaves level flight at a climb rate; heard ten times a second."""
-    found = None
-    for step in range(round(seconds * 10) + 1):
-        state = replace(
-            NORTHBOUND,
-            time_s=0.1 * step,
-            height=100.0 + 0.1 * step * climb_rate,
-            climb_rate=climb_rate,
-        )
-        found = height_deviation(found, state, held_height(100.0), memory_s=memory_s)
-    assert found is not None
+def deviations(heights: list[float], climb_rate: float) -> list[HeightDeviation]:
+    """What is made of a leader that should fly level at 100 m, heard ten times a second."""
+    found: list[HeightDeviation] = []
+    for step, height in enumerate(heights):
+        state = replace(NORTHBOUND, time_s=0.1 * step, height=height, climb_rate=climb_rate)
+        before = found[-1] if found else None
+        found.append(height_deviation(before, state, held_height(100.0), memory_s=5.0))
     return found
 
 
+def leaves_at(climb_rate: float, seconds: float) -> HeightDeviation:
+    """What is made of one that climbs, or descends, from its planned height."""
+    heights = [100.0 + 0.1 * step * climb_rate for step in range(round(seconds * 10) + 1)]
+    return deviations(heights, climb_rate)[-1]
+
+
 def test_a_leader_that_climbs_beside_its_plan_is_followed_without_a_lasting_error():
-    found = deviation_after(60.0, 1.0, memory_s=5.0)
+    found = leaves_at(1.0, 60.0)
     assert found.height == pytest.approx(60.0, abs=0.01)
     assert found.at(62.0) == pytest.approx(62.0, abs=0.01)
 
 
 def test_a_short_transient_of_the_leader_moves_followers_little():
     # Half a metre within a second.
-    assert deviation_after(1.0, 0.5, memory_s=5.0).height < 0.2
+    assert leaves_at(0.5, 1.0).height < 0.2
 
 
 def test_noise_of_a_level_leader_hardly_shows():
-    found, greatest = None, 0.0
-    for step in range(600):
-        noise = 0.1 if step % 2 else -0.1
-        state = replace(NORTHBOUND, time_s=0.1 * step, height=100.0 + noise, climb_rate=0.0)
-        found = height_deviation(found, state, held_height(100.0), memory_s=5.0)
-        if step > 300:
-            greatest = max(greatest, abs(found.height))
-    assert greatest < 0.003
+    heights = [100.0 + (0.1 if step % 2 else -0.1) for step in range(600)]
+    found = deviations(heights, 0.0)
+    assert max(abs(one.height) for one in found[301:]) < 0.003
 
 
 @pytest.mark.parametrize("rate", [3.0, -3.0, -20.0, -300.0])
 def test_a_climb_rate_that_is_stuck_shifts_no_follower(rate):
-    found, greatest = None, 0.0
-    for step in range(600):
-        state = replace(NORTHBOUND, time_s=0.1 * step, height=100.0, climb_rate=rate)
-        found = height_deviation(found, state, held_height(100.0), memory_s=5.0)
-        greatest = max(greatest, abs(found.height))
-    assert found is not None
+    found = deviations([100.0] * 600, rate)
     # A rate of 3 m/s, filtered twice by 5 s: 3 t²/10 exp(-t/5), at most 4.1 m, and after 60 s nothing.
-    assert greatest < (4.5 if abs(rate) <= 3.0 else 15.1)
-    assert abs(found.height) < 0.6
-    assert abs(found.climb_rate) < 0.15
+    assert max(abs(one.height) for one in found) < (4.5 if abs(rate) <= 3.0 else 15.1)
+    assert abs(found[-1].height) < 0.6
+    assert abs(found[-1].climb_rate) < 0.15
 
 
 def test_a_height_that_is_not_known_changes_nothing():

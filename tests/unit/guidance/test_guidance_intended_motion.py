@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from msgspec.structs import replace
 
-from tests.kit.states import leader_at, vehicle_at
+from tests.kit.states import circling, leader_at, vehicle_at
 from vfguide.guidance.intended_motion import (
     IntendedMotion,
     KnownLeader,
@@ -98,24 +98,14 @@ def test_gusts_that_turn_the_leader_for_seconds_do_not_swing_the_slots():
 
 
 def test_the_frame_turns_as_fast_as_the_leader_truly_passes_along_a_bend():
-    circle = Circle(north=0.0, east=0.0, radius=200.0, direction=1)
-    bound = replace(NORTHBOUND, path=circle)
-    first = replace(heard(0.0, math.pi / 2.0), north=200.0)
+    bound = replace(NORTHBOUND, path=Circle(north=0.0, east=0.0, radius=150.0, direction=1))
+    first = circling(0.0)
     known = intended_at_first(first, planned_motion(first, bound, CALM))
     for step in range(1, 801):
-        along = 20.0 * step * PERIOD_S / 200.0
-        state = replace(
-            first,
-            time_s=step * PERIOD_S,
-            north=200.0 * math.cos(along),
-            east=200.0 * math.sin(along),
-            course=along + math.pi / 2.0,
-            # From 39.9 s on a gust from behind.
-            ground_speed=23.0 if step > 798 else 20.0,
-            turn_rate=0.1,
-        )
+        # From 39.9 s on a gust from behind.
+        state = replace(circling(step * PERIOD_S), ground_speed=23.0 if step > 798 else 20.0)
         known = intended_motion(known, state, planned_motion(state, bound, CALM), as_planned=True)
-    assert known.motion.turn_rate == pytest.approx(23.0 / 200.0, rel=1e-3)
+    assert known.motion.turn_rate == pytest.approx(23.0 / 150.0, rel=1e-3)
 
 
 def test_a_leader_on_its_way_to_the_path_is_followed_as_it_flies():
@@ -124,8 +114,7 @@ def test_a_leader_on_its_way_to_the_path_is_followed_as_it_flies():
 
 
 def test_on_a_circle_the_plan_turns_with_it_and_knows_what_the_wind_does_to_the_speed():
-    circle = Circle(north=0.0, east=0.0, radius=250.0, direction=1)
-    known = KnownLeader(path=circle, path_gains=GAINS, airspeed=20.0, rate_filter_s=0.6)
+    known = replace(NORTHBOUND, path=Circle(north=0.0, east=0.0, radius=250.0, direction=1))
     # In the north of a clockwise circle the course is east: 5 m/s of west wind come from behind.
     north = leader_at(north=250.0, course=math.pi / 2.0, ground_speed=25.0, turn_rate=0.1)
     planned = planned_motion(north, known, (0.0, 5.0))
@@ -185,9 +174,8 @@ def carried(
 ) -> Iterator[LeaderState[float]]:
     """The leader every 50 ms for 20 s."""
     for step in range(1, 401):
-        leader = extrapolate_along_path(
-            leader, vehicle_at(wind=wind, time_s=PERIOD * step), known(path)
-        )
+        here = vehicle_at(wind=wind, time_s=PERIOD * step)
+        leader = extrapolate_along_path(leader, here, known(path))
         yield leader
 
 
@@ -237,11 +225,9 @@ def test_on_a_circle_in_wind_it_is_where_the_leader_is(direction, wind):
         assert state.ground_speed == pytest.approx(speed, abs=1e-3)
         assert state.turn_rate == pytest.approx(rate_at(bearing), abs=1e-3)
     # What slots need most on a circle in wind: how the speed changes, 0.4 s late by its filter.
-    change = rate_at(bearing) * (
-        speed_over_ground(course_at(bearing) + 1e-4, wind)
-        - speed_over_ground(course_at(bearing) - 1e-4, wind)
-    )
-    assert state.acceleration == pytest.approx(change / 2e-4, abs=0.1)
+    slower, faster = (speed_over_ground(course_at(bearing) + step, wind) for step in (-1e-4, 1e-4))
+    change = rate_at(bearing) * (faster - slower) / 2e-4
+    assert state.acceleration == pytest.approx(change, abs=0.1)
 
 
 ROUTE = [
@@ -293,9 +279,8 @@ def test_a_leader_beside_its_path_comes_back_to_it():
 
 def test_the_wind_that_counts_is_that_of_the_moment():
     path = Line(north=0.0, east=0.0, course=0.0)
-    first = extrapolate_along_path(
-        leader_at(), vehicle_at(wind=(2.0, 0.0), time_s=0.1), known(path)
-    )
+    here = vehicle_at(wind=(2.0, 0.0), time_s=0.1)
+    first = extrapolate_along_path(leader_at(), here, known(path))
     second = extrapolate_along_path(first, vehicle_at(wind=(-3.0, 0.0), time_s=0.2), known(path))
     assert (first.ground_speed, second.ground_speed) == (22.0, 17.0)
     assert second.north == pytest.approx(2.2 + 1.7)

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable
+from functools import partial
 from itertools import pairwise
 
 import pytest
@@ -22,6 +23,7 @@ from vfguide.guidance.sliding_laws import (
     sliding_acceleration,
     sliding_course_rate,
 )
+from vfguide.guidance.wind_triangle import polar
 from vfguide.paths.circle import Circle
 from vfguide.paths.line import Line
 
@@ -36,9 +38,8 @@ def fly(plant: Plant, field: Field, seconds: float, layer: float = LAYER) -> Non
     """Close the course law around any field; its rate is taken by differences along the flight."""
     for _ in range(round(seconds / PERIOD)):
         wanted, step = field(plant.north, plant.east), 1e-3
-        ahead = field(
-            plant.north + step * math.cos(plant.course), plant.east + step * math.sin(plant.course)
-        )
+        north, east = polar(step, plant.course)
+        ahead = field(plant.north + north, plant.east + east)
         rate = SPEED * wrap_angle(ahead - wanted) / step
         turn = sliding_course_rate(wrap_angle(plant.course - wanted), rate, KAPPA, layer)
         plant.fly(course_command(plant.course, turn, ALPHA), SPEED, PERIOD)
@@ -120,9 +121,9 @@ def test_the_printed_error_drives_a_line_flown_backward_apart():
     literal, corrected = Plant(east=5.0, course=backward), Plant(east=5.0, course=backward)
     fly(literal, with_printed_error, 100.0)
     fly(corrected, field_of(line), 100.0)
-    assert abs(line.nearest(literal.north, literal.east).cross_track_error) > 500.0
-    error = line.nearest(corrected.north, corrected.east).cross_track_error
-    assert error == pytest.approx(0.0, abs=0.01)
+    errors = [line.nearest(one.north, one.east).cross_track_error for one in (literal, corrected)]
+    assert abs(errors[0]) > 500.0
+    assert errors[1] == pytest.approx(0.0, abs=0.01)
 
 
 # The observer: "d chi^d/d e . d e/d chi" is printed for the regressor phi.
@@ -150,10 +151,9 @@ def test_the_regressor_is_what_a_metre_a_second_more_does_to_the_fields_rate(pat
     north, east, course, field = 120.0, 60.0, 0.9, field_of(path)
 
     def rate(speed: float) -> float:
-        step = 1e-4
-        reach = (speed * step * math.cos(course), speed * step * math.sin(course))
+        reach = polar(speed * 1e-4, course)
         ahead = field(north + reach[0], east + reach[1])
-        return wrap_angle(ahead - field(north - reach[0], east - reach[1])) / (2.0 * step)
+        return wrap_angle(ahead - field(north - reach[0], east - reach[1])) / 2e-4
 
     difference = (rate(SPEED + 1.0) - rate(SPEED - 1.0)) / 2.0
     assert regressor(path, north, east, course) == pytest.approx(difference, abs=1e-6)
@@ -175,9 +175,8 @@ def test_the_lyapunov_function_falls_with_the_regressor_alone(path, term, falls)
         values.append(0.5 * 200.0 * course_error**2 + 0.5 * speed_error**2)
         feed_forward = estimate * regressor(path, north, east, course)
         turn = sliding_course_rate(course_error, feed_forward, KAPPA, layer)
-        change = speed_estimate_rate(
-            estimate, SPEED, course_error, term(path, north, east, course), OBSERVER
-        )
+        phi = term(path, north, east, course)
+        change = speed_estimate_rate(estimate, SPEED, course_error, phi, OBSERVER)
         course, estimate = course + turn * step, estimate + change * step
         north += SPEED * math.cos(course) * step
         east += SPEED * math.sin(course) * step
@@ -190,16 +189,15 @@ def test_the_lyapunov_function_falls_with_the_regressor_alone(path, term, falls)
 # The formation error: gamma_f is printed without saying from whom to whom.
 
 
-def printed_errors(
-    along: float, right: float, *, from_leader: bool, slot: tuple[float, float]
-) -> tuple[float, float]:
+SLOT = (-20.0, 20.0)
+
+
+def printed_errors(along: float, right: float, *, from_leader: bool) -> tuple[float, float]:
     """(x_E, y_E) as printed, of a follower at (along, right) of a leader that flies north."""
     distance = math.hypot(along, right)
     bearing = math.atan2(right, along) if from_leader else math.atan2(-right, -along)
-    return (
-        slot[0] + distance * math.sin(bearing - math.pi / 2.0),
-        slot[1] + distance * math.cos(bearing - math.pi / 2.0),
-    )
+    ahead, aside = polar(distance, bearing - math.pi / 2.0)
+    return SLOT[0] + aside, SLOT[1] + ahead
 
 
 def follow(errors: Callable[[float, float], tuple[float, float]]) -> tuple[float, float]:
@@ -214,26 +212,29 @@ def follow(errors: Callable[[float, float], tuple[float, float]]) -> tuple[float
 
 
 def test_one_reading_of_the_bearing_diverges_sideways_and_the_other_along():
-    slot = (-20.0, 20.0)
-    outward = follow(lambda *place: printed_errors(*place, from_leader=True, slot=slot))
+    outward = follow(partial(printed_errors, from_leader=True))
     # the course stays at pi/4, 20 m/s . sin = 14 m/s for a minute
     assert outward[1] > 500.0
-    along = follow(lambda *place: printed_errors(*place, from_leader=False, slot=slot))
+    along = follow(partial(printed_errors, from_leader=False))
     # V_inf = 8 m/s too slow, for a minute
     assert along[0] < -400.0
-    corrected = follow(lambda along, right: (slot[0] - along, slot[1] - right))
-    assert corrected == pytest.approx(slot, abs=0.05)
+    corrected = follow(lambda along, right: (SLOT[0] - along, SLOT[1] - right))
+    assert corrected == pytest.approx(SLOT, abs=0.05)
 
 
 def test_each_reading_has_one_error_of_the_right_sign():
     # the follower 25 m behind and 30 m right, the slot 20 m behind and 20 m right: (5, -10) is true
-    first = printed_errors(-25.0, 30.0, from_leader=True, slot=(-20.0, 20.0))
-    second = printed_errors(-25.0, 30.0, from_leader=False, slot=(-20.0, 20.0))
-    assert first == pytest.approx((5.0, 50.0))
-    assert second == pytest.approx((-45.0, -10.0))
+    assert printed_errors(-25.0, 30.0, from_leader=True) == pytest.approx((5.0, 50.0))
+    assert printed_errors(-25.0, 30.0, from_leader=False) == pytest.approx((-45.0, -10.0))
 
 
 # The Lyapunov function: V~^2 / (2 rho) is printed.
+
+
+def off(along: float, right: float) -> FormationError[float]:
+    return FormationError(
+        along_track=along, cross_track=right, along_track_rate=0.0, cross_track_rate=0.0
+    )
 
 
 def change_of_w(along: float, speed_error: float, weight: float) -> float:
@@ -241,22 +242,14 @@ def change_of_w(along: float, speed_error: float, weight: float) -> float:
     push, slope = arc_tangent_field(along, 1.0, 0.2, 8.0)
     along_rate = -(push + speed_error)
     turn_of_field = slope * along_rate
-    acceleration = sliding_acceleration(
-        speed_error, along, turn_of_field, gain=KAPPA, layer=0.75, rho=50.0
-    )
-    step = 1e-6
+    gains = {"gain": KAPPA, "layer": 0.75, "rho": 50.0}
+    acceleration = sliding_acceleration(speed_error, along, turn_of_field, **gains)
 
     def value(time: float) -> float:
-        error = FormationError(
-            along_track=along + along_rate * time,
-            cross_track=0.0,
-            along_track_rate=0.0,
-            cross_track_rate=0.0,
-        )
         changed = speed_error + (acceleration - turn_of_field) * time
-        return lyapunov(error, 0.0, changed, weight)
+        return lyapunov(off(along + along_rate * time, 0.0), 0.0, changed, weight)
 
-    return (value(step) - value(-step)) / (2.0 * step)
+    return (value(1e-6) - value(-1e-6)) / 2e-6
 
 
 @pytest.mark.parametrize("along", [-40.0, -1.0, 0.5, 30.0])
@@ -275,8 +268,5 @@ def test_with_the_printed_weight_the_function_rises():
 
 
 def test_the_corrected_function_is_half_the_squares():
-    error = FormationError(
-        along_track=3.0, cross_track=4.0, along_track_rate=0.0, cross_track_rate=0.0
-    )
     # (9 + 16)/2 + 50 (0.25 + 0.01)/2 = 12.5 + 6.5
-    assert lyapunov(error, 0.1, 0.5, 50.0) == pytest.approx(19.0)
+    assert lyapunov(off(3.0, 4.0), 0.1, 0.5, 50.0) == pytest.approx(19.0)

@@ -17,7 +17,7 @@ from vfguide.guidance.navigation import (
     navigate,
     navigate_blind,
 )
-from vfguide.guidance.wind_triangle import compose
+from vfguide.guidance.wind_triangle import polar
 from vfguide.state import VehicleState
 
 TIMES = FilterTimes(position_s=2.0, wind_s=0.2)
@@ -142,7 +142,7 @@ def test_without_memory_the_filter_passes_reports_through():
     for sample in samples[1:]:
         state = navigate(state, sample, none)
         assert miss(state, sample) < 1e-9
-        found = compose(state.ground_speed, 0.0, state.course)
+        found = polar(state.ground_speed, state.course)
         assert found == pytest.approx((sample.velocity_north, sample.velocity_east))
     # the difference of two winds 0.05 s apart
     assert state.wind_rate_north == pytest.approx(0.8)

@@ -17,7 +17,7 @@ from vfguide.guidance.path import (
     desired_course_slope,
     tangent_rate_per_speed,
 )
-from vfguide.guidance.wind_triangle import compose
+from vfguide.guidance.wind_triangle import compose, polar
 from vfguide.paths.circle import Circle
 from vfguide.paths.line import Line
 
@@ -83,7 +83,7 @@ def test_outside_a_clockwise_circle_the_vehicle_is_left_of_it():
 def test_the_circle_field_is_the_articles(bearing, distance, direction, gain):
     # The tangent on the circle itself; far away it points at the centre.
     circle = Circle(north=12.0, east=-34.0, radius=150.0, direction=direction)
-    north, east = compose(distance, 0.0, bearing)
+    north, east = polar(distance, bearing)
     point = circle.nearest(12.0 + north, -34.0 + east)
     article = bearing + direction * (math.pi / 2.0 + math.atan(gain * (distance - 150.0)))
     assert angle_between(desired_course(point, gain, math.pi / 2.0), article) < 1e-8

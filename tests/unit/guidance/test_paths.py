@@ -1,6 +1,8 @@
 """What every path has in common: its nearest point is abeam, and lies at its progress."""
 
 import math
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
@@ -39,14 +41,25 @@ class Bridge(Eight):
         return 0.05 * shape * (1.0 - np.cos(2.0 * np.pi * share))
 
 
-class Round(Curve):
-    """A circle of 200 m, clockwise from due north, its shares not in proportion to the distance."""
+Trace = Callable[[float, FloatArray], tuple[FloatArray, FloatArray]]
 
-    name = "round"
 
-    def trace(self, shape: float, share: FloatArray) -> tuple[FloatArray, FloatArray]:
-        angle = 2.0 * np.pi * share**1.5
-        return shape * np.cos(angle), shape * np.sin(angle)
+def curve(name: str, trace: Trace, height: Callable[..., FloatArray] | None = None) -> type[Curve]:
+    """A kind of path by its functions of shape and share."""
+    functions: dict[str, Any] = {"trace": trace}
+    if height is not None:
+        functions["height"] = height
+    members = {what: staticmethod(function) for what, function in functions.items()}
+    return type(name, (Curve,), {"name": name, **members})
+
+
+def around(shape: float, share: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """A circle, clockwise from due north, its shares not in proportion to the distance."""
+    angle = 2.0 * np.pi * share**1.5
+    return shape * np.cos(angle), shape * np.sin(angle)
+
+
+Round = curve("round", around)
 
 
 EIGHT = Eight(400.0)
@@ -187,76 +200,38 @@ def test_a_curve_climbs_as_its_heights_do():
     assert EIGHT.at(300.0).height == 0.0
 
 
-class Ramp(Round):
-    """It climbs by 10 m all the way round."""
-
-    name = "ramp"
-
-    def height(self, shape: float, share: FloatArray) -> FloatArray:
-        return 0.05 * shape * share
+def outward(shape: float, share: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """A spiral: it does not end where it begins."""
+    return shape * (1.0 + share) * np.cos(6.0 * share), shape * np.sin(6.0 * share)
 
 
-class Roof(Round):
-    """It climbs evenly and descends evenly, by half of its radius."""
-
-    name = "roof"
-
-    def height(self, shape: float, share: FloatArray) -> FloatArray:
-        return 0.5 * shape - np.abs(shape * (share - 0.5))
-
-
-class Headless(Round):
-    """Its heights cannot be told."""
-
-    name = "headless"
-
-    def height(self, shape: float, share: FloatArray) -> FloatArray:
-        return share[int(shape) :]
+def square(shape: float, share: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """A square from the middle of a side, with corners."""
+    corners = np.array([0.0, 0.125, 0.375, 0.625, 0.875, 1.0])
+    north = np.interp(share, corners, [1.0, 1.0, -1.0, -1.0, 1.0, 1.0])
+    east = np.interp(share, corners, [0.0, 1.0, 1.0, -1.0, -1.0, 0.0])
+    return shape * north, shape * east
 
 
-class Spiral(Curve):
-    """It does not end where it begins."""
-
-    name = "spiral"
-
-    def trace(self, shape: float, share: FloatArray) -> tuple[FloatArray, FloatArray]:
-        return shape * (1.0 + share) * np.cos(6.0 * share), shape * np.sin(6.0 * share)
-
-
-class Square(Curve):
-    """A square of 200 m, from the middle of a side, with corners."""
-
-    name = "square"
-
-    def trace(self, shape: float, share: FloatArray) -> tuple[FloatArray, FloatArray]:
-        corners = np.array([0.0, 0.125, 0.375, 0.625, 0.875, 1.0])
-        north = np.interp(share, corners, [1.0, 1.0, -1.0, -1.0, 1.0, 1.0])
-        east = np.interp(share, corners, [0.0, 1.0, 1.0, -1.0, -1.0, 0.0])
-        return shape * north, shape * east
-
-
-class Failing(Curve):
-    """It cannot be traced."""
-
-    name = "failing"
-
-    def trace(self, shape: float, share: FloatArray) -> tuple[FloatArray, FloatArray]:
-        return share / shape, share[int(shape) :]
-
-
-class Hippodrome(Curve):
+def hippodrome(shape: float, share: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Legs of 3000 m, and half circles of 50 m of which a hundred even steps see next to nothing."""
+    track = Racetrack(north=0.0, east=0.0, course=0.0, leg=3000.0, radius=shape, direction=1)
+    place = track.at(share * track.length)
+    return place.north, place.east
 
-    name = "hippodrome"
 
-    def trace(self, shape: float, share: FloatArray) -> tuple[FloatArray, FloatArray]:
-        track = Racetrack(north=0.0, east=0.0, course=0.0, leg=3000.0, radius=shape, direction=1)
-        place = track.at(share * track.length)
-        return place.north, place.east
+Ramp = curve("ramp", around, lambda shape, share: 0.05 * shape * share)
+"""It climbs by 10 m all the way round."""
+Roof = curve("roof", around, lambda shape, share: 0.5 * shape - np.abs(shape * (share - 0.5)))
+"""It climbs evenly and descends evenly, by half of its radius."""
+Headless = curve("headless", around, lambda shape, share: share[int(shape) :])
+"""Its heights cannot be told."""
+Failing = curve("failing", lambda shape, share: (share / shape, share[int(shape) :]))
+"""It cannot be traced."""
 
 
 def test_the_tightest_bend_of_a_curve_is_looked_at_however_short_it_is():
-    path = Hippodrome(50.0)
+    path = curve("hippodrome", hippodrome)(50.0)
     seen = np.abs(path.at(path.outline(97)).curvature)
     assert 1.0 / 50.0 <= seen.max() < 1.2 / 50.0
     assert (seen > 0.5 / 50.0).sum() > 40
@@ -275,10 +250,14 @@ def test_a_place_beyond_all_bounds_raises_nothing():
 @pytest.mark.parametrize(
     ("kind", "shape", "words"),
     [
-        (Square, 100.0, r"path square: it has a corner near north -?\d+ m, east -?\d+ m; round it"),
+        (
+            curve("square", square),
+            100.0,
+            r"path square: it has a corner near north -?\d+ m, east -?\d+ m; round it",
+        ),
         (Failing, 3.0, r"trace\(\) gives \(100000,\) and \(99997,\) for \(100000,\) shares"),
         (Failing, math.nan, r"trace\(\) fails \(ValueError in test_paths.py:\d+"),
-        (Spiral, 100.0, "path spiral: the curve that it traces ends"),
+        (curve("spiral", outward), 100.0, "path spiral: the curve that it traces ends"),
         (Round, 0.0, "has no length"),
         (Ramp, 200.0, r"path ramp: it ends 10 m above where it begins; mend height\(\)"),
         (Roof, 200.0, r"path roof: its height has an edge near north -?\d+ m, east -?\d+ m; round"),

@@ -73,9 +73,8 @@ def test_an_attitude_that_is_off_by_less_leaves_the_truth_within_the_interval():
 
 def test_who_flew_straight_or_was_not_recorded_tells_nothing():
     straight = told(*turning_flight(np.zeros(2400), 1.0))
-    assert slip_sentence(straight) == (
-        "f1: slip: cannot be told, it hardly turned; fly `vfguide identify` to know it"
-    )
+    sentence = "f1: slip: cannot be told, it hardly turned; fly `vfguide identify` to know it"
+    assert slip_sentence(straight) == sentence
     time_s, vehicle = turning_flight(RIGHT, 1.0)
     unknown = told(time_s, replace(vehicle, bank_rad=np.full_like(time_s, np.nan)))
     assert slip_sentence(unknown) == (

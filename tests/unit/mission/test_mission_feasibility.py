@@ -11,7 +11,7 @@ from vfguide.laws.field_findings import error_for_correction
 from vfguide.mission import Finding, Mission, check_mission, read_mission, report_on
 from vfguide.mission.conditions import conditions_of, wind_samples
 from vfguide.mission.feasibility import least_guarantee
-from vfguide.mission.flight_limits import bank_for, field_turn_rate, giving_way
+from vfguide.mission.flight_limits import bank_for, giving_way
 from vfguide.mission.loop_limits import effective_layer, layer_crossing, mean_leader_age
 from vfguide.mission.rehearsal import ArticleWind
 
@@ -140,12 +140,6 @@ def test_a_field_that_outturns_the_leader_is_a_warning_with_a_gain_that_does_not
     # g / 20 m/s = 0.490 rad/s; 0.385 * 20 * k stays below for k <= 0.0637
     assert warning.remedy == "lower gain to 0.063 1/m or less"
     assert found("line-calm", ("gain: 0.03", "gain: 0.063")) == []
-
-
-def test_the_field_of_a_line_turns_fastest_at_one_over_root_two_of_its_width():
-    scaled = np.linspace(0.0, 10.0, 100_001)
-    rate = np.sin(np.arctan(scaled)) / (1.0 + scaled**2)
-    assert field_turn_rate(1.0, 1.0, math.pi / 2.0) == pytest.approx(rate.max(), rel=1e-6)
 
 
 def test_the_default_gains_fit_a_loop_of_twenty_hertz():
