@@ -29,6 +29,7 @@ import msgspec
 
 from vfguide.guidance.airframe import GRAVITY
 from vfguide.state import Airframe
+from vfguide.transitions import transitions
 
 START_S = 0.4
 """Reports that contradict a place that has only just been believed have to agree for at least this."""
@@ -171,16 +172,7 @@ LIVES = """
 """The life that follows from a life (rows) and what the evidence comes to (columns)."""
 
 
-def lives_of(table: str) -> dict[Life, dict[Evidence, Life]]:
-    """Read a table of lives."""
-    header, _, *rows = [
-        [cell.strip() for cell in line.strip("|").split("|")] for line in table.strip().splitlines()
-    ]
-    findings = [Evidence(name) for name in header[1:]]
-    return {Life(name): dict(zip(findings, map(Life, cells), strict=True)) for name, *cells in rows}
-
-
-NEXT = lives_of(LIVES)
+NEXT = transitions(LIVES, Life, Evidence)
 
 
 class Reach(msgspec.Struct, frozen=True, kw_only=True):

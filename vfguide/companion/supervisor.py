@@ -1,15 +1,14 @@
 """When a companion steers and when it keeps quiet: a pure function of what it knows.
 
-waiting -> joining -> tracking <-> predicting -> breakaway -> lost -> waiting
-and pilot, from everywhere, once the autopilot has left its guided mode by another hand than this one's
-
-A vehicle that this companion has not steered is not given back: without a leader it waits.
+`MODES` is the whole life of a companion. What has happened is found by `event_of`, by ages and distances.
 """
 
 import math
 from enum import Enum
 
 import msgspec
+
+from vfguide.transitions import transitions
 
 NOTHING_HEARD = "no position from the autopilot: check --mavlink and the autopilot's stream"
 DOUBTED = "the autopilot's position is doubted: see what its pilot is told"
@@ -105,39 +104,87 @@ class ModeTimeouts(msgspec.Struct, frozen=True, kw_only=True):
     """Farther than this is not any more."""
 
 
+class Happening(Enum):
+    """What a situation comes to."""
+
+    TAKEN = "taken"
+    """The pilot flies, or a fail-safe."""
+    UNHEARD = "unheard"
+    """Nobody knows in whose hands the vehicle is."""
+    RETURNED = "returned"
+    """The vehicle is its autopilot's, as it was handed back, and the leader is not heard."""
+    UNGUIDED = "unguided"
+    """The autopilot is in no mode in which it obeys."""
+    NOTHING = "nothing"
+    """It obeys, and there is nothing to steer by, or to hand back."""
+    NEAR = "near"
+    """The leader is heard; in place."""
+    BESIDE = "beside"
+    """The leader is heard; in place for who was there, not for who comes."""
+    AWAY = "away"
+    """The leader is heard; not in place."""
+    SILENT = "silent"
+    """The leader has not been heard for a while."""
+    APART = "apart"
+    """For so long that all fly apart."""
+    OVER = "over"
+    """For so long that a vehicle that was steered is handed back."""
+
+
+MODES = """
+|            | taken | unheard | returned | unguided | nothing | near     | beside   | away    | silent     | apart     | over |
+| ---------- | ----- | ------- | -------- | -------- | ------- | -------- | -------- | ------- | ---------- | --------- | ---- |
+| waiting    | pilot | waiting | waiting  | waiting  | waiting | tracking | joining  | joining | predicting | breakaway | lost |
+| joining    | pilot | waiting | waiting  | waiting  | waiting | tracking | joining  | joining | predicting | breakaway | lost |
+| tracking   | pilot | waiting | waiting  | waiting  | waiting | tracking | tracking | joining | predicting | breakaway | lost |
+| predicting | pilot | waiting | waiting  | waiting  | waiting | tracking | joining  | joining | predicting | breakaway | lost |
+| breakaway  | pilot | waiting | waiting  | waiting  | waiting | tracking | joining  | joining | predicting | breakaway | lost |
+| lost       | pilot | lost    | lost     | waiting  | waiting | tracking | joining  | joining | predicting | breakaway | lost |
+| pilot      | pilot | pilot   | waiting  | waiting  | waiting | tracking | joining  | joining | predicting | breakaway | lost |
+"""  # noqa: E501 - a table
+"""The mode that follows from a mode (rows) and what has happened (columns)."""
+
+NEXT = transitions(MODES, Mode, Happening)
+
+
 def next_mode(mode: Mode, situation: Situation, timeouts: ModeTimeouts) -> Mode:
     """The mode that follows from a mode and a situation."""
-    if situation.control is not Control.GUIDED:
-        return mode_when_not_guided(mode, situation, timeouts)
-    # Not "above": an age that is no number counts as silence.
-    if not situation.telemetry_age <= timeouts.telemetry_s:
-        return Mode.WAITING
-    if not math.isfinite(situation.leader_age):
-        return Mode.WAITING
-    if situation.leader_age > timeouts.leader_s:
-        return mode_when_leader_is_silent(situation, timeouts)
-    bound = timeouts.strayed_m if mode is Mode.TRACKING else timeouts.arrived_m
-    return Mode.TRACKING if situation.distance <= bound else Mode.JOINING
+    return NEXT[mode][event_of(situation, timeouts)]
 
 
-def mode_when_not_guided(mode: Mode, situation: Situation, timeouts: ModeTimeouts) -> Mode:
-    """The autopilot does not obey: a pilot flies, it was handed back, or it never did."""
-    if situation.control is Control.PILOT:
-        return Mode.PILOT
-    if situation.control is Control.UNKNOWN and mode in {Mode.PILOT, Mode.LOST}:
-        return mode
-    returned = mode is Mode.LOST and situation.control is Control.RETURNED
-    return Mode.LOST if returned and not situation.leader_age <= timeouts.leader_s else Mode.WAITING
+def event_of(situation: Situation, timeouts: ModeTimeouts) -> Happening:
+    """What a situation comes to. An age that is no number counts as silence."""
+    if situation.control is Control.GUIDED:
+        sends = situation.telemetry_age <= timeouts.telemetry_s
+        return leader_event(situation, timeouts) if sends else Happening.NOTHING
+    if situation.control is Control.RETURNED and not situation.leader_age <= timeouts.leader_s:
+        return Happening.RETURNED
+    return UNGUIDED.get(situation.control, Happening.UNGUIDED)
 
 
-def mode_when_leader_is_silent(situation: Situation, timeouts: ModeTimeouts) -> Mode:
-    """First the leader is predicted, then the formation breaks up, then every autopilot is on its own."""
-    if situation.leader_age <= timeouts.prediction_s:
-        return Mode.PREDICTING
-    breaking_up = situation.leader_age <= timeouts.prediction_s + timeouts.breakaway_s
-    if breaking_up:
-        return Mode.BREAKAWAY
-    return Mode.LOST if situation.steered else Mode.WAITING
+def leader_event(situation: Situation, timeouts: ModeTimeouts) -> Happening:
+    """What it comes to that the leader is heard, or is not, where the vehicle obeys."""
+    age = situation.leader_age
+    if age <= timeouts.leader_s:
+        near, beside = timeouts.arrived_m, timeouts.strayed_m
+        bounds = ((near, Happening.NEAR), (beside, Happening.BESIDE))
+        return first_within(situation.distance, bounds, Happening.AWAY)
+    apart = timeouts.prediction_s + timeouts.breakaway_s
+    ends = Happening.OVER if situation.steered and math.isfinite(age) else Happening.NOTHING
+    return first_within(
+        age, ((timeouts.prediction_s, Happening.SILENT), (apart, Happening.APART)), ends
+    )
+
+
+def first_within(
+    value: float, bounds: tuple[tuple[float, Happening], ...], beyond: Happening
+) -> Happening:
+    """What the first bound stands for that a value is within; where it is beyond all, the last."""
+    return next((event for bound, event in bounds if value <= bound), beyond)
+
+
+UNGUIDED = {Control.PILOT: Happening.TAKEN, Control.UNKNOWN: Happening.UNHEARD}
+"""What a vehicle comes to that does not obey; otherwise it is in no such mode."""
 
 
 def obstacle(

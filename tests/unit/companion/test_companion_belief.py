@@ -415,11 +415,6 @@ def test_no_life_is_steered_by_after_a_contradiction_before_reports_have_agreed(
             assert life in {Life.UNKNOWN, Life.DOUBTED}
 
 
-def test_every_life_knows_what_follows_from_every_finding():
-    assert set(NEXT) == set(Life)
-    assert all(set(row) == set(Evidence) for row in NEXT.values())
-
-
 def test_the_documentation_prints_the_table_of_lives():
     page = Path(__file__).parents[3] / "docs" / "belief.md"
     assert LIVES.strip() in page.read_text(encoding="utf-8")

@@ -1,8 +1,18 @@
 import math
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
-from vfguide.companion.supervisor import Control, Mode, ModeTimeouts, Situation, next_mode
+from tests.kit.missions import ROOT
+from vfguide.companion.supervisor import (
+    MODES,
+    Control,
+    Mode,
+    ModeTimeouts,
+    Situation,
+    next_mode,
+)
 
 WAITING, JOINING, TRACKING = Mode.WAITING, Mode.JOINING, Mode.TRACKING
 PREDICTING, BREAKAWAY = Mode.PREDICTING, Mode.BREAKAWAY
@@ -152,3 +162,33 @@ def test_patience_is_what_decides():
 
 def test_setpoints_go_out_while_joining_tracking_predicting_and_breaking_away_only():
     assert {mode for mode in Mode if mode.steers} == {JOINING, TRACKING, PREDICTING, BREAKAWAY}
+
+
+AGES = st.floats(-1.0, 100.0) | st.sampled_from([math.inf, math.nan])
+
+SITUATIONS = st.builds(
+    Situation,
+    control=st.sampled_from(Control),
+    telemetry_age=AGES,
+    leader_age=AGES,
+    steered=st.booleans(),
+    distance=AGES,
+)
+
+
+@given(st.lists(SITUATIONS, min_size=1, max_size=30))
+def test_whatever_happens_it_steers_only_where_the_autopilot_obeys_and_is_heard(situations):
+    mode, timeouts = WAITING, ModeTimeouts()
+    for situation in situations:
+        mode = next_mode(mode, situation, timeouts)
+        if mode.steers:
+            assert situation.control is Control.GUIDED
+            assert situation.telemetry_age <= timeouts.telemetry_s
+            assert situation.leader_age <= timeouts.prediction_s + timeouts.breakaway_s
+        if situation.control is Control.PILOT:
+            assert mode is PILOT
+
+
+def test_the_documentation_prints_the_table_of_modes():
+    page = ROOT / "docs" / "architecture.md"
+    assert MODES.strip() in page.read_text(encoding="utf-8")
