@@ -1,10 +1,10 @@
 """What is believed of one aircraft: reports are evidence, held against each other and against a prediction.
 
 Witnesses are the place, the velocity over ground and, of the own vehicle, the motion through the air (heading
-and airspeed). Each report is compared with where the vehicle must be, carried on from the last believed one.
-With a greatest acceleration a, a manoeuvre that begins within an interval T leaves the place open by
-a T² / 8; a margin of two in a is allowed. To that comes the noise of the reports, which is learned from how
-much successive innovations differ. Neither a step nor a steady drag makes it look noisier.
+and airspeed). Each report is compared with where the vehicle must be, carried on from the last believed one:
+what is left is an innovation. Manoeuvres explain some of it (`guidance/reported_motion.py`), the noise of the
+reports the rest. Noise is learned from how much successive innovations differ: neither a step nor a steady
+drag makes it look greater.
 
 Two that agree outweigh the third. A place that steps is outweighed by the velocity, which carries it on. A
 velocity that steps, where the air velocity does not, is outweighed by places and air. What is repeated to
@@ -25,10 +25,15 @@ import math
 from enum import Enum
 from typing import NamedTuple
 
-import msgspec
-
-from vfguide.guidance.airframe import GRAVITY
-from vfguide.state import Airframe
+from vfguide.guidance.reported_motion import (
+    UNBROKEN_S,
+    VELOCITY_TOLERANCE_M_S,
+    Reach,
+    ReportedMotion,
+    innovation,
+    leaned,
+    velocity_change,
+)
 from vfguide.transitions import transitions
 
 START_S = 0.4
@@ -48,10 +53,6 @@ pilot knows."""
 BRIEF_S = 0.5
 """After less than this of wrong reports, right ones are believed at once: a frame or two were forged."""
 
-LEAN_S = 6.0
-"""Memory of the carried place: how long it takes to lean on believed positions. Places and velocities of
-recorded estimators part by 3 m in it at most."""
-
 LEAST_TOLERANCE_M = 4.0
 """Innovations below this are never a fault: an estimator may correct itself by as much."""
 
@@ -66,9 +67,6 @@ GREATEST_NOISE_M = 3.0
 
 NOISE_S = 10.0
 """Memory of the noise."""
-
-UNBROKEN_S = 0.5
-"""After a longer gap an innovation says nothing of the noise, and the carried place nothing any more."""
 
 STOOD_S = 0.3
 """After a longer gap an autopilot may have been stopped."""
@@ -88,9 +86,6 @@ TURNED_M_S = 0.5
 PARTED_M, PARTED_SIGMAS = 0.3, 3.0
 """And while positions leave the way that it leads, by this and as many standard deviations."""
 
-VELOCITY_TOLERANCE_M_S = 4.0
-"""Noise and corrections of reported velocities."""
-
 CARRY_ERROR_M_S = 0.5
 """How fast a place that is carried by velocities may leave the true one: recorded ones do by 0.3 m/s."""
 
@@ -99,18 +94,6 @@ AIR_ERROR_M_S = 2.0
 
 WIND_CHANGE_M_S2 = 2.0
 """How fast the wind changes, in gusts."""
-
-LEAST_ACCELERATION_M_S2 = 20.0
-"""What any airframe can do in a pilot's hands."""
-
-MARGIN = 2.0
-"""Over the acceleration that a vehicle is asked for at most: gusts, and pilots."""
-
-OVERSPEED = 1.5
-"""Speed of a dive in parts of the greatest speed that a vehicle may be asked for."""
-
-GREATEST_WIND_M_S = 40.0
-"""No wind that these aircraft fly in is stronger."""
 
 MOVING_M_S = 5.0
 """A slower velocity is no witness of flight."""
@@ -173,104 +156,6 @@ LIVES = """
 
 
 NEXT = transitions(LIVES, Life, Evidence)
-
-
-class Reach(msgspec.Struct, frozen=True, kw_only=True):
-    """What an aircraft can do between two reports."""
-
-    speed: float
-    """Greatest speed over ground, m/s."""
-    acceleration: float
-    """Greatest change of the horizontal velocity, m/s²."""
-
-    def velocity_change(self, interval_s: float) -> float:
-        """By how much the reported velocity can change, m/s."""
-        return VELOCITY_TOLERANCE_M_S + self.acceleration * interval_s
-
-    def displacement(self, interval_s: float) -> float:
-        """How far the place can be from the one that the mean of both velocities leads to, m."""
-        # a T² / 8, a being the acceleration without its margin of two.
-        return min(0.0625 * self.acceleration * interval_s**2, 2.0 * self.speed * interval_s)
-
-
-def reach_of(airframe: Airframe) -> Reach:
-    """What a vehicle with these limits can do, in a pilot's hands and in gusts too."""
-    asked = GRAVITY * math.tan(airframe.max_bank) + airframe.max_acceleration
-    return Reach(
-        speed=OVERSPEED * airframe.airspeed_max + GREATEST_WIND_M_S,
-        acceleration=max(MARGIN * asked, LEAST_ACCELERATION_M_S2),
-    )
-
-
-class ReportedMotion(NamedTuple):
-    """Position and velocity at a time."""
-
-    time_s: float
-    """s, on any clock that runs evenly."""
-    north: float
-    """m."""
-    east: float
-    """m."""
-    velocity_north: float
-    """Over ground, m/s."""
-    velocity_east: float
-    """Over ground, m/s."""
-
-    @property
-    def speed(self) -> float:
-        """Over ground, m/s."""
-        return math.hypot(self.velocity_north, self.velocity_east)
-
-
-def carried(motion: ReportedMotion, to: ReportedMotion) -> tuple[float, float]:
-    """(north, east) of a place that is carried to the time of another motion by the mean velocity of both."""
-    half = 0.5 * (to.time_s - motion.time_s)
-    return (
-        motion.north + half * (motion.velocity_north + to.velocity_north),
-        motion.east + half * (motion.velocity_east + to.velocity_east),
-    )
-
-
-def velocity_change(motion: ReportedMotion, to: ReportedMotion) -> float:
-    """By how much the velocity differs, m/s."""
-    return math.hypot(
-        to.velocity_north - motion.velocity_north, to.velocity_east - motion.velocity_east
-    )
-
-
-def innovation(
-    motion: ReportedMotion, to: ReportedMotion, slack_s: float = 0.0, stood_s: float = 0.0
-) -> tuple[float, float]:
-    """(north, east) from the carried place to the reported one, m.
-
-    Args:
-        motion: the one before.
-        to: the reported one.
-        slack_s: by so much the time between both may have been longer than their stamps say.
-        stood_s: by so much it may have been shorter.
-    """
-    north, east = carried(motion, to)
-    north, east = to.north - north, to.east - east
-    speed = to.speed
-    if speed == 0.0 or (slack_s <= 0.0 and stood_s <= 0.0):
-        return north, east
-    ahead_north, ahead_east = to.velocity_north / speed, to.velocity_east / speed
-    along = north * ahead_north + east * ahead_east
-    excused = min(max(along, -speed * stood_s), speed * slack_s)
-    return north - excused * ahead_north, east - excused * ahead_east
-
-
-def leaned(motion: ReportedMotion, north: float, east: float, interval_s: float) -> ReportedMotion:
-    """A carried place that leans on the reported one.
-
-    Args:
-        motion: as reported.
-        north: of the innovation, m.
-        east: of the innovation, m.
-        interval_s: since the report before.
-    """
-    rest = 0.0 if interval_s > UNBROKEN_S else LEAN_S / (LEAN_S + interval_s)
-    return motion._replace(north=motion.north - rest * north, east=motion.east - rest * east)
 
 
 class Believed(NamedTuple):
@@ -783,131 +668,3 @@ class Belief:
         squared = min(differ, NOISE_FACTOR * GREATEST_NOISE_M) ** 2
         share = min(interval_s / NOISE_S, 0.1)
         self._variance += share * (0.25 * squared - self._variance)
-
-
-STEP_M = 10.0
-"""So far an altitude may be from where the ones before lead: noise, and a barometer that settles."""
-
-CLIMB_M_S = 15.0
-"""And by so much more for each second: faster than these aircraft climb or dive."""
-
-RETURN_M_S = 0.5
-"""How fast the true altitude may have left the last believed one, on average, while reports were doubted."""
-
-BESIDE_M, LEAST_BESIDE_M = 25.0, 10.0
-"""So far the altitude of a leader may be from the mission's and from one's own, in high and in low flight.
-Barometers are set apart by 10 m; heights above the ellipsoid, or the ground, differ by more from those above
-the sea."""
-
-BESIDE_SHARE = 0.5
-"""And no farther than this part of the flying height."""
-
-
-class HeightWitnesses(NamedTuple):
-    """What there is beside a leader's own altitude."""
-
-    planned: float
-    """Its altitude by the mission, m above mean sea level."""
-    own: float
-    """One's own in flight, m above mean sea level; NaN where it is not known."""
-    above: float
-    """Flying height by the mission, m."""
-
-    def bear_out(self, altitude_amsl: float) -> bool:
-        """Whether one of them is near an altitude, m above mean sea level."""
-        within = min(max(BESIDE_SHARE * self.above, LEAST_BESIDE_M), BESIDE_M)
-        return any(abs(altitude_amsl - one) <= within for one in (self.planned, self.own))
-
-
-class HeightBelief:
-    """What is believed of the altitudes of one vehicle.
-
-    Keeping clear leaves out vehicles that fly far above or below. A false altitude would make an aircraft
-    that is straight ahead look harmless, so a doubted one counts as not known, and a vehicle without a
-    known altitude is kept clear of in the plane.
-
-    A step is doubted until the reports are back where the vehicle can have climbed to at `RETURN_M_S`. One
-    that stays is believed late, 3 minutes after a step of 100 m. Until then its vehicle is kept clear of more
-    than needed.
-    """
-
-    def __init__(self) -> None:
-        self._known = math.nan
-        self._known_time = -math.inf
-        self._seen = self._off = math.nan
-        self._seen_time = -math.inf
-        self._seen_since = -math.inf
-        self.doubted = False
-        """Whether the reported altitudes are not believed now."""
-
-    @property
-    def is_known(self) -> bool:
-        """Whether an altitude has been believed."""
-        return not math.isnan(self._known)
-
-    @property
-    def sentence(self) -> str:
-        """What became of the altitudes, as a sentence about their vehicle goes on, and the remedy."""
-        if not self.doubted:
-            return (
-                "is as high as the mission says, or oneself: its height is followed, nothing to do"
-            )
-        if self.is_known:
-            return (
-                "reports an altitude that steps: not believed, kept clear of at every height;"
-                " be ready to take over should it come near"
-            )
-        side = "above" if self._off > 0.0 else "below"
-        return (
-            f"reports an altitude of {self._seen:.0f} m, {abs(self._off):.0f} m {side} the mission's: own"
-            " height kept; see that it reports heights above mean sea level, or set height_above_origin_m"
-        )
-
-    def judge(
-        self, altitude_amsl: float, time_s: float, beside: HeightWitnesses | None = None
-    ) -> float:
-        """Take a reported altitude.
-
-        Args:
-            altitude_amsl: m above mean sea level.
-            time_s: of the report; not before that of the report before.
-            beside: other witnesses, which have to bear out the first altitude, where there are any.
-
-        Returns:
-            the altitude, or NaN while it is doubted.
-        """
-        if math.isnan(self._known):
-            self.doubted = beside is not None and not beside.bear_out(altitude_amsl)
-            self._seen = altitude_amsl
-            self._off = 0.0 if beside is None else altitude_amsl - beside.planned
-            return math.nan if self.doubted else self._believe(altitude_amsl, time_s)
-        if not self.doubted:
-            if follows(self._known, altitude_amsl, time_s - self._known_time):
-                return self._follow(altitude_amsl, time_s)
-            self.doubted = True
-            self._seen_since = time_s
-        elif not follows(self._seen, altitude_amsl, time_s - self._seen_time):
-            self._seen_since = time_s
-        self._seen, self._seen_time = altitude_amsl, time_s
-        left_m = STEP_M + RETURN_M_S * (time_s - self._known_time)
-        agreed = time_s - self._seen_since >= RETURN_S
-        if agreed and abs(altitude_amsl - self._known) <= left_m:
-            return self._believe(altitude_amsl, time_s)
-        return math.nan
-
-    def _follow(self, altitude_amsl: float, time_s: float) -> float:
-        """Believe an altitude; what is known follows as fast as an aircraft climbs: steps do not add up."""
-        climb_m = CLIMB_M_S * max(time_s - self._known_time, 0.0)
-        self._known += min(max(altitude_amsl - self._known, -climb_m), climb_m)
-        self._known_time = time_s
-        return altitude_amsl
-
-    def _believe(self, altitude_amsl: float, time_s: float) -> float:
-        self.doubted = False
-        self._known, self._known_time = altitude_amsl, time_s
-        return altitude_amsl
-
-
-def follows(before: float, altitude_amsl: float, interval_s: float) -> bool:
-    """Whether an altitude (m) can follow one from some time (s) before."""
-    return abs(altitude_amsl - before) <= STEP_M + CLIMB_M_S * max(interval_s, 0.0)

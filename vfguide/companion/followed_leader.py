@@ -6,7 +6,8 @@ from msgspec.structs import replace
 
 from vfguide.companion.alerts import Alerts
 from vfguide.companion.arrangements import Arrangements
-from vfguide.companion.belief import MOVING_M_S, HeightWitnesses
+from vfguide.companion.belief import MOVING_M_S
+from vfguide.companion.height_belief import HeightWitnesses
 from vfguide.companion.leader_stories import LeaderStories
 from vfguide.companion.leader_telemetry import LeaderTelemetry
 from vfguide.companion.own_vehicle import NavigatedState

@@ -10,14 +10,8 @@ from collections import Counter
 from msgspec.structs import replace
 
 from vfguide.companion.alerts import Alerts
-from vfguide.companion.belief import (
-    Belief,
-    Believed,
-    HeightBelief,
-    HeightWitnesses,
-    ReportedMotion,
-    reach_of,
-)
+from vfguide.companion.belief import Belief, Believed
+from vfguide.companion.height_belief import HeightBelief, HeightWitnesses
 from vfguide.companion.plan import ForeignLeader
 from vfguide.companion.stamp_sense import StampSense
 from vfguide.companion.timing import LeaderClock, Moment
@@ -30,6 +24,7 @@ from vfguide.guidance.leader_motion import (
     observed_at_first,
     observed_motion,
 )
+from vfguide.guidance.reported_motion import ReportedMotion, reach_of
 from vfguide.mavlink.announcements import WARNING, heartbeat, time_question
 from vfguide.mavlink.codec import COMPANION_COMPONENT, Codec, Pair
 from vfguide.mavlink.leader_messages import KINDS, Kind, LeaderCodec, LeaderReport

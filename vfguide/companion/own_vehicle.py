@@ -9,17 +9,10 @@ from msgspec.structs import replace
 from vfguide.companion.air_motion import AirMotion, ReportedAirData
 from vfguide.companion.alerts import Alerts
 from vfguide.companion.autopilot_clock import AutopilotClock, Reading
-from vfguide.companion.belief import (
-    STAYED_S,
-    Belief,
-    Believed,
-    HeightBelief,
-    Life,
-    ReportedMotion,
-    reach_of,
-)
+from vfguide.companion.belief import STAYED_S, Belief, Believed, Life
 from vfguide.companion.delay_compensator import DelayCompensator, memory_of
 from vfguide.companion.distrust import FRESH_S, LEAST_FIX, Doubt, NavigationHealth, with_remedy
+from vfguide.companion.height_belief import HeightBelief
 from vfguide.companion.plan import FlightPlan, bearable_course
 from vfguide.elementwise import wrap_angle
 from vfguide.guidance.navigation import (
@@ -33,6 +26,7 @@ from vfguide.guidance.navigation import (
     velocity_error_at_first,
     with_right_velocity,
 )
+from vfguide.guidance.reported_motion import ReportedMotion, reach_of
 from vfguide.guidance.wind_triangle import polar
 from vfguide.mavlink.announcements import WARNING
 from vfguide.mavlink.reports import (

@@ -16,13 +16,11 @@ from vfguide.companion.belief import (
     Belief,
     Believed,
     Evidence,
-    HeightBelief,
-    HeightWitnesses,
     Life,
-    ReportedMotion,
     radius_limit,
-    reach_of,
 )
+from vfguide.companion.height_belief import HeightBelief, HeightWitnesses
+from vfguide.guidance.reported_motion import ReportedMotion, reach_of
 from vfguide.state import Airframe
 
 REACH = reach_of(Airframe())

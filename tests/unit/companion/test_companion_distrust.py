@@ -14,11 +14,13 @@ from tests.kit.companion import GUIDED, leader_bytes, new_flight
 from tests.kit.states import FRAME
 from tests.kit.wire import heartbeat, spoken
 from vfguide.companion.alerts import Alerts
-from vfguide.companion.belief import STAYED_S, Belief, Believed, HeightBelief, Life, reach_of
+from vfguide.companion.belief import STAYED_S, Belief, Believed, Life
 from vfguide.companion.distrust import Doubt, NavigationHealth
+from vfguide.companion.height_belief import HeightBelief
 from vfguide.companion.state_receiver import StateReceiver
 from vfguide.companion.supervisor import Mode
 from vfguide.companion.timing import SAME_CLOCK
+from vfguide.guidance.reported_motion import reach_of
 from vfguide.mavlink.codec import REPORTS
 from vfguide.mavlink.reports import EstimatorReport, GpsReport, SensorsReport
 from vfguide.state import Airframe
