@@ -102,7 +102,7 @@ class LeaderState(msgspec.Struct, Generic[Number], frozen=True, kw_only=True):
     """m/s, positive up."""
 
 
-class LeaderPlace(NamedTuple):
+class LeaderFix(NamedTuple):
     """Where a leader was, and when, by one of its states."""
 
     time_s: float
@@ -130,7 +130,7 @@ class HeardState(LeaderState[float], frozen=True, kw_only=True):
     """Course that its autopilot was told to hold, rad; NaN where it is not steered, or was not told."""
     satellite_m: float = math.nan
     """By how much its altitude by satellites is above `altitude_amsl`, m; NaN where it does not tell."""
-    leader_place: LeaderPlace | None = None
+    leader_fix: LeaderFix | None = None
     """Where its own leader was, by the newest leader state that it has heard; None where it does not tell."""
 
 

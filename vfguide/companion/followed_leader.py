@@ -42,7 +42,7 @@ from vfguide.guidance.leader_motion import carried_on
 from vfguide.guidance.navigation import memory_of
 from vfguide.guidance.path import Path, PathPoint
 from vfguide.link.codec import LinkDataError
-from vfguide.state import HeardState, LeaderPlace, LeaderState
+from vfguide.state import HeardState, LeaderFix, LeaderState
 
 CARRY_S = 0.25
 """Longest step in which a silent leader is carried on."""
@@ -145,7 +145,7 @@ class FollowedLeader:
         )
 
     @property
-    def place(self) -> LeaderPlace | None:
+    def place(self) -> LeaderFix | None:
         """Where the leader was, by the newest state of it; None where the others know it by themselves."""
         return None if self.stands_in else self.stories.newest
 

@@ -27,7 +27,7 @@ from vfguide.guidance.predicted_tracks import HORIZON_S, WantedMotion
 from vfguide.guidance.wind_triangle import ground_speed_on_course
 from vfguide.laws.leader import FIRST, LeaderGuidance, LeaderLaw, LeaderTask, leader_step
 from vfguide.mavlink.reports import TrafficReport
-from vfguide.state import LeaderPlace, LeaderState, VehicleState
+from vfguide.state import LeaderFix, LeaderState, VehicleState
 
 ASTRAY_S = 1.0
 """What a velocity that is not the wanted one counts for in how far the leader is astray: m for each m/s."""
@@ -97,7 +97,7 @@ class LeaderRole(Role):
         self._arrangements.watch_route(task.path, guidance.point, steered=mode.steers)
         motion = self._report.note(navigated)
         state, altitude = navigated.state, navigated.place.altitude_amsl
-        place = LeaderPlace(state.time_s, state.north, state.east, altitude)
+        place = LeaderFix(state.time_s, state.north, state.east, altitude)
         self._stories.hear_leader(place, self._report.term)
         distance = abs(guidance.cross_track_error)
         planned = partial(self._planned_height, guidance.point, motion, steered=mode.steers)

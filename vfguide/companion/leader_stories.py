@@ -17,7 +17,7 @@ from msgspec.structs import replace
 from vfguide.companion.alerts import Alerts
 from vfguide.companion.belief import RETURN_S
 from vfguide.mavlink.announcements import WARNING
-from vfguide.state import HeardState, LeaderPlace
+from vfguide.state import HeardState, LeaderFix
 
 SAME_M = 1.0
 """Places that differ by less are one: they are told to 0.1 m and 1 ms, and met on a chord, not on an arc."""
@@ -68,17 +68,17 @@ class LeaderStories:
         self._alerts = alerts or Alerts()
         self._leads = leads
         self._term = 0
-        self._places: deque[LeaderPlace] = deque()
+        self._places: deque[LeaderFix] = deque()
         self._stories: dict[str, Story] = {}
         self._parted_s = -math.inf
         self._told = False
 
     @property
-    def newest(self) -> LeaderPlace | None:
+    def newest(self) -> LeaderFix | None:
         """Where this vehicle was told last that the leader is."""
         return self._places[-1] if self._places else None
 
-    def hear_leader(self, place: LeaderPlace, term: int) -> None:
+    def hear_leader(self, place: LeaderFix, term: int) -> None:
         """Take what the leader of a term says, or what it says itself where this is the leader."""
         newest = self._places[-1].time_s if self._places else -math.inf
         if term < self._term:
@@ -95,7 +95,7 @@ class LeaderStories:
 
     def hear_follower(self, vehicle: str, said: HeardState, now: float) -> None:
         """Take a follower's state, where it tells of its leader; now: s of the own clock."""
-        place = said.leader_place
+        place = said.leader_fix
         if place is None or said.term != self._term:
             self._stories.pop(vehicle, None)
             return
@@ -110,7 +110,7 @@ class LeaderStories:
         )
         self._judge(now)
 
-    def _place_at(self, time_s: float) -> LeaderPlace | None:
+    def _place_at(self, time_s: float) -> LeaderFix | None:
         """Where this vehicle was told that the leader was, on the chord between two states."""
         later = None
         for place in reversed(self._places):
@@ -192,10 +192,10 @@ class LeaderStories:
         )
 
 
-def between(first: LeaderPlace, second: LeaderPlace, time_s: float) -> LeaderPlace | None:
+def between(first: LeaderFix, second: LeaderFix, time_s: float) -> LeaderFix | None:
     """The place on the chord between two; None where they are too far apart."""
     whole = second.time_s - first.time_s
     if whole > APART_S:
         return None
     share = (time_s - first.time_s) / whole
-    return LeaderPlace(*(a + share * (b - a) for a, b in zip(first, second, strict=True)))
+    return LeaderFix(*(a + share * (b - a) for a, b in zip(first, second, strict=True)))

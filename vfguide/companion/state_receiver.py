@@ -16,7 +16,7 @@ from vfguide.guidance.reported_motion import ReportedMotion, reach_of
 from vfguide.guidance.wind_triangle import polar
 from vfguide.link.codec import LinkDataError, decode
 from vfguide.mavlink.announcements import WARNING
-from vfguide.state import Airframe, HeardState, LeaderPlace
+from vfguide.state import Airframe, HeardState, LeaderFix
 
 FUTURE_S = 0.25
 """A state from farther in the future than this is not believed."""
@@ -179,9 +179,9 @@ def motion_of(data: bytes, frame: LocalFrame) -> HeardState:
         arrangement=message.arrangement,
         course_setpoint=message.course_setpoint,
         satellite_m=message.satellite_m,
-        leader_place=None
+        leader_fix=None
         if sighting is None
-        else LeaderPlace(
+        else LeaderFix(
             time_s=message.time_s - sighting.age_s,
             north=north + sighting.north,
             east=east + sighting.east,
@@ -190,6 +190,6 @@ def motion_of(data: bytes, frame: LocalFrame) -> HeardState:
     )
 
 
-def place_said(said: HeardState) -> LeaderPlace:
+def place_said(said: HeardState) -> LeaderFix:
     """Where a leader says that it is, on the clock that the formation shares."""
-    return LeaderPlace(said.time_s, said.north, said.east, said.altitude_amsl)
+    return LeaderFix(said.time_s, said.north, said.east, said.altitude_amsl)

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from vfguide.companion.alerts import Alerts
 from vfguide.companion.leader_stories import LeaderStories
 from vfguide.companion.state_receiver import place_said
-from vfguide.state import HeardState, LeaderPlace
+from vfguide.state import HeardState, LeaderFix
 
 RADIUS_M = 5.0
 
@@ -28,7 +28,7 @@ def leader(time_s: float, north: float = 0.0, up: float = 0.0) -> HeardState:
     )
 
 
-def follower(place: LeaderPlace | None, term: int = 0) -> HeardState:
+def follower(place: LeaderFix | None, term: int = 0) -> HeardState:
     """A follower that tells of its leader."""
     return HeardState(
         time_s=0.0,
@@ -42,7 +42,7 @@ def follower(place: LeaderPlace | None, term: int = 0) -> HeardState:
         altitude_amsl=588.0,
         steered=True,
         term=term,
-        leader_place=place,
+        leader_fix=place,
     )
 
 
