@@ -10,7 +10,7 @@ import pytest
 from vfguide.lab.studies.comparison import seeded, summed_up
 from vfguide.lab.studies.flown import MISSIONS, Figures, article_mission, dask_executor
 from vfguide.lab.studies.monte_carlo import (
-    Formation,
+    DrawnFormation,
     drawn_mission,
     drawn_slots,
     fly_formation,
@@ -112,7 +112,7 @@ def test_drawn_slots_are_apart():
 def test_random_gains_are_those_of_the_law_that_flies(law, drawn):
     """They used to be those of the field, whatever flew."""
     shipped = article_mission("circle-wind", {"controller": {"type": law}}).controller.model_dump()
-    formation = Formation(law=law, seed=(1, 0))
+    formation = DrawnFormation(law=law, seed=(1, 0))
     for seed in (1, 2):
         flown = drawn_mission(formation, np.random.default_rng(seed)).controller.model_dump()
         assert {name for name, value in flown.items() if value != shipped[name]} == drawn

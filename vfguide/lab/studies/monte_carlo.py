@@ -52,7 +52,7 @@ MISSIONS = ("line-wind", "circle-wind")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Formation:
+class DrawnFormation:
     """One formation to be drawn and flown; can be handed to another process."""
 
     law: str
@@ -65,25 +65,26 @@ class Formation:
 
 def formations_of(
     law: str, count: int, seed: int, *, duration_s: float = DURATION_S
-) -> list[Formation]:
+) -> list[DrawnFormation]:
     """So many formations of one law."""
     return [
-        Formation(law=law, seed=(seed, number), duration_s=duration_s) for number in range(count)
+        DrawnFormation(law=law, seed=(seed, number), duration_s=duration_s)
+        for number in range(count)
     ]
 
 
-def sampled(executor: Executor, formations: list[Formation]) -> Iterator[Figures]:
+def sampled(executor: Executor, formations: list[DrawnFormation]) -> Iterator[Figures]:
     """What the formations come to, in their order."""
     return flown_by(executor, fly_formation, formations)
 
 
-def fly_formation(formation: Formation) -> Figures:
+def fly_formation(formation: DrawnFormation) -> Figures:
     """Draw a formation, and fly it."""
     random = default_rng(SeedSequence(formation.seed))
     return figures_of(fly_rehearsal(drawn_mission(formation, random)).record)
 
 
-def drawn_mission(formation: Formation, random: Generator) -> Mission:
+def drawn_mission(formation: DrawnFormation, random: Generator) -> Mission:
     """Circle with random slots, gains, starts and a random steady wind."""
     mission = article_mission(
         "circle-wind",
