@@ -60,10 +60,10 @@ image: ## the Docker image
 	tests/docker/make-image
 
 accuracy: $(VENV)/.runtime ## flies the tables of docs/accuracy.md anew
-	$(BIN)/python tests/benchmarks/accuracy.py
+	$(BIN)/python -m tests.benchmarks.accuracy
 
 live: $(VENV)/.runtime ## flies the article's missions live, 5 times as fast and in real time; ten minutes
-	$(BIN)/python tests/benchmarks/live.py
+	$(BIN)/python -m tests.benchmarks.live
 
 sitl: $(VENV)/.runtime ## flies ArduPlanes and PX4s that you have built: docs/first-flight-sitl.md
 	@test -n "$(ARDUPLANE)$(PX4)" || { echo "name what you have built: make sitl ARDUPLANE=PROGRAM PX4=PROGRAM" >&2; exit 1; }
@@ -75,7 +75,7 @@ ifneq ($(PX4),)
 endif
 
 bench: $(VENV)/.runtime ## what a rehearsal costs, and where the time goes
-	$(BIN)/python tests/benchmarks/lockstep_cost.py
+	$(BIN)/python -m tests.benchmarks.lockstep_cost
 
 lint: $(VENV)/.dev ## ruff, mypy and import-linter
 	$(BIN)/ruff check .

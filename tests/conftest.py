@@ -171,12 +171,13 @@ class Sharing(LoadScopeScheduling):  # type: ignore[misc]
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_pyfunc_call(pyfuncitem: pytest.Function) -> bool | None:
-    """Run a test that is a coroutine in an event loop of its own."""
+    """Run a test that is a coroutine in an event loop of its own; its module may name another kind."""
     test = pyfuncitem.obj
     if not inspect.iscoroutinefunction(test):
         return None
     given = {name: pyfuncitem.funcargs[name] for name in inspect.signature(test).parameters}
-    asyncio.run(test(**given))
+    with asyncio.Runner(loop_factory=getattr(pyfuncitem.module, "EVENT_LOOP", None)) as runner:
+        runner.run(test(**given))
     return True
 
 

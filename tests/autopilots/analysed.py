@@ -198,6 +198,19 @@ def contains_slip(answer: SlipAnswer, known: float) -> bool:
     return abs(found.value - known) <= found.half_width
 
 
+def known_otherwise(mission: Mission, flight: LoggedFlight) -> Iterator[tuple[str, str, bool]]:
+    """(what a log is found to say, what is known otherwise, whether that is within its uncertainty)."""
+    for answer in answers_of(mission, flight):
+        known = KNOWN.get((mission.vehicles[answer.vehicle].autopilot, answer.loop))
+        if known is not None:
+            said = "-".join(f"{value:g}" for value in sorted(set(known)))
+            yield answer_sentence(answer), said, contains(answer, known)
+    for slip in slips_of(mission, flight):
+        share = KNOWN_SLIP.get(mission.vehicles[slip.vehicle].autopilot)
+        if share is not None:
+            yield slip_sentence(slip), f"{share:g}", contains_slip(slip, share)
+
+
 def compare(directory: Path) -> bool:
     """Print tables and sentences; whether everything agrees."""
     mission = load_mission(directory / "mission.yaml")
@@ -210,27 +223,10 @@ def compare(directory: Path) -> bool:
             for one in compared(flight.record, true):
                 rows.append(one.row(title))
                 good &= one.agrees
-            for answer in answers_of(mission, flight):
-                known = KNOWN.get((mission.vehicles[answer.vehicle].autopilot, answer.loop))
-                if known is None:
-                    continue
-                within = contains(answer, known)
-                good &= within
-                said = "-".join(f"{value:g}" for value in sorted(set(known)))
-                verdict = "within" if within else "NOT WITHIN"
-                sentences.append(
-                    f"{title}: {answer_sentence(answer)} [known otherwise: {said}: {verdict}]"
-                )
-            for slip in slips_of(mission, flight):
-                share = KNOWN_SLIP.get(mission.vehicles[slip.vehicle].autopilot)
-                if share is None:
-                    continue
-                within = contains_slip(slip, share)
+            for sentence, known, within in known_otherwise(mission, flight):
                 good &= within
                 verdict = "within" if within else "NOT WITHIN"
-                sentences.append(
-                    f"{title}: {slip_sentence(slip)} [known otherwise: {share:g}: {verdict}]"
-                )
+                sentences.append(f"{title}: {sentence} [known otherwise: {known}: {verdict}]")
     sys.stdout.write("\n".join((*TABLE, *rows, "", *sentences)) + "\n")
     return good and bool(rows)
 

@@ -29,6 +29,8 @@ import yaml
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
+from tests.kit.wire import command_long
+
 RECORDINGS = Path(__file__).parents[1] / "recordings"
 
 STREAM_HZ = 10.0
@@ -166,8 +168,7 @@ class Answers:
             values = tuple(step.get("with", ()))
         by_form = number in BY_FORM and step.get("form", self._form) == "int"
         if not by_form:
-            padded = (*values, *(0.0,) * (7 - len(values)))
-            return mavlink.MAVLink_command_long_message(target, 1, number, 0, *padded)
+            return command_long(number, *values, system_id=target)
         padded = (*values, *(0.0,) * (4 - len(values)))
         height_m = step.get("z_m", 0.0)
         return mavlink.MAVLink_command_int_message(

@@ -10,8 +10,7 @@ import pytest
 from tests.autopilots.formation import Plan, load
 from tests.autopilots.programs import FlightError, find_mosquitto
 from tests.autopilots.simulators import PROGRAMS, Conditions, find_program
-
-MISSIONS = Path(__file__).parents[2] / "missions"
+from tests.kit.missions import MISSIONS
 
 
 def broker_program() -> str:
@@ -27,7 +26,7 @@ def broker_program() -> str:
 def program(kind: str) -> Path:
     """Find the autopilot's program that a variable names; skip the test where there is none."""
     try:
-        return find_program(kind, os.environ.get(kind.upper()))
+        return find_program(kind)
     except FlightError as error:
         pytest.skip(str(error))
 

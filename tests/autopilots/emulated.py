@@ -7,6 +7,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
 from sitl_stub import Autopilot
+from tests.kit.wire import command_long, packed
 
 LISTENS_S = 4.0
 
@@ -21,12 +22,11 @@ class Emulated:
         self.time_s = starts_s
         self.heard: list[tuple[float, MAVLink_message]] = []
         """Time of simulation, message."""
-        self._writer = mavlink.MAVLink(None, srcSystem=255, srcComponent=190)
         self._parser = mavlink.MAVLink(None)
 
     def send(self, message: MAVLink_message) -> list[MAVLink_message]:
         """Send a message: what is answered at once."""
-        return self._hear(self.autopilot.receive(bytes(message.pack(self._writer))))
+        return self._hear(self.autopilot.receive(packed(message)))
 
     def pass_time(self, seconds: float) -> None:
         """Let time pass."""
@@ -67,8 +67,8 @@ class Emulated:
     def version(self) -> tuple[int, int]:
         """Firmware's version and capabilities of AUTOPILOT_VERSION."""
         wanted = mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION
-        values = (mavlink.MAV_CMD_REQUEST_MESSAGE, 0, wanted, *(0.0,) * 6)
-        self.send(mavlink.MAVLink_command_long_message(self.system_id, 1, *values))
+        request = mavlink.MAV_CMD_REQUEST_MESSAGE
+        self.send(command_long(request, wanted, system_id=self.system_id))
         told = self._last("AUTOPILOT_VERSION")
         return told.flight_sw_version, told.capabilities
 

@@ -79,9 +79,7 @@ def glitch(vehicle: str, north_m: float) -> Callable[["Formation"], None]:
 def ordered(words: str) -> Fault:
     """An operator's program gives an order, such as "vee" or "vee --spacing 30"."""
     return Fault(
-        f"order: {words}",
-        (Step(0.0, lambda formation: formation.order(words)),),
-        ends_after_s=0.0,
+        f"order: {words}", (Step(0.0, lambda formation: formation.order(words)),), ends_after_s=0.0
     )
 
 

@@ -7,7 +7,6 @@ The program is named by --binary, or by the variables ARDUPLANE and PX4. Exit st
 
 import argparse
 import json
-import os
 import signal
 import sys
 import time
@@ -22,7 +21,14 @@ import yaml
 from tests.autopilots.faults import Fault, Occurrence, faults, ordered
 from tests.autopilots.formation import Plan, flight_directory, fly, load, merged
 from tests.autopilots.programs import FlightError, find_mosquitto
-from tests.autopilots.simulators import PROGRAMS, Conditions, find_program
+from tests.autopilots.simulators import (
+    PROGRAMS,
+    Conditions,
+    add_air,
+    add_program,
+    find_program,
+    wind_of,
+)
 from tests.autopilots.verdict import AFTERMATH_HEADING, HEADING, Verdict
 from vfguide.companion.clock import Clock
 from vfguide.errors import VfguideError
@@ -34,11 +40,9 @@ def arguments() -> argparse.ArgumentParser:
     formatter = "{} (default: %(default)s)".format
     add = parser.add_argument
     add("mission", type=Path, help="mission file")
-    add("--program", choices=list(PROGRAMS), default="arduplane", help=formatter("autopilot"))
-    add("--binary", help="the autopilot's program (default: $ARDUPLANE or $PX4)")
-    add("--wind", default="0,270", metavar="M_S,FROM_DEG", help=formatter("mean wind"))
+    add_program(parser)
+    add_air(parser)
     add("--turbulence", type=float, default=0.0, help=formatter("ArduPlane's SIM_WIND_TURB"))
-    add("--factory", action="store_true", help="leave the autopilot's parameters as they come")
     add(
         "--set",
         action="append",
@@ -116,7 +120,6 @@ def flown(options: argparse.Namespace, *, record: bool = False) -> tuple[str, Ve
         The mission's name, and the verdict.
     """
     mission = load(options.mission, changes_of(options.changes))
-    speed, from_deg = (float(part) for part in options.wind.split(","))
     followers = list(mission.followers_by_name)
     vehicle = options.vehicle or followers[min(1, len(followers) - 1)]
     known = faults(mission.leader.vehicle, vehicle)
@@ -124,17 +127,14 @@ def flown(options: argparse.Namespace, *, record: bool = False) -> tuple[str, Ve
     occurrences += [order(text) for text in options.orders.split(",") if text]
     if options.kill_leader_at is not None:
         occurrences.append(Occurrence(known["leader-lost"], options.kill_leader_at))
-    binary = find_program(
-        options.program, options.binary or os.environ.get(options.program.upper())
-    )
+    binary = find_program(options.program, options.binary)
     with flight_directory(options.keep and options.keep.resolve()) as directory:
         plan = Plan(
             mission=mission,
             kind=PROGRAMS[options.program],
             binary=binary,
             conditions=Conditions(
-                wind_m_s=speed,
-                wind_from_deg=from_deg,
+                **wind_of(options.wind),
                 turbulence=options.turbulence,
                 factory=options.factory,
                 parameters=dict(parameter(text) for text in options.set),
@@ -158,44 +158,32 @@ def changes_of(texts: Sequence[str]) -> dict[str, Any]:
 
 
 def occurrence(text: str, known: Mapping[str, Fault]) -> Occurrence:
-    """NAME@S.
-
-    Raises:
-        FlightError: it is something else.
-    """
+    """Read NAME@S."""
     name, _, at = text.partition("@")
     if name not in known:
         raise FlightError(f"no fault {name}; there are {', '.join(known)}")
-    try:
-        return Occurrence(known[name], float(at))
-    except ValueError:
-        raise FlightError(f"--fault {text}: write NAME@S, as in {name}@70") from None
+    return Occurrence(known[name], number(at, f"--fault {text}: write NAME@S, as in {name}@70"))
 
 
 def order(text: str) -> Occurrence:
-    """S:WORDS.
-
-    Raises:
-        FlightError: it is something else.
-    """
+    """Read S:WORDS."""
     at, _, words = text.partition(":")
-    try:
-        return Occurrence(ordered(words), float(at))
-    except ValueError:
-        raise FlightError(f"--orders {text}: write S:WORDS, as in 60:vee") from None
+    at_s = number(at, f"--orders {text}: write S:WORDS, as in 60:vee")
+    return Occurrence(ordered(words), at_s)
 
 
 def parameter(text: str) -> tuple[str, float]:
-    """NAME=VALUE.
-
-    Raises:
-        FlightError: it is something else.
-    """
+    """Read NAME=VALUE."""
     name, _, value = text.partition("=")
+    return name.upper(), number(value, f"--set {text}: write NAME=VALUE")
+
+
+def number(text: str, complaint: str) -> float:
+    """Read a number."""
     try:
-        return name.upper(), float(value)
+        return float(text)
     except ValueError:
-        raise FlightError(f"--set {text}: write NAME=VALUE") from None
+        raise FlightError(complaint) from None
 
 
 if __name__ == "__main__":

@@ -29,6 +29,7 @@ from tests.autopilots.relay import Relay
 from tests.autopilots.simulators import (
     CLIMB_S,
     ENOUGH_M,
+    Aircraft,
     ArduPlane,
     Conditions,
     Place,
@@ -38,6 +39,7 @@ from tests.autopilots.simulators import (
 )
 from tests.autopilots.true_tracks import STEP_S, true_track
 from tests.autopilots.verdict import Verdict, flight_record, judge
+from tests.kit.missions import content_of
 from vfguide.companion.clock import Clock
 from vfguide.companion.mission_plan import local_frame
 from vfguide.lab.rehearsal.processes import free_port
@@ -135,11 +137,7 @@ class Formation:
         program.start()
 
     def check(self) -> None:
-        """See that every simulator runs.
-
-        Raises:
-            FlightError: one has ended.
-        """
+        """See that every simulator runs."""
         for simulator in self.simulators.values():
             simulator.program.check()
 
@@ -156,16 +154,14 @@ def airborne(plan: Plan) -> Iterator[Formation]:
     directory.mkdir(parents=True, exist_ok=True)
     file = directory / "mission.yaml"
     # JSON is YAML.
-    file.write_text(json.dumps(mission.model_dump(mode="json", exclude_unset=True)))
+    file.write_text(json.dumps(content_of(mission, "json")))
     frame = local_frame(mission)
     simulators: dict[str, Simulator] = {}
     for n, name in enumerate(names):
         latitude, longitude = frame.to_geodetic(0.0, SPACING_M * n)
         follower = mission.followers_by_name.get(name)
         up_m = 0.0 if follower is None else follower.slot.up_m
-        simulators[name] = plan.kind(
-            plan.binary,
-            directory / name,
+        aircraft = Aircraft(
             name=name,
             system_id=mission.vehicles[name].system_id,
             instance=first + n,
@@ -175,8 +171,8 @@ def airborne(plan: Plan) -> Iterator[Formation]:
                 altitude_amsl_m=mission.origin.altitude_amsl_m,
             ),
             height_m=mission.height_above_origin_m + up_m,
-            conditions=plan.conditions,
         )
+        simulators[name] = plan.kind(plan.binary, directory / name, aircraft, plan.conditions)
     mosquitto, link = broker(plan.mosquitto, directory)
     make_keys(key_places(file), mission.name, mission.companions)
     hears: dict[str, int] = {}
@@ -259,9 +255,7 @@ def hand_over(name: str, formation: Formation) -> None:
 
 
 def fly(
-    plan: Plan,
-    duration_s: float,
-    faults: Sequence[Occurrence] = (),
+    plan: Plan, duration_s: float, faults: Sequence[Occurrence] = ()
 ) -> tuple[Verdict, dict[str, list[tuple[float, int]]]]:
     """Fly a mission and judge it.
 
@@ -269,9 +263,6 @@ def fly(
         plan: what is to be flown.
         duration_s: how long, from the moment at which all pilots have selected the guided mode.
         faults: what goes wrong, in the order of time.
-
-    Raises:
-        FlightError: it could not be flown.
 
     Returns:
         The verdict, and each vehicle's changes of mode: s after the pilots' selection, and the number.
@@ -342,13 +333,9 @@ def flight_directory(keep: Path | None) -> Iterator[Path]:
 
 
 def load(file: Path, changes: Mapping[str, Any]) -> Mission:
-    """A mission with some fields changed; those under `vehicles.defaults` in every vehicle.
-
-    Raises:
-        MissionError: it is none.
-    """
+    """A mission with some fields changed; those under `vehicles.defaults` in every vehicle."""
     mission = parse_mission(file.read_bytes(), file=str(file)).mission
-    content = mission.model_dump(mode="json", exclude_unset=True)
+    content = content_of(mission, "json")
     vehicles = dict(changes.get("vehicles", {}))
     common = {"vehicles": dict.fromkeys(mission.vehicles, vehicles.pop("defaults", {}))}
     changed = merged(merged(content, common), {**changes, "vehicles": vehicles})

@@ -14,6 +14,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
 from tests.autopilots.programs import FlightError
+from tests.kit.wire import command_long
 from vfguide.companion.clock import Clock
 from vfguide.elementwise import FloatArray
 from vfguide.mavlink.framing import HEADER_2, Frame, end_of_frame, frame_at, next_magic
@@ -66,8 +67,95 @@ class ModeChange:
     custom_mode: int
 
 
-class GroundStation:
-    """Speaks with one aircraft from a thread of its own."""
+class Caller:
+    """Speaks with one aircraft from a thread of its own, until it is closed."""
+
+    HEARTBEAT: MAVLink_message
+
+    def __init__(self, system_id: int, connected: socket.socket) -> None:
+        """Begin to listen at a connected socket."""
+        self.system_id = system_id
+        self.results: dict[int, int] = {}
+        """Of commands, by number."""
+        self._lock, self._ends = threading.Lock(), threading.Event()
+        self._writer = mavlink.MAVLink(None, srcSystem=255, srcComponent=190)
+        self._socket = connected
+        self._socket.settimeout(0.2)
+        self._thread = threading.Thread(target=self._listen, daemon=True)
+        self._thread.start()
+
+    def close(self) -> None:
+        """Hang up."""
+        self._ends.set()
+        self._thread.join(2.0)
+        self._socket.close()
+
+    def send(self, message: MAVLink_message) -> None:
+        """Send a message."""
+        with self._lock, suppress(OSError):
+            self._socket.sendall(message.pack(self._writer))
+
+    def command(self, number: int, *parameters: float) -> None:
+        """Send COMMAND_LONG; parameters that are not given are 0."""
+        self.results.pop(number, None)
+        self.send(command_long(number, *parameters, system_id=self.system_id))
+
+    def wait(
+        self,
+        condition: Callable[[], object],
+        what: str,
+        patience_s: float = 60.0,
+        ask: Callable[[], None] | None = None,
+    ) -> None:
+        """Wait for a condition, and ask for it every second."""
+        gives_up, asks = time.monotonic() + patience_s, -math.inf
+        while not condition():
+            now = time.monotonic()
+            if now > gives_up:
+                last = self.last_words()
+                raise FlightError(
+                    f"vehicle {self.system_id}: {what} not within {patience_s:g} s ({last})"
+                )
+            if ask is not None and now - asks >= ASK_AGAIN_S:
+                asks = now
+                ask()
+            time.sleep(0.05)
+
+    def last_words(self) -> str:
+        """What the aircraft has said last."""
+        return "without a word"
+
+    def now(self) -> float:
+        """Time by which arrivals are noted, s."""
+        return time.monotonic()
+
+    def _hear(self, data: bytes) -> None:
+        """Take in what has come."""
+        raise NotImplementedError
+
+    def _listen(self) -> None:
+        spoke_s = -math.inf
+        while not self._ends.is_set():
+            if self.now() - spoke_s >= HEARTBEAT_S:
+                spoke_s = self.now()
+                self.send(self.HEARTBEAT)
+            try:
+                data = self._socket.recv(65_536)
+            except TimeoutError:
+                continue
+            except OSError:
+                # Nobody at the port yet, or not any more.
+                time.sleep(0.1)
+                continue
+            if not data:
+                return
+            self._hear(data)
+
+
+class GroundStation(Caller):
+    """The pilot's hand, and the recorder of where an aircraft truly is."""
+
+    HEARTBEAT = mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3)
 
     def __init__(
         self,
@@ -85,7 +173,6 @@ class GroundStation:
                 that holds the true state; None of any other.
             clock: of the flight, which may be slower than the computer's.
         """
-        self.system_id = system_id
         self.fixes: list[Fix] = []
         self.modes: list[ModeChange] = []
         self.texts: list[tuple[float, str]] = []
@@ -97,18 +184,18 @@ class GroundStation:
         """As the autopilot shows it."""
         self.version: tuple[int, int] | None = None
         """Of the firmware, and its capabilities; once it was asked for."""
-        self.results: dict[int, int] = {}
         self._truth = truth
         self._flight_clock = clock
         self._clock: tuple[float, float] | None = None
-        self._sent_heartbeat_s = -math.inf
-        self._lock = threading.Lock()
-        self._writer = mavlink.MAVLink(None, srcSystem=255, srcComponent=190)
-        self._socket = connect()
-        self._socket.settimeout(0.2)
-        self._ends = threading.Event()
-        self._thread = threading.Thread(target=self._listen, daemon=True)
-        self._thread.start()
+        self._parser = mavlink.MAVLink(None)
+        self._waiting = b""
+        super().__init__(system_id, connect())
+
+    def last_words(self) -> str:
+        return self.texts[-1][1] if self.texts else "without a word"
+
+    def now(self) -> float:
+        return self._flight_clock.now()
 
     @property
     def mode(self) -> int | None:
@@ -119,19 +206,6 @@ class GroundStation:
     def altitude_amsl_m(self) -> float:
         """The newest true altitude; no number before the first."""
         return self.fixes[-1].altitude_amsl_m if self.fixes else math.nan
-
-    def close(self) -> None:
-        """Hang up."""
-        self._ends.set()
-        self._thread.join(2.0)
-        self._socket.close()
-
-    def command(self, number: int, *parameters: float) -> None:
-        """Send COMMAND_LONG; parameters that are not given are 0."""
-        values = (*parameters, *(0.0,) * (7 - len(parameters)))
-        message = mavlink.MAVLink_command_long_message(self.system_id, 1, number, 0, *values)
-        self.results.pop(number, None)
-        self.send(message)
 
     def ask_for(self, message_id: int, rate_hz: float) -> None:
         """Ask for a message at a rate."""
@@ -162,31 +236,6 @@ class GroundStation:
         self.parameters.pop(name, None)
         self.send(mavlink.MAVLink_param_set_message(self.system_id, 1, name.encode(), sent, kind))
 
-    def wait(
-        self,
-        condition: Callable[[], object],
-        what: str,
-        patience_s: float,
-        ask: Callable[[], None] | None = None,
-    ) -> None:
-        """Wait for a condition, and ask for it every second.
-
-        Raises:
-            FlightError: it takes too long.
-        """
-        gives_up, asks = time.monotonic() + patience_s, -math.inf
-        while not condition():
-            now = time.monotonic()
-            if now > gives_up:
-                last = self.texts[-1][1] if self.texts else "without a word"
-                raise FlightError(
-                    f"vehicle {self.system_id}: {what} not within {patience_s:g} s ({last})"
-                )
-            if ask is not None and now - asks >= ASK_AGAIN_S:
-                asks = now
-                ask()
-            time.sleep(0.05)
-
     def track(self) -> dict[str, FloatArray]:
         """All fixes as arrays by field, in the order of arrival."""
         rows = list(self.fixes)
@@ -195,33 +244,12 @@ class GroundStation:
             for name in Fix.__dataclass_fields__
         }
 
-    def send(self, message: MAVLink_message) -> None:
-        """Send a message."""
-        with self._lock, suppress(OSError):
-            self._socket.sendall(message.pack(self._writer))
-
-    def _listen(self) -> None:
-        parser = mavlink.MAVLink(None)
-        waiting = b""
-        while not self._ends.is_set():
-            if self._flight_clock.now() - self._sent_heartbeat_s >= HEARTBEAT_S:
-                self._sent_heartbeat_s = self._flight_clock.now()
-                self.send(mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3))
-            try:
-                data = self._socket.recv(65_536)
-            except TimeoutError:
-                continue
-            except OSError:
-                # Nobody at the port yet, or not any more.
-                time.sleep(0.1)
-                continue
-            if not data:
-                return
-            arrival_s = self._flight_clock.now()
-            frames, waiting = wanted_frames(waiting + data)
-            for frame in frames:
-                if frame.system_id == self.system_id:
-                    self._take(parser.decode(bytearray(frame.content)), arrival_s)
+    def _hear(self, data: bytes) -> None:
+        arrival_s = self.now()
+        frames, self._waiting = wanted_frames(self._waiting + data)
+        for frame in frames:
+            if frame.system_id == self.system_id:
+                self._take(self._parser.decode(bytearray(frame.content)), arrival_s)
 
     def _take(self, message: MAVLink_message, arrival_s: float) -> None:
         kind = message.get_type()

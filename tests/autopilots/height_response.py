@@ -9,7 +9,6 @@ vehicle's `height_delay_s`. The program is named by --binary, or by the variable
 import argparse
 import json
 import math
-import os
 import sys
 import time
 from pathlib import Path
@@ -20,9 +19,11 @@ from tests.autopilots.formation import climb, flight_directory, load
 from tests.autopilots.programs import FlightError, first_in_line, restore_priority
 from tests.autopilots.simulators import (
     PROGRAMS,
+    Aircraft,
     Conditions,
     Place,
     Simulator,
+    add_program,
     find_program,
     free_instances,
 )
@@ -46,8 +47,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, prog="height_response")
     add = parser.add_argument
     add("--mission", type=Path, default=Path("missions/ardupilot-sitl.yaml"))
-    add("--program", choices=list(PROGRAMS), default="arduplane")
-    add("--binary", help="the autopilot's program (default: $ARDUPLANE or $PX4)")
+    add_program(parser)
     add("--rate", type=float, default=2.0, help="m/s, of the climb")
     add("--climb", type=float, default=60.0, help="m, up and down again")
     add("--lead", type=float, default=0.0, help="s, by which setpoints lead the wanted height")
@@ -55,9 +55,7 @@ def main() -> int:
     add("--turn", type=float, default=0.0, help="rad/s, at which the course turns meanwhile")
     options = parser.parse_args()
     mission = load(options.mission, {})
-    binary = find_program(
-        options.program, options.binary or os.environ.get(options.program.upper())
-    )
+    binary = find_program(options.program, options.binary)
     parameters = dict(one.split("=") for one in options.set)
     conditions = Conditions(parameters={name: float(value) for name, value in parameters.items()})
     try:
@@ -84,9 +82,7 @@ def made(
 ) -> Simulator:
     """One aircraft, not started."""
     origin, program = mission.origin, PROGRAMS[kind]
-    return program(
-        binary,
-        directory / "aircraft",
+    aircraft = Aircraft(
         name="aircraft",
         system_id=mission.leader_vehicle.system_id,
         instance=free_instances(program, 1),
@@ -96,8 +92,8 @@ def made(
             altitude_amsl_m=origin.altitude_amsl_m,
         ),
         height_m=mission.height_above_origin_m,
-        conditions=conditions,
     )
+    return program(binary, directory / "aircraft", aircraft, conditions)
 
 
 def measured(

@@ -7,7 +7,6 @@ The program is named by --binary, or by the variables ARDUPLANE and PX4. Exit st
 """
 
 import argparse
-import os
 import sys
 import time
 from pathlib import Path
@@ -15,7 +14,7 @@ from pathlib import Path
 from tests.autopilots.formation import BOOT_S, climb, flight_directory, load
 from tests.autopilots.height_response import made
 from tests.autopilots.programs import FlightError, Program, first_in_line, restore_priority, vfguide
-from tests.autopilots.simulators import PROGRAMS, Conditions, find_program
+from tests.autopilots.simulators import Conditions, add_air, add_program, find_program, wind_of
 
 LONGEST_S = 600.0
 """Of a flight of steps; two minutes are usual."""
@@ -26,18 +25,13 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, prog="identified")
     add = parser.add_argument
     add("mission", type=Path)
-    add("--program", choices=list(PROGRAMS), default="arduplane")
-    add("--binary", help="the autopilot's program (default: $ARDUPLANE or $PX4)")
-    add("--wind", default="0,270", metavar="M_S,FROM_DEG")
-    add("--factory", action="store_true", help="leave the autopilot's parameters as they come")
+    add_program(parser)
+    add_air(parser)
     add("--keep", type=Path, metavar="DIR", help="keep there what all said")
     options = parser.parse_args()
-    speed_m_s, from_deg = (float(part) for part in options.wind.split(","))
-    conditions = Conditions(wind_m_s=speed_m_s, wind_from_deg=from_deg, factory=options.factory)
+    conditions = Conditions(**wind_of(options.wind), factory=options.factory)
     try:
-        binary = find_program(
-            options.program, options.binary or os.environ.get(options.program.upper())
-        )
+        binary = find_program(options.program, options.binary)
         with flight_directory(options.keep and options.keep.resolve()) as directory:
             said, status = flown(options.mission, options.program, binary, directory, conditions)
     except FlightError as error:
@@ -50,11 +44,7 @@ def main() -> int:
 def flown(
     file: Path, kind: str, binary: Path, directory: Path, conditions: Conditions
 ) -> tuple[str, int]:
-    """Fly the steps with one aircraft, the mission's leader: (what was said, exit status).
-
-    Raises:
-        FlightError: it could not be flown.
-    """
+    """Fly the steps with one aircraft, the mission's leader: (what was said, exit status)."""
     mission = load(file, {})
     simulator = made(kind, binary, directory, mission, conditions)
     name = mission.leader.vehicle

@@ -99,11 +99,7 @@ class Program:
             self.kill()
 
     def check(self) -> None:
-        """See that it runs.
-
-        Raises:
-            FlightError: it has ended.
-        """
+        """See that it runs."""
         if not self.running:
             raise FlightError(f"{self.name} has ended: {self.last_words()}; see {self.output}")
 
@@ -134,11 +130,7 @@ def vfguide(*arguments: str) -> list[str]:
 
 
 def find_mosquitto() -> str:
-    """The broker's program.
-
-    Raises:
-        FlightError: there is none.
-    """
+    """The broker's program."""
     found = shutil.which("mosquitto", path=f"{os.environ.get('PATH', '')}:/usr/sbin:/sbin")
     if found is None:
         raise FlightError("mosquitto is not installed; apt install mosquitto")
@@ -179,11 +171,7 @@ def is_free(port: int, kind: socket.SocketKind) -> bool:
 
 
 def wait_for_port(port: int, program: Program, patience_s: float) -> None:
-    """Wait until a program can be called.
-
-    Raises:
-        FlightError: it has ended, or takes too long.
-    """
+    """Wait until a program can be called."""
     gives_up = time.monotonic() + patience_s
     while time.monotonic() < gives_up:
         program.check()

@@ -5,15 +5,12 @@ parameters, mission, fence and rally points, the home position.
 """
 
 import socket
-import threading
-import time
 from collections import Counter
-from collections.abc import Callable
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
-from tests.autopilots.programs import FlightError
+from tests.autopilots.ground_station import Caller
 
 STREAMS_HZ = {
     mavlink.MAV_DATA_STREAM_RAW_SENSORS: 2,
@@ -34,8 +31,10 @@ PLANS = (
 )
 
 
-class QGroundControl:
+class QGroundControl(Caller):
     """Speaks from a thread of its own until it is closed."""
+
+    HEARTBEAT = mavlink.MAVLink_heartbeat_message(6, 8, 192, 0, 4, 3)
 
     def __init__(self, port: int, system_id: int) -> None:
         """Connect to a TCP port of the vehicle with this system id."""
@@ -48,26 +47,14 @@ class QGroundControl:
         self.parameters: set[str] = set()
         self.parameter_count = 0
         self.plans: set[int] = set()
-        self.results: dict[int, int] = {}
-        """Of commands, by number."""
         self.mode: int | None = None
-        self._system_id = system_id
-        self._writer = mavlink.MAVLink(None, srcSystem=255, srcComponent=190)
-        self._lock, self._ends = threading.Lock(), threading.Event()
-        self._socket = socket.create_connection(("127.0.0.1", port), 10.0)
-        self._socket.settimeout(0.2)
-        self._thread = threading.Thread(target=self._listen, daemon=True)
-        self._thread.start()
-
-    def close(self) -> None:
-        """Hang up."""
-        self._ends.set()
-        self._thread.join(2.0)
-        self._socket.close()
+        self._parser = mavlink.MAVLink(None)
+        self._parser.robust_parsing = True
+        super().__init__(system_id, socket.create_connection(("127.0.0.1", port), 10.0))
 
     def start(self) -> None:
         """Everything it asks for at first."""
-        to = (self._system_id, mavlink.MAV_COMP_ID_AUTOPILOT1)
+        to = (self.system_id, mavlink.MAV_COMP_ID_AUTOPILOT1)
         for stream, rate_hz in STREAMS_HZ.items():
             self.send(mavlink.MAVLink_request_data_stream_message(*to, stream, rate_hz, 1))
         request, interval = mavlink.MAV_CMD_REQUEST_MESSAGE, mavlink.MAV_CMD_SET_MESSAGE_INTERVAL
@@ -78,12 +65,6 @@ class QGroundControl:
             self.send(mavlink.MAVLink_mission_request_list_message(*to, plan))
         self.command(interval, mavlink.MAVLINK_MSG_ID_HOME_POSITION, 1_000_000)
 
-    def command(self, number: int, *parameters: float) -> None:
-        """COMMAND_LONG."""
-        values = (*parameters, *(0.0,) * (7 - len(parameters)))
-        self.results.pop(number, None)
-        self.send(mavlink.MAVLink_command_long_message(self._system_id, 1, number, 0, *values))
-
     def fly_to(self, latitude_deg: float, longitude_deg: float, height_m: float) -> None:
         """Fly to here: COMMAND_INT of MAV_CMD_DO_REPOSITION, height above home."""
         frame, number = mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT, mavlink.MAV_CMD_DO_REPOSITION
@@ -92,42 +73,14 @@ class QGroundControl:
         self.results.pop(number, None)
         self.send(
             mavlink.MAVLink_command_int_message(
-                self._system_id, 1, frame, number, 0, 0, -1, changes_mode, 0, 0, *place
+                self.system_id, 1, frame, number, 0, 0, -1, changes_mode, 0, 0, *place
             )
         )
 
-    def send(self, message: MAVLink_message) -> None:
-        """Send a message."""
-        with self._lock:
-            self._socket.sendall(message.pack(self._writer))
-
-    def wait(self, condition: Callable[[], object], what: str, patience_s: float = 60.0) -> None:
-        """Wait for a condition.
-
-        Raises:
-            FlightError: it takes too long.
-        """
-        gives_up = time.monotonic() + patience_s
-        while not condition():
-            if time.monotonic() > gives_up:
-                raise FlightError(f"QGroundControl: {what} not within {patience_s:g} s")
-            time.sleep(0.05)
-
-    def _listen(self) -> None:
-        parser = mavlink.MAVLink(None)
-        parser.robust_parsing = True
-        spoke_s = 0.0
-        while not self._ends.is_set():
-            if time.monotonic() - spoke_s >= 1.0:
-                spoke_s = time.monotonic()
-                self.send(mavlink.MAVLink_heartbeat_message(6, 8, 192, 0, 4, 3))
-            try:
-                data = self._socket.recv(65_536)
-            except TimeoutError:
-                continue
-            for message in parser.parse_buffer(data) or []:
-                if message.get_srcSystem() == self._system_id:
-                    self._take(message)
+    def _hear(self, data: bytes) -> None:
+        for message in self._parser.parse_buffer(data) or []:
+            if message.get_srcSystem() == self.system_id:
+                self._take(message)
 
     def _take(self, message: MAVLink_message) -> None:
         kind, component = message.get_type(), message.get_srcComponent()

@@ -8,6 +8,7 @@ from collections.abc import Iterator, Sequence
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from tests.kit.wire import command_long, packed
 from vfguide.mavlink.stream import StreamFramer
 
 ASK_S = 2.0
@@ -83,17 +84,9 @@ class Relay:
 
     def _request(self) -> bytes:
         """SET_MESSAGE_INTERVAL for the position."""
-        message = mavlink.MAVLink_command_long_message(
-            self._system_id,
-            1,
-            mavlink.MAV_CMD_SET_MESSAGE_INTERVAL,
-            0,
-            mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT,
-            1e6 / self._rate_hz,
-            *(0.0,) * 5,
-        )
-        sender = mavlink.MAVLink(None, srcSystem=254, srcComponent=190)
-        return bytes(message.pack(sender))
+        number = mavlink.MAV_CMD_SET_MESSAGE_INTERVAL
+        wanted = (mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT, 1e6 / self._rate_hz)
+        return packed(command_long(number, *wanted, system_id=self._system_id), system_id=254)
 
 
 def due(held: deque[tuple[float, bytes]], now: float) -> Iterator[bytes]:

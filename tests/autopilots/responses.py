@@ -13,6 +13,7 @@ from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 from sitl_stub import Autopilot, SteadyWind
 from sitl_stub.settings import Settings
 from tests.autopilots.emulated import Emulated
+from tests.kit.wire import command_long
 from vfguide.elementwise import FloatArray
 
 RECORDINGS = Path(__file__).parents[1] / "recordings"
@@ -119,9 +120,8 @@ def aircraft_at_start(recorded: Slice, **changes: object) -> Emulated:
 
 
 def ordered(command: int, *values: float) -> MAVLink_message:
-    """A COMMAND_LONG."""
-    padded = (*values, *(0.0,) * (7 - len(values)))
-    return mavlink.MAVLink_command_long_message(SYSTEM_ID, 1, command, 0, *padded)
+    """Make a COMMAND_LONG to the aircraft."""
+    return command_long(command, *values, system_id=SYSTEM_ID)
 
 
 def setpoint(autopilot: str, kind: str, value: float) -> MAVLink_message:

@@ -1,6 +1,8 @@
 """The two autopilots in software: how each is started, taken off and steered by its pilot."""
 
+import argparse
 import math
+import os
 import shutil
 import socket
 import time
@@ -52,6 +54,19 @@ class Place:
     altitude_amsl_m: float
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Aircraft:
+    """One aircraft of a flight."""
+
+    name: str
+    system_id: int
+    instance: int
+    """Of the simulators, which decides its ports."""
+    place: Place
+    height_m: float
+    """Above the place, to which it takes off."""
+
+
 class Simulator(ABC):
     """One autopilot in software."""
 
@@ -71,11 +86,7 @@ class Simulator(ABC):
 
     @property
     def tcp_port(self) -> int:
-        """The port at which one that has no companion is heard.
-
-        Raises:
-            FlightError: it has none.
-        """
+        """The port at which one that has no companion is heard."""
         raise FlightError("only an ArduPlane leads without a companion here")
 
     @abstractmethod
@@ -110,11 +121,7 @@ class Simulator(ABC):
         return self._station
 
     def enter(self, mode: str) -> None:
-        """Ask for a mode until the autopilot is in it.
-
-        Raises:
-            FlightError: it does not take it.
-        """
+        """Ask for a mode until the autopilot is in it."""
         self.station.wait(lambda: self.is_in(mode), mode, MODE_S, ask=lambda: self.select(mode))
 
     def close(self) -> None:
@@ -146,22 +153,13 @@ class ArduPlane(Simulator):
     }
 
     def __init__(
-        self,
-        file: Path,
-        directory: Path,
-        *,
-        name: str,
-        system_id: int,
-        instance: int,
-        place: Place,
-        height_m: float,
-        conditions: Conditions,
+        self, file: Path, directory: Path, aircraft: Aircraft, conditions: Conditions
     ) -> None:
+        instance, place = aircraft.instance, aircraft.place
         self._port = 5760 + 10 * instance
-        self._instance = instance
         self._rate_hz = TRUTH_HZ
         wanted = {
-            "TKOFF_ALT": height_m,
+            "TKOFF_ALT": aircraft.height_m,
             "SIM_WIND_SPD": conditions.wind_m_s,
             "SIM_WIND_DIR": conditions.wind_from_deg,
             "SIM_WIND_TURB": conditions.turbulence,
@@ -178,19 +176,11 @@ class ArduPlane(Simulator):
         home = f"{place.latitude_deg:.7f},{place.longitude_deg:.7f},{place.altitude_amsl_m:g},353"
         command = [
             *(str(file), "-w", "-I", str(instance), "--serial0", "tcp:0", "--model", "plane"),
-            *(
-                "--speedup",
-                f"{conditions.clock.rate:g}",
-                "--sysid",
-                str(system_id),
-                "--home",
-                home,
-                "--defaults",
-                f"{model},{defaults}",
-            ),
+            *("--speedup", f"{conditions.clock.rate:g}", "--sysid", str(aircraft.system_id)),
+            *("--home", home, "--defaults", f"{model},{defaults}"),
         ]
-        program = Program(f"{name}.arduplane", command, directory)
-        super().__init__(program, system_id, conditions.clock)
+        program = Program(f"{aircraft.name}.arduplane", command, directory)
+        super().__init__(program, aircraft.system_id, conditions.clock)
 
     @staticmethod
     def are_free(first: int, count: int) -> bool:
@@ -259,11 +249,7 @@ class ArduPlane(Simulator):
 
 
 def model_defaults(file: Path) -> Path:
-    """The defaults of ArduPilot's model `plane`: beside the program, or in the tree it was built in.
-
-    Raises:
-        FlightError: they are in neither place.
-    """
+    """The defaults of ArduPilot's model `plane`: beside the program, or in the tree it was built in."""
     tree = (parent / "Tools/autotest/models/plane.parm" for parent in file.resolve().parents)
     for candidate in (file.with_name("plane.parm"), *tree):
         if candidate.exists():
@@ -319,17 +305,9 @@ class Px4(Simulator):
     """GUIDED is Guided Course, which 1.18 has; before that its pilot selects OFFBOARD."""
 
     def __init__(
-        self,
-        file: Path,
-        directory: Path,
-        *,
-        name: str,
-        system_id: int,
-        instance: int,
-        place: Place,
-        height_m: float,
-        conditions: Conditions,
+        self, file: Path, directory: Path, aircraft: Aircraft, conditions: Conditions
     ) -> None:
+        instance, place = aircraft.instance, aircraft.place
         self._instance = instance
         self._directory = directory
         heading = math.radians(conditions.wind_from_deg)
@@ -340,8 +318,8 @@ class Px4(Simulator):
         }
         wanted: dict[str, float] = {
             **self.AIRFRAME,
-            "MAV_SYS_ID": system_id,
-            "MIS_TAKEOFF_ALT": height_m,
+            "MAV_SYS_ID": aircraft.system_id,
+            "MIS_TAKEOFF_ALT": aircraft.height_m,
             "SIH_LOC_LAT0": place.latitude_deg,
             "SIH_LOC_LON0": place.longitude_deg,
             **({} if conditions.factory else self.RECIPE),
@@ -356,8 +334,8 @@ class Px4(Simulator):
             **{f"PX4_PARAM_{key}": f"{value:.8g}" for key, value in wanted.items()},
         }
         command = [str(commands / "px4"), "-d", "-i", str(instance), str(startup_scripts(file))]
-        program = Program(f"{name}.px4", command, directory, environment=environment)
-        super().__init__(program, system_id, conditions.clock)
+        program = Program(f"{aircraft.name}.px4", command, directory, environment=environment)
+        super().__init__(program, aircraft.system_id, conditions.clock)
 
     @staticmethod
     def are_free(first: int, count: int) -> bool:
@@ -448,11 +426,7 @@ def connected_udp(port: int) -> socket.socket:
 
 
 def startup_scripts(file: Path) -> Path:
-    """PX4's `etc`: beside `bin`, as it was built.
-
-    Raises:
-        FlightError: it is not there.
-    """
+    """PX4's `etc`: beside `bin`, as it was built."""
     scripts = file.parent.parent / "etc"
     if not (scripts / "init.d-posix" / "rcS").exists():
         raise FlightError(f"no start-up scripts of PX4 in {scripts}")
@@ -475,25 +449,24 @@ def px4_truth(message: MAVLink_message) -> tuple[float, ...] | None:
         return None
     w, x, y, z = message.attitude_quaternion
     bank = math.atan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y))
-    return (
-        message.lat * 1e-7,
-        message.lon * 1e-7,
-        message.alt * 1e-3,
-        message.vx * 1e-2,
-        message.vy * 1e-2,
-        bank,
-    )
+    place = (message.lat * 1e-7, message.lon * 1e-7, message.alt * 1e-3)
+    return (*place, message.vx * 1e-2, message.vy * 1e-2, bank)
 
 
 PROGRAMS: Mapping[str, type[ArduPlane] | type[Px4]] = {"arduplane": ArduPlane, "px4": Px4}
 
 
-def find_program(kind: str, given: str | None) -> Path:
-    """The autopilot's program.
+def add_program(parser: argparse.ArgumentParser) -> None:
+    """Add the options that name an autopilot and its program."""
+    parser.add_argument(
+        "--program", choices=list(PROGRAMS), default="arduplane", help="(default: %(default)s)"
+    )
+    parser.add_argument("--binary", help="the autopilot's program (default: $ARDUPLANE or $PX4)")
 
-    Raises:
-        FlightError: there is none.
-    """
+
+def find_program(kind: str, given: str | None = None) -> Path:
+    """Find the autopilot's program, which a variable names if nothing is given."""
+    given = given or os.environ.get(kind.upper())
     if not given:
         raise FlightError(f"set {kind.upper()} to the program, or name it with --binary")
     found = shutil.which(given) or given
@@ -502,12 +475,22 @@ def find_program(kind: str, given: str | None) -> Path:
     return Path(found).resolve()
 
 
-def free_instances(kind: type[ArduPlane] | type[Px4], count: int) -> int:
-    """The first of so many instances in a row whose ports are free.
+def add_air(parser: argparse.ArgumentParser) -> None:
+    """Add the options of the wind, and of parameters that stay as they come."""
+    parser.add_argument("--wind", default="0,270", metavar="M_S,FROM_DEG", help="mean wind")
+    parser.add_argument(
+        "--factory", action="store_true", help="leave the autopilot's parameters as they come"
+    )
 
-    Raises:
-        FlightError: there are none.
-    """
+
+def wind_of(text: str) -> dict[str, float]:
+    """Read M_S,FROM_DEG as fields of `Conditions`."""
+    speed_m_s, from_deg = (float(part) for part in text.split(","))
+    return {"wind_m_s": speed_m_s, "wind_from_deg": from_deg}
+
+
+def free_instances(kind: type[ArduPlane] | type[Px4], count: int) -> int:
+    """The first of so many instances in a row whose ports are free."""
     for first in range(10 - count + 1):
         if kind.are_free(first, count):
             return first

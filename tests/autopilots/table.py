@@ -39,10 +39,7 @@ NOTHING_DECLARED = EVERY_VEHICLE.format(
 )
 """What a mission need not say of a vehicle whose autopilot tells it."""
 
-SLOTS = {
-    "wide": ((-20, -40), (-20, 40), (-60, 0)),
-    "abreast": ((0, -30), (0, 30), (-40, 0)),
-}
+SLOTS = {"wide": ((-20, -40), (-20, 40), (-60, 0)), "abreast": ((0, -30), (0, 30), (-40, 0))}
 """Other slots than the mission's, (forward, right) m."""
 
 
@@ -147,11 +144,7 @@ def main() -> int:
 
 
 def fly_row(name: str, duration_s: float, keep: Path | None) -> Flight:
-    """Fly a row once, and keep below a directory what all said.
-
-    Raises:
-        FlightError: it could not be flown.
-    """
+    """Fly a row once, and keep below a directory what all said."""
     began = f"{datetime.now(UTC):%Y-%m-%dT%H:%M:%SZ}"
     told = [*shlex.split(ROWS[name]), "--duration", f"{duration_s:g}"]
     # PX4 puts its directory into its PATH, where a colon would cut it in two.

@@ -17,6 +17,7 @@ from tests.autopilots.conftest import program
 from tests.autopilots.programs import FlightError
 from tests.autopilots.simulators import (
     CLIMB_S,
+    Aircraft,
     ArduPlane,
     Conditions,
     Place,
@@ -154,16 +155,14 @@ def started(name: str, binary: Path, directory: Path) -> tuple[Simulator, Compan
     """(a simulator that is about to start, with the parameters that it brings, its companions' link)."""
     kind = Px4 if name == "px4" else ArduPlane
     instance = free_instances(kind, 1)
-    simulator = kind(
-        binary,
-        directory,
+    aircraft = Aircraft(
         name=name,
         system_id=instance + 1,
         instance=instance,
         place=PLACES[name],
         height_m=HEIGHT_M,
-        conditions=Conditions(factory=True),
     )
+    simulator = kind(binary, directory, aircraft, Conditions(factory=True))
     link = CompanionLink(14_540 + instance) if name == "px4" else None
     return simulator, link
 
@@ -194,9 +193,7 @@ def test_a_real_autopilot_answers_and_behaves_as_recorded(autopilot: RealAutopil
     assert Answers(autopilot.name).asked_of(autopilot) == []
 
 
-def test_a_real_autopilot_is_the_version_of_which_it_was_recorded(
-    autopilot: RealAutopilot,
-) -> None:
+def test_a_real_autopilot_is_the_version_of_which_it_was_recorded(autopilot: RealAutopilot) -> None:
     recorded = Answers(autopilot.name).version
     if recorded is None:
         pytest.skip("of this autopilot's version nothing is recorded")

@@ -11,12 +11,14 @@ import numpy as np
 from tests.autopilots.faults import Occurrence
 from tests.autopilots.true_tracks import TrueTrack
 from vfguide.elementwise import BoolArray, FloatArray
+from vfguide.formation.arrangement import Point
 from vfguide.lab.report.geometry import intended_leader, slot_error
 from vfguide.mission import Mission
 from vfguide.mission.flight_path import path_of
 from vfguide.record.flight import FlightRecord, RecordAcceptance, VehicleRecord
 from vfguide.record.guidance_log import GuidanceTrack
 from vfguide.record.guidance_series import lead_series, slot_series
+from vfguide.record.vehicle import SERIES
 
 END_S = 5.0
 """At the end of a flight, to see where everybody was then."""
@@ -208,32 +210,29 @@ def flight_record(
         track, follower = tracks[name], mission.followers_by_name.get(name)
         course = np.arctan2(track.east_m_s, track.north_m_s)
         nearest = path.nearest(track.north_m, track.east_m, course)
+        series = dict.fromkeys(SERIES, unknown) | {
+            "north_m": track.north_m,
+            "east_m": track.east_m,
+            "altitude_amsl_m": track.altitude_amsl_m,
+            "course_rad": course,
+            "ground_speed_m_s": np.hypot(track.east_m_s, track.north_m_s),
+            "bank_rad": track.bank_rad,
+        }
+        if follower is None:
+            series["path_cross_track_error_m"] = nearest.cross_track_error
+            series["path_course_rad"] = nearest.course
+        slot = Point(0.0, 0.0) if follower is None else follower.slot.point
         vehicles.append(
             VehicleRecord(
                 name=name,
                 role="leader" if follower is None else "follower",
                 system_id=mission.vehicles[name].system_id,
-                slot_forward_m=0.0 if follower is None else follower.slot.forward_m,
-                slot_right_m=0.0 if follower is None else follower.slot.right_m,
-                slot_up_m=0.0 if follower is None else follower.slot.up_m,
-                north_m=track.north_m,
-                east_m=track.east_m,
-                altitude_amsl_m=track.altitude_amsl_m,
-                course_rad=course,
-                ground_speed_m_s=np.hypot(track.east_m_s, track.north_m_s),
-                heading_rad=unknown,
-                airspeed_m_s=unknown,
-                bank_rad=track.bank_rad,
-                wind_north_m_s=unknown,
-                wind_east_m_s=unknown,
-                path_cross_track_error_m=unknown if follower else nearest.cross_track_error,
-                path_course_rad=unknown if follower else nearest.course,
-                course_setpoint_rad=unknown,
-                airspeed_setpoint_m_s=unknown,
-                ground_speed_setpoint_m_s=unknown,
+                slot_forward_m=slot.forward,
+                slot_right_m=slot.right,
+                slot_up_m=slot.up,
                 mode=np.zeros(time_s.size, dtype=np.int64),
                 limited=np.zeros(time_s.size, dtype=np.bool_),
-                lyapunov=unknown,
+                **series,
                 **recorded_series(mission, name, guidance.get(name), since_s),
             )
         )
@@ -339,9 +338,7 @@ def limited_share(track: GuidanceTrack, from_s: float, to_s: float) -> float:
 def spread(distances_m: FloatArray) -> Spread:
     """Mean, 95th percentile and greatest."""
     return Spread(
-        float(distances_m.mean()),
-        float(np.percentile(distances_m, 95.0)),
-        float(distances_m.max()),
+        float(distances_m.mean()), float(np.percentile(distances_m, 95.0)), float(distances_m.max())
     )
 
 

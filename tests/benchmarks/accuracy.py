@@ -1,18 +1,15 @@
 """The tables of docs/accuracy.md, flown anew: run with `make accuracy`."""
 
-import argparse
 import os
-import sys
 from concurrent.futures import ProcessPoolExecutor
-from pathlib import Path
 from typing import Any
 
+from tests.kit.figures import tell
+from tests.kit.missions import mission_with
 from vfguide.lab.rehearsal.lockstep import fly_lockstep
 from vfguide.lab.report.metrics import summarise
 from vfguide.lab.report.summary import Summary
-from vfguide.mission import Mission, load_mission
 
-MISSIONS = Path(__file__).parents[2] / "missions"
 ARTICLE = ("line-calm", "line-wind", "circle-calm", "circle-wind")
 CREW = ("survey-racetrack", "transit-abreast")
 
@@ -32,30 +29,20 @@ VARIANTS: dict[str, dict[str, dict[str, Any]]] = {
 }
 
 
-def changed(name: str, changes: dict[str, dict[str, Any]]) -> Mission:
-    """A shipped mission with some fields replaced."""
-    content = load_mission(MISSIONS / f"{name}.yaml").model_dump(exclude_unset=True)
-    for section, fields in changes.items():
-        content.setdefault(section, {}).update(fields)
-    return Mission.model_validate(content)
-
-
 def fly(task: tuple[str, str]) -> Summary:
     """Summary of one mission in one variant."""
     name, variant = task
-    return summarise(fly_lockstep(changed(name, VARIANTS[variant])).record)
+    return summarise(fly_lockstep(mission_with(name, **VARIANTS[variant])).record)
 
 
 def main() -> None:
     """Fly everything on all processors and print the tables."""
-    argparse.ArgumentParser(description=__doc__.split("\n")[0]).parse_args()
     shipped = [(name, "as shipped") for name in (*ARTICLE, *CREW)]
     others = [(name, variant) for variant in VARIANTS for name in ARTICLE]
     with ProcessPoolExecutor(os.cpu_count()) as pool:
         summaries = dict(zip(shipped + others, pool.map(fly, shipped + others), strict=True))
-    say = sys.stdout.write
-    say(
-        f"{'metres, seconds':28}{'mean':>8}{'95 %':>8}{'max':>8}{'10 m':>8}{'1 m':>8}{'nearest':>9}\n"
+    tell(
+        f"{'metres, seconds':28}{'mean':>8}{'95 %':>8}{'max':>8}{'10 m':>8}{'1 m':>8}{'nearest':>9}"
     )
     for task in shipped:
         figures = summaries[task].formation
@@ -67,17 +54,17 @@ def main() -> None:
             figures.settle_1m_s,
             figures.min_separation_m,
         )
-        say(f"{task[0]:28}" + "".join(cell(value) for value in row) + "\n")
-    say(f"\n{'mean error, metres':28}" + "".join(f"{name:>14}" for name in ARTICLE) + "\n")
+        tell(f"{task[0]:28}" + "".join(cell(value) for value in row))
+    tell(f"\n{'mean error, metres':28}" + "".join(f"{name:>14}" for name in ARTICLE))
     for variant in VARIANTS:
         means = (summaries[name, variant].formation.mean_error_m for name in ARTICLE)
-        say(f"{variant:28}" + "".join(f"{cell(value):>14}" for value in means) + "\n")
-    say(f"\n{'course setpoint, rad/s':28}variation, and what of it is not net turning\n")
+        tell(f"{variant:28}" + "".join(f"{cell(value):>14}" for value in means))
+    tell(f"\n{'course setpoint, rad/s':28}variation, and what of it is not net turning")
     for name in ARTICLE:
         for vehicle, figures in summaries[name, "as shipped"].vehicles.items():
             variation = figures.course_setpoint_variation_rad_s
             excess = figures.course_setpoint_excess_variation_rad_s
-            say(f"{name + ' ' + vehicle:28}{cell(variation)}{cell(excess)}\n")
+            tell(f"{name + ' ' + vehicle:28}{cell(variation)}{cell(excess)}")
 
 
 def cell(value: float | None) -> str:

@@ -1,6 +1,6 @@
 """Random pilots against companions that are killed, hang, go deaf and are lied to: is any mode undone?
 
-    python tests/benchmarks/authority.py [ACTIONS] [--seed N]
+    python -m tests.benchmarks.authority [ACTIONS] [--seed N]
 
 Real MAVLink bytes, an emulated autopilot, virtual time. A mode that pilot or fail-safe has selected is undone
 where a command of the companion changes it. Guided, selected by the pilot, and the one engaging of a flight,
@@ -14,20 +14,21 @@ import math
 import sys
 from collections import Counter
 from collections.abc import Callable, Iterator
-from pathlib import Path
 from random import Random
 
 from msgspec.structs import replace
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sitl_stub import Autopilot, AutopilotConfig, CalmWind, PlantParameters
+from sitl_stub import Autopilot
+from tests.kit.companion import emulator, leader_bytes
+from tests.kit.figures import tell
+from tests.kit.missions import mission_with, shipped
+from tests.kit.wire import command_long, packed, parsed, position_report, spoken
 from vfguide.companion.consent import MemoryStore
 from vfguide.companion.core import Companion
 from vfguide.companion.mission_plan import adapter_of, flight_plan
-from vfguide.link.codec import LeaderMessage, encode
-from vfguide.mission import load_mission
 
-MISSION = load_mission(Path(__file__).parents[2] / "missions" / "line-calm.yaml")
+MISSION = shipped("line-calm")
 
 RATE_HZ = 10.0
 STEPS_A_FLIGHT = 40
@@ -85,16 +86,10 @@ class Encounter:
         self._random = Random(f"{seed} {kind}")
         self._kind = kind
         self._vehicle = MISSION.vehicles["f1"].model_copy(update={"autopilot": kind})
-        engage = self._random.random() < 0.8
-        patience = {"prediction_s": 4.0, "breakaway_s": 2.0}
-        hasty = MISSION.model_copy(
-            update={"patience": MISSION.patience.model_copy(update=patience)}
-        )
+        self._engage = self._random.random() < 0.8
+        hasty = mission_with("line-calm", patience={"prediction_s": 4.0, "breakaway_s": 2.0})
         self._plan = flight_plan(hasty, "f1")
-        self._engage = engage
         self._store = MemoryStore()
-        self._codec = mavlink.MAVLink(None, srcSystem=255, srcComponent=190)
-        self._forger = mavlink.MAVLink(None, srcSystem=SYSTEM_ID, srcComponent=1)
         self.counts: Counter[str] = Counter()
         self.undone: list[str] = []
         self._now = 0.0
@@ -133,49 +128,22 @@ class Encounter:
 
     def _new_companion(self) -> Companion:
         return Companion(
-            replace(self._plan),
-            adapter_of(self._vehicle),
-            engage=self._engage,
-            consent=self._store,
+            replace(self._plan), adapter_of(self._vehicle), engage=self._engage, consent=self._store
         )
 
     def _new_autopilot(self) -> Autopilot:
-        latitude, longitude = self._plan.frame.to_geodetic(-50.0, -30.0)
-        config = AutopilotConfig(
-            system_id=SYSTEM_ID,
-            autopilot="px4" if self._kind == "px4" else "ardupilot",
-            plant=PlantParameters(),
-            latitude_deg=latitude,
-            longitude_deg=longitude,
-            altitude_amsl_m=588.0,
-            home_altitude_amsl_m=488.0,
-            course_rad=0.0,
-            airspeed_m_s=20.0,
-        )
-        autopilot = Autopilot(config, CalmWind())
+        autopilot = emulator(self._kind, SYSTEM_ID)
         for name, value in (("FS_GCS_ENABL", 1.0), ("FS_LONG_ACTN", 1.0), ("MAV_GCS_SYSID", 2.0)):
             if self._kind == "ardupilot":
                 kind = mavlink.MAV_PARAM_TYPE_REAL32
                 message = mavlink.MAVLink_param_set_message(2, 1, name.encode(), value, kind)
-                autopilot.receive(message.pack(self._codec))
+                autopilot.receive(packed(message))
         return autopilot
 
     def _leader(self) -> bytes:
         latitude, longitude = self._plan.frame.to_geodetic(0.0, 20.0 * self._now)
-        return encode(
-            LeaderMessage(
-                sequence=1,
-                time_s=self._now,
-                latitude_deg=latitude,
-                longitude_deg=longitude,
-                altitude_amsl=588.0,
-                course=math.pi / 2.0,
-                ground_speed=20.0,
-                acceleration=0.0,
-                turn_rate=0.0,
-                turn_acceleration=0.0,
-            )
-        )
+        east = math.pi / 2.0
+        return leader_bytes(self._now, latitude_deg=latitude, longitude_deg=longitude, course=east)
 
     def _fly(self, length_s: float) -> None:
         for _ in range(max(1, round(length_s * RATE_HZ))):
@@ -216,9 +184,8 @@ class Encounter:
         """What an autopilot says while it comes up: disarmed, and no position or one without a velocity."""
         if self._now >= self._blank_until:
             return said
-        messages = mavlink.MAVLink(None).parse_buffer(said) or []
-        blank = [coming_up(message, self._blank_place) for message in messages]
-        return b"".join(message.pack(self._forger) for message in blank if message is not None)
+        blank = [coming_up(message, self._blank_place) for message in parsed(said)]
+        return spoken(*(message for message in blank if message is not None))
 
     def _deliver(self, data: bytes) -> None:
         """What the companion says reaches the autopilot; does it change a mode that is not its to change?"""
@@ -245,12 +212,15 @@ class Encounter:
             return
         self.undone.append(f"{before} -> {after} after {self._history[-6:]}")
 
-    def _pilot(self, main: int, sub: int) -> None:
-        command = mavlink.MAVLink_command_long_message(
-            SYSTEM_ID, 1, mavlink.MAV_CMD_DO_SET_MODE, 0, 1, main, sub, 0, 0, 0, 0
+    def _commanded(self, number: int, *parameters: float) -> bytes:
+        """Send a command as a ground station; what is answered."""
+        return self._autopilot.receive(
+            packed(command_long(number, *parameters, system_id=SYSTEM_ID))
         )
+
+    def _pilot(self, main: int, sub: int) -> None:
         before = self._mode
-        self._send(self._autopilot.receive(command.pack(self._codec)))
+        self._send(self._commanded(mavlink.MAV_CMD_DO_SET_MODE, 1, main, sub))
         if self._mode != before:
             self._selected = self._now
             self._pilots_mode = self._mode != GUIDED[self._kind]
@@ -316,11 +286,8 @@ class Encounter:
 
     def _reboot(self) -> None:
         """In the air; what is said before is lost, and the mode that it comes up in is nobody's to change."""
-        command = mavlink.MAVLink_command_long_message(
-            SYSTEM_ID, 1, mavlink.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN, 0, 1, 0, 0, 0, 0, 0, 0
-        )
         before = self._mode
-        self._autopilot.receive(command.pack(self._codec))
+        self._commanded(mavlink.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN, 1)
         self._blank_until = self._now + self._random.choice([0.0, 3.0, 12.0])
         position = MISSION.origin
         place = (position.latitude_deg * 1e7, position.longitude_deg * 1e7, 588e3)
@@ -337,39 +304,27 @@ class Encounter:
         main, sub = MODES[self._kind][GUIDED[self._kind]]
         firmware, mode = (3, main) if self._kind == "ardupilot" else (12, sub << 24 | main << 16)
         message = mavlink.MAVLink_heartbeat_message(1, firmware, 129, mode, 4, 3)
-        self._forge(lambda: message.pack(self._forger))
+        self._forge(lambda: spoken(message))
 
     def _forge_reboot(self) -> None:
         began = self._now
 
         def position() -> bytes:
-            return mavlink.MAVLink_global_position_int_message(
-                round((self._now - began) * 1e3),
-                473_977_420,
-                85_455_940,
-                588_000,
-                100_000,
-                2000,
-                0,
-                0,
-                0,
-            ).pack(self._forger)
+            since_ms = round((self._now - began) * 1e3)
+            return spoken(position_report(time_boot_ms=since_ms, vx=2000))
 
         self._forge(position)
 
     def _forge_answer(self) -> None:
         message = mavlink.MAVLink_command_ack_message(mavlink.MAV_CMD_DO_SET_MODE, 0)
-        self._forge(lambda: message.pack(self._forger))
+        self._forge(lambda: spoken(message))
 
     def _silence_leader(self) -> None:
         self._silent_until = self._now + self._random.choice([2.0, 9.0])
 
     def _disarm(self) -> None:
         for armed, force, length_s in ((0, 21196, 8.0), (1, 2989, 0.1)):
-            command = mavlink.MAVLink_command_long_message(
-                SYSTEM_ID, 1, mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 0, armed, force, 0, 0, 0, 0, 0
-            )
-            self._send(self._autopilot.receive(command.pack(self._codec)))
+            self._send(self._commanded(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, armed, force))
             self._fly(length_s)
 
 
@@ -400,8 +355,7 @@ def coming_up(
 
 def pieces(data: bytes) -> Iterator[bytes]:
     """Datagrams of some hundred bytes, cut between frames."""
-    messages = mavlink.MAVLink(None).parse_buffer(data) or []
-    frames = [bytes(message.get_msgbuf()) for message in messages]
+    frames = [bytes(message.get_msgbuf()) for message in parsed(data)]
     for start in range(0, len(frames), 4):
         yield b"".join(frames[start : start + 4])
 
@@ -429,10 +383,10 @@ def main() -> int:
     chosen = parser.parse_args()
     counts, undone = meet(chosen.actions, chosen.seed)
     for name, count in sorted(counts.items()):
-        sys.stdout.write(f"{count:7d}  {name}\n")
+        tell(f"{count:7d}  {name}")
     for one in undone:
-        sys.stdout.write(f"UNDONE {one}\n")
-    sys.stdout.write(f"{len(undone)} undone\n")
+        tell(f"UNDONE {one}")
+    tell(f"{len(undone)} undone")
     return 1 if undone else 0
 
 

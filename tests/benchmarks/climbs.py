@@ -1,6 +1,6 @@
 """How well slots are held in space on climbs, an eight and a route, in smooth air and in gusts.
 
-    python tests/benchmarks/climbs.py
+    python -m tests.benchmarks.climbs
 
 Through MAVLink bytes in lockstep, in the article's wind and with moderate turbulence on top. Distances over
 the second half of each flight: level, of the height alone and in space, from the slots in the leader's own
@@ -9,22 +9,18 @@ there): the mean, and in gusts also the greatest. Climbs take up all of that hal
 flown as they are shipped. Exit status: 1 where a row is not within what is required of it.
 """
 
-import json
 import math
 import sys
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 
 import vfguide
+from tests.kit.figures import heading, row
+from tests.kit.missions import mission_with, replaced, shipped
 from vfguide.lab.report.geometry import intended_leader, slot_error
-from vfguide.mission import Mission, load_mission
-from vfguide.mission.load import parse_mission
-
-MISSIONS = Path(__file__).parents[2] / "missions"
+from vfguide.mission import Mission
 
 CLIMB_DEG = math.degrees(math.atan(0.15))
 """3 m/s at 20 m/s over ground."""
@@ -37,19 +33,14 @@ CIRCLE: dict[str, Any] = {
 
 CLIMBS: dict[str, dict[str, Any]] = {
     "line, 3 m/s up": {"type": "line", "course_deg": 0.0, "gain": 0.015, "climb_deg": CLIMB_DEG},
-    "helix, 3 m/s up": {
-        "type": "helix",
-        **CIRCLE,
-        "climb_deg": CLIMB_DEG,
-        "end_height_m": 2000.0,
-    },
+    "helix, 3 m/s up": {"type": "helix", **CIRCLE, "climb_deg": CLIMB_DEG, "end_height_m": 2000.0},
     "circle, level": {"type": "circle", **CIRCLE},
 }
 AIR = {"article's": {}, "article's, moderate turbulence": {"wind.turbulence": "moderate"}}
 
 
 @dataclass(frozen=True)
-class Row:
+class Flown:
     """A flight of the table, and what is required of it."""
 
     name: str
@@ -60,20 +51,14 @@ class Row:
     """Greatest distance, m: from the slots as they are in smooth air, as meant in gusts."""
 
 
-def rows() -> list[Row]:
+def flights() -> list[Flown]:
     """The flights."""
-    content = yaml.safe_load((MISSIONS / "climb-and-turn.yaml").read_text())
-    content["rehearsal"]["duration_s"] = 150
+    climbing = mission_with("climb-and-turn", rehearsal={"duration_s": 150})
     climbs = [
-        Row(
-            name,
-            parse_mission(json.dumps({**content, "path": path}).encode(), file=name).mission,
-            mean_m=0.15,
-        )
-        for name, path in CLIMBS.items()
+        Flown(name, replaced(climbing, path=path), mean_m=0.15) for name, path in CLIMBS.items()
     ]
     routes = [
-        Row(name, load_mission(MISSIONS / f"{name}.yaml"), mean_m=0.3, greatest_m=2.0)
+        Flown(name, shipped(name), mean_m=0.3, greatest_m=2.0)
         for name in ("figure-eight", "survey-plan")
     ]
     return climbs + routes
@@ -89,29 +74,28 @@ def greatest_as_meant_m(flight: vfguide.Flight) -> float:
 
 def main() -> int:
     """Fly all, print the table."""
-    sys.stdout.write(
-        "| flight | wind | level: mean, greatest | height | in space | as meant: mean, greatest | wanted |\n"
-        "|---|---|---|---|---|---|---|\n"
+    heading(
+        *("flight", "wind", "level: mean, greatest", "height", "in space"),
+        *("as meant: mean, greatest", "wanted"),
     )
     good = True
-    for row in rows():
+    for one in flights():
         for air, settings in AIR.items():
-            flight = vfguide.fly(row.mission, settings=settings)
+            flight = vfguide.fly(one.mission, settings=settings)
             summary, greatest_m = flight.summary, greatest_as_meant_m(flight)
             formation = summary.formation
-            followers = [one for one in summary.vehicles.values() if one.role == "follower"]
-            height_m = sum(one.height_error_m.mean for one in followers) / len(followers)
+            followers = [each for each in summary.vehicles.values() if each.role == "follower"]
+            height_m = sum(each.height_error_m.mean for each in followers) / len(followers)
             counted_m = formation.intended_error_m if settings else formation.mean_error_3d_m
-            held = counted_m <= row.mean_m
-            held &= (greatest_m if settings else formation.max_error_m) <= row.greatest_m
+            held = counted_m <= one.mean_m
+            held &= (greatest_m if settings else formation.max_error_m) <= one.greatest_m
             good &= held
-            sys.stdout.write(
-                f"| {row.name} | {air} | {formation.mean_error_m:.3f}, {formation.max_error_m:.2f} m"
-                f" | {height_m:.3f} m | {formation.mean_error_3d_m:.3f} m"
-                f" | {formation.intended_error_m:.3f}, {greatest_m:.2f} m"
-                f" | {row.mean_m:g} m{'' if held else ': missed'} |\n"
+            row(
+                *(one.name, air, f"{formation.mean_error_m:.3f}, {formation.max_error_m:.2f} m"),
+                *(f"{height_m:.3f} m", f"{formation.mean_error_3d_m:.3f} m"),
+                f"{formation.intended_error_m:.3f}, {greatest_m:.2f} m",
+                f"{one.mean_m:g} m{'' if held else ': missed'}",
             )
-            sys.stdout.flush()
     return 0 if good else 1
 
 

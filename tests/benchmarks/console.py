@@ -1,6 +1,6 @@
 """What the console takes: its server's share of a core, the browser's, pictures and bytes a second.
 
-    python tests/benchmarks/console.py [--aircraft 30] [--link mqtt|udp] [--seconds 20] [--chromium PROGRAM]
+    python -m tests.benchmarks.console [--aircraft 30] [--link mqtt|udp] [--seconds 20] [--chromium PROGRAM]
 
 A program in the place of the companions sends signed states of all aircraft ten times a second, over a
 broker or by UDP. The console runs as a program of its own, with one page open in Chromium. Fails if the
@@ -25,20 +25,21 @@ from pathlib import Path
 import aiomqtt
 import psutil
 import yaml
-from playwright.async_api import Page, async_playwright
+from playwright.async_api import Page
 
+from tests.kit.browser import device, launched
+from tests.kit.figures import tell
+from tests.kit.keys import trusts_of
+from tests.kit.missions import content_of
+from tests.kit.programs import running
+from tests.kit.sockets import free_port
 from vfguide.companion.mission_plan import local_frame
-from vfguide.lab.rehearsal.processes import free_port
 from vfguide.lab.studies.programs import broker
 from vfguide.link.codec import LeaderMessage, encode
 from vfguide.link.envelope import Kind
-from vfguide.link.keys import key_places, make_keys, read_private_key, read_roster
 from vfguide.link.presence import Presence, encode_presence
 from vfguide.link.session import Topics
-from vfguide.link.trust import Trust, new_session
 from vfguide.mission import Mission, load_mission
-
-MISSION = Path(__file__).parents[2] / "missions" / "circle-wind.yaml"
 
 RATE_HZ = 10.0
 SPEED_M_S, RADIUS_M = 20.0, 300.0
@@ -58,15 +59,9 @@ FRAMES = """seconds => new Promise(done => {
 })"""
 
 
-def tell(text: str) -> None:
-    """Print a line."""
-    sys.stdout.write(f"{text}\n")
-    sys.stdout.flush()
-
-
 def mission_of(aircraft: int) -> dict[str, object]:
     """The circle, with rows of aircraft."""
-    content = load_mission(MISSION).model_dump(mode="json", exclude_unset=True)
+    content = content_of("circle-wind", "json")
     vehicle = content["vehicles"]["leader"]
     content["name"] = f"rows-of-{aircraft}"
     content["path"]["radius_m"] = RADIUS_M
@@ -89,22 +84,9 @@ class Formation:
     """All companions in one program: they fly their slots exactly and say so."""
 
     def __init__(self, mission: Mission, file: Path) -> None:
-        places = key_places(file)
         self._mission = mission
-        self.names = [mission.leader.vehicle, *mission.followers_by_name]
-        make_keys(places, mission.name, self.names)
-        roster = read_roster(places.roster)
-        self._trusts = {
-            name: Trust(
-                formation=mission.name,
-                name=name,
-                leader=self.names[0],
-                session=new_session(),
-                roster=roster,
-                key=read_private_key(places.private(name)),
-            )
-            for name in self.names
-        }
+        self.names = mission.companions
+        self._trusts = trusts_of(mission, file)
         self._topics = {
             name: Topics(prefix="vfguide", formation=mission.name, vehicle=name)
             for name in self.names
@@ -189,21 +171,14 @@ class Formation:
 @asynccontextmanager
 async def console(file: Path, link: str) -> AsyncIterator[tuple[str, psutil.Process]]:
     """The console as a program; yields its address and its process."""
-    process = await asyncio.create_subprocess_exec(
-        *(sys.executable, "-m", "vfguide", "console", str(file)),
-        *("--link", link, "--port", "0"),
-        stdout=asyncio.subprocess.PIPE,
-    )
-    assert process.stdout is not None
-    try:
+    words = ("console", file, "--link", link, "--port", 0)
+    async with running("vfguide", *words, stdout=asyncio.subprocess.PIPE) as process:
+        assert process.stdout is not None
         line = (await process.stdout.readline()).decode()
         found = re.search(r"http\S+", line)
         if found is None:
             raise SystemExit(f"the console did not start: {line}")
         yield found[0], psutil.Process(process.pid)
-    finally:
-        process.terminate()
-        await process.wait()
 
 
 def processor_s(processes: Sequence[psutil.Process]) -> float:
@@ -268,20 +243,17 @@ async def main() -> int:
                 _, port = await stack.enter_async_context(broker(Path(scratch)))
                 link, fly = f"mqtt://127.0.0.1:{port}", formation.fly_by_broker
             else:
-                port, other = free_port(socket.SOCK_DGRAM), free_port(socket.SOCK_DGRAM)
+                port, other = free_port(), free_port()
                 link, fly = f"udp://127.0.0.1:{other}?port={port}", formation.fly_by_udp
             url, process = await stack.enter_async_context(console(file, link))
             flying = asyncio.create_task(fly(port))
-            async with async_playwright() as playwright:
-                browser = await playwright.chromium.launch(
-                    executable_path=options.chromium, args=["--disable-dev-shm-usage"]
-                )
-                page = await browser.new_page(viewport={"width": 1280, "height": 900})
-                tell(f"{options.aircraft} aircraft at {RATE_HZ:g} Hz by {options.link}")
-                good = await measure(
-                    page, url, process, aircraft=options.aircraft, seconds=options.seconds
-                )
-                await browser.close()
+            browser = await stack.enter_async_context(launched(options.chromium))
+            page = await browser.new_page(**device())
+            tell(f"{options.aircraft} aircraft at {RATE_HZ:g} Hz by {options.link}")
+            good = await measure(
+                page, url, process, aircraft=options.aircraft, seconds=options.seconds
+            )
+            await page.close()
             flying.cancel()
             with suppress(asyncio.CancelledError):
                 await flying

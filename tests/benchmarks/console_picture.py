@@ -1,6 +1,6 @@
 """The picture of the console in the docs: a live rehearsal, an order that was rehearsed and can be given.
 
-    python tests/benchmarks/console_picture.py docs/images/console.png [--phone] [--dark] [--slanted]
+    python -m tests.benchmarks.console_picture docs/images/console.png [--phone] [--dark] [--slanted]
 
 Flies missions/circle-wind.yaml for a minute with `vfguide fly --live --console --operator`, opens the address
 for operators in Chromium and rehearses a vee.
@@ -10,17 +10,17 @@ import argparse
 import asyncio
 import re
 import shutil
-import sys
 from io import BytesIO
 from pathlib import Path
 
 from PIL import Image
-from playwright.async_api import Page, async_playwright
+from playwright.async_api import Page
 
-MISSION = Path(__file__).parents[2] / "missions" / "circle-wind.yaml"
+from tests.kit.browser import device, launched
+from tests.kit.programs import running
+
 OPERATORS = re.compile(rb"console for operators, who give orders: (\S+)")
 
-DESKTOP, PHONE = (1280, 900), (390, 844)
 FLOWN_S = 40
 """Until all are in their slots."""
 
@@ -46,41 +46,26 @@ async def take_picture(page: Page, options: argparse.Namespace) -> None:
 
 async def run(options: argparse.Namespace) -> None:
     """Fly, look and stop."""
-    flight = await asyncio.create_subprocess_exec(
-        *(sys.executable, "-m", "vfguide", "fly", str(MISSION)),
-        *("--live", "--console", "--operator", "--duration", "300"),
-        stdout=asyncio.subprocess.DEVNULL,
-        stderr=asyncio.subprocess.PIPE,
-    )
-    assert flight.stderr is not None
-    try:
+    words = ("fly", "circle-wind", "--live", "--console", "--operator", "--duration", 300)
+    pipes = {"stdout": asyncio.subprocess.DEVNULL, "stderr": asyncio.subprocess.PIPE}
+    async with running("vfguide", *words, **pipes) as flight:
+        assert flight.stderr is not None
         async with asyncio.timeout(120.0):
             while not (found := OPERATORS.search(await flight.stderr.readline())):
                 pass
-        async with async_playwright() as playwright:
-            browser = await playwright.chromium.launch(executable_path=options.chromium)
-            width, height = PHONE if options.phone else DESKTOP
-            page = await browser.new_page(
-                viewport={"width": width, "height": height},
-                color_scheme="dark" if options.dark else "light",
-                is_mobile=options.phone,
-                has_touch=options.phone,
-            )
+        async with launched(options.chromium) as browser:
+            screen = device(phone=options.phone, dark=options.dark)
+            page = await browser.new_page(**screen)
             await page.goto(found[1].decode())
             await take_picture(page, options)
-            await browser.close()
-    finally:
-        flight.terminate()
-        await flight.wait()
 
 
 def main() -> None:
     """Run it."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("out", type=Path)
-    parser.add_argument("--phone", action="store_true")
-    parser.add_argument("--dark", action="store_true")
-    parser.add_argument("--slanted", action="store_true")
+    for option in ("--phone", "--dark", "--slanted"):
+        parser.add_argument(option, action="store_true")
     parser.add_argument("--chromium", default=shutil.which("chromium"))
     asyncio.run(run(parser.parse_args()))
 

@@ -6,7 +6,8 @@ first start compiles; run it twice where Python may not keep what it compiles.
 
 import subprocess
 import sys
-from collections.abc import Iterator
+
+from tests.kit.figures import heading, row
 
 ROWS = (
     ("Python alone", ""),
@@ -47,21 +48,19 @@ def cost_of(modules: str) -> tuple[float, float]:
     return min(float(used) for used, _ in found), min(float(size) for _, size in found) / 1024
 
 
-def table() -> Iterator[str]:
-    """The lines of the table: first what each library adds, then what some starts take as a whole."""
-    yield "| | processor | memory | of which this |"
-    yield "|---|---|---|---|"
+def main() -> None:
+    """Tell first what each library adds, then what some starts take as a whole."""
+    heading("", "processor", "memory", "of which this")
     modules, before = list[str](), 0.0
     for name, more in ROWS:
         modules += [more] if more else []
         used_s, size_mb = cost_of(", ".join(modules))
-        yield f"| {name} | {used_s:.2f} s | {size_mb:.1f} MB | {size_mb - before:.1f} MB |"
+        row(name, f"{used_s:.2f} s", f"{size_mb:.1f} MB", f"{size_mb - before:.1f} MB")
         before = size_mb
     for name, imported in BESIDE:
         used_s, size_mb = cost_of(imported)
-        yield f"| {name} | {used_s:.2f} s | {size_mb:.1f} MB | |"
+        row(name, f"{used_s:.2f} s", f"{size_mb:.1f} MB", "")
 
 
 if __name__ == "__main__":
-    for line in table():
-        sys.stdout.write(f"{line}\n")
+    main()

@@ -1,15 +1,13 @@
 """How near followers keep to a leader without a companion, by what it sends. The table of docs/any-leader.md.
 
-Run with `.venv/bin/python tests/benchmarks/foreign_leader.py`; some seconds for each flight.
+Run with `.venv/bin/python -m tests.benchmarks.foreign_leader`; some seconds for each flight.
 """
 
-import sys
 from collections.abc import Mapping
-from pathlib import Path
 
 import vfguide
-
-MISSION = Path(__file__).parents[2] / "missions" / "foreign-leader.yaml"
+from tests.kit.figures import row
+from tests.kit.missions import shipped
 
 HEARD = "rehearsal.leader_telemetry"
 VARYING = {f"{HEARD}.delay_s": 0.275, f"{HEARD}.jitter_s": 0.225, "leader.least_delay_s": 0.05}
@@ -47,7 +45,7 @@ TIGHT = {
 
 def main() -> None:
     """Fly and print."""
-    mission = vfguide.load_mission(MISSION)
+    mission = shipped("foreign-leader")
     paths = {"circle 250": None, "circle 150": TIGHT, "line": LINE}
     for message, rate_hz, changes in ROWS:
         figures = []
@@ -61,8 +59,7 @@ def main() -> None:
             formation = vfguide.fly(mission, settings=settings).summary.formation
             figures.append(f"{formation.mean_error_m:.2f} ({formation.p95_error_m:.2f})")
         told = ", ".join(f"{field.rpartition('.')[2]} {value}" for field, value in changes.items())
-        sys.stdout.write(f"| {message} | {rate_hz:g} | {told} | {' | '.join(figures)} |\n")
-        sys.stdout.flush()
+        row(message, f"{rate_hz:g}", told, *figures)
 
 
 if __name__ == "__main__":

@@ -1,16 +1,16 @@
 """Three laws in gusts: how near, how calm, and how often at a limit. The table of docs/accuracy.md.
 
-Run with `.venv/bin/python tests/benchmarks/gusts.py [LAW ...]`; a minute and more for each flight.
+Run with `.venv/bin/python -m tests.benchmarks.gusts [LAW ...]`; a minute and more for each flight.
 """
 
 import sys
-from pathlib import Path
 
 import numpy as np
 
 import vfguide
+from tests.kit.figures import tell
+from tests.kit.missions import shipped
 
-MISSION = Path(__file__).parents[2] / "missions" / "aerosonde-gusts.yaml"
 LAWS = ("pid", "slot", "mpc")
 SEEDS = (1, 2, 3, 4)
 
@@ -50,19 +50,19 @@ def height_error_m(flight: vfguide.Flight) -> float:
 
 def main() -> None:
     """Fly and print."""
-    mission = vfguide.load_mission(MISSION)
     metrics = [roll_share, greatest_roll_share, limited_share, height_error_m]
     for law in sys.argv[1:] or LAWS:
-        for one in vfguide.compare(mission, laws=[law], seeds=SEEDS, metrics=metrics):
+        for one in vfguide.compare(
+            shipped("aerosonde-gusts"), laws=[law], seeds=SEEDS, metrics=metrics
+        ):
             formation = one.summary.formation
-            sys.stdout.write(
+            tell(
                 f"{law}, seed {one.seed}: {formation.intended_error_m:.2f} m as meant, "
                 f"{formation.mean_error_m:.2f} m as they are, "
                 f"roll {one.metrics['roll_share']:.2f} (at most {one.metrics['greatest_roll_share']:.2f}), "
                 f"limited {one.metrics['limited_share']:.1%}, "
-                f"height {one.metrics['height_error_m']:.2f} m\n"
+                f"height {one.metrics['height_error_m']:.2f} m"
             )
-            sys.stdout.flush()
 
 
 if __name__ == "__main__":

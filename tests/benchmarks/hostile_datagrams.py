@@ -1,6 +1,6 @@
 """A million hostile datagrams into a companion's link: what becomes of them, and what that takes.
 
-    python tests/benchmarks/hostile_datagrams.py [COUNT] [udp|mqtt|zenoh|leader]
+    python -m tests.benchmarks.hostile_datagrams [COUNT] [udp|mqtt|zenoh|leader]
 
 They are noise, cut and changed messages, repeated ones, forgeries with a real header, and messages of another
 formation, sent as fast as it goes. With `leader` they go into the port at which a leader without a companion
@@ -15,7 +15,7 @@ import socket
 import sys
 import tempfile
 import time
-from collections.abc import Awaitable, Callable, Sequence
+from collections.abc import Awaitable, Callable, Mapping, Sequence
 from contextlib import AsyncExitStack
 from pathlib import Path
 from random import Random
@@ -24,6 +24,12 @@ from typing import TypeVar
 import aiomqtt
 import zenoh
 
+from tests.benchmarks.hostile_frames import Frames
+from tests.kit.figures import resident_mb, tell
+from tests.kit.sockets import free_port
+from tests.unit.companion.test_companion_leader_telemetry import FRAME, packed, position
+from tests.unit.companion.test_companion_leader_telemetry import LEADER as FOREIGN
+from tests.unit.link.wire import FORMATION, KEYS, LEADER, trust_of
 from vfguide.companion.leader_telemetry import LeaderTelemetry
 from vfguide.lab.studies.programs import broker
 from vfguide.link.address import LinkAddress, MqttAddress, UdpAddress, parse_link
@@ -37,13 +43,6 @@ from vfguide.link.zenoh import ZenohAddress
 from vfguide.mavlink.address import parse_address
 from vfguide.mavlink.connection import open_connection
 
-sys.path.insert(0, str(Path(__file__).parents[2]))
-
-from tests.benchmarks.hostile_frames import Frames
-from tests.unit.companion.test_companion_leader_telemetry import FRAME, packed, position
-from tests.unit.companion.test_companion_leader_telemetry import LEADER as FOREIGN
-from tests.unit.link.wire import FORMATION, KEYS, LEADER, trust_of
-
 T = TypeVar("T")
 
 BATCH = 200
@@ -51,16 +50,31 @@ BATCH = 200
 GROUP = "udp://239.255.78.1:{port}?interface=127.0.0.1"
 
 
-def resident_mb() -> float:
-    """Memory of this process, 10^6 bytes."""
-    pages = int(Path("/proc/self/statm").read_text().split()[1])
-    return pages * 4096 / 1e6
+class Measured:
+    """What an attack takes: its time, and the memory that came on top after the first tenth."""
+
+    def __init__(self) -> None:
+        self.began_s = time.monotonic()
+        self.before_mb = resident_mb()
+        self.seconds = 0.0
+
+    def end(self) -> None:
+        """Stop the clock."""
+        self.seconds = round(time.monotonic() - self.began_s, 1)
+
+    def told(self, counters: Mapping[str, int], **found: int) -> dict[str, float]:
+        """Tell counters, see that memory has not grown, and return the figures of the attack."""
+        for reason, number in sorted(counters.items(), key=lambda one: -one[1]):
+            tell(f"{number:9d}  {reason}")
+        growth_mb = resident_mb() - self.before_mb
+        assert growth_mb < 5.0, growth_mb
+        return {**found, "seconds": self.seconds, "growth_mb": round(growth_mb, 2)}
 
 
-def free_port() -> int:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
+def refusals(counters: Mapping[str, int]) -> dict[str, int]:
+    """Those counters that tell of something refused."""
+    assert counters["failed to use"] == 0
+    return {reason: n for reason, n in counters.items() if reason.startswith("refused")}
 
 
 class Hostile:
@@ -161,14 +175,14 @@ async def attack(count: int, way: str, stack: AsyncExitStack) -> dict[str, float
     await until_heard(links[0], heard)
     hostile = Hostile(leader_trust)
     send = await sender(address, stack)
-    before_mb, began_s, during = resident_mb(), time.monotonic(), 0
+    measured, during = Measured(), 0
     sizes_mb = list[float]()
     for number in range(0, count, BATCH):
         if number % (count // 10) == 0:
             sizes_mb.append(round(resident_mb(), 1))
             if len(sizes_mb) == 2:
                 # Libraries make their buffers in the first tenth.
-                before_mb = resident_mb()
+                measured.before_mb = resident_mb()
         for _ in range(BATCH):
             await send(hostile())
         links[0].publish(b"true %d" % number)
@@ -176,25 +190,15 @@ async def attack(count: int, way: str, stack: AsyncExitStack) -> dict[str, float
         await asyncio.sleep(0)
         during += len(heard)
         heard.clear()
-    seconds = time.monotonic() - began_s
+    measured.end()
     await until_heard(links[0], heard)
     assert not [data for data in heard if not data.startswith(b"true")], heard[:3]
     counters = links[1].counters
-    assert counters["failed to use"] == 0
-    refused = {reason: n for reason, n in counters.items() if reason.startswith("refused")}
+    refused = refusals(counters)
+    tell(f"memory at each tenth, MB: {sizes_mb}")
     told = {**refused, **{one: counters[one] for one in ("copies", "dropped: too many at once")}}
-    for reason, number in sorted(told.items(), key=lambda one: -one[1]):
-        sys.stdout.write(f"{number:9d}  {reason}\n")
-    sys.stdout.write(f"memory at each tenth, MB: {sizes_mb}\n")
-    growth_mb = resident_mb() - before_mb
-    assert growth_mb < 5.0, growth_mb
-    return {
-        "sent": count,
-        "refused": sum(refused.values()),
-        "true states heard meanwhile": during,
-        "seconds": round(seconds, 1),
-        "growth_mb": round(growth_mb, 2),
-    }
+    sums = {"sent": count, "refused": sum(refused.values()), "true states heard meanwhile": during}
+    return measured.told(told, **sums)
 
 
 async def until_heard(link: Link, heard: list[bytes]) -> None:
@@ -282,7 +286,7 @@ async def attack_leader(count: int, stack: AsyncExitStack) -> dict[str, float]:
 
     await until_believed()
     frames = iter(Frames(1, system_id=7, component_id=1, favourites=(0, 33, 63, 111, 144, 235)))
-    before_mb, began_s = resident_mb(), time.monotonic()
+    measured = Measured()
     for _ in range(0, count, BATCH // 4):
         for _ in range(BATCH // 4):
             opened.sendto(next(frames), ("127.0.0.1", port))
@@ -290,19 +294,11 @@ async def attack_leader(count: int, stack: AsyncExitStack) -> dict[str, float]:
         # Each round of the loop reads one.
         for _ in range(BATCH // 4 + 1):
             await asyncio.sleep(0)
-    seconds = time.monotonic() - began_s
+    measured.end()
     await until_believed()
     counters = heard.telemetry.counters
-    for reason, number in sorted(counters.items(), key=lambda one: -one[1]):
-        sys.stdout.write(f"{number:9d}  {reason}\n")
-    growth_mb = resident_mb() - before_mb
-    assert growth_mb < 5.0, growth_mb
-    return {
-        "sent": count,
-        "passed over": sum(counters.values()),
-        "seconds": round(seconds, 1),
-        "growth_mb": round(growth_mb, 2),
-    }
+    sums = {"sent": count, "passed over": sum(counters.values())}
+    return measured.told(counters, **sums)
 
 
 async def main() -> None:
@@ -311,7 +307,7 @@ async def main() -> None:
     async with AsyncExitStack() as stack:
         hostile = attack_leader(count, stack) if way == "leader" else attack(count, way, stack)
         found = await hostile
-    sys.stdout.write(f"{way}: {found}\n")
+    tell(f"{way}: {found}")
 
 
 if __name__ == "__main__":

@@ -9,26 +9,26 @@ checksum, from the one who would be believed.
 import argparse
 import math
 import random
-import resource
 import struct
 import sys
 import time
 from collections.abc import Callable, Iterator
-from pathlib import Path
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sitl_stub import Autopilot, AutopilotConfig, PlantParameters, SteadyWind
+from sitl_stub import PlantParameters, SteadyWind
+from tests.kit.autopilot import new_autopilot
+from tests.kit.figures import resident_mb, tell
+from tests.kit.missions import shipped
+from tests.kit.wire import packed, position_report
 from vfguide.companion.core import Companion
 from vfguide.companion.mission_plan import adapter_of, flight_plan
-from vfguide.mission import load_mission
 
-MISSION = Path(__file__).parents[2] / "missions" / "line-calm.yaml"
 LEADER = 1
 STEP_S = 0.001
 """Simulation time between two frames."""
 
-GROWTH_ALLOWED_KB = 4096
+GROWTH_ALLOWED_MB = 4.19
 """Memory that may come on top after the first tenth of the frames: allocator noise, no more."""
 
 TO_EMULATOR = (11, 20, 21, 23, 43, 44, 66, 75, 76, 84, 86, 111, 4, 256, 0)
@@ -36,24 +36,8 @@ TO_COMPANION = (0, 22, 33, 74, 77, 253)
 """Messages that are acted on."""
 
 COMMANDS = (
-    17,
-    20,
-    22,
-    176,
-    178,
-    192,
-    246,
-    400,
-    401,
-    410,
-    510,
-    511,
-    512,
-    519,
-    520,
-    43000,
-    43001,
-    43002,
+    *(17, 20, 22, 176, 178, 192, 246, 400, 401, 410),
+    *(510, 511, 512, 519, 520, 43000, 43001, 43002),
 )
 
 
@@ -140,19 +124,14 @@ def struct_places(message: type) -> dict[str, int]:
 
 def emulator(kind: str) -> Callable[[bytes, int], None]:
     """Feeds frames to an emulated autopilot and looks at its true state."""
-    config = AutopilotConfig(
+    autopilot = new_autopilot(
+        SteadyWind(5.0, 1.0),
         system_id=LEADER,
-        autopilot="px4" if kind == "px4" else "ardupilot",
+        autopilot=kind,
         plant=PlantParameters(kind="bank", speed_response="tecs"),
-        latitude_deg=47.0,
-        longitude_deg=8.0,
-        altitude_amsl_m=500.0,
-        home_altitude_amsl_m=400.0,
         course_rad=1.0,
-        airspeed_m_s=20.0,
         armed=True,
     )
-    autopilot = Autopilot(config, SteadyWind(5.0, 1.0))
 
     def feed(frame: bytes, index: int) -> None:
         autopilot.receive(frame)
@@ -170,18 +149,17 @@ def emulator(kind: str) -> Callable[[bytes, int], None]:
 
 def companion(_kind: str) -> Callable[[bytes, int], None]:
     """Feeds frames to a companion and looks at every number that it says."""
-    mission = load_mission(MISSION)
+    mission = shipped("line-calm")
     name = mission.leader.vehicle
     vehicle = mission.vehicles[name]
     guided = Companion(flight_plan(mission, name), adapter_of(vehicle), engage=True)
     listener = mavlink.MAVLink(None)
     listener.robust_parsing = True
-    honest = mavlink.MAVLink(None, srcSystem=vehicle.system_id, srcComponent=1)
 
     def feed(frame: bytes, index: int) -> None:
         now = index * STEP_S
         if index % 10 == 0:
-            frame = telemetry(honest, now) + frame
+            frame = telemetry(now) + frame
         out = guided.receive_mavlink(frame, now)
         for message in listener.parse_buffer(out.to_autopilot) or ():
             for field in message.get_fieldnames():
@@ -192,34 +170,24 @@ def companion(_kind: str) -> Callable[[bytes, int], None]:
     return feed
 
 
-def telemetry(honest: mavlink.MAVLink, now: float) -> bytes:
+def telemetry(now: float) -> bytes:
     """What a real autopilot says between the frames: GUIDED, flying north, so that it is guided."""
     north_e7 = 473_977_420 + round(20.0 * now / 0.0111) % 100_000
     stamp = round(now * 1000.0) % 2**32
-    messages = (
+    return packed(
         mavlink.MAVLink_heartbeat_message(1, 3, 129, 15, 4, 3),
         mavlink.MAVLink_vfr_hud_message(20.0, 20.0, 0, 50, 588.0, 0.0),
-        mavlink.MAVLink_global_position_int_message(
-            stamp, north_e7, 85_455_940, 588_000, 100_000, 2000, 0, 0, 0
-        ),
+        position_report(lat=north_e7, vx=2000, time_boot_ms=stamp),
+        system_id=LEADER,
+        component_id=1,
     )
-    return b"".join(bytes(message.pack(honest)) for message in messages)
 
 
 TARGETS: dict[str, tuple[Callable[[str], Callable[[bytes, int], None]], dict[str, object]]] = {
-    "ardupilot": (
-        emulator,
-        {"system_id": 255, "component_id": 190, "favourites": TO_EMULATOR},
-    ),
+    "ardupilot": (emulator, {"system_id": 255, "component_id": 190, "favourites": TO_EMULATOR}),
     "px4": (emulator, {"system_id": 255, "component_id": 190, "favourites": TO_EMULATOR}),
     "companion": (companion, {"system_id": LEADER, "component_id": 1, "favourites": TO_COMPANION}),
 }
-
-
-def resident_kb() -> int:
-    """Memory in use now."""
-    pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1])
-    return pages * resource.getpagesize() // 1024
 
 
 def main() -> int:
@@ -233,18 +201,18 @@ def main() -> int:
     for name in options.targets:
         make, sender = TARGETS[name]
         feed = make(name)
-        began_s, before_kb = time.perf_counter(), 0
+        began_s, before_mb = time.perf_counter(), 0.0
         for index, frame in enumerate(Frames(options.seed, **sender)):
             if index == options.frames:
                 break
             if index == options.frames // 10:
-                before_kb = resident_kb()
+                before_mb = resident_mb()
             feed(frame, index)
-        growth_kb = resident_kb() - before_kb
-        grown = grown or growth_kb > GROWTH_ALLOWED_KB
+        growth_mb = resident_mb() - before_mb
+        grown = grown or growth_mb > GROWTH_ALLOWED_MB
         seconds = time.perf_counter() - began_s
-        sys.stdout.write(
-            f"{name}: {options.frames} frames in {seconds:.0f} s, {growth_kb} kB more at the end\n"
+        tell(
+            f"{name}: {options.frames} frames in {seconds:.0f} s, {growth_mb:.1f} MB more at the end"
         )
     return int(grown)
 

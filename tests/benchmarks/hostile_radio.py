@@ -1,6 +1,6 @@
 """A million hostile packets into a companion's radio: what becomes of them, and what that takes.
 
-    python tests/benchmarks/hostile_radio.py [COUNT]
+    python -m tests.benchmarks.hostile_radio [COUNT]
 
 They are noise, cut and changed packets, repeated ones, and packets of another formation and of another
 session, written to a pseudo terminal as fast as its reader takes them. Between them a true leader has its
@@ -14,15 +14,14 @@ import sys
 import tempfile
 import time
 from collections import Counter
+from collections.abc import Callable
 from contextlib import AsyncExitStack
 from pathlib import Path
 from random import Random
 
-sys.path.insert(0, str(Path(__file__).parents[2]))
-
-from collections.abc import Callable
-
-from tests.benchmarks.hostile_datagrams import random_one, resident_mb
+from tests.benchmarks.hostile_datagrams import Measured, random_one, refusals
+from tests.kit.figures import tell
+from tests.kit.sockets import until
 from tests.unit.link.shared_radio import SharedAir, state_at
 from tests.unit.link.wire import FORMATION, LEADER, trust_of
 from vfguide.link.address import parse_link
@@ -115,12 +114,12 @@ async def attack(count: int, stack: AsyncExitStack) -> dict[str, float]:
     ]
     publishing = asyncio.create_task(publish(leader))
     stack.callback(publishing.cancel)
-    await until_heard(heard, 10)
+    await until(lambda: len(heard) >= 10)
     await asyncio.sleep(0.5)
     key = formation_key(bytes.fromhex(air.key.read_text()), FORMATION, NAMES)
     framer = Framer(Counter())
     hostile = Hostile(framer.feed(b"".join(recorded[:-5])), key)
-    began, before_mb, during, newest = time.monotonic(), resident_mb(), 0, max(heard)
+    measured, during, newest = Measured(), 0, max(heard)
     heard.clear()
     near = plugs[1].near
     assert near is not None
@@ -137,23 +136,12 @@ async def attack(count: int, stack: AsyncExitStack) -> dict[str, float]:
         assert heard == sorted(time_s for time_s in set(heard) if time_s > newest)
         newest = max([newest, *heard])
         heard.clear()
-    seconds = time.monotonic() - began
-    await until_heard(heard, 5)
+    measured.end()
+    await until(lambda: len(heard) >= 5)
     counters = links[1].counters
-    assert counters["failed to use"] == 0
-    refused = {reason: n for reason, n in counters.items() if reason.startswith("refused")}
-    for reason, number in sorted(refused.items(), key=lambda one: -one[1]):
-        sys.stdout.write(f"{number:9d}  {reason}\n")
-    growth_mb = resident_mb() - before_mb
-    assert growth_mb < 5.0, growth_mb
-    return {
-        "sent": count,
-        "refused": sum(refused.values()),
-        "copies": counters["copies"],
-        "true states heard meanwhile": during,
-        "seconds": round(seconds, 1),
-        "growth_mb": round(growth_mb, 2),
-    }
+    refused = refusals(counters)
+    sums = {"sent": count, "refused": sum(refused.values()), "copies": counters["copies"]}
+    return measured.told(refused, **sums, **{"true states heard meanwhile": during})
 
 
 async def publish(leader: Member) -> None:
@@ -163,18 +151,11 @@ async def publish(leader: Member) -> None:
         await asyncio.sleep(0.05)
 
 
-async def until_heard(heard: list[float], count: int) -> None:
-    """Wait until some states are heard."""
-    async with asyncio.timeout(60.0):
-        while len(heard) < count:
-            await asyncio.sleep(0.02)
-
-
 async def main() -> None:
     count = int(sys.argv[1]) if len(sys.argv) > 1 else 1_000_000
     async with AsyncExitStack() as stack:
         found = await attack(count, stack)
-    sys.stdout.write(f"radio: {found}\n")
+    tell(f"radio: {found}")
 
 
 if __name__ == "__main__":

@@ -1,6 +1,6 @@
 """What an autopilot's impossible reports cost: metres off the slot, flown in virtual time.
 
-    .venv/bin/python tests/benchmarks/impossible_reports.py [f1|leader] [PART OF A NAME]
+    .venv/bin/python -m tests.benchmarks.impossible_reports [f1|leader] [PART OF A NAME]
 
 A row for each witness (place, velocity, airspeed, altitude, alone and in pairs) and each kind of fault:
 stands still, steps, drifts, is noisy, comes late, is missing.
@@ -13,18 +13,19 @@ the least distance between any two, and what its companion says.
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import combinations
-from math import dist, hypot, inf
-from pathlib import Path
+from math import inf
 
-import vfguide.lab.rehearsal.aircraft
+import numpy as np
+
 from sitl_stub import Autopilot, Fault, Truth
-from vfguide.companion.mission_plan import local_frame
-from vfguide.lab.rehearsal.aircraft import Aircraft, step_all
+from tests.kit.figures import tell
+from tests.kit.flight import Flight
+from tests.kit.formation import Formation
+from tests.kit.missions import IN_PLACE, mission_with
+from tests.kit.wire import parsed
+from vfguide.elementwise import BoolArray
 from vfguide.lab.rehearsal.emulators import emulator_of
-from vfguide.mission import Mission, load_mission
-
-MISSIONS = Path(__file__).parents[2] / "missions"
+from vfguide.mission import Mission
 
 COURSE_DEG = {"circle-wind": 270.0, "line-wind": 45.0}
 """Of the paths, where they pass the origin."""
@@ -92,56 +93,41 @@ FAULTS: dict[str, tuple[Fault | Late, ...]] = {
     "clock loses 0.5 s at once": (Fault("clock", AT_S, 0.05, 0.5),),
 }
 
-Place = tuple[float, float, float]
-"""North, east and altitude, m."""
 
+class Flown(Flight):
+    """What became of a formation; positions are true ones."""
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Flown:
-    """What became of a formation."""
-
-    places: dict[str, list[Place]]
-    """True (north, east) in m of each vehicle at each step."""
-    events: dict[str, list[tuple[float, str]]]
-    """What each companion said, and when."""
-
-    rate_hz: float
-    """Steps in a second."""
+    def during(self, from_s: float, to_s: float) -> BoolArray:
+        """Which samples are of a time."""
+        time_s = self.record.time_s
+        return (time_s > from_s - 1e-6) & (time_s < to_s - 1e-6)
 
     def off(self, other: "Flown", name: str, from_s: float = 0.0, to_s: float = inf) -> float:
         """Greatest distance (m) of a vehicle from where it was in another flight."""
-        pairs = zip(
-            self.between(name, from_s, to_s), other.between(name, from_s, to_s), strict=True
+        when = self.during(from_s, to_s)
+        own, others = self.vehicle(name), other.vehicle(name)
+        north, east = (
+            getattr(own, axis)[when] - getattr(others, axis)[: when.size][when]
+            for axis in ("north_m", "east_m")
         )
-        return max(hypot(one[0] - two[0], one[1] - two[1]) for one, two in pairs)
-
-    def nearest(self, from_s: float = 0.0, to_s: float = inf) -> float:
-        """Least distance (m) in space between any two."""
-        places = [self.between(name, from_s, to_s) for name in self.places]
-        return min(
-            dist(one, two)
-            for first, second in combinations(places, 2)
-            for one, two in zip(first, second, strict=True)
-        )
+        return float(np.hypot(north, east).max())
 
     def said(self, name: str, from_s: float, to_s: float) -> list[str]:
         """What a companion said, but for its modes."""
-        between = [text for time_s, text in self.events[name] if from_s <= time_s < to_s]
-        return [text for text in between if " -> " not in text]
+        return [text for text in self.told(name, from_s, to_s) if " -> " not in text]
 
     def mode_changes(self, name: str, from_s: float, to_s: float) -> list[str]:
         """Modes that a companion changed to."""
-        between = [text for time_s, text in self.events[name] if from_s <= time_s < to_s]
-        return [text.split(" -> ")[1] for text in between if " -> " in text]
+        told = self.told(name, from_s, to_s)
+        return [text.split(" -> ")[1] for text in told if " -> " in text]
+
+    def told(self, name: str, from_s: float, to_s: float) -> list[str]:
+        """All that a companion said in a time."""
+        return [one.text for one in self.events[name] if from_s <= one.time_s < to_s]
 
     def mode_at(self, name: str, time_s: float) -> str:
         """The mode of a companion."""
         return self.mode_changes(name, 0.0, time_s)[-1]
-
-    def between(self, name: str, from_s: float, to_s: float) -> list[Place]:
-        """True places of a vehicle, one for each step."""
-        last = None if to_s == inf else round(to_s * self.rate_hz)
-        return self.places[name][round(from_s * self.rate_hz) : last]
 
 
 @dataclass(frozen=True, slots=True)
@@ -152,9 +138,6 @@ class Stop:
     """When, s."""
     length_s: float
     """For how long, s."""
-
-
-GLOBAL_POSITION_INT = 33
 
 
 class LatePositions:
@@ -168,16 +151,15 @@ class LatePositions:
     def advance(self, now: float) -> bytes:
         """Fly to a time; what is said then, and what was held until then."""
         said = b""
-        for frame in frames_of(self._autopilot.advance(now)):
-            late_s = max(
-                (one.late_s for one in self._faults if 0.0 <= now - one.start_s < one.length_s),
-                default=0.0,
-            )
-            position = int.from_bytes(frame[7:10], "little") == GLOBAL_POSITION_INT
-            if position and late_s > 0.0:
-                self._held.append((now + late_s, frame))
+        late_s = max(
+            (one.late_s for one in self._faults if 0.0 <= now - one.start_s < one.length_s),
+            default=0.0,
+        )
+        for message in parsed(self._autopilot.advance(now)):
+            if message.get_type() == "GLOBAL_POSITION_INT" and late_s > 0.0:
+                self._held.append((now + late_s, bytes(message.get_msgbuf())))
             else:
-                said += frame
+                said += message.get_msgbuf()
         due = [frame for due_s, frame in self._held if due_s <= now]
         self._held = [one for one in self._held if one[0] > now]
         return said + b"".join(due)
@@ -189,16 +171,6 @@ class LatePositions:
     def truth(self) -> Truth:
         """Where the aircraft is."""
         return self._autopilot.truth()
-
-
-def frames_of(data: bytes) -> list[bytes]:
-    """Split bytes into MAVLink 2 frames, which are signed where the third byte says so."""
-    frames = []
-    while data:
-        length = 12 + data[1] + (13 if data[2] & 1 else 0)
-        frames.append(data[:length])
-        data = data[length:]
-    return frames
 
 
 class Stopped:
@@ -224,13 +196,10 @@ class Stopped:
         return self._autopilot.truth()
 
 
-def in_place(name: str = "circle-wind") -> Mission:
+def on_course(name: str = "circle-wind") -> Mission:
     """One of the article's missions in wind, everybody in the slot."""
-    content = load_mission(MISSIONS / f"{name}.yaml").model_dump(exclude_unset=True)
     leader = {"north_m": 0, "east_m": 0, "course_deg": COURSE_DEG[name]}
-    followers = {one["vehicle"]: {} for one in content["followers"]}
-    content.setdefault("rehearsal", {})["start"] = {"leader": leader, **followers}
-    return Mission.model_validate(content)
+    return mission_with(name, rehearsal={"start": IN_PLACE | {"leader": leader}})
 
 
 def fly(
@@ -240,54 +209,24 @@ def fly(
     stops: dict[str, Sequence[Stop]] | None = None,
 ) -> Flown:
     """Fly the mission with these faults and stops by vehicle."""
-    emulators: dict[str, Autopilot] = {}
-
-    def emulator(mission: Mission, name: str) -> Autopilot | Stopped | LatePositions:
-        emulators[name] = emulator_of(mission, name)
-        late = []
-        for fault in faults.get(name, ()):
-            if isinstance(fault, Late):
-                late.append(fault)
-            else:
-                emulators[name].inject(fault)
-        if late:
-            return LatePositions(emulators[name], late)
-        stopped = (stops or {}).get(name)
-        return Stopped(emulators[name], stopped) if stopped else emulators[name]
-
-    original = vfguide.lab.rehearsal.aircraft.emulator_of
-    vfguide.lab.rehearsal.aircraft.emulator_of = emulator
-    try:
-        aircraft = [
-            Aircraft(mission, name) for name in (mission.leader.vehicle, *mission.followers_by_name)
-        ]
-    finally:
-        vfguide.lab.rehearsal.aircraft.emulator_of = original
-    frame = local_frame(mission)
-    places: dict[str, list[Place]] = {one.name: [] for one in aircraft}
-    mail: list[tuple[str, bytes]] = []
-    rate_hz = mission.rehearsal.rate_hz
-    for step in range(round(until_s * rate_hz) + 1):
-        sent = step_all(aircraft, step / rate_hz, mail)
-        mail = [one for one in sent if one[0] != mission.leader.vehicle]
-        for name, autopilot in emulators.items():
-            truth = autopilot.truth()
-            north, east = frame.to_local(truth.latitude_deg, truth.longitude_deg)
-            places[name].append((north, east, truth.altitude_amsl_m))
-    return Flown(
-        places=places,
-        rate_hz=rate_hz,
-        events={one.name: [(said.time_s, said.text) for said in one.events] for one in aircraft},
-    )
+    formation = Formation(mission)
+    for name, pushed in formation.emulators.items():
+        given = faults.get(name, ())
+        lasting = tuple(one for one in given if isinstance(one, Fault))
+        pushed.autopilot = emulator_of(mission, name, lasting)
+        if late := [one for one in given if isinstance(one, Late)]:
+            pushed.autopilot = LatePositions(pushed.autopilot, late)
+        elif stopped := (stops or {}).get(name):
+            pushed.autopilot = Stopped(pushed.autopilot, stopped)
+    flown = formation.fly(until_s)
+    return Flown(flown.record, flown.events)
 
 
 def main() -> None:
     """Print the table."""
-    write = sys.stdout.write
     faulty = sys.argv[1] if len(sys.argv) > 1 else "f1"
     watched = "f1" if faulty == "leader" else faulty
-    mission = in_place()
-    until_s = AT_S + 60.0
+    mission, until_s = on_course(), AT_S + 60.0
     right = fly(mission, {}, until_s)
     part = sys.argv[2] if len(sys.argv) > 2 else ""
     for name, faults in FAULTS.items():
@@ -295,12 +234,11 @@ def main() -> None:
             continue
         flown = fly(mission, {faulty: faults}, until_s)
         off, nearest = flown.off(right, watched), flown.nearest()
-        write(f"{name}: {watched} {off:.1f} m off, nearest {nearest:.1f} m\n")
+        tell(f"{name}: {watched} {off:.1f} m off, nearest {nearest:.1f} m")
         for vehicle in dict.fromkeys((faulty, watched)):
-            for time_s, text in flown.events[vehicle]:
-                if time_s >= AT_S:
-                    write(f"    {vehicle} {time_s - AT_S:5.2f} s  {text}\n")
-        sys.stdout.flush()
+            for event in flown.events[vehicle]:
+                if event.time_s >= AT_S:
+                    tell(f"    {vehicle} {event.time_s - AT_S:5.2f} s  {event.text}")
 
 
 if __name__ == "__main__":

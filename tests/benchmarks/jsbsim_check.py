@@ -24,10 +24,10 @@ from sitl_stub.rigid_body import (
     attitude_rates,
     body_to_ground,
 )
+from tests.kit.figures import tell
 
 FOOT_M = 0.3048
 POUND_N = 4.4482216152605
-SLUG_FT2_KG_M2 = 1.3558179483314
 STEP_S = 1.0 / 4000.0
 """Of JSBSim, whose surfaces act a step late: at a quarter of this step both differ by a quarter."""
 
@@ -47,16 +47,11 @@ LIMITS = (0.03, 0.03, 0.03, 0.006, 0.006, 0.006, 0.001, 0.001, 0.001)
 """m/s, rad/s and rad: by how much both may differ at any moment."""
 
 STATES = (
-    ("velocities/u-fps", FOOT_M),
-    ("velocities/v-fps", FOOT_M),
-    ("velocities/w-fps", FOOT_M),
-    ("velocities/p-rad_sec", 1.0),
-    ("velocities/q-rad_sec", 1.0),
-    ("velocities/r-rad_sec", 1.0),
-    ("attitude/phi-rad", 1.0),
-    ("attitude/theta-rad", 1.0),
-    ("attitude/psi-rad", 1.0),
+    *((f"velocities/{axis}-fps", FOOT_M) for axis in "uvw"),
+    *((f"velocities/{axis}-rad_sec", 1.0) for axis in "pqr"),
+    *((f"attitude/{angle}-rad", 1.0) for angle in ("phi", "theta", "psi")),
 )
+"""JSBSim's names of what `NAMES` are, and its units."""
 
 
 def surfaces_at(time_s: float) -> Surfaces:
@@ -103,9 +98,7 @@ def aerodynamics() -> str:
     by_speed = f"<quotient><value>1</value><property>{SPEED}</property></quotient>"
     wing = total(terms(craft.LIFT_0), terms(craft.LIFT_ALPHA, ALPHA))
     lift = total(
-        wing,
-        terms(craft.LIFT_Q, half_chord, Q, by_speed),
-        terms(craft.LIFT_ELEVATOR, ELEVATOR),
+        wing, terms(craft.LIFT_Q, half_chord, Q, by_speed), terms(craft.LIFT_ELEVATOR, ELEVATOR)
     )
     drag = total(
         terms(craft.DRAG_PARASITIC),
@@ -121,12 +114,15 @@ def aerodynamics() -> str:
     forward = total(terms(lift, sine), terms(-1.0, drag, cosine))
     downward = total(terms(-1.0, lift, cosine), terms(-1.0, drag, sine))
     span_ft, chord_ft = craft.SPAN_M / FOOT_M, craft.CHORD_M / FOOT_M
-    rolling = total(
-        terms(craft.ROLL_BETA, BETA),
-        terms(craft.ROLL_P, half_span, P, by_speed),
-        terms(craft.ROLL_R, half_span, R, by_speed),
-        terms(craft.ROLL_AILERON, AILERON),
-        terms(craft.ROLL_RUDDER, RUDDER),
+    rolling, yawing = (
+        total(
+            terms(getattr(craft, f"{name}_BETA"), BETA),
+            terms(getattr(craft, f"{name}_P"), half_span, P, by_speed),
+            terms(getattr(craft, f"{name}_R"), half_span, R, by_speed),
+            terms(getattr(craft, f"{name}_AILERON"), AILERON),
+            terms(getattr(craft, f"{name}_RUDDER"), RUDDER),
+        )
+        for name in ("ROLL", "YAW")
     )
     pitching = total(
         terms(craft.PITCH_0),
@@ -134,26 +130,14 @@ def aerodynamics() -> str:
         terms(craft.PITCH_Q, half_chord, Q, by_speed),
         terms(craft.PITCH_ELEVATOR, ELEVATOR),
     )
-    yawing = total(
-        terms(craft.YAW_BETA, BETA),
-        terms(craft.YAW_P, half_span, P, by_speed),
-        terms(craft.YAW_R, half_span, R, by_speed),
-        terms(craft.YAW_AILERON, AILERON),
-        terms(craft.YAW_RUDDER, RUDDER),
-    )
 
     def axis(name: str, arm: float, content: str) -> str:
         function = f'<function name="check/{name}">{terms(pressure * arm, SPEED, SPEED, content)}</function>'
         return f'<axis name="{name}">{function}</axis>'
 
-    return (
-        axis("X", 1.0, forward)
-        + axis("Y", 1.0, side)
-        + axis("Z", 1.0, downward)
-        + axis("ROLL", span_ft, rolling)
-        + axis("PITCH", chord_ft, pitching)
-        + axis("YAW", span_ft, yawing)
-    )
+    forces = (("X", 1.0, forward), ("Y", 1.0, side), ("Z", 1.0, downward))
+    moments = (("ROLL", span_ft, rolling), ("PITCH", chord_ft, pitching), ("YAW", span_ft, yawing))
+    return "".join(axis(*one) for one in (*forces, *moments))
 
 
 def aircraft() -> str:
@@ -213,12 +197,10 @@ def by_jsbsim(times_s: Sequence[float]) -> tuple[list[tuple[float, ...]], float]
     flight.set_property_value("simulation/gravity-model", 0)
     flight.set_dt(STEP_S)
     flight["ic/h-sl-ft"] = 1000.0
-    for name, value in zip(("phi", "theta", "psi-true"), START[6:], strict=True):
-        flight[f"ic/{name}-rad"] = value
-    for name, value in zip("uvw", START[:3], strict=True):
-        flight[f"ic/{name}-fps"] = value / FOOT_M
-    for name, value in zip("pqr", START[3:6], strict=True):
-        flight[f"ic/{name}-rad_sec"] = value
+    begins = ("u-fps", "v-fps", "w-fps", "p-rad_sec", "q-rad_sec", "r-rad_sec")
+    begins += ("phi-rad", "theta-rad", "psi-true-rad")
+    for name, value, (_, scale) in zip(begins, START, STATES, strict=True):
+        flight[f"ic/{name}"] = value / scale
     flight["external_reactions/thrust/magnitude"] = THRUST_N / POUND_N
     flight.run_ic()
     found, steps, began = [], 0, time.perf_counter()
@@ -266,8 +248,8 @@ def main() -> int:
         span = max(state[index] for state in ours) - min(state[index] for state in ours)
         parted |= off > limit
         unit = "m/s" if name in "uvw" else "rad/s" if name in "pqr" else "rad"
-        sys.stdout.write(f"{name:8} at most {off:.5f} {unit} apart, of {span:.3f} that it moved\n")
-    sys.stdout.write(f"a step of JSBSim takes {1e6 * step_s:.0f} us from Python\n")
+        tell(f"{name:8} at most {off:.5f} {unit} apart, of {span:.3f} that it moved")
+    tell(f"a step of JSBSim takes {1e6 * step_s:.0f} us from Python")
     return int(parted)
 
 

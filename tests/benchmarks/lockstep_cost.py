@@ -14,20 +14,21 @@ import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from pathlib import Path
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sitl_stub import Autopilot
+from tests.kit.figures import tell
+from tests.kit.missions import mission_with, shipped
 from vfguide.companion.core import Companion
 from vfguide.companion.roles import FollowerRole, LeaderRole
 from vfguide.lab.rehearsal.lockstep import fly_lockstep, instants
 from vfguide.lab.rehearsal.recorder import VehicleRecorder
 from vfguide.mavlink.codec import Codec
-from vfguide.mission import Mission, load_mission
+from vfguide.mission import Mission
 from vfguide.record.tlog import TelemetryLog
 
-MISSION = Path(__file__).parents[2] / "missions" / "circle-wind.yaml"
+NAME = "circle-wind"
 RUNS = 5
 TIMED_S = 60.0
 JOINED_S = 30.0
@@ -108,11 +109,11 @@ def pymavlink_cost(datagrams: Sequence[bytes]) -> float:
     return time.process_time() - began
 
 
-def print_ratios(mission: Mission, say: Callable[[str], object]) -> None:
+def print_ratios(mission: Mission) -> None:
     """What a step costs over what pymavlink takes for its messages, also once all have joined."""
     with datagrams_kept() as kept:
         fly_lockstep(mission, epoch_s=0.0)
-    joining = lasting(mission, JOINED_S)
+    joining = lasting(JOINED_S)
     parts = [[one for _, one in kept], [one for now, one in kept if now <= JOINED_S]]
     rows = []
     for _ in range(RUNS):
@@ -120,8 +121,8 @@ def print_ratios(mission: Mission, say: Callable[[str], object]) -> None:
         whole_bytes, before_bytes = (pymavlink_cost(part) for part in parts)
         rows.append((whole, whole_bytes, whole - before, whole_bytes - before_bytes))
     steps = [len(list(instants(one))) * len(one.vehicles) for one in (mission, joining)]
-    say(
-        "\nmicroseconds of processor time for a vehicle and step, and over pymavlink's own for its messages\n"
+    tell(
+        "\nmicroseconds of processor time for a vehicle and step, and over pymavlink's own for its messages"
     )
     for name, place, count in (
         (f"0 to {mission.rehearsal.duration_s:g} s", 0, steps[0]),
@@ -130,35 +131,32 @@ def print_ratios(mission: Mission, say: Callable[[str], object]) -> None:
         own = statistics.median(row[place] for row in rows) / count * 1e6
         plain = statistics.median(row[place + 1] for row in rows) / count * 1e6
         ratio = statistics.median(row[place] / row[place + 1] for row in rows)
-        say(f"  {name:24}{own:7.1f}   pymavlink {plain:6.1f}   ratio {ratio:5.2f}\n")
+        tell(f"  {name:24}{own:7.1f}   pymavlink {plain:6.1f}   ratio {ratio:5.2f}")
 
 
-def lasting(mission: Mission, duration_s: float) -> Mission:
-    """The same mission, flown for so long, s."""
-    rehearsal = mission.rehearsal.model_copy(update={"duration_s": duration_s})
-    return mission.model_copy(update={"rehearsal": rehearsal})
+def lasting(duration_s: float) -> Mission:
+    """The mission, flown for so long, s."""
+    return mission_with(NAME, rehearsal={"duration_s": duration_s})
 
 
 def main() -> None:
     """Print the tables; with `--ratios` those of the ratios alone."""
-    mission = load_mission(MISSION)
-    say = sys.stdout.write
-    say(f"{MISSION.name}, {len(mission.vehicles)} vehicles, Python {sys.version.split()[0]}, ")
-    say(f"{os.cpu_count()} processors\n")
-    timed = lasting(mission, TIMED_S)
-    print_ratios(timed, say)
+    mission, timed = shipped(NAME), lasting(TIMED_S)
+    python = f"Python {sys.version.split()[0]}, {os.cpu_count()} processors"
+    tell(f"{NAME}.yaml, {len(mission.vehicles)} vehicles, {python}")
+    print_ratios(timed)
     if "--ratios" in sys.argv:
         return
-    say("\nflight seconds for each second of the wall clock, 300 s\n")
+    tell("\nflight seconds for each second of the wall clock, 300 s")
     for processes in (1, 2):
         factors = [real_time_factor(mission, processes) for _ in range(RUNS)]
-        say(f"  {processes} process{'es' * (processes > 1):2}  {statistics.median(factors):6.1f}")
-        say(f"   ({min(factors):.1f} to {max(factors):.1f})\n")
-    say("\nmicroseconds of a call, one process, 60 s\n")
+        spread = f"({min(factors):.1f} to {max(factors):.1f})"
+        name = f"{processes} process{'es' * (processes > 1):2}"
+        tell(f"  {name}  {statistics.median(factors):6.1f}   {spread}")
+    tell("\nmicroseconds of a call, one process, 60 s")
     for part in PARTS:
         costs = [cost_of(timed, part) for _ in range(RUNS)]
-        say(f"  {part:32}{statistics.median(cost for cost, _ in costs):7.1f}")
-        say(f"   x {costs[0][1]}\n")
+        tell(f"  {part:32}{statistics.median(cost for cost, _ in costs):7.1f}   x {costs[0][1]}")
 
 
 if __name__ == "__main__":

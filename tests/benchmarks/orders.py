@@ -1,6 +1,6 @@
 """How fast and how near formations change their shape: every ordered pair of six shapes.
 
-Run with `.venv/bin/python tests/benchmarks/orders.py pairs [FOLLOWERS ...] [--every=N]`
+Run with `.venv/bin/python -m tests.benchmarks.orders pairs [FOLLOWERS ...] [--every=N]`
 (the first of each N pairs that follow each other), all in the article's wind, in lockstep through MAVLink
 bytes. Minutes for each. `picture FILE` draws the mission `shapes` as its leader sees it. Random orders:
 `random_orders.py`.
@@ -15,6 +15,8 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
+from tests.kit.figures import tell
+from tests.kit.missions import shipped
 from vfguide.formation.arrangement import Arrangement
 from vfguide.formation.orders import Order
 from vfguide.formation.shapes import Shape, shape_slots
@@ -26,19 +28,11 @@ from vfguide.lab.report.geometry import in_course_frame, pair_separations, seen_
 from vfguide.lab.report.picture import save_figure
 from vfguide.link.memory import Mail
 from vfguide.link.order_codec import encode_order
-from vfguide.mission import load_mission
 from vfguide.mission.model import Mission
 from vfguide.mission.order_plan import formation_of_mission, resolve, timetable
 from vfguide.record.flight import FlightRecord
 
-SIX: tuple[Shape, ...] = (
-    "vee",
-    "line-abreast",
-    "echelon-left",
-    "trail",
-    "diamond",
-    "finger-four",
-)
+SIX: tuple[Shape, ...] = ("vee", "line-abreast", "echelon-left", "trail", "diamond", "finger-four")
 SPACING_M = 20.0
 FIRST_S = 40.0
 """Everybody has found its first slot by then."""
@@ -68,33 +62,27 @@ class Given:
 def mission_of(count: int, path: str, seed: int = 1) -> Mission:
     """A vee of some followers in the article's wind."""
     names = [f"f{number}" for number in range(1, count + 1)]
+    slots = zip(names, shape_slots("vee", count, SPACING_M), strict=True)
+    gains = {"k_x": 0.42, "k_y": 0.28, "integral_s": 0.65, "chi_inf_deg": 45, "v_inf_m_s": 8}
+    sliding = {"kappa": 3, "epsilon": 0.01, "boundary_layer_factor": 4.8}
     return Mission.model_validate(
         {
             "name": f"orders-{path}",
-            "origin": {
-                "latitude_deg": 47.397742,
-                "longitude_deg": 8.545594,
-                "altitude_amsl_m": 488,
-            },
+            "origin": shipped("line-wind").origin.model_dump(),
             "path": PATHS[path],
             "leader": {"vehicle": "leader", "airspeed_m_s": 20},
             "followers": [
                 {"vehicle": name, "slot": {"forward_m": forward, "right_m": right}}
-                for name, (forward, right) in zip(
-                    names, shape_slots("vee", count, SPACING_M), strict=True
-                )
+                for name, (forward, right) in slots
             ],
             "vehicles": {
                 name: {"system_id": number} for number, name in enumerate(["leader", *names], 1)
             },
-            "controller": {
-                "type": "slot", "k_x": 0.42, "k_y": 0.28, "integral_s": 0.65, "chi_inf_deg": 45,
-                "v_inf_m_s": 8, "kappa": 3, "epsilon": 0.01, "boundary_layer_factor": 4.8,
-            },
+            "controller": {"type": "slot", **gains, **sliding},
             "wind": {"type": "article"},
             "rehearsal": {"link_delay_s": 0.1, "seed": seed},
         }
-    )  # fmt: skip
+    )
 
 
 def round_trip(shapes: Sequence[Shape]) -> list[Shape]:
@@ -118,7 +106,7 @@ def planned(mission: Mission, orders: Iterator[tuple[str, Order]], count: int) -
         try:
             found, _ = resolve(mission, order, formation, number=len(given) + 1, time_s=time_s)
         except RefusedOrderError as refusal:
-            sys.stdout.write(f"refused  {name}: {refusal}\n")
+            tell(f"refused  {name}: {refusal}")
             continue
         joins = not found.vehicles <= set(formation.slots)
         given.append(Given(name, found))
@@ -168,8 +156,7 @@ def settled_s(record: FlightRecord, one: Given, until_s: float) -> float:
         away = np.flatnonzero(error > 1.0)
         if away.size:
             latest = max(
-                latest,
-                float("inf") if away[-1] + 1 == len(time_s) else float(time_s[away[-1] + 1]),
+                latest, float("inf") if away[-1] + 1 == len(time_s) else float(time_s[away[-1] + 1])
             )
     return latest
 
@@ -204,17 +191,16 @@ def pairs(followers: Sequence[int], *, every: int = 1) -> None:
             took = [settled_s(record, one, end) for one, end in zip(given, ends, strict=True)]
             slowest = int(np.argmax(took))
             distance, pair, _ = least(record, FIRST_S)
-            sys.stdout.write(
+            tell(
                 f"{count + 1} aircraft, {path}: {len(given)} pairs, all within 1 m after"
                 f" {np.median(took):.1f} s in the middle, {took[slowest]:.1f} s at most"
-                f" ({given[slowest].name}); nearest two {distance:.1f} m ({pair})\n"
+                f" ({given[slowest].name}); nearest two {distance:.1f} m ({pair})"
             )
-            sys.stdout.flush()
 
 
 def picture(file: Path) -> None:
     """The transitions of the mission `shapes`, each seen from the leader."""
-    mission = load_mission(Path("shapes"))
+    mission = shipped("shapes")
     given = [found for found, _ in timetable(mission)]
     record = fly_lockstep(mission).record
     figure = Figure(figsize=(10.0, 6.4), layout="constrained")

@@ -10,18 +10,18 @@ import math
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
+from tests.kit.figures import heading, row
+from tests.kit.missions import mission_with, replaced
 from vfguide.lab.rehearsal.aircraft import Aircraft
 from vfguide.lab.rehearsal.recorder import flight_record
 from vfguide.lab.report.geometry import pair_separations, slot_error
 from vfguide.link.memory import Mail
-from vfguide.mission import Mission, load_mission
+from vfguide.mission import Mission
 from vfguide.record.flight import FlightRecord
 
-MISSIONS = Path(__file__).parents[2] / "missions"
 NAMES = ("line-wind", "circle-wind")
 WINDS = ("none", "moderate")
 LENGTHS_S = (20.0, 60.0, 180.0)
@@ -54,15 +54,12 @@ class Merge:
     greatest_m: float
     """The greatest distance from a slot meanwhile."""
 
+    @property
     def cells(self) -> tuple[str, ...]:
         """For a table, in the order of `COLUMNS`."""
         return (
-            f"{self.apart_m:.2f}",
-            f"{self.nearest_apart_m:.1f}",
-            f"{self.nearest_m:.1f}",
-            f"{self.one_leader_s:.2f}",
-            self.leader,
-            f"{self.back_s:.1f}",
+            *(f"{self.apart_m:.2f}", f"{self.nearest_apart_m:.1f}", f"{self.nearest_m:.1f}"),
+            *(f"{self.one_leader_s:.2f}", self.leader, f"{self.back_s:.1f}"),
             f"{self.greatest_m:.2f}",
         )
 
@@ -83,11 +80,8 @@ COLUMNS = (
 
 def mission_of(name: str, turbulence: str) -> Mission:
     """A mission of the article with two deputies, everyone in place."""
-    content = load_mission(MISSIONS / f"{name}.yaml").model_dump(exclude_unset=True)
-    content["deputies"] = ["f1", "f2"]
-    content["wind"]["turbulence"] = turbulence
-    content["rehearsal"]["start"] = {}
-    return Mission.model_validate(content)
+    mission = mission_with(name, wind={"turbulence": turbulence}, rehearsal={"start": {}})
+    return replaced(mission, deputies=["f1", "f2"])
 
 
 def parted(sender: str, hearer: str) -> bool:
@@ -137,14 +131,12 @@ def merge_of(record: FlightRecord, merge_s: float) -> Merge:
 
 def main(lengths_s: Sequence[float]) -> None:
     """Fly and print."""
-    sys.stdout.write(f"| {' | '.join(COLUMNS)} |\n{'|---' * len(COLUMNS)}|\n")
+    heading(*COLUMNS)
     for name in NAMES:
         for turbulence in WINDS:
             for apart_s in lengths_s:
                 found = flown(mission_of(name, turbulence), apart_s)
-                cells = (name, turbulence, f"{apart_s:g}", *found.cells())
-                sys.stdout.write(f"| {' | '.join(cells)} |\n")
-                sys.stdout.flush()
+                row(name, turbulence, f"{apart_s:g}", *found.cells)
 
 
 if __name__ == "__main__":

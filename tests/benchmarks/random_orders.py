@@ -11,16 +11,17 @@ whatever is flown before it: --first begins with a later one.
 
 import argparse
 import math
-import sys
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from random import Random
-from typing import Any
 
 import numpy as np
 
 from tests.benchmarks.orders import mission_of
+from tests.kit.figures import tell
+from tests.kit.missions import replaced
+from tests.kit.orders import overhear
 from vfguide.errors import VfguideError
 from vfguide.formation.arrangement import Arrangement, Manoeuvre, Point
 from vfguide.formation.orders import Formation, Order
@@ -33,9 +34,8 @@ from vfguide.lab.rehearsal.recorder import flight_record
 from vfguide.lab.report.figures import settling_time
 from vfguide.lab.report.geometry import pair_separations, slot_error
 from vfguide.lab.studies.order import rehearsed
-from vfguide.link.codec import is_leaders
 from vfguide.link.memory import Mail
-from vfguide.link.order_codec import ORDER_MAGIC, REPLY_MAGIC, Verdict, check_of, encode_order
+from vfguide.link.order_codec import Verdict, check_of, encode_order
 from vfguide.mission.model import Mission
 from vfguide.mission.order_plan import resolve
 from vfguide.mission.rehearsal import Loss
@@ -110,17 +110,15 @@ class Tally:
 def drawn_mission(random: Random) -> Mission:
     """A formation of 4 to 6 aircraft that may order another path and another leader."""
     name = random.choice(list(PATHS))
-    content: dict[str, Any] = mission_of(random.randint(3, 5), "line").model_dump(
-        exclude_unset=True
+    formation = mission_of(random.randint(3, 5), "line")
+    return replaced(
+        formation,
+        name=f"random-{name}",
+        path=PATHS[name],
+        paths={other: shape for other, shape in PATHS.items() if other != name},
+        deputies=["f1", "f2"],
+        rehearsal={"link_delay_s": 0.1, "rate_hz": RATE_HZ, "seed": random.randrange(10**6)},
     )
-    content |= {
-        "name": f"random-{name}",
-        "path": PATHS[name],
-        "paths": {other: shape for other, shape in PATHS.items() if other != name},
-        "deputies": ["f1", "f2"],
-        "rehearsal": {"link_delay_s": 0.1, "rate_hz": RATE_HZ, "seed": random.randrange(10**6)},
-    }
-    return Mission.model_validate(content)
 
 
 def drawn_order(  # noqa: C901, PLR0911 - one case for each kind
@@ -219,19 +217,8 @@ class Sortie:
             later += one.step(self.now, [*mail, *at_once])
         self._mail = later
         for sender, data in (*at_once, *later):
-            self.hear(sender, data)
+            overhear(self.desk, sender, data)
         self.times.append(self.now)
-
-    def hear(self, sender: str, data: bytes) -> None:
-        """As the operator's program."""
-        if data.startswith(ORDER_MAGIC):
-            self.desk.heard_order(data, data, repeated=True)
-        elif data.startswith(REPLY_MAGIC):
-            self.desk.heard_reply(sender, data)
-        elif is_leaders(data):
-            self.desk.heard_lead(sender, data)
-        else:
-            self.desk.heard_state(sender, data)
 
     def operate(self, count: int) -> None:
         """See what becomes of the order that is given, and give the next one when its time has come."""
@@ -256,13 +243,8 @@ class Sortie:
                 mission, order, formation, number=number, time_s=time_s, leader=place
             )
             if self.rehearse:
-                rehearsed(
-                    mission,
-                    formation,
-                    found,
-                    leader=self.desk.leader_place(self.now),
-                    joining=self.desk.places(),
-                )
+                here, joining = self.desk.leader_place(self.now), self.desk.places()
+                rehearsed(mission, formation, found, leader=here, joining=joining)
         except VfguideError as refusal:
             where = kind if isinstance(refusal, RefusedOrderError) else "desk"
             tally.refused[f"{where}: {reason_of(str(refusal))}"] += 1
@@ -280,9 +262,7 @@ class Sortie:
     def judge(self, order: Given) -> None:
         """Whether an order is decided, by all whose answers are awaited, or by the clock."""
         replies = self.desk.replies
-        decided = {
-            name: reply for name, reply in replies.items() if reply.verdict in DECIDED
-        }  # fmt: skip
+        decided = {name: one for name, one in replies.items() if one.verdict in DECIDED}
         found = order.arrangement
         late = self.now > found.time_s + ANSWERS_S
         if not (late or order.awaited <= decided.keys()):
@@ -400,12 +380,6 @@ def flights(count: int, seed: int, first: int, tally: Tally, *, rehearse: bool) 
         given += len(sortie.given)
         number += 1
         yield sortie
-
-
-def tell(text: str) -> None:
-    """A line."""
-    sys.stdout.write(f"{text}\n")
-    sys.stdout.flush()
 
 
 def main(words: Sequence[str] | None = None) -> None:

@@ -1,6 +1,6 @@
 """A hash for every shipped mission flown by every law in lockstep: what is moved must leave them as they are.
 
-Run with `.venv/bin/python tests/benchmarks/record_hashes.py [SECONDS] [LAW ...]`, before and after; minutes.
+Run with `python -m tests.benchmarks.record_hashes [SECONDS] [LAW ...]`, before and after; minutes.
 """
 
 import hashlib
@@ -9,11 +9,11 @@ from pathlib import Path
 
 import numpy as np
 
+from tests.kit.missions import MISSIONS
 from vfguide.commands.overrides import Overrides, apply_overrides
 from vfguide.lab.rehearsal.lockstep import fly_lockstep
 from vfguide.mission import load_mission
 
-MISSIONS = Path(__file__).parents[2] / "missions"
 LAWS = ("slot", "article", "pid", "mpc")
 DURATION_S = 30.0
 

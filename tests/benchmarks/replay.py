@@ -1,17 +1,20 @@
 """How a report's replay loads, plays and scrolls in a headless Chromium without a graphics card.
 
-`python tests/benchmarks/replay.py REPORT.html` tells the file's size, the time until the picture stands,
+`python -m tests.benchmarks.replay REPORT.html` tells the file's size, the time until the picture stands,
 pictures a second while it plays and while it is scrolled, and what the page keeps in memory. The address that
 `vfguide console --replay DIR` prints may stand in place of the file.
 """
 
 import argparse
+import asyncio
 import shutil
-import sys
 import time
 from pathlib import Path
 
-from playwright.sync_api import Page, sync_playwright
+from playwright.async_api import Page
+
+from tests.kit.browser import device, launched
+from tests.kit.figures import tell
 
 PATIENCE_MS = 300_000
 PLAYED_S = 10.0
@@ -33,58 +36,49 @@ FRAMES = """([seconds, scroll]) => new Promise((done) => {
 """Pictures a second, as they come; while it is scrolled there and back in 6 s."""
 
 
-def measure(page: Page, place: str) -> None:
+async def measure(page: Page, place: str) -> None:
     """Open a report or a console and print what it takes."""
     began, file = time.monotonic(), Path(place)
     served = "://" in place
     # The console's stream of events never ends.
-    page.goto(place if served else file.resolve().as_uri(), wait_until="load")
+    await page.goto(place if served else file.resolve().as_uri(), wait_until="load")
     # The console's policy lets no waiting function of the driver's be evaluated in the page.
-    while not page.evaluate("() => Boolean(document.getElementById('replay')?.player)"):
-        page.wait_for_timeout(20)
-    page.evaluate(
+    while not await page.evaluate("() => Boolean(document.getElementById('replay')?.player)"):
+        await page.wait_for_timeout(20)
+    await page.evaluate(
         "() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))"
     )
     taken_s = time.monotonic() - began
     size = "the console" if served else f"{file}: {file.stat().st_size / 1e6:.2f} MB"
     tell(f"{size}, stands after {taken_s:.1f} s")
-    page.evaluate("() => document.getElementById('replay').player.pause()")
-    tell(f"length: {float(page.locator('[data-part=slider]').get_attribute('max') or 0.0):.0f} s")
-    page.locator("[data-part=play]").click()
-    before = page.locator("[data-part=slider]").input_value()
-    frames = page.evaluate(FRAMES, [PLAYED_S, False])
-    after = page.locator("[data-part=slider]").input_value()
+    await page.evaluate("() => document.getElementById('replay').player.pause()")
+    play, slider = page.locator("[data-part=play]"), page.locator("[data-part=slider]")
+    tell(f"length: {float(await slider.get_attribute('max') or 0.0):.0f} s")
+    await play.click()
+    before = await slider.input_value()
+    frames = await page.evaluate(FRAMES, [PLAYED_S, False])
+    after = await slider.input_value()
     tell(f"plays: {frames:.0f} pictures a second, from {before} to {after} s")
-    page.locator("[data-part=play]").click()
-    frames = page.evaluate(FRAMES, [PLAYED_S, True])
+    await play.click()
+    frames = await page.evaluate(FRAMES, [PLAYED_S, True])
     tell(f"scrolls: {frames:.0f} pictures a second")
-    heap = page.evaluate("() => performance.memory.usedJSHeapSize")
+    heap = await page.evaluate("() => performance.memory.usedJSHeapSize")
     tell(f"memory of the page's program: {heap / 1e6:.0f} MB")
 
 
-def tell(text: str) -> None:
-    """Print a line at once."""
-    sys.stdout.write(f"{text}\n")
-    sys.stdout.flush()
-
-
-def main() -> None:
+async def main() -> None:
     """Measure the reports and consoles that are given."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("places", nargs="+", metavar="REPORT.html|URL")
     chosen = parser.parse_args()
-    program = shutil.which("chromium") or shutil.which("google-chrome")
-    with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(
-            executable_path=program, args=["--disable-dev-shm-usage"]
-        )
+    program = shutil.which("chromium") or shutil.which("google-chrome") or "chromium"
+    async with launched(program) as browser:
         for place in chosen.places:
-            page = browser.new_page(viewport={"width": 1280, "height": 900})
+            page = await browser.new_page(**device())
             page.set_default_timeout(PATIENCE_MS)
-            measure(page, place)
-            page.close()
-        browser.close()
+            await measure(page, place)
+            await page.close()
 
 
 if __name__ == "__main__":
-    main()
+    asyncio.run(main())

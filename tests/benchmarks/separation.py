@@ -4,7 +4,7 @@ Counted where it is in the hands of guidance: at least one of the two is steered
 been for as long as it takes to hear of the others, and the other is heard or was heard within the last 10 s.
 What flies at another faster than that could turn away is told apart (`strays.dives_at`).
 
-Run with `.venv/bin/python tests/benchmarks/separation.py [FLIGHTS] [--first N] [--jobs N]`. Exit status 1
+Run with `.venv/bin/python -m tests.benchmarks.separation [FLIGHTS] [--first N] [--jobs N]`. Exit status 1
 where two came within 5 m that should not have.
 """
 
@@ -14,12 +14,10 @@ import sys
 from collections import Counter
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
-from pathlib import Path
 from random import Random
 
-sys.path.insert(0, str(Path(__file__).parents[2]))
-
 from tests.benchmarks.strays import LEAST_M, Approach, Event, Strays, approaches, mission_in_place
+from tests.kit.figures import tell
 from vfguide.mission.feasibility import least_guarantee
 
 BEGIN_S = 12.0
@@ -108,7 +106,7 @@ def line_of(outcome: Outcome) -> str:
     return (
         f"{outcome.number:4} {outcome.mission:16} {near.distance_m:5.1f} m ({near.level_m:5.1f} level) "
         f"{near.first}-{near.second} at {near.time_s:.1f} s"
-        f"{' dived at' if near.unavoidable else ''}; {what}\n"
+        f"{' dived at' if near.unavoidable else ''}; {what}"
     )
 
 
@@ -124,10 +122,9 @@ def main() -> int:
     with ProcessPoolExecutor(chosen.jobs) as pool:
         for outcome in pool.map(fly, numbers):
             outcomes.append(outcome)
-            sys.stdout.write(line_of(outcome))
-            sys.stdout.flush()
+            tell(line_of(outcome))
     for name in KINDS:
-        sys.stdout.write(mission_line(name, [one for one in outcomes if one.mission == name]))
+        tell(mission_line(name, [one for one in outcomes if one.mission == name]))
     return verdict(outcomes)
 
 
@@ -142,7 +139,7 @@ def mission_line(name: str, outcomes: list[Outcome]) -> str:
     check = math.nan if stated is None else stated.distance_m
     return (
         f"{name:16} {len(counted):4} flights: nearest {space:.1f} m in space, {level:.1f} m level; "
-        f"check says {check:.1f} m for one turn\n"
+        f"check says {check:.1f} m for one turn"
     )
 
 
@@ -154,10 +151,10 @@ def verdict(outcomes: list[Outcome]) -> int:
     missions = Counter(one.mission for one in near)
     nearest = min((one.nearest.distance_m for one in counted), default=math.inf)
     lowest = min((one.nearest.level_m for one in counted), default=math.inf)
-    sys.stdout.write(
+    tell(
         f"{len(outcomes)} flights: nearest two {nearest:.1f} m in space, {lowest:.1f} m level; within "
         f"{LEAST_M:g} m in {len(near)} ({len(level)} level) {dict(missions)}; dived at in "
-        f"{len(outcomes) - len(counted)}\n"
+        f"{len(outcomes) - len(counted)}"
     )
     return int(bool(near))
 

@@ -16,7 +16,7 @@ from tests.kit.formation import Formation
 from tests.kit.missions import content_of
 from vfguide.companion.mission_plan import airframe_of
 from vfguide.companion.supervisor import Mode
-from vfguide.elementwise import BoolArray
+from vfguide.elementwise import BoolArray, FloatArray
 from vfguide.guidance.airframe import bank_limited_turn_rate
 from vfguide.guidance.predicted_tracks import TIMES, Agility, OwnMotion
 from vfguide.guidance.separation import escape_tracks
@@ -137,21 +137,24 @@ class Strays(Formation):
                 emulator.select(MODES[mode])
 
 
+STEERING = {mode.value for mode in Mode if mode.steers}
+
+
+def gone(record: FlightRecord, name: str, events: Sequence[Event], lag_s: float = 0.0) -> BoolArray:
+    """When a vehicle's companion is killed or its autopilot hangs; some time later, s, if so wished."""
+    away = np.zeros(len(record.time_s), dtype=bool)
+    for begin, end in (("killed", "restarted"), ("frozen", "thawed")):
+        starts = [one.time_s for one in events if one.vehicle == name and one.what == begin]
+        ends = [one.time_s for one in events if one.vehicle == name and one.what == end]
+        for start, stop in zip(starts, [*ends, math.inf][: len(starts)], strict=True):
+            away |= (record.time_s >= start + lag_s) & (record.time_s <= stop)
+    return away
+
+
 def guided(record: FlightRecord, vehicle: VehicleRecord, events: Sequence[Event]) -> BoolArray:
     """When a vehicle is under guidance, and has been for as long as it takes to hear of the others."""
-    steers = np.isin(
-        vehicle.mode,
-        [
-            n
-            for n, name in enumerate(record.mode_names)
-            if name in {m.value for m in Mode if m.steers}
-        ],
-    )
-    for begin, end in (("killed", "restarted"), ("frozen", "thawed")):
-        starts = [one.time_s for one in events if one.vehicle == vehicle.name and one.what == begin]
-        ends = [one.time_s for one in events if one.vehicle == vehicle.name and one.what == end]
-        for start, stop in zip(starts, [*ends, math.inf][: len(starts)], strict=True):
-            steers &= (record.time_s < start) | (record.time_s > stop)
+    numbers = [n for n, name in enumerate(record.mode_names) if name in STEERING]
+    steers = np.isin(vehicle.mode, numbers) & ~gone(record, vehicle.name, events)
     samples = round(HEARING_S / (record.time_s[1] - record.time_s[0]))
     since = np.convolve(~steers, np.ones(samples + 1))[: len(steers)]
     settled: BoolArray = steers & (since < 0.5)
@@ -160,13 +163,7 @@ def guided(record: FlightRecord, vehicle: VehicleRecord, events: Sequence[Event]
 
 def heard(record: FlightRecord, name: str, events: Sequence[Event]) -> BoolArray:
     """When a vehicle is heard, or was within the last seconds."""
-    known = np.ones(len(record.time_s), dtype=bool)
-    for begin, end in (("killed", "restarted"), ("frozen", "thawed")):
-        starts = [one.time_s for one in events if one.vehicle == name and one.what == begin]
-        ends = [one.time_s for one in events if one.vehicle == name and one.what == end]
-        for start, stop in zip(starts, [*ends, math.inf][: len(starts)], strict=True):
-            known &= (record.time_s < start + HEARD_S) | (record.time_s > stop)
-    return known
+    return ~gone(record, name, events, HEARD_S)
 
 
 def approaches(
@@ -247,14 +244,9 @@ def dives_at(
     fine = record.time_s[start : at + 1]
     flown = other.north_m[start : at + 1] + 1j * other.east_m[start : at + 1]
     since = fine - fine[0]
-    best = max(
-        float(
-            np.abs(
-                np.interp(since, TIMES, track.real)
-                + 1j * np.interp(since, TIMES, track.imag)
-                - flown
-            ).min()
-        )
-        for track in tracks
-    )
-    return best < LEAST_M
+
+    def nearest_m(track: FloatArray) -> float:
+        there = np.interp(since, TIMES, track.real) + 1j * np.interp(since, TIMES, track.imag)
+        return float(np.abs(there - flown).min())
+
+    return max(map(nearest_m, tracks)) < LEAST_M

@@ -9,15 +9,15 @@ without its companion, leave their slots for it: they have a column of their own
 
 import re
 import sys
-from pathlib import Path
 
 import numpy as np
 
+from tests.kit.figures import heading, row
+from tests.kit.missions import content_of
 from vfguide.lab.rehearsal.lockstep import LockstepFlight, fly_lockstep
 from vfguide.lab.report.geometry import pair_separations, slot_error
-from vfguide.mission import Mission, load_mission
+from vfguide.mission import Mission
 
-MISSIONS = Path(__file__).parents[2] / "missions"
 NAMES = ("line-wind", "circle-wind")
 WINDS = ("none", "moderate")
 LOST_S = (40.0, 47.0, 54.0)
@@ -29,7 +29,7 @@ WAY = re.compile("keeping clear of|too near to")
 
 def flown(name: str, turbulence: str, lost_s: float, *, may_stop: bool = True) -> LockstepFlight:
     """A flight whose leader's companion is killed at a time."""
-    content = load_mission(MISSIONS / f"{name}.yaml").model_dump(exclude_unset=True)
+    content = content_of(name)
     content["deputies"] = [one["vehicle"] for one in content["followers"][:2]]
     content["vehicles"][content["leader"]["vehicle"]]["may_stop"] = may_stop
     content["wind"]["turbulence"] = turbulence
@@ -68,10 +68,9 @@ def figures(flight: LockstepFlight, lost_s: float) -> tuple[float, float, float,
 
 def main() -> None:
     """Fly and print, a line for each flight."""
-    sys.stdout.write(
-        "| mission | turbulence | lost at, s | a deputy leads after, s | error before, m"
-        " | after, not in the way, m | after, all, m | nearest two, m |\n"
-        "|---|---|---|---|---|---|---|---|\n"
+    heading(
+        *("mission", "turbulence", "lost at, s", "a deputy leads after, s", "error before, m"),
+        *("after, not in the way, m", "after, all, m", "nearest two, m"),
     )
     names, may_stop = sys.argv[1:], "--never-stops" not in sys.argv
     winds, moments = (MANY_WINDS, MANY_S) if "--many" in sys.argv else (WINDS, LOST_S)
@@ -79,9 +78,7 @@ def main() -> None:
         for turbulence in winds:
             for lost_s in moments:
                 found = figures(flown(name, turbulence, lost_s, may_stop=may_stop), lost_s)
-                cells = " | ".join(f"{value:.2f}" for value in found)
-                sys.stdout.write(f"| {name} | {turbulence} | {lost_s:g} | {cells} |\n")
-                sys.stdout.flush()
+                row(name, turbulence, f"{lost_s:g}", *(f"{value:.2f}" for value in found))
 
 
 if __name__ == "__main__":

@@ -11,9 +11,7 @@ is weighed away: rho is raised until the acceleration that is asked for has the 
 """
 
 import math
-import sys
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 from scipy.linalg import solve_discrete_are, solve_discrete_lyapunov
@@ -21,13 +19,14 @@ from scipy.optimize import brentq
 
 import vfguide
 from sitl_stub.air import low_altitude_intensity
+from tests.kit.figures import heading, row, tell
+from tests.kit.missions import shipped
 from vfguide.elementwise import FloatArray
 
 STEP_S, SPEED_M_S, LAGS = 0.05, 20.0, 50
 SLOTS_M = ((-20.0, -20.0), (-20.0, 20.0), (-40.0, 0.0))
 HEIGHT_M = 100.0
 GUSTS = low_altitude_intensity("moderate", HEIGHT_M)
-MISSIONS = Path(__file__).parents[2] / "missions"
 
 
 @dataclass(frozen=True)
@@ -158,30 +157,28 @@ FLIGHTS: tuple[tuple[str, dict[str, object], float], ...] = (
 
 def bounds() -> None:
     """Print the table of the bound."""
-    columns = "setpoint late by, s | along | across | mean distance, m | limits kept: along | across | mean"
-    sys.stdout.write(f"| slot | {columns} |\n{'|---' * 8}|\n")
+    heading(
+        *("slot", "setpoint late by, s", "along", "across", "mean distance, m"),
+        *("limits kept: along", "across", "mean"),
+    )
     for slot in SLOTS_M[1:]:
         for late in (1, 3):
             free = [least_error(axis, slot, late, 1e-8)[0] for axis in AXES]
             kept = [limited_error(axis, slot, late) for axis in AXES]
             cells = (*free, mean_distance(*free), *kept, mean_distance(*kept))
-            text = " | ".join(f"{cell:.3f}" for cell in cells)
-            sys.stdout.write(f"| {slot} | {late * STEP_S:.2f} | {text} |\n")
-            sys.stdout.flush()
+            row(slot, f"{late * STEP_S:.2f}", *(f"{cell:.3f}" for cell in cells))
 
 
 def flights(duration_s: float) -> None:
     """Print the table of what is flown."""
-    sys.stdout.write("\n| flown | from the slots as meant, m | as they are, m |\n|---|---|---|\n")
-    mission = vfguide.load_mission(MISSIONS / "line-wind.yaml")
+    tell()
+    heading("flown", "from the slots as meant, m", "as they are, m")
+    mission = shipped("line-wind")
     for name, settings, rate_hz in FLIGHTS:
         changed = {"wind.turbulence": "moderate", **settings}
         found = vfguide.fly(mission, settings=changed, rate_hz=rate_hz, duration_s=duration_s)
         formation = found.summary.formation
-        sys.stdout.write(
-            f"| {name} | {formation.intended_error_m:.2f} | {formation.mean_error_m:.2f} |\n"
-        )
-        sys.stdout.flush()
+        row(name, f"{formation.intended_error_m:.2f}", f"{formation.mean_error_m:.2f}")
 
 
 if __name__ == "__main__":

@@ -15,7 +15,6 @@ The gusts ahead are weighed by how the follower would answer a push, as the line
 """
 
 import math
-import sys
 from collections.abc import Callable
 from itertools import product
 
@@ -24,6 +23,7 @@ from scipy.linalg import expm
 
 from sitl_stub.air import TurbulenceField
 from tests.benchmarks.turbulence_bound import GUSTS, SPEED_M_S, STEP_S
+from tests.kit.figures import heading, row
 from vfguide.elementwise import FloatArray
 
 LIMIT_M_S2 = 3.0
@@ -109,20 +109,18 @@ def flown(law: Law, slot_m: tuple[float, float], *, foresees: bool = False) -> t
 
 def main() -> None:
     """Print the table."""
-    sys.stdout.write(
-        "| slot | the field | the best that knows its limit | the field, told the leader's gusts |\n"
-        "|---|---|---|---|\n"
+    heading(
+        *("slot", "the field", "the best that knows its limit"),
+        "the field, told the leader's gusts",
     )
     for slot in SLOTS_M:
         laws = [switching(*gains) for gains in product(BRAKING_M_S2, AT_REST_1_S, NEARING_1_S)]
-        rows = (
+        found = (
             flown(field, slot),
             min(flown(law, slot) for law in laws),
             flown(field, slot, foresees=True),
         )
-        cells = " | ".join(f"{mean:.3f} m, {share:.0%} limited" for mean, share in rows)
-        sys.stdout.write(f"| {slot} | {cells} |\n")
-        sys.stdout.flush()
+        row(slot, *(f"{mean:.3f} m, {share:.0%} limited" for mean, share in found))
 
 
 if __name__ == "__main__":

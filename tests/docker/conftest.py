@@ -11,7 +11,6 @@ import pytest
 
 from tests.docker.flights import AllFlights, Flights, Removals, Scenario, Settings, fly
 from tests.docker.programs import PROJECT, run
-from vfguide.mission import load_mission
 
 TOLD = pytest.StashKey[list[str]]()
 """What tests have measured."""
@@ -62,27 +61,10 @@ def image(compose: tuple[str, ...], tell: Callable[[str], None]) -> dict[str, An
 
 
 @pytest.fixture(scope="session")
-def missions() -> Callable[..., dict[str, Any]]:
-    """A mission as a dictionary; with everyone in the slots from the beginning if so wished."""
-
-    def content(name: str, *, in_slots: bool = False) -> dict[str, Any]:
-        path = PROJECT / "missions" / f"{name}.yaml"
-        mission: dict[str, Any] = load_mission(path).model_dump(mode="json", exclude_unset=True)
-        if in_slots:
-            leader = {"north_m": 0.0, "east_m": 0.0, "course_deg": 270.0}
-            followers = [one["vehicle"] for one in mission["followers"]]
-            mission["rehearsal"]["start"] = {"leader": leader, **{one: {} for one in followers}}
-        return mission
-
-    return content
-
-
-@pytest.fixture(scope="session")
 def all_flights(
     request: pytest.FixtureRequest,
     compose: tuple[str, ...],
     image: dict[str, Any],
-    missions: Callable[..., dict[str, Any]],
     tmp_path_factory: pytest.TempPathFactory,
 ) -> Iterator[AllFlights]:
     """All that the collected modules have to be flown."""
@@ -91,7 +73,7 @@ def all_flights(
     scenarios: dict[str, tuple[Scenario, Settings]] = {}
     for module in dict.fromkeys(item.module for item in items):
         if "docker_flights" in vars(module):
-            scenarios |= module.docker_flights(missions)
+            scenarios |= module.docker_flights()
     with ThreadPoolExecutor(max_workers=1) as pool:
         removals = Removals(pool)
         yield AllFlights(

@@ -1,7 +1,6 @@
 """What a browser on this computer gets of a console in a container."""
 
 import re
-import socket
 import time
 import urllib.error
 import urllib.request
@@ -14,13 +13,6 @@ from tests.integration.console.streamed import aircraft_heard, logged_in
 
 PATIENCE_S = 90.0
 PRINTED = re.compile(r"console: (http://127\.0\.0\.1:\d+)/\?token=(\S+)")
-
-
-def free_port() -> int:
-    """A TCP port of the loopback interface that nobody uses."""
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

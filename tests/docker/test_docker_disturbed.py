@@ -2,7 +2,6 @@
 
 import secrets
 import time
-from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
@@ -10,10 +9,9 @@ from msgspec.structs import replace
 
 from tests.docker.flown import Flown
 from tests.docker.formation import Formation
+from tests.kit.missions import content_of, on_the_circle
 from vfguide.link.codec import decode, encode
 from vfguide.link.envelope import decode_envelope
-
-Tell = Callable[[str], None]
 
 IN_SLOT_M = 1.0
 
@@ -132,9 +130,9 @@ def abandoned(formation: Formation) -> Flown:
     return formation.finish({"impaired": impaired})
 
 
-def docker_flights(missions: Callable[..., dict[str, Any]]) -> dict[str, Any]:
+def docker_flights() -> dict[str, Any]:
     """What is to be flown for the tests of this module."""
-    mission = missions("circle-wind", in_slots=True)
+    mission = content_of(on_the_circle(), "json")
     impatient = {**mission, "patience": {"prediction_s": PREDICTION_S}}
     return {
         "troubled": (troubled, {"mission": mission, "DURATION": str(ENDS_S)}),

@@ -1,18 +1,16 @@
 """Orders and a lost leader in containers: the console's container orders while companions are killed."""
 
-from collections.abc import Callable
 from datetime import datetime
 from math import hypot
 from typing import Any
 
 import pytest
 
-from tests.docker.console import free_port
 from tests.docker.flown import Flown
 from tests.docker.formation import Formation
+from tests.kit.missions import content_of, on_the_circle
+from tests.kit.sockets import free_port
 from vfguide.lab.report.geometry import seen_from_leader
-
-Tell = Callable[[str], None]
 
 SPACING_M = 25.0
 
@@ -78,7 +76,7 @@ def ordered(formation: Formation) -> Flown:
     return formation.finish(seen)
 
 
-def docker_flights(missions: Callable[..., dict[str, Any]]) -> dict[str, Any]:
+def docker_flights() -> dict[str, Any]:
     """What is to be flown for the tests of this module."""
     settings = {
         "COMPOSE_PROFILES": "demo,console",
@@ -86,7 +84,7 @@ def docker_flights(missions: Callable[..., dict[str, Any]]) -> dict[str, Any]:
         "CONSOLE_PORT": str(free_port()),
         "DURATION": f"{ENDS_S:g}",
     }
-    mission = {**missions("circle-wind", in_slots=True), "deputies": ["f1", "f2"]}
+    mission = {**content_of(on_the_circle(), "json"), "deputies": ["f1", "f2"]}
     return {"ordered": (ordered, {"mission": mission, **settings})}
 
 

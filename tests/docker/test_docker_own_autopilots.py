@@ -4,13 +4,14 @@ import math
 import subprocess
 import sys
 import time
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from tests.docker.console import free_port, look_at_console
+from tests.docker.console import look_at_console
 from tests.docker.flown import Flown
 from tests.docker.formation import Formation
+from tests.kit.missions import content_of
+from tests.kit.sockets import free_port
 from vfguide.lab.rehearsal.watched import TruthCollector
 from vfguide.lab.report.geometry import slot_error
 from vfguide.mission import Mission, load_mission
@@ -69,14 +70,14 @@ def own_autopilots(formation: Formation) -> Flown:
     return formation.unjudged(COMPANIONS, {"astray": astray, "console": console})
 
 
-def docker_flights(missions: Callable[..., dict[str, Any]]) -> dict[str, Any]:
+def docker_flights() -> dict[str, Any]:
     """What is to be flown for the tests of this module."""
     settings = {
         "COMPOSE_PROFILES": "sitl,console",
         "CONSOLE_PORT": str(free_port()),
         "ENGAGE": "--engage",
     }
-    return {"own": (own_autopilots, {"mission": missions("circle-calm"), **settings})}
+    return {"own": (own_autopilots, {"mission": content_of("circle-calm", "json"), **settings})}
 
 
 def test_companions_in_containers_lead_autopilots_of_ones_own(flights):

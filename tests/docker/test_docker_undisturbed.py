@@ -3,7 +3,6 @@
 import json
 import re
 import time
-from collections.abc import Callable
 from datetime import datetime
 from typing import Any
 
@@ -11,8 +10,7 @@ import pytest
 
 from tests.docker.flown import Flown
 from tests.docker.formation import Formation
-
-Tell = Callable[[str], None]
+from tests.kit.missions import content_of, on_the_circle
 
 FLIGHT_S = {"windy": 64.0, "direct": 48.0}
 """Everyone has to be in the slots within 60 s. Without a broker they start there: companions take over some
@@ -112,12 +110,15 @@ def plain(formation: Formation) -> Flown:
     return formation.finish()
 
 
-def docker_flights(missions: Callable[..., dict[str, Any]]) -> dict[str, Any]:
+def docker_flights() -> dict[str, Any]:
     """What is to be flown for the tests of this module."""
     duration = {name: str(flight_s) for name, flight_s in FLIGHT_S.items()}
-    direct = missions("circle-wind", in_slots=True)
+    direct = content_of(on_the_circle(), "json")
     return {
-        "windy": (measured, {"mission": missions("circle-wind"), "DURATION": duration["windy"]}),
+        "windy": (
+            measured,
+            {"mission": content_of("circle-wind", "json"), "DURATION": duration["windy"]},
+        ),
         "direct": (
             plain,
             {"mission": direct, "COMPOSE_PROFILES": "direct", "DURATION": duration["direct"]},

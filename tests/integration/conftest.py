@@ -2,8 +2,12 @@
 
 import os
 import shutil
+from collections.abc import Callable, Iterator
+from pathlib import Path
 
 import pytest
+
+from tests.kit.programs import Mosquitto, brokers
 
 
 def program(name: str, package: str) -> str:
@@ -25,3 +29,10 @@ def mosquitto_program() -> str:
 @pytest.fixture(scope="session")
 def openssl_program() -> str:
     return program("openssl", "openssl")
+
+
+@pytest.fixture
+def mosquitto(tmp_path: Path, mosquitto_program: str) -> Iterator[Callable[..., Mosquitto]]:
+    """Starts brokers, with lines of configuration to add."""
+    with brokers(mosquitto_program, tmp_path) as make:
+        yield make

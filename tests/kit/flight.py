@@ -51,13 +51,15 @@ class Flight:
         off = [slot_error(record.reference, one).distance_m[when] for one in record.followers]
         return np.array(off)
 
-    def nearest(self, from_s: float = 0.0, among: set[str] | None = None) -> float:
-        """Least distance of any two from a time on, m."""
-        later = self.record.time_s >= from_s
+    def nearest(
+        self, from_s: float = 0.0, to_s: float = np.inf, *, among: set[str] | None = None
+    ) -> float:
+        """Least distance of any two between two times, m."""
+        when = (self.record.time_s >= from_s) & (self.record.time_s < to_s)
         pairs = pair_separations(self.record)
         if among is not None:
             pairs = [one for one in pairs if {one.first, one.second} <= among]
-        return min(float(one.distance_m[later].min()) for one in pairs)
+        return min(float(one.distance_m[when].min()) for one in pairs)
 
     def vehicle(self, name: str) -> VehicleRecord:
         return next(one for one in self.record.vehicles if one.name == name)

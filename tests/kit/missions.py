@@ -3,7 +3,7 @@
 import re
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import pytest
 
@@ -37,10 +37,10 @@ def shipped(name: str) -> Mission:
     return load_mission(MISSIONS / f"{name}.yaml")
 
 
-def content_of(name: str | Mission) -> Change:
+def content_of(name: str | Mission, mode: Literal["python", "json"] = "python") -> Change:
     """Return what is in a mission's file, to be changed."""
     mission = shipped(name) if isinstance(name, str) else name
-    return mission.model_dump(exclude_unset=True)
+    return mission.model_dump(mode=mode, exclude_unset=True)
 
 
 def mission_with(name: str | Mission, /, **sections: Change) -> Mission:
@@ -59,6 +59,13 @@ def replaced(name: str | Mission, /, **sections: Any) -> Mission:
 def in_place(name: str, **rehearsal: Any) -> Mission:
     """Make a mission that comes along with everyone in the slot at the beginning."""
     return mission_with(name, rehearsal={"start": IN_PLACE, **rehearsal})
+
+
+def on_the_circle(**rehearsal: Any) -> Mission:
+    """Make the article's circle in wind, with everyone in place and on course at the beginning."""
+    leader = {"north_m": 0.0, "east_m": 0.0, "course_deg": 270.0}
+    start = IN_PLACE | {"leader": leader}
+    return mission_with("circle-wind", rehearsal={"start": start, **rehearsal})
 
 
 def plan_of(name: str = "line-calm", vehicle: str = "f1") -> FlightPlan:

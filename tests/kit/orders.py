@@ -11,7 +11,9 @@ from vfguide.companion.plan import FlightPlan
 from vfguide.companion.timing import SAME_CLOCK
 from vfguide.formation.arrangement import Arrangement, HoldCircle, Manoeuvre, Point, SlotMove
 from vfguide.formation.transition import MotionLimits
-from vfguide.link.order_codec import Reply, decode_reply, encode_order
+from vfguide.lab.order_desk import OrderDesk
+from vfguide.link.codec import is_leaders
+from vfguide.link.order_codec import ORDER_MAGIC, REPLY_MAGIC, Reply, decode_reply, encode_order
 from vfguide.state import HeardState
 
 NAMES = ("leader", "f1", "f2", "f3")
@@ -98,6 +100,18 @@ class Formation:
             name: 0 if member.flight.flown is None else member.flight.flown.number
             for name, member in self.members.items()
         }
+
+
+def overhear(desk: OrderDesk, sender: str, data: bytes) -> None:
+    """Let an operator's program hear what somebody says."""
+    if data.startswith(ORDER_MAGIC):
+        desk.heard_order(data, data, repeated=True)
+    elif data.startswith(REPLY_MAGIC):
+        desk.heard_reply(sender, data)
+    elif is_leaders(data):
+        desk.heard_lead(sender, data)
+    else:
+        desk.heard_state(sender, data)
 
 
 def heard(time_s: float, number: int) -> HeardState:

@@ -199,10 +199,7 @@ def made_up_flight(
         behind = (STARTS[name][0] - slot[0]) * decay + smooth_noise(time_s, 0.04, 1.0 + number)
         aside = (STARTS[name][1] - slot[1]) * decay + smooth_noise(time_s, 0.03, 4.0 + number)
         forward, right = slot[0] + behind, slot[1] + aside
-        position = (
-            north + forward * cosine - right * sine,
-            east + forward * sine + right * cosine,
-        )
+        position = (north + forward * cosine - right * sine, east + forward * sine + right * cosine)
         vehicles.append(
             moving_vehicle(
                 name,

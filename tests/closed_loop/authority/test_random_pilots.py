@@ -1,36 +1,18 @@
 """Whatever happens: a mode that the pilot has selected is the pilot's to change."""
 
-import importlib.util
-import sys
-from pathlib import Path
-from types import ModuleType
-
 import pytest
 from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, rule
 
-
-def load() -> ModuleType:
-    """The benchmark that anybody can run."""
-    file = Path(__file__).parents[2] / "benchmarks" / "authority.py"
-    spec = importlib.util.spec_from_file_location("benchmark_of_authority", file)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[spec.name] = module
-    spec.loader.exec_module(module)
-    return module
-
-
-AUTHORITY = load()
+from tests.benchmarks.authority import ACTIONS, Encounter, meet
 
 
 @pytest.mark.parametrize("seed", [11, 21])
 def test_no_mode_of_a_pilot_is_undone(seed):
-    counts, undone = AUTHORITY.meet(40, seed)
+    counts, undone = meet(40, seed)
     assert undone == []
-    assert sum(counts[action] for action in set(AUTHORITY.ACTIONS)) == 40
+    assert sum(counts[action] for action in set(ACTIONS)) == 40
 
 
 class PilotMachine(RuleBasedStateMachine):
@@ -38,10 +20,10 @@ class PilotMachine(RuleBasedStateMachine):
 
     @initialize(kind=st.sampled_from(["ardupilot", "px4"]), seed=st.integers(0, 9))
     def begin(self, kind: str, seed: int) -> None:
-        self.encounter = AUTHORITY.Encounter(seed, kind)
+        self.encounter = Encounter(seed, kind)
 
     @rule(
-        action=st.sampled_from(sorted(set(AUTHORITY.ACTIONS))),
+        action=st.sampled_from(sorted(set(ACTIONS))),
         length_s=st.sampled_from([0.1, 0.7, 1.3, 2.6]),
     )
     def happen(self, action: str, length_s: float) -> None:

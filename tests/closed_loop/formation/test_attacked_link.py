@@ -62,8 +62,7 @@ class Wire:
             for number, name in enumerate(names)
         }
         roster = Roster(
-            formation=mission.name,
-            vehicles={name: public_bytes(key) for name, key in keys.items()},
+            formation=mission.name, vehicles={name: public_bytes(key) for name, key in keys.items()}
         )
         for number, name in enumerate(names):
             book = self.believed.setdefault(name, [])

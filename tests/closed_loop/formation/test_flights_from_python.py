@@ -1,15 +1,15 @@
 """Flying from Python, as the documentation shows it."""
 
 import json
-import os
 import shutil
-import subprocess
+from itertools import product
 
 import numpy as np
 import pytest
 
 import vfguide
-from tests.kit.missions import MISSIONS, ROOT
+from tests.kit.missions import MISSIONS, ROOT, shipped
+from tests.kit.programs import elsewhere
 from vfguide.errors import InputError
 from vfguide.laws import Law
 
@@ -34,27 +34,25 @@ def test_a_flight_has_its_figures_and_its_data_by_vehicle(tmp_path):
 
 
 def test_laws_are_compared_over_the_same_seeds():
-    mission = vfguide.load_mission(MISSION)
+    mission = shipped("line-calm")
     found = vfguide.compare(mission, laws=["slot", "pid"], seeds=[1, 2], duration_s=3.0)
-    assert [(one.law, one.seed) for one in found] == [
-        ("slot", 1),
-        ("slot", 2),
-        ("pid", 1),
-        ("pid", 2),
-    ]
+    expected = [("slot", 1), ("slot", 2), ("pid", 1), ("pid", 2)]
+    assert [(one.law, one.seed) for one in found] == expected
     assert [one.summary.controller for one in found] == ["slot", "slot", "pid", "pid"]
 
 
-def test_what_cannot_be_flown_is_said():
-    mission = vfguide.load_mission(MISSION)
-    with pytest.raises(InputError, match="solt: there is no such law; known are slot, article"):
-        vfguide.fly(mission, law="solt")
-    with pytest.raises(InputError, match=r"controller\.k_z: unknown field"):
-        vfguide.fly(mission, settings={"controller.k_z": 1.0})
-    with pytest.raises(InputError, match="boundary_layer_factor"):
-        vfguide.fly(mission, settings={"controller.boundary_layer_factor": 0.1})
-    with pytest.raises(InputError, match="Nameless: the law has no name"):
-        vfguide.fly(mission, law=type("Nameless", (Law,), {}))
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"law": "solt"}, "solt: there is no such law; known are slot, article"),
+        ({"settings": {"controller.k_z": 1.0}}, r"controller\.k_z: unknown field"),
+        ({"settings": {"controller.boundary_layer_factor": 0.1}}, "boundary_layer_factor"),
+        ({"law": type("Nameless", (Law,), {})}, "Nameless: the law has no name"),
+    ],
+)
+def test_what_cannot_be_flown_is_said(changes, said):
+    with pytest.raises(InputError, match=said):
+        vfguide.fly(shipped("line-calm"), **changes)
 
 
 def test_the_public_names_are_those_that_are_documented():
@@ -64,19 +62,12 @@ def test_the_public_names_are_those_that_are_documented():
 
 
 def test_every_combination_of_settings_is_flown_and_is_a_row_of_a_table():
-    mission = vfguide.load_mission(MISSION)
+    mission = shipped("line-calm")
     swept = {"controller.k_x": [0.2, 0.4], "rehearsal.link_loss": [0.0, 0.5, 0.9]}
-    found = vfguide.compare(
-        mission, settings=swept, metrics=[flown_s, greatest_bank], duration_s=3.0
-    )
-    assert [tuple(one.settings.values()) for one in found] == [
-        (0.2, 0.0),
-        (0.2, 0.5),
-        (0.2, 0.9),
-        (0.4, 0.0),
-        (0.4, 0.5),
-        (0.4, 0.9),
-    ]
+    metrics = [flown_s, greatest_bank]
+    found = vfguide.compare(mission, settings=swept, metrics=metrics, duration_s=3.0)
+    expected = list(product((0.2, 0.4), (0.0, 0.5, 0.9)))
+    assert [tuple(one.settings.values()) for one in found] == expected
     row = found[-1].row()
     assert (row["law"], row["seed"], row["controller.k_x"]) == ("slot", 1, 0.4)
     assert row["flown_s"] == 3.0
@@ -88,19 +79,28 @@ def raises(flight: vfguide.Flight) -> float:
     raise KeyError(flight.summary.mission)
 
 
-def test_what_cannot_be_compared_is_one_line():
-    mission = vfguide.load_mission(MISSION)
-    with pytest.raises(InputError, match=r'settings of compare are lists of values; write \{"co'):
-        vfguide.compare(mission, settings={"controller.k_x": 0.3})  # type: ignore[dict-item]
-    with pytest.raises(InputError, match="laws and seeds are lists"):
-        vfguide.compare(mission, laws="slot")
-    with pytest.raises(InputError, match="metrics is a list of functions"):
-        vfguide.compare(mission, metrics=raises)  # type: ignore[arg-type]
-    with pytest.raises(InputError, match=r"metric raises fails \(KeyError in .*law slot, seed 1"):
-        vfguide.compare(mission, metrics=[raises], duration_s=2.0)
-    with pytest.raises(
-        InputError, match=r"'circle-calm' is no mission; write vfguide\.load_mission"
-    ):
+@pytest.mark.parametrize(
+    ("what", "said"),
+    [
+        (
+            {"settings": {"controller.k_x": 0.3}},
+            r'settings of compare are lists of values; write \{"co',
+        ),
+        ({"laws": "slot"}, "laws and seeds are lists"),
+        ({"metrics": raises}, "metrics is a list of functions"),
+        (
+            {"metrics": [raises], "duration_s": 2.0},
+            r"metric raises fails \(KeyError in .*law slot, seed 1",
+        ),
+    ],
+)
+def test_what_cannot_be_compared_is_one_line(what, said):
+    with pytest.raises(InputError, match=said):
+        vfguide.compare(shipped("line-calm"), **what)
+
+
+def test_the_name_of_a_mission_is_no_mission():
+    with pytest.raises(InputError, match=r"'circle-calm' is no mission; write vfguide\.load_mis"):
         vfguide.fly("circle-calm")  # type: ignore[arg-type]
 
 
@@ -128,15 +128,7 @@ def test_the_notebook_prints_the_articles_table(tmp_path, installed):
     code = ["".join(cell["source"]) for cell in cells if cell["cell_type"] == "code"]
     script = "\n".join(code).replace("DURATION_S = 300.0", "DURATION_S = 40.0")
     assert script.count("40.0") == 1
-    ran = subprocess.run(
-        [installed, "-c", script],
-        cwd=tmp_path,
-        env={**os.environ, "VFGUIDE_PLUGINS": "", "MPLBACKEND": "agg"},
-        capture_output=True,
-        text=True,
-        timeout=300,
-        check=False,
-    )
+    ran = elsewhere(installed, tmp_path, "-c", script, MPLBACKEND="agg")
     assert ran.returncode == 0, ran.stderr
     rows = {line.split()[0]: line.split()[1:] for line in ran.stdout.splitlines()[1:]}
     assert list(rows) == ["line-calm", "line-wind", "circle-calm", "circle-wind"]
@@ -161,15 +153,7 @@ def test_the_examples_run_where_they_are_copied_to(tmp_path, installed, example,
     script = script.replace("DURATION_S = 60.0", "DURATION_S = 40.0")
     assert "60.0" not in script
     (tmp_path / example).write_text(script)
-    ran = subprocess.run(
-        [installed, example, MISSION],
-        cwd=tmp_path,
-        env={**os.environ, "VFGUIDE_PLUGINS": ""},
-        capture_output=True,
-        text=True,
-        timeout=300,
-        check=False,
-    )
+    ran = elsewhere(installed, tmp_path, example, MISSION)
     assert ran.returncode == 0, ran.stderr
     assert ran.stdout.startswith(said)
     # The last line is the last law, or the worst of all combinations.

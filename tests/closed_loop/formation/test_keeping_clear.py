@@ -38,10 +38,7 @@ CASES = {
         Event(15.0, "killed", "f2"),
         Event(20.0, "restarted", "f2"),
     ),
-    "a pilot loiters for ten seconds": (
-        Event(15.0, "LOITER", "f1"),
-        Event(25.0, "GUIDED", "f1"),
-    ),
+    "a pilot loiters for ten seconds": (Event(15.0, "LOITER", "f1"), Event(25.0, "GUIDED", "f1")),
     "the leader's autopilot hangs": (
         Event(15.0, "frozen", "leader"),
         Event(20.0, "thawed", "leader"),

@@ -13,15 +13,15 @@ from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, pr
 
 from tests.kit.formation import GUIDED, LOITER, SET_MODE
 from tests.kit.missions import content_of
+from tests.kit.orders import overhear
 from tests.kit.wire import command_long, packed
 from vfguide.companion.succession import DEAF_S
 from vfguide.errors import VfguideError
 from vfguide.formation.orders import Order
 from vfguide.lab.order_desk import OrderDesk
 from vfguide.lab.rehearsal.aircraft import OPERATOR, Aircraft
-from vfguide.link.codec import is_leaders
 from vfguide.link.memory import LinkQuality, Mail
-from vfguide.link.order_codec import ORDER_MAGIC, REPLY_MAGIC, encode_order
+from vfguide.link.order_codec import encode_order
 from vfguide.mission import Mission
 from vfguide.mission.order_plan import resolve
 from vfguide.mission.rehearsal import Loss
@@ -202,21 +202,10 @@ class Ordered(Flight):
             return []
         for sender, data in self.mail:
             if self.group[sender] == 0:
-                self.hear(sender, data)
+                overhear(self.desk, sender, data)
         if self.now > self.given_until or self.steps % 10 != 0:
             return []
         return [(OPERATOR, self.said)]
-
-    def hear(self, sender: str, data: bytes) -> None:
-        """As the operator's program."""
-        if data.startswith(ORDER_MAGIC):
-            self.desk.heard_order(data, data, repeated=True)
-        elif data.startswith(REPLY_MAGIC):
-            self.desk.heard_reply(sender, data)
-        elif is_leaders(data):
-            self.desk.heard_lead(sender, data)
-        else:
-            self.desk.heard_state(sender, data)
 
     @rule(order=st.sampled_from(ORDERS), later_s=st.floats(0.0, 12.0))
     def order(self, order: Order, later_s: float) -> None:
@@ -286,10 +275,7 @@ class Circling(Flight):
 
 
 Flight.TestCase.settings = settings(
-    max_examples=3,
-    stateful_step_count=8,
-    deadline=None,
-    suppress_health_check=list(HealthCheck),
+    max_examples=3, stateful_step_count=8, deadline=None, suppress_health_check=list(HealthCheck)
 )
 Ordered.TestCase.settings = settings(
     Flight.TestCase.settings, max_examples=6, stateful_step_count=10

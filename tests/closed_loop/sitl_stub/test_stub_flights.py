@@ -6,15 +6,7 @@ from typing import Literal
 import pytest
 from pymap3d.vincenty import vdist
 
-from sitl_stub import (
-    ArticleWind,
-    Autopilot,
-    CalmWind,
-    PlantParameters,
-    SteadyWind,
-    Truth,
-    Wind,
-)
+from sitl_stub import ArticleWind, Autopilot, CalmWind, PlantParameters, SteadyWind, Truth, Wind
 from tests.kit.autopilot import config_of
 from tests.kit.wire import command_long, packed
 

@@ -5,12 +5,14 @@ import os
 import subprocess
 import sys
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
 
+from tests.kit import programs
+from tests.kit.programs import Outcome, vfguide
 from vfguide.cli import main
 from vfguide.commands import check
 
@@ -44,23 +46,6 @@ acceptance: {mean_error_m: 1, settle_10m_s: 15}
 """Two aircraft, the follower nearly in its slot: well within its acceptance after 20 s."""
 
 
-PATIENCE_S = 120.0
-"""For a process that hangs; no test waits for it."""
-
-
-@dataclass(frozen=True, slots=True)
-class Outcome:
-    """How a command ended."""
-
-    status: int
-    out: str
-    err: str
-
-    @property
-    def lines(self) -> list[str]:
-        return self.err.splitlines()
-
-
 Command = Callable[..., Outcome]
 MissionFile = Callable[..., Path]
 
@@ -88,26 +73,10 @@ def process() -> Command:
     """Runs a command as a process of its own."""
 
     def run(
-        *arguments: str | Path,
-        environment: Mapping[str, str] | None = None,
-        stdout: int = asyncio.subprocess.PIPE,
-        stderr: int = asyncio.subprocess.PIPE,
+        *arguments: str | Path, environment: Mapping[str, str] | None = None, **options: int
     ) -> Outcome:
-        async def ended() -> Outcome:
-            command = await asyncio.create_subprocess_exec(
-                *(sys.executable, "-m", "vfguide"),
-                *(str(one) for one in arguments),
-                stdout=stdout,
-                stderr=stderr,
-                env={**os.environ, **(environment or {})},
-            )
-            async with asyncio.timeout(PATIENCE_S):
-                out, err = await command.communicate()
-            return Outcome(command.returncode or 0, (out or b"").decode(), (err or b"").decode())
-
-        outcome = asyncio.run(ended())
-        assert "Traceback" not in outcome.err
-        return outcome
+        environment = {**os.environ, **(environment or {})}
+        return asyncio.run(vfguide(*arguments, env=environment, **options))
 
     return run
 
@@ -118,6 +87,12 @@ def unflown(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(check, "with_expectation", lambda found, *_: found)
 
 
+@pytest.fixture
+def unplotted(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Leave out the plots, which take longer than the flight and are looked at elsewhere."""
+    monkeypatch.setattr("vfguide.lab.report.page.write_report", lambda _record, _directory: None)
+
+
 def changed(text: str, changes: Sequence[tuple[str, str]]) -> str:
     """A text with some of its words replaced by others."""
     for old, new in changes:
@@ -126,28 +101,25 @@ def changed(text: str, changes: Sequence[tuple[str, str]]) -> str:
     return text
 
 
-@pytest.fixture
-def alone_with(tmp_path: Path) -> MissionFile:
-    """Writes the mission of a leader by itself, with changes."""
+def mission_file(text: str, name: str, directory: Path) -> MissionFile:
+    """Writes a mission with changes."""
 
-    def write(*changes: tuple[str, str], name: str = "alone.yaml") -> Path:
-        path = tmp_path / name
-        path.write_text(changed(ALONE, changes), encoding="utf-8")
+    def write(*changes: tuple[str, str], name: str = name) -> Path:
+        path = directory / name
+        path.write_text(changed(text, changes), encoding="utf-8")
         return path
 
     return write
+
+
+@pytest.fixture
+def alone_with(tmp_path: Path) -> MissionFile:
+    return mission_file(ALONE, "alone.yaml", tmp_path)
 
 
 @pytest.fixture
 def pair_with(tmp_path: Path) -> MissionFile:
-    """Writes the mission of two aircraft, with changes."""
-
-    def write(*changes: tuple[str, str], name: str = "pair.yaml") -> Path:
-        path = tmp_path / name
-        path.write_text(changed(PAIR, changes), encoding="utf-8")
-        return path
-
-    return write
+    return mission_file(PAIR, "pair.yaml", tmp_path)
 
 
 @pytest.fixture(scope="session")
@@ -168,16 +140,4 @@ Elsewhere = Callable[..., subprocess.CompletedProcess[str]]
 def elsewhere(tmp_path: Path, installed: Path) -> Elsewhere:
     """Runs `python -m PROGRAM ...` of the installed wheel in a directory that holds nothing else."""
 
-    def start(program: str, *arguments: str | Path) -> subprocess.CompletedProcess[str]:
-        environment = {key: value for key, value in os.environ.items() if key != "VFGUIDE_PLUGINS"}
-        return subprocess.run(
-            [installed, "-m", program, *map(str, arguments)],
-            cwd=tmp_path,
-            env=environment,
-            capture_output=True,
-            text=True,
-            timeout=300,
-            check=False,
-        )
-
-    return start
+    return partial(programs.elsewhere, installed, tmp_path, "-m")

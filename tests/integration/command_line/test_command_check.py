@@ -2,13 +2,9 @@
 
 import json
 import re
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import pytest
-
-Make = Callable[..., Any]
 
 MISSIONS = sorted((Path(__file__).parents[3] / "missions").glob("*.yaml"))
 

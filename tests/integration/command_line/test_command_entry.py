@@ -3,14 +3,9 @@
 import asyncio
 import signal
 import sys
-from collections.abc import Callable
 from importlib.metadata import version
-from typing import Any
 
-Make = Callable[..., Any]
-
-PATIENCE_S = 60.0
-"""For a process that hangs; the test does not wait for it."""
+from tests.kit.sockets import PATIENCE_S
 
 
 def test_the_version_is_told(command):

@@ -1,13 +1,8 @@
 """`vfguide fly`: its exit status, and one line for each fault."""
 
-from collections.abc import Callable
-from typing import Any
-
 import pytest
 
 from vfguide.errors import VfguideError
-
-Make = Callable[..., Any]
 
 
 def test_a_flight_within_its_acceptance_ends_with_0(flown):

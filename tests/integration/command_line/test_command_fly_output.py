@@ -3,7 +3,7 @@
 import errno
 import json
 import os
-from collections.abc import Callable
+from collections import Counter
 from itertools import pairwise
 from pathlib import Path
 from types import SimpleNamespace
@@ -15,37 +15,31 @@ from pymavlink import mavutil
 from vfguide.record.flight import FlightRecord
 from vfguide.record.tlog import TelemetryLog
 
-Make = Callable[..., Any]
-
 REMEDY = "give another directory with --out, or --force to replace it"
 
 NUMBER = (int, float)
-SPREAD = {"mean": NUMBER, "p95": NUMBER, "max": NUMBER}
+
+
+def numbers(*names: str) -> dict[str, Any]:
+    """Fields that are numbers."""
+    return dict.fromkeys(names, NUMBER)
+
+
+SPREAD = numbers("mean", "p95", "max")
 SUMMARY = {
-    "mission": str,
-    "controller": str,
-    "plant": str,
-    "wind": str,
-    "mode": str,
-    "rate_hz": NUMBER,
+    **dict.fromkeys(("mission", "controller", "plant", "wind", "mode"), str),
+    **numbers("rate_hz", "duration_s", "wall_s", "real_time_factor"),
     "seed": int,
-    "duration_s": NUMBER,
-    "wall_s": NUMBER,
-    "real_time_factor": NUMBER,
     "accepted": bool,
-    "formation": {
-        "mean_error_m": NUMBER,
-        "p95_error_m": NUMBER,
-        "max_error_m": NUMBER,
-        "settle_10m_s": NUMBER,
-        "settle_1m_s": NUMBER,
-        "min_separation_m": NUMBER,
-    },
+    "formation": numbers(
+        *("mean_error_m", "p95_error_m", "max_error_m", "settle_10m_s", "settle_1m_s"),
+        "min_separation_m",
+    ),
     "vehicles": {
         "lead": {
             "role": str,
             "cross_track_error_m": SPREAD,
-            "course_setpoint_variation_rad_s": NUMBER,
+            **numbers("course_setpoint_variation_rad_s"),
         },
         "wing": {
             "role": str,
@@ -53,11 +47,8 @@ SUMMARY = {
             "along_track_error_m": SPREAD,
             "cross_track_error_m": SPREAD,
             "height_error_m": SPREAD,
-            "limited_fraction": NUMBER,
-            "bank_limited_fraction": NUMBER,
-            "speed_limited_fraction": NUMBER,
-            "roll_rate_rad_s": NUMBER,
-            "speed_setpoint_variation_m_s2": NUMBER,
+            **numbers("limited_fraction", "bank_limited_fraction", "speed_limited_fraction"),
+            **numbers("roll_rate_rad_s", "speed_setpoint_variation_m_s2"),
         },
     },
 }
@@ -142,9 +133,7 @@ def test_pymavlink_reads_both_directions_back_in_the_order_of_time(flown, vehicl
         messages.append(message)
         times.append(log.timestamp)
     log.close()
-    counts: dict[str, int] = {}
-    for message in messages:
-        counts[message.get_type()] = counts.get(message.get_type(), 0) + 1
+    counts = Counter(message.get_type() for message in messages)
     assert "BAD_DATA" not in counts
     assert counts["GLOBAL_POSITION_INT"] >= 20 * 18
     commands = [one for one in messages if one.get_type() == "COMMAND_INT"]

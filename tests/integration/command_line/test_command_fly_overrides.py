@@ -14,12 +14,9 @@ SLOW = "{system_id: 1, airspeed_range_m_s: [5, 32]}"
 
 
 @pytest.fixture
-def recorded(
-    command: Make, pair_with: Make, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> Make:
+def recorded(command: Make, pair_with: Make, tmp_path: Path, unplotted: None) -> Make:
     """Flies the pair with options: its summary, and the arrays of its record."""
-    # plots take longer than the flight
-    monkeypatch.setattr("vfguide.lab.report.page.write_report", lambda _record, _directory: None)
+    del unplotted
 
     def fly(name: str, *options: str | int) -> tuple[dict[str, Any], dict[str, Any]]:
         directory = tmp_path / name

@@ -5,23 +5,18 @@ import json
 import os
 import signal
 import sys
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager, nullcontext, suppress
 from itertools import count
 from pathlib import Path
-from typing import Any
 
 import pytest
 
+from tests.kit.sockets import PATIENCE_S
 from vfguide.record.flight import FlightRecord
-
-Make = Callable[..., Any]
 
 LONG_S = 400
 """Virtual seconds: when the first progress line comes, four fifths are still to fly."""
-
-PATIENCE_S = 120.0
-"""For a process that hangs; none of the tests waits for it."""
 
 
 @asynccontextmanager
@@ -83,9 +78,8 @@ async def test_who_stops_the_report_too_is_told_what_is_left(pair_with, tmp_path
     assert FlightRecord.load(left / "flight.npz").interrupted
 
 
+@pytest.mark.usefixtures("unplotted")
 def test_a_stopped_flight_takes_no_earlier_ones_place(command, alone_with, tmp_path, monkeypatch):
-    # The plots are looked at elsewhere.
-    monkeypatch.setattr("vfguide.lab.report.page.write_report", lambda _record, _directory: None)
     directory = tmp_path / "out"
     fly = ("fly", alone_with(), "--duration", 2, "--out", directory)
     assert command(*fly).status == 0

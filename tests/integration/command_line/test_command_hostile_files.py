@@ -1,13 +1,9 @@
 """Whatever is given for a mission file ends with status 2 and a line, never with a traceback."""
 
 import os
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import pytest
-
-Make = Callable[..., Any]
 
 BOMB = "a: &a [x, x, x, x]\n" + "".join(
     f"{name}: &{name} [{', '.join([f'*{before}'] * 9)}]\n"

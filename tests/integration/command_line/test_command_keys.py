@@ -23,6 +23,7 @@ from vfguide.link.keys import (
 Make = Callable[..., Any]
 
 COMPANION = ("--mavlink=udpin://127.0.0.1:14999", "--link=mqtt://127.0.0.1:1")
+RADIO = "--link=serial:///dev/ttyNONE:57600"
 
 
 @pytest.fixture
@@ -38,6 +39,14 @@ def keyed(command: Make, mission: Path) -> Path:
     """The same with keys."""
     assert command("keys", "make", mission).status == 0
     return mission
+
+
+def refusal(command: Make, mission: Path, *options: object) -> str:
+    """The one line by which the companion of the follower refuses to start."""
+    outcome = command("companion", "wing", "--mission", mission, *options)
+    assert outcome.status == 2
+    (line,) = outcome.lines
+    return line
 
 
 def test_keys_are_made_for_everybody_and_nobody_else_may_read_them(command, mission):
@@ -98,22 +107,17 @@ def test_who_has_which_key_is_shown_and_what_is_wrong_with_it(command, keyed):
 
 
 def test_a_companion_without_a_key_says_how_to_make_one(command, mission):
-    outcome = command("companion", "wing", "--mission", mission, *COMPANION)
-    assert outcome.status == 2
-    assert outcome.lines == [
-        (
-            f"{mission.with_suffix('.keys')}/wing.key: there is no private key of 'wing'; make keys with"
-            " `vfguide keys make MISSION`, or type --insecure to believe anybody"
-        )
-    ]
+    assert refusal(command, mission, *COMPANION) == (
+        f"{mission.with_suffix('.keys')}/wing.key: there is no private key of 'wing'; make keys with"
+        " `vfguide keys make MISSION`, or type --insecure to believe anybody"
+    )
 
 
 def test_a_private_key_that_others_may_read_is_refused(command, keyed):
     path = key_places(keyed).private("wing")
     path.chmod(0o640)
-    outcome = command("companion", "wing", "--mission", keyed, *COMPANION)
-    assert outcome.status == 2
-    assert outcome.lines == [f"{path}: others may read this private key; run: chmod 600 {path}"]
+    line = refusal(command, keyed, *COMPANION)
+    assert line == f"{path}: others may read this private key; run: chmod 600 {path}"
 
 
 def test_one_radio_key_is_made_for_all_and_replaced_when_any_key_is(command, keyed):
@@ -140,22 +144,15 @@ def test_a_radio_key_that_cannot_be_used_is_one_line(command, keyed, content, mo
     path = key_places(keyed).radio
     path.write_text(content)
     path.chmod(mode)
-    link = f"--link=serial:///dev/ttyNONE:57600?key={path}"
-    outcome = command("companion", "wing", "--mission", keyed, COMPANION[0], link)
-    assert outcome.status == 2
-    assert fault in outcome.lines[-1]
+    assert fault in refusal(command, keyed, COMPANION[0], f"{RADIO}?key={path}")
 
 
 def test_a_radio_without_its_key_says_how_to_make_one(command, keyed):
-    link = "--link=serial:///dev/ttyNONE:57600"
-    outcome = command("companion", "wing", "--mission", keyed, COMPANION[0], link)
-    assert outcome.status == 2
-    assert "a radio needs the formation's radio key" in outcome.lines[-1]
-    assert "vfguide keys make" in outcome.lines[-1]
-    insecure = f"{link}?key={key_places(keyed).radio}"
-    outcome = command("companion", "wing", "--mission", keyed, COMPANION[0], insecure, "--insecure")
-    assert outcome.status == 2
-    assert "leave key= out" in outcome.lines[-1]
+    line = refusal(command, keyed, COMPANION[0], RADIO)
+    assert "a radio needs the formation's radio key" in line
+    assert "vfguide keys make" in line
+    insecure = (f"{RADIO}?key={key_places(keyed).radio}", "--insecure")
+    assert "leave key= out" in refusal(command, keyed, COMPANION[0], *insecure)
 
 
 def test_what_systemd_hands_over_counts_as_kept(keyed):
@@ -171,19 +168,14 @@ def test_a_roster_that_does_not_name_the_own_key_is_one_line(command, keyed):
     own = key_places(keyed).private("wing").read_bytes()
     assert command("keys", "rotate", keyed, "wing").status == 0
     key_places(keyed).private("wing").write_bytes(own)
-    outcome = command("companion", "wing", "--mission", keyed, *COMPANION)
-    assert outcome.status == 2
-    (line,) = outcome.lines
+    line = refusal(command, keyed, *COMPANION)
     assert line.startswith("the private key of 'wing' is not the one that the roster names")
 
 
 @pytest.mark.parametrize("option", ["--key", "--roster"])
 def test_insecure_goes_with_no_key(command, keyed, option):
-    outcome = command(
-        "companion", "wing", "--mission", keyed, *COMPANION, "--insecure", option, keyed
-    )
-    assert outcome.status == 2
-    assert outcome.lines == ["--insecure: nothing is signed; leave it out, or --key and --roster"]
+    line = refusal(command, keyed, *COMPANION, "--insecure", option, keyed)
+    assert line == "--insecure: nothing is signed; leave it out, or --key and --roster"
 
 
 @pytest.mark.parametrize(
@@ -207,9 +199,7 @@ def test_insecure_goes_with_no_key(command, keyed, option):
 def test_a_roster_that_is_none_is_one_line(command, keyed, content, fault):
     roster = key_places(keyed).roster
     roster.write_bytes(content)
-    outcome = command("companion", "wing", "--mission", keyed, *COMPANION)
-    assert outcome.status == 2
-    (line,) = outcome.lines
+    line = refusal(command, keyed, *COMPANION)
     assert line.startswith(f"{roster}: ")
     assert fault in line
 
@@ -223,11 +213,8 @@ def test_a_key_of_another_kind_is_refused(command, keyed):
         b"",
     ):
         path.write_bytes(content)
-        outcome = command("companion", "wing", "--mission", keyed, *COMPANION)
-        assert outcome.status == 2
-        assert outcome.lines == [
-            f"{path}: is no private Ed25519 key in PEM form; see `vfguide keys make`"
-        ]
+        line = refusal(command, keyed, *COMPANION)
+        assert line == f"{path}: is no private Ed25519 key in PEM form; see `vfguide keys make`"
 
 
 def test_a_status_without_a_roster_says_how_to_make_one(command, mission):

@@ -6,16 +6,14 @@ import shutil
 from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
 
 import pytest
 
+from tests.kit.programs import Outcome
 from vfguide.errors import InputError
 from vfguide.record.guidance_log import read_guidance
 from vfguide.record.recording import read_start
 from vfguide.record.tlog import read_tlog
-
-Make = Callable[..., Any]
 
 
 @pytest.fixture
@@ -23,6 +21,14 @@ def copy_of_flown(flown: SimpleNamespace, tmp_path: Path) -> Path:
     directory = tmp_path / "copy"
     shutil.copytree(flown.directory, directory)
     return directory
+
+
+def refusal(command: Callable[..., Outcome], *words: object) -> str:
+    """The one line by which a report is refused."""
+    outcome = command("report", *words)
+    assert (outcome.status, outcome.out) == (2, "")
+    (line,) = outcome.lines
+    return line
 
 
 def test_a_report_is_written_again_from_the_record(command, copy_of_flown, flown):
@@ -38,11 +44,8 @@ def test_a_report_is_written_again_from_the_record(command, copy_of_flown, flown
         assert again.read_text(encoding="utf-8") == first.read_text(encoding="utf-8")
 
 
-def test_without_a_summary_only_the_time_that_the_flight_took_is_lost(
-    command, copy_of_flown, monkeypatch
-):
-    # The plots are looked at elsewhere.
-    monkeypatch.setattr("vfguide.lab.report.page.write_report", lambda _record, _directory: None)
+@pytest.mark.usefixtures("unplotted")
+def test_without_a_summary_only_the_time_that_the_flight_took_is_lost(command, copy_of_flown):
     summary = copy_of_flown / "summary.json"
     first = json.loads(summary.read_text(encoding="utf-8"))
     for content in ("{", "[]", '{"wall_s": "long"}', '{"wall_s": NaN}', None):
@@ -55,76 +58,44 @@ def test_without_a_summary_only_the_time_that_the_flight_took_is_lost(
         assert again == {**first, "wall_s": None, "real_time_factor": None}
 
 
-def test_a_refused_flight_is_reported_without_complaint(command, pair_with, tmp_path, monkeypatch):
-    # the plots are looked at elsewhere
-    monkeypatch.setattr("vfguide.lab.report.page.write_report", lambda _record, _directory: None)
+@pytest.mark.usefixtures("unplotted")
+def test_a_refused_flight_is_reported_without_complaint(command, pair_with, tmp_path):
     command("fly", pair_with(), "--duration", 1, "--out", tmp_path / "out")
     outcome = command("report", tmp_path / "out")
     assert outcome.status == 0
     assert "Not accepted" in outcome.out
 
 
-def test_a_directory_that_is_none_is_one_line(command, tmp_path):
-    path = tmp_path / "none"
-    outcome = command("report", path)
-    assert outcome.status == 2
-    assert outcome.lines == [
-        f"{path}: no such directory; give one that `vfguide fly --out` wrote, or companions recorded into"
-    ]
-
-
-def test_whoever_names_a_file_is_told_its_directory(command, flown):
-    record = flown.directory / "flight.npz"
-    outcome = command("report", record)
-    assert outcome.status == 2
-    assert outcome.lines == [f"{record}: is a file; give its directory, {flown.directory}"]
-
-
-def test_a_report_is_of_one_rehearsal(command, flown, copy_of_flown, tmp_path):
-    outcome = command("report", flown.directory, copy_of_flown, "--out", tmp_path / "both")
-    assert outcome.status == 2
-    (line,) = outcome.lines
-    assert line.endswith("is a rehearsal, and the report is of one at a time; give it alone")
-
-
-def test_a_directory_without_a_record_is_one_line(command, tmp_path):
-    outcome = command("report", tmp_path)
-    assert outcome.status == 2
-    (line,) = outcome.lines
-    assert line == (
-        f"{tmp_path}: holds neither flight.npz nor recordings; "
-        "give a directory that `vfguide fly --out` wrote, or companions recorded into"
+def test_what_is_no_flight_is_one_line(command, flown, tmp_path):
+    path, record = tmp_path / "none", flown.directory / "flight.npz"
+    known = "give one that `vfguide fly --out` wrote, or companions recorded into"
+    assert refusal(command, path) == f"{path}: no such directory; {known}"
+    assert refusal(command, record) == f"{record}: is a file; give its directory, {flown.directory}"
+    assert refusal(command, tmp_path) == (
+        f"{tmp_path}: holds neither flight.npz nor recordings; {known.replace('one', 'a directory', 1)}"
     )
 
 
-def damage_nothing_left(content: bytes) -> bytes:
-    return content[:0]
+def test_a_report_is_of_one_rehearsal(command, flown, copy_of_flown, tmp_path):
+    line = refusal(command, flown.directory, copy_of_flown, "--out", tmp_path / "both")
+    assert line.endswith("is a rehearsal, and the report is of one at a time; give it alone")
 
 
-def damage_cut_short(content: bytes) -> bytes:
-    return content[: len(content) // 2]
+DAMAGES: dict[str, Callable[[bytes], bytes]] = {
+    "nothing left": lambda content: content[:0],
+    "cut short": lambda content: content[: len(content) // 2],
+    "in the middle": lambda content: (
+        content[: len(content) // 2] + bytes(1000) + content[len(content) // 2 + 1000 :]
+    ),
+    "something else": lambda content: b"GIF89a" + content[6:100],
+}
 
 
-def damage_in_the_middle(content: bytes) -> bytes:
-    middle = len(content) // 2
-    return content[:middle] + bytes(1000) + content[middle + 1000 :]
-
-
-def damage_something_else(content: bytes) -> bytes:
-    return b"GIF89a" + content[6:100]
-
-
-@pytest.mark.parametrize(
-    "damage",
-    [damage_nothing_left, damage_cut_short, damage_in_the_middle, damage_something_else],
-)
+@pytest.mark.parametrize("damage", DAMAGES.values(), ids=DAMAGES)
 def test_a_damaged_record_is_one_line(command, copy_of_flown, damage):
     record = copy_of_flown / "flight.npz"
     record.write_bytes(damage(record.read_bytes()))
-    outcome = command("report", copy_of_flown)
-    assert outcome.status == 2
-    assert outcome.out == ""
-    (line,) = outcome.lines
+    line = refusal(command, copy_of_flown)
     assert line.startswith(f"{record}: is no flight record")
     assert line.endswith("; give the directory of another flight, or fly it again")
 
@@ -133,20 +104,17 @@ def test_a_report_that_cannot_be_written_is_one_line(command, copy_of_flown):
     for name in ("summary.json", "report.html"):
         (copy_of_flown / name).unlink()
         (copy_of_flown / name).mkdir()
-        outcome = command("report", copy_of_flown)
-        assert outcome.status == 2
-        (line,) = outcome.lines
+        line = refusal(command, copy_of_flown)
         assert line.startswith(str(copy_of_flown))
         assert "cannot be written" in line
         (copy_of_flown / name).rmdir()
         (copy_of_flown / name).touch()
 
 
+@pytest.mark.usefixtures("unplotted")
 def test_a_report_does_not_take_the_place_of_what_is_somebody_elses(
-    command, copy_of_flown, tmp_path, monkeypatch
+    command, copy_of_flown, tmp_path
 ):
-    # The plots are looked at elsewhere.
-    monkeypatch.setattr("vfguide.lab.report.page.write_report", lambda _record, _directory: None)
     foreign, other = tmp_path / "foreign", tmp_path / "other"
     foreign.mkdir()
     (foreign / "report.html").write_text("mine")
@@ -155,9 +123,7 @@ def test_a_report_does_not_take_the_place_of_what_is_somebody_elses(
     (other / "summary.json").write_text(json.dumps({**summary, "mission": "another"}))
     for directory, said in ((foreign, "no flight has written it"), (other, "mission 'another'")):
         before = {path.name: path.read_bytes() for path in directory.iterdir()}
-        outcome = command("report", copy_of_flown, "--out", directory)
-        assert outcome.status == 2
-        (line,) = outcome.lines
+        line = refusal(command, copy_of_flown, "--out", directory)
         assert said in line
         assert line.endswith("--force to replace it")
         assert {path.name: path.read_bytes() for path in directory.iterdir()} == before
@@ -165,9 +131,8 @@ def test_a_report_does_not_take_the_place_of_what_is_somebody_elses(
         assert command("report", copy_of_flown, "--out", directory).status == 0
 
 
-def test_a_report_waits_for_no_pipe(command, copy_of_flown, tmp_path, monkeypatch):
-    # The plots are looked at elsewhere.
-    monkeypatch.setattr("vfguide.lab.report.page.write_report", lambda _record, _directory: None)
+@pytest.mark.usefixtures("unplotted")
+def test_a_report_waits_for_no_pipe(command, copy_of_flown, tmp_path):
     (copy_of_flown / "summary.json").unlink()
     os.mkfifo(copy_of_flown / "summary.json")
     assert command("report", copy_of_flown).status == 0
@@ -191,8 +156,5 @@ def test_recordings_that_a_killed_flight_left_are_named(command, tmp_path):
     recording = left / "recordings" / "one-20261122T061500Z"
     recording.mkdir(parents=True)
     (recording / "recording.json").write_text("{")
-    outcome = command("report", tmp_path)
-    assert outcome.status == 2
-    assert outcome.lines == [
-        f"{tmp_path}: holds no flight that ended; give {left}, where companions recorded"
-    ]
+    told = f"{tmp_path}: holds no flight that ended; give {left}, where companions recorded"
+    assert refusal(command, tmp_path) == told

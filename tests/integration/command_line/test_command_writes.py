@@ -49,16 +49,8 @@ COMMANDS: dict[str, Words] = {
         for ending in ("mcap", "kml", "kmz", "csv", "parquet", "plan")
     },
     "bench": lambda _, out: (
-        *(
-            "bench",
-            "monte-carlo",
-            "--formations",
-            "1",
-            "--processes",
-            "1",
-            "--json",
-            out / "figures.json",
-        ),
+        *("bench", "monte-carlo", "--formations", "1", "--processes", "1"),
+        *("--json", out / "figures.json"),
     ),
     "check": lambda flown, _: ("check", flown.directory.parent / "pair.yaml"),
 }

@@ -6,10 +6,9 @@ from collections.abc import AsyncIterator, Callable
 from contextlib import AbstractAsyncContextManager, asynccontextmanager
 
 import pytest
-from playwright.async_api import Browser, Page, async_playwright
+from playwright.async_api import Page, expect
 
-DESKTOP = {"width": 1280, "height": 900}
-PHONE = {"width": 390, "height": 844}
+from tests.kit.browser import device, launched
 
 PATIENCE_MS = 120_000
 """A busy machine takes long; no verdict depends on it."""
@@ -32,17 +31,7 @@ def chromium() -> str:
     return program
 
 
-@asynccontextmanager
-async def launched(program: str) -> AsyncIterator[Browser]:
-    """A browser for as long as the context lasts."""
-    async with async_playwright() as playwright:
-        browser = await playwright.chromium.launch(
-            executable_path=program, args=["--disable-dev-shm-usage"]
-        )
-        try:
-            yield browser
-        finally:
-            await browser.close()
+expect.set_options(timeout=PATIENCE_MS)
 
 
 @pytest.fixture
@@ -54,12 +43,7 @@ def open_page() -> OpenPage:
     async def opened(url: str, *, phone: bool = False, dark: bool = False) -> AsyncIterator[Page]:
         errors: list[str] = []
         async with launched(program) as browser:
-            context = await browser.new_context(
-                viewport=PHONE if phone else DESKTOP,  # type: ignore[arg-type]
-                has_touch=phone,
-                is_mobile=phone,
-                color_scheme="dark" if dark else "light",
-            )
+            context = await browser.new_context(**device(phone=phone, dark=dark))
             context.set_default_timeout(PATIENCE_MS)
             page = await context.new_page()
             page.on("pageerror", lambda error: errors.append(str(error)))

@@ -3,17 +3,14 @@
 import asyncio
 import re
 import signal
-import sys
 from asyncio.subprocess import PIPE, Process
 
 from tests.integration.console.streamed import aircraft_heard, logged_in
-from tests.kit.missions import MISSIONS, shipped
-
-MISSION = MISSIONS / "circle-wind.yaml"
+from tests.kit.missions import shipped
+from tests.kit.programs import running
+from tests.kit.sockets import PATIENCE_S
 
 PRINTED = re.compile(r"console: (http://127\.0\.0\.1:\d+/)\?token=\S+")
-
-PATIENCE_S = 120.0
 
 
 async def printed_address(flight: Process) -> re.Match[str]:
@@ -28,23 +25,16 @@ async def printed_address(flight: Process) -> re.Match[str]:
 
 
 async def test_a_rehearsal_is_seen_at_the_address_that_it_prints(tmp_path):
-    flight = await asyncio.create_subprocess_exec(
-        *(sys.executable, "-m", "vfguide", "fly", str(MISSION), "--live", "--console"),
-        cwd=tmp_path,
-        stdout=PIPE,
-        stderr=PIPE,
-    )
-    try:
-        async with asyncio.timeout(PATIENCE_S):
-            found = await printed_address(flight)
-            visitor = await asyncio.to_thread(logged_in, found[0].removeprefix("console: "))
-            names, heard = await asyncio.to_thread(aircraft_heard, visitor, found[1])
-            flight.send_signal(signal.SIGINT)
-            _, said = await flight.communicate()
-    finally:
-        if flight.returncode is None:
-            flight.kill()
-            await flight.wait()
+    words = ("fly", "circle-wind", "--live", "--console")
+    async with (
+        running("vfguide", *words, cwd=tmp_path, stdout=PIPE, stderr=PIPE) as flight,
+        asyncio.timeout(PATIENCE_S),
+    ):
+        found = await printed_address(flight)
+        visitor = await asyncio.to_thread(logged_in, found[0].removeprefix("console: "))
+        names, heard = await asyncio.to_thread(aircraft_heard, visitor, found[1])
+        flight.send_signal(signal.SIGINT)
+        _, said = await flight.communicate()
     status, said = flight.returncode, said.decode()
     assert heard == names == set(shipped("circle-wind").companions)
     # Stopped before its end.

@@ -1,25 +1,21 @@
 """The console on live rehearsals: what it shows while aircraft fly, companions die and the broker goes."""
 
 import re
-from collections.abc import AsyncIterator, Callable
-from contextlib import AbstractAsyncContextManager, asynccontextmanager
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
 from pathlib import Path
 from typing import TypedDict
 
 import pytest
 from playwright.async_api import Locator, Page, expect
 
-from tests.integration.live.conftest import Broker
-from tests.kit.missions import content_of
+from tests.integration.console.conftest import OpenPage
+from tests.kit.missions import on_the_circle
+from tests.kit.programs import Mosquitto
 from vfguide.commands.console import live_console
 from vfguide.lab.console.server import ConsoleAddress
 from vfguide.lab.rehearsal.live import LiveFlight, live_flight
 from vfguide.mission import Mission
-
-OpenPage = Callable[..., AbstractAsyncContextManager[Page]]
-
-
-PATIENCE_MS = 120_000
 
 SPEEDUP = 2.0
 
@@ -40,17 +36,12 @@ class Shown(TypedDict):
 
 @pytest.fixture
 def mission() -> Mission:
-    """The article's circle in wind, with everyone in place at the beginning."""
-    content = content_of("circle-wind")
-    followers = [follower["vehicle"] for follower in content["followers"]]
-    leader = {"north_m": 0.0, "east_m": 0.0, "course_deg": 270.0}
-    content["rehearsal"]["start"] = {"leader": leader, **{name: {} for name in followers}}
-    return Mission.model_validate(content)
+    return on_the_circle()
 
 
 @asynccontextmanager
 async def watched(
-    mission: Mission, broker: Broker, directory: Path, *, operators: bool = False
+    mission: Mission, broker: Mosquitto, directory: Path, *, operators: bool = False
 ) -> AsyncIterator[tuple[LiveFlight, str]]:
     """A live flight and the address of its console; orders are timed in real time."""
     speedup, token = (1.0, OPERATOR) if operators else (SPEEDUP, None)
@@ -61,17 +52,6 @@ async def watched(
         ) as url,
     ):
         yield flight, url
-
-
-@asynccontextmanager
-async def running(program: str, directory: Path) -> AsyncIterator[Broker]:
-    """A broker."""
-    broker = Broker(program, directory)
-    await broker.start()
-    try:
-        yield broker
-    finally:
-        await broker.kill()
 
 
 def card(page: Page, name: str) -> Locator:
@@ -97,17 +77,15 @@ async def overflow(page: Page) -> int:
 
 
 async def test_aircraft_move_and_a_companion_that_is_killed_turns_its_card(
-    mission, mosquitto_program, open_page, tmp_path
+    mission, mosquitto, open_page, tmp_path
 ):
+    broker = mosquitto()
     async with (
-        running(mosquitto_program, tmp_path) as broker,
         watched(mission, broker, tmp_path) as (flight, url),
         open_page(url) as page,
     ):
         for name in flight.names:
-            await expect(card(page, name).locator(".mode")).to_have_text(
-                "tracking", timeout=PATIENCE_MS
-            )
+            await expect(card(page, name).locator(".mode")).to_have_text("tracking")
         assert "token" not in page.url
         before = await place(page, "f1")
         await page.wait_for_timeout(1000)
@@ -117,12 +95,12 @@ async def test_aircraft_move_and_a_companion_that_is_killed_turns_its_card(
         assert 10.0 < moved < 200.0
         await flight.companions["f2"].kill()
         killed = card(page, "f2")
-        await expect(killed).to_have_attribute("data-level", "alarm", timeout=PATIENCE_MS)
-        await expect(killed.locator(".mode")).to_have_text("offline", timeout=PATIENCE_MS)
+        await expect(killed).to_have_attribute("data-level", "alarm")
+        await expect(killed.locator(".mode")).to_have_text("offline")
         await expect(page.get_by_role("alert")).to_contain_text("f2 has lost its companion")
         assert await card(page, "f1").get_attribute("data-level") == "good"
         await flight.companions["f2"].start()
-        await expect(killed).to_have_attribute("data-level", "good", timeout=PATIENCE_MS)
+        await expect(killed).to_have_attribute("data-level", "good")
 
 
 async def in_view(page: Page, place: Locator) -> bool:
@@ -142,7 +120,7 @@ async def in_view(page: Page, place: Locator) -> bool:
 async def looks_on(url: str, open_page: OpenPage) -> None:
     """See that who has found the address of those who look gives no orders."""
     async with open_page(url) as page:
-        await expect(page.locator("#freshness")).to_contain_text("live", timeout=PATIENCE_MS)
+        await expect(page.locator("#freshness")).to_contain_text("live")
         await expect(page.get_by_role("button", name="ABORT")).to_have_count(0)
         await expect(page.get_by_role("button", name="Rehearse")).to_have_count(0)
         assert await page.evaluate(POSTED, "/order/abort") == 403
@@ -156,11 +134,11 @@ async def order_trail(page: Page) -> None:
     await page.get_by_label("Order", exact=True).select_option("trail")
     await page.get_by_label("Spacing in metres").fill("4")
     await page.get_by_role("button", name="Rehearse").tap()
-    await expect(outcome).to_contain_text("less than 7.5 m", timeout=PATIENCE_MS)
+    await expect(outcome).to_contain_text("less than 7.5 m")
     await expect(give).to_be_disabled()
     await page.get_by_label("Spacing in metres").fill("25")
     await page.get_by_role("button", name="Rehearse").tap()
-    await expect(outcome).to_contain_text("rehearsed: nearest", timeout=PATIENCE_MS)
+    await expect(outcome).to_contain_text("rehearsed: nearest")
     await expect(give).to_be_enabled()
     # Another order than the rehearsed one is not given by mistake.
     await page.get_by_label("Spacing in metres").fill("20")
@@ -168,38 +146,36 @@ async def order_trail(page: Page) -> None:
     await page.get_by_label("Spacing in metres").fill("25")
     await give.tap()
     orders = page.get_by_role("region", name="Orders")
-    await expect(orders).to_contain_text("flown by all", timeout=PATIENCE_MS)
+    await expect(orders).to_contain_text("flown by all")
     await expect(orders).to_contain_text("f1: flies it")
-    await expect(page.locator("#flies")).to_contain_text("trail, 25 m apart", timeout=PATIENCE_MS)
+    await expect(page.locator("#flies")).to_contain_text("trail, 25 m apart")
     # Slots are where the order has them, and the aircraft come there.
-    await expect(card(page, "f3").locator(".off dd")).to_have_text(
-        re.compile(r"^[01]\.\d m$"), timeout=PATIENCE_MS
-    )
+    await expect(card(page, "f3").locator(".off dd")).to_have_text(re.compile(r"^[01]\.\d m$"))
 
 
 async def test_on_a_phone_an_order_is_rehearsed_given_and_flown_and_all_called_off_after_a_broker_s_death(
-    mission, mosquitto_program, open_page, tmp_path
+    mission, mosquitto, open_page, tmp_path
 ):
+    broker = mosquitto()
     async with (
-        running(mosquitto_program, tmp_path) as broker,
         watched(mission, broker, tmp_path, operators=True) as (_, url),
         open_page(f"{url.partition('?')[0]}?token={OPERATOR}", phone=True, dark=True) as page,
     ):
         leader, alarms = card(page, "leader"), page.get_by_role("alert")
-        await expect(leader.locator(".mode")).to_have_text("tracking", timeout=PATIENCE_MS)
+        await expect(leader.locator(".mode")).to_have_text("tracking")
         abort = page.get_by_role("button", name="ABORT")
         assert await overflow(page) <= 0
         assert await in_view(page, abort)
         await looks_on(url, open_page)
-        await broker.kill()
-        await expect(alarms).to_contain_text("No connection", timeout=PATIENCE_MS)
-        await expect(alarms).to_contain_text("No aircraft has been heard", timeout=PATIENCE_MS)
+        broker.kill()
+        await expect(alarms).to_contain_text("No connection")
+        await expect(alarms).to_contain_text("No aircraft has been heard")
         await expect(leader).to_have_attribute("data-level", "alarm")
         assert await overflow(page) <= 0
         stood = await place(page, "leader")
-        await broker.start()
-        await expect(alarms).not_to_contain_text("No connection", timeout=PATIENCE_MS)
-        await expect(leader).to_have_attribute("data-level", "good", timeout=PATIENCE_MS)
+        broker.start()
+        await expect(alarms).not_to_contain_text("No connection")
+        await expect(leader).to_have_attribute("data-level", "good")
         assert await place(page, "leader") != stood
         # Back in the flight, where words of now are left out, and to now again.
         await page.evaluate("document.getElementById('replay').player.seek(1)")
@@ -210,9 +186,7 @@ async def test_on_a_phone_an_order_is_rehearsed_given_and_flown_and_all_called_o
         assert await overflow(page) <= 0
         assert await in_view(page, abort)
         await abort.tap()
-        await expect(page.locator("#outcome")).to_contain_text(
-            "back at their autopilots", timeout=PATIENCE_MS
-        )
+        await expect(page.locator("#outcome")).to_contain_text("back at their autopilots")
         answers = page.get_by_role("list", name="Answers")
         await expect(answers).to_contain_text("f1: handed back")
         await expect(page.locator("#flies")).to_contain_text("all was called off")

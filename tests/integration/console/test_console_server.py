@@ -6,7 +6,7 @@ import socket
 import sqlite3
 import ssl
 import subprocess
-from collections.abc import Awaitable, Callable
+from contextlib import AbstractAsyncContextManager
 from pathlib import Path
 from urllib.parse import urlsplit
 
@@ -62,22 +62,17 @@ def cookies_of(page: str, token: str) -> tuple[int, list[str]]:
     return found
 
 
-def when_served(look: Callable[[str], Awaitable[None]], address: ConsoleAddress = ANYWHERE) -> None:
-    """Look at a console that is served."""
-
-    async def run() -> None:
-        async with served(Nothing(), address, title="<b>&", token="t" * 24) as url:
-            await look(url)
-
-    asyncio.run(run())
+def when_served(address: ConsoleAddress = ANYWHERE) -> AbstractAsyncContextManager[str]:
+    """A console that is served."""
+    return served(Nothing(), address, title="<b>&", token="t" * 24)
 
 
 PATHS = ("/", "/console.js", "/console.css", "/flight", "/nowhere")
 
 
 @pytest.mark.parametrize("given", ["", "?token=", "?token=wrong", "?token=" + "t" * 23])
-def test_nothing_is_shown_without_the_token(given):
-    async def look(url: str) -> None:
+async def test_nothing_is_shown_without_the_token(given):
+    async with when_served() as url:
         for path in PATHS:
             status, headers, text = await asyncio.to_thread(ask, url, path + given)
             assert status == 403
@@ -87,11 +82,9 @@ def test_nothing_is_shown_without_the_token(given):
         status, _, _ = await asyncio.to_thread(ask, url, "/flight", cookie=wrong)
         assert status == 403
 
-    when_served(look)
 
-
-def test_the_token_gives_a_cookie_that_lets_in_and_leaves_the_address():
-    async def look(url: str) -> None:
+async def test_the_token_gives_a_cookie_that_lets_in_and_leaves_the_address():
+    async with when_served() as url:
         parts = urlsplit(url)
         status, headers, _ = await asyncio.to_thread(ask, url, f"/?{parts.query}")
         assert (status, headers["location"]) == (303, "/")
@@ -105,8 +98,6 @@ def test_the_token_gives_a_cookie_that_lets_in_and_leaves_the_address():
         assert text.startswith("event: flight\ndata: {")
         status, _, _ = await asyncio.to_thread(ask, url, "/", cookie=cookie, method="POST")
         assert status == 405
-
-    when_served(look)
 
 
 async def test_operators_have_a_token_of_their_own_and_a_cookie_that_no_other_site_can_use():
@@ -129,8 +120,8 @@ async def test_operators_have_a_token_of_their_own_and_a_cookie_that_no_other_si
             assert text.startswith(first)
 
 
-def test_every_answer_allows_the_pages_own_files_alone():
-    async def look(url: str) -> None:
+async def test_every_answer_allows_the_pages_own_files_alone():
+    async with when_served() as url:
         for path in (*PATHS, "/?" + urlsplit(url).query):
             _, headers, _ = await asyncio.to_thread(ask, url, path)
             policy = headers["content-security-policy"]
@@ -139,8 +130,6 @@ def test_every_answer_allows_the_pages_own_files_alone():
             assert "http" not in policy
             assert headers["cache-control"] == "no-store"
             assert headers["referrer-policy"] == "no-referrer"
-
-    when_served(look)
 
 
 @pytest.mark.parametrize("host", ["10.0.0.1", "::", "192.0.2.7", "ground.example"])
@@ -154,35 +143,21 @@ def test_on_this_computer_none_is(host):
     ConsoleAddress(host=host).check()
 
 
-def test_with_a_certificate_it_is_served_by_tls(tmp_path, openssl_program):
+async def test_with_a_certificate_it_is_served_by_tls(tmp_path, openssl_program):
     key, certificate = tmp_path / "key.pem", tmp_path / "certificate.pem"
-    subprocess.run(
-        [
-            *(
-                openssl_program,
-                "req",
-                "-x509",
-                "-newkey",
-                "ec",
-                "-pkeyopt",
-                "ec_paramgen_curve:P-256",
-            ),
-            *(
-                "-nodes",
-                "-days",
-                "2",
-                "-subj",
-                "/CN=console",
-                "-addext",
-                "subjectAltName=IP:127.0.0.1",
-            ),
-            *("-keyout", str(key), "-out", str(certificate)),
-        ],
-        check=True,
-        capture_output=True,
+    words = "req -x509 -newkey ec -pkeyopt ec_paramgen_curve:P-256 -nodes -days 2 -subj /CN=console"
+    names = (
+        "-addext",
+        "subjectAltName=IP:127.0.0.1",
+        "-keyout",
+        str(key),
+        "-out",
+        str(certificate),
     )
-
-    async def look(url: str) -> None:
+    subprocess.run([openssl_program, *words.split(), *names], check=True, capture_output=True)
+    async with when_served(
+        ConsoleAddress(port=0, certificate=certificate, certificate_key=key)
+    ) as url:
         assert url.startswith("https://127.0.0.1:")
         query = urlsplit(url).query
         status, headers, _ = await asyncio.to_thread(
@@ -191,33 +166,27 @@ def test_with_a_certificate_it_is_served_by_tls(tmp_path, openssl_program):
         assert status == 303
         assert "Secure" in headers["set-cookie"]
 
-    when_served(look, ConsoleAddress(port=0, certificate=certificate, certificate_key=key))
 
-
-def test_a_certificate_that_is_none_is_one_line(tmp_path):
+async def test_a_certificate_that_is_none_is_one_line(tmp_path):
     wrong = tmp_path / "wrong.pem"
     wrong.write_text("nothing")
 
-    async def look(_: str) -> None:
-        raise AssertionError
-
     with pytest.raises(InputError, match="cannot be used"):
-        when_served(look, ConsoleAddress(port=0, certificate=wrong))
+        async with when_served(ConsoleAddress(port=0, certificate=wrong)):
+            pytest.fail("served")
 
 
-def test_a_port_that_is_taken_is_one_line():
-    async def look(_: str) -> None:
-        raise AssertionError
-
+async def test_a_port_that_is_taken_is_one_line():
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))
         taken.listen()
         with pytest.raises(InputError, match="choose another"):
-            when_served(look, ConsoleAddress(port=taken.getsockname()[1]))
+            async with when_served(ConsoleAddress(port=taken.getsockname()[1])):
+                pytest.fail("served")
 
 
-def test_more_pages_than_are_served_are_told_so():
-    async def look(url: str) -> None:
+async def test_more_pages_than_are_served_are_told_so():
+    async with when_served() as url:
         cookie = f"vfguide-console-{urlsplit(url).port}={'t' * 24}"
         host, port = urlsplit(url).hostname, urlsplit(url).port
         request = f"GET /flight HTTP/1.1\r\nHost: {host}\r\nCookie: {cookie}\r\n\r\n".encode()
@@ -232,8 +201,6 @@ def test_more_pages_than_are_served_are_told_so():
         assert status == 503
         for writer in writers:
             writer.close()
-
-    when_served(look)
 
 
 def test_a_token_that_is_kept_is_the_same_after_a_restart(tmp_path):
@@ -250,13 +217,11 @@ def test_a_token_that_is_kept_is_the_same_after_a_restart(tmp_path):
         kept_token(file)
 
 
-def test_a_port_that_is_published_on_the_loopback_interface_alone_needs_no_certificate():
-    async def look(url: str) -> None:
+async def test_a_port_that_is_published_on_the_loopback_interface_alone_needs_no_certificate():
+    published = ConsoleAddress(host="0.0.0.0", port=0, published="http://127.0.0.1:18080")  # noqa: S104
+    async with when_served(published) as url:
         # What people open is the address outside, whatever it is served on inside.
         assert url == "http://127.0.0.1:18080/?token=" + "t" * 24
-
-    published = ConsoleAddress(host="0.0.0.0", port=0, published="http://127.0.0.1:18080")  # noqa: S104
-    when_served(look, published)
 
 
 @pytest.mark.parametrize(

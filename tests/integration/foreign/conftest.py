@@ -4,7 +4,6 @@ import asyncio
 import json
 import os
 import subprocess
-import sys
 from collections.abc import AsyncIterator, Callable
 from contextlib import AbstractAsyncContextManager, asynccontextmanager, suppress
 from dataclasses import dataclass
@@ -14,10 +13,9 @@ from typing import Any
 
 import pytest
 
-from tests.kit.sockets import free_port
-
-PATIENCE_S = 60.0
-"""Real time for anything; nothing here measures how long it takes."""
+from tests.kit.programs import running
+from tests.kit.sockets import PATIENCE_S, free_port
+from tests.wheels import PIP
 
 MAVPROXY = "1.8.75"
 
@@ -32,15 +30,7 @@ def mavproxy() -> Path:
     if not program.exists():
         # Another process may be at it too: whoever is the first to have it whole puts it there.
         with TemporaryDirectory(dir=HOME.parent, prefix=HOME.name) as made:
-            install = (
-                sys.executable,
-                "-m",
-                "pip",
-                "install",
-                "--quiet",
-                "--no-deps",
-                "--no-compile",
-            )
+            install = (*PIP, "install", "--no-deps", "--no-compile")
             finished = subprocess.run(
                 (*install, "--target", f"{made}/home", f"MAVProxy=={MAVPROXY}"),
                 capture_output=True,
@@ -101,20 +91,12 @@ def emulate(tmp_path: Path) -> Emulate:
     """Runs `sitl-stub` with some options, speaking to a free port, as long as its context lasts."""
 
     @asynccontextmanager
-    async def running(*options: str, port: int | None = None) -> AsyncIterator[Emulation]:
+    async def emulated(*options: str, port: int | None = None) -> AsyncIterator[Emulation]:
         emulation = Emulation(port or free_port(), tmp_path / "truth.jsonl")
-        process = await asyncio.create_subprocess_exec(
-            *(sys.executable, "-m", "sitl_stub.cli", "--system-id", "1"),
-            *("--mavlink", f"udpout://127.0.0.1:{emulation.port}"),
-            *("--truth", str(emulation.truth), *options),
-            stderr=asyncio.subprocess.DEVNULL,
-        )
-        try:
+        options = ("--mavlink", f"udpout://127.0.0.1:{emulation.port}", *options)
+        told = ("--system-id", 1, "--truth", emulation.truth, *options)
+        async with running("sitl_stub.cli", *told, stderr=asyncio.subprocess.DEVNULL) as process:
             yield emulation
             assert process.returncode is None
-        finally:
-            if process.returncode is None:
-                process.terminate()
-            await process.wait()
 
-    return running
+    return emulated

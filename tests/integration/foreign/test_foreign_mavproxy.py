@@ -4,19 +4,15 @@ import asyncio
 import os
 import sys
 from collections import Counter
-from collections.abc import AsyncIterator, Callable, Sequence
+from collections.abc import AsyncIterator, Sequence
 from contextlib import asynccontextmanager
 from pathlib import Path
-from typing import Any
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from tests.kit.sockets import free_port
-
-Emulate = Callable[..., Any]
-
-PATIENCE_S = 60.0
+from tests.kit.programs import running
+from tests.kit.sockets import PATIENCE_S, free_port
 
 
 class Console:
@@ -159,19 +155,11 @@ class Listener(asyncio.DatagramProtocol):
 async def companion(port: int, directory: Path) -> AsyncIterator[None]:
     """The companion of system 1, which hears nobody on its link."""
     link = f"udp://127.0.0.1:{free_port()}?port={free_port()}"
-    process = await asyncio.create_subprocess_exec(
-        *(sys.executable, "-m", "vfguide", "companion", "leader", "--mission", "circle-calm"),
-        *("--mavlink", f"udpin://127.0.0.1:{port}", "--link", link, "--insecure"),
-        *("--state", str(directory / "companion")),
-        stderr=asyncio.subprocess.DEVNULL,
-    )
-    try:
+    words = ("companion", "leader", "--mission", "circle-calm", "--insecure", "--link", link)
+    places = ("--mavlink", f"udpin://127.0.0.1:{port}", "--state", directory / "companion")
+    async with running("vfguide", *words, *places, stderr=asyncio.subprocess.DEVNULL) as process:
         yield
         assert process.returncode is None
-    finally:
-        if process.returncode is None:
-            process.terminate()
-        await process.wait()
 
 
 async def test_a_companion_at_its_output_reaches_the_autopilot_and_no_other_output(
@@ -185,11 +173,7 @@ async def test_a_companion_at_its_output_reaches_the_autopilot_and_no_other_outp
     async with (
         emulate("--airborne") as emulation,
         console(
-            mavproxy,
-            tmp_path / "state",
-            emulation.port,
-            "mode",
-            outputs=(to_companion, to_station),
+            mavproxy, tmp_path / "state", emulation.port, "mode", outputs=(to_companion, to_station)
         ) as ground,
         companion(to_companion, tmp_path),
     ):

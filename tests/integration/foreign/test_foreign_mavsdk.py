@@ -15,10 +15,9 @@ from mavsdk.asyncio.plugins.offboard import OffboardAsync, PositionNedYaw, Veloc
 from mavsdk.asyncio.plugins.param import ParamAsync
 from mavsdk.asyncio.plugins.telemetry import FlightMode, TelemetryAsync
 
-Emulate = Callable[..., Any]
-T = TypeVar("T")
+from tests.kit.sockets import PATIENCE_S
 
-PATIENCE_S = 60.0
+T = TypeVar("T")
 
 
 @asynccontextmanager

@@ -6,17 +6,16 @@ import socket
 import subprocess
 import sys
 import tty
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from pathlib import Path
 from random import Random
-from typing import Any
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 import vfguide.mavlink.mavsdk
-from tests.kit.sockets import until
+from tests.kit.sockets import PATIENCE_S, until
 from vfguide.errors import InputError
 from vfguide.mavlink.adapter import AutopilotSetpoint, Vehicle
 from vfguide.mavlink.address import parse_address
@@ -24,10 +23,6 @@ from vfguide.mavlink.codec import Codec
 from vfguide.mavlink.connection import open_connection
 from vfguide.mavlink.px4 import Px4
 from vfguide.mavlink.reports import CommandReport, Report
-
-Emulate = Callable[..., Any]
-
-PATIENCE_S = 60.0
 
 VEHICLE = Vehicle(
     system_id=3,

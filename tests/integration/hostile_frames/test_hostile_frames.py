@@ -1,16 +1,18 @@
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 
-PROGRAM = Path(__file__).parents[2] / "benchmarks" / "hostile_frames.py"
+from tests.kit.missions import ROOT
+
+PROGRAM = "tests.benchmarks.hostile_frames"
 
 
 @pytest.mark.parametrize("target", ["ardupilot", "px4", "companion"])
 def test_ten_thousand_hostile_frames_raise_nothing_and_leave_nothing(target):
     finished = subprocess.run(
-        [sys.executable, str(PROGRAM), "--frames", "10000", "--targets", target],
+        [sys.executable, "-m", PROGRAM, "--frames", "10000", "--targets", target],
+        cwd=ROOT,
         capture_output=True,
         text=True,
         check=False,

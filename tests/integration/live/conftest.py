@@ -1,9 +1,7 @@
 """Live flights to disturb, judged by the true states of all aircraft and in simulation time."""
 
-import asyncio
 import logging
 import re
-import socket
 import time
 from collections.abc import AsyncIterator, Callable, Sequence
 from contextlib import AbstractAsyncContextManager, asynccontextmanager
@@ -13,11 +11,11 @@ from random import Random
 import numpy as np
 import pytest
 
-from tests.kit.missions import content_of
+from tests.kit.missions import on_the_circle
+from tests.kit.programs import Mosquitto
 from tests.kit.sockets import until
 from vfguide.elementwise import FloatArray
 from vfguide.lab.rehearsal.live import LiveFlight, live_flight
-from vfguide.lab.rehearsal.processes import Process, free_port
 from vfguide.lab.report.geometry import pair_separations, slot_error
 from vfguide.link.keys import OPERATOR
 from vfguide.link.member import Member
@@ -25,17 +23,6 @@ from vfguide.link.opening import WatchedFormation, open_link
 from vfguide.link.peer_clock import PeerClock
 from vfguide.link.trust import Trust, new_session
 from vfguide.mission import Mission
-
-BROKER = """\
-listener {port} 127.0.0.1
-allow_anonymous true
-set_tcp_nodelay true
-persistence false
-user root
-"""
-
-PATIENCE_S = 120.0
-"""Real time; nothing that is waited for takes half of it, unless the machine is very busy."""
 
 IN_SLOT_M = 1.0
 
@@ -64,45 +51,10 @@ def spectator(watched: WatchedFormation, receive: Callable[[bytes], None]) -> Me
     return Member(trust, clock=time.monotonic, receive=receive, peer_clock=PeerClock())
 
 
-class Broker:
-    """Mosquitto on a port of its own."""
-
-    def __init__(self, program: str, directory: Path) -> None:
-        self._port = free_port(socket.SOCK_STREAM)
-        config = directory / "mosquitto.conf"
-        config.write_text(BROKER.format(port=self._port))
-        command = [program, "-c", str(config)]
-        self._process = Process("mosquitto", command, directory / "mosquitto.log")
-
-    @property
-    def url(self) -> str:
-        return f"mqtt://127.0.0.1:{self._port}"
-
-    async def start(self) -> None:
-        """Start it, and wait until it listens."""
-        await self._process.start()
-        async with asyncio.timeout(PATIENCE_S):
-            while not await self._listens():
-                assert self._process.running, self._process.last_words()
-                await asyncio.sleep(0.01)
-
-    async def kill(self) -> None:
-        await self._process.kill()
-
-    async def _listens(self) -> bool:
-        try:
-            _, writer = await asyncio.open_connection("127.0.0.1", self._port)
-        except OSError:
-            return False
-        writer.close()
-        await writer.wait_closed()
-        return True
-
-
 class Watched:
     """A live flight, its broker, and how well the formation is kept."""
 
-    def __init__(self, flight: LiveFlight, broker: Broker, directory: Path) -> None:
+    def __init__(self, flight: LiveFlight, broker: Mosquitto, directory: Path) -> None:
         self.flight = flight
         self.broker = broker
         self.directory = directory
@@ -110,11 +62,6 @@ class Watched:
         """When states of the leader came over the link."""
         self.is_over = False
         """Whether companions have been told to stop."""
-
-    @staticmethod
-    async def until(condition: Callable[[], object]) -> None:
-        """Wait for a condition."""
-        await until(condition)
 
     async def reach(self, time_s: float) -> None:
         """Wait until every aircraft has flown to this simulation time."""
@@ -185,30 +132,7 @@ class Watched:
 
 @pytest.fixture
 def mission() -> Mission:
-    """The article's circle in wind, with everyone in place at the beginning."""
-    content = content_of("circle-wind")
-    followers = [follower["vehicle"] for follower in content["followers"]]
-    leader = {"north_m": 0.0, "east_m": 0.0, "course_deg": 270.0}
-    content["rehearsal"]["start"] = {"leader": leader, **{name: {} for name in followers}}
-    return Mission.model_validate(content)
-
-
-@pytest.fixture
-def broker_in(
-    mosquitto_program: str,
-) -> Callable[[Path], AbstractAsyncContextManager[Broker]]:
-    """Runs a broker."""
-
-    @asynccontextmanager
-    async def opened(directory: Path) -> AsyncIterator[Broker]:
-        broker = Broker(mosquitto_program, directory)
-        await broker.start()
-        try:
-            yield broker
-        finally:
-            await broker.kill()
-
-    return opened
+    return on_the_circle()
 
 
 @pytest.fixture
@@ -226,20 +150,17 @@ def speedup(request: pytest.FixtureRequest) -> float:
 def flown(
     mission: Mission,
     tmp_path: Path,
-    broker_in: Callable[[Path], AbstractAsyncContextManager[Broker]],
+    mosquitto: Callable[[], Mosquitto],
     speedup: float,
 ) -> Callable[..., AbstractAsyncContextManager[Watched]]:
     """Flies live, and sees that nobody came too near to another and that every program ended well."""
 
     @asynccontextmanager
     async def fly(beside_broker: Sequence[str] = ()) -> AsyncIterator[Watched]:
+        broker = mosquitto()
         async with (
-            broker_in(tmp_path) as broker,
             live_flight(
-                mission,
-                directory=tmp_path,
-                links=[broker.url, *beside_broker],
-                speedup=speedup,
+                mission, directory=tmp_path, links=[broker.url, *beside_broker], speedup=speedup
             ) as flight,
             open_link(
                 flight.watched.addresses,

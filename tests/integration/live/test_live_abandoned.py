@@ -6,13 +6,11 @@ import socket
 import sys
 from pathlib import Path
 
-from tests.kit.missions import MISSIONS
+from tests.kit.programs import vfguide
 from tests.kit.sockets import until
 from vfguide.lab.rehearsal.processes import free_port
 
-MISSION = MISSIONS / "line-calm.yaml"
-
-FLY = (sys.executable, "-m", "vfguide", "fly", str(MISSION), "--live")
+FLY = (sys.executable, "-m", "vfguide", "fly", "line-calm", "--live")
 
 
 async def test_no_process_outlives_the_flight_that_started_it(tmp_path):
@@ -27,13 +25,9 @@ async def test_no_process_outlives_the_flight_that_started_it(tmp_path):
 
 async def test_a_broker_that_is_not_there_is_told_before_the_flight(tmp_path):
     link = f"mqtt://127.0.0.1:{free_port(socket.SOCK_STREAM)}"
-    flight = await asyncio.create_subprocess_exec(
-        *(*FLY, "--link", link, "--out", str(tmp_path / "out")), stderr=asyncio.subprocess.PIPE
-    )
-    _, err = await flight.communicate()
-    status, err = flight.returncode, err.decode()
-    assert status == 3
-    assert err == (
+    flight = await vfguide("fly", "line-calm", "--live", "--link", link, "--out", tmp_path / "out")
+    assert flight.status == 3
+    assert flight.err == (
         f"link {link}/vfguide: Connection refused; start a broker there, or correct the address of the link\n"
     )
 

@@ -7,18 +7,16 @@ and that every program survives and ends well is seen to by the fixture.
 import signal
 import socket
 import time
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 from pymavlink import mavutil
 
+from tests.kit.sockets import until
 from vfguide.lab.rehearsal.live import RECORDINGS
 from vfguide.lab.rehearsal.processes import free_port
 from vfguide.record.guidance_log import read_guidance
 from vfguide.record.recording import files_of, find_recordings, guidance_files, read_start
-
-Flown = Callable[..., Any]
 
 FOLLOWERS = ("f1", "f2", "f3")
 
@@ -37,10 +35,10 @@ async def test_formation_outlives_a_broker_that_is_killed_and_autopilots_that_ha
     async with flown() as watched:
         await watched.settle()
         for length_s in (2.0, 20.0):
-            await watched.broker.kill()
+            watched.broker.kill()
             await watched.wait(length_s)
             await watched.until_followers_are("predicting")
-            await watched.broker.start()
+            watched.broker.start()
             ended_s = watched.flight.time_s
             await watched.until_followers_are("tracking")
             assert await watched.recovery_s(ended_s) <= RECOVERY_S
@@ -55,7 +53,7 @@ async def test_formation_outlives_a_broker_that_is_killed_and_autopilots_that_ha
 
         emulators["f2"].signal(signal.SIGHUP)
         # It stays where it came up: a reboot gives a companion no right to take it.
-        await watched.until(lambda: "the autopilot has rebooted" in watched.log("f2"))
+        await until(lambda: "the autopilot has rebooted" in watched.log("f2"))
         await watched.wait(5.0)
         assert "rebooted: it is not engaged again by itself" in watched.log("f2")
 
@@ -80,16 +78,14 @@ async def test_a_second_link_carries_on_and_companions_that_are_killed_take_thei
         await companions["leader"].kill()
         heard = len(watched.heard_s)
         await companions["leader"].start()
-        await watched.until(lambda: len(watched.heard_s) > heard)
+        await until(lambda: len(watched.heard_s) > heard)
         assert await watched.recovery_s(watched.heard_s[heard]) <= RECOVERY_S
 
         await watched.stop_companions()
         # By themselves: one that has to be killed after some seconds ends with -9.
         assert {one.exit_code for one in companions.values()} == {0}
         truths = watched.flight.truth_collector.truths
-        await watched.until(
-            lambda: [one[max(one)].mode for one in truths.values()] == ["LOITER"] * 4
-        )
+        await until(lambda: [one[max(one)].mode for one in truths.values()] == ["LOITER"] * 4)
         for name in watched.flight.names:
             assert "stopping: handing back" in watched.log(name)
             recorded = guidance_files(watched.directory / RECORDINGS, name)
@@ -101,17 +97,15 @@ async def broker_is_not_missed(watched: Any) -> None:
     """The UDP group carries on: nobody predicts the leader, and the pilot is told."""
     before = {name: watched.log(name).count("-> predicting") for name in FOLLOWERS}
     began_s = watched.flight.truth_collector.time_s
-    await watched.broker.kill()
+    watched.broker.kill()
     await watched.wait(15.0)
     await watched.reach(began_s + 15.0)
     for name in FOLLOWERS:
         assert watched.log(name).count("-> predicting") == before[name]
         assert "is lost: the other goes on" in watched.log(name)
     assert watched.errors(began_s)[1].max() < IN_SLOT_M
-    await watched.broker.start()
-    await watched.until(
-        lambda: all("is back: nothing to do" in watched.log(name) for name in FOLLOWERS)
-    )
+    watched.broker.start()
+    await until(lambda: all("is back: nothing to do" in watched.log(name) for name in FOLLOWERS))
 
 
 def recorded_until_s(directory: Path, vehicle: str, speedup: float) -> float:

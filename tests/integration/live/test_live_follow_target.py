@@ -8,13 +8,11 @@ from sys import executable
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from vfguide.lab.rehearsal.processes import free_port
-
-PATIENCE_S = 60.0
+from tests.kit.sockets import PATIENCE_S, free_port
 
 
 def test_a_leader_sends_follow_target_ten_times_a_second(tmp_path):
-    autopilot = f"127.0.0.1:{free_port(socket.SOCK_DGRAM)}"
+    autopilot = f"127.0.0.1:{free_port()}"
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as listener:
         listener.bind(("127.0.0.1", 0))
         listener.settimeout(PATIENCE_S)
@@ -24,14 +22,8 @@ def test_a_leader_sends_follow_target_ten_times_a_second(tmp_path):
             *("--state", str(tmp_path)),
             *("--follow-target", f"udpout://127.0.0.1:{listener.getsockname()[1]}"),
         ]
-        emulator = [
-            "sitl_stub",
-            "--system-id",
-            "1",
-            "--mavlink",
-            f"udpout://{autopilot}",
-            "--airborne",
-        ]
+        emulator = ["sitl_stub", "--system-id", "1", "--mavlink", f"udpout://{autopilot}"]
+        emulator += ["--airborne"]
         started = [
             Popen([executable, "-m", *one], stdout=DEVNULL, stderr=DEVNULL)
             for one in (companion, emulator)

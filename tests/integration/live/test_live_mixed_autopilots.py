@@ -1,8 +1,8 @@
 """One formation of different autopilots: an ArduPlane leads, a PX4 follows, and another by way of MAVSDK."""
 
-import asyncio
 import json
-import sys
+
+from tests.kit.programs import vfguide
 
 MISSION = """\
 name: mixed
@@ -21,25 +21,15 @@ rehearsal: {duration_s: 100, rate_hz: 20}
 acceptance: {min_separation_m: 10}
 """
 
-PATIENCE_S = 300.0
-
 
 async def test_a_formation_of_three_kinds_of_autopilot_is_one_formation(
-    broker_in, tmp_path, speedup
+    mosquitto, tmp_path, speedup
 ):
     mission = tmp_path / "mixed.yaml"
     mission.write_text(MISSION)
-    async with broker_in(tmp_path) as broker:
-        process = await asyncio.create_subprocess_exec(
-            *(sys.executable, "-m", "vfguide", "fly", str(mission), "--live", "--json"),
-            *("--speedup", f"{speedup:g}", "--link", broker.url),
-            stdout=asyncio.subprocess.PIPE,
-            stderr=asyncio.subprocess.PIPE,
-        )
-        async with asyncio.timeout(PATIENCE_S):
-            out, err = await process.communicate()
-    assert b"Traceback" not in err, err.decode()
-    summary = json.loads(out)
+    link = ("--speedup", f"{speedup:g}", "--link", mosquitto().url)
+    flown = await vfguide("fly", mission, "--live", "--json", *link)
+    summary = json.loads(flown.out)
     # Errors are of the second half: until then MAVSDK has found its autopilot, and its aircraft its slot.
     assert summary["formation"]["mean_error_m"] < 1.0
     assert summary["formation"]["min_separation_m"] > 10.0

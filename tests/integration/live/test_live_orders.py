@@ -2,68 +2,51 @@
 
 import asyncio
 import socket
-import sys
-from pathlib import Path
 
 import pytest
 
-from tests.kit.missions import content_of
+from tests.kit.missions import in_place, replaced
+from tests.kit.programs import vfguide
 from vfguide.lab.rehearsal.live import LiveFlight, live_flight
 from vfguide.lab.rehearsal.processes import free_port
 from vfguide.lab.report.geometry import pair_separations, seen_from_leader
 from vfguide.link.keys import OPERATOR
 from vfguide.mission import Mission
 
-PATIENCE_S = 240.0
 IN_SLOTS_S = 12.0
 
 
 def mission_without_orders() -> Mission:
     """The vee of the mission `shapes`, everybody in its slot."""
-    content = content_of("shapes")
-    del content["orders"]
-    leader = {"north_m": 0, "east_m": 0}
-    content["deputies"] = ["f1"]
-    content["rehearsal"]["start"] = {"leader": leader, "f1": {}, "f2": {}, "f3": {}}
-    return Mission.model_validate(content)
+    return replaced(in_place("shapes"), orders=[], deputies=["f1"])
 
 
-async def ordered(
-    flight: LiveFlight, directory: Path, link: str, *words: str
-) -> tuple[int | None, str]:
+async def ordered(flight: LiveFlight, link: str, *words: str) -> tuple[int, str]:
     """(exit status, output) of `vfguide order`."""
     keys = flight.keys
-    process = await asyncio.create_subprocess_exec(
-        *(sys.executable, "-m", "vfguide", "order", str(directory / "mission.yaml"), *words),
-        *("--link", link, "--roster", str(keys.roster), "--key", str(keys.private(OPERATOR))),
-        stdout=asyncio.subprocess.PIPE,
-        stderr=asyncio.subprocess.STDOUT,
-    )
-    async with asyncio.timeout(PATIENCE_S):
-        out, _ = await process.communicate()
-    return process.returncode, out.decode()
+    reach = ("--link", link, "--roster", keys.roster, "--key", keys.private(OPERATOR))
+    given = await vfguide("order", flight.mission_file, *words, *reach)
+    return given.status, given.out + given.err
 
 
 async def test_orders_are_flown_by_processes_over_whichever_real_link_they_come(
-    broker_in, tmp_path
+    mosquitto, tmp_path
 ):
     mission = mission_without_orders()
     udp = f"udp://239.255.78.1:{free_port(socket.SOCK_DGRAM)}?interface=127.0.0.1"
-    async with (
-        broker_in(tmp_path) as broker,
-        live_flight(mission, directory=tmp_path, links=[udp, broker.url]) as flight,
-    ):
+    broker = mosquitto()
+    async with live_flight(mission, directory=tmp_path, links=[udp, broker.url]) as flight:
         await asyncio.sleep(IN_SLOTS_S)
         said = [
-            await ordered(flight, tmp_path, udp, "trail", "--spacing", "20", "--dry-run"),
-            await ordered(flight, tmp_path, udp, "trail", "--spacing", "4"),
-            await ordered(flight, tmp_path, udp, "trail", "--spacing", "20"),
+            await ordered(flight, udp, "trail", "--spacing", "20", "--dry-run"),
+            await ordered(flight, udp, "trail", "--spacing", "4"),
+            await ordered(flight, udp, "trail", "--spacing", "20"),
         ]
         await asyncio.sleep(20.0)
         # Another process on the other link: it hears of the order before from the vehicles.
-        said.append(await ordered(flight, tmp_path, broker.url, "slot", "f1=-60,20"))
+        said.append(await ordered(flight, broker.url, "slot", "f1=-60,20"))
         await asyncio.sleep(18.0)
-        said.append(await ordered(flight, tmp_path, broker.url, "lead", "f1"))
+        said.append(await ordered(flight, broker.url, "lead", "f1"))
         await asyncio.sleep(3.0)
         await flight.stop_companions()
         record = flight.record(wall_s=0.0)
@@ -78,10 +61,7 @@ async def test_orders_are_flown_by_processes_over_whichever_real_link_they_come(
     for name in ("leader", "f1", "f2", "f3"):
         assert f"{name}: yes" in text
         assert f"{name}: flies it" in text
-    places = {}
-    for follower in record.followers:
-        forward, right = seen_from_leader(record.leader, follower)
-        places[follower.name] = float(forward[-20]), float(right[-20])
-    assert places["f1"] == pytest.approx((-60.0, 20.0), abs=1.5)
+    forward, right = seen_from_leader(record.leader, record.followers[0])
+    assert (forward[-20], right[-20]) == pytest.approx((-60.0, 20.0), abs=1.5)
     later = record.time_s > IN_SLOTS_S - 5.0
     assert min(pair.distance_m[later].min() for pair in pair_separations(record)) >= 7.0

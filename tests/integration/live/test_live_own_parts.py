@@ -1,13 +1,13 @@
 """Examples of one's own in live flights: a link, an autopilot and a plant together, and a law."""
 
 import json
-import os
 import shutil
 import subprocess
 from collections.abc import Sequence
 from pathlib import Path
 
 from tests.kit.missions import ROOT
+from tests.kit.programs import elsewhere
 
 PARTS = ("own_link.py", "own_autopilot.py", "own_plant.py")
 
@@ -19,15 +19,7 @@ def vfguide(
     for part in parts:
         shutil.copy(ROOT / "examples" / part, directory)
     plugins = [word for part in parts for word in ("--plugin", part)]
-    return subprocess.run(
-        [python, "-m", "vfguide", *arguments, *plugins],
-        cwd=directory,
-        env={key: value for key, value in os.environ.items() if key != "VFGUIDE_PLUGINS"},
-        capture_output=True,
-        text=True,
-        timeout=300,
-        check=False,
-    )
+    return elsewhere(python, directory, "-m", "vfguide", *arguments, *plugins)
 
 
 def test_a_formation_flies_by_them_and_leaves_no_socket_behind(tmp_path, installed, speedup):

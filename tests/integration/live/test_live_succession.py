@@ -1,41 +1,31 @@
 """A leader that is killed over the real link: a deputy leads, others start anew, the leader comes back."""
 
-import asyncio
 import re
 import socket
 from collections.abc import AsyncIterator, Callable
-from contextlib import AbstractAsyncContextManager, asynccontextmanager
+from contextlib import asynccontextmanager
 from pathlib import Path
-from typing import Any
 
 import pytest
 import zenoh
 
-from tests.kit.missions import content_of
+from tests.kit.missions import on_the_circle, replaced
+from tests.kit.programs import Mosquitto
+from tests.kit.sockets import until
 from vfguide.lab.rehearsal.live import LiveFlight, companions_lost, live_flight
 from vfguide.lab.rehearsal.processes import free_port
-from vfguide.mission import Mission
 
 LEADS_S = 3.0
 """Simulation time within which a deputy has to lead."""
 
-PATIENCE_S = 120.0
-"""Real time."""
+DEPUTIES = ["f1", "f2"]
+"""Two who may lead in the leader's place."""
 
 LEAD = "f1 leads the formation now"
 
-Broker = Callable[[Path], AbstractAsyncContextManager[Any]]
-
-
-@pytest.fixture
-def with_deputies(mission: Mission) -> Mission:
-    """The article's circle in wind, with two who may lead in the leader's place."""
-    content = content_of(mission)
-    return Mission.model_validate({**content, "deputies": ["f1", "f2"]})
-
 
 @asynccontextmanager
-async def link_of(kind: str, directory: Path, broker_in: Broker) -> AsyncIterator[str]:
+async def link_of(kind: str, mosquitto: Callable[[], Mosquitto]) -> AsyncIterator[str]:
     """A link of this kind for as long as the context lasts."""
     if kind == "udp":
         port = free_port(socket.SOCK_DGRAM)
@@ -50,8 +40,7 @@ async def link_of(kind: str, directory: Path, broker_in: Broker) -> AsyncIterato
         with zenoh.open(config):
             yield f"zenoh://127.0.0.1:{port}"
         return
-    async with broker_in(directory) as broker:
-        yield broker.url
+    yield mosquitto().url
 
 
 class Logs:
@@ -72,19 +61,18 @@ class Logs:
     async def until(self, condition: Callable[[], object]) -> float:
         """Wait for a condition; simulation time that it took, s."""
         began_s = self.flight.time_s
-        async with asyncio.timeout(PATIENCE_S):
-            while not condition():
-                await asyncio.sleep(0.02)
+        await until(condition)
         return self.flight.time_s - began_s
 
 
 @pytest.mark.parametrize("kind", ["udp", "mqtt", "zenoh"])
 async def test_a_deputy_leads_when_the_leaders_companion_is_killed(
-    kind, with_deputies, tmp_path, broker_in, speedup
+    kind, mission, tmp_path, mosquitto, speedup
 ):
+    mission = replaced(mission, deputies=DEPUTIES)
     async with (
-        link_of(kind, tmp_path, broker_in) as link,
-        live_flight(with_deputies, directory=tmp_path, links=[link], speedup=speedup) as flight,
+        link_of(kind, mosquitto) as link,
+        live_flight(mission, directory=tmp_path, links=[link], speedup=speedup) as flight,
     ):
         logs = Logs(flight, tmp_path)
         await logs.until(lambda: all("-> tracking" in logs.of(name) for name in flight.names))
@@ -112,20 +100,14 @@ async def test_a_deputy_leads_when_the_leaders_companion_is_killed(
 
 
 async def test_a_mission_kills_a_companion_at_its_time_and_starts_it_again(
-    with_deputies, tmp_path, broker_in, speedup
+    tmp_path, mosquitto, speedup
 ):
-    content = content_of(with_deputies)
     lost_s, back_s = 10.0, 16.0
     loss = {"vehicle": "f3", "at_s": lost_s, "for_s": back_s - lost_s}
-    content["rehearsal"] = {**content["rehearsal"], "losses": [loss]}
+    mission = replaced(on_the_circle(losses=[loss]), deputies=DEPUTIES)
+    links = [mosquitto().url]
     async with (
-        broker_in(tmp_path) as broker,
-        live_flight(
-            Mission.model_validate(content),
-            directory=tmp_path,
-            links=[broker.url],
-            speedup=speedup,
-        ) as flight,
+        live_flight(mission, directory=tmp_path, links=links, speedup=speedup) as flight,
         companions_lost(flight),
     ):
         logs, companion = Logs(flight, tmp_path), flight.companions["f3"]

@@ -4,11 +4,8 @@ import asyncio
 import base64
 import gc
 import hashlib
-import signal
-import socket
-import subprocess
 import time
-from collections.abc import AsyncIterator, Callable, Iterator
+from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager, suppress
 from pathlib import Path
 from random import Random
@@ -16,7 +13,7 @@ from typing import Any
 
 import pytest
 
-from tests.kit.sockets import free_port, until
+from tests.kit.sockets import until
 from vfguide.link.address import LinkAddress, parse_link
 from vfguide.link.broker import embedded_broker
 from vfguide.link.keys import KeyPlaces, key_places, make_keys, read_private_key, read_roster
@@ -27,92 +24,14 @@ from vfguide.link.trust import Trust, new_session
 
 Make = Callable[..., Any]
 
-PATIENCE_S = 60.0
-"""Nothing here takes a tenth of this, unless the machine is very busy."""
-
 PROOF_S = 2.0
 """For a leader's answer."""
-
-BASIS = """\
-allow_anonymous true
-set_tcp_nodelay true
-user root
-persistence false
-"""
 
 
 async def proof_of(member: Member) -> None:
     """Wait until the leader has shown that it lives; where a test has none, not for long."""
     with suppress(TimeoutError):
         await until(lambda: member.trust.proven, PROOF_S)
-
-
-class Mosquitto:
-    """A real broker on a port of its own."""
-
-    def __init__(
-        self, program: str, directory: Path, settings: str = "", basis: str = BASIS
-    ) -> None:
-        self._program = program
-        self.port = free_port()
-        self._directory = directory / f"broker-{self.port}"
-        self._directory.mkdir()
-        self._log = self._directory / "log"
-        config = f"listener {self.port} 127.0.0.1\n{basis}{settings}"
-        (self._directory / "mosquitto.conf").write_text(config)
-        self._process: subprocess.Popen[bytes] | None = None
-
-    def start(self) -> None:
-        with self._log.open("ab") as log:
-            self._process = subprocess.Popen(
-                (self._program, "-c", "mosquitto.conf"),
-                cwd=self._directory,
-                stdout=log,
-                stderr=log,
-            )
-        end = time.monotonic() + PATIENCE_S
-        while not self._listens():
-            assert self._process.poll() is None, self._log.read_text()
-            assert time.monotonic() < end, "mosquitto does not listen"
-            time.sleep(0.01)
-
-    def _listens(self) -> bool:
-        try:
-            socket.create_connection(("127.0.0.1", self.port), 1.0).close()
-        except OSError:
-            return False
-        return True
-
-    def kill(self) -> None:
-        if self._process is not None:
-            self._process.kill()
-            self._process.wait()
-            self._process = None
-
-    def freeze(self) -> None:
-        """Hang: connections stand, nothing is read and nothing answered."""
-        assert self._process is not None
-        self._process.send_signal(signal.SIGSTOP)
-
-    def thaw(self) -> None:
-        assert self._process is not None
-        self._process.send_signal(signal.SIGCONT)
-
-
-@pytest.fixture
-def mosquitto(tmp_path: Path, mosquitto_program: str) -> Iterator[Make]:
-    """Starts brokers, with lines of configuration to add."""
-    started: list[Mosquitto] = []
-
-    def make(settings: str = "", **options: str) -> Mosquitto:
-        broker = Mosquitto(mosquitto_program, tmp_path, settings, **options)
-        started.append(broker)
-        broker.start()
-        return broker
-
-    yield make
-    for broker in started:
-        broker.kill()
 
 
 @pytest.fixture

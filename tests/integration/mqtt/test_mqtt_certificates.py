@@ -71,10 +71,7 @@ def certified(secure_port: int, keys: Path) -> Make:
 
 async def test_certificates_on_both_sides(certified, opened):
     url = certified("ca={0}/ours.pem&cert={0}/vehicle.pem&key={0}/vehicle.key")
-    async with (
-        opened(url, "lead") as (leader, _),
-        opened(url, "f1", "lead") as (link, box),
-    ):
+    async with opened(url, "lead") as (leader, _), opened(url, "f1", "lead") as (link, box):
         await until(lambda: leader.connected and link.connected)
         for number in range(50):
             leader.publish(b"%d" % number)

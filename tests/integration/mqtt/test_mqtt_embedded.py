@@ -1,14 +1,10 @@
 import asyncio
-from collections.abc import Callable
-from typing import Any
 
 import pytest
 
 from tests.kit.sockets import free_port, until
 from vfguide.errors import VfguideError
 from vfguide.link.broker import embedded_broker
-
-Make = Callable[..., Any]
 
 
 async def test_a_port_may_be_chosen_and_is_free_again_afterwards(opened):

@@ -3,17 +3,13 @@
 import asyncio
 import os
 import subprocess
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import aiomqtt
 import pytest
 
 from vfguide.link.envelope import Kind
 from vfguide.link.session import ORDERING, Topics
-
-Make = Callable[..., Any]
 
 RULES = Path(__file__).parents[3] / "docker" / "bin" / "broker-rules"
 

@@ -1,8 +1,6 @@
 import asyncio
 import time
-from collections.abc import Callable
 from contextlib import AsyncExitStack
-from typing import Any
 
 import aiomqtt
 
@@ -10,8 +8,6 @@ from tests.kit.sockets import until
 from vfguide.link.envelope import decode_envelope
 from vfguide.link.peer_clock import PeerClock
 from vfguide.link.presence import Presence, decode_presence
-
-Make = Callable[..., Any]
 
 
 async def retained(port: int, topic: str) -> aiomqtt.Message:

@@ -4,49 +4,33 @@ import asyncio
 import json
 import shutil
 import signal
-import sys
 import time
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager, suppress
 from pathlib import Path
-from typing import Any
 
 import aiomqtt
 import pytest
 
+from tests.kit.keys import trusts_of
 from tests.kit.missions import MISSIONS
+from tests.kit.programs import running
+from tests.kit.sockets import PATIENCE_S
 from vfguide.link.envelope import Kind
-from vfguide.link.keys import key_places, make_keys, read_private_key, read_roster
 from vfguide.link.presence import Presence, encode_presence
 from vfguide.link.session import Topics
-from vfguide.link.trust import Trust, new_session
 from vfguide.mission import load_mission
 
 MISSION = MISSIONS / "line-calm.yaml"
-
-PATIENCE_S = 60.0
-
-Make = Callable[..., Any]
 
 
 class Companions:
     """What the companions of a formation say of themselves; a process that is gone has left no last will."""
 
     def __init__(self, file: Path) -> None:
-        mission, places = load_mission(file), key_places(file)
+        mission = load_mission(file)
         self.names = mission.companions
-        make_keys(places, mission.name, self.names)
-        self._trusts = {
-            name: Trust(
-                formation=mission.name,
-                name=name,
-                leader=mission.leader.vehicle,
-                session=new_session(),
-                roster=read_roster(places.roster),
-                key=read_private_key(places.private(name)),
-            )
-            for name in self.names
-        }
+        self._trusts = trusts_of(mission, file)
         self._formation = mission.name
         self.living = set(self.names)
 
@@ -73,20 +57,12 @@ class Companions:
 @asynccontextmanager
 async def watch(file: Path, port: int, *options: str) -> AsyncIterator[asyncio.subprocess.Process]:
     """The command, ended by Ctrl-C."""
-    process = await asyncio.create_subprocess_exec(
-        *(sys.executable, "-m", "vfguide", "status", str(file), "--watch"),
-        *("--link", f"mqtt://127.0.0.1:{port}", *options),
-        stdout=asyncio.subprocess.PIPE,
-    )
-    try:
+    words = ("status", file, "--watch", "--link", f"mqtt://127.0.0.1:{port}", *options)
+    async with running("vfguide", *words, stdout=asyncio.subprocess.PIPE) as process:
         yield process
         process.send_signal(signal.SIGINT)
         async with asyncio.timeout(PATIENCE_S):
             assert await process.wait() == 0
-    finally:
-        if process.returncode is None:
-            process.kill()
-            await process.wait()
 
 
 async def lines_until(process: asyncio.subprocess.Process, wanted: str) -> list[str]:

@@ -4,19 +4,15 @@ import os
 import signal
 import sys
 import time
-from collections.abc import Callable
 from contextlib import suppress
-from typing import Any
 
 import aiomqtt
 import pytest
 
+from tests.kit.crew import speak
 from tests.kit.sockets import until
 from vfguide.link.envelope import decode_envelope
-from vfguide.link.opening import Link
 from vfguide.link.presence import decode_presence
-
-Make = Callable[..., Any]
 
 PROMPT_S = 10.0
 """What takes one to four seconds takes less than this even where the processor is slow to come."""
@@ -38,16 +34,6 @@ async def main():
 
 asyncio.run(main())
 """
-
-
-async def speak(link: Link, until_heard: Callable[[], object]) -> None:
-    """Publish a state after the other until one is heard."""
-    number = 0
-    async with asyncio.timeout(60.0):
-        while not until_heard():
-            number += 1
-            link.publish(b"%d" % number)
-            await asyncio.sleep(0.02)
 
 
 async def test_a_broker_that_restarts_is_found_again_and_told_what_is_wanted(mosquitto, opened):
@@ -224,8 +210,7 @@ async def test_who_may_only_read_cannot_throw_the_leader_out(
     passwords.write_text(users)
     rules.write_text("user eye\ntopic read #\nuser lead\ntopic readwrite #\n")
     broker = mosquitto(
-        f"allow_anonymous false\npassword_file {passwords}\nacl_file {rules}\n",
-        basis="user root\n",
+        f"allow_anonymous false\npassword_file {passwords}\nacl_file {rules}\n", basis="user root\n"
     )
     names, word = ("vfguide/test/lead", "lead"), "word"
     async with opened(f"mqtt://lead:word@127.0.0.1:{broker.port}", "lead") as (link, _):

@@ -1,8 +1,6 @@
 """Formations on a radio, by real serial ports: pseudo terminals whose far ends are one shared channel."""
 
 import asyncio
-import time
-from collections import Counter
 from collections.abc import AsyncIterator
 from contextlib import AsyncExitStack, asynccontextmanager
 from pathlib import Path
@@ -10,73 +8,37 @@ from random import Random
 
 import pytest
 
-from tests.kit.sockets import until
+from tests.kit.crew import Crew, crews_on
+from tests.kit.sockets import PATIENCE_S, until
 from tests.unit.link.shared_radio import SharedAir, state_at
-from tests.unit.link.wire import FORMATION, LEADER, ROSTER, trust_of
+from tests.unit.link.wire import FORMATION, LEADER, ROSTER
 from vfguide.errors import InputError
 from vfguide.link.address import parse_links
-from vfguide.link.codec import decode
-from vfguide.link.member import Member, ignore
-from vfguide.link.opening import Link, WatchedFormation, open_link, presences
-from vfguide.link.peer_clock import PeerClock
+from vfguide.link.opening import WatchedFormation, open_link, presences
 from vfguide.link.presence import Presence
-from vfguide.link.trust import new_session
-
-PATIENCE_S = 60.0
 
 OUTAGE_S = 5.0
 """For so long a radio is unplugged."""
 
 
-class Crew:
-    """One member on its radio, and what it has heard."""
-
-    def __init__(self, name: str) -> None:
-        self.heard: list[float] = []
-        self.neighbours: list[str] = []
-        leads = name == LEADER
-        self.member = Member(
-            trust_of(name, new_session()),
-            clock=time.monotonic,
-            receive=ignore if leads else lambda data: self.heard.append(decode(data).time_s),
-            neighbours=[one for one in ("f1", "f2") if one != name],
-            receive_neighbour=lambda vehicle, _: self.neighbours.append(vehicle),
-            peer_clock=None if leads else PeerClock(),
-        )
-        self.link: Link
-
-    @property
-    def counters(self) -> Counter[str]:
-        return self.link.counters
-
-    async def publish(self) -> None:
-        """20 states a second, for ever."""
-        while True:
-            time_s = self.member.formation_time()
-            if time_s > 0.0:
-                self.link.publish(state_at(time_s))
-            await asyncio.sleep(0.05)
+async def publish(crew: Crew) -> None:
+    """20 states a second, for ever."""
+    while True:
+        time_s = crew.member.formation_time()
+        if time_s > 0.0:
+            crew.link.publish(state_at(time_s))
+        await asyncio.sleep(0.05)
 
 
 @asynccontextmanager
-async def crews_on(air: SharedAir, *names: str) -> AsyncIterator[list[Crew]]:
+async def crews_at(air: SharedAir, *names: str) -> AsyncIterator[list[Crew]]:
     """Members that publish on their radios."""
     async with AsyncExitStack() as stack:
         stack.callback(air.close)
-        crews = []
-        for name in names:
-            crew = Crew(name)
-            crew.link = await stack.enter_async_context(
-                open_link(
-                    parse_links([air.address(name)]),
-                    formation=FORMATION,
-                    member=crew.member,
-                    random=Random(name),
-                )
-            )
-            task = asyncio.create_task(crew.publish())
-            stack.callback(task.cancel)
-            crews.append(crew)
+        links = {name: [air.address(name)] for name in names}
+        crews = await stack.enter_async_context(crews_on(links))
+        for crew in crews:
+            stack.callback(asyncio.create_task(publish(crew)).cancel)
         yield crews
 
 
@@ -89,9 +51,11 @@ async def test_a_formation_hears_itself_over_its_radios(air):
     names = (LEADER, "f1", "f2")
     for name in names:
         air.plug(name)
-    async with crews_on(air, *names) as (leader, one, other):
+    async with crews_at(air, *names) as (leader, one, other):
         await until(lambda: one.heard and other.heard)
-        await until(lambda: {"f1", "f2"} <= set(leader.neighbours) and "f2" in one.neighbours)
+        await until(
+            lambda: {"f1", "f2"} <= dict(leader.neighbours).keys() and "f2" in dict(one.neighbours)
+        )
         assert one.member.peer_clock is not None
         # All read one clock here.
         assert abs(one.member.peer_clock.offset_s) <= one.member.peer_clock.bound_s < 0.1
@@ -104,7 +68,7 @@ async def test_a_radio_that_is_unplugged_for_five_seconds_is_told_and_comes_back
 ):
     for name in (LEADER, "f1"):
         air.plug(name)
-    async with crews_on(air, LEADER, "f1") as (leader, one):
+    async with crews_at(air, LEADER, "f1") as (leader, one):
         await until(lambda: one.heard)
         one.link.news()
         air.plugs["f1"].pull_out()
@@ -126,7 +90,7 @@ async def test_a_radio_that_is_unplugged_for_five_seconds_is_told_and_comes_back
 
 
 async def test_a_port_that_is_not_there_is_one_line_and_tried_again(air, caplog):
-    async with crews_on(air, "f1") as (one,):
+    async with crews_at(air, "f1") as (one,):
         await until(lambda: one.counters["failed to connect"] >= 3)
         assert "No such file or directory" in one.link.detail
     assert caplog.text.count("not connected") == 1
@@ -136,7 +100,7 @@ async def test_noise_and_cut_packets_hide_nothing(air):
     random = Random(2)
     for name in (LEADER, "f1"):
         air.plug(name)
-    async with crews_on(air, LEADER, "f1") as (_, one):
+    async with crews_at(air, LEADER, "f1") as (_, one):
         await until(lambda: one.heard)
         for _ in range(100):
             air.plugs["f1"].hear(random.randbytes(random.randrange(60)))
@@ -156,7 +120,7 @@ async def test_who_watches_hears_how_everybody_is(air):
     )
     for name in (LEADER, "f1", "f2", "eye"):
         air.plug(name)
-    async with crews_on(air, LEADER, "f1", "f2") as (_, one, other):
+    async with crews_at(air, LEADER, "f1", "f2") as (_, one, other):
         await until(lambda: one.heard and other.heard)
         found = dict[str, Presence]()
         async with asyncio.timeout(PATIENCE_S):

@@ -13,16 +13,14 @@ from sitl_stub import Autopilot
 from sitl_stub.links import Address
 from sitl_stub.server import serve
 from tests.kit.autopilot import new_autopilot
-
-PATIENCE_S = 60.0
-"""Nothing here takes a second; a machine may be busy."""
+from tests.kit.sockets import PATIENCE_S
+from tests.kit.wire import command_long, packed
 
 
 class Dialogue:
     """Encodes what a ground station says, and hands out what it hears, one message at a time."""
 
     def __init__(self) -> None:
-        self._link = mavlink.MAVLink(None, srcSystem=255, srcComponent=190)
         self._parser = mavlink.MAVLink(None)
         self._heard: asyncio.Queue[MAVLink_message] = asyncio.Queue()
 
@@ -35,15 +33,11 @@ class Dialogue:
         while data := await reader.read(4096):
             self.hear(data)
 
-    def frame(self, message: MAVLink_message) -> bytes:
-        return bytes(message.pack(self._link))
-
     def heartbeat(self) -> bytes:
-        return self.frame(mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3))
+        return packed(mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3))
 
     def command(self, number: int, *parameters: float) -> bytes:
-        padded = (*parameters, *(0.0,) * (7 - len(parameters)))
-        return self.frame(mavlink.MAVLink_command_long_message(7, 1, number, 0, *padded))
+        return packed(command_long(number, *parameters, system_id=7))
 
     async def message(self, name: str) -> MAVLink_message:
         """The next message of a type; whatever comes before it is dropped."""

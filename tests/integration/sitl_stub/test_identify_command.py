@@ -9,10 +9,9 @@ from threading import Timer
 
 import pytest
 
-from tests.kit.sockets import free_port
+from tests.kit.sockets import PATIENCE_S, free_port
 
 KEY = "ab" * 32
-PATIENCE_S = 60.0
 
 
 @pytest.fixture

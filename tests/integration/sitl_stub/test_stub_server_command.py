@@ -2,36 +2,24 @@ import asyncio
 import json
 import signal
 import socket
-import sys
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
-from typing import Any
 
 import pytest
 
 from sitl_stub.links import parse_address
+from tests.kit.programs import running
+from tests.kit.sockets import PATIENCE_S
 
-Factory = Callable[..., Any]
-
-PATIENCE_S = 60.0
+PIPES = {"stdout": asyncio.subprocess.PIPE, "stderr": asyncio.subprocess.PIPE}
 
 
 @asynccontextmanager
 async def command(*options: str) -> AsyncIterator[asyncio.subprocess.Process]:
-    """Starts the command; if it still runs at the end, it is killed."""
-    process = await asyncio.create_subprocess_exec(
-        sys.executable,
-        *("-m", "sitl_stub.cli", *options),
-        stdout=asyncio.subprocess.PIPE,
-        stderr=asyncio.subprocess.PIPE,
-    )
-    try:
+    """The command, until it ends or the context does."""
+    async with running("sitl_stub.cli", *options, **PIPES) as process:
         async with asyncio.timeout(PATIENCE_S):
             yield process
-    finally:
-        if process.returncode is None:
-            process.kill()
-        await process.communicate()
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
@@ -57,15 +45,7 @@ async def test_it_ends_by_itself_and_leaves_the_true_states(tmp_path):
     async with command(
         *("--system-id", "9", "--mavlink", "udpin://127.0.0.1:0", "--autopilot", "px4"),
         *("--speedup", "20", "--duration", "2", "--truth", str(path), "--truth-rate", "10"),
-        *(
-            "--start",
-            "47,8,500,90",
-            "--airspeed",
-            "15",
-            "--airspeed-range",
-            "10,20",
-            "--airborne",
-        ),
+        *("--start", "47,8,500,90", "--airspeed", "15", "--airspeed-range", "10,20", "--airborne"),
     ) as process:
         assert await process.wait() == 0
     samples = [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines()]

@@ -1,13 +1,9 @@
 import asyncio
 import socket
-from collections.abc import Callable
-from typing import Any
 
 import pytest
 
 from sitl_stub.links import LinkError
-
-Factory = Callable[..., Any]
 
 
 async def test_a_client_gets_telemetry_and_answers(served, dialogue, client):

@@ -1,7 +1,6 @@
 import asyncio
 import json
 import time
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -11,8 +10,6 @@ from sitl_stub import Truth
 from sitl_stub.links import AddressError
 from sitl_stub.options import OptionError
 from sitl_stub.server import serve
-
-Factory = Callable[..., Any]
 
 
 def read(path: Path) -> list[dict[str, Any]]:

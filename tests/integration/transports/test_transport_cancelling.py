@@ -1,14 +1,11 @@
 import asyncio
 import os
 import socket
-from collections.abc import Callable, Iterator
-from typing import Any
+from collections.abc import Iterator
 
 import pytest
 
 from tests.kit.sockets import free_port
-
-Make = Callable[..., Any]
 
 
 @pytest.fixture

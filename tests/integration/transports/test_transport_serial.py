@@ -1,16 +1,13 @@
 import asyncio
 import os
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import pytest
 
 from tests.kit.sockets import until
 from tests.kit.wire import beat
-
-Make = Callable[..., Any]
 
 
 class Plug:

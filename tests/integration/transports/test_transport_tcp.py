@@ -1,10 +1,9 @@
 import asyncio
 import logging
 import socket
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from functools import partial
-from typing import Any
 
 import pytest
 
@@ -12,8 +11,6 @@ from tests.kit.sockets import free_port, until
 from tests.kit.wire import beat
 from vfguide.mavlink.connection import Connection
 from vfguide.mavlink.stream import LARGEST_BACKLOG
-
-Make = Callable[..., Any]
 
 
 class Autopilot:

@@ -1,6 +1,5 @@
 import asyncio
 import socket
-from collections.abc import Callable
 from typing import Any
 
 import pytest
@@ -10,7 +9,6 @@ from tests.kit.wire import beat
 from vfguide.errors import InputError
 from vfguide.mavlink.datagram import LARGEST_DATAGRAM
 
-Make = Callable[..., Any]
 Address = tuple[Any, ...]
 
 

@@ -5,84 +5,27 @@ import errno
 import socket
 import struct
 import time
-from collections import Counter
-from collections.abc import AsyncIterator, Callable
-from contextlib import AsyncExitStack, asynccontextmanager, suppress
+from contextlib import suppress
 from itertools import count
 from random import Random
 from typing import Any
 
 import pytest
 
-from tests.kit.sockets import free_port, until
+from tests.kit.crew import Crew, crews_on, speak
+from tests.kit.sockets import PATIENCE_S, free_port, until
 from tests.unit.link.wire import FORMATION, LEADER, ROSTER, trust_of
 from vfguide.link import udp
 from vfguide.link.address import UdpAddress, parse_links
 from vfguide.link.envelope import Kind
-from vfguide.link.member import Member, ignore
-from vfguide.link.opening import Link, WatchedFormation, open_link, presences
-from vfguide.link.peer_clock import PeerClock
+from vfguide.link.opening import WatchedFormation, open_link, presences
 from vfguide.link.presence import Presence
-from vfguide.link.trust import new_session
 from vfguide.registry import links
-
-PATIENCE_S = 60.0
 
 OUTAGE_S = 5.0
 """For so long an interface is gone."""
 
 GROUPS = count(1)
-
-
-class Crew:
-    """One member on its links, and what it has heard."""
-
-    def __init__(self, name: str, *, signed: bool = True) -> None:
-        self.heard: list[bytes] = []
-        self.neighbours: list[tuple[str, bytes]] = []
-        leads = name == LEADER
-        self.member = Member(
-            trust_of(name, new_session(), signed=signed),
-            clock=time.monotonic,
-            receive=ignore if leads else self.heard.append,
-            neighbours=[one for one in ("f1", "f2") if one != name],
-            receive_neighbour=lambda vehicle, data: self.neighbours.append((vehicle, data)),
-            peer_clock=None if leads else PeerClock(),
-        )
-        self.link: Link
-
-    @property
-    def counters(self) -> Counter[str]:
-        return self.link.counters
-
-
-async def speak(crew: Crew, until_heard: Callable[[], object]) -> None:
-    """Publish a state after the other until something is heard."""
-    number = 0
-    async with asyncio.timeout(PATIENCE_S):
-        while not until_heard():
-            number += 1
-            crew.link.publish(b"%d" % number)
-            await asyncio.sleep(0.02)
-
-
-@asynccontextmanager
-async def crew_of(*names: str, **links: tuple[str, ...]) -> AsyncIterator[list[Crew]]:
-    """Members on their links."""
-    async with AsyncExitStack() as stack:
-        crews = []
-        for name in names:
-            crew = Crew(name)
-            crew.link = await stack.enter_async_context(
-                open_link(
-                    parse_links(links[name]),
-                    formation=FORMATION,
-                    member=crew.member,
-                    random=Random(name),
-                )
-            )
-            crews.append(crew)
-        yield crews
 
 
 def group() -> tuple[str, ...]:
@@ -114,12 +57,12 @@ def zenoh_peers(first: str, *others: str) -> dict[str, tuple[str, ...]]:
 
 async def test_by_zenoh_a_member_that_goes_away_is_heard_again_when_it_is_back():
     links = zenoh_peers(LEADER, "f1")
-    async with crew_of("f1", **links) as (one,):
+    async with crews_on({"f1": links["f1"]}) as (one,):
         assert not one.link.connected or not one.heard
         for _ in range(2):
             one.heard.clear()
-            async with crew_of(LEADER, **links) as (leader,):
-                await speak(leader, lambda: one.heard)
+            async with crews_on({LEADER: links[LEADER]}) as (leader,):
+                await speak(leader.link, lambda: one.heard)
         one.heard.clear()
         # Meanwhile nobody is there, and nothing waits for anybody.
         for number in range(1000):
@@ -137,9 +80,9 @@ async def test_a_formation_hears_itself_without_a_broker(way):
         links = zenoh_peers(*names)
     else:
         links = dict.fromkeys(names, (f"udp://127.255.255.255:{free_port()}",))
-    async with crew_of(*names, **links) as (leader, one, other):
-        await speak(leader, lambda: one.heard and other.heard)
-        await speak(one, lambda: leader.neighbours and other.neighbours)
+    async with crews_on(links) as (leader, one, other):
+        await speak(leader.link, lambda: one.heard and other.heard)
+        await speak(one.link, lambda: leader.neighbours and other.neighbours)
         assert one.member.peer_clock is not None
         assert abs(one.member.peer_clock.offset_s) <= one.member.peer_clock.bound_s
         assert leader.link.connected
@@ -147,32 +90,12 @@ async def test_a_formation_hears_itself_without_a_broker(way):
         assert {vehicle for vehicle, _ in other.neighbours} == {"f1"}
 
 
-async def test_a_presence_comes_every_second_and_a_goodbye_at_the_end():
-    links = group()
-    watched = WatchedFormation(
-        addresses=parse_links(links),
-        formation=FORMATION,
-        leader=LEADER,
-        roster=ROSTER,
-    )
-    found: dict[str, Presence] = {}
-    async with crew_of(LEADER, "f1", lead=links, f1=links) as (_, one):
-        one.link.announce(Presence(status="online", mode="tracking", time_s=1.0, version="1"))
-        async with asyncio.timeout(PATIENCE_S):
-            while "f1" not in found or found["f1"].mode != "tracking":
-                found = await presences(watched, seconds=1.5, random=Random(1))
-        assert found["f1"].status == found[LEADER].status == "online"
-        listening = asyncio.create_task(presences(watched, seconds=4.0, random=Random(1)))
-        await asyncio.sleep(1.5)
-    found = await listening
-    assert found["f1"].status == found[LEADER].status == "offline"
-
-
-async def test_a_presence_with_long_texts_still_says_that_a_link_is_lost():
+async def test_a_presence_comes_every_second_whatever_its_length_and_a_goodbye_at_the_end():
     links = group()
     watched = WatchedFormation(
         addresses=parse_links(links), formation=FORMATION, leader=LEADER, roster=ROSTER
     )
+    # What is too long for a datagram is cut; that a link is lost is said to the last.
     said = Presence(
         status="online",
         mode="tracking",
@@ -183,28 +106,33 @@ async def test_a_presence_with_long_texts_still_says_that_a_link_is_lost():
         figures={"links_lost": 1.0, **{f"some_delay_{number}_ms": 0.5 for number in range(60)}},
     )
     found: dict[str, Presence] = {}
-    async with crew_of("f1", f1=links) as (one,):
+    async with crews_on({LEADER: links, "f1": links}) as (_, one):
         one.link.announce(said)
         async with asyncio.timeout(PATIENCE_S):
             while "f1" not in found or found["f1"].mode != "tracking":
                 found = await presences(watched, seconds=1.5, random=Random(1))
-    assert found["f1"].figures["links_lost"] == 1.0
+        assert found["f1"].status == found[LEADER].status == "online"
+        assert found["f1"].figures["links_lost"] == 1.0
+        listening = asyncio.create_task(presences(watched, seconds=4.0, random=Random(1)))
+        await asyncio.sleep(1.5)
+    found = await listening
+    assert found["f1"].status == found[LEADER].status == "offline"
 
 
 async def test_two_formations_on_one_wire_never_hear_each_other():
     links = group()
     stranger = Crew(LEADER, signed=False)
     async with (
-        crew_of(LEADER, "f1", lead=links, f1=links) as (leader, one),
+        crews_on({LEADER: links, "f1": links}) as (leader, one),
         open_link(
             parse_links(links), formation="line", member=stranger.member, random=Random(3)
         ) as stranger.link,
     ):
-        await speak(leader, lambda: one.heard)
+        await speak(leader.link, lambda: one.heard)
         one.heard.clear()
         for number in range(50):
             stranger.link.publish(b"stranger %d" % number)
-        await speak(leader, lambda: one.heard)
+        await speak(leader.link, lambda: one.heard)
         assert not [data for data in one.heard if data.startswith(b"stranger")]
         assert one.counters["refused: not signed"] > 0
 
@@ -213,8 +141,8 @@ async def test_the_first_copy_counts_and_the_loss_of_either_link_costs_nothing(c
     """Two groups; one of them falls silent for one member, as when a cable is pulled."""
     first, second = group(), group()
     both = (*first, *second)
-    async with crew_of(LEADER, "f1", lead=both, f1=both) as (leader, one):
-        await speak(leader, lambda: one.heard)
+    async with crews_on({LEADER: both, "f1": both}) as (leader, one):
+        await speak(leader.link, lambda: one.heard)
         for carrier in (0, 1):
             one.heard.clear()
             lost = leader.link.carriers[carrier]
@@ -232,17 +160,17 @@ async def test_the_first_copy_counts_and_the_loss_of_either_link_costs_nothing(c
         await until(lambda: len(one.heard) == 50)
         await until(lambda: one.counters["copies"] >= before + 50)
         assert one.heard == [b"both %d" % number for number in range(50)]
-    async with crew_of(LEADER, "f1", lead=first, f1=both) as (leader, one):
+    async with crews_on({LEADER: first, "f1": both}) as (leader, one):
         await until(lambda: "nobody is heard" in one.link.detail)
-        await speak(leader, lambda: one.heard)
+        await speak(leader.link, lambda: one.heard)
         assert one.link.connected
     assert "nobody is heard" in caplog.text
 
 
 async def test_a_network_that_goes_away_is_told_and_found_again(caplog):
     links = group()
-    async with crew_of(LEADER, "f1", lead=links, f1=links) as (leader, one):
-        await speak(leader, lambda: one.heard)
+    async with crews_on({LEADER: links, "f1": links}) as (leader, one):
+        await speak(leader.link, lambda: one.heard)
         opened = one.link.carriers[0].opened
         assert opened is not None
         # Its interface is gone: the membership is lost without a word.
@@ -254,8 +182,8 @@ async def test_a_network_that_goes_away_is_told_and_found_again(caplog):
         )
         one.heard.clear()
         began = time.monotonic()
-        await speak(leader, lambda: not one.link.connected)
-        await speak(leader, lambda: one.heard)
+        await speak(leader.link, lambda: not one.link.connected)
+        await speak(leader.link, lambda: one.heard)
         assert time.monotonic() - began < 10.0
         assert one.counters["disconnected"] == 1
     assert "not connected" in caplog.text
@@ -279,22 +207,30 @@ class Interface:
         return OnInterface(real, self) if address.interface == self._name else real
 
 
-class OnInterface:
+class Wrapped:
+    """A socket of which a test has some calls in hand."""
+
+    def __init__(self, real: socket.socket) -> None:
+        self.real = real
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.real, name)
+
+
+class OnInterface(Wrapped):
     """A socket on an interface that can go away."""
 
     def __init__(self, real: socket.socket, interface: Interface) -> None:
-        self._real, self._interface = real, interface
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self._real, name)
+        super().__init__(real)
+        self._interface = interface
 
     def sendto(self, data: bytes, destination: tuple[str, int]) -> int:
         if self._interface.gone:
             raise OSError(errno.ENODEV, "No such device")
-        return self._real.sendto(data, destination)
+        return self.real.sendto(data, destination)
 
     def recv(self, size: int) -> bytes:
-        data = self._real.recv(size)
+        data = self.real.recv(size)
         if self._interface.gone:
             raise BlockingIOError
         return data
@@ -309,12 +245,12 @@ async def test_an_interface_that_is_gone_for_five_seconds_is_told_once_and_used_
     interface = Interface("lo")
     monkeypatch.setattr(udp, "open_socket", interface.open_socket)
     monkeypatch.setattr(socket, "if_nametoindex", interface.number)
-    async with crew_of(LEADER, "f1", **links) as (leader, one):
-        await speak(leader, lambda: one.heard)
-        await speak(one, lambda: leader.neighbours)
+    async with crews_on(links) as (leader, one):
+        await speak(leader.link, lambda: one.heard)
+        await speak(one.link, lambda: leader.neighbours)
         one.link.news()
         interface.gone = True
-        await speak(one, lambda: not one.link.connected)
+        await speak(one.link, lambda: not one.link.connected)
         told = one.link.news()
         one.heard.clear()
         async with asyncio.timeout(PATIENCE_S):
@@ -330,9 +266,9 @@ async def test_an_interface_that_is_gone_for_five_seconds_is_told_once_and_used_
         assert len(told) == 1
         assert "is lost" in told[0]
         interface.gone = False
-        await speak(leader, lambda: one.heard)
+        await speak(leader.link, lambda: one.heard)
         leader.neighbours.clear()
-        await speak(one, lambda: leader.neighbours)
+        await speak(one.link, lambda: leader.neighbours)
         assert one.link.connected
         assert [" is back" in text for text in one.link.news()] == [True]
         assert one.counters["disconnected"] == 1
@@ -343,7 +279,7 @@ async def test_an_interface_that_is_gone_for_five_seconds_is_told_once_and_used_
 
 async def test_an_interface_that_is_not_there_is_one_line_and_tried_again(caplog):
     links = (f"udp://239.255.77.250:{free_port()}?interface=nosuch0",)
-    async with crew_of("f1", f1=links) as (one,):
+    async with crews_on({"f1": links}) as (one,):
         assert not one.link.connected
         assert one.link.detail == "no interface 'nosuch0'"
         await until(lambda: one.counters["failed to connect"] >= 3)
@@ -356,8 +292,8 @@ async def test_hostile_datagrams_raise_nothing_and_hide_nothing():
     links = group()
     (address,) = parse_links(links)
     random = Random(5)
-    async with crew_of(LEADER, "f1", lead=links, f1=links) as (leader, one):
-        await speak(leader, lambda: one.heard)
+    async with crews_on({LEADER: links, "f1": links}) as (leader, one):
+        await speak(leader.link, lambda: one.heard)
         good = leader.member.trust.seal(Kind.STATE, b"good", time_s=1.0)
         forger = trust_of(LEADER, 5, signed=False)
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as hostile:
@@ -380,7 +316,7 @@ async def test_hostile_datagrams_raise_nothing_and_hide_nothing():
                 if number % 50 == 0:
                     await asyncio.sleep(0.01)
         one.heard.clear()
-        await speak(leader, lambda: one.heard)
+        await speak(leader.link, lambda: one.heard)
         assert not {b"forged", b"good"} & set(one.heard)
         assert one.counters["refused: malformed"] > 500
         assert one.counters["failed to use"] == 0
@@ -391,24 +327,18 @@ async def test_a_peer_that_cannot_be_reached_cuts_nobody_else_off(monkeypatch):
     (beyond,) = (one.replace("udp://", "udp://127.0.0.9:9,") for one in places[LEADER])
     opened = udp.open_socket
 
-    class Picky:
+    class Picky(Wrapped):
         """A socket from which one of the peers is unreachable."""
-
-        def __init__(self, real: socket.socket) -> None:
-            self._real = real
-
-        def __getattr__(self, name: str) -> Any:
-            return getattr(self._real, name)
 
         def sendto(self, data: bytes, destination: tuple[str, int]) -> int:
             if destination[0] == "127.0.0.9":
                 raise OSError(errno.ENETUNREACH, "Network is unreachable")
-            return self._real.sendto(data, destination)
+            return self.real.sendto(data, destination)
 
     monkeypatch.setattr(udp, "open_socket", lambda address: Picky(opened(address)))
     ways = {LEADER: (beyond,), "f1": places["f1"]}
-    async with crew_of(LEADER, "f1", **ways) as (leader, follower):
-        await speak(leader, lambda: follower.heard)
+    async with crews_on(ways) as (leader, follower):
+        await speak(leader.link, lambda: follower.heard)
 
 
 async def test_a_link_of_ones_own_that_raises_is_down_and_tried_again(caplog, monkeypatch):

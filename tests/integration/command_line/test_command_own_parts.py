@@ -1,0 +1,372 @@
+"""Examples of parts of one's own, as their authors use them: by command line, from a directory of theirs."""
+
+import json
+import re
+import shutil
+import subprocess
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+import yaml
+
+from tests.kit.missions import MISSIONS, ROOT
+
+LAW, PATH, PLANT = "own_law.py", "own_path.py", "own_plant.py"
+LEADER_LAW, AUTOPILOT, EMULATED = (
+    "own_leader_law.py",
+    "own_autopilot.py",
+    "own_emulated_autopilot.py",
+)
+
+Run = Callable[..., subprocess.CompletedProcess[str]]
+
+
+@pytest.fixture
+def run(tmp_path: Path, elsewhere: Run) -> Run:
+    """Runs vfguide in a directory that holds nothing but the examples, of which it is told one at most."""
+    for example in (ROOT / "examples").glob("own_*.py"):
+        shutil.copy(example, tmp_path)
+
+    def start(*words: str | Path, plugin: str | None = None) -> subprocess.CompletedProcess[str]:
+        return elsewhere("vfguide", *words, *(() if plugin is None else ("--plugin", plugin)))
+
+    return start
+
+
+def summary_of(flown: subprocess.CompletedProcess[str], *statuses: int) -> dict:
+    """What a flight with --json has told."""
+    assert flown.returncode in (statuses or (0, 1)), flown.stderr
+    return json.loads(flown.stdout)
+
+
+PURSUIT = ("--controller", "pursuit", "--set", "controller.lookahead_m=25")
+CARROT = ("--set", "leader.law=carrot")
+MEASURED = ("--plant", "measured")
+EIGHT = ("--set", "path={type: lissajous}", "--set", "rehearsal.start={}")
+BRIEF = ("--set", "vehicles.f1.autopilot=brief")
+
+
+@pytest.mark.parametrize(
+    ("words", "plugin", "said"),
+    [
+        (("--set", "controller.lookahead_m=-3"), LAW, "-3 is too small; choose above 0"),
+        (("--set", "controller.lokahead_m=3"), LAW, "did you mean 'lookahead_m'?"),
+        ((), None, "pursuit: there is no such law; known are slot, article, pid, mpc"),
+        ((), "absent.py", "absent.py: there is no such file of Python"),
+        ((), "broken.py", "broken.py:2: NameError"),
+    ],
+)
+def test_what_is_wrong_with_a_law_is_one_line(run, tmp_path, words, plugin, said):
+    (tmp_path / "broken.py").write_text("import math\nmath.pi + tau\n")
+    refused = run("check", "line-calm", "--controller", "pursuit", *words, plugin=plugin)
+    assert refused.returncode == 2
+    (line,) = refused.stderr.splitlines()
+    assert said in line
+
+
+KINDS_OF_PATH = "line, circle, helix, racetrack, figure-eight, waypoints, plan"
+
+
+@pytest.mark.parametrize(
+    ("words", "plugin", "said"),
+    [
+        (CARROT, None, "--set leader.law: 'carrot' is not known; use one of: field"),
+        (
+            (*CARROT, "--set", "leader.gains.lookahad_m=3"),
+            LEADER_LAW,
+            "carrot does not take these gains (lookahad_m: Extra inputs are not permitted); it has look",
+        ),
+        (
+            (*CARROT, "--set", "leader.gains.lookahead_m=-3"),
+            LEADER_LAW,
+            "lookahead_m: Input should be greater than 0",
+        ),
+        (
+            ("--set", "path={type: lissajous, half_length_m: -3}"),
+            PATH,
+            "-3 is too small; choose above 0",
+        ),
+        (
+            ("--set", "path={type: lissajous, half_lenght_m: 3}"),
+            PATH,
+            "did you mean 'half_length_m'?",
+        ),
+        (("--set", "path={type: lissajous, centre: {north: 3}}"), PATH, "did you mean 'north_m'?"),
+        (("--set", "path={type: lissajoux}"), PATH, "did you mean 'lissajous'?"),
+        (("--set", "path={half_length_m: 3}"), PATH, f"add one of: {KINDS_OF_PATH}, lissajous"),
+        (
+            BRIEF,
+            None,
+            "--set vehicles.f1.autopilot: 'brief' is not known; use one of: auto, ardupilot, px4, mavsdk",
+        ),
+        (("--set", "vehicles.f1.autopilot=breif"), AUTOPILOT, "did you mean 'brief'?"),
+        (
+            ("--set", "rehearsal.emulator.autopilot=brief"),
+            None,
+            "'brief' is not known; use one of: ardupilot, px4",
+        ),
+        (("--set", "rehearsal.emulator.plant=mesured"), PLANT, "did you mean 'measured'?"),
+    ],
+)
+def test_what_is_wrong_is_one_line(run, words, plugin, said):
+    refused = run("check", "circle-calm", *words, plugin=plugin)
+    assert refused.returncode == 2, refused.stdout
+    (line,) = refused.stderr.splitlines()
+    assert said in line
+
+
+def test_a_law_is_flown_and_reported_under_its_name(run, tmp_path):
+    flown = run(*("fly", "line-calm", *PURSUIT, "--duration", "40", "--out", "flight"), plugin=LAW)
+    assert flown.returncode == 0, flown.stderr
+    summary = json.loads((tmp_path / "flight" / "summary.json").read_text())
+    assert summary["controller"] == "pursuit"
+    assert summary["formation"]["mean_error_m"] < 0.5
+    assert "pursuit" in (tmp_path / "flight" / "report.html").read_text()
+
+
+def test_a_mission_file_may_name_a_law(run, tmp_path):
+    own = "controller: {type: pursuit, lookahead_m: 25}"
+    text = re.sub(r"controller: \{[^}]*\}", own, (MISSIONS / "line-calm.yaml").read_text())
+    assert own in text
+    (tmp_path / "own.yaml").write_text(text)
+    checked = run("check", "own.yaml", plugin=LAW)
+    assert checked.returncode == 0, checked.stderr
+    (metres,) = re.findall(r"expect (\d+\.\d\d) m of mean formation error", checked.stdout)
+    assert float(metres) < 0.5
+    # By the name in the mission alone nothing is loaded.
+    unknown = run("check", "own.yaml")
+    assert unknown.returncode == 2
+    assert "'pursuit' is not known; use one of: slot, article, pid, mpc" in unknown.stderr
+
+
+def test_studies_fly_a_law_and_no_other_in_its_place(run):
+    study = ("bench", "monte-carlo", "--formations", "1", "--processes", "1", "--seed", "3")
+    pursuit, field = run(*study, "--law", "pursuit", plugin=LAW), run(*study, plugin=LAW)
+    assert pursuit.returncode == 0, pursuit.stderr
+    assert pursuit.stdout.startswith("pursuit: 1 formations")
+    assert pursuit.stdout.splitlines()[2] != field.stdout.splitlines()[2]
+
+
+STUDIES = """
+import json
+from dataclasses import replace
+from pathlib import Path
+from vfguide.lab.studies.comparison import Extent, ablation_cases, cases, row_json, rows
+from vfguide.lab.studies.flown import fly
+from vfguide.lab.studies.monte_carlo import fly_point, points
+from vfguide.registry import use_plugins
+
+use_plugins([Path("own_law.py")])
+short = Extent(duration_s=6.0, seeds=1, bad_link_plants=())
+compared, switched, swept = {}, {}, {}
+for law in ("pursuit", "slot"):
+    (case, *_) = cases(short, [law])
+    ((row,)) = rows([(case, fly(case)[0])])
+    compared[law] = row_json(row)["mean"]["mean_error_m"]
+    parts = ablation_cases(law, quick=True)
+    case = next(one for one in parts if one.label == "no wind filter")
+    figures, _ = fly(replace(case, changes=case.changes | {"rehearsal": {"duration_s": 6.0}}))
+    switched[law] = figures.mean_error_m
+    swept[law] = {}
+    for sweep in ("delay", "alpha"):
+        point = next(one for one in points([law], quick=True) if one.sweep == sweep)
+        swept[law][sweep] = fly_point(replace(point, duration_s=6.0)).mean_error_m
+print(json.dumps({"compared": compared, "switched": switched, "swept": swept}))
+"""
+"""A flight of each study of `bench` by the own law and by the field, for six seconds instead of minutes."""
+
+
+def test_each_study_flies_a_law_and_no_other_in_its_place(run, tmp_path, elsewhere):
+    del run  # it has put the law there
+    (tmp_path / "studies.py").write_text(STUDIES)
+    found = summary_of(elsewhere("studies"), 0)
+    for study in (found["compared"], found["switched"]):
+        assert study["pursuit"] != study["slot"]
+        assert 0.0 < study["pursuit"] < 100.0
+    assert found["swept"]["pursuit"].keys() == found["swept"]["slot"].keys()
+    for sweep, error_m in found["swept"]["pursuit"].items():
+        assert error_m != found["swept"]["slot"][sweep]
+
+
+def test_the_leader_flies_by_a_law_and_its_gain_counts(run):
+    # Started 30 m beside its line, a leader that aims 40 m ahead decays to it with about 40 m: 20 s at
+    # 20 m/s are ten of them. One that aims 400 m ahead is still on its way: after 40 s 30 m e^(-2) are 4 m.
+    errors = []
+    for ahead in (40, 400):
+        gain = ("--set", f"leader.gains.lookahead_m={ahead}")
+        flown = run(
+            *("fly", "line-calm", *CARROT, *gain, "--duration", "40", "--json"), plugin=LEADER_LAW
+        )
+        leader = summary_of(flown)["vehicles"]["leader"]
+        errors.append(leader["cross_track_error_m"]["mean"])
+    near, far = errors
+    assert near < 0.05
+    assert far > 4.0
+
+
+def test_studies_of_many_formations_take_a_leaders_law_too(run):
+    study = ("bench", "monte-carlo", "--formations", "1", "--processes", "1")
+    flown = run(*study, plugin=LEADER_LAW)
+    assert flown.returncode == 0, flown.stderr
+
+
+def test_a_formation_flies_both_loops_of_the_eight_and_crosses_it_in_its_slots(run):
+    flown = run("fly", "circle-calm", *EIGHT, "--duration", "200", "--json", plugin=PATH)
+    summary = summary_of(flown, 0)
+    assert summary["formation"]["mean_error_m"] < 0.05
+    assert summary["vehicles"]["leader"]["cross_track_error_m"]["max"] < 0.05
+
+
+def test_a_formation_flies_over_itself_where_the_eight_has_a_bridge(run):
+    bridge = ("--set", "path={type: lissajous, bridge_m: 40}", "--set", "rehearsal.start={}")
+    flown = run("fly", "circle-calm", *bridge, "--duration", "200", "--json", plugin=PATH)
+    formation = summary_of(flown, 0)["formation"]
+    assert formation["mean_error_m"] < 0.05
+    assert formation["mean_error_3d_m"] < 0.1
+    # Ten times as high on the same way is ten times as steep.
+    steep = ("--set", "path={type: lissajous, bridge_m: 400}")
+    checked = run("check", "circle-calm", *steep, plugin=PATH)
+    assert checked.returncode == 2
+    assert "the path climbs at up to" in checked.stdout
+
+
+def test_a_mission_file_may_name_a_path(run, tmp_path):
+    mission = yaml.safe_load((MISSIONS / "circle-calm.yaml").read_text())
+    mission["path"] = {"type": "lissajous", "half_length_m": 600}
+    mission["rehearsal"].pop("start", None)
+    (tmp_path / "own.yaml").write_text(yaml.safe_dump(mission))
+    checked = run("check", "own.yaml", plugin=PATH)
+    assert checked.returncode == 0, checked.stderr
+    unknown = run("check", "own.yaml")
+    assert unknown.returncode == 2
+    assert f"'lissajous' is not known; use one of: {KINDS_OF_PATH}" in unknown.stderr
+
+
+def test_turns_that_are_too_tight_for_the_vehicles_are_found(run):
+    # its tightest turns have a radius of 23.9 m, beside where it is widest: atan(20²/23.9/9.81) = 60 degrees
+    tight = ("--set", "path={type: lissajous, half_length_m: 200}")
+    refused = run("check", "circle-calm", *tight, plugin=PATH)
+    assert refused.returncode == 2
+    assert "'leader' has to bank 60°" in refused.stdout
+    assert "widen the path's turns" in refused.stdout
+
+
+RAISES = """
+from vfguide.paths import Path, PathPlace, PathShape, path
+
+@path("raising")
+class Raising(Path):
+    Shape = PathShape
+    length = 1000.0
+
+    @classmethod
+    def of(cls, shape):
+        return cls()
+
+    def nearest(self, north, east, course=None):
+        return 1.0 / 0.0
+
+    def at(self, progress):
+        return PathPlace(progress, progress, 0.0 * progress, 0.0 * progress)
+"""
+
+
+def test_a_path_that_raises_is_one_line_with_the_place_in_its_file(run, tmp_path):
+    (tmp_path / "raising.py").write_text(RAISES)
+    refused = run("check", "line-calm", "--set", "path={type: raising}", plugin="raising.py")
+    assert refused.returncode == 2
+    (line,) = refused.stderr.splitlines()
+    assert line.endswith("raising.py:14: ZeroDivisionError: float division by zero; mend the file")
+
+
+def test_a_mission_is_flown_by_a_plant_and_its_numbers_count(run):
+    figures = []
+    for damping in (0.8, 0.2):
+        option = ("--set", f"rehearsal.emulator.plant_options.course_damping={damping}")
+        words = ("fly", "circle-calm", *MEASURED, *option, "--duration", "60", "--json")
+        summary = summary_of(run(*words, plugin=PLANT))
+        assert summary["plant"] == "measured"
+        figures.append(summary["formation"]["mean_error_m"])
+    usual, swinging = figures
+    assert usual < 5.0
+    assert swinging > 2.0 * usual
+
+
+@pytest.mark.parametrize(
+    ("words", "plugin", "said"),
+    [
+        (MEASURED, None, "--plant: 'measured' is not known; use one of: course-hold, "),
+        (
+            (*MEASURED, "--set", "rehearsal.emulator.plant_options.curse=1"),
+            PLANT,
+            "rehearsal.emulator: measured has no option curse; it has course_damping, ",
+        ),
+    ],
+)
+def test_a_plant_that_cannot_be_flown_is_one_line(run, words, plugin, said):
+    refused = run("fly", "circle-calm", *words, plugin=plugin)
+    assert refused.returncode == 2, refused.stderr
+    (line,) = refused.stderr.splitlines()
+    assert said in line
+
+
+OWN_PLANT = ("--plugin", PLANT, *MEASURED)
+OWN_EMULATED = ("--plugin", EMULATED, "--autopilot", "brief")
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (MEASURED, "--plant: measured is not one of heading-hold, course-hold"),
+        (("--plugin", "absent.py"), "--plugin absent.py: there is no such file of Python"),
+        ((*OWN_PLANT, "--plant-option", "curse=1"), "measured has no option curse"),
+        ((*OWN_PLANT, "--plant-option", "curse"), "--plant-option: curse is not NAME=VALUE"),
+        (("--autopilot", "brief"), "sitl-stub: --autopilot: brief is not one of ardupilot, px4"),
+    ],
+)
+def test_what_is_wrong_for_the_emulator_alone_is_one_line(run, elsewhere, words, said):
+    del run  # it has put the examples there
+    link = ("--system-id", "1", "--mavlink", "udpout://127.0.0.1:9")
+    refused = elsewhere("sitl_stub", *link, "--airborne", *words)
+    assert refused.returncode == 2, refused.stderr
+    (line,) = refused.stderr.splitlines()
+    assert said in line
+
+
+def test_the_emulator_is_started_with_an_autopilot_by_its_name(run, elsewhere):
+    del run
+    link = ("--system-id", "1", "--mavlink", "udpin://127.0.0.1:0")
+    ended = elsewhere(
+        *("sitl_stub", *link, *OWN_EMULATED, "--airborne", "--duration", "1", "--speedup", "100")
+    )
+    assert ended.returncode == 0, ended.stderr
+
+
+def test_a_whole_formation_flies_by_an_autopilot_as_by_vfguides_own(run):
+    settings = [
+        word
+        for name in ("leader", "f1", "f2", "f3")
+        for word in ("--set", f"vehicles.{name}.autopilot=brief")
+    ]
+    words = ("fly", "circle-calm", *settings, "--duration", "60", "--json")
+    formation = summary_of(run(*words, plugin=AUTOPILOT))["formation"]
+    assert formation["mean_error_m"] < 0.1
+    assert formation["settle_1m_s"] < 40.0
+
+
+def test_an_adapter_that_leaves_something_out_is_one_line(run, tmp_path):
+    text = (tmp_path / AUTOPILOT).read_text()
+    before, after = text.index("    def hand_back"), text.index("    def fly")
+    (tmp_path / "partly.py").write_text(text[:before] + text[after:])
+    refused = run("fly", "circle-calm", *BRIEF, plugin="partly.py")
+    assert refused.returncode == 2, refused.stdout
+    (line,) = refused.stderr.splitlines()
+    assert re.search(r"partly\.py:\d+: the autopilot brief has no hand_back; write it$", line)
+
+
+def test_a_formation_flies_against_an_emulated_autopilot_of_the_user_s(run):
+    chosen = ("--set", "rehearsal.emulator.autopilot=brief", "--duration", "60", "--json")
+    # its aircraft is the mission's, of first order
+    summary = summary_of(run("fly", "circle-calm", *chosen, plugin=EMULATED))
+    assert summary["formation"]["mean_error_m"] < 0.1
