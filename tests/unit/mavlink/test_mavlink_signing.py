@@ -3,27 +3,18 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from tests.kit.wire import framed
+from tests.kit.wire import framed, signing_sender, signing_ticks
 from vfguide.errors import InputError
 from vfguide.mavlink.codec import Codec
-from vfguide.mavlink.framing import EPOCH_S, UNITS_PER_S, ConnectionSigning, frames_of, signing_key
+from vfguide.mavlink.framing import ConnectionSigning, frames_of, signing_key
 
 NOW_S = 1_800_000_000.0
 KEY, OTHER_KEY = bytes(range(32)), bytes(32 * [7])
 YEAR_S = 365.0 * 86_400.0
 
 
-def units(at_s: float) -> int:
-    return round((at_s - EPOCH_S) * UNITS_PER_S)
-
-
 def autopilot(key: bytes | None, at_s: float, *, link_id: int = 0) -> mavlink.MAVLink:
-    """The other end's encoder, which is pymavlink's own."""
-    link = mavlink.MAVLink(None, srcSystem=7, srcComponent=1)
-    if key is not None:
-        link.signing.secret_key, link.signing.sign_outgoing = key, True
-        link.signing.link_id, link.signing.timestamp = link_id, units(at_s)
-    return link
+    return signing_sender(key, at_s, system_id=7, component_id=1, link_id=link_id)
 
 
 BEAT = mavlink.MAVLink_heartbeat_message(1, 3, 129, 15, 4, 3)
@@ -83,7 +74,7 @@ def test_time_stamps_follow_the_clock_and_never_repeat():
     first = stamps() + stamps()
     assert len(set(first)) == 6
     clock[0] += 3600.0
-    assert stamps()[0] == pytest.approx(units(clock[0]), abs=10)
+    assert stamps()[0] == pytest.approx(signing_ticks(clock[0]), abs=10)
 
 
 def test_what_is_said_is_signed_so_that_pymavlink_itself_believes_it(codec):

@@ -6,15 +6,13 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from tests.kit.wire import cut, framed, position_report
+from tests.kit.wire import cut, framed, position_report, signing_sender
 from vfguide.mavlink.framing import holds_whole_frames
 from vfguide.mavlink.stream import LARGEST_FRAME, DatagramFramer, StreamFramer
 
 
 def signed(message: mavlink.MAVLink_message) -> bytes:
-    sender = mavlink.MAVLink(None, srcSystem=7, srcComponent=1)
-    sender.signing.secret_key, sender.signing.sign_outgoing = bytes(32), True
-    return bytes(message.pack(sender))
+    return bytes(message.pack(signing_sender(bytes(32), 1.8e9)))
 
 
 def tunnel(content: bytes) -> mavlink.MAVLink_message:

@@ -3,19 +3,17 @@ from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sitl_stub.codec import EmulatorFramer
-from tests.kit.wire import command_long, cut, packed
+from tests.kit.wire import command_long, cut, packed, signing_sender
 
 HEARTBEAT = mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3)
 COMMAND = command_long(511, 33, 1e6, system_id=7)
-SIGNED = mavlink.MAVLink(None, srcSystem=255, srcComponent=190)
-SIGNED.signing.secret_key, SIGNED.signing.sign_outgoing = bytes(32), True
 
 FRAMES = [
     packed(HEARTBEAT),
     packed(COMMAND),
     packed(HEARTBEAT, version_1=True),
     packed(COMMAND, version_1=True),
-    bytes(HEARTBEAT.pack(SIGNED)),
+    bytes(HEARTBEAT.pack(signing_sender(bytes(32), 1.8e9))),
 ]
 
 

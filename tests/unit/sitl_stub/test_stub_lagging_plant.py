@@ -1,21 +1,20 @@
 import math
-from collections.abc import Callable
 
 import pytest
 from msgspec.structs import replace
 
-from sitl_stub import CalmWind, PlantParameters, SteadyWind, Wind
+from sitl_stub import PlantParameters, SteadyWind
 from sitl_stub.lagging_plant import (
     MAX_LAGGING_STEP_S,
-    lagging_stepped,
     tecs_acceleration_m_s2,
     tecs_integral_rate_m_s3,
     wanted_bank_rad,
 )
 from sitl_stub.plant import PlantState
 from sitl_stub.px4 import EmulatedPx4
-from sitl_stub.targets import AltitudeTarget, SpeedTarget, Targets, TurnTarget
+from sitl_stub.targets import Targets, TurnTarget
 from tests.kit.autopilot import new_station
+from tests.kit.plants import flown, held, plant_state
 
 BANK = PlantParameters(kind="bank")
 LOOPS = EmulatedPx4.loops
@@ -29,34 +28,6 @@ OWN = PlantParameters(
 )
 """As `sitl-stub --autopilot px4` flies where no plant is named."""
 TECS = PlantParameters(speed_response="tecs")
-
-
-def state(speed_m_s: float = 20.0) -> PlantState:
-    return PlantState(0.0, speed_m_s, "airspeed", math.radians(47.0), 0.1, 500.0)
-
-
-def targets(course_rad: float = 0.0, speed_m_s: float = 20.0, hold: str = "course") -> Targets:
-    turn = TurnTarget("bank" if hold == "bank" else "course", course_rad)
-    return Targets(turn, SpeedTarget("airspeed", speed_m_s), AltitudeTarget(500.0))
-
-
-def flown(
-    plant: PlantParameters,
-    wanted: Targets | Callable[[float], Targets],
-    seconds: float,
-    wind: Wind | None = None,
-    *,
-    step_s: float = 0.005,
-    start: PlantState | None = None,
-) -> list[PlantState]:
-    states = [start or state()]
-    for index in range(round(seconds / step_s)):
-        now_s = index * step_s
-        aim = wanted if isinstance(wanted, Targets) else wanted(now_s)
-        states.append(
-            lagging_stepped(plant, aim, states[-1], wind or CalmWind(), time_s=now_s, step_s=step_s)
-        )
-    return states
 
 
 NPFG = PlantParameters(kind="npfg", alpha_1_s=0.9, max_bank_rad=math.radians(50.0))
@@ -101,14 +72,14 @@ def test_a_course_error_wants_a_bank_within_the_limits(plant, airspeed_m_s, targ
     ],
 )
 def test_the_roll_follows_with_its_time_constant_and_its_delay(plant, share):
-    end = flown(plant, targets(0.5, hold="bank"), 0.4)[-1]
+    end = flown(plant, held(0.5, hold="bank"), 0.4)[-1]
     assert end.roll_rad == pytest.approx(0.5 * share, abs=1e-4)
 
 
 @pytest.mark.parametrize("efficiency", [1.0, 0.7])
 def test_the_turn_is_that_of_the_bank_flown(efficiency):
     plant = PlantParameters(kind="bank", turn_efficiency=efficiency)
-    states = flown(plant, targets(math.radians(30.0), hold="bank"), 6.0)
+    states = flown(plant, held(math.radians(30.0), hold="bank"), 6.0)
     rate = math.remainder(states[-1].direction_rad - states[-201].direction_rad, math.tau)
     # g tan(30 deg) / 20 = 0.28310 rad/s
     assert rate == pytest.approx(efficiency * 0.28310, abs=1e-4)
@@ -117,7 +88,7 @@ def test_the_turn_is_that_of_the_bank_flown(efficiency):
 def test_a_course_step_of_30_deg_takes_as_long_as_measured_on_arduplane():
     # GUIDED_P 10000 to 15000, turns at 70 %: t63 1.2 s, t90 2.4 to 3.7 s, overshoot at most 1 %.
     plant = PlantParameters(kind="bank", turn_efficiency=0.7)
-    states = flown(plant, targets(math.radians(30.0)), 20.0)
+    states = flown(plant, held(math.radians(30.0)), 20.0)
     shares = [one.direction_rad / math.radians(30.0) for one in states]
     t63_s, t90_s = (
         next(index for index, share in enumerate(shares) if share > least) * 0.005
@@ -129,14 +100,14 @@ def test_a_course_step_of_30_deg_takes_as_long_as_measured_on_arduplane():
 
 
 def test_the_course_is_held_through_a_crosswind():
-    end = flown(BANK, targets(), 60.0, SteadyWind(5.0, math.pi / 2))[-1]
+    end = flown(BANK, held(), 60.0, SteadyWind(5.0, math.pi / 2))[-1]
     nose_deg = math.degrees(math.remainder(end.direction_rad, math.tau))
     assert nose_deg == pytest.approx(-14.4775, abs=0.01)
     assert end.roll_rad == pytest.approx(0.0, abs=1e-3)
 
 
 def test_a_speed_step_starts_as_steeply_as_measured_and_overshoots():
-    states = flown(TECS, targets(speed_m_s=25.0), 60.0)
+    states = flown(TECS, held(speed_m_s=25.0), 60.0)
     first = (states[40].speed_m_s - states[0].speed_m_s) / 0.2
     assert first == pytest.approx(2.5, abs=0.01)
     assert 25.2 < max(one.speed_m_s for one in states) < 26.0
@@ -146,9 +117,7 @@ def test_a_speed_step_starts_as_steeply_as_measured_and_overshoots():
 def test_a_slow_sinusoid_of_speed_comes_out_as_large_and_as_late_as_measured():
     # Measured on ArduPlane with the dead time of 0.5 s: gain 0.93 to 1.07, 2.2 to 2.4 s late.
     omega = math.tau / 24.0
-    states = flown(
-        TECS, lambda now_s: targets(speed_m_s=20.0 + 1.5 * math.sin(omega * now_s)), 240.0
-    )
+    states = flown(TECS, lambda now_s: held(speed_m_s=20.0 + 1.5 * math.sin(omega * now_s)), 240.0)
     last = states[-round(48.0 / 0.005) :]
     start_s = 240.0 - 48.0
     swings = [
@@ -163,7 +132,7 @@ def test_a_slow_sinusoid_of_speed_comes_out_as_large_and_as_late_as_measured():
 
 
 def test_height_gives_way_by_some_metres_while_the_speed_changes():
-    states = flown(TECS, targets(speed_m_s=26.0), 60.0)
+    states = flown(TECS, held(speed_m_s=26.0), 60.0)
     lost_m = 500.0 - min(one.altitude_amsl_m for one in states)
     assert 2.0 < lost_m < 5.0
     assert states[-1].altitude_amsl_m == pytest.approx(500.0, abs=0.2)
@@ -180,7 +149,7 @@ def test_the_integral_stands_still_while_the_acceleration_is_at_its_limit():
 def test_the_step_is_converged_to_centimetres_over_two_minutes(plant):
     def aim(now_s: float) -> Targets:
         at_s = math.floor(now_s / 0.05 + 1e-6) * 0.05
-        return targets(0.13 * at_s, 20.0 + 3.0 * math.sin(0.3 * at_s))
+        return held(0.13 * at_s, 20.0 + 3.0 * math.sin(0.3 * at_s))
 
     def end(step_s: float) -> PlantState:
         return flown(plant, aim, 120.0, SteadyWind(5.0, 1.0), step_s=step_s)[-1]
@@ -225,8 +194,8 @@ def test_px4_s_course_takes_up_a_step_as_measured():
     """30 degrees of 1.18.0-beta1: a tenth after 0.6 s, half after 1.25 s, and 0.85 after 2 s."""
     plant = replace(OWN, airspeed_min_m_s=10.0)
     late_s = OWN.course_dead_time_s
-    start = state(speed_m_s=15.0)
-    aim = targets(math.radians(30.0), 15.0)
+    start = plant_state(speed_m_s=15.0)
+    aim = held(math.radians(30.0), 15.0)
     states = flown(plant, aim, 8.0, start=start)
 
     def share(after_s: float) -> float:
@@ -245,7 +214,7 @@ UNTRIMMED = PlantParameters(kind="npfg", speed_response="px4-untrimmed")
 
 def test_px4s_airspeed_creeps_without_the_throttles_of_each_airspeed():
     """Steps of 2 m/s as it comes: half within 2 to 3 s, 0.65 after 12 s, 0.85 to 0.9 after 55 s."""
-    states = flown(UNTRIMMED, targets(speed_m_s=22.0), 60.0, step_s=0.01)
+    states = flown(UNTRIMMED, held(speed_m_s=22.0), 60.0, step_s=0.01)
     shares = [(one.speed_m_s - 20.0) / 2.0 for one in states]
     assert shares[300] == pytest.approx(0.6, abs=0.15)
     assert shares[1200] == pytest.approx(0.66, abs=0.05)
@@ -253,7 +222,7 @@ def test_px4s_airspeed_creeps_without_the_throttles_of_each_airspeed():
 
 
 def test_px4s_airspeed_setpoint_slews_with_1_m_s2():
-    states = flown(PX4, targets(speed_m_s=24.0), 3.0)
+    states = flown(PX4, held(speed_m_s=24.0), 3.0)
     references = [one.speed_reference_m_s or 20.0 for one in states]
     assert references[200] == pytest.approx(21.0, abs=0.02)
     assert references[-1] == pytest.approx(23.0, abs=0.02)
@@ -266,7 +235,7 @@ def test_px4s_airspeed_follows_slow_changes_at_once_and_swings_at_half_a_hertz()
         turning = math.tau / period_s
         states = flown(
             PX4,
-            lambda t: targets(speed_m_s=20.0 + size_m_s * math.sin(turning * t)),
+            lambda t: held(speed_m_s=20.0 + size_m_s * math.sin(turning * t)),
             6.0 * period_s,
             step_s=0.01,
         )
@@ -278,7 +247,7 @@ def test_px4s_airspeed_follows_slow_changes_at_once_and_swings_at_half_a_hertz()
 
 
 def test_px4s_airspeed_rests_where_it_is_commanded():
-    states = flown(PX4, targets(speed_m_s=22.0), 15.0)
+    states = flown(PX4, held(speed_m_s=22.0), 15.0)
     assert states[-1].speed_m_s == pytest.approx(22.0, abs=0.01)
     # 0.4 of overshoot e^(-pi D / sqrt(1 - D²)) of what the lead and the slewing leave.
     assert max(one.speed_m_s for one in states) < 22.5

@@ -107,26 +107,40 @@ def test_a_glitch_moves_reported_positions_for_its_time_and_nothing_else():
     assert glitched.truth == right.truth
 
 
-def test_velocity_heading_and_airspeed_have_noise_of_the_given_size():
-    noise = {"velocity_noise_m_s": 0.3, "airspeed_noise_m_s": 0.5}
-    noisy, quiet = make(heading_noise_rad=math.radians(1.0), **noise), make()
-    for each in (noisy, quiet):
+NOISE = {
+    "position_noise_m": 0.5,
+    "velocity_noise_m_s": 0.3,
+    "heading_noise_rad": math.radians(1.0),
+    "airspeed_noise_m_s": 0.5,
+}
+
+
+@pytest.mark.parametrize(
+    ("noise", "name", "field", "unit", "size"),
+    [
+        ("position_noise_m", "GLOBAL_POSITION_INT", "lat", 1e-7 * 111_180.0, 0.5),
+        ("position_noise_m", "GLOBAL_POSITION_INT", "lon", 1e-7 * 76_060.0, 0.5),
+        ("velocity_noise_m_s", "GLOBAL_POSITION_INT", "vx", 0.01, 0.3),
+        ("heading_noise_rad", "GLOBAL_POSITION_INT", "hdg", 0.01, 1.0),
+        ("airspeed_noise_m_s", "VFR_HUD", "airspeed", 1.0, 0.5),
+    ],
+)
+def test_each_measurement_has_noise_of_its_own_size(noise, name, field, unit, size):
+    others = {one: value for one, value in NOISE.items() if one != noise}
+    noisy, quiet, still = make(**NOISE), make(**others), make()
+    for each in (noisy, quiet, still):
         each.interval(33, 10_000)
         each.interval(74, 10_000)
-    shown, true = noisy.advance(20.0), quiet.advance(20.0)
-
-    def spread(name: str, field: str) -> float:
-        pairs = zip(of_type(shown, name), of_type(true, name), strict=True)
-        # No other error is as large as half a turn of a heading in cdeg.
-        errors = [
-            (getattr(a, field) - getattr(b, field) + 18_000) % 36_000 - 18_000 for a, b in pairs
-        ]
-        return math.sqrt(sum(error**2 for error in errors) / len(errors))
-
-    assert spread("GLOBAL_POSITION_INT", "vx") == pytest.approx(30.0, rel=0.1)
-    assert spread("GLOBAL_POSITION_INT", "hdg") == pytest.approx(100.0, rel=0.1)
-    assert spread("VFR_HUD", "airspeed") == pytest.approx(0.5, rel=0.1)
-    assert noisy.truth == quiet.truth
+    shown, true = (of_type(each.advance(20.0), name) for each in (noisy, still))
+    unchanged = of_type(quiet.advance(20.0), name)
+    assert [getattr(one, field) for one in unchanged] == [getattr(one, field) for one in true]
+    # No other error is as large as half a turn of a heading in cdeg.
+    pairs = zip(shown, true, strict=True)
+    errors = [(getattr(a, field) - getattr(b, field) + 18_000) % 36_000 - 18_000 for a, b in pairs]
+    spread = math.sqrt(sum(error**2 for error in errors) / len(errors))
+    assert spread * unit == pytest.approx(size, rel=0.1)
+    assert abs(sum(errors) / len(errors)) * unit < 0.1 * size
+    assert noisy.truth == still.truth
 
 
 @pytest.mark.parametrize(

@@ -20,52 +20,31 @@ from sitl_stub import (
     plant_of,
 )
 from sitl_stub.personality import Personality, personality
-from sitl_stub.plant import PlantState
-from sitl_stub.plants import Plant
 from sitl_stub.registry import autopilots
-from sitl_stub.targets import AltitudeTarget, SpeedTarget, Targets, TurnTarget
+from sitl_stub.targets import Targets
 from tests.kit.autopilot import GroundStation, config_of, new_autopilot
+from tests.kit.plants import flown, held
 
 EXAMPLE = Path(__file__).parents[3] / "examples" / "own_plant.py"
-START = PlantState(0.0, 20.0, "airspeed", 0.8, 0.1, 500.0)
 STEP_S = 0.025
 
 
-def measured(**options: float) -> Plant:
+def measured(**options: float) -> PlantParameters:
     load_plugins([EXAMPLE])
-    return plant_of(PlantParameters(kind="measured", options=options_of(options)))
-
-
-def flown(
-    aircraft: Plant, targets: Targets, seconds: float, wind: SteadyWind | None = None
-) -> list[PlantState]:
-    state, states = START, []
-    for index in range(round(seconds / STEP_S)):
-        state = aircraft.step(
-            targets, state, wind or SteadyWind(0.0, 0.0), time_s=index * STEP_S, step_s=STEP_S
-        )
-        states.append(state)
-    return states
-
-
-def held(course: float = 0.0, speed: float = 20.0) -> Targets:
-    return Targets(
-        TurnTarget("course", course), SpeedTarget("airspeed", speed), AltitudeTarget(500.0)
-    )
+    return PlantParameters(kind="measured", options=options_of(options))
 
 
 @pytest.mark.parametrize(("damping", "overshoot"), [(0.4, 0.254), (0.8, 0.0152)])
 def test_a_second_order_course_overshoots_by_its_damping(damping, overshoot):
     # exp(-pi D / sqrt(1 - D²)): 0.254 and 0.0152 of a step of 0.1 rad
-    states = flown(measured(course_damping=damping), held(course=0.1), 12.0)
+    states = flown(measured(course_damping=damping), held(0.1), 12.0, step_s=STEP_S)
     courses = [math.remainder(one.direction_rad, math.tau) for one in states]
     assert max(courses) == pytest.approx(0.1 * (1.0 + overshoot), rel=0.01)
     assert courses[-1] == pytest.approx(0.1, abs=1e-3)
 
 
 def test_speed_comes_to_what_is_commanded_and_the_bank_limits_the_turn():
-    aircraft = measured()
-    states = flown(aircraft, held(course=3.0, speed=24.0), 15.0)
+    states = flown(measured(), held(3.0, 24.0), 15.0, step_s=STEP_S)
     assert states[-1].speed_m_s == pytest.approx(24.0, abs=0.01)
     # g tan(45 degrees) / 20 m/s = 0.49 rad/s at most
     turns = [
@@ -77,9 +56,8 @@ def test_speed_comes_to_what_is_commanded_and_the_bank_limits_the_turn():
 
 def test_it_is_carried_by_the_wind_and_flies_the_course_through_it():
     wind = SteadyWind(5.0, math.pi / 2.0)
-    aircraft = measured()
-    last = flown(aircraft, held(course=0.0), 20.0, wind)[-1]
-    motion = aircraft.motion(held(course=0.0), last, wind.at(0.0))
+    last = flown(measured(), held(), 20.0, wind, step_s=STEP_S)[-1]
+    motion = plant_of(measured()).motion(held(), last, wind.at(0.0))
     # the nose points asin(5/20) = 14.48 degrees into the wind, so that it flies north at sqrt(400 - 25) m/s
     heading_deg = math.degrees(math.remainder(motion.heading_rad, math.tau))
     assert heading_deg == pytest.approx(-14.48, abs=0.01)
@@ -88,9 +66,9 @@ def test_it_is_carried_by_the_wind_and_flies_the_course_through_it():
 
 def test_an_option_that_it_does_not_have_is_named_with_those_that_it_has():
     with pytest.raises(ValueError, match="measured has no option damping; it has course_damping"):
-        measured(damping=0.3)
+        plant_of(measured(damping=0.3))
     with pytest.raises(ValueError, match="option course_damping must be finite"):
-        measured(course_damping=math.nan)
+        plant_of(measured(course_damping=math.nan))
 
 
 def test_what_leaves_something_out_or_takes_a_name_is_refused(tmp_path):
@@ -127,10 +105,10 @@ class Still(AirPlant):
 
 def test_a_plant_without_memory_needs_none_and_keeps_to_its_airspeed_range():
     plant("still")(Still)
-    aircraft = plant_of(PlantParameters(kind="still", options=options_of({"drag_1_s": 0.5})))
-    states = flown(aircraft, held(), 5.0)
+    aircraft = PlantParameters(kind="still", options=options_of({"drag_1_s": 0.5}))
+    states = flown(aircraft, held(), 5.0, step_s=STEP_S)
     # 20 e^-0.5 = 12.13 m/s after a second; 12 m/s is the slowest that is flown
-    assert states[39].speed_m_s == pytest.approx(20.0 * math.exp(-0.5), abs=0.01)
+    assert states[40].speed_m_s == pytest.approx(20.0 * math.exp(-0.5), abs=0.01)
     assert states[-1].speed_m_s == 12.0
 
 
@@ -138,7 +116,7 @@ def test_the_example_is_one_file_that_needs_nothing_of_vfguide():
     assert "vfguide" not in "".join(
         line for line in EXAMPLE.read_text().splitlines() if line.startswith(("import", "from"))
     )
-    assert type(measured()).__name__ == "Measured"
+    assert type(plant_of(measured())).__name__ == "Measured"
 
 
 AUTOPILOT = Path(__file__).parents[3] / "examples" / "own_emulated_autopilot.py"

@@ -3,58 +3,23 @@ from typing import Literal
 
 import pytest
 
-from sitl_stub import ArticleWind, CalmWind, PlantParameters, SteadyWind, Wind
+from sitl_stub import ArticleWind, CalmWind, PlantParameters, SteadyWind
 from sitl_stub.geometry import wrap_to_pi
 from sitl_stub.loops import bank_limited_turn_rate_rad_s, bank_of_rad, turn_rate_rad_s
-from sitl_stub.plant import MAX_STEP_S, PlantState, course_hold_rates, stepped, with_speed_kind
-from sitl_stub.targets import AltitudeTarget, SpeedKind, SpeedTarget, Targets, TurnTarget
+from sitl_stub.plant import MAX_STEP_S, PlantState, course_hold_rates, with_speed_kind
+from sitl_stub.targets import Targets, TurnTarget
+from tests.kit.plants import flown, held, plant_state
 
 Kind = Literal["course-hold", "heading-hold"]
 KINDS: tuple[Kind, ...] = ("course-hold", "heading-hold")
 
 
-def state(
-    direction_rad: float = 0.0, speed_m_s: float = 20.0, kind: SpeedKind = "airspeed"
-) -> PlantState:
-    return PlantState(direction_rad, speed_m_s, kind, math.radians(47.0), 0.1, 500.0)
-
-
-def targets(
-    turn: TurnTarget | None = None,
-    speed: SpeedTarget | None = None,
-    height: AltitudeTarget | None = None,
-) -> Targets:
-    return Targets(
-        turn or TurnTarget("course", 0.0),
-        speed or SpeedTarget("airspeed", 20.0),
-        height or AltitudeTarget(500.0),
-    )
-
-
-def flown(
-    plant: PlantParameters,
-    wanted: Targets,
-    start: PlantState,
-    seconds: float,
-    wind: Wind | None = None,
-    *,
-    step_s: float = 0.005,
-) -> PlantState:
-    for index in range(round(seconds / step_s)):
-        start = stepped(
-            plant, wanted, start, wind or CalmWind(), time_s=index * step_s, step_s=step_s
-        )
-    return start
-
-
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_small_step_reaches_63_percent_after_one_time_constant(kind):
     plant, share = PlantParameters(kind=kind), 1.0 - math.exp(-1.0)
-    turned = flown(
-        plant, targets(TurnTarget("course", 0.1)), state(), 1.0 / 1.2, step_s=1.0 / 120.0
-    )
+    turned = flown(plant, held(0.1), 1.0 / 1.2, step_s=1.0 / 120.0)[-1]
     assert turned.direction_rad == pytest.approx(0.1 * share, abs=2e-5)
-    faster = flown(plant, targets(speed=SpeedTarget("airspeed", 22.0)), state(), 1.25)
+    faster = flown(plant, held(speed_m_s=22.0), 1.25)[-1]
     assert faster.speed_m_s == pytest.approx(20.0 + 2.0 * share, abs=1e-4)
 
 
@@ -90,45 +55,41 @@ def test_it_turns_the_shorter_way_no_faster_than_its_limits(target, course_deg, 
     [(32.0, 1.0, 23.0), (90.0, 30.0, 32.0)],
 )
 def test_speed_changes_no_faster_than_its_limit_and_stays_in_its_range(asked, seconds, flown_m_s):
-    wanted = targets(speed=SpeedTarget("airspeed", asked))
-    assert flown(PlantParameters(), wanted, state(), seconds).speed_m_s == pytest.approx(flown_m_s)
+    end = flown(PlantParameters(), held(speed_m_s=asked), seconds)[-1]
+    assert end.speed_m_s == pytest.approx(flown_m_s)
 
 
 def test_a_climb_is_limited_and_then_settles():
-    wanted = targets(height=AltitudeTarget(530.0))
+    states = flown(PlantParameters(), held(altitude_m=530.0), 40.0)
     # Up to 3 m/s with a time constant of 1 s: 3 (t - 1 + exp(-t)).
-    after = flown(PlantParameters(), wanted, state(), 5.0)
+    after = states[1000]
     assert after.altitude_amsl_m == pytest.approx(500.0 + 3.0 * (4.0 + math.exp(-5.0)), abs=1e-3)
     assert after.climb_m_s == pytest.approx(3.0 * (1.0 - math.exp(-5.0)), abs=1e-3)
-    settled = flown(PlantParameters(), wanted, state(), 40.0)
-    assert settled.altitude_amsl_m == pytest.approx(530.0, abs=1e-3)
+    assert states[-1].altitude_amsl_m == pytest.approx(530.0, abs=1e-3)
 
 
 def test_a_descent_has_a_limit_of_its_own():
     plant = PlantParameters(climb_rate_max_m_s=5.0, sink_rate_max_m_s=2.0)
-    after = flown(plant, targets(height=AltitudeTarget(400.0)), state(), 20.0)
+    after = flown(plant, held(altitude_m=400.0), 20.0)[-1]
     assert after.climb_m_s == pytest.approx(-2.0, abs=1e-6)
 
 
 @pytest.mark.parametrize("delay_s", [1.0, 3.3])
 def test_a_target_that_climbs_steadily_is_followed_by_the_declared_delay_later(delay_s):
-    plant, now, step_s = PlantParameters(height_delay_s=delay_s), state(), 0.02
-    for index in range(round(40.0 / step_s)):
-        wanted = targets(height=AltitudeTarget(500.0 + 2.0 * (index + 0.5) * step_s))
-        now = stepped(plant, wanted, now, CalmWind(), time_s=index * step_s, step_s=step_s)
-    assert now.altitude_amsl_m == pytest.approx(500.0 + 2.0 * (40.0 - delay_s), abs=0.01)
+    plant = PlantParameters(height_delay_s=delay_s)
+    end = flown(plant, lambda t: held(altitude_m=500.0 + 2.0 * (t + 0.01)), 40.0, step_s=0.02)[-1]
+    assert end.altitude_amsl_m == pytest.approx(500.0 + 2.0 * (40.0 - delay_s), abs=0.01)
 
 
 def test_heading_hold_flies_a_commanded_course_with_the_drift_taken_off():
     # Course north in 5 m/s to the east: the nose settles asin(5/20) = 14.478 deg to the left.
-    end = flown(PlantParameters(), targets(), state(), 20.0, SteadyWind(5.0, math.pi / 2))
+    end = flown(PlantParameters(), held(), 20.0, SteadyWind(5.0, math.pi / 2))[-1]
     assert math.degrees(wrap_to_pi(end.direction_rad)) == pytest.approx(-14.4775, abs=1e-3)
 
 
 def test_heading_hold_drifts_under_a_commanded_heading():
-    start = state()
-    wanted = targets(turn=TurnTarget("heading", 0.0))
-    end = flown(PlantParameters(), wanted, start, 10.0, SteadyWind(5.0, math.pi / 2))
+    wind = SteadyWind(5.0, math.pi / 2)
+    start, *_, end = flown(PlantParameters(), held(hold="heading"), 10.0, wind)
     assert end.direction_rad == 0.0
     drift_m = (end.longitude_rad - start.longitude_rad) * 6.3886e6 * math.cos(math.radians(47.0))
     assert drift_m == pytest.approx(50.0, abs=0.1)
@@ -136,22 +97,23 @@ def test_heading_hold_drifts_under_a_commanded_heading():
 
 def test_course_hold_under_a_ground_speed_does_not_feel_the_wind():
     plant = PlantParameters(kind="course-hold")
-    wanted = targets(TurnTarget("course", 1.0), SpeedTarget("ground-speed", 21.0))
-    start = state(speed_m_s=20.0, kind="ground-speed")
-    calm = flown(plant, wanted, start, 30.0)
-    windy = flown(plant, wanted, start, 30.0, SteadyWind(6.0, 2.0))
+    wanted = held(1.0, 21.0, speed="ground-speed")
+    calm, windy = (
+        flown(plant, wanted, 30.0, wind, start=plant_state(speed="ground-speed"))[-1]
+        for wind in (CalmWind(), SteadyWind(6.0, 2.0))
+    )
     assert windy == calm
 
 
 def test_course_hold_under_an_airspeed_gets_its_ground_speed_from_the_triangle():
-    rates = course_hold_rates(PlantParameters(kind="course-hold"), targets(), 0.0, 20.0, (0.0, 5.0))
+    rates = course_hold_rates(PlantParameters(kind="course-hold"), held(), 0.0, 20.0, (0.0, 5.0))
     assert (rates.north_m_s, rates.east_m_s) == pytest.approx((19.364917, 0.0))
 
 
 @pytest.mark.parametrize("course_rad", [0.0, 1.0, 4.0])
 def test_switching_between_airspeed_and_ground_speed_does_not_jump(course_rad):
     wind_m_s = (-3.0, 4.0)
-    there = with_speed_kind(state(course_rad), "ground-speed", wind_m_s)
+    there = with_speed_kind(plant_state(course_rad), "ground-speed", wind_m_s)
     back = with_speed_kind(there, "airspeed", wind_m_s)
     assert there.speed_m_s != 20.0
     assert back.speed_m_s == pytest.approx(20.0)
@@ -160,18 +122,17 @@ def test_switching_between_airspeed_and_ground_speed_does_not_jump(course_rad):
 def test_course_hold_ground_speed_keeps_the_airspeed_flyable():
     # Headwind of 8: an airspeed of at most 32 leaves 24 over ground; of at least 12 leaves 4.
     plant = PlantParameters(kind="course-hold")
-    start = state(speed_m_s=20.0, kind="ground-speed")
-    headwind = SteadyWind(8.0, math.pi)
-    fast = flown(plant, targets(speed=SpeedTarget("ground-speed", 30.0)), start, 30.0, headwind)
-    slow = flown(plant, targets(speed=SpeedTarget("ground-speed", 1.0)), start, 30.0, headwind)
-    assert fast.speed_m_s == pytest.approx(24.0)
-    assert slow.speed_m_s == pytest.approx(4.0)
+    start, headwind = plant_state(speed="ground-speed"), SteadyWind(8.0, math.pi)
+    for asked, flown_m_s in ((30.0, 24.0), (1.0, 4.0)):
+        wanted = held(0.0, asked, speed="ground-speed")
+        end = flown(plant, wanted, 30.0, headwind, start=start)[-1]
+        assert end.speed_m_s == pytest.approx(flown_m_s)
 
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_hurricane_leaves_everything_finite(kind):
     plant = PlantParameters(kind=kind)
-    end = flown(plant, targets(), state(1.0), 30.0, SteadyWind(60.0, 3.0))
+    end = flown(plant, held(), 30.0, SteadyWind(60.0, 3.0), start=plant_state(1.0))[-1]
     values = (end.direction_rad, end.speed_m_s, end.latitude_rad, end.longitude_rad)
     assert all(map(math.isfinite, values))
 
@@ -191,17 +152,13 @@ def test_the_integration_step_is_converged_to_the_resolution_of_the_telemetry(ki
     plant = PlantParameters(kind=kind)
 
     def target_at(time_s: float) -> Targets:
-        return targets(
-            TurnTarget("course", 0.13 * time_s),
-            SpeedTarget(speed_kind, 20.0 + 3.0 * math.sin(0.3 * time_s)),
-        )
+        at_s = math.floor(time_s / MAX_STEP_S + 1e-6) * MAX_STEP_S
+        return held(0.13 * at_s, 20.0 + 3.0 * math.sin(0.3 * at_s), speed=speed_kind)
 
     def end(steps_per_command: int) -> PlantState:
-        now, step_s = state(0.5), MAX_STEP_S / steps_per_command
-        for index in range(round(120.0 / MAX_STEP_S) * steps_per_command):
-            wanted = target_at(index // steps_per_command * MAX_STEP_S)
-            now = stepped(plant, wanted, now, ArticleWind(), time_s=index * step_s, step_s=step_s)
-        return now
+        step_s = MAX_STEP_S / steps_per_command
+        start = plant_state(0.5)
+        return flown(plant, target_at, 120.0, ArticleWind(), step_s=step_s, start=start)[-1]
 
     coarse, half, fine = end(1), end(2), end(20)
     error_m = path_length_error_m(coarse, fine)

@@ -8,7 +8,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from sitl_stub import Autopilot, CalmWind, Signing
 from sitl_stub.codec import EPOCH_UNIX_S, key_of, ticks_of
 from tests.kit.autopilot import config_of
-from tests.kit.wire import command_long, packed
+from tests.kit.wire import command_long, packed, signing_sender, signing_ticks
 
 NOW_S = 1_800_000_000.0
 KEY, OTHER_KEY = bytes(range(32)), bytes(32 * [7])
@@ -25,15 +25,6 @@ def vehicle(*, armed: bool = True) -> tuple[Autopilot, Clock]:
     return autopilot, clock
 
 
-def sender(key: bytes | None, at_s: float, *, link_id: int = 1) -> mavlink.MAVLink:
-    """A ground station's encoder, which is pymavlink's own."""
-    link = mavlink.MAVLink(None, srcSystem=255, srcComponent=190)
-    if key is not None:
-        link.signing.secret_key, link.signing.sign_outgoing = key, True
-        link.signing.link_id, link.signing.timestamp = link_id, ticks_of(at_s)
-    return link
-
-
 GUIDED, LOITER = (command_long(176, 1, number, system_id=7) for number in (15, 12))
 
 
@@ -43,7 +34,7 @@ def mode(link: mavlink.MAVLink, order: mavlink.MAVLink_message = GUIDED) -> byte
 
 def test_who_has_the_key_is_obeyed_and_the_answer_is_signed():
     autopilot, _ = vehicle()
-    answer = autopilot.receive(mode(sender(KEY, NOW_S)))
+    answer = autopilot.receive(mode(signing_sender(KEY, NOW_S)))
     assert autopilot.truth().mode == "GUIDED"
     ground = mavlink.MAVLink(None)
     ground.signing.secret_key = KEY
@@ -56,7 +47,7 @@ def test_who_has_the_key_is_obeyed_and_the_answer_is_signed():
 def test_an_unsigned_or_wrongly_signed_packet_changes_nothing(key):
     autopilot, _ = vehicle()
     before = autopilot.truth()
-    assert autopilot.receive(mode(sender(key, NOW_S))) == b""
+    assert autopilot.receive(mode(signing_sender(key, NOW_S))) == b""
     assert autopilot.truth() == before
     assert autopilot.counters["not signed"] == 1
 
@@ -69,7 +60,7 @@ def test_a_mavlink_1_packet_changes_nothing():
 
 def test_a_packet_played_back_changes_nothing():
     autopilot, _ = vehicle()
-    link = sender(KEY, NOW_S)
+    link = signing_sender(KEY, NOW_S)
     guided = mode(link)
     autopilot.receive(guided)
     autopilot.receive(mode(link, LOITER))
@@ -79,18 +70,18 @@ def test_a_packet_played_back_changes_nothing():
 
 def test_an_old_recording_from_a_link_not_heard_before_changes_nothing():
     autopilot, _ = vehicle()
-    assert autopilot.receive(mode(sender(KEY, NOW_S - 61.0, link_id=5))) == b""
-    assert autopilot.receive(mode(sender(KEY, NOW_S - 59.0, link_id=6))) != b""
+    assert autopilot.receive(mode(signing_sender(KEY, NOW_S - 61.0, link_id=5))) == b""
+    assert autopilot.receive(mode(signing_sender(KEY, NOW_S - 59.0, link_id=6))) != b""
 
 
 def test_a_forged_packet_from_the_future_locks_nobody_out():
     autopilot, _ = vehicle()
-    true_sender = sender(KEY, NOW_S)
+    true_sender = signing_sender(KEY, NOW_S)
     autopilot.receive(mode(true_sender))
-    assert autopilot.receive(mode(sender(OTHER_KEY, NOW_S + 50.0 * YEAR_S))) == b""
+    assert autopilot.receive(mode(signing_sender(OTHER_KEY, NOW_S + 50.0 * YEAR_S))) == b""
     autopilot.receive(mode(true_sender, LOITER))
     assert autopilot.truth().mode == "LOITER"
-    assert autopilot.receive(mode(sender(KEY, NOW_S + 1.0, link_id=9))) != b""
+    assert autopilot.receive(mode(signing_sender(KEY, NOW_S + 1.0, link_id=9))) != b""
 
 
 def test_what_it_says_keeps_up_with_the_clock_so_that_a_restarted_listener_hears_it():
@@ -103,7 +94,7 @@ def test_what_it_says_keeps_up_with_the_clock_so_that_a_restarted_listener_hears
     frame = answer[: 10 + answer[1] + 2 + 13]
     assert listener.accepts(frame, clock.now_s)
     stamps = int.from_bytes(frame[-12:-6], "little")
-    assert stamps == pytest.approx(ticks_of(clock.now_s), abs=100)
+    assert stamps == pytest.approx(signing_ticks(clock.now_s), abs=100)
 
 
 def test_time_stamps_never_repeat_even_while_the_clock_stands_still():
@@ -118,7 +109,7 @@ def test_time_stamps_never_repeat_even_while_the_clock_stands_still():
 
 def test_a_key_is_given_on_the_ground_and_not_in_the_air():
     autopilot, _ = vehicle()
-    link = sender(KEY, NOW_S)
+    link = signing_sender(KEY, NOW_S)
     new_key = mavlink.MAVLink_setup_signing_message(7, 1, list(OTHER_KEY), 0)
     autopilot.receive(bytes(new_key.pack(link)))
     assert autopilot.receive(mode(link)) != b""
@@ -126,7 +117,7 @@ def test_a_key_is_given_on_the_ground_and_not_in_the_air():
     standing, _ = vehicle(armed=False)
     standing.receive(bytes(new_key.pack(link)))
     assert standing.receive(mode(link)) == b""
-    assert standing.receive(mode(sender(OTHER_KEY, NOW_S + 1.0))) != b""
+    assert standing.receive(mode(signing_sender(OTHER_KEY, NOW_S + 1.0))) != b""
 
 
 def test_a_key_is_hexadecimal_or_a_passphrase_as_ground_stations_take_it():
@@ -143,7 +134,7 @@ def test_a_key_is_hexadecimal_or_a_passphrase_as_ground_stations_take_it():
 )
 def test_no_change_of_a_signed_frame_is_accepted(changes):
     autopilot, _ = vehicle()
-    frame = bytearray(mode(sender(KEY, NOW_S)))
+    frame = bytearray(mode(signing_sender(KEY, NOW_S)))
     original = bytes(frame)
     for position, bits in changes:
         frame[position % len(frame)] ^= bits

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from sitl_stub import CalmWind, PlantParameters, SteadyWind, Wind
+from sitl_stub import PlantParameters, SteadyWind
 from sitl_stub import aerosonde as craft
 from sitl_stub.motion import body_motion
 from sitl_stub.plant import PlantState
@@ -17,12 +17,13 @@ from sitl_stub.rigid_body import (
     attitude_rates,
     body_to_ground,
 )
-from sitl_stub.six_dof import MAX_SIX_DOF_STEP_S, body_of, six_dof_stepped
-from sitl_stub.targets import AltitudeTarget, SpeedTarget, Targets, TurnTarget
+from sitl_stub.six_dof import MAX_SIX_DOF_STEP_S, body_of
+from tests.kit import plants
+from tests.kit.plants import held, plant_state
 
 PLANT = PlantParameters(kind="six-dof", airspeed_min_m_s=16.0, airspeed_max_m_s=32.0)
 NEUTRAL = Surfaces(0.0, 0.0, 0.0)
-START = PlantState(0.0, 22.0, "airspeed", math.radians(47.0), 0.1, 500.0)
+START = plant_state(speed_m_s=22.0)
 
 
 def body(**changes: float) -> Body:
@@ -37,20 +38,11 @@ def flown(
     course_deg: float = 0.0,
     speed_m_s: float = 22.0,
     altitude_m: float = 500.0,
-    wind: Wind | None = None,
     start: PlantState = START,
     step_s: float = MAX_SIX_DOF_STEP_S,
 ) -> list[PlantState]:
-    wanted = Targets(
-        TurnTarget("course", math.radians(course_deg)),
-        SpeedTarget("airspeed", speed_m_s),
-        AltitudeTarget(altitude_m),
-    )
-    states, air = [start], wind or CalmWind()
-    for index in range(round(seconds / step_s)):
-        now_s = index * step_s
-        states.append(six_dof_stepped(PLANT, wanted, states[-1], air, time_s=now_s, step_s=step_s))
-    return states
+    wanted = held(math.radians(course_deg), speed_m_s, altitude_m)
+    return plants.flown(PLANT, wanted, seconds, step_s=step_s, start=start)
 
 
 def test_lift_is_a_flat_plates_far_behind_the_stall_and_full_throttle_pulls_with_822_newtons():

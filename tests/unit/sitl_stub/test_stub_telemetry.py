@@ -181,23 +181,6 @@ def test_time_since_boot_starts_where_it_is_told(boot_s, first_ms):
     assert of_type(vehicle.advance(1.0), "ATTITUDE")[0].time_boot_ms == first_ms + 1000
 
 
-def test_noise_is_on_reported_positions_only_and_of_the_given_size():
-    vehicle = new_station(position_noise_m=0.5)
-    quiet = new_station()
-    for each in (vehicle, quiet):
-        each.interval(33, 10_000)
-    noisy = of_type(vehicle.advance(20.0), "GLOBAL_POSITION_INT")
-    clean = of_type(quiet.advance(20.0), "GLOBAL_POSITION_INT")
-    assert vehicle.truth == quiet.truth
-    north_m = [(a.lat - b.lat) * 1e-7 * 111_180.0 for a, b in zip(noisy, clean, strict=True)]
-    east_m = [(a.lon - b.lon) * 1e-7 * 76_060.0 for a, b in zip(noisy, clean, strict=True)]
-    for errors in (north_m, east_m):
-        spread = math.sqrt(sum(error**2 for error in errors) / len(errors))
-        assert spread == pytest.approx(0.5, rel=0.1)
-        assert abs(sum(errors) / len(errors)) < 0.05
-    assert [(m.vx, m.vy, m.hdg) for m in noisy] == [(m.vx, m.vy, m.hdg) for m in clean]
-
-
 def test_the_same_seed_repeats_the_flight_to_the_bit_and_another_does_not():
     def flight(seed: int) -> bytes:
         vehicle = new_station(ArticleWind(), position_noise_m=0.3, seed=seed)
