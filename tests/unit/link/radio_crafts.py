@@ -150,13 +150,25 @@ class Shared:
         return taken
 
 
-def formation(quality: RadioQuality | None = None) -> tuple[Shared, Craft, Craft, Craft]:
+def formation(
+    seconds: float = 0.0, quality: RadioQuality | None = None
+) -> tuple[Shared, Craft, Craft, Craft]:
+    """A leader and two followers on clocks of their own, after some seconds of flight."""
     channel = Shared(quality)
-    return (
-        channel,
+    crafts = (
         channel.craft(LEADER, session=1, offset_s=1000.0),
         channel.craft("f1", session=2, offset_s=50.0, rate=1.00005),
         channel.craft("f2", session=3, offset_s=7.0, rate=0.99995),
+    )
+    channel.fly(seconds)
+    return channel, *crafts
+
+
+def together(*names: str, **options: object) -> tuple[Any, ...]:
+    """The air and those who are on it, all by one clock."""
+    channel = Shared()
+    return channel, *(
+        channel.craft(name, session=session, **options) for session, name in enumerate(names, 1)
     )
 
 

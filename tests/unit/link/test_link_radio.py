@@ -6,7 +6,15 @@ from random import Random
 import pytest
 from msgspec.structs import replace
 
-from tests.unit.link.radio_crafts import CHANNEL, NAMES, STEP_S, Shared, formation, packets_of
+from tests.unit.link.radio_crafts import (
+    CHANNEL,
+    NAMES,
+    STEP_S,
+    Shared,
+    formation,
+    packets_of,
+    together,
+)
 from tests.unit.link.shared_radio import state_at
 from tests.unit.link.wire import LEADER
 from vfguide.lab.rehearsal.emulated_radio import RadioQuality
@@ -14,29 +22,22 @@ from vfguide.link.packed import PackedKind
 from vfguide.link.radio_framing import DAMAGED
 
 
-def test_a_formation_hears_itself_without_a_collision():
-    channel, leader, one, other = formation()
-    channel.fly(20.0)
+def test_a_formation_hears_itself_without_a_collision_and_knows_the_leaders_clock():
+    channel, leader, one, other = formation(20.0)
     # Ten states a second of the leader; 2.5 of each follower, less what questions and presences take.
     assert len(one.heard) > 10 * 18
     assert len([1 for vehicle, _ in other.neighbours if vehicle == "f1"]) > 2.5 * 20 * 0.6
     assert {vehicle for vehicle, _ in leader.neighbours} == {"f1", "f2"}
     assert channel.air.counters["in collisions"] == 0
     assert one.refused <= {"another session or forged"}
-
-
-def test_the_leaders_clock_is_known_to_milliseconds_though_questions_wait_for_their_turns():
-    channel, _, one, other = formation()
-    channel.fly(20.0)
+    # Though questions wait for their turns, to a millisecond and what the clocks run apart.
     for craft, offset_s in ((one, 950.0), (other, 993.0)):
-        drift_s = 20.0 * 50e-6
-        assert craft.peer_clock.offset_s == pytest.approx(offset_s, abs=0.001 + drift_s)
+        assert craft.peer_clock.offset_s == pytest.approx(offset_s, abs=0.001 + 20.0 * 50e-6)
 
 
 def test_states_are_the_newest_there_were_when_their_turn_came():
     """On the way for 56 bytes twice over the line and once over the air; made every 50 ms."""
-    channel, _, one, _ = formation()
-    channel.fly(10.0)
+    channel, _, one, _ = formation(10.0)
     ages = [arrived + 1000.0 - time_s for time_s, arrived in one.heard]
     assert max(ages) < CHANNEL.latency_s(56) + STEP_S + 1e-3
     # What gave way to a newer one was not sent: half of the leader's 200.
@@ -44,8 +45,7 @@ def test_states_are_the_newest_there_were_when_their_turn_came():
 
 
 def test_a_state_that_has_waited_for_a_second_is_not_sent():
-    channel = Shared()
-    leader = channel.craft(LEADER, session=1)
+    _, leader = together(LEADER)
     station = leader.station
     for waited_s, kind in ((0.9, PackedKind.STATE), (1.1, PackedKind.BEAT)):
         leader.member.publish(state_at(0.0))
@@ -57,8 +57,7 @@ def test_a_state_that_has_waited_for_a_second_is_not_sent():
 
 def test_a_turn_that_comes_too_late_is_let_go():
     """The processor was elsewhere: a slot of 33.3 ms less the 16.6 ms that a packet may take."""
-    channel = Shared()
-    leader = channel.craft(LEADER, session=1)
+    _, leader = together(LEADER)
     turn = leader.station.next_turn(0.0)
     assert leader.station.speak(turn, turn.at_s + 0.0165)
     assert not leader.station.speak(turn, turn.at_s + 0.0168)
@@ -66,14 +65,12 @@ def test_a_turn_that_comes_too_late_is_let_go():
 
 
 def test_the_leader_alone_gives_the_beat_and_a_follower_alone_is_silent():
-    channel = Shared()
-    channel.craft(LEADER, session=1)
+    channel, _ = together(LEADER)
     taken = channel.record()
     channel.fly(1.95)
     # 20 beats, and a presence in the answer's turn.
     assert Counter(packets_of(taken)) == {PackedKind.STATE: 20, PackedKind.PRESENCE: 1}
-    alone = Shared()
-    alone.craft("f1", session=2)
+    alone, _ = together("f1")
     taken = alone.record()
     alone.fly(20.0)
     assert not taken
@@ -88,9 +85,7 @@ def test_a_leader_without_telemetry_still_gives_the_beat_and_its_clock():
 
 
 def test_a_late_joiner_asks_in_its_turn_and_disturbs_nobody():
-    channel = Shared()
-    channel.craft(LEADER, session=1)
-    channel.craft("f1", session=2)
+    channel, *_ = together(LEADER, "f1")
     channel.fly(10.0)
     late = channel.craft("f2", session=3, offset_s=3.0)
     channel.fly(3.0)
@@ -101,9 +96,7 @@ def test_a_late_joiner_asks_in_its_turn_and_disturbs_nobody():
 
 def test_a_late_joiner_need_not_wait_until_others_have_asked_enough():
     """Another one asks in every second turn, and is answered every 0.8 s: what the late one hears first."""
-    channel = Shared()
-    leader = channel.craft(LEADER, session=1)
-    asker = channel.craft("f1", session=2)
+    channel, leader, asker = together(LEADER, "f1")
     frames = channel.record()
     channel.fly(5.0)
     late = channel.craft("f2", session=3, offset_s=3.0)
@@ -120,8 +113,7 @@ def test_a_late_joiner_need_not_wait_until_others_have_asked_enough():
 
 def test_followers_go_on_in_their_turns_while_the_leader_is_silent():
     """For ten minutes, on clocks that run apart by 60 ms in that time: more than a slot."""
-    channel, leader, one, other = formation()
-    channel.fly(5.0)
+    channel, leader, one, other = formation(5.0)
     channel.gone(leader)
     one.neighbours.clear()
     channel.fly(600.0)
@@ -131,8 +123,7 @@ def test_followers_go_on_in_their_turns_while_the_leader_is_silent():
 
 
 def test_a_leader_that_starts_anew_is_believed_once_it_has_answered():
-    channel, leader, one, _ = formation()
-    channel.fly(5.0)
+    channel, leader, one, _ = formation(5.0)
     channel.gone(leader)
     channel.fly(1.37)
     channel.crafts.remove(leader)
@@ -145,8 +136,7 @@ def test_a_leader_that_starts_anew_is_believed_once_it_has_answered():
 
 def test_what_is_lost_is_not_sent_again_and_the_beat_goes_on():
     lossy = RadioQuality(channel=CHANNEL, loss=0.3, burst_share=0.2, burst_s=2.0)
-    channel, _, one, other = formation(lossy)
-    channel.fly(300.0)
+    channel, _, one, other = formation(300.0, lossy)
     assert channel.air.counters["in collisions"] <= 2
     share = len(one.heard) / 3000
     # 0.7 of 0.8, less what the first seconds take.
@@ -156,8 +146,7 @@ def test_what_is_lost_is_not_sent_again_and_the_beat_goes_on():
 
 
 def test_packets_that_meet_on_the_air_are_lost_and_the_next_ones_are_heard():
-    channel, _, one, _ = formation()
-    channel.fly(5.0)
+    channel, _, one, _ = formation(5.0)
     heard = len(one.heard)
     jammer = Random(4)
     for _ in range(40):
@@ -172,8 +161,7 @@ def test_packets_that_meet_on_the_air_are_lost_and_the_next_ones_are_heard():
 
 def test_two_formations_on_one_channel_never_hear_each_other():
     """Not even with the same radio key: its name is in the key of each."""
-    channel, _, one, _ = formation()
-    channel.fly(1.013)
+    channel, _, one, _ = formation(1.013)
     channel.craft(LEADER, session=21, formation="line", offset_s=5000.0)
     stranger = channel.craft("f1", session=22, formation="line", offset_s=4000.0)
     channel.fly(30.0)
@@ -194,8 +182,7 @@ def test_two_formations_on_one_channel_never_hear_each_other():
     ids=["another key", "another order", "another mission"],
 )
 def test_who_disagrees_about_the_formation_hears_nothing_of_it(difference, reason):
-    channel = Shared()
-    channel.craft(LEADER, session=1)
+    channel, _ = together(LEADER)
     one = channel.craft("f1", session=2, **difference)
     channel.fly(10.0)
     assert not one.heard
@@ -238,10 +225,8 @@ def test_who_watches_is_told_nothing_by_a_repeated_presence():
 
 
 def test_a_formation_of_twelve_takes_half_of_4000_bytes_a_second():
-    channel = Shared()
     names = (LEADER, *(f"v{number:02}" for number in range(11)))
-    for session, name in enumerate(names, start=1):
-        channel.craft(name, session=session, formation="dozen", vehicles=names)
+    channel, *_ = together(*names, formation="dozen", vehicles=names)
     channel.fly(10.0)
     channel.air.counters.clear()
     for one in channel.crafts:

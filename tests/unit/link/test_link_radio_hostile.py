@@ -19,8 +19,7 @@ from vfguide.link.radio_framing import DAMAGED, Framer, encode_frame
 
 def test_a_recording_of_another_session_is_refused_and_one_of_this_session_was_heard_before():
     """Both flights in one place with the same keys and clocks; the recording begins later in its flight."""
-    before, *_ = formation()
-    before.fly(30.0)
+    before, *_ = formation(30.0)
     yesterday = before.record()
     before.fly(2.0)
     channel = Shared()
@@ -60,8 +59,7 @@ def test_a_follower_that_has_just_started_believes_no_recording_and_no_leader_un
 
 def test_another_companion_of_ones_name_is_told(caplog):
     """Heard by a twin that is under the same leader's session, from another place."""
-    channel, _, one, _ = formation()
-    channel.fly(5.0)
+    _, _, one, _ = formation(5.0)
     elsewhere, *_ = formation()
     frames = elsewhere.record()
     elsewhere.fly(9.0)
@@ -71,8 +69,7 @@ def test_another_companion_of_ones_name_is_told(caplog):
 
 
 def test_the_younger_of_two_companions_of_one_name_is_silent_until_the_other_is_gone(caplog):
-    channel, leader, one, _ = formation()
-    channel.fly(8.0)
+    channel, leader, one, _ = formation(8.0)
     twin = channel.craft("f1", session=44, offset_s=9.0)
     heard = len(leader.neighbours)
     channel.fly(6.0)
@@ -108,8 +105,7 @@ def test_the_younger_of_two_companions_of_the_leader_falls_silent_on_the_radio(s
 
 def test_a_recording_keeps_a_leader_that_starts_silent_for_five_seconds_at_most():
     """Its beats are right but for the session, and none of them answers."""
-    yesterday, *_ = formation()
-    yesterday.fly(3.0)
+    yesterday, *_ = formation(3.0)
     frames = yesterday.record()
     yesterday.fly(8.0)
     channel = Shared()

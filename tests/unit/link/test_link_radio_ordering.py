@@ -13,8 +13,7 @@ from vfguide.link.order_codec import Reply, Verdict, decode_reply, encode_reply
 
 def ordering(quality: RadioQuality | None = None) -> tuple[Shared, Craft, list[Craft]]:
     """A formation that flies, and an operator who has joined it late."""
-    channel, *vehicles = formation(quality)
-    channel.fly(5.0)
+    channel, *vehicles = formation(5.0, quality)
     operator = channel.craft("eye", session=9, orders=True, offset_s=333.0)
     channel.fly(4.0)
     assert operator.peer_clock.offset_s == pytest.approx(667.0, abs=0.002)

@@ -106,7 +106,7 @@ def test_the_course_of_a_velocity_is_flown_by_1_14_and_its_length_is_ignored():
     before = course_deg(vehicle)
     fly(vehicle, 20.0, lambda: vehicle.velocity_setpoint(0.0, 0.0))
     assert vehicle.truth.mode == "OFFBOARD"
-    assert course_deg(vehicle) == pytest.approx(before, abs=1e-2)
+    assert course_deg(vehicle) == pytest.approx(before, abs=1e-3)
 
 
 @pytest.mark.parametrize("version", [(1, 17), (1, 18)])
