@@ -188,6 +188,7 @@ def test_position_and_velocity_together_steer_but_take_no_airspeed():
 
     both()
     vehicle.command_long(*OFFBOARD)
+    assert vehicle.result(vehicle.command_long(178, 0, 24.0, -1)) == "ACCEPTED"
     fly(vehicle, 15.0, both)
     assert course_deg(vehicle) == pytest.approx(90.0, abs=1e-2)
     assert vehicle.truth.airspeed_m_s == pytest.approx(20.0, abs=1e-3)
@@ -289,6 +290,26 @@ def test_a_course_is_denied_outside_guided_course(mode):
     vehicle.velocity_setpoint(20.0, 0.0)
     vehicle.command_long(*mode)
     assert vehicle.result(vehicle.command_long(43_002, 0, 90.0)) == "DENIED"
+
+
+@pytest.mark.parametrize(
+    ("mode", "answer"),
+    [(GUIDED_COURSE, "ACCEPTED"), (LOITER, "ACCEPTED"), (OFFBOARD, "DENIED")],
+)
+def test_a_height_is_denied_where_it_is_not_the_autopilot_s_to_hold(mode, answer):
+    vehicle = new_station(autopilot="px4")
+    vehicle.velocity_setpoint(20.0, 0.0)
+    vehicle.command_long(*mode)
+    assert vehicle.result(vehicle.command_long(186, 120.0, 1)) == answer
+
+
+@pytest.mark.parametrize(
+    ("frame", "answer", "mode"), [(6, "ACCEPTED", "AUTO.LOITER"), (1, "DENIED", "AUTO.COURSE")]
+)
+def test_a_reposition_ends_the_course_unless_its_frame_is_none_on_the_globe(frame, answer, mode):
+    vehicle = guided_course()
+    assert vehicle.result(vehicle.command_int(192, -1.0, frame=frame, z=100.0)) == answer
+    assert vehicle.truth.mode == mode
 
 
 def test_guided_course_came_with_1_18():
