@@ -8,20 +8,16 @@ import sys
 import tempfile
 import traceback
 from contextlib import suppress
+from importlib import import_module
 from importlib.metadata import version as version_of
 from pathlib import Path
-from typing import Annotated, cast
+from typing import Annotated, Any, cast
 
 import typer
+from typer.core import TyperGroup
 
-from vfguide.commands.bench_options import bench
-from vfguide.commands.check import check
-from vfguide.commands.export import export
-from vfguide.commands.flight_options import emulate, fly, judge
-from vfguide.commands.inspection_options import analyse, console, report, status
-from vfguide.commands.shared_options import with_plugins
+from vfguide.commands.options import with_plugins
 from vfguide.commands.terminal import Terminal, discard, escape_what_cannot_be_encoded
-from vfguide.commands.vehicle_options import companion, identify, keys, order
 from vfguide.errors import InputError, VfguideError
 from vfguide.extras import missing_library
 from vfguide.registry import plugin_fault
@@ -37,28 +33,42 @@ UsageError = cast("type[typer.BadParameter]", typer.BadParameter.__base__)
 SHOWN_FAULTS = 50
 """Faults of one file that are printed; a file with more is not a mission."""
 
+COMMANDS = {
+    "fly": "Fly a whole formation on this computer.",
+    "companion": "Run the companion of one vehicle, until SIGTERM.",
+    "identify": "Fly small steps of course and speed, and find how the autopilot answers.",
+    "judge": "Start, watch and judge a flight whose emulators and companions another program runs.",
+    "emulate": "Emulate one aircraft of a mission, in its place and wind, when `vfguide judge` says so.",
+    "order": "Order a formation that flies to change: rehearsed first, then agreed on by all vehicles.",
+    "status": "Tell how the vehicles of a mission are, and whether they are ready: one line, go or no-go.",
+    "console": "Show a formation on a page of a browser: who is where, how well, and what to do.",
+    "check": "Find out what can be known before take-off.",
+    "report": "Write the report of a flight, rehearsed or recorded.",
+    "export": "Write a flight for other tools: Foxglove, Google Earth, spreadsheets, pandas.",
+    "analyse": "Write the report of a flight from the logs that its autopilots wrote.",
+    "bench": "Measure on this computer.",
+    "keys": "Keys by which the members of a formation know each other.",
+}
+"""The first line of each command's help; the module of its name has its options and does the work."""
+
+
+class CommandGroup(TyperGroup):
+    """The commands, each imported only when it is run: a daemon on an aircraft loads none of the others."""
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:  # noqa: ANN401 - of Typer's own Click
+        """Find the command that is typed, and load it."""
+        name, _, rest = super().resolve_command(ctx, args)
+        return name, loaded(name or ""), rest
+
+
 app = typer.Typer(
     name="vfguide",
+    cls=CommandGroup,
     help="Vector-field guidance that flies several fixed-wing UAVs as one formation, over MAVLink.",
     no_args_is_help=True,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
     context_settings={"help_option_names": ["-h", "--help"]},
-)
-
-COMMANDS = (
-    fly,
-    companion,
-    identify,
-    judge,
-    emulate,
-    order,
-    status,
-    console,
-    check,
-    report,
-    export,
-    analyse,
 )
 
 
@@ -130,14 +140,26 @@ def epilog(name: str) -> str | None:
     return None if lines is None else "\n".join(("\b", "Examples:", *(f"  {one}" for one in lines)))
 
 
-for command in COMMANDS:
-    app.command(epilog=epilog(command.__name__))(with_plugins(command))
-
-for group, group_name in ((bench, "bench"), (keys, "keys")):
-    for one in group.registered_commands:
+def loaded(name: str) -> Any:  # noqa: ANN401 - of Typer's own Click
+    """A command with its options, or a group with its commands."""
+    command = getattr(import_module(f"vfguide.commands.{name}"), name)
+    if not isinstance(command, typer.Typer):
+        alone = typer.Typer(add_completion=False, rich_markup_mode=None)
+        alone.command(name, epilog=epilog(name))(with_plugins(command))
+        return typer.main.get_command(alone)
+    command.info.name, command.info.epilog = name, epilog(name)
+    for one in command.registered_commands:
         short = one.name or getattr(one.callback, "__name__", "")
-        one.epilog = epilog(f"{group_name} {short}")
-    app.add_typer(group, name=group_name, epilog=epilog(group_name))
+        one.epilog = epilog(f"{name} {short}")
+    return typer.main.get_group(command)
+
+
+def unloaded() -> None:
+    """Stand for a command that is not loaded, where the program's help lists it."""
+
+
+for listed, summary in COMMANDS.items():
+    app.command(listed, help=summary)(unloaded)
 
 
 def main() -> None:

@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from tests.autopilots.formation import RECORDED, TRUE_TRACKS
-from vfguide.commands.report import answers_of, slips_of
+from vfguide.commands.analyse import answers_of, slips_of
 from vfguide.elementwise import FloatArray
 from vfguide.errors import VfguideError
 from vfguide.identification.flown import Answer, answer_sentence

@@ -10,16 +10,19 @@ from dataclasses import asdict
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
+import typer
+
+from vfguide.commands.options import in_directory, with_plugins
 from vfguide.commands.terminal import Terminal
+from vfguide.extras import PLOTTING, require
 from vfguide.lab.studies.comparison import (
     FULL,
     PLANTS,
     QUICK,
     ComparisonRow,
     ablation_cases,
-    compare,
     long_table,
     metres,
     parts_of,
@@ -27,8 +30,8 @@ from vfguide.lab.studies.comparison import (
     seconds,
     short_table,
 )
+from vfguide.lab.studies.comparison import compare as compare_all
 from vfguide.lab.studies.flown import MISSIONS, Tracks, executor_on, flown_by, fly
-from vfguide.lab.studies.latency import render, run_latency
 from vfguide.lab.studies.monte_carlo import (
     DURATION_S,
     SWEEPS,
@@ -60,30 +63,52 @@ SCALE_COLUMNS = (
 """Columns of the table of sizes; the last are shares of the whole time."""
 
 
-def compare_laws(
-    chosen: Sequence[str] | None,
-    *,
-    quick: bool,
-    json_file: Path | None,
-    out: Path | None,
-    scheduler: str | None,
-) -> None:
-    """Fly, print the tables, and keep them.
+bench = typer.Typer(help="Measure on this computer.", rich_markup_mode=None)
 
-    Args:
-        chosen: laws; all that are known if none.
-        quick: shorter flights, and fewer.
-        json_file: where all figures go.
-        out: where tables, figures and the same JSON go.
-        scheduler: of a Dask cluster; this computer if absent.
+JsonFile = Annotated[
+    Path | None, typer.Option("--json", metavar="FILE", help="Where all figures go.")
+]
+Directory = Annotated[Path | None, in_directory("Where tables, plots and JSON go.")]
+Quick = Annotated[bool, typer.Option("--quick", help="Shorter flights, and fewer.")]
+Law = Annotated[str, typer.Option(metavar="LAW", help="By which followers keep their slots.")]
+Laws = Annotated[
+    list[str] | None,
+    typer.Option("--law", metavar="LAW", help="Fly this one, or several; all known if absent."),
+]
+Scheduler = Annotated[
+    str | None,
+    typer.Option(
+        metavar="URL",
+        help="A Dask scheduler, such as tcp://host:8786; this computer if absent.",
+    ),
+]
+
+
+@bench.callback(invoke_without_command=True)
+@with_plugins
+def compare(
+    context: typer.Context,
+    *,
+    law: Laws = None,
+    json_file: JsonFile = None,
+    quick: Quick = False,
+    out: Directory = None,
+    scheduler: Scheduler = None,
+) -> None:
+    """Fly the article's comparison: its four missions by every law, on both plants.
+
+    As shipped, and over a bad link with noise, several seeds. Exit status: 0 measured, 3 broken.
     """
+    require(*PLOTTING, "osqp", "scipy")
+    if context.invoked_subcommand is not None:
+        return
     began = time.perf_counter()
     for directory in (out, json_file.parent if json_file else None):
         if directory is not None:
             directory.mkdir(parents=True, exist_ok=True)
-    extent, flown = QUICK if quick else FULL, flown_laws(chosen)
+    extent, flown = QUICK if quick else FULL, flown_laws(law)
     with executor_on(scheduler) as executor:
-        rows, tracks = compare(executor, extent, flown)
+        rows, tracks = compare_all(executor, extent, flown)
     costs = step_costs(flown)
     content = {
         "machine": machine(),
@@ -100,6 +125,208 @@ def compare_laws(
         json_file.write_text(written, encoding="utf-8")
     if out is not None:
         keep(out, text, written, tracks)
+
+
+@bench.command()
+def latency(
+    *,
+    seconds: Annotated[
+        float, typer.Option(metavar="S", min=5.0, max=600.0, help="Length of each measurement.")
+    ] = 15.0,
+    rate: Annotated[
+        float, typer.Option(metavar="HZ", min=20.0, max=100.0, help="Position reports per second.")
+    ] = 50.0,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON on standard output.")] = False,
+) -> None:
+    """Measure from telemetry in to setpoint out, beside plain pymavlink and MAVSDK loops.
+
+    Four companions, four emulated autopilots and a broker at once. Exit status: 0 measured, 3 broken.
+    """
+    # Here, because an aircraft's computer has no library that counts what processes take.
+    from vfguide.lab.studies.latency import render, run_latency
+
+    result = run_latency(seconds=seconds, rate_hz=rate)
+    Terminal().tell(json.dumps(result, indent=2) if as_json else render(result))
+
+
+@bench.command()
+def radio(
+    *,
+    seconds: Annotated[
+        float, typer.Option(metavar="S", min=20.0, max=600.0, help="Length of each flight.")
+    ] = 120.0,
+    aircraft: Annotated[
+        list[int] | None,
+        typer.Option(metavar="N", min=2, max=12, help="Size of a formation; 2, 4, 8 and 12."),
+    ] = None,
+    rate: Annotated[
+        list[float] | None,
+        typer.Option(metavar="HZ", min=0.5, max=20.0, help="The leader's; 20, 10, 5 and 2."),
+    ] = None,
+    followers: Annotated[
+        float, typer.Option(metavar="HZ", min=0.5, max=20.0, help="Rate of each follower.")
+    ] = 2.5,
+    loss: Annotated[
+        float, typer.Option(min=0.0, max=0.9, help="Share of packets that a receiver misses.")
+    ] = 0.0,
+    bursts: Annotated[
+        float, typer.Option(min=0.0, max=0.9, help="Share of the time that it misses all.")
+    ] = 0.0,
+    json_file: JsonFile = None,
+) -> None:
+    """Fly circle-wind over an emulated radio of 57600 baud and 4000 B/s that all share.
+
+    The mean slot error for each size of the formation and each rate of the leader, through MAVLink bytes.
+    """
+    sizes, rates = aircraft or SIZES, [None, *(rate or RATES_HZ)]
+    cases = [
+        RadioCase(
+            size=size,
+            leader_hz=rate_hz,
+            followers_hz=followers,
+            loss=loss,
+            bursts=bursts,
+            seconds=seconds,
+        )
+        for rate_hz in rates
+        for size in sizes
+    ]
+    with executor_on() as executor:
+        found = dict(zip(cases, flown_by(executor, fly_radio, cases), strict=True))
+    lines = [
+        "| leader | " + " | ".join(f"{size} aircraft" for size in sizes) + " |",
+        "|---|" + "---|" * len(sizes),
+    ]
+    for rate_hz in rates:
+        title = "no radio, 0.1 s late" if rate_hz is None else f"{rate_hz:g} Hz"
+        cells = [shown(found[case]) for case in cases if case.leader_hz == rate_hz]
+        lines.append(f"| {title} | " + " | ".join(cells) + " |")
+    Terminal().tell(
+        "mean error, m / greatest error, m / age of the leader's state, ms / bytes a second\n\n"
+        + "\n".join(lines)
+    )
+    rows = [{**asdict(case), **asdict(figures)} for case, figures in found.items()]
+    write(json_file, {"rows": rows})
+
+
+@bench.command()
+@with_plugins
+def ablations(
+    *,
+    law: Law = "slot",
+    json_file: JsonFile = None,
+    quick: Quick = False,
+    scheduler: Scheduler = None,
+) -> None:
+    """Switch off each part of a law alone, and fly the four missions."""
+    flown = ablation_cases(law, quick=quick)
+    with executor_on(scheduler) as executor:
+        results = [figures for figures, _ in flown_by(executor, fly, flown)]
+    found = {
+        (case.label, case.mission): figures for case, figures in zip(flown, results, strict=True)
+    }
+    lines = [
+        "| mean / greatest error, m | " + " | ".join(MISSIONS) + " | back and forth, rad/s |",
+        "|---|" + "---|" * (len(MISSIONS) + 1),
+    ]
+    for name in parts_of(law):
+        cells = [
+            f"{metres(found[name, mission].mean_error_m)} / "
+            f"{metres(found[name, mission].max_error_m)}"
+            for mission in MISSIONS
+        ]
+        chatter = max(found[name, mission].course_variation_rad_s for mission in MISSIONS)
+        lines.append(f"| {name} | " + " | ".join(cells) + f" | {chatter:.3f} |")
+    Terminal().tell("\n".join(lines))
+    rows = [
+        {"ablation": label, "mission": mission, **asdict(figures)}
+        for (label, mission), figures in found.items()
+    ]
+    write(json_file, {"rows": rows})
+
+
+@bench.command()
+@with_plugins
+def robustness(
+    *,
+    law: Laws = None,
+    json_file: JsonFile = None,
+    quick: Quick = False,
+    out: Directory = None,
+    scheduler: Scheduler = None,
+) -> None:
+    """Map errors and settling against link, noise, wrong responses, wind and loop rate."""
+    if out is not None:
+        out.mkdir(parents=True, exist_ok=True)
+    with executor_on(scheduler) as executor:
+        found = list(
+            flown_by(executor, fly_point, points(flown_laws(law, but="article"), quick=quick))
+        )
+    Terminal().tell(maps(found))
+    content = {"points": [asdict(one) for one in found]}
+    write(json_file, content)
+    if out is not None:
+        # Here, because it brings the plotting library.
+        from vfguide.lab.studies.figures import draw_maps
+
+        draw_maps(found, out)
+        write(out / "robustness.json", content)
+
+
+@bench.command()
+def scale(*, json_file: JsonFile = None, quick: Quick = False) -> None:
+    """Fly 4, 10, 30 and 100 vehicles: how the cost grows, and where it goes."""
+    result = measure_all(quick=quick)
+    lines = [
+        f"| {' | '.join(SCALE_COLUMNS)} |",
+        "|" + "---|" * len(SCALE_COLUMNS),
+    ]
+    for one in result["sizes"]:
+        shares = one["shares"]
+        cells = [
+            f"{one['vehicles']}",
+            f"{one['real_time_factor']:.1f}",
+            f"{one['processor_us_per_vehicle_step']:.0f}",
+            f"{one['memory_mb']:.0f}",
+            f"{one['guidance_step_us']:.0f}",
+            *(f"{shares[part]:.0%}" for part in ("companion", "decode", "encode", "guidance")),
+        ]
+        lines.append("| " + " | ".join(cells) + " |")
+    lines.append(f"\nprocessor time grows with the vehicles to the power {result['exponent']:.2f}")
+    Terminal().tell("\n".join(lines))
+    write(json_file, result)
+
+
+@bench.command(name="monte-carlo")
+@with_plugins
+def monte_carlo(
+    *,
+    formations: Annotated[
+        int, typer.Option(metavar="N", min=1, help="How many, each in a flight of its own.")
+    ] = 100,
+    law: Law = "slot",
+    processes: Annotated[
+        int | None, typer.Option(metavar="N", min=1, help="As many as processors if absent.")
+    ] = None,
+    seed: Annotated[int, typer.Option(metavar="N", min=0, help="Of everything random.")] = 1,
+    json_file: JsonFile = None,
+    scheduler: Scheduler = None,
+) -> None:
+    """Fly formations with random starts, winds, offsets and gains."""
+    laws.find(law)
+    with executor_on(scheduler, processes) as executor:
+        result = summary_of(list(sampled(executor, formations_of(law, formations, seed))))
+    error, settle = result["mean_error_m"], result["settle_10m_s"]
+    Terminal().tell(
+        f"{law}: {result['formations']} formations of 4, {DURATION_S:.0f} s each\n"
+        f"within 10 m at the end {result['within_10m_at_end']:.2%}, within 1 m "
+        f"{result['within_1m_at_end']:.2%}; never at a limit in the last half "
+        f"{result['share_without_limits']:.2%}\n"
+        f"mean error, m: {spelt(error)}; where nothing was at a limit: "
+        f"{spelt(result['mean_error_without_limits_m'])}\n"
+        f"within 10 m after, s: {spelt(settle)}"
+    )
+    write(json_file, {"law": law, "seed": seed, **result})
 
 
 def flown_laws(chosen: Sequence[str] | None, *, but: str | None = None) -> list[str]:
@@ -190,60 +417,6 @@ def without_nan(value: object) -> object:
     return value
 
 
-def show_ablations(law: str, *, quick: bool, json_file: Path | None, scheduler: str | None) -> None:
-    """Fly and print."""
-    flown = ablation_cases(law, quick=quick)
-    with executor_on(scheduler) as executor:
-        results = [figures for figures, _ in flown_by(executor, fly, flown)]
-    found = {
-        (case.label, case.mission): figures for case, figures in zip(flown, results, strict=True)
-    }
-    lines = [
-        "| mean / greatest error, m | " + " | ".join(MISSIONS) + " | back and forth, rad/s |",
-        "|---|" + "---|" * (len(MISSIONS) + 1),
-    ]
-    for name in parts_of(law):
-        cells = [
-            f"{metres(found[name, mission].mean_error_m)} / "
-            f"{metres(found[name, mission].max_error_m)}"
-            for mission in MISSIONS
-        ]
-        chatter = max(found[name, mission].course_variation_rad_s for mission in MISSIONS)
-        lines.append(f"| {name} | " + " | ".join(cells) + f" | {chatter:.3f} |")
-    Terminal().tell("\n".join(lines))
-    rows = [
-        {"ablation": label, "mission": mission, **asdict(figures)}
-        for (label, mission), figures in found.items()
-    ]
-    write(json_file, {"rows": rows})
-
-
-def show_robustness(
-    chosen: Sequence[str] | None,
-    *,
-    quick: bool,
-    json_file: Path | None,
-    out: Path | None,
-    scheduler: str | None,
-) -> None:
-    """Fly, print, and draw."""
-    if out is not None:
-        out.mkdir(parents=True, exist_ok=True)
-    with executor_on(scheduler) as executor:
-        found = list(
-            flown_by(executor, fly_point, points(flown_laws(chosen, but="article"), quick=quick))
-        )
-    Terminal().tell(maps(found))
-    content = {"points": [asdict(one) for one in found]}
-    write(json_file, content)
-    if out is not None:
-        # Here, because it brings the plotting library.
-        from vfguide.lab.studies.figures import draw_maps
-
-        draw_maps(found, out)
-        write(out / "robustness.json", content)
-
-
 def maps(found: Sequence[Found]) -> str:
     """A table for each sweep and mission: mean error and settling, law by law."""
     parts = []
@@ -268,55 +441,6 @@ def maps(found: Sequence[Found]) -> str:
     return "\n".join(parts)
 
 
-def show_scale(*, quick: bool, json_file: Path | None) -> None:
-    """Measure and print."""
-    result = measure_all(quick=quick)
-    lines = [
-        f"| {' | '.join(SCALE_COLUMNS)} |",
-        "|" + "---|" * len(SCALE_COLUMNS),
-    ]
-    for one in result["sizes"]:
-        shares = one["shares"]
-        cells = [
-            f"{one['vehicles']}",
-            f"{one['real_time_factor']:.1f}",
-            f"{one['processor_us_per_vehicle_step']:.0f}",
-            f"{one['memory_mb']:.0f}",
-            f"{one['guidance_step_us']:.0f}",
-            *(f"{shares[part]:.0%}" for part in ("companion", "decode", "encode", "guidance")),
-        ]
-        lines.append("| " + " | ".join(cells) + " |")
-    lines.append(f"\nprocessor time grows with the vehicles to the power {result['exponent']:.2f}")
-    Terminal().tell("\n".join(lines))
-    write(json_file, result)
-
-
-def sample_formations(
-    *,
-    formations: int,
-    law: str,
-    processes: int | None,
-    seed: int,
-    json_file: Path | None,
-    scheduler: str | None,
-) -> None:
-    """Fly and print."""
-    laws.find(law)
-    with executor_on(scheduler, processes) as executor:
-        result = summary_of(list(sampled(executor, formations_of(law, formations, seed))))
-    error, settle = result["mean_error_m"], result["settle_10m_s"]
-    Terminal().tell(
-        f"{law}: {result['formations']} formations of 4, {DURATION_S:.0f} s each\n"
-        f"within 10 m at the end {result['within_10m_at_end']:.2%}, within 1 m "
-        f"{result['within_1m_at_end']:.2%}; never at a limit in the last half "
-        f"{result['share_without_limits']:.2%}\n"
-        f"mean error, m: {spelt(error)}; where nothing was at a limit: "
-        f"{spelt(result['mean_error_without_limits_m'])}\n"
-        f"within 10 m after, s: {spelt(settle)}"
-    )
-    write(json_file, {"law": law, "seed": seed, **result})
-
-
 def spelt(quantiles: dict[str, float] | None) -> str:
     """Quantiles in words."""
     if quantiles is None:
@@ -327,57 +451,9 @@ def spelt(quantiles: dict[str, float] | None) -> str:
     )
 
 
-def show_radio(
-    *,
-    seconds: float,
-    aircraft: Sequence[int] | None,
-    rates_hz: Sequence[float] | None,
-    followers_hz: float,
-    loss: float,
-    bursts: float,
-    json_file: Path | None,
-) -> None:
-    """Fly and print."""
-    sizes, rates = aircraft or SIZES, [None, *(rates_hz or RATES_HZ)]
-    cases = [
-        RadioCase(
-            size=size,
-            leader_hz=rate_hz,
-            followers_hz=followers_hz,
-            loss=loss,
-            bursts=bursts,
-            seconds=seconds,
-        )
-        for rate_hz in rates
-        for size in sizes
-    ]
-    with executor_on() as executor:
-        found = dict(zip(cases, flown_by(executor, fly_radio, cases), strict=True))
-    lines = [
-        "| leader | " + " | ".join(f"{size} aircraft" for size in sizes) + " |",
-        "|---|" + "---|" * len(sizes),
-    ]
-    for rate_hz in rates:
-        title = "no radio, 0.1 s late" if rate_hz is None else f"{rate_hz:g} Hz"
-        cells = [shown(found[case]) for case in cases if case.leader_hz == rate_hz]
-        lines.append(f"| {title} | " + " | ".join(cells) + " |")
-    Terminal().tell(
-        "mean error, m / greatest error, m / age of the leader's state, ms / bytes a second\n\n"
-        + "\n".join(lines)
-    )
-    rows = [{**asdict(case), **asdict(figures)} for case, figures in found.items()]
-    write(json_file, {"rows": rows})
-
-
 def shown(figures: RadioFigures) -> str:
     """The figures of a flight in one cell."""
     errors = f"{figures.mean_error_m:.3f} / {figures.max_error_m:.2f}"
     if figures.air_bytes_s == 0.0:
         return errors
     return f"{errors} / {figures.leader_age_s * 1e3:.0f} / {figures.air_bytes_s:.0f}"
-
-
-def measure_latency(*, seconds: float, rate_hz: float, as_json: bool) -> None:
-    """Measure, and print the table or the figures."""
-    result = run_latency(seconds=seconds, rate_hz=rate_hz)
-    Terminal().tell(json.dumps(result, indent=2) if as_json else render(result))

@@ -6,9 +6,9 @@ from typing import Annotated
 
 import typer
 
+from vfguide.commands.options import AsJson, Controller, MissionFile, Settings
 from vfguide.commands.overrides import Overrides, apply_overrides, parse_settings
-from vfguide.commands.shared_options import AsJson, Controller, MissionFile, Settings
-from vfguide.commands.terminal import Terminal
+from vfguide.commands.terminal import Terminal, stopped_by_signals
 from vfguide.errors import VfguideError
 from vfguide.mission import MissionError, read_mission
 from vfguide.mission.feasibility import check_mission
@@ -86,7 +86,6 @@ def with_expectation(
     if not mission.followers or any(one.severity == "error" for one in findings):
         return findings
     # Here, because what is not flown needs no emulator.
-    from vfguide.commands.fly import stopped_by_signals
     from vfguide.lab.studies.prediction import expected_precision
 
     with stopped_by_signals() as stop:

@@ -5,10 +5,25 @@ import gc
 import logging
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Annotated
+
+import typer
 
 from vfguide.commands.credentials import KeyFiles, check_deputies, check_flies
 from vfguide.commands.logs import LogFormat, log_to_standard_error
-from vfguide.commands.shared_options import stop_event
+from vfguide.commands.options import (
+    AutopilotUrl,
+    Insecure,
+    KeyFile,
+    LinkUrls,
+    MissionOption,
+    RosterFile,
+    SigningKeyFile,
+    StateDirectory,
+    VehicleName,
+    in_directory,
+)
+from vfguide.commands.terminal import stop_event
 from vfguide.companion.clock import Clock
 from vfguide.companion.consent import FileStore, default_directory
 from vfguide.companion.daemon import Daemon, Surroundings
@@ -22,61 +37,98 @@ from vfguide.link.keys import OPERATOR, key_places, read_private_key
 from vfguide.link.trust import Trust, new_session
 from vfguide.mavlink.address import Address, parse_address
 from vfguide.mavlink.framing import signing_key
-from vfguide.mission import Mission
+from vfguide.mission import Mission, read_mission
 from vfguide.record.recording import begin_recording
 
 logger = logging.getLogger(__name__)
 
 
-def run_companion(
-    mission: Mission,
-    vehicle: str,
+def companion(
+    vehicle: VehicleName,
     *,
-    mavlink: str,
-    links: Sequence[str],
-    keys: KeyFiles,
-    engage: bool,
-    record: Path | None,
-    clock: str | None,
-    signing_key_file: Path | None = None,
-    state: Path | None = None,
-    leader: str | None = None,
-    follow_target: str | None = None,
-    ground_station_orders: bool = False,
-    operator_key: Path | None = None,
-    log_format: LogFormat = LogFormat.AUTO,
+    mission: MissionOption,
+    mavlink: AutopilotUrl,
+    link: LinkUrls,
+    key: KeyFile = None,
+    roster: RosterFile = None,
+    insecure: Insecure = False,
+    engage: Annotated[
+        bool,
+        typer.Option(
+            "--engage", help="Put the autopilot into its guided mode by itself, once in a flight."
+        ),
+    ] = False,
+    record: Annotated[Path | None, in_directory("Record every start in a directory below.")] = None,
+    state: StateDirectory = None,
+    signing_key_file: SigningKeyFile = None,
+    leader: Annotated[
+        str | None,
+        typer.Option(
+            metavar="URL",
+            help="Where a leader without a companion is heard, instead of the mission's"
+            " leader.connection.",
+        ),
+    ] = None,
+    follow_target: Annotated[
+        str | None,
+        typer.Option(
+            metavar="URL",
+            help="Of the leader: send FOLLOW_TARGET there, 10 Hz, for followers without a companion.",
+        ),
+    ] = None,
+    ground_station_orders: Annotated[
+        bool,
+        typer.Option(
+            "--ground-station-orders",
+            help="Give orders that a ground station requests by MAV_CMD_USER_1; needs an operator's key.",
+        ),
+    ] = False,
+    operator_key: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="Private key that signs those orders; else that of `operator` beside the mission.",
+        ),
+    ] = None,
+    log_format: Annotated[
+        LogFormat,
+        typer.Option(
+            help="How the log is written to standard error; auto: text on a terminal, else JSON lines."
+        ),
+    ] = LogFormat.AUTO,
+    clock: Annotated[str | None, typer.Option(hidden=True)] = None,
 ) -> None:
-    """Run the companion of a vehicle until SIGTERM.
+    """Run the companion of one vehicle, until SIGTERM.
 
-    Raises:
-        InputError: the vehicle is not in the mission, an address is wrong, a key is missing or in the
-        wrong hands,
-            or nothing can be recorded.
+    It never arms, and unless --engage says so it never changes the autopilot's mode: it steers while
+    the pilot has selected the guided mode. Exit status: 0 stopped cleanly, 2 the input is wrong, 3 broken.
     """
-    check_flies(mission, vehicle)
-    heard_at = leader_address(mission, vehicle, leader)
+    flown = read_mission(mission).mission
+    keys = KeyFiles(mission=mission, key=key, roster=roster, insecure=insecure)
+    check_flies(flown, vehicle)
+    heard_at = leader_address(flown, vehicle, leader)
     sends_to = None if follow_target is None else parse_address(follow_target)
-    if sends_to is not None and vehicle != mission.leader.vehicle:
-        raise InputError(f"--follow-target: {vehicle!r} does not lead {mission.name}; leave it out")
+    if sends_to is not None and vehicle != flown.leader.vehicle:
+        raise InputError(f"--follow-target: {vehicle!r} does not lead {flown.name}; leave it out")
     ordering = None
     if ground_station_orders:
-        ordering = order_program(links, keys, operator_key)
+        ordering = order_program(link, keys, operator_key)
     elif operator_key is not None:
         raise InputError("--operator-key: goes with --ground-station-orders; leave it out")
     autopilot, own_clock = parse_address(mavlink), parse_clock(clock)
-    addresses = parse_links(links)
-    check_deputies(mission, addresses)
+    addresses = parse_links(link)
+    check_deputies(flown, addresses)
     credentials = keys.of_vehicle(vehicle)
     trust = Trust(
-        formation=mission.name,
+        formation=flown.name,
         name=vehicle,
-        leader=mission.timekeeper,
-        deputies=mission.deputies,
+        leader=flown.timekeeper,
+        deputies=flown.deputies,
         session=new_session(),
         roster=credentials.roster,
         key=credentials.key,
     )
-    key = None if signing_key_file is None else read_key(signing_key_file)
+    signing = None if signing_key_file is None else read_key(signing_key_file)
     log_to_standard_error(log_format, vehicle)
     if not trust.signs:
         logger.warning(
@@ -84,27 +136,25 @@ def run_companion(
         )
     recording = None
     if record is not None:
-        recording = begin_recording(record, mission, vehicle, clock_s=own_clock.now())
+        recording = begin_recording(record, flown, vehicle, clock_s=own_clock.now())
     surroundings = Surroundings(
         mavlink=autopilot,
         links=addresses,
-        formation=mission.name,
+        formation=flown.name,
         trust=trust,
         clock=own_clock,
         engage=engage,
         record=recording,
-        signing_key=key,
+        signing_key=signing,
         consent=FileStore(state or default_directory(), vehicle),
-        by_mavsdk=mission.vehicles[vehicle].by_mavsdk,
+        by_mavsdk=flown.vehicles[vehicle].by_mavsdk,
         leader=heard_at,
         followers=sends_to,
         order_program=ordering,
-        ground_orders=None if ordering is None else ground_orders_of(mission),
+        ground_orders=None if ordering is None else ground_orders_of(flown),
     )
-    plan = flight_plan(mission, vehicle)
-    asyncio.run(
-        run_until_stopped(Daemon(plan, adapter_of(mission.vehicles[vehicle]), surroundings))
-    )
+    plan = flight_plan(flown, vehicle)
+    asyncio.run(run_until_stopped(Daemon(plan, adapter_of(flown.vehicles[vehicle]), surroundings)))
 
 
 async def run_until_stopped(daemon: Daemon) -> None:

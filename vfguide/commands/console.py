@@ -3,22 +3,26 @@
 import asyncio
 import re
 import secrets
-from collections.abc import AsyncIterator, Sequence
-from contextlib import AsyncExitStack, asynccontextmanager
+from collections.abc import AsyncIterator
+from contextlib import AbstractAsyncContextManager, asynccontextmanager
 from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
 
 from vfguide.commands.credentials import Credentials, KeyFiles, watched_formation
+from vfguide.commands.options import Insecure, KeyFile, RosterFile, in_directory
 from vfguide.commands.report import read_flight
-from vfguide.commands.shared_options import stop_event
-from vfguide.commands.terminal import Terminal
+from vfguide.commands.terminal import Terminal, stop_event
 from vfguide.errors import InputError
-from vfguide.lab.console.live import live_flight_of
-from vfguide.lab.console.server import ConsoleAddress, served
-from vfguide.lab.console.source import RecordedFlight, Source
-from vfguide.lab.console.tiles import TileSource
+from vfguide.extras import CONSOLE, require
 from vfguide.link.opening import WatchedFormation
-from vfguide.mission import Mission
+from vfguide.mission import Mission, read_mission
 from vfguide.regular_file import open_regular
+
+if TYPE_CHECKING:
+    from vfguide.lab.console.server import ConsoleAddress
+    from vfguide.lab.console.tiles import TileSource
 
 LONGEST_TOKEN = 200
 TOKEN = re.compile(r"[A-Za-z0-9_-]{20,200}")
@@ -27,69 +31,129 @@ READ_BY_OTHERS = 0o077
 """Bits of a file's mode."""
 
 
-def show_formation(
-    mission: Mission,
+def console(
+    mission: Annotated[
+        Path | None,
+        typer.Argument(
+            metavar="MISSION", help="Mission file (YAML), or the name of one that comes along."
+        ),
+    ] = None,
     *,
-    links: Sequence[str],
-    keys: KeyFiles,
-    address: ConsoleAddress,
-    token_file: Path | None,
-    operator: bool = False,
-    tiles: TileSource | None = None,
+    link: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="URL",
+            help="The formation's link, such as mqtt://host:1883; several are used at once.",
+        ),
+    ] = None,
+    key: KeyFile = None,
+    roster: RosterFile = None,
+    insecure: Insecure = False,
+    replay: Annotated[
+        list[Path] | None,
+        in_directory(
+            "Show a recorded flight instead: what `fly --out` wrote or companions recorded."
+        ),
+    ] = None,
+    host: Annotated[
+        str,
+        typer.Option(metavar="HOST", help="Interface to serve on; others than loopback need TLS."),
+    ] = "127.0.0.1",
+    port: Annotated[
+        int, typer.Option(metavar="PORT", min=0, max=65535, help="To serve on; 0 for any free one.")
+    ] = 8080,
+    certificate: Annotated[Path | None, typer.Option(metavar="FILE", help="For TLS, PEM.")] = None,
+    certificate_key: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Private key of the certificate, PEM.")
+    ] = None,
+    published: Annotated[
+        str | None,
+        typer.Option(
+            metavar="URL",
+            help="In a container: the loopback address of the host at which its port is published.",
+        ),
+    ] = None,
+    token: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="Keeps the token of the page's address, so that open pages outlive a restart.",
+        ),
+    ] = None,
+    operator: Annotated[
+        bool,
+        typer.Option(
+            "--operator",
+            help="Have orders given, too, from a second address: signed with the operator's private key.",
+        ),
+    ] = False,
+    tiles: Annotated[
+        str | None,
+        typer.Option(
+            metavar="FILE|URL",
+            help="A map below the formation: an MBTiles file of pictures, or https://host/{z}/{x}/{y}.png.",
+        ),
+    ] = None,
 ) -> None:
-    """Serve the console of a formation until told to stop.
+    """Show a formation on a page of a browser: who is where, how well, and what to do.
 
-    Args:
-        mission: of the formation.
-        links: addresses of its links.
-        keys: whom to believe, and the operator's private key.
-        address: where it is served.
-        token_file: keeps the token of the address; that of operators is kept beside it.
-        operator: whether orders can be given, with that key.
-        tiles: the map below the formation, if there is one.
-
-    Raises:
-        InputError: an address, key, certificate or token cannot be used.
+    It only looks on, unless --operator is given. Ctrl-C ends it. Exit status: 0 ended, 2 the input is wrong.
     """
+    require(*CONSOLE)
+    # Here, because an aircraft's computer has no library that serves pages.
+    from vfguide.lab.console.server import ConsoleAddress, served
+    from vfguide.lab.console.source import RecordedFlight
+    from vfguide.lab.console.tiles import open_tiles
+
+    below = None if tiles is None else open_tiles(tiles)
+    address = ConsoleAddress(
+        host=host,
+        port=port,
+        certificate=certificate,
+        certificate_key=certificate_key,
+        published=published,
+    )
+    if replay:
+        if mission is not None or link:
+            raise InputError("--replay: shows a recorded flight; leave MISSION and --link out")
+        if operator:
+            raise InputError("--operator: a recorded flight takes no orders; leave it out")
+        address.check()
+        record = read_flight(replay)
+        recorded = RecordedFlight(record, tiles=below)
+        kept = None if token is None else kept_token(token)
+        asyncio.run(shown(served(recorded, address, title=record.mission, token=kept)))
+        return
+    if mission is None or not link:
+        raise InputError(
+            "give MISSION and --link URL to show a formation, or --replay DIR to show a flight"
+        )
+    keys = KeyFiles(mission=mission, key=key, roster=roster, insecure=insecure)
+    flown = read_mission(mission).mission
     address.check()
     credentials = keys.of_operator()
     if operator:
         check_orders(credentials)
-    watched = watched_formation(mission, links, credentials)
-    token = None if token_file is None else kept_token(token_file)
-    second = new_operator_token(token_file) if operator else None
+    watched = watched_formation(flown, link, credentials)
+    kept = None if token is None else kept_token(token)
+    second = new_operator_token(token) if operator else None
+    asyncio.run(
+        shown(
+            live_console(
+                flown, watched, address=address, token=kept, operator_token=second, tiles=below
+            ),
+            second,
+        )
+    )
 
-    async def run() -> None:
-        async with live_console(
-            mission, watched, address=address, token=token, operator_token=second, tiles=tiles
-        ) as url:
-            await tell_and_wait(*addresses_of(url, second))
 
-    asyncio.run(run())
-
-
-def show_recorded(
-    directories: Sequence[Path],
-    *,
-    address: ConsoleAddress,
-    token_file: Path | None,
-    tiles: TileSource | None = None,
-) -> None:
-    """Serve the console of a recorded flight until told to stop.
-
-    Raises:
-        InputError: there is no flight, or it cannot be served there.
-    """
-    address.check()
-    record = read_flight(directories)
-    source: Source = RecordedFlight(record, tiles=tiles)
-    token = None if token_file is None else kept_token(token_file)
-
-    async def run() -> None:
-        async with served(source, address, title=record.mission, token=token) as url:
-            await tell_and_wait(*addresses_of(url, None))
-
-    asyncio.run(run())
+async def shown(page: AbstractAsyncContextManager[str], operator_token: str | None = None) -> None:
+    """Serve a page, whose address is printed, until Ctrl-C or SIGTERM."""
+    async with page as url:
+        stop = stop_event()
+        for line in addresses_of(url, operator_token):
+            Terminal().tell(line)
+        await stop.wait()
 
 
 @asynccontextmanager
@@ -97,10 +161,10 @@ async def live_console(
     mission: Mission,
     watched: WatchedFormation,
     *,
-    address: ConsoleAddress,
+    address: "ConsoleAddress",
     token: str | None = None,
     operator_token: str | None = None,
-    tiles: TileSource | None = None,
+    tiles: "TileSource | None" = None,
 ) -> AsyncIterator[str]:
     """The console of a formation for as long as the context lasts; yields the address to open.
 
@@ -112,14 +176,18 @@ async def live_console(
         operator_token: that lets operators in, who give orders; nobody does if absent.
         tiles: the map below the formation, if there is one.
     """
+    # Here, for the same reason.
+    from vfguide.lab.console.live import live_flight_of
+    from vfguide.lab.console.server import served
+
     orders = operator_token is not None
-    async with AsyncExitStack() as stack:
-        source = await stack.enter_async_context(
-            live_flight_of(mission, watched, orders=orders, tiles=tiles)
-        )
-        yield await stack.enter_async_context(
-            served(source, address, title=mission.name, token=token, operator_token=operator_token)
-        )
+    async with (
+        live_flight_of(mission, watched, orders=orders, tiles=tiles) as source,
+        served(
+            source, address, title=mission.name, token=token, operator_token=operator_token
+        ) as url,
+    ):
+        yield url
 
 
 def check_orders(credentials: Credentials) -> None:
@@ -153,14 +221,6 @@ def addresses_of(url: str, operator_token: str | None) -> tuple[str, ...]:
         return (first,)
     page = url.partition("?")[0]
     return first, f"console for operators, who give orders: {page}?token={operator_token}"
-
-
-async def tell_and_wait(*lines: str) -> None:
-    """Print lines, and wait for Ctrl-C or SIGTERM."""
-    stop = stop_event()
-    for line in lines:
-        Terminal().tell(line)
-    await stop.wait()
 
 
 def kept_token(path: Path) -> str:

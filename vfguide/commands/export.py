@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from vfguide.commands.options import Force, directory_of
 from vfguide.commands.output import refuse_file, whole_file
-from vfguide.commands.shared_options import Force, directory
 from vfguide.commands.terminal import Terminal
 from vfguide.errors import InputError
 from vfguide.extras import missing_library
@@ -29,7 +29,7 @@ def export(
         typer.Argument(
             metavar="DIR...",
             help="What `vfguide fly --out DIR` wrote, or what companions recorded.",
-            parser=directory,
+            parser=directory_of,
         ),
     ],
     *,

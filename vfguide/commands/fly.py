@@ -2,22 +2,42 @@
 
 import json
 import os
-import signal
-from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
 from pathlib import Path
-from types import FrameType
+from typing import Annotated
 
+import typer
+
+from vfguide.commands.check import WRONG
+from vfguide.commands.options import (
+    AsJson,
+    Controller,
+    Duration,
+    Force,
+    MissionFile,
+    Settings,
+    in_directory,
+)
 from vfguide.commands.output import RECORD_NAME, SUMMARY_NAME, flown_before, kept_in
-from vfguide.commands.terminal import Terminal, flight_progress
-from vfguide.errors import VfguideError
+from vfguide.commands.overrides import (
+    Overrides,
+    SpeedResponseName,
+    WindName,
+    apply_overrides,
+    parse_settings,
+    with_options_named,
+)
+from vfguide.commands.terminal import Terminal, flight_progress, stopped_by_signals
+from vfguide.errors import InputError, VfguideError
 from vfguide.extras import PLOTTING, require
 from vfguide.lab.rehearsal.lockstep import LockstepFlight
 from vfguide.lab.rehearsal.radio_flight import fly_rehearsal
 from vfguide.lab.report.metrics import summarise, summary_json
 from vfguide.lab.report.summary import Summary
 from vfguide.lab.report.table import summary_table
+from vfguide.mission import read_mission
+from vfguide.mission.feasibility import check_mission
 from vfguide.mission.model import Mission
 
 EPOCH_S = 1_767_225_600.0
@@ -26,8 +46,157 @@ EPOCH_S = 1_767_225_600.0
 ACCEPTED, NOT_ACCEPTED, BROKEN = 0, 1, 3
 
 
-def fly(mission: Mission, *, out: Path | None, force: bool, as_json: bool) -> int:
-    """Fly a mission, report, and return the exit status.
+def fly(
+    mission: MissionFile,
+    *,
+    controller: Controller = None,
+    settings: Settings = None,
+    plant: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME",
+            help="Instead of every vehicle's plant: course-hold, heading-hold, bank, npfg, six-dof, or one of"
+            " --plugin.",
+        ),
+    ] = None,
+    speed_response: Annotated[
+        SpeedResponseName | None, typer.Option(help="Instead of the emulators' own.")
+    ] = None,
+    wind: Annotated[WindName | None, typer.Option(help="Instead of the file's wind.")] = None,
+    duration: Duration = None,
+    rate: Annotated[
+        float | None, typer.Option(metavar="HZ", help="Guidance steps per second.")
+    ] = None,
+    seed: Annotated[int | None, typer.Option(metavar="N", help="Of everything random.")] = None,
+    out: Annotated[
+        Path | None, in_directory("Where summary, report, record and .tlog files go.")
+    ] = None,
+    force: Force = False,
+    live: Annotated[
+        bool, typer.Option("--live", help="Real time, real sockets, a process for each program.")
+    ] = False,
+    speedup: Annotated[
+        float | None, typer.Option(metavar="X", help="With --live: times as fast as real time.")
+    ] = None,
+    link: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="URL",
+            help="With --live: a broker or a UDP group, or several; an embedded broker if absent.",
+        ),
+    ] = None,
+    console: Annotated[
+        bool,
+        typer.Option("--console", help="With --live: show the flight on a page of a browser."),
+    ] = False,
+    operator: Annotated[
+        bool,
+        typer.Option("--operator", help="With --console: have orders given from that page, too."),
+    ] = False,
+    tiles: Annotated[
+        str | None,
+        typer.Option(
+            metavar="FILE|URL",
+            help="With --console: a map below the formation, as of `vfguide console`.",
+        ),
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Fly a whole formation on this computer.
+
+    One emulator and one companion for each vehicle, in virtual time: as fast as it goes, and repeatable;
+    or with --live in real time, joined by UDP and an MQTT broker.
+
+    Exit status: 0 flown and within the mission's acceptance, 1 flown but not within it, 2 the input is
+    wrong, 3 the flight broke or was stopped.
+    """
+    if live:
+        # Here, because an aircraft's computer has no library that counts what processes take.
+        from vfguide.commands.fly_live import check_live, fly_live
+    else:
+        refuse_without_live(speedup, link, console=console)
+    if operator:
+        refuse_orders(speedup, console=console)
+    if tiles is not None and not console:
+        raise InputError("--tiles: is the map on the page that --live --console shows; add both")
+    if force and out is None:
+        raise InputError(
+            "--force: nothing is replaced without --out; add --out DIR, or leave it out"
+        )
+    loaded = read_mission(mission)
+    overrides = Overrides(
+        controller=controller,
+        settings=parse_settings(settings or ()),
+        plant=plant,
+        speed_response=speed_response,
+        wind=wind,
+        duration_s=duration,
+        rate_hz=rate,
+        seed=seed,
+    )
+    changed = apply_overrides(loaded.mission, overrides)
+    speed = 1.0 if speedup is None else speedup
+    if live:
+        # Before anything else is said of a mission that cannot be flown so.
+        check_live(changed, speedup=speed)
+    findings = check_mission(changed, loaded.source)
+    errors = Terminal(stderr=True)
+    for finding in findings:
+        if finding.severity != "note":
+            errors.tell(str(with_options_named(finding, overrides)))
+    if any(finding.severity == "error" for finding in findings):
+        raise typer.Exit(WRONG)
+    if live:
+        status = fly_live(
+            changed,
+            links=link or (),
+            speedup=speed,
+            console=console,
+            operator=operator,
+            tiles=tiles,
+            out=out,
+            force=force,
+            as_json=as_json,
+        )
+    else:
+        status = fly_virtually(changed, out=out, force=force, as_json=as_json)
+    raise typer.Exit(status)
+
+
+def refuse_orders(speedup: float | None, *, console: bool) -> None:
+    """See that a rehearsal has a page to give orders from, and flies by the clock of whoever gives them.
+
+    Raises:
+        InputError: it does not.
+    """
+    if not console:
+        raise InputError("--operator: orders are given from the page that --live --console shows")
+    if speedup not in {None, 1.0}:
+        raise InputError("--operator: orders are timed in real time; leave --speedup out")
+
+
+def refuse_without_live(speedup: float | None, links: list[str] | None, *, console: bool) -> None:
+    """See that nothing is asked of a flight in virtual time that only a live one can do.
+
+    Raises:
+        InputError: something is.
+    """
+    if speedup is not None:
+        raise InputError(
+            f"--speedup {speedup:g}: only a live flight has a speed; add --live, or leave it out: "
+            "in virtual time a flight is as fast as the computer"
+        )
+    if links:
+        raise InputError("--link: only a live flight has a broker; add --live, or leave it out")
+    if console:
+        raise InputError(
+            "--console: only a live flight can be watched; add --live, or show what --out wrote with"
+            " `vfguide console --replay DIR`"
+        )
+
+
+def fly_virtually(mission: Mission, *, out: Path | None, force: bool, as_json: bool) -> int:
+    """Fly a mission in virtual time, report, and return the exit status.
 
     Raises:
         InputError: the directory cannot be written to, or holds something else.
@@ -38,7 +207,17 @@ def fly(mission: Mission, *, out: Path | None, force: bool, as_json: bool) -> in
     errors = Terminal(stderr=True)
     title = f"flying {mission.name}"
     with output_of(mission, out, force=force) as directory:
-        flight = flown(mission, errors, title, logged=out is not None)
+        with (
+            stopped_by_signals() as stop,
+            flight_progress(errors, title, mission.rehearsal.duration_s) as progress,
+        ):
+            flight = fly_rehearsal(
+                mission,
+                processes=os.cpu_count() or 1,
+                epoch_s=None if out is None else EPOCH_S,
+                progress=progress,
+                stop=stop,
+            )
         return conclude(flight, directory, out=out, force=force, as_json=as_json)
 
 
@@ -50,21 +229,6 @@ def output_of(
         return nullcontext()
     vehicles = [mission.leader.vehicle, *mission.followers_by_name]
     return kept_in(out, mission=mission.name, vehicles=vehicles, force=force)
-
-
-def flown(mission: Mission, errors: Terminal, title: str, *, logged: bool) -> LockstepFlight:
-    """The flight in virtual time, to its end or to Ctrl-C."""
-    with (
-        stopped_by_signals() as stop,
-        flight_progress(errors, title, mission.rehearsal.duration_s) as progress,
-    ):
-        return fly_rehearsal(
-            mission,
-            processes=os.cpu_count() or 1,
-            epoch_s=EPOCH_S if logged else None,
-            progress=progress,
-            stop=stop,
-        )
 
 
 def conclude(
@@ -129,20 +293,3 @@ def show(summary: Summary, flight: LockstepFlight, out: Path | None, *, as_json:
     output.print(summary_table(summary))
     if out is not None:
         output.tell(f"report: {out / 'report.html'}")
-
-
-@contextmanager
-def stopped_by_signals() -> Iterator[Callable[[], bool]]:
-    """Whether Ctrl-C or SIGTERM has come: the flight ends where it is, between two steps, and is kept."""
-    stopped = False
-
-    def stop(_number: int, _frame: FrameType | None) -> None:
-        nonlocal stopped
-        stopped = True
-
-    before = {number: signal.signal(number, stop) for number in (signal.SIGINT, signal.SIGTERM)}
-    try:
-        yield lambda: stopped
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)

@@ -18,8 +18,8 @@ from rich.live import Live
 from rich.table import Table
 from rich.text import Text
 
-from vfguide.commands.fly import conclude, output_of, stopped_by_signals
-from vfguide.commands.terminal import PLAIN_STEPS, Terminal
+from vfguide.commands.fly import conclude, output_of
+from vfguide.commands.terminal import PLAIN_STEPS, Terminal, stopped_by_signals
 from vfguide.errors import InputError, VfguideError
 from vfguide.extras import CONSOLE, require
 from vfguide.lab.console.tiles import TileSource, open_tiles

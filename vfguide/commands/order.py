@@ -2,16 +2,19 @@
 
 import asyncio
 from collections.abc import Sequence
-from typing import get_args
+from typing import Annotated, get_args
+
+import typer
 
 from vfguide.commands.credentials import KeyFiles, watched_formation
+from vfguide.commands.options import Insecure, KeyFile, LinkUrls, MissionFile, RosterFile
 from vfguide.commands.terminal import Terminal
 from vfguide.errors import InputError
 from vfguide.formation.arrangement import Point
 from vfguide.formation.orders import Action, Order, check_known
 from vfguide.formation.shapes import SHAPES
 from vfguide.lab.ordering import conclusion, give_order
-from vfguide.mission import Mission
+from vfguide.mission import read_mission
 from vfguide.mission.order_plan import formation_of_mission
 
 ACTIONS: tuple[Action, ...] = get_args(Action)
@@ -38,6 +41,50 @@ USAGE = {
     "lead": "lead NAME",
 }
 """How orders are written that need more than a word."""
+
+
+def order(
+    mission: MissionFile,
+    what: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="WHAT",
+            help="A shape (vee, echelon-left, echelon-right, line-abreast, trail, diamond, finger-four);"
+            " spacing; swap A B; slot NAME=FORWARD,RIGHT; leave NAME; join NAME; path NAME;"
+            " lead NAME; hold; resume; abort.",
+        ),
+    ],
+    *,
+    link: LinkUrls,
+    spacing: Annotated[
+        float | None,
+        typer.Option(metavar="M", min=1.0, max=1000.0, help="Between neighbours, metres."),
+    ] = None,
+    dry_run: Annotated[
+        bool,
+        typer.Option("--dry-run", help="Rehearse it from the present state, and order nothing."),
+    ] = False,
+    key: KeyFile = None,
+    roster: RosterFile = None,
+    insecure: Insecure = False,
+) -> None:
+    """Order a formation that flies to change: rehearsed first, then agreed on by all vehicles.
+
+    Exit status: 0 flown by all (or rehearsed), 1 not flown, 2 the input is wrong or the order cannot be
+    carried out, 3 no link, or the formation is not heard.
+    """
+    wanted = order_of(what, spacing)
+    flown = read_mission(mission).mission
+    check_known(wanted, formation_of_mission(flown))
+    keys = KeyFiles(mission=mission, key=key, roster=roster, insecure=insecure)
+    watched = watched_formation(flown, link, keys.of_operator())
+    output = Terminal()
+    outcome = asyncio.run(give_order(flown, wanted, watched, tell=output.tell, dry_run=dry_run))
+    if dry_run:
+        raise typer.Exit(FLOWN)
+    for line in conclusion(outcome):
+        output.tell(line)
+    raise typer.Exit(FLOWN if outcome.flown else NOT_FLOWN)
 
 
 def order_of(words: Sequence[str], spacing: float | None) -> Order:
@@ -72,33 +119,26 @@ def plain_order(what: str, spacing: float | None) -> Order | None:
 
 
 def named_order(what: str, names: tuple[str, ...]) -> Order | None:
-    """An order about some followers; None where it is none.
+    """An order about something that it names; None where it is none.
 
     Raises:
         InputError: a slot is none.
     """
-    match what:
-        case "swap" if len(names) == 2:
-            return Order(swap=(names[0], names[1]))
-        case "slot":
-            return Order(slots=dict(slot_of(text) for text in names))
-        case "leave":
-            return Order(leave=names)
-        case "join":
-            return Order(join=names)
-        case _:
-            return None if len(names) > 1 else named_alone(what, names[0])
-
-
-def named_alone(what: str, name: str) -> Order | None:
-    """An order that names one thing only; None where it is none."""
-    match what:
-        case "path":
-            return Order(path=name)
-        case "lead":
-            return Order(lead=name)
-        case _:
-            return None
+    order = None
+    match what, names:
+        case "swap", (first, second):
+            order = Order(swap=(first, second))
+        case "slot", _:
+            order = Order(slots=dict(slot_of(text) for text in names))
+        case "leave", _:
+            order = Order(leave=names)
+        case "join", _:
+            order = Order(join=names)
+        case "path", (name,):
+            order = Order(path=name)
+        case "lead", (name,):
+            order = Order(lead=name)
+    return order
 
 
 def slot_of(text: str) -> tuple[str, Point]:
@@ -119,29 +159,3 @@ def slot_of(text: str) -> tuple[str, Point]:
             f" {FARTHEST_M:g} m away"
         )
     return name, Point(*values)
-
-
-def give(
-    mission: Mission,
-    order: Order,
-    *,
-    links: Sequence[str],
-    keys: KeyFiles,
-    dry_run: bool,
-) -> int:
-    """Rehearse an order, give it, print each vehicle's answer, and return the exit status.
-
-    Raises:
-        InputError: an address, key or order is wrong, or the order cannot be carried out.
-        VfguideError: no link stands, or the formation is not heard.
-    """
-    check_known(order, formation_of_mission(mission))
-    credentials = keys.of_operator()
-    watched = watched_formation(mission, links, credentials)
-    output = Terminal()
-    outcome = asyncio.run(give_order(mission, order, watched, tell=output.tell, dry_run=dry_run))
-    if dry_run:
-        return FLOWN
-    for line in conclusion(outcome):
-        output.tell(line)
-    return FLOWN if outcome.flown else NOT_FLOWN

@@ -1,12 +1,15 @@
-"""`vfguide report` and `analyse`: a flight's report from its record, recordings, or autopilots' logs."""
+"""`vfguide report`: a flight's report from its record or its companions' recordings."""
 
 import json
 import math
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Annotated
 
+import typer
+
+from vfguide.commands.options import Force, directory_of, in_directory
 from vfguide.commands.output import (
     LONGEST_SUMMARY,
     PAGE_NAME,
@@ -20,36 +23,65 @@ from vfguide.commands.output import (
     written_beside,
 )
 from vfguide.commands.terminal import Terminal
-from vfguide.companion.mission_plan import flight_plan
-from vfguide.companion.supervisor import Mode
 from vfguide.errors import InputError
 from vfguide.lab.report.metrics import summarise, summary_json
 from vfguide.lab.report.table import summary_table
-from vfguide.mission.model import Mission
 from vfguide.record.archive import WRITE_REMEDY
 from vfguide.record.flight import FlightRecord
 from vfguide.record.recording import find_recordings
-from vfguide.record.vehicle import VehicleRecord
 from vfguide.regular_file import open_regular
 
-if TYPE_CHECKING:
-    from vfguide.elementwise import BoolArray
-    from vfguide.identification.flown import Answer
-    from vfguide.identification.flown_slip import SlipAnswer
-    from vfguide.lab.debrief.logged_flight import LoggedFlight
 
+def report(
+    directories: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="DIR...",
+            help="What `vfguide fly --out DIR` wrote, or what companions recorded: the directory "
+            "above their recordings, or several of them.",
+            parser=directory_of,
+        ),
+    ],
+    *,
+    out: Annotated[
+        Path | None, in_directory("Where the report goes, if not into the one DIR.")
+    ] = None,
+    force: Force = False,
+    animate: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="Write a moving picture of the flight instead: a .gif, .webp or .png.",
+        ),
+    ] = None,
+    begin_s: Annotated[
+        float | None,
+        typer.Option(
+            "--from", metavar="S", help="Where the moving picture begins, s of the flight."
+        ),
+    ] = None,
+    end_s: Annotated[
+        float | None,
+        typer.Option(
+            "--to",
+            metavar="S",
+            help="Where it ends; without it once all have settled in their slots.",
+        ),
+    ] = None,
+) -> None:
+    """Write the report of a flight, rehearsed or recorded.
 
-def write_reports(directories: Sequence[Path], out: Path | None, *, force: bool) -> None:
-    """Write summary, plots and page of the flight that some directories hold.
-
-    Args:
-        directories: one that `fly --out` wrote; or recordings, or directories that hold them.
-        out: where to; into the only directory if absent.
-        force: whether files of another flight, or of something else, may be replaced.
-
-    Raises:
-        InputError: there is no flight in them, it is damaged, or nothing can be written there.
+    Exit status: 0 written, 2 there is no readable record, or the directory cannot be written to.
     """
+    if animate is not None:
+        if out is not None:
+            raise InputError(
+                "--out is the report's; --animate names the file of the moving picture itself"
+            )
+        animate_flight(directories, animate, begin_s=begin_s, end_s=end_s, force=force)
+        return
+    if begin_s is not None or end_s is not None:
+        raise InputError("--from and --to are of a moving picture; give --animate FILE, too")
     record = read_flight(directories)
     if out is None and len(directories) > 1:
         raise InputError("say with --out where the report of several directories goes")
@@ -170,87 +202,3 @@ def recorded_wall_s(path: Path) -> float | None:
     except (OSError, ValueError, TypeError, LookupError, RecursionError, OverflowError):
         return None
     return wall_s if math.isfinite(wall_s) and wall_s > 0.0 else None
-
-
-def analyse_logs(mission: Mission, paths: Sequence[Path], out: Path, *, force: bool) -> None:
-    """Write record, summary, plots and page of the flight that some logs tell of, and print the summary.
-
-    Args:
-        mission: that was flown; its system ids say whose each log is.
-        paths: of the logs.
-        out: directory to write into.
-        force: whether files of another flight, or of something else, may be replaced.
-
-    Raises:
-        InputError: a log cannot be read, they do not fit together, or nothing can be written there.
-    """
-    from vfguide.lab.debrief.logged_flight import logged_flight, read_log
-
-    refuse_foreign(out, mission.name, (*REPORT_NAMES, RECORD_NAME), force=force)
-    from vfguide.identification.flown import with_responses
-    from vfguide.identification.flown_slip import known_slips
-
-    flight = logged_flight(mission, [log for path in paths for log in read_log(path, mission)])
-    answers, slips = answers_of(mission, flight), slips_of(mission, flight)
-    record = with_responses(flight.record, answers, known_slips(slips))
-    write_report_of(record, out)
-    with whole_file(out / RECORD_NAME) as partial:
-        record.save(partial)
-    tell_responses(answers, slips)
-
-
-def answers_of(mission: Mission, flight: "LoggedFlight") -> list["Answer"]:
-    """How course and speed of each vehicle answered."""
-    from vfguide.identification.flown import flown_responses
-
-    record = flight.record
-    return [
-        answer
-        for vehicle in record.vehicles
-        for answer in flown_responses(
-            record.time_s,
-            vehicle,
-            guided(record, vehicle),
-            flight_plan(mission, vehicle.name).airframe,
-            flight.setpoints[vehicle.name],
-        )
-    ]
-
-
-def slips_of(mission: Mission, flight: "LoggedFlight") -> list["SlipAnswer"]:
-    """How each vehicle turned by its bank."""
-    from vfguide.identification.flown_slip import flown_slip
-
-    record = flight.record
-    return [
-        flown_slip(
-            record.time_s,
-            vehicle,
-            guided(record, vehicle),
-            flight_plan(mission, vehicle.name).airframe,
-            mission.vehicles[vehicle.name].slips or "auto",
-        )
-        for vehicle in record.vehicles
-    ]
-
-
-def guided(record: FlightRecord, vehicle: VehicleRecord) -> "BoolArray":
-    """At which samples setpoints were flown, as a log tells it."""
-    from vfguide.lab.debrief.logged_flight import LOGGED_MODES
-
-    flown: BoolArray = vehicle.mode == record.mode_names.index(LOGGED_MODES[Mode.TRACKING.value])
-    return flown
-
-
-def tell_responses(answers: list["Answer"], slips: list["SlipAnswer"]) -> None:
-    """Print how each autopilot answered, how sure that is, and lines for the mission file."""
-    from vfguide.identification.flown import answer_sentence, flown_profile
-    from vfguide.identification.flown_slip import known_slips, slip_sentence
-
-    output = Terminal()
-    for answer in answers:
-        output.tell(answer_sentence(answer))
-    for slip in slips:
-        output.tell(slip_sentence(slip))
-    if profile := flown_profile(answers, known_slips(slips)):
-        output.tell(f"to be put under `vehicles` in the mission:\n{profile}")

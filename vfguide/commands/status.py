@@ -2,10 +2,12 @@
 
 import asyncio
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from contextlib import suppress
 from random import Random
+from typing import Annotated
 
+import typer
 from rich import box
 from rich.console import Group
 from rich.live import Live
@@ -14,13 +16,20 @@ from rich.text import Text
 
 from vfguide.commands.credentials import KeyFiles, watched_formation
 from vfguide.commands.freshness import SILENT_S, Lookout, Seen
-from vfguide.commands.shared_options import stop_event
-from vfguide.commands.terminal import Terminal
+from vfguide.commands.options import (
+    AsJson,
+    Insecure,
+    KeyFile,
+    LinkUrls,
+    MissionFile,
+    RosterFile,
+)
+from vfguide.commands.terminal import Terminal, stop_event
 from vfguide.companion.succession import holder_of
 from vfguide.formation.arrangement import agreed_number
 from vfguide.link.opening import HEARD_SHARE, Link, WatchedFormation, check_connected, watching
 from vfguide.link.presence import LINKS_LOST, ORDER, TERM, Presence
-from vfguide.mission import Mission
+from vfguide.mission import Mission, read_mission
 from vfguide.mission.feasibility import check_mission
 
 LISTEN_S = 1.5
@@ -48,33 +57,42 @@ WATCH_S = 1.0
 """Between two looks of `--watch`: everybody says once a second how it is."""
 
 
-def show_status(
-    mission: Mission, *, links: Sequence[str], keys: KeyFiles, as_json: bool, watch: bool
-) -> int:
-    """Print a line for each vehicle and whether the formation is ready, and return the exit status.
+def status(
+    mission: MissionFile,
+    *,
+    link: LinkUrls,
+    key: KeyFile = None,
+    roster: RosterFile = None,
+    insecure: Insecure = False,
+    as_json: AsJson = False,
+    watch: Annotated[
+        bool, typer.Option("--watch", help="Again and again, once a second, until Ctrl-C.")
+    ] = False,
+) -> None:
+    """Tell how the vehicles of a mission are, and whether they are ready: one line, go or no-go.
 
-    Raises:
-        InputError: an address is wrong, or a key is missing or in the wrong hands.
-        VfguideError: no link stands.
+    Exit status: 0 every companion is online, 1 some are not, 2 the input is wrong, 3 no broker.
     """
+    flown = read_mission(mission).mission
+    keys = KeyFiles(mission=mission, key=key, roster=roster, insecure=insecure)
     credentials = keys.of_operator()
-    watched = watched_formation(mission, links, credentials)
+    watched = watched_formation(flown, link, credentials)
     output = Terminal()
     if credentials.roster is not None and credentials.key is None and not as_json:
         Terminal(stderr=True).tell(NOT_FRESH)
     if watch:
-        asyncio.run(keep_showing(mission, watched, output, as_json=as_json))
-        return ALL_THERE
+        asyncio.run(keep_showing(flown, watched, output, as_json=as_json))
+        raise typer.Exit(ALL_THERE)
     seen = asyncio.run(living_presences(watched))
     if as_json:
-        output.tell(json.dumps(status_json(mission, seen), indent=2))
+        output.tell(json.dumps(status_json(flown, seen), indent=2))
     else:
-        output.print(status_table(mission, seen))
-        output.tell(flies(mission, seen))
-        output.tell(readiness(mission, seen))
+        output.print(status_table(flown, seen))
+        output.tell(flies(flown, seen))
+        output.tell(readiness(flown, seen))
     found = seen.found
-    online = all(name in found and found[name].status == "online" for name in mission.companions)
-    return ALL_THERE if online else SOME_MISSING
+    online = all(name in found and found[name].status == "online" for name in flown.companions)
+    raise typer.Exit(ALL_THERE if online else SOME_MISSING)
 
 
 async def living_presences(watched: WatchedFormation) -> Seen:

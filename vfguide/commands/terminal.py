@@ -1,11 +1,17 @@
-"""What is said to the user; progress is a bar on a terminal and plain lines elsewhere."""
+"""What is said to the user, and the signals by which one ends a command.
 
+Progress is a bar on a terminal and plain lines elsewhere.
+"""
+
+import asyncio
 import os
+import signal
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from io import TextIOWrapper, UnsupportedOperation
 from pathlib import Path
+from types import FrameType
 from typing import IO
 
 from rich.console import Console
@@ -92,3 +98,29 @@ def plain_progress(console: Terminal, title: str, duration_s: float) -> Callable
             console.tell(f"{title}: {now:g} of {duration_s:g} s")
 
     return show
+
+
+def stop_event() -> asyncio.Event:
+    """An event of the running loop that Ctrl-C or SIGTERM sets, instead of ending the program."""
+    stop = asyncio.Event()
+    loop = asyncio.get_running_loop()
+    for number in (signal.SIGTERM, signal.SIGINT):
+        loop.add_signal_handler(number, stop.set)
+    return stop
+
+
+@contextmanager
+def stopped_by_signals() -> Iterator[Callable[[], bool]]:
+    """Whether Ctrl-C or SIGTERM has come: the flight ends where it is, between two steps, and is kept."""
+    stopped = False
+
+    def stop(_number: int, _frame: FrameType | None) -> None:
+        nonlocal stopped
+        stopped = True
+
+    before = {number: signal.signal(number, stop) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield lambda: stopped
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)

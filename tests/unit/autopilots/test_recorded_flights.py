@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from tests.autopilots.answers import RECORDINGS
-from vfguide.commands.report import answers_of, slips_of
+from vfguide.commands.analyse import answers_of, slips_of
 from vfguide.companion.mission_plan import flight_plan
 from vfguide.companion.own_vehicle import OwnVehicle
 from vfguide.lab.debrief.logged_flight import LoggedFlight, logged_flight, read_log

@@ -8,20 +8,20 @@ import pytest
 import typer
 
 import sitl_stub.cli
-from vfguide.cli import EXAMPLES, app
+from vfguide.cli import COMMANDS as SUMMARIES
+from vfguide.cli import EXAMPLES, loaded
 
 Command = Any  # of Typer's own Click
 
 
-def below(name: str, command: Command) -> Iterator[tuple[str, Command]]:
-    """The commands of a group, and theirs, by what is typed."""
+def typed_as(name: str, command: Command) -> Iterator[tuple[str, Command]]:
+    """A command, and those of a group, by what is typed."""
+    yield name, command
     for word, one in getattr(command, "commands", {}).items():
-        typed = f"{name} {word}".lstrip()
-        yield typed, one
-        yield from below(typed, one)
+        yield from typed_as(f"{name} {word}", one)
 
 
-COMMANDS = dict(below("", typer.main.get_command(app)))
+COMMANDS = {typed: one for name in SUMMARIES for typed, one in typed_as(name, loaded(name))}
 
 
 def lines_of(epilog: str) -> list[str]:
@@ -43,6 +43,12 @@ def test_an_example_is_a_command_that_the_program_takes(name):
         # Raises where an option is not known, or one is missing; nothing is run.
         rest = words[len(typed.split()) :]
         assert COMMANDS[typed].make_context(typed, rest).params
+
+
+@pytest.mark.parametrize("name", SUMMARIES)
+def test_the_list_of_commands_says_what_the_help_of_each_begins_with(name):
+    first, _, _ = COMMANDS[name].help.partition("\n\n")
+    assert " ".join(first.split()) == SUMMARIES[name]
 
 
 def test_no_example_is_of_a_command_that_is_not_there():

@@ -1,12 +1,14 @@
 """The line that says what a flight did not tell, why, and what to do about it."""
 
+from pathlib import Path
+
 import pytest
+import typer
 
 from vfguide.commands import identify as command
 from vfguide.guidance.response import HoldResponse
 from vfguide.identification.core import Identification
 from vfguide.identification.recording import Findings, StepsRecording, shortcoming
-from vfguide.mission import load_mission
 from vfguide.state import Airframe
 
 AIRFRAME = Airframe()
@@ -63,22 +65,17 @@ def test_one_line_says_what_was_not_learned_why_and_the_remedy(found, airframe, 
 
 
 def test_the_command_ends_with_1_and_the_line(monkeypatch, capsys):
-    async def flown(identification: Identification, *_: object, **__: object) -> None:
+    async def fly_steps(identification: Identification, *_: object, **__: object) -> None:
         identification.stop(0.0)
 
-    monkeypatch.setattr(command, "flown", flown)
+    monkeypatch.setattr(command, "fly_steps", fly_steps)
     monkeypatch.setattr(StepsRecording, "findings", lambda _self: findings(GOOD, None))
-    status = command.identify(
-        load_mission("missions/line-calm.yaml"),
-        "leader",
-        mavlink="udpin://127.0.0.1:14999",
-        engage=True,
-        repeats=1,
-        speedup=1.0,
-        out=None,
-    )
+    with pytest.raises(typer.Exit) as ended:
+        command.identify(
+            "leader", mission=Path("missions/line-calm.yaml"), mavlink="udpin://127.0.0.1:14999"
+        )
     out, err = capsys.readouterr()
-    assert status == 1
+    assert ended.value.exit_code == 1
     assert "alpha_1_s: 0.800" in out
     assert err.splitlines()[-1].startswith(
         "the flight ended before its time (stopped), not learned: beta_1_s"

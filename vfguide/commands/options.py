@@ -1,8 +1,6 @@
-"""What several commands share: arguments and options, and the signals that end them."""
+"""Arguments and options that several commands share."""
 
-import asyncio
 import inspect
-import signal
 from collections.abc import Callable
 from functools import wraps
 from pathlib import Path
@@ -14,16 +12,7 @@ from vfguide.errors import InputError
 from vfguide.registry import use_plugins
 
 
-def stop_event() -> asyncio.Event:
-    """An event of the running loop that Ctrl-C or SIGTERM sets, instead of ending the program."""
-    stop = asyncio.Event()
-    loop = asyncio.get_running_loop()
-    for number in (signal.SIGTERM, signal.SIGINT):
-        loop.add_signal_handler(number, stop.set)
-    return stop
-
-
-def directory(text: str) -> Path:
+def directory_of(text: str) -> Path:
     """A directory by its name.
 
     Raises:
@@ -32,6 +21,11 @@ def directory(text: str) -> Path:
     if not text:
         raise InputError("DIR: is empty; name a directory, or . for the one you are in")
     return Path(text)
+
+
+def in_directory(text: str) -> Any:  # noqa: ANN401 - as Typer declares it
+    """An option that names a directory, with its help."""
+    return typer.Option(metavar="DIR", help=text, parser=directory_of)
 
 
 MissionFile = Annotated[
@@ -72,6 +66,16 @@ RosterFile = Annotated[
 Insecure = Annotated[
     bool,
     typer.Option("--insecure", help="Sign nothing and believe anybody who is on the link."),
+]
+StateDirectory = Annotated[
+    Path | None,
+    in_directory(
+        "Keep there whether it has engaged in this flight; else in STATE_DIRECTORY or XDG_STATE_HOME."
+    ),
+]
+SigningKeyFile = Annotated[
+    Path | None,
+    typer.Option(metavar="FILE", help="Sign MAVLink, and hear only what is signed: 64 hex digits."),
 ]
 Duration = Annotated[float | None, typer.Option(metavar="S", help="Length of the flight, seconds.")]
 Speedup = Annotated[

@@ -1,0 +1,118 @@
+"""`vfguide judge`: a flight whose programs run somewhere else, as in containers."""
+
+import asyncio
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from vfguide.commands.credentials import KeyFiles, watched_formation
+from vfguide.commands.fly import conclude, output_of
+from vfguide.commands.options import (
+    AsJson,
+    Duration,
+    Force,
+    Insecure,
+    KeyFile,
+    LinkUrls,
+    MissionFile,
+    RosterFile,
+    Speedup,
+    in_directory,
+)
+from vfguide.commands.overrides import Overrides, apply_overrides
+from vfguide.commands.terminal import Terminal, flight_progress, stopped_by_signals
+from vfguide.errors import InputError
+from vfguide.lab.rehearsal.lockstep import LockstepFlight
+from vfguide.lab.rehearsal.watched import WatchedFlight, watched_flight
+from vfguide.mavlink.address import NetworkAddress, Transport, parse_address
+from vfguide.mission import read_mission
+
+LOOK_S = 0.2
+"""Real time between looks at the flight."""
+
+
+def judge(
+    mission: MissionFile,
+    *,
+    truth: Annotated[
+        str,
+        typer.Option(metavar="URL", help="Where emulators send true states: udpin://HOST:PORT."),
+    ],
+    link: LinkUrls,
+    key: KeyFile = None,
+    roster: RosterFile = None,
+    insecure: Insecure = False,
+    start: Annotated[Path, typer.Option(metavar="FILE", help="Written when the flight may begin.")],
+    out: Annotated[Path, in_directory("Where summary, report and record go.")],
+    duration: Duration = None,
+    speedup: Speedup = 1.0,
+    patience: Annotated[
+        float, typer.Option(metavar="S", min=0.0, help="Real seconds to wait for companions.")
+    ] = 60.0,
+    force: Force = False,
+    as_json: AsJson = False,
+) -> None:
+    """Start, watch and judge a flight whose emulators and companions another program runs.
+
+    Waits until every companion is online, lets the emulators begin, and judges by their true states. Exit
+    status: 0 flown and within the mission's acceptance, 1 flown but not within it, 2 the input is
+    wrong, 3 the flight broke or was stopped.
+    """
+    changed = apply_overrides(read_mission(mission).mission, Overrides(duration_s=duration))
+    keys = KeyFiles(mission=mission, key=key, roster=roster, insecure=insecure)
+    port, credentials = truth_port(truth), keys.of_operator()
+    watched = watched_formation(changed, link, credentials)
+    errors = Terminal(stderr=True)
+    title = f"flying {changed.name}"
+
+    async def flown() -> LockstepFlight:
+        async with watched_flight(changed, truth=port, watched=watched, speedup=speedup) as flight:
+            await until_online(flight, patience_s=patience, stop=stop)
+            flight.start(start)
+            while flight.truth_collector.time_s < changed.rehearsal.duration_s and not stop():
+                flight.check()
+                progress(max(flight.truth_collector.time_s, 0.0))
+                await asyncio.sleep(LOOK_S)
+            interrupted = stop()
+            record = flight.truth_collector.record(wall_s=flight.elapsed_s)
+            latency = await flight.latency()
+        return LockstepFlight(
+            record=record, events={}, logs={}, interrupted=interrupted, latency=latency
+        )
+
+    with output_of(changed, out, force=force) as kept:
+        with (
+            stopped_by_signals() as stop,
+            flight_progress(errors, title, changed.rehearsal.duration_s) as progress,
+        ):
+            flight = asyncio.run(flown())
+        status = conclude(flight, kept, out=out, force=force, as_json=as_json)
+    raise typer.Exit(status)
+
+
+async def until_online(
+    flight: WatchedFlight, *, patience_s: float, stop: Callable[[], bool]
+) -> None:
+    """Wait for all companions; an aircraft whose companion does not come flies without it."""
+    gives_up = time.monotonic() + patience_s
+    missing = await flight.missing()
+    while missing and time.monotonic() < gives_up and not stop():
+        await asyncio.sleep(LOOK_S)
+        missing = await flight.missing()
+    if missing:
+        Terminal(stderr=True).tell(f"begun without the companions of {', '.join(missing)}")
+
+
+def truth_port(text: str) -> tuple[str, int]:
+    """Host and port of `udpin://host:port`.
+
+    Raises:
+        InputError: it is something else.
+    """
+    address = parse_address(text)
+    if not isinstance(address, NetworkAddress) or address.transport != Transport.UDP_IN:
+        raise InputError(f"--truth: {text!r} is not udpin://HOST:PORT")
+    return address.host, address.port
