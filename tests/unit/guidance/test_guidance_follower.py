@@ -1,14 +1,14 @@
 """A follower's guidance step, by hand and closed around a kinematic vehicle."""
 
 import math
-from collections.abc import Callable
 from itertools import pairwise
+from statistics import mean
 from typing import Any
 
 import pytest
 from msgspec.structs import replace
 
-from tests.kit.following import follower_step
+from tests.kit.following import distance, follow, follower_step, keeper, northward
 from tests.kit.states import Plant, choices, circling, leader_at, vehicle_at
 from vfguide.guidance.formation import Slot, slot_motion
 from vfguide.guidance.settings import GuidanceSettings
@@ -22,27 +22,15 @@ BEHIND = Slot(forward=-20.0, right=0.0)
 
 
 def fly_behind(
-    motion: Callable[[float], LeaderState[float]],
-    slot: Slot[float],
-    settings: GuidanceSettings,
-    *,
-    period: float = 0.02,
-    law: str = "slot",
+    slot: Slot[float], settings: GuidanceSettings, *, period: float = 0.02, law: str = "slot"
 ) -> float:
-    """Mean distance (m) from a slot over the last 20 s of 60 s behind a moving leader."""
-    start = slot_motion(motion(0.0), slot)
+    """Mean distance (m) from a slot over the last 20 s of 60 s behind a circling leader."""
+    start = slot_motion(circling(0.0), slot)
     flyer = Plant(north=start.north - 10.0, east=start.east - 10.0, course=start.course)
-    errors = []
-    for step in range(round(60.0 / period)):
-        time = step * period
-        state = flyer.state(time)
-        ahead = motion(time)
-        guidance = follower_step(state, ahead, slot, settings, COURSE_HOLD, period=period, law=law)
-        flyer.fly(guidance.setpoint.course, guidance.setpoint.speed, period)
-        if time > 40.0:
-            place = slot_motion(ahead, slot)
-            errors.append(math.hypot(place.north - state.north, place.east - state.east))
-    return sum(errors) / len(errors)
+    gains = {"integral_s": 0.0} if law == "slot" else {}
+    follower = keeper(law, settings, slot, COURSE_HOLD, **gains)
+    steps = follow(follower, flyer, circling, 60.0, period=period)
+    return mean(distance(one) for one in steps[round(40.0 / period) :])
 
 
 def guided(
@@ -120,30 +108,23 @@ def test_on_a_turn_the_articles_field_is_three_metres_off_and_the_slots_is_not(
     # 0.2 . 3 . 0.05 = 0.03: as thin as the fine loop of this test bears
     thin = replace(settings, sliding=replace(settings.sliding, boundary_layer_factor=0.2))
     slots = ((-20.0, -20.0), (-20.0, 20.0), (-40.0, 0.0))
-    errors = [
-        fly_behind(circling, Slot(forward=ahead, right=right), thin, law=law)
-        for ahead, right in slots
-    ]
+    errors = [fly_behind(Slot(forward=ahead, right=right), thin, law=law) for ahead, right in slots]
     assert sum(errors) / 3.0 == pytest.approx(mean_error, abs=accuracy)
 
 
 def test_with_the_usual_layer_and_period_a_slot_is_held_to_centimetres_on_a_turn():
-    error = fly_behind(circling, Slot(forward=-40.0, right=0.0), choices(), period=PERIOD)
+    error = fly_behind(Slot(forward=-40.0, right=0.0), choices(), period=PERIOD)
     assert error < 0.05
 
 
 @pytest.mark.parametrize("side", [-1.0, 1.0])
 def test_from_beside_and_behind_a_follower_closes_up_within_the_bound(side):
     flyer = Plant(north=-90.0, east=60.0 * side, course=0.8, speed=16.0)
-    values = []
-    for step in range(1200):
-        state = flyer.state(step * PERIOD)
-        ahead = leader_at(time_s=step * PERIOD, north=20.0 * step * PERIOD)
-        guidance = guided(state, ahead)
-        flyer.fly(guidance.setpoint.course, guidance.setpoint.speed, PERIOD)
-        values.append(guidance.lyapunov)
-    assert math.hypot(guidance.error.along_track, guidance.error.cross_track) < 0.01
+    follower = keeper("slot", choices(), BEHIND, COURSE_HOLD, integral_s=0.0)
+    steps = follow(follower, flyer, northward, 60.0)
+    assert distance(steps[-1]) < 0.01
     # once the courses are aligned, W falls with every sample
+    values = [one.lyapunov for one in steps]
     assert all(after <= before + 1e-9 for before, after in pairwise(values[300:]))
     assert values[-1] < 1e-4
 

@@ -170,9 +170,13 @@ PATHS: list[Path] = [
 
 @pytest.mark.parametrize("path", PATHS)
 @pytest.mark.parametrize("source", ["measured", "observer"])
-@pytest.mark.parametrize("start_deg", [0.0, 130.0, 250.0])
-def test_from_any_course_a_leader_flies_onto_its_path(path, source, start_deg):
-    flyer = Plant(north=80.0, east=-60.0, course=math.radians(start_deg))
+@pytest.mark.parametrize(
+    ("north", "east", "course_deg"),
+    # The last is the centre of the circles.
+    [(80.0, -60.0, 0.0), (80.0, -60.0, 130.0), (80.0, -60.0, 250.0), (0.0, 0.0, 115.0)],
+)
+def test_from_anywhere_a_leader_flies_onto_its_path(path, source, north, east, course_deg):
+    flyer = Plant(north=north, east=east, course=math.radians(course_deg))
     settings, task, estimate = choices(speed_source=source), along(path), None
     worst = 0.0
     for step in range(1600):
@@ -184,12 +188,3 @@ def test_from_any_course_a_leader_flies_onto_its_path(path, source, start_deg):
             worst = max(worst, abs(guidance.cross_track_error))
     assert worst < 0.5
     assert flyer.speed == pytest.approx(20.0, abs=0.01)
-
-
-def test_from_the_centre_of_its_circle_a_leader_flies_out_onto_it():
-    flyer = Plant(course=2.0)
-    for _ in range(1600):
-        state = flyer.state()
-        guidance = guide(state, along(CLOCKWISE), COURSE_HOLD)
-        flyer.fly(guidance.setpoint.course, guidance.setpoint.speed, PERIOD)
-    assert math.hypot(flyer.north, flyer.east) == pytest.approx(150.0, abs=0.5)

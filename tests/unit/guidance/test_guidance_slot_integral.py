@@ -1,6 +1,7 @@
 """The slot's field learns what keeps pushing a follower off its slot, and nothing else."""
 
 import math
+from statistics import mean
 
 import numpy as np
 import pytest
@@ -8,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from msgspec.structs import replace
 
-from tests.kit.following import follower_step, keeper
+from tests.kit.following import distance, follow, follower_step, keeper, northward
 from tests.kit.states import Plant, choices, leader_at, vehicle_at
 from vfguide.elementwise import FloatArray
 from vfguide.guidance import slot_integral
@@ -24,7 +25,7 @@ from vfguide.guidance.slot_integral import (
     no_offset,
     update_offset,
 )
-from vfguide.state import Airframe
+from vfguide.state import Airframe, LeaderState
 
 PERIOD = 0.05
 COURSE_HOLD = Airframe(hold="course-hold")
@@ -183,14 +184,10 @@ def test_offsets_of_a_batch_are_those_of_each_alone():
 
 def error_with_biased_holds(settings: GuidanceSettings, **gains: float) -> tuple[float, float]:
     """(along, across) error after a minute with holds that are 0.05 rad and 0.5 m/s off."""
+    follower = keeper("slot", settings, BEHIND, COURSE_HOLD, **gains)
     flyer = Plant(north=-20.0)
-    controller = keeper("slot", settings, BEHIND, COURSE_HOLD, **gains)
-    for step in range(1200):
-        state = flyer.state(step * PERIOD)
-        ahead = leader_at(time_s=step * PERIOD, north=20.0 * step * PERIOD)
-        guidance = controller.step(state, ahead, period=PERIOD)
-        flyer.fly(guidance.setpoint.course + 0.05, guidance.setpoint.speed - 0.5, PERIOD)
-    return guidance.error.along_track, guidance.error.cross_track
+    error = follow(follower, flyer, northward, 60.0, biased=lambda _: (0.05, -0.5))[-1].error
+    return error.along_track, error.cross_track
 
 
 def test_without_an_integral_biased_holds_leave_a_lasting_error():
@@ -208,35 +205,31 @@ def test_with_an_integral_biased_holds_leave_no_error():
     assert abs(across) < 1e-4
 
 
-def error_on_a_circle(settings: GuidanceSettings) -> float:
-    """Mean distance from the slot, round a circle of 100 m, with a speed hold that is off as the wind is."""
-    turn_rate, distances = 0.2, []
-    flyer = Plant(north=-20.0)
-    controller = keeper("slot", settings, BEHIND, COURSE_HOLD, integral_s=3.0)
-    for step in range(6000):
-        time_s = step * PERIOD
-        course = math.remainder(turn_rate * time_s, 2.0 * math.pi)
-        state = flyer.state(time_s)
-        ahead = leader_at(
-            time_s=time_s,
-            north=100.0 * math.sin(course),
-            east=100.0 * (1.0 - math.cos(course)),
-            course=course,
-            turn_rate=turn_rate,
-        )
-        guidance = controller.step(state, ahead, period=PERIOD)
-        off_by = 0.5 * math.cos(flyer.course) + 0.3 * math.sin(2.0 * flyer.course)
-        flyer.fly(guidance.setpoint.course, guidance.setpoint.speed + off_by, PERIOD)
-        distances.append(math.hypot(guidance.error.along_track, guidance.error.cross_track))
-    return float(np.mean(distances[3000:]))
+def round_100_m(time_s: float) -> LeaderState[float]:
+    """A leader on a circle of 100 m, north at first."""
+    course = math.remainder(0.2 * time_s, 2.0 * math.pi)
+    place = {"north": 100.0 * math.sin(course), "east": 100.0 * (1.0 - math.cos(course))}
+    return leader_at(time_s=time_s, **place, course=course, turn_rate=0.2)
+
+
+def as_the_wind(plant: Plant) -> tuple[float, float]:
+    """How far a speed hold is off in each direction."""
+    return 0.0, 0.5 * math.cos(plant.course) + 0.3 * math.sin(2.0 * plant.course)
+
+
+def error_on_a_circle() -> float:
+    """Mean distance from the slot in the second half of five minutes round a circle."""
+    follower = keeper("slot", choices(), BEHIND, COURSE_HOLD, integral_s=3.0)
+    steps = follow(follower, Plant(north=-20.0), round_100_m, 300.0, biased=as_the_wind)
+    return mean(distance(one) for one in steps[3000:])
 
 
 def test_what_comes_back_with_every_turn_is_learned_by_harmonics_and_hardly_by_the_mean(
     monkeypatch,
 ):
-    with_harmonics = error_on_a_circle(choices())
+    with_harmonics = error_on_a_circle()
     monkeypatch.setattr(slot_integral, "HARMONICS", ())
-    mean_alone = error_on_a_circle(choices())
+    mean_alone = error_on_a_circle()
     assert mean_alone > 0.03
     assert with_harmonics < mean_alone / 5.0
 
