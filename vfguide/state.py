@@ -15,6 +15,10 @@ SpeedHold = Literal["first-order", "total-energy"]
 """How a speed hold answers: by an acceleration in proportion to the error, or by throttle and pitch."""
 
 
+GAP_S = 1.0
+"""After a longer gap in what is heard, rates, filters and what is learned start anew."""
+
+
 class Gusts(msgspec.Struct, Generic[Number], frozen=True, kw_only=True):
     """How far the wind changes as gusts do, which no rate foretells, by the innovations of its filter."""
 

@@ -27,7 +27,7 @@ from vfguide.guidance.airframe import (
     speed_range,
     turning_speed,
 )
-from vfguide.state import Airframe, Setpoint, SpeedHold, VehicleState
+from vfguide.state import GAP_S, Airframe, Setpoint, SpeedHold, VehicleState
 
 STEP_S = 0.05
 """Longest step of the prediction."""
@@ -41,9 +41,6 @@ that of ArduPilot's with the yaw): taken off at once it would feed the swing."""
 
 GREATEST_BIAS = Bias(turn_rate=0.2, acceleration=1.0)
 """What a model may be off by; more is no bias but a vehicle that does something else."""
-
-GAP_S = 1.0
-"""After a silence longer than this everything is learned anew."""
 
 
 class Memory(msgspec.Struct, frozen=True, kw_only=True):

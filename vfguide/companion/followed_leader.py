@@ -13,7 +13,6 @@ from vfguide.companion.leader_telemetry import LeaderTelemetry
 from vfguide.companion.own_vehicle import NavigatedState
 from vfguide.companion.plan import FlightPlan, FollowerTask, ForeignLeader
 from vfguide.companion.planned_height import PlannedHeight
-from vfguide.companion.state_publisher import GAP_S
 from vfguide.companion.state_receiver import StateReceiver, motion_of, place_said
 from vfguide.companion.timing import SharedClock
 from vfguide.elementwise import low_pass
@@ -42,7 +41,7 @@ from vfguide.guidance.leader_motion import carried_on
 from vfguide.guidance.navigation import memory_of
 from vfguide.guidance.path import Path, PathPoint
 from vfguide.link.codec import LinkDataError
-from vfguide.state import HeardState, LeaderFix, LeaderState
+from vfguide.state import GAP_S, HeardState, LeaderFix, LeaderState
 
 CARRY_S = 0.25
 """Longest step in which a silent leader is carried on."""

@@ -24,7 +24,7 @@ from vfguide.guidance.airframe import GRAVITY
 from vfguide.guidance.height import HeightTarget
 from vfguide.mavlink.adapter import AutopilotAdapter
 from vfguide.mavlink.reports import CommandReport
-from vfguide.state import Setpoint
+from vfguide.state import GAP_S, Setpoint
 
 MEMORY_S = 3.0
 """Of the missing acceleration: delays of the speed hold are over by then."""
@@ -43,8 +43,6 @@ CATCH_UP_SHARE = 0.25
 
 MOST_M = 100.0
 """Most height that is given up."""
-
-GAP_S = 1.0
 
 TRIES = 4
 """Heartbeats that are answered with the height, as long as it is not accepted."""

@@ -40,7 +40,7 @@ NEVER = (-math.inf, -math.inf)
 LEAST_INTERVAL_S = 0.02
 """Messages that come closer than this say the same twice."""
 
-GAP_S = 4.0
+FORGOTTEN_S = 4.0
 """After a longer silence the rates start anew."""
 
 STALE_S = 1.0
@@ -303,7 +303,7 @@ class LeaderTelemetry:
         if self._motion is not None:
             state = self._motion.state
             age_s = moment.even_s - state.time_s
-            if age_s <= GAP_S:
+            if age_s <= FORGOTTEN_S:
                 course = state.course + state.turn_rate * age_s
                 return state.ground_speed * math.cos(course), state.ground_speed * math.sin(course)
             # Nobody knows which turns it has flown since.
@@ -326,7 +326,7 @@ class LeaderTelemetry:
             velocity=report.velocity,
         )
         before = self._motion
-        if before is None or not 0.0 < motion.time_s - before.state.time_s <= GAP_S:
+        if before is None or not 0.0 < motion.time_s - before.state.time_s <= FORGOTTEN_S:
             course = math.atan2(motion.velocity_east, motion.velocity_north)
             return observed_at_first(seen, course, motion.speed)
         return observed_motion(before, seen, self._limits, self._leader.rate_filter_s)

@@ -39,10 +39,7 @@ from vfguide.mavlink.reports import (
     SensorsReport,
     TimeReport,
 )
-from vfguide.state import Setpoint, VehicleState
-
-GAP_S = 1.0
-"""After a silence longer than this the filter starts anew."""
+from vfguide.state import GAP_S, Setpoint, VehicleState
 
 WAIT_S = 0.3
 """By so much reports are late or early on an ordinary link. Those that keep one waiting for longer than their

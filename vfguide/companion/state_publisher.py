@@ -8,10 +8,7 @@ from vfguide.guidance.leader_motion import MotionEstimate, estimated_motion, mot
 from vfguide.link.codec import LeaderMessage, LeaderSighting, encode
 from vfguide.mavlink.codec import Codec
 from vfguide.mavlink.leader_messages import INTERVAL_S, follow_target_message
-from vfguide.state import LeaderFix, LeaderState
-
-GAP_S = 1.0
-"""After a silence longer than this the rates start anew."""
+from vfguide.state import GAP_S, LeaderFix, LeaderState
 
 
 class StatePublisher:

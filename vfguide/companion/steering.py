@@ -25,7 +25,7 @@ from vfguide.guidance.creeping_speed import CreepingSpeed
 from vfguide.guidance.height import floor_of
 from vfguide.mavlink.adapter import AutopilotAdapter, AutopilotSetpoint, SetpointStream
 from vfguide.mavlink.announcements import WARNING
-from vfguide.state import Airframe, Setpoint, VehicleState
+from vfguide.state import GAP_S, Airframe, Setpoint, VehicleState
 
 GUARD_PATIENCE_S = 1.0
 """An autopilot holds its last setpoint: after this without any other it is better off by itself."""
@@ -63,8 +63,6 @@ DISOBEYED = (
 
 ALTITUDE_M = 20.0
 """Farther from the altitude of the mission than this is worth a text."""
-
-GAP_S = 1.0
 
 ALTITUDE_S = 5.0
 """Interval at which the altitude is repeated."""

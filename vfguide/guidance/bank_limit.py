@@ -12,6 +12,8 @@ from collections import deque
 
 import msgspec
 
+from vfguide.state import GAP_S
+
 PLATEAU_S = 2.0
 """So long the bank hardly moves, s."""
 
@@ -47,9 +49,6 @@ MUCH_MORE = 2.0
 
 LEAST_S, LONG_S = 4.0, 10.0
 """Evidence that it takes, s beyond `PLATEAU_S` of each: on several plateaus, or on one."""
-
-GAP_S = 1.0
-"""After a longer silence nothing is known of the moments before, s."""
 
 
 class BankMoment(msgspec.Struct, frozen=True, kw_only=True):

@@ -24,7 +24,7 @@ import numpy as np
 from vfguide.elementwise import FloatArray, low_pass
 from vfguide.guidance.path import Path, PathPoint, tangent_rate_per_speed
 from vfguide.guidance.predicted_tracks import TIMES
-from vfguide.state import Airframe, LeaderState
+from vfguide.state import GAP_S, Airframe, LeaderState
 
 FASTER_S = 10.0
 """What is looked at farther ahead takes a leader to go on accelerating for no longer than this."""
@@ -47,9 +47,6 @@ GREATEST_RATE = 20.0
 
 MOST_LATE_M = 15.0
 """The filtered deviation is no farther from the found one: bends of a profile are flown late by less."""
-
-GAP_S = 1.0
-"""After a silence longer than this a leader's deviation starts anew."""
 
 ALTIMETERS_S = 10.0
 """Memory of how altimeters differ: a barometer drifts for minutes, and what is a receiver's own for one."""

@@ -26,6 +26,7 @@ import numpy as np
 from msgspec.structs import replace
 
 from vfguide.elementwise import FloatArray
+from vfguide.state import GAP_S
 
 AROUND = 4
 """Steps to either side of a finer grid's middle; twice as many for gains."""
@@ -44,9 +45,6 @@ LEAST_S = 2.0
 
 TAKE_S = 0.09
 """Evidence is taken no more often than this, s: responses take longer."""
-
-GAP_S = 1.0
-"""After a longer silence the filters begin anew; what was learned is kept, s."""
 
 
 class HoldKind(msgspec.Struct, frozen=True, kw_only=True):

@@ -17,6 +17,7 @@ from msgspec.structs import replace
 
 from vfguide.elementwise import clip, low_pass
 from vfguide.guidance.airframe import GRAVITY
+from vfguide.state import GAP_S
 
 LEAST, GREATEST = 0.5, 1.1
 """What no vehicle turns less, or more, than."""
@@ -41,9 +42,6 @@ DRIFT = 0.005
 
 GREATEST_TURN_RATE = 10.0
 """rad/s: no aircraft turns faster."""
-
-GAP_S = 1.0
-"""After a silence longer than this bank and turn rate are those of nothing."""
 
 KNOWN = 0.05
 """Standard deviation below which it is known."""
