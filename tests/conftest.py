@@ -95,7 +95,6 @@ FLYING = (
             "last_words",
             "late_telemetry",
             "leader_loss",
-            "leader_return",
             "million_frames",
             "offboard",
             "recognition",

@@ -2,13 +2,10 @@
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from tests.kit.companion import new_flight
-from tests.kit.wire import parsed, spoken
+from tests.kit.companion import HEADING, MANUAL, SPEED, new_flight
+from tests.kit.wire import heartbeat, parsed, spoken
 from vfguide.companion.role import Outgoing
 from vfguide.companion.supervisor import Mode
-
-SPEED, COURSE = 43_000, 43_002
-MANUAL = 0
 
 
 def commands(data: bytes) -> set[int]:
@@ -31,7 +28,7 @@ def test_setpoints_are_in_the_first_half_and_heartbeats_in_the_second():
     halves.companion.receive_mavlink = in_halves
     whole.run(10.0)
     halves.run(10.0)
-    steering = {SPEED, COURSE}
+    steering = {SPEED, HEADING}
     assert any(commands(data) >= steering for data in at_once)
     assert not any(commands(data) & steering for data in later)
     assert not any(one.get_type() == "HEARTBEAT" for one in parsed(b"".join(at_once)))
@@ -49,9 +46,6 @@ def test_an_airspeed_leads_to_nothing_and_the_pilots_mode_to_something():
     assert companion.snapshot.mode.steers
     airspeed = mavlink.MAVLink_vfr_hud_message(20.0, 20.0, 0, 50, 588.0, 0.0)
     assert companion.answer(spoken(airspeed), now).is_empty
-    taken = mavlink.MAVLink_heartbeat_message(
-        mavlink.MAV_TYPE_FIXED_WING, mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA, 0x81, MANUAL, 4, 3
-    )
-    out = companion.answer(spoken(taken), now)
+    out = companion.answer(spoken(heartbeat(MANUAL)), now)
     assert companion.snapshot.mode is Mode.PILOT
     assert not out.is_empty

@@ -5,40 +5,24 @@ from collections.abc import Callable, Iterable
 
 import pytest
 
-from tests.kit.companion import leader_bytes, new_flight
-from tests.kit.missions import content_of, shipped
-from vfguide.companion.core import Companion
-from vfguide.companion.mission_plan import adapter_of, flight_plan
+from tests.kit.companion import companion_of, leader_bytes, new_flight
+from tests.kit.flight import fly
+from tests.kit.missions import content_of
 from vfguide.companion.supervisor import Mode
-from vfguide.lab.rehearsal.lockstep import fly_lockstep
 from vfguide.mission.model import Mission
-
-Place = Callable[[float, float], dict[str, float]]
 
 JOINED_S = 25.0
 """By then f1 is in its slot, 20 m behind and 20 m left of the leader."""
 
 
-@pytest.fixture
-def place() -> Place:
-    """Makes the coordinates of a place, m from the mission's origin."""
-    frame = flight_plan(shipped("line-calm"), "f1").frame
-
-    def make(north: float, east: float) -> dict[str, float]:
-        latitude, longitude = frame.to_geodetic(north, east)
-        return {"latitude_deg": latitude, "longitude_deg": longitude}
-
-    return make
-
-
-def test_the_pilot_hears_of_whom_the_vehicle_keeps_clear_and_how(place):
+def test_the_pilot_hears_of_whom_the_vehicle_keeps_clear_and_how():
     one = new_flight()
 
     def link(now: float) -> Iterable[bytes]:
         if now >= JOINED_S:
             # f2, flown by hand, comes up from behind to beside f1's slot: by 3 m/s, 4 m right of it.
             north = 20.0 * now - 60.0 + 3.0 * (now - JOINED_S)
-            state = leader_bytes(now, **place(north, -16.0), ground_speed=23.0, steered=False)
+            state = leader_bytes(now, north=north, east=-16.0, ground_speed=23.0, steered=False)
             one.companion.receive_neighbour("f2", state, now)
         return [leader_bytes(now)]
 
@@ -52,11 +36,11 @@ def test_the_pilot_hears_of_whom_the_vehicle_keeps_clear_and_how(place):
     assert len(said) == len(set(said)) <= 4
 
 
-def test_a_vehicle_with_room_around_it_says_nothing(place):
+def test_a_vehicle_with_room_around_it_says_nothing():
     one = new_flight()
 
     def link(now: float) -> Iterable[bytes]:
-        state = leader_bytes(now, **place(20.0 * now - 20.0, 200.0), steered=False)
+        state = leader_bytes(now, north=20.0 * now - 20.0, east=200.0, steered=False)
         one.companion.receive_neighbour("f2", state, now)
         return [leader_bytes(now)]
 
@@ -67,9 +51,7 @@ def test_a_vehicle_with_room_around_it_says_nothing(place):
 
 def test_two_that_meet_for_a_moment_while_they_join_use_no_height_and_say_so_once():
     # f1 and f2 cross in front of f3: for one or two steps no turn alone keeps 10 m.
-    content = content_of("circle-wind")
-    content["rehearsal"]["duration_s"] = 12.0
-    flight_of = fly_lockstep(Mission.model_validate(content))
+    flight_of = fly("circle-wind", 12.0)
     said = [event.text for event in flight_of.events["f1"] if "be ready to take over" in event.text]
     assert said
     assert len(said) == len(set(said))
@@ -78,59 +60,45 @@ def test_two_that_meet_for_a_moment_while_they_join_use_no_height_and_say_so_onc
     assert altitude.max() - altitude.min() < 1.0
 
 
-def never(_since_s: float) -> float | None:
-    """Of a vehicle that is not there."""
-    return None
+def heights_beside(
+    f3_up_m: Callable[[float], float | None] = lambda _: None,
+    *,
+    height_m: float = 100.0,
+    last_s: float = 8.0,
+) -> dict[float, float]:
+    """Fly f1 in its slot, with f2, flown by hand, 3 m right of it until it climbs away, and f3 behind.
+
+    Args:
+        f3_up_m: how high f3 is above the slot, steered by its companion; None where it is not near.
+        height_m: of the slot above the origin.
+        last_s: how long to fly.
+
+    Returns:
+        how many metres f1 is higher than the slot, by the seconds since f2 is near.
+    """
+    one, heights, altitude = new_flight(), dict[float, float](), 488.0 + height_m
+
+    def link(now: float) -> Iterable[bytes]:
+        since_s = round(now - JOINED_S, 1)
+        north = 20.0 * now - 20.0
+        if since_s >= 0.0:
+            away_m = max(5.0 * (since_s - 3.0), 0.0)
+            up = {"altitude_amsl": altitude + away_m, "climb_rate": 5.0 if away_m else 0.0}
+            near = leader_bytes(now, north=north, east=-17.0, steered=False, **up)
+            one.companion.receive_neighbour("f2", near, now)
+            heights[since_s] = one.autopilot.truth().altitude_amsl_m - altitude
+        f3_up = f3_up_m(since_s) if since_s >= 0.0 else None
+        if f3_up is not None:
+            third = leader_bytes(now, north=north - 6.0, east=-20.0, altitude_amsl=altitude + f3_up)
+            one.companion.receive_neighbour("f3", third, now)
+        return [leader_bytes(now, altitude_amsl=altitude)]
+
+    one.link = link
+    one.run(JOINED_S + last_s)
+    return heights
 
 
-@pytest.fixture
-def heights_beside(place: Place) -> Callable[..., dict[float, float]]:
-    """Flies f1 in its slot, with f2, flown by hand, 3 m right of it until it climbs away, and f3 behind."""
-
-    def make(
-        f3_up_m: Callable[[float], float | None] = never,
-        *,
-        height_m: float = 100.0,
-        last_s: float = 8.0,
-    ) -> dict[float, float]:
-        """How many metres f1 is higher than the slot, by the seconds since f2 is near.
-
-        Args:
-            f3_up_m: the same of f3, whose companion steers it; None where it is not near.
-            height_m: of the slot above the origin.
-            last_s: how long to fly.
-        """
-        one, heights, altitude = new_flight(), dict[float, float](), 488.0 + height_m
-
-        def link(now: float) -> Iterable[bytes]:
-            since_s = round(now - JOINED_S, 1)
-            north = 20.0 * now - 20.0
-            if since_s >= 0.0:
-                away_m = max(5.0 * (since_s - 3.0), 0.0)
-                near = leader_bytes(
-                    now,
-                    **place(north, -17.0),
-                    altitude_amsl=altitude + away_m,
-                    climb_rate=5.0 if away_m else 0.0,
-                    steered=False,
-                )
-                one.companion.receive_neighbour("f2", near, now)
-                heights[since_s] = one.autopilot.truth().altitude_amsl_m - altitude
-            f3_up = f3_up_m(since_s) if since_s >= 0.0 else None
-            if f3_up is not None:
-                at = place(north - 6.0, -20.0)
-                third = leader_bytes(now, **at, altitude_amsl=altitude + f3_up)
-                one.companion.receive_neighbour("f3", third, now)
-            return [leader_bytes(now, altitude_amsl=altitude)]
-
-        one.link = link
-        one.run(JOINED_S + last_s)
-        return heights
-
-    return make
-
-
-def test_beside_one_alone_the_earlier_in_the_mission_descends_and_comes_back(heights_beside):
+def test_beside_one_alone_the_earlier_in_the_mission_descends_and_comes_back():
     heights = heights_beside(last_s=25.0)
     assert max(heights.values()) < 1.0
     assert min(heights.values()) == pytest.approx(-20.0, abs=1.0)
@@ -138,20 +106,20 @@ def test_beside_one_alone_the_earlier_in_the_mission_descends_and_comes_back(hei
 
 
 @pytest.mark.parametrize("f3_up_m", [-12.0, -20.0, -24.0])
-def test_no_vehicle_steps_into_the_layer_of_a_third_one(heights_beside, f3_up_m):
+def test_no_vehicle_steps_into_the_layer_of_a_third_one(f3_up_m):
     heights = heights_beside(lambda _: f3_up_m)
     assert min(heights.values()) > -1.0
     assert max(heights.values()) > 7.0
 
 
-def test_a_vehicle_does_not_come_back_through_the_height_of_another(heights_beside):
+def test_a_vehicle_does_not_come_back_through_the_height_of_another():
     # f1 is 20 m lower when f3 comes along 12 m under the slot, and stays until 25 s.
     heights = heights_beside(lambda since_s: -12.0 if 7.0 <= since_s < 25.0 else 300.0, last_s=45.0)
     assert max(height for since_s, height in heights.items() if 10.0 < since_s < 25.0) < -17.0
     assert heights[45.0] == pytest.approx(0.0, abs=1.0)
 
 
-def test_no_vehicle_descends_by_more_than_a_quarter_of_the_height_that_it_has(heights_beside):
+def test_no_vehicle_descends_by_more_than_a_quarter_of_the_height_that_it_has():
     # 76 m above the origin, in a mission of 100 m: f3 keeps it from climbing, and it would descend by 20 m.
     heights = heights_beside(lambda _: 12.0, height_m=76.0)
     assert min(heights.values()) == pytest.approx(-19.0, abs=0.5)
@@ -165,18 +133,14 @@ def test_a_leader_uses_no_height_beside_a_follower_in_a_close_slot_that_would_co
     content = content_of("line-calm")
     content["path"]["course_deg"], content["rehearsal"]["rate_hz"] = 0.0, 10.0
     content["followers"][0]["slot"] = {"forward_m": -slot_m, "right_m": -slot_m}
-    plan = flight_plan(Mission.model_validate(content), "leader")
     one, heights = new_flight("leader"), list[float]()
-    one.companion = Companion(
-        plan, adapter_of(shipped("line-calm").vehicles["leader"]), engage=True
-    )
+    one.companion = companion_of("leader", mission=Mission.model_validate(content))
 
     def link(now: float) -> Iterable[bytes]:
         true = one.autopilot.truth()
-        north, east = plan.frame.to_local(true.latitude_deg, true.longitude_deg)
-        latitude, longitude = plan.frame.to_geodetic(north, east + 3.0)
+        north, east = one.place()
+        place = {"north": north, "east": east + 3.0}
         velocity = {"course": math.remainder(true.course_rad, math.tau), "ground_speed": 20.0}
-        place = {"latitude_deg": latitude, "longitude_deg": longitude}
         if now >= 3.0:
             one.companion.receive_neighbour("f1", leader_bytes(now, **place, **velocity), now)
         heights.append(abs(true.altitude_amsl_m - 588.0))

@@ -2,7 +2,6 @@
 
 import asyncio
 import sys
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -12,31 +11,23 @@ from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
-from tests.kit.missions import content_of, plan_of
+from tests.kit.companion import companion_of
+from tests.kit.missions import replaced
+from tests.kit.wire import of_type, parsed
 from vfguide.companion import order_program
-from vfguide.companion.core import Companion
 from vfguide.companion.ground_orders import ground_orders_of, order_codes
-from vfguide.companion.mission_plan import adapter_of
 from vfguide.companion.order_program import MOST_LINES, OrderProgram
 from vfguide.mavlink.framing import ConnectionSigning
 from vfguide.mavlink.reports import OrderRequest
-from vfguide.mission import Mission
-
-Hear = Callable[..., tuple[list[MAVLink_message], list[tuple[str, ...]]]]
 
 USER_1, USER_2 = 31_010, 31_011
 ACCEPTED, TEMPORARILY_REJECTED, DENIED, UNSUPPORTED = 0, 1, 2, 3
 STATION = (255, 190)
 
 
-@pytest.fixture(scope="module")
-def mission() -> Mission:
-    """One with another path, and deputies."""
-    content = content_of("shapes")
-    paths = {
-        "survey": {"type": "circle", "centre": {}, "radius_m": 300.0, "direction": "clockwise"}
-    }
-    return Mission.model_validate({**content, "paths": paths, "deputies": ["f2", "f1"]})
+SURVEY = {"type": "circle", "centre": {}, "radius_m": 300.0, "direction": "clockwise"}
+MISSION = replaced("shapes", paths={"survey": SURVEY}, deputies=["f2", "f1"])
+"""One with another path, and deputies."""
 
 
 def command(
@@ -56,49 +47,31 @@ def command(
     return bytes(message.pack(station))
 
 
-@pytest.fixture
-def heard(mission: Mission) -> Hear:
+def heard(
+    *datagrams: bytes, takes_orders: bool = True, key: bytes | None = None
+) -> tuple[list[MAVLink_message], list[tuple[str, ...]]]:
     """What f1's companion answers to bytes, and which orders it hands on."""
-
-    def hear(
-        *datagrams: bytes, takes_orders: bool = True, key: bytes | None = None
-    ) -> tuple[list[MAVLink_message], list[tuple[str, ...]]]:
-        companion = Companion(
-            plan_of(vehicle="f1"),
-            adapter_of(mission.vehicles["f1"]),
-            engage=False,
-            signing=None if key is None else ConnectionSigning(key, lambda: 1.8e9),
-            ground_orders=ground_orders_of(mission) if takes_orders else None,
-        )
-        answers, requested = [], []
-        for number, datagram in enumerate(datagrams):
-            out = companion.receive_mavlink(datagram, 1.0 + 0.1 * number)
-            said: list[Any] = mavlink.MAVLink(None).parse_buffer(out.to_autopilot) or []
-            answers += [one for one in said if one.get_type() == "COMMAND_ACK"]
-            requested += out.requested
-        return answers, requested
-
-    return hear
+    companion = companion_of(
+        engage=False,
+        signing=None if key is None else ConnectionSigning(key, lambda: 1.8e9),
+        ground_orders=ground_orders_of(MISSION) if takes_orders else None,
+    )
+    answers, requested = [], []
+    for number, datagram in enumerate(datagrams):
+        out = companion.receive_mavlink(datagram, 1.0 + 0.1 * number)
+        answers += of_type(parsed(out.to_autopilot), "COMMAND_ACK")
+        requested += out.requested
+    return answers, requested
 
 
-def test_each_code_is_one_order(mission):
-    assert order_codes(mission) == {
-        1: ("abort",),
-        2: ("hold",),
-        3: ("resume",),
-        10: ("vee",),
-        11: ("echelon-left",),
-        12: ("echelon-right",),
-        13: ("line-abreast",),
-        14: ("trail",),
-        15: ("diamond",),
-        16: ("finger-four",),
+def test_each_code_is_one_order():
+    shapes = ("vee", "echelon-left", "echelon-right", "line-abreast", "trail", "diamond")
+    assert order_codes(MISSION) == {
+        1: ("abort",), 2: ("hold",), 3: ("resume",),
+        **{10 + number: (shape,) for number, shape in enumerate((*shapes, "finger-four"))},
         20: ("spacing",),
-        30: ("path", "main"),
-        31: ("path", "survey"),
-        60: ("lead", "leader"),
-        61: ("lead", "f2"),
-        62: ("lead", "f1"),
+        30: ("path", "main"), 31: ("path", "survey"),
+        60: ("lead", "leader"), 61: ("lead", "f2"), 62: ("lead", "f1"),
     }
 
 
@@ -116,7 +89,7 @@ def test_each_code_is_one_order(mission):
         (31, (), ("path", "survey")),
     ],
 )
-def test_a_request_is_accepted_and_handed_on_as_an_order(heard, code, values, words):
+def test_a_request_is_accepted_and_handed_on_as_an_order(code, values, words):
     answers, requested = heard(command(code, *values))
     assert requested == [words]
     (answer,) = answers
@@ -146,13 +119,13 @@ def test_a_request_is_accepted_and_handed_on_as_an_order(heard, code, values, wo
         (7, (2, 1e6, 0), DENIED),
     ],
 )
-def test_what_is_no_order_is_refused(heard, code, values, result):
+def test_what_is_no_order_is_refused(code, values, result):
     answers, requested = heard(command(code, *values))
     assert [one.result for one in answers] == [result]
     assert requested == []
 
 
-def test_a_companion_that_was_not_told_to_hears_no_requests(heard):
+def test_a_companion_that_was_not_told_to_hears_no_requests():
     assert heard(command(1), takes_orders=False) == ([], [])
 
 
@@ -168,11 +141,11 @@ def test_a_companion_that_was_not_told_to_hears_no_requests(heard):
         command(1)[:-1] + b"\x00",
     ],
 )
-def test_what_is_for_another_or_for_all_or_damaged_is_passed_over(heard, data):
+def test_what_is_for_another_or_for_all_or_damaged_is_passed_over(data):
     assert heard(data) == ([], [])
 
 
-def test_on_a_signed_connection_only_who_has_the_key_requests_orders(heard):
+def test_on_a_signed_connection_only_who_has_the_key_requests_orders():
     key = bytes(range(32))
     assert heard(command(1), key=key) == ([], [])
     assert heard(command(1, key=bytes(32)), key=key) == ([], [])
@@ -181,20 +154,15 @@ def test_on_a_signed_connection_only_who_has_the_key_requests_orders(heard):
     assert requested == [("abort",)]
 
 
-def test_a_command_that_is_sent_again_is_answered_again_and_not_given_twice(heard):
+def test_a_command_that_is_sent_again_is_answered_again_and_not_given_twice():
     answers, requested = heard(command(2), command(2, confirmation=1), command(2, confirmation=2))
     assert [one.result for one in answers] == [ACCEPTED] * 3
     assert requested == [("hold",)]
 
 
-def test_one_order_is_given_at_a_time_and_what_calls_everything_off_does_not_wait(heard):
+def test_one_order_is_given_at_a_time_and_what_calls_everything_off_does_not_wait():
     answers, requested = heard(command(2), command(10), command(1), command(1))
-    assert [one.result for one in answers] == [
-        ACCEPTED,
-        TEMPORARILY_REJECTED,
-        ACCEPTED,
-        TEMPORARILY_REJECTED,
-    ]
+    assert [one.result for one in answers] == [ACCEPTED, TEMPORARILY_REJECTED] * 2
     assert requested == [("hold",), ("abort",)]
 
 
@@ -202,8 +170,8 @@ NUMBERS = st.floats(width=32, allow_nan=False, allow_infinity=False) | st.intege
 
 
 @given(st.lists(st.tuples(NUMBERS, st.tuples(NUMBERS, NUMBERS, NUMBERS), st.integers(0, 255))))
-def test_whatever_numbers_come_no_more_than_two_orders_are_under_way(mission, numbers):
-    requests = ground_orders_of(mission)
+def test_whatever_numbers_come_no_more_than_two_orders_are_under_way(numbers):
+    requests = ground_orders_of(MISSION)
     handed_on = []
     for now, (code, values, confirmation) in enumerate(numbers):
         request = OrderRequest(sender=STATION, code=code, values=values, confirmation=confirmation)
@@ -213,10 +181,12 @@ def test_whatever_numbers_come_no_more_than_two_orders_are_under_way(mission, nu
     assert len(handed_on) <= 2
 
 
-def test_the_next_order_is_accepted_once_one_is_given(mission):
-    requests = ground_orders_of(mission)
-    first = OrderRequest(sender=STATION, code=2.0, values=(0.0, 0.0, 0.0), confirmation=0)
-    second = OrderRequest(sender=STATION, code=3.0, values=(0.0, 0.0, 0.0), confirmation=0)
+def test_the_next_order_is_accepted_once_one_is_given():
+    requests = ground_orders_of(MISSION)
+    first, second = (
+        OrderRequest(sender=STATION, code=code, values=(0.0, 0.0, 0.0), confirmation=0)
+        for code in (2.0, 3.0)
+    )
     assert requests.take(first, 1.0)[1] == ("hold",)
     requests.finish(("hold",))
     assert requests.take(second, 2.0)[1] == ("resume",)

@@ -3,7 +3,9 @@
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from msgspec.structs import replace
 
+from tests.kit.orders import heard
 from vfguide.companion.alerts import Alerts
 from vfguide.companion.leader_stories import LeaderStories
 from vfguide.companion.state_receiver import place_said
@@ -14,36 +16,18 @@ RADIUS_M = 5.0
 
 def leader(time_s: float, north: float = 0.0, up: float = 0.0) -> HeardState:
     """A leader that flies east at 20 m/s, some metres off that line."""
-    return HeardState(
-        time_s=time_s,
+    return replace(
+        heard(time_s, 0),
         north=north,
         east=20.0 * time_s,
         course=1.5707963267948966,
-        ground_speed=20.0,
-        acceleration=0.0,
-        turn_rate=0.0,
-        turn_acceleration=0.0,
         altitude_amsl=588.0 + up,
-        steered=True,
     )
 
 
 def follower(place: LeaderFix | None, term: int = 0) -> HeardState:
     """A follower that tells of its leader."""
-    return HeardState(
-        time_s=0.0,
-        north=-20.0,
-        east=0.0,
-        course=0.0,
-        ground_speed=20.0,
-        acceleration=0.0,
-        turn_rate=0.0,
-        turn_acceleration=0.0,
-        altitude_amsl=588.0,
-        steered=True,
-        term=term,
-        leader_fix=place,
-    )
+    return replace(heard(0.0, 0), north=-20.0, term=term, leader_fix=place)
 
 
 def told(alerts: Alerts | None = None, *, leads: bool = False) -> LeaderStories:

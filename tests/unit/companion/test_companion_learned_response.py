@@ -4,22 +4,25 @@ import pytest
 from msgspec.structs import replace
 
 from tests.kit.missions import plan_of, shipped
+from tests.kit.states import reported
 from vfguide.companion.learned_response import ResponseLearner
 from vfguide.companion.mission_plan import flight_plan
 from vfguide.companion.own_vehicle import OwnVehicle
 from vfguide.companion.plan import FlightPlan, flown_by, turning
 from vfguide.guidance.turn_efficiency import TurnEfficiency
 from vfguide.mavlink.parameters import AutopilotResponse
-from vfguide.mavlink.reports import PositionReport
+
+
+def found_out(**changes: str) -> FlightPlan:
+    """The part of f1 in a mission that leaves it to be found out."""
+    said = shipped("line-calm")
+    vehicle = said.vehicles["f1"].model_copy(update={"slips": "auto", **changes})
+    return flight_plan(said.model_copy(update={"vehicles": {**said.vehicles, "f1": vehicle}}), "f1")
 
 
 @pytest.fixture
 def finding() -> FlightPlan:
-    """The part of f1 in a mission that leaves it to be found out."""
-    said = shipped("line-calm")
-    vehicle = said.vehicles["f1"].model_copy(update={"slips": "auto"})
-    vehicles = dict(said.vehicles.items()) | {"f1": vehicle}
-    return flight_plan(said.model_copy(update={"vehicles": vehicles}), "f1")
+    return found_out()
 
 
 def known(value: float) -> TurnEfficiency:
@@ -63,15 +66,16 @@ def test_an_alpha_that_is_declared_stays(finding):
     assert turning(finding, 0.8, slips=True) == replace(finding, turn_efficiency=0.8)
 
 
-def test_before_the_autopilot_has_told_its_parameters_nothing_changes(finding):
-    asking = replace(finding, asks_response=True)
-    assert ResponseLearner().step(asking, known(1.0), 0.0, bank_heard=True) == ([], None)
-
-
-def test_a_mission_that_says_it_is_believed():
-    assert ResponseLearner().step(
-        replace(plan_of(), finds_slip=False), known(0.7), 0.0, bank_heard=True
-    ) == ([], None)
+@pytest.mark.parametrize(
+    ("plan", "value"),
+    [
+        # Before the autopilot has told its parameters, and where the mission says it.
+        (replace(found_out(), asks_response=True), 1.0),
+        (replace(plan_of(), finds_slip=False), 0.7),
+    ],
+)
+def test_nothing_changes_before_parameters_are_told_or_where_the_mission_says_it(plan, value):
+    assert ResponseLearner().step(plan, known(value), 0.0, bank_heard=True) == ([], None)
 
 
 def test_without_a_bank_the_pilot_hears_so_once(finding):
@@ -85,10 +89,7 @@ def test_without_a_bank_the_pilot_hears_so_once(finding):
 
 
 def test_what_holds_course_and_ground_speed_is_not_asked():
-    said = shipped("line-calm")
-    vehicle = said.vehicles["f1"].model_copy(update={"slips": "auto", "plant": "course-hold"})
-    vehicles = dict(said.vehicles.items()) | {"f1": vehicle}
-    plan = flight_plan(said.model_copy(update={"vehicles": vehicles}), "f1")
+    plan = found_out(plant="course-hold")
     assert (plan.slips, plan.finds_slip, plan.airframe.speed_hold) == (False, False, "first-order")
 
 
@@ -96,26 +97,12 @@ def test_what_was_learned_outlasts_another_response(finding):
     own = OwnVehicle(finding)
     own.air.by_nose = own.air.by_path = known(1.0)
     calibration = own.air.calibration
-    first = own.take(report(finding, 0.0), 0.0)
+    first = own.take(reported(0.0), 0.0)
     assert first.delay_compensator is not None
     own.retune(turning(finding, 1.0, slips=False))
     assert own.air.turn_efficiency == known(1.0)
     assert own.air.calibration is calibration
     # The mission's holds are ideal: setpoints take effect at once.
-    second = own.take(report(finding, 0.1), 0.1)
+    second = own.take(reported(0.1, 2.0), 0.1)
     assert second.delay_compensator is None
     assert second.interval == pytest.approx(0.1)
-
-
-def report(plan: FlightPlan, time_s: float) -> PositionReport:
-    """North at 20 m/s."""
-    latitude, longitude = plan.frame.to_geodetic(20.0 * time_s, 0.0)
-    return PositionReport(
-        boot_time_s=time_s,
-        latitude_deg=latitude,
-        longitude_deg=longitude,
-        altitude_amsl=588.0,
-        velocity_north=20.0,
-        velocity_east=0.0,
-        heading=0.0,
-    )

@@ -71,20 +71,29 @@ def test_an_aircraft_is_carried_on_and_given_more_room_the_older_its_report():
     assert found.others.floor[0] == pytest.approx(100.0)
 
 
+LATER = replace(HERE, time_s=10.0 + STALE_S)
+
+
 @pytest.mark.parametrize(
-    ("up_m", "climb_rate", "in_the_way"),
+    ("one", "here", "counts"),
     [
-        (59.0, 0.0, True),
-        (61.0, 0.0, False),
-        (-61.0, 0.0, False),
-        (75.0, -2.0, True),
-        (math.nan, 0.0, True),
+        *(
+            (report(300.0, altitude_amsl=588.0 + up), HERE, up == 59.0)
+            for up in (59.0, 61.0, -61.0)
+        ),
+        # 8 s at 2 m/s are 16 m: 75 m above may be 59 m; an unknown height may be any.
+        (report(300.0, altitude_amsl=663.0, climb_rate=-2.0), HERE, True),
+        (report(300.0, altitude_amsl=math.nan), HERE, True),
+        # A report is forgotten when it is stale.
+        (report(400.0), LATER, True),
+        (report(400.0), replace(LATER, time_s=10.01 + STALE_S), False),
+        # Who cannot come near within the horizon: 100 m, 40 m of doubt, 8 s of 20 and of 30 m/s: 540 m.
+        (report(539.0), HERE, True),
+        (report(541.0), HERE, False),
     ],
 )
-def test_a_difference_in_height_counts_where_it_lasts_and_is_known(up_m, climb_rate, in_the_way):
-    """8 s at 2 m/s are 16 m: 75 m above may be 59 m."""
-    one = report(300.0, altitude_amsl=588.0 + up_m, climb_rate=climb_rate)
-    assert (seen(one) is not None) is in_the_way
+def test_an_aircraft_counts_where_it_may_come_near_in_place_and_height(one, here, counts):
+    assert (seen(one, here=here) is not None) is counts
 
 
 @pytest.mark.parametrize(("up_m", "in_the_way"), [(559.0, True), (561.0, False), (-561.0, False)])
@@ -93,19 +102,6 @@ def test_a_pressure_altitude_counts_with_what_it_may_be_off(up_m, in_the_way):
     found = seen(report(300.0, altitude_amsl=588.0 + up_m, altitude_error=500.0))
     assert (found is not None) is in_the_way
     assert found is None or math.isnan(found.altitudes[0])
-
-
-def test_a_report_is_forgotten_when_it_is_stale():
-    one = report(400.0)
-    later = replace(HERE, time_s=10.0 + STALE_S)
-    assert seen(one, here=later) is not None
-    assert seen(one, here=replace(later, time_s=10.01 + STALE_S)) is None
-
-
-def test_who_cannot_come_near_within_the_horizon_is_not_looked_at():
-    """100 m, 40 m of doubt, and 8 s of 20 and of 30 m/s: 540 m."""
-    assert seen(report(539.0)) is not None
-    assert seen(report(541.0)) is None
 
 
 def test_members_that_appear_by_adsb_are_not_kept_clear_of_twice():

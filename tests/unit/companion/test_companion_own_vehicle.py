@@ -6,6 +6,8 @@ from msgspec.structs import replace
 from tests.kit.missions import plan_of
 from tests.kit.states import FRAME, reported
 from vfguide.companion.own_vehicle import NavigatedState, OwnVehicle
+from vfguide.companion.plan import FlightPlan
+from vfguide.elementwise import wrap_angle
 from vfguide.mavlink.reports import AirspeedReport, BatteryReport, PositionReport, SensorsReport
 
 
@@ -250,3 +252,51 @@ def test_the_emptiest_of_several_batteries_is_the_one_that_is_told(own):
 def test_a_battery_without_volts_is_told_without(own, sensors, number, remaining):
     batteries(own, sensors, BatteryReport(number=number, remaining=remaining, voltage=None))
     assert told(own, 1.0) == (remaining, None)
+
+
+WIND_NORTH, WIND_EAST = 3.0, -4.0
+AIRSPEED, SHOWN = 21.3, 20.0
+"""True / shown is 1.065."""
+
+TURN_RATE, SLIP = 0.13, 0.1
+"""rad/s, and rad that the nose is ahead of the air velocity."""
+
+
+def after_laps(plan: FlightPlan, laps: float) -> tuple[NavigatedState, OwnVehicle, float]:
+    """The last fix, and the true direction through the air."""
+    own = OwnVehicle(plan)
+    north = east = 0.0
+    direction = 0.0
+    navigated = None
+    for step in range(round(laps * math.tau / TURN_RATE / 0.04)):
+        direction = TURN_RATE * step * 0.04
+        velocity = (
+            AIRSPEED * math.cos(direction) + WIND_NORTH,
+            AIRSPEED * math.sin(direction) + WIND_EAST,
+        )
+        north, east = north + 0.04 * velocity[0], east + 0.04 * velocity[1]
+        time_s = step * 0.04
+        own.note(AirspeedReport(airspeed=SHOWN), time_s)
+        heading = direction + SLIP
+        navigated = own.take(
+            reported(time_s, north, east, velocity=velocity, heading=heading), time_s
+        )
+    assert navigated is not None
+    return navigated, own, direction
+
+
+def test_wind_scale_and_direction_are_found_in_spite_of_the_slip():
+    navigated, own, direction = after_laps(replace(plan_of(), slips=True, turn_efficiency=0.8), 3.0)
+    assert own.air.calibration.scale == pytest.approx(AIRSPEED / SHOWN, abs=0.015)
+    state = navigated.state
+    wind = state.wind_north, state.wind_east
+    assert wind == pytest.approx((WIND_NORTH, WIND_EAST), abs=0.5)
+    # The nose is 0.1 rad off.
+    assert wrap_angle(state.heading - direction) == pytest.approx(0.0, abs=0.03)
+    # No wind that turns with the aircraft is fed forward: 2 m/s of it would be 0.27 m/s².
+    assert math.hypot(state.wind_rate_north, state.wind_rate_east) < 0.05
+
+
+def test_a_vehicle_that_is_not_known_to_slip_is_taken_by_its_nose():
+    navigated, _, direction = after_laps(plan_of(), 3.0)
+    assert wrap_angle(navigated.state.heading - direction) == pytest.approx(SLIP, abs=1e-6)

@@ -2,43 +2,29 @@ import math
 
 import pytest
 
-from tests.kit.missions import plan_of, shipped
+from tests.kit.missions import mission_with, plan_of, shipped
 from vfguide.companion.mission_plan import adapter_of, flight_plan
-from vfguide.companion.plan import FlightPlan, FollowerTask
 from vfguide.companion.supervisor import ModeTimeouts
 from vfguide.guidance.formation import Slot
-from vfguide.laws.field import SlotGains
-from vfguide.laws.leader import LeaderTask
 from vfguide.mavlink.adapter import AutopilotSetpoint
 from vfguide.mavlink.ardupilot import ArduPlane
 from vfguide.mavlink.px4 import Px4
-from vfguide.mission.model import Timeouts as MissionTimeouts
 from vfguide.paths.circle import Circle
 from vfguide.paths.line import Line
 from vfguide.paths.racetrack import Racetrack
 
 
-def follower_task_of(plan: FlightPlan) -> FollowerTask:
-    assert isinstance(plan.task, FollowerTask)
-    return plan.task
-
-
-def task_of(plan: FlightPlan) -> LeaderTask:
-    assert isinstance(plan.task, LeaderTask)
-    return plan.task
-
-
 def test_a_follower_is_told_its_slot_and_a_leader_the_path():
-    assert follower_task_of(plan_of(vehicle="f2")).slot == Slot(forward=-20.0, right=20.0)
-    assert follower_task_of(plan_of(vehicle="f3")).slot == Slot(forward=-40.0, right=0.0)
+    assert plan_of(vehicle="f2").task.slot == Slot(forward=-20.0, right=20.0)
+    assert plan_of(vehicle="f3").task.slot == Slot(forward=-40.0, right=0.0)
     assert not plan_of(vehicle="f2").leads
     assert plan_of(vehicle="leader").leads
-    assert task_of(plan_of(vehicle="leader")).airspeed == 20.0
+    assert plan_of(vehicle="leader").task.airspeed == 20.0
 
 
 def test_a_follower_knows_what_its_leader_flies():
-    known = follower_task_of(plan_of(vehicle="f1")).leader
-    leads = task_of(plan_of(vehicle="leader"))
+    known = plan_of(vehicle="f1").task.leader
+    leads = plan_of(vehicle="leader").task
     assert (known.path, known.path_gains) == (leads.path, leads.path_gains)
     assert known.airspeed == leads.airspeed == 20.0
     assert known.rate_filter_s == shipped("line-calm").controller.rate_filter_s
@@ -49,17 +35,15 @@ def test_a_follower_flies_away_at_its_leaders_airspeed_as_far_as_it_can(lowest, 
     article = shipped("line-calm")
     slow = article.vehicles["f1"].model_copy(update={"airspeed_range_m_s": (lowest, highest)})
     changed = article.model_copy(update={"vehicles": {**article.vehicles, "f1": slow}})
-    assert follower_task_of(flight_plan(changed, "f1")).airspeed == away
+    assert flight_plan(changed, "f1").task.airspeed == away
 
 
 def test_patience_is_the_missions():
     assert plan_of().timeouts == ModeTimeouts()
-    declared = MissionTimeouts(telemetry_s=2.0, leader_s=3.0, prediction_s=4.0, breakaway_s=0.0)
-    changed = shipped("line-calm").model_copy(update={"patience": declared})
+    said = {"telemetry_s": 2.0, "leader_s": 3.0, "prediction_s": 4.0, "breakaway_s": 0.0}
+    changed = mission_with("line-calm", patience=said)
     for name in ("leader", "f1"):
-        assert flight_plan(changed, name).timeouts == ModeTimeouts(
-            telemetry_s=2.0, leader_s=3.0, prediction_s=4.0, breakaway_s=0.0
-        )
+        assert flight_plan(changed, name).timeouts == ModeTimeouts(**said)
 
 
 def test_addresses_and_rate_are_the_vehicles():
@@ -69,36 +53,28 @@ def test_addresses_and_rate_are_the_vehicles():
 
 
 def test_slots_and_ranges_of_all_followers_go_to_the_leader():
-    followers = task_of(plan_of("survey-racetrack", "lead")).followers
-    assert [(one.slot.forward, one.slot.right) for one in followers] == [
-        (-20.0, -40.0),
-        (-20.0, 40.0),
-        (-60.0, 0.0),
-    ]
-    assert [(one.airspeed_min, one.airspeed_max) for one in followers] == [
-        (11.0, 32.0),
-        (11.0, 32.0),
-        (12.0, 32.0),
-    ]
+    followers = plan_of("survey-racetrack", "lead").task.followers
+    slots = [(one.slot.forward, one.slot.right) for one in followers]
+    assert slots == [(-20.0, -40.0), (-20.0, 40.0), (-60.0, 0.0)]
+    ranges = [(one.airspeed_min, one.airspeed_max) for one in followers]
+    assert ranges == [(11.0, 32.0), (11.0, 32.0), (12.0, 32.0)]
 
 
 def test_a_line_has_its_course_in_radians():
-    path = task_of(plan_of("line-calm", "leader")).path
+    path = plan_of("line-calm", "leader").task.path
     assert path == Line(north=0.0, east=0.0, course=pytest.approx(math.pi / 4))
-    gains = task_of(plan_of("line-calm", "leader")).path_gains
+    gains = plan_of("line-calm", "leader").task.path_gains
     assert (gains.gain, gains.approach_angle) == (0.03, pytest.approx(math.pi / 2))
 
 
 @pytest.mark.parametrize(("turning", "direction"), [("clockwise", 1), ("counterclockwise", -1)])
 def test_a_circle_is_positive_clockwise(turning, direction):
-    article = shipped("circle-wind")
-    path = article.path.model_copy(update={"direction": turning})
-    task = task_of(flight_plan(article.model_copy(update={"path": path}), "leader"))
+    task = flight_plan(mission_with("circle-wind", path={"direction": turning}), "leader").task
     assert task.path == Circle(north=150.0, east=0.0, radius=150.0, direction=direction)
 
 
 def test_a_racetrack_is_taken_over_whole():
-    path = task_of(plan_of("survey-racetrack", "lead")).path
+    path = plan_of("survey-racetrack", "lead").task.path
     declared = shipped("survey-racetrack").path
     assert isinstance(path, Racetrack)
     assert (path.north, path.east, path.course) == (400.0, 150.0, 0.0)
@@ -112,8 +88,8 @@ def test_the_altitude_is_that_of_origin_flight_and_slot():
 
 
 def test_the_frame_is_around_the_origin():
-    north, east = plan_of().frame.to_local(47.397742, 8.545594)
-    assert (north, east) == (pytest.approx(0.0, abs=1e-6), pytest.approx(0.0, abs=1e-6))
+    place = plan_of().frame.to_local(47.397742, 8.545594)
+    assert place == pytest.approx((0.0, 0.0), abs=1e-6)
 
 
 def test_limits_are_in_radians_and_metres_per_second():
@@ -126,7 +102,6 @@ def test_limits_are_in_radians_and_metres_per_second():
 def test_gains_are_those_of_the_mission():
     settings, chosen = plan_of().settings, shipped("line-calm").controller
     gains = plan_of().gains
-    assert isinstance(gains, SlotGains)
     assert gains.chi_inf == pytest.approx(math.pi / 4)
     assert (gains.k_x, gains.k_y, gains.v_inf_m_s, gains.integral_s) == (0.42, 0.28, 8.0, 0.65)
     assert (settings.sliding.kappa, settings.sliding.epsilon) == (3.0, 0.01)
@@ -136,15 +111,13 @@ def test_gains_are_those_of_the_mission():
 
 
 def test_each_filter_has_its_own_time_constant():
-    article = shipped("line-calm")
     times = {"position_filter_s": 1.1, "wind_filter_s": 0.7, "rate_filter_s": 0.3}
-    chosen = article.controller.model_copy(update=times)
-    changed = article.model_copy(update={"controller": chosen})
+    changed = mission_with("line-calm", controller=times)
     for name in ("leader", "f1"):
         settings = flight_plan(changed, name).settings
         assert (settings.filters.position_s, settings.filters.wind_s) == (1.1, 0.7)
         assert settings.rate_filter_s == 0.3
-    assert follower_task_of(flight_plan(changed, "f1")).leader.rate_filter_s == 0.3
+    assert flight_plan(changed, "f1").task.leader.rate_filter_s == 0.3
 
 
 @pytest.mark.parametrize("name", ["f9", "", "LEADER"])

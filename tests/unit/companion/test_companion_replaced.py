@@ -1,4 +1,4 @@
-"""A companion that takes the place of one that has steered answers for the vehicle."""
+"""A companion that takes the place of one that has steered, or finds another of its name on the link."""
 
 import pytest
 
@@ -11,6 +11,7 @@ from tests.kit.companion import (
     new_flight,
 )
 from vfguide.companion.consent import FileStore, MemoryStore
+from vfguide.companion.supervisor import Mode
 
 BACK = "nothing to steer by: handed back to the autopilot, watch that it loiters"
 
@@ -111,3 +112,28 @@ def test_nobody_steers_once_the_pilot_has_taken_over():
     flown.pilot("LOITER", until_s=12.0)
     assert not store.load().steered
     assert store.load().is_spent
+
+
+def test_the_younger_hands_back_the_vehicle_that_it_steers_and_says_why():
+    one = new_flight(until_s=10.0)
+    assert one.modes[-1][1].steers
+    out = one.companion.stand_back(one.now, twin=True)
+    assert "another companion of this name was here before" in out.events[0].text
+    assert not one.companion.stand_back(one.now, twin=True).events
+    one.run(15.0)
+    assert not one.modes[-1][1].steers
+    assert one.autopilot_mode == "LOITER"
+    assert one.companion.obstacle(one.now) is not None
+
+
+def test_the_younger_that_has_not_steered_commands_nothing_until_the_other_is_silent():
+    """The other one may steer this very vehicle."""
+    one = new_flight()
+    one.companion.stand_back(0.0, twin=True)
+    one.run(10.0)
+    assert {mode for _, mode in one.modes} == {Mode.WAITING}
+    assert one.autopilot_mode == "LOITER"
+    one.companion.stand_back(one.now, twin=False)
+    one.run(20.0)
+    assert one.modes[-1][1].steers
+    assert one.autopilot_mode == "GUIDED"

@@ -5,13 +5,10 @@ from collections.abc import Callable
 import pytest
 
 from tests.kit.companion import leader_bytes
-from tests.kit.missions import plan_of
+from tests.kit.states import FRAME
 from vfguide.companion.alerts import Alerts
 from vfguide.companion.state_receiver import StateReceiver
-from vfguide.companion.timing import SAME_CLOCK
-from vfguide.frames import LocalFrame
-
-LeaderBytes = Callable[..., bytes]
+from vfguide.companion.timing import SAME_CLOCK, SharedClock
 
 
 @pytest.fixture
@@ -21,31 +18,22 @@ def alerts() -> Alerts:
 
 @pytest.fixture
 def receiver(alerts: Alerts) -> StateReceiver:
-    return StateReceiver(plan_of().frame, SAME_CLOCK, alerts, whose="f2")
+    return StateReceiver(FRAME, SAME_CLOCK, alerts, whose="f2")
 
 
-@pytest.fixture
-def ahead() -> LeaderBytes:
+def ahead(now: float, off: float) -> bytes:
     """A state whose place is some metres ahead of the true one."""
-    frame = plan_of().frame
-
-    def make(now: float, off: float) -> bytes:
-        latitude, longitude = frame.to_geodetic(20.0 * now + off, 0.0)
-        return leader_bytes(now, latitude_deg=latitude, longitude_deg=longitude)
-
-    return make
+    return leader_bytes(now, north=20.0 * now + off)
 
 
-def taken(
-    receiver: StateReceiver, ahead: LeaderBytes, off: Callable[[float], float]
-) -> list[float]:
+def taken(receiver: StateReceiver, off: Callable[[float], float]) -> list[float]:
     """When a state was not taken, of 20 s."""
     times = [step / 20 for step in range(400)]
     return [now for now in times if not receiver.take(ahead(now, off(now)), now)]
 
 
-def test_a_leader_that_steps_40_m_ahead_is_silent_for_5_s(receiver, ahead, alerts):
-    refused = taken(receiver, ahead, lambda now: 40.0 if now >= 10.0 else 0.0)
+def test_a_leader_that_steps_40_m_ahead_is_silent_for_5_s(receiver, alerts):
+    refused = taken(receiver, lambda now: 40.0 if now >= 10.0 else 0.0)
     assert (refused[0], refused[-1]) == (10.0, pytest.approx(14.95))
     assert receiver.counters == {"impossible": 100}
     first, second = (one.text for one in alerts.heard(20.0))
@@ -54,13 +42,13 @@ def test_a_leader_that_steps_40_m_ahead_is_silent_for_5_s(receiver, ahead, alert
     assert alerts.heard(20.0) == []
 
 
-def test_a_leader_that_is_back_after_3_s_is_followed_after_2_more(receiver, ahead, alerts):
-    refused = taken(receiver, ahead, lambda now: 40.0 if 10.0 <= now < 13.0 else 0.0)
+def test_a_leader_that_is_back_after_3_s_is_followed_after_2_more(receiver, alerts):
+    refused = taken(receiver, lambda now: 40.0 if 10.0 <= now < 13.0 else 0.0)
     assert (refused[0], refused[-1]) == (10.0, pytest.approx(14.95))
     assert len(alerts.heard(20.0)) == 2
 
 
-def test_after_a_long_silence_a_leader_may_have_flown_far(receiver, ahead):
+def test_after_a_long_silence_a_leader_may_have_flown_far(receiver):
     assert receiver.take(leader_bytes(0.0), 0.0)
     assert receiver.take(ahead(20.0, -600.0), 20.0)
 
@@ -72,15 +60,10 @@ def test_a_leader_that_restarts_is_heard_at_once(receiver):
 
 def test_a_formation_whose_clock_starts_anew_is_heard_again():
     shift_s = [0.0]
-
-    class Shifted:
-        def to_own(self, time_s: float) -> float:
-            return time_s + shift_s[0]
-
-        def from_own(self, time_s: float) -> float:
-            return time_s - shift_s[0]
-
-    receiver = StateReceiver(LocalFrame(47.397742, 8.545594, 488.0), Shifted())
+    shifted = SharedClock(
+        to_own=lambda time_s: time_s + shift_s[0], from_own=lambda own_s: own_s - shift_s[0]
+    )
+    receiver = StateReceiver(FRAME, shifted)
     for step in range(100):
         now = 630.0 + 0.05 * step
         assert receiver.take(leader_bytes(now), now)
@@ -94,17 +77,13 @@ def test_a_formation_whose_clock_starts_anew_is_heard_again():
 
 
 def test_states_that_go_back_in_time_are_not_judged():
-    frame = LocalFrame(47.397742, 8.545594, 488.0)
-    receiver = StateReceiver(frame, SAME_CLOCK)
+    receiver = StateReceiver(FRAME, SAME_CLOCK)
     for step in range(200):
         now = 0.05 * step
         assert receiver.take(leader_bytes(now), now)
     for step in range(60):
         now = 10.0 + 0.05 * step
-        latitude, longitude = frame.to_geodetic(20.0 * now + 60.0, 0.0)
-        assert not receiver.take(
-            leader_bytes(now, latitude_deg=latitude, longitude_deg=longitude), now
-        )
+        assert not receiver.take(ahead(now, 60.0), now)
     before = receiver.counters["not newer"]
     for step in range(20):
         assert not receiver.take(leader_bytes(12.9 - 0.09 * step), 13.0)

@@ -39,21 +39,52 @@ def following(
     return next_mode(mode, situation, ModeTimeouts())
 
 
-@pytest.mark.parametrize("before", Mode)
-@pytest.mark.parametrize("telemetry_age", [0.05, math.inf])
-@pytest.mark.parametrize("leader_age", [0.1, 3.0, 40.0, 60.0, math.inf, math.nan])
-def test_what_the_pilot_has_is_the_pilots(before, telemetry_age, leader_age):
-    found = following(
-        before, control=Control.PILOT, telemetry_age=telemetry_age, leader_age=leader_age
-    )
-    assert found is PILOT
+UNHEARD = (math.inf, math.nan)
 
 
 @pytest.mark.parametrize("before", Mode)
-@pytest.mark.parametrize("control", [Control.FREE, Control.DISARMED])
-@pytest.mark.parametrize("leader_age", [0.1, 40.0, math.inf, math.nan])
-def test_what_nobody_gave_is_not_steered(before, control, leader_age):
-    assert following(before, control=control, leader_age=leader_age) is WAITING
+@pytest.mark.parametrize(
+    ("situation", "after"),
+    [
+        # What the pilot has is the pilot's.
+        *(
+            ({"control": Control.PILOT, "telemetry_age": telemetry, "leader_age": age}, PILOT)
+            for telemetry in (0.05, math.inf)
+            for age in (0.1, 3.0, 40.0, 60.0, *UNHEARD)
+        ),
+        # What nobody gave is not steered.
+        *(
+            ({"control": control, "leader_age": age}, WAITING)
+            for control in (Control.FREE, Control.DISARMED)
+            for age in (0.1, 40.0, *UNHEARD)
+        ),
+        # Without telemetry it waits, and before the leader is heard.
+        *(
+            ({"telemetry_age": telemetry, "leader_age": age}, WAITING)
+            for telemetry in (1.001, *UNHEARD)
+            for age in (0.1, 10.0, 40.0, 60.0)
+        ),
+        *(({"leader_age": age}, WAITING) for age in UNHEARD),
+        # Engaged and informed it joins; the clock of its leader may be a little ahead.
+        ({}, JOINING),
+        ({"telemetry_age": 1.0, "leader_age": 0.6}, JOINING),
+        ({"leader_age": -0.2}, JOINING),
+        # An unknown distance is not in place.
+        *(({"distance": distance}, JOINING) for distance in UNHEARD),
+        # An old leader state is predicted from, a leader that stays silent is left, and lost in the end.
+        *(
+            ({"leader_age": age, "distance": distance}, PREDICTING)
+            for age in (0.601, 30.0)
+            for distance in (0.0, 50.0, math.inf)
+        ),
+        *(({"leader_age": age, "distance": 0.0}, BREAKAWAY) for age in (30.001, 55.0)),
+        *(({"leader_age": age, "distance": 0.0}, LOST) for age in (55.001, 1e9)),
+        # What was never steered is not given back.
+        *(({"leader_age": age, "steered": False}, WAITING) for age in (55.001, 1e9)),
+    ],
+)
+def test_what_follows_from_a_situation_whatever_was_before(before, situation, after):
+    assert following(before, **situation) is after
 
 
 @pytest.mark.parametrize("before", Mode)
@@ -66,14 +97,8 @@ def test_where_nobody_knows_the_mode_nothing_is_steered_and_nothing_forgotten(be
 @pytest.mark.parametrize(
     ("leader_age", "after"),
     [
-        (-0.2, WAITING),
-        (0.1, WAITING),
-        (0.6, WAITING),
-        (0.601, LOST),
-        (10.0, LOST),
-        (1e9, LOST),
-        (math.inf, LOST),
-        (math.nan, LOST),
+        *((age, WAITING) for age in (-0.2, 0.1, 0.6)),
+        *((age, LOST) for age in (0.601, 10.0, 1e9, *UNHEARD)),
     ],
 )
 def test_what_was_given_back_is_lost_until_the_leader_is_heard(telemetry_age, leader_age, after):
@@ -81,46 +106,6 @@ def test_what_was_given_back_is_lost_until_the_leader_is_heard(telemetry_age, le
         LOST, control=Control.RETURNED, telemetry_age=telemetry_age, leader_age=leader_age
     )
     assert found is after
-
-
-@pytest.mark.parametrize("before", Mode)
-@pytest.mark.parametrize("leader_age", [0.1, 10.0, 40.0, 60.0])
-@pytest.mark.parametrize("telemetry_age", [1.001, math.inf, math.nan])
-def test_without_telemetry_it_waits(before, telemetry_age, leader_age):
-    assert following(before, telemetry_age=telemetry_age, leader_age=leader_age) is WAITING
-
-
-@pytest.mark.parametrize("before", Mode)
-@pytest.mark.parametrize("leader_age", [math.inf, math.nan])
-def test_before_the_leader_is_heard_it_waits(before, leader_age):
-    assert following(before, leader_age=leader_age) is WAITING
-
-
-@pytest.mark.parametrize("before", Mode)
-def test_engaged_and_informed_it_joins_from_anywhere(before):
-    assert following(before) is JOINING
-    assert following(before, telemetry_age=1.0, leader_age=0.6) is JOINING
-
-
-@pytest.mark.parametrize("before", Mode)
-@pytest.mark.parametrize("distance", [0.0, 50.0, math.inf])
-def test_an_old_leader_state_is_predicted_from(before, distance):
-    assert following(before, leader_age=0.601, distance=distance) is PREDICTING
-    assert following(before, leader_age=30.0, distance=distance) is PREDICTING
-
-
-@pytest.mark.parametrize("before", Mode)
-@pytest.mark.parametrize("leader_age", [30.001, 55.0])
-def test_a_leader_that_stays_silent_is_left(before, leader_age):
-    assert following(before, leader_age=leader_age, distance=0.0) is BREAKAWAY
-
-
-@pytest.mark.parametrize("before", Mode)
-@pytest.mark.parametrize("leader_age", [55.001, 1e9])
-def test_in_the_end_a_silent_leader_is_lost(before, leader_age):
-    assert following(before, leader_age=leader_age, distance=0.0) is LOST
-    # What was never steered is not given back.
-    assert following(before, leader_age=leader_age, steered=False) is WAITING
 
 
 @pytest.mark.parametrize("before", [WAITING, JOINING, PREDICTING, BREAKAWAY, LOST, PILOT])
@@ -133,17 +118,6 @@ def test_only_beyond_twenty_metres_it_has_strayed():
     assert following(TRACKING, distance=10.001) is TRACKING
     assert following(TRACKING, distance=20.0) is TRACKING
     assert following(TRACKING, distance=20.001) is JOINING
-
-
-@pytest.mark.parametrize("before", Mode)
-@pytest.mark.parametrize("distance", [math.nan, math.inf])
-def test_an_unknown_distance_is_not_in_place(before, distance):
-    assert following(before, distance=distance) is JOINING
-
-
-@pytest.mark.parametrize("before", Mode)
-def test_a_leader_whose_clock_is_a_little_ahead_is_heard(before):
-    assert following(before, leader_age=-0.2) is JOINING
 
 
 def test_patience_is_what_decides():

@@ -1,36 +1,24 @@
 """Guidance that asks for what the vehicle cannot fly, for a moment and for longer."""
 
-from dataclasses import dataclass
+from types import SimpleNamespace
 
 import pytest
 
 import vfguide.companion.steering
-from tests.kit.companion import new_flight
-from vfguide.companion.plan import FlightPlan
-from vfguide.companion.steering import is_flyable
+from tests.kit.companion import HEADING, SET_MODE, new_flight
 from vfguide.companion.supervisor import Mode
-from vfguide.state import Setpoint
 
-HEADING, SET_MODE = 43_002, 176
-GUIDED = 15
 REASON = "setpoint not flyable"
 
 
-@dataclass(slots=True)
-class Gate:
-    """Lets setpoints pass, or none."""
-
-    is_open: bool = True
-
-    def __call__(self, setpoint: Setpoint[float], plan: FlightPlan) -> bool:
-        return self.is_open and is_flyable(setpoint, plan)
-
-
 @pytest.fixture
-def gate(monkeypatch: pytest.MonkeyPatch) -> Gate:
+def gate(monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:
     """Stands for guidance that goes wrong: what it closes to counts as impossible to fly."""
-    made = Gate()
-    monkeypatch.setattr(vfguide.companion.steering, "is_flyable", made)
+    made = SimpleNamespace(is_open=True)
+    judge = vfguide.companion.steering.is_flyable
+    monkeypatch.setattr(
+        vfguide.companion.steering, "is_flyable", lambda *wanted: made.is_open and judge(*wanted)
+    )
     return made
 
 
