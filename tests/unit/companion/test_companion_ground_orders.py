@@ -67,11 +67,16 @@ def heard(
 def test_each_code_is_one_order():
     shapes = ("vee", "echelon-left", "echelon-right", "line-abreast", "trail", "diamond")
     assert order_codes(MISSION) == {
-        1: ("abort",), 2: ("hold",), 3: ("resume",),
+        1: ("abort",),
+        2: ("hold",),
+        3: ("resume",),
         **{10 + number: (shape,) for number, shape in enumerate((*shapes, "finger-four"))},
         20: ("spacing",),
-        30: ("path", "main"), 31: ("path", "survey"),
-        60: ("lead", "leader"), 61: ("lead", "f2"), 62: ("lead", "f1"),
+        30: ("path", "main"),
+        31: ("path", "survey"),
+        60: ("lead", "leader"),
+        61: ("lead", "f2"),
+        62: ("lead", "f1"),
     }
 
 

@@ -96,6 +96,13 @@ def fly(
         hear(telemetry, begin_s + step / 4.0, late_s=late_s)
 
 
+def followed(until_s: float = 5.0, alerts: Alerts | None = None, **changes: Any) -> LeaderTelemetry:
+    """Make a listener that has heard it until a time."""
+    telemetry = listener(alerts, **changes)
+    fly(telemetry, until_s)
+    return telemetry
+
+
 def answer(telemetry: LeaderTelemetry, sent_s: float, asked: int) -> None:
     """Hear an answer to a question for its time."""
     message = mavlink.MAVLink_timesync_message(round((sent_s + BOOTED_S) * 1e9), asked)
@@ -103,8 +110,7 @@ def answer(telemetry: LeaderTelemetry, sent_s: float, asked: int) -> None:
 
 
 def test_place_and_time_are_those_of_when_it_was_sent():
-    telemetry = listener()
-    fly(telemetry, 5.0)
+    telemetry = followed()
     newest = telemetry.newest
     assert newest.time_s == pytest.approx(5.0, abs=1e-3)
     assert (newest.north, newest.east) == pytest.approx((100.0, 0.0), abs=0.05)
@@ -133,15 +139,13 @@ def test_from_places_alone_the_velocity_is_found_and_the_first_is_no_motion():
 
 
 def test_one_better_message_alone_does_not_take_over():
-    telemetry = listener()
-    fly(telemetry, 2.0)
+    telemetry = followed(2.0)
     assert not hear_place(telemetry, 2.1, 42.0)
     assert hear(telemetry, 2.25)
 
 
 def test_a_better_message_takes_over_and_the_next_best_waits_three_seconds():
-    telemetry = listener()
-    fly(telemetry, 2.0)
+    telemetry = followed(2.0)
     for sent_s in (2.25, 2.5, 2.75):
         hear_place(telemetry, sent_s, 20.0 * sent_s)
     assert not hear(telemetry, 3.0)
@@ -166,8 +170,7 @@ def test_what_another_system_says_is_not_heard_and_told_once():
 )
 def test_one_message_that_cannot_be_true_moves_nothing(north, velocity):
     alerts = Alerts()
-    telemetry = listener(alerts)
-    fly(telemetry, 5.0)
+    telemetry = followed(alerts=alerts)
     before = telemetry.newest
     assert not hear(telemetry, 5.25, north, 0.0, velocity)
     assert telemetry.newest is before
@@ -193,17 +196,17 @@ def test_a_leader_on_the_ground_is_followed_once_it_flies():
     assert [re.split(r":| \(", words)[0] for words in said(alerts)] == ["does not fly", "flies"]
 
 
-def test_time_that_runs_backward_once_is_not_believed():
-    telemetry = listener()
-    fly(telemetry, 5.0)
+def test_time_that_runs_backward_once_is_not_believed_nor_an_altitude_that_steps():
+    telemetry = followed()
     assert not hear(telemetry, 5.25, 100.0, stamp_s=-900.0)
     assert telemetry.counters["time stamp not believed"] == 1
+    hear(telemetry, 5.25, altitude=788.0)
+    assert math.isnan(telemetry.newest.altitude_amsl)
 
 
 def test_after_a_reboot_it_is_followed_again_by_its_new_clock():
     alerts = Alerts()
-    telemetry = listener(alerts)
-    fly(telemetry, 5.0)
+    telemetry = followed(alerts=alerts)
     for step in range(12):
         sent_s = 8.0 + 0.25 * step
         # Its clock begins at 0 at 8 s.
@@ -215,26 +218,15 @@ def test_after_a_reboot_it_is_followed_again_by_its_new_clock():
 
 def test_a_late_leader_is_told_once_and_again_when_it_is_in_time():
     alerts = Alerts()
-    telemetry = listener(alerts)
-    fly(telemetry, 5.0)
+    telemetry = followed(alerts=alerts)
     fly(telemetry, 6.0, begin_s=5.25, late_s=1.7)
     fly(telemetry, 12.0, begin_s=10.0)
-    assert [words.split(":")[0] for words in said(alerts)] == [
-        "is heard 1.7 s late",
-        "is heard in time again",
-    ]
-
-
-def test_altitude_that_steps_is_not_known():
-    telemetry = listener()
-    fly(telemetry, 5.0)
-    hear(telemetry, 5.25, altitude=788.0)
-    assert math.isnan(telemetry.newest.altitude_amsl)
+    words = [text.split(":")[0] for text in said(alerts)]
+    assert words == ["is heard 1.7 s late", "is heard in time again"]
 
 
 def test_it_is_asked_for_its_time_and_believes_its_answer():
-    telemetry = listener(least_delay_s=None)
-    fly(telemetry, 5.0)
+    telemetry = followed(least_delay_s=None)
     said = parsed(telemetry.say(5.2))
     assert [one.get_type() for one in said] == ["HEARTBEAT", "TIMESYNC"]
     assert telemetry.say(5.3) == b""
@@ -256,26 +248,20 @@ def test_an_answer_says_nothing_of_a_program_beside_the_autopilot():
 
 
 def test_an_answer_that_nobody_asked_for_says_nothing():
-    telemetry = listener(least_delay_s=None)
-    fly(telemetry, 5.0)
+    telemetry = followed(least_delay_s=None)
     answer(telemetry, 5.4, 12345)
     hear(telemetry, 5.5)
     assert telemetry.newest.time_s == pytest.approx(5.7, abs=2e-3)
 
 
-numbers = st.integers(-(2**31), 2**31 - 1)
-small = st.integers(-(2**15), 2**15 - 1)
+STAMP, NUMBER = st.integers(0, 2**32 - 1), st.integers(-(2**31), 2**31 - 1)
+SMALL = st.integers(-(2**15), 2**15 - 1)
 
 
 @settings(max_examples=60, deadline=None)
-@given(
-    st.lists(
-        st.tuples(st.integers(0, 2**32 - 1), numbers, numbers, numbers, small, small), max_size=20
-    )
-)
+@given(st.lists(st.tuples(STAMP, NUMBER, NUMBER, NUMBER, SMALL, SMALL), max_size=20))
 def test_whatever_is_said_in_its_name_the_motion_stays_finite(said):
-    telemetry = listener()
-    fly(telemetry, 3.0)
+    telemetry = followed(3.0)
     for number, (stamp, lat, lon, alt, vx, vy) in enumerate(said):
         now = 3.2 + 0.1 * number
         message = mavlink.MAVLink_global_position_int_message(stamp, lat, lon, alt, 0, vx, vy, 0, 0)
@@ -338,10 +324,8 @@ def test_a_leader_that_climbs_to_the_missions_height_and_beyond_is_followed():
     assert math.isnan(heights[19])
     assert heights[20] == pytest.approx(75.0)
     assert heights[-1] == pytest.approx(149.25)
-    assert [text.split(",")[0][:25] for text in said(alerts)] == [
-        "reports an altitude of 54",
-        "is as high as the mission",
-    ]
+    words = [text[:25] for text in said(alerts)]
+    assert words == ["reports an altitude of 54", "is as high as the mission"]
 
 
 @given(st.lists(st.floats(-1000.0, 30_000.0), min_size=1, max_size=30))

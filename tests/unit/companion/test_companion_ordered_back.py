@@ -1,75 +1,48 @@
 """An order back engages a vehicle that an order has left to its autopilot, and no pilot has had since."""
 
-from typing import TYPE_CHECKING, cast
+from unittest.mock import create_autospec
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from tests.kit.companion import GUIDED, LOITER
 from tests.kit.missions import shipped
 from vfguide.companion.alerts import Alerts
 from vfguide.companion.authority import EngageRule, ModeAuthority, Wish
 from vfguide.companion.consent import MemoryStore
+from vfguide.companion.flight_phase import FlightPhase
 from vfguide.companion.mission_plan import adapter_of
 from vfguide.companion.supervisor import Control
 from vfguide.mavlink.reports import HeartbeatReport
-from vfguide.mission.model import Mission
 
-if TYPE_CHECKING:
-    from vfguide.companion.flight_phase import FlightPhase
-
-GUIDED, LOITER = 15, 12
+ACTIVE, CRITICAL = mavlink.MAV_STATE_ACTIVE, mavlink.MAV_STATE_CRITICAL
 
 
-class InTheAir:
+def in_the_air() -> FlightPhase:
     """A flight that goes on all the time."""
-
-    is_over = False
-
-    def hear(self, report: HeartbeatReport, now: float) -> bool:
-        del report, now
-        return False
-
-    def is_on_ground(self, now: float) -> bool:
-        del now
-        return False
-
-    def flies(self, now: float) -> bool:
-        del now
-        return True
-
-    def obstacle(self, now: float, *, holds_altitude: bool) -> None:
-        del now, holds_altitude
-
-    def forget(self) -> None: ...
+    flight = create_autospec(FlightPhase, instance=True, is_over=False)
+    flight.hear.return_value = flight.is_on_ground.return_value = False
+    flight.flies.return_value = True
+    flight.obstacle.return_value = None
+    return flight
 
 
 class Vehicle:
     """Heartbeats of an autopilot, and what they are answered with."""
 
-    def __init__(self, mission: Mission) -> None:
+    def __init__(self) -> None:
         self.alerts = Alerts()
         self.authority = ModeAuthority(
-            adapter_of(mission.vehicles["f1"]),
+            adapter_of(shipped("line-calm").vehicles["f1"]),
             EngageRule(allowed=True, modes=("LOITER",)),
             MemoryStore(),
-            cast("FlightPhase", InTheAir()),
+            in_the_air(),
             self.alerts,
         )
 
-    def beat(
-        self,
-        mode: int,
-        now: float,
-        wish: Wish = Wish.NONE,
-        status: int = mavlink.MAV_STATE_ACTIVE,
-    ) -> bool:
+    def beat(self, mode: int, now: float, wish: Wish = Wish.NONE, status: int = ACTIVE) -> bool:
         """Whether a heartbeat is answered with a mode command."""
-        report = HeartbeatReport(
-            autopilot=mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA,
-            custom_mode=mode,
-            armed=True,
-            status=status,
-        )
+        report = HeartbeatReport(autopilot=3, custom_mode=mode, armed=True, status=status)
         self.authority.note_life(now)
         self.authority.hear(report, now)
         return bool(self.authority.commands(wish, now, age_s=0.1))
@@ -90,12 +63,8 @@ class Vehicle:
         return any(self.beat(LOITER, float(from_s + s), Wish.STEER) for s in range(6))
 
 
-@pytest.fixture
-def vehicle() -> Vehicle:
-    return Vehicle(shipped("line-calm"))
-
-
-def test_a_vehicle_that_was_watched_all_the_time_is_engaged_again(vehicle):
+def test_a_vehicle_that_was_watched_all_the_time_is_engaged_again():
+    vehicle = Vehicle()
     vehicle.leave()
     assert vehicle.engages(12)
 
@@ -112,13 +81,12 @@ def rebooted(vehicle: Vehicle) -> None:
 
 
 def failing(vehicle: Vehicle) -> None:
-    vehicle.beat(LOITER, 12.0, status=mavlink.MAV_STATE_CRITICAL)
+    vehicle.beat(LOITER, 12.0, status=CRITICAL)
 
 
 @pytest.mark.parametrize(("happens", "from_s"), [(unheard, 80), (rebooted, 13), (failing, 13)])
-def test_a_vehicle_is_left_to_its_pilot_after_what_ends_the_right_to_engage_it(
-    vehicle, happens, from_s
-):
+def test_a_vehicle_is_left_to_its_pilot_after_what_ends_the_right_to_engage_it(happens, from_s):
+    vehicle = Vehicle()
     vehicle.leave()
     happens(vehicle)
     assert not vehicle.engages(from_s)

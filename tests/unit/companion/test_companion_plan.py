@@ -82,17 +82,11 @@ def test_a_racetrack_is_taken_over_whole():
     assert path.easement == declared.easement_m
 
 
-def test_the_altitude_is_that_of_origin_flight_and_slot():
+def test_heights_frames_and_limits_are_those_of_the_mission_in_si_units():
     assert plan_of("survey-racetrack", "lead").altitude_amsl == 488.0 + 120.0
     assert plan_of("survey-racetrack", "right").altitude_amsl == 488.0 + 120.0 + 10.0
-
-
-def test_the_frame_is_around_the_origin():
     place = plan_of().frame.to_local(47.397742, 8.545594)
     assert place == pytest.approx((0.0, 0.0), abs=1e-6)
-
-
-def test_limits_are_in_radians_and_metres_per_second():
     airframe = plan_of("transit-abreast", "wing").airframe
     assert airframe.max_bank == pytest.approx(0.6981317, abs=1e-7)
     assert (airframe.airspeed_min, airframe.airspeed_max) == (14.0, 30.0)

@@ -62,9 +62,10 @@ def test_a_vehicle_that_does_not_obey_its_new_companion_is_handed_back_three_tim
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_a_new_companion_that_hears_everything_steers_on(kind):
+@pytest.mark.parametrize("gap_s", [0.0, 2.0])
+def test_a_new_companion_that_hears_everything_steers_on(kind, gap_s):
     flown = new_flight(kind=kind, until_s=20.0)
-    replaced(flown, 2.0)
+    replaced(flown, gap_s)
     flown.run(50.0)
     assert flown.autopilot_mode == "GUIDED"
     assert flown.later(SET_MODE, 20.0) == []

@@ -1,5 +1,7 @@
 """Where a vehicle believes the others to be, and what it thinks that they may do."""
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -63,9 +65,41 @@ def both() -> Traffic:
     return Traffic([F2, LEADING], FRAME, SAME_CLOCK)
 
 
+def followers() -> Traffic:
+    """Traffic of f2 and f3, as the leader sees it."""
+    return Traffic([F2, replace(F2, name="f3")], FRAME, SAME_CLOCK)
+
+
 def far_away(now: float) -> bytes:
     """A state of a vehicle that is in nobody's way: the link works."""
     return leader_bytes(now, latitude_deg=48.0, ground_speed=0.0)
+
+
+def watched(
+    traffic: Traffic,
+    seconds: float,
+    here: Callable[[float], Viewpoint],
+    said: Callable[[float], bytes | None] = lambda _: None,
+    *,
+    leads: bool = False,
+) -> Others:
+    """Look 20 times a second from 10 s on: f2 says something at times, another is heard far away."""
+    for step in range(round(seconds * 20) + 1):
+        now = 10.0 + 0.05 * step
+        data = said(now)
+        if data is not None:
+            traffic.receive("f2", data, now)
+        if step % 10 == 0 and leads:
+            traffic.receive("f3", far_away(now), now)
+        elif step % 10 == 0:
+            traffic.note("leader", heard_leader(far_away(now), now))
+        seen = traffic.possibilities(here(now), None if leads else led(now))
+    return seen[0]
+
+
+def once(**values: float) -> Callable[[float], bytes | None]:
+    """What f2 says at 10 s, and nothing later."""
+    return lambda now: leader_bytes(now, **values) if now == 10.0 else None
 
 
 def found(traffic: Traffic, here: Viewpoint, rows: frozenset[int] = frozenset({0})) -> Others:
@@ -186,33 +220,18 @@ def test_one_that_fell_silent_may_fly_straight_on_along_the_course_that_it_was_t
 
 
 def test_one_that_holds_its_course_holds_its_airspeed_too():
-    traffic = both()
-    traffic.receive("f2", leader_bytes(10.0, course_setpoint=0.0), 10.0)
-    seen = None
-    for step in range(61):
-        now = 10.0 + 0.05 * step
-        if step % 10 == 0:
-            traffic.note("leader", heard_leader(far_away(now), now))
-        wind = 0j if now <= 11.0 else 12.0j
-        seen = traffic.possibilities(replace(beside(now), wind=wind), led(now))
+    def here(now: float) -> Viewpoint:
+        return replace(beside(now), wind=0j if now <= 11.0 else 12.0j)
+
     # 20 m/s until 11 s; in 12 m/s from the side 16 m/s are left along the course, 32 m by 13 s.
-    held = seen[0].tracks[1]
+    held = watched(both(), 3.0, here, once(course_setpoint=0.0)).tracks[1]
     assert held[0] == pytest.approx(252.0, abs=1.0)
     assert held[1] - held[0] == pytest.approx(16.0 * STEP_S, abs=0.01)
 
 
 def test_one_that_falls_silent_while_it_speeds_up_goes_on_for_a_second():
-    traffic = both()
-    seen = None
-    for step in range(61):
-        now = 10.0 + 0.05 * step
-        if step == 0:
-            said = leader_bytes(10.0, course_setpoint=0.0, acceleration=2.0)
-            traffic.receive("f2", said, 10.0)
-        if step % 10 == 0:
-            traffic.note("leader", heard_leader(far_away(now), now))
-        seen = traffic.possibilities(beside(now), led(now))
-    held = seen[0].tracks[1]
+    speeds_up = once(course_setpoint=0.0, acceleration=2.0)
+    held = watched(both(), 3.0, beside, speeds_up).tracks[1]
     # 21 m in the first second and 22 m in each of the others, from 200 m north on.
     assert held[0] == pytest.approx(200.0 + 21.0 + 44.0, abs=1.5)
     assert held[1] - held[0] == pytest.approx(22.0 * STEP_S, abs=0.01)
@@ -220,19 +239,14 @@ def test_one_that_falls_silent_while_it_speeds_up_goes_on_for_a_second():
 
 @pytest.mark.parametrize("gusts", [0.0, 1.0])
 def test_over_a_slow_link_too_the_airspeed_is_the_one_that_is_flown(gusts):
-    traffic = both()
-    seen = None
-    for step in range(500):
-        now = 10.0 + 0.05 * step
-        # States take 0.7 s; the first is of a vehicle that stands, and from 32 s on nothing is heard of it.
-        if step % 5 == 0 and now < 32.0:
-            speed = 0.0 if step == 0 else 20.0
-            said = leader_bytes(now - 0.7, course_setpoint=0.0, ground_speed=speed)
-            traffic.receive("f2", said, now)
-        if step % 10 == 0:
-            traffic.note("leader", heard_leader(far_away(now), now))
-        seen = traffic.possibilities(replace(beside(now), gusts=gusts), led(now))
-    held = seen[0].tracks[1]
+    def said(now: float) -> bytes | None:
+        """States take 0.7 s; the first is of a vehicle that stands, and the last comes before 32 s."""
+        due = round(now * 20) % 5 == 0 and now < 32.0
+        speed = 0.0 if now == 10.0 else 20.0
+        return leader_bytes(now - 0.7, course_setpoint=0.0, ground_speed=speed) if due else None
+
+    seen = watched(both(), 24.95, lambda now: replace(beside(now), gusts=gusts), said)
+    held = seen.tracks[1]
     assert held[1] - held[0] == pytest.approx(20.0 * STEP_S, abs=0.01)
 
 
@@ -280,28 +294,23 @@ def test_whoever_is_astray_keeps_more_and_close_slots_less(spacing, distance, ke
     assert kept_distance(np.array([spacing]), distance) == pytest.approx([kept])
 
 
-def test_the_place_where_a_leader_fell_silent_is_not_flown_through():
-    traffic = both()
-    for time_s in (9.5, 10.5):
-        traffic.receive("f2", far_away(time_s), time_s)
-    # 40 m behind it, after a state that was a little late and after one that never came.
-    for age_s, standing in ((0.6, False), (0.8, True)):
-        traffic.note("leader", heard_leader(leader_bytes(10.0), 10.0))
-        now = 10.0 + age_s
-        here = replace(beside(now, east=0.0), place=complex(20.0 * now - 40.0, 0.0))
-        seen = traffic.possibilities(here, led(now))
-        stands = seen is not None and any(np.ptp(track) == 0.0 for track in seen[0].tracks)
-        assert stands is standing
-
-
-def test_of_a_leader_that_cannot_stop_no_place_is_kept_clear():
-    traffic = Traffic([F2, replace(LEADING, may_stop=False)], FRAME, SAME_CLOCK)
+@pytest.mark.parametrize(
+    ("may_stop", "age_s", "stands"),
+    # After a state that was a little late, and after one that never came.
+    [(True, 0.6, False), (True, 0.8, True), (False, 0.8, False)],
+)
+def test_the_place_where_a_leader_that_may_stop_fell_silent_is_not_flown_through(
+    may_stop, age_s, stands
+):
+    traffic = Traffic([F2, replace(LEADING, may_stop=may_stop)], FRAME, SAME_CLOCK)
     for time_s in (9.5, 10.5):
         traffic.receive("f2", far_away(time_s), time_s)
     traffic.note("leader", heard_leader(leader_bytes(10.0), 10.0))
-    here = replace(beside(10.8, east=0.0), place=complex(20.0 * 10.8 - 40.0, 0.0))
-    seen = traffic.possibilities(here, led(10.8))
-    assert seen is None or all(np.ptp(track) > 0.0 for track in seen[0].tracks)
+    # 40 m behind it.
+    now = 10.0 + age_s
+    here = replace(beside(now, east=0.0), place=complex(20.0 * now - 40.0, 0.0))
+    seen = traffic.possibilities(here, led(now))
+    assert (seen is not None and any(np.ptp(track) == 0.0 for track in seen[0].tracks)) is stands
 
 
 def test_one_whose_place_is_doubted_may_be_at_either_place(traffic):
@@ -327,7 +336,7 @@ def test_a_silent_vehicle_is_not_carried_off_by_a_wind_that_has_not_changed():
     def here(now: float) -> Viewpoint:
         return replace(beside(now, east=7.0), wind=8.0 + 0j)
 
-    heard = Traffic([F2, replace(F2, name="f3")], FRAME, SAME_CLOCK)
+    heard = followers()
     heard.receive("f2", leader_bytes(10.0), 10.0)
     heard.receive("f3", far_away(10.0), 10.0)
     assert heard.possibilities(here(10.0), None) is None
@@ -345,32 +354,26 @@ def test_a_silent_vehicle_is_carried_by_the_wind_as_it_has_been_and_not_as_it_is
         wind = 0.0 if now <= 11.0 else -6.0 if now <= 15.0 else 6.0
         return replace(beside(now, east=7.0), wind=complex(wind))
 
-    heard = Traffic([F2, replace(F2, name="f3")], FRAME, SAME_CLOCK)
-    heard.receive("f2", leader_bytes(10.0, **told), 10.0)
-    seen = None
-    for step in range(121):
-        now = 10.0 + 0.05 * step
-        if step % 10 == 0:
-            heard.receive("f3", far_away(now), now)
-        seen = heard.possibilities(here(now), None)
+    tracks = watched(followers(), 6.0, here, once(**told), leads=True).tracks
     # 200 m north at 10 s and 20 m/s, 24 m back and 6 m on: 302 m at 16 s.
-    assert seen[0].tracks[:, 0].real == pytest.approx(302.0, abs=1.0)
+    assert tracks[:, 0].real == pytest.approx(302.0, abs=1.0)
     # Over the ground it flies as fast as the wind of now makes it.
-    assert (seen[0].tracks[:, 1] - seen[0].tracks[:, 0]).real == pytest.approx(
-        26.0 * STEP_S, abs=0.1
-    )
+    speeds = (tracks[:, 1] - tracks[:, 0]).real
+    assert speeds == pytest.approx(26.0 * STEP_S, abs=0.1)
 
 
 def test_a_state_that_comes_late_after_a_silence_says_where_its_vehicle_is(traffic):
     # 6 m/s from behind since 11 s, as the own vehicle measures; a state of 15 s is heard at 16 s.
+    def here(now: float) -> Viewpoint:
+        return replace(beside(now, east=7.0), wind=complex(0.0 if now <= 11.0 else 6.0))
+
     traffic.receive("f2", leader_bytes(10.0), 10.0)
     for step in range(121):
         now = 10.0 + 0.05 * step
-        here = replace(beside(now, east=7.0), wind=complex(0.0 if now <= 11.0 else 6.0))
-        traffic.possibilities(here, led(now))
+        traffic.possibilities(here(now), led(now))
     traffic.receive("f2", leader_bytes(15.0), 16.0)
     # 300 m north at 15 s, and 20 m/s over the ground.
-    assert found(traffic, here).tracks[0, 0].real == pytest.approx(320.0, abs=0.1)
+    assert found(traffic, here(16.0)).tracks[0, 0].real == pytest.approx(320.0, abs=0.1)
 
 
 class Thorough(Traffic):
