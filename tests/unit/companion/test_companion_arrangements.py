@@ -292,30 +292,26 @@ def test_two_orders_of_one_number_are_not_both_flown():
         assert verdicts == {Verdict.READY, Verdict.REFUSED, Verdict.VOID}
 
 
-def test_the_number_of_one_vehicle_stops_nobody():
-    member = member_of("f2")
-    for name, number in (("leader", 0), ("f3", 0), ("f1", 2**32 - 1)):
+@pytest.mark.parametrize(
+    ("vehicle", "numbers", "waits"),
+    [
+        # The leader's number counts, and that of two others; of one where no second is heard.
+        ("f2", {"leader": 7, "f1": 0, "f3": 0}, True),
+        ("f2", {"leader": 0, "f1": 7, "f3": 7}, True),
+        ("leader", {"f1": 7}, True),
+        ("f2", {"leader": 0, "f1": 2**32 - 1, "f3": 0}, False),
+    ],
+)
+def test_the_number_of_one_vehicle_stops_nobody(vehicle, numbers, waits):
+    member = member_of(vehicle)
+    for name, number in numbers.items():
         member.hear(name, heard(5.0, number), 5.0)
-    assert not member.waits(5.0)
-    assert member.obstacle(5.0) is None
+    assert member.waits(5.0) is waits
+    assert (member.obstacle(5.0) is not None) is waits
     # Nor does it bring back what was called off in another flight.
     old = called_off(number=2**32 - 1, time_s=5.0)
     member.receive_order(old, old, 5.0, repeated=True)
     assert member.flight.flown is None
-
-
-@pytest.mark.parametrize("others", [("leader",), ("f1", "f3")])
-def test_the_leaders_number_counts_and_that_of_two_others(others):
-    member = member_of("f2")
-    for name in {*NAMES} - {"f2"}:
-        member.hear(name, heard(5.0, 7 if name in others else 0), 5.0)
-    assert member.waits(5.0)
-
-
-def test_one_vehicles_number_counts_where_no_second_is_heard():
-    member = member_of("leader")
-    member.hear("f1", heard(5.0, 7), 5.0)
-    assert member.waits(5.0)
 
 
 @pytest.mark.parametrize(
@@ -337,25 +333,26 @@ def test_a_slot_that_moves_faster_than_its_aircraft_is_refused(to, layer, climb_
     assert_refused(member_of(), order_of(place, climb_s=climb_s), sentence)
 
 
-@pytest.mark.parametrize(
-    ("vehicle", "radius_m", "away_deg", "sentence"),
-    [
-        # 20 m/s at 45 degrees: 20² / 9.81 = 41 m.
-        ("leader", 20.0, 0.0, "a circle of 20 m is too small: at least 41 m are needed"),
-        ("f1", 20.0, 0.0, "a circle of 20 m is too small"),
-        ("leader", 200.0, 1.0, "the circle is 111 km away, more than 5 km"),
-        ("f1", 200.0, 0.01, None),
-    ],
-)
-def test_a_hold_that_nobody_can_fly_or_that_is_elsewhere_is_refused(
-    vehicle, radius_m, away_deg, sentence
-):
+def hold_of(radius_m: float, away_deg: float) -> Arrangement:
     latitude_deg, longitude_deg = plan_of().frame.origin
     circle = HoldCircle(
         latitude_deg=latitude_deg + away_deg, longitude_deg=longitude_deg, radius_m=radius_m
     )
-    order = order_of(flown=Manoeuvre.HOLD, circle=circle)
-    assert_refused(member_of(vehicle), order, sentence)
+    return order_of(flown=Manoeuvre.HOLD, circle=circle)
+
+
+@pytest.mark.parametrize(
+    ("vehicle", "hold", "sentence"),
+    [
+        # 20 m/s at 45 degrees: 20² / 9.81 = 41 m.
+        ("leader", (20.0, 0.0), "a circle of 20 m is too small: at least 41 m are needed"),
+        ("f1", (20.0, 0.0), "a circle of 20 m is too small"),
+        ("leader", (200.0, 1.0), "the circle is 111 km away, more than 5 km"),
+        ("f1", (200.0, 0.01), None),
+    ],
+)
+def test_a_hold_that_nobody_can_fly_or_that_is_elsewhere_is_refused(vehicle, hold, sentence):
+    assert_refused(member_of(vehicle), hold_of(*hold), sentence)
 
 
 def assert_refused(member: Arrangements, order: Arrangement, sentence: str | None) -> None:

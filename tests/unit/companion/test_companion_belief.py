@@ -164,19 +164,16 @@ def test_who_was_stopped_for_a_second_is_believed_2_s_later_and_not_after_a_mere
     assert believed(found, 10.1 + doubted_s, 25.0) <= {BELIEVED}
 
 
-def test_positions_that_stay_where_they_are_are_never_a_new_place():
+def test_frozen_positions_are_found_in_half_a_second_and_are_never_a_new_place():
     found = judged(straight(60.0, lambda time_s: -20.0 * max(time_s - 10.0, 0.0)))
+    first = next(time_s for time_s, one in found if kind_of(one) != BELIEVED)
+    assert 10.0 < first < 10.6
     assert BELIEVED not in believed(found, 11.0, 60.0)
     assert all(one.moved is None for _, one in found)
 
 
-def test_frozen_positions_are_found_in_half_a_second():
-    found = judged(straight(12.0, lambda time_s: min(0.0, 20.0 * (10.0 - time_s))))
-    first = next(time_s for time_s, one in found if kind_of(one) != BELIEVED)
-    assert 10.0 < first < 10.6
-
-
-def test_a_velocity_of_327_m_s_is_refused():
+def test_what_is_no_number_is_refused_and_a_velocity_of_327_m_s():
+    assert kind_of(gate().take(flying(0.0, math.nan))) == REFUSED
     one = gate()
     motions = list(straight(20.0))
     for motion in motions[:200]:
@@ -248,10 +245,6 @@ def test_a_turn_that_began_in_a_gap_is_believed_at_once():
         ends_s = begins_s + gap_s
         heard = (one for one in turning() if not begins_s < one.time_s < ends_s)
         assert {kind_of(one) for _, one in judged(heard)} == {BELIEVED}
-
-
-def test_what_is_no_number_is_refused():
-    assert kind_of(gate().take(flying(0.0, math.nan))) == REFUSED
 
 
 def test_a_drag_of_4_m_s_is_found_and_one_of_half_a_metre_is_not():

@@ -111,27 +111,27 @@ def test_a_step_is_doubted_at_once(step, side):
     assert judged([588.0, 588.0, 588.0 + side * step]) == [True, True, False]
 
 
-def test_steps_that_are_small_enough_one_by_one_do_not_add_up():
-    # 12 m every tenth of a second; an aircraft dives or climbs by 1.5 m. 10.5 m are left over, then 21.
-    altitudes = [588.0, 588.0, 588.0, 600.0, 612.0, 624.0, 636.0]
-    assert judged(altitudes, interval_s=0.1) == [True, True, True, False, False, False, False]
-
-
-def test_a_climb_at_ten_metres_a_second_is_believed_for_as_long_as_it_lasts():
-    assert all(judged([588.0 + 1.0 * number for number in range(300)], interval_s=0.1))
-
-
-def test_the_old_altitude_is_believed_again_after_two_seconds_of_agreement():
-    # Doubted at 2 s and 3 s; back at 4 s, agreed with itself at 6 s.
-    assert judged([588.0, 588.0, 688.0, 688.0, 588.0, 588.0, 588.0, 588.0]) == (
-        [True] * 2 + [False] * 4 + [True] * 2
-    )
-
-
-def test_a_step_of_a_hundred_metres_that_stays_is_doubted_for_three_minutes():
-    # 10 m and 0.5 m/s reach 100 m at 180 s after the last believed report, at 1 s.
-    believed = judged([588.0] * 2 + [688.0] * 200)
-    assert believed.index(True, 2) == 181
+@pytest.mark.parametrize(
+    ("altitudes", "interval_s", "believed"),
+    [
+        # Steps that are small enough one by one do not add up: 12 m every tenth of a second; an aircraft
+        # dives or climbs by 1.5 m. 10.5 m are left over, then 21.
+        ([588.0] * 3 + [600.0, 612.0, 624.0, 636.0], 0.1, [True] * 3 + [False] * 4),
+        # A climb at 10 m/s is believed for as long as it lasts.
+        ([588.0 + number for number in range(300)], 0.1, [True] * 300),
+        # Doubted at 2 s and 3 s; back at 4 s, agreed with itself at 6 s.
+        (
+            [588.0] * 2 + [688.0] * 2 + [588.0] * 4,
+            *(1.0, [True] * 2 + [False] * 4 + [True] * 2),
+        ),
+        # 10 m and 0.5 m/s reach 100 m at 180 s after the last believed report, at 1 s.
+        ([588.0] * 2 + [688.0] * 180, 1.0, [True] * 2 + [False] * 179 + [True]),
+    ],
+)
+def test_an_altitude_that_steps_is_doubted_for_as_long_as_it_may_be_wrong(
+    altitudes, interval_s, believed
+):
+    assert judged(altitudes, interval_s) == believed
 
 
 @pytest.mark.parametrize("step", [100.0, -100.0])

@@ -30,11 +30,6 @@ def companion() -> Companion:
     return companion_of()
 
 
-def test_heartbeats_go_out_once_a_second():
-    flown = new_flight(until_s=20.0)
-    assert flown.times("HEARTBEAT") == [float(second) for second in range(21)]
-
-
 def test_before_an_autopilot_is_heard_heartbeats_go_out_by_time_and_nothing_is_asked_for(companion):
     sent = [(n / 10, one) for n in range(51) for one in parsed(companion.poll(n / 10).to_autopilot)]
     assert [time for time, _ in sent] == [0.0, 1.0, 2.0, 3.0, 4.0, 5.0]
@@ -55,8 +50,9 @@ def test_telemetry_is_asked_for_until_it_flows():
     assert flown.times(MESSAGE_INTERVAL)[-1] <= 7.0
 
 
-def test_telemetry_is_asked_for_again_after_a_reboot():
+def test_heartbeats_go_out_once_a_second_and_telemetry_is_asked_for_again_after_a_reboot():
     flown = new_flight(until_s=20.0)
+    assert flown.times("HEARTBEAT") == [float(second) for second in range(21)]
     assert flown.times(MESSAGE_INTERVAL)[-1] < 3.0
     flown.reboot()
     flown.run(30.0)

@@ -79,20 +79,15 @@ def test_a_duplicate_and_a_late_report_are_ignored(own, boot_time_s):
     assert navigated.state.north == pytest.approx(1.1, abs=1e-3)
 
 
-def test_after_a_gap_the_filter_starts_anew(own):
-    taken(own, report(5.0), now=42.0)
+def test_after_a_gap_of_more_than_a_second_the_filter_starts_anew(own):
+    taken(own, report(4.0), now=41.0)
+    assert taken(own, report(4.99, north=30.0), now=41.99).state.north < 28.0
     taken(own, report(5.15), now=42.15)
     # 22 m/s for 1.16 s are 25.5 m: a filter would lean on that.
     navigated = taken(own, report(6.16, north=30.0), now=43.16)
     assert navigated.state.north == pytest.approx(30.0, abs=1e-3)
     assert navigated.interval == pytest.approx(1.01)
     assert navigated.period == pytest.approx(0.05)
-
-
-def test_a_second_without_reports_is_no_gap_yet(own):
-    taken(own, report(5.0), now=42.0)
-    navigated = taken(own, report(5.99, north=30.0), now=42.99)
-    assert navigated.state.north < 28.0
 
 
 def test_a_reboot_starts_anew_as_soon_as_it_is_certain(own):
@@ -156,16 +151,13 @@ def test_an_airspeed_is_not_judged_by_a_wind_that_no_aircraft_could_fly_in(own):
     assert own.counters["airspeed not believed"] == 0
 
 
-def test_an_unknown_heading_falls_back_on_the_wind(own):
+def test_an_unknown_heading_falls_back_on_the_wind_and_one_never_known_on_the_course(own):
+    navigated = taken(OwnVehicle(plan_of()), report(5.0, heading=None), now=42.0)
+    assert navigated.state.heading == pytest.approx(math.atan2(3.0, 22.0))
     taken(own, report(5.0), now=42.0)
     # Ground velocity (22, 3) without the wind of (2, 3) points north.
     navigated = taken(own, report(5.05, heading=None), now=42.05)
     assert navigated.state.heading == pytest.approx(0.0, abs=1e-12)
-
-
-def test_a_heading_that_was_never_known_is_the_course(own):
-    navigated = taken(own, report(5.0, heading=None), now=42.0)
-    assert navigated.state.heading == pytest.approx(math.atan2(3.0, 22.0))
 
 
 def test_an_aircraft_on_the_ground_has_an_airspeed_that_can_be_divided_by(own):

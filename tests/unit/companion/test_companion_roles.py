@@ -61,9 +61,12 @@ def published(leader: LeaderRole, navigated: NavigatedState) -> LeaderMessage:
     return decode(leader.step(navigated, Mode.TRACKING).publish)
 
 
-def test_a_leader_publishes_where_it_is_and_how_it_moves(leader):
-    first, *_ = fixes(plan_of(vehicle="leader"), 0.5, [3.0])
-    message = published(leader, first)
+def test_a_leader_publishes_where_it_is_and_how_it_moves_and_counts_up(leader):
+    times = [3.0, 3.05, 3.1]
+    messages = [published(leader, one) for one in fixes(plan_of(vehicle="leader"), 0.5, times)]
+    assert [one.sequence - messages[0].sequence for one in messages] == [0, 1, 2]
+    assert [one.time_s for one in messages] == pytest.approx(times)
+    message = messages[0]
     assert message.time_s == 3.0
     assert message.latitude_deg == pytest.approx(47.397742, abs=1e-9)
     assert message.longitude_deg == pytest.approx(8.545594, abs=1e-9)
@@ -71,14 +74,6 @@ def test_a_leader_publishes_where_it_is_and_how_it_moves(leader):
     assert message.course == pytest.approx(0.8)
     assert message.ground_speed == pytest.approx(20.0)
     assert (message.acceleration, message.turn_rate, message.turn_acceleration) == (0.0, 0.0, 0.0)
-
-
-def test_a_leader_counts_its_messages_up(leader):
-    times = [3.0, 3.05, 3.1]
-    found = fixes(plan_of(vehicle="leader"), 0.5, times)
-    messages = [published(leader, navigated) for navigated in found]
-    assert [one.sequence - messages[0].sequence for one in messages] == [0, 1, 2]
-    assert [one.time_s for one in messages] == pytest.approx(times)
 
 
 def test_a_leader_learns_its_turn_rate_and_forgets_it_in_a_gap(leader):
@@ -105,18 +100,14 @@ def test_a_leader_state_is_put_into_the_local_frame(follower):
     assert not follower.counters
 
 
-def test_before_the_first_leader_state_there_is_nothing_to_steer_by(follower):
+def test_before_the_first_leader_state_there_is_nothing_to_steer_by_and_then_a_slot(follower):
     assert follower.leader_age(5.0) == math.inf
-    (navigated,) = fixes(plan_of(), 0.0, [3.0])
+    (navigated,) = fixes(plan_of(), -0.3, [3.0])
     step = follower.step(navigated, Mode.WAITING)
     assert step.setpoint is None
     assert step.distance == math.inf
-
-
-def test_the_distance_is_that_from_the_slot(follower):
     # Leader at 60 m north, northbound: the slot is at (40, -20); the follower is at the origin.
     follower.receive(leader_bytes(3.0), 3.0)
-    (navigated,) = fixes(plan_of(), -0.3, [3.0])
     distance = follower.step(navigated, Mode.JOINING).distance
     assert distance == pytest.approx(math.hypot(40.0, 20.0), abs=1e-3)
 

@@ -118,14 +118,13 @@ def test_no_leader_is_succeeded_that_was_never_heard():
 
 def test_a_leader_that_its_pilot_takes_is_succeeded_although_it_is_heard():
     one = followed()
-    now, led_s = 10.0, math.inf
-    while led_s == math.inf and now < 15.0:
+    now, leads = 10.0, False
+    while not leads and now < 15.0:
         now += STEP_S
         one.hear_leader("leader", 0, now, steered=False)
         assert one.is_leaving(now)
-        if one.step(now, eligible=True):
-            led_s = now
-    assert led_s == pytest.approx(10.0 + STEP_S + UNSTEERED_S, abs=2.0 * STEP_S)
+        leads = one.step(now, eligible=True)
+    assert now == pytest.approx(10.0 + STEP_S + UNSTEERED_S, abs=2.0 * STEP_S)
 
 
 def test_a_deputy_that_is_not_steered_does_not_lead():
@@ -146,19 +145,34 @@ def test_a_higher_term_ends_ones_own():
     assert one.term == 2
 
 
-def test_nobody_leads_in_a_term_of_another():
+def test_nobody_leads_in_a_term_of_another_and_one_some_rounds_above_is_believed():
     one = deputy("f3")
     assert not one.hear_leader("f2", 2, 1.0, steered=True)
     assert one.term == 0
+    assert one.hear_leader("leader", 36, 1.0, steered=True)
 
 
-def test_a_leader_that_has_just_started_listens_before_it_leads():
+@pytest.mark.parametrize(
+    ("obeyed", "listens_s", "term"),
+    [
+        (None, LISTEN_S, 0),
+        # Its deputies are gone, but a follower still says which term it obeyed last.
+        (2, VACANT_S, 6),
+        # Of some rounds above: the leader's are 3, 6, ..., 33, 36, the first of the next round.
+        (32, VACANT_S, 36),
+        # An impossible term counts for nothing.
+        (GREATEST_TERM, LISTEN_S, 0),
+    ],
+)
+def test_a_leader_that_has_just_started_listens_before_it_leads(obeyed, listens_s, term):
     assert not deputy("leader").leads
     one = started(leads=False)
-    one.step(5.0 + LISTEN_S - STEP_S, eligible=False)
+    if obeyed is not None:
+        one.hear_other(obeyed, 5.1)
+    one.step(5.0 + listens_s - STEP_S, eligible=False)
     assert not one.leads
-    assert one.step(5.0 + LISTEN_S + STEP_S, eligible=False)
-    assert (one.leads, one.term) == (True, 0)
+    assert one.step(5.0 + listens_s + STEP_S, eligible=False)
+    assert (one.leads, one.term) == (True, term)
 
 
 def test_a_leader_that_comes_back_follows_the_one_who_leads_by_now():
@@ -166,16 +180,6 @@ def test_a_leader_that_comes_back_follows_the_one_who_leads_by_now():
     assert one.hear_leader("f1", 2, 5.1, steered=True)
     one.step(20.0, eligible=False)
     assert (one.leads, one.holder) == (False, "f1")
-
-
-def test_a_leader_that_comes_back_when_its_deputies_are_gone_leads_in_a_new_term():
-    one = started(leads=False)
-    # A follower still says which term it obeyed last.
-    one.hear_other(2, 5.1)
-    one.step(5.0 + VACANT_S - STEP_S, eligible=False)
-    assert not one.leads
-    assert one.step(5.0 + VACANT_S + STEP_S, eligible=False)
-    assert (one.leads, one.term) == (True, 6)
 
 
 def test_a_leader_whose_followers_obey_a_lost_deputy_leads_them_in_a_new_term():
@@ -225,23 +229,6 @@ def test_no_state_with_an_impossible_term_ends_succession():
     assert not one.hear_leader(holder_of(GREATEST_TERM, ORDER), GREATEST_TERM, 10.0, steered=True)
     assert lead_time(one, from_s=10.0, until_s=30.0, others=True) < 30.0
     assert (one.leads, one.term) == (True, 2)
-
-
-def test_a_leader_that_has_just_started_leads_although_it_hears_an_impossible_term():
-    one = started(leads=False)
-    one.hear_other(GREATEST_TERM, 5.1)
-    assert one.step(5.0 + LISTEN_S + STEP_S, eligible=False)
-    assert (one.leads, one.term) == (True, 0)
-
-
-def test_a_term_some_rounds_above_is_believed():
-    one = started(leads=False)
-    one.hear_other(32, 5.1)
-    assert one.step(5.0 + VACANT_S + STEP_S, eligible=False)
-    # The leader's are 3, 6, ..., 33, 36: the first of the next round.
-    assert one.term == 36
-    late = deputy("f3")
-    assert late.hear_leader("leader", 36, 1.0, steered=True)
 
 
 NAMES = ("leader", "f1", "f2", "f3")
