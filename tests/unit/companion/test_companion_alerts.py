@@ -8,11 +8,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.kit.missions import plan_of
+from tests.kit.orders import moves, order_of
 from vfguide.companion.alerts import MOST_SAID, MOST_WAITING, PAUSE_S, QUIET_S, Alerts
 from vfguide.companion.announcer import Announcer
 from vfguide.companion.arrangements import Arrangements
 from vfguide.companion.timing import SAME_CLOCK
-from vfguide.formation.arrangement import Arrangement, Point, SlotMove
+from vfguide.formation.arrangement import Point
 from vfguide.link.order_codec import encode_order
 from vfguide.mavlink.announcements import INFO, NOTICE, WARNING
 
@@ -34,23 +35,25 @@ def said(alerts: Alerts, key: str, severity: int, *words: str, now: float = 0.0)
     return [one.text for one in alerts.heard(now)]
 
 
-def test_the_first_of_many_warnings_is_not_lost():
-    alerts = Alerts()
+@pytest.fixture
+def alerts() -> Alerts:
+    return Alerts()
+
+
+def test_the_first_of_many_warnings_is_not_lost(alerts):
     warnings = [f"warning {number}" for number in range(12)]
     assert said(alerts, "command", WARNING, *warnings) == warnings
     assert texts(alerts, 0.0, 24.0) == warnings
 
 
-def test_there_are_two_seconds_between_any_two_texts():
-    alerts = Alerts()
+def test_there_are_two_seconds_between_any_two_texts(alerts):
     for kind in ("command", "order", "clock"):
         said(alerts, kind, WARNING, f"a {kind}")
     times = [time_s for time_s, _ in sent(alerts, 0.0, 10.0)]
     assert times == pytest.approx([0.0, 2.0, 4.0], abs=0.11)
 
 
-def test_a_change_of_mode_waits_for_no_warning_and_for_the_change_before_it():
-    alerts = Alerts()
+def test_a_change_of_mode_waits_for_no_warning_and_for_the_change_before_it(alerts):
     said(alerts, "command", WARNING, *(f"warning {number}" for number in range(5)))
     texts(alerts, 0.0, 0.5)
     alerts.show_mode("leader lost")
@@ -60,15 +63,13 @@ def test_a_change_of_mode_waits_for_no_warning_and_for_the_change_before_it():
     assert alerts.due(2.5) == (NOTICE, "leader is back")
 
 
-def test_a_change_of_mode_that_still_waits_is_out_of_date_with_the_next():
-    alerts = Alerts()
+def test_a_change_of_mode_that_still_waits_is_out_of_date_with_the_next(alerts):
     alerts.show_mode("leader lost")
     alerts.show_mode("leader is back")
     assert texts(alerts, 0.0, 9.0) == ["leader is back"]
 
 
-def test_what_is_worse_is_said_first_and_each_with_its_severity():
-    alerts = Alerts()
+def test_what_is_worse_is_said_first_and_each_with_its_severity(alerts):
     said(alerts, "order", INFO, "all have agreed")
     alerts.show_mode("in its place")
     said(alerts, "separation", WARNING, "too near", "much too near")
@@ -80,8 +81,7 @@ def test_what_is_worse_is_said_first_and_each_with_its_severity():
     ]
 
 
-def test_a_warning_finds_room_among_many_words_that_are_none_and_those_may_come_again():
-    alerts = Alerts()
+def test_a_warning_finds_room_among_many_words_that_are_none_and_those_may_come_again(alerts):
     words = [f"word {number}" for number in range(MOST_WAITING)]
     said(alerts, "order", INFO, *words)
     said(alerts, "order", WARNING, "void")
@@ -90,8 +90,7 @@ def test_a_warning_finds_room_among_many_words_that_are_none_and_those_may_come_
     assert texts(alerts, 40.0, 41.0) == [words[-1]]
 
 
-def test_a_warning_for_which_there_is_no_room_is_sent_when_it_comes_again():
-    alerts = Alerts()
+def test_a_warning_for_which_there_is_no_room_is_sent_when_it_comes_again(alerts):
     said(alerts, "order", WARNING, *(f"warning {number}" for number in range(MOST_WAITING)))
     said(alerts, "order", WARNING, "the last straw")
     assert "the last straw" not in texts(alerts, 0.0, 35.0)
@@ -99,8 +98,7 @@ def test_a_warning_for_which_there_is_no_room_is_sent_when_it_comes_again():
     assert texts(alerts, 35.0, 36.0) == ["the last straw"]
 
 
-def test_the_same_text_is_sent_once_in_half_a_minute_and_logged_each_time():
-    alerts = Alerts()
+def test_the_same_text_is_sent_once_in_half_a_minute_and_logged_each_time(alerts):
     for now in range(59):
         assert said(alerts, "fail-safe", WARNING, "take over", now=float(now)) == ["take over"]
         alerts.due(float(now))
@@ -110,8 +108,7 @@ def test_the_same_text_is_sent_once_in_half_a_minute_and_logged_each_time():
     assert texts(alerts, 60.0, 62.0) == ["take over"]
 
 
-def test_a_key_is_quiet_for_its_time_whatever_its_text_and_its_kind_is_not():
-    alerts = Alerts()
+def test_a_key_is_quiet_for_its_time_whatever_its_text_and_its_kind_is_not(alerts):
     logged: list[tuple[int, str]] = []
     for now in range(25):
         alerts.say("airspeed", WARNING, f"{now} m/s", quiet_s=10.0)
@@ -121,8 +118,7 @@ def test_a_key_is_quiet_for_its_time_whatever_its_text_and_its_kind_is_not():
     assert len([now for now, text in logged if text.startswith("range")]) == 25
 
 
-def test_what_is_said_once_in_a_flight_is_said_again_in_the_next():
-    alerts = Alerts()
+def test_what_is_said_once_in_a_flight_is_said_again_in_the_next(alerts):
     for _ in range(3):
         alerts.say("authority: a", WARNING, "select GUIDED", quiet_s=math.inf)
     assert len(alerts.heard(0.0)) == 1
@@ -131,8 +127,8 @@ def test_what_is_said_once_in_a_flight_is_said_again_in_the_next():
     assert len(alerts.heard(1.0)) == 1
 
 
-def test_a_part_is_heard_only_while_it_is_played():
-    alerts, played = Alerts(), True
+def test_a_part_is_heard_only_while_it_is_played(alerts):
+    played = True
     part = alerts.only_while(lambda: played)
     part.say("separation", WARNING, "keeping clear")
     played = False
@@ -140,21 +136,17 @@ def test_a_part_is_heard_only_while_it_is_played():
     assert [one.text for one in alerts.heard(0.0)] == ["keeping clear"]
 
 
-def test_three_thousand_refused_orders_hide_nothing_else():
-    alerts = Alerts()
+def test_three_thousand_refused_orders_hide_nothing_else(alerts):
     announcer = Announcer("f1", alerts)
     member = Arrangements(plan_of(vehicle="f1"), SAME_CLOCK, alerts)
-    nowhere = Point(-20.0, 0.0, 0.0)
-    place = SlotMove(vehicle="stranger", begin=nowhere, end=nowhere)
+    stranger = {"stranger": Point(-20.0, 0.0, 0.0)}
     told: list[tuple[float, str]] = []
     for step in range(300):
         now = 10.0 + 0.1 * step
         for number in range(10):
-            order = Arrangement(
-                number=10 * step + number + 1, time_s=now + 8.0, across_s=5.0, places=(place,)
-            )
-            data = encode_order(order)
-            member.receive_order(data, data, now)
+            times = {"time_s": now + 8.0, "across_s": 5.0}
+            order = order_of(*moves(stranger, stranger), number=10 * step + number + 1, **times)
+            member.receive_order(encode_order(order), encode_order(order), now)
         if step == 150:
             alerts.say("clock", WARNING, "the clock has lost 3 s")
             alerts.say("separation: f2", WARNING, "too near to f2")
@@ -169,12 +161,8 @@ def test_three_thousand_refused_orders_hide_nothing_else():
 
 
 KINDS = ("order", "refused order", "state of f2", "clock")
-ONE = st.tuples(
-    st.floats(0.0, 3.0),
-    st.sampled_from(KINDS),
-    st.sampled_from((WARNING, INFO)),
-    st.integers(0, 40),
-)
+SEVERITIES = st.sampled_from((WARNING, INFO))
+ONE = st.tuples(st.floats(0.0, 3.0), st.sampled_from(KINDS), SEVERITIES, st.integers(0, 40))
 RANDOM = settings(deadline=None, derandomize=True, database=None, max_examples=60)
 
 

@@ -4,8 +4,6 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
@@ -17,8 +15,7 @@ from vfguide.companion.supervisor import Mode
 from vfguide.link.presence import LONGEST_TEXT
 from vfguide.mavlink.codec import Codec
 from vfguide.mavlink.framing import frames_of
-from vfguide.mavlink.reports import HeartbeatReport, PositionReport, SteeringReport
-from vfguide.mavlink.senders import SequencePlaces
+from vfguide.mavlink.reports import HeartbeatReport, PositionReport
 
 
 @dataclass(slots=True)
@@ -213,24 +210,3 @@ def test_whatever_flies_on_wings_is_steered(kind):
     flown.autopilot = emulator(vehicle_type=kind)
     flown.run(5.0)
     assert flown.mode_at(5.0).steers
-
-
-@given(st.lists(st.booleans(), min_size=1, max_size=400), st.integers(0, 255))
-def test_numbers_of_one_sender_never_return_whatever_is_lost(kept, first):
-    places, sender = SequencePlaces(), mavlink.MAVLink(None, 2, 1)
-    sender.seq = first
-    series: list[int] = []
-    for number, arrives in enumerate(kept):
-        message = mavlink.MAVLink_system_time_message(0, number)
-        frame = next(frames_of(bytes(message.pack(sender))))
-        assert frame is not None
-        sender.seq = (sender.seq + 1) % 256
-        if arrives:
-            series.append(places.note(frame))
-    assert series == sorted(series)
-
-
-@given(st.binary(max_size=300))
-def test_any_bytes_are_read(data):
-    for report in Codec(2, 1).decode(data):
-        assert not isinstance(report, SteeringReport) or len(report.sender) == 2

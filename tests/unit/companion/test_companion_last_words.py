@@ -6,7 +6,6 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from tests.kit.companion import HASTY, KINDS, SET_MODE, heard_until, new_flight
 from tests.kit.wire import heartbeat, parsed, spoken
 from vfguide.companion.supervisor import Mode
-from vfguide.mavlink.announcements import NOTICE, status_texts
 
 LOITER = 12
 
@@ -27,26 +26,6 @@ def test_each_change_of_mode_is_told_to_ground_stations():
     ]
     changes = [time for time, text in flown.events if "->" in text]
     assert [time for time, _ in flown.texts()][:6] == changes
-
-
-@pytest.mark.parametrize("length", [51, 99, 100, 101, 150, 249])
-def test_a_long_text_arrives_whole_and_its_end_shows(length):
-    text = "".join(chr(65 + index % 26) for index in range(length))
-    messages = status_texts(text, NOTICE, 7)
-    assert "".join(message.text for message in messages) == text
-    assert {message.id for message in messages} == {7}
-    assert [message.chunk_seq for message in messages] == list(range(len(messages)))
-    # Ground stations know the last part by its being less than 50 characters long.
-    sizes = [len(message.text) for message in messages]
-    assert sizes[:-1] == [50] * (len(sizes) - 1)
-    assert sizes[-1] < 50
-
-
-def test_a_short_text_is_one_message_and_one_without_an_end_is_cut():
-    (message,) = status_texts("vfguide f1: é", NOTICE, 7)
-    assert (message.severity, message.text, message.id) == (5, "vfguide f1: ?", 0)
-    messages = status_texts("x" * 1000, NOTICE, 7)
-    assert [len(message.text) for message in messages] == [50, 50, 50, 50, 50, 49]
 
 
 @pytest.mark.parametrize("kind", KINDS)

@@ -25,69 +25,46 @@ def route(end: str = "hand-back") -> Waypoints:
     )
 
 
-@pytest.fixture
-def path() -> Waypoints:
-    return route()
+Flown = tuple[float, float, bool]
+"""Of a leader: how far round the circle and off it, m, and whether it is steered."""
 
 
-def passed(
-    end: RouteEnd, path: Waypoints, run: float, *, off: float = 0.0, steered: bool = True
-) -> bool:
-    """Of a leader that is so far (m) round the circle."""
-    assert path.last_circle is not None
-    point = PathPoint(0.0, off, 0.01, path.last_circle + run)
-    return end.passed(path, point, steered=steered)
+def along(first: int, last: int, *, off: float = 0.0, steered: bool = True) -> list[Flown]:
+    return [(float(run), off, steered) for run in range(first, last)]
 
 
-def test_a_quarter_of_the_circle_is_157_m(path):
-    end = RouteEnd()
-    assert not any(passed(end, path, float(run)) for run in range(-500, 157))
-    assert passed(end, path, 157.1)
+@pytest.mark.parametrize(
+    ("before", "end"),
+    [
+        # A quarter of the circle is 157 m.
+        (along(-500, 157), (157.1, 0.0, True)),
+        # Who begins midway: 550 m, 628 m round to 0, and a quarter from there.
+        ([(run, 0.0, True) for run in (550.0, 627.0, 1.0, 157.0)], (159.0, 0.0, True)),
+        # Who sees the leader handed back first goes on to the end.
+        (along(0, 150), (158.0, 0.0, False)),
+        # A leg that touches the circle is no end, nor a leader far beside it, or one that loiters there
+        # before the start, nor a place that is not known.
+        ([*along(0, 100), *along(-300, -299)] * 3, None),
+        (along(0, 300, off=31.0), None),
+        (along(0, 300, steered=False), None),
+        ([(math.nan, 0.0, True), (10.0, math.nan, True)], None),
+    ],
+)
+def test_a_route_ends_after_a_quarter_of_the_circle(before, end):
+    path, ends = route(), RouteEnd()
+
+    def passed(run: float, off: float, steered: bool) -> bool:
+        point = PathPoint(0.0, off, 0.01, path.last_circle + run)
+        return ends.passed(path, point, steered=steered)
+
+    assert not any(passed(*one) for one in before)
+    assert end is None or passed(*end)
 
 
 def test_a_path_that_does_not_hand_back_has_no_end():
     assert route("loiter").last_circle is None
     point = PathPoint(0.0, 0.0, 0.01, 1500.0)
     assert not RouteEnd().passed(route("loiter"), point, steered=True)
-
-
-def test_a_leg_that_touches_the_circle_is_no_end(path):
-    end = RouteEnd()
-    for _ in range(3):
-        assert not any(passed(end, path, float(run)) for run in range(100))
-        assert not passed(end, path, -300.0)
-
-
-def test_a_leader_far_beside_the_circle_does_not_fly_it(path):
-    end = RouteEnd()
-    assert not any(passed(end, path, float(run), off=31.0) for run in range(300))
-
-
-def test_a_leader_that_loiters_there_before_the_start_ends_nothing(path):
-    end = RouteEnd()
-    assert not any(passed(end, path, float(run), steered=False) for run in range(300))
-
-
-def test_who_sees_the_leader_handed_back_first_goes_on_to_the_end(path):
-    end = RouteEnd()
-    assert not any(passed(end, path, float(run)) for run in range(150))
-    assert passed(end, path, 158.0, steered=False)
-
-
-def test_who_begins_midway_flies_a_quarter_from_there(path):
-    end = RouteEnd()
-    assert not passed(end, path, 550.0)
-    # 550 m, 628 m round to 0, and a quarter from there.
-    assert not passed(end, path, 627.0)
-    assert not passed(end, path, 1.0)
-    assert not passed(end, path, 157.0)
-    assert passed(end, path, 159.0)
-
-
-def test_a_place_that_is_not_known_is_not_on_the_circle(path):
-    end = RouteEnd()
-    assert not passed(end, path, math.nan)
-    assert not passed(end, path, 10.0, off=math.nan)
 
 
 def test_check_says_when_a_rehearsal_outlasts_its_route():

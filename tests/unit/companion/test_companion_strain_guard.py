@@ -60,20 +60,17 @@ def thrown(time_s: float) -> tuple[float, float, bool]:
     return side, 0.6 * math.sin(math.tau * time_s / 3.0), True
 
 
-def test_a_quiet_flight_is_left_alone():
-    guard, said = watched(calm, 60.0)
+def joins(time_s: float) -> tuple[float, float, bool]:
+    """A turn onto the slot at the limit."""
+    if time_s >= 8.0:
+        return 0.0, 0.0, False
+    return (1.2, 0.7, True) if time_s < 6.0 else (-0.8, -0.6, True)
+
+
+@pytest.mark.parametrize("asked", [calm, joins])
+def test_a_quiet_flight_and_a_turn_onto_the_slot_are_left_alone(asked):
+    guard, said = watched(asked, 60.0)
     assert (guard.softness.course, guard.softness.speed, said) == (1.0, 1.0, [])
-
-
-def test_a_turn_onto_the_slot_at_the_limit_is_no_strain():
-    def joins(time_s: float) -> tuple[float, float, bool]:
-        if time_s >= 8.0:
-            return 0.0, 0.0, False
-        return (1.2, 0.7, True) if time_s < 6.0 else (-0.8, -0.6, True)
-
-    guard, said = watched(joins, 30.0)
-    assert guard.softness.course == 1.0
-    assert not said
 
 
 def test_what_is_thrown_is_softened_within_3_seconds_and_the_pilot_hears_it_once():

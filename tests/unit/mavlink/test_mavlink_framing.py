@@ -8,6 +8,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from tests.kit.wire import framed, position_report
 from vfguide.mavlink.datagram import UdpPeer
 from vfguide.mavlink.framing import ConnectionSigning, Frame, Introduction, frames_of
+from vfguide.mavlink.senders import SequencePlaces
 
 POSITION = framed(position_report())
 BODIES = st.binary(max_size=255)
@@ -254,3 +255,18 @@ def test_a_given_peer_is_the_only_one_for_ever():
     assert not peer.admits(SECOND, FRAME, 1e6)
     assert peer.endpoint == FIRST
     assert peer.admits(FIRST, FRAME, 2e6)
+
+
+@given(st.lists(st.booleans(), min_size=1, max_size=400), st.integers(0, 255))
+def test_numbers_of_one_sender_never_return_whatever_is_lost(kept, first):
+    places, sender = SequencePlaces(), mavlink.MAVLink(None, 2, 1)
+    sender.seq = first
+    series: list[int] = []
+    for number, arrives in enumerate(kept):
+        message = mavlink.MAVLink_system_time_message(0, number)
+        frame = next(frames_of(bytes(message.pack(sender))))
+        assert frame is not None
+        sender.seq = (sender.seq + 1) % 256
+        if arrives:
+            series.append(places.note(frame))
+    assert series == sorted(series)
