@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from msgspec.structs import replace
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
 from sitl_stub import Autopilot
@@ -124,6 +125,8 @@ class Flight:
     modes: list[tuple[float, Mode]] = field(default_factory=list)
     lose: frozenset[int | str] = frozenset()
     """Commands that never arrive."""
+    answers: dict[int, int] = field(default_factory=dict)
+    """Commands that never arrive, and the results with which somebody answers them."""
     deaf: bool = False
     """Whether nothing that the autopilot says arrives."""
     forge: Callable[[float], bytes] = lambda _now: b""
@@ -151,7 +154,7 @@ class Flight:
             telemetry = self.forge(self.now) + (b"" if self.deaf else telemetry)
             out = self.companion.receive_mavlink(telemetry, self.now)
             self.sent.append((self.now, out.to_autopilot))
-            self.waiting = self.autopilot.receive(self._passed_on(out.to_autopilot))
+            self.waiting = self._obeyed(out.to_autopilot)
             self.published += out.to_link
             self.events += [(event.time_s, event.text) for event in out.events]
             self.modes.append((self.now, self.companion.snapshot.mode))
@@ -163,11 +166,19 @@ class Flight:
         edited = (self.edit(message, self.now) for message in parsed(data))
         return spoken(*(message for message in edited if message is not None))
 
-    def _passed_on(self, data: bytes) -> bytes:
-        if not self.lose:
-            return data
-        kept = [message for message in parsed(data) if number_of(message) not in self.lose]
-        return b"".join(bytes(message.get_msgbuf()) for message in kept)
+    def _obeyed(self, data: bytes) -> bytes:
+        """What is answered to bytes of the companion."""
+        if not self.lose and not self.answers:
+            return self.autopilot.receive(data)
+        said = b""
+        for message in parsed(data):
+            number = number_of(message)
+            if number in self.answers:
+                result = self.answers[int(number)]
+                said += spoken(mavlink.MAVLink_command_ack_message(number, result))
+            elif number not in self.lose:
+                said += self.autopilot.receive(bytes(message.get_msgbuf()))
+        return said
 
     def restart(self) -> None:
         """The companion is killed, and another process takes its place."""

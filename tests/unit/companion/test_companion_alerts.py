@@ -40,17 +40,16 @@ def alerts() -> Alerts:
     return Alerts()
 
 
-def test_the_first_of_many_warnings_is_not_lost(alerts):
+@pytest.mark.parametrize("kinds", [["command"], ["command", "order", "clock"]])
+def test_of_many_warnings_none_is_lost_and_two_seconds_are_between_any_two(alerts, kinds):
     warnings = [f"warning {number}" for number in range(12)]
-    assert said(alerts, "command", WARNING, *warnings) == warnings
-    assert texts(alerts, 0.0, 24.0) == warnings
-
-
-def test_there_are_two_seconds_between_any_two_texts(alerts):
-    for kind in ("command", "order", "clock"):
-        said(alerts, kind, WARNING, f"a {kind}")
-    times = [time_s for time_s, _ in sent(alerts, 0.0, 10.0)]
-    assert times == pytest.approx([0.0, 2.0, 4.0], abs=0.11)
+    for number, text in enumerate(warnings):
+        assert said(alerts, kinds[number % len(kinds)], WARNING, text) == [text]
+    got = sent(alerts, 0.0, 24.0)
+    assert [text for _, text in got] == warnings
+    assert [time_s for time_s, _ in got] == pytest.approx(
+        [2.0 * number for number in range(12)], abs=0.11
+    )
 
 
 def test_a_change_of_mode_waits_for_no_warning_and_for_the_change_before_it(alerts):

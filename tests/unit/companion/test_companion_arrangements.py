@@ -27,7 +27,7 @@ from tests.kit.orders import (
     order_of,
 )
 from vfguide.companion.arrangements import Arrangements
-from vfguide.companion.timing import SharedClock
+from vfguide.companion.timing import SAME_CLOCK, SharedClock
 from vfguide.formation.arrangement import Arrangement, HoldCircle, Manoeuvre, Point, SlotMove
 from vfguide.link.order_codec import Reply, Verdict, check_of, encode_order, encode_reply
 
@@ -382,20 +382,24 @@ def test_an_abort_is_flown_at_once_without_answers():
     assert all(member.flight.has_left for member in formation.members.values())
 
 
-@pytest.mark.parametrize(("given_s", "flown"), [(69.0, False), (71.0, True), (131.0, False)])
-def test_an_abort_is_of_now(given_s, flown):
-    member = member_of()
+UNKNOWN = SharedClock(from_own=lambda _: math.nan)
+
+
+@pytest.mark.parametrize(
+    ("clock", "given_s", "flown"),
+    [
+        (SAME_CLOCK, 69.0, False),
+        (SAME_CLOCK, 71.0, True),
+        (SAME_CLOCK, 131.0, False),
+        (UNKNOWN, 1e6, True),
+    ],
+)
+def test_an_abort_is_of_now_where_a_time_is_known(clock, given_s, flown):
+    member = Arrangements(plan_of(vehicle="f1"), clock)
     member.receive_order(called_off(number=4, time_s=given_s), b"", 100.0)
     assert member.flight.has_left is flown
     (reply,) = answered(member)
     assert reply.verdict is (Verdict.FLOWN if flown else Verdict.REFUSED)
-
-
-def test_an_abort_is_flown_where_no_time_is_known():
-    unknown = SharedClock(from_own=lambda _: math.nan)
-    member = Arrangements(plan_of(vehicle="f1"), unknown)
-    member.receive_order(called_off(number=4, time_s=1e6), b"", 100.0)
-    assert member.flight.has_left
 
 
 @pytest.mark.parametrize("number", [3, 4])

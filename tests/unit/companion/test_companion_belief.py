@@ -191,17 +191,13 @@ def with_velocity(
         yield (motion._replace(velocity_north=north, velocity_east=east) if false else motion)
 
 
+@pytest.mark.parametrize("to_s", [99.0, 13.0])
 @pytest.mark.parametrize(("north", "east"), [(0.0, 0.0), (0.0, 20.0), (-20.0, 0.0), (12.0, 0.0)])
-def test_a_false_velocity_is_not_flown_by_however_long_it_stays(north, east):
+def test_a_false_velocity_is_not_flown_by_and_forgotten_2_s_after_it_has_gone(north, east, to_s):
     # By 0.6 s an aircraft could have changed its velocity by 19 m/s; it would have left its course.
-    found = judged(with_velocity(10.0, 99.0, north, east))
-    assert believed(found, 10.0, 30.0) == {REFUSED}
-
-
-def test_a_false_velocity_that_goes_is_forgotten_2_s_later():
-    found = judged(with_velocity(10.0, 13.0, 0.0, 20.0))
-    assert believed(found, 10.0, 15.0) == {REFUSED}
-    assert believed(found, 15.1, 30.0) == {BELIEVED}
+    found = judged(with_velocity(10.0, to_s, north, east))
+    assert believed(found, 10.0, min(to_s + 2.0, 30.0)) == {REFUSED}
+    assert believed(found, to_s + 2.1, 30.0) == ({BELIEVED} if to_s < 30.0 else set())
     assert all(one.moved is None for _, one in found)
 
 

@@ -43,13 +43,21 @@ def worth(one: Obstacle, heights: list[float]) -> list[float]:
 
 
 @pytest.mark.parametrize(
-    ("up_m", "worth_m"),
-    [(0.0, 0.0), (1.0, 0.0), (4.0, 4.0), (7.0, 8.0), (20.0, 8.0), (-4.0, 4.0)],
+    ("change", "up_m", "worth_m"),
+    [
+        *(({}, up_m, 0.0) for up_m in (0.0, 1.0)),
+        *(({}, up_m, 4.0) for up_m in (4.0, -4.0)),
+        *(({}, up_m, 8.0) for up_m in (7.0, 20.0)),
+        # Beside one that is steered, or whose height is not known, it is worth nothing.
+        ({"over_m": 0.0}, 20.0, 0.0),
+        ({"altitude_amsl": np.nan}, 20.0, 0.0),
+    ],
 )
-def test_height_over_a_silent_vehicle_is_worth_what_is_kept_in_the_plane(up_m, worth_m):
+def test_height_over_a_silent_vehicle_is_worth_what_is_kept_in_the_plane(change, up_m, worth_m):
     # Of the height 1 m may be wrong; 6 m of the rest are worth all of the 8 m.
     assert (HEIGHT_OFF_M, LEAST_UP_M) == (1.0, 6.0)
-    assert worth(LOST, [588.0 + up_m] * len(TIMES)) == pytest.approx([worth_m] * len(BEGINNINGS))
+    found = worth(replace(LOST, **change), [588.0 + up_m] * len(TIMES))
+    assert found == pytest.approx([worth_m] * len(BEGINNINGS))
 
 
 def test_height_over_one_that_climbs_counts_from_where_it_will_be():
@@ -65,11 +73,6 @@ def test_what_a_pilot_may_do_to_the_height_counts_for_less_the_sooner_it_is():
     assert found[0] == 8.0
     assert found[7] == pytest.approx(8.0 / 6.0)
     assert found[8] == 0.0
-
-
-def test_height_beside_one_that_is_steered_or_whose_height_is_not_known_is_worth_nothing():
-    for one in (replace(LOST, over_m=0.0), replace(LOST, altitude_amsl=np.nan)):
-        assert worth(one, [608.0] * len(TIMES)) == [0.0] * len(BEGINNINGS)
 
 
 @pytest.mark.parametrize(("step_m", "over"), [(20.0, True), (-20.0, False), (0.0, None)])

@@ -15,7 +15,7 @@ from tests.kit.companion import (
     leader_bytes,
     new_flight,
 )
-from tests.kit.wire import heartbeat, northbound, number_of, parsed, spoken
+from tests.kit.wire import heartbeat, northbound, parsed, spoken
 from vfguide.companion.core import Companion
 from vfguide.companion.supervisor import Mode
 
@@ -144,24 +144,17 @@ STREAM, UNSUPPORTED = "REQUEST_DATA_STREAM", 3
 def without_intervals(*, answers: bool, streams: bool = True) -> Flight:
     """Fly with an autopilot that sends positions only where it is asked for streams."""
     flown = new_flight()
-    obey = flown.autopilot.receive
-
-    def receive(data: bytes) -> bytes:
-        said = b""
-        for message in parsed(data):
-            if number_of(message) != MESSAGE_INTERVAL:
-                said += obey(bytes(message.get_msgbuf()))
-            elif answers:
-                said += spoken(mavlink.MAVLink_command_ack_message(MESSAGE_INTERVAL, UNSUPPORTED))
-        return said
 
     def edited(message: MAVLink_message, _now: float) -> MAVLink_message | None:
         asked = streams and flown.times(STREAM)
         of_streams = message.get_type() in {"GLOBAL_POSITION_INT", "VFR_HUD"}
         return None if of_streams and not asked else message
 
-    flown.autopilot.receive = receive  # type: ignore[method-assign]
     flown.edit = edited
+    if answers:
+        flown.answers = {MESSAGE_INTERVAL: UNSUPPORTED}
+    else:
+        flown.lose = frozenset({MESSAGE_INTERVAL})
     flown.run(14.0)
     return flown
 

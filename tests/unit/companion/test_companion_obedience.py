@@ -1,7 +1,5 @@
 """An autopilot that refuses what it is steered by, or accepts it and flies something else."""
 
-from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
 import pytest
@@ -9,19 +7,18 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sitl_stub import Autopilot
 from tests.kit.companion import (
     ALTITUDE,
     HEADING,
+    KINDS,
     SET_MODE,
     SPEED,
     Flight,
-    companion_of,
     emulator,
     new_flight,
 )
 from tests.kit.missions import shipped
-from tests.kit.wire import number_of, parsed, spoken
+from tests.kit.wire import spoken
 from vfguide.companion.core import Companion
 from vfguide.companion.mission_plan import adapter_of
 from vfguide.companion.obedience import Obedience
@@ -30,30 +27,6 @@ from vfguide.mavlink.reports import CommandReport
 
 STEERING = frozenset({HEADING, SPEED, ALTITUDE})
 ACCEPTED, DENIED, UNSUPPORTED, FAILED = 0, 2, 3, 4
-
-
-@dataclass(slots=True)
-class Bent:
-    """An autopilot whose answers to some commands are another's."""
-
-    autopilot: Autopilot
-    commands: frozenset[int]
-    result: int
-
-    def advance(self, now: float) -> bytes:
-        return self.autopilot.advance(now)
-
-    def receive(self, data: bytes) -> bytes:
-        said = b""
-        for message in parsed(data):
-            if number_of(message) in self.commands:
-                said += spoken(mavlink.MAVLink_command_ack_message(message.command, self.result))
-            else:
-                said += self.autopilot.receive(bytes(message.get_msgbuf()))
-        return said
-
-    def __getattr__(self, name: str) -> Callable[..., object]:
-        return getattr(self.autopilot, name)
 
 
 def reason(companion: Companion, now: float = 15.0) -> str | None:
@@ -65,7 +38,7 @@ def flown_by(
     result: int, *, commands: frozenset[int] = STEERING, until_s: float = 15.0, **options: Any
 ) -> Flight:
     flown = new_flight(**options)
-    flown.autopilot = Bent(flown.autopilot, commands, result)  # type: ignore[assignment]
+    flown.answers = dict.fromkeys(commands, result)
     flown.run(until_s)
     return flown
 
@@ -101,55 +74,51 @@ def test_an_autopilot_that_refuses_courses_in_its_guided_mode_is_handed_back(res
     assert reason(flown.companion) is None
 
 
-def test_an_autopilot_that_accepts_courses_and_flies_none_is_told_of_and_handed_back():
-    flown = flown_by(ACCEPTED, until_s=25.0)
+@pytest.mark.parametrize("kind", KINDS)
+def test_an_autopilot_that_accepts_courses_and_flies_none_is_told_of_and_handed_back(kind):
+    flown = flown_by(ACCEPTED, until_s=25.0, kind=kind)
     engaged = flown.times(SET_MODE)[0]
-    complained = next(time for time, text in flown.events if "does not follow" in text)
-    assert complained <= engaged + 8.0
-    gave_up = next(time for time, text in flown.events if "flies none: handed back" in text)
+    (complained,) = [time for time, text in flown.events if "follow the setpoints: asked" in text]
+    assert complained <= engaged + (8.0 if kind == "ardupilot" else 8.2)
+    (gave_up,) = [time for time, text in flown.events if "flies none: handed back" in text]
     assert gave_up <= complained + 6.0
     assert flown.autopilot_mode == "LOITER"
 
 
-def on_the_ground(result: int | None) -> tuple[Companion, list[str]]:
-    """A companion whose vehicle stands disarmed for 10 s, and what was said."""
-    companion = companion_of()
-    autopilot: Autopilot | Bent = emulator(
+def on_the_ground(answers: dict[int, int]) -> Flight:
+    """A companion whose vehicle stands disarmed for 10 s."""
+    flown = new_flight(link=lambda _now: [])
+    flown.autopilot = emulator(
         north=0.0, east=0.0, altitude_amsl_m=488.0, airborne=False, armed=False
     )
-    if result is not None:
-        autopilot = Bent(autopilot, STEERING, result)  # type: ignore[arg-type]
-    said: list[str] = []
-    waiting = b""
-    for tenth in range(100):
-        now = 0.1 * tenth
-        out = companion.receive_mavlink(waiting + autopilot.advance(now), now)
-        waiting = autopilot.receive(out.to_autopilot)
-        said += [event.text for event in out.events]
-    return companion, said
+    flown.answers = answers
+    flown.run(10.0)
+    return flown
 
 
 def test_on_the_ground_a_firmware_without_guided_commands_is_no_go():
-    companion, said = on_the_ground(UNSUPPORTED)
-    objection = reason(companion)
-    assert companion.obstacle(10.0) == objection
+    flown = on_the_ground(dict.fromkeys(STEERING, UNSUPPORTED))
+    objection = reason(flown.companion)
+    assert flown.companion.obstacle(10.0) == objection
     assert objection == (
         "the autopilot refuses GUIDED_CHANGE_HEADING (UNSUPPORTED): use firmware built with guided commands"
     )
     assert len(objection) <= LONGEST_TEXT
-    assert [text for text in said if "refuses" in text] == [f"not steered: {objection}"]
+    refusals = [text for _, text in flown.events if "refuses" in text]
+    assert refusals == [f"not steered: {objection}"]
 
 
 def test_on_the_ground_a_usual_firmware_is_asked_once_and_nobody_hears_of_it():
-    companion, said = on_the_ground(None)
-    assert reason(companion) is None
-    assert [text for text in said if "GUIDED_CHANGE" in text] == []
+    flown = on_the_ground({})
+    assert reason(flown.companion) is None
+    assert [text for _, text in flown.events if "GUIDED_CHANGE" in text] == []
 
 
 def test_after_a_reboot_it_is_asked_anew():
     flown = flown_by(UNSUPPORTED, until_s=8.0)
     assert reason(flown.companion) is not None
     flown.reboot()
+    flown.answers = {}
     flown.run(12.0)
     assert reason(flown.companion) is None
 

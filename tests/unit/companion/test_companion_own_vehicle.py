@@ -103,7 +103,10 @@ def test_a_reboot_starts_anew_as_soon_as_it_is_certain(own):
     assert after.interval == pytest.approx(0.05)
 
 
-def test_without_any_airspeed_there_is_no_wind(own):
+def test_without_any_airspeed_there_is_no_wind_and_none_is_less_than_1_m_s(own):
+    on_the_ground = OwnVehicle(plan_of())
+    on_the_ground.note(AirspeedReport(airspeed=0.0), 42.0)
+    assert on_the_ground.take(report(5.0, velocity=(0.0, 0.0)), 42.0).state.airspeed == 1.0
     navigated = own.take(report(5.0, heading=math.atan2(3.0, 22.0)), 42.0)
     assert navigated.state.airspeed == pytest.approx(math.sqrt(493.0))
     wind = navigated.state.wind_north, navigated.state.wind_east
@@ -160,12 +163,6 @@ def test_an_unknown_heading_falls_back_on_the_wind_and_one_never_known_on_the_co
     assert navigated.state.heading == pytest.approx(0.0, abs=1e-12)
 
 
-def test_an_aircraft_on_the_ground_has_an_airspeed_that_can_be_divided_by(own):
-    own.note(AirspeedReport(airspeed=0.0), 42.0)
-    navigated = own.take(report(5.0, velocity=(0.0, 0.0)), 42.0)
-    assert navigated.state.airspeed == 1.0
-
-
 @pytest.mark.parametrize(
     ("vehicle", "wind_north"),
     [("leader", 0.0), ("f1", -10.0 * (1.0 - math.exp(-3.0 * 0.4 / 0.35)))],
@@ -199,9 +196,8 @@ def test_a_velocity_that_positions_contradict_is_put_right_and_the_autopilot_tol
     assert drifting(own).state.course == pytest.approx(TRUE, abs=0.001)
     # 0.75 degrees: its course hold acts on the course that it reports.
     assert own.course_offset == pytest.approx(REPORTED - TRUE, abs=0.001)
-
-
-def test_velocities_are_taken_as_they_are_unless_the_mission_says_otherwise(own):
+    # Unless the mission says so, velocities are taken as they are.
+    own = OwnVehicle(known)
     assert drifting(own).state.course == pytest.approx(REPORTED, abs=0.001)
     assert own.course_offset == 0.0
 

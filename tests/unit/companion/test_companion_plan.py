@@ -14,7 +14,10 @@ from vfguide.paths.line import Line
 from vfguide.paths.racetrack import Racetrack
 
 
-def test_a_follower_is_told_its_slot_and_a_leader_the_path():
+def test_a_follower_is_told_its_slot_and_a_leader_the_path_and_each_its_address():
+    follower = plan_of(vehicle="f3")
+    assert (follower.name, follower.system_id, follower.component_id) == ("f3", 4, 1)
+    assert follower.rate_hz == 20.0
     assert plan_of(vehicle="f2").task.slot == Slot(forward=-20.0, right=20.0)
     assert plan_of(vehicle="f3").task.slot == Slot(forward=-40.0, right=0.0)
     assert not plan_of(vehicle="f2").leads
@@ -44,12 +47,6 @@ def test_patience_is_the_missions():
     changed = mission_with("line-calm", patience=said)
     for name in ("leader", "f1"):
         assert flight_plan(changed, name).timeouts == ModeTimeouts(**said)
-
-
-def test_addresses_and_rate_are_the_vehicles():
-    follower = plan_of(vehicle="f3")
-    assert (follower.name, follower.system_id, follower.component_id) == ("f3", 4, 1)
-    assert follower.rate_hz == 20.0
 
 
 def test_slots_and_ranges_of_all_followers_go_to_the_leader():
@@ -120,12 +117,9 @@ def test_nobody_of_an_unknown_name_flies(name):
         flight_plan(shipped("line-calm"), name)
 
 
-def test_each_autopilot_gets_its_own_adapter():
+def test_each_autopilot_gets_its_own_adapter_which_takes_the_turn_that_the_bank_allows():
     assert isinstance(adapter_of(shipped("line-calm").vehicles["f1"]), ArduPlane)
     assert isinstance(adapter_of(shipped("survey-racetrack").vehicles["left"]), Px4)
-
-
-def test_the_adapter_takes_the_turn_that_the_bank_allows():
     setpoint = AutopilotSetpoint(
         course=0.0, speed=20.0, altitude_amsl=588.0, latitude_deg=47.0, longitude_deg=8.0
     )

@@ -14,7 +14,7 @@ from tests.kit.companion import (
     leader_bytes,
     new_flight,
 )
-from tests.kit.wire import heartbeat, northbound, parsed, position_report, spoken
+from tests.kit.wire import heartbeat, northbound, parsed, spoken
 from vfguide.companion.supervisor import Mode
 
 
@@ -89,25 +89,4 @@ def test_an_autopilot_that_answers_for_nothing_is_told_of_once():
     _, told = inspected({})
     assert [text for text in told if "parameters" in text] == [
         "the autopilot tells no parameters: limits and fail-safe are not checked; check them by hand"
-    ]
-
-
-@pytest.mark.parametrize("kind", KINDS)
-def test_an_autopilot_that_acknowledges_and_does_not_turn_is_complained_of(kind):
-    companion = companion_of(autopilot=kind)
-    autopilot, mode = (3, 15) if kind == "ardupilot" else (12, 6 << 16)
-    told = []
-    for step in range(400):
-        now = step / 20
-        companion.receive_link(leader_bytes(now), now)
-        # It flies east, past a leader that flies north.
-        place = position_report(
-            time_boot_ms=round(now * 1e3), lon=85_455_940 + step * 133, vy=2000, hdg=9000
-        )
-        beat = heartbeat(mode, autopilot=autopilot)
-        out = companion.receive_mavlink(spoken(beat, place), now)
-        told += [event.text for event in out.events if event.warning]
-    assert [text[:47] for text in told if "course" in text] == [
-        "the course does not follow the setpoints: asked",
-        "the autopilot accepts courses and flies none: h",
     ]

@@ -82,9 +82,7 @@ def test_a_leader_learns_its_turn_rate_and_forgets_it_in_a_gap(leader):
     messages = [published(leader, navigated) for navigated in found]
     assert messages[-2].turn_rate == pytest.approx(0.1, abs=1e-3)
     assert messages[-1].turn_rate == 0.0
-
-
-def test_a_leader_is_never_without_itself(leader):
+    # It is never without itself.
     leader.receive(leader_bytes(5.0), 5.0)
     assert leader.leader_age(1e6) == 0.0
 
@@ -138,12 +136,6 @@ def test_a_leader_whose_clock_is_a_little_ahead_is_believed(follower):
     assert follower.leader_age(10.0) == -0.25
 
 
-@pytest.mark.parametrize("time_s", [10.26, -1e308, -1e4])
-def test_the_first_leader_state_must_be_of_the_right_time_too(follower, time_s):
-    follower.receive(leader_bytes(0.0, time_s=time_s), 10.0)
-    assert follower.followed.motion is None
-
-
 def test_a_leaders_clock_is_read_by_way_of_the_followers_own():
     def ahead(seconds: float) -> Said:
         """Hear a leader whose clock is so much ahead, by times that have exact binary values."""
@@ -161,11 +153,20 @@ def test_a_leaders_clock_is_read_by_way_of_the_followers_own():
     assert unmapped.companion.snapshot.setpoint is None
 
 
-@pytest.mark.parametrize("data", [b"", b"VFLS", bytes(88)])
-def test_what_is_no_leader_state_is_counted(follower, data):
+@pytest.mark.parametrize(
+    ("data", "reason"),
+    [
+        *((data, "malformed") for data in (b"", b"VFLS", bytes(88))),
+        (leader_bytes(0.0, time_s=10.26), "from the future"),
+        *((leader_bytes(0.0, time_s=time_s), "too old") for time_s in (-1e308, -1e4)),
+    ],
+)
+def test_what_is_no_leader_state_or_a_first_one_of_the_wrong_time_is_counted(
+    follower, data, reason
+):
     follower.receive(data, 10.0)
     assert follower.followed.motion is None
-    assert dict(follower.counters) == {"malformed": 1}
+    assert dict(follower.counters) == {reason: 1}
 
 
 def test_a_follower_tells_the_others_five_times_a_second_on_the_formations_clock():
@@ -176,9 +177,7 @@ def test_a_follower_tells_the_others_five_times_a_second_on_the_formations_clock
     assert [one.time_s for one in told] == pytest.approx([53.0, 53.2, 53.4, 53.6, 53.8])
     assert [one.sequence for one in told] == [1, 2, 3, 4, 5]
     assert told[0].latitude_deg == pytest.approx(47.397742, abs=1e-9)
-
-
-def test_a_follower_that_does_not_know_the_formations_clock_keeps_quiet():
+    # One that does not know the formation's clock keeps quiet.
     role = role_of(plan_of(), SharedClock(from_own=lambda _: math.nan))
     (navigated,) = fixes(plan_of(), 0.5, [3.0])
     assert role.step(navigated, Mode.TRACKING).publish is None

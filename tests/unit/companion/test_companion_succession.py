@@ -68,14 +68,9 @@ def test_every_term_is_one_vehicles():
     # Of three terms each of the three has one, the last in the order the lowest.
     holders = ["leader", *("f2", "f1", "leader") * 2]
     assert [holder_of(term, ORDER) for term in range(7)] == holders
-
-
-def test_the_next_term_is_in_the_next_round():
-    assert [term_above(0, name, ORDER) for name in ORDER] == [3, 2, 1]
-    # After term 2, which is of the first three, the next three are 4 to 6.
-    assert [term_above(2, name, ORDER) for name in ORDER] == [6, 5, 4]
-    assert [term_above(3, name, ORDER) for name in ORDER] == [6, 5, 4]
-    assert [term_above(4, name, ORDER) for name in ORDER] == [9, 8, 7]
+    # The next is in the next round: after term 2, of the first three, the next three are 4 to 6.
+    for term, following in {0: [3, 2, 1], 2: [6, 5, 4], 3: [6, 5, 4], 4: [9, 8, 7]}.items():
+        assert [term_above(term, name, ORDER) for name in ORDER] == following
 
 
 @pytest.mark.parametrize(
@@ -112,10 +107,6 @@ def test_after_a_blackout_of_the_link_the_leader_has_as_long_as_ever():
     assert led_s == pytest.approx(14.2 + SILENCE_S, abs=2.0 * STEP_S)
 
 
-def test_no_leader_is_succeeded_that_was_never_heard():
-    assert lead_time(deputy("f1"), from_s=0.0, until_s=30.0, others=True) == math.inf
-
-
 def test_a_leader_that_its_pilot_takes_is_succeeded_although_it_is_heard():
     one = followed()
     now, leads = 10.0, False
@@ -127,7 +118,8 @@ def test_a_leader_that_its_pilot_takes_is_succeeded_although_it_is_heard():
     assert now == pytest.approx(10.0 + STEP_S + UNSTEERED_S, abs=2.0 * STEP_S)
 
 
-def test_a_deputy_that_is_not_steered_does_not_lead():
+def test_a_deputy_that_is_not_steered_or_never_heard_the_leader_does_not_lead():
+    assert lead_time(deputy("f1"), from_s=0.0, until_s=30.0, others=True) == math.inf
     one = followed()
     for step in range(1, 200):
         one.hear_other(0, 10.0 + step * STEP_S)

@@ -109,12 +109,9 @@ def test_what_was_given_back_is_lost_until_the_leader_is_heard(telemetry_age, le
 
 
 @pytest.mark.parametrize("before", [WAITING, JOINING, PREDICTING, BREAKAWAY, LOST, PILOT])
-def test_within_ten_metres_it_has_arrived(before):
+def test_within_ten_metres_it_has_arrived_and_only_beyond_twenty_it_has_strayed(before):
     assert following(before, distance=10.0) is TRACKING
     assert following(before, distance=10.001) is JOINING
-
-
-def test_only_beyond_twenty_metres_it_has_strayed():
     assert following(TRACKING, distance=10.001) is TRACKING
     assert following(TRACKING, distance=20.0) is TRACKING
     assert following(TRACKING, distance=20.001) is JOINING
