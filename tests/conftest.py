@@ -101,7 +101,6 @@ FLYING = (
             "replaced",
             "roles",
             "steering",
-            "unseen_pilot",
         )
     ),
 )

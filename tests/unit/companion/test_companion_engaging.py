@@ -1,12 +1,14 @@
-"""When a companion engages its vehicle, what it sends from then on, and when that ends."""
+"""When a companion engages its vehicle, what it sends from then on and when, and what ends that."""
 
 from itertools import pairwise
 
 import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from tests.kit.companion import (
     ALTITUDE,
     HEADING,
+    MANUAL,
     MESSAGE_INTERVAL,
     SET_MODE,
     SPEED,
@@ -14,6 +16,8 @@ from tests.kit.companion import (
     leader_bytes,
     new_flight,
 )
+from tests.kit.wire import heartbeat, parsed, position_report, spoken
+from vfguide.companion.role import Outgoing
 from vfguide.companion.supervisor import Mode
 
 
@@ -48,10 +52,10 @@ def test_a_companion_that_may_not_engage_steers_once_the_pilot_selects_guided():
     assert flown.times(SET_MODE) == []
     assert flown.times(HEADING) == flown.times(SPEED) == flown.times(ALTITUDE) == []
     assert flown.mode_at(20.0) is Mode.WAITING
-    flown.pilot("GUIDED", until_s=50.0)
+    flown.pilot("GUIDED", until_s=85.0)
     # The mode is heard with the next datagram, and one position report later setpoints go out.
     assert flown.times(HEADING)[0] == pytest.approx(20.1)
-    assert flown.mode_at(50.0) is Mode.TRACKING
+    assert flown.mode_at(85.0) is Mode.TRACKING
     assert flown.times(SET_MODE) == []
 
 
@@ -165,3 +169,99 @@ def greeting(*, heard_s: dict[str, float]) -> float:
 def test_it_waits_for_who_is_not_heard_yet_and_not_for_ever(heard_s, joins_s):
     """Heartbeats, to which modes are commanded, come once a second."""
     assert greeting(heard_s=heard_s) == pytest.approx(joins_s, abs=1.1)
+
+
+def commands(data: bytes) -> set[int]:
+    return {one.command for one in parsed(data) if one.get_type() == "COMMAND_INT"}
+
+
+def test_setpoints_are_in_the_first_half_and_heartbeats_in_the_second():
+    whole, halves = new_flight(), new_flight()
+    answer, settle = halves.companion.answer, halves.companion.settle
+    at_once, later = [], []
+
+    def in_halves(data: bytes, now: float) -> Outgoing:
+        out = answer(data, now)
+        at_once.append(out.to_autopilot)
+        settle(out, now)
+        later.append(out.to_autopilot)
+        out.to_autopilot = at_once[-1] + later[-1]
+        return out
+
+    halves.companion.receive_mavlink = in_halves
+    whole.run(10.0)
+    halves.run(10.0)
+    steering = {SPEED, HEADING}
+    assert any(commands(data) >= steering for data in at_once)
+    assert not any(commands(data) & steering for data in later)
+    assert not any(one.get_type() == "HEARTBEAT" for one in parsed(b"".join(at_once)))
+    # Once a second, from 0 to 10 s.
+    beats = [one for one in parsed(b"".join(later)) if one.get_type() == "HEARTBEAT"]
+    assert len(beats) == 11
+    # And both together are what one call says.
+    assert halves.sent == whole.sent
+    assert halves.events == whole.events
+
+
+def test_an_airspeed_leads_to_nothing_and_the_pilots_mode_to_something():
+    flown = new_flight(until_s=10.0)
+    companion, now = flown.companion, flown.now + 0.01
+    assert companion.snapshot.mode.steers
+    airspeed = mavlink.MAVLink_vfr_hud_message(20.0, 20.0, 0, 50, 588.0, 0.0)
+    assert companion.answer(spoken(airspeed), now).is_empty
+    out = companion.answer(spoken(heartbeat(MANUAL)), now)
+    assert companion.snapshot.mode is Mode.PILOT
+    assert not out.is_empty
+
+
+def test_an_autopilot_that_reboots_while_it_is_steered_stays_where_it_came_up():
+    # A reboot gives nobody any right: what looks like one may be injected.
+    flown = new_flight(until_s=40.0)
+    assert flown.mode_at(40.0) is Mode.TRACKING
+    flown.reboot()
+    flown.run(50.0)
+    assert flown.autopilot_mode == "LOITER"
+    assert flown.later(SET_MODE, 40.0) == []
+    assert [text for _, text in flown.events if "rebooted" in text] == [
+        "the autopilot has rebooted: it is not engaged again by itself; select GUIDED to be steered"
+    ]
+    flown.pilot("GUIDED", until_s=60.0)
+    assert flown.times(HEADING)[-1] > 59.5
+    # What it has forgotten is told at once.
+    assert flown.later(ALTITUDE, 40.0)[0] <= flown.later(HEADING, 50.0)[0] + 0.1
+
+
+@pytest.mark.parametrize("mode", ["LOITER", "MANUAL"])
+def test_an_autopilot_that_reboots_in_a_pilots_hands_stays_there(mode):
+    flown = new_flight(until_s=20.0)
+    flown.pilot(mode, until_s=30.0)
+    flown.reboot()
+    flown.run(50.0)
+    assert flown.later(SET_MODE, 20.0) == []
+    assert flown.mode_at(50.0) is Mode.PILOT
+    assert flown.autopilot_mode == "LOITER"
+
+
+def test_what_the_operator_did_not_allow_is_not_engaged_after_a_reboot():
+    flown = new_flight(engage=False, until_s=2.0)
+    flown.pilot("GUIDED", until_s=20.0)
+    assert flown.mode_at(20.0).steers
+    flown.reboot()
+    flown.run(40.0)
+    assert flown.times(SET_MODE) == []
+    assert flown.times(HEADING)[-1] < 20.1
+
+
+def test_frames_that_look_like_a_reboot_give_nobody_the_guided_mode():
+    flown = new_flight(until_s=30.0)
+    flown.pilot("RTL")
+
+    def position(now: float) -> bytes:
+        """Eight positions whose boot time has fallen, a second after the pilot's hand."""
+        place = position_report(time_boot_ms=round((now - 30.0) * 1e3), vx=2000)
+        return spoken(place) if 31.0 <= now < 31.4 else b""
+
+    flown.forge = position
+    flown.run(60.0)
+    assert flown.later(SET_MODE, 30.0) == []
+    assert flown.autopilot_mode == "RTL"
