@@ -95,7 +95,6 @@ FLYING = (
             "last_words",
             "late_telemetry",
             "leader_loss",
-            "million_frames",
             "offboard",
             "recognition",
             "replaced",

@@ -281,11 +281,12 @@ def new_flight(
     store: ConsentStore | None = None,
     engage_from: tuple[str, ...] = ("LOITER", "HOLD"),
     until_s: float | None = None,
+    **parts: Any,
 ) -> Flight:
     """Make a flight of f1 (slot 20 m behind, 20 m left) after a leader that is heard all the time.
 
     The leader's path is the line that it flies: north from the origin. The flight begins, or has gone on
-    until a time.
+    until a time; `parts` as of Flight.
     """
     mission = mission_with(
         "line-calm",
@@ -305,12 +306,13 @@ def new_flight(
             clock=clock,
         )
 
-    flight = Flight(
-        companion=companion(),
-        make=companion,
-        autopilot=emulator("ardupilot" if kind == "auto" else kind, declared.system_id, version),
-        link=link or (lambda now: [leader_bytes(now)]),
-    )
+    fields: dict[str, Any] = {
+        "companion": companion(),
+        "make": companion,
+        "autopilot": emulator("ardupilot" if kind == "auto" else kind, declared.system_id, version),
+        "link": link or (lambda now: [leader_bytes(now)]),
+    }
+    flight = Flight(**(fields | parts))
     if until_s is not None:
         flight.run(until_s)
     return flight

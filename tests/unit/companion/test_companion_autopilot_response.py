@@ -38,10 +38,8 @@ def asking() -> FlightPlan:
 
 
 def flight_by(plan: FlightPlan, until_s: float, kind: str = "ardupilot") -> Flight:
-    flown = new_flight(kind=kind)
-    flown.companion = companion_of(plan=plan, autopilot=kind)
-    flown.run(until_s)
-    return flown
+    companion = companion_of(plan=plan, autopilot=kind)
+    return new_flight(kind=kind, companion=companion, until_s=until_s)
 
 
 def test_nothing_is_steered_before_the_autopilot_has_told_and_the_pilot_hears_what(asking):

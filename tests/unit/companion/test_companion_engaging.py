@@ -116,9 +116,7 @@ def test_a_companion_that_hears_no_leader_or_heard_it_long_ago_does_not_engage(h
 
 
 def test_engaging_is_tried_again_until_it_is_obeyed():
-    flown = new_flight()
-    flown.lose = frozenset({SET_MODE})
-    flown.run(10.5)
+    flown = new_flight(lose=frozenset({SET_MODE}), until_s=10.5)
     # After 1, 2, 4, ... seconds, on the next heartbeat.
     assert flown.times(SET_MODE) == [1.0, 2.0, 4.0, 8.0]
     assert sum("although it was asked" in text for _, text in flown.events) == 1

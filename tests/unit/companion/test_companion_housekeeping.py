@@ -36,9 +36,7 @@ def test_before_an_autopilot_is_heard_heartbeats_go_out_by_time_and_nothing_is_a
 
 
 def test_telemetry_is_asked_for_until_it_flows():
-    flown = new_flight()
-    flown.lose = frozenset({MESSAGE_INTERVAL})
-    flown.run(5.5)
+    flown = new_flight(lose=frozenset({MESSAGE_INTERVAL}), until_s=5.5)
     # Position, airspeed, attitude and four messages of its health, each second from the first heartbeat on.
     assert flown.times(MESSAGE_INTERVAL) == [time for second in range(6) for time in [second] * 7]
     flown.lose = frozenset()

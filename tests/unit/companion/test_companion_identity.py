@@ -172,9 +172,7 @@ def test_another_controller_is_named_and_not_steered_against(message, sender):
     ],
 )
 def test_what_steers_nothing_or_somebody_else_is_no_controller(message):
-    flown = new_flight()
-    flown.forge = lambda _: packed(message)
-    flown.run(8.0)
+    flown = new_flight(forge=lambda _: packed(message), until_s=8.0)
     assert flown.companion.objection(8.0) is None
 
 
@@ -206,7 +204,5 @@ def test_a_copter_whose_autotune_has_the_number_of_guided_is_not_steered():
 
 @pytest.mark.parametrize("kind", [1, 19, 22, 25])
 def test_whatever_flies_on_wings_is_steered(kind):
-    flown = new_flight()
-    flown.autopilot = emulator(vehicle_type=kind)
-    flown.run(5.0)
+    flown = new_flight(autopilot=emulator(vehicle_type=kind), until_s=5.0)
     assert flown.mode_at(5.0).steers

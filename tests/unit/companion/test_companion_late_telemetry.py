@@ -26,9 +26,7 @@ def lost_at_25(**options: object) -> Flight:
 @pytest.mark.parametrize("mode", ["RTL", "MANUAL"])
 @pytest.mark.parametrize("before_s", [0.1, 0.8, 1.8, 2.8])
 def test_a_mode_selected_while_telemetry_is_late_is_not_engaged_over(kind, mode, before_s):
-    flown = new_flight(kind=kind, link=heard_from(10.0))
-    flown.late_s = 3.0
-    flown.run(10.0 - before_s)
+    flown = new_flight(kind=kind, link=heard_from(10.0), late_s=3.0, until_s=10.0 - before_s)
     flown.pilot(mode)
     flown.run(20.0)
     assert flown.times(SET_MODE) == []
@@ -138,9 +136,7 @@ def hung(flown: Flight, until_s: float) -> None:
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("away", [deaf, hung])
 def test_a_request_that_nobody_has_answered_is_forgotten_by_one_that_did_not_watch(kind, away):
-    flown = new_flight(kind=kind)
-    flown.lose = frozenset({SET_MODE})
-    flown.run(5.5)
+    flown = new_flight(kind=kind, lose=frozenset({SET_MODE}), until_s=5.5)
     assert flown.times(SET_MODE)
     away(flown, 20.0)
     flown.lose = frozenset()
@@ -176,9 +172,7 @@ def lost(message: MAVLink_message, now: float) -> MAVLink_message | None:
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("edit", [off, lost])
 def test_flying_by_hand_without_positions_spends_the_right_to_engage(kind, edit):
-    flown = new_flight(kind=kind, link=heard_from(18.0))
-    flown.edit = edit
-    flown.run(8.0)
+    flown = new_flight(kind=kind, link=heard_from(18.0), edit=edit, until_s=8.0)
     flown.pilot("MANUAL", until_s=12.0)
     flown.pilot("LOITER", until_s=40.0)
     assert flown.times(SET_MODE) == []

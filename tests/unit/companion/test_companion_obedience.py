@@ -37,10 +37,7 @@ def reason(companion: Companion, now: float = 15.0) -> str | None:
 def flown_by(
     result: int, *, commands: frozenset[int] = STEERING, until_s: float = 15.0, **options: Any
 ) -> Flight:
-    flown = new_flight(**options)
-    flown.answers = dict.fromkeys(commands, result)
-    flown.run(until_s)
-    return flown
+    return new_flight(**options, answers=dict.fromkeys(commands, result), until_s=until_s)
 
 
 @pytest.mark.parametrize(

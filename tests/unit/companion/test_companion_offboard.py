@@ -98,9 +98,7 @@ def test_px4_that_has_guided_course_is_engaged_without_a_stream_once_it_has_told
 
 
 def test_one_whose_version_cannot_be_asked_for_is_flown_by_positions():
-    flown = new_flight(kind="px4")
-    flown.lose = frozenset({REQUEST_MESSAGE})
-    flown.run(60.0)
+    flown = new_flight(kind="px4", lose=frozenset({REQUEST_MESSAGE}), until_s=60.0)
     assert flown.autopilot_mode == "OFFBOARD"
     assert flown.mode_at(60.0) is Mode.TRACKING
 

@@ -21,18 +21,14 @@ from vfguide.link.presence import LONGEST_TEXT
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_an_autopilot_that_is_found_out_is_flown_like_one_that_is_named(kind):
-    flown = new_flight(kind="auto")
-    flown.autopilot = emulator(kind, 2)
-    flown.run(60.0)
+    flown = new_flight(kind="auto", autopilot=emulator(kind, 2), until_s=60.0)
     assert flown.mode_at(60.0) is Mode.TRACKING
     assert flown.autopilot_mode == "GUIDED"
 
 
 @pytest.mark.parametrize(("named", "flies"), [("ardupilot", "px4"), ("px4", "ardupilot")])
 def test_another_autopilot_than_the_missions_is_said_once_and_not_steered(named, flies):
-    flown = new_flight(kind=named)
-    flown.autopilot = emulator(flies, 2)
-    flown.run(20.0)
+    flown = new_flight(kind=named, autopilot=emulator(flies, 2), until_s=20.0)
     assert [text for _, text in flown.events if "the vehicle is" in text] == [flown.events[0][1]]
     assert flown.times(SET_MODE) == []
     assert {mode for _, mode in flown.modes} == {Mode.WAITING}
@@ -132,9 +128,7 @@ def test_what_the_estimator_says_counts_where_it_sends_no_position_at_all():
 
 
 def test_a_parameter_that_speaks_against_taking_off_is_found_until_it_is_mended():
-    flown = new_flight()
-    flown.companion = companion_of(inspect=True)
-    flown.run(1.0)
+    flown = new_flight(companion=companion_of(inspect=True), until_s=1.0)
     assert flown.companion.findings == []
     flown.run(10.0)
     # The emulated one has ArduPlane's own defaults.

@@ -1,14 +1,20 @@
-"""What a follower believes of a leader that flies north at 20 m/s, heard 20 times a second."""
+"""What a vehicle believes of states that it hears, and of two stories of one leader."""
 
 from collections.abc import Callable
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from msgspec.structs import replace
 
 from tests.kit.companion import leader_bytes
+from tests.kit.orders import heard
 from tests.kit.states import FRAME
 from vfguide.companion.alerts import Alerts
-from vfguide.companion.state_receiver import StateReceiver
+from vfguide.companion.leader_stories import LeaderStories
+from vfguide.companion.state_receiver import StateReceiver, place_said
 from vfguide.companion.timing import SAME_CLOCK, SharedClock
+from vfguide.state import HeardState, LeaderFix
 
 
 @pytest.fixture
@@ -81,3 +87,138 @@ def test_states_that_go_back_in_time_are_not_judged():
     for step in range(20):
         assert not receiver.take(leader_bytes(12.9 - 0.09 * step), 13.0)
     assert receiver.counters["not newer"] == before + 20
+
+
+RADIUS_M = 5.0
+
+
+def leader(time_s: float, north: float = 0.0, up: float = 0.0) -> HeardState:
+    """A leader that flies east at 20 m/s, some metres off that line."""
+    return replace(
+        heard(time_s, 0),
+        north=north,
+        east=20.0 * time_s,
+        course=1.5707963267948966,
+        altitude_amsl=588.0 + up,
+    )
+
+
+def follower(place: LeaderFix | None, term: int = 0) -> HeardState:
+    """A follower that tells of its leader."""
+    return replace(heard(0.0, 0), north=-20.0, term=term, leader_fix=place)
+
+
+def told(alerts: Alerts | None = None, *, leads: bool = False) -> LeaderStories:
+    """Stories of a vehicle that has heard its leader ten times a second for two seconds."""
+    stories = LeaderStories(RADIUS_M, alerts, leads=leads)
+    for tenths in range(21):
+        stories.hear_leader(place_said(leader(tenths / 10)), 0)
+    return stories
+
+
+def hear(stories: LeaderStories, vehicle: str, time_s: float, **off: float) -> None:
+    stories.hear_follower(vehicle, follower(place_said(leader(time_s, **off))), 2.0)
+
+
+@pytest.mark.parametrize("time_s", [0.0, 1.0, 1.95, 2.0])
+def test_one_story_told_at_any_time_of_the_last_seconds_is_one(time_s):
+    stories = told()
+    hear(stories, "f2", time_s, north=0.9)
+    assert stories.may_be_followed(2.0)
+    assert stories.elsewhere(leader(2.0), 2.0) is None
+
+
+@pytest.mark.parametrize(
+    ("off", "place"), [({"north": 3.0}, (3.0, 588.0)), ({"up": -4.0}, (0.0, 584.0))]
+)
+def test_both_places_of_a_leader_with_two_stories_are_known(off, place):
+    stories = told()
+    hear(stories, "f2", 1.55, **off)
+    other = stories.elsewhere(leader(2.0), 2.0)
+    assert other is not None
+    assert (other.north, other.altitude_amsl) == pytest.approx(place)
+    assert other.east == pytest.approx(40.0)
+    assert not other.steered
+
+
+@pytest.mark.parametrize(
+    ("others", "followed"),
+    [
+        ({"f2": 5.5}, False),
+        ({"f2": 4.5}, True),
+        ({"f2": 0.0, "f3": 5.5}, True),
+        ({"f2": 5.5, "f3": -5.5}, False),
+        ({"f2": 5.5, "f3": 5.5}, False),
+        ({"f2": 0.0, "f3": 0.0, "f4": 99.0, "f5": 99.0}, True),
+        ({"f2": 9.0, "f3": 9.0, "f4": 0.0}, False),
+    ],
+    ids=["one to one", "near", "outvoted", "all differ", "two against", "a minority", "two to two"],
+)
+def test_a_leader_is_followed_by_the_majority_or_while_stories_are_near(others, followed):
+    stories = told()
+    for vehicle, north in others.items():
+        hear(stories, vehicle, 2.0, north=north)
+    assert stories.may_be_followed(2.0) is followed
+
+
+def test_a_leader_is_followed_again_once_all_have_agreed_for_two_seconds():
+    alerts = Alerts()
+    stories = told(alerts)
+    hear(stories, "f2", 2.0, north=9.0)
+    assert not stories.may_be_followed(4.0)
+    stories.hear_leader(place_said(leader(2.1)), 0)
+    stories.hear_follower("f2", follower(place_said(leader(2.1))), 4.1)
+    assert stories.may_be_followed(4.1)
+    stops, goes_on = (event.text for event in alerts.heard(4.1))
+    assert stops == (
+        "f2 flies by a place of the leader that is 9 m from what this vehicle was told:"
+        " the leader is not followed until they agree; take over, and make new keys"
+    )
+    assert goes_on == "all fly by the same leader state again: nothing to do"
+
+
+def test_a_leader_learns_that_somebody_speaks_in_its_name():
+    alerts = Alerts()
+    hear(told(alerts, leads=True), "f3", 2.0, north=2.0)
+    (event,) = alerts.heard(2.0)
+    assert event.text == (
+        "f3 flies by a place of the leader that is 2 m from the one that this leader tells: someone else"
+        " has a key; land, make new keys"
+    )
+
+
+@pytest.mark.parametrize(
+    "said",
+    [
+        follower(None),
+        follower(place_said(leader(2.0, north=99.0)), term=1),
+        follower(place_said(leader(2.5, north=99.0))),
+        follower(place_said(leader(-1.0, north=99.0))),
+    ],
+    ids=["tells nothing", "another leader", "later than what was heard", "before all"],
+)
+def test_what_cannot_be_compared_is_no_story(said):
+    stories = told()
+    stories.hear_follower("f2", said, 2.0)
+    assert stories.elsewhere(leader(2.0), 2.0) is None
+
+
+def test_places_between_states_that_are_far_apart_are_not_compared():
+    stories = LeaderStories(RADIUS_M)
+    for time_s in (0.0, 0.7):
+        stories.hear_leader(place_said(leader(time_s)), 0)
+    hear(stories, "f2", 0.3, north=99.0)
+    assert stories.elsewhere(leader(0.7), 0.7) is None
+
+
+@given(times=st.lists(st.floats(-1e3, 1e3), min_size=1, max_size=30), north=st.floats(2.0, 1e6))
+def test_whatever_the_stamps_an_equal_story_is_no_other_and_another_is(times, north):
+    stories = LeaderStories(RADIUS_M)
+    for time_s in times:
+        stories.hear_leader(place_said(leader(time_s)), 0)
+    newest = stories.newest
+    assert newest is not None
+    hear(stories, "f2", newest.time_s)
+    assert stories.elsewhere(leader(newest.time_s), 2.0) is None
+    hear(stories, "f2", newest.time_s, north=north)
+    assert stories.elsewhere(leader(newest.time_s), 2.0) is not None
