@@ -91,13 +91,9 @@ FLYING = (
             "engaging",
             "fail_safe",
             "fuzz",
-            "hostile_link",
-            "last_words",
             "late_telemetry",
             "leader_loss",
-            "offboard",
             "recognition",
-            "replaced",
             "roles",
             "steering",
         )

@@ -131,6 +131,8 @@ class Flight:
     """Whether nothing that the autopilot says arrives."""
     forge: Callable[[float], bytes] = lambda _now: b""
     """What another says in the autopilot's name at a time."""
+    neighbours: Callable[[float], dict[str, bytes]] = lambda _now: {}
+    """What the other followers say at a time."""
     edit: Edit | None = None
     """What becomes of each message of the autopilot on its way."""
     make: Callable[[], Companion] | None = None
@@ -144,6 +146,8 @@ class Flight:
         """Fly on, both sides taking turns."""
         while self._steps / RATE_HZ <= until_s:
             self.now = self._steps / RATE_HZ
+            for name, data in self.neighbours(self.now).items():
+                self.companion.receive_neighbour(name, data, self.now)
             for data in self.link(self.now):
                 self.companion.receive_link(data, self.now)
             said = self.waiting + self.autopilot.advance(self.now - self.booted)
@@ -346,3 +350,9 @@ def companion_of(
     vehicles = {**mission.vehicles, vehicle: declared}
     plan = plan or flight_plan(mission.model_copy(update={"vehicles": vehicles}), vehicle)
     return Companion(plan, adapter_of(declared), engage=engage, **options)
+
+
+def assert_left_alone(flown: Flight, mode: str, *, since_s: float = -1.0) -> None:
+    """See that the autopilot is in a mode, and that the companion has commanded none since a time."""
+    assert flown.later(SET_MODE, since_s) == []
+    assert flown.autopilot_mode == mode

@@ -1,7 +1,7 @@
 """What a pilot hears of a vehicle that keeps clear of another, and what the vehicle does."""
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 
 import pytest
 
@@ -16,18 +16,13 @@ JOINED_S = 25.0
 
 
 def test_the_pilot_hears_of_whom_the_vehicle_keeps_clear_and_how():
-    one = new_flight()
+    def by_hand(now: float) -> dict[str, bytes]:
+        """f2 comes up from behind to beside f1's slot: by 3 m/s, 4 m right of it."""
+        north = 20.0 * now - 60.0 + 3.0 * (now - JOINED_S)
+        state = leader_bytes(now, north=north, east=-16.0, ground_speed=23.0, steered=False)
+        return {"f2": state} if now >= JOINED_S else {}
 
-    def link(now: float) -> Iterable[bytes]:
-        if now >= JOINED_S:
-            # f2, flown by hand, comes up from behind to beside f1's slot: by 3 m/s, 4 m right of it.
-            north = 20.0 * now - 60.0 + 3.0 * (now - JOINED_S)
-            state = leader_bytes(now, north=north, east=-16.0, ground_speed=23.0, steered=False)
-            one.companion.receive_neighbour("f2", state, now)
-        return [leader_bytes(now)]
-
-    one.link = link
-    one.run(JOINED_S + 20.0)
+    one = new_flight(neighbours=by_hand, until_s=JOINED_S + 20.0)
     assert one.mode_at(JOINED_S) is Mode.TRACKING
     said = [text for time, text in one.texts() if time > JOINED_S and "f2" in text]
     assert any("keeping clear of f2, off its slot until that is past" in text for text in said)
@@ -37,15 +32,10 @@ def test_the_pilot_hears_of_whom_the_vehicle_keeps_clear_and_how():
 
 
 def test_a_vehicle_with_room_around_it_says_nothing():
-    one = new_flight()
+    def far(now: float) -> dict[str, bytes]:
+        return {"f2": leader_bytes(now, north=20.0 * now - 20.0, east=200.0, steered=False)}
 
-    def link(now: float) -> Iterable[bytes]:
-        state = leader_bytes(now, north=20.0 * now - 20.0, east=200.0, steered=False)
-        one.companion.receive_neighbour("f2", state, now)
-        return [leader_bytes(now)]
-
-    one.link = link
-    one.run(JOINED_S + 10.0)
+    one = new_flight(neighbours=far, until_s=JOINED_S + 10.0)
     assert not [text for _, text in one.texts() if "f2" in text]
 
 
@@ -78,22 +68,22 @@ def heights_beside(
     """
     one, heights, altitude = new_flight(), dict[float, float](), 488.0 + height_m
 
-    def link(now: float) -> Iterable[bytes]:
-        since_s = round(now - JOINED_S, 1)
-        north = 20.0 * now - 20.0
-        if since_s >= 0.0:
-            away_m = max(5.0 * (since_s - 3.0), 0.0)
-            up = {"altitude_amsl": altitude + away_m, "climb_rate": 5.0 if away_m else 0.0}
-            near = leader_bytes(now, north=north, east=-17.0, steered=False, **up)
-            one.companion.receive_neighbour("f2", near, now)
-            heights[since_s] = one.autopilot.truth().altitude_amsl_m - altitude
-        f3_up = f3_up_m(since_s) if since_s >= 0.0 else None
+    def beside(now: float) -> dict[str, bytes]:
+        since_s, north = round(now - JOINED_S, 1), 20.0 * now - 20.0
+        if since_s < 0.0:
+            return {}
+        heights[since_s] = one.autopilot.truth().altitude_amsl_m - altitude
+        away_m = max(5.0 * (since_s - 3.0), 0.0)
+        up = {"altitude_amsl": altitude + away_m, "climb_rate": 5.0 if away_m else 0.0}
+        near = {"f2": leader_bytes(now, north=north, east=-17.0, steered=False, **up)}
+        f3_up = f3_up_m(since_s)
         if f3_up is not None:
-            third = leader_bytes(now, north=north - 6.0, east=-20.0, altitude_amsl=altitude + f3_up)
-            one.companion.receive_neighbour("f3", third, now)
-        return [leader_bytes(now, altitude_amsl=altitude)]
+            third = {"north": north - 6.0, "east": -20.0, "altitude_amsl": altitude + f3_up}
+            near["f3"] = leader_bytes(now, **third)
+        return near
 
-    one.link = link
+    one.neighbours = beside
+    one.link = lambda now: [leader_bytes(now, altitude_amsl=altitude)]
     one.run(JOINED_S + last_s)
     return heights
 
@@ -136,16 +126,13 @@ def test_a_leader_uses_no_height_beside_a_follower_in_a_close_slot_that_would_co
     one, heights = new_flight("leader"), list[float]()
     one.companion = companion_of("leader", mission=Mission.model_validate(content))
 
-    def link(now: float) -> Iterable[bytes]:
-        true = one.autopilot.truth()
-        north, east = one.place()
-        place = {"north": north, "east": east + 3.0}
-        velocity = {"course": math.remainder(true.course_rad, math.tau), "ground_speed": 20.0}
-        if now >= 3.0:
-            one.companion.receive_neighbour("f1", leader_bytes(now, **place, **velocity), now)
+    def f1(now: float) -> dict[str, bytes]:
+        true, (north, east) = one.autopilot.truth(), one.place()
         heights.append(abs(true.altitude_amsl_m - 588.0))
-        return []
+        course = math.remainder(true.course_rad, math.tau)
+        state = leader_bytes(now, north=north, east=east + 3.0, course=course)
+        return {"f1": state} if now >= 3.0 else {}
 
-    one.link = link
+    one.link, one.neighbours = lambda _now: [], f1
     one.run(12.0)
     assert max(heights) == pytest.approx(step_m, abs=5.0)

@@ -1,4 +1,4 @@
-"""Whether a vehicle may be engaged by itself: what is kept over restarts, and what it is decided by."""
+"""Whether a vehicle may be engaged by itself: what is kept over restarts, and by whom it is steered then."""
 
 import json
 import os
@@ -10,15 +10,19 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from tests.kit.companion import (
     HEADING,
+    KINDS,
     LOITER,
+    MESSAGE_INTERVAL,
     SET_MODE,
+    Flight,
+    assert_left_alone,
     heard_until,
     leader_bytes,
     new_flight,
     without,
 )
 from tests.kit.wire import heartbeat, parsed, position_report, spoken
-from vfguide.companion.consent import Consent, FileStore, default_directory
+from vfguide.companion.consent import Consent, FileStore, MemoryStore, default_directory
 from vfguide.companion.supervisor import Mode
 
 ARM = 400
@@ -89,8 +93,7 @@ def test_a_companion_that_is_replaced_does_not_take_what_the_pilot_took(mode):
     flown.pilot(mode, until_s=12.0)
     flown.restart()
     flown.run(20.0)
-    assert flown.autopilot_mode == mode
-    assert flown.later(SET_MODE, 10.0) == []
+    assert_left_alone(flown, mode, since_s=10.0)
     assert flown.mode_at(20.0) is Mode.PILOT
 
 
@@ -110,8 +113,7 @@ def test_a_deaf_companion_commands_no_mode():
     flown.deaf = True
     flown.run(11.0)
     flown.pilot("RTL", until_s=40.0)
-    assert flown.autopilot_mode == "RTL"
-    assert flown.later(SET_MODE, 10.0) == []
+    assert_left_alone(flown, "RTL", since_s=10.0)
     assert flown.later(HEADING, 10.1) == []
 
 
@@ -225,8 +227,7 @@ def test_a_reboot_in_the_air_does_not_end_the_flight():
     flown.run(17.0)
     flown.deaf = False
     flown.run(24.0)
-    assert flown.later(SET_MODE, 8.0) == []
-    assert flown.autopilot_mode == "LOITER"
+    assert_left_alone(flown, "LOITER", since_s=8.0)
 
 
 @pytest.mark.parametrize("hung", [True, False])
@@ -251,8 +252,7 @@ def test_guided_of_the_pilots_own_is_not_undone_where_nothing_was_steered():
         until_s=4.0,
     )
     flown.pilot("GUIDED", until_s=9.0)
-    assert flown.times(SET_MODE) == []
-    assert flown.autopilot_mode == "GUIDED"
+    assert_left_alone(flown, "GUIDED")
     assert [text.removeprefix("vfguide f1: ") for _, text in flown.texts()] == [
         "not steering, no position or no leader heard; watch it, or take over",
         "nothing to steer by: it stays in GUIDED, unsteered; watch it, or select another mode",
@@ -289,3 +289,128 @@ def test_a_record_that_is_lost_in_the_air_leaves_the_vehicle_to_its_pilot(tmp_pa
     assert ("no record of this flight was found: select GUIDED" in told) is lost
     flown.pilot("GUIDED", until_s=40.0)
     assert flown.mode_at(40.0).steers
+
+
+BACK = "nothing to steer by: handed back to the autopilot, watch that it loiters"
+
+
+def replaced(flown: Flight, gap_s: float) -> None:
+    """The process is killed, and for some time nobody hears the autopilot or speaks to it."""
+    flown.hang(flown.now + gap_s)
+    flown.waiting = b""
+    flown.restart()
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("gap_s", [0.5, 2.0, 3.5])
+def test_a_vehicle_whose_new_companion_hears_no_leader_is_handed_back(kind, gap_s):
+    flown = new_flight(kind=kind, link=heard_until(15.0), until_s=15.0)
+    replaced(flown, gap_s)
+    flown.run(40.0)
+    assert flown.autopilot_mode == "LOITER"
+    (time,) = flown.later(SET_MODE, 15.0)
+    assert 25.0 + gap_s < time < 29.0 + gap_s
+    assert sum(BACK in text for _, text in flown.texts()) == 1
+    # No pilot is named who does not fly.
+    later = [text for said_s, text in flown.texts() if said_s > 15.0]
+    assert [text for text in later if "the pilot flies" in text or "by hand" in text] == []
+    # It is the pilot's from then on.
+    flown.run(60.0)
+    assert flown.later(SET_MODE, time) == []
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_vehicle_whose_new_companion_hears_no_positions_is_handed_back(kind):
+    flown = new_flight(kind=kind, until_s=15.0)
+    flown.command(MESSAGE_INTERVAL, 33, -1)
+    flown.lose = frozenset({MESSAGE_INTERVAL, "REQUEST_DATA_STREAM"})
+    replaced(flown, 2.0)
+    flown.run(40.0)
+    assert flown.autopilot_mode == "LOITER"
+    assert sum(BACK in text for _, text in flown.texts()) == 1
+
+
+def test_a_vehicle_that_does_not_obey_its_new_companion_is_handed_back_three_times():
+    flown = new_flight(link=heard_until(15.0), until_s=15.0)
+    flown.lose = frozenset({SET_MODE})
+    replaced(flown, 2.0)
+    flown.run(60.0)
+    assert len(flown.later(SET_MODE, 15.0)) == 3
+    assert any("although it was handed back 3 times" in text for _, text in flown.texts())
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("gap_s", [0.0, 2.0])
+def test_a_new_companion_that_hears_everything_steers_on(kind, gap_s):
+    flown = new_flight(kind=kind, until_s=20.0)
+    replaced(flown, gap_s)
+    flown.run(50.0)
+    assert_left_alone(flown, "GUIDED", since_s=20.0)
+    assert flown.companion.snapshot.mode.steers
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_new_companion_that_is_stopped_hands_back(kind):
+    flown = new_flight(kind=kind, link=heard_until(15.0), until_s=15.0)
+    replaced(flown, 2.0)
+    flown.run(20.0)
+    flown.companion.stop(flown.now)
+    flown.run(25.0)
+    assert flown.autopilot_mode == "LOITER"
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_guided_that_the_pilot_gave_after_taking_over_is_not_handed_back_by_a_new_companion(kind):
+    flown = new_flight(kind=kind, link=heard_until(15.0), until_s=15.0)
+    flown.pilot("LOITER", until_s=18.0)
+    flown.pilot("GUIDED", until_s=18.5)
+    flown.pilot("LOITER", until_s=20.0)
+    replaced(flown, 2.0)
+    flown.run(25.0)
+    flown.pilot("GUIDED", until_s=60.0)
+    assert_left_alone(flown, "GUIDED", since_s=15.0)
+
+
+def test_who_steers_is_on_the_disk(tmp_path):
+    store = FileStore(tmp_path, "f1")
+    flown = new_flight(store=store, engage=False, until_s=5.0)
+    assert not store.load().steered
+    flown.pilot("GUIDED", until_s=10.0)
+    store.close()
+    kept = FileStore(tmp_path, "f1")
+    assert kept.load().steered
+    kept.close()
+
+
+def test_nobody_steers_once_the_pilot_has_taken_over():
+    store = MemoryStore()
+    flown = new_flight(store=store, until_s=10.0)
+    assert store.load().steered
+    flown.pilot("LOITER", until_s=12.0)
+    assert not store.load().steered
+    assert store.load().is_spent
+
+
+def test_the_younger_hands_back_the_vehicle_that_it_steers_and_says_why():
+    one = new_flight(until_s=10.0)
+    assert one.modes[-1][1].steers
+    out = one.companion.stand_back(one.now, twin=True)
+    assert "another companion of this name was here before" in out.events[0].text
+    assert not one.companion.stand_back(one.now, twin=True).events
+    one.run(15.0)
+    assert not one.modes[-1][1].steers
+    assert one.autopilot_mode == "LOITER"
+    assert one.companion.obstacle(one.now) is not None
+
+
+def test_the_younger_that_has_not_steered_commands_nothing_until_the_other_is_silent():
+    """The other one may steer this very vehicle."""
+    one = new_flight()
+    one.companion.stand_back(0.0, twin=True)
+    one.run(10.0)
+    assert {mode for _, mode in one.modes} == {Mode.WAITING}
+    assert one.autopilot_mode == "LOITER"
+    one.companion.stand_back(one.now, twin=False)
+    one.run(20.0)
+    assert one.modes[-1][1].steers
+    assert one.autopilot_mode == "GUIDED"

@@ -9,6 +9,7 @@ from tests.kit.companion import (
     KINDS,
     SET_MODE,
     Flight,
+    assert_left_alone,
     heard_from,
     heard_until,
     new_flight,
@@ -29,8 +30,7 @@ def test_a_mode_selected_while_telemetry_is_late_is_not_engaged_over(kind, mode,
     flown = new_flight(kind=kind, link=heard_from(10.0), late_s=3.0, until_s=10.0 - before_s)
     flown.pilot(mode)
     flown.run(20.0)
-    assert flown.times(SET_MODE) == []
-    assert flown.autopilot_mode == mode
+    assert_left_alone(flown, mode)
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -96,8 +96,7 @@ def test_answers_that_stay_away_end_the_right_to_command_modes_and_others_date_n
             mavlink.MAVLink_timesync_message(round(now * 1e9), round(now * 1e9) + 1)
         )
     flown.run(40.0)
-    assert flown.later(SET_MODE, 20.0) == []
-    assert flown.autopilot_mode == "GUIDED"
+    assert_left_alone(flown, "GUIDED", since_s=20.0)
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -107,8 +106,7 @@ def test_what_waited_while_the_companion_stood_still_for_a_moment_shows_no_mode(
     flown.pilot("MANUAL")
     flown.hang(1.7)
     flown.run(10.0)
-    assert flown.times(SET_MODE) == []
-    assert flown.autopilot_mode == "MANUAL"
+    assert_left_alone(flown, "MANUAL")
 
 
 def by_hand(flown: Flight) -> None:
@@ -141,8 +139,7 @@ def test_a_request_that_nobody_has_answered_is_forgotten_by_one_that_did_not_wat
     away(flown, 20.0)
     flown.lose = frozenset()
     flown.run(50.0)
-    assert flown.later(SET_MODE, 20.0) == []
-    assert flown.autopilot_mode == "LOITER"
+    assert_left_alone(flown, "LOITER", since_s=20.0)
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -175,8 +172,7 @@ def test_flying_by_hand_without_positions_spends_the_right_to_engage(kind, edit)
     flown = new_flight(kind=kind, link=heard_from(18.0), edit=edit, until_s=8.0)
     flown.pilot("MANUAL", until_s=12.0)
     flown.pilot("LOITER", until_s=40.0)
-    assert flown.times(SET_MODE) == []
-    assert flown.autopilot_mode == "LOITER"
+    assert_left_alone(flown, "LOITER")
 
 
 @pytest.mark.parametrize("kind", KINDS)

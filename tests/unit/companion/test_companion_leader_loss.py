@@ -11,6 +11,7 @@ from tests.kit.companion import (
     MESSAGE_INTERVAL,
     SET_MODE,
     SPEED,
+    assert_left_alone,
     heard_until,
     leader_bytes,
     new_flight,
@@ -131,8 +132,7 @@ def test_the_pilot_wins_over_a_silent_leader_and_flies_what_was_handed_back(sile
     assert flown.autopilot_mode == ("GUIDED" if silent_s == 20.0 else "LOITER")
     flown.pilot("MANUAL", until_s=40.0)
     assert flown.mode_at(40.0) is Mode.PILOT
-    assert flown.autopilot_mode == "MANUAL"
-    assert flown.later(SET_MODE, 20.0) == []
+    assert_left_alone(flown, "MANUAL", since_s=20.0)
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -143,8 +143,7 @@ def test_what_was_handed_back_is_the_pilots_to_give_again(kind):
     loiter = flown.autopilot_mode
     flown.run(50.0)
     assert flown.mode_at(30.55) is Mode.WAITING
-    assert flown.autopilot_mode == loiter
-    assert flown.later(SET_MODE, 26.5) == []
+    assert_left_alone(flown, loiter, since_s=26.5)
     assert flown.texts()[-1][1].endswith("steered")
     flown.pilot("GUIDED", until_s=55.0)
     assert flown.mode_at(55.0).steers
@@ -169,8 +168,7 @@ def test_a_pilot_who_took_over_meanwhile_is_not_overruled(back_s, taken_s, modes
         flown.pilot(mode, until_s=flown.now + 1.0)
     flown.run(60.0)
     assert flown.mode_at(60.0) is Mode.PILOT
-    assert flown.autopilot_mode == modes[-1]
-    assert flown.later(SET_MODE, 26.0) == []
+    assert_left_alone(flown, modes[-1], since_s=26.0)
 
 
 def test_the_pilot_may_bring_guided_back():
@@ -187,8 +185,7 @@ def test_what_the_operator_did_not_allow_is_not_engaged_again():
     assert flown.autopilot_mode == "LOITER"
     flown.run(60.0)
     assert flown.mode_at(60.0) is Mode.WAITING
-    assert flown.autopilot_mode == "LOITER"
-    assert flown.later(SET_MODE, 26.0) == []
+    assert_left_alone(flown, "LOITER", since_s=26.0)
 
 
 def test_words_that_are_old_when_they_arrive_do_not_end_the_loss():

@@ -1,14 +1,25 @@
-"""A route is at its end once its leader has flown a quarter of the circle there, and no sooner."""
+"""Limits of what is ordered: the fence of a path, climbs, and the end of a route."""
 
 import math
+from typing import Any
 
 import pytest
+from msgspec.structs import replace
 
-from tests.kit.missions import content_of
+from tests.kit.missions import content_of, plan_of
+from tests.kit.orders import NAMES, SLOTS, Formation, moves, order_of
+from vfguide.companion.mission_plan import flight_plan
+from vfguide.companion.order_limits import ceiling_objection, climb_objection
 from vfguide.companion.ordered_flight import RouteEnd
+from vfguide.companion.plan import FlightPlan
+from vfguide.companion.steering import SetpointGuard
+from vfguide.formation.arrangement import Arrangement, HoldCircle, Manoeuvre, Point, SlotMove
 from vfguide.guidance.path import PathPoint
+from vfguide.lab.rehearsal.aircraft import Aircraft, step_all
+from vfguide.link.memory import Mail
+from vfguide.link.order_codec import Verdict
+from vfguide.mission import Mission
 from vfguide.mission.feasibility import hand_back_at_the_end
-from vfguide.mission.model import Mission
 from vfguide.paths.waypoints import Waypoints, WaypointsShape
 
 RADIUS_M = 100.0
@@ -79,3 +90,124 @@ def test_check_says_when_a_rehearsal_outlasts_its_route():
     assert "hands all vehicles back after about" in finding.message
     content["rehearsal"]["duration_s"] = 40
     assert not [*hand_back_at_the_end(Mission.model_validate(content))]
+
+
+CIRCLE = HoldCircle(latitude_deg=47.3988, longitude_deg=8.545594, radius_m=200.0)
+
+
+def fenced(vehicle: str = "f1") -> FlightPlan:
+    """Plan of a mission with a fence 150 m above the origin."""
+    return replace(plan_of(vehicle=vehicle), ceiling=150.0, paths={})
+
+
+def held() -> Arrangement:
+    """A hold in which f1, f2 and f3 are stacked by 15 m each."""
+    stack = enumerate(SLOTS.items(), 1)
+    places = moves({name: replace(slot, up=15.0 * rank) for rank, (name, slot) in stack})
+    return order_of(*places, across_s=40.0, flown=Manoeuvre.HOLD, circle=CIRCLE)
+
+
+@pytest.mark.parametrize(("leader_height", "flown"), [(100.0, True), (130.0, False)])
+def test_a_hold_whose_stacked_heights_would_leave_the_fence_is_flown_by_nobody(
+    leader_height, flown
+):
+    formation = Formation(fenced)
+    for member in formation.members.values():
+        # It climbs at 0.5 m/s, and has 5 s for it until the hold, in which that comes to rest 0.6 m higher.
+        member.leader_height = lambda ahead_s: leader_height - 2.5 + 0.5 * ahead_s
+    formation.run(5.0)
+    formation.give(held())
+    formation.run(40.0)
+    assert formation.flown == dict.fromkeys(NAMES, int(flown))
+    said = formation.said
+    refused = {name: reply.text for name, reply in said if reply.verdict is Verdict.REFUSED}
+    # The leader itself stays where it is; 130 m and 15 m are below the fence, 30 and 45 m more are not.
+    assert set(refused) == (set() if flown else {"f2", "f3"})
+    if not flown:
+        assert refused["f2"] == "f2 would fly 161 m above the origin, and the fence ends at 150 m"
+
+
+def test_a_layer_above_the_fence_is_refused_and_a_lower_slot_is_not():
+    one = fenced()
+    here = Point(-20.0, -20.0, 5.0)
+    crosses = SlotMove(vehicle="f1", begin=here, end=here, layer=24.0)
+    order = order_of(crosses, climb_s=20.0)
+    text = ceiling_objection(order, crosses, one, 140.0, 150.0)
+    assert text == "f1 would fly 164 m above the origin, and the fence ends at 150 m"
+    # One that is above it already is not kept from going down.
+    lower = SlotMove(vehicle="f1", begin=here, end=replace(here, up=-5.0))
+    assert ceiling_objection(order, lower, one, 160.0, 150.0) is None
+
+
+def test_a_path_whose_fence_the_leader_is_above_is_refused():
+    one = plan_of(vehicle="leader")
+    survey = replace(one.paths["main"], ceiling=120.0)
+    leader = replace(one, paths={**one.paths, "survey": survey})
+    order = order_of(path="survey")
+    text = ceiling_objection(order, None, leader, 200.0, one.ceiling)
+    assert text == "leader would fly 200 m above the origin, and the fence ends at 120 m"
+    assert ceiling_objection(order, None, leader, 110.0, one.ceiling) is None
+
+
+@pytest.mark.parametrize(
+    ("leader_height", "limits", "said"),
+    [
+        # Half of the 4 m/s that all of the mission climb by, and of the 3 m/s that they descend by.
+        (100.0, {"climb_max": 1.9}, ("climb at 2.0 m/s", "1.9 m/s")),
+        (100.0, {"climb_max": 2.0, "sink_max": 1.0}, None),
+        (220.0, {"sink_max": 1.0}, ("sink at 1.5 m/s", "1 m/s")),
+        (160.0, {"climb_max": 1.0, "sink_max": 1.0}, None),
+    ],
+)
+def test_a_path_at_another_height_is_refused_by_who_cannot_climb_there_with_the_others(
+    leader_height, limits, said
+):
+    one = plan_of(vehicle="f1")
+    # The mission flies at 100 m: this path at 160 m.
+    high = replace(one.paths["main"], heights=(60.0, 60.0))
+    paths = {**one.paths, "high": high}
+    f1 = replace(one, paths=paths, airframe=replace(one.airframe, **limits))
+    order = order_of(path="high")
+    text = climb_objection(order, f1, leader_height, "main")
+    assert text == (
+        said and "f1 would have to {} to the height of 'high', and its limit is {}".format(*said)
+    )
+    assert climb_objection(order, f1, leader_height, "high") is None
+
+
+def test_the_guard_asks_for_no_height_above_the_fence():
+    guard = SetpointGuard(plan_of(vehicle="f1"))
+    assert guard.height(180.0, 150.0) == (150.0, None)
+    assert guard.counters["height above the fence"] == 1
+    assert guard.height(140.0, 150.0) == (140.0, None)
+    # Ground counts more than a fence that leaves no room above it.
+    assert guard.height(180.0, 10.0) == (20.0, None)
+
+
+def climbing(**fields: object) -> Mission:
+    """A helix on which four aircraft climb from 100 m to 435 m."""
+    content: dict[str, Any] = content_of("climb-and-turn")
+    content["path"] = {**content["path"], "end_height_m": 335.0}
+    return Mission.model_validate({**content, **fields})
+
+
+def test_plans_know_the_fence_of_each_path():
+    wait = {"type": "circle", "centre": {}, "radius_m": 200.0, "direction": "clockwise"}
+    mission = climbing(fence={"max_height_m": 450}, paths={"wait": wait})
+    one = flight_plan(mission, "f1")
+    assert (one.ceiling, one.ceiling_along("wait")) == (450.0, 450.0)
+    assert flight_plan(climbing(), "f1").ceiling == float("inf")
+
+
+def test_a_vehicle_whose_slot_is_above_the_fence_stays_below_it():
+    # The slot of f1 is 5 m above a leader at 100 m and climbing; the fence ends at 110 m.
+    start = {"leader": {"north_m": 0, "east_m": 0}}
+    mission = climbing(fence={"max_height_m": 110}, rehearsal={"rate_hz": 10.0, "start": start})
+    aircraft = [Aircraft(mission, name) for name in ("leader", "f1")]
+    mail = list[Mail]()
+    for step in range(250):
+        mail = step_all(aircraft, step / 10.0, mail)
+    heights = [one.recorder.record().altitude_amsl_m - 488.0 for one in aircraft]
+    # Climbing at 3 m/s until then, the height loop goes beyond by less than half a metre.
+    assert max(height.max() for height in heights) < 110.5
+    assert heights[1][-1] == pytest.approx(110.0, abs=0.3)

@@ -16,6 +16,7 @@ from tests.kit.companion import (
     KINDS,
     SET_MODE,
     SPEED,
+    assert_left_alone,
     companion_of,
     leader_bytes,
     new_flight,
@@ -261,8 +262,7 @@ def test_after_more_than_a_second_of_them_the_vehicle_is_handed_back(gate):
     gate.is_open = False
     # Looked at once a second: 0.9 s after the first of them is too early.
     flown.run(11.5)
-    assert flown.later(SET_MODE, 10.0) == []
-    assert flown.autopilot_mode == "GUIDED"
+    assert_left_alone(flown, "GUIDED", since_s=10.0)
     flown.run(15.0)
     assert flown.later(SET_MODE, 10.0) == [12.0]
     assert flown.autopilot_mode == "LOITER"
