@@ -53,12 +53,14 @@ class Formation:
         """A companion that knows nothing yet."""
         self.members[name] = Arrangements(self.plan(vehicle=name), SAME_CLOCK, self.alerts)
 
-    def give(self, order: Arrangement) -> None:
-        """An operator's order, on its way to everybody."""
+    def give(self, order: Arrangement, *, until_s: float | None = None) -> None:
+        """An operator's order, on its way to everybody; then go on until a time, if one is given."""
         data = encode_order(order)
         for name, member in self.members.items():
             if not self.lost("order", "operator", name, self.now):
                 member.receive_order(data, data, self.now)
+        if until_s is not None:
+            self.run(until_s)
 
     def run(self, until_s: float) -> None:
         """Go on until then: states 20 times a second of the leader, 4 times of the others."""
@@ -145,6 +147,13 @@ def begun(until_s: float = 5.0, **parts: Any) -> Formation:
     """Make a formation that has flown for a while; `parts` as of Formation."""
     formation = Formation(**parts)
     formation.run(until_s)
+    return formation
+
+
+def ordered(order: Arrangement, *, until_s: float, **parts: Any) -> Formation:
+    """Make a formation that is given an order at 5 s, and has gone on until a time."""
+    formation = begun(**parts)
+    formation.give(order, until_s=until_s)
     return formation
 
 

@@ -25,6 +25,7 @@ from tests.kit.orders import (
     member_of,
     moves,
     order_of,
+    ordered,
 )
 from vfguide.companion.arrangements import Arrangements
 from vfguide.companion.timing import SAME_CLOCK, SharedClock
@@ -37,9 +38,7 @@ LEFT, RIGHT = Point(-20, -10), Point(-20, 10)
 
 
 def test_all_fly_an_order_from_its_time_on_once_all_have_agreed():
-    formation = begun()
-    formation.give(further(SLOTS))
-    formation.run(9.9)
+    formation = ordered(further(SLOTS), until_s=9.9)
     assert formation.flown == dict.fromkeys(NAMES, 0)
     formation.run(10.05)
     assert formation.flown == dict.fromkeys(NAMES, 1)
@@ -57,9 +56,9 @@ def test_all_fly_an_order_from_its_time_on_once_all_have_agreed():
 
 @pytest.mark.parametrize("deaf", NAMES)
 def test_an_order_that_one_has_not_received_changes_nobody(deaf):
-    formation = begun(lost=lambda kind, _, to, __: kind == "order" and to == deaf)
-    formation.give(further(SLOTS))
-    formation.run(60.0)
+    formation = ordered(
+        further(SLOTS), until_s=60.0, lost=lambda kind, _, to, __: kind == "order" and to == deaf
+    )
     assert formation.flown == dict.fromkeys(NAMES, 0)
     void = [reply.text for _, reply in formation.said if reply.verdict is Verdict.VOID]
     assert len(void) >= len(NAMES) - 1
@@ -74,8 +73,7 @@ def test_whatever_is_lost_all_fly_the_same_in_the_end_and_no_order_without_all_a
     formation = Formation(lost=lambda *_: formation.now < 15.0 and random.random() < loss)
     formation.run(5.0)
     for _ in range(4):
-        formation.give(further(SLOTS))
-        formation.run(formation.now + 0.5)
+        formation.give(further(SLOTS), until_s=formation.now + 0.5)
     formation.run(60.0)
     assert len(set(formation.flown.values())) == 1
     if formation.flown["leader"]:
@@ -86,8 +84,7 @@ def test_whatever_is_lost_all_fly_the_same_in_the_end_and_no_order_without_all_a
 def test_one_that_cannot_is_asked_once_and_says_why_and_nobody_changes():
     formation = begun()
     ends = {name: Point(slot.forward + 200.0, slot.right + 300.0) for name, slot in SLOTS.items()}
-    formation.give(order_of(*moves(ends)))
-    formation.run(30.0)
+    formation.give(order_of(*moves(ends)), until_s=30.0)
     assert formation.flown == dict.fromkeys(NAMES, 0)
     # 200 m in 10 s at 1/0.7 of the mean beside 20 m/s: 48.6 m/s.
     assert "order 1 is refused: f1 would have to fly 48.6 m/s, and its limit is 32 m/s" in (
@@ -134,9 +131,7 @@ def test_slots_come_near_the_one_of_a_vehicle_only_once_it_has_joined(joining_m,
 
 @pytest.mark.parametrize("restarted", NAMES)
 def test_a_companion_that_was_restarted_waits_until_the_order_is_repeated(restarted):
-    formation = begun()
-    formation.give(further(SLOTS))
-    formation.run(30.0)
+    formation = ordered(further(SLOTS), until_s=30.0)
     formation.start(restarted)
     formation.run(30.3)
     assert formation.members[restarted].waits(30.3)
@@ -146,24 +141,19 @@ def test_a_companion_that_was_restarted_waits_until_the_order_is_repeated(restar
 
 
 def test_an_old_order_is_not_flown_again():
-    formation = begun()
-    formation.give(further(SLOTS, number=7))
-    formation.run(30.0)
-    formation.give(order_of(*moves(SLOTS, AWAY), number=5, time_s=40.0))
-    formation.run(60.0)
+    formation = ordered(further(SLOTS, number=7), until_s=30.0)
+    formation.give(order_of(*moves(SLOTS, AWAY), number=5, time_s=40.0), until_s=60.0)
     assert formation.flown == dict.fromkeys(NAMES, 7)
 
 
 def test_who_has_no_place_leaves_and_comes_back_by_another_order():
     formation = begun()
     stay = moves({name: SLOTS[name] for name in ("f1", "f3")})
-    formation.give(order_of(*stay, across_s=6.0))
-    formation.run(20.0)
+    formation.give(order_of(*stay, across_s=6.0), until_s=20.0)
     assert [name for name in NAMES if formation.members[name].flight.has_left] == ["f2"]
     assert formation.members["f2"].obstacle(20.0) == "ordered out of the formation"
     assert formation.members["f1"].obstacle(20.0) is None
-    formation.give(order_of(*moves(SLOTS), number=2, time_s=30.0, across_s=6.0))
-    formation.run(30.1)
+    formation.give(order_of(*moves(SLOTS), number=2, time_s=30.0, across_s=6.0), until_s=30.1)
     assert not formation.members["f2"].flight.has_left
     assert formation.members["f2"].returns_to_formation()
     assert not formation.members["f2"].returns_to_formation()
@@ -172,8 +162,7 @@ def test_who_has_no_place_leaves_and_comes_back_by_another_order():
 def test_an_operator_that_asks_hears_the_order_that_is_flown():
     formation = begun()
     member = formation.members["leader"]
-    formation.give(further(SLOTS))
-    formation.run(30.0)
+    formation.give(further(SLOTS), until_s=30.0)
     asks = encode_reply(Reply(number=0, verdict=Verdict.UNKNOWN))
     for time_s in (30.0, 30.5):
         member.receive_reply("operator", asks, time_s)
@@ -196,9 +185,9 @@ def test_one_that_misses_the_confirmation_goes_on_until_its_time_and_flies_the_o
 
 def test_one_that_took_an_order_for_void_flies_it_once_the_others_do():
     lost = {"state"}
-    formation = begun(lost=lambda kind, _, to, __: kind in lost and to == "f2")
-    formation.give(further(SLOTS))
-    formation.run(10.4)
+    formation = ordered(
+        further(SLOTS), until_s=10.4, lost=lambda kind, _, to, __: kind in lost and to == "f2"
+    )
     # Its own clock alone has brought it here: a leader whose states come late says nothing of the order.
     formation.members["f2"].hear("leader", heard(10.4, 0), 10.4)
     formation.run(10.7)
@@ -370,8 +359,9 @@ def test_an_order_may_be_given_while_slots_still_move_that_are_at_rest_at_its_ti
     formation.give(first)
     # They move from 10 s to 20 s.
     formation.run(16.0)
-    formation.give(further({one.vehicle: one.end for one in first.places}, number=2, time_s=20.5))
-    formation.run(21.0)
+    formation.give(
+        further({one.vehicle: one.end for one in first.places}, number=2, time_s=20.5), until_s=21.0
+    )
     assert formation.flown == dict.fromkeys(NAMES, 2)
 
 
@@ -441,19 +431,14 @@ def test_after_an_abort_the_height_of_the_slot_is_the_one_that_it_had():
 
 
 def test_an_old_abort_of_a_lower_number_is_not_flown():
-    formation = begun()
-    formation.give(further(SLOTS, number=4, time_s=10.0))
-    formation.run(40.0)
+    formation = ordered(further(SLOTS, number=4, time_s=10.0), until_s=40.0)
     formation.give(abort(number=3, time_s=9.0))
     assert not any(member.flight.has_left for member in formation.members.values())
 
 
 def test_no_order_brings_a_formation_back_after_an_abort():
-    formation = begun()
-    formation.give(abort())
-    formation.run(6.0)
-    formation.give(further(SLOTS, number=5, time_s=12.0))
-    formation.run(15.0)
+    formation = ordered(abort(), until_s=6.0)
+    formation.give(further(SLOTS, number=5, time_s=12.0), until_s=15.0)
     assert formation.flown == dict.fromkeys(NAMES, 4)
     assert not any(member.returns_to_formation() for member in formation.members.values())
     refused = {reply.text for _, reply in formation.said if reply.verdict is Verdict.REFUSED}
@@ -472,9 +457,7 @@ def test_no_order_brings_a_formation_back_after_an_abort():
 
 
 def test_after_an_abort_a_restarted_companion_hears_of_it_again():
-    formation = begun()
-    formation.give(abort())
-    formation.run(60.0)
+    formation = ordered(abort(), until_s=60.0)
     formation.start("f2")
     formation.run(64.0)
     assert formation.members["f2"].flight.has_left

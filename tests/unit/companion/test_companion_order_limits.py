@@ -116,8 +116,7 @@ def test_a_hold_whose_stacked_heights_would_leave_the_fence_is_flown_by_nobody(
         # It climbs at 0.5 m/s, and has 5 s for it until the hold, in which that comes to rest 0.6 m higher.
         member.leader_height = lambda ahead_s: leader_height - 2.5 + 0.5 * ahead_s
     formation.run(5.0)
-    formation.give(held())
-    formation.run(40.0)
+    formation.give(held(), until_s=40.0)
     assert formation.flown == dict.fromkeys(NAMES, int(flown))
     said = formation.said
     refused = {name: reply.text for name, reply in said if reply.verdict is Verdict.REFUSED}

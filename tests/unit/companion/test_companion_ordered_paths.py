@@ -6,7 +6,7 @@ import pytest
 from msgspec.structs import replace
 
 from tests.kit.missions import plan_of
-from tests.kit.orders import NAMES, SLOTS, Formation, begun, further
+from tests.kit.orders import NAMES, SLOTS, Formation, begun, further, ordered
 from vfguide.companion.arrangements import Arrangements
 from vfguide.companion.plan import FlightPlan, FollowerTask, KnownPath, LeadPlan
 from vfguide.companion.timing import SAME_CLOCK
@@ -37,9 +37,7 @@ SURVEY = replace(further(SLOTS), path="survey", turn_radius_m=125.0)
 
 
 def test_another_path_is_known_from_the_agreed_time_on_and_its_field_is_as_gentle_as_the_turns():
-    formation = begun(plan=with_paths)
-    formation.give(SURVEY)
-    formation.run(9.9)
+    formation = ordered(SURVEY, until_s=9.9, plan=with_paths)
     assert [one.flight.route for one in formation.members.values()] == [None] * len(NAMES)
     formation.run(10.05)
     routes = [one.flight.route for one in formation.members.values()]
@@ -72,17 +70,14 @@ def test_nobody_flies_or_leads_along_a_path_that_one_does_not_know_or_knows_as_a
     formation = Formation(with_paths)
     formation.members[name] = Arrangements(plan, SAME_CLOCK, formation.alerts)
     formation.run(5.0)
-    formation.give(order)
-    formation.run(60.0)
+    formation.give(order, until_s=60.0)
     assert formation.flown == dict.fromkeys(NAMES, 0)
     refused = {reply.text for said_by, reply in formation.said if said_by == name}
     assert f"{refusal}: give all the same mission" in refused
 
 
 def test_a_companion_that_missed_the_order_and_means_another_curve_by_its_path_does_not_steer():
-    formation = begun(plan=with_paths)
-    formation.give(SURVEY)
-    formation.run(11.0)
+    formation = ordered(SURVEY, until_s=11.0, plan=with_paths)
     other = with_another("survey", "f2")
     formation.members["f2"] = Arrangements(other, SAME_CLOCK, formation.alerts)
     formation.run(30.0)
@@ -92,9 +87,7 @@ def test_a_companion_that_missed_the_order_and_means_another_curve_by_its_path_d
 
 
 def test_who_is_to_lead_leads_for_a_moment_after_the_agreed_time_only():
-    formation = begun(plan=with_paths)
-    formation.give(replace(further(SLOTS), lead="f1"))
-    formation.run(10.1)
+    formation = ordered(replace(further(SLOTS), lead="f1"), until_s=10.1, plan=with_paths)
     assert [name for name, one in formation.members.items() if one.leads_by_order(10.1)] == ["f1"]
     assert not formation.members["f1"].leads_by_order(12.0)
 
@@ -102,8 +95,7 @@ def test_who_is_to_lead_leads_for_a_moment_after_the_agreed_time_only():
 def test_another_copy_of_the_order_at_its_very_time_does_not_keep_anybody_from_leading_by_it():
     formation = begun(plan=with_paths)
     order = replace(further(SLOTS), lead="f1")
-    formation.give(order)
-    formation.run(9.95)
+    formation.give(order, until_s=9.95)
     # The operator repeats it until all fly it; f1 gets that before its own next step.
     formation.now = 10.0
     formation.give(order)
@@ -112,9 +104,7 @@ def test_another_copy_of_the_order_at_its_very_time_does_not_keep_anybody_from_l
 
 
 def test_a_companion_that_hears_of_the_order_later_does_not_lead_by_it():
-    formation = begun(plan=with_paths)
-    formation.give(replace(further(SLOTS), lead="f1"))
-    formation.run(11.0)
+    formation = ordered(replace(further(SLOTS), lead="f1"), until_s=11.0, plan=with_paths)
     formation.start("f1")
     while formation.flown["f1"] == 0:
         formation.run(formation.now + 0.1)
@@ -126,16 +116,13 @@ def test_nobody_is_ordered_to_lead_who_is_not_heard():
     formation = begun(plan=with_paths)
     formation.silent.add("f1")
     formation.run(12.0)
-    formation.give(replace(further(SLOTS), time_s=20.0, lead="f1"))
-    formation.run(60.0)
+    formation.give(replace(further(SLOTS), time_s=20.0, lead="f1"), until_s=60.0)
     assert {formation.flown[name] for name in NAMES if name != "f1"} == {0}
     assert "f1 is to lead, and is not heard" in {reply.text for _, reply in formation.said}
 
 
 def test_nobody_leads_by_an_order_who_is_no_deputy():
-    formation = begun(plan=with_paths)
-    formation.give(replace(further(SLOTS), lead="f2"))
-    formation.run(60.0)
+    formation = ordered(replace(further(SLOTS), lead="f2"), until_s=60.0, plan=with_paths)
     assert formation.flown == dict.fromkeys(NAMES, 0)
     assert "f2 is neither leader nor deputy of its mission" in {
         reply.text for _, reply in formation.said
