@@ -61,15 +61,19 @@ def test_each_position_leads_to_a_course_and_a_speed_while_they_change():
     assert flown.times(SPEED)[-20:] == steps
 
 
-def test_a_companion_that_may_not_engage_steers_once_the_pilot_selects_guided():
+def test_a_companion_that_may_not_never_engages():
     flown = new_flight(engage=False, until_s=20.0)
     assert flown.times(SET_MODE) == []
     assert flown.times(HEADING) == flown.times(SPEED) == flown.times(ALTITUDE) == []
     assert flown.mode_at(20.0) is Mode.WAITING
-    flown.pilot("GUIDED", until_s=85.0)
+
+
+def test_a_companion_that_may_not_engage_steers_once_the_pilot_selects_guided():
+    flown = new_flight(engage=False, until_s=10.0)
+    flown.pilot("GUIDED", until_s=40.0)
     # The mode is heard with the next datagram, and one position report later setpoints go out.
-    assert flown.times(HEADING)[0] == pytest.approx(20.1)
-    assert flown.mode_at(85.0) is Mode.TRACKING
+    assert flown.times(HEADING)[0] == pytest.approx(10.1)
+    assert flown.mode_at(40.0) is Mode.TRACKING
     assert flown.times(SET_MODE) == []
 
 
