@@ -26,10 +26,10 @@ import zenoh
 
 from tests.benchmarks.hostile_frames import Frames
 from tests.kit.figures import resident_mb, tell
+from tests.kit.link import FORMATION, KEYS, LEADER, trust_of
 from tests.kit.sockets import free_port
 from tests.unit.companion.test_companion_leader_telemetry import FRAME, packed, position
 from tests.unit.companion.test_companion_leader_telemetry import LEADER as FOREIGN
-from tests.unit.link.wire import FORMATION, KEYS, LEADER, trust_of
 from vfguide.companion.leader_telemetry import LeaderTelemetry
 from vfguide.lab.studies.programs import broker
 from vfguide.link.address import LinkAddress, MqttAddress, UdpAddress, parse_link

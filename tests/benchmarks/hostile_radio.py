@@ -21,9 +21,9 @@ from random import Random
 
 from tests.benchmarks.hostile_datagrams import Measured, random_one, refusals
 from tests.kit.figures import tell
+from tests.kit.link import FORMATION, LEADER, trust_of
+from tests.kit.radio import SharedAir, state_at
 from tests.kit.sockets import until
-from tests.unit.link.shared_radio import SharedAir, state_at
-from tests.unit.link.wire import FORMATION, LEADER, trust_of
 from vfguide.link.address import parse_link
 from vfguide.link.codec import decode
 from vfguide.link.member import Member

@@ -6,7 +6,7 @@ Run with `.venv/bin/python -m tests.benchmarks.signature_cost [STATES]`; seconds
 import sys
 import time
 
-from tests.unit.link.wire import LEADER, trust_of
+from tests.kit.link import LEADER, trust_of
 from vfguide.link.codec import SIZE
 from vfguide.link.envelope import Kind
 

@@ -7,8 +7,8 @@ from collections.abc import AsyncIterator, Callable, Mapping, Sequence
 from contextlib import AsyncExitStack, asynccontextmanager
 from random import Random
 
+from tests.kit.link import FORMATION, LEADER, trust_of
 from tests.kit.sockets import PATIENCE_S
-from tests.unit.link.wire import FORMATION, LEADER, trust_of
 from vfguide.link.address import parse_links
 from vfguide.link.member import Member, ignore
 from vfguide.link.opening import Link, open_link

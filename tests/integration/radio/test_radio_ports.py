@@ -9,9 +9,9 @@ from random import Random
 import pytest
 
 from tests.kit.crew import Crew, crews_on
+from tests.kit.link import FORMATION, LEADER, ROSTER
+from tests.kit.radio import SharedAir, state_at
 from tests.kit.sockets import PATIENCE_S, until
-from tests.unit.link.shared_radio import SharedAir, state_at
-from tests.unit.link.wire import FORMATION, LEADER, ROSTER
 from vfguide.errors import InputError
 from vfguide.link.address import parse_links
 from vfguide.link.opening import WatchedFormation, open_link, presences

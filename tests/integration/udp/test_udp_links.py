@@ -13,8 +13,8 @@ from typing import Any
 import pytest
 
 from tests.kit.crew import Crew, crews_on, speak
+from tests.kit.link import FORMATION, LEADER, ROSTER, trust_of
 from tests.kit.sockets import PATIENCE_S, free_port, until
-from tests.unit.link.wire import FORMATION, LEADER, ROSTER, trust_of
 from vfguide.link import udp
 from vfguide.link.address import UdpAddress, parse_links
 from vfguide.link.envelope import Kind

@@ -4,8 +4,8 @@ from collections import Counter
 from itertools import count
 from typing import Any
 
-from tests.unit.link.shared_radio import state_at
-from tests.unit.link.wire import FORMATION, KEYS, LEADER, trust_of
+from tests.kit.link import FORMATION, KEYS, LEADER, trust_of
+from tests.kit.radio import state_at
 from vfguide.lab.rehearsal.emulated_radio import EmulatedRadio, RadioAir, RadioQuality
 from vfguide.link.codec import decode
 from vfguide.link.member import Member, ignore

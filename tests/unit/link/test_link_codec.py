@@ -6,8 +6,8 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from msgspec.structs import replace
 
+from tests.kit.link import sealed
 from tests.kit.states import leader_message
-from tests.unit.link.wire import sealed
 from vfguide.link.codec import (
     Ask,
     LeaderMessage,

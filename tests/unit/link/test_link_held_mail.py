@@ -2,7 +2,7 @@
 
 import pytest
 
-from tests.unit.link.wire import trust_of
+from tests.kit.link import trust_of
 from vfguide.link.envelope import Kind
 from vfguide.link.held_mail import MOST_HELD, MOST_SENDERS, HeldMail
 from vfguide.link.member import Member

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from msgspec.structs import replace
 
-from tests.unit.link.wire import sealed
+from tests.kit.link import sealed
 from vfguide.formation.arrangement import Arrangement, HoldCircle, Manoeuvre, Point, SlotMove
 from vfguide.link.codec import LinkDataError
 from vfguide.link.order_codec import (

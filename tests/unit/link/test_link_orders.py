@@ -2,7 +2,7 @@
 
 import pytest
 
-from tests.unit.link.wire import LEADER, Station, Wire, trust_of
+from tests.kit.link import LEADER, Station, Wire, trust_of
 from vfguide.link.envelope import Kind
 from vfguide.link.trust import RefusedError
 

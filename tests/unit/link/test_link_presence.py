@@ -6,7 +6,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from msgspec.structs import replace
 
-from tests.unit.link.wire import trust_of
+from tests.kit.link import trust_of
 from vfguide.link.codec import LinkDataError
 from vfguide.link.member import Member
 from vfguide.link.presence import Presence, decode_presence, encode_presence, shorter_presences

@@ -6,6 +6,8 @@ from random import Random
 import pytest
 from msgspec.structs import replace
 
+from tests.kit.link import LEADER
+from tests.kit.radio import state_at
 from tests.unit.link.radio_crafts import (
     CHANNEL,
     NAMES,
@@ -15,8 +17,6 @@ from tests.unit.link.radio_crafts import (
     packets_of,
     together,
 )
-from tests.unit.link.shared_radio import state_at
-from tests.unit.link.wire import LEADER
 from vfguide.lab.rehearsal.emulated_radio import RadioQuality
 from vfguide.link.packed import PackedKind
 from vfguide.link.radio_framing import DAMAGED

@@ -5,8 +5,8 @@ from random import Random
 
 import pytest
 
+from tests.kit.link import FORMATION, LEADER
 from tests.unit.link.radio_crafts import NAMES, Shared, formation, last_of, packets_of
-from tests.unit.link.wire import FORMATION, LEADER
 from vfguide.link.packed import (
     BeatInfo,
     PackedKind,

@@ -4,8 +4,8 @@ from random import Random
 
 import pytest
 
+from tests.kit.link import KEYS
 from tests.unit.link.radio_crafts import CHANNEL, NAMES, Craft, Shared, formation
-from tests.unit.link.wire import KEYS
 from vfguide.lab.rehearsal.emulated_radio import RadioQuality
 from vfguide.link.envelope import Kind
 from vfguide.link.order_codec import Reply, Verdict, decode_reply, encode_reply

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tests.unit.link.wire import (
+from tests.kit.link import (
     FORMATION,
     KEYS,
     LEADER,
