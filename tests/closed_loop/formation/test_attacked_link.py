@@ -9,7 +9,7 @@ from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 from msgspec.structs import replace
 
 import vfguide.lab.rehearsal.aircraft
-from tests.kit.missions import mission_with
+from tests.kit.missions import on_the_circle
 from vfguide.lab.rehearsal.aircraft import Aircraft, step_all
 from vfguide.lab.rehearsal.recorder import flight_record
 from vfguide.lab.report.geometry import slot_error
@@ -25,11 +25,6 @@ from vfguide.record.flight import FlightRecord
 
 Attack = Callable[[bytes, "Wire"], list[bytes]]
 """What is heard in addition to a message."""
-
-IN_PLACE = {
-    "leader": {"north_m": 0, "east_m": 0, "course_deg": 270},
-    **{name: {} for name in ("f1", "f2", "f3")},
-}
 
 FLOWN_S = 30.0
 
@@ -182,7 +177,7 @@ def replayed_and_reflected(data: bytes, wire: Wire) -> list[bytes]:
 
 
 def test_an_attacked_formation_flies_bit_for_bit_as_if_it_were_not(monkeypatch):
-    mission = mission_with("circle-wind", rehearsal={"start": IN_PLACE})
+    mission = on_the_circle()
     calm = fly(mission, Wire(nothing, signed=True), monkeypatch)
     for follower in calm.followers:
         late = calm.time_s >= SETTLED_S
@@ -199,7 +194,7 @@ def test_an_attacked_formation_flies_bit_for_bit_as_if_it_were_not(monkeypatch):
 
 def test_without_signatures_who_forges_the_leader_leads(monkeypatch):
     """What --insecure means, and that the attack of the test above is one: followers leave their slots."""
-    mission = mission_with("circle-wind", rehearsal={"start": IN_PLACE})
+    mission = on_the_circle()
     led_astray = fly(mission, Wire(forged_states, signed=False), monkeypatch)
     farthest = max(
         float(slot_error(led_astray.leader, follower).distance_m.max())

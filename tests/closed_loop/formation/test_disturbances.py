@@ -9,7 +9,7 @@ import pytest
 from msgspec.structs import replace
 
 from tests.kit.formation import GUIDED, LOITER, Formation
-from tests.kit.missions import IN_PLACE, mission_with
+from tests.kit.missions import on_the_circle
 from vfguide.link.codec import decode, encode
 from vfguide.link.memory import Mail
 
@@ -22,9 +22,7 @@ RECOVERY_S = 30.0
 
 def launched(rate_hz: float = 10.0, **options: object) -> Formation:
     """Launch the formation of the article's circle in wind, everyone in place."""
-    start = {**IN_PLACE, "leader": {"north_m": 0, "east_m": 0, "course_deg": 270}}
-    rehearsal = {"start": start, "rate_hz": rate_hz}
-    return Formation(mission_with("circle-wind", rehearsal=rehearsal), **options)
+    return Formation(on_the_circle(rate_hz=rate_hz), **options)
 
 
 def test_formation_is_kept_over_a_bad_link():

@@ -13,6 +13,7 @@ from typing import Any
 
 import pytest
 
+from tests.kit.programs import Mosquitto
 from tests.kit.sockets import until
 from vfguide.link.address import LinkAddress, parse_link
 from vfguide.link.broker import embedded_broker
@@ -47,6 +48,20 @@ def password_file(tmp_path: Path) -> Callable[[str, str], Path]:
         return path
 
     return make
+
+
+@pytest.fixture
+def guarded(mosquitto: Make, password_file: Callable[[str, str], Path], tmp_path: Path) -> Make:
+    """Starts a broker for some users, whose password is `word`, by rules if there are any."""
+
+    def start(*users: str, rules: str = "") -> Mosquitto:
+        passwords, file = tmp_path / "all-passwords", tmp_path / "rules"
+        passwords.write_text("".join(password_file(name, "word").read_text() for name in users))
+        file.write_text(rules)
+        settings = f"allow_anonymous false\npassword_file {passwords}\n"
+        return mosquitto(settings + (f"acl_file {file}\n" if rules else ""), basis="user root\n")
+
+    return start
 
 
 @pytest.fixture(params=["mosquitto", "embedded"])

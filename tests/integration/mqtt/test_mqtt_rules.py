@@ -27,8 +27,8 @@ def rules_of(orders: str) -> str:
 
 
 @pytest.mark.parametrize(("orders", "passed"), [("yes", True), ("", False)])
-def test_the_broker_passes_on_the_consoles_orders_only_where_they_were_asked_for(
-    mosquitto, password_file, tmp_path, orders, passed
+async def test_the_broker_passes_on_the_consoles_orders_only_where_they_were_asked_for(
+    guarded, orders, passed
 ):
     def topics(vehicle: str) -> Topics:
         return Topics(prefix="vfguide", formation="test", vehicle=vehicle)
@@ -37,30 +37,20 @@ def test_the_broker_passes_on_the_consoles_orders_only_where_they_were_asked_for
     own = {console.about_orders(kind) for kind in ORDERING}
     foreign = {lead.about_orders(Kind.ORDER), lead.state("lead")}
 
-    async def scenario() -> set[str]:
-        users = [password_file(name, "word").read_text() for name in ("lead", "judge", "console")]
-        passwords, rules = tmp_path / "all-passwords", tmp_path / "rules"
-        passwords.write_text("".join(users))
-        rules.write_text(rules_of(orders))
-        broker = mosquitto(
-            f"allow_anonymous false\npassword_file {passwords}\nacl_file {rules}\n",
-            basis="user root\n",
-        )
+    broker = guarded("lead", "judge", "console", rules=rules_of(orders))
 
-        def client(name: str, word: str = "word") -> aiomqtt.Client:
-            return aiomqtt.Client("127.0.0.1", broker.port, username=name, password=word)
+    def client(name: str) -> aiomqtt.Client:
+        return aiomqtt.Client("127.0.0.1", broker.port, username=name, password="word")  # noqa: S106
 
-        async with client("judge") as judge, client("console") as sender, client("lead") as leader:
-            await judge.subscribe("vfguide/#", qos=1)
-            for topic in sorted(own | foreign):
-                await sender.publish(topic, b"by the console", qos=1)
-            await leader.publish(MARK, b"by the leader", qos=1)
-            heard = set()
+    heard = set()
+    async with client("judge") as judge, client("console") as sender, client("lead") as leader:
+        await judge.subscribe("vfguide/#", qos=1)
+        for topic in sorted(own | foreign):
+            await sender.publish(topic, b"by the console", qos=1)
+        await leader.publish(MARK, b"by the leader", qos=1)
+        async with asyncio.timeout(60.0):
             async for message in judge.messages:
                 if message.payload == b"by the leader":
-                    return heard
+                    break
                 heard.add(message.topic.value)
-        raise AssertionError
-
-    heard = asyncio.run(asyncio.wait_for(scenario(), 60.0))
     assert heard == (own if passed else set())
