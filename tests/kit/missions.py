@@ -99,10 +99,12 @@ def faults_of(content: str | bytes) -> list[str]:
     try:
         loaded(content)
     except MissionError as error:
-        lines = str(error).split("\n")
-        assert len(lines) == len(error.faults)
-        return lines
-    raise AssertionError("nothing is wrong")
+        found = error
+    else:
+        raise AssertionError("nothing is wrong")
+    lines = str(found).split("\n")
+    assert len(lines) == len(found.faults)
+    return lines
 
 
 def line_of(words: str, text: str) -> int:
