@@ -23,12 +23,13 @@ import struct
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import yaml
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
+from tests.autopilots.emulated import Emulated
 from tests.kit.wire import command_long
 
 RECORDINGS = Path(__file__).parents[1] / "recordings"
@@ -45,42 +46,8 @@ WHOLE = frozenset(range(mavlink.MAV_PARAM_TYPE_UINT8, mavlink.MAV_PARAM_TYPE_INT
 Step = Mapping[str, Any]
 
 
-class Subject(Protocol):
-    """An autopilot in the air, real or emulated, as its pilot and companion have it."""
-
-    @property
-    def system_id(self) -> int:
-        """Of the aircraft."""
-
-    def result(self, message: MAVLink_message) -> int:
-        """Send a command, and return the MAV_RESULT of its acknowledgement."""
-
-    def send(self, message: MAVLink_message) -> None:
-        """Send a message."""
-
-    def pass_time(self, seconds: float) -> None:
-        """Let time pass."""
-
-    def course_deg(self) -> float:
-        """Course over ground, degrees."""
-
-    def airspeed_m_s(self) -> float:
-        """Airspeed as the autopilot shows it."""
-
-    def custom_mode(self) -> int:
-        """Mode of the last heartbeat."""
-
-    def texts(self) -> Sequence[str]:
-        """Everything said by STATUSTEXT so far."""
-
-    def parameter(self, name: str) -> tuple[float, int] | None:
-        """Value as it is sent and MAV_PARAM_TYPE of a parameter; None for an unknown one."""
-
-    def version(self) -> tuple[int, int]:
-        """Firmware's version and capabilities of AUTOPILOT_VERSION."""
-
-    def rates_hz(self) -> Mapping[str, float]:
-        """How often each message comes on the companions' link."""
+Subject = Emulated
+"""An autopilot in the air as its pilot and companion have it; a real one has the same methods."""
 
 
 @dataclass(frozen=True, slots=True)

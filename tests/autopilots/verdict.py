@@ -100,17 +100,9 @@ class Aftermath:
 
 
 AFTERMATH_COLUMNS = (
-    "fault or order",
-    "nearest two, level, m",
-    "in space, m",
-    "slots move from, s",
-    "to, s",
-    f"within {NEAR_M:g} m after, s",
-    f"within {BACK_M:g} m after, s",
-    "another leads after, s",
-    "error before, m",
-    "after",
-    "greatest",
+    *("fault or order", "nearest two, level, m", "in space, m", "slots move from, s", "to, s"),
+    *(f"within {NEAR_M:g} m after, s", f"within {BACK_M:g} m after, s", "another leads after, s"),
+    *("error before, m", "after", "greatest"),
 )
 AFTERMATH_HEADING = f"| {' | '.join(AFTERMATH_COLUMNS)} |\n{'|---' * len(AFTERMATH_COLUMNS)}|"
 
@@ -162,9 +154,11 @@ class Verdict:
         kept = "" if self.kept_time else f" (a simulator lost {max(self.lost_s.values()):.1f} s)"
         cells = [
             title + kept,
-            *(f"{value:.2f}" for value in asdict(self.intended).values()),
-            *(f"{value:.2f}" for value in asdict(self.as_it_is).values()),
-            *(f"{value:.2f}" for value in asdict(self.in_space).values()),
+            *(
+                f"{value:.2f}"
+                for one in (self.intended, self.as_it_is, self.in_space)
+                for value in asdict(one).values()
+            ),
             f"{self.nearest_horizontal.distance_m:.1f}",
             f"{self.nearest.distance_m:.1f}",
         ]
@@ -172,18 +166,8 @@ class Verdict:
 
 
 COLUMNS = (
-    "flight",
-    "intended: mean, m",
-    "95 %",
-    "greatest",
-    "as it is: mean, m",
-    "95 %",
-    "greatest",
-    "intended, in space: mean, m",
-    "95 %",
-    "greatest",
-    "nearest two, level, m",
-    "in space, m",
+    *("flight", "intended: mean, m", "95 %", "greatest", "as it is: mean, m", "95 %", "greatest"),
+    *("intended, in space: mean, m", "95 %", "greatest", "nearest two, level, m", "in space, m"),
 )
 HEADING = f"| {' | '.join(COLUMNS)} |\n{'|---' * len(COLUMNS)}|"
 
@@ -297,19 +281,19 @@ def judge(
     in_space = np.array([one.distance_3d_m for one in meant_errors])
     heights = np.abs([one.up_m for one in meant_errors])
     begins_s = [one.began_s for one in faults]
+
+    def means(when: BoolArray) -> dict[str, float]:
+        """Mean distance of each follower from its slot, m."""
+        return {one.name: float(row[when].mean()) for one, row in zip(kept, true, strict=True)}
+
     return Verdict(
         window_s=(float(time_s[window][0]), float(last)),
         as_it_is=spread(true[:, window]),
         intended=spread(meant[:, on_path]),
         in_space=spread(in_space[:, on_path]),
         height=spread(heights[:, window]),
-        followers={
-            one.name: float(row[window].mean()) for one, row in zip(kept, true, strict=True)
-        },
-        at_end={
-            one.name: float(row[time_s >= last - END_S].mean())
-            for one, row in zip(kept, true, strict=True)
-        },
+        followers=means(window),
+        at_end=means(time_s >= last - END_S),
         nearest_horizontal=nearest(record, time_s >= 0.0, with_height=False),
         nearest=nearest(record, time_s >= 0.0, with_height=True),
         faults=tuple(

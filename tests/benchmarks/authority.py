@@ -34,11 +34,8 @@ RATE_HZ = 10.0
 STEPS_A_FLIGHT = 40
 """Actions in one flight: then everything is new."""
 
-ARDUPLANE_MODES = {"GUIDED": 15, "LOITER": 12, "RTL": 11, "MANUAL": 0, "FBWA": 5, "FBWB": 6} | {
-    "CRUISE": 7,
-    "AUTO": 10,
-    "CIRCLE": 1,
-}
+ARDUPLANE_MODES = {"GUIDED": 15, "LOITER": 12, "RTL": 11, "MANUAL": 0, "FBWA": 5, "FBWB": 6}
+ARDUPLANE_MODES |= {"CRUISE": 7, "AUTO": 10, "CIRCLE": 1}
 PX4_MODES = {
     "AUTO.COURSE": (4, 19),
     "AUTO.LOITER": (4, 3),
@@ -92,8 +89,7 @@ class Encounter:
         self._store = MemoryStore()
         self.counts: Counter[str] = Counter()
         self.undone: list[str] = []
-        self._now = 0.0
-        self._booted = 0.0
+        self._now = self._booted = 0.0
         self._autopilot = self._new_autopilot()
         self._companion: Companion | None = self._new_companion()
         self._waiting = b""
@@ -105,8 +101,7 @@ class Encounter:
         self._blank_place: tuple[int, int, int] | None = None
         self._forged_until = -math.inf
         self._forged: Callable[[], bytes] = bytes
-        self._pilots_mode = False
-        self._engaged_once = False
+        self._pilots_mode = self._engaged_once = False
         self._history: list[str] = []
 
     def run(self, actions: int) -> None:
@@ -228,9 +223,8 @@ class Encounter:
 
     def _select(self) -> None:
         modes = MODES[self._kind]
-        self._pilot(
-            *modes[self._random.choice([name for name in modes if name != GUIDED[self._kind]])]
-        )
+        others = [name for name in modes if name != GUIDED[self._kind]]
+        self._pilot(*modes[self._random.choice(others)])
 
     def _select_guided(self) -> None:
         self._pilot(*MODES[self._kind][GUIDED[self._kind]])

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, precondition, rule
 
 from tests.kit.formation import GUIDED, LOITER, SET_MODE
-from tests.kit.missions import content_of
+from tests.kit.missions import mission_with, replaced
 from tests.kit.orders import overhear
 from tests.kit.wire import command_long, packed
 from vfguide.companion.succession import DEAF_S
@@ -55,10 +55,7 @@ ORDERS = (
 
 def mission(name: str) -> Mission:
     """A mission of the article, everyone in place."""
-    content = content_of(name)
-    content["deputies"] = list(DEPUTIES)
-    content["rehearsal"]["start"] = {}
-    return Mission.model_validate(content)
+    return replaced(mission_with(name, rehearsal={"start": {}}), deputies=list(DEPUTIES))
 
 
 class Flight(RuleBasedStateMachine):
