@@ -5,10 +5,8 @@ import os
 import socket
 import subprocess
 import sys
-import tty
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
-from pathlib import Path
 from random import Random
 
 import pytest
@@ -16,6 +14,8 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 import vfguide.mavlink.mavsdk
 from tests.kit.sockets import PATIENCE_S, until
+from tests.kit.terminal import Plug
+from tests.kit.wire import framed
 from vfguide.errors import InputError
 from vfguide.mavlink.adapter import AutopilotSetpoint, Vehicle
 from vfguide.mavlink.address import parse_address
@@ -62,34 +62,24 @@ async def test_answers_to_what_mavsdk_has_passed_on_are_answers_to_the_companion
             await until(lambda: answered(176))
 
 
-class SerialPort:
-    """A serial port that can be unplugged, and an autopilot at its other end."""
+@asynccontextmanager
+async def beating(plug: Plug) -> AsyncIterator[None]:
+    """A serial port with an autopilot, as long as the context lasts: a heartbeat ten times a second."""
 
-    def __init__(self, path: Path) -> None:
-        self.path = path
-        self._sender = mavlink.MAVLink(None, srcSystem=3, srcComponent=1)
-
-    @asynccontextmanager
-    async def plugged_in(self) -> AsyncIterator[None]:
-        """There, for as long as the context lasts, with a heartbeat ten times a second."""
-        ours, theirs = os.openpty()
-        tty.setraw(theirs)
-        self.path.symlink_to(os.ttyname(theirs))
-        beating = asyncio.create_task(self._beat(ours))
-        try:
-            yield
-        finally:
-            beating.cancel()
-            await asyncio.wait([beating])
-            self.path.unlink()
-            os.close(theirs)
-            os.close(ours)
-
-    async def _beat(self, ours: int) -> None:
+    async def beat() -> None:
+        heartbeat = mavlink.MAVLink_heartbeat_message(1, 12, 129, 0, 4, 3)
         while True:
-            beat = mavlink.MAVLink_heartbeat_message(1, 12, 129, 0, 4, 3)
-            os.write(ours, beat.pack(self._sender))
+            os.write(plug.near, framed(heartbeat, system_id=3))
             await asyncio.sleep(0.1)
+
+    plug.put_in()
+    task = asyncio.create_task(beat())
+    try:
+        yield
+    finally:
+        task.cancel()
+        await asyncio.wait([task])
+        plug.pull_out()
 
 
 async def test_a_serial_port_that_comes_late_and_is_unplugged_is_opened_again(
@@ -97,28 +87,25 @@ async def test_a_serial_port_that_comes_late_and_is_unplugged_is_opened_again(
 ):
     monkeypatch.setattr(vfguide.mavlink.mavsdk, "DEAF_S", 1.0)
     heard: list[bytes] = []
-    port = SerialPort(tmp_path / "tty")
-    address = parse_address(f"serial://{port.path}:57600")
+    plug = Plug(tmp_path / "tty")
+    address = parse_address(plug.address)
     async with open_connection(address, heard.append, random=Random(1), by_mavsdk=True) as made:
         assert not made.connected
         await until(lambda: made.counters["tries"] >= 3)
         for _ in range(2):
             heard.clear()
-            async with port.plugged_in():
+            async with beating(plug):
                 await until(lambda: made.connected and heard)
             await until(lambda: not made.connected)
 
 
-def test_a_port_that_another_program_has_is_told_before_anything_flies(port):
-    async def test():
+async def test_a_port_that_another_program_has_is_told_before_anything_flies(port):
+    with socket.socket(type=socket.SOCK_DGRAM) as other:
+        other.bind(("127.0.0.1", port))
         address = parse_address(f"udpin://127.0.0.1:{port}")
         with pytest.raises(InputError, match="BIND_ERROR"):
             async with open_connection(address, print, random=Random(1), by_mavsdk=True):
                 pytest.fail("it was opened")
-
-    with socket.socket(type=socket.SOCK_DGRAM) as other:
-        other.bind(("127.0.0.1", port))
-        asyncio.run(test())
 
 
 STOPPED_WHILE_SEARCHING = """
