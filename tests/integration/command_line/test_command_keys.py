@@ -41,12 +41,11 @@ def keyed(command: Make, mission: Path) -> Path:
     return mission
 
 
-def refusal(command: Make, mission: Path, *options: object) -> str:
-    """The one line by which the companion of the follower refuses to start."""
+def refusal(command: Make, mission: Path, *options: object) -> list[str]:
+    """What the companion of the follower says that refuses to start."""
     outcome = command("companion", "wing", "--mission", mission, *options)
     assert outcome.status == 2
-    (line,) = outcome.lines
-    return line
+    return outcome.lines
 
 
 def test_keys_are_made_for_everybody_and_nobody_else_may_read_them(command, mission):
@@ -107,7 +106,8 @@ def test_who_has_which_key_is_shown_and_what_is_wrong_with_it(command, keyed):
 
 
 def test_a_companion_without_a_key_says_how_to_make_one(command, mission):
-    assert refusal(command, mission, *COMPANION) == (
+    (line,) = refusal(command, mission, *COMPANION)
+    assert line == (
         f"{mission.with_suffix('.keys')}/wing.key: there is no private key of 'wing'; make keys with"
         " `vfguide keys make MISSION`, or type --insecure to believe anybody"
     )
@@ -116,7 +116,7 @@ def test_a_companion_without_a_key_says_how_to_make_one(command, mission):
 def test_a_private_key_that_others_may_read_is_refused(command, keyed):
     path = key_places(keyed).private("wing")
     path.chmod(0o640)
-    line = refusal(command, keyed, *COMPANION)
+    (line,) = refusal(command, keyed, *COMPANION)
     assert line == f"{path}: others may read this private key; run: chmod 600 {path}"
 
 
@@ -144,15 +144,15 @@ def test_a_radio_key_that_cannot_be_used_is_one_line(command, keyed, content, mo
     path = key_places(keyed).radio
     path.write_text(content)
     path.chmod(mode)
-    assert fault in refusal(command, keyed, COMPANION[0], f"{RADIO}?key={path}")
+    assert fault in refusal(command, keyed, COMPANION[0], f"{RADIO}?key={path}")[-1]
 
 
 def test_a_radio_without_its_key_says_how_to_make_one(command, keyed):
-    line = refusal(command, keyed, COMPANION[0], RADIO)
+    line = refusal(command, keyed, COMPANION[0], RADIO)[-1]
     assert "a radio needs the formation's radio key" in line
     assert "vfguide keys make" in line
     insecure = (f"{RADIO}?key={key_places(keyed).radio}", "--insecure")
-    assert "leave key= out" in refusal(command, keyed, COMPANION[0], *insecure)
+    assert "leave key= out" in refusal(command, keyed, COMPANION[0], *insecure)[-1]
 
 
 def test_what_systemd_hands_over_counts_as_kept(keyed):
@@ -168,13 +168,13 @@ def test_a_roster_that_does_not_name_the_own_key_is_one_line(command, keyed):
     own = key_places(keyed).private("wing").read_bytes()
     assert command("keys", "rotate", keyed, "wing").status == 0
     key_places(keyed).private("wing").write_bytes(own)
-    line = refusal(command, keyed, *COMPANION)
+    (line,) = refusal(command, keyed, *COMPANION)
     assert line.startswith("the private key of 'wing' is not the one that the roster names")
 
 
 @pytest.mark.parametrize("option", ["--key", "--roster"])
 def test_insecure_goes_with_no_key(command, keyed, option):
-    line = refusal(command, keyed, *COMPANION, "--insecure", option, keyed)
+    (line,) = refusal(command, keyed, *COMPANION, "--insecure", option, keyed)
     assert line == "--insecure: nothing is signed; leave it out, or --key and --roster"
 
 
@@ -199,7 +199,7 @@ def test_insecure_goes_with_no_key(command, keyed, option):
 def test_a_roster_that_is_none_is_one_line(command, keyed, content, fault):
     roster = key_places(keyed).roster
     roster.write_bytes(content)
-    line = refusal(command, keyed, *COMPANION)
+    (line,) = refusal(command, keyed, *COMPANION)
     assert line.startswith(f"{roster}: ")
     assert fault in line
 
@@ -213,7 +213,7 @@ def test_a_key_of_another_kind_is_refused(command, keyed):
         b"",
     ):
         path.write_bytes(content)
-        line = refusal(command, keyed, *COMPANION)
+        (line,) = refusal(command, keyed, *COMPANION)
         assert line == f"{path}: is no private Ed25519 key in PEM form; see `vfguide keys make`"
 
 
