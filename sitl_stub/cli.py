@@ -18,13 +18,11 @@ import yaml
 
 from sitl_stub.bad_link import Emulated
 from sitl_stub.links import Address, AddressError
-from sitl_stub.options import OptionError, checked, checked_epoch
+from sitl_stub.options import OptionError, checked_epoch
 from sitl_stub.server import LinkError, Service, precise_event_loop, serve_all
 from sitl_stub.settings import Settings, field_names, option_name, option_of
 
 WRONG_INPUT, BROKEN = 2, 3
-
-MAX_SPEEDUP = 1000.0
 
 MOST_BYTES = 262_144
 """A file of settings is smaller than this."""
@@ -104,6 +102,8 @@ def parameter_of(field: str) -> inspect.Parameter:
         kind, default = str, option.shown
     elif default in ((), {}):
         kind, default = list[str] | None, None
+    elif isinstance(default, tuple):
+        kind, default = str, ",".join(str(one).removesuffix(".0") for one in default)
     elif kind not in {bool, int, float} and get_origin(kind) is not Literal:
         kind = str
     declared = typer.Option(
@@ -206,10 +206,10 @@ def service_of(settings: Settings) -> Service:
     Raises:
         ValueError: a setting is wrong; the message is one line.
     """
-    speedup = checked("--speedup", settings.speedup, 0.0, MAX_SPEEDUP)
+    epoch_s, speedup = settings.epoch_s, settings.speedup
     return Service(
         speedup=speedup,
-        epoch_s=None if settings.epoch_s is None else checked_epoch(settings.epoch_s, speedup),
+        epoch_s=None if epoch_s is None else checked_epoch(epoch_s, speedup),
         truth_url=settings.truth,
         truth_rate_hz=settings.truth_rate_hz,
         duration_s=settings.duration_s,

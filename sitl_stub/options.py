@@ -164,7 +164,9 @@ class Option:
     name: str | None = None
     """Without dashes; None: the field's name without its unit."""
     shown: str | None = None
-    """Its default in the help, where that is no number or word."""
+    """Its default in the help, where that is neither numbers nor a word."""
+    within: tuple[float, float] | None = None
+    """Its value is above the first and at most the second; None: whatever the aircraft takes."""
 
 
 def numbers(option: str, names: str) -> BeforeValidator:

@@ -70,13 +70,13 @@ class Settings(BaseModel):
     system_id: Annotated[int, Option("N")]
     """MAVLink system id, 1 to 255. Required."""
 
-    component_id: Annotated[int, Option("N")] = 1
+    component_id: Annotated[int, Option("N", within=(0, 256))] = 1
     """MAVLink component of its autopilot, 1 to 255."""
 
-    vehicle_type: Annotated[int, Option("N")] = 1
+    vehicle_type: Annotated[int, Option("N", within=(-1, 256))] = 1
     """MAV_TYPE in its heartbeat: 1 a fixed wing, 2 a quadrotor."""
 
-    uid: Annotated[int, Option("N")] = 0
+    uid: Annotated[int, Option("N", within=(-1, 2**64))] = 0
     """Hardware number in AUTOPILOT_VERSION, which counts up with --count; 0: none."""
 
     mavlink: Annotated[str | None, Option("URL")] = None
@@ -135,7 +135,7 @@ class Settings(BaseModel):
     """Until a new speed reaches its loop; default 0, with tecs 0.5."""
 
     airspeed_range_m_s: Annotated[
-        LowHigh, numbers("--airspeed-range", "LO,HI"), Option("LO,HI", shown="12,32")
+        LowHigh, numbers("--airspeed-range", "LO,HI"), Option("LO,HI")
     ] = (12.0, 32.0)
     """What it can fly, m/s."""
 
@@ -145,9 +145,10 @@ class Settings(BaseModel):
     max_acceleration_m_s2: Annotated[float, Option("A")] = 3.0
     """Limit of the rate of change of speed, m/s2."""
 
-    climb_range_m_s: Annotated[
-        LowHigh, numbers("--climb-range", "LO,HI"), Option("LO,HI", shown="-3,3")
-    ] = (-3.0, 3.0)
+    climb_range_m_s: Annotated[LowHigh, numbers("--climb-range", "LO,HI"), Option("LO,HI")] = (
+        -3.0,
+        3.0,
+    )
     """Fastest sink, negative, and climb, m/s."""
 
     height_delay_s: Annotated[float, Option("S")] = 2.0
@@ -159,7 +160,7 @@ class Settings(BaseModel):
     turbulence: Annotated[Turbulence, Option()] = "none"
     """Dryden's, by MIL-F-8785C; shared by all of one seed."""
 
-    air_height_m: Annotated[float, Option("M")] = 100.0
+    air_height_m: Annotated[float, Option("M", within=(0.0, 1e4))] = 100.0
     """Above the ground, for which wind and turbulence are meant."""
 
     gusts: Annotated[tuple[DiscreteGust, ...], each(parse_gust), Option("AT,FOR,N,E", "gust")] = ()
@@ -171,7 +172,7 @@ class Settings(BaseModel):
     start: Annotated[
         Place,
         numbers("--start", "LAT,LON,ALT,COURSE"),
-        Option("LAT,LON,ALT,COURSE", shown="47.397742,8.545594,588,0"),
+        Option("LAT,LON,ALT,COURSE"),
     ] = (47.397742, 8.545594, 588.0, 0.0)
     """Degrees, metres above mean sea level, degrees."""
 
@@ -231,10 +232,10 @@ class Settings(BaseModel):
     streams: Annotated[tuple[tuple[int, int], ...], each(stream), Option("NAME:HZ", "stream")] = ()
     """Send this unasked instead of the autopilot's own. Repeatable."""
 
-    icao_address: Annotated[int, Option("N")] = 0
+    icao_address: Annotated[int, Option("N", within=(-1, 2**24))] = 0
     """Address of its transponder, for ADSB_VEHICLE."""
 
-    boot_time_s: Annotated[float, Option("S")] = 0.0
+    boot_time_s: Annotated[float, Option("S", within=(-1.0, 1e9))] = 0.0
     """What its clock shows at the start."""
 
     also_to: Annotated[tuple[str, ...], BeforeValidator(listed), Option("URL")] = ()
@@ -252,10 +253,10 @@ class Settings(BaseModel):
     signing_key: Annotated[str | None, Option("KEY")] = None
     """Sign and hear only what is signed: 64 hex digits, or a passphrase."""
 
-    speedup: Annotated[float, Option("X")] = 1.0
+    speedup: Annotated[float, Option("X", within=(0.0, 1000.0))] = 1.0
     """Seconds of simulation in one real second."""
 
-    seed: Annotated[int, Option("N")] = 0
+    seed: Annotated[int, Option("N", within=(-1, 2**63))] = 0
     """Seed of everything random."""
 
     truth: Annotated[str | None, Option("TO")] = None
@@ -279,6 +280,14 @@ class Settings(BaseModel):
         inside = ("turbulence", "gusts", "roughness_m")
         taken = {name: values["wind"][name] for name in inside if name in values["wind"]}
         return {**taken, **values}
+
+    @model_validator(mode="after")
+    def _check_ranges(self) -> Self:
+        """See that numbers are within the ranges that their options declare."""
+        for field in type(self).model_fields:
+            if (within := option_of(field).within) is not None:
+                checked(f"--{option_name(field)}", getattr(self, field), *within)
+        return self
 
     @classmethod
     def of(cls, values: Mapping[str, object]) -> Self:
@@ -344,40 +353,24 @@ class Settings(BaseModel):
         """
         latitude_deg, longitude_deg, altitude_m, course_deg = self.place(index)
         below_m = DEFAULT_HEIGHT_M if self.airborne else 0.0
-        return AutopilotConfig(
-            system_id=self.system_id + index,
-            component_id=int(checked("--component-id", self.component_id, 0, 256)),
-            vehicle_type=int(checked("--vehicle-type", self.vehicle_type, -1, 256)),
-            uid=self.uid and int(checked("--uid", self.uid, -1, 2**64)) + index,
-            autopilot=self.autopilot,
-            autopilot_version=self._version(),
-            plant=self.plant_parameters(),
-            latitude_deg=latitude_deg,
-            longitude_deg=longitude_deg,
-            altitude_amsl_m=altitude_m,
-            home_altitude_amsl_m=given(self.home_altitude_m, altitude_m - below_m),
-            course_rad=math.radians(course_deg),
-            climb_m_s=self.climb_m_s,
-            airspeed_m_s=self.airspeed_m_s,
-            airborne=self.airborne,
-            armed=self.airborne,
-            ready_after_s=self.ready_after_s,
-            position_noise_m=self.position_noise_m,
-            velocity_noise_m_s=self.velocity_noise_m_s,
-            heading_noise_rad=math.radians(self.heading_noise_deg),
-            airspeed_noise_m_s=self.airspeed_noise_m_s,
-            sensors=self.sensors,
-            faults=self.gps_glitches,
-            indicated_airspeed=self.indicated_airspeed,
-            airspeed_calibration=self.airspeed_calibration,
-            loop_rate_hz=self.loop_rate_hz,
-            old_parameter_names=self.old_parameter_names,
-            route=self.route,
-            streams=self.streams or None,
-            icao_address=int(checked("--icao-address", self.icao_address, -1, 2**24)) + index,
-            boot_time_s=checked("--boot-time", self.boot_time_s, -1.0, 1e9),
-            seed=int(checked("--seed", self.seed, -1, 2**63)),
-        )
+        alike = set(AutopilotConfig.__struct_fields__) & set(type(self).model_fields)
+        values = {name: getattr(self, name) for name in alike} | {
+            "system_id": self.system_id + index,
+            "uid": self.uid and self.uid + index,
+            "icao_address": self.icao_address + index,
+            "autopilot_version": self._version(),
+            "plant": self.plant_parameters(),
+            "latitude_deg": latitude_deg,
+            "longitude_deg": longitude_deg,
+            "altitude_amsl_m": altitude_m,
+            "home_altitude_amsl_m": given(self.home_altitude_m, altitude_m - below_m),
+            "course_rad": math.radians(course_deg),
+            "heading_noise_rad": math.radians(self.heading_noise_deg),
+            "faults": self.gps_glitches,
+            "armed": self.airborne,
+            "streams": self.streams or None,
+        }
+        return AutopilotConfig(**values)
 
     def air(self) -> Air:
         """The air that all of them share.
@@ -385,13 +378,13 @@ class Settings(BaseModel):
         Raises:
             ValueError: it cannot be so; the message is one line.
         """
-        height_m = checked("--air-height", self.air_height_m, 0.0, 1e4)
         if self.roughness_m is not None:
-            checked("--roughness", self.roughness_m, 0.0, min(LEAST_HEIGHT_M, height_m) / 2.0)
+            highest_m = min(LEAST_HEIGHT_M, self.air_height_m) / 2.0
+            checked("--roughness", self.roughness_m, 0.0, highest_m)
         return air_of(
             self.wind,
             level=self.turbulence,
-            height_m=height_m,
+            height_m=self.air_height_m,
             seed=self.seed,
             gusts=self.gusts,
             roughness_m=self.roughness_m,
