@@ -71,10 +71,7 @@ def judged(motions: Iterable[ReportedMotion]) -> Judgements:
 
 
 def believed(
-    judgements: Judgements,
-    from_s: float,
-    to_s: float,
-    of: Callable[[Believed], str] = kind_of,
+    judgements: Judgements, from_s: float, to_s: float, of: Callable[[Believed], str] = kind_of
 ) -> set[str]:
     return {of(one) for time_s, one in judgements if from_s - 0.01 < time_s < to_s - 0.01}
 

@@ -187,8 +187,7 @@ FLYING = {"status": 4, "armed": True}
 
 
 @pytest.mark.parametrize(
-    "change",
-    [{"status": 3}, {"status": 5}, {"armed": False}, {"speed": 5.0}, {"altitude": 500.0}],
+    "change", [{"status": 3}, {"status": 5}, {"armed": False}, {"speed": 5.0}, {"altitude": 500.0}]
 )
 def test_it_does_not_engage_on_the_ground_too_low_or_in_a_fail_safe(change):
     assert asked(FLYING | change) == []

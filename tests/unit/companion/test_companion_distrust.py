@@ -118,10 +118,7 @@ def test_a_step_is_doubted_at_once(step, side):
         # A climb at 10 m/s is believed for as long as it lasts.
         ([588.0 + number for number in range(300)], 0.1, [True] * 300),
         # Doubted at 2 s and 3 s; back at 4 s, agreed with itself at 6 s.
-        (
-            [588.0] * 2 + [688.0] * 2 + [588.0] * 4,
-            *(1.0, [True] * 2 + [False] * 4 + [True] * 2),
-        ),
+        ([588.0] * 2 + [688.0] * 2 + [588.0] * 4, *(1.0, [True] * 2 + [False] * 4 + [True] * 2)),
         # 10 m and 0.5 m/s reach 100 m at 180 s after the last believed report, at 1 s.
         ([588.0] * 2 + [688.0] * 180, 1.0, [True] * 2 + [False] * 179 + [True]),
     ],

@@ -36,10 +36,7 @@ AIRSPEEDS = st.builds(
     *(st.just(0.0), st.just(0), st.just(0), st.just(0.0), st.just(0.0)),
 )
 
-NEARBY = (
-    st.integers(473_970_000, 473_980_000),
-    st.integers(85_450_000, 85_460_000),
-)
+NEARBY = (st.integers(473_970_000, 473_980_000), st.integers(85_450_000, 85_460_000))
 ANYWHERE = (st.integers(-(2**31), 2**31 - 1), st.integers(-(2**31), 2**31 - 1))
 
 POSITIONS = st.one_of(

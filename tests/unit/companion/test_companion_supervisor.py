@@ -5,14 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.kit.missions import ROOT
-from vfguide.companion.supervisor import (
-    MODES,
-    Control,
-    Mode,
-    ModeTimeouts,
-    Situation,
-    next_mode,
-)
+from vfguide.companion.supervisor import MODES, Control, Mode, ModeTimeouts, Situation, next_mode
 
 WAITING, JOINING, TRACKING = Mode.WAITING, Mode.JOINING, Mode.TRACKING
 PREDICTING, BREAKAWAY = Mode.PREDICTING, Mode.BREAKAWAY
