@@ -159,7 +159,8 @@ def turns(value: float) -> TurnEfficiency:
     return TurnEfficiency(value=value, variance=0.02**2)
 
 
-def test_until_it_is_known_it_is_flown_as_one_that_slips(finding):
+def test_until_it_is_known_it_is_flown_as_one_that_slips_and_a_declared_alpha_stays(finding):
+    assert turning(finding, 0.8, slips=True) == replace(finding, turn_efficiency=0.8)
     assert finding.slips
     assert finding.airframe.speed_hold == "total-energy"
     learner = ResponseLearner()
@@ -190,10 +191,6 @@ def test_alpha_is_what_the_bank_gives_times_what_is_turned_of_it(finding):
     words, later = learner.step(found, turns(0.83), 2.0, bank_heard=True)
     assert words == []
     assert later.airframe.alpha == pytest.approx(0.83)
-
-
-def test_an_alpha_that_is_declared_stays(finding):
-    assert turning(finding, 0.8, slips=True) == replace(finding, turn_efficiency=0.8)
 
 
 @pytest.mark.parametrize(
@@ -318,6 +315,9 @@ def mission_of(*settings: str, controller: str | None = None) -> Mission:
 
 
 def test_what_is_flown_in_the_place_of_a_gain_is_said_with_both_numbers():
+    # The gain of the path is one, too.
+    plan = flight_plan(mission_of("path.gain=0.5"), "leader")
+    assert [one.name for one in lowered_gains(plan)] == ["path.gain"]
     plan = flight_plan(mission_of("controller.integral_s=0"), "f1")
     (k_y,) = lowered_gains(plan)
     # Half of what the course loop bears, over (2/pi) chi_inf V.
@@ -326,11 +326,6 @@ def test_what_is_flown_in_the_place_of_a_gain_is_said_with_both_numbers():
     assert k_y.sentence() == (
         f"k_y 0.2 is more than this aircraft bears ({k_y.flown:.2g}): {k_y.flown:.2g} is flown"
     )
-
-
-def test_the_gain_of_the_path_is_one_too():
-    plan = flight_plan(mission_of("path.gain=0.5"), "leader")
-    assert [one.name for one in lowered_gains(plan)] == ["path.gain"]
 
 
 def test_defaults_are_nobody_s_choice_and_an_unknown_response_is_waited_for():
@@ -342,13 +337,10 @@ def test_defaults_are_nobody_s_choice_and_an_unknown_response_is_waited_for():
     assert lowered_gains(unknown) == []
 
 
-def test_check_says_which_vehicles_do_not_bear_it():
+def test_check_says_which_vehicles_do_not_bear_it_and_the_pilot_hears_it_once():
     (found,) = lowered_in(mission_of("controller.integral_s=0"))
     assert (found.severity, found.field) == ("note", "controller.k_y")
     assert found.message.startswith("k_y 0.2 is more than f1, f2, f3 bear (")
-
-
-def test_the_pilot_hears_it_once():
     flight = fly(mission_of("rehearsal.duration_s=12"))
     texts = [event.text for event in flight.events["f1"]]
     assert len([text for text in texts if text.startswith("k_y 0.2 is more than")]) == 1

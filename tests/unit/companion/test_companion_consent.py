@@ -61,14 +61,11 @@ def test_a_damaged_file_is_no_consent(tmp_path, content):
     assert json.loads(file.read_text()) == {"version": 1, "spent": "", "steered": False}
 
 
-def test_a_pipe_in_place_of_the_file_is_no_consent(tmp_path):
+def test_a_pipe_or_a_directory_that_cannot_be_written_to_is_no_consent(tmp_path):
     os.mkfifo(tmp_path / "f1.consent.json")
     store = FileStore(tmp_path, "f1")
     assert store.load().is_spent
     assert store.fault is not None
-
-
-def test_a_directory_that_cannot_be_written_to_is_no_consent(tmp_path):
     (tmp_path / "state").write_text("a file where the directory should be")
     store = FileStore(tmp_path / "state", "f1")
     consent = store.load()

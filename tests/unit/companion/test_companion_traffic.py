@@ -154,19 +154,19 @@ def test_the_leader_looks_at_those_alone_that_are_not_steered(traffic):
     assert traffic.possibilities(beside(10.5), None) is not None
 
 
-def test_a_vehicle_far_above_is_not_in_the_way(traffic):
-    traffic.receive("f2", leader_bytes(10.0, steered=False), 10.0)
-    assert not is_in_the_way(traffic, beside(10.0, altitude_amsl=550.0))
-    assert is_in_the_way(traffic, beside(10.0, altitude_amsl=570.0))
-
-
-@pytest.mark.parametrize(("climb_rate", "in_the_way"), [(0.0, False), (2.0, True), (-2.0, False)])
-def test_a_steered_vehicle_18_m_below_is_in_the_way_of_one_that_comes_down_to_it(
-    traffic, climb_rate, in_the_way
+@pytest.mark.parametrize(
+    ("steered", "altitude_amsl", "climb_rate", "in_the_way"),
+    [
+        *((False, 550.0, 0.0, False), (False, 570.0, 0.0, True)),
+        # 15 m let a steered one pass; what closes by 2 m/s is 12 m away in three seconds.
+        *((True, 606.0, 0.0, False), (True, 606.0, -2.0, True), (True, 606.0, 2.0, False)),
+    ],
+)
+def test_a_vehicle_far_above_or_below_is_in_the_way_of_one_that_comes_to_its_height(
+    traffic, steered, altitude_amsl, climb_rate, in_the_way
 ):
-    """15 m let it pass; what closes by 2 m/s is 12 m away in three seconds."""
-    traffic.receive("f2", leader_bytes(10.0), 10.0)
-    here = replace(beside(10.0, 10.0, 606.0), climb_rate=-climb_rate, wanted=20.0 - 2.0j)
+    traffic.receive("f2", leader_bytes(10.0, steered=steered), 10.0)
+    here = replace(beside(10.0, 10.0, altitude_amsl), climb_rate=climb_rate, wanted=20.0 - 2.0j)
     assert is_in_the_way(traffic, here) is in_the_way
 
 
