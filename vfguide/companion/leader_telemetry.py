@@ -13,8 +13,6 @@ from vfguide.companion.alerts import Alerts
 from vfguide.companion.belief import Belief, Believed
 from vfguide.companion.height_belief import HeightBelief, HeightWitnesses
 from vfguide.companion.plan import ForeignLeader
-from vfguide.companion.stamp_sense import StampSense
-from vfguide.companion.timing import LeaderClock, Moment
 from vfguide.frames import LocalFrame
 from vfguide.guidance.airframe import bank_limited_turn_rate
 from vfguide.guidance.leader_motion import (
@@ -24,9 +22,10 @@ from vfguide.guidance.leader_motion import (
     observed_at_first,
     observed_motion,
 )
+from vfguide.guidance.other_clock import NANOSECOND, RADIO, OtherClock, Questions, Reading
 from vfguide.guidance.reported_motion import ReportedMotion, reach_of
 from vfguide.mavlink.announcements import WARNING, heartbeat, time_question
-from vfguide.mavlink.codec import COMPANION_COMPONENT, Codec, Pair
+from vfguide.mavlink.codec import COMPANION_COMPONENT, Codec
 from vfguide.mavlink.leader_messages import KINDS, Kind, LeaderCodec, LeaderReport
 from vfguide.mavlink.reports import TimeReport
 from vfguide.state import HeardState
@@ -95,11 +94,11 @@ class LeaderTelemetry:
         self._codec = LeaderCodec(system_id=leader.system_id, icao_address=leader.icao_address)
         self._voice = Codec(system_id, COMPANION_COMPONENT)
         self._said_s = -math.inf
-        self._asked: dict[int, float] = {}
-        self._clocks: dict[Kind, LeaderClock] = {}
-        self._senses: dict[Kind, StampSense] = {}
+        self._questions = Questions(every_s=0.0, most_open=OPEN)
+        self._clocks: dict[Kind, OtherClock] = {}
         self._heard_s: dict[Kind, tuple[float, float]] = {}
         self._kind: Kind | None = None
+        self._reading: Reading | None = None
         airframe = leader.airframe
         self._limits = RateLimits(
             turn_rate=bank_limited_turn_rate(airframe.max_bank, airframe.airspeed_min),
@@ -123,10 +122,7 @@ class LeaderTelemetry:
     @property
     def counters(self) -> Counter[str]:
         """Messages that were not used, by reason."""
-        total = self._codec.counters + self._counters
-        for clock in self._clocks.values():
-            total += clock.counters
-        return total
+        return self._codec.counters + self._counters
 
     def _say(self, text: str) -> None:
         """Tell a pilot something of it; a sentence's end."""
@@ -159,66 +155,72 @@ class LeaderTelemetry:
         if now - self._said_s < SAY_S:
             return b""
         self._said_s = now
-        if self._leader.system_id is None:
-            return self._voice.encode([heartbeat()])
-        stamp = round(now * 1e9)
-        self._asked[stamp] = now
-        while len(self._asked) > OPEN:
-            del self._asked[next(iter(self._asked))]
-        return self._voice.encode([heartbeat(), time_question(stamp)])
+        messages = [heartbeat()]
+        if self._leader.system_id is not None and (stamp := self._questions.ask(now)) is not None:
+            messages.append(time_question(stamp))
+        return self._voice.encode(messages)
 
     def _answer(self, report: TimeReport, now: float) -> None:
         """It says what its clock shows."""
-        asked_s = self._asked.pop(report.stamp, None)
+        asked_s = self._questions.answered(report.stamp)
         if asked_s is not None:
             for kind, clock in self._clocks.items():
                 if kind in STAMPED_BY_AUTOPILOT:
-                    clock.answer(asked_s, report.autopilot_ns * 1e-9, now)
+                    clock.answer(asked_s, report.autopilot_ns * NANOSECOND, now)
 
     def _take(self, report: LeaderReport, now: float) -> bool:
-        moment = self._moment(report, now)
-        if moment is None:
+        reading = self._read(report, now)
+        if reading is None:
             return False
         self._heard_s[report.kind] = self._heard_s.get(report.kind, NEVER)[1], now
         if self._has_better(report.kind, now):
             self._counters["a better message comes"] += 1
             return False
-        if moment.restarted or report.kind != self._kind:
-            self._begin(report.kind, restarted=moment.restarted)
-        self._tell_of_lateness(now - moment.time_s)
-        return self._judge(report, moment)
+        slip_s = reading.slip_s(self._reading) if report.kind == self._kind else 0.0
+        restarted = reading.leap_s != 0.0 or slip_s > RADIO.late_s
+        if restarted or report.kind != self._kind:
+            self._begin(report.kind, restarted=restarted)
+        self._reading = reading
+        self._tell_of_lateness(now - reading.time_s)
+        return self._judge(report, reading, slip_s)
 
-    def _moment(self, report: LeaderReport, now: float) -> Moment | None:
-        """When a report was true; None where that cannot be known, or it was heard before."""
+    def _read(self, report: LeaderReport, now: float) -> Reading | None:
+        """When a report was true; None where that cannot be known, or it says nothing new."""
         place = report.latitude_deg, report.longitude_deg
-        if report.stamp_s is None or self._are_worthless(report.kind, report.stamp_s, place, now):
+        clock = self._clocks.get(report.kind)
+        if clock is None:
+            clock = OtherClock(RADIO, least_way_s=self._leader.least_delay_s)
+            self._clocks[report.kind] = clock
+        if report.stamp_s is None:
+            time_s = now - report.age_s - clock.least_way_s
+            reading: Reading | None = Reading(time_s=time_s, stamp_s=time_s, read_s=now)
+        else:
+            fault = clock.fault
+            reading = clock.read(report.stamp_s, now, place)
+            self._tell_of_stamps(fault, clock.fault)
+        if reading is None:
+            self._counters["time stamp not believed"] += 1
+            return None
+        if report.stamp_s is None or clock.fault is not None:
             if place == self._unstamped:
                 # A receiver that repeats a position says nothing new about where the aircraft is now.
                 self._counters["repeated"] += 1
                 return None
             self._unstamped = place
-            time_s = now - report.age_s - (self._leader.least_delay_s or 0.0)
-            return Moment(time_s=time_s, even_s=time_s, late_s=0.0, restarted=False)
-        clock = self._clocks.get(report.kind)
-        if clock is None:
-            clock = LeaderClock(least_delay_s=self._leader.least_delay_s)
-            self._clocks[report.kind] = clock
-        return clock.read(report.stamp_s, now)
+        if not reading.is_newer:
+            self._counters["not newer"] += 1
+            return None
+        return reading
 
-    def _are_worthless(self, kind: Kind, stamp_s: float, place: Pair, now: float) -> bool:
-        """Whether the stamps of a kind of message tell no time; the pilot hears of both changes."""
-        sense = self._senses.setdefault(kind, StampSense())
-        before = sense.fault
-        sense.note(stamp_s, place, now)
-        if sense.fault is not None and before is None:
-            self._clocks.pop(kind, None)
+    def _tell_of_stamps(self, before: str | None, fault: str | None) -> None:
+        """Tell the pilot of stamps that tell no time, and that they do again."""
+        if fault is not None and before is None:
             self._say(
-                f"sends time stamps that {sense.fault}: followed by when its messages arrive, later by what"
+                f"sends time stamps that {fault}: followed by when its messages arrive, later by what"
                 " they are under way; set its clock, or leader.least_delay_s"
             )
-        elif sense.fault is None and before is not None:
+        elif fault is None and before is not None:
             self._say("sends time stamps that tell time again: followed by them, nothing to do")
-        return sense.fault is not None
 
     def _has_better(self, kind: Kind, now: float) -> bool:
         """Whether another kind of message is to be followed: the best that comes again and again."""
@@ -254,21 +256,21 @@ class LeaderTelemetry:
             self._say("flies: followed, nothing to do")
         self._stands = stands
 
-    def _judge(self, report: LeaderReport, moment: Moment) -> bool:
-        """Whether a report can be true, after those before."""
+    def _judge(self, report: LeaderReport, reading: Reading, slip_s: float) -> bool:
+        """Whether a report can be true, after those before and what its clock has lost since, s."""
         north, east = self._frame.to_local(report.latitude_deg, report.longitude_deg)
-        velocity = report.velocity or self._velocity_between(north, east, moment)
+        velocity = report.velocity or self._velocity_between(north, east, reading)
         if velocity is None:
             return False
-        motion = ReportedMotion(moment.even_s, north, east, *velocity)
+        motion = ReportedMotion(reading.stamp_s, north, east, *velocity)
         if self._place is not None and motion.time_s - self._place.time_s < LEAST_INTERVAL_S:
             self._counters["not newer"] += 1
             return False
-        believed = self._belief.take(motion)
-        altitude = self._judge_altitude(report.altitude_amsl, moment.even_s)
+        believed = self._belief.take(motion, slack_s=max(slip_s, 0.0))
+        altitude = self._judge_altitude(report.altitude_amsl, reading.stamp_s)
         self._place = motion
         if not believed.is_reported:
-            self._doubt(believed, motion, moment, altitude)
+            self._doubt(believed, motion, reading, altitude)
             return False
         if self._doubted:
             self._say("reports what can be again: believed, nothing to do")
@@ -280,7 +282,7 @@ class LeaderTelemetry:
         self._tell_of_standing(stands=False)
         self._motion = self._observed(report, motion)
         self.newest = heard_state(
-            self._motion, moment, altitude, altitude - self._frame.altitude_m, report.climb_rate
+            self._motion, reading, altitude, altitude - self._frame.altitude_m, report.climb_rate
         )
         return True
 
@@ -297,23 +299,23 @@ class LeaderTelemetry:
         return altitude
 
     def _velocity_between(
-        self, north: float, east: float, moment: Moment
+        self, north: float, east: float, reading: Reading
     ) -> tuple[float, float] | None:
         """The velocity of a report that tells none: as observed a moment ago, else from the place before."""
         if self._motion is not None:
             state = self._motion.state
-            age_s = moment.even_s - state.time_s
+            age_s = reading.stamp_s - state.time_s
             if age_s <= FORGOTTEN_S:
                 course = state.course + state.turn_rate * age_s
                 return state.ground_speed * math.cos(course), state.ground_speed * math.sin(course)
             # Nobody knows which turns it has flown since.
             self._motion = None
         before = self._place
-        interval_s = math.inf if before is None else moment.even_s - before.time_s
+        interval_s = math.inf if before is None else reading.stamp_s - before.time_s
         if before is None or not LEAST_INTERVAL_S <= interval_s <= LONGEST_S:
             if interval_s > LONGEST_S:
                 self._belief = Belief(reach_of(self._leader.airframe), moved_s=self._moved_s)
-            self._place = ReportedMotion(moment.even_s, north, east, 0.0, 0.0)
+            self._place = ReportedMotion(reading.stamp_s, north, east, 0.0, 0.0)
             return None
         return (north - before.north) / interval_s, (east - before.east) / interval_s
 
@@ -332,13 +334,13 @@ class LeaderTelemetry:
         return observed_motion(before, seen, self._limits, self._leader.rate_filter_s)
 
     def _doubt(
-        self, believed: Believed, motion: ReportedMotion, moment: Moment, altitude: float
+        self, believed: Believed, motion: ReportedMotion, reading: Reading, altitude: float
     ) -> None:
         """It reports what cannot be: it may be there, or where its velocities lead."""
         self._counters["impossible"] += 1
         if believed.leads:
             there = HeardState(
-                time_s=moment.time_s,
+                time_s=reading.time_s,
                 north=motion.north,
                 east=motion.east,
                 course=math.atan2(motion.velocity_east, motion.velocity_north),
@@ -360,7 +362,7 @@ class LeaderTelemetry:
 
 
 def heard_state(
-    motion: ObservedMotion, moment: Moment, altitude: float, height: float, climb_rate: float
+    motion: ObservedMotion, reading: Reading, altitude: float, height: float, climb_rate: float
 ) -> HeardState:
     """A motion on one's own clock, at an altitude (m above mean sea level, NaN while not known).
 
@@ -370,7 +372,7 @@ def heard_state(
     """
     state = motion.state
     return HeardState(
-        time_s=moment.time_s,
+        time_s=reading.time_s,
         north=state.north,
         east=state.east,
         course=state.course,

@@ -8,8 +8,8 @@ from msgspec.structs import replace
 
 from vfguide.companion.air_motion import AirMotion, ReportedAirData
 from vfguide.companion.alerts import Alerts
-from vfguide.companion.autopilot_clock import AutopilotClock, Reading
 from vfguide.companion.belief import STAYED_S, Belief, Believed, Life
+from vfguide.companion.clock_watch import ClockWatch
 from vfguide.companion.delay_compensator import DelayCompensator, memory_of
 from vfguide.companion.distrust import FRESH_S, LEAST_FIX, Doubt, NavigationHealth, with_remedy
 from vfguide.companion.height_belief import HeightBelief
@@ -26,6 +26,7 @@ from vfguide.guidance.navigation import (
     velocity_error_at_first,
     with_right_velocity,
 )
+from vfguide.guidance.other_clock import CABLE, NANOSECOND, OtherClock, Questions, Reading
 from vfguide.guidance.reported_motion import ReportedMotion, reach_of
 from vfguide.guidance.wind_triangle import polar
 from vfguide.mavlink.announcements import WARNING
@@ -47,6 +48,10 @@ stamps say may come of a clock that stood still; one whose stamp is farther ahea
 
 SLIP_S = 0.1
 """After a slip of the autopilot's clock by more the filter starts anew: it cannot know how long was flown."""
+
+ASK_S, MOST_OPEN = 0.5, 40
+"""Interval of questions for the autopilot's time: a slip is found in less than a second. An answer is awaited
+to so many: telemetry that is 20 s late is known to be."""
 
 SENSORS_S = 10.0
 """After so long the word of the sensors and the battery counts as old."""
@@ -147,7 +152,10 @@ class OwnVehicle:
         # Only the leader's law has an observer; a follower has nothing to fly by without its speed.
         self._blind = plan.leads and plan.settings.speed_source == "observer"
         self._nominal_period = 1.0 / plan.rate_hz
-        self._clock = AutopilotClock(self._alerts)
+        # A cable's fastest report takes no time worth mentioning.
+        self._clock = OtherClock(CABLE, least_way_s=0.0)
+        self._clock_watch = ClockWatch(self._clock, self._alerts)
+        self._questions = Questions(every_s=ASK_S, most_open=MOST_OPEN)
         self.belief = Belief(reach_of(plan.airframe), moved_s=STAYED_S, most_m=plan.most_m)
         """What is believed of its motion."""
         self._doubt = Doubt(self._alerts)
@@ -239,13 +247,14 @@ class OwnVehicle:
         if reading is None:
             self._counters["boot time not believed"] += 1
             return None
-        if reading.rebooted:
+        self._clock_watch.note(now)
+        if reading.leap_s < 0.0:
             self.reboots += 1
             self._state = before = None
             self.belief.forget()
             self._altitude = HeightBelief()
         previous, time_s = self._state, reading.time_s
-        if before is not None and reading.boot_time_s <= before.boot_time_s:
+        if not reading.is_newer:
             return None
         self._reading = reading
         sample = self._sample(report, time_s, now)
@@ -258,7 +267,7 @@ class OwnVehicle:
         if late or (previous is None and not believed.is_reported):
             return None
         interval = math.inf if previous is None else time_s - previous.time_s
-        altitude = self._judge_altitude(report.altitude_amsl, reading.boot_time_s)
+        altitude = self._judge_altitude(report.altitude_amsl, reading.stamp_s)
         self._held, self._held_s = altitude, now
         used = replace(sample, height=altitude - self._frame.altitude_m)
         if not believed.by_place:
@@ -266,7 +275,7 @@ class OwnVehicle:
         if previous is not None and not believed.by_velocity:
             state = self._through_air(previous, used, by_place=believed.by_place)
         else:
-            state = self._by_report(used, believed, slip_s(before, reading))
+            state = self._by_report(used, believed, reading.slip_s(before))
             self.air.learn(report, state, interval, now)
         self._state = state
         if self._delay_compensator is not None:
@@ -353,11 +362,11 @@ class OwnVehicle:
 
     def time_question(self, now: float) -> int | None:
         """The stamp (ns) of a question for the autopilot's time, or None while none is due."""
-        return self._clock.ask(now)
+        return self._questions.ask(now)
 
     def greatest_age(self, now: float) -> float:
         """How old at most (s) is what is heard of the autopilot now; infinite while not known."""
-        return self._clock.greatest_age(now)
+        return self._questions.greatest_age(now)
 
     def note(
         self,
@@ -379,7 +388,10 @@ class OwnVehicle:
             case AttitudeReport():
                 self.air.note_bank(report.bank, now)
             case TimeReport():
-                self._clock.answer(report.stamp, report.autopilot_ns, now)
+                asked_s = self._questions.answered(report.stamp)
+                if asked_s is not None:
+                    self._clock.answer(asked_s, report.autopilot_ns * NANOSECOND, now)
+                    self._clock_watch.note(now)
             case BatteryReport():
                 self.sensors.note_battery(report, now)
             case _:
@@ -421,10 +433,10 @@ class OwnVehicle:
             velocity_north=velocity[0],
             velocity_east=velocity[1],
         )
-        slack_s = slip_s(before, reading)
+        slack_s = reading.slip_s(before)
         if before is not None:
             waited_s = reading.read_s - before.read_s
-            waited_s -= reading.boot_time_s - before.boot_time_s
+            waited_s -= reading.stamp_s - before.stamp_s
             slack_s = max(slack_s, waited_s if waited_s > WAIT_S else 0.0)
         place = (report.latitude_deg, report.longitude_deg)
         fault = self._health.fault(reading.read_s)
@@ -473,12 +485,5 @@ def passed_s(before: Reading | None, reading: Reading) -> float:
     """
     if before is None:
         return 0.0
-    told_s = reading.boot_time_s - before.boot_time_s
+    told_s = reading.stamp_s - before.stamp_s
     return min(told_s, reading.read_s - before.time_s + WAIT_S)
-
-
-def slip_s(before: Reading | None, reading: Reading) -> float:
-    """What the autopilot's clock was found to have lost since the reading before, s; 0 before the first."""
-    if before is None:
-        return 0.0
-    return (reading.time_s - before.time_s) - (reading.boot_time_s - before.boot_time_s)

@@ -10,8 +10,7 @@ import secrets
 from collections import Counter, deque
 from collections.abc import Callable
 
-import msgspec
-
+from vfguide.guidance.other_clock import DRIFT, Bracket
 from vfguide.link.codec import (
     Ask,
     LinkDataError,
@@ -31,9 +30,6 @@ OPEN = 8
 GREATEST_DELAY_S = 2.0
 """An exchange that took longer says too little."""
 
-DRIFT = 100e-6
-"""s/s by which the two clocks may run apart: two quartz clocks of 50 ppm each."""
-
 ROUNDING_S = 1e-5
 """More than sums and differences of stamps round to, on clocks that count years."""
 
@@ -47,39 +43,24 @@ CERTAIN = 2
 """Exchanges in a row that disagree with the rest, and agree with each other, before the rest is forgotten."""
 
 
-class Exchange(msgspec.Struct, frozen=True, kw_only=True):
-    """What one question and its answer say."""
-
-    offset_s: float
-    """The peer's clock less one's own, s."""
-    delay_s: float
-    """On the way, there and back, s; the offset is wrong by at most half of it."""
-    began_s: float
-    """When the question left, s on one's own clock."""
-
-    def bound_s(self, now: float) -> float:
-        """Greatest error of the offset at a time, s, if both clocks have run on without a step."""
-        return 0.5 * self.delay_s + DRIFT * abs(now - self.began_s)
-
-    def agrees(self, other: "Exchange") -> bool:
-        """Whether both can be true of clocks that have not stepped between them."""
-        apart = abs(self.offset_s - other.offset_s)
-        # The later one took some time too.
-        slack = ROUNDING_S + DRIFT * GREATEST_DELAY_S
-        return apart <= self.bound_s(other.began_s) + other.bound_s(other.began_s) + slack
-
-
-def exchange_of(tell: Tell, arrived_s: float) -> Exchange:
-    """What four stamps say, RFC 5905 section 8.
+def bracket_of(tell: Tell, arrived_s: float) -> Bracket | None:
+    """What four stamps say, RFC 5905 section 8; None where they cannot be, or took too long.
 
     Offset = ((t1 - t0) + (t2 - t3)) / 2, delay = (t3 - t0) - (t2 - t1), all in s.
     """
-    there = tell.receive_s - tell.originate_s
-    back = tell.transmit_s - arrived_s
-    delay = there - back
-    # Less than nothing by a rounding error is nothing.
-    delay = 0.0 if -ROUNDING_S < delay < 0.0 else delay
-    return Exchange(offset_s=0.5 * (there + back), delay_s=delay, began_s=tell.originate_s)
+    least = tell.originate_s - tell.receive_s
+    most = arrived_s - tell.transmit_s
+    if tell.transmit_s < tell.receive_s or not -ROUNDING_S < most - least <= GREATEST_DELAY_S:
+        return None
+    return Bracket(asked_s=tell.originate_s, least=least, most=max(least, most))
+
+
+def agree(one: Bracket, other: Bracket) -> bool:
+    """Whether both can be true of clocks that have not stepped between them."""
+    apart = abs(one.middle - other.middle)
+    # The later one took some time too.
+    slack = ROUNDING_S + DRIFT * GREATEST_DELAY_S
+    return apart <= one.bound_s(other.asked_s) + other.bound_s(other.asked_s) + slack
 
 
 class PeerClock:
@@ -95,9 +76,9 @@ class PeerClock:
         """Answers that were not used, by reason, and steps of either clock."""
         self._chance = chance
         self._open: dict[int, float] = {}
-        self._kept: deque[Exchange] = deque(maxlen=KEPT)
-        self._odd: list[Exchange] = []
-        self._best: Exchange | None = None
+        self._kept: deque[Bracket] = deque(maxlen=KEPT)
+        self._odd: list[Bracket] = []
+        self._best: Bracket | None = None
         self._bound_s = math.inf
 
     @property
@@ -108,7 +89,7 @@ class PeerClock:
     @property
     def offset_s(self) -> float:
         """The peer's clock less one's own, s; NaN while not known."""
-        return math.nan if self._best is None else self._best.offset_s
+        return math.nan if self._best is None else -self._best.middle
 
     @property
     def bound_s(self) -> float:
@@ -178,21 +159,21 @@ class PeerClock:
         tell = decode_tell(data)
         # Each question is answered once, whoever repeats the answer.
         del self._open[tell.number]
-        exchange = exchange_of(tell, now)
-        if not 0.0 <= exchange.delay_s <= GREATEST_DELAY_S or tell.transmit_s < tell.receive_s:
+        exchange = bracket_of(tell, now)
+        if exchange is None:
             self.counters["odd delay"] += 1
             return False
         stepped = self._weigh(exchange)
         self._choose(now)
         return stepped
 
-    def _weigh(self, exchange: Exchange) -> bool:
+    def _weigh(self, exchange: Bracket) -> bool:
         """Keep an exchange, or put it aside for as long as only it says that a clock has stepped."""
-        if self._best is None or self._best.agrees(exchange):
+        if self._best is None or agree(self._best, exchange):
             self._kept.append(exchange)
             self._odd.clear()
             return False
-        self._odd = [odd for odd in self._odd if odd.agrees(exchange)]
+        self._odd = [odd for odd in self._odd if agree(odd, exchange)]
         self._odd.append(exchange)
         self.counters["disagrees"] += 1
         if len(self._odd) < CERTAIN:

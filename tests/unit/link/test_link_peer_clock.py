@@ -5,8 +5,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from vfguide.guidance.other_clock import DRIFT
 from vfguide.link.codec import LinkDataError, Tell, encode_tell
-from vfguide.link.peer_clock import DRIFT, PeerClock
+from vfguide.link.peer_clock import PeerClock
 
 TICK_S = 1e-6
 

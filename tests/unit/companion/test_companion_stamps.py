@@ -4,8 +4,6 @@ from collections.abc import Callable
 from typing import Any
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from tests.kit.companion import new_flight
@@ -18,7 +16,6 @@ from tests.unit.companion.test_companion_leader_telemetry import (
     said,
 )
 from vfguide.companion.alerts import Alerts
-from vfguide.companion.stamp_sense import StampSense
 
 
 class Stamped:
@@ -101,16 +98,3 @@ def test_a_leader_whose_messages_repeat_wholly_is_not_taken_for_one_without_a_cl
     assert telemetry.newest is not None
     assert telemetry.newest.time_s == pytest.approx(5.0, abs=0.01)
     assert said(alerts) == []
-
-
-@given(
-    st.lists(st.tuples(st.floats(0.0, 3.0), st.floats(0.0, 2.0)), max_size=60),
-    st.floats(0.0, 4e6),
-)
-def test_stamps_of_a_clock_that_is_right_are_never_doubted_however_late_they_come(steps, start_s):
-    sense, sent_s, now = StampSense(), start_s, 0.0
-    for number, (passed_s, late_s) in enumerate(steps):
-        sent_s += 0.05 + passed_s
-        now = max(now, sent_s - start_s + late_s)
-        sense.note(sent_s, (47.0, float(number)), now)
-    assert sense.fault is None
