@@ -39,6 +39,9 @@ swinging at 0.9 Hz for ever."""
 USUAL_AMPLIFICATION, AMPLIFICATION_STEP = 4.0, 4.0
 """How many times quicker than a hold its loop is at sharpness 0.5, and the factor from there to 1."""
 
+GUST_M_S = 1.5
+"""Speed error of gusts and noise: at sharpness 0.5 it asks for all acceleration, and none less does."""
+
 QUICKEST_FACTOR = 1.0 / MARGIN
 """Layer factor at sharpness 1, where the margins are just kept."""
 
@@ -190,7 +193,8 @@ def bandwidth_of(
         factor=factor,
     )
     course = min(course, amplification * airframe.alpha)
-    speed = min(speed, amplification * airframe.beta)
+    gentle = airframe.max_acceleration / (USUAL_AMPLIFICATION * GUST_M_S)
+    speed = min(speed, amplification * min(airframe.beta, gentle))
     if slips and factor > 0.0:
         course = min(course, SLIPPING_BANDWIDTH)
     fastest = (
