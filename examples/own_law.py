@@ -8,9 +8,8 @@ How far ahead that point lies decides how sharply a follower turns (Coulter, "Im
 pursuit path tracking algorithm", 1992); its speed answers the error along track in proportion.
 """
 
-from typing import Any
+import math
 
-from vfguide.elementwise import atan2, like
 from vfguide.laws import DesiredMotion, Law, Positive, Section, View, approach, law
 
 
@@ -30,10 +29,10 @@ class Pursuit(Law):
 
     Gains = PursuitGains
 
-    def step(self, view: View[Any], memory: None) -> tuple[DesiredMotion[Any], None]:
+    def step(self, view: View, memory: None) -> tuple[DesiredMotion, None]:
         """Toward the point; the slot's own motion is fed forward."""
         slot, error = view.motion, view.error
-        turn = atan2(error.cross_track, like(self.gains.lookahead_m, error.along_track))
+        turn = math.atan2(error.cross_track, self.gains.lookahead_m)
         wanted = approach(
             view,
             course=slot.course + turn,

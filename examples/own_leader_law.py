@@ -7,9 +7,8 @@ How far ahead that point lies decides how sharply the leader comes onto its path
 nonlinear guidance logic for trajectory tracking", AIAA 2004-4900, steer for such a point).
 """
 
-from typing import Any
+import math
 
-from vfguide.elementwise import atan2
 from vfguide.laws import LeaderLaw, LeaderMotion, LeaderView, Positive, Section, leader_law
 
 
@@ -26,11 +25,11 @@ class Carrot(LeaderLaw):
 
     Gains = CarrotGains
 
-    def step(self, view: LeaderView[Any], memory: None) -> tuple[LeaderMotion[Any], None]:
+    def step(self, view: LeaderView, memory: None) -> tuple[LeaderMotion, None]:
         """Toward the point; the path's own turning is fed forward."""
         ahead = view.path.at(view.point.progress + self.gains.lookahead_m)
         state = view.state
-        course = atan2(ahead.east - state.east, ahead.north - state.north)
+        course = math.atan2(ahead.east - state.east, ahead.north - state.north)
         motion = self.follow(
             view, course=course, course_rate=view.point.curvature * state.ground_speed
         )

@@ -1,8 +1,8 @@
 """Elementary functions for floats and NumPy arrays alike: angles and the low-pass filter among them.
 
-The laws are written once and serve two callers: a companion, which steps one vehicle at a time and wants
-the speed of `math` (50 ns a call), and a study, which steps thousands of formations at once on arrays.
-Each function here takes a float or an array, and gives back what it was given. A rule that chooses
+Paths and the wind triangle are written once and serve two callers: a companion, which steps one vehicle at
+a time and wants the speed of `math` (50 ns a call), and checks, reports and drawings, which look at whole
+tracks. Each function here takes a float or an array, and gives back what it was given. A rule that chooses
 between values is written with `where`, which evaluates both: an array has no one branch.
 """
 

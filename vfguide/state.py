@@ -1,11 +1,9 @@
 """What a companion knows of its own vehicle, what it is told of the leader, and what it asks for."""
 
 import math
-from typing import Generic, Literal, NamedTuple
+from typing import Literal, NamedTuple, Self
 
 import msgspec
-
-from vfguide.elementwise import BoolArray, Number
 
 Hold = Literal["heading-hold", "course-hold"]
 """What an autopilot's two first-order loops act on: heading and airspeed, or course and ground speed."""
@@ -19,90 +17,99 @@ GAP_S = 1.0
 """After a longer gap in what is heard, rates, filters and what is learned start anew."""
 
 
-class Gusts(msgspec.Struct, Generic[Number], frozen=True, kw_only=True):
+class NamedState(msgspec.Struct, frozen=True, kw_only=True):
+    """Values that laws of one's own may still name with their numbers in brackets."""
+
+    def __class_getitem__(cls, numbers: object) -> type[Self]:
+        """The class itself: its numbers are floats."""
+        del numbers
+        return cls
+
+
+class Gusts(msgspec.Struct, frozen=True, kw_only=True):
     """How far the wind changes as gusts do, which no rate foretells, by the innovations of its filter."""
 
-    share: Number
+    share: float
     """0: the wind changes smoothly, or what looks like gusts is noise; 1: all of it is gusts."""
-    surprise_north: Number
+    surprise_north: float
     """Last innovation of the wind, m/s."""
-    surprise_east: Number
+    surprise_east: float
     """m/s."""
-    power: Number
+    power: float
     """Mean square of the innovations, (m/s)²."""
-    correlation: Number
+    correlation: float
     """Mean product of each innovation with the one before, (m/s)²: above 0 where the filter lags behind."""
 
 
-class VehicleState(msgspec.Struct, Generic[Number], frozen=True, kw_only=True):
+class VehicleState(NamedState, frozen=True, kw_only=True):
     """Navigated state of a vehicle, in the formation's local frame."""
 
     time_s: float
     """When it was true, s, on the clock that the formation shares."""
-    north: Number
+    north: float
     """m from the mission's origin."""
-    east: Number
+    east: float
     """m from the mission's origin."""
-    course: Number
+    course: float
     """chi, rad, direction of the ground velocity."""
-    ground_speed: Number
+    ground_speed: float
     """V_g, m/s."""
-    heading: Number
+    heading: float
     """psi, rad, where the nose points."""
-    airspeed: Number
+    airspeed: float
     """V_a, true airspeed, m/s."""
-    wind_north: Number
+    wind_north: float
     """m/s, toward."""
-    wind_east: Number
+    wind_east: float
     """m/s, toward."""
-    wind_rate_north: Number
+    wind_rate_north: float
     """m/s²."""
-    wind_rate_east: Number
+    wind_rate_east: float
     """m/s²."""
-    wind_jerk_north: Number
+    wind_jerk_north: float
     """m/s³."""
-    wind_jerk_east: Number
+    wind_jerk_east: float
     """m/s³."""
-    height: Number | float = 0.0
+    height: float = 0.0
     """m above the mission's origin."""
-    climb_rate: Number | float = 0.0
+    climb_rate: float = 0.0
     """m/s, positive up."""
-    gusts: Gusts[Number] | None = None
+    gusts: Gusts | None = None
     """What the wind filter has learned of them; None before two reports with a measured ground velocity."""
 
     @property
-    def gust_share(self) -> Number | float:
+    def gust_share(self) -> float:
         """0 in smooth air, 1 where the wind changes by gusts alone."""
         return 0.0 if self.gusts is None else self.gusts.share
 
 
-class LeaderState(msgspec.Struct, Generic[Number], frozen=True, kw_only=True):
+class LeaderState(NamedState, frozen=True, kw_only=True):
     """What followers need of their leader: where it is, and how its motion changes."""
 
     time_s: float
     """When it was true, s, on the clock that the formation shares."""
-    north: Number
+    north: float
     """m from the mission's origin."""
-    east: Number
+    east: float
     """m from the mission's origin."""
-    course: Number
+    course: float
     """chi_l, rad."""
-    ground_speed: Number
+    ground_speed: float
     """V_l, m/s."""
-    acceleration: Number
+    acceleration: float
     """dV_l/dt, m/s²."""
-    turn_rate: Number
+    turn_rate: float
     """omega = dchi_l/dt, rad/s."""
-    turn_acceleration: Number
+    turn_acceleration: float
     """domega/dt, rad/s²."""
-    drift_north: Number | float = 0.0
+    drift_north: float = 0.0
     """Velocity over ground beyond that of course and ground speed, m/s, of a leader whose course and ground
     speed are those that it means to fly."""
-    drift_east: Number | float = 0.0
+    drift_east: float = 0.0
     """m/s."""
-    height: Number | float = 0.0
+    height: float = 0.0
     """m above the mission's origin."""
-    climb_rate: Number | float = 0.0
+    climb_rate: float = 0.0
     """m/s, positive up."""
 
 
@@ -119,7 +126,7 @@ class LeaderFix(NamedTuple):
     """m above mean sea level."""
 
 
-class HeardState(LeaderState[float], frozen=True, kw_only=True):
+class HeardState(LeaderState, frozen=True, kw_only=True):
     """A vehicle's state as the others hear it."""
 
     altitude_amsl: float
@@ -129,7 +136,7 @@ class HeardState(LeaderState[float], frozen=True, kw_only=True):
     term: int = 0
     """Term of the leader that it obeys, or is."""
     arrangement: int = 0
-    """Number of the newest order that it flies by or is about to; 0 before the first."""
+    """float of the newest order that it flies by or is about to; 0 before the first."""
     course_setpoint: float = math.nan
     """Course that its autopilot was told to hold, rad; NaN where it is not steered, or was not told."""
     satellite_m: float = math.nan
@@ -138,22 +145,22 @@ class HeardState(LeaderState[float], frozen=True, kw_only=True):
     """Where its own leader was, by the newest leader state that it has heard; None where it does not tell."""
 
 
-class Setpoint(msgspec.Struct, Generic[Number], frozen=True, kw_only=True):
+class Setpoint(msgspec.Struct, frozen=True, kw_only=True):
     """What an autopilot is asked to hold."""
 
-    course: Number
+    course: float
     """chi^c, course over ground, rad, not wrapped."""
-    speed: Number
+    speed: float
     """V_a^c for a vehicle that holds airspeed, V_g^c for one that holds ground speed, m/s."""
-    turn_limited: bool | BoolArray = False
+    turn_limited: bool = False
     """Whether the greatest bank cut the turn that the law asked for."""
-    speed_limited: bool | BoolArray = False
+    speed_limited: bool = False
     """Whether acceleration or speed range cut what the law asked for."""
 
     @property
-    def limited(self) -> bool | BoolArray:
+    def limited(self) -> bool:
         """Whether a limit of the vehicle cut what the law asked for."""
-        return self.turn_limited | self.speed_limited
+        return self.turn_limited or self.speed_limited
 
 
 class Airframe(msgspec.Struct, frozen=True, kw_only=True):

@@ -1,8 +1,7 @@
-"""Steps of a law for one follower, or for a batch, without a mission around it."""
+"""Steps of a law for one follower, without a mission around it."""
 
 import math
 from collections.abc import Callable
-from typing import Any
 
 from tests.kit.states import Plant, leader_at
 from vfguide.guidance.formation import Slot
@@ -13,37 +12,37 @@ from vfguide.state import Airframe, LeaderState, VehicleState
 
 
 def keeper(
-    name: str, settings: GuidanceSettings, slot: Slot[Any], airframe: Airframe, **gains: object
-) -> SlotKeeper[Any]:
+    name: str, settings: GuidanceSettings, slot: Slot, airframe: Airframe, **gains: object
+) -> SlotKeeper:
     """A law of this name with its usual gains, but for what is given."""
     law = laws.find(name)
     return SlotKeeper(law(law.Gains(**gains), settings, airframe), slot)
 
 
 def follower_step(
-    state: VehicleState[Any],
-    leader: LeaderState[Any],
-    slot: Slot[Any],
+    state: VehicleState,
+    leader: LeaderState,
+    slot: Slot,
     settings: GuidanceSettings,
     airframe: Airframe,
     *,
     period: float,
     law: str = "slot",
     **gains: object,
-) -> FollowerGuidance[Any]:
+) -> FollowerGuidance:
     """The first step of a law, with its usual gains but for what is given."""
     return keeper(law, settings, slot, airframe, **gains).step(state, leader, period=period)
 
 
 def follow(
-    follower: SlotKeeper[float],
+    follower: SlotKeeper,
     plant: Plant,
-    motion: Callable[[float], LeaderState[float]],
+    motion: Callable[[float], LeaderState],
     seconds: float,
     *,
     period: float = 0.05,
     biased: Callable[[Plant], tuple[float, float]] = lambda _: (0.0, 0.0),
-) -> list[FollowerGuidance[float]]:
+) -> list[FollowerGuidance]:
     """Steps of a law behind a leader that moves so, closed around a plant.
 
     The holds of the plant are off by so much, rad and m/s.
@@ -57,11 +56,11 @@ def follow(
     return steps
 
 
-def northward(time_s: float) -> LeaderState[float]:
+def northward(time_s: float) -> LeaderState:
     """A leader that flies north from the origin at 20 m/s."""
     return leader_at(time_s=time_s, north=20.0 * time_s)
 
 
-def distance(guidance: FollowerGuidance[float]) -> float:
+def distance(guidance: FollowerGuidance) -> float:
     """From the slot, m."""
     return math.hypot(guidance.error.along_track, guidance.error.cross_track)

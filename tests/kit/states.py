@@ -16,7 +16,7 @@ from vfguide.state import LeaderState, VehicleState
 FRAME = LocalFrame(47.397742, 8.545594, 488.0)
 """Around the origin of line-calm."""
 
-NORTHBOUND: LeaderState[float] = LeaderState(
+NORTHBOUND: LeaderState = LeaderState(
     time_s=0.0,
     north=0.0,
     east=0.0,
@@ -68,7 +68,7 @@ def vehicle_at(
     wind_rate: tuple[float, float] = (0.0, 0.0),
     time_s: float = 0.0,
     height: float = 0.0,
-) -> VehicleState[float]:
+) -> VehicleState:
     """Make a state whose wind triangle closes: heading and airspeed follow from the rest."""
     air_north = ground_speed * math.cos(course) - wind[0]
     air_east = ground_speed * math.sin(course) - wind[1]
@@ -90,7 +90,7 @@ def vehicle_at(
     )
 
 
-def leader_at(**changes: float) -> LeaderState[float]:
+def leader_at(**changes: float) -> LeaderState:
     """Make a leader at the origin that flies north at 20 m/s, but for what is given."""
     return replace(NORTHBOUND, **changes)
 
@@ -116,7 +116,7 @@ def reported(
     )
 
 
-def circling(time_s: float) -> LeaderState[float]:
+def circling(time_s: float) -> LeaderState:
     """Make a leader on a circle of 150 m about the origin, clockwise at 20 m/s, 150 m north at first."""
     bearing = 20.0 / 150.0 * time_s
     return leader_at(
@@ -159,7 +159,7 @@ class Plant:
     alpha: float = 1.2
     beta: float = 0.8
 
-    def state(self, time_s: float = 0.0) -> VehicleState[float]:
+    def state(self, time_s: float = 0.0) -> VehicleState:
         """Return what it reports at a time, in calm air."""
         return vehicle_at(self.north, self.east, self.course, self.speed, time_s=time_s)
 

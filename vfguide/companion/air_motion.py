@@ -102,9 +102,7 @@ class AirMotion:
         """True airspeed over the reported one; setpoints are airspeeds as the autopilot reports them."""
         return self._calibrations[self._slips]
 
-    def note_airspeed(
-        self, report: AirspeedReport, now: float, known: VehicleState[float] | None
-    ) -> None:
+    def note_airspeed(self, report: AirspeedReport, now: float, known: VehicleState | None) -> None:
         """Take a reported airspeed, if it can be true, and a heading.
 
         Args:
@@ -133,7 +131,7 @@ class AirMotion:
         self._witness = heading, max(self.calibration.scale * self._airspeed, LEAST_AIRSPEED)
         return polar(self._witness[1], heading)
 
-    def carried_on(self, known: VehicleState[float]) -> tuple[float, float]:
+    def carried_on(self, known: VehicleState) -> tuple[float, float]:
         """(heading in rad, true airspeed in m/s) of a vehicle that has turned as its nose has."""
         if self._witness is None or self._witness_before is None:
             return known.heading, known.airspeed
@@ -166,7 +164,7 @@ class AirMotion:
         )
 
     def heading_and_airspeed(
-        self, report: PositionReport, known: VehicleState[float] | None, now: float
+        self, report: PositionReport, known: VehicleState | None, now: float
     ) -> tuple[float, float]:
         """(heading in rad, true airspeed in m/s) at a report; by the wind where the autopilot tells neither.
 
@@ -194,7 +192,7 @@ class AirMotion:
         return heading, max(airspeed, LEAST_AIRSPEED)
 
     def learn(
-        self, report: PositionReport, state: VehicleState[float], interval: float, now: float
+        self, report: PositionReport, state: VehicleState, interval: float, now: float
     ) -> None:
         """Learn from a report with a heading and an airspeed of its own.
 

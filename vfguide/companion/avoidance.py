@@ -78,7 +78,7 @@ ANSWER_S = 0.4
 class AvoidanceStep(msgspec.Struct, frozen=True, kw_only=True):
     """What a step comes to."""
 
-    setpoint: Setpoint[float] | None
+    setpoint: Setpoint | None
     """To be flown instead of what is wanted; None: what is wanted is clear."""
     climb_m: float
     """To be added to the altitude of the mission, m."""
@@ -89,7 +89,7 @@ class Intent(msgspec.Struct, frozen=True, kw_only=True):
 
     wanted: WantedMotion
     """What its guidance wants."""
-    leader: LeaderState[float] | None
+    leader: LeaderState | None
     """Now; None for the leader itself."""
     astray: float
     """How far it is from its slot, or from flying along its path, m."""
@@ -429,7 +429,7 @@ def leads_over(
     return bool((distances(own, aim.wanted, None, others, agility) < over).any())
 
 
-def own_motion(state: VehicleState[float], turn_rate: float, airframe: Airframe) -> OwnMotion:
+def own_motion(state: VehicleState, turn_rate: float, airframe: Airframe) -> OwnMotion:
     """A vehicle as its tracks start; one that holds course and ground speed flies as if there was no wind."""
     if airframe.hold == "course-hold":
         air, wind = cmath.rect(state.ground_speed, state.course), 0j
@@ -441,9 +441,7 @@ def own_motion(state: VehicleState[float], turn_rate: float, airframe: Airframe)
     )
 
 
-def agility_of(
-    state: VehicleState[float], airframe: Airframe, *, slips: bool, period: float
-) -> Agility:
+def agility_of(state: VehicleState, airframe: Airframe, *, slips: bool, period: float) -> Agility:
     """How fast a vehicle answers now; a setpoint goes out with the next report (s)."""
     speed_min, speed_max = speed_range(state, airframe)
     held = state.ground_speed if airframe.hold == "course-hold" else state.airspeed
@@ -466,7 +464,7 @@ def setpoint_of(
     own: OwnMotion,
     agility: Agility,
     airframe: Airframe,
-) -> Setpoint[float]:
+) -> Setpoint:
     """Setpoint of a manoeuvre: the turn rate that brings the vehicle onto its heading, as hard as it can."""
     air = wanted.velocity - own.wind
     ahead = (own.turn_rate - wanted.turn_rate) * agility.turn_delay

@@ -75,7 +75,7 @@ def memory_of(*, slips: bool, speed_hold: SpeedHold, course_bandwidth: float = m
     return replace(memory, acceleration_s=ENERGY_S) if speed_hold == "total-energy" else memory
 
 
-Law = Callable[[VehicleState[float]], Setpoint[float]]
+Law = Callable[[VehicleState], Setpoint]
 """Setpoint for a state."""
 
 
@@ -91,8 +91,8 @@ class DelayCompensator:
         """
         self._airframe = airframe
         self._memory = Memory() if memory is None else memory
-        self._sent: deque[tuple[float, Setpoint[float]]] = deque()
-        self._state: VehicleState[float] | None = None
+        self._sent: deque[tuple[float, Setpoint]] = deque()
+        self._state: VehicleState | None = None
         self._inner = Inner()
         self._bias = Bias()
         self._direction = self._speed = 0.0
@@ -102,7 +102,7 @@ class DelayCompensator:
         """Go on with another response, and other time constants, of the same vehicle."""
         self._airframe, self._memory = airframe, memory
 
-    def note(self, setpoint: Setpoint[float], time_s: float) -> None:
+    def note(self, setpoint: Setpoint, time_s: float) -> None:
         """A setpoint has gone out."""
         self._sent.append((time_s, setpoint))
         airframe = self._airframe
@@ -115,7 +115,7 @@ class DelayCompensator:
         self._sent.clear()
         self._asked = None
 
-    def observe(self, state: VehicleState[float]) -> None:
+    def observe(self, state: VehicleState) -> None:
         """Take a navigated state: how far is the vehicle from what its model does?"""
         before, self._state = self._state, state
         airframe = self._airframe
@@ -152,9 +152,7 @@ class DelayCompensator:
             acceleration=min(max(acceleration, -greatest.acceleration), greatest.acceleration),
         )
 
-    def _watch(
-        self, before: VehicleState[float], state: VehicleState[float], period: float
-    ) -> None:
+    def _watch(self, before: VehicleState, state: VehicleState, period: float) -> None:
         """Nobody steers it from here: its bank and acceleration are what they show."""
         airframe = self._airframe
         share = period / (WATCH_S + period)
@@ -169,7 +167,7 @@ class DelayCompensator:
         )
         self._direction, self._speed, self._bias = direction, speed, Bias()
 
-    def setpoint(self, course_law: Law, speed_law: Law) -> Setpoint[float]:
+    def setpoint(self, course_law: Law, speed_law: Law) -> Setpoint:
         """What the laws ask for of the vehicle as it will be, turned into what has to be sent now.
 
         Args:
@@ -187,7 +185,7 @@ class DelayCompensator:
             course, speed=min(max(speed, slowest), fastest), speed_limited=wanted.speed_limited
         )
 
-    def course_setpoint(self, law: Law) -> Setpoint[float]:
+    def course_setpoint(self, law: Law) -> Setpoint:
         """The same for the course alone; the speed is what the law says without any lead."""
         airframe = self._airframe
         at, after = self._ahead(airframe.course_dead_time, airframe.course_lag)
@@ -205,9 +203,7 @@ class DelayCompensator:
         self._asked = time_s, turn_rate
         return turn_rate
 
-    def _ahead(
-        self, dead_time: float, lag: float
-    ) -> tuple[VehicleState[float], VehicleState[float]]:
+    def _ahead(self, dead_time: float, lag: float) -> tuple[VehicleState, VehicleState]:
         """The vehicle after a dead time (s), and a lag later at the bank and acceleration it then has."""
         state, inner = self._state, self._inner
         if state is None:
@@ -232,7 +228,7 @@ class DelayCompensator:
             speed=None if speed is None else speed.speed,
         )
 
-    def _newest_before(self, time_s: float) -> Setpoint[float] | None:
+    def _newest_before(self, time_s: float) -> Setpoint | None:
         for sent_s, setpoint in reversed(self._sent):
             if sent_s <= time_s:
                 return setpoint

@@ -77,7 +77,7 @@ class FlightPhase:
         """Whether it has been seen, to the newest believed position, to stand for long enough."""
         return self._stand is not None and self._position_time - self._stand[0] >= self._standing_s
 
-    def hear_position(self, report: PositionReport, state: VehicleState[float], now: float) -> None:
+    def hear_position(self, report: PositionReport, state: VehicleState, now: float) -> None:
         """Take a position that is believed: one that is not shows neither flight nor standing.
 
         Args:

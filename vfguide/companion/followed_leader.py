@@ -117,7 +117,7 @@ class FollowedLeader:
         self._steered = False
         self.name = next((one.name for one in plan.others if one.leads), "")
         """Of the mission's leader."""
-        self._carried: LeaderState[float] | None = None
+        self._carried: LeaderState | None = None
         self._intended: IntendedMotion | None = None
         self._intended_path: Path | None = None
         self._deviation: HeightDeviation | None = None
@@ -149,7 +149,7 @@ class FollowedLeader:
         return None if self.stands_in else self.stories.newest
 
     @property
-    def motion(self) -> LeaderState[float] | None:
+    def motion(self) -> LeaderState | None:
         """Newest leader state as slots are fixed to it, times on the follower's clock."""
         if isinstance(self._task.leader, ForeignLeader):
             return self.receiver.newest
@@ -168,7 +168,7 @@ class FollowedLeader:
         return self.receiver.newest if isinstance(self.receiver, LeaderTelemetry) else None
 
     @property
-    def carried(self) -> LeaderState[float] | None:
+    def carried(self) -> LeaderState | None:
         """The leader as it is carried on while it is not heard; None while it is."""
         return self._carried
 
@@ -290,16 +290,14 @@ class FollowedLeader:
         off = 0.0 if self._deviation is None else self._deviation.height
         return replace(heard, height=planned + off)
 
-    def _note_height(
-        self, heard: LeaderState[float], planned: HeightTarget, memory_s: float
-    ) -> None:
+    def _note_height(self, heard: LeaderState, planned: HeightTarget, memory_s: float) -> None:
         """Find out by how much the leader flies above what is planned for it."""
         if self._task.follows_height:
             self._deviation = height_deviation(self._deviation, heard, planned, memory_s=memory_s)
 
     def _planned_height(
         self,
-        leader: LeaderState[float],
+        leader: LeaderState,
         point: PathPoint[float],
         ahead_s: float,
         *,
@@ -322,7 +320,7 @@ class FollowedLeader:
             self._deviation = None
         return found
 
-    def height(self, leader: LeaderState[float], now: float, ahead_s: float) -> HeightTarget:
+    def height(self, leader: LeaderState, now: float, ahead_s: float) -> HeightTarget:
         """How high it flies: now, and in so many seconds, when a setpoint takes effect."""
         known = self._known_leader()
         planned = held_height(known.height)
@@ -345,7 +343,7 @@ class FollowedLeader:
             deviation = replace(deviation, climb_rate=0.0)
         return followed_height(planned, deviation, flying=known.height, now_s=now, ahead_s=ahead_s)
 
-    def at(self, navigated: NavigatedState) -> LeaderState[float] | None:
+    def at(self, navigated: NavigatedState) -> LeaderState | None:
         """The leader as last heard; after a silence, as it would have flown on along its path or arc."""
         heard, known = self.motion, self._known_leader()
         now = navigated.state.time_s
@@ -369,8 +367,8 @@ class FollowedLeader:
         return self._carried
 
     def _on_its_way(
-        self, before: LeaderState[float], carried: LeaderState[float], known: KnownLeader
-    ) -> LeaderState[float]:
+        self, before: LeaderState, carried: LeaderState, known: KnownLeader
+    ) -> LeaderState:
         """A leader that is carried on, which climbs with its planned height while that changes."""
         if not self._planned.changes:
             return carried
@@ -384,7 +382,7 @@ class FollowedLeader:
             climb_rate=end.climb_rate,
         )
 
-    def watch_route(self, leader: LeaderState[float]) -> None:
+    def watch_route(self, leader: LeaderState) -> None:
         """See whether the leader, as it is heard or carried on, is at the end of its path."""
         known, heard = self._known_leader(), self._followed.newest
         if heard is None or isinstance(known, ForeignLeader) or known.path.last_circle is None:

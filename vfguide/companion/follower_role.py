@@ -134,7 +134,7 @@ class FollowerRole(Role):
         """How a leader without a companion was heard to move last, on the own clock; None of any other."""
         return self.followed.foreign
 
-    def _height_target(self, navigated: NavigatedState, leader: LeaderState[float]) -> HeightTarget:
+    def _height_target(self, navigated: NavigatedState, leader: LeaderState) -> HeightTarget:
         """How high the slot is: now, and when a setpoint takes effect."""
         now, ahead_s = navigated.state.time_s, self._height.delay_s(navigated)
         target = self.followed.height(leader, now, ahead_s)
@@ -146,7 +146,7 @@ class FollowerRole(Role):
             ahead=target.ahead + up_ahead + shown_more,
         )
 
-    def _leader_height(self, leader: LeaderState[float], now: float, ahead_s: float) -> float:
+    def _leader_height(self, leader: LeaderState, now: float, ahead_s: float) -> float:
         """Height of the leader in so many seconds, m above the origin."""
         return self.followed.height(leader, now, ahead_s).ahead
 
@@ -215,7 +215,7 @@ class FollowerRole(Role):
         """Age of the newest leader state, s; 0 for a deputy that leads, infinite before the first."""
         return self.followed.age(now)
 
-    def slot_at(self, time_s: float) -> Slot[float]:
+    def slot_at(self, time_s: float) -> Slot:
         """The slot at a time of the own clock (s): the one that was ordered, or the mission's."""
         return self._arrangements.flight.slot(self._plan.name, time_s) or self._task.slot
 
@@ -294,18 +294,16 @@ class FollowerRole(Role):
         """How far above the vehicle its slot is, m."""
         return self._height_wanted.height - (navigated.altitude_amsl - self._plan.frame.altitude_m)
 
-    def _late_law(
-        self, keeper: SlotKeeper[float], navigated: NavigatedState, leader: LeaderState[float]
-    ) -> Law:
+    def _late_law(self, keeper: SlotKeeper, navigated: NavigatedState, leader: LeaderState) -> Law:
         """What a law asks for of the vehicle as it will be."""
 
-        def law(ahead: VehicleState[float]) -> Setpoint[float]:
+        def law(ahead: VehicleState) -> Setpoint:
             return keeper.step(ahead, leader, period=navigated.period, held=self._avoiding).setpoint
 
         return law
 
     def _intent(
-        self, navigated: NavigatedState, leader: LeaderState[float], away: Setpoint[float] | None
+        self, navigated: NavigatedState, leader: LeaderState, away: Setpoint | None
     ) -> Intent:
         """What it would fly if it were alone with its leader."""
         return Intent(
@@ -318,7 +316,7 @@ class FollowerRole(Role):
         )
 
     def _wanted(
-        self, navigated: NavigatedState, leader: LeaderState[float], away: Setpoint[float] | None
+        self, navigated: NavigatedState, leader: LeaderState, away: Setpoint | None
     ) -> WantedMotion:
         """Where guidance goes: onto the slot as its law does, or straight away from the others."""
         state = navigated.state
@@ -343,7 +341,7 @@ class FollowerRole(Role):
     def _own_state(
         self,
         navigated: NavigatedState,
-        motion: LeaderState[float],
+        motion: LeaderState,
         mode: Mode,
         course_setpoint: float,
     ) -> bytes | None:
@@ -370,7 +368,7 @@ class FollowerRole(Role):
             leader=self.followed.place,
         )
 
-    def _away(self, navigated: NavigatedState, leader: LeaderState[float]) -> Setpoint[float]:
+    def _away(self, navigated: NavigatedState, leader: LeaderState) -> Setpoint:
         """Setpoint of the breakaway: a fixed course to the side of the slot."""
         if self._breakaway_course is None:
             self._breakaway_course = breakaway_course(

@@ -71,7 +71,7 @@ class HeightKeeper:
         self,
         navigated: NavigatedState,
         target: HeightTarget,
-        setpoint: Setpoint[float] | None,
+        setpoint: Setpoint | None,
         *,
         steered: bool,
     ) -> float:

@@ -132,7 +132,7 @@ class LeaderRole(Role):
     def _planned_height(
         self,
         point: PathPoint[float],
-        motion: LeaderState[float],
+        motion: LeaderState,
         ahead_s: float,
         *,
         steered: bool,
@@ -178,7 +178,7 @@ class LeaderRole(Role):
             ),
         )
 
-    def _intent(self, state: VehicleState[float], distance: float, height: HeightTarget) -> Intent:
+    def _intent(self, state: VehicleState, distance: float, height: HeightTarget) -> Intent:
         """Along the path. On it the steered followers keep clear of the leader: their places depend on it."""
         wanted = self._wanted(state)
         velocity = cmath.rect(state.ground_speed, state.course)
@@ -189,7 +189,7 @@ class LeaderRole(Role):
             height=height,
         )
 
-    def _wanted(self, state: VehicleState[float]) -> WantedMotion:
+    def _wanted(self, state: VehicleState) -> WantedMotion:
         """Along the field around the path, turning with it."""
         point = self._task.path.nearest_in_space(
             state.north, state.east, state.course, state.height - self._task.height
@@ -207,9 +207,7 @@ class LeaderRole(Role):
             settle_s=HORIZON_S,
         )
 
-    def _guidance(
-        self, state: VehicleState[float], law: LeaderLaw, period: float
-    ) -> LeaderGuidance[float]:
+    def _guidance(self, state: VehicleState, law: LeaderLaw, period: float) -> LeaderGuidance:
         """One step of the law, from a state now or ahead."""
         return leader_step(state, law, self._task, period=period, memory=self._memory)
 

@@ -118,7 +118,7 @@ class ResponseLearner:
         self._since = math.inf
         self._complained = False
 
-    def note(self, setpoint: Setpoint[float] | None, now: float) -> None:
+    def note(self, setpoint: Setpoint | None, now: float) -> None:
         """A setpoint has gone out; None: the vehicle is not steered."""
         if setpoint is None:
             self._course.forget_setpoints()

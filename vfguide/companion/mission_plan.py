@@ -313,7 +313,7 @@ def other_vehicles(mission: Mission, name: str) -> tuple[OtherVehicle, ...]:
     return tuple(found)
 
 
-def slot_of(mission: Mission, name: str) -> Slot[float]:
+def slot_of(mission: Mission, name: str) -> Slot:
     """The slot of a vehicle, the leader's at its own place."""
     if name == mission.leader.vehicle:
         return Slot(forward=0.0, right=0.0)

@@ -43,7 +43,7 @@ class NarrowedLimits(msgspec.Struct, frozen=True, kw_only=True):
     """Whether the place in the formation takes more than a limit that is tighter."""
 
 
-def flight_demand(path: Path, airspeed: float, slot: Slot[float]) -> FlightDemand:
+def flight_demand(path: Path, airspeed: float, slot: Slot) -> FlightDemand:
     """What a slot takes while its leader flies along a path.
 
     Args:
@@ -53,11 +53,8 @@ def flight_demand(path: Path, airspeed: float, slot: Slot[float]) -> FlightDeman
     """
     places = path.at(path.outline(PLACES))
     turn_rate = airspeed * np.asarray(places.curvature, dtype=float)
-    all_along = np.full_like(turn_rate, 1.0)
     along, right = slot_velocity(
-        airspeed * all_along,
-        turn_rate,
-        Slot(forward=slot.forward * all_along, right=slot.right * all_along),
+        np.full_like(turn_rate, airspeed), turn_rate, Slot(forward=slot.forward, right=slot.right)
     )
     speed = np.hypot(along, right)
     climb = airspeed * np.asarray(places.slope, dtype=float)

@@ -243,7 +243,7 @@ class OrderedFlight:
         self._ended = self.number
         return True
 
-    def slot(self, vehicle: str, now: float) -> Slot[float] | None:
+    def slot(self, vehicle: str, now: float) -> Slot | None:
         """The slot that an order has given to a follower, at a time (s of one's own clock), and its rates.
 
         None by the mission's own slots, and for a vehicle that has left.

@@ -80,7 +80,7 @@ class GeodeticPlace(msgspec.Struct, frozen=True, kw_only=True):
 class NavigatedState(msgspec.Struct, frozen=True, kw_only=True):
     """A report, navigated."""
 
-    state: VehicleState[float]
+    state: VehicleState
     """In the local frame."""
     place: GeodeticPlace
     """On the ellipsoid."""
@@ -178,7 +178,7 @@ class OwnVehicle:
             plan, self._alerts, calibrates=plan.airframe.hold == "heading-hold" and not self._blind
         )
         """How it moves through the air, as the autopilot's sensors show it."""
-        self._state: VehicleState[float] | None = None
+        self._state: VehicleState | None = None
         self._velocity_error: VelocityError | None = None
         self._period = self._nominal_period
         self._delay_compensator: DelayCompensator | None = None
@@ -231,7 +231,7 @@ class OwnVehicle:
             said = self._refusal
         return None if said is None else with_remedy(said)
 
-    def note_setpoint(self, setpoint: Setpoint[float] | None, now: float) -> None:
+    def note_setpoint(self, setpoint: Setpoint | None, now: float) -> None:
         """A setpoint has gone out; None: the vehicle is not steered."""
         if self._delay_compensator is None:
             return
@@ -293,9 +293,7 @@ class OwnVehicle:
             air_data=self.air.data(report, now) if believed.by_velocity else None,
         )
 
-    def _by_report(
-        self, sample: Sample[float], believed: Believed, slipped_s: float
-    ) -> VehicleState[float]:
+    def _by_report(self, sample: Sample, believed: Believed, slipped_s: float) -> VehicleState:
         """The state by the reported velocity, and by the place that is believed."""
         previous = self._state
         interval = math.inf if previous is None else sample.time_s - previous.time_s
@@ -313,8 +311,8 @@ class OwnVehicle:
         return step(previous, sample, self._filters)
 
     def _through_air(
-        self, previous: VehicleState[float], sample: Sample[float], *, by_place: bool
-    ) -> VehicleState[float]:
+        self, previous: VehicleState, sample: Sample, *, by_place: bool
+    ) -> VehicleState:
         """The state by heading and airspeed, and by the place where that counts."""
         self._through_air_s += sample.time_s - previous.time_s
         heading, airspeed = self.air.carried_on(previous)
@@ -325,9 +323,7 @@ class OwnVehicle:
             return navigate_blind(previous, sample, self._filters, by_course=False)
         return navigate_unseen(previous, sample, self._filters)
 
-    def _with_right_velocity(
-        self, sample: Sample[float], *, fresh: bool, carried: bool
-    ) -> Sample[float]:
+    def _with_right_velocity(self, sample: Sample, *, fresh: bool, carried: bool) -> Sample:
         """A sample with the velocity that positions show, where the mission wants that.
 
         Args:
@@ -416,7 +412,7 @@ class OwnVehicle:
     def _believe(
         self,
         report: PositionReport,
-        sample: Sample[float],
+        sample: Sample,
         reading: Reading,
         before: Reading | None,
     ) -> Believed:
@@ -446,7 +442,7 @@ class OwnVehicle:
         return self.belief.take(motion, air=air, fault=fault, slack_s=slack_s)
 
     def _place(
-        self, report: PositionReport, state: VehicleState[float], *, is_reported: bool
+        self, report: PositionReport, state: VehicleState, *, is_reported: bool
     ) -> GeodeticPlace:
         """The navigated position on the ellipsoid."""
         if is_reported:
@@ -461,7 +457,7 @@ class OwnVehicle:
         altitude = report.altitude_amsl if doubted else self._frame.altitude_m + state.height
         return GeodeticPlace(latitude_deg=latitude, longitude_deg=longitude, altitude_amsl=altitude)
 
-    def _sample(self, report: PositionReport, time_s: float, now: float) -> Sample[float]:
+    def _sample(self, report: PositionReport, time_s: float, now: float) -> Sample:
         """The report in the local frame, with airspeed and heading from the wind where it has none."""
         north, east = self._frame.to_local(report.latitude_deg, report.longitude_deg)
         velocity_north, velocity_east = report.velocity_north, report.velocity_east

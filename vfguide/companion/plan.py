@@ -83,7 +83,7 @@ class KnownPath(msgspec.Struct, frozen=True):
 class FollowerTask(msgspec.Struct, frozen=True, kw_only=True):
     """A slot, and what a follower knows of the one it follows."""
 
-    slot: Slot[float]
+    slot: Slot
     """The follower's place in the formation."""
     leader: KnownLeader | ForeignLeader
     """What the mission tells about the leader."""
@@ -113,7 +113,7 @@ class OtherVehicle(msgspec.Struct, frozen=True, kw_only=True):
     """Rank of the vehicle in the mission, the leader first: no two have the same."""
     leads: bool
     """Whether it is the leader."""
-    slot: Slot[float]
+    slot: Slot
     """Slot of the vehicle; the leader's is at its own place."""
     spacing: float
     """From that slot to one's own, m, level."""

@@ -64,7 +64,7 @@ class PlannedHeight:
         """Whether it goes over to another height, or waits to."""
         return self._changes
 
-    def hold(self, motion: LeaderState[float], *, ahead_s: float, late: bool) -> HeightTarget:
+    def hold(self, motion: LeaderState, *, ahead_s: float, late: bool) -> HeightTarget:
         """The height planned on the circle of a hold: where the climb before has come to rest.
 
         Args:
@@ -116,7 +116,7 @@ class PlannedHeight:
             self._changes = True
         return self._on_the_way(target, leader.ahead_s)
 
-    def _begin_anew(self, motion: LeaderState[float]) -> None:
+    def _begin_anew(self, motion: LeaderState) -> None:
         """Change the height from the leader's own on."""
         self._last, self._changes, self.began_anew = own_height(motion), True, True
 
@@ -137,7 +137,7 @@ class PlannedHeight:
         return target_on_the_way(self._last, target, ahead_s, self._limits)
 
 
-def own_height(motion: LeaderState[float]) -> HeightMotion:
+def own_height(motion: LeaderState) -> HeightMotion:
     """As a leader flies."""
     return HeightMotion(time_s=motion.time_s, height=motion.height, climb_rate=motion.climb_rate)
 

@@ -273,7 +273,7 @@ class VehiclesInSight(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def possibilities_of(
-    seen: VehiclesInSight, here: Viewpoint, leader: LeaderState[float] | None
+    seen: VehiclesInSight, here: Viewpoint, leader: LeaderState | None
 ) -> tuple[Others, IntArray] | None:
     """What each of those who may come near may do, kind by kind; None where nothing is known of any."""
     found: list[tuple[IntArray, ComplexArray, float, FloatArray]] = []
@@ -354,9 +354,7 @@ def possibilities_of(
     return others, seen.row[rows]
 
 
-def with_formation(
-    seen: VehiclesInSight, leader: LeaderState[float]
-) -> tuple[ComplexArray, ComplexArray]:
+def with_formation(seen: VehiclesInSight, leader: LeaderState) -> tuple[ComplexArray, ComplexArray]:
     """(places, velocities) of those who fly with the formation, silent ones as they flew in it; m, m/s."""
     frame = cmath.exp(1j * leader.course)
     carried = place_of(leader) + frame * seen.offset

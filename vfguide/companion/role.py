@@ -23,14 +23,14 @@ class Lead(msgspec.Struct, frozen=True, kw_only=True):
 
     term: int
     """The term in which it leads."""
-    motion: LeaderState[float]
+    motion: LeaderState
     """Of the leader: itself, or one that it carries on."""
 
 
 class RoleStep(msgspec.Struct, frozen=True, kw_only=True):
     """What a part makes of one state."""
 
-    setpoint: Setpoint[float] | None
+    setpoint: Setpoint | None
     """None where there is nothing to steer by."""
     distance: float
     """m from path or slot; infinite while not known."""
@@ -50,7 +50,7 @@ class RoleStep(msgspec.Struct, frozen=True, kw_only=True):
     """How far to the right the slot is, or the path, m; NaN while not known."""
     up: float = math.nan
     """How far above the vehicle the slot is, m; NaN for the leader and while not known."""
-    motion: LeaderState[float] | None = None
+    motion: LeaderState | None = None
     """Of the leader, by itself; None for a follower."""
     slot: Point | None = None
     """That was ordered; None for the mission's, and for the leader."""
@@ -171,7 +171,7 @@ class Snapshot(msgspec.Struct, frozen=True, kw_only=True):
 
     mode: Mode
     """Of the supervisor."""
-    setpoint: Setpoint[float] | None
+    setpoint: Setpoint | None
     """The last that was sent."""
     lyapunov: float
     """W, m²; NaN for the leader."""

@@ -89,7 +89,7 @@ class SuccessionRole(Role):
         )
         self._sequence = 0
         self._told = 0
-        self._last: tuple[LeaderState[float], NavigatedState] | None = None
+        self._last: tuple[LeaderState, NavigatedState] | None = None
         self._counters: Counter[str] = Counter()
 
     def retune(self, plan: FlightPlan) -> None:

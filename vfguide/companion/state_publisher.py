@@ -16,12 +16,12 @@ class StatePublisher:
 
     def __init__(self, plan: FlightPlan) -> None:
         self._plan = plan
-        self._motion: MotionEstimate[float] | None = None
+        self._motion: MotionEstimate | None = None
         self._sequence = 0
         self.term = 0
         """Term of the leader that the vehicle obeys, or is."""
 
-    def note(self, navigated: NavigatedState) -> LeaderState[float]:
+    def note(self, navigated: NavigatedState) -> LeaderState:
         """Take a navigated state; the motion as it is now known."""
         state, before = navigated.state, self._motion
         if (
@@ -37,7 +37,7 @@ class StatePublisher:
 
     def message(
         self,
-        motion: LeaderState[float],
+        motion: LeaderState,
         navigated: NavigatedState,
         time_s: float,
         *,
@@ -96,7 +96,7 @@ class TargetSender:
         self._codec = Codec(plan.system_id, plan.component_id)
         self._sent_s = -math.inf
 
-    def due(self, motion: LeaderState[float] | None, navigated: NavigatedState) -> bytes:
+    def due(self, motion: LeaderState | None, navigated: NavigatedState) -> bytes:
         """One datagram, or nothing where it is not time yet, or there is no motion to tell.
 
         Args:

@@ -77,7 +77,7 @@ CANNOT_CLIMB = "too near to another vehicle, and no height can be commanded in t
 """In the place of a step in height."""
 
 
-def is_flyable(setpoint: Setpoint[float], plan: FlightPlan) -> bool:
+def is_flyable(setpoint: Setpoint, plan: FlightPlan) -> bool:
     """Whether a setpoint is finite and its speed one that the vehicle may be asked for."""
     if not (math.isfinite(setpoint.course) and math.isfinite(setpoint.speed)):
         return False
@@ -104,9 +104,7 @@ class SetpointGuard:
         """Whether nothing has passed for so long that the autopilot is better off by itself."""
         return now - self._closed_s > GUARD_PATIENCE_S
 
-    def pass_on(
-        self, setpoint: Setpoint[float] | None, now: float
-    ) -> tuple[Setpoint[float] | None, str | None]:
+    def pass_on(self, setpoint: Setpoint | None, now: float) -> tuple[Setpoint | None, str | None]:
         """(the setpoint if it can be flown, a complaint when one that cannot follows one that could)."""
         if setpoint is None or is_flyable(setpoint, self._plan):
             self._closed_s = math.inf
@@ -157,14 +155,14 @@ class TrackingMonitor:
 
     def reset(self) -> None:
         """The vehicle is not being steered: nothing can be expected of it."""
-        self._before: tuple[VehicleState[float], Setpoint[float]] | None = None
+        self._before: tuple[VehicleState, Setpoint] | None = None
         self._expected = self._turned = 0.0
         self._since = None
         self._astray_since = math.inf
         self.gives_up = False
         """Whether its autopilot flies none of its courses, and is better off by itself."""
 
-    def watch(self, state: VehicleState[float], setpoint: Setpoint[float]) -> str | None:
+    def watch(self, state: VehicleState, setpoint: Setpoint) -> str | None:
         """Take a state and the setpoint that goes out with it; a complaint, or None."""
         before, self._before = self._before, (state, setpoint)
         if before is None:
@@ -222,9 +220,7 @@ class TrackingMonitor:
         )
 
 
-def expected_turn_rate(
-    state: VehicleState[float], setpoint: Setpoint[float], airframe: Airframe
-) -> float:
+def expected_turn_rate(state: VehicleState, setpoint: Setpoint, airframe: Airframe) -> float:
     """Turn rate (rad/s) that a setpoint should bring about: alpha times the course error, within the bank."""
     limit = bank_limited_turn_rate(airframe.max_bank, max(state.airspeed, 1.0))
     wanted = airframe.alpha * wrap_angle(setpoint.course - state.course)
@@ -265,7 +261,7 @@ class Steering:
         self._ceiling = math.inf
         self._altitude, self._altitude_time = plan.altitude_amsl, -math.inf
         self._alerts = alerts or Alerts()
-        self.setpoint: Setpoint[float] | None = None
+        self.setpoint: Setpoint | None = None
         """The last that was flown."""
 
     @property
@@ -299,9 +295,7 @@ class Steering:
         if self._creeping is not None:
             self._creeping.reset()
 
-    def check(
-        self, step: RoleStep, now: float, *, ceiling: float = math.inf
-    ) -> Setpoint[float] | None:
+    def check(self, step: RoleStep, now: float, *, ceiling: float = math.inf) -> Setpoint | None:
         """What a step asks for, if it can be flown; no height above the ceiling (m above the origin)."""
         self._ceiling = ceiling
         setpoint, complaint = self._guard.pass_on(step.setpoint, now)
@@ -311,7 +305,7 @@ class Steering:
         return setpoint
 
     def fly(
-        self, setpoint: Setpoint[float], climb_m: float, navigated: NavigatedState, now: float
+        self, setpoint: Setpoint, climb_m: float, navigated: NavigatedState, now: float
     ) -> list[MAVLink_message]:
         """Messages that steer by a checked setpoint, and so much above its height."""
         wanted = self._amsl(self._height)
@@ -330,7 +324,7 @@ class Steering:
         return messages
 
     def stay_ready(
-        self, setpoint: Setpoint[float], navigated: NavigatedState, now: float
+        self, setpoint: Setpoint, navigated: NavigatedState, now: float
     ) -> list[MAVLink_message]:
         """Messages by which an autopilot may be engaged, where it wants a setpoint before."""
         asked = self._asked(setpoint, self._amsl(self._height), navigated)
@@ -346,7 +340,7 @@ class Steering:
         return self._plan.frame.altitude_m + height
 
     def _asked(
-        self, setpoint: Setpoint[float], altitude: float, navigated: NavigatedState
+        self, setpoint: Setpoint, altitude: float, navigated: NavigatedState
     ) -> AutopilotSetpoint:
         """A setpoint as it is sent to the autopilot, with an altitude (m above mean sea level)."""
         return AutopilotSetpoint(

@@ -192,8 +192,8 @@ class StrainGuard:
 
     def watch(
         self,
-        state: VehicleState[float],
-        setpoint: Setpoint[float],
+        state: VehicleState,
+        setpoint: Setpoint,
         airframe: Airframe,
         bank: float | None,
         *,

@@ -295,7 +295,7 @@ class Traffic:
     def possibilities(
         self,
         here: Viewpoint,
-        leader: LeaderState[float] | None,
+        leader: LeaderState | None,
         *,
         heights: bool = False,
         late: BoolArray | None = None,
@@ -408,7 +408,7 @@ class Traffic:
             works[row] = last_s > self._link_lost_s and heard_all_the_time.any()
         return works
 
-    def is_clear(self, here: Viewpoint, leader: LeaderState[float] | None) -> bool:
+    def is_clear(self, here: Viewpoint, leader: LeaderState | None) -> bool:
         """Whether all others are heard and steered, and none can come near: the usual case, at a glance.
 
         Args:

@@ -131,7 +131,7 @@ class Arrangement(msgspec.Struct, frozen=True, kw_only=True):
             raise KeyError(vehicle)
         return place
 
-    def slot(self, vehicle: str, time_s: float) -> Slot[float]:
+    def slot(self, vehicle: str, time_s: float) -> Slot:
         """The slot of a follower that flies in it, at a time (s on the formation's clock), and its rates.
 
         Raises:

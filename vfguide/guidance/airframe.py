@@ -13,7 +13,7 @@ import math
 import msgspec
 from msgspec.structs import replace
 
-from vfguide.elementwise import Number, clip, like, wrap_angle
+from vfguide.elementwise import clip, wrap_angle
 from vfguide.guidance.wind_triangle import (
     airspeed_for_ground_velocity,
     ground_speed_on_course,
@@ -29,12 +29,12 @@ GREATEST_LEAD = math.radians(150.0)
 """How far a course setpoint may lead the course: half a turn ahead an autopilot turns the other way."""
 
 
-def saturation(value: Number) -> Number:
+def saturation(value: float) -> float:
     """sat(.) of the sliding-mode laws: the value itself inside [-1, 1], its sign outside."""
     return clip(value, -1.0, 1.0)
 
 
-def bank_limited_turn_rate(max_bank: float, speed: Number) -> Number:
+def bank_limited_turn_rate(max_bank: float, speed: float) -> float:
     """Greatest turn rate (rad/s) of a coordinated turn: g tan(phi_max) / V.
 
     Args:
@@ -44,7 +44,7 @@ def bank_limited_turn_rate(max_bank: float, speed: Number) -> Number:
     return GRAVITY * math.tan(max_bank) / speed
 
 
-def speed_range(state: VehicleState[Number], airframe: Airframe) -> tuple[Number, Number]:
+def speed_range(state: VehicleState, airframe: Airframe) -> tuple[float, float]:
     """(slowest, fastest) that a vehicle's speed hold may be told, m/s.
 
     Of a heading hold it is the airspeed range; of a course hold the ground speeds that the airspeed range
@@ -52,21 +52,16 @@ def speed_range(state: VehicleState[Number], airframe: Airframe) -> tuple[Number
     """
     if airframe.hold == "course-hold":
         return ground_speed_range(state.course, state.wind_north, state.wind_east, airframe)
-    return (
-        like(airframe.airspeed_min, state.airspeed),
-        like(airframe.airspeed_max, state.airspeed),
-    )
+    return airframe.airspeed_min, airframe.airspeed_max
 
 
 def ground_speed_range(
-    course: Number, wind_north: Number, wind_east: Number, airframe: Airframe
-) -> tuple[Number, Number]:
+    course: float, wind_north: float, wind_east: float, airframe: Airframe
+) -> tuple[float, float]:
     """(slowest, fastest) ground speed on a course (rad) in a wind (m/s, toward), m/s: the wind triangle."""
-    slowest = like(airframe.airspeed_min, course)
-    fastest = like(airframe.airspeed_max, course)
     return (
-        ground_speed_on_course(slowest, course, wind_north, wind_east),
-        ground_speed_on_course(fastest, course, wind_north, wind_east),
+        ground_speed_on_course(airframe.airspeed_min, course, wind_north, wind_east),
+        ground_speed_on_course(airframe.airspeed_max, course, wind_north, wind_east),
     )
 
 
@@ -137,7 +132,7 @@ def first_order_lag(value: float, target: float, step_s: float, lag_s: float) ->
 
 def propagate_inner(
     inner: Inner,
-    state: VehicleState[float],
+    state: VehicleState,
     active: ActiveSetpoint,
     step_s: float,
     airframe: Airframe,
@@ -155,24 +150,24 @@ def propagate_inner(
     return Inner(bank=bank, acceleration=acceleration)
 
 
-def held_speed(state: VehicleState[float], airframe: Airframe) -> float:
+def held_speed(state: VehicleState, airframe: Airframe) -> float:
     """The speed that the autopilot holds, m/s."""
     return state.ground_speed if airframe.hold == "course-hold" else state.airspeed
 
 
-def held_direction(state: VehicleState[float], airframe: Airframe) -> float:
+def held_direction(state: VehicleState, airframe: Airframe) -> float:
     """The direction that its turn rate turns, rad."""
     return state.course if airframe.hold == "course-hold" else state.heading
 
 
-def turning_speed(state: VehicleState[float], airframe: Airframe) -> float:
+def turning_speed(state: VehicleState, airframe: Airframe) -> float:
     """Speed of the velocity that turns, m/s, never 0."""
     return max(held_speed(state, airframe), 1.0)
 
 
 def propagate(
-    state: VehicleState[float], inner: Inner, bias: Bias, step_s: float, airframe: Airframe
-) -> VehicleState[float]:
+    state: VehicleState, inner: Inner, bias: Bias, step_s: float, airframe: Airframe
+) -> VehicleState:
     """The vehicle a step later, its bank and acceleration as they are; the wind changes at its own rate."""
     turn_rate = coordinated_turn_rate(inner.bank, turning_speed(state, airframe)) + bias.turn_rate
     speed = max(

@@ -13,7 +13,7 @@ import math
 
 import msgspec
 
-from vfguide.elementwise import clip, cos, greater_of, low_pass, sin
+from vfguide.elementwise import clip, low_pass
 
 LEAST_SCALE, GREATEST_SCALE = 0.85, 1.25
 """Indicated against true airspeed at 3000 m is 1.16; the rest is the sensor's."""
@@ -117,16 +117,16 @@ def calibrated(
         wind_rate: how fast the wind seems to change, m/s², its amount.
         period: since the report before, s.
     """
-    drift = greater_of(wind_rate, LEAST_WIND_DRIFT) ** 2 * period
+    drift = max(wind_rate, LEAST_WIND_DRIFT) ** 2 * period
     spread = _with_added(before.covariance, (SCALE_DRIFT**2 * period, drift, drift, 0.0))
-    ahead, aside = reported_airspeed * cos(heading), reported_airspeed * sin(heading)
+    ahead, aside = reported_airspeed * math.cos(heading), reported_airspeed * math.sin(heading)
     # A nose that leads to the right leaves the air velocity on its left.
     north = (ahead, 1.0, 0.0, turn_rate * aside)
     east = (aside, 0.0, 1.0, -turn_rate * ahead)
     estimate = before.estimate
     # One velocity is averaged over the reports of a second: their errors are not independent.
-    unsteady = CHANGE_S * greater_of(wind_rate - STEADY_WIND_RATE, 0.0)
-    changing = greater_of(before.surprise - STEADY**2, 0.0) * STEADY_MEMORY_S
+    unsteady = CHANGE_S * max(wind_rate - STEADY_WIND_RATE, 0.0)
+    changing = max(before.surprise - STEADY**2, 0.0) * STEADY_MEMORY_S
     variance = (NOISE**2 + unsteady * unsteady + changing) / max(min(period, 1.0), 1e-3)
     surprise = before.surprise
     for row, seen in ((north, velocity_north), (east, velocity_east)):

@@ -12,82 +12,69 @@ track go straight on between the two groups.
 
 import math
 from collections.abc import Sequence
-from typing import Generic
 
 import msgspec
 
-from vfguide.elementwise import (
-    Number,
-    atan,
-    atan2,
-    clip,
-    cos,
-    greater_of,
-    hypot,
-    like,
-    sin,
-    where,
-    wrap_angle,
-)
+from vfguide.elementwise import Number, clip, wrap_angle
 from vfguide.guidance.wind_triangle import compose, resolve
-from vfguide.state import Airframe, LeaderState, VehicleState
+from vfguide.state import Airframe, LeaderState, NamedState, VehicleState
 
 LEAST_SLOT_SPEED = 3.0
 """m/s: V_l - omega g_y is held above this, so that a transient turn rate cannot reverse the slot's course."""
 
 
-class Slot(msgspec.Struct, Generic[Number], frozen=True, kw_only=True):
+class Slot(NamedState, frozen=True, kw_only=True):
     """A place in the formation, in the leader's course frame: fixed there, unless it has rates."""
 
-    forward: Number
+    forward: float
     """g_x, m ahead of the leader."""
-    right: Number
+    right: float
     """g_y, m to the right of the leader."""
-    forward_rate: Number | float = 0.0
+    forward_rate: float = 0.0
     """dg_x/dt, m/s: of a slot that moves within the formation."""
-    right_rate: Number | float = 0.0
+    right_rate: float = 0.0
     """dg_y/dt, m/s."""
-    forward_acceleration: Number | float = 0.0
+    forward_acceleration: float = 0.0
     """m/s²."""
-    right_acceleration: Number | float = 0.0
+    right_acceleration: float = 0.0
     """m/s²."""
 
 
-class SlotMotion(msgspec.Struct, Generic[Number], frozen=True, kw_only=True):
+class SlotMotion(NamedState, frozen=True, kw_only=True):
     """Where a slot is and how it moves over the ground."""
 
-    north: Number
+    north: float
     """m."""
-    east: Number
+    east: float
     """m."""
-    course: Number
+    course: float
     """chi_s, rad."""
-    speed: Number
+    speed: float
     """V_s, m/s."""
-    turn_rate: Number
+    turn_rate: float
     """dchi_s/dt, rad/s."""
-    acceleration: Number
+    acceleration: float
     """dV_s/dt, m/s²."""
-    drift_north: Number | float = 0.0
+    drift_north: float = 0.0
     """Of the leader, and with it of the slot: see `LeaderState`, m/s."""
-    drift_east: Number | float = 0.0
+    drift_east: float = 0.0
     """m/s."""
 
 
-class FormationError(msgspec.Struct, Generic[Number], frozen=True, kw_only=True):
+class FormationError(NamedState, frozen=True, kw_only=True):
     """Where the slot is, seen from the follower, in the frame of the slot's motion; and the rates."""
 
-    along_track: Number
+    along_track: float
     """x_E, m, positive where the slot is ahead: fly faster."""
-    cross_track: Number
+    cross_track: float
     """y_E, m, positive where the slot is to the right: turn right."""
-    along_track_rate: Number
+    along_track_rate: float
     """m/s."""
-    cross_track_rate: Number
+    cross_track_rate: float
     """m/s."""
 
 
-def extrapolate_by_rates(leader: LeaderState[Number], time_s: float) -> LeaderState[Number]:
+def extrapolate_by_rates(leader: LeaderState, time_s: float) -> LeaderState:
     """The leader at another time, by constant dV/dt and turn acceleration along the arc between.
 
     The chord of the arc runs along the mean course at the mean speed; its error is of third order in the age.
@@ -100,8 +87,8 @@ def extrapolate_by_rates(leader: LeaderState[Number], time_s: float) -> LeaderSt
     chord = (leader.ground_speed + leader.acceleration * (age / 2.0)) * age
     return LeaderState(
         time_s=time_s,
-        north=leader.north + chord * cos(mean_course) + leader.drift_north * age,
-        east=leader.east + chord * sin(mean_course) + leader.drift_east * age,
+        north=leader.north + chord * math.cos(mean_course) + leader.drift_north * age,
+        east=leader.east + chord * math.sin(mean_course) + leader.drift_east * age,
         course=leader.course + mean_turn_rate * age,
         ground_speed=leader.ground_speed + leader.acceleration * age,
         acceleration=leader.acceleration,
@@ -114,15 +101,13 @@ def extrapolate_by_rates(leader: LeaderState[Number], time_s: float) -> LeaderSt
     )
 
 
-def slot_position(leader: LeaderState[Number], slot: Slot[Number]) -> tuple[Number, Number]:
+def slot_position(leader: LeaderState, slot: Slot) -> tuple[float, float]:
     """(north, east) of a slot, m: the leader's position plus the offset turned into its course."""
     north, east = compose(slot.forward, slot.right, leader.course)
     return leader.north + north, leader.east + east
 
 
-def slot_velocity(
-    ground_speed: Number, turn_rate: Number, slot: Slot[Number]
-) -> tuple[Number, Number]:
+def slot_velocity(ground_speed: Number, turn_rate: Number, slot: Slot) -> tuple[Number, Number]:
     """(along, right) of a slot's velocity in the leader's course frame, m/s.
 
     (V_l - omega g_y + dg_x/dt, omega g_x + dg_y/dt): on a turn the outer slot is faster and the rear one
@@ -134,7 +119,7 @@ def slot_velocity(
     )
 
 
-def slot_velocity_rate(leader: LeaderState[Number], slot: Slot[Number]) -> tuple[Number, Number]:
+def slot_velocity_rate(leader: LeaderState, slot: Slot) -> tuple[float, float]:
     """(along, right): how a slot's velocity changes in the leader's course frame, m/s²."""
     return (
         leader.acceleration
@@ -147,17 +132,17 @@ def slot_velocity_rate(leader: LeaderState[Number], slot: Slot[Number]) -> tuple
     )
 
 
-def slot_motion(leader: LeaderState[Number], slot: Slot[Number]) -> SlotMotion[Number]:
+def slot_motion(leader: LeaderState, slot: Slot) -> SlotMotion:
     """Motion of a slot: chi_s, V_s and their rates, from those of the leader and of the slot in its frame."""
     north, east = slot_position(leader, slot)
     along, right = slot_velocity(leader.ground_speed, leader.turn_rate, slot)
-    along = greater_of(along, LEAST_SLOT_SPEED)
+    along = max(along, LEAST_SLOT_SPEED)
     along_rate, right_rate = slot_velocity_rate(leader, slot)
-    speed = hypot(along, right)
+    speed = math.hypot(along, right)
     return SlotMotion(
         north=north,
         east=east,
-        course=leader.course + atan2(right, along),
+        course=leader.course + math.atan2(right, along),
         speed=speed,
         turn_rate=leader.turn_rate + (along * right_rate - right * along_rate) / (speed * speed),
         acceleration=(along * along_rate + right * right_rate) / speed,
@@ -166,7 +151,7 @@ def slot_motion(leader: LeaderState[Number], slot: Slot[Number]) -> SlotMotion[N
     )
 
 
-def article_motion(leader: LeaderState[Number], slot: Slot[Number]) -> SlotMotion[Number]:
+def article_motion(leader: LeaderState, slot: Slot) -> SlotMotion:
     """The article's reading: every slot moves with the leader's course and speed, turning or not."""
     north, east = slot_position(leader, slot)
     return SlotMotion(
@@ -179,33 +164,29 @@ def article_motion(leader: LeaderState[Number], slot: Slot[Number]) -> SlotMotio
     )
 
 
-def formation_error(
-    motion: SlotMotion[Number], follower: VehicleState[Number]
-) -> FormationError[Number]:
+def formation_error(motion: SlotMotion, follower: VehicleState) -> FormationError:
     """x_E and y_E of a follower, and their rates in the turning frame of the slot's motion."""
     along, right = resolve(
         motion.north - follower.north, motion.east - follower.east, motion.course
     )
-    drift_along, drift_right = resolve(
-        motion.drift_north + 0.0 * along, motion.drift_east + 0.0 * along, motion.course
-    )
+    drift_along, drift_right = resolve(motion.drift_north, motion.drift_east, motion.course)
     relative_course = wrap_angle(follower.course - motion.course)
     return FormationError(
         along_track=along,
         cross_track=right,
         along_track_rate=motion.speed
         + drift_along
-        - follower.ground_speed * cos(relative_course)
+        - follower.ground_speed * math.cos(relative_course)
         + motion.turn_rate * right,
         cross_track_rate=drift_right
-        - follower.ground_speed * sin(relative_course)
+        - follower.ground_speed * math.sin(relative_course)
         - motion.turn_rate * along,
     )
 
 
 def arc_tangent_field(
-    error: Number, error_rate: Number, gain: float, greatest: float
-) -> tuple[Number, Number]:
+    error: float, error_rate: float, gain: float, greatest: float
+) -> tuple[float, float]:
     """Correction of a field and its rate: c (2/pi) atan(k e) and its derivative by the chain rule.
 
     Args:
@@ -216,7 +197,7 @@ def arc_tangent_field(
     """
     scaled = gain * error
     share = greatest * (2.0 / math.pi)
-    return share * atan(scaled), share * gain / (1.0 + scaled * scaled) * error_rate
+    return share * math.atan(scaled), share * gain / (1.0 + scaled * scaled) * error_rate
 
 
 def field_slope(gain: float, greatest: float) -> float:
@@ -229,9 +210,7 @@ def field_slope(gain: float, greatest: float) -> float:
     return greatest * (2.0 / math.pi) * gain
 
 
-def lyapunov(
-    error: FormationError[Number], course_error: Number, speed_error: Number, rho: float
-) -> Number:
+def lyapunov(error: FormationError, course_error: float, speed_error: float, rho: float) -> float:
     """W = (x_E^2 + y_E^2) / 2 + rho (V~^2 + chi~^2) / 2, the function that matches the x_E / rho term.
 
     The article prints 1/(2 rho) there.
@@ -248,18 +227,16 @@ ON_TRACK_M = 5.0
 """A slot nearer than this to the leader's track is on neither side."""
 
 
-def breakaway_course(leader_course: Number, slot: Slot[Number]) -> Number:
+def breakaway_course(leader_course: float, slot: Slot) -> float:
     """Course (rad) that leads a follower away from the others.
 
     Args:
         leader_course: the leader's last course, rad.
         slot: the follower's place in the formation.
     """
-    turn = where(
-        slot.right > 0.0, like(BREAKAWAY_ANGLE, slot.right), like(-BREAKAWAY_ANGLE, slot.right)
-    )
-    on_track = abs(slot.right) < ON_TRACK_M
-    return leader_course + where(on_track, like(0.0, slot.right), turn)
+    if abs(slot.right) < ON_TRACK_M:
+        return leader_course
+    return leader_course + math.copysign(BREAKAWAY_ANGLE, slot.right)
 
 
 MARGIN = 1.0
@@ -269,7 +246,7 @@ MARGIN = 1.0
 class SlotLimits(msgspec.Struct, frozen=True, kw_only=True):
     """A slot, and the airspeed range of the vehicle that holds it."""
 
-    slot: Slot[float]
+    slot: Slot
     """The slot."""
     airspeed_min: float
     """m/s."""
@@ -277,20 +254,20 @@ class SlotLimits(msgspec.Struct, frozen=True, kw_only=True):
     """m/s."""
 
 
-def slot_airspeed(state: VehicleState[Number], turn_rate: Number, slot: Slot[Number]) -> Number:
+def slot_airspeed(state: VehicleState, turn_rate: float, slot: Slot) -> float:
     """Airspeed (m/s) that holding a slot takes: |slot velocity - wind|, the leader turning at turn_rate."""
     along, right = slot_velocity(state.ground_speed, turn_rate, slot)
     north, east = compose(along, right, state.course)
-    return hypot(north - state.wind_north, east - state.wind_east)
+    return math.hypot(north - state.wind_north, east - state.wind_east)
 
 
 def airspeed_that_gives_way(
     cruise: float,
-    state: VehicleState[Number],
-    turn_rate: Number,
+    state: VehicleState,
+    turn_rate: float,
     followers: Sequence[SlotLimits],
     airframe: Airframe,
-) -> Number:
+) -> float:
     """The leader's airspeed (m/s): its cruise, moved by what the worst-off slots lack on either side.
 
     A slot's airspeed moves with the leader's nearly one to one, so the deficit that a slot would have at
@@ -303,17 +280,9 @@ def airspeed_that_gives_way(
         followers: slots and their vehicles' airspeed ranges.
         airframe: the leader's own.
     """
-    deficit = state.airspeed * 0.0
-    excess = state.airspeed * 0.0
+    deficit = excess = 0.0
     for follower in followers:
-        still = state.airspeed * 0.0
-        slot = Slot(
-            forward=still + follower.slot.forward,
-            right=still + follower.slot.right,
-            forward_rate=follower.slot.forward_rate,
-            right_rate=follower.slot.right_rate,
-        )
-        needed = slot_airspeed(state, turn_rate, slot) + (cruise - state.airspeed)
-        deficit = greater_of(deficit, follower.airspeed_min + MARGIN - needed)
-        excess = greater_of(excess, needed - (follower.airspeed_max - MARGIN))
+        needed = slot_airspeed(state, turn_rate, follower.slot) + (cruise - state.airspeed)
+        deficit = max(deficit, follower.airspeed_min + MARGIN - needed)
+        excess = max(excess, needed - (follower.airspeed_max - MARGIN))
     return clip(cruise + deficit - excess, airframe.airspeed_min, airframe.airspeed_max)

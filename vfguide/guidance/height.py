@@ -107,7 +107,7 @@ def held_height(height: float) -> HeightTarget:
     return HeightTarget(height=height, climb_rate=0.0, ahead=height)
 
 
-def path_speed(point: PathPoint[float], motion: LeaderState[float]) -> float:
+def path_speed(point: PathPoint[float], motion: LeaderState) -> float:
     """How fast the nearest point of a path runs along it, m/s."""
     if point.curvature == 0.0:
         return motion.ground_speed * math.cos(motion.course - point.course)
@@ -121,7 +121,7 @@ class BesidePath(msgspec.Struct, frozen=True, kw_only=True):
     """The leader's."""
     point: PathPoint[float]
     """The point of the path nearest to the leader."""
-    motion: LeaderState[float]
+    motion: LeaderState
     """Motion of the leader at that place."""
     flying: float
     """The mission's flying height, m above the origin, from which the path's heights count."""
@@ -163,7 +163,7 @@ class HeightDeviation(msgspec.Struct, frozen=True, kw_only=True):
 
 def height_deviation(
     before: HeightDeviation | None,
-    leader: LeaderState[float],
+    leader: LeaderState,
     planned: HeightTarget,
     *,
     memory_s: float,

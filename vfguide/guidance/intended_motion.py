@@ -17,7 +17,7 @@ import math
 
 import msgspec
 
-from vfguide.elementwise import Number, clip, like, low_pass, wrap_angle
+from vfguide.elementwise import clip, low_pass, wrap_angle
 from vfguide.guidance.navigation import fading_memory_2
 from vfguide.guidance.path import (
     Path,
@@ -49,7 +49,7 @@ class KnownLeader(msgspec.Struct, frozen=True, kw_only=True):
     least_radius: float = 0.0
     """It turns no tighter onto its path, m; 0 where that is left to the field."""
 
-    def point_beside(self, leader: LeaderState[Number]) -> PathPoint[Number]:
+    def point_beside(self, leader: LeaderState) -> PathPoint[float]:
         """The point of the leader's path nearest to where it is."""
         return self.path.nearest_in_space(
             leader.north, leader.east, leader.course, leader.height - self.height
@@ -57,8 +57,8 @@ class KnownLeader(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def extrapolate_along_path(
-    leader: LeaderState[Number], follower: VehicleState[Number], known: KnownLeader
-) -> LeaderState[Number]:
+    leader: LeaderState, follower: VehicleState, known: KnownLeader
+) -> LeaderState:
     """The leader at the follower's time, had it kept to its field, its airspeed and the follower's wind.
 
     One step of at most some tenths of a second; longer silences are made of many.
@@ -72,22 +72,21 @@ def extrapolate_along_path(
     point = known.point_beside(leader)
     field = (known.path_gains.gain, known.path_gains.approach_angle)
     course = desired_course(point, *field)
-    airspeed = like(known.airspeed, leader.north)
     wind = (follower.wind_north, follower.wind_east)
     # The speed is that of the middle of the step: taken at its beginning, it would be late all the way
     # round a circle in wind, by decimetres each half turn.
-    turn_rate = ground_speed_on_course(airspeed, course, *wind) * desired_course_rate_per_speed(
-        point, course, *field
-    )
+    turn_rate = ground_speed_on_course(
+        known.airspeed, course, *wind
+    ) * desired_course_rate_per_speed(point, course, *field)
     if known.least_radius > 0.0:
         limit = joining_turn_rate(point, leader.ground_speed, known.least_radius)
         turn_rate = clip(turn_rate + wrap_angle(course - leader.course) / period, -limit, limit)
         course = leader.course
     middle = course + turn_rate * (period / 2.0)
-    north, east = polar(ground_speed_on_course(airspeed, middle, *wind) * period, middle)
+    north, east = polar(ground_speed_on_course(known.airspeed, middle, *wind) * period, middle)
     course = course + turn_rate * period
-    climb_rate = point.slope * ground_speed_on_course(airspeed, middle, *wind)
-    ground_speed = ground_speed_on_course(airspeed, course, *wind)
+    climb_rate = point.slope * ground_speed_on_course(known.airspeed, middle, *wind)
+    ground_speed = ground_speed_on_course(known.airspeed, course, *wind)
     time_constant = known.rate_filter_s
     return LeaderState(
         time_s=follower.time_s,
@@ -171,7 +170,7 @@ class PlannedMotion(msgspec.Struct, frozen=True, kw_only=True):
 class IntendedMotion(msgspec.Struct, frozen=True, kw_only=True):
     """What is known of how a leader means to fly."""
 
-    motion: LeaderState[float]
+    motion: LeaderState
     """The true place, and the intended course, speed and rates."""
     planned: PlannedMotion
     """At that place."""
@@ -190,7 +189,7 @@ class IntendedMotion(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def planned_motion(
-    leader: LeaderState[float], known: KnownLeader, wind: tuple[float, float]
+    leader: LeaderState, known: KnownLeader, wind: tuple[float, float]
 ) -> PlannedMotion:
     """What the mission says of a leader where it is, in a mean wind (north, east, m/s)."""
     point = known.point_beside(leader)
@@ -219,7 +218,7 @@ def bent_course(point: PathPoint[float], gains: PathGains) -> tuple[float, float
     return point.course + kept * bend, change * slope
 
 
-def intended_at_first(leader: LeaderState[float], planned: PlannedMotion) -> IntendedMotion:
+def intended_at_first(leader: LeaderState, planned: PlannedMotion) -> IntendedMotion:
     """From one state of the leader alone: as it flies."""
     difference = wrap_angle(leader.course - planned.course)
     return IntendedMotion(
@@ -235,7 +234,7 @@ def intended_at_first(leader: LeaderState[float], planned: PlannedMotion) -> Int
 
 def intended_motion(
     before: IntendedMotion,
-    leader: LeaderState[float],
+    leader: LeaderState,
     planned: PlannedMotion,
     *,
     as_planned: bool = False,

@@ -13,12 +13,11 @@ is left of it in the direction of flight and across it corrects speed and course
 """
 
 import math
-from typing import Generic
 
 import msgspec
 from msgspec.structs import replace
 
-from vfguide.elementwise import Number, clip, wrap_angle
+from vfguide.elementwise import clip, wrap_angle
 from vfguide.guidance.airframe import bank_limited_turn_rate
 from vfguide.guidance.formation import extrapolate_by_rates
 from vfguide.guidance.navigation import fading_memory_2, fading_memory_3
@@ -26,30 +25,29 @@ from vfguide.guidance.wind_triangle import resolve
 from vfguide.state import Airframe, LeaderState, VehicleState
 
 
-class MotionEstimate(msgspec.Struct, Generic[Number], frozen=True, kw_only=True):
+class MotionEstimate(msgspec.Struct, frozen=True, kw_only=True):
     """What is known of a vehicle's motion."""
 
-    state: LeaderState[Number]
+    state: LeaderState
     """What the others are told of it."""
-    jerk: Number
+    jerk: float
     """d²V_g/dt², m/s³: no follower needs it, the next estimate does."""
 
 
-def motion_at_first(state: VehicleState[Number]) -> MotionEstimate[Number]:
+def motion_at_first(state: VehicleState) -> MotionEstimate:
     """From one navigated state alone: nothing is known of its changes yet."""
-    still = state.course * 0.0
     return MotionEstimate(
-        state=_leader_state(state, acceleration=still, turn_rate=still, turn_acceleration=still),
-        jerk=still,
+        state=_leader_state(state, acceleration=0.0, turn_rate=0.0, turn_acceleration=0.0),
+        jerk=0.0,
     )
 
 
 def estimated_motion(
-    previous: MotionEstimate[Number],
-    state: VehicleState[Number],
+    previous: MotionEstimate,
+    state: VehicleState,
     airframe: Airframe,
     time_constant: float,
-) -> MotionEstimate[Number]:
+) -> MotionEstimate:
     """The motion with dV_g/dt, omega and its rate: differences of course and speed, filtered.
 
     Rates are held within what the airframe can do: an outlier in omega turns the whole frame in which
@@ -91,12 +89,12 @@ def estimated_motion(
 
 
 def _tracked(
-    before: tuple[Number, Number],
-    raw: Number,
+    before: tuple[float, float],
+    raw: float,
     limit: float,
     period: float,
     time_constant: float,
-) -> tuple[Number, Number]:
+) -> tuple[float, float]:
     """(rate, its own rate) after a raw rate that may be an outlier; the rate is held within +-limit."""
     gain, rate_gain = fading_memory_2(period, time_constant)
     expected = before[0] + before[1] * period
@@ -108,12 +106,12 @@ def _tracked(
 
 
 def _leader_state(
-    state: VehicleState[Number],
+    state: VehicleState,
     *,
-    acceleration: Number,
-    turn_rate: Number,
-    turn_acceleration: Number,
-) -> LeaderState[Number]:
+    acceleration: float,
+    turn_rate: float,
+    turn_acceleration: float,
+) -> LeaderState:
     """A navigated state, and how it changes."""
     return LeaderState(
         time_s=state.time_s,
@@ -155,7 +153,7 @@ class Observation(msgspec.Struct, frozen=True, kw_only=True):
 class ObservedMotion(msgspec.Struct, frozen=True, kw_only=True):
     """What is known of the motion."""
 
-    state: LeaderState[float]
+    state: LeaderState
     """Place, course, speed and their rates; times are those of the observations."""
     jerk: float = 0.0
     """How the acceleration changes, m/s³."""
@@ -209,7 +207,7 @@ def observed_motion(
 
 def _by_velocity(
     before: ObservedMotion,
-    carried: LeaderState[float],
+    carried: LeaderState,
     seen: Observation,
     velocity: tuple[float, float],
     tau: float,
@@ -237,7 +235,7 @@ def _by_velocity(
 
 
 def _by_place(
-    before: ObservedMotion, carried: LeaderState[float], seen: Observation, tau: float
+    before: ObservedMotion, carried: LeaderState, seen: Observation, tau: float
 ) -> ObservedMotion:
     """The place tracked: what is left along and across corrects speed and course, and their rates."""
     period = seen.time_s - before.state.time_s
@@ -276,7 +274,7 @@ def _limited(found: ObservedMotion, limits: RateLimits) -> ObservedMotion:
     return ObservedMotion(state=limited, jerk=found.jerk if within else 0.0)
 
 
-def carried_on(state: LeaderState[float], age_s: float, trusted_s: float) -> LeaderState[float]:
+def carried_on(state: LeaderState, age_s: float, trusted_s: float) -> LeaderState:
     """A motion to fly by that is this old: by all its rates for so long, then on the same arc at one speed.
 
     Args:

@@ -21,12 +21,11 @@ carries the position on by the reported velocity and an error of it, and finds b
 """
 
 import math
-from typing import Generic
 
 import msgspec
 from msgspec.structs import replace
 
-from vfguide.elementwise import Number, atan2, clip, hypot, isfinite, low_pass, where
+from vfguide.elementwise import clip, low_pass
 from vfguide.guidance.wind_triangle import polar
 from vfguide.state import Gusts, VehicleState
 
@@ -58,26 +57,26 @@ class FilterTimes(msgspec.Struct, frozen=True, kw_only=True):
     """How long a reported height is remembered, s."""
 
 
-class Sample(msgspec.Struct, Generic[Number], frozen=True, kw_only=True):
+class Sample(msgspec.Struct, frozen=True, kw_only=True):
     """One report of an autopilot, in the formation's local frame."""
 
     time_s: float
     """When it was true, s."""
-    north: Number
+    north: float
     """m."""
-    east: Number
+    east: float
     """m."""
-    velocity_north: Number
+    velocity_north: float
     """Ground velocity, m/s."""
-    velocity_east: Number
+    velocity_east: float
     """Ground velocity, m/s."""
-    heading: Number
+    heading: float
     """rad."""
-    airspeed: Number
+    airspeed: float
     """True airspeed, m/s."""
-    height: Number | float = 0.0
+    height: float = 0.0
     """m; NaN where it is not known."""
-    climb_rate: Number | float = 0.0
+    climb_rate: float = 0.0
     """m/s, positive up."""
 
 
@@ -102,7 +101,7 @@ def fading_memory_3(period: float, time_constant: float) -> tuple[float, float, 
     )
 
 
-def first_state(sample: Sample[Number]) -> VehicleState[Number]:
+def first_state(sample: Sample) -> VehicleState:
     """State from one report alone."""
     air_north, air_east = air = polar(sample.airspeed, sample.heading)
     return _state(
@@ -111,14 +110,12 @@ def first_state(sample: Sample[Number]) -> VehicleState[Number]:
         height=sample.height,
         position=(sample.north, sample.east),
         wind=(sample.velocity_north - air_north, sample.velocity_east - air_east),
-        wind_rate=(sample.north * 0.0, sample.east * 0.0),
-        wind_jerk=(sample.north * 0.0, sample.east * 0.0),
+        wind_rate=(0.0, 0.0),
+        wind_jerk=(0.0, 0.0),
     )
 
 
-def navigate(
-    previous: VehicleState[Number], sample: Sample[Number], times: FilterTimes
-) -> VehicleState[Number]:
+def navigate(previous: VehicleState, sample: Sample, times: FilterTimes) -> VehicleState:
     """State after a report, with its ground velocity measured.
 
     Args:
@@ -160,8 +157,8 @@ def navigate(
 
 
 def gusts_after(
-    before: Gusts[Number] | None, surprise_north: Number, surprise_east: Number, period: float
-) -> Gusts[Number]:
+    before: Gusts | None, surprise_north: float, surprise_east: float, period: float
+) -> Gusts:
     """How gusty the air is after another innovation of the wind.
 
     The innovations of an optimal filter are white. Where each resembles the one before, the filter lags
@@ -175,14 +172,13 @@ def gusts_after(
         surprise_east: m/s.
         period: since the report before, s.
     """
-    none = surprise_north * 0.0
     if before is None:
         return Gusts(
-            share=none,
+            share=0.0,
             surprise_north=surprise_north,
             surprise_east=surprise_east,
-            power=none,
-            correlation=none,
+            power=0.0,
+            correlation=0.0,
         )
     squared = surprise_north * surprise_north + surprise_east * surprise_east
     product = surprise_north * before.surprise_north + surprise_east * before.surprise_east
@@ -200,12 +196,12 @@ def gusts_after(
 
 
 def navigate_blind(
-    previous: VehicleState[Number],
-    sample: Sample[Number],
+    previous: VehicleState,
+    sample: Sample,
     times: FilterTimes,
     *,
     by_course: bool = True,
-) -> VehicleState[Number]:
+) -> VehicleState:
     """State after a report whose ground speed is not to be used.
 
     Wind and its rate follow from how the reported positions leave those that airspeed and heading predict.
@@ -235,14 +231,12 @@ def navigate_blind(
             previous.wind_rate_east + 2.0 * second_gain / period**2 * surprise_east,
         ),
         # Positions show the wind by its integral: three orders end with its rate.
-        wind_jerk=(sample.north * 0.0, sample.east * 0.0),
-        course=atan2(sample.velocity_east, sample.velocity_north) if by_course else None,
+        wind_jerk=(0.0, 0.0),
+        course=math.atan2(sample.velocity_east, sample.velocity_north) if by_course else None,
     )
 
 
-def navigate_unseen(
-    previous: VehicleState[Number], sample: Sample[Number], times: FilterTimes
-) -> VehicleState[Number]:
+def navigate_unseen(previous: VehicleState, sample: Sample, times: FilterTimes) -> VehicleState:
     """State after a report of which heading and airspeed alone are used.
 
     The wind goes on changing as it did; what gusts changed foretells nothing.
@@ -253,8 +247,8 @@ def navigate_unseen(
         previous,
         wind_rate_north=smooth * previous.wind_rate_north,
         wind_rate_east=smooth * previous.wind_rate_east,
-        wind_jerk_north=0.0 * sample.north,
-        wind_jerk_east=0.0 * sample.north,
+        wind_jerk_north=0.0,
+        wind_jerk_east=0.0,
     )
     air = polar(sample.airspeed, sample.heading)
     north, east, wind_north, wind_east = _predict(before, air, period)
@@ -270,23 +264,22 @@ def navigate_unseen(
     )
 
 
-def carried_height(
-    previous: VehicleState[Number], sample: Sample[Number], time_constant: float
-) -> Number | float:
+def carried_height(previous: VehicleState, sample: Sample, time_constant: float) -> float:
     """Height (m) carried on by the climb rate, and leaning on the reported one where that is known.
 
     Barometers are noisy and climb rates are not: in level flight nobody is to climb after noise.
     """
     period = sample.time_s - previous.time_s
     carried = previous.height + (previous.climb_rate + sample.climb_rate) * (0.5 * period)
-    missed = sample.height - carried + 0.0 * sample.north
-    lean = period / (time_constant + period)
-    return where(isfinite(missed), carried + lean * missed, carried + 0.0 * sample.north)
+    missed = sample.height - carried
+    if not math.isfinite(missed):
+        return carried
+    return carried + period / (time_constant + period) * missed
 
 
 def _predict(
-    previous: VehicleState[Number], air: tuple[Number, Number], period: float
-) -> tuple[Number, Number, Number, Number]:
+    previous: VehicleState, air: tuple[float, float], period: float
+) -> tuple[float, float, float, float]:
     """(north, east, wind north, wind east) a period later, by the mean of the air velocities then and now."""
     before_north, before_east = polar(previous.airspeed, previous.heading)
     after_north, after_east = air
@@ -303,25 +296,25 @@ def _predict(
 
 
 def _state(
-    sample: Sample[Number],
-    air: tuple[Number, Number],
+    sample: Sample,
+    air: tuple[float, float],
     *,
-    height: Number | float,
-    position: tuple[Number, Number],
-    wind: tuple[Number, Number],
-    wind_rate: tuple[Number, Number],
-    wind_jerk: tuple[Number, Number],
-    course: Number | None = None,
-    gusts: Gusts[Number] | None = None,
-) -> VehicleState[Number]:
+    height: float,
+    position: tuple[float, float],
+    wind: tuple[float, float],
+    wind_rate: tuple[float, float],
+    wind_jerk: tuple[float, float],
+    course: float | None = None,
+    gusts: Gusts | None = None,
+) -> VehicleState:
     """The state that position and wind make of a sample: ground velocity = air velocity + wind."""
     velocity_north, velocity_east = air[0] + wind[0], air[1] + wind[1]
     return VehicleState(
         time_s=sample.time_s,
         north=position[0],
         east=position[1],
-        course=atan2(velocity_east, velocity_north) if course is None else course,
-        ground_speed=hypot(velocity_north, velocity_east),
+        course=math.atan2(velocity_east, velocity_north) if course is None else course,
+        ground_speed=math.hypot(velocity_north, velocity_east),
         heading=sample.heading,
         airspeed=sample.airspeed,
         wind_north=wind[0],
@@ -339,7 +332,7 @@ def _state(
 class VelocityError(msgspec.Struct, frozen=True, kw_only=True):
     """A carried position, and by how much reported velocities fall short of its motion."""
 
-    sample: Sample[float]
+    sample: Sample
     """The last report."""
     north: float
     """Carried position, m."""
@@ -351,14 +344,12 @@ class VelocityError(msgspec.Struct, frozen=True, kw_only=True):
     """m/s."""
 
 
-def velocity_error_at_first(sample: Sample[float]) -> VelocityError:
+def velocity_error_at_first(sample: Sample) -> VelocityError:
     """Nothing is known against the first velocity."""
     return VelocityError(sample=sample, north=sample.north, east=sample.east)
 
 
-def velocity_error(
-    before: VelocityError, sample: Sample[float], time_constant: float
-) -> VelocityError:
+def velocity_error(before: VelocityError, sample: Sample, time_constant: float) -> VelocityError:
     """The error after another report.
 
     Args:
@@ -381,7 +372,7 @@ def velocity_error(
     )
 
 
-def with_right_velocity(sample: Sample[float], error: VelocityError) -> Sample[float]:
+def with_right_velocity(sample: Sample, error: VelocityError) -> Sample:
     """The report with the velocity that positions show."""
     return replace(
         sample,

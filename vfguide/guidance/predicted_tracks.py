@@ -107,18 +107,18 @@ def arc(
     return places
 
 
-def place_of(state: LeaderState[float]) -> complex:
+def place_of(state: LeaderState) -> complex:
     """Place of a vehicle that was heard, m."""
     return complex(state.north, state.east)
 
 
-def velocity_of(state: LeaderState[float]) -> complex:
+def velocity_of(state: LeaderState) -> complex:
     """Velocity over the ground of a vehicle that was heard, m/s."""
     drift = complex(state.drift_north, state.drift_east)
     return cmath.rect(state.ground_speed, state.course) + drift
 
 
-def in_formation(place: Plane, velocity: Plane, leader: LeaderState[float]) -> tuple[Plane, Plane]:
+def in_formation(place: Plane, velocity: Plane, leader: LeaderState) -> tuple[Plane, Plane]:
     """(place, velocity) of vehicles in the leader's turning course frame, m and m/s: forward + j right."""
     turned = cmath.exp(-1j * leader.course)
     offset = (place - place_of(leader)) * turned
@@ -131,7 +131,7 @@ def formation_tracks(
     velocity: ComplexArray,
     slot: ComplexArray,
     settle_s: FloatArray,
-    leader: LeaderState[float],
+    leader: LeaderState,
     *,
     slot_rate: ComplexArray | complex = 0j,
 ) -> ComplexArray:

@@ -12,7 +12,6 @@ from typing import Literal
 
 import msgspec
 
-from vfguide.elementwise import Number
 from vfguide.guidance.navigation import FilterTimes
 from vfguide.guidance.sliding_laws import boundary_layer
 from vfguide.state import Airframe, VehicleState
@@ -30,12 +29,12 @@ class ObserverGains(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def speed_estimate_rate(
-    estimate: Number,
-    reference_speed: Number,
-    course_error: Number,
-    regressor: Number,
+    estimate: float,
+    reference_speed: float,
+    course_error: float,
+    regressor: float,
     gains: ObserverGains,
-) -> Number:
+) -> float:
     """dV^_g/dt = -Gamma rho chi~ phi - sigma Gamma (V^_g - V_ref), m/s².
 
     Args:
@@ -93,11 +92,11 @@ class SlidingGains(msgspec.Struct, frozen=True, kw_only=True):
 
     def layer_in(
         self,
-        state: VehicleState[Number],
+        state: VehicleState,
         airframe: Airframe,
         period: float,
         bandwidth: float = math.inf,
-    ) -> Number | float:
+    ) -> float:
         """The same in the air that a vehicle flies in: in gusts no wider than the sampled loop needs.
 
         Smooth setpoints, which a wider one buys, are worth nothing there; a quick answer is. An autopilot

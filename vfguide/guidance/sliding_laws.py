@@ -3,7 +3,7 @@
 The boundary layer of the course law follows the loop that it runs in.
 """
 
-from vfguide.elementwise import Number, clip, greater_of
+from vfguide.elementwise import clip
 from vfguide.guidance.airframe import GREATEST_LEAD, bank_limited_turn_rate, saturation, speed_range
 from vfguide.guidance.wind_triangle import (
     air_relative_rates,
@@ -33,8 +33,8 @@ def boundary_layer(
 
 
 def sliding_course_rate(
-    course_error: Number, desired_rate: Number, gain: float, layer: Number | float
-) -> Number:
+    course_error: float, desired_rate: float, gain: float, layer: float
+) -> float:
     """Course rate (rad/s) that brings the course onto the field: d chi^d/dt - kappa sat(chi~ / epsilon).
 
     Args:
@@ -46,7 +46,7 @@ def sliding_course_rate(
     return desired_rate - gain * saturation(course_error / layer)
 
 
-def course_command(course: Number, course_rate: Number, alpha: float, hold: float = 0.0) -> Number:
+def course_command(course: float, course_rate: float, alpha: float, hold: float = 0.0) -> float:
     """chi^c = chi + (d chi/dt) (1 / alpha + T / 2), rad: what a first-order hold turns into the wanted rate.
 
     With `sliding_course_rate` and T = 0 this is the article's chi^c. A setpoint that stands for T seconds
@@ -68,14 +68,14 @@ POSITION_SHARE = 1.0 / 3.0
 
 
 def sliding_acceleration(
-    speed_error: Number,
-    along_track_error: Number,
-    desired_acceleration: Number,
+    speed_error: float,
+    along_track_error: float,
+    desired_acceleration: float,
     *,
     gain: float,
-    layer: Number | float,
+    layer: float,
     rho: float,
-) -> Number:
+) -> float:
     """Acceleration (m/s²) that brings the speed onto the field: dV^d/dt + x_E/rho - kappa sat(V~/epsilon).
 
     Args:
@@ -91,7 +91,7 @@ def sliding_acceleration(
     return desired_acceleration + position_term - gain * saturation(speed_error / layer)
 
 
-def speed_command(speed: Number, acceleration: Number, beta: float, hold: float = 0.0) -> Number:
+def speed_command(speed: float, acceleration: float, beta: float, hold: float = 0.0) -> float:
     """V^c = V + (dV/dt) (1 / beta + T / 2), m/s: what a first-order hold turns into the wanted acceleration.
 
     T is how long the setpoint stands, s; see `course_command`.
@@ -99,7 +99,7 @@ def speed_command(speed: Number, acceleration: Number, beta: float, hold: float 
     return speed + acceleration * (1.0 / beta + 0.5 * hold)
 
 
-def acceleration_toward(command: Number, speed: Number, beta: float, hold: float = 0.0) -> Number:
+def acceleration_toward(command: float, speed: float, beta: float, hold: float = 0.0) -> float:
     """Acceleration (m/s²) for which `speed_command` gives this command (m/s)."""
     return (command - speed) / (1.0 / beta + 0.5 * hold)
 
@@ -108,20 +108,20 @@ LEAST_GROUND_SPEED = 1.0
 """m/s: an aircraft that stands still turns at no rate that can be worked out."""
 
 
-def foretold_share(state: VehicleState[Number], *, wind_feedforward: bool) -> Number | float:
+def foretold_share(state: VehicleState, *, wind_feedforward: bool) -> float:
     """Share of the wind's rate that is fed forward: none of it in gusts, whose rate foretells nothing."""
     return 1.0 - state.gust_share if wind_feedforward else 0.0
 
 
 def setpoint_for(
-    state: VehicleState[Number],
-    acceleration: Number,
-    course_rate: Number,
+    state: VehicleState,
+    acceleration: float,
+    course_rate: float,
     airframe: Airframe,
     *,
     wind_feedforward: bool,
     hold: float = 0.0,
-) -> Setpoint[Number]:
+) -> Setpoint:
     """Setpoint for a wanted ground acceleration (m/s²) and course rate (rad/s).
 
     Args:
@@ -149,14 +149,14 @@ def setpoint_for(
 
 
 def cruise_setpoint(
-    state: VehicleState[Number],
-    airspeed: Number,
-    course_rate: Number,
+    state: VehicleState,
+    airspeed: float,
+    course_rate: float,
     airframe: Airframe,
     *,
     wind_feedforward: bool,
     hold: float = 0.0,
-) -> Setpoint[Number]:
+) -> Setpoint:
     """Setpoint that turns the course at a rate (rad/s) and keeps an airspeed (m/s).
 
     Args:
@@ -190,13 +190,13 @@ def cruise_setpoint(
 
 
 def heading_hold(
-    state: VehicleState[Number],
-    airspeed_rate: Number,
-    heading_rate: Number,
+    state: VehicleState,
+    airspeed_rate: float,
+    heading_rate: float,
     airframe: Airframe,
     *,
     hold: float = 0.0,
-) -> Setpoint[Number]:
+) -> Setpoint:
     """Setpoint for heading and airspeed holds that stands for `hold` seconds.
 
     The course is commanded, and the autopilot flies it as a heading through the drift it measures: a
@@ -211,20 +211,20 @@ def heading_hold(
         course=course_command(state.course, turn, airframe.alpha, hold),
         speed=airspeed,
         turn_limited=turn != heading_rate,
-        speed_limited=(rate != airspeed_rate) | (airspeed != wanted),
+        speed_limited=rate != airspeed_rate or airspeed != wanted,
     )
 
 
 def _course_hold(
-    state: VehicleState[Number],
-    acceleration: Number,
-    course_rate: Number,
+    state: VehicleState,
+    acceleration: float,
+    course_rate: float,
     airframe: Airframe,
     hold: float,
-) -> Setpoint[Number]:
+) -> Setpoint:
     """Setpoint for course and ground-speed holds: the article's equations."""
     turn_limit = bank_limited_turn_rate(
-        airframe.max_bank, greater_of(state.ground_speed, LEAST_GROUND_SPEED)
+        airframe.max_bank, max(state.ground_speed, LEAST_GROUND_SPEED)
     )
     turn = clip(course_rate, -turn_limit, turn_limit)
     rate = clip(acceleration, -airframe.max_acceleration, airframe.max_acceleration)
@@ -234,5 +234,5 @@ def _course_hold(
         course=course_command(state.course, turn, airframe.alpha, hold),
         speed=speed,
         turn_limited=turn != course_rate,
-        speed_limited=(rate != acceleration) | (speed != wanted),
+        speed_limited=rate != acceleration or speed != wanted,
     )

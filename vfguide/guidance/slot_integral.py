@@ -12,12 +12,12 @@ course, and one of twice the course, each learned in its own phase (adaptive fee
 Sacks and Khosla, IEEE Transactions on Automatic Control 39(9), 1994).
 """
 
-from typing import Generic
+import math
 
 import msgspec
 from msgspec.structs import replace
 
-from vfguide.elementwise import BoolArray, Number, clip, cos, like, sin, where
+from vfguide.elementwise import clip
 from vfguide.guidance.formation import FormationError, SlotMotion
 
 NEAR_M = 2.0
@@ -39,34 +39,33 @@ TURNING_RAD_S = 0.04
 """Turn rate at which harmonics count by half: on a straight they could not be told from the mean."""
 
 
-class Harmonic(msgspec.Struct, Generic[Number], frozen=True, kw_only=True):
+class Harmonic(msgspec.Struct, frozen=True, kw_only=True):
     """A part of the offset that goes round with the slot's course, m."""
 
-    ahead_cosine: Number
-    ahead_sine: Number
-    right_cosine: Number
-    right_sine: Number
+    ahead_cosine: float
+    ahead_sine: float
+    right_cosine: float
+    right_sine: float
 
 
-class Offset(msgspec.Struct, Generic[Number], frozen=True, kw_only=True):
+class Offset(msgspec.Struct, frozen=True, kw_only=True):
     """b: how far beyond the slot the field aims, in the frame of the slot's motion."""
 
-    ahead: Number
+    ahead: float
     """Mean, m along the slot's motion."""
-    right: Number
+    right: float
     """Mean, m across it."""
-    harmonics: tuple[Harmonic[Number], ...]
+    harmonics: tuple[Harmonic, ...]
     """One for each of `HARMONICS`."""
 
 
-def no_offset(shape: Number) -> Offset[Number]:
-    """Nothing was learned yet; in the shape of another value."""
-    none = like(0.0, shape)
-    still = Harmonic(ahead_cosine=none, ahead_sine=none, right_cosine=none, right_sine=none)
-    return Offset(ahead=none, right=none, harmonics=(still,) * len(HARMONICS))
+def no_offset() -> Offset:
+    """Nothing was learned yet."""
+    still = Harmonic(ahead_cosine=0.0, ahead_sine=0.0, right_cosine=0.0, right_sine=0.0)
+    return Offset(ahead=0.0, right=0.0, harmonics=(still,) * len(HARMONICS))
 
 
-def nearness(error: FormationError[Number]) -> Number:
+def nearness(error: FormationError) -> float:
     """Share of an error that is learned from: 1 in the slot, 1/2 at `NEAR_M`, with the fourth power."""
     squared = (
         error.along_track * error.along_track + error.cross_track * error.cross_track
@@ -75,8 +74,8 @@ def nearness(error: FormationError[Number]) -> Number:
 
 
 def learning_rate(
-    error: FormationError[Number], integral_s: float, gust_share: Number | float = 0.0
-) -> tuple[Number, Number]:
+    error: FormationError, integral_s: float, gust_share: float = 0.0
+) -> tuple[float, float]:
     """(ahead, right) db/dt of the mean offset, m/s.
 
     Args:
@@ -85,18 +84,18 @@ def learning_rate(
         gust_share: 0 to 1: how far errors are those of gusts, which do not last.
     """
     if integral_s <= 0.0:
-        return error.along_track * 0.0, error.along_track * 0.0
+        return 0.0, 0.0
     share = nearness(error) * (1.0 - IN_GUSTS * gust_share) / integral_s
     return share * error.along_track, share * error.cross_track
 
 
-def turning_share(turn_rate: Number) -> Number:
+def turning_share(turn_rate: float) -> float:
     """How far harmonics count at a turn rate (rad/s): 0 on a straight, 1 in a turn."""
     squared = turn_rate * turn_rate
     return squared / (squared + TURNING_RAD_S**2)
 
 
-def harmonic_share(turn_rate: Number, integral_s: float) -> Number:
+def harmonic_share(turn_rate: float, integral_s: float) -> float:
     """How fast a harmonic is update_offset, in parts of the mean: as fast, but no faster than the slot turns.
 
     What is learned within less of a turn could not be told from the mean.
@@ -108,19 +107,19 @@ def harmonic_share(turn_rate: Number, integral_s: float) -> Number:
     return clip(abs(turn_rate) * integral_s, 0.0, 1.0)
 
 
-def learning_growth(turn_rate: Number, integral_s: float) -> Number:
+def learning_growth(turn_rate: float, integral_s: float) -> float:
     """How much faster than a mean alone all parts together are learned: 1 or more. Arguments as above."""
     share = turning_share(turn_rate) * harmonic_share(turn_rate, integral_s)
     return 1.0 + share * float(len(HARMONICS))
 
 
 def aimed_error(
-    error: FormationError[Number],
-    offset: Offset[Number],
+    error: FormationError,
+    offset: Offset,
     integral_s: float,
-    motion: SlotMotion[Number],
-    gust_share: Number | float = 0.0,
-) -> FormationError[Number]:
+    motion: SlotMotion,
+    gust_share: float = 0.0,
+) -> FormationError:
     """The error from the point that the field aims at, and its rate: e + b and de/dt + db/dt.
 
     Args:
@@ -144,15 +143,16 @@ def aimed_error(
     )
 
 
-def sum_of(
-    offset: Offset[Number], motion: SlotMotion[Number]
-) -> tuple[Number, Number, Number, Number]:
+def sum_of(offset: Offset, motion: SlotMotion) -> tuple[float, float, float, float]:
     """(ahead, right) of all parts together, m, and how they change as the slot turns, m/s."""
     share = turning_share(motion.turn_rate)
     ahead, right = offset.ahead, offset.right
-    ahead_rate = right_rate = ahead * 0.0
+    ahead_rate = right_rate = 0.0
     for multiple, one in zip(HARMONICS, offset.harmonics, strict=True):
-        cosine, sine = share * cos(multiple * motion.course), share * sin(multiple * motion.course)
+        cosine, sine = (
+            share * math.cos(multiple * motion.course),
+            share * math.sin(multiple * motion.course),
+        )
         turn_rate = multiple * motion.turn_rate
         ahead = ahead + one.ahead_cosine * cosine + one.ahead_sine * sine
         right = right + one.right_cosine * cosine + one.right_sine * sine
@@ -162,15 +162,15 @@ def sum_of(
 
 
 def update_offset(
-    offset: Offset[Number],
-    error: FormationError[Number],
+    offset: Offset,
+    error: FormationError,
     integral_s: float,
-    motion: SlotMotion[Number],
+    motion: SlotMotion,
     *,
     period: float,
-    held: bool | BoolArray,
-    gust_share: Number | float = 0.0,
-) -> Offset[Number]:
+    held: bool,
+    gust_share: float = 0.0,
+) -> Offset:
     """The offset a step later.
 
     Args:
@@ -182,20 +182,26 @@ def update_offset(
         held: where something else than the field decides, or a limit: learning would only wind up.
         gust_share: see `learning_rate`.
     """
+    if held:
+        return offset
     ahead_rate, right_rate = learning_rate(error, integral_s, gust_share)
     share = harmonic_share(motion.turn_rate, integral_s)
     ahead, right, _, _ = sum_of(offset, motion)
     # Beyond the bound of all parts together each of them would only wind up.
-    still = ahead * 0.0
-    ahead_rate = where((abs(ahead) >= GREATEST_M) & (ahead * ahead_rate > 0.0), still, ahead_rate)
-    right_rate = where((abs(right) >= GREATEST_M) & (right * right_rate > 0.0), still, right_rate)
+    if abs(ahead) >= GREATEST_M and ahead * ahead_rate > 0.0:
+        ahead_rate = 0.0
+    if abs(right) >= GREATEST_M and right * right_rate > 0.0:
+        right_rate = 0.0
 
-    def grown(part: Number, rate: Number) -> Number:
-        return where(held, part, clip(part + rate * period, -GREATEST_M, GREATEST_M))
+    def grown(part: float, rate: float) -> float:
+        return clip(part + rate * period, -GREATEST_M, GREATEST_M)
 
     harmonics = []
     for multiple, one in zip(HARMONICS, offset.harmonics, strict=True):
-        cosine, sine = share * cos(multiple * motion.course), share * sin(multiple * motion.course)
+        cosine, sine = (
+            share * math.cos(multiple * motion.course),
+            share * math.sin(multiple * motion.course),
+        )
         harmonics.append(
             Harmonic(
                 ahead_cosine=grown(one.ahead_cosine, cosine * ahead_rate),

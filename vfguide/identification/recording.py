@@ -165,14 +165,14 @@ class StepsRecording:
 
     airframe: Airframe
     """Limits, and what is held."""
-    reports: list[tuple[VehicleState[float], Phase]] = field(default_factory=list)
+    reports: list[tuple[VehicleState, Phase]] = field(default_factory=list)
     """Every navigated state, and what was being flown then."""
     setpoints: list[tuple[float, float, float]] = field(default_factory=list)
     """Time (s), course (rad) and speed (m/s) of every setpoint."""
     banks: Banks = field(default_factory=Banks)
     """The banks by which it turned."""
 
-    def note(self, state: VehicleState[float], segment: Segment) -> None:
+    def note(self, state: VehicleState, segment: Segment) -> None:
         """A navigated report."""
         self.reports.append((state, segment.phase))
 

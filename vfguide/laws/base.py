@@ -10,11 +10,9 @@ import copy
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
-from typing import Any, ClassVar, Generic, Self
+from typing import Any, ClassVar, Self
 
-import msgspec
-
-from vfguide.elementwise import BoolArray, Number, wrap_angle
+from vfguide.elementwise import wrap_angle
 from vfguide.guidance.bandwidth import UNBOUNDED, Bandwidth
 from vfguide.guidance.formation import (
     FormationError,
@@ -30,7 +28,7 @@ from vfguide.mission.finding import Finding
 from vfguide.mission.model import Mission
 from vfguide.mission.quantity import Section
 from vfguide.registry import laws
-from vfguide.state import Airframe, LeaderState, VehicleState
+from vfguide.state import Airframe, LeaderState, NamedState, VehicleState
 
 USUAL_GAIN, USUAL_TURN, USUAL_PUSH = 0.2, math.radians(45.0), 8.0
 """1/m, rad, m/s: of the field by which a follower is expected to come onto its slot."""
@@ -39,53 +37,53 @@ law = laws.register
 """`@law("name")` makes a class known as the law `controller.type: name`."""
 
 
-class View(msgspec.Struct, Generic[Number], frozen=True, kw_only=True):
-    """What a law is told in one step: floats for one vehicle, or arrays for as many as wanted.
+class View(NamedState, frozen=True, kw_only=True):
+    """What a law is told in one step.
 
     North and east in metres from the mission's origin, angles in radians clockwise from north, speeds in m/s.
     """
 
-    state: VehicleState[Number]
+    state: VehicleState
     """State of the follower: position, course, ground speed, heading, airspeed, wind, the wind's rates."""
-    leader: LeaderState[Number]
+    leader: LeaderState
     """State of the leader, at the same instant."""
-    slot: Slot[Number]
+    slot: Slot
     """Place in the formation: m ahead of the leader and m to its right."""
-    motion: SlotMotion[Number]
+    motion: SlotMotion
     """Motion of the slot over the ground: place, course, speed and their rates."""
-    error: FormationError[Number]
+    error: FormationError
     """Where the slot is, along its own course: m ahead of the follower and m to its right; and the rates."""
     airframe: Airframe
     """The follower's response and limits."""
     period: float
     """Since the step before and until the next, s."""
-    held: bool | BoolArray = False
+    held: bool = False
     """Whether something else was flown than the law asked for in the step before, as to keep clear."""
     bandwidth: Bandwidth = UNBOUNDED
     """How fast loops around this aircraft may be, 1/s: a law's gains are best kept below."""
 
 
-class DesiredMotion(msgspec.Struct, Generic[Number], frozen=True, kw_only=True):
+class DesiredMotion(NamedState, frozen=True, kw_only=True):
     """The motion that a law wants over the ground."""
 
-    course: Number
+    course: float
     """chi_d, rad; what the course differs from it is logged as the law's course error."""
-    speed: Number
+    speed: float
     """V_d, m/s; what the ground speed differs from it is logged as the law's speed error."""
-    course_rate: Number
+    course_rate: float
     """dchi/dt that is asked of the vehicle now, rad/s, positive to the right."""
-    acceleration: Number
+    acceleration: float
     """dV/dt that is asked of it now, m/s²."""
 
 
 def approach(
-    view: View[Number],
+    view: View,
     *,
-    course: Number,
-    speed: Number,
-    course_rate: Number | float = 0.0,
-    acceleration: Number | float = 0.0,
-) -> DesiredMotion[Number]:
+    course: float,
+    speed: float,
+    course_rate: float = 0.0,
+    acceleration: float = 0.0,
+) -> DesiredMotion:
     """Return a motion toward a course and a ground speed, as fast as the vehicle and its holds bear.
 
     Args:
@@ -119,10 +117,6 @@ class Law(ABC):
     Gains: ClassVar[type[Section]] = Section
     """The law's gains: fields with their units, bounds and defaults."""
 
-    arrays: ClassVar[bool] = True
-    """Whether `step` takes arrays as well as floats. False: studies of many formations step it vehicle by
-    vehicle, which takes a hundred times as long."""
-
     forgets_when_held: ClassVar[bool] = True
     """Whether the memory begins anew while something else is flown than the law asks for."""
 
@@ -139,10 +133,10 @@ class Law(ABC):
     """Gains that Monte Carlo draws; all numbers among them if None."""
 
     def __init__(self, gains: Any, settings: GuidanceSettings, airframe: Airframe) -> None:  # noqa: ANN401
-        """Make the law of one follower, or of a batch of them.
+        """Make the law of one follower.
 
         Args:
-            gains: an instance of `Gains`; in studies its values may be arrays, one for each formation.
+            gains: an instance of `Gains`.
             settings: what the mission sets for every law.
             airframe: response and limits of the vehicle.
         """
@@ -150,26 +144,24 @@ class Law(ABC):
         self.settings = settings
         self.airframe = airframe
 
-    def start(self, view: View[Number]) -> Any:  # noqa: ANN401
+    def start(self, view: View) -> Any:  # noqa: ANN401
         """What the law remembers before its first step."""
         del view
 
     @abstractmethod
-    def step(self, view: View[Number], memory: Any) -> tuple[DesiredMotion[Number], Any]:  # noqa: ANN401
+    def step(self, view: View, memory: Any) -> tuple[DesiredMotion, Any]:  # noqa: ANN401
         """(motion, memory): what the law wants now, and what it remembers until the next step."""
 
-    def learn(self, view: View[Number], memory: Any, *, limited: bool | BoolArray) -> Any:  # noqa: ANN401
+    def learn(self, view: View, memory: Any, *, limited: bool) -> Any:  # noqa: ANN401
         """What to remember once it is known whether the vehicle's limits cut what the law asked for."""
         del view, limited
         return memory
 
-    def motion(self, leader: LeaderState[Number], slot: Slot[Number]) -> SlotMotion[Number]:
+    def motion(self, leader: LeaderState, slot: Slot) -> SlotMotion:
         """How the law takes a slot to move: as a point that is fixed to its leader's course."""
         return slot_motion(leader, slot)
 
-    def expected_motion(
-        self, motion: SlotMotion[Number], error: FormationError[Number]
-    ) -> tuple[Number, Number]:
+    def expected_motion(self, motion: SlotMotion, error: FormationError) -> tuple[float, float]:
         """(course, speed) with which a follower is expected to come onto its slot, rad and m/s.
 
         Its track is predicted by this, so that it and others keep clear of each other: by the dual field with

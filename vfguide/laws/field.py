@@ -16,11 +16,10 @@ import math
 from collections.abc import Iterator
 from typing import Annotated, Any, ClassVar, Self
 
-import numpy as np
 from msgspec.structs import replace
 from pydantic import Field
 
-from vfguide.elementwise import BoolArray, Number, like, wrap_angle
+from vfguide.elementwise import wrap_angle
 from vfguide.guidance.bandwidth import Bandwidth
 from vfguide.guidance.formation import (
     FormationError,
@@ -81,9 +80,7 @@ class ArticleGains(FieldGains):
     """Fly the gains as they are written, whatever the aircraft bears, as the article does."""
 
 
-def field_motion(
-    motion: SlotMotion[Number], error: FormationError[Number], gains: FieldGains
-) -> DesiredMotion[Number]:
+def field_motion(motion: SlotMotion, error: FormationError, gains: FieldGains) -> DesiredMotion:
     """What the dual field asks of a follower that is this far from its slot, with the field's own rates."""
     turn, turn_rate = arc_tangent_field(
         error.cross_track, error.cross_track_rate, gains.k_y, gains.chi_inf
@@ -127,28 +124,22 @@ class SlotField(Law):
             return float(gains.integral_s)
         along = field_slope(gains.k_x, gains.v_inf_m_s)
         across = field_slope(gains.k_y, gains.chi_inf) * self.airframe.cruise
-        return float(np.max(np.maximum(4.0 / along, 4.0 / across)))
+        return max(4.0 / along, 4.0 / across)
 
-    def start(self, view: View[Number]) -> Offset[Number]:
+    def start(self, view: View) -> Offset:
         """Nothing was learned yet."""
-        return no_offset(view.error.along_track)
+        del view
+        return no_offset()
 
-    def step(
-        self, view: View[Number], memory: Offset[Number]
-    ) -> tuple[DesiredMotion[Number], Offset[Number]]:
+    def step(self, view: View, memory: Offset) -> tuple[DesiredMotion, Offset]:
         """One step of the dual field and of the sliding-mode laws that follow it."""
         state, motion, sliding = view.state, view.motion, self.settings.sliding
         if not self.gains.rate_feedforward:
-            still = like(0.0, motion.speed)
-            motion = replace(motion, turn_rate=still, acceleration=still)
+            motion = replace(motion, turn_rate=0.0, acceleration=0.0)
         aimed = aimed_error(view.error, memory, self.integral_s, view.motion, view.state.gust_share)
         field = field_motion(motion, aimed, self.gains)
         if self.follows_drift:
-            drift, _ = resolve(
-                motion.drift_north + 0.0 * field.speed,
-                motion.drift_east + 0.0 * field.speed,
-                motion.course,
-            )
+            drift, _ = resolve(motion.drift_north, motion.drift_east, motion.course)
             field = replace(field, speed=field.speed + drift)
         layers = [
             sliding.layer_in(state, self.airframe, view.period, bandwidth)
@@ -170,11 +161,9 @@ class SlotField(Law):
         )
         return replace(field, course_rate=course_rate, acceleration=acceleration), memory
 
-    def learn(
-        self, view: View[Number], memory: Offset[Number], *, limited: bool | BoolArray
-    ) -> Any:  # noqa: ANN401 - of the law's own memory
+    def learn(self, view: View, memory: Offset, *, limited: bool) -> Any:  # noqa: ANN401 - of the law's own memory
         """The offset a step later; nothing is learned while something else is flown, nor at a limit."""
-        held = view.held | limited
+        held = view.held or limited
         return update_offset(
             memory,
             view.error,
@@ -185,9 +174,7 @@ class SlotField(Law):
             gust_share=view.state.gust_share,
         )
 
-    def expected_motion(
-        self, motion: SlotMotion[Number], error: FormationError[Number]
-    ) -> tuple[Number, Number]:
+    def expected_motion(self, motion: SlotMotion, error: FormationError) -> tuple[float, float]:
         """As the field of the mission asks."""
         expected = field_motion(motion, error, self.gains)
         return expected.course, expected.speed
@@ -270,7 +257,7 @@ class ArticleField(SlotField):
         """Nothing is learned."""
         return 0.0
 
-    def motion(self, leader: LeaderState[Number], slot: Slot[Number]) -> SlotMotion[Number]:
+    def motion(self, leader: LeaderState, slot: Slot) -> SlotMotion:
         """With the leader's course and speed."""
         return article_motion(leader, slot)
 

@@ -1,11 +1,11 @@
-"""What is done around every law: from the newest leader state to a setpoint, for one follower or for many."""
+"""What is done around every law: from the newest leader state to a setpoint."""
 
 from collections.abc import Callable
-from typing import Any, Generic
+from typing import Any
 
 import msgspec
 
-from vfguide.elementwise import Number, wrap_angle
+from vfguide.elementwise import wrap_angle
 from vfguide.guidance.formation import (
     FormationError,
     Slot,
@@ -17,45 +17,45 @@ from vfguide.guidance.sliding_laws import setpoint_for
 from vfguide.laws.base import Law, View
 from vfguide.state import LeaderState, Setpoint, VehicleState
 
-SlotAt = Callable[[float], Slot[Number]]
+SlotAt = Callable[[float], Slot]
 """A slot by the time, s on the follower's clock."""
 
 
-class FollowerGuidance(msgspec.Struct, Generic[Number], frozen=True, kw_only=True):
+class FollowerGuidance(msgspec.Struct, frozen=True, kw_only=True):
     """Result of one step."""
 
-    setpoint: Setpoint[Number]
+    setpoint: Setpoint
     """For the autopilot."""
-    error: FormationError[Number]
+    error: FormationError
     """Where the slot is, as the follower knows it."""
-    course_error: Number
+    course_error: float
     """chi~_f, rad: the course less the one that the law wants."""
-    speed_error: Number
+    speed_error: float
     """V~_f, m/s: the ground speed less the one that the law wants."""
-    lyapunov: Number
+    lyapunov: float
     """W, m²."""
 
 
-class SlotKeeper(Generic[Number]):
-    """A law with its slot and with what it remembers: of one follower (floats), or of a batch (arrays)."""
+class SlotKeeper:
+    """A law with its slot and with what it remembers."""
 
     def __init__(
         self,
         law: Law,
-        slot: Slot[Number],
+        slot: Slot,
         *,
-        slot_at: SlotAt[Number] | None = None,
+        slot_at: SlotAt | None = None,
     ) -> None:
         """Make one that remembers nothing.
 
         Args:
-            law: of this follower alone, or of this batch.
+            law: of this follower alone.
             slot: its place in the formation.
             slot_at: the same at a time of the follower's clock (s), where it moves within the formation.
         """
         self._law = law
-        self._slot: Slot[Number] = slot
-        self._slot_at: SlotAt[Number] | None = slot_at
+        self._slot: Slot = slot
+        self._slot_at: SlotAt | None = slot_at
         self._memory: Any = None
         self._started = False
 
@@ -69,12 +69,12 @@ class SlotKeeper(Generic[Number]):
 
     def step(
         self,
-        state: VehicleState[Number],
-        leader: LeaderState[Number],
+        state: VehicleState,
+        leader: LeaderState,
         *,
         period: float,
         held: bool = False,
-    ) -> FollowerGuidance[Number]:
+    ) -> FollowerGuidance:
         """Setpoint for a navigated state, by the newest leader state, however old.
 
         Args:

@@ -8,12 +8,12 @@ course is turned into setpoints through the wind triangle and within the vehicle
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from typing import Any, ClassVar, Generic
+from typing import Any, ClassVar
 
 import msgspec
 from msgspec.structs import replace
 
-from vfguide.elementwise import Number, clip, wrap_angle
+from vfguide.elementwise import clip, wrap_angle
 from vfguide.guidance.formation import SlotLimits, airspeed_that_gives_way
 from vfguide.guidance.path import (
     Path,
@@ -26,23 +26,23 @@ from vfguide.guidance.settings import GuidanceSettings, PathGains, speed_estimat
 from vfguide.guidance.sliding_laws import cruise_setpoint, sliding_course_rate
 from vfguide.mission.quantity import Section
 from vfguide.registry import leader_laws
-from vfguide.state import Airframe, Setpoint, VehicleState
+from vfguide.state import Airframe, NamedState, Setpoint, VehicleState
 
 leader_law = leader_laws.register
 """`@leader_law("name")` makes a class known as the law `leader.law: name`."""
 
 
-class LeaderView(msgspec.Struct, Generic[Number], frozen=True, kw_only=True):
-    """What a leader's law is told in one step: floats for one vehicle, or arrays for as many as wanted.
+class LeaderView(NamedState, frozen=True, kw_only=True):
+    """What a leader's law is told in one step.
 
     North and east in metres from the mission's origin, angles in radians clockwise from north, speeds in m/s.
     """
 
-    state: VehicleState[Number]
+    state: VehicleState
     """State of the leader: position, course, ground speed, heading, airspeed, wind, the wind's rates."""
     path: Path
     """The mission's path: `at` and `length` look ahead along it."""
-    point: PathPoint[Number]
+    point: PathPoint[float]
     """The point of the path nearest to the leader: course, curvature, progress, and the cross-track error."""
     path_gains: PathGains
     """The mission's `path.gain`, and the angle at which its field comes from far away."""
@@ -52,14 +52,14 @@ class LeaderView(msgspec.Struct, Generic[Number], frozen=True, kw_only=True):
     """Since the step before and until the next, s."""
 
 
-class LeaderMotion(msgspec.Struct, Generic[Number], frozen=True, kw_only=True):
+class LeaderMotion(NamedState, frozen=True, kw_only=True):
     """The motion that a leader's law wants."""
 
-    course: Number
+    course: float
     """chi_d over the ground, rad; what the course differs from it is the law's course error."""
-    course_rate: Number
+    course_rate: float
     """dchi/dt that is asked of the vehicle now, rad/s, positive to the right."""
-    ground_speed: Number
+    ground_speed: float
     """V_g that the law flew by, m/s: the measured one, or an estimate where none is measured."""
 
 
@@ -77,7 +77,7 @@ class LeaderLaw(ABC):
     """The law's gains: fields with their units, bounds and defaults."""
 
     def __init__(self, gains: Any, settings: GuidanceSettings, airframe: Airframe) -> None:  # noqa: ANN401
-        """Make the law of one leader, or of a batch of them.
+        """Make the law of one leader.
 
         Args:
             gains: an instance of `Gains`.
@@ -88,21 +88,19 @@ class LeaderLaw(ABC):
         self.settings = settings
         self.airframe = airframe
 
-    def start(self, view: LeaderView[Number]) -> Any:  # noqa: ANN401
+    def start(self, view: LeaderView) -> Any:  # noqa: ANN401
         """What the law remembers before its first step."""
         del view
 
     @abstractmethod
     def step(
         self,
-        view: LeaderView[Number],
+        view: LeaderView,
         memory: Any,  # noqa: ANN401 - each law has its own
-    ) -> tuple[LeaderMotion[Number], Any]:
+    ) -> tuple[LeaderMotion, Any]:
         """(motion, memory): what the law wants now, and what it remembers until the next step."""
 
-    def follow(
-        self, view: LeaderView[Number], *, course: Number, course_rate: Number
-    ) -> LeaderMotion[Number]:
+    def follow(self, view: LeaderView, *, course: float, course_rate: float) -> LeaderMotion:
         """The motion that drives the course to a wanted one as fast as the vehicle's own hold can.
 
         Args:
@@ -142,9 +140,7 @@ def steepest_gain(course_bandwidth: float, gains: PathGains, airspeed: float) ->
 class PathField(LeaderLaw):
     """The vector field around the path, of the article; its ground speed may be an adaptive estimate."""
 
-    def step(
-        self, view: LeaderView[Number], memory: Number | None
-    ) -> tuple[LeaderMotion[Number], Number]:
+    def step(self, view: LeaderView, memory: float | None) -> tuple[LeaderMotion, float]:
         """Along the field; the memory is V^_g, m/s, None before the first step."""
         state, angle = view.state, view.path_gains.approach_angle
         # No faster than the course law beneath it, even at the middle of the field.
@@ -190,18 +186,18 @@ class LeaderTask(msgspec.Struct, frozen=True, kw_only=True):
     """The gains of that law."""
 
 
-class LeaderGuidance(msgspec.Struct, Generic[Number], frozen=True, kw_only=True):
+class LeaderGuidance(msgspec.Struct, frozen=True, kw_only=True):
     """Result of one step."""
 
-    setpoint: Setpoint[Number]
+    setpoint: Setpoint
     """For the autopilot."""
     memory: Any
     """The law's memory, handed to the next step."""
-    point: PathPoint[Number]
+    point: PathPoint[float]
     """The point of the path nearest to the leader."""
-    cross_track_error: Number
+    cross_track_error: float
     """m, positive right of the path."""
-    course_error: Number
+    course_error: float
     """chi~, rad."""
 
 
@@ -210,13 +206,13 @@ FIRST = object()
 
 
 def leader_step(
-    state: VehicleState[Number],
+    state: VehicleState,
     law: LeaderLaw,
     task: LeaderTask,
     *,
     period: float,
     memory: Any = FIRST,  # noqa: ANN401 - each law has its own
-) -> LeaderGuidance[Number]:
+) -> LeaderGuidance:
     """Setpoint of the leader.
 
     Args:
@@ -244,7 +240,7 @@ def leader_step(
         motion = replace(motion, course_rate=clip(motion.course_rate, -limit, limit))
     # Everything below flies by the ground speed that the law flew by.
     state = replace(state, ground_speed=motion.ground_speed)
-    airspeed = state.airspeed * 0.0 + task.airspeed
+    airspeed = task.airspeed
     if settings.give_way:
         turn_rate = point.curvature * state.ground_speed
         airspeed = airspeed_that_gives_way(

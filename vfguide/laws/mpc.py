@@ -18,18 +18,18 @@ each time from the solution before: Stellato et al., Mathematical Programming Co
 
 import math
 from dataclasses import dataclass
-from typing import Annotated, Any, Self
+from typing import Annotated, Self
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from vfguide.elementwise import BoolArray, FloatArray, wrap_angle
-from vfguide.guidance.airframe import GRAVITY, ground_speed_range
+from vfguide.elementwise import FloatArray, wrap_angle
+from vfguide.guidance.airframe import GRAVITY
 from vfguide.guidance.bandwidth import Bandwidth
-from vfguide.guidance.formation import Slot, SlotMotion, slot_motion
+from vfguide.guidance.formation import LEAST_SLOT_SPEED, Slot, SlotMotion
 from vfguide.guidance.slot_integral import Offset, aimed_error, no_offset, update_offset
-from vfguide.guidance.wind_triangle import resolve
+from vfguide.guidance.wind_triangle import ground_speed_on_course, resolve
 from vfguide.laws.base import DesiredMotion, Law, View, law
 from vfguide.mission.quantity import Duration, Gain, NotNegative, Number, Section
 from vfguide.state import LeaderState, VehicleState
@@ -87,44 +87,38 @@ class Horizon:
     """dV_s/dt, m/s²."""
 
 
-def predicted_slot(
-    leader: LeaderState[float], slot: Slot[float], *, interval: float, count: int
-) -> Horizon:
-    """How a slot moves over the next `count` intervals (s), its leader going on along its arc."""
+def predicted_slot(leader: LeaderState, slot: Slot, *, interval: float, count: int) -> Horizon:
+    """How a slot moves over the next `count` intervals (s), its leader going on along its arc.
+
+    This is `slot_motion` at each interval's middle, of a slot that goes on as it moves.
+    """
     middle = (np.arange(count) + 0.5) * interval
-    still = np.zeros(count)
     turn_rate = leader.turn_rate + leader.turn_acceleration * middle
-    ahead = LeaderState(
-        time_s=leader.time_s,
-        north=still,
-        east=still,
-        course=leader.course + (leader.turn_rate + turn_rate) * (0.5 * middle),
-        ground_speed=np.maximum(leader.ground_speed + leader.acceleration * middle, 1.0),
-        acceleration=still + leader.acceleration,
-        turn_rate=turn_rate,
-        turn_acceleration=still + leader.turn_acceleration,
+    ground_speed = np.maximum(leader.ground_speed + leader.acceleration * middle, 1.0)
+    forward_rate = slot.forward_rate + slot.forward_acceleration * middle
+    right_rate = slot.right_rate + slot.right_acceleration * middle
+    forward = slot.forward + 0.5 * (slot.forward_rate + forward_rate) * middle
+    right = slot.right + 0.5 * (slot.right_rate + right_rate) * middle
+    along = np.maximum(ground_speed - turn_rate * right + forward_rate, LEAST_SLOT_SPEED)
+    aside = turn_rate * forward + right_rate
+    along_rate = (
+        leader.acceleration
+        - leader.turn_acceleration * right
+        - turn_rate * right_rate
+        + slot.forward_acceleration
     )
-    motion = slot_motion(ahead, carried_slot(slot, middle.astype(np.float64)))
+    aside_rate = (
+        leader.turn_acceleration * forward + turn_rate * forward_rate + slot.right_acceleration
+    )
+    speed = np.hypot(along, aside)
+    turning = turn_rate + (along * aside_rate - aside * along_rate) / (speed * speed)
+    leader_course = leader.course + (leader.turn_rate + turn_rate) * (0.5 * middle)
     return Horizon(
-        turned=np.concatenate(([0.0], np.cumsum(motion.turn_rate) * interval)),
-        course=motion.course,
-        speed=motion.speed,
-        turn_rate=motion.turn_rate,
-        acceleration=motion.acceleration,
-    )
-
-
-def carried_slot(slot: Slot[float], later: FloatArray) -> Slot[FloatArray]:
-    """A slot after some times (s), which goes on as it moves."""
-    forward_rate = slot.forward_rate + slot.forward_acceleration * later
-    right_rate = slot.right_rate + slot.right_acceleration * later
-    return Slot(
-        forward=slot.forward + 0.5 * (slot.forward_rate + forward_rate) * later,
-        right=slot.right + 0.5 * (slot.right_rate + right_rate) * later,
-        forward_rate=forward_rate,
-        right_rate=right_rate,
-        forward_acceleration=slot.forward_acceleration,
-        right_acceleration=slot.right_acceleration,
+        turned=np.concatenate(([0.0], np.cumsum(turning) * interval)),
+        course=leader_course + np.arctan2(aside, along),
+        speed=speed,
+        turn_rate=turning,
+        acceleration=(along * along_rate + aside * aside_rate) / speed,
     )
 
 
@@ -275,7 +269,6 @@ class Mpc(Law):
     """
 
     Gains = MpcGains
-    arrays = False
     libraries = ("osqp", "scipy")
     drawn = ("velocity_weight_s2", "acceleration_weight_s4", "integral_s")
     _programme: Programme | None = None
@@ -295,14 +288,12 @@ class Mpc(Law):
         bounded.gains = gains.model_copy(update=changes)
         return bounded
 
-    def start(self, view: View[Any]) -> Offset[float]:
+    def start(self, view: View) -> Offset:
         """Nothing was learned of what keeps the follower off its slot."""
         del view
-        return no_offset(0.0)
+        return no_offset()
 
-    def step(
-        self, view: View[Any], memory: Offset[float]
-    ) -> tuple[DesiredMotion[Any], Offset[float]]:
+    def step(self, view: View, memory: Offset) -> tuple[DesiredMotion, Offset]:
         """The first acceleration of the best plan."""
         if self._programme is None:
             self._programme = Programme(self.gains, self.airframe.beta)
@@ -333,9 +324,7 @@ class Mpc(Law):
         )
         return desired, memory
 
-    def learn(
-        self, view: View[Any], memory: Offset[float], *, limited: bool | BoolArray
-    ) -> Offset[float]:
+    def learn(self, view: View, memory: Offset, *, limited: bool) -> Offset:
         """The offset a step later."""
         integral_s = self.gains.integral_s
         return update_offset(
@@ -345,9 +334,9 @@ class Mpc(Law):
     def _bounds(
         self,
         programme: Programme,
-        state: VehicleState[float],
+        state: VehicleState,
         velocity: complex,
-        motion: SlotMotion[float],
+        motion: SlotMotion,
         horizon: Horizon,
     ) -> tuple[FloatArray, FloatArray]:
         """Bounds of the programme's rows, each widened to what can be reached from here: never empty."""
@@ -364,7 +353,10 @@ class Mpc(Law):
             np.full_like(horizon.speed, state.wind_north),
             np.full_like(horizon.speed, state.wind_east),
         )
-        slowest, fastest = ground_speed_range(horizon.course, *wind, airframe)
+        slowest, fastest = (
+            ground_speed_on_course(np.full_like(horizon.course, airspeed), horizon.course, *wind)
+            for airspeed in (airframe.airspeed_min, airframe.airspeed_max)
+        )
         # V_s + v + (a + dV_s/dt) / beta is what the hold is told; v now is no variable.
         known = horizon.speed + horizon.acceleration / airframe.beta + velocity.real
         least = _summed(highest_along, interval) + highest_along / airframe.beta

@@ -9,13 +9,13 @@ field's does (conditional integration: Astrom and Hagglund, Advanced PID Control
 """
 
 import math
-from typing import Annotated, Any, Generic, Self
+from typing import Annotated, Any, Self
 
 import msgspec
 from msgspec.structs import replace
 from pydantic import Field
 
-from vfguide.elementwise import BoolArray, Number, clip, low_pass, where
+from vfguide.elementwise import clip, low_pass
 from vfguide.guidance.bandwidth import Bandwidth
 from vfguide.guidance.slot_integral import nearness
 from vfguide.laws.base import DesiredMotion, Law, View, approach, law
@@ -57,40 +57,40 @@ class PidGains(Section):
     """Largest correction of the speed, m/s."""
 
 
-class AxisMemory(msgspec.Struct, Generic[Number], frozen=True, kw_only=True):
+class AxisMemory(msgspec.Struct, frozen=True, kw_only=True):
     """What one controller remembers."""
 
-    integral: Number
+    integral: float
     """The integral's share of the correction, rad or m/s."""
-    rate: Number
+    rate: float
     """Low-passed rate of the error, m/s."""
 
 
-class PidMemory(msgspec.Struct, Generic[Number], frozen=True, kw_only=True):
+class PidMemory(msgspec.Struct, frozen=True, kw_only=True):
     """What both loops remember from one step to the next."""
 
-    lateral: AxisMemory[Number]
+    lateral: AxisMemory
     """What the course's loop remembers."""
-    longitudinal: AxisMemory[Number]
+    longitudinal: AxisMemory
     """What the speed's loop remembers."""
-    limited: bool | BoolArray
+    limited: bool
     """Whether the vehicle's limits cut the setpoint."""
 
 
 def axis_step(
-    error: Number,
-    error_rate: Number,
-    memory: AxisMemory[Number],
+    error: float,
+    error_rate: float,
+    memory: AxisMemory,
     *,
-    proportional: Number,
-    integral: Number,
-    derivative: Number,
+    proportional: float,
+    integral: float,
+    derivative: float,
     filter_s: float,
-    greatest: Number | float,
+    greatest: float,
     period: float,
-    share: Number,
-    held: bool | BoolArray,
-) -> tuple[Number, AxisMemory[Number]]:
+    share: float,
+    held: bool,
+) -> tuple[float, AxisMemory]:
     """(correction, memory) of one controller: P e + integral of I e + D de/dt, within its limit.
 
     The correction u is rad of course or m/s of speed.
@@ -112,8 +112,8 @@ def axis_step(
     growth = integral * share * error * period
     wanted = proportional * error + memory.integral + growth + derivative * rate
     correction = clip(wanted, -greatest, greatest)
-    pushes_on = (wanted != correction) & (wanted * growth > 0.0)
-    grown = memory.integral + where(pushes_on | held, growth * 0.0, growth)
+    pushes_on = wanted != correction and wanted * growth > 0.0
+    grown = memory.integral if pushes_on or held else memory.integral + growth
     return correction, AxisMemory(integral=clip(grown, -greatest, greatest), rate=rate)
 
 
@@ -187,19 +187,16 @@ class Pid(Law):
         )
         return bounded
 
-    def start(self, view: View[Number]) -> PidMemory[Number]:
+    def start(self, view: View) -> PidMemory:
         """Before the first step: empty integrals, and rates that need not settle."""
         error = view.error
-        still = error.along_track * 0.0
         return PidMemory(
-            lateral=AxisMemory(integral=still, rate=error.cross_track_rate),
-            longitudinal=AxisMemory(integral=still, rate=error.along_track_rate),
-            limited=still > 0.0,
+            lateral=AxisMemory(integral=0.0, rate=error.cross_track_rate),
+            longitudinal=AxisMemory(integral=0.0, rate=error.along_track_rate),
+            limited=False,
         )
 
-    def step(
-        self, view: View[Number], memory: PidMemory[Number]
-    ) -> tuple[DesiredMotion[Number], PidMemory[Number]]:
+    def step(self, view: View, memory: PidMemory) -> tuple[DesiredMotion, PidMemory]:
         """One step of both controllers."""
         gains, motion, error = self.gains, view.motion, view.error
         share = nearness(error)
@@ -238,9 +235,7 @@ class Pid(Law):
         )
         return wanted, replace(memory, lateral=lateral, longitudinal=longitudinal)
 
-    def learn(
-        self, view: View[Number], memory: PidMemory[Number], *, limited: bool | BoolArray
-    ) -> Any:  # noqa: ANN401 - of the law's own memory
+    def learn(self, view: View, memory: PidMemory, *, limited: bool) -> Any:  # noqa: ANN401 - of the law's own memory
         """Whether the integrals have to stand still in the next step."""
         del view
         return replace(memory, limited=limited)

@@ -260,7 +260,7 @@ class LeaderCodec:
 
 
 def follow_target_message(
-    motion: LeaderState[float],
+    motion: LeaderState,
     *,
     latitude_deg: float,
     longitude_deg: float,

@@ -49,22 +49,17 @@ class Conditions:
         return self.ground_speed(airspeed) * self.curvature
 
     def slot_velocity(
-        self, airspeed: float | FloatArray, slot: Slot[float]
+        self, airspeed: float | FloatArray, slot: Slot
     ) -> tuple[FloatArray, FloatArray]:
         """(along, right) of a slot's velocity in the leader's course frame, m/s."""
         ground_speed = self.ground_speed(airspeed)
-        return slot_velocity(ground_speed, ground_speed * self.curvature, as_array(slot))
+        return slot_velocity(ground_speed, ground_speed * self.curvature, slot)
 
-    def slot_airspeed(self, airspeed: float | FloatArray, slot: Slot[float]) -> FloatArray:
+    def slot_airspeed(self, airspeed: float | FloatArray, slot: Slot) -> FloatArray:
         """Airspeed (m/s) that keeping a slot takes, |slot velocity - wind|."""
         along, right = self.slot_velocity(airspeed, slot)
         north, east = compose(along, right, np.broadcast_to(self.course, along.shape))
         return hypot(north - self.wind_north, east - self.wind_east)
-
-
-def as_array(slot: Slot[float]) -> Slot[FloatArray]:
-    """The slot in the form that formulas on arrays take."""
-    return Slot(forward=np.asarray(slot.forward), right=np.asarray(slot.right))
 
 
 def conditions_of(shape: PathShape, wind: CalmWind | ArticleWind | SteadyWind) -> Conditions:

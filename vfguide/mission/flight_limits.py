@@ -76,7 +76,7 @@ def turns_beyond_bank(mission: Mission, conditions: Conditions) -> Iterator[Find
             yield Finding("error", location, message, remedy)
 
 
-def _everyone(mission: Mission) -> Iterator[tuple[Location, str, Slot[float]]]:
+def _everyone(mission: Mission) -> Iterator[tuple[Location, str, Slot]]:
     """(where the mission places it, vehicle, offset from the leader) of the leader and each follower."""
     yield ("path",), mission.leader.vehicle, Slot(forward=0.0, right=0.0)
     for index, follower in enumerate(mission.followers):
@@ -174,7 +174,7 @@ class SlotNeed:
 
     index: int
     follower: Follower
-    slot: Slot[float]
+    slot: Slot
     lowest: float
     """m/s."""
     highest: float

@@ -16,7 +16,7 @@ PERIOD = 0.05
 
 def flown(
     delay_compensator: DelayCompensator, airframe: Airframe, bias: Bias, seconds: float
-) -> VehicleState[float]:
+) -> VehicleState:
     """Fly 0.3 rad to the right and 2 m/s faster, reporting at 20 Hz, with the setpoints sent at time 0."""
     now, inner = vehicle_at(), Inner()
     delay_compensator.observe(now)
@@ -36,16 +36,16 @@ def flown(
     return now
 
 
-def straight_on(ahead: VehicleState[float]) -> Setpoint[float]:
+def straight_on(ahead: VehicleState) -> Setpoint:
     """A law that neither turns nor accelerates."""
     return Setpoint(course=ahead.course, speed=ahead.airspeed)
 
 
-def ahead_of(delay_compensator: DelayCompensator) -> VehicleState[float]:
+def ahead_of(delay_compensator: DelayCompensator) -> VehicleState:
     """The state that a law for the speed is shown."""
     seen = []
 
-    def law(ahead: VehicleState[float]) -> Setpoint[float]:
+    def law(ahead: VehicleState) -> Setpoint:
         seen.append(ahead)
         return straight_on(ahead)
 

@@ -117,7 +117,7 @@ def test_height_that_a_climb_gave_up_is_not_missing_in_the_descent_after_it(keep
         target = max(156.0 - 3.0 * step * PERIOD_S, 60.0)
         sink = HeightTarget(height=target, climb_rate=-3.0 if target > 60.0 else 0.0, ahead=target)
         now = step * PERIOD_S
-        setpoint: Setpoint[float] = Setpoint(course=0.0, speed=20.0)
+        setpoint: Setpoint = Setpoint(course=0.0, speed=20.0)
         height = keeper.step(navigated(now, 20.0), sink, setpoint, steered=True)
         # Never below both where the climb ended and where the path is.
         assert height >= min(begin, target) - 1e-6
@@ -225,14 +225,12 @@ MAIN, OTHER = (Line(north=0.0, east=east, course=0.0) for east in (0.0, 10.0))
 FLYING = 100.0
 
 
-def leader(time_s: float, height: float, climb_rate: float) -> LeaderState[float]:
+def leader(time_s: float, height: float, climb_rate: float) -> LeaderState:
     """A leader that flies north at 20 m/s."""
     return leader_at(time_s=time_s, north=20.0 * time_s, height=height, climb_rate=climb_rate)
 
 
-def along(
-    planned: PlannedHeight, path: Path, motion: LeaderState[float], *, late: bool
-) -> HeightTarget:
+def along(planned: PlannedHeight, path: Path, motion: LeaderState, *, late: bool) -> HeightTarget:
     """The height beside a path, with a setpoint that takes effect at once."""
     point = path.nearest_in_space(motion.north, motion.east, motion.course, 0.0)
     beside = BesidePath(path=path, point=point, motion=motion, flying=FLYING, ahead_s=0.0)

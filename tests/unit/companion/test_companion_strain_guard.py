@@ -34,7 +34,7 @@ def watched(
     *,
     begun_s: float = 0.0,
     guard: StrainGuard | None = None,
-    gusts: Gusts[float] | None = None,
+    gusts: Gusts | None = None,
     airframe: Airframe = AIRFRAME,
 ) -> tuple[StrainGuard, list[tuple[float, str]]]:
     """A guard that has watched for so long, and what it has said."""

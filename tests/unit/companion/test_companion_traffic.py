@@ -62,7 +62,7 @@ def beside(time_s: float, east: float = 10.0, altitude_amsl: float = 588.0) -> V
     )
 
 
-def led(time_s: float) -> LeaderState[float]:
+def led(time_s: float) -> LeaderState:
     """A leader that flies where that vehicle does."""
     return leader_at(time_s=time_s, north=20.0 * time_s)
 
@@ -386,7 +386,7 @@ def test_a_state_that_comes_late_after_a_silence_says_where_its_vehicle_is(traff
 class Thorough(Traffic):
     """Always takes the closer look."""
 
-    def is_clear(self, here: Viewpoint, leader: LeaderState[float] | None) -> bool:
+    def is_clear(self, here: Viewpoint, leader: LeaderState | None) -> bool:
         del here, leader
         return False
 

@@ -22,7 +22,7 @@ BEHIND = Slot(forward=-20.0, right=0.0)
 
 
 def fly_behind(
-    slot: Slot[float], settings: GuidanceSettings, *, period: float = 0.02, law: str = "slot"
+    slot: Slot, settings: GuidanceSettings, *, period: float = 0.02, law: str = "slot"
 ) -> float:
     """Mean distance (m) from a slot over the last 20 s of 60 s behind a circling leader."""
     start = slot_motion(circling(0.0), slot)
@@ -34,8 +34,8 @@ def fly_behind(
 
 
 def guided(
-    state: VehicleState[float], leader: LeaderState[float] | None = None, **options: Any
-) -> FollowerGuidance[float]:
+    state: VehicleState, leader: LeaderState | None = None, **options: Any
+) -> FollowerGuidance:
     """One step toward the slot behind a leader, by the usual settings if nothing is said."""
     usual = {"slot": BEHIND, "settings": choices(), "airframe": COURSE_HOLD, "period": PERIOD}
     chosen = usual | options

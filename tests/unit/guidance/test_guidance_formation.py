@@ -68,7 +68,7 @@ def test_the_outer_slot_is_faster_and_the_rear_one_slips_outward():
     assert slot_velocity(20.0, 0.1, Slot(forward=-20.0, right=-20.0)) == pytest.approx((22.0, -2.0))
 
 
-def weaving(time: float) -> LeaderState[float]:
+def weaving(time: float) -> LeaderState:
     """A leader whose speed and turn rate change, at the origin at any time."""
     return leader_at(
         course=0.5 + 0.05 * time + 0.2 * math.sin(0.5 * time),
@@ -109,7 +109,7 @@ def test_a_transient_turn_rate_does_not_reverse_a_slot():
     assert motion.course < math.pi / 2.0
 
 
-def still_motion(north: float, east: float, course: float) -> SlotMotion[float]:
+def still_motion(north: float, east: float, course: float) -> SlotMotion:
     return SlotMotion(
         north=north, east=east, course=course, speed=20.0, turn_rate=0.0, acceleration=0.0
     )
@@ -136,7 +136,7 @@ def test_ahead_is_positive_along_and_right_positive_across(north, east, along, r
 @pytest.mark.parametrize("turn_rate", [-0.2, 0.0, 0.15])
 @pytest.mark.parametrize("course", [-2.0, 0.3, 2.5])
 def test_error_rates_are_the_rates_of_the_errors(turn_rate, course):
-    def error_at(time: float) -> FormationError[float]:
+    def error_at(time: float) -> FormationError:
         slot_course = 0.7 + turn_rate * time
         motion = SlotMotion(
             north=30.0 + 22.0 * math.cos(0.7) * time,
@@ -230,17 +230,6 @@ def test_a_leader_seen_now_is_not_moved():
 def test_each_turns_away_to_the_side_of_its_slot(leader_deg, right, course_deg, forward):
     course = breakaway_course(math.radians(leader_deg), Slot(forward=forward, right=right))
     assert course == pytest.approx(math.radians(course_deg))
-
-
-def test_courses_in_a_batch_are_those_alone():
-    rights = np.array([-20.0, -5.0, -4.0, 0.0, 4.0, 5.0, 20.0])
-    courses = np.linspace(-3.0, 3.0, rights.size)
-    batch = breakaway_course(courses, Slot(forward=rights * 0.0 - 20.0, right=rights))
-    alone = [
-        breakaway_course(course, Slot(forward=-20.0, right=right))
-        for course, right in zip(courses.tolist(), rights.tolist(), strict=True)
-    ]
-    assert batch.tolist() == pytest.approx(alone, abs=1e-15)
 
 
 @pytest.mark.parametrize(("wind_north", "wind_east"), list(product([-8.0, 0.0, 8.0], repeat=2)))

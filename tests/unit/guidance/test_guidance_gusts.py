@@ -17,9 +17,9 @@ TIMES = FilterTimes(position_s=2.0, wind_s=0.35)
 PERIOD, AIRSPEED = 0.05, 20.0
 
 
-def navigated(winds: FloatArray, noise: FloatArray | None = None) -> list[VehicleState[float]]:
+def navigated(winds: FloatArray, noise: FloatArray | None = None) -> list[VehicleState]:
     """North at 20 m/s through winds (n, 2), each for one report; noise (n, 2) is on the reported velocity."""
-    states: list[VehicleState[float]] = []
+    states: list[VehicleState] = []
     north = east = 0.0
     for step, (wind_north, wind_east) in enumerate(winds):
         off = (0.0, 0.0) if noise is None else noise[step]
@@ -101,7 +101,7 @@ def test_in_gusts_the_rate_of_the_wind_is_not_fed_forward():
     assert foretold_share(gusty, wind_feedforward=False) == 0.0
 
 
-def in_gusts(share: float) -> VehicleState[float]:
+def in_gusts(share: float) -> VehicleState:
     """A vehicle that has found this share of gusts in its wind."""
     still = navigated(np.zeros((2, 2)))[-1]
     known = gusts_after(None, 0.0, 0.0, PERIOD)

@@ -39,7 +39,7 @@ NORTHBOUND = leader_at(time_s=10.0, north=1000.0, height=195.0, climb_rate=2.0)
 """On the climb: 95 m above the flying height of 100 m."""
 
 
-def target(motion: LeaderState[float], ahead_s: float) -> HeightTarget:
+def target(motion: LeaderState, ahead_s: float) -> HeightTarget:
     point = CLIMB.nearest_in_space(motion.north, motion.east, motion.course, 0.0)
     return path_height(
         BesidePath(path=CLIMB, point=point, motion=motion, flying=100.0, ahead_s=ahead_s)

@@ -23,7 +23,6 @@ from vfguide.guidance.settings import PathGains
 from vfguide.mission.flight_path import path_of, shape_of
 from vfguide.paths.circle import Circle
 from vfguide.paths.line import Line
-from vfguide.paths.racetrack import Racetrack
 from vfguide.state import LeaderState
 
 PERIOD_S = 0.05
@@ -36,9 +35,7 @@ CALM = (0.0, 0.0)
 Course = Callable[[float], float]
 
 
-def heard(
-    time_s: float, course: float, *, east: float = 0.0, speed: float = 20.0
-) -> LeaderState[float]:
+def heard(time_s: float, course: float, *, east: float = 0.0, speed: float = 20.0) -> LeaderState:
     place = {"north": 20.0 * time_s, "east": east}
     return leader_at(time_s=time_s, **place, course=course, ground_speed=speed)
 
@@ -169,9 +166,7 @@ def speed_over_ground(course: float, wind: tuple[float, float]) -> float:
     return strength * math.cos(angle) + math.sqrt(AIRSPEED**2 - (strength * math.sin(angle)) ** 2)
 
 
-def carried(
-    leader: LeaderState[float], path: Path, wind: tuple[float, float]
-) -> Iterator[LeaderState[float]]:
+def carried(leader: LeaderState, path: Path, wind: tuple[float, float]) -> Iterator[LeaderState]:
     """The leader every 50 ms for 20 s."""
     for step in range(1, 401):
         here = vehicle_at(wind=wind, time_s=PERIOD * step)
@@ -292,40 +287,3 @@ def test_a_wind_that_is_faster_than_the_leader_is_borne(wind):
     path = Circle(north=0.0, east=0.0, radius=RADIUS, direction=1)
     for state in carried(leader_at(), path, wind):
         assert all(math.isfinite(getattr(state, name)) for name in state.__struct_fields__)
-
-
-@pytest.mark.parametrize(
-    "path",
-    [
-        Line(north=10.0, east=-20.0, course=2.0),
-        Circle(north=10.0, east=-20.0, radius=RADIUS, direction=-1),
-        Racetrack(
-            north=0.0, east=3.0, course=1.0, leg=300.0, radius=RADIUS, direction=1, easement=60
-        ),
-    ],
-)
-def test_leaders_in_a_batch_are_carried_on_as_alone(path):
-    random, count = np.random.default_rng(1), 50
-    columns = {
-        name: random.uniform(low, high, count)
-        for name, low, high in (
-            *(("north", -300.0, 300.0), ("east", -300.0, 300.0), ("course", -4.0, 4.0)),
-            *(("ground_speed", 8.0, 35.0), ("acceleration", -3.0, 3.0)),
-            *(("turn_rate", -0.5, 0.5), ("turn_acceleration", -0.3, 0.3)),
-        )
-    }
-    winds = random.uniform(-15.0, 15.0, (2, count))
-    time_s = 0.1
-    followers = replace(vehicle_at(time_s=time_s), wind_north=winds[0], wind_east=winds[1])
-    batch = extrapolate_along_path(leader_at(**columns), followers, known(path))
-    for index in range(count):
-        alone = extrapolate_along_path(
-            leader_at(**{name: float(column[index]) for name, column in columns.items()}),
-            vehicle_at(time_s=time_s, wind=(float(winds[0, index]), float(winds[1, index]))),
-            known(path),
-        )
-        assert batch.time_s == alone.time_s == time_s
-        for name in columns:
-            single = getattr(alone, name)
-            assert isinstance(single, float)
-            assert getattr(batch, name)[index] == pytest.approx(single, rel=1e-12, abs=1e-12)

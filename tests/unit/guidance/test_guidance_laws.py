@@ -9,6 +9,7 @@ from msgspec.structs import replace
 from tests.kit.states import Plant, choices, vehicle_at
 from vfguide.elementwise import wrap_angle
 from vfguide.guidance.airframe import bank_limited_turn_rate, saturation, speed_range
+from vfguide.guidance.formation import SlotMotion
 from vfguide.guidance.path import desired_course, desired_course_rate_per_speed
 from vfguide.guidance.sliding_laws import (
     acceleration_toward,
@@ -18,6 +19,7 @@ from vfguide.guidance.sliding_laws import (
     sliding_course_rate,
     speed_command,
 )
+from vfguide.laws import DesiredMotion, LeaderMotion, LeaderView, View
 from vfguide.paths.line import Line
 from vfguide.state import Airframe
 
@@ -203,3 +205,8 @@ def test_just_inside_the_sampling_bound_the_law_settles():
     _, outside = fly_line(Plant(east=20.0), layer=KAPPA * 0.02 / 2.1, **run)
     assert inside < 0.1
     assert outside > 10.0
+
+
+@pytest.mark.parametrize("named", [View, DesiredMotion, LeaderView, LeaderMotion, SlotMotion])
+def test_what_laws_of_ones_own_name_may_have_its_numbers_in_brackets(named):
+    assert named[float] is named

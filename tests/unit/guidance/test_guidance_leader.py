@@ -24,13 +24,13 @@ INSIDE = SlotLimits(slot=Slot(forward=0.0, right=67.5), airspeed_min=12.0, airsp
 
 
 def guide(
-    state: VehicleState[float],
+    state: VehicleState,
     task: LeaderTask,
     airframe: Airframe = HEADING_HOLD,
     settings: GuidanceSettings | None = None,
     *,
     memory: object = FIRST,
-) -> LeaderGuidance[float]:
+) -> LeaderGuidance:
     """One step, by the usual settings if nothing is said."""
     law = PathField(Section(), settings or choices(), airframe)
     return leader_step(state, law, task, period=PERIOD, memory=memory)

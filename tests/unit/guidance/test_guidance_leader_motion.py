@@ -24,9 +24,7 @@ PERIOD, FILTER = 0.05, 0.4
 AIRFRAME = Airframe()
 
 
-def estimates(
-    states: list[VehicleState[float]], time_constant: float = FILTER
-) -> LeaderState[float]:
+def estimates(states: list[VehicleState], time_constant: float = FILTER) -> LeaderState:
     motion = motion_at_first(states[0])
     for state in states[1:]:
         motion = estimated_motion(motion, state, AIRFRAME, time_constant)
@@ -35,7 +33,7 @@ def estimates(
 
 def moving(
     seconds: float, *, turn_rate: float = 0.0, acceleration: float = 0.0
-) -> list[VehicleState[float]]:
+) -> list[VehicleState]:
     """States of a leader that turns and accelerates steadily, its course within (-pi, pi]."""
     start = math.copysign(3.0, turn_rate)
     times = [index * PERIOD for index in range(round(seconds / PERIOD) + 1)]

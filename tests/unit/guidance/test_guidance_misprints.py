@@ -231,7 +231,7 @@ def test_each_reading_has_one_error_of_the_right_sign():
 # The Lyapunov function: V~^2 / (2 rho) is printed.
 
 
-def off(along: float, right: float) -> FormationError[float]:
+def off(along: float, right: float) -> FormationError:
     return FormationError(
         along_track=along, cross_track=right, along_track_rate=0.0, cross_track_rate=0.0
     )

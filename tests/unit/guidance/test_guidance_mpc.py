@@ -29,11 +29,11 @@ WEIGHTS = MpcGains(**CHOSEN)
 SLOT = Slot(forward=-40.0, right=10.0)
 
 
-def controller_of(**gains: float) -> SlotKeeper[float]:
+def controller_of(**gains: float) -> SlotKeeper:
     return keeper("mpc", choices(), SLOT, Airframe(), **(CHOSEN | gains))
 
 
-def asked(controller: SlotKeeper[float], state: VehicleState[float], **leader: float) -> Setpoint:
+def asked(controller: SlotKeeper, state: VehicleState, **leader: float) -> Setpoint:
     """What a step asks for behind a leader."""
     return controller.step(state, leader_at(**leader), period=PERIOD).setpoint
 
@@ -106,7 +106,7 @@ def test_a_vehicle_outside_its_bounds_is_led_back_in():
 def test_with_an_integral_it_asks_for_more_the_longer_it_is_off_its_slot():
     behind = vehicle_at(north=-40.5, east=10.0)
 
-    def speeds_of(controller: SlotKeeper[float]) -> list[float]:
+    def speeds_of(controller: SlotKeeper) -> list[float]:
         speeds = [asked(controller, behind).speed for _ in range(5)]
         controller.reset()
         assert asked(controller, behind).speed == pytest.approx(speeds[0], abs=1e-3)

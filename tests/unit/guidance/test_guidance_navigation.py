@@ -22,13 +22,13 @@ from vfguide.state import VehicleState
 
 TIMES = FilterTimes(position_s=2.0, wind_s=0.2)
 PERIOD, AIRSPEED, HEADING = 0.05, 20.0, 0.6
-Track = Callable[[float], Sample[float]]
-Filter = Callable[[VehicleState[float], Sample[float], FilterTimes], VehicleState[float]]
+Track = Callable[[float], Sample]
+Filter = Callable[[VehicleState, Sample, FilterTimes], VehicleState]
 
 
 def windy(
     time: float, farther: tuple[float, float] = (0.0, 0.0), faster: tuple[float, float] = (0.0, 0.0)
-) -> Sample[float]:
+) -> Sample:
     """Straight flight at 20 m/s through a wind of (5, -3) m/s, and so much (north, east) beside it."""
     north = AIRSPEED * math.cos(HEADING) + 5.0
     east = AIRSPEED * math.sin(HEADING) - 3.0
@@ -43,16 +43,16 @@ def windy(
     )
 
 
-def steady_wind(time: float) -> Sample[float]:
+def steady_wind(time: float) -> Sample:
     return windy(time)
 
 
-def growing_wind(time: float) -> Sample[float]:
+def growing_wind(time: float) -> Sample:
     """A wind that grows by (0.8, -0.5) m/s every second."""
     return windy(time, (0.4 * time * time, -0.25 * time * time), (0.8 * time, -0.5 * time))
 
 
-def turning_wind(time: float) -> Sample[float]:
+def turning_wind(time: float) -> Sample:
     """A wind whose growth grows by (0.3, -0.2) m/s² every second."""
     farther = (0.05 * time**3, -0.1 / 3.0 * time**3)
     return windy(time, farther, (0.15 * time * time, -0.1 * time * time))
@@ -60,14 +60,14 @@ def turning_wind(time: float) -> Sample[float]:
 
 def run(
     track: Track, seconds: float, *, times: FilterTimes = TIMES, step: Filter = navigate
-) -> list[VehicleState[float]]:
+) -> list[VehicleState]:
     states = [first_state(track(0.0))]
     for index in range(1, round(seconds / PERIOD) + 1):
         states.append(step(states[-1], track(index * PERIOD), times))
     return states
 
 
-def miss(state: VehicleState[float], truth: Sample[float]) -> float:
+def miss(state: VehicleState, truth: Sample) -> float:
     return math.hypot(state.north - truth.north, state.east - truth.east)
 
 
@@ -115,7 +115,7 @@ def test_the_rate_of_the_wind_is_found_within_two_seconds():
 def noisy(track: Track, spread: float, seed: int) -> Track:
     random = np.random.default_rng(seed)
 
-    def report(time: float) -> Sample[float]:
+    def report(time: float) -> Sample:
         true = track(time)
         north, east = random.normal(0.0, spread, 2).tolist()
         return replace(true, north=true.north + north, east=true.east + east)
@@ -161,7 +161,7 @@ def test_memory_is_none_at_time_constant_zero_and_fades_over_it():
 def with_wrong_speed(track: Track) -> Track:
     """The ground velocity twice as fast as it is: its course is right."""
 
-    def report(time: float) -> Sample[float]:
+    def report(time: float) -> Sample:
         true = track(time)
         north, east = 2.0 * true.velocity_north, 2.0 * true.velocity_east
         return replace(true, velocity_north=north, velocity_east=east)
@@ -198,7 +198,7 @@ def test_blind_the_wind_and_its_rate_are_found_too():
 
 def test_a_turn_in_steady_wind_is_not_taken_for_wind():
     # 20 m/s, heading rate 0.3 rad/s, in wind (4, 2): the exact track
-    def turning(time: float) -> Sample[float]:
+    def turning(time: float) -> Sample:
         heading = 0.3 * time
         return Sample(
             time_s=time,

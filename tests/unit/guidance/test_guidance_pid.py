@@ -2,7 +2,6 @@
 
 from typing import Any
 
-import numpy as np
 import pytest
 
 from tests.kit.following import follower_step, keeper
@@ -81,30 +80,6 @@ def test_on_a_turning_slot_it_asks_for_the_slots_own_motion():
     guidance = follower_step(state, leading, slot, choices(), Airframe(), period=PERIOD, law="pid")
     assert guidance.setpoint.course == pytest.approx(motion.course + 0.1 * (1.0 / 1.2 + 0.025))
     assert guidance.setpoint.speed == pytest.approx(motion.speed)
-
-
-def test_on_arrays_it_is_what_it_is_on_floats():
-    errors = np.array([-30.0, -0.5, 0.0, 2.0, 100.0])
-    rates = np.array([1.0, -0.2, 0.0, 3.0, -20.0])
-    memory = AxisMemory(integral=np.array([0.1, 0.0, -0.2, 2.0, 0.3]), rate=rates * 0.5)
-    columns = np.ones(5)
-    gains = GAINS | {"filter_s": 0.2}
-    held = np.array([False, True, False, True, False])
-    many, remembered = axis_step(
-        errors, rates, memory, **gains, period=PERIOD, share=columns, held=held
-    )
-    for index in range(5):
-        one, kept = axis_step(
-            float(errors[index]),
-            float(rates[index]),
-            AxisMemory(integral=float(memory.integral[index]), rate=float(memory.rate[index])),
-            **gains,
-            period=PERIOD,
-            share=1.0,
-            held=bool(held[index]),
-        )
-        assert many[index] == pytest.approx(one, abs=1e-15)
-        assert remembered.integral[index] == pytest.approx(kept.integral, abs=1e-15)
 
 
 def test_a_controller_that_is_reset_has_learnt_nothing():

@@ -19,7 +19,7 @@ ANY = st.floats(-1e6, 1e6)
 
 
 @st.composite
-def states(draw: st.DrawFn) -> VehicleState[float]:
+def states(draw: st.DrawFn) -> VehicleState:
     """Any state a vehicle could report, whether or not its triangle closes."""
     angle, speed, wind = st.floats(-10.0, 10.0), st.floats(1.0, 100.0), st.floats(-60.0, 60.0)
     rate = st.floats(-20.0, 20.0)

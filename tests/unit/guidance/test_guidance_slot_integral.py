@@ -3,7 +3,6 @@
 import math
 from statistics import mean
 
-import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -11,7 +10,6 @@ from msgspec.structs import replace
 
 from tests.kit.following import distance, follow, follower_step, keeper, northward
 from tests.kit.states import Plant, choices, leader_at, vehicle_at
-from vfguide.elementwise import FloatArray
 from vfguide.guidance import slot_integral
 from vfguide.guidance.formation import FormationError, Slot, SlotMotion
 from vfguide.guidance.settings import GuidanceSettings
@@ -34,13 +32,13 @@ LEARNS = 1.5
 """s, of the integral."""
 
 
-def off(along: float, cross: float) -> FormationError[float]:
+def off(along: float, cross: float) -> FormationError:
     return FormationError(
         along_track=along, cross_track=cross, along_track_rate=0.3, cross_track_rate=-0.2
     )
 
 
-def moving(course: float = 0.0, turn_rate: float = 0.0) -> SlotMotion[float]:
+def moving(course: float = 0.0, turn_rate: float = 0.0) -> SlotMotion:
     return SlotMotion(
         north=0.0, east=0.0, course=course, speed=20.0, turn_rate=turn_rate, acceleration=0.0
     )
@@ -49,23 +47,21 @@ def moving(course: float = 0.0, turn_rate: float = 0.0) -> SlotMotion[float]:
 STRAIGHT = moving()
 
 
-def learned(
-    before: Offset[float], error: FormationError[float], motion: SlotMotion[float] = STRAIGHT
-) -> Offset[float]:
+def learned(before: Offset, error: FormationError, motion: SlotMotion = STRAIGHT) -> Offset:
     """What is known after half a second of an error."""
     return update_offset(before, error, LEARNS, motion, period=0.5, held=False)
 
 
-def ahead_by_course(metres: float, mean: float = 0.0) -> Offset[float]:
+def ahead_by_course(metres: float, mean: float = 0.0) -> Offset:
     """An offset ahead that is as large as this where the course is north."""
-    first, second = no_offset(0.0).harmonics
+    first, second = no_offset().harmonics
     known = (replace(first, ahead_cosine=metres), second)
-    return replace(no_offset(0.0), ahead=mean, harmonics=known)
+    return replace(no_offset(), ahead=mean, harmonics=known)
 
 
 def test_a_field_that_aims_beyond_its_slot_sees_the_sum_of_error_and_offset():
     # at 5 cm all of the error is learned from: 0.03/1.5 and 0.04/1.5 m/s
-    beyond = replace(no_offset(0.0), ahead=0.5, right=-0.25)
+    beyond = replace(no_offset(), ahead=0.5, right=-0.25)
     aimed = aimed_error(off(0.03, 0.04), beyond, LEARNS, STRAIGHT)
     assert aimed.along_track == pytest.approx(0.53)
     assert aimed.cross_track == pytest.approx(-0.21)
@@ -81,9 +77,9 @@ def test_nearness_is_one_in_the_slot_a_half_at_two_metres_and_little_far_away(al
 
 
 def test_the_offset_grows_by_the_error_over_the_time_and_stops_at_its_bound():
-    after = learned(no_offset(0.0), off(0.03, -0.03))
+    after = learned(no_offset(), off(0.03, -0.03))
     assert (after.ahead, after.right) == pytest.approx((0.01, -0.01), abs=1e-6)
-    full = replace(no_offset(0.0), ahead=GREATEST_M, right=-GREATEST_M)
+    full = replace(no_offset(), ahead=GREATEST_M, right=-GREATEST_M)
     assert learned(full, off(1.0, -1.0)) == full
 
 
@@ -91,7 +87,7 @@ def test_in_a_turn_each_harmonic_learns_in_its_own_phase_as_fast_as_the_mean():
     # at 40 rad/s harmonics are learned fully: 0.5 s . 0.03/1.5 m/s = 0.01 m, times the cosine and the sine
     # of 30 and of 60 degrees
     turning = moving(course=math.pi / 6.0, turn_rate=40.0)
-    after = learned(no_offset(0.0), off(0.03, -0.03), turning)
+    after = learned(no_offset(), off(0.03, -0.03), turning)
     first, second = after.harmonics
     assert (first.ahead_cosine, first.ahead_sine) == pytest.approx((0.00866, 0.005), abs=1e-5)
     assert (second.ahead_cosine, second.ahead_sine) == pytest.approx((0.005, 0.00866), abs=1e-5)
@@ -99,8 +95,8 @@ def test_in_a_turn_each_harmonic_learns_in_its_own_phase_as_fast_as_the_mean():
 
 
 def test_on_a_straight_no_harmonic_is_learned_and_none_counts():
-    after = learned(no_offset(0.0), off(0.03, -0.03))
-    assert after.harmonics == no_offset(0.0).harmonics
+    after = learned(no_offset(), off(0.03, -0.03))
+    assert after.harmonics == no_offset().harmonics
     aimed = aimed_error(off(0.0, 0.0), ahead_by_course(2.0), LEARNS, STRAIGHT)
     assert aimed == off(0.0, 0.0)
 
@@ -118,9 +114,9 @@ def test_at_the_turn_rate_at_which_they_count_by_half_harmonics_are_seen_by_half
 @given(parts=st.lists(st.floats(-GREATEST_M, GREATEST_M), min_size=10, max_size=10))
 def test_all_parts_together_aim_no_farther_than_the_bound(parts):
     names = ("ahead_cosine", "ahead_sine", "right_cosine", "right_sine")
-    one, other = no_offset(0.0).harmonics
+    one, other = no_offset().harmonics
     known = replace(
-        no_offset(0.0),
+        no_offset(),
         ahead=parts[0],
         right=parts[1],
         harmonics=(
@@ -142,44 +138,11 @@ def test_what_is_learned_beyond_the_bound_of_all_parts_winds_nothing_up():
 
 
 def test_nothing_is_learned_at_a_limit_or_without_a_time_to_learn_in():
-    before = replace(no_offset(0.0), ahead=0.2, right=0.1)
+    before = replace(no_offset(), ahead=0.2, right=0.1)
     assert update_offset(before, off(0.5, 0.5), LEARNS, STRAIGHT, period=0.5, held=True) == before
     never = 0.0
     assert update_offset(before, off(0.5, 0.5), never, STRAIGHT, period=0.5, held=False) == before
-    assert aimed_error(off(0.5, 0.5), no_offset(0.0), never, STRAIGHT) == off(0.5, 0.5)
-
-
-def moving_batch() -> SlotMotion[FloatArray]:
-    still = np.zeros(3)
-    return SlotMotion(
-        north=still,
-        east=still,
-        course=np.array([0.0, 1.0, 2.0]),
-        speed=still + 20.0,
-        turn_rate=still + 0.1,
-        acceleration=still,
-    )
-
-
-def test_offsets_of_a_batch_are_those_of_each_alone():
-    along, cross = np.array([0.1, 3.0, -0.4]), np.array([-0.2, 0.5, 9.0])
-    many = update_offset(
-        no_offset(along),
-        FormationError(
-            along_track=along, cross_track=cross, along_track_rate=along, cross_track_rate=cross
-        ),
-        LEARNS,
-        moving_batch(),
-        period=PERIOD,
-        held=np.array([False, False, True]),
-    )
-    for index in range(3):
-        error = off(float(along[index]), float(cross[index]))
-        motion = moving(course=float(index), turn_rate=0.1)
-        one = update_offset(no_offset(0.0), error, LEARNS, motion, period=PERIOD, held=index == 2)
-        assert (many.ahead[index], many.right[index]) == pytest.approx((one.ahead, one.right))
-        sine = many.harmonics[1].right_sine[index]
-        assert sine == pytest.approx(one.harmonics[1].right_sine)
+    assert aimed_error(off(0.5, 0.5), no_offset(), never, STRAIGHT) == off(0.5, 0.5)
 
 
 def error_with_biased_holds(settings: GuidanceSettings, **gains: float) -> tuple[float, float]:
@@ -205,7 +168,7 @@ def test_with_an_integral_biased_holds_leave_no_error():
     assert abs(across) < 1e-4
 
 
-def round_100_m(time_s: float) -> LeaderState[float]:
+def round_100_m(time_s: float) -> LeaderState:
     """A leader on a circle of 100 m, north at first."""
     course = math.remainder(0.2 * time_s, 2.0 * math.pi)
     place = {"north": 100.0 * math.sin(course), "east": 100.0 * (1.0 - math.cos(course))}

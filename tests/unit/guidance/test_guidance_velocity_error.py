@@ -15,7 +15,7 @@ from vfguide.guidance.navigation import (
 PERIOD, SPEED = 0.04, 15.0
 
 
-def sample(step: int, *, wrong_north: float = 0.0, wrong_east: float = 0.0) -> Sample[float]:
+def sample(step: int, *, wrong_north: float = 0.0, wrong_east: float = 0.0) -> Sample:
     """A vehicle that flies north; its velocity is reported wrong by so much (m/s)."""
     time_s = step * PERIOD
     return Sample(
