@@ -112,7 +112,8 @@ def test_whatever_arrives_a_companion_goes_on_and_sends_sound_messages(variant, 
         for message in parsed(out.to_autopilot):
             assert is_sound(message, limits)
         for published in out.to_link:
-            assert len(published) == 104
+            # A follower tells where its leader was, too.
+            assert len(published) == 104 or (vehicle == "f1" and len(published) == 112)
 
 
 @settings(deadline=None, derandomize=True, max_examples=100)
