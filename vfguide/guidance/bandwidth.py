@@ -114,7 +114,7 @@ FIRM = Softness()
 """Of an aircraft that is not strained."""
 
 UNBOUNDED = Bandwidth()
-"""Of an aircraft of which nothing has to be minded, as in the array form of studies."""
+"""Of an aircraft of which nothing has to be minded."""
 
 
 def factor_of(sharpness: float) -> float:
