@@ -30,7 +30,7 @@ from vfguide.lab.rehearsal.watched import WatchedFlight, watched_flight
 from vfguide.mavlink.address import NetworkAddress, Transport, parse_address
 from vfguide.mission import read_mission
 
-LOOK_S = 0.2
+RECORD_LOOK_S = 0.2
 """Real time between looks at the flight."""
 
 
@@ -75,7 +75,7 @@ def judge(
             while flight.truth_collector.time_s < changed.rehearsal.duration_s and not stop():
                 flight.check()
                 progress(max(flight.truth_collector.time_s, 0.0))
-                await asyncio.sleep(LOOK_S)
+                await asyncio.sleep(RECORD_LOOK_S)
             interrupted = stop()
             record = flight.truth_collector.record(wall_s=flight.elapsed_s)
             latency = await flight.latency()
@@ -100,7 +100,7 @@ async def until_online(
     gives_up = time.monotonic() + patience_s
     missing = await flight.missing()
     while missing and time.monotonic() < gives_up and not stop():
-        await asyncio.sleep(LOOK_S)
+        await asyncio.sleep(RECORD_LOOK_S)
         missing = await flight.missing()
     if missing:
         Terminal(stderr=True).tell(f"begun without the companions of {', '.join(missing)}")

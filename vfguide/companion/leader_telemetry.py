@@ -22,7 +22,7 @@ from vfguide.guidance.leader_motion import (
     observed_at_first,
     observed_motion,
 )
-from vfguide.guidance.other_clock import NANOSECOND, RADIO, OtherClock, Questions, Reading
+from vfguide.guidance.other_clock import NANOSECOND, RADIO, OtherClock, Reading, TimeQuestions
 from vfguide.guidance.reported_motion import ReportedMotion, reach_of
 from vfguide.mavlink.announcements import WARNING, heartbeat, time_question
 from vfguide.mavlink.codec import COMPANION_COMPONENT, Codec
@@ -94,7 +94,7 @@ class LeaderTelemetry:
         self._codec = LeaderCodec(system_id=leader.system_id, icao_address=leader.icao_address)
         self._voice = Codec(system_id, COMPANION_COMPONENT)
         self._said_s = -math.inf
-        self._questions = Questions(every_s=0.0, most_open=OPEN)
+        self._questions = TimeQuestions(every_s=0.0, most_open=OPEN)
         self._clocks: dict[Kind, OtherClock] = {}
         self._heard_s: dict[Kind, tuple[float, float]] = {}
         self._kind: Kind | None = None

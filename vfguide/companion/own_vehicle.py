@@ -26,7 +26,7 @@ from vfguide.guidance.navigation import (
     velocity_error_at_first,
     with_right_velocity,
 )
-from vfguide.guidance.other_clock import CABLE, NANOSECOND, OtherClock, Questions, Reading
+from vfguide.guidance.other_clock import CABLE, NANOSECOND, OtherClock, Reading, TimeQuestions
 from vfguide.guidance.reported_motion import ReportedMotion, reach_of
 from vfguide.guidance.wind_triangle import polar
 from vfguide.mavlink.announcements import WARNING
@@ -155,7 +155,7 @@ class OwnVehicle:
         # A cable's fastest report takes no time worth mentioning.
         self._clock = OtherClock(CABLE, least_way_s=0.0)
         self._clock_watch = ClockWatch(self._clock, self._alerts)
-        self._questions = Questions(every_s=ASK_S, most_open=MOST_OPEN)
+        self._questions = TimeQuestions(every_s=ASK_S, most_open=MOST_OPEN)
         self.belief = Belief(reach_of(plan.airframe), moved_s=STAYED_S, most_m=plan.most_m)
         """What is believed of its motion."""
         self._doubt = Doubt(self._alerts)

@@ -105,7 +105,7 @@ def skew_bounds(brackets: "deque[Bracket]") -> tuple[float, float]:
     return lowest, highest
 
 
-class Questions:
+class TimeQuestions:
     """Questions for another clock's time, which carry the time of one's own in nanoseconds."""
 
     def __init__(self, *, every_s: float, most_open: int) -> None:

@@ -4,8 +4,8 @@ Leader states are compact, versioned and checked. Layout, little-endian: "VFLS",
 course setpoint (u16), sequence number (u32), then as f64 the time of validity (s), latitude and longitude
 (degrees), altitude above mean sea level (m), course (rad), ground speed (m/s), acceleration (m/s²), turn
 rate (rad/s), turn acceleration (rad/s²) and climb rate (m/s), then the term and the arrangement (u32
-each), and the CRC-32 of all that (u32). 104 bytes. Position is geodetic, so that no two vehicles have to
-agree on an origin.
+each), and the CRC-32 of all that (u32). 104 bytes at least. Position is geodetic, so that no two vehicles
+have to agree on an origin.
 
 A follower's state also tells where its leader was by the newest leader state that it has heard. Before the
 CRC-32 stand four i16: how much older that state is (ms), and how far north, east and up of the sender the

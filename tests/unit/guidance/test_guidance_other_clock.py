@@ -14,9 +14,9 @@ from vfguide.guidance.other_clock import (
     TICK_S,
     Basis,
     OtherClock,
-    Questions,
     Reading,
     StampSense,
+    TimeQuestions,
 )
 
 BOOTED_S = 100.0
@@ -181,14 +181,14 @@ def test_an_answer_of_another_clock_says_nothing(behind_s):
 
 
 def test_answers_come_once_to_questions_that_were_asked():
-    questions = Questions(every_s=0.5, most_open=3)
+    questions = TimeQuestions(every_s=0.5, most_open=3)
     assert questions.greatest_age(10.0) == math.inf
     stamps = [stamp for step in range(12) if (stamp := questions.ask(10.0 + 0.25 * step))]
     assert stamps == [round((10.0 + 0.5 * number) * 1e9) for number in range(6)]
     assert [questions.answered(stamp) for stamp in (17, stamps[0], stamps[3])] == [None, None, 11.5]
     assert questions.answered(stamps[3]) is None
     assert questions.greatest_age(13.0) == 1.5
-    never = Questions(every_s=0.5, most_open=3)
+    never = TimeQuestions(every_s=0.5, most_open=3)
     never.ask(10.0)
     assert [never.greatest_age(now) for now in (14.0, 16.0)] == [math.inf, 0.0]
 
