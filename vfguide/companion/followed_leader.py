@@ -397,7 +397,9 @@ class FollowedLeader:
         self._own_altitude = navigated.altitude_amsl if flies else math.nan
         heard, interval = self._followed.newest, navigated.interval
         if isinstance(heard, HeardState) and interval <= GAP_S:
-            differ = heard.satellite_m - navigated.satellite_m
+            # What a doubted altitude differs by shows nothing.
+            believed = math.isfinite(heard.altitude_amsl)
+            differ = heard.satellite_m - navigated.satellite_m if believed else math.nan
             self.altimeters_m = altimeter_difference(self.altimeters_m, differ, interval)
         if isinstance(self.receiver, LeaderTelemetry):
             self.receiver.own_altitude = self._own_altitude
