@@ -61,6 +61,8 @@ class ClockWatch:
     def note(self, now: float) -> None:
         """Look at the clock; to be called after each report and each answer."""
         clock = self._clock
+        if not math.isfinite(clock.most):
+            return
         self._note_stamps()
         if clock.series != self._series:
             self._begin()

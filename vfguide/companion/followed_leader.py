@@ -23,7 +23,6 @@ from vfguide.guidance.height import (
     BesidePath,
     HeightDeviation,
     HeightTarget,
-    altimeter_difference,
     followed_height,
     height_deviation,
     held_height,
@@ -40,7 +39,6 @@ from vfguide.guidance.intended_motion import (
 from vfguide.guidance.leader_motion import carried_on
 from vfguide.guidance.navigation import memory_of
 from vfguide.guidance.path import Path, PathPoint
-from vfguide.link.codec import LinkDataError
 from vfguide.state import GAP_S, HeardState, LeaderFix, LeaderState
 
 CARRY_S = 0.25
@@ -112,6 +110,7 @@ class FollowedLeader:
         self.stories = LeaderStories(plan.most_m, alerts)
         """What the other followers say of their leader, against what this one was told."""
         self._deputy: str | None = None
+        self._lead_said: HeardState | None = None
         self.stands_in = False
         """Whether the follower stands in for a leader that is lost, and carries its motion on for all."""
         self._steered = False
@@ -124,8 +123,6 @@ class FollowedLeader:
         self._planned = PlannedHeight(plan.climb_limits)
         self._wind = (0.0, 0.0)
         self._own_altitude = math.nan
-        self.altimeters_m = 0.0
-        """By how much the own altimeter shows more than the leader's at one height, m."""
         self.gusts = 0.0
         """How fast gusts carry a vehicle that nobody corrects, m/s, as the leader's course tells.
 
@@ -180,18 +177,11 @@ class FollowedLeader:
             return newer
         if newer:
             self._arrangements.hear(self.name, self.receiver.newest, now)
-        self._compare(data, leads=False)
-        return newer and self.stories.may_be_followed(now)
-
-    def _compare(self, data: bytes, *, leads: bool) -> None:
-        """Remember what the leader says, for what others say of it."""
-        try:
             said = motion_of(data, self._plan.frame)
-        except LinkDataError:
-            return
-        # A leader that obeys another one says where it is itself.
-        if leads or said.term == 0:
-            self.stories.hear_leader(place_said(said), said.term)
+            # A leader that obeys another one says where it is itself.
+            if said.term == 0:
+                self.stories.hear_leader(place_said(said), 0)
+        return newer and self.stories.may_be_followed(now)
 
     def note_lead(self, vehicle: str, data: bytes, now: float) -> bool:
         """Take a state of the leader by which a deputy leads; whether it is sound and newer."""
@@ -199,7 +189,8 @@ class FollowedLeader:
             self._deputy = vehicle
             self._carried_on = StateReceiver(self._plan.frame, self._clock, moved_s=self._moved_s)
         newer = self._carried_on.take(data, now)
-        self._compare(data, leads=True)
+        if newer:
+            self._lead_said = motion_of(data, self._plan.frame)
         return newer and self.stories.may_be_followed(now)
 
     def follow_leader(self) -> None:
@@ -209,6 +200,8 @@ class FollowedLeader:
 
     def follow_lead(self) -> None:
         """Fly by the leader by which a deputy leads, as it was heard last."""
+        if self._lead_said is not None:
+            self.stories.hear_leader(place_said(self._lead_said), self._lead_said.term)
         self._follow(self._carried_on)
 
     def _follow(self, receiver: StateReceiver | LeaderTelemetry) -> None:
@@ -395,12 +388,6 @@ class FollowedLeader:
         state, (north, east) = navigated.state, self._wind
         flies = state.ground_speed > MOVING_M_S
         self._own_altitude = navigated.altitude_amsl if flies else math.nan
-        heard, interval = self._followed.newest, navigated.interval
-        if isinstance(heard, HeardState) and interval <= GAP_S:
-            # What a doubted altitude differs by shows nothing.
-            believed = math.isfinite(heard.altitude_amsl)
-            differ = heard.satellite_m - navigated.satellite_m if believed else math.nan
-            self.altimeters_m = altimeter_difference(self.altimeters_m, differ, interval)
         if isinstance(self.receiver, LeaderTelemetry):
             self.receiver.own_altitude = self._own_altitude
         if not math.isfinite(navigated.interval):

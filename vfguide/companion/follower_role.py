@@ -139,7 +139,7 @@ class FollowerRole(Role):
         now, ahead_s = navigated.state.time_s, self._height.delay_s(navigated)
         target = self.followed.height(leader, now, ahead_s)
         (up, rate), (up_ahead, _) = self._slot_height(now), self._slot_height(now + ahead_s)
-        shown_more = self.followed.altimeters_m
+        shown_more = self._traffic.shown_more(self.followed.name)
         return HeightTarget(
             height=target.height + up + shown_more,
             climb_rate=target.climb_rate + rate,
@@ -169,7 +169,9 @@ class FollowerRole(Role):
         newer = self.followed.note_leader(data, now)
         receiver = self.followed.receiver
         heard = receiver.newest
-        elsewhere = None if heard is None else self.followed.stories.elsewhere(heard, now)
+        elsewhere = None
+        if heard is not None and not self.followed.is_left:
+            elsewhere = self.followed.stories.elsewhere(heard, now)
         self._traffic.note(self.followed.name, receiver, elsewhere)
         return newer
 
@@ -223,6 +225,7 @@ class FollowerRole(Role):
         """One step toward the slot, or away from the others once the formation breaks up."""
         motion = self._report.note(navigated)
         self.followed.note_own(navigated)
+        self._traffic.satellite_m = navigated.satellite_m
         self._traffic.arrange(self._arrangements.flight.others(navigated.state.time_s))
         leader = self.followed.at(navigated)
         if leader is None:

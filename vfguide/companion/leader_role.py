@@ -86,6 +86,7 @@ class LeaderRole(Role):
         if navigated.moved or task.path is not self._task.path:
             self._memory = FIRST
         self._task = task
+        self._traffic.satellite_m = navigated.satellite_m
         self._traffic.arrange(self._arrangements.flight.others(navigated.state.time_s))
         guidance = self._guidance(navigated.state, self._law, navigated.period)
         setpoint = guidance.setpoint
@@ -97,6 +98,9 @@ class LeaderRole(Role):
         self._arrangements.watch_route(task.path, guidance.point, steered=mode.steers)
         motion = self._report.note(navigated)
         state, altitude = navigated.state, navigated.place.altitude_amsl
+        if self._report.term > 0:
+            # As it is told then: carried on while it is doubted.
+            altitude = self._plan.frame.altitude_m + state.height
         place = LeaderFix(state.time_s, state.north, state.east, altitude)
         self._stories.hear_leader(place, self._report.term)
         distance = abs(guidance.cross_track_error)

@@ -16,6 +16,7 @@ from msgspec.structs import replace
 
 from vfguide.companion.alerts import Alerts
 from vfguide.companion.belief import RETURN_S
+from vfguide.companion.height_belief import CLIMB_M_S
 from vfguide.mavlink.announcements import WARNING
 from vfguide.state import HeardState, LeaderFix
 
@@ -27,6 +28,15 @@ REMEMBERED_S = 5.0
 
 APART_S = 0.6
 """States of the leader that are farther apart tell no place between them."""
+
+SAME_S = 2e-3
+"""Times that differ by less are one: they are told to 1 ms."""
+
+FASTEST_M_S = 100.0
+"""Between two states no leader flies faster; a place that steps is no motion."""
+
+CERTAIN_S = 1.0
+"""A follower that is outvoted for so long does not follow: everybody has told twice by then."""
 
 SAID_S = 1.5
 """For so long a follower's word counts: it says one 2.5 times a second at least."""
@@ -70,6 +80,8 @@ class LeaderStories:
         self._term = 0
         self._places: deque[LeaderFix] = deque()
         self._stories: dict[str, Story] = {}
+        self._heard_s: dict[str, float] = {}
+        self._outvoted_since = math.inf
         self._parted_s = -math.inf
         self._told = False
 
@@ -95,6 +107,7 @@ class LeaderStories:
 
     def hear_follower(self, vehicle: str, said: HeardState, now: float) -> None:
         """Take a follower's state, where it tells of its leader; now: s of the own clock."""
+        self._heard_s[vehicle] = now
         place = said.leader_fix
         if place is None or said.term != self._term:
             self._stories.pop(vehicle, None)
@@ -114,7 +127,7 @@ class LeaderStories:
         """Where this vehicle was told that the leader was, on the chord between two states."""
         later = None
         for place in reversed(self._places):
-            if place.time_s == time_s:
+            if abs(place.time_s - time_s) <= SAME_S:
                 return place
             if place.time_s < time_s:
                 return None if later is None else between(place, later, time_s)
@@ -157,17 +170,24 @@ class LeaderStories:
         """Find out whether the leader may be followed, and tell the pilot what has changed."""
         against = self._against(now)
         if not against:
+            self._outvoted_since = math.inf
             if self._told and self.may_be_followed(now):
                 self._told = False
                 self._alerts.say(
                     "stories", WARNING, "all fly by the same leader state again: nothing to do"
                 )
             return
-        count = sum(now - one.said_s <= SAID_S for one in self._stories.values())
+        # Who has not told yet is not against: the first to speak is not the majority.
+        count = sum(now - heard_s <= SAID_S for heard_s in self._heard_s.values())
         apart = max(one.apart for one in against.values())
+        far = sum(one.apart > self._most_m for one in against.values())
         outvoted = not self._leads and 2 * len(against) > count
-        if outvoted and apart > self._most_m:
+        if self._leads or 2 * far <= count:
+            self._outvoted_since = math.inf
+        elif now - min(self._outvoted_since, now) >= CERTAIN_S:
             self._parted_s = now
+        else:
+            self._outvoted_since = min(self._outvoted_since, now)
         self._told = True
         names = " and ".join(sorted(against))
         text = self._sentence(names, apart, outvoted=outvoted, now=now)
@@ -193,9 +213,11 @@ class LeaderStories:
 
 
 def between(first: LeaderFix, second: LeaderFix, time_s: float) -> LeaderFix | None:
-    """The place on the chord between two; None where they are too far apart."""
+    """The place on the chord between two; None where they are too far apart, or no aircraft flies so."""
     whole = second.time_s - first.time_s
-    if whole > APART_S:
+    level = math.hypot(second.north - first.north, second.east - first.east)
+    up = abs(second.altitude_amsl - first.altitude_amsl)
+    if whole > APART_S or level > FASTEST_M_S * whole or up > CLIMB_M_S * whole + SAME_M:
         return None
     share = (time_s - first.time_s) / whole
     return LeaderFix(*(a + share * (b - a) for a, b in zip(first, second, strict=True)))

@@ -26,9 +26,10 @@ from vfguide.companion.state_receiver import StateReceiver
 from vfguide.companion.timing import SharedClock
 from vfguide.elementwise import BoolArray, FloatArray
 from vfguide.frames import LocalFrame
+from vfguide.guidance.height import altimeter_difference
 from vfguide.guidance.predicted_tracks import HORIZON_S, in_formation, place_of, velocity_of
 from vfguide.guidance.separation import Others
-from vfguide.state import HeardState, LeaderState
+from vfguide.state import GAP_S, HeardState, LeaderState
 
 JOIN_M = 11.0
 """Distance that a vehicle keeps from a steered one while it is away from its slot."""
@@ -118,6 +119,9 @@ class Traffic:
             self._heard.rows(count, 2 * count),
         )
         self._carried_s, self._wind = math.inf, 0j
+        self._shown_more = np.zeros(count)
+        self.satellite_m = math.nan
+        """By how much the own altitude by satellites is above the held one, m; NaN while not known."""
         self._slot = np.array([complex(one.slot.forward, one.slot.right) for one in others] * 2)
         self._heard.offset[:] = self._slot
         self._slot_rate = np.zeros(2 * count, dtype=np.complex128)
@@ -195,7 +199,8 @@ class Traffic:
     def _note(self, row: int, state: HeardState) -> None:
         known = self._heard
         if row < len(self.vehicles):
-            self._interval_s[row] = state.time_s - known.time[row]
+            interval_s = self._interval_s[row] = state.time_s - known.time[row]
+            self._compare_altimeters(row, state, float(interval_s))
         if state.time_s - known.time[row] > SILENT_S:
             known.since[row], known.airspeed[row] = state.time_s, np.nan
         else:
@@ -205,12 +210,25 @@ class Traffic:
         known.place[row] = place_of(state)
         known.ahead[row] = cmath.rect(1.0, state.course)
         known.speed[row], known.acceleration[row] = state.ground_speed, state.acceleration
-        known.turn_rate[row], known.altitude[row] = state.turn_rate, state.altitude_amsl
+        known.turn_rate[row] = state.turn_rate
+        known.altitude[row] = state.altitude_amsl + self._shown_more[row % len(self.vehicles)]
         known.climb_rate[row] = state.climb_rate
         known.steered[row] = state.steered
         known.held[row] = cmath.rect(1.0, state.course_setpoint)
         if self._leads[row]:
             self._leader_s = state.time_s
+
+    def _compare_altimeters(self, row: int, state: HeardState, interval_s: float) -> None:
+        """Learn by how much the own altimeter shows more than another one at one height."""
+        if 0.0 < interval_s <= GAP_S and math.isfinite(state.altitude_amsl):
+            differ = state.satellite_m - self.satellite_m
+            shown_more = altimeter_difference(float(self._shown_more[row]), differ, interval_s)
+            self._shown_more[row] = shown_more
+
+    def shown_more(self, vehicle: str) -> float:
+        """By how much the own altimeter shows more than a vehicle's at one height, m."""
+        row = self._rows.get(vehicle)
+        return 0.0 if row is None else float(self._shown_more[row])
 
     def late(self, now: float, *, leader: bool = True) -> BoolArray | None:
         """Whose next state should have been there for a while; None where nobody's; to be asked often.

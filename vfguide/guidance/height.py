@@ -55,7 +55,8 @@ ALTIMETERS_M_S = 0.3
 """No more than this is climbed because of them: a satellite altitude that steps moves no aircraft at once."""
 
 ALTIMETERS_M = 10.0
-"""Nor is more believed: barometers that are set at one place and time differ by less."""
+"""Nor is more believed: barometers that are set at one place and time differ by less. What differs by half as
+much again is no altitude above the sea, and counts as no difference."""
 
 LEAST_SHARE = 0.5
 """No leader takes its followers below this share of the flying height, unless its path leads there."""
@@ -97,6 +98,8 @@ def altimeter_difference(known: float, differ: float, interval: float) -> float:
     """
     if math.isnan(differ):
         return known
+    if abs(differ) > 1.5 * ALTIMETERS_M:
+        differ = 0.0
     most = ALTIMETERS_M_S * interval
     moved = low_pass(known, differ, interval, ALTIMETERS_S) - known
     return min(max(known + min(max(moved, -most), most), -ALTIMETERS_M), ALTIMETERS_M)

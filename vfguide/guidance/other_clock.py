@@ -402,6 +402,8 @@ class OtherClock:
         if worthless:
             # Goes on from the newest that was believed.
             self._arrival_shift_s = 0.0 if math.isinf(self._newest) else self._newest - self._read
+            # Arrival is on one's own clock, whose rate needs no correction.
+            self._anchor, self.skew, self.skew_error = (0.0, 0.0), 0.0, 0.0
         else:
             self._shift_s = now + self._arrival_shift_s - stamp_s
         self._by_arrival = worthless

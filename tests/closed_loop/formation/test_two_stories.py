@@ -49,7 +49,9 @@ def test_followers_that_are_told_different_places_find_out_and_keep_clear(lies):
             event.time_s for event in flight.events[name] if "a place of the leader" in event.text
         )
         assert first < BEGIN_S + 1.0
-    outvoted = [name for name in lies if "not followed until they agree" in flight.words(name)]
-    assert outvoted == [name for name in lies if len(lies) != 2]
+    # Who is told of a leader that drifts finds that out by its velocity, too.
+    for name in lies:
+        words = flight.words(name)
+        assert "not followed until they agree" in words or "reports what cannot be" in words
     assert formation.modes() == {"tracking"}
     assert set(formation.flight_modes().values()) == {"GUIDED"}

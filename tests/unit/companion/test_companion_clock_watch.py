@@ -227,3 +227,14 @@ def test_a_clock_that_loses_time_unevenly_and_goes_on_doing_so_is_told_as_lost()
 def test_two_quartz_clocks_that_drift_apart_lose_no_time_in_an_hour():
     """100 ppm are 0.36 s in an hour, more than what a slip is told from."""
     assert heard(lambda _: 0.0, rate=1.0 - 100e-6, duration_s=3600.0) == []
+
+
+def test_answers_of_an_autopilot_that_reports_no_position_yet_show_no_lost_time():
+    alerts = Alerts()
+    clock = OtherClock(CABLE, least_way_s=0.0)
+    watch = ClockWatch(clock, alerts)
+    for step in range(120):
+        now = BEGINS_S + 0.5 * step
+        clock.answer(now - 0.01, now - BOOTED_S, now)
+        watch.note(now)
+    assert alerts.heard(now) == []

@@ -8,10 +8,14 @@ from hypothesis import strategies as st
 from msgspec.structs import replace
 
 from tests.kit.companion import leader_bytes
+from tests.kit.missions import plan_of
 from tests.kit.orders import heard
 from tests.kit.states import FRAME
 from vfguide.companion.alerts import Alerts
+from vfguide.companion.arrangements import Arrangements
+from vfguide.companion.followed_leader import FollowedLeader
 from vfguide.companion.leader_stories import LeaderStories
+from vfguide.companion.plan import FollowerTask
 from vfguide.companion.state_receiver import StateReceiver, place_said
 from vfguide.companion.timing import SAME_CLOCK, SharedClock
 from vfguide.state import HeardState, LeaderFix
@@ -116,8 +120,17 @@ def told(alerts: Alerts | None = None, *, leads: bool = False) -> LeaderStories:
     return stories
 
 
-def hear(stories: LeaderStories, vehicle: str, time_s: float, **off: float) -> None:
-    stories.hear_follower(vehicle, follower(place_said(leader(time_s, **off))), 2.0)
+def hear(
+    stories: LeaderStories, vehicle: str, time_s: float, *, now: float = 2.0, **off: float
+) -> None:
+    stories.hear_follower(vehicle, follower(place_said(leader(time_s, **off))), now)
+
+
+def hear_for_a_second(stories: LeaderStories, others: dict[str, float]) -> None:
+    """Hear each follower four times until 3.2 s, by how far north of the own one its leader is, m."""
+    for now in (2.0, 2.4, 2.8, 3.2):
+        for vehicle, north in others.items():
+            hear(stories, vehicle, 2.0, now=now, north=north)
 
 
 @pytest.mark.parametrize("time_s", [0.0, 1.0, 1.95, 2.0])
@@ -156,23 +169,42 @@ def test_both_places_of_a_leader_with_two_stories_are_known(off, place):
 )
 def test_a_leader_is_followed_by_the_majority_or_while_stories_are_near(others, followed):
     stories = told()
-    for vehicle, north in others.items():
-        hear(stories, vehicle, 2.0, north=north)
-    assert stories.may_be_followed(2.0) is followed
+    hear_for_a_second(stories, others)
+    assert stories.may_be_followed(3.2) is followed
+
+
+def test_who_speaks_first_is_not_the_majority():
+    stories = told()
+    for vehicle in ("f3", "f4"):
+        stories.hear_follower(vehicle, follower(None), 2.0)
+    hear_for_a_second(stories, {"f2": 60.0})
+    for vehicle in ("f3", "f4"):
+        stories.hear_follower(vehicle, follower(None), 3.2)
+    assert stories.may_be_followed(3.2)
+
+
+def test_less_than_a_second_of_two_stories_is_no_reason_to_leave_the_leader():
+    stories = told()
+    hear(stories, "f2", 2.0, north=60.0)
+    hear(stories, "f2", 2.0, now=2.9, north=60.0)
+    hear(stories, "f2", 2.0, now=3.0)
+    hear(stories, "f2", 2.0, now=3.1, north=60.0)
+    assert stories.may_be_followed(3.1)
 
 
 def test_a_leader_is_followed_again_once_all_have_agreed_for_two_seconds():
     alerts = Alerts()
     stories = told(alerts)
-    hear(stories, "f2", 2.0, north=9.0)
-    assert not stories.may_be_followed(4.0)
+    hear_for_a_second(stories, {"f2": 9.0})
+    assert not stories.may_be_followed(5.1)
     stories.hear_leader(place_said(leader(2.1)), 0)
-    stories.hear_follower("f2", follower(place_said(leader(2.1))), 4.1)
-    assert stories.may_be_followed(4.1)
-    stops, goes_on = (event.text for event in alerts.heard(4.1))
+    stories.hear_follower("f2", follower(place_said(leader(2.1))), 5.3)
+    assert stories.may_be_followed(5.3)
+    begins, stops, goes_on = (event.text for event in alerts.heard(5.3))
+    told_of = "f2 flies by a place of the leader that is 9 m from what this vehicle was told:"
+    assert begins == f"{told_of} kept clear of both, be ready to take over"
     assert stops == (
-        "f2 flies by a place of the leader that is 9 m from what this vehicle was told:"
-        " the leader is not followed until they agree; take over, and make new keys"
+        f"{told_of} the leader is not followed until they agree; take over, and make new keys"
     )
     assert goes_on == "all fly by the same leader state again: nothing to do"
 
@@ -203,6 +235,17 @@ def test_what_cannot_be_compared_is_no_story(said):
     assert stories.elsewhere(leader(2.0), 2.0) is None
 
 
+@pytest.mark.parametrize("step", [{"north": 30.0}, {"up": 12.0}])
+def test_a_place_that_steps_is_not_met_on_its_way(step):
+    """Who has lost a state compares nothing there; who has heard it all does."""
+    stories = told()
+    stories.hear_leader(place_said(leader(2.2, **step)), 0)
+    hear(stories, "f2", 2.1, **step)
+    assert stories.elsewhere(leader(2.2), 2.2) is None
+    hear(stories, "f2", 2.2, **step)
+    assert stories.elsewhere(leader(2.2), 2.2) is None
+
+
 def test_places_between_states_that_are_far_apart_are_not_compared():
     stories = LeaderStories(RADIUS_M)
     for time_s in (0.0, 0.7):
@@ -222,3 +265,20 @@ def test_whatever_the_stamps_an_equal_story_is_no_other_and_another_is(times, no
     assert stories.elsewhere(leader(newest.time_s), 2.0) is None
     hear(stories, "f2", newest.time_s, north=north)
     assert stories.elsewhere(leader(newest.time_s), 2.0) is not None
+
+
+def test_states_that_are_not_believed_hide_no_story():
+    """A stamp of next week empties no memory, and a term that nobody obeys counts for nothing."""
+    plan = plan_of("line-calm", "f1")
+    assert isinstance(plan.task, FollowerTask)
+    followed = FollowedLeader(plan, plan.task, SAME_CLOCK, Arrangements(plan, SAME_CLOCK))
+    for tenths in range(21):
+        now = tenths / 10
+        assert followed.note_leader(leader_bytes(now), now)
+        followed.note_leader(leader_bytes(now + 6e5), now)
+        followed.note_lead("f2", leader_bytes(now + 6e5, term=9), now)
+    told_f2 = replace(followed.receiver.newest, north=60.0 + 20.0 * now)
+    for now in (2.1, 2.5, 2.9, 3.3):
+        followed.stories.hear_follower("f2", follower(place_said(told_f2)), now)
+    assert not followed.stories.may_be_followed(3.3)
+    assert not followed.note_leader(leader_bytes(3.3), 3.3)

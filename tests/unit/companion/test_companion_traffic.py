@@ -518,3 +518,21 @@ def test_a_step_beside_a_silent_vehicle_is_not_turned_round_through_its_height(s
         step=step_m,
     )
     assert found.over is over
+
+
+@pytest.mark.parametrize(
+    ("shown", "satellites", "level"),
+    [(600.0, -12.0, 588.0), (588.0, 0.0, 588.0), (600.0, 0.0, 600.0), (588.0, 9.0, 597.0)],
+    ids=["altimeters apart", "as shown", "higher", "higher than it shows"],
+)
+def test_altitudes_of_others_are_seen_on_the_own_altimeter(traffic, shown, satellites, level):
+    """Two that are level, whose barometers are 12 m apart, are not kept clear of by heights of 12 m."""
+    traffic.satellite_m = 0.0
+    for tenths in range(1200):
+        now = 10.0 + 0.1 * tenths
+        data = leader_bytes(now, altitude_amsl=shown, satellite_m=satellites)
+        traffic.receive("f2", data, now)
+    altitude, _ = traffic.height_of(0, now)
+    # A difference of more than 10 m is not believed.
+    assert altitude == pytest.approx(max(level, shown - 10.0), abs=0.01)
+    assert traffic.shown_more("f2") == pytest.approx(altitude - shown)

@@ -173,10 +173,17 @@ def test_altimeters_that_differ_are_followed_in_ten_seconds():
     assert altimeters_after(100.0, 2.0) == pytest.approx(2.0, abs=0.001)
 
 
-@pytest.mark.parametrize(("differ", "known"), [(500.0, 3.0), (-500.0, -3.0), (math.inf, 3.0)])
+@pytest.mark.parametrize(("differ", "known"), [(15.0, 3.0), (-15.0, -3.0)])
 def test_satellite_altitudes_that_step_move_an_aircraft_slowly_and_not_far(differ, known):
     assert altimeters_after(10.0, differ) == pytest.approx(known)
     assert altimeters_after(100.0, differ) == math.copysign(10.0, differ)
+
+
+@pytest.mark.parametrize("differ", [15.1, -47.0, 588.0, -math.inf])
+def test_a_satellite_altitude_that_cannot_be_one_above_the_sea_counts_as_no_difference(differ):
+    assert altimeters_after(100.0, differ) == 0.0
+    # 2 exp(-1) = 0.736 m
+    assert altimeters_after(10.0, differ, 2.0) == pytest.approx(0.736, abs=0.01)
 
 
 def test_altimeters_of_which_one_is_not_known_differ_as_before():

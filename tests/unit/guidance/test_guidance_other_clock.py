@@ -353,6 +353,23 @@ def test_stamps_that_tell_no_time_are_replaced_by_arrival(stamp: Callable[[float
     assert readings == pytest.approx([readings[0] + 0.1 * k for k in range(len(readings))])
 
 
+def test_arrival_has_no_rate_although_the_clock_that_has_stopped_had_one():
+    clock = on_a_cable()
+    for step in range(4000):
+        now = 200.0 + 0.1 * step
+        # It runs 5 % fast for a minute, and stands still from then on.
+        stamp_s = 1.05 * (min(now, 260.0) - 100.0)
+        reading = clock.read(stamp_s, now, (47.0, float(step)))
+        if now < 260.0 and step % 5 == 0:
+            clock.answer(now - 0.01, stamp_s, now)
+        if step == 590:
+            assert clock.skew == pytest.approx(-0.0476, abs=0.01)
+        if now > 265.0:
+            assert reading is not None
+            assert reading.time_s == pytest.approx(now, abs=0.01)
+    assert clock.basis is Basis.ARRIVAL
+
+
 def test_stamps_that_tell_time_again_go_on_without_a_new_start():
     clock = on_a_cable()
     for step in range(300):
