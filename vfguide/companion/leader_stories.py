@@ -4,8 +4,9 @@ Who has a leader's key can tell each follower another place. Each story is possi
 follower finds anything by what it hears of the leader alone. But followers tell in their own states where
 their leader was, and at which time: two places at one time are two stories.
 
-Nobody can see which story is true. Who is outvoted, or has as many against it as with it, follows the leader
-no longer than the stories are within the radius that the mission's spacing allows. All keep clear of both.
+Nobody can see which story is true. Who is outvoted for a second, or has as many against it as with it,
+follows the leader only while the stories are within the radius that the mission's spacing allows. Where two
+follow, the key of one can end the following of the other. All keep clear of both places.
 """
 
 import math
