@@ -155,6 +155,13 @@ class Formation:
         """Wait for a time of the flight."""
         time.sleep(max(time_s - self.time_s, 0.0))
 
+    def await_word(self, service: str, text: str, *, times: int = 1) -> None:
+        """Wait until a container's log has a text that often: a busy machine starts programs slowly."""
+        ends = time.time() + PATIENCE_S
+        while (log := log_of(self.container(service))).count(text) < times:
+            assert time.time() < ends, f"{service} never said {text!r} {times} times: {log}"
+            time.sleep(0.5)
+
     def impair(self, service: str, *, seconds: float, delay_s: float, loss: float) -> str:
         """Delay and drop what a container sends: by netem where the kernel has it."""
         into = ["nsenter", "--target", str(self.inspect(service)["State"]["Pid"]), "--net"]

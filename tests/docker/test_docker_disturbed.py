@@ -39,18 +39,18 @@ LINK = ("--cafile", "/var/lib/vfguide/trust/ca.pem", "-h", "broker", "-p", "8883
 LIE = "/dev/shm/lie"  # noqa: S108
 STATE = "vfguide/circle-wind/leader/state"
 
-SETTLED_S = 10.0
+SETTLED_S = 14.0
 """Companions take over some seconds after the start."""
 
-FORGED_S = (8.0, 16.0)
-CUT_S = (18.0, 28.0)
-RESTARTED_S = 40.0
-PAUSED_S = (55.0, 60.0)
-KILLED_S = 92.0
-ENDS_S = 150.0
+FORGED_S = (12.0, 20.0)
+CUT_S = (22.0, 32.0)
+RESTARTED_S = 44.0
+PAUSED_S = (60.0, 65.0)
+KILLED_S = 100.0
+ENDS_S = 160.0
 """Where a leader was away for 9 s its rear follower gave way to the others and had 185 m to make up."""
 
-IMPAIRED_S = (15.0, 40.0)
+IMPAIRED_S = (20.0, 40.0)
 LOST_S = 55.0
 PREDICTION_S = 10.0
 LOST_ENDS_S = 95.0

@@ -14,6 +14,7 @@ import pytest
 
 from tests.integration.command_line.conftest import PAIR
 from tests.integration.surroundings import PATIENCE_S, Surroundings
+from vfguide.companion.consent import begin_flight
 from vfguide.lab.rehearsal.processes import free_port
 
 SPEEDUP = 10.0
@@ -99,6 +100,8 @@ def aircraft() -> Iterator[str]:
 
 
 def test_identify_writes_where_it_was_told_to_and_nowhere_else(aircraft, around):
+    # The aircraft flies long before a busy machine has started the program that steers it.
+    begin_flight(around.out / "state", "leader")
     said = around.run(
         *("identify", "leader", "--mission", "line-calm", "--mavlink", aircraft, "--engage"),
         *("--speedup", str(SPEEDUP), "--out", around.out, "--state", around.out / "state"),
@@ -108,6 +111,7 @@ def test_identify_writes_where_it_was_told_to_and_nowhere_else(aircraft, around)
 
 
 def test_a_companion_writes_its_state_and_its_recording_and_nothing_else(aircraft, around):
+    begin_flight(around.out / "state", "leader")
     process = around.start(
         *("companion", "leader", "--mission", "line-calm", "--mavlink", aircraft, "--engage"),
         *("--link", f"udp://127.0.0.1:{free_port(socket.SOCK_DGRAM)}", "--insecure"),
