@@ -53,7 +53,7 @@ async def running(
         if process.returncode is None:
             process.terminate()
         with suppress(TimeoutError):
-            await asyncio.wait_for(process.communicate(), 10.0)
+            await asyncio.wait_for(process.communicate(), 60.0)
         if process.returncode is None:
             process.kill()
             await process.communicate()

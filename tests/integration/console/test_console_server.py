@@ -39,10 +39,10 @@ def ask(
     if parts.scheme == "https":
         trusted = ssl.create_default_context(cafile=authority)
         connection: http.client.HTTPConnection = http.client.HTTPSConnection(
-            parts.hostname, parts.port, timeout=20, context=trusted
+            parts.hostname, parts.port, timeout=60, context=trusted
         )
     else:
-        connection = http.client.HTTPConnection(parts.hostname, parts.port, timeout=20)
+        connection = http.client.HTTPConnection(parts.hostname, parts.port, timeout=60)
     connection.request(method, path, headers={"Cookie": cookie} if cookie else {})
     answer = connection.getresponse()
     found = answer.status, dict(answer.getheaders()), answer.read1(2000).decode(errors="replace")
@@ -54,7 +54,7 @@ def cookies_of(page: str, token: str) -> tuple[int, list[str]]:
     """(status, cookies) that a token gives."""
     parts = urlsplit(page)
     assert parts.hostname is not None
-    connection = http.client.HTTPConnection(parts.hostname, parts.port, timeout=20)
+    connection = http.client.HTTPConnection(parts.hostname, parts.port, timeout=60)
     connection.request("GET", f"/?token={token}")
     answer = connection.getresponse()
     found = answer.status, answer.headers.get_all("set-cookie", [])

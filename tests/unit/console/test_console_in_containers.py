@@ -26,7 +26,7 @@ def run(script: str, path: str, **environment: str) -> str:
         capture_output=True,
         text=True,
         check=True,
-        timeout=20.0,
+        timeout=60.0,
     )
     return done.stdout
 
