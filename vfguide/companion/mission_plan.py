@@ -193,7 +193,7 @@ def airframe_of(vehicle: MissionVehicle) -> Airframe:
         airspeed_min=vehicle.airspeed_range_m_s[0],
         airspeed_max=vehicle.airspeed_range_m_s[1],
         max_bank=math.radians(vehicle.max_bank_deg),
-        max_acceleration=vehicle.most_acceleration_m_s2,
+        max_acceleration=vehicle.max_acceleration_m_s2,
         course_dead_time=vehicle.course_dead_time_s,
         course_lag=vehicle.course_lag_s,
         speed_dead_time=vehicle.speed_dead_time_s,

@@ -262,7 +262,6 @@ def flown_by(plan: FlightPlan, response: AutopilotResponse) -> FlightPlan:
         airspeed_min=lowest,
         airspeed_max=highest,
         max_bank=min(airframe.max_bank, response.max_bank or math.inf),
-        max_acceleration=min(airframe.max_acceleration, response.max_acceleration or math.inf),
         climb_max=min(airframe.climb_max, response.climb_max or math.inf),
         sink_max=min(airframe.sink_max, response.sink_max or math.inf),
         course_dead_time=airframe.course_dead_time or response.course_dead_time or 0.0,

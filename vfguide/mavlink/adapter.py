@@ -105,9 +105,6 @@ class AutopilotAdapter(ABC):
     rehearsed_as: ClassVar[str] = "ardupilot"
     """Name of the emulated autopilot that flies the vehicle in a rehearsal."""
 
-    most_acceleration: ClassVar[float] = math.inf
-    """How fast the autopilot lets its airspeed setpoint change, m/s²."""
-
     def __init__(self, vehicle: "Vehicle") -> None:
         """Make one that has heard nothing of its autopilot.
 

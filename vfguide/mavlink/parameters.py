@@ -47,8 +47,6 @@ class AutopilotResponse(msgspec.Struct, frozen=True, kw_only=True):
     """m/s."""
     max_bank: float | None = None
     """rad."""
-    max_acceleration: float | None = None
-    """Fastest change of the airspeed, m/s²."""
     climb_max: float | None = None
     """Fastest climb that it flies to another height, m/s."""
     sink_max: float | None = None

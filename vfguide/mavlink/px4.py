@@ -44,13 +44,7 @@ from vfguide.mavlink.parameters import (
     AutopilotResponse,
     FlightNeeds,
 )
-from vfguide.mavlink.px4_parameters import (
-    NAMES,
-    SPEED_SLEW,
-    px4_faults,
-    px4_response,
-    px4_warnings,
-)
+from vfguide.mavlink.px4_parameters import NAMES, px4_faults, px4_response, px4_warnings
 from vfguide.mavlink.px4_steering import (
     MAIN_MODE_AUTO,
     SUB_MODE_LOITER,
@@ -109,7 +103,6 @@ class Px4(AutopilotAdapter):
 
     number = mavlink.MAV_AUTOPILOT_PX4
     rehearsed_as = "px4"
-    most_acceleration = SPEED_SLEW
     heartbeat_shows_flight = False
     """It is ACTIVE as soon as it is armed."""
     parameters = NAMES

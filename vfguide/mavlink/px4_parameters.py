@@ -51,9 +51,6 @@ UNTRIMMED = CreepingHold(share=0.6, time=70.0)
 TRIMMED_BETA, UNTRIMMED_BETA = 3.0, 1.5
 """1/s: the betas of a total-energy hold with which formations were flown."""
 
-SPEED_SLEW = 1.0
-"""m/s²: ASPD_SP_SLEW_RATE in the sources of PX4's fixed-wing control; no parameter changes it."""
-
 LEAST_TIME_S, MOST_TIME_S = 1.5, 6.0
 """FW_T_TAS_TC: with 2 and with 5 the airspeed was measured, and answers nearly alike."""
 
@@ -103,7 +100,6 @@ def px4_response(parameters: Mapping[str, float]) -> AutopilotResponse:
         airspeed_min=lowest,
         airspeed_max=highest,
         max_bank=math.radians(bank) if bank > 0.0 else None,
-        max_acceleration=SPEED_SLEW,
         climb_max=least_rate(known, "FW_T_CLMB_MAX", "FW_T_CLMB_R_SP"),
         sink_max=least_rate(known, "FW_T_SINK_MAX", "FW_T_SINK_R_SP"),
         course_dead_time=None if alpha is None else COURSE_DEAD_TIME_S,

@@ -249,7 +249,7 @@ def kept_from(mission: Mission, own: str, places: dict[str, complex], other: str
     lowest, highest = vehicle.airspeed_range_m_s
     agility = Agility(
         turn_rate=turn_rate_of(mission, own),
-        acceleration=vehicle.most_acceleration_m_s2,
+        acceleration=vehicle.max_acceleration_m_s2,
         turn_delay=heard_s + vehicle.course_dead_time_s + vehicle.course_lag_s,
         speed_delay=heard_s + vehicle.speed_dead_time_s + vehicle.speed_lag_s,
         alpha=10.0,

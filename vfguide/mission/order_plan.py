@@ -207,7 +207,7 @@ def motion_limits(
         lowest, highest = vehicle.airspeed_range_m_s
         sink, rise = vehicle.climb_range_m_s
         climb = min(climb, climb_share * rise, -climb_share * sink)
-        acceleration = min(acceleration, ACCELERATION_SHARE * vehicle.most_acceleration_m_s2)
+        acceleration = min(acceleration, ACCELERATION_SHARE * vehicle.max_acceleration_m_s2)
         for point in points:
             needed = conditions.slot_airspeed(
                 cruise, GuidanceSlot(forward=point.forward, right=point.right)

@@ -134,13 +134,7 @@ class Vehicle(Section):
     ArduPlane's is TECS_HDEM_TCONST and 0.3 s."""
 
     max_acceleration_m_s2: Annotated[Number, Field(ge=0.01, le=50.0)] = 3.0
-    """Fastest change of speed along the flight path, either way, m/s²; a PX4 is asked for 1 at most."""
-
-    @property
-    def most_acceleration_m_s2(self) -> float:
-        """Fastest change of speed that is asked for: no more than the autopilot lets its setpoint change."""
-        limit = float(autopilots.find(self.autopilot).most_acceleration)
-        return min(self.max_acceleration_m_s2, limit)
+    """Fastest change of speed along the flight path, either way, m/s²."""
 
     @property
     def declares_response(self) -> bool:

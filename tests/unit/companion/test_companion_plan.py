@@ -4,13 +4,11 @@ import pytest
 
 from tests.kit.missions import mission_with, plan_of, shipped
 from vfguide.companion.mission_plan import adapter_of, flight_plan
-from vfguide.companion.plan import flown_by
 from vfguide.companion.supervisor import ModeTimeouts
 from vfguide.guidance.formation import Slot
 from vfguide.mavlink.adapter import AutopilotSetpoint
 from vfguide.mavlink.ardupilot import ArduPlane
 from vfguide.mavlink.px4 import Px4
-from vfguide.mavlink.px4_parameters import px4_response
 from vfguide.paths.circle import Circle
 from vfguide.paths.line import Line
 from vfguide.paths.racetrack import Racetrack
@@ -76,7 +74,7 @@ def test_a_racetrack_is_taken_over_whole():
     path = plan_of("survey-racetrack", "lead").task.path
     declared = shipped("survey-racetrack").path
     assert isinstance(path, Racetrack)
-    assert (path.north, path.east, path.course) == (400.0, 200.0, 0.0)
+    assert (path.north, path.east, path.course) == (400.0, 150.0, 0.0)
     assert (path.leg, path.radius, path.direction) == (600.0, declared.radius_m, 1)
     assert path.easement == declared.easement_m
 
@@ -90,19 +88,6 @@ def test_heights_frames_and_limits_are_those_of_the_mission_in_si_units():
     assert airframe.max_bank == pytest.approx(0.6981317, abs=1e-7)
     assert (airframe.airspeed_min, airframe.airspeed_max) == (14.0, 30.0)
     assert (airframe.alpha, airframe.beta, airframe.hold) == (1.2, 0.8, "heading-hold")
-
-
-@pytest.mark.parametrize(("declared", "flown"), [(3.0, 1.0), (0.6, 0.6)])
-def test_a_px4_is_asked_for_no_more_acceleration_than_its_setpoints_change_by(declared, flown):
-    known = {"max_acceleration_m_s2": declared}
-    px4 = {"f1": {"system_id": 2, "autopilot": "px4", **known}}
-    plan = flight_plan(mission_with("line-calm", vehicles=px4), "f1")
-    assert plan.airframe.max_acceleration == flown
-    other = {"f1": {"system_id": 2, **known}}
-    anybody = flight_plan(mission_with("line-calm", vehicles=other), "f1")
-    assert anybody.airframe.max_acceleration == declared
-    # One whose autopilot was found out to be a PX4, by what that says of itself.
-    assert flown_by(anybody, px4_response({})).airframe.max_acceleration == flown
 
 
 def test_gains_are_those_of_the_mission():

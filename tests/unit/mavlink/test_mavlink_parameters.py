@@ -234,11 +234,7 @@ def test_what_the_parameters_tell_is_taken():
     assert px4_response(FACTORY).alpha == pytest.approx(0.8796, abs=1e-4)
     some = px4_response({"FW_AIRSPD_MIN": 10.0, "FW_R_LIM": 50.0, "FW_R_TC": 0.3})
     assert some == AutopilotResponse(
-        airspeed_min=10.0,
-        max_bank=math.radians(50.0),
-        max_acceleration=1.0,
-        course_lag=0.3,
-        speed_hold="total-energy",
+        airspeed_min=10.0, max_bank=math.radians(50.0), course_lag=0.3, speed_hold="total-energy"
     )
 
 
@@ -256,10 +252,9 @@ def test_the_height_goes_to_another_at_the_lower_of_two_rates(parameters, rates)
     assert (response.climb_max, response.sink_max) == rates
 
 
-def test_what_was_not_answered_is_not_known():
-    assert arduplane_response({}, SLOW_NEEDS) == AutopilotResponse()
-    # No parameter tells how fast a PX4 lets its airspeed setpoint change: it is the same for all.
-    assert px4_response({}) == AutopilotResponse(max_acceleration=1.0)
+@pytest.mark.parametrize("response", [px4_response({}), arduplane_response({}, SLOW_NEEDS)])
+def test_what_was_not_answered_is_not_known(response):
+    assert response == AutopilotResponse()
 
 
 @pytest.mark.parametrize(
