@@ -30,7 +30,8 @@ def main() -> None:
     for row in sorted(
         (one.row() for one in found), key=lambda row: float(str(row["mean_error_m"]))
     ):
-        print(*(f"{row[name]:g}" for name in COLUMNS), sep="\t")
+        told = ("never" if row[name] is None else f"{row[name]:g}" for name in COLUMNS)
+        print(*told, sep="\t")
 
 
 if __name__ == "__main__":

@@ -81,9 +81,9 @@ def random_events(random: Random, names: list[str]) -> tuple[Event, ...]:
     return tuple(sorted(events))
 
 
-def fly(number: int, afterwards_s: float = AFTERWARDS_S) -> Outcome:
-    """One flight, for some time (s) after the last thing has happened."""
-    mission = mission_in_place(KINDS[number % len(KINDS)])
+def fly(number: int, afterwards_s: float = AFTERWARDS_S, **rehearsal: float) -> Outcome:
+    """One flight, for some time (s) after the last thing has happened; see `mission_in_place`."""
+    mission = mission_in_place(KINDS[number % len(KINDS)], **rehearsal)
     names = [mission.leader.vehicle, *mission.followers_by_name]
     events = random_events(Random(number), names)
     record = Strays(mission, events).fly(events[-1].time_s + afterwards_s).record

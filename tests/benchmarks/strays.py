@@ -43,11 +43,16 @@ REACTION_S = 0.5
 """Age of what is heard, and half a period of what answers: no turn of a neighbour is known sooner."""
 
 
-def mission_in_place(name: str) -> Mission:
-    """A shipped mission with every follower in its slot at the start, and ArduPlane's modes to select."""
+def mission_in_place(name: str, **rehearsal: float) -> Mission:
+    """A shipped mission with every follower in its slot at the start, and ArduPlane's modes to select.
+
+    Args:
+        name: of the mission.
+        rehearsal: fields of that section in the place of the mission's.
+    """
     content = content_of(name)
-    rehearsal = content.setdefault("rehearsal", {})
-    rehearsal["start"] = {one["vehicle"]: {} for one in content["followers"]}
+    start = {one["vehicle"]: {} for one in content["followers"]}
+    content["rehearsal"] = content.get("rehearsal", {}) | {"start": start, **rehearsal}
     for vehicle in content["vehicles"].values():
         vehicle["autopilot"] = "ardupilot"
     return Mission.model_validate(content)

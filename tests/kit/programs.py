@@ -1,7 +1,9 @@
 """Programs beside a test: run to their end, or for as long as a context lasts."""
 
 import asyncio
+import multiprocessing
 import os
+import runpy
 import signal
 import socket
 import subprocess
@@ -83,6 +85,35 @@ def elsewhere(
         timeout=PATIENCE_S,
         check=False,
     )
+
+
+LOADED = multiprocessing.get_context("forkserver")
+"""Starts processes that have the command line loaded already, which takes a second."""
+LOADED.set_forkserver_preload(["vfguide.commands.check", "vfguide.commands.fly", "sitl_stub.cli"])
+
+
+def loaded(directory: Path, module: str, *words: object) -> subprocess.CompletedProcess[str]:
+    """Run a module of these sources in a directory as `python -m` does, to its end; on one processor."""
+    said = [directory.parent / f"{directory.name}.{name}" for name in ("out", "err")]
+    arguments = [module, *map(str, words)]
+    process = LOADED.Process(target=_run_module, args=(directory, arguments, said))
+    process.start()
+    process.join(PATIENCE_S)
+    assert process.exitcode is not None
+    out, err = (one.read_text(encoding="utf-8") for one in said)
+    return subprocess.CompletedProcess(arguments, process.exitcode, out, err)
+
+
+def _run_module(directory: Path, arguments: list[str], said: list[Path]) -> None:
+    for number, place in enumerate(said, 1):
+        with place.open("wb") as file:
+            os.dup2(file.fileno(), number)
+    os.chdir(directory)
+    os.environ.pop("VFGUIDE_PLUGINS", None)
+    os.cpu_count = lambda: 1
+    sys.path.insert(0, str(directory))
+    sys.argv = arguments
+    runpy.run_module(arguments[0], run_name="__main__", alter_sys=True)
 
 
 class Mosquitto:

@@ -5,7 +5,7 @@ import pytest
 from vfguide.lab.studies.comparison import BAD_LINK
 from vfguide.lab.studies.flown import Case, fly
 
-DURATION_S = 60.0
+DURATION_S = 50.0
 SLOW = {"rehearsal": {"duration_s": DURATION_S, "rate_hz": 10.0}}
 
 
@@ -26,7 +26,7 @@ def test_a_baseline_flies_the_articles_plant_over_a_bad_link(law):
         mission="circle-wind",
         controller=law,
         plant="course-hold",
-        changes={"rehearsal": {**BAD_LINK, "duration_s": DURATION_S}},
+        changes={"rehearsal": {**BAD_LINK, **SLOW["rehearsal"]}},
         drawn=True,
     )
     figures, tracks = fly(case)

@@ -47,6 +47,8 @@ def test_a_neighbour_ten_metres_away_that_is_lost_in_a_turn_is_climbed_over(lost
         follower["slot"] = {"forward_m": -7.0 * number, "right_m": -7.0 * number}
     loss = {"vehicle": "f1", "at_s": lost_s}
     content["rehearsal"] |= {"duration_s": lost_s + 12.0, "start": {}, "losses": [loss]}
+    # Half the shipped rate, in half the time.
+    content["rehearsal"]["rate_hz"] = 10.0
     record = fly(Mission.model_validate(content)).record
     lost = record.time_s >= lost_s
     nearest_m = min(float(pair.distance_m[lost].min()) for pair in pair_separations(record))

@@ -153,7 +153,7 @@ def test_the_leader_goes_to_another_path_and_nobody_is_lost_on_the_turn():
     # The first leads north-east; after 20 s it is left for one that leads north, 170 m to the east.
     north = {"type": "line", "point": {"north_m": 0, "east_m": 400}, "course_deg": 0}
     changes = {"paths": {"north": north}, "orders": [{"at_s": 20.0, "path": "north"}]}
-    flight = Formation(replaced(in_place("shapes"), **changes))
+    flight = Formation(replaced(in_place("shapes", rate_hz=RATE_HZ), **changes))
     flown = flight.fly(55.0)
     assert flight.order_numbers() == [1, 1, 1, 1]
     later = flown.record.time_s >= 50.0
@@ -169,7 +169,7 @@ def test_the_lead_goes_to_a_deputy_and_back_on_a_circle_and_nobody_leaves_its_sl
     circle = {"type": "circle", "centre": {"north_m": 0, "east_m": 250}, "radius_m": 250}
     orders = [{"at_s": 15.0, "lead": "f1"}, {"at_s": 28.0, "lead": "leader"}]
     changes = {"path": circle, "deputies": ["f1"], "orders": orders}
-    flight = Formation(replaced(in_place("shapes"), **changes))
+    flight = Formation(replaced(in_place("shapes", rate_hz=RATE_HZ), **changes))
     flight.fly(27.0)
     assert flight.order_numbers() == [1, 1, 1, 1]
     assert flight.leaders() == ["f1"]
@@ -185,7 +185,7 @@ def test_a_deputy_that_leads_goes_into_a_hold_and_out_of_it_in_turns_that_an_air
     # A circle of 200 m: half way round it, after some 30 s, the path leads the other way.
     orders = [{"at_s": 30.0, "action": "hold"}, {"at_s": 64.0, "action": "resume"}]
     changes = {"deputies": ["f1", "f2"], "orders": orders}
-    flight = Formation(replaced(in_place("shapes", losses=[lost]), **changes))
+    flight = Formation(replaced(in_place("shapes", rate_hz=RATE_HZ, losses=[lost]), **changes))
     for until_s, number in ((45.0, 1), (78.0, 2)):
         flight.fly(until_s)
         assert flight.order_numbers()[1:] == [number] * 3
@@ -201,7 +201,7 @@ def test_at_the_end_of_a_route_all_go_back_to_their_autopilots_together(deputies
     corners = [{"north_m": 0, "east_m": 0}, {"north_m": 450, "east_m": 0}]
     route = {"type": "waypoints", "waypoints": corners, "end": "hand-back", "radius_m": 150}
     changes = {"path": route, "orders": [], "paths": {}, "deputies": deputies}
-    flight = Formation(replaced(in_place("shapes"), **changes))
+    flight = Formation(replaced(in_place("shapes", rate_hz=RATE_HZ), **changes))
     flight.fly(12.0)
     assert {one.companion.flight_mode for one in flight.aircraft.values()} == {"GUIDED"}
     flight.fly(45.0)

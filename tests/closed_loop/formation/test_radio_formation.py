@@ -5,6 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tests.kit.flight import Flight
+from tests.kit.missions import mission_with
 from vfguide.errors import InputError
 from vfguide.lab.rehearsal.radio_flight import RadioRates, fly_by_radio
 from vfguide.lab.studies.radio import RadioCase, fly, radio_mission
@@ -13,13 +15,16 @@ CASE = RadioCase(size=4, leader_hz=10.0, followers_hz=2.5, loss=0.0, bursts=0.0,
 
 
 def test_twelve_aircraft_at_10_and_2_5_hz_fit_and_keep_their_slots():
-    figures = fly(replace(CASE, size=12, seconds=100.0))
-    assert figures.air_bytes_s < 2100.0
-    assert figures.collisions == 0
-    assert figures.mean_error_m < 0.05
+    mission = mission_with(radio_mission(12, 70.0), rehearsal={"rate_hz": 10.0})
+    flown = fly_by_radio(mission, rates=RadioRates(leader_hz=10.0, followers_hz=2.5))
+    assert flown.air["bytes"] / 70.0 < 2100.0
+    assert flown.air["in collisions"] == 0
+    flight = Flight(flown.flight.record, flown.flight.events)
     # The last of twelve comes into its place after fifty seconds.
-    assert figures.max_error_m < 1.5
-    assert figures.min_separation_m > 5.0
+    errors = flight.errors(from_s=55.0)
+    assert errors.mean() < 0.05
+    assert errors.max() < 1.5
+    assert flight.nearest() > 5.0
 
 
 def test_a_radio_that_loses_a_tenth_and_has_bursts_costs_centimetres():

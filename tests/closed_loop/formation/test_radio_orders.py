@@ -13,7 +13,7 @@ AT_S = 12.0
 
 def by_radio(duration_s: float, **rehearsal: object) -> RadioFlight:
     """A flight of the mission `shapes` by radio, everybody in its slot at its beginning, with one order."""
-    mission = in_place("shapes", duration_s=duration_s, **rehearsal)
+    mission = in_place("shapes", duration_s=duration_s, rate_hz=10.0, **rehearsal)
     orders = [{"at_s": AT_S, "shape": "trail", "spacing_m": 20}]
     return fly_by_radio(replaced(mission, orders=orders))
 

@@ -27,7 +27,7 @@ from vfguide.mission.order_plan import resolve
 from vfguide.mission.rehearsal import Loss
 
 LEAST_M = 5.0
-RATE_HZ = 20.0
+RATE_HZ = 10.0
 SETTLED_S = DEAF_S + 5.0
 """A part that stays as it is has one leader after this; alone, a deputy takes itself for deaf at first."""
 
@@ -55,7 +55,9 @@ ORDERS = (
 
 def mission(name: str) -> Mission:
     """A mission of the article, everyone in place."""
-    return replaced(mission_with(name, rehearsal={"start": {}}), deputies=list(DEPUTIES))
+    return replaced(
+        mission_with(name, rehearsal={"start": {}, "rate_hz": RATE_HZ}), deputies=list(DEPUTIES)
+    )
 
 
 class Flight(RuleBasedStateMachine):

@@ -20,7 +20,7 @@ def slipping(share: float, *, slips: bool | str) -> tuple[float, list[str]]:
     content: dict[str, Any] = content_of("ardupilot-sitl")
     content["followers"] = content["followers"][:1]
     content["acceptance"] = {}
-    content["rehearsal"]["duration_s"] = 80.0
+    content["rehearsal"] |= {"duration_s": 80.0, "rate_hz": 12.5}
     content["rehearsal"]["emulator"]["turn_efficiency"] = share
     content["vehicles"] = {name: content["vehicles"][name] for name in ("leader", "f1")}
     for vehicle in content["vehicles"].values():

@@ -32,7 +32,7 @@ def formation_told(lies: dict[str, tuple[float, float]]) -> Formation:
         )
         return sender, encode(replace(said, latitude_deg=latitude, longitude_deg=longitude))
 
-    return Formation(in_place("circle-wind"), tell=tell)
+    return Formation(in_place("circle-wind", rate_hz=10.0), tell=tell)
 
 
 @pytest.mark.parametrize(

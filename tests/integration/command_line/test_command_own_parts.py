@@ -4,13 +4,14 @@ import json
 import re
 import shutil
 import subprocess
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import pytest
 import yaml
 
 from tests.kit.missions import MISSIONS, ROOT
+from tests.kit.programs import elsewhere, loaded
 
 LAW, PATH, PLANT = "own_law.py", "own_path.py", "own_plant.py"
 LEADER_LAW, AUTOPILOT, EMULATED = (
@@ -23,15 +24,24 @@ Run = Callable[..., subprocess.CompletedProcess[str]]
 
 
 @pytest.fixture
-def run(tmp_path: Path, elsewhere: Run) -> Run:
-    """Runs vfguide in a directory that holds nothing but the examples, of which it is told one at most."""
+def here(tmp_path: Path) -> Path:
+    """A directory that holds nothing but the examples."""
+    place = tmp_path / "here"
+    place.mkdir()
     for example in (ROOT / "examples").glob("own_*.py"):
-        shutil.copy(example, tmp_path)
+        shutil.copy(example, place)
+    return place
 
-    def start(*words: str | Path, plugin: str | None = None) -> subprocess.CompletedProcess[str]:
-        return elsewhere("vfguide", *words, *(() if plugin is None else ("--plugin", plugin)))
 
-    return start
+def plugged(words: Sequence[str | Path], plugin: str | None) -> tuple[str | Path, ...]:
+    """Words of a command line that names a plugin, if any."""
+    return (*words, *(() if plugin is None else ("--plugin", plugin)))
+
+
+@pytest.fixture
+def run(here: Path) -> Run:
+    """Runs vfguide there; it is told of one of the examples at most."""
+    return lambda *words, plugin=None: loaded(here, "vfguide", *plugged(words, plugin))
 
 
 def summary_of(flown: subprocess.CompletedProcess[str], *statuses: int) -> dict:
@@ -45,6 +55,7 @@ CARROT = ("--set", "leader.law=carrot")
 MEASURED = ("--plant", "measured")
 EIGHT = ("--set", "path={type: lissajous}", "--set", "rehearsal.start={}")
 BRIEF = ("--set", "vehicles.f1.autopilot=brief")
+LONG = ("--duration", "200", "--rate", "10")
 
 
 @pytest.mark.parametrize(
@@ -57,8 +68,8 @@ BRIEF = ("--set", "vehicles.f1.autopilot=brief")
         ((), "broken.py", "broken.py:2: NameError"),
     ],
 )
-def test_what_is_wrong_with_a_law_is_one_line(run, tmp_path, words, plugin, said):
-    (tmp_path / "broken.py").write_text("import math\nmath.pi + tau\n")
+def test_what_is_wrong_with_a_law_is_one_line(run, here, words, plugin, said):
+    (here / "broken.py").write_text("import math\nmath.pi + tau\n")
     refused = run("check", "line-calm", "--controller", "pursuit", *words, plugin=plugin)
     assert refused.returncode == 2
     (line,) = refused.stderr.splitlines()
@@ -116,20 +127,22 @@ def test_what_is_wrong_is_one_line(run, words, plugin, said):
     assert said in line
 
 
-def test_a_law_is_flown_and_reported_under_its_name(run, tmp_path):
-    flown = run(*("fly", "line-calm", *PURSUIT, "--duration", "40", "--out", "flight"), plugin=LAW)
+def test_a_law_is_flown_and_reported_under_its_name(here, installed):
+    """By vfguide from its wheel, in as many processes as there are processors."""
+    words = ("vfguide", "fly", "line-calm", *PURSUIT, "--duration", "40", "--out", "flight")
+    flown = elsewhere(installed, here, "-m", *plugged(words, LAW))
     assert flown.returncode == 0, flown.stderr
-    summary = json.loads((tmp_path / "flight" / "summary.json").read_text())
+    summary = json.loads((here / "flight" / "summary.json").read_text())
     assert summary["controller"] == "pursuit"
     assert summary["formation"]["mean_error_m"] < 0.5
-    assert "pursuit" in (tmp_path / "flight" / "report.html").read_text()
+    assert "pursuit" in (here / "flight" / "report.html").read_text()
 
 
-def test_a_mission_file_may_name_a_law(run, tmp_path):
+def test_a_mission_file_may_name_a_law(run, here):
     own = "controller: {type: pursuit, lookahead_m: 25}"
     text = re.sub(r"controller: \{[^}]*\}", own, (MISSIONS / "line-calm.yaml").read_text())
     assert own in text
-    (tmp_path / "own.yaml").write_text(text)
+    (here / "own.yaml").write_text(text)
     checked = run("check", "own.yaml", plugin=LAW)
     assert checked.returncode == 0, checked.stderr
     (metres,) = re.findall(r"expect (\d+\.\d\d) m of mean formation error", checked.stdout)
@@ -177,10 +190,9 @@ print(json.dumps({"compared": compared, "switched": switched, "swept": swept}))
 """A flight of each study of `bench` by the own law and by the field, for six seconds instead of minutes."""
 
 
-def test_each_study_flies_a_law_and_no_other_in_its_place(run, tmp_path, elsewhere):
-    del run  # it has put the law there
-    (tmp_path / "studies.py").write_text(STUDIES)
-    found = summary_of(elsewhere("studies"), 0)
+def test_each_study_flies_a_law_and_no_other_in_its_place(here):
+    (here / "studies.py").write_text(STUDIES)
+    found = summary_of(loaded(here, "studies"), 0)
     for study in (found["compared"], found["switched"]):
         assert study["pursuit"] != study["slot"]
         assert 0.0 < study["pursuit"] < 100.0
@@ -196,7 +208,8 @@ def test_the_leader_flies_by_a_law_and_its_gain_counts(run):
     for ahead in (40, 400):
         gain = ("--set", f"leader.gains.lookahead_m={ahead}")
         flown = run(
-            *("fly", "line-calm", *CARROT, *gain, "--duration", "40", "--json"), plugin=LEADER_LAW
+            *("fly", "line-calm", *CARROT, *gain, "--duration", "40", "--rate", "10", "--json"),
+            plugin=LEADER_LAW,
         )
         leader = summary_of(flown)["vehicles"]["leader"]
         errors.append(leader["cross_track_error_m"]["mean"])
@@ -212,7 +225,7 @@ def test_studies_of_many_formations_take_a_leaders_law_too(run):
 
 
 def test_a_formation_flies_both_loops_of_the_eight_and_crosses_it_in_its_slots(run):
-    flown = run("fly", "circle-calm", *EIGHT, "--duration", "200", "--json", plugin=PATH)
+    flown = run("fly", "circle-calm", *EIGHT, *LONG, "--json", plugin=PATH)
     summary = summary_of(flown, 0)
     assert summary["formation"]["mean_error_m"] < 0.05
     assert summary["vehicles"]["leader"]["cross_track_error_m"]["max"] < 0.05
@@ -220,7 +233,7 @@ def test_a_formation_flies_both_loops_of_the_eight_and_crosses_it_in_its_slots(r
 
 def test_a_formation_flies_over_itself_where_the_eight_has_a_bridge(run):
     bridge = ("--set", "path={type: lissajous, bridge_m: 40}", "--set", "rehearsal.start={}")
-    flown = run("fly", "circle-calm", *bridge, "--duration", "200", "--json", plugin=PATH)
+    flown = run("fly", "circle-calm", *bridge, *LONG, "--json", plugin=PATH)
     formation = summary_of(flown, 0)["formation"]
     assert formation["mean_error_m"] < 0.05
     assert formation["mean_error_3d_m"] < 0.1
@@ -231,11 +244,11 @@ def test_a_formation_flies_over_itself_where_the_eight_has_a_bridge(run):
     assert "the path climbs at up to" in checked.stdout
 
 
-def test_a_mission_file_may_name_a_path(run, tmp_path):
+def test_a_mission_file_may_name_a_path(run, here):
     mission = yaml.safe_load((MISSIONS / "circle-calm.yaml").read_text())
     mission["path"] = {"type": "lissajous", "half_length_m": 600}
     mission["rehearsal"].pop("start", None)
-    (tmp_path / "own.yaml").write_text(yaml.safe_dump(mission))
+    (here / "own.yaml").write_text(yaml.safe_dump(mission))
     checked = run("check", "own.yaml", plugin=PATH)
     assert checked.returncode == 0, checked.stderr
     unknown = run("check", "own.yaml")
@@ -272,8 +285,8 @@ class Raising(Path):
 """
 
 
-def test_a_path_that_raises_is_one_line_with_the_place_in_its_file(run, tmp_path):
-    (tmp_path / "raising.py").write_text(RAISES)
+def test_a_path_that_raises_is_one_line_with_the_place_in_its_file(run, here):
+    (here / "raising.py").write_text(RAISES)
     refused = run("check", "line-calm", "--set", "path={type: raising}", plugin="raising.py")
     assert refused.returncode == 2
     (line,) = refused.stderr.splitlines()
@@ -284,7 +297,17 @@ def test_a_mission_is_flown_by_a_plant_and_its_numbers_count(run):
     figures = []
     for damping in (0.8, 0.2):
         option = ("--set", f"rehearsal.emulator.plant_options.course_damping={damping}")
-        words = ("fly", "circle-calm", *MEASURED, *option, "--duration", "60", "--json")
+        words = (
+            "fly",
+            "circle-calm",
+            *MEASURED,
+            *option,
+            "--duration",
+            "60",
+            "--rate",
+            "10",
+            "--json",
+        )
         summary = summary_of(run(*words, plugin=PLANT))
         assert summary["plant"] == "measured"
         figures.append(summary["formation"]["mean_error_m"])
@@ -325,20 +348,28 @@ OWN_EMULATED = ("--plugin", EMULATED, "--autopilot", "brief")
         (("--autopilot", "brief"), "sitl-stub: --autopilot: brief is not one of ardupilot, px4"),
     ],
 )
-def test_what_is_wrong_for_the_emulator_alone_is_one_line(run, elsewhere, words, said):
-    del run  # it has put the examples there
+def test_what_is_wrong_for_the_emulator_alone_is_one_line(here, words, said):
     link = ("--system-id", "1", "--mavlink", "udpout://127.0.0.1:9")
-    refused = elsewhere("sitl_stub", *link, "--airborne", *words)
+    refused = loaded(here, "sitl_stub", *link, "--airborne", *words)
     assert refused.returncode == 2, refused.stderr
     (line,) = refused.stderr.splitlines()
     assert said in line
 
 
-def test_the_emulator_is_started_with_an_autopilot_by_its_name(run, elsewhere):
-    del run
+def test_the_emulator_is_started_with_an_autopilot_by_its_name(here):
     link = ("--system-id", "1", "--mavlink", "udpin://127.0.0.1:0")
-    ended = elsewhere(
-        *("sitl_stub", *link, *OWN_EMULATED, "--airborne", "--duration", "1", "--speedup", "100")
+    ended = loaded(
+        *(
+            here,
+            "sitl_stub",
+            *link,
+            *OWN_EMULATED,
+            "--airborne",
+            "--duration",
+            "1",
+            "--speedup",
+            "100",
+        )
     )
     assert ended.returncode == 0, ended.stderr
 
@@ -349,16 +380,16 @@ def test_a_whole_formation_flies_by_an_autopilot_as_by_vfguides_own(run):
         for name in ("leader", "f1", "f2", "f3")
         for word in ("--set", f"vehicles.{name}.autopilot=brief")
     ]
-    words = ("fly", "circle-calm", *settings, "--duration", "60", "--json")
+    words = ("fly", "circle-calm", *settings, "--duration", "60", "--rate", "10", "--json")
     formation = summary_of(run(*words, plugin=AUTOPILOT))["formation"]
     assert formation["mean_error_m"] < 0.1
     assert formation["settle_1m_s"] < 40.0
 
 
-def test_an_adapter_that_leaves_something_out_is_one_line(run, tmp_path):
-    text = (tmp_path / AUTOPILOT).read_text()
+def test_an_adapter_that_leaves_something_out_is_one_line(run, here):
+    text = (here / AUTOPILOT).read_text()
     before, after = text.index("    def hand_back"), text.index("    def fly")
-    (tmp_path / "partly.py").write_text(text[:before] + text[after:])
+    (here / "partly.py").write_text(text[:before] + text[after:])
     refused = run("fly", "circle-calm", *BRIEF, plugin="partly.py")
     assert refused.returncode == 2, refused.stdout
     (line,) = refused.stderr.splitlines()
@@ -366,7 +397,15 @@ def test_an_adapter_that_leaves_something_out_is_one_line(run, tmp_path):
 
 
 def test_a_formation_flies_against_an_emulated_autopilot_of_the_user_s(run):
-    chosen = ("--set", "rehearsal.emulator.autopilot=brief", "--duration", "60", "--json")
+    chosen = (
+        "--set",
+        "rehearsal.emulator.autopilot=brief",
+        "--duration",
+        "60",
+        "--rate",
+        "10",
+        "--json",
+    )
     # its aircraft is the mission's, of first order
     summary = summary_of(run("fly", "circle-calm", *chosen, plugin=EMULATED))
     assert summary["formation"]["mean_error_m"] < 0.1
