@@ -1,13 +1,14 @@
 """The arrangement that a companion flies by: ordered, agreed on by all, flown by all from one moment on.
 
 An order comes in two phases, as a transaction does (Gray, "Notes on data base operating systems", 1978). Each
-companion looks at it by its own limits and says yes or why not, again and again. Once all that it concerns
-have said yes the leader's states carry its number: from then on it is certain, and at its time all slots
-begin to move. Without all answers by then it is void, and everybody says so. What an operator calls off is
-flown at once, without answers.
+companion looks at it by its own limits and says yes or why not, again and again. Once all have said yes, or
+shortly before its time those whose slots move and most of the others, the leader's states carry its number:
+from then on it is certain, and at its time all slots begin to move. Without these answers it is void, and
+everybody says so. What an operator calls off is flown at once, without answers.
 
 A companion that has missed an arrangement, because it was started anew, hears of it by the number that others
-fly by. It steers by no slot until one of them has repeated the order, as the operator has signed it.
+fly by. It steers by no slot until one of them has repeated the order, as the operator has signed it in this
+flight. That order passes the limits of a fresh one.
 """
 
 import math
@@ -36,6 +37,7 @@ from vfguide.formation.arrangement import (
     Arrangement,
     Manoeuvre,
     agreed_number,
+    missing_votes,
 )
 from vfguide.formation.wording import arrangement_in_words
 from vfguide.guidance.height_change import stopping_way
@@ -66,6 +68,12 @@ NO_TIME_S = 1e-3
 
 HEARD_S = 5.0
 """Who was heard by so much earlier flies by what it said then."""
+
+VOTE_S = 1.0
+"""So long before an order's time a majority decides, however silent the others are."""
+
+STARTED_S = 20.0
+"""For so long after its start a companion waits for an order of which a single voice tells."""
 
 REPEAT_S, REPEAT_RANK_S = 1.0, 0.3
 """Between two repetitions of an order, and how much longer each rank waits with the first."""
@@ -125,6 +133,7 @@ class Arrangements:
         self._older: dict[str, float] = {}
         self._replied_s = self._repeated_s = -math.inf
         self._waits_since = math.inf
+        self._started_s = math.nan
         self._complained = False
         self._replies: list[bytes] = []
         self._repeats: list[bytes] = []
@@ -146,7 +155,7 @@ class Arrangements:
     def waits(self, now: float) -> bool:
         """Whether others fly by an arrangement that this companion does not know."""
         own = self.number
-        newest = self._newest(now)
+        newest = self._newest(now, lone=now < self._started_s + STARTED_S)
         if newest <= own or self._expects(newest, now):
             self._waits_since, self._complained = math.inf, False
             return False
@@ -160,14 +169,19 @@ class Arrangements:
             )
         return True
 
-    def _newest(self, now: float) -> int:
-        """Number of the newest order that the others fly by, or are about to."""
+    def _newest(self, now: float, *, lone: bool = True) -> int:
+        """Number of the newest order that the others fly by, or are about to.
+
+        Args:
+            now: s.
+            lone: whether the only other vehicle of a formation of two is believed.
+        """
         heard = {
             vehicle: number
             for vehicle, (number, _, time_s) in self._numbers.items()
             if vehicle != self._plan.name and now - time_s <= HEARD_S
         }
-        return agreed_number(heard, self.coordinator)
+        return agreed_number(heard, self.coordinator, lone=lone and len(self._names) == 2)
 
     def _expects(self, number: int, now: float) -> bool:
         """Whether an order of this number or a later one was agreed to, and its time has not come."""
@@ -233,7 +247,8 @@ class Arrangements:
         # What the others fly counts, whatever this companion has thought of it before.
         given = KnownOrder(order, signed, check_of(data))
         if self._is_missed(given, now):
-            objection = path_objection(order, self._plan)
+            calls_off = order.flown is Manoeuvre.ABORT
+            objection = None if calls_off else self._missed_objection(order)
             if objection is not None:
                 if not self._is_known(given):
                     self._refuse(given, objection)
@@ -302,6 +317,8 @@ class Arrangements:
         """Take the number that another vehicle flies by."""
         if state is None or vehicle not in self._names:
             return
+        if math.isnan(self._started_s):
+            self._started_s = now
         number = state.arrangement
         self._numbers[vehicle] = (number, state.steered, now)
         self._places[vehicle] = (state.north, state.east)
@@ -328,7 +345,7 @@ class Arrangements:
                 self._begin(order, now)
         elif leads:
             if time_s >= due_s - SETTLE_S:
-                self._void(order, self._missing(order, now))
+                self._void(order, self._missing(order, now, closing=True))
         elif time_s >= due_s + SETTLE_S and self._leader_is_heard(now):
             self._void(order, "the leader has not confirmed it")
         elif time_s >= due_s + LATE_DECISION_S:
@@ -420,26 +437,27 @@ class Arrangements:
         self._alerts.say("refused order", WARNING, text, about="order")
 
     def _decide(self, order: KnownOrder, time_s: float, now: float) -> None:
-        """As the leader: once all have agreed in time, it is certain."""
-        in_time = time_s < order.arrangement.time_s - SETTLE_S
-        if in_time and not self._missing(order, now):
+        """As the leader: once enough have agreed in time, it is certain."""
+        left_s = order.arrangement.time_s - time_s
+        if left_s > SETTLE_S and not self._missing(order, now, closing=left_s <= VOTE_S):
             order.confirmed = True
-            self._say(f"order {order.arrangement.number}: all have agreed")
+            silent = self._missing(order, now, closing=False)
+            agreed = f"most have agreed; {silent}" if silent else "all have agreed"
+            self._say(f"order {order.arrangement.number}: {agreed}")
 
-    def _missing(self, order: KnownOrder, now: float) -> str:
-        """Who has not agreed, in words; empty if all have."""
-        concerned = set(order.arrangement.vehicles) | {order.arrangement.lead} - {""}
-        for vehicle, (_, steered, time_s) in self._numbers.items():
-            if steered and now - time_s <= HEARD_S:
-                concerned.add(vehicle)
-        missing = []
-        for vehicle in sorted(concerned - {self._plan.name}):
-            reply = self._answers.get(vehicle)
-            if reply is None:
-                missing.append(f"{vehicle} does not answer")
-            elif reply.verdict is not Verdict.READY:
-                missing.append(f"{vehicle}: {reply.text or 'no'}")
-        return ", ".join(missing)
+    def _missing(self, order: KnownOrder, now: float, *, closing: bool) -> str:
+        """Whose consent an order lacks, in words; empty if it may be flown."""
+        agreed = {name for name, one in self._answers.items() if one.verdict is Verdict.READY}
+        steered = {name for name in self._numbers if self._steered(name, now)}
+        lacking = missing_votes(
+            order.arrangement, self._plan.name, agreed, steered, closing=closing
+        )
+        return ", ".join(self._said_no(vehicle) for vehicle in lacking)
+
+    def _said_no(self, vehicle: str) -> str:
+        """Why a vehicle has not agreed, in words."""
+        reply = self._answers.get(vehicle)
+        return f"{vehicle} does not answer" if reply is None else f"{vehicle}: {reply.text or 'no'}"
 
     def _leader_is_heard(self, now: float) -> bool:
         heard = self._numbers.get(self.coordinator)
@@ -466,9 +484,8 @@ class Arrangements:
             return "the formation's time is not known to this companion yet"
         if (objection := time_objection(order, time_s)) is not None:
             return objection
-        strangers = order.vehicles - self._names | order.vehicles & {self._leader}
-        if strangers:
-            return f"{', '.join(sorted(strangers))} is no follower of this formation"
+        if (objection := self._stranger_objection(order)) is not None:
+            return objection
         if self._next is not None:
             return f"order {self._next.arrangement.number} is not decided yet"
         return (
@@ -477,19 +494,49 @@ class Arrangements:
             or self._motion_objection(order, now)
         )
 
+    def _stranger_objection(self, order: Arrangement) -> str | None:
+        """Who is no follower of this formation, in words."""
+        strangers = order.vehicles - self._names | order.vehicles & {self._leader}
+        return (
+            f"{', '.join(sorted(strangers))} is no follower of this formation"
+            if strangers
+            else None
+        )
+
+    def _place_objection(self, order: Arrangement) -> str | None:
+        """Why slots or circle of an order cannot be flown, whenever it began."""
+        if (objection := nearness_objection(order, self._leader)) is not None:
+            return objection
+        circle = self.flight.circle_of(order)
+        if circle is None:
+            return None
+        places = self._places.values() if self._places else [(0.0, 0.0)]
+        return circle_objection(circle, self._plan.airframe, places)
+
+    def _missed_objection(self, order: Arrangement) -> str | None:
+        """Why an order that others fly already cannot be flown, in words; None if it can."""
+        place = order.place_of(self._plan.name)
+        height = self._plan.height - self._plan.up
+        if self.leader_height is not None and math.isfinite(told := self.leader_height(0.0)):
+            height = told
+        objection = (
+            self._stranger_objection(order)
+            or path_objection(order, self._plan)
+            or self._place_objection(order)
+            or ceiling_objection(order, place, self._plan, height, self.flight.ceiling)
+        )
+        if objection is not None or place is None:
+            return objection
+        return slot_objection(order, place, self._plan, None, height)
+
     def _motion_objection(self, order: Arrangement, now: float) -> str | None:
         """The same about how slots move."""
         left_s = self.flight.left(now) - (order.time_s - self._clock.from_own(now))
         if left_s > NO_TIME_S:
             return f"order {self.number} is still being carried out {left_s:.0f} s too long for it"
-        if (objection := nearness_objection(order, self._leader)) is not None:
+        if (objection := self._place_objection(order)) is not None:
             return objection
         circle = self.flight.circle_of(order)
-        if circle is not None:
-            places = self._places.values() if self._places else [(0.0, 0.0)]
-            objection = circle_objection(circle, self._plan.airframe, places)
-            if objection is not None:
-                return objection
         place = order.place_of(self._plan.name)
         ahead_s = order.time_s - self._clock.from_own(now)
         height = self._plan.height - self._plan.up

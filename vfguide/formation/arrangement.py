@@ -5,7 +5,7 @@ anew needs no other to know where its slot is. All slots move straight, at once 
 """
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from enum import IntEnum
 
 import msgspec
@@ -203,16 +203,46 @@ def ends(places: Iterable[SlotMove]) -> dict[str, Point]:
     return {one.vehicle: one.end for one in places}
 
 
-def agreed_number(numbers: Mapping[str, int], coordinator: str) -> int:
+def agreed_number(numbers: Mapping[str, int], coordinator: str, *, lone: bool = False) -> int:
     """The newest order that is flown, by what vehicles say; 0 before the first.
 
-    The coordinator's word counts, and that of any two others. One other alone is believed only where no
-    second is heard: its companion may be wrong, or somebody may have its key.
+    The coordinator's word counts, and that of any two others. One other alone changes nothing: its companion
+    may be wrong, or somebody may have its key.
 
     Args:
         numbers: that the vehicles carry which are heard.
         coordinator: name of the vehicle that decides on orders.
+        lone: whether a single voice counts, as where there is no other in the formation.
     """
     ranked = sorted(numbers.values(), reverse=True)
-    second = ranked[min(1, len(ranked) - 1)] if ranked else 0
+    second = ranked[1] if len(ranked) > 1 else max(ranked, default=0) if lone else 0
     return max(second, numbers.get(coordinator, 0))
+
+
+def missing_votes(
+    order: "Arrangement",
+    own: str,
+    agreed: Collection[str],
+    steered: Collection[str],
+    *,
+    closing: bool,
+) -> list[str]:
+    """Names of those whose consent an order still lacks; empty once it may be flown.
+
+    Needed are those whose slots move, and who is to lead. Of all others that fly in it a majority suffices
+    once the time is closing in. Who is sent away, or relieved of the lead, is not asked.
+
+    Args:
+        order: that is to be flown.
+        own: name of the vehicle that decides, and has agreed.
+        agreed: names of all others that have.
+        steered: names of those that are heard, and steered by their companions.
+        closing: whether the time for answers is over.
+    """
+    moving = {one.vehicle for one in order.places if one.begin != one.end or one.layer is not None}
+    needed = moving | ({order.lead} - {""})
+    voters = needed | (set(steered) & order.vehicles) | {own}
+    silent = voters - set(agreed) - {own}
+    others = silent - needed
+    enough = closing and 2 * len(silent) < len(voters)
+    return sorted(silent & needed) + ([] if enough else sorted(others))

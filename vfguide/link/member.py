@@ -21,7 +21,7 @@ from vfguide.link.presence import (
     encode_presence,
     shorter_presences,
 )
-from vfguide.link.trust import HEARD_BEFORE, TWIN, Message, RefusedError, Trust
+from vfguide.link.trust import HEARD_BEFORE, LEADER_LOST_S, TWIN, Message, RefusedError, Trust
 from vfguide.link.twin import TwinWatch
 
 logger = logging.getLogger(__name__)
@@ -116,6 +116,7 @@ class Member:
         self._receive = receive
         self._receive_neighbour = receive_neighbour
         self._believed_s = -math.inf
+        self._asked_first_s = math.nan
         self._believed = 0
         self._receive_presence = receive_presence or ignore_presence
         self._receive_order, self._receive_reply = receive_order, receive_reply
@@ -229,6 +230,8 @@ class Member:
         """Ask for the leader's clock."""
         if self.peer_clock is not None:
             self.hurry.clear()
+            if math.isnan(self._asked_first_s):
+                self._asked_first_s = self.clock()
             question = self.peer_clock.request(self.clock())
             self._send(Kind.QUESTION, self.trust.leader, question)
 
@@ -287,7 +290,7 @@ class Member:
         if not (wanted or self._is_sign_of_life(envelope)):
             return False
         try:
-            message = self.trust.believe(envelope, self.clock())
+            message = self.trust.believe(envelope, self.clock(), self.formation_time())
         except RefusedError as refusal:
             if str(refusal) == TWIN:
                 self._meet_twin(envelope)
@@ -326,7 +329,7 @@ class Member:
             RefusedError: it is none of an operator.
         """
         if self._receive_order is not None:
-            order = self.trust.vouch(sealed)
+            order = self.trust.vouch(sealed, self.name)
             self._receive_order(order.body, order.sealed, True)  # noqa: FBT003
 
     def _guarded(self, use: Callable[[], object]) -> bool:
@@ -398,8 +401,9 @@ class Member:
             case Kind.LEADER if self._receive_lead is not None:
                 self._receive_lead(message.sender, message.body)
             case Kind.ORDER | Kind.REPEAT if self._receive_order is not None:
-                order = message if message.kind is Kind.ORDER else self.trust.vouch(message.body)
-                self._receive_order(order.body, order.sealed, message.kind is Kind.REPEAT)
+                repeated = message.kind is Kind.REPEAT
+                order = self.trust.vouch(message.body, message.sender) if repeated else message
+                self._receive_order(order.body, order.sealed, repeated)
             case Kind.REPLY if self._receive_reply is not None:
                 self._receive_reply(message.sender, message.body)
             case _:
@@ -422,6 +426,10 @@ class Member:
             return
         # The number that it answers was made up by this member, by chance: no recording has it.
         leads = message.sender == self.trust.leader
+        if not leads and (
+            self.trust.hears_leader(now) or now - self._asked_first_s < LEADER_LOST_S
+        ):
+            raise RefusedError("a deputy's clock while the leader may live")
         self.trust.prove(message.session if leads else message.epoch, now)
         if self.peer_clock.take(message.body, now):
             logger.warning("the clock of %r has stepped", self.trust.leader)

@@ -27,8 +27,8 @@ KEPT = 16
 OPEN = 8
 """Questions that an answer is still awaited for."""
 
-GREATEST_DELAY_S = 2.0
-"""An exchange that took longer says too little."""
+GREATEST_DELAY_S = 0.3
+"""An exchange that took longer sets no clock: a delay of one way shifts it by half of that."""
 
 ROUNDING_S = 1e-5
 """More than sums and differences of stamps round to, on clocks that count years."""
@@ -180,10 +180,15 @@ class PeerClock:
             return False
         self.counters["step"] += 1
         self._kept = deque(self._odd, maxlen=KEPT)
+        self._best = None
         self._odd.clear()
         return True
 
     def _choose(self, now: float) -> None:
-        """The exchange of the least possible error, aged as it is, tells the offset."""
-        self._best = min(self._kept, key=lambda exchange: exchange.bound_s(now))
+        """The exchange of the least possible error, aged as it is, tells the offset.
+
+        The best is kept for as long as none is better, however many slow ones follow it.
+        """
+        known = [] if self._best is None else [self._best]
+        self._best = min((*known, *self._kept), key=lambda exchange: exchange.bound_s(now))
         self._bound_s = self._best.bound_s(now)

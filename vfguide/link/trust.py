@@ -56,6 +56,23 @@ TWIN = "another companion of this name"
 HEARD_BEFORE = "heard before"
 """Why a message is refused that came before, or a newer one of its kind."""
 
+AHEAD_S = 2.0
+"""No message is of later than so far ahead on the formation's clock."""
+
+SAID_PER_S, SAID_AT_ONCE = 400.0, 2000.0
+"""Messages a second of one sender, and at once, by which its numbers rise at most and which are looked at.
+
+Whoever has a sender's key and says more silences that sender, and takes no more of a receiver's time."""
+
+MET = 32
+"""Sessions of the leader that are kept in mind: flights in one run of this program."""
+
+SURE = 2
+"""Members that have to repeat an order of a session that this one has not met."""
+
+LEADER_LOST_S = 3.0
+"""A deputy tells the time once the leader was not heard for so long."""
+
 FORGED_PER_S = 500
 """Signatures a second that are looked at in vain, at most: a tenth of a core. What a flood of forgeries hides
 is not heard; the vehicle is steered all the same."""
@@ -99,6 +116,27 @@ class Heard:
     """The newest time of any message, s on the formation's clock."""
     sequences: dict[Kind, int] = field(default_factory=dict)
     """The newest of each kind."""
+    newest: int = 0
+    """The newest of all."""
+    noted_s: float = -math.inf
+    """When that came, s."""
+
+
+@dataclass(slots=True)
+class Allowance:
+    """How much a sender may say now: it fills with time, and each message takes one."""
+
+    left: float = SAID_AT_ONCE
+    """Messages."""
+    time_s: float = -math.inf
+    """When it was filled last, s."""
+
+    def fill(self, now: float) -> float:
+        """Return what is left now, messages."""
+        # Not "passed": a clock that was set back must not empty it for ever.
+        passed_s = max(now - self.time_s, 0.0)
+        self.left, self.time_s = min(self.left + SAID_PER_S * passed_s, SAID_AT_ONCE), now
+        return self.left
 
 
 class Trust:
@@ -152,6 +190,9 @@ class Trust:
         self._epoch = session if name == leader else 0
         self._epoch_before, self._grace_ends_s = 0, -math.inf
         self._leader_s = -math.inf
+        self._met = {self._epoch: None} if self._epoch else {}
+        self._repeated: tuple[bytes, set[str]] = (b"", set())
+        self._allowed: dict[str, Allowance] = {}
         self._vain, self._vain_s = 0.0, -math.inf
         self._watches = watches
         if roster is not None:
@@ -221,7 +262,7 @@ class Trust:
             raise RefusedError("another formation")
         return envelope
 
-    def believe(self, envelope: Envelope, now: float) -> Message:
+    def believe(self, envelope: Envelope, now: float, time_s: float = math.nan) -> Message:
         """Find out whether a message can be believed.
 
         What costs least is asked first: a repeated message is refused before its signature is looked at.
@@ -229,6 +270,7 @@ class Trust:
         Args:
             envelope: the message.
             now: s on any clock that goes on evenly, the same each time.
+            time_s: now on the formation's clock, s; NaN while it is not known.
 
         Raises:
             RefusedError: it cannot be; the text says why.
@@ -242,6 +284,7 @@ class Trust:
         if envelope.kind not in self._may(envelope.sender):
             raise RefusedError("not for its sender to say")
         heard = self._in_order(envelope, now)
+        self._check_leaps(envelope, heard, now, time_s)
         if verifies is None:
             if checksum(envelope.signed) != envelope.tag:
                 raise RefusedError("damaged")
@@ -253,7 +296,8 @@ class Trust:
         if envelope.sender == self.name:
             self._vain += 1.0
             raise RefusedError(TWIN)
-        self._note(heard, envelope)
+        self._allowed[envelope.sender].left -= 1.0
+        self._note(heard, envelope, now)
         if envelope.session == self._epoch:
             self._leader_s = now
         return Message(
@@ -265,13 +309,19 @@ class Trust:
             sealed=envelope.signed + envelope.tag if envelope.kind is Kind.ORDER else b"",
         )
 
-    def vouch(self, sealed: bytes) -> Message:
-        """An operator's order that another member repeats: who gave it is proven, not when.
+    def vouch(self, sealed: bytes, speaker: str) -> Message:
+        """An operator's order of this flight that another member repeats.
 
-        That it is the one that is flown now is for its number to say, which fresh states carry.
+        It was given under a session of the leader, which the operator has signed. Where this member has not
+        met that session, two others have to repeat the order. That it is the one that is flown now is for its
+        number to say, which fresh states carry.
+
+        Args:
+            sealed: the operator's envelope.
+            speaker: who repeats it.
 
         Raises:
-            RefusedError: it is none, or no operator's of this formation.
+            RefusedError: it is none, no operator's of this formation, or of another flight.
         """
         envelope = self.read(sealed)
         if envelope.kind is not Kind.ORDER or Kind.ORDER not in self._may(envelope.sender):
@@ -285,6 +335,8 @@ class Trust:
                 raise RefusedError("damaged")
         elif not verifies(envelope.tag, envelope.signed):
             raise RefusedError("a forged order")
+        if envelope.epoch not in self._met and not self._is_sure(sealed, speaker):
+            raise RefusedError("an order of another flight")
         return Message(
             kind=envelope.kind,
             sender=envelope.sender,
@@ -292,6 +344,39 @@ class Trust:
             body=envelope.body,
             sealed=sealed,
         )
+
+    def _is_sure(self, sealed: bytes, speaker: str) -> bool:
+        """Whether enough members have repeated an order, as a companion that was started anew needs it."""
+        known, speakers = self._repeated
+        if known != sealed:
+            known, speakers = self._repeated = sealed, set()
+        speakers.add(speaker)
+        # In a formation of two there is only one other.
+        return len(speakers) >= min(SURE, max(len(self.vehicles) - 1, 1))
+
+    def _check_leaps(
+        self, envelope: Envelope, heard: Heard | None, now: float, time_s: float
+    ) -> None:
+        """See that a sender's times and numbers rise as time allows, and that it leaves time for others.
+
+        Raises:
+            RefusedError: they leap, or it says too much.
+        """
+        allowed = self._allowed.get(envelope.sender)
+        if allowed is None:
+            if len(self._allowed) >= MOST_STRANGERS + len(self._verifiers):
+                raise RefusedError("too many senders")
+            allowed = self._allowed[envelope.sender] = Allowance()
+        # By questions and answers the clocks are found that times are told by.
+        timed = envelope.kind not in {Kind.QUESTION, Kind.ANSWER}
+        if timed and envelope.time_s > time_s + AHEAD_S:
+            raise RefusedError("of a time to come")
+        if allowed.fill(now) < 1.0:
+            raise RefusedError("says too much")
+        if heard is not None:
+            most = SAID_AT_ONCE + SAID_PER_S * max(now - heard.noted_s, 0.0)
+            if envelope.sequence - heard.newest > most:
+                raise RefusedError("a number that leaps")
 
     def _check_flood(self, now: float) -> None:
         """See that looking at signatures leaves time for everything else.
@@ -319,6 +404,9 @@ class Trust:
             return
         if now - self._leader_s < RIVAL_S:
             raise RefusedError("a second leader")
+        self._met[session] = None
+        if len(self._met) > MET:
+            del self._met[next(iter(self._met))]
         self._epoch_before, self._grace_ends_s = self._epoch, now + GRACE_S
         self._epoch = session
         self._heard.pop(self.leader, None)
@@ -338,6 +426,10 @@ class Trust:
             return ()
         graced = self._epoch_before != 0 and now < self._grace_ends_s
         return (self._epoch, self._epoch_before) if graced else (self._epoch,)
+
+    def hears_leader(self, now: float) -> bool:
+        """Whether the leader was heard lately: no deputy tells the time in its place."""
+        return now - self._leader_s < LEADER_LOST_S
 
     def note_leader(self, session: int, now: float) -> None:
         """Note that a session of the leader was heard by other means than an envelope."""
@@ -417,7 +509,7 @@ class Trust:
         if not newer:
             raise RefusedError("an earlier session")
 
-    def _note(self, heard: Heard | None, envelope: Envelope) -> None:
+    def _note(self, heard: Heard | None, envelope: Envelope, now: float) -> None:
         """Keep in mind what was just believed."""
         if heard is None:
             if envelope.kind is Kind.ANSWER and self._epoch not in (
@@ -435,6 +527,7 @@ class Trust:
         heard.sequences[envelope.kind] = max(
             envelope.sequence, heard.sequences.get(envelope.kind, 0)
         )
+        heard.newest, heard.noted_s = max(heard.newest, envelope.sequence), now
         if envelope.time_s > heard.time_s or math.isnan(heard.time_s):
             heard.time_s = envelope.time_s
 

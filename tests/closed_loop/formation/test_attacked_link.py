@@ -163,7 +163,7 @@ def forged_states(data: bytes, wire: Wire) -> list[bytes]:
             sender=real.sender,
             session=real.session,
             epoch=real.epoch,
-            sequence=real.sequence + 1_000_000,
+            sequence=real.sequence + 1_000,
             time_s=real.time_s,
             body=body,
         )

@@ -29,11 +29,19 @@ from tests.kit.orders import (
 )
 from vfguide.companion.arrangements import Arrangements
 from vfguide.companion.timing import SAME_CLOCK, SharedClock
-from vfguide.formation.arrangement import Arrangement, HoldCircle, Manoeuvre, Point, SlotMove
+from vfguide.formation.arrangement import (
+    Arrangement,
+    HoldCircle,
+    Manoeuvre,
+    Point,
+    SlotMove,
+    missing_votes,
+)
 from vfguide.link.order_codec import Reply, Verdict, check_of, encode_order, encode_reply
 
 AWAY = {name: Point(1.5 * slot.forward, 1.5 * slot.right) for name, slot in SLOTS.items()}
 """Where `further` leads to."""
+STAYING = {name: SLOTS[name] for name in ("f2", "f3")}
 LEFT, RIGHT = Point(-20, -10), Point(-20, 10)
 
 
@@ -52,6 +60,68 @@ def test_all_fly_an_order_from_its_time_on_once_all_have_agreed():
     assert formation.words.count(done) == 0
     formation.run(25.0)
     assert formation.words.count(done) == len(NAMES)
+
+
+ALL = frozenset({"leader", "f1", "f2", "f3"})
+
+
+@pytest.mark.parametrize(
+    ("order", "agreed", "closing", "lacking"),
+    [
+        (further(SLOTS), ALL, False, []),
+        # Two whose slots move are silent: nothing goes without them.
+        (further(SLOTS), {"leader", "f1"}, True, ["f2", "f3"]),
+        # One whose slot stays is silent: it is waited for, and then most of them decide.
+        (order_of(*moves({"f1": Point(-90, 0)} | STAYING)), ALL - {"f3"}, False, ["f3"]),
+        (order_of(*moves({"f1": Point(-90, 0)} | STAYING)), ALL - {"f3"}, True, []),
+        (order_of(*moves({"f1": Point(-90, 0)} | STAYING)), {"leader", "f1"}, True, ["f2", "f3"]),
+        # Who is dismissed is not asked.
+        (order_of(*moves({name: SLOTS[name] for name in ("f1", "f2")})), ALL - {"f3"}, False, []),
+        # Who is to lead has to agree, wherever its slot is.
+        (order_of(*moves(dict(SLOTS)), lead="f2"), ALL - {"f2"}, True, ["f2"]),
+    ],
+)
+def test_those_who_move_have_to_agree_and_most_of_the_others(order, agreed, closing, lacking):
+    assert missing_votes(order, "leader", agreed, ALL, closing=closing) == lacking
+
+
+def test_a_follower_that_says_nothing_does_not_keep_the_others_from_dismissing_it():
+    formation = begun(silent={"f3"})
+    # It is heard flying by its slot all the same.
+    formation.members["leader"].hear("f3", heard(5.0, 0), 5.0)
+    formation.give(order_of(*moves({name: SLOTS[name] for name in ("f1", "f2")})), until_s=12.0)
+    assert {name: formation.flown[name] for name in ("leader", "f1", "f2")} == dict.fromkeys(
+        ("leader", "f1", "f2"), 1
+    )
+
+
+@pytest.mark.parametrize(
+    ("order", "sentence"),
+    [
+        (order_of(*moves({"f1": Point(-50.0, 0.0, -90.0)}), across_s=60.0), "f1 would fly 10 m"),
+        (further({**SLOTS, "f2": SLOTS["f1"]}), "would come within"),
+        (further({**SLOTS, "f9": Point(-90.0, 0.0)}), "f9 is no follower"),
+    ],
+)
+def test_an_order_that_was_missed_passes_the_limits_of_a_fresh_one(order, sentence):
+    member = member_of()
+    for name in ("f2", "f3"):
+        member.hear(name, heard(30.0, 1), 30.0)
+    data = encode_order(order)
+    member.receive_order(data, data, 30.0, repeated=True)
+    assert member.flight.flown is None
+    assert sentence in answered(member)[-1].text
+    assert member.waits(30.0)
+
+
+def test_in_a_formation_of_two_the_other_one_is_waited_for_after_a_start_and_no_longer():
+    plan = plan_of(vehicle="leader")
+    pair = replace(plan, others=tuple(one for one in plan.others if one.name == "f1"))
+    leader = Arrangements(pair, SAME_CLOCK)
+    leader.hear("f1", heard(5.0, 2**32 - 1), 5.0)
+    assert leader.waits(5.0)
+    leader.hear("f1", heard(25.1, 2**32 - 1), 25.1)
+    assert not leader.waits(25.1)
 
 
 @pytest.mark.parametrize("deaf", NAMES)
@@ -176,7 +246,8 @@ def test_one_that_misses_the_confirmation_goes_on_until_its_time_and_flies_the_o
     # Of the leader nothing is heard any more.
     member.hear("f1", heard(6.0, 1), 6.0)
     assert not member.waits(6.0)
-    member.hear("f1", heard(10.0, 1), 10.0)
+    for name in ("f1", "f3"):
+        member.hear(name, heard(10.0, 1), 10.0)
     member.step(10.1)
     member.receive_order(data, data, 10.2, repeated=True)
     assert member.number == 1
@@ -258,7 +329,8 @@ def test_an_order_that_waits_for_its_time_is_decided_when_the_clock_starts_anew(
 
 def test_a_leader_whose_computer_was_started_anew_flies_the_order_that_all_others_fly():
     leader = member_of("leader")
-    leader.hear("f1", heard(20.0, 7), 20.0)
+    for name in ("f1", "f2"):
+        leader.hear(name, heard(20.0, 7), 20.0)
     data = encode_order(further(SLOTS, number=7, time_s=100010.0))
     leader.receive_order(data, data, 20.0, repeated=True)
     assert not leader.waits(20.0)
@@ -284,10 +356,11 @@ def test_two_orders_of_one_number_are_not_both_flown():
 @pytest.mark.parametrize(
     ("vehicle", "numbers", "waits"),
     [
-        # The leader's number counts, and that of two others; of one where no second is heard.
+        # The leader's number counts, and that of two others; never that of one.
         ("f2", {"leader": 7, "f1": 0, "f3": 0}, True),
         ("f2", {"leader": 0, "f1": 7, "f3": 7}, True),
-        ("leader", {"f1": 7}, True),
+        ("leader", {"f1": 7}, False),
+        ("f2", {"f1": 2**32 - 1}, False),
         ("f2", {"leader": 0, "f1": 2**32 - 1, "f3": 0}, False),
     ],
 )

@@ -274,7 +274,8 @@ def test_a_leader_that_is_restarted_in_a_hold_keeps_the_height_that_it_has():
     latitude_deg, longitude_deg = own.frame.to_geodetic(0.0, 200.0)
     circle = HoldCircle(latitude_deg=latitude_deg, longitude_deg=longitude_deg, radius_m=200.0)
     hold = order_of(number=3, time_s=2.0, flown=Manoeuvre.HOLD, across_s=0.0, circle=circle)
-    arrangements.hear("f1", heard(3.0, 3), 3.0)
+    for name in ("f1", "f2"):
+        arrangements.hear(name, heard(3.0, 3), 3.0)
     arrangements.receive_order(encode_order(hold), b"", 3.0, repeated=True)
     assert arrangements.flight.circle is not None
     assert role.step(second, Mode.TRACKING).height == pytest.approx(161.5, abs=0.5)

@@ -69,10 +69,20 @@ def test_what_a_vehicle_repeats_has_to_be_an_operators(wire):
     assert other.counters["refused: malformed"] == 2
 
 
-def test_an_order_of_another_flight_is_vouched_for_and_nothing_more(wire):
-    # Its number decides: only the one that is flown now is taken.
+def test_an_order_of_another_flight_needs_two_members_that_have_met_it(wire):
     envelope = say(wire, wire.stations[-1], Kind.ORDER, b"vee")
     later = trust_of("f2", 99)
     with pytest.raises(RefusedError, match="another flight"):
         later.believe(later.read(envelope), 0.0)
-    assert later.vouch(envelope).body == b"vee"
+    for speaker in ("f1", "f1"):
+        with pytest.raises(RefusedError, match="an order of another flight"):
+            later.vouch(envelope, speaker)
+    # As of a leader that was started anew since: those who have flown by it tell of it.
+    assert later.vouch(envelope, LEADER).body == b"vee"
+
+
+def test_an_order_of_this_flight_is_vouched_for_by_one_also_after_the_leader_was_started_anew(wire):
+    *_, other, operator = wire.stations
+    envelope = say(wire, operator, Kind.ORDER, b"vee")
+    other.member.trust.prove(55, 100.0)
+    assert other.member.trust.vouch(envelope, "f1").body == b"vee"
