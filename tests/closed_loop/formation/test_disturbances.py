@@ -13,7 +13,7 @@ from tests.kit.missions import on_the_circle
 from vfguide.link.codec import decode, encode
 from vfguide.link.memory import Mail
 
-SETTLED_S = 20.0
+SETTLED_S = 12.0
 """From here on everyone who started like that has settled."""
 
 RECOVERY_S = 30.0
@@ -29,9 +29,9 @@ def test_formation_is_kept_over_a_bad_link():
     formation = launched()
     formation.fly(SETTLED_S)
     formation.link(delay_s=0.3, loss=0.3)
-    formation.fly(SETTLED_S + 60.0)
+    formation.fly(SETTLED_S + 50.0)
     formation.link(delay_s=0.0, loss=0.0)
-    flown = formation.fly(SETTLED_S + 60.0 + RECOVERY_S)
+    flown = formation.fly(SETTLED_S + 50.0 + RECOVERY_S)
     assert flown.errors(SETTLED_S).max() < 1.0
     assert flown.nearest() >= 5.0
 

@@ -6,12 +6,14 @@ from tests.kit.formation import Formation
 from tests.kit.missions import mission_with
 
 LOITER, GUIDED_COURSE = (4, 3), (4, 19)
-TAKEN_S, RETURNED_S, END_S = 65.0, 75.0, 130.0
+TAKEN_S, RETURNED_S, END_S = 25.0, 35.0, 90.0
 
 
 def test_a_follower_that_its_pilot_took_and_gave_back_joins_again():
     vehicle = {"system_id": 2, "autopilot": "px4"}
-    formation = Formation(mission_with("line-calm", vehicles={"f1": vehicle}))
+    formation = Formation(
+        mission_with("line-calm", vehicles={"f1": vehicle}, rehearsal={"rate_hz": 10.0})
+    )
     f1 = formation.emulators["f1"]
     formation.fly(TAKEN_S)
     assert f1.truth().mode == "AUTO.COURSE"

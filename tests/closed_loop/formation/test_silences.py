@@ -14,7 +14,7 @@ and of where it was last heard."""
 BACK_S = 5.0 + FORGET_S + 2.0
 """After `SETTLED_S`: a leader that is silent from 5 s on is not looked for any more, and all are back."""
 
-SETTLED_S = 25.0
+SETTLED_S = 15.0
 """From here on every follower is in its slot: they start there."""
 
 

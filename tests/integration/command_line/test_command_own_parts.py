@@ -153,12 +153,27 @@ def test_a_mission_file_may_name_a_law(run, here):
     assert "'pursuit' is not known; use one of: slot, article, pid, mpc" in unknown.stderr
 
 
-def test_studies_fly_a_law_and_no_other_in_its_place(run):
+MONTE_CARLO = """
+from functools import partial
+from vfguide.cli import main
+from vfguide.commands import bench
+
+if __name__ == "__main__":
+    bench.formations_of = partial(bench.formations_of, duration_s=15.0)
+    main()
+"""
+"""The command line, whose random formations fly for 15 seconds instead of minutes."""
+
+
+def test_studies_of_random_formations_fly_a_law_and_no_other_in_its_place(here):
+    (here / "monte_carlo.py").write_text(MONTE_CARLO)
     study = ("bench", "monte-carlo", "--formations", "1", "--processes", "1", "--seed", "3")
-    pursuit, field = run(*study, "--law", "pursuit", plugin=LAW), run(*study, plugin=LAW)
-    assert pursuit.returncode == 0, pursuit.stderr
-    assert pursuit.stdout.startswith("pursuit: 1 formations")
-    assert pursuit.stdout.splitlines()[2] != field.stdout.splitlines()[2]
+    kinds = ((("--law", "pursuit"), LAW), ((), LAW), ((), LEADER_LAW))
+    flown = [loaded(here, "monte_carlo", *plugged((*study, *law), file)) for law, file in kinds]
+    assert [one.returncode for one in flown] == [0, 0, 0], flown[0].stderr
+    pursuit, field, _ = (one.stdout for one in flown)
+    assert pursuit.startswith("pursuit: 1 formations")
+    assert pursuit.splitlines()[2] != field.splitlines()[2]
 
 
 STUDIES = """
@@ -216,12 +231,6 @@ def test_the_leader_flies_by_a_law_and_its_gain_counts(run):
     near, far = errors
     assert near < 0.05
     assert far > 4.0
-
-
-def test_studies_of_many_formations_take_a_leaders_law_too(run):
-    study = ("bench", "monte-carlo", "--formations", "1", "--processes", "1")
-    flown = run(*study, plugin=LEADER_LAW)
-    assert flown.returncode == 0, flown.stderr
 
 
 def test_a_formation_flies_both_loops_of_the_eight_and_crosses_it_in_its_slots(run):
