@@ -12,6 +12,7 @@ import vfguide
 from tests.kit.missions import MISSIONS, ROOT, shipped
 from tests.kit.programs import elsewhere
 from vfguide.errors import InputError
+from vfguide.lab.report import plots
 from vfguide.laws import Law
 
 MISSION = MISSIONS / "line-calm.yaml"
@@ -19,7 +20,7 @@ IN_PLACE = "  start: {leader: {north_m: 0, east_m: 0}, f1: {}, f2: {}, f3: {}}\n
 START = re.compile(r"  start:.*\n(    .*\n)+")
 
 
-def test_a_flight_has_its_figures_and_its_data_by_vehicle(tmp_path):
+def test_a_flight_has_its_figures_and_its_data_by_vehicle(tmp_path, monkeypatch):
     mission = vfguide.load_mission(str(MISSION))
     flight = vfguide.fly(mission, duration_s=10.0, seed=2, settings={"controller.k_x": 0.3})
     assert list(flight.tracks) == ["leader", "f1", "f2", "f3"]
@@ -29,6 +30,7 @@ def test_a_flight_has_its_figures_and_its_data_by_vehicle(tmp_path):
     mean = np.mean([error.distance_m[window] for error in flight.errors.values()])
     assert flight.summary.formation.mean_error_m == pytest.approx(mean)
     assert (flight.summary.seed, flight.summary.duration_s) == (2, 10.0)
+    monkeypatch.setattr(plots, "PLOTS", plots.PLOTS[:1])
     flight.report(tmp_path / "out")
     assert (tmp_path / "out" / "report.html").exists()
     # What is flown is what the mission says, but for what is given.

@@ -15,6 +15,7 @@ from tests.kit import programs
 from tests.kit.programs import Outcome, vfguide
 from vfguide.cli import main
 from vfguide.commands import check
+from vfguide.lab.report import plots
 
 ALONE = """\
 name: alone
@@ -91,6 +92,12 @@ def unflown(monkeypatch: pytest.MonkeyPatch) -> None:
 def unplotted(monkeypatch: pytest.MonkeyPatch) -> None:
     """Leave out the plots, which take longer than the flight and are looked at elsewhere."""
     monkeypatch.setattr("vfguide.lab.report.page.write_report", lambda _record, _directory: None)
+
+
+@pytest.fixture
+def one_plot(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Draw the tracks alone: the other plots are looked at elsewhere."""
+    monkeypatch.setattr(plots, "PLOTS", plots.PLOTS[:1])
 
 
 def changed(text: str, changes: Sequence[tuple[str, str]]) -> str:

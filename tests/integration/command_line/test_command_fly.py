@@ -17,6 +17,7 @@ def test_a_flight_outside_its_acceptance_ends_with_1_and_says_why(command, pair_
     assert "is above 0.0001 m" in outcome.out
 
 
+@pytest.mark.usefixtures("one_plot")
 def test_followers_that_do_not_come_to_their_slots_are_no_success_of_a_mission_that_asks_for_nothing(
     command, pair_with, tmp_path
 ):

@@ -146,6 +146,7 @@ def test_pymavlink_reads_both_directions_back_in_the_order_of_time(flown, vehicl
     assert times[-1] - times[0] == pytest.approx(20.0, abs=0.5)
 
 
+@pytest.mark.usefixtures("one_plot")
 def test_a_directory_is_made_with_those_above_it(command, alone_with, tmp_path):
     directory = tmp_path / "a" / "b ü"
     outcome = command("fly", alone_with(), "--duration", 1, "--out", directory)
@@ -178,6 +179,7 @@ def test_a_name_that_is_taken_by_a_directory_is_one_line(command, alone_with, tm
     ]
 
 
+@pytest.mark.usefixtures("one_plot")
 def test_a_flight_takes_the_place_of_the_same_mission_and_of_nothing_else(
     command, alone_with, tmp_path
 ):
@@ -228,6 +230,7 @@ def test_a_disk_that_fills_up_is_one_line_with_path_and_remedy(
     )
 
 
+@pytest.mark.usefixtures("one_plot")
 def test_what_a_broken_flight_left_is_kept_and_told(command, alone_with, tmp_path):
     left = tmp_path / ".partial-old"
     (left / "recordings").mkdir(parents=True)

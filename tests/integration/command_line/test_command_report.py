@@ -102,6 +102,7 @@ def test_a_damaged_record_is_one_line(command, copy_of_flown, damage):
     assert line.endswith("; give the directory of another flight, or fly it again")
 
 
+@pytest.mark.usefixtures("one_plot")
 def test_a_report_that_cannot_be_written_is_one_line(command, copy_of_flown):
     for name in ("summary.json", "report.html"):
         (copy_of_flown / name).unlink()
