@@ -86,7 +86,7 @@ def forge(formation: Formation) -> dict[str, Any]:
         octal = "".join(f"\\{byte:03o}" for byte in lie)
         formation.inside("f3", "sh", "-c", f"printf '{octal}' > {LIE}")
         client(formation, "f3", "mosquitto_pub", "-t", STATE, "-f", LIE, *often)
-        client(formation, "f3", "mosquitto_pub", "-t", "vfguide/circle-wind/f3/note", "-m", mark)
+        client(formation, "f3", "mosquitto_pub", "-t", "vfguide/circle-wind/f3/reply", "-m", mark)
         lines = listening.result().split("\n")
     return {
         "lies heard": sum(lie.hex() in line for line in lines),

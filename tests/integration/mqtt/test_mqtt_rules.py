@@ -9,7 +9,7 @@ import aiomqtt
 import pytest
 
 from vfguide.link.envelope import Kind
-from vfguide.link.session import ORDERING, Topics
+from vfguide.link.session import ORDERING, Topics, level
 
 RULES = Path(__file__).parents[3] / "docker" / "bin" / "broker-rules"
 
@@ -20,6 +20,7 @@ MARK = "vfguide/test/lead/state"
 def rules_of(orders: str) -> str:
     """Those of a formation of two with a console, with or without CONSOLE_ORDERS=yes."""
     who = {"VEHICLES": "lead f1", "WATCHERS": "judge console", "ORDERS": orders}
+    who["FORMATION"] = level("test")
     environment = {"PATH": os.environ["PATH"], **who}
     return subprocess.run(
         [RULES], env=environment, capture_output=True, text=True, check=True
@@ -54,3 +55,28 @@ async def test_the_broker_passes_on_the_consoles_orders_only_where_they_were_ask
                     break
                 heard.add(message.topic.value)
     assert heard == (own if passed else set())
+
+
+async def test_an_account_of_a_vehicle_stores_no_more_than_its_own_topics_hold(guarded):
+    broker = guarded("f1", "judge", rules=rules_of(""))
+
+    def client(name: str) -> aiomqtt.Client:
+        return aiomqtt.Client("127.0.0.1", broker.port, username=name, password="word")  # noqa: S106
+
+    own = Topics(prefix="vfguide", formation="test", vehicle="f1")
+    wanted = {own.state("f1"), own.lead("f1"), own.presence("f1"), own.answer("lead")}
+    wanted |= {own.about_orders(kind) for kind in ORDERING} | {own.ask("lead")}
+    made_up = {f"vfguide/test/f1/{number}" for number in range(50)}
+    made_up |= {"vfguide/other/f1/state", "vfguide/test/lead/state", own.answer("nobody")}
+    kept = set()
+    async with client("f1") as sender, client("judge") as judge, asyncio.timeout(60.0):
+        for topic in sorted(wanted | made_up):
+            await sender.publish(topic, b"kept", qos=1, retain=True)
+        await judge.subscribe("vfguide/#", qos=1)
+        # All that was kept comes first.
+        await sender.publish(own.state("f1"), b"the end", qos=1)
+        async for message in judge.messages:
+            if message.payload == b"the end":
+                break
+            kept.add(message.topic.value)
+    assert kept == wanted
