@@ -6,7 +6,7 @@ import socket
 import sqlite3
 import ssl
 import subprocess
-from contextlib import AbstractAsyncContextManager
+from contextlib import AbstractAsyncContextManager, suppress
 from pathlib import Path
 from urllib.parse import urlsplit
 
@@ -185,11 +185,12 @@ async def test_a_port_that_is_taken_is_one_line():
                 pytest.fail("served")
 
 
-async def test_more_pages_than_are_served_are_told_so():
-    async with when_served() as url:
-        cookie = f"vfguide-console-{urlsplit(url).port}={'t' * 24}"
+async def test_more_pages_than_are_served_are_told_so_and_an_operator_is_still_let_in():
+    tokens = {"token": "t" * 24, "operator_token": "o" * 24}
+    async with served(Nothing(), ANYWHERE, title="flight", **tokens) as url:
         host, port = urlsplit(url).hostname, urlsplit(url).port
-        request = f"GET /flight HTTP/1.1\r\nHost: {host}\r\nCookie: {cookie}\r\n\r\n".encode()
+        looks, orders = f"vfguide-console-{port}={'t' * 24}", f"vfguide-operator-{port}={'o' * 24}"
+        request = f"GET /flight HTTP/1.1\r\nHost: {host}\r\nCookie: {looks}\r\n\r\n".encode()
         writers = []
         for _ in range(MOST_PAGES):
             reader, writer = await asyncio.open_connection(host, port)
@@ -197,10 +198,33 @@ async def test_more_pages_than_are_served_are_told_so():
             assert b"200" in await reader.readline()
             await reader.readuntil(b"data: ")
             writers.append(writer)
-        status, _, _ = await asyncio.to_thread(ask, url, "/flight", cookie=cookie)
+        status, _, _ = await asyncio.to_thread(ask, url, "/flight", cookie=looks)
         assert status == 503
+        both = f"{looks}; {orders}"
+        status, _, text = await asyncio.to_thread(ask, url, "/flight", cookie=both)
+        assert (status, text.partition("\n")[0]) == (200, "event: operator")
         for writer in writers:
             writer.close()
+
+
+@pytest.mark.parametrize(
+    "said", [b"", b"GET / HTTP/1.1\r\nHost: a\r\n", b"GET / HTTP/1.1\r\nHost: a\r\n\r\nGET"]
+)
+async def test_five_hundred_idle_connections_keep_nobody_out_and_end(said):
+    async with when_served() as url:
+        parts = urlsplit(url)
+        idle = []
+        for _ in range(500):
+            reader, writer = await asyncio.open_connection(parts.hostname, parts.port)
+            writer.write(said)
+            idle.append((reader, writer))
+        status, _, _ = await asyncio.to_thread(ask, url, f"/?{parts.query}")
+        assert status == 303
+        async with asyncio.timeout(60.0):
+            for reader, writer in idle:
+                with suppress(ConnectionError):
+                    await reader.read()
+                writer.close()
 
 
 def test_a_token_that_is_kept_is_the_same_after_a_restart(tmp_path):

@@ -60,19 +60,24 @@ def test_one_setting_asks_for_orders_and_is_off_unless_set(services):
 
 
 @pytest.mark.parametrize(
-    ("asked", "orders"), [("", []), ("no", []), ("yes", ["vfguide/+/console/#"])]
+    ("asked", "orders"), [("", []), ("no", []), ("yes", ["order", "repeat", "reply"])]
 )
 def test_who_watches_writes_its_questions_and_an_operator_below_its_own_name(asked, orders):
     rules = run(
         "broker-rules",
         os.environ["PATH"],
+        FORMATION="a%20b",
         VEHICLES="leader f1",
         WATCHERS="judge console",
         ORDERS=asked,
     )
-    assert writes(rules, "console") == ["vfguide/+/+/clock/ask/console", *orders]
-    assert writes(rules, "judge") == ["vfguide/+/+/clock/ask/judge"]
-    assert writes(rules, "f1") == ["vfguide/+/+/clock/ask/f1", "vfguide/+/f1/#"]
+    questions = [f"vfguide/a%20b/{vehicle}/clock/ask" for vehicle in ("leader", "f1")]
+    own = [f"vfguide/a%20b/console/{order}" for order in orders]
+    assert writes(rules, "console") == [*(f"{one}/console" for one in questions), *own]
+    assert writes(rules, "judge") == [f"{one}/judge" for one in questions]
+    assert "vfguide/a%20b/f1/state" in writes(rules, "f1")
+    assert not [topic for topic in writes(rules, "f1") if "#" in topic or "+" in topic]
+    assert {topic.split("/")[2] for topic in writes(rules, "f1")} == {"leader", "f1"}
 
 
 @pytest.mark.parametrize(("orders", "given"), [("", False), ("no", False), ("yes", True)])

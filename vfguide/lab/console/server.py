@@ -26,6 +26,7 @@ from starlette.responses import (
 )
 from starlette.routing import Route
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
+from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from vfguide.errors import InputError
 from vfguide.lab.console.orders import (
@@ -58,8 +59,11 @@ HEADERS = {
 QUIET_S = 5.0
 """After so long without news a stream says that it is still there."""
 
-MOST_CONNECTIONS = 100
-"""At once: more are told to come back later."""
+REQUEST_S = 5.0
+"""A connection on which nothing is asked for, nor answered, ends after so long."""
+
+MOST_SILENT = 100
+"""Such connections at once: the oldest ends for a new one, which may be an operator's."""
 
 CLOSING_S = 1
 """For open streams to end, s."""
@@ -278,9 +282,10 @@ def application(source: Source, *, title: str, doors: Access) -> ASGIApp:
         return Response(style, media_type="text/css")
 
     async def stream(request: Request) -> Response:
-        if source.full:
+        may_order = doors.may_order(request)
+        if not source.has_room(may_order=may_order):
             return PlainTextResponse("Too many pages are open.\n", status_code=503)
-        events = events_of(source, may_order=doors.may_order(request))
+        events = events_of(source, may_order=may_order)
         return StreamingResponse(events, media_type="text/event-stream")
 
     routes = [
@@ -369,6 +374,37 @@ async def events_of(source: Source, *, may_order: bool = False) -> AsyncIterator
             if text is None:
                 return
             yield f"data: {text}\n\n"
+
+
+class Reception(H11Protocol):
+    """A connection that has to ask for something soon: idle ones keep nobody out."""
+
+    def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
+        """Let the oldest silent connection go where there are too many."""
+        super().connection_made(transport)
+        self._wait()
+        silent = [one for one in self.connections if isinstance(one, Reception) and one.is_silent]
+        if len(silent) > MOST_SILENT:
+            min(silent, key=lambda one: one.since_s).transport.close()
+
+    def on_response_complete(self) -> None:
+        """Wait for the next request."""
+        super().on_response_complete()
+        self._wait()
+
+    @property
+    def is_silent(self) -> bool:
+        """Whether nothing is asked for that is not answered yet."""
+        return self.cycle is None or self.cycle.response_complete
+
+    def _wait(self) -> None:
+        self.since_s = self.loop.time()
+        """Since when nothing was asked for, s of the event loop's clock."""
+        self.loop.call_later(REQUEST_S, self._end_if_silent, self.since_s)
+
+    def _end_if_silent(self, since_s: float) -> None:
+        if self.is_silent and self.since_s == since_s:
+            self.transport.close()
 
 
 class QuietServer(uvicorn.Server):
@@ -466,9 +502,8 @@ def configured(app: ASGIApp, address: ConsoleAddress) -> uvicorn.Config:
         log_config=None,
         access_log=False,
         lifespan="off",
-        http="h11",
+        http=Reception,
         ws="none",
-        limit_concurrency=MOST_CONNECTIONS,
         server_header=False,
         timeout_graceful_shutdown=CLOSING_S,
         ssl_certfile=address.certificate,

@@ -15,6 +15,9 @@ from vfguide.record.flight import FlightRecord
 MOST_PAGES = 20
 """Pages that are served at once, at most."""
 
+RESERVED = 5
+"""Pages of operators beyond that."""
+
 WAITING = 50
 """Pictures that wait for a page: one that falls farther behind begins anew."""
 
@@ -35,10 +38,9 @@ class Source:
         """Whether any page looks on."""
         return bool(self._pages)
 
-    @property
-    def full(self) -> bool:
-        """Whether no more pages are served."""
-        return len(self._pages) >= MOST_PAGES
+    def has_room(self, *, may_order: bool) -> bool:
+        """Whether one more page is served; an operator's where those who look on have taken all others."""
+        return len(self._pages) < MOST_PAGES + (RESERVED if may_order else 0)
 
     def opening(self) -> str:
         """JSON of the flight so far."""
