@@ -20,7 +20,7 @@ from sitl_stub.commands import (
     is_flyable_airspeed,
 )
 from sitl_stub.flight import EmulatedFlight
-from sitl_stub.targets import SpeedTarget, TurnTarget
+from sitl_stub.loops import SpeedTarget, TurnTarget
 
 MANUAL, LOITER, GUIDED = (
     AutopilotMode("MANUAL", 0),

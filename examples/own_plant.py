@@ -13,8 +13,7 @@ from dataclasses import dataclass
 
 from sitl_stub import AirPlant, AirRates, AirState, plant
 from sitl_stub.geometry import wrap_to_pi
-from sitl_stub.loops import bank_limited_turn_rate_rad_s, clamped
-from sitl_stub.targets import Targets
+from sitl_stub.loops import Targets, bank_limited_turn_rate_rad_s, clamped
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -32,7 +32,7 @@ from sitl_stub.commands import (
 )
 from sitl_stub.config import AutopilotConfig
 from sitl_stub.flight import LEAST_AIRSPEED_M_S, EmulatedFlight
-from sitl_stub.loops import GRAVITY_M_S2
+from sitl_stub.loops import GRAVITY_M_S2, SpeedTarget, TurnTarget
 from sitl_stub.modes import AutopilotMode, by_number
 from sitl_stub.parameters import (
     Parameter,
@@ -44,7 +44,6 @@ from sitl_stub.parameters import (
     whole_if_possible,
 )
 from sitl_stub.personality import Personality, personality
-from sitl_stub.targets import SpeedTarget, TurnTarget
 from sitl_stub.telemetry import (
     ALTITUDE,
     ATTITUDE,

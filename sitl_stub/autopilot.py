@@ -27,6 +27,7 @@ from sitl_stub.commands import (
 from sitl_stub.config import AutopilotConfig
 from sitl_stub.flight import EmulatedFlight
 from sitl_stub.geometry import Home, ground_speed_along_m_s, wrap_to_two_pi
+from sitl_stub.loops import TurnTarget
 from sitl_stub.messages import ReportedInstant
 from sitl_stub.parameters import ParameterServer
 from sitl_stub.personality import Personality
@@ -35,7 +36,6 @@ from sitl_stub.registry import autopilots
 from sitl_stub.sensor_errors import Fault, SensorErrors
 from sitl_stub.sensors import Sensors
 from sitl_stub.streams import Streams
-from sitl_stub.targets import TurnTarget
 from sitl_stub.telemetry import HEARTBEAT, POSITION_MESSAGES, TELEMETRY
 from sitl_stub.truth import Truth, truth_of
 

@@ -9,7 +9,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
 from sitl_stub.flight import EmulatedFlight
-from sitl_stub.targets import AltitudeTarget
+from sitl_stub.loops import AltitudeTarget
 
 NAV_LOITER_UNLIM = 17
 NAV_RETURN_TO_LAUNCH = 20

@@ -17,6 +17,8 @@ from sitl_stub.aircraft import PlantParameters
 from sitl_stub.geometry import displace, wrap_to_pi, wrap_to_two_pi
 from sitl_stub.loops import (
     GRAVITY_M_S2,
+    Targets,
+    TurnTarget,
     acceleration_m_s2,
     bank_limited_turn_rate_rad_s,
     bank_of_rad,
@@ -25,7 +27,6 @@ from sitl_stub.loops import (
     turn_rate_rad_s,
 )
 from sitl_stub.plant import PlantState
-from sitl_stub.targets import Targets, TurnTarget
 
 CENTIDEGREE_RAD = math.radians(0.01)
 

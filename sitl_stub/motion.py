@@ -9,11 +9,10 @@ from msgspec.structs import replace
 from sitl_stub.aircraft import PlantParameters
 from sitl_stub.geometry import displace, wrap_to_two_pi
 from sitl_stub.lagging_plant import rates_of, shown_bank_rad
-from sitl_stub.loops import bank_of_rad
+from sitl_stub.loops import Targets, bank_of_rad
 from sitl_stub.plant import RATES, PlantRates, PlantState, with_speed_kind
 from sitl_stub.rigid_body import air_flow, attitude_rates, body_to_ground, velocity_ned_m_s
 from sitl_stub.six_dof import body_of
-from sitl_stub.targets import Targets
 
 ROLL_ACCELERATION_M_S2 = 4.0
 """Along the runway."""

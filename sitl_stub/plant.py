@@ -23,9 +23,15 @@ from sitl_stub.geometry import (
     ground_speed_along_m_s,
     wrap_to_two_pi,
 )
-from sitl_stub.loops import acceleration_m_s2, climb_acceleration_m_s2, turn_rate_rad_s
+from sitl_stub.loops import (
+    AltitudeTarget,
+    SpeedKind,
+    Targets,
+    acceleration_m_s2,
+    climb_acceleration_m_s2,
+    turn_rate_rad_s,
+)
 from sitl_stub.rigid_body import Body
-from sitl_stub.targets import AltitudeTarget, SpeedKind, Targets
 
 MAX_STEP_S = 0.05
 """Longest integration step. Over two minutes of turning in the article's wind such steps stay within

@@ -18,12 +18,11 @@ from sitl_stub.air import Wind
 from sitl_stub.aircraft import PlantParameters
 from sitl_stub.geometry import displace, wrap_to_two_pi
 from sitl_stub.lagging_plant import MAX_LAGGING_STEP_S, lagging_stepped
-from sitl_stub.loops import bank_of_rad, climb_acceleration_m_s2
+from sitl_stub.loops import Targets, bank_of_rad, climb_acceleration_m_s2
 from sitl_stub.motion import Motion, body_motion, ideal_motion, lagging_motion
 from sitl_stub.plant import MAX_STEP_S, PlantState, stepped
 from sitl_stub.registry import plants
 from sitl_stub.six_dof import MAX_SIX_DOF_STEP_S, six_dof_stepped
-from sitl_stub.targets import Targets
 
 Kind = TypeVar("Kind", bound="type[Plant]")
 

@@ -14,7 +14,7 @@ from sitl_stub.air import Wind
 from sitl_stub.aircraft import PlantParameters
 from sitl_stub.geometry import displace, wrap_to_two_pi
 from sitl_stub.lagging_plant import wanted_bank_rad
-from sitl_stub.loops import GRAVITY_M_S2, acceleration_m_s2, clamped, wanted_climb_m_s
+from sitl_stub.loops import GRAVITY_M_S2, Targets, acceleration_m_s2, clamped, wanted_climb_m_s
 from sitl_stub.plant import PlantState
 from sitl_stub.rigid_body import (
     AirFlow,
@@ -26,7 +26,6 @@ from sitl_stub.rigid_body import (
     body_to_ground,
     velocity_ned_m_s,
 )
-from sitl_stub.targets import Targets
 
 MAX_SIX_DOF_STEP_S = 0.0125
 """Longest step: a fifth of the roll's own time constant at 32 m/s; a test measures what it costs."""

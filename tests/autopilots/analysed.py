@@ -20,8 +20,7 @@ from tests.autopilots.formation import RECORDED, TRUE_TRACKS
 from vfguide.commands.analyse import answers_of, slips_of
 from vfguide.elementwise import FloatArray
 from vfguide.errors import VfguideError
-from vfguide.identification.flown import Answer, answer_sentence
-from vfguide.identification.flown_slip import SlipAnswer, slip_sentence
+from vfguide.identification.flown import Answer, SlipAnswer, answer_sentence, slip_sentence
 from vfguide.lab.debrief.logged_flight import LoggedFlight, logged_flight, read_log
 from vfguide.lab.report.geometry import slot_error
 from vfguide.mission import Mission, load_mission

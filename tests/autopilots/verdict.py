@@ -16,8 +16,7 @@ from vfguide.lab.report.geometry import intended_leader, slot_error
 from vfguide.mission import Mission
 from vfguide.mission.flight_path import path_of
 from vfguide.record.flight import FlightRecord, RecordAcceptance, VehicleRecord
-from vfguide.record.guidance_log import GuidanceTrack
-from vfguide.record.guidance_series import lead_series, slot_series
+from vfguide.record.guidance_log import GuidanceTrack, lead_series, slot_series
 from vfguide.record.vehicle import SERIES
 
 END_S = 5.0

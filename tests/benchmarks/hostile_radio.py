@@ -30,7 +30,7 @@ from vfguide.link.member import Member
 from vfguide.link.opening import open_link
 from vfguide.link.packed import TAG_SIZE, formation_key, tag_of
 from vfguide.link.peer_clock import PeerClock
-from vfguide.link.radio_framing import Framer, encode_frame
+from vfguide.link.radio_schedule import Framer, encode_frame
 from vfguide.link.trust import new_session
 
 NAMES = (LEADER, "f1", "f2")

@@ -25,8 +25,8 @@ import msgspec
 import numpy as np
 
 from sitl_stub.autopilot import flight_at_start
+from sitl_stub.loops import SpeedTarget, TurnTarget
 from sitl_stub.registry import autopilots
-from sitl_stub.targets import SpeedTarget, TurnTarget
 from vfguide.elementwise import FloatArray
 from vfguide.guidance.airframe import GRAVITY
 from vfguide.lab.rehearsal.emulators import checked_settings

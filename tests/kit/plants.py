@@ -5,8 +5,8 @@ from collections.abc import Callable
 from typing import Literal
 
 from sitl_stub import CalmWind, PlantParameters, Wind, plant_of
+from sitl_stub.loops import AltitudeTarget, SpeedKind, SpeedTarget, Targets, TurnTarget
 from sitl_stub.plant import PlantState
-from sitl_stub.targets import AltitudeTarget, SpeedKind, SpeedTarget, Targets, TurnTarget
 
 
 def held(

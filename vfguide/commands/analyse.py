@@ -14,12 +14,15 @@ from vfguide.companion.supervisor import Mode
 from vfguide.elementwise import BoolArray
 from vfguide.identification.flown import (
     Answer,
+    SlipAnswer,
     answer_sentence,
     flown_profile,
     flown_responses,
+    flown_slip,
+    known_slips,
+    slip_sentence,
     with_responses,
 )
-from vfguide.identification.flown_slip import SlipAnswer, flown_slip, known_slips, slip_sentence
 from vfguide.lab.debrief.logged_flight import LOGGED_MODES, LoggedFlight, logged_flight, read_log
 from vfguide.mission import Mission, read_mission
 from vfguide.record.flight import FlightRecord

@@ -58,7 +58,7 @@ def findings_of(faults: Sequence[MissionFault]) -> list[Finding]:
 def lowered_in(mission: Mission) -> list[Finding]:
     """Return which gains of a mission some of its aircraft do not bear, as they are declared."""
     # Here, because what is wrong needs no plan.
-    from vfguide.companion.lowered_gains import LoweredGain, lowered_gains
+    from vfguide.companion.guided_vehicle import LoweredGain, lowered_gains
     from vfguide.companion.mission_plan import flight_plan
 
     lowered: dict[LoweredGain, list[str]] = {}

@@ -87,11 +87,11 @@ def writer_for(out: Path) -> Write:
 
                 return write_mcap
             case ".csv":
-                from vfguide.lab.export.tables import write_csv
+                from vfguide.lab.export.columns import write_csv
 
                 return write_csv
             case ".parquet":
-                from vfguide.lab.export.tables import write_parquet
+                from vfguide.lab.export.columns import write_parquet
 
                 return write_parquet
             case ".plan":

@@ -35,7 +35,7 @@ from vfguide.lab.rehearsal.lockstep import LockstepFlight
 from vfguide.lab.rehearsal.radio_flight import fly_rehearsal
 from vfguide.lab.report.metrics import summarise, summary_json
 from vfguide.lab.report.summary import Summary
-from vfguide.lab.report.table import summary_table
+from vfguide.lab.report.wording import summary_table
 from vfguide.mission import read_mission
 from vfguide.mission.feasibility import check_mission
 from vfguide.mission.model import Mission

@@ -31,7 +31,7 @@ from vfguide.companion.plan import FlightPlan
 from vfguide.companion.role import Outgoing
 from vfguide.errors import InputError, VfguideError
 from vfguide.identification.core import Identification
-from vfguide.identification.profile import profile_text
+from vfguide.identification.flown import profile_text
 from vfguide.identification.recording import described, shortcoming
 from vfguide.mavlink.address import Address, parse_address
 from vfguide.mavlink.connection import Connection, open_connection

@@ -25,7 +25,7 @@ from vfguide.commands.output import (
 from vfguide.commands.terminal import Terminal
 from vfguide.errors import InputError
 from vfguide.lab.report.metrics import summarise, summary_json
-from vfguide.lab.report.table import summary_table
+from vfguide.lab.report.wording import summary_table
 from vfguide.record.archive import WRITE_REMEDY
 from vfguide.record.flight import FlightRecord
 from vfguide.record.recording import find_recordings

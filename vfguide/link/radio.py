@@ -27,8 +27,7 @@ from vfguide.link.keys import RADIO_KEY, read_radio_key
 from vfguide.link.member import Member, Parcel
 from vfguide.link.packed import MOST_VEHICLES
 from vfguide.link.presence import Presence
-from vfguide.link.radio_framing import LARGEST_FRAME
-from vfguide.link.radio_schedule import Channel, Turn, make_timetable
+from vfguide.link.radio_schedule import LARGEST_FRAME, Channel, Turn, make_timetable
 from vfguide.link.radio_station import PRESENCE_S, Station
 
 EXAMPLE = f"serial:///dev/ttyUSB1:57600?key=MISSION.keys/{RADIO_KEY}"

@@ -44,9 +44,18 @@ from vfguide.link.packed import (
 )
 from vfguide.link.peer_clock import HURRIED_S
 from vfguide.link.presence import Presence
-from vfguide.link.radio_framing import OVERHEAD, Framer, encode_frame
 from vfguide.link.radio_orders import PACKED_KINDS, OrderInbox, OrderOutbox, Questions, QueuedBody
-from vfguide.link.radio_schedule import HANDOVER_S, Beat, Channel, Timetable, Turn, timetable_of
+from vfguide.link.radio_schedule import (
+    HANDOVER_S,
+    OVERHEAD,
+    Beat,
+    Channel,
+    Framer,
+    Timetable,
+    Turn,
+    encode_frame,
+    timetable_of,
+)
 from vfguide.link.radio_trust import UNKNOWN_SESSION, RadioTrust
 from vfguide.link.trust import TWIN, Message, RefusedError
 

@@ -17,8 +17,8 @@ from vfguide.backoff import retry_delay
 from vfguide.link.address import MqttAddress
 from vfguide.link.carrier import LinkStatus
 from vfguide.link.client import ANSWER_S, BrokerClient, Echo, Inbox, NewestOnly, reason_of
+from vfguide.link.datagrams import WATCH_S
 from vfguide.link.envelope import Kind
-from vfguide.link.held_mail import WATCH_S
 from vfguide.link.member import Member, Parcel
 from vfguide.link.presence import Presence
 

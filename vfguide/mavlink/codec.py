@@ -37,9 +37,9 @@ from vfguide.mavlink.senders import (
     STEERING_COMMANDS,
     STEERING_MESSAGES,
     SequencePlaces,
+    TextJoiner,
     steers,
 )
-from vfguide.mavlink.texts import TextJoiner
 
 LOWEST_M, HIGHEST_M = -1000.0, 30_000.0
 """Altitudes that aircraft can have; another is one that is not known."""

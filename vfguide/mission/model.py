@@ -17,10 +17,9 @@ from pydantic import (
 from pydantic_core import PydanticCustomError
 
 from vfguide.formation.arrangement import MAIN_PATH
-from vfguide.mission.consistency import MAX_DEPUTIES, MAX_FOLLOWERS, inconsistencies
+from vfguide.mission.consistency import MAX_DEPUTIES, MAX_FOLLOWERS, completed, inconsistencies
 from vfguide.mission.controller import Controller, chosen_controller, controller_of
 from vfguide.mission.flight_path import PathShape, chosen_path, curve_check
-from vfguide.mission.foreign_leader import completed
 from vfguide.mission.orders import Slot, TimedOrder
 from vfguide.mission.path_frame import with_frame
 from vfguide.mission.place import Fence

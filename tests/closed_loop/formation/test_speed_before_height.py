@@ -12,8 +12,7 @@ import pytest
 
 from sitl_stub import AirPlant, AirRates, AirState, plant
 from sitl_stub.geometry import wrap_to_pi
-from sitl_stub.loops import GRAVITY_M_S2, bank_limited_turn_rate_rad_s, clamped
-from sitl_stub.targets import Targets
+from sitl_stub.loops import GRAVITY_M_S2, Targets, bank_limited_turn_rate_rad_s, clamped
 from tests.kit.flight import Flight
 from tests.kit.formation import Formation
 from tests.kit.missions import IN_PLACE, content_of

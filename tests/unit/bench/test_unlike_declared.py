@@ -9,7 +9,7 @@ from vfguide.companion.strain_guard import HANDED_BACK
 from vfguide.lab.rehearsal.emulators import emulator_of
 from vfguide.lab.rehearsal.lockstep import LockstepFlight
 from vfguide.lab.studies import prediction
-from vfguide.lab.studies.unlike_declared import (
+from vfguide.lab.studies.prediction import (
     SHORT_S,
     UnlikeDeclared,
     answering_by,

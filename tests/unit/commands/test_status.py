@@ -4,8 +4,7 @@ import pytest
 from msgspec.structs import replace
 
 from tests.kit.missions import shipped
-from vfguide.commands.freshness import Freshness, Seen
-from vfguide.commands.status import flies, readiness, status_json
+from vfguide.commands.status import Freshness, Seen, flies, readiness, status_json
 from vfguide.companion.supervisor import (
     DOUBTED,
     NO_LEADER,

@@ -11,12 +11,17 @@ from tests.kit.missions import plan_of, shipped
 from tests.kit.states import reported
 from vfguide.commands.check import lowered_in
 from vfguide.commands.overrides import Overrides, apply_overrides, parse_settings
+from vfguide.companion.guided_vehicle import lowered_gains
 from vfguide.companion.learned_response import ResponseLearner
-from vfguide.companion.lowered_gains import lowered_gains
 from vfguide.companion.mission_plan import adapter_of, flight_plan
-from vfguide.companion.narrowed_limits import NarrowedLimits, narrowed_limits
 from vfguide.companion.own_vehicle import OwnVehicle
-from vfguide.companion.parameter_check import TRIES, ParameterCheck, response_sentence
+from vfguide.companion.parameter_check import (
+    TRIES,
+    NarrowedLimits,
+    ParameterCheck,
+    narrowed_limits,
+    response_sentence,
+)
 from vfguide.companion.plan import FlightPlan, bandwidth_for, flown_by, follower_law, turning
 from vfguide.companion.supervisor import Mode
 from vfguide.guidance.bandwidth import AS_DECLARED, UNKNOWN

@@ -23,9 +23,9 @@ from tests.kit.companion import (
 from tests.kit.missions import shipped
 from tests.kit.wire import command_long, heartbeat, northbound, packed, spoken
 from vfguide.companion.core import Companion
+from vfguide.companion.housekeeping import Obedience
 from vfguide.companion.identity import VehicleIdentity
 from vfguide.companion.mission_plan import adapter_of
-from vfguide.companion.obedience import Obedience
 from vfguide.companion.supervisor import Mode
 from vfguide.link.presence import LONGEST_TEXT
 from vfguide.mavlink.codec import Codec

@@ -6,8 +6,7 @@ from msgspec.structs import replace
 
 from tests.kit.missions import replaced, shipped
 from vfguide.formation.arrangement import Arrangement
-from vfguide.lab.console.ground import describe_ground
-from vfguide.lab.console.model import FormationModel
+from vfguide.lab.console.model import FormationModel, describe_ground
 from vfguide.lab.rehearsal.recorder import rally_points
 from vfguide.mission import Mission
 

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from vfguide.lab.console.history import FINE_S, History
+from vfguide.lab.console.alarms import FINE_S, History
 
 
 def filled(seconds: float, *, room: int) -> History:

@@ -14,7 +14,7 @@ from tests.kit.states import leader_message
 from vfguide.companion.mission_plan import local_frame
 from vfguide.companion.presence_figures import figures_of_leader
 from vfguide.formation.arrangement import Arrangement, Point, SlotMove
-from vfguide.lab.console.history import MODES, SERIES
+from vfguide.lab.console.alarms import MODES, SERIES
 from vfguide.lab.console.model import FormationModel, slot_of
 from vfguide.link.codec import encode
 from vfguide.link.presence import Presence

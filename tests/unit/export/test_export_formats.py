@@ -21,10 +21,9 @@ from tests.kit.records import with_vehicle
 from tests.kit.short_flights import ORIGIN, short_flight
 from vfguide.errors import InputError
 from vfguide.frames import LocalFrame
-from vfguide.lab.export.columns import UNITS, begin_of, geodetic
+from vfguide.lab.export.columns import UNITS, begin_of, geodetic, write_csv, write_parquet
 from vfguide.lab.export.earth import write_earth
 from vfguide.lab.export.foxglove import attitude, write_mcap
-from vfguide.lab.export.tables import write_csv, write_parquet
 from vfguide.record.events import FlightEvent
 from vfguide.record.flight import FlightRecord
 

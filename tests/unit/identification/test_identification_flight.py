@@ -13,8 +13,8 @@ from tests.kit.autopilot import config_of
 from tests.kit.missions import shipped
 from vfguide.companion.mission_plan import adapter_of, flight_plan
 from vfguide.identification.core import Identification, Stage
+from vfguide.identification.flown import profile_text
 from vfguide.identification.plot import draw_findings
-from vfguide.identification.profile import profile_text
 from vfguide.identification.recording import (
     Findings,
     Phase,

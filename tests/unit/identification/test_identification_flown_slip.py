@@ -8,8 +8,13 @@ import pytest
 
 from tests.unit.identification.test_identification_flown import AIRFRAME, flight
 from vfguide.elementwise import FloatArray
-from vfguide.identification.flown import flown_profile
-from vfguide.identification.flown_slip import SlipAnswer, flown_slip, known_slips, slip_sentence
+from vfguide.identification.flown import (
+    SlipAnswer,
+    flown_profile,
+    flown_slip,
+    known_slips,
+    slip_sentence,
+)
 from vfguide.record.vehicle import VehicleRecord
 
 SPEED = 20.0

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from vfguide.identification.profile import slip_line
+from vfguide.identification.flown import slip_line
 from vfguide.identification.slip import (
     Bank,
     Banks,

@@ -12,8 +12,7 @@ from vfguide.link.member import Member, ignore
 from vfguide.link.packed import PackedKind, decode_packet
 from vfguide.link.peer_clock import PeerClock
 from vfguide.link.presence import Presence
-from vfguide.link.radio_framing import Framer
-from vfguide.link.radio_schedule import Channel, make_timetable
+from vfguide.link.radio_schedule import Channel, Framer, make_timetable
 from vfguide.link.radio_station import Station
 
 CHANNEL = Channel(baud=57_600, air_bytes_s=4000.0)

@@ -3,8 +3,8 @@
 import pytest
 
 from tests.kit.link import trust_of
+from vfguide.link.datagrams import MOST_HELD, MOST_SENDERS, HeldMail
 from vfguide.link.envelope import Kind
-from vfguide.link.held_mail import MOST_HELD, MOST_SENDERS, HeldMail
 from vfguide.link.member import Member
 from vfguide.link.trust import Trust
 

@@ -34,8 +34,7 @@ from vfguide.link.packed import (
     ticks_of,
 )
 from vfguide.link.presence import Presence
-from vfguide.link.radio_framing import OVERHEAD
-from vfguide.link.radio_schedule import LONGEST_FRAME, SHORTEST_FRAME
+from vfguide.link.radio_schedule import LONGEST_FRAME, OVERHEAD, SHORTEST_FRAME
 
 BEAT = BeatInfo(beat=3, beats=4, members=12, period_ms=100)
 TAG = bytes(TAG_SIZE)

@@ -19,7 +19,7 @@ from tests.unit.link.radio_crafts import (
 )
 from vfguide.lab.rehearsal.emulated_radio import RadioQuality
 from vfguide.link.packed import PackedKind
-from vfguide.link.radio_framing import DAMAGED
+from vfguide.link.radio_schedule import DAMAGED
 
 
 def test_a_formation_hears_itself_without_a_collision_and_knows_the_leaders_clock():

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.kit.wire import cut
-from vfguide.link.radio_framing import (
+from vfguide.link.radio_schedule import (
     LARGEST_FRAME,
     LARGEST_PACKET,
     OVERHEAD,

@@ -14,7 +14,7 @@ from vfguide.link.packed import (
     encode_packet,
     formation_mark,
 )
-from vfguide.link.radio_framing import DAMAGED, Framer, encode_frame
+from vfguide.link.radio_schedule import DAMAGED, Framer, encode_frame
 
 
 def test_a_recording_of_another_session_is_refused_and_one_of_this_session_was_heard_before():

@@ -31,9 +31,8 @@ from vfguide.link.envelope import (
     formation_number,
 )
 from vfguide.link.keys import Roster
-from vfguide.link.member import Parcel
+from vfguide.link.member import TWIN_QUIET_S, TWIN_SPREAD_S, Parcel
 from vfguide.link.trust import RefusedError, Trust
-from vfguide.link.twin import TWIN_QUIET_S, TWIN_SPREAD_S
 
 ANSWERS = frozenset({Kind.ANSWER})
 

@@ -19,8 +19,7 @@ from vfguide.mavlink.ardupilot import (
 )
 from vfguide.mavlink.codec import Codec
 from vfguide.mavlink.parameters import AutopilotResponse, FlightNeeds, request_parameters
-from vfguide.mavlink.px4 import Px4
-from vfguide.mavlink.px4_parameters import px4_faults, px4_response, px4_warnings
+from vfguide.mavlink.px4 import Px4, px4_faults, px4_response, px4_warnings
 from vfguide.mavlink.reports import ParameterReport
 
 NEEDS = FlightNeeds(

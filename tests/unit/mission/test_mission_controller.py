@@ -8,7 +8,7 @@ from pydantic import ValidationError
 from tests.kit.missions import faults_of, line_of, loaded, mission_with, shipped, text_of
 from vfguide.commands.overrides import Overrides, apply_overrides
 from vfguide.errors import InputError
-from vfguide.laws.field_findings import told_apart
+from vfguide.laws.field import told_apart
 from vfguide.mission import Mission, check_mission
 from vfguide.mission.controller import controller_of, gains_of, with_law
 

@@ -7,12 +7,16 @@ import pytest
 
 from tests.kit.missions import MISSION_FILES, MISSIONS, line_of, loaded, replaced, text_of
 from vfguide.guidance.formation import Slot
-from vfguide.laws.field_findings import error_for_correction
+from vfguide.laws.field import error_for_correction
 from vfguide.mission import Finding, Mission, check_mission, read_mission, report_on
 from vfguide.mission.conditions import conditions_of, wind_samples
-from vfguide.mission.feasibility import least_guarantee
+from vfguide.mission.feasibility import (
+    effective_layer,
+    layer_crossing,
+    least_guarantee,
+    mean_leader_age,
+)
 from vfguide.mission.flight_limits import bank_for, giving_way
-from vfguide.mission.loop_limits import effective_layer, layer_crossing, mean_leader_age
 from vfguide.mission.rehearsal import ArticleWind
 
 GAINS = "type: slot, k_x: 0.25, k_y: 0.25, integral_s: 1.2, epsilon: 0.01"

@@ -7,7 +7,7 @@ import pytest
 from tests.kit.missions import line_of, loaded
 from tests.kit.missions import text_of as changed_text
 from vfguide.guidance.formation import field_slope
-from vfguide.laws.field_findings import course_field_turn_rate
+from vfguide.laws.field import course_field_turn_rate
 from vfguide.mission import Finding, check_mission, report_on
 
 GAINS = "type: slot, k_x: 0.25, k_y: 0.25, integral_s: 1.2"

@@ -4,7 +4,7 @@ import pytest
 
 from tests.kit.missions import loaded, text_of
 from vfguide.mission import Finding, Mission, MissionError, check_mission
-from vfguide.mission.loop_limits import effective_layer, mean_leader_age
+from vfguide.mission.feasibility import effective_layer, mean_leader_age
 
 
 def mission(*changes: tuple[str, str]) -> Mission:

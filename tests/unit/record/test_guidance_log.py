@@ -12,11 +12,13 @@ from vfguide.record.guidance_log import (
     HEADER,
     GuidanceStep,
     GuidanceTrack,
+    age_series,
     encode_step,
+    lead_series,
     read_guidance,
     read_newest,
+    slot_series,
 )
-from vfguide.record.guidance_series import age_series, lead_series, slot_series
 
 
 def step(time_s: float, mode: str = "tracking") -> GuidanceStep:

@@ -13,9 +13,15 @@ from tests.kit.missions import shipped
 from vfguide.errors import InputError
 from vfguide.mission import load_mission
 from vfguide.mission.model import Mission
-from vfguide.record.disk_writer import DiskWriter, GrowingFile
 from vfguide.record.guidance_log import GuidanceStep, read_guidance
-from vfguide.record.recording import begin_recording, files_of, find_recordings, read_start
+from vfguide.record.recording import (
+    DiskWriter,
+    GrowingFile,
+    begin_recording,
+    files_of,
+    find_recordings,
+    read_start,
+)
 from vfguide.record.tlog import read_tlog
 
 HEARTBEAT = bytes.fromhex("fe0900010100000000000106510003000d1a")[:17]
@@ -119,7 +125,7 @@ def test_a_full_disk_is_told_once_and_leaves_whole_entries(tmp_path, monkeypatch
     path = tmp_path / "some.file"
     file = GrowingFile(path)
     disk = FullDisk(room=14)
-    monkeypatch.setattr("vfguide.record.disk_writer.os.write", disk)
+    monkeypatch.setattr("vfguide.record.recording.os.write", disk)
     writer = DiskWriter(write_s=0.01)
     writer.put(file, lambda: b"entry 1\n")
     until(lambda: path.read_bytes() == b"entry 1\n")

@@ -8,8 +8,7 @@ import pytest
 from tests.kit.records import still_flight, still_leader
 from vfguide.lab.report.metrics import summarise, summary_json
 from vfguide.lab.report.page import write_report
-from vfguide.lab.report.table import verdict_text
-from vfguide.lab.report.wording import response_words
+from vfguide.lab.report.wording import response_words, verdict_text
 from vfguide.record.flight import FlightRecord
 from vfguide.record.response import (
     RESPONSE_HEADER,

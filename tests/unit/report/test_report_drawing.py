@@ -13,17 +13,16 @@ from tests.kit.records import still_flight, still_follower, still_leader, still_
 from vfguide.commands.output import PLOT_NAMES
 from vfguide.errors import InputError
 from vfguide.lab.report.errors_plot import errors_figure
-from vfguide.lab.report.formation_drawing import formation_links
 from vfguide.lab.report.picture import save_figure, with_palette
-from vfguide.lab.report.plots import PLOTS, plots_for, write_plots
+from vfguide.lab.report.plots import PLOTS, direction_for_drawing, plots_for, write_plots
 from vfguide.lab.report.tracks_plot import (
     choose_magnification,
     choose_side,
     choose_snapshots,
     choose_view,
     draw_top_view,
+    formation_links,
 )
-from vfguide.lab.report.wind_plot import direction_for_drawing
 from vfguide.record.flight import Outline, RecordAcceptance
 
 

@@ -12,8 +12,7 @@ from rich.console import Console
 from tests.kit.records import still_flight, still_follower, still_leader, still_vehicle
 from vfguide.lab.report.metrics import summarise
 from vfguide.lab.report.page import reproduction_command, write_report
-from vfguide.lab.report.table import summary_table
-from vfguide.lab.report.wording import in_digits
+from vfguide.lab.report.wording import in_digits, summary_table
 from vfguide.record.flight import FlightRecord, RecordAcceptance
 from vfguide.record.vehicle import SLOT_SERIES
 

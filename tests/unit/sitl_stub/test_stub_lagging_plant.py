@@ -10,9 +10,9 @@ from sitl_stub.lagging_plant import (
     tecs_integral_rate_m_s3,
     wanted_bank_rad,
 )
+from sitl_stub.loops import Targets, TurnTarget
 from sitl_stub.plant import PlantState
 from sitl_stub.px4 import EmulatedPx4
-from sitl_stub.targets import Targets, TurnTarget
 from tests.kit.autopilot import new_station
 from tests.kit.plants import flown, held, plant_state
 

@@ -19,9 +19,9 @@ from sitl_stub import (
     plant,
     plant_of,
 )
+from sitl_stub.loops import Targets
 from sitl_stub.personality import Personality, personality
 from sitl_stub.registry import autopilots
-from sitl_stub.targets import Targets
 from tests.kit.autopilot import GroundStation, config_of, new_autopilot
 from tests.kit.plants import flown, held
 

@@ -5,9 +5,14 @@ import pytest
 
 from sitl_stub import ArticleWind, CalmWind, PlantParameters, SteadyWind
 from sitl_stub.geometry import wrap_to_pi
-from sitl_stub.loops import bank_limited_turn_rate_rad_s, bank_of_rad, turn_rate_rad_s
+from sitl_stub.loops import (
+    Targets,
+    TurnTarget,
+    bank_limited_turn_rate_rad_s,
+    bank_of_rad,
+    turn_rate_rad_s,
+)
 from sitl_stub.plant import MAX_STEP_S, PlantState, course_hold_rates, with_speed_kind
-from sitl_stub.targets import Targets, TurnTarget
 from tests.kit.plants import flown, held, plant_state
 
 Kind = Literal["course-hold", "heading-hold"]

@@ -16,15 +16,69 @@ from vfguide.companion.mission_plan import local_frame
 from vfguide.elementwise import FloatArray
 from vfguide.formation.arrangement import MAIN_PATH, Arrangement, Manoeuvre
 from vfguide.formation.wording import flown_in_words
-from vfguide.lab.console.alarms import Alarm, Knowledge, Nearness, alarms_of
-from vfguide.lab.console.ground import describe_ground
-from vfguide.lab.console.history import COLUMNS, CONSOLE_KINDS, FLOWN_AS, MODES, SERIES, History
-from vfguide.lab.rehearsal.recorder import limits_of
+from vfguide.lab.console.alarms import (
+    COLUMNS,
+    CONSOLE_KINDS,
+    FLOWN_AS,
+    MODES,
+    SERIES,
+    Alarm,
+    History,
+    Knowledge,
+    Nearness,
+    alarms_of,
+)
+from vfguide.lab.rehearsal.recorder import limits_of, rally_points
 from vfguide.lab.report.colours import NIGHT_COLOURS, colours_of
-from vfguide.lab.report.replay.data import FORMAT, SeriesKind, encode
+from vfguide.lab.report.replay.data import FORMAT, SeriesKind, encode, ground_line
 from vfguide.link.codec import LeaderMessage, LinkDataError, decode
 from vfguide.link.presence import BATTERY, BATTERY_VOLTAGE, LEADER_FIGURES, Presence
 from vfguide.mission import Mission
+from vfguide.mission.fence_check import fences_of
+from vfguide.mission.flight_path import PathShape, path_of
+from vfguide.mission.path_frame import frame_of
+
+# Lines and points on the ground that the console draws: paths, the fence, rally points.
+
+DRAWN_POINTS = 400
+"""Points drawn of each path."""
+
+
+def describe_ground(mission: Mission) -> dict[str, object]:
+    """All paths by name, and outlines: edges of the fence, and rally points; ready for JSON."""
+    rally = rally_points(mission)
+    return {
+        "paths": {
+            name: ground_line(*drawn_path(mission, shape))
+            for name, shape in mission.paths_by_name.items()
+        },
+        "outlines": [
+            *({"kind": "fence", **ground_line(*edge)} for edge in fence_edges(mission)),
+            *([{"kind": "rally", **ground_line(*rally)}] if rally[0].size else []),
+        ],
+    }
+
+
+def drawn_path(mission: Mission, shape: PathShape) -> tuple[FloatArray, FloatArray]:
+    """(north, east) of points along a path, m: once round it, or as far as the rehearsal flies along it."""
+    path = path_of(shape)
+    if math.isfinite(path.length):
+        progress = path.outline(DRAWN_POINTS)
+    else:
+        reach_m = mission.leader.airspeed_m_s * mission.rehearsal.duration_s
+        progress = np.linspace(0.0, reach_m, DRAWN_POINTS)
+    places = path.at(progress)
+    return places.north, places.east
+
+
+def fence_edges(mission: Mission) -> list[tuple[FloatArray, FloatArray]]:
+    """(north, east) of points along the edge of each area of the fence, m."""
+    fences = fences_of(mission)
+    if not fences:
+        return []
+    frame = frame_of(mission.model_dump())
+    return [area.edge(frame) for fence in fences for area in fence.areas]
+
 
 CARRIED_S = 2.0
 """For so long a place is carried on along its turn; no slot is reckoned by an older one."""

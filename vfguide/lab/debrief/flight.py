@@ -25,8 +25,14 @@ from vfguide.lab.rehearsal.recorder import (
 from vfguide.mission.model import Mission
 from vfguide.record.events import FlightEvent, merged_events
 from vfguide.record.flight import FlightRecord, RecordAcceptance, RecordOrigin
-from vfguide.record.guidance_log import GuidanceStep, GuidanceTrack
-from vfguide.record.guidance_series import age_series, lead_series, sampled, slot_series
+from vfguide.record.guidance_log import (
+    GuidanceStep,
+    GuidanceTrack,
+    age_series,
+    lead_series,
+    sampled,
+    slot_series,
+)
 from vfguide.record.latency import recorded_latency
 from vfguide.record.recording import files_of
 from vfguide.record.vehicle import VehicleRecord

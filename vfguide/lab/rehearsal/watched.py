@@ -31,8 +31,13 @@ from vfguide.link.opening import WatchedFormation, presences
 from vfguide.mission.model import Mission
 from vfguide.record.events import FlightEvent
 from vfguide.record.flight import FlightRecord
-from vfguide.record.guidance_log import GuidanceStep, GuidanceTrack
-from vfguide.record.guidance_series import age_series, lead_series, slot_series
+from vfguide.record.guidance_log import (
+    GuidanceStep,
+    GuidanceTrack,
+    age_series,
+    lead_series,
+    slot_series,
+)
 from vfguide.record.latency import Latency, latency_of
 from vfguide.record.response import VehicleResponse
 from vfguide.state import Setpoint

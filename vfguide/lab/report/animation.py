@@ -13,10 +13,10 @@ from vfguide.elementwise import FloatArray
 from vfguide.errors import InputError
 from vfguide.lab.report.colours import vehicle_colours
 from vfguide.lab.report.figures import errors_that_count, settling_time
-from vfguide.lab.report.formation_drawing import HALF_AIRCRAFT, Point
 from vfguide.lab.report.geometry import slot_error, slot_track
 from vfguide.lab.report.metrics import slot_distances
 from vfguide.lab.report.style import STILL_AIR_M_S, WIND_COLOUR, extent
+from vfguide.lab.report.tracks_plot import HALF_AIRCRAFT, Point
 from vfguide.record.flight import FlightRecord, VehicleRecord
 
 WIDTH, SCENE_HEIGHT, PLOT_HEIGHT = 640, 360, 120

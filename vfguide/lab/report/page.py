@@ -14,7 +14,7 @@ from vfguide.errors import InputError
 from vfguide.lab.report.metrics import summarise
 from vfguide.lab.report.picture import as_webp
 from vfguide.lab.report.plots import Plot, draw_narrow, plots_for, write_plots
-from vfguide.lab.report.replay.page_part import hash_source, replay_of
+from vfguide.lab.report.replay.data import hash_source, replay_of
 from vfguide.lab.report.summary import Handling, LeaderSummary, Summary
 from vfguide.lab.report.wording import (
     NOT_REQUIRED,

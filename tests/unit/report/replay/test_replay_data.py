@@ -12,14 +12,17 @@ from tests.kit.records import still_flight, still_leader, still_vehicle, with_ve
 from vfguide.lab.report.replay.data import (
     ANGLE,
     MILLIMETRES,
+    NOTHING,
     NUMBER,
     choose_stride,
     describe_flight,
     encode,
+    hash_source,
+    program,
     replay_json,
+    replay_of,
     series_of,
 )
-from vfguide.lab.report.replay.page_part import NOTHING, hash_source, program, replay_of
 from vfguide.record.flight import FlightRecord, Outline
 
 
