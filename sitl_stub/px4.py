@@ -1,4 +1,4 @@
-"""PX4 for a fixed wing: its modes, commands and fail-safes; setpoints are read in `px4_setpoints`.
+"""PX4 for a fixed wing: its modes, commands, setpoints and fail-safes.
 
 As 1.18.0-beta1 was measured in software. Versions from 1.14 on are told apart by Guided Course (1.18), by
 what a velocity without a position does in offboard, and by their number.

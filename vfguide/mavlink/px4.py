@@ -62,7 +62,7 @@ from vfguide.mavlink.reports import CommandReport, ParameterReport, VersionRepor
 
 # What PX4's parameters say: how the aircraft answers, and what does not fit a flight, in words.
 #
-# Pure functions of the parameters' values. `px4.py` tells how a PX4 is steered, and what was measured of it.
+# Pure functions of the parameters' values.
 
 NAMES = (
     *("NAV_DLL_ACT", "COM_DL_LOSS_T", "COM_DLL_EXCEPT", "COM_OF_LOSS_T", "COM_OBL_RC_ACT"),

@@ -13,8 +13,6 @@ from vfguide.formation.arrangement import MAIN_PATH
 from vfguide.mission.flight_path import Location, dotted
 
 # A leader without a companion: what a mission file may leave out of it, and what has to be right.
-#
-# Reads plain data, as `consistency` does.
 
 OWN_COMPANION = "companion"
 """`leader.follows` of a leader with a companion, and where a mission does not say."""

@@ -76,7 +76,7 @@ def mission_schema() -> dict[str, object]:
     path, others = schema["properties"]["path"], schema["properties"]["paths"]
     schema["properties"]["path"] = {"description": path["description"], **kinds}
     others["patternProperties"] = dict.fromkeys(others["patternProperties"], kinds)
-    # A leader without a companion needs neither; see `foreign_leader`.
+    # A leader without a companion needs neither; see `consistency`.
     leader = schema["$defs"]["Leader"]
     leader["anyOf"] = [{"required": leader.pop("required")}, {"required": ["follows"]}]
     schema["required"].remove("path")
