@@ -1,21 +1,23 @@
-"""The console's model: what it makes of states and presences, by hand-computed places."""
+"""The console's model: what it makes of states, by hand-computed places; its ground and its history."""
 
 import json
 import math
 
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from msgspec.structs import replace
 
-from tests.kit.missions import shipped
+from tests.kit.missions import replaced, shipped
 from tests.kit.orders import heard
 from tests.kit.states import leader_message
 from vfguide.companion.mission_plan import local_frame
 from vfguide.companion.presence_figures import figures_of_leader
 from vfguide.formation.arrangement import Arrangement, Point, SlotMove
-from vfguide.lab.console.alarms import MODES, SERIES
-from vfguide.lab.console.model import FormationModel, slot_of
+from vfguide.lab.console.alarms import FINE_S, MODES, SERIES, History
+from vfguide.lab.console.model import FormationModel, describe_ground, slot_of
+from vfguide.lab.rehearsal.recorder import rally_points
 from vfguide.link.codec import encode
 from vfguide.link.presence import Presence
 from vfguide.mission import Mission
@@ -341,3 +343,98 @@ def test_pages_are_told_the_limits_of_each_vehicle(formation):
         "greatest_airspeed_m_s": highest,
         "greatest_bank_deg": MISSION.vehicles["f1"].max_bank_deg,
     }
+
+
+@pytest.fixture(scope="module")
+def mission() -> Mission:
+    """A circle of 300 m, another of 250 m round a place 50 m north, and a fence of 900 m."""
+    here, north = ({"north_m": north_m, "east_m": 0.0} for north_m in (0.0, 50.0))
+    return replaced(
+        "circle-wind",
+        path={"type": "circle", "centre": here, "radius_m": 300.0},
+        paths={"near": {"type": "circle", "centre": north, "radius_m": 250.0}},
+        fence={"circles": [{"centre": here, "radius_m": 900.0}]},
+    )
+
+
+def order(path: str) -> Arrangement:
+    return Arrangement(number=3, time_s=0.0, across_s=0.0, places=(), path=path)
+
+
+def test_all_paths_and_the_fence_are_drawn_where_they_are(mission):
+    ground = describe_ground(mission)
+    for name, north_m, radius_m in (("main", 0.0, 300.0), ("near", 50.0, 250.0)):
+        line = ground["paths"][name]
+        away_m = np.hypot(np.array(line["north_m"]) - north_m, line["east_m"])
+        assert away_m == pytest.approx(radius_m, abs=0.02)
+    (fence,) = ground["outlines"]
+    assert fence["kind"] == "fence"
+    assert max(fence["north_m"]) == pytest.approx(900.0, abs=0.5)
+
+
+def test_rally_points_of_a_plan_are_drawn():
+    mission = shipped("survey-plan")
+    kinds = [one["kind"] for one in describe_ground(mission)["outlines"]]
+    north, _ = rally_points(mission)
+    assert north.size == len(mission.path.rally_points) > 0
+    assert kinds.count("rally") == 1
+    assert "fence" in kinds
+
+
+def test_what_was_flown_is_kept_with_the_time_from_which_on_it_was(mission):
+    formation = FormationModel(mission)
+    for tenths in range(30):
+        if tenths >= 10:
+            formation.take_order(3, order("near"), leads=formation.names[0])
+        formation.sample(0.1 * tenths)
+    kept = [(one["t"], one["number"], one["path"]) for one in formation.describe()["flown"]]
+    assert kept == [(0.0, 0, "main"), (pytest.approx(0.9), 3, "near")]
+
+
+def test_the_path_of_the_order_that_is_flown_is_drawn(mission):
+    formation = FormationModel(mission)
+    assert formation.flies()["path"] == "main"
+    formation.take_order(3, order("near"), leads="leader")
+    assert formation.flies()["path"] == "near"
+    # What follows was not heard: the path stays until it is known.
+    formation.take_order(4, None, leads="leader")
+    assert formation.flies()["path"] == "near"
+    formation.take_order(5, replace(order("main"), number=5), leads="leader")
+    assert formation.flies()["path"] == "main"
+
+
+def filled(seconds: float, *, room: int) -> History:
+    """Ten samples a second, each with its own time as its value."""
+    history = History(2, 1, room=room)
+    for time_s in np.arange(0.0, seconds, 0.1):
+        history.add(float(time_s), np.full((2, 1), time_s))
+    return history
+
+
+def test_everything_is_kept_while_there_is_room_but_what_is_not_later():
+    history = filled(20.0, room=1000)
+    assert history.time_s.size == 200
+    np.testing.assert_allclose(history.series(1, 0), history.time_s, atol=1e-4)
+    for time_s in (19.9, 19.9, 0.5, 21.0):
+        history.add(time_s, np.zeros((2, 1)))
+    assert list(history.time_s[199:]) == [pytest.approx(19.9), 21.0]
+
+
+@pytest.mark.parametrize("room", [800, 1500])
+def test_a_long_flight_keeps_its_room_its_beginning_and_its_newest_minute(room):
+    history = filled(1800.0, room=room)
+    time_s = history.time_s
+    assert time_s.size <= room
+    assert time_s[0] == 0.0
+    assert time_s[-1] == pytest.approx(1799.9)
+    newest = min(FINE_S, 0.1 * room / 2) - 1.0
+    assert (time_s > 1799.9 - newest).sum() >= 10.0 * newest - 1.0
+    np.testing.assert_allclose(history.series(0, 0), time_s, atol=1e-3)
+
+
+def test_older_samples_stay_evenly_spread():
+    """1800 s in at most 0.75 * 1500 samples, 600 of which are the newest minute: 1740 s in 525 at most."""
+    time_s = filled(1800.0, room=1500).time_s
+    steps = np.diff(time_s[time_s < 1500.0])
+    assert steps.max() <= 6.5
+    assert steps.max() / steps.min() <= 2.0 + 1e-6
