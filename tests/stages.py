@@ -69,13 +69,12 @@ def made(name: str) -> Stage:
 ROWS = (
     (made("lockstep"),),
     (made("lint"),),
-    (made("sockets"),),
-    (made("containers"), made("live")),
+    (made("sockets"), made("containers"), made("live")),
 )
 """Side by side, the stages of a row one after the other.
 
-Lint and the flights in lockstep take what processor is left. Formations that fly in real time need it: those
-in containers fly first, then the others.
+Lint and the flights in lockstep take what processor is left. What runs in real time needs it, one stage at a
+time: two beside each other test the machine. Those in containers follow, as their image is made meanwhile.
 """
 
 
