@@ -66,7 +66,7 @@ def client(formation: Formation, user: str, program: str, *options: str, check: 
 
 
 def forge(formation: Formation) -> dict[str, Any]:
-    """As f3, tell the formation that the leader is a kilometre away; then tell it something of one's own."""
+    """As f3, tell the formation something of one's own; then, that the leader is a kilometre away."""
     heard = client(
         formation, "judge", "mosquitto_sub", "-t", STATE, "-C", "1", "-W", "15", "-F", "%x"
     )
@@ -85,8 +85,8 @@ def forge(formation: Formation) -> dict[str, Any]:
         # The container's shell makes bytes of it: no option of a program can hold a zero.
         octal = "".join(f"\\{byte:03o}" for byte in lie)
         formation.inside("f3", "sh", "-c", f"printf '{octal}' > {LIE}")
-        client(formation, "f3", "mosquitto_pub", "-t", STATE, "-f", LIE, *often)
         client(formation, "f3", "mosquitto_pub", "-t", "vfguide/circle-wind/f3/reply", "-m", mark)
+        client(formation, "f3", "mosquitto_pub", "-t", STATE, "-f", LIE, *often)
         lines = listening.result().split("\n")
     return {
         "lies heard": sum(lie.hex() in line for line in lines),
