@@ -227,7 +227,7 @@ def missing_votes(
     *,
     closing: bool,
 ) -> list[str]:
-    """Names of those whose consent an order still lacks; empty once it may be flown.
+    """Return the names of those whose consent an order still lacks; none once it may be flown.
 
     Needed are those whose slots move, and who is to lead. Of all others that fly in it a majority suffices
     once the time is closing in. Who is sent away, or relieved of the lead, is not asked.

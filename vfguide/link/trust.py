@@ -310,7 +310,7 @@ class Trust:
         )
 
     def vouch(self, sealed: bytes, speaker: str) -> Message:
-        """An operator's order of this flight that another member repeats.
+        """Return an operator's order of this flight that another member repeats.
 
         It was given under a session of the leader, which the operator has signed. Where this member has not
         met that session, two others have to repeat the order. That it is the one that is flown now is for its
