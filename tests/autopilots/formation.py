@@ -22,17 +22,16 @@ from tests.autopilots.programs import (
     Program,
     broker,
     first_in_line,
-    restore_priority,
     vfguide,
 )
 from tests.autopilots.relay import Relay
 from tests.autopilots.simulators import (
     CLIMB_S,
     ENOUGH_M,
+    PROGRAMS,
     Aircraft,
     ArduPlane,
     Conditions,
-    Place,
     Px4,
     Simulator,
     free_instances,
@@ -165,11 +164,9 @@ def airborne(plan: Plan) -> Iterator[Formation]:
             name=name,
             system_id=mission.vehicles[name].system_id,
             instance=first + n,
-            place=Place(
-                latitude_deg=latitude,
-                longitude_deg=longitude,
-                altitude_amsl_m=mission.origin.altitude_amsl_m,
-            ),
+            latitude_deg=latitude,
+            longitude_deg=longitude,
+            altitude_amsl_m=mission.origin.altitude_amsl_m,
             height_m=mission.height_above_origin_m + up_m,
         )
         simulators[name] = plan.kind(plan.binary, directory / name, aircraft, plan.conditions)
@@ -205,28 +202,52 @@ def airborne(plan: Plan) -> Iterator[Formation]:
     formation = Formation(
         mission, simulators, mosquitto, companions, clock, plan.guided, (file, link)
     )
-    priority = first_in_line()
-    try:
-        mosquitto.start()
-        for simulator in simulators.values():
+    with first_in_line():
+        try:
+            mosquitto.start()
+            for simulator in simulators.values():
+                simulator.program.start()
+            at_once([partial(climb, simulator, mission) for simulator in simulators.values()])
+            for companion in companions.values():
+                companion.start()
+            if relay is not None:
+                simulators[mission.leader.vehicle].enter("LOITER")
+                relay.start()
+            at_once([partial(hand_over, name, formation) for name in mission.companions])
+            formation.began_s = clock.now()
+            yield formation
+        finally:
+            # At the same time: each companion waits until its autopilot shows that it flies by itself.
+            at_once([one.stop for one in (*companions.values(), *formation.orders)])
+            if relay is not None:
+                relay.stop()
+            mosquitto.stop()
+            at_once([simulator.close for simulator in simulators.values()])
+
+
+@contextmanager
+def alone(
+    kind: str, binary: Path, directory: Path, mission: Mission, conditions: Conditions
+) -> Iterator[Simulator]:
+    """One aircraft, the mission's leader, at its height; at the end its program is not left."""
+    origin, program = mission.origin, PROGRAMS[kind]
+    aircraft = Aircraft(
+        name="aircraft",
+        system_id=mission.leader_vehicle.system_id,
+        instance=free_instances(program, 1),
+        latitude_deg=origin.latitude_deg,
+        longitude_deg=origin.longitude_deg,
+        altitude_amsl_m=origin.altitude_amsl_m,
+        height_m=mission.height_above_origin_m,
+    )
+    simulator = program(binary, directory / "aircraft", aircraft, conditions)
+    with first_in_line():
+        try:
             simulator.program.start()
-        at_once([partial(climb, simulator, mission) for simulator in simulators.values()])
-        for companion in companions.values():
-            companion.start()
-        if relay is not None:
-            simulators[mission.leader.vehicle].enter("LOITER")
-            relay.start()
-        at_once([partial(hand_over, name, formation) for name in mission.companions])
-        formation.began_s = clock.now()
-        yield formation
-    finally:
-        restore_priority(priority)
-        # At the same time: each companion waits until its autopilot shows that it flies by itself.
-        at_once([one.stop for one in (*companions.values(), *formation.orders)])
-        if relay is not None:
-            relay.stop()
-        mosquitto.stop()
-        at_once([simulator.close for simulator in simulators.values()])
+            climb(simulator, mission)
+            yield simulator
+        finally:
+            simulator.close()
 
 
 def at_once(calls: Sequence[Callable[[], None]]) -> None:
@@ -287,7 +308,7 @@ def changes_of(
 
 def pass_time(formation: Formation, duration_s: float, faults: Sequence[Occurrence]) -> None:
     """Let the time of a flight pass, and do what is to be done in it."""
-    steps = [(one.began_s + step.after_s, step.act) for one in faults for step in one.fault.steps]
+    steps = [(one.began_s + after_s, act) for one in faults for after_s, act in one.fault.steps]
     due = sorted(steps, key=lambda step: step[0])
     while (now_s := formation.clock.now() - formation.began_s) < duration_s + 0.5:
         while due and now_s >= due[0][0]:

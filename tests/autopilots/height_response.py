@@ -15,18 +15,9 @@ from pathlib import Path
 
 import numpy as np
 
-from tests.autopilots.formation import climb, flight_directory, load
-from tests.autopilots.programs import FlightError, first_in_line, restore_priority
-from tests.autopilots.simulators import (
-    PROGRAMS,
-    Aircraft,
-    Conditions,
-    Place,
-    Simulator,
-    add_program,
-    find_program,
-    free_instances,
-)
+from tests.autopilots.formation import alone, flight_directory, load
+from tests.autopilots.programs import FlightError
+from tests.autopilots.simulators import Conditions, Simulator, add_program, find_program
 from vfguide.companion.mission_plan import adapter_of
 from vfguide.mavlink.adapter import AutopilotAdapter, AutopilotSetpoint
 from vfguide.mavlink.reports import VersionReport
@@ -59,41 +50,17 @@ def main() -> int:
     parameters = dict(one.split("=") for one in options.set)
     conditions = Conditions(parameters={name: float(value) for name, value in parameters.items()})
     try:
-        with flight_directory(None) as directory:
-            simulator = made(options.program, binary, directory, mission, conditions)
-            priority = first_in_line()
-            try:
-                simulator.program.start()
-                climb(simulator, mission)
-                simulator.enter("GUIDED")
-                found = measured(simulator, mission, options)
-            finally:
-                restore_priority(priority)
-                simulator.close()
+        with (
+            flight_directory(None) as directory,
+            alone(options.program, binary, directory, mission, conditions) as simulator,
+        ):
+            simulator.enter("GUIDED")
+            found = measured(simulator, mission, options)
     except FlightError as error:
         sys.stderr.write(f"{error}\n")
         return 1
     sys.stdout.write(json.dumps(found, indent=2) + "\n")
     return 0
-
-
-def made(
-    kind: str, binary: Path, directory: Path, mission: Mission, conditions: Conditions
-) -> Simulator:
-    """One aircraft, not started."""
-    origin, program = mission.origin, PROGRAMS[kind]
-    aircraft = Aircraft(
-        name="aircraft",
-        system_id=mission.leader_vehicle.system_id,
-        instance=free_instances(program, 1),
-        place=Place(
-            latitude_deg=origin.latitude_deg,
-            longitude_deg=origin.longitude_deg,
-            altitude_amsl_m=origin.altitude_amsl_m,
-        ),
-        height_m=mission.height_above_origin_m,
-    )
-    return program(binary, directory / "aircraft", aircraft, conditions)
 
 
 def measured(

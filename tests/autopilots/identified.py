@@ -11,9 +11,8 @@ import sys
 import time
 from pathlib import Path
 
-from tests.autopilots.formation import BOOT_S, climb, flight_directory, load
-from tests.autopilots.height_response import made
-from tests.autopilots.programs import FlightError, Program, first_in_line, restore_priority, vfguide
+from tests.autopilots.formation import BOOT_S, alone, flight_directory, load
+from tests.autopilots.programs import FlightError, Program, vfguide
 from tests.autopilots.simulators import Conditions, add_air, add_program, find_program, wind_of
 
 LONGEST_S = 600.0
@@ -46,38 +45,35 @@ def flown(
 ) -> tuple[str, int]:
     """Fly the steps with one aircraft, the mission's leader: (what was said, exit status)."""
     mission = load(file, {})
-    simulator = made(kind, binary, directory, mission, conditions)
-    name = mission.leader.vehicle
-    identify = Program(
-        "identify",
-        vfguide(
-            *("identify", name, "--mission", str(file.resolve()), "--out", str(directory / "out")),
-            *("--mavlink", simulator.companion_url, "--state", str(directory / "state")),
-        ),
-        directory,
-    )
-    priority = first_in_line()
-    try:
-        simulator.program.start()
-        climb(simulator, mission)
-        simulator.enter("LOITER")
-        identify.start()
-        simulator.station.wait(
-            lambda: "waiting until the pilot" in identify.output.read_text(), "no program", BOOT_S
+    with alone(kind, binary, directory, mission, conditions) as simulator:
+        identify = Program(
+            "identify",
+            vfguide(
+                *("identify", mission.leader.vehicle, "--mission", str(file.resolve())),
+                *("--out", str(directory / "out"), "--mavlink", simulator.companion_url),
+                *("--state", str(directory / "state")),
+            ),
+            directory,
         )
-        simulator.enter("GUIDED")
-        gives_up = time.monotonic() + LONGEST_S
-        while identify.running and time.monotonic() < gives_up:
-            simulator.program.check()
-            time.sleep(0.1)
-        status = identify.status
-        if status is None:
-            raise FlightError(f"the steps are not flown after {LONGEST_S:g} s")
-        return identify.output.read_text(), status
-    finally:
-        restore_priority(priority)
-        identify.stop()
-        simulator.close()
+        try:
+            simulator.enter("LOITER")
+            identify.start()
+            simulator.station.wait(
+                lambda: "waiting until the pilot" in identify.output.read_text(),
+                "no program",
+                BOOT_S,
+            )
+            simulator.enter("GUIDED")
+            gives_up = time.monotonic() + LONGEST_S
+            while identify.running and time.monotonic() < gives_up:
+                simulator.program.check()
+                time.sleep(0.1)
+            status = identify.status
+            if status is None:
+                raise FlightError(f"the steps are not flown after {LONGEST_S:g} s")
+            return identify.output.read_text(), status
+        finally:
+            identify.stop()
 
 
 if __name__ == "__main__":

@@ -7,9 +7,12 @@ import socket
 import subprocess
 import sys
 import time
-from collections.abc import Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from pathlib import Path
+
+from tests.kit.programs import BASIS
+from vfguide.lab.rehearsal.processes import free_port
 
 PATIENCE_S = 8.0
 """That a program gets to end by itself."""
@@ -110,18 +113,17 @@ class Program:
         return lines[-1] if lines else "without a word"
 
 
-def first_in_line() -> int:
-    """Put this process, which notes when reports come, before other work; the priority that it had."""
+@contextmanager
+def first_in_line() -> Iterator[None]:
+    """Put this process, which notes when reports come, before other work for a while."""
     before = os.getpriority(os.PRIO_PROCESS, 0)
     with suppress(OSError):
         os.setpriority(os.PRIO_PROCESS, 0, PRIORITY)
-    return before
-
-
-def restore_priority(before: int) -> None:
-    """Give this process back the priority that it had."""
-    with suppress(OSError):
-        os.setpriority(os.PRIO_PROCESS, 0, before)
+    try:
+        yield
+    finally:
+        with suppress(OSError):
+            os.setpriority(os.PRIO_PROCESS, 0, before)
 
 
 def vfguide(*arguments: str) -> list[str]:
@@ -137,23 +139,12 @@ def find_mosquitto() -> str:
     return found
 
 
-BROKER = """\
-listener {port} 127.0.0.1
-allow_anonymous true
-set_tcp_nodelay true
-persistence false
-user root
-"""
-
-
 def broker(program: str, directory: Path) -> tuple[Program, str]:
     """(Mosquitto on a free port, its address)."""
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        port = probe.getsockname()[1]
+    port = free_port(socket.SOCK_STREAM)
     directory.mkdir(parents=True, exist_ok=True)
     config = directory / "mosquitto.conf"
-    config.write_text(BROKER.format(port=port))
+    config.write_text(f"listener {port} 127.0.0.1\n{BASIS}")
     return Program("mosquitto", [program, "-c", str(config)], directory), f"mqtt://127.0.0.1:{port}"
 
 

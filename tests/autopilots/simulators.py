@@ -7,7 +7,7 @@ import shutil
 import socket
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -25,6 +25,13 @@ START_S, ARM_S, CLIMB_S, MODE_S = 60.0, 180.0, 180.0, 60.0
 
 ENOUGH_M = 10.0
 """So near to the height that was asked for counts as being up."""
+
+
+ARDUPLANE_MODES = {"MANUAL": 0, "FBWA": 5, "RTL": 11, "LOITER": 12, "TAKEOFF": 13, "GUIDED": 15}
+
+PX4_MODES = {"MANUAL": (1, 0), "OFFBOARD": (6, 0), "TAKEOFF": (4, 2), "LOITER": (4, 3)}
+PX4_MODES |= {"RTL": (4, 5), "GUIDED": (4, 19)}
+"""GUIDED is Guided Course, which 1.18 has; before that its pilot selects OFFBOARD."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -46,15 +53,6 @@ class Conditions:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Place:
-    """Where an aircraft stands before it takes off."""
-
-    latitude_deg: float
-    longitude_deg: float
-    altitude_amsl_m: float
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class Aircraft:
     """One aircraft of a flight."""
 
@@ -62,9 +60,12 @@ class Aircraft:
     system_id: int
     instance: int
     """Of the simulators, which decides its ports."""
-    place: Place
+    latitude_deg: float
+    longitude_deg: float
+    altitude_amsl_m: float
+    """Of the ground that it stands on before it takes off."""
     height_m: float
-    """Above the place, to which it takes off."""
+    """Above that, to which it takes off."""
 
 
 class Simulator(ABC):
@@ -94,16 +95,17 @@ class Simulator(ABC):
         """A ground station that hears the simulator's clock and true positions."""
 
     @abstractmethod
-    def take_off(self) -> None:
-        """Arm, and begin to climb to the height it was made for."""
+    def ask_to_take_off(self) -> None:
+        """Ask once for the climb to the height it was made for, before it is armed."""
 
     @abstractmethod
     def meet_wind(self) -> None:
         """Let the wind begin, where the aircraft has to be in the air for it."""
 
+    @staticmethod
     @abstractmethod
-    def is_in(self, mode: str) -> bool:
-        """Whether the autopilot is in a mode, by its pilot's word for it."""
+    def number(mode: str) -> int:
+        """A mode as heartbeats tell it, by its pilot's word for it."""
 
     @abstractmethod
     def select(self, mode: str) -> None:
@@ -120,15 +122,35 @@ class Simulator(ABC):
             self._station = self.connect()
         return self._station
 
+    def take_off(self) -> None:
+        """Arm, and begin to climb to the height it was made for."""
+
+        def ask() -> None:
+            self.ask_to_take_off()
+            self.station.command(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1)
+
+        self.station.wait(lambda: self.station.armed, "not armed", ARM_S, ask)
+        self.enter("TAKEOFF")
+
     def enter(self, mode: str) -> None:
         """Ask for a mode until the autopilot is in it."""
-        self.station.wait(lambda: self.is_in(mode), mode, MODE_S, ask=lambda: self.select(mode))
+        number = self.number(mode)
+        self.station.wait(
+            lambda: self.station.mode == number, mode, MODE_S, lambda: self.select(mode)
+        )
 
     def close(self) -> None:
         """Hang up and end it."""
         if self._station is not None:
             self._station.close()
         self.program.stop()
+
+
+def heard(station: GroundStation, ask: Callable[[], None]) -> GroundStation:
+    """A station once it hears its aircraft and, asked for them, true positions."""
+    station.wait(lambda: station.mode is not None, "no heartbeat", START_S)
+    station.wait(lambda: len(station.fixes) > 10, "no true positions", START_S, ask)
+    return station
 
 
 class ArduPlane(Simulator):
@@ -143,20 +165,10 @@ class ArduPlane(Simulator):
     }
     """What missions/ardupilot-sitl.yaml asks for."""
 
-    MODES: Mapping[str, int] = {
-        "MANUAL": 0,
-        "FBWA": 5,
-        "RTL": 11,
-        "LOITER": 12,
-        "TAKEOFF": 13,
-        "GUIDED": 15,
-    }
-
     def __init__(
         self, file: Path, directory: Path, aircraft: Aircraft, conditions: Conditions
     ) -> None:
-        instance, place = aircraft.instance, aircraft.place
-        self._port = 5760 + 10 * instance
+        self._port = 5760 + 10 * aircraft.instance
         self._rate_hz = TRUTH_HZ
         wanted = {
             "TKOFF_ALT": aircraft.height_m,
@@ -173,9 +185,11 @@ class ArduPlane(Simulator):
         defaults = directory / "formation.parm"
         defaults.write_text("".join(f"{key} {value:g}\n" for key, value in wanted.items()))
         model = model_defaults(file)
-        home = f"{place.latitude_deg:.7f},{place.longitude_deg:.7f},{place.altitude_amsl_m:g},353"
+        home = f"{aircraft.latitude_deg:.7f},{aircraft.longitude_deg:.7f}"
+        home += f",{aircraft.altitude_amsl_m:g},353"
         command = [
-            *(str(file), "-w", "-I", str(instance), "--serial0", "tcp:0", "--model", "plane"),
+            *(str(file), "-w", "-I", str(aircraft.instance), "--serial0", "tcp:0"),
+            *("--model", "plane"),
             *("--speedup", f"{conditions.clock.rate:g}", "--sysid", str(aircraft.system_id)),
             *("--home", home, "--defaults", f"{model},{defaults}"),
         ]
@@ -211,26 +225,20 @@ class ArduPlane(Simulator):
             station.ask_for(mavlink.MAVLINK_MSG_ID_SYSTEM_TIME, self._rate_hz)
             station.ask_for(mavlink.MAVLINK_MSG_ID_SIM_STATE, self._rate_hz)
 
-        station.wait(lambda: station.mode is not None, "no heartbeat", START_S)
-        station.wait(lambda: len(station.fixes) > 10, "no true positions", START_S, ask)
-        return station
+        return heard(station, ask)
 
-    def take_off(self) -> None:
-        def ask() -> None:
-            self.select("TAKEOFF")
-            self.station.command(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1)
-
-        self.station.wait(lambda: self.station.armed, "not armed", ARM_S, ask)
-        self.enter("TAKEOFF")
+    def ask_to_take_off(self) -> None:
+        self.select("TAKEOFF")
 
     def meet_wind(self) -> None:
         """ArduPlane stands in it from the start."""
 
-    def is_in(self, mode: str) -> bool:
-        return self.station.mode == self.MODES[mode]
+    @staticmethod
+    def number(mode: str) -> int:
+        return ARDUPLANE_MODES[mode]
 
     def select(self, mode: str) -> None:
-        self.station.set_mode(self.MODES[mode])
+        self.station.set_mode(self.number(mode))
 
     def glitch(self, north_m: float) -> None:
         degrees = math.degrees(north_m / 6371e3)
@@ -294,21 +302,10 @@ class Px4(Simulator):
     )
     """What ground stations of the simulation are sent 50 times a second unasked."""
 
-    MODES: Mapping[str, tuple[int, int]] = {
-        "MANUAL": (1, 0),
-        "OFFBOARD": (6, 0),
-        "TAKEOFF": (4, 2),
-        "LOITER": (4, 3),
-        "RTL": (4, 5),
-        "GUIDED": (4, 19),
-    }
-    """GUIDED is Guided Course, which 1.18 has; before that its pilot selects OFFBOARD."""
-
     def __init__(
         self, file: Path, directory: Path, aircraft: Aircraft, conditions: Conditions
     ) -> None:
-        instance, place = aircraft.instance, aircraft.place
-        self._instance = instance
+        self._instance = aircraft.instance
         self._directory = directory
         heading = math.radians(conditions.wind_from_deg)
         # Where it comes from.
@@ -320,8 +317,8 @@ class Px4(Simulator):
             **self.AIRFRAME,
             "MAV_SYS_ID": aircraft.system_id,
             "MIS_TAKEOFF_ALT": aircraft.height_m,
-            "SIH_LOC_LAT0": place.latitude_deg,
-            "SIH_LOC_LON0": place.longitude_deg,
+            "SIH_LOC_LAT0": aircraft.latitude_deg,
+            "SIH_LOC_LON0": aircraft.longitude_deg,
             **({} if conditions.factory else self.RECIPE),
             **conditions.parameters,
         }
@@ -333,7 +330,8 @@ class Px4(Simulator):
             "PX4_SIM_SPEED_FACTOR": f"{conditions.clock.rate:g}",
             **{f"PX4_PARAM_{key}": f"{value:.8g}" for key, value in wanted.items()},
         }
-        command = [str(commands / "px4"), "-d", "-i", str(instance), str(startup_scripts(file))]
+        command = [str(commands / "px4"), "-d", "-i", str(self._instance)]
+        command.append(str(startup_scripts(file)))
         program = Program(f"{aircraft.name}.px4", command, directory, environment=environment)
         super().__init__(program, aircraft.system_id, conditions.clock)
 
@@ -363,21 +361,15 @@ class Px4(Simulator):
             station.ask_for(mavlink.MAVLINK_MSG_ID_HIL_STATE_QUATERNION, TRUTH_HZ)
             station.stop_sending(self.CHATTER)
 
-        station.wait(lambda: station.mode is not None, "no heartbeat", START_S)
-        station.wait(lambda: len(station.fixes) > 10, "no true positions", START_S, ask)
+        heard(station, ask)
         if self._instance > 9:
             arguments = ["start", "-x", "-u", str(14_880 + self._instance), "-r", "4000000"]
             arguments += ["-f", "-m", "onboard", "-o", str(14_840 + self._instance)]
             self._call("mavlink", *arguments)
         return station
 
-    def take_off(self) -> None:
-        def ask() -> None:
-            self.station.command(mavlink.MAV_CMD_NAV_TAKEOFF, -1, 0, 0, *[math.nan] * 4)
-            self.station.command(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1)
-
-        self.station.wait(lambda: self.station.armed, "not armed", ARM_S, ask)
-        self.enter("TAKEOFF")
+    def ask_to_take_off(self) -> None:
+        self.station.command(mavlink.MAV_CMD_NAV_TAKEOFF, -1, 0, 0, *[math.nan] * 4)
 
     def meet_wind(self) -> None:
         """Set the wind in flight: SIH's airplane is blown about on the ground, and the estimator with it."""
@@ -391,17 +383,13 @@ class Px4(Simulator):
                     lambda name=name, value=value: station.set_parameter(name, value),
                 )
 
-    @classmethod
-    def number(cls, mode: str) -> int:
-        """A mode as heartbeats tell it."""
-        main, sub = cls.MODES[mode]
+    @staticmethod
+    def number(mode: str) -> int:
+        main, sub = PX4_MODES[mode]
         return main << 16 | sub << 24
 
-    def is_in(self, mode: str) -> bool:
-        return self.station.mode == self.number(mode)
-
     def select(self, mode: str) -> None:
-        self.station.set_mode(*self.MODES[mode])
+        self.station.set_mode(*PX4_MODES[mode])
 
     def glitch(self, north_m: float) -> None:
         raise FlightError(f"PX4's receiver cannot be put {north_m:g} m off in its simulation")

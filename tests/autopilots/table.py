@@ -21,8 +21,9 @@ from typing import Any
 
 from tests.autopilots.fly_sitl import arguments, flown
 from tests.autopilots.programs import FlightError
-from tests.autopilots.verdict import MOST_LOST_S, Spread
+from tests.autopilots.verdict import MOST_LOST_S, heading_of
 from vfguide.errors import VfguideError
+from vfguide.lab.report.figures import Spread
 
 ARDUPLANE = "missions/ardupilot-sitl.yaml"
 PX4 = "missions/px4-sitl.yaml --program px4"
@@ -180,25 +181,28 @@ def read(file: Path) -> list[Flight]:
     return [Flight(**{**row, **{name: Spread(**row[name]) for name in spreads}}) for row in rows]
 
 
+HEADING = heading_of(
+    *("row", "flights", "worst mean, m", "95 %", "greatest", "in the leader's frame, m"),
+    *("roll, deg/s", "against the leader's", "setpoints at a limit", "all means, m"),
+)
+
+
 def table(flights: Iterable[Flight]) -> str:
     """The worst of each row, as in docs/accuracy.md; flights whose simulators lost time do not count."""
     by_row: dict[str, list[Flight]] = {}
     for flight in flights:
         by_row.setdefault(flight.row, []).append(flight)
-    columns = (
-        *("row", "flights", "worst mean, m", "95 %", "greatest", "in the leader's frame, m"),
-        *("roll, deg/s", "against the leader's", "setpoints at a limit", "all means, m"),
-    )
-    lines = [f"| {' | '.join(columns)} |", "|---" * len(columns) + "|"]
+    lines = [HEADING]
     for name, flown_so in by_row.items():
         kept = [flight for flight in flown_so if flight.kept_time]
         count = f"{len(kept)}" + (f" of {len(flown_so)}" if len(kept) < len(flown_so) else "")
         cells = [
             name,
             count,
-            f"{worst(flight.intended.mean for flight in kept):.2f}",
-            f"{worst(flight.intended.p95 for flight in kept):.2f}",
-            f"{worst(flight.intended.greatest for flight in kept):.2f}",
+            *(
+                f"{worst(getattr(flight.intended, figure) for flight in kept):.2f}"
+                for figure in ("mean", "p95", "max")
+            ),
             f"{worst(flight.as_it_is.mean for flight in kept):.2f}",
             f"{worst(flight.roll_deg_s for flight in kept):.1f}",
             f"{worst(flight.roll for flight in kept):.2f}",
@@ -216,7 +220,7 @@ def worst(values: Iterable[float]) -> float:
 
 def words(spread: Spread) -> str:
     """As mean, 95 % and greatest."""
-    return f"{spread.mean:.2f} ({spread.p95:.2f}, {spread.greatest:.2f})"
+    return f"{spread.mean:.2f} ({spread.p95:.2f}, {spread.max:.2f})"
 
 
 if __name__ == "__main__":

@@ -17,11 +17,9 @@ from tests.autopilots.conftest import program
 from tests.autopilots.programs import FlightError
 from tests.autopilots.simulators import (
     CLIMB_S,
+    PROGRAMS,
     Aircraft,
-    ArduPlane,
     Conditions,
-    Place,
-    Px4,
     Simulator,
     free_instances,
 )
@@ -32,10 +30,8 @@ HEIGHT_M, PATIENCE_S = 60.0, 20.0
 LISTENS_S = 4.0
 """To a link for companions that was asked for nothing."""
 
-PLACES = {
-    "px4": Place(latitude_deg=47.397742, longitude_deg=8.545594, altitude_amsl_m=0.0),
-    "arduplane": Place(latitude_deg=-35.363261, longitude_deg=149.16523, altitude_amsl_m=584.0),
-}
+PLACES = {"px4": (47.397742, 8.545594, 0.0), "arduplane": (-35.363261, 149.16523, 584.0)}
+"""Latitude and longitude in degrees, and the ground's altitude, m."""
 
 
 class CompanionLink:
@@ -153,13 +149,16 @@ class RealAutopilot:
 
 def started(name: str, binary: Path, directory: Path) -> tuple[Simulator, CompanionLink | None]:
     """(a simulator that is about to start, with the parameters that it brings, its companions' link)."""
-    kind = Px4 if name == "px4" else ArduPlane
+    kind = PROGRAMS[name]
     instance = free_instances(kind, 1)
+    latitude_deg, longitude_deg, ground_m = PLACES[name]
     aircraft = Aircraft(
         name=name,
         system_id=instance + 1,
         instance=instance,
-        place=PLACES[name],
+        latitude_deg=latitude_deg,
+        longitude_deg=longitude_deg,
+        altitude_amsl_m=ground_m,
         height_m=HEIGHT_M,
     )
     simulator = kind(binary, directory, aircraft, Conditions(factory=True))
@@ -176,10 +175,9 @@ def autopilot(
     simulator, link = started(name, program(name), tmp_path_factory.mktemp(name))
     simulator.program.start()
     try:
-        ground_m = PLACES[name].altitude_amsl_m
         station = simulator.station
         simulator.take_off()
-        up_m = ground_m + 0.8 * HEIGHT_M
+        up_m = PLACES[name][2] + 0.8 * HEIGHT_M
         station.wait(lambda: station.altitude_amsl_m > up_m, "not up", CLIMB_S)
         simulator.enter("LOITER")
         yield RealAutopilot(name, simulator, link)

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 from tests.autopilots.faults import Fault, Occurrence, faults, ordered
 from tests.autopilots.formation import Plan, fly
-from tests.autopilots.simulators import ArduPlane, Px4
+from tests.autopilots.simulators import ARDUPLANE_MODES, Px4
 from tests.autopilots.verdict import Verdict
 
 ORDER_AT_S, LOST_AT_S = 15.0, 62.0
@@ -67,14 +67,13 @@ def steered_but_for_a_pilots_rtl(
 def test_arduplanes_in_gusts_take_an_order_and_outlive_their_leader_and_a_pilots_rtl_a_new_companion(
     arduplanes_in_gusts: Plan,
 ) -> None:
-    modes = ArduPlane.MODES
     more = [(ORDER_AT_S, ordered("spacing --spacing 30")), (LOST_AT_S, FAULTS["leader-lost"])]
     verdict = steered_but_for_a_pilots_rtl(
         arduplanes_in_gusts,
         more,
         rtl_at_s=ORDER_DONE_S,
-        guided=modes["GUIDED"],
-        rtl=modes["RTL"],
+        guided=ARDUPLANE_MODES["GUIDED"],
+        rtl=ARDUPLANE_MODES["RTL"],
         deputy="f1",
     )
     order, _, lost = verdict.faults

@@ -8,7 +8,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from tests.autopilots.formation import RECORDED, Formation, Plan, airborne
 from tests.autopilots.qgroundcontrol import PLANS, QGroundControl
-from tests.autopilots.simulators import ArduPlane
+from tests.autopilots.simulators import ARDUPLANE_MODES
 from vfguide.elementwise import FloatArray
 from vfguide.record.tlog import read_tlog
 
@@ -56,7 +56,7 @@ def steered(station: QGroundControl) -> bool:
 
 def give_orders(station: QGroundControl, formation: Formation) -> None:
     """The pilot's orders arrive, and the companion gives way to them."""
-    modes = ArduPlane.MODES
+    modes = ARDUPLANE_MODES
     station.command(mavlink.MAV_CMD_DO_SET_MODE, 1, modes["LOITER"])
     station.wait(lambda: station.mode == modes["LOITER"], "not in LOITER")
     station.wait(lambda: station.values.get("form_mode") == 6.0, "the companion does not give way")

@@ -1,4 +1,4 @@
-"""How well a formation of real autopilots was kept, by the geometry that reports have."""
+"""How well a formation of real autopilots was kept, by the geometry and figures that reports have."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -11,7 +11,8 @@ import numpy as np
 from tests.autopilots.faults import Occurrence
 from tests.autopilots.true_tracks import TrueTrack
 from vfguide.elementwise import BoolArray, FloatArray
-from vfguide.formation.arrangement import Point
+from vfguide.lab.report.figures import Spread, in_window, roll_rate_rms
+from vfguide.lab.report.figures import spread as known_spread
 from vfguide.lab.report.geometry import intended_leader, slot_error
 from vfguide.mission import Mission
 from vfguide.mission.flight_path import path_of
@@ -38,13 +39,9 @@ BACK_M = 3.0
 """Within this of the slots counts as back; calm flights stay within 1.1 m, gusty ones within 2 m."""
 
 
-@dataclass(frozen=True, slots=True)
-class Spread:
-    """Distances from the slots, all followers; m."""
-
-    mean: float
-    p95: float
-    greatest: float
+def heading_of(*columns: str) -> str:
+    """The first two lines of a table."""
+    return f"| {' | '.join(columns)} |\n{'|---' * len(columns)}|"
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,35 +80,27 @@ class Aftermath:
 
     def row(self) -> str:
         """The line of a table."""
-        seconds = [
-            "-" if one is None else f"{one:.1f}"
-            for one in (*(self.moved_s or (None, None)), self.near_s, self.back_s, self.led_s)
-        ]
-        cells = (self.nearest_horizontal.distance_m, self.nearest.distance_m)
-        errors = (self.before_m, self.after_m, self.greatest_m)
+        seconds = (*(self.moved_s or (None, None)), self.near_s, self.back_s, self.led_s)
         columns = (
             self.what,
-            *(f"{cell:.1f}" for cell in cells),
-            *seconds,
-            *(f"{error:.2f}" for error in errors),
+            *(f"{one.distance_m:.1f}" for one in (self.nearest_horizontal, self.nearest)),
+            *("-" if one is None else f"{one:.1f}" for one in seconds),
+            *(f"{error:.2f}" for error in (self.before_m, self.after_m, self.greatest_m)),
         )
         return f"| {' | '.join(columns)} |"
 
 
-AFTERMATH_COLUMNS = (
+AFTERMATH_HEADING = heading_of(
     *("fault or order", "nearest two, level, m", "in space, m", "slots move from, s", "to, s"),
     *(f"within {NEAR_M:g} m after, s", f"within {BACK_M:g} m after, s", "another leads after, s"),
     *("error before, m", "after", "greatest"),
 )
-AFTERMATH_HEADING = f"| {' | '.join(AFTERMATH_COLUMNS)} |\n{'|---' * len(AFTERMATH_COLUMNS)}|"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Verdict:
-    """One flight."""
+    """One flight; distances over its second half, m."""
 
-    window_s: tuple[float, float]
-    """In which the distances were taken, s after the pilots had selected the guided mode."""
     as_it_is: Spread
     """From the slots at the leader as it truly was, in its true course."""
     intended: Spread
@@ -121,7 +110,7 @@ class Verdict:
     height: Spread
     """Of the heights alone."""
     followers: dict[str, float]
-    """Mean distance of each follower from its slot at the leader as it was, m."""
+    """Mean distance of each follower from its slot at the leader as it was."""
     at_end: dict[str, float]
     """The same, over the last seconds of the flight."""
     nearest_horizontal: Nearest
@@ -130,9 +119,9 @@ class Verdict:
     faults: tuple[Aftermath, ...]
     """In the order of time."""
     bank_rate_rms_deg_s: dict[str, float]
-    """Of each aircraft in the window."""
+    """Of each aircraft."""
     limited: dict[str, float]
-    """Share of each companion's setpoints in the window that a limit cut, of those that recorded."""
+    """Share of each companion's setpoints that a limit cut, of those that recorded."""
     lost_s: dict[str, float]
     """By how much each simulator's clock fell behind in the flight."""
     late_s: dict[str, float]
@@ -151,24 +140,19 @@ class Verdict:
     def row(self, title: str) -> str:
         """The line of a table."""
         kept = "" if self.kept_time else f" (a simulator lost {max(self.lost_s.values()):.1f} s)"
+        spreads = (self.intended, self.as_it_is, self.in_space)
         cells = [
             title + kept,
-            *(
-                f"{value:.2f}"
-                for one in (self.intended, self.as_it_is, self.in_space)
-                for value in asdict(one).values()
-            ),
-            f"{self.nearest_horizontal.distance_m:.1f}",
-            f"{self.nearest.distance_m:.1f}",
+            *(f"{value:.2f}" for one in spreads for value in asdict(one).values()),
+            *(f"{one.distance_m:.1f}" for one in (self.nearest_horizontal, self.nearest)),
         ]
         return f"| {' | '.join(cells)} |"
 
 
-COLUMNS = (
+HEADING = heading_of(
     *("flight", "intended: mean, m", "95 %", "greatest", "as it is: mean, m", "95 %", "greatest"),
     *("intended, in space: mean, m", "95 %", "greatest", "nearest two, level, m", "in space, m"),
 )
-HEADING = f"| {' | '.join(COLUMNS)} |\n{'|---' * len(COLUMNS)}|"
 
 
 def flight_record(
@@ -187,41 +171,12 @@ def flight_record(
     """
     since_s = time_s - time_s[0]
     names = [mission.leader.vehicle, *mission.followers_by_name]
-    unknown, path = np.full(time_s.size, np.nan), path_of(mission.path)
-    vehicles = []
-    for name in names:
-        track, follower = tracks[name], mission.followers_by_name.get(name)
-        course = np.arctan2(track.east_m_s, track.north_m_s)
-        nearest = path.nearest(track.north_m, track.east_m, course)
-        series = dict.fromkeys(SERIES, unknown) | {
-            "north_m": track.north_m,
-            "east_m": track.east_m,
-            "altitude_amsl_m": track.altitude_amsl_m,
-            "course_rad": course,
-            "ground_speed_m_s": np.hypot(track.east_m_s, track.north_m_s),
-            "bank_rad": track.bank_rad,
-        }
-        if follower is None:
-            series["path_cross_track_error_m"] = nearest.cross_track_error
-            series["path_course_rad"] = nearest.course
-        slot = Point(0.0, 0.0) if follower is None else follower.slot.point
-        vehicles.append(
-            VehicleRecord(
-                name=name,
-                role="leader" if follower is None else "follower",
-                system_id=mission.vehicles[name].system_id,
-                slot_forward_m=slot.forward,
-                slot_right_m=slot.right,
-                slot_up_m=slot.up,
-                mode=np.zeros(time_s.size, dtype=np.int64),
-                limited=np.zeros(time_s.size, dtype=np.bool_),
-                **series,
-                **recorded_series(mission, name, guidance.get(name), since_s),
-            )
-        )
     return FlightRecord(
         time_s=since_s,
-        vehicles=tuple(vehicles),
+        vehicles=tuple(
+            vehicle_record(mission, name, tracks[name], guidance.get(name), since_s)
+            for name in names
+        ),
         mode_names=("unknown",),
         path_north_m=np.empty(0),
         path_east_m=np.empty(0),
@@ -238,19 +193,49 @@ def flight_record(
     )
 
 
-def recorded_series(
-    mission: Mission, name: str, track: GuidanceTrack | None, since_s: FloatArray
-) -> dict[str, Any]:
-    """The slots that a companion flew in, where they were ordered, and by what it led."""
-    if track is None:
-        return {}
-    found: dict[str, Any] = {}
-    if (follower := mission.followers_by_name.get(name)) is not None:
+def vehicle_record(
+    mission: Mission,
+    name: str,
+    track: TrueTrack,
+    guidance: GuidanceTrack | None,
+    since_s: FloatArray,
+) -> VehicleRecord:
+    """One vehicle at times since the beginning, with the slots it was ordered to and by what it led."""
+    follower = mission.followers_by_name.get(name)
+    course = np.arctan2(track.east_m_s, track.north_m_s)
+    series = dict.fromkeys(SERIES, np.full(since_s.size, np.nan)) | {
+        "north_m": track.north_m,
+        "east_m": track.east_m,
+        "altitude_amsl_m": track.altitude_amsl_m,
+        "course_rad": course,
+        "ground_speed_m_s": np.hypot(track.east_m_s, track.north_m_s),
+        "bank_rad": track.bank_rad,
+    }
+    slot = (0.0, 0.0, 0.0)
+    if follower is None:
+        nearest = path_of(mission.path).nearest(track.north_m, track.east_m, course)
+        series["path_cross_track_error_m"] = nearest.cross_track_error
+        series["path_course_rad"] = nearest.course
+    else:
         point = follower.slot.point
-        found |= slot_series(track, since_s, (point.forward, point.right, point.up))
-    if mission.deputies:
-        found |= lead_series(track, since_s, mission.origin.altitude_amsl_m)
-    return found
+        slot = (point.forward, point.right, point.up)
+    recorded: dict[str, Any] = {}
+    if guidance is not None and follower is not None:
+        recorded |= slot_series(guidance, since_s, slot)
+    if guidance is not None and mission.deputies:
+        recorded |= lead_series(guidance, since_s, mission.origin.altitude_amsl_m)
+    return VehicleRecord(
+        name=name,
+        role="leader" if follower is None else "follower",
+        system_id=mission.vehicles[name].system_id,
+        slot_forward_m=slot[0],
+        slot_right_m=slot[1],
+        slot_up_m=slot[2],
+        mode=np.zeros(since_s.size, dtype=np.int64),
+        limited=np.zeros(since_s.size, dtype=np.bool_),
+        **series,
+        **recorded,
+    )
 
 
 def judge(
@@ -267,62 +252,52 @@ def judge(
         faults: what went wrong, in the order of time.
         guidance: what companions recorded, at times of the record.
     """
-    time_s, last = record.time_s, record.time_s[-1]
-    window = time_s >= last / 2.0
-    leader = record.reference
-    intended = intended_leader(leader)
+    time_s, window = record.time_s, in_window(record)
+    from_s, last_s = float(time_s[window][0]), float(time_s[-1])
+    intended = intended_leader(record.reference)
     on_path = window & np.isfinite(intended.course_rad)
     gone = {name for one in faults for name in one.fault.without}
     kept = [one for one in record.followers if one.name not in gone]
-    true = np.array([slot_error(leader, one).distance_m for one in kept])
-    meant_errors = [slot_error(intended, one) for one in kept]
-    meant = np.array([one.distance_m for one in meant_errors])
-    in_space = np.array([one.distance_3d_m for one in meant_errors])
-    heights = np.abs([one.up_m for one in meant_errors])
-    begins_s = [one.began_s for one in faults]
-
-    def means(when: BoolArray) -> dict[str, float]:
-        """Mean distance of each follower from its slot, m."""
-        return {one.name: float(row[when].mean()) for one, row in zip(kept, true, strict=True)}
-
+    true = {one.name: slot_error(record.reference, one).distance_m for one in kept}
+    meant = [slot_error(intended, one) for one in kept]
+    level = np.array([one.distance_m for one in meant])
+    ends_s = (*(one.began_s for one in faults[1:]), last_s)
+    rolls = {
+        one.name: roll_rate_rms(time_s[window], one.bank_rad[window]) for one in record.vehicles
+    }
     return Verdict(
-        window_s=(float(time_s[window][0]), float(last)),
-        as_it_is=spread(true[:, window]),
-        intended=spread(meant[:, on_path]),
-        in_space=spread(in_space[:, on_path]),
-        height=spread(heights[:, window]),
-        followers=means(window),
-        at_end=means(time_s >= last - END_S),
+        as_it_is=spread(np.array([row[window] for row in true.values()])),
+        intended=spread(level[:, on_path]),
+        in_space=spread(np.array([one.distance_3d_m[on_path] for one in meant])),
+        height=spread(np.array([one.up_m[window] for one in meant])),
+        followers={name: float(row[window].mean()) for name, row in true.items()},
+        at_end={name: float(row[time_s >= last_s - END_S].mean()) for name, row in true.items()},
         nearest_horizontal=nearest(record, time_s >= 0.0, with_height=False),
         nearest=nearest(record, time_s >= 0.0, with_height=True),
         faults=tuple(
-            aftermath(record, one, meant, until_s)
-            for one, until_s in zip(faults, (*begins_s[1:], float(last)), strict=False)
+            aftermath(record, one, level, until_s)
+            for one, until_s in zip(faults, ends_s, strict=False)
         ),
         bank_rate_rms_deg_s={
-            one.name: bank_rate_rms_deg_s(time_s[window], one.bank_rad[window])
-            for one in record.vehicles
+            name: math.nan if rate is None else math.degrees(rate) for name, rate in rolls.items()
         },
         limited={
-            name: limited_share(track, float(time_s[window][0]), float(last))
-            for name, track in (guidance or {}).items()
+            name: limited_share(track, from_s, last_s) for name, track in (guidance or {}).items()
         },
         lost_s={name: track.lost_s for name, track in tracks.items()},
         late_s={name: track.late_s for name, track in tracks.items()},
     )
 
 
+def spread(distances_m: FloatArray) -> Spread:
+    """Mean, 95th percentile and greatest; no numbers where one is unknown."""
+    return known_spread(distances_m) or Spread(mean=math.nan, p95=math.nan, max=math.nan)
+
+
 def limited_share(track: GuidanceTrack, from_s: float, to_s: float) -> float:
     """Of the steps in a time, those whose setpoint a limit cut; NaN where there are none."""
     steps = [step.limited for step in track.steps if from_s <= step.time_s <= to_s]
     return sum(steps) / len(steps) if steps else math.nan
-
-
-def spread(distances_m: FloatArray) -> Spread:
-    """Mean, 95th percentile and greatest."""
-    return Spread(
-        float(distances_m.mean()), float(np.percentile(distances_m, 95.0)), float(distances_m.max())
-    )
 
 
 def aftermath(
@@ -333,13 +308,13 @@ def aftermath(
     during = (time_s >= began_s) & (time_s <= until_s)
     before = (time_s >= began_s - BEFORE_S) & (time_s < began_s)
     after = during & (time_s > until_s - BEFORE_S)
-    moved_s = slots_move_s(record, during)
+    moved_s = slots_move_s(record, during, began_s)
     back_s, near_s = (
         back_after(time_s[during], distances_m[:, during], fault.ended_s, within_m)
         for within_m in (BACK_M, NEAR_M)
     )
     if moved_s is not None and near_s is not None:
-        near_s = max(near_s, moved_s[1] - began_s)
+        near_s = max(near_s, moved_s[1])
     return Aftermath(
         what=fault.fault.what,
         nearest_horizontal=nearest(record, during, with_height=False),
@@ -349,31 +324,28 @@ def aftermath(
         before_m=float(distances_m[:, before].mean()),
         after_m=float(distances_m[:, after].mean()),
         greatest_m=float(distances_m[:, during].max()),
-        moved_s=None if moved_s is None else (moved_s[0] - began_s, moved_s[1] - began_s),
+        moved_s=moved_s,
         led_s=led_after(record, during, began_s),
     )
 
 
-def slots_move_s(record: FlightRecord, when: BoolArray) -> tuple[float, float] | None:
-    """When the first ordered slot began to move and the last came to rest, in a time; None: none moved."""
+def slots_move_s(
+    record: FlightRecord, when: BoolArray, began_s: float
+) -> tuple[float, float] | None:
+    """After how long (s) the first ordered slot moved and the last came to rest; None: none moved."""
     moving = np.zeros(record.time_s.size, dtype=bool)
     for one in record.followers:
         forward, right = (np.broadcast_to(slot, moving.shape) for slot in one.slot_m)
-        step = np.hypot(np.diff(forward), np.diff(right))
-        moving[1:] |= step > STILL_M
-    moved = record.time_s[moving & when]
+        moving[1:] |= np.hypot(np.diff(forward), np.diff(right)) > STILL_M
+    moved = record.time_s[moving & when] - began_s
     return (float(moved[0]), float(moved[-1])) if moved.size else None
 
 
 def led_after(record: FlightRecord, when: BoolArray, began_s: float) -> float | None:
     """After how long (s) a follower first led, in a time; None: none did."""
-    led = [
-        record.time_s[when & np.isfinite(one.lead_term)]
-        for one in record.followers
-        if one.lead_term is not None
-    ]
-    first = [float(times[0]) - began_s for times in led if times.size]
-    return min(first, default=None)
+    led = [one.lead_term for one in record.followers if one.lead_term is not None]
+    times = record.time_s[when & np.any(np.isfinite(led), axis=0)] if led else np.empty(0)
+    return float(times[0]) - began_s if times.size else None
 
 
 def nearest(record: FlightRecord, when: BoolArray, *, with_height: bool) -> Nearest:
@@ -396,9 +368,3 @@ def back_after(
     if not outside.size:
         return 0.0
     return None if outside[-1] >= time_s[-1] - 1.0 else float(outside[-1] - ended_s)
-
-
-def bank_rate_rms_deg_s(time_s: FloatArray, bank_rad: FloatArray) -> float:
-    """Root mean square of the rate at which the bank changes."""
-    rate = np.gradient(np.unwrap(bank_rad), time_s)
-    return float(np.degrees(np.sqrt(np.mean(rate**2))))

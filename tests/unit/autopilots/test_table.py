@@ -8,15 +8,15 @@ import pytest
 from tests.autopilots.fly_sitl import arguments, changes_of
 from tests.autopilots.formation import load
 from tests.autopilots.table import ROWS, Flight, append, read, table
-from tests.autopilots.verdict import Spread
+from vfguide.lab.report.figures import Spread
 
 FLIGHT = Flight(
     row="circle",
     options="missions/ardupilot-sitl.yaml",
     began="2026-11-25T02:00:00Z",
     duration_s=240.0,
-    intended=Spread(0.21, 0.52, 0.81),
-    as_it_is=Spread(0.24, 0.6, 0.9),
+    intended=Spread(mean=0.21, p95=0.52, max=0.81),
+    as_it_is=Spread(mean=0.24, p95=0.6, max=0.9),
     roll=1.1,
     roll_deg_s=2.5,
     limited=0.02,
@@ -26,13 +26,13 @@ FLIGHT = Flight(
 
 
 def test_the_worst_of_several_flights_stands_in_the_table():
-    better = replace(FLIGHT, intended=Spread(0.19, 0.55, 0.7), roll=1.2)
+    better = replace(FLIGHT, intended=Spread(mean=0.19, p95=0.55, max=0.7), roll=1.2)
     last = table([FLIGHT, better]).splitlines()[-1]
     assert last == "| circle | 2 | 0.21 | 0.55 | 0.81 | 0.24 | 2.5 | 1.20 | 2.0% | 0.21, 0.19 |"
 
 
 def test_a_flight_whose_simulators_lost_time_does_not_count():
-    late = replace(FLIGHT, intended=Spread(2.0, 3.0, 4.0), lost_s=0.31)
+    late = replace(FLIGHT, intended=Spread(mean=2.0, p95=3.0, max=4.0), lost_s=0.31)
     last = table([FLIGHT, late]).splitlines()[-1]
     assert last.startswith("| circle | 1 of 2 | 0.21 | 0.52 | 0.81 |")
 
