@@ -220,7 +220,8 @@ def fly(
             own code then has to stand under `if __name__ == "__main__":`.
         live: whether to fly in real time. Of a law given as a class its processes know only what is in a file
             that `VFGUIDE_PLUGINS` names, or in an installed package.
-        links: of a live flight, such as "mqtt://host:1883"; an embedded broker if there are none.
+        links: of a live flight, such as "mqtt://host:1883", or "mqtt" for a mosquitto of its own; UDP on
+            this computer if there are none.
         speedup: of a live flight: simulation seconds for each real one, at most 100.
 
     Raises:

@@ -31,7 +31,7 @@ from tests.kit.sockets import free_port
 from tests.unit.companion.test_companion_leader_telemetry import FRAME, packed, position
 from tests.unit.companion.test_companion_leader_telemetry import LEADER as FOREIGN
 from vfguide.companion.leader_telemetry import LeaderTelemetry
-from vfguide.lab.studies.programs import broker
+from vfguide.lab.rehearsal.processes import broker
 from vfguide.link.address import LinkAddress, MqttAddress, UdpAddress, parse_link
 from vfguide.link.envelope import Kind, formation_number
 from vfguide.link.keys import Roster, public_bytes
@@ -149,7 +149,7 @@ async def attack(count: int, way: str, stack: AsyncExitStack) -> dict[str, float
         )
     else:
         directory = Path(stack.enter_context(tempfile.TemporaryDirectory()))
-        _, port = await stack.enter_async_context(broker(directory))
+        port = await stack.enter_async_context(broker(directory))
         address = parse_link(f"mqtt://127.0.0.1:{port}")
     heard: list[bytes] = []
     leader_trust = trust_of(LEADER, new_session())

@@ -1,6 +1,6 @@
 """The article's missions live, held against what they ask for in virtual time: run with `make live`.
 
-Real sockets, an embedded broker, a process for each program; 5 times as fast as real time, one flight after
+Real sockets, a process for each program; 5 times as fast as real time, one flight after
 another, then in real time, all four at once. Takes ten minutes. Exit status 1 if a flight is not good enough.
 """
 

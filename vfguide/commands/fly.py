@@ -82,7 +82,8 @@ def fly(
         list[str] | None,
         typer.Option(
             metavar="URL",
-            help="With --live: a broker or a UDP group, or several; an embedded broker if absent.",
+            help="With --live: a broker or a UDP group, or several; `mqtt` starts mosquitto. Default: UDP"
+            " on this computer.",
         ),
     ] = None,
     console: Annotated[
@@ -105,7 +106,7 @@ def fly(
     """Fly a whole formation on this computer.
 
     One emulator and one companion for each vehicle, in virtual time: as fast as it goes, and repeatable;
-    or with --live in real time, joined by UDP and an MQTT broker.
+    or with --live in real time, joined by UDP.
 
     Exit status: 0 flown and within the mission's acceptance, 1 flown but not within it, 2 the input is
     wrong, 3 the flight broke or was stopped.
@@ -187,7 +188,7 @@ def refuse_without_live(speedup: float | None, links: list[str] | None, *, conso
             "in virtual time a flight is as fast as the computer"
         )
     if links:
-        raise InputError("--link: only a live flight has a broker; add --live, or leave it out")
+        raise InputError("--link: only a live flight has a link; add --live, or leave it out")
     if console:
         raise InputError(
             "--console: only a live flight can be watched; add --live, or show what --out wrote with"

@@ -5,6 +5,7 @@ How a live flight goes while it is flown: a table redrawn in place on a terminal
 
 import asyncio
 import math
+import socket
 import tempfile
 import time
 from collections.abc import AsyncIterator, Callable, Iterator, Mapping, Sequence
@@ -26,7 +27,7 @@ from vfguide.lab.console.tiles import TileSource, open_tiles
 from vfguide.lab.live_timetable import timetable_given
 from vfguide.lab.rehearsal.live import companions_lost, live_flight, watched_by_anybody
 from vfguide.lab.rehearsal.lockstep import LockstepFlight
-from vfguide.lab.rehearsal.processes import broker_process
+from vfguide.lab.rehearsal.processes import broker, free_port
 from vfguide.lab.report.geometry import slot_error
 from vfguide.link.opening import WatchedFormation, check_reachable, watching
 from vfguide.link.presence import Presence
@@ -38,6 +39,12 @@ UNKNOWN = "-"
 
 Show = Callable[[float, "Sequence[LiveRow]"], None]
 """Called with the simulation time and the vehicles, again and again."""
+
+GROUP = "239.255.42.1"
+"""Multicast group of flights whose links nobody names, on the loopback interface and a port of their own."""
+
+BROKER = "mqtt"
+"""What `--link` takes for a broker that the flight starts."""
 
 FLIGHT_LOOK_S = 0.25
 """Real time between looks at the flight."""
@@ -175,7 +182,7 @@ def fly_live(
 
     Args:
         mission: the mission.
-        links: addresses of the formation's links; an embedded broker if there are none.
+        links: addresses of the formation's links, or `mqtt`; UDP on this computer if there are none.
         speedup: simulation seconds for each real one.
         out: where everything is kept.
         force: whether what is there may be replaced.
@@ -258,7 +265,7 @@ async def flown_live(
 
     Args:
         mission: the mission.
-        links: addresses of the formation's links; an embedded broker if there are none.
+        links: addresses of the formation's links, or `mqtt`; UDP on this computer if there are none.
         speedup: simulation seconds for each real one.
         directory: for what its processes write.
         show: called with the time and what is known of each vehicle.
@@ -274,12 +281,9 @@ async def flown_live(
     """
     check_live(mission, speedup=speedup)
     async with AsyncExitStack() as stack:
-        if not links:
-            port = await stack.enter_async_context(broker_process(directory / "broker.log"))
-            links = (f"mqtt://127.0.0.1:{port}",)
-        else:
-            # Companions fly on without a broker: that it was never there would show nowhere.
-            await check_reachable(watched_by_anybody(mission, links), random=Random())
+        links = await stack.enter_async_context(links_for(links, directory))
+        # Companions fly on without a broker: that it was never there would show nowhere.
+        await check_reachable(watched_by_anybody(mission, links), random=Random())
         began = time.perf_counter()
         flight = await stack.enter_async_context(
             live_flight(mission, directory=directory, links=links, speedup=speedup)
@@ -325,6 +329,27 @@ async def flown_live(
     return LockstepFlight(
         record=record, events={}, logs={}, interrupted=interrupted, latency=latency
     )
+
+
+@asynccontextmanager
+async def links_for(named: Sequence[str], directory: Path) -> AsyncIterator[tuple[str, ...]]:
+    """Addresses of a live flight's links, for as long as the context lasts.
+
+    Args:
+        named: as a user names them; `mqtt` alone stands for a broker that is started here.
+        directory: for what that broker writes.
+
+    Raises:
+        VfguideError: there is no broker to start.
+    """
+    if not named:
+        port = free_port(socket.SOCK_DGRAM)
+        yield (f"udp://{GROUP}:{port}?interface=127.0.0.1",)
+    elif BROKER in named:
+        async with broker(directory) as port:
+            yield tuple(f"mqtt://127.0.0.1:{port}" if one == BROKER else one for one in named)
+    else:
+        yield tuple(named)
 
 
 def find_slowness(mission: Mission, latency: Latency, speedup: float) -> str | None:

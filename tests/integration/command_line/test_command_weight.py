@@ -14,7 +14,7 @@ def printed_by(program: str) -> str:
     return subprocess.check_output([sys.executable, "-c", program], text=True)
 
 
-@pytest.mark.parametrize("library", ["matplotlib", "amqtt", "mavsdk", "sitl_stub", "dask", "osqp"])
+@pytest.mark.parametrize("library", ["matplotlib", "mavsdk", "sitl_stub", "dask", "osqp"])
 def test_the_command_line_loads_no_library_that_a_companion_has_no_use_for(library):
     modules = "sys, vfguide.cli, vfguide.commands.companion"
     assert printed_by(f"import {modules}; print({library!r} in sys.modules)") == "False\n"

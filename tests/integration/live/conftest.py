@@ -2,7 +2,6 @@
 
 import logging
 import re
-import time
 from collections.abc import AsyncIterator, Callable, Sequence
 from contextlib import AbstractAsyncContextManager, asynccontextmanager
 from pathlib import Path
@@ -48,7 +47,7 @@ def spectator(watched: WatchedFormation, receive: Callable[[bytes], None]) -> Me
         roster=watched.roster,
         key=watched.key,
     )
-    return Member(trust, clock=time.monotonic, receive=receive, peer_clock=PeerClock())
+    return Member(trust, clock=watched.clock, receive=receive, peer_clock=PeerClock())
 
 
 class Watched:

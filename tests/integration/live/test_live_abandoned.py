@@ -14,7 +14,9 @@ FLY = (sys.executable, "-m", "vfguide", "fly", "line-calm", "--live")
 
 
 async def test_no_process_outlives_the_flight_that_started_it(tmp_path):
-    flight = await asyncio.create_subprocess_exec(*FLY, "--out", str(tmp_path / "out"))
+    flight = await asyncio.create_subprocess_exec(
+        *FLY, "--link=mqtt", "--out", str(tmp_path / "out")
+    )
     # The broker, four companions and four emulators.
     await until(lambda: len(children_of(flight.pid)) >= 9)
     children = children_of(flight.pid)

@@ -16,7 +16,6 @@ import pytest
 from tests.kit.programs import Mosquitto
 from tests.kit.sockets import until
 from vfguide.link.address import LinkAddress, parse_link
-from vfguide.link.broker import embedded_broker
 from vfguide.link.keys import KeyPlaces, key_places, make_keys, read_private_key, read_roster
 from vfguide.link.member import Member, ignore
 from vfguide.link.opening import Link, open_link
@@ -64,20 +63,11 @@ def guarded(mosquitto: Make, password_file: Callable[[str, str], Path], tmp_path
     return start
 
 
-@pytest.fixture(params=["mosquitto", "embedded"])
-def any_broker(request: pytest.FixtureRequest) -> Make:
-    """Opens either kind of broker and gives its port."""
-    mosquitto = request.getfixturevalue("mosquitto") if request.param == "mosquitto" else None
-
-    @asynccontextmanager
-    async def opened() -> AsyncIterator[int]:
-        if mosquitto is not None:
-            yield mosquitto().port
-        else:
-            async with embedded_broker() as port:
-                yield port
-
-    return opened
+@pytest.fixture
+def port(mosquitto: Make) -> int:
+    """Port of a broker that lets everybody in."""
+    broker: Mosquitto = mosquitto()
+    return broker.port
 
 
 @pytest.fixture(scope="session")
@@ -135,7 +125,7 @@ def opened(formation_keys: KeyPlaces) -> Make:
                 open_now -= 1
         if open_now:
             return
-        # Tasks of the test itself, and of an embedded broker, come and go as they like.
+        # Tasks of the test itself come and go as they like.
         every = asyncio.all_tasks()
         left = {
             task

@@ -22,9 +22,8 @@ def said(data: bytes) -> Presence:
     return decode_presence(decode_envelope(data).body)
 
 
-async def test_states_reach_everyone_who_listens(any_broker, opened):
+async def test_states_reach_everyone_who_listens(port, opened):
     async with AsyncExitStack() as stack:
-        port = await stack.enter_async_context(any_broker())
         leader, unasked = await stack.enter_async_context(opened(port, "lead"))
         boxes = []
         for number in range(3):
@@ -41,8 +40,8 @@ async def test_states_reach_everyone_who_listens(any_broker, opened):
         assert leader.counters == {"connected": 1}
 
 
-async def test_a_state_is_not_kept_for_those_who_come_later(any_broker, opened):
-    async with any_broker() as port, opened(port, "lead") as (leader, _):
+async def test_a_state_is_not_kept_for_those_who_come_later(port, opened):
+    async with opened(port, "lead") as (leader, _):
         async with opened(port, "f1", "lead") as (_, first):
             leader.publish(b"old")
             await until(lambda: first)
@@ -52,9 +51,8 @@ async def test_a_state_is_not_kept_for_those_who_come_later(any_broker, opened):
             assert second == [b"new"]
 
 
-async def test_of_states_published_at_once_the_newest_is_sent(any_broker, opened):
+async def test_of_states_published_at_once_the_newest_is_sent(port, opened):
     async with (
-        any_broker() as port,
         opened(port, "lead") as (leader, _),
         opened(port, "f1", "lead") as (_, box),
     ):
@@ -80,25 +78,23 @@ async def test_formations_and_prefixes_do_not_hear_each_other(mosquitto, opened)
         assert box == [b"own"]
 
 
-async def test_presence_is_kept_and_says_offline_after_a_clean_end(any_broker, opened):
-    async with any_broker() as port:
-        topic = "vfguide/test/f1/presence"
-        async with opened(port, "f1", "lead", clock=lambda: 7.0) as (link, _):
-            first = await retained(port, topic)
-            assert first.retain
-            assert said(first.payload).status == "online"
-            link.announce(
-                Presence(status="online", mode="tracking", time_s=8.0, version="1", figures={})
-            )
-            while said((await retained(port, topic)).payload).mode != "tracking":
-                await asyncio.sleep(0.01)
-        last = said((await retained(port, topic)).payload)
-        assert (last.status, last.mode) == ("offline", "tracking")
+async def test_presence_is_kept_and_says_offline_after_a_clean_end(port, opened):
+    topic = "vfguide/test/f1/presence"
+    async with opened(port, "f1", "lead", clock=lambda: 7.0) as (link, _):
+        first = await retained(port, topic)
+        assert first.retain
+        assert said(first.payload).status == "online"
+        link.announce(
+            Presence(status="online", mode="tracking", time_s=8.0, version="1", figures={})
+        )
+        while said((await retained(port, topic)).payload).mode != "tracking":
+            await asyncio.sleep(0.01)
+    last = said((await retained(port, topic)).payload)
+    assert (last.status, last.mode) == ("offline", "tracking")
 
 
-async def test_what_does_not_belong_is_counted_and_does_no_harm(any_broker, opened):
+async def test_what_does_not_belong_is_counted_and_does_no_harm(port, opened):
     async with (
-        any_broker() as port,
         opened(port, "lead") as (leader, _),
         opened(port, "f1", "lead", peer_clock=PeerClock()) as (link, box),
         aiomqtt.Client("127.0.0.1", port) as stranger,
@@ -135,9 +131,7 @@ async def test_a_receiver_that_raises_does_not_end_the_link(mosquitto, opened, c
     assert "could not be used" in caplog.text
 
 
-async def test_two_seconds_between_the_clocks_are_measured_and_a_step_is_followed(
-    any_broker, opened
-):
+async def test_two_seconds_between_the_clocks_are_measured_and_a_step_is_followed(port, opened):
     skew_s = 2.0
     clock = PeerClock()
 
@@ -145,7 +139,6 @@ async def test_two_seconds_between_the_clocks_are_measured_and_a_step_is_followe
         return abs(clock.offset_s - skew_s) <= clock.bound_s + 1e-4
 
     async with (
-        any_broker() as port,
         opened(port, "lead", clock=lambda: time.monotonic() + skew_s),
         opened(port, "f1", "lead", peer_clock=clock, clock=time.monotonic),
     ):
@@ -157,7 +150,7 @@ async def test_two_seconds_between_the_clocks_are_measured_and_a_step_is_followe
         assert clock.bound_s < 0.5
 
 
-async def test_a_slow_consumer_gets_new_states_and_not_a_backlog(any_broker, opened):
+async def test_a_slow_consumer_gets_new_states_and_not_a_backlog(port, opened):
     """200 states in a second, 20 uses: whoever used each would be 2.7 s behind after three."""
     ages: list[float] = []
 
@@ -171,17 +164,16 @@ async def test_a_slow_consumer_gets_new_states_and_not_a_backlog(any_broker, ope
                 leader.publish(repr(time.monotonic()).encode())
                 await asyncio.sleep(0.005)
 
-    async with any_broker() as port:
-        # Each in a thread and loop of its own: the consumer holds up neither broker nor leader.
-        spoken = asyncio.get_running_loop().create_task(asyncio.to_thread(asyncio.run, speak(port)))
+    # Each in a thread and loop of its own: the consumer holds up neither broker nor leader.
+    spoken = asyncio.get_running_loop().create_task(asyncio.to_thread(asyncio.run, speak(port)))
 
-        async def consumer() -> None:
-            async with opened(port, "f1", "lead", receive=receive) as (link, _):
-                while not spoken.done():
-                    await asyncio.sleep(0.01)
-                assert link.counters["superseded by a newer one"] > len(ages)
+    async def consumer() -> None:
+        async with opened(port, "f1", "lead", receive=receive) as (link, _):
+            while not spoken.done():
+                await asyncio.sleep(0.01)
+            assert link.counters["superseded by a newer one"] > len(ages)
 
-        await asyncio.to_thread(asyncio.run, consumer())
-        await spoken
+    await asyncio.to_thread(asyncio.run, consumer())
+    await spoken
     assert len(ages) > 10
     assert sorted(ages)[int(0.9 * len(ages))] < 1.0

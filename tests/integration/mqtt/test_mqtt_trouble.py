@@ -217,30 +217,29 @@ async def test_who_may_only_read_cannot_throw_the_leader_out(guarded, opened):
         assert link.counters["disconnected"] == 0
 
 
-async def test_a_vehicle_that_is_killed_goes_offline(any_broker):
-    async with any_broker() as port:
-        victim = await asyncio.create_subprocess_exec(
-            sys.executable, "-c", VEHICLE, f"mqtt://127.0.0.1:{port}"
-        )
-        seen: list[str] = []
+async def test_a_vehicle_that_is_killed_goes_offline(port):
+    victim = await asyncio.create_subprocess_exec(
+        sys.executable, "-c", VEHICLE, f"mqtt://127.0.0.1:{port}"
+    )
+    seen: list[str] = []
 
-        async def watch() -> None:
-            async with aiomqtt.Client("127.0.0.1", port) as client:
-                await client.subscribe("vfguide/test/f1/presence", qos=1)
-                while True:
-                    message = await anext(client.messages)
-                    presence = decode_presence(decode_envelope(message.payload).body)
-                    seen.append(presence.status)
+    async def watch() -> None:
+        async with aiomqtt.Client("127.0.0.1", port) as client:
+            await client.subscribe("vfguide/test/f1/presence", qos=1)
+            while True:
+                message = await anext(client.messages)
+                presence = decode_presence(decode_envelope(message.payload).body)
+                seen.append(presence.status)
 
-        watching = asyncio.create_task(watch())
-        try:
-            await until(lambda: seen)
-            assert seen[-1] == "online"
-            os.kill(victim.pid, signal.SIGKILL)
-            await until(lambda: seen[-1] == "offline")
-        finally:
-            with suppress(ProcessLookupError):
-                victim.kill()
-            await victim.wait()
-            watching.cancel()
-            await asyncio.wait({watching})
+    watching = asyncio.create_task(watch())
+    try:
+        await until(lambda: seen)
+        assert seen[-1] == "online"
+        os.kill(victim.pid, signal.SIGKILL)
+        await until(lambda: seen[-1] == "offline")
+    finally:
+        with suppress(ProcessLookupError):
+            victim.kill()
+        await victim.wait()
+        watching.cancel()
+        await asyncio.wait({watching})

@@ -151,13 +151,14 @@ class LiveFlight:
         )
         return shlex.join(("vfguide", "order", str(self.mission_file), "vee", *options))
 
-    def _make_keys(self) -> None:
+    def _make_keys(self, clock: Clock) -> None:
         """Give everybody a key for this rehearsal alone, and take an operator's for those who watch."""
         make_keys(self.keys, self.mission.name, self.mission.companions)
         self._watched = replace(
             watched_by_anybody(self.mission, self._links),
             roster=read_roster(self.keys.roster),
             key=read_private_key(self.keys.private(OPERATOR)),
+            clock=clock.now,
         )
 
     @property
@@ -178,10 +179,10 @@ class LiveFlight:
     async def start(self, truth_port: int) -> None:
         """Start every process."""
         mission_file = self.mission_file
-        self._make_keys()
+        clock = Clock(epoch_s=time.monotonic(), rate=self._speedup)
+        self._make_keys(clock)
         content = self.mission.model_dump(mode="json", exclude_unset=True)
         mission_file.write_text(yaml.safe_dump(content, sort_keys=False), encoding="utf-8")
-        clock = Clock(epoch_s=time.monotonic(), rate=self._speedup)
         ports = {name: free_port(socket.SOCK_DGRAM) for name in self.mission.companions}
         hears = {name: free_port(socket.SOCK_DGRAM) for name in ports} if self._is_foreign else {}
         for name, port in ports.items():

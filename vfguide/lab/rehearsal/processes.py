@@ -1,17 +1,14 @@
-"""Programs that a live flight starts and ends, and what they take of the computer.
-
-The broker is a process of its own, which nobody else's work keeps waiting.
-"""
+"""Programs that a live flight starts and ends, and what they take of the computer."""
 
 import asyncio
 import ctypes
 import os
+import shutil
 import signal
 import socket
-import subprocess
 import sys
 import time
-from collections.abc import AsyncIterator, Callable, Sequence
+from collections.abc import AsyncIterator, Callable, Mapping, Sequence
 from contextlib import asynccontextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,11 +16,24 @@ from pathlib import Path
 import psutil
 
 from vfguide.errors import VfguideError
-from vfguide.extras import require
 from vfguide.record.latency import Usage
 
-PROGRAM = "vfguide.link.broker"
-"""What runs as the broker."""
+MOSQUITTO = "mosquitto"
+
+OUTSIDE_PATH = "/usr/sbin"
+"""Where Debian keeps daemons, and users' search paths do not look."""
+
+MOSQUITTO_SETTINGS = """\
+listener {port} 127.0.0.1
+allow_anonymous true
+set_tcp_nodelay true
+persistence false
+user root
+"""
+"""A broker for this computer alone: whoever reaches it is let in."""
+
+LISTENING_S = 10.0
+"""Real time that the broker gets until it listens."""
 
 PATIENCE_S = 10.0
 """Real time that a process gets to end cleanly before it is killed."""
@@ -71,60 +81,28 @@ def load() -> list[float]:
     return [round(average, 2) for average in os.getloadavg()]
 
 
-@asynccontextmanager
-async def broker_process(log: Path) -> AsyncIterator[int]:
-    """Run an embedded broker for as long as the context lasts.
-
-    Args:
-        log: file that its complaints are added to.
-
-    Yields:
-        Its port.
-
-    Raises:
-        VfguideError: it did not start.
-    """
-    require("amqtt")
-    with log.open("ab") as output:
-        process = await asyncio.create_subprocess_exec(
-            *python_module(PROGRAM),
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=output,
-            start_new_session=True,
-        )
-    if process.stdin is None or process.stdout is None:
-        raise VfguideError("embedded broker: no way to speak to its process")
-    try:
-        port = (await process.stdout.readline()).strip()
-        if not port.isdigit():
-            raise VfguideError(f"embedded broker: it did not start; see {log}")
-        yield int(port)
-    finally:
-        # It ends with its standard input.
-        process.stdin.close()
-        try:
-            async with asyncio.timeout(PATIENCE_S):
-                await process.wait()
-        except TimeoutError:
-            process.kill()
-            await process.wait()
-
-
 class Process:
     """One program of a rehearsal, which can be started again."""
 
-    def __init__(self, name: str, command: Sequence[str], log: Path) -> None:
+    def __init__(
+        self,
+        name: str,
+        command: Sequence[str],
+        log: Path,
+        environment: Mapping[str, str] | None = None,
+    ) -> None:
         """Remember a program; nothing is started yet.
 
         Args:
             name: what it is called in messages.
             command: program and arguments.
             log: file that its output is added to.
+            environment: variables that it has besides this program's.
         """
         self.name = name
         self._command = command
         self._log = log
+        self._environment = dict(environment or {})
         self._process: asyncio.subprocess.Process | None = None
 
     @property
@@ -150,11 +128,15 @@ class Process:
                 stdin=asyncio.subprocess.DEVNULL,
                 stdout=output,
                 stderr=output,
-                env={**os.environ, "PYTHONUNBUFFERED": "1"},
+                env={**os.environ, "PYTHONUNBUFFERED": "1", **self._environment},
                 # Ctrl-C is for the rehearsal alone; it then tells its processes to stop.
                 start_new_session=True,
                 preexec_fn=ends_with(os.getpid()),
             )
+
+    async def wait(self) -> int | None:
+        """Wait until it ends, and return how it did."""
+        return None if self._process is None else await self._process.wait()
 
     async def kill(self) -> None:
         """End it as `kill -9` does."""
@@ -180,6 +162,60 @@ class Process:
         """The last line that it wrote."""
         lines = self._log.read_text(errors="replace").strip().splitlines()
         return lines[-1] if lines else ""
+
+
+@asynccontextmanager
+async def running(process: Process) -> AsyncIterator[Process]:
+    """Run a program for as long as the context lasts."""
+    await process.start()
+    try:
+        yield process
+    finally:
+        await process.stop()
+
+
+@asynccontextmanager
+async def broker(directory: Path) -> AsyncIterator[int]:
+    """Run mosquitto on the loopback interface for as long as the context lasts.
+
+    Args:
+        directory: for its settings and its log.
+
+    Yields:
+        Its port.
+
+    Raises:
+        VfguideError: it is not installed, or does not listen.
+    """
+    found = shutil.which(MOSQUITTO) or shutil.which(MOSQUITTO, path=OUTSIDE_PATH)
+    if found is None:
+        raise VfguideError(
+            "mosquitto: is not installed, and a flight over MQTT needs a broker; install it (Debian:"
+            " apt install mosquitto), or fly by UDP: leave --link out"
+        )
+    port = free_port(socket.SOCK_STREAM)
+    settings = directory / "mosquitto.conf"
+    settings.write_text(MOSQUITTO_SETTINGS.format(port=port), encoding="utf-8")
+    process = Process(MOSQUITTO, [found, "-c", str(settings)], directory / "mosquitto.log")
+    async with running(process):
+        try:
+            async with asyncio.timeout(LISTENING_S):
+                while not await is_listening(port):
+                    await asyncio.sleep(0.02)
+        except TimeoutError:
+            raise VfguideError(f"mosquitto does not listen: {process.last_words()}") from None
+        yield port
+
+
+async def is_listening(port: int) -> bool:
+    """Whether a program takes connections at a port of the loopback interface."""
+    try:
+        _, writer = await asyncio.open_connection("127.0.0.1", port)
+    except OSError:
+        return False
+    writer.close()
+    await writer.wait_closed()
+    return True
 
 
 def ends_with(parent: int) -> Callable[[], None] | None:

@@ -14,9 +14,8 @@ from pathlib import Path
 from typing import Any
 
 from sitl_stub.server import precise_event_loop
-from vfguide.lab.rehearsal.processes import load
+from vfguide.lab.rehearsal.processes import broker, load
 from vfguide.lab.studies.link_age import measure_link_age
-from vfguide.lab.studies.programs import broker
 from vfguide.lab.studies.response import measure_responses
 
 SUBSCRIBERS = ((3, 3), (100, 2))
@@ -101,7 +100,7 @@ def run_latency(*, seconds: float, rate_hz: float) -> dict[str, Any]:
 
 async def _measure(directory: Path, *, seconds: float, rate_hz: float) -> dict[str, Any]:
     before = load()
-    async with broker(directory) as (name, port):
+    async with broker(directory) as port:
         link = f"mqtt://127.0.0.1:{port}"
         response = await measure_responses(
             link, seconds=seconds, rate_hz=rate_hz, directory=directory
@@ -126,7 +125,6 @@ async def _measure(directory: Path, *, seconds: float, rate_hz: float) -> dict[s
             "load_before": before,
             "load_after": load(),
         },
-        "broker": name,
         "response": response,
         "link_age": ages,
     }
@@ -139,7 +137,7 @@ def render(result: dict[str, Any]) -> str:
     before, after = (" ".join(f"{one:.2f}" for one in machine[key]) for key in LOADS)
     title = (
         f"{result['rate_hz']:g} Hz, {result['seconds']:g} s each; {machine['cores']} cores, "
-        f"Python {machine['python']}, broker {result['broker']}"
+        f"Python {machine['python']}"
     )
     blocks = [
         [title, f"load before {before}, after {after}"],

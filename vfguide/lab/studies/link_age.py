@@ -15,9 +15,8 @@ from random import Random
 from typing import Any
 
 from vfguide.errors import VfguideError
-from vfguide.lab.rehearsal.processes import python_module
+from vfguide.lab.rehearsal.processes import Process, python_module, running
 from vfguide.lab.studies.figures import figures_of
-from vfguide.lab.studies.programs import last_words, program
 from vfguide.link.address import parse_link
 from vfguide.link.codec import LeaderMessage, decode, encode
 from vfguide.link.keys import key_places, make_keys, read_private_key, read_roster
@@ -132,16 +131,17 @@ async def measure_link_age(
     make_keys(key_places(keys), FORMATION, names, operators=())
     async with AsyncExitStack() as stack:
         await stack.enter_async_context(publishing(link, rate_hz, keys))
-        running = []
+        started = []
         for number, share in enumerate(shares):
             file = directory / f"ages-{subscribers}-{number}.json"
             log = file.with_suffix(".log")
             arguments = (link, share, 1 + sum(shares[:number]), seconds, file, keys)
             command = python_module("vfguide.lab.studies.link_age", *map(str, arguments))
-            running.append((await stack.enter_async_context(program(command, log)), file, log))
-        for process, file, log in running:
+            process = Process(f"subscribers {number}", command, log)
+            started.append((await stack.enter_async_context(running(process)), file))
+        for process, file in started:
             if await process.wait() != 0:
-                raise VfguideError(f"subscribers have failed: {last_words(log)}")
+                raise VfguideError(f"{process.name} have failed: {process.last_words()}")
             ages += json.loads(file.read_text(encoding="utf-8"))
     expected = subscribers * seconds * rate_hz
     return {

@@ -6,7 +6,7 @@ import site
 import socket
 from collections.abc import AsyncIterator, Sequence
 from contextlib import AsyncExitStack, asynccontextmanager, suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
@@ -16,10 +16,16 @@ import sitl_stub
 from vfguide.companion.consent import begin_flight
 from vfguide.errors import VfguideError
 from vfguide.lab.rehearsal.emulators import emulator_of
-from vfguide.lab.rehearsal.processes import Account, account_of, free_port, python_module
+from vfguide.lab.rehearsal.processes import (
+    Account,
+    Process,
+    account_of,
+    free_port,
+    python_module,
+    running,
+)
 from vfguide.lab.studies.figures import figures_of
 from vfguide.lab.studies.peers import PYMAVLINK_ENVIRONMENT, TimedVehicle, installed_mavsdk
-from vfguide.lab.studies.programs import last_words, program
 from vfguide.link.keys import key_places, make_keys
 from vfguide.mavlink.adapter import Vehicle, telemetry_at
 from vfguide.mavlink.codec import Codec
@@ -90,20 +96,21 @@ def write_mission(mission: Mission, directory: Path) -> Path:
 class Client:
     """A program under test with its aircraft."""
 
-    name: str
-    """What it is called in results."""
-    command: Sequence[str]
-    """How it is run."""
+    process: Process
+    """The program."""
     vehicle: TimedVehicle
     """What it speaks to."""
-    log: Path
-    """What it says."""
     is_companion: bool = False
     """Whether it is one of ours."""
-    environment: dict[str, str] = field(default_factory=dict)
-    """What its environment has besides."""
-    pid: int = 0
-    """Once it runs."""
+
+    @property
+    def name(self) -> str:
+        """What it is called in results."""
+        return self.process.name
+
+    def account(self) -> Account | None:
+        """What it has taken so far; None if it does not run."""
+        return None if self.process.pid is None else account_of(self.process.pid)
 
 
 async def measure_responses(
@@ -127,15 +134,14 @@ async def measure_responses(
     clients += peers(rate_hz=rate_hz, directory=directory)
     async with AsyncExitStack() as stack:
         for client in clients:
-            running = program(client.command, client.log, client.environment)
-            client.pid = (await stack.enter_async_context(running)).pid
+            await stack.enter_async_context(running(client.process))
         await stack.enter_async_context(in_the_air(clients, rate_hz))
         await warm_up(clients, rate_hz)
         for client in clients:
             client.vehicle.begin()
-        before = [account_of(client.pid) for client in clients]
+        before = [client.account() for client in clients]
         await asyncio.sleep(seconds)
-        after = [account_of(client.pid) for client in clients]
+        after = [client.account() for client in clients]
     results = {
         client.name: {
             **figures_of(client.vehicle.responses),
@@ -205,10 +211,12 @@ def companions(link: str, *, rate_hz: float, directory: Path) -> list[Client]:
             options.append(f"--record={directory / 'recordings'}")
         clients.append(
             Client(
-                name=name,
-                command=python_module("vfguide", "companion", name, *options, "--engage"),
+                process=Process(
+                    name,
+                    python_module("vfguide", "companion", name, *options, "--engage"),
+                    directory / f"{name}.log",
+                ),
                 vehicle=TimedVehicle(emulator_of(mission, name), port=port, rate_hz=rate_hz),
-                log=directory / f"{name}.log",
                 is_companion=True,
             )
         )
@@ -225,11 +233,13 @@ def peers(*, rate_hz: float, directory: Path) -> list[Client]:
         autopilot = streaming(mission, rate_hz)
         clients.append(
             Client(
-                name=kind,
-                command=python_module("vfguide.lab.studies.peers", kind, str(port)),
+                process=Process(
+                    kind,
+                    python_module("vfguide.lab.studies.peers", kind, str(port)),
+                    directory / f"{kind}.log",
+                    {**PYMAVLINK_ENVIRONMENT, **home_in(directory)},
+                ),
                 vehicle=TimedVehicle(autopilot, port=port, rate_hz=rate_hz),
-                log=directory / f"{kind}.log",
-                environment={**PYMAVLINK_ENVIRONMENT, **home_in(directory)},
             )
         )
     return clients
@@ -297,4 +307,4 @@ async def warm_up(clients: Sequence[Client], rate_hz: float) -> None:
                 await asyncio.sleep(PROGRAM_LOOK_S)
     for client in clients:
         if client.is_companion and len(client.vehicle.responses) < enough:
-            raise VfguideError(f"{client.name} does not answer: {last_words(client.log)}")
+            raise VfguideError(f"{client.name} does not answer: {client.process.last_words()}")
