@@ -17,6 +17,9 @@ from vfguide.mission.quantity import Coordinate, Number, Positive, Section, Swit
 
 MOST_AREAS, MOST_CORNERS = 100, 500
 
+MOST_WAYPOINTS = 2000
+"""Of one route."""
+
 ENGAGED_M = 5000.0
 """Farther from its path or slot than this no vehicle is engaged."""
 

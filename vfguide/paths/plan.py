@@ -1,4 +1,4 @@
-"""A plan of QGroundControl as a path: its waypoints are the route, `vfguide check` holds all to its fence."""
+"""A plan of a ground station as a path: its waypoints are the route, `vfguide check` holds all to its fence."""
 
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -11,10 +11,10 @@ from pydantic_core import PydanticCustomError
 from vfguide.errors import InputError
 from vfguide.mission import quantity
 from vfguide.mission.flight_path import Misfit
-from vfguide.mission.place import Fence, Place
+from vfguide.mission.place import MOST_WAYPOINTS, Fence, Place
 from vfguide.mission.plan_file import read_plan
 from vfguide.mission.quantity import Section
-from vfguide.paths.waypoints import MOST_WAYPOINTS, End, RouteShape, Waypoint, Waypoints
+from vfguide.paths.waypoints import End, RouteShape, Waypoint, Waypoints
 from vfguide.registry import paths
 
 
@@ -47,10 +47,10 @@ class PlanContents(Section):
 
 
 class PlanShape(RouteShape):
-    """The route of a plan that was drawn with QGroundControl, with its altitudes."""
+    """The route of a plan that was drawn with a ground station, with its altitudes."""
 
     file: Annotated[str, Field(min_length=1, max_length=1000)]
-    """The `.plan`, relative to the mission file."""
+    """A `.plan`, `.waypoints` or `.mission`, relative to the mission file."""
 
     end: End | None = None
     """After the last waypoint, as of `waypoints`; as the plan's last item has it if absent: `repeat` for

@@ -13,7 +13,7 @@ from pydantic_core import PydanticCustomError
 from vfguide.elementwise import wrap_angle
 from vfguide.mission import quantity
 from vfguide.mission.flight_path import Misfit, PathShape, shape_of
-from vfguide.mission.place import MissionFrame, Place
+from vfguide.mission.place import MOST_WAYPOINTS, MissionFrame, Place
 from vfguide.mission.quantity import NotNegative
 from vfguide.paths.chain import Chain, ChainedPath
 from vfguide.paths.circle import Radius
@@ -40,8 +40,6 @@ NEAREST_M = 1.0
 
 LEAST_M = 1e-6
 """Elements that are shorter are none."""
-
-MOST_WAYPOINTS = 2000
 
 USUAL_EASEMENT = 1.0
 """In parts of the radius."""
