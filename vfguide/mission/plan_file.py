@@ -15,8 +15,8 @@ from vfguide.errors import InputError
 from vfguide.mission.plan_route import (
     LAND,
     MOST_LATITUDE_DEG,
-    Item,
-    Route,
+    PlanItem,
+    PlanRoute,
     is_number,
     numbers,
     place,
@@ -115,7 +115,7 @@ def parse_plan(content: bytes) -> dict[str, Any]:
 
 def contents_of(
     home: list[float],
-    items: list[Item],
+    items: list[PlanItem],
     fence: dict[str, list[dict[str, Any]]],
     rally: list[dict[str, float]],
 ) -> dict[str, Any]:
@@ -129,7 +129,7 @@ def contents_of(
     """
     if home and not -500.0 <= home[2] <= 9000.0:
         raise InputError(f"begins at {home[2]:g} m above mean sea level; move its planned home")
-    route = Route(items, home[2] if home else None)
+    route = PlanRoute(items, home[2] if home else None)
     found: dict[str, Any] = {"waypoints": route.waypoints, "end": route.end}
     somewhere = home and abs(home[0]) <= MOST_LATITUDE_DEG and abs(home[1]) <= 180.0
     found["home"] = {"latitude_deg": home[0], "longitude_deg": home[1]} if somewhere else None
@@ -172,7 +172,7 @@ def flat(items: object, depth: int = 0) -> Iterator[Mapping[str, Any]]:
         yield from flat(inner, depth + 1)
 
 
-def item_of(item: Mapping[str, Any], number: int) -> Item:
+def item_of(item: Mapping[str, Any], number: int) -> PlanItem:
     """One item of JSON, of any version.
 
     Raises:
@@ -188,7 +188,7 @@ def item_of(item: Mapping[str, Any], number: int) -> Item:
     found = values[4:] if len(values) == GEOGRAPHIC else item.get("coordinate")
     where = found if isinstance(found, list) else []
     label = whole(item.get("doJumpId", item.get("id")))
-    return Item(
+    return PlanItem(
         number=number,
         label=label,
         command=command,
@@ -198,7 +198,7 @@ def item_of(item: Mapping[str, Any], number: int) -> Item:
     )
 
 
-def text_items(text: str) -> tuple[list[float], list[Item]]:
+def text_items(text: str) -> tuple[list[float], list[PlanItem]]:
     """(home, or nothing; the items) of a list of waypoints as text.
 
     Raises:
@@ -211,7 +211,7 @@ def text_items(text: str) -> tuple[list[float], list[Item]]:
             f"is a list of waypoints of version {version[:20]}, which is not known here; {AGAIN}"
         )
     home: list[float] = []
-    items: list[Item] = []
+    items: list[PlanItem] = []
     for line, words in enumerate(map(str.split, lines), start=2):
         if not words or words[0].startswith("#"):
             continue
@@ -224,7 +224,7 @@ def text_items(text: str) -> tuple[list[float], list[Item]]:
             raise InputError(
                 f"is no list of waypoints at line {line}; save it again with its ground station"
             )
-        item = Item(
+        item = PlanItem(
             number=number,
             label=number,
             command=command,

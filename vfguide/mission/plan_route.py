@@ -71,7 +71,7 @@ MOST_STEPS = 100_000
 """Items that are gone through, those of counted jumps each time."""
 
 
-class Item(msgspec.Struct, frozen=True):
+class PlanItem(msgspec.Struct, frozen=True):
     """One item of a plan, whatever file it is from; NaN where a number is missing."""
 
     number: int
@@ -88,10 +88,10 @@ class Item(msgspec.Struct, frozen=True):
     """Latitude and longitude in degrees, altitude in m."""
 
 
-class Route:
+class PlanRoute:
     """What a plan's items ask for."""
 
-    def __init__(self, items: Sequence[Item], home_amsl_m: float | None) -> None:
+    def __init__(self, items: Sequence[PlanItem], home_amsl_m: float | None) -> None:
         """Go through the items as an autopilot does, up to a landing, the way home or a loiter without end.
 
         Args:
@@ -157,7 +157,7 @@ class Route:
         if index < len(self._items) - 1:
             self.left_out.add(f"what comes after {what}")
 
-    def _leave_out(self, item: Item) -> None:
+    def _leave_out(self, item: PlanItem) -> None:
         known = WORDS.get(item.command)
         if known is None and item.command <= LAST_NAVIGATION and any(map(is_place, item.place[:2])):
             raise InputError(
@@ -166,7 +166,7 @@ class Route:
             )
         self.left_out.add(known or f"command {item.command}")
 
-    def _jump(self, index: int, item: Item) -> int | None:
+    def _jump(self, index: int, item: PlanItem) -> int | None:
         """Which item comes after a jump; None where the route begins again."""
         count = item.params[1]
         if not abs(count) >= 1.0:
@@ -193,7 +193,7 @@ class Route:
         self._left[index] = left - 1
         return target if left > 0 else index + 1
 
-    def _target(self, item: Item) -> int:
+    def _target(self, item: PlanItem) -> int:
         wanted = item.params[0]
         known = self._labels if item.command == JUMP else self._tags
         if (found := known.get(wanted)) is not None:
@@ -203,7 +203,7 @@ class Route:
             f"item {item.number} jumps to {what} {wanted:g}, which there is not; correct the jump"
         )
 
-    def _waypoint(self, index: int, item: Item) -> None:
+    def _waypoint(self, index: int, item: PlanItem) -> None:
         before = self.waypoints[-1] if self.waypoints else None
         latitude, longitude, altitude = item.place
         if item.command in LOITERS and not any(map(is_place, item.place[:2])):
@@ -234,7 +234,7 @@ class Route:
         radius = item.params[LOITERS[item.command]] if item.command in LOITERS else 0.0
         self.loiter_radius_m = radius if math.isfinite(radius) else 0.0
 
-    def _zero(self, item: Item) -> float:
+    def _zero(self, item: PlanItem) -> float:
         """What an item's altitude counts from, m above mean sea level."""
         if item.frame in ABSOLUTE:
             return 0.0
@@ -264,7 +264,7 @@ class Route:
                 self.rally_points.append(fence_place(item))
 
     @staticmethod
-    def _polygon(first: Item, items: Iterator[Item]) -> dict[str, Any]:
+    def _polygon(first: PlanItem, items: Iterator[PlanItem]) -> dict[str, Any]:
         count = first.params[0]
         corners = [first]
         while len(corners) < count and (item := next(items, None)) is not None:
@@ -303,7 +303,7 @@ def position(number: int, latitude: float, longitude: float, altitude: float) ->
     return {"latitude_deg": latitude, "longitude_deg": longitude}
 
 
-def fence_place(item: Item) -> dict[str, float]:
+def fence_place(item: PlanItem) -> dict[str, float]:
     """Where an item of the fence, or a rally point, is."""
     return place(list(item.place), "the fence, or a rally point,")
 

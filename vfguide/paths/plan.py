@@ -1,4 +1,4 @@
-"""A plan of a ground station as a path: its waypoints are the route, `vfguide check` holds all to its fence."""
+"""A plan of a ground station as a path: its waypoints are the route, `vfguide check` knows its fence."""
 
 from collections.abc import Iterator, Mapping
 from pathlib import Path
