@@ -230,14 +230,25 @@ def run(service: Coroutine[None, None, None], on_hangup: Callable[[], None]) -> 
         runner.run(until_signalled(service, on_hangup))
 
 
+def on_signal(name: str, do: Callable[[], object]) -> None:
+    """Have the running loop call `do` at a signal, where the system has it."""
+    loop, number = asyncio.get_running_loop(), getattr(signal, name, None)
+    if number is None:
+        return
+    try:
+        loop.add_signal_handler(number, do)
+    except NotImplementedError:
+        signal.signal(number, lambda *_: loop.call_soon_threadsafe(do))
+
+
 async def until_signalled(
     service: Coroutine[None, None, None], on_hangup: Callable[[], None]
 ) -> None:
     """Run it; SIGTERM and SIGINT cancel it, and that is no error."""
     task = asyncio.ensure_future(service)
-    for number in (signal.SIGTERM, signal.SIGINT):
-        asyncio.get_running_loop().add_signal_handler(number, task.cancel)
-    asyncio.get_running_loop().add_signal_handler(signal.SIGHUP, on_hangup)
+    on_signal("SIGTERM", task.cancel)
+    on_signal("SIGINT", task.cancel)
+    on_signal("SIGHUP", on_hangup)
     await asyncio.wait([task])
     if not task.cancelled():
         task.result()

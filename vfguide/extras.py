@@ -23,6 +23,9 @@ PLOTTING = ("matplotlib", "PIL", "jinja2")
 CONSOLE = ("starlette", "uvicorn")
 """What a console is served by."""
 
+POSIX = "termios"
+"""The module by which a system that companions can run on is known."""
+
 REQUIREMENT = re.compile(r"([A-Za-z0-9_.-]+).*;.*extra\s*==\s*['\"]([a-z]+)['\"]")
 
 
@@ -46,6 +49,10 @@ def missing_library(error: BaseException) -> str | None:
     if not isinstance(error, ImportError) or not error.name:
         return None
     module = error.name.partition(".")[0]
+    if module == POSIX:
+        return (
+            f"this needs {POSIX}, which only Linux and macOS have: run it there, or in a container"
+        )
     extra = extras_by_module().get(module)
     if extra is None:
         return None

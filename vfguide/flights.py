@@ -19,7 +19,7 @@ from vfguide.commands.output import kept_in
 from vfguide.commands.overrides import Overrides, apply_overrides, place_of
 from vfguide.elementwise import FloatArray
 from vfguide.errors import InputError, described_error
-from vfguide.extras import PLOTTING, import_extra, require
+from vfguide.extras import PLOTTING, POSIX, import_extra, require
 from vfguide.lab.export.columns import parts_of
 from vfguide.lab.ordering import OrderOutcome, give_order
 from vfguide.lab.rehearsal import lockstep
@@ -35,6 +35,7 @@ from vfguide.mission.model import Mission
 from vfguide.record.flight import FlightRecord
 from vfguide.record.vehicle import VehicleRecord
 from vfguide.registry import laws as known_laws
+from vfguide.system import run_watching_sockets
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -189,7 +190,7 @@ def order(
     credentials = files.of_operator()
     watched = watched_formation(mission, links, credentials)
     wanted = order_of(what.split(), spacing)
-    return asyncio.run(give_order(mission, wanted, watched, tell=tell, dry_run=dry_run))
+    return run_watching_sockets(give_order(mission, wanted, watched, tell=tell, dry_run=dry_run))
 
 
 def fly(
@@ -245,6 +246,7 @@ def fly(
         raise InputError("\n".join(impossible))
     if not live:
         return Flight(flown=fly_rehearsal(changed, processes=processes))
+    require(POSIX)
     # In a thread of its own: a notebook has an event loop already.
     stopped = Event()
     with TemporaryDirectory() as scratch, ThreadPoolExecutor(max_workers=1) as thread:

@@ -35,7 +35,7 @@ def open_regular(path: Path) -> BinaryIO:
 
 def open_at_once(path: str, flags: int) -> int:
     """A descriptor of a file that is not waited for."""
-    return os.open(path, flags | os.O_NONBLOCK)
+    return os.open(path, flags | getattr(os, "O_NONBLOCK", 0))
 
 
 def whole_lines(file: TextIO) -> Iterator[str]:
@@ -44,3 +44,8 @@ def whole_lines(file: TextIO) -> Iterator[str]:
     while (line := file.readline(LONGEST_LINE)).endswith("\n") and left > 0:
         left -= len(line)
         yield line
+
+
+def read_by_others(found: os.stat_result) -> bool:
+    """Whether a file's permissions let others read it; Windows keeps access lists instead."""
+    return hasattr(os, "geteuid") and bool(found.st_mode & (stat.S_IRWXG | stat.S_IRWXO))

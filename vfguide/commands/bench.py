@@ -46,6 +46,7 @@ from vfguide.lab.studies.radio import RATES_HZ, SIZES, RadioCase, RadioFigures
 from vfguide.lab.studies.radio import fly as fly_radio
 from vfguide.lab.studies.scale import measure_all, step_costs
 from vfguide.registry import laws
+from vfguide.system import require_linux
 
 CONDITIONS = ("shipped", "bad link")
 
@@ -145,6 +146,7 @@ def latency(
     # Here, because an aircraft's computer has no library that counts what processes take.
     from vfguide.lab.studies.latency import render, run_latency
 
+    require_linux("vfguide bench latency")
     result = run_latency(seconds=seconds, rate_hz=rate)
     Terminal().tell(json.dumps(result, indent=2) if as_json else render(result))
 

@@ -1,6 +1,5 @@
 """`vfguide console`: a formation, or a recorded flight, on a page of a browser."""
 
-import asyncio
 import re
 import secrets
 from collections.abc import AsyncIterator
@@ -18,7 +17,8 @@ from vfguide.errors import InputError
 from vfguide.extras import CONSOLE, require
 from vfguide.link.opening import WatchedFormation
 from vfguide.mission import Mission, read_mission
-from vfguide.regular_file import open_regular
+from vfguide.regular_file import open_regular, read_by_others
+from vfguide.system import run_watching_sockets
 
 if TYPE_CHECKING:
     from vfguide.lab.console.server import ConsoleAddress
@@ -26,9 +26,6 @@ if TYPE_CHECKING:
 
 LONGEST_TOKEN = 200
 TOKEN = re.compile(r"[A-Za-z0-9_-]{20,200}")
-
-READ_BY_OTHERS = 0o077
-"""Bits of a file's mode."""
 
 
 def console(
@@ -122,7 +119,7 @@ def console(
         record = read_flight(replay)
         recorded = RecordedFlight(record, tiles=below)
         kept = None if token is None else kept_token(token)
-        asyncio.run(shown(served(recorded, address, title=record.mission, token=kept)))
+        run_watching_sockets(shown(served(recorded, address, title=record.mission, token=kept)))
         return
     if mission is None or not link:
         raise InputError(
@@ -137,7 +134,7 @@ def console(
     watched = watched_formation(flown, link, credentials)
     kept = None if token is None else kept_token(token)
     second = new_operator_token(token) if operator else None
-    asyncio.run(
+    run_watching_sockets(
         shown(
             live_console(
                 flown, watched, address=address, token=kept, operator_token=second, tiles=below
@@ -231,7 +228,7 @@ def kept_token(path: Path) -> str:
     """
     try:
         with open_regular(path) as file:
-            shared = path.stat().st_mode & READ_BY_OTHERS
+            shared = read_by_others(path.stat())
             text = file.read(LONGEST_TOKEN + 2).decode("ascii", "replace").strip()
     except FileNotFoundError:
         return make_token(path)

@@ -10,6 +10,7 @@ from vfguide.commands.credentials import check_flies
 from vfguide.commands.options import MissionOption, Speedup, VehicleName
 from vfguide.lab.rehearsal.watched import await_start
 from vfguide.mission import read_mission
+from vfguide.system import require_linux
 
 PATIENCE_S = 180.0
 """Real time that a judge may take to start the flight."""
@@ -37,6 +38,7 @@ def emulate(
     # Here, because an aircraft's computer has no library that counts what processes take.
     from vfguide.lab.rehearsal.live import emulator_command
 
+    require_linux("vfguide emulate")
     flown = read_mission(mission).mission
     check_flies(flown, vehicle)
     epoch_s = await_start(start, patience_s=PATIENCE_S)

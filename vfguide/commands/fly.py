@@ -30,7 +30,7 @@ from vfguide.commands.overrides import (
 )
 from vfguide.commands.terminal import Terminal, flight_progress, stopped_by_signals
 from vfguide.errors import InputError, VfguideError
-from vfguide.extras import PLOTTING, require
+from vfguide.extras import PLOTTING, POSIX, require
 from vfguide.lab.rehearsal.lockstep import LockstepFlight
 from vfguide.lab.rehearsal.radio_flight import fly_rehearsal
 from vfguide.lab.report.metrics import summarise, summary_json
@@ -112,6 +112,7 @@ def fly(
     wrong, 3 the flight broke or was stopped.
     """
     if live:
+        require(POSIX)
         # Here, because an aircraft's computer has no library that counts what processes take.
         from vfguide.commands.fly_live import check_live, fly_live
     else:

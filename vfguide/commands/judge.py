@@ -29,6 +29,7 @@ from vfguide.lab.rehearsal.lockstep import LockstepFlight
 from vfguide.lab.rehearsal.watched import WatchedFlight, watched_flight
 from vfguide.mavlink.address import NetworkAddress, Transport, parse_address
 from vfguide.mission import read_mission
+from vfguide.system import run_watching_sockets
 
 RECORD_LOOK_S = 0.2
 """Real time between looks at the flight."""
@@ -88,7 +89,7 @@ def judge(
             stopped_by_signals() as stop,
             flight_progress(errors, title, changed.rehearsal.duration_s) as progress,
         ):
-            flight = asyncio.run(flown())
+            flight = run_watching_sockets(flown())
         status = conclude(flight, kept, out=out, force=force, as_json=as_json)
     raise typer.Exit(status)
 

@@ -1,6 +1,5 @@
 """`vfguide order`: words into an order, and what becomes of it in lines."""
 
-import asyncio
 from collections.abc import Sequence
 from typing import Annotated, get_args
 
@@ -16,6 +15,7 @@ from vfguide.formation.shapes import SHAPES
 from vfguide.lab.ordering import conclusion, give_order
 from vfguide.mission import read_mission
 from vfguide.mission.order_plan import formation_of_mission
+from vfguide.system import run_watching_sockets
 
 ACTIONS: tuple[Action, ...] = get_args(Action)
 
@@ -79,7 +79,9 @@ def order(
     keys = KeyFiles(mission=mission, key=key, roster=roster, insecure=insecure)
     watched = watched_formation(flown, link, keys.of_operator())
     output = Terminal()
-    outcome = asyncio.run(give_order(flown, wanted, watched, tell=output.tell, dry_run=dry_run))
+    outcome = run_watching_sockets(
+        give_order(flown, wanted, watched, tell=output.tell, dry_run=dry_run)
+    )
     if dry_run:
         raise typer.Exit(FLOWN)
     for line in conclusion(outcome):

@@ -32,6 +32,7 @@ from vfguide.link.opening import HEARD_SHARE, Link, WatchedFormation, check_conn
 from vfguide.link.presence import LINKS_LOST, ORDER, TERM, Presence
 from vfguide.mission import Mission, read_mission
 from vfguide.mission.feasibility import check_mission
+from vfguide.system import run_watching_sockets
 
 # Which presences are of now: a broker keeps the last word of a companion that is gone; links get lost.
 
@@ -210,9 +211,9 @@ def status(
     if credentials.roster is not None and credentials.key is None and not as_json:
         Terminal(stderr=True).tell(NOT_FRESH)
     if watch:
-        asyncio.run(keep_showing(flown, watched, output, as_json=as_json))
+        run_watching_sockets(keep_showing(flown, watched, output, as_json=as_json))
         raise typer.Exit(ALL_THERE)
-    seen = asyncio.run(living_presences(watched))
+    seen = run_watching_sockets(living_presences(watched))
     if as_json:
         output.tell(json.dumps(status_json(flown, seen), indent=2))
     else:

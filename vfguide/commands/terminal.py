@@ -17,6 +17,8 @@ from typing import IO
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
+from vfguide.system import on_signals
+
 PLAIN_STEPS = 5
 """Lines that a whole flight takes where there is no terminal."""
 
@@ -103,9 +105,7 @@ def plain_progress(console: Terminal, title: str, duration_s: float) -> Callable
 def stop_event() -> asyncio.Event:
     """An event of the running loop that Ctrl-C or SIGTERM sets, instead of ending the program."""
     stop = asyncio.Event()
-    loop = asyncio.get_running_loop()
-    for number in (signal.SIGTERM, signal.SIGINT):
-        loop.add_signal_handler(number, stop.set)
+    on_signals(stop.set)
     return stop
 
 

@@ -10,7 +10,7 @@ To hear oneself takes as much of the computer as to speak. So it is done now and
 import asyncio
 import logging
 import re
-import select
+import selectors
 import socket
 import ssl
 import threading
@@ -25,6 +25,7 @@ from paho.mqtt.client import Client as Engine
 
 from vfguide.errors import InputError
 from vfguide.link.address import ENVIRONMENT_VARIABLE, MqttAddress
+from vfguide.system import URGENT_TCP, SocketSelector
 
 LARGEST = 4096
 """Bytes of a message: nothing that the formation shares is longer."""
@@ -49,18 +50,6 @@ DIAL_S = 2.0
 
 ANSWER_S = 1.5
 """s for each answer of the broker."""
-
-SEND_BUFFER = 8 * 1024
-"""Bytes in the kernel: by default minutes of states would wait there for a broker that does not read."""
-
-LONGEST_SILENCE = 5_000
-"""ms without an acknowledgement until a connection counts as lost: a pulled cable says no goodbye."""
-
-SOCKET_OPTIONS = (
-    (socket.IPPROTO_TCP, socket.TCP_NODELAY, 1),
-    (socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, LONGEST_SILENCE),
-    (socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER),
-)
 
 UNTRUSTED = re.compile(r"CERTIFICATE_VERIFY_FAILED\].*?: (?P<why>.*?)( \(_ssl\.c:\d+\))?$")
 
@@ -247,7 +236,7 @@ class BrokerClient(Client):
             timeout=ANSWER_S,
             keepalive=KEEPALIVE_S,
             tls_context=context,
-            socket_options=SOCKET_OPTIONS,
+            socket_options=URGENT_TCP,
             logger=self._last_words,
         )
         # aiomqtt passes no time-out on to the engine that dials.
@@ -338,9 +327,9 @@ class BrokerClient(Client):
             return False
         if isinstance(sock, ssl.SSLSocket) and sock.pending():
             return True
-        arrived = select.poll()
-        arrived.register(sock, select.POLLIN)
-        return bool(arrived.poll(0))
+        with SocketSelector() as arrived:
+            arrived.register(sock, selectors.EVENT_READ)
+            return bool(arrived.select(0))
 
     async def close(self) -> None:
         """Disconnect, politely if that works at once."""

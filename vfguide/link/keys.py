@@ -6,7 +6,6 @@ unencrypted: a daemon has nobody to ask for a pass phrase), which nobody but its
 
 import os
 import secrets
-import stat
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -15,7 +14,7 @@ from typing import TYPE_CHECKING, Protocol
 import yaml
 
 from vfguide.errors import InputError
-from vfguide.regular_file import open_regular
+from vfguide.regular_file import open_regular, read_by_others
 
 # The functions below import `cryptography` themselves: it takes 7 MB, and a formation without keys has none.
 if TYPE_CHECKING:
@@ -27,9 +26,6 @@ PUBLIC_SIZE = 32
 LARGEST_ROSTER = 256 * 1024
 LARGEST_KEY = 4096
 """Bytes of a file: what is larger is something else."""
-
-OTHERS = stat.S_IRWXG | stat.S_IRWXO
-"""Permissions of everybody but the owner."""
 
 RADIO_KEY, RADIO_KEY_SIZE = "radio.psk", 32
 """File with the key by which members know each other on a radio, 64 hexadecimal digits, and its bytes."""
@@ -182,9 +178,9 @@ def read_secret(path: Path, what: str, environment: Mapping[str, str]) -> bytes:
     credentials = environment.get("CREDENTIALS_DIRECTORY")
     kept_by_systemd = bool(credentials) and path.parent == Path(credentials or "")
     if not kept_by_systemd:
-        if found.st_mode & OTHERS:
+        if read_by_others(found):
             raise InputError(f"{path}: others may read this {what}; run: chmod 600 {path}")
-        if found.st_uid not in {os.geteuid(), 0}:
+        if hasattr(os, "geteuid") and found.st_uid not in {os.geteuid(), 0}:
             raise InputError(
                 f"{path}: this {what} belongs to another user; run: chown {os.geteuid()} {path}"
             )

@@ -28,7 +28,7 @@ from vfguide.link.member import Member, Parcel
 from vfguide.link.packed import MOST_VEHICLES
 from vfguide.link.presence import Presence
 from vfguide.link.radio_schedule import LARGEST_FRAME, Channel, Turn, make_timetable
-from vfguide.link.radio_station import PRESENCE_S, Station
+from vfguide.link.radio_station import GREETING_S, ORDER_LEAD_S, PRESENCE_S, Station
 
 EXAMPLE = f"serial:///dev/ttyUSB1:57600?key=MISSION.keys/{RADIO_KEY}"
 
@@ -37,14 +37,6 @@ SLOWEST_BAUD, FASTEST_BAUD = 1_200, 12_000_000
 RATES = {"leader": 10.0, "followers": 2.5, "air": 4000.0}
 """Numbers that an address may give: states per second of the leader and of each follower, which count at the
 leader alone, and bytes per second that all radios together can send."""
-
-ORDER_LEAD_S = 10.0
-"""An order is given so long before its time: with twelve vehicles each round of its pieces takes 2 s; where
-some are lost all have heard it after three, and answers wait for their turns."""
-
-GREETING_S = 8.0
-"""Where much is lost it takes some questions and answers until a companion knows the formation's time,
-without which it can say nothing: twelve that begin at once all speak by then."""
 
 READ = 4096
 """Bytes that are read at once."""

@@ -66,6 +66,14 @@ HURRIED_CYCLES, CALM_CYCLES = 2, 12
 """From one question of a follower to its next: while its clock is not settled, and later. One that knows no
 session of the leader has nothing else to say, and asks in each of its turns."""
 
+ORDER_LEAD_S = 10.0
+"""An order is given so long before its time: with twelve vehicles each round of its pieces takes 2 s; where
+some are lost all have heard it after three, and answers wait for their turns."""
+
+GREETING_S = 8.0
+"""Where much is lost it takes some questions and answers until a companion knows the formation's time,
+without which it can say nothing: twelve that begin at once all speak by then."""
+
 PRESENCE_S, IDLE_S = 4.0, 1.0
 """From one presence to the next: where it takes the turn of a state, and where there is none to be sent."""
 

@@ -4,6 +4,7 @@ import asyncio
 import errno
 import socket
 import struct
+import sys
 from collections.abc import Mapping
 from contextlib import suppress
 from urllib.parse import SplitResult
@@ -21,6 +22,9 @@ RECEIVE_BUFFER = 128 * 1024
 
 MULTICAST_ALL = 49
 """Linux's IP_MULTICAST_ALL, which Python does not name."""
+
+LINUX = sys.platform == "linux"
+"""Whether interfaces have numbers, and a socket can hear only the groups that it has joined itself."""
 
 HOPS = 1
 """Routers that a multicast datagram passes, less one: a formation is on one network."""
@@ -41,14 +45,16 @@ def open_socket(address: UdpAddress) -> socket.socket:
             # Several companions of one computer hear one group, as in a rehearsal.
             opened.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         # Bound to the group itself, since else all that comes to the port from anywhere would be read.
-        opened.bind((address.group or "", address.port))
+        opened.bind((address.group if LINUX and address.group else "", address.port))
         if address.group is not None:
             interface = interface_of(address.interface)
             opened.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_TTL, HOPS)
             opened.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_LOOP, 1)
-            # Else all groups would be heard that any program of this computer has joined.
-            opened.setsockopt(socket.IPPROTO_IP, MULTICAST_ALL, 0)
-            opened.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_IF, bytes(4) + interface)
+            if LINUX:
+                # Else all groups would be heard that any program of this computer has joined.
+                opened.setsockopt(socket.IPPROTO_IP, MULTICAST_ALL, 0)
+            outgoing = bytes(4) + interface if LINUX else interface
+            opened.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_IF, outgoing)
             opened.setsockopt(
                 socket.IPPROTO_IP,
                 socket.IP_ADD_MEMBERSHIP,
@@ -61,7 +67,7 @@ def open_socket(address: UdpAddress) -> socket.socket:
 
 
 def interface_of(name: str) -> bytes:
-    """Address and number of an interface as the kernel's `ip_mreqn` ends with them.
+    """Address and number of an interface as Linux's `ip_mreqn` ends with them, elsewhere the address alone.
 
     Args:
         name: of the interface, or an address that it has; empty for the one of the default route.
@@ -69,10 +75,11 @@ def interface_of(name: str) -> bytes:
     Raises:
         OSError: there is none of this name.
     """
-    if not name:
-        return struct.pack("=4si", bytes(4), 0)
+    size = 8 if LINUX else 4
     with suppress(OSError):
-        return struct.pack("=4si", socket.inet_aton(name), 0)
+        return (socket.inet_aton(name) if name else bytes(4)).ljust(size, b"\0")
+    if not LINUX:
+        raise OSError(errno.ENODEV, f"no address {name!r} of an interface")
     try:
         number = socket.if_nametoindex(name)
     except OSError:

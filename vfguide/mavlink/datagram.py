@@ -5,7 +5,7 @@ Whom a UDP socket listens to and answers.
 
 import asyncio
 import math
-import select
+import selectors
 import socket
 from collections import OrderedDict
 from collections.abc import AsyncIterator, Callable
@@ -17,6 +17,7 @@ from vfguide.backoff import retry_delay
 from vfguide.mavlink.address import NetworkAddress, Status, reason_of
 from vfguide.mavlink.framing import MAGIC_1, MAGIC_2, Introduction
 from vfguide.mavlink.stream import DatagramFramer
+from vfguide.system import SocketSelector
 
 Endpoint = tuple[Any, ...]
 """Host and port as sockets give them; IPv6 adds more, which says nothing about who it is."""
@@ -99,7 +100,7 @@ class UdpSocket(asyncio.DatagramProtocol):
         self._peer = peer
         self._framers: OrderedDict[Endpoint, DatagramFramer] = OrderedDict()
         self._transport: asyncio.DatagramTransport | None = None
-        self._poll = select.poll()
+        self._room = SocketSelector()
         self.lost: asyncio.Future[None] = self._loop.create_future()
         """Set once the socket is closed."""
 
@@ -110,7 +111,7 @@ class UdpSocket(asyncio.DatagramProtocol):
         medium = transport.get_extra_info("socket")
         medium.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER)
         medium.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER)
-        self._poll.register(medium.fileno(), select.POLLOUT)
+        self._room.register(medium.fileno(), selectors.EVENT_WRITE)
         self._report()
 
     def datagram_received(self, data: bytes, addr: Endpoint) -> None:
@@ -154,7 +155,7 @@ class UdpSocket(asyncio.DatagramProtocol):
         peer = self._peer.endpoint
         if self._transport is None or peer is None:
             self._status.counters["dropped: not connected"] += 1
-        elif not self._poll.poll(0):
+        elif not self._room.select(0):
             self._status.counters["dropped: slow peer"] += 1
         else:
             self._transport.sendto(datagram, peer)

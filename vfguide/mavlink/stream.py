@@ -13,8 +13,7 @@ downloaded over MAVLink has old frames as its content.)
 """
 
 import asyncio
-import select
-import socket
+import selectors
 import termios
 from collections import Counter
 from collections.abc import AsyncIterator, Awaitable, Callable
@@ -41,6 +40,7 @@ from vfguide.mavlink.framing import (
     holds_whole_frames,
     next_magic,
 )
+from vfguide.system import URGENT_TCP, SocketSelector
 
 CHECKSUM_SEEDS: dict[int, int] = {
     number: message.crc_extra for number, message in mavlink.mavlink_map.items()
@@ -58,12 +58,6 @@ LARGEST_BACKLOG = 2048
 
 LONGEST_DIAL = 5.0
 """s, for one try: a host that is switched off never answers."""
-
-SEND_BUFFER = 8 * 1024
-"""Bytes in the kernel: by default it would take minutes of setpoints for a peer that does not read."""
-
-LONGEST_SILENCE = 5_000
-"""ms without an acknowledgement until a peer counts as gone: a pulled cable says no goodbye."""
 
 
 class FrameVerdict(Enum):
@@ -197,13 +191,13 @@ class StreamPeer(asyncio.Protocol):
         self._counters = counters
         self._framer = StreamFramer()
         self._transport: asyncio.Transport | None = None
-        self._poll = select.poll()
+        self._room = SocketSelector()
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         """Take the transport; a serial port is one as much as a socket is."""
         if isinstance(transport, asyncio.Transport):
             self._transport = transport
-            self._poll.register(file_number(transport), select.POLLOUT)
+            self._room.register(file_number(transport), selectors.EVENT_WRITE)
 
     def data_received(self, data: bytes) -> None:
         """Hand on the frames that these bytes complete, at once."""
@@ -250,7 +244,7 @@ class StreamPeer(asyncio.Protocol):
             return backlog + size > LARGEST_BACKLOG
         # With nothing waiting the transport writes at once, and pyserial does not come back from a write
         # to a port that takes nothing.
-        return not self._poll.poll(0)
+        return not self._room.select(0)
 
 
 def file_number(transport: asyncio.Transport) -> int:
@@ -336,9 +330,8 @@ def tune(transport: asyncio.BaseTransport) -> None:
     peer = transport.get_extra_info("socket")
     # A peer that is gone already refuses settings; its loss is reported in a moment.
     with suppress(OSError):
-        peer.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        peer.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER)
-        peer.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, LONGEST_SILENCE)
+        for option in URGENT_TCP:
+            peer.setsockopt(*option)
 
 
 def name_of(transport: asyncio.BaseTransport) -> str:

@@ -2,6 +2,7 @@
 
 import asyncio
 import hmac
+import os
 import re
 import secrets
 import ssl
@@ -463,7 +464,9 @@ def listen(address: ConsoleAddress) -> socket:
     """
     family = AF_INET6 if ":" in address.host else AF_INET
     opened = socket(family, SOCK_STREAM)
-    opened.setsockopt(SOL_SOCKET, SO_REUSEADDR, 1)
+    # Windows would let a second program take the port.
+    if os.name == "posix":
+        opened.setsockopt(SOL_SOCKET, SO_REUSEADDR, 1)
     try:
         opened.bind((address.host, address.port))
         # From here on a page that comes before the server runs waits, and is not turned away.

@@ -12,7 +12,7 @@ import signal
 import sys
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import ExitStack, closing, suppress
+from contextlib import ExitStack, closing, contextmanager, suppress
 from dataclasses import dataclass
 from itertools import islice
 from multiprocessing import resource_tracker
@@ -90,14 +90,8 @@ class WorkerProcess:
         self._process = context.Process(
             target=fly_share, args=(mission, names, epoch_s, instants, answers), daemon=True
         )
-        # Started by the first process otherwise, and with that it would lift the blocking of signals.
-        resource_tracker.ensure_running()
-        # Ctrl-C and SIGTERM may reach a whole group of processes; the near end tells this one when to stop.
-        blocked = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM})
-        try:
+        with signals_blocked():
             self._process.start()
-        finally:
-            signal.pthread_sigmask(signal.SIG_SETMASK, blocked)
         # With one holder for each end, the death of either process is an end of file for the other.
         instants.close()
         answers.close()
@@ -155,6 +149,25 @@ class WorkerProcess:
         return VfguideError(f"a flight process died (exit code {self._process.exitcode})")
 
 
+@contextmanager
+def signals_blocked() -> Iterator[None]:
+    """Start processes that no Ctrl-C and SIGTERM ends, which may reach a whole group of processes.
+
+    The near end tells the far one when to stop. Windows cannot block signals: there a worker begins by
+    ignoring Ctrl-C.
+    """
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    # Started by the first process otherwise, and with that it would lift the blocking of signals.
+    resource_tracker.ensure_running()
+    blocked = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, blocked)
+
+
 def fly_share(
     mission: Mission,
     names: Sequence[str],
@@ -163,6 +176,7 @@ def fly_share(
     answers: Connection,
 ) -> None:
     """The far end: fly every window that comes, say what was published, at last send home what there is."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:
         share = launch(mission, names, epoch_s)
         # Without a near end there is nobody to fly for.

@@ -36,9 +36,8 @@ from vfguide.link.memory import Mail
 from vfguide.link.order_codec import REPLY_MAGIC, Verdict, decode_reply, encode_order
 from vfguide.link.peer_clock import PeerClock
 from vfguide.link.presence import Presence
-from vfguide.link.radio import GREETING_S, ORDER_LEAD_S
 from vfguide.link.radio_schedule import Channel, make_timetable
-from vfguide.link.radio_station import Station
+from vfguide.link.radio_station import GREETING_S, ORDER_LEAD_S, Station
 from vfguide.link.trust import Trust
 from vfguide.mission.model import Mission
 from vfguide.mission.order_plan import timetable

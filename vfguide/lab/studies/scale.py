@@ -6,7 +6,6 @@ What one guidance step of each law costs: as called in a flight, nothing left ou
 """
 
 import math
-import resource
 import statistics
 import sys
 import time
@@ -20,6 +19,7 @@ import numpy as np
 
 from vfguide.companion.core import Companion
 from vfguide.companion.follower_role import FollowerRole
+from vfguide.extras import import_extra
 from vfguide.lab.rehearsal.lockstep import fly_lockstep
 from vfguide.lab.studies.flown import AIRCRAFT, PATHS, article_mission
 from vfguide.laws.keeper import SlotKeeper
@@ -187,6 +187,12 @@ def timed_flight(
 
 def resident_mb() -> float:
     """Greatest memory of this process so far, MB."""
+    try:
+        import resource
+    except ImportError:
+        # Windows counts it for psutil.
+        memory = import_extra("psutil").Process().memory_info()
+        return float(getattr(memory, "peak_wset", memory.rss)) / 1e6
     scale = 1e6 if sys.platform == "darwin" else 1e3
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / scale
 

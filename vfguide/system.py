@@ -1,0 +1,62 @@
+"""Abilities that Linux, macOS and Windows do not share: each is used where it is there."""
+
+import asyncio
+import os
+import selectors
+import signal
+import socket
+from collections.abc import Callable, Coroutine
+from typing import Any, TypeVar
+
+from vfguide.errors import VfguideError
+
+Result = TypeVar("Result")
+
+SEND_BUFFER = 8 * 1024
+"""Bytes in the kernel: by default minutes of messages would wait there for a peer that does not read."""
+
+LONGEST_SILENCE = 5_000
+"""ms without an acknowledgement until a connection counts as lost: a pulled cable says no goodbye."""
+
+URGENT_TCP: tuple[tuple[int, int, int], ...] = (
+    (socket.IPPROTO_TCP, socket.TCP_NODELAY, 1),
+    (socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER),
+    # Linux has it; elsewhere a pulled cable is found by the silence of what should be heard.
+    *(
+        (socket.IPPROTO_TCP, getattr(socket, name), LONGEST_SILENCE)
+        for name in ("TCP_USER_TIMEOUT",)
+        if hasattr(socket, name)
+    ),
+)
+"""Options of a TCP socket for small, urgent messages."""
+
+SocketSelector: type[selectors.SelectSelector] = getattr(
+    selectors, "PollSelector", selectors.SelectSelector
+)
+"""Tells whether sockets are ready, without a descriptor of its own; Windows knows only `select`."""
+
+
+def require_linux(what: str) -> None:
+    """Refuse what only Linux can do, known by a kind of file that no other system has.
+
+    Raises:
+        VfguideError: this is another system.
+    """
+    if not hasattr(os, "memfd_create"):
+        raise VfguideError(f"{what} needs Linux; on this computer run it in a container")
+
+
+def run_watching_sockets(main: Coroutine[Any, Any, Result]) -> Result:
+    """Run a coroutine as `asyncio.run` does, in the kind of loop that watches sockets on every system."""
+    with asyncio.Runner(loop_factory=asyncio.SelectorEventLoop) as runner:
+        return runner.run(main)
+
+
+def on_signals(do: Callable[[], object]) -> None:
+    """Have the running loop call `do` at Ctrl-C and at SIGTERM, instead of ending the program."""
+    loop = asyncio.get_running_loop()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        try:
+            loop.add_signal_handler(number, do)
+        except NotImplementedError:
+            signal.signal(number, lambda *_: loop.call_soon_threadsafe(do))
