@@ -29,6 +29,10 @@ POSIX = "termios"
 REQUIREMENT = re.compile(r"([A-Za-z0-9_.-]+).*;.*extra\s*==\s*['\"]([a-z]+)['\"]")
 
 
+class MissingLibraryError(VfguideError, ImportError):
+    """A library is not installed; the text says which extra brings it."""
+
+
 @cache
 def extras_by_module() -> dict[str, str]:
     """The extra that brings each optional module, as the package's own metadata say."""
@@ -63,21 +67,22 @@ def require(*modules: str) -> None:
     """Make sure, before a long work begins, that what it ends with is there.
 
     Raises:
-        VfguideError: a module is not installed; the text says which extra brings it.
+        MissingLibraryError: a module is not installed; the text says which extra brings it.
     """
     for module in modules:
         if find_spec(module) is None:
             error = ImportError(name=module)
-            raise VfguideError(missing_library(error) or f"{module} is not installed")
+            text = missing_library(error) or f"{module} is not installed"
+            raise MissingLibraryError(text, name=module)
 
 
 def import_extra(module: str) -> Any:  # noqa: ANN401 - such libraries have no types of their own
     """An optional module.
 
     Raises:
-        VfguideError: it is not installed; the text says which extra brings it.
+        MissingLibraryError: it is not installed; the text says which extra brings it.
     """
     try:
         return import_module(module)
     except ImportError as error:
-        raise VfguideError(missing_library(error) or str(error)) from error
+        raise MissingLibraryError(missing_library(error) or str(error), name=module) from error

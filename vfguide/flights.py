@@ -13,7 +13,6 @@ from typing import Any
 
 from vfguide.commands.credentials import KeyFiles, watched_formation
 from vfguide.commands.fly import keep
-from vfguide.commands.fly_live import flown_live
 from vfguide.commands.order import order_of
 from vfguide.commands.output import kept_in
 from vfguide.commands.overrides import Overrides, apply_overrides, place_of
@@ -80,7 +79,7 @@ class Flight:
         One row for each sample and vehicle, part by part of the time, the leader first.
 
         Raises:
-            VfguideError: pandas is not installed.
+            ImportError: pandas is not installed.
         """
         pandas = import_extra("pandas")
         return pandas.concat(
@@ -109,7 +108,7 @@ class Flight:
 
         Raises:
             InputError: it cannot be written to, or holds something else.
-            VfguideError: there is nothing to plot by.
+            ImportError: there is nothing to plot by.
         """
         require(*PLOTTING)
         names = list(self.tracks)
@@ -228,6 +227,8 @@ def fly(
     Raises:
         InputError: a value is out of its range, a name is not known, or the mission cannot be flown.
         VfguideError: a live flight broke: a process has ended, or no link stands.
+        ImportError: the law, or a live flight, needs a library that is not installed; the text says which
+            extra brings it. It is a VfguideError, too.
     """
     if not isinstance(mission, Mission):
         raise InputError(f"{mission!r} is no mission; write vfguide.load_mission({mission!r})")
@@ -246,7 +247,9 @@ def fly(
         raise InputError("\n".join(impossible))
     if not live:
         return Flight(flown=fly_rehearsal(changed, processes=processes))
-    require(POSIX)
+    require(POSIX, "psutil")
+    from vfguide.commands.fly_live import flown_live
+
     # In a thread of its own: a notebook has an event loop already.
     stopped = Event()
     with TemporaryDirectory() as scratch, ThreadPoolExecutor(max_workers=1) as thread:

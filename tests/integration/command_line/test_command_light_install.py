@@ -56,6 +56,38 @@ def test_the_companion_starts_and_missions_are_checked_and_flown(run):
     assert "Not accepted" in flown.stdout
 
 
+FROM_PYTHON = """
+import vfguide
+mission = vfguide.load_mission("line-calm")
+flight = vfguide.fly(mission, duration_s=5, settings={"rehearsal.start": {}})
+print(round(flight.time_s[-1]), len(vfguide.compare(mission, laws=["pid"], duration_s=5)))
+for needs in (
+    lambda: vfguide.fly(mission, law="mpc", duration_s=5),
+    lambda: vfguide.fly(mission, live=True),
+    lambda: flight.report("flight"),
+    flight.to_dataframe,
+):
+    try:
+        needs()
+    except ImportError as error:
+        print(error)
+"""
+
+
+def test_python_flies_and_says_what_to_install_for_the_rest(run, tmp_path):
+    (tmp_path / "program.py").write_text(FROM_PYTHON)
+    said = run("program")
+    assert said.stderr == ""
+    needed = (("osqp", "lab"), ("psutil", "lab"), ("matplotlib", "lab"), ("pandas", "files"))
+    assert said.stdout.splitlines() == [
+        "5 1",
+        *(
+            f"this needs {library}, which is not installed: pip install 'vfguide[{extra}]'"
+            for library, extra in needed
+        ),
+    ]
+
+
 @pytest.mark.parametrize(
     ("arguments", "library", "extra"),
     [
