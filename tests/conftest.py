@@ -67,15 +67,12 @@ FLYING = (
     "unit/guidance/test_guidance_racetrack.py",
     "unit/guidance/test_guidance_routes.py",
     "unit/link/test_link_radio.py",
-    "unit/link/test_link_radio_hostile.py",
     "unit/mission/test_mission_file_fuzz.py",
     "unit/mission/test_mission_hold_heights.py",
     *(
         f"unit/sitl_stub/test_stub_{name}.py"
         for name in (
             "ground_start",
-            "ground_station",
-            "lagging_plant",
             "measurements",
             "parameters",
             "plant",
@@ -91,9 +88,6 @@ FLYING = (
             "engaging",
             "fail_safe",
             "fuzz",
-            "late_telemetry",
-            "leader_loss",
-            "recognition",
             "roles",
             "steering",
         )

@@ -4,7 +4,7 @@ import os
 from concurrent.futures import ProcessPoolExecutor
 from typing import Any
 
-from tests.kit.figures import tell
+from tests.kit.figures import cell, tell
 from tests.kit.missions import mission_with
 from vfguide.lab.rehearsal.lockstep import fly_lockstep
 from vfguide.lab.report.metrics import summarise
@@ -28,6 +28,15 @@ VARIANTS: dict[str, dict[str, dict[str, Any]]] = {
     "50 Hz": {"rehearsal": {"rate_hz": 50.0}},
 }
 
+COLUMNS = {
+    "mean": "mean_error_m",
+    "95 %": "p95_error_m",
+    "max": "max_error_m",
+    "10 m": "settle_10m_s",
+    "1 m": "settle_1m_s",
+    "nearest": "min_separation_m",
+}
+
 
 def fly(task: tuple[str, str]) -> Summary:
     """Summary of one mission in one variant."""
@@ -41,20 +50,10 @@ def main() -> None:
     others = [(name, variant) for variant in VARIANTS for name in ARTICLE]
     with ProcessPoolExecutor(os.cpu_count()) as pool:
         summaries = dict(zip(shipped + others, pool.map(fly, shipped + others), strict=True))
-    tell(
-        f"{'metres, seconds':28}{'mean':>8}{'95 %':>8}{'max':>8}{'10 m':>8}{'1 m':>8}{'nearest':>9}"
-    )
+    tell(f"{'metres, seconds':28}" + "".join(f"{column:>8}" for column in COLUMNS))
     for task in shipped:
         figures = summaries[task].formation
-        row = (
-            figures.mean_error_m,
-            figures.p95_error_m,
-            figures.max_error_m,
-            figures.settle_10m_s,
-            figures.settle_1m_s,
-            figures.min_separation_m,
-        )
-        tell(f"{task[0]:28}" + "".join(cell(value) for value in row))
+        tell(f"{task[0]:28}" + "".join(cell(getattr(figures, one)) for one in COLUMNS.values()))
     tell(f"\n{'mean error, metres':28}" + "".join(f"{name:>14}" for name in ARTICLE))
     for variant in VARIANTS:
         means = (summaries[name, variant].formation.mean_error_m for name in ARTICLE)
@@ -65,11 +64,6 @@ def main() -> None:
             variation = figures.course_setpoint_variation_rad_s
             excess = figures.course_setpoint_excess_variation_rad_s
             tell(f"{name + ' ' + vehicle:28}{cell(variation)}{cell(excess)}")
-
-
-def cell(value: float | None) -> str:
-    """A figure, or a dash where there is none."""
-    return f"{'-':>8}" if value is None else f"{value:8.3f}" if value < 10.0 else f"{value:8.1f}"
 
 
 if __name__ == "__main__":

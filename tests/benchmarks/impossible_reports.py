@@ -140,11 +140,26 @@ class Stop:
     """For how long, s."""
 
 
-class LatePositions:
+class Hindered:
+    """An emulated autopilot that something comes between."""
+
+    def __init__(self, autopilot: Autopilot) -> None:
+        self._autopilot = autopilot
+
+    def receive(self, data: bytes) -> bytes:
+        """Hear."""
+        return self._autopilot.receive(data)
+
+    def truth(self) -> Truth:
+        """Where the aircraft is."""
+        return self._autopilot.truth()
+
+
+class LatePositions(Hindered):
     """An emulated autopilot whose position reports come late, or not at all."""
 
     def __init__(self, autopilot: Autopilot, faults: Sequence[Late]) -> None:
-        self._autopilot = autopilot
+        super().__init__(autopilot)
         self._faults = faults
         self._held: list[tuple[float, bytes]] = []
 
@@ -164,20 +179,12 @@ class LatePositions:
         self._held = [one for one in self._held if one[0] > now]
         return said + b"".join(due)
 
-    def receive(self, data: bytes) -> bytes:
-        """Hear."""
-        return self._autopilot.receive(data)
 
-    def truth(self) -> Truth:
-        """Where the aircraft is."""
-        return self._autopilot.truth()
-
-
-class Stopped:
+class Stopped(Hindered):
     """An emulated autopilot that is stopped now and then: it hears and says nothing, and its time stands."""
 
     def __init__(self, autopilot: Autopilot, stops: Sequence[Stop]) -> None:
-        self._autopilot = autopilot
+        super().__init__(autopilot)
         self._stops = stops
         self._stands = False
 
@@ -189,11 +196,7 @@ class Stopped:
 
     def receive(self, data: bytes) -> bytes:
         """Hear, unless it stands."""
-        return b"" if self._stands else self._autopilot.receive(data)
-
-    def truth(self) -> Truth:
-        """Where the aircraft is."""
-        return self._autopilot.truth()
+        return b"" if self._stands else super().receive(data)
 
 
 def on_course(name: str = "circle-wind") -> Mission:

@@ -11,7 +11,7 @@ from collections.abc import Iterable
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
-from tests.kit.figures import tell
+from tests.kit.figures import cell, tell
 from tests.kit.missions import MISSIONS, shipped
 
 ARTICLE = ("line-calm", "line-wind", "circle-calm", "circle-wind")
@@ -55,7 +55,7 @@ def main() -> int:
                 mean_m = summary["formation"]["mean_error_m"]
                 good = good and mean_m is not None and mean_m <= allowed_m(name)
                 values = row(name, summary)
-                tell(f"{f'{name}, {speedup:g} x':28}" + "".join(map(cell, values)))
+                tell(f"{f'{name}, {speedup:g} x':28}" + "".join(cell(value, 9) for value in values))
     return 0 if good else 1
 
 
@@ -68,11 +68,6 @@ def row(name: str, summary: dict[str, Any]) -> Iterable[float | None]:
         yield formation[key]
     for key in ("response_ms", "leader_age_ms"):
         yield latency[key]["p99"] if latency[key] else None
-
-
-def cell(value: float | None) -> str:
-    """A figure, or a dash where there is none."""
-    return f"{'-':>9}" if value is None else f"{value:9.3f}" if value < 10.0 else f"{value:9.1f}"
 
 
 if __name__ == "__main__":

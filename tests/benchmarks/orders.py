@@ -2,18 +2,16 @@
 
 Run with `.venv/bin/python -m tests.benchmarks.orders pairs [FOLLOWERS ...] [--every=N]`
 (the first of each N pairs that follow each other), all in the article's wind, in lockstep through MAVLink
-bytes. Minutes for each. `picture FILE` draws the mission `shapes` as its leader sees it. Random orders:
-`random_orders.py`.
+bytes. Minutes for each. Random orders: `random_orders.py`.
 """
 
-import sys
+import argparse
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from pathlib import Path
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from tests.kit.figures import tell
 from tests.kit.missions import shipped
@@ -22,14 +20,13 @@ from vfguide.formation.orders import Order
 from vfguide.formation.shapes import Shape, shape_slots
 from vfguide.formation.transition import RefusedOrderError
 from vfguide.lab.rehearsal.aircraft import LEAD_S, REPEAT_S, TIMES, Aircraft, step_all
-from vfguide.lab.rehearsal.lockstep import fly_lockstep
 from vfguide.lab.rehearsal.recorder import flight_record
-from vfguide.lab.report.geometry import in_course_frame, pair_separations, seen_from_leader
-from vfguide.lab.report.picture import save_figure
+from vfguide.lab.report.figures import settling_time
+from vfguide.lab.report.geometry import pair_separations, seen_from_leader
 from vfguide.link.memory import Mail
 from vfguide.link.order_codec import encode_order
 from vfguide.mission.model import Mission
-from vfguide.mission.order_plan import formation_of_mission, resolve, timetable
+from vfguide.mission.order_plan import formation_of_mission, resolve
 from vfguide.record.flight import FlightRecord
 
 SIX: tuple[Shape, ...] = ("vee", "line-abreast", "echelon-left", "trail", "diamond", "finger-four")
@@ -143,33 +140,20 @@ def settled_s(record: FlightRecord, one: Given, until_s: float) -> float:
     """After so long everybody stays within a metre of where the order sends it; infinite if not by then."""
     order = one.arrangement
     window = (record.time_s >= order.time_s) & (record.time_s < until_s)
-    time_s, leader = record.time_s[window] - order.time_s, record.leader
-    latest = 0.0
+    errors = []
     for vehicle in record.followers:
-        place = order.place_of(vehicle.name)
-        if place is None:
-            continue
-        forward, right = in_course_frame(
-            vehicle.north_m - leader.north_m, vehicle.east_m - leader.east_m, leader.course_rad
-        )
-        error = np.hypot(forward - place.end.forward, right - place.end.right)[window]
-        away = np.flatnonzero(error > 1.0)
-        if away.size:
-            latest = max(
-                latest, float("inf") if away[-1] + 1 == len(time_s) else float(time_s[away[-1] + 1])
-            )
-    return latest
+        if (place := order.place_of(vehicle.name)) is not None:
+            forward, right = seen_from_leader(record.leader, vehicle)
+            errors.append(np.hypot(forward - place.end.forward, right - place.end.right)[window])
+    found = settling_time(record.time_s[window] - order.time_s, np.array(errors), 1.0)
+    return math.inf if found is None else found
 
 
-def least(record: FlightRecord, from_s: float) -> tuple[float, str, float]:
-    """(distance in m, pair, time in s) of the nearest two from a time on."""
+def least(record: FlightRecord, from_s: float) -> tuple[float, str]:
+    """(distance in m, pair) of the nearest two from a time on."""
     window = record.time_s >= from_s
     return min(
-        (
-            float(one.distance_m[window].min()),
-            f"{one.first} and {one.second}",
-            float(record.time_s[window][one.distance_m[window].argmin()]),
-        )
+        (float(one.distance_m[window].min()), f"{one.first} and {one.second}")
         for one in pair_separations(record)
     )
 
@@ -190,7 +174,7 @@ def pairs(followers: Sequence[int], *, every: int = 1) -> None:
             ends = [one.arrangement.time_s for one in given[1:]] + [float(record.time_s[-1])]
             took = [settled_s(record, one, end) for one, end in zip(given, ends, strict=True)]
             slowest = int(np.argmax(took))
-            distance, pair, _ = least(record, FIRST_S)
+            distance, pair = least(record, FIRST_S)
             tell(
                 f"{count + 1} aircraft, {path}: {len(given)} pairs, all within 1 m after"
                 f" {np.median(took):.1f} s in the middle, {took[slowest]:.1f} s at most"
@@ -198,43 +182,14 @@ def pairs(followers: Sequence[int], *, every: int = 1) -> None:
             )
 
 
-def picture(file: Path) -> None:
-    """The transitions of the mission `shapes`, each seen from the leader."""
-    mission = shipped("shapes")
-    given = [found for found, _ in timetable(mission)]
-    record = fly_lockstep(mission).record
-    figure = Figure(figsize=(10.0, 6.4), layout="constrained")
-    for axes, order, timed in zip(figure.subplots(2, 3).flat, given, mission.orders, strict=True):
-        end_s = order.time_s + order.duration_s
-        window = (record.time_s >= order.time_s) & (record.time_s <= end_s + BETWEEN_S)
-        last = int(np.flatnonzero(window)[-1])
-        axes.plot(0.0, 0.0, marker="^", markersize=11, color="black")
-        for number, vehicle in enumerate(record.followers):
-            forward, right = seen_from_leader(record.leader, vehicle)
-            colour = f"C{number}"
-            axes.plot(right[window], forward[window], color=colour, linewidth=1.2)
-            axes.plot(right[window][0], forward[window][0], marker="o", color=colour, alpha=0.4)
-            axes.plot(
-                right[last], forward[last], marker="^", markersize=11, color=colour,
-                label=vehicle.name,
-            )  # fmt: skip
-        axes.set_title(f"{timed.shape}, {order.time_s:.0f} s, in {order.duration_s:.0f} s")
-        axes.set_aspect("equal", adjustable="datalim")
-        axes.grid(alpha=0.3)
-    figure.axes[0].legend(loc="lower left")
-    figure.supxlabel("right of the leader, m")
-    figure.supylabel("ahead of the leader, m")
-    save_figure(figure, file)
-
-
 def main() -> None:
     """Fly what the command line says."""
-    what, *numbers = sys.argv[1:] or ["pairs"]
-    every = int(numbers.pop().removeprefix("--every=")) if "--every=" in " ".join(numbers) else 1
-    if what == "picture":
-        picture(Path(numbers[0]))
-        return
-    pairs([int(number) for number in numbers] or [3, 7], every=every)
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("what", choices=["pairs"])
+    parser.add_argument("followers", nargs="*", type=int, default=[3, 7])
+    parser.add_argument("--every", type=int, default=1, help="the first of each so many pairs")
+    options = parser.parse_args()
+    pairs(options.followers, every=options.every)
 
 
 if __name__ == "__main__":

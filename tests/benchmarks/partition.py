@@ -9,7 +9,6 @@ leaders are then is what they differ in what they know of wind and path. A line 
 import math
 import sys
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -35,46 +34,10 @@ BACK_M = 2.0
 """Within this of the slots counts as back; in turbulence slots are kept to a metre or two."""
 
 
-@dataclass(frozen=True)
-class Merge:
-    """What came of a partition."""
-
-    apart_m: float
-    """How far the two leaders were from each other in the end."""
-    nearest_apart_m: float
-    """The nearest two while the parts did not hear each other."""
-    nearest_m: float
-    """The nearest two after."""
-    one_leader_s: float
-    """After the merge, until only one led."""
-    leader: str
-    """Who."""
-    back_s: float
-    """After the merge, until all were within `BACK_M` of their slots, and stayed."""
-    greatest_m: float
-    """The greatest distance from a slot meanwhile."""
-
-    @property
-    def cells(self) -> tuple[str, ...]:
-        """For a table, in the order of `COLUMNS`."""
-        return (
-            *(f"{self.apart_m:.2f}", f"{self.nearest_apart_m:.1f}", f"{self.nearest_m:.1f}"),
-            *(f"{self.one_leader_s:.2f}", self.leader, f"{self.back_s:.1f}"),
-            f"{self.greatest_m:.2f}",
-        )
-
-
 COLUMNS = (
-    "mission",
-    "turbulence",
-    "apart for, s",
-    "leaders apart, m",
-    "nearest two meanwhile, m",
-    "nearest two at the merge and after, m",
-    "one leader after, s",
-    "it is",
-    "all within 2 m after, s",
-    "greatest error, m",
+    *("mission", "turbulence", "apart for, s", "leaders apart, m", "nearest two meanwhile, m"),
+    *("nearest two at the merge and after, m", "one leader after, s", "it is"),
+    *(f"all within {BACK_M:g} m after, s", "greatest error, m"),
 )
 
 
@@ -89,8 +52,8 @@ def parted(sender: str, hearer: str) -> bool:
     return not any({sender, hearer} <= part for part in APART)
 
 
-def flown(mission: Mission, apart_s: float) -> Merge:
-    """A flight in which the formation is in two parts for so long."""
+def flown(mission: Mission, apart_s: float) -> tuple[str, ...]:
+    """What came of a flight in which the formation is in two parts for so long: `COLUMNS` from the 4th on."""
     names = [mission.leader.vehicle, *mission.followers_by_name]
     flying = [Aircraft(mission, name) for name in names]
     mail, rate_hz, merge_s = list[Mail](), mission.rehearsal.rate_hz, SPLIT_S + apart_s
@@ -105,8 +68,8 @@ def flown(mission: Mission, apart_s: float) -> Merge:
     return merge_of(flight_record(mission, times, records, wall_s=0.0), merge_s)
 
 
-def merge_of(record: FlightRecord, merge_s: float) -> Merge:
-    """What came of a merge at a time."""
+def merge_of(record: FlightRecord, merge_s: float) -> tuple[str, ...]:
+    """What came of a merge at a time; both leaders' distance is that of the last moment before it."""
     time_s = record.time_s
     split, after = (time_s >= SPLIT_S) & (time_s < merge_s), time_s >= merge_s
     separations = np.array([pair.distance_m for pair in pair_separations(record)])
@@ -118,14 +81,13 @@ def merge_of(record: FlightRecord, merge_s: float) -> Merge:
     errors = np.array([slot_error(record.reference, one).distance_m for one in record.followers])
     alone = time_s[after & (led.sum(axis=0) == 1)]
     away = time_s[after & (errors > BACK_M).any(axis=0)]
-    return Merge(
-        apart_m=math.dist(*known),
-        nearest_apart_m=float(separations[:, split].min()),
-        nearest_m=float(separations[:, after].min()),
-        one_leader_s=float(alone[0]) - merge_s,
-        leader=record.vehicles[int(led[:, -1].argmax())].name,
-        back_s=float(away[-1]) - merge_s if away.size else 0.0,
-        greatest_m=float(errors[:, after].max()),
+    return (
+        f"{math.dist(*known):.2f}",
+        *(f"{separations[:, when].min():.1f}" for when in (split, after)),
+        f"{float(alone[0]) - merge_s:.2f}",
+        record.vehicles[int(led[:, -1].argmax())].name,
+        f"{float(away[-1]) - merge_s if away.size else 0.0:.1f}",
+        f"{errors[:, after].max():.2f}",
     )
 
 
@@ -136,7 +98,7 @@ def main(lengths_s: Sequence[float]) -> None:
         for turbulence in WINDS:
             for apart_s in lengths_s:
                 found = flown(mission_of(name, turbulence), apart_s)
-                row(name, turbulence, f"{apart_s:g}", *found.cells)
+                row(name, turbulence, f"{apart_s:g}", *found)
 
 
 if __name__ == "__main__":

@@ -6,6 +6,7 @@ Run with `.venv/bin/python -m tests.benchmarks.signature_cost [STATES]`; seconds
 import sys
 import time
 
+from tests.kit.figures import tell
 from tests.kit.link import LEADER, trust_of
 from vfguide.link.codec import SIZE
 from vfguide.link.envelope import Kind
@@ -30,9 +31,9 @@ def main() -> None:
         for number, data in enumerate(sealed):
             listener.believe(listener.read(data), 0.05 * number)
         heard_s = time.process_time()
-        sys.stdout.write(
+        tell(
             f"{'signed' if signed else 'not signed'}: {1e6 * (made_s - began_s) / states:.0f} µs to make, "
-            f"{1e6 * (heard_s - made_s) / states:.0f} µs to take, {len(sealed[0])} bytes\n"
+            f"{1e6 * (heard_s - made_s) / states:.0f} µs to take, {len(sealed[0])} bytes"
         )
 
 

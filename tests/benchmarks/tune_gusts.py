@@ -11,12 +11,13 @@ their leader, and for each tenth of their setpoints beyond 5 % that a limit cuts
 
 import argparse
 import math
-import sys
 
 from numpy.random import Generator, default_rng
 
 import vfguide
-from tests.benchmarks.gusts import MISSION, limited_share, roll_share
+from tests.benchmarks.gusts import limited_share, roll_share
+from tests.kit.figures import tell
+from tests.kit.missions import shipped
 from vfguide.mission import Mission
 from vfguide.mission.controller import controller_of, with_law
 
@@ -87,8 +88,7 @@ def search(mission: Mission, law: str, tries: int) -> None:
         if better:
             best, least = gains, found
         figures = ", ".join(f"{name} {value:.3g}" for name, value in gains.items())
-        sys.stdout.write(f"{law} {'*' if better else ' '} {found:.3f}: {words}; {figures}\n")
-        sys.stdout.flush()
+        tell(f"{law} {'*' if better else ' '} {found:.3f}: {words}; {figures}")
 
 
 def main() -> None:
@@ -97,7 +97,7 @@ def main() -> None:
     parser.add_argument("laws", nargs="*", metavar="LAW")
     parser.add_argument("--tries", type=int, default=TRIES)
     options = parser.parse_args()
-    mission = vfguide.load_mission(MISSION)
+    mission = shipped("aerosonde-gusts")
     for law in options.laws or GAINS:
         search(mission, law, options.tries)
 

@@ -12,7 +12,6 @@ import argparse
 import json
 import math
 import os
-import sys
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, field
@@ -27,6 +26,8 @@ import numpy as np
 from sitl_stub.autopilot import flight_at_start
 from sitl_stub.loops import SpeedTarget, TurnTarget
 from sitl_stub.registry import autopilots
+from tests.kit.figures import tell
+from tests.kit.missions import shipped
 from vfguide.elementwise import FloatArray
 from vfguide.guidance.airframe import GRAVITY
 from vfguide.lab.rehearsal.emulators import checked_settings
@@ -327,14 +328,19 @@ class UntunedFlight:
         aircraft, air = AIRCRAFT[self.aircraft], AIRS[self.air]
         cruise = aircraft.cruise_m_s
         speeds = [16.0, 32.0] if aircraft.emulator["plant"] == "six-dof" else None
+        vehicle = {
+            "autopilot": aircraft.autopilot,
+            "airspeed_range_m_s": speeds or [round(0.6 * cruise, 1), round(1.4 * cruise, 1)],
+            **aircraft.declared(self.declared),
+        }
+        starts = {
+            name: {"forward_m": ahead, "right_m": right} for name, (ahead, right) in STARTS.items()
+        }
+        starts["leader"] = {"north_m": 30, "east_m": 0, "course_deg": 270}
         return Mission.model_validate(
             {
                 "name": "untuned",
-                "origin": {
-                    "latitude_deg": 47.397742,
-                    "longitude_deg": 8.545594,
-                    "altitude_amsl_m": 488,
-                },
+                "origin": shipped("circle-wind").origin.model_dump(),
                 "path": {"type": "circle", "centre": {"north_m": RADIUS_M}, "radius_m": RADIUS_M},
                 "leader": {"vehicle": "leader", "airspeed_m_s": cruise},
                 "followers": [
@@ -342,13 +348,7 @@ class UntunedFlight:
                     for name, (ahead, right) in SLOTS.items()
                 ],
                 "vehicles": {
-                    name: {
-                        "system_id": number,
-                        "autopilot": aircraft.autopilot,
-                        "airspeed_range_m_s": speeds
-                        or [round(0.6 * cruise, 1), round(1.4 * cruise, 1)],
-                        **aircraft.declared(self.declared),
-                    }
+                    name: {"system_id": number, **vehicle}
                     for number, name in enumerate(["leader", *SLOTS], start=1)
                 },
                 "controller": {"type": self.law},
@@ -357,13 +357,7 @@ class UntunedFlight:
                     "duration_s": self.duration_s,
                     "seed": self.seed,
                     "emulator": aircraft.truth,
-                    "start": {
-                        "leader": {"north_m": 30, "east_m": 0, "course_deg": 270},
-                        **{
-                            name: {"forward_m": ahead, "right_m": right}
-                            for name, (ahead, right) in STARTS.items()
-                        },
-                    },
+                    "start": starts,
                     **air.get("rehearsal", {}),
                 },
             }
@@ -426,13 +420,7 @@ class Judged:
         """Tell the flight in one line."""
         one = self.flight
         flags = "".join(
-            f" {word}"
-            for word, holds in (
-                ("NEAR", self.near),
-                ("LOST", self.lost),
-                ("THRASHED", self.thrashed),
-            )
-            if holds
+            f" {word.upper()}" for word in ("near", "lost", "thrashed") if getattr(self, word)
         )
         back = f" handed back: {', '.join(self.handed_back)}" if self.handed_back else ""
         return (
@@ -519,25 +507,18 @@ def flights(options: argparse.Namespace) -> list[UntunedFlight]:
     """List the flights that the command line asks for; declarations and order are drawn."""
     pairs = [(aircraft, air) for aircraft in AIRCRAFT for air in AIRS]
     Random(f"order {options.seed}").shuffle(pairs)
+    wanted = set(options.aircraft or AIRCRAFT)
+    if options.twelve:
+        wanted &= {one.name for one in TWELVE}
     found = []
     for aircraft, air in pairs:
-        wanted = options.aircraft is None or aircraft in options.aircraft
-        if options.twelve:
-            wanted = wanted and aircraft in {one.name for one in TWELVE}
-        if not wanted or (options.air is not None and air not in options.air):
-            continue
-        declared = Random(f"declared {options.seed} {aircraft} {air}").choice(DECLARED)
-        found += [
-            UntunedFlight(
-                aircraft=aircraft,
-                air=air,
-                declared=how,
-                seed=options.seed,
-                duration_s=options.duration,
-                law=options.law,
-            )
-            for how in options.declared or [declared]
-        ]
+        drawn_so = Random(f"declared {options.seed} {aircraft} {air}").choice(DECLARED)
+        if aircraft in wanted and air in (options.air or AIRS):
+            fixed = {"seed": options.seed, "duration_s": options.duration, "law": options.law}
+            found += [
+                UntunedFlight(aircraft=aircraft, air=air, declared=how, **fixed)
+                for how in options.declared or [drawn_so]
+            ]
     return found[: options.flights]
 
 
@@ -591,12 +572,6 @@ def parse(words: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument("--json", type=Path, metavar="FILE", help="where all figures go")
     parser.add_argument("--list", action="store_true", help="print the aircraft and fly nothing")
     return parser.parse_args(words)
-
-
-def tell(text: str) -> None:
-    """Print a line."""
-    sys.stdout.write(f"{text}\n")
-    sys.stdout.flush()
 
 
 def main(words: Sequence[str] | None = None) -> None:

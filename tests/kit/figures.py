@@ -21,6 +21,13 @@ def row(*cells: object) -> None:
     tell(f"| {' | '.join(map(str, cells))} |")
 
 
+def cell(value: float | None, width: int = 8) -> str:
+    """A figure in a column, or a dash where there is none."""
+    if value is None:
+        return f"{'-':>{width}}"
+    return f"{value:{width}.3f}" if value < 10.0 else f"{value:{width}.1f}"
+
+
 def resident_mb() -> float:
     """Memory of this process, 10^6 bytes."""
     pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1])

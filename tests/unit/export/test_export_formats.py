@@ -1,4 +1,9 @@
-"""Every format is read again by a program that is not ours, and says what was flown."""
+"""Every format is read again by a program that is not ours, and says what was flown.
+
+`vfguide export` writes one file, whole, where it is told, and nothing else.
+
+A flight as a plan of QGroundControl, read back as a mission reads one.
+"""
 
 import csv
 import json
@@ -7,6 +12,7 @@ import zipfile
 from collections import Counter
 from dataclasses import replace
 from datetime import UTC, datetime
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree as ET
@@ -17,15 +23,20 @@ import pytest
 from mcap.reader import make_reader
 from pyarrow import parquet
 
+from tests.kit.missions import MISSIONS, shipped
 from tests.kit.records import with_vehicle
 from tests.kit.short_flights import ORIGIN, short_flight
+from vfguide.commands.export import ENDINGS, export
 from vfguide.errors import InputError
 from vfguide.frames import LocalFrame
 from vfguide.lab.export.columns import UNITS, begin_of, geodetic, write_csv, write_parquet
 from vfguide.lab.export.earth import write_earth
 from vfguide.lab.export.foxglove import attitude, write_mcap
+from vfguide.lab.export.plan import MOST_WAYPOINTS, chosen, distances, write_plan
+from vfguide.mission.plan_file import read_plan
 from vfguide.record.events import FlightEvent
 from vfguide.record.flight import FlightRecord
+from vfguide.record.outline import Outline
 
 KML = "{http://www.opengis.net/kml/2.2}"
 GX = "{http://www.google.com/kml/ext/2.2}"
@@ -212,3 +223,146 @@ def test_a_record_of_no_possible_time_is_refused(begin):
 def test_a_record_without_a_place_says_what_to_do(tmp_path):
     with pytest.raises(InputError, match="--mission"):
         write_csv(short_flight(origin=None), tmp_path / "a.csv")
+
+
+@pytest.fixture
+def flown(tmp_path: Path) -> Path:
+    """The directory of a flight."""
+    directory = tmp_path / "flown"
+    directory.mkdir()
+    short_flight().save(directory / "flight.npz")
+    return directory
+
+
+@pytest.mark.parametrize("ending", ENDINGS)
+def test_each_ending_is_a_format(flown, tmp_path, ending):
+    out = tmp_path / "out"
+    out.mkdir()
+    export([flown], out=out / f"flight{ending}")
+    assert [one.name for one in out.iterdir()] == [f"flight{ending}"]
+    assert [one.name for one in flown.iterdir()] == ["flight.npz"]
+
+
+def test_another_ending_is_refused(flown, tmp_path):
+    with pytest.raises(InputError, match="the ending is the format"):
+        export([flown], out=tmp_path / "flight.xlsx")
+
+
+def test_a_file_that_is_there_stays_without_force(flown, tmp_path):
+    out = tmp_path / "a.csv"
+    out.write_text("mine", encoding="utf-8")
+    with pytest.raises(InputError, match="--force"):
+        export([flown], out=out)
+    assert out.read_text(encoding="utf-8") == "mine"
+    export([flown], out=out, force=True)
+    assert out.read_text(encoding="utf-8").startswith("time_s,")
+
+
+def test_no_link_is_written_through(flown, tmp_path):
+    elsewhere = tmp_path / "elsewhere.csv"
+    elsewhere.write_text("mine", encoding="utf-8")
+    (tmp_path / "a.csv").symlink_to(elsewhere)
+    with pytest.raises(InputError, match="symbolic link"):
+        export([flown], out=tmp_path / "a.csv", force=True)
+    assert elsewhere.read_text(encoding="utf-8") == "mine"
+
+
+def test_an_export_that_fails_leaves_nothing(tmp_path, flown):
+    short_flight(begin_unix_s=-5.0).save(flown / "flight.npz")
+    out = tmp_path / "out"
+    out.mkdir()
+    with pytest.raises(InputError, match="damaged"):
+        export([flown], out=out / "a.mcap")
+    assert list(out.iterdir()) == []
+
+
+def test_a_directory_that_is_not_there_is_one_line(flown, tmp_path):
+    with pytest.raises(InputError, match="no such directory"):
+        export([flown], out=tmp_path / "absent" / "a.csv")
+
+
+def test_a_mission_says_where_an_old_record_was_flown(tmp_path, flown):
+    short_flight(origin=None, mission="line-calm").save(flown / "flight.npz")
+    mission = shipped("line-calm")
+    export([flown], out=tmp_path / "a.csv", mission=MISSIONS / "line-calm.yaml")
+    latitude = (tmp_path / "a.csv").read_text(encoding="utf-8").splitlines()[1].split(",")[3]
+    assert float(latitude) == pytest.approx(mission.origin.latitude_deg)
+
+
+def test_the_mission_of_another_flight_is_refused(tmp_path, flown):
+    short_flight(origin=None).save(flown / "flight.npz")
+    with pytest.raises(InputError, match="not 'line-calm'"):
+        export([flown], out=tmp_path / "a.csv", mission=MISSIONS / "line-calm.yaml")
+
+
+def test_place_and_time_are_kept_in_the_record(tmp_path):
+    short_flight(begin_unix_s=1.79e9).save(tmp_path / "flight.npz")
+    record = FlightRecord.load(tmp_path / "flight.npz")
+    assert record.begin_unix_s == 1.79e9
+    assert record.origin == ORIGIN
+
+
+@pytest.mark.parametrize("latitude", [91.0, -1e300])
+def test_a_record_of_nowhere_on_the_earth_is_damaged(tmp_path, latitude):
+    path = tmp_path / "flight.npz"
+    short_flight(origin=replace(ORIGIN, latitude_deg=latitude)).save(path)
+    with pytest.raises(InputError, match="nowhere on the earth"):
+        FlightRecord.load(path)
+
+
+FRAME = LocalFrame(47.0, 8.0, 488.0)
+
+
+def with_track(record: FlightRecord, track: np.ndarray) -> FlightRecord:
+    """The same with another track of the leader: north, east and altitude of each sample, m."""
+    north, east, altitude = track.T
+    return with_vehicle(record, "lead", north_m=north, east_m=east, altitude_amsl_m=altitude)
+
+
+def test_a_straight_flight_is_a_route_of_its_two_ends(tmp_path):
+    """40 m north of the origin, 588 m above sea level; the plan has altitudes above the home's 488 m."""
+    write_plan(short_flight(), tmp_path / "a.plan")
+    found = read_plan(tmp_path / "a.plan")
+    first, last = found["waypoints"]
+    north, east = FRAME.to_local(last["latitude_deg"], last["longitude_deg"])
+    assert (north, east) == pytest.approx((40.0, 0.0), abs=0.01)
+    assert (first["latitude_deg"], first["longitude_deg"]) == pytest.approx((47.0, 8.0), abs=1e-7)
+    assert [one["altitude_amsl_m"] for one in (first, last)] == [588.0, 588.0]
+
+
+def test_a_climbing_turn_is_followed_to_within_a_metre(tmp_path):
+    angle = np.linspace(0.0, 2.0 * math.pi, 21)
+    track = np.column_stack([10.0 * np.sin(angle), 10.0 * np.cos(angle), 588.0 + 5.0 * angle])
+    write_plan(with_track(short_flight(), track), tmp_path / "a.plan")
+    route = np.array(
+        [
+            (*FRAME.to_local(one["latitude_deg"], one["longitude_deg"]), one["altitude_amsl_m"])
+            for one in read_plan(tmp_path / "a.plan")["waypoints"]
+        ]
+    )
+    away = np.min([distances(track, *ends) for ends in pairwise(route)], 0)
+    assert away.max() < 1.05
+    assert len(route) < len(track)
+
+
+def test_a_long_flight_has_as_many_waypoints_as_an_autopilot_keeps():
+    angle = np.linspace(0.0, 600.0, 20_000)
+    track = np.column_stack([300.0 * np.sin(angle), 200.0 * np.cos(0.7 * angle), 0.0 * angle])
+    kept = chosen(track)
+    assert 2 < np.count_nonzero(kept) <= MOST_WAYPOINTS
+    assert kept[0]
+    assert kept[-1]
+
+
+def test_rally_points_are_in_the_plan(tmp_path):
+    rally = Outline(kind="rally", north_m=np.array([100.0]), east_m=np.array([-50.0]))
+    write_plan(short_flight(outlines=(rally,)), tmp_path / "a.plan")
+    (point,) = read_plan(tmp_path / "a.plan")["rally_points"]
+    found = FRAME.to_local(point["latitude_deg"], point["longitude_deg"])
+    assert found == pytest.approx((100.0, -50.0), abs=0.01)
+
+
+def test_a_leader_of_whom_nothing_was_recorded_is_one_line(tmp_path):
+    record = with_track(short_flight(), np.full((21, 3), math.nan))
+    with pytest.raises(InputError, match="there is nothing to plan; give another flight"):
+        write_plan(record, tmp_path / "a.plan")

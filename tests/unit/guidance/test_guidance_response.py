@@ -1,13 +1,49 @@
-"""The response is learned from what is flown anyway, of holds that are stepped by their own equations."""
+"""The response is learned from what is flown anyway, of holds that are stepped by their own equations.
 
+How a vehicle that answers late moves, and how slow the fields of laws are flown for it.
+
+One rule for gains: margins of 45 degrees and 6 dB for every response that an aircraft may have.
+"""
+
+import cmath
 import math
 import random
 from collections import deque
 from collections.abc import Callable
+from typing import Literal
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from msgspec.structs import replace
 
+from tests.kit.missions import plan_of
+from tests.kit.states import vehicle_at
+from vfguide.guidance.airframe import (
+    Bias,
+    Inner,
+    coordinated_turn_rate,
+    course_error_for,
+    first_order_lag,
+    propagate,
+    wanted_bank,
+)
+from vfguide.guidance.bandwidth import (
+    AS_DECLARED,
+    DECLARED,
+    TOLD,
+    UNKNOWN,
+    Certainty,
+    HoldCertainty,
+    Softness,
+    amplification_of,
+    bandwidth_of,
+    bearable,
+    factor_of,
+)
 from vfguide.guidance.response import COURSE, SPEED, HoldKind, HoldLearner, HoldResponse
+from vfguide.laws.field import SlotField
+from vfguide.state import Airframe
 
 PERIOD = 0.05
 
@@ -124,3 +160,197 @@ def test_a_declaration_that_fits_explains_the_flight_and_one_off_by_three_does_n
     assert learner.explained_by(0.5, 0.2, 0.0) > 0.98
     assert learner.explained_by(1.5, 0.2, 0.0) < 0.0
     assert learner.explained_by(0.17, 0.2, 0.0) < 0.7
+
+
+@pytest.mark.parametrize("lag", [0.0, 0.4])
+@pytest.mark.parametrize("turn_rate", [-0.3, 0.0, 0.13, 0.35])
+def test_a_course_error_for_a_turn_rate_brings_that_turn_rate(lag, turn_rate):
+    airframe = Airframe(course_lag=lag)
+    for speed in (15.0, 20.0, 25.0):
+        error = course_error_for(turn_rate, speed, airframe)
+        bank = wanted_bank(error, speed, airframe)
+        assert coordinated_turn_rate(bank, speed) == pytest.approx(turn_rate, abs=1e-12)
+
+
+def test_a_lag_leaves_a_third_after_its_time_constant():
+    assert first_order_lag(1.0, 0.0, 0.4, 0.4) == pytest.approx(math.exp(-1.0))
+    assert first_order_lag(1.0, 0.0, 0.4, 0.0) == 0.0
+
+
+def test_a_vehicle_moves_with_the_wind_and_along_its_turn():
+    # 0.2 rad/s at 20 m/s are a radius of 100 m; after 1 s the arc is 20 m long.
+    bank = math.atan(0.2 * 20.0 / 9.80665)
+    now = vehicle_at(0.0, 0.0, math.atan2(3.0, 20.0), math.hypot(20.0, 3.0), wind=(0.0, 3.0))
+    for _ in range(100):
+        now = propagate(now, Inner(bank=bank), Bias(), 0.01, Airframe())
+    assert now.heading == pytest.approx(0.2, abs=1e-9)
+    assert now.north == pytest.approx(100.0 * math.sin(0.2), abs=1e-3)
+    assert now.east == pytest.approx(100.0 * (1.0 - math.cos(0.2)) + 3.0, abs=1e-3)
+
+
+def field_of(gains: dict[str, float] | None = None, **airframe: float | str) -> SlotField:
+    """The field of the mission circle-wind, but for what is given of gains and airframe."""
+    plan = plan_of("circle-wind")
+    chosen = plan.gains.model_copy(update=gains)
+    return SlotField(chosen, plan.settings, replace(plan.airframe, **airframe))
+
+
+def within(field: SlotField, certainty: Certainty = AS_DECLARED, *, slips: bool) -> SlotField:
+    """The field, as slow as its aircraft bears it."""
+    sliding = field.settings.sliding
+    bandwidth = bandwidth_of(
+        field.airframe,
+        certainty,
+        slips=slips,
+        period=0.04,
+        loop_delay=sliding.loop_delay_s,
+        factor=sliding.boundary_layer_factor,
+    )
+    return field.within(bandwidth)
+
+
+def gain(field: SlotField, law: Literal["course", "speed"]) -> float:
+    """How fast the course or speed law beneath a field answers, 1/s."""
+    sliding = field.settings.sliding
+    bandwidth = sliding.course_bandwidth if law == "course" else sliding.speed_bandwidth
+    return sliding.kappa / sliding.layer(0.04, bandwidth)
+
+
+def test_without_a_delay_nothing_is_slowed():
+    known = field_of()
+    bounded = within(known, slips=False)
+    assert bounded.gains == known.gains
+    assert gain(bounded, "course") == gain(known, "course")
+    assert gain(bounded, "speed") == gain(known, "speed")
+
+
+def test_each_field_is_slower_than_the_law_inside_it():
+    known = field_of(course_dead_time=0.4, course_lag=0.2, speed_dead_time=0.6)
+    slowed = within(known, slips=False)
+    share = 2.0 / math.pi
+    lateral = 20.0 * share * slowed.gains.chi_inf * slowed.gains.k_y
+    assert lateral <= gain(slowed, "course") / 2.0 + 1e-9
+    along = share * slowed.gains.v_inf_m_s * slowed.gains.k_x
+    assert along <= gain(slowed, "speed") / 2.0 + 1e-9
+    assert gain(slowed, "course") < gain(known, "course")
+
+
+@pytest.mark.parametrize(("k_x", "expected_k_x"), [(0.05, 0.05), (10.0, 0.4 / (12.0 / math.pi))])
+def test_what_is_sent_as_speed_has_nothing_of_the_measured_one(k_x, expected_k_x):
+    beta = 1.2
+    gains = {"k_x": k_x, "v_inf_m_s": 6.0}
+    known = field_of(gains, beta=beta, speed_dead_time=0.8, speed_hold="total-energy")
+    known.settings = replace(
+        known.settings, sliding=replace(known.settings.sliding, loop_delay_s=0.5)
+    )
+    sent = within(known, slips=False).for_speed()
+    slope = 2.0 / math.pi * sent.gains.v_inf_m_s * sent.gains.k_x
+    # V + (dV/dt) / beta, where dV/dt falls by the gain and by the slope of the field with each m/s.
+    assert 1.0 - (gain(sent, "speed") + slope) / beta == pytest.approx(0.0, abs=1e-9)
+    # No more than a third of beta, half of what is left to the law inside.
+    assert sent.gains.k_x == pytest.approx(expected_k_x)
+    assert not sent.answers_course_error
+
+
+def test_the_course_law_of_a_vehicle_that_slips_is_no_faster_than_its_yaw_bears():
+    # kappa 3 and factor 4.8 alone: 1 / (4.8 (0.05 + 0.2 * 0.5)) = 1.4 1/s.
+    slowed = within(field_of(course_dead_time=0.5), slips=True)
+    assert gain(slowed, "course") == pytest.approx(0.45)
+    assert 20.0 * 2.0 / math.pi * slowed.gains.chi_inf * slowed.gains.k_y <= 0.225 + 1e-9
+
+
+QUICKEST = {"period": PERIOD, "loop_delay": 0.0, "factor": 0.0}
+USUAL = {"slips": False, "period": PERIOD, "loop_delay": 0.0, "factor": 3.5}
+
+
+def margins(gain: float, strength: float, delay: float) -> tuple[float, float]:
+    """(phase margin in degrees, gain margin in dB) of L = k g exp(-D s) / s, found numerically."""
+    crossover = strength * gain
+    phase = math.degrees(cmath.phase(cmath.exp(-1j * crossover * delay) / 1j))
+    # The phase falls through -180 degrees where D w is a quarter turn.
+    turnover = 0.5 * math.pi / delay
+    return 180.0 + phase, -20.0 * math.log10(strength * gain / turnover)
+
+
+def test_without_doubt_and_delay_the_loop_takes_a_quarter_of_pi_of_its_period():
+    # pi / 4 / (1.1 * 0.05 s).
+    assert bearable(0.0, DECLARED, **QUICKEST) == pytest.approx(14.28, abs=0.01)
+
+
+def test_a_delay_that_is_predicted_counts_by_a_fifth():
+    # 0.05 + 0.2 * 0.5 = 0.15 s instead of 0.05.
+    fastest = bearable(0.0, DECLARED, **QUICKEST)
+    assert bearable(0.5, DECLARED, **QUICKEST) == pytest.approx(fastest / 3.0)
+
+
+def test_what_is_known_less_well_is_flown_more_slowly():
+    known = [bearable(0.3, one, **QUICKEST) for one in (DECLARED, TOLD, UNKNOWN)]
+    assert known == sorted(known, reverse=True)
+    # pi / 4 / (3 * (0.05 + 0.06 + 0.4)).
+    assert known[-1] == pytest.approx(0.513, abs=0.001)
+
+
+@given(
+    spread=st.floats(1.0, 5.0),
+    late=st.floats(0.0, 2.0),
+    delay=st.floats(0.0, 2.0),
+    strength=st.floats(0.0, 1.0),
+    lateness=st.floats(0.0, 1.0),
+)
+def test_every_response_that_may_be_leaves_45_degrees_and_6_db(
+    spread, late, delay, strength, lateness
+):
+    gain = bearable(delay, HoldCertainty(spread=spread, late=late), **QUICKEST)
+    # Any response of the set: strength from 1 / spread to spread, delay from none to the greatest.
+    possible = spread ** (2.0 * strength - 1.0)
+    phase, decibels = margins(gain, possible, PERIOD + 0.2 * delay + lateness * late)
+    assert phase >= 45.0 - 1e-6
+    assert decibels >= 6.0
+
+
+def test_sharpness_1_just_keeps_the_margins_and_half_of_it_is_the_usual_loop():
+    assert factor_of(1.0) == pytest.approx(4.0 / math.pi)
+    assert factor_of(0.5) == pytest.approx(3.5)
+    assert factor_of(0.0) == pytest.approx(3.5**2 * math.pi / 4.0)
+
+
+def test_a_vehicle_that_slips_is_turned_no_faster_than_its_yaw_bears():
+    late = Airframe(course_lag=0.3)
+    assert bandwidth_of(late, AS_DECLARED, **(USUAL | {"slips": True})).course == pytest.approx(
+        0.45
+    )
+    assert bandwidth_of(late, AS_DECLARED, **USUAL).course > 1.0
+
+
+def test_a_total_energy_hold_is_led_at_a_third_of_its_own_pace():
+    slow = Airframe(beta=0.6, speed_hold="total-energy")
+    assert bandwidth_of(slow, AS_DECLARED, **USUAL).energy_field == pytest.approx(0.2)
+    # Known within a factor of 3 instead of 1.5 it may be half as fast.
+    doubted = Certainty(course=DECLARED, speed=HoldCertainty(spread=3.0, late=0.0))
+    assert bandwidth_of(slow, doubted, **USUAL).energy_field == pytest.approx(0.1)
+
+
+def test_a_slow_hold_is_not_driven_by_setpoints_many_times_its_errors():
+    slow = Airframe(alpha=0.3, beta=0.2)
+    # Four times as quick at sharpness 0.5.
+    held = bandwidth_of(slow, AS_DECLARED, **USUAL, amplification=amplification_of(0.5))
+    assert (held.course, held.speed) == pytest.approx((1.2, 0.8))
+    assert bandwidth_of(slow, AS_DECLARED, **USUAL).course > 5.0
+    assert amplification_of(1.0) == pytest.approx(16.0)
+    assert amplification_of(0.0) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize(
+    ("sharpness", "bound"), [(0.5, 3.0 / 1.5), (0.75, 2.0 * 3.0 / 1.5), (0.0, 3.0 / 6.0)]
+)
+def test_gusts_of_the_speed_ask_for_no_more_than_all_acceleration(sharpness, bound):
+    lively = Airframe(alpha=4.0, beta=20.0, max_acceleration=3.0)
+    held = bandwidth_of(lively, AS_DECLARED, **USUAL, amplification=amplification_of(sharpness))
+    assert held.speed == pytest.approx(bound)
+
+
+def test_softness_slows_the_loop_that_is_flown_not_the_one_that_could_be():
+    # The loop has 1 / (3.5 * 0.05) = 5.7 1/s, whatever more the aircraft bears.
+    soft = bandwidth_of(Airframe(), AS_DECLARED, **USUAL, softness=Softness(course=0.5))
+    assert soft.course == pytest.approx(2.857, abs=0.001)
+    assert soft.speed == pytest.approx(14.28, abs=0.01)

@@ -1,4 +1,7 @@
-"""A record comes back from its file as it was, and a bad file gives one line."""
+"""A record comes back from its file as it was, and a bad file gives one line.
+
+How a vehicle was finally flown, in a companion's file and in a flight's record.
+"""
 
 import contextlib
 import json
@@ -14,10 +17,28 @@ from hypothesis import strategies as st
 
 from tests.kit.records import still_flight, still_follower, still_leader
 from vfguide.errors import InputError
+from vfguide.lab.report.metrics import summarise, summary_json
+from vfguide.lab.report.page import write_report
+from vfguide.lab.report.wording import response_words, verdict_text
 from vfguide.record.archive import write_archive
 from vfguide.record.flight import FlightRecord, RecordAcceptance
-from vfguide.record.latency import Latency, Percentiles, Promptness, Usage
+from vfguide.record.latency import (
+    Latency,
+    Percentiles,
+    Promptness,
+    Usage,
+    compose_latency,
+    describe_latency,
+    latency_of,
+)
 from vfguide.record.outline import Outline, compose_outlines
+from vfguide.record.response import (
+    RESPONSE_HEADER,
+    VehicleResponse,
+    compose_response,
+    encode_response,
+    read_response,
+)
 from vfguide.record.vehicle import SERIES
 
 numbers = st.floats(allow_nan=True, allow_infinity=True)
@@ -269,3 +290,119 @@ def test_drawn_lines_of_no_known_kind_are_damage(kinds):
 def test_a_drawn_line_has_as_many_norths_as_easts():
     with pytest.raises(ValueError, match="as many norths as easts"):
         Outline(kind="fence", north_m=np.zeros(2), east_m=np.zeros(3))
+
+
+TIME = np.arange(0.0, 4.0)
+
+LEARNED = VehicleResponse(
+    alpha_1_s=0.4,
+    course_dead_time_s=0.2,
+    course_lag_s=0.1,
+    course_spread=1.25,
+    beta_1_s=0.32,
+    speed_dead_time_s=0.5,
+    speed_lag_s=0.0,
+    speed_spread=2.0,
+    slips=True,
+    turn_efficiency=0.81,
+    max_bank_deg=22.0,
+)
+
+DECLARED = VehicleResponse(
+    alpha_1_s=1.0, course_dead_time_s=0.0, course_lag_s=0.0, slips=False, max_bank_deg=45.0
+)
+
+SENTENCE = (
+    "alpha 0.40 (0.32 to 0.50) 0.3 s late, declared 1.00; beta 0.32 (0.16 to 0.64) 0.5 s late,"
+    " not declared; turns 0.81 of what its bank says: slips; banks to 22°, declared 45°"
+)
+
+
+def flight(**given):
+    return still_flight(TIME, still_leader(TIME, **given))
+
+
+def test_the_last_response_that_was_flown_by_is_read(tmp_path):
+    file = tmp_path / "f1.response.csv"
+    first = VehicleResponse(alpha_1_s=1.2, slips=True)
+    file.write_bytes(
+        RESPONSE_HEADER + encode_response(0.1, first) + encode_response(9.0, LEARNED) + b"12.0,0"
+    )
+    assert read_response(file) == LEARNED
+    assert read_response(tmp_path / "none.csv") is None
+
+
+def test_a_record_keeps_how_it_was_flown_and_what_was_declared(tmp_path):
+    flight(response=LEARNED, declared=DECLARED).save(tmp_path / "flight.npz")
+    leader = FlightRecord.load(tmp_path / "flight.npz").leader
+    assert (leader.response, leader.declared) == (LEARNED, DECLARED)
+
+
+@pytest.mark.parametrize("entry", [[1], {"alpha_1_s": "x"}, {"alpha_1_s": float("nan")}])
+def test_a_damaged_response_is_refused(entry):
+    with pytest.raises(ValueError, match="a response is"):
+        compose_response(entry)
+
+
+def test_a_report_says_the_learned_response_beside_the_declared(tmp_path):
+    record = flight(response=LEARNED, declared=DECLARED)
+    summary = summarise(record)
+    assert response_words(summary.vehicles["leader"]) == SENTENCE
+    assert f"leader: {SENTENCE}" in verdict_text(summary).plain
+    assert SENTENCE in write_report(record, tmp_path).read_text(encoding="utf-8")
+    plain = json.loads(json.dumps(summary_json(summary)))["vehicles"]["leader"]
+    assert plain["response"]["alpha_1_s"] == 0.4
+    assert plain["declared"]["alpha_1_s"] == 1.0
+
+
+def test_a_response_that_was_right_is_one_word_and_of_a_log_nothing_is_said():
+    right = VehicleResponse(
+        alpha_1_s=1.0, course_dead_time_s=0.0, course_lag_s=0.0, course_spread=1.1, slips=False
+    )
+    told = summarise(flight(response=right, declared=DECLARED)).vehicles["leader"]
+    assert response_words(told) == "alpha 1.00 as declared; beta not told"
+    assert response_words(summarise(flight(declared=DECLARED)).vehicles["leader"]) is None
+
+
+FIGURES = {
+    "leader": {"response_ms_p50": 0.2, "response_ms_p99": 3.0, "response_ms_max": 4.0},
+    "f1": {
+        "response_ms_p50": 0.3,
+        "response_ms_p99": 2.0,
+        "response_ms_max": 9.0,
+        "leader_age_ms_p50": 50.0,
+        "leader_age_ms_p99": 60.0,
+        "leader_age_ms_max": 70.0,
+    },
+    "f2": {"response_ms_max": 0.0, "leader_age_ms_max": 0.0},
+}
+
+
+def latency() -> Latency:
+    return latency_of(
+        FIGURES, leader="leader", processes={"judge": Usage(cpu_share=0.1, rss_mb=80.0)}
+    )
+
+
+def test_what_companions_say_becomes_percentiles():
+    vehicles = latency().vehicles
+    assert vehicles["f1"].response_ms == Percentiles(p50=0.3, p99=2.0, max=9.0)
+    assert vehicles["f1"].leader_age_ms == Percentiles(p50=50.0, p99=60.0, max=70.0)
+
+
+def test_a_leader_has_no_age_and_a_companion_that_never_steered_has_nothing():
+    said = {**FIGURES["f1"]}
+    assert latency_of({"leader": said}, leader="leader").vehicles["leader"].leader_age_ms is None
+    assert latency().vehicles["f2"] == Promptness(response_ms=None, leader_age_ms=None)
+
+
+def test_together_no_companion_is_worse():
+    together = latency().together()
+    assert together.response_ms == Percentiles(p50=0.3, p99=3.0, max=9.0)
+    assert together.leader_age_ms == Percentiles(p50=50.0, p99=60.0, max=70.0)
+
+
+def test_a_latency_comes_back_from_its_description():
+    described = describe_latency(latency())
+    assert list(described) == ["response_ms", "leader_age_ms", "vehicles", "processes"]
+    assert compose_latency(described) == latency()

@@ -1,21 +1,43 @@
-"""The emulator of a live flight is started by a file: it must be the aircraft that lockstep flies."""
+"""The emulator of a live flight is started by a file: it must be the aircraft that lockstep flies.
 
+Rehearsals begin at the heights that vehicles have.
+
+An order to join is rehearsed from where the vehicle is.
+"""
+
+import math
 import time
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from msgspec.structs import replace
 
+import sitl_stub
 from sitl_stub import Autopilot, cli
-from tests.kit.missions import content_of, mission_with
+from tests.kit.missions import content_of, mission_with, replaced, shipped
+from tests.kit.records import with_vehicle
 from vfguide.companion.mission_plan import airframe_of
+from vfguide.companion.role import Snapshot
+from vfguide.companion.supervisor import Mode
 from vfguide.errors import InputError
+from vfguide.formation.arrangement import Arrangement, Point, SlotMove
+from vfguide.formation.orders import Formation
+from vfguide.formation.transition import RefusedOrderError
 from vfguide.lab.rehearsal.emulators import emulator_of
 from vfguide.lab.rehearsal.live import emulator_command
 from vfguide.lab.rehearsal.lockstep import fly_lockstep
+from vfguide.lab.rehearsal.recorder import VehicleRecorder, drawn_outlines, rally_points
+from vfguide.lab.studies import prediction
 from vfguide.lab.studies.flown import article_mission
+from vfguide.lab.studies.order import BEHIND_M, starts_of_joining
+from vfguide.lab.studies.prediction import fence_left, from_the_slots
 from vfguide.mission import Mission
+from vfguide.mission.order_plan import LeaderPlace
+from vfguide.mission.place import Fence
+from vfguide.mission.starts import follower_start, leader_start
+from vfguide.state import Setpoint
 
 UNUSUAL_VEHICLE = {
     "autopilot": "px4",
@@ -168,3 +190,152 @@ def test_what_one_vehicle_cannot_fly_is_refused_in_its_own_place():
     emulator_of(mission, "f1")
     with pytest.raises(InputError, match=r"^rehearsal\.emulator\.vehicles\.f2: .*another plant"):
         emulator_of(mission, "f2")
+
+
+def test_a_formation_begins_as_far_above_its_flying_height_as_its_leader():
+    start = {"leader": {"north_m": 0, "east_m": 0, "up_m": 150}, "f1": {"up_m": -3}}
+    mission = mission_with("climb-and-turn", rehearsal={"start": start})
+    assert leader_start(mission).up_m == 150.0
+    # f1's slot is 5 m above the leader, f2's 5 m below it.
+    assert follower_start(mission, "f1").up_m == pytest.approx(152.0)
+    assert follower_start(mission, "f2").up_m == pytest.approx(145.0)
+    assert emulator_of(mission, "f1").truth().altitude_amsl_m == pytest.approx(488 + 100 + 152)
+
+
+def test_check_begins_at_the_height_of_the_path():
+    corners = [{"north_m": north, "east_m": 0, "up_m": 40} for north in (0, 3000)]
+    mission = replaced("line-calm", path={"type": "waypoints", "waypoints": corners})
+    assert leader_start(from_the_slots(mission)).up_m == pytest.approx(40.0)
+
+
+def test_check_holds_what_was_flown_against_the_fence_of_the_path_flown_then(monkeypatch):
+    short = replaced("line-calm", rehearsal={"duration_s": 3.0, "rate_hz": 5.0, "start": {}})
+    record = fly_lockstep(short).record
+    fenced = replaced(short, fence={"max_height_m": 150})
+    assert not [*fence_left(fenced, record)]
+    # f1 is found 60 m higher for a moment, 160 m above the origin.
+    high = record.followers[0].altitude_amsl_m + np.where(record.time_s >= 2.0, 60.0, 0.0)
+    risen = with_vehicle(record, "f1", altitude_amsl_m=high)
+    (finding,) = fence_left(fenced, risen)
+    assert (finding.severity, finding.location) == ("error", ("fence",))
+    assert "in the rehearsal, from 0 s on, 'f1' flies 160 m above the origin" in finding.message
+    # Only the first path is that low.
+    high_path = Arrangement(number=1, time_s=1.9, across_s=0.0, places=(), path="high")
+    shapes = {"high": fenced.path.model_copy(), "main": fenced.path}
+
+    def on_path(one: Mission, name: str) -> Mission:
+        fence = Fence(max_height_m=150) if name == "main" else None
+        return one.model_copy(update={"path": shapes[name], "fence": fence})
+
+    monkeypatch.setattr(prediction, "timetable", lambda _: [(high_path, None)])
+    monkeypatch.setattr(prediction, "on_path", on_path)
+    assert not [*fence_left(fenced, risen)]
+
+
+@pytest.mark.parametrize("plant", ["heading-hold", "course-hold", "bank", "npfg", "six-dof"])
+def test_all_begin_at_the_climb_rate_of_the_leader(plant):
+    start = {"leader": {"north_m": 0, "east_m": 0, "climb_m_s": 2.0}}
+    rehearsal = {"start": start, "emulator": {"plant": plant}}
+    for name in ("leader", "f1"):
+        emulator = emulator_of(replaced("line-calm", rehearsal=rehearsal), name)
+        before = emulator.truth().altitude_amsl_m
+        emulator.advance(0.2)
+        # 0.4 m, and a little less: its loiter is at the height at which it begins.
+        assert emulator.truth().altitude_amsl_m - before == pytest.approx(0.4, abs=0.1)
+
+
+SLOT = Point(-20.0, 20.0, 5.0)
+FORMATION = Formation(leader="leader", home={"f1": SLOT, "f3": SLOT}, slots={"f1": SLOT})
+PLACES = tuple(SlotMove(vehicle=name, begin=SLOT, end=SLOT) for name in ("f1", "f3"))
+ORDER = Arrangement(number=1, time_s=8.0, across_s=0.0, places=PLACES)
+EAST = LeaderPlace(north=100.0, east=50.0, course=math.pi / 2.0)
+
+
+def test_one_that_joins_begins_where_it_is():
+    here = {"f3": LeaderPlace(north=70.0, east=0.0, course=-math.pi / 2.0)}
+    (start,) = starts_of_joining(FORMATION, ORDER, EAST, here).values()
+    # 50 m behind the leader and 30 m right of it, as it flies east.
+    assert (start.forward_m, start.right_m) == pytest.approx((-30.0, 10.0))
+    assert start.course_deg == pytest.approx(270.0)
+
+
+def test_one_whose_place_is_not_known_begins_behind_its_slot():
+    (start,) = starts_of_joining(FORMATION, ORDER, EAST, {}).values()
+    assert (start.forward_m, start.right_m, start.course_deg) == (-BEHIND_M, 0.0, None)
+
+
+def test_one_that_is_too_far_away_is_refused():
+    far = {"f3": LeaderPlace(north=100.0, east=30e3, course=0.0)}
+    with pytest.raises(RefusedOrderError, match="f3 is 30 km from the leader: bring it nearer"):
+        starts_of_joining(FORMATION, ORDER, EAST, far)
+
+
+@pytest.mark.parametrize(("height", "up_m"), [(345.0, 40.0), (math.nan, 0.0)])
+def test_one_that_joins_begins_at_its_own_height_where_that_is_known(height, up_m):
+    leader = LeaderPlace(0.0, 0.0, 0.0, height=300.0, climb_rate=0.0)
+    here = {"f3": LeaderPlace(-100.0, 0.0, 0.0, height=height)}
+    (start,) = starts_of_joining(FORMATION, ORDER, leader, here).values()
+    assert start.up_m == pytest.approx(up_m)
+    assert math.isfinite(start.forward_m)
+
+
+MISSION = shipped("circle-wind")
+
+
+def truth(**values: float) -> sitl_stub.Truth:
+    origin = MISSION.origin
+    place = {"latitude_deg": origin.latitude_deg, "longitude_deg": origin.longitude_deg}
+    numbers = dict.fromkeys(sitl_stub.Truth.__struct_fields__, 1.0)
+    return sitl_stub.Truth(**numbers | place | values | {"mode": "GUIDED", "armed": True})
+
+
+def test_a_record_has_the_true_states_and_what_the_companion_did_in_the_order_of_the_samples():
+    recorder = VehicleRecorder(MISSION, "f1")
+    waiting = Snapshot(mode=Mode.WAITING, setpoint=None, lyapunov=math.nan)
+    setpoint = Setpoint(course=0.5, speed=21.0, turn_limited=True)
+    tracking = Snapshot(mode=Mode.TRACKING, setpoint=setpoint, lyapunov=2.5)
+    recorder.sample(truth(bank_rad=0.25), waiting)
+    recorder.sample(truth(bank_rad=0.75), tracking)
+    record = recorder.record()
+    assert record.bank_rad.tolist() == [0.25, 0.75]
+    # At the origin, but for what a float leaves of the ellipsoid.
+    assert abs(record.north_m).max() < 1e-6
+    assert record.mode.tolist() == [list(Mode).index(one) for one in (Mode.WAITING, Mode.TRACKING)]
+    assert record.limited.tolist() == [False, True]
+    assert math.isnan(record.course_setpoint_rad[0])
+    assert record.course_setpoint_rad[1] == 0.5
+    assert record.airspeed_setpoint_m_s[1] == 21.0
+    assert record.lyapunov[1] == 2.5
+
+
+def test_who_has_left_the_formation_has_no_slot_meanwhile():
+    recorder = VehicleRecorder(MISSION, "f1")
+    flying = Snapshot(mode=Mode.TRACKING, setpoint=None, lyapunov=0.0)
+    for left in (False, True, False):
+        recorder.sample(truth(), replace(flying, left=left))
+    record = recorder.record()
+    assert record.in_formation.tolist() == [True, False, True]
+    assert record.slot_forward_series_m is not None
+    assert record.slot_forward_series_m[2] == record.slot_forward_m
+
+
+def test_a_leader_that_holds_is_beside_no_path():
+    recorder = VehicleRecorder(MISSION, "leader")
+    flying = Snapshot(mode=Mode.TRACKING, setpoint=None, lyapunov=math.nan)
+    recorder.sample(truth(course_rad=0.0), flying)
+    recorder.sample(truth(course_rad=0.0), replace(flying, path=None))
+    error = recorder.record().path_cross_track_error_m
+    assert math.isfinite(error[0])
+    assert math.isnan(error[1])
+
+
+def test_rally_points_of_a_plan_are_drawn():
+    mission = shipped("survey-plan")
+    recorder = VehicleRecorder(mission, mission.leader.vehicle)
+    recorder.sample(truth(), Snapshot(mode=Mode.TRACKING, setpoint=None, lyapunov=math.nan))
+    drawn = [one for one in drawn_outlines(mission, recorder.record()) if one.kind == "rally"]
+    (points,) = drawn
+    north, east = rally_points(mission)
+    assert points.north_m.tolist() == north.tolist()
+    assert points.east_m.tolist() == east.tolist()
+    assert north.size > 0

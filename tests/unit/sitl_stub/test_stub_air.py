@@ -1,19 +1,52 @@
-"""The air that aircraft share: winds, gusts of neighbours, and a wind that grows with height."""
+"""The air that aircraft share: winds, gusts of neighbours, and a wind that grows with height.
+
+The turbulence against the formulas of the standard it is made from.
+
+Sensors like real ones: how far off, for how long, and what neighbours share.
+"""
 
 import math
 
 import numpy as np
+import pymap3d
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.random import default_rng
+from numpy.typing import NDArray
+from pymap3d.rcurve import meridian, transverse
+from pymap3d.vincenty import vdist
 
-from sitl_stub import ArticleWind, CalmWind, DiscreteGust, Shear, SteadyWind, air_of
-from sitl_stub.air import Air, AirPlace, earth_centred_m, local_axes
+from sitl_stub import (
+    ArticleWind,
+    CalmWind,
+    DiscreteGust,
+    PlantParameters,
+    Shear,
+    SteadyWind,
+    air_of,
+)
+from sitl_stub.air import (
+    SHORTEST_WAVE_M,
+    Air,
+    AirPlace,
+    Intensity,
+    TurbulenceField,
+    earth_centred_m,
+    local_axes,
+    low_altitude_intensity,
+    wave_numbers,
+)
 from sitl_stub.geometry import (
     MIN_GROUND_SPEED_M_S,
     airspeed_of_m_s,
     displace,
     ground_speed_along_m_s,
+    radii_m,
 )
 from sitl_stub.options import parse_gust
+from sitl_stub.sensor_errors import GaussMarkov, SensorErrors, SensorGrade
+from tests.kit.autopilot import new_station
 
 HERE = AirPlace(math.radians(47.4), math.radians(8.5), 588.0, 100.0)
 
@@ -130,3 +163,235 @@ def test_northbound_at_20_m_s_the_wind_makes_the_ground_speed(wind, expected):
 def test_airspeed_of_a_ground_velocity_is_its_difference_to_the_wind():
     # Northbound at 15 over ground, air moving 8 to the east: hypot(15, 8) = 17.
     assert airspeed_of_m_s(0.0, 15.0, 0.0, 8.0) == pytest.approx(17.0)
+
+
+FIELDS = 300
+"""Over so many seeds an average is good to some percent."""
+
+INTENSITY = Intensity(length_m=200.0, deviation_m_s=2.0)
+
+
+@pytest.fixture(scope="module")
+def fields() -> list[TurbulenceField]:
+    """Fields of many seeds."""
+    return [TurbulenceField(INTENSITY, seed) for seed in range(FIELDS)]
+
+
+def covariances(
+    fields: list[TurbulenceField], distances_m: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Covariance of (along, across, across) at the first of some points on the x axis with all of them."""
+    points = np.zeros((3, distances_m.size))
+    points[0] = distances_m
+    total = np.zeros((3, distances_m.size))
+    # Every field at eight places far from each other, as good as eight fields.
+    for field in fields:
+        for place in range(8):
+            gusts = field.at(points + 4000.0 * place)
+            total += gusts * gusts[:, :1]
+    return total / (8 * len(fields))
+
+
+@pytest.mark.parametrize(
+    ("level", "height_m", "length_ft", "deviation_kn", "within"),
+    [
+        # h = 328.08 ft, a = 0.44701: L = 328.08 / 0.38050 = 862.2 ft, sigma = 3.0 kn / 0.72466.
+        ("moderate", 100.0, 862.2, 4.140, 1e-3),
+        # Above the model its upper end holds: at 1000 ft a is 1, L = 1000 ft and sigma = 0.1 W20.
+        ("severe", 2000.0, 1000.0, 4.5, 1e-6),
+    ],
+)
+def test_turbulence_is_that_of_the_standard(level, height_m, length_ft, deviation_kn, within):
+    intensity = low_altitude_intensity(level, height_m)
+    assert intensity.length_m == pytest.approx(length_ft * 0.3048, rel=within)
+    assert intensity.deviation_m_s == pytest.approx(deviation_kn * 0.514444, rel=within)
+
+
+def test_light_and_severe_are_half_and_one_and_a_half_of_moderate():
+    light, moderate, severe = (
+        low_altitude_intensity(level, 60.0).deviation_m_s
+        for level in ("light", "moderate", "severe")
+    )
+    assert (light, severe) == pytest.approx((0.5 * moderate, 1.5 * moderate))
+
+
+def test_each_component_has_the_variance_of_the_standard(fields):
+    variance = covariances(fields, np.zeros(1))[:, 0]
+    assert variance == pytest.approx([4.0, 4.0, 4.0], rel=0.06)
+
+
+@pytest.mark.parametrize("distance_m", [20.0, 60.0, 200.0, 400.0])
+def test_gusts_along_and_across_the_way_correlate_as_drydens_do(fields, distance_m):
+    share = math.exp(-distance_m / 200.0)
+    across = (1.0 - distance_m / 400.0) * share
+    along_m, right_m, up_m = covariances(fields, np.array([0.0, distance_m]))[:, 1]
+    assert along_m / 4.0 == pytest.approx(share, abs=0.06)
+    assert right_m / 4.0 == pytest.approx(across, abs=0.06)
+    assert up_m / 4.0 == pytest.approx(across, abs=0.06)
+
+
+def test_along_the_way_the_spectrum_is_drydens(fields):
+    # Averaged over an octave about each wave number; 2 sigma² L / pi / (1 + (L k)²), one-sided.
+    step_m, count = 10.0, 2048
+    points = np.zeros((3, count))
+    points[0] = step_m * np.arange(count)
+    power = np.zeros(count // 2 + 1)
+    window = np.hanning(count)
+    for field in fields[:120]:
+        power += np.abs(np.fft.rfft(window * field.at(points)[0])) ** 2
+    scale = step_m / (math.pi * np.sum(window**2)) / 120
+    numbers = 2.0 * math.pi * np.fft.rfftfreq(count, step_m)
+    for low in (0.003, 0.01, 0.03):
+        band = (numbers >= low) & (numbers < 2.0 * low)
+        wanted = np.mean(2.0 * 4.0 * 200.0 / math.pi / (1.0 + (200.0 * numbers[band]) ** 2))
+        assert np.mean(power[band]) * scale == pytest.approx(wanted, rel=0.2)
+
+
+def test_air_does_not_pile_up():
+    field, step_m = TurbulenceField(INTENSITY, 3), 0.01
+    rng = np.random.default_rng(1)
+    for centre in rng.uniform(-1e4, 1e4, (20, 3)):
+        slopes = [
+            (field.at(centre + offset)[axis] - field.at(centre - offset)[axis]) / (2 * step_m)
+            for axis, offset in enumerate(step_m * np.eye(3))
+        ]
+        assert abs(sum(slopes)) < 1e-6
+        assert max(map(abs, slopes)) > 1e-3
+
+
+@given(seed=st.integers(0, 2**32 - 1), length_m=st.floats(20.0, 400.0))
+def test_no_wave_is_shorter_than_an_aircraft_feels(seed, length_m):
+    numbers = wave_numbers(length_m, np.random.default_rng(seed))
+    assert np.all(np.diff(numbers) >= 0.0)
+    assert numbers[0] > 0.0
+    assert numbers[-1] <= 2.0 * math.pi / SHORTEST_WAVE_M * (1.0 + 1e-9)
+
+
+def errors_of(seed: int, system_id: int, grade: SensorGrade = "standalone") -> SensorErrors:
+    """The errors of one aircraft."""
+    return SensorErrors(grade, seed=seed, system_id=system_id)
+
+
+def norths(system_id: int, *, count: int = 400) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
+    """Errors of an aircraft's first position on many flights."""
+    return np.array([errors_of(seed, system_id).position_m(0.0)[0] for seed in range(count)])
+
+
+def test_ideal_sensors_have_no_errors():
+    ideal = errors_of(1, 1, "ideal")
+    assert ideal.position_m(3.0) == (0.0, 0.0)
+    assert ideal.velocity_m_s() == (0.0, 0.0)
+    assert (ideal.altitude_m(3.0), ideal.heading_rad(), ideal.airspeed_m_s()) == (0.0, 0.0, 0.0)
+    assert (ideal.calibration, ideal.clock_rate) == (1.0, 0.0)
+
+
+def test_a_gauss_markov_process_keeps_its_variance_and_forgets_with_its_time():
+    process = GaussMarkov(2.0, 30.0, default_rng(1))
+    values = np.array([process.at(float(second)) for second in range(60_000)])
+    assert np.std(values) == pytest.approx(2.0, rel=0.05)
+    later = float(np.corrcoef(values[:-30], values[30:])[0, 1])
+    assert later == pytest.approx(math.exp(-1.0), abs=0.05)
+
+
+def test_neighbours_share_the_metres_and_differ_by_decimetres():
+    one, other = norths(1), norths(2)
+    # 1.26 m shared and 0.2 m of its own, on one axis; 0.28 m apart on it, 0.4 m on both.
+    assert np.std(one) == pytest.approx(math.hypot(1.26, 0.2), rel=0.1)
+    assert np.std(one - other) == pytest.approx(math.sqrt(2.0) * 0.2, rel=0.1)
+
+
+def test_positions_wander_and_do_not_jump():
+    errors = errors_of(5, 3)
+    path = np.array([errors.position_m(0.05 * step)[0] for step in range(2400)])
+    assert np.std(np.diff(path)) < 0.05
+    assert np.ptp(path) > 0.2
+
+
+def test_the_same_seed_gives_the_same_errors_however_often_they_are_asked_for():
+    often, seldom = errors_of(9, 4), errors_of(9, 4)
+    for second in range(100):
+        often.altitude_m(float(second))
+    shared_often = often.position_m(100.0)
+    shared_seldom = seldom.position_m(100.0)
+    # The white part differs, the wandering one is the same to the centimetre.
+    assert shared_often == pytest.approx(shared_seldom, abs=0.15)
+
+
+def test_a_better_receiver_is_better():
+    spreads = [
+        float(np.std([errors_of(seed, 1, grade).position_m(0.0)[0] for seed in range(200)]))
+        for grade in ("rtk", "sbas", "standalone")
+    ]
+    assert spreads[0] < 0.02 < spreads[1] < spreads[2]
+
+
+LATERAL = 9.80665
+
+
+def test_a_course_reaches_its_loop_after_the_dead_time_and_is_flown_as_without_it():
+    prompt, late = new_station(), new_station(plant=PlantParameters(course_dead_time_s=0.3))
+    for vehicle in (prompt, late):
+        vehicle.guided()
+        vehicle.command_int(43002, 0, 0.0, LATERAL)
+        vehicle.advance(10.0)
+        vehicle.command_int(43002, 0, 20.0, LATERAL)
+    assert late.flown(10.29).course_rad == pytest.approx(0.0, abs=1e-6)
+    prompt.advance(11.0)
+    assert late.flown(11.3).course_rad == pytest.approx(prompt.truth.course_rad, abs=1e-6)
+
+
+def test_a_stream_of_speeds_is_delayed_and_not_swallowed():
+    prompt, late = new_station(), new_station(plant=PlantParameters(speed_dead_time_s=0.5))
+    for vehicle, delay_s in ((prompt, 0.0), (late, 0.5)):
+        vehicle.guided()
+        for index in range(200):
+            vehicle.command_int(43000, 0, 20.0 + 0.02 * index, 0.0)
+            vehicle.advance(0.05 * (index + 1))
+        vehicle.advance(10.0 + delay_s)
+    assert late.truth.airspeed_m_s == pytest.approx(prompt.truth.airspeed_m_s, abs=1e-9)
+
+
+def test_what_was_commanded_before_a_change_of_mode_does_not_come_after_it():
+    vehicle = new_station(plant=PlantParameters(course_dead_time_s=1.0)).guided()
+    vehicle.command_int(43002, 0, 180.0, LATERAL)
+    vehicle.command_long(176, 1, 10)  # AUTO flies straight on
+    assert math.remainder(vehicle.flown(10.0).course_rad, math.tau) == pytest.approx(0.0, abs=1e-6)
+
+
+def test_tecs_brings_its_own_dead_time_unless_it_is_given_one():
+    assert PlantParameters(speed_response="tecs").speed_delay_s == 0.5
+    assert PlantParameters(speed_response="tecs", speed_dead_time_s=0.0).speed_delay_s == 0.0
+    assert PlantParameters().speed_delay_s == 0.0
+    with pytest.raises(ValueError, match="course_dead_time_s"):
+        PlantParameters(course_dead_time_s=-0.1)
+
+
+@pytest.mark.parametrize("latitude_deg", [-60.0, 0.0, 47.0, 89.0])
+def test_radii_of_curvature_agree_with_pymap3d(latitude_deg):
+    meridian_m, transverse_m = radii_m(math.radians(latitude_deg))
+    assert meridian_m == pytest.approx(float(meridian(latitude_deg)), abs=1e-6)
+    assert transverse_m == pytest.approx(float(transverse(latitude_deg)), abs=1e-6)
+
+
+def test_two_kilometres_north_in_half_metre_moves_are_two_kilometres_on_the_ellipsoid():
+    latitude, longitude = math.radians(47.0), math.radians(8.0)
+    for _ in range(4000):
+        latitude, longitude = displace(latitude, longitude, 0.0, north_m=0.5, east_m=0.0)
+    distance_m, azimuth_deg = vdist(47.0, 8.0, math.degrees(latitude), math.degrees(longitude))
+    assert float(distance_m) == pytest.approx(2000.0, abs=1e-3)
+    assert float(azimuth_deg) == pytest.approx(0.0, abs=1e-6)
+
+
+def test_a_short_move_is_the_same_in_a_tangent_plane_at_altitude():
+    latitude, longitude = displace(
+        math.radians(-33.0), math.radians(151.0), 800.0, north_m=3.0, east_m=-4.0
+    )
+    east_m, north_m, up_m = pymap3d.geodetic2enu(
+        math.degrees(latitude), math.degrees(longitude), 800.0, -33.0, 151.0, 800.0
+    )
+    assert (north_m, east_m, up_m) == pytest.approx((3.0, -4.0, 0.0), abs=1e-5)
+
+
+def test_eastward_across_the_date_line_continues_in_the_west():
+    _, longitude = displace(0.0, math.radians(179.99999), 0.0, north_m=0.0, east_m=100.0)
+    assert math.degrees(longitude) == pytest.approx(-179.99911, abs=1e-5)

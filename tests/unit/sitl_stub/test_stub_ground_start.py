@@ -1,4 +1,7 @@
+"""What QGroundControl asks a vehicle at start-up, in its order, and other courtesies."""
+
 import math
+import struct
 from typing import Literal
 
 import pytest
@@ -6,6 +9,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sitl_stub import PlantParameters, SteadyWind
 from tests.kit.autopilot import GroundStation, new_station
+from tests.kit.wire import command_long, of_type, packed
 
 LANDED, TAKING_OFF, FLYING = 1, 3, 2
 
@@ -117,3 +121,167 @@ def test_in_the_air_it_is_disarmed_by_force_only():
     heartbeat = vehicle.advance(0.0)[0]
     assert not heartbeat.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED
     assert vehicle.result(vehicle.command_long(400, 2)) == "UNSUPPORTED"
+
+
+MISSION, FENCE, RALLY = 0, 1, 2
+AUTOPILOTS = ["ardupilot", "px4"]
+
+
+def number_of(frame: bytes) -> int:
+    return int.from_bytes(frame[7:10], "little")
+
+
+def frames(vehicle: GroundStation, command: int, *parameters: float) -> list[bytes]:
+    """Whole MAVLink 2 frames that answer, of messages that pymavlink does not know too."""
+    data, found = vehicle.autopilot.receive(packed(command_long(command, *parameters))), []
+    while data:
+        found.append(data[: 12 + data[1]])
+        data = data[12 + data[1] :]
+    return found
+
+
+def requested(vehicle: GroundStation, message_id: int, parameter: float = 0.0) -> list[bytes]:
+    """The frames that follow the acknowledgement of a request."""
+    return frames(vehicle, 512, message_id, parameter)[1:]
+
+
+@pytest.mark.parametrize("autopilot", AUTOPILOTS)
+def test_qgroundcontrol_s_start_up_gets_an_answer_to_every_question(autopilot):
+    vehicle = new_station(autopilot=autopilot)
+    vehicle.send(mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3))
+    (version,) = of_type(vehicle.command_long(512, 148), "AUTOPILOT_VERSION")
+    assert version.capabilities & mavlink.MAV_PROTOCOL_CAPABILITY_MISSION_INT
+    assert version.capabilities & mavlink.MAV_PROTOCOL_CAPABILITY_MAVLINK2
+    # Modes one by one, as the count in the first one tells; then the parameters.
+    (first,) = requested(vehicle, 435, 1)
+    count = first[10 + 8]
+    assert count == len({requested(vehicle, 435, index + 1)[0][10:14] for index in range(count)})
+    # Metadata it has none of; a denial is an answer too.
+    assert vehicle.result(vehicle.command_long(512, 397)) == "DENIED"
+    values = of_type(vehicle.send(mavlink.MAVLink_param_request_list_message(7, 1)), "PARAM_VALUE")
+    values += of_type(vehicle.advance(0.9), "PARAM_VALUE")
+    listed = [value for value in values if value.param_index != 65_535]
+    assert len(listed) == listed[0].param_count
+    for kind in (MISSION, FENCE, RALLY):
+        (answer,) = vehicle.send(mavlink.MAVLink_mission_request_list_message(7, 1, kind))
+        assert (answer.get_type(), answer.count, answer.mission_type) == ("MISSION_COUNT", 0, kind)
+        assert (answer.target_system, answer.target_component) == (255, 190)
+
+
+def test_the_protocol_version_is_mavlink_2():
+    vehicle = new_station()
+    (frame,) = requested(vehicle, 300)
+    assert number_of(frame) == 300
+    assert struct.unpack("<HHH", frame[10:-2].ljust(22, b"\0")[:6]) == (200, 100, 200)
+    checksum = mavlink.x25crc(frame[1:-2])
+    checksum.accumulate(bytes([217]))
+    assert struct.pack("<H", checksum.crc) == frame[-2:]
+    assert [number_of(one) for one in frames(vehicle, 519, 1)] == [77, 300]
+
+
+def test_all_modes_come_at_once_for_index_0_and_none_for_one_too_many():
+    vehicle = new_station()
+    modes = requested(vehicle, 435, 0)
+    names = {frame[10 + 11 : -2].rstrip(b"\0").decode("ascii") for frame in modes}
+    assert {"GUIDED", "LOITER", "TAKEOFF", "RTL"} <= names
+    assert requested(vehicle, 435, len(modes) + 1) == []
+
+
+def test_a_list_that_is_brought_finds_no_room_and_an_item_that_is_not_there_is_refused():
+    vehicle = new_station()
+    (full,) = vehicle.send(mavlink.MAVLink_mission_count_message(7, 1, 3, MISSION))
+    assert (full.get_type(), full.type) == ("MISSION_ACK", mavlink.MAV_MISSION_NO_SPACE)
+    (none,) = vehicle.send(mavlink.MAVLink_mission_request_int_message(7, 1, 0, FENCE))
+    assert none.type == mavlink.MAV_MISSION_INVALID_SEQUENCE
+    (cleared,) = vehicle.send(mavlink.MAVLink_mission_clear_all_message(7, 1, RALLY))
+    assert (cleared.type, cleared.mission_type) == (mavlink.MAV_MISSION_ACCEPTED, RALLY)
+
+
+def test_time_is_synchronised_with_who_asks_and_a_ping_comes_back():
+    vehicle = new_station(boot_time_s=5.0)
+    vehicle.advance(2.0)
+    (answer,) = vehicle.send(mavlink.MAVLink_timesync_message(0, 123_456))
+    assert (answer.tc1, answer.ts1) == (7_000_000_000, 123_456)
+    assert vehicle.send(mavlink.MAVLink_timesync_message(1, 2)) == []
+    (answer,) = vehicle.send(mavlink.MAVLink_ping_message(99, 7, 0, 0))
+    assert (answer.seq, answer.target_system, answer.target_component) == (7, 255, 190)
+
+
+def test_an_interval_that_was_set_can_be_asked_for():
+    vehicle = new_station()
+    vehicle.interval(33, 50_000)
+    (answer,) = of_type(vehicle.command_long(510, 33), "MESSAGE_INTERVAL")
+    assert (answer.message_id, answer.interval_us) == (33, 50_000)
+    assert of_type(vehicle.command_long(510, 32), "MESSAGE_INTERVAL")[0].interval_us == -1
+    assert of_type(vehicle.command_long(510, 9_999), "MESSAGE_INTERVAL")[0].interval_us == 0
+    assert vehicle.interval(33, 3.4e38) == "ACCEPTED"
+    assert of_type(vehicle.command_long(510, 33), "MESSAGE_INTERVAL")[0].interval_us == 2**31 - 1
+
+
+def test_older_ground_stations_get_arduplane_s_streams_at_their_rate():
+    vehicle = new_station()
+    vehicle.send(mavlink.MAVLink_request_data_stream_message(7, 1, 0, 4, 1))
+    vehicle.advance(0.0)
+    messages = vehicle.advance(1.0)
+    for name in ("GLOBAL_POSITION_INT", "ATTITUDE", "VFR_HUD", "GPS_RAW_INT", "SYSTEM_TIME"):
+        assert len(of_type(messages, name)) == 4
+    vehicle.send(mavlink.MAVLink_request_data_stream_message(7, 1, 6, 0, 0))
+    assert of_type(vehicle.advance(2.0), "GLOBAL_POSITION_INT") == []
+
+
+def test_px4_flies_home_and_holds_there_when_told():
+    vehicle = new_station(autopilot="px4")
+    vehicle.advance(10.0)
+    assert vehicle.result(vehicle.command_long(20)) == "ACCEPTED"
+    assert vehicle.truth.mode == "AUTO.RTL"
+    truth = vehicle.flown(120.0)
+    north_m = (truth.latitude_deg - 47.0) * 111_180.0
+    east_m = (truth.longitude_deg - 8.0) * 76_060.0
+    assert math.hypot(north_m, east_m) == pytest.approx(80.0, abs=10.0)
+
+
+def reposition(
+    vehicle: GroundStation,
+    flags: int,
+    latitude_deg: float = 47.01,
+    speed_m_s: float = -1.0,
+    altitude_m: float = 520.0,
+) -> str:
+    message = mavlink.MAVLink_command_int_message(
+        *(7, 1, 0, 192, 0, 0, speed_m_s, flags, 0, 0),
+        *(round(latitude_deg * 1e7), 80_000_000, altitude_m),
+    )
+    return vehicle.result(vehicle.send(message))
+
+
+@pytest.mark.parametrize(
+    ("speed_m_s", "flown"),
+    [(24.0, 24.0), (99.0, 32.0), (-1.0, 20.0), (0.0, 20.0), (math.nan, 20.0)],
+)
+def test_px4_flies_to_a_place_on_the_bearing_and_at_the_airspeed_of_the_command(speed_m_s, flown):
+    vehicle = new_station(autopilot="px4")
+    assert reposition(vehicle, 1, 47.03, speed_m_s) == "ACCEPTED"
+    truth = vehicle.flown(30.0)
+    assert truth.mode == "AUTO.LOITER"
+    assert truth.airspeed_m_s == pytest.approx(flown, abs=1e-3)
+    assert math.degrees(math.remainder(truth.course_rad, math.tau)) == pytest.approx(0.0, abs=2.5)
+
+
+def test_arduplane_is_repositioned_in_guided_and_forgets_its_course():
+    vehicle = new_station()
+    assert reposition(vehicle, 0) == "FAILED"
+    assert reposition(vehicle, 1) == "ACCEPTED"
+    assert vehicle.truth.mode == "GUIDED"
+    truth = vehicle.flown(200.0)
+    assert truth.altitude_amsl_m == pytest.approx(520.0, abs=0.1)
+    assert (truth.latitude_deg - 47.01) * 111_180.0 == pytest.approx(0.0, abs=95.0)
+    assert reposition(vehicle, 1, 95.0) == "DENIED"
+    assert vehicle.command_long(192)[0].result == 8  # MAV_RESULT_COMMAND_INT_ONLY
+
+
+@pytest.mark.parametrize("autopilot", AUTOPILOTS)
+def test_a_height_that_is_no_number_repositions_nobody(autopilot):
+    vehicle = new_station(autopilot=autopilot)
+    before = vehicle.truth
+    assert reposition(vehicle, 1, 47.01, -1.0, math.nan) == "DENIED"
+    assert vehicle.truth == before

@@ -1,10 +1,19 @@
+""""""
+
 import math
 from typing import Literal
 
 import pytest
+from msgspec.structs import replace
 
 from sitl_stub import ArticleWind, CalmWind, PlantParameters, SteadyWind
 from sitl_stub.geometry import wrap_to_pi
+from sitl_stub.lagging_plant import (
+    MAX_LAGGING_STEP_S,
+    tecs_acceleration_m_s2,
+    tecs_integral_rate_m_s3,
+    wanted_bank_rad,
+)
 from sitl_stub.loops import (
     Targets,
     TurnTarget,
@@ -13,6 +22,8 @@ from sitl_stub.loops import (
     turn_rate_rad_s,
 )
 from sitl_stub.plant import MAX_STEP_S, PlantState, course_hold_rates, with_speed_kind
+from sitl_stub.px4 import EmulatedPx4
+from tests.kit.autopilot import new_station
 from tests.kit.plants import flown, held, plant_state
 
 Kind = Literal["course-hold", "heading-hold"]
@@ -184,3 +195,240 @@ def test_the_integration_step_is_converged_to_the_resolution_of_the_telemetry(ki
 def test_an_aircraft_that_cannot_fly_is_refused_by_name(name, values):
     with pytest.raises(ValueError, match=name):
         PlantParameters(**values)
+
+
+BANK = PlantParameters(kind="bank")
+LOOPS = EmulatedPx4.loops
+OWN = PlantParameters(
+    kind=LOOPS.plant,
+    alpha_1_s=LOOPS.alpha_1_s,
+    roll_delay_s=LOOPS.roll_delay_s,
+    course_dead_time_s=LOOPS.course_dead_time_s,
+    speed_response=LOOPS.speed_response,
+    max_bank_rad=math.radians(50.0),
+)
+"""As `sitl-stub --autopilot px4` flies where no plant is named."""
+TECS = PlantParameters(speed_response="tecs")
+
+
+NPFG = PlantParameters(kind="npfg", alpha_1_s=0.9, max_bank_rad=math.radians(50.0))
+
+
+@pytest.mark.parametrize(
+    ("plant", "airspeed_m_s", "target", "bank_deg"),
+    [
+        # 12000 cdeg/rad and a tenth of a radian.
+        (BANK, 20.0, (0.1,), 12.0),
+        # Limited by the aircraft, and by the acceleration that is commanded: atan(2 / 9.80665).
+        (BANK, 20.0, (-2.0,), -45.0),
+        (BANK, 20.0, (2.0, 2.0), 11.527),
+        # PX4 wants the bank of the turn that alpha asks for: atan(0.9 * 15 * sin(0.1) / 9.80665);
+        # at 90 degrees atan(1.3766) = 54 degrees, beyond the limit.
+        (NPFG, 15.0, (0.1,), 7.826),
+        (NPFG, 15.0, (-0.1,), -7.826),
+        (NPFG, 15.0, (2.0,), 50.0),
+        (NPFG, 15.0, (3.0,), 50.0),
+    ],
+)
+def test_a_course_error_wants_a_bank_within_the_limits(plant, airspeed_m_s, target, bank_deg):
+    wanted = wanted_bank_rad(
+        plant,
+        TurnTarget("course", *target),
+        course_rad=0.0,
+        heading_rad=0.0,
+        airspeed_m_s=airspeed_m_s,
+    )
+    assert math.degrees(wanted) == pytest.approx(bank_deg, abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("plant", "share"),
+    [
+        (BANK, 1.0 - math.exp(-1.0)),
+        # The delay is that of a second lag: 1 - (0.4 e^(-t/0.4) - 0.2 e^(-t/0.2)) / 0.2.
+        (
+            PlantParameters(kind="npfg", roll_time_s=0.4, roll_delay_s=0.2),
+            1.0 - (0.4 * math.exp(-1.0) - 0.2 * math.exp(-2.0)) / 0.2,
+        ),
+    ],
+)
+def test_the_roll_follows_with_its_time_constant_and_its_delay(plant, share):
+    end = flown(plant, held(0.5, hold="bank"), 0.4)[-1]
+    assert end.roll_rad == pytest.approx(0.5 * share, abs=1e-4)
+
+
+@pytest.mark.parametrize("efficiency", [1.0, 0.7])
+def test_the_turn_is_that_of_the_bank_flown(efficiency):
+    plant = PlantParameters(kind="bank", turn_efficiency=efficiency)
+    states = flown(plant, held(math.radians(30.0), hold="bank"), 6.0)
+    rate = math.remainder(states[-1].direction_rad - states[-201].direction_rad, math.tau)
+    # g tan(30 deg) / 20 = 0.28310 rad/s
+    assert rate == pytest.approx(efficiency * 0.28310, abs=1e-4)
+
+
+def test_a_course_step_of_30_deg_takes_as_long_as_measured_on_arduplane():
+    # GUIDED_P 10000 to 15000, turns at 70 %: t63 1.2 s, t90 2.4 to 3.7 s, overshoot at most 1 %.
+    plant = PlantParameters(kind="bank", turn_efficiency=0.7)
+    states = flown(plant, held(math.radians(30.0)), 20.0)
+    shares = [one.direction_rad / math.radians(30.0) for one in states]
+    t63_s, t90_s = (
+        next(index for index, share in enumerate(shares) if share > least) * 0.005
+        for least in (0.632, 0.9)
+    )
+    assert t63_s == pytest.approx(1.6, abs=0.45)
+    assert 2.0 < t90_s < 3.7
+    assert max(shares[:-1]) < 1.02
+
+
+def test_the_course_is_held_through_a_crosswind():
+    end = flown(BANK, held(), 60.0, SteadyWind(5.0, math.pi / 2))[-1]
+    nose_deg = math.degrees(math.remainder(end.direction_rad, math.tau))
+    assert nose_deg == pytest.approx(-14.4775, abs=0.01)
+    assert end.roll_rad == pytest.approx(0.0, abs=1e-3)
+
+
+def test_a_speed_step_starts_as_steeply_as_measured_and_overshoots():
+    states = flown(TECS, held(speed_m_s=25.0), 60.0)
+    first = (states[40].speed_m_s - states[0].speed_m_s) / 0.2
+    assert first == pytest.approx(2.5, abs=0.01)
+    assert 25.2 < max(one.speed_m_s for one in states) < 26.0
+    assert states[-1].speed_m_s == pytest.approx(25.0, abs=0.1)
+
+
+def test_a_slow_sinusoid_of_speed_comes_out_as_large_and_as_late_as_measured():
+    # Measured on ArduPlane with the dead time of 0.5 s: gain 0.93 to 1.07, 2.2 to 2.4 s late.
+    omega = math.tau / 24.0
+    states = flown(TECS, lambda now_s: held(speed_m_s=20.0 + 1.5 * math.sin(omega * now_s)), 240.0)
+    last = states[-round(48.0 / 0.005) :]
+    start_s = 240.0 - 48.0
+    swings = [
+        (omega * (start_s + index * 0.005), one.speed_m_s - 20.0) for index, one in enumerate(last)
+    ]
+    sine = sum(swing * math.sin(phase) for phase, swing in swings)
+    cosine = sum(swing * math.cos(phase) for phase, swing in swings)
+    gain = math.hypot(sine, cosine) * 2.0 / len(last) / 1.5
+    late_s = math.atan2(-cosine, sine) / omega + TECS.speed_delay_s
+    assert 0.93 < gain < 1.07
+    assert 2.2 < late_s < 2.4
+
+
+def test_height_gives_way_by_some_metres_while_the_speed_changes():
+    states = flown(TECS, held(speed_m_s=26.0), 60.0)
+    lost_m = 500.0 - min(one.altitude_amsl_m for one in states)
+    assert 2.0 < lost_m < 5.0
+    assert states[-1].altitude_amsl_m == pytest.approx(500.0, abs=0.2)
+
+
+def test_the_integral_stands_still_while_the_acceleration_is_at_its_limit():
+    assert tecs_acceleration_m_s2(10.0, 0.0, 2.5) == 2.5
+    assert tecs_integral_rate_m_s3(10.0, 0.0, 2.5) == 0.0
+    assert tecs_integral_rate_m_s3(1.0, 0.0, 2.5) == pytest.approx(0.03)
+    assert tecs_integral_rate_m_s3(-1.0, 3.5, 2.5) == pytest.approx(-0.03)
+
+
+@pytest.mark.parametrize("plant", [BANK, PlantParameters(kind="bank", speed_response="tecs")])
+def test_the_step_is_converged_to_centimetres_over_two_minutes(plant):
+    def aim(now_s: float) -> Targets:
+        at_s = math.floor(now_s / 0.05 + 1e-6) * 0.05
+        return held(0.13 * at_s, 20.0 + 3.0 * math.sin(0.3 * at_s))
+
+    def end(step_s: float) -> PlantState:
+        return flown(plant, aim, 120.0, SteadyWind(5.0, 1.0), step_s=step_s)[-1]
+
+    coarse, fine = end(MAX_LAGGING_STEP_S), end(0.0025)
+    apart_m = 6.4e6 * math.hypot(
+        coarse.latitude_rad - fine.latitude_rad,
+        (coarse.longitude_rad - fine.longitude_rad) * math.cos(fine.latitude_rad),
+    )
+    assert apart_m < 0.05
+
+
+def test_a_ground_speed_hold_cannot_lag():
+    with pytest.raises(ValueError, match="tecs"):
+        PlantParameters(kind="course-hold", speed_response="tecs")
+
+
+@pytest.mark.parametrize(
+    ("plant", "lag"),
+    [
+        # 1 / 0.9 for the loop and 0.3 for the dead time; the roll is still in a steady turn.
+        (
+            PlantParameters(kind="npfg", alpha_1_s=0.9, roll_time_s=0.4, course_dead_time_s=0.3),
+            1.0 / 0.9 + 0.3,
+        ),
+        # As `sitl-stub --autopilot px4` flies: 1.20 and 1.17 s were measured.
+        (OWN, 1.2),
+    ],
+)
+def test_px4_s_course_in_a_ramp_lags_by_its_bandwidth_and_its_dead_time(plant, lag):
+    vehicle = new_station(autopilot="px4", plant=plant, airspeed_m_s=15.0)
+    vehicle.command_long(176, 1, 4, 19)
+    for step in range(600):
+        vehicle.advance(step / 20)
+        vehicle.command_long(43_002, 0, 6.0 * step / 20)
+    behind = math.radians(6.0 * 599 / 20) - vehicle.truth.course_rad
+    lag_s = math.remainder(behind, math.tau) / math.radians(6.0)
+    assert lag_s == pytest.approx(lag, abs=0.05)
+
+
+def test_px4_s_course_takes_up_a_step_as_measured():
+    """30 degrees of 1.18.0-beta1: a tenth after 0.6 s, half after 1.25 s, and 0.85 after 2 s."""
+    plant = replace(OWN, airspeed_min_m_s=10.0)
+    late_s = OWN.course_dead_time_s
+    start = plant_state(speed_m_s=15.0)
+    aim = held(math.radians(30.0), 15.0)
+    states = flown(plant, aim, 8.0, start=start)
+
+    def share(after_s: float) -> float:
+        return states[round((after_s - late_s) / 0.005)].direction_rad / math.radians(30.0)
+
+    assert share(0.3) == pytest.approx(0.03, abs=0.03)
+    assert share(0.6) == pytest.approx(0.12, abs=0.04)
+    assert share(1.25) == pytest.approx(0.49, abs=0.04)
+    assert share(2.0) == pytest.approx(0.85, abs=0.04)
+    assert max(one.direction_rad for one in states) < math.radians(31.5)
+
+
+PX4 = PlantParameters(kind="npfg", speed_response="px4")
+UNTRIMMED = PlantParameters(kind="npfg", speed_response="px4-untrimmed")
+
+
+def test_px4s_airspeed_creeps_without_the_throttles_of_each_airspeed():
+    """Steps of 2 m/s as it comes: half within 2 to 3 s, 0.65 after 12 s, 0.85 to 0.9 after 55 s."""
+    states = flown(UNTRIMMED, held(speed_m_s=22.0), 60.0, step_s=0.01)
+    shares = [(one.speed_m_s - 20.0) / 2.0 for one in states]
+    assert shares[300] == pytest.approx(0.6, abs=0.15)
+    assert shares[1200] == pytest.approx(0.66, abs=0.05)
+    assert shares[5500] == pytest.approx(0.82, abs=0.05)
+
+
+def test_px4s_airspeed_setpoint_slews_with_1_m_s2():
+    states = flown(PX4, held(speed_m_s=24.0), 3.0)
+    references = [one.speed_reference_m_s or 20.0 for one in states]
+    assert references[200] == pytest.approx(21.0, abs=0.02)
+    assert references[-1] == pytest.approx(23.0, abs=0.02)
+
+
+def test_px4s_airspeed_follows_slow_changes_at_once_and_swings_at_half_a_hertz():
+    """As measured: 1.04 times as large in 12 s, and 1.8 times in 3 s."""
+
+    def gain(period_s: float, size_m_s: float) -> float:
+        turning = math.tau / period_s
+        states = flown(
+            PX4,
+            lambda t: held(speed_m_s=20.0 + size_m_s * math.sin(turning * t)),
+            6.0 * period_s,
+            step_s=0.01,
+        )
+        late = [one.speed_m_s for one in states[len(states) // 2 :]]
+        return (max(late) - min(late)) / (2.0 * size_m_s)
+
+    assert gain(12.0, 1.0) == pytest.approx(1.05, abs=0.06)
+    assert gain(3.0, 0.25) == pytest.approx(1.8, abs=0.25)
+
+
+def test_px4s_airspeed_rests_where_it_is_commanded():
+    states = flown(PX4, held(speed_m_s=22.0), 15.0)
+    assert states[-1].speed_m_s == pytest.approx(22.0, abs=0.01)
+    # 0.4 of overshoot e^(-pi D / sqrt(1 - D²)) of what the lead and the slewing leave.
+    assert max(one.speed_m_s for one in states) < 22.5
