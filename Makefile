@@ -5,10 +5,11 @@ PYTHONS ?= python3.12 python3.13
 PARSING := $(addprefix tests/unit/,basics commands link mavlink mission)
 VENV := .venv
 BIN := $(VENV)/bin
+RELEASE := $(VENV)-release/bin
 MISSION ?= missions/circle-wind.yaml
 OUT ?= flights/$(basename $(notdir $(MISSION)))
 
-.PHONY: help fly test test-lint test-lockstep test-sockets test-containers test-live test-fast test-versions docs image accuracy live sitl bench lint clean
+.PHONY: help fly test test-lint test-lockstep test-sockets test-containers test-live test-fast test-versions docs image release accuracy live sitl bench lint clean
 
 help: ## this list
 	@sed -n 's/^\([a-z-]*\):.*## /  make \1\t/p' $(MAKEFILE_LIST) | expand -t 24
@@ -58,6 +59,28 @@ docs: $(VENV)/.dev ## the API pages from the sources, in site/
 
 image: ## the Docker image
 	tests/docker/make-image
+
+# From what is committed, stamped with its time: the same commit gives the same bytes, anywhere. Two environments of their own
+# keep what builds and uploads out of what is developed with, and both out of the aircraft's install that the SBOM lists.
+release: ## wheels and sdists of vfguide and sitl-stub in dist/, built twice and compared, checked, with an SBOM
+	@test -z "$$(git status --porcelain)" || { echo "commit or remove what git status shows" >&2; exit 1; }
+	rm -rf dist build $(VENV)-release $(VENV)-aircraft
+	mkdir build
+	$(PYTHON) -m venv $(VENV)-release
+	$(RELEASE)/pip install --quiet --disable-pip-version-check --upgrade pip
+	$(RELEASE)/pip install --quiet --group release
+	export SOURCE_DATE_EPOCH=$$(git log -1 --format=%ct); for place in dist build/again; do \
+	  $(RELEASE)/python -m build --no-isolation --outdir $$place . && \
+	  $(RELEASE)/python -m build --no-isolation --outdir $$place sitl_stub || exit 1; \
+	done >build/release.log
+	diff -r dist build/again
+	$(RELEASE)/twine check --strict dist/*
+	$(PYTHON) -m venv --without-pip $(VENV)-aircraft
+	$(RELEASE)/pip --python $(VENV)-aircraft install --quiet --no-deps --no-index --find-links dist vfguide
+	$(RELEASE)/pip --python $(VENV)-aircraft install --quiet --constraint constraints.txt vfguide
+	SOURCE_DATE_EPOCH=$$(git log -1 --format=%ct) $(RELEASE)/cyclonedx-py environment --output-reproducible \
+	  --output-file dist/vfguide.cdx.json $(VENV)-aircraft/bin/python
+	cd dist && sha256sum * | tee SHA256SUMS
 
 accuracy: $(VENV)/.runtime ## flies the tables of docs/accuracy.md anew
 	$(BIN)/python -m tests.benchmarks.accuracy

@@ -34,6 +34,9 @@ from sitl_stub.sensor_errors import Fault
 from sitl_stub.settings import Settings
 from sitl_stub.truth import Truth
 
+__version__ = "1.0.0"
+"""Of the emulator and of vfguide, wherever either says its version."""
+
 __all__ = [
     "Air",
     "AirPlant",

@@ -5,8 +5,8 @@ import subprocess
 import sysconfig
 import tomllib
 from pathlib import Path
-from typing import Any
 
+import sitl_stub
 from tests.kit.missions import ROOT
 from tests.wheels import packages_of, python_with
 
@@ -29,17 +29,16 @@ print(abs(math.hypot(north, east) / start.ground_speed_m_s - 1.0) < 0.02)
 """In a second it flies as far as its speed says; the earth's shape takes a percent."""
 
 
-def project_of(file: Path) -> dict[str, Any]:
-    """The `[project]` table of a pyproject.toml."""
-    table: dict[str, Any] = tomllib.loads(file.read_text())["project"]
-    return table
-
-
 def test_it_asks_for_what_the_project_asks_for_and_has_its_version():
-    whole = project_of(ROOT / "pyproject.toml")
-    alone = project_of(EMULATOR / "pyproject.toml")
-    assert alone["version"] == whole["version"]
-    assert set(alone["dependencies"]) < set(whole["dependencies"])
+    whole, alone = (
+        tomllib.loads((place / "pyproject.toml").read_text()) for place in (ROOT, EMULATOR)
+    )
+    sources = [
+        (place / one["tool"]["hatch"]["version"]["path"]).resolve()
+        for place, one in ((ROOT, whole), (EMULATOR, alone))
+    ]
+    assert sources[0] == sources[1]
+    assert set(alone["project"]["dependencies"]) < set(whole["project"]["dependencies"])
 
 
 def test_its_wheel_flies_where_vfguide_is_not_installed(tmp_path):
@@ -50,13 +49,13 @@ def test_its_wheel_flies_where_vfguide_is_not_installed(tmp_path):
     # The libraries of this environment, but not vfguide, whose editable install a .pth file would bring.
     packages = packages_of(python)
     for one in Path(sysconfig.get_path("purelib")).iterdir():
-        if "vfguide" not in one.name and not one.name.endswith(".pth"):
+        if not one.name.startswith(("vfguide", "sitl_stub")) and one.suffix != ".pth":
             target = packages / one.name
             if not target.exists():
                 target.symlink_to(one)
     command = (python.with_name("sitl-stub"), "--version")
     told = subprocess.run(command, check=True, capture_output=True, text=True, cwd=tmp_path)
-    assert told.stdout == f"sitl-stub {project_of(EMULATOR / 'pyproject.toml')['version']}\n"
+    assert told.stdout == f"sitl-stub {sitl_stub.__version__}\n"
     flown = subprocess.run(
         [python, "-I", "-c", FLIGHT], check=False, capture_output=True, text=True, cwd=tmp_path
     )
