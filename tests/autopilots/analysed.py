@@ -20,7 +20,7 @@ from tests.autopilots.formation import RECORDED, TRUE_TRACKS
 from vfguide.commands.analyse import answers_of, slips_of
 from vfguide.elementwise import FloatArray
 from vfguide.errors import VfguideError
-from vfguide.identification.flown import Answer, SlipAnswer, answer_sentence, slip_sentence
+from vfguide.identification.flown import answer_sentence, slip_sentence
 from vfguide.lab.debrief.logged_flight import LoggedFlight, logged_flight, read_log
 from vfguide.lab.report.geometry import slot_error
 from vfguide.mission import Mission, load_mission
@@ -182,32 +182,21 @@ def flights_of(mission: Mission, paths: Sequence[Path]) -> Iterator[LoggedFlight
         yield logged_flight(mission, [log for log in logs if log.system_id == leads])
 
 
-def contains(answer: Answer, known: tuple[float, float]) -> bool:
-    """Whether what is known otherwise is within the stated uncertainty."""
-    if answer.response is None:
-        return True
-    return answer.response.least <= known[1] and known[0] <= answer.response.greatest
-
-
-def contains_slip(answer: SlipAnswer, known: float) -> bool:
-    """Whether what is known otherwise is within the stated uncertainty."""
-    if answer.slip is None:
-        return True
-    found = answer.slip.efficiency
-    return abs(found.value - known) <= found.half_width
-
-
 def known_otherwise(mission: Mission, flight: LoggedFlight) -> Iterator[tuple[str, str, bool]]:
     """(what a log is found to say, what is known otherwise, whether that is within its uncertainty)."""
     for answer in answers_of(mission, flight):
         known = KNOWN.get((mission.vehicles[answer.vehicle].autopilot, answer.loop))
         if known is not None:
             said = "-".join(f"{value:g}" for value in sorted(set(known)))
-            yield answer_sentence(answer), said, contains(answer, known)
+            one = answer.response
+            within = one is None or (one.least <= known[1] and known[0] <= one.greatest)
+            yield answer_sentence(answer), said, within
     for slip in slips_of(mission, flight):
         share = KNOWN_SLIP.get(mission.vehicles[slip.vehicle].autopilot)
         if share is not None:
-            yield slip_sentence(slip), f"{share:g}", contains_slip(slip, share)
+            found = None if slip.slip is None else slip.slip.efficiency
+            within = found is None or abs(found.value - share) <= found.half_width
+            yield slip_sentence(slip), f"{share:g}", within
 
 
 def compare(directory: Path) -> bool:

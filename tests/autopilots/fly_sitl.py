@@ -37,43 +37,26 @@ from vfguide.errors import VfguideError
 def arguments() -> argparse.ArgumentParser:
     """The options."""
     parser = argparse.ArgumentParser(description=__doc__, prog="fly_sitl")
-    formatter = "{} (default: %(default)s)".format
+    default = "(default: %(default)s)"
+    several: dict[str, Any] = {"action": "append", "default": []}
     add = parser.add_argument
     add("mission", type=Path, help="mission file")
     add_program(parser)
     add_air(parser)
-    add("--turbulence", type=float, default=0.0, help=formatter("ArduPlane's SIM_WIND_TURB"))
-    add(
-        "--set",
-        action="append",
-        default=[],
-        metavar="NAME=VALUE",
-        help="a parameter, in flight too",
-    )
-    add(
-        "--with", dest="changes", action="append", default=[], metavar="YAML", help="changed fields"
-    )
-    add(
-        "--duration", type=float, default=240.0, metavar="S", help=formatter("length of the flight")
-    )
+    add("--turbulence", type=float, default=0.0, help=f"ArduPlane's SIM_WIND_TURB {default}")
+    add("--set", **several, metavar="NAME=VALUE", help="a parameter, in flight too")
+    add("--with", **several, dest="changes", metavar="YAML", help="changed fields")
+    add("--duration", type=float, default=240.0, metavar="S", help=f"of the flight {default}")
     what = f"what goes wrong, and when; may be repeated: {', '.join(faults('', ''))}"
-    add("--fault", action="append", default=[], metavar="NAME@S", help=what)
-    add(
-        "--orders",
-        default="",
-        metavar="S:WORDS,...",
-        help='given by `vfguide order`, such as "60:line-abreast,100:vee --spacing 30"',
-    )
+    add("--fault", **several, metavar="NAME@S", help=what)
+    given = 'given by `vfguide order`, such as "60:line-abreast,100:vee --spacing 30"'
+    add("--orders", default="", metavar="S:WORDS,...", help=given)
     add("--kill-leader-at", type=float, metavar="S", help="the same as --fault leader-lost@S")
     add("--vehicle", help="follower that faults meet (default: the second)")
     add("--first-instance", type=int, help="of the simulators (default: the first that is free)")
-    add(
-        "--guided",
-        default="GUIDED",
-        help=formatter("what pilots select; PX4 before 1.18: OFFBOARD"),
-    )
+    add("--guided", default="GUIDED", help=f"pilots select it; PX4 before 1.18: OFFBOARD {default}")
     add("--engage", action="store_true", help="start companions with --engage")
-    add("--pace", type=float, default=1.0, help=formatter("flight's time in parts of real time"))
+    add("--pace", type=float, default=1.0, help=f"flight's time in parts of real time {default}")
     add("--keep", type=Path, metavar="DIR", help="keep there what all said, heard and flew")
     add("--json", action="store_true", help="print everything as JSON")
     return parser
@@ -85,15 +68,10 @@ def main() -> int:
     # Told to end, it ends what it has started, too.
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))
     try:
-        return run(options)
+        mission, verdict = flown(options)
     except (FlightError, VfguideError) as error:
         sys.stderr.write(f"{error}\n")
         return 1
-
-
-def run(options: argparse.Namespace) -> int:
-    """Fly what the options say, and print it."""
-    mission, verdict = flown(options)
     if options.json:
         sys.stdout.write(json.dumps(asdict(verdict), indent=2) + "\n")
         return 0
@@ -110,15 +88,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def flown(options: argparse.Namespace, *, record: bool = False) -> tuple[str, Verdict]:
-    """Fly what the options say.
-
-    Args:
-        options: as parsed.
-        record: let companions record, as it is done where an option needs that.
-
-    Returns:
-        The mission's name, and the verdict.
-    """
+    """Fly what the options say, recorded where that is asked for or needed: (mission's name, verdict)."""
     mission = load(options.mission, changes_of(options.changes))
     followers = list(mission.followers_by_name)
     vehicle = options.vehicle or followers[min(1, len(followers) - 1)]

@@ -2,10 +2,9 @@
 
 import math
 import socket
-import struct
 import threading
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
 
@@ -68,7 +67,7 @@ class ModeChange:
 
 
 class Caller:
-    """Speaks with one aircraft from a thread of its own, until it is closed."""
+    """Speaks with one aircraft from a thread of its own, until it is closed, and keeps what it says."""
 
     HEARTBEAT: MAVLink_message
 
@@ -77,8 +76,17 @@ class Caller:
         self.system_id = system_id
         self.results: dict[int, int] = {}
         """Of commands, by number."""
+        self.texts: list[tuple[int, str]] = []
+        """Component and text of each STATUSTEXT."""
+        self.parameters: dict[str, MAVLink_message] = {}
+        """The newest PARAM_VALUE of each."""
+        self.modes: list[ModeChange] = []
+        self.newest: dict[str, MAVLink_message] = {}
+        """The newest message of each kind that the autopilot itself has sent."""
         self._lock, self._ends = threading.Lock(), threading.Event()
         self._writer = mavlink.MAVLink(None, srcSystem=255, srcComponent=190)
+        self._parser = mavlink.MAVLink(None)
+        self._parser.robust_parsing = True
         self._socket = connected
         self._socket.settimeout(0.2)
         self._thread = threading.Thread(target=self._listen, daemon=True)
@@ -112,7 +120,7 @@ class Caller:
         while not condition():
             now = time.monotonic()
             if now > gives_up:
-                last = self.last_words()
+                last = self.texts[-1][1] if self.texts else "without a word"
                 raise FlightError(
                     f"vehicle {self.system_id}: {what} not within {patience_s:g} s ({last})"
                 )
@@ -121,9 +129,10 @@ class Caller:
                 ask()
             time.sleep(0.05)
 
-    def last_words(self) -> str:
-        """What the aircraft has said last."""
-        return "without a word"
+    @property
+    def mode(self) -> int | None:
+        """The newest mode; None before the first heartbeat."""
+        return self.modes[-1].custom_mode if self.modes else None
 
     def now(self) -> float:
         """Time by which arrivals are noted, s."""
@@ -132,6 +141,20 @@ class Caller:
     def _hear(self, data: bytes) -> None:
         """Take in what has come."""
         raise NotImplementedError
+
+    def _take(self, message: MAVLink_message, arrival_s: float) -> None:
+        kind, component = message.get_type(), message.get_srcComponent()
+        if kind == "HEARTBEAT" and component == mavlink.MAV_COMP_ID_AUTOPILOT1:
+            if message.custom_mode != self.mode:
+                self.modes.append(ModeChange(arrival_s, message.custom_mode))
+        elif kind == "STATUSTEXT":
+            self.texts.append((component, message.text))
+        elif kind == "COMMAND_ACK":
+            self.results[message.command] = message.result
+        elif kind == "PARAM_VALUE":
+            self.parameters[message.param_id] = message
+        if component == mavlink.MAV_COMP_ID_AUTOPILOT1:
+            self.newest[kind] = message
 
     def _listen(self) -> None:
         spoke_s = -math.inf
@@ -174,33 +197,21 @@ class GroundStation(Caller):
             clock: of the flight, which may be slower than the computer's.
         """
         self.fixes: list[Fix] = []
-        self.modes: list[ModeChange] = []
-        self.texts: list[tuple[float, str]] = []
-        self.parameters: dict[str, float] = {}
-        self.parameter_types: dict[str, int] = {}
         self.unknown_parameters: set[str] = set()
-        self.armed = False
-        self.airspeed_m_s = math.nan
-        """As the autopilot shows it."""
-        self.version: tuple[int, int] | None = None
-        """Of the firmware, and its capabilities; once it was asked for."""
         self._truth = truth
         self._flight_clock = clock
         self._clock: tuple[float, float] | None = None
-        self._parser = mavlink.MAVLink(None)
         self._waiting = b""
         super().__init__(system_id, connect())
-
-    def last_words(self) -> str:
-        return self.texts[-1][1] if self.texts else "without a word"
 
     def now(self) -> float:
         return self._flight_clock.now()
 
     @property
-    def mode(self) -> int | None:
-        """The newest mode; None before the first heartbeat."""
-        return self.modes[-1].custom_mode if self.modes else None
+    def armed(self) -> bool:
+        """Whether the newest heartbeat says so."""
+        beat = self.newest.get("HEARTBEAT")
+        return beat is not None and bool(beat.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED)
 
     @property
     def altitude_amsl_m(self) -> float:
@@ -208,33 +219,19 @@ class GroundStation(Caller):
         return self.fixes[-1].altitude_amsl_m if self.fixes else math.nan
 
     def ask_for(self, message_id: int, rate_hz: float) -> None:
-        """Ask for a message at a rate."""
-        self.command(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, message_id, 1e6 / rate_hz)
-
-    def ask_for_version(self) -> None:
-        """Ask for AUTOPILOT_VERSION."""
-        wanted = mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION
-        self.command(mavlink.MAV_CMD_REQUEST_MESSAGE, wanted)
-
-    def ask_for_parameter(self, name: str) -> None:
-        """Ask for the value of a parameter."""
-        self.send(mavlink.MAVLink_param_request_read_message(self.system_id, 1, name.encode(), -1))
-
-    def stop_sending(self, message_ids: Iterable[int]) -> None:
-        """Ask for none of these messages."""
-        for message_id in message_ids:
-            self.command(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, message_id, -1)
+        """Ask for a message at a rate; for none at a negative one."""
+        period_us = 1e6 / rate_hz if rate_hz > 0.0 else -1
+        self.command(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, message_id, period_us)
 
     def set_mode(self, main: int, sub: int = 0) -> None:
         """Ask for a mode by its numbers."""
         self.command(mavlink.MAV_CMD_DO_SET_MODE, 1, main, sub)
 
-    def set_parameter(self, name: str, value: float, *, whole: bool = False) -> None:
-        """Set a parameter; PX4 wants the bytes of a whole number in the place of the float."""
-        kind = mavlink.MAV_PARAM_TYPE_INT32 if whole else mavlink.MAV_PARAM_TYPE_REAL32
-        sent = struct.unpack("<f", struct.pack("<i", round(value)))[0] if whole else value
+    def set_parameter(self, name: str, value: float) -> None:
+        """Set a parameter, a real number."""
         self.parameters.pop(name, None)
-        self.send(mavlink.MAVLink_param_set_message(self.system_id, 1, name.encode(), sent, kind))
+        kind = mavlink.MAV_PARAM_TYPE_REAL32
+        self.send(mavlink.MAVLink_param_set_message(self.system_id, 1, name.encode(), value, kind))
 
     def track(self) -> dict[str, FloatArray]:
         """All fixes as arrays by field, in the order of arrival."""
@@ -252,34 +249,15 @@ class GroundStation(Caller):
                 self._take(self._parser.decode(bytearray(frame.content)), arrival_s)
 
     def _take(self, message: MAVLink_message, arrival_s: float) -> None:
+        super()._take(message, arrival_s)
         kind = message.get_type()
         if kind == "SYSTEM_TIME":
             self._clock = message.time_boot_ms * 1e-3, arrival_s
-        elif kind == "HEARTBEAT" and message.get_srcComponent() == 1:
-            self.armed = bool(message.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED)
-            if message.custom_mode != self.mode:
-                self.modes.append(ModeChange(arrival_s, message.custom_mode))
-        elif kind == "STATUSTEXT":
-            self.texts.append((arrival_s, message.text))
-        elif kind == "AUTOPILOT_VERSION":
-            self.version = message.flight_sw_version, message.capabilities
-        elif kind == "COMMAND_ACK":
-            self.results[message.command] = message.result
-        elif kind == "VFR_HUD":
-            self.airspeed_m_s = message.airspeed
-        elif kind in {"PARAM_VALUE", "PARAM_ERROR"}:
-            self._take_parameter(message)
+        elif kind == "PARAM_ERROR":
+            if message.error == mavlink.MAV_PARAM_ERROR_DOES_NOT_EXIST:
+                self.unknown_parameters.add(message.param_id)
         elif self._clock is not None and (state := self._truth(message)) is not None:
-            clock_s, clock_arrival_s = self._clock
-            self.fixes.append(Fix(arrival_s, clock_s, clock_arrival_s, *state))
-
-    def _take_parameter(self, message: MAVLink_message) -> None:
-        if message.get_type() == "PARAM_VALUE":
-            # Whoever waits for the value looks at the type, too.
-            self.parameter_types[message.param_id] = message.param_type
-            self.parameters[message.param_id] = message.param_value
-        elif message.error == mavlink.MAV_PARAM_ERROR_DOES_NOT_EXIST:
-            self.unknown_parameters.add(message.param_id)
+            self.fixes.append(Fix(arrival_s, *self._clock, *state))
 
 
 def wanted_frames(data: bytes) -> tuple[list[Frame], bytes]:

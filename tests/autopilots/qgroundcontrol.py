@@ -40,16 +40,9 @@ class QGroundControl(Caller):
         """Connect to a TCP port of the vehicle with this system id."""
         self.heard: Counter[tuple[int, str]] = Counter()
         """Messages by component and kind."""
-        self.texts: list[tuple[int, str]] = []
-        """Component and text of each STATUSTEXT."""
         self.values: dict[str, float] = {}
         """The newest of each NAMED_VALUE_FLOAT."""
-        self.parameters: set[str] = set()
-        self.parameter_count = 0
         self.plans: set[int] = set()
-        self.mode: int | None = None
-        self._parser = mavlink.MAVLink(None)
-        self._parser.robust_parsing = True
         super().__init__(system_id, socket.create_connection(("127.0.0.1", port), 10.0))
 
     def start(self) -> None:
@@ -80,21 +73,13 @@ class QGroundControl(Caller):
     def _hear(self, data: bytes) -> None:
         for message in self._parser.parse_buffer(data) or []:
             if message.get_srcSystem() == self.system_id:
-                self._take(message)
+                self._take(message, self.now())
 
-    def _take(self, message: MAVLink_message) -> None:
-        kind, component = message.get_type(), message.get_srcComponent()
-        self.heard[component, kind] += 1
-        if kind == "HEARTBEAT" and component == mavlink.MAV_COMP_ID_AUTOPILOT1:
-            self.mode = message.custom_mode
-        elif kind == "STATUSTEXT":
-            self.texts.append((component, message.text))
-        elif kind == "NAMED_VALUE_FLOAT":
+    def _take(self, message: MAVLink_message, arrival_s: float) -> None:
+        super()._take(message, arrival_s)
+        kind = message.get_type()
+        self.heard[message.get_srcComponent(), kind] += 1
+        if kind == "NAMED_VALUE_FLOAT":
             self.values[message.name] = message.value
-        elif kind == "PARAM_VALUE":
-            self.parameters.add(message.param_id)
-            self.parameter_count = message.param_count
         elif kind == "MISSION_COUNT":
             self.plans.add(message.mission_type)
-        elif kind == "COMMAND_ACK":
-            self.results[message.command] = message.result

@@ -359,7 +359,8 @@ class Px4(Simulator):
         def ask() -> None:
             station.ask_for(mavlink.MAVLINK_MSG_ID_SYSTEM_TIME, TRUTH_HZ)
             station.ask_for(mavlink.MAVLINK_MSG_ID_HIL_STATE_QUATERNION, TRUTH_HZ)
-            station.stop_sending(self.CHATTER)
+            for message_id in self.CHATTER:
+                station.ask_for(message_id, -1.0)
 
         heard(station, ask)
         if self._instance > 9:

@@ -16,8 +16,8 @@ import sys
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
+from operator import attrgetter
 from pathlib import Path
-from typing import Any
 
 from tests.autopilots.fly_sitl import arguments, flown
 from tests.autopilots.programs import FlightError
@@ -76,7 +76,7 @@ ROWS: Mapping[str, str] = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Flight:
-    """One flight of a row."""
+    """One flight of a row; distances in m."""
 
     row: str
     options: str
@@ -84,9 +84,9 @@ class Flight:
     """UTC."""
     duration_s: float
     intended: Spread
-    """Distances from the slots as meant, m."""
+    """Distances from the slots as meant."""
     as_it_is: Spread
-    """In the leader's own frame, m."""
+    """In the leader's own frame."""
     roll: float
     """How fast the follower that rolls most rolls (rms), in parts of how fast the leader does."""
     roll_deg_s: float
@@ -174,17 +174,30 @@ def append(file: Path, flight: Flight) -> None:
 
 def read(file: Path) -> list[Flight]:
     """The flights that are kept."""
-    rows: list[dict[str, Any]] = []
-    if file.exists():
-        rows = [json.loads(line) for line in file.read_text().splitlines()]
-    spreads = ("intended", "as_it_is")
-    return [Flight(**{**row, **{name: Spread(**row[name]) for name in spreads}}) for row in rows]
+    lines = file.read_text().splitlines() if file.exists() else []
+    spreads = {"intended", "as_it_is"}
+    return [
+        Flight(**{name: Spread(**one) if name in spreads else one for name, one in row.items()})
+        for row in map(json.loads, lines)
+    ]
 
 
 HEADING = heading_of(
     *("row", "flights", "worst mean, m", "95 %", "greatest", "in the leader's frame, m"),
     *("roll, deg/s", "against the leader's", "setpoints at a limit", "all means, m"),
 )
+
+
+COLUMNS = {
+    "intended.mean": ".2f",
+    "intended.p95": ".2f",
+    "intended.max": ".2f",
+    "as_it_is.mean": ".2f",
+    "roll_deg_s": ".1f",
+    "roll": ".2f",
+    "limited": ".1%",
+}
+"""Of which the worst of a row's flights counts, and how each is written."""
 
 
 def table(flights: Iterable[Flight]) -> str:
@@ -197,16 +210,8 @@ def table(flights: Iterable[Flight]) -> str:
         kept = [flight for flight in flown_so if flight.kept_time]
         count = f"{len(kept)}" + (f" of {len(flown_so)}" if len(kept) < len(flown_so) else "")
         cells = [
-            name,
-            count,
-            *(
-                f"{worst(getattr(flight.intended, figure) for flight in kept):.2f}"
-                for figure in ("mean", "p95", "max")
-            ),
-            f"{worst(flight.as_it_is.mean for flight in kept):.2f}",
-            f"{worst(flight.roll_deg_s for flight in kept):.1f}",
-            f"{worst(flight.roll for flight in kept):.2f}",
-            f"{worst(flight.limited for flight in kept):.1%}",
+            *(name, count),
+            *(f"{worst(map(attrgetter(one), kept)):{form}}" for one, form in COLUMNS.items()),
             ", ".join(f"{flight.intended.mean:.2f}" for flight in kept),
         ]
         lines.append(f"| {' | '.join(cells)} |")

@@ -104,7 +104,7 @@ class RealAutopilot:
         return math.degrees(math.atan2(fix.east_m_s, fix.north_m_s))
 
     def airspeed_m_s(self) -> float:
-        return self._station.airspeed_m_s
+        return float(self._station.newest["VFR_HUD"].airspeed)
 
     def custom_mode(self) -> int:
         return self._station.mode or 0
@@ -116,25 +116,32 @@ class RealAutopilot:
 
     def parameter(self, name: str) -> tuple[float, int] | None:
         station = self._station
+        asked = mavlink.MAVLink_param_request_read_message(self.system_id, 1, name.encode(), -1)
         try:
             station.wait(
                 lambda: name in station.parameters or name in station.unknown_parameters,
                 name,
                 PATIENCE_S,
-                lambda: station.ask_for_parameter(name),
+                lambda: station.send(asked),
             )
         except FlightError:
             # ArduPlane keeps silent of one that it does not have.
             return None
         if name in station.unknown_parameters:
             return None
-        return station.parameters[name], station.parameter_types[name]
+        told = station.parameters[name]
+        return told.param_value, told.param_type
 
     def version(self) -> tuple[int, int]:
-        station = self._station
-        station.wait(lambda: station.version, "no version", PATIENCE_S, station.ask_for_version)
-        assert station.version is not None
-        return station.version
+        station, kind = self._station, "AUTOPILOT_VERSION"
+        request, wanted = mavlink.MAV_CMD_REQUEST_MESSAGE, mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION
+        station.wait(
+            lambda: kind in station.newest,
+            "no version",
+            PATIENCE_S,
+            lambda: station.command(request, wanted),
+        )
+        return station.newest[kind].flight_sw_version, station.newest[kind].capabilities
 
     def rates_hz(self) -> Mapping[str, float]:
         assert self._link is not None

@@ -44,7 +44,8 @@ def look_at_everything(station: QGroundControl) -> None:
     station.wait(lambda: set(station.values) >= SLOT, "no slot errors")
 
     def complete() -> bool:
-        return 0 < station.parameter_count <= len(station.parameters)
+        told = list(station.parameters.values())
+        return len(told) >= max((one.param_count for one in told), default=1)
 
     station.wait(complete, "not all parameters", 120.0)
 
