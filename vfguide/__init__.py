@@ -11,9 +11,9 @@ flight.summary.formation.mean_error_m, flight.tracks["f1"].north_m
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from vfguide.flights import Comparison, Flight, compare, fly, load_mission, order
+    from vfguide.flights import Comparison, Flight, compare, environment, fly, load_mission, order
 
-__all__ = ["Comparison", "Flight", "compare", "fly", "load_mission", "order"]
+__all__ = ["Comparison", "Flight", "compare", "environment", "fly", "load_mission", "order"]
 
 
 def __getattr__(name: str) -> Any:  # noqa: ANN401 - of whatever is public

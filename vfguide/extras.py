@@ -26,6 +26,9 @@ CONSOLE = ("starlette", "uvicorn")
 POSIX = "termios"
 """The module by which a system that companions can run on is known."""
 
+LEARNING = ("gymnasium", "pettingzoo", "greenlet")
+"""What environments are made of."""
+
 REQUIREMENT = re.compile(r"([A-Za-z0-9_.-]+).*;.*extra\s*==\s*['\"]([a-z]+)['\"]")
 
 

@@ -9,7 +9,7 @@ from itertools import product
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from threading import Event
-from typing import Any
+from typing import TYPE_CHECKING, Any, get_args, overload
 
 from vfguide.commands.credentials import KeyFiles, watched_formation
 from vfguide.commands.fly import keep
@@ -18,7 +18,7 @@ from vfguide.commands.output import kept_in
 from vfguide.commands.overrides import Overrides, apply_overrides, place_of
 from vfguide.elementwise import FloatArray
 from vfguide.errors import InputError, described_error
-from vfguide.extras import PLOTTING, POSIX, import_extra, require
+from vfguide.extras import LEARNING, PLOTTING, POSIX, import_extra, require
 from vfguide.lab.export.columns import parts_of
 from vfguide.lab.ordering import OrderOutcome, give_order
 from vfguide.lab.rehearsal import lockstep
@@ -28,6 +28,7 @@ from vfguide.lab.report.metrics import summarise
 from vfguide.lab.report.summary import Summary
 from vfguide.lab.studies.flown import executor_on, flown_by
 from vfguide.laws.base import Law
+from vfguide.laws.vectors import ActionKind
 from vfguide.mission.feasibility import check_mission
 from vfguide.mission.load import load_mission as load_file
 from vfguide.mission.model import Mission
@@ -35,6 +36,9 @@ from vfguide.record.flight import FlightRecord
 from vfguide.record.vehicle import VehicleRecord
 from vfguide.registry import laws as known_laws
 from vfguide.system import run_watching_sockets
+
+if TYPE_CHECKING:
+    from vfguide.lab.environment import FollowerEnvironment, FormationEnvironment, Reward
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -230,21 +234,11 @@ def fly(
         ImportError: the law, or a live flight, needs a library that is not installed; the text says which
             extra brings it. It is a VfguideError, too.
     """
-    if not isinstance(mission, Mission):
-        raise InputError(f"{mission!r} is no mission; write vfguide.load_mission({mission!r})")
     if not 0.0 < speedup <= 100.0:
         raise InputError(f"speedup: {speedup:g} is not above 0 and at most 100")
-    overrides = Overrides(
-        controller=None if law is None else name_of(law),
-        settings=tuple((place_of(field), value) for field, value in (settings or {}).items()),
-        duration_s=duration_s,
-        rate_hz=rate_hz,
-        seed=seed,
+    changed = flyable(
+        mission, law=law, settings=settings, duration_s=duration_s, rate_hz=rate_hz, seed=seed
     )
-    changed = apply_overrides(mission, overrides)
-    impossible = [str(one) for one in check_mission(changed) if one.severity == "error"]
-    if impossible:
-        raise InputError("\n".join(impossible))
     if not live:
         return Flight(flown=fly_rehearsal(changed, processes=processes))
     require(POSIX, "psutil")
@@ -261,6 +255,117 @@ def fly(
         finally:
             # After Ctrl-C its processes would fly on to the end.
             stopped.set()
+
+
+def flyable(
+    mission: Mission,
+    *,
+    law: str | type[Law] | None = None,
+    settings: Mapping[str, object] | None = None,
+    duration_s: float | None = None,
+    rate_hz: float | None = None,
+    seed: int | None = None,
+) -> Mission:
+    """Return a mission with other values, which can be flown; arguments as of `fly`.
+
+    Raises:
+        InputError: a value is out of its range, a name is not known, or the mission cannot be flown.
+    """
+    if not isinstance(mission, Mission):
+        raise InputError(f"{mission!r} is no mission; write vfguide.load_mission({mission!r})")
+    overrides = Overrides(
+        controller=None if law is None else name_of(law),
+        settings=tuple((place_of(field), value) for field, value in (settings or {}).items()),
+        duration_s=duration_s,
+        rate_hz=rate_hz,
+        seed=seed,
+    )
+    changed = apply_overrides(mission, overrides)
+    impossible = [str(one) for one in check_mission(changed) if one.severity == "error"]
+    if impossible:
+        raise InputError("\n".join(impossible))
+    return changed
+
+
+@overload
+def environment(
+    mission: Mission,
+    *,
+    follower: None = None,
+    actions: ActionKind = "rates",
+    reward: "Reward | None" = None,
+    settings: Mapping[str, object] | None = None,
+    duration_s: float | None = None,
+    rate_hz: float | None = None,
+    seed: int | None = None,
+) -> "FormationEnvironment": ...
+
+
+@overload
+def environment(
+    mission: Mission,
+    *,
+    follower: str,
+    actions: ActionKind = "rates",
+    reward: "Reward | None" = None,
+    settings: Mapping[str, object] | None = None,
+    duration_s: float | None = None,
+    rate_hz: float | None = None,
+    seed: int | None = None,
+) -> "FollowerEnvironment": ...
+
+
+def environment(
+    mission: Mission,
+    *,
+    follower: str | None = None,
+    actions: ActionKind = "rates",
+    reward: "Reward | None" = None,
+    settings: Mapping[str, object] | None = None,
+    duration_s: float | None = None,
+    rate_hz: float | None = None,
+    seed: int | None = None,
+) -> "FormationEnvironment | FollowerEnvironment":
+    """Make an environment for reinforcement learning of a mission that is flown in virtual time.
+
+    Args:
+        mission: what is flown.
+        follower: name of the one that is the agent of a Gymnasium environment; the others fly by the
+            mission's law. If absent, all are agents of a PettingZoo parallel environment.
+        actions: what an action says: `rates` or `setpoints`, see `vfguide.laws.motion_of`.
+        reward: what a step is worth; `vfguide.lab.environment.usual_reward` if absent.
+        settings: values instead of those of any fields, as of `fly`.
+        duration_s: length of a flight, s, instead of the mission's.
+        rate_hz: steps per second instead of the mission's.
+        seed: of the first flight instead of the mission's.
+
+    Raises:
+        InputError: a value is out of its range, a name is not known, or the mission cannot be flown.
+        ImportError: a library is not installed; the text says which extra brings it. It is a
+            VfguideError, too.
+    """
+    require(*LEARNING)
+    from vfguide.lab.environment import FollowerEnvironment, FormationEnvironment, usual_reward
+
+    if actions not in get_args(ActionKind):
+        raise InputError(f"actions: {actions} is none of {', '.join(get_args(ActionKind))}")
+    fields = dict(settings or {})
+
+    def change(more: Mapping[str, object]) -> Mission:
+        return flyable(
+            mission, settings={**fields, **more}, duration_s=duration_s, rate_hz=rate_hz, seed=seed
+        )
+
+    known = change({}).followers_by_name
+    if follower is not None and follower not in known:
+        raise InputError(f"follower: {follower} is none of {', '.join(known)}")
+    formation = FormationEnvironment(
+        change,
+        agents=() if follower is None else (follower,),
+        actions=actions,
+        reward=reward or usual_reward,
+    )
+    return formation if follower is None else FollowerEnvironment(formation)
 
 
 def compare(

@@ -2,12 +2,14 @@
 
 from vfguide.laws.base import DesiredMotion, Law, View, approach, law
 from vfguide.laws.leader import LeaderLaw, LeaderMotion, LeaderView, leader_law
+from vfguide.laws.vectors import OBSERVATION, motion_of, observed
 from vfguide.mission.conditions import Conditions
 from vfguide.mission.finding import Finding
 from vfguide.mission.model import Mission
 from vfguide.mission.quantity import Duration, Gain, NotNegative, Number, Positive, Section, Switch
 
 __all__ = [
+    "OBSERVATION",
     "Conditions",
     "DesiredMotion",
     "Duration",
@@ -27,4 +29,6 @@ __all__ = [
     "approach",
     "law",
     "leader_law",
+    "motion_of",
+    "observed",
 ]

@@ -317,16 +317,43 @@ def fly_lockstep(
         outcomes = [outcome_of(aircraft) for aircraft in here]
         for worker in workers:
             outcomes += worker.land()
-    records = {outcome.name: outcome.record for outcome in outcomes}
+    outcomes.sort(key=lambda outcome: names.index(outcome.name))
+    return flight_of(
+        mission,
+        times,
+        outcomes,
+        wall_s=time.perf_counter() - began,
+        interrupted=interrupted,
+    )
+
+
+def flight_of(
+    mission: Mission,
+    times: Sequence[float],
+    outcomes: Sequence[VehicleOutcome],
+    *,
+    wall_s: float,
+    interrupted: bool,
+) -> LockstepFlight:
+    """Return the flight that the outcomes of its aircraft, leader first, come to.
+
+    Args:
+        mission: the mission.
+        times: of the instants, s.
+        outcomes: one for each aircraft.
+        wall_s: real time that it took, s.
+        interrupted: whether it was stopped before its end.
+    """
+    events = {outcome.name: outcome.events for outcome in outcomes}
     return LockstepFlight(
         record=flight_record(
             mission,
             times,
-            [records[name] for name in names],
-            wall_s=time.perf_counter() - began,
-            events=flight_events({outcome.name: outcome.events for outcome in outcomes}),
+            [outcome.record for outcome in outcomes],
+            wall_s=wall_s,
+            events=flight_events(events),
         ),
-        events={outcome.name: outcome.events for outcome in outcomes},
+        events=events,
         logs={outcome.name: outcome.log for outcome in outcomes if outcome.log is not None},
         interrupted=interrupted,
     )
