@@ -136,6 +136,12 @@ def random_one(random: Random, choices: Sequence[T]) -> T:
     return choices[int(random.random() * len(choices))]
 
 
+async def opened(stack: AsyncExitStack, member: Member, address: LinkAddress) -> Link:
+    """A member's link, open as long as the attack."""
+    link = open_link((address,), formation=FORMATION, member=member, random=Random(1))
+    return await stack.enter_async_context(link)
+
+
 async def attack(count: int, way: str, stack: AsyncExitStack) -> dict[str, float]:
     """Send them all, and see that the true leader is heard before, during and after it."""
     own = None
@@ -143,10 +149,8 @@ async def attack(count: int, way: str, stack: AsyncExitStack) -> dict[str, float
         address = parse_link(GROUP.format(port=free_port()))
     elif way == "zenoh":
         port = free_port()
-        own, address = (
-            parse_link(f"zenoh://?listen=127.0.0.1:{port}"),
-            parse_link(f"zenoh://127.0.0.1:{port}"),
-        )
+        own = parse_link(f"zenoh://?listen=127.0.0.1:{port}")
+        address = parse_link(f"zenoh://127.0.0.1:{port}")
     else:
         directory = Path(stack.enter_context(tempfile.TemporaryDirectory()))
         port = await stack.enter_async_context(broker(directory))
@@ -160,19 +164,10 @@ async def attack(count: int, way: str, stack: AsyncExitStack) -> dict[str, float
         receive=heard.append,
         peer_clock=PeerClock(),
     )
-    links = [
-        await stack.enter_async_context(
-            open_link(
-                (own if own is not None and member is follower else address,),
-                formation=FORMATION,
-                member=member,
-                random=Random(1),
-            )
-        )
-        # Who listens first is found at once.
-        for member in (follower, leader)
-    ][::-1]
-    await until_heard(links[0], heard)
+    # Who listens first is found at once.
+    hears = await opened(stack, follower, address if own is None else own)
+    speaks = await opened(stack, leader, address)
+    await until_heard(speaks, heard)
     hostile = Hostile(leader_trust)
     send = await sender(address, stack)
     measured, during = Measured(), 0
@@ -185,15 +180,15 @@ async def attack(count: int, way: str, stack: AsyncExitStack) -> dict[str, float
                 measured.before_mb = resident_mb()
         for _ in range(BATCH):
             await send(hostile())
-        links[0].publish(b"true %d" % number)
+        speaks.publish(b"true %d" % number)
         await asyncio.sleep(0)
         await asyncio.sleep(0)
         during += len(heard)
         heard.clear()
     measured.end()
-    await until_heard(links[0], heard)
+    await until_heard(speaks, heard)
     assert not [data for data in heard if not data.startswith(b"true")], heard[:3]
-    counters = links[1].counters
+    counters = hears.counters
     refused = refusals(counters)
     tell(f"memory at each tenth, MB: {sizes_mb}")
     told = {**refused, **{one: counters[one] for one in ("copies", "dropped: too many at once")}}

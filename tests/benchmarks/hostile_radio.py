@@ -19,7 +19,7 @@ from contextlib import AsyncExitStack
 from pathlib import Path
 from random import Random
 
-from tests.benchmarks.hostile_datagrams import Measured, random_one, refusals
+from tests.benchmarks.hostile_datagrams import Measured, opened, random_one, refusals
 from tests.kit.figures import tell
 from tests.kit.link import FORMATION, LEADER, trust_of
 from tests.kit.radio import SharedAir, state_at
@@ -27,7 +27,6 @@ from tests.kit.sockets import until
 from vfguide.link.address import parse_link
 from vfguide.link.codec import decode
 from vfguide.link.member import Member
-from vfguide.link.opening import open_link
 from vfguide.link.packed import TAG_SIZE, formation_key, tag_of
 from vfguide.link.peer_clock import PeerClock
 from vfguide.link.radio_schedule import Framer, encode_frame
@@ -101,15 +100,8 @@ async def attack(count: int, stack: AsyncExitStack) -> dict[str, float]:
         neighbours=("f2",),
         peer_clock=PeerClock(),
     )
-    links = [
-        await stack.enter_async_context(
-            open_link(
-                (parse_link(air.address(member.name)),),
-                formation=FORMATION,
-                member=member,
-                random=Random(1),
-            )
-        )
+    _, hears = [
+        await opened(stack, member, parse_link(air.address(member.name)))
         for member in (leader, follower)
     ]
     publishing = asyncio.create_task(publish(leader))
@@ -138,7 +130,7 @@ async def attack(count: int, stack: AsyncExitStack) -> dict[str, float]:
         heard.clear()
     measured.end()
     await until(lambda: len(heard) >= 5)
-    counters = links[1].counters
+    counters = hears.counters
     refused = refusals(counters)
     sums = {"sent": count, "refused": sum(refused.values()), "copies": counters["copies"]}
     return measured.told(refused, **sums, **{"true states heard meanwhile": during})

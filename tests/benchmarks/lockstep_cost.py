@@ -67,20 +67,6 @@ def calls_timed(owner: type, name: str) -> Iterator[list[float]]:
         setattr(owner, name, method)
 
 
-def real_time_factor(mission: Mission, processes: int) -> float:
-    """Flight seconds for each second of the wall clock."""
-    record = fly_lockstep(mission, processes=processes).record
-    return record.duration_s / record.wall_s
-
-
-def cost_of(mission: Mission, part: str) -> tuple[float, int]:
-    """(microseconds of a call, calls) of a part in one flight."""
-    owner, name = PARTS[part]
-    with calls_timed(owner, name) as durations:
-        fly_lockstep(mission)
-    return statistics.fmean(durations) * 1e6, len(durations)
-
-
 def flight_cost(mission: Mission) -> float:
     """Processor time of one flight in one process, s."""
     began = time.process_time()
@@ -149,14 +135,19 @@ def main() -> None:
         return
     tell("\nflight seconds for each second of the wall clock, 300 s")
     for processes in (1, 2):
-        factors = [real_time_factor(mission, processes) for _ in range(RUNS)]
+        records = [fly_lockstep(mission, processes=processes).record for _ in range(RUNS)]
+        factors = [record.duration_s / record.wall_s for record in records]
         spread = f"({min(factors):.1f} to {max(factors):.1f})"
         name = f"{processes} process{'es' * (processes > 1):2}"
         tell(f"  {name}  {statistics.median(factors):6.1f}   {spread}")
     tell("\nmicroseconds of a call, one process, 60 s")
-    for part in PARTS:
-        costs = [cost_of(timed, part) for _ in range(RUNS)]
-        tell(f"  {part:32}{statistics.median(cost for cost, _ in costs):7.1f}   x {costs[0][1]}")
+    for part, (owner, name) in PARTS.items():
+        means = []
+        for _ in range(RUNS):
+            with calls_timed(owner, name) as durations:
+                fly_lockstep(timed)
+            means.append(statistics.fmean(durations) * 1e6)
+        tell(f"  {part:32}{statistics.median(means):7.1f}   x {len(durations)}")
 
 
 if __name__ == "__main__":

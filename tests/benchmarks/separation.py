@@ -128,14 +128,17 @@ def main() -> int:
     return verdict(outcomes)
 
 
+def nearest_of(outcomes: list[Outcome]) -> tuple[list[Outcome], float, float]:
+    """(flights in which nobody was dived at, the nearest two of them in space, and level, m)."""
+    counted = [one for one in outcomes if not one.nearest.unavoidable]
+    space = min((one.nearest.distance_m for one in counted), default=math.nan)
+    return counted, space, min((one.nearest.level_m for one in counted), default=math.nan)
+
+
 def mission_line(name: str, outcomes: list[Outcome]) -> str:
     """What the flights on a mission came to, beside what `vfguide check` says of it."""
-    counted = [one.nearest for one in outcomes if not one.nearest.unavoidable]
+    counted, space, level = nearest_of(outcomes)
     stated = least_guarantee(mission_in_place(name))
-    space, level = (
-        min((value(one) for one in counted), default=math.nan)
-        for value in (lambda one: one.distance_m, lambda one: one.level_m)
-    )
     check = math.nan if stated is None else stated.distance_m
     return (
         f"{name:16} {len(counted):4} flights: nearest {space:.1f} m in space, {level:.1f} m level; "
@@ -145,12 +148,10 @@ def mission_line(name: str, outcomes: list[Outcome]) -> str:
 
 def verdict(outcomes: list[Outcome]) -> int:
     """Say what they came to; the exit status."""
-    counted = [one for one in outcomes if not one.nearest.unavoidable]
+    counted, nearest, lowest = nearest_of(outcomes)
     near = [one for one in counted if one.nearest.distance_m < LEAST_M]
     level = [one for one in counted if one.nearest.level_m < LEAST_M]
     missions = Counter(one.mission for one in near)
-    nearest = min((one.nearest.distance_m for one in counted), default=math.inf)
-    lowest = min((one.nearest.level_m for one in counted), default=math.inf)
     tell(
         f"{len(outcomes)} flights: nearest two {nearest:.1f} m in space, {lowest:.1f} m level; within "
         f"{LEAST_M:g} m in {len(near)} ({len(level)} level) {dict(missions)}; dived at in "
