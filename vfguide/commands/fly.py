@@ -108,8 +108,8 @@ def fly(
     One emulator and one companion for each vehicle, in virtual time: as fast as it goes, and repeatable;
     or with --live in real time, joined by UDP.
 
-    Exit status: 0 flown and within the mission's acceptance, 1 flown but not within it, 2 the input is
-    wrong, 3 the flight broke or was stopped.
+    Exit status: 0 flown and within the mission's acceptance, or nothing is asked for, 1 flown but not within
+    it, 2 the input is wrong, 3 the flight broke or was stopped.
     """
     if live:
         require(POSIX)
@@ -266,7 +266,7 @@ def conclude(
         raise VfguideError(f"{out}: the earlier flight stays; --force would have replaced it")
     if flight.interrupted:
         return BROKEN
-    return ACCEPTED if summary.accepted else NOT_ACCEPTED
+    return NOT_ACCEPTED if summary.accepted is False else ACCEPTED
 
 
 def keep(flight: LockstepFlight, summary: Summary, out: Path) -> None:

@@ -74,6 +74,12 @@ class RecordAcceptance:
     min_separation_m: float = 0.0
     """Least distance between any two vehicles at any time, m."""
 
+    @property
+    def asks_for_slots(self) -> bool:
+        """Whether anything is asked of how followers keep their slots."""
+        limits = (self.mean_error_m, self.max_error_m, self.mean_error_3d_m)
+        return any(one is not None for one in (*limits, self.settle_10m_s, self.settle_1m_s))
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RecordOrigin:

@@ -53,36 +53,47 @@ def write_dataflash(
     east_m: float,
     drift: float = 0.0,
     duration_s: float = DURATION_S,
+    version: str = "4.5",
+    weeks_off: int = 0,
 ) -> None:
-    """A log whose clock showed `boot_s` when the flight began, and runs fast by this share."""
+    """A log whose clock showed `boot_s` when the flight began, and runs fast by this share.
+
+    Before 4.1 an estimator's core has a kind of message of its own, a receiver no number, CTUN no E2T, and
+    nothing tells of setpoints; in 3.9 of this writer CTUN has no airspeed either, and there is no POS.
+    """
     log = DataFlash()
     log.add("PARM", "QNff", "TimeUS,Name,Value,Default", 1, b"SYSID_THISMAV", float(system_id), 1.0)
     for number in range(round(duration_s * 25) + 1):
         time_s = number / 25.0
         us = round(1e6 * (boot_s + time_s * (1.0 + drift)))
         latitude, longitude = place(time_s, north_m, east_m)
-        log.add(
-            "POS",
-            "QLLfff",
-            "TimeUS,Lat,Lng,Alt,RelHomeAlt,RelOriginAlt",
-            us,
-            round(latitude * 1e7),
-            round(longitude * 1e7),
-            100.0,
-            100.0,
-            100.0,
-        )
-        log.add("XKF1", "QBff", "TimeUS,C,VN,VE", us, 0, SPEED_M_S, 0.0)
-        log.add("XKF1", "QBff", "TimeUS,C,VN,VE", us, 1, 99.0, 99.0)
+        place_e7 = (round(latitude * 1e7), round(longitude * 1e7))
+        if version != "3.9":
+            columns = "TimeUS,Lat,Lng,Alt,RelHomeAlt,RelOriginAlt"
+            log.add("POS", "QLLfff", columns, us, *place_e7, 100.0, 100.0, 100.0)
         # Heading 350°, banked by 10° to the right.
         log.add("ATT", "Qff", "TimeUS,Roll,Yaw", us, 10.0, 350.0)
-        log.add("CTUN", "Qff", "TimeUS,As,E2T", us, 20.0, 1.05)
+        if version == "4.5":
+            log.add("XKF1", "QBff", "TimeUS,C,VN,VE", us, 0, SPEED_M_S, 0.0)
+            log.add("XKF1", "QBff", "TimeUS,C,VN,VE", us, 1, 99.0, 99.0)
+            log.add("CTUN", "Qff", "TimeUS,As,E2T", us, 20.0, 1.05)
+        elif version == "4.0":
+            log.add("NKF1", "Qff", "TimeUS,VN,VE", us, SPEED_M_S, 0.0)
+            log.add("CTUN", "Qff", "TimeUS,Roll,Aspd", us, 10.0, 20.0)
+        else:
+            log.add("CTUN", "Qf", "TimeUS,Roll", us, 10.0)
+            log.add("ARSP", "Qf", "TimeUS,Airspeed", us, 20.0)
         if number % 5 == 0:
             whole = BEGIN_UNIX_S + time_s - GPS_EPOCH_UNIX_S + LEAP_S
             week, seconds = divmod(whole, 604_800.0)
-            fix = (us, 0, 3, round(1e3 * seconds), int(week))
-            log.add("GPS", "QBBIH", "TimeUS,I,Status,GMS,GWk", *fix)
-        if 5.0 <= time_s <= 15.0:
+            fix = (3, round(1e3 * seconds), int(week) + weeks_off)
+            if version == "4.5":
+                log.add("GPS", "QBBIH", "TimeUS,I,Status,GMS,GWk", us, 0, *fix)
+            else:
+                columns = "TimeUS,Status,GMS,GWk,Lat,Lng,Alt,Spd,GCrs"
+                seen = (*place_e7, 100.0, SPEED_M_S, 0.0)
+                log.add("GPS", "QBIHLLfff", columns, us, *fix, *seen)
+        if 5.0 <= time_s <= 15.0 and version == "4.5":
             log.add("OFG", "Qff", "TimeUS,Hdg,Arsp", us, 0.1, 22.0)
     path.write_bytes(log.content)
 

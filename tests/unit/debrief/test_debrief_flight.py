@@ -8,7 +8,7 @@ import json
 import math
 import os
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import asdict
 from functools import partial
@@ -33,7 +33,6 @@ from vfguide.lab.debrief.dataflash import read_dataflash
 from vfguide.lab.debrief.flight import flight_of
 from vfguide.lab.debrief.logged_flight import logged_flight, read_log, satellite_offsets
 from vfguide.lab.debrief.recordings import FORMATION_CLOCK, TIME_OF_DAY, collect
-from vfguide.lab.debrief.telemetry import read_setpoints
 from vfguide.lab.debrief.ulog import read_ulog, roll_of
 from vfguide.lab.report.geometry import slot_error
 from vfguide.lab.report.metrics import summarise
@@ -361,15 +360,55 @@ def test_wind_is_what_airspeed_and_heading_leave_of_the_ground_velocity(logged, 
     assert np.nanmean(leader.bank_rad) == pytest.approx(math.radians(10.0), abs=1e-5)
 
 
-def write_tlog(path: Path) -> None:
-    """Both vehicles' telemetry as one ground station writes it: 5 positions a second."""
+@pytest.mark.parametrize("version", ["3.9", "4.0"])
+def test_logs_of_older_arduplanes_are_read(logged, tmp_path, version):
+    paths = [tmp_path / "a.BIN", tmp_path / "b.BIN"]
+    leader = {"boot_s": 100.0, "north_m": 0.0, "east_m": 0.0}
+    follower = {"boot_s": 37.5, "north_m": -27.0, "east_m": 6.0}
+    for number, place in enumerate((leader, follower)):
+        foreign.write_dataflash(paths[number], number + 1, **place, version=version)
+    record = flight_in(logged, paths)
+    error = slot_error(record.leader, record.followers[0])
+    assert np.nanmax(np.abs(error.distance_m - 5.0)) < 0.05
+    # 100 m above the sea the standard atmosphere has 0.9904 of its density there: 20 m/s are 20.097.
+    assert np.nanmean(record.leader.airspeed_m_s) == pytest.approx(20.097, abs=0.002)
+    assert np.nanmean(record.leader.bank_rad) == pytest.approx(math.radians(10.0), abs=1e-5)
+
+
+@pytest.mark.parametrize("weeks_off", [-1024, 1024])
+def test_a_week_number_that_began_again_moves_nothing(logged, tmp_path, weeks_off):
+    leader, follower = foreign.write_all(tmp_path, ("a.BIN", "b.BIN"))
+    foreign.write_dataflash(
+        follower, 2, boot_s=37.5, north_m=-27.0, east_m=6.0, weeks_off=weeks_off
+    )
+    record = flight_in(logged, [leader, follower])
+    error = slot_error(record.leader, record.followers[0])
+    assert np.nanmax(np.abs(error.distance_m - 5.0)) < 0.05
+    assert record.begin_unix_s == pytest.approx(foreign.BEGIN_UNIX_S, abs=0.05)
+
+
+def write_tlog(
+    path: Path, leaps: Sequence[tuple[float, float]] = (), *, satellites: bool = False
+) -> None:
+    """Both vehicles' telemetry as one ground station writes it: 5 positions a second.
+
+    Args:
+        path: of the log.
+        leaps: of the computer's clock: when, and by how much, s.
+        satellites: whether the autopilots tell satellite time.
+    """
     log = TelemetryLog(foreign.BEGIN_UNIX_S)
     for sample in range(101):
         time_s = sample / 5.0
+        shown_s = time_s + sum(leap_s for when_s, leap_s in leaps if time_s >= when_s)
         for system_id, north_m, east_m in ((1, 0.0, 0.0), (2, -27.0, 6.0)):
             place = foreign.place(time_s, north_m, east_m)
-            position = flown_position(time_s, place, north_m_s=20.0, altitude_m=100.0)
-            log.add(time_s, packed(position, system_id=system_id, component_id=1))
+            boot_s = time_s + 100.0 * system_id
+            position = flown_position(boot_s, place, north_m_s=20.0, altitude_m=100.0)
+            log.add(shown_s, packed(position, system_id=system_id, component_id=1))
+            unix_us = round(1e6 * (foreign.BEGIN_UNIX_S + time_s)) if satellites else 0
+            instant = mavlink.MAVLink_system_time_message(unix_us, round(1e3 * boot_s))
+            log.add(shown_s, packed(instant, system_id=system_id, component_id=1))
     log.write(path)
 
 
@@ -382,7 +421,52 @@ def test_a_ground_stations_log_tells_of_all_vehicles(logged, tmp_path):
     assert any("the clock of the computer" in note for note in record.notes)
 
 
-def test_a_companions_log_tells_what_it_asked_for(tmp_path):
+@pytest.mark.parametrize("satellites", [False, True])
+@settings(
+    max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
+@given(
+    leaps=st.lists(
+        st.tuples(
+            st.floats(1.0, 19.0),
+            st.floats(1.5, 5e8) | st.floats(-5e8, -1.5),
+        ),
+        max_size=3,
+    )
+)
+@example(leaps=[(5.0, 1.5e8)])
+def test_however_the_computers_clock_leapt_all_of_the_flight_is_told(
+    logged, tmp_path, satellites, leaps
+):
+    write_tlog(tmp_path / "a.tlog", leaps, satellites=satellites)
+    record = flight_in(logged, [tmp_path / "a.tlog"])
+    assert record.duration_s == pytest.approx(20.0, abs=0.2)
+    error = slot_error(record.leader, record.followers[0])
+    assert np.all(np.isfinite(error.distance_m[5:-5]))
+    assert np.nanmax(np.abs(error.distance_m - 5.0)) < 0.05
+
+
+def test_a_pause_of_a_telemetry_log_is_no_leap_of_its_clock(logged, tmp_path):
+    log = TelemetryLog(foreign.BEGIN_UNIX_S)
+    for time_s in (*np.arange(0.0, 5.0, 0.2), *np.arange(35.0, 40.0, 0.2)):
+        position = flown_position(60.0 + time_s, foreign.place(time_s, 0.0, 0.0), north_m_s=20.0)
+        log.add(time_s, packed(position, system_id=1, component_id=1))
+    log.write(tmp_path / "a.tlog")
+    record = flight_in(logged, [tmp_path / "a.tlog"])
+    assert record.duration_s == pytest.approx(39.8, abs=0.1)
+    assert record.begin_unix_s == pytest.approx(foreign.BEGIN_UNIX_S, abs=0.01)
+
+
+def test_an_autopilot_whose_clock_stands_still_is_told_by_the_computers(logged, tmp_path):
+    log = TelemetryLog(foreign.BEGIN_UNIX_S)
+    for time_s in np.arange(0.0, 20.0, 0.2):
+        position = flown_position(0.0, foreign.place(time_s, 0.0, 0.0), north_m_s=20.0)
+        log.add(time_s, packed(position, system_id=1, component_id=1))
+    log.write(tmp_path / "a.tlog")
+    assert flight_in(logged, [tmp_path / "a.tlog"]).duration_s == pytest.approx(19.8, abs=0.1)
+
+
+def test_a_companions_log_tells_what_it_asked_for(logged, tmp_path):
     log = TelemetryLog(foreign.BEGIN_UNIX_S)
 
     def command(
@@ -392,6 +476,9 @@ def test_a_companions_log_tells_what_it_asked_for(tmp_path):
         padded = (*parameters, *(0.0,) * (4 - len(parameters)))
         fields = (system_id, 1, 0, number, 0, 0, *padded, 0, 0, 0.0)
         message = mavlink.MAVLink_command_int_message(*fields)
+        # The autopilot has been running for a minute.
+        position = flown_position(60.0 + time_s, (0.0, 8.0), north_m_s=20.0)
+        log.add(time_s, packed(position, system_id=1, component_id=1))
         log.add(time_s, packed(message, system_id=system_id, component_id=component))
 
     # A course of 350 degrees alone is no setpoint yet; 0 is the type of a course, and of an airspeed.
@@ -405,9 +492,10 @@ def test_a_companions_log_tells_what_it_asked_for(tmp_path):
     command(4.0, 43002, 0, 10.0, sender=(255, 190))
     command(4.5, 43002, 0, 10.0, sender=(2, 191))
     log.write(tmp_path / "a.tlog")
-    begin = foreign.BEGIN_UNIX_S
-    found = read_setpoints(tmp_path / "a.tlog", system_id=1, start_s=begin)
-    told = [(time_s - begin, math.degrees(course), speed) for time_s, course, speed in found]
+    (found,) = read_log(tmp_path / "a.tlog", logged)
+    told = [
+        (time_s - 60.0, math.degrees(course), speed) for time_s, course, speed in found.setpoints
+    ]
     wanted = [(1.5, -10.0, 21.0), (2.0, 90.0, 21.0), (2.5, 90.0, 22.0)]
     assert np.array(told) == pytest.approx(np.array(wanted), abs=1e-5)
 

@@ -21,6 +21,7 @@ from vfguide.lab.report.figures import (
 from vfguide.lab.report.geometry import pair_separations, seen_from_leader, slot_error, slot_track
 from vfguide.lab.report.metrics import summarise, summary_json
 from vfguide.lab.report.summary import FollowerSummary
+from vfguide.lab.report.wording import verdict
 from vfguide.record.flight import FlightRecord, RecordAcceptance
 from vfguide.record.latency import Latency, Percentiles, Promptness
 from vfguide.record.vehicle import SLOT_SERIES, FlightLimits
@@ -299,7 +300,9 @@ def test_a_follower_out_at_the_end_is_never_accepted(stepped_flight):
 @pytest.mark.parametrize(
     ("acceptance", "away_m", "accepted"),
     [
-        (RecordAcceptance(), 9.0, True),
+        # Nothing is asked for but what is asked of every flight.
+        (RecordAcceptance(), 9.0, None),
+        (RecordAcceptance(min_separation_m=5.0), 9.0, None),
         (RecordAcceptance(), 30.0, False),
         (RecordAcceptance(min_separation_m=5.0, settle_1m_s=None), 30.0, False),
         # Who wants no more than that has said so.
@@ -314,7 +317,8 @@ def test_a_flight_whose_followers_did_not_come_to_their_slots_is_not_accepted_by
     away = with_vehicle(stepped_flight, "f1", north_m=np.full_like(TIME, -20.0 - away_m))
     summary = summarise(replace(away, acceptance=acceptance))
     assert summary.accepted == accepted
-    if not accepted:
+    assert (verdict(summary) == "Accepted") == (accepted is True)
+    if accepted is False:
         assert summary.rejections[-1] == "f1 was 30 m from its slot in the last half"
 
 
@@ -363,9 +367,22 @@ def test_where_limits_or_setpoints_are_not_known_no_share_of_them_is_told(steppe
     assert told.speed_setpoint_variation_m_s2 == pytest.approx(1.0)
 
 
-def test_a_lone_leader_has_no_formation_and_is_accepted():
+def test_a_follower_that_nobody_saw_in_the_last_half_is_not_accepted_and_it_is_said_why(
+    stepped_flight,
+):
+    gone = with_vehicle(stepped_flight, "f1", north_m=np.where(TIME < 4.0, -20.0, np.nan))
+    summary = summarise(
+        replace(gone, mode="recorded", acceptance=RecordAcceptance(max_error_m=9.0))
+    )
+    assert summary.accepted is False
+    assert summary.rejections[-1] == (
+        "f1 was not seen in its slot: no place of f1 is known in the last half"
+    )
+
+
+def test_a_lone_leader_has_no_formation_and_is_not_judged():
     plain = summary_json(summarise(still_flight(TIME)))
-    assert plain["accepted"]
+    assert plain["accepted"] is None
     nothing = dict.fromkeys(FORMATION_FIGURES)
     assert plain["formation"] == {"window_s": [5.0, 10.0], **nothing}
 

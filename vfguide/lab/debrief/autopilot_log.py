@@ -1,37 +1,62 @@
 """What an autopilot's own log tells of a flight, whichever autopilot wrote it."""
 
-import errno
 import os
 import struct
+from array import array
 from collections.abc import Iterator
-from contextlib import contextmanager, redirect_stderr, redirect_stdout
-from dataclasses import dataclass
+from contextlib import contextmanager
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import BinaryIO
 
 import numpy as np
 
 from vfguide.elementwise import FloatArray
 from vfguide.errors import InputError
-from vfguide.lab.debrief.telemetry import Telemetry
+from vfguide.lab.debrief.telemetry import Telemetry, as_rows
 from vfguide.regular_file import open_regular
 
 GREATEST_SIZE = 1024**3
 """Bytes: an hour of PX4 at its usual rates is 500 MB."""
 
-DAMAGE = (
-    ArithmeticError,
-    AttributeError,
-    EOFError,
-    LookupError,
-    MemoryError,
-    RuntimeError,
-    TypeError,
-    ValueError,
-    struct.error,
-)
-"""What the readers of foreign formats raise on bytes that are none of theirs, or damaged."""
+DAMAGE = (ArithmeticError, LookupError, ValueError, struct.error)
+"""What reading raises on bytes that are something else, or damaged."""
 
 REMEDY = "give the log of one flight, as the autopilot wrote it"
+
+FINEST_STEP_S = 0.01
+"""s between two rows of a kind that are kept."""
+
+MOST_ROWS = 4_000_000
+"""Rows of all kinds of a log that are kept: ten hours at a hundred a second, and all that a file can cost."""
+
+ERA_S = 1024 * 604_800.0
+"""s after which a receiver's week number of ten bits begins again."""
+
+ERA_BEGIN_UNIX_S = 1_483_228_800.0
+"""2017: no log that is read here is older."""
+
+
+class LogRows:
+    """Rows of numbers of several kinds, as they are read; no more than anybody needs."""
+
+    def __init__(self, finest_step_s: float = FINEST_STEP_S) -> None:
+        """Begin with none; rows of a kind that follow each other sooner than this are left out."""
+        self._finest_step_s = finest_step_s
+        self._values: dict[str, array[float]] = {}
+        self._newest: dict[str, float] = {}
+        self._left = MOST_ROWS
+
+    def add(self, kind: str, time_s: float, *values: float) -> None:
+        """Keep a row, unless the one of its kind before it is as new."""
+        if self._left and abs(time_s - self._newest.get(kind, -np.inf)) >= self._finest_step_s:
+            self._left -= 1
+            self._newest[kind] = time_s
+            self._values.setdefault(kind, array("d")).extend((time_s, *values))
+
+    def table(self, kind: str, columns: int, needed: int | None = None) -> FloatArray:
+        """Rows of a kind in the order of their times, those whose first numbers are known, all if None."""
+        return in_order(as_rows(self._values.get(kind, array("d")), columns), needed)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -48,53 +73,55 @@ class AutopilotLog:
     """What the autopilot knew of itself; its clock begins when it was started."""
     setpoints: FloatArray
     """Rows of time in s, course over ground in rad and airspeed in m/s that it was asked for."""
+    ground: FloatArray = field(default_factory=lambda: np.empty((0, 2)))
+    """Rows of a time of its clock, s, and what to add for that of the computer that wrote the log."""
 
 
 @contextmanager
-def foreign_file(path: Path, kind: str, damage: type[Exception]) -> Iterator[None]:
-    """Whatever is wrong with a file becomes one line; what its reader prints is thrown away.
+def log_file(path: Path, kind: str) -> Iterator[BinaryIO]:
+    """A log to read from; whatever is wrong with it becomes one line.
 
     Args:
         path: of the file.
         kind: what it should be.
-        damage: what its reader raises of its own.
 
     Raises:
         InputError: it cannot be read, is too large, or something else.
     """
     try:
-        refuse_large(path)
-        with (
-            Path(os.devnull).open("w", encoding="utf-8") as nowhere,
-            redirect_stderr(nowhere),
-            redirect_stdout(nowhere),
-        ):
-            yield
-    except InputError:
-        raise
+        with open_regular(path) as stream:
+            size = stream.seek(0, os.SEEK_END)
+            if size > GREATEST_SIZE:
+                raise InputError(
+                    f"{path}: has {size / 1e6:.0f} MB, more than the {GREATEST_SIZE / 1e6:.0f} MB "
+                    f"that are read; {REMEDY}"
+                )
+            stream.seek(0)
+            yield stream
     except OSError as error:
-        # What a damaged log says of its own length is no place in the file.
-        if error.errno == errno.EINVAL:
-            raise InputError(f"{path}: is no {kind}, or a damaged one; {REMEDY}") from error
         raise InputError(f"{path}: cannot be read: {error.strerror or error}; {REMEDY}") from error
-    except (*DAMAGE, damage) as error:
+    except DAMAGE as error:
         raise InputError(f"{path}: is no {kind}, or a damaged one; {REMEDY}") from error
 
 
-def refuse_large(path: Path) -> None:
-    """See that a file is no larger than a log can be.
+def told(path: Path, system_id: float | None, positions: FloatArray) -> int:
+    """The system id of a log that tells it, and positions.
 
     Raises:
-        InputError: it is.
-        OSError: it cannot be opened.
+        InputError: it tells one of them not.
     """
-    with open_regular(path) as file:
-        size = file.seek(0, os.SEEK_END)
-    if size > GREATEST_SIZE:
+    if system_id is None or not len(positions):
+        missing = "system id" if system_id is None else "position"
         raise InputError(
-            f"{path}: has {size / 1e6:.0f} MB, more than the {GREATEST_SIZE / 1e6:.0f} MB "
-            f"that are read; {REMEDY}"
+            f"{path}: tells no {missing}; give the log of a flight, from its beginning"
         )
+    return int(system_id)
+
+
+def in_this_era(unix_s: FloatArray) -> FloatArray:
+    """Satellite times, s since 1970, of receivers whose week number has begun again, or did not yet."""
+    era: FloatArray = ERA_BEGIN_UNIX_S + np.mod(unix_s - ERA_BEGIN_UNIX_S, ERA_S)
+    return era
 
 
 def at_times(moments: FloatArray, rows: FloatArray) -> FloatArray:
@@ -121,7 +148,7 @@ def unwrapped(rows: FloatArray) -> FloatArray:
     return whole
 
 
-def in_order(rows: FloatArray) -> FloatArray:
-    """Rows whose numbers are known, in the order of their times."""
-    known = rows[np.all(np.isfinite(rows), axis=1)]
+def in_order(rows: FloatArray, needed: int | None = None) -> FloatArray:
+    """Rows whose first numbers are known, all if None, in the order of their times."""
+    known = rows[np.all(np.isfinite(rows[:, :needed]), axis=1)]
     return known[np.argsort(known[:, 0], kind="stable")]

@@ -1,26 +1,29 @@
-"""ArduPilot's own logs, `.BIN`, read by pymavlink's DFReader."""
+"""ArduPilot's own logs, `.BIN`: ArduPlane from 3.9 on.
+
+Format: each kind of message is described by an FMT message before it (ArduPilot, AP_Logger, LogStructure.h).
+"""
 
 import math
-from array import array
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+import struct
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
+import msgspec
 import numpy as np
-from pymavlink.DFReader import DFReader_binary
 
 from vfguide.elementwise import FloatArray
-from vfguide.errors import InputError
 from vfguide.lab.debrief.autopilot_log import (
     AutopilotLog,
+    LogRows,
     at_times,
-    foreign_file,
-    in_order,
+    in_this_era,
+    log_file,
     newest,
+    told,
     unwrapped,
 )
-from vfguide.lab.debrief.telemetry import Telemetry, as_rows
+from vfguide.lab.debrief.telemetry import Telemetry
 
 GPS_EPOCH_UNIX_S = 315_964_800.0
 WEEK_S = 604_800.0
@@ -31,35 +34,83 @@ LEAP_S = 18.0
 FIX_3D = 3
 SYSTEM_ID_NAMES = {"MAV_SYSID", "SYSID_THISMAV"}
 
-MOST_ROWS = 20_000_000
-"""Rows of all kinds; ten hours have fewer."""
+SYNC = b"\xa3\x95"
+DESCRIPTION, DESCRIPTION_LENGTH = 128, 89
+"""Number and length of FMT."""
 
+CHUNK = 1 << 20
+LONGEST = 255
+"""Bytes of a message at most."""
 
-def _position(one: Any) -> tuple[float, ...] | None:  # noqa: ANN401
-    # Before the estimator has an origin, it says where the vehicle was left last.
-    return (one.Lat, one.Lng, one.Alt) if math.isfinite(one.RelOriginAlt) else None
-
-
-def _velocity(one: Any) -> tuple[float, ...] | None:  # noqa: ANN401
-    return (one.VN, one.VE) if one.C == 0 else None
-
-
-def _satellite_time(one: Any) -> tuple[float, ...] | None:  # noqa: ANN401
-    if one.I != 0 or one.Status < FIX_3D or one.GWk <= 0:
-        return None
-    return (GPS_EPOCH_UNIX_S + WEEK_S * one.GWk + 1e-3 * one.GMS - LEAP_S,)
-
-
-READERS: dict[str, tuple[int, Callable[[Any], tuple[float, ...] | None]]] = {
-    "POS": (4, _position),
-    "XKF1": (3, _velocity),
-    "NKF1": (3, _velocity),
-    "ATT": (3, lambda one: (math.radians(one.Roll), math.radians(one.Yaw))),
-    "CTUN": (3, lambda one: (one.As * one.E2T, one.E2T)),
-    "GPS": (2, _satellite_time),
-    "OFG": (3, lambda one: (one.Hdg, one.Arsp)),
+CODES = {
+    **{letter: letter for letter in "bBhHiIfdqQ"},
 }
-"""What is read: how many columns with the time, and which."""
+CODES |= {"g": "e", "n": "4s", "N": "16s", "Z": "64s", "a": "64s"}
+CODES |= {"c": "h", "C": "H", "e": "i", "E": "I", "L": "i", "M": "B"}
+SCALES = {**dict.fromkeys("cCeE", 0.01), "L": 1e-7}
+
+Message = Mapping[str, Any]
+
+
+class MessageLayout(msgspec.Struct, frozen=True):
+    """How messages of a kind are written."""
+
+    name: str
+    """Such as POS."""
+    length: int
+    """Bytes with the three of the head."""
+    unpack: Callable[[bytes, int], tuple[Any, ...]] | None
+    """Of its numbers; None where its description contradicts itself."""
+    columns: tuple[tuple[str, float], ...]
+    """Name and scale of each; 0 for text."""
+
+
+def _position(one: Message) -> tuple[float, ...] | None:
+    # Before the estimator has an origin, it says where the vehicle was left last.
+    known = math.isfinite(one.get("RelOriginAlt", 0.0))
+    return (one["Lat"], one["Lng"], one["Alt"]) if known else None
+
+
+def _velocity(one: Message) -> tuple[float, ...] | None:
+    # Up to 4.0 there is a kind of message for each core.
+    return (one["VN"], one["VE"]) if one.get("C", 0) == 0 else None
+
+
+def _satellite_time(one: Message) -> tuple[float, ...] | None:
+    week, milliseconds = one["GWk"], one["GMS"]
+    if not _has_fix(one) or (week, milliseconds) == (0, 0):
+        return None
+    return (GPS_EPOCH_UNIX_S + WEEK_S * week + 1e-3 * milliseconds - LEAP_S,)
+
+
+def _satellite_position(one: Message) -> tuple[float, ...] | None:
+    course, speed = math.radians(one["GCrs"]), one["Spd"]
+    place = (one["Lat"], one["Lng"], one["Alt"])
+    return (*place, speed * math.cos(course), speed * math.sin(course)) if _has_fix(one) else None
+
+
+def _has_fix(one: Message) -> bool:
+    return bool(one.get("I", 0) == 0 and one["Status"] >= FIX_3D)
+
+
+def _airspeed(one: Message) -> tuple[float, ...] | None:
+    """Equivalent airspeed, and what makes the true one of it; 0 where that is not told."""
+    if "As" in one:
+        return one["As"], one["E2T"]
+    return (one["Aspd"], 0.0) if "Aspd" in one else None
+
+
+READERS: dict[str, tuple[tuple[str, int, Callable[[Message], tuple[float, ...] | None]], ...]] = {
+    "POS": (("POS", 4, _position),),
+    "XKF1": (("XKF1", 3, _velocity),),
+    "NKF1": (("NKF1", 3, _velocity),),
+    "ATT": (("ATT", 3, lambda one: (math.radians(one["Roll"]), math.radians(one["Yaw"]))),),
+    "CTUN": (("CTUN", 3, _airspeed),),
+    "ARSP": (("ARSP", 3, lambda one: None if one.get("I", 0) else (one["Airspeed"], 0.0)),),
+    "GPS": (("times", 2, _satellite_time), ("GPS", 6, _satellite_position)),
+    "OFG": (("OFG", 3, lambda one: (one["Hdg"], one["Arsp"])),),
+}
+"""What is read of a kind of message: tables, how many columns they have with the time, and the others."""
 
 
 def read_dataflash(path: Path) -> AutopilotLog:
@@ -68,72 +119,138 @@ def read_dataflash(path: Path) -> AutopilotLog:
     Raises:
         InputError: it is damaged, something else, or tells no position or no system id.
     """
-    rows = {kind: array("d") for kind in READERS}
+    rows = LogRows()
     system_id = None
-    # DFReader raises errors of no class of their own.
-    with foreign_file(path, "ArduPilot log", Exception), opened(path) as log:
-        left = MOST_ROWS
-        while left and (one := log.recv_match(type=[*READERS, "PARM"])) is not None:
-            left -= 1
-            kind = one.get_type()
-            if kind == "PARM":
-                if one.Name in SYSTEM_ID_NAMES:
-                    system_id = int(one.Value)
+    with log_file(path, "ArduPilot log") as stream:
+        for name, one in messages(stream, {*READERS, "PARM"}):
+            if name == "PARM":
+                if one.get("Name") in SYSTEM_ID_NAMES and 0.0 < one.get("Value", 0.0) < 256.0:
+                    system_id = one["Value"]
                 continue
-            columns = READERS[kind][1](one)
-            if columns is not None:
-                rows[kind].extend((1e-6 * one.TimeUS, *map(float, columns)))
-    table = {kind: in_order(as_rows(rows[kind], count)) for kind, (count, _) in READERS.items()}
-    if system_id is None or not len(table["POS"]):
-        missing = "system id" if system_id is None else "position"
-        raise InputError(
-            f"{path}: tells no {missing}; give the log of a flight, from its beginning"
-        )
+            for table, _, columns in READERS[name]:
+                try:
+                    values = columns(one)
+                    time_s = 1e-6 * one["TimeUS"]
+                except KeyError:
+                    continue
+                if values is not None:
+                    rows.add(table, time_s, *values)
+    found = {
+        table: rows.table(table, count) for tables in READERS.values() for table, count, _ in tables
+    }
+    positions = with_courses(found)
     return AutopilotLog(
         path=path,
         autopilot="ArduPilot",
-        system_id=system_id,
-        telemetry=telemetry_of(table),
-        setpoints=setpoints_of(table),
+        system_id=told(path, system_id, positions),
+        telemetry=telemetry_of(found, positions),
+        setpoints=setpoints_of(found, positions),
     )
 
 
-@contextmanager
-def opened(path: Path) -> Iterator[DFReader_binary]:
-    """A reader whose file is closed at the end, also where it fails while it is being made."""
-    log = DFReader_binary.__new__(DFReader_binary)
-    try:
-        log.__init__(str(path))
-        yield log
-    finally:
-        # What it has mapped is still looked at by an error that is on its way, and goes with it.
-        if hasattr(log, "filehandle"):
-            log.filehandle.close()
+def messages(stream: BinaryIO, wanted: set[str]) -> Iterator[tuple[str, Message]]:
+    """Name and fields of each message of some kinds; what is none is skipped.
+
+    Raises:
+        ValueError: no kind of message is described at all.
+    """
+    layouts: dict[int, MessageLayout] = {}
+    lengths = {DESCRIPTION: DESCRIPTION_LENGTH}
+    waiting, last = b"", False
+    while not last:
+        chunk = stream.read(CHUNK)
+        waiting += chunk
+        at, last = 0, len(chunk) < CHUNK
+        while (at := waiting.find(SYNC, at)) >= 0 and at + 3 <= len(waiting):
+            if not last and at + LONGEST > len(waiting):
+                break
+            kind = waiting[at + 2]
+            end = at + lengths.get(kind, LONGEST + 1)
+            if end > len(waiting) or kind not in lengths:
+                at += 1
+                continue
+            if kind == DESCRIPTION:
+                number, layout = layout_of(waiting[at + 3 : end])
+                lengths[number], layouts[number] = layout.length, layout
+            elif (layout := layouts[kind]).name in wanted and layout.unpack is not None:
+                values = layout.unpack(waiting, at + 3)
+                yield layout.name, fields_of(layout, values)
+            at = end
+        waiting = waiting[at:] if at >= 0 else waiting[-1:]
+    if not layouts:
+        raise ValueError("no message is described")
 
 
-def telemetry_of(table: dict[str, FloatArray]) -> Telemetry:
-    """What the autopilot knew of itself."""
-    positions, attitude = table["POS"], table["ATT"]
-    velocity = table["XKF1"] if len(table["XKF1"]) else table["NKF1"]
+def layout_of(body: bytes) -> tuple[int, MessageLayout]:
+    """The number of a kind of message and how it is written, from its description."""
+    number, length, *texts = struct.unpack("<BB4s16s64s", body)
+    name, letters, columns = (one.split(b"\0")[0].decode("ascii", "replace") for one in texts)
+    form = struct.Struct("<" + "".join(CODES.get(letter, "") for letter in letters))
+    names = columns.split(",")
+    sound = form.size + 3 == length and len(names) == len(letters)
+    scales = [0.0 if letter in "nNZa" else SCALES.get(letter, 1.0) for letter in letters]
+    return number, MessageLayout(
+        name=name,
+        length=max(length, 3),
+        unpack=form.unpack_from if sound else None,
+        columns=tuple(zip(names, scales, strict=False)),
+    )
+
+
+def fields_of(layout: MessageLayout, values: tuple[Any, ...]) -> Message:
+    """Values by name: numbers in their units, and text."""
+    return {
+        name: value * scale if scale else value.split(b"\0")[0].decode("ascii", "replace")
+        for (name, scale), value in zip(layout.columns, values, strict=True)
+    }
+
+
+def with_courses(table: Mapping[str, FloatArray]) -> FloatArray:
+    """Rows of time, latitude, longitude, altitude and velocity: the estimator's, or else the receiver's."""
+    positions = table["POS"]
+    if not len(positions):
+        return table["GPS"]
     when = positions[:, 0]
+    for name in ("XKF1", "NKF1"):
+        if len(velocity := table[name]):
+            break
+    else:
+        velocity = table["GPS"][:, [0, 4, 5]]
+    columns = [at_times(when, velocity[:, [0, column]]) for column in (1, 2)]
+    return np.column_stack([positions, *columns])
+
+
+def telemetry_of(table: Mapping[str, FloatArray], positions: FloatArray) -> Telemetry:
+    """What the autopilot knew of itself."""
+    attitude, airspeeds = table["ATT"], true_airspeeds(table, positions)
+    times = table["times"].copy()
+    times[:, 1] = in_this_era(times[:, 1])
+    heading = at_times(positions[:, 0], unwrapped(attitude[:, [0, 2]]))
     return Telemetry(
-        positions=np.column_stack(
-            [
-                positions,
-                at_times(when, velocity[:, :2]),
-                at_times(when, velocity[:, [0, 2]]),
-                at_times(when, unwrapped(attitude[:, [0, 2]])),
-            ]
-        ),
-        airspeeds=table["CTUN"][:, :2],
+        positions=np.column_stack([positions, heading]),
+        airspeeds=airspeeds[:, :2],
         banks=attitude[:, :2],
-        gps_times=table["GPS"],
+        gps_times=times,
     )
 
 
-def setpoints_of(table: dict[str, FloatArray]) -> FloatArray:
-    """Courses and true airspeeds that were asked for; ArduPilot holds equivalent ones."""
+def true_airspeeds(table: Mapping[str, FloatArray], positions: FloatArray) -> FloatArray:
+    """Rows of time, true airspeed and its ratio to the equivalent one, which ArduPilot holds.
+
+    Up to 4.0 the ratio is not in the log, and is that of the standard atmosphere.
+    """
+    found = (table["CTUN"] if len(table["CTUN"]) else table["ARSP"]).copy()
+    altitude = at_times(found[:, 0], positions[:, [0, 3]])
+    # U.S. Standard Atmosphere 1976, below 11 km: the density's share is (1 - 2.2558e-5 h) ** 4.2559.
+    standard = np.clip(1.0 - 2.2558e-5 * altitude, 0.1, 2.0) ** (-0.5 * 4.2559)
+    found[:, 2] = np.where(found[:, 2] > 0.0, found[:, 2], np.where(standard > 0.0, standard, 1.0))
+    found[:, 1] *= found[:, 2]
+    return found
+
+
+def setpoints_of(table: Mapping[str, FloatArray], positions: FloatArray) -> FloatArray:
+    """Courses and true airspeeds that were asked for."""
     asked = table["OFG"].copy()
-    factor = newest(asked[:, 0], table["CTUN"][:, [0, 2]])
+    factor = newest(asked[:, 0], true_airspeeds(table, positions)[:, [0, 2]])
     asked[:, 2] *= np.where(np.isfinite(factor), factor, 1.0)
     return asked

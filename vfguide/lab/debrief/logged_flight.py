@@ -12,12 +12,10 @@ from vfguide.errors import InputError
 from vfguide.lab.debrief.autopilot_log import REMEDY, AutopilotLog
 from vfguide.lab.debrief.flight import flight_of
 from vfguide.lab.debrief.recordings import FlightRecordings, RecordingContents
-from vfguide.lab.debrief.telemetry import read_setpoints, read_telemetry
 from vfguide.mission.model import Mission
 from vfguide.record.flight import FlightRecord
 from vfguide.record.guidance_log import GuidanceStep, GuidanceTrack
 from vfguide.record.recording import RecordingStart
-from vfguide.record.tlog import read_tlog
 
 SATELLITE_TIME = "satellite time, as each autopilot wrote it into its log"
 ONE_CLOCK = "the one autopilot's clock"
@@ -70,6 +68,8 @@ def read_log(path: Path, mission: Mission) -> list[AutopilotLog]:
     if path.is_dir():
         raise InputError(f"{path}: is a directory; name the logs in it, one for each vehicle")
     if ending == ".tlog":
+        from vfguide.lab.debrief.telemetry_log import read_telemetry_log
+
         return read_telemetry_log(path, mission)
     if ending == ".bin":
         from vfguide.lab.debrief.dataflash import read_dataflash
@@ -86,38 +86,6 @@ def read_log(path: Path, mission: Mission) -> list[AutopilotLog]:
             f"{path}: is of system {log.system_id}, which no vehicle of the mission {mission.name!r} has"
         )
     return [log]
-
-
-def read_telemetry_log(path: Path, mission: Mission) -> list[AutopilotLog]:
-    """What a ground station's or a companion's telemetry log tells of each vehicle.
-
-    Raises:
-        InputError: it cannot be read, or tells no position of any.
-    """
-    first = next(iter(read_tlog(path)), None)
-    if first is None:
-        raise InputError(f"{path}: is no telemetry log, or an empty one; {REMEDY}")
-    found = []
-    for vehicle in mission.vehicles.values():
-        telemetry = read_telemetry(path, system_id=vehicle.system_id, start_s=first.time_s)
-        if len(telemetry.positions):
-            found.append(
-                AutopilotLog(
-                    path=path,
-                    autopilot="telemetry",
-                    system_id=vehicle.system_id,
-                    telemetry=telemetry,
-                    setpoints=read_setpoints(
-                        path, system_id=vehicle.system_id, start_s=first.time_s
-                    ),
-                )
-            )
-    if not found:
-        raise InputError(
-            f"{path}: tells no position of any vehicle of the mission {mission.name!r}; "
-            "their system ids have to be the mission's"
-        )
-    return found
 
 
 def logged_flight(mission: Mission, logs: Sequence[AutopilotLog]) -> LoggedFlight:
@@ -169,9 +137,10 @@ def on_one_clock(logs: Sequence[AutopilotLog]) -> tuple[list[AutopilotLog], str]
     """
     silent = [log for log in logs if not len(log.telemetry.gps_times)]
     if not silent:
-        return [on_satellite_time(log) for log in logs], SATELLITE_TIME
+        offsets = [satellite_offsets(log.telemetry.gps_times) for log in logs]
+        return [*map(moved, logs, offsets)], SATELLITE_TIME
     if all(log.autopilot == "telemetry" for log in logs):
-        return [*logs], GROUND_CLOCK
+        return [moved(log, log.ground) for log in logs], GROUND_CLOCK
     if len(logs) == 1:
         return [*logs], ONE_CLOCK
     raise InputError(
@@ -180,11 +149,15 @@ def on_one_clock(logs: Sequence[AutopilotLog]) -> tuple[list[AutopilotLog], str]
     )
 
 
-def on_satellite_time(log: AutopilotLog) -> AutopilotLog:
-    """A log with satellite times in the place of those of its own clock, which drifts."""
-    found = satellite_offsets(log.telemetry.gps_times)
+def moved(log: AutopilotLog, found: FloatArray) -> AutopilotLog:
+    """A log with times of another clock in the place of those of its own, which drifts.
 
-    def moved(rows: FloatArray) -> FloatArray:
+    Args:
+        log: with its own.
+        found: rows of a time of its own clock and what to add there, s.
+    """
+
+    def on_the_other(rows: FloatArray) -> FloatArray:
         times = rows[:, :1]
         return np.hstack([times + np.interp(times, found[:, 0], found[:, 1]), rows[:, 1:]])
 
@@ -193,12 +166,12 @@ def on_satellite_time(log: AutopilotLog) -> AutopilotLog:
         log,
         telemetry=replace(
             telemetry,
-            positions=moved(telemetry.positions),
-            airspeeds=moved(telemetry.airspeeds),
-            banks=moved(telemetry.banks),
-            gps_times=moved(telemetry.gps_times),
+            positions=on_the_other(telemetry.positions),
+            airspeeds=on_the_other(telemetry.airspeeds),
+            banks=on_the_other(telemetry.banks),
+            gps_times=on_the_other(telemetry.gps_times),
         ),
-        setpoints=moved(log.setpoints),
+        setpoints=on_the_other(log.setpoints),
     )
 
 

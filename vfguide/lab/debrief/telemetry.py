@@ -1,6 +1,5 @@
 """What an autopilot said of itself, from a telemetry log: arrays of numbers, whatever else the file holds."""
 
-import math
 from array import array
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -12,7 +11,6 @@ from pymavlink.dialects.v20.ardupilotmega import MAVError, MAVLink, MAVLink_mess
 
 from vfguide.elementwise import FloatArray
 from vfguide.mavlink.codec import (
-    COMPANION_COMPONENT,
     UNKNOWN_HEADING,
     airspeed_report,
     position_report,
@@ -78,49 +76,6 @@ def read_telemetry(path: Path, *, system_id: int, start_s: float) -> Telemetry:
         gps_times=as_rows(rows[mavlink.MAVLINK_MSG_ID_SYSTEM_TIME], 2),
     )
 
-
-def read_setpoints(path: Path, *, system_id: int, start_s: float) -> FloatArray:
-    """Rows of time (s since 1970), course (rad) and airspeed (m/s) that a companion has sent to a vehicle.
-
-    Only a log of that connection holds them, and only of autopilots that are steered by courses: nothing is
-    read of what is sent as a place or a velocity.
-
-    Args:
-        path: of the log.
-        system_id: of the vehicle.
-        start_s: when the log was begun, s since 1970.
-
-    Raises:
-        InputError: it cannot be read, or is too large.
-    """
-    rows = array("d")
-    parser = MAVLink(None)
-    course = airspeed = float("nan")
-    for stamped in read_tlog(path):
-        frame = stamped.frame
-        own = frame.system_id == system_id and frame.component_id == COMPANION_COMPONENT
-        if not own or frame.message_id not in COMMANDS:
-            continue
-        if abs(stamped.time_s - start_s) > LONGEST_FLIGHT_S:
-            continue
-        try:
-            message = parser.decode(bytearray(frame.content))
-        except MAVError:
-            continue
-        if message.command == mavlink.MAV_CMD_GUIDED_CHANGE_HEADING:
-            course = math.remainder(math.radians(message.param2), math.tau)
-        elif message.command in SPEED_COMMANDS and message.param1 == SPEED_TYPE_AIRSPEED:
-            airspeed = message.param2
-        else:
-            continue
-        if math.isfinite(course) and math.isfinite(airspeed):
-            rows.extend((stamped.time_s, course, airspeed))
-    return as_rows(rows, 3)
-
-
-COMMANDS = frozenset({mavlink.MAVLINK_MSG_ID_COMMAND_INT, mavlink.MAVLINK_MSG_ID_COMMAND_LONG})
-SPEED_COMMANDS = frozenset({mavlink.MAV_CMD_GUIDED_CHANGE_SPEED, mavlink.MAV_CMD_DO_CHANGE_SPEED})
-SPEED_TYPE_AIRSPEED = 0
 
 AUTOPILOT = mavlink.MAV_COMP_ID_AUTOPILOT1
 

@@ -1,39 +1,78 @@
-"""PX4's own logs, `.ulg`, read by pyulog."""
+"""PX4's own logs, `.ulg`: PX4 from 1.10 on.
 
+Format: docs.px4.io, ULog File Format. Nothing is made of a topic but the fields that are read, however large
+its description would make it.
+"""
+
+import re
+import struct
+from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import BinaryIO, NamedTuple
 
 import numpy as np
-from pyulog import ULog
-from pyulog.exceptions import ULogException
 
 from vfguide.elementwise import FloatArray
-from vfguide.errors import InputError
 from vfguide.lab.debrief.autopilot_log import (
     AutopilotLog,
+    LogRows,
     at_times,
-    foreign_file,
-    in_order,
+    in_this_era,
+    log_file,
     newest,
+    told,
     unwrapped,
 )
 from vfguide.lab.debrief.telemetry import Telemetry
-from vfguide.regular_file import open_regular
 
-TOPICS = (
-    "vehicle_global_position",
-    "vehicle_local_position",
-    "vehicle_attitude",
-    "airspeed_validated",
-    "vehicle_gps_position",
-    "sensor_gps",
-    "fixed_wing_lateral_setpoint",
-    "fixed_wing_longitudinal_setpoint",
-)
-"""What is read; everything else is skipped."""
+MAGIC = b"ULog\x01\x12\x35"
+SYNC = b"\x2f\x73\x13\x20\x25\x0c\xbb\x12"
+KINDS = b"BFIMPQARDLCSO"
+SYSTEM_ID = b"int32_t MAV_SYS_ID"
 
-FINEST_STEP_S = 0.04
+NUMBERS = {"int8_t": "b", "uint8_t": "B", "bool": "B", "char": "B", "int16_t": "h", "uint16_t": "H"}
+NUMBERS |= {"int32_t": "i", "uint32_t": "I", "int64_t": "q", "uint64_t": "Q"}
+NUMBERS |= {"float": "f", "double": "d"}
+
+LONGEST = 0xFFFF
+"""Bytes of a message: what a description makes larger is no topic of a log."""
+
+DEEPEST = 8
+"""Topics within each other, at most."""
+
+FIELD = re.compile(r"([a-zA-Z_]\w*)(?:\[(\d{1,6})\])? (\w+)")
+
+TOPICS: dict[str, tuple[tuple[str, ...], ...]] = {
+    "vehicle_global_position": (("lat", "lon", "alt"),),
+    # Up to 1.11 the heading was called yaw.
+    "vehicle_local_position": (("vx", "vy", "heading"), ("vx", "vy", "yaw")),
+    "vehicle_attitude": (("q[0]", "q[1]", "q[2]", "q[3]"),),
+    # True and equivalent airspeed; the second was called so up to 1.11.
+    "airspeed_validated": (
+        ("true_airspeed_m_s", "calibrated_airspeed_m_s"),
+        ("true_airspeed_m_s", "equivalent_airspeed_m_s"),
+    ),
+    "airspeed": (("true_airspeed_m_s", "indicated_airspeed_m_s"),),
+    "vehicle_gps_position": (("time_utc_usec",),),
+    "sensor_gps": (("time_utc_usec",),),
+    "fixed_wing_lateral_setpoint": (("course",),),
+    "fixed_wing_longitudinal_setpoint": (("equivalent_airspeed",),),
+}
+"""What is read; everything else is skipped. Of several ways to name the fields the first that is there."""
+
+FINEST_POSITION_S = 0.04
 """s between two positions that are kept: PX4 writes a hundred a second."""
+
+
+class TopicField(NamedTuple):
+    """A field of a topic's description."""
+
+    kind: str
+    """A number, or another topic."""
+    length: int
+    """How many of it."""
+    name: str
+    """Of the field."""
 
 
 def read_ulog(path: Path) -> AutopilotLog:
@@ -42,34 +81,34 @@ def read_ulog(path: Path) -> AutopilotLog:
     Raises:
         InputError: it is damaged, something else, or tells no position or no system id.
     """
-    with foreign_file(path, "PX4 log", ULogException), open_regular(path) as file:
-        log = ULog(file, message_name_filter_list=list(TOPICS))
-        system_id = log.initial_parameters.get("MAV_SYS_ID")
-        position = table_of(log, "vehicle_global_position", "lat", "lon", "alt")
-        velocity = table_of(log, "vehicle_local_position", "vx", "vy", "heading")
-        attitude = table_of(log, "vehicle_attitude", "q[0]", "q[1]", "q[2]", "q[3]")
-        airspeed = table_of(log, "airspeed_validated", "true_airspeed_m_s")
-        equivalent = table_of(log, "airspeed_validated", "calibrated_airspeed_m_s")
-        satellite = table_of(log, "vehicle_gps_position", "time_utc_usec")
-        if not len(satellite):
-            satellite = table_of(log, "sensor_gps", "time_utc_usec")
-        course = table_of(log, "fixed_wing_lateral_setpoint", "course")
-        speed = table_of(log, "fixed_wing_longitudinal_setpoint", "equivalent_airspeed")
-    if system_id is None or not len(position):
-        missing = "system id" if system_id is None else "position"
-        raise InputError(
-            f"{path}: tells no {missing}; give the log of a flight, from its beginning"
-        )
-    position = thinned(position)
-    when = position[:, 0]
+    rows = LogRows()
+    system_id = None
+    with log_file(path, "PX4 log") as stream:
+        for name, value in messages(stream):
+            if isinstance(value, float):
+                system_id = value if system_id is None else system_id
+            else:
+                rows.add(name, 1e-6 * value[0], *value[1:])
+    table = {name: rows.table(name, 1 + len(ways[0])) for name, ways in TOPICS.items()}
+    position = thinned(table["vehicle_global_position"])
+    velocity, attitude = table["vehicle_local_position"], table["vehicle_attitude"]
+    airspeed = table["airspeed_validated"]
+    airspeed = airspeed if len(airspeed) else table["airspeed"]
+    satellite = table["vehicle_gps_position"]
+    satellite = satellite if len(satellite) else table["sensor_gps"]
     satellite = satellite[satellite[:, 1] > 0.0]
-    satellite[:, 1] *= 1e-6
-    factor = at_times(course[:, 0], airspeed) / at_times(course[:, 0], equivalent)
-    asked = newest(course[:, 0], speed) * np.where(np.isfinite(factor), factor, 1.0)
+    satellite[:, 1] = in_this_era(1e-6 * satellite[:, 1])
+    course, speed = (table[f"fixed_wing_{one}_setpoint"] for one in ("lateral", "longitudinal"))
+    system = told(path, system_id, position)
+    when, asked_at = position[:, 0], course[:, 0]
+    true, equivalent = (at_times(asked_at, airspeed[:, [0, one]]) for one in (1, 2))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        factor = true / equivalent
+    asked = newest(asked_at, speed) * np.where(np.isfinite(factor), factor, 1.0)
     return AutopilotLog(
         path=path,
         autopilot="PX4",
-        system_id=int(system_id),
+        system_id=system,
         telemetry=Telemetry(
             positions=np.column_stack(
                 [
@@ -79,7 +118,7 @@ def read_ulog(path: Path) -> AutopilotLog:
                     at_times(when, unwrapped(velocity[:, [0, 3]])),
                 ]
             ),
-            airspeeds=airspeed,
+            airspeeds=airspeed[:, :2],
             banks=np.column_stack([attitude[:, 0], roll_of(attitude[:, 1:])]),
             gps_times=satellite,
         ),
@@ -87,21 +126,141 @@ def read_ulog(path: Path) -> AutopilotLog:
     )
 
 
-def table_of(log: Any, topic: str, *names: str) -> FloatArray:  # noqa: ANN401
-    """Time in s and some fields of a topic; no rows where the log has no such topic or field."""
-    for data in log.data_list:
-        if data.name == topic and data.multi_id == 0 and all(name in data.data for name in names):
-            # A damaged number may be a signalling NaN, of which NumPy would warn.
-            with np.errstate(invalid="ignore"):
-                columns = [np.asarray(data.data[name], dtype=np.float64) for name in names]
-            times = 1e-6 * np.asarray(data.data["timestamp"], dtype=np.float64)
-            return in_order(np.column_stack([times, *columns]))
-    return np.empty((0, 1 + len(names)))
+def messages(stream: BinaryIO) -> Iterator[tuple[str, float | tuple[float, ...]]]:
+    """The system id, and by topic the time in µs with the fields that are read.
+
+    Raises:
+        ValueError: it is no such log, or written in a way that is not known here.
+    """
+    topics: dict[str, list[TopicField]] = {}
+    readers: dict[int, tuple[str, struct.Struct, tuple[int, ...]]] = {}
+    for kind, body in entries(stream):
+        if kind == b"F":
+            name, _, described = body.decode("ascii", "replace").partition(":")
+            topics[name] = fields_of(described)
+        elif kind == b"P" and body[1:19] == SYSTEM_ID and len(body) == 23:
+            yield "", float(struct.unpack_from("<i", body, 19)[0])
+        elif kind == b"A" and len(body) > 3 and body[0] == 0:
+            name = body[3:].decode("ascii", "replace")
+            if (reader := reader_of(name, topics)) is not None:
+                readers[int.from_bytes(body[1:3], "little")] = (name, *reader)
+        elif kind == b"D" and (found := readers.get(int.from_bytes(body[:2], "little"))):
+            name, form, order = found
+            if len(body) >= form.size + 2:
+                values = form.unpack_from(body, 2)
+                yield name, tuple(float(values[at]) for at in order)
+
+
+def entries(stream: BinaryIO) -> Iterator[tuple[bytes, bytes]]:
+    """Kind and body of each entry of a log, as far as it goes.
+
+    Raises:
+        ValueError: it is no such log, or written in a way that is not known here.
+    """
+    if stream.read(16)[:7] != MAGIC:
+        raise ValueError("is no ULog")
+    appended: list[int] = []
+    while len(head := stream.read(3)) == 3:
+        size, kind = int.from_bytes(head[:2], "little"), head[2:]
+        if kind not in KINDS:
+            if not to_next_sync(stream):
+                return
+            continue
+        body = stream.read(size)
+        if appended and stream.tell() > appended[0]:
+            # What was written while the autopilot was failing follows the rest, which was cut off there.
+            stream.seek(appended.pop(0))
+        elif len(body) < size:
+            return
+        else:
+            if kind == b"B" and size >= 40:
+                appended = appended_at(body)
+            yield kind, body
+
+
+def to_next_sync(stream: BinaryIO) -> bool:
+    """Go on behind the next mark that a damaged log can be read from; whether there is one."""
+    start = stream.seek(-2, 1)
+    waiting = b""
+    while chunk := stream.read(1 << 16):
+        waiting += chunk
+        if (found := waiting.find(SYNC)) >= 0:
+            stream.seek(start + found + len(SYNC))
+            return True
+        start += max(len(waiting) - len(SYNC), 0)
+        waiting = waiting[-len(SYNC) :]
+    return False
+
+
+def appended_at(flags: bytes) -> list[int]:
+    """Where parts of the log go on that were written last.
+
+    Raises:
+        ValueError: the log has to be read in a way that is not known here.
+    """
+    if flags[8] & ~1 or any(flags[9:16]):
+        raise ValueError("has flags that are not known")
+    offsets = struct.unpack_from("<3Q", flags, 16) if flags[8] else ()
+    return sorted(one for one in offsets if 16 < one < 1 << 40)
+
+
+def fields_of(described: str) -> list[TopicField]:
+    """The fields of a topic's description; none of one that is not understood."""
+    found = [FIELD.fullmatch(one.strip()) for one in described.rstrip(";").split(";")]
+    return (
+        [TopicField(one[1], int(one[2] or 1), one[3]) for one in found if one] if all(found) else []
+    )
+
+
+def reader_of(
+    name: str, topics: Mapping[str, list[TopicField]]
+) -> tuple[struct.Struct, tuple[int, ...]] | None:
+    """How to take time and wanted fields out of a topic's message, and in which order they are then."""
+    places: dict[str, tuple[int, str]] = {}
+    at = 0
+    sizes: dict[str, int] = {}
+    for field in topics.get(name, ()):
+        number = NUMBERS.get(field.kind)
+        size = size_of(field.kind, topics, sizes, DEEPEST)
+        if number is not None and field.length <= 4:
+            for index in range(field.length):
+                places[f"{field.name}[{index}]"] = at + index * size, number
+            places[field.name] = at, number
+        at += size * field.length
+        if at > LONGEST or not size:
+            break
+    for way in TOPICS.get(name, ()):
+        wanted = ("timestamp", *way)
+        if all(one in places for one in wanted):
+            ordered = sorted(wanted, key=lambda one: places[one][0])
+            form, end = "<", 0
+            for one in ordered:
+                offset, number = places[one]
+                form += f"{offset - end}x{number}"
+                end = offset + struct.calcsize(number)
+            return struct.Struct(form), tuple(ordered.index(one) for one in wanted)
+    return None
+
+
+def size_of(
+    kind: str, topics: Mapping[str, list[TopicField]], sizes: dict[str, int], deepest: int
+) -> int:
+    """Bytes of a kind of field; 0 where nobody can say, or nothing of that size can be in a log."""
+    if (number := NUMBERS.get(kind)) is not None:
+        return struct.calcsize(number)
+    if kind not in sizes:
+        sizes[kind] = 0
+        parts = [
+            size_of(one.kind, topics, sizes, deepest - 1) * one.length if deepest else 0
+            for one in topics.get(kind, ())
+        ]
+        sizes[kind] = sum(parts) if all(parts) and sum(parts) <= LONGEST else 0
+    return sizes[kind]
 
 
 def thinned(rows: FloatArray) -> FloatArray:
     """Rows with no more than one in each step of time."""
-    steps = np.floor(rows[:, 0] / FINEST_STEP_S)
+    steps = np.floor(rows[:, 0] / FINEST_POSITION_S)
     return rows[np.flatnonzero(np.diff(steps, prepend=-1.0))]
 
 

@@ -103,6 +103,26 @@ def reject_absence(name: str, error: Spread | None, acceptance: RecordAcceptance
     return f"{name} was {error.mean:.0f} m from its slot in the last half"
 
 
+def reject_unseen(record: FlightRecord, follower: VehicleRecord, window: BoolArray) -> str | None:
+    """Why nobody knows whether a follower was in its slot; None where it is known, or it had none."""
+    places = [np.isfinite(one.north_m[window]) for one in (record.leader, follower)]
+    if (places[0] & places[1]).any() or not follower.in_formation[window].any():
+        return None
+    names = (record.leader.name, follower.name)
+    unknown = [name for name, known in zip(names, places, strict=True) if not known.any()]
+    whose = " or ".join(unknown or [f"{' and '.join(names)} at the same time"])
+    return (
+        f"{follower.name} was not seen in its slot: no place of {whose} is known in the last half"
+    )
+
+
+def verdict_of(record: FlightRecord, rejections: tuple[str, ...]) -> bool | None:
+    """Whether a flight is accepted; None where nothing was asked for that it could have missed."""
+    if rejections:
+        return False
+    return True if record.followers and record.acceptance.asks_for_slots else None
+
+
 def tell_apart(first: float, second: float) -> tuple[str, str]:
     """Two figures in as few digits, three at least, as show which is the greater."""
     for digits in range(3, 17):
@@ -128,6 +148,7 @@ def summarise(record: FlightRecord) -> Summary:
         own = _summarise_follower(record, follower, window)
         vehicles[follower.name] = own
         absent = reject_absence(follower.name, own.formation_error_m, record.acceptance)
+        absent = absent or reject_unseen(record, follower, window)
         rejections += () if absent is None else (absent,)
     if record.interrupted:
         rejections = (f"stopped after {record.duration_s:.1f} s, before its end", *rejections)
@@ -142,7 +163,7 @@ def summarise(record: FlightRecord) -> Summary:
         duration_s=record.duration_s,
         wall_s=record.wall_s,
         real_time_factor=record.duration_s / record.wall_s if record.wall_s else None,
-        accepted=not rejections,
+        accepted=verdict_of(record, rejections),
         rejections=rejections,
         acceptance=record.acceptance,
         formation=formation,

@@ -28,6 +28,7 @@ from vfguide.lab.report.wording import (
     response_words,
     setting,
     verdict,
+    why_unjudged,
 )
 from vfguide.record.archive import WRITE_REMEDY
 from vfguide.record.flight import FlightRecord
@@ -109,6 +110,7 @@ def render_page(record: FlightRecord, summary: Summary, pictures: Sequence[Path]
         pace=pace(summary),
         verdict=verdict(summary),
         praise=_words_of_praise(summary),
+        unjudged=f"{why_unjudged(summary).capitalize()}.",
         notes=record.notes,
         away=", ".join(one.name for one in record.followers if not one.in_formation.all()),
         figures=compare(summary) if len(summary.vehicles) > 1 else (),
@@ -133,8 +135,6 @@ def render_page(record: FlightRecord, summary: Summary, pictures: Sequence[Path]
 
 def _words_of_praise(summary: Summary) -> str:
     """What an accepted flight reached."""
-    if len(summary.vehicles) < 2:
-        return "A leader alone: nothing is asked of a formation."
     error = in_digits(summary.formation.mean_error_m, "m")
     return f"All that the mission asks for was reached. Mean formation error over the last half: {error}."
 

@@ -106,8 +106,8 @@ class Summary:
     """What it took."""
     real_time_factor: float | None
     """Duration over wall time."""
-    accepted: bool
-    """Whether the flight reached all that its mission asks for."""
+    accepted: bool | None
+    """Whether the flight reached all that its mission asks for; None where that is nothing."""
     rejections: tuple[str, ...]
     """Why it was not accepted, in words with figures; empty if it was."""
     acceptance: RecordAcceptance

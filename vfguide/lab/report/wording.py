@@ -69,7 +69,14 @@ def settled_after(settled_s: float | None) -> str:
 
 def verdict(summary: Summary) -> str:
     """The outcome in a word or two."""
-    return "Accepted" if summary.accepted else "Not accepted"
+    return {True: "Accepted", False: "Not accepted", None: "Not judged"}[summary.accepted]
+
+
+def why_unjudged(summary: Summary) -> str:
+    """Why there is no verdict, and what to do."""
+    if len(summary.vehicles) < 2:
+        return "no follower was flown or recorded: there is no formation to judge"
+    return "the mission asks for no error: set acceptance in it, such as mean_error_m: 2"
 
 
 def compare(summary: Summary) -> tuple[ComparedFigure, ...]:
@@ -272,6 +279,9 @@ def verdict_text(summary: Summary) -> Text:
         for name, vehicle in summary.vehicles.items()
         if (words := response_words(vehicle)) is not None
     ]
-    lines.append(Text(verdict(summary), style="bold green" if summary.accepted else "bold red"))
+    style = {True: "bold green", False: "bold red", None: "bold"}[summary.accepted]
+    lines.append(Text(verdict(summary), style=style))
+    if summary.accepted is None:
+        lines.append(Text(f"  {why_unjudged(summary)}"))
     lines += [Text(f"  {reason}", style="red") for reason in summary.rejections]
     return Text("\n").join(lines)
