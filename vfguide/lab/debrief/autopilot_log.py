@@ -3,7 +3,7 @@
 import os
 import struct
 from array import array
-from collections.abc import Iterator
+from collections.abc import Iterator, MutableSequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -43,7 +43,7 @@ class LogRows:
     def __init__(self, finest_step_s: float = FINEST_STEP_S) -> None:
         """Begin with none; rows of a kind that follow each other sooner than this are left out."""
         self._finest_step_s = finest_step_s
-        self._values: dict[str, array[float]] = {}
+        self._values: dict[str, MutableSequence[float]] = {}
         self._newest: dict[str, float] = {}
         self._left = MOST_ROWS
 
