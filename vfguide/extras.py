@@ -11,7 +11,7 @@ from vfguide.errors import VfguideError
 
 PACKAGE = "vfguide"
 
-IMPORTED_AS = {"pillow": "PIL", "eclipse-zenoh": "zenoh"}
+IMPORTED_AS = {"pillow": "PIL", "eclipse-zenoh": "zenoh", "foxglove-sdk": "foxglove"}
 """Packages whose module has another name."""
 
 DEVELOPMENT = "dev"

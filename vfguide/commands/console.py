@@ -91,12 +91,21 @@ def console(
             help="A map below the formation: an MBTiles file of pictures, or https://host/{z}/{x}/{y}.png.",
         ),
     ] = None,
+    foxglove: Annotated[
+        int | None,
+        typer.Option(
+            metavar="PORT",
+            min=0,
+            max=65535,
+            help="Serve Foxglove and PlotJuggler, too, on loopback: such as 8765; 0 for any free port.",
+        ),
+    ] = None,
 ) -> None:
     """Show a formation on a page of a browser: who is where, how well, and what to do.
 
     It only looks on, unless --operator is given. Ctrl-C ends it. Exit status: 0 ended, 2 the input is wrong.
     """
-    require(*CONSOLE)
+    require(*CONSOLE, *(() if foxglove is None else ("foxglove",)))
     # Here, because an aircraft's computer has no library that serves pages.
     from vfguide.lab.console.server import ConsoleAddress, served
     from vfguide.lab.console.source import RecordedFlight
@@ -115,6 +124,10 @@ def console(
             raise InputError("--replay: shows a recorded flight; leave MISSION and --link out")
         if operator:
             raise InputError("--operator: a recorded flight takes no orders; leave it out")
+        if foxglove is not None:
+            raise InputError(
+                "--foxglove: a recorded flight is shown by `vfguide export --out F.mcap`"
+            )
         address.check()
         record = read_flight(replay)
         recorded = RecordedFlight(record, tiles=below)
@@ -137,7 +150,13 @@ def console(
     run_watching_sockets(
         shown(
             live_console(
-                flown, watched, address=address, token=kept, operator_token=second, tiles=below
+                flown,
+                watched,
+                address=address,
+                token=kept,
+                operator_token=second,
+                tiles=below,
+                foxglove=foxglove,
             ),
             second,
         )
@@ -162,6 +181,7 @@ async def live_console(
     token: str | None = None,
     operator_token: str | None = None,
     tiles: "TileSource | None" = None,
+    foxglove: int | None = None,
 ) -> AsyncIterator[str]:
     """The console of a formation for as long as the context lasts; yields the address to open.
 
@@ -172,6 +192,7 @@ async def live_console(
         token: that lets in; one of chance if absent.
         operator_token: that lets operators in, who give orders; nobody does if absent.
         tiles: the map below the formation, if there is one.
+        foxglove: port on which Foxglove is served, too; None for none.
     """
     # Here, for the same reason.
     from vfguide.lab.console.live import live_flight_of
@@ -184,7 +205,16 @@ async def live_console(
             source, address, title=mission.name, token=token, operator_token=operator_token
         ) as url,
     ):
-        yield url
+        if foxglove is None:
+            yield url
+            return
+        # A library of the extra `files`.
+        from vfguide.lab.console.foxglove import foxglove_stream
+
+        with foxglove_stream(mission, foxglove) as (stream, where):
+            source.also = stream.show
+            Terminal().tell(f"foxglove: {where}")
+            yield url
 
 
 def check_orders(credentials: Credentials) -> None:

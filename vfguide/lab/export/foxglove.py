@@ -11,7 +11,7 @@ import math
 from importlib.metadata import version
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from mcap.writer import Writer
@@ -183,6 +183,13 @@ def write_mcap(record: FlightRecord, path: Path) -> None:
         writer.finish()  # type: ignore[no-untyped-call] # the library leaves it without types
 
 
+class TopicSink(Protocol):
+    """Whatever takes messages by topic."""
+
+    def put(self, topic: str, schema: str, time_ns: int, message: Message) -> None:
+        """Take one message, of a time in ns since 1970."""
+
+
 class FoxgloveTopics:
     """Writes messages by topic; registers each topic and schema when it first comes."""
 
@@ -214,14 +221,18 @@ def put_path(record: FlightRecord, topics: FoxgloveTopics, time_ns: int) -> None
     height = record.leader.altitude_amsl_m
     known = height[np.isfinite(height)]
     up = float(known[0]) - altitude_of_origin(record) if known.size else 0.0
+    line = path_line(record.path_east_m.tolist(), record.path_north_m.tolist(), up)
+    topics.put("/scene/path", "foxglove.SceneUpdate", time_ns, scene("path", time_ns, lines=[line]))
+
+
+def path_line(east_m: list[float], north_m: list[float], up_m: float) -> Message:
+    """A line along a path at a height above the origin, m; without the points that are not known."""
     points = [
-        {"x": east, "y": north, "z": up}
-        for east, north in zip(
-            record.path_east_m.tolist(), record.path_north_m.tolist(), strict=True
-        )
+        {"x": east, "y": north, "z": up_m}
+        for east, north in zip(east_m, north_m, strict=True)
         if math.isfinite(east) and math.isfinite(north)
     ]
-    line: Message = {
+    return {
         "type": 0,
         "pose": pose(0.0, 0.0, 0.0, (0.0, 0.0, 0.0, 1.0)),
         "thickness": 2.0,
@@ -231,7 +242,18 @@ def put_path(record: FlightRecord, topics: FoxgloveTopics, time_ns: int) -> None
         "colors": [],
         "indices": [],
     }
-    topics.put("/scene/path", "foxglove.SceneUpdate", time_ns, scene("path", time_ns, lines=[line]))
+
+
+def label_at(arrow: Message, name: str, colour: str) -> Message:
+    """A vehicle's name at its arrow."""
+    return {
+        "pose": arrow["pose"],
+        "billboard": True,
+        "font_size": 14.0,
+        "scale_invariant": True,
+        "color": colour_of(colour, 1.0),
+        "text": name,
+    }
 
 
 def put_part(record: FlightRecord, part: Part, topics: FoxgloveTopics, begin_ns: int) -> None:
@@ -270,7 +292,7 @@ def state(part: Part, number: int, time_ns: int) -> Message:
 
 
 def put_line(
-    topics: FoxgloveTopics, vehicle: str, text: str, time_ns: int, *, level: int = INFO
+    topics: TopicSink, vehicle: str, text: str, time_ns: int, *, level: int = INFO
 ) -> None:
     """A line of the log, of a vehicle's companion."""
     message: Message = {
@@ -334,14 +356,7 @@ def arrows_of(
     )
     if arrow is None:
         return None
-    label: Message = {
-        "pose": arrow["pose"],
-        "billboard": True,
-        "font_size": 14.0,
-        "scale_invariant": True,
-        "color": colour_of(colour, 1.0),
-        "text": vehicle.name,
-    }
+    label = label_at(arrow, vehicle.name, colour)
     arrows = [arrow]
     if vehicle.role == "follower":
         leader, here = record.reference, slice(sample, sample + 1)
