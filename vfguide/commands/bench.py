@@ -299,6 +299,59 @@ def scale(*, json_file: JsonFile = None, quick: Quick = False) -> None:
     write(json_file, result)
 
 
+@bench.command()
+@with_plugins
+def suite(
+    *,
+    law: Laws = None,
+    json_file: JsonFile = None,
+    quick: Quick = False,
+    out: Directory = None,
+    processes: Annotated[
+        int | None, typer.Option(metavar="N", min=1, help="As many as processors if absent.")
+    ] = None,
+    scheduler: Scheduler = None,
+) -> None:
+    """Fly a hundred fixed scenarios by each law, and give it a score.
+
+    Paths, slots, winds, sensors, links, aircraft, losses, takeovers and orders were drawn once, by a rule
+    that docs/suite.md tells. --quick flies ten of them. Exit status: 0 measured, 2 a scenario was changed.
+    """
+    require("scipy", *(PLOTTING if out else ()))
+    # Here, because an aircraft's computer has no library that fits distributions.
+    from vfguide.lab.studies.suite import (
+        draw_scores,
+        flights_json,
+        fly_scenario,
+        means,
+        shortcomings,
+        suite_table,
+    )
+    from vfguide.suite import digest, names, with_law
+
+    flown, which = flown_laws(law), names(quick=quick)
+    for one in which:
+        with_law(one, flown[0])
+    terminal, tasks = Terminal(stderr=True), [(one, name) for one in which for name in flown]
+    terminal.tell(f"{len(tasks)} flights, of which each takes some seconds")
+    with executor_on(scheduler, processes) as executor:
+        flights = list(flown_by(executor, fly_scenario, tasks))
+    lines = [suite_table(flights), "", *shortcomings(flights, flown[0])]
+    heading = f"vfguide {version('vfguide')}, {len(which)} scenarios of {digest()[:12]}"
+    Terminal().tell("\n".join([heading, "", *lines]))
+    content = {
+        "suite": digest(),
+        "laws": means(flights),
+        "flights": flights_json(flights),
+    }
+    write(json_file, content)
+    if out is not None:
+        out.mkdir(parents=True, exist_ok=True)
+        write(out / "suite.json", content)
+        (out / "suite.md").write_text("\n".join([heading, "", *lines, ""]), encoding="utf-8")
+        draw_scores(flights, out / "suite.png")
+
+
 @bench.command(name="monte-carlo")
 @with_plugins
 def monte_carlo(

@@ -241,10 +241,10 @@ def check_live(mission: Mission, *, speedup: float = 1.0) -> None:
         raise InputError(
             "orders: are timed in real time; leave --speedup out, or take them out of the mission"
         )
-    if any(one.what == "link" for one in mission.rehearsal.losses):
+    if any(one.what != "companion" for one in mission.rehearsal.losses):
         raise InputError(
-            "rehearsal.losses: only a flight in virtual time loses a link; leave --live out, or have it lose"
-            " the companion (what: companion), whose process is killed"
+            "rehearsal.losses: only a flight in virtual time loses a link or guidance; leave --live out, or"
+            " have it lose the companion (what: companion), whose process is killed"
         )
 
 

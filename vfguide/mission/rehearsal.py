@@ -275,9 +275,10 @@ class Loss(Section):
     for_s: Positive | None = None
     """For how long, s; for good if absent."""
 
-    what: Literal["companion", "link"] = "companion"
+    what: Literal["companion", "link", "guidance"] = "companion"
     """`companion`: the program ends without a word, and one that knows nothing takes its place; `link`: the
-    vehicle hears no other and is heard by none."""
+    vehicle hears no other and is heard by none; `guidance`: its pilot takes it, into a loiter, and gives it
+    back."""
 
     def lasts(self, now: float) -> bool:
         """Whether it is lost at a time, s from the start of the rehearsal."""

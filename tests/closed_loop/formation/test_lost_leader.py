@@ -6,8 +6,8 @@ import pytest
 from tests.benchmarks.strays import LEAST_M
 from tests.benchmarks.succession import figures, flown
 from tests.kit.flight import fly
-from tests.kit.missions import content_of
-from vfguide.lab.report.geometry import pair_separations
+from tests.kit.missions import content_of, in_place
+from vfguide.lab.report.geometry import pair_separations, slot_error
 from vfguide.mission import Mission
 
 LEFT_M = 5.0
@@ -53,3 +53,19 @@ def test_a_neighbour_ten_metres_away_that_is_lost_in_a_turn_is_climbed_over(lost
     lost = record.time_s >= lost_s
     nearest_m = min(float(pair.distance_m[lost].min()) for pair in pair_separations(record))
     assert nearest_m >= LEAST_M
+
+
+@pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
+def test_a_pilot_takes_a_follower_for_a_while_and_gives_it_back(autopilot):
+    taken = {"vehicle": "f1", "at_s": 8.0, "for_s": 6.0, "what": "guidance"}
+    mission = in_place("line-calm", duration_s=60.0, rate_hz=10.0, losses=[taken])
+    content = content_of(mission)
+    for vehicle in content["vehicles"].values():
+        vehicle["autopilot"] = autopilot
+    record = fly(Mission.model_validate(content)).record
+    f1 = record.followers[0]
+    off_m = slot_error(record.reference, f1).distance_m
+    # It circles meanwhile, and is in its slot again afterwards.
+    assert off_m[np.abs(record.time_s - 7.0) < 0.9].max() < 2.0
+    assert 20.0 < off_m.max() < 300.0
+    assert off_m[-1] < 1.0

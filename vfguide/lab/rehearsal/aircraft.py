@@ -187,7 +187,8 @@ class Aircraft:
         self._emulator = emulator_of(mission, name)
         self._consent = MemoryStore()
         self._losses = tuple(loss for loss in rehearsal.losses if loss.vehicle == name)
-        self._lost = False
+        self._lost = self._piloted = False
+        self._pilot = adapter_of(vehicle)
         self._make: Callable[[], Companion] = lambda: Companion(
             plan,
             adapter_of(vehicle),
@@ -231,6 +232,7 @@ class Aircraft:
             order = self._orders.popleft()[1]
             self._link.send([] if alone else [(OPERATOR, order)], now)
         self._hear(now, [] if alone else mail)
+        self._turn_switch(now)
         telemetry = self._replies + emulator.advance(now)
         truth = emulator.truth()
         out = companion.receive_mavlink(telemetry, now)
@@ -248,6 +250,13 @@ class Aircraft:
     def loses(self, what: str, now: float) -> bool:
         """Whether the vehicle is without its companion or its link now."""
         return any(loss.what == what and loss.lasts(now) for loss in self._losses)
+
+    def _turn_switch(self, now: float) -> None:
+        """Have the pilot take the vehicle or give it back, as its switch does: nobody is told."""
+        if (piloted := self.loses("guidance", now)) != self._piloted:
+            self._piloted = piloted
+            wanted = self._pilot.hand_back() if piloted else self._pilot.engage()
+            self._emulator.receive(b"".join(one.pack(mavlink.MAVLink(None)) for one in wanted))
 
     def _fly_alone(self, now: float) -> None:
         """Fly on to this time without a companion; the next one knows nothing."""
