@@ -101,6 +101,15 @@ def fly(
             help="With --console: a map below the formation, as of `vfguide console`.",
         ),
     ] = None,
+    foxglove: Annotated[
+        int | None,
+        typer.Option(
+            metavar="PORT",
+            min=0,
+            max=65535,
+            help="With --console: serve Foxglove and PlotJuggler, too, as of `vfguide console`.",
+        ),
+    ] = None,
     as_json: AsJson = False,
 ) -> None:
     """Fly a whole formation on this computer.
@@ -119,8 +128,7 @@ def fly(
         refuse_without_live(speedup, link, console=console)
     if operator:
         refuse_orders(speedup, console=console)
-    if tiles is not None and not console:
-        raise InputError("--tiles: is the map on the page that --live --console shows; add both")
+    check_page(console=console, tiles=tiles, foxglove=foxglove)
     if force and out is None:
         raise InputError(
             "--force: nothing is replaced without --out; add --out DIR, or leave it out"
@@ -156,6 +164,7 @@ def fly(
             console=console,
             operator=operator,
             tiles=tiles,
+            foxglove=foxglove,
             out=out,
             force=force,
             as_json=as_json,
@@ -163,6 +172,21 @@ def fly(
     else:
         status = fly_virtually(changed, out=out, force=force, as_json=as_json)
     raise typer.Exit(status)
+
+
+def check_page(*, console: bool, tiles: str | None, foxglove: int | None) -> None:
+    """See that what goes with the page of a live flight has one.
+
+    Raises:
+        InputError: there is no page.
+        MissingLibraryError: Foxglove cannot be served; the text says which extra brings it.
+    """
+    if tiles is not None and not console:
+        raise InputError("--tiles: is the map on the page that --live --console shows; add both")
+    if foxglove is not None and not console:
+        raise InputError("--foxglove: is served beside the page of --live --console; add both")
+    if foxglove is not None:
+        require("foxglove")
 
 
 def refuse_orders(speedup: float | None, *, console: bool) -> None:

@@ -177,6 +177,7 @@ def fly_live(
     console: bool = False,
     operator: bool = False,
     tiles: str | None = None,
+    foxglove: int | None = None,
 ) -> int:
     """Fly a mission live, report, and return the exit status.
 
@@ -190,6 +191,7 @@ def fly_live(
         console: whether to show the flight on a page, whose address is printed.
         operator: whether orders can be given from there.
         tiles: file or address of the map on that page; None without one.
+        foxglove: port of loopback on which Foxglove is served beside that page; None for none.
 
     Raises:
         InputError: the directory cannot be written to or holds something else, or the speed-up is no speed.
@@ -221,6 +223,7 @@ def fly_live(
                     console=console,
                     operator=operator,
                     tiles=below,
+                    foxglove=foxglove,
                 )
             )
         return conclude(flight, kept, out=out, force=force, as_json=as_json)
@@ -260,6 +263,7 @@ async def flown_live(
     console: bool = False,
     operator: bool = False,
     tiles: TileSource | None = None,
+    foxglove: int | None = None,
 ) -> LockstepFlight:
     """The flight itself, to its end or until told to stop.
 
@@ -274,6 +278,7 @@ async def flown_live(
         console: whether to show the flight on a page.
         operator: whether orders can be given from there.
         tiles: the map on that page, if there is one.
+        foxglove: port on which Foxglove is served beside it, if it is.
 
     Raises:
         InputError: the mission has something that only virtual time has.
@@ -293,7 +298,9 @@ async def flown_live(
         _, presences = await stack.enter_async_context(watching(flight.watched, random=Random()))
         if console:
             await stack.enter_async_context(
-                console_of(mission, flight.watched, tell, operator=operator, tiles=tiles)
+                console_of(
+                    mission, flight.watched, tell, operator=operator, tiles=tiles, foxglove=foxglove
+                )
             )
         before, flies, interrupted = flight.accounts(), False, False
         async with (
@@ -379,6 +386,7 @@ async def console_of(
     *,
     operator: bool,
     tiles: TileSource | None = None,
+    foxglove: int | None = None,
 ) -> AsyncIterator[None]:
     """The flight on a page, whose address is told, and that of operators if there may be any."""
     # Here, because it brings the web server's libraries.
@@ -396,7 +404,12 @@ async def console_of(
         check_orders(Credentials(roster=watched.roster, key=watched.key))
         second = new_operator_token(None)
     async with live_console(
-        mission, watched, address=ConsoleAddress(port=0), operator_token=second, tiles=tiles
+        mission,
+        watched,
+        address=ConsoleAddress(port=0),
+        operator_token=second,
+        tiles=tiles,
+        foxglove=foxglove,
     ) as url:
         for line in addresses_of(url, second):
             tell(line)

@@ -12,7 +12,8 @@ import pytest
 from websockets.asyncio.client import connect
 
 from tests.kit.missions import shipped
-from vfguide.errors import VfguideError
+from vfguide.commands.fly import check_page
+from vfguide.errors import InputError, VfguideError
 from vfguide.lab.console.alarms import MODES, SERIES
 from vfguide.lab.console.foxglove import foxglove_stream
 
@@ -90,3 +91,11 @@ def test_a_port_that_is_taken_is_told_with_the_remedy():
             foxglove_stream(shipped("line-calm"), port),
         ):
             pass
+
+
+@pytest.mark.parametrize("option", [{"tiles": "map.mbtiles"}, {"foxglove": 8765}])
+def test_what_goes_with_the_page_of_a_flight_needs_one(option):
+    given = {"tiles": None, "foxglove": None} | option
+    with pytest.raises(InputError, match=r"--live --console.*; add both"):
+        check_page(console=False, **given)
+    check_page(console=True, tiles=None, foxglove=0)
