@@ -67,5 +67,5 @@ def test_a_pilot_takes_a_follower_for_a_while_and_gives_it_back(autopilot):
     off_m = slot_error(record.reference, f1).distance_m
     # It circles meanwhile, and is in its slot again afterwards.
     assert off_m[np.abs(record.time_s - 7.0) < 0.9].max() < 2.0
-    assert 20.0 < off_m.max() < 300.0
+    assert 100.0 < off_m.max() < 500.0
     assert off_m[-1] < 1.0
