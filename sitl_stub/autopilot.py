@@ -280,6 +280,11 @@ class Autopilot:
         """Let something be wrong with its reports."""
         self._sensors.faults.add(fault)
 
+    @property
+    def custom_mode(self) -> int:
+        """Number of the mode that it is in, as its heartbeats tell it."""
+        return self._flight.mode.custom_mode
+
     def truth(self) -> Truth:
         """The true, noise-free state now."""
         return truth_of(self._flight)

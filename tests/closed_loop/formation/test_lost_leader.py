@@ -58,7 +58,7 @@ def test_a_neighbour_ten_metres_away_that_is_lost_in_a_turn_is_climbed_over(lost
 @pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
 def test_a_pilot_takes_a_follower_for_a_while_and_gives_it_back(autopilot):
     taken = {"vehicle": "f1", "at_s": 8.0, "for_s": 6.0, "what": "guidance"}
-    mission = in_place("line-calm", duration_s=60.0, rate_hz=10.0, losses=[taken])
+    mission = in_place("line-calm", duration_s=90.0, rate_hz=10.0, losses=[taken])
     content = content_of(mission)
     for vehicle in content["vehicles"].values():
         vehicle["autopilot"] = autopilot

@@ -187,8 +187,9 @@ class Aircraft:
         self._emulator = emulator_of(mission, name)
         self._consent = MemoryStore()
         self._losses = tuple(loss for loss in rehearsal.losses if loss.vehicle == name)
-        self._lost = self._piloted = False
+        self._lost = False
         self._pilot = adapter_of(vehicle)
+        self._taken_from: int | None = None
         self._make: Callable[[], Companion] = lambda: Companion(
             plan,
             adapter_of(vehicle),
@@ -253,10 +254,16 @@ class Aircraft:
 
     def _turn_switch(self, now: float) -> None:
         """Have the pilot take the vehicle or give it back, as its switch does: nobody is told."""
-        if (piloted := self.loses("guidance", now)) != self._piloted:
-            self._piloted = piloted
-            wanted = self._pilot.hand_back() if piloted else self._pilot.engage()
-            self._emulator.receive(b"".join(one.pack(mavlink.MAVLink(None)) for one in wanted))
+        taken, before = self.loses("guidance", now), self._taken_from
+        if taken == (before is not None):
+            return
+        if before is None:
+            self._taken_from, wanted = self._emulator.custom_mode, self._pilot.hand_back()
+        else:
+            system_id = self._emulator.config.system_id
+            wanted = [mavlink.MAVLink_set_mode_message(system_id, 1, before)]
+            self._taken_from = None
+        self._emulator.receive(b"".join(one.pack(mavlink.MAVLink(None)) for one in wanted))
 
     def _fly_alone(self, now: float) -> None:
         """Fly on to this time without a companion; the next one knows nothing."""
