@@ -10,6 +10,7 @@ import traceback
 from contextlib import suppress
 from importlib import import_module
 from importlib.metadata import version as version_of
+from itertools import zip_longest
 from pathlib import Path
 from typing import Annotated, Any, cast
 
@@ -29,6 +30,8 @@ MATPLOTLIB = "MPLCONFIGDIR"
 
 UsageError = cast("type[typer.BadParameter]", typer.BadParameter.__base__)
 """Every error of wrong usage; Typer itself names only some of its kinds."""
+
+FOXGLOVE, FOXGLOVE_PORT = "--foxglove", "8765"
 
 SHOWN_FAULTS = 50
 """Faults of one file that are printed; a file with more is not a mission."""
@@ -58,7 +61,17 @@ class CommandGroup(TyperGroup):
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:  # noqa: ANN401 - of Typer's own Click
         """Find the command that is typed, and load it."""
         name, _, rest = super().resolve_command(ctx, args)
-        return name, loaded(name or ""), rest
+        return name, loaded(name or ""), with_usual_port(rest)
+
+
+def with_usual_port(args: list[str]) -> list[str]:
+    """Put Foxglove's usual port behind a `--foxglove` that names none: Typer has no optional values."""
+    found = []
+    for word, after in zip_longest(args, args[1:], fillvalue=""):
+        found.append(word)
+        if word == FOXGLOVE and not after.isdecimal():
+            found.append(FOXGLOVE_PORT)
+    return found
 
 
 app = typer.Typer(
@@ -119,6 +132,7 @@ EXAMPLES = {
     "bench robustness": ("vfguide bench robustness --quick",),
     "bench scale": ("vfguide bench scale --quick",),
     "bench monte-carlo": ("vfguide bench monte-carlo --formations 40 --law pid",),
+    "bench suite": ("vfguide bench suite --law slot --law pursuit --plugin examples/own_law.py",),
     "keys": ("vfguide keys make mission.yaml",),
     "keys make": ("vfguide keys make mission.yaml",),
     "keys show": ("vfguide keys show mission.yaml",),

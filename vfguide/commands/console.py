@@ -94,10 +94,10 @@ def console(
     foxglove: Annotated[
         int | None,
         typer.Option(
-            metavar="PORT",
+            metavar="[PORT]",
             min=0,
             max=65535,
-            help="Serve Foxglove and PlotJuggler, too, on loopback: such as 8765; 0 for any free port.",
+            help="Serve Foxglove and PlotJuggler, too, on loopback; 8765 if absent, 0 for any free port.",
         ),
     ] = None,
 ) -> None:

@@ -104,10 +104,10 @@ def fly(
     foxglove: Annotated[
         int | None,
         typer.Option(
-            metavar="PORT",
+            metavar="[PORT]",
             min=0,
             max=65535,
-            help="With --console: serve Foxglove and PlotJuggler, too, as of `vfguide console`.",
+            help="With --live: --console, and Foxglove and PlotJuggler are served, too; 8765 if absent.",
         ),
     ] = None,
     as_json: AsJson = False,
@@ -120,6 +120,7 @@ def fly(
     Exit status: 0 flown and within the mission's acceptance, or nothing is asked for, 1 flown but not within
     it, 2 the input is wrong, 3 the flight broke or was stopped.
     """
+    console = console or foxglove is not None
     if live:
         require(POSIX)
         # Here, because an aircraft's computer has no library that counts what processes take.
@@ -183,8 +184,6 @@ def check_page(*, console: bool, tiles: str | None, foxglove: int | None) -> Non
     """
     if tiles is not None and not console:
         raise InputError("--tiles: is the map on the page that --live --console shows; add both")
-    if foxglove is not None and not console:
-        raise InputError("--foxglove: is served beside the page of --live --console; add both")
     if foxglove is not None:
         require("foxglove")
 

@@ -9,7 +9,7 @@ import typer
 
 import sitl_stub.cli
 from vfguide.cli import COMMANDS as SUMMARIES
-from vfguide.cli import EXAMPLES, loaded
+from vfguide.cli import EXAMPLES, loaded, with_usual_port
 
 Command = Any  # of Typer's own Click
 
@@ -63,3 +63,17 @@ def test_examples_of_the_emulator_are_taken_too():
         program, *words = shlex.split(line)
         assert program == "sitl-stub"
         assert command.make_context(program, words).params
+
+
+@pytest.mark.parametrize(
+    ("typed", "meant"),
+    [
+        (["--foxglove"], ["--foxglove", "8765"]),
+        (["--foxglove", "m.yaml"], ["--foxglove", "8765", "m.yaml"]),
+        (["--foxglove", "0", "m.yaml"], ["--foxglove", "0", "m.yaml"]),
+        (["--foxglove", "--link", "udp://a:1"], ["--foxglove", "8765", "--link", "udp://a:1"]),
+        (["m.yaml", "--link", "8765"], ["m.yaml", "--link", "8765"]),
+    ],
+)
+def test_foxglove_has_a_usual_port(typed, meant):
+    assert with_usual_port(typed) == meant
