@@ -31,6 +31,7 @@ from vfguide.record.vehicle import (
     compose_vehicle,
     describe_vehicle,
     floats,
+    sound,
 )
 
 __all__ = [
@@ -265,9 +266,9 @@ def _compose(description: dict[str, Any], arrays: dict[str, AnyArray]) -> Flight
         plant=str(description["plant"]),
         wind=str(description["wind"]),
         mode=mode,
-        rate_hz=float(description["rate_hz"]),
+        rate_hz=sound(description["rate_hz"]),
         seed=int(description["seed"]),
-        duration_s=float(description["duration_s"]),
+        duration_s=sound(description["duration_s"]),
         wall_s=None,
         acceptance=_compose_acceptance(description["acceptance"]),
         # Records of earlier versions have none of these.
@@ -275,7 +276,7 @@ def _compose(description: dict[str, Any], arrays: dict[str, AnyArray]) -> Flight
         latency=compose_latency(latency) if (latency := description.get("latency")) else None,
         notes=tuple(str(note) for note in description.get("notes", ())),
         origin=_compose_origin(origin) if (origin := description.get("origin")) else None,
-        begin_unix_s=None if (begin := description.get("begin_unix_s")) is None else float(begin),
+        begin_unix_s=None if (begin := description.get("begin_unix_s")) is None else sound(begin),
         outlines=compose_outlines(description.get("outlines", []), arrays),
         events=compose_events(description.get("events", [])),
     )

@@ -207,10 +207,10 @@ def compose_vehicle(
         name=str(entry["name"]),
         role=role,
         system_id=int(entry["system_id"]),
-        slot_forward_m=float(entry["slot_forward_m"]),
-        slot_right_m=float(entry["slot_right_m"]),
+        slot_forward_m=sound(entry["slot_forward_m"]),
+        slot_right_m=sound(entry["slot_right_m"]),
         # Records of earlier versions do not tell.
-        slot_up_m=float(entry.get("slot_up_m", 0.0)),
+        slot_up_m=sound(entry.get("slot_up_m", 0.0)),
         limits=compose_limits(entry.get("limits")),
         response=compose_response(entry.get("response")),
         declared=compose_response(entry.get("declared")),
@@ -229,10 +229,22 @@ def compose_limits(entry: Any) -> FlightLimits | None:  # noqa: ANN401
     """Limits from their description; LookupError, TypeError or ValueError where it is none."""
     if entry is None:
         return None
-    found = FlightLimits(**{one.name: float(entry[one.name]) for one in fields(FlightLimits)})
+    found = FlightLimits(**{one.name: sound(entry[one.name]) for one in fields(FlightLimits)})
     if not all(math.isfinite(value) for value in found.describe().values()):
         raise ValueError("a limit is not finite")
     return found
+
+
+GREATEST = 1e15
+"""Nothing of a flight is as large, in whichever unit; its square can still be added up."""
+
+
+def sound(value: object) -> float:
+    """A number of a record's description; TypeError or ValueError where it is none of a flight."""
+    number = float(value)  # type: ignore[arg-type]
+    if not abs(number) <= GREATEST:
+        raise ValueError(f"{number:g} is no number of a flight")
+    return number
 
 
 def floats(arrays: dict[str, AnyArray], name: str) -> FloatArray:
@@ -240,4 +252,7 @@ def floats(arrays: dict[str, AnyArray], name: str) -> FloatArray:
     array = arrays[name]
     if not np.issubdtype(array.dtype, np.floating):
         raise ValueError(f"{name} holds no numbers")
-    return array.astype(np.float64)
+    values = array.astype(np.float64)
+    if np.any(np.abs(values) > GREATEST):
+        raise ValueError(f"{name} holds a number that nothing in a flight can be")
+    return values

@@ -2,12 +2,12 @@
 
 import gc
 import sqlite3
-from contextlib import closing
+from contextlib import closing, suppress
 from pathlib import Path
 from threading import Thread
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from vfguide.errors import InputError
@@ -143,6 +143,27 @@ def test_whatever_a_file_holds_it_is_a_map_or_one_line(tmp_path_factory, data, z
         assert "\n" not in str(error)  # noqa: PT017 - it may be a map as well
     else:
         assert found.greatest_zoom == zoom
+
+
+@settings(max_examples=60, deadline=None)
+@given(damage=st.lists(st.tuples(st.integers(0, 4095), st.integers(0, 255)), max_size=6))
+# SQLite complains of a damaged schema in its own bytes, which are no text.
+@example(damage=[(place, 0x94) for place in range(3900, 4096)])
+def test_a_damaged_map_is_a_map_or_one_line(tmp_path_factory, damage):
+    path = written(tmp_path_factory.mktemp("tiles") / "a.mbtiles", (4, 0, 0, JPEG), format="png")
+    content = bytearray(path.read_bytes())
+    for place, byte in damage:
+        content[place] = byte
+    path.write_bytes(content)
+    with suppress(InputError):
+        open_tiles(str(path))
+
+
+def test_a_damaged_schema_is_told_in_one_line(tmp_path):
+    path = written(tmp_path / "a.mbtiles", (4, 0, 0, JPEG))
+    path.write_bytes(path.read_bytes().replace(b"CREATE TABLE tiles", b"CREATE \x94\xc9BLE tiles"))
+    with pytest.raises(InputError, match=r"cannot be read as map tiles \(its tables are damaged\)"):
+        open_tiles(str(path))
 
 
 def test_tiles_of_a_server_are_allowed_from_that_server_alone():

@@ -7,7 +7,9 @@ import importlib.util
 import json
 import math
 import os
+import struct
 import sys
+import tracemalloc
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import asdict
@@ -581,3 +583,45 @@ def test_damage_is_one_line_or_is_skipped(tmp_path, ending, read, damage):
     with suppress(InputError):
         log = read(path)
         assert np.all(np.diff(log.telemetry.positions[:, 0]) >= 0.0)
+
+
+def ulog_of_formats(path: Path, *formats: str) -> None:
+    """A log that describes some topics, and has one message of the first."""
+    content = bytearray(b"ULog\x01\x12\x35\x01" + bytes(8))
+    entries = [(b"F", one.encode()) for one in formats]
+    name = formats[0].partition(":")[0].encode()
+    for kind, body in (*entries, (b"A", bytes(3) + name), (b"D", bytes(60))):
+        content += struct.pack("<Hc", len(body), kind) + body
+    path.write_bytes(content)
+
+
+@pytest.mark.parametrize(
+    "formats",
+    [
+        # Each of twelve topics holds the next two hundred times over.
+        [
+            "vehicle_global_position:uint64_t timestamp;t0 x;double lat;double lon;float alt;",
+            *(f"t{one}:t{one + 1}[100] a;t{one + 1}[100] b;" for one in range(12)),
+            "t12:uint8_t a;",
+        ],
+        ["vehicle_attitude:uint64_t timestamp;float[900000] q;"],
+        ["vehicle_attitude:vehicle_attitude[2] a;uint64_t timestamp;float[4] q;"],
+    ],
+)
+def test_a_small_log_that_describes_something_vast_takes_no_memory(logged, tmp_path, formats):
+    ulog_of_formats(tmp_path / "a.ulg", *formats)
+    tracemalloc.start()
+    with pytest.raises(InputError, match="tells no system id"):
+        read_log(tmp_path / "a.ulg", logged)
+    _, most = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert most < 1e6
+
+
+@pytest.mark.parametrize("name", ["a.BIN", "a.ulg", "a.tlog"])
+def test_a_log_of_zeros_is_one_line_and_prints_nothing(logged, tmp_path, name, capfd):
+    (tmp_path / name).write_bytes(bytes(5_000_000))
+    with pytest.raises(InputError) as caught:
+        read_log(tmp_path / name, logged)
+    assert "\n" not in str(caught.value)
+    assert capfd.readouterr() == ("", "")

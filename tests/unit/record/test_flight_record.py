@@ -191,6 +191,10 @@ def change(path: Path, **changes: object) -> None:
         {"rate_hz": "fast"},
         {"seed": None},
         {"seed": 1e999},
+        {"rate_hz": 1e308},
+        {"duration_s": 1e308},
+        {"time_s": np.array([1e308])},
+        {"vehicle_0_north_m": np.array([-1e308])},
     ],
 )
 def test_a_damaged_description_is_told_in_one_line(tmp_path, damage):

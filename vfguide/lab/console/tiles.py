@@ -233,8 +233,12 @@ class TileFile:
             return steps > most_steps or monotonic() > ends_s
 
         self._file.set_progress_handler(count, 1000)
-        with closing(self._file.execute(query, values)) as found:
-            row: tuple[object, ...] | None = found.fetchone()
+        try:
+            with closing(self._file.execute(query, values)) as found:
+                row: tuple[object, ...] | None = found.fetchone()
+        except UnicodeDecodeError as error:
+            # SQLite tells what is wrong with a damaged schema in the schema's own bytes.
+            raise sqlite3.DatabaseError("its tables are damaged") from error
         return row
 
     def _metadata(self) -> dict[str, str]:
