@@ -35,7 +35,8 @@ def analyse(
         list[Path],
         typer.Argument(
             metavar="LOG...",
-            help="ArduPilot's .BIN, PX4's .ulg or a .tlog, one for each vehicle; their system ids say whose.",
+            help="ArduPilot's .BIN, PX4's .ulg or a .tlog, one for each vehicle; their system ids say whose. "
+            "Or Paparazzi's exported .csv, named after the vehicles.",
         ),
     ],
     *,

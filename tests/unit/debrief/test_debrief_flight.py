@@ -34,6 +34,7 @@ from vfguide.lab.debrief.autopilot_log import AutopilotLog
 from vfguide.lab.debrief.dataflash import read_dataflash
 from vfguide.lab.debrief.flight import flight_of
 from vfguide.lab.debrief.logged_flight import logged_flight, read_log, satellite_offsets
+from vfguide.lab.debrief.paparazzi import from_utm
 from vfguide.lab.debrief.recordings import FORMATION_CLOCK, TIME_OF_DAY, collect
 from vfguide.lab.debrief.ulog import read_ulog, roll_of
 from vfguide.lab.report.geometry import slot_error
@@ -563,8 +564,93 @@ def test_a_pipe_is_not_waited_for(logged, tmp_path, name):
 
 
 def test_another_ending_is_refused(logged, tmp_path):
-    with pytest.raises(InputError, match=r"\.bin, \.ulg, \.tlog"):
+    with pytest.raises(InputError, match=r"\.bin, \.ulg, \.tlog, \.csv"):
         read_log(tmp_path / "a.log", logged)
+
+
+def write_paparazzi(path: Path, north_m: float, east_m: float, *, zone: int | None = None) -> None:
+    """The same flight as Paparazzi exports it, every GPS fix in two rows; in UTM if a zone is given."""
+    begin_s = foreign.BEGIN_UNIX_S - foreign.GPS_EPOCH_UNIX_S + foreign.LEAP_S
+    places = (
+        "GPS_lat(deg)\tGPS_long(deg)"
+        if zone is None
+        else "GPS:utm_zone\tGPS:utm_east\tGPS:utm_north"
+    )
+    lines = [
+        f"Time\tUTC\tGPS:course\t{places}\tATTITUDE:phi\tGPS:alt\tGPS:speed\tGPS:itow\tGPS:week"
+    ]
+    for row in range(200):
+        time_s, fix_s = row / 10.0, row // 2 / 5.0
+        week, second = divmod(begin_s + fix_s, 604_800.0)
+        latitude, longitude = foreign.place(fix_s, north_m, east_m)
+        # Near the equator and the middle of zone 32: 0.9996 of the distances on the ellipsoid.
+        utm_north = 0.9996 * latitude * foreign.METRES_OF_A_DEGREE * (1.0 - 0.00669438)
+        utm_east = 500e3 + 0.9996 * (longitude - 9.0) * foreign.METRES_OF_A_DEGREE
+        place = f"{latitude:.9f}\t{longitude:.9f}"
+        if zone is not None:
+            place = f"{zone}\t{100 * utm_east:.0f}\t{100 * utm_north:.0f}"
+        lines.append(
+            f"{7.0 + time_s:.3f}\t12:00:00.0\t0\t{place}\t0.17\t100000\t2000\t{1e3 * second:.0f}\t{week:.0f}"
+        )
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+@pytest.mark.parametrize("separator", ["\t", ";", ","])
+def test_exports_of_paparazzi_are_joined_by_satellite_time(logged, tmp_path, separator):
+    for name, north_m, east_m in (("lead", 0.0, 0.0), ("f1", -27.0, 6.0)):
+        path = tmp_path / f"{name}.csv"
+        write_paparazzi(path, north_m, east_m)
+        path.write_text(path.read_text(encoding="utf-8").replace("\t", separator), encoding="utf-8")
+    record = flight_in(logged, [tmp_path / "lead.csv", tmp_path / "f1.csv"])
+    error = slot_error(record.leader, record.followers[0])
+    assert np.nanmax(np.abs(error.distance_m - 5.0)) < 0.05
+    assert record.begin_unix_s == pytest.approx(foreign.BEGIN_UNIX_S, abs=0.01)
+    assert np.nanmean(record.leader.ground_speed_m_s) == pytest.approx(20.0)
+    assert np.nanmean(record.leader.bank_rad) == pytest.approx(0.17)
+
+
+def test_utm_is_turned_into_degrees():
+    # Zone 32's middle is 9 degrees east; a metre on it is 0.9996 m there. 1 degree north of the equator is
+    # 110,574.4 m on the ellipsoid.
+    assert from_utm(500e3, 0.9996 * 110_574.4, 32, northern=True) == pytest.approx(
+        (1.0, 9.0), abs=1e-6
+    )
+    assert from_utm(500e3, 1e7 - 0.9996 * 110_574.4, 32, northern=False) == pytest.approx(
+        (-1.0, 9.0), abs=1e-6
+    )
+    # Heidelberg: 49.4 N, 8.7 E is 478,236 E, 5,471,906 N of zone 32 within some metres.
+    latitude, longitude = from_utm(478_236.0, 5_471_906.0, 32, northern=True)
+    assert (latitude, longitude) == pytest.approx((49.4, 8.7), abs=1e-3)
+
+
+def test_an_export_of_paparazzi_in_utm_is_read(logged, tmp_path):
+    write_paparazzi(tmp_path / "lead.csv", 0.0, 0.0, zone=32)
+    (log,) = read_log(tmp_path / "lead.csv", logged)
+    # At one degree from the middle of the zone the plane is off by less than 1e-4 of the distance from it.
+    assert log.telemetry.positions[0, 1:3] == pytest.approx((0.0, 8.0), abs=1e-4)
+
+
+def test_an_export_that_names_no_vehicle_says_how(logged, tmp_path):
+    write_paparazzi(tmp_path / "flight.csv", 0.0, 0.0)
+    with pytest.raises(
+        InputError, match=r"name the file after the vehicle, such as lead\.csv, f1\.csv"
+    ):
+        read_log(tmp_path / "flight.csv", logged)
+
+
+@settings(
+    max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
+@given(damage=st.lists(st.tuples(st.integers(0, 9_000), st.binary(max_size=8)), max_size=8))
+def test_a_damaged_export_is_one_line_or_is_skipped(logged, tmp_path, damage):
+    write_paparazzi(tmp_path / "lead.csv", 0.0, 0.0)
+    content = bytearray((tmp_path / "lead.csv").read_bytes())
+    for where, what in damage:
+        content[where : where + len(what)] = what
+    (tmp_path / "lead.csv").write_bytes(content)
+    with suppress(InputError):
+        (log,) = read_log(tmp_path / "lead.csv", logged)
+        assert np.all(np.diff(log.telemetry.positions[:, 0]) >= 0.0)
 
 
 @pytest.mark.parametrize(("ending", "read"), [(".BIN", read_dataflash), (".ulg", read_ulog)])

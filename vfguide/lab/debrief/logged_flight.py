@@ -44,7 +44,7 @@ ASKED_S = 2.0
 LOGGED_MODES = {Mode.WAITING.value: "not guided", Mode.TRACKING.value: "guided"}
 """What can be told of modes from an autopilot's log: whether setpoints came."""
 
-ENDINGS = (".bin", ".ulg", ".tlog")
+ENDINGS = (".bin", ".ulg", ".tlog", ".csv")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -71,6 +71,10 @@ def read_log(path: Path, mission: Mission) -> list[AutopilotLog]:
         from vfguide.lab.debrief.telemetry_log import read_telemetry_log
 
         return read_telemetry_log(path, mission)
+    if ending == ".csv":
+        from vfguide.lab.debrief.paparazzi import read_paparazzi
+
+        return [read_paparazzi(path, mission)]
     if ending == ".bin":
         from vfguide.lab.debrief.dataflash import read_dataflash
 
