@@ -1,6 +1,7 @@
 """Live data for Foxglove, as a client that speaks its protocol hears it."""
 
 import asyncio
+import base64
 import json
 import socket
 import struct
@@ -11,6 +12,7 @@ import numpy as np
 import pytest
 from websockets.asyncio.client import connect
 
+from tests.kit.foxglove import said
 from tests.kit.missions import shipped
 from vfguide.commands.fly import check_page
 from vfguide.errors import InputError, VfguideError
@@ -34,29 +36,34 @@ def picture() -> np.ndarray:
     return values
 
 
-async def heard_of(url: str, show: Any, topics: set[str]) -> dict[str, tuple[dict, dict]]:
-    """(schema, newest message) of each topic, subscribed to as it is advertised."""
-    found: dict[str, tuple[dict, dict]] = {}
+async def heard_of(url: str, show: Any, topics: set[str]) -> dict[str, Any]:
+    """What the newest message of each topic says, subscribed to as it is advertised."""
+    found: dict[str, Any] = {}
     channels: dict[int, dict] = {}
     async with asyncio.timeout(30.0), connect(url, subprotocols=["foxglove.sdk.v1"]) as client:
         while set(found) != topics:
             show()
             try:
-                said = await asyncio.wait_for(client.recv(), 0.1)
+                heard = await asyncio.wait_for(client.recv(), 0.1)
             except TimeoutError:
                 continue
-            if isinstance(said, str):
-                content = json.loads(said)
+            if isinstance(heard, str):
+                content = json.loads(heard)
                 if content["op"] == "advertise":
                     new = {one["id"]: one for one in content["channels"]}
                     channels |= new
                     asked = [{"id": number, "channelId": number} for number in new]
                     await client.send(json.dumps({"op": "subscribe", "subscriptions": asked}))
-            elif said[0] == 1:
-                _, number, _ = MESSAGE.unpack_from(said)
-                channel = channels[number]
-                schema = json.loads(channel["schema"])
-                found[channel["topic"]] = schema, json.loads(said[MESSAGE.size :])
+            elif heard[0] == 1:
+                _, number, _ = MESSAGE.unpack_from(heard)
+                channel, message = channels[number], heard[MESSAGE.size :]
+                name, encoding = channel["schemaName"], channel["encoding"]
+                schema = channel["schema"].encode()
+                if encoding == "protobuf":
+                    schema = base64.b64decode(schema)
+                else:
+                    jsonschema.validate(json.loads(message), json.loads(schema))
+                found[channel["topic"]] = said(name, encoding, schema, message)
     return found
 
 
@@ -72,15 +79,13 @@ async def test_a_client_hears_the_topics_of_the_export_and_each_message_is_what_
     with foxglove_stream(shipped("line-calm"), 0) as (stream, url):
         assert url.startswith("ws://127.0.0.1:")
         found = await heard_of(url, lambda: stream.show(picture()), TOPICS)
-    for schema, message in found.values():
-        jsonschema.validate(message, schema)
-    state = found["/f1/state"][1]
+    state = found["/f1/state"]
     assert (state["mode"], state["north_m"], state["altitude_amsl_m"]) == ("tracking", 120.0, 588.0)
-    assert "north_m" not in found["/f2/state"][1]
+    assert "north_m" not in found["/f2/state"]
     # 120 m north of the origin are 0.00108 degrees.
-    assert found["/f1/location"][1]["latitude"] == pytest.approx(47.397742 + 0.00108, abs=1e-5)
-    assert len(found["/scene/f1"][1]["entities"][0]["arrows"]) == 2
-    assert found["/scene/path"][1]["entities"][0]["lines"][0]["points"][0]["z"] == 100.0
+    assert found["/f1/location"].latitude == pytest.approx(47.397742 + 0.00108, abs=1e-5)
+    assert len(found["/scene/f1"].entities[0].arrows) == 2
+    assert found["/scene/path"].entities[0].lines[0].points[0].z == 100.0
 
 
 def test_a_port_that_is_taken_is_told_with_the_remedy():
@@ -93,9 +98,7 @@ def test_a_port_that_is_taken_is_told_with_the_remedy():
             pass
 
 
-@pytest.mark.parametrize("option", [{"tiles": "map.mbtiles"}, {"foxglove": 8765}])
-def test_what_goes_with_the_page_of_a_flight_needs_one(option):
-    given = {"tiles": None, "foxglove": None} | option
+def test_a_map_needs_the_page_of_a_flight():
     with pytest.raises(InputError, match=r"--live --console.*; add both"):
-        check_page(console=False, **given)
+        check_page(console=False, tiles="map.mbtiles", foxglove=None)
     check_page(console=True, tiles=None, foxglove=0)

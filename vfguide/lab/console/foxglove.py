@@ -3,13 +3,12 @@
 Foxglove, Lichtblick and PlotJuggler read it. Served on loopback alone.
 """
 
-import json
 import math
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from foxglove import Channel, Context, start_server
+from foxglove import Context, start_server
 
 from vfguide.companion.mission_plan import local_frame
 from vfguide.elementwise import FloatArray
@@ -18,17 +17,13 @@ from vfguide.lab.console.alarms import MODES, SERIES
 from vfguide.lab.console.model import drawn_path
 from vfguide.lab.export.columns import UNITS
 from vfguide.lab.export.foxglove import (
-    FRAME,
-    SCHEMAS,
-    Message,
-    arrow_at,
-    attitude,
-    colour_of,
-    label_at,
+    Topics,
+    aircraft,
     path_line,
+    placing,
     put_line,
     scene,
-    stamp,
+    stamp_of,
 )
 from vfguide.lab.report.colours import colours_of
 from vfguide.mission import Mission
@@ -42,27 +37,10 @@ PATH_EVERY = 50
 """Pictures from one path to the next: who comes later sees it, too."""
 
 
-class LiveTopics:
-    """Sends messages by topic; makes each topic when it first comes."""
-
-    def __init__(self, context: Context) -> None:
-        """Send to whoever listens in this context."""
-        self._context = context
-        self._channels: dict[str, Channel] = {}
-
-    def put(self, topic: str, schema: str, time_ns: int, message: Message) -> None:
-        """Send one message."""
-        channel = self._channels.get(topic)
-        if channel is None:
-            channel = Channel(topic, schema=SCHEMAS[schema], context=self._context)
-            self._channels[topic] = channel
-        channel.log(json.dumps(message, allow_nan=False).encode(), log_time=time_ns)
-
-
 class FoxgloveStream:
     """Makes messages of the console's pictures."""
 
-    def __init__(self, mission: Mission, topics: LiveTopics) -> None:
+    def __init__(self, mission: Mission, topics: Topics) -> None:
         """Have shown nothing yet.
 
         Args:
@@ -83,7 +61,7 @@ class FoxgloveStream:
         now_ns = time.time_ns()
         if self._count % PATH_EVERY == 0:
             path = scene("path", now_ns, lines=[self._path])
-            self._topics.put("/scene/path", "foxglove.SceneUpdate", now_ns, path)
+            self._topics.put("/scene/path", now_ns, path)
         self._count += 1
         rows = [dict(zip(SERIES, row, strict=True)) for row in values.tolist()]
         for name, row in zip(self._names, rows, strict=True):
@@ -98,53 +76,28 @@ class FoxgloveStream:
             put_line(self._topics, name, mode, now_ns)
         known = {NAMED_OTHERWISE.get(one, one): value for one, value in row.items()}
         north, east, altitude = (known[one] for one in ("north_m", "east_m", "altitude_amsl_m"))
-        placed = all(math.isfinite(one) for one in (north, east, altitude))
-        if placed:
+        if math.isfinite(north) and math.isfinite(east):
             place = self._frame.to_geodetic(north, east)
             known |= dict(zip(("latitude_deg", "longitude_deg"), place, strict=True))
         numbers = {
             one: value for one, value in known.items() if one in UNITS and math.isfinite(value)
         }
-        time_of = {"timestamp": stamp(now_ns)}
-        put(f"/{name}/state", "vfguide.VehicleState", now_ns, {**time_of, "mode": mode, **numbers})
-        if not placed:
+        state = {"timestamp": stamp_of(now_ns), "mode": mode, **numbers}
+        put(f"/{name}/state", now_ns, state)
+        if not placing(self._topics, name, numbers, self._frame.altitude_m, now_ns):
             return
-        fix: Message = {
-            **time_of,
-            "frame_id": name,
-            "latitude": numbers["latitude_deg"],
-            "longitude": numbers["longitude_deg"],
-            "altitude": altitude,
-            "position_covariance": [0.0] * 9,
-            "position_covariance_type": 0,
-        }
-        put(f"/{name}/location", "foxglove.LocationFix", now_ns, fix)
-        heading, up = row["heading_deg"], altitude - self._frame.altitude_m
-        bank = numbers.get("bank_deg", 0.0)
-        transform: Message = {
-            **time_of,
-            "parent_frame_id": FRAME,
-            "child_frame_id": name,
-            "translation": {"x": east, "y": north, "z": up},
-            "rotation": dict(zip("xyzw", attitude(heading, bank), strict=True)),
-        }
-        put("/tf", "foxglove.FrameTransform", now_ns, transform)
-        colour = self._colours[name]
-        arrow = arrow_at(east, north, up, heading, colour_of(colour, 1.0))
-        if arrow is None:
-            return
-        slot = None
+        origin, slot = self._frame.altitude_m, None
         if name != self._names[0]:
-            slot = arrow_at(
+            slot = (
                 row["slot_east_m"],
                 row["slot_north_m"],
-                row["slot_altitude_m"] - self._frame.altitude_m,
+                row["slot_altitude_m"] - origin,
                 leader_course,
-                colour_of(colour, 0.3),
             )
-        label = label_at(arrow, name, colour)
-        message = scene(name, now_ns, arrows=[arrow, *([slot] if slot else [])], texts=[label])
-        put(f"/scene/{name}", "foxglove.SceneUpdate", now_ns, message)
+        at = (east, north, altitude - origin, row["heading_deg"])
+        message = aircraft(name, self._colours[name], at, slot, now_ns)
+        if message is not None:
+            put(f"/scene/{name}", now_ns, message)
 
 
 @contextmanager
@@ -167,6 +120,6 @@ def foxglove_stream(mission: Mission, port: int) -> Iterator[tuple[FoxgloveStrea
             f"--foxglove {port}: cannot be served ({error}); choose another port, or 0 for a free one"
         ) from error
     try:
-        yield FoxgloveStream(mission, LiveTopics(context)), f"ws://{HOST}:{server.port}"
+        yield FoxgloveStream(mission, Topics(context)), f"ws://{HOST}:{server.port}"
     finally:
         server.stop()

@@ -1,147 +1,55 @@
 """MCAP for Foxglove, Lichtblick and PlotJuggler: places on a map, aircraft in 3D, every number, the modes.
 
-Messages that Foxglove and Lichtblick draw by themselves, described as JSON Schema.
-
-The names, fields and units of `foxglove.…` are Foxglove's well-known message types: https://docs.foxglove.dev/docs/sdk/schemas.
-Only the fields that are written here are described.
+Messages are those of Foxglove's SDK, which Foxglove and Lichtblick draw by themselves; all numbers of a
+vehicle are JSON with a schema of its own.
 """
 
 import json
 import math
-from importlib.metadata import version
 from itertools import pairwise
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
-from mcap.writer import Writer
+from foxglove import Channel, Context, open_mcap
+from foxglove.messages import (
+    ArrowPrimitive,
+    Color,
+    FrameTransform,
+    LinePrimitive,
+    LocationFix,
+    Log,
+    LogLevel,
+    Point3,
+    Pose,
+    Quaternion,
+    SceneEntity,
+    SceneUpdate,
+    TextPrimitive,
+    Timestamp,
+    Vector3,
+)
 
 from vfguide.lab.export.columns import UNITS, Part, begin_of, parts_of
 from vfguide.lab.report.colours import vehicle_colours
 from vfguide.lab.report.geometry import slot_track
 from vfguide.record.flight import FlightRecord, VehicleRecord
 
-Schema = dict[str, Any]
-
-NUMBER: Schema = {"type": "number"}
-TEXT: Schema = {"type": "string"}
-
-
-def structure(title: str, **fields: Schema) -> Schema:
-    """An object with these fields."""
-    return {"title": title, "type": "object", "properties": fields}
-
-
-def listing(of: Schema) -> Schema:
-    """An array."""
-    return {"type": "array", "items": of}
-
-
-def seconds(title: str) -> Schema:
-    """A time or a duration, of seconds and nanoseconds."""
-    whole = {"type": "integer", "minimum": 0}
-    return structure(title, sec=whole, nsec={**whole, "maximum": 999_999_999})
-
-
-TIME = seconds("time")
-VECTOR = structure("foxglove.Vector3", x=NUMBER, y=NUMBER, z=NUMBER)
-POINT = structure("foxglove.Point3", x=NUMBER, y=NUMBER, z=NUMBER)
-QUATERNION = structure("foxglove.Quaternion", x=NUMBER, y=NUMBER, z=NUMBER, w=NUMBER)
-POSE = structure("foxglove.Pose", position=VECTOR, orientation=QUATERNION)
-COLOUR = structure("foxglove.Color", r=NUMBER, g=NUMBER, b=NUMBER, a=NUMBER)
-
-ARROW = structure(
-    "foxglove.ArrowPrimitive",
-    pose=POSE,
-    shaft_length=NUMBER,
-    shaft_diameter=NUMBER,
-    head_length=NUMBER,
-    head_diameter=NUMBER,
-    color=COLOUR,
-)
-TEXT_MARK = structure(
-    "foxglove.TextPrimitive",
-    pose=POSE,
-    billboard={"type": "boolean"},
-    font_size=NUMBER,
-    scale_invariant={"type": "boolean"},
-    color=COLOUR,
-    text=TEXT,
-)
-LINE = structure(
-    "foxglove.LinePrimitive",
-    type={"type": "integer"},
-    pose=POSE,
-    thickness=NUMBER,
-    scale_invariant={"type": "boolean"},
-    points=listing(POINT),
-    color=COLOUR,
-    colors=listing(COLOUR),
-    indices=listing({"type": "integer", "minimum": 0}),
-)
-ENTITY = structure(
-    "foxglove.SceneEntity",
-    timestamp=TIME,
-    frame_id=TEXT,
-    id=TEXT,
-    lifetime=seconds("duration"),
-    frame_locked={"type": "boolean"},
-    metadata=listing(structure("foxglove.KeyValuePair", key=TEXT, value=TEXT)),
-    arrows=listing(ARROW),
-    lines=listing(LINE),
-    texts=listing(TEXT_MARK),
-)
-
-SCHEMAS: dict[str, Schema] = {
-    "foxglove.LocationFix": structure(
-        "foxglove.LocationFix",
-        timestamp=TIME,
-        frame_id=TEXT,
-        latitude=NUMBER,
-        longitude=NUMBER,
-        altitude=NUMBER,
-        position_covariance={**listing(NUMBER), "minItems": 9, "maxItems": 9},
-        position_covariance_type={"type": "integer", "enum": [0, 1, 2, 3]},
-    ),
-    "foxglove.FrameTransform": structure(
-        "foxglove.FrameTransform",
-        timestamp=TIME,
-        parent_frame_id=TEXT,
-        child_frame_id=TEXT,
-        translation=VECTOR,
-        rotation=QUATERNION,
-    ),
-    "foxglove.SceneUpdate": structure(
-        "foxglove.SceneUpdate",
-        deletions=listing(
-            structure(
-                "foxglove.SceneEntityDeletion",
-                timestamp=TIME,
-                type={"type": "integer"},
-                id=TEXT,
-            )
-        ),
-        entities=listing(ENTITY),
-    ),
-    "foxglove.Log": structure(
-        "foxglove.Log",
-        timestamp=TIME,
-        level={"type": "integer", "enum": [0, 1, 2, 3, 4, 5]},
-        message=TEXT,
-        name=TEXT,
-        file=TEXT,
-        line={"type": "integer", "minimum": 0},
-    ),
-    "vfguide.VehicleState": structure(
-        "vfguide.VehicleState",
-        timestamp=TIME,
-        mode=TEXT,
-        limited={"type": "boolean"},
+STATE: dict[str, Any] = {
+    "title": "vfguide.VehicleState",
+    "type": "object",
+    "properties": {
+        "timestamp": {
+            "type": "object",
+            "title": "time",
+            "properties": {"sec": {"type": "integer"}, "nsec": {"type": "integer"}},
+        },
+        "mode": {"type": "string"},
+        "limited": {"type": "boolean"},
         **{name: {"type": "number", "description": unit} for name, unit in UNITS.items()},
-    ),
+    },
 }
-"""Every message that is written, by its name."""
-
+"""All numbers of a vehicle that are known."""
 
 FRAME = "formation"
 """The local frame: x east, y north, z up from the origin's height."""
@@ -149,13 +57,21 @@ FRAME = "formation"
 FINEST_STEP_S = 0.2
 """s between two pictures of the scene; numbers keep the record's own steps."""
 
+SECOND_NS = 1_000_000_000
+
+PLACE = ("latitude_deg", "longitude_deg", "altitude_amsl_m", "north_m", "east_m")
+"""Numbers that say where a vehicle is."""
+
 ARROW_M = 6.0
 """Length of an aircraft in the scene, m."""
 
-INFO, WARNING = 2, 3
-"""Levels of a line of the log, as Foxglove counts them."""
+LEVEL = Quaternion(x=0.0, y=0.0, z=0.0, w=1.0)
+"""No turn."""
 
-Message = dict[str, object]
+Message = FrameTransform | LocationFix | Log | SceneUpdate
+State = dict[str, Any]
+Stand = tuple[float, float, float, float]
+"""East, north and up in the local frame, m, and the heading in degrees."""
 
 
 def write_mcap(record: FlightRecord, path: Path) -> None:
@@ -165,98 +81,74 @@ def write_mcap(record: FlightRecord, path: Path) -> None:
         OSError: it cannot be written.
         InputError: the record does not say where on the earth it was flown.
     """
-    with path.open("wb") as file:
-        writer = Writer(file)
-        writer.start(profile="", library=f"vfguide {version('vfguide')}")
-        topics = FoxgloveTopics(writer)
-        begin_ns = round(begin_of(record) * 1e9)
+    context, begin_ns = Context(), round(begin_of(record) * 1e9)
+    with (
+        path.open("wb") as file,
+        open_mcap(file, context=context) as writer,
+    ):
+        topics = Topics(context)
         put_path(record, topics, begin_ns)
         for part in parts_of(record):
             put_part(record, part, topics, begin_ns)
         for event in record.events:
             # Modes are those of the samples, of records of all versions.
             if event.kind != "mode":
-                level = WARNING if event.warning else INFO
+                level = LogLevel.Warning if event.warning else LogLevel.Info
                 time_ns = begin_ns + round(event.time_s * 1e9)
                 put_line(topics, event.vehicle, event.text, time_ns, level=level)
-        writer.add_metadata("flight", {"mission": record.mission, "mode": record.mode})
-        writer.finish()  # type: ignore[no-untyped-call] # the library leaves it without types
+        writer.write_metadata("flight", {"mission": record.mission, "mode": record.mode})
 
 
-class TopicSink(Protocol):
-    """Whatever takes messages by topic."""
+class Topics:
+    """Messages by topic; each topic is made when it first comes."""
 
-    def put(self, topic: str, schema: str, time_ns: int, message: Message) -> None:
-        """Take one message, of a time in ns since 1970."""
+    def __init__(self, context: Context) -> None:
+        """Send to whoever writes or listens in this context."""
+        self._context = context
+        self._channels: dict[str, Channel] = {}
 
-
-class FoxgloveTopics:
-    """Writes messages by topic; registers each topic and schema when it first comes."""
-
-    def __init__(self, writer: Writer) -> None:
-        """Write with this writer."""
-        self._writer = writer
-        self._schemas: dict[str, int] = {}
-        self._channels: dict[str, int] = {}
-
-    def put(self, topic: str, schema: str, time_ns: int, message: Message) -> None:
-        """Write one message."""
-        if schema not in self._schemas:
-            text = json.dumps(SCHEMAS[schema]).encode()
-            self._schemas[schema] = self._writer.register_schema(schema, "jsonschema", text)
-        if topic not in self._channels:
-            self._channels[topic] = self._writer.register_channel(
-                topic, "json", self._schemas[schema]
+    def put(self, topic: str, time_ns: int, message: Message | State) -> None:
+        """Send one message, of a time in ns since 1970."""
+        channel = self._channels.get(topic)
+        if isinstance(message, dict):
+            schema: Any = STATE
+            encoding, data = "json", json.dumps(message, allow_nan=False).encode()
+        else:
+            schema = message.get_schema()
+            encoding, data = "protobuf", message.encode()
+        if channel is None:
+            channel = self._channels[topic] = Channel(
+                topic, schema=schema, message_encoding=encoding, context=self._context
             )
-        self._writer.add_message(
-            channel_id=self._channels[topic],
-            log_time=time_ns,
-            publish_time=time_ns,
-            data=json.dumps(message, allow_nan=False).encode(),
-        )
+        channel.log(data, log_time=time_ns)
 
 
-def put_path(record: FlightRecord, topics: FoxgloveTopics, time_ns: int) -> None:
+def put_path(record: FlightRecord, topics: Topics, time_ns: int) -> None:
     """The planned path, once and for good."""
     height = record.leader.altitude_amsl_m
     known = height[np.isfinite(height)]
     up = float(known[0]) - altitude_of_origin(record) if known.size else 0.0
     line = path_line(record.path_east_m.tolist(), record.path_north_m.tolist(), up)
-    topics.put("/scene/path", "foxglove.SceneUpdate", time_ns, scene("path", time_ns, lines=[line]))
+    topics.put("/scene/path", time_ns, scene("path", time_ns, lines=[line]))
 
 
-def path_line(east_m: list[float], north_m: list[float], up_m: float) -> Message:
+def path_line(east_m: list[float], north_m: list[float], up_m: float) -> LinePrimitive:
     """A line along a path at a height above the origin, m; without the points that are not known."""
     points = [
-        {"x": east, "y": north, "z": up_m}
+        Point3(x=east, y=north, z=up_m)
         for east, north in zip(east_m, north_m, strict=True)
         if math.isfinite(east) and math.isfinite(north)
     ]
-    return {
-        "type": 0,
-        "pose": pose(0.0, 0.0, 0.0, (0.0, 0.0, 0.0, 1.0)),
-        "thickness": 2.0,
-        "scale_invariant": True,
-        "points": points,
-        "color": colour_of("#9aa0a8", 0.8),
-        "colors": [],
-        "indices": [],
-    }
+    return LinePrimitive(
+        pose=Pose(position=Vector3(), orientation=LEVEL),
+        thickness=2.0,
+        scale_invariant=True,
+        points=points,
+        color=colour_of("#9aa0a8", 0.8),
+    )
 
 
-def label_at(arrow: Message, name: str, colour: str) -> Message:
-    """A vehicle's name at its arrow."""
-    return {
-        "pose": arrow["pose"],
-        "billboard": True,
-        "font_size": 14.0,
-        "scale_invariant": True,
-        "color": colour_of(colour, 1.0),
-        "text": name,
-    }
-
-
-def put_part(record: FlightRecord, part: Part, topics: FoxgloveTopics, begin_ns: int) -> None:
+def put_part(record: FlightRecord, part: Part, topics: Topics, begin_ns: int) -> None:
     """Some samples of one vehicle."""
     vehicle = part.vehicle
     step_s = record.duration_s / max(record.time_s.size - 1, 1)
@@ -265,26 +157,24 @@ def put_part(record: FlightRecord, part: Part, topics: FoxgloveTopics, begin_ns:
     for number, time_s in enumerate(part.time_s.tolist()):
         time_ns = begin_ns + round(time_s * 1e9)
         sample = first + number
-        topics.put(
-            f"/{vehicle.name}/state", "vfguide.VehicleState", time_ns, state(part, number, time_ns)
-        )
+        topics.put(f"/{vehicle.name}/state", time_ns, state(part, number, time_ns))
         if number == 0 and first == 0:
             put_line(topics, vehicle.name, part.modes[0], time_ns)
         if number % every == 0:
             put_place(record, part, number, topics, time_ns)
             message = arrows_of(record, vehicle, sample, time_ns)
             if message is not None:
-                topics.put(f"/scene/{vehicle.name}", "foxglove.SceneUpdate", time_ns, message)
+                topics.put(f"/scene/{vehicle.name}", time_ns, message)
     for time_s, (before, after) in zip(part.time_s[1:].tolist(), pairwise(part.modes), strict=True):
         if before != after:
             put_line(topics, vehicle.name, after, begin_ns + round(time_s * 1e9))
 
 
-def state(part: Part, number: int, time_ns: int) -> Message:
+def state(part: Part, number: int, time_ns: int) -> State:
     """All numbers of a vehicle that are known."""
     values = {name: float(column[number]) for name, column in part.numbers.items()}
     return {
-        "timestamp": stamp(time_ns),
+        "timestamp": stamp_of(time_ns),
         "mode": part.modes[number],
         "limited": part.limited[number],
         **{name: value for name, value in values.items() if math.isfinite(value)},
@@ -292,126 +182,136 @@ def state(part: Part, number: int, time_ns: int) -> Message:
 
 
 def put_line(
-    topics: TopicSink, vehicle: str, text: str, time_ns: int, *, level: int = INFO
+    topics: Topics, vehicle: str, text: str, time_ns: int, *, level: LogLevel = LogLevel.Info
 ) -> None:
-    """A line of the log, of a vehicle's companion."""
-    message: Message = {
-        "timestamp": stamp(time_ns),
-        "level": level,
-        "message": f"{vehicle}: {text}",
-        "name": vehicle,
-        "file": "",
-        "line": 0,
-    }
-    topics.put("/log", "foxglove.Log", time_ns, message)
+    """Put a line of a vehicle's companion into the log."""
+    message = Log(timestamp=stamp(time_ns), level=level, message=f"{vehicle}: {text}", name=vehicle)
+    topics.put("/log", time_ns, message)
 
 
-def put_place(
-    record: FlightRecord, part: Part, number: int, topics: FoxgloveTopics, time_ns: int
-) -> None:
-    """Where a vehicle is on the earth, and in the local frame."""
-    numbers = part.numbers
-    place = [float(numbers[name][number]) for name in ("latitude_deg", "longitude_deg")]
-    north, east = (float(numbers[name][number]) for name in ("north_m", "east_m"))
-    altitude = float(numbers["altitude_amsl_m"][number])
-    if not all(math.isfinite(one) for one in (*place, north, east, altitude)):
-        return
-    name = part.vehicle.name
-    fix: Message = {
-        "timestamp": stamp(time_ns),
-        "frame_id": name,
-        "latitude": place[0],
-        "longitude": place[1],
-        "altitude": altitude,
-        "position_covariance": [0.0] * 9,
-        "position_covariance_type": 0,
-    }
-    topics.put(f"/{name}/location", "foxglove.LocationFix", time_ns, fix)
-    heading, bank = (float(numbers[one][number]) for one in ("heading_deg", "bank_deg"))
-    turn = attitude(heading, bank if math.isfinite(bank) else 0.0)
-    up = altitude - altitude_of_origin(record)
-    transform: Message = {
-        "timestamp": stamp(time_ns),
-        "parent_frame_id": FRAME,
-        "child_frame_id": name,
-        "translation": {"x": east, "y": north, "z": up},
-        "rotation": dict(zip("xyzw", turn, strict=True)),
-    }
-    topics.put("/tf", "foxglove.FrameTransform", time_ns, transform)
+def put_place(record: FlightRecord, part: Part, number: int, topics: Topics, time_ns: int) -> None:
+    """Put where a vehicle is on the earth, and in the local frame."""
+    row = {name: float(column[number]) for name, column in part.numbers.items()}
+    placing(topics, part.vehicle.name, row, altitude_of_origin(record), time_ns)
+
+
+def placing(
+    topics: Topics, name: str, row: dict[str, float], origin_m: float, time_ns: int
+) -> bool:
+    """Put where a vehicle is; return whether that is known.
+
+    Args:
+        topics: what takes it.
+        name: of the vehicle.
+        row: its numbers by their names.
+        origin_m: height of the local frame's origin, above mean sea level.
+        time_ns: since 1970.
+    """
+    known = [row.get(one, math.nan) for one in PLACE]
+    if not all(math.isfinite(one) for one in known):
+        return False
+    latitude, longitude, altitude, north, east = known
+    bank = row.get("bank_deg", 0.0)
+    fix = LocationFix(
+        timestamp=stamp(time_ns),
+        frame_id=name,
+        latitude=latitude,
+        longitude=longitude,
+        altitude=altitude,
+    )
+    topics.put(f"/{name}/location", time_ns, fix)
+    transform = FrameTransform(
+        timestamp=stamp(time_ns),
+        parent_frame_id=FRAME,
+        child_frame_id=name,
+        translation=Vector3(x=east, y=north, z=altitude - origin_m),
+        rotation=turned_to(row.get("heading_deg", math.nan), bank if math.isfinite(bank) else 0.0),
+    )
+    topics.put("/tf", time_ns, transform)
+    return True
 
 
 def arrows_of(
     record: FlightRecord, vehicle: VehicleRecord, sample: int, time_ns: int
-) -> Message | None:
+) -> SceneUpdate | None:
     """An arrow and a name for a vehicle, a pale arrow for its slot; None where its place is not known."""
-    colour = vehicle_colours(record)[vehicle.name]
     origin = altitude_of_origin(record)
-    heading = float(np.degrees(vehicle.heading_rad[sample]))
-    arrow = arrow_at(
+    at = (
         float(vehicle.east_m[sample]),
         float(vehicle.north_m[sample]),
         float(vehicle.altitude_amsl_m[sample]) - origin,
-        heading,
-        colour_of(colour, 1.0),
+        float(np.degrees(vehicle.heading_rad[sample])),
     )
-    if arrow is None:
-        return None
-    label = label_at(arrow, vehicle.name, colour)
-    arrows = [arrow]
+    slot = None
     if vehicle.role == "follower":
         leader, here = record.reference, slice(sample, sample + 1)
         north, east = slot_track(leader, *vehicle.slot_m)
-        slot = arrow_at(
+        slot = (
             float(east[here][0]),
             float(north[here][0]),
             float((leader.altitude_amsl_m + vehicle.slot_height_m)[sample]) - origin,
             float(np.degrees(leader.course_rad[sample])),
-            colour_of(colour, 0.3),
         )
-        arrows += [slot] if slot else []
-    return scene(vehicle.name, time_ns, arrows=arrows, texts=[label])
+    return aircraft(vehicle.name, vehicle_colours(record)[vehicle.name], at, slot, time_ns)
 
 
-def arrow_at(
-    east_m: float, north_m: float, up_m: float, heading_deg: float, colour: Message
-) -> Message | None:
-    """An arrow whose middle is a place; None where that is not known."""
-    if not all(math.isfinite(one) for one in (east_m, north_m, up_m, heading_deg)):
+def aircraft(
+    name: str, colour: str, at: Stand, slot: Stand | None, time_ns: int
+) -> SceneUpdate | None:
+    """A vehicle's arrow with its name, and its slot's as far as that is known; None if its own is not."""
+    if not is_known(at):
         return None
+    arrows = [arrow_at(at, colour_of(colour, 1.0))]
+    if slot is not None and is_known(slot):
+        arrows.append(arrow_at(slot, colour_of(colour, 0.3)))
+    label = TextPrimitive(
+        pose=pose_at(at),
+        billboard=True,
+        font_size=14.0,
+        scale_invariant=True,
+        color=colour_of(colour, 1.0),
+        text=name,
+    )
+    return scene(name, time_ns, arrows=arrows, texts=[label])
+
+
+def is_known(stand: Stand) -> bool:
+    """Whether every number of a place is known."""
+    return all(math.isfinite(one) for one in stand)
+
+
+def pose_at(stand: Stand) -> Pose:
+    """Where an arrow begins whose middle is a place."""
+    east, north, up, heading_deg = stand
     back_east = 0.5 * ARROW_M * math.sin(math.radians(heading_deg))
     back_north = 0.5 * ARROW_M * math.cos(math.radians(heading_deg))
-    return {
-        "pose": pose(east_m - back_east, north_m - back_north, up_m, attitude(heading_deg, 0.0)),
-        "shaft_length": 0.6 * ARROW_M,
-        "shaft_diameter": 0.2 * ARROW_M,
-        "head_length": 0.4 * ARROW_M,
-        "head_diameter": 0.5 * ARROW_M,
-        "color": colour,
-    }
+    place = Vector3(x=east - back_east, y=north - back_north, z=up)
+    return Pose(position=place, orientation=turned_to(heading_deg, 0.0))
 
 
-def scene(name: str, time_ns: int, **primitives: list[Message]) -> Message:
+def arrow_at(stand: Stand, colour: Color) -> ArrowPrimitive:
+    """An arrow whose middle is a place."""
+    return ArrowPrimitive(
+        pose=pose_at(stand),
+        shaft_length=0.6 * ARROW_M,
+        shaft_diameter=0.2 * ARROW_M,
+        head_length=0.4 * ARROW_M,
+        head_diameter=0.5 * ARROW_M,
+        color=colour,
+    )
+
+
+def scene(name: str, time_ns: int, **primitives: Any) -> SceneUpdate:  # noqa: ANN401 - lists of each kind
     """An entity that stands until the next of its name."""
-    empty: dict[str, list[Message]] = {"arrows": [], "lines": [], "texts": []}
-    entity = {
-        "timestamp": stamp(time_ns),
-        "frame_id": FRAME,
-        "id": name,
-        "lifetime": {"sec": 0, "nsec": 0},
-        "frame_locked": True,
-        "metadata": [],
-        **empty,
-        **primitives,
-    }
-    return {"deletions": [], "entities": [entity]}
+    entity = SceneEntity(
+        timestamp=stamp(time_ns), frame_id=FRAME, id=name, frame_locked=True, **primitives
+    )
+    return SceneUpdate(entities=[entity])
 
 
-def pose(x: float, y: float, z: float, orientation: tuple[float, float, float, float]) -> Message:
-    """A place and a direction."""
-    return {
-        "position": {"x": x, "y": y, "z": z},
-        "orientation": dict(zip("xyzw", orientation, strict=True)),
-    }
+def turned_to(heading_deg: float, bank_deg: float) -> Quaternion:
+    """An attitude as Foxglove writes it."""
+    return Quaternion(**dict(zip("xyzw", attitude(heading_deg, bank_deg), strict=True)))
 
 
 def attitude(heading_deg: float, bank_deg: float) -> tuple[float, float, float, float]:
@@ -431,16 +331,20 @@ def attitude(heading_deg: float, bank_deg: float) -> tuple[float, float, float, 
     )
 
 
-def colour_of(code: str, opacity: float) -> Message:
+def colour_of(code: str, opacity: float) -> Color:
     """A colour such as #0072b2."""
     red, green, blue = (int(code[place : place + 2], 16) / 255.0 for place in (1, 3, 5))
-    return {"r": red, "g": green, "b": blue, "a": opacity}
+    return Color(r=red, g=green, b=blue, a=opacity)
 
 
-def stamp(time_ns: int) -> Message:
+def stamp_of(time_ns: int) -> State:
+    """A time in JSON, as Foxglove reads it."""
+    return dict(zip(("sec", "nsec"), divmod(time_ns, SECOND_NS), strict=True))
+
+
+def stamp(time_ns: int) -> Timestamp:
     """A time as Foxglove writes it."""
-    seconds, nanoseconds = divmod(time_ns, 1_000_000_000)
-    return {"sec": seconds, "nsec": nanoseconds}
+    return Timestamp(*divmod(time_ns, SECOND_NS))
 
 
 def altitude_of_origin(record: FlightRecord) -> float:
