@@ -17,7 +17,7 @@ from vfguide.lab.console.alarms import MODES, SERIES
 from vfguide.lab.console.model import drawn_path
 from vfguide.lab.export.columns import UNITS
 from vfguide.lab.export.foxglove import (
-    Topics,
+    FoxgloveTopics,
     aircraft,
     path_line,
     placing,
@@ -40,7 +40,7 @@ PATH_EVERY = 50
 class FoxgloveStream:
     """Makes messages of the console's pictures."""
 
-    def __init__(self, mission: Mission, topics: Topics) -> None:
+    def __init__(self, mission: Mission, topics: FoxgloveTopics) -> None:
         """Have shown nothing yet.
 
         Args:
@@ -120,6 +120,6 @@ def foxglove_stream(mission: Mission, port: int) -> Iterator[tuple[FoxgloveStrea
             f"--foxglove {port}: cannot be served ({error}); choose another port, or 0 for a free one"
         ) from error
     try:
-        yield FoxgloveStream(mission, Topics(context)), f"ws://{HOST}:{server.port}"
+        yield FoxgloveStream(mission, FoxgloveTopics(context)), f"ws://{HOST}:{server.port}"
     finally:
         server.stop()

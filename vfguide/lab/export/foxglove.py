@@ -86,7 +86,7 @@ def write_mcap(record: FlightRecord, path: Path) -> None:
         path.open("wb") as file,
         open_mcap(file, context=context) as writer,
     ):
-        topics = Topics(context)
+        topics = FoxgloveTopics(context)
         put_path(record, topics, begin_ns)
         for part in parts_of(record):
             put_part(record, part, topics, begin_ns)
@@ -99,7 +99,7 @@ def write_mcap(record: FlightRecord, path: Path) -> None:
         writer.write_metadata("flight", {"mission": record.mission, "mode": record.mode})
 
 
-class Topics:
+class FoxgloveTopics:
     """Messages by topic; each topic is made when it first comes."""
 
     def __init__(self, context: Context) -> None:
@@ -123,7 +123,7 @@ class Topics:
         channel.log(data, log_time=time_ns)
 
 
-def put_path(record: FlightRecord, topics: Topics, time_ns: int) -> None:
+def put_path(record: FlightRecord, topics: FoxgloveTopics, time_ns: int) -> None:
     """The planned path, once and for good."""
     height = record.leader.altitude_amsl_m
     known = height[np.isfinite(height)]
@@ -148,7 +148,7 @@ def path_line(east_m: list[float], north_m: list[float], up_m: float) -> LinePri
     )
 
 
-def put_part(record: FlightRecord, part: Part, topics: Topics, begin_ns: int) -> None:
+def put_part(record: FlightRecord, part: Part, topics: FoxgloveTopics, begin_ns: int) -> None:
     """Some samples of one vehicle."""
     vehicle = part.vehicle
     step_s = record.duration_s / max(record.time_s.size - 1, 1)
@@ -182,21 +182,28 @@ def state(part: Part, number: int, time_ns: int) -> State:
 
 
 def put_line(
-    topics: Topics, vehicle: str, text: str, time_ns: int, *, level: LogLevel = LogLevel.Info
+    topics: FoxgloveTopics,
+    vehicle: str,
+    text: str,
+    time_ns: int,
+    *,
+    level: LogLevel = LogLevel.Info,
 ) -> None:
     """Put a line of a vehicle's companion into the log."""
     message = Log(timestamp=stamp(time_ns), level=level, message=f"{vehicle}: {text}", name=vehicle)
     topics.put("/log", time_ns, message)
 
 
-def put_place(record: FlightRecord, part: Part, number: int, topics: Topics, time_ns: int) -> None:
+def put_place(
+    record: FlightRecord, part: Part, number: int, topics: FoxgloveTopics, time_ns: int
+) -> None:
     """Put where a vehicle is on the earth, and in the local frame."""
     row = {name: float(column[number]) for name, column in part.numbers.items()}
     placing(topics, part.vehicle.name, row, altitude_of_origin(record), time_ns)
 
 
 def placing(
-    topics: Topics, name: str, row: dict[str, float], origin_m: float, time_ns: int
+    topics: FoxgloveTopics, name: str, row: dict[str, float], origin_m: float, time_ns: int
 ) -> bool:
     """Put where a vehicle is; return whether that is known.
 
