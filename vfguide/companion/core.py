@@ -43,6 +43,7 @@ from vfguide.mavlink.reports import (
     OrderRequest,
     ParameterReport,
     PositionReport,
+    RadioReport,
     Report,
     SensorsReport,
     SteeringReport,
@@ -339,7 +340,8 @@ class Companion:
         self._authority.note_store()
         out.events += self._alerts.heard(now)
         messages += self._announcer.due(now)
-        if self._authority.connected and not self._stopped:
+        short = self._vehicle.own.radio.is_short(now)
+        if self._authority.connected and not self._stopped and not short:
             messages += self._vehicle.plotted.due(self._mode, now)
         out.to_autopilot = self._encode(messages, now)
         out.to_leader = self._vehicle.role.to_leader(now)
@@ -435,6 +437,7 @@ class Companion:
                 | EstimatorReport()
                 | SensorsReport()
                 | BatteryReport()
+                | RadioReport()
             ):
                 self._vehicle.own.note(report, now)
             case HeartbeatReport():

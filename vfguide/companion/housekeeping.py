@@ -218,7 +218,8 @@ class Housekeeping:
             returns: tells whether the vehicle is to be handed back.
         """
         authority = self._authority
-        stamp = vehicle.own.time_question(now) if authority.connected else None
+        full = vehicle.own.radio.is_full(now)
+        stamp = vehicle.own.time_question(now) if authority.connected and not full else None
         messages = [] if stamp is None else [time_question(stamp)]
         if now - self._time < HEARTBEAT_S:
             return messages
@@ -236,7 +237,7 @@ class Housekeeping:
         if not silent:
             for text in self.commands.overdue(now):
                 self._alerts.say("command", WARNING, text)
-        if authority.connected and authority.recognised:
+        if authority.connected and authority.recognised and not full:
             messages += self._questions(now)
         return messages
 

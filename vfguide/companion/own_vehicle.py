@@ -14,6 +14,7 @@ from vfguide.companion.delay_compensator import DelayCompensator, memory_of
 from vfguide.companion.distrust import FRESH_S, LEAST_FIX, Doubt, NavigationHealth, with_remedy
 from vfguide.companion.height_belief import HeightBelief
 from vfguide.companion.plan import FlightPlan, bearable_course
+from vfguide.companion.radio_room import RadioRoom
 from vfguide.elementwise import wrap_angle
 from vfguide.guidance.navigation import (
     Sample,
@@ -37,6 +38,7 @@ from vfguide.mavlink.reports import (
     EstimatorReport,
     GpsReport,
     PositionReport,
+    RadioReport,
     SensorsReport,
     TimeReport,
 )
@@ -159,6 +161,8 @@ class OwnVehicle:
         self.belief = Belief(reach_of(plan.airframe), moved_s=STAYED_S, most_m=plan.most_m)
         """What is believed of its motion."""
         self._doubt = Doubt(self._alerts)
+        self.radio = RadioRoom(self._alerts)
+        """What the radio to the autopilot bears."""
         self._altitude = HeightBelief()
         self._held, self._held_s = math.nan, -math.inf
         self._satellite_m, self._satellite_s = math.nan, -math.inf
@@ -372,7 +376,8 @@ class OwnVehicle:
         | GpsReport
         | EstimatorReport
         | SensorsReport
-        | BatteryReport,
+        | BatteryReport
+        | RadioReport,
         now: float,
     ) -> None:
         """Take what the autopilot says beside its positions."""
@@ -390,6 +395,8 @@ class OwnVehicle:
                     self._clock_watch.note(now)
             case BatteryReport():
                 self.sensors.note_battery(report, now)
+            case RadioReport():
+                self.radio.note(report, now)
             case _:
                 if isinstance(report, SensorsReport):
                     self.sensors.note(report, now)

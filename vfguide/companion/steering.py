@@ -315,7 +315,8 @@ class Steering:
             self._say(CANNOT_CLIMB)
         asked = self._asked(setpoint, altitude, navigated)
         asked = replace(asked, speed=self._brought_about(asked.speed, navigated, now))
-        messages = self._stream.due(self._adapter.fly(asked), now)
+        halved = self._own.radio.is_short(now)
+        messages = self._stream.due(self._adapter.fly(asked), now, halved=halved)
         messages += self._altitude_due(asked.altitude_amsl, now)
         self._say(self._tracking.watch(navigated.state, setpoint))
         if not self._adapter.holds_altitude:

@@ -7,7 +7,7 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from itertools import compress
-from math import isfinite
+from math import inf, isfinite
 from typing import ClassVar, Literal
 
 import msgspec
@@ -401,14 +401,22 @@ class SetpointStream:
         self._adapter = adapter
         self._content: dict[Kind, Content] = {}
         self._sent: dict[Kind, float] = {}
+        self._passed_over = False
 
     def reset(self) -> None:
         """Forget what was sent: the autopilot has left the mode in which it was told."""
         self._content.clear()
         self._sent.clear()
 
-    def due(self, messages: Sequence[MAVLink_message], now: float) -> list[MAVLink_message]:
-        """Those of a setpoint's messages that have to be sent now (s)."""
+    def due(
+        self, messages: Sequence[MAVLink_message], now: float, *, halved: bool = False
+    ) -> list[MAVLink_message]:
+        """Those of a setpoint's messages that have to be sent now (s); halved, of every other setpoint."""
+        # Never so rarely that an autopilot takes the stream for lost.
+        fresh = 0.0 <= now - max(self._sent.values(), default=-inf) < self._adapter.keep_alive_s
+        self._passed_over = halved and fresh and not self._passed_over
+        if self._passed_over:
+            return []
         kinds = [kind_of(message) for message in messages]
         contents = [content_of(message) for message in messages]
         due = [self._is_due(*one, now) for one in zip(kinds, contents, strict=True)]

@@ -26,6 +26,7 @@ from vfguide.mavlink.reports import (
     OrderRequest,
     ParameterReport,
     PositionReport,
+    RadioReport,
     Report,
     SensorsReport,
     SteeringReport,
@@ -299,6 +300,11 @@ def battery_report(message: MAVLink_message) -> BatteryReport:
     )
 
 
+def radio_report(message: MAVLink_message) -> RadioReport | None:
+    """RADIO_STATUS; more than 100 % is no share."""
+    return RadioReport(free=message.txbuf / 100.0) if message.txbuf <= 100 else None
+
+
 def not_read(_message: MAVLink_message) -> None:
     """What is put together of several messages."""
 
@@ -433,6 +439,11 @@ class Codec:
         """What somebody else has sent: of interest where it orders this companion, or steers its vehicle."""
         if frame.message_id in STEERING_MESSAGES and (found := self._steering(frame)):
             return [*found]
+        if frame.message_id == mavlink.MAVLINK_MSG_ID_RADIO_STATUS:
+            # Radios have names of their own and sign nothing: what they say slows this companion, no more.
+            said = self._message(frame.content)
+            radio = None if said is None else radio_report(said)
+            return [] if radio is None else [radio]
         wanted = self._takes_orders and frame.message_id == mavlink.MAVLINK_MSG_ID_COMMAND_LONG
         message = self._message(frame.content) if wanted else None
         target = (self._source[0], COMPANION_COMPONENT)

@@ -200,6 +200,13 @@ class BatteryReport(msgspec.Struct, frozen=True, kw_only=True):
     """V; None where the autopilot does not know."""
 
 
+class RadioReport(msgspec.Struct, frozen=True, kw_only=True):
+    """RADIO_STATUS of the radio on this connection."""
+
+    free: float
+    """Share of its buffer that is free, 0 to 1."""
+
+
 Report = (
     PositionReport
     | AirspeedReport
@@ -218,4 +225,5 @@ Report = (
     | BatteryReport
     | VersionReport
     | TrafficReport
+    | RadioReport
 )

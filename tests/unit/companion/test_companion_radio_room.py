@@ -1,0 +1,79 @@
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from tests.kit.companion import HEADING, SPEED, new_flight
+from tests.kit.wire import packed
+from vfguide.mavlink.adapter import AutopilotSetpoint, SetpointStream, Vehicle
+from vfguide.mavlink.ardupilot import ArduPlane
+from vfguide.mavlink.codec import Codec
+from vfguide.mavlink.reports import RadioReport
+
+SIK = {"system_id": 51, "component_id": 68}
+"""Names that SiK radios give themselves."""
+
+
+def radio_status(free_percent: int) -> bytes:
+    return packed(mavlink.MAVLink_radio_status_message(100, 100, free_percent, 10, 10, 0, 0), **SIK)
+
+
+@pytest.mark.parametrize(
+    ("percent", "reports"),
+    [(35, [RadioReport(free=0.35)]), (0, [RadioReport(free=0.0)]), (255, [])],
+)
+def test_a_radio_of_any_name_tells_how_much_of_its_buffer_is_free(percent, reports):
+    assert Codec(2, 1).decode(radio_status(percent)) == reports
+
+
+def test_halved_setpoints_are_every_other_one_each_of_them_whole():
+    vehicle = Vehicle(system_id=2, component_id=1, hold="heading-hold", lateral_acceleration=9.8)
+    adapter = ArduPlane(vehicle)
+    here = {"altitude_amsl": 588.0, "latitude_deg": 47.0, "longitude_deg": 8.0}
+    stream = SetpointStream(adapter)
+    sent = []
+    for step in range(8):
+        asked = AutopilotSetpoint(course=0.1 * step, speed=20.0 + step, **here)
+        sent.append(len(stream.due(adapter.fly(asked), 0.1 * step, halved=True)))
+    assert sent == [2, 0] * 4
+    # Whoever is asked more rarely than twice a second is told each time.
+    later = AutopilotSetpoint(course=1.0, speed=20.0, **here)
+    assert [len(stream.due(adapter.fly(later), 5.0 + time, halved=True)) for time in (0, 1, 2)] == [
+        2,
+        2,
+        2,
+    ]
+
+
+def free_percent(now: float) -> int | None:
+    """Free at first, then short, then full; then the radio says nothing any more."""
+    return 100 if now < 20.0 else 40 if now < 30.0 else 10 if now < 45.0 else None
+
+
+def test_a_full_radio_carries_what_steers_and_heartbeats_alone_and_the_pilot_hears_it():
+    def said(now: float) -> bytes:
+        percent = free_percent(now)
+        return b"" if percent is None or now % 1.0 else radio_status(percent)
+
+    flown = new_flight(forge=said, until_s=60.0)
+
+    def between(what: int | str, begin_s: float, end_s: float) -> int:
+        return sum(begin_s < time <= end_s for time in flown.times(what))
+
+    free, short, full, later = (10.0, 20.0), (21.0, 30.0), (31.0, 45.0), (51.0, 60.0)
+    for window in (free, short, full, later):
+        assert between("HEARTBEAT", *window) == round(window[1] - window[0])
+        assert between(HEADING, *window) + between(SPEED, *window) >= window[1] - window[0]
+    assert [between("NAMED_VALUE_FLOAT", *one) > 0 for one in (free, short, full, later)] == [
+        True,
+        False,
+        False,
+        True,
+    ]
+    assert [between("TIMESYNC", *one) > 0 for one in (free, short, full, later)] == [
+        True,
+        True,
+        False,
+        True,
+    ]
+    told = [text for _, text in flown.events if "radio to the autopilot is behind" in text]
+    assert "40% of its buffer are free: setpoints at half their rate" in told[0]
+    assert flown.companion.snapshot.mode.value == "tracking"
