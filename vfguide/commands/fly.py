@@ -126,7 +126,8 @@ def fly(
         # Here, because an aircraft's computer has no library that counts what processes take.
         from vfguide.commands.fly_live import check_live, fly_live
     else:
-        refuse_without_live(speedup, link, console=console)
+        page = "" if not console else "--console" if foxglove is None else "--foxglove"
+        refuse_without_live(speedup, link, page)
     if operator:
         refuse_orders(speedup, console=console)
     check_page(console=console, tiles=tiles, foxglove=foxglove)
@@ -200,7 +201,7 @@ def refuse_orders(speedup: float | None, *, console: bool) -> None:
         raise InputError("--operator: orders are timed in real time; leave --speedup out")
 
 
-def refuse_without_live(speedup: float | None, links: list[str] | None, *, console: bool) -> None:
+def refuse_without_live(speedup: float | None, links: list[str] | None, page: str) -> None:
     """See that nothing is asked of a flight in virtual time that only a live one can do.
 
     Raises:
@@ -213,9 +214,9 @@ def refuse_without_live(speedup: float | None, links: list[str] | None, *, conso
         )
     if links:
         raise InputError("--link: only a live flight has a link; add --live, or leave it out")
-    if console:
+    if page:
         raise InputError(
-            "--console: only a live flight can be watched; add --live, or show what --out wrote with"
+            f"{page}: only a live flight can be watched; add --live, or show what --out wrote with"
             " `vfguide console --replay DIR`"
         )
 
