@@ -1,5 +1,6 @@
 """Environments: the same flight as without agents, the libraries' own checks, rewards and ends."""
 
+from collections.abc import Iterator
 from importlib.util import module_from_spec, spec_from_file_location
 from typing import Any
 
@@ -26,6 +27,7 @@ from vfguide.lab.rehearsal.lockstep import LockstepFlight, fly_lockstep
 from vfguide.lab.rehearsal.stepped import SteppedFlight
 from vfguide.laws import DesiredMotion, Law, View, approach, law
 from vfguide.mission.model import Mission
+from vfguide.registry import laws
 
 STILL = np.zeros(2, dtype=np.float32)
 SHORT = {"duration_s": 4.0, "rate_hz": 10.0}
@@ -43,7 +45,6 @@ def toward_slot(view: View) -> DesiredMotion:
     )
 
 
-@law("toward slot")
 class TowardSlot(Law):
     """The same as a law."""
 
@@ -52,13 +53,24 @@ class TowardSlot(Law):
         return toward_slot(view), memory
 
 
-@law("straight on")
 class StraightOn(Law):
     """Another one, which asks for nothing."""
 
     def step(self, view: View, memory: Any) -> tuple[DesiredMotion, Any]:
         """Straight on."""
         return approach(view, course=view.state.course, speed=view.state.ground_speed), memory
+
+
+@pytest.fixture(scope="module", autouse=True)
+def own_laws() -> Iterator[None]:
+    """Make laws known that are forgotten afterwards: other tests list all that there are."""
+    known = laws._known  # noqa: SLF001
+    before = dict(known)
+    law("toward slot")(TowardSlot)
+    law("straight on")(StraightOn)
+    yield
+    known.clear()
+    known.update(before)
 
 
 def agents_flight(mission: Mission, *, wants: bool) -> LockstepFlight:
