@@ -71,7 +71,7 @@ def test_where_a_law_fails_or_is_beaten_is_told():
         flight(scenario="suite-003", score=50.0),
         flight(scenario="suite-003", law="pid", score=50.5),
     ]
-    assert shortcomings(flights) == [
+    assert shortcomings(flights, "slot") == [
         "suite-001: slot 50 points, pid 70",
         "suite-002: slot failed: two aircraft came within 3.0 m",
     ]

@@ -185,23 +185,31 @@ def rows(results: Iterable[tuple[Case, Figures]]) -> Iterable[ComparisonRow]:
         )
 
 
-def summed_up(several: list[Figures]) -> tuple[Figures, dict[str, float | None]]:
-    """Mean and half of the 95 % confidence interval of each figure, by Student's distribution."""
+def mean_of(values: Sequence[float]) -> tuple[float, float]:
+    """Return a mean and half of its 95 % interval by Student's distribution; NaN for what is not known."""
     # Here, because it takes a third of a second to load.
     from scipy.stats import t as student
 
+    if not values:
+        return math.nan, math.nan
+    mean, count = sum(values) / len(values), len(values)
+    if count == 1:
+        return mean, math.nan
+    variance = sum((value - mean) ** 2 for value in values) / (count - 1)
+    return mean, float(student.ppf(0.975, count - 1)) * math.sqrt(variance / count)
+
+
+def summed_up(several: list[Figures]) -> tuple[Figures, dict[str, float | None]]:
+    """Mean and half of the 95 % confidence interval of each figure."""
     means: dict[str, Any] = {}
     halves: dict[str, float | None] = {}
     for field in fields(Figures):
         values = [getattr(one, field.name) for one in several]
         known = [value for value in values if value is not None]
         complete = len(known) == len(values)
-        mean = sum(known) / len(known) if complete else None
-        means[field.name], halves[field.name] = mean, None
-        if mean is not None and len(known) > 1:
-            variance = sum((value - mean) ** 2 for value in known) / (len(known) - 1)
-            point = float(student.ppf(0.975, len(known) - 1))
-            halves[field.name] = point * math.sqrt(variance / len(known))
+        mean, half = mean_of(known)
+        means[field.name] = mean if complete else None
+        halves[field.name] = half if complete and len(known) > 1 else None
     return Figures(**means), halves
 
 

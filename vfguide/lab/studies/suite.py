@@ -6,7 +6,7 @@ w / (1 + x / u) points, where u is worth half of them.
 """
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -18,12 +18,10 @@ from vfguide.lab.rehearsal.radio_flight import fly_rehearsal
 from vfguide.lab.report.geometry import slot_error
 from vfguide.lab.report.metrics import summarise
 from vfguide.lab.report.summary import FollowerSummary
-from vfguide.lab.studies.comparison import metres
-from vfguide.lab.studies.flown import figures_of
+from vfguide.lab.studies.comparison import mean_of, metres
+from vfguide.lab.studies.flown import figures_of, or_nan
 from vfguide.record.flight import FlightRecord
 from vfguide.suite import with_law
-
-OWN_LAW = "slot"
 
 LOST_M, NEAR_M = 50.0, 5.0
 """A follower so far from its slot at the end is lost; two so near have nearly met: either fails a flight."""
@@ -100,8 +98,8 @@ def judged(record: FlightRecord, law: str) -> SuiteFlight:
         law=law,
         failed=failure(record, figures.min_separation_m),
         mean_error_m=figures.mean_error_m,
-        intended_error_m=number(summary.formation.intended_error_m),
-        settle_10m_s=number(figures.settle_10m_s),
+        intended_error_m=or_nan(summary.formation.intended_error_m),
+        settle_10m_s=or_nan(figures.settle_10m_s),
         effort_m_s2=figures.effort_m_s2,
         roll_deg_s=math.degrees(float(np.mean(rolls))) if rolls else math.nan,
         limited=figures.limited,
@@ -122,11 +120,6 @@ def failure(record: FlightRecord, nearest_m: float) -> str:
     return ""
 
 
-def number(value: float | None) -> float:
-    """A figure, NaN where there is none."""
-    return math.nan if value is None else value
-
-
 def score(flight: SuiteFlight) -> float:
     """Points of a flight, 0 to 100; what is not known has none."""
     if flight.failed:
@@ -136,18 +129,6 @@ def score(flight: SuiteFlight) -> float:
         value = getattr(flight, name)
         points += weight / (1.0 + value / half) if math.isfinite(value) else 0.0
     return points
-
-
-def mean_of(values: Iterable[float]) -> tuple[float, float]:
-    """Return the mean of what is known, and half of its 95 % interval by Student's distribution."""
-    # Here, because it takes a third of a second to load.
-    from scipy.stats import t as student
-
-    known = np.array([one for one in values if math.isfinite(one)])
-    if known.size < 2:
-        return (float(known[0]) if known.size else math.nan), math.nan
-    spread = float(np.std(known, ddof=1)) / math.sqrt(known.size)
-    return float(np.mean(known)), float(student.ppf(0.975, known.size - 1)) * spread
 
 
 def by_law(flights: Sequence[SuiteFlight]) -> dict[str, list[SuiteFlight]]:
@@ -165,7 +146,8 @@ def means(flights: Sequence[SuiteFlight]) -> dict[str, dict[str, Any]]:
         whole = [one for one in own if not one.failed]
         found: dict[str, Any] = {}
         for name in COLUMNS:
-            mean, half = mean_of(getattr(one, name) for one in (own if name == "score" else whole))
+            values = [getattr(one, name) for one in (own if name == "score" else whole)]
+            mean, half = mean_of([one for one in values if math.isfinite(one)])
             found[name] = {"mean": mean, "half_width": half}
         nearest = [one.nearest_m for one in own if math.isfinite(one.nearest_m)]
         found["nearest_m"] = min(nearest, default=math.nan)
@@ -199,7 +181,7 @@ def spelt(name: str, mean: float, half_width: float) -> str:
     return f"{metres(mean)} ± {metres(half_width)}"
 
 
-def shortcomings(flights: Sequence[SuiteFlight], law: str = OWN_LAW) -> list[str]:
+def shortcomings(flights: Sequence[SuiteFlight], law: str) -> list[str]:
     """Say where a law failed, and where others were better, a line for each scenario."""
     laws = by_law(flights)
     lines = []
