@@ -18,10 +18,10 @@ from typing import Any
 import yaml
 
 from vfguide.errors import InputError
+from vfguide.guidance.airframe import GRAVITY
 from vfguide.mission import check_mission, parse_mission
 from vfguide.suite import COUNT, SUMS
 
-GRAVITY_M_S2 = 9.80665
 DURATION_S = 100.0
 LEAST_SPACING_M = 15.0
 """Of slots; followers begin twice as far from each other and from the leader."""
@@ -89,7 +89,7 @@ def drawn_wind(random: Random, airspeed: float) -> dict[str, Any]:
 
 def drawn_path(random: Random, fastest: float) -> dict[str, Any]:
     """Draw a path whose turns an aircraft of this ground speed can fly at a moderate bank."""
-    least = fastest**2 / (GRAVITY_M_S2 * math.tan(math.radians(TURNING_BANK_DEG)))
+    least = fastest**2 / (GRAVITY * math.tan(math.radians(TURNING_BANK_DEG)))
     radius = rounded(random.uniform(1.0, 2.5) * max(least, 100.0))
     course = rounded(random.uniform(0.0, 360.0))
     here = {"north_m": 0, "east_m": 0}

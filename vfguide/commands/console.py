@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from vfguide.commands.credentials import Credentials, KeyFiles, watched_formation
-from vfguide.commands.options import Insecure, KeyFile, RosterFile, in_directory
+from vfguide.commands.options import Foxglove, Insecure, KeyFile, RosterFile, in_directory
 from vfguide.commands.report import read_flight
 from vfguide.commands.terminal import Terminal, stop_event
 from vfguide.errors import InputError
@@ -91,15 +91,7 @@ def console(
             help="A map below the formation: an MBTiles file of pictures, or https://host/{z}/{x}/{y}.png.",
         ),
     ] = None,
-    foxglove: Annotated[
-        int | None,
-        typer.Option(
-            metavar="[PORT]",
-            min=0,
-            max=65535,
-            help="Serve Foxglove and PlotJuggler, too, on loopback; 8765 if absent, 0 for any free port.",
-        ),
-    ] = None,
+    foxglove: Foxglove = None,
 ) -> None:
     """Show a formation on a page of a browser: who is where, how well, and what to do.
 

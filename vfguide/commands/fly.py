@@ -15,6 +15,7 @@ from vfguide.commands.options import (
     Controller,
     Duration,
     Force,
+    Foxglove,
     MissionFile,
     Settings,
     in_directory,
@@ -101,15 +102,7 @@ def fly(
             help="With --console: a map below the formation, as of `vfguide console`.",
         ),
     ] = None,
-    foxglove: Annotated[
-        int | None,
-        typer.Option(
-            metavar="[PORT]",
-            min=0,
-            max=65535,
-            help="With --live: --console, and Foxglove and PlotJuggler are served, too; 8765 if absent.",
-        ),
-    ] = None,
+    foxglove: Foxglove = None,
     as_json: AsJson = False,
 ) -> None:
     """Fly a whole formation on this computer.

@@ -77,6 +77,16 @@ SigningKeyFile = Annotated[
     Path | None,
     typer.Option(metavar="FILE", help="Sign MAVLink, and hear only what is signed: 64 hex digits."),
 ]
+Foxglove = Annotated[
+    int | None,
+    typer.Option(
+        metavar="[PORT]",
+        min=0,
+        max=65535,
+        help="Serve Foxglove and PlotJuggler beside the page; port 8765 if absent, 0 for any free one.",
+    ),
+]
+
 Duration = Annotated[float | None, typer.Option(metavar="S", help="Length of the flight, seconds.")]
 Speedup = Annotated[
     float, typer.Option(metavar="X", min=0.01, max=100.0, help="Times as fast as real time.")
