@@ -6,6 +6,7 @@ import os
 import platform
 import time
 from collections.abc import Sequence
+from concurrent.futures import Executor
 from dataclasses import asdict
 from datetime import UTC, datetime
 from importlib.metadata import version
@@ -32,18 +33,9 @@ from vfguide.lab.studies.comparison import (
 )
 from vfguide.lab.studies.comparison import compare as compare_all
 from vfguide.lab.studies.flown import MISSIONS, Tracks, executor_on, flown_by, fly
-from vfguide.lab.studies.monte_carlo import (
-    DURATION_S,
-    SWEEPS,
-    Found,
-    fly_point,
-    formations_of,
-    points,
-    sampled,
-    summary_of,
-)
 from vfguide.lab.studies.radio import RATES_HZ, SIZES, RadioCase, RadioFigures
 from vfguide.lab.studies.radio import fly as fly_radio
+from vfguide.lab.studies.robustness import SWEEPS, Found, fly_point, points
 from vfguide.lab.studies.scale import measure_all, step_costs
 from vfguide.registry import laws
 from vfguide.system import require_linux
@@ -75,6 +67,9 @@ Law = Annotated[str, typer.Option(metavar="LAW", help="By which followers keep t
 Laws = Annotated[
     list[str] | None,
     typer.Option("--law", metavar="LAW", help="Fly this one, or several; all known if absent."),
+]
+Processes = Annotated[
+    int | None, typer.Option(metavar="N", min=1, help="As many as processors if absent.")
 ]
 Scheduler = Annotated[
     str | None,
@@ -307,15 +302,76 @@ def suite(
     json_file: JsonFile = None,
     quick: Quick = False,
     out: Directory = None,
-    processes: Annotated[
-        int | None, typer.Option(metavar="N", min=1, help="As many as processors if absent.")
-    ] = None,
+    processes: Processes = None,
     scheduler: Scheduler = None,
 ) -> None:
     """Fly a hundred fixed scenarios by each law, and give it a score.
 
     Paths, slots, winds, sensors, links, aircraft, losses, takeovers and orders were drawn once, by a rule
     that docs/suite.md tells. --quick flies ten of them. Exit status: 0 measured, 2 a scenario was changed.
+    """
+    from vfguide.suite import digest, numbers, with_law
+
+    which, flown = numbers(quick=quick), flown_laws(law)
+    for one in which:
+        with_law(one, flown[0])
+    with executor_on(scheduler, processes) as executor:
+        content = scored(
+            executor,
+            which,
+            flown,
+            about={"suite": digest()},
+            out=None if out is None else out / "suite",
+        )
+    write(json_file, content)
+
+
+@bench.command(name="monte-carlo")
+@with_plugins
+def monte_carlo(
+    *,
+    formations: Annotated[
+        int, typer.Option(metavar="N", min=1, max=100_000, help="How many scenarios.")
+    ] = 100,
+    law: Laws = None,
+    processes: Processes = None,
+    seed: Annotated[
+        int, typer.Option(metavar="N", min=1, max=4000, help="Of what is drawn and flown.")
+    ] = 1,
+    json_file: JsonFile = None,
+    out: Directory = None,
+    scheduler: Scheduler = None,
+) -> None:
+    """Fly further scenarios, drawn by the rule of the suite, by slot or other laws, and score them."""
+    from vfguide.suite import further
+
+    with executor_on(scheduler, processes) as executor:
+        content = scored(
+            executor,
+            further(formations, seed),
+            flown_laws(law or ["slot"]),
+            about={"seed": seed},
+            out=None if out is None else out / "monte-carlo",
+        )
+    write(json_file, content)
+
+
+def scored(
+    executor: Executor,
+    which: range,
+    flown: list[str],
+    *,
+    about: dict[str, Any],
+    out: Path | None,
+) -> dict[str, Any]:
+    """Fly scenarios by laws, tell their scores, and return what goes into JSON.
+
+    Args:
+        executor: that flies.
+        which: numbers of the scenarios.
+        flown: names of the laws.
+        about: which scenarios they are, in a word and a value.
+        out: where table, picture and JSON go, without their endings; None for nowhere.
     """
     require("scipy", *(PLOTTING if out else ()))
     # Here, because an aircraft's computer has no library that fits distributions.
@@ -327,61 +383,27 @@ def suite(
         shortcomings,
         suite_table,
     )
-    from vfguide.suite import digest, names, with_law
 
-    flown, which = flown_laws(law), names(quick=quick)
-    for one in which:
-        with_law(one, flown[0])
-    terminal, tasks = Terminal(stderr=True), [(one, name) for one in which for name in flown]
-    terminal.tell(f"{len(tasks)} flights, of which each takes some seconds")
-    with executor_on(scheduler, processes) as executor:
-        flights = list(flown_by(executor, fly_scenario, tasks))
-    lines = [suite_table(flights), "", *shortcomings(flights, flown[0])]
-    heading = f"vfguide {version('vfguide')}, {len(which)} scenarios of {digest()[:12]}"
-    Terminal().tell("\n".join([heading, "", *lines]))
-    content = {
-        "suite": digest(),
-        "laws": means(flights),
-        "flights": flights_json(flights),
-    }
-    write(json_file, content)
-    if out is not None:
-        out.mkdir(parents=True, exist_ok=True)
-        write(out / "suite.json", content)
-        (out / "suite.md").write_text("\n".join([heading, "", *lines, ""]), encoding="utf-8")
-        draw_scores(flights, out / "suite.png")
-
-
-@bench.command(name="monte-carlo")
-@with_plugins
-def monte_carlo(
-    *,
-    formations: Annotated[
-        int, typer.Option(metavar="N", min=1, help="How many, each in a flight of its own.")
-    ] = 100,
-    law: Law = "slot",
-    processes: Annotated[
-        int | None, typer.Option(metavar="N", min=1, help="As many as processors if absent.")
-    ] = None,
-    seed: Annotated[int, typer.Option(metavar="N", min=0, help="Of everything random.")] = 1,
-    json_file: JsonFile = None,
-    scheduler: Scheduler = None,
-) -> None:
-    """Fly formations with random starts, winds, offsets and gains."""
-    laws.find(law)
-    with executor_on(scheduler, processes) as executor:
-        result = summary_of(list(sampled(executor, formations_of(law, formations, seed))))
-    error, settle = result["mean_error_m"], result["settle_10m_s"]
-    Terminal().tell(
-        f"{law}: {result['formations']} formations of 4, {DURATION_S:.0f} s each\n"
-        f"within 10 m at the end {result['within_10m_at_end']:.2%}, within 1 m "
-        f"{result['within_1m_at_end']:.2%}; never at a limit in the last half "
-        f"{result['share_without_limits']:.2%}\n"
-        f"mean error, m: {spelt(error)}; where nothing was at a limit: "
-        f"{spelt(result['mean_error_without_limits_m'])}\n"
-        f"within 10 m after, s: {spelt(settle)}"
+    tasks = [(one, name) for one in which for name in flown]
+    Terminal(stderr=True).tell(f"{len(tasks)} flights, of which each takes some seconds")
+    flights = list(flown_by(executor, fly_scenario, tasks))
+    of = ", ".join(f"{word} {str(value)[:12]}" for word, value in about.items())
+    text = "\n".join(
+        [
+            f"vfguide {version('vfguide')}, {len(which)} scenarios, {of}",
+            "",
+            suite_table(flights),
+            "",
+            *shortcomings(flights, flown[0]),
+        ]
     )
-    write(json_file, {"law": law, "seed": seed, **result})
+    Terminal().tell(text)
+    content = {**about, "laws": means(flights), "flights": flights_json(flights)}
+    if out is not None:
+        write(out.with_suffix(".json"), content)
+        out.with_suffix(".md").write_text(text + "\n", encoding="utf-8")
+        draw_scores(flights, out.with_suffix(".png"))
+    return content
 
 
 def flown_laws(chosen: Sequence[str] | None, *, but: str | None = None) -> list[str]:
@@ -494,16 +516,6 @@ def maps(found: Sequence[Found]) -> str:
                 lines.append(f"| {value:g} | " + " | ".join(cells) + " |")
             parts.append("\n".join(lines) + "\n")
     return "\n".join(parts)
-
-
-def spelt(quantiles: dict[str, float] | None) -> str:
-    """Quantiles in words."""
-    if quantiles is None:
-        return "none"
-    return (
-        f"median {quantiles['median']:.3g}, 95 % {quantiles['p95']:.3g}, "
-        f"greatest {quantiles['max']:.3g}"
-    )
 
 
 def shown(figures: RadioFigures) -> str:

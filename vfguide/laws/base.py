@@ -129,9 +129,6 @@ class Law(ABC):
     bandwidth: Bandwidth = UNBOUNDED
     """What the aircraft bears."""
 
-    drawn: ClassVar[tuple[str, ...] | None] = None
-    """Gains that Monte Carlo draws; all numbers among them if None."""
-
     def __init__(self, gains: Any, settings: GuidanceSettings, airframe: Airframe) -> None:  # noqa: ANN401
         """Make the law of one follower.
 

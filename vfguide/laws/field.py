@@ -111,7 +111,6 @@ class SlotField(Law):
 
     Gains: ClassVar[type[Section]] = SlotGains
     forgets_when_held = False
-    drawn = ("k_x", "k_y")
     answers_course_error = True
     """Whether a follower turns toward its field, or with its slot alone; where only its speed counts."""
 

@@ -270,7 +270,6 @@ class Mpc(Law):
 
     Gains = MpcGains
     libraries = ("osqp", "scipy")
-    drawn = ("velocity_weight_s2", "acceleration_weight_s4", "integral_s")
     _programme: Programme | None = None
 
     def within(self, bandwidth: Bandwidth) -> Self:

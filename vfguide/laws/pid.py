@@ -145,14 +145,6 @@ class Pid(Law):
     """
 
     Gains = PidGains
-    drawn = (
-        "lateral_p_rad_m",
-        "lateral_i_rad_m_s",
-        "lateral_d_rad_s_m",
-        "longitudinal_p_1_s",
-        "longitudinal_i_1_s2",
-        "longitudinal_d",
-    )
 
     def within(self, bandwidth: Bandwidth) -> Self:
         """Return both controllers slowed in time until neither is faster than the aircraft bears.

@@ -8,12 +8,16 @@ from importlib.resources import files
 
 from vfguide.errors import InputError
 from vfguide.mission import Mission, parse_mission
+from vfguide.suite.draw import drawn
 
 COUNT = 100
 SUMS = "SHA256SUMS"
 
 EVERY = 10
 """Of how many scenarios a quick run flies one."""
+
+DRAWS = 1_000_000
+"""Further draws of each seed."""
 
 LAW = b"controller: {type: slot}\n"
 """The line of every scenario that names the law."""
@@ -24,20 +28,34 @@ def digest() -> str:
     return hashlib.sha256((files(__name__) / SUMS).read_bytes()).hexdigest()
 
 
-def names(*, quick: bool = False) -> list[str]:
-    """File names of the scenarios, every tenth where it has to be quick."""
-    return [f"{number:03}.yaml" for number in range(1, COUNT + 1, EVERY if quick else 1)]
+def numbers(*, quick: bool = False) -> range:
+    """Numbers of the fixed scenarios, every tenth where it has to be quick."""
+    return range(1, COUNT + 1, EVERY if quick else 1)
 
 
-def with_law(name: str, law: str) -> Mission:
-    """Read a scenario, its followers flown by this law.
+def further(count: int, seed: int) -> range:
+    """Numbers of further draws: a million to each seed, none of them fixed."""
+    return range(seed * DRAWS + 1, seed * DRAWS + count + 1)
 
-    Args:
-        name: of its file.
-        law: name of a law.
+
+def with_law(number: int, law: str) -> Mission:
+    """Return a scenario, its followers flown by this law: a fixed one is read, any other one drawn.
 
     Raises:
         InputError: its file is not as it was drawn, or there is no such law.
+    """
+    name = f"{number:03}.yaml"
+    content = kept(name) if number <= COUNT else drawn(number).encode()
+    return parse_mission(
+        content.replace(LAW, LAW.replace(b"slot", law.encode())), file=name
+    ).mission
+
+
+def kept(name: str) -> bytes:
+    """Read a fixed scenario's file.
+
+    Raises:
+        InputError: it is not as it was drawn.
     """
     content = (files(__name__) / name).read_bytes()
     sums = (files(__name__) / SUMS).read_text(encoding="ascii").splitlines()
@@ -46,5 +64,4 @@ def with_law(name: str, law: str) -> Mission:
             f"{files(__name__) / name}: is not the scenario as it was drawn, and its results could not be"
             " compared; install vfguide anew"
         )
-    named = LAW.replace(b"slot", law.encode())
-    return parse_mission(content.replace(LAW, named), file=name).mission
+    return content

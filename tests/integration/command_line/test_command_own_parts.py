@@ -153,27 +153,17 @@ def test_a_mission_file_may_name_a_law(run, here):
     assert "'pursuit' is not known; use one of: slot, article, pid, mpc" in unknown.stderr
 
 
-MONTE_CARLO = """
-from functools import partial
-from vfguide.cli import main
-from vfguide.commands import bench
-
-if __name__ == "__main__":
-    bench.formations_of = partial(bench.formations_of, duration_s=15.0)
-    main()
-"""
-"""The command line, whose random formations fly for 15 seconds instead of minutes."""
-
-
-def test_studies_of_random_formations_fly_a_law_and_no_other_in_its_place(here):
-    (here / "monte_carlo.py").write_text(MONTE_CARLO)
+def test_scenarios_drawn_anew_are_flown_by_a_law_and_no_other_in_its_place(run):
     study = ("bench", "monte-carlo", "--formations", "1", "--processes", "1", "--seed", "3")
-    kinds = ((("--law", "pursuit"), LAW), ((), LAW), ((), LEADER_LAW))
-    flown = [loaded(here, "monte_carlo", *plugged((*study, *law), file)) for law, file in kinds]
-    assert [one.returncode for one in flown] == [0, 0, 0], flown[0].stderr
-    pursuit, field, _ = (one.stdout for one in flown)
-    assert pursuit.startswith("pursuit: 1 formations")
-    assert pursuit.splitlines()[2] != field.splitlines()[2]
+    flown = run(*study, "--law", "pursuit", "--law", "slot", plugin=LAW)
+    assert flown.returncode == 0, flown.stderr
+    heading, *rows = flown.stdout.splitlines()
+    assert heading.endswith(", 1 scenarios, seed 3")
+    figures = {
+        law: rest for law, rest in re.findall(r"^\| (pursuit|slot) (.*)$", "\n".join(rows), re.M)
+    }
+    assert figures.keys() == {"pursuit", "slot"}
+    assert figures["pursuit"] != figures["slot"]
 
 
 STUDIES = """
@@ -182,7 +172,7 @@ from dataclasses import replace
 from pathlib import Path
 from vfguide.lab.studies.comparison import Extent, ablation_cases, cases, row_json, rows
 from vfguide.lab.studies.flown import fly
-from vfguide.lab.studies.monte_carlo import fly_point, points
+from vfguide.lab.studies.robustness import fly_point, points
 from vfguide.registry import use_plugins
 
 use_plugins([Path("own_law.py")])

@@ -1,22 +1,19 @@
 """The arithmetic of studies, and that a study is the same wherever it is flown."""
 
 import math
-from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from vfguide.lab.studies.comparison import seeded, summed_up
-from vfguide.lab.studies.flown import MISSIONS, Figures, article_mission, dask_executor
-from vfguide.lab.studies.monte_carlo import (
-    DrawnFormation,
-    drawn_mission,
-    drawn_slots,
-    fly_formation,
-    formations_of,
-    sampled,
-    summary_of,
+from vfguide.lab.studies.flown import (
+    MISSIONS,
+    Case,
+    Figures,
+    article_mission,
+    dask_executor,
+    flown_by,
+    fly,
 )
 from vfguide.lab.studies.scale import crowd, growth_exponent
 from vfguide.mission import load_mission
@@ -84,67 +81,17 @@ def test_a_crowd_keeps_its_distances():
     assert len(set(slots)) == 100
 
 
-def test_drawn_slots_are_apart():
-    slots = [(0.0, 0.0), *drawn_slots(3, np.random.default_rng(1))]
-    for number, one in enumerate(slots):
-        for other in slots[:number]:
-            assert math.dist(one, other) >= 15.0
-
-
-@pytest.mark.parametrize(
-    ("law", "drawn"),
-    [
-        ("slot", {"k_x", "k_y", "kappa"}),
-        (
-            "pid",
-            {
-                "lateral_p_rad_m",
-                "lateral_i_rad_m_s",
-                "lateral_d_rad_s_m",
-                "longitudinal_p_1_s",
-                "longitudinal_i_1_s2",
-                "longitudinal_d",
-                "kappa",
-            },
-        ),
-    ],
-)
-def test_random_gains_are_those_of_the_law_that_flies(law, drawn):
-    """They used to be those of the field, whatever flew."""
-    shipped = article_mission("circle-wind", {"controller": {"type": law}}).controller.model_dump()
-    formation = DrawnFormation(law=law, seed=(1, 0))
-    for seed in (1, 2):
-        flown = drawn_mission(formation, np.random.default_rng(seed)).controller.model_dump()
-        assert {name for name, value in flown.items() if value != shipped[name]} == drawn
-
-
-def test_a_drawn_formation_is_repeatable_by_its_seed():
-    first, second = formations_of("slot", 2, 3, duration_s=4.0)
-    assert fly_formation(first).mean_error_m == fly_formation(first).mean_error_m
-    assert fly_formation(first).mean_error_m != fly_formation(second).mean_error_m
-
-
-def test_formations_are_summed_up():
-    never = replace(figures(30.0, None), settle_10m_s=None, limited=0.2)
-    told = summary_of([figures(1.0), figures(2.0, None), figures(3.0), never])
-    assert told["formations"] == 4
-    assert (told["within_10m_at_end"], told["within_1m_at_end"]) == (0.75, 0.5)
-    assert told["share_without_limits"] == 0.75
-    assert told["mean_error_m"]["max"] == 30.0
-    assert told["mean_error_without_limits_m"]["median"] == 2.0
-    assert told["settle_10m_s"]["max"] == 5.0
-
-
 def test_a_dask_cluster_takes_the_same_call():
     from distributed import LocalCluster
 
-    tasks = formations_of("pid", 2, 5, duration_s=3.0)
-    here = [fly_formation(one).mean_error_m for one in tasks]
+    short = {"rehearsal": {"duration_s": 3.0}}
+    tasks = [Case(mission="circle-wind", controller=law, changes=short) for law in ("slot", "pid")]
+    here = [fly(one)[0].mean_error_m for one in tasks]
     with (
         LocalCluster(
             n_workers=1, threads_per_worker=1, processes=False, dashboard_address=None
         ) as cluster,
         dask_executor(cluster.scheduler_address) as executor,
     ):
-        there = [one.mean_error_m for one in sampled(executor, tasks)]
+        there = [one.mean_error_m for one, _ in flown_by(executor, fly, tasks)]
     assert there == here

@@ -2,7 +2,6 @@ import math
 
 import pytest
 
-from tests.benchmarks.draw_suite import drawn
 from vfguide import suite
 from vfguide.errors import InputError
 from vfguide.lab.studies.suite import (
@@ -14,6 +13,7 @@ from vfguide.lab.studies.suite import (
     suite_table,
 )
 from vfguide.mission import parse_mission
+from vfguide.suite.draw import drawn
 
 
 def flight(**changes: object) -> SuiteFlight:
@@ -80,33 +80,43 @@ def test_where_a_law_fails_or_is_beaten_is_told():
 @pytest.mark.parametrize("number", [1, 37, 100])
 def test_the_rule_draws_the_scenarios_as_they_are_kept(number):
     mission = parse_mission(drawn(number).encode(), file="drawn").mission
-    assert suite.with_law(f"{number:03}.yaml", "slot") == mission
+    assert suite.with_law(number, "slot") == mission
+
+
+def test_further_draws_repeat_by_their_seed_and_are_none_of_the_fixed():
+    first, again, other = (
+        [suite.with_law(number, "pid") for number in suite.further(2, seed)] for seed in (7, 7, 8)
+    )
+    assert first == again
+    assert first[0] != first[1] != other[0]
+    assert first[0].name == "suite-7000001"
+    assert {one.controller.type for one in first} == {"pid"}
 
 
 def test_every_scenario_is_as_it_was_drawn_and_names_its_law():
-    assert len(suite.names()) == suite.COUNT
-    assert len(suite.names(quick=True)) == 10
-    for name in suite.names():
-        mission = suite.with_law(name, "pid")
+    assert len(suite.numbers()) == suite.COUNT
+    assert len(suite.numbers(quick=True)) == 10
+    for number in suite.numbers():
+        mission = suite.with_law(number, "pid")
         assert mission.controller.type == "pid"
-        assert mission.rehearsal.seed == int(name[:3])
+        assert mission.rehearsal.seed == number
 
 
 def test_a_changed_scenario_is_refused(monkeypatch, tmp_path):
     for name in (suite.SUMS, "001.yaml"):
         (tmp_path / name).write_bytes((suite.files("vfguide.suite") / name).read_bytes())
     monkeypatch.setattr(suite, "files", lambda _: tmp_path)
-    assert suite.with_law("001.yaml", "slot").name == "suite-001"
+    assert suite.with_law(1, "slot").name == "suite-001"
     with (tmp_path / "001.yaml").open("a") as file:
         file.write("# easier\n")
     with pytest.raises(InputError, match="is not the scenario as it was drawn"):
-        suite.with_law("001.yaml", "slot")
+        suite.with_law(1, "slot")
 
 
 @pytest.mark.flies
 def test_a_scenario_is_flown_and_judged():
     # One follower, nothing happens.
-    flown = fly_scenario(("091.yaml", "slot"))
+    flown = fly_scenario((91, "slot"))
     assert flown.failed == ""
     assert 0.0 < flown.score < 100.0
     assert flown.nearest_m > 5.0

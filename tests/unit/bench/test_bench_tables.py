@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from vfguide.commands.bench import maps, without_nan
-from vfguide.lab.studies import monte_carlo
+from vfguide.lab.studies import robustness
 from vfguide.lab.studies.comparison import (
     ABLATIONS,
     FULL,
@@ -23,7 +23,7 @@ from vfguide.lab.studies.comparison import (
 )
 from vfguide.lab.studies.figures import draw_case, draw_laws, draw_maps
 from vfguide.lab.studies.flown import MISSIONS, Case, Figures, Tracks
-from vfguide.lab.studies.monte_carlo import SWEEPS, Found, fly_point, points
+from vfguide.lab.studies.robustness import SWEEPS, Found, fly_point, points
 
 PNG = b"\x89PNG"
 LAWS = ("slot", "article", "pid", "mpc")
@@ -150,7 +150,7 @@ def test_maps_show_what_never_settled(tmp_path):
 
 def test_aircraft_that_respond_otherwise_than_declared_are_flown(monkeypatch):
     flown = []
-    monkeypatch.setattr(monte_carlo, "fly", lambda case: (flown.append(case), figures(0.1))[::-1])
+    monkeypatch.setattr(robustness, "fly", lambda case: (flown.append(case), figures(0.1))[::-1])
     slow = next(one for one in points(["slot"], quick=True) if one.sweep == "alpha")
     fly_point(slow)
     mission = flown[0].flown()

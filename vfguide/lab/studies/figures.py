@@ -22,7 +22,7 @@ from vfguide.lab.report.style import (
     TITLE_SIZE,
 )
 from vfguide.lab.studies.flown import Tracks
-from vfguide.lab.studies.monte_carlo import SWEEPS, Found
+from vfguide.lab.studies.robustness import SWEEPS, Found
 
 COLUMNS = 4
 

@@ -1,4 +1,4 @@
-"""The fixed scenarios flown by several laws, and their score: `vfguide bench suite`.
+"""Drawn scenarios flown by several laws, and their score: `vfguide bench suite` and `monte-carlo`.
 
 A flight has no points if it failed, else up to 100: 25 each for the distance from the slots as flown and as
 meant, 20 for the time to join, 10 each for effort, roll rate and freedom from limits. A part of weight w has
@@ -77,10 +77,10 @@ class SuiteFlight(msgspec.Struct, frozen=True, kw_only=True):
     """Least distance of any two vehicles on the whole flight."""
 
 
-def fly_scenario(task: tuple[str, str]) -> SuiteFlight:
-    """Fly a scenario, by its file's name, with a law."""
-    name, law = task
-    mission = with_law(name, law)
+def fly_scenario(task: tuple[int, str]) -> SuiteFlight:
+    """Fly a scenario, by its number, with a law."""
+    number, law = task
+    mission = with_law(number, law)
     try:
         record = fly_rehearsal(mission).record
     except VfguideError as error:
