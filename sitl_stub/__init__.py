@@ -13,13 +13,15 @@ from sitl_stub.air import (
     low_altitude_intensity,
 )
 from sitl_stub.aircraft import PlantParameters
+from sitl_stub.arduplane import EmulatedArduPlane
 from sitl_stub.autopilot import Autopilot
 from sitl_stub.bad_link import BadLink
 from sitl_stub.codec import Signing
 from sitl_stub.config import AutopilotConfig
+from sitl_stub.lagging_plant import FirstOrder, Lagging
 from sitl_stub.modes import AutopilotMode
-from sitl_stub.personality import Loops, Personality, personality
-from sitl_stub.plants import (
+from sitl_stub.personality import Loops, Personality, autopilots, personality
+from sitl_stub.plant import (
     AirPlant,
     AirRates,
     AirState,
@@ -27,11 +29,14 @@ from sitl_stub.plants import (
     options_of,
     plant,
     plant_of,
+    plants,
 )
+from sitl_stub.px4 import EmulatedPx4
 from sitl_stub.registry import load_plugins
 from sitl_stub.route import Route
 from sitl_stub.sensor_errors import Fault
 from sitl_stub.settings import Settings
+from sitl_stub.six_dof import SixDof
 from sitl_stub.truth import Truth
 
 __version__ = "1.0.0"
@@ -49,7 +54,11 @@ __all__ = [
     "BadLink",
     "CalmWind",
     "DiscreteGust",
+    "EmulatedArduPlane",
+    "EmulatedPx4",
     "Fault",
+    "FirstOrder",
+    "Lagging",
     "Loops",
     "Personality",
     "Plant",
@@ -58,15 +67,18 @@ __all__ = [
     "Settings",
     "Shear",
     "Signing",
+    "SixDof",
     "SteadyWind",
     "Truth",
     "TurbulenceField",
     "Wind",
     "air_of",
+    "autopilots",
     "load_plugins",
     "low_altitude_intensity",
     "options_of",
     "personality",
     "plant",
     "plant_of",
+    "plants",
 ]

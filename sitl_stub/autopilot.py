@@ -30,9 +30,8 @@ from sitl_stub.geometry import Home, ground_speed_along_m_s, wrap_to_two_pi
 from sitl_stub.loops import TurnTarget
 from sitl_stub.messages import ReportedInstant
 from sitl_stub.parameters import ParameterServer
-from sitl_stub.personality import Personality
+from sitl_stub.personality import Personality, personality_of
 from sitl_stub.plant import PlantState
-from sitl_stub.registry import autopilots
 from sitl_stub.sensor_errors import Fault, SensorErrors
 from sitl_stub.sensors import Sensors
 from sitl_stub.streams import Streams
@@ -173,7 +172,7 @@ class Autopilot:
         """What it started with."""
         self.system_id = config.system_id
         """MAVLink system id."""
-        self._personality: Personality = autopilots.find(config.autopilot)(config)
+        self._personality = personality_of(config)
         self._personality.arming.ready_from_us = round(config.ready_after_s * 1e6)
         self._flight = flight_at_start(config, air, self._personality)
         self._reported_mode = self._flight.mode

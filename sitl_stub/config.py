@@ -6,7 +6,6 @@ from typing import get_args
 import msgspec
 
 from sitl_stub.aircraft import PlantParameters
-from sitl_stub.registry import autopilots
 from sitl_stub.route import Route
 from sitl_stub.sensor_errors import Fault, SensorGrade
 
@@ -120,15 +119,6 @@ class AutopilotConfig(msgspec.Struct, frozen=True, kw_only=True):
         self._check_numbers()
         if not 1 <= self.system_id <= 255:
             raise ValueError(f"system_id must be 1 to 255, not {self.system_id!r}")
-        if self.autopilot not in autopilots:
-            known = ", ".join(autopilots.names())
-            raise ValueError(f"autopilot must be one of {known}, not {self.autopilot!r}")
-        versions = autopilots.find(self.autopilot).versions
-        if self.autopilot_version is not None and self.autopilot_version not in versions:
-            known = ", ".join(f"{major}.{minor}" for major, minor in versions) or "none"
-            raise ValueError(
-                f"autopilot_version must be one of those of {self.autopilot}, which has {known}"
-            )
         if abs(self.latitude_deg) > 89.0:
             raise ValueError("latitude_deg must be within 89 degrees: poles are not flown")
         if self.sensors not in get_args(SensorGrade):

@@ -15,8 +15,8 @@ from msgspec.structs import replace
 from sitl_stub.air import Air, AirData, AirPlace, Wind, followed_wind_m_s
 from sitl_stub.aircraft import PlantParameters
 from sitl_stub.geometry import Home, ahead_of, radii_m, wrap_to_pi
-from sitl_stub.lagging_plant import CENTIDEGREE_RAD
 from sitl_stub.loops import (
+    CENTIDEGREE_RAD,
     GRAVITY_M_S2,
     AltitudeTarget,
     SpeedTarget,
@@ -25,9 +25,10 @@ from sitl_stub.loops import (
     in_true_height,
 )
 from sitl_stub.modes import AutopilotMode
-from sitl_stub.motion import (
+from sitl_stub.plant import Motion, PlantState, plant_of
+from sitl_stub.route import Route, RouteFollower
+from sitl_stub.take_off import (
     REACHED_WITHIN_M,
-    Motion,
     Navigation,
     Phase,
     airborne,
@@ -35,9 +36,6 @@ from sitl_stub.motion import (
     rolled,
     rolling_motion,
 )
-from sitl_stub.plant import PlantState
-from sitl_stub.plants import plant_of
-from sitl_stub.route import Route, RouteFollower
 
 FIELD_GAIN = 2.0
 """Gain of the field around the circle, in parts of 1 / radius."""

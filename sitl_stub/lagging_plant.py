@@ -1,4 +1,9 @@
-"""The aircraft whose roll and speed lag, and its integration step.
+"""The aircraft of the article and those whose roll and speed lag, and their integration steps.
+
+`heading-hold` is the air-relative truth: loops of first order act on heading and airspeed, and the wind
+carries the aircraft. `course-hold` is the article's model: the loops act on course and ground speed, and the
+wind only enters where an airspeed is held. Both fly in the horizontal plane; height is a hold of second order
+beside it, and the climb angle's share in the ground speed (below 1 % at 3 m/s of climb) is left out.
 
 `bank` is what ArduPlane's GUIDED course really does: bank from course error, then the roll's own lag,
 then the turn of that bank. `tecs` is what its speed does: a hold with an integral, limited acceleration,
@@ -14,21 +19,32 @@ from typing import NamedTuple
 
 from sitl_stub.air import Wind
 from sitl_stub.aircraft import PlantParameters
-from sitl_stub.geometry import displace, wrap_to_pi, wrap_to_two_pi
+from sitl_stub.geometry import (
+    MIN_GROUND_SPEED_M_S,
+    airspeed_of_m_s,
+    displace,
+    ground_speed_along_m_s,
+    wrap_to_two_pi,
+)
 from sitl_stub.loops import (
     GRAVITY_M_S2,
+    AltitudeTarget,
+    SpeedKind,
+    SpeedTarget,
     Targets,
-    TurnTarget,
     acceleration_m_s2,
     bank_limited_turn_rate_rad_s,
     bank_of_rad,
     clamped,
     climb_acceleration_m_s2,
     turn_rate_rad_s,
+    wanted_bank_rad,
 )
-from sitl_stub.plant import PlantState
+from sitl_stub.plant import AirPlant, AirRates, AirState, Motion, Plant, PlantState, plant
 
-CENTIDEGREE_RAD = math.radians(0.01)
+MAX_STEP_S = 0.05
+"""Longest step of first order. Over two minutes of turning in the article's wind such steps stay within the
+resolution of the telemetry (11 mm, 0.01 deg) of steps a hundred times finer; a test measures it."""
 
 TECS_GAIN_1_S = 0.55
 TECS_INTEGRAL_1_S2 = 0.03
@@ -61,35 +77,14 @@ MAX_LAGGING_STEP_S = 0.025
 """Longest step: a sixteenth of the roll's time constant; a test measures what it costs in accuracy."""
 
 
-class LaggingRates(NamedTuple):
-    """How everything moves at one moment."""
+class PlantRates(NamedTuple):
+    """How the plant moves now. A tuple, since four of them are made per report."""
 
     turn_rate_rad_s: float
-    """Turn rate of the nose, positive right."""
+    """Turn rate of the heading or course held, positive right."""
 
     acceleration_m_s2: float
-    """Rate of change of the airspeed."""
-
-    roll_rate_rad_s: float
-    """Rate of change of the bank; zero where the plant has no roll."""
-
-    integral_rate_m_s3: float
-    """Rate of the speed hold's integral, or of PX4's acceleration; zero where the response is first-order."""
-
-    reference_rate_m_s2: float
-    """Rate of the airspeed that is held; zero where the response is not one of `px4`'s."""
-
-    trim_rate_m_s2: float
-    """Rate of the trimmed throttle's airspeed; zero where the response is not `px4-untrimmed`."""
-
-    delayed_bank_rate_rad_s: float
-    """Rate of the bank on its way to the roll; zero where that takes no time."""
-
-    climb_m_s: float
-    """Positive up: of the height hold, and what the speed takes out of it."""
-
-    climb_acceleration_m_s2: float
-    """Acceleration of the height hold, positive up."""
+    """Rate of change of the speed held."""
 
     north_m_s: float
     """Ground velocity."""
@@ -98,115 +93,134 @@ class LaggingRates(NamedTuple):
     """Ground velocity."""
 
 
-def lagging_rates(
+def heading_hold_rates(
     parameters: PlantParameters,
     targets: Targets,
-    *,
     heading_rad: float,
     airspeed_m_s: float,
-    roll_rad: float,
-    speed_integral_m_s2: float,
-    speed_reference_m_s: float,
-    speed_trim_m_s: float,
-    delayed_bank_rad: float,
-    altitude_amsl_m: float,
-    climb_m_s: float,
     wind_m_s: tuple[float, float],
-) -> LaggingRates:
-    """All rates at one moment."""
+) -> PlantRates:
+    """The heading-hold plant: the nose turns, the wind drifts.
+
+    A course is flown through the drift the autopilot measures: the course error turns the nose.
+    """
     north_m_s = airspeed_m_s * math.cos(heading_rad) + wind_m_s[0]
     east_m_s = airspeed_m_s * math.sin(heading_rad) + wind_m_s[1]
-    course_rad = math.atan2(east_m_s, north_m_s)
-    delayed_bank_rate = 0.0
-    if parameters.rolls:
-        wanted_rad = wanted_bank_rad(
-            parameters,
-            targets.turn,
-            course_rad=course_rad,
-            heading_rad=heading_rad,
-            airspeed_m_s=airspeed_m_s,
-        )
-        if parameters.roll_delay_s > 0.0:
-            delayed_bank_rate = (wanted_rad - delayed_bank_rad) / parameters.roll_delay_s
-            wanted_rad = delayed_bank_rad
-        roll_rate = (wanted_rad - roll_rad) / parameters.roll_time_s
-        coordinated = bank_limited_turn_rate_rad_s(roll_rad, airspeed_m_s)
-        turn = parameters.turn_efficiency * coordinated
-    else:
-        roll_rate = 0.0
-        turn = turn_rate_rad_s(
-            parameters,
-            targets.turn,
-            course_rad=course_rad,
-            heading_rad=heading_rad,
-            speed_m_s=airspeed_m_s,
-        )
-    climb_rate = climb_acceleration_m_s2(parameters, targets.height, altitude_amsl_m, climb_m_s)
-    reference_rate = trim_rate = 0.0
-    if parameters.speed_response == "tecs":
-        error_m_s = targets.speed.speed_m_s - airspeed_m_s
-        limit = min(TECS_ACCELERATION_M_S2, targets.speed.max_acceleration_m_s2)
-        acceleration = tecs_acceleration_m_s2(error_m_s, speed_integral_m_s2, limit)
-        integral_rate = tecs_integral_rate_m_s3(error_m_s, speed_integral_m_s2, limit)
-        climb_m_s -= TECS_HEIGHT_SHARE * airspeed_m_s * acceleration / GRAVITY_M_S2
-    elif parameters.slews:
-        acceleration = speed_integral_m_s2
-        missing_m_s = targets.speed.speed_m_s - speed_reference_m_s
-        limit = min(PX4_SLEW_M_S2, targets.speed.max_acceleration_m_s2)
-        reference_rate = clamped(PX4_REFERENCE_1_S * missing_m_s, limit)
-        aimed_m_s, aimed_rate = speed_reference_m_s, reference_rate
-        if not parameters.is_trimmed:
-            trim_rate = (speed_reference_m_s - speed_trim_m_s) / UNTRIMMED_S
-            untrimmed_m_s = speed_reference_m_s - speed_trim_m_s
-            aimed_m_s = speed_trim_m_s + UNTRIMMED_SHARE * untrimmed_m_s
-            aimed_rate = trim_rate + UNTRIMMED_SHARE * (reference_rate - trim_rate)
-        behind_m_s = aimed_m_s + PX4_LEAD_S * aimed_rate - airspeed_m_s
-        integral_rate = PX4_FREQUENCY_RAD_S**2 * behind_m_s
-        integral_rate -= 2.0 * PX4_DAMPING * PX4_FREQUENCY_RAD_S * acceleration
-    else:
-        acceleration = acceleration_m_s2(parameters, targets.speed, airspeed_m_s)
-        integral_rate = 0.0
-    return LaggingRates(
-        turn,
-        acceleration,
-        roll_rate,
-        integral_rate,
-        reference_rate,
-        trim_rate,
-        delayed_bank_rate,
-        climb_m_s,
-        climb_rate,
-        north_m_s,
-        east_m_s,
+    turn = turn_rate_rad_s(
+        parameters,
+        targets.turn,
+        course_rad=math.atan2(east_m_s, north_m_s),
+        heading_rad=heading_rad,
+        speed_m_s=airspeed_m_s,
+    )
+    return PlantRates(
+        turn, acceleration_m_s2(parameters, targets.speed, airspeed_m_s), north_m_s, east_m_s
     )
 
 
-def wanted_bank_rad(
+def course_hold_rates(
     parameters: PlantParameters,
-    target: TurnTarget,
-    *,
+    targets: Targets,
     course_rad: float,
-    heading_rad: float,
-    airspeed_m_s: float,
-) -> float:
-    """The bank that is asked for, positive right.
+    speed_m_s: float,
+    wind_m_s: tuple[float, float],
+) -> PlantRates:
+    """The course-hold plant, the article's equations: the course itself is the loop's state.
 
-    `bank`, ArduPlane's guided course: phi = sat(GUIDED_P wrap(target - present)). `npfg`, PX4's:
-    phi = sat(atan(alpha V sin(target - present) / g)), and beyond 90 degrees as at 90.
-
-    Saturated by the bank limit and by atan(a / g) of the lateral acceleration a that came with the
-    command, whichever is smaller.
+    Under a ground speed target `speed_m_s` is the ground speed and the wind does not enter; under an
+    airspeed target it is the airspeed, and the ground speed follows from the triangle at once.
     """
-    if target.hold == "bank":
-        return clamped(target.angle_rad, parameters.max_bank_rad)
-    error_rad = wrap_to_pi(
-        target.angle_rad - (course_rad if target.hold == "course" else heading_rad)
+    if targets.speed.kind == "ground-speed":
+        ground_speed_m_s = max(speed_m_s, MIN_GROUND_SPEED_M_S)
+    else:
+        ground_speed_m_s = ground_speed_along_m_s(course_rad, speed_m_s, *wind_m_s)
+    north_m_s = ground_speed_m_s * math.cos(course_rad)
+    east_m_s = ground_speed_m_s * math.sin(course_rad)
+    turn = turn_rate_rad_s(
+        parameters,
+        targets.turn,
+        course_rad=course_rad,
+        heading_rad=math.atan2(east_m_s - wind_m_s[1], north_m_s - wind_m_s[0]),
+        speed_m_s=ground_speed_m_s,
     )
-    limit = min(parameters.max_bank_rad, math.atan(target.max_acceleration_m_s2 / GRAVITY_M_S2))
-    if parameters.kind == "npfg":
-        sine = math.sin(clamped(error_rad, 0.5 * math.pi))
-        return clamped(math.atan(parameters.alpha_1_s * airspeed_m_s * sine / GRAVITY_M_S2), limit)
-    return clamped(parameters.guided_p_cdeg_rad * CENTIDEGREE_RAD * error_rad, limit)
+    return PlantRates(
+        turn, acceleration_m_s2(parameters, targets.speed, speed_m_s), north_m_s, east_m_s
+    )
+
+
+RATES = {"heading-hold": heading_hold_rates, "course-hold": course_hold_rates}
+"""The equations of motion by the plant's name."""
+
+
+def bounded_ground_speed_m_s(
+    parameters: PlantParameters,
+    course_rad: float,
+    ground_speed_m_s: float,
+    wind_m_s: tuple[float, float],
+) -> float:
+    """A ground speed kept where the aircraft can fly it.
+
+    Between those the triangle gives for the slowest and the fastest airspeed along the course; where
+    the wind leaves none, at the triangle's floor.
+    """
+    slowest = ground_speed_along_m_s(course_rad, parameters.airspeed_min_m_s, *wind_m_s)
+    fastest = ground_speed_along_m_s(course_rad, parameters.airspeed_max_m_s, *wind_m_s)
+    return max(slowest, min(fastest, ground_speed_m_s))
+
+
+def with_speed_kind(
+    state: PlantState, kind: SpeedKind, wind_m_s: tuple[float, float]
+) -> PlantState:
+    """The motion of a course-hold plant as a state with the other speed: a switch without a jump."""
+    if kind == state.speed_kind:
+        return state
+    convert = ground_speed_along_m_s if kind == "ground-speed" else airspeed_of_m_s
+    return PlantState(
+        state.direction_rad,
+        convert(state.direction_rad, state.speed_m_s, *wind_m_s),
+        kind,
+        state.latitude_rad,
+        state.longitude_rad,
+        state.altitude_amsl_m,
+        climb_m_s=state.climb_m_s,
+    )
+
+
+def height_step(
+    parameters: PlantParameters,
+    target: AltitudeTarget,
+    altitude_m: float,
+    climb_m_s: float,
+    step_s: float,
+) -> tuple[float, float, float]:
+    """(height half way, height, climb rate) one midpoint step later, m and m/s."""
+    half_s = 0.5 * step_s
+    rate = climb_acceleration_m_s2(parameters, target, altitude_m, climb_m_s)
+    middle_m, middle_m_s = altitude_m + half_s * climb_m_s, climb_m_s + half_s * rate
+    rate = climb_acceleration_m_s2(parameters, target, middle_m, middle_m_s)
+    return middle_m, altitude_m + step_s * middle_m_s, climb_m_s + step_s * rate
+
+
+def nose_turn_rate_rad_s(
+    rates: PlantRates,
+    *,
+    drift_rad: float,
+    ground_speed_m_s: float,
+    airspeed_m_s: float,
+    holds_airspeed: bool,
+) -> float:
+    """Turn rate of the air velocity while the course turns, in steady wind: the wind triangle's derivative.
+
+    The acceleration over ground is that through the air, and its part across the nose turns the nose.
+    """
+    turning_m_s2 = ground_speed_m_s * rates.turn_rate_rad_s
+    if holds_airspeed:
+        across_m_s2 = turning_m_s2 / math.cos(drift_rad)
+    else:
+        across_m_s2 = turning_m_s2 * math.cos(drift_rad) + rates.acceleration_m_s2 * math.sin(
+            drift_rad
+        )
+    return across_m_s2 / max(airspeed_m_s, 1.0)
 
 
 def tecs_acceleration_m_s2(error_m_s: float, integral_m_s2: float, limit_m_s2: float) -> float:
@@ -222,89 +236,175 @@ def tecs_integral_rate_m_s3(error_m_s: float, integral_m_s2: float, limit_m_s2: 
     return TECS_INTEGRAL_1_S2 * error_m_s
 
 
-def shown_bank_rad(
-    parameters: PlantParameters, rates: LaggingRates, roll_rad: float, airspeed_m_s: float
-) -> float:
-    """The bank as an attitude sensor would see it."""
-    if parameters.rolls:
-        return roll_rad
-    return bank_of_rad(rates.turn_rate_rad_s, airspeed_m_s)
+@plant("course-hold")
+@plant("heading-hold")
+class FirstOrder(Plant):
+    """Heading or course, and speed, go to what is held with one gain each."""
+
+    longest_step_s = MAX_STEP_S
+
+    @classmethod
+    def of(cls, parameters: PlantParameters) -> Plant:
+        """A slow hold of the speed makes another aircraft of it."""
+        return (Lagging if parameters.lags else cls)(parameters)
+
+    def step(
+        self, targets: Targets, state: PlantState, wind: Wind, *, time_s: float, step_s: float
+    ) -> PlantState:
+        """The state one midpoint (second-order Runge-Kutta) step later."""
+        parameters = self.parameters
+        rates = RATES[parameters.kind]
+        kind = targets.speed.kind
+        start_wind_m_s = wind.at(time_s)
+        state = with_speed_kind(state, kind, start_wind_m_s)
+        half_s = 0.5 * step_s
+        start = rates(parameters, targets, state.direction_rad, state.speed_m_s, start_wind_m_s)
+        middle_direction_rad = state.direction_rad + half_s * start.turn_rate_rad_s
+        middle_speed_m_s = state.speed_m_s + half_s * start.acceleration_m_s2
+        middle_wind_m_s = wind.at(time_s + half_s)
+        if kind == "ground-speed":
+            middle_speed_m_s = bounded_ground_speed_m_s(
+                parameters, middle_direction_rad, middle_speed_m_s, middle_wind_m_s
+            )
+        middle = rates(parameters, targets, middle_direction_rad, middle_speed_m_s, middle_wind_m_s)
+        direction_rad = state.direction_rad + step_s * middle.turn_rate_rad_s
+        speed_m_s = state.speed_m_s + step_s * middle.acceleration_m_s2
+        if kind == "ground-speed":
+            speed_m_s = bounded_ground_speed_m_s(
+                parameters, direction_rad, speed_m_s, wind.at(time_s + step_s)
+            )
+        else:
+            speed_m_s = max(
+                parameters.airspeed_min_m_s, min(parameters.airspeed_max_m_s, speed_m_s)
+            )
+        middle_altitude_m, altitude_m, climb_m_s = height_step(
+            parameters, targets.height, state.altitude_amsl_m, state.climb_m_s, step_s
+        )
+        latitude_rad, longitude_rad = displace(
+            state.latitude_rad,
+            state.longitude_rad,
+            middle_altitude_m,
+            north_m=step_s * middle.north_m_s,
+            east_m=step_s * middle.east_m_s,
+        )
+        return PlantState(
+            wrap_to_two_pi(direction_rad),
+            speed_m_s,
+            kind,
+            latitude_rad,
+            longitude_rad,
+            altitude_m,
+            climb_m_s=climb_m_s,
+        )
+
+    def motion(self, targets: Targets, state: PlantState, wind_m_s: tuple[float, float]) -> Motion:
+        """By the rates of its loops."""
+        state = with_speed_kind(state, targets.speed.kind, wind_m_s)
+        rates = RATES[self.parameters.kind](
+            self.parameters, targets, state.direction_rad, state.speed_m_s, wind_m_s
+        )
+        north_m_s, east_m_s = rates.north_m_s, rates.east_m_s
+        air_north_m_s, air_east_m_s = north_m_s - wind_m_s[0], east_m_s - wind_m_s[1]
+        ground_speed_m_s = math.hypot(north_m_s, east_m_s)
+        airspeed_m_s = math.hypot(air_north_m_s, air_east_m_s)
+        heading_rad = math.atan2(air_east_m_s, air_north_m_s)
+        turn_rate_rad_s = rates.turn_rate_rad_s
+        if self.parameters.kind == "course-hold":
+            turn_rate_rad_s = nose_turn_rate_rad_s(
+                rates,
+                drift_rad=math.atan2(east_m_s, north_m_s) - heading_rad,
+                ground_speed_m_s=ground_speed_m_s,
+                airspeed_m_s=airspeed_m_s,
+                holds_airspeed=targets.speed.kind == "airspeed",
+            )
+        return Motion(
+            north_m_s,
+            east_m_s,
+            -state.climb_m_s,
+            wrap_to_two_pi(math.atan2(east_m_s, north_m_s)),
+            ground_speed_m_s,
+            wrap_to_two_pi(heading_rad),
+            airspeed_m_s,
+            turn_rate_rad_s,
+            bank_of_rad(turn_rate_rad_s, airspeed_m_s),
+        )
 
 
-def rates_of(
-    parameters: PlantParameters,
-    targets: Targets,
-    state: PlantState,
-    wind_m_s: tuple[float, float],
-) -> LaggingRates:
-    """How a state moves in this wind."""
-    return lagging_rates(
-        parameters,
-        targets,
-        heading_rad=state.direction_rad,
-        airspeed_m_s=state.speed_m_s,
-        roll_rad=state.roll_rad,
-        speed_integral_m_s2=state.speed_integral_m_s2,
-        speed_reference_m_s=reference_of(state),
-        speed_trim_m_s=trim_of(state),
-        delayed_bank_rad=state.delayed_bank_rad,
-        altitude_amsl_m=state.altitude_amsl_m,
-        climb_m_s=state.climb_m_s,
-        wind_m_s=wind_m_s,
-    )
+@plant("npfg")
+@plant("bank")
+class Lagging(AirPlant):
+    """Roll and speed have states of their own.
 
+    It remembers the speed hold's integral (of `px4` its acceleration), the airspeed that `px4` holds on its
+    way to what is commanded, the one to which `px4-untrimmed` has brought its throttle, and the bank that has
+    reached the roll.
+    """
 
-def displace_by(
-    parameters: PlantParameters, state: PlantState, rates: LaggingRates, span_s: float
-) -> PlantState:
-    """The state after a span at constant rates, within what the aircraft can do."""
-    latitude_rad, longitude_rad = displace(
-        state.latitude_rad,
-        state.longitude_rad,
-        state.altitude_amsl_m,
-        north_m=span_s * rates.north_m_s,
-        east_m=span_s * rates.east_m_s,
-    )
-    speed_m_s = state.speed_m_s + span_s * rates.acceleration_m_s2
-    return PlantState(
-        wrap_to_two_pi(state.direction_rad + span_s * rates.turn_rate_rad_s),
-        max(parameters.airspeed_min_m_s, min(parameters.airspeed_max_m_s, speed_m_s)),
-        "airspeed",
-        latitude_rad,
-        longitude_rad,
-        state.altitude_amsl_m + span_s * rates.climb_m_s,
-        state.roll_rad + span_s * rates.roll_rate_rad_s,
-        state.speed_integral_m_s2 + span_s * rates.integral_rate_m_s3,
-        reference_of(state) + span_s * rates.reference_rate_m_s2,
-        None if parameters.is_trimmed else trim_of(state) + span_s * rates.trim_rate_m_s2,
-        state.delayed_bank_rad + span_s * rates.delayed_bank_rate_rad_s,
-        climb_m_s=state.climb_m_s + span_s * rates.climb_acceleration_m_s2,
-    )
+    longest_step_s = MAX_LAGGING_STEP_S
 
+    def first_memory(self, state: PlantState) -> tuple[float, ...]:
+        """Its own airspeed is held at first."""
+        return (0.0, state.speed_m_s, state.speed_m_s, 0.0)
 
-def reference_of(state: PlantState) -> float:
-    """The airspeed that PX4's hold holds; the present one where it has not held any."""
-    reference = state.speed_reference_m_s
-    return state.speed_m_s if reference is None else reference
+    def rates(self, targets: Targets, state: AirState) -> AirRates:
+        """All rates at one moment."""
+        parameters, delayed_bank_rate = self.parameters, 0.0
+        if parameters.rolls:
+            wanted_rad = wanted_bank_rad(
+                parameters,
+                targets.turn,
+                course_rad=state.course_rad,
+                heading_rad=state.heading_rad,
+                airspeed_m_s=state.airspeed_m_s,
+            )
+            if parameters.roll_delay_s > 0.0:
+                delayed_rad = state.memory[3]
+                delayed_bank_rate = (wanted_rad - delayed_rad) / parameters.roll_delay_s
+                wanted_rad = delayed_rad
+            roll_rate = (wanted_rad - state.roll_rad) / parameters.roll_time_s
+            coordinated = bank_limited_turn_rate_rad_s(state.roll_rad, state.airspeed_m_s)
+            turn = parameters.turn_efficiency * coordinated
+        else:
+            roll_rate = 0.0
+            turn = turn_rate_rad_s(
+                parameters,
+                targets.turn,
+                course_rad=state.course_rad,
+                heading_rad=state.heading_rad,
+                speed_m_s=state.airspeed_m_s,
+            )
+        climb_m_s, speed_rates = 0.0, (0.0, 0.0, 0.0)
+        if parameters.speed_response == "tecs":
+            error_m_s = targets.speed.speed_m_s - state.airspeed_m_s
+            limit = min(TECS_ACCELERATION_M_S2, targets.speed.max_acceleration_m_s2)
+            acceleration = tecs_acceleration_m_s2(error_m_s, state.memory[0], limit)
+            speed_rates = (tecs_integral_rate_m_s3(error_m_s, state.memory[0], limit), 0.0, 0.0)
+            climb_m_s = -(TECS_HEIGHT_SHARE * state.airspeed_m_s * acceleration / GRAVITY_M_S2)
+        elif parameters.slews:
+            acceleration = state.memory[0]
+            speed_rates = self._px4_speed_rates(targets.speed, state)
+        else:
+            acceleration = acceleration_m_s2(parameters, targets.speed, state.airspeed_m_s)
+        return AirRates(
+            turn_rate_rad_s=turn,
+            acceleration_m_s2=acceleration,
+            roll_rate_rad_s=roll_rate,
+            climb_m_s=climb_m_s,
+            memory=(*speed_rates, delayed_bank_rate),
+        )
 
-
-def trim_of(state: PlantState) -> float:
-    """The airspeed to which an untrimmed throttle is trimmed; that which is held where there was none."""
-    return reference_of(state) if state.speed_trim_m_s is None else state.speed_trim_m_s
-
-
-def lagging_stepped(
-    parameters: PlantParameters,
-    targets: Targets,
-    state: PlantState,
-    wind: Wind,
-    *,
-    time_s: float,
-    step_s: float,
-) -> PlantState:
-    """The state one midpoint (second-order Runge-Kutta) step later."""
-    half_s = 0.5 * step_s
-    start = rates_of(parameters, targets, state, wind.at(time_s))
-    middle = displace_by(parameters, state, start, half_s)
-    rates = rates_of(parameters, targets, middle, wind.at(time_s + half_s))
-    return displace_by(parameters, state, rates, step_s)
+    def _px4_speed_rates(self, target: SpeedTarget, state: AirState) -> tuple[float, float, float]:
+        """Rates of the acceleration, of the airspeed that is held, and of the throttle's."""
+        acceleration, reference_m_s, trim_m_s, _ = state.memory
+        limit = min(PX4_SLEW_M_S2, target.max_acceleration_m_s2)
+        reference_rate = clamped(PX4_REFERENCE_1_S * (target.speed_m_s - reference_m_s), limit)
+        aimed_m_s, aimed_rate, trim_rate = reference_m_s, reference_rate, 0.0
+        if not self.parameters.is_trimmed:
+            untrimmed_m_s = reference_m_s - trim_m_s
+            trim_rate = untrimmed_m_s / UNTRIMMED_S
+            aimed_m_s = trim_m_s + UNTRIMMED_SHARE * untrimmed_m_s
+            aimed_rate = trim_rate + UNTRIMMED_SHARE * (reference_rate - trim_rate)
+        behind_m_s = aimed_m_s + PX4_LEAD_S * aimed_rate - state.airspeed_m_s
+        jerk = PX4_FREQUENCY_RAD_S**2 * behind_m_s
+        jerk -= 2.0 * PX4_DAMPING * PX4_FREQUENCY_RAD_S * acceleration
+        return jerk, reference_rate, trim_rate

@@ -12,8 +12,6 @@ from msgspec.structs import replace
 from sitl_stub.aircraft import PlantParameters
 from sitl_stub.geometry import wrap_to_pi
 
-# What the inner loops hold: one target each for turn, speed and height.
-
 SpeedKind = Literal["airspeed", "ground-speed"]
 
 
@@ -77,6 +75,8 @@ def in_true_height(targets: Targets, drift_m: float) -> Targets:
 GRAVITY_M_S2 = 9.80665
 """Standard gravity."""
 
+CENTIDEGREE_RAD = math.radians(0.01)
+
 HEIGHT_DAMPING = math.sqrt(0.5)
 """Damping of the height hold: it passes its target by 4 % of a step."""
 
@@ -117,6 +117,34 @@ def turn_rate_rad_s(
         target.max_acceleration_m_s2 / speed_m_s,
     )
     return clamped(parameters.alpha_1_s * wrap_to_pi(target.angle_rad - present_rad), limit)
+
+
+def wanted_bank_rad(
+    parameters: PlantParameters,
+    target: TurnTarget,
+    *,
+    course_rad: float,
+    heading_rad: float,
+    airspeed_m_s: float,
+) -> float:
+    """The bank that is asked for, positive right.
+
+    `bank`, ArduPlane's guided course: phi = sat(GUIDED_P wrap(target - present)). `npfg`, PX4's:
+    phi = sat(atan(alpha V sin(target - present) / g)), and beyond 90 degrees as at 90.
+
+    Saturated by the bank limit and by atan(a / g) of the lateral acceleration a that came with the
+    command, whichever is smaller.
+    """
+    if target.hold == "bank":
+        return clamped(target.angle_rad, parameters.max_bank_rad)
+    error_rad = wrap_to_pi(
+        target.angle_rad - (course_rad if target.hold == "course" else heading_rad)
+    )
+    limit = min(parameters.max_bank_rad, math.atan(target.max_acceleration_m_s2 / GRAVITY_M_S2))
+    if parameters.kind == "npfg":
+        sine = math.sin(clamped(error_rad, 0.5 * math.pi))
+        return clamped(math.atan(parameters.alpha_1_s * airspeed_m_s * sine / GRAVITY_M_S2), limit)
+    return clamped(parameters.guided_p_cdeg_rad * CENTIDEGREE_RAD * error_rad, limit)
 
 
 def acceleration_m_s2(parameters: PlantParameters, target: SpeedTarget, speed_m_s: float) -> float:

@@ -13,7 +13,7 @@ from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 from sitl_stub.commands import SystemStatus
 from sitl_stub.flight import EmulatedFlight
 from sitl_stub.geometry import wrap_to_pi, wrap_to_two_pi
-from sitl_stub.motion import Motion
+from sitl_stub.plant import Motion
 
 SATELLITES = 14
 """Satellites of a good fix."""

@@ -24,7 +24,7 @@ from sitl_stub.config import AutopilotConfig
 from sitl_stub.flight import EmulatedFlight
 from sitl_stub.modes import AutopilotMode, by_number
 from sitl_stub.parameters import Parameters
-from sitl_stub.registry import autopilots
+from sitl_stub.registry import PlugInRegistry
 from sitl_stub.telemetry import (
     ATTITUDE,
     GLOBAL_POSITION_INT,
@@ -33,6 +33,11 @@ from sitl_stub.telemetry import (
     SYS_STATUS,
     VFR_HUD,
 )
+
+autopilots = PlugInRegistry(
+    "an autopilot", group="sitl_stub.autopilots", has=("firmware", "modes", "loops")
+)
+"""Autopilots by the name that `--autopilot` gives."""
 
 personality = autopilots.register
 """`@personality("name")` makes a class known as `--autopilot name`."""
@@ -163,3 +168,18 @@ class Personality:
     def watch(self, flight: EmulatedFlight) -> None:
         """Apply what the passing of time alone changes."""
         del flight
+
+
+def personality_of(config: AutopilotConfig) -> Personality:
+    """The autopilot that an aircraft starts with.
+
+    Raises:
+        ValueError: there is none of this name, or it has no such version; the message is one line.
+    """
+    kind: type[Personality] = autopilots.find(config.autopilot)
+    if config.autopilot_version is not None and config.autopilot_version not in kind.versions:
+        known = ", ".join(f"{major}.{minor}" for major, minor in kind.versions) or "none"
+        raise ValueError(
+            f"autopilot_version must be one of those of {config.autopilot}, which has {known}"
+        )
+    return kind(config)

@@ -1,41 +1,31 @@
-"""What an aircraft remembers from one step to the next, and the two plants of first order.
+"""What an aircraft of the emulator is made of, one of one's own too, and the aircraft by their names.
 
-All are pure functions over a frozen state. Two plants of first order, chosen by name; `lagging_plant` has
-the one whose roll and speed lag. `heading-hold` is the air-relative truth: the loops act on heading and
-airspeed, and the wind carries the aircraft. `course-hold` is the article's model: the loops act on course
-and ground speed, and the wind only enters where an airspeed is held.
-
-Both fly in the horizontal plane; height is a hold of second order beside it, and the climb angle's share
-in the ground speed (below 1 % at 3 m/s of climb) is left out.
+A plant is the aircraft together with the loops that hold its targets. It is a pure function of its state:
+from one state, what is held and the air, to the state a step later.
 """
 
 import math
-from typing import NamedTuple
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, fields
+from functools import cache
+from typing import Any, ClassVar, NamedTuple, TypeVar
 
 import msgspec
 
 from sitl_stub.air import Wind
 from sitl_stub.aircraft import PlantParameters
-from sitl_stub.geometry import (
-    MIN_GROUND_SPEED_M_S,
-    airspeed_of_m_s,
-    displace,
-    ground_speed_along_m_s,
-    wrap_to_two_pi,
-)
-from sitl_stub.loops import (
-    AltitudeTarget,
-    SpeedKind,
-    Targets,
-    acceleration_m_s2,
-    climb_acceleration_m_s2,
-    turn_rate_rad_s,
-)
+from sitl_stub.geometry import displace, wrap_to_two_pi
+from sitl_stub.loops import SpeedKind, Targets, bank_of_rad, climb_acceleration_m_s2
+from sitl_stub.registry import PlugInRegistry
 from sitl_stub.rigid_body import Body
 
-MAX_STEP_S = 0.05
-"""Longest integration step. Over two minutes of turning in the article's wind such steps stay within
-the resolution of the telemetry (11 mm, 0.01 deg) of steps a hundred times finer; a test measures it."""
+Kind = TypeVar("Kind", bound="type[Plant]")
+
+plants = PlugInRegistry(
+    "a plant", group="sitl_stub.plants", has=("step", "motion", "longest_step_s")
+)
+"""Aircraft with their loops, by the name that `--plant` and `rehearsal.emulator.plant` give."""
 
 
 class PlantState(msgspec.Struct, frozen=True):
@@ -60,22 +50,10 @@ class PlantState(msgspec.Struct, frozen=True):
     """Altitude, also taken as height above the ellipsoid (the geoid's 100 m at most are 2e-5)."""
 
     roll_rad: float = 0.0
-    """Bank of the bank plant, positive right."""
-
-    speed_integral_m_s2: float = 0.0
-    """Integral of the `tecs` speed hold; of `px4`'s its acceleration."""
-
-    speed_reference_m_s: float | None = None
-    """What the `px4` speed hold holds now, on its way to what is commanded; None before its first step."""
-
-    speed_trim_m_s: float | None = None
-    """Airspeed to which `px4-untrimmed` has brought its throttle; None before its first step."""
-
-    delayed_bank_rad: float = 0.0
-    """Bank that has reached the roll, of the bank that is wanted: `npfg` with a delay of the roll."""
+    """Bank of the plants that roll, positive right."""
 
     memory: tuple[float, ...] = ()
-    """State of the loops of a user's plant; empty before its first step."""
+    """State of the loops of an `AirPlant`; empty before its first step."""
 
     body: Body | None = None
     """State of the `six-dof` plant's body; None before its first step in the air."""
@@ -84,27 +62,8 @@ class PlantState(msgspec.Struct, frozen=True):
     """Climb rate of the height hold, positive up; the `six-dof` plant has its own in its body."""
 
 
-__all__ = [
-    "MAX_STEP_S",
-    "PlantParameters",
-    "PlantRates",
-    "PlantState",
-    "bounded_ground_speed_m_s",
-    "course_hold_rates",
-    "heading_hold_rates",
-    "stepped",
-    "with_speed_kind",
-]
-
-
-class PlantRates(NamedTuple):
-    """How the plant moves now. A tuple, since four of them are made per report."""
-
-    turn_rate_rad_s: float
-    """Turn rate of the heading or course held, positive right."""
-
-    acceleration_m_s2: float
-    """Rate of change of the speed held."""
+class Motion(NamedTuple):
+    """The true motion at one instant. A tuple, since one is made per report."""
 
     north_m_s: float
     """Ground velocity."""
@@ -112,163 +71,245 @@ class PlantRates(NamedTuple):
     east_m_s: float
     """Ground velocity."""
 
+    down_m_s: float
+    """Ground velocity, positive down."""
 
-def heading_hold_rates(
-    parameters: PlantParameters,
-    targets: Targets,
-    heading_rad: float,
-    airspeed_m_s: float,
-    wind_m_s: tuple[float, float],
-) -> PlantRates:
-    """The heading-hold plant: the nose turns, the wind drifts.
+    course_rad: float
+    """Direction of the ground velocity, [0, 2 pi)."""
 
-    A course is flown through the drift the autopilot measures: the course error turns the nose.
+    ground_speed_m_s: float
+    """Horizontal speed over ground."""
+
+    heading_rad: float
+    """Direction of the nose, which is that of the air velocity but on the six-dof plant, [0, 2 pi)."""
+
+    airspeed_m_s: float
+    """Horizontal speed through the air."""
+
+    turn_rate_rad_s: float
+    """Turn rate of the nose, positive right."""
+
+    bank_rad: float
+    """Bank of the coordinated turn, positive right."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NoOptions:
+    """A plant without numbers of its own."""
+
+
+class Plant(ABC):
+    """An aircraft with its loops. A subclass with `@plant("name")` is known as `--plant name`."""
+
+    longest_step_s: ClassVar[float] = 0.025
+    """Longest step of the integration."""
+
+    Options: ClassVar[type[Any]] = NoOptions
+    """Numbers of its own: a frozen dataclass of floats with defaults."""
+
+    def __init__(self, parameters: PlantParameters) -> None:
+        """Make one of these limits and gains, and of the options in them.
+
+        Raises:
+            ValueError: it has no such option, or the option is not a number; the message names it.
+        """
+        self.parameters = parameters
+        known = {one.name for one in fields(self.Options)}
+        for name, value in parameters.options:
+            if name not in known:
+                those = ", ".join(sorted(known)) or "none"
+                raise ValueError(f"{parameters.kind} has no option {name}; it has {those}")
+            if not math.isfinite(value):
+                raise ValueError(f"option {name} must be finite, not {value!r}")
+        self.options = self.Options(**dict(parameters.options))
+
+    @classmethod
+    def of(cls, parameters: PlantParameters) -> "Plant":
+        """The aircraft of these parameters: one of this class, where it can be."""
+        return cls(parameters)
+
+    @abstractmethod
+    def step(
+        self, targets: Targets, state: PlantState, wind: Wind, *, time_s: float, step_s: float
+    ) -> PlantState:
+        """The state a step later.
+
+        Args:
+            targets: what the loops hold.
+            state: now.
+            wind: (north, east) in m/s by its `at(time_s)`, where the aircraft is.
+            time_s: now.
+            step_s: at most `longest_step_s`.
+        """
+
+    @abstractmethod
+    def motion(self, targets: Targets, state: PlantState, wind_m_s: tuple[float, float]) -> Motion:
+        """The true motion in a state, of which the sensors tell."""
+
+
+def plant(name: str) -> Callable[[Kind], Kind]:
+    """Decorator that makes a class known by a name.
+
+    Raises:
+        ValueError: another plant has this name already, or the class leaves something out.
     """
-    north_m_s = airspeed_m_s * math.cos(heading_rad) + wind_m_s[0]
-    east_m_s = airspeed_m_s * math.sin(heading_rad) + wind_m_s[1]
-    turn = turn_rate_rad_s(
-        parameters,
-        targets.turn,
-        course_rad=math.atan2(east_m_s, north_m_s),
-        heading_rad=heading_rad,
-        speed_m_s=airspeed_m_s,
-    )
-    return PlantRates(
-        turn, acceleration_m_s2(parameters, targets.speed, airspeed_m_s), north_m_s, east_m_s
-    )
+
+    def add(found: Kind) -> Kind:
+        plants.register(name)(found)
+        plant_of.cache_clear()
+        return found
+
+    return add
 
 
-def course_hold_rates(
-    parameters: PlantParameters,
-    targets: Targets,
-    course_rad: float,
-    speed_m_s: float,
-    wind_m_s: tuple[float, float],
-) -> PlantRates:
-    """The course-hold plant, the article's equations: the course itself is the loop's state.
+@cache
+def plant_of(parameters: PlantParameters) -> Plant:
+    """The aircraft of these parameters.
 
-    Under a ground speed target `speed_m_s` is the ground speed and the wind does not enter; under an
-    airspeed target it is the airspeed, and the ground speed follows from the triangle at once.
+    Raises:
+        ValueError: there is no such plant, or it has no such options.
     """
-    if targets.speed.kind == "ground-speed":
-        ground_speed_m_s = max(speed_m_s, MIN_GROUND_SPEED_M_S)
-    else:
-        ground_speed_m_s = ground_speed_along_m_s(course_rad, speed_m_s, *wind_m_s)
-    north_m_s = ground_speed_m_s * math.cos(course_rad)
-    east_m_s = ground_speed_m_s * math.sin(course_rad)
-    turn = turn_rate_rad_s(
-        parameters,
-        targets.turn,
-        course_rad=course_rad,
-        heading_rad=math.atan2(east_m_s - wind_m_s[1], north_m_s - wind_m_s[0]),
-        speed_m_s=ground_speed_m_s,
-    )
-    return PlantRates(
-        turn, acceleration_m_s2(parameters, targets.speed, speed_m_s), north_m_s, east_m_s
-    )
+    made: Plant = plants.find(parameters.kind).of(parameters)
+    return made
 
 
-RATES = {"heading-hold": heading_hold_rates, "course-hold": course_hold_rates}
-"""The equations of motion by the plant's name."""
+class AirState(msgspec.Struct, frozen=True, kw_only=True):
+    """What the rates of an aircraft that the air carries depend on."""
+
+    heading_rad: float
+    """Heading of the nose, which is where it flies through the air."""
+    airspeed_m_s: float
+    """True."""
+    course_rad: float
+    """Over ground."""
+    north_m_s: float
+    """Ground velocity."""
+    east_m_s: float
+    """Ground velocity."""
+    altitude_amsl_m: float
+    """m."""
+    climb_m_s: float
+    """Positive up: what a climb takes of the energy is missing for the speed."""
+    roll_rad: float
+    """Bank, positive right; 0 where nothing rolls."""
+    memory: tuple[float, ...]
+    """What the loops remember."""
 
 
-def bounded_ground_speed_m_s(
-    parameters: PlantParameters,
-    course_rad: float,
-    ground_speed_m_s: float,
-    wind_m_s: tuple[float, float],
-) -> float:
-    """A ground speed kept where the aircraft can fly it.
+class AirRates(msgspec.Struct, frozen=True, kw_only=True):
+    """How such an aircraft moves."""
 
-    Between those the triangle gives for the slowest and the fastest airspeed along the course; where
-    the wind leaves none, at the triangle's floor.
+    turn_rate_rad_s: float
+    """Turn rate of the nose, positive right."""
+    acceleration_m_s2: float
+    """Rate of change of the airspeed."""
+    roll_rate_rad_s: float = 0.0
+    """Rate of change of the bank."""
+    climb_m_s: float = 0.0
+    """Climb beside that of the height hold, positive up: what a change of speed gives or takes."""
+    memory: tuple[float, ...] = ()
+    """Rate of each thing that the loops remember, per second."""
+
+
+class AirPlant(Plant):
+    """An aircraft that flies where its nose points, in air that carries it: a subclass says how it answers.
+
+    Height is a hold of second order beside it. Airspeed stays within the range of the parameters.
     """
-    slowest = ground_speed_along_m_s(course_rad, parameters.airspeed_min_m_s, *wind_m_s)
-    fastest = ground_speed_along_m_s(course_rad, parameters.airspeed_max_m_s, *wind_m_s)
-    return max(slowest, min(fastest, ground_speed_m_s))
 
+    memory: ClassVar[tuple[float, ...]] = ()
+    """What the loops remember at first."""
 
-def with_speed_kind(
-    state: PlantState, kind: SpeedKind, wind_m_s: tuple[float, float]
-) -> PlantState:
-    """The motion of a course-hold plant as a state with the other speed: a switch without a jump."""
-    if kind == state.speed_kind:
-        return state
-    convert = ground_speed_along_m_s if kind == "ground-speed" else airspeed_of_m_s
-    return PlantState(
-        state.direction_rad,
-        convert(state.direction_rad, state.speed_m_s, *wind_m_s),
-        kind,
-        state.latitude_rad,
-        state.longitude_rad,
-        state.altitude_amsl_m,
-        climb_m_s=state.climb_m_s,
-    )
+    @abstractmethod
+    def rates(self, targets: Targets, state: AirState) -> AirRates:
+        """How it moves in a state, with what its loops hold."""
 
+    def first_memory(self, state: PlantState) -> tuple[float, ...]:
+        """What the loops remember at their first step."""
+        del state
+        return self.memory
 
-def stepped(
-    parameters: PlantParameters,
-    targets: Targets,
-    state: PlantState,
-    wind: Wind,
-    *,
-    time_s: float,
-    step_s: float,
-) -> PlantState:
-    """The state one midpoint (second-order Runge-Kutta) step later."""
-    rates = RATES[parameters.kind]
-    kind = targets.speed.kind
-    start_wind_m_s = wind.at(time_s)
-    state = with_speed_kind(state, kind, start_wind_m_s)
-    half_s = 0.5 * step_s
-    start = rates(parameters, targets, state.direction_rad, state.speed_m_s, start_wind_m_s)
-    middle_direction_rad = state.direction_rad + half_s * start.turn_rate_rad_s
-    middle_speed_m_s = state.speed_m_s + half_s * start.acceleration_m_s2
-    middle_wind_m_s = wind.at(time_s + half_s)
-    if kind == "ground-speed":
-        middle_speed_m_s = bounded_ground_speed_m_s(
-            parameters, middle_direction_rad, middle_speed_m_s, middle_wind_m_s
+    def step(
+        self, targets: Targets, state: PlantState, wind: Wind, *, time_s: float, step_s: float
+    ) -> PlantState:
+        """A midpoint (second-order Runge-Kutta) step."""
+        half_s = 0.5 * step_s
+        middle = self._advance(targets, state, state, wind.at(time_s), half_s)
+        return self._advance(targets, state, middle, wind.at(time_s + half_s), step_s)
+
+    def motion(self, targets: Targets, state: PlantState, wind_m_s: tuple[float, float]) -> Motion:
+        """Motion of the nose through the air, and with the air over ground."""
+        seen = self._air_state(state, wind_m_s)
+        rates = self.rates(targets, seen)
+        turning_rad = bank_of_rad(rates.turn_rate_rad_s, state.speed_m_s)
+        return Motion(
+            seen.north_m_s,
+            seen.east_m_s,
+            -(state.climb_m_s + rates.climb_m_s),
+            wrap_to_two_pi(seen.course_rad),
+            math.hypot(seen.north_m_s, seen.east_m_s),
+            state.direction_rad,
+            state.speed_m_s,
+            rates.turn_rate_rad_s,
+            state.roll_rad if self.parameters.rolls else turning_rad,
         )
-    middle = rates(parameters, targets, middle_direction_rad, middle_speed_m_s, middle_wind_m_s)
-    direction_rad = state.direction_rad + step_s * middle.turn_rate_rad_s
-    speed_m_s = state.speed_m_s + step_s * middle.acceleration_m_s2
-    if kind == "ground-speed":
-        speed_m_s = bounded_ground_speed_m_s(
-            parameters, direction_rad, speed_m_s, wind.at(time_s + step_s)
+
+    def _air_state(self, state: PlantState, wind_m_s: tuple[float, float]) -> AirState:
+        north = state.speed_m_s * math.cos(state.direction_rad) + wind_m_s[0]
+        east = state.speed_m_s * math.sin(state.direction_rad) + wind_m_s[1]
+        return AirState(
+            heading_rad=state.direction_rad,
+            airspeed_m_s=state.speed_m_s,
+            course_rad=math.atan2(east, north),
+            north_m_s=north,
+            east_m_s=east,
+            altitude_amsl_m=state.altitude_amsl_m,
+            climb_m_s=state.climb_m_s,
+            roll_rad=state.roll_rad,
+            memory=state.memory or self.first_memory(state),
         )
-    else:
-        speed_m_s = max(parameters.airspeed_min_m_s, min(parameters.airspeed_max_m_s, speed_m_s))
-    middle_altitude_m, altitude_m, climb_m_s = height_step(
-        parameters, targets.height, state.altitude_amsl_m, state.climb_m_s, step_s
-    )
-    latitude_rad, longitude_rad = displace(
-        state.latitude_rad,
-        state.longitude_rad,
-        middle_altitude_m,
-        north_m=step_s * middle.north_m_s,
-        east_m=step_s * middle.east_m_s,
-    )
-    return PlantState(
-        wrap_to_two_pi(direction_rad),
-        speed_m_s,
-        kind,
-        latitude_rad,
-        longitude_rad,
-        altitude_m,
-        climb_m_s=climb_m_s,
-    )
+
+    def _advance(
+        self,
+        targets: Targets,
+        state: PlantState,
+        at: PlantState,
+        wind_m_s: tuple[float, float],
+        span_s: float,
+    ) -> PlantState:
+        """A state after a span at the rates of another."""
+        seen, parameters = self._air_state(at, wind_m_s), self.parameters
+        rates = self.rates(targets, seen)
+        climb_rate = climb_acceleration_m_s2(
+            parameters, targets.height, at.altitude_amsl_m, at.climb_m_s
+        )
+        latitude, longitude = displace(
+            state.latitude_rad,
+            state.longitude_rad,
+            state.altitude_amsl_m,
+            north_m=span_s * seen.north_m_s,
+            east_m=span_s * seen.east_m_s,
+        )
+        speed_m_s = state.speed_m_s + span_s * rates.acceleration_m_s2
+        memory = state.memory or self.first_memory(state)
+        numbers = (rates.turn_rate_rad_s, rates.acceleration_m_s2, *rates.memory)
+        if len(rates.memory) != len(memory) or not all(map(math.isfinite, numbers)):
+            raise ValueError(
+                f"the plant {parameters.kind} gives rates that are not finite, or not {len(memory)} of memory"
+            )
+        return PlantState(
+            wrap_to_two_pi(state.direction_rad + span_s * rates.turn_rate_rad_s),
+            max(parameters.airspeed_min_m_s, min(parameters.airspeed_max_m_s, speed_m_s)),
+            "airspeed",
+            latitude,
+            longitude,
+            state.altitude_amsl_m + span_s * (at.climb_m_s + rates.climb_m_s),
+            state.roll_rad + span_s * rates.roll_rate_rad_s,
+            tuple(value + span_s * rate for value, rate in zip(memory, rates.memory, strict=True)),
+            climb_m_s=state.climb_m_s + span_s * climb_rate,
+        )
 
 
-def height_step(
-    parameters: PlantParameters,
-    target: AltitudeTarget,
-    altitude_m: float,
-    climb_m_s: float,
-    step_s: float,
-) -> tuple[float, float, float]:
-    """(height half way, height, climb rate) one midpoint step later, m and m/s."""
-    half_s = 0.5 * step_s
-    rate = climb_acceleration_m_s2(parameters, target, altitude_m, climb_m_s)
-    middle_m, middle_m_s = altitude_m + half_s * climb_m_s, climb_m_s + half_s * rate
-    rate = climb_acceleration_m_s2(parameters, target, middle_m, middle_m_s)
-    return middle_m, altitude_m + step_s * middle_m_s, climb_m_s + step_s * rate
+def options_of(values: Mapping[str, float]) -> tuple[tuple[str, float], ...]:
+    """Options as parameters hold them."""
+    return tuple(sorted((name, float(value)) for name, value in values.items()))

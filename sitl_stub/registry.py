@@ -1,10 +1,9 @@
 """Aircraft and autopilots by name: those of the emulator, of installed packages and of a user's files."""
 
-import importlib
 import importlib.util
 import sys
 import zlib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from functools import cache
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
@@ -14,22 +13,18 @@ Kind = TypeVar("Kind", bound="type[Any]")
 
 
 class PlugInRegistry:
-    """Classes of one kind by name; a class is imported when it is asked for."""
+    """Classes of one kind by name; those of installed packages are imported when they are asked for."""
 
-    def __init__(
-        self, kind: str, *, group: str, own: Mapping[str, str], has: Sequence[str]
-    ) -> None:
-        """Make a registry in which nothing is loaded yet.
+    def __init__(self, kind: str, *, group: str, has: Sequence[str]) -> None:
+        """Make a registry in which nothing is known yet.
 
         Args:
             kind: what the classes are, for messages, such as "plant".
             group: the entry points of installed packages, such as "sitl_stub.plants".
-            own: the module of each class that is part of the emulator, by name.
             has: what every class has to have.
         """
         self._kind = kind
         self._group = group
-        self._own = own
         self._has = has
         self._known: dict[str, type[Any]] = {}
 
@@ -46,7 +41,7 @@ class PlugInRegistry:
                 found.__module__,
                 found.__qualname__,
             )
-            if taken or self._own.get(name, found.__module__) != found.__module__:
+            if taken:
                 raise ValueError(
                     f"{name}: there is {self._kind} of this name already; choose another"
                 )
@@ -61,13 +56,12 @@ class PlugInRegistry:
         return add
 
     def names(self) -> tuple[str, ...]:
-        """All known names: the emulator's own in their order, then the others by name."""
-        others = ({*installed(self._group)} | set(self._known)) - set(self._own)
-        return (*self._own, *sorted(others))
+        """All known names: those that are loaded in their order, then those of packages by name."""
+        return (*self._known, *sorted(installed(self._group).keys() - self._known.keys()))
 
     def __contains__(self, name: object) -> bool:
         """Whether there is a class of this name."""
-        return name in self._own or name in self._known or name in installed(self._group)
+        return name in self._known or name in installed(self._group)
 
     def find(self, name: str) -> type[Any]:
         """The class of this name.
@@ -75,9 +69,7 @@ class PlugInRegistry:
         Raises:
             ValueError: there is none, or the package that offers it cannot be loaded; one line.
         """
-        if name not in self._known and name in self._own:
-            importlib.import_module(self._own[name])
-        elif name not in self._known and name in installed(self._group):
+        if name not in self._known and name in installed(self._group):
             self.register(name)(loaded(installed(self._group)[name]))
         if name not in self._known:
             raise ValueError(f"{name} is not one of {', '.join(self.names())}")
@@ -103,25 +95,6 @@ def loaded(entry: EntryPoint) -> Any:  # noqa: ANN401 - a class of whatever kind
         raise ValueError(
             f"{entry.name}: {entry.value} of an installed package cannot be loaded ({reason}); mend it"
         ) from error
-
-
-plants = PlugInRegistry(
-    "a plant",
-    group="sitl_stub.plants",
-    own=dict.fromkeys(
-        ("heading-hold", "course-hold", "bank", "npfg", "six-dof"), "sitl_stub.plants"
-    ),
-    has=("step", "motion", "longest_step_s"),
-)
-"""Aircraft with their loops, by the name that `--plant` and `rehearsal.emulator.plant` give."""
-
-autopilots = PlugInRegistry(
-    "an autopilot",
-    group="sitl_stub.autopilots",
-    own={"ardupilot": "sitl_stub.arduplane", "px4": "sitl_stub.px4"},
-    has=("firmware", "modes", "loops"),
-)
-"""Autopilots by the name that `--autopilot` gives."""
 
 
 def load_plugins(files: Sequence[str | Path]) -> None:

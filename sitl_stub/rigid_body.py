@@ -7,7 +7,7 @@ Source: Beard and McLain, Small Unmanned Aircraft, (3.14) to (3.17) and chapter 
 import math
 from typing import NamedTuple
 
-from sitl_stub import aerosonde as craft
+import sitl_stub.aerosonde as craft
 from sitl_stub.loops import GRAVITY_M_S2
 
 GAMMA = craft.JX * craft.JZ - craft.JXZ**2

@@ -24,7 +24,7 @@ from typing import Literal, get_args
 
 from numpy.random import Generator, default_rng
 
-from sitl_stub.motion import Motion
+from sitl_stub.plant import Motion
 
 SensorGrade = Literal["ideal", "rtk", "sbas", "standalone"]
 """Which receivers they have; the other sensors are the same in all but `ideal`."""

@@ -8,7 +8,7 @@ from numpy.random import default_rng
 from sitl_stub.config import AutopilotConfig
 from sitl_stub.flight import EmulatedFlight
 from sitl_stub.geometry import displace, wrap_to_two_pi
-from sitl_stub.motion import Motion
+from sitl_stub.plant import Motion
 from sitl_stub.sensor_errors import Faults, SensorErrors
 
 MICROSECOND = 1e-6

@@ -43,9 +43,9 @@ from sitl_stub.options import (
     parse_wind,
     stream,
 )
-from sitl_stub.personality import Loops
-from sitl_stub.plants import options_of
-from sitl_stub.registry import autopilots, load_plugins, plants
+from sitl_stub.personality import Loops, autopilots
+from sitl_stub.plant import options_of, plants
+from sitl_stub.registry import load_plugins
 from sitl_stub.route import Route
 from sitl_stub.sensor_errors import Fault, SensorGrade
 

@@ -9,13 +9,19 @@ principles", AIAA 83-2239). Its equations are our own and not JSBSim's; docs/emu
 import math
 from typing import NamedTuple
 
-from sitl_stub import aerosonde as craft
+import sitl_stub.aerosonde as craft
 from sitl_stub.air import Wind
 from sitl_stub.aircraft import PlantParameters
 from sitl_stub.geometry import displace, wrap_to_two_pi
-from sitl_stub.lagging_plant import wanted_bank_rad
-from sitl_stub.loops import GRAVITY_M_S2, Targets, acceleration_m_s2, clamped, wanted_climb_m_s
-from sitl_stub.plant import PlantState
+from sitl_stub.loops import (
+    GRAVITY_M_S2,
+    Targets,
+    acceleration_m_s2,
+    clamped,
+    wanted_bank_rad,
+    wanted_climb_m_s,
+)
+from sitl_stub.plant import Motion, Plant, PlantState, plant
 from sitl_stub.rigid_body import (
     AirFlow,
     Body,
@@ -197,42 +203,61 @@ def advanced(body: Body, rates: Body, span_s: float) -> Body:
     return Body(*(value + span_s * rate for value, rate in zip(body, rates, strict=True)))
 
 
-def six_dof_stepped(
-    parameters: PlantParameters,
-    targets: Targets,
-    state: PlantState,
-    wind: Wind,
-    *,
-    time_s: float,
-    step_s: float,
-) -> PlantState:
-    """The state one midpoint (second-order Runge-Kutta) step later."""
-    half_s = 0.5 * step_s
-    start_wind = wind.at(time_s)
-    body, altitude = body_of(state, start_wind), state.altitude_amsl_m
-    start = six_dof_rates(parameters, targets, body, altitude, start_wind)
-    middle = six_dof_rates(
-        parameters,
-        targets,
-        advanced(body, start.body, half_s),
-        altitude - half_s * start.down_m_s,
-        wind.at(time_s + half_s),
-    )
-    latitude, longitude = displace(
-        state.latitude_rad,
-        state.longitude_rad,
-        altitude,
-        north_m=step_s * middle.north_m_s,
-        east_m=step_s * middle.east_m_s,
-    )
-    after = advanced(body, middle.body, step_s)
-    return PlantState(
-        wrap_to_two_pi(after.heading_rad),
-        middle.airspeed_m_s,
-        "airspeed",
-        latitude,
-        longitude,
-        altitude - step_s * middle.down_m_s,
-        after.bank_rad,
-        body=after,
-    )
+@plant("six-dof")
+class SixDof(Plant):
+    """The rigid body with its loops."""
+
+    longest_step_s = MAX_SIX_DOF_STEP_S
+
+    def step(
+        self, targets: Targets, state: PlantState, wind: Wind, *, time_s: float, step_s: float
+    ) -> PlantState:
+        """The state one midpoint (second-order Runge-Kutta) step later."""
+        half_s = 0.5 * step_s
+        start_wind = wind.at(time_s)
+        body, altitude = body_of(state, start_wind), state.altitude_amsl_m
+        start = six_dof_rates(self.parameters, targets, body, altitude, start_wind)
+        middle = six_dof_rates(
+            self.parameters,
+            targets,
+            advanced(body, start.body, half_s),
+            altitude - half_s * start.down_m_s,
+            wind.at(time_s + half_s),
+        )
+        latitude, longitude = displace(
+            state.latitude_rad,
+            state.longitude_rad,
+            altitude,
+            north_m=step_s * middle.north_m_s,
+            east_m=step_s * middle.east_m_s,
+        )
+        after = advanced(body, middle.body, step_s)
+        return PlantState(
+            wrap_to_two_pi(after.heading_rad),
+            middle.airspeed_m_s,
+            "airspeed",
+            latitude,
+            longitude,
+            altitude - step_s * middle.down_m_s,
+            after.bank_rad,
+            body=after,
+        )
+
+    def motion(self, targets: Targets, state: PlantState, wind_m_s: tuple[float, float]) -> Motion:
+        """Motion of the body."""
+        del targets
+        body = body_of(state, wind_m_s)
+        rotation = body_to_ground(body)
+        north_m_s, east_m_s, down_m_s = velocity_ned_m_s(body, rotation)
+        _, _, turn_rate_rad_s = attitude_rates(body)
+        return Motion(
+            north_m_s,
+            east_m_s,
+            down_m_s,
+            wrap_to_two_pi(math.atan2(east_m_s, north_m_s)),
+            math.hypot(north_m_s, east_m_s),
+            wrap_to_two_pi(body.heading_rad),
+            air_flow(body, rotation, wind_m_s).airspeed_m_s,
+            turn_rate_rad_s,
+            body.bank_rad,
+        )

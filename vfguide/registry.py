@@ -212,7 +212,7 @@ class EmulatorNames:
         """All known names: the emulator's own in their order, then the others by name."""
         load_plugins_of_the_environment()
         # What a file adds is in the emulator's registry, which that file has imported.
-        emulator = sys.modules.get("sitl_stub.registry")
+        emulator = sys.modules.get("sitl_stub")
         known = getattr(emulator, self._kind).names() if emulator else ()
         added = {*installed(f"sitl_stub.{self._kind}"), *known}
         return (*self.own, *sorted(added - set(self.own)))

@@ -25,7 +25,7 @@ import numpy as np
 
 from sitl_stub.autopilot import flight_at_start
 from sitl_stub.loops import SpeedTarget, TurnTarget
-from sitl_stub.registry import autopilots
+from sitl_stub.personality import personality_of
 from tests.kit.figures import tell
 from tests.kit.missions import shipped
 from vfguide.elementwise import FloatArray
@@ -476,7 +476,7 @@ def lone_roll_rate(aircraft: str, air: str, seed: int, duration_s: float = 60.0)
     mission = UntunedFlight(aircraft=aircraft, air=air, declared="right", seed=seed).mission()
     settings = checked_settings(mission, "leader")
     config = msgspec.structs.replace(settings.config(), course_rad=0.0)
-    flight = flight_at_start(config, settings.air(), autopilots.find(config.autopilot)(config))
+    flight = flight_at_start(config, settings.air(), personality_of(config))
     flight.hold_turn(TurnTarget("course", 0.0))
     flight.hold_speed(SpeedTarget("airspeed", config.airspeed_m_s))
     rate_hz = mission.rehearsal.rate_hz

@@ -165,7 +165,6 @@ def test_numbers_of_a_fleet_count_up_and_none_stays_none():
         ("longitude_deg", math.nan),
         ("airspeed_m_s", 50.0),
         ("position_noise_m", -1.0),
-        ("autopilot", "other"),
     ],
 )
 def test_what_no_aircraft_can_be_is_refused_by_name(field, value):

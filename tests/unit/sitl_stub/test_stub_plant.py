@@ -10,9 +10,11 @@ from sitl_stub import ArticleWind, CalmWind, PlantParameters, SteadyWind
 from sitl_stub.geometry import wrap_to_pi
 from sitl_stub.lagging_plant import (
     MAX_LAGGING_STEP_S,
+    MAX_STEP_S,
+    course_hold_rates,
     tecs_acceleration_m_s2,
     tecs_integral_rate_m_s3,
-    wanted_bank_rad,
+    with_speed_kind,
 )
 from sitl_stub.loops import (
     Targets,
@@ -20,8 +22,9 @@ from sitl_stub.loops import (
     bank_limited_turn_rate_rad_s,
     bank_of_rad,
     turn_rate_rad_s,
+    wanted_bank_rad,
 )
-from sitl_stub.plant import MAX_STEP_S, PlantState, course_hold_rates, with_speed_kind
+from sitl_stub.plant import PlantState
 from sitl_stub.px4 import EmulatedPx4
 from tests.kit.autopilot import new_station
 from tests.kit.plants import flown, held, plant_state
@@ -404,7 +407,7 @@ def test_px4s_airspeed_creeps_without_the_throttles_of_each_airspeed():
 
 def test_px4s_airspeed_setpoint_slews_with_1_m_s2():
     states = flown(PX4, held(speed_m_s=24.0), 3.0)
-    references = [one.speed_reference_m_s or 20.0 for one in states]
+    references = [one.memory[1] if one.memory else 20.0 for one in states]
     assert references[200] == pytest.approx(21.0, abs=0.02)
     assert references[-1] == pytest.approx(23.0, abs=0.02)
 

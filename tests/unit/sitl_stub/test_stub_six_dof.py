@@ -4,9 +4,8 @@ import math
 
 import pytest
 
-from sitl_stub import PlantParameters, SteadyWind
+from sitl_stub import PlantParameters, SteadyWind, plant_of
 from sitl_stub import aerosonde as craft
-from sitl_stub.motion import body_motion
 from sitl_stub.plant import PlantState
 from sitl_stub.rigid_body import (
     AirFlow,
@@ -123,7 +122,7 @@ def test_it_begins_trimmed_and_flies_on_level():
 
 def test_in_a_steady_wind_it_begins_with_its_airspeed():
     wind = SteadyWind(8.0, math.radians(90.0))
-    motion = body_motion(START, wind.at(0.0))
+    motion = plant_of(PLANT).motion(held(), START, wind.at(0.0))
     assert motion.airspeed_m_s == pytest.approx(22.0)
     assert (motion.north_m_s, motion.east_m_s) == pytest.approx((22.0, 8.0), abs=0.01)
 
