@@ -159,9 +159,8 @@ def test_scenarios_drawn_anew_are_flown_by_a_law_and_no_other_in_its_place(run):
     assert flown.returncode == 0, flown.stderr
     heading, *rows = flown.stdout.splitlines()
     assert heading.endswith(", 1 scenarios, seed 3")
-    figures = {
-        law: rest for law, rest in re.findall(r"^\| (pursuit|slot) (.*)$", "\n".join(rows), re.M)
-    }
+    found = re.findall(r"^\| (pursuit|slot) (.*)$", "\n".join(rows), re.MULTILINE)
+    figures = dict(found)
     assert figures.keys() == {"pursuit", "slot"}
     assert figures["pursuit"] != figures["slot"]
 

@@ -11,7 +11,7 @@ SHOWN = {
     "vfguide/guidance/path.html": ("cross_track_error", "positive right of the direction"),
     "vfguide/mavlink/adapter.html": ("AutopilotAdapter",),
     "vfguide/link/carrier.html": ("Carrier",),
-    "sitl_stub/plants.html": ("plant",),
+    "sitl_stub/plant.html": ("plant",),
 }
 """What people extend, and words that have to be on its page."""
 
