@@ -137,6 +137,7 @@ EXAMPLES = {
     "keys make": ("vfguide keys make mission.yaml",),
     "keys show": ("vfguide keys show mission.yaml",),
     "keys rotate": ("vfguide keys rotate mission.yaml f1",),
+    "keys revoke": ("vfguide keys revoke mission.yaml f1 --link mqtts://broker:8883",),
     "order": ("vfguide order mission.yaml line-abreast --spacing 30 --link mqtts://broker:8883",),
     "status": ("vfguide status mission.yaml --link mqtts://broker:8883 --watch",),
     "console": ("vfguide console mission.yaml --link mqtts://broker:8883",),

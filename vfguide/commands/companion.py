@@ -33,7 +33,7 @@ from vfguide.companion.order_program import OrderProgram
 from vfguide.errors import InputError
 from vfguide.extras import require
 from vfguide.link.address import parse_links
-from vfguide.link.keys import OPERATOR, key_places, read_private_key
+from vfguide.link.keys import OPERATOR, key_places, read_private_key, read_revocations
 from vfguide.link.trust import Trust, new_session
 from vfguide.mavlink.address import Address, parse_address
 from vfguide.mavlink.framing import signing_key
@@ -128,6 +128,9 @@ def companion(
         roster=credentials.roster,
         key=credentials.key,
     )
+    kept = state or default_directory()
+    revocations = kept / f"{vehicle}.revoked"
+    trust.recall(read_revocations(revocations))
     signing = None if signing_key_file is None else read_key(signing_key_file)
     log_to_standard_error(log_format, vehicle)
     if not trust.signs:
@@ -146,7 +149,8 @@ def companion(
         engage=engage,
         record=recording,
         signing_key=signing,
-        consent=FileStore(state or default_directory(), vehicle),
+        consent=FileStore(kept, vehicle),
+        revocations=revocations,
         by_mavsdk=flown.vehicles[vehicle].by_mavsdk,
         leader=heard_at,
         followers=sends_to,

@@ -1,16 +1,27 @@
 """`vfguide keys`: makes, shows and replaces the keys of a formation's members."""
 
+import asyncio
 import hashlib
 import json
 import re
 from collections.abc import Sequence
+from random import Random
 from typing import Annotated
 
 import typer
 from rich import box
 from rich.table import Table
 
-from vfguide.commands.options import AsJson, MissionFile, with_plugins
+from vfguide.commands.credentials import KeyFiles, check_flies, watched_formation
+from vfguide.commands.options import (
+    AsJson,
+    KeyFile,
+    LinkUrls,
+    MissionFile,
+    RosterFile,
+    VehicleName,
+    with_plugins,
+)
 from vfguide.commands.terminal import Terminal
 from vfguide.errors import InputError
 from vfguide.link.keys import (
@@ -24,9 +35,16 @@ from vfguide.link.keys import (
     read_private_key,
     read_roster,
 )
+from vfguide.link.member import ignore_neighbour
+from vfguide.link.opening import WatchedFormation, check_connected, watching
+from vfguide.link.presence import REVOKED_KEY
 from vfguide.mission import Mission, read_mission
+from vfguide.system import run_watching_sockets
 
 ALL_THERE, SOME_MISSING = 0, 1
+
+SAY_S, LAST_S, AWAITED = 0.5, 5.0, 5.0
+"""A revocation is said so often, s, for so long, s, and for so many presences of each vehicle."""
 
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]{0,31}")
 """What an operator may be called: also a file name and a topic."""
@@ -123,6 +141,64 @@ def rotate(
     made = make_keys(places, flown.name, vehicles_of(flown), operators=(), anew=names or members)
     # Who had the key that is replaced had this one, too.
     tell_made(places, made, radio=make_radio_key(places, anew=True))
+
+
+@keys.command()
+@with_plugins
+def revoke(
+    mission: MissionFile,
+    vehicle: VehicleName,
+    *,
+    link: LinkUrls,
+    key: KeyFile = None,
+    roster: RosterFile = None,
+) -> None:
+    """Tell a formation that flies that a vehicle's key is stolen: nobody believes it any more.
+
+    The others keep that and pass it on; its own companion hands back to the autopilot. On the ground replace
+    the key: `vfguide keys rotate`.
+
+    Exit status: 0 all others say that they know, 1 some do not, 2 the input is wrong, 3 no link.
+    """
+    flown = read_mission(mission).mission
+    check_flies(flown, vehicle)
+    credentials = KeyFiles(mission=mission, key=key, roster=roster).of_operator()
+    if credentials.key is None:
+        raise InputError("a key is revoked by an operator: give a private key with --key")
+    watched = watched_formation(flown, link, credentials)
+    others = [name for name in flown.companions if name != vehicle]
+    unaware = run_watching_sockets(say_revoked(watched, vehicle, others))
+    output = Terminal()
+    for name in unaware:
+        output.tell(f"{name}: has not said that it knows; see that it is heard, and say it again")
+    output.tell(
+        f"the key of {vehicle} is revoked: {len(others) - len(unaware)} of {len(others)} others know"
+    )
+    raise typer.Exit(SOME_MISSING if unaware else ALL_THERE)
+
+
+async def say_revoked(watched: WatchedFormation, vehicle: str, others: Sequence[str]) -> list[str]:
+    """Say that a vehicle's key is out until the others know, some seconds at most; who has not said so.
+
+    Raises:
+        VfguideError: no link stands.
+    """
+    async with watching(watched, random=Random(), receive_reply=ignore_neighbour) as (link, found):
+        check_connected(link)
+        slowest_s = max(carrier.presence_s for carrier in link.carriers)
+        unaware = list(others)
+        for _ in range(round((LAST_S + AWAITED * slowest_s) / SAY_S)):
+            link.revoke(vehicle)
+            await asyncio.sleep(SAY_S)
+            unaware = [
+                name
+                for name in others
+                if name not in found
+                or not found[name].figures.keys() & {REVOKED_KEY, REVOKED_KEY + vehicle}
+            ]
+            if not unaware:
+                break
+        return unaware
 
 
 def vehicles_of(mission: Mission) -> list[str]:

@@ -134,7 +134,8 @@ class Companion:
         self._identity = VehicleIdentity(plan.system_id)
         self._idle_since = self._leader_since = math.inf
         self._greeting_s = greeting_s
-        self._stands_back = self._stopped = self._leaving = False
+        self._stopped = self._leaving = False
+        self._stands_back = ""
         self._loiter_height = LoiterHeight(plan, adapter)
         self._housekeeping = Housekeeping(
             plan, adapter, self._authority, self._alerts, inspect=inspect
@@ -193,17 +194,15 @@ class Companion:
         """Note that there is no connection to the link now."""
         self._vehicle.role.lose_link(now)
 
-    def stand_back(self, now: float, *, twin: bool) -> Outgoing:
-        """Leave the vehicle to another companion of this name, or not any more, as the link has found out."""
-        if twin is self._stands_back:
+    def stand_back(self, now: float, why: str) -> Outgoing:
+        """Do not steer for a reason that the link has found out, in words; or again, where there is none."""
+        if why == self._stands_back:
             return Outgoing()
-        self._stands_back = twin
-        return self.tell(
-            "another companion of this name was here before: this one does not steer; stop one of them"
-            if twin
-            else "the other companion of this name is silent: this one goes on; see that there is one",
-            now,
+        self._stands_back = why
+        silent = (
+            "the other companion of this name is silent: this one goes on; see that there is one"
         )
+        return self.tell(why or silent, now)
 
     def receive_lead(self, vehicle: str, data: bytes, now: float) -> None:
         """Take a state of the leader by which a vehicle of this name leads, from the link."""
@@ -382,7 +381,7 @@ class Companion:
     def obstacle(self, now: float) -> str | None:
         """What would keep it from steering now, in words; None where nothing would."""
         if self._stands_back:
-            return "another companion of this name was here before: stop one of them"
+            return self._stands_back
         objected = self.objection(now)
         if objected is not None:
             return objected.text

@@ -4,10 +4,12 @@ import asyncio
 import logging
 import time
 from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import AsyncExitStack
 from dataclasses import dataclass
 from functools import partial
 from importlib.metadata import version
+from pathlib import Path
 from random import Random
 from typing import Protocol
 
@@ -32,6 +34,7 @@ from vfguide.companion.timing import SAME_CLOCK, SharedClock
 from vfguide.errors import VfguideError, described_error
 from vfguide.link.address import LinkAddress
 from vfguide.link.envelope import Kind
+from vfguide.link.keys import write_revocations
 from vfguide.link.member import Member, ignore
 from vfguide.link.opening import Link, greeting_of, open_link
 from vfguide.link.peer_clock import PeerClock
@@ -39,6 +42,7 @@ from vfguide.link.presence import (
     LONGEST_WARNING,
     MOST_FINDINGS,
     ORDER,
+    REVOKED_KEY,
     TERM,
     Presence,
     fit_text,
@@ -103,6 +107,8 @@ class Surroundings:
     """Gives orders that ground stations request; None to hear no such requests."""
     ground_orders: GroundOrders | None = None
     """What they may request."""
+    revocations: Path | None = None
+    """File that keeps which keys are out; nothing is kept if absent."""
 
 
 class Leaving(Protocol):
@@ -167,6 +173,7 @@ class Daemon:
             greeting_s=greeting_of(surroundings.links),
         )
         self._orders = set[asyncio.Task[None]]()
+        self._keeping = ThreadPoolExecutor(max_workers=1, thread_name_prefix="revocations")
         self._record = surroundings.record
         self._connection: Connection | None = None
         self._leader_connection: Connection | None = None
@@ -246,10 +253,10 @@ class Daemon:
         self._complain_of_others()
 
     def _stand_back(self) -> None:
-        """Leave the vehicle to another companion of this name that was here before."""
+        """Leave the vehicle to another companion of this name, or to its autopilot once its key is out."""
         if self._own_member is not None:
-            twin = self._own_member.stands_back
-            self._dispatch(self._companion.stand_back(self._clock.now(), twin=twin))
+            why = self._own_member.standing_back
+            self._dispatch(self._companion.stand_back(self._clock.now(), why))
 
     def _stand_in(self) -> None:
         """While this deputy leads it answers what the formation's clock shows."""
@@ -286,6 +293,7 @@ class Daemon:
             receive_lead=self._take_lead if trust.deputies else None,
             receive_order=self._take_order,
             receive_reply=self._take_reply,
+            receive_revocation=self._take_revocation,
             peer_clock=self._peer_clock,
         )
 
@@ -338,6 +346,23 @@ class Daemon:
 
     def _take_reply(self, vehicle: str, data: bytes) -> None:
         self._companion.receive_reply(vehicle, data, self._clock.now())
+
+    def _take_revocation(self, vehicle: str) -> None:
+        """Tell the pilot that a key is out, and keep that; a slow disk delays no setpoint."""
+        where = self._surroundings
+        text = f"the key of {vehicle} is revoked: nothing that comes with it is believed any more"
+        self._dispatch(self._companion.tell(text, self._clock.now()))
+        if where.revocations is not None:
+            statements = tuple(where.trust.statements.values())
+            self._keeping.submit(self._keep, where.revocations, statements)
+
+    def _keep(self, file: Path, statements: Sequence[bytes]) -> None:
+        """Write down which keys are out."""
+        try:
+            write_revocations(file, statements)
+        except OSError as error:
+            text = f"{file}: cannot be written ({error.strerror}): revoked keys are forgotten at a restart"
+            logger.warning(text, extra={"vehicle": self._name})
 
     def _dispatch(self, out: Outgoing) -> None:
         """Send what the companion wants sent, and log what it has to say."""
@@ -400,6 +425,8 @@ class Daemon:
         if self._link is None or now - self._announced < ANNOUNCE_S:
             return
         self._announced = now
+        if self._own_member is not None:
+            self._own_member.pass_on()
         self._link.announce(
             Presence(
                 status="online",
@@ -436,6 +463,7 @@ class Daemon:
             figures[TERM] = float(self._companion.leadership[1])
         if self._companion.order_number:
             figures[ORDER] = float(self._companion.order_number)
+        figures |= {f"{REVOKED_KEY}{one}": 1.0 for one in self._surroundings.trust.revoked}
         if (leader := self._companion.foreign_leader) is not None:
             figures |= figures_of_leader(leader, self._clock.now())
         if self._link is not None:

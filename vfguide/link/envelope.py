@@ -64,6 +64,8 @@ class Kind(IntEnum):
     """What a vehicle says to an order, or an operator who asks for the one that is flown."""
     REPEAT = 9
     """An operator's order in its own envelope, for members that have missed it."""
+    REVOCATION = 10
+    """That a vehicle's key is out: by an operator, and passed on by all as it was signed."""
 
 
 TAG_SIZES = {Scheme.UNSIGNED: CHECKSUM.size, Scheme.ED25519: SIGNATURE_SIZE}

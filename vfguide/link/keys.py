@@ -6,7 +6,7 @@ unencrypted: a daemon has nobody to ask for a pass phrase), which nobody but its
 
 import os
 import secrets
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
@@ -213,6 +213,30 @@ def write_secret(path: Path, content: bytes) -> None:
         stream.flush()
         os.fsync(stream.fileno())
     partial.replace(path)
+
+
+def read_revocations(path: Path) -> tuple[bytes, ...]:
+    """Statements about revoked keys in a file, one a line; none where there is no file.
+
+    Raises:
+        InputError: it cannot be read.
+    """
+    try:
+        with open_regular(path) as stream:
+            lines = stream.read(LARGEST_ROSTER).splitlines()
+    except FileNotFoundError:
+        return ()
+    except OSError as error:
+        raise InputError(
+            f"{path}: what is known of revoked keys cannot be read ({error.strerror}); mend or remove it"
+        ) from None
+    digits = (line for line in lines if not line.strip(b"0123456789abcdef"))
+    return tuple(bytes.fromhex(line.decode()) for line in digits if len(line) % 2 == 0)
+
+
+def write_revocations(path: Path, statements: Iterable[bytes]) -> None:
+    """Put statements about revoked keys into a file, in the place of any before it."""
+    write_secret(path, b"".join(one.hex().encode() + b"\n" for one in statements))
 
 
 def read_roster(path: Path) -> Roster:

@@ -171,6 +171,13 @@ ALARMS = {
 }
 """Refusals that people have to know of, and what the log says the first time."""
 
+ELDER = "another companion of this name was here before: this one does not steer; stop one of them"
+KEY_OUT = "its key is revoked, nobody hears it: it does not steer; make it a new one on the ground"
+"""Why a member stands back, in words."""
+
+NOT_SAID = "not said: stands back"
+"""Counter of what a member that stands back would have said."""
+
 QUIET_S = 0.5
 """After this long without a message the next presence is looked at, whoever it is of."""
 
@@ -206,6 +213,11 @@ def ignore_presence(vehicle: str, presence: Presence) -> None:
     del vehicle, presence
 
 
+def ignore_revocation(vehicle: str) -> None:
+    """Take it that a key is out where nobody needs to be told."""
+    del vehicle
+
+
 class Member:
     """What one program says and hears, whatever carries it."""
 
@@ -221,6 +233,7 @@ class Member:
         receive_lead: Callable[[str, bytes], object] | None = None,
         receive_order: Callable[[bytes, bytes, bool], None] | None = None,
         receive_reply: Callable[[str, bytes], None] | None = None,
+        receive_revocation: Callable[[str], object] = ignore_revocation,
         peer_clock: PeerClock | None = None,
     ) -> None:
         """Make one that is on no link yet.
@@ -237,6 +250,7 @@ class Member:
             receive_order: called with an operator's order, its envelope and whether another vehicle repeats
                 it; None if orders are of no use.
             receive_reply: called with a member and what it says to an order; None if that is of no use.
+            receive_revocation: called with a vehicle whose key is out from now on.
             peer_clock: learns the leader's clock; None for the leader, and for those who do not ask.
         """
         self.trust = trust
@@ -255,10 +269,12 @@ class Member:
         self._receive_neighbour = receive_neighbour
         self._believed_s = -math.inf
         self._asked_first_s = math.nan
-        self._believed = 0
+        self._believed = self._passed_on = 0
         self._receive_presence = receive_presence or ignore_presence
         self._receive_order, self._receive_reply = receive_order, receive_reply
         self._receive_lead = receive_lead
+        self.receive_revocation = receive_revocation
+        """Called with a vehicle whose key is out from now on."""
         self.stands_in = False
         """Whether this deputy leads: it answers what the formation's clock shows while the leader cannot."""
         self._useful = frozenset(
@@ -285,8 +301,15 @@ class Member:
 
     @property
     def stands_back(self) -> bool:
-        """Whether another companion of this name was here before: this one is not to steer then."""
-        return self._twins.stands_back(self.clock())
+        """Whether this one is not to steer."""
+        return bool(self.standing_back)
+
+    @property
+    def standing_back(self) -> str:
+        """Why it is not to steer, in words; empty where it may."""
+        if self.trust.is_revoked:
+            return KEY_OUT
+        return ELDER if self._twins.stands_back(self.clock()) else ""
 
     @property
     def is_young(self) -> bool:
@@ -349,7 +372,7 @@ class Member:
     def publish(self, body: bytes) -> Parcel:
         """Seal the own state, and send it, unless another of this name was here before."""
         if self.stands_back:
-            self.counters["not said: another companion of this name"] += 1
+            self.counters[NOT_SAID] += 1
             return self._seal(Kind.STATE, EVERYBODY, body)
         self._twins.note_speech(self.clock())
         return self._send(Kind.STATE, EVERYBODY, body)
@@ -360,7 +383,7 @@ class Member:
         Another companion of this name answers for the vehicle, if it was here before.
         """
         if self.stands_back and kind in {Kind.REPLY, Kind.REPEAT, Kind.LEADER}:
-            self.counters["not said: another companion of this name"] += 1
+            self.counters[NOT_SAID] += 1
             return self._seal(kind, EVERYBODY, body)
         return self._send(kind, EVERYBODY, body)
 
@@ -424,6 +447,8 @@ class Member:
             RefusedError: it is not believed.
         """
         envelope = self.trust.read(data)
+        if envelope.kind is Kind.REVOCATION:
+            return self._take_revocation(envelope)
         wanted = self._wants(envelope.kind, envelope.sender, envelope.body)
         if not (wanted or self._is_sign_of_life(envelope)):
             return False
@@ -439,6 +464,44 @@ class Member:
         if wanted:
             self._use(message)
         return True
+
+    def _take_revocation(self, envelope: Envelope) -> bool:
+        """Take it that a key is out, and say so to those who may not have heard it; whether that is new.
+
+        Raises:
+            RefusedError: it is no operator's statement about a key of this formation.
+        """
+        vehicle = self.trust.revoke(envelope, self.clock())
+        if vehicle is None:
+            self.counters["copies"] += 1
+            return False
+        if not self.watches:
+            self.send(self._statement(vehicle))
+        self.receive_revocation(vehicle)
+        return True
+
+    def revoke(self, vehicle: str) -> Parcel:
+        """As an operator, say that a vehicle's key is out: the same statement, however often.
+
+        Raises:
+            InputError: it has none.
+        """
+        if vehicle not in self.trust.statements:
+            self.trust.revoke(self.trust.read(self.trust.revocation(vehicle)), self.clock())
+        parcel = self._statement(vehicle)
+        self.send(parcel)
+        return parcel
+
+    def pass_on(self) -> None:
+        """Say again that a key is out, as it was signed, of one key after the other."""
+        if self.trust.statements:
+            self._passed_on += 1
+            names = self.trust.revoked
+            self.send(self._statement(names[self._passed_on % len(names)]))
+
+    def _statement(self, vehicle: str) -> Parcel:
+        data = self.trust.statements[vehicle]
+        return Parcel(kind=Kind.REVOCATION, to=EVERYBODY, data=data, body=data)
 
     def _meet_twin(self, envelope: Envelope) -> None:
         """React to a true message in the own name that somebody else has said."""

@@ -123,6 +123,14 @@ class Link:
         """Tell all an order, what is said to one, or a repeated one."""
         self._member.say(kind, body)
 
+    def revoke(self, vehicle: str) -> None:
+        """Say, as an operator, that a vehicle's key is out.
+
+        Raises:
+            InputError: it has none.
+        """
+        self._member.revoke(vehicle)
+
     def announce(self, presence: Presence) -> None:
         """Say how this vehicle is, again and again until something else is to be said."""
         for carrier in self.carriers:
@@ -294,11 +302,19 @@ def check_connected(link: Link) -> None:
 
 @asynccontextmanager
 async def watching(
-    watched: WatchedFormation, *, random: Random
+    watched: WatchedFormation,
+    *,
+    random: Random,
+    receive_reply: Callable[[str, bytes], None] | None = None,
 ) -> AsyncIterator[tuple[Link, Mapping[str, Presence]]]:
-    """A link on which presences come in, and those that have, by vehicle; old ones while no link stands."""
+    """A link on which presences come in, and those that have, by vehicle; old ones while no link stands.
+
+    Who takes replies, too, has an operator's turns on a radio.
+    """
     found: dict[str, Presence] = {}
-    member = watching_member(watched, random, receive_presence=found.__setitem__)
+    member = watching_member(
+        watched, random, receive_presence=found.__setitem__, receive_reply=receive_reply
+    )
     async with open_link(
         watched.addresses, formation=watched.formation, member=member, random=random
     ) as link:

@@ -11,12 +11,13 @@ first bytes of the SHA-256 of its name), sender (u8: 0 is the leader, 1 the firs
 | a question | number (u64), and zeros: it is as long as an answer, and so takes as long |
 | an answer | for whom (u8), number (u64), the leader's session (u64), when the question arrived (u48) |
 | a presence | the leader's session (u64), flags (u8), mode (10 characters), version (8 characters) |
-| a piece of an order, of an answer to one, or of an order that is repeated | mark (u16: the first bytes of the BLAKE2b of the whole), which piece (u8, from 0), bytes of the whole (u16), 28 bytes of it, zeros behind its end |
+| a piece of an order, of an answer to one, of an order that is repeated, or of a revocation | mark (u16: the first bytes of the BLAKE2b of the whole), which piece (u8, from 0), bytes of the whole (u16), 28 bytes of it, zeros behind its end |
 
 The tag is about the packet *and the session of the leader that it is said under*, 64 bits of chance which the
 packet does not carry: who is to believe a state has to know that session, by an answer to a question of its
 own. A packet of another session has another tag, however it was recorded. The key is made of the formation's
 radio key, its name and the names of its vehicles: who disagrees about the formation hears nothing of it.
+A question, and a piece of a statement that a key is out, are said under session 0: everybody is to hear them.
 
 This promises less than a signature: whoever has the radio key can speak as anybody, and one forgery in 2^64
 is believed.
@@ -33,7 +34,7 @@ import msgspec
 from msgspec.structs import replace
 
 from vfguide.link.codec import LeaderMessage, LinkDataError
-from vfguide.link.presence import LINKS_LOST, Presence
+from vfguide.link.presence import LINKS_LOST, REVOKED_KEY, Presence
 
 TAG_SIZE = 8
 KEY_SIZE = 32
@@ -63,7 +64,7 @@ REVISION = "2"
 NOT_STEERED = 0x80
 """Flag beside the kind of a state: a pilot or the autopilot itself flies the sender."""
 
-ONLINE, SIGNED, OBSTACLE, LINK_LOST, FINDING = 0x01, 0x02, 0x04, 0x08, 0x10
+ONLINE, SIGNED, OBSTACLE, LINK_LOST, FINDING, KEYS_OUT = (1 << bit for bit in range(6))
 """Flags of a presence."""
 
 OBSTACLE_TEXT = "it could not steer now: its log says why, for which a radio has no room"
@@ -102,6 +103,8 @@ class PackedKind(IntEnum):
     """A piece of what is said to an order."""
     REPEAT = 8
     """A piece of an order that the sender repeats."""
+    REVOCATION = 9
+    """A piece of an operator's statement that a vehicle's key is out."""
 
 
 class BeatInfo(msgspec.Struct, frozen=True, kw_only=True):
@@ -255,6 +258,7 @@ def encode_packed_presence(presence: Presence, session: int) -> bytes:
     flags |= OBSTACLE * bool(presence.obstacle)
     flags |= FINDING * bool(presence.findings)
     flags |= LINK_LOST * (presence.figures.get(LINKS_LOST, 0.0) > 0.0)
+    flags |= KEYS_OUT * any(name.startswith(REVOKED_KEY) for name in presence.figures)
     mode, version = (text.encode("ascii", "replace") for text in (presence.mode, presence.version))
     return PRESENCE.pack(session, flags, mode, version)
 
@@ -370,7 +374,11 @@ def _presence(packet: Packet, body: bytes) -> Packet:
         signed=bool(flags & SIGNED),
         obstacle=OBSTACLE_TEXT if flags & OBSTACLE else "",
         findings=(FINDING_TEXT,) if flags & FINDING else (),
-        figures={LINKS_LOST: 1.0} if flags & LINK_LOST else {},
+        figures={
+            figure: 1.0
+            for figure, flag in ((LINKS_LOST, LINK_LOST), (REVOKED_KEY, KEYS_OUT))
+            if flags & flag
+        },
     )
     return replace(packet, session=session, presence=presence)
 
@@ -397,4 +405,5 @@ DECODERS = {
     PackedKind.ORDER: _piece,
     PackedKind.REPLY: _piece,
     PackedKind.REPEAT: _piece,
+    PackedKind.REVOCATION: _piece,
 }

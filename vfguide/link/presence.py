@@ -31,6 +31,9 @@ MOST_FIGURES = 100
 LINKS_LOST = "links_lost"
 """Figure: how many of a companion's links do not stand."""
 
+REVOKED_KEY = "revoked_"
+"""Figure, followed by a vehicle's name: it knows that this key is out; on a radio, that some key is."""
+
 TERM, ORDER = "term", "order"
 """Figures: the term of its leader, where the mission names deputies, and the order that it flies by."""
 
@@ -109,7 +112,11 @@ def shorter_presences(presence: Presence) -> Iterator[Presence]:
     links that are lost.
     """
     yield presence
-    figures = {name: value for name, value in presence.figures.items() if name in LEAST_FIGURES}
+    figures = {
+        name: value
+        for name, value in presence.figures.items()
+        if name in LEAST_FIGURES or name.startswith(REVOKED_KEY)
+    }
     lean = replace(presence, figures=figures)
     yield lean
     lean = replace(

@@ -45,6 +45,7 @@ PACKED_KINDS = {
     Kind.ORDER: PackedKind.ORDER,
     Kind.REPLY: PackedKind.REPLY,
     Kind.REPEAT: PackedKind.REPEAT,
+    Kind.REVOCATION: PackedKind.REVOCATION,
 }
 """Kinds of messages that are said in pieces."""
 
@@ -174,9 +175,9 @@ class OrderOutbox:
         """Say this from now on; what was said about the same order before is over.
 
         Args:
-            kind: ORDER, REPLY or REPEAT.
+            kind: ORDER, REPLY, REPEAT or REVOCATION.
             body: what is said.
-            content: how it is said: of an order its envelope, else the body.
+            content: how it is said: what an operator has signed in its envelope, else the body.
             now: on the clock of the turns, s.
 
         Raises:
@@ -226,7 +227,7 @@ def about_of(kind: Kind, body: bytes) -> tuple[object, ...]:
         except LinkDataError:
             return (kind,)
         return kind, reply.number, reply.check
-    return (kind,)
+    return (kind, body) if kind is Kind.REVOCATION else (kind,)
 
 
 @dataclass(slots=True, kw_only=True)

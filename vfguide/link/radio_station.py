@@ -56,7 +56,7 @@ from vfguide.link.radio_schedule import (
     encode_frame,
     timetable_of,
 )
-from vfguide.link.radio_trust import UNKNOWN_SESSION, RadioTrust
+from vfguide.link.radio_trust import OF_NO_SESSION, UNKNOWN_SESSION, RadioTrust
 from vfguide.link.trust import TWIN, Message, RefusedError
 
 STALE_S = 1.0
@@ -79,6 +79,9 @@ PRESENCE_S, IDLE_S = 4.0, 1.0
 
 LEAST_LATE_S = 0.002
 """s that a turn may be taken late, however short the slots are: programs have to wait for the processor."""
+
+REVOKED_REST_S = 30.0
+"""A vehicle passes on that a key is out so seldom: three rounds of pieces take every second turn for 10 s."""
 
 PIECES = frozenset(PACKED_KINDS.values())
 """Kinds of packets about orders."""
@@ -153,6 +156,7 @@ class Station:
         self._told_s = -math.inf
         self._to_order, self._ordered = OrderOutbox(), OrderInbox()
         self._spoke_of_orders = False
+        self._passed_on_s: dict[bytes, float] = {}
 
     def begin(self, now: float) -> None:
         """Begin to hear and, for the leader, to give the beat; at a time on the clock of the turns, s."""
@@ -170,7 +174,7 @@ class Station:
                 self._state = QueuedBody(body=parcel.body, since_s=now)
             case Kind.QUESTION:
                 self._questions.post(parcel.body)
-            case Kind.ORDER | Kind.REPLY | Kind.REPEAT:
+            case Kind.ORDER | Kind.REPLY | Kind.REPEAT | Kind.REVOCATION:
                 self._post_about_order(parcel, now)
             case _:
                 # Answers and presences are made here, where the turn is known.
@@ -178,6 +182,10 @@ class Station:
 
     def _post_about_order(self, parcel: Parcel, now: float) -> None:
         """Have something about an order said: an order as its operator has signed it."""
+        if parcel.kind is Kind.REVOCATION and self._number != OPERATOR:
+            if now - self._passed_on_s.get(parcel.body, -math.inf) < REVOKED_REST_S:
+                return
+            self._passed_on_s[parcel.body] = now
         content = parcel.data if parcel.kind is Kind.ORDER else parcel.body
         try:
             self._to_order.post(parcel.kind, parcel.body, content, now)
@@ -261,7 +269,7 @@ class Station:
             self._meet_twin(packet)
             raise RefusedError(TWIN)
         self._trust.check_newer(packet, epoch)
-        if packet.kind not in {PackedKind.QUESTION, PackedKind.ANSWER}:
+        if packet.kind not in OF_NO_SESSION | {PackedKind.ANSWER}:
             # Others' questions and answers prove no session to this member: one that joins late would wait
             # while others ask.
             self._proven_s = began_s
@@ -346,7 +354,9 @@ class Station:
                 self._accept(packet, Kind.STATE, epoch, encode(packet.state))
             case PackedKind.PRESENCE if packet.presence is not None:
                 self._member.accept_presence(self._vehicles[packet.sender], packet.presence)
-            case _ if packet.kind in PIECES and self._member.heeds_orders:
+            case kind if kind is PackedKind.REVOCATION or (
+                kind in PIECES and self._member.heeds_orders
+            ):
                 self._take_piece(packet, epoch)
 
     def _take_piece(self, packet: Packet, epoch: int) -> None:
@@ -362,10 +372,10 @@ class Station:
         match packet.kind:
             case _ if content is None:
                 return
-            case PackedKind.ORDER:
+            case PackedKind.ORDER | PackedKind.REVOCATION:
                 # The operator's signature counts, as on every link.
-                if self._member.trust.read(content).kind is not Kind.ORDER:
-                    raise RefusedError("not an operator's order")
+                if PACKED_KINDS.get(self._member.trust.read(content).kind) is not packet.kind:
+                    raise RefusedError("not what its operator has signed")
                 self._member.take(content)
             case PackedKind.REPLY:
                 self._accept(packet, Kind.REPLY, epoch, content)
@@ -499,7 +509,8 @@ class Station:
         if found is None:
             return b""
         kind, piece = found
-        return self._trust.sealed(kind, encode_piece(piece), self._member.formation_time())
+        said_s = 0.0 if kind in OF_NO_SESSION else self._member.formation_time()
+        return self._trust.sealed(kind, encode_piece(piece), said_s)
 
     def _own_presence(self, now: float, every_s: float) -> bytes:
         """This vehicle's presence as a signed packet; nothing while it is not due."""

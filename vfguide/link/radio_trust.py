@@ -18,15 +18,26 @@ from vfguide.link.packed import (
     tag_of,
     ticks_of,
 )
-from vfguide.link.trust import HEARD_BEFORE, RefusedError
+from vfguide.link.trust import HEARD_BEFORE, REVOKED, RefusedError
 
 VEHICLES_MAY = frozenset(
-    {PackedKind.STATE, PackedKind.PRESENCE, PackedKind.REPLY, PackedKind.REPEAT}
+    {
+        PackedKind.STATE,
+        PackedKind.PRESENCE,
+        PackedKind.REPLY,
+        PackedKind.REPEAT,
+        PackedKind.REVOCATION,
+    }
 )
 LEADER_MAY = VEHICLES_MAY | {PackedKind.BEAT, PackedKind.QUESTION, PackedKind.ANSWER}
 FOLLOWERS_MAY = VEHICLES_MAY | {PackedKind.QUESTION}
-OPERATOR_MAY = frozenset({PackedKind.QUESTION, PackedKind.ORDER, PackedKind.REPLY})
+OPERATOR_MAY = frozenset(
+    {PackedKind.QUESTION, PackedKind.ORDER, PackedKind.REPLY, PackedKind.REVOCATION}
+)
 """Kinds that a sender may say."""
+
+OF_NO_SESSION = frozenset({PackedKind.QUESTION, PackedKind.REVOCATION})
+"""Kinds that are said under no session of the leader: who knows none hears them."""
 
 UNKNOWN_SESSION = "another session or forged"
 """Why a packet is refused whose tag is not of this session of the leader."""
@@ -55,7 +66,7 @@ class RadioTrust:
         """
         self._member = member
         self._number = number
-        self._vehicles = len(vehicles)
+        self._names = vehicles
         self._mark = formation_mark(formation)
         self._key = formation_key(key, formation, vehicles)
         self._newest: dict[tuple[int, PackedKind], tuple[int, int]] = {}
@@ -69,17 +80,19 @@ class RadioTrust:
         if packet.formation != self._mark:
             raise RefusedError("another formation")
         leads, operates = packet.sender == LEADER, packet.sender == OPERATOR
-        if packet.sender >= self._vehicles and not operates:
+        if packet.sender >= len(self._names) and not operates:
             raise RefusedError("a stranger")
         may = LEADER_MAY if leads else OPERATOR_MAY if operates else FOLLOWERS_MAY
         if packet.kind not in may:
             raise RefusedError("not for its sender to say")
+        if not operates and self._names[packet.sender] in self._member.trust.statements:
+            raise RefusedError(REVOKED)
 
     def epoch_of(self, packet: Packet) -> int | None:
         """The leader's session that a packet was said under; None where its tag is of none that counts."""
         trust = self._member.trust
         match packet.kind:
-            case PackedKind.QUESTION:
+            case kind if kind in OF_NO_SESSION:
                 epochs: tuple[int, ...] = (0,)
             case PackedKind.ANSWER:
                 epochs = (packet.session,)
@@ -98,8 +111,8 @@ class RadioTrust:
         Raises:
             RefusedError: it was heard before, or a newer one was.
         """
-        if packet.kind is PackedKind.ANSWER:
-            # Whether it is new is for the number to say that it answers.
+        if packet.kind in {PackedKind.ANSWER, PackedKind.REVOCATION}:
+            # Whether an answer is new is for the number to say that it answers.
             return
         about = packet.sender, packet.kind
         order = packet.number if packet.kind is PackedKind.QUESTION else packet.ticks
@@ -119,10 +132,10 @@ class RadioTrust:
         self, kind: PackedKind, body: bytes, time_s: float, *, steered: bool = True
     ) -> bytes:
         """A packet with its tag; nothing where the formation's time is not known."""
-        epoch = 0
-        if kind is not PackedKind.QUESTION:
+        epoch, free = 0, kind in OF_NO_SESSION
+        if not free:
             epoch = next(iter(self._member.trust.epochs(self._member.clock())), 0)
-        if self._number is None or (epoch == 0 and kind is not PackedKind.QUESTION):
+        if self._number is None or (epoch == 0 and not free):
             return b""
         try:
             ticks = ticks_of(time_s)

@@ -25,6 +25,9 @@ from vfguide.link.presence import Presence
 ORDERING = {Kind.ORDER: "order", Kind.REPEAT: "repeat", Kind.REPLY: "reply"}
 """Last level of the topics of orders."""
 
+REVOCATION = "revocation"
+"""Last level of the topics by which all say which keys are out."""
+
 BEAT_S = 1.0
 """s between presences. Each is acknowledged: a broker that hangs shows within this and an answer's time."""
 
@@ -92,7 +95,11 @@ class Topics:
 
     def about_orders(self, kind: Kind) -> str:
         """Where this member gives orders, repeats them, or says what becomes of them."""
-        return f"{self._of(self.vehicle)}/{ORDERING[kind]}"
+        return f"{self._of(self.vehicle)}/{ORDERING.get(kind, REVOCATION)}"
+
+    def every_revocation(self) -> str:
+        """Filter for what all say of revoked keys."""
+        return f"{self.prefix}/{level(self.formation)}/+/{REVOCATION}"
 
     def every_order(self) -> tuple[str, ...]:
         """Filters for all of that, of everybody."""
@@ -135,7 +142,7 @@ class Parts:
                 return topics.ask(parcel.to)
             case Kind.ANSWER:
                 return topics.answer(parcel.to)
-            case Kind.ORDER | Kind.REPLY | Kind.REPEAT:
+            case Kind.ORDER | Kind.REPLY | Kind.REPEAT | Kind.REVOCATION:
                 return topics.about_orders(parcel.kind)
             case Kind.STATE:
                 return topics.state(topics.vehicle)
@@ -165,7 +172,7 @@ def wanted_topics(topics: Topics, member: Member) -> list[str]:
         wanted.append(topics.every_presence())
     if member.heeds_orders:
         wanted += topics.every_order()
-    return wanted
+    return [*wanted, topics.every_revocation()] if member.trust.signs else wanted
 
 
 class Session:

@@ -7,7 +7,8 @@ repeat, change and make up whatever it likes, and all that comes of it is silenc
 import math
 import secrets
 from collections import Counter
-from collections.abc import Collection
+from collections.abc import Collection, Iterable
+from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -24,7 +25,7 @@ from vfguide.link.envelope import (
     encode_signed,
     formation_number,
 )
-from vfguide.link.keys import Roster, Verifier, public_bytes, verifier_of
+from vfguide.link.keys import PUBLIC_SIZE, Roster, Verifier, public_bytes, verifier_of
 
 if TYPE_CHECKING:
     from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
@@ -55,6 +56,9 @@ TWIN = "another companion of this name"
 
 HEARD_BEFORE = "heard before"
 """Why a message is refused that came before, or a newer one of its kind."""
+
+REVOKED = "a revoked key"
+"""Why a message is refused whose sender's key an operator has declared to be out."""
 
 AHEAD_S = 2.0
 """No message is of later than so far ahead on the formation's clock."""
@@ -195,6 +199,8 @@ class Trust:
         self._allowed: dict[str, Allowance] = {}
         self._vain, self._vain_s = 0.0, -math.inf
         self._watches = watches
+        self.statements: dict[str, bytes] = {}
+        """By which an operator has revoked vehicles' keys, as they were signed."""
         if roster is not None:
             check_roster(roster, formation=formation, name=name, leader=leader, key=key)
             public = {**roster.vehicles, **roster.operators}
@@ -248,6 +254,71 @@ class Trust:
         )
         return signed + (checksum(signed) if self._key is None else self._key.sign(signed))
 
+    @property
+    def revoked(self) -> tuple[str, ...]:
+        """Vehicles whose keys are out."""
+        return tuple(self.statements)
+
+    @property
+    def is_revoked(self) -> bool:
+        """Whether the own key is out: nobody who knows that hears this member."""
+        return self.name in self.statements
+
+    def revocation(self, vehicle: str) -> bytes:
+        """An operator's statement that a vehicle's key is out: that very key, in any flight.
+
+        Raises:
+            InputError: the roster names no such vehicle.
+        """
+        public = None if self._roster is None else self._roster.vehicles.get(vehicle)
+        if public is None:
+            raise InputError(
+                f"{vehicle} has no key in the roster that could be revoked; there are"
+                f" {', '.join(self.vehicles) or 'none'}"
+            )
+        return self.seal(Kind.REVOCATION, public + vehicle.encode(), time_s=math.nan)
+
+    def revoke(self, envelope: Envelope, now: float) -> str | None:
+        """Take a statement that a vehicle's key is out, whenever it was made and whoever passes it on.
+
+        It names the key itself: of one that was replaced since, or is out already, it changes nothing.
+
+        Args:
+            envelope: the statement.
+            now: s, on the clock of `believe`.
+
+        Returns:
+            The vehicle; None where that was known.
+
+        Raises:
+            RefusedError: it is none.
+        """
+        public, vehicle = (
+            envelope.body[:PUBLIC_SIZE],
+            envelope.body[PUBLIC_SIZE:].decode(errors="replace"),
+        )
+        if vehicle in self.statements:
+            return None
+        verifies = self._verifiers.get(envelope.sender)
+        if self._roster is None or envelope.scheme is not Scheme.ED25519:
+            raise RefusedError("not signed")
+        if verifies is None or envelope.sender not in self._roster.operators:
+            raise RefusedError("not for its sender to say")
+        if not public or self._roster.vehicles.get(vehicle) != public:
+            raise RefusedError("no key of this roster")
+        self._check_flood(now)
+        if not verifies(envelope.tag, envelope.signed):
+            self._vain += 1.0
+            raise RefusedError("forged")
+        self.statements[vehicle] = envelope.signed + envelope.tag
+        return vehicle
+
+    def recall(self, statements: Iterable[bytes]) -> None:
+        """Take statements that were kept; what is none of this roster is forgotten."""
+        for data in statements:
+            with suppress(RefusedError):
+                self.revoke(self.read(data), 0.0)
+
     def read(self, data: bytes) -> Envelope:
         """The envelope of a message to this formation, which is not believed yet.
 
@@ -283,6 +354,8 @@ class Trust:
             raise RefusedError("a stranger")
         if envelope.kind not in self._may(envelope.sender):
             raise RefusedError("not for its sender to say")
+        if envelope.sender in self.statements:
+            raise RefusedError(REVOKED)
         heard = self._in_order(envelope, now)
         self._check_leaps(envelope, heard, now, time_s)
         if verifies is None:

@@ -11,6 +11,8 @@ from cryptography.hazmat.primitives.asymmetric.rsa import generate_private_key
 from cryptography.hazmat.primitives.serialization import Encoding, NoEncryption, PrivateFormat
 
 from tests.integration.command_line.conftest import PAIR
+from tests.kit.programs import running, vfguide
+from tests.kit.sockets import free_port
 from vfguide.errors import InputError
 from vfguide.link.keys import (
     key_places,
@@ -88,6 +90,34 @@ def test_a_key_that_is_rotated_replaces_one_and_no_other(command, keyed):
     outcome = command("keys", "rotate", keyed, "nobody")
     assert outcome.status == 2
     assert outcome.lines == ["nobody is not a member of pair; its members are lead, wing, operator"]
+
+
+async def test_a_companion_keeps_that_a_key_is_revoked_over_a_restart_and_says_so(keyed, tmp_path):
+    here, there = free_port(), free_port()
+    link = f"--link=udp://127.0.0.1:{there}?port={here}"
+    words = ("companion", "wing", "--mission", keyed, "--state", tmp_path, link)
+    words = (*words, f"--mavlink=udpin://127.0.0.1:{free_port()}")
+    theirs = f"--link=udp://127.0.0.1:{here}?port={there}"
+    async with running("vfguide", *words):
+        revoked = await vfguide("keys", "revoke", keyed, "lead", theirs)
+    assert revoked.status == 0
+    assert "the key of lead is revoked: 1 of 1 others know" in revoked.out
+    async with running("vfguide", *words):
+        shown = await vfguide("status", keyed, theirs, "--json")
+    assert '"revoked_lead": 1.0' in shown.out
+    # It is of that key alone.
+    assert (await vfguide("keys", "rotate", keyed, "lead")).status == 0
+    async with running("vfguide", *words):
+        shown = await vfguide("status", keyed, theirs, "--json")
+    assert '"online"' in shown.out
+    assert "revoked_lead" not in shown.out
+
+
+def test_nobody_without_an_operators_key_revokes_one(command, keyed):
+    key_places(keyed).private("operator").unlink()
+    outcome = command("keys", "revoke", keyed, "wing", COMPANION[1])
+    assert outcome.status == 2
+    assert outcome.lines == ["a key is revoked by an operator: give a private key with --key"]
 
 
 def test_who_has_which_key_is_shown_and_what_is_wrong_with_it(command, keyed):

@@ -35,7 +35,7 @@ async def test_the_broker_passes_on_the_consoles_orders_only_where_they_were_ask
         return Topics(prefix="vfguide", formation="test", vehicle=vehicle)
 
     console, lead = topics("console"), topics("lead")
-    own = {console.about_orders(kind) for kind in ORDERING}
+    own = {console.about_orders(kind) for kind in (*ORDERING, Kind.REVOCATION)}
     foreign = {lead.about_orders(Kind.ORDER), lead.state("lead")}
 
     broker = guarded("lead", "judge", "console", rules=rules_of(orders))
@@ -65,7 +65,7 @@ async def test_an_account_of_a_vehicle_stores_no_more_than_its_own_topics_hold(g
 
     own = Topics(prefix="vfguide", formation="test", vehicle="f1")
     wanted = {own.state("f1"), own.lead("f1"), own.presence("f1"), own.answer("lead")}
-    wanted |= {own.about_orders(kind) for kind in ORDERING} | {own.ask("lead")}
+    wanted |= {own.about_orders(kind) for kind in (*ORDERING, Kind.REVOCATION)} | {own.ask("lead")}
     made_up = {f"vfguide/test/f1/{number}" for number in range(50)}
     made_up |= {"vfguide/other/f1/state", "vfguide/test/lead/state", own.answer("nobody")}
     kept = set()

@@ -12,6 +12,7 @@ import pytest
 from tests.kit.crew import speak
 from tests.kit.sockets import until
 from vfguide.link.envelope import decode_envelope
+from vfguide.link.member import NOT_SAID
 from vfguide.link.presence import decode_presence
 
 PROMPT_S = 10.0
@@ -21,7 +22,7 @@ VEHICLE = """
 import asyncio, sys
 from random import Random
 from vfguide.link.address import parse_link
-from vfguide.link.member import Member
+from vfguide.link.member import NOT_SAID, Member
 from vfguide.link.opening import open_link
 from vfguide.link.trust import Trust
 
@@ -191,12 +192,12 @@ async def test_a_second_companion_of_the_leader_asks_the_first_by_the_broker_and
                 await asyncio.sleep(0.02)
             async with opened(port, "lead") as (second, _):
                 number = 0
-                while not second.counters["not said: another companion of this name"]:
+                while not second.counters[NOT_SAID]:
                     number += 1
                     first.publish(b"first, later %d" % number)
                     second.publish(b"second %d" % number)
                     await asyncio.sleep(0.02)
-        assert not first.counters["not said: another companion of this name"]
+        assert not first.counters[NOT_SAID]
 
 
 async def test_who_may_only_read_cannot_throw_the_leader_out(guarded, opened):

@@ -93,6 +93,18 @@ async def test_a_formation_hears_itself_without_a_broker(way, monkeypatch):
         assert {vehicle for vehicle, _ in other.neighbours} == {"f1"}
 
 
+@pytest.mark.parametrize("way", ["group", "zenoh"])
+async def test_a_key_that_is_revoked_is_out_over_every_such_link(way):
+    names = (LEADER, "f1", "f2", "eye")
+    links = dict.fromkeys(names, group()) if way == "group" else zenoh_peers(*names)
+    async with crews_on(links) as (leader, one, other, operator):
+        await speak(one.link, lambda: other.neighbours)
+        operator.link.revoke("f1")
+        await until(lambda: leader.member.trust.is_revoked or other.member.trust.revoked)
+        await until(lambda: all(each.member.stands_back == (each is one) for each in (one, other)))
+        await until(lambda: leader.member.trust.revoked == ("f1",))
+
+
 async def test_a_presence_comes_every_second_whatever_its_length_and_a_goodbye_at_the_end():
     links = group()
     watched = WatchedFormation(

@@ -24,6 +24,7 @@ from tests.kit.companion import (
 from tests.kit.wire import heartbeat, parsed, position_report, spoken
 from vfguide.companion.consent import Consent, FileStore, MemoryStore, default_directory
 from vfguide.companion.supervisor import Mode
+from vfguide.link.member import ELDER
 
 ARM = 400
 
@@ -393,23 +394,23 @@ def test_nobody_steers_once_the_pilot_has_taken_over():
 def test_the_younger_hands_back_the_vehicle_that_it_steers_and_says_why():
     one = new_flight(until_s=10.0)
     assert one.modes[-1][1].steers
-    out = one.companion.stand_back(one.now, twin=True)
+    out = one.companion.stand_back(one.now, ELDER)
     assert "another companion of this name was here before" in out.events[0].text
-    assert not one.companion.stand_back(one.now, twin=True).events
+    assert not one.companion.stand_back(one.now, ELDER).events
     one.run(15.0)
     assert not one.modes[-1][1].steers
     assert one.autopilot_mode == "LOITER"
-    assert one.companion.obstacle(one.now) is not None
+    assert one.companion.obstacle(one.now) == ELDER
 
 
 def test_the_younger_that_has_not_steered_commands_nothing_until_the_other_is_silent():
     """The other one may steer this very vehicle."""
     one = new_flight()
-    one.companion.stand_back(0.0, twin=True)
+    one.companion.stand_back(0.0, ELDER)
     one.run(10.0)
     assert {mode for _, mode in one.modes} == {Mode.WAITING}
     assert one.autopilot_mode == "LOITER"
-    one.companion.stand_back(one.now, twin=False)
+    one.companion.stand_back(one.now, "")
     one.run(20.0)
     assert one.modes[-1][1].steers
     assert one.autopilot_mode == "GUIDED"

@@ -195,7 +195,7 @@ def test_whatever_comes_is_a_packet_or_refused(data):
         (packed(PackedKind.BEAT, encode_beat_alone(replace(BEAT, beat=4))), "no beat"),
         (packed(PackedKind.BEAT, encode_beat_alone(replace(BEAT, period_ms=0))), "no beat"),
         (packed(PackedKind.BEAT, encode_beat_alone(BEAT), steered=False), "flag"),
-        (b"\x09" + bytes(30), "no kind"),
+        (b"\x0a" + bytes(30), "no kind"),
         (packed(PackedKind.STATE, b"\xff\xff\xff\x7f" + bytes(24), sender=1), "no place"),
         (packed(PackedKind.PRESENCE, bytes(9) + b"\xff" * 18), "no text"),
         (packed(PackedKind.ORDER, bytes([0, 0, 1, 28, 0]) + bytes(28)), "behind the end"),

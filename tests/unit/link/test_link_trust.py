@@ -31,7 +31,7 @@ from vfguide.link.envelope import (
     formation_number,
 )
 from vfguide.link.keys import Roster
-from vfguide.link.member import TWIN_QUIET_S, TWIN_SPREAD_S, Parcel
+from vfguide.link.member import NOT_SAID, TWIN_QUIET_S, TWIN_SPREAD_S, Parcel
 from vfguide.link.trust import RefusedError, Trust
 
 ANSWERS = frozenset({Kind.ANSWER})
@@ -331,7 +331,7 @@ def test_the_younger_of_two_companions_of_the_leader_steps_back_until_the_other_
         wire.fly(leader, 0.5, one, other)
         assert rival.member.stands_back
     assert not [data for _, data in one.heard if data == b"rival"]
-    assert rival.counters["not said: another companion of this name"] >= 80
+    assert rival.counters[NOT_SAID] >= 80
     # The older one goes: after its silence, and some chance, the younger leads.
     wire.stations.remove(leader)
     one.heard.clear()
@@ -422,10 +422,10 @@ def test_of_two_companions_of_one_name_the_younger_steps_back_until_the_other_is
     wire.fly(leader, 3.0, one, other, twin)
     assert twin.member.stands_back
     assert not one.member.stands_back
-    said = twin.member.counters["not said: another companion of this name"]
+    said = twin.member.counters[NOT_SAID]
     leader.neighbours.clear()
     wire.fly(leader, 2.0, one, other, twin)
-    assert twin.member.counters["not said: another companion of this name"] == said + 10
+    assert twin.member.counters[NOT_SAID] == said + 10
     # The older one goes: after its silence, and some chance, the younger speaks.
     wire.stations.remove(one)
     wire.fly(leader, TWIN_QUIET_S + TWIN_SPREAD_S + 0.5, other, twin)
