@@ -17,10 +17,11 @@ import typer
 import yaml
 
 from sitl_stub.bad_link import Emulated
+from sitl_stub.config import Option, OptionError, option_name, option_of
 from sitl_stub.links import Address, AddressError
-from sitl_stub.options import OptionError, checked_epoch
+from sitl_stub.options import checked_epoch
 from sitl_stub.server import LinkError, Service, precise_event_loop, serve_all
-from sitl_stub.settings import Settings, field_names, option_name, option_of
+from sitl_stub.settings import Settings, field_names
 
 WRONG_INPUT, BROKEN = 2, 3
 
@@ -93,7 +94,7 @@ def given_options(context: typer.Context) -> dict[str, object]:
 
 def parameter_of(field: str) -> inspect.Parameter:
     """A field of the settings as an option of the command."""
-    info, option = Settings.model_fields[field], option_of(field)
+    info, option = Settings.model_fields[field], option_of(Settings, field) or Option()
     default = None if info.is_required() else info.get_default(call_default_factory=True)
     # `float | None` is an option with a float.
     kinds = [one for one in get_args(info.annotation) if one is not NoneType]
@@ -107,7 +108,7 @@ def parameter_of(field: str) -> inspect.Parameter:
     elif kind not in {bool, int, float} and get_origin(kind) is not Literal:
         kind = str
     declared = typer.Option(
-        f"--{option_name(field)}",
+        f"--{option_name(Settings, field)}",
         help=" ".join((info.description or "").split()),
         metavar=option.metavar,
     )

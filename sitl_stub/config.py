@@ -1,32 +1,124 @@
-"""What one emulated aircraft starts with."""
+"""What one emulated aircraft is: the fields that options and a flight share, and its start."""
 
-import math
-from typing import get_args
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Annotated, Self
 
-import msgspec
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from sitl_stub.aircraft import PlantParameters
 from sitl_stub.route import Route
 from sitl_stub.sensor_errors import Fault, SensorGrade
 
+UNIT = re.compile(r"_(1_s|m_s2|m_s|deg|hz|m|s)$")
+"""The end of a field's name that its option does without."""
 
-class AutopilotConfig(msgspec.Struct, frozen=True, kw_only=True):
-    """One emulated aircraft at the start of its flight: in the air, in a loiter, or on the ground."""
+Finite = Annotated[float, Field(allow_inf_nan=False)]
+NotNegative = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
 
-    system_id: int
-    """MAVLink system id, 1 to 255."""
 
-    component_id: int = 1
+class OptionError(ValueError):
+    """An option's value cannot be used; the message is one line."""
+
+
+@dataclass(frozen=True, slots=True)
+class Option:
+    """How a field is an option of the command."""
+
+    metavar: str | None = None
+    """What its value looks like."""
+    name: str | None = None
+    """Without dashes; None: the field's name without its unit."""
+    shown: str | None = None
+    """Its default in the help, where that is neither numbers nor a word."""
+
+
+class AircraftOptions(BaseModel):
+    """What options say of an aircraft and its flight takes as it is."""
+
+    model_config = ConfigDict(
+        arbitrary_types_allowed=True, extra="forbid", frozen=True, use_attribute_docstrings=True
+    )
+
+    system_id: Annotated[int, Field(ge=1, le=255), Option("N")]
+    """MAVLink system id, 1 to 255. Required."""
+
+    component_id: Annotated[int, Field(ge=1, le=255), Option("N")] = 1
     """MAVLink component of its autopilot, 1 to 255."""
 
-    vehicle_type: int = 1
-    """MAV_TYPE in its heartbeat: 1 is a fixed wing, 2 a quadrotor."""
+    vehicle_type: Annotated[int, Field(ge=0, le=255), Option("N")] = 1
+    """MAV_TYPE in its heartbeat: 1 a fixed wing, 2 a quadrotor."""
 
-    uid: int = 0
-    """Hardware number in AUTOPILOT_VERSION; 0: it has none."""
+    uid: Annotated[int, Field(ge=0, lt=2**64), Option("N")] = 0
+    """Hardware number in AUTOPILOT_VERSION, which counts up with --count; 0: none."""
 
-    autopilot: str = "ardupilot"
-    """Name of the autopilot that it behaves as."""
+    autopilot: Annotated[str, Option("NAME")] = "ardupilot"
+    """ardupilot, px4, or one of --plugin: as which it behaves."""
+
+    airspeed_m_s: Annotated[float, Option("M_S")] = 20.0
+    """In the air, where none is commanded."""
+
+    climb_m_s: Annotated[float, Option("M_S")] = 0.0
+    """Climb rate at a start in the air, positive up."""
+
+    ready_after_s: Annotated[NotNegative, Option("S")] = 0.0
+    """Until sensors have settled and it can be armed."""
+
+    position_noise_m: Annotated[NotNegative, Option("M")] = 0.0
+    """Standard deviation of reported positions."""
+
+    velocity_noise_m_s: Annotated[NotNegative, Option("M_S")] = 0.0
+    """Standard deviation of reported velocities over ground."""
+
+    airspeed_noise_m_s: Annotated[NotNegative, Option("M_S")] = 0.0
+    """Standard deviation of reported airspeeds."""
+
+    sensors: Annotated[SensorGrade, Option()] = "ideal"
+    """GNSS of this grade, and other sensors like real ones."""
+
+    indicated_airspeed: Annotated[bool, Option()] = False
+    """Airspeeds on the wire are not the true ones."""
+
+    airspeed_calibration: Annotated[float, Field(ge=0.5, le=2.0), Option("X")] = 1.0
+    """Shown airspeed in parts of the right one."""
+
+    loop_rate_hz: Annotated[float | None, Field(ge=10.0, le=1000.0), Option("HZ")] = None
+    """Telemetry leaves on this scheduler's ticks only; default: on time."""
+
+    old_parameter_names: Annotated[bool, Option()] = False
+    """ArduPlane's before 4.5, such as ARSPD_FBW_MIN."""
+
+    icao_address: Annotated[int, Field(ge=0, lt=2**24), Option("N")] = 0
+    """Address of its transponder, for ADSB_VEHICLE."""
+
+    boot_time_s: Annotated[float, Field(ge=0.0, le=1e9), Option("S")] = 0.0
+    """What its clock shows at the start."""
+
+    seed: Annotated[int, Field(ge=0, lt=2**63), Option("N")] = 0
+    """Seed of everything random."""
+
+    @classmethod
+    def of(cls, values: Mapping[str, object]) -> Self:
+        """One of these values.
+
+        Raises:
+            OptionError: a value is wrong; the message is one line.
+        """
+        try:
+            return cls.model_validate(values)
+        except ValidationError as error:
+            first = error.errors(include_url=False)[0]
+            cause = first.get("ctx", {}).get("error")
+            field = str(first["loc"][0]) if first["loc"] else ""
+            known = field in cls.model_fields and option_of(cls, field) is not None
+            name = f"--{option_name(cls, field)}" if known else field
+            said = str(cause or f"{name}: {first['msg'][0].lower()}{first['msg'][1:]}")
+            raise OptionError(said) from error
+
+
+class AutopilotConfig(AircraftOptions):
+    """One emulated aircraft at the start of its flight: in the air, in a loiter, or on the ground."""
 
     autopilot_version: tuple[int, int] | None = None
     """Major and minor of the version whose manners it has; None: the newest that is known here."""
@@ -34,71 +126,32 @@ class AutopilotConfig(msgspec.Struct, frozen=True, kw_only=True):
     plant: PlantParameters
     """How it flies."""
 
-    latitude_deg: float
+    latitude_deg: Annotated[float, Field(ge=-89.0, le=89.0)]
     """Start position; home is on the ground below it."""
 
-    longitude_deg: float
+    longitude_deg: Finite
     """Start position."""
 
-    altitude_amsl_m: float
+    altitude_amsl_m: Finite
     """Start altitude."""
 
-    home_altitude_amsl_m: float
+    home_altitude_amsl_m: Finite
     """Altitude of the ground at home."""
 
-    course_rad: float
+    course_rad: Finite
     """Start course over ground."""
 
-    airspeed_m_s: float
-    """Start airspeed; also what it flies whenever no speed is commanded."""
-
-    climb_m_s: float = 0.0
-    """Climb rate at a start in the air, positive up."""
-
-    position_noise_m: float = 0.0
-    """Standard deviation, per horizontal axis, of white noise on reported positions."""
-
-    velocity_noise_m_s: float = 0.0
-    """Standard deviation, per horizontal axis, of white noise on reported ground velocities."""
-
-    heading_noise_rad: float = 0.0
+    heading_noise_rad: NotNegative = 0.0
     """Standard deviation of white noise on reported headings."""
-
-    airspeed_noise_m_s: float = 0.0
-    """Standard deviation of white noise on reported airspeeds."""
-
-    sensors: SensorGrade = "ideal"
-    """How good the sensors are, beside the noise given here."""
 
     faults: tuple[Fault, ...] = ()
     """What is wrong with its reports, and when."""
 
-    seed: int = 0
-    """Seed of all noise; the system id is mixed in, so that one seed serves a formation."""
-
-    indicated_airspeed: bool = False
-    """Whether airspeeds that are commanded, limited and reported are indicated ones."""
-
-    airspeed_calibration: float = 1.0
-    """What the airspeed sensor shows in parts of what it should."""
-
-    loop_rate_hz: float | None = None
-    """Rate of the scheduler on whose ticks telemetry leaves; None: telemetry leaves exactly on time."""
-
     airborne: bool = True
     """Whether the flight begins in the air; else it stands on the ground, `armed` or not."""
 
-    ready_after_s: float = 0.0
-    """Simulation time from which on it lets itself be armed: sensors have to settle first."""
-
-    old_parameter_names: bool = False
-    """ArduPlane's parameters by the names they had before 4.5."""
-
     armed: bool = True
     """Whether it is armed at the start."""
-
-    boot_time_s: float = 0.0
-    """time_boot_ms at simulation time zero, in seconds."""
 
     route: Route | None = None
     """Flown from the start on, in AUTO; None: it circles until it is told what to do."""
@@ -107,57 +160,22 @@ class AutopilotConfig(msgspec.Struct, frozen=True, kw_only=True):
     """Numbers of the messages that it sends without having been asked, beside its heartbeat, and their
     intervals in microseconds; None: what its autopilot sends."""
 
-    icao_address: int = 0
-    """ICAO address of its transponder, 24 bits, for ADSB_VEHICLE."""
-
-    def __post_init__(self) -> None:
-        """Refuse a start that cannot be flown.
-
-        Raises:
-            ValueError: a field is out of its range; the message names it.
-        """
-        self._check_numbers()
-        if not 1 <= self.system_id <= 255:
-            raise ValueError(f"system_id must be 1 to 255, not {self.system_id!r}")
-        if abs(self.latitude_deg) > 89.0:
-            raise ValueError("latitude_deg must be within 89 degrees: poles are not flown")
-        if self.sensors not in get_args(SensorGrade):
-            wanted = ", ".join(get_args(SensorGrade))
-            raise ValueError(f"sensors must be one of {wanted}, not {self.sensors!r}")
+    @model_validator(mode="after")
+    def _can_begin(self) -> Self:
+        """See that it begins at an airspeed that it flies."""
         plant = self.plant
         if not plant.airspeed_min_m_s <= self.airspeed_m_s <= plant.airspeed_max_m_s:
             raise ValueError(f"airspeed_m_s {self.airspeed_m_s!r} is outside the plant's range")
-        if not 0.5 <= self.airspeed_calibration <= 2.0:
-            raise ValueError(
-                f"airspeed_calibration must be 0.5 to 2, not {self.airspeed_calibration!r}"
-            )
-        if self.loop_rate_hz is not None and not 10.0 <= self.loop_rate_hz <= 1000.0:
-            raise ValueError(f"loop_rate_hz must be 10 to 1000, not {self.loop_rate_hz!r}")
+        return self
 
-    def _check_numbers(self) -> None:
-        for name, value, most in (
-            ("component_id", self.component_id, 255),
-            ("vehicle_type", self.vehicle_type + 1, 256),
-            ("uid", self.uid + 1, 2**64),
-        ):
-            if not 1 <= value <= most:
-                raise ValueError(f"{name} is out of its range")
-        for name in (
-            "latitude_deg",
-            "longitude_deg",
-            "altitude_amsl_m",
-            "home_altitude_amsl_m",
-            "course_rad",
-        ):
-            if not math.isfinite(getattr(self, name)):
-                raise ValueError(f"{name} must be finite")
-        for name in (
-            "position_noise_m",
-            "velocity_noise_m_s",
-            "heading_noise_rad",
-            "airspeed_noise_m_s",
-            "ready_after_s",
-            "boot_time_s",
-        ):
-            if not 0.0 <= getattr(self, name) < math.inf:
-                raise ValueError(f"{name} must be finite and not negative")
+
+def option_of(model: type[BaseModel], field: str) -> Option | None:
+    """How a field of a model is an option, if it is."""
+    metadata = model.model_fields[field].metadata
+    return next((one for one in metadata if isinstance(one, Option)), None)
+
+
+def option_name(model: type[BaseModel], field: str) -> str:
+    """The name of a field's option, without dashes."""
+    option = option_of(model, field)
+    return (option and option.name) or UNIT.sub("", field).replace("_", "-")

@@ -3,13 +3,13 @@
 import math
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any, cast
 
 from pydantic import BeforeValidator, PlainValidator
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sitl_stub.air import ArticleWind, CalmWind, DiscreteGust, SteadyWind, Wind
+from sitl_stub.config import OptionError
 from sitl_stub.route import Route
 from sitl_stub.sensor_errors import Fault
 from sitl_stub.telemetry import TELEMETRY
@@ -23,10 +23,6 @@ MAX_EPOCH_AWAY_S = 3600.0
 
 SLOWEST_HZ, FASTEST_HZ = 0.01, 100.0
 """Least and greatest rate of a stream."""
-
-
-class OptionError(ValueError):
-    """An option's value cannot be used; the message is one line."""
 
 
 def parse_wind(value: object) -> Wind:
@@ -95,17 +91,6 @@ def parse_plant_option(text: str) -> tuple[str, float]:
         raise OptionError(f"--plant-option: {text} is not NAME=VALUE") from None
 
 
-def checked(option: str, value: float, low: float, high: float) -> float:
-    """The value, if it is above `low` and at most `high`.
-
-    Raises:
-        OptionError: it is not.
-    """
-    if not low < value <= high:
-        raise OptionError(f"{option}: {value:g} is not above {low:g} and at most {high:g}")
-    return value
-
-
 def checked_epoch(epoch_s: float, speedup: float) -> float:
     """The Unix time of simulation time zero, if it is a time the aircraft can catch up with.
 
@@ -153,20 +138,6 @@ def parse_stream(text: str) -> tuple[int, int]:
             f"--stream: {text} is not a message and its rate, such as FOLLOW_TARGET:10"
         )
     return number, round(1e6 / rate_hz)
-
-
-@dataclass(frozen=True, slots=True)
-class Option:
-    """How a field is an option of the command."""
-
-    metavar: str | None = None
-    """What its value looks like."""
-    name: str | None = None
-    """Without dashes; None: the field's name without its unit."""
-    shown: str | None = None
-    """Its default in the help, where that is neither numbers nor a word."""
-    within: tuple[float, float] | None = None
-    """Its value is above the first and at most the second; None: whatever the aircraft takes."""
 
 
 def numbers(option: str, names: str) -> BeforeValidator:

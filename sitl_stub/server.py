@@ -15,8 +15,8 @@ from pathlib import Path
 from msgspec.structs import asdict
 
 from sitl_stub.bad_link import Emulated
+from sitl_stub.config import OptionError
 from sitl_stub.links import Address, AddressError, EmulatorLink, LinkError, open_link, parse_address
-from sitl_stub.options import OptionError
 from sitl_stub.truth import Truth
 
 MAX_RATE_HZ = 1000.0

@@ -5,19 +5,15 @@ option of the command is that name without its unit, its help the docstring.
 """
 
 import math
-import re
 import time
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any, Self
+from typing import Annotated, Any
 
 from pydantic import (
-    BaseModel,
     BeforeValidator,
-    ConfigDict,
     Field,
     PlainValidator,
-    ValidationError,
     model_validator,
 )
 
@@ -26,13 +22,10 @@ from sitl_stub.aircraft import PlantParameters, SpeedResponse
 from sitl_stub.autopilot import Autopilot
 from sitl_stub.bad_link import BadLink, Emulated
 from sitl_stub.codec import Signing, key_of
-from sitl_stub.config import AutopilotConfig
+from sitl_stub.config import AircraftOptions, AutopilotConfig, Option, OptionError, option_name
 from sitl_stub.geometry import displace
 from sitl_stub.links import Address, parse_address
 from sitl_stub.options import (
-    Option,
-    OptionError,
-    checked,
     each,
     glitch,
     listed,
@@ -47,46 +40,25 @@ from sitl_stub.personality import Loops, autopilots
 from sitl_stub.plant import options_of, plants
 from sitl_stub.registry import load_plugins
 from sitl_stub.route import Route
-from sitl_stub.sensor_errors import Fault, SensorGrade
+from sitl_stub.sensor_errors import Fault
 
 DEFAULT_HEIGHT_M = 100.0
 """Start above home, where home's altitude is not given."""
 
 MAX_COUNT = 100
 
-UNIT = re.compile(r"_(1_s|m_s2|m_s|deg|hz|m|s)$")
-"""The end of a field's name that its option does without."""
-
-
 LowHigh = tuple[float, float]
 Place = tuple[float, float, float, float]
 
 
-class Settings(BaseModel):
+class Settings(AircraftOptions):
     """Emulated aircraft, all of them alike."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
-
-    system_id: Annotated[int, Option("N")]
-    """MAVLink system id, 1 to 255. Required."""
-
-    component_id: Annotated[int, Option("N", within=(0, 256))] = 1
-    """MAVLink component of its autopilot, 1 to 255."""
-
-    vehicle_type: Annotated[int, Option("N", within=(-1, 256))] = 1
-    """MAV_TYPE in its heartbeat: 1 a fixed wing, 2 a quadrotor."""
-
-    uid: Annotated[int, Option("N", within=(-1, 2**64))] = 0
-    """Hardware number in AUTOPILOT_VERSION, which counts up with --count; 0: none."""
 
     mavlink: Annotated[str | None, Option("URL")] = None
     """udpin://, udpout://, tcpin:// or tcpout:// HOST:PORT. Required."""
 
     count: Annotated[int, Option("N")] = 1
     """Aircraft in this process: system ids and ports count up."""
-
-    autopilot: Annotated[str, Option("NAME")] = "ardupilot"
-    """ardupilot, px4, or one of --plugin: as which it behaves."""
 
     autopilot_version: Annotated[str | None, Option("X.Y")] = None
     """Version of px4, 1.14 to 1.18; default: the newest."""
@@ -160,7 +132,7 @@ class Settings(BaseModel):
     turbulence: Annotated[Turbulence, Option()] = "none"
     """Dryden's, by MIL-F-8785C; shared by all of one seed."""
 
-    air_height_m: Annotated[float, Option("M", within=(0.0, 1e4))] = 100.0
+    air_height_m: Annotated[float, Field(gt=0.0, le=1e4), Option("M")] = 100.0
     """Above the ground, for which wind and turbulence are meant."""
 
     gusts: Annotated[tuple[DiscreteGust, ...], each(parse_gust), Option("AT,FOR,N,E", "gust")] = ()
@@ -179,64 +151,25 @@ class Settings(BaseModel):
     airborne: Annotated[bool, Option()] = False
     """Start in the air; else on the ground, disarmed, at ALT."""
 
-    airspeed_m_s: Annotated[float, Option("M_S")] = 20.0
-    """In the air, where none is commanded."""
-
-    climb_m_s: Annotated[float, Option("M_S")] = 0.0
-    """Climb rate at a start in the air, positive up."""
-
     home_altitude_m: Annotated[float | None, Option("M")] = None
     """Altitude of the ground below the start; default: 100 m below it."""
 
     spacing_m: Annotated[float, Option("M")] = 30.0
     """With --count: from one start to the next, to the right."""
 
-    ready_after_s: Annotated[float, Option("S")] = 0.0
-    """Until sensors have settled and it can be armed."""
-
     route: Annotated[Route | None, PlainValidator(parse_route), Option("LAT,LON;…")] = None
     """Fly this by itself; round, if it ends where it begins."""
 
-    position_noise_m: Annotated[float, Option("M")] = 0.0
-    """Standard deviation of reported positions."""
-
-    velocity_noise_m_s: Annotated[float, Option("M_S")] = 0.0
-    """Standard deviation of reported velocities over ground."""
-
     heading_noise_deg: Annotated[float, Option("DEG")] = 0.0
     """Standard deviation of reported headings."""
-
-    airspeed_noise_m_s: Annotated[float, Option("M_S")] = 0.0
-    """Standard deviation of reported airspeeds."""
-
-    sensors: Annotated[SensorGrade, Option()] = "ideal"
-    """GNSS of this grade, and other sensors like real ones."""
 
     gps_glitches: Annotated[
         tuple[Fault, ...], each(glitch), Option("AT,FOR,N,E", "gps-glitch")
     ] = ()
     """Positions off for a time: seconds, metres. Repeatable."""
 
-    indicated_airspeed: Annotated[bool, Option()] = False
-    """Airspeeds on the wire are not the true ones."""
-
-    airspeed_calibration: Annotated[float, Option("X")] = 1.0
-    """Shown airspeed in parts of the right one."""
-
-    loop_rate_hz: Annotated[float | None, Option("HZ")] = None
-    """Telemetry leaves on this scheduler's ticks only; default: on time."""
-
-    old_parameter_names: Annotated[bool, Option()] = False
-    """ArduPlane's before 4.5, such as ARSPD_FBW_MIN."""
-
     streams: Annotated[tuple[tuple[int, int], ...], each(stream), Option("NAME:HZ", "stream")] = ()
     """Send this unasked instead of the autopilot's own. Repeatable."""
-
-    icao_address: Annotated[int, Option("N", within=(-1, 2**24))] = 0
-    """Address of its transponder, for ADSB_VEHICLE."""
-
-    boot_time_s: Annotated[float, Option("S", within=(-1.0, 1e9))] = 0.0
-    """What its clock shows at the start."""
 
     also_to: Annotated[tuple[str, ...], BeforeValidator(listed), Option("URL")] = ()
     """udpout:// address that hears it, too. Repeatable; not with --count."""
@@ -253,11 +186,8 @@ class Settings(BaseModel):
     signing_key: Annotated[str | None, Option("KEY")] = None
     """Sign and hear only what is signed: 64 hex digits, or a passphrase."""
 
-    speedup: Annotated[float, Option("X", within=(0.0, 1000.0))] = 1.0
+    speedup: Annotated[float, Field(gt=0.0, le=1000.0), Option("X")] = 1.0
     """Seconds of simulation in one real second."""
-
-    seed: Annotated[int, Option("N", within=(-1, 2**63))] = 0
-    """Seed of everything random."""
 
     truth: Annotated[str | None, Option("TO")] = None
     """True states as JSON lines: udpout://HOST:PORT or a file."""
@@ -280,30 +210,6 @@ class Settings(BaseModel):
         inside = ("turbulence", "gusts", "roughness_m")
         taken = {name: values["wind"][name] for name in inside if name in values["wind"]}
         return {**taken, **values}
-
-    @model_validator(mode="after")
-    def _check_ranges(self) -> Self:
-        """See that numbers are within the ranges that their options declare."""
-        for field in type(self).model_fields:
-            if (within := option_of(field).within) is not None:
-                checked(f"--{option_name(field)}", getattr(self, field), *within)
-        return self
-
-    @classmethod
-    def of(cls, values: Mapping[str, object]) -> Self:
-        """Settings of these values.
-
-        Raises:
-            OptionError: a value is wrong; the message is one line.
-        """
-        try:
-            return cls.model_validate(values)
-        except ValidationError as error:
-            first = error.errors(include_url=False)[0]
-            cause = first.get("ctx", {}).get("error")
-            name = option_name(str(first["loc"][0])) if first["loc"] else ""
-            said = str(cause or f"--{name}: {first['msg'][0].lower()}{first['msg'][1:]}")
-            raise OptionError(said) from error
 
     def plant_parameters(self) -> PlantParameters:
         """The aircraft.
@@ -353,24 +259,26 @@ class Settings(BaseModel):
         """
         latitude_deg, longitude_deg, altitude_m, course_deg = self.place(index)
         below_m = DEFAULT_HEIGHT_M if self.airborne else 0.0
-        alike = set(AutopilotConfig.__struct_fields__) & set(type(self).model_fields)
-        values = {name: getattr(self, name) for name in alike} | {
-            "system_id": self.system_id + index,
-            "uid": self.uid and self.uid + index,
-            "icao_address": self.icao_address + index,
-            "autopilot_version": self._version(),
-            "plant": self.plant_parameters(),
-            "latitude_deg": latitude_deg,
-            "longitude_deg": longitude_deg,
-            "altitude_amsl_m": altitude_m,
-            "home_altitude_amsl_m": given(self.home_altitude_m, altitude_m - below_m),
-            "course_rad": math.radians(course_deg),
-            "heading_noise_rad": math.radians(self.heading_noise_deg),
-            "faults": self.gps_glitches,
-            "armed": self.airborne,
-            "streams": self.streams or None,
-        }
-        return AutopilotConfig(**values)
+        alike = (*AircraftOptions.model_fields, "airborne", "route")
+        return AutopilotConfig.of(
+            {name: getattr(self, name) for name in alike}
+            | {
+                "system_id": self.system_id + index,
+                "uid": self.uid and self.uid + index,
+                "icao_address": self.icao_address + index,
+                "autopilot_version": self._version(),
+                "plant": self.plant_parameters(),
+                "latitude_deg": latitude_deg,
+                "longitude_deg": longitude_deg,
+                "altitude_amsl_m": altitude_m,
+                "home_altitude_amsl_m": given(self.home_altitude_m, altitude_m - below_m),
+                "course_rad": math.radians(course_deg),
+                "heading_noise_rad": math.radians(self.heading_noise_deg),
+                "faults": self.gps_glitches,
+                "armed": self.airborne,
+                "streams": self.streams or None,
+            }
+        )
 
     def air(self) -> Air:
         """The air that all of them share.
@@ -378,9 +286,11 @@ class Settings(BaseModel):
         Raises:
             ValueError: it cannot be so; the message is one line.
         """
-        if self.roughness_m is not None:
-            highest_m = min(LEAST_HEIGHT_M, self.air_height_m) / 2.0
-            checked("--roughness", self.roughness_m, 0.0, highest_m)
+        highest_m = min(LEAST_HEIGHT_M, self.air_height_m) / 2.0
+        if self.roughness_m is not None and not 0.0 < self.roughness_m <= highest_m:
+            raise OptionError(
+                f"--roughness: {self.roughness_m:g} is not above 0 and at most {highest_m:g}"
+            )
         return air_of(
             self.wind,
             level=self.turbulence,
@@ -483,21 +393,10 @@ def given(value: float | None, default: float) -> float:
     return default if value is None else value
 
 
-def option_of(field: str) -> Option:
-    """How a field is an option."""
-    metadata = Settings.model_fields[field].metadata
-    return next(one for one in metadata if isinstance(one, Option))
-
-
-def option_name(field: str) -> str:
-    """The name of a field's option, without dashes."""
-    return option_of(field).name or UNIT.sub("", field).replace("_", "-")
-
-
 def field_names() -> dict[str, str]:
     """Fields by all spellings that a file may use: their own, and their options', with - or _."""
     spellings: dict[str, str] = {}
     for field in Settings.model_fields:
-        option = option_name(field)
+        option = option_name(Settings, field)
         spellings |= dict.fromkeys((field, option, option.replace("-", "_")), field)
     return spellings

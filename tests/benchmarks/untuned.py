@@ -20,7 +20,6 @@ from pathlib import Path
 from random import Random
 from typing import Any
 
-import msgspec
 import numpy as np
 
 from sitl_stub.autopilot import flight_at_start
@@ -475,7 +474,7 @@ def lone_roll_rate(aircraft: str, air: str, seed: int, duration_s: float = 60.0)
     """Fly one aircraft straight on by its own autopilot, and return its roll rate, rms in rad/s."""
     mission = UntunedFlight(aircraft=aircraft, air=air, declared="right", seed=seed).mission()
     settings = checked_settings(mission, "leader")
-    config = msgspec.structs.replace(settings.config(), course_rad=0.0)
+    config = settings.config().model_copy(update={"course_rad": 0.0})
     flight = flight_at_start(config, settings.air(), personality_of(config))
     flight.hold_turn(TurnTarget("course", 0.0))
     flight.hold_speed(SpeedTarget("airspeed", config.airspeed_m_s))

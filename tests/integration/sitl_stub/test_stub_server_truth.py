@@ -7,8 +7,8 @@ from typing import Any
 import pytest
 
 from sitl_stub import Truth
+from sitl_stub.config import OptionError
 from sitl_stub.links import AddressError
-from sitl_stub.options import OptionError
 from sitl_stub.server import serve
 
 

@@ -3,7 +3,6 @@
 import math
 
 import numpy as np
-from msgspec.structs import replace
 
 import sitl_stub
 from vfguide.companion.mission_plan import local_frame
@@ -99,7 +98,9 @@ def emulator_of(
 ) -> sitl_stub.Autopilot:
     """The aircraft of this name, in the air at its start, and what is wrong with its reports."""
     settings = checked_settings(mission, name)
-    return sitl_stub.Autopilot(replace(settings.config(), faults=faults), settings.air())
+    return sitl_stub.Autopilot(
+        settings.config().model_copy(update={"faults": faults}), settings.air()
+    )
 
 
 def foreign_leader_of(mission: Mission) -> sitl_stub.BadLink:
