@@ -3,7 +3,7 @@
 import json
 import os
 from contextlib import AbstractContextManager, nullcontext
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated
 
@@ -114,20 +114,16 @@ def fly(
     it, 2 the input is wrong, 3 the flight broke or was stopped.
     """
     console = console or foxglove is not None
-    if live:
-        require(POSIX)
-        # Here, because an aircraft's computer has no library that counts what processes take.
-        from vfguide.commands.fly_live import check_live, fly_live
-    else:
-        page = "" if not console else "--console" if foxglove is None else "--foxglove"
-        refuse_without_live(speedup, link, page)
-    if operator:
-        refuse_orders(speedup, console=console)
-    check_page(console=console, tiles=tiles, foxglove=foxglove)
-    if force and out is None:
-        raise InputError(
-            "--force: nothing is replaced without --out; add --out DIR, or leave it out"
-        )
+    check_options(
+        live=live,
+        speedup=speedup,
+        links=link,
+        console=console,
+        operator=operator,
+        tiles=tiles,
+        foxglove=foxglove,
+        for_nothing=force and out is None,
+    )
     loaded = read_mission(mission)
     overrides = Overrides(
         controller=controller,
@@ -142,6 +138,9 @@ def fly(
     changed = apply_overrides(loaded.mission, overrides)
     speed = 1.0 if speedup is None else speedup
     if live:
+        # Here, because an aircraft's computer has no library that counts what processes take.
+        from vfguide.commands.fly_live import check_live, fly_live, live_page
+
         # Before anything else is said of a mission that cannot be flown so.
         check_live(changed, speedup=speed)
     findings = check_mission(changed, loaded.source)
@@ -151,139 +150,127 @@ def fly(
             errors.tell(str(with_options_named(finding, overrides)))
     if any(finding.severity == "error" for finding in findings):
         raise typer.Exit(WRONG)
+    kept = KeptFlight(out=out, force=force, as_json=as_json)
     if live:
-        status = fly_live(
-            changed,
-            links=link or (),
-            speedup=speed,
-            console=console,
-            operator=operator,
-            tiles=tiles,
-            foxglove=foxglove,
-            out=out,
-            force=force,
-            as_json=as_json,
-        )
+        page = live_page(operator=operator, tiles=tiles, foxglove=foxglove) if console else None
+        status = fly_live(changed, links=link or (), speedup=speed, kept=kept, page=page)
     else:
-        status = fly_virtually(changed, out=out, force=force, as_json=as_json)
+        status = fly_virtually(changed, kept)
     raise typer.Exit(status)
 
 
-def check_page(*, console: bool, tiles: str | None, foxglove: int | None) -> None:
-    """See that what goes with the page of a live flight has one.
+def check_options(
+    *,
+    live: bool,
+    speedup: float | None,
+    links: list[str] | None,
+    console: bool,
+    operator: bool,
+    tiles: str | None,
+    foxglove: int | None,
+    for_nothing: bool,
+) -> None:
+    """See that options go together, and that what they need is installed.
 
     Raises:
-        InputError: there is no page.
-        MissingLibraryError: Foxglove cannot be served; the text says which extra brings it.
+        InputError: they do not.
+        MissingLibraryError: a library is not installed; the text says which extra brings it.
     """
-    if tiles is not None and not console:
-        raise InputError("--tiles: is the map on the page that --live --console shows; add both")
+    if live:
+        require(POSIX)
+    page = "--console" if foxglove is None else "--foxglove"
+    refused = {
+        f"--speedup {speedup or 0.0:g}: only a live flight has a speed; add --live, or leave it out: in"
+        " virtual time a flight is as fast as the computer": speedup is not None and not live,
+        "--link: only a live flight has a link; add --live, or leave it out": links and not live,
+        f"{page}: only a live flight can be watched; add --live, or show what --out wrote with"
+        " `vfguide console --replay DIR`": console and not live,
+        "--operator: orders are given from the page that --live --console shows": operator
+        and not console,
+        "--operator: orders are timed in real time; leave --speedup out": operator
+        and speedup not in {None, 1.0},
+        "--tiles: is the map on the page that --live --console shows; add both": tiles is not None
+        and not console,
+        "--force: nothing is replaced without --out; add --out DIR, or leave it out": for_nothing,
+    }
+    for text, wrong in refused.items():
+        if wrong:
+            raise InputError(text)
     if foxglove is not None:
         require("foxglove")
 
 
-def refuse_orders(speedup: float | None, *, console: bool) -> None:
-    """See that a rehearsal has a page to give orders from, and flies by the clock of whoever gives them.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class KeptFlight:
+    """Where a flight is kept, and how it is told."""
 
-    Raises:
-        InputError: it does not.
-    """
-    if not console:
-        raise InputError("--operator: orders are given from the page that --live --console shows")
-    if speedup not in {None, 1.0}:
-        raise InputError("--operator: orders are timed in real time; leave --speedup out")
+    out: Path | None
+    """The directory; None keeps nothing."""
+    force: bool
+    """Whether what is there may be replaced, and by a flight that was stopped."""
+    as_json: bool
+    """Whether standard output is the summary alone."""
+
+    def directory(self, mission: Mission) -> AbstractContextManager[Path | None]:
+        """Give the directory to write a flight into, if it is to be kept.
+
+        Raises:
+            InputError: on entering, it cannot be written to, or holds something else.
+        """
+        if self.out is None:
+            return nullcontext()
+        vehicles = [mission.leader.vehicle, *mission.followers_by_name]
+        return kept_in(self.out, mission=mission.name, vehicles=vehicles, force=self.force)
+
+    def conclude(self, flight: LockstepFlight, directory: Path | None) -> int:
+        """Keep and print what a flight came to, and return the exit status.
+
+        Raises:
+            VfguideError: the flight was stopped, and the earlier one in `out` stays.
+        """
+        out = self.out
+        if flight.interrupted:
+            then = "" if directory is None else "; the report is being written"
+            Terminal(stderr=True).tell(
+                f"stopped after {flight.record.duration_s:.1f} s of flight{then}"
+            )
+        record = replace(flight.record, interrupted=flight.interrupted, latency=flight.latency)
+        flight = replace(flight, record=record)
+        summary = summarise(record)
+        if directory is not None:
+            keep(flight, summary, directory)
+        stays = flight.interrupted and out is not None and not self.force
+        earlier_stays = stays and out is not None and flown_before(out) is not None
+        show(summary, flight, directory if earlier_stays else out, as_json=self.as_json)
+        if earlier_stays:
+            raise VfguideError(f"{out}: the earlier flight stays; --force would have replaced it")
+        if flight.interrupted:
+            return BROKEN
+        return NOT_ACCEPTED if summary.accepted is False else ACCEPTED
 
 
-def refuse_without_live(speedup: float | None, links: list[str] | None, page: str) -> None:
-    """See that nothing is asked of a flight in virtual time that only a live one can do.
-
-    Raises:
-        InputError: something is.
-    """
-    if speedup is not None:
-        raise InputError(
-            f"--speedup {speedup:g}: only a live flight has a speed; add --live, or leave it out: "
-            "in virtual time a flight is as fast as the computer"
-        )
-    if links:
-        raise InputError("--link: only a live flight has a link; add --live, or leave it out")
-    if page:
-        raise InputError(
-            f"{page}: only a live flight can be watched; add --live, or show what --out wrote with"
-            " `vfguide console --replay DIR`"
-        )
-
-
-def fly_virtually(mission: Mission, *, out: Path | None, force: bool, as_json: bool) -> int:
+def fly_virtually(mission: Mission, kept: KeptFlight) -> int:
     """Fly a mission in virtual time, report, and return the exit status.
 
     Raises:
         InputError: the directory cannot be written to, or holds something else.
         VfguideError: the flight was stopped, and an earlier one stays.
     """
-    if out is not None:
+    if kept.out is not None:
         require(*PLOTTING)
-    errors = Terminal(stderr=True)
-    title = f"flying {mission.name}"
-    with output_of(mission, out, force=force) as directory:
+    with kept.directory(mission) as directory:
         with (
             stopped_by_signals() as stop,
-            flight_progress(errors, title, mission.rehearsal.duration_s) as progress,
+            flight_progress(f"flying {mission.name}", mission.rehearsal.duration_s) as progress,
         ):
             flight = fly_rehearsal(
                 mission,
                 processes=os.cpu_count() or 1,
-                epoch_s=None if out is None else EPOCH_S,
+                epoch_s=None if directory is None else EPOCH_S,
                 progress=progress,
                 stop=stop,
             )
-        return conclude(flight, directory, out=out, force=force, as_json=as_json)
-
-
-def output_of(
-    mission: Mission, out: Path | None, *, force: bool
-) -> AbstractContextManager[Path | None]:
-    """The directory to write a flight into, if it is to be kept."""
-    if out is None:
-        return nullcontext()
-    vehicles = [mission.leader.vehicle, *mission.followers_by_name]
-    return kept_in(out, mission=mission.name, vehicles=vehicles, force=force)
-
-
-def conclude(
-    flight: LockstepFlight, directory: Path | None, *, out: Path | None, force: bool, as_json: bool
-) -> int:
-    """Keep and print what a flight came to, and return the exit status.
-
-    Args:
-        flight: as flown.
-        directory: to write into; None keeps nothing.
-        out: where that will be moved to.
-        force: whether a flight that was stopped may take the place of an earlier one.
-        as_json: whether standard output is the summary alone.
-
-    Raises:
-        VfguideError: the flight was stopped, and the earlier one in `out` stays.
-    """
-    if flight.interrupted:
-        then = "" if directory is None else "; the report is being written"
-        Terminal(stderr=True).tell(
-            f"stopped after {flight.record.duration_s:.1f} s of flight{then}"
-        )
-    record = replace(flight.record, interrupted=flight.interrupted, latency=flight.latency)
-    flight = replace(flight, record=record)
-    summary = summarise(record)
-    if directory is not None:
-        keep(flight, summary, directory)
-    earlier_stays = (
-        flight.interrupted and out is not None and flown_before(out) is not None and not force
-    )
-    show(summary, flight, directory if earlier_stays else out, as_json=as_json)
-    if earlier_stays:
-        raise VfguideError(f"{out}: the earlier flight stays; --force would have replaced it")
-    if flight.interrupted:
-        return BROKEN
-    return NOT_ACCEPTED if summary.accepted is False else ACCEPTED
+        return kept.conclude(flight, directory)
 
 
 def keep(flight: LockstepFlight, summary: Summary, out: Path) -> None:

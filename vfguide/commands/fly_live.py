@@ -19,8 +19,8 @@ from rich.live import Live
 from rich.table import Table
 from rich.text import Text
 
-from vfguide.commands.fly import conclude, output_of
-from vfguide.commands.terminal import PLAIN_STEPS, Terminal, stopped_by_signals
+from vfguide.commands.fly import KeptFlight
+from vfguide.commands.terminal import Terminal, fifths_of, stopped_by_signals
 from vfguide.errors import InputError, VfguideError
 from vfguide.extras import CONSOLE, require
 from vfguide.lab.console.tiles import TileSource, open_tiles
@@ -141,7 +141,13 @@ def digits(value: float | None, decimals: int) -> str:
 def live_table(console: Terminal, title: str, duration_s: float) -> Iterator[Show]:
     """Something to call with the time and the vehicles as they change."""
     if not console.is_terminal or console.is_dumb_terminal:
-        yield plain_lines(console, title, duration_s)
+        begins_fifth = fifths_of(duration_s)
+
+        def tell(now_s: float, rows: Sequence[LiveRow]) -> None:
+            if begins_fifth(now_s):
+                console.tell(f"{title}: {now_s:g} of {duration_s:g} s: {line_of(rows)}")
+
+        yield tell
         return
     with Live(console=console, auto_refresh=False, transient=True) as live:
 
@@ -152,18 +158,28 @@ def live_table(console: Terminal, title: str, duration_s: float) -> Iterator[Sho
         yield show
 
 
-def plain_lines(console: Terminal, title: str, duration_s: float) -> Show:
-    """A line for each fifth of the flight."""
-    shown = 0
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LivePage:
+    """The page of a browser on which a live flight is shown."""
 
-    def show(now_s: float, rows: Sequence[LiveRow]) -> None:
-        nonlocal shown
-        step = int(PLAIN_STEPS * now_s / duration_s)
-        if step > shown:
-            shown = step
-            console.tell(f"{title}: {now_s:g} of {duration_s:g} s: {line_of(rows)}")
+    operator: bool
+    """Whether orders can be given from there."""
+    tiles: TileSource | None
+    """The map on it, if there is one."""
+    foxglove: int | None
+    """Port of loopback on which Foxglove is served beside it; None for none."""
 
-    return show
+
+def live_page(*, operator: bool, tiles: str | None, foxglove: int | None) -> LivePage:
+    """Prepare the page of a flight, with a map from a file or an address.
+
+    Raises:
+        InputError: there is no such map.
+        MissingLibraryError: a library of pages is not installed.
+    """
+    require(*CONSOLE)
+    below = None if tiles is None else open_tiles(tiles)
+    return LivePage(operator=operator, tiles=below, foxglove=foxglove)
 
 
 def fly_live(
@@ -171,27 +187,10 @@ def fly_live(
     *,
     links: Sequence[str],
     speedup: float,
-    out: Path | None,
-    force: bool,
-    as_json: bool,
-    console: bool = False,
-    operator: bool = False,
-    tiles: str | None = None,
-    foxglove: int | None = None,
+    kept: KeptFlight,
+    page: LivePage | None,
 ) -> int:
-    """Fly a mission live, report, and return the exit status.
-
-    Args:
-        mission: the mission.
-        links: addresses of the formation's links, or `mqtt`; UDP on this computer if there are none.
-        speedup: simulation seconds for each real one.
-        out: where everything is kept.
-        force: whether what is there may be replaced.
-        as_json: whether standard output is the summary alone.
-        console: whether to show the flight on a page, whose address is printed.
-        operator: whether orders can be given from there.
-        tiles: file or address of the map on that page; None without one.
-        foxglove: port of loopback on which Foxglove is served beside that page; None for none.
+    """Fly a mission live, report, and return the exit status; arguments as of `flown_live`.
 
     Raises:
         InputError: the directory cannot be written to or holds something else, or the speed-up is no speed.
@@ -199,39 +198,27 @@ def fly_live(
     """
     if not 0.0 < speedup <= 100.0:
         raise InputError(f"--speedup: {speedup:g} is not above 0 and at most 100")
-    if console:
-        require(*CONSOLE)
-    below = None if tiles is None else open_tiles(tiles)
     errors = Terminal(stderr=True)
     title = f"flying {mission.name} live"
-    with output_of(mission, out, force=force) as kept:
+    with kept.directory(mission) as directory:
         with (
             stopped_by_signals() as stop,
             live_table(errors, title, mission.rehearsal.duration_s) as show,
             tempfile.TemporaryDirectory() as scratch,
         ):
-            directory = kept or Path(scratch)
             flight = asyncio.run(
                 flown_live(
                     mission,
                     links,
                     speedup=speedup,
-                    directory=directory,
+                    directory=directory or Path(scratch),
                     show=show,
                     stop=stop,
                     tell=errors.tell,
-                    console=console,
-                    operator=operator,
-                    tiles=below,
-                    foxglove=foxglove,
+                    page=page,
                 )
             )
-        return conclude(flight, kept, out=out, force=force, as_json=as_json)
-
-
-def show_nothing(time_s: float, rows: object) -> None:
-    """Show nothing of a flight while it is flown."""
-    del time_s, rows
+        return kept.conclude(flight, directory)
 
 
 def check_live(mission: Mission, *, speedup: float = 1.0) -> None:
@@ -257,13 +244,10 @@ async def flown_live(
     *,
     speedup: float,
     directory: Path,
-    show: Show = show_nothing,
+    show: Show = lambda _time_s, _rows: None,
     stop: Callable[[], bool] = lambda: False,
     tell: Callable[[str], None] = lambda _: None,
-    console: bool = False,
-    operator: bool = False,
-    tiles: TileSource | None = None,
-    foxglove: int | None = None,
+    page: LivePage | None = None,
 ) -> LockstepFlight:
     """The flight itself, to its end or until told to stop.
 
@@ -275,10 +259,7 @@ async def flown_live(
         show: called with the time and what is known of each vehicle.
         stop: whether to end now.
         tell: called with what a user should read.
-        console: whether to show the flight on a page.
-        operator: whether orders can be given from there.
-        tiles: the map on that page, if there is one.
-        foxglove: port on which Foxglove is served beside it, if it is.
+        page: on which the flight is shown; None for none.
 
     Raises:
         InputError: the mission has something that only virtual time has.
@@ -296,12 +277,8 @@ async def flown_live(
         if speedup == 1.0 and mission.followers:
             tell(f"orders to it, from another terminal: {flight.order_command}")
         _, presences = await stack.enter_async_context(watching(flight.watched, random=Random()))
-        if console:
-            await stack.enter_async_context(
-                console_of(
-                    mission, flight.watched, tell, operator=operator, tiles=tiles, foxglove=foxglove
-                )
-            )
+        if page is not None:
+            await stack.enter_async_context(console_of(mission, flight.watched, tell, page))
         before, flies, interrupted = flight.accounts(), False, False
         async with (
             companions_lost(flight),
@@ -383,10 +360,7 @@ async def console_of(
     mission: Mission,
     watched: WatchedFormation,
     tell: Callable[[str], None],
-    *,
-    operator: bool,
-    tiles: TileSource | None = None,
-    foxglove: int | None = None,
+    page: LivePage,
 ) -> AsyncIterator[None]:
     """The flight on a page, whose address is told, and that of operators if there may be any."""
     # Here, because it brings the web server's libraries.
@@ -400,7 +374,7 @@ async def console_of(
     from vfguide.lab.console.server import ConsoleAddress
 
     second = None
-    if operator:
+    if page.operator:
         check_orders(Credentials(roster=watched.roster, key=watched.key))
         second = new_operator_token(None)
     async with live_console(
@@ -408,8 +382,8 @@ async def console_of(
         watched,
         address=ConsoleAddress(port=0),
         operator_token=second,
-        tiles=tiles,
-        foxglove=foxglove,
+        tiles=page.tiles,
+        foxglove=page.foxglove,
     ) as url:
         for line in addresses_of(url, second):
             tell(line)

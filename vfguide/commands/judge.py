@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from vfguide.commands.credentials import KeyFiles, watched_formation
-from vfguide.commands.fly import conclude, output_of
+from vfguide.commands.fly import KeptFlight
 from vfguide.commands.options import (
     AsJson,
     Duration,
@@ -66,8 +66,7 @@ def judge(
     keys = KeyFiles(mission=mission, key=key, roster=roster, insecure=insecure)
     port, credentials = truth_port(truth), keys.of_operator()
     watched = watched_formation(changed, link, credentials)
-    errors = Terminal(stderr=True)
-    title = f"flying {changed.name}"
+    kept = KeptFlight(out=out, force=force, as_json=as_json)
 
     async def flown() -> LockstepFlight:
         async with watched_flight(changed, truth=port, watched=watched, speedup=speedup) as flight:
@@ -84,13 +83,13 @@ def judge(
             record=record, events={}, logs={}, interrupted=interrupted, latency=latency
         )
 
-    with output_of(changed, out, force=force) as kept:
+    with kept.directory(changed) as directory:
         with (
             stopped_by_signals() as stop,
-            flight_progress(errors, title, changed.rehearsal.duration_s) as progress,
+            flight_progress(f"flying {changed.name}", changed.rehearsal.duration_s) as progress,
         ):
             flight = run_watching_sockets(flown())
-        status = conclude(flight, kept, out=out, force=force, as_json=as_json)
+        status = kept.conclude(flight, directory)
     raise typer.Exit(status)
 
 

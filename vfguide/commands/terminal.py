@@ -62,12 +62,17 @@ def escape_what_cannot_be_encoded() -> None:
 
 
 @contextmanager
-def flight_progress(
-    console: Terminal, title: str, duration_s: float
-) -> Iterator[Callable[[float], None]]:
+def flight_progress(title: str, duration_s: float) -> Iterator[Callable[[float], None]]:
     """Something to call with the virtual time as it passes."""
+    console = Terminal(stderr=True)
     if not console.is_terminal:
-        yield plain_progress(console, title, duration_s)
+        begins_fifth = fifths_of(duration_s)
+
+        def tell(now: float) -> None:
+            if begins_fifth(now):
+                console.tell(f"{title}: {now:g} of {duration_s:g} s")
+
+        yield tell
         return
     columns = (
         TextColumn("{task.description}"),
@@ -88,18 +93,16 @@ def flight_progress(
         yield show
 
 
-def plain_progress(console: Terminal, title: str, duration_s: float) -> Callable[[float], None]:
-    """A line for each fifth of the flight."""
+def fifths_of(duration_s: float) -> Callable[[float], bool]:
+    """Something that says whether a time is the first in another fifth of the flight."""
     shown = 0
 
-    def show(now: float) -> None:
+    def begins_fifth(now: float) -> bool:
         nonlocal shown
-        step = int(PLAIN_STEPS * now / duration_s)
-        if step > shown:
-            shown = step
-            console.tell(f"{title}: {now:g} of {duration_s:g} s")
+        before, shown = shown, max(shown, int(PLAIN_STEPS * now / duration_s))
+        return shown > before
 
-    return show
+    return begins_fifth
 
 
 def stop_event() -> asyncio.Event:
