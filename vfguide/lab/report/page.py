@@ -37,6 +37,12 @@ from vfguide.record.vehicle import VehicleRecord
 NARROW = "(max-width: 40rem)"
 """Screens for which plots are laid out anew: phones held upright."""
 
+FOLD = (
+    f'if (matchMedia("{NARROW}").matches)'
+    ' document.querySelectorAll(".part ~ .part").forEach((part) => { part.open = false; });'
+)
+"""Folds every part of the page but the first, on such a screen."""
+
 STYLE = (Path(__file__).parent / "page.css").read_text(encoding="utf-8")
 
 
@@ -98,12 +104,12 @@ def render_page(record: FlightRecord, summary: Summary, pictures: Sequence[Path]
     """The whole page, with the pictures inside it."""
     replay = replay_of(record)
     style = STYLE + replay.style
-    script = hash_source(replay.script) if replay.script else "'none'"
+    script = f"{FOLD}\n{replay.script}"
     return TEMPLATES.get_template("page.html").render(
         title=f"{summary.mission}: {verdict(summary).lower()}",
-        policy=POLICY.format(style=hash_source(style), script=script),
+        policy=POLICY.format(style=hash_source(style), script=hash_source(script)),
         style=style,
-        script=replay.script,
+        script=script,
         replay=replay.markup,
         summary=summary,
         setting=setting(summary),

@@ -327,8 +327,13 @@ def test_the_page_is_usable_on_a_phone(circle_flight, open_page, write_page):
     assert moment(page) == pytest.approx(150.0, abs=2.0)
 
 
-def test_the_whole_report_fits_a_phone_and_shows_the_narrow_plots(circle_report, open_page):
+def test_the_report_is_folded_on_a_phone_and_shows_the_narrow_plots(circle_report, open_page):
     page = open_page(circle_report, phone=True)
+    assert page.evaluate("document.documentElement.scrollWidth") == 390
+    assert page.evaluate("document.documentElement.scrollHeight") < 5000
+    assert page.locator(".part[open] > summary").all_inner_texts() == ["The formation"]
+    for part in page.locator(".part > summary").all()[1:]:
+        part.tap()
     assert page.evaluate("document.documentElement.scrollWidth") == 390
     widths = page.locator(".plot img").evaluate_all("all => all.map((one) => one.naturalWidth)")
     assert widths == [874] * 6
@@ -394,6 +399,7 @@ def test_only_the_pages_own_script_runs(circle_flight, open_page, write_page, tm
     told: list[str] = []
     page = open_page(path, told=told)
     assert page.title() == "circle-wind: accepted"
+    assert page.locator(".part:not([open])").count() == 0, "folded on phones alone"
     assert moment(page) == 0.0
     assert len(told) == 3
     assert all("violates the following Content Security Policy" in one for one in told), told
