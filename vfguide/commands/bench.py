@@ -32,7 +32,7 @@ from vfguide.lab.studies.comparison import (
     short_table,
 )
 from vfguide.lab.studies.comparison import compare as compare_all
-from vfguide.lab.studies.flown import MISSIONS, Tracks, executor_on, flown_by, fly
+from vfguide.lab.studies.flown import MISSIONS, executor_on, flown_by, fly
 from vfguide.lab.studies.radio import RATES_HZ, SIZES, RadioCase, RadioFigures
 from vfguide.lab.studies.radio import fly as fly_radio
 from vfguide.lab.studies.robustness import SWEEPS, Found, fly_point, points
@@ -95,7 +95,7 @@ def compare(
 
     As shipped, and over a bad link with noise, several seeds. Exit status: 0 measured, 3 broken.
     """
-    require(*PLOTTING, "osqp", "scipy")
+    require("osqp", "scipy")
     if context.invoked_subcommand is not None:
         return
     began = time.perf_counter()
@@ -104,7 +104,7 @@ def compare(
             directory.mkdir(parents=True, exist_ok=True)
     extent, flown = QUICK if quick else FULL, flown_laws(law)
     with executor_on(scheduler) as executor:
-        rows, tracks = compare_all(executor, extent, flown)
+        rows = compare_all(executor, extent, flown)
     costs = step_costs(flown)
     content = {
         "machine": machine(),
@@ -120,7 +120,8 @@ def compare(
     if json_file is not None:
         json_file.write_text(written, encoding="utf-8")
     if out is not None:
-        keep(out, text, written, tracks)
+        (out / "bench.md").write_text(text, encoding="utf-8")
+        (out / "bench.json").write_text(written, encoding="utf-8")
 
 
 @bench.command()
@@ -218,10 +219,10 @@ def ablations(
     """Switch off each part of a law alone, and fly the four missions."""
     flown = ablation_cases(law, quick=quick)
     with executor_on(scheduler) as executor:
-        results = [figures for figures, _ in flown_by(executor, fly, flown)]
-    found = {
-        (case.label, case.mission): figures for case, figures in zip(flown, results, strict=True)
-    }
+        found = {
+            (case.label, case.mission): figures
+            for case, figures in zip(flown, flown_by(executor, fly, flown), strict=True)
+        }
     lines = [
         "| mean / greatest error, m | " + " | ".join(MISSIONS) + " | back and forth, rad/s |",
         "|---|" + "---|" * (len(MISSIONS) + 1),
@@ -415,18 +416,6 @@ def flown_laws(chosen: Sequence[str] | None, *, but: str | None = None) -> list[
     if chosen:
         return [laws.find(name).name for name in chosen]
     return [name for name in laws.names() if name != but]
-
-
-def keep(out: Path, text: str, written: str, tracks: dict[tuple[str, str], Tracks]) -> None:
-    """Tables, figures and JSON in a directory."""
-    # Here, because it brings the plotting library.
-    from vfguide.lab.studies.figures import draw_case, draw_laws
-
-    (out / "bench.md").write_text(text, encoding="utf-8")
-    (out / "bench.json").write_text(written, encoding="utf-8")
-    draw_laws(tracks, out)
-    for (mission, law), drawn in tracks.items():
-        draw_case(mission, law, drawn, out)
 
 
 def tables(

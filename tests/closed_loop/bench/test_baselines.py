@@ -13,7 +13,7 @@ SLOW = {"rehearsal": {"duration_s": DURATION_S, "rate_hz": 10.0}}
 @pytest.mark.parametrize("mission", ["line-wind", "circle-calm"])
 def test_a_baseline_holds_its_slots(law, mission):
     case = Case(mission=mission, controller=law, changes=SLOW)
-    figures, _ = fly(case)
+    figures = fly(case)
     assert figures.mean_error_m < 0.25
     assert figures.settle_1m_s is not None
     assert figures.settle_1m_s < 40.0
@@ -27,10 +27,5 @@ def test_a_baseline_flies_the_articles_plant_over_a_bad_link(law):
         controller=law,
         plant="course-hold",
         changes={"rehearsal": {**BAD_LINK, **SLOW["rehearsal"]}},
-        drawn=True,
     )
-    figures, tracks = fly(case)
-    assert figures.mean_error_m < 1.0
-    assert tracks is not None
-    assert set(tracks.error_m) == {"f1", "f2", "f3"}
-    assert tracks.time_s[-1] == DURATION_S
+    assert fly(case).mean_error_m < 1.0

@@ -179,11 +179,11 @@ short = Extent(duration_s=6.0, seeds=1, bad_link_plants=())
 compared, switched, swept = {}, {}, {}
 for law in ("pursuit", "slot"):
     (case, *_) = cases(short, [law])
-    ((row,)) = rows([(case, fly(case)[0])])
+    ((row,)) = rows([(case, fly(case))])
     compared[law] = row_json(row)["mean"]["mean_error_m"]
     parts = ablation_cases(law, quick=True)
     case = next(one for one in parts if one.label == "no wind filter")
-    figures, _ = fly(replace(case, changes=case.changes | {"rehearsal": {"duration_s": 6.0}}))
+    figures = fly(replace(case, changes=case.changes | {"rehearsal": {"duration_s": 6.0}}))
     switched[law] = figures.mean_error_m
     swept[law] = {}
     for sweep in ("delay", "alpha"):

@@ -86,12 +86,12 @@ def test_a_dask_cluster_takes_the_same_call():
 
     short = {"rehearsal": {"duration_s": 3.0}}
     tasks = [Case(mission="circle-wind", controller=law, changes=short) for law in ("slot", "pid")]
-    here = [fly(one)[0].mean_error_m for one in tasks]
+    here = [fly(one).mean_error_m for one in tasks]
     with (
         LocalCluster(
             n_workers=1, threads_per_worker=1, processes=False, dashboard_address=None
         ) as cluster,
         dask_executor(cluster.scheduler_address) as executor,
     ):
-        there = [one.mean_error_m for one, _ in flown_by(executor, fly, tasks)]
+        there = [one.mean_error_m for one in flown_by(executor, fly, tasks)]
     assert there == here

@@ -18,7 +18,6 @@ from vfguide.lab.studies.flown import (
     Case,
     Changes,
     Figures,
-    Tracks,
     flown_by,
     fly,
 )
@@ -116,7 +115,6 @@ def cases(extent: Extent, laws: Sequence[str]) -> list[Case]:
             plant=plant,
             changes={"rehearsal": {"duration_s": extent.duration_s}},
             label="shipped",
-            drawn=plant == PLANTS[0],
         )
         for mission in MISSIONS
         for law in laws
@@ -152,18 +150,10 @@ def seeded(mission: str, seed: int, duration_s: float) -> Changes:
     return {"rehearsal": {**BAD_LINK, "seed": seed, "duration_s": duration_s, "start": starts}}
 
 
-def compare(
-    executor: Executor, extent: Extent, laws: Sequence[str]
-) -> tuple[list[ComparisonRow], dict[tuple[str, str], Tracks]]:
-    """Fly everything by some laws; the table, and the tracks by mission and law."""
+def compare(executor: Executor, extent: Extent, laws: Sequence[str]) -> list[ComparisonRow]:
+    """Fly everything by some laws: the rows of the table."""
     flown = cases(extent, laws)
-    results = list(flown_by(executor, fly, flown))
-    tracks = {
-        (case.mission, case.controller): drawn
-        for case, (_, drawn) in zip(flown, results, strict=True)
-        if drawn is not None
-    }
-    return list(rows(zip(flown, (figures for figures, _ in results), strict=True))), tracks
+    return list(rows(zip(flown, flown_by(executor, fly, flown), strict=True)))
 
 
 def rows(results: Iterable[tuple[Case, Figures]]) -> Iterable[ComparisonRow]:

@@ -14,13 +14,12 @@ from typing import Any, Literal, TypeVar
 
 import numpy as np
 
-from vfguide.elementwise import BoolArray, FloatArray
+from vfguide.elementwise import BoolArray
 from vfguide.errors import VfguideError
 from vfguide.extras import import_extra
 from vfguide.guidance.airframe import GRAVITY
 from vfguide.lab.rehearsal.radio_flight import fly_rehearsal
 from vfguide.lab.report.figures import in_window
-from vfguide.lab.report.geometry import slot_error
 from vfguide.lab.report.metrics import summarise
 from vfguide.lab.report.summary import FollowerSummary
 from vfguide.mission.controller import with_law
@@ -80,9 +79,6 @@ THREADS = "OPENBLAS_NUM_THREADS"
 
 CONNECT_S = 10
 """Patience with a scheduler."""
-
-DRAWN_EVERY_S = 0.5
-"""Interval of the points of a drawn track."""
 
 
 def article_mission(
@@ -203,28 +199,12 @@ class Case:
     """Fields of the mission, by section."""
     label: str = ""
     """Which of a series it is."""
-    drawn: bool = False
-    """Whether its tracks are wanted."""
 
     def flown(self) -> Mission:
         """The mission that is flown."""
         changes = dict(self.changes)
         changes["controller"] = {**changes.get("controller", {}), "type": self.controller}
         return article_mission(self.mission, changes, plant=self.plant)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Tracks:
-    """Where everybody was, thinned out for drawing."""
-
-    time_s: FloatArray
-    """Sample times."""
-    north_m: dict[str, FloatArray]
-    """By vehicle, the leader first."""
-    east_m: dict[str, FloatArray]
-    """By vehicle."""
-    error_m: dict[str, FloatArray]
-    """Distances from the slots by follower."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -255,10 +235,9 @@ class Figures:
     """What the flight took; NaN where it is not known."""
 
 
-def fly(case: Case) -> tuple[Figures, Tracks | None]:
+def fly(case: Case) -> Figures:
     """Fly a case."""
-    record = fly_rehearsal(case.flown()).record
-    return figures_of(record), tracks_of(record) if case.drawn else None
+    return figures_of(fly_rehearsal(case.flown()).record)
 
 
 def figures_of(record: FlightRecord) -> Figures:
@@ -294,20 +273,6 @@ def figures_of(record: FlightRecord) -> Figures:
 def or_nan(value: float | None) -> float:
     """A figure, NaN where there is none."""
     return math.nan if value is None else value
-
-
-def tracks_of(record: FlightRecord) -> Tracks:
-    """The tracks of a record."""
-    every = max(1, round(DRAWN_EVERY_S * record.rate_hz))
-    return Tracks(
-        time_s=record.time_s[::every],
-        north_m={one.name: one.north_m[::every] for one in record.vehicles},
-        east_m={one.name: one.east_m[::every] for one in record.vehicles},
-        error_m={
-            one.name: slot_error(record.reference, one).distance_m[::every]
-            for one in record.followers
-        },
-    )
 
 
 def beyond_when_flown(

@@ -1,4 +1,4 @@
-"""`vfguide bench latency`: how fast a companion answers, and how old what it follows is.
+"""`vfguide bench latency`: how fast a companion answers.
 
 What latency is required to be, for a reader to hold the measured figures against.
 
@@ -15,11 +15,7 @@ from typing import Any
 
 from sitl_stub.server import precise_event_loop
 from vfguide.lab.rehearsal.processes import broker, load
-from vfguide.lab.studies.link_age import measure_link_age
 from vfguide.lab.studies.response import measure_responses
-
-SUBSCRIBERS = ((3, 3), (100, 2))
-"""Followers and the processes that they are spread over, of each measurement of the link."""
 
 LOADS = ("load_before", "load_after")
 
@@ -79,10 +75,10 @@ def greatest(entries: list[dict[str, Any]], key: str) -> float | None:
 
 
 def run_latency(*, seconds: float, rate_hz: float) -> dict[str, Any]:
-    """Measure everything; takes three times the seconds and some more for starting.
+    """Measure everything; takes the seconds and some more for starting.
 
     Args:
-        seconds: length of each of the three measurements.
+        seconds: length of the measurement.
         rate_hz: telemetry and leader states per second.
 
     Returns:
@@ -105,17 +101,6 @@ async def _measure(directory: Path, *, seconds: float, rate_hz: float) -> dict[s
         response = await measure_responses(
             link, seconds=seconds, rate_hz=rate_hz, directory=directory
         )
-        ages = [
-            await measure_link_age(
-                link,
-                subscribers=subscribers,
-                processes=processes,
-                seconds=seconds,
-                rate_hz=rate_hz,
-                directory=directory,
-            )
-            for subscribers, processes in SUBSCRIBERS
-        ]
     result: dict[str, Any] = {
         "rate_hz": rate_hz,
         "seconds": seconds,
@@ -126,7 +111,6 @@ async def _measure(directory: Path, *, seconds: float, rate_hz: float) -> dict[s
             "load_after": load(),
         },
         "response": response,
-        "link_age": ages,
     }
     return {**result, "required": comparison(result)}
 
@@ -142,7 +126,6 @@ def render(result: dict[str, Any]) -> str:
     blocks = [
         [title, f"load before {before}, after {after}"],
         response_table(response),
-        age_table(result["link_age"]),
         required_table(result["required"]),
     ]
     return "\n\n".join("\n".join(block) for block in blocks)
@@ -158,15 +141,6 @@ def response_table(response: dict[str, Any]) -> list[str]:
         rows.append([name, *(shown(entry.get(key)) for key in keys)])
     if "mavsdk" not in response["clients"]:
         rows.append(["mavsdk", response["mavsdk"]])
-    return aligned(rows)
-
-
-def age_table(ages: list[dict[str, Any]]) -> list[str]:
-    """One line for each number of subscribers."""
-    rows = [["age of the leader's state on arrival", *HEADINGS, "heard %", "count"]]
-    for entry in ages:
-        values = (shown(entry.get(key)) for key in (*TIMES, "heard_percent", "count"))
-        rows.append([f"{entry['subscribers']} subscribers", *values])
     return aligned(rows)
 
 

@@ -104,7 +104,7 @@ def fly_point(point: SweepPoint) -> Found:
             changes["wind"] = {"type": "steady", "speed_m_s": speed, "toward_deg": 90.0}
         case "rate":
             rehearsal["rate_hz"] = point.value
-    figures, _ = fly(Case(mission=point.mission, controller=point.law, changes=changes))
+    figures = fly(Case(mission=point.mission, controller=point.law, changes=changes))
     return Found(
         point=point,
         mean_error_m=figures.mean_error_m,
