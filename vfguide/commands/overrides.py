@@ -9,7 +9,6 @@ import yaml
 from pydantic import ValidationError
 
 from vfguide.errors import InputError
-from vfguide.mission.consistency import inconsistencies
 from vfguide.mission.controller import with_law
 from vfguide.mission.explain import explain
 from vfguide.mission.finding import Finding
@@ -60,17 +59,17 @@ def apply_overrides(mission: Mission, overrides: Overrides) -> Mission:
     Raises:
         InputError: an option is out of its range.
     """
+    if overrides == Overrides():
+        return mission
     content = overridden(mission, overrides)
     try:
         return Mission.model_validate(content)
     except ValidationError as error:
         chosen = {place: f"--set {dotted(place)}" for place, _ in overrides.settings}
         options = {**OPTIONS, **chosen}
-        faults = [(one.location, one.message, one.remedy) for one in explain(error)]
-        faults += [(one.location, one.message, one.remedy) for one in inconsistencies(content)]
         lines = [
-            f"{named(location, options)}: {message}; {remedy}"
-            for location, message, remedy in faults
+            f"{named(one.location, options)}: {one.message}; {one.remedy}"
+            for one in explain(error, content)
         ]
         raise InputError("\n".join(dict.fromkeys(lines))) from error
 

@@ -32,7 +32,6 @@ from vfguide.guidance.settings import (
 )
 from vfguide.laws.leader import LeaderTask
 from vfguide.mavlink.adapter import AutopilotAdapter, Vehicle
-from vfguide.mission.controller import gains_of
 from vfguide.mission.fence_check import top_of
 from vfguide.mission.flight_limits import climb_limits
 from vfguide.mission.flight_path import PathShape, height_span, path_of
@@ -79,7 +78,7 @@ def flight_plan(mission: Mission, name: str) -> FlightPlan:
         altitude_amsl=height,
         settings=guidance_settings(mission),
         law=laws.find(mission.controller.type),
-        gains=gains_of(mission.controller),
+        gains=mission.controller,
         airframe=replace(airframe_of(vehicle), cruise=mission.leader.airspeed_m_s),
         asks_response=vehicle.asks_response,
         certainty=certainty_of(vehicle),
@@ -323,15 +322,14 @@ def slot_of(mission: Mission, name: str) -> Slot:
 
 def leader_task(mission: Mission) -> LeaderTask:
     """Path, law, cruise, and whom to give way to."""
-    law = leader_laws.find(mission.leader.law)
     known = known_path(mission.path)
     return LeaderTask(
         path=known.path,
         path_gains=known.gains,
         airspeed=mission.leader.airspeed_m_s,
         height=mission.height_above_origin_m,
-        law=law,
-        gains=law.Gains.model_validate(mission.leader.gains),
+        law=leader_laws.find(mission.leader.law),
+        gains=mission.leader.law_gains,
         followers=tuple(
             SlotLimits(
                 slot=Slot(forward=follower.slot.forward_m, right=follower.slot.right_m),

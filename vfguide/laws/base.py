@@ -23,7 +23,6 @@ from vfguide.guidance.formation import (
 )
 from vfguide.guidance.settings import GuidanceSettings, SlotFrame
 from vfguide.mission.conditions import Conditions
-from vfguide.mission.controller import gains_of
 from vfguide.mission.finding import Finding
 from vfguide.mission.model import Mission
 from vfguide.mission.quantity import Section
@@ -202,8 +201,3 @@ class Law(ABC):
         """
         del mission, conditions
         return iter(())
-
-    @classmethod
-    def gains_in(cls, mission: Mission) -> Any:  # noqa: ANN401
-        """The gains that a mission gives this law."""
-        return gains_of(mission.controller)

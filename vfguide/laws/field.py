@@ -235,7 +235,8 @@ class SlotField(Law):
         # Here, because a companion in the air has no use for it.
         from vfguide.laws.field import field_findings
 
-        return field_findings(mission, conditions, cls.gains_in(mission))
+        gains: Any = mission.controller
+        return field_findings(mission, conditions, gains)
 
 
 @law("article")

@@ -1,7 +1,8 @@
 """The guidance law of a mission and its gains.
 
 `Controller` holds what every law shares. The gains of a law are a section of the law's own; the mission's
-`controller:` has the fields of both, by a model that is made of the two for each law.
+`controller:` has the fields of both, by a model that is made of the two for each law: the law takes it as its
+gains.
 """
 
 import math
@@ -206,15 +207,6 @@ def gains_by_field() -> dict[str, FieldInfo]:
         for law in laws.names()
         for name, field in laws.find(law).Gains.model_fields.items()
     }
-
-
-def gains_of(controller: Controller) -> Any:  # noqa: ANN401 - each law has a section of its own
-    """The gains of the controller's law: an instance of the law's `Gains`."""
-    section: type[BaseModel] = laws.find(controller.type).Gains
-    return section.model_construct(
-        _fields_set=controller.model_fields_set & set(section.model_fields),
-        **{name: getattr(controller, name) for name in section.model_fields},
-    )
 
 
 def unknown_law(name: object) -> ValidationError:

@@ -16,9 +16,10 @@ from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails
 
+from vfguide.mission.consistency import inconsistencies
 from vfguide.mission.controller import Controller, gains_by_field
 from vfguide.mission.finding import shortened
-from vfguide.mission.flight_path import Location, PathShape, shape_models
+from vfguide.mission.flight_path import Location, Misfit, PathShape, shape_models
 from vfguide.mission.model import Mission
 from vfguide.mission.quantity import NAME_RULES, field_meanings
 from vfguide.registry import laws
@@ -133,23 +134,21 @@ def _inner(annotation: object, group: type[BaseModel] | None, step: str | int) -
     return None
 
 
-@dataclass(frozen=True, slots=True)
-class Explanation:
-    """What is wrong at a place of the file."""
+def explain(error: ValidationError, data: Mapping[str, object]) -> list[Misfit]:
+    """What is wrong with a mission: single fields, then contradictions between fields that are sound.
 
-    location: Location
-    message: str
-    remedy: str
-
-
-def explain(error: ValidationError) -> list[Explanation]:
-    """One explanation for each finding that is not reported elsewhere."""
+    Args:
+        error: of its validation.
+        data: the mission that was validated, as plain data.
+    """
     details = error.errors(include_url=False)
-    return [
+    found = [
         _explain_one(one)
         for one in details
         if one["type"] not in COVERED_ELSEWHERE and not _is_short_by_faults(one, details)
     ]
+    faulty = {one.location for one in found}
+    return found + [one for one in inconsistencies(data) if one.location not in faulty]
 
 
 def _is_short_by_faults(one: ErrorDetails, details: Sequence[ErrorDetails]) -> bool:
@@ -176,14 +175,14 @@ def described(value: object) -> str:
     return "a list" if isinstance(value, list | tuple) else "a group of fields"
 
 
-def _explain_one(detail: ErrorDetails) -> Explanation:
+def _explain_one(detail: ErrorDetails) -> Misfit:
     kind, place = detail["type"], place_of(detail["loc"])
     if kind in EXPECTED:
         return _wrong_kind(detail, place)
     if kind in _EXPLAINERS:
         return _EXPLAINERS[kind](detail, place)
     remedy = _context(detail).get("remedy") or REMEDIES.get(kind, _meaning(place))
-    return Explanation(place.location, detail["msg"], str(remedy))
+    return Misfit(place.location, detail["msg"], str(remedy))
 
 
 def _meaning(place: FilePlace) -> str:
@@ -201,11 +200,11 @@ def _context(detail: ErrorDetails) -> Mapping[str, object]:
     return detail.get("ctx", {})
 
 
-def _wrong_kind(detail: ErrorDetails, place: FilePlace) -> Explanation:
+def _wrong_kind(detail: ErrorDetails, place: FilePlace) -> Misfit:
     expected, remedy = EXPECTED[detail["type"]]
     value = detail["input"]
     if value is None:
-        return Explanation(place.location, "is left empty", f"{remedy}, or remove the field")
+        return Misfit(place.location, "is left empty", f"{remedy}, or remove the field")
     if (
         isinstance(value, str)
         and detail["type"] in {"float_type", "int_type"}
@@ -214,24 +213,24 @@ def _wrong_kind(detail: ErrorDetails, place: FilePlace) -> Explanation:
         remedy = "write the number alone, without a unit"
     if isinstance(value, float) and detail["type"] == "int_type":
         whole = "write a whole number, without a point"
-        return Explanation(place.location, f"{value!r:.20} is not {expected}", whole)
-    return Explanation(place.location, f"{described(value)} is not {expected}", remedy)
+        return Misfit(place.location, f"{value!r:.20} is not {expected}", whole)
+    return Misfit(place.location, f"{described(value)} is not {expected}", remedy)
 
 
-def _missing(_: ErrorDetails, place: FilePlace) -> Explanation:
+def _missing(_: ErrorDetails, place: FilePlace) -> Misfit:
     if place.location and isinstance(place.location[-1], int):
-        around = Explanation(place.location[:-1], "has too few values", "")
+        around = Misfit(place.location[:-1], "has too few values", "")
         name = str(around.location[-1]) if around.location else ""
-        return Explanation(around.location, around.message, REMEDIES.get(name, "add the others"))
+        return Misfit(around.location, around.message, REMEDIES.get(name, "add the others"))
     meaning = _meaning(place)
-    return Explanation(place.location, "is missing", f"add it: {meaning}" if meaning else "add it")
+    return Misfit(place.location, "is missing", f"add it: {meaning}" if meaning else "add it")
 
 
-def _unknown(_: ErrorDetails, place: FilePlace) -> Explanation:
+def _unknown(_: ErrorDetails, place: FilePlace) -> Misfit:
     name = str(place.location[-1])
     near = nearest(name, place.known)
     remedy = f"did you mean '{near}'?" if near else f"known here: {', '.join(place.known)}"
-    return Explanation(place.location, f"unknown field '{shortened(name)}'", remedy)
+    return Misfit(place.location, f"unknown field '{shortened(name)}'", remedy)
 
 
 def nearest(name: str, known: Mapping[str, object]) -> str | None:
@@ -241,65 +240,65 @@ def nearest(name: str, known: Mapping[str, object]) -> str | None:
     return near[0] if near else None
 
 
-def _not_finite(detail: ErrorDetails, place: FilePlace) -> Explanation:
+def _not_finite(detail: ErrorDetails, place: FilePlace) -> Misfit:
     message = f"{described(detail['input'])} is not a finite number"
-    return Explanation(place.location, message, "write a finite number")
+    return Misfit(place.location, message, "write a finite number")
 
 
-def _out_of_bounds(detail: ErrorDetails, place: FilePlace) -> Explanation:
+def _out_of_bounds(detail: ErrorDetails, place: FilePlace) -> Misfit:
     words = {"gt": "above {}", "ge": "{} or more", "lt": "below {}", "le": "{} or less"}
     name, bound = next(iter(_context(detail).items()), ("", ""))
     limit = f"{bound:g}" if isinstance(bound, float) else str(bound)
     side = "small" if name in {"gt", "ge"} else "large"
     message = f"{described(detail['input'])} is too {side}"
     allowed = words.get(name, "{}").format(limit)
-    return Explanation(place.location, message, f"choose {allowed}")
+    return Misfit(place.location, message, f"choose {allowed}")
 
 
-def _not_a_choice(detail: ErrorDetails, place: FilePlace) -> Explanation:
+def _not_a_choice(detail: ErrorDetails, place: FilePlace) -> Misfit:
     choices = str(_context(detail).get("expected", "")).replace("'", "").replace(" or ", ", ")
     return _choice(place.location, detail["input"], choices)
 
 
-def _choice(location: Location, value: object, choices: str) -> Explanation:
+def _choice(location: Location, value: object, choices: str) -> Misfit:
     names = [one.strip() for one in choices.split(",")]
     near = (
         difflib.get_close_matches(value, names, n=1, cutoff=0.6) if isinstance(value, str) else []
     )
     hint = f"did you mean '{near[0]}'? " if near else ""
-    return Explanation(location, f"{described(value)} is not known", f"{hint}use one of: {choices}")
+    return Misfit(location, f"{described(value)} is not known", f"{hint}use one of: {choices}")
 
 
-def _not_a_kind(detail: ErrorDetails, place: FilePlace) -> Explanation:
+def _not_a_kind(detail: ErrorDetails, place: FilePlace) -> Misfit:
     context = _context(detail)
     choices = str(context.get("expected_tags", "")).replace("'", "")
     return _choice((*place.location, "type"), context.get("tag"), choices)
 
 
-def _no_kind(_: ErrorDetails, place: FilePlace) -> Explanation:
+def _no_kind(_: ErrorDetails, place: FilePlace) -> Misfit:
     choices = ", ".join(str(name) for kind in place.kinds for name in kind_names(kind))
-    return Explanation((*place.location, "type"), "is missing", f"add one of: {choices}")
+    return Misfit((*place.location, "type"), "is missing", f"add one of: {choices}")
 
 
-def _bad_name(detail: ErrorDetails, place: FilePlace) -> Explanation:
+def _bad_name(detail: ErrorDetails, place: FilePlace) -> Misfit:
     rule = NAME_RULES.get(str(_context(detail).get("pattern")), "")
     message = f"{described(detail['input'])} cannot be a name"
-    return Explanation(place.location, message, f"use {rule}" if rule else "")
+    return Misfit(place.location, message, f"use {rule}" if rule else "")
 
 
-def _too_many(detail: ErrorDetails, place: FilePlace) -> Explanation:
+def _too_many(detail: ErrorDetails, place: FilePlace) -> Misfit:
     name = str(place.location[-1]) if place.location else ""
     limit = _context(detail).get("max_length")
     remedy = REMEDIES.get(name, f"write {limit} at most")
-    return Explanation(place.location, "has too many values", remedy)
+    return Misfit(place.location, "has too many values", remedy)
 
 
-def _too_few(detail: ErrorDetails, place: FilePlace) -> Explanation:
+def _too_few(detail: ErrorDetails, place: FilePlace) -> Misfit:
     least = _context(detail).get("min_length")
-    return Explanation(place.location, "has too few entries", f"write {least} or more")
+    return Misfit(place.location, "has too few entries", f"write {least} or more")
 
 
-_EXPLAINERS: dict[str, Callable[[ErrorDetails, FilePlace], Explanation]] = {
+_EXPLAINERS: dict[str, Callable[[ErrorDetails, FilePlace], Misfit]] = {
     "missing": _missing,
     "extra_forbidden": _unknown,
     "finite_number": _not_finite,

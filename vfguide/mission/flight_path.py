@@ -67,10 +67,10 @@ FieldGain = Annotated[Gain, Field(le=10.0)]
 
 @dataclass(frozen=True, slots=True)
 class Misfit:
-    """Fields of a path that do not fit together."""
+    """A field that is wrong by itself, or does not fit to others."""
 
     location: Location
-    """Below `path`."""
+    """Where it is: in the mission; of a path's own misfits, below `path`."""
     message: str
     """What is wrong."""
     remedy: str

@@ -1,7 +1,7 @@
 """Reading mission files: a mission that can be flown, or everything that is wrong with the file."""
 
 import copy
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -9,13 +9,12 @@ from typing import Any
 from pydantic import ValidationError
 
 from vfguide.errors import InputError
-from vfguide.mission.consistency import inconsistencies
 from vfguide.mission.explain import explain
 from vfguide.mission.finding import MissionError, MissionFault
-from vfguide.mission.flight_path import Location, MissionSource
+from vfguide.mission.flight_path import Location, Misfit, MissionSource
 from vfguide.mission.model import Mission
 from vfguide.mission.plan_file import read_plan
-from vfguide.mission.yaml_tree import MAX_NODES, Tree, TreeError, read_tree
+from vfguide.mission.yaml_tree import MAX_NODES, Tree, read_tree
 from vfguide.regular_file import PipeOrDeviceError, open_regular
 
 MAX_BYTES = 1024 * 1024
@@ -75,7 +74,7 @@ def parse_mission(content: bytes, *, file: str) -> LoadedMission:
     Raises:
         MissionError: the bytes are no mission; lists every fault found.
     """
-    tree = _read_tree(_decode(content, file), file)
+    tree = read_tree(_decode(content, file), file)
     if not isinstance(tree.data, dict):
         found = "is empty" if tree.data is None else "holds no group of fields"
         raise _error(
@@ -84,14 +83,12 @@ def parse_mission(content: bytes, *, file: str) -> LoadedMission:
     spread = spread_defaults(tree, file)
     source = MissionSource(file, tree.lines)
     _read_plans_of(tree.data, source)
-    faults = [
-        MissionFault(file, one.line, one.location, one.message, one.remedy) for one in tree.faults
-    ]
+    faults = [*tree.faults]
     mission = None
     try:
         mission = Mission.model_validate(tree.data)
     except ValidationError as error:
-        faults += _validation_faults(error, tree.data, source)
+        faults += [fault_of(source, one) for one in explain(error, tree.data)]
         faults = [*dict.fromkeys(where_it_stands(one, spread) for one in faults)]
     if mission is None or faults:
         raise MissionError(_in_order(faults))
@@ -130,9 +127,8 @@ def _with_plan(path: object, place: Location, source: MissionSource) -> object:
         contents = read_plan(beside.parent / name)
     except InputError as error:
         message, _, remedy = str(error).rpartition("; ")
-        location = (*place, "file")
-        fault = MissionFault(source.file, source.line_of(location), location, message, remedy)
-        raise MissionError((fault,)) from error
+        misfit = Misfit((*place, "file"), message, remedy)
+        raise MissionError((fault_of(source, misfit),)) from error
     return {**path, "contents": {"file": name, **contents}}
 
 
@@ -204,32 +200,14 @@ def _decode(content: bytes, file: str) -> str:
         raise _error(file, "not UTF-8 text", "save the file as UTF-8", line) from error
 
 
-def _read_tree(text: str, file: str) -> Tree:
-    try:
-        return read_tree(text)
-    except TreeError as error:
-        fault = error.fault
-        found = MissionFault(file, fault.line, fault.location, fault.message, fault.remedy)
-        raise MissionError((found,)) from error
+def fault_of(source: MissionSource, misfit: Misfit) -> MissionFault:
+    """A misfit with its line in the file."""
+    line = source.line_of(misfit.location)
+    return MissionFault(source.file, line, misfit.location, misfit.message, misfit.remedy)
 
 
 def _error(file: str, message: str, remedy: str, line: int | None = None) -> MissionError:
     return MissionError((MissionFault(file, line, (), message, remedy),))
-
-
-def _validation_faults(
-    error: ValidationError, data: dict[str, object], source: MissionSource
-) -> Iterator[MissionFault]:
-    """Faults of single fields, then contradictions between fields that are sound by themselves."""
-    faulty: set[Location] = set()
-    for one in explain(error):
-        faulty.add(one.location)
-        line = source.line_of(one.location)
-        yield MissionFault(source.file, line, one.location, one.message, one.remedy)
-    for other in inconsistencies(data):
-        if other.location not in faulty:
-            line = source.line_of(other.location)
-            yield MissionFault(source.file, line, other.location, other.message, other.remedy)
 
 
 def _in_order(faults: list[MissionFault]) -> tuple[MissionFault, ...]:

@@ -4,6 +4,7 @@ How long a companion bears silence.
 """
 
 from collections.abc import Mapping
+from functools import cached_property
 from typing import Annotated, Any, Literal, Self
 
 from pydantic import (
@@ -19,7 +20,7 @@ from pydantic_core import PydanticCustomError
 from vfguide.formation.arrangement import MAIN_PATH
 from vfguide.mission.consistency import MAX_DEPUTIES, MAX_FOLLOWERS, completed, inconsistencies
 from vfguide.mission.controller import Controller, chosen_controller, controller_of
-from vfguide.mission.flight_path import PathShape, chosen_path, curve_check
+from vfguide.mission.flight_path import PathShape, chosen_path, curve_check, dotted
 from vfguide.mission.orders import Slot, TimedOrder
 from vfguide.mission.path_frame import with_frame
 from vfguide.mission.place import Fence
@@ -123,6 +124,11 @@ class Leader(Section):
     gains: dict[str, Any] = Field(default_factory=dict)
     """Gains of a law of your own, by their names."""
 
+    @cached_property
+    def law_gains(self) -> Any:  # noqa: ANN401 - each law has a section of its own
+        """Gains of the law, as an instance of its `Gains`."""
+        return leader_laws.find(self.law).Gains.model_validate(self.gains)
+
     @model_validator(mode="after")
     def know_the_gains(self) -> Self:
         """Find out whether the law takes these gains.
@@ -131,7 +137,7 @@ class Leader(Section):
             PydanticCustomError: a gain is not known, or out of its range.
         """
         try:
-            leader_laws.find(self.law).Gains.model_validate(self.gains)
+            _ = self.law_gains
         except ValidationError as error:
             faults = "; ".join(
                 f"{'.'.join(map(str, one['loc']))}: {one['msg']}" for one in error.errors()
@@ -286,6 +292,6 @@ class Mission(Section):
         found = inconsistencies(self.model_dump())
         if found:
             kind = "inconsistent_mission"
-            message = "; ".join(f"{one.field}: {one.message}" for one in found)
+            message = "; ".join(f"{dotted(one.location)}: {one.message}" for one in found)
             raise PydanticCustomError(kind, "{text}", {"text": message})
         return self

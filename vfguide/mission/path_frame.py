@@ -5,12 +5,9 @@ Reads plain data, as `consistency` does, since a path is looked at while the res
 
 import math
 from collections.abc import Iterator, Mapping
-from typing import Any
-
-from pydantic import BaseModel
 
 from vfguide.guidance.airframe import GRAVITY
-from vfguide.mission.consistency import DEFAULT_AIRSPEED_RANGE_M_S
+from vfguide.mission.consistency import DEFAULT_AIRSPEED_RANGE_M_S, group, number
 from vfguide.mission.place import MissionFrame
 from vfguide.mission.vehicle import DEFAULT_MAX_BANK_DEG
 from vfguide.registry import paths
@@ -57,7 +54,7 @@ def takes_frame(kind: object) -> bool:
 
 def frame_of(data: Mapping[str, object]) -> MissionFrame | None:
     """What a path takes from a mission; None where that does not say it, or not rightly."""
-    origin = group(data.get("origin"))
+    origin = group(data, "origin")
     values = [
         number(origin.get(name)) for name in ("latitude_deg", "longitude_deg", "altitude_amsl_m")
     ]
@@ -83,8 +80,8 @@ def least_radius(data: Mapping[str, object]) -> float:
     V (1 + y / R) and needs a bank of atan(V² (1 + y / R) / (g R)); its airspeed is about that of the leader
     plus or minus V y / R.
     """
-    airspeed = number(group(data.get("leader")).get("airspeed_m_s")) or 20.0
-    speed = airspeed + wind_speed(group(data.get("wind")))
+    airspeed = number(group(data, "leader").get("airspeed_m_s")) or 20.0
+    speed = airspeed + wind_speed(group(data, "wind"))
     radius = 1.0
     for vehicle, aside in slots(data):
         bank = math.radians(number(vehicle.get("max_bank_deg")) or DEFAULT_MAX_BANK_DEG)
@@ -101,11 +98,11 @@ def least_radius(data: Mapping[str, object]) -> float:
 
 def slots(data: Mapping[str, object]) -> Iterator[tuple[Mapping[str, object], float]]:
     """(vehicle, distance of its slot aside from the leader in m) of the leader and all followers."""
-    vehicles = group(data.get("vehicles"))
-    yield group(vehicles.get(str(group(data.get("leader")).get("vehicle")))), 0.0
+    vehicles = group(data, "vehicles")
+    yield group(vehicles.get(str(group(data, "leader").get("vehicle")))), 0.0
     followers = data.get("followers")
     for one in followers if isinstance(followers, list | tuple) else ():
-        aside = number(group(group(one).get("slot")).get("right_m"))
+        aside = number(group(one, "slot").get("right_m"))
         yield group(vehicles.get(str(group(one).get("vehicle")))), abs(aside or 0.0)
 
 
@@ -124,17 +121,3 @@ def wind_speed(wind: Mapping[str, object]) -> float:
     if wind.get("type") == "article":
         return ARTICLE_WIND_M_S
     return max(number(wind.get("speed_m_s")) or 0.0, 0.0)
-
-
-def group(value: object) -> Mapping[str, Any]:
-    """A group of fields; empty where it is none."""
-    if isinstance(value, BaseModel):
-        return value.model_dump()
-    return value if isinstance(value, Mapping) else {}
-
-
-def number(value: object) -> float | None:
-    """A finite number of a sensible size; None for anything else."""
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        return None
-    return float(value) if -1e9 < value < 1e9 else None

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 
 import yaml
 
-from vfguide.mission.finding import shortened
+from vfguide.mission.finding import MissionError, MissionFault, shortened
 from vfguide.mission.flight_path import Location
 
 MAX_DEPTH = 16
@@ -39,24 +39,6 @@ _WORDS: dict[str, bool | None] = {
 }
 
 
-@dataclass(frozen=True, slots=True)
-class TreeFault:
-    """Something in the text that no mission file may contain."""
-
-    line: int
-    location: Location
-    message: str
-    remedy: str
-
-
-class TreeError(Exception):
-    """The text cannot be read any further."""
-
-    def __init__(self, fault: TreeFault) -> None:
-        super().__init__(fault.message)
-        self.fault = fault
-
-
 @dataclass(slots=True)
 class Tree:
     """Plain data, where each part of it stands, and what was wrong on the way."""
@@ -65,45 +47,47 @@ class Tree:
     """None, bool, int, float, str, and lists and mappings of these."""
     lines: dict[Location, int] = field(default_factory=dict)
     """Line of each field, counted from 1."""
-    faults: list[TreeFault] = field(default_factory=list)
+    faults: list[MissionFault] = field(default_factory=list)
     """Faults that left the rest readable."""
 
 
-def read_tree(text: str) -> Tree:
-    """Read one YAML document.
+def read_tree(text: str, file: str = "") -> Tree:
+    """Read one YAML document, of a file of this name.
 
     Raises:
-        TreeError: the text is no YAML, or holds what makes it unreadable as a whole.
+        MissionError: the text is no YAML, or holds what makes it unreadable as a whole.
     """
     try:
-        return _Reader(text).read()
+        return _Reader(text, file).read()
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         line = mark.line + 1 if mark else 1
         detail = error.problem or error.context or "unreadable"
-        raise TreeError(_syntax_fault(line, detail)) from error
+        raise _syntax_error(file, line, detail) from error
     except yaml.reader.ReaderError as error:
         line = text.count("\n", 0, error.position) + 1
         message = f"character U+{ord(text[error.position]):04X} cannot stand in a YAML file"
-        raise TreeError(TreeFault(line, (), message, "remove it")) from error
+        raise MissionError((MissionFault(file, line, (), message, "remove it"),)) from error
     except (ValueError, OverflowError) as error:
         # PyYAML lets these escape on absurd version numbers and on escapes past U+10FFFF
-        raise TreeError(_syntax_fault(1, "a number or escape is out of range")) from error
+        raise _syntax_error(file, 1, "a number or escape is out of range") from error
 
 
-def _syntax_fault(line: int, detail: str) -> TreeFault:
+def _syntax_error(file: str, line: int, detail: str) -> MissionError:
     remedy = "check indentation, colons, brackets and quotes there"
-    return TreeFault(line, (), f"not valid YAML: {shortened(detail, 100)}", remedy)
+    message = f"not valid YAML: {shortened(detail, 100)}"
+    return MissionError((MissionFault(file, line, (), message, remedy),))
 
 
 class _Reader:
     """Builds the tree from PyYAML's stream of events."""
 
-    def __init__(self, text: str) -> None:
+    def __init__(self, text: str, file: str) -> None:
+        self._file = file
         self._tree = Tree()
         self._nodes = 0
         events = yaml.parse(text, Loader=yaml.SafeLoader)
-        self._events: Iterator[yaml.Event] = self._bounded(written_out(events))
+        self._events: Iterator[yaml.Event] = self._bounded(self._written_out(events))
 
     def read(self) -> Tree:
         for event in self._events:
@@ -113,7 +97,7 @@ class _Reader:
         for event in self._events:
             if isinstance(event, yaml.DocumentStartEvent):
                 message, remedy = "a second document begins", "one file holds one mission"
-                raise TreeError(TreeFault(_line(event), (), message, remedy))
+                raise MissionError((self._fault(event, (), message, remedy),))
         return self._tree
 
     def _bounded(self, events: Iterator[yaml.Event]) -> Iterator[yaml.Event]:
@@ -130,7 +114,44 @@ class _Reader:
             else:
                 yield event
                 continue
-            raise TreeError(TreeFault(_line(event), (), message, remedy))
+            raise MissionError((self._fault(event, (), message, remedy),))
+
+    def _fault(
+        self, event: yaml.Event, location: Location, message: str, remedy: str
+    ) -> MissionFault:
+        return MissionFault(self._file, _line(event), location, message, remedy)
+
+    def _written_out(self, events: Iterable[yaml.Event]) -> Iterator[yaml.Event]:
+        """The events with those of its anchor in place of each alias.
+
+        Raises:
+            MissionError: an alias stands for nothing, or for what it is itself a part of.
+        """
+        held: dict[str, list[yaml.Event]] = {}
+        open_anchors: list[tuple[str | None, list[yaml.Event]]] = []
+        for event in events:
+            if isinstance(event, yaml.AliasEvent):
+                if event.anchor not in held:
+                    message = f"alias *{shortened(str(event.anchor))} has no anchor before it"
+                    remedy = (
+                        f"put &{shortened(str(event.anchor))} before the value that it stands for"
+                    )
+                    raise MissionError((self._fault(event, (), message, remedy),))
+                content = held[event.anchor]
+            else:
+                content = [event]
+            for one in content:
+                for _, inside in open_anchors:
+                    inside.append(one)
+                yield one
+            if isinstance(event, yaml.CollectionStartEvent):
+                open_anchors.append((event.anchor, [event]))
+            elif isinstance(event, yaml.CollectionEndEvent):
+                anchor, inside = open_anchors.pop()
+                if anchor is not None:
+                    held[anchor] = inside
+            elif isinstance(event, yaml.ScalarEvent) and event.anchor is not None:
+                held[event.anchor] = [event]
 
     def _value(self, event: yaml.Event, location: Location) -> object:
         self._tree.lines.setdefault(location, _line(event))
@@ -142,7 +163,7 @@ class _Reader:
             return self._sequence(location)
         if isinstance(event, yaml.ScalarEvent):
             return self._scalar(event, location)
-        raise TreeError(TreeFault(_line(event), location, "a value is missing here", ""))
+        raise MissionError((self._fault(event, location, "a value is missing here", ""),))
 
     def _mapping(self, location: Location) -> dict[str, object]:
         found: dict[str, object] = {}
@@ -150,7 +171,7 @@ class _Reader:
         while not isinstance(event := next(self._events), yaml.MappingEndEvent):
             if not isinstance(event, yaml.ScalarEvent):
                 message = "a list or group cannot be the name of a field"
-                raise TreeError(TreeFault(_line(event), location, message, "write name: value"))
+                raise MissionError((self._fault(event, location, message, "write name: value"),))
             name = self._text(event, location)
             inner = (*location, name)
             if name == MERGE and event.style is None:
@@ -159,7 +180,7 @@ class _Reader:
             if name in found:
                 first = self._tree.lines[inner]
                 message = f"given twice, first in line {first}"
-                self._tree.faults.append(TreeFault(_line(event), inner, message, "remove one"))
+                self._tree.faults.append(self._fault(event, inner, message, "remove one"))
                 self._value(next(self._events), inner)
                 continue
             self._tree.lines[inner] = _line(event)
@@ -190,7 +211,7 @@ class _Reader:
             yield fields, inner
         else:
             message, remedy = "<<: takes a group of fields", "write <<: *name of an anchor"
-            self._tree.faults.append(TreeFault(_line(event), location, message, remedy))
+            self._tree.faults.append(self._fault(event, location, message, remedy))
 
     def _sequence(self, location: Location) -> list[object]:
         found: list[object] = []
@@ -208,7 +229,7 @@ class _Reader:
         """The text of a scalar; lone surrogates, which no output could carry, are a fault."""
         if any("\ud800" <= character <= "\udfff" for character in event.value):
             message, remedy = "half of a surrogate pair is no character", "remove it"
-            self._tree.faults.append(TreeFault(_line(event), location, message, remedy))
+            self._tree.faults.append(self._fault(event, location, message, remedy))
             return event.value.encode("utf-8", "replace").decode()
         return str(event.value)
 
@@ -218,39 +239,8 @@ class _Reader:
         if tag is not None and tag not in {own, "!"}:
             short = str(tag).replace("tag:yaml.org,2002:", "!!")
             message = f"tag {shortened(short)} is not supported"
-            fault = TreeFault(_line(event), location, message, "write the plain value")
+            fault = self._fault(event, location, message, "write the plain value")
             self._tree.faults.append(fault)
-
-
-def written_out(events: Iterable[yaml.Event]) -> Iterator[yaml.Event]:
-    """The events with those of its anchor in place of each alias.
-
-    Raises:
-        TreeError: an alias stands for nothing, or for what it is itself a part of.
-    """
-    held: dict[str, list[yaml.Event]] = {}
-    open_anchors: list[tuple[str | None, list[yaml.Event]]] = []
-    for event in events:
-        if isinstance(event, yaml.AliasEvent):
-            if event.anchor not in held:
-                message = f"alias *{shortened(str(event.anchor))} has no anchor before it"
-                remedy = f"put &{shortened(str(event.anchor))} before the value that it stands for"
-                raise TreeError(TreeFault(_line(event), (), message, remedy))
-            content = held[event.anchor]
-        else:
-            content = [event]
-        for one in content:
-            for _, inside in open_anchors:
-                inside.append(one)
-            yield one
-        if isinstance(event, yaml.CollectionStartEvent):
-            open_anchors.append((event.anchor, [event]))
-        elif isinstance(event, yaml.CollectionEndEvent):
-            anchor, inside = open_anchors.pop()
-            if anchor is not None:
-                held[anchor] = inside
-        elif isinstance(event, yaml.ScalarEvent) and event.anchor is not None:
-            held[event.anchor] = [event]
 
 
 def _line(event: yaml.Event) -> int:

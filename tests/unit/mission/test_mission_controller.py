@@ -10,7 +10,7 @@ from vfguide.commands.overrides import Overrides, apply_overrides
 from vfguide.errors import InputError
 from vfguide.laws.field import told_apart
 from vfguide.mission import Mission, check_mission
-from vfguide.mission.controller import controller_of, gains_of, with_law
+from vfguide.mission.controller import controller_of, with_law
 
 CIRCLE = shipped("circle-wind")
 
@@ -20,20 +20,20 @@ def test_a_mission_without_a_word_about_it_is_flown_by_the_slots_field():
     assert controller.type == "slot"
     usual = {"k_x": 0.2, "k_y": 0.2, "chi_inf_deg": 45.0, "v_inf_m_s": 8.0}
     usual |= {"rate_feedforward": True, "integral_s": None}
-    assert gains_of(controller).model_dump() == usual
+    assert controller.model_dump().items() >= usual.items()
 
 
 def test_gains_of_a_law_stand_beside_what_all_laws_share():
     controller = controller_of({"type": "pid", "lateral_p_rad_m": 0.3, "kappa": 2.0})
     assert controller.kappa == 2.0
-    assert gains_of(controller).lateral_p_rad_m == 0.3
-    assert gains_of(controller).longitudinal_d == 5.79
+    assert controller.lateral_p_rad_m == 0.3
+    assert controller.longitudinal_d == 5.79
 
 
 def test_a_group_of_its_name_holds_a_laws_gains_too():
     groups = {"pid": {"lateral_p_rad_m": 0.3}, "mpc": {"integral_s": 2.0}}
-    assert gains_of(controller_of({"type": "pid", **groups})).lateral_p_rad_m == 0.3
-    assert gains_of(controller_of({"type": "mpc", **groups})).integral_s == 2.0
+    assert controller_of({"type": "pid", **groups}).lateral_p_rad_m == 0.3
+    assert controller_of({"type": "mpc", **groups}).integral_s == 2.0
 
 
 def test_gains_of_another_law_do_not_count():
@@ -44,12 +44,12 @@ def test_a_loaded_mission_is_flown_by_another_law_with_the_gains_that_its_file_h
     groups = ("k_x: 0.42", "k_x: 0.42, pid: {lateral_p_rad_m: 0.3}")
     mission = loaded(text_of("circle-wind", groups)).mission
     other = apply_overrides(mission, Overrides(controller="pid"))
-    assert gains_of(other.controller).lateral_p_rad_m == 0.3
+    assert other.controller.lateral_p_rad_m == 0.3
     # And back again; the field's gains were flat, and have no meaning for a PID.
-    assert gains_of(apply_overrides(other, Overrides(controller="slot")).controller).k_x == 0.2
+    assert apply_overrides(other, Overrides(controller="slot")).controller.k_x == 0.2
     # A value of the command line goes before the group of the file.
     asked = Overrides(controller="pid", settings=((("controller", "lateral_p_rad_m"), 0.5),))
-    assert gains_of(apply_overrides(mission, asked).controller).lateral_p_rad_m == 0.5
+    assert apply_overrides(mission, asked).controller.lateral_p_rad_m == 0.5
     assert pickle.loads(pickle.dumps(mission)) == mission  # noqa: S301 - of this test's own making
 
 
