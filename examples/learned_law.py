@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 import vfguide
 from vfguide.errors import InputError
-from vfguide.guidance.settings import GuidanceSettings
+from vfguide.guidance.sliding_laws import GuidanceSettings
 from vfguide.laws import OBSERVATION, DesiredMotion, Law, Section, View, law, motion_of, observed
 from vfguide.state import Airframe
 

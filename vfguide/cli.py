@@ -19,8 +19,7 @@ from typer.core import TyperGroup
 
 from vfguide.commands.options import with_plugins
 from vfguide.commands.terminal import Terminal, discard, escape_what_cannot_be_encoded
-from vfguide.errors import InputError, VfguideError
-from vfguide.extras import missing_library
+from vfguide.errors import InputError, VfguideError, missing_library
 from vfguide.registry import plugin_fault
 
 WRONG_INPUT, BROKEN = 2, 3

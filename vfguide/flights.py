@@ -17,8 +17,15 @@ from vfguide.commands.order import order_of
 from vfguide.commands.output import kept_in
 from vfguide.commands.overrides import Overrides, apply_overrides, place_of
 from vfguide.elementwise import FloatArray
-from vfguide.errors import InputError, described_error
-from vfguide.extras import LEARNING, PLOTTING, POSIX, import_extra, require
+from vfguide.errors import (
+    LEARNING,
+    PLOTTING,
+    POSIX,
+    InputError,
+    described_error,
+    import_extra,
+    require,
+)
 from vfguide.lab.export.columns import parts_of
 from vfguide.lab.ordering import OrderOutcome, give_order
 from vfguide.lab.rehearsal import lockstep

@@ -5,8 +5,8 @@ from collections.abc import Callable
 
 from tests.kit.states import Plant, leader_at
 from vfguide.guidance.formation import Slot
-from vfguide.guidance.settings import GuidanceSettings
-from vfguide.laws.keeper import FollowerGuidance, SlotKeeper
+from vfguide.guidance.sliding_laws import GuidanceSettings
+from vfguide.laws.base import FollowerGuidance, SlotKeeper
 from vfguide.registry import laws
 from vfguide.state import Airframe, LeaderState, VehicleState
 

@@ -8,7 +8,7 @@ from msgspec.structs import replace
 
 from vfguide.frames import LocalFrame
 from vfguide.guidance.navigation import FilterTimes
-from vfguide.guidance.settings import GuidanceSettings, ObserverGains, SlidingGains, SpeedSource
+from vfguide.guidance.sliding_laws import GuidanceSettings, ObserverGains, SlidingGains, SpeedSource
 from vfguide.link.codec import LeaderMessage
 from vfguide.mavlink.reports import PositionReport
 from vfguide.state import LeaderState, VehicleState

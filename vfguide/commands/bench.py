@@ -17,7 +17,7 @@ import typer
 
 from vfguide.commands.options import in_directory, with_plugins
 from vfguide.commands.terminal import Terminal
-from vfguide.extras import PLOTTING, require
+from vfguide.errors import PLOTTING, require
 from vfguide.lab.studies.comparison import (
     FULL,
     PLANTS,

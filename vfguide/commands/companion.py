@@ -30,8 +30,7 @@ from vfguide.companion.daemon import Daemon, Surroundings
 from vfguide.companion.ground_orders import ground_orders_of
 from vfguide.companion.mission_plan import adapter_of, flight_plan
 from vfguide.companion.order_program import OrderProgram
-from vfguide.errors import InputError
-from vfguide.extras import require
+from vfguide.errors import InputError, require
 from vfguide.link.address import parse_links
 from vfguide.link.keys import OPERATOR, key_places, read_private_key, read_revocations
 from vfguide.link.trust import Trust, new_session

@@ -13,8 +13,7 @@ from vfguide.commands.credentials import Credentials, KeyFiles, watched_formatio
 from vfguide.commands.options import Foxglove, Insecure, KeyFile, RosterFile, in_directory
 from vfguide.commands.report import read_flight
 from vfguide.commands.terminal import Terminal, stop_event
-from vfguide.errors import InputError
-from vfguide.extras import CONSOLE, require
+from vfguide.errors import CONSOLE, InputError, require
 from vfguide.link.opening import WatchedFormation
 from vfguide.mission import Mission, read_mission
 from vfguide.regular_file import open_regular, read_by_others

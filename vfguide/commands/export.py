@@ -11,8 +11,7 @@ import typer
 from vfguide.commands.options import Force, directory_of
 from vfguide.commands.output import refuse_file, whole_file
 from vfguide.commands.terminal import Terminal
-from vfguide.errors import InputError
-from vfguide.extras import missing_library
+from vfguide.errors import InputError, missing_library
 from vfguide.mission import read_mission
 
 if TYPE_CHECKING:

@@ -30,8 +30,7 @@ from vfguide.commands.overrides import (
     with_options_named,
 )
 from vfguide.commands.terminal import Terminal, flight_progress, stopped_by_signals
-from vfguide.errors import InputError, VfguideError
-from vfguide.extras import PLOTTING, POSIX, require
+from vfguide.errors import PLOTTING, POSIX, InputError, VfguideError, require
 from vfguide.lab.rehearsal.lockstep import LockstepFlight
 from vfguide.lab.rehearsal.radio_flight import fly_rehearsal
 from vfguide.lab.report.metrics import summarise, summary_json

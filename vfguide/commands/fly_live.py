@@ -21,8 +21,7 @@ from rich.text import Text
 
 from vfguide.commands.fly import KeptFlight
 from vfguide.commands.terminal import Terminal, fifths_of, stopped_by_signals
-from vfguide.errors import InputError, VfguideError
-from vfguide.extras import CONSOLE, require
+from vfguide.errors import CONSOLE, InputError, VfguideError, require
 from vfguide.lab.console.tiles import TileSource, open_tiles
 from vfguide.lab.live_timetable import timetable_given
 from vfguide.lab.rehearsal.live import companions_lost, live_flight, watched_by_anybody

@@ -26,7 +26,7 @@ from vfguide.commands.options import (
     RosterFile,
 )
 from vfguide.commands.terminal import Terminal, stop_event
-from vfguide.companion.succession import holder_of
+from vfguide.companion.roles import holder_of
 from vfguide.formation.arrangement import agreed_number
 from vfguide.link.opening import HEARD_SHARE, Link, WatchedFormation, check_connected, watching
 from vfguide.link.presence import LINKS_LOST, ORDER, TERM, Presence

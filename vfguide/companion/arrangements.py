@@ -37,9 +37,9 @@ from vfguide.formation.arrangement import (
     Arrangement,
     Manoeuvre,
     agreed_number,
+    arrangement_in_words,
     missing_votes,
 )
-from vfguide.formation.wording import arrangement_in_words
 from vfguide.guidance.height_change import stopping_way
 from vfguide.guidance.path import Path, PathPoint
 from vfguide.link.codec import LinkDataError

@@ -16,8 +16,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
 from vfguide.companion.alerts import Alerts
-from vfguide.companion.consent import Consent, ConsentStore
-from vfguide.companion.flight_phase import FlightPhase
+from vfguide.companion.consent import Consent, ConsentStore, FlightPhase
 from vfguide.companion.supervisor import Control
 from vfguide.mavlink.adapter import AutopilotAdapter
 from vfguide.mavlink.announcements import WARNING

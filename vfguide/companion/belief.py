@@ -2,7 +2,7 @@
 
 Witnesses are the place, the velocity over ground and, of the own vehicle, the motion through the air (heading
 and airspeed). Each report is compared with where the vehicle must be, carried on from the last believed one:
-what is left is an innovation. Manoeuvres explain some of it (`guidance/reported_motion.py`), the noise of the
+what is left is an innovation. Manoeuvres explain some of it (`guidance/navigation.py`), the noise of the
 reports the rest. Noise is learned from how much successive innovations differ: neither a step nor a steady
 drag makes it look greater.
 
@@ -25,7 +25,7 @@ import math
 from enum import Enum
 from typing import NamedTuple
 
-from vfguide.guidance.reported_motion import (
+from vfguide.guidance.navigation import (
     UNBROKEN_S,
     VELOCITY_TOLERANCE_M_S,
     Reach,

@@ -13,15 +13,13 @@ from vfguide.companion.alerts import Alerts
 from vfguide.companion.announcer import Announcer, mode_sentence
 from vfguide.companion.arrangements import Arrangements
 from vfguide.companion.authority import YOUNG_S, EngageRule, ModeAuthority, Wish
-from vfguide.companion.consent import ConsentStore, MemoryStore
-from vfguide.companion.flight_phase import FlightPhase
+from vfguide.companion.consent import ConsentStore, FlightPhase, MemoryStore
 from vfguide.companion.ground_orders import GroundOrders
 from vfguide.companion.guided_vehicle import GuidedVehicle
 from vfguide.companion.height_keeper import LoiterHeight
 from vfguide.companion.housekeeping import Housekeeping
-from vfguide.companion.identity import VehicleIdentity
+from vfguide.companion.identity import EngageRange, VehicleIdentity
 from vfguide.companion.plan import FlightPlan
-from vfguide.companion.reach import EngageRange
 from vfguide.companion.role import Outgoing, Snapshot
 from vfguide.companion.roles import RoleMaker, role_of
 from vfguide.companion.supervisor import Control, Mode, Objection, Situation, next_mode, obstacle

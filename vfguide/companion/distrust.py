@@ -10,7 +10,7 @@ import msgspec
 
 from vfguide.companion.alerts import Alerts
 from vfguide.companion.belief import RETURN_S, Belief, Believed, Life
-from vfguide.guidance.reported_motion import OVERSPEED
+from vfguide.guidance.navigation import OVERSPEED
 from vfguide.mavlink.announcements import WARNING
 from vfguide.mavlink.reports import EstimatorReport, GpsReport, SensorsReport
 from vfguide.state import Airframe

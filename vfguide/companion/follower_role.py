@@ -38,7 +38,7 @@ from vfguide.guidance.height import (
 )
 from vfguide.guidance.predicted_tracks import HORIZON_S, WantedMotion
 from vfguide.guidance.sliding_laws import cruise_setpoint, sliding_course_rate
-from vfguide.laws.keeper import SlotKeeper
+from vfguide.laws.base import SlotKeeper
 from vfguide.mavlink.reports import TrafficReport
 from vfguide.state import HeardState, LeaderState, Setpoint, VehicleState
 

@@ -23,7 +23,7 @@ from vfguide.companion.supervisor import Mode
 from vfguide.companion.timing import SharedClock
 from vfguide.errors import described_error
 from vfguide.formation.arrangement import Point
-from vfguide.guidance.bandwidth import FIRM, TOLD
+from vfguide.guidance.response import FIRM, TOLD
 from vfguide.laws.leader import LeaderTask, PathField, steepest_gain
 from vfguide.mavlink.adapter import AutopilotAdapter
 from vfguide.mavlink.announcements import NOTICE, WARNING

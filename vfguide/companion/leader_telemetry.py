@@ -22,8 +22,8 @@ from vfguide.guidance.leader_motion import (
     observed_at_first,
     observed_motion,
 )
+from vfguide.guidance.navigation import ReportedMotion, reach_of
 from vfguide.guidance.other_clock import NANOSECOND, RADIO, OtherClock, Reading, TimeQuestions
-from vfguide.guidance.reported_motion import ReportedMotion, reach_of
 from vfguide.mavlink.announcements import WARNING, heartbeat, time_question
 from vfguide.mavlink.codec import COMPANION_COMPONENT, Codec
 from vfguide.mavlink.leader_messages import KINDS, Kind, LeaderCodec, LeaderReport

@@ -15,14 +15,14 @@ from vfguide.companion.plan import FlightPlan, answering, banking, turning
 from vfguide.elementwise import clip, wrap_angle
 from vfguide.guidance.airframe import (
     GRAVITY,
+    BankLimit,
+    BankMoment,
     coordinated_turn_rate,
     held_direction,
     held_speed,
     turning_speed,
 )
-from vfguide.guidance.bandwidth import TOLD, HoldCertainty
-from vfguide.guidance.bank_limit import BankLimit, BankMoment
-from vfguide.guidance.response import COURSE, SPEED, HoldLearner, HoldResponse
+from vfguide.guidance.response import COURSE, SPEED, TOLD, HoldCertainty, HoldLearner, HoldResponse
 from vfguide.guidance.turn_efficiency import TurnEfficiency
 from vfguide.state import Airframe, Setpoint, SpeedHold
 

@@ -16,15 +16,15 @@ from vfguide.companion.plan import (
     OtherVehicle,
 )
 from vfguide.companion.supervisor import ModeTimeouts
-from vfguide.extras import require
+from vfguide.errors import require
 from vfguide.formation.orders import STACK_M
 from vfguide.frames import LocalFrame
 from vfguide.guidance.airframe import GRAVITY
-from vfguide.guidance.bandwidth import DECLARED, UNKNOWN, Certainty
 from vfguide.guidance.formation import Slot, SlotLimits
 from vfguide.guidance.intended_motion import KnownLeader
 from vfguide.guidance.navigation import FilterTimes
-from vfguide.guidance.settings import (
+from vfguide.guidance.response import DECLARED, UNKNOWN, Certainty
+from vfguide.guidance.sliding_laws import (
     GuidanceSettings,
     ObserverGains,
     PathGains,

@@ -12,7 +12,12 @@ from msgspec.structs import replace
 from vfguide.companion.belief import radius_limit
 from vfguide.companion.supervisor import ModeTimeouts
 from vfguide.frames import LocalFrame
-from vfguide.guidance.bandwidth import (
+from vfguide.guidance.creeping_speed import CreepingHold
+from vfguide.guidance.formation import Slot
+from vfguide.guidance.height_change import ClimbLimits
+from vfguide.guidance.intended_motion import KnownLeader
+from vfguide.guidance.path import Path
+from vfguide.guidance.response import (
     AS_DECLARED,
     DECLARED,
     FIRM,
@@ -21,17 +26,12 @@ from vfguide.guidance.bandwidth import (
     Bandwidth,
     Certainty,
     HoldCertainty,
+    HoldResponse,
     Softness,
     bandwidth_of,
     bearable,
 )
-from vfguide.guidance.creeping_speed import CreepingHold
-from vfguide.guidance.formation import Slot
-from vfguide.guidance.height_change import ClimbLimits
-from vfguide.guidance.intended_motion import KnownLeader
-from vfguide.guidance.path import Path
-from vfguide.guidance.response import HoldResponse
-from vfguide.guidance.settings import GuidanceSettings, PathGains
+from vfguide.guidance.sliding_laws import GuidanceSettings, PathGains
 from vfguide.laws.base import Law
 from vfguide.laws.leader import LeaderTask
 from vfguide.mavlink.parameters import AutopilotResponse

@@ -12,7 +12,7 @@ from vfguide.companion.belief import MOVED_S, Belief
 from vfguide.companion.height_belief import HeightBelief, HeightWitnesses
 from vfguide.companion.timing import SharedClock
 from vfguide.frames import LocalFrame
-from vfguide.guidance.reported_motion import ReportedMotion, reach_of
+from vfguide.guidance.navigation import ReportedMotion, reach_of
 from vfguide.guidance.wind_triangle import polar
 from vfguide.link.codec import LinkDataError, decode
 from vfguide.mavlink.announcements import WARNING

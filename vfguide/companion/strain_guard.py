@@ -14,7 +14,7 @@ import msgspec
 
 from vfguide.elementwise import low_pass
 from vfguide.guidance.airframe import bank_limited_turn_rate
-from vfguide.guidance.bandwidth import Softness
+from vfguide.guidance.response import Softness
 from vfguide.state import Airframe, Setpoint, VehicleState
 
 WINDOW_S = 5.0

@@ -10,6 +10,7 @@ from enum import IntEnum
 
 import msgspec
 
+from vfguide.formation.shapes import named_shape
 from vfguide.guidance.formation import Slot
 
 RAMP = 0.3
@@ -246,3 +247,39 @@ def missing_votes(
     others = silent - needed
     enough = closing and 2 * len(silent) < len(voters)
     return sorted(silent & needed) + ([] if enough else sorted(others))
+
+
+def flown_in_words(number: int, order: Arrangement | None) -> str:
+    """What is flown.
+
+    Args:
+        number: of the order; 0 before the first.
+        order: the order; None where it was not heard.
+    """
+    if number == 0:
+        return "the mission's formation"
+    if order is None:
+        return "an order that was not heard: slots are not known"
+    if order.flown is Manoeuvre.ABORT:
+        return "nothing: all was called off"
+    text = slots_in_words(order.places)
+    if order.path != MAIN_PATH:
+        text += f", on the path {order.path}"
+    return f"a hold, {text}" if order.flown is Manoeuvre.HOLD else text
+
+
+def arrangement_in_words(order: Arrangement) -> str:
+    """What an order asks for: what is flown, and who is to lead where it says that."""
+    text = flown_in_words(order.number, order)
+    return f"{text}, {order.lead} leads" if order.lead else text
+
+
+def slots_in_words(places: Iterable[SlotMove]) -> str:
+    """What followers fly in once they have come to their slots."""
+    points = ends(places)
+    if not points:
+        return "no followers"
+    shape = named_shape((point.forward, point.right) for point in points.values())
+    if shape is None:
+        return "slots of their own"
+    return f"{shape[0]}, {shape[1]:.0f} m apart"

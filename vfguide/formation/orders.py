@@ -18,7 +18,7 @@ from typing import Literal
 import msgspec
 from msgspec.structs import replace
 
-from vfguide.extras import require
+from vfguide.errors import require
 from vfguide.formation.arrangement import (
     MAIN_PATH,
     Arrangement,

@@ -28,7 +28,7 @@ from vfguide.guidance.path import (
     joining_turn_rate,
     tangent_rate_per_speed,
 )
-from vfguide.guidance.settings import PathGains
+from vfguide.guidance.sliding_laws import PathGains
 from vfguide.guidance.wind_triangle import ground_speed_on_course, polar
 from vfguide.state import LeaderState, VehicleState
 

@@ -11,8 +11,8 @@ from random import Random
 
 from msgspec.structs import replace
 
+from vfguide.companion.roles import holder_of
 from vfguide.companion.state_receiver import motion_of
-from vfguide.companion.succession import holder_of
 from vfguide.errors import VfguideError
 from vfguide.formation.arrangement import Arrangement, agreed_number
 from vfguide.formation.orders import Formation

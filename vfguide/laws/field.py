@@ -5,7 +5,7 @@
 The article takes the leader's course and speed for the slot's, which leaves an error on every turn. Both are
 followed by the sliding-mode laws of course and speed.
 
-Field and laws are kept within what the aircraft bears (`bandwidth.py`). The setpoint V + (dV/dt)/beta of a
+Field and laws are kept within what the aircraft bears (`response.py`). The setpoint V + (dV/dt)/beta of a
 law slower than the hold itself has the measured speed in it, and a hold that is not of first order
 (ArduPlane's answers at once by pitch, seconds later by throttle) rings on it. For a total-energy hold the
 speed law is made just so fast that the measured speed drops out.
@@ -22,7 +22,6 @@ from pydantic import Field
 
 from vfguide.elementwise import FloatArray, wrap_angle
 from vfguide.guidance.airframe import bank_limited_turn_rate
-from vfguide.guidance.bandwidth import Bandwidth
 from vfguide.guidance.formation import (
     FormationError,
     Slot,
@@ -31,6 +30,7 @@ from vfguide.guidance.formation import (
     article_motion,
     field_slope,
 )
+from vfguide.guidance.response import Bandwidth
 from vfguide.guidance.sliding_laws import sliding_acceleration, sliding_course_rate
 from vfguide.guidance.slot_integral import (
     Offset,

@@ -22,8 +22,13 @@ from vfguide.guidance.path import (
     desired_course_rate_per_speed,
     joining_turn_rate,
 )
-from vfguide.guidance.settings import GuidanceSettings, PathGains, speed_estimate_rate
-from vfguide.guidance.sliding_laws import cruise_setpoint, sliding_course_rate
+from vfguide.guidance.sliding_laws import (
+    GuidanceSettings,
+    PathGains,
+    cruise_setpoint,
+    sliding_course_rate,
+    speed_estimate_rate,
+)
 from vfguide.mission.quantity import Section
 from vfguide.registry import leader_laws
 from vfguide.state import Airframe, NamedState, Setpoint, VehicleState

@@ -26,8 +26,8 @@ from pydantic import Field
 
 from vfguide.elementwise import FloatArray, wrap_angle
 from vfguide.guidance.airframe import GRAVITY
-from vfguide.guidance.bandwidth import Bandwidth
 from vfguide.guidance.formation import LEAST_SLOT_SPEED, Slot, SlotMotion
+from vfguide.guidance.response import Bandwidth
 from vfguide.guidance.slot_integral import Offset, aimed_error, no_offset, update_offset
 from vfguide.guidance.wind_triangle import ground_speed_on_course, resolve
 from vfguide.laws.base import DesiredMotion, Law, View, law

@@ -16,8 +16,7 @@ from threading import Lock
 from typing import Any, ClassVar
 from urllib.parse import SplitResult, parse_qsl
 
-from vfguide.errors import InputError
-from vfguide.extras import import_extra
+from vfguide.errors import InputError, import_extra
 from vfguide.link.address import LinkAddress
 from vfguide.link.carrier import link
 from vfguide.link.datagrams import DatagramCarrier

@@ -13,7 +13,16 @@ from msgspec.structs import replace
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from pymavlink.dialects.v20.ardupilotmega import MAVError, MAVLink, MAVLink_message
 
-from vfguide.mavlink.framing import ConnectionSigning, Frame, frames_of
+from vfguide.mavlink.framing import (
+    STEERING_COMMANDS,
+    STEERING_MESSAGES,
+    ConnectionSigning,
+    Frame,
+    SequencePlaces,
+    TextJoiner,
+    frames_of,
+    steers,
+)
 from vfguide.mavlink.reports import (
     AirspeedReport,
     AttitudeReport,
@@ -33,13 +42,6 @@ from vfguide.mavlink.reports import (
     TimeReport,
     TrafficReport,
     VersionReport,
-)
-from vfguide.mavlink.senders import (
-    STEERING_COMMANDS,
-    STEERING_MESSAGES,
-    SequencePlaces,
-    TextJoiner,
-    steers,
 )
 
 LOWEST_M, HIGHEST_M = -1000.0, 30_000.0

@@ -31,8 +31,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from pymavlink.dialects.v20.ardupilotmega import MAVError, MAVLink, MAVLink_message
 
 from vfguide.backoff import retry_delay
-from vfguide.errors import InputError
-from vfguide.extras import require
+from vfguide.errors import InputError, require
 from vfguide.mavlink.address import Address, Status, reason_of
 from vfguide.mavlink.framing import frames_of
 from vfguide.mavlink.px4_steering import MAIN_MODE_AUTO, MAIN_MODE_OFFBOARD, SUB_MODE_LOITER

@@ -22,8 +22,8 @@ from pydantic import (
 from pydantic.fields import FieldInfo
 from pydantic_core import InitErrorDetails
 
-from vfguide.guidance.bandwidth import amplification_of, factor_of
-from vfguide.guidance.settings import SlotFrame
+from vfguide.guidance.response import amplification_of, factor_of
+from vfguide.guidance.sliding_laws import SlotFrame
 from vfguide.mission.quantity import Duration, Gain, NotNegative, Section, Switch
 from vfguide.registry import laws
 

@@ -24,8 +24,7 @@ from vfguide.guidance.airframe import GRAVITY
 from vfguide.guidance.path import END_SHARE
 from vfguide.guidance.predicted_tracks import TIMES, Agility, ComplexArray, OwnMotion, arc
 from vfguide.guidance.separation import escape_distance
-from vfguide.guidance.settings import LEAST_PERIOD
-from vfguide.guidance.sliding_laws import boundary_layer
+from vfguide.guidance.sliding_laws import LEAST_PERIOD, boundary_layer
 from vfguide.mission.conditions import Conditions, conditions_of
 from vfguide.mission.consistency import LEADER
 from vfguide.mission.controller import Controller

@@ -19,7 +19,7 @@ from tests.kit.missions import (
     replaced,
     shipped,
 )
-from vfguide import extras
+from vfguide import errors
 from vfguide.errors import InputError, VfguideError
 from vfguide.lab import environment as environments
 from vfguide.lab.environment import FlownStep, usual_reward
@@ -266,7 +266,7 @@ def test_a_flight_by_radio_and_one_that_is_never_steered_are_refused():
 
 
 def test_without_the_extra_it_says_in_one_line_what_to_install(monkeypatch):
-    monkeypatch.setattr(extras, "find_spec", lambda _: None)
+    monkeypatch.setattr(errors, "find_spec", lambda _: None)
     with pytest.raises(VfguideError) as refused:
         vfguide.environment(shipped("line-calm"))
     needed = "this needs gymnasium, which is not installed: pip install 'vfguide[rl]'"

@@ -15,7 +15,7 @@ from tests.kit.formation import GUIDED, LOITER, SET_MODE
 from tests.kit.missions import mission_with, replaced
 from tests.kit.orders import overhear
 from tests.kit.wire import command_long, packed
-from vfguide.companion.succession import DEAF_S
+from vfguide.companion.roles import DEAF_S
 from vfguide.errors import VfguideError
 from vfguide.formation.orders import Order
 from vfguide.lab.order_desk import OrderDesk

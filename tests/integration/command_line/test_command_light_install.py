@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from vfguide.extras import extras_by_module
+from vfguide.errors import extras_by_module
 
 EXAMPLES = Path(__file__).parents[3] / "examples"
 

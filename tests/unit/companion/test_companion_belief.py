@@ -20,7 +20,7 @@ from vfguide.companion.belief import (
     radius_limit,
 )
 from vfguide.companion.height_belief import HeightBelief, HeightWitnesses
-from vfguide.guidance.reported_motion import ReportedMotion, reach_of
+from vfguide.guidance.navigation import ReportedMotion, reach_of
 from vfguide.state import Airframe
 
 REACH = reach_of(Airframe())

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from vfguide.companion.alerts import Alerts
-from vfguide.companion.clock_watch import ClockWatch
+from vfguide.companion.timing import ClockWatch
 from vfguide.guidance.other_clock import CABLE, OtherClock
 
 BOOTED_S = 50.0

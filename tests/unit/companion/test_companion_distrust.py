@@ -20,7 +20,7 @@ from vfguide.companion.height_belief import HeightBelief
 from vfguide.companion.state_receiver import StateReceiver
 from vfguide.companion.supervisor import Mode
 from vfguide.companion.timing import SAME_CLOCK
-from vfguide.guidance.reported_motion import reach_of
+from vfguide.guidance.navigation import reach_of
 from vfguide.mavlink.codec import REPORTS
 from vfguide.mavlink.reports import EstimatorReport, GpsReport, SensorsReport
 from vfguide.state import Airframe

@@ -34,7 +34,7 @@ from tests.kit.companion import (
 from tests.kit.missions import mission_with, plan_of
 from tests.kit.states import FRAME, reported
 from tests.kit.wire import heartbeat, northbound, packed, parsed, position_report, spoken
-from vfguide.companion.reach import EngageRange
+from vfguide.companion.identity import EngageRange
 from vfguide.companion.role import Outgoing
 from vfguide.companion.supervisor import NOTHING_HEARD, Mode
 from vfguide.frames import way_m

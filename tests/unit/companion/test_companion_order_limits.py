@@ -17,7 +17,7 @@ from vfguide.companion.steering import SetpointGuard
 from vfguide.companion.timing import SAME_CLOCK
 from vfguide.formation.arrangement import Arrangement, HoldCircle, Manoeuvre, Point, SlotMove
 from vfguide.guidance.path import PathPoint
-from vfguide.guidance.settings import PathGains
+from vfguide.guidance.sliding_laws import PathGains
 from vfguide.lab.rehearsal.aircraft import Aircraft, step_all
 from vfguide.link.memory import Mail
 from vfguide.link.order_codec import Verdict

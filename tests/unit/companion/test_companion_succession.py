@@ -7,7 +7,7 @@ from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, precondition, rule
 
-from vfguide.companion.succession import (
+from vfguide.companion.roles import (
     DEAF_S,
     GREATEST_TERM,
     LISTEN_S,

@@ -13,8 +13,7 @@ from tests.kit.companion import GUIDED, LOITER
 from tests.kit.missions import ROOT, shipped
 from vfguide.companion.alerts import Alerts
 from vfguide.companion.authority import EngageRule, ModeAuthority, Wish
-from vfguide.companion.consent import MemoryStore
-from vfguide.companion.flight_phase import FlightPhase
+from vfguide.companion.consent import FlightPhase, MemoryStore
 from vfguide.companion.mission_plan import adapter_of
 from vfguide.companion.supervisor import MODES, Control, Mode, ModeTimeouts, Situation, next_mode
 from vfguide.mavlink.reports import HeartbeatReport

@@ -9,8 +9,8 @@ from tests.kit.following import follower_step
 from tests.kit.states import choices
 from vfguide.guidance.formation import Slot, SlotLimits
 from vfguide.guidance.path import Path
-from vfguide.guidance.settings import PathGains
-from vfguide.laws.keeper import FollowerGuidance
+from vfguide.guidance.sliding_laws import PathGains
+from vfguide.laws.base import FollowerGuidance
 from vfguide.laws.leader import LeaderGuidance, LeaderTask, PathField, leader_step
 from vfguide.mission.quantity import Section
 from vfguide.paths.circle import Circle

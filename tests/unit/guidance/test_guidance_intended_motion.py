@@ -19,7 +19,7 @@ from vfguide.guidance.intended_motion import (
     planned_motion,
 )
 from vfguide.guidance.path import Path, PathPoint
-from vfguide.guidance.settings import PathGains
+from vfguide.guidance.sliding_laws import PathGains
 from vfguide.mission.flight_path import path_of, shape_of
 from vfguide.paths.circle import Circle
 from vfguide.paths.line import Line

@@ -24,8 +24,8 @@ from vfguide.elementwise import wrap_angle
 from vfguide.guidance.airframe import GRAVITY, bank_limited_turn_rate, saturation, speed_range
 from vfguide.guidance.formation import Slot, SlotMotion, slot_motion
 from vfguide.guidance.path import desired_course, desired_course_rate_per_speed
-from vfguide.guidance.settings import GuidanceSettings
 from vfguide.guidance.sliding_laws import (
+    GuidanceSettings,
     acceleration_toward,
     boundary_layer,
     course_command,
@@ -34,8 +34,8 @@ from vfguide.guidance.sliding_laws import (
     speed_command,
 )
 from vfguide.laws import DesiredMotion, LeaderMotion, LeaderView, View
+from vfguide.laws.base import FollowerGuidance, SlotKeeper
 from vfguide.laws.field import SlotField, SlotGains
-from vfguide.laws.keeper import FollowerGuidance, SlotKeeper
 from vfguide.laws.mpc import MpcGains, Programme, predicted_slot, regulator
 from vfguide.laws.pid import AxisMemory, axis_step
 from vfguide.paths.line import Line

@@ -8,7 +8,7 @@ from msgspec.structs import replace
 from tests.kit.states import Plant, choices, vehicle_at
 from vfguide.guidance.formation import Slot, SlotLimits
 from vfguide.guidance.path import Path
-from vfguide.guidance.settings import GuidanceSettings, PathGains
+from vfguide.guidance.sliding_laws import GuidanceSettings, PathGains
 from vfguide.laws.leader import FIRST, LeaderGuidance, LeaderTask, PathField, leader_step
 from vfguide.mission.quantity import Section
 from vfguide.paths.circle import Circle

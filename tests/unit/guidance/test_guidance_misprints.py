@@ -16,12 +16,13 @@ from vfguide.guidance.path import (
     desired_course_rate_per_speed,
     desired_course_slope,
 )
-from vfguide.guidance.settings import ObserverGains, speed_estimate_rate
 from vfguide.guidance.sliding_laws import (
+    ObserverGains,
     boundary_layer,
     course_command,
     sliding_acceleration,
     sliding_course_rate,
+    speed_estimate_rate,
 )
 from vfguide.guidance.wind_triangle import polar
 from vfguide.paths.circle import Circle

@@ -28,20 +28,24 @@ from vfguide.guidance.airframe import (
     propagate,
     wanted_bank,
 )
-from vfguide.guidance.bandwidth import (
+from vfguide.guidance.response import (
     AS_DECLARED,
+    COURSE,
     DECLARED,
+    SPEED,
     TOLD,
     UNKNOWN,
     Certainty,
     HoldCertainty,
+    HoldKind,
+    HoldLearner,
+    HoldResponse,
     Softness,
     amplification_of,
     bandwidth_of,
     bearable,
     factor_of,
 )
-from vfguide.guidance.response import COURSE, SPEED, HoldKind, HoldLearner, HoldResponse
 from vfguide.laws.field import SlotField
 from vfguide.state import Airframe
 

@@ -12,13 +12,14 @@ from tests.kit.states import Plant, vehicle_at
 from vfguide.elementwise import wrap_angle
 from vfguide.guidance.airframe import bank_limited_turn_rate
 from vfguide.guidance.path import Path, desired_course, desired_course_rate_per_speed
-from vfguide.guidance.settings import ObserverGains, speed_estimate_rate
 from vfguide.guidance.sliding_laws import (
+    ObserverGains,
     course_command,
     cruise_setpoint,
     heading_hold,
     setpoint_for,
     sliding_course_rate,
+    speed_estimate_rate,
 )
 from vfguide.guidance.wind_triangle import ground_speed_on_course
 from vfguide.paths.circle import Circle

@@ -12,7 +12,7 @@ from tests.kit.following import distance, follow, follower_step, keeper, northwa
 from tests.kit.states import Plant, choices, leader_at, vehicle_at
 from vfguide.guidance import slot_integral
 from vfguide.guidance.formation import FormationError, Slot, SlotMotion
-from vfguide.guidance.settings import GuidanceSettings
+from vfguide.guidance.sliding_laws import GuidanceSettings
 from vfguide.guidance.slot_integral import (
     GREATEST_M,
     TURNING_RAD_S,

@@ -7,8 +7,13 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from tests.kit.wire import framed, position_report
 from vfguide.mavlink.datagram import UdpPeer
-from vfguide.mavlink.framing import ConnectionSigning, Frame, Introduction, frames_of
-from vfguide.mavlink.senders import SequencePlaces
+from vfguide.mavlink.framing import (
+    ConnectionSigning,
+    Frame,
+    Introduction,
+    SequencePlaces,
+    frames_of,
+)
 
 POSITION = framed(position_report())
 BODIES = st.binary(max_size=255)

@@ -14,8 +14,7 @@ import numpy as np
 
 from vfguide.companion.mission_plan import local_frame
 from vfguide.elementwise import FloatArray
-from vfguide.formation.arrangement import MAIN_PATH, Arrangement, Manoeuvre
-from vfguide.formation.wording import flown_in_words
+from vfguide.formation.arrangement import MAIN_PATH, Arrangement, Manoeuvre, flown_in_words
 from vfguide.lab.console.alarms import (
     COLUMNS,
     CONSOLE_KINDS,

@@ -14,8 +14,8 @@ from typing import Literal
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from vfguide.errors import VfguideError
+from vfguide.formation.arrangement import slots_in_words
 from vfguide.formation.orders import Order
-from vfguide.formation.wording import slots_in_words
 from vfguide.lab.order_desk import OrderDesk, await_formation, await_order
 from vfguide.lab.ordering import OrderOutcome, RehearsedOrder, give_rehearsed, rehearse_order
 from vfguide.link.opening import Link, check_connected

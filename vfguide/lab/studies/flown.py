@@ -15,8 +15,7 @@ from typing import Any, Literal, TypeVar
 import numpy as np
 
 from vfguide.elementwise import BoolArray
-from vfguide.errors import VfguideError
-from vfguide.extras import import_extra
+from vfguide.errors import VfguideError, import_extra
 from vfguide.guidance.airframe import GRAVITY
 from vfguide.lab.rehearsal.radio_flight import fly_rehearsal
 from vfguide.lab.report.figures import in_window

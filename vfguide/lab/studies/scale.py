@@ -19,10 +19,10 @@ import numpy as np
 
 from vfguide.companion.core import Companion
 from vfguide.companion.follower_role import FollowerRole
-from vfguide.extras import import_extra
+from vfguide.errors import import_extra
 from vfguide.lab.rehearsal.lockstep import fly_lockstep
 from vfguide.lab.studies.flown import AIRCRAFT, PATHS, article_mission
-from vfguide.laws.keeper import SlotKeeper
+from vfguide.laws.base import SlotKeeper
 from vfguide.mavlink.codec import Codec
 from vfguide.mission.model import Mission
 
