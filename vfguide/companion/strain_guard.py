@@ -20,6 +20,9 @@ from vfguide.state import Airframe, Setpoint, VehicleState
 WINDOW_S = 5.0
 """Setpoints and banks are looked at over so long, s."""
 
+JUDGED_S = 0.25
+"""Between two looks at the window, s: a twentieth of it changes little."""
+
 JOINING_S = 10.0
 """After engaging, or arriving, an aircraft comes onto its slot as hard as it can, s."""
 
@@ -162,6 +165,7 @@ class StrainGuard:
         self._moments: deque[StrainSample] = deque()
         self._begun_s: float | None = None
         self._placed_s: float | None = None
+        self._judged_s = -math.inf
         self._said = False
 
     @property
@@ -241,12 +245,16 @@ class StrainGuard:
             self._moments.popleft()
         if self._begun_s is None:
             self._begun_s = now
-        return None if now - self._begun_s < JOINING_S else self._judge(now, confirmed=confirmed)
+        if now - self._begun_s < JOINING_S or 0.0 <= now - self._judged_s < JUDGED_S:
+            return None
+        return self._judge(now, confirmed=confirmed)
 
     def _judge(self, now: float, *, confirmed: bool) -> str | None:
         """Soften what is strained; return a sentence for the pilot, or None."""
-        moments = list(self._moments)
-        period = now - moments[-2].time_s if len(moments) > 1 else 0.0
+        moments = self._moments
+        # What is forgotten in between, as after a pause, does not count as time to recover in.
+        period = now - max(self._judged_s, moments[0].time_s)
+        self._judged_s = now
         swings = swing([one.bank for one in moments if not math.isnan(one.bank)]) > SWING
         turned = swings or is_thrown([one.turn for one in moments], GREAT_COURSE)
         turned |= is_thrown([one.turn_at_once for one in moments], GREAT_COURSE, CHATTERS)

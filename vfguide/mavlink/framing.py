@@ -330,7 +330,7 @@ PART_BYTES = 50
 MOST_PARTS = 20
 """Of one text: autopilots send a few."""
 
-PATIENCE = 2
+PART_BEATS = 2
 """Heartbeats of the sender without another part of a text, after which the rest of it is lost."""
 
 GAP = "[...]"
@@ -395,7 +395,7 @@ class TextJoiner:
         if self._open is None:
             return []
         self._open.beats += 1
-        return self._give_up() if self._open.beats >= PATIENCE else []
+        return self._give_up() if self._open.beats >= PART_BEATS else []
 
     def _give_up(self) -> list[TextReport]:
         one, self._open = self._open, None

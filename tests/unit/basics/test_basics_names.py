@@ -49,3 +49,18 @@ SPLIT = {"LATE_S", "LOOK_S"}
 def test_times_that_mean_different_things_have_their_subject_in_their_names():
     names = ((file, node.id) for file, node in nodes() if isinstance(node, ast.Name))
     assert [one for one in names if one[1] in SPLIT] == []
+
+
+def test_a_module_gives_each_of_its_constants_one_value():
+    twice = []
+    for package in ("vfguide", "sitl_stub"):
+        for file in sorted((ROOT / package).rglob("*.py")):
+            names = [
+                target.id
+                for node in ast.parse(file.read_text(encoding="utf-8")).body
+                if isinstance(node, ast.Assign)
+                for target in node.targets
+                if isinstance(target, ast.Name) and target.id.isupper()
+            ]
+            twice += [f"{file}: {name}" for name in set(names) if names.count(name) > 1]
+    assert twice == []
