@@ -13,10 +13,7 @@ from vfguide.lab.report.animation import (
     Span,
     choose_span,
     frame_count,
-    mixed,
-    round_length,
-    running_mean,
-    running_most,
+    reach_to_come,
     write_animation,
 )
 
@@ -75,21 +72,10 @@ def test_a_long_part_has_no_more_frames_than_stay_small():
     assert frame_count(Span(begin_s=0.0, end_s=3600.0)) == 250
 
 
-def test_neighbours_are_smoothed_by_the_greatest_and_the_mean():
-    values = np.array([0.0, 0.0, 9.0, 0.0, 0.0])
-    assert running_most(values, 1).tolist() == [0.0, 9.0, 9.0, 9.0, 0.0]
-    assert running_mean(values, 1).tolist() == pytest.approx([0.0, 3.0, 3.0, 3.0, 0.0])
-
-
-@pytest.mark.parametrize(
-    ("length", "text"), [(0.7, 0.5), (99.0, 50.0), (100.0, 100.0), (230.0, 200.0)]
-)
-def test_scales_are_round(length, text):
-    assert round_length(length) == pytest.approx(text)
-
-
-def test_a_colour_thinned_by_half_is_half_way_to_white():
-    assert mixed("#0064c8", 0.5) == "#80b2e4"
+def test_the_picture_only_draws_near():
+    east = np.array([[0.0, 0.0, 0.0, 0.0], [60.0, 80.0, 20.0, math.nan]])
+    north = np.zeros_like(east)
+    assert reach_to_come((east, north)).tolist() == [40.0, 40.0, 10.0, 0.0]
 
 
 def test_the_command_writes_its_file_and_no_other(tmp_path):

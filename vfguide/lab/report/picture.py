@@ -31,14 +31,18 @@ def save_figure(figure: Figure, path: Path) -> Path:
 def picture_of(figure: Figure, dots_per_inch: int) -> bytes:
     """A figure as PNG."""
     reduced = BytesIO()
-    # Matplotlib says no types of its canvas.
-    canvas: Any = FigureCanvasAgg(figure)
     figure.set_dpi(dots_per_inch)
-    # Matplotlib's own way to a file lays the figure out and draws it twice.
-    canvas.draw()
-    picture = with_palette(Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3]))
+    picture = with_palette(pixels_of(figure))
     picture.save(reduced, format="PNG", optimize=True, dpi=(dots_per_inch, dots_per_inch))
     return reduced.getvalue()
+
+
+def pixels_of(figure: Figure) -> Image.Image:
+    """A figure as it is drawn. Matplotlib's own way to a file lays it out and draws it twice."""
+    # Matplotlib says no types of its canvas.
+    canvas: Any = FigureCanvasAgg(figure)
+    canvas.draw()
+    return Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3])
 
 
 def as_webp(png: bytes) -> bytes:
