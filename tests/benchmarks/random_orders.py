@@ -24,11 +24,11 @@ from tests.kit.missions import replaced
 from tests.kit.orders import overhear
 from vfguide.errors import VfguideError
 from vfguide.formation.arrangement import Arrangement, Manoeuvre, Point
-from vfguide.formation.orders import Formation, Order
+from vfguide.formation.orders import EPOCH_S, Formation, Order, new_number
 from vfguide.formation.shapes import SHAPES
 from vfguide.formation.transition import RefusedOrderError
 from vfguide.lab.order_desk import OrderDesk
-from vfguide.lab.ordering import DECIDED, EPOCH_S, new_number
+from vfguide.lab.ordering import DECIDED
 from vfguide.lab.rehearsal.aircraft import OPERATOR, Aircraft, Candidates
 from vfguide.lab.rehearsal.recorder import flight_record
 from vfguide.lab.report.figures import settling_time

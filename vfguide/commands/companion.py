@@ -3,7 +3,6 @@
 import asyncio
 import gc
 import logging
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
@@ -29,10 +28,11 @@ from vfguide.companion.consent import FileStore, default_directory
 from vfguide.companion.daemon import Daemon, Surroundings
 from vfguide.companion.ground_orders import ground_orders_of
 from vfguide.companion.mission_plan import adapter_of, flight_plan
-from vfguide.companion.order_program import OrderProgram
-from vfguide.errors import InputError, require
+from vfguide.companion.order_giver import OrderGiver
+from vfguide.errors import InputError
 from vfguide.link.address import parse_links
-from vfguide.link.keys import OPERATOR, key_places, read_private_key, read_revocations
+from vfguide.link.keys import OPERATOR, key_places, read_revocations
+from vfguide.link.opening import operator_of
 from vfguide.link.trust import Trust, new_session
 from vfguide.mavlink.address import Address, parse_address
 from vfguide.mavlink.framing import signing_key
@@ -109,9 +109,9 @@ def companion(
     sends_to = None if follow_target is None else parse_address(follow_target)
     if sends_to is not None and vehicle != flown.leader.vehicle:
         raise InputError(f"--follow-target: {vehicle!r} does not lead {flown.name}; leave it out")
-    ordering = None
+    giver = None
     if ground_station_orders:
-        ordering = order_program(link, keys, operator_key)
+        giver = order_giver(flown, keys, operator_key)
     elif operator_key is not None:
         raise InputError("--operator-key: goes with --ground-station-orders; leave it out")
     autopilot, own_clock = parse_address(mavlink), parse_clock(clock)
@@ -153,8 +153,8 @@ def companion(
         by_mavsdk=flown.vehicles[vehicle].by_mavsdk,
         leader=heard_at,
         followers=sends_to,
-        order_program=ordering,
-        ground_orders=None if ordering is None else ground_orders_of(flown),
+        order_giver=giver,
+        ground_orders=None if giver is None else ground_orders_of(flown),
     )
     plan = flight_plan(flown, vehicle)
     asyncio.run(run_until_stopped(Daemon(plan, adapter_of(flown.vehicles[vehicle]), surroundings)))
@@ -173,30 +173,33 @@ async def run_until_stopped(daemon: Daemon) -> None:
     await daemon.run(stop)
 
 
-def order_program(links: Sequence[str], keys: KeyFiles, operator_key: Path | None) -> OrderProgram:
+def order_giver(mission: Mission, keys: KeyFiles, operator_key: Path | None) -> OrderGiver:
     """What gives the orders that ground stations request.
 
     Raises:
-        InputError: there is no operator's key, or no link that a second program can use.
-        VfguideError: a library that orders need is not installed.
+        InputError: there is no operator's key.
     """
-    require("scipy")
-    usable = tuple(link for link in links if not link.startswith("serial:"))
-    if not usable:
+    by = KeyFiles(
+        mission=keys.mission, key=operator_key, roster=keys.roster, insecure=keys.insecure
+    ).of_operator()
+    if by.roster is not None and by.key is None:
         raise InputError(
-            "--ground-station-orders: orders are given by a program beside this one, which cannot share a"
-            " telemetry radio; add a link mqtt://, udp:// or zenoh://"
+            f"{key_places(keys.mission).private(OPERATOR)}: there is no operator's private key to sign orders"
+            " of a ground station with; copy it there, or name it with --operator-key"
         )
-    if keys.insecure:
-        return OrderProgram(mission=keys.mission, links=usable, key=None)
-    key = operator_key or key_places(keys.mission).private(OPERATOR)
-    if not key.exists():
-        raise InputError(
-            f"{key}: there is no operator's private key to sign orders of a ground station with; copy it"
-            " there, or name it with --operator-key"
-        )
-    read_private_key(key)
-    return OrderProgram(mission=keys.mission, links=usable, key=key, roster=keys.roster)
+    name = f"{OPERATOR} of a ground station"
+    if by.roster is not None and by.key is not None:
+        name = operator_of(by.roster, by.key)
+    operator = Trust(
+        formation=mission.name,
+        name=name,
+        leader=mission.timekeeper,
+        deputies=mission.deputies,
+        session=new_session(),
+        roster=by.roster,
+        key=by.key,
+    )
+    return OrderGiver(mission, operator)
 
 
 def leader_address(mission: Mission, vehicle: str, instead: str | None) -> Address | None:

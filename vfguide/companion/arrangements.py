@@ -52,7 +52,7 @@ from vfguide.link.order_codec import (
     encode_reply,
 )
 from vfguide.mavlink.announcements import INFO, WARNING
-from vfguide.state import HeardState
+from vfguide.state import HeardState, LeaderState
 
 REPLY_S = 0.25
 """Between two answers to an order that is not decided yet."""
@@ -122,6 +122,8 @@ class Arrangements:
         self.joining_m = 0.0
         """How far this vehicle is from the slot that it is to come to, m; 0 in it, and flown by its pilot."""
         self.leader_height = None
+        self.leader: LeaderState | None = None
+        """How the leader moves, times on the own clock; None while it is not known."""
         self._next: KnownOrder | None = None
         self._appointed_s = -math.inf
         self._returned = self._moving = False
@@ -147,6 +149,10 @@ class Arrangements:
         if self._next is not None and self._next.confirmed:
             return self._next.arrangement.number
         return self.flight.number
+
+    def awaits(self, number: int) -> bool:
+        """Whether an order was agreed to here, and has not begun."""
+        return self._next is not None and self._next.arrangement.number == number
 
     def leads_by_order(self, now: float) -> bool:
         """Whether this vehicle is to lead by an order that has just begun."""

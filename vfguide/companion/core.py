@@ -11,7 +11,7 @@ from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
 from vfguide.companion.alerts import Alerts
 from vfguide.companion.announcer import Announcer, mode_sentence
-from vfguide.companion.arrangements import Arrangements
+from vfguide.companion.arrangements import HEARD_S, Arrangements
 from vfguide.companion.authority import YOUNG_S, EngageRule, ModeAuthority, Wish
 from vfguide.companion.consent import ConsentStore, FlightPhase, MemoryStore
 from vfguide.companion.ground_orders import GroundOrders
@@ -19,12 +19,14 @@ from vfguide.companion.guided_vehicle import GuidedVehicle
 from vfguide.companion.height_keeper import LoiterHeight
 from vfguide.companion.housekeeping import Housekeeping
 from vfguide.companion.identity import EngageRange, VehicleIdentity
+from vfguide.companion.order_giver import FlownFormation
 from vfguide.companion.plan import FlightPlan
 from vfguide.companion.role import Outgoing, Snapshot
 from vfguide.companion.roles import RoleMaker, role_of
 from vfguide.companion.supervisor import Control, Mode, Objection, Situation, next_mode, obstacle
 from vfguide.companion.timing import SAME_CLOCK, SharedClock, Wakefulness
 from vfguide.formation.arrangement import Arrangement
+from vfguide.guidance.wind_triangle import polar
 from vfguide.mavlink.adapter import AutopilotAdapter
 from vfguide.mavlink.announcements import CRITICAL, INFO, NOTICE, WARNING
 from vfguide.mavlink.codec import Codec
@@ -50,6 +52,7 @@ from vfguide.mavlink.reports import (
     TrafficReport,
     VersionReport,
 )
+from vfguide.mission.order_plan import LeaderPlace
 from vfguide.state import HeardState
 
 
@@ -183,6 +186,36 @@ class Companion:
     def arrangement(self) -> Arrangement | None:
         """What it flies by; None for the slots of the mission."""
         return self._arrangements.flight.flown
+
+    def formation_at(self, then_s: float, now: float) -> FlownFormation | None:
+        """The formation for an order that begins at a time of the own clock, s.
+
+        None where others fly by an order that is not known here.
+        """
+        if self._arrangements.waits(now):
+            return None
+        leader = self._arrangements.leader
+        place = None
+        if leader is not None and now - leader.time_s <= HEARD_S:
+            ahead_s = then_s - leader.time_s
+            run_north, run_east = polar(leader.ground_speed * ahead_s, leader.course)
+            place = LeaderPlace(
+                leader.north + run_north,
+                leader.east + run_east,
+                leader.course,
+                height=leader.height + leader.climb_rate * ahead_s,
+                climb_rate=leader.climb_rate,
+            )
+        return FlownFormation(
+            number=self._arrangements.number,
+            flown=self.arrangement,
+            holder="" if self.leadership is None else self.leadership[0],
+            leader=place,
+        )
+
+    def awaits(self, number: int) -> bool:
+        """Whether an order was agreed to here, and is not decided yet."""
+        return self._arrangements.awaits(number)
 
     def receive_link(self, data: bytes, now: float) -> None:
         """Take a leader state from the link, or a datagram of a leader without a companion."""
@@ -417,9 +450,9 @@ class Companion:
         """A ground station requests an order: answered at once, given by the program around this."""
         if self.ground_orders is None:
             return []
-        messages, words = self.ground_orders.take(request, now)
-        if words is not None:
-            out.requested.append(words)
+        messages, order = self.ground_orders.take(request, now)
+        if order is not None:
+            out.requested.append(order)
         return messages
 
     def _take(self, report: Report, now: float, out: Outgoing) -> list[MAVLink_message]:

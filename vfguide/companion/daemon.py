@@ -2,6 +2,7 @@
 
 import asyncio
 import logging
+import math
 import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -10,7 +11,7 @@ from dataclasses import dataclass
 from functools import partial
 from importlib.metadata import version
 from pathlib import Path
-from random import Random
+from random import Random, SystemRandom
 from typing import Protocol
 
 from msgspec.structs import replace
@@ -19,8 +20,8 @@ from vfguide.companion.alerts import Event
 from vfguide.companion.clock import Clock
 from vfguide.companion.consent import ConsentStore
 from vfguide.companion.core import Companion
-from vfguide.companion.ground_orders import GroundOrders, Words
-from vfguide.companion.order_program import OrderProgram
+from vfguide.companion.ground_orders import ABORT, GroundOrders
+from vfguide.companion.order_giver import OrderGiver
 from vfguide.companion.plan import FlightPlan
 from vfguide.companion.presence_figures import (
     Quantiles,
@@ -32,11 +33,13 @@ from vfguide.companion.presence_figures import (
 from vfguide.companion.role import Outgoing, Snapshot, flight_event
 from vfguide.companion.timing import SAME_CLOCK, SharedClock
 from vfguide.errors import VfguideError, described_error
+from vfguide.formation.orders import Order, new_number
 from vfguide.link.address import LinkAddress
 from vfguide.link.envelope import Kind
 from vfguide.link.keys import write_revocations
 from vfguide.link.member import Member, ignore
 from vfguide.link.opening import Link, greeting_of, open_link
+from vfguide.link.order_codec import encode_order
 from vfguide.link.peer_clock import PeerClock
 from vfguide.link.presence import (
     LONGEST_WARNING,
@@ -47,7 +50,7 @@ from vfguide.link.presence import (
     Presence,
     fit_text,
 )
-from vfguide.link.trust import Trust
+from vfguide.link.trust import RefusedError, Trust
 from vfguide.mavlink.adapter import AutopilotAdapter
 from vfguide.mavlink.address import Address
 from vfguide.mavlink.connection import Connection, open_connection
@@ -70,6 +73,9 @@ OTHERS_HEARD = 3
 FAREWELLS, FAREWELL_S = 60, 0.1
 """Looks at the end for whether the vehicle flies by itself, and the real time between, s: three heartbeats
 may have to come, a second apart, and the mode before them to settle."""
+
+REPEAT_S, GIVEN_S = 0.5, 6.0
+"""Interval of the copies of an order that is given here, and for how long after its time it is said."""
 
 VERSION = version("vfguide")
 """Looked up once: it is read from a file."""
@@ -103,7 +109,7 @@ class Surroundings:
     """Where a leader without a companion is heard."""
     followers: Address | None = None
     """Where followers without a companion hear the leader, by FOLLOW_TARGET."""
-    order_program: OrderProgram | None = None
+    order_giver: OrderGiver | None = None
     """Gives orders that ground stations request; None to hear no such requests."""
     ground_orders: GroundOrders | None = None
     """What they may request."""
@@ -380,8 +386,8 @@ class Daemon:
                 self._record.add_event(flight_event(self._name, event), formation_time_s)
         if self._link is not None:
             share(self._link, out)
-        for words in out.requested:
-            task = asyncio.get_running_loop().create_task(self._give(words))
+        for order in out.requested:
+            task = asyncio.get_running_loop().create_task(self._give(order))
             # The loop itself keeps no hold of it.
             self._orders.add(task)
             task.add_done_callback(self._orders.discard)
@@ -394,20 +400,49 @@ class Daemon:
             if self._record is not None:
                 self._record.add_datagram(self._clock.now(), out.to_autopilot)
 
-    async def _give(self, words: Words) -> None:
+    async def _give(self, order: Order) -> None:
         """Give an order that a ground station has requested; its pilot hears what becomes of it."""
-        program, requests = self._surroundings.order_program, self._companion.ground_orders
-        if program is None or requests is None:
+        giver, requests = self._surroundings.order_giver, self._companion.ground_orders
+        if giver is None or requests is None:
             return
-
-        def tell(text: str) -> None:
-            self._dispatch(self._companion.tell(text, self._clock.now(), warning=False))
-
         try:
-            tell(f"order requested: {' '.join(words)}")
-            await program.give(words, tell)
+            await self._give_by(giver, order)
+        except (VfguideError, RefusedError) as error:
+            text = f"the order cannot be given: {error}"
+            self._dispatch(self._companion.tell(text, self._clock.now()))
         finally:
-            requests.finish(words)
+            requests.finish(order)
+
+    async def _give_by(self, giver: OrderGiver, order: Order) -> None:
+        """Work an order out, and say it until it is decided.
+
+        Raises:
+            VfguideError: it cannot be carried out.
+            RefusedError: no session of the leader is known.
+        """
+        member, link, now = self._own_member, self._link, self._clock.now()
+        if member is None or link is None:
+            return
+        aborts, then_s = order == ABORT, now + link.order_lead_s
+        known, time_s = (
+            self._companion.formation_at(then_s, now),
+            self._shared_clock.from_own(then_s),
+        )
+        if known is None:
+            raise VfguideError(
+                "the others fly by an order that is not known here: see that all are heard"
+            )
+        if not math.isfinite(time_s) or not (aborts or self._foreign or known.leader):
+            raise VfguideError("the leader is not heard: see that its companion runs")
+        number = new_number(known.number, time.time(), SystemRandom())
+        # In a thread: looking at each wind and turn takes some tenths of a second.
+        found = await asyncio.to_thread(giver.resolved, order, known, number=number, time_s=time_s)
+        body = encode_order(found)
+        while self._clock.now() < then_s + GIVEN_S:
+            member.give(giver.operator, body)
+            if not (aborts or self._companion.awaits(number)):
+                return
+            await asyncio.sleep(self._clock.real_seconds(REPEAT_S))
 
     def _note(self, events: Sequence[Event]) -> None:
         """Log what the companion has to say, and let the others know of it soon."""

@@ -237,6 +237,7 @@ class FollowerRole(Role):
                 publish=self._own_state(navigated, motion, mode, math.nan),
             )
         self.followed.watch_route(leader)
+        self._arrangements.leader = leader
         self._arrangements.leader_height = partial(
             self._leader_height, leader, navigated.state.time_s
         )

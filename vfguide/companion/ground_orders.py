@@ -3,23 +3,23 @@
 MAV_CMD_USER_1 to the companion's own component: param1 says which order, param2 to param4 the spacing, the
 vehicles by their MAVLink systems, or a slot. Nothing in MAVLink shows who has sent it, unless the connection
 is signed. So a companion hears it only where it was told to and has an operator's key; what is requested is
-given as any order: rehearsed, signed, agreed on by all.
+given as any order: signed, and agreed on by all. It is not rehearsed.
 """
 
 import math
 from collections.abc import Mapping
 
+from msgspec.structs import replace
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
+from vfguide.formation.arrangement import Point
+from vfguide.formation.orders import Order
 from vfguide.formation.shapes import SHAPES
 from vfguide.mavlink.reports import OrderRequest
 from vfguide.mission.model import Mission
 
-Words = tuple[str, ...]
-"""An order as `vfguide order` takes it."""
-
-ABORT: Words = ("abort",)
+ABORT = Order(action="abort")
 
 FIRST_SHAPE, SPACING, FIRST_PATH, FIRST_LEADER = 10, 20, 30, 60
 """Codes: of the shapes in their order, of the spacing alone, of paths and of who may lead."""
@@ -36,14 +36,14 @@ FARTHEST_SLOT_M = 5000.0
 """A slot that is farther off is a slip of the keys."""
 
 
-def order_codes(mission: Mission) -> dict[int, Words]:
-    """What each code orders in a mission."""
-    codes: dict[int, Words] = {1: ABORT, 2: ("hold",), 3: ("resume",), SPACING: ("spacing",)}
-    codes |= {FIRST_SHAPE + index: (shape,) for index, shape in enumerate(SHAPES)}
+def order_codes(mission: Mission) -> dict[int, Order]:
+    """What each code orders in a mission; the order of a spacing says none yet."""
+    codes = {1: ABORT, 2: Order(action="hold"), 3: Order(action="resume"), SPACING: Order()}
+    codes |= {FIRST_SHAPE + index: Order(shape=shape) for index, shape in enumerate(SHAPES)}
     paths = mission.paths_by_name if mission.paths else ()
-    codes |= {FIRST_PATH + index: ("path", name) for index, name in enumerate(paths)}
+    codes |= {FIRST_PATH + index: Order(path=name) for index, name in enumerate(paths)}
     may_lead = (mission.leader.vehicle, *mission.deputies) if mission.deputies else ()
-    return codes | {FIRST_LEADER + index: ("lead", name) for index, name in enumerate(may_lead)}
+    return codes | {FIRST_LEADER + index: Order(lead=name) for index, name in enumerate(may_lead)}
 
 
 def ground_orders_of(mission: Mission) -> "GroundOrders":
@@ -55,16 +55,16 @@ def ground_orders_of(mission: Mission) -> "GroundOrders":
 class GroundOrders:
     """Requests of one companion's ground stations: answered at once, and handed on."""
 
-    def __init__(self, codes: Mapping[int, Words], followers: Mapping[int, str]) -> None:
+    def __init__(self, codes: Mapping[int, Order], followers: Mapping[int, str]) -> None:
         """Know what each code orders, and the followers by their systems; nothing was requested yet."""
         self._codes = codes
         self._followers = followers
         self._last: tuple[object, ...] | None = None
         self._last_s = -math.inf
         self._answer = 0
-        self._under_way: set[Words] = set()
+        self._under_way: list[Order] = []
 
-    def take(self, request: OrderRequest, now: float) -> tuple[list[MAVLink_message], Words | None]:
+    def take(self, request: OrderRequest, now: float) -> tuple[list[MAVLink_message], Order | None]:
         """Take a request.
 
         Returns:
@@ -74,61 +74,64 @@ class GroundOrders:
         if request.confirmation > 0 and same == self._last and now - self._last_s < AGAIN_S:
             return [answer(request, self._answer)], None
         self._last, self._last_s = same, now
-        self._answer, words = self._decide(request)
-        return [answer(request, self._answer)], words
+        self._answer, order = self._decide(request)
+        return [answer(request, self._answer)], order
 
-    def finish(self, words: Words) -> None:
+    def finish(self, order: Order) -> None:
         """Note that an order has been given, or could not be: the next may come."""
-        self._under_way.discard(words)
+        self._under_way.remove(order)
 
-    def _decide(self, request: OrderRequest) -> tuple[int, Words | None]:
+    def _decide(self, request: OrderRequest) -> tuple[int, Order | None]:
         if not (abs(request.code) < 1e3 and round(request.code) == request.code):
             return mavlink.MAV_RESULT_UNSUPPORTED, None
         code = round(request.code)
         if code in FOLLOWER_ORDERS:
-            words = self._for_followers(FOLLOWER_ORDERS[code], request.values)
+            order = self._for_followers(FOLLOWER_ORDERS[code], request.values)
         elif code in self._codes:
-            words = with_spacing(self._codes[code], request.values)
+            order = with_spacing(self._codes[code], request.values)
         else:
             return mavlink.MAV_RESULT_UNSUPPORTED, None
         # What calls everything off waits for nothing but another of its kind.
-        waits_for = self._under_way & {ABORT} if words == ABORT else self._under_way
-        if waits_for:
+        if ABORT in self._under_way if order == ABORT else self._under_way:
             return mavlink.MAV_RESULT_TEMPORARILY_REJECTED, None
-        if words is None:
+        if order is None:
             return mavlink.MAV_RESULT_DENIED, None
-        self._under_way.add(words)
-        return mavlink.MAV_RESULT_ACCEPTED, words
+        self._under_way.append(order)
+        return mavlink.MAV_RESULT_ACCEPTED, order
 
-    def _for_followers(self, order: str, values: tuple[float, float, float]) -> Words | None:
+    def _for_followers(self, what: str, values: tuple[float, float, float]) -> Order | None:
         """An order for the follower of the first number; None where the numbers do not fit."""
         system, second, third = values
         name = self._follower(system)
         if name is None:
             return None
-        if order == "slot":
+        if what == "slot":
             near = max(abs(second), abs(third)) <= FARTHEST_SLOT_M
-            return ("slot", f"{name}={second:g},{third:g}") if near else None
-        if order == "swap":
+            return Order(slots={name: Point(second, third)}) if near else None
+        if what == "swap":
             other = self._follower(second)
-            return None if other in {None, name} or third != 0.0 else ("swap", name, str(other))
-        return (order, name) if second == third == 0.0 else None
+            if other is None or other == name or third != 0.0:
+                return None
+            return Order(swap=(name, other))
+        if second != 0.0 or third != 0.0:
+            return None
+        return Order(join=(name,)) if what == "join" else Order(leave=(name,))
 
     def _follower(self, system: float) -> str | None:
         """The follower with this MAVLink system."""
         return self._followers.get(int(system)) if system == int(system) else None
 
 
-def with_spacing(words: Words, values: tuple[float, float, float]) -> Words | None:
+def with_spacing(order: Order, values: tuple[float, float, float]) -> Order | None:
     """An order with the spacing of a request; None where the numbers do not fit."""
     spacing, *rest = values
     if rest != [0.0, 0.0]:
         return None
-    if spacing == 0.0 and words[0] != "spacing":
-        return words
-    if words[0] not in {*SHAPES, "spacing"} or not SPACINGS_M[0] <= spacing <= SPACINGS_M[1]:
-        return None
-    return (*words, "--spacing", f"{spacing:g}")
+    if spacing == 0.0 and order != Order():
+        return order
+    spaced = order == Order() or order.shape is not None
+    within = SPACINGS_M[0] <= spacing <= SPACINGS_M[1]
+    return replace(order, spacing=spacing) if spaced and within else None
 
 
 def answer(request: OrderRequest, result: int) -> MAVLink_message:

@@ -96,7 +96,7 @@ class LeaderRole(Role):
             )
         self._memory = guidance.memory
         self._arrangements.watch_route(task.path, guidance.point, steered=mode.steers)
-        motion = self._report.note(navigated)
+        self._arrangements.leader = motion = self._report.note(navigated)
         state, altitude = navigated.state, navigated.place.altitude_amsl
         if self._report.term > 0:
             # As it is told then: carried on while it is doubted.

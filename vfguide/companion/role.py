@@ -11,6 +11,7 @@ from vfguide.companion.own_vehicle import NavigatedState
 from vfguide.companion.plan import FlightPlan
 from vfguide.companion.supervisor import Mode
 from vfguide.formation.arrangement import MAIN_PATH, Point
+from vfguide.formation.orders import Order
 from vfguide.mavlink.reports import TrafficReport
 from vfguide.record.events import FlightEvent, plain
 from vfguide.record.guidance_log import GuidanceStep
@@ -141,8 +142,8 @@ class Outgoing(msgspec.Struct):
     """Answers to orders."""
     repeats: list[bytes] = msgspec.field(default_factory=list)
     """Orders, as they were signed, for vehicles that have missed them."""
-    requested: list[tuple[str, ...]] = msgspec.field(default_factory=list)
-    """Orders that a ground station has requested, in the words of `vfguide order`, to be given."""
+    requested: list[Order] = msgspec.field(default_factory=list)
+    """Orders that a ground station has requested, to be given."""
     to_leader: bytes = b""
     """One datagram, for a leader without a companion."""
     to_others: bytes = b""

@@ -13,12 +13,12 @@ here, on the operator's side. Companions know arrangements only.
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import combinations
+from random import Random
 from typing import Literal
 
 import msgspec
 from msgspec.structs import replace
 
-from vfguide.errors import require
 from vfguide.formation.arrangement import (
     MAIN_PATH,
     Arrangement,
@@ -153,21 +153,74 @@ def assigned(begin: Mapping[str, Offset], places: Sequence[Offset]) -> dict[str,
 
     Raises:
         ValueError: there are not as many places as followers.
-        VfguideError: SciPy is not installed.
     """
     if len(begin) != len(places):
         raise ValueError(f"{len(places)} places for {len(begin)} followers")
     if not begin:
         return {}
-    require("scipy")
-    from scipy.optimize import linear_sum_assignment
-
     ways = [
         [(north - ahead) ** 2 + (east - right) ** 2 for ahead, right in places]
         for north, east in begin.values()
     ]
-    _, columns = linear_sum_assignment(ways)
+    columns = least_assignment(ways)
     return {name: places[column] for name, column in zip(begin, columns, strict=True)}
+
+
+def least_assignment(costs: Sequence[Sequence[float]]) -> list[int]:
+    """The column of each row of a square, each once, so that the sum of all costs is least.
+
+    By shortest augmenting paths (Jonker, Volgenant, Computing 38, 1987): exact, in O(n³).
+    """
+    size = len(costs)
+    by_row, by_column = [0.0] * size, [0.0] * size
+    row_of = [-1] * size
+    for first in range(size):
+        shortest, before = [math.inf] * size, [-1] * size
+        done: list[int] = []
+        row, column, length = first, -1, 0.0
+        while True:
+            left = [one for one in range(size) if one not in done]
+            for one in left:
+                reached = length + costs[row][one] - by_row[row] - by_column[one]
+                if reached < shortest[one]:
+                    shortest[one], before[one] = reached, column
+            column = min(left, key=shortest.__getitem__)
+            length = shortest[column]
+            if row_of[column] < 0:
+                break
+            done.append(column)
+            row = row_of[column]
+        by_row[first] += length
+        for one in done:
+            by_row[row_of[one]] += length - shortest[one]
+            by_column[one] -= length - shortest[one]
+        while column >= 0:
+            column_before = before[column]
+            row_of[column] = first if column_before < 0 else row_of[column_before]
+            column = column_before
+    found = [0] * size
+    for column, row in enumerate(row_of):
+        found[row] = column
+    return found
+
+
+EPOCH_S = 1_767_225_600.0
+"""The year 2026, s since 1970. Orders are numbered by the seconds since then: numbers rise for ever ..."""
+
+CHANCE_BITS = 3
+"""... with so many bits of chance below, for two operators in the same second; 32 bits last until 2043."""
+
+
+def new_number(newest: int, unix_s: float, chance: Random) -> int:
+    """A number for an order, greater than the newest one; hardly the same as another operator's.
+
+    Args:
+        newest: number that is flown by.
+        unix_s: s since 1970; a clock that is behind does no harm.
+        chance: where its lowest bits come from.
+    """
+    seconds = max(int(unix_s - EPOCH_S), 0)
+    return max(seconds << CHANCE_BITS, newest + 1) + chance.getrandbits(CHANCE_BITS)
 
 
 Action = Literal["hold", "resume", "abort"]

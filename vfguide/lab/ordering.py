@@ -9,7 +9,7 @@ from random import Random, SystemRandom
 
 from vfguide.errors import InputError, VfguideError
 from vfguide.formation.arrangement import Arrangement, Manoeuvre
-from vfguide.formation.orders import Formation, Order
+from vfguide.formation.orders import Formation, Order, new_number
 from vfguide.lab.order_desk import REPEAT_S, OrderDesk, at_desk, await_present
 from vfguide.lab.studies.order import Prediction, rehearsed
 from vfguide.link.envelope import Kind
@@ -25,12 +25,6 @@ from vfguide.mission.order_plan import formation_of_mission, resolve
 
 LAST_S = 6.0
 """After an order's time answers are awaited for so long."""
-
-EPOCH_S = 1_767_225_600.0
-"""The year 2026, s since 1970. Orders are numbered by the seconds since then: numbers rise for ever ..."""
-
-CHANCE_BITS = 3
-"""... with so many bits of chance below, for two operators in the same second; 32 bits last until 2043."""
 
 DECIDED = frozenset({Verdict.REFUSED, Verdict.FLOWN, Verdict.VOID})
 
@@ -187,18 +181,6 @@ async def give_rehearsed(
         silent=tuple(sorted(desk.awaited - set(desk.replies))),
         leads=desk.leads,
     )
-
-
-def new_number(newest: int, unix_s: float, chance: Random) -> int:
-    """A number for an order, greater than the newest one; hardly the same as another operator's.
-
-    Args:
-        newest: number that is flown by.
-        unix_s: s since 1970; a clock that is behind does no harm.
-        chance: where its lowest bits come from.
-    """
-    seconds = max(int(unix_s - EPOCH_S), 0)
-    return max(seconds << CHANCE_BITS, newest + 1) + chance.getrandbits(CHANCE_BITS)
 
 
 def predicted(prediction: Prediction) -> str:

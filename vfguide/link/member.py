@@ -387,6 +387,21 @@ class Member:
             return self._seal(kind, EVERYBODY, body)
         return self._send(kind, EVERYBODY, body)
 
+    def give(self, operator: Trust, body: bytes) -> None:
+        """Say an order that an operator's key signs here, and take it as everybody does.
+
+        Raises:
+            RefusedError: no session of the leader is known, under which it could be given.
+        """
+        now = self.clock()
+        (epoch, *_) = self.trust.epochs(now) or (0,)
+        if epoch == 0:
+            raise RefusedError("the leader has not answered yet")
+        operator.prove(epoch, now)
+        data = operator.seal(Kind.ORDER, body, time_s=self.formation_time())
+        self.send(Parcel(kind=Kind.ORDER, to=EVERYBODY, data=data, body=body))
+        self.take(data)
+
     def ask(self) -> None:
         """Ask for the leader's clock."""
         if self.peer_clock is not None:

@@ -24,6 +24,7 @@ VEHICLES_MAY = frozenset(
     {
         PackedKind.STATE,
         PackedKind.PRESENCE,
+        PackedKind.ORDER,
         PackedKind.REPLY,
         PackedKind.REPEAT,
         PackedKind.REVOCATION,

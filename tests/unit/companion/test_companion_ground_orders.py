@@ -1,24 +1,24 @@
 """A ground station beside a companion: orders by MAVLink commands, the connection both share, signatures."""
 
-import asyncio
-import sys
-from pathlib import Path
-from typing import Any
-
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from msgspec.structs import replace
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
 from sitl_stub import Autopilot, CalmWind, Signing
 from tests.kit.companion import KINDS, MANUAL, Flight, companion_of, emulator, new_flight
+from tests.kit.link import LEADER, Wire, trust_of
 from tests.kit.missions import replaced
 from tests.kit.wire import command_long, heartbeat, of_type, packed, parsed
-from vfguide.companion import order_program
-from vfguide.companion.ground_orders import ground_orders_of, order_codes
-from vfguide.companion.order_program import MOST_LINES, OrderProgram
+from vfguide.companion.ground_orders import ABORT, ground_orders_of, order_codes
+from vfguide.companion.order_giver import FlownFormation, OrderGiver
 from vfguide.companion.supervisor import Mode
+from vfguide.formation.arrangement import Point
+from vfguide.formation.orders import Order
+from vfguide.formation.transition import RefusedOrderError
+from vfguide.link.trust import RefusedError
 from vfguide.mavlink.framing import ConnectionSigning
 from vfguide.mavlink.reports import OrderRequest
 
@@ -51,7 +51,7 @@ def command(
 
 def heard(
     *datagrams: bytes, takes_orders: bool = True, key: bytes | None = None
-) -> tuple[list[MAVLink_message], list[tuple[str, ...]]]:
+) -> tuple[list[MAVLink_message], list[Order]]:
     """What f1's companion answers to bytes, and which orders it hands on."""
     companion = companion_of(
         engage=False,
@@ -69,36 +69,38 @@ def heard(
 def test_each_code_is_one_order():
     shapes = ("vee", "echelon-left", "echelon-right", "line-abreast", "trail", "diamond")
     assert order_codes(MISSION) == {
-        1: ("abort",),
-        2: ("hold",),
-        3: ("resume",),
-        **{10 + number: (shape,) for number, shape in enumerate((*shapes, "finger-four"))},
-        20: ("spacing",),
-        30: ("path", "main"),
-        31: ("path", "survey"),
-        60: ("lead", "leader"),
-        61: ("lead", "f2"),
-        62: ("lead", "f1"),
+        1: ABORT,
+        2: Order(action="hold"),
+        3: Order(action="resume"),
+        **{
+            10 + number: Order(shape=shape) for number, shape in enumerate((*shapes, "finger-four"))
+        },
+        20: Order(),
+        30: Order(path="main"),
+        31: Order(path="survey"),
+        60: Order(lead="leader"),
+        61: Order(lead="f2"),
+        62: Order(lead="f1"),
     }
 
 
 @pytest.mark.parametrize(
-    ("code", "values", "words"),
+    ("code", "values", "order"),
     [
-        (4, (4,), ("join", "f3")),
-        (5, (2,), ("leave", "f1")),
-        (6, (2, 4), ("swap", "f1", "f3")),
-        (7, (3, -20.5, 40), ("slot", "f2=-20.5,40")),
-        (10, (30,), ("vee", "--spacing", "30")),
-        (14, (), ("trail",)),
-        (20, (25.5,), ("spacing", "--spacing", "25.5")),
-        (1, (), ("abort",)),
-        (31, (), ("path", "survey")),
+        (4, (4,), Order(join=("f3",))),
+        (5, (2,), Order(leave=("f1",))),
+        (6, (2, 4), Order(swap=("f1", "f3"))),
+        (7, (3, -20.5, 40), Order(slots={"f2": Point(-20.5, 40.0)})),
+        (10, (30,), Order(shape="vee", spacing=30.0)),
+        (14, (), Order(shape="trail")),
+        (20, (25.5,), Order(spacing=25.5)),
+        (1, (), ABORT),
+        (31, (), Order(path="survey")),
     ],
 )
-def test_a_request_is_accepted_and_handed_on_as_an_order(code, values, words):
+def test_a_request_is_accepted_and_handed_on_as_an_order(code, values, order):
     answers, requested = heard(command(code, *values))
-    assert requested == [words]
+    assert requested == [order]
     (answer,) = answers
     assert (answer.command, answer.result) == (USER_1, ACCEPTED)
     # Routers send it where it belongs.
@@ -158,19 +160,19 @@ def test_on_a_signed_connection_only_who_has_the_key_requests_orders():
     assert heard(command(1, key=bytes(32)), key=key) == ([], [])
     answers, requested = heard(command(1, key=key), key=key)
     assert [one.result for one in answers] == [ACCEPTED]
-    assert requested == [("abort",)]
+    assert requested == [ABORT]
 
 
 def test_a_command_that_is_sent_again_is_answered_again_and_not_given_twice():
     answers, requested = heard(command(2), command(2, confirmation=1), command(2, confirmation=2))
     assert [one.result for one in answers] == [ACCEPTED] * 3
-    assert requested == [("hold",)]
+    assert requested == [Order(action="hold")]
 
 
 def test_one_order_is_given_at_a_time_and_what_calls_everything_off_does_not_wait():
     answers, requested = heard(command(2), command(10), command(1), command(1))
     assert [one.result for one in answers] == [ACCEPTED, TEMPORARILY_REJECTED] * 2
-    assert requested == [("hold",), ("abort",)]
+    assert requested == [Order(action="hold"), ABORT]
 
 
 NUMBERS = st.floats(width=32, allow_nan=False, allow_infinity=False) | st.integers(0, 9).map(float)
@@ -194,50 +196,45 @@ def test_the_next_order_is_accepted_once_one_is_given():
         OrderRequest(sender=STATION, code=code, values=(0.0, 0.0, 0.0), confirmation=0)
         for code in (2.0, 3.0)
     )
-    assert requests.take(first, 1.0)[1] == ("hold",)
-    requests.finish(("hold",))
-    assert requests.take(second, 2.0)[1] == ("resume",)
+    assert requests.take(first, 1.0)[1] == Order(action="hold")
+    requests.finish(Order(action="hold"))
+    assert requests.take(second, 2.0)[1] == Order(action="resume")
 
 
-def program(**changes: object) -> OrderProgram:
-    content: dict[str, Any] = {"mission": Path("m.yaml"), "links": ("udp://a:1",), "key": None}
-    return OrderProgram(**(content | changes))
+def test_an_order_is_worked_out_from_the_formation_as_it_is():
+    giver = OrderGiver(MISSION, trust_of("eye", 9))
+    flown = FlownFormation(number=0, flown=None, holder="leader", leader=None)
+    trail = giver.resolved(Order(shape="trail"), flown, number=8, time_s=60.0)
+    assert (trail.number, trail.time_s) == (8, 60.0)
+    later = replace(flown, number=8, flown=trail)
+    swapped = giver.resolved(Order(swap=("f1", "f2")), later, number=9, time_s=90.0)
+    first, second = trail.place_of("f1"), swapped.place_of("f2")
+    assert first is not None
+    assert second is not None
+    assert second.end == first.end
+    with pytest.raises(RefusedOrderError, match="leads already"):
+        giver.resolved(Order(lead="leader"), later, number=9, time_s=90.0)
 
 
-def test_an_order_is_given_by_the_program_for_orders():
-    assert program().arguments(("vee", "--spacing", "30"))[1:] == [
-        *("-m", "vfguide", "order", "m.yaml", "vee", "--spacing", "30"),
-        *("--link", "udp://a:1", "--insecure"),
-    ]
-    signed = program(key=Path("k"), roster=Path("r"), links=("udp://a:1", "mqtt://b:2"))
-    assert signed.arguments(("abort",))[1:] == [
-        *("-m", "vfguide", "order", "m.yaml", "abort", "--link", "udp://a:1"),
-        *("--link", "mqtt://b:2", "--key", "k", "--roster", "r"),
-    ]
-
-
-def told_by(code: str, monkeypatch: pytest.MonkeyPatch) -> list[str]:
-    """What a program says that runs in the place of the one for orders."""
-    monkeypatch.setattr(OrderProgram, "arguments", lambda *_: [sys.executable, "-c", code])
-    told: list[str] = []
-    asyncio.run(program().give(("abort",), told.append))
-    return told
-
-
-def test_what_becomes_of_an_order_is_told_line_by_line_and_not_for_ever(monkeypatch):
-    assert told_by("import sys; print('f1: yes'); print('no', file=sys.stderr)", monkeypatch) in (
-        ["f1: yes", "no"],
-        ["no", "f1: yes"],
+def test_it_is_signed_by_the_operator_and_heard_by_all_and_by_the_companion_that_gives_it():
+    wire = Wire()
+    leader, one, other = (
+        wire.station(name, session=number) for number, name in enumerate((LEADER, "f1", "f2"), 1)
     )
-    assert len(told_by("for n in range(1000): print(n)", monkeypatch)) == MOST_LINES
-    # A line that does not end is cut.
-    assert [len(line) for line in told_by("print('x' * 100000)", monkeypatch)] == [1024]
-
-
-def test_a_program_that_takes_too_long_is_ended(monkeypatch):
-    monkeypatch.setattr(order_program, "LONGEST_S", 0.2)
-    endless = "while True: print('x' * 1000)"
-    assert told_by(endless, monkeypatch)[-1].startswith("the order took longer than 0.2 s")
+    with pytest.raises(RefusedError, match="has not answered yet"):
+        one.member.give(trust_of("eye", 9), b"vee")
+    wire.fly(leader, 2.0, one, other)
+    operator = trust_of("eye", 9)
+    for giver in (one, leader):
+        giver.member.give(operator, b"vee")
+        wire.run(0.1)
+    heard = [station.orders for station in (leader, one, other)]
+    assert [[order for order, *_ in orders] for orders in heard] == [[b"vee", b"vee"]] * 3
+    # A vehicle's own key gives none.
+    one.member.give(trust_of("f1", 10), b"vee")
+    wire.run(0.1)
+    assert len(other.orders) == 2
+    assert other.counters["refused: not for its sender to say"] == 1
 
 
 REQUEST_MESSAGE, SET_MESSAGE_INTERVAL, GET_MESSAGE_INTERVAL = 512, 511, 510

@@ -15,10 +15,10 @@ import pytest
 from tests.kit.missions import replaced
 from tests.kit.states import leader_message
 from vfguide.formation.arrangement import Arrangement, Manoeuvre
-from vfguide.formation.orders import Order
+from vfguide.formation.orders import EPOCH_S, Order, new_number
 from vfguide.lab import ordering
 from vfguide.lab.order_desk import OrderDesk, unanswered
-from vfguide.lab.ordering import EPOCH_S, OrderOutcome, conclusion, give_order, new_number
+from vfguide.lab.ordering import OrderOutcome, conclusion, give_order
 from vfguide.link.codec import encode
 from vfguide.link.envelope import Kind
 from vfguide.link.opening import WatchedFormation

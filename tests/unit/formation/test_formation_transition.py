@@ -2,16 +2,17 @@
 
 import math
 from collections.abc import Sequence
-from itertools import combinations
+from itertools import combinations, permutations
 
 import numpy as np
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
+from scipy.optimize import linear_sum_assignment
 
 from tests.kit.orders import MOTION
 from vfguide.formation.arrangement import PEAK, Arrangement, Point, SlotMove, progress, time_of
-from vfguide.formation.orders import assigned
+from vfguide.formation.orders import assigned, least_assignment
 from vfguide.formation.shapes import SHAPES, shape_slots
 from vfguide.formation.transition import (
     LAYER_M,
@@ -29,6 +30,31 @@ Offset = tuple[float, float]
 def points(places: Sequence[Offset]) -> dict[str, Point]:
     """Slots of f1, f2, ... in the plane."""
     return {f"f{number}": Point(*place) for number, place in enumerate(places, 1)}
+
+
+@settings(derandomize=True, deadline=None)
+@given(
+    st.integers(1, 6).flatmap(
+        lambda n: st.lists(
+            st.lists(st.integers(0, 9).map(float) | st.floats(0.0, 1e6), min_size=n, max_size=n),
+            min_size=n,
+            max_size=n,
+        )
+    )
+)
+def test_the_assignment_is_the_best_of_all(costs):
+    found = least_assignment(costs)
+    rows = range(len(costs))
+    assert sorted(found) == [*rows]
+    least = min(sum(costs[row][way[row]] for row in rows) for way in permutations(rows))
+    assert sum(costs[row][found[row]] for row in rows) <= least * (1.0 + 1e-12)
+
+
+def test_the_assignment_of_a_hundred_is_as_good_as_one_of_another_program():
+    costs = np.random.default_rng(1).uniform(0.0, 1e4, (100, 100))
+    rows, columns = linear_sum_assignment(costs)
+    found = least_assignment(costs.tolist())
+    assert costs[range(100), found].sum() == pytest.approx(costs[rows, columns].sum())
 
 
 def flown_distances(found: Transition, steps: int = 400) -> np.ndarray:
