@@ -2,9 +2,9 @@
 
 The pilot always wins. The guided mode is entered by this companion once in a flight, out of modes that the
 mission allows; from then on it comes back by the pilot's hand alone, however it was left and also after a
-restart. A mode is only ever commanded in answer to a heartbeat, which shows the mode that would be left, and
-which is known not to have waited in a radio: without such heartbeats nothing is commanded. Only what this
-companion has steered is handed back.
+restart: `RIGHTS` is the whole life of that right. A mode is only ever commanded in answer to a heartbeat,
+which shows the mode that would be left, and which is known not to have waited in a radio: without such
+heartbeats nothing is commanded. Only what this companion has steered is handed back.
 """
 
 import math
@@ -21,6 +21,7 @@ from vfguide.companion.supervisor import Control
 from vfguide.mavlink.adapter import AutopilotAdapter
 from vfguide.mavlink.announcements import WARNING
 from vfguide.mavlink.reports import CommandReport, HeartbeatReport
+from vfguide.transitions import transitions
 
 SETTLED_S = 2.5
 """A mode counts as settled after this long without a sign of any other: forged heartbeats stand between true
@@ -89,6 +90,61 @@ class Wish(Enum):
     """There is nothing to fly any more: the autopilot is better off by itself."""
 
 
+class Right(Enum):
+    """The right to enter the guided mode by itself, which a flight gives once."""
+
+    FREE = "free"
+    """It may be used."""
+    ASKING = "asking"
+    """It is being used: the guided mode was asked for, and does not show yet."""
+    SPENT = "spent"
+    """The pilot's hand alone engages it."""
+    FLOWN = "flown"
+    """The same, after the guided mode was seen: the pilot has heard why."""
+
+
+class Sign(Enum):
+    """What changes that right."""
+
+    GUIDED = "guided"
+    """The autopilot shows the guided mode."""
+    HOME = "home"
+    """It flies home."""
+    FAILSAFE = "fail-safe"
+    """It reports one."""
+    CHOSEN = "chosen"
+    """Another mode was selected in the air."""
+    ELSEWHERE = "elsewhere"
+    """It has left the mode out of which the guided one was asked for."""
+    UNSEEN = "unseen"
+    """Heartbeats were not heard for a while, or this process stood still."""
+    UNHEARD = "unheard"
+    """The same, and the vehicle flies."""
+    UNRECORDED = "unrecorded"
+    """It flies, and no record of its flight was found."""
+    REBOOTED = "rebooted"
+    """The autopilot has started anew in flight."""
+    ASKS = "asks"
+    """This companion asks for the guided mode."""
+    RENEWED = "renewed"
+    """An operator orders back who was left to the autopilot by an order."""
+    OVER = "over"
+    """The flight has ended, on the ground."""
+
+
+RIGHTS = """
+|        | guided | home   | fail-safe | chosen | elsewhere | unseen | unheard | unrecorded | rebooted | asks   | renewed | over |
+| ------ | ------ | ------ | --------- | ------ | --------- | ------ | ------- | ---------- | -------- | ------ | ------- | ---- |
+| free   | flown  | spent  | spent     | spent  | free      | free   | spent   | spent      | spent    | asking | free    | free |
+| asking | flown  | asking | spent     | asking | spent     | spent  | spent   | asking     | spent    | asking | free    | free |
+| spent  | flown  | spent  | spent     | spent  | spent     | spent  | spent   | spent      | spent    | spent  | free    | free |
+| flown  | flown  | flown  | flown     | flown  | flown     | flown  | flown   | flown      | flown    | flown  | free    | free |
+"""  # noqa: E501 - a table
+"""The right that follows from a right (rows) and a sign (columns)."""
+
+NEXT_RIGHT = transitions(RIGHTS, Right, Sign)
+
+
 class EngageRule(msgspec.Struct, frozen=True, kw_only=True):
     """When a companion may enter the guided mode by itself."""
 
@@ -129,11 +185,11 @@ class ModeAuthority:
         self._up_s = math.inf
         self._stranger: str | None = None
         self._alerts = alerts or Alerts()
-        self._asking: int | None = None
+        self._right = Right.SPENT if self._consent.is_spent else Right.FREE
+        self._asked_mode: int | None = None
         self._asks = 0
         self._next_ask = self._request_time = -math.inf
         self._steered = False
-        self._seen_guided = False
         self._returns = 0
         self._return_time = -math.inf
         self._late_since: float | None = None
@@ -204,8 +260,7 @@ class ModeAuthority:
             return Control.PILOT if denied else Control.GUIDED
         if self._returned:
             return Control.RETURNED
-        taken = self._consent.is_spent and self._asking is None
-        return Control.PILOT if taken else Control.FREE
+        return Control.PILOT if self._is_spent else Control.FREE
 
     def note_store(self) -> None:
         """Tell the pilot where the consent cannot be kept."""
@@ -275,9 +330,8 @@ class ModeAuthority:
         if not self._returned:
             self._notice(f"ordered back into the formation: select {self._adapter.engaged_name}")
             return
-        self._asking, self._asks, self._next_ask = None, 0, -math.inf
-        self._seen_guided = False
-        self._set(replace(self._consent, spent=""))
+        self._asks, self._next_ask = 0, -math.inf
+        self._note_sign(Sign.RENEWED)
 
     def rebooted(self) -> None:
         """The autopilot says that it has started anew: in flight that ends the right to engage it."""
@@ -286,8 +340,7 @@ class ModeAuthority:
         self._returned = False
         if stands:
             return
-        self._spend("the autopilot has rebooted in this flight")
-        self._asking = None
+        self._note_sign(Sign.REBOOTED, "the autopilot has rebooted in this flight")
         self._notice(
             "the autopilot has rebooted: it is not engaged again by itself;"
             f" select {self._adapter.engaged_name} to be steered"
@@ -352,39 +405,36 @@ class ModeAuthority:
         """What ends the right to engage, and the end of the flight, which gives it back."""
         if self._phase.hear(report, now) and self._consent != Consent():
             self._steered = self._inherited = False
-            self._asking, self._asks, self._next_ask = None, 0, -math.inf
-            self._seen_guided = False
+            self._asks, self._next_ask = 0, -math.inf
             self._alerts.forget("authority")
             self._set(Consent())
+            self._note_sign(Sign.OVER)
         self._watch_gap(now)
         self._watch_record(now)
         if not report.armed:
             return
         name = self._adapter.mode_name(report.custom_mode)
         if self.shows_guided:
-            self._spend(f"it has been in {name} in this flight")
-            self._asking = None
-            self._seen_guided = True
+            self._note_sign(Sign.GUIDED, f"it has been in {name} in this flight")
         elif report.status in FAILSAFES:
-            self._spend("the autopilot has reported a fail-safe in this flight")
-            self._asking = None
+            self._note_sign(Sign.FAILSAFE, "the autopilot has reported a fail-safe in this flight")
         elif self._adapter.goes_home(report.custom_mode):
-            self._spend(f"it has been in {name} in this flight")
+            self._note_sign(Sign.HOME, f"it has been in {name} in this flight")
         elif self._is_pilots_change(report, previous) and not self._phase.is_on_ground(now):
-            self._spend(f"{name} was selected in the air")
-        if self._asking is not None and self._asking != report.custom_mode:
-            self._asking = None
+            self._note_sign(Sign.CHOSEN, f"{name} was selected in the air")
+        if report.custom_mode != self._asked_mode:
+            self._note_sign(Sign.ELSEWHERE)
 
     def _watch_gap(self, now: float) -> None:
         """After a time without heartbeats, or without this process: the pilot may have flown meanwhile."""
         if not self._unseen:
             return
-        self._asking = None
+        self._note_sign(Sign.UNSEEN)
         if self._phase.is_on_ground(now):
             self._unseen = False
         elif self._phase.flies(now):
             self._unseen = False
-            self._spend("its heartbeats were not heard for a while in the air")
+            self._note_sign(Sign.UNHEARD, "its heartbeats were not heard for a while in the air")
 
     def _watch_record(self, now: float) -> None:
         """Without a record: a vehicle in the air may have been steered before, and left to its pilot."""
@@ -395,7 +445,7 @@ class ModeAuthority:
         elif self._phase.flies(now):
             self._may_be_lost = False
             if self._up_s > YOUNG_AUTOPILOT_S:
-                self._spend("no record of this flight was found")
+                self._note_sign(Sign.UNRECORDED, "no record of this flight was found")
 
     def _is_pilots_change(self, report: HeartbeatReport, previous: HeartbeatReport | None) -> bool:
         """Whether another mode was selected by hand: the end of a take-off is the autopilot's doing."""
@@ -403,13 +453,20 @@ class ModeAuthority:
             return False
         return self._adapter.mode_name(previous.custom_mode) not in TAKE_OFFS
 
-    def _spend(self, reason: str) -> None:
-        if not self._consent.is_spent:
+    @property
+    def _is_spent(self) -> bool:
+        """Whether the pilot alone may engage it."""
+        return self._right in {Right.SPENT, Right.FLOWN}
+
+    def _note_sign(self, sign: Sign, reason: str = "") -> None:
+        """Go on to the right that follows; the reason is kept over restarts, for the pilot."""
+        before, self._right = self._right, NEXT_RIGHT[self._right][sign]
+        if self._right is not before and Right.FREE in {before, self._right}:
             self._set(replace(self._consent, spent=reason))
 
     def _keep(self) -> None:
         """Who steers, for the companion after this one."""
-        steered = self.answers_for_vehicle or self._inherited or self._asking is not None
+        steered = self.answers_for_vehicle or self._inherited or self._right is Right.ASKING
         if steered is not self._consent.steered:
             self._set(replace(self._consent, steered=steered))
 
@@ -448,11 +505,10 @@ class ModeAuthority:
         return self._adapter.hand_back()
 
     def _ask(self, beat: HeartbeatReport, age_s: float, now: float) -> list[MAVLink_message]:
-        spent = self._consent.is_spent and self._asking is None
         settled = self._is_settled(now, run_s=LEAST_RUN_S)
         self._watch_interval(now, settled=settled)
         # The pilot was told when the guided mode was left.
-        if not settled or (spent and self._seen_guided):
+        if not settled or self._right is Right.FLOWN:
             return []
         obstacle = self._obstacle(beat, now)
         if obstacle is not None:
@@ -460,9 +516,9 @@ class ModeAuthority:
             return []
         if not self._is_young(age_s, now):
             return []
-        if self._asking is None:
-            self._asking = beat.custom_mode
-            self._spend("it has asked for the guided mode once in this flight")
+        if self._right is not Right.ASKING:
+            self._asked_mode = beat.custom_mode
+            self._note_sign(Sign.ASKS, "it has asked for the guided mode once in this flight")
             self._keep()
         if not self._store.holds(self._consent):
             # On its way to the disk; or it does not get there.
@@ -497,7 +553,7 @@ class ModeAuthority:
         by_hand = f"select {engaged} to be steered"
         if self._store.fault is not None:
             return self._store.fault
-        if self._consent.is_spent and self._asking is None:
+        if self._is_spent:
             return f"not engaged by itself, {self._consent.spent}: {by_hand}"
         if not beat.armed:
             return "the vehicle is not armed: engaged once it flies; arm it when ready"

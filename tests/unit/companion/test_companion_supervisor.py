@@ -12,7 +12,15 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from tests.kit.companion import GUIDED, LOITER
 from tests.kit.missions import ROOT, shipped
 from vfguide.companion.alerts import Alerts
-from vfguide.companion.authority import EngageRule, ModeAuthority, Wish
+from vfguide.companion.authority import (
+    NEXT_RIGHT,
+    RIGHTS,
+    EngageRule,
+    ModeAuthority,
+    Right,
+    Sign,
+    Wish,
+)
 from vfguide.companion.consent import FlightPhase, MemoryStore
 from vfguide.companion.mission_plan import adapter_of
 from vfguide.companion.supervisor import MODES, Control, Mode, ModeTimeouts, Situation, next_mode
@@ -153,9 +161,31 @@ def test_whatever_happens_it_steers_only_where_the_autopilot_obeys_and_is_heard(
             assert mode is PILOT
 
 
-def test_the_documentation_prints_the_table_of_modes():
+@given(st.lists(st.sampled_from(Sign), max_size=40))
+def test_once_the_guided_mode_was_seen_only_an_order_or_a_new_flight_gives_the_right_back(signs):
+    right, asked = Right.FREE, 0
+    for sign in signs:
+        before, right = right, NEXT_RIGHT[right][sign]
+        if sign in {Sign.RENEWED, Sign.OVER}:
+            assert right is Right.FREE
+            asked = 0
+            continue
+        asked += right is Right.ASKING and before is not Right.ASKING
+        assert asked <= 1
+        assert (right is Right.FLOWN) is (Sign.GUIDED is sign or before is Right.FLOWN)
+        if before is not Right.FREE:
+            assert right is not Right.FREE
+
+
+def test_while_the_guided_mode_is_asked_for_every_sign_of_the_pilot_ends_it():
+    ends = {sign for sign in Sign if NEXT_RIGHT[Right.ASKING][sign] is Right.SPENT}
+    assert ends == {Sign.FAILSAFE, Sign.ELSEWHERE, Sign.UNSEEN, Sign.UNHEARD, Sign.REBOOTED}
+
+
+@pytest.mark.parametrize("table", [MODES, RIGHTS])
+def test_the_documentation_prints_the_tables_of_states(table):
     page = ROOT / "docs" / "architecture.md"
-    assert MODES.strip() in page.read_text(encoding="utf-8")
+    assert table.strip() in page.read_text(encoding="utf-8")
 
 
 ACTIVE, CRITICAL = mavlink.MAV_STATE_ACTIVE, mavlink.MAV_STATE_CRITICAL
