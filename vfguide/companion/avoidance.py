@@ -27,7 +27,7 @@ from vfguide.companion.other_aircraft import TIGHT_SHARE, OtherAircraft, joined
 from vfguide.companion.own_vehicle import NavigatedState
 from vfguide.companion.plan import FlightPlan
 from vfguide.companion.possibilities import DRIFT_M_S, SILENT_S, Viewpoint
-from vfguide.companion.traffic import Traffic, reaction_time
+from vfguide.companion.traffic import ASTRAY_M, Traffic, reaction_time
 from vfguide.elementwise import BoolArray, FloatArray, wrap_angle
 from vfguide.guidance.airframe import bank_limited_turn_rate, course_error_for, speed_range
 from vfguide.guidance.height import (
@@ -61,6 +61,15 @@ ROOM_M = 3.0
 
 INSISTS_S = 0.15
 """See `ROOM_M`."""
+
+HELD_OFF_S = 4.0
+"""Two that keep each other from their slots so long pass at two heights: the later in the mission climbs."""
+
+WAITS_S = 12.0
+"""The other one waits so long before it descends itself: the first may be one that takes no height."""
+
+LETS_GO_S = 1.0
+"""Who was not held off for so long is not held off any more."""
 
 AROUND_LOOK_S = 0.06
 """Between two looks around, where reports are as frequent: others say where they are every 0.1 to 0.4 s."""
@@ -120,6 +129,7 @@ class KeepClear:
         self._climb_m = 0.0
         self._stepped_s = self._begun_s = -math.inf
         self._tight_since = math.inf
+        self._held_s = self._held_since_s = -math.inf
         self._changed_since = math.inf
         self._changed_s = -math.inf
 
@@ -206,16 +216,20 @@ class KeepClear:
             beside = np.array([leads and one.slots_apart_m <= BESIDE_M for one in those])
             least = np.array([one.least_m for one in those])
             room_m = float(np.where(beside, np.inf, clear.nearest - least).min())
-        tight = self._is_tight(room_m, state.time_s)
+        near = those[int(clear.wanted_nearest.argmin())]
+        cramped = self._is_tight(room_m, state.time_s)
+        held = clear.changed and near.steered and aim.leader is not None
+        tight = self._is_held_off(near, aim, state.time_s, held=held) or cramped
         if tight or not over:
             self._stepped_s = state.time_s if tight else self._stepped_s
-            climb_m = self._height_for(here, own, aim, navigated, clear, begins=tight)
+            flown = clear if cramped else None
+            climb_m = self._height_for(here, own, aim, navigated, flown, begins=tight)
             self._step_to(climb_m, here)
         # One that is late is told of once it is silent.
         silent = over and self._stepped_s == state.time_s
         told = None
         if steered and clear.changed:
-            told = those[int(clear.wanted_nearest.argmin())]
+            told = near
         elif steered and silent:
             told = next((one for one in those if one.over_m > 0.0), None)
         step_m = self._climb_m if tight or silent else 0.0
@@ -280,7 +294,8 @@ class KeepClear:
             for row, floor in zip(found[1], found[0].floor, strict=True):
                 vehicle = self._traffic.vehicle_of(row)
                 altitude, climb_rate = self._traffic.height_of(row, here.time_s)
-                makes_room = self._traffic.makes_room(row, here.time_s)
+                is_steered = self._traffic.is_steered(row, here.time_s)
+                makes_room = is_steered and not vehicle.leads
                 lost_s, slots_apart_m = float(lost_for[row]), self._traffic.slots_apart(row)
                 lost = math.isfinite(lost_s)
                 taken = aim.leaderless and self._traffic.is_taken(row, here.time_s)
@@ -296,6 +311,7 @@ class KeepClear:
                         altitude_amsl=altitude,
                         climb_rate=climb_rate,
                         under=self._plan.rank > vehicle.rank,
+                        steered=is_steered,
                         makes_room=makes_room,
                         slots_apart_m=slots_apart_m if makes_room else math.inf,
                         over_m=over_m if taken or lost else 0.0,
@@ -315,6 +331,7 @@ class KeepClear:
                     altitude_amsl=altitude,
                     climb_rate=aim.height.climb_rate,
                     under=True,
+                    steered=False,
                     makes_room=False,
                 )
             )
@@ -355,6 +372,15 @@ class KeepClear:
             return False
         self._tight_since = min(self._tight_since, now)
         return room_m < LITTLE_ROOM_M or now - self._tight_since >= INSISTS_S
+
+    def _is_held_off(self, near: Obstacle, aim: Intent, now: float, *, held: bool) -> bool:
+        """Whether two have stood in each other's way for so long that this one is to leave its height."""
+        if not held or aim.astray <= ASTRAY_M:
+            return False
+        if now - self._held_s > LETS_GO_S:
+            self._held_since_s = now
+        self._held_s = now
+        return now - self._held_since_s >= (HELD_OFF_S if near.under else WAITS_S)
 
     def _height_for(
         self,

@@ -261,11 +261,10 @@ class Traffic:
         carried_s = min(now - float(self._heard.time[row]), SILENT_S)
         return float(self._heard.altitude[row]) + rate * carried_s, rate
 
-    def makes_room(self, row: int, now: float) -> bool:
-        """Whether a vehicle keeps clear of others itself: it is steered, and does not lead them."""
+    def is_steered(self, row: int, now: float) -> bool:
+        """Whether a vehicle is heard to be steered by its companion."""
         heard = self._heard
-        steered = heard.steered[row] and now - heard.time[row] <= SILENT_S
-        return bool(steered and not self._leads[row])
+        return bool(heard.steered[row] and now - heard.time[row] <= SILENT_S)
 
     def lost_for(self, now: float, *, late: BoolArray | None = None) -> FloatArray:
         """For how long (s) each is silent whose companion is thought to be dead; NaN for all others.
