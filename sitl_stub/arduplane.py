@@ -46,13 +46,7 @@ from sitl_stub.parameters import (
 from sitl_stub.personality import Personality, personality
 from sitl_stub.telemetry import (
     ALTITUDE,
-    ATTITUDE,
     ESTIMATOR_STATUS,
-    GLOBAL_POSITION_INT,
-    HEARTBEAT,
-    ONCE_A_SECOND_US,
-    SYS_STATUS,
-    VFR_HUD,
 )
 
 GUIDED = AutopilotMode("GUIDED", 15, "commanded")
@@ -317,11 +311,7 @@ class EmulatedArduPlane(Personality):
 
     firmware = 3  # MAV_AUTOPILOT_ARDUPILOTMEGA
     version = 0x0407_0000
-    capabilities = 2 | 4 | 8 | 8192  # PARAM_FLOAT, MISSION_INT, COMMAND_INT, MAVLINK2
     unsent = frozenset({ALTITUDE, ESTIMATOR_STATUS})
-    unrequested = dict.fromkeys(
-        (HEARTBEAT, SYS_STATUS, ATTITUDE, VFR_HUD, GLOBAL_POSITION_INT), ONCE_A_SECOND_US
-    )
     announces_modes = True
     answers_data_streams = True
     modes = tuple(ARDUPLANE_MODES.values())

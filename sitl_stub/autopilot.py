@@ -398,6 +398,7 @@ class Autopilot:
         report = ReportedInstant(
             round(self._since_boot_us() * 1e-3) % 2**32,
             flight,
+            self.config,
             measured.motion,
             measured.latitude_rad,
             measured.longitude_rad,
@@ -405,8 +406,5 @@ class Autopilot:
             measured.altitude_error_m,
             measured.satellite_error_m,
             self._personality.arming.is_ready(flight),
-            self.config.icao_address,
-            self.config.vehicle_type,
-            self.config.uid,
         )
         return [TELEMETRY[message_id](report) for message_id in message_ids]

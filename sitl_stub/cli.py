@@ -18,9 +18,8 @@ import yaml
 
 from sitl_stub.bad_link import Emulated
 from sitl_stub.config import Option, OptionError, option_name, option_of
-from sitl_stub.links import Address, AddressError
-from sitl_stub.options import checked_epoch
-from sitl_stub.server import LinkError, Service, precise_event_loop, serve_all
+from sitl_stub.links import Address, AddressError, LinkError
+from sitl_stub.server import precise_event_loop, serve_all
 from sitl_stub.settings import Settings, field_names
 
 WRONG_INPUT, BROKEN = 2, 3
@@ -169,7 +168,6 @@ def fly(
     try:
         settings = Settings.of({**values, **given_options(context)})
         emulated = settings.fleet()
-        service = service_of(settings)
     except ValueError as error:
         fail(error, WRONG_INPUT)
 
@@ -178,7 +176,7 @@ def fly(
             one.reboot()
 
     try:
-        run(serve_all(emulated, service, on_open=announce), reboot_all)
+        run(serve_all(emulated, settings, on_open=announce), reboot_all)
     except (AddressError, OptionError) as error:
         fail(error, WRONG_INPUT)
     except LinkError as error:
@@ -199,23 +197,6 @@ def offer_settings(command: Callable[..., None]) -> Callable[..., None]:
 
 
 app.command(epilog=EXAMPLES)(offer_settings(fly))
-
-
-def service_of(settings: Settings) -> Service:
-    """How the fleet is served.
-
-    Raises:
-        ValueError: a setting is wrong; the message is one line.
-    """
-    epoch_s, speedup = settings.epoch_s, settings.speedup
-    return Service(
-        speedup=speedup,
-        epoch_s=None if epoch_s is None else checked_epoch(epoch_s, speedup),
-        truth_url=settings.truth,
-        truth_rate_hz=settings.truth_rate_hz,
-        duration_s=settings.duration_s,
-        also_to=settings.also_to,
-    )
 
 
 def announce(emulated: Emulated, address: Address) -> None:

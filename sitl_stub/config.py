@@ -15,6 +15,7 @@ UNIT = re.compile(r"_(1_s|m_s2|m_s|deg|hz|m|s)$")
 """The end of a field's name that its option does without."""
 
 Finite = Annotated[float, Field(allow_inf_nan=False)]
+Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
 NotNegative = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
 
 

@@ -11,6 +11,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
 from sitl_stub.commands import SystemStatus
+from sitl_stub.config import AutopilotConfig
 from sitl_stub.flight import EmulatedFlight
 from sitl_stub.geometry import wrap_to_pi, wrap_to_two_pi
 from sitl_stub.plant import Motion
@@ -72,6 +73,9 @@ class ReportedInstant(NamedTuple):
     flight: EmulatedFlight
     """State, mode and home."""
 
+    config: AutopilotConfig
+    """What it started with."""
+
     motion: Motion
     """Motion as measured."""
 
@@ -84,23 +88,14 @@ class ReportedInstant(NamedTuple):
     personality: Identity
     """Which autopilot speaks."""
 
-    altitude_error_m: float = 0.0
+    altitude_error_m: float
     """Error of the barometer's altitude."""
 
-    satellite_error_m: float = 0.0
+    satellite_error_m: float
     """Error of the altitude by satellites."""
 
-    ready: bool = True
+    ready: bool
     """Whether its sensors have settled."""
-
-    icao_address: int = 0
-    """ICAO address of its transponder."""
-
-    vehicle_type: int = mavlink.MAV_TYPE_FIXED_WING
-    """MAV_TYPE in its heartbeat."""
-
-    uid: int = 0
-    """Hardware number; 0 where it has none."""
 
     @property
     def altitude_amsl_m(self) -> float:
@@ -322,7 +317,7 @@ def high_latency2(report: ReportedInstant) -> MAVLink_message:
     motion = report.motion
     return mavlink.MAVLink_high_latency2_message(
         report.time_boot_ms,
-        report.vehicle_type,
+        report.config.vehicle_type,
         report.personality.firmware,
         report.flight.mode.custom_mode & 0xFFFF,
         degrees_e7(report.latitude_rad),
@@ -336,18 +331,9 @@ def high_latency2(report: ReportedInstant) -> MAVLink_message:
         min(255, round(motion.airspeed_m_s * 5.0)),
         0,
         min(255, round(motion.ground_speed_m_s * 5.0)),
-        0,
-        0,
-        0,
-        0,
-        0,
-        0,
+        *(0,) * 6,
         -1,
-        0,
-        0,
-        0,
-        0,
-        0,
+        *(0,) * 5,
     )
 
 
@@ -355,7 +341,7 @@ def adsb_vehicle(report: ReportedInstant) -> MAVLink_message:
     """What a receiver hears of its transponder: course over ground, cm/s, no time."""
     motion = report.motion
     return mavlink.MAVLink_adsb_vehicle_message(
-        report.icao_address,
+        report.config.icao_address,
         degrees_e7(report.latitude_rad),
         degrees_e7(report.longitude_rad),
         mavlink.ADSB_ALTITUDE_TYPE_GEOMETRIC,
@@ -378,7 +364,7 @@ def heartbeat(report: ReportedInstant) -> MAVLink_message:
     """Who this is, the mode, whether armed."""
     armed = mavlink.MAV_MODE_FLAG_SAFETY_ARMED if report.flight.armed else 0
     return mavlink.MAVLink_heartbeat_message(
-        report.vehicle_type,
+        report.config.vehicle_type,
         report.personality.firmware,
         mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED | armed,
         report.flight.mode.custom_mode,
@@ -469,5 +455,5 @@ def autopilot_version(report: ReportedInstant) -> MAVLink_message:
         no_hash,
         0,
         0,
-        report.uid,
+        report.config.uid,
     )

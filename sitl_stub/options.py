@@ -1,7 +1,6 @@
 """What options and their values mean: a text or a value of a file in, one checked value out."""
 
 import math
-import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, cast
 
@@ -16,10 +15,6 @@ from sitl_stub.telemetry import TELEMETRY
 
 MAX_WIND_M_S = 50.0
 """Stronger than any wind an aircraft of this size is flown in."""
-
-
-MAX_EPOCH_AWAY_S = 3600.0
-"""How far from now simulation time zero may lie, in seconds of simulation."""
 
 SLOWEST_HZ, FASTEST_HZ = 0.01, 100.0
 """Least and greatest rate of a stream."""
@@ -78,33 +73,6 @@ def parse_numbers(option: str, value: object, names: str) -> list[float]:
     return numbers
 
 
-def parse_plant_option(text: str) -> tuple[str, float]:
-    """NAME=VALUE as a name and a number.
-
-    Raises:
-        OptionError: it is no such thing.
-    """
-    name, _, value = text.partition("=")
-    try:
-        return name, float(value)
-    except ValueError:
-        raise OptionError(f"--plant-option: {text} is not NAME=VALUE") from None
-
-
-def checked_epoch(epoch_s: float, speedup: float) -> float:
-    """The Unix time of simulation time zero, if it is a time the aircraft can catch up with.
-
-    Raises:
-        OptionError: it is too far from now.
-    """
-    if not abs(time.time() - epoch_s) * speedup <= MAX_EPOCH_AWAY_S:
-        raise OptionError(
-            f"--epoch: {epoch_s:.0f} is more than {MAX_EPOCH_AWAY_S:.0f} s of simulation from now"
-            f" ({time.time():.0f})"
-        )
-    return epoch_s
-
-
 def parse_route(value: object) -> Route:
     """LAT,LON;LAT,LON;… in degrees, or a list of such pairs.
 
@@ -121,12 +89,13 @@ def parse_route(value: object) -> Route:
         raise OptionError(f"--route: not LAT,LON;LAT,LON;… ({error})") from error
 
 
-def parse_stream(text: str) -> tuple[int, int]:
+def parse_stream(value: object) -> tuple[int, int]:
     """NAME:HZ as the number of a message and its interval in microseconds.
 
     Raises:
         OptionError: it is no such thing.
     """
+    text = str(value)
     name, _, rate = text.partition(":")
     number = int(getattr(mavlink, f"MAVLINK_MSG_ID_{name}", -1))
     try:
@@ -160,13 +129,19 @@ def glitch(value: object) -> Fault:
     return Fault("offset", *parse_numbers("--gps-glitch", value, "AT,FOR,N,E"))
 
 
-def stream(value: object) -> tuple[int, int]:
-    """NAME:HZ as a number and an interval in microseconds."""
-    return parse_stream(str(value))
-
-
 def named_numbers(value: object) -> dict[str, float]:
-    """Numbers by name, or a list of NAME=VALUE."""
+    """Numbers by name, or a list of NAME=VALUE.
+
+    Raises:
+        OptionError: it is no such thing.
+    """
     if isinstance(value, Mapping):
         return {str(name): float(number) for name, number in value.items()}
-    return dict(parse_plant_option(str(one)) for one in listed(value))
+    found = {}
+    for text in listed(value):
+        name, _, number = str(text).partition("=")
+        try:
+            found[name] = float(number)
+        except ValueError:
+            raise OptionError(f"--plant-option: {text} is not NAME=VALUE") from None
+    return found

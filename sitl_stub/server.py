@@ -8,18 +8,16 @@ import selectors
 import socket
 import time
 from collections.abc import Callable, Coroutine, Iterator, Sequence
-from contextlib import AsyncExitStack, contextmanager
+from contextlib import AbstractContextManager, AsyncExitStack, contextmanager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 
 from msgspec.structs import asdict
 
 from sitl_stub.bad_link import Emulated
-from sitl_stub.config import OptionError
-from sitl_stub.links import Address, AddressError, EmulatorLink, LinkError, open_link, parse_address
+from sitl_stub.links import Address, AddressError, EmulatorLink, open_link, parse_address
+from sitl_stub.settings import Settings
 from sitl_stub.truth import Truth
-
-MAX_RATE_HZ = 1000.0
 
 BEGINNING = b'{"system_id": '
 """Beginning of every line of true states."""
@@ -58,23 +56,17 @@ class TruthLog:
         self._write(line.encode() + b"\n")
 
 
-@contextmanager
-def truth_target(target: str | None, *, rate_hz: float) -> Iterator[Write | None]:
+def truth_target(target: str | None) -> AbstractContextManager[Write | None]:
     """How to write into `udpout://host:port` or a file, open as long as its context lasts.
 
     A file of earlier true states is overwritten, any other is not.
 
     Raises:
         AddressError: on entering, the target cannot be written to; the message is one line.
-        OptionError: on entering, the rate is out of its range.
     """
     if target is None:
-        yield None
-        return
-    if not 0.0 < rate_hz <= MAX_RATE_HZ:
-        raise OptionError(f"truth rate {rate_hz:g} Hz is not above 0 and at most {MAX_RATE_HZ:g}")
-    with datagrams(target) if "://" in target else lines(Path(target)) as write:
-        yield write
+        return nullcontext()
+    return datagrams(target) if "://" in target else lines(Path(target))
 
 
 @contextmanager
@@ -125,9 +117,6 @@ def datagrams(url: str) -> Iterator[Write]:
     with socket.socket(family, socket.SOCK_DGRAM) as channel:
         channel.settimeout(0.0)
         yield send
-
-
-__all__ = ["LinkError", "Service", "SimulationClock", "precise_event_loop", "serve", "serve_all"]
 
 
 logger = logging.getLogger("sitl_stub")
@@ -245,86 +234,9 @@ class Emulator:
             logger.warning("%.1f s behind the clock: this computer needs a lower speed-up", late_s)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Service:
-    """How emulators are served, all of them alike."""
-
-    speedup: float = 1.0
-    """Seconds of simulation in one real second."""
-
-    epoch_s: float | None = None
-    """Unix time at which simulation time is zero, the same for a whole formation; by default now. From one
-    in the past the aircraft first catch up, unheard."""
-
-    truth_url: str | None = None
-    """`udpout://host:port` or a file for the true states, as JSON lines."""
-
-    truth_rate_hz: float = 20.0
-    """True states of each aircraft in one second of simulation."""
-
-    duration_s: float | None = None
-    """Simulation time at which to end."""
-
-    also_to: tuple[str, ...] = ()
-    """Addresses of others that hear the first aircraft, too."""
-
-    def __post_init__(self) -> None:
-        """Refuse what cannot be served.
-
-        Raises:
-            OptionError: an argument is wrong; the message is one line.
-        """
-        for name, value in (("speedup", self.speedup), ("duration_s", self.duration_s)):
-            if value is not None and not (math.isfinite(value) and value > 0.0):
-                raise OptionError(f"{name} must be finite and above zero, not {value!r}")
-        if self.epoch_s is not None and not math.isfinite(self.epoch_s):
-            raise OptionError(f"epoch_s must be finite, not {self.epoch_s!r}")
-
-
-async def serve(
-    autopilot: Emulated,
-    url: str | Address,
-    *,
-    speedup: float = 1.0,
-    epoch_s: float | None = None,
-    truth_url: str | None = None,
-    truth_rate_hz: float = 20.0,
-    duration_s: float | None = None,
-    on_open: Callable[[Address], None] | None = None,
-) -> None:
-    """Serve one autopilot that has not flown yet, until its duration is over or this is cancelled.
-
-    Args:
-        autopilot: At simulation time zero.
-        url: Where to speak MAVLink, such as `udpin://127.0.0.1:14540`.
-        speedup: See `Service`, as for the following ones.
-        epoch_s: See there.
-        truth_url: See there.
-        truth_rate_hz: See there.
-        duration_s: See there.
-        on_open: Called with the address once it is open, with the port it really has.
-
-    Raises:
-        AddressError: an address or path is wrong; the message is one line.
-        OptionError: another argument is wrong; the message is one line.
-        LinkError: the address cannot be used on this computer now.
-        OSError: the file of true states can be written to no more.
-    """
-    address = parse_address(url) if isinstance(url, str) else url
-    service = Service(
-        speedup=speedup,
-        epoch_s=epoch_s,
-        truth_url=truth_url,
-        truth_rate_hz=truth_rate_hz,
-        duration_s=duration_s,
-    )
-    say = None if on_open is None else (lambda _autopilot, opened: on_open(opened))
-    await serve_all([(autopilot, address)], service, on_open=say)
-
-
 async def serve_all(
     emulated: Sequence[tuple[Emulated, Address]],
-    service: Service,
+    settings: Settings,
     *,
     on_open: Callable[[Emulated, Address], None] | None = None,
 ) -> None:
@@ -336,26 +248,26 @@ async def serve_all(
         OSError: the file of true states can be written to no more.
     """
     loop = asyncio.get_running_loop()
-    with truth_target(service.truth_url, rate_hz=service.truth_rate_hz) as write:
+    with truth_target(settings.truth) as write:
         async with AsyncExitStack() as stack:
             opened = []
             for autopilot, address in emulated:
                 truth = None
                 if write is not None:
-                    rate_hz = service.truth_rate_hz
+                    rate_hz = settings.truth_rate_hz
                     truth = TruthLog(write, rate_hz=rate_hz, system_id=autopilot.system_id)
-                duration_s = math.inf if service.duration_s is None else service.duration_s
+                duration_s = math.inf if settings.duration_s is None else settings.duration_s
                 emulator = Emulator(autopilot, truth=truth, duration_s=duration_s)
                 link = await stack.enter_async_context(open_link(address, emulator.take))
                 opened.append((emulator, [link]))
                 if on_open is not None:
                     on_open(autopilot, link.address)
-            for url in service.also_to:
+            for url in settings.also_to:
                 emulator, links = opened[0]
                 address = parse_address(url)
                 links.append(await stack.enter_async_context(open_link(address, emulator.take)))
-            waiting_s = 0.0 if service.epoch_s is None else service.epoch_s - time.time()
-            clock = SimulationClock(loop.time() + waiting_s, service.speedup)
+            waiting_s = 0.0 if settings.epoch_s is None else settings.epoch_s - time.time()
+            clock = SimulationClock(loop.time() + waiting_s, settings.speedup)
             await all_of([emulator.run(links, clock) for emulator, links in opened])
 
 

@@ -8,7 +8,7 @@ import math
 import time
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Self
 
 from pydantic import (
     BeforeValidator,
@@ -22,7 +22,15 @@ from sitl_stub.aircraft import PlantParameters, SpeedResponse
 from sitl_stub.autopilot import Autopilot
 from sitl_stub.bad_link import BadLink, Emulated
 from sitl_stub.codec import Signing, key_of
-from sitl_stub.config import AircraftOptions, AutopilotConfig, Option, OptionError, option_name
+from sitl_stub.config import (
+    AircraftOptions,
+    AutopilotConfig,
+    Finite,
+    Option,
+    OptionError,
+    Positive,
+    option_name,
+)
 from sitl_stub.geometry import displace
 from sitl_stub.links import Address, parse_address
 from sitl_stub.options import (
@@ -33,8 +41,8 @@ from sitl_stub.options import (
     numbers,
     parse_gust,
     parse_route,
+    parse_stream,
     parse_wind,
-    stream,
 )
 from sitl_stub.personality import Loops, autopilots
 from sitl_stub.plant import options_of, plants
@@ -46,6 +54,9 @@ DEFAULT_HEIGHT_M = 100.0
 """Start above home, where home's altitude is not given."""
 
 MAX_COUNT = 100
+
+MAX_EPOCH_AWAY_S = 3600.0
+"""How far from now simulation time zero may lie, in seconds of simulation."""
 
 LowHigh = tuple[float, float]
 Place = tuple[float, float, float, float]
@@ -168,7 +179,9 @@ class Settings(AircraftOptions):
     ] = ()
     """Positions off for a time: seconds, metres. Repeatable."""
 
-    streams: Annotated[tuple[tuple[int, int], ...], each(stream), Option("NAME:HZ", "stream")] = ()
+    streams: Annotated[
+        tuple[tuple[int, int], ...], each(parse_stream), Option("NAME:HZ", "stream")
+    ] = ()
     """Send this unasked instead of the autopilot's own. Repeatable."""
 
     also_to: Annotated[tuple[str, ...], BeforeValidator(listed), Option("URL")] = ()
@@ -192,13 +205,13 @@ class Settings(AircraftOptions):
     truth: Annotated[str | None, Option("TO")] = None
     """True states as JSON lines: udpout://HOST:PORT or a file."""
 
-    truth_rate_hz: Annotated[float, Option("HZ")] = 20.0
+    truth_rate_hz: Annotated[float, Field(gt=0.0, le=1000.0), Option("HZ")] = 20.0
     """True states in a second of simulation."""
 
-    duration_s: Annotated[float | None, Option("S")] = None
+    duration_s: Annotated[Positive | None, Option("S")] = None
     """Simulation time at which it ends."""
 
-    epoch_s: Annotated[float | None, Option("SECONDS")] = None
+    epoch_s: Annotated[Finite | None, Option("SECONDS")] = None
     """Unix time of simulation time zero, the same for a whole formation; default: now."""
 
     @model_validator(mode="before")
@@ -210,6 +223,20 @@ class Settings(AircraftOptions):
         inside = ("turbulence", "gusts", "roughness_m")
         taken = {name: values["wind"][name] for name in inside if name in values["wind"]}
         return {**taken, **values}
+
+    @model_validator(mode="after")
+    def _catches_up(self) -> Self:
+        """See that simulation time zero is a time that the aircraft can catch up with."""
+        now_s = time.time()
+        if (
+            not abs(now_s - (now_s if self.epoch_s is None else self.epoch_s)) * self.speedup
+            <= MAX_EPOCH_AWAY_S
+        ):
+            raise OptionError(
+                f"--epoch: {self.epoch_s:.0f} is more than {MAX_EPOCH_AWAY_S:.0f} s of simulation from now"
+                f" ({now_s:.0f})"
+            )
+        return self
 
     def plant_parameters(self) -> PlantParameters:
         """The aircraft.

@@ -1,13 +1,16 @@
 """Emulated autopilots in the air, and a ground station that talks to one in MAVLink bytes."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Coroutine
 from typing import Any, Literal
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
 from sitl_stub import Autopilot, AutopilotConfig, CalmWind, PlantParameters, Truth, Wind
+from sitl_stub.links import Address, parse_address
+from sitl_stub.server import serve_all
+from sitl_stub.settings import Settings
 from tests.kit.wire import command_long, parsed, result_of
 from vfguide.mavlink.adapter import AutopilotSetpoint, Px4Steering, Vehicle
 from vfguide.mavlink.codec import Codec
@@ -201,3 +204,16 @@ class Emulated:
             self.obey(messages())
             self._now += 0.1
             self.autopilot.advance(self._now)
+
+
+def serve(
+    autopilot: Autopilot,
+    url: str = "udpin://127.0.0.1:0",
+    *,
+    on_open: Callable[[Address], None] | None = None,
+    **options: Any,
+) -> Coroutine[None, None, None]:
+    """Serve an autopilot that has not flown yet, with options of `sitl-stub` by their fields."""
+    say = None if on_open is None else (lambda _autopilot, opened: on_open(opened))
+    settings = Settings.of({"system_id": autopilot.system_id, **options})
+    return serve_all([(autopilot, parse_address(url))], settings, on_open=say)

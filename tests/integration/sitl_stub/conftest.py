@@ -11,8 +11,7 @@ from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
 from sitl_stub import Autopilot
 from sitl_stub.links import Address
-from sitl_stub.server import serve
-from tests.kit.autopilot import new_autopilot
+from tests.kit.autopilot import new_autopilot, serve
 from tests.kit.sockets import PATIENCE_S
 from tests.kit.wire import command_long, packed
 

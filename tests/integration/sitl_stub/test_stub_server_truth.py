@@ -9,7 +9,7 @@ import pytest
 from sitl_stub import Truth
 from sitl_stub.config import OptionError
 from sitl_stub.links import AddressError
-from sitl_stub.server import serve
+from tests.kit.autopilot import serve
 
 
 def read(path: Path) -> list[dict[str, Any]]:
@@ -18,10 +18,7 @@ def read(path: Path) -> list[dict[str, Any]]:
 
 def test_true_states_are_of_the_exact_multiples_of_their_period(autopilot, tmp_path):
     path = tmp_path / "truth.jsonl"
-    service = serve(
-        autopilot, "udpin://127.0.0.1:0", speedup=20.0, truth_url=str(path), duration_s=3.0
-    )
-    asyncio.run(service)
+    asyncio.run(serve(autopilot, speedup=20.0, truth=str(path), duration_s=3.0))
     samples = read(path)
     assert [sample["time_s"] for sample in samples] == [round(k / 20, 2) for k in range(61)]
     assert set(Truth.__struct_fields__) | {"system_id"} == set(samples[0])
@@ -31,22 +28,15 @@ def test_true_states_are_of_the_exact_multiples_of_their_period(autopilot, tmp_p
 
 def test_a_period_that_is_no_whole_number_of_microseconds_does_not_drift(autopilot, tmp_path):
     path = tmp_path / "truth.jsonl"
-    service = serve(
-        autopilot,
-        "udpin://127.0.0.1:0",
-        speedup=100.0,
-        truth_url=str(path),
-        truth_rate_hz=30.0,
-        duration_s=10.0,
-    )
-    asyncio.run(service)
+    options = {"speedup": 100.0, "truth_rate_hz": 30.0, "duration_s": 10.0}
+    asyncio.run(serve(autopilot, truth=str(path), **options))
     assert [sample["time_s"] for sample in read(path)] == [round(k / 30, 6) for k in range(301)]
 
 
 async def test_true_states_also_go_out_as_datagrams(served, station):
     async with station() as judge:
         url = f"udpout://127.0.0.1:{judge.port}"
-        async with served(truth_url=url, speedup=10.0, duration_s=2.0), asyncio.timeout(60.0):
+        async with served(truth=url, speedup=10.0, duration_s=2.0), asyncio.timeout(60.0):
             while len(judge.datagrams) < 10:
                 await asyncio.sleep(0.01)
         samples = [json.loads(datagram) for datagram in judge.datagrams[:10]]
@@ -60,15 +50,8 @@ def test_true_states_depend_neither_on_the_speed_up_nor_on_a_late_start(
     paths = (tmp_path / "on-time.jsonl", tmp_path / "late.jsonl")
     starts = ((autopilot, 100.0, 0.2), (another_autopilot, 10.0, -0.2))
     for path, (vehicle, speedup, from_now_s) in zip(paths, starts, strict=True):
-        service = serve(
-            vehicle,
-            "udpin://127.0.0.1:0",
-            speedup=speedup,
-            epoch_s=time.time() + from_now_s,
-            truth_url=str(path),
-            duration_s=4.0,
-        )
-        asyncio.run(service)
+        options = {"speedup": speedup, "truth": str(path), "duration_s": 4.0}
+        asyncio.run(serve(vehicle, epoch_s=time.time() + from_now_s, **options))
     on_time, late = map(read, paths)
     assert len(late) == 81
     assert on_time == late
@@ -87,13 +70,13 @@ async def test_telemetry_begins_with_time_zero_at_the_epoch(station, served):
 
 def test_a_full_disk_ends_it_instead_of_leaving_a_hole(autopilot):
     with pytest.raises(OSError, match="No space left"):
-        asyncio.run(serve(autopilot, "udpin://127.0.0.1:0", truth_url="/dev/full"))
+        asyncio.run(serve(autopilot, truth="/dev/full"))
 
 
 def test_only_true_states_are_overwritten(autopilot, tmp_path):
     def fly(path: Path) -> None:
-        options = {"truth_url": str(path), "speedup": 100.0, "duration_s": 1.0}
-        asyncio.run(serve(autopilot, "udpin://127.0.0.1:0", **options))
+        options = {"truth": str(path), "speedup": 100.0, "duration_s": 1.0}
+        asyncio.run(serve(autopilot, **options))
 
     own, foreign = tmp_path / "truth.jsonl", tmp_path / "thesis.tex"
     foreign.write_text("years of work")
@@ -108,17 +91,17 @@ def test_only_true_states_are_overwritten(autopilot, tmp_path):
 @pytest.mark.parametrize(
     ("options", "said"),
     [
-        ({"truth_url": "tcpout://127.0.0.1:1"}, "udpout"),
-        ({"truth_url": "udpout://127.0.0.1"}, "write one like"),
-        ({"truth_url": "/nowhere/at/all.jsonl"}, "cannot be written to"),
-        ({"truth_url": "x", "truth_rate_hz": 0.0}, "truth rate"),
-        ({"speedup": 0.0}, "speedup must be"),
-        ({"speedup": float("nan")}, "speedup must be"),
-        ({"duration_s": -1.0}, "duration_s must be"),
-        ({"epoch_s": float("inf")}, "epoch_s must be"),
+        ({"truth": "tcpout://127.0.0.1:1"}, "udpout"),
+        ({"truth": "udpout://127.0.0.1"}, "write one like"),
+        ({"truth": "/nowhere/at/all.jsonl"}, "cannot be written to"),
+        ({"truth": "x", "truth_rate_hz": 0.0}, "--truth-rate: input should be"),
+        ({"speedup": 0.0}, "--speedup: input should be"),
+        ({"speedup": float("nan")}, "--speedup: input should be"),
+        ({"duration_s": -1.0}, "--duration: input should be"),
+        ({"epoch_s": float("inf")}, "--epoch: input should be"),
     ],
 )
 def test_wrong_arguments_are_refused_in_one_line(autopilot, options, said):
     with pytest.raises((AddressError, OptionError), match=said) as caught:
-        asyncio.run(serve(autopilot, "udpin://127.0.0.1:0", **options))
+        asyncio.run(serve(autopilot, **options))
     assert len(str(caught.value).splitlines()) == 1

@@ -164,7 +164,7 @@ def test_it_tells_its_version():
         (["--alpha", "-1"], "alpha_1_s must be"),
         (["--speedup", "0"], "--speedup: input should be greater than 0"),
         (["--speedup", "nan"], "--speedup: input should be"),
-        (["--duration", "-1"], "duration_s must be"),
+        (["--duration", "-1"], "--duration: input should be"),
         (["--epoch", "0"], "--epoch: 0 is more than"),
         (["--seed", "-1"], "--seed: input should be"),
         (["--position-noise", "-1"], "--position-noise: input should be"),
