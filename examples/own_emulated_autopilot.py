@@ -11,14 +11,10 @@ and what commands do. What is not written here has a default (`sitl_stub.Persona
 import math
 from typing import ClassVar
 
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
 from sitl_stub import AutopilotConfig, AutopilotMode, Loops, Personality, personality
-from sitl_stub.commands import (
-    GUIDED_CHANGE_HEADING,
-    GUIDED_CHANGE_SPEED,
-    Command,
-    Result,
-    is_flyable_airspeed,
-)
+from sitl_stub.commands import Command, Result, is_flyable_airspeed
 from sitl_stub.flight import EmulatedFlight
 from sitl_stub.loops import SpeedTarget, TurnTarget
 
@@ -47,8 +43,8 @@ class Brief(Personality):
         super().__init__(config)
         self.commands = {
             **self.commands,
-            GUIDED_CHANGE_HEADING: self._turn,
-            GUIDED_CHANGE_SPEED: self._change_speed,
+            mavlink.MAV_CMD_GUIDED_CHANGE_HEADING: self._turn,
+            mavlink.MAV_CMD_GUIDED_CHANGE_SPEED: self._change_speed,
         }
 
     def _turn(self, flight: EmulatedFlight, command: Command) -> Result:

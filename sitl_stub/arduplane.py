@@ -8,17 +8,10 @@ import math
 from collections.abc import Callable, Mapping
 
 from msgspec.structs import replace
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
 from sitl_stub.commands import (
-    DO_CHANGE_ALTITUDE,
-    DO_CHANGE_SPEED,
-    DO_REPOSITION,
-    GUIDED_CHANGE_ALTITUDE,
-    GUIDED_CHANGE_HEADING,
-    GUIDED_CHANGE_SPEED,
-    NAV_LOITER_UNLIM,
-    NAV_RETURN_TO_LAUNCH,
     Arming,
     Command,
     Handler,
@@ -44,10 +37,6 @@ from sitl_stub.parameters import (
     whole_if_possible,
 )
 from sitl_stub.personality import Personality, personality
-from sitl_stub.telemetry import (
-    ALTITUDE,
-    ESTIMATOR_STATUS,
-)
 
 GUIDED = AutopilotMode("GUIDED", 15, "commanded")
 LOITER = AutopilotMode("LOITER", 12, "loiter")
@@ -204,11 +193,11 @@ class Guided:
 
     def __init__(self) -> None:
         self.commands: Handlers = {
-            DO_CHANGE_SPEED: self._change_speed,
-            DO_CHANGE_ALTITUDE: change_any_altitude,
-            GUIDED_CHANGE_HEADING: _only_guided(change_heading),
-            GUIDED_CHANGE_SPEED: _only_guided(self._guided_change_speed),
-            GUIDED_CHANGE_ALTITUDE: _only_guided(change_altitude),
+            mavlink.MAV_CMD_DO_CHANGE_SPEED: self._change_speed,
+            mavlink.MAV_CMD_DO_CHANGE_ALTITUDE: change_any_altitude,
+            mavlink.MAV_CMD_GUIDED_CHANGE_HEADING: _only_guided(change_heading),
+            mavlink.MAV_CMD_GUIDED_CHANGE_SPEED: _only_guided(self._guided_change_speed),
+            mavlink.MAV_CMD_GUIDED_CHANGE_ALTITUDE: _only_guided(change_altitude),
         }
         self._guided_speed_used = False
 
@@ -311,7 +300,7 @@ class EmulatedArduPlane(Personality):
 
     firmware = 3  # MAV_AUTOPILOT_ARDUPILOTMEGA
     version = 0x0407_0000
-    unsent = frozenset({ALTITUDE, ESTIMATOR_STATUS})
+    unsent = frozenset({mavlink.MAVLINK_MSG_ID_ALTITUDE, mavlink.MAVLINK_MSG_ID_ESTIMATOR_STATUS})
     announces_modes = True
     answers_data_streams = True
     modes = tuple(ARDUPLANE_MODES.values())
@@ -328,9 +317,9 @@ class EmulatedArduPlane(Personality):
         self._guided = Guided()
         self.commands = {
             **self.commands,
-            NAV_LOITER_UNLIM: self._mode_command(LOITER.custom_mode),
-            NAV_RETURN_TO_LAUNCH: self._mode_command(RTL.custom_mode),
-            DO_REPOSITION: self._reposition,
+            mavlink.MAV_CMD_NAV_LOITER_UNLIM: self._mode_command(LOITER.custom_mode),
+            mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH: self._mode_command(RTL.custom_mode),
+            mavlink.MAV_CMD_DO_REPOSITION: self._reposition,
             **self._guided.commands,
         }
         self._old_names = config.old_parameter_names

@@ -10,11 +10,8 @@ from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 from sitl_stub.air import Air, AirData, AirPlace, Wind
 from sitl_stub.codec import EmulatorCodec, Signing
 from sitl_stub.commands import (
-    COMPONENT_ARM_DISARM,
     CUSTOM_MODE_FLAG,
     MISSION_MESSAGES,
-    PREFLIGHT_REBOOT_SHUTDOWN,
-    RUN_PREARM_CHECKS,
     Command,
     NonFiniteError,
     Result,
@@ -28,14 +25,13 @@ from sitl_stub.config import AutopilotConfig
 from sitl_stub.flight import EmulatedFlight
 from sitl_stub.geometry import Home, ground_speed_along_m_s, wrap_to_two_pi
 from sitl_stub.loops import TurnTarget
-from sitl_stub.messages import ReportedInstant
+from sitl_stub.messages import POSITION_MESSAGES, TELEMETRY, ReportedInstant
 from sitl_stub.parameters import ParameterServer
 from sitl_stub.personality import Personality, personality_of
 from sitl_stub.plant import PlantState
 from sitl_stub.sensor_errors import Fault, SensorErrors
 from sitl_stub.sensors import Sensors
 from sitl_stub.streams import Streams
-from sitl_stub.telemetry import HEARTBEAT, POSITION_MESSAGES, TELEMETRY
 from sitl_stub.truth import Truth, truth_of
 
 IGNORED = frozenset(
@@ -189,9 +185,9 @@ class Autopilot:
             refuses_unknown=self._personality.refuses_unknown_parameters,
         )
         self._commands = {
-            COMPONENT_ARM_DISARM: self._personality.arming.handle,
-            RUN_PREARM_CHECKS: self._personality.arming.report,
-            PREFLIGHT_REBOOT_SHUTDOWN: self._reboot,
+            mavlink.MAV_CMD_COMPONENT_ARM_DISARM: self._personality.arming.handle,
+            mavlink.MAV_CMD_RUN_PREARM_CHECKS: self._personality.arming.report,
+            mavlink.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN: self._reboot,
             **self._streams.commands,
             **self._personality.commands,
         }
@@ -386,7 +382,7 @@ class Autopilot:
             self._reported_mode = flight.mode
             if self._personality.announces_modes:
                 notices.append(status_text(f"Mode {flight.mode.name}"))
-            notices += self._built([HEARTBEAT])
+            notices += self._built([mavlink.MAVLINK_MSG_ID_HEARTBEAT])
         return notices
 
     def _built(self, message_ids: list[int]) -> Replies:

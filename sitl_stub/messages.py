@@ -4,6 +4,7 @@ Nothing else knows these units. Height above the ellipsoid and above mean sea le
 """
 
 import math
+from collections.abc import Callable, Mapping
 from typing import NamedTuple, Protocol
 
 import pymap3d
@@ -15,6 +16,9 @@ from sitl_stub.config import AutopilotConfig
 from sitl_stub.flight import EmulatedFlight
 from sitl_stub.geometry import wrap_to_pi, wrap_to_two_pi
 from sitl_stub.plant import Motion
+
+ONCE_A_SECOND_US = 1_000_000
+"""Interval of what ArduPilot sends without a request, and of PX4's heartbeat and slow messages."""
 
 SATELLITES = 14
 """Satellites of a good fix."""
@@ -457,3 +461,53 @@ def autopilot_version(report: ReportedInstant) -> MAVLink_message:
         0,
         report.config.uid,
     )
+
+
+Builder = Callable[[ReportedInstant], MAVLink_message]
+
+
+def numbered(*builders: Builder) -> dict[int, Builder]:
+    """The builders by the numbers of their messages, whose names they have."""
+    return {getattr(mavlink, f"MAVLINK_MSG_ID_{one.__name__.upper()}"): one for one in builders}
+
+
+TELEMETRY: Mapping[int, Builder] = numbered(
+    heartbeat,
+    system_time,
+    sys_status,
+    extended_sys_state,
+    home_position,
+    autopilot_version,
+    gps_raw_int,
+    battery_status,
+    mission_current,
+    ekf_status_report,
+    estimator_status,
+    nav_controller_output,
+    altitude,
+    wind,
+    attitude_quaternion,
+    attitude,
+    vfr_hud,
+    local_position_ned,
+    high_latency2,
+    adsb_vehicle,
+    global_position_int_cov,
+    follow_target,
+    global_position_int,
+)
+"""Builders by message id, in the order of sending within one instant: GLOBAL_POSITION_INT last, so
+that a receiver which acts on a position already has the attitude and airspeed of the same instant."""
+
+POSITION_MESSAGES = frozenset(
+    numbered(
+        gps_raw_int,
+        local_position_ned,
+        high_latency2,
+        adsb_vehicle,
+        global_position_int_cov,
+        follow_target,
+        global_position_int,
+    )
+)
+"""The messages that position noise enters."""

@@ -9,9 +9,9 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sitl_stub.air import ArticleWind, CalmWind, DiscreteGust, SteadyWind, Wind
 from sitl_stub.config import OptionError
+from sitl_stub.messages import TELEMETRY
 from sitl_stub.route import Route
 from sitl_stub.sensor_errors import Fault
-from sitl_stub.telemetry import TELEMETRY
 
 MAX_WIND_M_S = 50.0
 """Stronger than any wind an aircraft of this size is flown in."""

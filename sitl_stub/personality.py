@@ -8,31 +8,17 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import ClassVar
 
 import msgspec
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
 from sitl_stub.aircraft import SpeedResponse
-from sitl_stub.commands import (
-    CUSTOM_MODE_FLAG,
-    DO_SET_MODE,
-    Arming,
-    Command,
-    Handlers,
-    Result,
-    SystemStatus,
-)
+from sitl_stub.commands import CUSTOM_MODE_FLAG, Arming, Command, Handlers, Result, SystemStatus
 from sitl_stub.config import AutopilotConfig
 from sitl_stub.flight import EmulatedFlight
+from sitl_stub.messages import ONCE_A_SECOND_US
 from sitl_stub.modes import AutopilotMode, by_number
 from sitl_stub.parameters import Parameters
 from sitl_stub.registry import PlugInRegistry
-from sitl_stub.telemetry import (
-    ATTITUDE,
-    GLOBAL_POSITION_INT,
-    HEARTBEAT,
-    ONCE_A_SECOND_US,
-    SYS_STATUS,
-    VFR_HUD,
-)
 
 autopilots = PlugInRegistry(
     "an autopilot", group="sitl_stub.autopilots", has=("firmware", "modes", "loops")
@@ -83,7 +69,14 @@ class Personality:
     """Numbers of messages of the emulator that this autopilot never sends."""
 
     unrequested: Mapping[int, int] = dict.fromkeys(
-        (HEARTBEAT, SYS_STATUS, ATTITUDE, VFR_HUD, GLOBAL_POSITION_INT), ONCE_A_SECOND_US
+        (
+            mavlink.MAVLINK_MSG_ID_HEARTBEAT,
+            mavlink.MAVLINK_MSG_ID_SYS_STATUS,
+            mavlink.MAVLINK_MSG_ID_ATTITUDE,
+            mavlink.MAVLINK_MSG_ID_VFR_HUD,
+            mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT,
+        ),
+        ONCE_A_SECOND_US,
     )
     """Messages that it sends without a request, with their intervals in microseconds."""
 
@@ -125,7 +118,7 @@ class Personality:
         del config
         self.parameters = Parameters([], "cast")
         self.arming = Arming(lambda _flight: None, refused=Result.FAILED)
-        self.commands = {DO_SET_MODE: self.set_mode}
+        self.commands = {mavlink.MAV_CMD_DO_SET_MODE: self.set_mode}
         self.setpoints = {}
 
     @property

@@ -11,20 +11,13 @@ from typing import Literal
 import msgspec
 import pymap3d
 from msgspec.structs import replace
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
 from sitl_stub.aircraft import PlantParameters
 from sitl_stub.commands import (
     AMSL_FRAMES,
     CUSTOM_MODE_FLAG,
-    DO_CHANGE_ALTITUDE,
-    DO_CHANGE_SPEED,
-    DO_REPOSITION,
-    DO_SET_MODE,
-    GUIDED_CHANGE_HEADING,
-    NAV_LOITER_UNLIM,
-    NAV_RETURN_TO_LAUNCH,
-    NAV_TAKEOFF,
     Arming,
     Command,
     NonFiniteError,
@@ -37,26 +30,10 @@ from sitl_stub.commands import (
 from sitl_stub.config import AutopilotConfig
 from sitl_stub.flight import LEAST_AIRSPEED_M_S, EmulatedFlight
 from sitl_stub.loops import AltitudeTarget, SpeedTarget, TurnTarget
+from sitl_stub.messages import ONCE_A_SECOND_US
 from sitl_stub.modes import AutopilotMode, by_number
 from sitl_stub.parameters import px4_parameters
 from sitl_stub.personality import Loops, Personality, personality
-from sitl_stub.telemetry import (
-    ALTITUDE,
-    ATTITUDE,
-    BATTERY_STATUS,
-    EKF_STATUS_REPORT,
-    EXTENDED_SYS_STATE,
-    GLOBAL_POSITION_INT,
-    GPS_RAW_INT,
-    HEARTBEAT,
-    HOME_POSITION,
-    LOCAL_POSITION_NED,
-    ONCE_A_SECOND_US,
-    SYS_STATUS,
-    SYSTEM_TIME,
-    VFR_HUD,
-    WIND,
-)
 
 # What each version of PX4 makes of the setpoint messages of offboard, for a fixed wing.
 #
@@ -245,21 +222,21 @@ AIRSPEED, GROUND_SPEED = 0.0, 1.0
 ONBOARD_LINK_US = {
     **dict.fromkeys(
         (
-            HEARTBEAT,
-            SYS_STATUS,
-            ALTITUDE,
-            BATTERY_STATUS,
-            EXTENDED_SYS_STATE,
-            GPS_RAW_INT,
-            HOME_POSITION,
-            SYSTEM_TIME,
+            mavlink.MAVLINK_MSG_ID_HEARTBEAT,
+            mavlink.MAVLINK_MSG_ID_SYS_STATUS,
+            mavlink.MAVLINK_MSG_ID_ALTITUDE,
+            mavlink.MAVLINK_MSG_ID_BATTERY_STATUS,
+            mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE,
+            mavlink.MAVLINK_MSG_ID_GPS_RAW_INT,
+            mavlink.MAVLINK_MSG_ID_HOME_POSITION,
+            mavlink.MAVLINK_MSG_ID_SYSTEM_TIME,
         ),
         ONCE_A_SECOND_US,
     ),
-    ATTITUDE: 10_000,
-    GLOBAL_POSITION_INT: 20_000,
-    LOCAL_POSITION_NED: 33_333,
-    VFR_HUD: 100_000,
+    mavlink.MAVLINK_MSG_ID_ATTITUDE: 10_000,
+    mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT: 20_000,
+    mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED: 33_333,
+    mavlink.MAVLINK_MSG_ID_VFR_HUD: 100_000,
 }
 """Unasked, on the link for companions; its fast ones at their nominal rates."""
 
@@ -295,7 +272,7 @@ class EmulatedPx4(Personality):
 
     firmware = 12  # MAV_AUTOPILOT_PX4
     capabilities = 59_647
-    unsent = frozenset({WIND, EKF_STATUS_REPORT})
+    unsent = frozenset({mavlink.MAVLINK_MSG_ID_WIND, mavlink.MAVLINK_MSG_ID_EKF_STATUS_REPORT})
     unrequested = ONBOARD_LINK_US
     modes: Sequence[AutopilotMode] = tuple(PX4_MODES.values())
     initial_mode = AUTO_LOITER
@@ -319,14 +296,14 @@ class EmulatedPx4(Personality):
         self.parameters = px4_parameters(config)
         self.arming = Arming(self._arming_fault, refused=Result.TEMPORARILY_REJECTED)
         self.commands = {
-            DO_SET_MODE: self._set_mode,
-            DO_CHANGE_SPEED: self._change_speed,
-            DO_CHANGE_ALTITUDE: change_altitude,
-            **({GUIDED_CHANGE_HEADING: change_course} if has_course else {}),
-            NAV_TAKEOFF: self._take_off,
-            NAV_LOITER_UNLIM: self._loiter,
-            NAV_RETURN_TO_LAUNCH: self._return,
-            DO_REPOSITION: self._reposition,
+            mavlink.MAV_CMD_DO_SET_MODE: self._set_mode,
+            mavlink.MAV_CMD_DO_CHANGE_SPEED: self._change_speed,
+            mavlink.MAV_CMD_DO_CHANGE_ALTITUDE: change_altitude,
+            **({mavlink.MAV_CMD_GUIDED_CHANGE_HEADING: change_course} if has_course else {}),
+            mavlink.MAV_CMD_NAV_TAKEOFF: self._take_off,
+            mavlink.MAV_CMD_NAV_LOITER_UNLIM: self._loiter,
+            mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH: self._return,
+            mavlink.MAV_CMD_DO_REPOSITION: self._reposition,
         }
         self.setpoints = {
             "SET_POSITION_TARGET_LOCAL_NED": self._take,

@@ -12,39 +12,11 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from pymavlink.dialects.v20.ardupilotmega import MAVLink, MAVLink_message
 
 from sitl_stub.codec import whole_number
-from sitl_stub.commands import (
-    GET_HOME_POSITION,
-    GET_MESSAGE_INTERVAL,
-    REQUEST_AUTOPILOT_CAPABILITIES,
-    REQUEST_MESSAGE,
-    REQUEST_PROTOCOL_VERSION,
-    SET_MESSAGE_INTERVAL,
-    Command,
-    Handler,
-    Handlers,
-    Result,
-)
+from sitl_stub.commands import Command, Handler, Handlers, Result
 from sitl_stub.flight import EmulatedFlight
+from sitl_stub.messages import TELEMETRY
 from sitl_stub.modes import AutopilotMode
 from sitl_stub.personality import Personality
-from sitl_stub.telemetry import (
-    ATTITUDE,
-    AUTOPILOT_VERSION,
-    BATTERY_STATUS,
-    EKF_STATUS_REPORT,
-    GLOBAL_POSITION_INT,
-    GPS_RAW_INT,
-    HEARTBEAT,
-    HOME_POSITION,
-    LOCAL_POSITION_NED,
-    MISSION_CURRENT,
-    NAV_CONTROLLER_OUTPUT,
-    SYS_STATUS,
-    SYSTEM_TIME,
-    TELEMETRY,
-    VFR_HUD,
-    WIND,
-)
 
 PROTOCOL_VERSION = 300
 
@@ -64,22 +36,30 @@ LOOP_SHARE = 0.8
 
 DATA_STREAMS: Mapping[int, tuple[int, ...]] = {
     mavlink.MAV_DATA_STREAM_EXTENDED_STATUS: (
-        SYS_STATUS,
-        MISSION_CURRENT,
-        GPS_RAW_INT,
-        NAV_CONTROLLER_OUTPUT,
+        mavlink.MAVLINK_MSG_ID_SYS_STATUS,
+        mavlink.MAVLINK_MSG_ID_MISSION_CURRENT,
+        mavlink.MAVLINK_MSG_ID_GPS_RAW_INT,
+        mavlink.MAVLINK_MSG_ID_NAV_CONTROLLER_OUTPUT,
     ),
-    mavlink.MAV_DATA_STREAM_POSITION: (GLOBAL_POSITION_INT, LOCAL_POSITION_NED),
-    mavlink.MAV_DATA_STREAM_EXTRA1: (ATTITUDE,),
-    mavlink.MAV_DATA_STREAM_EXTRA2: (VFR_HUD,),
-    mavlink.MAV_DATA_STREAM_EXTRA3: (SYSTEM_TIME, WIND, BATTERY_STATUS, EKF_STATUS_REPORT),
+    mavlink.MAV_DATA_STREAM_POSITION: (
+        mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT,
+        mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED,
+    ),
+    mavlink.MAV_DATA_STREAM_EXTRA1: (mavlink.MAVLINK_MSG_ID_ATTITUDE,),
+    mavlink.MAV_DATA_STREAM_EXTRA2: (mavlink.MAVLINK_MSG_ID_VFR_HUD,),
+    mavlink.MAV_DATA_STREAM_EXTRA3: (
+        mavlink.MAVLINK_MSG_ID_SYSTEM_TIME,
+        mavlink.MAVLINK_MSG_ID_WIND,
+        mavlink.MAVLINK_MSG_ID_BATTERY_STATUS,
+        mavlink.MAVLINK_MSG_ID_EKF_STATUS_REPORT,
+    ),
 }
 """What ArduPilot sends in each of the streams that older ground stations ask for."""
 
 ON_REQUEST: Mapping[int, int] = {
-    REQUEST_PROTOCOL_VERSION: PROTOCOL_VERSION,
-    REQUEST_AUTOPILOT_CAPABILITIES: AUTOPILOT_VERSION,
-    GET_HOME_POSITION: HOME_POSITION,
+    mavlink.MAV_CMD_REQUEST_PROTOCOL_VERSION: PROTOCOL_VERSION,
+    mavlink.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES: mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION,
+    mavlink.MAV_CMD_GET_HOME_POSITION: mavlink.MAVLINK_MSG_ID_HOME_POSITION,
 }
 """Commands that ask for one message each."""
 
@@ -206,9 +186,9 @@ class Streams:
     def commands(self) -> Handlers:
         """Handlers of the commands about messages."""
         return {
-            SET_MESSAGE_INTERVAL: self.set_interval,
-            GET_MESSAGE_INTERVAL: self.get_interval,
-            REQUEST_MESSAGE: self.request,
+            mavlink.MAV_CMD_SET_MESSAGE_INTERVAL: self.set_interval,
+            mavlink.MAV_CMD_GET_MESSAGE_INTERVAL: self.get_interval,
+            mavlink.MAV_CMD_REQUEST_MESSAGE: self.request,
             **{number: self.request_of(wanted) for number, wanted in ON_REQUEST.items()},
         }
 
@@ -224,7 +204,11 @@ class Streams:
     def set_interval(self, _flight: EmulatedFlight, command: Command) -> Result:
         """511: param1 message id, param2 microseconds, -1 to stop, 0 for the default."""
         message_id, interval_us = map(whole_number, command.used(1, 2))
-        if message_id == HEARTBEAT or message_id is None or not self._sends(message_id):
+        if (
+            message_id == mavlink.MAVLINK_MSG_ID_HEARTBEAT
+            or message_id is None
+            or not self._sends(message_id)
+        ):
             return Result.DENIED
         interval_us = interval_us if interval_us is not None else round(command.parameters[1])
         if interval_us == 0:
@@ -294,7 +278,10 @@ class Streams:
         schedule = Schedule(TELEMETRY, sent_until_us=sent_until_us, tick_us=self._tick_us)
         sent = self._personality.unrequested
         if self._chosen is not None:
-            sent = {HEARTBEAT: sent[HEARTBEAT], **self._chosen}
+            sent = {
+                mavlink.MAVLINK_MSG_ID_HEARTBEAT: sent[mavlink.MAVLINK_MSG_ID_HEARTBEAT],
+                **self._chosen,
+            }
         for message_id, interval_us in sent.items():
             schedule.every(message_id, interval_us)
         return schedule
