@@ -118,8 +118,8 @@ class Formation:
         """Let an aircraft fly in the place of that name."""
         self.aircraft[name] = aircraft
         if isinstance(aircraft, Aircraft):
-            self.emulators[name] = Pushed(aircraft._emulator)  # noqa: SLF001
-            aircraft._emulator = self.emulators[name]  # noqa: SLF001
+            self.emulators[name] = Pushed(aircraft.emulator)
+            aircraft.emulator = self.emulators[name]
 
     @property
     def now(self) -> float:

@@ -27,7 +27,6 @@ from vfguide.lab.studies.comparison import (
     long_table,
     metres,
     parts_of,
-    row_json,
     seconds,
     short_table,
 )
@@ -99,9 +98,6 @@ def compare(
     if context.invoked_subcommand is not None:
         return
     began = time.perf_counter()
-    for directory in (out, json_file.parent if json_file else None):
-        if directory is not None:
-            directory.mkdir(parents=True, exist_ok=True)
     extent, flown = QUICK if quick else FULL, flown_laws(law)
     with executor_on(scheduler) as executor:
         rows = compare_all(executor, extent, flown)
@@ -110,18 +106,16 @@ def compare(
         "machine": machine(),
         "duration_s": extent.duration_s,
         "seeds": extent.seeds,
-        "rows": [row_json(row) for row in rows],
+        "rows": [asdict(row) for row in rows],
         "step_cost": costs,
         "wall_s": time.perf_counter() - began,
     }
     text = tables(rows, costs, content)
     Terminal().tell(text)
-    written = json.dumps(content, indent=2, allow_nan=False) + "\n"
-    if json_file is not None:
-        json_file.write_text(written, encoding="utf-8")
+    write(json_file, content)
     if out is not None:
+        write(out / "bench.json", content)
         (out / "bench.md").write_text(text, encoding="utf-8")
-        (out / "bench.json").write_text(written, encoding="utf-8")
 
 
 @bench.command()

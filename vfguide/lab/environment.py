@@ -21,8 +21,9 @@ from vfguide.elementwise import FloatArray
 from vfguide.errors import InputError, VfguideError
 from vfguide.formation.arrangement import Point
 from vfguide.guidance.wind_triangle import compose
+from vfguide.lab.rehearsal.aircraft import Aircraft, EmulatedForeignLeader
 from vfguide.lab.rehearsal.lockstep import LockstepFlight
-from vfguide.lab.rehearsal.stepped import SeenAircraft, SeenLeader, SteppedFlight
+from vfguide.lab.rehearsal.stepped import SteppedFlight
 from vfguide.laws.base import View
 from vfguide.laws.vectors import HIGH, LOW, ActionKind, motion_of, observed
 from vfguide.mission.model import Mission
@@ -261,7 +262,7 @@ class FormationEnvironment(ParallelEnv):  # type: ignore[misc]
     def _told(self) -> dict[str, tuple[dict[str, Any], bool]]:
         """(info, whether it is lost) of each agent."""
         flight = self._flying()
-        truths = {name: one.truth for name, one in flight.aircraft.items()}
+        truths = {name: one.emulator.truth() for name, one in flight.aircraft.items()}
         places = {
             name: (
                 *self._frame.to_local(true.latitude_deg, true.longitude_deg),
@@ -274,7 +275,7 @@ class FormationEnvironment(ParallelEnv):  # type: ignore[misc]
         told = {}
         for name in self.agents:
             aircraft = flight.aircraft[name]
-            snapshot = aircraft.companion.snapshot if isinstance(aircraft, SeenAircraft) else None
+            snapshot = aircraft.companion.snapshot if isinstance(aircraft, Aircraft) else None
             ordered = None if snapshot is None else snapshot.slot
             slot = ordered or self._slots[name]
             north, east = compose(slot.forward, slot.right, course)
@@ -295,9 +296,9 @@ def slots_of(mission: Mission) -> dict[str, Point]:
     return {name: one.slot.point for name, one in mission.followers_by_name.items()}
 
 
-def is_steered(aircraft: SeenAircraft | SeenLeader) -> bool:
+def is_steered(aircraft: Aircraft | EmulatedForeignLeader) -> bool:
     """Return whether an aircraft is flown by what its law asks for."""
-    return isinstance(aircraft, SeenAircraft) and aircraft.companion.snapshot.mode in HELD_BY
+    return isinstance(aircraft, Aircraft) and aircraft.companion.snapshot.mode in HELD_BY
 
 
 class FollowerEnvironment(gymnasium.Env[Vector, Any]):

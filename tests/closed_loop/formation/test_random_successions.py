@@ -106,7 +106,7 @@ class Flight(RuleBasedStateMachine):
             heard = [sent for sent in mail if self.group.get(sent[0], 0) == self.group[name]]
             self.mail += one.step(self.now, heard)
         self.steps += 1
-        truths = [one._emulator.truth() for one in self.aircraft.values()]  # noqa: SLF001
+        truths = [one.emulator.truth() for one in self.aircraft.values()]
         frame = self.aircraft["f1"].companion._vehicle.plan.frame  # noqa: SLF001
         spots = [
             (*frame.to_local(t.latitude_deg, t.longitude_deg), t.altitude_amsl_m) for t in truths
@@ -246,13 +246,13 @@ class Ordered(Flight):
     def select(self, name: str, mode: int) -> None:
         system = self.mission.vehicles[name].system_id
         order = packed(command_long(SET_MODE, 1, mode, system_id=system))
-        self.aircraft[name]._emulator.receive(order)  # noqa: SLF001
+        self.aircraft[name].emulator.receive(order)
         self.changed_s = self.now
 
     @invariant()
     def a_pilot_who_has_taken_over_has_the_vehicle(self) -> None:
         for name in getattr(self, "pilots", ()):
-            assert self.aircraft[name]._emulator.truth().mode == "LOITER"  # noqa: SLF001
+            assert self.aircraft[name].emulator.truth().mode == "LOITER"
 
     @invariant()
     def those_who_hear_each_other_fly_by_one_order_in_time(self) -> None:

@@ -6,7 +6,6 @@ from typing import Any
 import pytest
 
 from vfguide.lab.studies.latency import comparison, render, run_latency
-from vfguide.lab.studies.response import FOLLOWERS
 
 
 @pytest.fixture(scope="module")
@@ -43,7 +42,7 @@ def test_result_is_json_of_finite_numbers(result):
 
 def test_every_companion_answers_and_shows_what_it_takes(result):
     response = result["response"]
-    assert response["companions"]["names"] == ["leader", *FOLLOWERS]
+    assert response["companions"]["names"] == ["leader", "f1", "f2", "f3"]
     for name in response["companions"]["names"]:
         entry = response["clients"][name]
         assert entry["count"] > 0

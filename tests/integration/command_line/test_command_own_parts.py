@@ -169,7 +169,7 @@ STUDIES = """
 import json
 from dataclasses import replace
 from pathlib import Path
-from vfguide.lab.studies.comparison import Extent, ablation_cases, cases, row_json, rows
+from vfguide.lab.studies.comparison import Extent, ablation_cases, cases, rows
 from vfguide.lab.studies.flown import fly
 from vfguide.lab.studies.robustness import fly_point, points
 from vfguide.registry import use_plugins
@@ -180,7 +180,7 @@ compared, switched, swept = {}, {}, {}
 for law in ("pursuit", "slot"):
     (case, *_) = cases(short, [law])
     ((row,)) = rows([(case, fly(case))])
-    compared[law] = row_json(row)["mean"]["mean_error_m"]
+    compared[law] = row.mean.mean_error_m
     parts = ablation_cases(law, quick=True)
     case = next(one for one in parts if one.label == "no wind filter")
     figures = fly(replace(case, changes=case.changes | {"rehearsal": {"duration_s": 6.0}}))

@@ -3,19 +3,16 @@
 What autopilots' own logs tell of a flight: places, wind and slot errors, on one clock.
 """
 
-import importlib.util
 import json
 import math
 import os
 import struct
-import sys
 import tracemalloc
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
-from types import ModuleType
 
 import numpy as np
 import pytest
@@ -28,8 +25,10 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from tests.kit.missions import shipped
 from tests.kit.wire import flown_position, packed
+from tests.unit.debrief import foreign_logs as foreign
 from vfguide.companion.mission_plan import local_frame
 from vfguide.errors import InputError
+from vfguide.lab.debrief import autopilot_log
 from vfguide.lab.debrief.autopilot_log import AutopilotLog
 from vfguide.lab.debrief.dataflash import read_dataflash
 from vfguide.lab.debrief.flight import flight_of
@@ -275,19 +274,6 @@ def test_a_leader_without_a_companion_is_where_its_follower_heard_it(tmp_path):
 Reader = Callable[[Path], AutopilotLog]
 
 
-def helper(name: str) -> ModuleType:
-    """A module beside this test."""
-    spec = importlib.util.spec_from_file_location(name, Path(__file__).with_name(f"{name}.py"))
-    assert spec is not None
-    assert spec.loader is not None
-    module = sys.modules.setdefault(name, importlib.util.module_from_spec(spec))
-    spec.loader.exec_module(module)
-    return module
-
-
-foreign = helper("foreign_logs")
-
-
 @pytest.fixture
 def logged() -> Mission:
     """A leader due north and a follower whose slot is 30 m behind and 10 m right of it."""
@@ -515,6 +501,17 @@ def test_a_log_without_satellite_time_stands_alone_only(logged, tmp_path):
     assert flight_in(logged, [leader]).begin_unix_s is None
     with pytest.raises(InputError, match=r"a\.ulg: tells no satellite time"):
         flight_in(logged, [leader, follower])
+
+
+def test_rows_that_are_left_out_are_told_once_for_each_log(logged, tmp_path, monkeypatch):
+    paths = foreign.write_all(tmp_path, ("a.BIN", "b.ulg"))
+    whole = flight_in(logged, paths)
+    monkeypatch.setattr(autopilot_log, "MOST_ROWS", 500)
+    told = set(flight_in(logged, paths).notes) - set(whole.notes)
+    assert told == {
+        f"Only the first 500 rows of {path.name} are read: what came later is left out."
+        for path in paths
+    }
 
 
 def test_a_log_of_somebody_else_is_refused(logged, tmp_path):

@@ -46,13 +46,25 @@ class LogRows:
         self._values: dict[str, MutableSequence[float]] = {}
         self._newest: dict[str, float] = {}
         self._left = MOST_ROWS
+        self._is_cut = False
 
     def add(self, kind: str, time_s: float, *values: float) -> None:
         """Keep a row, unless the one of its kind before it is as new."""
-        if self._left and abs(time_s - self._newest.get(kind, -np.inf)) >= self._finest_step_s:
+        if abs(time_s - self._newest.get(kind, -np.inf)) >= self._finest_step_s:
+            if not self._left:
+                self._is_cut = True
+                return
             self._left -= 1
             self._newest[kind] = time_s
             self._values.setdefault(kind, array("d")).extend((time_s, *values))
+
+    def notes(self, path: Path) -> tuple[str, ...]:
+        """What a reader has to know of the rows of a file."""
+        if not self._is_cut:
+            return ()
+        return (
+            f"only the first {MOST_ROWS} rows of {path.name} are read: what came later is left out",
+        )
 
     def table(self, kind: str, columns: int, needed: int | None = None) -> FloatArray:
         """Rows of a kind in the order of their times, those whose first numbers are known, all if None."""
@@ -75,6 +87,8 @@ class AutopilotLog:
     """Rows of time in s, course over ground in rad and airspeed in m/s that it was asked for."""
     ground: FloatArray = field(default_factory=lambda: np.empty((0, 2)))
     """Rows of a time of its clock, s, and what to add for that of the computer that wrote the log."""
+    notes: tuple[str, ...] = ()
+    """What else a reader has to know of it."""
 
 
 @contextmanager

@@ -145,6 +145,7 @@ def read_dataflash(path: Path) -> AutopilotLog:
         system_id=told(path, system_id, positions),
         telemetry=telemetry_of(found, positions),
         setpoints=setpoints_of(found, positions),
+        notes=rows.notes(path),
     )
 
 

@@ -117,7 +117,7 @@ def logged_flight(mission: Mission, logs: Sequence[AutopilotLog]) -> LoggedFligh
         recordings=tuple(as_recorded(log, names[log.system_id], mission) for log in aligned),
         shifts_s=(0.0,) * len(aligned),
         clock=clock,
-        notes=(NO_ORDERS,),
+        notes=(NO_ORDERS, *dict.fromkeys(note for log in logs for note in log.notes)),
     )
     record = flight_of(found)
     began = record.begin_unix_s or 0.0

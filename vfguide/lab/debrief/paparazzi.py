@@ -80,6 +80,7 @@ def read_paparazzi(path: Path, mission: Mission) -> AutopilotLog:
             gps_times=times if has_itow else times[:0],
         ),
         setpoints=np.empty((0, 3)),
+        notes=rows.notes(path),
     )
 
 

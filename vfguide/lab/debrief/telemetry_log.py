@@ -162,6 +162,7 @@ class VehicleFrames:
             ),
             setpoints=timed(SETPOINTS, 4),
             ground=in_order(np.column_stack([when, made - when])),
+            notes=self._rows.notes(path),
         )
 
 

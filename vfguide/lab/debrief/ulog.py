@@ -123,6 +123,7 @@ def read_ulog(path: Path) -> AutopilotLog:
             gps_times=satellite,
         ),
         setpoints=np.column_stack([course, asked]),
+        notes=rows.notes(path),
     )
 
 

@@ -79,12 +79,13 @@ class EmulatedForeignLeader:
         """It reports nothing."""
         self.recorder = VehicleRecorder(mission, self.name)
         self.log = log
-        self._emulator = foreign_leader_of(mission)
+        self.emulator = foreign_leader_of(mission)
+        """The autopilot and what it flies."""
 
     def step(self, now: float, mail: Sequence[Mail]) -> list[Mail]:
         """Fly on to this time; what arrives of it, as mail. It hears nobody."""
         del mail
-        emulator, heard = self._emulator, []
+        emulator, heard = self.emulator, []
         while True:
             # What arrives between two steps is read when it comes: nobody would be late by a step.
             arrival_s = min(emulator.next_due_s, now)
@@ -184,7 +185,8 @@ class Aircraft:
         """What the companion reported."""
         self.recorder = VehicleRecorder(mission, name)
         self.log = log
-        self._emulator = emulator_of(mission, name)
+        self.emulator = emulator_of(mission, name)
+        """The autopilot and what it flies."""
         self._consent = MemoryStore()
         self._losses = tuple(loss for loss in rehearsal.losses if loss.vehicle == name)
         self._lost = False
@@ -228,7 +230,7 @@ class Aircraft:
             self._fly_alone(now)
             return []
         alone = self.loses("link", now)
-        companion, emulator = self.companion, self._emulator
+        companion, emulator = self.companion, self.emulator
         while self._orders and self._orders[0][0] <= now + ROUNDING_S:
             order = self._orders.popleft()[1]
             self._link.send([] if alone else [(OPERATOR, order)], now)
@@ -258,21 +260,21 @@ class Aircraft:
         if taken == (before is not None):
             return
         if before is None:
-            self._taken_from, wanted = self._emulator.custom_mode, self._pilot.hand_back()
+            self._taken_from, wanted = self.emulator.custom_mode, self._pilot.hand_back()
         else:
-            system_id = self._emulator.config.system_id
+            system_id = self.emulator.config.system_id
             wanted = [mavlink.MAVLink_set_mode_message(system_id, 1, before)]
             self._taken_from = None
-        self._emulator.receive(b"".join(one.pack(mavlink.MAVLink(None)) for one in wanted))
+        self.emulator.receive(b"".join(one.pack(mavlink.MAVLink(None)) for one in wanted))
 
     def _fly_alone(self, now: float) -> None:
         """Fly on to this time without a companion; the next one knows nothing."""
         if not self._lost:
             self._lost, self.companion = True, self._make()
         self._replies = b""
-        telemetry = self._emulator.advance(now)
+        telemetry = self.emulator.advance(now)
         self._link.clear()
-        self.recorder.sample(self._emulator.truth(), UNSEEN)
+        self.recorder.sample(self.emulator.truth(), UNSEEN)
         if self.log is not None:
             self.log.add(now, telemetry)
 

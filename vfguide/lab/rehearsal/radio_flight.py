@@ -23,11 +23,11 @@ from vfguide.lab.rehearsal.emulated_radio import EmulatedRadio, RadioAir, RadioQ
 from vfguide.lab.rehearsal.lockstep import (
     LockstepFlight,
     Progress,
-    flight_events,
+    flight_of,
     fly_lockstep,
     instants,
+    outcome_of,
 )
-from vfguide.lab.rehearsal.recorder import flight_record
 from vfguide.link.envelope import MAGIC as ENVELOPE_MAGIC
 from vfguide.link.envelope import Kind
 from vfguide.link.keys import Roster, public_bytes
@@ -379,20 +379,14 @@ def fly_by_radio(
     refused: Counter[str] = Counter()
     for crew in crews:
         refused += crew.refused + crew.member.counters
-    flight = LockstepFlight(
-        record=flight_record(
+    return RadioFlight(
+        flight=flight_of(
             flown,
             times,
-            [one.recorder.record() for one in aircraft],
+            [outcome_of(one) for one in aircraft],
             wall_s=time.perf_counter() - began,
-            events=flight_events({one.name: one.events for one in aircraft}),
+            interrupted=interrupted,
         ),
-        events={one.name: one.events for one in aircraft},
-        logs={one.name: one.log for one in aircraft if one.log is not None},
-        interrupted=interrupted,
-    )
-    return RadioFlight(
-        flight=flight,
         air=air.counters,
         refused=refused,
         leader_age_s=tuple(ages),

@@ -13,7 +13,6 @@ from typing import Any
 from greenlet import getcurrent, greenlet
 from msgspec.structs import replace
 
-import sitl_stub
 from vfguide.companion.core import Companion
 from vfguide.companion.mission_plan import adapter_of, flight_plan
 from vfguide.errors import InputError
@@ -21,6 +20,7 @@ from vfguide.lab.rehearsal.aircraft import (
     Aircraft,
     Candidates,
     EmulatedForeignLeader,
+    aircraft_of,
     fly_window,
 )
 from vfguide.lab.rehearsal.lockstep import (
@@ -36,25 +36,7 @@ from vfguide.link.memory import Mail
 from vfguide.mission.model import Mission
 
 
-class SeenLeader(EmulatedForeignLeader):
-    """A leader without a companion whose true state is seen."""
-
-    @property
-    def truth(self) -> sitl_stub.Truth:
-        """Its true state."""
-        return self._emulator.truth()
-
-
-class SeenAircraft(Aircraft):
-    """An aircraft whose true state is seen."""
-
-    @property
-    def truth(self) -> sitl_stub.Truth:
-        """Its true state."""
-        return self._emulator.truth()
-
-
-class PilotedAircraft(SeenAircraft):
+class PilotedAircraft(Aircraft):
     """A follower whose law is a pilot's, or the mission's where the pilot leaves it to that."""
 
     def __init__(self, mission: Mission, name: str) -> None:
@@ -165,11 +147,8 @@ class SteppedFlight:
         self._piloted = {name: PilotedAircraft(mission, name) for name in piloted}
         first = [mission.leader.vehicle, *mission.deputies]
         names = [*first, *(name for name in mission.followers_by_name if name not in first)]
-        foreign = mission.leader.vehicle if mission.leader.is_foreign else None
-        self.aircraft: dict[str, SeenAircraft | SeenLeader] = {
-            name: self._piloted.get(name)
-            or (SeenLeader(mission) if name == foreign else SeenAircraft(mission, name))
-            for name in names
+        self.aircraft: dict[str, Aircraft | EmulatedForeignLeader] = {
+            name: self._piloted.get(name) or aircraft_of(mission, name) for name in names
         }
         """Everyone who flies, by name, the mission's leader first."""
         stepped = [*self.aircraft.values()]

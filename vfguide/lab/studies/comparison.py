@@ -6,7 +6,7 @@ Every case is flown twice: as shipped, and over a bad link with noise.
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import Executor
-from dataclasses import asdict, dataclass, fields
+from dataclasses import dataclass, fields
 from random import Random
 from typing import Any
 
@@ -201,17 +201,6 @@ def summed_up(several: list[Figures]) -> tuple[Figures, dict[str, float | None]]
         means[field.name] = mean if complete else None
         halves[field.name] = half if complete and len(known) > 1 else None
     return Figures(**means), halves
-
-
-def row_json(row: ComparisonRow) -> dict[str, Any]:
-    """A row ready for JSON, which knows no NaN."""
-    content = asdict(row)
-    for part in ("mean", "half_width"):
-        content[part] = {
-            name: value if value is None or math.isfinite(value) else None
-            for name, value in content[part].items()
-        }
-    return content
 
 
 def metres(value: float | None) -> str:

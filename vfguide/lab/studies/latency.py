@@ -19,8 +19,6 @@ from vfguide.lab.studies.response import measure_responses
 
 LOADS = ("load_before", "load_after")
 
-RECORDING = ("followers that record", "followers that do not")
-
 TIMES = ("p50_ms", "p99_ms", "max_ms")
 
 HEADINGS = ("p50 ms", "p99 ms", "max ms")
@@ -134,8 +132,7 @@ def render(result: dict[str, Any]) -> str:
 def response_table(response: dict[str, Any]) -> list[str]:
     """One line for each client."""
     rows = [["telemetry in to setpoint out", *HEADINGS, "core %", "MB", "count", "unanswered"]]
-    groups = {name: response[name] for name in RECORDING if name in response}
-    entries = {**response["clients"], "companions together": response["companions"], **groups}
+    entries = {**response["clients"], "companions together": response["companions"]}
     for name, entry in entries.items():
         keys = (*TIMES, "cpu_percent", "memory_mb", "count", "unanswered")
         rows.append([name, *(shown(entry.get(key)) for key in keys)])

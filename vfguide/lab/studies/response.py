@@ -25,14 +25,12 @@ from vfguide.lab.rehearsal.processes import (
     running,
 )
 from vfguide.lab.studies.figures import figures_of
+from vfguide.lab.studies.flown import article_mission
 from vfguide.lab.studies.peers import PYMAVLINK_ENVIRONMENT, TimedVehicle, installed_mavsdk
 from vfguide.link.keys import key_places, make_keys
 from vfguide.mavlink.adapter import Vehicle, telemetry_at
 from vfguide.mavlink.codec import Codec
 from vfguide.mission import Mission
-
-FOLLOWERS = {"f1": (-20.0, -20.0), "f2": (-20.0, 20.0), "f3": (-40.0, 0.0)}
-"""Slots, m ahead of and right of the leader."""
 
 WARM_S = 2.0
 """s of answers before any of them counts."""
@@ -51,36 +49,11 @@ PEER_LEADER = "leader"
 
 
 def formation(rate_hz: float, autopilot: Literal["ardupilot", "px4"] = "ardupilot") -> Mission:
-    """The mission, as `missions/circle-wind.yaml` has it but for the rate."""
-    names = ["leader", *FOLLOWERS]
-    aircraft = {"alpha_1_s": 1.2, "beta_1_s": 0.8, "airspeed_range_m_s": [12, 32]}
-    content = {
-        "name": "bench-latency",
-        "origin": {"latitude_deg": 47.397742, "longitude_deg": 8.545594, "altitude_amsl_m": 488},
-        "height_above_origin_m": 100,
-        "path": {
-            "type": "circle",
-            "centre": {"north_m": 150, "east_m": 0},
-            "radius_m": 150,
-            "direction": "clockwise",
-            "gain": 0.015,
-        },
-        "leader": {"vehicle": "leader", "airspeed_m_s": 20},
-        "followers": [
-            {"vehicle": name, "slot": {"forward_m": ahead, "right_m": right, "up_m": 0}}
-            for name, (ahead, right) in FOLLOWERS.items()
-        ],
-        "vehicles": {
-            name: {"system_id": number, "autopilot": autopilot, "max_bank_deg": 45, **aircraft}
-            for number, name in enumerate(names, start=1)
-        },
-        "controller": {"type": "slot", "k_x": 0.25, "k_y": 0.25, "kappa": 3, "epsilon": 0.01},
-        "wind": {"type": "article"},
-        "rehearsal": {
-            "rate_hz": rate_hz,
-            "start": {"leader": {"north_m": 30, "east_m": 0, "course_deg": 270}},
-        },
-    }
+    """The article's circle in wind, flown at a rate by vehicles with this autopilot."""
+    mission = article_mission("circle-wind", {"rehearsal": {"rate_hz": rate_hz}})
+    content = mission.model_dump(mode="json", exclude_unset=True)
+    for vehicle in content["vehicles"].values():
+        vehicle["autopilot"] = autopilot
     return Mission.model_validate(content)
 
 
@@ -153,18 +126,6 @@ async def measure_responses(
     together = [
         one for client in clients if client.is_companion for one in client.vehicle.responses
     ]
-    recording = recorded_ones(formation(rate_hz))
-    recorded, others = (
-        [
-            one
-            for client in clients
-            if client.is_companion
-            and client.name != PEER_LEADER
-            and (client.name in recording) is records
-            for one in client.vehicle.responses
-        ]
-        for records in (True, False)
-    )
     version = installed_mavsdk()
     return {
         "clients": results,
@@ -172,15 +133,8 @@ async def measure_responses(
             "names": [client.name for client in clients if client.is_companion],
             **figures_of(together),
         },
-        "followers that record": figures_of(recorded),
-        "followers that do not": figures_of(others),
         "mavsdk": "not installed" if version is None else version,
     }
-
-
-def recorded_ones(mission: Mission) -> frozenset[str]:
-    """Every other follower: those beside them, at the same moments, show what recording costs."""
-    return frozenset([*mission.followers_by_name][::2])
 
 
 def usage_between(earlier: Account | None, later: Account | None) -> dict[str, float]:
@@ -200,15 +154,12 @@ def companions(link: str, *, rate_hz: float, directory: Path) -> list[Client]:
     names = [mission.leader.vehicle, *mission.followers_by_name]
     make_keys(key_places(path), mission.name, names)
     clients = []
-    recording = recorded_ones(mission)
     for name in names:
         port = free_port(socket.SOCK_DGRAM)
         options = [f"--mission={path}", f"--mavlink=udpin://127.0.0.1:{port}", f"--link={link}"]
         # Consent of its own: what an earlier measurement has left is of another flight.
         begin_flight(directory / "state", name)
         options.append(f"--state={directory / 'state'}")
-        if name in recording:
-            options.append(f"--record={directory / 'recordings'}")
         clients.append(
             Client(
                 process=Process(
