@@ -449,8 +449,22 @@ class Member:
         self._believed_s = self.clock()
         self._believed += 1
 
+    def vouch_for(self, envelope: Envelope) -> None:
+        """See that a message is to be believed whose tag the link itself has found to be true.
+
+        Raises:
+            RefusedError: it is not.
+        """
+        try:
+            self.trust.believe(envelope, self.clock(), self.formation_time(), tagged=True)
+        except RefusedError as refusal:
+            # On a radio the answer to another of the own name waits for a turn.
+            if str(refusal) == TWIN and envelope.kind is not Kind.QUESTION:
+                self._meet_twin(envelope)
+            raise
+
     def accept(self, message: Message) -> None:
-        """Take a message that the link itself has found to be true, by tags of its own."""
+        """Take a message that is believed, by `vouch_for`."""
         self._note_belief()
         if self._wants(message.kind, message.sender, message.body):
             self._guarded(lambda: self._use(message))

@@ -20,11 +20,12 @@ in 5 s; one that starts waits for 5 s at most.
 Nothing here owns a port or reads a clock but the member's, for stamps.
 """
 
+import hmac
 import math
 from collections import deque
 
 from vfguide.link.codec import Ask, LinkDataError, decode, encode, encode_ask, encode_tell
-from vfguide.link.envelope import Kind
+from vfguide.link.envelope import Envelope, Kind, Scheme
 from vfguide.link.member import Member, Parcel
 from vfguide.link.packed import (
     LEADER,
@@ -38,8 +39,12 @@ from vfguide.link.packed import (
     encode_beat_alone,
     encode_motion,
     encode_packed_presence,
+    encode_packet,
     encode_piece,
     encode_question,
+    formation_key,
+    formation_mark,
+    tag_of,
     ticks_of,
 )
 from vfguide.link.peer_clock import HURRIED_S
@@ -56,8 +61,7 @@ from vfguide.link.radio_schedule import (
     encode_frame,
     timetable_of,
 )
-from vfguide.link.radio_trust import OF_NO_SESSION, UNKNOWN_SESSION, RadioTrust
-from vfguide.link.trust import TWIN, Message, RefusedError
+from vfguide.link.trust import REVOKED, SAID_PER_S, TWIN, Message, RefusedError
 
 STALE_S = 1.0
 """A state that has waited for so long is not sent."""
@@ -85,6 +89,25 @@ REVOKED_REST_S = 30.0
 
 PIECES = frozenset(PACKED_KINDS.values())
 """Kinds of packets about orders."""
+
+KINDS = {
+    PackedKind.STATE: Kind.STATE,
+    PackedKind.BEAT: Kind.STATE,
+    PackedKind.QUESTION: Kind.QUESTION,
+    PackedKind.ANSWER: Kind.ANSWER,
+    PackedKind.PRESENCE: Kind.PRESENCE,
+    **{packed: kind for kind, packed in PACKED_KINDS.items()},
+}
+"""As what each kind of packets is believed."""
+
+OF_NO_SESSION = frozenset({PackedKind.QUESTION, PackedKind.REVOCATION})
+"""Kinds that are said under no session of the leader: who knows none hears them."""
+
+UNKNOWN_SESSION = "another session or forged"
+"""Why a packet is refused whose tag is not of this session of the leader."""
+
+STEP_TICKS = round(1.0 / (SAID_PER_S * TICK_S))
+"""Times are taken for numbers in steps in which no sender says two things."""
 
 OPERATOR_NAME = "the operator"
 """Who answers as one: no vehicle's name has a blank."""
@@ -141,15 +164,12 @@ class Station:
         self._number = vehicles.index(member.name) if known else None
         if member.watches and member.heeds_orders:
             self._number = OPERATOR
-        self._trust = RadioTrust(
-            member, number=self._number, formation=formation, vehicles=vehicles, key=key
-        )
+        self._mark, self._key = formation_mark(formation), formation_key(key, formation, vehicles)
         self._beat = Beat(self._number)
         self._proven_s = self._twin_s = -math.inf
         self._listens_since = math.inf
         self._framer = Framer(member.counters)
         self._sent: deque[bytes] = deque(maxlen=REMEMBERED)
-        self._true_leader_s = -math.inf
         self._state: QueuedBody | None = None
         self._questions = Questions()
         self._presence: Presence | None = None
@@ -253,53 +273,110 @@ class Station:
             RefusedError: it is not believed.
         """
         packet = decode_packet(data)
-        self._trust.check_sender(packet)
-        leads, operates = packet.sender == LEADER, packet.sender == OPERATOR
+        sender = self._name_of(packet)
         began_s = now - self._channel.latency_s(len(data) + OVERHEAD)
         if packet.sender == self._number and not self._member.trust.proven:
             # What nothing vouches for yet is good enough to be silent by: speaking hits the other's turns.
             self._twin_s = now
             self._take_unproven(packet, began_s)
             raise RefusedError(TWIN)
-        epoch = self._trust.epoch_of(packet)
+        epoch = self._epoch_of(packet)
         if epoch is None:
             self._take_unproven(packet, began_s)
             raise RefusedError(UNKNOWN_SESSION)
-        if packet.sender == self._number:
-            self._meet_twin(packet)
-            raise RefusedError(TWIN)
-        self._trust.check_newer(packet, epoch)
+        if packet.kind is not PackedKind.REVOCATION:
+            self._check(packet, sender, epoch)
         if packet.kind not in OF_NO_SESSION | {PackedKind.ANSWER}:
             # Others' questions and answers prove no session to this member: one that joins late would wait
             # while others ask.
             self._proven_s = began_s
-        if leads:
-            if packet.beat is not None:
-                self._member.trust.note_leader(epoch, self._member.clock())
-                self._count_from(packet, began_s)
-        elif packet.kind is not PackedKind.QUESTION and not operates:
+        if packet.beat is not None:
+            self._count_from(packet, began_s)
+        elif packet.kind is not PackedKind.QUESTION and LEADER < packet.sender < OPERATOR:
             self._beat.hear_follower(packet.sender, began_s)
-        self._use(packet, epoch)
+        self._use(packet, sender, epoch)
 
-    def _meet_twin(self, packet: Packet) -> None:
-        """React to a packet in the own name, with a true tag, that somebody else has sent."""
-        match packet.kind:
-            case PackedKind.QUESTION if self._member.answers_twin(
-                encode_ask(Ask(number=packet.number, originate_s=packet.ticks * TICK_S))
-            ):
+    def _name_of(self, packet: Packet) -> str:
+        """Name of a packet's sender.
+
+        Raises:
+            RefusedError: it is none of this formation.
+        """
+        if packet.formation != self._mark:
+            raise RefusedError("another formation")
+        if packet.sender == OPERATOR:
+            return self._member.name if self._number == OPERATOR else OPERATOR_NAME
+        if packet.sender >= len(self._vehicles):
+            raise RefusedError("a stranger")
+        name = self._vehicles[packet.sender]
+        if name in self._member.trust.statements:
+            raise RefusedError(REVOKED)
+        return name
+
+    def _epoch_of(self, packet: Packet) -> int | None:
+        """The leader's session that a packet was said under; None where its tag is of none that counts."""
+        trust = self._member.trust
+        epochs = trust.epochs(self._member.clock())
+        if packet.kind in OF_NO_SESSION:
+            epochs = (0,)
+        elif packet.kind is PackedKind.ANSWER or (
+            packet.kind is PackedKind.PRESENCE and trust.takes_all
+        ):
+            epochs = (packet.session,)
+        for epoch in epochs:
+            if hmac.compare_digest(tag_of(self._key, epoch, packet.tagged), packet.tag):
+                return epoch
+        return None
+
+    def _check(self, packet: Packet, sender: str, epoch: int) -> None:
+        """See that a packet with a true tag is believed, by the same rules as on every link.
+
+        Raises:
+            RefusedError: it is not.
+        """
+        own, kind, body = packet.sender == self._number, KINDS[packet.kind], b""
+        time_s, session, sequence = (
+            packet.ticks * TICK_S,
+            ~epoch % 2**64,
+            packet.ticks // STEP_TICKS,
+        )
+        if kind is Kind.QUESTION:
+            # Each is told by its number, and takes the place of a session.
+            session, sequence = packet.number, 1
+            body = encode_ask(Ask(number=packet.number, originate_s=time_s))
+        elif packet.sender == LEADER:
+            session = epoch
+        if own and kind is Kind.ANSWER and packet.to == self._number:
+            body = self._answered(packet)
+        elif own and body == b"" and abs(self._member.formation_time() - time_s) >= RECENT_S:
+            raise RefusedError(TWIN)
+        if packet.kind is PackedKind.ORDER and packet.sender != OPERATOR:
+            # Which it passes on, as its operator has signed it.
+            kind = Kind.REPEAT
+        envelope = Envelope(
+            scheme=Scheme.UNSIGNED,
+            kind=kind,
+            formation=0,
+            sender=sender,
+            session=session,
+            epoch=epoch,
+            sequence=sequence,
+            time_s=time_s,
+            body=body,
+            signed=packet.tagged,
+            tag=packet.tag,
+        )
+        try:
+            self._member.vouch_for(envelope)
+        except RefusedError as refusal:
+            if str(refusal) == TWIN and kind is Kind.QUESTION and self._member.answers_twin(body):
                 self._questions.hear(packet.sender, packet.number, self._member.clock())
-            case PackedKind.ANSWER if packet.session in self._member.trust.epochs(
-                self._member.clock()
-            ):
-                raise RefusedError("one's own")
-            case PackedKind.ANSWER if packet.to == self._number:
-                tell = self._questions.answer_to(packet)
-                if tell is not None:
-                    self._member.hear_twin(encode_tell(tell))
-            case PackedKind.QUESTION | PackedKind.ANSWER:
-                return
-            case _ if abs(self._member.formation_time() - packet.ticks * TICK_S) < RECENT_S:
-                self._member.note_twin(packet.ticks * TICK_S)
+            raise
+
+    def _answered(self, packet: Packet) -> bytes:
+        """What a packet answers, as on every link; nothing where it answers no question of this member."""
+        tell = self._questions.answer_to(packet)
+        return b"" if tell is None else encode_tell(tell)
 
     def _take_unproven(self, packet: Packet, began_s: float) -> None:
         """Take a packet that nothing vouches for: a beat, where no true one was heard for a while."""
@@ -341,25 +418,24 @@ class Station:
             raise RefusedError("a beat that is too fast")
         self._beat.hear_leader(info, began_s)
 
-    def _use(self, packet: Packet, epoch: int) -> None:
+    def _use(self, packet: Packet, sender: str, epoch: int) -> None:
         """Hand on what is believed."""
         match packet.kind:
             case PackedKind.QUESTION if self._number == LEADER:
                 self._questions.hear(packet.sender, packet.number, self._member.clock())
             case PackedKind.ANSWER if packet.to == self._number:
-                tell = self._questions.answer_to(packet)
-                if tell is not None:
-                    self._accept(packet, Kind.ANSWER, packet.session, encode_tell(tell))
+                if answer := self._answered(packet):
+                    self._accept(Kind.ANSWER, sender, packet.session, answer)
             case PackedKind.STATE if packet.state is not None:
-                self._accept(packet, Kind.STATE, epoch, encode(packet.state))
+                self._accept(Kind.STATE, sender, epoch, encode(packet.state))
             case PackedKind.PRESENCE if packet.presence is not None:
-                self._member.accept_presence(self._vehicles[packet.sender], packet.presence)
+                self._member.accept_presence(sender, packet.presence)
             case kind if kind is PackedKind.REVOCATION or (
                 kind in PIECES and self._member.heeds_orders
             ):
-                self._take_piece(packet, epoch)
+                self._take_piece(packet, sender, epoch)
 
-    def _take_piece(self, packet: Packet, epoch: int) -> None:
+    def _take_piece(self, packet: Packet, sender: str, epoch: int) -> None:
         """Take a piece about an order, and use the message once all of it has come.
 
         Raises:
@@ -378,14 +454,38 @@ class Station:
                     raise RefusedError("not what its operator has signed")
                 self._member.take(content)
             case PackedKind.REPLY:
-                self._accept(packet, Kind.REPLY, epoch, content)
+                self._accept(Kind.REPLY, sender, epoch, content)
             case PackedKind.REPEAT:
-                self._accept(packet, Kind.REPEAT, epoch, content)
+                self._accept(Kind.REPEAT, sender, epoch, content)
 
-    def _accept(self, packet: Packet, kind: Kind, session: int, body: bytes) -> None:
-        operates = packet.sender == OPERATOR
-        sender = OPERATOR_NAME if operates else self._vehicles[packet.sender]
+    def _accept(self, kind: Kind, sender: str, session: int, body: bytes) -> None:
         self._member.accept(Message(kind=kind, sender=sender, session=session, body=body))
+
+    def _sealed(
+        self, kind: PackedKind, body: bytes, time_s: float, *, steered: bool = True
+    ) -> bytes:
+        """A packet with its tag; nothing where the formation's time is not known."""
+        (epoch, *_) = self._member.trust.epochs(self._member.clock()) or (0,)
+        if kind in OF_NO_SESSION:
+            epoch = 0
+        elif epoch == 0:
+            return b""
+        if self._number is None:
+            return b""
+        try:
+            ticks = ticks_of(time_s)
+        except ValueError:
+            self._member.counters["radio: no time to tell"] += 1
+            return b""
+        packet = encode_packet(
+            kind,
+            formation=self._mark,
+            sender=self._number,
+            ticks=ticks,
+            body=body,
+            steered=steered,
+        )
+        return packet + tag_of(self._key, epoch, packet)
 
     def _said_by_leader(self, turn: Turn, now: float) -> bytes:
         """The leader's packet for a turn."""
@@ -401,9 +501,7 @@ class Station:
             return self._answer(now) or self._own_presence(now, PRESENCE_S) or self._piece(now)
         beat, state = table.info(turn.beat), self._fresh_state(now)
         if state is None:
-            return self._trust.sealed(
-                PackedKind.BEAT, encode_beat_alone(beat), self._member.clock()
-            )
+            return self._sealed(PackedKind.BEAT, encode_beat_alone(beat), self._member.clock())
         return self._sealed_state(state, encode_beat(beat))
 
     def _is_silent_leader(self, now: float) -> bool:
@@ -449,7 +547,7 @@ class Station:
     def _sealed_state(self, body: bytes, beat: bytes = b"") -> bytes:
         """A state as a packet; nothing where its time is none."""
         message = decode(body)
-        return self._trust.sealed(
+        return self._sealed(
             PackedKind.STATE,
             beat + encode_motion(message),
             message.time_s,
@@ -486,7 +584,7 @@ class Station:
             return b""
         # A leader asks another of its name, and says for how long it has spoken.
         said_s = ask.originate_s if self._number == LEADER else 0.0
-        return self._trust.sealed(PackedKind.QUESTION, encode_question(ask.number), said_s)
+        return self._sealed(PackedKind.QUESTION, encode_question(ask.number), said_s)
 
     def _answer(self, now: float) -> bytes:
         """The answer to one of the questions that wait."""
@@ -501,7 +599,7 @@ class Station:
             # Another of its name asks for how long it has spoken.
             received_s = said_s = self._member.spoken_s
         body = encode_answer(asker, question.number, session, ticks_of(received_s))
-        return self._trust.sealed(PackedKind.ANSWER, body, said_s)
+        return self._sealed(PackedKind.ANSWER, body, said_s)
 
     def _piece(self, now: float) -> bytes:
         """The next piece of what is to be said about orders."""
@@ -510,7 +608,7 @@ class Station:
             return b""
         kind, piece = found
         said_s = 0.0 if kind in OF_NO_SESSION else self._member.formation_time()
-        return self._trust.sealed(kind, encode_piece(piece), said_s)
+        return self._sealed(kind, encode_piece(piece), said_s)
 
     def _own_presence(self, now: float, every_s: float) -> bytes:
         """This vehicle's presence as a signed packet; nothing while it is not due."""
@@ -520,4 +618,4 @@ class Station:
         self._told_s = now
         (session, *_) = trust.epochs(self._member.clock())
         body = encode_packed_presence(presence, session)
-        return self._trust.sealed(PackedKind.PRESENCE, body, self._member.formation_time())
+        return self._sealed(PackedKind.PRESENCE, body, self._member.formation_time())

@@ -333,7 +333,9 @@ class Trust:
             raise RefusedError("another formation")
         return envelope
 
-    def believe(self, envelope: Envelope, now: float, time_s: float = math.nan) -> Message:
+    def believe(
+        self, envelope: Envelope, now: float, time_s: float = math.nan, *, tagged: bool = False
+    ) -> Message:
         """Find out whether a message can be believed.
 
         What costs least is asked first: a repeated message is refused before its signature is looked at.
@@ -342,23 +344,23 @@ class Trust:
             envelope: the message.
             now: s on any clock that goes on evenly, the same each time.
             time_s: now on the formation's clock, s; NaN while it is not known.
+            tagged: whether the link has found it to be true, by a tag of its own in a signature's place.
 
         Raises:
             RefusedError: it cannot be; the text says why.
         """
-        expected = Scheme.ED25519 if self.signs else Scheme.UNSIGNED
-        if envelope.scheme is not expected:
-            raise RefusedError("not signed" if self.signs else "signed, where --insecure was typed")
         verifies = self._verifiers.get(envelope.sender)
-        if self.signs and verifies is None:
-            raise RefusedError("a stranger")
+        if not tagged:
+            self._check_scheme(envelope)
         if envelope.kind not in self._may(envelope.sender):
             raise RefusedError("not for its sender to say")
         if envelope.sender in self.statements:
             raise RefusedError(REVOKED)
         heard = self._in_order(envelope, now)
         self._check_leaps(envelope, heard, now, time_s)
-        if verifies is None:
+        if tagged:
+            pass
+        elif verifies is None:
             if checksum(envelope.signed) != envelope.tag:
                 raise RefusedError("damaged")
         else:
@@ -381,6 +383,17 @@ class Trust:
             epoch=envelope.epoch,
             sealed=envelope.signed + envelope.tag if envelope.kind is Kind.ORDER else b"",
         )
+
+    def _check_scheme(self, envelope: Envelope) -> None:
+        """See that a message is signed where that is due, by a member.
+
+        Raises:
+            RefusedError: it is not.
+        """
+        if envelope.scheme is not (Scheme.ED25519 if self.signs else Scheme.UNSIGNED):
+            raise RefusedError("not signed" if self.signs else "signed, where --insecure was typed")
+        if self.signs and envelope.sender not in self._verifiers:
+            raise RefusedError("a stranger")
 
     def vouch(self, sealed: bytes, speaker: str) -> Message:
         """Return an operator's order of this flight that another member repeats.
@@ -503,11 +516,6 @@ class Trust:
     def hears_leader(self, now: float) -> bool:
         """Whether the leader was heard lately: no deputy tells the time in its place."""
         return now - self._leader_s < LEADER_LOST_S
-
-    def note_leader(self, session: int, now: float) -> None:
-        """Note that a session of the leader was heard by other means than an envelope."""
-        if session == self._epoch:
-            self._leader_s = now
 
     def _may(self, sender: str) -> frozenset[Kind]:
         if sender == self.leader:

@@ -13,6 +13,7 @@ from tests.kit.link import FORMATION, LEADER
 from tests.kit.radio import state_at
 from tests.unit.link.radio_crafts import (
     CHANNEL,
+    KEY,
     NAMES,
     STEP_S,
     Shared,
@@ -22,12 +23,17 @@ from tests.unit.link.radio_crafts import (
     together,
 )
 from vfguide.lab.rehearsal.emulated_radio import RadioQuality
+from vfguide.link.codec import decode
 from vfguide.link.packed import (
     BeatInfo,
     PackedKind,
     encode_beat_alone,
+    encode_motion,
     encode_packet,
+    formation_key,
     formation_mark,
+    tag_of,
+    ticks_of,
 )
 from vfguide.link.radio_schedule import DAMAGED, Framer, encode_frame
 
@@ -430,12 +436,35 @@ def test_a_hundred_thousand_hostile_packets_raise_nothing_and_are_counted_by_rea
         assert one.counters[f"refused: {reason}"] > 100, reason
     assert one.counters["copies"] > 10_000
     station = one.station
-    assert len(station._trust._newest) <= 15  # noqa: SLF001 - nothing grows with what comes
+    trust = one.member.trust
+    known = len(trust._heard) + len(trust._asked)  # noqa: SLF001 - nothing grows with what comes
+    assert known <= 6
     assert len(station._questions._open) <= 8  # noqa: SLF001
     assert len(one.counters) < 25
     # And the formation is heard again once it is over.
     channel.fly(3.0)
     assert one.heard
+
+
+@pytest.mark.parametrize("ahead_s", [3.0, 1e6])
+def test_who_has_the_radio_key_does_not_make_a_vehicle_a_copy_of_itself(ahead_s):
+    """By a state of a later time, after which none of now would be newer."""
+    channel, _, _, other = formation(6.0)
+    key = formation_key(KEY, FORMATION, NAMES)
+    state = decode(state_at(1.0))
+    packet = encode_packet(
+        PackedKind.STATE,
+        formation=formation_mark(FORMATION),
+        sender=1,
+        ticks=ticks_of(other.member.formation_time() + ahead_s),
+        body=encode_motion(state),
+    )
+    frame = encode_frame(packet + tag_of(key, 1, packet))
+    other.station.hear(frame, other.member.clock())
+    assert "of a time to come" in other.refused
+    other.neighbours.clear()
+    channel.fly(2.0)
+    assert "f1" in {name for name, _ in other.neighbours}
 
 
 @pytest.mark.parametrize(("beats", "period_ms"), [(255, 65_000), (1, 65_000), (1, 8_000)])
