@@ -13,7 +13,7 @@ from typing import ClassVar
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sitl_stub import AutopilotConfig, AutopilotMode, Loops, Personality, personality
+from sitl_stub import AutopilotConfig, AutopilotMode, Personality, PlantParameters, personality
 from sitl_stub.commands import Command, Result, is_flyable_airspeed
 from sitl_stub.flight import EmulatedFlight
 from sitl_stub.loops import SpeedTarget, TurnTarget
@@ -34,7 +34,7 @@ class Brief(Personality):
     modes = (MANUAL, LOITER, GUIDED)
     initial_mode = LOITER
     ground_mode = MANUAL
-    loops: ClassVar = Loops(plant="bank", course_dead_time_s=0.1)
+    loops: ClassVar = PlantParameters(kind="bank", course_dead_time_s=0.1)
     """The aircraft that flies where `--plant` names none."""
     max_bank_deg = 40.0
 

@@ -20,7 +20,7 @@ from sitl_stub.codec import Signing
 from sitl_stub.config import AutopilotConfig
 from sitl_stub.lagging_plant import FirstOrder, Lagging
 from sitl_stub.modes import AutopilotMode
-from sitl_stub.personality import Loops, Personality, autopilots, personality
+from sitl_stub.personality import Personality, autopilots, personality
 from sitl_stub.plant import (
     AirPlant,
     AirRates,
@@ -59,7 +59,6 @@ __all__ = [
     "Fault",
     "FirstOrder",
     "Lagging",
-    "Loops",
     "Personality",
     "Plant",
     "PlantParameters",

@@ -7,11 +7,10 @@
 from collections.abc import Callable, Mapping, Sequence
 from typing import ClassVar
 
-import msgspec
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
-from sitl_stub.aircraft import SpeedResponse
+from sitl_stub.aircraft import PlantParameters
 from sitl_stub.commands import CUSTOM_MODE_FLAG, Arming, Command, Handlers, Result, SystemStatus
 from sitl_stub.config import AutopilotConfig
 from sitl_stub.flight import EmulatedFlight
@@ -29,21 +28,6 @@ personality = autopilots.register
 """`@personality("name")` makes a class known as `--autopilot name`."""
 
 
-class Loops(msgspec.Struct, frozen=True, kw_only=True):
-    """How an aircraft with this autopilot flies where its options name no plant."""
-
-    plant: str = "heading-hold"
-    """Name of the model that flies."""
-    alpha_1_s: float = 1.2
-    """Gain of the course or heading hold, 1/s."""
-    speed_response: SpeedResponse = "first-order"
-    """Shape of the speed hold."""
-    course_dead_time_s: float = 0.0
-    """Dead time of the lateral loop, s."""
-    roll_delay_s: float = 0.0
-    """Time constant with which the bank that is wanted reaches the roll, s."""
-
-
 class Personality:
     """One autopilot's modes, commands, setpoints, parameters, versions and loops."""
 
@@ -53,7 +37,7 @@ class Personality:
     versions: ClassVar[Sequence[tuple[int, int]]] = ()
     """Major and minor of the versions that behave differently, oldest first."""
 
-    loops: ClassVar[Loops] = Loops()
+    loops: ClassVar[PlantParameters] = PlantParameters()
     """How its aircraft flies where no plant is named."""
 
     max_bank_deg: ClassVar[float] = 45.0

@@ -33,7 +33,7 @@ from sitl_stub.loops import AltitudeTarget, SpeedTarget, TurnTarget
 from sitl_stub.messages import ONCE_A_SECOND_US
 from sitl_stub.modes import AutopilotMode, by_number
 from sitl_stub.parameters import px4_parameters
-from sitl_stub.personality import Loops, Personality, personality
+from sitl_stub.personality import Personality, personality
 
 # What each version of PX4 makes of the setpoint messages of offboard, for a fixed wing.
 #
@@ -260,8 +260,8 @@ class EmulatedPx4(Personality):
 
     versions = VERSIONS
     max_bank_deg = 50.0
-    loops = Loops(
-        plant="npfg",
+    loops = PlantParameters(
+        kind="npfg",
         alpha_1_s=4.0 * math.pi * 0.7 / 10.0,
         speed_response="px4-untrimmed",
         course_dead_time_s=0.06,

@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Self
 
+from msgspec.structs import asdict
 from pydantic import (
     BeforeValidator,
     Field,
@@ -44,7 +45,7 @@ from sitl_stub.options import (
     parse_stream,
     parse_wind,
 )
-from sitl_stub.personality import Loops, autopilots
+from sitl_stub.personality import autopilots
 from sitl_stub.plant import options_of, plants
 from sitl_stub.registry import load_plugins
 from sitl_stub.route import Route
@@ -245,9 +246,9 @@ class Settings(AircraftOptions):
             ValueError: there is no such plant, or it cannot be so; the message is one line.
         """
         own = self._autopilot()
-        loops = own.loops if self.plant is None else Loops(plant=self.plant)
-        if loops.plant not in plants:
-            raise OptionError(f"--plant: {loops.plant} is not one of {', '.join(plants.names())}")
+        loops = own.loops if self.plant is None else PlantParameters(kind=self.plant)
+        if loops.kind not in plants:
+            raise OptionError(f"--plant: {loops.kind} is not one of {', '.join(plants.names())}")
         slowest, fastest = self.airspeed_range_m_s
         sink, climb = self.climb_range_m_s
         if not sink < 0.0 < climb:
@@ -257,25 +258,19 @@ class Settings(AircraftOptions):
         max_bank_deg = given(self.max_bank_deg, own.max_bank_deg)
         if not 0.0 < max_bank_deg < 90.0:
             raise OptionError(f"--max-bank: {max_bank_deg:g} is not between 0 and 90")
+        alike = {name: getattr(self, name, None) for name in PlantParameters.__struct_fields__}
         return PlantParameters(
-            kind=loops.plant,
-            alpha_1_s=given(self.alpha_1_s, loops.alpha_1_s),
-            beta_1_s=self.beta_1_s,
-            airspeed_min_m_s=slowest,
-            airspeed_max_m_s=fastest,
-            max_bank_rad=math.radians(max_bank_deg),
-            max_acceleration_m_s2=self.max_acceleration_m_s2,
-            climb_rate_max_m_s=climb,
-            sink_rate_max_m_s=-sink,
-            height_delay_s=self.height_delay_s,
-            guided_p_cdeg_rad=self.guided_p,
-            roll_time_s=self.roll_time_s,
-            turn_efficiency=self.turn_efficiency,
-            roll_delay_s=given(self.roll_delay_s, loops.roll_delay_s),
-            speed_response=self.speed_response or loops.speed_response,
-            course_dead_time_s=given(self.course_dead_time_s, loops.course_dead_time_s),
-            speed_dead_time_s=self.speed_dead_time_s,
-            options=options_of(self.plant_options),
+            **asdict(loops)
+            | {name: value for name, value in alike.items() if value is not None}
+            | {
+                "airspeed_min_m_s": slowest,
+                "airspeed_max_m_s": fastest,
+                "max_bank_rad": math.radians(max_bank_deg),
+                "climb_rate_max_m_s": climb,
+                "sink_rate_max_m_s": -sink,
+                "guided_p_cdeg_rad": self.guided_p,
+                "options": options_of(self.plant_options),
+            }
         )
 
     def config(self, index: int = 0) -> AutopilotConfig:

@@ -201,15 +201,7 @@ def test_an_aircraft_that_cannot_fly_is_refused_by_name(name, values):
 
 
 BANK = PlantParameters(kind="bank")
-LOOPS = EmulatedPx4.loops
-OWN = PlantParameters(
-    kind=LOOPS.plant,
-    alpha_1_s=LOOPS.alpha_1_s,
-    roll_delay_s=LOOPS.roll_delay_s,
-    course_dead_time_s=LOOPS.course_dead_time_s,
-    speed_response=LOOPS.speed_response,
-    max_bank_rad=math.radians(50.0),
-)
+OWN = replace(EmulatedPx4.loops, max_bank_rad=math.radians(50.0))
 """As `sitl-stub --autopilot px4` flies where no plant is named."""
 TECS = PlantParameters(speed_response="tecs")
 
