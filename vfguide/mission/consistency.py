@@ -5,7 +5,7 @@ kind: so they also work on a file that has other faults, and all faults are repo
 """
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 from typing import Any
@@ -33,7 +33,7 @@ ADSB_DISTANCE_M = 100.0
 def group(data: object, *steps: str) -> Mapping[str, Any]:
     """The group of fields at a place of the tree; empty if there is none."""
     for step in steps:
-        data = data.get(step) if isinstance(data, Mapping) else None
+        data = group(data).get(step)
     if isinstance(data, BaseModel):
         return data.model_dump()
     return data if isinstance(data, Mapping) else {}
@@ -105,155 +105,137 @@ class _Role:
     vehicle: str
 
 
+class _Sketch:
+    """A mission as plain data, and what several checks ask of it."""
+
+    def __init__(self, data: Mapping[str, Any]) -> None:
+        self.data = data
+        self.leader = group(data, "leader")
+        self.follows = self.leader.get("follows", OWN_COMPANION)
+        self.vehicles = group(data, "vehicles")
+        self.rehearsal = group(data, "rehearsal")
+        # An empty group for whatever is none.
+        self.followers = [group(one) for one in listed(data.get("followers"))[:MAX_FOLLOWERS]]
+        named: list[tuple[Location, str, object]] = [
+            (("leader", "vehicle"), "the leader", self.leader.get("vehicle")),
+            *(
+                (("followers", index, "vehicle"), f"followers[{index}]", one.get("vehicle"))
+                for index, one in enumerate(self.followers)
+            ),
+        ]
+        self.roles = [_Role(*one[:2], one[2]) for one in named if isinstance(one[2], str)]
+        """Everyone who has something to do, the leader first."""
+        self.names = [role.vehicle for role in self.roles]
+        self.follower_names = [
+            role.vehicle for role in self.roles if role.location[0] == "followers"
+        ]
+
+    def slots(self) -> Iterator[tuple[int, tuple[float, float, float]]]:
+        """(index, (forward, right, up)) of the followers whose slots are such, m."""
+        for index, follower in enumerate(self.followers):
+            slot = group(follower, "slot")
+            place = [number(slot.get(name)) for name in ("forward_m", "right_m")]
+            forward, right, up = *place, number(slot.get("up_m", 0.0))
+            if forward is not None and right is not None and up is not None:
+                yield index, (forward, right, up)
+
+
 def inconsistencies(data: Mapping[str, object]) -> tuple[Misfit, ...]:
     """All contradictions in a mission given as plain data."""
-    checks: tuple[Callable[[Mapping[str, object]], Iterator[Misfit]], ...] = (
-        _unknown_vehicles,
-        _vehicles_with_two_roles,
-        _ambiguous_leader_name,
+    checks: tuple[Callable[[_Sketch], Iterator[Misfit]], ...] = (
+        _vehicles_and_roles,
         _deputies_who_cannot_lead,
         _paths_without_use,
         _contradicting_orders,
-        _lost_strangers,
-        _emulated_strangers,
-        _unused_vehicles,
+        _strangers_in_the_rehearsal,
         _shared_system_ids,
         _crowded_slots,
-        _strangers_at_the_start,
         _airspeed_out_of_range,
         _unheard_leader,
-        _slots_near_adsb,
         _more_jitter_than_delay,
-        _deputies_on_a_radio,
     )
-    whole = completed(data)
-    return tuple(found for check in checks for found in check(group(whole)))
+    sketch = _Sketch(group(completed(data)))
+    return tuple(found for check in checks for found in check(sketch))
 
 
-def _followers(data: Mapping[str, object]) -> list[Mapping[str, object]]:
-    """The followers in order, with an empty group for whatever is none."""
-    followers = data.get("followers")
-    if not isinstance(followers, list | tuple):
-        return []
-    return [group(one) for one in followers[:MAX_FOLLOWERS]]
+def listed(value: object) -> Sequence[Any]:
+    """The entries of a list; none where it is none."""
+    return value if isinstance(value, list | tuple) else ()
 
 
-def _roles(data: Mapping[str, object]) -> list[_Role]:
-    """Everyone who has something to do, the leader first."""
-    leader = group(data, "leader").get("vehicle")
-    named: list[tuple[Location, str, object]] = [(("leader", "vehicle"), "the leader", leader)]
-    for index, follower in enumerate(_followers(data)):
-        place = ("followers", index, "vehicle")
-        named.append((place, f"followers[{index}]", follower.get("vehicle")))
-    return [
-        _Role(location, title, vehicle)
-        for location, title, vehicle in named
-        if isinstance(vehicle, str)
-    ]
-
-
-def _unknown_vehicles(data: Mapping[str, object]) -> Iterator[Misfit]:
-    """Roles given to vehicles that are not described."""
-    vehicles = group(data, "vehicles")
-    if not vehicles:
-        return
-    for role in _roles(data):
-        if role.vehicle not in vehicles:
-            known = ", ".join(str(name) for name in vehicles)
-            yield Misfit(
-                role.location,
-                f"there is no vehicle '{role.vehicle}'",
-                f"describe it under vehicles, or name one of: {known}",
-            )
-
-
-def _vehicles_with_two_roles(data: Mapping[str, object]) -> Iterator[Misfit]:
-    """Vehicles that would have to be in two places."""
+def _vehicles_and_roles(sketch: _Sketch) -> Iterator[Misfit]:
+    """Roles of vehicles that are not described, vehicles with two roles and with none."""
+    known = ", ".join(str(name) for name in sketch.vehicles)
     taken: dict[str, str] = {}
-    for role in _roles(data):
-        if role.vehicle in taken:
-            yield Misfit(
-                role.location,
-                f"'{role.vehicle}' already flies as {taken[role.vehicle]}",
-                "give each role a vehicle of its own",
-            )
-        taken.setdefault(role.vehicle, role.title)
+    for role in sketch.roles:
+        name = role.vehicle
+        if sketch.vehicles and name not in sketch.vehicles:
+            remedy = f"describe it under vehicles, or name one of: {known}"
+            yield Misfit(role.location, f"there is no vehicle '{name}'", remedy)
+        if name in taken:
+            message = f"'{name}' already flies as {taken[name]}"
+            yield Misfit(role.location, message, "give each role a vehicle of its own")
+        # Its start could not be told from the leader's.
+        if name == LEADER and role is not sketch.roles[0]:
+            remedy = "rename this vehicle, here and under vehicles"
+            yield Misfit(role.location, "a follower cannot be called 'leader'", remedy)
+        taken.setdefault(name, role.title)
+    for name in sketch.vehicles if taken else ():
+        if name not in taken:
+            remedy = "name it as leader.vehicle or in followers, or remove it"
+            yield Misfit(("vehicles", name), "this vehicle has no role", remedy)
 
 
-def _ambiguous_leader_name(data: Mapping[str, object]) -> Iterator[Misfit]:
-    """A follower with the leader's key, so that its start could not be told from the leader's."""
-    for role in _roles(data)[1:]:
-        if role.vehicle == LEADER:
-            yield Misfit(
-                role.location,
-                "a follower cannot be called 'leader'",
-                "rename this vehicle, here and under vehicles",
-            )
-
-
-def _deputies_who_cannot_lead(data: Mapping[str, object]) -> Iterator[Misfit]:
-    """Deputies that do not follow, are named twice, or have no leader with a companion to stand in for."""
-    deputies = data.get("deputies")
-    if not isinstance(deputies, list | tuple) or not deputies:
+def _deputies_who_cannot_lead(sketch: _Sketch) -> Iterator[Misfit]:
+    """Deputies that do not follow, are named twice, or cannot stand in for the leader."""
+    deputies = listed(sketch.data.get("deputies"))
+    if not deputies:
         return
-    follows = group(data, "leader").get("follows", OWN_COMPANION)
-    if follows != OWN_COMPANION:
+    if sketch.follows != OWN_COMPANION:
         yield Misfit(
             ("deputies",),
-            f"a leader with `follows: {follows}` has no companion that deputies could hear",
+            f"a leader with `follows: {sketch.follows}` has no companion that deputies could hear",
             "remove them, or let the leader have a companion",
         )
-    if group(data, "controller").get("leader_speed_source") == "observer":
+    if group(sketch.data, "controller").get("leader_speed_source") == "observer":
         yield Misfit(
             ("deputies",),
             "a leader that does not measure its ground speed cannot come back as a follower",
             "write controller.leader_speed_source: measured, or remove the deputies",
         )
-    followers = [role.vehicle for role in _roles(data) if role.location[0] == "followers"]
+    # A radio has no room for what they say.
+    if sketch.rehearsal.get("radio") is not None:
+        message = "deputies cannot lead over a radio (rehearsal.radio)"
+        yield Misfit(("deputies",), message, "remove one of the two")
+    known = ", ".join(sketch.follower_names)
     for index, deputy in enumerate(deputies[:MAX_DEPUTIES]):
-        if deputy not in followers:
-            yield Misfit(
-                ("deputies", index),
-                f"'{deputy}' is no follower",
-                f"name one of: {', '.join(followers)}" if followers else "remove it",
-            )
+        place = ("deputies", index)
+        if deputy not in sketch.follower_names:
+            remedy = f"name one of: {known}" if known else "remove it"
+            yield Misfit(place, f"'{deputy}' is no follower", remedy)
         elif deputy in deputies[:index]:
-            yield Misfit(("deputies", index), f"'{deputy}' is named twice", "remove one")
+            yield Misfit(place, f"'{deputy}' is named twice", "remove one")
 
 
-def _deputies_on_a_radio(data: Mapping[str, object]) -> Iterator[Misfit]:
-    """Deputies in a formation that is joined by a radio, which has no room for what they say."""
-    if data.get("deputies") and group(data, "rehearsal").get("radio") is not None:
-        yield Misfit(
-            ("deputies",),
-            "deputies cannot lead over a radio (rehearsal.radio)",
-            "remove one of the two",
-        )
-
-
-def _paths_without_use(data: Mapping[str, object]) -> Iterator[Misfit]:
+def _paths_without_use(sketch: _Sketch) -> Iterator[Misfit]:
     """Other paths that cannot be ordered: of the first's name, or of a leader without a companion."""
-    others = group(data, "paths")
-    follows = group(data, "leader").get("follows", OWN_COMPANION)
-    if others and follows != OWN_COMPANION:
+    others = group(sketch.data, "paths")
+    if others and sketch.follows != OWN_COMPANION:
         yield Misfit(
             ("paths",),
-            f"a leader with `follows: {follows}` flies no path that is ordered",
+            f"a leader with `follows: {sketch.follows}` flies no path that is ordered",
             "remove them, or let the leader have a companion",
         )
     if MAIN_PATH in others:
         yield Misfit(("paths", MAIN_PATH), "`main` is the name of `path`", "give it another name")
 
 
-def _contradicting_orders(data: Mapping[str, object]) -> Iterator[Misfit]:
+def _contradicting_orders(sketch: _Sketch) -> Iterator[Misfit]:
     """Orders of the time table for one time, and of followers that are not where the order needs them."""
-    orders = data.get("orders")
-    if not isinstance(orders, list | tuple):
-        return
-    present = {role.vehicle for role in _roles(data) if role.location[0] == "followers"}
-    followers = set(present)
+    followers = set(sketch.follower_names)
+    present = {*followers}
     before: float | None = None
-    for index, one in enumerate(orders):
+    for index, one in enumerate(listed(sketch.data.get("orders"))):
         order = group(one)
         time_s = number(order.get("at_s"))
         if time_s is not None and before is not None and time_s <= before:
@@ -263,88 +245,60 @@ def _contradicting_orders(data: Mapping[str, object]) -> Iterator[Misfit]:
                 "put orders in the order of their times, one for each time",
             )
         before = before if time_s is None else time_s
-        for field, named in _named_in(order):
-            wrong = [name for name in named if (name in present) is (field == "join")]
-            for name in wrong:
-                place = ("orders", index, field)
-                yield _misplaced(place, name, followers, joins=field == "join")
-        present -= set(_names(order.get("leave")))
-        present |= set(_names(order.get("join"))) & followers
-
-
-def _named_in(order: Mapping[str, object]) -> Iterator[tuple[str, list[str]]]:
-    """(field, followers that it names) of an order."""
-    for field in ("swap", "leave", "join"):
-        yield field, _names(order.get(field))
+        named = {field: _names(order.get(field)) for field in ("swap", "leave", "join")}
+        for field, names in named.items():
+            for name in names:
+                if (name in present) is (field == "join"):
+                    yield _misplaced(("orders", index, field), name, followers)
+        present -= set(named["leave"])
+        present |= set(named["join"]) & followers
 
 
 def _names(value: object) -> list[str]:
     """The names in a list of some; none where it is none."""
-    return (
-        [name for name in value if isinstance(name, str)] if isinstance(value, list | tuple) else []
-    )
+    return [name for name in listed(value) if isinstance(name, str)]
 
 
-def _misplaced(place: Location, name: str, followers: set[str], *, joins: bool) -> Misfit:
+def _misplaced(place: Location, name: str, followers: set[str]) -> Misfit:
     """What to say of a follower that is not where an order needs it."""
     if name not in followers:
         known = ", ".join(sorted(followers)) or "none"
         return Misfit(place, f"'{name}' is no follower", f"name one of: {known}")
-    if joins:
-        return Misfit(
-            place, f"'{name}' is in the formation already", "remove it, or let it leave before"
-        )
+    if place[-1] == "join":
+        remedy = "remove it, or let it leave before"
+        return Misfit(place, f"'{name}' is in the formation already", remedy)
     return Misfit(place, f"'{name}' has left the formation", "remove it, or let it join before")
 
 
-def _lost_strangers(data: Mapping[str, object]) -> Iterator[Misfit]:
-    """Companions that are lost in the rehearsal and that no vehicle has."""
-    losses = group(data, "rehearsal").get("losses")
-    if not isinstance(losses, list | tuple):
-        return
-    names = [role.vehicle for role in _roles(data)]
-    if is_foreign(data):
-        names = names[1:]
-    for index, loss in enumerate(losses):
+def _strangers_in_the_rehearsal(sketch: _Sketch) -> Iterator[Misfit]:
+    """Losses, emulated aircraft and starting places of vehicles that do not fly in the formation."""
+    names = sketch.names
+    companions = names if sketch.follows == OWN_COMPANION else names[1:]
+    for index, loss in enumerate(listed(sketch.rehearsal.get("losses"))):
         name = group(loss).get("vehicle")
-        if isinstance(name, str) and names and name not in names:
-            yield Misfit(
-                ("rehearsal", "losses", index, "vehicle"),
-                f"'{name}' has no companion to lose",
-                f"name one of: {', '.join(names)}",
-            )
-
-
-def _emulated_strangers(data: Mapping[str, object]) -> Iterator[Misfit]:
-    """Emulated aircraft that differ from the others and that nobody flies."""
-    names = [role.vehicle for role in _roles(data)]
-    for name in group(data, "rehearsal", "emulator", "vehicles"):
+        if isinstance(name, str) and companions and name not in companions:
+            place: Location = ("rehearsal", "losses", index, "vehicle")
+            remedy = f"name one of: {', '.join(companions)}"
+            yield Misfit(place, f"'{name}' has no companion to lose", remedy)
+    for name in group(sketch.rehearsal, "emulator", "vehicles"):
         if names and name not in names:
-            yield Misfit(
-                ("rehearsal", "emulator", "vehicles", name),
-                f"there is no vehicle '{name}' in the formation",
-                f"remove it, or name one of: {', '.join(names)}",
-            )
-
-
-def _unused_vehicles(data: Mapping[str, object]) -> Iterator[Misfit]:
-    """Vehicles that nobody flies."""
-    flown = {role.vehicle for role in _roles(data)}
-    if not flown:
+            place = ("rehearsal", "emulator", "vehicles", name)
+            remedy = f"remove it, or name one of: {', '.join(names)}"
+            yield Misfit(place, f"there is no vehicle '{name}' in the formation", remedy)
+    if len(names) <= len(sketch.followers):
         return
-    for name in group(data, "vehicles"):
-        if name not in flown:
-            yield Misfit(
-                ("vehicles", name),
-                "this vehicle has no role",
-                "name it as leader.vehicle or in followers, or remove it",
-            )
+    starting = [LEADER, *names[1:]]
+    for name in group(sketch.rehearsal, "start"):
+        if name not in starting:
+            place = ("rehearsal", "start", name)
+            remedy = f"use one of: {', '.join(dict.fromkeys(starting))}"
+            yield Misfit(place, f"'{name}' is neither 'leader' nor a follower", remedy)
 
 
-def _shared_system_ids(data: Mapping[str, object]) -> Iterator[Misfit]:
+def _shared_system_ids(sketch: _Sketch) -> Iterator[Misfit]:
     """Vehicles that MAVLink could not tell apart."""
     owners: dict[float, str] = {GROUND_STATION: "the ground station"}
-    for name, vehicle in group(data, "vehicles").items():
+    for name, vehicle in sketch.vehicles.items():
         system_id = number(group(vehicle).get("system_id"))
         if system_id is None:
             continue
@@ -357,20 +311,17 @@ def _shared_system_ids(data: Mapping[str, object]) -> Iterator[Misfit]:
         owners.setdefault(system_id, name)
 
 
-def _crowded_slots(data: Mapping[str, object]) -> Iterator[Misfit]:
-    """Slots too close to the leader or to each other, whatever the formation flies."""
-    allowed = number(group(data, "acceptance").get("min_separation_m"))
+def _crowded_slots(sketch: _Sketch) -> Iterator[Misfit]:
+    """Slots too close to the leader or to each other, or to an aircraft with people in it."""
+    allowed = number(group(sketch.data, "acceptance").get("min_separation_m"))
     allowed = DEFAULT_MIN_SEPARATION_M if allowed is None else allowed
     places: list[tuple[Location, str, tuple[float, float, float]]] = [
-        (("leader",), "the leader", (0.0, 0.0, 0.0))
+        (("leader",), "the leader", (0.0, 0.0, 0.0)),
+        *(
+            (("followers", index, "slot"), f"followers[{index}]'s slot", place)
+            for index, place in sketch.slots()
+        ),
     ]
-    for index, follower in enumerate(_followers(data)):
-        slot = group(follower, "slot")
-        forward, right = number(slot.get("forward_m")), number(slot.get("right_m"))
-        up = number(slot.get("up_m", 0.0))
-        if forward is not None and right is not None and up is not None:
-            title = f"followers[{index}]'s slot"
-            places.append((("followers", index, "slot"), title, (forward, right, up)))
     for (_, other, at_other), (location, _, here) in combinations(places, 2):
         distance = math.dist(at_other, here)
         if distance < allowed or distance == 0.0:
@@ -379,45 +330,43 @@ def _crowded_slots(data: Mapping[str, object]) -> Iterator[Misfit]:
                 f"only {distance:.1f} m from {other}",
                 f"keep slots acceptance.min_separation_m = {allowed:g} m apart",
             )
+    # Its position is some seconds old.
+    for location, _, here in places[1:] if sketch.follows == "adsb" else ():
+        distance = math.hypot(*here[:2])
+        if distance < ADSB_DISTANCE_M:
+            message = f"only {distance:.0f} m from an aircraft that is heard by ADS-B"
+            yield Misfit(location, message, f"keep {ADSB_DISTANCE_M:g} m or more")
 
 
-def _strangers_at_the_start(data: Mapping[str, object]) -> Iterator[Misfit]:
-    """Starting places of vehicles that do not follow."""
-    roles = _roles(data)
-    if len(roles) <= len(_followers(data)):
-        return
-    names = [LEADER, *(role.vehicle for role in roles[1:])]
-    for name in group(data, "rehearsal", "start"):
-        if name not in names:
-            yield Misfit(
-                ("rehearsal", "start", name),
-                f"'{name}' is neither 'leader' nor a follower",
-                f"use one of: {', '.join(dict.fromkeys(names))}",
-            )
-
-
-def _airspeed_out_of_range(data: Mapping[str, object]) -> Iterator[Misfit]:
+def _airspeed_out_of_range(sketch: _Sketch) -> Iterator[Misfit]:
     """A leader that is to fly faster or slower than it can."""
-    leader = group(data, "leader")
-    airspeed = number(leader.get("airspeed_m_s"))
-    vehicle = group(data, "vehicles", str(leader.get("vehicle")))
-    span = vehicle.get("airspeed_range_m_s", DEFAULT_AIRSPEED_RANGE_M_S)
-    if not vehicle or airspeed is None or not isinstance(span, list | tuple) or len(span) != 2:
+    name, airspeed = sketch.leader.get("vehicle"), number(sketch.leader.get("airspeed_m_s"))
+    vehicle = group(sketch.vehicles, str(name))
+    span = airspeed_range(vehicle)
+    if not vehicle or airspeed is None or span is None:
         return
-    lowest, highest = number(span[0]), number(span[1])
-    if lowest is None or highest is None or lowest > highest or lowest <= airspeed <= highest:
-        return
-    yield Misfit(
-        ("leader", "airspeed_m_s"),
-        f"{airspeed:g} m/s is outside the airspeed_range_m_s of '{leader.get('vehicle')}'",
-        f"choose {lowest:g} to {highest:g} m/s",
-    )
+    lowest, highest = span
+    if lowest <= highest and not lowest <= airspeed <= highest:
+        yield Misfit(
+            ("leader", "airspeed_m_s"),
+            f"{airspeed:g} m/s is outside the airspeed_range_m_s of '{name}'",
+            f"choose {lowest:g} to {highest:g} m/s",
+        )
 
 
-def _unheard_leader(data: Mapping[str, object]) -> Iterator[Misfit]:
+def airspeed_range(vehicle: Mapping[str, object]) -> tuple[float, float] | None:
+    """(lowest, highest) airspeed of a vehicle, m/s: the usual where it does not say; None if it is none."""
+    if "airspeed_range_m_s" not in vehicle:
+        return DEFAULT_AIRSPEED_RANGE_M_S
+    match [number(one) for one in listed(vehicle["airspeed_range_m_s"])]:
+        case [float(lowest), float(highest)]:
+            return lowest, highest
+    return None
+
+
+def _unheard_leader(sketch: _Sketch) -> Iterator[Misfit]:
     """A leader without a companion that nobody can hear, or fields that another kind of leader has."""
-    leader = group(data, "leader")
-    follows = leader.get("follows", OWN_COMPANION)
+    leader, follows = sketch.leader, sketch.follows
     kinds = {
         "connection": ("mavlink", "adsb"),
         "system_id": ("mavlink",),
@@ -440,7 +389,7 @@ def _unheard_leader(data: Mapping[str, object]) -> Iterator[Misfit]:
                 f"needed with `follows: {follows}`",
                 f"write {field}: {examples[field]}, or what it is",
             )
-    known = number(group(data, "vehicles", str(leader.get("vehicle"))).get("system_id"))
+    known = number(group(sketch.vehicles, str(leader.get("vehicle"))).get("system_id"))
     system_id = number(leader.get("system_id"))
     if follows == "mavlink" and known is None and system_id is None:
         yield Misfit(
@@ -456,27 +405,9 @@ def _unheard_leader(data: Mapping[str, object]) -> Iterator[Misfit]:
         )
 
 
-def _slots_near_adsb(data: Mapping[str, object]) -> Iterator[Misfit]:
-    """Slots near an aircraft with people in it, whose position is some seconds old."""
-    if group(data, "leader").get("follows") != "adsb":
-        return
-    for index, follower in enumerate(_followers(data)):
-        slot = group(follower, "slot")
-        forward, right = number(slot.get("forward_m")), number(slot.get("right_m"))
-        if forward is None or right is None:
-            continue
-        distance = math.hypot(forward, right)
-        if distance < ADSB_DISTANCE_M:
-            yield Misfit(
-                ("followers", index, "slot"),
-                f"only {distance:.0f} m from an aircraft that is heard by ADS-B",
-                f"keep {ADSB_DISTANCE_M:g} m or more",
-            )
-
-
-def _more_jitter_than_delay(data: Mapping[str, object]) -> Iterator[Misfit]:
+def _more_jitter_than_delay(sketch: _Sketch) -> Iterator[Misfit]:
     """Messages of a leader that would arrive before they are sent."""
-    heard = group(data, "rehearsal", "leader_telemetry")
+    heard = group(sketch.rehearsal, "leader_telemetry")
     delay, jitter = number(heard.get("delay_s", 0.2)), number(heard.get("jitter_s", 0.0))
     if delay is not None and jitter is not None and jitter > delay:
         yield Misfit(

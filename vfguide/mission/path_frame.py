@@ -7,7 +7,13 @@ import math
 from collections.abc import Iterator, Mapping
 
 from vfguide.guidance.airframe import GRAVITY
-from vfguide.mission.consistency import DEFAULT_AIRSPEED_RANGE_M_S, group, number
+from vfguide.mission.consistency import (
+    DEFAULT_AIRSPEED_RANGE_M_S,
+    airspeed_range,
+    group,
+    listed,
+    number,
+)
 from vfguide.mission.place import MissionFrame
 from vfguide.mission.vehicle import DEFAULT_MAX_BANK_DEG
 from vfguide.registry import paths
@@ -89,7 +95,7 @@ def least_radius(data: Mapping[str, object]) -> float:
         tight = speed * speed / acceleration
         # R² - tight R - tight y = 0
         radius = max(radius, 0.5 * (tight + math.sqrt(tight * tight + 4.0 * tight * aside)))
-        lowest, highest = airspeed_range(vehicle)
+        lowest, highest = airspeed_range(vehicle) or DEFAULT_AIRSPEED_RANGE_M_S
         for room in (airspeed - lowest, highest - airspeed):
             if aside > 0.0:
                 radius = max(radius, aside * speed / max(room - SPARE_M_S, 0.1))
@@ -100,20 +106,9 @@ def slots(data: Mapping[str, object]) -> Iterator[tuple[Mapping[str, object], fl
     """(vehicle, distance of its slot aside from the leader in m) of the leader and all followers."""
     vehicles = group(data, "vehicles")
     yield group(vehicles.get(str(group(data, "leader").get("vehicle")))), 0.0
-    followers = data.get("followers")
-    for one in followers if isinstance(followers, list | tuple) else ():
+    for one in listed(data.get("followers")):
         aside = number(group(one, "slot").get("right_m"))
         yield group(vehicles.get(str(group(one).get("vehicle")))), abs(aside or 0.0)
-
-
-def airspeed_range(vehicle: Mapping[str, object]) -> tuple[float, float]:
-    """(lowest, highest) airspeed of a vehicle, m/s."""
-    given = vehicle.get("airspeed_range_m_s")
-    if isinstance(given, list | tuple) and len(given) == len(DEFAULT_AIRSPEED_RANGE_M_S):
-        lowest, highest = number(given[0]), number(given[1])
-        if lowest is not None and highest is not None:
-            return lowest, highest
-    return DEFAULT_AIRSPEED_RANGE_M_S
 
 
 def wind_speed(wind: Mapping[str, object]) -> float:
