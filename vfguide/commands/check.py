@@ -12,7 +12,7 @@ from vfguide.commands.terminal import Terminal, stopped_by_signals
 from vfguide.errors import VfguideError
 from vfguide.mission import MissionError, read_mission
 from vfguide.mission.feasibility import check_mission
-from vfguide.mission.finding import Finding, MissionFault, worst_first
+from vfguide.mission.finding import Finding, worst_first
 from vfguide.mission.flight_path import MissionSource
 from vfguide.mission.model import Mission
 
@@ -39,20 +39,12 @@ def check(
     except MissionError as error:
         if not as_json:
             raise
-        found = findings_of(error.faults)
-        raise typer.Exit(report_findings(found, name=None, strict=strict, as_json=True)) from error
+        status = report_findings(error.faults, name=None, strict=strict, as_json=True)
+        raise typer.Exit(status) from error
     overrides = Overrides(controller=controller, settings=parse_settings(settings or ()))
     chosen = apply_overrides(loaded.mission, overrides)
     findings = with_expectation(check_mission(chosen, loaded.source), chosen, loaded.source)
     raise typer.Exit(report_findings(findings, name=chosen.name, strict=strict, as_json=as_json))
-
-
-def findings_of(faults: Sequence[MissionFault]) -> list[Finding]:
-    """What is wrong with a file that is no mission, as findings."""
-    return [
-        Finding("error", one.location, one.message, one.remedy, one.file, one.line)
-        for one in faults
-    ]
 
 
 def lowered_in(mission: Mission) -> list[Finding]:

@@ -1,7 +1,7 @@
 """Mission files: what they may say, how they are read, and what is known before take-off."""
 
 from vfguide.mission.feasibility import check_mission, report_on
-from vfguide.mission.finding import Finding, MissionError, MissionFault, MissionReport
+from vfguide.mission.finding import Finding, MissionError, MissionReport
 from vfguide.mission.flight_path import MissionSource
 from vfguide.mission.load import LoadedMission, load_mission, parse_mission, read_mission
 from vfguide.mission.model import Mission
@@ -11,7 +11,6 @@ __all__ = [
     "LoadedMission",
     "Mission",
     "MissionError",
-    "MissionFault",
     "MissionReport",
     "MissionSource",
     "check_mission",

@@ -20,42 +20,6 @@ def shortened(text: str, limit: int = 60) -> str:
     return text if len(text) <= limit else f"{text[: limit - 1]}…"
 
 
-@dataclass(frozen=True, slots=True)
-class MissionFault:
-    """One thing that is wrong."""
-
-    file: str
-    """The mission file."""
-    line: int | None
-    """Line in it, counted from 1; None where the fault is the file's own."""
-    location: Location
-    """The field; empty where the fault is the file's own."""
-    message: str
-    """What is wrong."""
-    remedy: str
-    """What would be right; may be empty."""
-
-    @property
-    def field(self) -> str:
-        """The field as messages write it."""
-        return dotted(self.location)
-
-    def __str__(self) -> str:
-        where = self.file if self.line is None else f"{self.file}:{self.line}"
-        subject = f"{shortened(self.field, 120)}: " if self.location else ""
-        remedy = f"; {self.remedy}" if self.remedy else ""
-        return printable(f"{where}: {subject}{self.message}{remedy}")
-
-
-class MissionError(InputError):
-    """The mission file cannot be flown as it is written."""
-
-    def __init__(self, faults: tuple[MissionFault, ...]) -> None:
-        super().__init__("\n".join(str(fault) for fault in faults))
-        self.faults = faults
-        """Everything found wrong, in the order of the file."""
-
-
 Severity = Literal["error", "warning", "note"]
 """error: it cannot be flown so; warning: it can, but not well; note: what to expect."""
 
@@ -105,10 +69,24 @@ class Finding:
         }
 
     def __str__(self) -> str:
+        return self.line_with(f"{self.severity}: ")
+
+    def line_with(self, kind: str = "") -> str:
+        """The finding in a line, with what it is before its field; nothing for a fault of a file."""
         place = ":".join(str(part) for part in (self.file, self.line) if part is not None)
         where = f"{place}: " if place else ""
+        subject = f"{shortened(self.field, 120)}: " if self.location else ""
         remedy = f"; {self.remedy}" if self.remedy else ""
-        return printable(f"{where}{self.severity}: {self.field}: {self.message}{remedy}")
+        return printable(f"{where}{kind}{subject}{self.message}{remedy}")
+
+
+class MissionError(InputError):
+    """The mission file cannot be flown as it is written."""
+
+    def __init__(self, faults: tuple[Finding, ...]) -> None:
+        super().__init__("\n".join(fault.line_with() for fault in faults))
+        self.faults = faults
+        """Everything found wrong, in the order of the file."""
 
 
 @dataclass(frozen=True, slots=True)

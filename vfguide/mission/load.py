@@ -10,7 +10,7 @@ from pydantic import ValidationError
 
 from vfguide.errors import InputError
 from vfguide.mission.explain import explain
-from vfguide.mission.finding import MissionError, MissionFault
+from vfguide.mission.finding import Finding, MissionError
 from vfguide.mission.flight_path import Location, Misfit, MissionSource
 from vfguide.mission.model import Mission
 from vfguide.mission.plan_file import read_plan
@@ -163,7 +163,7 @@ def spread_defaults(tree: Tree, file: str) -> dict[Location, Location]:
     return spread
 
 
-def where_it_stands(fault: MissionFault, spread: Mapping[Location, Location]) -> MissionFault:
+def where_it_stands(fault: Finding, spread: Mapping[Location, Location]) -> Finding:
     """The fault of a vehicle's field at the place in the file that it comes from."""
     place = spread.get(fault.location[:3])
     return fault if place is None else replace(fault, location=(*place, *fault.location[3:]))
@@ -200,15 +200,14 @@ def _decode(content: bytes, file: str) -> str:
         raise _error(file, "not UTF-8 text", "save the file as UTF-8", line) from error
 
 
-def fault_of(source: MissionSource, misfit: Misfit) -> MissionFault:
+def fault_of(source: MissionSource, misfit: Misfit) -> Finding:
     """A misfit with its line in the file."""
-    line = source.line_of(misfit.location)
-    return MissionFault(source.file, line, misfit.location, misfit.message, misfit.remedy)
+    return Finding("error", misfit.location, misfit.message, misfit.remedy).placed(source)
 
 
 def _error(file: str, message: str, remedy: str, line: int | None = None) -> MissionError:
-    return MissionError((MissionFault(file, line, (), message, remedy),))
+    return MissionError((Finding("error", (), message, remedy, file, line),))
 
 
-def _in_order(faults: list[MissionFault]) -> tuple[MissionFault, ...]:
+def _in_order(faults: list[Finding]) -> tuple[Finding, ...]:
     return tuple(sorted(faults, key=lambda fault: fault.line or 0))

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 
 import yaml
 
-from vfguide.mission.finding import MissionError, MissionFault, shortened
+from vfguide.mission.finding import Finding, MissionError, shortened
 from vfguide.mission.flight_path import Location
 
 MAX_DEPTH = 16
@@ -47,7 +47,7 @@ class Tree:
     """None, bool, int, float, str, and lists and mappings of these."""
     lines: dict[Location, int] = field(default_factory=dict)
     """Line of each field, counted from 1."""
-    faults: list[MissionFault] = field(default_factory=list)
+    faults: list[Finding] = field(default_factory=list)
     """Faults that left the rest readable."""
 
 
@@ -67,7 +67,7 @@ def read_tree(text: str, file: str = "") -> Tree:
     except yaml.reader.ReaderError as error:
         line = text.count("\n", 0, error.position) + 1
         message = f"character U+{ord(text[error.position]):04X} cannot stand in a YAML file"
-        raise MissionError((MissionFault(file, line, (), message, "remove it"),)) from error
+        raise MissionError((Finding("error", (), message, "remove it", file, line),)) from error
     except (ValueError, OverflowError) as error:
         # PyYAML lets these escape on absurd version numbers and on escapes past U+10FFFF
         raise _syntax_error(file, 1, "a number or escape is out of range") from error
@@ -76,7 +76,7 @@ def read_tree(text: str, file: str = "") -> Tree:
 def _syntax_error(file: str, line: int, detail: str) -> MissionError:
     remedy = "check indentation, colons, brackets and quotes there"
     message = f"not valid YAML: {shortened(detail, 100)}"
-    return MissionError((MissionFault(file, line, (), message, remedy),))
+    return MissionError((Finding("error", (), message, remedy, file, line),))
 
 
 class _Reader:
@@ -116,10 +116,8 @@ class _Reader:
                 continue
             raise MissionError((self._fault(event, (), message, remedy),))
 
-    def _fault(
-        self, event: yaml.Event, location: Location, message: str, remedy: str
-    ) -> MissionFault:
-        return MissionFault(self._file, _line(event), location, message, remedy)
+    def _fault(self, event: yaml.Event, location: Location, message: str, remedy: str) -> Finding:
+        return Finding("error", location, message, remedy, self._file, _line(event))
 
     def _written_out(self, events: Iterable[yaml.Event]) -> Iterator[yaml.Event]:
         """The events with those of its anchor in place of each alias.
