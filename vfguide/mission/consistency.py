@@ -151,8 +151,7 @@ def inconsistencies(data: Mapping[str, object]) -> tuple[Misfit, ...]:
         _shared_system_ids,
         _crowded_slots,
         _airspeed_out_of_range,
-        _unheard_leader,
-        _more_jitter_than_delay,
+        _leader_without_id,
     )
     sketch = _Sketch(group(completed(data)))
     return tuple(found for check in checks for found in check(sketch))
@@ -364,31 +363,9 @@ def airspeed_range(vehicle: Mapping[str, object]) -> tuple[float, float] | None:
     return None
 
 
-def _unheard_leader(sketch: _Sketch) -> Iterator[Misfit]:
-    """A leader without a companion that nobody can hear, or fields that another kind of leader has."""
+def _leader_without_id(sketch: _Sketch) -> Iterator[Misfit]:
+    """A leader without a companion that no system id tells, or two."""
     leader, follows = sketch.leader, sketch.follows
-    kinds = {
-        "connection": ("mavlink", "adsb"),
-        "system_id": ("mavlink",),
-        "icao_address": ("adsb",),
-        "least_delay_s": ("mavlink", "adsb"),
-    }
-    for field, of in kinds.items():
-        if follows not in of and leader.get(field) is not None:
-            yield Misfit(
-                ("leader", field),
-                f"a leader that followers hear by `follows: {follows}` has none",
-                f"write follows: {' or '.join(of)}, or remove it",
-            )
-    needs = {"mavlink": ("connection",), "adsb": ("connection", "icao_address")}
-    examples = {"connection": "udpin://0.0.0.0:14560", "icao_address": "0x4B1900"}
-    for field in needs.get(str(follows), ()):
-        if leader.get(field) is None:
-            yield Misfit(
-                ("leader", field),
-                f"needed with `follows: {follows}`",
-                f"write {field}: {examples[field]}, or what it is",
-            )
     known = number(group(sketch.vehicles, str(leader.get("vehicle"))).get("system_id"))
     system_id = number(leader.get("system_id"))
     if follows == "mavlink" and known is None and system_id is None:
@@ -402,16 +379,4 @@ def _unheard_leader(sketch: _Sketch) -> Iterator[Misfit]:
             ("leader", "system_id"),
             f"its vehicle has {known:.0f}",
             "write it once, here or under vehicles",
-        )
-
-
-def _more_jitter_than_delay(sketch: _Sketch) -> Iterator[Misfit]:
-    """Messages of a leader that would arrive before they are sent."""
-    heard = group(sketch.rehearsal, "leader_telemetry")
-    delay, jitter = number(heard.get("delay_s", 0.2)), number(heard.get("jitter_s", 0.0))
-    if delay is not None and jitter is not None and jitter > delay:
-        yield Misfit(
-            ("rehearsal", "leader_telemetry", "jitter_s"),
-            f"more than delay_s, {delay:g} s",
-            "lower it, or raise delay_s",
         )

@@ -77,6 +77,31 @@ class Misfit:
     """What would be right."""
 
 
+def refuse(misfits: Iterable[Misfit], value: object, *outer: str) -> None:
+    """Refuse a section whose fields do not fit together, each misfit at its place.
+
+    Args:
+        misfits: of the section.
+        value: of the section, for the error.
+        outer: steps of the location before those of a misfit.
+
+    Raises:
+        pydantic.ValidationError: there is a misfit.
+    """
+    found = [
+        InitErrorDetails(
+            type=PydanticCustomError(
+                "misfit", "{text}", {"text": one.message, "remedy": one.remedy}
+            ),
+            loc=(*outer, *one.location),
+            input=value,
+        )
+        for one in misfits
+    ]
+    if found:
+        raise ValidationError.from_exception_data("mission", found)
+
+
 class PathShape(Section):
     """What every path of a mission says."""
 
@@ -158,18 +183,7 @@ def shape_of(content: Mapping[str, Any]) -> PathShape:
         shape = shape_model(name).model_validate(content)
     except ValidationError as error:
         raise below(name, error) from error
-    found = [
-        InitErrorDetails(
-            type=PydanticCustomError(
-                "misfit", "{text}", {"text": one.message, "remedy": one.remedy}
-            ),
-            loc=(name, *one.location),
-            input=content,
-        )
-        for one in shape.misfits()
-    ]
-    if found:
-        raise ValidationError.from_exception_data("path", found)
+    refuse(shape.misfits(), content, name)
     return shape
 
 

@@ -3,7 +3,7 @@
 How long a companion bears silence.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from functools import cached_property
 from typing import Annotated, Any, Literal, Self
 
@@ -20,7 +20,7 @@ from pydantic_core import PydanticCustomError
 from vfguide.formation.arrangement import MAIN_PATH
 from vfguide.mission.consistency import MAX_DEPUTIES, MAX_FOLLOWERS, completed, inconsistencies
 from vfguide.mission.controller import Controller, chosen_controller, controller_of
-from vfguide.mission.flight_path import PathShape, chosen_path, curve_check, dotted
+from vfguide.mission.flight_path import Misfit, PathShape, chosen_path, curve_check, dotted, refuse
 from vfguide.mission.orders import Slot, TimedOrder
 from vfguide.mission.path_frame import with_frame
 from vfguide.mission.place import Fence
@@ -117,6 +117,36 @@ class Leader(Section):
     def is_foreign(self) -> bool:
         """Whether it has no companion."""
         return self.follows != "companion"
+
+    def misfits(self) -> Iterator[Misfit]:
+        """Fields that another kind of leader has, and those without which nobody hears this one."""
+        kinds = {
+            "connection": ("mavlink", "adsb"),
+            "system_id": ("mavlink",),
+            "icao_address": ("adsb",),
+            "least_delay_s": ("mavlink", "adsb"),
+        }
+        for field, of in kinds.items():
+            if self.follows not in of and getattr(self, field) is not None:
+                yield Misfit(
+                    (field,),
+                    f"a leader that followers hear by `follows: {self.follows}` has none",
+                    f"write follows: {' or '.join(of)}, or remove it",
+                )
+        needs = {"mavlink": ("connection",), "adsb": ("connection", "icao_address")}
+        examples = {"connection": "udpin://0.0.0.0:14560", "icao_address": "0x4B1900"}
+        for field in needs.get(self.follows, ()):
+            if getattr(self, field) is None:
+                yield Misfit(
+                    (field,),
+                    f"needed with `follows: {self.follows}`",
+                    f"write {field}: {examples[field]}, or what it is",
+                )
+
+    @model_validator(mode="after")
+    def _fits(self) -> Self:
+        refuse(self.misfits(), self)
+        return self
 
     law: Annotated[str, AfterValidator(known_in(leader_laws))] = "field"
     """By which it follows its path: `field`, the vector field around it, or one of one's own (`--plugin`)."""

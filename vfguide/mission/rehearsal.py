@@ -1,10 +1,11 @@
 """How a mission is flown on the computer, and what counts as a good flight."""
 
 import math
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
-from pydantic import AfterValidator, ConfigDict, Field
+from pydantic import AfterValidator, ConfigDict, Field, model_validator
 
+from vfguide.mission.flight_path import Misfit, refuse
 from vfguide.mission.quantity import (
     Coordinate,
     Course,
@@ -239,6 +240,13 @@ class LeaderTelemetry(Section):
 
     loss: Annotated[NotNegative, Field(lt=1.0)] = 0.0
     """Share of messages that never arrive, 0 to below 1."""
+
+    @model_validator(mode="after")
+    def _arrives_after_it_is_sent(self) -> Self:
+        if self.jitter_s > self.delay_s:
+            message = f"more than delay_s, {self.delay_s:g} s"
+            refuse([Misfit(("jitter_s",), message, "lower it, or raise delay_s")], self)
+        return self
 
 
 class Radio(Section):

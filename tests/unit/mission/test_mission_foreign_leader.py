@@ -5,6 +5,8 @@ from typing import Any
 import pytest
 from pydantic import ValidationError
 
+from vfguide.mission.explain import explain
+from vfguide.mission.flight_path import dotted
 from vfguide.mission.load import shipped_missions
 from vfguide.mission.model import Mission
 from vfguide.mission.yaml_tree import read_tree
@@ -20,7 +22,8 @@ def content(**leader: Any) -> dict[str, Any]:
 def faults(data: dict[str, Any]) -> str:
     with pytest.raises(ValidationError) as raised:
         Mission.model_validate(data)
-    return str(raised.value)
+    found = explain(raised.value, data)
+    return "\n".join(f"{dotted(one.location)}: {one.message}; {one.remedy}" for one in found)
 
 
 def test_it_needs_no_name_no_vehicle_and_no_path():
