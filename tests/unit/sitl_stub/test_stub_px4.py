@@ -284,23 +284,22 @@ def test_a_course_is_taken_over_ground_and_beyond_a_turn(kind, degrees, answer):
     assert math.remainder(course_deg(vehicle) - flown, 360.0) == pytest.approx(0.0, abs=1e-2)
 
 
-@pytest.mark.parametrize("mode", [LOITER, OFFBOARD])
-def test_a_course_is_denied_outside_guided_course(mode):
-    vehicle = new_station(autopilot="px4")
-    vehicle.velocity_setpoint(20.0, 0.0)
-    vehicle.command_long(*mode)
-    assert vehicle.result(vehicle.command_long(43_002, 0, 90.0)) == "DENIED"
-
-
 @pytest.mark.parametrize(
-    ("mode", "answer"),
-    [(GUIDED_COURSE, "ACCEPTED"), (LOITER, "ACCEPTED"), (OFFBOARD, "DENIED")],
+    ("mode", "course", "height"),
+    [
+        (GUIDED_COURSE, "ACCEPTED", "ACCEPTED"),
+        (LOITER, "DENIED", "ACCEPTED"),
+        (OFFBOARD, "DENIED", "DENIED"),
+    ],
 )
-def test_a_height_is_denied_where_it_is_not_the_autopilot_s_to_hold(mode, answer):
+def test_course_and_height_are_denied_where_they_are_not_the_autopilot_s_to_hold(
+    mode, course, height
+):
     vehicle = new_station(autopilot="px4")
     vehicle.velocity_setpoint(20.0, 0.0)
     vehicle.command_long(*mode)
-    assert vehicle.result(vehicle.command_long(186, 120.0, 1)) == answer
+    assert vehicle.result(vehicle.command_long(43_002, 0, 90.0)) == course
+    assert vehicle.result(vehicle.command_long(186, 120.0, 1)) == height
 
 
 @pytest.mark.parametrize(
