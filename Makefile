@@ -9,7 +9,7 @@ RELEASE := $(VENV)-release/bin
 MISSION ?= missions/circle-wind.yaml
 OUT ?= flights/$(basename $(notdir $(MISSION)))
 
-.PHONY: help fly test test-lint test-lockstep test-sockets test-containers test-live test-fast test-versions docs image release accuracy live sitl bench lint clean
+.PHONY: help fly test test-lint test-lockstep test-sockets test-containers test-live test-fast test-versions docs image release results tables sitl bench lint clean
 
 help: ## this list
 	@sed -n 's/^\([a-z-]*\):.*## /  make \1\t/p' $(MAKEFILE_LIST) | expand -t 24
@@ -82,11 +82,13 @@ release: ## wheels and sdists of vfguide and sitl-stub in dist/, built twice and
 	  --output-file dist/vfguide.cdx.json $(VENV)-aircraft/bin/python
 	cd dist && sha256sum * | tee SHA256SUMS
 
-accuracy: $(VENV)/.runtime ## flies the tables of docs/accuracy.md anew
-	$(BIN)/python -m tests.benchmarks.accuracy
+STUDIES ?=
 
-live: $(VENV)/.runtime ## flies the article's missions live, 5 times as fast and in real time; ten minutes
-	$(BIN)/python -m tests.benchmarks.live
+results: $(VENV)/.dev ## measures what is cheap, or STUDIES="laws suite", and appends rows to docs/results
+	nice $(BIN)/python -m tests.benchmarks.results measure $(STUDIES)
+
+tables: $(VENV)/.dev ## writes the tables of README.md and docs/ from docs/results
+	$(BIN)/python -m tests.benchmarks.results tables
 
 sitl: $(VENV)/.runtime ## flies ArduPlanes and PX4s that you have built: docs/first-flight-sitl.md
 	@test -n "$(ARDUPLANE)$(PX4)" || { echo "name what you have built: make sitl ARDUPLANE=PROGRAM PX4=PROGRAM" >&2; exit 1; }

@@ -1,21 +1,32 @@
-"""The tables of docs/accuracy.md, flown anew: run with `make accuracy`."""
+"""The article's missions and those of this project, as they are shipped and with one thing changed."""
 
 import os
 from concurrent.futures import ProcessPoolExecutor
 from typing import Any
 
-from tests.kit.figures import cell, tell
+from tests.benchmarks.bench import ARTICLE_M
+from tests.benchmarks.results import Cases
 from tests.kit.missions import mission_with
 from vfguide.lab.rehearsal.lockstep import fly_lockstep
 from vfguide.lab.report.metrics import summarise
-from vfguide.lab.report.summary import Summary
+from vfguide.lab.report.summary import FormationSummary
 
-ARTICLE = ("line-calm", "line-wind", "circle-calm", "circle-wind")
-CREW = ("survey-racetrack", "transit-abreast")
+OTHERS = {
+    "survey-racetrack": "a racetrack",
+    "transit-abreast": "line abreast",
+    "shapes": "six [orders](docs/orders.md) in one flight",
+    "climb-and-turn": "[paths](docs/paths.md) with heights",
+    "figure-eight": "an eight",
+    "survey-plan": "a plan of QGroundControl",
+    "leader-lost": "a [deputy](docs/succession.md) leads on",
+}
+"""Missions beside the article's, and what each shows."""
+
+BAD_LINK = "slow, lossy link and noise¹"
 
 VARIANTS: dict[str, dict[str, dict[str, Any]]] = {
     "as shipped": {},
-    "slow, lossy link and noise": {
+    BAD_LINK: {
         "rehearsal": {
             "link_delay_s": 0.2,
             "link_jitter_s": 0.05,
@@ -23,48 +34,53 @@ VARIANTS: dict[str, dict[str, dict[str, Any]]] = {
             "position_noise_m": 0.3,
         }
     },
-    "leader without ground speed": {"controller": {"leader_speed_source": "observer"}},
-    "article's field": {"controller": {"type": "article"}},
-    "50 Hz": {"rehearsal": {"rate_hz": 50.0}},
-}
-
-COLUMNS = {
-    "mean": "mean_error_m",
-    "95 %": "p95_error_m",
-    "max": "max_error_m",
-    "10 m": "settle_10m_s",
-    "1 m": "settle_1m_s",
-    "nearest": "min_separation_m",
+    "`controller.leader_speed_source: observer`": {
+        "controller": {"leader_speed_source": "observer"}
+    },
+    "`--controller article`": {"controller": {"type": "article"}},
+    "`--rate 50`": {"rehearsal": {"rate_hz": 50.0}},
 }
 
 
-def fly(task: tuple[str, str]) -> Summary:
-    """Summary of one mission in one variant."""
+def fly(task: tuple[str, str]) -> FormationSummary:
+    """Fly one mission in one variant."""
     name, variant = task
-    return summarise(fly_lockstep(mission_with(name, **VARIANTS[variant])).record)
+    return summarise(fly_lockstep(mission_with(name, **VARIANTS[variant])).record).formation
 
 
-def main() -> None:
-    """Fly everything on all processors and print the tables."""
-    shipped = [(name, "as shipped") for name in (*ARTICLE, *CREW)]
-    others = [(name, variant) for variant in VARIANTS for name in ARTICLE]
+def flown(tasks: list[tuple[str, str]]) -> dict[tuple[str, str], FormationSummary]:
+    """Fly on all processors."""
     with ProcessPoolExecutor(os.cpu_count()) as pool:
-        summaries = dict(zip(shipped + others, pool.map(fly, shipped + others), strict=True))
-    tell(f"{'metres, seconds':28}" + "".join(f"{column:>8}" for column in COLUMNS))
-    for task in shipped:
-        figures = summaries[task].formation
-        tell(f"{task[0]:28}" + "".join(cell(getattr(figures, one)) for one in COLUMNS.values()))
-    tell(f"\n{'mean error, metres':28}" + "".join(f"{name:>14}" for name in ARTICLE))
+        return dict(zip(tasks, pool.map(fly, tasks), strict=True))
+
+
+def missions() -> Cases:
+    """Fly every mission as it is shipped, the article's over a bad link too."""
+    shipped = [(name, "as shipped") for name in (*ARTICLE_M, *OTHERS)]
+    found = flown(shipped + [(name, BAD_LINK) for name in ARTICLE_M])
+    for name, variant in shipped:
+        one = found[name, variant]
+        figures: dict[str, float | str | None] = {
+            "mean_m": one.mean_error_m,
+            "p95_m": one.p95_error_m,
+            "max_m": one.max_error_m,
+            "settle_10m_s": one.settle_10m_s,
+            "settle_1m_s": one.settle_1m_s,
+            "nearest_m": one.min_separation_m,
+        }
+        if name in ARTICLE_M:
+            bad_link = found[name, BAD_LINK].mean_error_m
+            figures |= {"article_m": ARTICLE_M[name], "bad_link_m": bad_link}
+        else:
+            figures["what"] = OTHERS[name]
+        yield name, figures
+
+
+def variants() -> Cases:
+    """Fly the article's missions with one thing changed."""
+    found = flown([(name, variant) for variant in VARIANTS for name in ARTICLE_M])
     for variant in VARIANTS:
-        means = (summaries[name, variant].formation.mean_error_m for name in ARTICLE)
-        tell(f"{variant:28}" + "".join(f"{cell(value):>14}" for value in means))
-    tell(f"\n{'course setpoint, rad/s':28}variation, and what of it is not net turning")
-    for name in ARTICLE:
-        for vehicle, figures in summaries[name, "as shipped"].vehicles.items():
-            variation = figures.course_setpoint_variation_rad_s
-            excess = figures.course_setpoint_excess_variation_rad_s
-            tell(f"{name + ' ' + vehicle:28}{cell(variation)}{cell(excess)}")
-
-
-if __name__ == "__main__":
-    main()
+        yield (
+            variant,
+            {name.replace("-", "_"): found[name, variant].mean_error_m for name in ARTICLE_M},
+        )

@@ -1,13 +1,12 @@
 """What the import of the companion's daemon costs, library by library: processor time and resident memory.
 
-`python -m tests.benchmarks.daemon_import` starts a process for each row and takes the least of five. The
-first start compiles; run it twice where Python may not keep what it compiles.
+A process for each row; the least of five counts, since the first start compiles.
 """
 
 import subprocess
 import sys
 
-from tests.kit.figures import heading, row
+from tests.benchmarks.results import Cases
 
 ROWS = (
     ("Python alone", ""),
@@ -48,19 +47,13 @@ def cost_of(modules: str) -> tuple[float, float]:
     return min(float(used) for used, _ in found), min(float(size) for _, size in found) / 1024
 
 
-def main() -> None:
+def cases() -> Cases:
     """Tell first what each library adds, then what some starts take as a whole."""
-    heading("", "processor", "memory", "of which this")
-    modules, before = list[str](), 0.0
+    modules = list[str]()
     for name, more in ROWS:
         modules += [more] if more else []
-        used_s, size_mb = cost_of(", ".join(modules))
-        row(name, f"{used_s:.2f} s", f"{size_mb:.1f} MB", f"{size_mb - before:.1f} MB")
-        before = size_mb
+        used_s, memory_mb = cost_of(", ".join(modules))
+        yield name, {"used_s": used_s, "memory_mb": memory_mb}
     for name, imported in BESIDE:
-        used_s, size_mb = cost_of(imported)
-        row(name, f"{used_s:.2f} s", f"{size_mb:.1f} MB", "")
-
-
-if __name__ == "__main__":
-    main()
+        used_s, memory_mb = cost_of(imported)
+        yield name, {"used_s": used_s, "memory_mb": memory_mb}

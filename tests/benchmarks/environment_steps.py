@@ -1,6 +1,6 @@
 """How many steps an environment flies in a second of one core.
 
-Run with `.venv/bin/python -m tests.benchmarks.environment_steps`; half a minute. Processor time is counted:
+Processor time is counted:
 what else runs on the machine changes little.
 """
 
@@ -9,7 +9,7 @@ import time
 import numpy as np
 
 import vfguide
-from tests.kit.figures import tell
+from tests.benchmarks.results import Cases
 from tests.kit.missions import MISSIONS
 
 NAME = "circle-wind"
@@ -36,8 +36,8 @@ def steps_a_second(follower: str | None) -> tuple[float, float]:
     return max(rates), min(resets)
 
 
-if __name__ == "__main__":
-    for follower in (None, "f2"):
+def cases() -> Cases:
+    """Measure the environment of a formation, and that of one follower."""
+    for name, follower in (("three", None), ("one", "f2")):
         rate, reset_s = steps_a_second(follower)
-        agents = 3 if follower is None else 1
-        tell(f"{NAME}, {agents} agents: {rate:.0f} steps a second, {reset_s:.2f} s to reset")
+        yield name, {"steps_a_second": rate, "reset_s": reset_s}

@@ -1,14 +1,9 @@
-"""Three laws in gusts: how near, how calm, and how often at a limit. The table of docs/accuracy.md.
-
-Run with `.venv/bin/python -m tests.benchmarks.gusts [LAW ...]`; a minute and more for each flight.
-"""
-
-import sys
+"""Three laws in gusts: how near, how calm, and how often at a limit. A minute and more for each flight."""
 
 import numpy as np
 
 import vfguide
-from tests.kit.figures import tell
+from tests.benchmarks.results import Cases
 from tests.kit.missions import shipped
 
 LAWS = ("pid", "slot", "mpc")
@@ -48,22 +43,22 @@ def height_error_m(flight: vfguide.Flight) -> float:
     return float(np.sqrt(np.mean(np.square(above)[:, settled])))
 
 
-def main() -> None:
-    """Fly and print."""
+def cases() -> Cases:
+    """Fly each law by some seeds."""
     metrics = [roll_share, greatest_roll_share, limited_share, height_error_m]
-    for law in sys.argv[1:] or LAWS:
-        for one in vfguide.compare(
+    for law in LAWS:
+        flown = vfguide.compare(
             shipped("aerosonde-gusts"), laws=[law], seeds=SEEDS, metrics=metrics
-        ):
-            formation = one.summary.formation
-            tell(
-                f"{law}, seed {one.seed}: {formation.intended_error_m:.2f} m as meant, "
-                f"{formation.mean_error_m:.2f} m as they are, "
-                f"roll {one.metrics['roll_share']:.2f} (at most {one.metrics['greatest_roll_share']:.2f}), "
-                f"limited {one.metrics['limited_share']:.1%}, "
-                f"height {one.metrics['height_error_m']:.2f} m"
-            )
-
-
-if __name__ == "__main__":
-    main()
+        )
+        formations = [one.summary.formation for one in flown]
+        yield (
+            law,
+            {
+                "meant_m": [one.intended_error_m for one in formations],
+                "mean_m": [one.mean_error_m for one in formations],
+                "roll": [one.metrics["roll_share"] for one in flown],
+                "roll_greatest": [one.metrics["greatest_roll_share"] for one in flown],
+                "limited_percent": [100.0 * one.metrics["limited_share"] for one in flown],
+                "height_m": [one.metrics["height_error_m"] for one in flown],
+            },
+        )

@@ -1,24 +1,21 @@
 """What an autopilot's impossible reports cost: metres off the slot, flown in virtual time.
 
-    .venv/bin/python -m tests.benchmarks.impossible_reports [f1|leader] [PART OF A NAME]
-
 A row for each witness (place, velocity, airspeed, altitude, alone and in pairs) and each kind of fault:
 stands still, steps, drifts, is noisy, comes late, is missing.
 
 The article's circle in its wind, everybody in place; at 30 s one vehicle's reports go wrong. Told are the
-greatest distance of that vehicle (or of f1, where it is the leader's) from where it flies without the fault,
-the least distance between any two, and what its companion says.
+greatest distance of f1 from where it flies without the fault, and the least distance between any two.
 """
 
-import sys
 from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from math import inf
 
 import numpy as np
 
 from sitl_stub import Autopilot, Fault, Truth
-from tests.kit.figures import tell
+from tests.benchmarks.results import Cases, Figures, Value
 from tests.kit.flight import Flight
 from tests.kit.formation import Formation
 from tests.kit.missions import IN_PLACE, mission_with
@@ -58,21 +55,18 @@ FAULTS: dict[str, tuple[Fault | Late, ...]] = {
     **{
         f"{witness} stuck for {length_s:g} s": stuck(witness, length_s)
         for witness in STUCK
-        for length_s in (2.0, 2.5, 3.0, 5.0, inf)
+        for length_s in (2.0, 5.0, inf)
     },
     "position 40 m off, for ever": (Fault("offset", AT_S, inf, 40.0),),
-    "position 50 m off for 3 s": (Fault("offset", AT_S, 3.0, 50.0),),
     "position 5 km off for 3 s": (Fault("offset", AT_S, 3.0, 5000.0),),
     "position 5 km off, for ever": (Fault("offset", AT_S, inf, 5000.0),),
-    "latitude and longitude 0 for 3 s": (Fault("zero", AT_S, 3.0),),
     **{
         f"position drifts by {rate:g} m/s for 20 s": (Fault("drift", AT_S, 20.0, rate),)
-        for rate in (0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 5.0)
+        for rate in (0.5, 1.0, 5.0)
     },
     "position noisy by 3 m for 20 s": (Fault("noise", AT_S, 20.0, 3.0),),
     "velocity 327 m/s for 3 s": (Fault("velocity", AT_S, 3.0, 327.0),),
     "velocity 20 m/s east for 5 s": (Fault("velocity", AT_S, 5.0, 0.0, 20.0),),
-    "airspeed 500 m/s for 10 s": (Fault("airspeed", AT_S, 10.0, 500.0),),
     "airspeed 0 for 10 s": (Fault("airspeed", AT_S, 10.0, 0.0),),
     "place, velocity stuck and airspeed 0 for 5 s": (
         *stuck("place and velocity", 5.0),
@@ -86,7 +80,6 @@ FAULTS: dict[str, tuple[Fault | Late, ...]] = {
         f"positions missing for {length_s:g} s": (Late(AT_S, length_s, inf),)
         for length_s in (1.0, 3.0, 5.0)
     },
-    "altitude 47 m off, for ever": (Fault("altitude", AT_S, inf, 47.0),),
     "altitude 47 m off from the start": (Fault("altitude", 0.0, inf, 47.0),),
     "altitude 0 from the start": (Fault("altitude", 0.0, inf, -588.0),),
     "clock loses 1.6 s in 30 s": (Fault("clock", AT_S, 30.0, 1.6),),
@@ -225,24 +218,22 @@ def fly(
     return Flown(flown.record, flown.events)
 
 
-def main() -> None:
-    """Print the table."""
-    faulty = sys.argv[1] if len(sys.argv) > 1 else "f1"
-    watched = "f1" if faulty == "leader" else faulty
+def figures_of(name: str) -> Figures:
+    """Fly a fault of f1, and then of the leader."""
     mission, until_s = on_course(), AT_S + 60.0
-    right = fly(mission, {}, until_s)
-    part = sys.argv[2] if len(sys.argv) > 2 else ""
-    for name, faults in FAULTS.items():
-        if part not in name:
-            continue
-        flown = fly(mission, {faulty: faults}, until_s)
-        off, nearest = flown.off(right, watched), flown.nearest()
-        tell(f"{name}: {watched} {off:.1f} m off, nearest {nearest:.1f} m")
-        for vehicle in dict.fromkeys((faulty, watched)):
-            for event in flown.events[vehicle]:
-                if event.time_s >= AT_S:
-                    tell(f"    {vehicle} {event.time_s - AT_S:5.2f} s  {event.text}")
+    right, figures = fly(mission, {}, until_s), dict[str, Value]()
+    for faulty, key in (("f1", "own"), ("leader", "leader")):
+        flown = fly(mission, {faulty: FAULTS[name]}, until_s)
+        end = flown.mode_at("f1", until_s)
+        figures |= {
+            f"{key}_off_m": flown.off(right, "f1"),
+            f"{key}_nearest_m": flown.nearest(),
+            f"{key}_end": "" if end == "tracking" else f", {end}",
+        }
+    return figures
 
 
-if __name__ == "__main__":
-    main()
+def cases() -> Cases:
+    """Fly every fault."""
+    with ProcessPoolExecutor() as pool:
+        yield from zip(FAULTS, pool.map(figures_of, FAULTS), strict=True)

@@ -18,6 +18,7 @@ from contextlib import contextmanager
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sitl_stub import Autopilot
+from tests.benchmarks.results import Cases
 from tests.kit.figures import tell
 from tests.kit.missions import mission_with, shipped
 from vfguide.companion.core import Companion
@@ -95,8 +96,9 @@ def pymavlink_cost(datagrams: Sequence[bytes]) -> float:
     return time.process_time() - began
 
 
-def print_ratios(mission: Mission) -> None:
-    """What a step costs over what pymavlink takes for its messages, also once all have joined."""
+def cases() -> Cases:
+    """Measure a step's cost against pymavlink's for its messages, also once all have joined."""
+    mission = lasting(TIMED_S)
     with datagrams_kept() as kept:
         fly_lockstep(mission, epoch_s=0.0)
     joining = lasting(JOINED_S)
@@ -107,9 +109,6 @@ def print_ratios(mission: Mission) -> None:
         whole_bytes, before_bytes = (pymavlink_cost(part) for part in parts)
         rows.append((whole, whole_bytes, whole - before, whole_bytes - before_bytes))
     steps = [len(list(instants(one))) * len(one.vehicles) for one in (mission, joining)]
-    tell(
-        "\nmicroseconds of processor time for a vehicle and step, and over pymavlink's own for its messages"
-    )
     for name, place, count in (
         (f"0 to {mission.rehearsal.duration_s:g} s", 0, steps[0]),
         ("once all have joined", 2, steps[0] - steps[1]),
@@ -117,7 +116,7 @@ def print_ratios(mission: Mission) -> None:
         own = statistics.median(row[place] for row in rows) / count * 1e6
         plain = statistics.median(row[place + 1] for row in rows) / count * 1e6
         ratio = statistics.median(row[place] / row[place + 1] for row in rows)
-        tell(f"  {name:24}{own:7.1f}   pymavlink {plain:6.1f}   ratio {ratio:5.2f}")
+        yield name, {"step_us": own, "pymavlink_us": plain, "ratio": ratio}
 
 
 def lasting(duration_s: float) -> Mission:
@@ -130,7 +129,11 @@ def main() -> None:
     mission, timed = shipped(NAME), lasting(TIMED_S)
     python = f"Python {sys.version.split()[0]}, {os.cpu_count()} processors"
     tell(f"{NAME}.yaml, {len(mission.vehicles)} vehicles, {python}")
-    print_ratios(timed)
+    tell(
+        "\nmicroseconds of processor time for a vehicle and step, pymavlink's own for its messages"
+    )
+    for name, figures in cases():
+        tell(f"  {name:24}" + "   ".join(f"{key} {value:.4g}" for key, value in figures.items()))
     if "--ratios" in sys.argv:
         return
     tell("\nflight seconds for each second of the wall clock, 300 s")

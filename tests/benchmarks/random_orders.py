@@ -19,6 +19,7 @@ from random import Random
 import numpy as np
 
 from tests.benchmarks.orders import mission_of
+from tests.benchmarks.results import append, row
 from tests.kit.figures import tell
 from tests.kit.missions import replaced
 from tests.kit.orders import overhear
@@ -388,6 +389,7 @@ def main(words: Sequence[str] | None = None) -> None:
     parser.add_argument("--orders", type=int, default=1000, help="to be given, at least")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--first", type=int, default=0, help="number of the first flight")
+    parser.add_argument("--append", action="store_true", help="a row to docs/results")
     parser.add_argument("--rehearse", action="store_true", help="each order before it is given")
     options = parser.parse_args(words)
     tally, nearest, calm = Tally(), None, None
@@ -408,6 +410,18 @@ def main(words: Sequence[str] | None = None) -> None:
             f" {near.pair} at {near.time_s:.1f} s, {near.order}"
         )
     summarise(tally, nearest, calm)
+    if options.append and nearest is not None:
+        given = sum(tally.kinds.values())
+        figures = {
+            "flights": tally.flights,
+            "killed": tally.killed,
+            "carried_out": tally.carried_out,
+            "void": sum(tally.void.values()),
+            "refused": sum(tally.refused.values()),
+            "nearest_m": nearest.distance_m,
+        }
+        command = f"python -m tests.benchmarks.random_orders --orders {options.orders} --append"
+        append("random-orders", [row(f"seed {options.seed}, {given} orders", figures, command)])
 
 
 def summarise(tally: Tally, nearest: Near | None, calm: Near | None) -> None:

@@ -4,21 +4,18 @@ Counted where it is in the hands of guidance: at least one of the two is steered
 been for as long as it takes to hear of the others, and the other is heard or was heard within the last 10 s.
 What flies at another faster than that could turn away is told apart (`strays.dives_at`).
 
-Run with `.venv/bin/python -m tests.benchmarks.separation [FLIGHTS] [--first N] [--jobs N]`. Exit status 1
-where two came within 5 m that should not have.
+`python -m tests.benchmarks.separation NUMBER ...` tells of single flights.
 """
 
-import argparse
 import math
 import sys
-from collections import Counter
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from random import Random
 
-from tests.benchmarks.strays import LEAST_M, Approach, Event, Strays, approaches, mission_in_place
+from tests.benchmarks.results import Cases
+from tests.benchmarks.strays import Approach, Event, Strays, approaches, mission_in_place
 from tests.kit.figures import tell
-from vfguide.mission.feasibility import least_guarantee
 
 BEGIN_S = 12.0
 """Vehicles that start in their slots have settled by then."""
@@ -27,6 +24,8 @@ SPAN_S = 10.0
 """Within this time the first things happen."""
 
 AFTERWARDS_S = 15.0
+
+FLIGHTS = 1000
 
 KINDS = (
     "line-wind",
@@ -110,55 +109,27 @@ def line_of(outcome: Outcome) -> str:
     )
 
 
-def main() -> int:
-    """Fly them all; the exit status."""
-    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    parser.add_argument("flights", nargs="?", type=int, default=40)
-    parser.add_argument("--first", type=int, default=0)
-    parser.add_argument("--jobs", type=int, default=1)
-    chosen = parser.parse_args()
-    numbers = range(chosen.first, chosen.first + chosen.flights)
-    outcomes = []
-    with ProcessPoolExecutor(chosen.jobs) as pool:
-        for outcome in pool.map(fly, numbers):
-            outcomes.append(outcome)
-            tell(line_of(outcome))
+def cases() -> Cases:
+    """Fly a thousand; a case for each mission."""
+    with ProcessPoolExecutor() as pool:
+        outcomes = list(pool.map(fly, range(FLIGHTS)))
     for name in KINDS:
-        tell(mission_line(name, [one for one in outcomes if one.mission == name]))
-    return verdict(outcomes)
+        counted = [one for one in outcomes if one.mission == name and not one.nearest.unavoidable]
+        yield (
+            name,
+            {
+                "flights": len(counted),
+                "nearest_m": min(one.nearest.distance_m for one in counted),
+                "level_m": min(one.nearest.level_m for one in counted),
+            },
+        )
 
 
-def nearest_of(outcomes: list[Outcome]) -> tuple[list[Outcome], float, float]:
-    """(flights in which nobody was dived at, the nearest two of them in space, and level, m)."""
-    counted = [one for one in outcomes if not one.nearest.unavoidable]
-    space = min((one.nearest.distance_m for one in counted), default=math.nan)
-    return counted, space, min((one.nearest.level_m for one in counted), default=math.nan)
-
-
-def mission_line(name: str, outcomes: list[Outcome]) -> str:
-    """What the flights on a mission came to, beside what `vfguide check` says of it."""
-    counted, space, level = nearest_of(outcomes)
-    stated = least_guarantee(mission_in_place(name))
-    check = math.nan if stated is None else stated.distance_m
-    return (
-        f"{name:16} {len(counted):4} flights: nearest {space:.1f} m in space, {level:.1f} m level; "
-        f"check says {check:.1f} m for one turn"
-    )
-
-
-def verdict(outcomes: list[Outcome]) -> int:
-    """Say what they came to; the exit status."""
-    counted, nearest, lowest = nearest_of(outcomes)
-    near = [one for one in counted if one.nearest.distance_m < LEAST_M]
-    level = [one for one in counted if one.nearest.level_m < LEAST_M]
-    missions = Counter(one.mission for one in near)
-    tell(
-        f"{len(outcomes)} flights: nearest two {nearest:.1f} m in space, {lowest:.1f} m level; within "
-        f"{LEAST_M:g} m in {len(near)} ({len(level)} level) {dict(missions)}; dived at in "
-        f"{len(outcomes) - len(counted)}"
-    )
-    return int(bool(near))
+def main() -> None:
+    """Fly some by their numbers, and say what became of each."""
+    for number in map(int, sys.argv[1:]):
+        tell(line_of(fly(number)))
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    main()

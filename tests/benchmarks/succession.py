@@ -1,18 +1,15 @@
 """How a formation takes it that the companion of its leader is killed for good, in lockstep.
 
-Run with `.venv/bin/python -m tests.benchmarks.succession [--never-stops] [--many] [MISSION ...]`; some
-seconds for each line. With --never-stops the leader's aircraft has `may_stop: false`. With --many the
-companion is killed at 15 moments in moderate and in severe turbulence. Errors are those of the slots behind
+Errors are those of the slots behind
 the leader that the deputy carries on. Followers that are in the way of the leader's aircraft, which flies on
 without its companion, leave their slots for it: they have a column of their own.
 """
 
 import re
-import sys
 
 import numpy as np
 
-from tests.kit.figures import heading, row
+from tests.benchmarks.results import Cases
 from tests.kit.missions import content_of
 from vfguide.lab.rehearsal.lockstep import LockstepFlight, fly_lockstep
 from vfguide.lab.report.geometry import pair_separations, slot_error
@@ -21,8 +18,6 @@ from vfguide.mission import Mission
 NAMES = ("line-wind", "circle-wind")
 WINDS = ("none", "moderate")
 LOST_S = (40.0, 47.0, 54.0)
-MANY_WINDS = ("moderate", "severe")
-MANY_S = tuple(float(at_s) for at_s in range(36, 66, 2))
 WATCHED_S = 15.0
 WAY = re.compile("keeping clear of|too near to")
 
@@ -66,20 +61,21 @@ def figures(flight: LockstepFlight, lost_s: float) -> tuple[float, float, float,
     )
 
 
-def main() -> None:
-    """Fly and print, a line for each flight."""
-    heading(
-        *("mission", "turbulence", "lost at, s", "a deputy leads after, s", "error before, m"),
-        *("after, not in the way, m", "after, all, m", "nearest two, m"),
-    )
-    names, may_stop = sys.argv[1:], "--never-stops" not in sys.argv
-    winds, moments = (MANY_WINDS, MANY_S) if "--many" in sys.argv else (WINDS, LOST_S)
-    for name in [one for one in names if not one.startswith("-")] or NAMES:
-        for turbulence in winds:
-            for lost_s in moments:
-                found = figures(flown(name, turbulence, lost_s, may_stop=may_stop), lost_s)
-                row(name, turbulence, f"{lost_s:g}", *(f"{value:.2f}" for value in found))
-
-
-if __name__ == "__main__":
-    main()
+def cases() -> Cases:
+    """Fly each mission in each air; a flight for each moment."""
+    for name in NAMES:
+        for turbulence in WINDS:
+            for may_stop in (True, False) if name == "line-wind" else (True,):
+                found = [
+                    figures(flown(name, turbulence, lost_s, may_stop=may_stop), lost_s)
+                    for lost_s in LOST_S
+                ]
+                keys = ("led_s", "before_m", "undisturbed_m", "after_m", "nearest_m")
+                never = "" if may_stop else ", `may_stop: false`"
+                yield (
+                    f"{name}, {turbulence}{never}",
+                    {
+                        key: list(each)
+                        for key, each in zip(keys, zip(*found, strict=True), strict=True)
+                    },
+                )

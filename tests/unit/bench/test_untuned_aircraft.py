@@ -15,13 +15,13 @@ from tests.benchmarks.untuned import (
     TWELVE,
     Judged,
     UntunedFlight,
+    figures_of,
     flights,
     lone_roll_rate,
     main,
     parse,
     rolled,
     strata,
-    table,
 )
 from tests.kit.missions import content_of
 from vfguide.lab.rehearsal.emulators import checked_settings
@@ -129,13 +129,14 @@ def test_what_is_lost_near_or_thrashed_is_told_apart(change, verdicts):
     assert (one.lost, one.near, one.thrashed) == verdicts
 
 
-def test_the_table_counts_what_must_not_be_and_names_the_worst():
+def test_the_figures_count_what_must_not_be():
     bad = replace(GOOD, mean_error_m=7.0, limited=0.5)
     rough = replace(GOOD, flight=replace(GOOD.flight, air="rough"), mean_error_m=1.25)
-    lines = list(table([GOOD, bad, rough]))
-    assert "| lost / within 5 m / thrashed | 0 / 0 / 1 | 0 |" in lines
-    assert "| mean error, smooth air, worst | 7.00 m (late, right) | 1 m |" in lines
-    assert "| mean error, turbulence, standalone sensors, median | 1.250 m | 0.8 m |" in lines
+    late = replace(GOOD, settle_10m_s=math.inf, mean_error_m=7.0)
+    figures = figures_of([GOOD, bad, rough, late])
+    counts = [figures[name] for name in ("flights", "lost", "near", "thrashed", "late")]
+    assert counts == [4, 0, 0, 1, 1]
+    assert (figures["smooth_m"], figures["rough_median_m"]) == (7.0, 1.25)
 
 
 def test_one_command_flies_and_writes_what_it_flew(tmp_path, capsys):
