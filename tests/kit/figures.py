@@ -1,4 +1,4 @@
-"""Figures that a benchmark tells as soon as it has them, line by line or as rows of a table."""
+"""Figures that a benchmark tells as soon as it has them."""
 
 import resource
 import sys
@@ -9,23 +9,6 @@ def tell(text: object = "") -> None:
     """Print a line at once."""
     sys.stdout.write(f"{text}\n")
     sys.stdout.flush()
-
-
-def heading(*columns: str) -> None:
-    """Begin a table."""
-    tell(f"| {' | '.join(columns)} |\n{'|---' * len(columns)}|")
-
-
-def row(*cells: object) -> None:
-    """Tell a row of a table."""
-    tell(f"| {' | '.join(map(str, cells))} |")
-
-
-def cell(value: float | None, width: int = 8) -> str:
-    """A figure in a column, or a dash where there is none."""
-    if value is None:
-        return f"{'-':>{width}}"
-    return f"{value:{width}.3f}" if value < 10.0 else f"{value:{width}.1f}"
 
 
 def resident_mb() -> float:
