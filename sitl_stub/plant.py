@@ -292,8 +292,9 @@ class AirPlant(Plant):
         )
         speed_m_s = state.speed_m_s + span_s * rates.acceleration_m_s2
         memory = state.memory or self.first_memory(state)
-        numbers = (rates.turn_rate_rad_s, rates.acceleration_m_s2, *rates.memory)
-        if len(rates.memory) != len(memory) or not all(map(math.isfinite, numbers)):
+        # Of what is not finite the sum is not, either.
+        total = rates.turn_rate_rad_s + rates.acceleration_m_s2 + sum(rates.memory)
+        if len(rates.memory) != len(memory) or not math.isfinite(total):
             raise ValueError(
                 f"the plant {parameters.kind} gives rates that are not finite, or not {len(memory)} of memory"
             )
@@ -305,7 +306,9 @@ class AirPlant(Plant):
             longitude,
             state.altitude_amsl_m + span_s * (at.climb_m_s + rates.climb_m_s),
             state.roll_rad + span_s * rates.roll_rate_rad_s,
-            tuple(value + span_s * rate for value, rate in zip(memory, rates.memory, strict=True)),
+            tuple(
+                [value + span_s * rate for value, rate in zip(memory, rates.memory, strict=True)]
+            ),
             climb_m_s=state.climb_m_s + span_s * climb_rate,
         )
 
