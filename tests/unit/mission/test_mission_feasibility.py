@@ -5,10 +5,10 @@ import math
 import numpy as np
 import pytest
 
-from tests.kit.missions import MISSION_FILES, MISSIONS, line_of, loaded, replaced, text_of
+from tests.kit.missions import line_of, loaded, replaced, text_of
 from vfguide.guidance.formation import Slot
 from vfguide.laws.field import error_for_correction
-from vfguide.mission import Finding, Mission, check_mission, read_mission, report_on
+from vfguide.mission import Finding, Mission, check_mission, report_on
 from vfguide.mission.conditions import conditions_of, wind_samples
 from vfguide.mission.feasibility import (
     effective_layer,
@@ -30,18 +30,6 @@ def found(name: str, *changes: tuple[str, str]) -> list[str]:
     """Severity and field of everything but notes."""
     findings = check_mission(mission(name, *changes))
     return [f"{one.severity} {one.field}" for one in findings if one.severity != "note"]
-
-
-@pytest.mark.parametrize("file", MISSION_FILES, ids=lambda file: file.stem)
-def test_no_shipped_mission_has_an_error(file):
-    loaded = read_mission(file)
-    assert report_on(loaded.mission, loaded.source).errors == ()
-
-
-@pytest.mark.parametrize("name", ["line-calm", "line-wind", "circle-calm", "transit-abreast"])
-def test_the_easy_missions_give_no_warning(name):
-    loaded = read_mission(MISSIONS / f"{name}.yaml")
-    assert report_on(loaded.mission, loaded.source).warnings == ()
 
 
 def test_the_wind_of_the_article_blows_between_two_and_eight_metres_a_second():

@@ -49,11 +49,6 @@ def with_path(path: str) -> LineShape | CircleShape:
     return shape
 
 
-@pytest.mark.parametrize("file", MISSION_FILES, ids=lambda file: file.stem)
-def test_a_shipped_mission_loads_under_the_name_of_its_file(file):
-    assert load_mission(file).name == file.stem
-
-
 def test_these_missions_are_shipped():
     names = """
         aerosonde-gusts ardupilot-sitl circle-calm circle-wind climb-and-turn figure-eight
@@ -163,9 +158,14 @@ def test_a_faulty_mission_is_an_input_error():
 
 
 @pytest.mark.parametrize("file", MISSION_FILES, ids=lambda file: file.stem)
-def test_a_mission_that_comes_along_is_found_by_its_name_from_anywhere(file, tmp_path, monkeypatch):
+def test_a_shipped_mission_is_found_by_its_name_and_outlasts_twenty_seconds_of_silence(
+    file, tmp_path, monkeypatch
+):
     monkeypatch.chdir(tmp_path)
-    assert load_mission(Path(file.stem)) == load_mission(file)
+    mission = load_mission(Path(file.stem))
+    assert mission == load_mission(file)
+    assert mission.name == file.stem
+    assert mission.patience.prediction_s > 20.0
 
 
 def test_a_file_of_ones_own_goes_before_a_mission_of_its_name(tmp_path, monkeypatch):
@@ -178,11 +178,6 @@ def test_a_mission_that_says_nothing_has_the_usual_patience():
     patience = loaded(LEAST).mission.patience
     assert (patience.telemetry_s, patience.leader_s) == (1.0, 0.6)
     assert (patience.prediction_s, patience.breakaway_s) == (30.0, 25.0)
-
-
-@pytest.mark.parametrize("file", MISSION_FILES, ids=lambda file: file.stem)
-def test_a_shipped_mission_outlasts_a_silence_of_twenty_seconds(file):
-    assert load_mission(file).patience.prediction_s > 20.0
 
 
 def test_the_patience_that_is_given_counts_and_the_rest_is_as_usual():

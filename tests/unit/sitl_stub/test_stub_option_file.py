@@ -153,6 +153,11 @@ def test_it_tells_its_version():
     [
         (["--mavlink", "udpin://nowhere"], "write one like udpin://127.0.0.1:14540"),
         (["--system-id", "300"], "--system-id: input should be less than or equal to 255"),
+        (["--system-id", "0"], "--system-id: input should be greater than or equal to 1"),
+        (["--component-id", "0"], "--component-id: input should be"),
+        (["--component-id", "256"], "--component-id: input should be"),
+        (["--vehicle-type", "-1"], "--vehicle-type: input should be"),
+        (["--uid", "-1"], "--uid: input should be"),
         (["--wind", "gale"], "--wind: 'gale' is not calm, article or steady:"),
         (["--wind", "steady:5"], "--wind: '5' is not SPEED,TOWARD_DEG"),
         (["--wind", "steady:-1,0"], "--wind: -1 m/s"),
