@@ -36,7 +36,7 @@ LAST_TURN_S = 1.0
 """A course that is held after a turn lies this much of the turn ahead of the last one flown: 1 / alpha."""
 
 
-WIND_S = 0.6
+WIND_S = 0.9
 """A vehicle that was heard this short a time ago flies in the wind of now."""
 
 AIRSPEED_S = 2.0
@@ -94,7 +94,6 @@ class Sightings:
         "drift",
         "flies",
         "held",
-        "news",
         "offset",
         "place",
         "run",
@@ -140,8 +139,6 @@ class Sightings:
         """How far the wind has carried each since then beyond where that wind would have, m."""
         self.airspeed = np.full(count, np.nan)
         """As the own vehicle's wind tells, filtered, m/s; NaN: not found yet."""
-        self.news = np.zeros(count)
-        """By how much the newest state is newer than the one before, s; 0 once that has been noted."""
         self.flies = np.full(count, np.nan)
         """Airspeed that each is taken to hold, m/s."""
         self.run = np.zeros(count)
@@ -160,27 +157,18 @@ class Sightings:
             passed_s: since this was done last.
         """
         wind, fresh = here.wind, age <= WIND_S
-        # The usual case: while all are heard nobody has been carried anywhere.
-        all_fresh = bool(np.logical_and.reduce(fresh))
-        if not all_fresh:
-            # That of then: in a wind that swings it is another one two seconds later.
-            self.carried += (wind - self.wind) * np.minimum(age, passed_s)
+        # That of then: in a wind that swings it is another one two seconds later.
+        self.carried += (wind - self.wind) * np.minimum(age, passed_s)
         self.carried[fresh] = 0.0
         self.wind[fresh] = wind
-        found = np.abs(self.speed * self.ahead - self.wind)
-        mean = np.where(np.isnan(self.airspeed), found, self.airspeed)
-        self.airspeed[:] = mean + self.news / (self.news + AIRSPEED_S) * (found - mean)
-        self.news[:] = 0.0
         if here.gusts > 0.0:
             self.flies[:] = self.airspeed
         else:
+            found = np.abs(self.speed * self.ahead - self.wind)
             self.flies[:] = found + self.acceleration * np.minimum(age, LAST_TURN_S)
         speed = ground_speed_held(self.flies, self.held, wind)
-        if all_fresh:
-            self.run[:] = speed * age
-        else:
-            run = self.run + speed * np.minimum(age, passed_s)
-            self.run[:] = np.where(fresh | np.isnan(self.run), speed * age, run)
+        run = self.run + speed * np.minimum(age, passed_s)
+        self.run[:] = np.where(fresh | np.isnan(run), speed * age, run)
 
     def rows(self, begin: int, end: int) -> "Sightings":
         """The rows from one to before another: the same memory."""

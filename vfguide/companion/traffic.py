@@ -5,6 +5,7 @@ import math
 from collections import Counter
 from collections.abc import Sequence
 
+import msgspec
 import numpy as np
 
 from vfguide.companion.alerts import Alerts
@@ -12,10 +13,12 @@ from vfguide.companion.leader_telemetry import LeaderTelemetry
 from vfguide.companion.ordered_flight import LAYER_CLEAR_M, OtherSlot
 from vfguide.companion.plan import STOPPED_S, OtherVehicle
 from vfguide.companion.possibilities import (
+    AIRSPEED_S,
     ALONG_S,
     SILENT_S,
     SPACING_SHARE,
     STANDS_S,
+    WIND_S,
     IntArray,
     Sightings,
     VehiclesInSight,
@@ -24,7 +27,7 @@ from vfguide.companion.possibilities import (
 )
 from vfguide.companion.state_receiver import StateReceiver
 from vfguide.companion.timing import SharedClock
-from vfguide.elementwise import BoolArray, FloatArray
+from vfguide.elementwise import BoolArray, FloatArray, low_pass
 from vfguide.frames import LocalFrame
 from vfguide.guidance.height import altimeter_difference
 from vfguide.guidance.predicted_tracks import HORIZON_S, in_formation, place_of, velocity_of
@@ -79,6 +82,27 @@ LEADER_WEIGHT = 3.0
 """What the leader counts where not all distances can be kept: it does not make room itself."""
 
 
+class Newest(msgspec.Struct, frozen=True):
+    """What a glance needs of the newest state of a vehicle."""
+
+    time_s: float
+    """s."""
+    place: complex
+    """m."""
+    velocity: complex
+    """Over the ground, m/s."""
+    turn_rate: float
+    """rad/s."""
+    acceleration: float
+    """Amount along the course, m/s²."""
+    steered: bool
+    """Whether its companion steers it."""
+
+
+UNHEARD = Newest(-math.inf, 0j, 0j, 0.0, 0.0, steered=False)
+"""Of a vehicle that was not heard yet."""
+
+
 class Traffic:
     """The other vehicles of a formation."""
 
@@ -111,13 +135,11 @@ class Traffic:
         # A row for each, and behind these one for each for the place where it says it is and is not believed.
         count = len(others)
         self._heard = Sightings(2 * count)
+        self._newest = [UNHEARD] * count
         # Of the first rows: between states, the newest when `late` was last asked, when the next is due; s.
         self._interval_s, self._seen_s = np.zeros(count), np.full(count, np.nan)
         self._due_s = np.full(count, np.inf)
-        self._believed, self._doubted = (
-            self._heard.rows(0, count),
-            self._heard.rows(count, 2 * count),
-        )
+        self._believed, self._doubted_s = self._heard.rows(0, count), -math.inf
         self._carried_s, self._wind = math.inf, 0j
         self._shown_more = np.zeros(count)
         self.satellite_m = math.nan
@@ -127,6 +149,7 @@ class Traffic:
         self._slot_rate = np.zeros(2 * count, dtype=np.complex128)
         self._above = np.full(2 * count, ABOVE_M)
         self._spacing = np.array([one.spacing for one in others] * 2)
+        self._widest: list[float] = (SPACING_SHARE * self._spacing).tolist()
         self._least = np.array([one.least_m for one in others] * 2)
         self._turning = np.array([one.lateral_acceleration for one in others] * 2)
         self._may_stop = np.array([one.leads and one.may_stop for one in others] + [False] * count)
@@ -149,6 +172,7 @@ class Traffic:
         self._slot[:] = [one.slot for one in slots] * 2
         self._slot_rate[:] = [one.rate for one in slots] * 2
         self._spacing[:] = [one.spacing for one in slots] * 2
+        self._widest = (SPACING_SHARE * self._spacing).tolist()
         self._above[:] = [LAYER_CLEAR_M if one.layered else ABOVE_M for one in slots] * 2
 
     def receive(self, vehicle: str, data: bytes, now: float) -> HeardState | None:
@@ -193,21 +217,36 @@ class Traffic:
             self._note(row, receiver.newest)
             if elsewhere is None:
                 self._heard.time[doubted_row] = -np.inf
+                self._doubted_s = float(self._heard.time[len(self.vehicles) :].max())
             else:
                 self._note(doubted_row, elsewhere)
 
     def _note(self, row: int, state: HeardState) -> None:
         known = self._heard
+        interval_s = state.time_s - float(known.time[row])
+        place, velocity = place_of(state), cmath.rect(state.ground_speed, state.course)
         if row < len(self.vehicles):
-            interval_s = self._interval_s[row] = state.time_s - known.time[row]
-            self._compare_altimeters(row, state, float(interval_s))
-        if state.time_s - known.time[row] > SILENT_S:
-            known.since[row], known.airspeed[row] = state.time_s, np.nan
+            self._interval_s[row] = interval_s
+            self._compare_altimeters(row, state, interval_s)
+            self._newest[row] = Newest(
+                state.time_s,
+                place,
+                velocity,
+                state.turn_rate,
+                abs(state.acceleration),
+                steered=state.steered,
+            )
+        airspeed = abs(velocity - self._wind)
+        if interval_s > SILENT_S:
+            known.since[row], known.airspeed[row] = state.time_s, airspeed
         else:
-            known.news[row] += max(state.time_s - known.time[row], 0.0)
+            before = float(known.airspeed[row])
+            known.airspeed[row] = low_pass(before, airspeed, max(interval_s, 0.0), AIRSPEED_S)
         known.time[row] = state.time_s
+        if row >= len(self.vehicles):
+            self._doubted_s = max(self._doubted_s, state.time_s)
         known.wind[row], known.carried[row], known.run[row] = self._wind, 0j, np.nan
-        known.place[row] = place_of(state)
+        known.place[row] = place
         known.ahead[row] = cmath.rect(1.0, state.course)
         known.speed[row], known.acceleration[row] = state.ground_speed, state.acceleration
         known.turn_rate[row] = state.turn_rate
@@ -329,8 +368,9 @@ class Traffic:
         Returns:
             None where no vehicle can come near.
         """
-        self._carry(here)
-        if not heights and late is None and self.is_clear(here, leader):
+        is_clear = not heights and late is None and self.is_clear(here, leader)
+        self._carry(here, glance=is_clear)
+        if is_clear:
             return None
         age = here.time_s - self._heard.time
         known = age <= FORGET_S
@@ -353,7 +393,8 @@ class Traffic:
             return None
         age[~known] = 0.0
         place, velocity = self._heard.propagate(age, here.wind)
-        keep = np.maximum(kept_distance(self._spacing, here.astray), self._least)
+        kept = np.minimum(kept_berth(here.astray), SPACING_SHARE * self._spacing)
+        keep = np.maximum(kept, self._least)
         reach = np.abs(velocity) + max(abs(here.wanted), abs(here.velocity))
         near = alone & (np.abs(place - here.place) < SAFE_M + HORIZON_S * reach)
         drift = astray = np.zeros(len(age))
@@ -403,12 +444,15 @@ class Traffic:
         )
         return possibilities_of(seen, here, leader)
 
-    def _carry(self, here: Viewpoint) -> None:
-        """Let the wind carry those who are silent until now."""
+    def _carry(self, here: Viewpoint, *, glance: bool) -> None:
+        """Let the wind carry those who are silent; at a glance that shows that nobody is it need not."""
         passed_s = here.time_s - self._carried_s
         self._carried_s, self._wind = here.time_s, here.wind
-        doubted = np.maximum.reduce(self._doubted.time, initial=-np.inf) > -np.inf
-        heard = self._heard if doubted else self._believed
+        fresh = all(here.time_s - one.time_s <= WIND_S for one in self._newest)
+        if glance and fresh and passed_s >= 0.0:
+            self._believed.run.fill(np.nan)
+            return
+        heard = self._heard if self._doubted_s > -math.inf else self._believed
         heard.carry(here.time_s - heard.time, here, max(0.0, passed_s))
 
     def _works_for(self, missing: BoolArray, later_s: float) -> BoolArray:
@@ -432,44 +476,40 @@ class Traffic:
             here: see `possibilities`.
             leader: see `possibilities`.
         """
-        known = self._believed
-        if here.time_s - self._leader_s > self._stopped_s or not np.logical_and.reduce(
-            known.steered
-        ):
+        now = here.time_s
+        if now - self._leader_s > self._stopped_s or self._doubted_s >= now - FORGET_S:
+            return False
+        if any(not one.steered or now - one.time_s > SILENT_S for one in self._newest):
             return False
         if leader is None and here.astray > LEADER_ASTRAY_M:
             return False
-        age = here.time_s - known.time
-        oldest_s = float(np.maximum.reduce(age, initial=0.0))
-        doubted_s = np.maximum.reduce(self._doubted.time, initial=-np.inf)
-        if oldest_s > SILENT_S or doubted_s >= here.time_s - FORGET_S:
-            return False
         if leader is None:
             return True
-        half_turn = np.exp(0.5j * known.turn_rate * age)
-        velocity = known.speed * known.ahead * half_turn
-        place = known.place + velocity * age
         place_led, velocity_led, turn = place_of(leader), velocity_of(leader), 1j * leader.turn_rate
-        away = place - place_led
-        drift = np.abs(velocity * half_turn - velocity_led - turn * away)
+        back, berth = cmath.rect(1.0, -leader.course), kept_berth(here.astray)
         own = velocity_led + turn * (here.place - place_led)
-        fastest = drift + max(abs(here.velocity - own), abs(here.wanted - own))
-        # Without the accelerations, and along chords instead of arcs.
-        left_out = np.abs(known.acceleration) * (oldest_s * (ALONG_S + oldest_s)) + CHORD_M
-        kept = kept_distance(self._spacing[: len(age)], here.astray)
-        room = np.abs(place - here.place) - np.maximum(kept, self._least[: len(age)])
-        if np.minimum.reduce(room - ALONG_S * fastest - left_out) < 0.0:
-            return False
-        known.drift[:] = drift
-        known.offset[:] = away * cmath.rect(1.0, -leader.course)
+        own_drift = max(abs(here.velocity - own), abs(here.wanted - own))
+        for row, one in enumerate(self._newest):
+            age = now - one.time_s
+            half_turn = cmath.rect(1.0, 0.5 * one.turn_rate * age)
+            velocity = one.velocity * half_turn
+            place = one.place + velocity * age
+            away = place - place_led
+            drift = abs(velocity * half_turn - velocity_led - turn * away)
+            # Without the accelerations, and along chords instead of arcs.
+            left_out = one.acceleration * age * (ALONG_S + age) + CHORD_M
+            kept = max(min(berth, self._widest[row]), self.vehicles[row].least_m)
+            room = abs(place - here.place) - kept
+            if room < ALONG_S * (drift + own_drift) + left_out:
+                return False
+            self._heard.drift[row], self._heard.offset[row] = drift, away * back
         return True
 
 
-def kept_distance(spacing: FloatArray, astray: float) -> FloatArray:
-    """Distances (m) to keep, by how far their slots are from one's own and that is from the vehicle, m."""
+def kept_berth(astray: float) -> float:
+    """Distance (m) to keep where slots leave it, by how far one is from one's own, m."""
     share = min(max(astray / ASTRAY_M, 0.0), 1.0)
-    kept: FloatArray = np.minimum(HOLD_M + (JOIN_M - HOLD_M) * share, SPACING_SHARE * spacing)
-    return kept
+    return HOLD_M + (JOIN_M - HOLD_M) * share
 
 
 def reaction_time(delay_s: float) -> float:

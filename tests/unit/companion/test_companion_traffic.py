@@ -18,10 +18,16 @@ from vfguide.companion.height_beside import (
     worth_in_plane,
 )
 from vfguide.companion.plan import OtherVehicle
-from vfguide.companion.possibilities import BERTH_M, DRIFT_M_S, SILENT_S, Viewpoint
+from vfguide.companion.possibilities import (
+    BERTH_M,
+    DRIFT_M_S,
+    SILENT_S,
+    SPACING_SHARE,
+    Viewpoint,
+)
 from vfguide.companion.state_receiver import StateReceiver
 from vfguide.companion.timing import SAME_CLOCK, SharedClock
-from vfguide.companion.traffic import FORGET_S, LATE_INTERVALS, LATE_STATE_S, Traffic, kept_distance
+from vfguide.companion.traffic import FORGET_S, LATE_INTERVALS, LATE_STATE_S, Traffic, kept_berth
 from vfguide.guidance.formation import Slot
 from vfguide.guidance.predicted_tracks import STEP_S, TIMES, arc
 from vfguide.guidance.separation import BEGINNINGS, FLOOR_M, Others
@@ -298,7 +304,7 @@ def test_one_that_is_silent_for_long_is_nowhere(traffic):
     [(40.0, 0.0, 8.0), (40.0, 2.5, 9.5), (40.0, 5.0, 11.0), (40.0, 300.0, 11.0), (8.0, 0.0, 5.2)],
 )
 def test_whoever_is_astray_keeps_more_and_close_slots_less(spacing, distance, kept):
-    assert kept_distance(np.array([spacing]), distance) == pytest.approx([kept])
+    assert min(kept_berth(distance), SPACING_SHARE * spacing) == pytest.approx(kept)
 
 
 @pytest.mark.parametrize(
