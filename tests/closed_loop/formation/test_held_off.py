@@ -36,7 +36,7 @@ CROSSED: dict[str, tuple[Places, Places, dict[str, object]]] = {
 def flight_of(
     slots: Places, begins: Places, wind: dict[str, object], **rehearsal: object
 ) -> Flight:
-    content = content_of(with_law("086.yaml", "slot"))
+    content = content_of(with_law(86, "slot"))
     names = [f"f{number}" for number in range(1, len(slots) + 1)]
     content["name"], content["wind"] = "held-off", wind
     content["path"] = {"type": "line", "point": {"north_m": 0, "east_m": 0}, "course_deg": 0}
