@@ -9,7 +9,7 @@ otherwise, it turns most tightly where it is widest, with a radius of 0.21 a.
 import numpy as np
 
 from vfguide.elementwise import FloatArray
-from vfguide.guidance.wind_triangle import compose
+from vfguide.guidance.airframe import compose
 from vfguide.paths import Course, Curve, Number, PathShape, Position, Positive, path
 
 

@@ -9,9 +9,15 @@ from vfguide.companion.alerts import Alerts
 from vfguide.companion.distrust import AirspeedGate
 from vfguide.companion.plan import FlightPlan
 from vfguide.elementwise import low_pass, wrap_angle
-from vfguide.guidance.airspeed_calibration import Calibration, calibrated, calibration_of
-from vfguide.guidance.turn_efficiency import TurnEfficiency, agreed, learned
-from vfguide.guidance.wind_triangle import polar
+from vfguide.guidance.air_data import (
+    Calibration,
+    TurnEfficiency,
+    agreed,
+    calibrated,
+    calibration_of,
+    learned,
+)
+from vfguide.guidance.airframe import polar
 from vfguide.mavlink.reports import AirspeedReport, PositionReport
 from vfguide.state import VehicleState
 

@@ -8,6 +8,8 @@ and hides none. A change of mode goes before all.
 
 What is said is collected by `heard`, at the end of each call of the companion, for log and record. The pilot
 gets it by `due`, text by text.
+
+What the pilot's ground station is sent: texts, changes of mode in words, and values to plot.
 """
 
 import math
@@ -15,8 +17,10 @@ from collections import Counter, OrderedDict, deque
 from collections.abc import Callable
 
 import msgspec
+from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
-from vfguide.mavlink.announcements import NOTICE, WARNING
+from vfguide.companion.supervisor import Control, Mode
+from vfguide.mavlink.announcements import NOTICE, WARNING, status_texts
 from vfguide.record.events import EventKind
 
 QUIET_S = 30.0
@@ -228,3 +232,104 @@ class _PartAlerts(Alerts):
 
     def forget(self, kind: str) -> None:
         self._whole.forget(kind)
+
+
+LASTS_S = 2.0
+"""Why nothing is steered is told once it has lasted for so long: it changes on the way into steering."""
+
+
+class Announcer:
+    """Texts of one companion."""
+
+    def __init__(self, name: str, alerts: Alerts) -> None:
+        """Before the first text.
+
+        Args:
+            name: of the vehicle.
+            alerts: what is said.
+        """
+        self._name = name
+        self._alerts = alerts
+        self._number = 0
+        self._mode = Mode.WAITING
+        self._control = self._announced = Control.UNKNOWN
+        self._control_since = -math.inf
+
+    def watch(self, mode: Mode, control: Control, sentence: Callable[[], str], now: float) -> None:
+        """Announce a change of mode at once, and another reason for not steering once it lasts.
+
+        Args:
+            mode: of the companion, now.
+            control: in whose hands the vehicle is, now.
+            sentence: says what that means, and what to do.
+            now: s.
+        """
+        if control is not self._control:
+            self._control, self._control_since = control, now
+        changed, self._mode = mode is not self._mode, mode
+        idle = mode is Mode.WAITING and control in {Control.GUIDED, Control.UNKNOWN}
+        lasts = now - self._control_since >= LASTS_S
+        if changed or (idle and lasts and control is not self._announced):
+            self._announced = control
+            self._alerts.show_mode(sentence())
+
+    def due(self, now: float) -> list[MAVLink_message]:
+        """Messages for the text that may be sent now."""
+        alert = self._alerts.due(now)
+        if alert is None:
+            return []
+        severity, text = alert
+        self._number = self._number % 65_535 + 1
+        return status_texts(f"vfguide {self._name}: {text}", severity, self._number)
+
+
+def mode_sentence(
+    mode: Mode, control: Control, flight_mode: str, guided: str, returns_s: float | None
+) -> str:
+    """What has happened, and what to do.
+
+    Args:
+        mode: of the companion, now.
+        control: in whose hands the vehicle is.
+        flight_mode: of the autopilot.
+        guided: what the autopilot calls the mode in which it is steered.
+        returns_s: silence of the positions (s) after which it is handed back; None where it was not steered.
+    """
+    if mode is Mode.WAITING:
+        return waiting_sentence(control, flight_mode, guided, returns_s)
+    return {
+        Mode.JOINING: f"steering to its place; leave {guided} to take over",
+        Mode.TRACKING: "in its place, nothing to do",
+        Mode.PREDICTING: f"leader not heard, steering by its path; leave {guided} to take over",
+        Mode.BREAKAWAY: f"leader lost, flying away from the others; leave {guided} to take over",
+        Mode.LOST: f"leader lost, handing back to the autopilot; select {guided} once it is heard",
+        Mode.PILOT: pilot_sentence(control, flight_mode, guided),
+    }[mode]
+
+
+def pilot_sentence(control: Control, flight_mode: str, guided: str) -> str:
+    """Who flies where nothing is steered."""
+    if control is Control.PILOT and flight_mode == guided:
+        return (
+            f"the autopilot denies being in {guided}, which its heartbeats show: not steering;"
+            " watch it, or take over"
+        )
+    return f"{flight_mode}: the pilot flies; select {guided} to be steered"
+
+
+def waiting_sentence(
+    control: Control, flight_mode: str, guided: str, returns_s: float | None
+) -> str:
+    """Why nothing is steered."""
+    if control is Control.GUIDED and returns_s is not None:
+        return (
+            f"no position heard, not steering; after {returns_s:g} s without one it is handed back to the"
+            " autopilot; watch it, or take over"
+        )
+    if control is Control.GUIDED:
+        return "not steering, no position or no leader heard; watch it, or take over"
+    if control is Control.UNKNOWN:
+        return "no heartbeat heard, not steering; check the telemetry, or take over"
+    if control is Control.DISARMED:
+        return "disarmed, not steering; nothing to do"
+    return f"{flight_mode}, not steering; select {guided} to be steered"

@@ -9,8 +9,7 @@ from collections import Counter
 
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
-from vfguide.companion.alerts import Alerts
-from vfguide.companion.announcer import Announcer, mode_sentence
+from vfguide.companion.alerts import Alerts, Announcer, mode_sentence
 from vfguide.companion.arrangements import HEARD_S, Arrangements
 from vfguide.companion.authority import YOUNG_S, EngageRule, ModeAuthority, Wish
 from vfguide.companion.consent import ConsentStore, FlightPhase, MemoryStore
@@ -26,7 +25,7 @@ from vfguide.companion.roles import RoleMaker, role_of
 from vfguide.companion.supervisor import Control, Mode, Objection, Situation, next_mode, obstacle
 from vfguide.companion.timing import SAME_CLOCK, SharedClock, Wakefulness
 from vfguide.formation.arrangement import Arrangement
-from vfguide.guidance.wind_triangle import polar
+from vfguide.guidance.airframe import polar
 from vfguide.mavlink.adapter import AutopilotAdapter
 from vfguide.mavlink.announcements import CRITICAL, INFO, NOTICE, WARNING
 from vfguide.mavlink.codec import Codec

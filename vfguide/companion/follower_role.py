@@ -19,8 +19,7 @@ from vfguide.companion.plan import (
     follower_law,
     late_laws,
 )
-from vfguide.companion.role import Role, RoleStep
-from vfguide.companion.state_publisher import StatePublisher
+from vfguide.companion.role import Role, RoleStep, StatePublisher
 from vfguide.companion.supervisor import Mode
 from vfguide.companion.timing import SharedClock
 from vfguide.companion.traffic import Traffic

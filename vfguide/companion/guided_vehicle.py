@@ -8,15 +8,13 @@ from msgspec.structs import replace
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
 from vfguide.companion.alerts import Alerts
-from vfguide.companion.announcer import PlottedValues
 from vfguide.companion.arrangements import Arrangements
 from vfguide.companion.authority import ModeAuthority
 from vfguide.companion.learned_response import ResponseLearner
 from vfguide.companion.own_vehicle import NavigatedState, OwnVehicle
 from vfguide.companion.plan import FlightPlan, bandwidth_for, doubting, follower_law, response_of
-from vfguide.companion.role import Outgoing, RoleStep
+from vfguide.companion.role import Outgoing, RoleStep, TargetSender
 from vfguide.companion.roles import RoleMaker, role_of
-from vfguide.companion.state_publisher import TargetSender
 from vfguide.companion.steering import Steering
 from vfguide.companion.strain_guard import StrainGuard, is_other
 from vfguide.companion.supervisor import Mode
@@ -26,7 +24,7 @@ from vfguide.formation.arrangement import Point
 from vfguide.guidance.response import FIRM, TOLD
 from vfguide.laws.leader import LeaderTask, PathField, steepest_gain
 from vfguide.mavlink.adapter import AutopilotAdapter
-from vfguide.mavlink.announcements import NOTICE, WARNING
+from vfguide.mavlink.announcements import NOTICE, WARNING, named_value
 
 # Gains that a mission has chosen and an aircraft does not bear: they are upper bounds, and less is flown.
 
@@ -82,6 +80,60 @@ def lowered_gains(plan: FlightPlan) -> list[LoweredGain]:
         for name, written, less in pairs
         if written > 0.0 and less > 0.0 and abs(math.log(less / written)) > math.log(WORTH)
     ]
+
+
+INTERVAL_S = 0.5
+"""Between two values of a name: a ground station draws a curve of them, and a telemetry radio has room."""
+
+OLD_S = 1.0
+"""An error that is older than this is not sent: the curve has a gap there."""
+
+MODE_NUMBERS = {
+    Mode.WAITING: 0,
+    Mode.JOINING: 1,
+    Mode.TRACKING: 2,
+    Mode.PREDICTING: 3,
+    Mode.BREAKAWAY: 4,
+    Mode.LOST: 5,
+    Mode.PILOT: 6,
+}
+"""What `form_mode` shows; people's plots go by them, so they stay."""
+
+
+class PlottedValues:
+    """What one companion sends to be plotted."""
+
+    def __init__(self) -> None:
+        """Have nothing to send but the mode."""
+        self._errors: dict[str, float] = {}
+        self._noted_s = self._sent_s = -math.inf
+
+    def note(self, step: RoleStep, now: float) -> None:
+        """Take the errors (m) of a step of guidance: a leader's has none along its path."""
+        self._noted_s = now
+        if math.isnan(step.along_track):
+            self._errors = {"path_cross": step.cross_track}
+        else:
+            self._errors = {
+                "slot_along": step.along_track,
+                "slot_cross": step.cross_track,
+                "slot_up": step.up,
+            }
+
+    def due(self, mode: Mode, now: float) -> list[MAVLink_message]:
+        """What is to be sent now; twice a second, and errors only while they are of now and finite.
+
+        Args:
+            mode: of the companion.
+            now: s.
+        """
+        if now - self._sent_s < INTERVAL_S:
+            return []
+        self._sent_s = now
+        values = {"form_mode": float(MODE_NUMBERS[mode])}
+        if now - self._noted_s <= OLD_S:
+            values |= {name: value for name, value in self._errors.items() if math.isfinite(value)}
+        return [named_value(name, value, now) for name, value in values.items()]
 
 
 FAILURE_S = 10.0

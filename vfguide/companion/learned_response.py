@@ -13,6 +13,7 @@ from vfguide.companion.height_keeper import LEAST_CLIMB
 from vfguide.companion.own_vehicle import NavigatedState
 from vfguide.companion.plan import FlightPlan, answering, banking, turning
 from vfguide.elementwise import clip, wrap_angle
+from vfguide.guidance.air_data import TurnEfficiency
 from vfguide.guidance.airframe import (
     GRAVITY,
     BankLimit,
@@ -23,7 +24,6 @@ from vfguide.guidance.airframe import (
     turning_speed,
 )
 from vfguide.guidance.response import COURSE, SPEED, TOLD, HoldCertainty, HoldLearner, HoldResponse
-from vfguide.guidance.turn_efficiency import TurnEfficiency
 from vfguide.state import Airframe, Setpoint, SpeedHold
 
 STEP = 0.02

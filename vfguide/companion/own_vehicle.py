@@ -20,6 +20,7 @@ from vfguide.companion.height_belief import HeightBelief
 from vfguide.companion.plan import FlightPlan, bearable_course
 from vfguide.companion.timing import ClockWatch
 from vfguide.elementwise import wrap_angle
+from vfguide.guidance.airframe import polar
 from vfguide.guidance.navigation import (
     ReportedMotion,
     Sample,
@@ -34,7 +35,6 @@ from vfguide.guidance.navigation import (
     with_right_velocity,
 )
 from vfguide.guidance.other_clock import CABLE, NANOSECOND, OtherClock, Reading, TimeQuestions
-from vfguide.guidance.wind_triangle import polar
 from vfguide.mavlink.announcements import WARNING
 from vfguide.mavlink.reports import (
     AirspeedReport,

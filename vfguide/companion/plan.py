@@ -12,7 +12,7 @@ from msgspec.structs import replace
 from vfguide.companion.belief import radius_limit
 from vfguide.companion.supervisor import ModeTimeouts
 from vfguide.frames import LocalFrame
-from vfguide.guidance.creeping_speed import CreepingHold
+from vfguide.guidance.air_data import CreepingHold
 from vfguide.guidance.formation import Slot
 from vfguide.guidance.height_change import ClimbLimits
 from vfguide.guidance.intended_motion import KnownLeader

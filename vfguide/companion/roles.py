@@ -29,8 +29,7 @@ from vfguide.companion.follower_role import FollowerRole
 from vfguide.companion.leader_role import LeaderRole
 from vfguide.companion.own_vehicle import NavigatedState
 from vfguide.companion.plan import FlightPlan, LeadPlan
-from vfguide.companion.role import Lead, Role, RoleStep
-from vfguide.companion.state_publisher import StatePublisher
+from vfguide.companion.role import Lead, Role, RoleStep, StatePublisher
 from vfguide.companion.state_receiver import COPY_S, motion_of
 from vfguide.companion.supervisor import Mode
 from vfguide.companion.timing import SharedClock

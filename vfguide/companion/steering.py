@@ -20,8 +20,8 @@ from vfguide.companion.own_vehicle import NavigatedState, OwnVehicle
 from vfguide.companion.plan import FlightPlan
 from vfguide.companion.role import RoleStep
 from vfguide.elementwise import low_pass, wrap_angle
+from vfguide.guidance.air_data import CreepingSpeed
 from vfguide.guidance.airframe import bank_limited_turn_rate, held_direction
-from vfguide.guidance.creeping_speed import CreepingSpeed
 from vfguide.guidance.height import floor_of
 from vfguide.mavlink.adapter import AutopilotAdapter, AutopilotSetpoint, SetpointStream
 from vfguide.mavlink.announcements import WARNING

@@ -18,6 +18,7 @@ import math
 import msgspec
 
 from vfguide.elementwise import clip, low_pass, wrap_angle
+from vfguide.guidance.airframe import ground_speed_on_course, polar
 from vfguide.guidance.navigation import fading_memory_2
 from vfguide.guidance.path import (
     Path,
@@ -29,7 +30,6 @@ from vfguide.guidance.path import (
     tangent_rate_per_speed,
 )
 from vfguide.guidance.sliding_laws import PathGains
-from vfguide.guidance.wind_triangle import ground_speed_on_course, polar
 from vfguide.state import LeaderState, VehicleState
 
 

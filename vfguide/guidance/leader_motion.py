@@ -18,10 +18,9 @@ import msgspec
 from msgspec.structs import replace
 
 from vfguide.elementwise import clip, wrap_angle
-from vfguide.guidance.airframe import bank_limited_turn_rate
+from vfguide.guidance.airframe import bank_limited_turn_rate, resolve
 from vfguide.guidance.formation import extrapolate_by_rates
 from vfguide.guidance.navigation import fading_memory_2, fading_memory_3
-from vfguide.guidance.wind_triangle import resolve
 from vfguide.state import Airframe, LeaderState, VehicleState
 
 

@@ -32,8 +32,7 @@ import msgspec
 from msgspec.structs import replace
 
 from vfguide.elementwise import clip, low_pass
-from vfguide.guidance.airframe import GRAVITY
-from vfguide.guidance.wind_triangle import polar
+from vfguide.guidance.airframe import GRAVITY, polar
 from vfguide.state import Airframe, Gusts, VehicleState
 
 LEAN_S = 6.0

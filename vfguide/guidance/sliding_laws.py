@@ -15,13 +15,16 @@ from typing import Literal
 import msgspec
 
 from vfguide.elementwise import clip
-from vfguide.guidance.airframe import GREATEST_LEAD, bank_limited_turn_rate, saturation, speed_range
-from vfguide.guidance.navigation import FilterTimes
-from vfguide.guidance.wind_triangle import (
+from vfguide.guidance.airframe import (
+    GREATEST_LEAD,
     air_relative_rates,
+    bank_limited_turn_rate,
     ground_speed_on_course,
     heading_rate_at_constant_airspeed,
+    saturation,
+    speed_range,
 )
+from vfguide.guidance.navigation import FilterTimes
 from vfguide.state import Airframe, Setpoint, VehicleState
 
 

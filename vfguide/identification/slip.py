@@ -8,7 +8,7 @@ there does not matter, and both ends are means over a second: a yaw that swings 
     ground velocity = reported airspeed * (scale along the heading - lead * turn rate right of it) + wind
 
 over all reports gives true airspeeds and the nose's lead, likewise: the model that
-`guidance.airspeed_calibration` learns in flight, here with what gusts leave of it for an interval.
+`guidance.air_data` learns in flight, here with what gusts leave of it for an interval.
 """
 
 import math
@@ -18,8 +18,8 @@ from itertools import pairwise
 import numpy as np
 
 from vfguide.elementwise import FloatArray
+from vfguide.guidance.air_data import GREATEST_SCALE, LEAST_SCALE
 from vfguide.guidance.airframe import GRAVITY
-from vfguide.guidance.airspeed_calibration import GREATEST_SCALE, LEAST_SCALE
 
 NORMAL_95 = 1.96
 

@@ -20,7 +20,7 @@ from vfguide.companion.supervisor import Mode
 from vfguide.elementwise import FloatArray
 from vfguide.errors import InputError, VfguideError
 from vfguide.formation.arrangement import Point
-from vfguide.guidance.wind_triangle import compose
+from vfguide.guidance.airframe import compose
 from vfguide.lab.rehearsal.aircraft import Aircraft, EmulatedForeignLeader
 from vfguide.lab.rehearsal.lockstep import LockstepFlight
 from vfguide.lab.rehearsal.stepped import SteppedFlight

@@ -21,25 +21,22 @@ from msgspec.structs import replace
 from pydantic import Field
 
 from vfguide.elementwise import FloatArray, wrap_angle
-from vfguide.guidance.airframe import bank_limited_turn_rate
+from vfguide.guidance.airframe import bank_limited_turn_rate, resolve
 from vfguide.guidance.formation import (
     FormationError,
+    Offset,
     Slot,
     SlotMotion,
+    aimed_error,
     arc_tangent_field,
     article_motion,
     field_slope,
-)
-from vfguide.guidance.response import Bandwidth
-from vfguide.guidance.sliding_laws import sliding_acceleration, sliding_course_rate
-from vfguide.guidance.slot_integral import (
-    Offset,
-    aimed_error,
     learning_growth,
     no_offset,
     update_offset,
 )
-from vfguide.guidance.wind_triangle import resolve
+from vfguide.guidance.response import Bandwidth
+from vfguide.guidance.sliding_laws import sliding_acceleration, sliding_course_rate
 from vfguide.laws.base import DesiredMotion, Law, View, law
 from vfguide.mission import quantity
 from vfguide.mission.conditions import Conditions

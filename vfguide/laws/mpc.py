@@ -25,11 +25,17 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from vfguide.elementwise import FloatArray, wrap_angle
-from vfguide.guidance.airframe import GRAVITY
-from vfguide.guidance.formation import LEAST_SLOT_SPEED, Slot, SlotMotion
+from vfguide.guidance.airframe import GRAVITY, ground_speed_on_course, resolve
+from vfguide.guidance.formation import (
+    LEAST_SLOT_SPEED,
+    Offset,
+    Slot,
+    SlotMotion,
+    aimed_error,
+    no_offset,
+    update_offset,
+)
 from vfguide.guidance.response import Bandwidth
-from vfguide.guidance.slot_integral import Offset, aimed_error, no_offset, update_offset
-from vfguide.guidance.wind_triangle import ground_speed_on_course, resolve
 from vfguide.laws.base import DesiredMotion, Law, View, law
 from vfguide.mission.quantity import Duration, Gain, NotNegative, Number, Section
 from vfguide.state import LeaderState, VehicleState

@@ -16,8 +16,8 @@ from msgspec.structs import replace
 from pydantic import Field
 
 from vfguide.elementwise import clip, low_pass
+from vfguide.guidance.formation import nearness
 from vfguide.guidance.response import Bandwidth
-from vfguide.guidance.slot_integral import nearness
 from vfguide.laws.base import DesiredMotion, Law, View, approach, law
 from vfguide.mission import quantity
 from vfguide.mission.quantity import Duration, NotNegative, Section

@@ -11,8 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from vfguide.elementwise import clip, wrap_angle
-from vfguide.guidance.airframe import bank_limited_turn_rate, turning_speed
-from vfguide.guidance.wind_triangle import resolve
+from vfguide.guidance.airframe import bank_limited_turn_rate, resolve, turning_speed
 from vfguide.laws.base import DesiredMotion, View, approach
 
 ActionKind = Literal["rates", "setpoints"]

@@ -7,7 +7,7 @@ import msgspec
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
-from vfguide.guidance.creeping_speed import CreepingHold
+from vfguide.guidance.air_data import CreepingHold
 from vfguide.state import SpeedHold
 
 

@@ -31,7 +31,7 @@ from collections.abc import Callable, Mapping
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
-from vfguide.guidance.creeping_speed import CreepingHold
+from vfguide.guidance.air_data import CreepingHold
 from vfguide.mavlink.adapter import (
     AutopilotAdapter,
     AutopilotSetpoint,

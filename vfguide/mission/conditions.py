@@ -10,8 +10,8 @@ import numpy as np
 
 from vfguide.elementwise import FloatArray, hypot
 from vfguide.errors import InputError
+from vfguide.guidance.airframe import compose, ground_speed_on_course
 from vfguide.guidance.formation import Slot, slot_velocity
-from vfguide.guidance.wind_triangle import compose, ground_speed_on_course
 from vfguide.mission.flight_path import PathShape, path_of
 from vfguide.mission.rehearsal import ArticleWind, CalmWind, SteadyWind
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from vfguide.elementwise import FloatArray
-from vfguide.guidance.wind_triangle import compose
+from vfguide.guidance.airframe import compose
 from vfguide.mission.conditions import Conditions
 from vfguide.mission.finding import Finding
 from vfguide.mission.flight_path import Location, path_of

@@ -9,7 +9,7 @@ from typing import Annotated, ClassVar, Self
 import numpy as np
 from pydantic import Field
 
-from vfguide.guidance.wind_triangle import compose
+from vfguide.guidance.airframe import compose
 from vfguide.mission.flight_path import PathShape
 from vfguide.mission.quantity import Course, Position, Positive
 from vfguide.paths.chain import Chain, ChainedPath

@@ -10,8 +10,8 @@ from pydantic import ConfigDict, Field, model_validator
 from pydantic_core import PydanticCustomError
 
 from vfguide.elementwise import FloatArray, Number, like
+from vfguide.guidance.airframe import compose, resolve
 from vfguide.guidance.path import Path, PathPlace, PathPoint
-from vfguide.guidance.wind_triangle import compose, resolve
 from vfguide.mission import quantity
 from vfguide.mission.flight_path import PathShape
 from vfguide.mission.quantity import Course, Position

@@ -10,8 +10,8 @@ from pydantic import Field, ValidationInfo, field_validator
 from pydantic_core import PydanticCustomError
 
 from vfguide.elementwise import FloatArray, Number, atan2, clip, cos, like, sin, where
+from vfguide.guidance.airframe import compose, resolve
 from vfguide.guidance.path import Direction, Path, PathPlace, PathPoint
-from vfguide.guidance.wind_triangle import compose, resolve
 from vfguide.mission.flight_path import PathShape
 from vfguide.mission.quantity import Course, NotNegative, Position, Positive
 from vfguide.paths.circle import Radius, Rotation, around, direction_of

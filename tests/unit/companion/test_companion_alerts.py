@@ -13,9 +13,16 @@ from tests.kit.missions import plan_of
 from tests.kit.orders import moves, order_of
 from tests.kit.states import reported
 from tests.kit.wire import parsed
-from vfguide.companion.alerts import MOST_SAID, MOST_WAITING, PAUSE_S, QUIET_S, Alerts
-from vfguide.companion.announcer import Announcer, PlottedValues
+from vfguide.companion.alerts import (
+    MOST_SAID,
+    MOST_WAITING,
+    PAUSE_S,
+    QUIET_S,
+    Alerts,
+    Announcer,
+)
 from vfguide.companion.arrangements import Arrangements
+from vfguide.companion.guided_vehicle import PlottedValues
 from vfguide.companion.own_vehicle import OwnVehicle
 from vfguide.companion.presence_figures import (
     Quantiles,

@@ -24,8 +24,8 @@ from vfguide.companion.parameter_check import (
 )
 from vfguide.companion.plan import FlightPlan, bandwidth_for, flown_by, follower_law, turning
 from vfguide.companion.supervisor import Mode
+from vfguide.guidance.air_data import TurnEfficiency
 from vfguide.guidance.response import AS_DECLARED, UNKNOWN
-from vfguide.guidance.turn_efficiency import TurnEfficiency
 from vfguide.mavlink.parameters import AutopilotResponse
 from vfguide.mavlink.reports import ParameterReport
 from vfguide.mission import Mission

@@ -14,9 +14,8 @@ from tests.kit.states import FRAME
 from vfguide.companion.alerts import Alerts
 from vfguide.companion.arrangements import Arrangements
 from vfguide.companion.followed_leader import FollowedLeader
-from vfguide.companion.leader_stories import LeaderStories
 from vfguide.companion.plan import FollowerTask
-from vfguide.companion.state_receiver import StateReceiver, place_said
+from vfguide.companion.state_receiver import LeaderStories, StateReceiver, place_said
 from vfguide.companion.timing import SAME_CLOCK, SharedClock
 from vfguide.state import HeardState, LeaderFix
 

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from vfguide.guidance.creeping_speed import CreepingHold, CreepingSpeed
+from vfguide.guidance.air_data import CreepingHold, CreepingSpeed
 
 HOLD = CreepingHold(share=0.5, time=40.0)
 PERIOD_S = 0.1

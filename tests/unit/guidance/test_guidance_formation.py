@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from tests.kit.states import circling, leader_at, vehicle_at
 from vfguide.elementwise import wrap_angle
+from vfguide.guidance.airframe import ground_speed_on_course, resolve
 from vfguide.guidance.formation import (
     FormationError,
     Slot,
@@ -26,7 +27,6 @@ from vfguide.guidance.formation import (
     slot_position,
     slot_velocity,
 )
-from vfguide.guidance.wind_triangle import ground_speed_on_course, resolve
 from vfguide.state import Airframe, LeaderState
 
 SLOTS = [

@@ -11,9 +11,8 @@ from msgspec.structs import replace
 from tests.kit.flight import fly
 from tests.kit.missions import shipped
 from vfguide.commands.overrides import Overrides, apply_overrides, parse_settings
+from vfguide.guidance.air_data import Calibration, TurnEfficiency, calibrated, learned
 from vfguide.guidance.airframe import BankLimit, BankMoment
-from vfguide.guidance.airspeed_calibration import Calibration, calibrated
-from vfguide.guidance.turn_efficiency import TurnEfficiency, learned
 
 PERIOD = 0.1
 

@@ -9,6 +9,7 @@ import pytest
 
 from tests.kit.states import Plant
 from vfguide.elementwise import wrap_angle
+from vfguide.guidance.airframe import polar
 from vfguide.guidance.formation import FormationError, arc_tangent_field, lyapunov
 from vfguide.guidance.path import (
     Path,
@@ -24,7 +25,6 @@ from vfguide.guidance.sliding_laws import (
     sliding_course_rate,
     speed_estimate_rate,
 )
-from vfguide.guidance.wind_triangle import polar
 from vfguide.paths.circle import Circle
 from vfguide.paths.line import Line
 

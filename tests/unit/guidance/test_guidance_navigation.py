@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from msgspec.structs import replace
 
+from vfguide.guidance.airframe import polar
 from vfguide.guidance.navigation import (
     FilterTimes,
     Sample,
@@ -20,7 +21,6 @@ from vfguide.guidance.navigation import (
     velocity_error_at_first,
     with_right_velocity,
 )
-from vfguide.guidance.wind_triangle import polar
 from vfguide.state import VehicleState
 
 TIMES = FilterTimes(position_s=2.0, wind_s=0.2)

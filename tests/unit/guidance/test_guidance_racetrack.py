@@ -9,8 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from vfguide.elementwise import wrap_angle
+from vfguide.guidance.airframe import compose
 from vfguide.guidance.path import Direction, PathPoint
-from vfguide.guidance.wind_triangle import compose
 from vfguide.paths.racetrack import Racetrack
 
 REPEATABLE = settings(deadline=None, derandomize=True, database=None, max_examples=200)

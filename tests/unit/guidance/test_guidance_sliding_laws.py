@@ -10,7 +10,7 @@ from msgspec.structs import replace
 
 from tests.kit.states import Plant, vehicle_at
 from vfguide.elementwise import wrap_angle
-from vfguide.guidance.airframe import bank_limited_turn_rate
+from vfguide.guidance.airframe import bank_limited_turn_rate, ground_speed_on_course
 from vfguide.guidance.path import Path, desired_course, desired_course_rate_per_speed
 from vfguide.guidance.sliding_laws import (
     ObserverGains,
@@ -21,7 +21,6 @@ from vfguide.guidance.sliding_laws import (
     sliding_course_rate,
     speed_estimate_rate,
 )
-from vfguide.guidance.wind_triangle import ground_speed_on_course
 from vfguide.paths.circle import Circle
 from vfguide.paths.line import Line
 from vfguide.state import Airframe, VehicleState

@@ -10,19 +10,20 @@ from msgspec.structs import replace
 
 from tests.kit.following import distance, follow, follower_step, keeper, northward
 from tests.kit.states import Plant, choices, leader_at, vehicle_at
-from vfguide.guidance import slot_integral
-from vfguide.guidance.formation import FormationError, Slot, SlotMotion
-from vfguide.guidance.sliding_laws import GuidanceSettings
-from vfguide.guidance.slot_integral import (
+from vfguide.guidance.formation import (
     GREATEST_M,
     TURNING_RAD_S,
+    FormationError,
     Offset,
+    Slot,
+    SlotMotion,
     aimed_error,
     learning_growth,
     nearness,
     no_offset,
     update_offset,
 )
+from vfguide.guidance.sliding_laws import GuidanceSettings
 from vfguide.state import Airframe, LeaderState
 
 PERIOD = 0.05
@@ -191,7 +192,7 @@ def test_what_comes_back_with_every_turn_is_learned_by_harmonics_and_hardly_by_t
     monkeypatch,
 ):
     with_harmonics = error_on_a_circle()
-    monkeypatch.setattr(slot_integral, "HARMONICS", ())
+    monkeypatch.setattr("vfguide.guidance.formation.HARMONICS", ())
     mean_alone = error_on_a_circle()
     assert mean_alone > 0.03
     assert with_harmonics < mean_alone / 5.0

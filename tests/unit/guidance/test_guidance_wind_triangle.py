@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from vfguide.elementwise import wrap_angle
-from vfguide.guidance.wind_triangle import (
+from vfguide.guidance.airframe import (
     air_relative_rates,
     airspeed_for_ground_velocity,
     compose,

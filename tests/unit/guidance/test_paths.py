@@ -17,6 +17,7 @@ from pydantic import ValidationError
 
 from vfguide.elementwise import FloatArray, wrap_angle
 from vfguide.errors import InputError
+from vfguide.guidance.airframe import compose, polar, resolve
 from vfguide.guidance.path import (
     Direction,
     Path,
@@ -25,7 +26,6 @@ from vfguide.guidance.path import (
     desired_course_slope,
     tangent_rate_per_speed,
 )
-from vfguide.guidance.wind_triangle import compose, polar, resolve
 from vfguide.mission.flight_path import path_of, shape_of
 from vfguide.paths import Curve
 from vfguide.paths.chain import closed_spline
