@@ -45,8 +45,8 @@ from vfguide.lab.rehearsal.processes import free_port
 from vfguide.link.keys import key_places, make_keys
 from vfguide.mission import Mission
 from vfguide.mission.load import parse_mission
-from vfguide.record.guidance_log import read_guidance
-from vfguide.record.recording import guidance_files
+from vfguide.record.guidance_log import SUFFIX, read_guidance
+from vfguide.record.recording import parts_of
 
 SPACING_M = 110.0
 """From one runway to the next, eastward."""
@@ -330,7 +330,7 @@ def conclude(
     }
     guidance = {
         name: read_guidance(
-            *guidance_files(plan.directory / RECORDED, name), zero_s=formation.began_s
+            *parts_of(plan.directory / RECORDED, name, SUFFIX), zero_s=formation.began_s
         )
         for name in (mission.companions if plan.record else ())
     }

@@ -261,13 +261,12 @@ class Recording:
         """
         self.directory = directory
         self.start = start
-        name = file_stem(start.vehicle)
-        self._tlog = GrowingFile(directory / f"{name}.tlog")
-        self._guidance = GrowingFile(directory / f"{name}{SUFFIX}")
+        tlog, guidance = files_of(directory, start.vehicle)
+        self._tlog, self._guidance = GrowingFile(tlog), GrowingFile(guidance)
         self._guidance.append(HEADER)
-        self._events = GrowingFile(directory / f"{name}{EVENTS_SUFFIX}")
+        self._events = GrowingFile(part_of(directory, start.vehicle, EVENTS_SUFFIX))
         self._events.append(EVENTS_HEADER)
-        self._response = GrowingFile(directory / f"{name}{RESPONSE_SUFFIX}")
+        self._response = GrowingFile(part_of(directory, start.vehicle, RESPONSE_SUFFIX))
         self._response.append(RESPONSE_HEADER)
         self._flown: VehicleResponse | None = None
         self._writer = DiskWriter()
@@ -443,31 +442,14 @@ def _compose_start(content: Mapping[str, Any]) -> RecordingStart:
 
 def files_of(directory: Path, vehicle: str) -> tuple[Path, Path]:
     """(telemetry log, guidance log) of a recording."""
-    stem = file_stem(vehicle)
-    return directory / f"{stem}.tlog", directory / f"{stem}{SUFFIX}"
+    return part_of(directory, vehicle, ".tlog"), part_of(directory, vehicle, SUFFIX)
 
 
-def events_file(directory: Path, vehicle: str) -> Path:
-    """What the companion said, of a recording."""
-    return directory / f"{file_stem(vehicle)}{EVENTS_SUFFIX}"
+def part_of(directory: Path, vehicle: str, suffix: str) -> Path:
+    """A file of a recording, by what its name ends with."""
+    return directory / f"{file_stem(vehicle)}{suffix}"
 
 
-def response_files(parent: Path, vehicle: str) -> list[Path]:
-    """By what the vehicle was flown, of all its starts below a directory."""
-    return sorted(parent.glob(f"*/{file_stem(vehicle)}{RESPONSE_SUFFIX}"))
-
-
-def response_file(directory: Path, vehicle: str) -> Path:
-    """By what the vehicle was flown, of a recording."""
-    return directory / f"{file_stem(vehicle)}{RESPONSE_SUFFIX}"
-
-
-def guidance_files(parent: Path, vehicle: str) -> list[Path]:
-    """The guidance logs of all starts of a vehicle below a directory."""
-    stem = file_stem(vehicle)
-    return sorted(parent.glob(f"*/{stem}{SUFFIX}"))
-
-
-def events_files(parent: Path, vehicle: str) -> list[Path]:
-    """What its companion said, of all starts of a vehicle below a directory."""
-    return sorted(parent.glob(f"*/{file_stem(vehicle)}{EVENTS_SUFFIX}"))
+def parts_of(parent: Path, vehicle: str, suffix: str) -> list[Path]:
+    """Such files of all starts of a vehicle below a directory."""
+    return sorted(parent.glob(f"*/{file_stem(vehicle)}{suffix}"))

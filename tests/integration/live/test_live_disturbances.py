@@ -15,8 +15,8 @@ from pymavlink import mavutil
 from tests.kit.sockets import until
 from vfguide.lab.rehearsal.live import RECORDINGS
 from vfguide.lab.rehearsal.processes import free_port
-from vfguide.record.guidance_log import read_guidance
-from vfguide.record.recording import files_of, find_recordings, guidance_files, read_start
+from vfguide.record.guidance_log import SUFFIX, read_guidance
+from vfguide.record.recording import files_of, find_recordings, parts_of, read_start
 
 FOLLOWERS = ("f1", "f2", "f3")
 
@@ -88,7 +88,7 @@ async def test_a_second_link_carries_on_and_companions_that_are_killed_take_thei
         await until(lambda: [one[max(one)].mode for one in truths.values()] == ["LOITER"] * 4)
         for name in watched.flight.names:
             assert "stopping: handing back" in watched.log(name)
-            recorded = guidance_files(watched.directory / RECORDINGS, name)
+            recorded = parts_of(watched.directory / RECORDINGS, name, SUFFIX)
             assert recorded
             assert all(file.stat().st_size > 0 for file in recorded)
 

@@ -41,11 +41,12 @@ from vfguide.lab.report.metrics import summarise
 from vfguide.lab.report.replay.data import series_of
 from vfguide.mission.model import Mission
 from vfguide.record.events import HEADER as EVENTS_HEADER
+from vfguide.record.events import SUFFIX as EVENTS_SUFFIX
 from vfguide.record.events import FlightEvent, encode_event
 from vfguide.record.flight import FlightRecord
 from vfguide.record.guidance_log import HEADER, GuidanceStep, encode_step, read_guidance
 from vfguide.record.latency import Percentiles
-from vfguide.record.recording import RecordingStart, events_file, files_of
+from vfguide.record.recording import RecordingStart, files_of, part_of
 from vfguide.record.tlog import TelemetryLog, stamped
 
 SPEED, LENGTH_S, RATE_HZ = 20.0, 30.0, 10.0
@@ -148,7 +149,7 @@ def test_what_companions_said_is_at_the_times_of_the_flight(recordings):
     for name, clock_s in (("leader", 100.0), ("f1", 900.0)):
         fields = {"vehicle": name, "kind": "order", "text": "order 1 is understood"}
         said = FlightEvent(time_s=clock_s + 20.0, **fields)
-        path = events_file(recordings / f"{name}-1", name)
+        path = part_of(recordings / f"{name}-1", name, EVENTS_SUFFIX)
         path.write_bytes(EVENTS_HEADER + encode_event(said, 120.0))
     record = flight_of(collect([recordings]))
     assert {event.vehicle for event in record.events} == {"leader", "f1"}

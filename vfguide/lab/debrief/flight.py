@@ -12,16 +12,14 @@ from vfguide.elementwise import FloatArray
 from vfguide.errors import InputError
 from vfguide.lab.debrief.recordings import FlightRecordings, RecordingContents
 from vfguide.lab.rehearsal.recorder import (
+    DOINGS,
     MODES,
-    beside_paths,
-    declared_by,
     drawn_outlines,
     drawn_path,
-    limits_of,
     local_positions,
     path_number,
-    path_series,
 )
+from vfguide.lab.rehearsal.recorder import vehicle_record as recorded_vehicle
 from vfguide.mission.model import Mission
 from vfguide.record.events import FlightEvent, merged_events
 from vfguide.record.flight import FlightRecord, RecordAcceptance, RecordOrigin
@@ -172,57 +170,32 @@ def vehicle_record(
     velocity_north, velocity_east = (sampled(moments, when, positions[:, n]) for n in (4, 5))
     heading = sampled(moments, when, unwrapped(positions[:, 6]))
     airspeed = sampled(moments, airspeeds[:, 0], airspeeds[:, 1])
-    known_north, known_east = sampled(moments, when, north), sampled(moments, when, east)
-    leads = name == mission.leader.vehicle
-    slot = None if leads else mission.followers_by_name[name].slot
-    course = np.arctan2(velocity_east, velocity_north)
+    follower = mission.followers_by_name.get(name)
     # What is known of a leader without a companion is in a follower's recording, beside what that one did.
-    foreign = leads and mission.leader.is_foreign
-    doings = doings_at(moments, [] if foreign else parts, tuple(mission.paths_by_name))
-    track = joined_track([] if foreign else parts)
-    by_airspeed = mission.vehicles[name].plant == "heading-hold"
-    unsent = np.full_like(moments, math.nan)
-    beside, along = unsent, unsent
-    if leads:
-        beside, along = beside_paths(mission, known_north, known_east, course, doings[:, 5])
-    return VehicleRecord(
-        name=name,
-        role="leader" if leads else "follower",
-        system_id=mission.vehicles[name].system_id,
-        slot_forward_m=slot.forward_m if slot else 0.0,
-        slot_right_m=slot.right_m if slot else 0.0,
-        slot_up_m=slot.up_m if slot else 0.0,
-        limits=limits_of(mission.vehicles[name]),
+    own = [] if follower is None and mission.leader.is_foreign else parts
+    track = joined_track(own)
+    more = lead_series(track, moments, mission.origin.altitude_amsl_m) if mission.deputies else {}
+    if follower is not None:
+        slot = follower.slot.point
+        more |= slot_series(track, moments, (slot.forward, slot.right, slot.up))
+        more |= age_series(track, moments)
+    doings = doings_at(moments, own, tuple(mission.paths_by_name))
+    return recorded_vehicle(
+        mission,
+        name,
+        dict(zip(DOINGS, doings.T, strict=True)),
         response=next((one.response for one, _ in reversed(parts) if one.response), None),
-        declared=declared_by(mission.vehicles[name]),
-        north_m=known_north,
-        east_m=known_east,
+        north_m=sampled(moments, when, north),
+        east_m=sampled(moments, when, east),
         altitude_amsl_m=sampled(moments, when, positions[:, 3]),
-        course_rad=course,
+        course_rad=np.arctan2(velocity_east, velocity_north),
         ground_speed_m_s=np.hypot(velocity_north, velocity_east),
         heading_rad=heading,
         airspeed_m_s=airspeed,
         bank_rad=sampled(moments, banks[:, 0], banks[:, 1]),
         wind_north_m_s=velocity_north - airspeed * np.cos(heading),
         wind_east_m_s=velocity_east - airspeed * np.sin(heading),
-        path_cross_track_error_m=beside,
-        path_course_rad=along,
-        course_setpoint_rad=doings[:, 1],
-        airspeed_setpoint_m_s=doings[:, 2] if by_airspeed else unsent,
-        ground_speed_setpoint_m_s=unsent if by_airspeed else doings[:, 2],
-        mode=doings[:, 0].astype(np.int64),
-        limited=doings[:, 3].astype(np.bool_),
-        lyapunov=doings[:, 4],
-        **(
-            {}
-            if slot is None
-            else {
-                **slot_series(track, moments, (slot.forward_m, slot.right_m, slot.up_m)),
-                **age_series(track, moments),
-            }
-        ),
-        **(lead_series(track, moments, mission.origin.altitude_amsl_m) if mission.deputies else {}),
-        **path_series(doings[:, 5]),
+        **more,
     )
 
 

@@ -16,18 +16,19 @@ from vfguide.errors import InputError
 from vfguide.lab.debrief.telemetry import Telemetry, read_telemetry
 from vfguide.mission import load_mission
 from vfguide.mission.model import Mission
+from vfguide.record.events import SUFFIX as EVENTS_SUFFIX
 from vfguide.record.events import FlightEvent, read_events
 from vfguide.record.guidance_log import GuidanceTrack, read_guidance
 from vfguide.record.recording import (
     MISSION_NAME,
     RecordingStart,
-    events_file,
     files_of,
     find_recordings,
     is_recording,
+    part_of,
     read_start,
-    response_file,
 )
+from vfguide.record.response import SUFFIX as RESPONSE_SUFFIX
 from vfguide.record.response import VehicleResponse, read_response
 
 TOGETHER_S = 60.0
@@ -149,8 +150,8 @@ def read_recording(directory: Path) -> RecordingContents:
         start=start,
         telemetry=read_telemetry(tlog, system_id=start.system_id, start_s=start.unix_s),
         guidance=read_guidance(guidance),
-        events=tuple(read_events(start.vehicle, events_file(directory, start.vehicle))),
-        response=read_response(response_file(directory, start.vehicle)),
+        events=tuple(read_events(start.vehicle, part_of(directory, start.vehicle, EVENTS_SUFFIX))),
+        response=read_response(part_of(directory, start.vehicle, RESPONSE_SUFFIX)),
     )
 
 

@@ -31,10 +31,12 @@ from vfguide.link.keys import (
 from vfguide.link.opening import WatchedFormation
 from vfguide.mission.model import Mission
 from vfguide.mission.rehearsal import Loss
+from vfguide.record.events import SUFFIX as EVENTS_SUFFIX
 from vfguide.record.events import read_events
 from vfguide.record.flight import FlightRecord
-from vfguide.record.guidance_log import read_guidance, read_newest
-from vfguide.record.recording import events_files, guidance_files, response_files
+from vfguide.record.guidance_log import SUFFIX, read_guidance, read_newest
+from vfguide.record.recording import parts_of
+from vfguide.record.response import SUFFIX as RESPONSE_SUFFIX
 from vfguide.record.response import read_response
 from vfguide.registry import plugin_files
 
@@ -286,9 +288,7 @@ class LiveFlight:
         By it slots are where orders have put them.
         """
         tracks = {
-            name: read_newest(
-                *guidance_files(self._directory / RECORDINGS, name), zero_s=self._companions_zero_s
-            )
+            name: read_newest(*self._recorded(name, SUFFIX), zero_s=self._companions_zero_s)
             for name in self.mission.companions
         }
         moment_s = self.truth_collector.time_s - WRITTEN_S * self._speedup
@@ -302,28 +302,25 @@ class LiveFlight:
         Raises:
             VfguideError: nothing has.
         """
-        tracks = {
-            name: read_guidance(
-                *guidance_files(self._directory / RECORDINGS, name), zero_s=self._companions_zero_s
-            )
-            for name in self.mission.companions
-        }
-        events = [
-            event
-            for name in self.mission.companions
-            for event in read_events(
-                name,
-                *events_files(self._directory / RECORDINGS, name),
-                zero_s=self._companions_zero_s,
-            )
-        ]
-        responses = {
-            name: read_response(*response_files(self._directory / RECORDINGS, name))
-            for name in self.mission.companions
-        }
+        zero_s, names = self._companions_zero_s, self.mission.companions
         return self.truth_collector.record(
-            wall_s=wall_s, tracks=tracks, events=events, responses=responses
+            wall_s=wall_s,
+            tracks={
+                name: read_guidance(*self._recorded(name, SUFFIX), zero_s=zero_s) for name in names
+            },
+            events=[
+                event
+                for name in names
+                for event in read_events(name, *self._recorded(name, EVENTS_SUFFIX), zero_s=zero_s)
+            ],
+            responses={
+                name: read_response(*self._recorded(name, RESPONSE_SUFFIX)) for name in names
+            },
         )
+
+    def _recorded(self, name: str, suffix: str) -> list[Path]:
+        """What a companion has written at all its starts, by the end of the files' names."""
+        return parts_of(self._directory / RECORDINGS, name, suffix)
 
 
 @asynccontextmanager

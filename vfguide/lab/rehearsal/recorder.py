@@ -2,7 +2,7 @@
 
 import math
 from array import array
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from operator import attrgetter
 
 import numpy as np
@@ -87,44 +87,18 @@ class VehicleRecorder:
 
     def record(self) -> VehicleRecord:
         """The samples so far."""
-        mission, name = self._mission, self._name
         truths = columns(self._truths, (*POSITION, *TRUTHS))
-        doings = columns(self._doings, DOINGS)
-        north, east = local_positions(mission, *(truths[field] for field in POSITION))
-        speeds = doings["speed"]
-        unsent = np.full_like(speeds, math.nan)
-        vehicle = mission.vehicles[name]
-        by_airspeed = vehicle.plant == "heading-hold"
-        leads = name == mission.leader.vehicle
-        slot = None if leads else mission.followers_by_name[name].slot
-        unknown = np.full_like(north, math.nan)
-        error, course = unknown, unknown
-        if leads:
-            error, course = beside_paths(mission, north, east, truths["course_rad"], doings["path"])
-        return VehicleRecord(
-            name=name,
-            role="leader" if leads else "follower",
-            system_id=vehicle.system_id,
-            slot_forward_m=slot.forward_m if slot else 0.0,
-            slot_right_m=slot.right_m if slot else 0.0,
-            slot_up_m=slot.up_m if slot else 0.0,
-            limits=limits_of(vehicle),
+        north, east = local_positions(self._mission, *(truths.pop(field) for field in POSITION))
+        return vehicle_record(
+            self._mission,
+            self._name,
+            columns(self._doings, DOINGS),
             response=self._response,
-            declared=declared_by(vehicle),
             north_m=north,
             east_m=east,
-            **{field: truths[field] for field in TRUTHS},
-            path_cross_track_error_m=error,
-            path_course_rad=course,
-            course_setpoint_rad=doings["course"],
-            airspeed_setpoint_m_s=speeds if by_airspeed else unsent,
-            ground_speed_setpoint_m_s=unsent if by_airspeed else speeds,
-            mode=doings["mode"].astype(np.int64),
-            limited=doings["limited"].astype(np.bool_),
-            lyapunov=doings["lyapunov"],
+            **truths,
             **self._slot_series(),
             **self._lead_series(),
-            **path_series(doings["path"]),
         )
 
     def _lead_series(self) -> dict[str, FloatArray]:
@@ -141,6 +115,56 @@ class VehicleRecorder:
             np.all(slots[name] == value) for name, value in zip(SLOT_SERIES, mission, strict=True)
         )
         return {} if fixed else slots
+
+
+def vehicle_record(
+    mission: Mission,
+    name: str,
+    doings: Mapping[str, FloatArray],
+    *,
+    response: VehicleResponse | None,
+    **series: FloatArray,
+) -> VehicleRecord:
+    """What is recorded of a vehicle, with what its mission says of it.
+
+    Args:
+        mission: the mission.
+        name: of the vehicle.
+        doings: of its companion, as `DOINGS` names them.
+        response: by what it was flown last, if that is known.
+        series: where it was and what else is told of it, as a `VehicleRecord` names them.
+    """
+    vehicle, follower = mission.vehicles[name], mission.followers_by_name.get(name)
+    slot = Point(0.0, 0.0) if follower is None else follower.slot.point
+    speeds = doings["speed"]
+    unsent = np.full_like(speeds, math.nan)
+    by_airspeed = vehicle.plant == "heading-hold"
+    beside, along = unsent, unsent
+    if follower is None:
+        beside, along = beside_paths(
+            mission, series["north_m"], series["east_m"], series["course_rad"], doings["path"]
+        )
+    return VehicleRecord(
+        name=name,
+        role="leader" if follower is None else "follower",
+        system_id=vehicle.system_id,
+        slot_forward_m=slot.forward,
+        slot_right_m=slot.right,
+        slot_up_m=slot.up,
+        limits=limits_of(vehicle),
+        response=response,
+        declared=declared_by(vehicle),
+        path_cross_track_error_m=beside,
+        path_course_rad=along,
+        course_setpoint_rad=doings["course"],
+        airspeed_setpoint_m_s=speeds if by_airspeed else unsent,
+        ground_speed_setpoint_m_s=unsent if by_airspeed else speeds,
+        mode=doings["mode"].astype(np.int64),
+        limited=doings["limited"].astype(np.bool_),
+        lyapunov=doings["lyapunov"],
+        **path_series(doings["path"]),
+        **series,
+    )
 
 
 def limits_of(vehicle: Vehicle) -> FlightLimits:
