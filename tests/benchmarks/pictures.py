@@ -9,9 +9,11 @@ import asyncio
 import shutil
 import socket
 import sys
+from io import BytesIO
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+from PIL import Image
 from playwright.async_api import expect
 
 from tests.kit.browser import device, launched
@@ -21,7 +23,7 @@ from vfguide.lab.console.server import ConsoleAddress
 from vfguide.lab.rehearsal.live import live_flight
 from vfguide.lab.rehearsal.processes import free_port
 from vfguide.lab.report.colours import colours_of
-from vfguide.lab.report.picture import save_figure
+from vfguide.lab.report.picture import save_figure, with_palette
 from vfguide.lab.report.style import dress, new_figure
 from vfguide.lab.report.tracks_plot import draw_aircraft
 from vfguide.mission.order_plan import timetable
@@ -68,7 +70,8 @@ async def console(path: Path) -> None:
             await asyncio.sleep(60.0)
             await page.get_by_role("button", name="Rehearse").click()
             await expect(page.locator("#outcome")).to_contain_text("nearest", timeout=60_000)
-            await page.screenshot(path=path)
+            picture = Image.open(BytesIO(await page.screenshot())).convert("RGB")
+            with_palette(picture).save(path, optimize=True)
 
 
 if __name__ == "__main__":

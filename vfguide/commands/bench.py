@@ -25,6 +25,7 @@ from vfguide.lab.studies.comparison import (
     ComparisonRow,
     ablation_cases,
     long_table,
+    markdown,
     metres,
     parts_of,
     seconds,
@@ -185,17 +186,16 @@ def radio(
     ]
     with executor_on() as executor:
         found = dict(zip(cases, flown_by(executor, fly_radio, cases), strict=True))
-    lines = [
-        "| leader | " + " | ".join(f"{size} aircraft" for size in sizes) + " |",
-        "|---|" + "---|" * len(sizes),
+    table = [
+        [
+            "no radio, 0.1 s late" if rate_hz is None else f"{rate_hz:g} Hz",
+            *(shown(found[case]) for case in cases if case.leader_hz == rate_hz),
+        ]
+        for rate_hz in rates
     ]
-    for rate_hz in rates:
-        title = "no radio, 0.1 s late" if rate_hz is None else f"{rate_hz:g} Hz"
-        cells = [shown(found[case]) for case in cases if case.leader_hz == rate_hz]
-        lines.append(f"| {title} | " + " | ".join(cells) + " |")
     Terminal().tell(
         "mean error, m / greatest error, m / age of the leader's state, ms / bytes a second\n\n"
-        + "\n".join(lines)
+        + markdown(["leader", *(f"{size} aircraft" for size in sizes)], table)
     )
     rows = [{**asdict(case), **asdict(figures)} for case, figures in found.items()]
     write(json_file, {"rows": rows})
@@ -217,19 +217,13 @@ def ablations(
             (case.label, case.mission): figures
             for case, figures in zip(flown, flown_by(executor, fly, flown), strict=True)
         }
-    lines = [
-        "| mean / greatest error, m | " + " | ".join(MISSIONS) + " | back and forth, rad/s |",
-        "|---|" + "---|" * (len(MISSIONS) + 1),
-    ]
+    table = []
     for name in parts_of(law):
-        cells = [
-            f"{metres(found[name, mission].mean_error_m)} / "
-            f"{metres(found[name, mission].max_error_m)}"
-            for mission in MISSIONS
-        ]
-        chatter = max(found[name, mission].course_variation_rad_s for mission in MISSIONS)
-        lines.append(f"| {name} | " + " | ".join(cells) + f" | {chatter:.3f} |")
-    Terminal().tell("\n".join(lines))
+        here = [found[name, mission] for mission in MISSIONS]
+        cells = [f"{metres(one.mean_error_m)} / {metres(one.max_error_m)}" for one in here]
+        table.append([name, *cells, f"{max(one.course_variation_rad_s for one in here):.3f}"])
+    head = ["mean / greatest error, m", *MISSIONS, "back and forth, rad/s"]
+    Terminal().tell(markdown(head, table))
     rows = [
         {"ablation": label, "mission": mission, **asdict(figures)}
         for (label, mission), figures in found.items()
@@ -269,23 +263,22 @@ def robustness(
 def scale(*, json_file: JsonFile = None, quick: Quick = False) -> None:
     """Fly 4, 10, 30 and 100 vehicles: how the cost grows, and where it goes."""
     result = measure_all(quick=quick)
-    lines = [
-        f"| {' | '.join(SCALE_COLUMNS)} |",
-        "|" + "---|" * len(SCALE_COLUMNS),
-    ]
-    for one in result["sizes"]:
-        shares = one["shares"]
-        cells = [
+    table = [
+        [
             f"{one['vehicles']}",
             f"{one['real_time_factor']:.1f}",
             f"{one['processor_us_per_vehicle_step']:.0f}",
             f"{one['memory_mb']:.0f}",
             f"{one['guidance_step_us']:.0f}",
-            *(f"{shares[part]:.0%}" for part in ("companion", "decode", "encode", "guidance")),
+            *(
+                f"{one['shares'][part]:.0%}"
+                for part in ("companion", "decode", "encode", "guidance")
+            ),
         ]
-        lines.append("| " + " | ".join(cells) + " |")
-    lines.append(f"\nprocessor time grows with the vehicles to the power {result['exponent']:.2f}")
-    Terminal().tell("\n".join(lines))
+        for one in result["sizes"]
+    ]
+    grows = f"processor time grows with the vehicles to the power {result['exponent']:.2f}"
+    Terminal().tell(f"{markdown(SCALE_COLUMNS, table)}\n\n{grows}")
     write(json_file, result)
 
 
@@ -485,19 +478,19 @@ def maps(found: Sequence[Found]) -> str:
         for mission in dict.fromkeys(one.point.mission for one in here):
             these = [one for one in here if one.point.mission == mission]
             flown = list(dict.fromkeys(one.point.law for one in these))
-            lines = [
-                f"| {mission}: {sweep.title} | " + " | ".join(flown) + " |",
-                "|---|" + "---|" * len(flown),
-            ]
-            for value in sweep.values:
-                cells = [
-                    f"{metres(one.mean_error_m)} m, {seconds(one.settle_10m_s)} s"
-                    for law in flown
-                    for one in these
-                    if one.point.law == law and one.point.value == value
+            table = [
+                [
+                    f"{value:g}",
+                    *(
+                        f"{metres(one.mean_error_m)} m, {seconds(one.settle_10m_s)} s"
+                        for law in flown
+                        for one in these
+                        if one.point.law == law and one.point.value == value
+                    ),
                 ]
-                lines.append(f"| {value:g} | " + " | ".join(cells) + " |")
-            parts.append("\n".join(lines) + "\n")
+                for value in sweep.values
+            ]
+            parts.append(markdown([f"{mission}: {sweep.title}", *flown], table) + "\n")
     return "\n".join(parts)
 
 

@@ -203,6 +203,12 @@ def summed_up(several: list[Figures]) -> tuple[Figures, dict[str, float | None]]
     return Figures(**means), halves
 
 
+def markdown(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """A table of texts in Markdown."""
+    lines = [head, ["---"] * len(head), *rows]
+    return "\n".join(f"| {' | '.join(cells)} |" for cells in lines)
+
+
 def metres(value: float | None) -> str:
     """A figure with the digits that it deserves."""
     if value is None or not math.isfinite(value):
@@ -223,48 +229,42 @@ def short_table(rows: Sequence[ComparisonRow], costs: Mapping[str, Mapping[str, 
         for row in rows
         if row.plant == "heading-hold" and row.condition == "shipped"
     }
-    lines = [
-        "| mean error, m | article's claim | " + " | ".join(laws) + " |",
-        "|---|" + "---|" * (len(laws) + 1),
-    ]
+    table = []
     for mission in MISSIONS:
         values = [found[mission, law] for law in laws]
         best = min(values)
         cells = [f"**{metres(value)}**" if value == best else metres(value) for value in values]
-        lines.append(f"| {mission} | {ARTICLE_ERROR_M[mission]:.2f} | " + " | ".join(cells) + " |")
-    steps = " | ".join(f"{costs[law]['median_us']:.0f} µs" for law in laws)
-    lines.append(f"| one guidance step | | {steps} |")
-    return "\n".join(lines) + "\n"
+        table.append([mission, f"{ARTICLE_ERROR_M[mission]:.2f}", *cells])
+    steps = [f"{costs[law]['median_us']:.0f} µs" for law in laws]
+    head = ["mean error, m", "article's claim", *laws]
+    return markdown(head, [*table, ["one guidance step", "", *steps]]) + "\n"
 
 
 def long_table(rows: Sequence[ComparisonRow], plant: str, condition: str) -> str:
     """All figures of one plant and condition."""
-    chosen = [row for row in rows if row.plant == plant and row.condition == condition]
-    if not chosen:
-        return ""
-    lines = [
-        f"| mission | law | {' | '.join(COLUMNS)} |",
-        "|---|---|" + "---|" * len(COLUMNS),
-    ]
-    for row in chosen:
+    table = []
+    for row in rows:
+        if (row.plant, row.condition) != (plant, condition):
+            continue
         mean, half = row.mean, row.half_width["mean_error_m"]
         spread = f" ± {metres(half)}" if half is not None else ""
-        cells = [
-            row.mission,
-            row.law,
-            metres(mean.mean_error_m) + spread,
-            metres(mean.p95_error_m),
-            metres(mean.max_error_m),
-            seconds(mean.settle_10m_s),
-            seconds(mean.settle_1m_s),
-            f"{mean.effort_m_s2:.2f}",
-            f"{mean.course_variation_rad_s:.3f}",
-            f"{mean.speed_variation_m_s2:.2f}",
-            f"{mean.limited:.1%}",
-            f"{mean.min_separation_m:.1f}",
-        ]
-        lines.append("| " + " | ".join(cells) + " |")
-    return "\n".join(lines) + "\n"
+        table.append(
+            [
+                row.mission,
+                row.law,
+                metres(mean.mean_error_m) + spread,
+                metres(mean.p95_error_m),
+                metres(mean.max_error_m),
+                seconds(mean.settle_10m_s),
+                seconds(mean.settle_1m_s),
+                f"{mean.effort_m_s2:.2f}",
+                f"{mean.course_variation_rad_s:.3f}",
+                f"{mean.speed_variation_m_s2:.2f}",
+                f"{mean.limited:.1%}",
+                f"{mean.min_separation_m:.1f}",
+            ]
+        )
+    return markdown(["mission", "law", *COLUMNS], table) + "\n" if table else ""
 
 
 def parts_of(law: str) -> list[str]:

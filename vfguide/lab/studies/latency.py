@@ -15,6 +15,7 @@ from typing import Any
 
 from sitl_stub.server import precise_event_loop
 from vfguide.lab.rehearsal.processes import broker, load
+from vfguide.lab.studies.comparison import markdown
 from vfguide.lab.studies.response import measure_responses
 
 LOADS = ("load_before", "load_after")
@@ -114,41 +115,46 @@ async def _measure(directory: Path, *, seconds: float, rate_hz: float) -> dict[s
 
 
 def render(result: dict[str, Any]) -> str:
-    """The result as plain tables."""
+    """The result in words and tables."""
     machine, response = result["machine"], result["response"]
     before, after = (" ".join(f"{one:.2f}" for one in machine[key]) for key in LOADS)
     title = (
         f"{result['rate_hz']:g} Hz, {result['seconds']:g} s each; {machine['cores']} cores, "
         f"Python {machine['python']}"
     )
-    blocks = [
-        [title, f"load before {before}, after {after}"],
-        response_table(response),
-        required_table(result["required"]),
-    ]
-    return "\n\n".join("\n".join(block) for block in blocks)
+    return "\n\n".join(
+        [
+            f"{title}\nload before {before}, after {after}",
+            response_table(response),
+            required_table(result["required"]),
+        ]
+    )
 
 
-def response_table(response: dict[str, Any]) -> list[str]:
+def response_table(response: dict[str, Any]) -> str:
     """One line for each client."""
-    rows = [["telemetry in to setpoint out", *HEADINGS, "core %", "MB", "count", "unanswered"]]
+    head = ["telemetry in to setpoint out", *HEADINGS, "core %", "MB", "count", "unanswered"]
     entries = {**response["clients"], "companions together": response["companions"]}
-    for name, entry in entries.items():
-        keys = (*TIMES, "cpu_percent", "memory_mb", "count", "unanswered")
-        rows.append([name, *(shown(entry.get(key)) for key in keys)])
+    keys = (*TIMES, "cpu_percent", "memory_mb", "count", "unanswered")
+    rows = [[name, *(shown(one.get(key)) for key in keys)] for name, one in entries.items()]
     if "mavsdk" not in response["clients"]:
-        rows.append(["mavsdk", response["mavsdk"]])
-    return aligned(rows)
+        rows.append(["mavsdk", response["mavsdk"], *[""] * (len(keys) - 1)])
+    return markdown(head, rows)
 
 
-def required_table(required: list[dict[str, Any]]) -> list[str]:
+def required_table(required: list[dict[str, Any]]) -> str:
     """One line for each required figure."""
-    rows = [["for information", "measured", "at most", "", ""]]
-    for entry in required:
-        verdict = "met" if entry["met"] else "NOT MET"
-        measured, at_most = shown(entry["measured"]), shown(entry["at_most"])
-        rows.append([entry["figure"], measured, at_most, entry["unit"], verdict])
-    return aligned(rows)
+    rows = [
+        [
+            one["figure"],
+            shown(one["measured"]),
+            shown(one["at_most"]),
+            one["unit"],
+            "met" if one["met"] else "NOT MET",
+        ]
+        for one in required
+    ]
+    return markdown(["for information", "measured", "at most", "", ""], rows)
 
 
 def shown(value: float | None) -> str:
@@ -156,19 +162,3 @@ def shown(value: float | None) -> str:
     if value is None:
         return "-"
     return str(value) if isinstance(value, int) else f"{value:.2f}"
-
-
-def aligned(rows: list[list[str]]) -> list[str]:
-    """Rows of a table in columns, the first to the left and the others to the right."""
-    count = max(len(row) for row in rows)
-    padded = [[*row, *[""] * (count - len(row))] for row in rows]
-    widths = [max(len(row[column]) for row in padded) for column in range(count)]
-    return [
-        "  ".join(
-            [
-                row[0].ljust(widths[0]),
-                *(c.rjust(w) for c, w in zip(row[1:], widths[1:], strict=True)),
-            ]
-        ).rstrip()
-        for row in padded
-    ]

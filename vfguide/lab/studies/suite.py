@@ -18,7 +18,7 @@ from vfguide.lab.rehearsal.radio_flight import fly_rehearsal
 from vfguide.lab.report.geometry import slot_error
 from vfguide.lab.report.metrics import summarise
 from vfguide.lab.report.summary import FollowerSummary
-from vfguide.lab.studies.comparison import mean_of, metres
+from vfguide.lab.studies.comparison import markdown, mean_of, metres
 from vfguide.lab.studies.flown import figures_of, or_nan
 from vfguide.record.flight import FlightRecord
 from vfguide.suite import with_law
@@ -159,15 +159,16 @@ def means(flights: Sequence[SuiteFlight]) -> dict[str, dict[str, Any]]:
 def suite_table(flights: Sequence[SuiteFlight]) -> str:
     """A row for each law, best score first, in Markdown."""
     found = means(flights)
-    lines = [
-        f"| law | {' | '.join(COLUMNS.values())} | nearest, m | failed |",
-        "|---|" + "---|" * (len(COLUMNS) + 2),
+    rows = [
+        [
+            law,
+            *(spelt(name, **one[name]) for name in COLUMNS),
+            metres(one["nearest_m"]),
+            f"{one['failed']} of {one['flights']}",
+        ]
+        for law, one in sorted(found.items(), key=lambda item: -item[1]["score"]["mean"])
     ]
-    for law, one in sorted(found.items(), key=lambda item: -item[1]["score"]["mean"]):
-        cells = [spelt(name, **one[name]) for name in COLUMNS]
-        failed = f"{one['failed']} of {one['flights']}"
-        lines.append(f"| {law} | {' | '.join(cells)} | {metres(one['nearest_m'])} | {failed} |")
-    return "\n".join(lines)
+    return markdown(["law", *COLUMNS.values(), "nearest, m", "failed"], rows)
 
 
 def spelt(name: str, mean: float, half_width: float) -> str:
