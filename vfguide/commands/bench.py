@@ -242,21 +242,17 @@ def robustness(
     scheduler: Scheduler = None,
 ) -> None:
     """Map errors and settling against link, noise, wrong responses, wind and loop rate."""
-    if out is not None:
-        out.mkdir(parents=True, exist_ok=True)
     with executor_on(scheduler) as executor:
         found = list(
             flown_by(executor, fly_point, points(flown_laws(law, but="article"), quick=quick))
         )
-    Terminal().tell(maps(found))
+    text = maps(found)
+    Terminal().tell(text)
     content = {"points": [asdict(one) for one in found]}
     write(json_file, content)
     if out is not None:
-        # Here, because it brings the plotting library.
-        from vfguide.lab.studies.figures import draw_maps
-
-        draw_maps(found, out)
         write(out / "robustness.json", content)
+        (out / "robustness.md").write_text(text, encoding="utf-8")
 
 
 @bench.command()

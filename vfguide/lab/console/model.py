@@ -27,15 +27,13 @@ from vfguide.lab.console.alarms import (
     Nearness,
     alarms_of,
 )
-from vfguide.lab.rehearsal.recorder import limits_of, rally_points
+from vfguide.lab.rehearsal.recorder import fence_edges, limits_of, rally_points
 from vfguide.lab.report.colours import NIGHT_COLOURS, colours_of
 from vfguide.lab.report.replay.data import FORMAT, SeriesKind, encode, ground_line
 from vfguide.link.codec import LeaderMessage, LinkDataError, decode
 from vfguide.link.presence import BATTERY, BATTERY_VOLTAGE, LEADER_FIGURES, Presence
 from vfguide.mission import Mission
-from vfguide.mission.fence_check import fences_of
 from vfguide.mission.flight_path import PathShape, path_of
-from vfguide.mission.path_frame import frame_of
 
 # Lines and points on the ground that the console draws: paths, the fence, rally points.
 
@@ -68,15 +66,6 @@ def drawn_path(mission: Mission, shape: PathShape) -> tuple[FloatArray, FloatArr
         progress = np.linspace(0.0, reach_m, DRAWN_POINTS)
     places = path.at(progress)
     return places.north, places.east
-
-
-def fence_edges(mission: Mission) -> list[tuple[FloatArray, FloatArray]]:
-    """(north, east) of points along the edge of each area of the fence, m."""
-    fences = fences_of(mission)
-    if not fences:
-        return []
-    frame = frame_of(mission.model_dump())
-    return [area.edge(frame) for fence in fences for area in fence.areas]
 
 
 CARRIED_S = 2.0

@@ -338,12 +338,17 @@ def drawn_outlines(mission: Mission, leader: VehicleRecord) -> tuple[Outline, ..
     lines: list[tuple[OutlineKind, tuple[FloatArray, FloatArray]]] = [
         ("path", drawn_points(path_of(shape), leader)) for shape in mission.paths.values()
     ]
-    fences = fences_of(mission)
-    frame = frame_of(mission.model_dump()) if fences else None
-    lines += [("fence", area.edge(frame)) for fence in fences for area in fence.areas]
+    lines += [("fence", edge) for edge in fence_edges(mission)]
     rally = rally_points(mission)
     lines += [("rally", rally)] if rally[0].size else []
     return tuple(Outline(kind=kind, north_m=north, east_m=east) for kind, (north, east) in lines)
+
+
+def fence_edges(mission: Mission) -> list[tuple[FloatArray, FloatArray]]:
+    """(north, east) of points along the edge of each area of all fences, m."""
+    fences = fences_of(mission)
+    frame = frame_of(mission.model_dump()) if fences else None
+    return [area.edge(frame) for fence in fences for area in fence.areas]
 
 
 def rally_points(mission: Mission) -> tuple[FloatArray, FloatArray]:

@@ -24,7 +24,6 @@ from vfguide.lab.rehearsal.processes import (
     python_module,
     running,
 )
-from vfguide.lab.studies.figures import figures_of
 from vfguide.lab.studies.flown import article_mission
 from vfguide.lab.studies.peers import PYMAVLINK_ENVIRONMENT, TimedVehicle, installed_mavsdk
 from vfguide.link.keys import key_places, make_keys
@@ -259,3 +258,21 @@ async def warm_up(clients: Sequence[Client], rate_hz: float) -> None:
     for client in clients:
         if client.is_companion and len(client.vehicle.responses) < enough:
             raise VfguideError(f"{client.name} does not answer: {client.process.last_words()}")
+
+
+def quantile(ordered: Sequence[float], share: float) -> float:
+    """The value that this share of a sorted series does not exceed; nearest rank, never interpolated."""
+    return ordered[min(len(ordered) - 1, int(share * len(ordered)))]
+
+
+def figures_of(seconds: Sequence[float]) -> dict[str, Any]:
+    """Count, and median, 99th percentile and greatest in milliseconds; no times without any."""
+    ordered = sorted(seconds)
+    if not ordered:
+        return {"count": 0}
+    return {
+        "count": len(ordered),
+        "p50_ms": round(quantile(ordered, 0.5) * 1e3, 3),
+        "p99_ms": round(quantile(ordered, 0.99) * 1e3, 3),
+        "max_ms": round(ordered[-1] * 1e3, 3),
+    }
