@@ -35,6 +35,10 @@ from vfguide.record.response import VehicleResponse
 from vfguide.record.vehicle import VehicleRecord
 from vfguide.state import Airframe
 
+Loop = Literal["course", "speed"]
+
+BANDWIDTHS: dict[Loop, str] = {"course": "alpha_1_s", "speed": "beta_1_s"}
+
 # What was found, as lines for the mission file.
 
 
@@ -45,15 +49,13 @@ def profile_text(vehicle: str, findings: Findings) -> str:
         vehicle: its name.
         findings: what was found; what was not is left out.
     """
+    known: dict[Loop, HoldResponse | None] = {"course": findings.course, "speed": findings.speed}
     lines = [
         f"# {vehicle}, as `vfguide identify` has measured it, in bounds of 95 %.",
         f"{vehicle}:",
+        *(line for loop, found in known.items() if found for line in response_lines(found, loop)),
+        slip_line(findings.slip),
     ]
-    if findings.course is not None:
-        lines += response_lines(findings.course, "alpha_1_s", "course")
-    if findings.speed is not None:
-        lines += response_lines(findings.speed, "beta_1_s", "speed")
-    lines.append(slip_line(findings.slip))
     return "\n".join(lines) + "\n"
 
 
@@ -73,10 +75,10 @@ def slip_line(slip: Slip | None) -> str:
     return f"  slips: {str(slip.slips).lower()} # {words}"
 
 
-def response_lines(found: HoldResponse, bandwidth: str, loop: str) -> list[str]:
+def response_lines(found: HoldResponse, loop: Loop) -> list[str]:
     """Return the three fields of a response, with the bounds of what it may be."""
     return [
-        f"  {bandwidth}: {found.gain:.3f} # {found.least:.2f} to {found.greatest:.2f}",
+        f"  {BANDWIDTHS[loop]}: {found.gain:.3f} # {found.least:.2f} to {found.greatest:.2f}",
         f"  {loop}_dead_time_s: {found.dead_time:.3f}",
         f"  {loop}_lag_s: {found.lag:.3f} # together {found.earliest:.2f} to {found.latest:.2f}",
     ]
@@ -107,10 +109,6 @@ LEAST_TURN = 0.1
 
 LEAST_CHANGE = 0.7
 """m/s: ... and speeds by so much, from the greatest to the least, for anything to be told."""
-
-Loop = Literal["course", "speed"]
-
-BANDWIDTHS: dict[Loop, str] = {"course": "alpha_1_s", "speed": "beta_1_s"}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -343,7 +341,7 @@ def flown_profile(answers: Sequence[Answer], slips: Mapping[str, Slip]) -> str:
             lines.append(f"{name}:  # bounds are for 95 %")
         for one in known:
             if one.response is not None:
-                lines += response_lines(one.response, BANDWIDTHS[one.loop], one.loop)
+                lines += response_lines(one.response, one.loop)
         if name in slips:
             lines.append(slip_line(slips[name]))
     return "\n".join(lines)
