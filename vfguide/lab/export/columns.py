@@ -15,6 +15,7 @@ from vfguide.errors import InputError
 from vfguide.frames import EARTH_RADIUS
 from vfguide.lab.report.geometry import slot_error
 from vfguide.record.flight import FlightRecord, RecordOrigin, VehicleRecord
+from vfguide.record.vehicle import SERIES
 
 VIRTUAL_BEGIN_S = 1_767_225_600.0
 """Time 0 of a flight in virtual time, s since 1970: 1 January 2026, as in its telemetry logs."""
@@ -116,31 +117,25 @@ def parts_of(record: FlightRecord) -> Iterator[Part]:
             latitude, longitude = geodetic(origin, vehicle.north_m[some], vehicle.east_m[some])
             error = errors.get(vehicle.name)
             unknown, ages = np.full_like(latitude, np.nan), vehicle.leader_age_s
+            found = {
+                **{name: getattr(vehicle, name)[some] for name in SERIES if name in UNITS},
+                **{
+                    f"{name}_deg": bearing(getattr(vehicle, f"{name}_rad")[some])
+                    for name in ("course", "heading", "course_setpoint")
+                },
+                "latitude_deg": latitude,
+                "longitude_deg": longitude,
+                "bank_deg": np.degrees(vehicle.bank_rad[some]),
+                "slot_ahead_m": error.along_track_m[some] if error else unknown,
+                "slot_right_m": error.cross_track_m[some] if error else unknown,
+                "slot_distance_m": error.distance_m[some] if error else unknown,
+                "lyapunov_m2": vehicle.lyapunov[some],
+                "leader_age_s": unknown if ages is None else ages[some],
+            }
             yield Part(
                 vehicle=vehicle,
                 time_s=record.time_s[some],
-                numbers={
-                    "latitude_deg": latitude,
-                    "longitude_deg": longitude,
-                    "altitude_amsl_m": vehicle.altitude_amsl_m[some],
-                    "north_m": vehicle.north_m[some],
-                    "east_m": vehicle.east_m[some],
-                    "course_deg": bearing(vehicle.course_rad[some]),
-                    "ground_speed_m_s": vehicle.ground_speed_m_s[some],
-                    "heading_deg": bearing(vehicle.heading_rad[some]),
-                    "airspeed_m_s": vehicle.airspeed_m_s[some],
-                    "bank_deg": np.degrees(vehicle.bank_rad[some]),
-                    "wind_north_m_s": vehicle.wind_north_m_s[some],
-                    "wind_east_m_s": vehicle.wind_east_m_s[some],
-                    "course_setpoint_deg": bearing(vehicle.course_setpoint_rad[some]),
-                    "airspeed_setpoint_m_s": vehicle.airspeed_setpoint_m_s[some],
-                    "ground_speed_setpoint_m_s": vehicle.ground_speed_setpoint_m_s[some],
-                    "slot_ahead_m": error.along_track_m[some] if error else unknown,
-                    "slot_right_m": error.cross_track_m[some] if error else unknown,
-                    "slot_distance_m": error.distance_m[some] if error else unknown,
-                    "lyapunov_m2": vehicle.lyapunov[some],
-                    "leader_age_s": unknown if ages is None else ages[some],
-                },
+                numbers={name: found[name] for name in UNITS},
                 modes=[mode_name(record, number) for number in vehicle.mode[some].tolist()],
                 limited=vehicle.limited[some].tolist(),
             )
