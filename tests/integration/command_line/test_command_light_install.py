@@ -95,8 +95,8 @@ def test_python_flies_and_says_what_to_install_for_the_rest(run, tmp_path):
         (("fly", "line-calm", "--duration", "5", "--controller", "mpc"), "osqp", "lab"),
         (("fly", "line-calm", "--duration", "5", "--live"), "psutil", "lab"),
         (("status", "line-calm", "--insecure", "--link", "zenoh://"), "zenoh", "zenoh"),
-        (("bench", "--quick"), "matplotlib", "lab"),
-        (("bench", "robustness", "--quick"), "matplotlib", "lab"),
+        (("bench", "--quick"), "osqp", "lab"),
+        (("bench", "robustness", "--quick"), "osqp", "lab"),
     ],
 )
 def test_what_needs_more_says_what_to_install_before_it_begins(
