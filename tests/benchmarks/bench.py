@@ -1,5 +1,6 @@
 """Studies of `vfguide bench` as rows of docs/results."""
 
+from itertools import product
 from typing import Any
 
 from tests.benchmarks.results import Cases
@@ -7,10 +8,14 @@ from vfguide.lab.studies.comparison import FULL as COMPARED
 from vfguide.lab.studies.comparison import ablation_cases, compare, parts_of
 from vfguide.lab.studies.flown import MISSIONS, executor_on, flown_by, fly
 from vfguide.lab.studies.latency import run_latency
+from vfguide.lab.studies.radio import FOLLOWERS_HZ, RATES_HZ, SIZES, RadioCase
+from vfguide.lab.studies.radio import fly as fly_radio
 from vfguide.lab.studies.robustness import fly_point, points
 from vfguide.lab.studies.scale import measure_all, step_costs
 from vfguide.lab.studies.suite import fly_scenario, means
 from vfguide.suite import numbers
+
+NO_RADIO = "no radio, 0.1 s late"
 
 LAWS = ("slot", "pid", "mpc")
 
@@ -98,6 +103,28 @@ def robustness() -> Cases:
             name = f"{one.point.sweep} {one.point.value:g}"
             cases.setdefault(name, {})[one.point.law] = one.mean_error_m
     yield from cases.items()
+
+
+def radio() -> Cases:
+    """Fly over a radio that all share, without and with losses."""
+    with executor_on() as executor:
+        for leader_hz, lossy in ((None, False), *product(RATES_HZ, (False, True))):
+            flown = [
+                RadioCase(
+                    size=size,
+                    leader_hz=leader_hz,
+                    followers_hz=min(FOLLOWERS_HZ, leader_hz or FOLLOWERS_HZ),
+                    loss=0.1 if lossy else 0.0,
+                    bursts=0.05 if lossy else 0.0,
+                    seconds=120.0,
+                )
+                for size in SIZES
+            ]
+            figures = dict[str, float]()
+            for size, one in zip(SIZES, flown_by(executor, fly_radio, flown), strict=True):
+                figures |= {f"mean_{size}_m": one.mean_error_m, f"max_{size}_m": one.max_error_m}
+            name = f"{leader_hz:g} Hz{', lossy' if lossy else ''}" if leader_hz else NO_RADIO
+            yield name, figures
 
 
 def suite() -> Cases:

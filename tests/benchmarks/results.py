@@ -2,6 +2,7 @@
 
     python -m tests.benchmarks.results measure [STUDY ...]    # appends rows; the cheap studies if none
     python -m tests.benchmarks.results tables                 # writes all tables from the newest rows
+    python -m tests.benchmarks.results append STUDY CASE NAME=VALUE[,VALUE] ...  # a row flown by hand
 
 docs/results/studies.yaml names each study: what measures it, the code that its figures speak of, and the
 columns of its table. Rows of a study lie in docs/results/STUDY.jsonl. In Markdown a table stands between
@@ -150,27 +151,29 @@ def shown(rows: Sequence[Row]) -> dict[str, Shown]:
 
 
 def table(study: Study, rows: Sequence[Row], is_old: Callable[[str], bool]) -> str:
-    """Return a study's table in Markdown.
+    """Return a study's table in Markdown; a date that all rows share stands below it.
 
     Args:
         study: columns, and the cases that are shown.
         rows: oldest first.
         is_old: whether the code has changed since a commit.
     """
-    groups = together(rows)
-    lines = [
-        f"| {' | '.join([*study.columns, 'measured'])} |",
-        "|---" * (len(study.columns) + 1) + "|",
-    ]
-    for case in study.cases or groups:
-        group = groups[case]
+    known = together(rows)
+    groups = {case: known[case] for case in study.cases or known}
+    dates = {group[-1].date[:10] for group in groups.values()}
+    headings = [*study.columns, "measured"] if len(dates) > 1 else [*study.columns]
+    lines = [f"| {' | '.join(headings)} |", "|---" * len(headings) + "|"]
+    olds = {commit: is_old(commit) for commit in (group[-1].commit for group in groups.values())}
+    for case, group in groups.items():
         figures = shown(group)
         figures["case"] = Shown([case])
         figures["load"] = Shown(one.load for one in group if one.load is not None)
         cells = [form.format_map(figures) for form in study.columns.values()]
-        when = f"{group[-1].date[:10]}{OLD if is_old(group[-1].commit) else ''}"
-        lines.append(f"| {' | '.join([*cells, when])} |")
-    return "\n".join([*lines, "", f"`{study.command}`", ""])
+        if len(dates) > 1:
+            cells.append(f"{group[-1].date[:10]}{OLD if olds[group[-1].commit] else ''}")
+        lines.append(f"| {' | '.join(cells)} |")
+    when = f", {dates.pop()}{OLD if any(olds.values()) else ''}" if len(dates) == 1 else ""
+    return "\n".join([*lines, "", f"`{study.command}`{when}", ""])
 
 
 def age_of(code: Sequence[str]) -> Callable[[str], bool]:
@@ -257,14 +260,30 @@ def measured(study: Study) -> Iterator[Row]:
         yield row(case, figures, study.command)
 
 
+def figure_of(word: str) -> tuple[str, Value]:
+    """Return (name, value) of NAME=VALUE: a number, several with commas, or a text."""
+    name, _, text = word.partition("=")
+    try:
+        numbers = [float(one) for one in text.split(",")]
+    except ValueError:
+        return name, text
+    return name, numbers if len(numbers) > 1 else numbers[0]
+
+
 def main() -> None:
-    """Measure studies, or write all tables."""
+    """Measure studies, write all tables, or append a row."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n", maxsplit=1)[0])
-    parser.add_argument("what", choices=["measure", "tables"])
-    parser.add_argument("studies", nargs="*", metavar="STUDY", help="the cheap ones if none")
+    parser.add_argument("what", choices=["measure", "tables", "append"])
+    parser.add_argument(
+        "words", nargs="*", metavar="WORD", help="studies; or study, case and figures"
+    )
     options, known = parser.parse_args(), studies()
+    if options.what == "append":
+        name, case, *figures = options.words
+        append(name, [row(case, dict(map(figure_of, figures)), known[name].command)])
+        return
     if options.what == "measure":
-        for name in options.studies or [name for name, one in known.items() if one.cheap]:
+        for name in options.words or [name for name, one in known.items() if one.cheap]:
             append(name, measured(known[name]))
         return
     for page in pages():

@@ -12,6 +12,7 @@ from tests.benchmarks.results import (
     Study,
     age_of,
     append,
+    figure_of,
     pages,
     rows_of,
     studies,
@@ -45,6 +46,15 @@ def row_of(case="line", commit="aaaa", date="2026-11-28T10:00:00Z", **figures):
     )
 
 
+def test_a_row_flown_by_hand_has_numbers_lists_and_words():
+    words = ["mean_m=0.25", "max_m=1.5,2", "back=never left"]
+    assert dict(map(figure_of, words)) == {
+        "mean_m": 0.25,
+        "max_m": [1.5, 2.0],
+        "back": "never left",
+    }
+
+
 FINITE = st.floats(allow_nan=False, allow_infinity=False)
 ROWS = st.builds(
     Row,
@@ -63,20 +73,21 @@ def test_a_table_by_hand():
         row_of(mean_m=9.0, end="lost"),
         row_of(commit="bbbb", mean_m=0.25, end="tracking"),
         row_of(commit="bbbb", mean_m=0.5, end="tracking"),
-        row_of("circle", mean_m=[0.121, 0.124], end=""),
+        row_of("circle", commit="aaaa", date="2026-11-27", mean_m=[0.121, 0.124], end=""),
     ]
     assert table(STUDY, rows, is_old=lambda commit: commit == "aaaa").splitlines() == [
         "| flown | mean | worst | end | measured |",
         "|---|---|---|---|---|",
         "| line | 0.25 to 0.50 m | 0.5 | tracking | 2026-11-28 |",
-        "| circle | 0.12 m | 0.1 |  | 2026-11-28 † |",
+        "| circle | 0.12 m | 0.1 |  | 2026-11-27 † |",
         "",
         "`make results`",
     ]
 
 
-def test_a_figure_that_nobody_measured_is_a_dash():
-    assert "| line | - m | - | - |" in table(STUDY, [row_of(mean_m=None)], is_old=lambda _: False)
+def test_a_figure_that_nobody_measured_is_a_dash_and_one_date_stands_below():
+    lines = table(STUDY, [row_of(mean_m=None)], is_old=lambda _: True).splitlines()
+    assert lines[2:] == ["| line | - m | - | - |", "", "`make results`, 2026-11-28 †"]
 
 
 def test_rows_of_another_commit_or_command_do_not_belong_to_the_newest():
