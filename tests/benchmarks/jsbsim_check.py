@@ -1,8 +1,8 @@
 """The equations of the plant `six-dof` against JSBSim's, for the same airframe, surfaces and thrust.
 
-It needs `pip install jsbsim`. JSBSim gets the airframe of `sitl_stub.aerosonde` as an aircraft of its own, made
-here, over an earth that does not rotate and hardly curves. Both fly ten seconds of doublets of all surfaces
-from the same state.
+It needs `pip install jsbsim`. JSBSim gets the airframe of `sitl_stub.aerosonde` as an aircraft of its own,
+made here, over an earth that does not rotate and hardly curves. Both fly ten seconds of doublets of all
+surfaces from the same state.
 """
 
 import math
