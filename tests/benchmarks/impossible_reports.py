@@ -214,7 +214,7 @@ def figures_of(name: str) -> Figures:
     figures = dict[str, Value]()
     for faulty, key in (("f1", "own"), ("leader", "leader")):
         flown = fly(mission, {faulty: FAULTS[name]}, until_s)
-        end = flown.mode_at("f1", until_s)
+        end = ["never engaged", *flown.mode_changes("f1", 0.0, until_s)][-1]
         figures |= {
             f"{key}_off_m": flown.off(right, "f1"),
             f"{key}_nearest_m": flown.nearest(),
