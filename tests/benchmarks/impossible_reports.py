@@ -102,10 +102,6 @@ class Flown(Flight):
         """All that a companion said in a time."""
         return [one.text for one in self.events[name] if from_s <= one.time_s < to_s]
 
-    def mode_at(self, name: str, time_s: float) -> str:
-        """The mode of a companion."""
-        return self.mode_changes(name, 0.0, time_s)[-1]
-
 
 @dataclass(frozen=True, slots=True)
 class Stop:
