@@ -5,7 +5,7 @@ altitude are held until the next command.
 """
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 
 from msgspec.structs import replace
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
@@ -317,8 +317,8 @@ class EmulatedArduPlane(Personality):
         self._guided = Guided()
         self.commands = {
             **self.commands,
-            mavlink.MAV_CMD_NAV_LOITER_UNLIM: self._mode_command(LOITER.custom_mode),
-            mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH: self._mode_command(RTL.custom_mode),
+            mavlink.MAV_CMD_NAV_LOITER_UNLIM: self.mode_command(LOITER.custom_mode),
+            mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH: self.mode_command(RTL.custom_mode),
             mavlink.MAV_CMD_DO_REPOSITION: self._reposition,
             **self._guided.commands,
         }
@@ -413,12 +413,6 @@ class EmulatedArduPlane(Personality):
         if limit_deg < LEAST_ROLL_LIMIT_DEG:
             return f"ROLL_LIMIT_DEG too small ({limit_deg:.1f})"
         return None
-
-    def _mode_command(self, custom_mode: int) -> Callable[[EmulatedFlight, Command], Result]:
-        def enter(flight: EmulatedFlight, _command: Command) -> Result:
-            return self.request_mode(flight, custom_mode)
-
-        return enter
 
     def _reposition(self, flight: EmulatedFlight, command: Command) -> Result:
         """192: loiter around a place, in GUIDED; a course that was commanded is forgotten."""

@@ -11,7 +11,15 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
 from sitl_stub.aircraft import PlantParameters
-from sitl_stub.commands import CUSTOM_MODE_FLAG, Arming, Command, Handlers, Result, SystemStatus
+from sitl_stub.commands import (
+    CUSTOM_MODE_FLAG,
+    Arming,
+    Command,
+    Handler,
+    Handlers,
+    Result,
+    SystemStatus,
+)
 from sitl_stub.config import AutopilotConfig
 from sitl_stub.flight import EmulatedFlight
 from sitl_stub.messages import ONCE_A_SECOND_US
@@ -125,6 +133,10 @@ class Personality:
         if not int(flags) & CUSTOM_MODE_FLAG or custom_mode != int(custom_mode):
             return Result.DENIED
         return self.request_mode(flight, int(custom_mode))
+
+    def mode_command(self, custom_mode: int) -> Handler:
+        """Make the handler of a command that enters a mode."""
+        return lambda flight, _command: self.request_mode(flight, custom_mode)
 
     def begin(self, flight: EmulatedFlight) -> None:
         """Give the flight the distances of the parameters, at its start."""

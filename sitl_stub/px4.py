@@ -300,9 +300,10 @@ class EmulatedPx4(Personality):
             mavlink.MAV_CMD_DO_CHANGE_SPEED: self._change_speed,
             mavlink.MAV_CMD_DO_CHANGE_ALTITUDE: change_altitude,
             **({mavlink.MAV_CMD_GUIDED_CHANGE_HEADING: change_course} if has_course else {}),
-            mavlink.MAV_CMD_NAV_TAKEOFF: self._take_off,
-            mavlink.MAV_CMD_NAV_LOITER_UNLIM: self._loiter,
-            mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH: self._return,
+            # It rolls as soon as it is armed; the height is MIS_TAKEOFF_ALT.
+            mavlink.MAV_CMD_NAV_TAKEOFF: self.mode_command(AUTO_TAKEOFF.custom_mode),
+            mavlink.MAV_CMD_NAV_LOITER_UNLIM: self.mode_command(AUTO_LOITER.custom_mode),
+            mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH: self.mode_command(AUTO_RTL.custom_mode),
             mavlink.MAV_CMD_DO_REPOSITION: self._reposition,
         }
         self.setpoints = {
@@ -431,10 +432,6 @@ class EmulatedPx4(Personality):
             return Result.TEMPORARILY_REJECTED
         return self.request_mode(flight, px4_custom_mode(int(main), int(sub)))
 
-    def _take_off(self, flight: EmulatedFlight, _command: Command) -> Result:
-        """22: the take-off mode; it rolls as soon as it is armed. Height is MIS_TAKEOFF_ALT."""
-        return self.request_mode(flight, AUTO_TAKEOFF.custom_mode)
-
     def _change_speed(self, flight: EmulatedFlight, command: Command) -> Result:
         """178: param1 type, param2 m/s. Accepts everything and flies what it can.
 
@@ -450,12 +447,6 @@ class EmulatedPx4(Personality):
         else:
             hold_airspeed(flight, speed_m_s)
         return Result.ACCEPTED
-
-    def _loiter(self, flight: EmulatedFlight, _command: Command) -> Result:
-        return self.request_mode(flight, AUTO_LOITER.custom_mode)
-
-    def _return(self, flight: EmulatedFlight, _command: Command) -> Result:
-        return self.request_mode(flight, AUTO_RTL.custom_mode)
 
     def _reposition(self, flight: EmulatedFlight, command: Command) -> Result:
         """192: loiter around a place; param1 is the airspeed there, and nothing where it is not above 0."""

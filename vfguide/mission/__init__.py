@@ -1,7 +1,7 @@
 """Mission files: what they may say, how they are read, and what is known before take-off."""
 
-from vfguide.mission.feasibility import check_mission, report_on
-from vfguide.mission.finding import Finding, MissionError, MissionReport
+from vfguide.mission.feasibility import check_mission
+from vfguide.mission.finding import Finding, MissionError
 from vfguide.mission.flight_path import MissionSource
 from vfguide.mission.load import LoadedMission, load_mission, parse_mission, read_mission
 from vfguide.mission.model import Mission
@@ -11,11 +11,9 @@ __all__ = [
     "LoadedMission",
     "Mission",
     "MissionError",
-    "MissionReport",
     "MissionSource",
     "check_mission",
     "load_mission",
     "parse_mission",
     "read_mission",
-    "report_on",
 ]

@@ -29,7 +29,7 @@ from vfguide.mission.conditions import Conditions, conditions_of
 from vfguide.mission.consistency import LEADER
 from vfguide.mission.controller import Controller
 from vfguide.mission.fence_check import beyond_the_fence, left_out_of_the_plan
-from vfguide.mission.finding import Finding, MissionReport, worst_first
+from vfguide.mission.finding import Finding, worst_first
 from vfguide.mission.flight_limits import (
     climbs_beyond_limits,
     field_beyond_bank,
@@ -521,8 +521,3 @@ def _along_another_path(mission: Mission, name: str) -> Iterator[Finding]:
                 location=place if one.location[:1] == ("path",) else one.location,
                 message=f"on the path '{name}': {one.message}",
             )
-
-
-def report_on(mission: Mission, source: MissionSource | None = None) -> MissionReport:
-    """The findings of `check_mission` as a report."""
-    return MissionReport(check_mission(mission, source))

@@ -89,36 +89,6 @@ class MissionError(InputError):
         """Everything found wrong, in the order of the file."""
 
 
-@dataclass(frozen=True, slots=True)
-class MissionReport:
-    """All findings of one mission, the worst first."""
-
-    findings: tuple[Finding, ...]
-    """Errors, then warnings, then notes."""
-
-    @property
-    def errors(self) -> tuple[Finding, ...]:
-        """What makes the mission impossible."""
-        return self._of("error")
-
-    @property
-    def warnings(self) -> tuple[Finding, ...]:
-        """What makes it worse than it could be."""
-        return self._of("warning")
-
-    @property
-    def notes(self) -> tuple[Finding, ...]:
-        """What to expect."""
-        return self._of("note")
-
-    def as_json(self) -> list[dict[str, object]]:
-        """The findings as JSON holds them."""
-        return [one.as_json() for one in self.findings]
-
-    def _of(self, severity: Severity) -> tuple[Finding, ...]:
-        return tuple(one for one in self.findings if one.severity == severity)
-
-
 def worst_first(findings: Iterable[Finding]) -> tuple[Finding, ...]:
     """Errors before warnings before notes, otherwise in the order they were found."""
     rank = {"error": 0, "warning": 1, "note": 2}

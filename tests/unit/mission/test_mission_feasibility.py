@@ -8,7 +8,7 @@ import pytest
 from tests.kit.missions import line_of, loaded, replaced, text_of
 from vfguide.guidance.formation import Slot
 from vfguide.laws.field import error_for_correction
-from vfguide.mission import Finding, Mission, check_mission, report_on
+from vfguide.mission import Finding, Mission, check_mission
 from vfguide.mission.conditions import conditions_of, wind_samples
 from vfguide.mission.feasibility import (
     effective_layer,
@@ -172,11 +172,10 @@ def test_giving_way_takes_the_nearest_airspeed_that_suits_everyone():
 def test_a_finding_names_file_line_severity_field_and_remedy_in_one_line():
     text = text_of("line-calm", ("gain: 0.03", "gain: 0.1"))
     line, one = line_of("gain: 0.1", text), loaded(text)
-    report = report_on(one.mission, one.source)
-    (warning,) = report.warnings
+    warning, *notes = check_mission(one.mission, one.source)
     assert str(warning).startswith(f"m.yaml:{line}: warning: path.gain: joining the path")
-    assert report.as_json()[0]["line"] == line
-    assert [one.severity for one in report.findings] == ["warning", "note", "note"]
+    assert warning.as_json()["line"] == line
+    assert [one.severity for one in notes] == ["note", "note"]
 
 
 def test_errors_come_first_in_a_report():

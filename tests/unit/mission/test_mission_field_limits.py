@@ -8,7 +8,7 @@ from tests.kit.missions import line_of, loaded
 from tests.kit.missions import text_of as changed_text
 from vfguide.guidance.formation import field_slope
 from vfguide.laws.field import course_field_turn_rate
-from vfguide.mission import Finding, Mission, MissionError, check_mission, report_on
+from vfguide.mission import Finding, Mission, MissionError, check_mission
 from vfguide.mission.feasibility import effective_layer, mean_leader_age
 
 GAINS = "type: slot, k_x: 0.25, k_y: 0.25, integral_s: 1.2"
@@ -37,7 +37,8 @@ def test_a_field_that_pulls_faster_than_the_law_follows_is_a_warning_with_a_gain
 ):
     text = text_of("circle-wind", (f"{name}: 0.25", f"{name}: 5"))
     read = loaded(text)
-    (warning,) = report_on(read.mission, read.source).warnings
+    found = check_mission(read.mission, read.source)
+    (warning,) = [one for one in found if one.severity == "warning"]
     assert warning.field == f"controller.{name}"
     assert warning.line == line_of(f"{name}: 5", text)
     assert f"pulls at {pull} 1/s, faster than the 5.7 1/s" in warning.message
