@@ -14,7 +14,7 @@ from websockets.asyncio.client import connect
 
 from tests.kit.foxglove import said
 from tests.kit.missions import shipped
-from vfguide.commands.fly import check_page
+from vfguide.commands.fly import check_options
 from vfguide.errors import InputError, VfguideError
 from vfguide.lab.console.alarms import MODES, SERIES
 from vfguide.lab.console.foxglove import foxglove_stream
@@ -98,7 +98,20 @@ def test_a_port_that_is_taken_is_told_with_the_remedy():
             pass
 
 
+UNWATCHED: dict[str, Any] = {
+    "live": True,
+    "speedup": None,
+    "links": None,
+    "console": False,
+    "operator": False,
+    "tiles": None,
+    "foxglove": None,
+    "for_nothing": False,
+}
+"""A live flight that nobody watches."""
+
+
 def test_a_map_needs_the_page_of_a_flight():
     with pytest.raises(InputError, match=r"--live --console.*; add both"):
-        check_page(console=False, tiles="map.mbtiles", foxglove=None)
-    check_page(console=True, tiles=None, foxglove=0)
+        check_options(**UNWATCHED | {"tiles": "map.mbtiles"})
+    check_options(**UNWATCHED | {"console": True, "foxglove": 0})
