@@ -47,9 +47,6 @@ from vfguide.state import Airframe, LeaderState, Setpoint, VehicleState
 SLIPPING_SHARE = 0.75
 """Of the turn rate of a coordinated turn, what a vehicle without coordination reaches."""
 
-STAY_S = 5.0
-"""A step in height is kept for this long after the last reason for it."""
-
 BESIDE_M = 15.0
 """Who is near a leader whose slot is no farther away than this flies where it belongs."""
 
@@ -65,8 +62,8 @@ INSISTS_S = 0.15
 HELD_OFF_S = 4.0
 """Two that keep each other from their slots so long pass at two heights: the later in the mission climbs."""
 
-WAITS_S = 12.0
-"""The other one waits so long before it descends itself: the first may be one that takes no height."""
+WAITS = 3.0
+"""So many times as long the other one waits before it descends: the first may be one that takes no height."""
 
 LETS_GO_S = 1.0
 """Who was not held off for so long is not held off any more."""
@@ -78,7 +75,7 @@ REPORT_S = 0.5
 """Avoidance that lasts longer than this is worth a text to the pilot."""
 
 EPISODE_S = 5.0
-"""The same is not said again before nothing had to be avoided for so long."""
+"""A step in height is kept, and the same not said again, for so long after the last reason for it."""
 
 ANSWER_S = 0.4
 """Time constant with which a heading is approached, beside the delays of the vehicle."""
@@ -218,7 +215,7 @@ class KeepClear:
             room_m = float(np.where(beside, np.inf, clear.nearest - least).min())
         near = those[int(clear.wanted_nearest.argmin())]
         cramped = self._is_tight(room_m, state.time_s)
-        held = clear.changed and near.steered and aim.leader is not None
+        held = clear.changed and near.makes_room and aim.leader is not None
         tight = self._is_held_off(near, aim, state.time_s, held=held) or cramped
         if tight or not over:
             self._stepped_s = state.time_s if tight else self._stepped_s
@@ -294,8 +291,7 @@ class KeepClear:
             for row, floor in zip(found[1], found[0].floor, strict=True):
                 vehicle = self._traffic.vehicle_of(row)
                 altitude, climb_rate = self._traffic.height_of(row, here.time_s)
-                is_steered = self._traffic.is_steered(row, here.time_s)
-                makes_room = is_steered and not vehicle.leads
+                makes_room = self._traffic.is_steered(row, here.time_s)
                 lost_s, slots_apart_m = float(lost_for[row]), self._traffic.slots_apart(row)
                 lost = math.isfinite(lost_s)
                 taken = aim.leaderless and self._traffic.is_taken(row, here.time_s)
@@ -311,7 +307,6 @@ class KeepClear:
                         altitude_amsl=altitude,
                         climb_rate=climb_rate,
                         under=self._plan.rank > vehicle.rank,
-                        steered=is_steered,
                         makes_room=makes_room,
                         slots_apart_m=slots_apart_m if makes_room else math.inf,
                         over_m=over_m if taken or lost else 0.0,
@@ -331,7 +326,6 @@ class KeepClear:
                     altitude_amsl=altitude,
                     climb_rate=aim.height.climb_rate,
                     under=True,
-                    steered=False,
                     makes_room=False,
                 )
             )
@@ -380,7 +374,7 @@ class KeepClear:
         if now - self._held_s > LETS_GO_S:
             self._held_since_s = now
         self._held_s = now
-        return now - self._held_since_s >= (HELD_OFF_S if near.under else WAITS_S)
+        return now - self._held_since_s >= HELD_OFF_S * (1.0 if near.under else WAITS)
 
     def _height_for(
         self,
@@ -410,7 +404,7 @@ class KeepClear:
             return 0.0
         found = self._obstacles(here, aim, heights=True, late=late)
         if found is None:
-            return self._climb_m if here.time_s - self._stepped_s <= STAY_S else 0.0
+            return self._climb_m if here.time_s - self._stepped_s <= EPISODE_S else 0.0
         others, those = found
         distance = distances(own, aim.wanted, clear, others, self._agility(navigated))
         origin, wanted = self._plan.frame.altitude_m, aim.height
@@ -430,7 +424,7 @@ class KeepClear:
             )
             for one, way in zip(those, distance, strict=True)
         ]
-        past = here.time_s - self._stepped_s > STAY_S and not over
+        past = here.time_s - self._stepped_s > EPISODE_S and not over
         if past and clearance(0.0, neighbours) >= CLEAR:
             return 0.0
         down = -deepest(min(self._plan.height, wanted.height + up))

@@ -63,10 +63,8 @@ class Obstacle(msgspec.Struct, frozen=True, kw_only=True):
     """m/s."""
     under: bool
     """Whether to climb where both are as high, or the height is not known."""
-    steered: bool
-    """Whether it is heard to be steered by its companion."""
     makes_room: bool
-    """Whether it keeps clear itself, by the same rules."""
+    """Whether it is heard to be steered by its companion: then it uses height by the same rules."""
     slots_apart_m: float = math.inf
     """How near its slot and the own one come soon, level, where it is on its way to its slot."""
     over_m: float = 0.0

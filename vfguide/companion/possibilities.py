@@ -55,14 +55,11 @@ MOST_GUSTS_M = 5.0
 """Most that gusts add to the distance from a course that is held. Without this bound followers left their
 slots by up to 168 m, beside the vehicle that they were to let pass."""
 
-LEVEL_S = 4.0
-"""How far ahead a vehicle that is not under guidance is thought to level out."""
-
 TURNS_OFF_M_S = 3.0
 """A vehicle that moves faster than this in the formation's frame may also fly on along its arc."""
 
 ALONG_S = 4.0
-"""How far ahead steered vehicles are looked at: they keep clear themselves, and go for their slots."""
+"""How far ahead steered vehicles are looked at, that keep clear themselves, and others that level out."""
 
 ARC_S = 2.0
 """How far ahead it may."""
@@ -314,7 +311,7 @@ def possibilities_of(
     free = ~seen.believed
     if free.any():
         arcs(free, seen.turn_rate, HORIZON_S, berth)
-        arcs(free, straight, LEVEL_S, berth)
+        arcs(free, straight, ALONG_S, berth)
         arcs(free, seen.hardest, here.reaction_s, floor)
         arcs(free, -seen.hardest, here.reaction_s, floor)
     if not found:

@@ -458,7 +458,6 @@ LOST = Obstacle(
     altitude_amsl=588.0,
     climb_rate=0.0,
     under=True,
-    steered=False,
     makes_room=False,
     over_m=15.0,
     height_off_m=HEIGHT_OFF_M,
