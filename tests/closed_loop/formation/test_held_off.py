@@ -11,7 +11,7 @@ from tests.kit.missions import content_of
 from vfguide.mission import Mission
 from vfguide.suite import with_law
 
-BACK_S = 47.0
+BACK_S = 52.0
 """By then everybody is in the slot: responses are learned first, and that takes half of it."""
 
 TAKEN_BACK_S = 80.0
