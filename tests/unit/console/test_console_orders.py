@@ -496,7 +496,7 @@ def test_one_setting_asks_for_orders_and_is_off_unless_set(services):
 
 
 @pytest.mark.parametrize(
-    ("asked", "orders"), [("", []), ("no", []), ("yes", ["order", "repeat", "reply"])]
+    ("asked", "orders"), [("", []), ("no", []), ("yes", ["order", "repeat", "reply", "revocation"])]
 )
 def test_who_watches_writes_its_questions_and_an_operator_below_its_own_name(asked, orders):
     rules = run(
