@@ -74,8 +74,12 @@ class PartedFormation(RuleBasedStateMachine):
 
     @rule(name=st.sampled_from(NAMES))
     def kill(self, name: str) -> None:
-        """A companion is started anew, and knows of no order."""
-        self.formation.start(name)
+        """A companion is started anew while all hear each other, and two of them know the order."""
+        flown = self.formation.flown
+        others = [number for other, number in flown.items() if other != name]
+        if self.parts == WHOLE and others.count(max(flown.values())) >= 2:
+            self.formation.start(name)
+            self.go_on(DIFFER_S)
 
     @rule(seconds=st.sampled_from([0.3, 1.0, 5.0, 12.0]))
     def go_on(self, seconds: float) -> None:
