@@ -146,7 +146,6 @@ class TrackingMonitor:
     def __init__(self, airframe: Airframe) -> None:
         self._airframe = airframe
         self._complained = self._astray = False
-        self._since: float | None
         self.reset()
 
     def retune(self, airframe: Airframe) -> None:
@@ -157,8 +156,7 @@ class TrackingMonitor:
         """The vehicle is not being steered: nothing can be expected of it."""
         self._before: tuple[VehicleState, Setpoint] | None = None
         self._expected = self._turned = 0.0
-        self._since = None
-        self._astray_since = math.inf
+        self._ignored_s = 0.0
         self.gives_up = False
         """Whether its autopilot flies none of its courses, and is better off by itself."""
 
@@ -177,7 +175,9 @@ class TrackingMonitor:
         expected = expected_turn_rate(earlier, asked, self._airframe)
         self._expected = low_pass(self._expected, expected, period, MEMORY_S)
         self._turned = low_pass(self._turned, turned, period, MEMORY_S)
-        return self._judge(state.time_s)
+        # A turn that is asked for no more need not be flown any more: its memory alone is no evidence.
+        asks = expected * math.copysign(1.0, self._expected) >= EXPECTED_LEAST
+        return self._judge(period if asks else 0.0)
 
     def watch_altitude(self, off: float) -> str | None:
         """Take how far above the wanted altitude (m) one is that cannot be told it; a complaint, or None."""
@@ -191,26 +191,22 @@ class TrackingMonitor:
             " take it there by hand before it is engaged"
         )
 
-    def _judge(self, now: float) -> str | None:
+    def _judge(self, asked_s: float) -> str | None:
+        """Count for how long turns were asked for and not flown; a complaint, or None."""
         follows = abs(self._expected) < EXPECTED_LEAST or self._turned * math.copysign(
             1.0, self._expected
         ) > FOLLOWED_SHARE * abs(self._expected)
         if follows:
-            self._since = None
+            self._ignored_s = 0.0
             if self._complained and abs(self._expected) >= EXPECTED_LEAST:
                 self._complained = self.gives_up = False
-                self._astray_since = math.inf
                 return "the course follows again, nothing to do"
             return None
-        if self._since is None:
-            self._since = now
-        if now - self._astray_since >= DISOBEDIENCE_S and not self.gives_up:
+        self._ignored_s += asked_s
+        if self._ignored_s >= TRACKING_PATIENCE_S + DISOBEDIENCE_S and not self.gives_up:
             self.gives_up = True
             return DISOBEYED
-        if now - self._since < TRACKING_PATIENCE_S:
-            return None
-        self._astray_since = min(self._astray_since, now)
-        if self._complained:
+        if self._ignored_s < TRACKING_PATIENCE_S or self._complained:
             return None
         self._complained = True
         return (

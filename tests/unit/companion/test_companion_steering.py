@@ -201,6 +201,21 @@ def test_a_nose_that_turns_into_a_swinging_wind_follows_although_the_course_stay
         assert watch.watch(flown, setpoint) is None
 
 
+def test_what_was_ignored_before_does_not_count_against_the_next_turn():
+    def course(now: float) -> float:
+        # It takes up the turn of 40 s after 1 s.
+        return 0.5 * (1.0 - math.exp(-1.2 * max(now - 41.0, 0.0)))
+
+    texts = [text for _, text in complaints(course, lambda now: 0.5 * (not 6 <= now < 40), 60.0)]
+    assert len(texts) == 2
+    assert texts[1] == "the course follows again, nothing to do"
+
+
+def test_a_turn_that_is_asked_for_no_more_is_not_missed():
+    # 3 s are asked for and not flown; what is remembered of them lasts for as long again.
+    assert complaints(lambda _: 0.0, lambda now: 0.5 * (now < 3), 60.0) == []
+
+
 def test_it_says_when_the_course_follows_again():
     def course(now: float) -> float:
         return 0.0 if now < 20.0 else 0.3 * (now - 20.0)
