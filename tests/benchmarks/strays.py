@@ -18,8 +18,7 @@ from vfguide.companion.mission_plan import airframe_of
 from vfguide.companion.supervisor import Mode
 from vfguide.elementwise import BoolArray, FloatArray
 from vfguide.guidance.airframe import bank_limited_turn_rate
-from vfguide.guidance.predicted_tracks import TIMES, Agility, OwnMotion
-from vfguide.guidance.separation import escape_tracks
+from vfguide.guidance.separation import TIMES, Agility, OwnMotion, escape_tracks
 from vfguide.lab.rehearsal.aircraft import Mail
 from vfguide.lab.rehearsal.emulators import emulator_of
 from vfguide.link.codec import decode, encode

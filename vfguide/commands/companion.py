@@ -26,9 +26,8 @@ from vfguide.commands.terminal import stop_event
 from vfguide.companion.clock import Clock
 from vfguide.companion.consent import FileStore, default_directory
 from vfguide.companion.daemon import Daemon, Surroundings
-from vfguide.companion.ground_orders import ground_orders_of
+from vfguide.companion.ground_orders import OrderGiver, ground_orders_of
 from vfguide.companion.mission_plan import adapter_of, flight_plan
-from vfguide.companion.order_giver import OrderGiver
 from vfguide.errors import InputError
 from vfguide.link.address import parse_links
 from vfguide.link.keys import OPERATOR, key_places, read_revocations

@@ -40,7 +40,7 @@ from vfguide.formation.arrangement import (
     arrangement_in_words,
     missing_votes,
 )
-from vfguide.guidance.height_change import stopping_way
+from vfguide.guidance.height import stopping_way
 from vfguide.guidance.path import Path, PathPoint
 from vfguide.link.codec import LinkDataError
 from vfguide.link.order_codec import (

@@ -39,8 +39,15 @@ from vfguide.guidance.height import (
     deepest,
     heights_ahead,
 )
-from vfguide.guidance.predicted_tracks import Agility, OwnMotion, WantedMotion
-from vfguide.guidance.separation import Clearance, Others, distances, keep_clear
+from vfguide.guidance.separation import (
+    Agility,
+    Clearance,
+    Others,
+    OwnMotion,
+    WantedMotion,
+    distances,
+    keep_clear,
+)
 from vfguide.mavlink.announcements import WARNING
 from vfguide.state import Airframe, LeaderState, Setpoint, VehicleState
 

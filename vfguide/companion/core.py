@@ -13,12 +13,11 @@ from vfguide.companion.alerts import Alerts, Announcer, mode_sentence
 from vfguide.companion.arrangements import HEARD_S, Arrangements
 from vfguide.companion.authority import YOUNG_S, EngageRule, ModeAuthority, Wish
 from vfguide.companion.consent import ConsentStore, FlightPhase, MemoryStore
-from vfguide.companion.ground_orders import GroundOrders
+from vfguide.companion.ground_orders import FlownFormation, GroundOrders
 from vfguide.companion.guided_vehicle import GuidedVehicle
 from vfguide.companion.height_keeper import LoiterHeight
 from vfguide.companion.housekeeping import Housekeeping
 from vfguide.companion.identity import EngageRange, VehicleIdentity
-from vfguide.companion.order_giver import FlownFormation
 from vfguide.companion.plan import FlightPlan
 from vfguide.companion.role import Outgoing, Snapshot
 from vfguide.companion.roles import RoleMaker, role_of

@@ -20,8 +20,7 @@ from vfguide.companion.alerts import Event
 from vfguide.companion.clock import Clock
 from vfguide.companion.consent import ConsentStore
 from vfguide.companion.core import Companion
-from vfguide.companion.ground_orders import ABORT, GroundOrders
-from vfguide.companion.order_giver import OrderGiver
+from vfguide.companion.ground_orders import ABORT, GroundOrders, OrderGiver
 from vfguide.companion.plan import FlightPlan
 from vfguide.companion.presence_figures import (
     Quantiles,

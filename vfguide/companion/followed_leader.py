@@ -8,10 +8,10 @@ from vfguide.companion.alerts import Alerts
 from vfguide.companion.arrangements import Arrangements
 from vfguide.companion.belief import MOVING_M_S
 from vfguide.companion.height_belief import HeightWitnesses
+from vfguide.companion.height_keeper import PlannedHeight
 from vfguide.companion.leader_telemetry import LeaderTelemetry
 from vfguide.companion.own_vehicle import NavigatedState
 from vfguide.companion.plan import FlightPlan, FollowerTask, ForeignLeader
-from vfguide.companion.planned_height import PlannedHeight
 from vfguide.companion.state_receiver import LeaderStories, StateReceiver, motion_of, place_said
 from vfguide.companion.timing import SharedClock
 from vfguide.elementwise import low_pass

@@ -35,7 +35,7 @@ from vfguide.guidance.height import (
     HeightTarget,
     held_height,
 )
-from vfguide.guidance.predicted_tracks import HORIZON_S, WantedMotion
+from vfguide.guidance.separation import HORIZON_S, WantedMotion
 from vfguide.guidance.sliding_laws import cruise_setpoint, sliding_course_rate
 from vfguide.laws.base import SlotKeeper
 from vfguide.mavlink.reports import TrafficReport

@@ -3,21 +3,24 @@
 MAV_CMD_USER_1 to the companion's own component: param1 says which order, param2 to param4 the spacing, the
 vehicles by their MAVLink systems, or a slot. Nothing in MAVLink shows who has sent it, unless the connection
 is signed. So a companion hears it only where it was told to and has an operator's key; what is requested is
-given as any order: signed, and agreed on by all. It is not rehearsed.
+worked out here, signed by an operator's key, and agreed on by all, as any order. It is not rehearsed.
 """
 
 import math
 from collections.abc import Mapping
 
+import msgspec
 from msgspec.structs import replace
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
-from vfguide.formation.arrangement import Point
+from vfguide.formation.arrangement import Arrangement, Point
 from vfguide.formation.orders import Order
 from vfguide.formation.shapes import SHAPES
+from vfguide.link.trust import Trust
 from vfguide.mavlink.reports import OrderRequest
 from vfguide.mission.model import Mission
+from vfguide.mission.order_plan import LeaderPlace, formation_of_mission, resolve
 
 ABORT = Order(action="abort")
 
@@ -139,3 +142,49 @@ def answer(request: OrderRequest, result: int) -> MAVLink_message:
     return mavlink.MAVLink_command_ack_message(
         mavlink.MAV_CMD_USER_1, result, 0, 0, *request.sender
     )
+
+
+class FlownFormation(msgspec.Struct, frozen=True, kw_only=True):
+    """What a companion knows of the formation that it flies in."""
+
+    number: int
+    """Number of the newest order that anybody flies by."""
+    flown: Arrangement | None
+    """What is flown; None for the slots of the mission."""
+    holder: str
+    """Who leads; empty for the mission's leader."""
+    leader: LeaderPlace | None
+    """Where the leader will be when an order begins; None where it is not heard."""
+
+
+class OrderGiver:
+    """Works out orders of one mission, as the operator whose key it has."""
+
+    def __init__(self, mission: Mission, operator: Trust) -> None:
+        """Give nothing yet."""
+        self._mission = mission
+        self.operator = operator
+        """What signs the orders."""
+
+    def resolved(
+        self, order: Order, known: FlownFormation, *, number: int, time_s: float
+    ) -> Arrangement:
+        """The arrangement that an order comes to.
+
+        Args:
+            order: what is wanted.
+            known: the formation as it is.
+            number: of the arrangement.
+            time_s: when it begins, s on the formation's clock.
+
+        Raises:
+            RefusedOrderError: it cannot be carried out; one sentence says why.
+        """
+        formation = formation_of_mission(self._mission)
+        if known.flown is not None:
+            formation = formation.after(known.flown)
+        formation = replace(formation, holder=known.holder)
+        found, _ = resolve(
+            self._mission, order, formation, number=number, time_s=time_s, leader=known.leader
+        )
+        return found

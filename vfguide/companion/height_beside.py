@@ -15,8 +15,7 @@ from vfguide.companion.traffic import SOON_S
 from vfguide.elementwise import FloatArray
 from vfguide.formation.transition import LEAST_M
 from vfguide.guidance.height import Neighbour, height_between
-from vfguide.guidance.predicted_tracks import TIMES
-from vfguide.guidance.separation import BEGINNINGS, Others
+from vfguide.guidance.separation import BEGINNINGS, TIMES, Others
 
 LEVEL_M = 3.0
 """Vehicles whose altitudes differ by less than this step apart by their ranks ..."""

@@ -11,10 +11,9 @@ from msgspec.structs import replace
 from vfguide.companion.alerts import Alerts
 from vfguide.companion.arrangements import Arrangements
 from vfguide.companion.avoidance import Intent, KeepClear
-from vfguide.companion.height_keeper import HeightKeeper
+from vfguide.companion.height_keeper import HeightKeeper, PlannedHeight
 from vfguide.companion.own_vehicle import NavigatedState
 from vfguide.companion.plan import FlightPlan, course_settings
-from vfguide.companion.planned_height import PlannedHeight
 from vfguide.companion.role import Role, RoleStep, StatePublisher
 from vfguide.companion.state_receiver import LeaderStories
 from vfguide.companion.supervisor import Mode
@@ -23,7 +22,7 @@ from vfguide.companion.traffic import Traffic
 from vfguide.guidance.airframe import ground_speed_on_course
 from vfguide.guidance.height import BesidePath, HeightTarget
 from vfguide.guidance.path import PathPoint, desired_course
-from vfguide.guidance.predicted_tracks import HORIZON_S, WantedMotion
+from vfguide.guidance.separation import HORIZON_S, WantedMotion
 from vfguide.laws.leader import FIRST, LeaderGuidance, LeaderLaw, LeaderTask, leader_step
 from vfguide.mavlink.reports import TrafficReport
 from vfguide.state import LeaderFix, LeaderState, VehicleState

@@ -7,7 +7,7 @@ from vfguide.companion.plan import FlightPlan
 from vfguide.formation.arrangement import MAIN_PATH, PEAK, Arrangement, Point, SlotMove
 from vfguide.formation.transition import JOIN_M, LEADER, approach_of, approaches
 from vfguide.guidance.airframe import GRAVITY
-from vfguide.guidance.height_change import SHARE
+from vfguide.guidance.height import SHARE
 from vfguide.paths.circle import Circle
 from vfguide.state import Airframe
 

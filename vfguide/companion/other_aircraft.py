@@ -16,8 +16,7 @@ from msgspec.structs import replace
 
 from vfguide.companion.possibilities import Viewpoint
 from vfguide.frames import LocalFrame
-from vfguide.guidance.predicted_tracks import HORIZON_S, arc
-from vfguide.guidance.separation import BEGINNINGS, Others
+from vfguide.guidance.separation import BEGINNINGS, HORIZON_S, Others, arc
 from vfguide.mavlink.reports import TrafficReport
 
 MOST_AIRCRAFT = 32

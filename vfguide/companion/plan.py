@@ -14,7 +14,7 @@ from vfguide.companion.supervisor import ModeTimeouts
 from vfguide.frames import LocalFrame
 from vfguide.guidance.air_data import CreepingHold
 from vfguide.guidance.formation import Slot
-from vfguide.guidance.height_change import ClimbLimits
+from vfguide.guidance.height import ClimbLimits
 from vfguide.guidance.intended_motion import KnownLeader
 from vfguide.guidance.path import Path
 from vfguide.guidance.response import (

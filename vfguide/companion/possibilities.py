@@ -13,16 +13,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vfguide.elementwise import BoolArray, FloatArray, clip
-from vfguide.guidance.predicted_tracks import (
+from vfguide.guidance.separation import (
+    BEGINNINGS,
+    FLOOR_M,
     HORIZON_S,
     TIMES,
     ComplexArray,
+    Others,
     arc,
     formation_tracks,
     place_of,
     velocity_of,
 )
-from vfguide.guidance.separation import BEGINNINGS, FLOOR_M, Others
 from vfguide.state import LeaderState
 
 SILENT_S = 2.4

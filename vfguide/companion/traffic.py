@@ -30,8 +30,7 @@ from vfguide.companion.timing import SharedClock
 from vfguide.elementwise import BoolArray, FloatArray, low_pass
 from vfguide.frames import LocalFrame
 from vfguide.guidance.height import altimeter_difference
-from vfguide.guidance.predicted_tracks import HORIZON_S, in_formation, place_of, velocity_of
-from vfguide.guidance.separation import Others
+from vfguide.guidance.separation import HORIZON_S, Others, in_formation, place_of, velocity_of
 from vfguide.state import GAP_S, HeardState, LeaderState
 
 JOIN_M = 11.0

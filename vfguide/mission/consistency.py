@@ -80,7 +80,7 @@ def free_id(vehicles: Mapping[str, object]) -> int:
 DEFAULT_MIN_SEPARATION_M = 5.0
 """Least distance between two vehicles (m) where a mission does not say."""
 
-DEFAULT_AIRSPEED_RANGE_M_S = (12.0, 32.0)
+DEFAULT_AIRSPEED_RANGE_M_S: tuple[float, float] = (12.0, 32.0)
 """Lowest and highest airspeed of a vehicle (m/s) where a mission does not say."""
 
 MAX_FOLLOWERS = 253

@@ -22,8 +22,14 @@ from vfguide.formation.transition import RefusedOrderError
 from vfguide.frames import way_m
 from vfguide.guidance.airframe import GRAVITY
 from vfguide.guidance.path import END_SHARE
-from vfguide.guidance.predicted_tracks import TIMES, Agility, ComplexArray, OwnMotion, arc
-from vfguide.guidance.separation import escape_distance
+from vfguide.guidance.separation import (
+    TIMES,
+    Agility,
+    ComplexArray,
+    OwnMotion,
+    arc,
+    escape_distance,
+)
 from vfguide.guidance.sliding_laws import LEAST_PERIOD, boundary_layer
 from vfguide.mission.conditions import Conditions, conditions_of
 from vfguide.mission.consistency import LEADER

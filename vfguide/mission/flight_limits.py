@@ -17,7 +17,7 @@ import numpy as np
 from vfguide.elementwise import BoolArray, FloatArray
 from vfguide.guidance.airframe import GRAVITY, bank_limited_turn_rate
 from vfguide.guidance.formation import Slot
-from vfguide.guidance.height_change import ClimbLimits
+from vfguide.guidance.height import ClimbLimits
 from vfguide.mission.conditions import Conditions
 from vfguide.mission.finding import Finding
 from vfguide.mission.flight_path import Location

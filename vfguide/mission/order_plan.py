@@ -11,11 +11,11 @@ from vfguide.formation.transition import MotionLimits, RefusedOrderError, Transi
 from vfguide.frames import LocalFrame
 from vfguide.guidance.airframe import GRAVITY
 from vfguide.guidance.formation import Slot as GuidanceSlot
-from vfguide.guidance.height import HeightTarget
-from vfguide.guidance.height_change import (
+from vfguide.guidance.height import (
     SHARE,
     ClimbLimits,
     HeightMotion,
+    HeightTarget,
     changed_height,
     stopping_way,
 )

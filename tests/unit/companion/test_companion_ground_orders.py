@@ -12,8 +12,13 @@ from tests.kit.companion import KINDS, MANUAL, Flight, companion_of, emulator, n
 from tests.kit.link import LEADER, Wire, trust_of
 from tests.kit.missions import replaced
 from tests.kit.wire import command_long, heartbeat, of_type, packed, parsed
-from vfguide.companion.ground_orders import ABORT, ground_orders_of, order_codes
-from vfguide.companion.order_giver import FlownFormation, OrderGiver
+from vfguide.companion.ground_orders import (
+    ABORT,
+    FlownFormation,
+    OrderGiver,
+    ground_orders_of,
+    order_codes,
+)
 from vfguide.companion.supervisor import Mode
 from vfguide.formation.arrangement import Point
 from vfguide.formation.orders import Order

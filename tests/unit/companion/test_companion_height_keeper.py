@@ -12,13 +12,11 @@ from tests.kit.missions import plan_of, shipped
 from tests.kit.orders import abort, moves
 from tests.kit.states import leader_at, vehicle_at
 from tests.kit.wire import number_of, parsed
-from vfguide.companion.height_keeper import TRIES, HeightKeeper, LoiterHeight
+from vfguide.companion.height_keeper import TRIES, HeightKeeper, LoiterHeight, PlannedHeight
 from vfguide.companion.mission_plan import adapter_of, flight_plan, loiter_step
 from vfguide.companion.own_vehicle import GeodeticPlace, NavigatedState
-from vfguide.companion.planned_height import PlannedHeight
 from vfguide.formation.arrangement import Arrangement, Manoeuvre, Point
-from vfguide.guidance.height import BesidePath, HeightTarget, held_height
-from vfguide.guidance.height_change import ClimbLimits
+from vfguide.guidance.height import BesidePath, ClimbLimits, HeightTarget, held_height
 from vfguide.guidance.path import Path
 from vfguide.link.order_codec import encode_order
 from vfguide.mavlink.reports import CommandReport

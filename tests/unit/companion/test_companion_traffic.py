@@ -29,8 +29,7 @@ from vfguide.companion.state_receiver import StateReceiver
 from vfguide.companion.timing import SAME_CLOCK, SharedClock
 from vfguide.companion.traffic import FORGET_S, LATE_INTERVALS, LATE_STATE_S, Traffic, kept_berth
 from vfguide.guidance.formation import Slot
-from vfguide.guidance.predicted_tracks import STEP_S, TIMES, arc
-from vfguide.guidance.separation import BEGINNINGS, FLOOR_M, Others
+from vfguide.guidance.separation import BEGINNINGS, FLOOR_M, STEP_S, TIMES, Others, arc
 from vfguide.state import LeaderState
 
 TURN = 0.1

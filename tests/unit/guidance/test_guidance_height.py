@@ -11,14 +11,21 @@ from msgspec.structs import replace
 
 from tests.kit.states import leader_at
 from vfguide.guidance.height import (
+    ACCELERATION,
     ENOUGH,
+    SHARE,
     BesidePath,
+    ClimbLimits,
     HeightDeviation,
+    HeightMotion,
     HeightTarget,
     Neighbour,
     altimeter_difference,
     best_step,
+    change_duration,
+    changed_height,
     clearance,
+    closing_rate,
     deepest,
     followed_height,
     height_between,
@@ -26,19 +33,10 @@ from vfguide.guidance.height import (
     heights_ahead,
     held_height,
     path_height,
-)
-from vfguide.guidance.height_change import (
-    ACCELERATION,
-    SHARE,
-    ClimbLimits,
-    HeightMotion,
-    change_duration,
-    changed_height,
-    closing_rate,
     stopping_way,
     target_on_the_way,
 )
-from vfguide.guidance.predicted_tracks import TIMES
+from vfguide.guidance.separation import TIMES
 from vfguide.paths.circle import Circle, Helix
 from vfguide.paths.climb import Climb
 from vfguide.paths.line import Line

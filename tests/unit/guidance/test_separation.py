@@ -7,23 +7,21 @@ import numpy as np
 import pytest
 from msgspec.structs import replace
 
-from vfguide.guidance.predicted_tracks import (
-    TIMES,
-    Agility,
-    ComplexArray,
-    Manoeuvres,
-    OwnMotion,
-    WantedMotion,
-    arc,
-    own_tracks,
-)
 from vfguide.guidance.separation import (
     BEGINNINGS,
     FLOOR_M,
+    TIMES,
+    Agility,
     Clearance,
+    ComplexArray,
+    Manoeuvres,
     Others,
+    OwnMotion,
+    WantedMotion,
+    arc,
     closest_approaches,
     keep_clear,
+    own_tracks,
 )
 
 AGILITY = Agility(

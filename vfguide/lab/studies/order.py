@@ -13,7 +13,7 @@ from vfguide.formation.arrangement import Arrangement, Manoeuvre
 from vfguide.formation.orders import Formation
 from vfguide.formation.transition import RefusedOrderError
 from vfguide.guidance.airframe import resolve
-from vfguide.guidance.height_change import change_duration
+from vfguide.guidance.height import change_duration
 from vfguide.lab.rehearsal.aircraft import (
     LEAD_S,
     REPEAT_S,

@@ -15,7 +15,7 @@ import numpy as np
 
 from vfguide.companion.strain_guard import HANDED_BACK
 from vfguide.formation.arrangement import MAIN_PATH, Arrangement
-from vfguide.guidance.height_change import change_duration
+from vfguide.guidance.height import change_duration
 from vfguide.lab.rehearsal.lockstep import LockstepFlight
 from vfguide.lab.rehearsal.radio_flight import fly_rehearsal
 from vfguide.lab.report.geometry import pair_separations
