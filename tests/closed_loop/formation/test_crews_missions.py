@@ -71,5 +71,6 @@ def test_leader_gives_way_where_an_inner_slot_is_too_slow(give_way, kept):
     mission = mission.model_copy(update={"followers": others})
     record = fly(mission).record
     error = summarise(record).vehicles["f2"].formation_error_m
-    assert bool(error.mean < 0.1) is kept
+    # Where the leader does not give way it is 20 m off.
+    assert bool(error.mean < 0.5) is kept
     assert bool(record.leader.airspeed_m_s[-1] > 22.0) is give_way
