@@ -90,7 +90,7 @@ MAX_DEPUTIES = 7
 """The last of them leads 2.7 s after a leader has fallen silent, at the earliest."""
 
 GROUND_STATION = 255
-"""System id that ground stations have, and no vehicle."""
+"""System id that ground stations have, and no vehicle but a leader that is one."""
 
 LEADER = "leader"
 """Key of the leader under `rehearsal.start`, whatever its vehicle is called."""
@@ -299,7 +299,9 @@ def _shared_system_ids(sketch: _Sketch) -> Iterator[Misfit]:
     owners: dict[float, str] = {GROUND_STATION: "the ground station"}
     for name, vehicle in sketch.vehicles.items():
         system_id = number(group(vehicle).get("system_id"))
-        if system_id is None:
+        heard = sketch.follows == "mavlink" and name == sketch.leader.get("vehicle")
+        # A ground station, or the phone of one, may lead by FOLLOW_TARGET.
+        if system_id is None or (heard and system_id == GROUND_STATION):
             continue
         if system_id in owners:
             yield Misfit(

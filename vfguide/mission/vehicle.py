@@ -55,7 +55,7 @@ class Vehicle(Section):
     """One aircraft: its address, its autopilot and what it can do."""
 
     system_id: Annotated[int, Field(strict=True, ge=1, le=255)]
-    """MAVLink system id, 1 to 254, different for each vehicle; ground stations have 255."""
+    """MAVLink system id, 1 to 254, different for each vehicle; ground stations have 255, and one may lead."""
 
     component_id: Annotated[int, Field(strict=True, ge=1, le=255)] = 1
     """MAVLink component id of its autopilot."""

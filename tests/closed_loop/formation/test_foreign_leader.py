@@ -8,7 +8,7 @@ import pytest
 
 from tests.kit.flight import fly
 from tests.kit.formation import Formation
-from tests.kit.missions import content_of, in_place, mission_with, replaced
+from tests.kit.missions import content_of, in_place, mission_with, replaced, shipped
 from vfguide.companion.core import Companion
 from vfguide.companion.leader_telemetry import LeaderTelemetry
 from vfguide.companion.mission_plan import adapter_of, flight_plan
@@ -46,6 +46,14 @@ def flown(duration_s: float = 48.0, **heard: Any) -> float:
 def test_slots_are_held_by_whatever_message_it_sends(message, rate_hz, greatest_m):
     error_m = flown(message=message, rate_hz=rate_hz, delay_s=0.2)
     assert error_m < greatest_m
+
+
+def test_a_ground_station_leads_by_its_follow_target_once_a_second():
+    heard = {"message": "FOLLOW_TARGET", "rate_hz": 1.0, "delay_s": 0.2}
+    content = content_of(shipped("foreign-leader"))
+    content["leader"]["system_id"] = content["vehicles"]["leader"]["system_id"] = 255
+    content["rehearsal"] |= {"duration_s": 48.0, "rate_hz": RATE_HZ, "leader_telemetry": heard}
+    assert fly(Mission.model_validate(content)).summary.formation.mean_error_m < 0.5
 
 
 def test_messages_that_take_now_50_and_now_500_ms_cost_little():

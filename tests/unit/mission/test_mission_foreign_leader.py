@@ -49,6 +49,13 @@ def test_its_vehicle_may_be_described_as_any_other():
     assert (mission.leader_vehicle.system_id, mission.leader_vehicle.max_bank_deg) == (9, 30.0)
 
 
+def test_a_ground_station_may_lead_and_no_other_vehicle_has_its_number():
+    assert Mission.model_validate(content(system_id=255)).leader_vehicle.system_id == 255
+    data = content()
+    data["vehicles"]["f1"] = {**data["vehicles"]["f1"], "system_id": 255}
+    assert "255 is also the ground station's" in faults(data)
+
+
 def test_other_leaders_still_need_name_airspeed_and_path():
     data = content(follows="companion", connection=None, system_id=None, least_delay_s=None)
     assert "leader.vehicle" in faults(data)
