@@ -223,6 +223,12 @@ def expected_turn_rate(state: VehicleState, setpoint: Setpoint, airframe: Airfra
     return min(max(wanted, -limit), limit)
 
 
+def slowest_of(plan: FlightPlan) -> Airframe:
+    """Return the slowest that an aircraft may turn, as far as its response is known: only less is ignored."""
+    alpha = plan.airframe.alpha / plan.certainty.course.spread
+    return replace(plan.airframe, alpha=alpha)
+
+
 def creeping_speed_of(plan: FlightPlan) -> CreepingSpeed | None:
     """For a vehicle whose airspeed hold creeps."""
     return None if plan.creeping_hold is None else CreepingSpeed(plan.creeping_hold)
@@ -251,7 +257,7 @@ class Steering:
         self._own = own
         self._guard = SetpointGuard(plan)
         self._stream = SetpointStream(adapter)
-        self._tracking = TrackingMonitor(plan.airframe)
+        self._tracking = TrackingMonitor(slowest_of(plan))
         self._creeping = creeping_speed_of(plan)
         self._height = plan.height
         self._ceiling = math.inf
@@ -270,7 +276,7 @@ class Steering:
         if plan.creeping_hold != self._plan.creeping_hold:
             self._creeping = creeping_speed_of(plan)
         self._plan = plan
-        self._tracking.retune(plan.airframe)
+        self._tracking.retune(slowest_of(plan))
 
     def closed(self, now: float) -> bool:
         """Whether nothing was passed on or flown for so long that the autopilot is better off by itself."""

@@ -28,8 +28,9 @@ from vfguide.companion.follower_role import FollowerRole
 from vfguide.companion.mission_plan import flight_plan
 from vfguide.companion.own_vehicle import NavigatedState
 from vfguide.companion.role import RoleStep
-from vfguide.companion.steering import SetpointGuard, TrackingMonitor, is_flyable
+from vfguide.companion.steering import SetpointGuard, TrackingMonitor, is_flyable, slowest_of
 from vfguide.companion.supervisor import Mode
+from vfguide.guidance.response import Certainty, HoldCertainty
 from vfguide.mission.model import Mission
 from vfguide.state import Airframe, Setpoint
 
@@ -214,6 +215,13 @@ def test_what_was_ignored_before_does_not_count_against_the_next_turn():
 def test_a_turn_that_is_asked_for_no_more_is_not_missed():
     # 3 s are asked for and not flown; what is remembered of them lasts for as long again.
     assert complaints(lambda _: 0.0, lambda now: 0.5 * (now < 3), 60.0) == []
+
+
+def test_of_a_response_that_is_hardly_known_the_slowest_is_expected():
+    plan = plan_of("circle-wind", "f1")
+    known = HoldCertainty(spread=3.0, late=0.0)
+    guessed = replace(plan, certainty=Certainty(course=known, speed=known))
+    assert slowest_of(guessed).alpha == pytest.approx(plan.airframe.alpha / 3.0)
 
 
 def test_it_says_when_the_course_follows_again():
