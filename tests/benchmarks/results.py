@@ -16,7 +16,7 @@ import re
 import subprocess
 import sys
 from collections import defaultdict
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from datetime import UTC, datetime
 from functools import cache
 from importlib import import_module
@@ -261,13 +261,28 @@ def measured(study: Study) -> Iterator[Row]:
 
 
 def figure_of(word: str) -> tuple[str, Value]:
-    """Return (name, value) of NAME=VALUE: a number, several with commas, or a text."""
+    """Return (name, value) of NAME=VALUE: a number, several with commas, or a text.
+
+    Raises:
+        ValueError: a part is missing.
+    """
     name, _, text = word.partition("=")
+    if not name or not text:
+        raise ValueError(f"{word!r} is no figure; write NAME=VALUE, such as mean_m=0.25")
     try:
         numbers = [float(one) for one in text.split(",")]
     except ValueError:
         return name, text
     return name, numbers if len(numbers) > 1 else numbers[0]
+
+
+def refuse_unknown(
+    parser: argparse.ArgumentParser, names: Sequence[str], known: Collection[str]
+) -> None:
+    """End with a line that names all studies, where one is unknown."""
+    for name in names:
+        if name not in known:
+            parser.error(f"there is no study {name!r}; known are {', '.join(sorted(known))}")
 
 
 def main() -> None:
@@ -279,10 +294,18 @@ def main() -> None:
     )
     options, known = parser.parse_args(), studies()
     if options.what == "append":
+        if len(options.words) < 3:
+            parser.error("append: give a study, a case and figures, such as NAME=0.25")
         name, case, *figures = options.words
-        append(name, [row(case, dict(map(figure_of, figures)), known[name].command)])
+        refuse_unknown(parser, [name], known)
+        try:
+            values = dict(map(figure_of, figures))
+        except ValueError as error:
+            parser.error(f"append: {error}")
+        append(name, [row(case, values, known[name].command)])
         return
     if options.what == "measure":
+        refuse_unknown(parser, options.words, known)
         for name in options.words or [name for name, one in known.items() if one.cheap]:
             append(name, measured(known[name]))
         return

@@ -15,9 +15,9 @@ from typing import Annotated, Any
 
 import typer
 
-from vfguide.commands.options import in_directory, with_plugins
+from vfguide.commands.options import directory_of, with_plugins
 from vfguide.commands.terminal import Terminal
-from vfguide.errors import PLOTTING, require
+from vfguide.errors import PLOTTING, InputError, require
 from vfguide.lab.studies.comparison import (
     FULL,
     PLANTS,
@@ -58,10 +58,26 @@ SCALE_COLUMNS = (
 
 bench = typer.Typer(help="Measure on this computer.", rich_markup_mode=None)
 
+
+def study_directory(text: str) -> Path:
+    """A directory for results; a file is refused before a long study begins.
+
+    Raises:
+        InputError: the name is empty, or that of a file.
+    """
+    directory = directory_of(text)
+    if directory.is_file():
+        raise InputError(f"{text}: is a file; give another directory with --out")
+    return directory
+
+
 JsonFile = Annotated[
     Path | None, typer.Option("--json", metavar="FILE", help="Where all figures go.")
 ]
-Directory = Annotated[Path | None, in_directory("Where tables, plots and JSON go.")]
+Directory = Annotated[
+    Path | None,
+    typer.Option(metavar="DIR", help="Where tables, plots and JSON go.", parser=study_directory),
+]
 Quick = Annotated[bool, typer.Option("--quick", help="Shorter flights, and fewer.")]
 Law = Annotated[str, typer.Option(metavar="LAW", help="By which followers keep their slots.")]
 Laws = Annotated[

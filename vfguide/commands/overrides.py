@@ -75,12 +75,13 @@ def apply_overrides(mission: Mission, overrides: Overrides) -> Mission:
 
 
 def named(location: Location, options: Mapping[Location, str]) -> str:
-    """The option that put a value at a place, or above it."""
+    """The option that put a value at a place, above it or below it."""
     for length in range(len(location), 0, -1):
         if location[:length] in options:
             rest = dotted(location[length:])
             return f"{options[location[:length]]}" + (f", {rest}" if rest else "")
-    return "command line"
+    below = (option for place, option in options.items() if place[: len(location)] == location)
+    return next(below, "command line")
 
 
 def with_options_named(finding: Finding, overrides: Overrides) -> Finding:

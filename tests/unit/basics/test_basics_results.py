@@ -13,6 +13,7 @@ from tests.benchmarks.results import (
     age_of,
     append,
     figure_of,
+    main,
     pages,
     rows_of,
     studies,
@@ -66,6 +67,23 @@ ROWS = st.builds(
     load=st.none() | FINITE,
     figures=st.dictionaries(st.text(), st.none() | FINITE | st.text() | st.lists(FINITE)),
 )
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["append"], "give a study, a case and figures"),
+        (["append", "nobody", "line", "mean_m=1"], "there is no study 'nobody'; known are "),
+        (["append", "suite", "slot", "mean_m"], "write NAME=VALUE"),
+        (["append", "suite", "slot", "=1"], "write NAME=VALUE"),
+        (["measure", "nobody"], "there is no study 'nobody'; known are "),
+    ],
+)
+def test_rubbish_is_refused_in_one_line(monkeypatch, capsys, words, said):
+    monkeypatch.setattr("sys.argv", ["results", *words])
+    with pytest.raises(SystemExit, match="2"):
+        main()
+    assert said in capsys.readouterr().err
 
 
 def test_a_table_by_hand():

@@ -3,6 +3,7 @@ import math
 import pytest
 
 from vfguide import suite
+from vfguide.commands.bench import study_directory
 from vfguide.errors import InputError
 from vfguide.lab.studies.suite import (
     SuiteFlight,
@@ -120,3 +121,11 @@ def test_a_scenario_is_flown_and_judged():
     assert flown.failed == ""
     assert 0.0 < flown.score < 100.0
     assert flown.nearest_m > 5.0
+
+
+def test_results_that_could_not_be_kept_are_refused_before_anything_is_flown(tmp_path):
+    assert study_directory(str(tmp_path)) == tmp_path
+    file = tmp_path / "file"
+    file.touch()
+    with pytest.raises(InputError, match="is a file; give another directory with --out"):
+        study_directory(str(file))

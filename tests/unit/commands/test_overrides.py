@@ -31,6 +31,7 @@ MISSION = shipped("line-calm")
             "rehearsal.emulator.vehicles.f1.alpha=1.0",
             "unknown field 'alpha'; did you mean 'alpha_1_s'",
         ),
+        ("vehicles.f1.slot.up_m=1", "--set vehicles.f1.slot.up_m: unknown field 'slot'; "),
     ],
 )
 def test_a_setting_that_contradicts_the_mission_is_told(setting, said):
