@@ -1,4 +1,4 @@
-"""The exceptions that vfguide raises on purpose, among them libraries that are not installed."""
+"""The exceptions that vfguide raises on purpose, and the check for optional libraries."""
 
 import re
 import traceback
@@ -16,6 +16,10 @@ class VfguideError(Exception):
 
 class InputError(VfguideError):
     """The input is wrong, and only its author can put it right: exit status 2."""
+
+
+class MissingLibraryError(VfguideError, ImportError):
+    """A library is not installed; the text says which extra brings it."""
 
 
 def described_error(error: BaseException) -> str:
@@ -47,10 +51,6 @@ LEARNING = ("gymnasium", "pettingzoo", "greenlet")
 """What environments are made of."""
 
 REQUIREMENT = re.compile(r"([A-Za-z0-9_.-]+).*;.*extra\s*==\s*['\"]([a-z]+)['\"]")
-
-
-class MissingLibraryError(VfguideError, ImportError):
-    """A library is not installed; the text says which extra brings it."""
 
 
 @cache

@@ -1,15 +1,13 @@
-"""Everything that operator and pilot of a vehicle hear: the worst first, and no kind hidden by another.
+"""What the operator and the pilot of a vehicle hear: the worst first, and no kind hidden by another.
 
     alerts.say(key, severity, text)
 
-A key is a kind, or `kind: what of it`. A key is quiet for as long as it asks for. Each kind has its own
-room and its own memory, and kinds of the same severity take turns: a burst of one delays another by one text
-and hides none. A change of mode goes before all.
+A key is a kind, or `kind: what of it`, and is quiet for as long as it asks for. Each kind has its own room
+and memory. Kinds of the same severity take turns: a burst of one delays another by one text and hides none.
+A change of mode goes before all.
 
-What is said is collected by `heard`, at the end of each call of the companion, for log and record. The pilot
-gets it by `due`, text by text.
-
-What the pilot's ground station is sent: texts, changes of mode in words, and values to plot.
+`heard` collects what was said, at the end of each call of the companion, for log and record. `due` gives it
+to the pilot, text by text. An `Announcer` sends the ground station texts, modes in words, and values to plot.
 """
 
 import math

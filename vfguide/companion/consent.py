@@ -1,6 +1,6 @@
-"""One flight, from its start to its end, and what was agreed for it.
+"""The phases of one flight, and the pilot's consent in it, which outlives the process.
 
-Whether a vehicle may still be engaged by itself, and who steers it, outlive the process.
+Consent is whether a vehicle may still be engaged by itself, and who steers it.
 """
 
 import json
@@ -48,7 +48,7 @@ GROUND_M = 20.0
 
 
 class FlightPhase:
-    """Of one vehicle."""
+    """Whether one vehicle stands, takes off or flies, by its reports."""
 
     def __init__(
         self,

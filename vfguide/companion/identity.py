@@ -1,4 +1,4 @@
-"""Who speaks as this vehicle's autopilot, who else steers it, and what it is: known before it is steered.
+"""Who speaks as this vehicle's autopilot, who else steers it, what and where it is: known before steering.
 
 | what shows | what it is |
 |---|---|
@@ -6,10 +6,9 @@
 | two numbers of hardware | the same |
 | somebody else's message that steers, or the autopilot's answer to one | another controller |
 | a type in the heartbeat that is no fixed wing | another kind of vehicle |
+| a place far from path, slot or origin | a mission for another place |
 
-What comes over two links from one aircraft has two series of numbers and one boot clock: that is one.
-
-How far from its path or slot a vehicle is taken up: who is farther away has another place in mind.
+One aircraft that is heard over two links has two series of numbers, but one boot clock.
 """
 
 import math
@@ -198,7 +197,7 @@ def far_words(distance: float) -> str:
 
 
 class EngageRange:
-    """Of one vehicle."""
+    """Whether one vehicle is near enough to its path or slot, and to the origin, to be engaged."""
 
     def __init__(self, plan: FlightPlan) -> None:
         self._leads = plan.leads

@@ -1,8 +1,7 @@
-"""The companion's own vehicle, as far as telemetry tells: reports in, navigated states out.
+"""The companion's own vehicle by its telemetry: reports in, navigated states out.
 
-How much a telemetry radio bears: what a companion sends is bounded by what RADIO_STATUS says.
-
-Radios of SiK's kind tell how much of their buffer is free. One that is full drops what comes, setpoints too.
+RADIO_STATUS of SiK radios says how much of their buffer is free. A full one drops what comes, setpoints too;
+so `RadioRoom` bounds what a companion sends.
 """
 
 import math

@@ -1,6 +1,6 @@
 """The interface of a role (leader, follower, deputy) in a companion, and the values that go in and out.
 
-How a vehicle moves, told to others: estimated from its own states, for companions and FOLLOW_TARGET.
+A vehicle's motion, estimated from its own states, is sent to companions and as FOLLOW_TARGET.
 """
 
 import math

@@ -1,20 +1,17 @@
-"""The parts that a vehicle can have in a formation, and that of one which names deputies.
+"""Who leads a formation, and the roles that a vehicle can have in it.
 
-With deputies a vehicle is leader, follower, or deputy in place of a leader that is lost. A deputy that
-takes over leaves nobody's place. Every follower carries a silent leader on along its path by itself; the
-deputy goes on with that, for as long as it takes, and tells the others, so that all carry on the same. It
-stays a follower of what it carries on. The mission's leader, once it is back, is one too, in a slot at
-its own place.
+**Terms.** A term is a number that every state carries. The highest that was heard counts, as in Raft (Ongaro
+and Ousterhout, "In Search of an Understandable Consensus Algorithm", USENIX ATC 2014, section 5). There is no
+majority vote: a part of the formation that hears no others has to fly on, too. Instead each term belongs to
+one vehicle from the outset. Those who may lead stand in an order of n: the mission's leader first, then its
+deputies. Term 0 is the leader's. Of every n terms from there on each has one, the last in the order the
+lowest. So no term has two leaders. After one succession in each of two parts, the part of the earlier deputy
+has the higher term. Times come in; no clock is read.
 
-Who leads a formation: terms, whose each is, and when a deputy leads on. Times come in; no clock is read.
-
-A term is a number that every state carries. The highest that was heard counts, as in Raft (Ongaro and
-Ousterhout, "In Search of an Understandable Consensus Algorithm", USENIX ATC 2014, section 5). No majority is
-asked for: a part of the formation that hears no others has to fly on, too. Instead each term is one
-vehicle's from the outset. Those who may lead stand in an order, the mission's leader first, then its
-deputies: n of them. Term 0 is the leader's, and of every n terms from there on each has one, the last in the
-order the lowest. So two parts that cannot hear each other never have two leaders of one term, and where both
-have had one succession the part of the earlier deputy has the higher term.
+**Roles.** With deputies a vehicle is leader, follower, or deputy in place of a lost leader. Every follower
+predicts a silent leader along its path. The deputy goes on with that for as long as it takes and tells the
+others, so that all predict the same. It remains a follower of that prediction, in its own slot. The mission's
+leader, once it is back, is a follower, too, in a slot at its own place.
 """
 
 import math

@@ -1,10 +1,8 @@
-"""What a follower believes of the states that come over the link: sound, new, of about now, and possible.
+"""What a follower believes of states from the link: sound, new, of about now, possible, and not contradicted.
 
-What others say of the leader that they fly by, held against what this vehicle was told.
-
-Who has a leader's key can tell each follower another place. Each story is possible by itself, so that no
-follower finds anything by what it hears of the leader alone. But followers tell in their own states where
-their leader was, and at which time: two places at one time are two stories.
+Who has a leader's key can tell each follower another place. Each story is possible by itself, so what is
+heard of the leader alone shows nothing. But followers say in their own states where their leader was, and
+when: two places at one time are two stories.
 
 Nobody can see which story is true. Who is outvoted for a second, or has as many against it as with it,
 follows the leader only while the stories are within the radius that the mission's spacing allows. Where two

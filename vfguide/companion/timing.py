@@ -1,11 +1,10 @@
-"""The formation's shared clock, stops of this process, and slips of the autopilot's clock.
+"""The formation's shared clock, stops of this process, and faults of the autopilot's clock.
 
-What a pilot hears of the autopilot's clock: worthless stamps, a wrong rate, lost time and stutters.
-
-The difference between the companion's clock and the autopilot's grows where the autopilot's stands still, and
-falls again where it makes up for that: ArduPlane in software does so after less than 0.1 s. Lost is what the
-difference has grown by for good: its least value of the last 1.5 s, less the least before. A clock that runs
-evenly, but slow, goes on losing for longer. Its rate is found within some 10 s, and explains what was lost.
+The pilot hears of worthless stamps, a wrong rate, lost time and stutters. The difference between the clocks
+of companion and autopilot grows while the autopilot's stands still, and falls again where it makes up for
+that: ArduPlane in software does so after less than 0.1 s. Lost is what the difference has grown by for good:
+its least value of the last 1.5 s, less the least before. An even but slow clock goes on losing for longer.
+Its rate is found within some 10 s, and explains what was lost.
 """
 
 import math

@@ -1,7 +1,7 @@
 """An arrangement: who flies where from a moment on, and how everybody gets there.
 
-It says everything by itself: from where each slot moves, to where, and when. A companion that was started
-anew needs no other to know where its slot is. All slots move straight, at once and by one time law.
+It is complete by itself: from where each slot moves, to where, and when. A companion that was started anew
+needs nothing else to know where its slot is. All slots move straight, at once and by one time law.
 """
 
 import math

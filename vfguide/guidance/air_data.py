@@ -1,31 +1,27 @@
-"""What the airspeed sensor, the turns and the airspeed hold of a vehicle show in flight.
+"""What a vehicle's airspeed sensor, its turns and its airspeed hold show in flight.
 
-How the true airspeed compares with the one that is reported and commanded: from flying various directions.
+**Airspeed calibration.** A Kalman filter of scale, slip and wind, over various directions of flight:
 
     ground velocity = reported airspeed * (scale along the heading - slip * turn rate right of it) + wind
 
-On a straight flight a wrong scale and a head wind look the same; on a turn the wind stays and the aircraft
-turns. A Kalman filter of scale and wind tells them apart. While the wind itself changes it learns little.
+On a straight flight a wrong scale and a head wind look the same. On a turn the wind stays and the aircraft
+turns, which tells them apart. While the wind itself changes the filter learns little.
 
 Source: Cho, Kim, Lee and Kee, "Wind estimation and airspeed calibration using a UAV with a single-antenna GPS
 receiver and pitot tube", IEEE Transactions on Aerospace and Electronic Systems 47(1), 2011.
 
-How much a vehicle turns of what its bank says, learned in flight: a Kalman filter of one number.
+**Turn efficiency.** A Kalman filter of one number; 1 is a coordinated turn, and less is a slipping one:
 
     turn rate = turn efficiency * g tan(bank) / V
 
-There are two witnesses of the turn rate. A wind that changes turns the nose as well; gusts disturb the
-acceleration over ground. Where the two do not agree nothing is known.
+Two witnesses give the turn rate: the nose, which a changing wind turns as well, and the acceleration over
+ground, which gusts disturb. Where they disagree the estimate becomes uncertain. Straight flight tells
+nothing. ArduPilot's simulated plane has 0.745 to 0.85, by its place on a circle in wind: only the slow mean
+is learned.
 
-1 is a coordinated turn. A vehicle without coordination turns less and slips; ArduPilot's simulated plane does
-by 0.745 to 0.85, other values in other parts of a circle in wind, which is why no more than their slow mean
-is learned. Straight flight tells nothing.
-
-An airspeed hold that goes a part of the way at once and creeps on: what to ask of it for a speed now.
-
-PX4 whose throttles for its least and greatest airspeed are not set (FW_THR_ASPD_MIN, FW_THR_ASPD_MAX) goes by
-the one of FW_THR_TRIM at every airspeed. A new airspeed comes to a part within 2 s, and the rest as its
-integrator creeps, within a minute. Asked for as much more as does not come, it flies what was wanted.
+**Creeping airspeed hold.** Where FW_THR_ASPD_MIN and FW_THR_ASPD_MAX are not set, PX4 flies every airspeed
+with the throttle FW_THR_TRIM. Part of a speed change comes within 2 s; its integrator brings the rest within
+a minute. Asked for as much more as is missing, it flies what was wanted.
 """
 
 import math

@@ -1,23 +1,19 @@
-"""What a fixed-wing aircraft cannot exceed, and how its autopilot answers to setpoints.
+"""A fixed-wing aircraft: its wind triangle, its limits, its answer to setpoints, and its greatest bank.
 
-An autopilot answers after a dead time, with a lag; this is computed forwards and backwards. Course: a
-course error asks for a bank, the roll follows with a lag, the bank turns the aircraft. Where no lag is
-declared the hold is taken for the ideal first-order one, dpsi/dt = alpha (chi^c - chi); where there is
-one, for ArduPlane's, whose bank is proportional to the course error and whose alpha is that of small
-errors at the cruise airspeed. Speed: dV/dt = beta (V^c - V), within the vehicle's acceleration, and a lag
-where one is declared.
+**Wind triangle.** Ground velocity = air velocity + wind, and the accelerations that go with it (Beard and
+McLain, Small Unmanned Aircraft: Theory and Practice, chapter 2; article, model equations).
 
-How far an aircraft banks, learned where it stays at one bank although clearly more is asked of it.
+**Answer to setpoints.** An autopilot answers after a dead time, with a lag; both directions are computed.
+A course error asks for a bank, the roll follows with a lag, and the bank turns the aircraft. Without a
+declared lag the hold is the ideal first-order one, dpsi/dt = alpha (chi^c - chi). With one it is ArduPlane's:
+bank is proportional to the course error, and alpha is that of small errors at the cruise airspeed. Speed:
+dV/dt = beta (V^c - V), within the vehicle's acceleration, with a lag where one is declared.
 
-While its bank hardly moves for `PLATEAU_S` the aircraft is on a plateau. Below its limit the bank is in
-proportion to the error of the course, whatever alpha is: plateaus of smaller banks show how much error one
-takes. Where every error meanwhile, and as long before as the aircraft is late, is `MORE` times what its bank
-takes, more is asked than it gives. Several such plateaus at the same bank, or a long one, and never a greater
-bank, are its limit.
-
-The wind triangle: ground velocity = air velocity + wind, and the accelerations that go with it.
-
-Beard and McLain, Small Unmanned Aircraft: Theory and Practice, chapter 2; article, model equations.
+**Greatest bank**, learned in flight. While its bank hardly moves for `PLATEAU_S` the aircraft is on a
+plateau. Below its limit the bank is proportional to the course error, whatever alpha is: plateaus of
+smaller banks show the error that a bank takes. If every error meanwhile, and before by the aircraft's
+delay, is `MORE` times that, more is asked than it gives. The limit is a bank of several such plateaus, or a
+long one, never exceeded.
 """
 
 import math

@@ -1,26 +1,25 @@
-"""Slots: their motion, the field onto them, how the leader gives way to them, how a formation comes apart.
+"""Slots: their motion, the field onto them, breaking away, giving way, and learned offsets.
 
-The dual field steers a follower onto its slot. The article's y_E and x_E, printed, have one sign that
-diverges whichever way gamma_f is read; the pair here is consistent. Errors are resolved along and across
-the slot's own motion, which on straight flight is the article's frame exactly and on a turn removes the
-steady error that a rigid slot has there.
+**Field.** The dual field steers a follower onto its slot. The article's y_E and x_E, printed, have one sign
+that diverges whichever way gamma_f is read; the pair here is consistent. Errors are resolved along and across
+the slot's own motion. On straight flight that is the article's frame exactly; on a turn it removes the steady
+error that a rigid slot has there.
 
-A formation without a leader comes apart: everyone turns away to the side of its own slot. Vehicles on one
-side keep their distances: they turn by the same angle and fly at the same airspeed. Those on the leader's
-track go straight on between the two groups.
+**Breaking away.** Without a leader each follower turns away to the side of its own slot. Those on one side
+turn by the same angle at the same airspeed, and so keep their distances. Those on the leader's track go
+straight on between the two groups.
 
-The integral of the slot's field: what keeps pushing a follower off its slot is learned, and aimed off.
+**Giving way.** The leader changes its airspeed where a slot needs more or less than its follower can fly.
 
-A field alone answers a lasting disturbance with a lasting error: it takes an error to ask for anything. So
-the field is put around a point that lies a learned offset b beyond the slot, db/dt = e / T near the slot.
-Small errors then obey d²e/dt² + s de/dt + (s / T) e = 0 with the field's slope s (1/s) at its middle: a
-damping of sqrt(s T) / 2 (of integral action: Astrom and Murray, Feedback Systems, 2nd edition, chapter 11).
+**Offset.** A field answers a lasting disturbance with a lasting error. So it is put around a point that lies
+a learned offset b beyond the slot, db/dt = e / T near the slot. With the field's slope s (1/s) at its middle
+small errors obey d²e/dt² + s de/dt + (s / T) e = 0: a damping of sqrt(s T) / 2 (integral action: Astrom and
+Murray, Feedback Systems, 2nd edition, chapter 11).
 
-Round a circle in wind the disturbance comes back with every turn: speeds rise and fall with the course, and
-whatever the model of the autopilot gets wrong rises and falls with them. A mean offset follows that a quarter
-of a turn late. So in turns the offset also has a part that goes as the cosine and the sine of the slot's
-course, and one of twice the course, each learned in its own phase (adaptive feedforward cancellation: Bodson,
-Sacks and Khosla, IEEE Transactions on Automatic Control 39(9), 1994).
+Round a circle in wind, speeds and the autopilot model's errors vary with the course. A mean offset follows a
+quarter of a turn late. So in turns the offset also has parts that go as cosine and sine of the slot's course,
+and of twice the course, each learned in its own phase (adaptive feedforward cancellation: Bodson, Sacks and
+Khosla, IEEE Transactions on Automatic Control 39(9), 1994).
 """
 
 import math

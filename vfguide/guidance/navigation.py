@@ -1,28 +1,22 @@
-"""From one report of an autopilot to a navigated state: position, wind and the wind's rate of change.
+"""From reports of an autopilot to a navigated state: position, velocity, wind and the wind's rate of change.
 
-Two things spoil a follower in wind: noise of the reported positions, and the acceleration of a wind that
-turns. A fading-memory filter answers both. The position is carried on by the velocity and only leans on
-the reported one; the wind (ground velocity minus air velocity) is tracked with its rate, which the laws
-take off the acceleration they ask for, and with the rate of that. A filter without the latter is wrong by
-the square of its time constant times it: a leader whose course is wrong by milliradians puts everybody's
-slot centimetres beside its place. Without a measured ground velocity the same filter finds wind and speed
-from the positions alone.
+**Reach.** A report is compared with where the aircraft can be. With a greatest acceleration a, a manoeuvre
+within an interval T leaves the place open by a T² / 8; a margin of two in a is allowed.
 
-That holds in a wind that swings. In gusts the wind walks at random and its rate foretells nothing; how gusty
-the air is shows in the innovations of the filter, and its memory follows that.
+**State.** Noise of the reported positions and the acceleration of a turning wind spoil a follower in wind.
+A fading-memory filter answers both (Morrison, Introduction to Sequential Smoothing and Prediction, 1969).
+The position is carried on by the velocity and only leans on the reported one. The wind (ground velocity
+minus air velocity) is tracked with its rate, which the laws take off the acceleration they ask for, and
+with the rate of that. Without the latter the wind would be wrong by it times the square of the filter's
+time constant: a leader's course wrong by milliradians moves everybody's slot by centimetres. Without a
+measured ground velocity the same filter finds wind and speed from the positions alone.
 
-Fading-memory filters: Morrison, Introduction to Sequential Smoothing and Prediction, 1969.
+In gusts the wind walks at random and its rate foretells nothing. The innovations of the filter show how gusty
+the air is, and its memory follows that.
 
-What positions say of the velocities that come with them.
-
-An autopilot's estimator gives both, and its velocity may be wrong for seconds: PX4's in software by 0.3 m/s
-in turns, while the same estimator's positions move right to half of that. A second-order fading-memory filter
-carries the position on by the reported velocity and an error of it, and finds both by the reported position.
-
-Reported places and velocities, held against where an aircraft can be: innovations, and what explains them.
-
-With a greatest acceleration a, a manoeuvre that begins within an interval T leaves the place open by
-a T² / 8; a margin of two in a is allowed.
+**Velocity error.** A reported velocity may be wrong for seconds: PX4's in software by 0.3 m/s in turns, while
+positions of the same estimator move right to half of that. A second-order fading-memory filter carries the
+position on by the reported velocity and its error, and finds both by the reported position.
 """
 
 import math

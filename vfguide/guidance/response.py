@@ -1,34 +1,30 @@
-"""How an aircraft answers to its setpoints, learned from what is flown anyway.
+"""How an aircraft answers to its setpoints, learned in flight, and how fast its loops may then be.
 
-A hold is described by three numbers: after a dead time T and through a lag tau it changes what it holds at a
-rate in proportion to the error, within its limit,
+**Response.** After a dead time T and through a lag tau, a hold changes its value at a rate in proportion to
+the error, within its limit:
 
     rate(t) = lag(limited(gain * (setpoint(t - T) - value(t)))) + offset.
 
-The gain is alpha (course) or beta (speed). Gains, dead times and lags are a grid of hypotheses, each of which
-predicts the rate. What a hypothesis leaves of the rate that is seen, with an exponential memory, tells how
-likely it is; all that explain the flight nearly as well as the best one are the set of responses that the
-aircraft may have (Ljung, System Identification, 1999, chapters 7 and 11). Between two gains of the grid least
-squares find the value. At a limit the set stays open above, and what is thrown to and fro is known by its
-timing.
+The gain is alpha (course) or beta (speed). A grid of gains, dead times and lags holds hypotheses, each of
+which predicts the rate. The residuals, with an exponential memory, tell how likely each is. All that
+explain the flight nearly as well as the best one are the responses that the aircraft may have (Ljung,
+System Identification, 1999, chapters 7 and 11). Least squares interpolate between two gains. At a limit the
+set stays open above; an oscillation is known by its timing.
 
 Both sides pass the same low-pass, so that no measured value has to be differentiated: the low-pass of a
 derivative is (value - low-pass of the value) / time constant.
 
-How fast a loop may be that flies an aircraft whose response is known only so well.
+**Bandwidth.** A loop of gain g around a hold that answers k times as strongly as believed, D seconds late, is
 
-One rule. A loop of gain g around a hold that answers k times as strongly as believed, and D seconds late, is
+    L(s) = k g exp(-D s) / s.
 
-    L(s) = k g exp(-D s) / s,
-
-whose phase margin is 90 degrees less k g D, and whose gain margin is pi / (2 k g D): 45 degrees and 6 dB are
-both kept where
+Its phase margin is 90 degrees less k g D, its gain margin pi / (2 k g D): 45 degrees and 6 dB are kept where
 
     g <= (pi / 4) / (k D).
 
-k and D are the greatest that the response may have: the spread of its gain, the loop's own period and delay,
-the share of the known delay that prediction does not take away, and the delay that may come on top. Within
-that bound `sharpness` chooses how quick the loop is around the response as it most probably is, and how many
+k and D are the greatest that the response may have. k is the spread of its gain. D sums the loop's own
+period and delay, the share of the known delay that prediction leaves, and the delay that may come on top.
+Within that bound `sharpness` chooses how quick the loop is around the most probable response, and how many
 times quicker than the hold that it commands. A loop around another one is slower by `NESTING` (Astrom and
 Murray, Feedback Systems, 2nd edition, chapters 10 and 14).
 """

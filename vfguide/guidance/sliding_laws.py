@@ -1,12 +1,11 @@
 """The sliding-mode laws of course and speed with their gains, and the setpoints that fly what they ask.
 
-The boundary layer of the course law follows the loop that it runs in.
+How fast the laws may be around a late or uncertain autopilot is in `response.py`. The boundary layer of the
+course law follows the loop that it runs in.
 
-The ground-speed observer serves where no ground speed is measured: the article's, with the regressor phi
+The observer estimates the ground speed where none is measured. It is the article's, with the regressor phi
 in the place of its printed "d chi^d/d e . d e/d chi". With the estimate in the law, W = rho chi~^2 / 2 +
 V~^2 / (2 Gamma) falls as dW/dt = -rho kappa chi~ sat(chi~/epsilon) - sigma V~^2.
-
-How fast the laws may be around an autopilot that answers late, or is not well known, says `response.py`.
 """
 
 import math

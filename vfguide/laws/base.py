@@ -1,9 +1,9 @@
-"""What a law by which followers keep their slots is made of, and what it is told.
+"""The interface of a follower's law: what it is told, what it returns, and what is done around it.
 
-A law says which motion it wants. Everything that every law needs is done around it, once: the leader's state
-is carried on to the same instant, late autopilots are compensated for, other vehicles are kept clear of, the
-motion is turned into setpoints through the wind triangle and within the vehicle's limits, and its Lyapunov
-function is logged: `SlotKeeper`.
+A law says which motion it wants. `SlotKeeper` does once what every law needs. It carries the leader's state
+on to the same instant, compensates for late autopilots and keeps clear of other vehicles. It turns the
+motion into setpoints through the wind triangle, within the vehicle's limits, and logs the Lyapunov
+function.
 """
 
 import copy

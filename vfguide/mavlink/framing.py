@@ -1,22 +1,19 @@
-"""MAVLink frames: their ends, their signatures, and the heartbeat that makes a sender the autopilot.
+"""MAVLink frames: their ends, their signatures, texts in parts, and who sends them.
 
-A companion listens to few kinds of message, from one sender. Reading the header first spares the work of
-decoding all the others, which on a chatty connection is most of it.
+**Frames.** A companion listens to few kinds of message, from one sender. The header alone shows which, and so
+spares decoding all others: on a chatty connection most of the work.
 
-Signing: only a sender that has the key is heard. pymavlink signs what goes out, with a time stamp set
-here: its own moves by 10 µs for each packet, so that a restarted program would be taken for a recording
-of itself. What comes in is checked here: pymavlink notes a packet's time stamp before it looks at the
-signature, so that one forged packet from the future would shut the true sender out.
+**Signing.** Only a sender that has the key is heard. pymavlink signs what goes out, with a time stamp set
+here: its own moves by 10 µs for each packet, so that a restarted program would look like a recording of
+itself. What comes in is checked here: pymavlink notes a packet's time stamp before it checks the signature,
+so that one forged packet from the future would shut the true sender out.
 
-Introduction: at a UDP port anybody may speak. An address becomes the peer, and hears the setpoints, only
-after a heartbeat of the right system with a right checksum; on a signed connection it has to be signed,
-too.
+**Introduction.** At a UDP port anybody may speak. An address becomes the peer, and hears the setpoints, only
+after a heartbeat of the right system with a right checksum; on a signed connection it has to be signed, too.
 
-Who speaks in one name: MAVLink counts the frames of each sender, so two of them show by their numbers.
-
-Numbers of one sender go on by 1, with gaps where frames were lost. Those of two that share a name jump to
-and fro between two places, each of which goes on by itself. A frame that comes twice, as over two links, is
-one frame: its bytes are the same.
+**Sequence numbers.** MAVLink counts the frames of each sender, with gaps where some were lost. Two senders
+that share a name jump to and fro between two series, each of which goes on by 1. A frame that comes twice, as
+over two links, counts once: its bytes are the same.
 """
 
 import hashlib
