@@ -14,7 +14,7 @@ from vfguide.mission import Mission
 if TYPE_CHECKING:
     from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 
-REMEDY = "make keys with `vfguide keys make MISSION`, or type --insecure to believe anybody"
+REMEDY = "make keys with `vfguide keys make MISSION`"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -40,8 +40,8 @@ class KeyFiles:
     """The private key, if an option names it."""
     roster: Path | None = None
     """The roster, if an option names it."""
-    insecure: bool = False
-    """Whether nothing is to be signed."""
+    insecure: bool | None = None
+    """Whether nothing is to be signed; None where no option asks."""
 
     def of_vehicle(self, name: str) -> Credentials:
         """What a vehicle signs with, and whom it believes.
@@ -53,7 +53,7 @@ class KeyFiles:
             return ANYBODY
         path = self.key or key_places(self.mission).private(name)
         if not path.exists():
-            raise InputError(f"{path}: there is no private key of {name!r}; {REMEDY}")
+            raise InputError(f"{path}: there is no private key of {name!r}; {self._remedy()}")
         return Credentials(roster=self._read_roster(), key=read_private_key(path))
 
     def of_operator(self) -> Credentials:
@@ -73,13 +73,17 @@ class KeyFiles:
     def _read_roster(self) -> Roster:
         path = self.roster or key_places(self.mission).roster
         if not path.exists():
-            raise InputError(f"{path}: there is no roster; {REMEDY}")
+            raise InputError(f"{path}: there is no roster; {self._remedy()}")
         return read_roster(path)
+
+    def _remedy(self) -> str:
+        unsigned = "" if self.insecure is None else ", or type --insecure to believe anybody"
+        return REMEDY + unsigned
 
     def _believes_anybody(self) -> bool:
         if self.insecure and (self.key or self.roster):
             raise InputError("--insecure: nothing is signed; leave it out, or --key and --roster")
-        return self.insecure
+        return bool(self.insecure)
 
 
 def flying(mission: Mission) -> list[str]:

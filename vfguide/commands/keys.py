@@ -164,7 +164,9 @@ def revoke(
     check_flies(flown, vehicle)
     credentials = KeyFiles(mission=mission, key=key, roster=roster).of_operator()
     if credentials.key is None:
-        raise InputError("a key is revoked by an operator: give a private key with --key")
+        raise InputError(
+            "a key is revoked by an operator: give an operator's private key with --key"
+        )
     watched = watched_formation(flown, link, credentials)
     others = [name for name in flown.companions if name != vehicle]
     unaware = run_watching_sockets(say_revoked(watched, vehicle, others))

@@ -117,7 +117,11 @@ def test_nobody_without_an_operators_key_revokes_one(command, keyed):
     key_places(keyed).private("operator").unlink()
     outcome = command("keys", "revoke", keyed, "wing", COMPANION[1])
     assert outcome.status == 2
-    assert outcome.lines == ["a key is revoked by an operator: give a private key with --key"]
+    [line] = outcome.lines
+    assert line == "a key is revoked by an operator: give an operator's private key with --key"
+    key_places(keyed).roster.unlink()
+    [line] = command("keys", "revoke", keyed, "wing", COMPANION[1]).lines
+    assert line.endswith("there is no roster; make keys with `vfguide keys make MISSION`")
 
 
 def test_who_has_which_key_is_shown_and_what_is_wrong_with_it(command, keyed):
