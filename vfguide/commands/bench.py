@@ -71,8 +71,20 @@ def study_directory(text: str) -> Path:
     return directory
 
 
+def study_file(text: str) -> Path:
+    """A file for results; a directory is refused before a long study begins.
+
+    Raises:
+        InputError: the name is that of a directory.
+    """
+    if Path(text).is_dir():
+        raise InputError(f"{text}: is a directory; name a file with --json")
+    return Path(text)
+
+
 JsonFile = Annotated[
-    Path | None, typer.Option("--json", metavar="FILE", help="Where all figures go.")
+    Path | None,
+    typer.Option("--json", metavar="FILE", help="Where all figures go.", parser=study_file),
 ]
 Directory = Annotated[
     Path | None,

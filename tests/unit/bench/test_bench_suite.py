@@ -3,7 +3,7 @@ import math
 import pytest
 
 from vfguide import suite
-from vfguide.commands.bench import study_directory
+from vfguide.commands.bench import study_directory, study_file
 from vfguide.errors import InputError
 from vfguide.lab.studies.suite import (
     SuiteFlight,
@@ -127,5 +127,8 @@ def test_results_that_could_not_be_kept_are_refused_before_anything_is_flown(tmp
     assert study_directory(str(tmp_path)) == tmp_path
     file = tmp_path / "file"
     file.touch()
+    assert study_file(str(file)) == file
     with pytest.raises(InputError, match="is a file; give another directory with --out"):
         study_directory(str(file))
+    with pytest.raises(InputError, match="is a directory; name a file with --json"):
+        study_file(str(tmp_path))
