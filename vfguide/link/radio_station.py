@@ -292,7 +292,7 @@ class Station:
             self._proven_s = began_s
         if packet.beat is not None:
             self._count_from(packet, began_s)
-        elif packet.kind is not PackedKind.QUESTION and LEADER < packet.sender < OPERATOR:
+        elif packet.kind not in OF_NO_SESSION and LEADER < packet.sender < OPERATOR:
             self._beat.hear_follower(packet.sender, began_s)
         self._use(packet, sender, epoch)
 

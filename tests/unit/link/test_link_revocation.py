@@ -8,8 +8,10 @@ import pytest
 
 from tests.kit.link import FORMATION, KEYS, LEADER, PUBLIC, ROSTER, Station, Wire, trust_of
 from tests.unit.link.radio_crafts import formation as radio_formation
+from tests.unit.link.radio_crafts import packets_of
 from vfguide.link.envelope import Kind, Scheme, encode_signed, formation_number
 from vfguide.link.keys import read_revocations, write_revocations
+from vfguide.link.packed import PackedKind
 from vfguide.link.trust import REVOKED, RefusedError
 
 WITHIN_S = 2.0
@@ -244,3 +246,24 @@ def test_on_a_radio_the_statement_comes_in_pieces_and_the_packets_of_that_vehicl
         channel.fly(1.0)
     assert joins.member.trust.revoked == ("f1",)
     assert one.member.stands_back
+
+
+def test_a_recorded_piece_of_a_statement_moves_nobodys_turns():
+    channel, leader, one, other = radio_formation(6.0)
+    desk = channel.craft("eye", session=9, orders=True)
+    desk.member.trust.revoke(desk.member.trust.read(statement(LEADER)), 0.0)
+    one.member.trust.revoke(one.member.trust.read(statement(LEADER)), 0.0)
+    taken = channel.record()
+    for _ in range(8):
+        one.member.pass_on()
+        channel.fly(0.5)
+    pieces = [frame for frame in taken if packets_of([frame]) == [PackedKind.REVOCATION]]
+    assert pieces
+    channel.gone(leader)
+    channel.gone(one)
+    channel.fly(6.0)
+    now = other.member.clock()
+    before = other.station.next_turn(now)
+    assert before is not None
+    other.station.hear(pieces[0], now)
+    assert other.station.next_turn(now) == before
