@@ -120,14 +120,14 @@ def overridden(mission: Mission, overrides: Overrides) -> dict[str, Any]:
         emulate(content, "speed_response", overrides.speed_response)
     if overrides.wind is not None:
         content["wind"] = {"type": overrides.wind}
-    for place, value in overrides.settings:
-        put(content, place, value)
     rehearsal = {
         name: value
         for name in ("duration_s", "rate_hz", "seed")
         if (value := getattr(overrides, name)) is not None
     }
     content.setdefault("rehearsal", {}).update(rehearsal)
+    for place, value in overrides.settings:
+        put(content, place, value)
     return content
 
 
@@ -190,7 +190,7 @@ def put(content: dict[str, Any], place: Location, value: object) -> None:
         for name in content["vehicles"]:
             put(content, ("vehicles", name, *place[2:]), value)
         return
-    if place == ("controller", "type"):
+    if place == ("controller", "type") and isinstance(content.get("controller", {}), dict):
         put_law(content, str(value), option="--set controller.type")
         return
     here: Any = content

@@ -6,7 +6,7 @@ import pytest
 from pydantic import ValidationError
 
 from tests.kit.missions import faults_of, line_of, loaded, mission_with, shipped, text_of
-from vfguide.commands.overrides import Overrides, apply_overrides
+from vfguide.commands.overrides import Overrides, apply_overrides, parse_settings
 from vfguide.errors import InputError
 from vfguide.laws.field import told_apart
 from vfguide.mission import Mission, check_mission
@@ -56,6 +56,15 @@ def test_a_loaded_mission_is_flown_by_another_law_with_the_gains_that_its_file_h
 def test_what_is_no_group_is_refused_under_a_laws_name():
     with pytest.raises(ValidationError, match="pid"):
         controller_of({"type": "pid", "pid": 3})
+
+
+@pytest.mark.parametrize(
+    "settings", [("rehearsal=3",), ("rehearsal=",), ("controller=3", "controller.type=pid")]
+)
+def test_what_the_command_line_puts_in_the_place_of_a_group_is_refused_by_its_option(settings):
+    option = f"--set {settings[-1].partition('=')[0]}:"
+    with pytest.raises(InputError, match=option):
+        apply_overrides(CIRCLE, Overrides(settings=parse_settings(settings), duration_s=60.0))
 
 
 def test_for_another_law_a_gain_of_the_same_name_does_not_count():
