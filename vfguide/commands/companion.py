@@ -128,9 +128,16 @@ def companion(
     )
     kept = state or default_directory()
     revocations = kept / f"{vehicle}.revoked"
-    trust.recall(read_revocations(revocations))
+    refused = trust.recall(read_revocations(revocations))
     signing = None if signing_key_file is None else read_key(signing_key_file)
     log_to_standard_error(log_format, vehicle)
+    if refused:
+        logger.warning(
+            "%s: %d of its lines revoke no key in use, or are damaged: where a key is out,"
+            " `vfguide keys revoke` it again",
+            revocations,
+            refused,
+        )
     if not trust.signs:
         logger.warning(
             "--insecure: messages are not signed, and anybody on the link can lead this vehicle"

@@ -216,7 +216,7 @@ def write_secret(path: Path, content: bytes) -> None:
 
 
 def read_revocations(path: Path) -> tuple[bytes, ...]:
-    """Statements about revoked keys in a file, one a line; none where there is no file.
+    """Statements about revoked keys in a file, one a line, empty where it is damaged; none without a file.
 
     Raises:
         InputError: it cannot be read.
@@ -230,8 +230,11 @@ def read_revocations(path: Path) -> tuple[bytes, ...]:
         raise InputError(
             f"{path}: what is known of revoked keys cannot be read ({error.strerror}); mend or remove it"
         ) from None
-    digits = (line for line in lines if not line.strip(b"0123456789abcdef"))
-    return tuple(bytes.fromhex(line.decode()) for line in digits if len(line) % 2 == 0)
+    sound = (len(line) % 2 == 0 and not line.strip(b"0123456789abcdef") for line in lines)
+    return tuple(
+        bytes.fromhex(line.decode()) if is_sound else b""
+        for line, is_sound in zip(lines, sound, strict=True)
+    )
 
 
 def write_revocations(path: Path, statements: Iterable[bytes]) -> None:

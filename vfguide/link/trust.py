@@ -8,7 +8,6 @@ import math
 import secrets
 from collections import Counter
 from collections.abc import Collection, Iterable
-from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -313,11 +312,15 @@ class Trust:
         self.statements[vehicle] = envelope.signed + envelope.tag
         return vehicle
 
-    def recall(self, statements: Iterable[bytes]) -> None:
-        """Take statements that were kept; what is none of this roster is forgotten."""
+    def recall(self, statements: Iterable[bytes]) -> int:
+        """Take statements that were kept; return how many are damaged or not of this roster's keys."""
+        refused = 0
         for data in statements:
-            with suppress(RefusedError):
+            try:
                 self.revoke(self.read(data), 0.0)
+            except RefusedError:
+                refused += 1
+        return refused
 
     def read(self, data: bytes) -> Envelope:
         """The envelope of a message to this formation, which is not believed yet.

@@ -218,11 +218,12 @@ def test_it_is_kept_over_a_restart_and_nothing_is_believed_of_a_damaged_file(tmp
     assert read_revocations(file) == ()
     write_revocations(file, [statement("f1")])
     again = trust_of("f2", 44)
-    again.recall(read_revocations(file))
+    assert again.recall(read_revocations(file)) == 0
     assert again.revoked == ("f1",)
     file.write_bytes(b"\xff nonsense\n" + file.read_bytes() + forged("f2").hex().encode() + b"\n")
     damaged = trust_of("f2", 45)
-    damaged.recall(read_revocations(file))
+    # The operator reads of both in the log.
+    assert damaged.recall(read_revocations(file)) == 2
     assert damaged.revoked == ("f1",)
 
 
