@@ -222,8 +222,8 @@ def test_it_is_kept_over_a_restart_and_nothing_is_believed_of_a_damaged_file(tmp
     assert again.revoked == ("f1",)
     file.write_bytes(b"\xff nonsense\n" + file.read_bytes() + forged("f2").hex().encode() + b"\n")
     damaged = trust_of("f2", 45)
-    # The operator reads of both in the log.
-    assert damaged.recall(read_revocations(file)) == 2
+    # The operator reads of it in the log; what is said of a key that is out already needs no look.
+    assert damaged.recall(read_revocations(file)) == 1
     assert damaged.revoked == ("f1",)
 
 
