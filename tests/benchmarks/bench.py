@@ -8,7 +8,7 @@ from vfguide.lab.studies.comparison import FULL as COMPARED
 from vfguide.lab.studies.comparison import ablation_cases, compare, parts_of
 from vfguide.lab.studies.flown import MISSIONS, executor_on, flown_by, fly
 from vfguide.lab.studies.latency import run_latency
-from vfguide.lab.studies.radio import FOLLOWERS_HZ, RATES_HZ, SIZES, RadioCase
+from vfguide.lab.studies.radio import RATES_HZ, SIZES, RadioCase
 from vfguide.lab.studies.radio import fly as fly_radio
 from vfguide.lab.studies.robustness import fly_point, points
 from vfguide.lab.studies.scale import measure_all, step_costs
@@ -103,6 +103,10 @@ def robustness() -> Cases:
             name = f"{one.point.sweep} {one.point.value:g}"
             cases.setdefault(name, {})[one.point.law] = one.mean_error_m
     yield from cases.items()
+
+
+FOLLOWERS_HZ = 2.5
+"""Of their states, where the leader's come no slower."""
 
 
 def radio() -> Cases:

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from vfguide.commands.credentials import KeyFiles, check_deputies, check_flies
+from vfguide.commands.credentials import Credentials, KeyFiles, check_deputies, check_flies
 from vfguide.commands.logs import LogFormat, log_to_standard_error
 from vfguide.commands.options import (
     AutopilotUrl,
@@ -116,16 +116,7 @@ def companion(
     autopilot, own_clock = parse_address(mavlink), parse_clock(clock)
     addresses = parse_links(link)
     check_deputies(flown, addresses)
-    credentials = keys.of_vehicle(vehicle)
-    trust = Trust(
-        formation=flown.name,
-        name=vehicle,
-        leader=flown.timekeeper,
-        deputies=flown.deputies,
-        session=new_session(),
-        roster=credentials.roster,
-        key=credentials.key,
-    )
+    trust = trust_in(flown, vehicle, keys.of_vehicle(vehicle))
     kept = state or default_directory()
     revocations = kept / f"{vehicle}.revoked"
     refused = trust.recall(read_revocations(revocations))
@@ -196,7 +187,12 @@ def order_giver(mission: Mission, keys: KeyFiles, operator_key: Path | None) -> 
     name = f"{OPERATOR} of a ground station"
     if by.roster is not None and by.key is not None:
         name = operator_of(by.roster, by.key)
-    operator = Trust(
+    return OrderGiver(mission, trust_in(mission, name, by))
+
+
+def trust_in(mission: Mission, name: str, by: Credentials) -> Trust:
+    """Return the trust of a new member of a mission's formation, by its keys."""
+    return Trust(
         formation=mission.name,
         name=name,
         leader=mission.timekeeper,
@@ -205,7 +201,6 @@ def order_giver(mission: Mission, keys: KeyFiles, operator_key: Path | None) -> 
         roster=by.roster,
         key=by.key,
     )
-    return OrderGiver(mission, operator)
 
 
 def leader_address(mission: Mission, vehicle: str, instead: str | None) -> Address | None:

@@ -19,8 +19,6 @@ SIZES = (2, 4, 8, 12)
 RATES_HZ = (20.0, 10.0, 5.0, 2.0)
 """Rates of the leader's states."""
 
-FOLLOWERS_HZ = 2.5
-
 CHANNEL = Channel(baud=57_600, air_bytes_s=4000.0)
 
 SLOTS = (
