@@ -15,7 +15,6 @@ from vfguide.commands.credentials import KeyFiles, watched_formation
 from vfguide.commands.fly import keep
 from vfguide.commands.order import order_of
 from vfguide.commands.output import kept_in
-from vfguide.commands.overrides import Overrides, apply_overrides, place_of
 from vfguide.elementwise import FloatArray
 from vfguide.errors import (
     LEARNING,
@@ -38,7 +37,9 @@ from vfguide.laws.base import Law
 from vfguide.laws.vectors import ActionKind
 from vfguide.mission.feasibility import check_mission
 from vfguide.mission.load import load_mission as load_file
+from vfguide.mission.load import with_overrides
 from vfguide.mission.model import Mission
+from vfguide.mission.overrides import Overrides, place_of
 from vfguide.record.flight import FlightRecord
 from vfguide.record.vehicle import VehicleRecord
 from vfguide.registry import laws as known_laws
@@ -287,7 +288,7 @@ def flyable(
         rate_hz=rate_hz,
         seed=seed,
     )
-    changed = apply_overrides(mission, overrides)
+    changed = with_overrides(mission, overrides)
     impossible = [str(one) for one in check_mission(changed) if one.severity == "error"]
     if impossible:
         raise InputError("\n".join(impossible))

@@ -10,9 +10,10 @@ from pathlib import Path
 import numpy as np
 
 from tests.kit.missions import MISSIONS
-from vfguide.commands.overrides import Overrides, apply_overrides
 from vfguide.lab.rehearsal.lockstep import fly_lockstep
 from vfguide.mission import load_mission
+from vfguide.mission.load import with_overrides
+from vfguide.mission.overrides import Overrides
 
 LAWS = ("slot", "article", "pid", "mpc")
 DURATION_S = 30.0
@@ -42,7 +43,7 @@ def add(content: object, digest: "hashlib._Hash") -> None:
 def record_hash(file: Path, law: str, duration_s: float) -> str:
     """Sixteen digits of the hash of a mission's record."""
     overrides = Overrides(controller=law, duration_s=duration_s)
-    mission = apply_overrides(load_mission(file), overrides)
+    mission = with_overrides(load_mission(file), overrides)
     digest = hashlib.sha256()
     add(fly_lockstep(mission).record, digest)
     return digest.hexdigest()[:16]

@@ -7,7 +7,6 @@ from typing import Annotated
 import typer
 
 from vfguide.commands.options import AsJson, Controller, MissionFile, Settings
-from vfguide.commands.overrides import Overrides, apply_overrides, parse_settings
 from vfguide.commands.terminal import Terminal, stopped_by_signals
 from vfguide.errors import VfguideError
 from vfguide.mission import MissionError, read_mission
@@ -15,6 +14,7 @@ from vfguide.mission.feasibility import check_mission
 from vfguide.mission.finding import Finding, worst_first
 from vfguide.mission.flight_path import MissionSource
 from vfguide.mission.model import Mission
+from vfguide.mission.overrides import Overrides, parse_settings
 
 PASSED, WARNED, WRONG = 0, 1, 2
 
@@ -34,17 +34,17 @@ def check(
     to fly, 1 with warnings under --strict, 2 the mission cannot be flown, 3 the rehearsal broke or was
     stopped.
     """
+    overrides = Overrides(controller=controller, settings=parse_settings(settings or ()))
     try:
-        loaded = read_mission(mission)
+        loaded = read_mission(mission, overrides)
     except MissionError as error:
         if not as_json:
             raise
         status = report_findings(error.faults, name=None, strict=strict, as_json=True)
         raise typer.Exit(status) from error
-    overrides = Overrides(controller=controller, settings=parse_settings(settings or ()))
-    chosen = apply_overrides(loaded.mission, overrides)
-    findings = with_expectation(check_mission(chosen, loaded.source), chosen, loaded.source)
-    raise typer.Exit(report_findings(findings, name=chosen.name, strict=strict, as_json=as_json))
+    read = loaded.mission
+    findings = with_expectation(check_mission(read, loaded.source), read, loaded.source)
+    raise typer.Exit(report_findings(findings, name=read.name, strict=strict, as_json=as_json))
 
 
 def lowered_in(mission: Mission) -> list[Finding]:

@@ -21,14 +21,6 @@ from vfguide.commands.options import (
     in_directory,
 )
 from vfguide.commands.output import RECORD_NAME, SUMMARY_NAME, flown_before, kept_in
-from vfguide.commands.overrides import (
-    Overrides,
-    SpeedResponseName,
-    WindName,
-    apply_overrides,
-    parse_settings,
-    with_options_named,
-)
 from vfguide.commands.terminal import Terminal, flight_progress, stopped_by_signals
 from vfguide.errors import PLOTTING, POSIX, InputError, VfguideError, require
 from vfguide.lab.rehearsal.lockstep import LockstepFlight
@@ -39,6 +31,7 @@ from vfguide.lab.report.wording import summary_table
 from vfguide.mission import read_mission
 from vfguide.mission.feasibility import check_mission
 from vfguide.mission.model import Mission
+from vfguide.mission.overrides import Overrides, SpeedResponseName, WindName, parse_settings
 
 EPOCH_S = 1_767_225_600.0
 """Time 0 of a flight in virtual time, in its logs: the same seed gives the same files. 1 January 2026."""
@@ -123,7 +116,6 @@ def fly(
         foxglove=foxglove,
         for_nothing=force and out is None,
     )
-    loaded = read_mission(mission)
     overrides = Overrides(
         controller=controller,
         settings=parse_settings(settings or ()),
@@ -134,7 +126,8 @@ def fly(
         rate_hz=rate,
         seed=seed,
     )
-    changed = apply_overrides(loaded.mission, overrides)
+    loaded = read_mission(mission, overrides)
+    changed = loaded.mission
     speed = 1.0 if speedup is None else speedup
     if live:
         # Here, because an aircraft's computer has no library that counts what processes take.
@@ -146,7 +139,7 @@ def fly(
     errors = Terminal(stderr=True)
     for finding in findings:
         if finding.severity != "note":
-            errors.tell(str(with_options_named(finding, overrides)))
+            errors.tell(str(finding))
     if any(finding.severity == "error" for finding in findings):
         raise typer.Exit(WRONG)
     kept = KeptFlight(out=out, force=force, as_json=as_json)

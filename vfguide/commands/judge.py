@@ -22,13 +22,13 @@ from vfguide.commands.options import (
     Speedup,
     in_directory,
 )
-from vfguide.commands.overrides import Overrides, apply_overrides
 from vfguide.commands.terminal import Terminal, flight_progress, stopped_by_signals
 from vfguide.errors import InputError
 from vfguide.lab.rehearsal.lockstep import LockstepFlight
 from vfguide.lab.rehearsal.watched import WatchedFlight, watched_flight
 from vfguide.mavlink.address import NetworkAddress, Transport, parse_address
 from vfguide.mission import read_mission
+from vfguide.mission.overrides import Overrides
 from vfguide.system import run_watching_sockets
 
 RECORD_LOOK_S = 0.2
@@ -62,7 +62,7 @@ def judge(
     status: 0 flown and within the mission's acceptance, 1 flown but not within it, 2 the input is
     wrong, 3 the flight broke or was stopped.
     """
-    changed = apply_overrides(read_mission(mission).mission, Overrides(duration_s=duration))
+    changed = read_mission(mission, Overrides(duration_s=duration)).mission
     keys = KeyFiles(mission=mission, key=key, roster=roster, insecure=insecure)
     port, credentials = truth_port(truth), keys.of_operator()
     watched = watched_formation(changed, link, credentials)

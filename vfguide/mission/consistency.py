@@ -65,10 +65,21 @@ def completed(data: object) -> object:
     system_id = leader.get("system_id")
     if leader["follows"] == "adsb" and system_id is None:
         system_id = free_id(vehicles)
-    if isinstance(name, str) and name not in vehicles and system_id is not None:
-        vehicles[name] = {"system_id": system_id}
+    entry = vehicles.get(name) or {} if isinstance(name, str) else None
+    if isinstance(entry, Mapping) and system_id is not None:
+        vehicles[name] = {"system_id": system_id, **entry}
     path = data.get("path", {"type": "line", "course_deg": 0.0})
     return {**data, "leader": leader, "vehicles": vehicles, "path": path}
+
+
+def as_written(data: Mapping[str, Any]) -> dict[str, Any]:
+    """A complete mission, given as plain data, with the system id of such a leader written once."""
+    leader, vehicles = group(data, "leader"), dict(group(data, "vehicles"))
+    name = str(leader.get("vehicle"))
+    if is_foreign(data) and leader.get("system_id") is not None:
+        entry = group(vehicles, name)
+        vehicles[name] = {field: entry[field] for field in entry if field != "system_id"}
+    return {**data, "vehicles": vehicles}
 
 
 def free_id(vehicles: Mapping[str, object]) -> int:

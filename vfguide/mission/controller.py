@@ -156,18 +156,24 @@ def controller_of(content: Mapping[str, Any]) -> Controller:
     if name not in laws:
         raise unknown_law(name)
     model = controller_model(name, laws.find(name).Gains)
-    group = content.get(name)
-    fields = {**content, **group} if isinstance(group, Mapping) else dict(content)
+    fields = merged(content)
     unknown = [key for key in fields if key not in model.model_fields]
     others: dict[str, Any] = {}
     if unknown:
         known = gains_by_field() | dict.fromkeys(laws.names())
         others = {key: fields.pop(key) for key in unknown if key in known and key != name}
-    if isinstance(group, Mapping):
-        del fields[name]
     controller = model.model_validate(fields)
     controller.keep_for_other_laws(others)
     return controller
+
+
+def merged(content: Mapping[str, Any]) -> dict[str, Any]:
+    """The fields of a `controller:` with those of a group of its law's name among them."""
+    name = content.get("type", USUAL_LAW)
+    own = content.get(name) if isinstance(name, str) else None
+    if not isinstance(own, Mapping):
+        return dict(content)
+    return {field: value for field, value in content.items() if field != name} | dict(own)
 
 
 def with_law(content: Mapping[str, Any], name: str) -> dict[str, Any]:
@@ -176,10 +182,12 @@ def with_law(content: Mapping[str, Any], name: str) -> dict[str, Any]:
     Gains that have another meaning there are left out.
 
     Raises:
-        InputError: there is no law of one of both names.
+        InputError: there is no law of this name.
     """
-    before = laws.find(content.get("type", USUAL_LAW)).Gains
-    after = laws.find(name).Gains
+    law, after = content.get("type", USUAL_LAW), laws.find(name).Gains
+    if law not in laws:
+        return {**content, "type": name}
+    before = laws.find(law).Gains
     common = {
         field
         for section in before.__mro__

@@ -1,7 +1,7 @@
 """Faults of a mission file, and findings about what it says."""
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 from vfguide.errors import InputError
@@ -40,6 +40,8 @@ class Finding:
     """The mission file, where known."""
     line: int | None = None
     """Line of the field in it, where known."""
+    option: str | None = None
+    """The option of the command line that gave the field its value, if one did."""
 
     @property
     def field(self) -> str:
@@ -47,14 +49,15 @@ class Finding:
         return dotted(self.location)
 
     def placed(self, source: MissionSource) -> "Finding":
-        """This finding with its place in the mission file."""
-        return Finding(
-            self.severity,
-            self.location,
-            self.message,
-            self.remedy,
-            source.file,
-            source.line_of(self.location),
+        """This finding with its place in the mission file, or with the option that it comes from."""
+        option = source.option_of(self.location)
+        return replace(
+            self,
+            message=source.with_options(self.message),
+            remedy=source.with_options(self.remedy),
+            file=source.file if option is None else None,
+            line=source.line_of(self.location) if option is None else None,
+            option=option,
         )
 
     def as_json(self) -> dict[str, object]:
@@ -75,7 +78,8 @@ class Finding:
         """The finding in a line, with what it is before its field; nothing for a fault of a file."""
         place = ":".join(str(part) for part in (self.file, self.line) if part is not None)
         where = f"{place}: " if place else ""
-        subject = f"{shortened(self.field, 120)}: " if self.location else ""
+        field = self.option or self.field
+        subject = f"{shortened(field, 120)}: " if field else ""
         remedy = f"; {self.remedy}" if self.remedy else ""
         return printable(f"{where}{kind}{subject}{self.message}{remedy}")
 

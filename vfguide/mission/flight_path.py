@@ -46,12 +46,32 @@ def dotted(location: Location) -> str:
 
 @dataclass(frozen=True, slots=True)
 class MissionSource:
-    """The file a mission was read from, and the line of each of its fields."""
+    """The file a mission was read from, the line of each of its fields, and options instead of them."""
 
-    file: str
-    """The file, as messages name it."""
+    file: str | None
+    """The file, as messages name it; None of a mission that is no file's."""
     lines: Mapping[Location, int] = field(default_factory=dict)
     """Line of each field, counted from 1."""
+    options: Mapping[Location, str] = field(default_factory=dict)
+    """The option of the command line that gave a field its value."""
+
+    def option_of(self, location: Location) -> str | None:
+        """The option that gave a field its value, or made the group, with the way down from what it gave."""
+        for length in range(len(location), 0, -1):
+            if (option := self.options.get(location[:length])) is not None:
+                rest = dotted(location[length:])
+                return f"{option}, {rest}" if rest else option
+        if not location or location in self.lines:
+            return None
+        depth = len(location)
+        return next((one for at, one in self.options.items() if at[:depth] == location), None)
+
+    def with_options(self, text: str) -> str:
+        """A text that names fields, with the options of their own that gave them in their places."""
+        for place, option in self.options.items():
+            if not option.startswith("--set"):
+                text = text.replace(dotted(place), option)
+        return text
 
     def line_of(self, location: Location) -> int | None:
         """Line of a field; of the innermost group around it if the file leaves the field out."""

@@ -1,18 +1,21 @@
 """Reading mission files: a mission that can be flown, or everything that is wrong with the file."""
 
 import copy
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 from pydantic import ValidationError
 
 from vfguide.errors import InputError
+from vfguide.mission.consistency import as_written, inconsistencies
 from vfguide.mission.explain import explain
 from vfguide.mission.finding import Finding, MissionError
 from vfguide.mission.flight_path import Location, Misfit, MissionSource
 from vfguide.mission.model import Mission
+from vfguide.mission.overrides import DEFAULTS, Overrides, overridden
 from vfguide.mission.plan_file import read_plan
 from vfguide.mission.yaml_tree import MAX_NODES, Tree, read_tree
 from vfguide.regular_file import PipeOrDeviceError, open_regular
@@ -20,10 +23,10 @@ from vfguide.regular_file import PipeOrDeviceError, open_regular
 MAX_BYTES = 1024 * 1024
 """Far beyond any mission; what is larger is something else."""
 
-DEFAULTS = "defaults"
-"""Under `vehicles`: what all of them have that do not say otherwise."""
-
 PACKAGE = Path(__file__).parents[1]
+
+AS_WRITTEN = Overrides()
+"""Nothing instead of what a mission's file says."""
 
 SHIPPED_IN = (PACKAGE / "missions", PACKAGE.parent / "missions")
 """Where the missions that come along are: in an installed wheel, and in a checkout."""
@@ -55,24 +58,31 @@ def load_mission(path: Path) -> Mission:
     return read_mission(path).mission
 
 
-def read_mission(path: Path) -> LoadedMission:
+def read_mission(path: Path, overrides: Overrides = AS_WRITTEN) -> LoadedMission:
     """Read a mission file, and keep where in it each field stands.
+
+    Args:
+        path: of the file.
+        overrides: what the command line says instead.
 
     Raises:
         MissionError: the file cannot be read, or is no mission; lists every fault found.
+        InputError: an option names no law.
     """
-    return parse_mission(_read_bytes(path), file=str(path))
+    return parse_mission(_read_bytes(path), file=str(path), overrides=overrides)
 
 
-def parse_mission(content: bytes, *, file: str) -> LoadedMission:
+def parse_mission(content: bytes, *, file: str, overrides: Overrides = AS_WRITTEN) -> LoadedMission:
     """Read a mission from the bytes of a file.
 
     Args:
         content: what the file holds.
         file: the name messages give it.
+        overrides: what the command line says instead.
 
     Raises:
         MissionError: the bytes are no mission; lists every fault found.
+        InputError: an option names no law.
     """
     tree = read_tree(_decode(content, file), file)
     if not isinstance(tree.data, dict):
@@ -82,17 +92,78 @@ def parse_mission(content: bytes, *, file: str) -> LoadedMission:
         )
     spread = spread_defaults(tree, file)
     source = MissionSource(file, tree.lines)
-    _read_plans_of(tree.data, source)
-    faults = [*tree.faults]
+    return _validated(tree.data, source, overrides, spread=spread, faults=tree.faults)
+
+
+def with_overrides(mission: Mission, overrides: Overrides) -> Mission:
+    """Make a mission with what the command line says in the place of some fields of another.
+
+    Raises:
+        MissionError: it is no mission; lists every fault found.
+        InputError: an option names no law.
+    """
+    if overrides == AS_WRITTEN:
+        return mission
+    data = as_written(mission.model_dump(exclude_unset=True))
+    return _validated(data, MissionSource(None), overrides).mission
+
+
+def _validated(
+    data: dict[str, Any],
+    source: MissionSource,
+    overrides: Overrides,
+    *,
+    spread: Mapping[Location, Location] = MappingProxyType({}),
+    faults: Iterable[Finding] = (),
+) -> LoadedMission:
+    """Validate the one mission that a file and the command line make.
+
+    Args:
+        data: of the file, as plain data.
+        source: of the file's fields.
+        overrides: what the command line says instead.
+        spread: where fields of vehicles stand that come from `vehicles.defaults`.
+        faults: of the file, found so far.
+
+    Raises:
+        MissionError: it is no mission; lists every fault found.
+        InputError: an option names no law.
+    """
+    changed = overridden(data, overrides)
+    source = replace(source, options=changed.options)
+    _read_plans_of(changed.data, source)
+    found = [*faults, *changed.faults]
     mission = None
     try:
-        mission = Mission.model_validate(tree.data)
+        mission = Mission.model_validate(changed.data)
     except ValidationError as error:
-        faults += [fault_of(source, one) for one in explain(error, tree.data)]
-        faults = [*dict.fromkeys(where_it_stands(one, spread) for one in faults)]
-    if mission is None or faults:
-        raise MissionError(_in_order(faults))
+        misfits = explain(error, changed.data)
+        new = {*inconsistencies(changed.data)} - {*inconsistencies(data)}
+        for one in misfits:
+            fault = where_it_stands(fault_of(source, one), spread)
+            if fault.option is None and (cause := cause_in(source, one, between=one in new)):
+                fault = replace(fault, message=f"{fault.message} (with {cause})")
+            found.append(fault)
+    if mission is None or found:
+        raise MissionError(_in_order(dict.fromkeys(found)))
     return LoadedMission(mission, source)
+
+
+def cause_in(source: MissionSource, misfit: Misfit, *, between: bool) -> str:
+    """Return the options that may have made a misfit of a field that they did not give.
+
+    Args:
+        source: of the fields.
+        misfit: that is none of an option's own field.
+        between: whether the field contradicts others, which agreed without the options.
+    """
+    at, options = misfit.location, source.options.items()
+    near = [name for place, name in options if at[: len(place) - 1] == place[:-1]]
+    if between:
+        near = [name for place, name in options if at[:1] == place[:1]] or [
+            *source.options.values()
+        ]
+    return ", ".join(dict.fromkeys(near))
 
 
 def _read_plans_of(data: dict[str, Any], source: MissionSource) -> None:
@@ -118,7 +189,8 @@ def _with_plan(path: object, place: Location, source: MissionSource) -> object:
     if not isinstance(path, dict) or path.get("type") != "plan" or "contents" in path:
         return path
     name = path.get("file")
-    if not isinstance(name, str):
+    # A plan that the command line names lies where the command runs, and is read with its path.
+    if not isinstance(name, str) or source.file is None or source.option_of((*place, "file")):
         return path
     try:
         # A mission that comes along is known by its name alone.
@@ -165,7 +237,7 @@ def spread_defaults(tree: Tree, file: str) -> dict[Location, Location]:
 
 def where_it_stands(fault: Finding, spread: Mapping[Location, Location]) -> Finding:
     """The fault of a vehicle's field at the place in the file that it comes from."""
-    place = spread.get(fault.location[:3])
+    place = None if fault.option else spread.get(fault.location[:3])
     return fault if place is None else replace(fault, location=(*place, *fault.location[3:]))
 
 
@@ -209,5 +281,5 @@ def _error(file: str, message: str, remedy: str, line: int | None = None) -> Mis
     return MissionError((Finding("error", (), message, remedy, file, line),))
 
 
-def _in_order(faults: list[Finding]) -> tuple[Finding, ...]:
+def _in_order(faults: Iterable[Finding]) -> tuple[Finding, ...]:
     return tuple(sorted(faults, key=lambda fault: fault.line or 0))

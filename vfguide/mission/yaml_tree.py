@@ -22,6 +22,7 @@ MERGE = "<<"
 """The key whose value's fields become the group's own, where the group does not have them."""
 
 _INTEGER = re.compile(r"[-+]?[0-9]+", re.ASCII)
+_HEXADECIMAL = re.compile(r"0x[0-9a-fA-F]+", re.ASCII)
 _FLOAT = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?", re.ASCII)
 _NOT_FINITE = re.compile(r"[-+]?\.(inf|Inf|INF)|\.(nan|NaN|NAN)")
 _WORDS: dict[str, bool | None] = {
@@ -251,6 +252,8 @@ def plain_value(text: str) -> object:
         return _WORDS[text]
     if _INTEGER.fullmatch(text) and len(text) <= MAX_DIGITS:
         return int(text)
+    if _HEXADECIMAL.fullmatch(text) and len(text) <= MAX_DIGITS:
+        return int(text, 16)
     if _FLOAT.fullmatch(text) or _INTEGER.fullmatch(text):
         return float(text)
     if _NOT_FINITE.fullmatch(text):

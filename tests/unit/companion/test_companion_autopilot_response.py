@@ -10,7 +10,6 @@ from tests.kit.flight import fly
 from tests.kit.missions import plan_of, shipped
 from tests.kit.states import reported
 from vfguide.commands.check import lowered_in
-from vfguide.commands.overrides import Overrides, apply_overrides, parse_settings
 from vfguide.companion.guided_vehicle import lowered_gains
 from vfguide.companion.learned_response import ResponseLearner
 from vfguide.companion.mission_plan import adapter_of, flight_plan
@@ -29,6 +28,8 @@ from vfguide.guidance.response import AS_DECLARED, UNKNOWN
 from vfguide.mavlink.parameters import AutopilotResponse
 from vfguide.mavlink.reports import ParameterReport
 from vfguide.mission import Mission
+from vfguide.mission.load import with_overrides
+from vfguide.mission.overrides import Overrides, parse_settings
 
 WORDS = "flown by the autopilot's own parameters"
 LIMITS = "12 to 32 m/s, 45 degrees of bank"
@@ -316,7 +317,7 @@ SETTINGS = [
 
 def mission_of(*settings: str, controller: str | None = None) -> Mission:
     given = Overrides(controller=controller, settings=parse_settings([*SETTINGS, *settings]))
-    return apply_overrides(shipped("line-calm"), given)
+    return with_overrides(shipped("line-calm"), given)
 
 
 def test_what_is_flown_in_the_place_of_a_gain_is_said_with_both_numbers():

@@ -10,9 +10,10 @@ from msgspec.structs import replace
 
 from tests.kit.flight import fly
 from tests.kit.missions import shipped
-from vfguide.commands.overrides import Overrides, apply_overrides, parse_settings
 from vfguide.guidance.air_data import Calibration, TurnEfficiency, calibrated, learned
 from vfguide.guidance.airframe import BankLimit, BankMoment
+from vfguide.mission.load import with_overrides
+from vfguide.mission.overrides import Overrides, parse_settings
 
 PERIOD = 0.1
 
@@ -80,7 +81,7 @@ def test_a_greater_bank_ends_what_was_taken_for_a_limit():
 
 def test_an_aircraft_that_banks_less_than_its_mission_says_is_flown_by_what_it_does():
     settings = ["rehearsal.emulator.max_bank_deg=22", "rehearsal.duration_s=60", "wind.type=calm"]
-    mission = apply_overrides(shipped("circle-wind"), Overrides(settings=parse_settings(settings)))
+    mission = with_overrides(shipped("circle-wind"), Overrides(settings=parse_settings(settings)))
     heard = [text for text in fly(mission).texts() if text.startswith("it banks no further than")]
     assert heard
     assert len(heard) <= 4

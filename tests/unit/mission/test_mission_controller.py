@@ -6,11 +6,12 @@ import pytest
 from pydantic import ValidationError
 
 from tests.kit.missions import faults_of, line_of, loaded, mission_with, shipped, text_of
-from vfguide.commands.overrides import Overrides, apply_overrides, parse_settings
 from vfguide.errors import InputError
 from vfguide.laws.field import told_apart
 from vfguide.mission import Mission, check_mission
 from vfguide.mission.controller import controller_of, with_law
+from vfguide.mission.load import with_overrides
+from vfguide.mission.overrides import Overrides, parse_settings
 
 CIRCLE = shipped("circle-wind")
 
@@ -43,13 +44,13 @@ def test_gains_of_another_law_do_not_count():
 def test_a_loaded_mission_is_flown_by_another_law_with_the_gains_that_its_file_has_for_it():
     groups = ("k_x: 0.42", "k_x: 0.42, pid: {lateral_p_rad_m: 0.3}")
     mission = loaded(text_of("circle-wind", groups)).mission
-    other = apply_overrides(mission, Overrides(controller="pid"))
+    other = with_overrides(mission, Overrides(controller="pid"))
     assert other.controller.lateral_p_rad_m == 0.3
     # And back again; the field's gains were flat, and have no meaning for a PID.
-    assert apply_overrides(other, Overrides(controller="slot")).controller.k_x == 0.2
+    assert with_overrides(other, Overrides(controller="slot")).controller.k_x == 0.2
     # A value of the command line goes before the group of the file.
     asked = Overrides(controller="pid", settings=((("controller", "lateral_p_rad_m"), 0.5),))
-    assert apply_overrides(mission, asked).controller.lateral_p_rad_m == 0.5
+    assert with_overrides(mission, asked).controller.lateral_p_rad_m == 0.5
     assert pickle.loads(pickle.dumps(mission)) == mission  # noqa: S301 - of this test's own making
 
 
@@ -64,7 +65,7 @@ def test_what_is_no_group_is_refused_under_a_laws_name():
 def test_what_the_command_line_puts_in_the_place_of_a_group_is_refused_by_its_option(settings):
     option = f"--set {settings[-1].partition('=')[0]}:"
     with pytest.raises(InputError, match=option):
-        apply_overrides(CIRCLE, Overrides(settings=parse_settings(settings), duration_s=60.0))
+        with_overrides(CIRCLE, Overrides(settings=parse_settings(settings), duration_s=60.0))
 
 
 def test_for_another_law_a_gain_of_the_same_name_does_not_count():

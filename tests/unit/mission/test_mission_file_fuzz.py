@@ -9,7 +9,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from tests.kit.missions import MISSION_FILES, loaded
-from vfguide.mission import MissionError, check_mission
+from vfguide.mission import MissionError, check_mission, parse_mission
+from vfguide.mission.overrides import Overrides
 
 MISSIONS = [file.read_bytes() for file in MISSION_FILES]
 TREES = [yaml.safe_load(content) for content in MISSIONS]
@@ -55,7 +56,7 @@ def expect_printable(error: MissionError) -> None:
     assert len(lines) == len(error.faults) > 0
     for line in lines:
         assert line.isprintable()
-        assert line.startswith("m.yaml")
+        assert line.startswith(("m.yaml", "--"))
         assert line.encode()
 
 
@@ -109,6 +110,40 @@ def test_missions_with_numbers_changed(data):
         group, key = data.draw(st.sampled_from(places))
         group[key] = data.draw(st.floats(-400, 400) | st.integers(0, 300) | st.just(1e-6))
     read_and_check(as_yaml(tree))
+
+
+@bounded
+@given(st.data())
+def test_missions_with_fields_of_the_command_line(data):
+    tree = copy.deepcopy(data.draw(st.sampled_from(TREES)))
+    places = [*locations(tree)]
+    if data.draw(st.booleans()):
+        mutate(tree, data)
+    step = names.filter(bool) | st.integers(-1, 5)
+    further = st.lists(step, max_size=2).map(tuple)
+    place = st.sampled_from(places).flatmap(lambda at: further.map(lambda more: (*at, *more)))
+    given = data.draw(st.lists(st.tuples(place, structures), max_size=3))
+    overrides = Overrides(
+        settings=tuple(given),
+        controller=data.draw(st.sampled_from([None, "pid", "article exact"])),
+        plant=data.draw(st.sampled_from([None, "bank", "course-hold", "no such plant"])),
+        duration_s=data.draw(st.none() | st.floats()),
+    )
+    try:
+        read = parse_mission(as_yaml(tree), file="m.yaml", overrides=overrides)
+    except MissionError as error:
+        expect_printable(error)
+    else:
+        for finding in check_mission(read.mission, read.source):
+            assert str(finding).isprintable()
+            assert finding.line is not None or finding.option is not None
+
+
+def locations(tree: object, outer: tuple[Any, ...] = ()) -> Iterable[tuple[Any, ...]]:
+    """Return the way down to each entry of the tree."""
+    for key, value in entries(tree):
+        yield (*outer, key)
+        yield from locations(value, (*outer, key))
 
 
 Place = tuple[Any, Any]

@@ -1,0 +1,236 @@
+"""What the command line says instead of a mission's file: put into plain data, before it is validated."""
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+from vfguide.errors import InputError
+from vfguide.mission.consistency import DEFAULT_NAME, group, is_foreign
+from vfguide.mission.controller import merged, with_law
+from vfguide.mission.explain import described
+from vfguide.mission.finding import Finding, MissionError
+from vfguide.mission.flight_path import Location, dotted
+from vfguide.mission.yaml_tree import read_tree
+
+SpeedResponseName = Literal["first-order", "tecs", "px4", "px4-untrimmed"]
+WindName = Literal["calm", "article"]
+
+EXACT = "exact"
+"""Behind the name of a law: its gains as they are written, whatever the aircraft bears."""
+
+DEFAULTS = "defaults"
+"""Under `vehicles`: what all of them have that do not say otherwise."""
+
+FIELD = re.compile(r"[^.\[\]]+(\.[^.\[\]]+|\[[^.\[\]]+\])*")
+"""Such as `followers[0].slot.forward_m`."""
+
+INDEX = re.compile(r"-?[0-9]{1,9}", re.ASCII)
+"""Of an entry of a list."""
+
+EMULATOR = ("rehearsal", "emulator")
+LAW: Location = ("controller", "type")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Overrides:
+    """What the command line says; None leaves the file's word."""
+
+    controller: str | None = None
+    """Instead of `controller.type`."""
+    settings: tuple[tuple[Location, object], ...] = ()
+    """Values instead of those of any fields; their order does not matter."""
+    plant: str | None = None
+    """Instead of every vehicle's `plant`; all but the holds are flown as `rehearsal.emulator.plant`."""
+    speed_response: SpeedResponseName | None = None
+    """Instead of `rehearsal.emulator.speed_response`."""
+    wind: WindName | None = None
+    """Instead of `wind`."""
+    duration_s: float | None = None
+    """Instead of `rehearsal.duration_s`."""
+    rate_hz: float | None = None
+    """Instead of `rehearsal.rate_hz`."""
+    seed: int | None = None
+    """Instead of `rehearsal.seed`."""
+
+
+@dataclass(slots=True)
+class Overridden:
+    """A mission as plain data with the command line's word in it, valid or not."""
+
+    data: dict[str, Any]
+    """Groups and lists that are changed are copies."""
+    options: dict[Location, str] = field(default_factory=dict)
+    """The option that each changed field comes from."""
+    faults: list[Finding] = field(default_factory=list)
+    """Options that have no place in the mission, or say something twice."""
+    _given: dict[Location, str] = field(default_factory=dict)
+    """Places that options have named so far."""
+
+    def set(self, option: str, place: Location, value: object) -> None:
+        """Put the value of an option at a place; one under `vehicles.defaults` into every vehicle."""
+        if (before := self._given.get(place)) is not None:
+            message = "is given twice" if before == option else f"{before} says it already"
+            self._refuse(option, place, message, "give it once")
+            return
+        self._given[place] = option
+        if place[:2] == ("vehicles", DEFAULTS) and len(place) > 2:
+            for name in flown(self.data):
+                self._put(option, ("vehicles", name, *place[2:]), value)
+        elif place == LAW and isinstance(value, str) and self.has_controller:
+            self._put_law(option, value)
+        else:
+            self._put(option, place, value)
+
+    @property
+    def has_controller(self) -> bool:
+        """Whether `controller` is a group, or absent."""
+        return isinstance(self.data.get("controller", {}), dict)
+
+    def emulate(self, option: str, name: str, value: object) -> None:
+        """Give all emulated aircraft the same value, whatever single ones have."""
+        self.set(option, (*EMULATOR, name), value)
+        for vehicle, own in group(self.data, *EMULATOR, "vehicles").items():
+            if name in group(own):
+                left = {one: value for one, value in group(own).items() if one != name}
+                self._put(option, (*EMULATOR, "vehicles", vehicle), left)
+
+    def _put_law(self, option: str, name: str) -> None:
+        law, _, manner = name.partition(" ")
+        exact = {"exact": True} if manner.strip() == EXACT else {}
+        try:
+            fields = with_law(group(self.data, "controller"), law if exact else name)
+        except InputError as error:
+            raise InputError(f"{option} {error}") from error
+        self.data["controller"] = fields | exact
+        self.options[LAW] = option
+
+    def _put(self, option: str, place: Location, value: object) -> None:
+        here: Any = self.data
+        for depth, step in enumerate(place):
+            key: str | int = str(step) if isinstance(here, dict) else step
+            fault = misstep(here, place[:depth], key, is_index=isinstance(step, int))
+            if fault is not None:
+                self._refuse(option, place, *fault)
+                return
+            if depth == len(place) - 1:
+                here[key] = value
+                break
+            inner = here.get(key) if isinstance(here, dict) else here[key]
+            if inner is None:
+                inner = [] if isinstance(place[depth + 1], int) else {}
+            elif isinstance(inner, list | tuple):
+                inner = [*inner]
+            elif isinstance(inner, dict):
+                inner = {**inner}
+            here[key] = inner
+            here = inner
+        self.options[place] = option
+
+    def _refuse(self, option: str, place: Location, message: str, remedy: str) -> None:
+        self.faults.append(Finding("error", place, message, remedy, option=option))
+
+
+def misstep(
+    here: object, outer: Location, step: str | int, *, is_index: bool
+) -> tuple[str, str] | None:
+    """Return what is wrong with a step down from a value, and the remedy; None where it leads on.
+
+    Args:
+        here: the value.
+        outer: its place.
+        step: the next one; text where the value is a group.
+        is_index: whether it was written as a number.
+    """
+    name = dotted(outer)
+    if isinstance(here, dict):
+        if not is_index or step in here:
+            return None
+        known = f"name one of: {', '.join(map(str, here))}" if here else "give the list as a whole"
+        return f"there is no entry {step} in {name}", known
+    if not isinstance(here, list):
+        return f"{name} is {described(here)}, which has no fields", f"give --set {name}=VALUE"
+    if isinstance(step, int) and 0 <= step < len(here):
+        return None
+    indices = (index for index, one in enumerate(here) if group(one).get("vehicle") == step)
+    if (index := next(indices, None)) is not None:
+        return f"{name} is a list", f"write {name}[{index}] for '{step}'"
+    entries = " or ".join(dict.fromkeys((f"{name}[0]", f"{name}[{len(here) - 1}]")))
+    if len(here) > 2:
+        entries = entries.replace(" or ", " to ")
+    remedy = f"write {entries}" if here else f"give the list as a whole: {name}=[…]"
+    return f"there is no entry {step} in {name}, a list of {len(here)}", remedy
+
+
+def overridden(data: Mapping[str, Any], overrides: Overrides) -> Overridden:
+    """Return a mission, given as plain data, with the overrides in it.
+
+    Raises:
+        InputError: there is no law of a name.
+    """
+    found = Overridden(dict(data))
+    if "controller" in data and found.has_controller:
+        # What is set goes before a group of the law's name, too.
+        found.data["controller"] = merged(data["controller"])
+    if overrides.controller is not None:
+        found.set("--controller", LAW, overrides.controller)
+    if overrides.plant is not None:
+        # A companion takes the others for what they resemble: a hold of heading and airspeed.
+        banks = overrides.plant not in {"heading-hold", "course-hold"}
+        hold = "heading-hold" if banks else overrides.plant
+        found.set("--plant", ("vehicles", DEFAULTS, "plant"), hold)
+        found.emulate("--plant", "plant", overrides.plant if banks else None)
+    if overrides.speed_response is not None:
+        found.emulate("--speed-response", "speed_response", overrides.speed_response)
+    if overrides.wind is not None:
+        found.set("--wind", ("wind",), {"type": overrides.wind})
+    for option, name in (("--duration", "duration_s"), ("--rate", "rate_hz"), ("--seed", "seed")):
+        if (value := getattr(overrides, name)) is not None:
+            found.set(option, ("rehearsal", name), value)
+    for place, value in sorted(overrides.settings, key=lambda one: precedence(one[0])):
+        found.set(f"--set {dotted(place)}", place, value)
+    return found
+
+
+def precedence(place: Location) -> tuple[int, bool, bool]:
+    """Return what puts a group before its fields, the law before its gains, defaults before a vehicle."""
+    return len(place), place != LAW, place[:2] != ("vehicles", DEFAULTS)
+
+
+def flown(data: Mapping[str, Any]) -> Iterator[str]:
+    """The names of all vehicles, with that of a leader which needs no entry."""
+    vehicles = group(data, "vehicles")
+    yield from vehicles
+    leader = group(data, "leader").get("vehicle", DEFAULT_NAME)
+    if is_foreign(data) and isinstance(leader, str) and leader not in vehicles:
+        yield leader
+
+
+def parse_settings(texts: Sequence[str]) -> tuple[tuple[Location, object], ...]:
+    """Fields and values of `FIELD=VALUE`: values as in a mission file, fields such as `followers[0].slot`.
+
+    Raises:
+        InputError: a text is no such thing.
+    """
+    found = []
+    for text in texts:
+        name, equals, value = (part.strip() for part in text.partition("="))
+        if not equals or not FIELD.fullmatch(name):
+            raise InputError(f"--set {text}: write FIELD=VALUE, such as controller.k_x=0.3")
+        try:
+            tree = read_tree(value)
+        except MissionError as error:
+            fault = error.faults[0]
+        else:
+            if not tree.faults:
+                found.append((place_of(name), tree.data))
+                continue
+            fault = tree.faults[0]
+        raise InputError(f"--set {text}: {fault.message}; write the value as in a mission file")
+    return tuple(found)
+
+
+def place_of(name: str) -> Location:
+    """The place of a field such as `followers[0].slot.forward_m`."""
+    steps = name.replace("[", ".").replace("]", "").split(".")
+    return tuple(int(step) if INDEX.fullmatch(step) else step for step in steps)
