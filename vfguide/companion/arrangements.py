@@ -316,8 +316,13 @@ class Arrangements:
             return
         if reply.verdict is Verdict.UNKNOWN:
             self._note_older(vehicle, reply.number, now)
-        elif self._next is not None and self._next.identity == (reply.number, reply.check):
+        elif self._next is None or reply.number != self._next.arrangement.number:
+            return
+        elif reply.check == self._next.check:
             self._answers[vehicle] = reply
+        elif vehicle == self.coordinator and reply.verdict is not Verdict.REFUSED:
+            # States carry the number alone: by it this one would seem to be confirmed.
+            self._void(self._next, "the leader was given another order of this number")
 
     def hear(self, vehicle: str, state: HeardState | None, now: float) -> None:
         """Take the number that another vehicle flies by."""
@@ -329,10 +334,10 @@ class Arrangements:
         self._numbers[vehicle] = (number, state.steered, now)
         self._places[vehicle] = (state.north, state.east)
         order = self._next
-        # A deputy may hear of a decision by another vehicle that has heard it of a leader that is lost since.
-        decides = vehicle == self.coordinator or self._plan.lead is not None
-        if order is not None and decides and number == order.arrangement.number:
-            order.confirmed = True
+        # Of a leader that is lost since it has decided two others tell: one alone may make that up.
+        if order is not None and not order.confirmed:
+            newest = self._newest(now, lone=False)
+            order.confirmed = self.coordinator if newest == order.arrangement.number else ""
         self._note_older(vehicle, number, now)
 
     def step(self, now: float) -> None:
@@ -348,7 +353,7 @@ class Arrangements:
             self._decide(order, time_s, now)
         if order.confirmed:
             if time_s >= due_s:
-                self._begin(order, now)
+                self._begin_confirmed(order, now)
         elif leads:
             if time_s >= due_s - SETTLE_S:
                 self._void(order, self._missing(order, now, closing=True))
@@ -446,7 +451,7 @@ class Arrangements:
         """As the leader: once enough have agreed in time, it is certain."""
         left_s = order.arrangement.time_s - time_s
         if left_s > SETTLE_S and not self._missing(order, now, closing=left_s <= VOTE_S):
-            order.confirmed = True
+            order.confirmed = self.coordinator
             silent = self._missing(order, now, closing=False)
             agreed = f"most have agreed; {silent}" if silent else "all have agreed"
             self._say(f"order {order.arrangement.number}: {agreed}")
@@ -464,6 +469,19 @@ class Arrangements:
         """Why a vehicle has not agreed, in words."""
         reply = self._answers.get(vehicle)
         return f"{vehicle} does not answer" if reply is None else f"{vehicle}: {reply.text or 'no'}"
+
+    def _begin_confirmed(self, order: KnownOrder, now: float) -> None:
+        """Fly it, unless a leader that is lost since told this vehicle alone, and not who leads now."""
+        told = [
+            vehicle
+            for vehicle, (number, _, time_s) in self._numbers.items()
+            if number >= order.arrangement.number and now - time_s <= HEARD_S
+        ]
+        lone = self.coordinator not in told and not set(told) - {order.confirmed}
+        if lone and self._leader_is_heard(now):
+            self._void(order, "who leads now has not confirmed it")
+        else:
+            self._begin(order, now)
 
     def _leader_is_heard(self, now: float) -> bool:
         heard = self._numbers.get(self.coordinator)

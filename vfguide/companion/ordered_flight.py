@@ -61,8 +61,8 @@ class KnownOrder:
     """As it came, to be repeated."""
     check: int
     """CRC-32 of its bytes: what it is told by from another of the same number."""
-    confirmed: bool = False
-    """Whether the leader has said that it is flown."""
+    confirmed: str = ""
+    """The leader that has said that it is flown."""
     offset_s: float = math.nan
     """The formation's clock by which it is flown, less one's own, s; infinite once its motions are over."""
 

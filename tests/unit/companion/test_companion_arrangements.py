@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from msgspec.structs import replace
 
-from tests.kit.missions import plan_of
+from tests.kit.missions import plan_of, replaced
 from tests.kit.orders import (
     NAMES,
     SLOTS,
@@ -28,6 +28,8 @@ from tests.kit.orders import (
     ordered,
 )
 from vfguide.companion.arrangements import Arrangements
+from vfguide.companion.mission_plan import flight_plan
+from vfguide.companion.plan import FlightPlan
 from vfguide.companion.timing import SAME_CLOCK, SharedClock
 from vfguide.formation.arrangement import (
     Arrangement,
@@ -350,7 +352,56 @@ def test_two_orders_of_one_number_are_not_both_flown():
     assert formation.flown == dict.fromkeys(NAMES, 0)
     for check in (check_of(first), check_of(second)):
         verdicts = {reply.verdict for _, reply in formation.said if reply.check == check}
-        assert verdicts == {Verdict.READY, Verdict.REFUSED, Verdict.VOID}
+        # Who hears that the leader has the other one agrees to its own no more.
+        assert verdicts - {Verdict.READY} == {Verdict.REFUSED, Verdict.VOID}
+
+
+def test_who_holds_another_order_of_the_number_that_the_leader_confirms_flies_the_leaders():
+    formation = begun()
+    out = {name: Point(1.5 * slot.forward, slot.right) for name, slot in SLOTS.items()}
+    kept = {name: slot for name, slot in SLOTS.items() if name != "f1"}
+    lone = {name: slot for name, slot in SLOTS.items() if name != "f3"}
+    given, other = (
+        encode_order(order_of(*moves(rest | {name: out[name]})))
+        for rest, name in ((kept, "f1"), (lone, "f3"))
+    )
+    for name, member in formation.members.items():
+        data = other if name == "f3" else given
+        member.receive_order(data, data, 5.0)
+    formation.run(30.0)
+    checks = {name: one.flight.order.check for name, one in formation.members.items()}
+    assert checks == dict.fromkeys(NAMES, check_of(given))
+
+
+def led_by_any(vehicle: str) -> FlightPlan:
+    """The part of a vehicle in a mission that f1 and f2 may lead, too."""
+    return flight_plan(replaced("line-calm", deputies=["f1", "f2"]), vehicle)
+
+
+def test_a_void_order_is_flown_by_nobody_whatever_one_vehicle_says():
+    formation = begun(plan=led_by_any, silent={"f2"})
+    formation.give(further(SLOTS))
+    while formation.now < 14.0:
+        formation.run(formation.now + 0.25)
+        for name in ("leader", "f1", "f2"):
+            formation.members[name].hear("f3", heard(formation.now, 1), formation.now)
+    assert formation.flown == dict.fromkeys(NAMES, 0)
+
+
+@pytest.mark.parametrize(("told", "flies"), [(["f2"], 0), (["f1", "f2"], 1), (["f2", "f3"], 1)])
+def test_what_a_leader_has_confirmed_that_is_lost_since_is_flown_by_all_or_by_nobody(told, flies):
+    def lost(kind: str, sender: str, to: str, _: float) -> bool:
+        if kind == "reply":
+            # Who leads after it could not decide anew.
+            return (sender, to) == ("f3", "f1")
+        return (kind, sender) == ("state", "leader") and to not in told
+
+    formation = ordered(further(SLOTS), until_s=9.0, plan=led_by_any, lost=lost)
+    formation.silent.add("leader")
+    for name in NAMES[1:]:
+        formation.members[name].coordinator = "f1"
+    formation.run(30.0)
+    assert [formation.flown[name] for name in NAMES[1:]] == [flies] * 3
 
 
 @pytest.mark.parametrize(
