@@ -1,12 +1,13 @@
-"""How near any two come in random orders, successions and losses, in lockstep through MAVLink bytes.
+"""How near any two come in random orders, successions, losses and attacks, through MAVLink and link bytes.
 
 Run with `.venv/bin/python -m tests.benchmarks.random_orders [--orders 1000] [--seed 1] [--first 0]`.
 Each flight has 4 to 6 aircraft along a circle, a line or a route of waypoints in the article's wind, and a
 dozen orders: shapes, spacings, swaps, slots, leave and join, hold and resume, another path, another leader.
-In about every sixth a companion dies, mostly the leader's, and comes back within 20 s. An order is worked out
+In every eighth a companion dies, mostly the leader's, and comes back within 20 s. In every fourth somebody
+attacks with a member's key for some seconds, in a form of `tests.benchmarks.insiders`. An order is worked out
 by the operator's program from what it hears (`vfguide.lab.order_desk.OrderDesk`) and given where that accepts
 it; with --rehearse it is flown in virtual time first, as `vfguide order` does. Flight k of a seed is the same
-whatever is flown before it: --first begins with a later one.
+whatever is flown before it: --first begins with a later one. It fails if anybody flies what nobody ordered.
 """
 
 import argparse
@@ -17,12 +18,15 @@ from dataclasses import dataclass, field
 from random import Random
 
 import numpy as np
+from msgspec.structs import replace
 
+from tests.benchmarks.insiders import Insider, drawn_attack, strays
 from tests.benchmarks.orders import mission_of
 from tests.benchmarks.results import append, row
 from tests.kit.figures import tell
 from tests.kit.missions import replaced
 from tests.kit.orders import overhear
+from tests.kit.signed_flight import SignedFlight
 from vfguide.errors import VfguideError
 from vfguide.formation.arrangement import Arrangement, Manoeuvre, Point
 from vfguide.formation.orders import EPOCH_S, Formation, Order, new_number
@@ -30,12 +34,10 @@ from vfguide.formation.shapes import SHAPES
 from vfguide.formation.transition import RefusedOrderError
 from vfguide.lab.order_desk import OrderDesk
 from vfguide.lab.ordering import DECIDED
-from vfguide.lab.rehearsal.aircraft import OPERATOR, Aircraft, Candidates
-from vfguide.lab.rehearsal.recorder import flight_record
 from vfguide.lab.report.figures import settling_time
 from vfguide.lab.report.geometry import pair_separations, slot_error
 from vfguide.lab.studies.order import rehearsed
-from vfguide.link.memory import Mail
+from vfguide.link.envelope import Kind
 from vfguide.link.order_codec import Verdict, check_of, encode_order
 from vfguide.mission.model import Mission
 from vfguide.mission.order_plan import resolve
@@ -55,10 +57,10 @@ AGAIN_S = 2.0
 LONGEST_S = 150.0
 """A flight takes no longer than this for each order."""
 PER_FLIGHT = 12
-KILLED = 1.0 / 6.0
-"""Share of orders in which a companion dies."""
+KILLED, ATTACKED = 1.0 / 8.0, 1.0 / 4.0
+"""Shares of orders in which a companion dies, and in which somebody attacks."""
 SHAKEN_S = 45.0
-"""So long after a companion has come back what happens is put down to its loss."""
+"""So long after a companion has come back, or an attack, what happens is put down to that."""
 
 CIRCLE = {"type": "circle", "centre": {"north_m": 300, "east_m": 0}, "radius_m": 300, "gain": 0.015}
 LINE = {"type": "line", "point": {"north_m": 0, "east_m": 0}, "course_deg": 45, "gain": 0.03}
@@ -81,7 +83,6 @@ class Given:
     awaited: frozenset[str]
     verdict: Verdict | None = None
     reason: str = ""
-    killed: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,6 +104,8 @@ class Tally:
     refused: Counter[str] = field(default_factory=Counter)
     kinds: Counter[str] = field(default_factory=Counter)
     killed: int = 0
+    attacks: Counter[str] = field(default_factory=Counter)
+    strays: Counter[str] = field(default_factory=Counter)
     flights: int = 0
     flown_s: float = 0.0
     settled_s: dict[str, list[float]] = field(default_factory=dict)
@@ -175,20 +178,14 @@ class Sortie:
         """Put everybody into the air."""
         self.random, self.tally, self.rehearse = random, tally, rehearse
         self.mission = drawn_mission(random)
-        self.names = [self.mission.leader.vehicle, *self.mission.followers_by_name]
-        # The operator's mail comes with everybody else's.
-        self.aircraft = {
-            name: Aircraft(self.mission, name, orders=[(math.inf, b"")]) for name in self.names
-        }
-        may_lead = (self.mission.leader.vehicle, *self.mission.deputies)
-        self._candidates = Candidates([self.aircraft[name] for name in may_lead])
-        self._rest = [one for name, one in self.aircraft.items() if name not in may_lead]
+        self.flight = SignedFlight(self.mission)
+        self.names, self.aircraft = self.flight.names, self.flight.aircraft
         self.now = 0.0
-        self.times: list[float] = []
         self.desk = OrderDesk(self.mission, clock=lambda: self.now)
         self.given: list[Given] = []
         self.losses: list[Loss] = []
-        self._mail = list[Mail]()
+        self.attacks: list[tuple[float, float, Insider]] = []
+        self._ordered = set[tuple[int, int]]()
         self._next_s = FIRST_S
         self._said_s = -math.inf
         self._kill: tuple[float, float] | None = None
@@ -200,6 +197,7 @@ class Sortie:
             self.step()
             self.operate(count)
             self.kill()
+            self.attack()
 
     def is_over(self, count: int) -> bool:
         """Whether so many orders were given, and all slots are at rest."""
@@ -208,18 +206,18 @@ class Sortie:
 
     def step(self) -> None:
         """One turn of everybody."""
-        self.now = len(self.times) / RATE_HZ
-        mail, order = self._mail, self.given[-1] if self.given else None
+        order = self.given[-1] if self.given else None
         if order is not None and order.verdict is None and self.now >= self._said_s + REPEAT_S:
             self._said_s = self.now
-            mail = [*mail, (OPERATOR, order.data)]
-        at_once, later = self._candidates.step(self.now, mail)
-        for one in self._rest:
-            later += one.step(self.now, [*mail, *at_once])
-        self._mail = later
-        for sender, data in (*at_once, *later):
+            self.flight.operator.member.say(Kind.ORDER, order.data)
+        heard = self.flight.step()
+        self.now = self.flight.now
+        for sender, data in heard:
             overhear(self.desk, sender, data)
-        self.times.append(self.now)
+        for name, text in strays(self.flight, self._ordered).items():
+            self.tally.strays[f"{text}; {self.order_at(self.now)}"] += 1
+            # Told once.
+            self._ordered.add(self.aircraft[name].companion._arrangements.flight.order.identity)  # noqa: SLF001
 
     def operate(self, count: int) -> None:
         """See what becomes of the order that is given, and give the next one when its time has come."""
@@ -254,11 +252,36 @@ class Sortie:
         awaited = frozenset(self.desk.awaited_from(formation, found))
         self.desk.given, self.desk.replies = (found.number, check_of(data)), {}
         self.desk.note_order(found)
+        self._ordered.add(self.desk.given)
         self.given.append(Given(name, found, data, awaited))
         tally.kinds[kind] += 1
         if random.random() < KILLED and not self.is_shaken(self.now):
             at_s = time_s + random.uniform(-LEAD_S, found.duration_s + 10.0)
             self._kill = at_s, random.uniform(3.0, 20.0)
+        if random.random() < ATTACKED:
+            self.draw_attack(found)
+
+    def draw_attack(self, order: Arrangement) -> None:
+        """Have somebody attack about an order's time."""
+        random, flight = self.random, self.flight
+        part, name, form = drawn_attack(flight, random)
+        begin_s = max(order.time_s + random.uniform(-LEAD_S, 4.0), self.now)
+        insider = Insider(flight, name, form, random)
+        if form in {"old order", "old abort"}:
+            # Of this formation, and of about now by its clock: all but the flight is right.
+            number, time_s = order.number + 2**16, begin_s + random.choice((-5.0, 3.0))
+            insider.record_earlier(replace(order, number=number, time_s=time_s))
+        self.attacks.append((begin_s, begin_s + random.uniform(3.0, 12.0), insider))
+        self.tally.attacks[f"{part}: {form}"] += 1
+
+    def attack(self) -> None:
+        """Let insiders say what they say."""
+        for begin_s, end_s, insider in self.attacks:
+            if self.now >= end_s:
+                insider.end()
+            elif self.now >= begin_s:
+                insider.begin()
+                insider.step()
 
     def judge(self, order: Given) -> None:
         """Whether an order is decided, by all whose answers are awaited, or by the clock."""
@@ -293,19 +316,16 @@ class Sortie:
         one._losses, one._lost = (loss,), False  # noqa: SLF001
         self.losses.append(loss)
         self.tally.killed += 1
-        self.given[-1].killed = name
 
     def is_shaken(self, time_s: float) -> bool:
         """Whether a companion is lost at a time, or was shortly before."""
-        return any(
-            loss.at_s <= time_s <= loss.at_s + (loss.for_s or 0.0) + SHAKEN_S
-            for loss in self.losses
-        )
+        lost = [(loss.at_s, loss.at_s + (loss.for_s or 0.0)) for loss in self.losses]
+        attacked = [(begin_s, end_s) for begin_s, end_s, _ in self.attacks]
+        return any(begin_s <= time_s <= end_s + SHAKEN_S for begin_s, end_s in lost + attacked)
 
     def record(self) -> FlightRecord:
         """What was flown."""
-        records = [one.recorder.record() for one in self.aircraft.values()]
-        return flight_record(self.mission, self.times, records, wall_s=0.0)
+        return self.flight.record()
 
     def order_at(self, time_s: float) -> str:
         """The order that was given last at a time, in words."""
@@ -317,6 +337,11 @@ class Sortie:
             f", {loss.vehicle}'s companion lost {time_s - loss.at_s:.0f} s before for {loss.for_s:.0f} s"
             for loss in self.losses
             if 0.0 <= time_s - loss.at_s <= (loss.for_s or 0.0) + SHAKEN_S
+        ]
+        lost += [
+            f", {one.name}'s key: {one.form} {time_s - begin_s:.0f} s before"
+            for begin_s, end_s, one in self.attacks
+            if begin_s <= time_s <= end_s + SHAKEN_S
         ]
         return f"{since_s:.1f} s after `{last[-1].name}`{''.join(lost)}"
 
@@ -337,7 +362,7 @@ class Sortie:
     def note_settling(self, record: FlightRecord) -> None:
         """How long each order took until all were within a metre, where no companion was lost."""
         flown = [one for one in self.given if one.verdict is Verdict.FLOWN]
-        ends = [one.arrangement.time_s for one in flown[1:]] + [self.times[-1]]
+        ends = [one.arrangement.time_s for one in flown[1:]] + [self.now]
         for one, end_s in zip(flown, ends, strict=True):
             begin_s = one.arrangement.time_s
             if self.is_shaken(begin_s) or self.is_shaken(end_s):
@@ -403,18 +428,21 @@ def main(words: Sequence[str] | None = None) -> None:
         nearest = min(nearest or near, near, key=lambda one: one.distance_m)
         calm = min(calm or near_calm, near_calm, key=lambda one: one.distance_m)
         tally.flights += 1
-        tally.flown_s += sortie.times[-1]
+        tally.flown_s += sortie.now
         tell(
             f"flight {number}: {len(sortie.names)} aircraft, {sortie.mission.name}, {sortie.now:.0f} s,"
-            f" {len(sortie.given)} orders, {len(sortie.losses)} losses; nearest {near.distance_m:.1f} m:"
-            f" {near.pair} at {near.time_s:.1f} s, {near.order}"
+            f" {len(sortie.given)} orders, {len(sortie.losses)} losses, {len(sortie.attacks)} attacks;"
+            f" nearest {near.distance_m:.1f} m: {near.pair} at {near.time_s:.1f} s, {near.order}"
         )
     summarise(tally, nearest, calm)
+    if tally.strays:
+        raise SystemExit("something was flown that nobody had ordered")
     if options.append and nearest is not None:
         given = sum(tally.kinds.values())
         figures = {
             "flights": tally.flights,
             "killed": tally.killed,
+            "attacked": tally.attacks.total(),
             "carried_out": tally.carried_out,
             "void": sum(tally.void.values()),
             "refused": sum(tally.refused.values()),
@@ -432,12 +460,18 @@ def summarise(tally: Tally, nearest: Near | None, calm: Near | None) -> None:
     tell(
         f"{given} orders given in {tally.flights} flights of {tally.flown_s / 3600.0:.1f} h:"
         f" {tally.carried_out} carried out, {sum(tally.void.values())} void;"
-        f" {sum(tally.refused.values())} refused before they were given; {tally.killed} companions lost"
+        f" {sum(tally.refused.values())} refused before they were given; {tally.killed} companions lost,"
+        f" {tally.attacks.total()} attacks"
     )
     for title, near in (("nearest two", nearest), ("without losses", calm)):
         tell(f"{title}: {near.distance_m:.1f} m, {near.pair}, {near.order}")
     tell("given: " + ", ".join(f"{kind} {count}" for kind, count in tally.kinds.most_common()))
-    for title, reasons in (("void", tally.void), ("refused", tally.refused)):
+    for title, reasons in (
+        ("void", tally.void),
+        ("refused", tally.refused),
+        ("attack", tally.attacks),
+        ("not ordered:", tally.strays),
+    ):
         for reason, count in reasons.most_common():
             tell(f"{title} {count}: {reason}")
     for kind, times in sorted(tally.settled_s.items()):
