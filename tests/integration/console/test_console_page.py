@@ -1,14 +1,16 @@
 """The console's page when its server goes, comes back or is another one, and on a recorded flight."""
 
+import asyncio
 import json
 import math
 import socket
 import sqlite3
 from collections.abc import AsyncIterator
-from contextlib import AsyncExitStack, asynccontextmanager, closing
+from contextlib import AsyncExitStack, asynccontextmanager, closing, suppress
 from dataclasses import replace
 from io import BytesIO
 from pathlib import Path
+from urllib.parse import urlsplit
 
 import pytest
 from PIL import Image
@@ -42,7 +44,9 @@ def record() -> FlightRecord:
 
 
 @asynccontextmanager
-async def nobody(port: int, token: str, operator_token: str | None = None) -> AsyncIterator[str]:
+async def nobody(
+    port: int, token: str, operator_token: str | None = None, **certificate: Path
+) -> AsyncIterator[str]:
     """The console of a formation of which nobody is heard."""
     mission = shipped("circle-wind")
     own = free_port(socket.SOCK_DGRAM)
@@ -51,7 +55,7 @@ async def nobody(port: int, token: str, operator_token: str | None = None) -> As
     async with live_console(
         mission,
         formation,
-        address=ConsoleAddress(port=port),
+        address=ConsoleAddress(port=port, **certificate),
         token=token,
         operator_token=operator_token,
     ) as url:
@@ -99,6 +103,43 @@ async def test_an_operator_gets_everywhere_with_the_tab_key_and_aborts_with_it(o
         assert words[0] == "ABORT"
         await page.get_by_role("button", name="ABORT").focus()
         await page.keyboard.press("Enter")
+        await expect(page.locator("#outcome")).to_contain_text("abort")
+
+
+@asynccontextmanager
+async def idle(url: str, count: int) -> AsyncIterator[list[int]]:
+    """Connections that say nothing, each opened again as soon as it is ended; how often one was."""
+    parts, ended, loop = urlsplit(url), [0], asyncio.get_running_loop()
+
+    async def stay() -> None:
+        while True:
+            with socket.socket() as own, suppress(OSError):
+                own.settimeout(0.0)
+                await loop.sock_connect(own, (parts.hostname, parts.port))
+                await loop.sock_recv(own, 1)
+            ended[0] += 1
+
+    async with asyncio.TaskGroup() as group:
+        tasks = [group.create_task(stay()) for _ in range(count)]
+        yield ended
+        for task in tasks:
+            task.cancel()
+
+
+@pytest.mark.parametrize("secure", [False, True], ids=["plain", "tls"])
+async def test_all_is_called_off_while_five_hundred_connections_say_nothing(
+    secure, certificate, open_page
+):
+    tokens = ("a" * 24, "o" * 24)
+    async with (
+        nobody(free_port(socket.SOCK_STREAM), *tokens, **(certificate if secure else {})) as url,
+        idle(url, 500) as ended,
+        open_page(f"{url.partition('?')[0]}?token={'o' * 24}") as page,
+    ):
+        # Those that were there before the page have been let go, and others have come since.
+        while ended[0] < 500:
+            await asyncio.sleep(0.1)
+        await page.get_by_role("button", name="ABORT").click()
         await expect(page.locator("#outcome")).to_contain_text("abort")
 
 

@@ -5,7 +5,6 @@ import http.client
 import socket
 import sqlite3
 import ssl
-import subprocess
 from contextlib import AbstractAsyncContextManager, suppress
 from pathlib import Path
 from urllib.parse import urlsplit
@@ -143,25 +142,12 @@ def test_on_this_computer_none_is(host):
     ConsoleAddress(host=host).check()
 
 
-async def test_with_a_certificate_it_is_served_by_tls(tmp_path, openssl_program):
-    key, certificate = tmp_path / "key.pem", tmp_path / "certificate.pem"
-    words = "req -x509 -newkey ec -pkeyopt ec_paramgen_curve:P-256 -nodes -days 2 -subj /CN=console"
-    names = (
-        "-addext",
-        "subjectAltName=IP:127.0.0.1",
-        "-keyout",
-        str(key),
-        "-out",
-        str(certificate),
-    )
-    subprocess.run([openssl_program, *words.split(), *names], check=True, capture_output=True)
-    async with when_served(
-        ConsoleAddress(port=0, certificate=certificate, certificate_key=key)
-    ) as url:
+async def test_with_a_certificate_it_is_served_by_tls(certificate):
+    async with when_served(ConsoleAddress(port=0, **certificate)) as url:
         assert url.startswith("https://127.0.0.1:")
         query = urlsplit(url).query
         status, headers, _ = await asyncio.to_thread(
-            ask, url, f"/?{query}", authority=str(certificate)
+            ask, url, f"/?{query}", authority=str(certificate["certificate"])
         )
         assert status == 303
         assert "Secure" in headers["set-cookie"]
