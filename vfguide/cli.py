@@ -137,7 +137,10 @@ EXAMPLES = {
     "keys show": ("vfguide keys show mission.yaml",),
     "keys rotate": ("vfguide keys rotate mission.yaml f1",),
     "keys revoke": ("vfguide keys revoke mission.yaml f1 --link mqtts://broker:8883",),
-    "order": ("vfguide order mission.yaml line-abreast --spacing 30 --link mqtts://broker:8883",),
+    "order": (
+        "vfguide order mission.yaml line-abreast --spacing 30 --link mqtts://broker:8883",
+        "vfguide order mission.yaml lead f2 --link mqtts://broker:8883",
+    ),
     "status": ("vfguide status mission.yaml --link mqtts://broker:8883 --watch",),
     "console": ("vfguide console mission.yaml --link mqtts://broker:8883",),
     "check": ("vfguide check mission.yaml",),

@@ -86,6 +86,11 @@ class Dead:
     def receive_neighbour(self, vehicle: str, data: bytes, now: float) -> None:
         del vehicle, data, now
 
+    receive_reply = receive_lead = receive_neighbour
+
+    def receive_order(self, data: bytes, signed: bytes, now: float, *, repeated: bool) -> None:
+        del data, signed, now, repeated
+
     def receive_mavlink(self, data: bytes, now: float) -> Outgoing:
         del data, now
         return Outgoing()

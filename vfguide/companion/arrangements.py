@@ -125,7 +125,7 @@ class Arrangements:
         self.leader: LeaderState | None = None
         """How the leader moves, times on the own clock; None while it is not known."""
         self._next: KnownOrder | None = None
-        self._appointed_s = -math.inf
+        self._appointed, self._appointed_s = "", -math.inf
         self._returned = self._moving = False
         self._last_up: float | None = None
         self._refused: tuple[KnownOrder, str] | None = None
@@ -156,7 +156,7 @@ class Arrangements:
 
     def leads_by_order(self, now: float) -> bool:
         """Whether this vehicle is to lead by an order that has just begun."""
-        return now <= self._appointed_s + APPOINTED_S
+        return self._appointed == self._plan.name and now <= self._appointed_s + APPOINTED_S
 
     def waits(self, now: float) -> bool:
         """Whether others fly by an arrangement that this companion does not know."""
@@ -343,6 +343,7 @@ class Arrangements:
     def step(self, now: float) -> None:
         """What is due by time alone."""
         self._tell_of_rest(now)
+        self._tell_of_lead(now)
         order = self._next
         if order is None:
             return
@@ -372,6 +373,14 @@ class Arrangements:
             self._say(
                 f"order {self.flight.order.arrangement.number} is carried out: all slots are at rest"
             )
+
+    def _tell_of_lead(self, now: float) -> None:
+        """Say once who leads where that is not who was to lead by an order: its pilot may have taken it."""
+        if not self._appointed or now <= self._appointed_s + APPOINTED_S + SETTLE_S:
+            return
+        if self.coordinator != self._appointed:
+            self._say(f"{self._appointed} does not lead: {self.coordinator} leads", warning=True)
+        self._appointed = ""
 
     def to_say(self) -> tuple[list[bytes], list[bytes]]:
         """(answers, orders to be repeated as they were signed) since this was asked last."""
@@ -412,8 +421,8 @@ class Arrangements:
     def _begin(self, order: KnownOrder, now: float) -> None:
         """Fly by it from now on."""
         # Of an order that was missed it is not known who has led since.
-        if order is self._next and order.arrangement.lead == self._plan.name:
-            self._appointed_s = now
+        self._appointed = order.arrangement.lead if order is self._next else ""
+        self._appointed_s = now
         had_left, last_up = self.flight.has_left, self.own_up(now)
         self.flight.begin(order)
         # Who loiters by it has no slot any more: an abort tells the mission's, not knowing the present ones.

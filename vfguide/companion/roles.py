@@ -526,7 +526,7 @@ class SuccessionRole(Role):
         whose = succession.holder
         if not succession.leads:
             text = f"{whose} leads the formation now: nothing to do"
-        elif self._flies_path:
+        elif whose == self._leader_name:
             text = "leads the formation again: nothing to do"
         else:
             text = f"leads the formation in place of {self._leader_name}: nothing to do"

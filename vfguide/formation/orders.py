@@ -399,7 +399,8 @@ def check_known(order: Order, formation: Formation) -> None:
     """
     for name in (*(order.swap or ()), *order.slots, *order.leave, *order.join):
         if name == formation.leader:
-            raise RefusedOrderError(f"{name} leads: it has no slot that could be changed")
+            role = "leads" if formation.leads == name else "flies where slots count from"
+            raise RefusedOrderError(f"{name} {role}: it has no slot that could be changed")
         if name not in formation.home:
             known = ", ".join(formation.home) or "none"
             raise RefusedOrderError(f"no follower is called {name!r}: there are {known}")

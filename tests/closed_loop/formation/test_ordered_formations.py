@@ -180,6 +180,76 @@ def test_the_lead_goes_to_a_deputy_and_back_on_a_circle_and_nobody_leaves_its_sl
     assert flown.errors(10.0).max() < 1.0
 
 
+def led_by_order(**rehearsal: object) -> Formation:
+    """A circle on which f2 is ordered to lead: given 4 s before it begins."""
+    circle = {"type": "circle", "centre": {"north_m": 0, "east_m": 250}, "radius_m": 250}
+    changes = {"path": circle, "paths": {}, "deputies": ["f1", "f2"]}
+    mission = in_place("shapes", rate_hz=RATE_HZ, **rehearsal)
+    return Formation(replaced(mission, **changes, orders=[{"at_s": AT_S, "lead": "f2"}]))
+
+
+@pytest.mark.parametrize("at_s", [AT_S - 0.2, AT_S + 0.1])
+@pytest.mark.parametrize("lost", ["leader", "f2"])
+def test_whoever_is_lost_while_the_lead_goes_over_another_leads_on(lost, at_s):
+    flight = led_by_order()
+    flight.fly(at_s)
+    flight.kill(lost)
+    flown = flight.fly(32.0)
+    # A dead companion's last word about itself is no word.
+    leads = "f2" if lost == "leader" else "leader"
+    assert [name for name in flight.leaders() if name != lost] == [leads]
+    alive = [name for name in flight.names if name != lost]
+    assert {flight.aircraft[name].companion.snapshot.mode.value for name in alive} == {"tracking"}
+    # The aircraft whose companion is gone flies straight on, and is kept clear of.
+    assert flown.nearest(10.0) >= 15.0
+    if lost == "f2":
+        f1, _, f3 = flown.errors(30.0)
+        assert max(f1.max(), f3.max()) < 0.5
+    if lost == "f2" and at_s > AT_S:
+        assert "leads the formation again" in flown.words("leader")
+
+
+@pytest.mark.parametrize(
+    ("flown", "reason"), [(True, "its companion does not steer it"), (False, "is not heard")]
+)
+def test_nobody_leads_by_order_that_its_pilot_flies_or_that_is_not_heard(flown, reason):
+    lost = [] if flown else [{"vehicle": "f2", "at_s": 5.0, "what": "link"}]
+    flight = led_by_order(losses=lost)
+    flight.fly(5.0)
+    if flown:
+        flight.emulators["f2"].select(LOITER)
+    found = flight.fly(18.0)
+    assert flight.order_numbers() == [0, 0, 0, 0]
+    assert flight.leaders()[0] == "leader"
+    for name in ("leader", "f1", "f3"):
+        assert f"order 1 is refused: f2 is to lead, and {reason}" in found.words(name)
+    assert found.nearest(10.0) >= 15.0
+
+
+def test_one_that_its_pilot_takes_after_all_have_agreed_does_not_lead_and_that_is_told():
+    flight = led_by_order()
+    flight.fly(13.0)
+    flight.emulators["f2"].select(LOITER)
+    flown = flight.fly(30.0)
+    assert flight.leaders() == ["leader"]
+    for name in flight.names:
+        assert "f2 does not lead: leader leads" in flown.words(name)
+    f1, _, f3 = flown.errors(28.0)
+    assert max(f1.max(), f3.max()) < 0.5
+    assert flown.nearest(10.0) >= 10.0
+
+
+def test_a_leader_that_its_pilot_takes_once_it_has_handed_over_leaves_and_all_fly_on():
+    flight = led_by_order()
+    flight.fly(20.0)
+    flight.emulators["leader"].select(LOITER)
+    flown = flight.fly(40.0)
+    assert flight.leaders() == ["f2"]
+    modes = {one.companion.snapshot.mode.value for one in list(flight.aircraft.values())[1:]}
+    assert modes == {"tracking"}
+    assert flown.nearest(10.0) >= 10.0
+
+
 def test_a_deputy_that_leads_goes_into_a_hold_and_out_of_it_in_turns_that_an_aircraft_can_fly():
     lost = {"vehicle": "leader", "at_s": 15.0, "what": "companion"}
     # A circle of 200 m: half way round it, after some 30 s, the path leads the other way.

@@ -135,6 +135,8 @@ def test_who_leads_by_an_order_leads_in_it_alone():
     assert after.leads == "f1"
     # A later order does not say it again: the lead may have gone elsewhere by itself.
     assert ordered(Order(shape="trail"), after).lead == ""
+    with pytest.raises(RefusedOrderError, match="leader flies where slots count from: it has no"):
+        ordered(Order(swap=("leader", "f1")), after)
 
 
 @pytest.mark.parametrize(
