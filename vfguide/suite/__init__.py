@@ -8,6 +8,7 @@ from importlib.resources import files
 
 from vfguide.errors import InputError
 from vfguide.mission import Mission, parse_mission
+from vfguide.mission.overrides import Overrides
 from vfguide.suite.draw import drawn
 
 COUNT = 100
@@ -18,9 +19,6 @@ EVERY = 10
 
 DRAWS = 1_000_000
 """Further draws of each seed."""
-
-LAW = b"controller: {type: slot}\n"
-"""The line of every scenario that names the law."""
 
 
 def digest() -> str:
@@ -46,9 +44,7 @@ def with_law(number: int, law: str) -> Mission:
     """
     name = f"{number:03}.yaml"
     content = kept(name) if number <= COUNT else drawn(number).encode()
-    return parse_mission(
-        content.replace(LAW, LAW.replace(b"slot", law.encode())), file=name
-    ).mission
+    return parse_mission(content, file=name, overrides=Overrides(controller=law)).mission
 
 
 def kept(name: str) -> bytes:

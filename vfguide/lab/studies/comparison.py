@@ -12,14 +12,13 @@ from typing import Any
 
 from vfguide.lab.studies.flown import (
     ARTICLE_ERROR_M,
-    FOLLOWER_STARTS,
-    LEADER_STARTS,
     MISSIONS,
     Case,
     Changes,
     Figures,
     flown_by,
     fly,
+    shipped,
 )
 from vfguide.mission.controller import controller_of
 from vfguide.registry import laws
@@ -139,14 +138,10 @@ def cases(extent: Extent, laws: Sequence[str]) -> list[Case]:
 def seeded(mission: str, seed: int, duration_s: float) -> Changes:
     """A flight over the bad link: noise, losses and starts of this seed, the same for every law."""
     random = Random(seed)
-    starts: dict[str, Any] = {
-        follower: {
-            "forward_m": ahead + random.uniform(-START_SPREAD_M, START_SPREAD_M),
-            "right_m": right + random.uniform(-START_SPREAD_M, START_SPREAD_M),
-        }
-        for follower, (ahead, right) in FOLLOWER_STARTS.items()
-    }
-    starts["leader"] = LEADER_STARTS[mission.partition("-")[0]]
+    starts = shipped(mission).rehearsal.start.model_dump(exclude_unset=True)
+    for follower in shipped(mission).followers_by_name:
+        for field in ("forward_m", "right_m"):
+            starts[follower][field] += random.uniform(-START_SPREAD_M, START_SPREAD_M)
     return {"rehearsal": {**BAD_LINK, "seed": seed, "duration_s": duration_s, "start": starts}}
 
 

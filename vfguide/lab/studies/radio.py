@@ -9,7 +9,7 @@ import numpy as np
 from vfguide.lab.rehearsal.emulated_radio import RadioQuality
 from vfguide.lab.rehearsal.lockstep import fly_lockstep
 from vfguide.lab.rehearsal.radio_flight import RadioRates, fly_by_radio
-from vfguide.lab.studies.flown import AIRCRAFT, LEADER_STARTS, article_mission, figures_of
+from vfguide.lab.studies.flown import article_mission, figures_of
 from vfguide.link.radio_schedule import Channel
 from vfguide.mission.model import Mission
 
@@ -87,13 +87,13 @@ def radio_mission(size: int, seconds: float) -> Mission:
         for name, (ahead, right) in followers.items()
     ]
     content["vehicles"] = {
-        name: {"system_id": number, "plant": "heading-hold", **AIRCRAFT}
+        name: content["vehicles"]["leader"] | {"system_id": number}
         for number, name in enumerate(("leader", *followers), start=1)
     }
     content["rehearsal"] |= {
         "duration_s": seconds,
         "start": {
-            "leader": LEADER_STARTS["circle"],
+            "leader": content["rehearsal"]["start"]["leader"],
             **{name: {"forward_m": BEHIND_M} for name in followers},
         },
     }

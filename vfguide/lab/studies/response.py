@@ -30,6 +30,8 @@ from vfguide.link.keys import key_places, make_keys
 from vfguide.mavlink.adapter import Vehicle, telemetry_at
 from vfguide.mavlink.codec import Codec
 from vfguide.mission import Mission
+from vfguide.mission.load import with_overrides
+from vfguide.mission.overrides import DEFAULTS, Overrides
 
 WARM_S = 2.0
 """s of answers before any of them counts."""
@@ -49,11 +51,10 @@ PEER_LEADER = "leader"
 
 def formation(rate_hz: float, autopilot: Literal["ardupilot", "px4"] = "ardupilot") -> Mission:
     """The article's circle in wind, flown at a rate by vehicles with this autopilot."""
-    mission = article_mission("circle-wind", {"rehearsal": {"rate_hz": rate_hz}})
-    content = mission.model_dump(mode="json", exclude_unset=True)
-    for vehicle in content["vehicles"].values():
-        vehicle["autopilot"] = autopilot
-    return Mission.model_validate(content)
+    settings = ((("vehicles", DEFAULTS, "autopilot"), autopilot),)
+    return with_overrides(
+        article_mission("circle-wind"), Overrides(rate_hz=rate_hz, settings=settings)
+    )
 
 
 def write_mission(mission: Mission, directory: Path) -> Path:

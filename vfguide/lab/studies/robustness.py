@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from vfguide.lab.studies.flown import AIRCRAFT, Case, fly
+from vfguide.lab.studies.flown import Case, fly, shipped
 
 QUICK_S, FULL_S = 60.0, 120.0
 
@@ -97,7 +97,8 @@ def fly_point(point: SweepPoint) -> Found:
         case "alpha" | "beta":
             # Vehicles respond faster or slower than their mission says; companions learn it.
             declared = f"{point.sweep}_1_s"
-            rehearsal["emulator"] = {declared: AIRCRAFT[declared] * point.value}
+            vehicle = shipped(point.mission).leader_vehicle
+            rehearsal["emulator"] = {declared: getattr(vehicle, declared) * point.value}
         case "wind":
             # Along the line's course on one side, across it on the other half of the circle.
             speed = point.value * AIRSPEED_M_S

@@ -21,7 +21,7 @@ from vfguide.companion.core import Companion
 from vfguide.companion.follower_role import FollowerRole
 from vfguide.errors import import_extra
 from vfguide.lab.rehearsal.lockstep import fly_lockstep
-from vfguide.lab.studies.flown import AIRCRAFT, PATHS, article_mission
+from vfguide.lab.studies.flown import article_mission
 from vfguide.laws.base import SlotKeeper
 from vfguide.mavlink.codec import Codec
 from vfguide.mission.model import Mission
@@ -96,35 +96,31 @@ def crowd(count: int, duration_s: float) -> Mission:
     """So many vehicles in rows of ten on a long line in the article's wind."""
     names = ["leader", *(f"f{number}" for number in range(1, count))]
     rows = [divmod(number, ROW) for number in range(1, count)]
-    content: dict[str, Any] = {
-        "name": "bench-scale",
-        "origin": {"latitude_deg": 47.397742, "longitude_deg": 8.545594, "altitude_amsl_m": 488},
-        "path": dict(PATHS["line"]),
-        "leader": {"vehicle": "leader", "airspeed_m_s": 20},
-        "followers": [
-            {
-                "vehicle": name,
-                "slot": {
-                    "forward_m": -SPACING_M * row,
-                    "right_m": SPACING_M * (place if place <= ROW // 2 else ROW // 2 - place),
-                    "up_m": 0,
-                },
-            }
-            for name, (row, place) in zip(names[1:], rows, strict=True)
-        ],
-        "vehicles": {
-            name: {"system_id": number, **AIRCRAFT} for number, name in enumerate(names, start=1)
-        },
-        "wind": {"type": "article"},
-        "rehearsal": {
-            "duration_s": duration_s,
-            "rate_hz": 20,
-            "link_delay_s": 0.1,
-            # In place: so many that join at once stand in each other's way.
-            "start": {
-                "leader": {"north_m": 0, "east_m": 0, "course_deg": PATHS["line"]["course_deg"]},
-                **{name: {"forward_m": 0, "right_m": 0} for name in names[1:]},
+    content = article_mission("line-wind").model_dump(
+        mode="json", exclude_unset=True, exclude={"controller"}
+    )
+    vehicle, start = content["vehicles"]["leader"], content["rehearsal"]["start"]["leader"]
+    content["name"] = "bench-scale"
+    content["followers"] = [
+        {
+            "vehicle": name,
+            "slot": {
+                "forward_m": -SPACING_M * row,
+                "right_m": SPACING_M * (place if place <= ROW // 2 else ROW // 2 - place),
+                "up_m": 0,
             },
+        }
+        for name, (row, place) in zip(names[1:], rows, strict=True)
+    ]
+    content["vehicles"] = {
+        name: vehicle | {"system_id": number} for number, name in enumerate(names, start=1)
+    }
+    # In place: so many that join at once stand in each other's way.
+    content["rehearsal"] |= {
+        "duration_s": duration_s,
+        "start": {
+            "leader": start | {"north_m": 0, "east_m": 0},
+            **{name: {"forward_m": 0, "right_m": 0} for name in names[1:]},
         },
     }
     return Mission.model_validate(content)
