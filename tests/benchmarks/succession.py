@@ -22,14 +22,21 @@ WATCHED_S = 15.0
 WAY = re.compile("keeping clear of|too near to")
 
 
-def flown(name: str, turbulence: str, lost_s: float, *, may_stop: bool = True) -> LockstepFlight:
-    """A flight whose leader's companion is killed at a time."""
+def flown(
+    name: str, turbulence: str, lost_s: float, *, may_stop: bool = True, **rehearsal: float
+) -> LockstepFlight:
+    """A flight whose leader's companion is killed at a time; see `mission_with` for the rehearsal."""
     content = content_of(name)
     content["deputies"] = [one["vehicle"] for one in content["followers"][:2]]
     content["vehicles"][content["leader"]["vehicle"]]["may_stop"] = may_stop
     content["wind"]["turbulence"] = turbulence
     loss = {"vehicle": content["leader"]["vehicle"], "at_s": lost_s}
-    content["rehearsal"] |= {"duration_s": lost_s + WATCHED_S, "start": {}, "losses": [loss]}
+    content["rehearsal"] |= {
+        "duration_s": lost_s + WATCHED_S,
+        "start": {},
+        "losses": [loss],
+        **rehearsal,
+    }
     return fly_lockstep(Mission.model_validate(content))
 
 

@@ -5,14 +5,12 @@ import pytest
 from vfguide.lab.studies.comparison import BAD_LINK
 from vfguide.lab.studies.flown import Case, fly
 
-DURATION_S = 50.0
-SLOW = {"rehearsal": {"duration_s": DURATION_S, "rate_hz": 10.0}}
+SLOW = {"rehearsal": {"duration_s": 50.0, "rate_hz": 10.0}}
 
 
 @pytest.mark.parametrize("law", ["pid", "mpc"])
-@pytest.mark.parametrize("mission", ["line-wind", "circle-calm"])
-def test_a_baseline_holds_its_slots(law, mission):
-    case = Case(mission=mission, controller=law, changes=SLOW)
+def test_a_baseline_holds_its_slots(law):
+    case = Case(mission="line-wind", controller=law, changes=SLOW)
     figures = fly(case)
     assert figures.mean_error_m < 0.25
     assert figures.settle_1m_s is not None

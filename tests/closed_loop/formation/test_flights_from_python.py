@@ -1,7 +1,6 @@
 """Flying from Python, as the documentation shows it."""
 
 import json
-import re
 import shutil
 from itertools import product
 
@@ -9,15 +8,13 @@ import numpy as np
 import pytest
 
 import vfguide
-from tests.kit.missions import MISSIONS, ROOT, shipped
+from tests.kit.missions import IN_PLACE, MISSIONS, ROOT, in_place, shipped
 from tests.kit.programs import elsewhere
 from vfguide.errors import InputError
 from vfguide.lab.report import plots
 from vfguide.laws import Law
 
 MISSION = MISSIONS / "line-calm.yaml"
-IN_PLACE = "  start: {leader: {north_m: 0, east_m: 0}, f1: {}, f2: {}, f3: {}}\n"
-START = re.compile(r"  start:.*\n(    .*\n)+")
 
 
 def test_a_flight_has_its_figures_and_its_data_by_vehicle(tmp_path, monkeypatch):
@@ -131,9 +128,10 @@ def test_a_flight_as_a_data_frame_has_a_row_for_each_sample_and_vehicle():
 def test_the_notebook_prints_the_articles_table(tmp_path, installed):
     cells = json.loads((ROOT / "examples" / "article_table.ipynb").read_text())["cells"]
     code = ["".join(cell["source"]) for cell in cells if cell["cell_type"] == "code"]
-    script = "\n".join(code).replace("DURATION_S = 300.0", "DURATION_S = 36.0")
-    script = script.replace("=DURATION_S)", '=DURATION_S, settings={"rehearsal.rate_hz": 10.0})')
-    assert script.count("36.0") == script.count("10.0") == 1
+    script = "\n".join(code).replace("DURATION_S = 300.0", "DURATION_S = 16.0")
+    settings = {"rehearsal.rate_hz": 10.0, "rehearsal.start": IN_PLACE}
+    script = script.replace("=DURATION_S)", f"=DURATION_S, {settings=})")
+    assert script.count("16.0") == script.count("10.0") == 1
     ran = elsewhere(installed, tmp_path, "-c", script, MPLBACKEND="agg")
     assert ran.returncode == 0, ran.stderr
     rows = {line.split()[0]: line.split()[1:] for line in ran.stdout.splitlines()[1:]}
@@ -155,15 +153,16 @@ def test_the_notebook_prints_the_articles_table(tmp_path, installed):
 )
 def test_the_examples_run_where_they_are_copied_to(tmp_path, installed, example, said):
     shutil.copy(ROOT / "examples" / "own_law.py", tmp_path)
-    in_place = tmp_path / "in-place.yaml"
-    in_place.write_text(START.sub(IN_PLACE, MISSION.read_text()))
+    mission = tmp_path / "in-place.yaml"
+    content = in_place("line-calm", rate_hz=10.0).model_dump_json(exclude_unset=True)
+    mission.write_text(content)
     script = (ROOT / "examples" / example).read_text()
     script = script.replace("DURATION_S = 60.0", "DURATION_S = 12.0")
     script = script.replace("duration_s=40.0", "duration_s=12.0")
     assert "60.0" not in script
     assert "40.0" not in script
     (tmp_path / example).write_text(script)
-    ran = elsewhere(installed, tmp_path, example, in_place)
+    ran = elsewhere(installed, tmp_path, example, mission)
     assert ran.returncode == 0, ran.stderr
     assert ran.stdout.startswith(said)
     # The last line is the last law, or the worst of all combinations.

@@ -31,11 +31,11 @@ PROFILE = {
 
 
 def late(name: str, wind: dict[str, Any], **emulator: float) -> FormationSummary:
-    """60 s of a mission at 10 Hz, leader states 100 ms old; errors are of the second half."""
+    """44 s of a mission at 10 Hz, leader states 100 ms old; errors are of the second half."""
     content = content_of(name)
     content |= {"wind": wind, "acceptance": {}}
     content["rehearsal"] |= {
-        "duration_s": 60.0,
+        "duration_s": 44.0,
         "rate_hz": 10.0,
         "link_delay_s": 0.1,
         "emulator": EMULATOR | emulator,
@@ -70,7 +70,7 @@ def test_px4_as_it_comes_is_in_its_slots_as_soon_as_its_airspeeds_allow():
     content |= {"wind": {"type": "steady", "speed_m_s": 4.0, "toward_deg": 90.0}, "acceptance": {}}
     for vehicle in content["vehicles"].values():
         vehicle["response"] = "auto"
-    content["rehearsal"] |= {"duration_s": 85.0, "rate_hz": 12.5}
+    content["rehearsal"] |= {"duration_s": 70.0, "rate_hz": 12.5}
     content["rehearsal"]["emulator"]["speed_response"] = "px4-untrimmed"
     content["rehearsal"]["start"] = {
         "leader": {"north_m": 0, "east_m": 0},

@@ -6,22 +6,24 @@ import numpy as np
 import pytest
 
 from tests.kit.flight import Flight
-from tests.kit.missions import mission_with
+from tests.kit.missions import content_of, mission_with
 from vfguide.errors import InputError
 from vfguide.lab.rehearsal.radio_flight import RadioRates, fly_by_radio
 from vfguide.lab.studies.radio import RadioCase, fly, radio_mission
 
-CASE = RadioCase(size=4, leader_hz=10.0, followers_hz=2.5, loss=0.0, bursts=0.0, seconds=60.0)
+CASE = RadioCase(size=4, leader_hz=10.0, followers_hz=2.5, loss=0.0, bursts=0.0, seconds=44.0)
 
 
 def test_twelve_aircraft_at_10_and_2_5_hz_fit_and_keep_their_slots():
-    mission = mission_with(radio_mission(12, 70.0), rehearsal={"rate_hz": 10.0})
+    mission = radio_mission(12, 40.0)
+    leader = content_of(mission)["rehearsal"]["start"]["leader"]
+    start = {"leader": leader, **{name: {} for name in mission.followers_by_name}}
+    mission = mission_with(mission, rehearsal={"rate_hz": 10.0, "start": start})
     flown = fly_by_radio(mission, rates=RadioRates(leader_hz=10.0, followers_hz=2.5))
-    assert flown.air["bytes"] / 70.0 < 2100.0
+    assert flown.air["bytes"] / 40.0 < 2100.0
     assert flown.air["in collisions"] == 0
     flight = Flight(flown.flight.record, flown.flight.events)
-    # The last of twelve comes into its place after fifty seconds.
-    errors = flight.errors(from_s=55.0)
+    errors = flight.errors(from_s=25.0)
     assert errors.mean() < 0.05
     assert errors.max() < 1.5
     assert flight.nearest() > 5.0

@@ -15,7 +15,7 @@ import pytest
 from tests.kit.sockets import PATIENCE_S
 from vfguide.record.flight import FlightRecord
 
-LONG_S = 400
+LONG_S = 250
 """Virtual seconds: when the first progress line comes, four fifths are still to fly."""
 
 
@@ -42,6 +42,7 @@ async def under_way(
         await flight.wait()
 
 
+@pytest.mark.usefixtures("one_plot")
 async def test_a_stopped_flight_ends_with_3_and_is_kept(command, pair_with, tmp_path):
     directory = tmp_path / "out"
     async with under_way(pair_with(), "--json", "--out", directory) as flight:

@@ -46,10 +46,11 @@ def test_the_companion_starts_and_missions_are_checked_and_flown(run):
     daemon = run("vfguide.companion.daemon")
     assert daemon.returncode == 0, daemon.stderr
     assert run("vfguide", "companion", "--help").returncode == 0
-    assert run("vfguide", "check", "circle-wind").returncode == 0
+    slowly = ("--set", "rehearsal.rate_hz=10")
+    assert run("vfguide", "check", "circle-wind", *slowly).returncode == 0
     # a curve of the user's own
     plugin = ("--plugin", str(EXAMPLES / "own_path.py"), "--set", "path={type: lissajous}")
-    eight = run("vfguide", "check", "circle-calm", *plugin, "--set", "rehearsal.start={}")
+    eight = run("vfguide", "check", "circle-calm", *plugin, *slowly, "--set", "rehearsal.start={}")
     assert eight.returncode == 0, eight.stderr
     flown = run("vfguide", "fly", "line-calm", "--duration", "5")
     assert flown.returncode == 1, flown.stderr

@@ -10,6 +10,7 @@ import pytest
 from rich.console import Console
 
 from tests.kit.records import still_flight, still_follower, still_leader, still_vehicle
+from vfguide.lab.report import plots
 from vfguide.lab.report.metrics import summarise
 from vfguide.lab.report.page import reproduction_command, write_report
 from vfguide.lab.report.wording import in_digits, summary_table
@@ -98,6 +99,13 @@ def test_a_rejected_flight_says_why_at_the_top(rejected_page):
     assert text.index("Not accepted") < text.index(reason) < text.index("Mean formation error")
 
 
+@pytest.fixture
+def one_plot(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Draw the tracks alone: all plots are in `page`."""
+    monkeypatch.setattr(plots, "PLOTS", plots.PLOTS[:1])
+
+
+@pytest.mark.usefixtures("one_plot")
 def test_the_page_says_who_did_not_come_to_its_slot_and_how_hard_it_was_flown(tmp_path):
     time_s = np.arange(11.0)
     banks = np.radians(np.where(time_s % 2 > 0, 8.0, 0.0))
@@ -118,6 +126,7 @@ def test_names_cannot_break_out_of_the_page(rejected_page):
     assert HOSTILE in outline.text
 
 
+@pytest.mark.usefixtures("one_plot")
 def test_the_page_names_who_was_ordered_out_of_the_formation_and_is_in_no_figure_meanwhile(
     page, tmp_path
 ):
