@@ -69,6 +69,10 @@ NO_TIME_S = 1e-3
 HEARD_S = 5.0
 """Who was heard by so much earlier flies by what it said then."""
 
+ECHO_S = 2.0
+"""So long after the leader has confirmed an order, states of others that do not carry its number tell that
+nobody hears it."""
+
 VOTE_S = 1.0
 """So long before an order's time a majority decides, however silent the others are."""
 
@@ -353,8 +357,7 @@ class Arrangements:
         if leads and not order.confirmed:
             self._decide(order, time_s, now)
         if order.confirmed:
-            if time_s >= due_s:
-                self._begin_confirmed(order, now)
+            self._carry_out(order, time_s, now)
         elif leads:
             if time_s >= due_s - SETTLE_S:
                 self._void(order, self._missing(order, now, closing=True))
@@ -460,7 +463,7 @@ class Arrangements:
         """As the leader: once enough have agreed in time, it is certain."""
         left_s = order.arrangement.time_s - time_s
         if left_s > SETTLE_S and not self._missing(order, now, closing=left_s <= VOTE_S):
-            order.confirmed = self.coordinator
+            order.confirmed, order.confirmed_s = self.coordinator, now
             silent = self._missing(order, now, closing=False)
             agreed = f"most have agreed; {silent}" if silent else "all have agreed"
             self._say(f"order {order.arrangement.number}: {agreed}")
@@ -479,15 +482,27 @@ class Arrangements:
         reply = self._answers.get(vehicle)
         return f"{vehicle} does not answer" if reply is None else f"{vehicle}: {reply.text or 'no'}"
 
-    def _begin_confirmed(self, order: KnownOrder, now: float) -> None:
-        """Fly it, unless a leader that is lost since told this vehicle alone, and not who leads now."""
-        told = [
+    def _carry_out(self, order: KnownOrder, time_s: float, now: float) -> None:
+        """Begin a confirmed order at its time, unless it is clear that others do not go by it."""
+        numbers, leads = self._numbers, self.coordinator == self._plan.name
+        told = {
             vehicle
-            for vehicle, (number, _, time_s) in self._numbers.items()
-            if number >= order.arrangement.number and now - time_s <= HEARD_S
-        ]
-        lone = self.coordinator not in told and not set(told) - {order.confirmed}
-        if lone and self._leader_is_heard(now):
+            for vehicle, (number, _, heard_s) in numbers.items()
+            if number >= order.arrangement.number and now - heard_s <= HEARD_S
+        }
+        asked = order.arrangement.vehicles | {order.arrangement.lead}
+        unheard = leads and any(
+            vehicle in asked and heard_s > order.confirmed_s + ECHO_S
+            for vehicle, (_, _, heard_s) in numbers.items()
+        )
+        if not told and unheard:
+            self._void(order, "nobody has heard that it is confirmed")
+        elif time_s < order.arrangement.time_s:
+            return
+        elif self._leader_is_heard(now) and not told - {order.confirmed} | told & {
+            self.coordinator
+        }:
+            # A leader that is lost since has told this vehicle alone, and not who leads now.
             self._void(order, "who leads now has not confirmed it")
         else:
             self._begin(order, now)

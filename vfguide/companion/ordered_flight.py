@@ -63,6 +63,8 @@ class KnownOrder:
     """CRC-32 of its bytes: what it is told by from another of the same number."""
     confirmed: str = ""
     """The leader that has said that it is flown."""
+    confirmed_s: float = math.inf
+    """When this companion has, as the leader."""
     offset_s: float = math.nan
     """The formation's clock by which it is flown, less one's own, s; infinite once its motions are over."""
 

@@ -33,6 +33,9 @@ WATCH_S = 0.25
 MOST_HELD = 64
 """States of one sender that are kept between two looks: honest ones are three or four."""
 
+MOST_AT_ONCE = 64
+"""Datagrams that are read before anything else gets its turn."""
+
 MOST_SENDERS = 128
 """Names are not believed yet: beyond this nothing is kept."""
 

@@ -371,10 +371,9 @@ class Trust:
             if not verifies(envelope.tag, envelope.signed):
                 self._vain += 1.0
                 raise RefusedError("forged")
-        if envelope.sender == self.name:
-            self._vain += 1.0
-            raise RefusedError(TWIN)
         self._allowed[envelope.sender].left -= 1.0
+        if envelope.sender == self.name:
+            raise RefusedError(TWIN)
         self._note(heard, envelope, now)
         if envelope.session == self._epoch:
             self._leader_s = now
@@ -535,7 +534,8 @@ class Trust:
         Raises:
             RefusedError: it is repeated, or was said in another flight.
         """
-        if envelope.session == self._session:
+        made_here = envelope.sender == self.name and envelope.sequence <= self._sequence
+        if envelope.session == self._session and (made_here or envelope.sender != self.name):
             raise RefusedError("one's own")
         if envelope.sender == self.name:
             # Whether it is a true one is for its signature to say; it is not believed in any case.
@@ -549,7 +549,10 @@ class Trust:
                 self._check_newer(envelope, heard)
             return None
         newest = heard.sequences.get(envelope.kind, 0)
-        if envelope.sequence <= newest and envelope.kind not in REPEATABLE:
+        # Nothing was heard of so late a time: who has its key, and ran ahead with its numbers, silences it no
+        # longer than it speaks.
+        later = envelope.time_s > heard.time_s
+        if envelope.sequence <= newest and not later and envelope.kind not in REPEATABLE:
             raise RefusedError(HEARD_BEFORE)
         return heard
 

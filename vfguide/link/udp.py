@@ -11,11 +11,8 @@ from urllib.parse import SplitResult
 
 from vfguide.link.address import UdpAddress, udp_address
 from vfguide.link.carrier import link
-from vfguide.link.datagrams import DatagramCarrier
+from vfguide.link.datagrams import MOST_AT_ONCE, DatagramCarrier
 from vfguide.link.envelope import LARGEST
-
-MOST_AT_ONCE = 64
-"""Datagrams that are read before anything else gets its turn."""
 
 RECEIVE_BUFFER = 128 * 1024
 """Bytes in the kernel: some hundred datagrams. With more, a companion that was held up hears old news."""

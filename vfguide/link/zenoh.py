@@ -19,7 +19,7 @@ from urllib.parse import SplitResult, parse_qsl
 from vfguide.errors import InputError, import_extra
 from vfguide.link.address import LinkAddress
 from vfguide.link.carrier import link
-from vfguide.link.datagrams import DatagramCarrier
+from vfguide.link.datagrams import MOST_AT_ONCE, DatagramCarrier
 from vfguide.link.envelope import LARGEST, formation_number
 from vfguide.link.member import Member
 from vfguide.link.presence import Presence
@@ -155,10 +155,12 @@ class ZenohCarrier(DatagramCarrier):
                 loop.call_soon_threadsafe(self._hand_over)
 
     def _hand_over(self) -> None:
-        """Take what is waiting, in the event loop."""
+        """Take what is waiting, in the event loop, some at a time."""
         with self._lock:
-            waiting = [*self._waiting]
-            self._waiting.clear()
+            number = min(len(self._waiting), MOST_AT_ONCE)
+            waiting = [self._waiting.popleft() for _ in range(number)]
+            if self._waiting:
+                asyncio.get_running_loop().call_soon(self._hand_over)
             passed_over, self._passed_over = self._passed_over, 0
         if passed_over:
             self.status.counters["dropped: too many at once"] += passed_over

@@ -147,7 +147,7 @@ def nothing(data: bytes, wire: Wire) -> list[bytes]:
 
 
 def forged_states(data: bytes, wire: Wire) -> list[bytes]:
-    """The same sender 60 m farther north, with every number right but the signature; with and without one."""
+    """The same sender 60 m farther north, newer in all but the signature; with and without one."""
     del wire
     real = decode_envelope(data)
     if real.kind is not Kind.STATE:
@@ -164,7 +164,7 @@ def forged_states(data: bytes, wire: Wire) -> list[bytes]:
             session=real.session,
             epoch=real.epoch,
             sequence=real.sequence + 1_000,
-            time_s=real.time_s,
+            time_s=real.time_s + 1.0,
             body=body,
         )
         made.append(signed + (checksum(signed) if scheme is Scheme.UNSIGNED else real.tag))

@@ -373,6 +373,17 @@ def test_who_holds_another_order_of_the_number_that_the_leader_confirms_flies_th
     assert checks == dict.fromkeys(NAMES, check_of(given))
 
 
+def test_a_leader_that_nobody_hears_flies_no_order_alone():
+    def lost(kind: str, sender: str, *_: object) -> bool:
+        return (kind, sender) == ("state", "leader")
+
+    formation = ordered(further(SLOTS), until_s=60.0, lost=lost)
+    assert formation.flown == dict.fromkeys(NAMES, 0)
+    assert "order 1 is void: nobody has heard that it is confirmed; all fly on as before" in (
+        formation.words
+    )
+
+
 def led_by_any(vehicle: str) -> FlightPlan:
     """The part of a vehicle in a mission that f1 and f2 may lead, too."""
     return flight_plan(replaced("line-calm", deputies=["f1", "f2"]), vehicle)

@@ -32,7 +32,7 @@ from vfguide.link.envelope import (
 )
 from vfguide.link.keys import Roster
 from vfguide.link.member import NOT_SAID, TWIN_QUIET_S, TWIN_SPREAD_S, Parcel
-from vfguide.link.trust import RefusedError, Trust
+from vfguide.link.trust import TWIN, RefusedError, Trust
 
 ANSWERS = frozenset({Kind.ANSWER})
 
@@ -217,6 +217,30 @@ def test_a_flood_by_a_valid_key_silences_its_owner_alone():
     # 400 a second are looked at from then on.
     later = Counter(refused(listener, stolen(sequence=n), 1.0) for n in range(2001, 3001))
     assert later == {"": 400, "says too much": 600}
+
+
+def test_after_a_flood_by_a_valid_key_its_owner_is_heard_at_once_and_no_recording_of_it():
+    listener, owner = proven("f2", 3), proven("f1", 2)
+    recorded = [sealed(owner, time_s=1.0) for _ in range(3)]
+    assert [refused_at(listener, data, 1.1) for data in recorded] == [""] * 3
+    # Two seconds ahead, and with more numbers than the owner needs in minutes.
+    for number in range(4, 1500):
+        assert refused_at(listener, stolen(sequence=number, time_s=3.0), 1.1) == ""
+    assert refused_at(listener, sealed(owner, time_s=2.9), 3.0) == "heard before"
+    assert refused_at(listener, told := sealed(owner, time_s=3.1), 3.2) == ""
+    assert {refused_at(listener, data, 3.3) for data in (*recorded, told)} == {"heard before"}
+
+
+def test_the_owner_of_a_stolen_key_says_so_at_its_first_use_and_does_not_look_at_its_own_messages():
+    owner = proven("f1", 2)
+    own = [sealed(owner) for _ in range(4)]
+    assert refused_at(owner, stolen(sequence=5)) == TWIN
+    assert refused_at(owner, stolen(sequence=5)[:-1] + b"\0") == "forged"
+    assert {refused_at(owner, data) for data in own} == {"one's own"}
+    # What comes in its name takes no other's part of its time.
+    reasons = Counter(refused(owner, stolen(sequence=n)) for n in range(5, 5000))
+    assert reasons == {TWIN: 1999, "says too much": 2996}
+    assert refused(owner, sealed(trust_of(LEADER, 1))) == ""
 
 
 @pytest.mark.parametrize("lost", [False, True])
