@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterable, Sequence
 
 from msgspec.structs import replace
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
-from pymavlink.dialects.v20.ardupilotmega import MAVError, MAVLink, MAVLink_message
+from pymavlink.dialects.v20.ardupilotmega import MAVLink, MAVLink_message
 
 from vfguide.mavlink.framing import (
     STEERING_COMMANDS,
@@ -20,7 +20,9 @@ from vfguide.mavlink.framing import (
     Frame,
     SequencePlaces,
     TextJoiner,
+    frame_of,
     frames_of,
+    message_in,
     steers,
 )
 from vfguide.mavlink.reports import (
@@ -367,7 +369,7 @@ class Codec:
         self._signing = signing
         self._takes_orders = takes_orders
         self._readers = REPORTS | (ATTITUDE_REPORTS if hears_attitude else {})
-        self._parser = MAVLink(None, srcSystem=system_id, srcComponent=COMPANION_COMPONENT)
+        self._packer = MAVLink(None, srcSystem=system_id, srcComponent=COMPANION_COMPONENT)
 
     def decode(self, datagram: bytes) -> list[Report]:
         """Reports in one datagram; whatever the bytes are, this does not raise."""
@@ -388,7 +390,7 @@ class Codec:
 
     def _read(self, frame: Frame) -> Sequence[Report]:
         """What a frame of the autopilot says."""
-        message = self._message(frame.content)
+        message = message_in(frame)
         if message is None:
             self.counters["not MAVLink"] += 1
         elif self._signing is not None and not self._signing.accepts(frame):
@@ -428,7 +430,7 @@ class Codec:
 
     def _steering(self, frame: Frame) -> list[SteeringReport]:
         """What it says where a message of somebody else steers this vehicle."""
-        message = self._message(frame.content)
+        message = message_in(frame)
         if message is None or frame.content in self._sent or not steers(message):
             return []
         if self._signing is not None and not self._signing.vouches_for(frame):
@@ -443,11 +445,11 @@ class Codec:
             return [*found]
         if frame.message_id == mavlink.MAVLINK_MSG_ID_RADIO_STATUS:
             # Radios have names of their own and sign nothing: what they say slows this companion, no more.
-            said = self._message(frame.content)
+            said = message_in(frame)
             radio = None if said is None else radio_report(said)
             return [] if radio is None else [radio]
         wanted = self._takes_orders and frame.message_id == mavlink.MAVLINK_MSG_ID_COMMAND_LONG
-        message = self._message(frame.content) if wanted else None
+        message = message_in(frame) if wanted else None
         target = (self._source[0], COMPANION_COMPONENT)
         if message is None or (message.target_system, message.target_component) != target:
             self.counters["not this vehicle's"] += 1
@@ -461,17 +463,8 @@ class Codec:
     def encode(self, messages: Iterable[MAVLink_message]) -> bytes:
         """One datagram of these messages."""
         if self._signing is not None:
-            self._signing.prepare(self._parser)
+            self._signing.prepare(self._packer)
         return b"".join([self._pack(message) for message in messages])
-
-    def _message(self, frame: bytes) -> MAVLink_message | None:
-        """The message in a frame, or None where checksum or length are wrong."""
-        # Signatures are checked apart from this: see `signing`.
-        self._parser.signing.secret_key = None
-        try:
-            return self._parser.decode(bytearray(frame))
-        except MAVError:
-            return None
 
     def _is_addressed(self, message: MAVLink_message) -> bool:
         """Whether a message is for this companion, or for all: then its target is 0 or left out.
@@ -484,8 +477,8 @@ class Codec:
         return system_id == self._source[0] and message.target_component in OUR_COMPONENTS
 
     def _pack(self, message: MAVLink_message) -> bytes:
-        packed: bytes = message.pack(self._parser)
+        packed = frame_of(message, self._packer)
         if message.get_msgId() in STEERING_MESSAGES:
             self._sent.append(packed)
-        self._parser.seq = (self._parser.seq + 1) % 256
+        self._packer.seq = (self._packer.seq + 1) % 256
         return packed

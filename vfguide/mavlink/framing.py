@@ -20,17 +20,19 @@ import hashlib
 import hmac
 from collections import Counter
 from collections.abc import Callable, Iterator
-from typing import NamedTuple
+from itertools import islice
+from struct import Struct
 
 import msgspec
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
-from pymavlink.dialects.v20.ardupilotmega import MAVError, MAVLink, MAVLink_message
+from pymavlink.dialects.v20.ardupilotmega import MAVLink, MAVLink_message
 
 from vfguide.errors import InputError
 from vfguide.mavlink.reports import TextReport
 
 MAGIC_1, MAGIC_2 = 0xFE, 0xFD
 HEADER_1, HEADER_2 = 6, 10
+HEADER = Struct("<BBBBBBBHB")
 CHECKSUM, SIGNATURE = 2, 13
 SIGNED = 0x01
 
@@ -66,8 +68,8 @@ SIGNED_SILENCE_S = 1.0
 """The same where the heartbeat is signed: nobody else can have sent it."""
 
 
-class Frame(NamedTuple):
-    """One frame; a tuple, since some are made for every report."""
+class Frame(msgspec.Struct, frozen=True):
+    """One frame."""
 
     message_id: int
     """Number of the message."""
@@ -130,6 +132,59 @@ def frame_at(datagram: bytes, start: int, end: int) -> Frame:
         system_id, component_id, low, middle, high = datagram[start + 5 : start + HEADER_2]
         message_id = low | middle << 8 | high << 16
     return Frame(message_id, system_id, component_id, datagram[start:end])
+
+
+fast_crc: Callable[[bytes, int], int] | None = getattr(mavlink, "mcrf4xx", None)
+"""Of the library in C that pymavlink uses where it is installed."""
+
+
+def checksum_of(content: bytes, kind: type[MAVLink_message]) -> bytes:
+    """Checksum of a frame: of header, without its first byte, and payload."""
+    content += bytes((kind.crc_extra,))
+    crc: int = mavlink.x25crc(content).crc if fast_crc is None else fast_crc(content, 0xFFFF)
+    return crc.to_bytes(CHECKSUM, "little")
+
+
+def message_in(frame: Frame) -> MAVLink_message | None:
+    """The message in a frame; None of an unknown kind, and where the checksum is wrong.
+
+    By pymavlink's classes, in half the time of its `decode`. Signatures are checked apart from this.
+    """
+    kind, content = mavlink.mavlink_map.get(frame.message_id), frame.content
+    if kind is None:
+        return None
+    begin, end = HEADER_2, len(content) - CHECKSUM
+    if content[0] == MAGIC_1:
+        begin = HEADER_1
+    elif content[2] & SIGNED:
+        end -= SIGNATURE
+    if content[end : end + CHECKSUM] != checksum_of(content[1:end], kind):
+        return None
+    # Senders leave out zeros at the end; a newer one may have more fields.
+    size = kind.unpacker.size
+    fields = kind.unpacker.unpack(content[begin:end].ljust(size, b"\0")[:size])
+    if any(kind.array_lengths):
+        parts = iter(fields)
+        fields = [list(islice(parts, n)) if n > 1 else next(parts) for n in kind.lengths]
+        fields = [one.rstrip(b"\0") if isinstance(one, bytes) else one for one in fields]
+    message: MAVLink_message = kind(*[fields[place] for place in kind.orders])
+    header = message.get_header()
+    header.srcSystem, header.srcComponent = frame.system_id, frame.component_id
+    return message
+
+
+def frame_of(message: MAVLink_message, sender: MAVLink) -> bytes:
+    """The next frame of a sender; what is signed, or more than numbers, is left to pymavlink."""
+    kind = type(message)
+    if sender.signing.sign_outgoing or not kind.array_lengths or any(kind.array_lengths):
+        return bytes(message.pack(sender))
+    values = vars(message)
+    fields = kind.unpacker.pack(*[values[name] for name in kind.ordered_fieldnames])
+    payload = fields.rstrip(b"\0") or b"\0"
+    source = sender.seq, sender.srcSystem, sender.srcComponent
+    header = HEADER.pack(MAGIC_2, len(payload), 0, 0, *source, kind.id & 0xFFFF, kind.id >> 16)
+    frame = header + payload
+    return frame + checksum_of(frame[1:], kind)
 
 
 def next_magic(datagram: bytes, start: int) -> int:
@@ -257,7 +312,6 @@ class Introduction:
         self._faults = 0
         self._source = (system_id, component_id)
         self._signing = signing
-        self._parser = MAVLink(None)
 
     @property
     def silence_s(self) -> float:
@@ -274,7 +328,7 @@ class Introduction:
         )
 
     def _is_expected(self, frame: Frame) -> bool:
-        message = self._decoded(frame)
+        message = message_in(frame)
         if message is None or message.autopilot == mavlink.MAV_AUTOPILOT_INVALID:
             return False
         if (frame.system_id, frame.component_id) != self._source:
@@ -291,12 +345,6 @@ class Introduction:
     def refused(self) -> int:
         """How many heartbeats of autopilots have introduced nobody."""
         return self.others.total() + self._faults
-
-    def _decoded(self, frame: Frame) -> MAVLink_message | None:
-        try:
-            return self._parser.decode(bytearray(frame.content))
-        except MAVError:
-            return None
 
     def complaint(self) -> str | None:
         """What is wrong where no heartbeat was the expected one, with the remedy; None where none came."""
@@ -466,12 +514,6 @@ def sequence_of(content: bytes) -> int:
     return content[2] if content[0] == MAGIC_1 else content[4]
 
 
-def checksum_of(content: bytes) -> bytes:
-    """Checksum of a frame."""
-    end = len(content) - (13 if content[0] != MAGIC_1 and content[2] & SIGNED else 0)
-    return content[end - 2 : end]
-
-
 class SequencePlaces:
     """Places in which the numbers of one name go on."""
 
@@ -483,10 +525,10 @@ class SequencePlaces:
 
     def note(self, frame: Frame) -> int:
         """Take a frame; returns the number of the series that it is one of, from 0 on."""
-        number, checksum = sequence_of(frame.content), checksum_of(frame.content)
-        if self._places and self._seen[number] == checksum:
+        number = sequence_of(frame.content)
+        if self._places and self._seen[number] == frame.content:
             return self._series[0]
-        self._seen[number] = checksum
+        self._seen[number] = frame.content
         if self._places and 0 < (number - self._places[0]) % 256 <= NEAR:
             # By far the most frequent.
             self._places[0] = number

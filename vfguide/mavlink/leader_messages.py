@@ -19,7 +19,7 @@ from typing import Literal
 
 import msgspec
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
-from pymavlink.dialects.v20.ardupilotmega import MAVError, MAVLink, MAVLink_message
+from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
 from vfguide.mavlink.codec import (
     GREATEST_M_S,
@@ -31,7 +31,7 @@ from vfguide.mavlink.codec import (
     time_report,
     traffic_report,
 )
-from vfguide.mavlink.framing import frames_of
+from vfguide.mavlink.framing import frames_of, message_in
 from vfguide.mavlink.reports import TimeReport
 from vfguide.state import LeaderState
 
@@ -228,7 +228,6 @@ class LeaderCodec:
         self._system_id = system_id
         self._icao_address = icao_address
         self._readers = READERS if icao_address is None else ADSB_READERS
-        self._parser = MAVLink(None)
 
     def decode(self, datagram: bytes) -> list[LeaderReport | TimeReport]:
         """Reports in one datagram; whatever the bytes are, this does not raise."""
@@ -241,7 +240,7 @@ class LeaderCodec:
             elif self._system_id is not None and frame.system_id != self._system_id:
                 self.counters["of another system"] += 1
                 self.others[frame.system_id] += 1
-            elif (message := self._message(frame.content)) is None:
+            elif (message := message_in(frame)) is None:
                 self.counters["not MAVLink"] += 1
             elif self._icao_address is not None and message.ICAO_address != self._icao_address:
                 self.counters["of another aircraft"] += 1
@@ -250,13 +249,6 @@ class LeaderCodec:
             else:
                 found.append(one)
         return found
-
-    def _message(self, frame: bytes) -> MAVLink_message | None:
-        """The message in a frame, or None where checksum or length are wrong."""
-        try:
-            return self._parser.decode(bytearray(frame))
-        except MAVError:
-            return None
 
 
 def follow_target_message(

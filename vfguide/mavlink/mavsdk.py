@@ -28,12 +28,12 @@ from random import Random
 from typing import Any, Protocol
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
-from pymavlink.dialects.v20.ardupilotmega import MAVError, MAVLink, MAVLink_message
+from pymavlink.dialects.v20.ardupilotmega import MAVLink, MAVLink_message
 
 from vfguide.backoff import retry_delay
 from vfguide.errors import InputError, require
 from vfguide.mavlink.address import Address, Status, reason_of
-from vfguide.mavlink.framing import frames_of
+from vfguide.mavlink.framing import frames_of, message_in
 from vfguide.mavlink.px4_steering import MAIN_MODE_AUTO, MAIN_MODE_OFFBOARD, SUB_MODE_LOITER
 
 logger = logging.getLogger(__name__)
@@ -140,7 +140,6 @@ class MavsdkChannel:
         self._random = random
         self._loop = asyncio.get_running_loop()
         self._packer = MAVLink(None)
-        self._parser = MAVLink(None)
         self._plugins: Plugins | None = None
         self._setpoint_time = math.inf
         self._heard_time = -math.inf
@@ -153,7 +152,7 @@ class MavsdkChannel:
             self._status.counters["dropped: not connected"] += 1
             return
         for frame in frames_of(datagram):
-            message = None if frame is None else self._message(frame.content)
+            message = None if frame is None else message_in(frame)
             if message is not None:
                 self._say(plugins, message)
 
@@ -255,12 +254,6 @@ class MavsdkChannel:
             self._status.counters["not understood"] += 1
             return
         self._receive(frame)
-
-    def _message(self, frame: bytes) -> MAVLink_message | None:
-        try:
-            return self._parser.decode(bytearray(frame))
-        except MAVError:
-            return None
 
     def _say(self, plugins: Plugins, message: MAVLink_message) -> None:
         """One message of the companion, by MAVSDK's own call where there is one."""
