@@ -18,7 +18,7 @@ the same field. Sum of waves: Kraichnan, "Diffusion by a random velocity field",
 
 import math
 from dataclasses import dataclass
-from typing import Literal, NamedTuple, Protocol
+from typing import Literal, Protocol
 
 import msgspec
 import numpy as np
@@ -229,7 +229,7 @@ def unit_vectors(random: Generator) -> Vector:
     return normalised
 
 
-class AirPlace(NamedTuple):
+class AirPlace(msgspec.Struct, frozen=True):
     """Where the air is asked for."""
 
     latitude_rad: float

@@ -15,7 +15,8 @@ filter, 0.03 s, is left out beside the roll's 0.4 s). Source of the speed's figu
 """
 
 import math
-from typing import NamedTuple
+
+import msgspec
 
 from sitl_stub.air import Wind
 from sitl_stub.aircraft import PlantParameters
@@ -77,8 +78,8 @@ MAX_LAGGING_STEP_S = 0.025
 """Longest step: a sixteenth of the roll's time constant; a test measures what it costs in accuracy."""
 
 
-class PlantRates(NamedTuple):
-    """How the plant moves now. A tuple, since four of them are made per report."""
+class PlantRates(msgspec.Struct, frozen=True):
+    """How the plant moves now."""
 
     turn_rate_rad_s: float
     """Turn rate of the heading or course held, positive right."""

@@ -5,8 +5,9 @@ Nothing else knows these units. Height above the ellipsoid and above mean sea le
 
 import math
 from collections.abc import Callable, Mapping
-from typing import NamedTuple, Protocol
+from typing import Protocol
 
+import msgspec
 import pymap3d
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
@@ -68,7 +69,7 @@ class Identity(Protocol):
         """MAV_STATE in the heartbeat."""
 
 
-class ReportedInstant(NamedTuple):
+class ReportedInstant(msgspec.Struct, frozen=True):
     """What all messages of one instant are made from, so that they agree."""
 
     time_boot_ms: int

@@ -9,7 +9,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
 from functools import cache
-from typing import Any, ClassVar, NamedTuple, TypeVar
+from typing import Any, ClassVar, TypeVar
 
 import msgspec
 
@@ -62,8 +62,8 @@ class PlantState(msgspec.Struct, frozen=True):
     """Climb rate of the height hold, positive up; the `six-dof` plant has its own in its body."""
 
 
-class Motion(NamedTuple):
-    """The true motion at one instant. A tuple, since one is made per report."""
+class Motion(msgspec.Struct, frozen=True):
+    """The true motion at one instant."""
 
     north_m_s: float
     """Ground velocity."""

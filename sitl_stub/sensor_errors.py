@@ -22,6 +22,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal, get_args
 
+from msgspec.structs import replace
 from numpy.random import Generator, default_rng
 
 from sitl_stub.plant import Motion
@@ -303,9 +304,10 @@ class Faults:
             if not fault.is_on(time_s):
                 continue
             if fault.kind == "airspeed":
-                motion = motion._replace(airspeed_m_s=fault.north)
+                motion = replace(motion, airspeed_m_s=fault.north)
             elif fault.kind == "velocity":
-                motion = motion._replace(
+                motion = replace(
+                    motion,
                     north_m_s=fault.north,
                     east_m_s=fault.east,
                     ground_speed_m_s=math.hypot(fault.north, fault.east),
@@ -313,7 +315,8 @@ class Faults:
             held |= fault.kind == "held"
         if not held or self._held is None:
             self._held = motion
-        return motion._replace(
+        return replace(
+            motion,
             north_m_s=self._held.north_m_s,
             east_m_s=self._held.east_m_s,
             ground_speed_m_s=self._held.ground_speed_m_s,

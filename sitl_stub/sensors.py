@@ -1,8 +1,9 @@
 """What the autopilot measures of the true motion: noise, glitches, airspeed as its sensor shows it."""
 
 import math
-from typing import NamedTuple
 
+import msgspec
+from msgspec.structs import replace
 from numpy.random import default_rng
 
 from sitl_stub.config import AutopilotConfig
@@ -14,8 +15,8 @@ from sitl_stub.sensor_errors import Faults, SensorErrors
 MICROSECOND = 1e-6
 
 
-class Measurement(NamedTuple):
-    """Everything that telemetry tells of one instant. A tuple, since one is made per report."""
+class Measurement(msgspec.Struct, frozen=True):
+    """Everything that telemetry tells of one instant."""
 
     motion: Motion
     """The motion as it is measured."""
@@ -88,7 +89,7 @@ class Sensors:
             return (
                 motion
                 if shown_m_s == motion.airspeed_m_s
-                else motion._replace(airspeed_m_s=shown_m_s)
+                else replace(motion, airspeed_m_s=shown_m_s)
             )
         config, normal, errors = self._config, self._random.standard_normal, self._errors
         north_error_m_s, east_error_m_s = errors.velocity_m_s()
@@ -96,7 +97,8 @@ class Sensors:
         east_m_s = motion.east_m_s + east_error_m_s + config.velocity_noise_m_s * normal()
         heading_error_rad = errors.heading_rad() + config.heading_noise_rad * normal()
         airspeed_error_m_s = errors.airspeed_m_s() + config.airspeed_noise_m_s * normal()
-        return motion._replace(
+        return replace(
+            motion,
             north_m_s=north_m_s,
             east_m_s=east_m_s,
             course_rad=wrap_to_two_pi(math.atan2(east_m_s, north_m_s)),

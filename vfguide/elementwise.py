@@ -30,6 +30,13 @@ def cos(angle: Number) -> Number:
     return math.cos(angle) if isinstance(angle, float) else np.cos(angle)
 
 
+def cosine_and_sine(angle: Number) -> tuple[Number, Number]:
+    """(cosine, sine) of an angle in radians."""
+    if isinstance(angle, float):
+        return math.cos(angle), math.sin(angle)
+    return np.cos(angle), np.sin(angle)
+
+
 def atan(slope: Number) -> Number:
     """Arc tangent, in (-pi/2, pi/2)."""
     return math.atan(slope) if isinstance(slope, float) else np.arctan(slope)
@@ -60,7 +67,8 @@ def floor(value: Number) -> Number:
 def clip(value: Number, low: Number | float, high: Number | float) -> Number:
     """The value, held within [low, high]."""
     if isinstance(value, float):
-        return min(max(value, low), high)
+        # Most often it is within.
+        return value if low <= value <= high else min(max(value, low), high)
     return np.clip(value, low, high)
 
 
@@ -95,7 +103,8 @@ def low_pass(previous: Number, target: Number, period: float, time_constant: flo
 
 def wrap_angle(angle: Number) -> Number:
     """The same direction in [-pi, pi)."""
-    return angle - TURN * floor((angle + math.pi) / TURN)
+    turns = (angle + math.pi) / TURN
+    return angle - TURN * (math.floor(turns) if isinstance(turns, float) else np.floor(turns))
 
 
 def wrap_course(course: Number) -> Number:

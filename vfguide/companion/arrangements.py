@@ -135,6 +135,7 @@ class Arrangements:
         self._refused: tuple[KnownOrder, str] | None = None
         self._answers: dict[str, Reply] = {}
         self._numbers: dict[str, tuple[int, bool, float]] = {}
+        self._heard_number = 0
         self._places: dict[str, tuple[float, float]] = {}
         self._older: dict[str, float] = {}
         self._replied_s = self._repeated_s = -math.inf
@@ -164,8 +165,9 @@ class Arrangements:
 
     def waits(self, now: float) -> bool:
         """Whether others fly by an arrangement that this companion does not know."""
-        own = self.number
-        newest = self._newest(now, lone=now < self._started_s + STARTED_S)
+        own = newest = self.number
+        if self._heard_number > own:
+            newest = self._newest(now, lone=now < self._started_s + STARTED_S)
         if newest <= own or self._expects(newest, now):
             self._waits_since, self._complained = math.inf, False
             return False
@@ -336,6 +338,7 @@ class Arrangements:
             self._started_s = now
         number = state.arrangement
         self._numbers[vehicle] = (number, state.steered, now)
+        self._heard_number = max(self._heard_number, number)
         self._places[vehicle] = (state.north, state.east)
         order = self._next
         # Of a leader that is lost since it has decided two others tell: one alone may make that up.

@@ -23,7 +23,9 @@ less than that in `LEAN_S` (1 m/s where noise is 0.3 m), and positions and veloc
 
 import math
 from enum import Enum
-from typing import NamedTuple
+
+import msgspec
+from msgspec.structs import replace
 
 from vfguide.guidance.navigation import (
     UNBROKEN_S,
@@ -158,7 +160,7 @@ LIVES = """
 NEXT = transitions(LIVES, Life, Evidence)
 
 
-class Believed(NamedTuple):
+class Believed(msgspec.Struct, frozen=True):
     """What one more report leaves of a belief."""
 
     life: Life
@@ -413,7 +415,8 @@ class Belief:
         self._velocity_is_false = True
         self._doubt(known)
         self._watch(motion, slack_s)
-        right = motion._replace(
+        right = replace(
+            motion,
             velocity_north=motion.velocity_north - off_north,
             velocity_east=motion.velocity_east - off_east,
         )
@@ -433,7 +436,7 @@ class Belief:
                 return self._adopted(motion)
             # The place steps as well: the air leads alone.
             self._lost_m += (AIR_ERROR_M_S - CARRY_ERROR_M_S) * interval_s
-            self._known = right._replace(north=right.north - north, east=right.east - east)
+            self._known = replace(right, north=right.north - north, east=right.east - east)
             reason = "position and velocity contradict each other, and the motion through the air"
             return self._carried(right.north - north, right.east - east, reason, by_velocity=False)
         self._known = right
@@ -476,7 +479,7 @@ class Belief:
             self._lost_m = max(self._lost_m, off)
             return self._refused(motion, "position and velocity contradict each other")
         place_north, place_east = motion.north - north, motion.east - east
-        self._known = motion._replace(north=place_north, east=place_east)
+        self._known = replace(motion, north=place_north, east=place_east)
         self._lost_m += CARRY_ERROR_M_S * interval_s
         if self._doubted_since - self._believed_since < START_S:
             return self._refused(motion, "the first positions do not agree with each other")
@@ -629,7 +632,7 @@ class Belief:
             if turns and math.hypot(north, east) <= within:
                 # Not the report itself: one that stays behind its velocity a little each time is not steady.
                 self._seen = (
-                    motion._replace(north=motion.north - north, east=motion.east - east)
+                    replace(motion, north=motion.north - north, east=motion.east - east)
                     if self._contradicts or self._velocity_is_false
                     else leaned(motion, north, east, interval_s)
                 )

@@ -19,7 +19,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from vfguide.companion.plan import FlightPlan
 from vfguide.companion.supervisor import Objection
-from vfguide.frames import way_m
+from vfguide.frames import earth_centred, way_m
 from vfguide.mavlink.announcements import name_of
 from vfguide.mavlink.reports import (
     HeartbeatReport,
@@ -62,8 +62,8 @@ class SeenPlace(msgspec.Struct, frozen=True):
 
     boot_time_s: float
     """By its own clock, s."""
-    place: tuple[float, float]
-    """Latitude and longitude, degrees."""
+    place: tuple[float, float, float]
+    """From the earth's centre, m: on the ellipsoid."""
     heard_s: float
     """When it was heard, s."""
 
@@ -71,7 +71,7 @@ class SeenPlace(msgspec.Struct, frozen=True):
 def near(one: SeenPlace, other: SeenPlace) -> bool:
     """Whether one aircraft can have been at both, as long as passed by its clock or the reader's."""
     passed_s = max(abs(other.boot_time_s - one.boot_time_s), abs(other.heard_s - one.heard_s))
-    return way_m(one.place, other.place) <= SAME_PLACE_M + FASTEST_M_S * passed_s
+    return math.dist(one.place, other.place) <= SAME_PLACE_M + FASTEST_M_S * passed_s
 
 
 def by_one_clock(one: SeenPlace, other: SeenPlace) -> bool:
@@ -124,7 +124,7 @@ class VehicleIdentity:
 
         One boot clock and one place in two series of numbers are those of one aircraft over two links.
         """
-        place = report.latitude_deg, report.longitude_deg
+        place = earth_centred(report.latitude_deg, report.longitude_deg, 0.0)
         seen = SeenPlace(report.boot_time_s, place, now)
         before, self._before = self._before, seen
         if before is not None and seen.boot_time_s < before.boot_time_s - CLOCKS_APART_S:
@@ -208,10 +208,13 @@ class EngageRange:
 
     def note(self, report: PositionReport) -> None:
         """Take a position as it was reported, whether it is believed or not."""
+        if self._was_near:
+            # Who has been there in this flight has the right origin and another trouble.
+            return
         place = (report.latitude_deg, report.longitude_deg)
         distance = way_m(self._origin, place)
         if distance <= FRAME_M or place == (0.0, 0.0):
-            self._was_near = self._was_near or place != (0.0, 0.0)
+            self._was_near = place != (0.0, 0.0)
             self._away = None
             return
         exchanged = way_m((self._origin[1], self._origin[0]), place) <= FRAME_M
@@ -224,8 +227,7 @@ class EngageRange:
         Args:
             distance: from path or slot, m; infinite while not known.
         """
-        # Who has been there in this flight has the right origin and another trouble.
-        if self._away is not None and not self._was_near:
+        if self._away is not None:
             return Objection(key="origin", text=self._away)
         if distance <= self._reach or math.isinf(distance):
             return None

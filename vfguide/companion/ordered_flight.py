@@ -202,12 +202,9 @@ class OrderedFlight:
     @property
     def has_left(self) -> bool:
         """Whether this vehicle is to be left to its autopilot: it has no place, or all was called off."""
-        flown = self.flown
-        if self.called_off is not None:
-            return True
-        if flown is None:
-            return False
-        return not self._plan.leads and flown.place_of(self._plan.name) is None
+        if self.order is None or self.called_off is not None:
+            return self.called_off is not None
+        return not self._plan.leads and self.order.arrangement.place_of(self._plan.name) is None
 
     @property
     def loiters_by(self) -> int | None:

@@ -263,8 +263,8 @@ class StrainGuard:
         still = [one for one in moments if not one.may_shake]
         worn = is_restless([one.turn_at_once - one.turn for one in still])
         worn_out = is_restless([one.push_at_once - one.push for one in still])
-        turn_limited = sum(one.turn_limited for one in moments) > LIMIT_SHARE * len(moments)
-        push_limited = sum(one.push_limited for one in moments) > LIMIT_SHARE * len(moments)
+        turn_limited = sum([one.turn_limited for one in moments]) > LIMIT_SHARE * len(moments)
+        push_limited = sum([one.push_limited for one in moments]) > LIMIT_SHARE * len(moments)
         lost = self._course.judge(
             now, period, is_strained=turned or turn_limited or worn, is_thrown=turned
         )
@@ -317,7 +317,7 @@ def is_thrown(asked: list[float], great: float, sides: int = SIDES) -> bool:
     """
     side, changes = 0.0, 0
     for value in asked:
-        if abs(value) < great:
+        if -great < value < great:
             continue
         if side * value < 0.0:
             changes += 1
@@ -342,5 +342,5 @@ def swing(banks: list[float]) -> float:
     """Return how far a bank goes to and fro beyond twice its range, rad."""
     if len(banks) < 2:
         return 0.0
-    way = sum(abs(after - before) for before, after in pairwise(banks))
+    way = sum([abs(after - before) for before, after in pairwise(banks)])
     return way - 2.0 * (max(banks) - min(banks))

@@ -166,21 +166,14 @@ def leader_event(situation: Situation, timeouts: ModeTimeouts) -> Happening:
     """What it comes to that the leader is heard, or is not, where the vehicle obeys."""
     age = situation.leader_age
     if age <= timeouts.leader_s:
-        near, beside = timeouts.arrived_m, timeouts.strayed_m
-        bounds = ((near, Happening.NEAR), (beside, Happening.BESIDE))
-        return first_within(situation.distance, bounds, Happening.AWAY)
-    apart = timeouts.prediction_s + timeouts.breakaway_s
-    ends = Happening.OVER if situation.steered and math.isfinite(age) else Happening.NOTHING
-    return first_within(
-        age, ((timeouts.prediction_s, Happening.SILENT), (apart, Happening.APART)), ends
-    )
-
-
-def first_within(
-    value: float, bounds: tuple[tuple[float, Happening], ...], beyond: Happening
-) -> Happening:
-    """What the first bound stands for that a value is within; where it is beyond all, the last."""
-    return next((event for bound, event in bounds if value <= bound), beyond)
+        if situation.distance <= timeouts.arrived_m:
+            return Happening.NEAR
+        return Happening.BESIDE if situation.distance <= timeouts.strayed_m else Happening.AWAY
+    if age <= timeouts.prediction_s:
+        return Happening.SILENT
+    if age <= timeouts.prediction_s + timeouts.breakaway_s:
+        return Happening.APART
+    return Happening.OVER if situation.steered and math.isfinite(age) else Happening.NOTHING
 
 
 UNGUIDED = {Control.PILOT: Happening.TAKEN, Control.UNKNOWN: Happening.UNHEARD}

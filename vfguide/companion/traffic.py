@@ -136,8 +136,8 @@ class Traffic:
         self._heard = Sightings(2 * count)
         self._newest = [UNHEARD] * count
         # Of the first rows: between states, the newest when `late` was last asked, when the next is due; s.
-        self._interval_s, self._seen_s = np.zeros(count), np.full(count, np.nan)
-        self._due_s = np.full(count, np.inf)
+        self._interval_s, self._seen_s = [0.0] * count, [math.nan] * count
+        self._due_s = [math.inf] * count
         self._believed, self._doubted_s = self._heard.rows(0, count), -math.inf
         self._carried_s, self._wind = math.inf, 0j
         self._shown_more = np.zeros(count)
@@ -214,11 +214,11 @@ class Traffic:
             self._note(row, carried)
         elif receiver.newest is not None:
             self._note(row, receiver.newest)
-            if elsewhere is None:
+            if elsewhere is not None:
+                self._note(doubted_row, elsewhere)
+            elif self._doubted_s > -math.inf:
                 self._heard.time[doubted_row] = -np.inf
                 self._doubted_s = float(self._heard.time[len(self.vehicles) :].max())
-            else:
-                self._note(doubted_row, elsewhere)
 
     def _note(self, row: int, state: HeardState) -> None:
         known = self._heard
@@ -275,16 +275,16 @@ class Traffic:
             now: s.
             leader: whether the leader counts.
         """
-        newest = self._believed.time
-        came = newest != self._seen_s
-        if np.logical_or.reduce(came):
-            # Now, or since this was asked last.
-            late_s = np.maximum(LATE_STATE_S, LATE_INTERVALS * self._interval_s[came])
-            self._due_s[came], self._seen_s[came] = now + late_s, newest[came]
-        if np.minimum.reduce(self._due_s, initial=np.inf) >= now:
+        for row, one in enumerate(self._newest):
+            if one.time_s != self._seen_s[row]:
+                # Now, or since this was asked last.
+                late_s = max(LATE_STATE_S, LATE_INTERVALS * self._interval_s[row])
+                self._due_s[row], self._seen_s[row] = now + late_s, one.time_s
+        if min(self._due_s, default=math.inf) >= now:
             return None
         late = np.zeros_like(self._leads)
-        late[: len(newest)] = (self._due_s < now) & (now <= newest + SILENT_S)
+        for row, one in enumerate(self._newest):
+            late[row] = self._due_s[row] < now <= one.time_s + SILENT_S
         if not leader:
             late &= ~self._leads
         return late if late.any() else None

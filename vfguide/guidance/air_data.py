@@ -68,8 +68,8 @@ LEAST_WIND_DRIFT = 0.05
 SLIP_DEVIATION = 1.0
 """What is not known of the slip of a vehicle that does slip, s."""
 
-Vector = tuple[float, float, float, float]
-Matrix = tuple[Vector, Vector, Vector, Vector]
+Vector = tuple[float, ...]
+Matrix = tuple[Vector, ...]
 
 
 class Calibration(msgspec.Struct, frozen=True, kw_only=True):
@@ -168,25 +168,16 @@ def _updated(
     estimate: Vector, spread: Matrix, row: Vector, seen: float, noise: float
 ) -> tuple[Vector, Matrix]:
     """One scalar measurement: seen = row . estimate."""
-    first, second, third, fourth = spread
-    across = (_dot(first, row), _dot(second, row), _dot(third, row), _dot(fourth, row))
-    surprise = seen - _dot(row, estimate)
-    total = _dot(row, across) + noise
-    return _less(estimate, -surprise / total, across), (
-        _less(first, across[0] / total, across),
-        _less(second, across[1] / total, across),
-        _less(third, across[2] / total, across),
-        _less(fourth, across[3] / total, across),
-    )
-
-
-def _less(line: Vector, gain: float, across: Vector) -> Vector:
-    return (
-        line[0] - gain * across[0],
-        line[1] - gain * across[1],
-        line[2] - gain * across[2],
-        line[3] - gain * across[3],
-    )
+    a, b, c, d = row
+    across = [a * k + b * m + c * n + d * o for k, m, n, o in spread]
+    p, q, r, s = across
+    total = a * p + b * q + c * r + d * s + noise
+    gains = [-(seen - _dot(row, estimate)) / total, *[one / total for one in across]]
+    updated, *smaller = [
+        (k - gain * p, m - gain * q, n - gain * r, o - gain * s)
+        for gain, (k, m, n, o) in zip(gains, (estimate, *spread), strict=True)
+    ]
+    return updated, tuple(smaller)
 
 
 def _dot(first: Vector, second: Vector) -> float:
@@ -281,7 +272,7 @@ def learned(
         turn_rate: since the report before, rad/s.
         period: since then, s.
     """
-    if not all(map(math.isfinite, (bank, airspeed, turn_rate, period))):
+    if not math.isfinite(bank + airspeed + turn_rate + period):
         return before
     possible = abs(bank) < 0.5 * math.pi and abs(turn_rate) < GREATEST_TURN_RATE
     if not (airspeed > 1.0 and possible):

@@ -22,25 +22,35 @@ from collections import deque
 import msgspec
 from msgspec.structs import replace
 
-from vfguide.elementwise import Number, clip, cos, greater_of, hypot, sin, square_root, wrap_angle
+from vfguide.elementwise import (
+    Number,
+    clip,
+    cos,
+    cosine_and_sine,
+    greater_of,
+    hypot,
+    square_root,
+    wrap_angle,
+)
 from vfguide.state import GAP_S, Airframe, VehicleState
 
 
 def resolve(north: Number, east: Number, direction: Number) -> tuple[Number, Number]:
     """Components of a horizontal vector (along, right of) a direction in radians."""
-    ahead, aside = cos(direction), sin(direction)
+    ahead, aside = cosine_and_sine(direction)
     return north * ahead + east * aside, east * ahead - north * aside
 
 
 def compose(along: Number, right: Number, direction: Number) -> tuple[Number, Number]:
     """(north, east) of a vector given by its components along and right of a direction."""
-    ahead, aside = cos(direction), sin(direction)
+    ahead, aside = cosine_and_sine(direction)
     return along * ahead - right * aside, along * aside + right * ahead
 
 
 def polar(length: Number, direction: Number) -> tuple[Number, Number]:
     """(north, east) of a vector given by its length and direction."""
-    return length * cos(direction), length * sin(direction)
+    ahead, aside = cosine_and_sine(direction)
+    return length * ahead, length * aside
 
 
 def ground_speed_on_course(
@@ -396,8 +406,10 @@ class BankLimit:
             return
         banks = [one.bank for one in moments if now - one.time_s <= PLATEAU_S]
         level = sum(banks) / len(banks)
+        further = abs(level) > self._greatest
         self._greatest = max(self._greatest, abs(level))
-        if max(banks) - min(banks) <= STEADY and abs(level) >= LEAST_BANK:
+        on_plateau = max(banks) - min(banks) <= STEADY and abs(level) >= LEAST_BANK
+        if on_plateau:
             tangent = math.tan(level)
             ratios = [one.asked / tangent for one in moments]
             is_same = abs(level - self._level) < SMALLER and now - self._taken_s < APART_S
@@ -411,7 +423,8 @@ class BankLimit:
                     number=self._number,
                 )
             )
-        self.value = self._limit()
+        if on_plateau or further:
+            self.value = self._limit()
 
     def _limit(self) -> float | None:
         """Return the bank of all that was most, where more was asked for; None where it was not."""

@@ -20,7 +20,6 @@ position on by the reported velocity and its error, and finds both by the report
 """
 
 import math
-from typing import NamedTuple
 
 import msgspec
 from msgspec.structs import replace
@@ -79,7 +78,7 @@ def reach_of(airframe: Airframe) -> Reach:
     )
 
 
-class ReportedMotion(NamedTuple):
+class ReportedMotion(msgspec.Struct, frozen=True):
     """Position and velocity at a time."""
 
     time_s: float
@@ -147,7 +146,7 @@ def leaned(motion: ReportedMotion, north: float, east: float, interval_s: float)
         interval_s: since the report before.
     """
     rest = 0.0 if interval_s > UNBROKEN_S else LEAN_S / (LEAN_S + interval_s)
-    return motion._replace(north=motion.north - rest * north, east=motion.east - rest * east)
+    return replace(motion, north=motion.north - rest * north, east=motion.east - rest * east)
 
 
 GUSTS_WATCH_S = 4.0

@@ -246,13 +246,13 @@ class HoldLearner:
         if period > GAP_S or self._settling_s == 0.0:
             self._settling_s = min(period, GAP_S)
             errors = self._errors(time_s, 0.0, value, angle=angle)
-            predicted = np.clip(self._gains * errors, -limit, limit)
+            predicted = np.minimum(np.maximum(self._gains * errors, -limit), limit)
             self._lagged, self._filtered, self._rate = predicted, predicted, rate or 0.0
             return
         # Everything is the mean over the period, so that nothing is half a period early or late.
         change = apart(value, before, angle=angle)
         errors = self._errors(time_s, period, before + 0.5 * change, angle=angle)
-        predicted = np.clip(self._gains * errors, -limit, limit)
+        predicted = np.minimum(np.maximum(self._gains * errors, -limit), limit)
         if rate is None:
             rate = apart(direction, direction_before, angle=angle) / period
         elif rate_before is not None:
@@ -286,7 +286,7 @@ class HoldLearner:
                 # Before the first that is known there was another like it.
                 error = apart(self._setpoints[0][1], value, angle=angle)
             errors.append(error if period == 0.0 else (total + (until - since) * error) / period)
-        return np.repeat(errors, self._for_each_dead_time)
+        return np.array(errors).repeat(self._for_each_dead_time)
 
     def _learn(self, period: float) -> None:
         """Add one moment to the sums."""

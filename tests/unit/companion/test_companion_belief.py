@@ -8,6 +8,7 @@ from random import Random
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from msgspec.structs import replace
 
 from vfguide.companion.belief import (
     LIVES,
@@ -147,7 +148,7 @@ def test_a_place_after_the_autopilot_had_none_is_believed_after_2_s():
     assert believed(judgements, 14.2, 20.0) == {BELIEVED}
     assert BELIEVED not in believed(judgements, 12.0, 14.0)
     # Another step, of which the autopilot says nothing, is a step like any other.
-    assert one.take(motion._replace(time_s=20.05, north=motion.north + 60.0)).reason is not None
+    assert one.take(replace(motion, time_s=20.05, north=motion.north + 60.0)).reason is not None
 
 
 @pytest.mark.parametrize(("gap_s", "doubted_s"), [(1.0, 2.0), (0.0, 15.0)])
@@ -175,7 +176,7 @@ def test_what_is_no_number_is_refused_and_a_velocity_of_327_m_s():
     motions = list(straight(20.0))
     for motion in motions[:200]:
         one.take(motion)
-    assert kind_of(one.take(flying(10.0, 200.0)._replace(velocity_north=327.67))) == REFUSED
+    assert kind_of(one.take(replace(flying(10.0, 200.0), velocity_north=327.67))) == REFUSED
     assert kind_of(one.take(motions[201])) == BELIEVED
 
 
@@ -185,7 +186,7 @@ def with_velocity(
     """Straight flight whose reports have another velocity for a while."""
     for motion in straight(30.0):
         false = from_s - 0.01 < motion.time_s < to_s - 0.01
-        yield (motion._replace(velocity_north=north, velocity_east=east) if false else motion)
+        yield (replace(motion, velocity_north=north, velocity_east=east) if false else motion)
 
 
 @pytest.mark.parametrize("to_s", [99.0, 13.0])
@@ -203,7 +204,7 @@ def test_a_velocity_that_grows_false_is_not_carried_on_by():
     def drifting() -> Iterator[ReportedMotion]:
         for motion in straight(30.0):
             east = min(max(motion.time_s - 10.0, 0.0) * 3.0, 15.0)
-            yield motion._replace(velocity_east=east)
+            yield replace(motion, velocity_east=east)
 
     found = judged(drifting())
     assert CARRIED not in believed(found, 0.0, 30.0)
@@ -227,7 +228,8 @@ def test_a_turn_that_began_in_a_gap_is_believed_at_once():
     def turning() -> Iterator[ReportedMotion]:
         for motion in straight(30.0):
             angle = rate * max(motion.time_s - 10.0, 0.0)
-            yield motion._replace(
+            yield replace(
+                motion,
                 north=200.0 + 20.0 / rate * math.sin(angle) if angle else motion.north,
                 east=20.0 / rate * (1.0 - math.cos(angle)),
                 velocity_north=20.0 * math.cos(angle),
@@ -263,7 +265,7 @@ def test_no_step_is_ever_flown_by(off, bearing, at, length, noise):
         away = off if at <= step < at + length else 0.0
         north = motion.north + away * math.cos(bearing) + random.gauss(0.0, noise)
         east = motion.east + away * math.sin(bearing) + random.gauss(0.0, noise)
-        judgement = one.take(motion._replace(north=north, east=east))
+        judgement = one.take(replace(motion, north=north, east=east))
         if kind_of(judgement) in {BELIEVED, CARRIED}:
             apart = math.hypot(judgement.north - motion.north, judgement.east - motion.east)
             assert apart < 4.0
@@ -322,11 +324,11 @@ def repeated(what: str, to_s: float, wind_rate: float) -> Judgements:
         )
         if held is None or not 10.0 <= time_s < to_s:
             held = true
-        motion = held._replace(time_s=time_s)
+        motion = replace(held, time_s=time_s)
         if "place" not in what:
-            motion = motion._replace(north=true.north, east=true.east)
+            motion = replace(motion, north=true.north, east=true.east)
         if "velocity" not in what:
-            motion = true._replace(north=held.north, east=held.east)
+            motion = replace(true, north=held.north, east=held.east)
         wind = 2.0 + wind_rate * max(time_s - 10.0, 0.0)
         air = (true.velocity_north - wind, true.velocity_east - 3.0)
         found.append((time_s, one.take(motion, air=air)))
@@ -359,7 +361,7 @@ def test_what_is_repeated_is_a_silence(what, to_s, wind_rate, lives):
 
 def test_without_the_air_motion_nothing_leads_through_a_silence():
     motions = list(straight(10.0))
-    again = [motions[-1]._replace(time_s=10.0 + step * PERIOD_S) for step in range(1, 5)]
+    again = [replace(motions[-1], time_s=10.0 + step * PERIOD_S) for step in range(1, 5)]
     _, found = judged([*motions, *again])[-1]
     assert (found.life, found.leads) == (Life.DOUBTED, False)
 

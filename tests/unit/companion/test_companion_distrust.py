@@ -7,6 +7,7 @@ from itertools import accumulate
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from msgspec.structs import replace
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
@@ -35,7 +36,7 @@ def told(faults: Iterable[tuple[float, float]], until_s: float) -> list[tuple[fl
         now = step / 10
         wrong = any(begin <= now < end for begin, end in spans)
         right = Believed(Life.TRUSTED, 0.0, 0.0)
-        refused = right._replace(life=Life.DOUBTED, by_place=False, leads=False, reason="a speed")
+        refused = replace(right, life=Life.DOUBTED, by_place=False, leads=False, reason="a speed")
         doubt.note(refused if wrong else right, belief, now)
         words += [(now, one.text) for one in alerts.heard(now)]
     return words

@@ -12,6 +12,7 @@ import pymap3d
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from msgspec.structs import replace
 from numpy.random import default_rng
 from numpy.typing import NDArray
 from pymap3d.rcurve import meridian, transverse
@@ -119,7 +120,7 @@ def test_the_wind_grows_with_the_logarithm_of_the_height():
     # ln(50 / 0.05) / ln(100 / 0.05) = 6.9078 / 7.6009.
     air = Air(SteadyWind(10.0, 0.0), shear=Shear(reference_m=100.0, roughness_m=0.05))
     assert air.near(HERE).at(0.0) == pytest.approx((10.0, 0.0))
-    low = HERE._replace(height_m=50.0)
+    low = replace(HERE, height_m=50.0)
     assert air.near(low).at(0.0)[0] == pytest.approx(9.0882, rel=1e-4)
 
 
