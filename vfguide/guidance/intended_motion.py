@@ -112,8 +112,9 @@ def extrapolate_along_path(
     )
 
 
-CALM_RAD = 0.004
-"""Jitter of the course at which measured and filtered count alike: 0.1 m in a slot 25 m away."""
+CALM_RAD, CALM_TURN_RAD = 0.004, 0.001
+"""Jitter of the course at which measured and meant count alike: speeds, and courses with their turn rates. A
+compass adds five times the second, which swings a slot 50 m behind by 0.25 m; no lever enlarges a speed."""
 
 SLOW_S = 1.0
 """What changes more slowly than this is no jitter."""
@@ -259,7 +260,8 @@ def intended_motion(
     else:
         # Not at once: slots would jump.
         jitter = low_pass(before.jitter, 0.0, period, FADE_S)
-    weight = max(jitter / (jitter + CALM_RAD * CALM_RAD), trust)
+    turn_weight = max(jitter / (jitter + CALM_TURN_RAD * CALM_TURN_RAD), trust)
+    speed_weight = max(jitter / (jitter + CALM_RAD * CALM_RAD), trust)
     speed = _tracked(before.speed, leader.ground_speed - planned.ground_speed, period, MEMORY_S)
     turn_acceleration = low_pass(
         before.turn_acceleration,
@@ -268,13 +270,10 @@ def intended_motion(
         PLAN_RATE_S,
     )
 
-    def meant(measured: float, filtered: float) -> float:
-        return measured + weight * (filtered - measured)
-
     # A leader that stays on its path flies the path's course on average: what is left of its gusts in an
     # average of the difference would swing the slots for seconds.
-    meant_course = planned.course + meant(difference, 0.0)
-    meant_speed = meant(leader.ground_speed, planned.ground_speed + speed[0])
+    meant_course = planned.course + (1.0 - turn_weight) * difference
+    meant_speed = between(leader.ground_speed, planned.ground_speed + speed[0], speed_weight)
     north, east = polar(leader.ground_speed, leader.course)
     meant_north, meant_east = polar(meant_speed, meant_course)
     # The path turns beneath the leader as fast as it truly passes along it, gusts included.
@@ -286,9 +285,11 @@ def intended_motion(
             east=leader.east,
             course=meant_course,
             ground_speed=meant_speed,
-            acceleration=meant(leader.acceleration, planned.acceleration + speed[1]),
-            turn_rate=meant(leader.turn_rate, passing * planned.turn_per_m),
-            turn_acceleration=meant(leader.turn_acceleration, turn_acceleration),
+            acceleration=between(
+                leader.acceleration, planned.acceleration + speed[1], speed_weight
+            ),
+            turn_rate=between(leader.turn_rate, passing * planned.turn_per_m, turn_weight),
+            turn_acceleration=between(leader.turn_acceleration, turn_acceleration, turn_weight),
             drift_north=north - meant_north,
             drift_east=east - meant_east,
             height=leader.height,
@@ -302,6 +303,11 @@ def intended_motion(
         far_s=far_s,
         trust=trust,
     )
+
+
+def between(measured: float, meant: float, weight: float) -> float:
+    """Return a value between the measured one, of weight 0, and the meant one, of weight 1."""
+    return measured + weight * (meant - measured)
 
 
 def _tracked(

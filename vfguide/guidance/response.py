@@ -375,6 +375,13 @@ swinging at 0.9 Hz for ever."""
 USUAL_AMPLIFICATION, AMPLIFICATION_STEP = 4.0, 4.0
 """How many times quicker than a hold its loop is at sharpness 0.5, and the factor from there to 1."""
 
+LATE_SHARE = 0.2
+"""Share of that amplification for a course hold that answers late: at sharpness 0.5 its loop is 0.8 times as
+quick as the hold. A quicker one rolls to and fro by each gust, up to five times as fast as its autopilot does."""
+
+QUIET_BANDWIDTH = 0.5
+"""1/s: a course loop this slow rolls no aircraft by noise, however slow its hold."""
+
 GUST_M_S = 1.5
 """Speed error of gusts and noise: at sharpness 0.5 it asks for all acceleration, and none less does."""
 
@@ -528,7 +535,10 @@ def bandwidth_of(
         loop_delay=loop_delay,
         factor=factor,
     )
-    course = min(course, amplification * airframe.alpha)
+    quickest = amplification * airframe.alpha
+    if airframe.course_dead_time + airframe.course_lag > 0.0:
+        quickest = max(LATE_SHARE * quickest, min(QUIET_BANDWIDTH, quickest))
+    course = min(course, quickest)
     gentle = airframe.max_acceleration / (USUAL_AMPLIFICATION * GUST_M_S)
     speed = min(speed, amplification * min(airframe.beta, gentle))
     if slips and factor > 0.0:

@@ -345,6 +345,17 @@ def test_a_slow_hold_is_not_driven_by_setpoints_many_times_its_errors():
 
 
 @pytest.mark.parametrize(
+    ("alpha", "sharpness", "bound"),
+    # 0.8 times as quick at 0.5, four times that at 1; a slow one 0.5 1/s, if it is at most four times as slow.
+    [(1.0, 0.5, 0.8), (0.5, 1.0, 1.6), (0.3, 0.5, 0.5), (0.1, 0.5, 0.4)],
+)
+def test_a_late_course_hold_is_led_no_quicker_than_it_is_itself(alpha, sharpness, bound):
+    late = Airframe(alpha=alpha, course_lag=0.01)
+    held = bandwidth_of(late, AS_DECLARED, **USUAL, amplification=amplification_of(sharpness))
+    assert held.course == pytest.approx(bound)
+
+
+@pytest.mark.parametrize(
     ("sharpness", "bound"), [(0.5, 3.0 / 1.5), (0.75, 2.0 * 3.0 / 1.5), (0.0, 3.0 / 6.0)]
 )
 def test_gusts_of_the_speed_ask_for_no_more_than_all_acceleration(sharpness, bound):
