@@ -377,7 +377,7 @@ USUAL_AMPLIFICATION, AMPLIFICATION_STEP = 4.0, 4.0
 
 LATE_SHARE = 0.2
 """Share of that amplification for a course hold that answers late: at sharpness 0.5 its loop is 0.8 times as
-quick as the hold. A quicker one rolls to and fro by each gust, up to five times as fast as its autopilot does."""
+quick as the hold. A quicker one rolls to and fro by each gust, up to five times as fast as one alone."""
 
 QUIET_BANDWIDTH = 0.5
 """1/s: a course loop this slow rolls no aircraft by noise, however slow its hold."""

@@ -346,7 +346,7 @@ def test_a_slow_hold_is_not_driven_by_setpoints_many_times_its_errors():
 
 @pytest.mark.parametrize(
     ("alpha", "sharpness", "bound"),
-    # 0.8 times as quick at 0.5, four times that at 1; a slow one 0.5 1/s, if it is at most four times as slow.
+    # 0.8 times as quick at 0.5, four times that at 1; a slow one 0.5 1/s, but at most four times as quick.
     [(1.0, 0.5, 0.8), (0.5, 1.0, 1.6), (0.3, 0.5, 0.5), (0.1, 0.5, 0.4)],
 )
 def test_a_late_course_hold_is_led_no_quicker_than_it_is_itself(alpha, sharpness, bound):
