@@ -113,8 +113,8 @@ def extrapolate_along_path(
 
 
 CALM_RAD, CALM_TURN_RAD = 0.004, 0.002
-"""Jitter of the course at which measured and meant count alike: speeds, and courses with their turn rates. A
-compass adds twice the second and more, which swings a slot 50 m behind by 0.25 m; no lever enlarges a speed."""
+"""Jitter of the course at which measured and meant count alike: of speeds, and of courses and turn rates. A
+compass adds more than twice the second, and swings a slot 50 m behind by 0.25 m; speeds have no lever."""
 
 SLOW_S = 1.0
 """What changes more slowly than this is no jitter."""
