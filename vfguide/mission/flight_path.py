@@ -67,9 +67,12 @@ class MissionSource:
         return next((one for at, one in self.options.items() if at[:depth] == location), None)
 
     def with_options(self, text: str) -> str:
-        """A text that names fields, with the options of their own that gave them in their places."""
+        """A text that names fields, with the options of their own that gave them in their places.
+
+        The name of a whole group, such as `wind`, is a word like others.
+        """
         for place, option in self.options.items():
-            if not option.startswith("--set"):
+            if len(place) > 1 and not option.startswith("--set"):
                 text = text.replace(dotted(place), option)
         return text
 
