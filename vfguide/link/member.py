@@ -76,7 +76,7 @@ class TwinWatch:
         self._began_s = now
         self._spoke_s = math.inf
         self._twin_s = -math.inf
-        self._quiet_s = TWIN_QUIET_S + TWIN_SPREAD_S * random()
+        self._quiet_s = TWIN_QUIET_S
         self._ask_s = self._answer_s = -math.inf
         self._in_vain = 0
         self._open: dict[int, tuple[float, float]] = {}
@@ -159,7 +159,9 @@ class TwinWatch:
         return True
 
     def _step_back(self, now: float) -> None:
+        """Be silent from now on, for a time of chance: two that drew alike once are parted the next time."""
         self._twin_s, self._spoke_s = now, math.inf
+        self._quiet_s = TWIN_QUIET_S + TWIN_SPREAD_S * random()
 
 
 logger = logging.getLogger(__name__)
