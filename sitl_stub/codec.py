@@ -14,8 +14,7 @@ import hmac
 import math
 import re
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator
-from struct import Struct
+from collections.abc import Iterable, Iterator
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
@@ -27,9 +26,6 @@ MAGIC = re.compile(b"[\xfd\xfe]")
 
 HEADER_1, HEADER_2 = 6, 10
 """Bytes before the payload."""
-
-HEADER = Struct("<BBBBBBBHB")
-"""Of MAVLink 2."""
 
 CHECKSUM = 2
 """Bytes after the payload."""
@@ -101,8 +97,9 @@ def frame_length(stream: bytes, start: int) -> int | None:
     length = end - start + (SIGNATURE if flags else 0)
     if len(stream) < start + length:
         return None
-    checksum = checksum_of(stream[start + 1 : end - CHECKSUM], message)
-    return length if checksum == stream[end - CHECKSUM : end] else 0
+    checksum = mavlink.x25crc(stream[start + 1 : end - CHECKSUM])
+    checksum.accumulate(bytes((message.crc_extra,)))
+    return length if checksum.crc == int.from_bytes(stream[end - CHECKSUM : end], "little") else 0
 
 
 def message_id_at(stream: bytes, start: int) -> int:
@@ -122,54 +119,6 @@ def frame_end(data: bytes, start: int) -> int | None:
     elif magic == MAGIC_1 and left >= HEADER_1:
         return start + HEADER_1 + data[start + 1] + CHECKSUM
     return None
-
-
-fast_crc: Callable[[bytes, int], int] | None = getattr(mavlink, "mcrf4xx", None)
-"""Of the library in C that pymavlink uses where it is installed."""
-
-
-def checksum_of(content: bytes, kind: type[MAVLink_message]) -> bytes:
-    """Checksum of a frame: of header, without its first byte, and payload."""
-    content += bytes((kind.crc_extra,))
-    crc: int = mavlink.x25crc(content).crc if fast_crc is None else fast_crc(content, 0xFFFF)
-    return crc.to_bytes(CHECKSUM, "little")
-
-
-def is_plain(kind: type[MAVLink_message]) -> bool:
-    """Whether a message of pymavlink is numbers alone; others are left to it, at twice the cost."""
-    return bool(kind.array_lengths) and not any(kind.array_lengths)
-
-
-def message_of(frame: bytes, parser: mavlink.MAVLink) -> MAVLink_message | None:
-    """The message in a whole frame of a known kind, or None where its checksum is wrong."""
-    kind = mavlink.mavlink_map[message_id_at(frame, 0)]
-    if not is_plain(kind) or frame[0] == MAGIC_1 or frame[2]:
-        try:
-            return parser.decode(bytearray(frame))
-        except mavlink.MAVError:
-            return None
-    payload, size = frame[HEADER_2:-CHECKSUM], kind.unpacker.size
-    if frame[-CHECKSUM:] != checksum_of(frame[1:-CHECKSUM], kind):
-        return None
-    fields = kind.unpacker.unpack(payload.ljust(size, b"\0")[:size])
-    message: MAVLink_message = kind(*[fields[place] for place in kind.orders])
-    header = message.get_header()
-    header.srcSystem, header.srcComponent = frame[5], frame[6]
-    return message
-
-
-def frame_of(message: MAVLink_message, encoder: mavlink.MAVLink) -> bytes:
-    """The encoder's next frame."""
-    kind = type(message)
-    if not is_plain(kind) or encoder.signing.sign_outgoing:
-        return bytes(message.pack(encoder))
-    values = vars(message)
-    fields = kind.unpacker.pack(*[values[name] for name in kind.ordered_fieldnames])
-    payload = fields.rstrip(b"\0") or b"\0"
-    source = encoder.seq, encoder.srcSystem, encoder.srcComponent
-    header = HEADER.pack(MAGIC_2, len(payload), 0, 0, *source, kind.id & 0xFFFF, kind.id >> 16)
-    frame = header + payload
-    return frame + checksum_of(frame[1:], kind)
 
 
 Stream = tuple[int, int, int]
@@ -287,12 +236,13 @@ class EmulatorCodec:
                 # The checksum of such a frame cannot be looked at: nothing in it can be trusted.
                 self._counters["unknown message"] += 1
                 start = end
-            elif (message := message_of(data[start:end], self._parser)) is None:
-                self._counters["bad data"] += 1
-                start = next_magic(data, start + 1)
             else:
-                yield message
-                start = end
+                try:
+                    yield self._parser.decode(bytearray(data[start:end]))
+                    start = end
+                except mavlink.MAVError:
+                    self._counters["bad data"] += 1
+                    start = next_magic(data, start + 1)
 
     def encode(self, messages: Iterable[MAVLink_message], unix_s: float = 0.0) -> bytes:
         """The frames of the messages, one after the other, with consecutive sequence numbers."""
@@ -302,7 +252,7 @@ class EmulatorCodec:
             self.signing.prepare(encoder, unix_s)
         frames = []
         for message in messages:
-            frames.append(frame_of(message, encoder))
+            frames.append(message.pack(encoder))
             encoder.seq = (encoder.seq + 1) % 256
         return b"".join(frames)
 
