@@ -1,4 +1,4 @@
-"""Attacks by who has a member's private key, hears all, and wants a formation to fly what nobody ordered."""
+"""Attacks on orders by an insider: it holds a member's private key and hears every message."""
 
 from random import Random
 from typing import TYPE_CHECKING
@@ -25,17 +25,17 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
 EARLIER_EPOCH, EARLIER_SESSION = 5, 77
-"""Of the leader and the operator in a flight of which somebody has a recording."""
+"""Epoch of the formation and session of the operator in the earlier, recorded flight."""
 
 FLOODED = 40
-"""Messages of a flood at each step: more than the 400 a second that are looked at."""
+"""Messages of a flood at each step: more than the 400 a second that a receiver checks."""
 
 GREAT = 4_000_000_000
-"""A number of an order that is greater than any that is given."""
+"""An order number greater than any in use."""
 
 
 class Insider(Impostor):
-    """Attacks in one form, once it is told to, until it is told to stop."""
+    """An attacker of one form, active between `begin` and `end`."""
 
     def __init__(self, flight: SignedFlight, name: str, form: str, random: Random) -> None:
         """Hear all from now on.
@@ -60,25 +60,25 @@ class Insider(Impostor):
         }
 
     def begin(self) -> None:
-        """Attack from now on."""
+        """Start attacking."""
         self.attacks = True
         if self.form == "silence":
             self.flight.members[self.name].silenced = frozenset({Kind.REPLY})
 
     def end(self) -> None:
-        """Say no more."""
+        """Stop attacking."""
         if self.attacks:
             self.attacks = False
             self.flight.members[self.name].silenced = frozenset()
 
     def step(self) -> None:
-        """Say what is due."""
+        """Send what the attack sends by itself."""
         act = self._act.get(self.form)
         if act is not None and self.attacks:
             act()
 
     def hear(self, envelope: Envelope) -> None:
-        """Answer what is heard, where that is the attack."""
+        """Answer a message where the attack is an answer."""
         if not self.attacks:
             return
         if envelope.kind is Kind.QUESTION and self.form == "clock":
@@ -99,7 +99,7 @@ class Insider(Impostor):
         return 0 if self._order is None else self._order.number
 
     def record_earlier(self, order: Arrangement) -> None:
-        """Have a recording of an order of another flight, as its operator has signed it."""
+        """Record an order that the operator signed in an earlier flight."""
         mission = self.flight.mission
         earlier = Trust(
             formation=mission.name,
@@ -123,7 +123,7 @@ class Insider(Impostor):
             self._tell(self._number)
 
     def _say_number(self) -> None:
-        """Fly by a number that nobody has given, or by that of an order which is not decided yet."""
+        """Claim to fly by an order number that was never given, or is not decided yet."""
         self._tell(self.random.choice((GREAT, self._number)))
 
     def _tell(self, number: int) -> None:

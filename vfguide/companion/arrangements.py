@@ -486,7 +486,7 @@ class Arrangements:
         return f"{vehicle} does not answer" if reply is None else f"{vehicle}: {reply.text or 'no'}"
 
     def _carry_out(self, order: KnownOrder, time_s: float, now: float) -> None:
-        """Begin a confirmed order at its time, unless it is clear that others do not go by it."""
+        """Begin a confirmed order at its time, unless others evidently do not fly by it."""
         numbers, leads = self._numbers, self.coordinator == self._plan.name
         told = {
             vehicle
@@ -498,13 +498,12 @@ class Arrangements:
             vehicle in asked and heard_s > order.confirmed_s + ECHO_S
             for vehicle, (_, _, heard_s) in numbers.items()
         )
+        vouched_for = self.coordinator in told or bool(told - {order.confirmed})
         if not told and unheard:
             self._void(order, "nobody has heard that it is confirmed")
         elif time_s < order.arrangement.time_s:
             return
-        elif self._leader_is_heard(now) and not told - {order.confirmed} | told & {
-            self.coordinator
-        }:
+        elif self._leader_is_heard(now) and not vouched_for:
             # A leader that is lost since has told this vehicle alone, and not who leads now.
             self._void(order, "who leads now has not confirmed it")
         else:

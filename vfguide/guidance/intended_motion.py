@@ -113,8 +113,8 @@ def extrapolate_along_path(
 
 
 CALM_RAD, CALM_TURN_RAD = 0.004, 0.002
-"""Jitter of the course at which measured and meant count alike: of speeds, and of courses and turn rates. A
-compass adds more than twice the second, and swings a slot 50 m behind by 0.25 m; speeds have no lever."""
+"""Jitter of the course at which measured and meant motion count alike: for speeds, and for courses and turn
+rates. A compass adds 0.005, which moves a slot 50 m behind by 0.25 m; no such lever enlarges a speed."""
 
 SLOW_S = 1.0
 """What changes more slowly than this is no jitter."""

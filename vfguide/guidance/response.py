@@ -375,7 +375,7 @@ swinging at 0.9 Hz for ever."""
 USUAL_AMPLIFICATION, AMPLIFICATION_STEP = 4.0, 4.0
 """How many times quicker than a hold its loop is at sharpness 0.5, and the factor from there to 1."""
 
-LATE_SHARE = 0.2
+LATE_HOLD_SHARE = 0.2
 """Share of that amplification for a course hold that answers late: at sharpness 0.5 its loop is 0.8 times as
 quick as the hold. A quicker one rolls to and fro by each gust, up to five times as fast as one alone."""
 
@@ -537,7 +537,7 @@ def bandwidth_of(
     )
     quickest = amplification * airframe.alpha
     if airframe.course_dead_time + airframe.course_lag > 0.0:
-        quickest = max(LATE_SHARE * quickest, min(QUIET_BANDWIDTH, quickest))
+        quickest = max(LATE_HOLD_SHARE * quickest, min(QUIET_BANDWIDTH, quickest))
     course = min(course, quickest)
     gentle = airframe.max_acceleration / (USUAL_AMPLIFICATION * GUST_M_S)
     speed = min(speed, amplification * min(airframe.beta, gentle))
