@@ -29,9 +29,8 @@ from vfguide.lab.export.columns import parts_of
 from vfguide.lab.ordering import OrderOutcome, give_order
 from vfguide.lab.rehearsal import lockstep
 from vfguide.lab.rehearsal.radio_flight import fly_rehearsal
-from vfguide.lab.report.geometry import SlotError, slot_error
-from vfguide.lab.report.metrics import summarise
-from vfguide.lab.report.summary import Summary
+from vfguide.lab.report.figures import SlotError, slot_error
+from vfguide.lab.report.metrics import Summary, summarise
 from vfguide.lab.studies.flown import executor_on, flown_by
 from vfguide.laws.base import Law
 from vfguide.laws.vectors import ActionKind

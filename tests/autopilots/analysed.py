@@ -22,7 +22,7 @@ from vfguide.elementwise import FloatArray
 from vfguide.errors import VfguideError
 from vfguide.identification.flown import answer_sentence, slip_sentence
 from vfguide.lab.debrief.logged_flight import LoggedFlight, logged_flight, read_log
-from vfguide.lab.report.geometry import slot_error
+from vfguide.lab.report.figures import slot_error
 from vfguide.mission import Mission, load_mission
 from vfguide.record.flight import FlightRecord
 from vfguide.record.vehicle import VehicleRecord

@@ -11,9 +11,8 @@ import numpy as np
 from tests.autopilots.faults import Occurrence
 from tests.autopilots.true_tracks import TrueTrack
 from vfguide.elementwise import BoolArray, FloatArray
-from vfguide.lab.report.figures import Spread, in_window, roll_rate_rms
+from vfguide.lab.report.figures import Spread, in_window, intended_leader, roll_rate_rms, slot_error
 from vfguide.lab.report.figures import spread as known_spread
-from vfguide.lab.report.geometry import intended_leader, slot_error
 from vfguide.mission import Mission
 from vfguide.mission.flight_path import path_of
 from vfguide.record.flight import FlightRecord, RecordAcceptance, VehicleRecord

@@ -8,8 +8,7 @@ from tests.benchmarks.bench import ARTICLE_M
 from tests.benchmarks.results import Cases
 from tests.kit.missions import mission_with
 from vfguide.lab.rehearsal.lockstep import fly_lockstep
-from vfguide.lab.report.metrics import summarise
-from vfguide.lab.report.summary import FormationSummary
+from vfguide.lab.report.metrics import FormationSummary, summarise
 
 OTHERS = {
     "survey-racetrack": "a racetrack",

@@ -5,13 +5,10 @@ from typing import Any
 
 from tests.benchmarks.results import Cases
 from vfguide.lab.studies.comparison import FULL as COMPARED
-from vfguide.lab.studies.comparison import ablation_cases, compare, parts_of
+from vfguide.lab.studies.comparison import ablation_cases, compare, fly_point, parts_of, points
 from vfguide.lab.studies.flown import MISSIONS, executor_on, flown_by, fly
 from vfguide.lab.studies.latency import run_latency
-from vfguide.lab.studies.radio import RATES_HZ, SIZES, RadioCase
-from vfguide.lab.studies.radio import fly as fly_radio
-from vfguide.lab.studies.robustness import fly_point, points
-from vfguide.lab.studies.scale import measure_all, step_costs
+from vfguide.lab.studies.scale import RATES_HZ, SIZES, RadioCase, fly_radio, measure_all, step_costs
 from vfguide.lab.studies.suite import fly_scenario, means
 from vfguide.suite import numbers
 

@@ -16,7 +16,7 @@ import numpy as np
 import vfguide
 from tests.benchmarks.results import Cases
 from tests.kit.missions import mission_with, replaced, shipped
-from vfguide.lab.report.geometry import intended_leader, slot_error
+from vfguide.lab.report.figures import intended_leader, slot_error
 from vfguide.mission import Mission
 
 CLIMB_DEG = math.degrees(math.atan(0.15))

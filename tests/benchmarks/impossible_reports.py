@@ -22,7 +22,7 @@ from tests.kit.formation import Formation
 from tests.kit.missions import IN_PLACE, mission_with
 from tests.kit.wire import parsed
 from vfguide.elementwise import BoolArray
-from vfguide.lab.rehearsal.emulators import emulator_of
+from vfguide.lab.rehearsal.aircraft import emulator_of
 from vfguide.mission import Mission
 
 COURSE_DEG = {"circle-wind": 270.0, "line-wind": 45.0}

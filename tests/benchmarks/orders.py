@@ -21,8 +21,7 @@ from vfguide.formation.shapes import Shape, shape_slots
 from vfguide.formation.transition import RefusedOrderError
 from vfguide.lab.rehearsal.aircraft import LEAD_S, REPEAT_S, TIMES, Aircraft, step_all
 from vfguide.lab.rehearsal.recorder import flight_record
-from vfguide.lab.report.figures import settling_time
-from vfguide.lab.report.geometry import pair_separations, seen_from_leader
+from vfguide.lab.report.figures import pair_separations, seen_from_leader, settling_time
 from vfguide.link.memory import Mail
 from vfguide.link.order_codec import encode_order
 from vfguide.mission.model import Mission

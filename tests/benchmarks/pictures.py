@@ -23,8 +23,7 @@ from vfguide.lab.console.server import ConsoleAddress
 from vfguide.lab.rehearsal.live import live_flight
 from vfguide.lab.rehearsal.processes import free_port
 from vfguide.lab.report.colours import colours_of
-from vfguide.lab.report.picture import save_figure, with_palette
-from vfguide.lab.report.style import dress, new_figure
+from vfguide.lab.report.style import dress, new_figure, save_figure, with_palette
 from vfguide.lab.report.tracks_plot import draw_aircraft
 from vfguide.mission.order_plan import timetable
 

@@ -34,8 +34,7 @@ from vfguide.formation.shapes import SHAPES
 from vfguide.formation.transition import RefusedOrderError
 from vfguide.lab.order_desk import OrderDesk
 from vfguide.lab.ordering import DECIDED
-from vfguide.lab.report.figures import settling_time
-from vfguide.lab.report.geometry import pair_separations, slot_error
+from vfguide.lab.report.figures import pair_separations, settling_time, slot_error
 from vfguide.lab.studies.order import rehearsed
 from vfguide.link.envelope import Kind
 from vfguide.link.order_codec import Verdict, check_of, encode_order

@@ -19,8 +19,7 @@ from vfguide.companion.supervisor import Mode
 from vfguide.elementwise import BoolArray, FloatArray
 from vfguide.guidance.airframe import bank_limited_turn_rate
 from vfguide.guidance.separation import TIMES, Agility, OwnMotion, escape_tracks
-from vfguide.lab.rehearsal.aircraft import Mail
-from vfguide.lab.rehearsal.emulators import emulator_of
+from vfguide.lab.rehearsal.aircraft import Mail, emulator_of
 from vfguide.link.codec import decode, encode
 from vfguide.mission.model import Mission
 from vfguide.record.flight import FlightRecord

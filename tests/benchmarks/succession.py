@@ -12,7 +12,7 @@ import numpy as np
 from tests.benchmarks.results import Cases
 from tests.kit.missions import content_of
 from vfguide.lab.rehearsal.lockstep import LockstepFlight, fly_lockstep
-from vfguide.lab.report.geometry import pair_separations, slot_error
+from vfguide.lab.report.figures import pair_separations, slot_error
 from vfguide.mission import Mission
 
 NAMES = ("line-wind", "circle-wind")

@@ -31,10 +31,9 @@ from tests.kit.figures import tell
 from tests.kit.missions import shipped
 from vfguide.elementwise import FloatArray
 from vfguide.guidance.airframe import GRAVITY
-from vfguide.lab.rehearsal.emulators import checked_settings
+from vfguide.lab.rehearsal.aircraft import checked_settings
 from vfguide.lab.rehearsal.lockstep import fly_lockstep
-from vfguide.lab.report.figures import in_window, roll_rate_rms
-from vfguide.lab.report.geometry import slot_error
+from vfguide.lab.report.figures import in_window, roll_rate_rms, slot_error
 from vfguide.lab.report.metrics import summarise
 from vfguide.lab.studies.flown import executor_on, or_nan
 from vfguide.mission import Mission

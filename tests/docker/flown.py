@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from vfguide.elementwise import FloatArray
-from vfguide.lab.report.geometry import pair_separations, slot_error
+from vfguide.lab.report.figures import pair_separations, slot_error
 from vfguide.record.flight import FlightRecord
 
 

@@ -10,7 +10,7 @@ from tests.docker.flown import Flown
 from tests.docker.formation import VEHICLES, Formation
 from tests.kit.missions import content_of, on_the_circle
 from tests.kit.sockets import free_port
-from vfguide.lab.report.geometry import seen_from_leader
+from vfguide.lab.report.figures import seen_from_leader
 
 SPACING_M = 25.0
 

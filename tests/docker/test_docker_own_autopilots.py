@@ -13,7 +13,7 @@ from tests.docker.formation import Formation
 from tests.kit.missions import content_of
 from tests.kit.sockets import free_port
 from vfguide.lab.rehearsal.watched import TruthCollector
-from vfguide.lab.report.geometry import slot_error
+from vfguide.lab.report.figures import slot_error
 from vfguide.mission import Mission, load_mission
 
 FOLLOWERS = ("f1", "f2", "f3")

@@ -16,7 +16,7 @@ from tests.kit.missions import mission_with
 from vfguide.companion.role import Event
 from vfguide.elementwise import FloatArray
 from vfguide.lab.rehearsal.lockstep import fly_lockstep
-from vfguide.lab.report.geometry import pair_separations, seen_from_leader, slot_error
+from vfguide.lab.report.figures import pair_separations, seen_from_leader, slot_error
 from vfguide.lab.report.metrics import Summary, summarise
 from vfguide.mission import Mission
 from vfguide.record.flight import FlightRecord

@@ -22,21 +22,30 @@ from vfguide.lab.studies.comparison import (
     FULL,
     PLANTS,
     QUICK,
+    SWEEPS,
     ComparisonRow,
+    Found,
     ablation_cases,
+    fly_point,
     long_table,
     markdown,
     metres,
     parts_of,
+    points,
     seconds,
     short_table,
 )
 from vfguide.lab.studies.comparison import compare as compare_all
 from vfguide.lab.studies.flown import MISSIONS, executor_on, flown_by, fly
-from vfguide.lab.studies.radio import RATES_HZ, SIZES, RadioCase, RadioFigures
-from vfguide.lab.studies.radio import fly as fly_radio
-from vfguide.lab.studies.robustness import SWEEPS, Found, fly_point, points
-from vfguide.lab.studies.scale import measure_all, step_costs
+from vfguide.lab.studies.scale import (
+    RATES_HZ,
+    SIZES,
+    RadioCase,
+    RadioFigures,
+    fly_radio,
+    measure_all,
+    step_costs,
+)
 from vfguide.registry import laws
 from vfguide.system import require_linux
 

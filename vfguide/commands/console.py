@@ -186,8 +186,8 @@ async def live_console(
         foxglove: port on which Foxglove is served, too; None for none.
     """
     # Here, for the same reason.
-    from vfguide.lab.console.live import live_flight_of
     from vfguide.lab.console.server import served
+    from vfguide.lab.console.source import live_flight_of
 
     orders = operator_token is not None
     async with (

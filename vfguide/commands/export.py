@@ -94,7 +94,7 @@ def writer_for(out: Path) -> Write:
 
                 return write_parquet
             case ".plan":
-                from vfguide.lab.export.plan import write_plan
+                from vfguide.lab.export.earth import write_plan
 
                 return write_plan
             case ".kml" | ".kmz" as ending:

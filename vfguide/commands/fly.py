@@ -25,8 +25,7 @@ from vfguide.commands.terminal import Terminal, flight_progress, stopped_by_sign
 from vfguide.errors import PLOTTING, POSIX, InputError, VfguideError, require
 from vfguide.lab.rehearsal.lockstep import LockstepFlight
 from vfguide.lab.rehearsal.radio_flight import fly_rehearsal
-from vfguide.lab.report.metrics import summarise, summary_json
-from vfguide.lab.report.summary import Summary
+from vfguide.lab.report.metrics import Summary, summarise, summary_json
 from vfguide.lab.report.wording import summary_table
 from vfguide.mission import read_mission
 from vfguide.mission.feasibility import check_mission

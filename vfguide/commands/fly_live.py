@@ -23,11 +23,11 @@ from vfguide.commands.fly import KeptFlight
 from vfguide.commands.terminal import Terminal, fifths_of, stopped_by_signals
 from vfguide.errors import CONSOLE, InputError, VfguideError, require
 from vfguide.lab.console.tiles import TileSource, open_tiles
-from vfguide.lab.live_timetable import timetable_given
+from vfguide.lab.ordering import timetable_given
 from vfguide.lab.rehearsal.live import companions_lost, live_flight, watched_by_anybody
 from vfguide.lab.rehearsal.lockstep import LockstepFlight
 from vfguide.lab.rehearsal.processes import broker, free_port
-from vfguide.lab.report.geometry import slot_error
+from vfguide.lab.report.figures import slot_error
 from vfguide.link.opening import WatchedFormation, check_reachable, watching
 from vfguide.link.presence import Presence
 from vfguide.mission import Mission

@@ -158,8 +158,7 @@ def read_flight(directories: Sequence[Path]) -> FlightRecord:
             f"{first}: holds neither {RECORD_NAME} nor recordings; give a directory that "
             "`vfguide fly --out` wrote, or companions recorded into"
         )
-    from vfguide.lab.debrief.flight import flight_of
-    from vfguide.lab.debrief.recordings import collect
+    from vfguide.lab.debrief.flight import collect, flight_of
 
     return flight_of(collect(directories))
 

@@ -22,9 +22,8 @@ from tests.kit.missions import (
 from vfguide import errors
 from vfguide.errors import InputError, VfguideError
 from vfguide.lab import environment as environments
-from vfguide.lab.environment import FlownStep, usual_reward
+from vfguide.lab.environment import FlownStep, SteppedFlight, usual_reward
 from vfguide.lab.rehearsal.lockstep import LockstepFlight, fly_lockstep
-from vfguide.lab.rehearsal.stepped import SteppedFlight
 from vfguide.laws import DesiredMotion, Law, View, approach, law
 from vfguide.mission.model import Mission
 from vfguide.registry import laws

@@ -16,7 +16,7 @@ from vfguide.companion.plan import ForeignLeader
 from vfguide.formation.orders import Order
 from vfguide.formation.transition import RefusedOrderError
 from vfguide.guidance.formation import extrapolate_by_rates
-from vfguide.lab.rehearsal.emulators import emulator_of
+from vfguide.lab.rehearsal.aircraft import emulator_of
 from vfguide.lab.rehearsal.lockstep import fly_lockstep
 from vfguide.lab.report.metrics import summarise
 from vfguide.mission import Mission

@@ -16,7 +16,7 @@ import vfguide
 from tests.benchmarks.untuned import NEAR_M, SMOOTH, UntunedFlight, judge
 from tests.kit.flight import fly
 from tests.kit.missions import content_of, shipped
-from vfguide.lab.report.summary import FormationSummary
+from vfguide.lab.report.metrics import FormationSummary
 from vfguide.mission import Mission
 
 STEADY = {"type": "steady", "speed_m_s": 5.0, "toward_deg": 135.0}

@@ -7,7 +7,7 @@ from tests.benchmarks.strays import LEAST_M
 from tests.benchmarks.succession import figures, flown
 from tests.kit.flight import fly
 from tests.kit.missions import content_of, in_place
-from vfguide.lab.report.geometry import pair_separations, slot_error
+from vfguide.lab.report.figures import pair_separations, slot_error
 from vfguide.mission import Mission
 
 RATE_HZ = 10.0

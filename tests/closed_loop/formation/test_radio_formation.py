@@ -9,7 +9,7 @@ from tests.kit.flight import Flight
 from tests.kit.missions import content_of, mission_with
 from vfguide.errors import InputError
 from vfguide.lab.rehearsal.radio_flight import RadioRates, fly_by_radio
-from vfguide.lab.studies.radio import RadioCase, fly, radio_mission
+from vfguide.lab.studies.scale import RadioCase, fly_radio, radio_mission
 
 CASE = RadioCase(size=4, leader_hz=10.0, followers_hz=2.5, loss=0.0, bursts=0.0, seconds=44.0)
 
@@ -30,7 +30,7 @@ def test_twelve_aircraft_at_10_and_2_5_hz_fit_and_keep_their_slots():
 
 
 def test_a_radio_that_loses_a_tenth_and_has_bursts_costs_centimetres():
-    figures = fly(replace(CASE, loss=0.1, bursts=0.05))
+    figures = fly_radio(replace(CASE, loss=0.1, bursts=0.05))
     assert figures.refused["refused: damaged on the air"] > 20
     assert figures.mean_error_m < 0.1
 

@@ -4,7 +4,7 @@ import pytest
 
 from tests.kit.missions import in_place, replaced
 from vfguide.lab.rehearsal.radio_flight import RadioFlight, fly_by_radio
-from vfguide.lab.report.geometry import seen_from_leader
+from vfguide.lab.report.figures import seen_from_leader
 from vfguide.link.order_codec import Verdict
 
 NAMES = ("leader", "f1", "f2", "f3")

@@ -9,7 +9,7 @@ from msgspec.structs import replace
 from tests.kit.missions import in_place, shipped
 from tests.kit.signed_flight import Impostor, SignedFlight
 from vfguide.lab.rehearsal.aircraft import OPERATOR
-from vfguide.lab.report.geometry import slot_error
+from vfguide.lab.report.figures import slot_error
 from vfguide.link.codec import decode, encode
 from vfguide.link.envelope import Envelope, Kind
 from vfguide.link.member import KEY_OUT

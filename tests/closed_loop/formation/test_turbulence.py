@@ -8,7 +8,7 @@ import pytest
 
 from tests.kit.flight import fly
 from tests.kit.missions import content_of, mission_with, shipped
-from vfguide.lab.report.geometry import slot_error
+from vfguide.lab.report.figures import slot_error
 from vfguide.lab.studies.prediction import expected_precision
 from vfguide.mission import Mission
 from vfguide.mission.flight_path import path_of

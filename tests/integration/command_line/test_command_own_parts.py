@@ -171,7 +171,7 @@ from dataclasses import replace
 from pathlib import Path
 from vfguide.lab.studies.comparison import Extent, ablation_cases, cases, rows
 from vfguide.lab.studies.flown import fly
-from vfguide.lab.studies.robustness import fly_point, points
+from vfguide.lab.studies.comparison import fly_point, points
 from vfguide.registry import use_plugins
 
 use_plugins([Path("own_law.py")])

@@ -15,7 +15,7 @@ from tests.kit.programs import Mosquitto
 from tests.kit.sockets import until
 from vfguide.elementwise import FloatArray
 from vfguide.lab.rehearsal.live import LiveFlight, live_flight
-from vfguide.lab.report.geometry import pair_separations, slot_error
+from vfguide.lab.report.figures import pair_separations, slot_error
 from vfguide.link.keys import OPERATOR
 from vfguide.link.member import Member
 from vfguide.link.opening import WatchedFormation, open_link

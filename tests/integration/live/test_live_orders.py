@@ -9,7 +9,7 @@ from tests.kit.missions import in_place, replaced
 from tests.kit.programs import vfguide
 from vfguide.lab.rehearsal.live import LiveFlight, live_flight
 from vfguide.lab.rehearsal.processes import free_port
-from vfguide.lab.report.geometry import pair_separations, seen_from_leader
+from vfguide.lab.report.figures import pair_separations, seen_from_leader
 from vfguide.link.keys import OPERATOR
 from vfguide.mission import Mission
 

@@ -11,7 +11,7 @@ from vfguide.commands.analyse import answers_of, slips_of
 from vfguide.companion.mission_plan import flight_plan
 from vfguide.companion.own_vehicle import OwnVehicle
 from vfguide.lab.debrief.logged_flight import LoggedFlight, logged_flight, read_log
-from vfguide.lab.report.geometry import slot_error
+from vfguide.lab.report.figures import slot_error
 from vfguide.mavlink.codec import Codec
 from vfguide.mavlink.reports import AirspeedReport, AttitudeReport, PositionReport
 from vfguide.mission import Mission, load_mission

@@ -5,21 +5,24 @@ import math
 import pytest
 
 from vfguide.commands.bench import maps, without_nan
-from vfguide.lab.studies import robustness
+from vfguide.lab.studies import comparison
 from vfguide.lab.studies.comparison import (
     ABLATIONS,
     FULL,
     QUICK,
+    SWEEPS,
     ComparisonRow,
+    Found,
     ablation_cases,
     cases,
+    fly_point,
     long_table,
     metres,
+    points,
     rows,
     short_table,
 )
 from vfguide.lab.studies.flown import MISSIONS, Case, Figures
-from vfguide.lab.studies.robustness import SWEEPS, Found, fly_point, points
 
 LAWS = ("slot", "article", "pid", "mpc")
 
@@ -120,7 +123,7 @@ def test_maps_show_what_never_settled():
 
 def test_aircraft_that_respond_otherwise_than_declared_are_flown(monkeypatch):
     flown = []
-    monkeypatch.setattr(robustness, "fly", lambda case: flown.append(case) or figures(0.1))
+    monkeypatch.setattr(comparison, "fly", lambda case: flown.append(case) or figures(0.1))
     slow = next(one for one in points(["slot"], quick=True) if one.sweep == "alpha")
     fly_point(slow)
     mission = flown[0].flown()

@@ -1,8 +1,8 @@
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from vfguide.lab.studies.latency import figures_of, formation
 from vfguide.lab.studies.peers import has_position, has_setpoint
-from vfguide.lab.studies.response import figures_of, formation
 from vfguide.mission import check_mission
 
 

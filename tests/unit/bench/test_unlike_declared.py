@@ -6,7 +6,7 @@ from tests.kit.flight import fly
 from tests.kit.missions import content_of, mission_with, shipped
 from vfguide.companion.alerts import Event
 from vfguide.companion.strain_guard import HANDED_BACK
-from vfguide.lab.rehearsal.emulators import emulator_of
+from vfguide.lab.rehearsal.aircraft import emulator_of
 from vfguide.lab.rehearsal.lockstep import LockstepFlight
 from vfguide.lab.studies import prediction
 from vfguide.lab.studies.prediction import (

@@ -24,7 +24,7 @@ from tests.benchmarks.untuned import (
     strata,
 )
 from tests.kit.missions import content_of
-from vfguide.lab.rehearsal.emulators import checked_settings
+from vfguide.lab.rehearsal.aircraft import checked_settings
 
 GOOD = Judged(
     flight=UntunedFlight(aircraft="late", air="still", declared="right"),

@@ -10,7 +10,7 @@ from tests.kit.flight import fly
 from tests.kit.missions import shipped
 from vfguide.commands.fly_live import LiveRow, find_slowness, line_of, live_table, rows_of
 from vfguide.commands.terminal import Terminal
-from vfguide.lab.report.geometry import seen_from_leader
+from vfguide.lab.report.figures import seen_from_leader
 from vfguide.link.presence import Presence
 from vfguide.record.flight import FlightRecord
 from vfguide.record.latency import latency_of

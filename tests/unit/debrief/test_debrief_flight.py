@@ -31,14 +31,13 @@ from vfguide.errors import InputError
 from vfguide.lab.debrief import autopilot_log
 from vfguide.lab.debrief.autopilot_log import AutopilotLog
 from vfguide.lab.debrief.dataflash import read_dataflash
-from vfguide.lab.debrief.flight import flight_of
+from vfguide.lab.debrief.flight import FORMATION_CLOCK, TIME_OF_DAY, collect, flight_of
 from vfguide.lab.debrief.logged_flight import logged_flight, read_log, satellite_offsets
 from vfguide.lab.debrief.paparazzi import from_utm
-from vfguide.lab.debrief.recordings import FORMATION_CLOCK, TIME_OF_DAY, collect
 from vfguide.lab.debrief.ulog import read_ulog, roll_of
-from vfguide.lab.report.geometry import slot_error
+from vfguide.lab.report.figures import slot_error
 from vfguide.lab.report.metrics import summarise
-from vfguide.lab.report.replay.data import series_of
+from vfguide.lab.report.replay import series_of
 from vfguide.mission.model import Mission
 from vfguide.record.events import HEADER as EVENTS_HEADER
 from vfguide.record.events import SUFFIX as EVENTS_SUFFIX

@@ -31,9 +31,8 @@ from vfguide.commands.export import ENDINGS, export
 from vfguide.errors import InputError
 from vfguide.frames import LocalFrame
 from vfguide.lab.export.columns import UNITS, begin_of, geodetic, write_csv, write_parquet
-from vfguide.lab.export.earth import write_earth
+from vfguide.lab.export.earth import MOST_WAYPOINTS, chosen, distances, write_earth, write_plan
 from vfguide.lab.export.foxglove import attitude, write_mcap
-from vfguide.lab.export.plan import MOST_WAYPOINTS, chosen, distances, write_plan
 from vfguide.mission.plan_file import read_plan
 from vfguide.record.events import FlightEvent
 from vfguide.record.flight import FlightRecord

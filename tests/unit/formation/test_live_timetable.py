@@ -15,10 +15,9 @@ from vfguide.errors import InputError, VfguideError
 from vfguide.formation.arrangement import Arrangement
 from vfguide.formation.orders import Order
 from vfguide.formation.transition import RefusedOrderError
-from vfguide.lab import live_timetable, ordering
-from vfguide.lab.live_timetable import timetable_given
+from vfguide.lab import ordering
 from vfguide.lab.order_desk import OrderDesk
-from vfguide.lab.ordering import rehearse_order
+from vfguide.lab.ordering import rehearse_order, timetable_given
 from vfguide.lab.studies.order import Prediction, rehearsed
 from vfguide.link.codec import encode
 from vfguide.link.envelope import Kind
@@ -58,7 +57,7 @@ class Flight:
         self.said: list[str] = []
         self._sealed = b""
         self._pause = asyncio.sleep
-        monkeypatch.setattr(live_timetable, "at_desk", self.at_desk)
+        monkeypatch.setattr(ordering, "at_desk", self.at_desk)
         monkeypatch.setattr(ordering, "rehearsed", self.rehearse)
         monkeypatch.setattr(asyncio, "sleep", self.sleep)
 

@@ -25,7 +25,7 @@ from vfguide.errors import InputError
 from vfguide.formation.arrangement import Arrangement, Point, SlotMove
 from vfguide.formation.orders import Formation
 from vfguide.formation.transition import RefusedOrderError
-from vfguide.lab.rehearsal.emulators import emulator_of
+from vfguide.lab.rehearsal.aircraft import emulator_of
 from vfguide.lab.rehearsal.live import emulator_command
 from vfguide.lab.rehearsal.lockstep import fly_lockstep
 from vfguide.lab.rehearsal.recorder import VehicleRecorder, drawn_outlines, rally_points

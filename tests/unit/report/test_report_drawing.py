@@ -13,8 +13,8 @@ from tests.kit.records import still_flight, still_follower, still_leader, still_
 from vfguide.commands.output import PLOT_NAMES
 from vfguide.errors import InputError
 from vfguide.lab.report.errors_plot import errors_figure
-from vfguide.lab.report.picture import save_figure, with_palette
 from vfguide.lab.report.plots import PLOTS, direction_for_drawing, plots_for, write_plots
+from vfguide.lab.report.style import save_figure, with_palette
 from vfguide.lab.report.tracks_plot import (
     choose_magnification,
     choose_side,

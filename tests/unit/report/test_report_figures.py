@@ -14,13 +14,15 @@ from tests.kit.records import still_flight, still_follower, still_leader, with_v
 from vfguide.lab.report.figures import (
     excess_variation_rate,
     least_separation,
+    pair_separations,
+    seen_from_leader,
     settling_time,
+    slot_error,
+    slot_track,
     spread,
     variation_rate,
 )
-from vfguide.lab.report.geometry import pair_separations, seen_from_leader, slot_error, slot_track
-from vfguide.lab.report.metrics import summarise, summary_json
-from vfguide.lab.report.summary import FollowerSummary
+from vfguide.lab.report.metrics import FollowerSummary, summarise, summary_json
 from vfguide.lab.report.wording import verdict
 from vfguide.record.flight import FlightRecord, RecordAcceptance
 from vfguide.record.latency import Latency, Percentiles, Promptness

@@ -10,7 +10,7 @@ from vfguide.companion.possibilities import SPACING_SHARE
 from vfguide.companion.supervisor import Mode
 from vfguide.companion.traffic import HOLD_M
 from vfguide.elementwise import BoolArray, FloatArray
-from vfguide.lab.report.replay.data import KINDS, SLOT_KINDS, SeriesKind
+from vfguide.lab.report.replay import KINDS, SLOT_KINDS, SeriesKind
 from vfguide.mission.model import Timeouts
 
 # The numbers of a vehicle in each sample of the console, and the samples of a flight so far.

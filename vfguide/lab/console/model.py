@@ -29,7 +29,7 @@ from vfguide.lab.console.alarms import (
 )
 from vfguide.lab.rehearsal.recorder import fence_edges, limits_of, rally_points
 from vfguide.lab.report.colours import NIGHT_COLOURS, colours_of
-from vfguide.lab.report.replay.data import FORMAT, SeriesKind, encode, ground_line
+from vfguide.lab.report.replay import FORMAT, SeriesKind, encode, ground_line
 from vfguide.link.codec import LeaderMessage, LinkDataError, decode
 from vfguide.link.presence import BATTERY, BATTERY_VOLTAGE, LEADER_FIGURES, Presence
 from vfguide.mission import Mission

@@ -43,8 +43,8 @@ from vfguide.lab.console.orders import (
 )
 from vfguide.lab.console.source import Source
 from vfguide.lab.console.tiles import FindTile
-from vfguide.lab.report.replay.data import SCRIPTS as SHARED_SCRIPTS
-from vfguide.lab.report.replay.data import read as read_replay
+from vfguide.lab.report.replay import SCRIPTS as SHARED_SCRIPTS
+from vfguide.lab.report.replay import read as read_replay
 
 # The files of the console's page, put together: what a browser gets of them.
 

@@ -1,15 +1,29 @@
-"""What a page of the console shows: a flight to begin with, and what is added to it."""
+"""What a page of the console shows: a flight to begin with, and what is added to it.
+
+The flight is a record, or a formation on its link: the shell around the model, with clock and link.
+"""
 
 import asyncio
 import json
-from collections.abc import Iterator
-from contextlib import contextmanager
+import math
+import time
+from collections.abc import AsyncIterator, Callable, Iterator
+from contextlib import asynccontextmanager, contextmanager
 from dataclasses import astuple
+from functools import partial
+from random import Random
 
+from vfguide.elementwise import FloatArray
 from vfguide.errors import InputError
+from vfguide.lab.console.alarms import Alarm
+from vfguide.lab.console.model import FormationModel
 from vfguide.lab.console.orders import OrderPanel
 from vfguide.lab.console.tiles import TileSource
-from vfguide.lab.report.replay.data import describe_flight
+from vfguide.lab.order_desk import OrderDesk, ask_for_order
+from vfguide.lab.report.replay import describe_flight
+from vfguide.link.opening import Link, WatchedFormation, open_link, watching_member
+from vfguide.link.presence import Presence
+from vfguide.mission import Mission
 from vfguide.record.flight import FlightRecord
 
 MOST_PAGES = 20
@@ -103,3 +117,203 @@ class RecordedFlight(Source):
     def opening(self) -> str:
         """JSON of the whole flight."""
         return self._opening
+
+
+SAMPLE_S = 0.1
+"""Interval of two pictures."""
+
+WORDS_EVERY = 5
+"""Pictures from one look at the alarms and cards to the next."""
+
+ASK_EVERY = 10
+"""Pictures from one question for an order that is flown, and was not heard, to the next."""
+
+
+class LiveSource(Source):
+    """What is heard of a formation, for all pages that show it."""
+
+    def __init__(
+        self, mission: Mission, *, orders: bool = False, tiles: TileSource | None = None
+    ) -> None:
+        """Make one that has heard nothing.
+
+        Args:
+            mission: of the formation.
+            orders: whether pages may give orders.
+            tiles: the map below the formation, if there is one.
+        """
+        super().__init__()
+        self.tiles = tiles
+        origin = mission.origin
+        place = origin.latitude_deg, origin.longitude_deg, origin.altitude_amsl_m
+        self._map = {} if tiles is None else {"map": tiles.describe(*place)}
+        self._formation = FormationModel(mission)
+        self._began_s = time.monotonic()
+        self._link: Link | None = None
+        self._count = 0
+        self._states: dict[str, bytes] = {}
+        self._desk = OrderDesk(mission)
+        if orders:
+            self.panel = OrderPanel(
+                mission, self._desk, clock=time.monotonic, changed=self._show_order
+            )
+        self._formation.sample(self.now)
+        self.also: Callable[[FloatArray], None] | None = None
+        """Takes each picture, too: (vehicles, series), NaN is not known."""
+
+    @property
+    def now(self) -> float:
+        """Seconds since the beginning."""
+        return time.monotonic() - self._began_s
+
+    def opening(self) -> str:
+        """The flight so far, with what is said of it now."""
+        content = {
+            **self._formation.describe(),
+            **self._map,
+            **self._words(self.now),
+            **self._order(),
+        }
+        return json.dumps(content, allow_nan=False)
+
+    async def run(self, watched: WatchedFormation, *, random: Random) -> None:
+        """Listen, and tell all pages what there is to show, until cancelled."""
+        formation, desk = self._formation, self._desk
+        member = watching_member(
+            watched,
+            random,
+            receive_presence=self._take_presence,
+            receive=partial(self._take_state, watched.leader),
+            neighbours=formation.names[1:],
+            receive_neighbour=self._take_state,
+            receive_lead=self._take_lead,
+            receive_order=self._take_order,
+            receive_reply=desk.heard_reply if self.panel is not None else None,
+        )
+        desk.member = member
+        async with open_link(
+            watched.addresses, formation=watched.formation, member=member, random=random
+        ) as self._link:
+            if self.panel is not None:
+                self.panel.link = self._link
+            try:
+                while True:
+                    self._show(self.now)
+                    await asyncio.sleep(SAMPLE_S - self.now % SAMPLE_S)
+            finally:
+                if self.panel is not None:
+                    self.panel.stop()
+
+    @property
+    def _proven(self) -> bool:
+        """Whether what is heard is of now; without a key nothing can show that."""
+        member = self._desk.member
+        return member.peer_clock is None or member.trust.proven
+
+    def _take_state(self, vehicle: str, data: bytes) -> None:
+        self._formation.take_state(vehicle, data, self.now)
+        if self._proven:
+            self._states[vehicle] = data
+
+    def _take_lead(self, vehicle: str, data: bytes) -> None:
+        if self._proven and self._desk.heard_lead(vehicle, data):
+            self._formation.take_lead(data, self.now)
+
+    def _take_order(self, data: bytes, sealed: bytes, repeated: bool) -> None:
+        self._desk.heard_order(data, sealed, repeated)
+
+    def _take_presence(self, vehicle: str, presence: Presence) -> None:
+        self._formation.take_presence(vehicle, presence, self.now)
+
+    def _show(self, now: float) -> None:
+        self._count += 1
+        if self._count % WORDS_EVERY == 0:
+            self._note_flown()
+        values = self._formation.sample(now)
+        if self.also is not None:
+            self.also(values)
+        if not self.watched:
+            return
+        content: dict[str, object] = {"t": round(now, 3), "v": rows_of(values)}
+        if self._count % WORDS_EVERY == 0:
+            content |= self._words(now)
+        self.publish(json.dumps(content, allow_nan=False, separators=(",", ":")))
+
+    def _note_flown(self) -> None:
+        """Find out by the newest states who leads and what is flown."""
+        desk = self._desk
+        # Not each state: of 30 aircraft that would be 300 a second.
+        for vehicle, data in self._states.items():
+            desk.heard_state(vehicle, data)
+        self._states.clear()
+        number, order = desk.newest_number, desk.flown
+        self._formation.take_order(number, order, leads=desk.leads)
+        unknown = number > 0 and order is None
+        if unknown and self.panel is not None and self._link and self._count % ASK_EVERY == 0:
+            ask_for_order(self._link)
+
+    def _order(self) -> dict[str, object]:
+        return {} if self.panel is None else {"order": self.panel.describe()}
+
+    def _show_order(self) -> None:
+        """Tell all pages how far the order is that is rehearsed or given."""
+        self.publish(json.dumps(self._order(), allow_nan=False))
+
+    def _words(self, now: float) -> dict[str, object]:
+        alarms = self._formation.alarms(now)
+        link = self._link
+        if link is not None and not link.connected:
+            text = f"No connection: {link.complaint()}. This page goes on trying; see that the broker runs."
+            alarms.insert(0, Alarm(level="alarm", text=text))
+        elif link is not None and not self._formation.heard_anything:
+            refused = refusals(link)
+            if refused:
+                alarms.insert(0, Alarm(level="alarm", text=refused))
+        return {
+            "cards": self._formation.cards(now),
+            "flies": self._formation.flies(),
+            "alarms": [{"level": one.level, "text": one.text} for one in alarms],
+        }
+
+
+def refusals(link: Link) -> str:
+    """Why nothing is believed of all that comes, in one sentence; empty where nothing was refused."""
+    counters = {
+        reason.removeprefix("refused: "): count
+        for reason, count in link.counters.items()
+        if reason.startswith("refused: ")
+    }
+    if not counters:
+        return ""
+    reason = max(counters, key=lambda one: counters[one])
+    return (
+        f"{sum(counters.values())} messages were not believed, most of them as {reason}: give the console"
+        " this formation's --roster and --key, or --insecure where nothing is signed."
+    )
+
+
+def rows_of(values: FloatArray) -> list[list[float | None]]:
+    """Numbers for JSON, to a millimetre or thousandth; None is not known."""
+    return [
+        [round(one, 3) if math.isfinite(one) else None for one in row] for row in values.tolist()
+    ]
+
+
+@asynccontextmanager
+async def live_flight_of(
+    mission: Mission,
+    watched: WatchedFormation,
+    *,
+    orders: bool = False,
+    tiles: TileSource | None = None,
+) -> AsyncIterator[LiveSource]:
+    """A formation that is listened to, and may be given orders, for as long as the context lasts."""
+    flight = LiveSource(mission, orders=orders, tiles=tiles)
+    try:
+        # A group, so that a link that cannot be used ends the console instead of leaving its page to age.
+        async with asyncio.TaskGroup() as tasks:
+            running = tasks.create_task(flight.run(watched, random=Random()), name="console")
+            yield flight
+            running.cancel()
+    except BaseExceptionGroup as failed:
+        raise failed.exceptions[0] from None

@@ -16,6 +16,7 @@ from vfguide.elementwise import FloatArray
 from vfguide.lab.debrief.autopilot_log import (
     AutopilotLog,
     LogRows,
+    Telemetry,
     at_times,
     in_this_era,
     log_file,
@@ -23,7 +24,6 @@ from vfguide.lab.debrief.autopilot_log import (
     told,
     unwrapped,
 )
-from vfguide.lab.debrief.telemetry import Telemetry
 
 GPS_EPOCH_UNIX_S = 315_964_800.0
 WEEK_S = 604_800.0

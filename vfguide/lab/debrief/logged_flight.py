@@ -10,8 +10,7 @@ from vfguide.companion.supervisor import Mode
 from vfguide.elementwise import FloatArray
 from vfguide.errors import InputError
 from vfguide.lab.debrief.autopilot_log import REMEDY, AutopilotLog
-from vfguide.lab.debrief.flight import flight_of
-from vfguide.lab.debrief.recordings import FlightRecordings, RecordingContents
+from vfguide.lab.debrief.flight import FlightRecordings, RecordingContents, flight_of
 from vfguide.mission.model import Mission
 from vfguide.record.flight import FlightRecord
 from vfguide.record.guidance_log import GuidanceStep, GuidanceTrack

@@ -16,6 +16,7 @@ from vfguide.errors import InputError
 from vfguide.lab.debrief.autopilot_log import (
     AutopilotLog,
     LogRows,
+    Telemetry,
     at_times,
     in_this_era,
     log_file,
@@ -23,7 +24,6 @@ from vfguide.lab.debrief.autopilot_log import (
     unwrapped,
 )
 from vfguide.lab.debrief.dataflash import GPS_EPOCH_UNIX_S, LEAP_S, WEEK_S
-from vfguide.lab.debrief.telemetry import Telemetry
 from vfguide.mission.model import Mission
 
 SEPARATORS = ("\t", ";", ",")

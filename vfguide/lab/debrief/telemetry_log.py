@@ -14,8 +14,17 @@ from pymavlink.dialects.v20.ardupilotmega import MAVError, MAVLink, MAVLink_mess
 
 from vfguide.elementwise import FloatArray
 from vfguide.errors import InputError
-from vfguide.lab.debrief.autopilot_log import REMEDY, AutopilotLog, LogRows, in_order, in_this_era
-from vfguide.lab.debrief.telemetry import AUTOPILOT, READERS, Telemetry, by_boot_clock
+from vfguide.lab.debrief.autopilot_log import (
+    AUTOPILOT,
+    READERS,
+    REMEDY,
+    AutopilotLog,
+    LogRows,
+    Telemetry,
+    by_boot_clock,
+    in_order,
+    in_this_era,
+)
 from vfguide.mavlink.codec import COMPANION_COMPONENT
 from vfguide.mission.model import Mission
 from vfguide.record.tlog import read_tlog

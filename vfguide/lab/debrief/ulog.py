@@ -16,6 +16,7 @@ from vfguide.elementwise import FloatArray
 from vfguide.lab.debrief.autopilot_log import (
     AutopilotLog,
     LogRows,
+    Telemetry,
     at_times,
     in_this_era,
     log_file,
@@ -23,7 +24,6 @@ from vfguide.lab.debrief.autopilot_log import (
     told,
     unwrapped,
 )
-from vfguide.lab.debrief.telemetry import Telemetry
 
 MAGIC = b"ULog\x01\x12\x35"
 SYNC = b"\x2f\x73\x13\x20\x25\x0c\xbb\x12"

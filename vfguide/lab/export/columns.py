@@ -13,7 +13,7 @@ import pymap3d
 from vfguide.elementwise import FloatArray, wrap_course
 from vfguide.errors import InputError
 from vfguide.frames import EARTH_RADIUS
-from vfguide.lab.report.geometry import slot_error
+from vfguide.lab.report.figures import slot_error
 from vfguide.record.flight import FlightRecord, RecordOrigin, VehicleRecord
 from vfguide.record.vehicle import SERIES
 

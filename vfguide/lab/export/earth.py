@@ -1,11 +1,19 @@
-"""KML and KMZ: tracks with time, for Google Earth and QGroundControl."""
+"""For programs with maps: KML and KMZ, tracks with time, and a plan of QGroundControl (`.plan`).
 
+A plan is the leader's track as a route of waypoints, and the rally points. Format: docs.qgroundcontrol.com,
+developer guide, Plan File Format. A record does not say which of its fence's areas have to be stayed in and
+which out of: the fence stays with the mission's own plan.
+"""
+
+import json
 import math
 from pathlib import Path
 
 import numpy as np
 import simplekml
 
+from vfguide.elementwise import BoolArray, FloatArray
+from vfguide.errors import InputError
 from vfguide.lab.export.columns import begin_of, geodetic, moment, origin_of
 from vfguide.lab.report.colours import vehicle_colours
 from vfguide.record.flight import FlightRecord
@@ -83,3 +91,132 @@ def choose_stride(record: FlightRecord) -> int:
 def printable(text: str) -> str:
     """A name without the characters that XML cannot hold."""
     return "".join(one if one.isprintable() else " " for one in text)
+
+
+NEAR_M = 1.0
+"""The track is nowhere farther from the route in space, unless that would take too many waypoints."""
+
+MOST_WAYPOINTS = 500
+"""Autopilots keep some 700."""
+
+MOST_SAMPLES = 20_000
+"""Samples of the track that are used, at most."""
+
+WAYPOINT, GLOBAL, ABSOLUTE = 16, 0, 2
+"""MAV_CMD_NAV_WAYPOINT, MAV_FRAME_GLOBAL, and QGroundControl's number for altitudes above sea level."""
+
+FIXED_WING, GENERIC = 1, 0
+"""MAV_TYPE and MAV_AUTOPILOT."""
+
+
+def write_plan(record: FlightRecord, path: Path) -> None:
+    """Write where the leader flew as a plan.
+
+    Raises:
+        InputError: the record does not say where on the earth it was flown, or the leader flew nowhere.
+        OSError: it cannot be written.
+    """
+    origin, leader = origin_of(record), record.leader
+    track = np.column_stack([leader.north_m, leader.east_m, leader.altitude_amsl_m])
+    track = track[np.isfinite(track).all(axis=1)]
+    track = track[:: max(1, -(-len(track) // MOST_SAMPLES))]
+    route = track[chosen(track)] if len(track) > 1 else track
+    if len(route) < 2:
+        raise InputError(
+            "no track of the leader is recorded: there is nothing to plan; give another flight"
+        )
+    latitude, longitude = geodetic(origin, route[:, 0], route[:, 1])
+    places = np.column_stack([latitude.round(8), longitude.round(8), route[:, 2].round(2)]).tolist()
+    plan = {
+        "fileType": "Plan",
+        "version": 1,
+        "groundStation": "vfguide",
+        "geoFence": {"version": 2, "circles": [], "polygons": []},
+        "mission": {
+            "version": 2,
+            "firmwareType": GENERIC,
+            "vehicleType": FIXED_WING,
+            "globalPlanAltitudeMode": ABSOLUTE,
+            "cruiseSpeed": round(float(np.nanmedian(leader.airspeed_m_s)), 1),
+            "hoverSpeed": 5,
+            "plannedHomePosition": [
+                origin.latitude_deg,
+                origin.longitude_deg,
+                origin.altitude_amsl_m,
+            ],
+            "items": [waypoint(number, place) for number, place in enumerate(places, 1)],
+        },
+        "rallyPoints": {"version": 2, "points": rally_points(record)},
+    }
+    path.write_text(json.dumps(plan, indent=4, allow_nan=False) + "\n", encoding="utf-8")
+
+
+def waypoint(number: int, place: list[float]) -> dict[str, object]:
+    """One item: its number from 1, and latitude, longitude and altitude above sea level."""
+    return {
+        "type": "SimpleItem",
+        "command": WAYPOINT,
+        "frame": GLOBAL,
+        "doJumpId": number,
+        "autoContinue": True,
+        "AMSLAltAboveTerrain": None,
+        "Altitude": place[2],
+        "AltitudeMode": ABSOLUTE,
+        "params": [0, 0, 0, None, *place],
+    }
+
+
+def rally_points(record: FlightRecord) -> list[list[float]]:
+    """Latitude, longitude and altitude of each, at the origin's height: a record has none of their own."""
+    origin = origin_of(record)
+    found: list[list[float]] = []
+    for one in record.outlines:
+        if one.kind == "rally":
+            latitude, longitude = geodetic(origin, one.north_m, one.east_m)
+            found += [
+                [round(north, 8), round(east, 8), origin.altitude_amsl_m]
+                for north, east in zip(latitude.tolist(), longitude.tolist(), strict=True)
+            ]
+    return found
+
+
+def chosen(track: FloatArray) -> BoolArray:
+    """Which points of a track make a route of no more waypoints than are wanted, as near to it as that goes.
+
+    Args:
+        track: N points in space, m.
+    """
+    near_m = NEAR_M
+    while np.count_nonzero(kept := corners(track, near_m)) > MOST_WAYPOINTS:
+        near_m *= 2.0
+    return kept
+
+
+def corners(track: FloatArray, near_m: float) -> BoolArray:
+    """Which points to keep so that no other is farther than this from the line between them.
+
+    The method of Ramer (1972), and Douglas and Peucker (1973).
+    """
+    kept = np.zeros(len(track), dtype=np.bool_)
+    kept[[0, -1]] = True
+    spans = [(0, len(track) - 1)]
+    while spans:
+        first, last = spans.pop()
+        if last - first < 2:
+            continue
+        away = distances(track[first + 1 : last], track[first], track[last])
+        farthest = int(np.argmax(away))
+        if away[farthest] > near_m:
+            middle = first + 1 + farthest
+            kept[middle] = True
+            spans += [(first, middle), (middle, last)]
+    return kept
+
+
+def distances(points: FloatArray, begin: FloatArray, end: FloatArray) -> FloatArray:
+    """Distance of each point from the line between two others, m."""
+    way = end - begin
+    length_2 = float(way @ way)
+    share = np.clip((points - begin) @ way / length_2, 0.0, 1.0) if length_2 > 0.0 else 0.0
+    away: FloatArray = np.linalg.norm(points - begin - np.multiply.outer(share, way), axis=1)
+    return away

@@ -32,7 +32,7 @@ from foxglove.messages import (
 
 from vfguide.lab.export.columns import UNITS, Part, begin_of, parts_of
 from vfguide.lab.report.colours import vehicle_colours
-from vfguide.lab.report.geometry import slot_track
+from vfguide.lab.report.figures import slot_track
 from vfguide.record.flight import FlightRecord, VehicleRecord
 
 STATE: dict[str, Any] = {

@@ -17,7 +17,7 @@ import yaml
 from vfguide.companion.clock import Clock
 from vfguide.companion.consent import begin_flight
 from vfguide.errors import VfguideError
-from vfguide.lab.rehearsal.emulators import settings_of
+from vfguide.lab.rehearsal.aircraft import settings_of
 from vfguide.lab.rehearsal.processes import Account, Process, accounts_of, free_port, python_module
 from vfguide.lab.rehearsal.watched import TruthCollector
 from vfguide.link.address import parse_links

@@ -16,10 +16,8 @@ from vfguide.elementwise import FloatArray
 from vfguide.errors import InputError
 from vfguide.lab.report.colours import vehicle_colours
 from vfguide.lab.report.errors_plot import LEAST_DRAWN_M
-from vfguide.lab.report.figures import errors_that_count, settling_time
-from vfguide.lab.report.geometry import slot_track
+from vfguide.lab.report.figures import errors_that_count, settling_time, slot_track
 from vfguide.lab.report.metrics import slot_distances
-from vfguide.lab.report.picture import pixels_of
 from vfguide.lab.report.style import (
     QUIET_COLOUR,
     STILL_AIR_M_S,
@@ -28,6 +26,7 @@ from vfguide.lab.report.style import (
     dress,
     extent,
     halo,
+    pixels_of,
     plain_text,
     set_log_scale,
 )

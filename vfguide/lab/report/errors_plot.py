@@ -6,8 +6,7 @@ from matplotlib.figure import Figure
 
 from vfguide.elementwise import FloatArray
 from vfguide.lab.report.colours import vehicle_colours
-from vfguide.lab.report.figures import errors_that_count, in_window, settling_time
-from vfguide.lab.report.geometry import slot_error
+from vfguide.lab.report.figures import errors_that_count, in_window, settling_time, slot_error
 from vfguide.lab.report.style import (
     LIMIT_COLOUR,
     NARROW_INCH,

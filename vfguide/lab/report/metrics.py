@@ -2,13 +2,13 @@
 
 Errors are measured on true states, in the window that is the last half of the flight. Of a recorded flight
 there are the autopilots' estimates instead, and moments that nobody recorded, which are left out. So is a
-follower while it was ordered out of the formation.
+follower while it was ordered out of the formation. None stands for what was not measured.
 
 Whether a flight reached what its mission asks for, and in words what it did not reach.
 """
 
 import math
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
@@ -22,20 +22,134 @@ from vfguide.lab.report.figures import (
     excess_variation_rate,
     in_formation,
     in_window,
+    intended_leader,
     least_separation,
+    pair_separations,
     roll_rate_rms,
     settling_time,
     share,
+    slot_error,
     speed_variation_rate,
     spread,
     variation_rate,
     window_s,
 )
-from vfguide.lab.report.geometry import intended_leader, pair_separations, slot_error
-from vfguide.lab.report.summary import FollowerSummary, FormationSummary, LeaderSummary, Summary
-from vfguide.record.flight import FlightRecord, RecordAcceptance, VehicleRecord
-from vfguide.record.latency import describe_latency
+from vfguide.record.flight import FlightRecord, RecordAcceptance, Role, VehicleRecord
+from vfguide.record.latency import Latency, describe_latency
 from vfguide.record.response import VehicleResponse, describe_response
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FormationSummary:
+    """How well the followers held their slots; None where nothing was measured."""
+
+    window_s: tuple[float, float]
+    """The last half of the flight, s."""
+    mean_error_m: float | None
+    """Mean distance from the slot, over all samples of the window and all followers that an order had not
+    sent out of the formation."""
+    p95_error_m: float | None
+    """95th percentile of the formation error, m."""
+    max_error_m: float | None
+    """The greatest."""
+    mean_error_3d_m: float | None
+    """Mean distance from the slot in space, over all followers and all samples of the window."""
+    intended_error_m: float | None
+    """Mean distance from the slot as it is meant, in the course of the path where the leader is: it does not
+    swing with a leader that gusts turn. Without the times at which the leader is not on its path."""
+    settle_10m_s: float | None
+    """Last time any follower was 10 m or more from its slot; None: still out at the end."""
+    settle_1m_s: float | None
+    """Last time any follower was 1 m or more from its slot; None: still out at the end."""
+    min_separation_m: float | None
+    """Least distance of any two vehicles on the whole flight."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Handling:
+    """How hard a vehicle was flown, over the window."""
+
+    role: Role
+    """`leader` or `follower`."""
+    course_setpoint_variation_rad_s: float | None
+    """Total variation of the course setpoint per second."""
+    course_setpoint_excess_variation_rad_s: float | None
+    """What of that is not net turning: chatter, and the path's own bends one way and the other."""
+    speed_setpoint_variation_m_s2: float | None
+    """Total variation of the speed setpoint per second."""
+    roll_rate_rad_s: float | None
+    """Root mean square of the roll rate."""
+    limited_fraction: float | None
+    """Share of setpoints that a limit of the vehicle cut."""
+    bank_limited_fraction: float | None
+    """Share of the time at the greatest bank; None where the record does not hold limits."""
+    speed_limited_fraction: float | None
+    """Share of the time with the lowest or highest airspeed as setpoint; None where that is not known."""
+    response: VehicleResponse | None
+    """How it was finally flown; None where no companion told."""
+    declared: VehicleResponse | None
+    """What the mission declares of that."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LeaderSummary(Handling):
+    """How well the leader held the path, over the window."""
+
+    cross_track_error_m: Spread | None
+    """Distance from the path."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FollowerSummary(Handling):
+    """How well one follower held its slot, over the window."""
+
+    formation_error_m: Spread | None
+    """Distance from the slot."""
+    along_track_error_m: Spread | None
+    """Size of its component along the leader's course."""
+    cross_track_error_m: Spread | None
+    """Size of its component across the leader's course."""
+    height_error_m: Spread | None
+    """Height between it and its slot."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Summary:
+    """A flight in figures."""
+
+    mission: str
+    """Name of the mission."""
+    controller: str
+    """Name of the law by which followers kept their slots."""
+    plant: str
+    """`course-hold`, `heading-hold` or `bank`."""
+    wind: str
+    """Type of wind."""
+    mode: str
+    """`lockstep` or `live`."""
+    rate_hz: float
+    """Guidance steps per second."""
+    seed: int
+    """Seed of everything random in the flight."""
+    duration_s: float
+    """Length of the flight."""
+    wall_s: float | None
+    """What it took."""
+    real_time_factor: float | None
+    """Duration over wall time."""
+    accepted: bool | None
+    """Whether the flight reached all that its mission asks for; None where that is nothing."""
+    rejections: tuple[str, ...]
+    """Why it was not accepted, in words with figures; empty if it was."""
+    acceptance: RecordAcceptance
+    """What the mission asks for."""
+    formation: FormationSummary
+    """All followers together."""
+    vehicles: dict[str, LeaderSummary | FollowerSummary]
+    """Each vehicle by name, the leader first."""
+    latency: Latency | None
+    """How quick the programs of a live flight were; None of one in virtual time."""
+
 
 IN_PLACE_M = 10.0
 """Within this distance of its slot a follower has come to it: see `vfguide.companion.supervisor`."""
@@ -130,9 +244,6 @@ def tell_apart(first: float, second: float) -> tuple[str, str]:
         if texts[0] != texts[1]:
             break
     return texts
-
-
-__all__ = ["Summary", "summarise", "summary_json"]
 
 
 def summarise(record: FlightRecord) -> Summary:

@@ -11,11 +11,10 @@ from pathlib import Path
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from vfguide.errors import InputError
-from vfguide.lab.report.metrics import summarise
-from vfguide.lab.report.picture import as_webp
+from vfguide.lab.report.metrics import Handling, LeaderSummary, Summary, summarise
 from vfguide.lab.report.plots import Plot, draw_narrow, plots_for, write_plots
-from vfguide.lab.report.replay.data import hash_source, replay_of
-from vfguide.lab.report.summary import Handling, LeaderSummary, Summary
+from vfguide.lab.report.replay import hash_source, replay_of
+from vfguide.lab.report.style import as_webp
 from vfguide.lab.report.wording import (
     NOT_REQUIRED,
     compare,

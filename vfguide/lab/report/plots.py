@@ -12,8 +12,7 @@ from vfguide.elementwise import BoolArray, FloatArray, wrap_angle, wrap_course
 from vfguide.errors import InputError
 from vfguide.lab.report.colours import vehicle_colours
 from vfguide.lab.report.errors_plot import errors_figure, heights_figure
-from vfguide.lab.report.geometry import PairSeparation, pair_separations
-from vfguide.lab.report.picture import picture_of, save_figure
+from vfguide.lab.report.figures import PairSeparation, pair_separations
 from vfguide.lab.report.style import (
     LIMIT_COLOUR,
     NARROW_DOTS_PER_INCH,
@@ -30,7 +29,9 @@ from vfguide.lab.report.style import (
     legend_above,
     mark_samples,
     new_figure,
+    picture_of,
     plain_text,
+    save_figure,
     set_log_scale,
     shade_window,
     show_whole_flight,

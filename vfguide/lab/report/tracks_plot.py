@@ -17,8 +17,7 @@ from matplotlib.transforms import Affine2D
 
 from vfguide.elementwise import FloatArray
 from vfguide.lab.report.colours import vehicle_colours
-from vfguide.lab.report.figures import in_window
-from vfguide.lab.report.geometry import seen_from_leader
+from vfguide.lab.report.figures import in_window, seen_from_leader
 from vfguide.lab.report.style import (
     NARROW_INCH,
     QUIET_COLOUR,

@@ -9,8 +9,15 @@ from rich.table import Table
 from rich.text import Text
 
 from vfguide.lab.report.figures import Spread
-from vfguide.lab.report.metrics import reject_error, reject_separation, reject_settling
-from vfguide.lab.report.summary import FollowerSummary, Handling, LeaderSummary, Summary
+from vfguide.lab.report.metrics import (
+    FollowerSummary,
+    Handling,
+    LeaderSummary,
+    Summary,
+    reject_error,
+    reject_separation,
+    reject_settling,
+)
 from vfguide.record.response import VehicleResponse
 
 UNKNOWN = "not measured"

@@ -20,8 +20,7 @@ from vfguide.errors import VfguideError, import_extra
 from vfguide.guidance.airframe import GRAVITY
 from vfguide.lab.rehearsal.radio_flight import fly_rehearsal
 from vfguide.lab.report.figures import in_window
-from vfguide.lab.report.metrics import summarise
-from vfguide.lab.report.summary import FollowerSummary
+from vfguide.lab.report.metrics import FollowerSummary, summarise
 from vfguide.mission.controller import with_law
 from vfguide.mission.fence_check import Track, tracks_beyond_the_fence
 from vfguide.mission.finding import Finding

@@ -1,4 +1,4 @@
-"""`vfguide bench latency`: how fast a companion answers.
+"""`vfguide bench latency`: how fast a companion answers, beside other programs.
 
 What latency is required to be, for a reader to hold the measured figures against.
 
@@ -7,16 +7,290 @@ something else, or at another rate, the comparison says little.
 """
 
 import asyncio
+import math
 import os
 import platform
+import site
+import socket
 import tempfile
+from collections.abc import AsyncIterator, Sequence
+from contextlib import AsyncExitStack, asynccontextmanager, suppress
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
+import yaml
+
+import sitl_stub
 from sitl_stub.server import precise_event_loop
-from vfguide.lab.rehearsal.processes import broker, load
+from vfguide.companion.consent import begin_flight
+from vfguide.errors import VfguideError
+from vfguide.lab.rehearsal.aircraft import emulator_of
+from vfguide.lab.rehearsal.processes import (
+    Account,
+    Process,
+    account_of,
+    broker,
+    free_port,
+    load,
+    python_module,
+    running,
+)
 from vfguide.lab.studies.comparison import markdown
-from vfguide.lab.studies.response import measure_responses
+from vfguide.lab.studies.flown import article_mission
+from vfguide.lab.studies.peers import PYMAVLINK_ENVIRONMENT, TimedVehicle, installed_mavsdk
+from vfguide.link.keys import key_places, make_keys
+from vfguide.mavlink.adapter import Vehicle, telemetry_at
+from vfguide.mavlink.codec import Codec
+from vfguide.mission import Mission
+from vfguide.mission.load import with_overrides
+from vfguide.mission.overrides import DEFAULTS, Overrides
+
+WARM_S = 2.0
+"""s of answers before any of them counts."""
+
+PATIENCE_S = 45.0
+"""s that clients get to start, to find their autopilot and to answer for `WARM_S`."""
+
+PROGRAM_LOOK_S = 0.1
+"""s between looks at whether they do."""
+
+PACE_STEP = 0.004
+"""Between the paces of the aircraft: at 50 Hz two neighbours meet every 5 s."""
+
+PEER_LEADER = "leader"
+"""Whose start the peers' aircraft have; they fly alone."""
+
+
+def formation(rate_hz: float, autopilot: Literal["ardupilot", "px4"] = "ardupilot") -> Mission:
+    """The article's circle in wind, flown at a rate by vehicles with this autopilot."""
+    settings = ((("vehicles", DEFAULTS, "autopilot"), autopilot),)
+    return with_overrides(
+        article_mission("circle-wind"), Overrides(rate_hz=rate_hz, settings=settings)
+    )
+
+
+def write_mission(mission: Mission, directory: Path) -> Path:
+    """The mission as a file that companions read."""
+    path = directory / "mission.yaml"
+    content = mission.model_dump(mode="json", exclude_unset=True)
+    path.write_text(yaml.safe_dump(content, sort_keys=False), encoding="utf-8")
+    return path
+
+
+@dataclass(slots=True, kw_only=True)
+class Client:
+    """A program under test with its aircraft."""
+
+    process: Process
+    """The program."""
+    vehicle: TimedVehicle
+    """What it speaks to."""
+    is_companion: bool = False
+    """Whether it is one of ours."""
+
+    @property
+    def name(self) -> str:
+        """What it is called in results."""
+        return self.process.name
+
+    def account(self) -> Account | None:
+        """What it has taken so far; None if it does not run."""
+        return None if self.process.pid is None else account_of(self.process.pid)
+
+
+async def measure_responses(
+    link: str, *, seconds: float, rate_hz: float, directory: Path
+) -> dict[str, Any]:
+    """Run every client at once and time them.
+
+    Args:
+        link: address of the broker.
+        seconds: how long they are measured, after warming up.
+        rate_hz: position reports per second.
+        directory: for logs and the mission file.
+
+    Returns:
+        For each client its response, share of a core and memory; and which were not there.
+
+    Raises:
+        VfguideError: a companion does not answer.
+    """
+    clients = companions(link, rate_hz=rate_hz, directory=directory)
+    clients += peers(rate_hz=rate_hz, directory=directory)
+    async with AsyncExitStack() as stack:
+        for client in clients:
+            await stack.enter_async_context(running(client.process))
+        await stack.enter_async_context(in_the_air(clients, rate_hz))
+        await warm_up(clients, rate_hz)
+        for client in clients:
+            client.vehicle.begin()
+        before = [client.account() for client in clients]
+        await asyncio.sleep(seconds)
+        after = [client.account() for client in clients]
+    results = {
+        client.name: {
+            **figures_of(client.vehicle.responses),
+            "unanswered": client.vehicle.unanswered,
+            **usage_between(earlier, later),
+        }
+        for client, earlier, later in zip(clients, before, after, strict=True)
+    }
+    together = [
+        one for client in clients if client.is_companion for one in client.vehicle.responses
+    ]
+    version = installed_mavsdk()
+    return {
+        "clients": results,
+        "companions": {
+            "names": [client.name for client in clients if client.is_companion],
+            **figures_of(together),
+        },
+        "mavsdk": "not installed" if version is None else version,
+    }
+
+
+def usage_between(earlier: Account | None, later: Account | None) -> dict[str, float]:
+    """Share of a core and memory; nothing of a process that has ended."""
+    if earlier is None or later is None:
+        return {}
+    return {
+        "cpu_percent": round(100.0 * later.since(earlier).cpu_share, 2),
+        "memory_mb": round(later.rss_mb, 1),
+    }
+
+
+def companions(link: str, *, rate_hz: float, directory: Path) -> list[Client]:
+    """The companions of a formation, as `vfguide companion` runs them."""
+    mission = formation(rate_hz)
+    path = write_mission(mission, directory)
+    names = [mission.leader.vehicle, *mission.followers_by_name]
+    make_keys(key_places(path), mission.name, names)
+    clients = []
+    for name in names:
+        port = free_port(socket.SOCK_DGRAM)
+        options = [f"--mission={path}", f"--mavlink=udpin://127.0.0.1:{port}", f"--link={link}"]
+        # Consent of its own: what an earlier measurement has left is of another flight.
+        begin_flight(directory / "state", name)
+        options.append(f"--state={directory / 'state'}")
+        clients.append(
+            Client(
+                process=Process(
+                    name,
+                    python_module("vfguide", "companion", name, *options, "--engage"),
+                    directory / f"{name}.log",
+                ),
+                vehicle=TimedVehicle(emulator_of(mission, name), port=port, rate_hz=rate_hz),
+                is_companion=True,
+            )
+        )
+    return clients
+
+
+def peers(*, rate_hz: float, directory: Path) -> list[Client]:
+    """The others that are installed, each with a PX4 of its own."""
+    kinds = ["bare", "pymavlink"] if installed_mavsdk() is None else ["bare", "pymavlink", "mavsdk"]
+    mission = formation(rate_hz, "px4")
+    clients = []
+    for kind in kinds:
+        port = free_port(socket.SOCK_DGRAM)
+        autopilot = streaming(mission, rate_hz)
+        clients.append(
+            Client(
+                process=Process(
+                    kind,
+                    python_module("vfguide.lab.studies.peers", kind, str(port)),
+                    directory / f"{kind}.log",
+                    {**PYMAVLINK_ENVIRONMENT, **home_in(directory)},
+                ),
+                vehicle=TimedVehicle(autopilot, port=port, rate_hz=rate_hz),
+            )
+        )
+    return clients
+
+
+def home_in(directory: Path) -> dict[str, str]:
+    """Places that are gone with the study for what MAVSDK keeps; packages are found as before."""
+    places = dict.fromkeys(("HOME", "TMPDIR"), str(directory))
+    return {**places, "PYTHONUSERBASE": site.getuserbase()}
+
+
+def streaming(mission: Mission, rate_hz: float) -> sitl_stub.Autopilot:
+    """An autopilot that has been asked for position and airspeed at the rate already."""
+    autopilot = emulator_of(mission, PEER_LEADER)
+    address = Vehicle(
+        system_id=autopilot.system_id,
+        component_id=1,
+        hold="heading-hold",
+        lateral_acceleration=math.inf,
+    )
+    codec = Codec(autopilot.system_id, address.component_id)
+    autopilot.receive(codec.encode(telemetry_at(address, rate_hz)))
+    return autopilot
+
+
+@asynccontextmanager
+async def in_the_air(clients: Sequence[Client], rate_hz: float) -> AsyncIterator[None]:
+    """Fly every aircraft.
+
+    Their reports begin evenly spread over the interval, and as each clock runs at a pace of its own they then
+    drift past each other: nobody is spared the moments at which all others are busy too, and nobody meets
+    them every time.
+    """
+    first_s = asyncio.get_running_loop().time()
+    tasks = [
+        asyncio.create_task(
+            client.vehicle.fly(
+                first_s + number / (rate_hz * len(clients)),
+                pace=1.0 + PACE_STEP * (number - 0.5 * (len(clients) - 1)),
+            )
+        )
+        for number, client in enumerate(clients)
+    ]
+    try:
+        yield
+    finally:
+        for task in tasks:
+            task.cancel()
+        results = await asyncio.gather(*tasks, return_exceptions=True)
+    for result in results:
+        if isinstance(result, Exception):
+            raise result
+
+
+async def warm_up(clients: Sequence[Client], rate_hz: float) -> None:
+    """Wait until every client answers.
+
+    Raises:
+        VfguideError: a companion does not; of others the result tells.
+    """
+    enough = rate_hz * WARM_S
+    with suppress(TimeoutError):
+        async with asyncio.timeout(PATIENCE_S):
+            while any(len(client.vehicle.responses) < enough for client in clients):
+                await asyncio.sleep(PROGRAM_LOOK_S)
+    for client in clients:
+        if client.is_companion and len(client.vehicle.responses) < enough:
+            raise VfguideError(f"{client.name} does not answer: {client.process.last_words()}")
+
+
+def quantile(ordered: Sequence[float], share: float) -> float:
+    """The value that this share of a sorted series does not exceed; nearest rank, never interpolated."""
+    return ordered[min(len(ordered) - 1, int(share * len(ordered)))]
+
+
+def figures_of(seconds: Sequence[float]) -> dict[str, Any]:
+    """Count, and median, 99th percentile and greatest in milliseconds; no times without any."""
+    ordered = sorted(seconds)
+    if not ordered:
+        return {"count": 0}
+    return {
+        "count": len(ordered),
+        "p50_ms": round(quantile(ordered, 0.5) * 1e3, 3),
+        "p99_ms": round(quantile(ordered, 0.99) * 1e3, 3),
+        "max_ms": round(ordered[-1] * 1e3, 3),
+    }
+
 
 LOADS = ("load_before", "load_after")
 

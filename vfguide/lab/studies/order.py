@@ -23,8 +23,7 @@ from vfguide.lab.rehearsal.aircraft import (
     step_all,
 )
 from vfguide.lab.rehearsal.recorder import flight_record
-from vfguide.lab.report.figures import settling_time
-from vfguide.lab.report.geometry import pair_separations, slot_error
+from vfguide.lab.report.figures import pair_separations, settling_time, slot_error
 from vfguide.lab.studies.flown import beyond_when_flown
 from vfguide.link.memory import Mail
 from vfguide.link.order_codec import encode_order

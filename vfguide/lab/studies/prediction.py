@@ -18,9 +18,8 @@ from vfguide.formation.arrangement import MAIN_PATH, Arrangement
 from vfguide.guidance.height import change_duration
 from vfguide.lab.rehearsal.lockstep import LockstepFlight
 from vfguide.lab.rehearsal.radio_flight import fly_rehearsal
-from vfguide.lab.report.geometry import pair_separations
-from vfguide.lab.report.metrics import reject_absence, summarise
-from vfguide.lab.report.summary import FollowerSummary
+from vfguide.lab.report.figures import pair_separations
+from vfguide.lab.report.metrics import FollowerSummary, reject_absence, summarise
 from vfguide.lab.studies.flown import beyond_when_flown
 from vfguide.mission.finding import Finding
 from vfguide.mission.flight_limits import climb_limits

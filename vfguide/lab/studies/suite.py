@@ -15,9 +15,8 @@ import numpy as np
 
 from vfguide.errors import VfguideError
 from vfguide.lab.rehearsal.radio_flight import fly_rehearsal
-from vfguide.lab.report.geometry import slot_error
-from vfguide.lab.report.metrics import summarise
-from vfguide.lab.report.summary import FollowerSummary
+from vfguide.lab.report.figures import slot_error
+from vfguide.lab.report.metrics import FollowerSummary, summarise
 from vfguide.lab.studies.comparison import markdown, mean_of, metres
 from vfguide.lab.studies.flown import figures_of, or_nan
 from vfguide.record.flight import FlightRecord
@@ -208,8 +207,7 @@ def draw_scores(flights: Sequence[SuiteFlight], file: Path) -> None:
     from matplotlib.figure import Figure
 
     from vfguide.lab.report.colours import FOLLOWER_COLOURS
-    from vfguide.lab.report.picture import save_figure
-    from vfguide.lab.report.style import DOTS_PER_INCH
+    from vfguide.lab.report.style import DOTS_PER_INCH, save_figure
 
     figure = Figure(figsize=(7.0, 4.0), dpi=DOTS_PER_INCH, layout="constrained")
     axes = figure.subplots()

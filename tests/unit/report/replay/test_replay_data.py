@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from tests.kit.records import still_flight, still_leader, still_vehicle, with_vehicle
-from vfguide.lab.report.replay.data import (
+from vfguide.lab.report.replay import (
     ANGLE,
     MILLIMETRES,
     NOTHING,

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from tests.kit.records import still_flight, still_follower, still_leader
-from vfguide.lab.report.replay.data import MOST_SHOWN, describe_events, flown_paths, shown_events
+from vfguide.lab.report.replay import MOST_SHOWN, describe_events, flown_paths, shown_events
 from vfguide.record.events import EventKind, FlightEvent
 
 

@@ -14,7 +14,7 @@ from playwright.sync_api import FloatRect, Page
 
 from tests.kit.records import still_flight, still_vehicle, with_vehicle
 from vfguide.elementwise import FloatArray
-from vfguide.lab.report.geometry import slot_error
+from vfguide.lab.report.figures import slot_error
 from vfguide.lab.report.page import write_report
 from vfguide.record.events import FlightEvent
 from vfguide.record.flight import FlightRecord, Outline, VehicleRecord
