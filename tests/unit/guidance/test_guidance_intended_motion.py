@@ -73,19 +73,6 @@ def test_a_course_that_jitters_turns_the_frame_by_a_tenth_of_it_at_most():
     assert abs(crossing.motion.turn_rate) < 0.01
 
 
-def test_place_and_true_velocity_stay_those_of_the_leader():
-    random = Random(1)
-    courses = [random.gauss(0.0, 0.03) for _ in range(1201)]
-    known = after(60.0, lambda t: courses[round(t / PERIOD_S)], lambda t: 20.0 + math.sin(t))
-    motion = known.motion
-    assert (motion.north, motion.east) == (1200.0, 0.0)
-    north = motion.ground_speed * math.cos(motion.course) + motion.drift_north
-    east = motion.ground_speed * math.sin(motion.course) + motion.drift_east
-    speed = 20.0 + math.sin(60.0)
-    assert north == pytest.approx(speed * math.cos(courses[1200]))
-    assert east == pytest.approx(speed * math.sin(courses[1200]))
-
-
 def test_gusts_that_turn_the_leader_for_seconds_do_not_swing_the_slots():
     random = Random(2)
     jitter = [random.gauss(0.0, 0.02) for _ in range(1601)]
@@ -134,17 +121,6 @@ def test_small_bends_of_the_field_are_left_out_and_great_ones_are_not():
     assert far == pytest.approx(-math.atan(10.0), rel=0.07)
 
 
-def test_slots_of_a_planned_leader_turn_with_the_path_alone():
-    # A course that is off by 1 degree for good, such as an estimator's, and one that wobbles slowly.
-    for course in (lambda _: 0.0175, lambda t: 0.02 * math.sin(2.0 * math.pi * t / 8.0)):
-        known = after(60.0, course, as_planned=True)
-        assert abs(known.motion.course) < 1e-6
-        assert abs(known.motion.turn_rate) < 1e-6
-        # Its place moves as it is measured to move.
-        velocity = known.motion.ground_speed * math.sin(known.motion.course)
-        assert velocity + known.motion.drift_east == pytest.approx(20.0 * math.sin(course(60.0)))
-
-
 def test_a_planned_leader_that_leaves_its_path_is_followed_as_it_flies():
     turned = after(60.0, lambda t: 0.0 if t < 45.0 else 0.5, as_planned=True)
     # 15 s after the turn e^(-15/2) of the trust is left.
@@ -172,22 +148,6 @@ def carried(leader: LeaderState, path: Path, wind: tuple[float, float]) -> Itera
         here = vehicle_at(wind=wind, time_s=PERIOD * step)
         leader = extrapolate_along_path(leader, here, known(path))
         yield leader
-
-
-@pytest.mark.parametrize("wind", WINDS)
-@pytest.mark.parametrize("course", [0.0, 0.8, 4.0])
-def test_on_a_line_it_is_where_the_leader_is(course, wind):
-    speed = speed_over_ground(course, wind)
-    path = Line(north=30.0, east=-40.0, course=course)
-    begin = leader_at(north=30.0, east=-40.0, course=course, ground_speed=speed)
-    for state in carried(begin, path, wind):
-        run = speed * state.time_s
-        assert state.north == pytest.approx(30.0 + run * math.cos(course), abs=1e-6)
-        assert state.east == pytest.approx(-40.0 + run * math.sin(course), abs=1e-6)
-        assert state.course == pytest.approx(course)
-        assert state.ground_speed == pytest.approx(speed)
-        rates = (state.acceleration, state.turn_rate, state.turn_acceleration)
-        assert rates == pytest.approx((0.0, 0.0, 0.0), abs=1e-9)
 
 
 @pytest.mark.parametrize("wind", WINDS)
@@ -270,16 +230,6 @@ def test_a_leader_beside_its_path_comes_back_to_it():
     assert errors == sorted(errors, reverse=True)
     # At 20 m/s the field halves a small error in some 3.6 s.
     assert 0.0 < errors[-1] < 0.5
-
-
-def test_the_wind_that_counts_is_that_of_the_moment():
-    path = Line(north=0.0, east=0.0, course=0.0)
-    here = vehicle_at(wind=(2.0, 0.0), time_s=0.1)
-    first = extrapolate_along_path(leader_at(), here, known(path))
-    second = extrapolate_along_path(first, vehicle_at(wind=(-3.0, 0.0), time_s=0.2), known(path))
-    assert (first.ground_speed, second.ground_speed) == (22.0, 17.0)
-    assert second.north == pytest.approx(2.2 + 1.7)
-    assert second.time_s == 0.2
 
 
 @pytest.mark.parametrize("wind", [(40.0, 0.0), (0.0, 40.0), (-40.0, 0.0)])

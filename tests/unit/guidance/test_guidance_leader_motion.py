@@ -47,13 +47,6 @@ def moving(
     ]
 
 
-def test_at_first_nothing_changes():
-    motion = motion_at_first(vehicle_at(1.0, 2.0, 0.5, 22.0, time_s=7.0)).state
-    assert (motion.time_s, motion.north, motion.east) == (7.0, 1.0, 2.0)
-    assert (motion.course, motion.ground_speed) == (0.5, 22.0)
-    assert (motion.acceleration, motion.turn_rate, motion.turn_acceleration) == (0.0, 0.0, 0.0)
-
-
 @pytest.mark.parametrize("turn_rate", [0.1333, -0.1333])
 def test_on_a_steady_turn_the_turn_rate_is_found_through_south(turn_rate):
     # 0.14 rad before south, the course jumps by 2 pi after 1 s, which is no turn the other way
@@ -82,28 +75,6 @@ def test_a_steady_acceleration_is_found():
     motion = estimates(moving(6.0, acceleration=1.5))
     assert motion.acceleration == pytest.approx(1.5, rel=1e-4)
     assert motion.ground_speed == pytest.approx(29.0)
-
-
-def test_what_grows_is_no_more_than_half_a_sample_late():
-    times = [index * PERIOD for index in range(161)]
-    states = [
-        vehicle_at(course=0.01 * time * time, ground_speed=20.0 + 0.1 * time * time, time_s=time)
-        for time in times
-    ]
-    # omega = 0.02 t: 0.02 rad/s², and a difference is half a sample late; dV/dt = 0.2 t likewise, where a
-    # first-order filter of 0.4 s would be 0.425 s late
-    motion = estimates(states)
-    assert motion.turn_acceleration == pytest.approx(0.02, rel=1e-5)
-    assert motion.turn_rate == pytest.approx(0.02 * (8.0 - 0.025), rel=1e-5)
-    assert motion.acceleration == pytest.approx(0.2 * (8.0 - 0.025), rel=1e-5)
-
-
-def test_without_a_filter_the_differences_come_through():
-    states = [vehicle_at(course=0.0), vehicle_at(course=0.02, ground_speed=20.1, time_s=PERIOD)]
-    motion = estimates(states, 0.0)
-    # 0.02/0.05 rad/s, 0.1/0.05 m/s², 0.4/0.05 rad/s²
-    found = (motion.turn_rate, motion.acceleration, motion.turn_acceleration)
-    assert found == pytest.approx((0.4, 2.0, 8.0))
 
 
 @pytest.mark.parametrize("outlier", [1.0, -2.0, 3.0])
@@ -175,14 +146,6 @@ def test_the_place_a_second_and_a_half_later_is_known_to_decimetres(velocity):
     later = extrapolate_by_rates(circled(1.0, 40.0, velocity=velocity).state, 41.5)
     truth = on_circle(41.5)
     assert math.hypot(later.north - truth.north, later.east - truth.east) < 0.2
-
-
-def test_a_course_that_jumps_turns_the_frame_no_faster_than_the_aircraft_can():
-    motion = observed_at_first(on_circle(0.0), 0.0, SPEED)
-    back = Observation(time_s=0.1, north=2.0, east=0.0, velocity=(-SPEED, 1.0))
-    state = observed_motion(motion, back, LIMITS, 0.6).state
-    assert abs(state.turn_rate) <= LIMITS.turn_rate
-    assert abs(state.acceleration) <= LIMITS.acceleration
 
 
 def test_a_silent_aircraft_is_carried_on_along_its_arc_at_one_speed():

@@ -127,12 +127,6 @@ def test_it_is_slow():
     assert changed.value == pytest.approx(0.765, abs=0.015)
 
 
-def test_straight_flight_tells_nothing():
-    known = efficiency_after(600.0, 0.5, bank=math.radians(4.0))
-    unknown = TurnEfficiency()
-    assert (known.value, known.variance) == (unknown.value, unknown.variance)
-
-
 @pytest.mark.parametrize(("share", "found"), [(0.1, 0.5), (2.0, 1.1)])
 def test_what_no_vehicle_does_is_not_believed(share, found):
     assert efficiency_after(120.0, share).value == found
@@ -210,11 +204,6 @@ def test_on_a_straight_flight_a_wrong_scale_may_be_a_wind():
     known = calibration_after(scale=1.05, turn_rate=0.0, seconds=120.0)
     assert known.scale == pytest.approx(1.0, abs=0.01)
     assert known.deviation > 0.04
-
-
-def test_while_the_wind_changes_nothing_is_believed():
-    known = calibration_after(scale=1.05, turn_rate=0.13, seconds=96.0, wind_rate=1.5)
-    assert known.deviation > 0.02
 
 
 def test_what_cannot_be_is_not_used():

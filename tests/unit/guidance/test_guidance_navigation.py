@@ -74,16 +74,6 @@ def miss(state: VehicleState, truth: Sample) -> float:
     return math.hypot(state.north - truth.north, state.east - truth.east)
 
 
-def test_one_report_alone_gives_position_velocity_and_wind():
-    state = first_state(steady_wind(2.0))
-    assert miss(state, steady_wind(2.0)) == 0.0
-    assert (state.wind_north, state.wind_east) == pytest.approx((5.0, -3.0))
-    assert (state.wind_rate_north, state.wind_rate_east) == (0.0, 0.0)
-    # 20 cos 0.6 + 5 = 21.5067, 20 sin 0.6 - 3 = 8.2928: 23.0502 m/s
-    assert state.ground_speed == pytest.approx(23.0502, abs=1e-4)
-    assert state.course == pytest.approx(math.atan2(8.2928, 21.5067), abs=1e-5)
-
-
 def test_at_constant_velocity_there_is_no_lag():
     for index, state in enumerate(run(steady_wind, 20.0)):
         assert miss(state, steady_wind(index * PERIOD)) < 1e-9
@@ -244,14 +234,6 @@ def test_a_lasting_error_of_the_velocity_is_taken_off():
     # After 4 s, thirteen memories: 13 e^-13 of the 0.3 m/s.
     assert right.velocity_north == pytest.approx(SPEED, abs=1e-4)
     assert right.velocity_east == pytest.approx(0.0, abs=1e-4)
-
-
-def test_a_velocity_that_is_right_stays_as_it_is():
-    error = velocity_error_at_first(sample(0))
-    for step in range(1, 100):
-        error = velocity_error(error, sample(step), 0.3)
-        assert abs(error.short_north) < 1e-9
-        assert error.north == pytest.approx(SPEED * step * SAMPLE_S)
 
 
 def test_half_of_a_step_in_the_error_is_found_after_1_68_memories():

@@ -276,17 +276,6 @@ def margins(gain: float, strength: float, delay: float) -> tuple[float, float]:
     return 180.0 + phase, -20.0 * math.log10(strength * gain / turnover)
 
 
-def test_without_doubt_and_delay_the_loop_takes_a_quarter_of_pi_of_its_period():
-    # pi / 4 / (1.1 * 0.05 s).
-    assert bearable(0.0, DECLARED, **QUICKEST) == pytest.approx(14.28, abs=0.01)
-
-
-def test_a_delay_that_is_predicted_counts_by_a_fifth():
-    # 0.05 + 0.2 * 0.5 = 0.15 s instead of 0.05.
-    fastest = bearable(0.0, DECLARED, **QUICKEST)
-    assert bearable(0.5, DECLARED, **QUICKEST) == pytest.approx(fastest / 3.0)
-
-
 def test_what_is_known_less_well_is_flown_more_slowly():
     known = [bearable(0.3, one, **QUICKEST) for one in (DECLARED, TOLD, UNKNOWN)]
     assert known == sorted(known, reverse=True)

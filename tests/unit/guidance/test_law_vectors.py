@@ -5,7 +5,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from msgspec.structs import replace
 
 from tests.kit.states import NORTHBOUND, vehicle_at
 from vfguide.guidance.formation import Slot, formation_error, slot_motion
@@ -57,39 +56,12 @@ def test_an_observation_says_where_the_slot_is_and_how_both_move():
     assert seen == pytest.approx(expected, abs=1e-6)
 
 
-def test_along_and_across_are_of_the_slots_own_course():
-    eastbound = replace(NORTHBOUND, course=math.pi / 2, turn_rate=0.1, acceleration=1.0)
-    view = view_of(eastbound, held=True, north=-10.0, east=-30.0, course=math.pi / 2)
-    seen = dict(zip((one.name for one in OBSERVATION), observed(view), strict=True))
-    # The slot is north of a follower that flies east: to its left.
-    assert (seen["along_track"], seen["cross_track"]) == pytest.approx((30.0, -10.0), abs=1e-5)
-    assert (seen["slot_turn_rate"], seen["slot_acceleration"]) == pytest.approx((0.1, 1.0))
-    assert (seen["course"], seen["held"]) == pytest.approx((0.0, 1.0), abs=1e-6)
-
-
 def test_an_observation_stays_within_its_bounds():
     seen = observed(view_of(north=-1e6, east=1e6, ground_speed=500.0))
     assert seen.dtype == np.float32
     assert seen.shape == (14,)
     assert all(one.low <= value <= one.high for one, value in zip(OBSERVATION, seen, strict=True))
     assert seen[:2].tolist() == [2000.0, -2000.0]
-
-
-def test_rates_are_shares_of_what_the_aircraft_can_do():
-    wanted = motion_of(view_of(course=0.3, ground_speed=21.0), (0.5, -1.0))
-    assert wanted.course_rate == pytest.approx(9.80665 / 21.0)
-    assert wanted.acceleration == -3.0
-    assert (wanted.course, wanted.speed) == (0.3, 21.0)
-
-
-def test_setpoints_count_from_the_slots_own_motion():
-    leader = replace(NORTHBOUND, turn_rate=0.1, acceleration=1.0)
-    wanted = motion_of(view_of(leader, course=0.0, ground_speed=20.0), (0.5, -0.4), "setpoints")
-    assert wanted.course == pytest.approx(math.radians(45.0))
-    assert wanted.speed == pytest.approx(16.0)
-    # Beside the slot's rates as fast as the holds answer: alpha 1.2 and beta 0.8 1/s.
-    assert wanted.course_rate == pytest.approx(0.1 + 1.2 * math.radians(45.0))
-    assert wanted.acceleration == pytest.approx(1.0 - 0.8 * 4.0)
 
 
 def test_an_action_that_is_too_great_or_no_number_asks_for_nothing_impossible():
