@@ -1,28 +1,11 @@
-import math
-
 import pytest
 
 from tests.kit.missions import mission_with, plan_of, shipped
 from vfguide.companion.mission_plan import adapter_of, flight_plan
 from vfguide.companion.supervisor import ModeTimeouts
-from vfguide.guidance.formation import Slot
 from vfguide.mavlink.adapter import AutopilotSetpoint
 from vfguide.mavlink.ardupilot import ArduPlane
 from vfguide.mavlink.px4 import Px4
-from vfguide.paths.circle import Circle
-from vfguide.paths.line import Line
-from vfguide.paths.racetrack import Racetrack
-
-
-def test_a_follower_is_told_its_slot_and_a_leader_the_path_and_each_its_address():
-    follower = plan_of(vehicle="f3")
-    assert (follower.name, follower.system_id, follower.component_id) == ("f3", 4, 1)
-    assert follower.rate_hz == 20.0
-    assert plan_of(vehicle="f2").task.slot == Slot(forward=-20.0, right=20.0)
-    assert plan_of(vehicle="f3").task.slot == Slot(forward=-40.0, right=0.0)
-    assert not plan_of(vehicle="f2").leads
-    assert plan_of(vehicle="leader").leads
-    assert plan_of(vehicle="leader").task.airspeed == 20.0
 
 
 def test_a_follower_knows_what_its_leader_flies():
@@ -49,36 +32,6 @@ def test_patience_is_the_missions():
         assert flight_plan(changed, name).timeouts == ModeTimeouts(**said)
 
 
-def test_slots_and_ranges_of_all_followers_go_to_the_leader():
-    followers = plan_of("survey-racetrack", "lead").task.followers
-    slots = [(one.slot.forward, one.slot.right) for one in followers]
-    assert slots == [(-20.0, -40.0), (-20.0, 40.0), (-60.0, 0.0)]
-    ranges = [(one.airspeed_min, one.airspeed_max) for one in followers]
-    assert ranges == [(11.0, 32.0), (11.0, 32.0), (12.0, 32.0)]
-
-
-def test_a_line_has_its_course_in_radians():
-    path = plan_of("line-calm", "leader").task.path
-    assert path == Line(north=0.0, east=0.0, course=pytest.approx(math.pi / 4))
-    gains = plan_of("line-calm", "leader").task.path_gains
-    assert (gains.gain, gains.approach_angle) == (0.03, pytest.approx(math.pi / 2))
-
-
-@pytest.mark.parametrize(("turning", "direction"), [("clockwise", 1), ("counterclockwise", -1)])
-def test_a_circle_is_positive_clockwise(turning, direction):
-    task = flight_plan(mission_with("circle-wind", path={"direction": turning}), "leader").task
-    assert task.path == Circle(north=150.0, east=0.0, radius=150.0, direction=direction)
-
-
-def test_a_racetrack_is_taken_over_whole():
-    path = plan_of("survey-racetrack", "lead").task.path
-    declared = shipped("survey-racetrack").path
-    assert isinstance(path, Racetrack)
-    assert (path.north, path.east, path.course) == (400.0, 150.0, 0.0)
-    assert (path.leg, path.radius, path.direction) == (600.0, declared.radius_m, 1)
-    assert path.easement == declared.easement_m
-
-
 def test_heights_frames_and_limits_are_those_of_the_mission_in_si_units():
     assert plan_of("survey-racetrack", "lead").altitude_amsl == 488.0 + 120.0
     assert plan_of("survey-racetrack", "right").altitude_amsl == 488.0 + 120.0 + 10.0
@@ -88,17 +41,6 @@ def test_heights_frames_and_limits_are_those_of_the_mission_in_si_units():
     assert airframe.max_bank == pytest.approx(0.6981317, abs=1e-7)
     assert (airframe.airspeed_min, airframe.airspeed_max) == (14.0, 30.0)
     assert (airframe.alpha, airframe.beta, airframe.hold) == (1.2, 0.8, "heading-hold")
-
-
-def test_gains_are_those_of_the_mission():
-    settings, chosen = plan_of().settings, shipped("line-calm").controller
-    gains = plan_of().gains
-    assert gains.chi_inf == pytest.approx(math.pi / 4)
-    assert (gains.k_x, gains.k_y, gains.v_inf_m_s, gains.integral_s) == (0.42, 0.28, 8.0, 0.65)
-    assert (settings.sliding.kappa, settings.sliding.epsilon) == (3.0, 0.01)
-    assert (settings.sliding.rho, settings.observer.rho) == (chosen.rho, chosen.observer.rho)
-    assert settings.filters.position_s == chosen.position_filter_s
-    assert settings.filters.wind_s == chosen.wind_filter_s
 
 
 def test_each_filter_has_its_own_time_constant():
