@@ -12,6 +12,7 @@ from msgspec.structs import replace
 from tests.kit.states import leader_at
 from vfguide.guidance.height import (
     ACCELERATION,
+    ENOUGH,
     SHARE,
     BesidePath,
     ClimbLimits,
@@ -203,6 +204,13 @@ def beside(distance: float, up: float, *, over: bool | None = None, soon: float 
         highest=up + max(soon, 0.0),
         over=(up < 0.0 if up else None) if over is None else over,
     )
+
+
+def test_a_distance_in_space_counts_in_least_distances():
+    # 4.2 m aside and 5.6 m below: 7 m.
+    assert clearance(0.0, [beside(4.2, -5.6)]) == pytest.approx(1.0)
+    assert clearance(0.0, [beside(4.2, -5.6), beside(3.5, 0.0)]) == pytest.approx(0.5)
+    assert clearance(0.0, []) == ENOUGH
 
 
 @pytest.mark.parametrize(

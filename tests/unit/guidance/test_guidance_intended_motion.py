@@ -73,6 +73,19 @@ def test_a_course_that_jitters_turns_the_frame_by_a_tenth_of_it_at_most():
     assert abs(crossing.motion.turn_rate) < 0.01
 
 
+def test_place_and_true_velocity_stay_those_of_the_leader():
+    random = Random(1)
+    courses = [random.gauss(0.0, 0.03) for _ in range(1201)]
+    known = after(60.0, lambda t: courses[round(t / PERIOD_S)], lambda t: 20.0 + math.sin(t))
+    motion = known.motion
+    assert (motion.north, motion.east) == (1200.0, 0.0)
+    north = motion.ground_speed * math.cos(motion.course) + motion.drift_north
+    east = motion.ground_speed * math.sin(motion.course) + motion.drift_east
+    speed = 20.0 + math.sin(60.0)
+    assert north == pytest.approx(speed * math.cos(courses[1200]))
+    assert east == pytest.approx(speed * math.sin(courses[1200]))
+
+
 def test_gusts_that_turn_the_leader_for_seconds_do_not_swing_the_slots():
     random = Random(2)
     jitter = [random.gauss(0.0, 0.02) for _ in range(1601)]
