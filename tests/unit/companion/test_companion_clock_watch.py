@@ -108,8 +108,6 @@ def evenly(depths: Callable[[Random], float], *, apart_s: float, regained_s: flo
     return lambda time_s: hiccups[int(time_s / apart_s)].lag(time_s)
 
 
-
-
 @settings(max_examples=15)
 @given(
     st.lists(
