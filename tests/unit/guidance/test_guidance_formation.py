@@ -20,6 +20,7 @@ from vfguide.guidance.formation import (
     breakaway_course,
     extrapolate_by_rates,
     formation_error,
+    slot_airspeed,
     slot_motion,
     slot_position,
     slot_velocity,
@@ -193,6 +194,20 @@ CRUISE = 20.0
 
 def slot(forward: float, right: float) -> SlotLimits:
     return SlotLimits(slot=Slot(forward=forward, right=right), airspeed_min=12.0, airspeed_max=32.0)
+
+
+@pytest.mark.parametrize(
+    ("state", "airspeed"),
+    [
+        # 40 m behind at 0.1 rad/s: hypot(20, 4); in a wind of 5 m/s from behind: hypot(15, 4)
+        (vehicle_at(), math.hypot(20.0, 4.0)),
+        (vehicle_at(wind=(5.0, 0.0)), math.hypot(15.0, 4.0)),
+        # flying east the slot slips to the left of east, north: (4, 20), less the wind (4, 5): 15
+        (vehicle_at(course=math.pi / 2.0, wind=(4.0, 5.0)), 15.0),
+    ],
+)
+def test_a_slot_needs_the_airspeed_of_its_own_velocity(state, airspeed):
+    assert slot_airspeed(state, 0.1, Slot(forward=-40.0, right=0.0)) == pytest.approx(airspeed)
 
 
 INSIDE = slot(0.0, 90.0)

@@ -14,7 +14,7 @@ from vfguide.guidance.path import Direction, PathPoint
 from vfguide.paths.racetrack import Racetrack
 
 REPEATABLE = settings(deadline=None, derandomize=True, database=None, max_examples=200)
-LEG, RADIUS, STEP = 600.0, 150.0, 0.1
+LEG, RADIUS, STEP = 600.0, 150.0, 0.4
 SENSES: tuple[Direction, Direction] = (1, -1)
 
 
@@ -101,8 +101,8 @@ def test_a_racetrack_turned_and_moved_is_the_same_racetrack(along, right, course
 @pytest.mark.parametrize("direction", SENSES)
 def test_without_easement_it_is_the_plain_stadium(direction):
     flown = lap(racetrack(0.0, direction))
-    # two legs and one circle: 1200 + 2 pi 150 = 2142.48 m, in steps of 0.1 m
-    assert STEP * (len(flown) - 1) == pytest.approx(2142.48, abs=0.2)
+    # two legs and one circle: 1200 + 2 pi 150 = 2142.48 m, in steps of 0.4 m
+    assert STEP * (len(flown) - 1) == pytest.approx(2142.48, abs=0.8)
     assert max(abs(point.cross_track_error) for _, _, point in flown) < 1e-3
     assert max(abs(north) for north, _, _ in flown) == pytest.approx(450.0, abs=1e-2)
 
@@ -123,7 +123,7 @@ def test_the_tangent_integrates_to_the_closed_eased_track(easement, accuracy, di
 
 
 @pytest.mark.parametrize("direction", SENSES)
-@pytest.mark.parametrize(("easement", "accuracy"), [(40.0, 2e-5), (100.0, 2e-4)])
+@pytest.mark.parametrize(("easement", "accuracy"), [(40.0, 4e-5), (100.0, 2e-4)])
 def test_curvature_is_how_fast_the_tangent_turns_along_the_eased_track(
     easement, accuracy, direction
 ):
@@ -144,12 +144,12 @@ def test_along_and_beside_the_track_nothing_jumps(easement, aside):
         for north, east, point in lap(track)
     ]
     for before, after in pairwise(beside):
-        # steps of 0.1 m on the track, and of at most 0.14 m beside it; 1/90 rad/m at 60 m inside
-        assert abs(after.cross_track_error - before.cross_track_error) < 5e-3
-        assert abs(wrap_angle(after.course - before.course)) < 2e-3
+        # steps of 0.4 m on the track, and of at most 0.56 m beside it; 1/90 rad/m at 60 m inside
+        assert abs(after.cross_track_error - before.cross_track_error) < 2e-2
+        assert abs(wrap_angle(after.course - before.course)) < 8e-3
         if easement:
-            # 1/R over the easement's length: 0.1 / (150 . 40) = 1.7e-5 for each step
-            assert abs(after.curvature - before.curvature) < 4e-5
+            # 1/R over the easement's length: 0.4 / (150 . 40) = 6.7e-5 for each step
+            assert abs(after.curvature - before.curvature) < 1.6e-4
 
 
 def test_half_way_through_the_easement_the_curvature_is_half():
