@@ -32,13 +32,15 @@ from tests.unit.companion.test_companion_leader_telemetry import FRAME, packed, 
 from tests.unit.companion.test_companion_leader_telemetry import LEADER as FOREIGN
 from vfguide.companion.leader_telemetry import LeaderTelemetry
 from vfguide.lab.rehearsal.processes import broker
-from vfguide.link.address import LinkAddress, MqttAddress, UdpAddress, parse_link
+from vfguide.link.carrier import LinkAddress, parse_link
+from vfguide.link.client import MqttAddress
 from vfguide.link.envelope import Kind, formation_number
 from vfguide.link.keys import Roster, public_bytes
 from vfguide.link.member import Member
 from vfguide.link.opening import Link, open_link
 from vfguide.link.peer_clock import PeerClock
 from vfguide.link.trust import Trust, new_session
+from vfguide.link.udp import UdpAddress
 from vfguide.link.zenoh import ZenohAddress
 from vfguide.mavlink.address import parse_address
 from vfguide.mavlink.connection import open_connection

@@ -24,7 +24,7 @@ from tests.kit.figures import tell
 from tests.kit.link import FORMATION, LEADER, trust_of
 from tests.kit.radio import SharedAir, state_at
 from tests.kit.sockets import until
-from vfguide.link.address import parse_link
+from vfguide.link.carrier import parse_link
 from vfguide.link.codec import decode
 from vfguide.link.member import Member
 from vfguide.link.packed import TAG_SIZE, formation_key, tag_of

@@ -9,7 +9,7 @@ from random import Random
 
 from tests.kit.link import FORMATION, LEADER, trust_of
 from tests.kit.sockets import PATIENCE_S
-from vfguide.link.address import parse_links
+from vfguide.link.carrier import parse_links
 from vfguide.link.member import Member, ignore
 from vfguide.link.opening import Link, open_link
 from vfguide.link.peer_clock import PeerClock

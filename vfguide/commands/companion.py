@@ -29,7 +29,7 @@ from vfguide.companion.daemon import Daemon, Surroundings
 from vfguide.companion.ground_orders import OrderGiver, ground_orders_of
 from vfguide.companion.mission_plan import adapter_of, flight_plan
 from vfguide.errors import InputError
-from vfguide.link.address import parse_links
+from vfguide.link.carrier import parse_links
 from vfguide.link.keys import OPERATOR, key_places, read_revocations
 from vfguide.link.opening import operator_of
 from vfguide.link.trust import Trust, new_session

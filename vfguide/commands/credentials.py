@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from vfguide.errors import InputError
-from vfguide.link.address import LinkAddress, parse_links
+from vfguide.link.carrier import LinkAddress, parse_links
 from vfguide.link.keys import OPERATOR, Roster, key_places, read_private_key, read_roster
 from vfguide.link.opening import WatchedFormation
 from vfguide.mission import Mission

@@ -33,7 +33,7 @@ from vfguide.companion.role import Outgoing, Snapshot, flight_event
 from vfguide.companion.timing import SAME_CLOCK, SharedClock
 from vfguide.errors import VfguideError, described_error
 from vfguide.formation.orders import Order, new_number
-from vfguide.link.address import LinkAddress
+from vfguide.link.carrier import LinkAddress
 from vfguide.link.envelope import Kind
 from vfguide.link.keys import write_revocations
 from vfguide.link.member import Member, ignore

@@ -2,9 +2,7 @@
 
 import logging
 
-from vfguide.link.address import LinkAddress
-from vfguide.link.carrier import Carrier, link
-from vfguide.link.datagrams import DatagramCarrier
+from vfguide.link.carrier import Carrier, DatagramCarrier, LinkAddress, link
 
 __all__ = ["Carrier", "DatagramCarrier", "LinkAddress", "link"]
 

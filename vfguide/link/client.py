@@ -1,4 +1,4 @@
-"""One connection to an MQTT broker: opened and closed in bounded time, newest mail only, own states heard.
+"""An MQTT broker: its address, a connection that opens and closes in bounded time, newest mail, own states.
 
 Its own states come back from a broker that hears this vehicle. A broker whose access list forbids a topic
 takes messages for it without a word and drops them. And another vehicle may fly under the same name by
@@ -8,6 +8,7 @@ To hear oneself takes as much of the computer as to speak. So it is done now and
 """
 
 import asyncio
+import ipaddress
 import logging
 import re
 import selectors
@@ -15,8 +16,12 @@ import socket
 import ssl
 import threading
 from collections import Counter, deque
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import ClassVar
+from urllib.parse import SplitResult, parse_qsl, unquote
 
 from aiomqtt import Client, Message, MqttCodeError, MqttError, Will
 from aiomqtt.types import PahoSocket
@@ -24,8 +29,32 @@ from paho.mqtt.client import MQTT_ERR_SUCCESS
 from paho.mqtt.client import Client as Engine
 
 from vfguide.errors import InputError
-from vfguide.link.address import ENVIRONMENT_VARIABLE, MqttAddress
+from vfguide.link.carrier import EXAMPLE, LinkAddress
 from vfguide.system import URGENT_TCP, SocketSelector
+
+ENVIRONMENT_VARIABLE = "VFGUIDE_LINK_PASSWORD"
+"""Environment variable with the password, so that lists of processes do not show it."""
+
+DEFAULT_PREFIX = "vfguide"
+
+LONGEST_PREFIX = 200
+"""Characters."""
+
+PORTS = {"mqtt": 1883, "mqtts": 8883}
+"""By scheme, where the address names none."""
+
+OPTIONS = ("ca", "cert", "key")
+"""Files that an mqtts:// address may name."""
+
+SECURE_EXAMPLE = "mqtts://USER@HOST:8883/PREFIX?ca=FILE&cert=FILE&key=FILE"
+
+LONGEST_HOST = 253
+"""Characters of a host name, by the rules of the domain name system."""
+
+LABELS = re.compile(
+    r"(?!-)[a-z0-9_-]{1,63}(?<!-)(\.(?!-)[a-z0-9_-]{1,63}(?<!-))*", re.IGNORECASE | re.ASCII
+)
+NUMERIC = re.compile(r"[0-9.]+")
 
 LARGEST = 4096
 """Bytes of a message: nothing that the formation shares is longer."""
@@ -61,6 +90,133 @@ REMEDY = "start a broker there, or correct the address of the link"
 
 REFUSALS = (134, 135)
 """Bad user name or password, and not authorized; brokers use either for a wrong password."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MqttAddress(LinkAddress):
+    """A broker, and what it wants to know of those who call."""
+
+    scheme: ClassVar[str] = "mqtt"
+
+    host: str
+    """Name or number, without brackets."""
+    port: int
+    """1 to 65535."""
+    prefix: str = DEFAULT_PREFIX
+    """First levels of every topic."""
+    secure: bool = False
+    """Whether the connection is encrypted, and the broker's certificate checked."""
+    user: str | None = None
+    """User name, if the broker asks for one."""
+    password: str | None = field(default=None, repr=False)
+    """Password of the user. Never shown."""
+    ca: Path | None = None
+    """Certificates that vouch for the broker; those of this computer if absent."""
+    cert: Path | None = None
+    """This client's certificate, if the broker asks for one."""
+    key: Path | None = None
+    """Private key of that certificate."""
+
+    def __str__(self) -> str:
+        host = f"[{self.host}]" if ":" in self.host else self.host
+        scheme = "mqtts" if self.secure else "mqtt"
+        return f"{scheme}://{host}:{self.port}/{self.prefix}"
+
+
+def mqtt_address(parts: SplitResult, environment: Mapping[str, str]) -> MqttAddress:
+    """A broker, as in mqtts://USER@HOST:8883/PREFIX?ca=FILE.
+
+    Raises:
+        InputError: it names none.
+    """
+    if parts.fragment:
+        raise InputError("a # is not possible here; write %23 for one in a user name or password")
+    secure = parts.scheme == "mqtts"
+    user, password = _credentials(parts, environment)
+    files = _files(parts.query, secure=secure)
+    return MqttAddress(
+        host=_host(parts),
+        port=_port(parts),
+        prefix=_prefix(parts.path),
+        secure=secure,
+        user=user,
+        password=password,
+        ca=files.get("ca"),
+        cert=files.get("cert"),
+        key=files.get("key"),
+    )
+
+
+def _host(parts: SplitResult) -> str:
+    text = parts.hostname or ""
+    if not text:
+        raise InputError(f"the host is missing; write {EXAMPLE}")
+    try:
+        if ":" in text:
+            return str(ipaddress.IPv6Address(text))
+        if NUMERIC.fullmatch(text):
+            return str(ipaddress.IPv4Address(text))
+    except ValueError:
+        raise InputError("the host is no number; write 192.168.1.10 or [fd00::10]") from None
+    if not LABELS.fullmatch(text) or len(text) > LONGEST_HOST:
+        raise InputError("the host is no name; write a name, 192.168.1.10 or [fd00::10]")
+    return text
+
+
+def _port(parts: SplitResult) -> int:
+    try:
+        port = parts.port
+    except ValueError:
+        port = 0
+    if port is None:
+        return PORTS[parts.scheme]
+    if port == 0:
+        raise InputError(
+            f"the port must be within 1 to 65535; write {EXAMPLE}, "
+            "and %2F, %3A, %40 for / : @ in a user name or password"
+        )
+    return port
+
+
+def _prefix(path: str) -> str:
+    text = unquote(path).strip("/")
+    if not text:
+        return DEFAULT_PREFIX
+    sound = text.isprintable() and len(text) <= LONGEST_PREFIX and not text.startswith("$")
+    if not sound or any(mark in text for mark in "+#") or "//" in text:
+        raise InputError("the prefix cannot begin a topic; write levels such as /team/north")
+    return text
+
+
+def _credentials(
+    parts: SplitResult, environment: Mapping[str, str]
+) -> tuple[str | None, str | None]:
+    """User name and password."""
+    if parts.username is None:
+        return None, None
+    user = unquote(parts.username)
+    if not user or not user.isprintable():
+        raise InputError(f"the user name is missing; write {SECURE_EXAMPLE}")
+    if parts.password is None:
+        return user, environment.get(ENVIRONMENT_VARIABLE)
+    return user, unquote(parts.password)
+
+
+def _files(query: str, *, secure: bool) -> dict[str, Path]:
+    try:
+        pairs = parse_qsl(query, keep_blank_values=True, strict_parsing=True) if query else []
+    except ValueError:
+        raise InputError(f"what follows the ? is not understood; write {SECURE_EXAMPLE}") from None
+    names = [name for name, _ in pairs]
+    if not set(names) <= set(OPTIONS) or len(set(names)) < len(names):
+        raise InputError(f"after the ? come ca=, cert= and key=, once each; write {SECURE_EXAMPLE}")
+    if pairs and not secure:
+        raise InputError(f"certificates go with mqtts://; write {SECURE_EXAMPLE}")
+    if ("cert" in names) != ("key" in names):
+        raise InputError(f"cert= and key= go together; write {SECURE_EXAMPLE}")
+    if not all(value and value.isprintable() for _, value in pairs):
+        raise InputError(f"a file name is missing; write {SECURE_EXAMPLE}")
+    return {name: Path(value) for name, value in pairs}
 
 
 class NewestOnly:

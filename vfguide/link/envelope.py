@@ -18,9 +18,6 @@ from vfguide.link.codec import LinkDataError
 
 MAGIC = b"VFE1"
 LAYOUT = struct.Struct("<4sBBBxQQQId")
-KIND_AT, LENGTH_AT = 5, 6
-"""Where the kind and the length of the sender's name stand."""
-
 CHECKSUM = struct.Struct("<I")
 SIGNATURE_SIZE = 64
 
@@ -166,13 +163,6 @@ def decode_envelope(data: bytes) -> Envelope:
         signed=data[:end],
         tag=data[end:],
     )
-
-
-def state_sender(data: bytes) -> bytes | None:
-    """Name of who says a state, as it stands in the message and unbelieved; None of other messages."""
-    if len(data) <= LAYOUT.size or not data.startswith(MAGIC) or data[KIND_AT] != Kind.STATE:
-        return None
-    return data[LAYOUT.size : LAYOUT.size + data[LENGTH_AT]]
 
 
 def checksum(signed: bytes) -> bytes:

@@ -8,21 +8,15 @@ import logging
 import math
 import secrets
 from collections import Counter, deque
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection
 from random import random
 
 import msgspec
 
 from vfguide.link.codec import Ask, LinkDataError, decode_ask, decode_tell, encode_ask
-from vfguide.link.envelope import Envelope, Kind
+from vfguide.link.envelope import LARGEST, LAYOUT, SIGNATURE_SIZE, Envelope, Kind
 from vfguide.link.peer_clock import PeerClock
-from vfguide.link.presence import (
-    MOST_BYTES,
-    Presence,
-    decode_presence,
-    encode_presence,
-    shorter_presences,
-)
+from vfguide.link.presence import Presence, decode_presence, encode_presence, shorter_presences
 from vfguide.link.trust import HEARD_BEFORE, LEADER_LOST_S, TWIN, Message, RefusedError, Trust
 
 # Two companions of one name: the one that has spoken for less long finds that out, and steps back.
@@ -271,7 +265,7 @@ class Member:
         self._receive_neighbour = receive_neighbour
         self._believed_s = -math.inf
         self._asked_first_s = math.nan
-        self._believed = self._passed_on = 0
+        self._passed_on = 0
         self._receive_presence = receive_presence or ignore_presence
         self._receive_order, self._receive_reply = receive_order, receive_reply
         self._receive_lead = receive_lead
@@ -413,15 +407,16 @@ class Member:
             question = self.peer_clock.request(self.clock())
             self._send(Kind.QUESTION, self.trust.leader, question)
 
-    def presence(self, presence: Presence, *, will: bool = False) -> Parcel:
+    def presence(self, presence: Presence, *, most: int = LARGEST, will: bool = False) -> Parcel:
         """Seal a presence, or what a broker is to say once it has lost this member; it is not sent.
 
-        What is too long for an envelope goes with less in it.
+        What is longer than `most` bytes in its envelope goes with less in it.
         """
         kind, body = Kind.WILL if will else Kind.PRESENCE, b""
+        room = most - LAYOUT.size - len(self.name.encode()) - SIGNATURE_SIZE
         for one in shorter_presences(presence):
             body = encode_presence(one)
-            if len(body) <= MOST_BYTES:
+            if len(body) <= room:
                 break
         return self._seal(kind, EVERYBODY, body)
 
@@ -432,24 +427,6 @@ class Member:
             Whether it shows that somebody of the formation is heard, be it by a copy of what came before.
         """
         return self._guarded(lambda: self._take(data))
-
-    def take_newest(self, newest_first: Sequence[bytes]) -> bool:
-        """Take of some states of one sender the newest that is believed; those before it are passed over.
-
-        Returns:
-            As of `take`.
-        """
-        heard, before = False, self._believed
-        for data in newest_first:
-            heard |= self.take(data)
-            if self._believed != before:
-                break
-        return heard
-
-    def _note_belief(self) -> None:
-        """Note that a message was believed."""
-        self._believed_s = self.clock()
-        self._believed += 1
 
     def vouch_for(self, envelope: Envelope) -> None:
         """See that a message is to be believed whose tag the link itself has found to be true.
@@ -467,7 +444,7 @@ class Member:
 
     def accept(self, message: Message) -> None:
         """Take a message that is believed, by `vouch_for`."""
-        self._note_belief()
+        self._believed_s = self.clock()
         if self._wants(message.kind, message.sender, message.body):
             self._guarded(lambda: self._use(message))
 
@@ -491,7 +468,7 @@ class Member:
                 if wanted and self.is_operator and envelope.kind is Kind.ORDER:
                     self._learn_order(data)
             raise
-        self._note_belief()
+        self._believed_s = self.clock()
         if wanted:
             self._use(message)
         return True

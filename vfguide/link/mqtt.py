@@ -1,20 +1,157 @@
-"""What a formation shares, by way of an MQTT broker.
+"""What a formation shares, by way of an MQTT broker: topics, one connection, and its coming back by itself.
 
 States are sent once and not kept: a state that the broker repeats to those who come later has no age. Nothing
 waits in a queue in either direction, since the next state is better than an old one.
 """
 
-from collections.abc import Mapping
-from random import Random
-from urllib.parse import SplitResult
+import asyncio
+import secrets
+from collections.abc import Coroutine, Iterable, Mapping
+from dataclasses import dataclass
+from urllib.parse import SplitResult, quote
 
-from vfguide.link.address import MqttAddress, mqtt_address
+from aiomqtt import Will
+from msgspec.structs import replace
+
 from vfguide.link.carrier import Carrier, link
-from vfguide.link.client import Echo, NewestOnly, security_of
+from vfguide.link.client import (
+    ANSWER_S,
+    BrokerClient,
+    Echo,
+    Inbox,
+    MqttAddress,
+    NewestOnly,
+    mqtt_address,
+    reason_of,
+    security_of,
+)
 from vfguide.link.envelope import Kind
 from vfguide.link.member import Member, Parcel
 from vfguide.link.presence import Presence
-from vfguide.link.session import Parts, Reconnecting, Topics
+
+ORDERING = {Kind.ORDER: "order", Kind.REPEAT: "repeat", Kind.REPLY: "reply"}
+"""Last level of the topics of orders."""
+
+REVOCATION = "revocation"
+"""Last level of the topics by which all say which keys are out."""
+
+WATCH_S = 0.25
+"""s between looks of one who only watches."""
+
+ECHO_S, ECHO_REST_S = 1.0, 20.0
+"""s from one look for own states to the next, and from one time that they are listened for to the next."""
+
+INSISTENCE_S = 0.1
+"""s after which a task that has not ended is cancelled again."""
+
+REFUSED = 128
+"""Subscriptions with this result or above are not granted."""
+
+GOODBYE_S = 0.5
+"""s that a broker gets to hear that this vehicle is leaving; one that does not answer finds out by itself."""
+
+IDENTIFIER_BYTES = 8
+"""Random bytes in the name of a client."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Topics:
+    """Topics of one vehicle in one formation."""
+
+    prefix: str
+    """First levels of every topic."""
+    formation: str
+    """Name of the formation."""
+    vehicle: str
+    """Name of the vehicle."""
+
+    def state(self, vehicle: str) -> str:
+        """Where a vehicle's states are."""
+        return f"{self._of(vehicle)}/state"
+
+    def lead(self, vehicle: str) -> str:
+        """Where the states are by which a vehicle leads in the place of the mission's leader."""
+        return f"{self._of(vehicle)}/lead"
+
+    def presence(self, vehicle: str) -> str:
+        """Where a vehicle says whether it is there."""
+        return f"{self._of(vehicle)}/presence"
+
+    def every_presence(self) -> str:
+        """Filter for what all vehicles say about themselves."""
+        return f"{self.prefix}/{level(self.formation)}/+/presence"
+
+    def ask(self, leader: str) -> str:
+        """Where this vehicle asks a leader what its clock shows."""
+        return f"{self._of(leader)}/clock/ask/{level(self.vehicle)}"
+
+    def every_ask(self, leader: str) -> str:
+        """Filter for all that others ask of a leader's clock."""
+        return f"{self._of(leader)}/clock/ask/+"
+
+    def answer_of(self, leader: str) -> str:
+        """Where a leader answers to this vehicle."""
+        return f"{self._of(leader)}/clock/tell/{level(self.vehicle)}"
+
+    def answer(self, asker: str) -> str:
+        """Where this vehicle answers to another."""
+        return f"{self._of(self.vehicle)}/clock/tell/{level(asker)}"
+
+    def every_revocation(self) -> str:
+        """Filter for what all say of revoked keys."""
+        return f"{self.prefix}/{level(self.formation)}/+/{REVOCATION}"
+
+    def every_order(self) -> tuple[str, ...]:
+        """Filters for all of that, of everybody."""
+        every = f"{self.prefix}/{level(self.formation)}/+"
+        return tuple(f"{every}/{name}" for name in ORDERING.values())
+
+    def of(self, parcel: Parcel) -> str:
+        """Where a message of this vehicle goes."""
+        match parcel.kind:
+            case Kind.QUESTION:
+                return self.ask(parcel.to)
+            case Kind.ANSWER:
+                return self.answer(parcel.to)
+            case Kind.STATE:
+                return self.state(self.vehicle)
+            case Kind.LEADER:
+                return self.lead(self.vehicle)
+            case Kind.PRESENCE | Kind.WILL:
+                return self.presence(self.vehicle)
+            case _:
+                return f"{self._of(self.vehicle)}/{ORDERING.get(parcel.kind, REVOCATION)}"
+
+    def _of(self, vehicle: str) -> str:
+        return f"{self.prefix}/{level(self.formation)}/{level(vehicle)}"
+
+
+def level(name: str) -> str:
+    """A name as one level of a topic: its slashes and wildcards would be read as something else."""
+    return quote(name, safe=" !'()*,:;=@&")
+
+
+def wanted_topics(topics: Topics, member: Member) -> list[str]:
+    """Where all is that a member has a use for."""
+    leader = member.trust.leader
+    wanted = [topics.state(leader)] if member.listens else []
+    wanted += [topics.state(vehicle) for vehicle in sorted(member.neighbours)]
+    if member.peer_clock is not None:
+        wanted += [topics.answer_of(one) for one in member.candidates]
+    if member.trust.leads:
+        wanted.append(topics.every_ask(member.name))
+        # Of another companion of its name, which it asks whether it lives.
+        wanted.append(topics.answer_of(member.name))
+    elif member.name in member.trust.deputies:
+        # A deputy answers in the leader's place while it leads.
+        wanted.append(topics.every_ask(leader))
+    if member.hears_leads:
+        wanted += [topics.lead(one) for one in member.candidates]
+    if member.watches:
+        wanted.append(topics.every_presence())
+    if member.heeds_orders:
+        wanted += topics.every_order()
+    return [*wanted, topics.every_revocation()] if member.trust.signs else wanted
 
 
 @link("mqtt")
@@ -22,58 +159,200 @@ from vfguide.link.session import Parts, Reconnecting, Topics
 class MqttCarrier(Carrier):
     """Carries messages by way of one broker, to which it connects again whenever the connection is lost."""
 
-    def __init__(
-        self,
-        address: MqttAddress,
-        *,
-        formation: str,
-        member: Member,
-        presence: Presence,
-        random: Random,
-    ) -> None:
-        """Make one that is not connected yet; arguments as of `Carrier`.
-
-        Raises:
-            InputError: the address names a certificate that cannot be read.
-        """
-        super().__init__(
-            address, formation=formation, member=member, presence=presence, random=random
-        )
-        counters = self.status.counters
-        self._parts = Parts(
-            topics=Topics(prefix=address.prefix, formation=formation, vehicle=member.name),
-            member=member,
-            status=self.status,
-            outbox=NewestOnly(lambda: counters.update(["replaced before it was sent"])),
-            echo=Echo(),
-            presence=presence,
-        )
-        self._reconnecting = Reconnecting(address, security_of(address), self._parts, random)
+    address: MqttAddress
 
     @classmethod
     def address_of(cls, parts: SplitResult, environment: Mapping[str, str]) -> MqttAddress:
         """A broker."""
         return mqtt_address(parts, environment)
 
-    async def run(self) -> None:
-        """Carry until told to stop."""
-        await self._reconnecting.run()
+    def prepare(self) -> None:
+        """Name the topics, and read the certificates.
 
-    def stop(self) -> None:
-        """Say goodbye; `run` ends soon after."""
-        self._reconnecting.stop()
+        Raises:
+            InputError: the address names a certificate that cannot be read.
+        """
+        counters, name = self.status.counters, self._member.name
+        self._topics = Topics(prefix=self.address.prefix, formation=self._formation, vehicle=name)
+        self._own_states = self._topics.state(name)
+        self._security = security_of(self.address)
+        self._outbox = NewestOnly(lambda: counters.update(["replaced before it was sent"]))
+        self._echo = Echo()
+        # The same name each time: the broker then ends what is left of an earlier connection before this one
+        # speaks, and not some seconds later, with "offline". Nobody can guess it: a broker ends the
+        # connection of a client when another calls itself the same, whatever that other may read or write.
+        own = self._topics.presence(name).removesuffix("/presence")
+        self._identifier = f"{own}/{secrets.token_hex(IDENTIFIER_BYTES)}"
 
     def send(self, parcel: Parcel) -> None:
         """Send a message once. Never waits: one of its topic that is not sent yet gives way to it."""
-        parts = self._parts
         if parcel.kind is Kind.STATE:
-            parts.echo.speak(parcel.data)
-        if parts.status.connected:
-            parts.outbox.put(parts.topic_of(parcel), parcel.data)
+            self._echo.speak(parcel.data)
+        if self.status.connected:
+            self._outbox.put(self._topics.of(parcel), parcel.data)
         elif parcel.kind is Kind.STATE:
-            parts.status.counters["dropped: not connected"] += 1
+            self.status.counters["dropped: not connected"] += 1
 
-    def announce(self, presence: Presence) -> None:
-        """Have the broker keep a presence for those who come later."""
-        self._parts.presence = presence
-        self._parts.announced.set()
+    def reason_of(self, error: Exception) -> str:
+        """Why there is no connection, in one line."""
+        return reason_of(error)
+
+    async def visit(self) -> str:
+        """One connection, from the call to its end.
+
+        Raises:
+            MqttError: the connection is not made, or lost.
+        """
+        inbox = Inbox(self.status.counters)
+        client = BrokerClient(
+            self.address,
+            identifier=self._identifier,
+            will=None if self._member.watches else self._will(),
+            queue=inbox.as_queue(),
+            context=self._security,
+        )
+        await self._dial(client)
+        try:
+            await self._share(client, inbox)
+            if not self._member.watches:
+                goodbye = replace(self._presence, status="offline")
+                await self._say(client, goodbye, patience_s=GOODBYE_S)
+        finally:
+            await client.close()
+        return "closed"
+
+    def _will(self) -> Will:
+        """What the broker is to say once it has lost this vehicle."""
+        offline = replace(self._presence, status="offline", time_s=self._member.clock(), figures={})
+        said = self._member.presence(offline, will=True)
+        return Will(self._topics.of(said), said.data, qos=1, retain=True)
+
+    async def _dial(self, client: BrokerClient) -> None:
+        """Connect; a stop meanwhile does not wait for an answer.
+
+        Raises:
+            MqttError: it does not work.
+        """
+        opening = asyncio.ensure_future(client.open())
+        stopping = asyncio.ensure_future(self._stop.wait())
+        try:
+            await asyncio.wait({opening, stopping}, return_when=asyncio.FIRST_COMPLETED)
+            if not opening.done():
+                client.give_up()
+            await opening
+        finally:
+            stopping.cancel()
+
+    async def _share(self, client: BrokerClient, inbox: Inbox) -> None:
+        """Share until told to stop.
+
+        Raises:
+            MqttError: the connection is lost.
+        """
+        if wanted := wanted_topics(self._topics, self._member):
+            await self._subscribe(client, wanted)
+        self._outbox.clear()
+        self.status.up()
+        self._member.hurry.set()
+        jobs: list[Coroutine[None, None, object]] = [
+            self._stop.wait(),
+            until_lost(client),
+            self._read(client, inbox),
+            self._send(client),
+        ]
+        if not self._member.watches:
+            jobs += [self._beat(client), self._watch_echo(client)]
+        tasks = [asyncio.create_task(job) for job in jobs]
+        try:
+            await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+        finally:
+            await cancel(tasks)
+            results = await asyncio.gather(*tasks, return_exceptions=True)
+        for result in results:
+            if isinstance(result, Exception):
+                raise result
+
+    async def _subscribe(self, client: BrokerClient, wanted: list[str]) -> None:
+        results = await client.subscribe([(topic, 0) for topic in wanted])
+        codes = [result if isinstance(result, int) else result.value for result in results]
+        for topic, code in zip(wanted, codes, strict=True):
+            if code >= REFUSED:
+                self.status.warn(
+                    "subscription refused", f"the broker does not let this vehicle read {topic}"
+                )
+
+    async def _read(self, client: BrokerClient, inbox: Inbox) -> None:
+        while True:
+            await inbox.settle(client.has_more)
+            while (mail := inbox.mail.take()) is not None:
+                topic, data = mail
+                if not (topic == self._own_states and self._echo.hear(data)):
+                    # Where a message comes from is for itself to prove: a broker may put it anywhere.
+                    self._member.take(data)
+            if self._member.watches:
+                await asyncio.sleep(WATCH_S)
+
+    async def _send(self, client: BrokerClient) -> None:
+        while True:
+            await self._outbox.wait()
+            while (mail := self._outbox.take()) is not None:
+                # Returns at once unless the socket is full: then the outbox keeps only what is newest.
+                await client.send(*mail)
+
+    async def _beat(self, client: BrokerClient) -> None:
+        """Keep the presence fresh, which shows a broker that hangs: each one is acknowledged."""
+        while True:
+            self._wake.clear()
+            await self._say(client, self._presence)
+            await self.until_due()
+
+    async def _say(
+        self, client: BrokerClient, presence: Presence, *, patience_s: float = ANSWER_S
+    ) -> None:
+        """Have the broker keep a presence for those who come later.
+
+        Args:
+            client: the connection.
+            presence: what it is to keep.
+            patience_s: how long its answer is awaited.
+
+        Raises:
+            MqttError: it does not answer.
+        """
+        parcel = self._member.presence(presence)
+        topic = self._topics.of(parcel)
+        await client.publish(topic, parcel.data, qos=1, retain=True, timeout=patience_s)
+
+    async def _watch_echo(self, client: BrokerClient) -> None:
+        """Listen for own states, at first as long as another of this name may show up, and now and then."""
+        echo, topic = self._echo, self._own_states
+        hint = f"does the broker let this vehicle write and read {topic}?"
+        while True:
+            echo.listen()
+            await self._subscribe(client, [topic])
+            while not echo.heard or self._member.is_young:
+                # The whole time even if the first one comes at once: others of this name are heard, too.
+                await asyncio.sleep(ECHO_S)
+                if echo.check():
+                    self.status.warn("not heard", f"own states do not come back: {hint}")
+            await client.unsubscribe(topic)
+            await asyncio.sleep(ECHO_REST_S)
+
+
+async def until_lost(client: BrokerClient) -> None:
+    """Wait until the connection ends: messages go to the inbox, and nothing else comes out here."""
+    async for _ in client.messages:
+        continue
+
+
+async def cancel(tasks: Iterable[asyncio.Task[object]]) -> None:
+    """End tasks for certain.
+
+    One that is cancelled at the very moment at which its wait ends may take the result and go on: up to
+    Python 3.11 `wait_for` does.
+    """
+    pending = set(tasks)
+    while pending:
+        for task in pending:
+            task.cancel()
+        _, pending = await asyncio.wait(pending, timeout=INSISTENCE_S)

@@ -11,15 +11,13 @@ from random import Random
 from typing import TYPE_CHECKING
 
 from vfguide.errors import InputError, VfguideError, described_error
-from vfguide.link.address import LinkAddress
-from vfguide.link.carrier import Carrier
+from vfguide.link.carrier import Carrier, LinkAddress, carrier_of
 from vfguide.link.envelope import Kind
 from vfguide.link.keys import Roster, public_bytes
 from vfguide.link.member import Member, Parcel, ignore, ignore_neighbour
 from vfguide.link.peer_clock import PeerClock
 from vfguide.link.presence import Presence
 from vfguide.link.trust import Trust, new_session
-from vfguide.registry import links
 
 if TYPE_CHECKING:
     from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
@@ -200,12 +198,6 @@ async def open_link(
 def greeting_of(addresses: Sequence[LinkAddress]) -> float:
     """How long those who begin at once may take to be heard by each other over these links, s."""
     return min((carrier_of(address.scheme).greeting_s for address in addresses), default=0.0)
-
-
-def carrier_of(scheme: str) -> type[Carrier]:
-    """What carries messages to addresses of a scheme."""
-    found: type[Carrier] = links.find(scheme)
-    return found
 
 
 async def keep_asking(member: Member) -> None:

@@ -22,9 +22,6 @@ LONGEST_WARNING = 200
 MOST_FINDINGS = 3
 """What speaks against taking off: the first of it."""
 
-MOST_BYTES = 3700
-"""Bytes of a presence that an envelope has room for."""
-
 MOST_FIGURES = 100
 """Figures in one presence."""
 

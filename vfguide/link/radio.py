@@ -13,16 +13,13 @@ from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from random import Random
 from typing import ClassVar
 from urllib.parse import SplitResult, parse_qsl, unquote
 
 import serial
 
 from vfguide.errors import InputError
-from vfguide.link.address import LinkAddress
-from vfguide.link.carrier import link
-from vfguide.link.datagrams import DatagramCarrier
+from vfguide.link.carrier import DatagramCarrier, LinkAddress, link
 from vfguide.link.keys import RADIO_KEY, read_radio_key
 from vfguide.link.member import Member, Parcel
 from vfguide.link.packed import MOST_VEHICLES
@@ -137,23 +134,14 @@ class RadioCarrier(DatagramCarrier):
     order_lead_s = ORDER_LEAD_S
     greeting_s = GREETING_S
 
-    def __init__(
-        self,
-        address: RadioAddress,
-        *,
-        formation: str,
-        member: Member,
-        presence: Presence,
-        random: Random,
-    ) -> None:
-        """Make one whose port is not open yet; arguments as of `Carrier`.
+    def prepare(self) -> None:
+        """Number the vehicles, and read the radio key.
 
         Raises:
             InputError: there is no radio key where messages are signed, or the formation does not fit.
         """
-        super().__init__(
-            address, formation=formation, member=member, presence=presence, random=random
-        )
+        super().prepare()
+        address, member = self.address, self._member
         vehicles = vehicles_of(member)
         timetable = make_timetable(
             len(vehicles),
@@ -163,7 +151,7 @@ class RadioCarrier(DatagramCarrier):
         )
         self._station = Station(
             member,
-            formation=formation,
+            formation=self._formation,
             vehicles=vehicles,
             key=radio_key(address, signs=member.trust.signs),
             channel=address.channel,

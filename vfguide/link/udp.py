@@ -2,20 +2,28 @@
 
 import asyncio
 import errno
+import ipaddress
+import re
 import socket
 import struct
 import sys
 from collections.abc import Mapping
 from contextlib import suppress
-from urllib.parse import SplitResult
+from dataclasses import dataclass
+from typing import ClassVar
+from urllib.parse import SplitResult, parse_qsl
 
-from vfguide.link.address import UdpAddress, udp_address
-from vfguide.link.carrier import link
-from vfguide.link.datagrams import MOST_AT_ONCE, DatagramCarrier
+from vfguide.errors import InputError
+from vfguide.link.carrier import MOST_AT_ONCE, UDP_EXAMPLE, DatagramCarrier, LinkAddress, link
 from vfguide.link.envelope import LARGEST
 
 RECEIVE_BUFFER = 128 * 1024
 """Bytes in the kernel: some hundred datagrams. With more, a companion that was held up hears old news."""
+
+MOST_PEERS = 100
+"""Each message goes to every one."""
+
+INTERFACE = re.compile(r"[A-Za-z0-9._@-]{0,32}")
 
 MULTICAST_ALL = 49
 """Linux's IP_MULTICAST_ALL, which Python does not name."""
@@ -25,6 +33,52 @@ LINUX = sys.platform == "linux"
 
 HOPS = 1
 """Routers that a multicast datagram passes, less one: a formation is on one network."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class UdpAddress(LinkAddress):
+    """Where the members of a formation are who speak to each other by datagrams."""
+
+    scheme: ClassVar[str] = "udp"
+
+    destinations: tuple[tuple[str, int], ...]
+    """IPv4 address and port of the group, of the network's broadcast, or of each peer."""
+    port: int
+    """That is listened at."""
+    interface: str = ""
+    """Name or address of the interface that a group is on; empty for that of the default route."""
+
+    @property
+    def group(self) -> str | None:
+        """The multicast group; None where there is none."""
+        host = self.destinations[0][0]
+        return host if ipaddress.IPv4Address(host).is_multicast else None
+
+    @property
+    def shared(self) -> bool:
+        """Whether several programs of one computer may listen: what is sent to one address reaches all."""
+        host = self.destinations[0][0]
+        return self.group is not None or (len(self.destinations) == 1 and host.endswith(".255"))
+
+    def __str__(self) -> str:
+        return "udp://" + ",".join(f"{host}:{port}" for host, port in self.destinations)
+
+
+def _destination(text: str) -> tuple[str, int]:
+    host, _, port = text.rpartition(":")
+    try:
+        return str(ipaddress.IPv4Address(host)), _udp_port(port)
+    except ValueError:
+        raise InputError(
+            f"a UDP link has IPv4 addresses and ports; write {UDP_EXAMPLE}, udp://10.0.0.255:14700 or"
+            " udp://10.0.0.2:14700,10.0.0.3:14700"
+        ) from None
+
+
+def _udp_port(text: str) -> int:
+    if not (text.isascii() and text.isdigit() and len(text) <= 5 and 0 < int(text) < 2**16):
+        raise InputError(f"the port must be within 1 to 65535; write {UDP_EXAMPLE}")
+    return int(text)
 
 
 def open_socket(address: UdpAddress) -> socket.socket:
@@ -95,9 +149,29 @@ class UdpCarrier(DatagramCarrier):
 
     @classmethod
     def address_of(cls, parts: SplitResult, environment: Mapping[str, str]) -> UdpAddress:
-        """Group, broadcast address or peers."""
+        """Group, broadcast address or peers, as in udp://239.255.42.1:14700?interface=wlan0."""
         del environment
-        return udp_address(parts)
+        if parts.fragment or parts.path.strip("/"):
+            raise InputError(f"a UDP link has no path; write {UDP_EXAMPLE}")
+        options = dict(parse_qsl(parts.query, keep_blank_values=True))
+        if not set(options) <= {"interface", "port"}:
+            raise InputError(f"after the ? come interface= and port=; write {UDP_EXAMPLE}")
+        texts = parts.netloc.split(",")
+        if len(texts) > MOST_PEERS:
+            raise InputError(
+                f"these are {len(texts)} peers; write {MOST_PEERS} at most, or a group"
+            )
+        destinations = tuple(_destination(text) for text in texts)
+        interface = options.get("interface", "")
+        groups = sum(ipaddress.IPv4Address(host).is_multicast for host, _ in destinations)
+        if groups and len(destinations) > 1:
+            raise InputError(f"a group reaches everybody by itself; write {UDP_EXAMPLE}")
+        if interface and not groups:
+            raise InputError("interface= goes with a multicast group; leave it out")
+        if not INTERFACE.fullmatch(interface):
+            raise InputError("interface= is no interface; write wlan0, or an address that it has")
+        own = options.get("port", str(destinations[-1][1]))
+        return UdpAddress(destinations=destinations, port=_udp_port(own), interface=interface)
 
     def open(self) -> None:
         """Open the socket."""

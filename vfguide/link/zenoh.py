@@ -11,18 +11,13 @@ from collections import deque
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
-from random import Random
 from threading import Lock
 from typing import Any, ClassVar
 from urllib.parse import SplitResult, parse_qsl
 
 from vfguide.errors import InputError, import_extra
-from vfguide.link.address import LinkAddress
-from vfguide.link.carrier import link
-from vfguide.link.datagrams import MOST_AT_ONCE, DatagramCarrier
+from vfguide.link.carrier import MOST_AT_ONCE, DatagramCarrier, LinkAddress, link
 from vfguide.link.envelope import LARGEST, formation_number
-from vfguide.link.member import Member
-from vfguide.link.presence import Presence
 
 EXAMPLE = "zenoh://10.0.0.2:7447?listen=0.0.0.0:7447, or zenoh:// where multicast finds the others"
 
@@ -53,26 +48,16 @@ class ZenohCarrier(DatagramCarrier):
 
     address: ZenohAddress
 
-    def __init__(
-        self,
-        address: ZenohAddress,
-        *,
-        formation: str,
-        member: Member,
-        presence: Presence,
-        random: Random,
-    ) -> None:
-        """Make one that is not open yet; arguments as of `Carrier`.
+    def prepare(self) -> None:
+        """Find Zenoh.
 
         Raises:
-            VfguideError: Zenoh is not installed.
+            VfguideError: it is not installed.
         """
-        super().__init__(
-            address, formation=formation, member=member, presence=presence, random=random
-        )
+        super().prepare()
         self._zenoh = import_extra("zenoh")
         # As a number: a formation's name may hold what a key may not.
-        self._key = f"vfguide/{formation_number(formation):016x}"
+        self._key = f"vfguide/{formation_number(self._formation):016x}"
         self._session: Any = None
         self._publisher: Any = None
         self._waiting: deque[bytes] = deque(maxlen=MOST_WAITING)

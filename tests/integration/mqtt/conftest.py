@@ -15,7 +15,7 @@ import pytest
 
 from tests.kit.programs import Mosquitto
 from tests.kit.sockets import until
-from vfguide.link.address import LinkAddress, parse_link
+from vfguide.link.carrier import LinkAddress, parse_link
 from vfguide.link.keys import KeyPlaces, key_places, make_keys, read_private_key, read_roster
 from vfguide.link.member import Member, ignore
 from vfguide.link.opening import Link, open_link

@@ -9,7 +9,7 @@ import aiomqtt
 import pytest
 
 from vfguide.link.envelope import Kind
-from vfguide.link.session import ORDERING, Topics, level
+from vfguide.link.mqtt import ORDERING, Topics, level
 
 RULES = Path(__file__).parents[3] / "docker" / "bin" / "broker-rules"
 

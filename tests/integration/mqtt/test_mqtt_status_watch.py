@@ -17,8 +17,8 @@ from tests.kit.missions import MISSIONS
 from tests.kit.programs import running
 from tests.kit.sockets import PATIENCE_S
 from vfguide.link.envelope import Kind
+from vfguide.link.mqtt import Topics
 from vfguide.link.presence import Presence, encode_presence
-from vfguide.link.session import Topics
 from vfguide.mission import load_mission
 
 MISSION = MISSIONS / "line-calm.yaml"

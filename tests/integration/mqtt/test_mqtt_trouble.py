@@ -21,7 +21,7 @@ PROMPT_S = 10.0
 VEHICLE = """
 import asyncio, sys
 from random import Random
-from vfguide.link.address import parse_link
+from vfguide.link.carrier import parse_link
 from vfguide.link.member import NOT_SAID, Member
 from vfguide.link.opening import open_link
 from vfguide.link.trust import Trust

@@ -13,7 +13,7 @@ from tests.kit.link import FORMATION, LEADER, ROSTER
 from tests.kit.radio import SharedAir, state_at
 from tests.kit.sockets import PATIENCE_S, until
 from vfguide.errors import InputError
-from vfguide.link.address import parse_links
+from vfguide.link.carrier import parse_links
 from vfguide.link.opening import WatchedFormation, open_link, presences
 from vfguide.link.presence import Presence
 

@@ -5,9 +5,11 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from vfguide.errors import InputError
-from vfguide.link.address import MqttAddress, UdpAddress, parse_link, parse_links
+from vfguide.link.carrier import parse_link, parse_links
+from vfguide.link.client import MqttAddress
 from vfguide.link.radio import RadioAddress
 from vfguide.link.radio_schedule import Channel
+from vfguide.link.udp import UdpAddress
 
 HIDDEN = "hunter2"
 AWKWARD = "p/w:@"

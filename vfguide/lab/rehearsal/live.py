@@ -20,7 +20,7 @@ from vfguide.errors import VfguideError
 from vfguide.lab.rehearsal.aircraft import settings_of
 from vfguide.lab.rehearsal.processes import Account, Process, accounts_of, free_port, python_module
 from vfguide.lab.rehearsal.watched import TruthCollector
-from vfguide.link.address import parse_links
+from vfguide.link.carrier import parse_links
 from vfguide.link.keys import (
     OPERATOR,
     key_places,
