@@ -34,7 +34,7 @@ from vfguide.companion.leader_telemetry import LeaderTelemetry
 from vfguide.lab.rehearsal.processes import broker
 from vfguide.link.carrier import LinkAddress, parse_link
 from vfguide.link.client import MqttAddress
-from vfguide.link.envelope import Kind, formation_number
+from vfguide.link.codec import Kind, formation_number
 from vfguide.link.keys import Roster, public_bytes
 from vfguide.link.member import Member
 from vfguide.link.opening import Link, open_link

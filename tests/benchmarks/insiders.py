@@ -8,8 +8,7 @@ from msgspec.structs import replace
 from tests.kit.signed_flight import ELSEWHERE, Impostor, SignedFlight
 from vfguide.formation.arrangement import Arrangement, Manoeuvre
 from vfguide.lab.rehearsal.aircraft import OPERATOR
-from vfguide.link.codec import LinkDataError, decode, encode
-from vfguide.link.envelope import Envelope, Kind
+from vfguide.link.codec import Envelope, Kind, LinkDataError, decode, encode
 from vfguide.link.order_codec import (
     Reply,
     Verdict,

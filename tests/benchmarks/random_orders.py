@@ -36,7 +36,7 @@ from vfguide.lab.order_desk import OrderDesk
 from vfguide.lab.ordering import DECIDED
 from vfguide.lab.report.figures import pair_separations, settling_time, slot_error
 from vfguide.lab.studies.order import rehearsed
-from vfguide.link.envelope import Kind
+from vfguide.link.codec import Kind
 from vfguide.link.order_codec import Verdict, check_of, encode_order
 from vfguide.mission.model import Mission
 from vfguide.mission.order_plan import resolve

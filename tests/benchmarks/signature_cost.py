@@ -4,8 +4,7 @@ import time
 
 from tests.benchmarks.results import Cases
 from tests.kit.link import LEADER, trust_of
-from vfguide.link.codec import SIZE
-from vfguide.link.envelope import Kind
+from vfguide.link.codec import SIZE, Kind
 
 SESSION = 1
 STATES = 2_000

@@ -10,8 +10,7 @@ from msgspec.structs import replace
 from tests.docker.flown import Flown
 from tests.docker.formation import Formation
 from tests.kit.missions import content_of, on_the_circle
-from vfguide.link.codec import decode, encode
-from vfguide.link.envelope import decode_envelope
+from vfguide.link.codec import decode, decode_envelope, encode
 
 IN_SLOT_M = 1.0
 

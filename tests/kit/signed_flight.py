@@ -12,8 +12,7 @@ from vfguide.companion.mission_plan import flight_plan
 from vfguide.companion.timing import SharedClock
 from vfguide.lab.rehearsal.aircraft import OPERATOR, Aircraft
 from vfguide.lab.rehearsal.recorder import flight_record
-from vfguide.link.codec import is_leaders
-from vfguide.link.envelope import Envelope, Kind, Scheme, decode_envelope, encode_signed
+from vfguide.link.codec import Envelope, Kind, Scheme, decode_envelope, encode_signed, is_leaders
 from vfguide.link.keys import Roster, public_bytes
 from vfguide.link.member import Member, Parcel
 from vfguide.link.memory import LinkQuality, Mail, MemoryLink

@@ -34,7 +34,7 @@ from vfguide.companion.timing import SAME_CLOCK, SharedClock
 from vfguide.errors import VfguideError, described_error
 from vfguide.formation.orders import Order, new_number
 from vfguide.link.carrier import LinkAddress
-from vfguide.link.envelope import Kind
+from vfguide.link.codec import Kind
 from vfguide.link.keys import write_revocations
 from vfguide.link.member import Member, ignore
 from vfguide.link.opening import Link, greeting_of, open_link

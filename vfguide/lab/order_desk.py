@@ -17,8 +17,7 @@ from vfguide.errors import VfguideError
 from vfguide.formation.arrangement import Arrangement, agreed_number
 from vfguide.formation.orders import Formation
 from vfguide.frames import LocalFrame
-from vfguide.link.codec import LinkDataError, is_leaders
-from vfguide.link.envelope import Kind
+from vfguide.link.codec import Kind, LinkDataError, is_leaders
 from vfguide.link.member import Member, ignore_presence
 from vfguide.link.opening import Link, WatchedFormation, check_connected, open_link, operator_of
 from vfguide.link.order_codec import (

@@ -27,7 +27,7 @@ from vfguide.lab.order_desk import (
     await_rest,
 )
 from vfguide.lab.studies.order import Prediction, rehearsed
-from vfguide.link.envelope import Kind
+from vfguide.link.codec import Kind
 from vfguide.link.opening import Link, WatchedFormation, check_connected
 from vfguide.link.order_codec import (
     Reply,

@@ -1,4 +1,6 @@
-"""Leader states, and questions for the time of another clock, as bytes and back.
+"""What crosses the link as bytes and back: leader states, questions for the time, and the envelope of it all.
+
+Everything but envelopes begins with a mark of four letters and a version, and ends with its CRC-32.
 
 Leader states are compact, versioned and checked. Layout, little-endian: "VFLS", version (u8), flags (u8),
 course setpoint (u16), sequence number (u32), then as f64 the time of validity (s), latitude and longitude
@@ -24,14 +26,24 @@ who asks), in an answer also when it arrived and when the answer left (s, clock 
 CRC-32 of all that (u32). 28 and 44 bytes.
 
 The number is random: an answer with it shows that the question was heard.
+
+Every message of a formation goes in an envelope: who says what, in which run, under which leader.
+Layout, little-endian: "VFE1", scheme (u8), kind (u8), length of the sender's name (u8), a byte of zero,
+formation (u64: the first bytes of the SHA-256 of its name), session (u64), epoch (u64), sequence (u32), time
+(f64, s), the sender's name (UTF-8), the body, and the tag over all that: 64 bytes of Ed25519, or the CRC-32
+(u32) of a message that nobody has signed. 44 bytes and the name before a body.
 """
 
+import hashlib
 import math
 import struct
 import zlib
-from typing import NamedTuple
+from collections.abc import Sequence
+from enum import IntEnum
+from typing import Any, NamedTuple
 
 import msgspec
+from msgspec.structs import astuple
 
 MAGIC = b"VFLS"
 VERSION = 2
@@ -99,7 +111,7 @@ class LeaderSighting(NamedTuple):
 
 
 class LeaderMessage(msgspec.Struct, frozen=True, kw_only=True):
-    """A leader state as it crosses the link."""
+    """A leader state as it crosses the link; the first fields stand in the order of the layout."""
 
     sequence: int
     """Counts up by one with each message of a leader, modulo 2^32."""
@@ -140,29 +152,16 @@ class LeaderMessage(msgspec.Struct, frozen=True, kw_only=True):
     """Where the sender's leader was; None where it follows none, or one that is too far away to be told."""
 
 
+LAID_OUT = LeaderMessage.__struct_fields__[:13]
+"""Fields of a leader state from the sequence number to the arrangement."""
+
+
 def encode(message: LeaderMessage) -> bytes:
     """Bytes of a leader state."""
     tail_flags, tail = encoded_tail(message)
-    body = LAYOUT.pack(
-        MAGIC,
-        VERSION,
-        (NOT_STEERED * (not message.steered)) | (LEADS * message.leads) | tail_flags,
-        course_in_steps(message.course_setpoint),
-        message.sequence,
-        message.time_s,
-        message.latitude_deg,
-        message.longitude_deg,
-        message.altitude_amsl,
-        message.course,
-        message.ground_speed,
-        message.acceleration,
-        message.turn_rate,
-        message.turn_acceleration,
-        message.climb_rate,
-        message.term,
-        message.arrangement,
-    )
-    return _sealed(body + tail)
+    flags = (NOT_STEERED * (not message.steered)) | (LEADS * message.leads) | tail_flags
+    setpoint, values = course_in_steps(message.course_setpoint), astuple(message)[: len(LAID_OUT)]
+    return sealed(LAYOUT.pack(MAGIC, VERSION, flags, setpoint, *values) + tail)
 
 
 def encoded_tail(message: LeaderMessage) -> tuple[int, bytes]:
@@ -203,36 +202,14 @@ def decode(data: bytes) -> LeaderMessage:
     Raises:
         LinkDataError: wrong size, mark, version or checksum, or a value that no aircraft has.
     """
-    if not SIZE <= len(data) <= LONGEST:
-        raise LinkDataError(f"{len(data)} bytes where a leader state has {SIZE} to {LONGEST}")
-    magic, version, flags, setpoint, sequence, *values, term, arrangement = LAYOUT.unpack_from(data)
-    if magic != MAGIC:
-        raise LinkDataError("not a leader state")
-    if version != VERSION:
-        raise LinkDataError(f"version {version} where this companion speaks {VERSION}")
-    if zlib.crc32(data[: -CHECKSUM.size]) != CHECKSUM.unpack(data[-CHECKSUM.size :])[0]:
-        raise LinkDataError("damaged: the checksum does not match")
-    sighting, satellite = decoded_tail(data[LAYOUT.size : -CHECKSUM.size], flags)
-    # Not "above": a comparison with NaN is false whichever way it is put.
-    sound = all(abs(value) <= greatest for value, greatest in zip(values, GREATEST, strict=True))
-    if not sound or not math.isfinite(values[0]):
+    body = opened(data, MAGIC, VERSION, what="a leader state", least=SIZE, most=LONGEST)
+    _, _, flags, setpoint, *laid_out = LAYOUT.unpack_from(body)
+    sighting, satellite = decoded_tail(body[LAYOUT.size :], flags)
+    values = laid_out[1 : 1 + len(GREATEST)]
+    if not (within(values, GREATEST) and math.isfinite(values[0])):
         raise LinkDataError("a value is out of range")
-    time_s, latitude, longitude, altitude, course, ground_speed, *rates = values
-    acceleration, turn_rate, turn_acceleration, climb_rate = rates
     return LeaderMessage(
-        sequence=sequence,
-        time_s=time_s,
-        latitude_deg=latitude,
-        longitude_deg=longitude,
-        altitude_amsl=altitude,
-        course=course,
-        ground_speed=ground_speed,
-        acceleration=acceleration,
-        turn_rate=turn_rate,
-        turn_acceleration=turn_acceleration,
-        climb_rate=climb_rate,
-        term=term,
-        arrangement=arrangement,
+        **dict(zip(LAID_OUT, laid_out, strict=True)),
         steered=not flags & NOT_STEERED,
         course_setpoint=(setpoint - 1) * math.tau / COURSES if setpoint else math.nan,
         leads=bool(flags & LEADS),
@@ -251,7 +228,7 @@ def is_leaders(data: bytes) -> bool:
     return len(data) >= SIZE and data.startswith(MAGIC) and bool(data[FLAGS_AT] & LEADS)
 
 
-class Ask(msgspec.Struct, frozen=True, kw_only=True):
+class Ask(msgspec.Struct, frozen=True):
     """What does your clock show?"""
 
     number: int
@@ -260,7 +237,7 @@ class Ask(msgspec.Struct, frozen=True, kw_only=True):
     """When the question left, s on the clock of who asks."""
 
 
-class Tell(msgspec.Struct, frozen=True, kw_only=True):
+class Tell(msgspec.Struct, frozen=True):
     """What the clock shows."""
 
     number: int
@@ -275,13 +252,12 @@ class Tell(msgspec.Struct, frozen=True, kw_only=True):
 
 def encode_ask(ask: Ask) -> bytes:
     """Bytes of a question."""
-    return _sealed(ASK_LAYOUT.pack(ASK, CLOCK_VERSION, ask.number, ask.originate_s))
+    return sealed(ASK_LAYOUT.pack(ASK, CLOCK_VERSION, *astuple(ask)))
 
 
 def encode_tell(tell: Tell) -> bytes:
     """Bytes of an answer."""
-    stamps = (tell.originate_s, tell.receive_s, tell.transmit_s)
-    return _sealed(TELL_LAYOUT.pack(TELL, CLOCK_VERSION, tell.number, *stamps))
+    return sealed(TELL_LAYOUT.pack(TELL, CLOCK_VERSION, *astuple(tell)))
 
 
 def decode_ask(data: bytes) -> Ask:
@@ -290,8 +266,7 @@ def decode_ask(data: bytes) -> Ask:
     Raises:
         LinkDataError: they are none.
     """
-    number, (originate_s,) = _opened(data, ASK, ASK_LAYOUT)
-    return Ask(number=number, originate_s=originate_s)
+    return Ask(*_about_clocks(data, ASK, ASK_LAYOUT))
 
 
 def decode_tell(data: bytes) -> Tell:
@@ -300,27 +275,193 @@ def decode_tell(data: bytes) -> Tell:
     Raises:
         LinkDataError: they are none.
     """
-    number, (originate_s, receive_s, transmit_s) = _opened(data, TELL, TELL_LAYOUT)
-    return Tell(number=number, originate_s=originate_s, receive_s=receive_s, transmit_s=transmit_s)
+    return Tell(*_about_clocks(data, TELL, TELL_LAYOUT))
 
 
-def _sealed(body: bytes) -> bytes:
-    return body + CHECKSUM.pack(zlib.crc32(body))
-
-
-def _opened(data: bytes, mark: bytes, layout: struct.Struct) -> tuple[int, list[float]]:
+def _about_clocks(data: bytes, mark: bytes, layout: struct.Struct) -> list[Any]:
     """Number of the exchange and stamps, all finite."""
     size = layout.size + CHECKSUM.size
-    if len(data) != size:
-        raise LinkDataError(f"{len(data)} bytes where {size} are due")
-    found, version, number, *stamps = layout.unpack_from(data)
-    if found != mark:
-        raise LinkDataError("not about clocks")
-    if version != CLOCK_VERSION:
-        raise LinkDataError(f"version {version} where this companion speaks {CLOCK_VERSION}")
-    if zlib.crc32(data[: layout.size]) != CHECKSUM.unpack_from(data, layout.size)[0]:
-        raise LinkDataError("damaged: the checksum does not match")
-    # Not "above": a comparison with NaN is false whichever way it is put.
-    if not all(abs(stamp) <= GREATEST_TIME_S for stamp in stamps):
+    body = opened(data, mark, CLOCK_VERSION, what="a message about clocks", least=size, most=size)
+    _, _, *values = layout.unpack(body)
+    if not within(values[1:], [GREATEST_TIME_S] * (len(values) - 1)):
         raise LinkDataError("a time is out of range")
-    return number, stamps
+    return values
+
+
+def sealed(body: bytes) -> bytes:
+    """A body with its checksum."""
+    return body + checksum(body)
+
+
+def checksum(signed: bytes) -> bytes:
+    """The checksum of some bytes: the tag of a message that nobody signs."""
+    return CHECKSUM.pack(zlib.crc32(signed))
+
+
+def opened(data: bytes, mark: bytes, version: int, *, what: str, least: int, most: int) -> bytes:
+    """All but the checksum of what is read.
+
+    Raises:
+        LinkDataError: size, mark, version or checksum is wrong.
+    """
+    if not least <= len(data) <= most:
+        raise LinkDataError(f"{len(data)} bytes where {what} has {least} to {most}")
+    if data[:4] != mark:
+        raise LinkDataError(f"not {what}")
+    if data[4] != version:
+        raise LinkDataError(f"version {data[4]} where this companion speaks {version}")
+    body = data[: -CHECKSUM.size]
+    if checksum(body) != data[-CHECKSUM.size :]:
+        raise LinkDataError("damaged: the checksum does not match")
+    return body
+
+
+def within(values: Sequence[float], greatest: Sequence[float]) -> bool:
+    """Whether no magnitude is greater than it may be; NaN is."""
+    # Not "above": a comparison with NaN is false whichever way it is put.
+    return all(abs(value) <= most for value, most in zip(values, greatest, strict=True))
+
+
+ENVELOPE_MAGIC = b"VFE1"
+ENVELOPE = struct.Struct("<4sBBBxQQQId")
+SIGNATURE_SIZE = 64
+
+LARGEST = 4096
+"""Bytes of a whole message: nothing that a formation shares is longer."""
+
+LONGEST_NAME = 200
+"""Bytes of a name."""
+
+
+class Scheme(IntEnum):
+    """What vouches for a message."""
+
+    UNSIGNED = 0
+    """A checksum: nobody."""
+    ED25519 = 1
+    """The sender's private key."""
+
+
+class Kind(IntEnum):
+    """What a message is about."""
+
+    STATE = 1
+    """How the sender moves."""
+    QUESTION = 2
+    """What does your clock show?"""
+    ANSWER = 3
+    """What the leader's clock shows."""
+    PRESENCE = 4
+    """How the sender's companion is."""
+    WILL = 5
+    """That the sender is gone, to be said by a broker that has lost it."""
+    ORDER = 6
+    """What an operator wants."""
+    LEADER = 7
+    """How the leader moves by which the sender leads, in the place of the mission's."""
+    REPLY = 8
+    """What a vehicle says to an order, or an operator who asks for the one that is flown."""
+    REPEAT = 9
+    """An operator's order in its own envelope, for members that have missed it."""
+    REVOCATION = 10
+    """That a vehicle's key is out: by an operator, and passed on by all as it was signed."""
+
+
+TAG_SIZES = {Scheme.UNSIGNED: CHECKSUM.size, Scheme.ED25519: SIGNATURE_SIZE}
+
+
+class Envelope(msgspec.Struct, frozen=True, kw_only=True):
+    """A message as it was read; nothing of it is believed yet."""
+
+    scheme: Scheme
+    """What is to vouch for it."""
+    kind: Kind
+    """What it is about."""
+    formation: int
+    """Number of the formation, by `formation_number`."""
+    sender: str
+    """Name of who says it."""
+    session: int
+    """Number of the sender's session: one run of its program."""
+    epoch: int
+    """The leader's session as the sender knows it; 0 while it knows none."""
+    sequence: int
+    """Rises with each message of a session, from 1."""
+    time_s: float
+    """When it was said, s on the formation's clock; NaN while the sender does not know that."""
+    body: bytes
+    """What is said."""
+    signed: bytes
+    """All that the tag is about."""
+    tag: bytes
+    """What vouches for it."""
+
+
+def formation_number(name: str) -> int:
+    """A formation's name as a number, which differs from that of any other name."""
+    return int.from_bytes(hashlib.sha256(name.encode()).digest()[:8], "little")
+
+
+def encode_signed(
+    scheme: Scheme,
+    kind: Kind,
+    *,
+    formation: int,
+    sender: str,
+    session: int,
+    epoch: int,
+    sequence: int,
+    time_s: float,
+    body: bytes,
+) -> bytes:
+    """All of a message that its tag is about.
+
+    Raises:
+        ValueError: the name or the whole is too long.
+    """
+    name = sender.encode()
+    size = ENVELOPE.size + len(name) + len(body) + TAG_SIZES[scheme]
+    if not 0 < len(name) <= LONGEST_NAME or size > LARGEST:
+        raise ValueError(f"a name of {len(name)} bytes or a message of {size} is too long")
+    header = ENVELOPE.pack(
+        ENVELOPE_MAGIC, scheme, kind, len(name), formation, session, epoch, sequence, time_s
+    )
+    return header + name + body
+
+
+def decode_envelope(data: bytes) -> Envelope:
+    """The envelope of these bytes; its tag is not looked at.
+
+    Raises:
+        LinkDataError: they are none.
+    """
+    if not ENVELOPE.size < len(data) <= LARGEST:
+        raise LinkDataError("its length is no message's")
+    magic, scheme, kind, length, formation, session, epoch, sequence, time_s = ENVELOPE.unpack_from(
+        data
+    )
+    if magic != ENVELOPE_MAGIC:
+        raise LinkDataError("it is no message of a formation")
+    try:
+        scheme, kind = Scheme(scheme), Kind(kind)
+        end = len(data) - TAG_SIZES[scheme]
+        sender = data[ENVELOPE.size : ENVELOPE.size + length].decode()
+    except ValueError:
+        raise LinkDataError("its scheme, kind or sender is none") from None
+    if not 0 < length <= LONGEST_NAME or ENVELOPE.size + length > end:
+        raise LinkDataError("the sender's name has no place in it")
+    if not (math.isnan(time_s) or abs(time_s) <= GREATEST_TIME_S):
+        raise LinkDataError("its time is out of range")
+    return Envelope(
+        scheme=scheme,
+        kind=kind,
+        formation=formation,
+        sender=sender,
+        session=session,
+        epoch=epoch,
+        sequence=sequence,
+        time_s=time_s,
+        body=data[ENVELOPE.size + length : end],
+        signed=data[:end],
+        tag=data[end:],
+    )

@@ -13,8 +13,18 @@ from random import random
 
 import msgspec
 
-from vfguide.link.codec import Ask, LinkDataError, decode_ask, decode_tell, encode_ask
-from vfguide.link.envelope import LARGEST, LAYOUT, SIGNATURE_SIZE, Envelope, Kind
+from vfguide.link.codec import (
+    ENVELOPE,
+    LARGEST,
+    SIGNATURE_SIZE,
+    Ask,
+    Envelope,
+    Kind,
+    LinkDataError,
+    decode_ask,
+    decode_tell,
+    encode_ask,
+)
 from vfguide.link.peer_clock import PeerClock
 from vfguide.link.presence import Presence, decode_presence, encode_presence, shorter_presences
 from vfguide.link.trust import HEARD_BEFORE, LEADER_LOST_S, TWIN, Message, RefusedError, Trust
@@ -413,7 +423,7 @@ class Member:
         What is longer than `most` bytes in its envelope goes with less in it.
         """
         kind, body = Kind.WILL if will else Kind.PRESENCE, b""
-        room = most - LAYOUT.size - len(self.name.encode()) - SIGNATURE_SIZE
+        room = most - ENVELOPE.size - len(self.name.encode()) - SIGNATURE_SIZE
         for one in shorter_presences(presence):
             body = encode_presence(one)
             if len(body) <= room:

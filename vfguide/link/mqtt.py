@@ -25,7 +25,7 @@ from vfguide.link.client import (
     reason_of,
     security_of,
 )
-from vfguide.link.envelope import Kind
+from vfguide.link.codec import Kind
 from vfguide.link.member import Member, Parcel
 from vfguide.link.presence import Presence
 

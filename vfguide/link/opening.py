@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 from vfguide.errors import InputError, VfguideError, described_error
 from vfguide.link.carrier import Carrier, LinkAddress, carrier_of
-from vfguide.link.envelope import Kind
+from vfguide.link.codec import Kind
 from vfguide.link.keys import Roster, public_bytes
 from vfguide.link.member import Member, Parcel, ignore, ignore_neighbour
 from vfguide.link.peer_clock import PeerClock

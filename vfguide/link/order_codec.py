@@ -15,8 +15,8 @@ that way.
 
 import math
 import struct
-import zlib
 from enum import IntEnum
+from typing import Any
 
 import msgspec
 
@@ -28,7 +28,7 @@ from vfguide.formation.arrangement import (
     Point,
     SlotMove,
 )
-from vfguide.link.codec import LinkDataError
+from vfguide.link.codec import CHECKSUM, GREATEST_TIME_S, LinkDataError, opened, sealed
 
 ORDER_MAGIC, REPLY_MAGIC = b"VFOR", b"VFRY"
 VERSION = 2
@@ -37,7 +37,6 @@ CIRCLE = struct.Struct("<ddf")
 PATH = struct.Struct("<fI")
 OFFSETS = struct.Struct("<7h")
 REPLY = struct.Struct("<4sBBBxII")
-CHECKSUM = struct.Struct("<I")
 
 STEP_M = 0.1
 """Slots are told to this."""
@@ -47,7 +46,6 @@ NO_LAYER = -32768
 HAS_CIRCLE, CLOCKWISE, HAS_LEAD, HAS_PATH = 1, 2, 8, 16
 """4 was another path without its CRC-32: by its name alone no path is taken up."""
 
-GREATEST_TIME_S = 1e10
 LONGEST_S = 3600.0
 """Longest duration of a climb, and of a motion across."""
 
@@ -122,7 +120,7 @@ def encode_order(order: Arrangement) -> bytes:
         raise ValueError(f"the order cannot be put into bytes: {error}") from None
     if len(body) + CHECKSUM.size > LARGEST:
         raise ValueError(f"an order of {len(body)} bytes is too long: name vehicles shorter")
-    return body + CHECKSUM.pack(zlib.crc32(body))
+    return sealed(body)
 
 
 def check_of(data: bytes) -> int:
@@ -141,16 +139,14 @@ def decode_order(data: bytes) -> Arrangement:
     Raises:
         LinkDataError: they are none, are damaged, or a value is out of its range.
     """
-    body = _checked(data, ORDER_MAGIC, HEADER.size)
-    _, version, flown, flags, count, number, time_s, climb_s, across_s = HEADER.unpack_from(body)
-    if version != VERSION:
-        raise LinkDataError(f"an order of version {version}, this companion reads {VERSION}")
+    least = HEADER.size + CHECKSUM.size
+    body = opened(data, ORDER_MAGIC, VERSION, what="an order", least=least, most=LARGEST)
+    _, _, flown, flags, count, number, time_s, climb_s, across_s = HEADER.unpack_from(body)
     if number == 0 or flags & ~(HAS_CIRCLE | CLOCKWISE | HAS_PATH | HAS_LEAD):
         raise LinkDataError("the order's number or flags are none")
     # Not "beyond": a comparison with NaN is false whichever way it is put.
-    if not (abs(time_s) <= GREATEST_TIME_S and 0.0 <= climb_s <= LONGEST_S):
-        raise LinkDataError("a time of the order is out of range")
-    if not 0.0 <= across_s <= LONGEST_S:
+    lasts = all(0.0 <= one <= LONGEST_S for one in (climb_s, across_s))
+    if not (lasts and abs(time_s) <= GREATEST_TIME_S):
         raise LinkDataError("a time of the order is out of range")
     try:
         what = Manoeuvre(flown)
@@ -163,7 +159,7 @@ def decode_order(data: bytes) -> Arrangement:
         raise LinkDataError(f"no order: {error}") from None
     if offset != len(body) or len({place.vehicle for place in places}) != count:
         raise LinkDataError("the order's followers do not fit")
-    if (what is Manoeuvre.HOLD) is not (options.circle is not None):
+    if (what is Manoeuvre.HOLD) is not ("circle" in options):
         raise LinkDataError("a circle belongs to a hold, and only there")
     return Arrangement(
         number=number,
@@ -172,11 +168,7 @@ def decode_order(data: bytes) -> Arrangement:
         climb_s=climb_s,
         across_s=across_s,
         places=tuple(places),
-        circle=options.circle,
-        path=options.path,
-        path_check=options.path_check,
-        turn_radius_m=options.turn_radius_m,
-        lead=options.lead,
+        **options,
     )
 
 
@@ -185,7 +177,7 @@ def encode_reply(reply: Reply) -> bytes:
     text = reply.text.encode()[:LONGEST_TEXT].decode(errors="ignore").encode()
     body = REPLY.pack(REPLY_MAGIC, VERSION, reply.verdict, len(text), reply.number, reply.check)
     body += text
-    return body + CHECKSUM.pack(zlib.crc32(body))
+    return sealed(body)
 
 
 def decode_reply(data: bytes) -> Reply:
@@ -194,12 +186,13 @@ def decode_reply(data: bytes) -> Reply:
     Raises:
         LinkDataError: they are none.
     """
-    body = _checked(data, REPLY_MAGIC, REPLY.size)
-    _, version, verdict, length, number, check = REPLY.unpack_from(body)
-    if version != VERSION:
-        raise LinkDataError(f"an answer of version {version}, this program reads {VERSION}")
+    least = REPLY.size + CHECKSUM.size
+    body = opened(
+        data, REPLY_MAGIC, VERSION, what="an answer", least=least, most=least + LONGEST_TEXT
+    )
+    _, _, verdict, length, number, check = REPLY.unpack_from(body)
     text = body[REPLY.size :]
-    if len(text) != length or length > LONGEST_TEXT:
+    if len(text) != length:
         raise LinkDataError("an answer whose text does not fit")
     try:
         return Reply(number=number, verdict=Verdict(verdict), check=check, text=text.decode())
@@ -245,31 +238,22 @@ def _place(body: bytes, offset: int) -> tuple[SlotMove, int]:
     return place, end + OFFSETS.size
 
 
-class _Options(msgspec.Struct, frozen=True):
-    """What is in an order only where its flags say so."""
-
-    circle: HoldCircle | None
-    path: str
-    path_check: int
-    turn_radius_m: float
-    lead: str
-
-
-def _options(body: bytes, offset: int, flags: int) -> tuple[_Options, int]:
-    """(what an order's flags say that there is, what comes behind all that)."""
-    circle, path, check, radius, lead = None, MAIN_PATH, 0, 0.0, ""
+def _options(body: bytes, offset: int, flags: int) -> tuple[dict[str, Any], int]:
+    """(what an order's flags say that there is, by the arrangement's fields; what comes behind all that)."""
+    found: dict[str, Any] = {}
     if flags & HAS_CIRCLE:
-        circle = _circle(body, offset, clockwise=bool(flags & CLOCKWISE))
+        found["circle"] = _circle(body, offset, clockwise=bool(flags & CLOCKWISE))
         offset += CIRCLE.size
     if flags & HAS_PATH:
-        radius, check = PATH.unpack_from(body, offset)
-        path, offset = _name(body, offset + PATH.size)
-        stays = path == MAIN_PATH and radius == 0.0
+        radius, found["path_check"] = PATH.unpack_from(body, offset)
+        found["path"], offset = _name(body, offset + PATH.size)
+        stays = found["path"] == MAIN_PATH and radius == 0.0
         if not (stays or RADII_M[0] <= radius <= RADII_M[1]):
             raise ValueError("turns onto a path that nobody can fly")
+        found["turn_radius_m"] = radius
     if flags & HAS_LEAD:
-        lead, offset = _name(body, offset)
-    return _Options(circle, path, check, radius, lead), offset
+        found["lead"], offset = _name(body, offset)
+    return found, offset
 
 
 def _circle(body: bytes, offset: int, *, clockwise: bool) -> HoldCircle:
@@ -280,19 +264,3 @@ def _circle(body: bytes, offset: int, *, clockwise: bool) -> HoldCircle:
     return HoldCircle(
         latitude_deg=latitude, longitude_deg=longitude, radius_m=radius, clockwise=clockwise
     )
-
-
-def _checked(data: bytes, magic: bytes, least: int) -> bytes:
-    """What its checksum vouches for.
-
-    Raises:
-        LinkDataError: its length, mark or checksum is wrong.
-    """
-    if not least + CHECKSUM.size <= len(data) <= LARGEST:
-        raise LinkDataError("its length is no order's")
-    if data[:4] != magic:
-        raise LinkDataError("no order")
-    body = data[: -CHECKSUM.size]
-    if zlib.crc32(body) != CHECKSUM.unpack_from(data, len(body))[0]:
-        raise LinkDataError("damaged: the checksum does not match")
-    return body

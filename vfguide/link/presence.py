@@ -3,7 +3,7 @@
 import json
 import math
 from collections.abc import Iterator
-from typing import Literal
+from typing import Annotated, Literal
 
 import msgspec
 from msgspec.structs import asdict, replace
@@ -59,31 +59,35 @@ LEAST_FIGURES = frozenset(
 SHORT_TEXT = 60
 """Characters of each text where there is little room."""
 
-Status = Literal["online", "offline"]
+Text = Annotated[str, msgspec.Meta(max_length=LONGEST_TEXT)]
+Warned = Annotated[str, msgspec.Meta(max_length=LONGEST_WARNING)]
+"""Texts of a length that is read."""
 
 
 class Presence(msgspec.Struct, frozen=True, kw_only=True):
     """What a vehicle says about itself."""
 
-    status: Status
+    status: Literal["online", "offline"]
     """The broker itself says "offline" for a vehicle that it has lost."""
-    mode: str
+    mode: Text = ""
     """Mode of the supervisor; empty while not known."""
     time_s: float
     """When this was true, on the vehicle's own clock, s; in a last will, when it had connected."""
-    version: str
+    version: Text = ""
     """Version of the vehicle's companion."""
     signed: bool = False
     """Whether its messages are signed; else anybody can say what it says."""
-    obstacle: str = ""
+    obstacle: Text = ""
     """What would keep it from steering now, in words; empty where nothing would."""
-    autopilot: str = ""
+    autopilot: Text = ""
     """What ground stations call the autopilot's mode; empty while not known."""
-    warning: str = ""
+    warning: Warned = ""
     """The last warning that it gave its pilot; empty before the first."""
-    findings: tuple[str, ...] = ()
+    findings: Annotated[tuple[Warned, ...], msgspec.Meta(max_length=MOST_FINDINGS)] = ()
     """What of the autopilot's parameters speaks against taking off, each with what to do; the first ones."""
-    figures: dict[str, float] = msgspec.field(default_factory=dict)
+    figures: Annotated[dict[Text, float], msgspec.Meta(max_length=MOST_FIGURES)] = msgspec.field(
+        default_factory=dict
+    )
     """Latencies, counters and the like, by names that end in their units."""
 
 
@@ -137,66 +141,17 @@ def decode_presence(data: bytes) -> Presence:
     if len(data) > LARGEST:
         raise LinkDataError(f"{len(data)} bytes where a presence has at most {LARGEST}")
     try:
-        content: object = json.loads(data)
-    # Deep nesting exhausts the parser, and a number of a thousand digits is refused as a ValueError.
-    except (ValueError, RecursionError):
-        raise LinkDataError("not JSON") from None
-    if not isinstance(content, dict):
-        raise LinkDataError("not a presence")
-    return Presence(
-        status=_status(content.get("status")),
-        mode=_text(content.get("mode", "")),
-        time_s=_number(content.get("time_s")),
-        version=_text(content.get("version", "")),
-        signed=content.get("signed") is True,
-        obstacle=_text(content.get("obstacle", "")),
-        autopilot=_text(content.get("autopilot", "")),
-        warning=_text(content.get("warning", ""), LONGEST_WARNING),
-        findings=_findings(content.get("findings", [])),
-        figures=_figures(content.get("figures", {})),
-    )
+        found = msgspec.json.decode(data, type=Presence)
+    # Deep nesting exhausts the parser.
+    except (ValueError, RecursionError) as error:
+        raise LinkDataError(f"no presence: {error}") from None
+    texts = (found.mode, found.version, found.obstacle, found.autopilot, found.warning)
+    if not all(text.isprintable() for text in (*texts, *found.findings, *found.figures)):
+        raise LinkDataError("a text is not printable")
+    return found
 
 
 def fit_text(text: str, longest: int = LONGEST_TEXT) -> str:
     """A text as a presence can hold it: printable, and cut where it is too long."""
     printable = "".join(letter if letter.isprintable() else " " for letter in text)
     return printable if len(printable) <= longest else printable[: longest - 1] + "…"
-
-
-def _status(value: object) -> Status:
-    if value == "online":
-        return "online"
-    if value == "offline":
-        return "offline"
-    raise LinkDataError("the status is neither online nor offline")
-
-
-def _text(value: object, longest: int = LONGEST_TEXT) -> str:
-    if not isinstance(value, str) or len(value) > longest or not value.isprintable():
-        raise LinkDataError("a text is none, too long or not printable")
-    return value
-
-
-def _number(value: object) -> float:
-    # A truth value is an int to Python.
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        raise LinkDataError("a number is none")
-    try:
-        number = float(value)
-    except OverflowError:
-        number = math.inf
-    if not math.isfinite(number):
-        raise LinkDataError("a number is not finite")
-    return number
-
-
-def _findings(value: object) -> tuple[str, ...]:
-    if not isinstance(value, list) or len(value) > MOST_FINDINGS:
-        raise LinkDataError("the findings are none, or too many")
-    return tuple(_text(one, LONGEST_WARNING) for one in value)
-
-
-def _figures(value: object) -> dict[str, float]:
-    if not isinstance(value, dict) or len(value) > MOST_FIGURES:
-        raise LinkDataError("the figures are none, or too many")
-    return {_text(name): _number(figure) for name, figure in value.items()}

@@ -20,8 +20,7 @@ from dataclasses import dataclass, field
 
 import msgspec
 
-from vfguide.link.codec import Ask, LinkDataError, Tell, decode_ask
-from vfguide.link.envelope import Kind
+from vfguide.link.codec import Ask, Kind, LinkDataError, Tell, decode_ask
 from vfguide.link.order_codec import decode_reply
 from vfguide.link.packed import PIECE_SIZE, TICK_S, PackedKind, Packet, Piece
 from vfguide.link.peer_clock import OPEN

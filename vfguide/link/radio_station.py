@@ -24,8 +24,17 @@ import hmac
 import math
 from collections import deque
 
-from vfguide.link.codec import Ask, LinkDataError, decode, encode, encode_ask, encode_tell
-from vfguide.link.envelope import Envelope, Kind, Scheme
+from vfguide.link.codec import (
+    Ask,
+    Envelope,
+    Kind,
+    LinkDataError,
+    Scheme,
+    decode,
+    encode,
+    encode_ask,
+    encode_tell,
+)
 from vfguide.link.member import Member, Parcel
 from vfguide.link.packed import (
     LEADER,

@@ -14,10 +14,10 @@ from typing import TYPE_CHECKING
 import msgspec
 
 from vfguide.errors import InputError
-from vfguide.link.codec import LinkDataError
-from vfguide.link.envelope import (
+from vfguide.link.codec import (
     Envelope,
     Kind,
+    LinkDataError,
     Scheme,
     checksum,
     decode_envelope,

@@ -15,7 +15,7 @@ from urllib.parse import SplitResult, parse_qsl
 
 from vfguide.errors import InputError
 from vfguide.link.carrier import MOST_AT_ONCE, UDP_EXAMPLE, DatagramCarrier, LinkAddress, link
-from vfguide.link.envelope import LARGEST
+from vfguide.link.codec import LARGEST
 
 RECEIVE_BUFFER = 128 * 1024
 """Bytes in the kernel: some hundred datagrams. With more, a companion that was held up hears old news."""

@@ -17,7 +17,7 @@ from urllib.parse import SplitResult, parse_qsl
 
 from vfguide.errors import InputError, import_extra
 from vfguide.link.carrier import MOST_AT_ONCE, DatagramCarrier, LinkAddress, link
-from vfguide.link.envelope import LARGEST, formation_number
+from vfguide.link.codec import LARGEST, formation_number
 
 EXAMPLE = "zenoh://10.0.0.2:7447?listen=0.0.0.0:7447, or zenoh:// where multicast finds the others"
 

@@ -13,8 +13,15 @@ from tests.kit.missions import on_the_circle
 from vfguide.lab.rehearsal.aircraft import Aircraft, step_all
 from vfguide.lab.rehearsal.recorder import flight_record
 from vfguide.lab.report.figures import slot_error
-from vfguide.link.codec import decode, encode
-from vfguide.link.envelope import Kind, Scheme, checksum, decode_envelope, encode_signed
+from vfguide.link.codec import (
+    Kind,
+    Scheme,
+    checksum,
+    decode,
+    decode_envelope,
+    encode,
+    encode_signed,
+)
 from vfguide.link.keys import Roster, public_bytes
 from vfguide.link.member import Member, Parcel
 from vfguide.link.memory import LinkQuality, Mail, MemoryLink

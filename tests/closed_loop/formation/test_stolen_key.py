@@ -10,8 +10,7 @@ from tests.kit.missions import in_place, shipped
 from tests.kit.signed_flight import Impostor, SignedFlight
 from vfguide.lab.rehearsal.aircraft import OPERATOR
 from vfguide.lab.report.figures import slot_error
-from vfguide.link.codec import decode, encode
-from vfguide.link.envelope import Envelope, Kind
+from vfguide.link.codec import Envelope, Kind, decode, encode
 from vfguide.link.member import KEY_OUT
 from vfguide.link.trust import REVOKED, Message
 

@@ -8,13 +8,19 @@ from pathlib import Path
 import aiomqtt
 import pytest
 
-from vfguide.link.envelope import Kind
+from vfguide.link.codec import Kind
+from vfguide.link.member import Parcel
 from vfguide.link.mqtt import ORDERING, Topics, level
 
 RULES = Path(__file__).parents[3] / "docker" / "bin" / "broker-rules"
 
 MARK = "vfguide/test/lead/state"
 """What a vehicle publishes after the console: by then, what the console said was passed on or dropped."""
+
+
+def where(topics: Topics, kind: Kind) -> str:
+    """Where a message to everybody goes."""
+    return topics.of(Parcel(kind=kind, to="", data=b"", body=b""))
 
 
 def rules_of(orders: str) -> str:
@@ -35,8 +41,8 @@ async def test_the_broker_passes_on_the_consoles_orders_only_where_they_were_ask
         return Topics(prefix="vfguide", formation="test", vehicle=vehicle)
 
     console, lead = topics("console"), topics("lead")
-    own = {console.about_orders(kind) for kind in (*ORDERING, Kind.REVOCATION)}
-    foreign = {lead.about_orders(Kind.ORDER), lead.state("lead")}
+    own = {where(console, kind) for kind in (*ORDERING, Kind.REVOCATION)}
+    foreign = {where(lead, Kind.ORDER), lead.state("lead")}
 
     broker = guarded("lead", "judge", "console", rules=rules_of(orders))
 
@@ -65,7 +71,7 @@ async def test_an_account_of_a_vehicle_stores_no_more_than_its_own_topics_hold(g
 
     own = Topics(prefix="vfguide", formation="test", vehicle="f1")
     wanted = {own.state("f1"), own.lead("f1"), own.presence("f1"), own.answer("lead")}
-    wanted |= {own.about_orders(kind) for kind in (*ORDERING, Kind.REVOCATION)} | {own.ask("lead")}
+    wanted |= {where(own, kind) for kind in (*ORDERING, Kind.REVOCATION)} | {own.ask("lead")}
     made_up = {f"vfguide/test/f1/{number}" for number in range(50)}
     made_up |= {"vfguide/other/f1/state", "vfguide/test/lead/state", own.answer("nobody")}
     kept = set()

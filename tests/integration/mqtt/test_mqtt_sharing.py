@@ -5,7 +5,7 @@ from contextlib import AsyncExitStack
 import aiomqtt
 
 from tests.kit.sockets import until
-from vfguide.link.envelope import decode_envelope
+from vfguide.link.codec import decode_envelope
 from vfguide.link.peer_clock import PeerClock
 from vfguide.link.presence import Presence, decode_presence
 

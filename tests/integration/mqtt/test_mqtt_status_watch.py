@@ -16,7 +16,7 @@ from tests.kit.keys import trusts_of
 from tests.kit.missions import MISSIONS
 from tests.kit.programs import running
 from tests.kit.sockets import PATIENCE_S
-from vfguide.link.envelope import Kind
+from vfguide.link.codec import Kind
 from vfguide.link.mqtt import Topics
 from vfguide.link.presence import Presence, encode_presence
 from vfguide.mission import load_mission

@@ -11,7 +11,7 @@ import pytest
 
 from tests.kit.crew import speak
 from tests.kit.sockets import until
-from vfguide.link.envelope import decode_envelope
+from vfguide.link.codec import decode_envelope
 from vfguide.link.member import NOT_SAID
 from vfguide.link.presence import decode_presence
 

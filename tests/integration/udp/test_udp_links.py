@@ -17,7 +17,7 @@ from tests.kit.link import FORMATION, LEADER, ROSTER, trust_of
 from tests.kit.sockets import PATIENCE_S, free_port, until
 from vfguide.link import udp
 from vfguide.link.carrier import parse_links
-from vfguide.link.envelope import Kind
+from vfguide.link.codec import Kind
 from vfguide.link.opening import WatchedFormation, open_link, presences
 from vfguide.link.presence import Presence
 from vfguide.link.udp import UdpAddress

@@ -19,8 +19,7 @@ from vfguide.formation.orders import EPOCH_S, Order, new_number
 from vfguide.lab import ordering
 from vfguide.lab.order_desk import OrderDesk, unanswered
 from vfguide.lab.ordering import OrderOutcome, conclusion, give_order
-from vfguide.link.codec import encode
-from vfguide.link.envelope import Kind
+from vfguide.link.codec import Kind, encode
 from vfguide.link.opening import WatchedFormation
 from vfguide.link.order_codec import Reply, Verdict, check_of, decode_order, encode_reply
 from vfguide.mission import Mission

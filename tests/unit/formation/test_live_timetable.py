@@ -19,8 +19,7 @@ from vfguide.lab import ordering
 from vfguide.lab.order_desk import OrderDesk
 from vfguide.lab.ordering import rehearse_order, timetable_given
 from vfguide.lab.studies.order import Prediction, rehearsed
-from vfguide.link.codec import encode
-from vfguide.link.envelope import Kind
+from vfguide.link.codec import Kind, encode
 from vfguide.link.opening import WatchedFormation
 from vfguide.link.order_codec import Reply, Verdict, check_of, decode_order, encode_reply
 from vfguide.mission.order_plan import formation_of_mission, resolve

@@ -176,7 +176,7 @@ def test_a_message_of_another_kind_is_refused():
         decode(sealed(b"VFLX" + encode(leader_message())[4:100]))
     with pytest.raises(LinkDataError, match="bytes"):
         decode_tell(encode_ask(ASK))
-    with pytest.raises(LinkDataError, match="not about clocks"):
+    with pytest.raises(LinkDataError, match="not a message about clocks"):
         decode_ask(sealed(b"VFCT" + encode_ask(ASK)[4:24]))
 
 

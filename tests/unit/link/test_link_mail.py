@@ -13,7 +13,7 @@ from aiomqtt import Message
 from tests.kit.link import LEADER, Station, Wire, trust_of
 from vfguide.backoff import retry_delay
 from vfguide.link.client import MOST_TOPICS, Echo, Inbox, NewestOnly
-from vfguide.link.envelope import Kind
+from vfguide.link.codec import Kind
 from vfguide.link.memory import LinkQuality, Mail, MemoryLink
 from vfguide.link.mqtt import Topics
 from vfguide.link.trust import RefusedError

@@ -10,8 +10,7 @@ from hypothesis import strategies as st
 from tests.kit.link import KEYS
 from tests.unit.link.radio_crafts import CHANNEL, NAMES, Craft, Shared, formation
 from vfguide.lab.rehearsal.emulated_radio import RadioQuality
-from vfguide.link.codec import LinkDataError
-from vfguide.link.envelope import Kind
+from vfguide.link.codec import Kind, LinkDataError
 from vfguide.link.order_codec import Reply, Verdict, decode_reply, encode_reply
 from vfguide.link.packed import PIECE_SIZE, PackedKind, Piece
 from vfguide.link.radio_orders import (

@@ -9,7 +9,7 @@ import pytest
 from tests.kit.link import FORMATION, KEYS, LEADER, PUBLIC, ROSTER, Station, Wire, trust_of
 from tests.unit.link.radio_crafts import formation as radio_formation
 from tests.unit.link.radio_crafts import packets_of
-from vfguide.link.envelope import Kind, Scheme, encode_signed, formation_number
+from vfguide.link.codec import Kind, Scheme, encode_signed, formation_number
 from vfguide.link.keys import read_revocations, write_revocations
 from vfguide.link.packed import PackedKind
 from vfguide.link.trust import REVOKED, RefusedError

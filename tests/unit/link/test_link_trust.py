@@ -21,7 +21,7 @@ from tests.kit.link import (
     trust_of,
 )
 from vfguide.errors import InputError
-from vfguide.link.envelope import (
+from vfguide.link.codec import (
     LARGEST,
     Kind,
     Scheme,
