@@ -55,6 +55,8 @@ class Station:
         self.orders: list[tuple[bytes, bytes, bool]] = []
         """Orders, each with its envelope, and whether a vehicle repeated it."""
         self.replies: list[tuple[str, bytes]] = []
+        self.revoked: list[str] = []
+        """Vehicles whose keys are out, as often as that was told."""
         self.skew_s = skew_s
         leads = name == LEADER
         self.clock: Any = None if leads else PeerClock(chance=count(1 + 1000 * session).__next__)
@@ -66,6 +68,7 @@ class Station:
             receive_neighbour=lambda *said: self.neighbours.append(said),
             receive_order=lambda *order: self.orders.append(order),
             receive_reply=lambda *reply: self.replies.append(reply),
+            receive_revocation=self.revoked.append,
             peer_clock=self.clock,
             **options,  # type: ignore[arg-type]
         )

@@ -35,7 +35,7 @@ from vfguide.link.keys import (
     read_private_key,
     read_roster,
 )
-from vfguide.link.member import ignore_neighbour
+from vfguide.link.member import ignore
 from vfguide.link.opening import WatchedFormation, check_connected, watching
 from vfguide.link.presence import REVOKED_KEY
 from vfguide.mission import Mission, read_mission
@@ -185,7 +185,7 @@ async def say_revoked(watched: WatchedFormation, vehicle: str, others: Sequence[
     Raises:
         VfguideError: no link stands.
     """
-    async with watching(watched, random=Random(), receive_reply=ignore_neighbour) as (link, found):
+    async with watching(watched, random=Random(), receive_reply=ignore) as (link, found):
         check_connected(link)
         slowest_s = max(carrier.presence_s for carrier in link.carriers)
         unaware = list(others)

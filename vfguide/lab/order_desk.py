@@ -18,7 +18,7 @@ from vfguide.formation.arrangement import Arrangement, agreed_number
 from vfguide.formation.orders import Formation
 from vfguide.frames import LocalFrame
 from vfguide.link.codec import Kind, LinkDataError, is_leaders
-from vfguide.link.member import Member, ignore_presence
+from vfguide.link.member import Member, ignore
 from vfguide.link.opening import Link, WatchedFormation, check_connected, open_link, operator_of
 from vfguide.link.order_codec import (
     Reply,
@@ -257,7 +257,7 @@ async def at_desk(
         receive_neighbour=desk.heard_state,
         receive_lead=desk.heard_lead,
         # Who wants presences says none about itself.
-        receive_presence=ignore_presence,
+        receive_presence=ignore,
         receive_order=desk.heard_order,
         receive_reply=desk.heard_reply,
         peer_clock=PeerClock(),

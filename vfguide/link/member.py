@@ -10,6 +10,7 @@ import secrets
 from collections import Counter, deque
 from collections.abc import Callable, Collection
 from random import random
+from typing import TypedDict, Unpack
 
 import msgspec
 
@@ -204,24 +205,40 @@ class Parcel(msgspec.Struct, frozen=True, kw_only=True):
     """What is said, for links that have an envelope of their own."""
 
 
-def ignore(data: bytes) -> None:
-    """Take the leader's states where they are of no use."""
-    del data
+def ignore(*said: object) -> None:
+    """Take what is of no use."""
+    del said
 
 
-def ignore_neighbour(vehicle: str, data: bytes) -> None:
-    """Take the states of neighbours where there are none."""
-    del vehicle, data
+class Hearing(TypedDict, total=False):
+    """Receivers of what a member hears; what has none, or None, is of no use to it."""
+
+    receive: Callable[[bytes], None]
+    """Called with each new state of the leader."""
+    receive_neighbour: Callable[[str, bytes], None]
+    """Called with the name of a neighbour and its new state."""
+    receive_presence: Callable[[str, Presence], None] | None
+    """Called with a vehicle and what it says about itself."""
+    receive_lead: Callable[[str, bytes], object] | None
+    """Called with a vehicle that leads in the place of the mission's leader, and how the leader moves by
+    which it does."""
+    receive_order: Callable[[bytes, bytes, bool], None] | None
+    """Called with an operator's order, its envelope and whether another vehicle repeats it."""
+    receive_reply: Callable[[str, bytes], None] | None
+    """Called with a member and what it says to an order."""
+    receive_revocation: Callable[[str], object]
+    """Called with a vehicle whose key is out from now on."""
 
 
-def ignore_presence(vehicle: str, presence: Presence) -> None:
-    """Take presences, which companions have no use for."""
-    del vehicle, presence
-
-
-def ignore_revocation(vehicle: str) -> None:
-    """Take it that a key is out where nobody needs to be told."""
-    del vehicle
+RECEIVERS = {
+    Kind.PRESENCE: "receive_presence",
+    Kind.WILL: "receive_presence",
+    Kind.LEADER: "receive_lead",
+    Kind.ORDER: "receive_order",
+    Kind.REPEAT: "receive_order",
+    Kind.REPLY: "receive_reply",
+}
+"""Receivers of kinds that are of use only to who has one."""
 
 
 class Member:
@@ -232,72 +249,43 @@ class Member:
         trust: Trust,
         *,
         clock: Callable[[], float],
-        receive: Callable[[bytes], None] = ignore,
         neighbours: Collection[str] = (),
-        receive_neighbour: Callable[[str, bytes], None] = ignore_neighbour,
-        receive_presence: Callable[[str, Presence], None] | None = None,
-        receive_lead: Callable[[str, bytes], object] | None = None,
-        receive_order: Callable[[bytes, bytes, bool], None] | None = None,
-        receive_reply: Callable[[str, bytes], None] | None = None,
-        receive_revocation: Callable[[str], object] = ignore_revocation,
         peer_clock: PeerClock | None = None,
+        **hears: Unpack[Hearing],
     ) -> None:
         """Make one that is on no link yet.
 
         Args:
             trust: what it signs with, and whom it believes.
             clock: its own, s.
-            receive: called with each new state of the leader.
             neighbours: other vehicles whose states are wanted.
-            receive_neighbour: called with the name of one of them and its new state.
-            receive_presence: called with a vehicle and what it says about itself; None if that is of no use.
-            receive_lead: called with a vehicle that leads in the place of the mission's leader, and how the
-                leader moves by which it does; None if that is of no use.
-            receive_order: called with an operator's order, its envelope and whether another vehicle repeats
-                it; None if orders are of no use.
-            receive_reply: called with a member and what it says to an order; None if that is of no use.
-            receive_revocation: called with a vehicle whose key is out from now on.
             peer_clock: learns the leader's clock; None for the leader, and for those who do not ask.
+            **hears: what it hands on, and to whom.
         """
         self.trust = trust
         self.clock = clock
         self.peer_clock = peer_clock
         self.neighbours = frozenset(neighbours)
-        self.watches = receive_presence is not None
+        self._hears = hears
+        wanted = {name for name, receive in hears.items() if receive is not None}
+        self.watches = "receive_presence" in wanted
         """Whether presences are wanted."""
-        self.listens = receive is not ignore
+        self.listens = hears.get("receive", ignore) is not ignore
         """Whether the leader's states are wanted."""
         self.send: Callable[[Parcel], None] = lambda _: None
         """Called with each message that is to go out."""
         self.hurry = asyncio.Event()
         """Set when the leader's clock should be asked for at once."""
-        self._receive = receive
-        self._receive_neighbour = receive_neighbour
         self._believed_s = -math.inf
         self._asked_first_s = math.nan
         self._passed_on = 0
-        self._receive_presence = receive_presence or ignore_presence
-        self._receive_order, self._receive_reply = receive_order, receive_reply
-        self._receive_lead = receive_lead
-        self.receive_revocation = receive_revocation
-        """Called with a vehicle whose key is out from now on."""
         self.stands_in = False
         """Whether this deputy leads: it answers what the formation's clock shows while the leader cannot."""
         self._useful = frozenset(
-            kind
-            for kind, useful in (
-                (Kind.QUESTION, trust.leads),
-                (Kind.PRESENCE, self.watches),
-                (Kind.WILL, self.watches),
-                (Kind.LEADER, receive_lead is not None),
-                (Kind.ORDER, receive_order is not None),
-                (Kind.REPEAT, receive_order is not None),
-                (Kind.REPLY, receive_reply is not None),
-            )
-            if useful
-        )
+            kind for kind, receive in RECEIVERS.items() if receive in wanted
+        ) | ({Kind.QUESTION} if trust.leads else set())
         self._twins = TwinWatch(clock(), asks=trust.leads)
-        self.heeds_orders = receive_order is not None or receive_reply is not None
+        self.heeds_orders = bool(wanted & {"receive_order", "receive_reply"})
         """Whether orders and what is said to them are wanted."""
 
     @property
@@ -363,7 +351,7 @@ class Member:
     @property
     def hears_leads(self) -> bool:
         """Whether it is of use how those move by whom deputies lead."""
-        return self._receive_lead is not None and bool(self.trust.deputies)
+        return Kind.LEADER in self._useful and bool(self.trust.deputies)
 
     @property
     def name(self) -> str:
@@ -495,7 +483,7 @@ class Member:
             return False
         if not self.watches:
             self.send(self._statement(vehicle))
-        self.receive_revocation(vehicle)
+        self._hears.get("receive_revocation", ignore)(vehicle)
         return True
 
     def revoke(self, vehicle: str) -> Parcel:
@@ -547,9 +535,9 @@ class Member:
         Raises:
             RefusedError: it is none of an operator.
         """
-        if self._receive_order is not None:
+        if (receive := self._hears.get("receive_order")) is not None:
             order = self.trust.vouch(sealed, self.name)
-            self._receive_order(order.body, order.sealed, True)  # noqa: FBT003
+            receive(order.body, order.sealed, True)  # noqa: FBT003
 
     def _guarded(self, use: Callable[[], object]) -> bool:
         """Do something with a message; whether it shows that somebody is heard."""
@@ -567,8 +555,8 @@ class Member:
 
     def accept_presence(self, vehicle: str, presence: Presence) -> None:
         """Take a presence that the link itself has found to be true."""
-        if self.watches:
-            self._receive_presence(vehicle, presence)
+        if (receive := self._hears.get("receive_presence")) is not None:
+            receive(vehicle, presence)
 
     def _is_sign_of_life(self, envelope: Envelope) -> bool:
         """Whether a presence is worth a look only because nothing else was heard for a while."""
@@ -607,24 +595,25 @@ class Member:
                 return kind in self._useful
 
     def _use(self, message: Message) -> None:
+        hears, sender = self._hears, message.sender
         match message.kind:
-            case Kind.STATE if message.sender == self.trust.leader:
-                self._receive(message.body)
+            case Kind.STATE if sender == self.trust.leader:
+                hears.get("receive", ignore)(message.body)
             case Kind.STATE:
-                self._receive_neighbour(message.sender, message.body)
+                hears.get("receive_neighbour", ignore)(sender, message.body)
             case Kind.QUESTION:
                 if not self.stands_back:
-                    self._answer(message.sender, message.body)
+                    self._answer(sender, message.body)
             case Kind.ANSWER:
                 self._learn(message)
-            case Kind.LEADER if self._receive_lead is not None:
-                self._receive_lead(message.sender, message.body)
-            case Kind.ORDER | Kind.REPEAT if self._receive_order is not None:
+            case Kind.LEADER if receive := hears.get("receive_lead"):
+                receive(sender, message.body)
+            case Kind.ORDER | Kind.REPEAT if hand_on := hears.get("receive_order"):
                 repeated = message.kind is Kind.REPEAT
-                order = self.trust.vouch(message.body, message.sender) if repeated else message
-                self._receive_order(order.body, order.sealed, repeated)
-            case Kind.REPLY if self._receive_reply is not None:
-                self._receive_reply(message.sender, message.body)
+                order = self.trust.vouch(message.body, sender) if repeated else message
+                hand_on(order.body, order.sealed, repeated)
+            case Kind.REPLY if reply := hears.get("receive_reply"):
+                reply(sender, message.body)
             case _:
                 self._note_presence(message)
 
@@ -659,7 +648,7 @@ class Member:
         except LinkDataError:
             self.counters["refused: no presence"] += 1
             return
-        self._receive_presence(message.sender, presence)
+        self.accept_presence(message.sender, presence)
 
     def formation_time(self) -> float:
         """Now on the formation's clock, s; NaN while not known."""

@@ -8,13 +8,13 @@ from contextlib import asynccontextmanager, suppress
 from dataclasses import dataclass
 from importlib.metadata import version
 from random import Random
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Unpack
 
 from vfguide.errors import InputError, VfguideError, described_error
 from vfguide.link.carrier import Carrier, LinkAddress, carrier_of
 from vfguide.link.codec import Kind
 from vfguide.link.keys import Roster, public_bytes
-from vfguide.link.member import Member, Parcel, ignore, ignore_neighbour
+from vfguide.link.member import Hearing, Member, Parcel
 from vfguide.link.peer_clock import PeerClock
 from vfguide.link.presence import Presence
 from vfguide.link.trust import Trust, new_session
@@ -294,19 +294,15 @@ def check_connected(link: Link) -> None:
 
 @asynccontextmanager
 async def watching(
-    watched: WatchedFormation,
-    *,
-    random: Random,
-    receive_reply: Callable[[str, bytes], None] | None = None,
+    watched: WatchedFormation, *, random: Random, **hears: Unpack[Hearing]
 ) -> AsyncIterator[tuple[Link, Mapping[str, Presence]]]:
     """A link on which presences come in, and those that have, by vehicle; old ones while no link stands.
 
     Who takes replies, too, has an operator's turns on a radio.
     """
     found: dict[str, Presence] = {}
-    member = watching_member(
-        watched, random, receive_presence=found.__setitem__, receive_reply=receive_reply
-    )
+    hears["receive_presence"] = found.__setitem__
+    member = watching_member(watched, random, **hears)
     async with open_link(
         watched.addresses, formation=watched.formation, member=member, random=random
     ) as link:
@@ -318,26 +314,16 @@ def watching_member(
     watched: WatchedFormation,
     random: Random,
     *,
-    receive_presence: Callable[[str, Presence], None],
-    receive: Callable[[bytes], None] = ignore,
     neighbours: Sequence[str] = (),
-    receive_neighbour: Callable[[str, bytes], None] = ignore_neighbour,
-    receive_lead: Callable[[str, bytes], None] | None = None,
-    receive_order: Callable[[bytes, bytes, bool], None] | None = None,
-    receive_reply: Callable[[str, bytes], None] | None = None,
+    **hears: Unpack[Hearing],
 ) -> Member:
     """A member that says nothing about itself; it asks the leader whether it lives if it has a key for it.
 
     Args:
         watched: the formation.
         random: makes up a name where there is no key.
-        receive_presence: called with a vehicle's name and what it says about itself.
-        receive: called with each new state of the leader.
         neighbours: names of those whose states are wanted beside the leader's.
-        receive_neighbour: called with the name of one of them and its new state.
-        receive_lead: as of `Member`.
-        receive_order: as of `Member`.
-        receive_reply: as of `Member`.
+        **hears: as of `Member`.
     """
     asks, name = True, f"watch-{random.getrandbits(32):08x}"
     if watched.roster is not None:
@@ -356,12 +342,7 @@ def watching_member(
     return Member(
         trust,
         clock=watched.clock,
-        receive=receive,
         neighbours=neighbours,
-        receive_neighbour=receive_neighbour,
-        receive_presence=receive_presence,
-        receive_lead=receive_lead,
-        receive_order=receive_order,
-        receive_reply=receive_reply,
         peer_clock=PeerClock() if asks else None,
+        **hears,
     )

@@ -298,17 +298,13 @@ class Trust:
         )
         if vehicle in self.statements:
             return None
-        verifies = self._verifiers.get(envelope.sender)
         if self._roster is None or envelope.scheme is not Scheme.ED25519:
             raise RefusedError("not signed")
-        if verifies is None or envelope.sender not in self._roster.operators:
+        if envelope.sender not in self._roster.operators:
             raise RefusedError("not for its sender to say")
         if not public or self._roster.vehicles.get(vehicle) != public:
             raise RefusedError("no key of this roster")
-        self._check_flood(now)
-        if not verifies(envelope.tag, envelope.signed):
-            self._vain += 1.0
-            raise RefusedError("forged")
+        self._check_tag(envelope, now)
         self.statements[vehicle] = envelope.signed + envelope.tag
         return vehicle
 
@@ -352,7 +348,6 @@ class Trust:
         Raises:
             RefusedError: it cannot be; the text says why.
         """
-        verifies = self._verifiers.get(envelope.sender)
         if not tagged:
             self._check_scheme(envelope)
         if envelope.kind not in self._may(envelope.sender):
@@ -361,16 +356,8 @@ class Trust:
             raise RefusedError(REVOKED)
         heard = self._in_order(envelope, now)
         self._check_leaps(envelope, heard, now, time_s)
-        if tagged:
-            pass
-        elif verifies is None:
-            if checksum(envelope.signed) != envelope.tag:
-                raise RefusedError("damaged")
-        else:
-            self._check_flood(now)
-            if not verifies(envelope.tag, envelope.signed):
-                self._vain += 1.0
-                raise RefusedError("forged")
+        if not tagged:
+            self._check_tag(envelope, now)
         self._allowed[envelope.sender].left -= 1.0
         if envelope.sender == self.name:
             raise RefusedError(TWIN)
@@ -466,17 +453,25 @@ class Trust:
             if envelope.sequence - heard.newest > most:
                 raise RefusedError("a number that leaps")
 
-    def _check_flood(self, now: float) -> None:
-        """See that looking at signatures leaves time for everything else.
+    def _check_tag(self, envelope: Envelope, now: float) -> None:
+        """See that a message is as its sender has said it; looking at signatures leaves time for all else.
 
         Raises:
-            RefusedError: too many were forged within the last second.
+            RefusedError: it is not, or too many were forged within the last second.
         """
+        verifies = self._verifiers.get(envelope.sender)
+        if verifies is None:
+            if checksum(envelope.signed) != envelope.tag:
+                raise RefusedError("damaged")
+            return
         # Not "passed": a clock that was set back must not stop the count.
         passed_s = max(now - self._vain_s, 0.0)
         self._vain, self._vain_s = max(self._vain - FORGED_PER_S * passed_s, 0.0), now
         if self._vain >= FORGED_PER_S:
             raise RefusedError("in a flood of forgeries")
+        if not verifies(envelope.tag, envelope.signed):
+            self._vain += 1.0
+            raise RefusedError("forged")
 
     def prove(self, session: int, now: float) -> None:
         """Take a session of the leader for the one that lives: it has answered this member's own question.

@@ -31,7 +31,7 @@ from vfguide.lab.rehearsal.lockstep import (
 from vfguide.link.codec import MAGIC as ENVELOPE_MAGIC
 from vfguide.link.codec import Kind
 from vfguide.link.keys import Roster, public_bytes
-from vfguide.link.member import Member, ignore, ignore_neighbour, ignore_presence
+from vfguide.link.member import Member, ignore
 from vfguide.link.memory import Mail
 from vfguide.link.order_codec import REPLY_MAGIC, Verdict, decode_reply, encode_order
 from vfguide.link.peer_clock import PeerClock
@@ -268,8 +268,8 @@ class RadioOperator:
             clock=lambda: air.now,
             receive=lambda _: None,
             neighbours=channels.vehicles[1:],
-            receive_neighbour=ignore_neighbour,
-            receive_presence=ignore_presence,
+            receive_neighbour=ignore,
+            receive_presence=ignore,
             receive_order=lambda *_: None,
             receive_reply=self._note,
             peer_clock=channels.peer_clock(OPERATOR, 0),
