@@ -46,6 +46,23 @@ def whole_lines(file: TextIO) -> Iterator[str]:
         yield line
 
 
+def replace_file(path: Path, content: bytes, *, mode: int = 0o666) -> None:
+    """Put a file in the place of any before it, whole and on the disk whatever happens meanwhile.
+
+    Raises:
+        OSError: it cannot be written.
+    """
+    partial = path.with_name(f".{path.name}.partial")
+    # What lies there may be of a crash, or a pipe that would block.
+    partial.unlink(missing_ok=True)
+    descriptor = os.open(partial, os.O_WRONLY | os.O_CREAT | os.O_EXCL, mode)
+    with os.fdopen(descriptor, "wb") as stream:
+        stream.write(content)
+        stream.flush()
+        os.fsync(stream.fileno())
+    partial.replace(path)
+
+
 def read_by_others(found: os.stat_result) -> bool:
     """Whether a file's permissions let others read it; Windows keeps access lists instead."""
     return hasattr(os, "geteuid") and bool(found.st_mode & (stat.S_IRWXG | stat.S_IRWXO))

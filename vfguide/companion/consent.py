@@ -6,7 +6,6 @@ Consent is whether a vehicle may still be engaged by itself, and who steers it.
 import json
 import math
 import os
-import stat
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 from typing import Protocol
@@ -17,6 +16,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from vfguide.mavlink.adapter import AutopilotAdapter
 from vfguide.mavlink.reports import HeartbeatReport, LandedReport, PositionReport
+from vfguide.regular_file import open_regular, replace_file
 from vfguide.state import VehicleState
 
 FRESH_S = 3.0
@@ -204,6 +204,17 @@ class Consent(msgspec.Struct, frozen=True, kw_only=True):
         return bool(self.spent)
 
 
+class ConsentRecord(msgspec.Struct, frozen=True):
+    """A consent as it is written."""
+
+    version: int
+    """Version of the record."""
+    spent: str
+    """As of `Consent`."""
+    steered: bool = False
+    """As of `Consent`."""
+
+
 class ConsentStore(Protocol):
     """Where the consent of one vehicle is kept."""
 
@@ -277,7 +288,8 @@ class FileStore:
         Without a file this is a first flight, unless the vehicle is in the air already.
         """
         try:
-            consent = parse(content_of(self._file))
+            with open_regular(self._file) as stream:
+                consent = parse(stream.read(MOST_BYTES))
         except FileNotFoundError:
             consent, self.was_missing = Consent(), True
         except (OSError, ValueError) as error:
@@ -311,14 +323,7 @@ class FileStore:
         directory = self._file.parent
         try:
             directory.mkdir(parents=True, exist_ok=True)
-            new = self._file.with_suffix(".new")
-            # What lies there may be of a crash, or a pipe that would block.
-            new.unlink(missing_ok=True)
-            with new.open("x", encoding="utf-8") as file:
-                file.write(content)
-                file.flush()
-                os.fsync(file.fileno())
-            new.replace(self._file)
+            replace_file(self._file, content.encode())
             flush_directory(directory)
         except OSError as error:
             return self._complaint("cannot be written", error)
@@ -339,39 +344,19 @@ def begin_flight(directory: Path, vehicle: str) -> None:
     store.close()
 
 
-def content_of(file: Path) -> bytes:
-    """The first bytes of a file, at once: a pipe in its place would wait for a writer.
-
-    Raises:
-        OSError: it cannot be read.
-        ValueError: it is no file.
-    """
-    handle = os.open(file, os.O_RDONLY | os.O_NONBLOCK)
-    try:
-        if not stat.S_ISREG(os.fstat(handle).st_mode):
-            raise ValueError("no file")
-        return os.read(handle, MOST_BYTES)
-    finally:
-        os.close(handle)
-
-
 def parse(content: bytes) -> Consent:
-    """A consent as it was written.
+    """A consent as it was written; records of former versions do not say who steers.
 
     Raises:
         ValueError: it is none.
     """
     try:
-        record = json.loads(content.decode("utf-8"))
+        record = msgspec.json.decode(content, type=ConsentRecord)
     except RecursionError as error:
         raise ValueError("no record of consent") from error
-    if not isinstance(record, dict) or record.get("version") != VERSION:
+    if record.version != VERSION:
         raise ValueError("no record of consent")
-    # Records of former versions do not say who steers.
-    spent, steered = record.get("spent"), record.get("steered", False)
-    if not isinstance(spent, str) or not isinstance(steered, bool):
-        raise ValueError("no record of consent")  # noqa: TRY004 - of the file, not of the program
-    return Consent(spent=spent, steered=steered)
+    return Consent(spent=record.spent, steered=record.steered)
 
 
 def flush_directory(directory: Path) -> None:

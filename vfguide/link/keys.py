@@ -6,15 +6,16 @@ unencrypted: a daemon has nobody to ask for a pass phrase), which nobody but its
 
 import os
 import secrets
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, BinaryIO, Protocol
 
 import yaml
 
 from vfguide.errors import InputError
-from vfguide.regular_file import open_regular, read_by_others
+from vfguide.regular_file import open_regular, read_by_others, replace_file
 
 # The functions below import `cryptography` themselves: it takes 7 MB, and a formation without keys has none.
 if TYPE_CHECKING:
@@ -155,6 +156,22 @@ def read_radio_key(path: Path, environment: Mapping[str, str] = os.environ) -> b
     return key
 
 
+@contextmanager
+def _readable(path: Path, what: str) -> Iterator[BinaryIO]:
+    """A file of keys, to be read from.
+
+    Raises:
+        InputError: it cannot be read.
+    """
+    try:
+        with open_regular(path) as stream:
+            yield stream
+    except OSError as error:
+        raise InputError(
+            f"{path}: the {what} cannot be read ({error.strerror}); make keys with `vfguide keys make`"
+        ) from None
+
+
 def read_secret(path: Path, what: str, environment: Mapping[str, str]) -> bytes:
     """The content of a file that only its owner may read.
 
@@ -166,14 +183,9 @@ def read_secret(path: Path, what: str, environment: Mapping[str, str]) -> bytes:
     Raises:
         InputError: it cannot be read, or others may read it.
     """
-    try:
-        with open_regular(path) as stream:
-            found = os.fstat(stream.fileno())
-            content = stream.read(LARGEST_KEY + 1)
-    except OSError as error:
-        raise InputError(
-            f"{path}: the {what} cannot be read ({error.strerror}); make keys with `vfguide keys make`"
-        ) from None
+    with _readable(path, what) as stream:
+        found = os.fstat(stream.fileno())
+        content = stream.read(LARGEST_KEY + 1)
     # systemd keeps others out of this directory by an access list, which shows as the group's permissions.
     credentials = environment.get("CREDENTIALS_DIRECTORY")
     kept_by_systemd = bool(credentials) and path.parent == Path(credentials or "")
@@ -205,14 +217,7 @@ def make_radio_key(places: KeyPlaces, *, anew: bool = False) -> bool:
 def write_secret(path: Path, content: bytes) -> None:
     """Put something into a file that only its owner may read, in the place of any before it."""
     path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
-    partial = path.with_name(f".{path.name}.partial")
-    partial.unlink(missing_ok=True)
-    descriptor = os.open(partial, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
-    with os.fdopen(descriptor, "wb") as stream:
-        stream.write(content)
-        stream.flush()
-        os.fsync(stream.fileno())
-    partial.replace(path)
+    replace_file(path, content, mode=0o600)
 
 
 def read_revocations(path: Path) -> tuple[bytes, ...]:
@@ -248,13 +253,8 @@ def read_roster(path: Path) -> Roster:
     Raises:
         InputError: it cannot be read, or is none.
     """
-    try:
-        with open_regular(path) as stream:
-            content = stream.read(LARGEST_ROSTER + 1)
-    except OSError as error:
-        raise InputError(
-            f"{path}: the roster cannot be read ({error.strerror}); make keys with `vfguide keys make`"
-        ) from None
+    with _readable(path, "roster") as stream:
+        content = stream.read(LARGEST_ROSTER + 1)
     if len(content) > LARGEST_ROSTER:
         raise InputError(f"{path}: is too long for a roster")
     try:
@@ -316,9 +316,7 @@ def write_roster(path: Path, roster: Roster) -> None:
         "operators": {name: key.hex() for name, key in roster.operators.items()},
     }
     text = yaml.safe_dump(content, sort_keys=False, allow_unicode=True, default_style=None)
-    partial = path.with_name(f".{path.name}.partial")
-    partial.write_text(HEADING + text, encoding="utf-8")
-    partial.replace(path)
+    replace_file(path, (HEADING + text).encode())
 
 
 def make_keys(
