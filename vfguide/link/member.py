@@ -70,15 +70,16 @@ class TwinWatch:
     spoken. Another leader that has spoken for longer answers, and that sends it back.
     """
 
-    def __init__(self, now: float, *, asks: bool) -> None:
+    def __init__(self, clock: Callable[[], float], *, asks: bool) -> None:
         """Know of none.
 
         Args:
-            now: of the start, s on the member's own clock, as everywhere here.
+            clock: the member's own, s.
             asks: whether it is the leader.
         """
         self.asks = asks
-        self._began_s = now
+        self._clock = clock
+        self._began_s = clock()
         self._spoke_s = math.inf
         self._twin_s = -math.inf
         self._quiet_s = TWIN_QUIET_S
@@ -88,38 +89,42 @@ class TwinWatch:
         self._made = deque[int](maxlen=REMEMBERED)
         self._answered = deque[int](maxlen=REMEMBERED)
 
-    def note_speech(self, now: float) -> None:
+    def note_speech(self) -> None:
         """Note that the member says a state."""
-        self._spoke_s = min(self._spoke_s, now)
+        self._spoke_s = min(self._spoke_s, self._clock())
 
-    def spoken_s(self, now: float) -> float:
+    @property
+    def spoken_s(self) -> float:
         """For how long the member has spoken, s."""
-        return max(now - self._spoke_s, 0.0)
+        return max(self._clock() - self._spoke_s, 0.0)
 
-    def stands_back(self, now: float) -> bool:
+    @property
+    def stands_back(self) -> bool:
         """Whether another was here before: this one is not to steer then."""
-        return now - self._twin_s < self._quiet_s
+        return self._clock() - self._twin_s < self._quiet_s
 
-    def is_young(self, now: float) -> bool:
+    @property
+    def is_young(self) -> bool:
         """Whether another may have been here before: own states are worth listening for."""
-        return now - self._spoke_s < YOUNG_S
+        return self._clock() - self._spoke_s < YOUNG_S
 
-    def hear(self, said_ago_s: float, now: float) -> None:
+    def hear(self, said_ago_s: float) -> None:
         """Note a true message in the own name that was said so long ago, on the formation's clock, s."""
-        live = said_ago_s < now - self._began_s - AFTER_START_S
-        if live and not self.asks and (self.stands_back(now) or self.is_young(now)):
-            self._step_back(now)
+        live = said_ago_s < self._clock() - self._began_s - AFTER_START_S
+        if live and not self.asks and (self.stands_back or self.is_young):
+            self._step_back()
 
-    def question(self, now: float) -> bytes | None:
+    def question(self) -> bytes | None:
         """What to ask in the own name after a message in it; None where nothing is to be asked now."""
+        now = self._clock()
         if not self.asks or now < self._ask_s:
             return None
-        every_s = ASK_AGAIN_S if self.stands_back(now) else ASK_EVERY_S
+        every_s = ASK_AGAIN_S if self.stands_back else ASK_EVERY_S
         self._in_vain += 1
         if self._in_vain > IN_VAIN:
             every_s = ASK_SELDOM_S
         self._ask_s = now + (0.5 + random()) * every_s
-        number, spoken_s = secrets.randbits(64), self.spoken_s(now)
+        number, spoken_s = secrets.randbits(64), self.spoken_s
         self._made.append(number)
         self._open = {
             one: asked for one, asked in self._open.items() if now - asked[0] <= ANSWERED_S
@@ -135,37 +140,37 @@ class TwinWatch:
         except LinkDataError:
             return False
 
-    def hear_answer(self, answer: bytes, now: float) -> None:
+    def hear_answer(self, answer: bytes) -> None:
         """Note an answer in the own name: another program with its key says for how long it has spoken."""
         if not self.awaits(answer):
             return
         tell = decode_tell(answer)
         asked_s, spoken_s = self._open.pop(tell.number)
-        if 0.0 <= now - asked_s <= ANSWERED_S and tell.transmit_s > spoken_s:
+        if 0.0 <= self._clock() - asked_s <= ANSWERED_S and tell.transmit_s > spoken_s:
             self._in_vain = 0
-            self._step_back(now)
+            self._step_back()
 
-    def may_answer(self, question: bytes, now: float) -> bool:
+    def may_answer(self, question: bytes) -> bool:
         """Whether to answer a question in the own name, which sends its asker back; each one once.
 
         Raises:
             LinkDataError: it is none.
         """
-        ask = decode_ask(question)
-        if not self.asks or self.stands_back(now) or now - self._answer_s < ANSWER_EVERY_S:
+        ask, now = decode_ask(question), self._clock()
+        if not self.asks or self.stands_back or now - self._answer_s < ANSWER_EVERY_S:
             return False
         if ask.number in self._made or ask.number in self._answered:
             # Played again.
             return False
-        if self.spoken_s(now) <= ask.originate_s:
+        if self.spoken_s <= ask.originate_s:
             return False
         self._answer_s = now
         self._answered.append(ask.number)
         return True
 
-    def _step_back(self, now: float) -> None:
+    def _step_back(self) -> None:
         """Be silent from now on, for a time of chance: two that drew alike once are parted the next time."""
-        self._twin_s, self._spoke_s = now, math.inf
+        self._twin_s, self._spoke_s = self._clock(), math.inf
         self._quiet_s = TWIN_QUIET_S + TWIN_SPREAD_S * random()
 
 
@@ -284,7 +289,8 @@ class Member:
         self._useful = frozenset(
             kind for kind, receive in RECEIVERS.items() if receive in wanted
         ) | ({Kind.QUESTION} if trust.leads else set())
-        self._twins = TwinWatch(clock(), asks=trust.leads)
+        self.twins = TwinWatch(clock, asks=trust.leads)
+        """What is known of another of its name."""
         self.heeds_orders = bool(wanted & {"receive_order", "receive_reply"})
         """Whether orders and what is said to them are wanted."""
 
@@ -303,12 +309,7 @@ class Member:
         """Why it is not to steer, in words; empty where it may."""
         if self.trust.is_revoked:
             return KEY_OUT
-        return ELDER if self._twins.stands_back(self.clock()) else ""
-
-    @property
-    def is_young(self) -> bool:
-        """Whether another of this name may have been here before: own states are worth listening for."""
-        return self._twins.is_young(self.clock())
+        return ELDER if self.twins.stands_back else ""
 
     def note_twin(self, said_s: float) -> None:
         """Note a true message in one's own name that somebody else has said, at a time of the formation, s.
@@ -316,31 +317,14 @@ class Member:
         An operator's program steers nothing: it may have as many of its name as it likes.
         """
         if not self.is_operator:
-            self._twins.hear(self.formation_time() - said_s, self.clock())
+            self.twins.hear(self.formation_time() - said_s)
             self.ask_twin()
 
     def ask_twin(self) -> None:
         """Ask another of the own name whether it lives, where that is how to tell."""
-        question = self._twins.question(self.clock())
+        question = self.twins.question()
         if question is not None:
             self._send(Kind.QUESTION, self.name, question)
-
-    @property
-    def spoken_s(self) -> float:
-        """For how long it has said states, s."""
-        return self._twins.spoken_s(self.clock())
-
-    def answers_twin(self, question: bytes) -> bool:
-        """Whether to answer a question in the own name.
-
-        Raises:
-            LinkDataError: it is none.
-        """
-        return self._twins.may_answer(question, self.clock())
-
-    def hear_twin(self, answer: bytes) -> None:
-        """Take an answer in the own name, of one who has its key."""
-        self._twins.hear_answer(answer, self.clock())
 
     @property
     def candidates(self) -> tuple[str, ...]:
@@ -368,7 +352,7 @@ class Member:
         if self.stands_back:
             self.counters[NOT_SAID] += 1
             return self._seal(Kind.STATE, EVERYBODY, body)
-        self._twins.note_speech(self.clock())
+        self.twins.note_speech()
         return self._send(Kind.STATE, EVERYBODY, body)
 
     def say(self, kind: Kind, body: bytes) -> Parcel:
@@ -515,17 +499,16 @@ class Member:
             case Kind.QUESTION:
                 self._answer_twin(envelope.body)
             case Kind.ANSWER:
-                self.hear_twin(envelope.body)
+                self.twins.hear_answer(envelope.body)
             case _:
                 self.note_twin(envelope.time_s)
 
     def _answer_twin(self, question: bytes) -> None:
         """Say for how long this one has spoken, where that is longer."""
         try:
-            if self.answers_twin(question):
-                self._send(
-                    Kind.ANSWER, self.name, PeerClock.answer(question, self.spoken_s, self.spoken_s)
-                )
+            if self.twins.may_answer(question):
+                spoken_s = self.twins.spoken_s
+                self._send(Kind.ANSWER, self.name, PeerClock.answer(question, spoken_s, spoken_s))
         except LinkDataError:
             self.counters["refused: no question"] += 1
 
@@ -589,7 +572,7 @@ class Member:
             case Kind.ANSWER:
                 # On a wire that all share, others' answers are no news: they are not worth a look at the
                 # signature.
-                clock = self._twins if sender == self.name else self.peer_clock
+                clock = self.twins if sender == self.name else self.peer_clock
                 return clock is not None and clock.awaits(body)
             case _:
                 return kind in self._useful

@@ -330,7 +330,7 @@ class MqttCarrier(Carrier):
         while True:
             echo.listen()
             await self._subscribe(client, [topic])
-            while not echo.heard or self._member.is_young:
+            while not echo.heard or self._member.twins.is_young:
                 # The whole time even if the first one comes at once: others of this name are heard, too.
                 await asyncio.sleep(ECHO_S)
                 if echo.check():

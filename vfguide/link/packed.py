@@ -35,6 +35,7 @@ from msgspec.structs import replace
 
 from vfguide.link.codec import LeaderMessage, LinkDataError
 from vfguide.link.presence import LINKS_LOST, REVOKED_KEY, Presence
+from vfguide.link.radio_schedule import LEADER, Timetable
 
 TAG_SIZE = 8
 KEY_SIZE = 32
@@ -75,9 +76,6 @@ FINDING_TEXT = (
 )
 """What becomes of findings."""
 
-LEADER, OPERATOR = 0, 255
-"""Numbers of the leader, and of an operator."""
-
 MOST_VEHICLES = 255
 """Whose numbers fit into a byte, and so does their count."""
 
@@ -107,20 +105,16 @@ class PackedKind(IntEnum):
     """A piece of an operator's statement that a vehicle's key is out."""
 
 
-class BeatInfo(msgspec.Struct, frozen=True, kw_only=True):
+class BeatInfo(msgspec.Struct, frozen=True):
     """The leader's beat: what the turns of all others count from."""
 
     beat: int
     """Which beat of the cycle this is, from 0."""
-    beats: int
-    """Beats in a cycle, in which every follower has one turn."""
-    members: int
-    """Vehicles of the formation."""
-    period_ms: int
-    """From one beat to the next, ms."""
+    table: Timetable
+    """Turns that follow it."""
 
 
-class Piece(msgspec.Struct, frozen=True, kw_only=True):
+class Piece(msgspec.Struct, frozen=True):
     """A part of a message that no packet has room for."""
 
     mark: int
@@ -209,14 +203,10 @@ def ticks_of(time_s: float) -> int:
     return ticks
 
 
-def encode_beat(beat: BeatInfo) -> bytes:
-    """The body of a beat."""
-    return BEAT.pack(beat.beat, beat.beats, beat.members, beat.period_ms)
-
-
-def encode_beat_alone(beat: BeatInfo) -> bytes:
-    """The body of a packet that is a beat and nothing else."""
-    return BEAT_ALONE.pack(beat.beat, beat.beats, beat.members, beat.period_ms)
+def encode_beat(info: BeatInfo, layout: struct.Struct = BEAT) -> bytes:
+    """The body of a beat, or of a packet that is a beat and nothing else (BEAT_ALONE)."""
+    table = info.table
+    return layout.pack(info.beat, table.beats, table.members, table.period_ms)
 
 
 def encode_motion(message: LeaderMessage) -> bytes:
@@ -242,16 +232,6 @@ def limited(value: float, bits: int) -> int:
     return min(max(round(value), -greatest), greatest)
 
 
-def encode_question(number: int) -> bytes:
-    """The body of a question."""
-    return QUESTION.pack(number)
-
-
-def encode_answer(to: int, number: int, session: int, received: int) -> bytes:
-    """The body of an answer; when it leaves is the packet's own time."""
-    return ANSWER.pack(to, number, session, received.to_bytes(6, "little"))
-
-
 def encode_packed_presence(presence: Presence, session: int) -> bytes:
     """The body of a presence: without its figures, its texts as far as there is room."""
     flags = ONLINE * (presence.status == "online") | SIGNED * presence.signed
@@ -261,11 +241,6 @@ def encode_packed_presence(presence: Presence, session: int) -> bytes:
     flags |= KEYS_OUT * any(name.startswith(REVOKED_KEY) for name in presence.figures)
     mode, version = (text.encode("ascii", "replace") for text in (presence.mode, presence.version))
     return PRESENCE.pack(session, flags, mode, version)
-
-
-def encode_piece(piece: Piece) -> bytes:
-    """The body of a packet that carries a part of a message."""
-    return PIECE.pack(piece.mark, piece.index, piece.size, piece.data)
 
 
 def encode_packet(
@@ -343,7 +318,7 @@ def _beat_of(body: bytes, layout: struct.Struct = BEAT) -> BeatInfo:
     beat, beats, members, period_ms = _fields(layout, body)
     if not (beat < beats and members > 0 and period_ms > 0):
         raise LinkDataError("no beat")
-    return BeatInfo(beat=beat, beats=beats, members=members, period_ms=period_ms)
+    return BeatInfo(beat, Timetable(members=members, beats=beats, period_ms=period_ms))
 
 
 def _question(packet: Packet, body: bytes) -> Packet:
@@ -387,7 +362,7 @@ def _piece(packet: Packet, body: bytes) -> Packet:
     mark, index, size, data = _fields(PIECE, body)
     if index * PIECE_SIZE >= size:
         raise LinkDataError("a piece behind the end")
-    return replace(packet, piece=Piece(mark=mark, index=index, size=size, data=data))
+    return replace(packet, piece=Piece(mark, index, size, data))
 
 
 def _fields(layout: struct.Struct, body: bytes) -> tuple[Any, ...]:

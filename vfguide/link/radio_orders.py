@@ -18,8 +18,6 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
-import msgspec
-
 from vfguide.link.codec import Ask, Kind, LinkDataError, Tell, decode_ask
 from vfguide.link.order_codec import decode_reply
 from vfguide.link.packed import PIECE_SIZE, TICK_S, PackedKind, Packet, Piece
@@ -49,24 +47,6 @@ PACKED_KINDS = {
 """Kinds of messages that are said in pieces."""
 
 
-class QueuedBody(msgspec.Struct, frozen=True, kw_only=True):
-    """Something that is to be said."""
-
-    body: bytes
-    """What."""
-    since_s: float
-    """Since when it waits, s on the clock of the turns."""
-
-
-class Question(msgspec.Struct, frozen=True, kw_only=True):
-    """One that was heard."""
-
-    number: int
-    """Number of the exchange."""
-    received_s: float
-    """When, s on the member's clock."""
-
-
 class Questions:
     """What one member asks, and what it is asked."""
 
@@ -76,7 +56,7 @@ class Questions:
         self.asked_s = -math.inf
         """When the last question was asked, on the clock of the turns."""
         self._open: dict[int, tuple[float, float]] = {}
-        self._heard: dict[int, Question] = {}
+        self._heard: dict[int, tuple[int, float]] = {}
         self._answered_s: dict[int, float] = {}
 
     def post(self, question: bytes) -> None:
@@ -109,20 +89,23 @@ class Questions:
 
     def hear(self, asker: int, number: int, clock_s: float) -> None:
         """Keep a question of another member for a turn in which it can be answered."""
-        self._heard[asker] = Question(number=number, received_s=clock_s)
+        self._heard[asker] = number, clock_s
 
-    def next_to_answer(self, clock_s: float, now: float) -> tuple[int, Question] | None:
-        """Whom to answer what now: the one who was not answered for the longest; None where nobody asks."""
+    def next_to_answer(self, clock_s: float, now: float) -> tuple[int, int, float] | None:
+        """(whom to answer, the question's number, when it was heard on the member's clock).
+
+        It is the one who was not answered for the longest; None where nobody asks.
+        """
         self._heard = {
-            asker: question
-            for asker, question in self._heard.items()
-            if clock_s - question.received_s < ANSWERABLE_S
+            asker: (number, received_s)
+            for asker, (number, received_s) in self._heard.items()
+            if clock_s - received_s < ANSWERABLE_S
         }
         if not self._heard:
             return None
         asker = min(self._heard, key=lambda one: self._answered_s.get(one, -math.inf))
         self._answered_s[asker] = now
-        return asker, self._heard.pop(asker)
+        return asker, *self._heard.pop(asker)
 
 
 def mark_of(content: bytes) -> int:
@@ -142,7 +125,7 @@ def pieces_of(content: bytes) -> tuple[Piece, ...]:
     mark = mark_of(content)
     parts = (content[index * PIECE_SIZE :][:PIECE_SIZE] for index in range(count))
     return tuple(
-        Piece(mark=mark, index=index, size=len(content), data=part.ljust(PIECE_SIZE, b"\0"))
+        Piece(mark, index, len(content), part.ljust(PIECE_SIZE, b"\0"))
         for index, part in enumerate(parts)
     )
 

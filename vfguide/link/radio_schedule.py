@@ -23,13 +23,15 @@ from collections import Counter
 import msgspec
 
 from vfguide.errors import InputError
-from vfguide.link.packed import LEADER, OPERATOR, BeatInfo
 
 # Packets on a stream of bytes that arrive cut and damaged: COBS, with a checksum.
 #
 # A packet and its CRC-16 (CCITT, u16, little-endian) are stuffed by COBS (Cheshire and Baker, "Consistent
 # Overhead Byte Stuffing", 1999), which takes the zeros out for one byte more, and stand between zeros. A zero
 # therefore always is an end: what is left of a damaged packet, with or without its own zero, costs no other.
+
+LEADER, OPERATOR = 0, 255
+"""Numbers of the leader, and of an operator."""
 
 OVERHEAD = 5
 """Bytes that a packet takes more on the wire: checksum, stuffing and two zeros."""
@@ -143,7 +145,7 @@ this one packet in some buffer. What comes early was expected too late."""
 ROUNDING = 1e-9
 """Rounding error of a time, in parts of a cycle: turns are sums and quotients of times."""
 
-MOST_BEATS, LONGEST_PERIOD_MS = 255, 65535
+MOST_BEATS = 255
 
 
 class Channel(msgspec.Struct, frozen=True, kw_only=True):
@@ -187,8 +189,13 @@ class Timetable(msgspec.Struct, frozen=True, kw_only=True):
     """Vehicles of the formation."""
     beats: int
     """In a cycle."""
-    period_s: float
-    """From one beat to the next."""
+    period_ms: int
+    """From one beat to the next, ms."""
+
+    @property
+    def period_s(self) -> float:
+        """From one beat to the next, s."""
+        return self.period_ms * 1e-3
 
     @property
     def cycle_s(self) -> float:
@@ -218,20 +225,6 @@ class Timetable(msgspec.Struct, frozen=True, kw_only=True):
         """Numbers by which `offset_s` tells the turns of an operator."""
         return range(self.members + 1, self.beats * (self.slots - 1) + 1)
 
-    def info(self, beat: int) -> BeatInfo:
-        """What the leader says at a beat."""
-        return BeatInfo(
-            beat=beat,
-            beats=self.beats,
-            members=self.members,
-            period_ms=round(self.period_s * 1e3),
-        )
-
-
-def timetable_of(info: BeatInfo) -> Timetable:
-    """The timetable that a beat tells."""
-    return Timetable(members=info.members, beats=info.beats, period_s=info.period_ms * 1e-3)
-
 
 def make_timetable(
     members: int, *, leader_hz: float, followers_hz: float, channel: Channel
@@ -247,9 +240,8 @@ def make_timetable(
     Raises:
         InputError: the channel is too slow for it.
     """
-    period_s = round(1e3 / leader_hz) * 1e-3
     beats = min(max(math.floor(leader_hz / followers_hz + 1e-6), 1), MOST_BEATS)
-    made = Timetable(members=members, beats=beats, period_s=period_s)
+    made = Timetable(members=members, beats=beats, period_ms=round(1e3 / leader_hz))
     if made.slot_s < channel.slot_s():
         raise InputError(
             f"{members} vehicles, a leader at {leader_hz:g} Hz and followers at {followers_hz:g} Hz do not"
@@ -281,12 +273,11 @@ class Beat:
         if self.timetable is None:
             self.timetable, self._origin_s = timetable, now
 
-    def hear_leader(self, info: BeatInfo, began_s: float) -> None:
+    def hear_leader(self, beat: int, table: Timetable, began_s: float) -> None:
         """Count from a beat that began to be sent at a time, s on one's own clock."""
-        heard = timetable_of(info)
-        fresh = self.timetable != heard
-        self.timetable = heard
-        self._adopt(LEADER, info.beat * heard.period_s, began_s, fresh=fresh)
+        fresh = self.timetable != table
+        self.timetable = table
+        self._adopt(LEADER, beat * table.period_s, began_s, fresh=fresh)
 
     def hear_follower(self, number: int, began_s: float) -> None:
         """Note a turn of a follower, which counts while the leader is silent."""

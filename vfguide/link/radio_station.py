@@ -24,6 +24,8 @@ import hmac
 import math
 from collections import deque
 
+from msgspec.structs import astuple
+
 from vfguide.link.codec import (
     Ask,
     Envelope,
@@ -37,20 +39,19 @@ from vfguide.link.codec import (
 )
 from vfguide.link.member import Member, Parcel
 from vfguide.link.packed import (
-    LEADER,
-    OPERATOR,
+    ANSWER,
+    BEAT_ALONE,
+    PIECE,
+    QUESTION,
     TICK_S,
+    BeatInfo,
     PackedKind,
     Packet,
     decode_packet,
-    encode_answer,
     encode_beat,
-    encode_beat_alone,
     encode_motion,
     encode_packed_presence,
     encode_packet,
-    encode_piece,
-    encode_question,
     formation_key,
     formation_mark,
     tag_of,
@@ -58,9 +59,11 @@ from vfguide.link.packed import (
 )
 from vfguide.link.peer_clock import HURRIED_S
 from vfguide.link.presence import Presence
-from vfguide.link.radio_orders import PACKED_KINDS, OrderInbox, OrderOutbox, Questions, QueuedBody
+from vfguide.link.radio_orders import PACKED_KINDS, OrderInbox, OrderOutbox, Questions
 from vfguide.link.radio_schedule import (
     HANDOVER_S,
+    LEADER,
+    OPERATOR,
     OVERHEAD,
     Beat,
     Channel,
@@ -68,7 +71,6 @@ from vfguide.link.radio_schedule import (
     Timetable,
     Turn,
     encode_frame,
-    timetable_of,
 )
 from vfguide.link.trust import REVOKED, SAID_PER_S, TWIN, Message, RefusedError
 
@@ -179,7 +181,7 @@ class Station:
         self._listens_since = math.inf
         self._framer = Framer(member.counters)
         self._sent: deque[bytes] = deque(maxlen=REMEMBERED)
-        self._state: QueuedBody | None = None
+        self._state: tuple[bytes, float] | None = None
         self._questions = Questions()
         self._presence: Presence | None = None
         self._told_s = -math.inf
@@ -200,7 +202,7 @@ class Station:
             case Kind.STATE:
                 if self._state is not None:
                     self._member.counters["radio: replaced before its turn"] += 1
-                self._state = QueuedBody(body=parcel.body, since_s=now)
+                self._state = parcel.body, now
             case Kind.QUESTION:
                 self._questions.post(parcel.body)
             case Kind.ORDER | Kind.REPLY | Kind.REPEAT | Kind.REVOCATION:
@@ -378,7 +380,11 @@ class Station:
         try:
             self._member.vouch_for(envelope)
         except RefusedError as refusal:
-            if str(refusal) == TWIN and kind is Kind.QUESTION and self._member.answers_twin(body):
+            if (
+                str(refusal) == TWIN
+                and kind is Kind.QUESTION
+                and self._member.twins.may_answer(body)
+            ):
                 self._questions.hear(packet.sender, packet.number, self._member.clock())
             raise
 
@@ -399,7 +405,7 @@ class Station:
         # The leader may have started anew: asking it tells.
         self._member.hurry.set()
         # By what was proven, not by the beat that is counted from: that may be a forger's, and a slow one.
-        cycle_s = packet.beat.period_ms * 1e-3 * packet.beat.beats
+        cycle_s = packet.beat.table.cycle_s
         if began_s - self._proven_s > HANDOVER_S and cycle_s <= LONGEST_CYCLE_S:
             self._count_from(packet, began_s)
 
@@ -407,8 +413,8 @@ class Station:
         """Ask a leader that nothing vouches for whether it lives: another run of this one, or nobody."""
         if packet.beat is not None and self._is_silent_leader(began_s):
             # In step with it, the answer's turn is one in which it listens.
-            if timetable_of(packet.beat) == self._timetable:
-                self._beat.hear_leader(packet.beat, began_s)
+            if packet.beat.table == self._timetable:
+                self._beat.hear_leader(packet.beat.beat, packet.beat.table, began_s)
             self._twin_s = began_s
         self._member.ask_twin()
 
@@ -421,11 +427,11 @@ class Station:
         info = packet.beat
         if info is None or self._number == LEADER:
             return
-        if info.members != len(self._vehicles):
+        if info.table.members != len(self._vehicles):
             raise RefusedError("another number of vehicles")
-        if timetable_of(info).slot_s < self._channel.line_s():
+        if info.table.slot_s < self._channel.line_s():
             raise RefusedError("a beat that is too fast")
-        self._beat.hear_leader(info, began_s)
+        self._beat.hear_leader(info.beat, info.table, began_s)
 
     def _use(self, packet: Packet, sender: str, epoch: int) -> None:
         """Hand on what is believed."""
@@ -508,9 +514,10 @@ class Station:
             return b""
         if turn.beat is None or table is None:
             return self._answer(now) or self._own_presence(now, PRESENCE_S) or self._piece(now)
-        beat, state = table.info(turn.beat), self._fresh_state(now)
+        beat, state = BeatInfo(turn.beat, table), self._fresh_state(now)
         if state is None:
-            return self._sealed(PackedKind.BEAT, encode_beat_alone(beat), self._member.clock())
+            alone = encode_beat(beat, BEAT_ALONE)
+            return self._sealed(PackedKind.BEAT, alone, self._member.clock())
         return self._sealed_state(state, encode_beat(beat))
 
     def _is_silent_leader(self, now: float) -> bool:
@@ -545,13 +552,13 @@ class Station:
 
     def _fresh_state(self, now: float) -> bytes | None:
         """The newest state, if it was not sent yet."""
-        state, self._state = self._state, None
-        if state is None:
+        if self._state is None:
             return None
-        if now - state.since_s > STALE_S:
+        (body, since_s), self._state = self._state, None
+        if now - since_s > STALE_S:
             self._member.counters["radio: too old for its turn"] += 1
             return None
-        return state.body
+        return body
 
     def _sealed_state(self, body: bytes, beat: bytes = b"") -> bytes:
         """A state as a packet; nothing where its time is none."""
@@ -593,7 +600,7 @@ class Station:
             return b""
         # A leader asks another of its name, and says for how long it has spoken.
         said_s = ask.originate_s if self._number == LEADER else 0.0
-        return self._sealed(PackedKind.QUESTION, encode_question(ask.number), said_s)
+        return self._sealed(PackedKind.QUESTION, QUESTION.pack(ask.number), said_s)
 
     def _answer(self, now: float) -> bytes:
         """The answer to one of the questions that wait."""
@@ -601,13 +608,14 @@ class Station:
         found = self._questions.next_to_answer(clock_s, now)
         if found is None:
             return b""
-        asker, question = found
+        asker, number, received_s = found
         (session, *_) = self._member.trust.epochs(clock_s)
-        received_s, said_s = question.received_s, clock_s
+        said_s = clock_s
         if asker == self._number:
             # Another of its name asks for how long it has spoken.
-            received_s = said_s = self._member.spoken_s
-        body = encode_answer(asker, question.number, session, ticks_of(received_s))
+            received_s = said_s = self._member.twins.spoken_s
+        received = ticks_of(received_s).to_bytes(6, "little")
+        body = ANSWER.pack(asker, number, session, received)
         return self._sealed(PackedKind.ANSWER, body, said_s)
 
     def _piece(self, now: float) -> bytes:
@@ -617,7 +625,7 @@ class Station:
             return b""
         kind, piece = found
         said_s = 0.0 if kind in OF_NO_SESSION else self._member.formation_time()
-        return self._sealed(kind, encode_piece(piece), said_s)
+        return self._sealed(kind, PIECE.pack(*astuple(piece)), said_s)
 
     def _own_presence(self, now: float, every_s: float) -> bytes:
         """This vehicle's presence as a signed packet; nothing while it is not due."""

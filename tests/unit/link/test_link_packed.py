@@ -10,33 +10,32 @@ from msgspec.structs import replace
 from tests.kit.states import leader_message
 from vfguide.link.codec import GREATEST, LeaderMessage, LinkDataError, decode, encode
 from vfguide.link.packed import (
+    ANSWER,
+    BEAT_ALONE,
     FINDING_TEXT,
-    LEADER,
     OBSTACLE_TEXT,
+    PIECE,
+    QUESTION,
     TAG_SIZE,
     TICK_S,
     BeatInfo,
     PackedKind,
     Packet,
-    Piece,
     decode_packet,
-    encode_answer,
     encode_beat,
-    encode_beat_alone,
     encode_motion,
     encode_packed_presence,
     encode_packet,
-    encode_piece,
-    encode_question,
     formation_key,
     formation_mark,
     tag_of,
     ticks_of,
 )
 from vfguide.link.presence import Presence
-from vfguide.link.radio_schedule import LONGEST_FRAME, OVERHEAD, SHORTEST_FRAME
+from vfguide.link.radio_schedule import LEADER, LONGEST_FRAME, OVERHEAD, SHORTEST_FRAME, Timetable
 
-BEAT = BeatInfo(beat=3, beats=4, members=12, period_ms=100)
+TABLE = Timetable(members=12, beats=4, period_ms=100)
+BEAT = BeatInfo(3, TABLE)
 TAG = bytes(TAG_SIZE)
 PRESENCE = Presence(
     status="online",
@@ -50,11 +49,11 @@ PRESENCE = Presence(
 )
 
 BODIES = {
-    PackedKind.BEAT: encode_beat_alone(BEAT),
-    PackedKind.QUESTION: encode_question(2**64 - 1),
-    PackedKind.ANSWER: encode_answer(5, 2**63, 77, 123),
+    PackedKind.BEAT: encode_beat(BEAT, BEAT_ALONE),
+    PackedKind.QUESTION: QUESTION.pack(2**64 - 1),
+    PackedKind.ANSWER: ANSWER.pack(5, 2**63, 77, (123).to_bytes(6, "little")),
     PackedKind.PRESENCE: encode_packed_presence(PRESENCE, 2**64 - 1),
-    PackedKind.ORDER: encode_piece(Piece(mark=7, index=2, size=80, data=bytes(28))),
+    PackedKind.ORDER: PIECE.pack(7, 2, 80, bytes(28)),
 }
 
 
@@ -191,10 +190,15 @@ def test_whatever_comes_is_a_packet_or_refused(data):
     ("data", "fault"),
     [
         (b"", "too short"),
-        (packed(PackedKind.BEAT, encode_beat_alone(BEAT))[:-1], "bytes where"),
-        (packed(PackedKind.BEAT, encode_beat_alone(replace(BEAT, beat=4))), "no beat"),
-        (packed(PackedKind.BEAT, encode_beat_alone(replace(BEAT, period_ms=0))), "no beat"),
-        (packed(PackedKind.BEAT, encode_beat_alone(BEAT), steered=False), "flag"),
+        (packed(PackedKind.BEAT, encode_beat(BEAT, BEAT_ALONE))[:-1], "bytes where"),
+        (packed(PackedKind.BEAT, encode_beat(replace(BEAT, beat=4), BEAT_ALONE)), "no beat"),
+        (
+            packed(
+                PackedKind.BEAT, encode_beat(BeatInfo(3, replace(TABLE, period_ms=0)), BEAT_ALONE)
+            ),
+            "no beat",
+        ),
+        (packed(PackedKind.BEAT, encode_beat(BEAT, BEAT_ALONE), steered=False), "flag"),
         (b"\x0a" + bytes(30), "no kind"),
         (packed(PackedKind.STATE, b"\xff\xff\xff\x7f" + bytes(24), sender=1), "no place"),
         (packed(PackedKind.PRESENCE, bytes(9) + b"\xff" * 18), "no text"),

@@ -25,9 +25,10 @@ from tests.unit.link.radio_crafts import (
 from vfguide.lab.rehearsal.emulated_radio import RadioQuality
 from vfguide.link.codec import decode
 from vfguide.link.packed import (
+    BEAT_ALONE,
     BeatInfo,
     PackedKind,
-    encode_beat_alone,
+    encode_beat,
     encode_motion,
     encode_packet,
     formation_key,
@@ -35,7 +36,7 @@ from vfguide.link.packed import (
     tag_of,
     ticks_of,
 )
-from vfguide.link.radio_schedule import DAMAGED, Framer, encode_frame
+from vfguide.link.radio_schedule import DAMAGED, Framer, Timetable, encode_frame
 
 
 def test_a_formation_hears_itself_without_a_collision_and_knows_the_leaders_clock():
@@ -470,13 +471,13 @@ def test_who_has_the_radio_key_does_not_make_a_vehicle_a_copy_of_itself(ahead_s)
 @pytest.mark.parametrize(("beats", "period_ms"), [(255, 65_000), (1, 65_000), (1, 8_000)])
 def test_one_forged_slow_beat_does_not_silence_a_member_that_starts(beats, period_ms):
     channel = Shared()
-    info = BeatInfo(beat=0, beats=beats, members=len(NAMES), period_ms=period_ms)
+    table = Timetable(members=len(NAMES), beats=beats, period_ms=period_ms)
     forged = encode_packet(
         PackedKind.BEAT,
         formation=formation_mark(FORMATION),
         sender=0,
         ticks=0,
-        body=encode_beat_alone(info),
+        body=encode_beat(BeatInfo(0, table), BEAT_ALONE),
     )
     one = channel.craft("f1", session=12)
     channel.air.transmit(encode_frame(forged + bytes(8)))
