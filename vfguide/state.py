@@ -139,6 +139,8 @@ class HeardState(LeaderState, frozen=True, kw_only=True):
     """float of the newest order that it flies by or is about to; 0 before the first."""
     course_setpoint: float = math.nan
     """Course that its autopilot was told to hold, rad; NaN where it is not steered, or was not told."""
+    height_sense: int = 0
+    """1: it is on its way up to another height, -1: down, 0: neither, or it does not tell."""
     satellite_m: float = math.nan
     """By how much its altitude by satellites is above `altitude_amsl`, m; NaN where it does not tell."""
     leader_fix: LeaderFix | None = None

@@ -20,6 +20,7 @@ from vfguide.companion.height_beside import (
     OVER_SHARE,
     PILOTS_OFF_M_S,
     Obstacle,
+    height_sense,
     neighbour_of,
     worth_in_plane,
 )
@@ -131,6 +132,8 @@ class KeepClear:
         self._looked_s = -math.inf
         self._clear: Clearance | None = None
         self._climb_m = 0.0
+        self.height_sense = 0
+        """Which way the vehicle leaves its height, as the others are told, see `HeardState.height_sense`."""
         self._stepped_s = self._begun_s = -math.inf
         self._tight_since = math.inf
         self._held_s = self._held_since_s = -math.inf
@@ -162,6 +165,8 @@ class KeepClear:
         if not 0.0 <= now - self._looked_s < AROUND_LOOK_S - 0.5 * navigated.period:
             self._looked_s, aim = now, intent()
             self._clear = clear = self._look_around(navigated, turn_rate, aim, steered=steered)
+            up = navigated.altitude_amsl - self._plan.frame.altitude_m - aim.height.height
+            self.height_sense = height_sense(self._climb_m - up)
         if clear is None or not clear.changed:
             return AvoidanceStep(setpoint=None, climb_m=self._climb_m)
         setpoint = setpoint_of(
@@ -315,6 +320,7 @@ class KeepClear:
                         climb_rate=climb_rate,
                         under=self._plan.rank > vehicle.rank,
                         makes_room=makes_room,
+                        sense=self._traffic.sense_of(row) if makes_room else 0,
                         slots_apart_m=slots_apart_m if makes_room else math.inf,
                         over_m=over_m if taken or lost else 0.0,
                         height_off_m=HEIGHT_OFF_M + grown_m,
@@ -413,7 +419,7 @@ class KeepClear:
         if found is None:
             return self._climb_m if here.time_s - self._stepped_s <= EPISODE_S else 0.0
         others, those = found
-        distance = distances(own, aim.wanted, clear, others, self._agility(navigated))
+        distance, closest_s = distances(own, aim.wanted, clear, others, self._agility(navigated))
         origin, wanted = self._plan.frame.altitude_m, aim.height
         up = here.altitude_amsl - origin - wanted.height
         if math.isnan(up):
@@ -423,13 +429,14 @@ class KeepClear:
                 one,
                 # A step lasts longer than tracks are predicted: two that change places come nearer.
                 distance=min(float(way), one.slots_apart_m),
+                in_s=float(in_s),
                 height=one.altitude_amsl - origin - wanted.height,
                 climb_rate=one.climb_rate - wanted.climb_rate,
                 own_height=up,
                 own_climb_rate=float(navigated.state.climb_rate) - wanted.climb_rate,
-                step=self._climb_m,
+                own_sense=self.height_sense,
             )
-            for one, way in zip(those, distance, strict=True)
+            for one, way, in_s in zip(those, distance, closest_s, strict=True)
         ]
         past = here.time_s - self._stepped_s > EPISODE_S and not over
         if past and clearance(0.0, neighbours) >= CLEAR:
@@ -453,7 +460,7 @@ def leads_over(
     over = np.array([one.over_m for one in those])
     if not over.any():
         return False
-    return bool((distances(own, aim.wanted, None, others, agility) < over).any())
+    return bool((distances(own, aim.wanted, None, others, agility)[0] < over).any())
 
 
 def own_motion(state: VehicleState, turn_rate: float, airframe: Airframe) -> OwnMotion:

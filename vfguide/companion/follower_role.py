@@ -368,6 +368,7 @@ class FollowerRole(Role):
             steered=mode.steers,
             arrangement=self._arrangements.number,
             course_setpoint=course_setpoint,
+            height_sense=self._keep_clear.height_sense,
             leader=self.followed.place,
         )
 

@@ -18,10 +18,7 @@ from vfguide.guidance.height import Neighbour, height_between
 from vfguide.guidance.separation import BEGINNINGS, TIMES, Others
 
 LEVEL_M = 3.0
-"""Vehicles whose altitudes differ by less than this step apart by their ranks ..."""
-
-AT_ONCE_S = 1.0
-"""... where they still do so long from now."""
+"""Vehicles that will differ by less than this in height step apart by what they announce, or their ranks."""
 
 LEAST_UP_M = 6.0
 """Height between two vehicles above each other, at least."""
@@ -64,6 +61,8 @@ class Obstacle(msgspec.Struct, frozen=True, kw_only=True):
     """Whether to climb where both are as high, or the height is not known."""
     makes_room: bool
     """Whether it is heard to be steered by its companion: then it uses height by the same rules."""
+    sense: int = 0
+    """Which way it leaves its height, as it says: 1 up, -1 down."""
     slots_apart_m: float = math.inf
     """How near its slot and the own one come soon, level, where it is on its way to its slot."""
     over_m: float = 0.0
@@ -72,6 +71,11 @@ class Obstacle(msgspec.Struct, frozen=True, kw_only=True):
     """What its height may be off by, m ..."""
     height_off_m_s: float = 0.0
     """... and how fast that grows, m/s."""
+
+
+def height_sense(way: float) -> int:
+    """Which way a vehicle leaves its height, as others are told, by the way (m) that is left to climb."""
+    return (way > LEVEL_M) - (way < -LEVEL_M)
 
 
 def worth_in_plane(heights: FloatArray, others: Others, those: Sequence[Obstacle]) -> FloatArray:
@@ -98,32 +102,30 @@ def neighbour_of(
     one: Obstacle,
     *,
     distance: float,
+    in_s: float,
     height: float,
     climb_rate: float,
     own_height: float,
     own_climb_rate: float,
-    step: float,
+    own_sense: int,
 ) -> Neighbour:
     """Another vehicle as a step in height beside it needs it; heights are those above the own guidance's.
 
     Args:
         one: the vehicle.
         distance: of the closest approach in the plane, m.
+        in_s: when that is, s from now.
         height: of the vehicle, m; NaN where it is not known: then it is thought to be the guidance's.
         climb_rate: relative to what the own guidance wants, m/s.
         own_height: m.
         own_climb_rate: likewise relative, m/s.
-        step: in height that is flown, m.
+        own_sense: which way the own vehicle leaves its height: 1 up, -1 down, 0 neither.
     """
     known = math.isfinite(height)
-    # Of two that are as high the one that climbs already is the higher one.
-    above = own_height - height + (own_climb_rate - climb_rate) * AT_ONCE_S if known else 0.0
-    over = one.under if one.makes_room else None
-    if one.over_m > 0.0 and step != 0.0:
-        # A step that has begun beside it is not turned round through its height.
-        over = step > 0.0
-    if abs(above) > LEVEL_M:
-        over = above > 0.0
+    above = 0.0
+    if known:
+        rising = kept_rate(own_climb_rate, own_sense) - kept_rate(climb_rate, one.sense)
+        above = own_height - height + rising * min(in_s, SOON_S)
     now = height if known else 0.0
     soon = now + climb_rate * SOON_S
     return Neighbour(
@@ -132,5 +134,33 @@ def neighbour_of(
         least_up=one.least_up_m,
         lowest=min(now, soon),
         highest=max(now, soon),
-        over=over,
+        over=goes_over(one, above, own_sense),
     )
+
+
+def kept_rate(climb_rate: float, sense: int) -> float:
+    """The climb rate (m/s) that a vehicle goes on with: none where it is about to turn round."""
+    return 0.0 if climb_rate * sense < 0.0 else climb_rate
+
+
+def goes_over(one: Obstacle, above: float, own_sense: int) -> bool | None:
+    """Whether to be above another vehicle; None: either way will do.
+
+    Who will be higher stays so. Of two that will be as high each takes the way that the other has not
+    announced; where both have announced the same at once, or nothing yet, their ranks tell.
+
+    Args:
+        one: the other vehicle.
+        above: how much higher the own vehicle will be where they are closest, m.
+        own_sense: which way it leaves its height: 1 up, -1 down, 0 neither.
+    """
+    if abs(above) > LEVEL_M:
+        return above > 0.0
+    if own_sense and own_sense != one.sense:
+        return own_sense > 0
+    if one.sense and not own_sense:
+        return one.sense < 0
+    if own_sense:
+        # Both have announced the same: who is earlier in the mission keeps to it.
+        return (own_sense > 0) != one.under
+    return one.under if one.makes_room else None

@@ -124,6 +124,7 @@ class LeaderRole(Role):
                 steered=mode.steers,
                 arrangement=self._arrangements.number,
                 course_setpoint=setpoint.course,
+                height_sense=self._keep_clear.height_sense,
             ),
             keeps_clear=avoidance.setpoint is not None,
             climb_m=avoidance.climb_m,

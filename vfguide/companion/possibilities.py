@@ -96,6 +96,7 @@ class Sightings:
         "offset",
         "place",
         "run",
+        "sense",
         "since",
         "speed",
         "steered",
@@ -132,6 +133,8 @@ class Sightings:
         """Speed relative to the formation, m/s."""
         self.held = np.full(count, complex(np.nan))
         """Unit vector along the course that their autopilots were told to hold; NaN where not known."""
+        self.sense = np.zeros(count, dtype=np.int8)
+        """Which way each leaves its height, see `HeardState.height_sense`."""
         self.wind = np.zeros(count, dtype=np.complex128)
         """Of then, as the own vehicle knew it, toward, m/s."""
         self.carried = np.zeros(count, dtype=np.complex128)

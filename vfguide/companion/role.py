@@ -269,6 +269,7 @@ class StatePublisher:
         steered: bool,
         arrangement: int = 0,
         course_setpoint: float = math.nan,
+        height_sense: int = 0,
         leader: LeaderFix | None = None,
     ) -> bytes:
         """The motion as bytes for the link.
@@ -280,6 +281,7 @@ class StatePublisher:
             steered: whether this companion steers the vehicle.
             arrangement: number of the order that it flies by.
             course_setpoint: that its autopilot is told to hold, rad; NaN where there is none.
+            height_sense: which way it leaves its height, see `LeaderMessage.height_sense`.
             leader: where its leader was by the newest state of it; None where there is none.
         """
         self._sequence = (self._sequence + 1) % 2**32
@@ -301,6 +303,7 @@ class StatePublisher:
                 arrangement=arrangement,
                 steered=steered,
                 course_setpoint=course_setpoint if steered else math.nan,
+                height_sense=height_sense if steered else 0,
                 satellite_m=navigated.satellite_m,
                 sighting=None
                 if leader is None

@@ -188,6 +188,7 @@ def motion_of(data: bytes, frame: LocalFrame) -> HeardState:
         term=message.term,
         arrangement=message.arrangement,
         course_setpoint=message.course_setpoint,
+        height_sense=message.height_sense,
         satellite_m=message.satellite_m,
         leader_fix=None
         if sighting is None

@@ -253,6 +253,7 @@ class Traffic:
         known.climb_rate[row] = state.climb_rate
         known.steered[row] = state.steered
         known.held[row] = cmath.rect(1.0, state.course_setpoint)
+        known.sense[row] = state.height_sense
         if self._leads[row]:
             self._leader_s = state.time_s
 
@@ -298,6 +299,10 @@ class Traffic:
         rate = float(self._heard.climb_rate[row])
         carried_s = min(now - float(self._heard.time[row]), SILENT_S)
         return float(self._heard.altitude[row]) + rate * carried_s, rate
+
+    def sense_of(self, row: int) -> int:
+        """Which way a vehicle leaves its height, as it said last, see `HeardState.height_sense`."""
+        return int(self._heard.sense[row])
 
     def is_steered(self, row: int, now: float) -> bool:
         """Whether a vehicle is heard to be steered by its companion."""

@@ -407,14 +407,13 @@ def distances(
     clear: Clearance | None,
     others: Others,
     agility: Agility,
-) -> FloatArray:
-    """Closest approach to each possibility, m, of what is flown; None: of what is wanted."""
+) -> tuple[FloatArray, FloatArray]:
+    """(closest approaches in m, how long until then in s) of what is flown; None: of what is wanted."""
     flown = WANTED
     if clear is not None:
         flown = Manoeuvres(turn=np.array([clear.turn]), airspeed=np.array([clear.airspeed]))
     found = closest_approaches(own_tracks(own, wanted, flown, agility), others)
-    nearest: FloatArray = found[0].min(axis=1)
-    return nearest
+    return found[0].min(axis=1), BEGINNINGS[found[0].argmin(axis=1)]
 
 
 def escape_tracks(own: OwnMotion, agility: Agility) -> ComplexArray:

@@ -19,6 +19,7 @@ The course setpoint counts from 1 in steps of 2 pi / 65535; 0, which older sende
 The lowest flag says that the sender is not under guidance. Senders that know no flags write 0 there, and
 receivers that know none skip it: both directions take such a sender for one that its companion steers.
 The next flag says that the state is not the sender's own, but that of the leader it leads the formation by.
+Two flags say which way the sender leaves its height: up or down; receivers that do not know them skip them.
 
 Questions for the time and their answers: layout, little-endian: "VFCA" (ask) or "VFCT" (tell), version
 (u8), three bytes of zero, number of the exchange (u64), then as f64 when the question left (s, clock of
@@ -60,6 +61,9 @@ TELLS_LEADER = 0x04
 
 TELLS_SATELLITE = 0x08
 """Flag: the state tells the sender's altitude by satellites."""
+
+CLIMBS, DESCENDS = 0x10, 0x20
+"""Flags: the sender is on its way up or down to a height of its own."""
 
 COURSES = 65535
 """Course setpoints that are told apart, 0.1 mrad each."""
@@ -144,6 +148,8 @@ class LeaderMessage(msgspec.Struct, frozen=True, kw_only=True):
     course_setpoint: float = math.nan
     """Course that the sender's autopilot was told to hold, rad in 0 to 2 pi: without its companion it flies
     on along it. NaN where its companion does not steer it, or did not tell."""
+    height_sense: int = 0
+    """1: the sender is on its way up to a height of its own, -1: on its way down, 0: neither."""
     leads: bool = False
     """Whether this is the leader by which the sender leads, and not the sender itself."""
     satellite_m: float = math.nan
@@ -159,7 +165,8 @@ LAID_OUT = LeaderMessage.__struct_fields__[:13]
 def encode(message: LeaderMessage) -> bytes:
     """Bytes of a leader state."""
     tail_flags, tail = encoded_tail(message)
-    flags = (NOT_STEERED * (not message.steered)) | (LEADS * message.leads) | tail_flags
+    flags = NOT_STEERED * (not message.steered) | LEADS * message.leads | tail_flags
+    flags |= CLIMBS * (message.height_sense > 0) | DESCENDS * (message.height_sense < 0)
     setpoint, values = course_in_steps(message.course_setpoint), astuple(message)[: len(LAID_OUT)]
     return sealed(LAYOUT.pack(MAGIC, VERSION, flags, setpoint, *values) + tail)
 
@@ -212,6 +219,7 @@ def decode(data: bytes) -> LeaderMessage:
         **dict(zip(LAID_OUT, laid_out, strict=True)),
         steered=not flags & NOT_STEERED,
         course_setpoint=(setpoint - 1) * math.tau / COURSES if setpoint else math.nan,
+        height_sense=bool(flags & CLIMBS) - bool(flags & DESCENDS),
         leads=bool(flags & LEADS),
         sighting=None if sighting is None else LeaderSighting(*sighting),
         satellite_m=math.nan if satellite is None else satellite[0],

@@ -1,6 +1,6 @@
 """What a formation says over a radio that all share: packets of at most 51 bytes, each with a short tag.
 
-Layout, little-endian: kind (u8; 0x80 beside a state: its sender is not under guidance), formation (u16: the
+Layout, little-endian: kind (u8, with the flags of a state), formation (u16: the
 first bytes of the SHA-256 of its name), sender (u8: 0 is the leader, 1 the first follower, 255 an operator), time
 (u48, 0.1 ms, on the formation's clock), the body, and the tag: 8 bytes of keyed BLAKE2b.
 
@@ -59,11 +59,13 @@ PIECE_SIZE = 28
 PIECE = struct.Struct(f"<HBH{PIECE_SIZE}s")
 EPOCH = struct.Struct("<Q")
 
-REVISION = "2"
+REVISION = "3"
 """Revision of these packets and of the turns that they are sent in: it is in every tag."""
 
-NOT_STEERED = 0x80
-"""Flag beside the kind of a state: a pilot or the autopilot itself flies the sender."""
+NOT_STEERED, CLIMBS, DESCENDS = 0x80, 0x40, 0x20
+"""Flags beside the kind of a state: a pilot or the autopilot itself flies the sender; see `height_sense`."""
+
+FLAGS = NOT_STEERED | CLIMBS | DESCENDS
 
 ONLINE, SIGNED, OBSTACLE, LINK_LOST, FINDING, KEYS_OUT = (1 << bit for bit in range(6))
 """Flags of a presence."""
@@ -226,6 +228,12 @@ def encode_motion(message: LeaderMessage) -> bytes:
     )
 
 
+def state_flags(message: LeaderMessage) -> int:
+    """The flags beside the kind of a state."""
+    sense = CLIMBS * (message.height_sense > 0) | DESCENDS * (message.height_sense < 0)
+    return NOT_STEERED * (not message.steered) | sense
+
+
 def limited(value: float, bits: int) -> int:
     """A number that fits into so many bits and a sign."""
     greatest: int = 2**bits - 1
@@ -244,11 +252,10 @@ def encode_packed_presence(presence: Presence, session: int) -> bytes:
 
 
 def encode_packet(
-    kind: PackedKind, *, formation: int, sender: int, ticks: int, body: bytes, steered: bool = True
+    kind: PackedKind, *, formation: int, sender: int, ticks: int, body: bytes, flags: int = 0
 ) -> bytes:
     """A packet without its tag."""
-    flag = 0 if steered else NOT_STEERED
-    return HEADER.pack(kind | flag, formation, sender, ticks.to_bytes(6, "little")) + body
+    return HEADER.pack(kind | flags, formation, sender, ticks.to_bytes(6, "little")) + body
 
 
 def decode_packet(data: bytes) -> Packet:
@@ -262,11 +269,11 @@ def decode_packet(data: bytes) -> Packet:
         raise LinkDataError("too short for a packet")
     number, formation, sender, ticks = HEADER.unpack_from(tagged)
     try:
-        kind = PackedKind(number & ~NOT_STEERED)
+        kind = PackedKind(number & ~FLAGS)
     except ValueError:
         raise LinkDataError("no kind of packet") from None
-    if number & NOT_STEERED and kind is not PackedKind.STATE:
-        raise LinkDataError("only a state has this flag")
+    if number & FLAGS and kind is not PackedKind.STATE:
+        raise LinkDataError("only a state has flags")
     packet = Packet(
         kind=kind,
         formation=formation,
@@ -282,12 +289,11 @@ def _state(packet: Packet, body: bytes) -> Packet:
     beat = None
     if packet.sender == LEADER:
         beat, body = _beat_of(body[: BEAT.size]), body[BEAT.size :]
-    steered = not packet.tagged[0] & NOT_STEERED
-    state = _motion(body, packet.ticks, steered=steered)
+    state = _motion(body, packet.ticks, packet.tagged[0])
     return replace(packet, beat=beat, state=state)
 
 
-def _motion(body: bytes, ticks: int, *, steered: bool) -> LeaderMessage:
+def _motion(body: bytes, ticks: int, flags: int) -> LeaderMessage:
     latitude, longitude, altitude, course, speed, *others = _fields(MOTION, body)
     acceleration, turn_rate, turn_acceleration, climb_rate, term, arrangement = others
     if abs(latitude) > 90e7 or abs(longitude) > 180e7:
@@ -306,7 +312,8 @@ def _motion(body: bytes, ticks: int, *, steered: bool) -> LeaderMessage:
         climb_rate=climb_rate * 1e-2,
         term=term,
         arrangement=arrangement,
-        steered=steered,
+        steered=not flags & NOT_STEERED,
+        height_sense=bool(flags & CLIMBS) - bool(flags & DESCENDS),
     )
 
 

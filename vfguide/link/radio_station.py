@@ -54,6 +54,7 @@ from vfguide.link.packed import (
     encode_packet,
     formation_key,
     formation_mark,
+    state_flags,
     tag_of,
     ticks_of,
 )
@@ -476,9 +477,7 @@ class Station:
     def _accept(self, kind: Kind, sender: str, session: int, body: bytes) -> None:
         self._member.accept(Message(kind=kind, sender=sender, session=session, body=body))
 
-    def _sealed(
-        self, kind: PackedKind, body: bytes, time_s: float, *, steered: bool = True
-    ) -> bytes:
+    def _sealed(self, kind: PackedKind, body: bytes, time_s: float, *, flags: int = 0) -> bytes:
         """A packet with its tag; nothing where the formation's time is not known."""
         (epoch, *_) = self._member.trust.epochs(self._member.clock()) or (0,)
         if kind in OF_NO_SESSION:
@@ -498,7 +497,7 @@ class Station:
             sender=self._number,
             ticks=ticks,
             body=body,
-            steered=steered,
+            flags=flags,
         )
         return packet + tag_of(self._key, epoch, packet)
 
@@ -567,7 +566,7 @@ class Station:
             PackedKind.STATE,
             beat + encode_motion(message),
             message.time_s,
-            steered=message.steered,
+            flags=state_flags(message),
         )
 
     def _is_free(self, now: float) -> bool:

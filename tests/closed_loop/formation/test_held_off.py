@@ -65,6 +65,15 @@ def test_everybody_comes_past_the_others_to_the_slot(case):
     assert flight.nearest() >= LEAST_M
 
 
+@pytest.mark.parametrize(("number", "until_s"), [(28, 19.0), (49, 20.0)])
+def test_two_that_meet_while_they_join_do_not_leave_their_heights_to_the_same_side(number, until_s):
+    """One climbs from below toward one that sinks; by heights, ranks or climb rates alone both climb."""
+    content = content_of(with_law(number, "slot"))
+    content["rehearsal"]["duration_s"] = until_s
+    content["rehearsal"].pop("losses", None)
+    assert fly(Mission.model_validate(content)).nearest() >= LEAST_M
+
+
 def test_one_that_its_pilot_hands_back_comes_past_the_others_to_the_slot():
     # 300 m behind by then, and no more than 8 m/s faster.
     slots = [(-20.0, 0.0), (-44.0, 0.0)]

@@ -14,6 +14,8 @@ from vfguide.companion.height_beside import (
     HEIGHT_OFF_M,
     LEAST_UP_M,
     Obstacle,
+    goes_over,
+    height_sense,
     neighbour_of,
     worth_in_plane,
 )
@@ -516,13 +518,78 @@ def test_a_step_beside_a_silent_vehicle_is_not_turned_round_through_its_height(s
     found = neighbour_of(
         LOST,
         distance=5.0,
+        in_s=2.0,
         height=0.0,
         climb_rate=0.0,
         own_height=0.0,
         own_climb_rate=0.0,
-        step=step_m,
+        own_sense=height_sense(step_m),
     )
     assert found.over is over
+
+
+SENSES = st.sampled_from([-1, 0, 1])
+
+
+@given(st.floats(-10.0, 10.0), SENSES, SENSES, st.booleans())
+def test_two_that_see_each_other_alike_never_go_to_the_same_side(above, sense, other, under):
+    here = Obstacle(
+        name="f2",
+        least_m=7.0,
+        least_up_m=7.0,
+        altitude_amsl=600.0,
+        climb_rate=0.0,
+        under=under,
+        makes_room=True,
+        sense=other,
+    )
+    there = replace(here, name="f1", under=not under, sense=sense)
+    assert goes_over(here, above, sense) is not goes_over(there, -above, other)
+
+
+@pytest.mark.parametrize(
+    ("above", "own", "other", "later", "over"),
+    [
+        # 6 m below one that announces a climb, while the own vehicle rises: it stays below.
+        (-6.0, 0, 1, True, False),
+        # As high: the other way than the announced one, whatever the ranks say.
+        (1.0, 0, 1, False, False),
+        (1.0, 0, -1, True, True),
+        # Both climb: who is earlier in the mission goes on, the later one turns round.
+        (1.0, 1, 1, False, True),
+        (1.0, 1, 1, True, False),
+        # Nothing announced: the later one goes over.
+        (1.0, 0, 0, True, True),
+        (-1.0, 0, 0, False, False),
+    ],
+)
+def test_of_two_each_takes_the_way_that_the_other_has_not_announced(above, own, other, later, over):
+    one = replace(LOST, over_m=0.0, makes_room=True, under=later, sense=other)
+    assert goes_over(one, above, own) is over
+
+
+def test_who_rises_through_the_height_of_the_other_before_they_meet_goes_over():
+    # 3 m below, rising by 3 m/s: 3 m above in 2 s, 6 m above in 3 s. Later than 3 s is not looked at.
+    seen = replace(LOST, over_m=0.0, makes_room=True, under=False)
+
+    def over(in_s, other_climbs=0.0, sense=0):
+        one = replace(seen, sense=sense)
+        return neighbour_of(
+            one,
+            distance=5.0,
+            in_s=in_s,
+            height=3.0,
+            climb_rate=other_climbs,
+            own_height=0.0,
+            own_climb_rate=3.0,
+            own_sense=0,
+        ).over
+
+    assert over(2.5) is True
+    assert over(1.0) is False
+    # One that still sinks and announces a climb is not taken to sink on.
+    assert over(2.0, other_climbs=-2.0) is True
+    assert over(1.5, other_climbs=-2.0, sense=1) is False
 
 
 @pytest.mark.parametrize(

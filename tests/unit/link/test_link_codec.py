@@ -110,6 +110,13 @@ def test_a_course_setpoint_is_told_in_steps_of_a_tenth_of_a_milliradian(course, 
     assert math.isnan(told) if math.isnan(course) else abs(told - course) < 1e-4
 
 
+@pytest.mark.parametrize(("sense", "flags"), [(0, 0x00), (1, 0x10), (-1, 0x20)])
+def test_which_way_a_vehicle_leaves_its_height_is_told_in_two_flags(sense, flags):
+    data = encode(leader_message(height_sense=sense))
+    assert data[5] == flags
+    assert decode(data).height_sense == sense
+
+
 def test_where_the_leader_was_is_told_in_tenths_of_a_metre_and_milliseconds():
     seen = LeaderSighting(age_s=-0.012, north=20.0, east=-20.1, up=3276.7)
     data = encode(replace(leader_message(), sighting=seen))

@@ -28,6 +28,7 @@ from vfguide.link.packed import (
     encode_packet,
     formation_key,
     formation_mark,
+    state_flags,
     tag_of,
     ticks_of,
 )
@@ -58,9 +59,9 @@ BODIES = {
 
 
 def packed(
-    kind: PackedKind, body: bytes, *, sender: int = LEADER, ticks: int = 1, steered: bool = True
+    kind: PackedKind, body: bytes, *, sender: int = LEADER, ticks: int = 1, flags: int = 0
 ) -> bytes:
-    head = encode_packet(kind, formation=4, sender=sender, ticks=ticks, body=body, steered=steered)
+    head = encode_packet(kind, formation=4, sender=sender, ticks=ticks, body=body, flags=flags)
     return head + TAG
 
 
@@ -75,6 +76,7 @@ def states(draw: st.DrawFn) -> LeaderMessage:
         term=draw(st.integers(0, 300)),
         arrangement=draw(st.integers(0, 2**32 - 1)),
         steered=draw(st.booleans()),
+        height_sense=draw(st.integers(-1, 1)),
         **{name: draw(st.floats(-greatest, greatest)) for name, greatest in bounds},
     )
 
@@ -93,13 +95,13 @@ def test_a_state_comes_out_as_it_went_in_within_the_steps_of_its_fields(state, l
         body,
         sender=LEADER if leads else 3,
         ticks=ticks_of(state.time_s),
-        steered=state.steered,
+        flags=state_flags(state),
     )
     assert len(data) + OVERHEAD <= LONGEST_FRAME <= 64
     packet = decode_packet(data)
     assert packet.beat == (BEAT if leads else None)
     found = packet.state
-    assert found.steered is state.steered
+    assert (found.steered, found.height_sense) == (state.steered, state.height_sense)
     # Never later than it was true: a copy of a state must not look newer than the state itself.
     assert -1e-6 <= state.time_s - found.time_s <= TICK_S + 1e-6
     place = (state.latitude_deg, state.longitude_deg)
@@ -127,11 +129,15 @@ def test_a_state_is_these_bytes():
         altitude_amsl=-0.02,
         course=math.pi,
         climb_rate=-3.0,
+        steered=False,
+        height_sense=-1,
         term=2,
         arrangement=513,
     )
-    data = packed(PackedKind.STATE, encode_motion(message), sender=2, ticks=258, steered=False)
-    assert data[:10] == bytes([0x81, 4, 0, 2, 2, 1, 0, 0, 0, 0])
+    data = packed(
+        PackedKind.STATE, encode_motion(message), sender=2, ticks=258, flags=state_flags(message)
+    )
+    assert data[:10] == bytes([0xA1, 4, 0, 2, 2, 1, 0, 0, 0, 0])
     assert data[10:21] == bytes([1, 0, 0, 0]) + b"\xff" * 4 + b"\xfe\xff\xff"
     # pi is half a turn; 22 m/s; -0.25 m/s², 0.125 rad/s, 0.0625 rad/s², 3 m/s down.
     fields = [32768, 2200, -250, 1250, 62, -300]
@@ -198,7 +204,7 @@ def test_whatever_comes_is_a_packet_or_refused(data):
             ),
             "no beat",
         ),
-        (packed(PackedKind.BEAT, encode_beat(BEAT, BEAT_ALONE), steered=False), "flag"),
+        (packed(PackedKind.BEAT, encode_beat(BEAT, BEAT_ALONE), flags=0x20), "flags"),
         (b"\x0a" + bytes(30), "no kind"),
         (packed(PackedKind.STATE, b"\xff\xff\xff\x7f" + bytes(24), sender=1), "no place"),
         (packed(PackedKind.PRESENCE, bytes(9) + b"\xff" * 18), "no text"),
