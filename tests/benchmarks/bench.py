@@ -5,7 +5,7 @@ from typing import Any
 
 from tests.benchmarks.results import Cases
 from vfguide.lab.studies.comparison import FULL as COMPARED
-from vfguide.lab.studies.comparison import ablation_cases, compare, fly_point, parts_of, points
+from vfguide.lab.studies.comparison import ablation_cases, compare, parts_of, sweep_cases
 from vfguide.lab.studies.flown import MISSIONS, executor_on, flown_by, fly
 from vfguide.lab.studies.latency import run_latency
 from vfguide.lab.studies.scale import RATES_HZ, SIZES, RadioCase, fly_radio, measure_all, step_costs
@@ -93,12 +93,11 @@ def ablations() -> Cases:
 def robustness() -> Cases:
     """Fly circle-wind with one thing after another going wrong."""
     with executor_on() as executor:
-        found = list(flown_by(executor, fly_point, points(LAWS, quick=True)))
+        swept = sweep_cases(LAWS, quick=True)
+        found = list(flown_by(executor, fly, swept))
     cases: dict[str, dict[str, Any]] = {}
-    for one in found:
-        if one.point.mission == "circle-wind":
-            name = f"{one.point.sweep} {one.point.value:g}"
-            cases.setdefault(name, {})[one.point.law] = one.mean_error_m
+    for case, one in zip(swept, found, strict=True):
+        cases.setdefault(case.label, {})[case.controller] = one.mean_error_m
     yield from cases.items()
 
 

@@ -24,19 +24,17 @@ from vfguide.lab.studies.comparison import (
     QUICK,
     SWEEPS,
     ComparisonRow,
-    Found,
     ablation_cases,
-    fly_point,
     long_table,
     markdown,
     metres,
     parts_of,
-    points,
     seconds,
     short_table,
+    sweep_cases,
 )
 from vfguide.lab.studies.comparison import compare as compare_all
-from vfguide.lab.studies.flown import MISSIONS, executor_on, flown_by, fly
+from vfguide.lab.studies.flown import MISSIONS, Case, Figures, executor_on, flown_by, fly
 from vfguide.lab.studies.scale import (
     RATES_HZ,
     SIZES,
@@ -280,12 +278,11 @@ def robustness(
 ) -> None:
     """Map errors and settling against link, noise, wrong responses, wind and loop rate."""
     with executor_on(scheduler) as executor:
-        found = list(
-            flown_by(executor, fly_point, points(flown_laws(law, but="article"), quick=quick))
-        )
+        swept = sweep_cases(flown_laws(law, but="article"), quick=quick)
+        found = list(zip(swept, flown_by(executor, fly, swept), strict=True))
     text = maps(found)
     Terminal().tell(text)
-    content = {"points": [asdict(one) for one in found]}
+    content = {"points": [{**asdict(case), **asdict(one)} for case, one in found]}
     write(json_file, content)
     if out is not None:
         write(out / "robustness.json", content)
@@ -503,27 +500,21 @@ def without_nan(value: object) -> object:
     return value
 
 
-def maps(found: Sequence[Found]) -> str:
+def maps(found: Sequence[tuple[Case, Figures]]) -> str:
     """A table for each sweep and mission: mean error and settling, law by law."""
     parts = []
+    flown = {(case.label, case.mission, case.controller): one for case, one in found}
+    missions, laws = (list(dict.fromkeys(key[at] for key in flown)) for at in (1, 2))
     for name, sweep in SWEEPS.items():
-        here = [one for one in found if one.point.sweep == name]
-        for mission in dict.fromkeys(one.point.mission for one in here):
-            these = [one for one in here if one.point.mission == mission]
-            flown = list(dict.fromkeys(one.point.law for one in these))
-            table = [
-                [
-                    f"{value:g}",
-                    *(
-                        f"{metres(one.mean_error_m)} m, {seconds(one.settle_10m_s)} s"
-                        for law in flown
-                        for one in these
-                        if one.point.law == law and one.point.value == value
-                    ),
+        for mission in missions:
+            table = []
+            for value in sweep.values:
+                cells = [flown[f"{name} {value:g}", mission, law] for law in laws]
+                words = [
+                    f"{metres(one.mean_error_m)} m, {seconds(one.settle_10m_s)} s" for one in cells
                 ]
-                for value in sweep.values
-            ]
-            parts.append(markdown([f"{mission}: {sweep.title}", *flown], table) + "\n")
+                table.append([f"{value:g}", *words])
+            parts.append(markdown([f"{mission}: {sweep.title}", *laws], table) + "\n")
     return "\n".join(parts)
 
 

@@ -8,18 +8,18 @@ import pytest
 from tests.kit.flight import Flight
 from tests.kit.missions import content_of, mission_with
 from vfguide.errors import InputError
-from vfguide.lab.rehearsal.radio_flight import RadioRates, fly_by_radio
+from vfguide.lab.rehearsal.radio_flight import fly_by_radio
 from vfguide.lab.studies.scale import RadioCase, fly_radio, radio_mission
 
 CASE = RadioCase(size=4, leader_hz=10.0, followers_hz=2.5, loss=0.0, bursts=0.0, seconds=44.0)
 
 
 def test_twelve_aircraft_at_10_and_2_5_hz_fit_and_keep_their_slots():
-    mission = radio_mission(12, 40.0)
+    mission = radio_mission(12, 40.0, {"leader_hz": 10.0, "followers_hz": 2.5})
     leader = content_of(mission)["rehearsal"]["start"]["leader"]
     start = {"leader": leader, **{name: {} for name in mission.followers_by_name}}
     mission = mission_with(mission, rehearsal={"rate_hz": 10.0, "start": start})
-    flown = fly_by_radio(mission, rates=RadioRates(leader_hz=10.0, followers_hz=2.5))
+    flown = fly_by_radio(mission)
     assert flown.air["bytes"] / 40.0 < 2100.0
     assert flown.air["in collisions"] == 0
     flight = Flight(flown.flight.record, flown.flight.events)
@@ -45,4 +45,4 @@ def test_a_flight_by_radio_is_the_same_each_time():
 
 def test_what_does_not_fit_is_not_flown():
     with pytest.raises(InputError, match="do not fit"):
-        fly_by_radio(radio_mission(12, 20.0), rates=RadioRates(leader_hz=20.0, followers_hz=10.0))
+        fly_by_radio(radio_mission(12, 20.0, {"leader_hz": 20.0, "followers_hz": 10.0}))

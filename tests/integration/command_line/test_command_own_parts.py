@@ -169,9 +169,8 @@ STUDIES = """
 import json
 from dataclasses import replace
 from pathlib import Path
-from vfguide.lab.studies.comparison import Extent, ablation_cases, cases, rows
+from vfguide.lab.studies.comparison import Extent, ablation_cases, cases, rows, sweep_cases
 from vfguide.lab.studies.flown import fly
-from vfguide.lab.studies.comparison import fly_point, points
 from vfguide.registry import use_plugins
 
 use_plugins([Path("own_law.py")])
@@ -187,8 +186,11 @@ for law in ("pursuit", "slot"):
     switched[law] = figures.mean_error_m
     swept[law] = {}
     for sweep in ("delay", "alpha"):
-        point = next(one for one in points([law], quick=True) if one.sweep == sweep)
-        swept[law][sweep] = fly_point(replace(point, duration_s=6.0)).mean_error_m
+        swept_by = sweep_cases([law], quick=True)
+        case = next(one for one in swept_by if one.label.startswith(sweep))
+        short_one = case.changes["rehearsal"] | {"duration_s": 6.0}
+        figures = fly(replace(case, changes=case.changes | {"rehearsal": short_one}))
+        swept[law][sweep] = figures.mean_error_m
 print(json.dumps({"compared": compared, "switched": switched, "swept": swept}))
 """
 """A flight of each study of `bench` by the own law and by the field, for six seconds instead of minutes."""

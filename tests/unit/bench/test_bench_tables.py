@@ -1,26 +1,24 @@
 """What a benchmark's figures look like on paper: tables, JSON, pictures."""
 
 import math
+from dataclasses import replace
 
 import pytest
 
 from vfguide.commands.bench import maps, without_nan
-from vfguide.lab.studies import comparison
 from vfguide.lab.studies.comparison import (
     ABLATIONS,
     FULL,
     QUICK,
     SWEEPS,
     ComparisonRow,
-    Found,
     ablation_cases,
     cases,
-    fly_point,
     long_table,
     metres,
-    points,
     rows,
     short_table,
+    sweep_cases,
 )
 from vfguide.lab.studies.flown import MISSIONS, Case, Figures
 
@@ -102,30 +100,19 @@ def test_only_what_a_law_has_is_switched_off():
     assert all(case.flown().controller.type == "pid" for case in flown)
 
 
-def found() -> list[Found]:
-    return [
-        Found(
-            point=point,
-            mean_error_m=0.1 + point.value,
-            max_error_m=1.0,
-            settle_10m_s=None if point.value > 0.45 else 14.0,
-            chatter_rad_s=0.0,
-        )
-        for point in points(("slot", "pid", "mpc"), quick=False)
-    ]
-
-
 def test_maps_show_what_never_settled():
-    text = maps(found())
+    swept = sweep_cases(("slot", "pid", "mpc"), quick=False)
+    found = [
+        (case, replace(figures(0.6), settle_10m_s=None if case.label == "loss 0.5" else 14.0))
+        for case in swept
+    ]
+    text = maps(found)
     assert "| 0.5 | 0.600 m, never s | 0.600 m, never s | 0.600 m, never s |" in text
     assert all(sweep.title in text for sweep in SWEEPS.values())
 
 
-def test_aircraft_that_respond_otherwise_than_declared_are_flown(monkeypatch):
-    flown = []
-    monkeypatch.setattr(comparison, "fly", lambda case: flown.append(case) or figures(0.1))
-    slow = next(one for one in points(["slot"], quick=True) if one.sweep == "alpha")
-    fly_point(slow)
-    mission = flown[0].flown()
+def test_aircraft_that_respond_otherwise_than_declared_are_flown():
+    slow = next(one for one in sweep_cases(["slot"], quick=True) if one.label.startswith("alpha"))
+    mission = slow.flown()
     assert mission.rehearsal.emulator.alpha_1_s == 0.6
     assert mission.vehicles["f1"].alpha_1_s == 1.2

@@ -15,15 +15,13 @@ from vfguide.elementwise import FloatArray
 from vfguide.errors import VfguideError
 from vfguide.lab.console.alarms import MODES, SERIES
 from vfguide.lab.console.model import drawn_path
-from vfguide.lab.export.columns import UNITS
 from vfguide.lab.export.foxglove import (
     FoxgloveTopics,
-    aircraft,
     path_line,
-    placing,
     put_line,
+    put_scene,
+    put_state,
     scene,
-    stamp_of,
 )
 from vfguide.lab.report.colours import colours_of
 from vfguide.mission import Mission
@@ -70,34 +68,29 @@ class FoxgloveStream:
     def _show_vehicle(
         self, name: str, row: dict[str, float], leader_course: float, now_ns: int
     ) -> None:
-        put, mode = self._topics.put, MODES[int(row["mode"])]
+        mode = MODES[int(row["mode"])]
         if self._modes.get(name) != mode:
             self._modes[name] = mode
             put_line(self._topics, name, mode, now_ns)
         known = {NAMED_OTHERWISE.get(one, one): value for one, value in row.items()}
-        north, east, altitude = (known[one] for one in ("north_m", "east_m", "altitude_amsl_m"))
+        north, east = known["north_m"], known["east_m"]
         if math.isfinite(north) and math.isfinite(east):
             place = self._frame.to_geodetic(north, east)
             known |= dict(zip(("latitude_deg", "longitude_deg"), place, strict=True))
-        numbers = {
-            one: value for one, value in known.items() if one in UNITS and math.isfinite(value)
-        }
-        state = {"timestamp": stamp_of(now_ns), "mode": mode, **numbers}
-        put(f"/{name}/state", now_ns, state)
-        if not placing(self._topics, name, numbers, self._frame.altitude_m, now_ns):
-            return
-        origin, slot = self._frame.altitude_m, None
+        put_state(self._topics, name, known, now_ns, mode=mode)
+        origin_m, slot = self._frame.altitude_m, None
         if name != self._names[0]:
-            slot = (
-                row["slot_east_m"],
-                row["slot_north_m"],
-                row["slot_altitude_m"] - origin,
-                leader_course,
-            )
-        at = (east, north, altitude - origin, row["heading_deg"])
-        message = aircraft(name, self._colours[name], at, slot, now_ns)
-        if message is not None:
-            put(f"/scene/{name}", now_ns, message)
+            up = row["slot_altitude_m"] - origin_m
+            slot = (row["slot_east_m"], row["slot_north_m"], up, leader_course)
+        put_scene(
+            self._topics,
+            name,
+            self._colours[name],
+            known,
+            slot=slot,
+            origin_m=origin_m,
+            time_ns=now_ns,
+        )
 
 
 @contextmanager

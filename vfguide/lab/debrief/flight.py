@@ -361,9 +361,10 @@ def vehicle_record(
     mission: Mission, name: str, parts: list[tuple[RecordingContents, float]], moments: FloatArray
 ) -> VehicleRecord:
     """One vehicle at the moments of the flight; NaN where nothing is known of it."""
-    positions = joined([shifted(one.telemetry.positions, shift) for one, shift in parts])
-    airspeeds = joined([shifted(one.telemetry.airspeeds, shift) for one, shift in parts])
-    banks = joined([shifted(one.telemetry.banks, shift) for one, shift in parts])
+    positions, airspeeds, banks = (
+        joined([(getattr(one.telemetry, name), shift) for one, shift in parts])
+        for name in ("positions", "airspeeds", "banks")
+    )
     when = positions[:, 0]
     north, east = local_positions(mission, positions[:, 1], positions[:, 2])
     velocity_north, velocity_east = (sampled(moments, when, positions[:, n]) for n in (4, 5))
@@ -378,11 +379,10 @@ def vehicle_record(
         slot = follower.slot.point
         more |= slot_series(track, moments, (slot.forward, slot.right, slot.up))
         more |= age_series(track, moments)
-    doings = doings_at(moments, own, tuple(mission.paths_by_name))
     return recorded_vehicle(
         mission,
         name,
-        dict(zip(DOINGS, doings.T, strict=True)),
+        doings_at(moments, track, tuple(mission.paths_by_name)),
         response=next((one.response for one, _ in reversed(parts) if one.response), None),
         north_m=sampled(moments, when, north),
         east_m=sampled(moments, when, east),
@@ -399,22 +399,14 @@ def vehicle_record(
 
 
 def doings_at(
-    moments: FloatArray, parts: list[tuple[RecordingContents, float]], path_names: Sequence[str]
-) -> FloatArray:
-    """Mode, course, speed, limited, W and number of the path at each moment: of the newest step before it."""
-    rows = [
-        (
-            *doings_row(one.start.to_unix(step.time_s) + shift, step),
-            path_number(step.path, path_names),
-        )
-        for one, shift in parts
-        for step in one.guidance.steps
-    ]
-    rows.sort(key=lambda row: row[0])
-    nothing = (-math.inf, NAMES[Mode.WAITING.value], math.nan, math.nan, False, math.nan, 0.0)
-    table = np.array([nothing, *rows], dtype=np.float64)
-    newest = np.searchsorted(table[:, 0], moments, side="right") - 1
-    return table[newest, 1:]
+    moments: FloatArray, track: GuidanceTrack, path_names: Sequence[str]
+) -> dict[str, FloatArray]:
+    """What a companion did at each moment, as `DOINGS` names it: by the newest step before it."""
+    times = [-math.inf, *(step.time_s for step in track.steps)]
+    nothing = (NAMES[Mode.WAITING.value], math.nan, math.nan, False, math.nan, 0.0)
+    rows = [nothing, *(doings_row(step, path_names) for step in track.steps)]
+    newest = np.searchsorted(times, moments, side="right") - 1
+    return dict(zip(DOINGS, np.array(rows, dtype=np.float64)[newest].T, strict=True))
 
 
 def joined_track(parts: list[tuple[RecordingContents, float]]) -> GuidanceTrack:
@@ -431,12 +423,12 @@ def joined_track(parts: list[tuple[RecordingContents, float]]) -> GuidanceTrack:
     return GuidanceTrack(sorted(steps, key=lambda step: step.time_s))
 
 
-def doings_row(time_s: float, step: GuidanceStep) -> tuple[float, ...]:
+def doings_row(step: GuidanceStep, path_names: Sequence[str]) -> tuple[float, ...]:
     """A step as numbers; a setpoint only while the vehicle is steered by it."""
-    mode = NAMES.get(step.mode, NAMES[Mode.WAITING.value])
+    mode, path = NAMES.get(step.mode, NAMES[Mode.WAITING.value]), path_number(step.path, path_names)
     if step.mode not in STEERED:
-        return time_s, mode, math.nan, math.nan, False, math.nan
-    return time_s, mode, step.course_rad, step.speed_m_s, step.limited, step.lyapunov_m2
+        return mode, math.nan, math.nan, False, math.nan, path
+    return mode, step.course_rad, step.speed_m_s, step.limited, step.lyapunov_m2, path
 
 
 def unwrapped(angles: FloatArray) -> FloatArray:
@@ -447,16 +439,11 @@ def unwrapped(angles: FloatArray) -> FloatArray:
     return whole
 
 
-def shifted(rows: FloatArray, shift: float) -> FloatArray:
-    """Rows with their times on the common clock."""
-    moved = rows.copy()
-    moved[:, 0] += shift
-    return moved
-
-
-def joined(rows: list[FloatArray]) -> FloatArray:
-    """Rows of several recordings in the order of their times."""
-    together = np.concatenate(rows)
+def joined(parts: list[tuple[FloatArray, float]]) -> FloatArray:
+    """Rows of several recordings with their times on the common clock, in the order of these."""
+    together = np.concatenate(
+        [rows + shift * (np.arange(rows.shape[1]) == 0) for rows, shift in parts]
+    )
     return together[np.argsort(together[:, 0], kind="stable")]
 
 

@@ -6,6 +6,7 @@ vehicle are JSON with a schema of its own.
 
 import json
 import math
+from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -150,35 +151,42 @@ def path_line(east_m: list[float], north_m: list[float], up_m: float) -> LinePri
 
 def put_part(record: FlightRecord, part: Part, topics: FoxgloveTopics, begin_ns: int) -> None:
     """Some samples of one vehicle."""
-    vehicle = part.vehicle
+    vehicle, name = part.vehicle, part.vehicle.name
     step_s = record.duration_s / max(record.time_s.size - 1, 1)
     every = max(1, math.floor(FINEST_STEP_S / step_s)) if step_s > 0.0 else 1
     first = int(np.searchsorted(record.time_s, part.time_s[0]))
+    colour, origin_m = vehicle_colours(record)[name], altitude_of_origin(record)
+    slots = None if vehicle.role == "leader" else slots_of(record, vehicle)
     for number, time_s in enumerate(part.time_s.tolist()):
         time_ns = begin_ns + round(time_s * 1e9)
-        sample = first + number
-        topics.put(f"/{vehicle.name}/state", time_ns, state(part, number, time_ns))
+        row = {one: float(column[number]) for one, column in part.numbers.items()}
+        put_state(topics, name, row, time_ns, mode=part.modes[number], limited=part.limited[number])
         if number == 0 and first == 0:
-            put_line(topics, vehicle.name, part.modes[0], time_ns)
+            put_line(topics, name, part.modes[0], time_ns)
         if number % every == 0:
-            put_place(record, part, number, topics, time_ns)
-            message = arrows_of(record, vehicle, sample, time_ns)
-            if message is not None:
-                topics.put(f"/scene/{vehicle.name}", time_ns, message)
+            slot = None if slots is None else slots[first + number]
+            put_scene(topics, name, colour, row, slot=slot, origin_m=origin_m, time_ns=time_ns)
     for time_s, (before, after) in zip(part.time_s[1:].tolist(), pairwise(part.modes), strict=True):
         if before != after:
-            put_line(topics, vehicle.name, after, begin_ns + round(time_s * 1e9))
+            put_line(topics, name, after, begin_ns + round(time_s * 1e9))
 
 
-def state(part: Part, number: int, time_ns: int) -> State:
-    """All numbers of a vehicle that are known."""
-    values = {name: float(column[number]) for name, column in part.numbers.items()}
-    return {
-        "timestamp": stamp_of(time_ns),
-        "mode": part.modes[number],
-        "limited": part.limited[number],
-        **{name: value for name, value in values.items() if math.isfinite(value)},
-    }
+def put_state(
+    topics: FoxgloveTopics, name: str, row: dict[str, float], time_ns: int, **more: object
+) -> None:
+    """Put all numbers of a vehicle that are known, and what else is said of it."""
+    known = {one: value for one, value in row.items() if one in UNITS and math.isfinite(value)}
+    topics.put(f"/{name}/state", time_ns, {"timestamp": stamp_of(time_ns), **more, **known})
+
+
+def slots_of(record: FlightRecord, vehicle: VehicleRecord) -> list[Stand]:
+    """Where a follower's slot was at each sample, on the leader's course."""
+    leader = record.reference
+    north, east = slot_track(leader, *vehicle.slot_m)
+    up = leader.altitude_amsl_m + vehicle.slot_height_m - altitude_of_origin(record)
+    course = np.degrees(leader.course_rad)
+    rows: list[Stand] = list(zip(*(one.tolist() for one in (east, north, up, course)), strict=True))
+    return rows
 
 
 def put_line(
@@ -194,31 +202,31 @@ def put_line(
     topics.put("/log", time_ns, message)
 
 
-def put_place(
-    record: FlightRecord, part: Part, number: int, topics: FoxgloveTopics, time_ns: int
+def put_scene(
+    topics: FoxgloveTopics,
+    name: str,
+    colour: str,
+    row: dict[str, float],
+    *,
+    slot: Stand | None,
+    origin_m: float,
+    time_ns: int,
 ) -> None:
-    """Put where a vehicle is on the earth, and in the local frame."""
-    row = {name: float(column[number]) for name, column in part.numbers.items()}
-    placing(topics, part.vehicle.name, row, altitude_of_origin(record), time_ns)
-
-
-def placing(
-    topics: FoxgloveTopics, name: str, row: dict[str, float], origin_m: float, time_ns: int
-) -> bool:
-    """Put where a vehicle is; return whether that is known.
+    """Put where a vehicle is on the earth and in the local frame, and its arrow there; nothing if not known.
 
     Args:
         topics: what takes it.
         name: of the vehicle.
+        colour: of the vehicle.
         row: its numbers by their names.
+        slot: where its slot is; None for the leader.
         origin_m: height of the local frame's origin, above mean sea level.
         time_ns: since 1970.
     """
-    known = [row.get(one, math.nan) for one in PLACE]
-    if not all(math.isfinite(one) for one in known):
-        return False
-    latitude, longitude, altitude, north, east = known
-    bank = row.get("bank_deg", 0.0)
+    latitude, longitude, altitude, north, east = (row.get(one, math.nan) for one in PLACE)
+    if not is_known((latitude, longitude, altitude, north, east)):
+        return
+    heading, bank = row.get("heading_deg", math.nan), row.get("bank_deg", math.nan)
     fix = LocationFix(
         timestamp=stamp(time_ns),
         frame_id=name,
@@ -232,42 +240,12 @@ def placing(
         parent_frame_id=FRAME,
         child_frame_id=name,
         translation=Vector3(x=east, y=north, z=altitude - origin_m),
-        rotation=turned_to(row.get("heading_deg", math.nan), bank if math.isfinite(bank) else 0.0),
+        rotation=turned_to(heading, bank if math.isfinite(bank) else 0.0),
     )
     topics.put("/tf", time_ns, transform)
-    return True
-
-
-def arrows_of(
-    record: FlightRecord, vehicle: VehicleRecord, sample: int, time_ns: int
-) -> SceneUpdate | None:
-    """An arrow and a name for a vehicle, a pale arrow for its slot; None where its place is not known."""
-    origin = altitude_of_origin(record)
-    at = (
-        float(vehicle.east_m[sample]),
-        float(vehicle.north_m[sample]),
-        float(vehicle.altitude_amsl_m[sample]) - origin,
-        float(np.degrees(vehicle.heading_rad[sample])),
-    )
-    slot = None
-    if vehicle.role == "follower":
-        leader, here = record.reference, slice(sample, sample + 1)
-        north, east = slot_track(leader, *vehicle.slot_m)
-        slot = (
-            float(east[here][0]),
-            float(north[here][0]),
-            float((leader.altitude_amsl_m + vehicle.slot_height_m)[sample]) - origin,
-            float(np.degrees(leader.course_rad[sample])),
-        )
-    return aircraft(vehicle.name, vehicle_colours(record)[vehicle.name], at, slot, time_ns)
-
-
-def aircraft(
-    name: str, colour: str, at: Stand, slot: Stand | None, time_ns: int
-) -> SceneUpdate | None:
-    """A vehicle's arrow with its name, and its slot's as far as that is known; None if its own is not."""
+    at = (east, north, altitude - origin_m, heading)
     if not is_known(at):
-        return None
+        return
     arrows = [arrow_at(at, colour_of(colour, 1.0))]
     if slot is not None and is_known(slot):
         arrows.append(arrow_at(slot, colour_of(colour, 0.3)))
@@ -279,12 +257,12 @@ def aircraft(
         color=colour_of(colour, 1.0),
         text=name,
     )
-    return scene(name, time_ns, arrows=arrows, texts=[label])
+    topics.put(f"/scene/{name}", time_ns, scene(name, time_ns, arrows=arrows, texts=[label]))
 
 
-def is_known(stand: Stand) -> bool:
+def is_known(numbers: Sequence[float]) -> bool:
     """Whether every number of a place is known."""
-    return all(math.isfinite(one) for one in stand)
+    return all(math.isfinite(one) for one in numbers)
 
 
 def pose_at(stand: Stand) -> Pose:

@@ -17,7 +17,7 @@ from vfguide.companion.core import Companion
 from vfguide.companion.mission_plan import adapter_of, flight_plan, local_frame
 from vfguide.companion.timing import SAME_CLOCK, SharedClock
 from vfguide.errors import InputError
-from vfguide.formation.arrangement import Manoeuvre
+from vfguide.formation.arrangement import Arrangement, Manoeuvre
 from vfguide.lab.rehearsal.recorder import UNSEEN, VehicleRecorder
 from vfguide.link.codec import is_leaders
 from vfguide.link.memory import ROUNDING_S, LinkQuality, Mail, MemoryLink
@@ -25,7 +25,7 @@ from vfguide.link.order_codec import ORDER_MAGIC, REPLY_MAGIC, encode_order
 from vfguide.mission.flight_path import path_of
 from vfguide.mission.model import Mission
 from vfguide.mission.order_plan import timetable
-from vfguide.mission.starts import StartState, follower_start, leader_start
+from vfguide.mission.starts import follower_start, leader_start
 from vfguide.record.tlog import TelemetryLog
 from vfguide.registry import load_plugins_of_the_environment
 
@@ -56,7 +56,9 @@ def settings_of(mission: Mission, name: str) -> dict[str, object]:
     Lockstep, live flights and containers all make their emulators of this.
     """
     vehicle, rehearsal = mission.vehicles[name], mission.rehearsal
-    emulator, start = rehearsal.emulator.of(name), start_of(mission, name)
+    emulator = rehearsal.emulator.of(name)
+    leads = name == mission.leader.vehicle
+    start = leader_start(mission) if leads else follower_start(mission, name)
     latitude, longitude = local_frame(mission).to_geodetic(start.north_m, start.east_m)
     ground = mission.origin.altitude_amsl_m
     altitude = ground + mission.height_above_origin_m + start.up_m
@@ -79,7 +81,7 @@ def settings_of(mission: Mission, name: str) -> dict[str, object]:
         "position_noise_m": rehearsal.position_noise_m,
         "seed": rehearsal.seed,
     }
-    if mission.leader.is_foreign and name == mission.leader.vehicle:
+    if leads and mission.leader.is_foreign:
         heard = rehearsal.leader_telemetry
         settings |= {
             "route": route_of(mission),
@@ -144,13 +146,6 @@ def route_of(mission: Mission) -> list[tuple[float, float]]:
     return points
 
 
-def start_of(mission: Mission, name: str) -> StartState:
-    """Where a vehicle begins."""
-    if name == mission.leader.vehicle:
-        return leader_start(mission)
-    return follower_start(mission, name)
-
-
 OPERATOR = "operator"
 """Who the sender of orders is on the links of a rehearsal."""
 
@@ -163,30 +158,29 @@ REPEAT_S = 0.5
 TIMES = 6
 """... so often in all."""
 
-
-_newest: list[tuple[Mission, tuple[tuple[float, bytes], ...]]] = []
-
 TIME = Struct("<d")
 """When a datagram arrived, s, in the mail of a leader without a companion."""
 
+OrderMail = Sequence[tuple[float, bytes]]
+"""(when in s, what) an operator says, in the order of the times."""
 
-def order_mail(mission: Mission) -> tuple[tuple[float, bytes], ...]:
-    """(when in s, what) of all orders of a mission's time table, in the order of their times."""
-    if not mission.orders:
-        return ()
+_newest: list[tuple[Mission, OrderMail]] = []
+
+
+def mail_of(order: Arrangement) -> list[tuple[float, bytes]]:
+    """When in s an order is said, and what; what is called off is flown as soon as it is heard."""
+    begins_s = order.time_s - (0.0 if order.flown is Manoeuvre.ABORT else LEAD_S)
+    data = encode_order(order)
+    return [(begins_s + REPEAT_S * number, data) for number in range(TIMES)]
+
+
+def order_mail(mission: Mission) -> OrderMail:
+    """All orders of a mission's time table."""
     # A hundred aircraft ask for those of one mission.
-    if not (_newest and _newest[0][0] is mission):
-        _newest[:] = [(mission, tuple(sorted(_mail(mission))))]
-    return _newest[0][1]
-
-
-def _mail(mission: Mission) -> Iterator[tuple[float, bytes]]:
-    for arrangement, _ in timetable(mission):
-        data = encode_order(arrangement)
-        # What is called off is flown as soon as it is heard.
-        lead_s = 0.0 if arrangement.flown is Manoeuvre.ABORT else LEAD_S
-        for number in range(TIMES):
-            yield arrangement.time_s - lead_s + REPEAT_S * number, data
+    if mission.orders and not (_newest and _newest[0][0] is mission):
+        said = [one for order, _ in timetable(mission) for one in mail_of(order)]
+        _newest[:] = [(mission, sorted(said))]
+    return _newest[0][1] if mission.orders else ()
 
 
 class EmulatedForeignLeader:
@@ -225,11 +219,6 @@ class EmulatedForeignLeader:
                 break
         self.recorder.sample(emulator.truth(), UNSEEN)
         return heard
-
-
-def arrival_of(data: bytes) -> tuple[bytes, float]:
-    """A datagram of a leader without a companion out of the mail, and when it arrived, s."""
-    return data[TIME.size :], TIME.unpack_from(data)[0]
 
 
 class LeaderAnswers:
@@ -287,7 +276,7 @@ class Aircraft:
         *,
         log: TelemetryLog | None = None,
         clock: SharedClock = SAME_CLOCK,
-        orders: Sequence[tuple[float, bytes]] | None = None,
+        orders: OrderMail | None = None,
         greeting_s: float = 0.0,
     ) -> None:
         """Put the aircraft of this name at its start.
@@ -297,7 +286,7 @@ class Aircraft:
             name: of the vehicle.
             log: notes every datagram of the MAVLink connection.
             clock: the formation's, as this aircraft knows it.
-            orders: (when in s, what) an operator gives; those of the mission's time table if absent.
+            orders: that an operator gives; those of the mission's time table if absent.
             greeting_s: as of `Companion`.
         """
         rehearsal = mission.rehearsal
@@ -409,7 +398,11 @@ class Aircraft:
     def _hear(self, now: float, mail: Sequence[Mail]) -> None:
         """Whatever arrives over the link by now."""
         if self._answers is not None:
-            heard = [arrival_of(data) for sender, data in mail if sender == self._leader]
+            heard = [
+                (data[TIME.size :], TIME.unpack_from(data)[0])
+                for sender, data in mail
+                if sender == self._leader
+            ]
             for datagram, arrival_s in [*heard, *self._answers.due(now)]:
                 self.companion.receive_link(datagram, arrival_s)
         self._link.send(mail, now)
@@ -427,12 +420,16 @@ class Aircraft:
 
 
 def aircraft_of(
-    mission: Mission, name: str, *, log: TelemetryLog | None = None
+    mission: Mission,
+    name: str,
+    *,
+    log: TelemetryLog | None = None,
+    orders: OrderMail | None = None,
 ) -> Aircraft | EmulatedForeignLeader:
     """The aircraft of this name at its start; see there."""
     if mission.leader.is_foreign and name == mission.leader.vehicle:
         return EmulatedForeignLeader(mission, log=log)
-    return Aircraft(mission, name, log=log)
+    return Aircraft(mission, name, log=log, orders=orders)
 
 
 def step_all(

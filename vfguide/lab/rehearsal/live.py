@@ -153,21 +153,6 @@ class LiveFlight:
         )
         return shlex.join(("vfguide", "order", str(self.mission_file), "vee", *options))
 
-    def _make_keys(self, clock: Clock) -> None:
-        """Give everybody a key for this rehearsal alone, and take an operator's for those who watch."""
-        make_keys(self.keys, self.mission.name, self.mission.companions)
-        self._watched = replace(
-            watched_by_anybody(self.mission, self._links),
-            roster=read_roster(self.keys.roster),
-            key=read_private_key(self.keys.private(OPERATOR)),
-            clock=clock.now,
-        )
-
-    @property
-    def _is_foreign(self) -> bool:
-        """Whether the leader has no companion."""
-        return self.mission.leader.is_foreign
-
     @property
     def names(self) -> list[str]:
         """Vehicles, leader first."""
@@ -182,11 +167,22 @@ class LiveFlight:
         """Start every process."""
         mission_file = self.mission_file
         clock = Clock(epoch_s=time.monotonic(), rate=self._speedup)
-        self._make_keys(clock)
+        make_keys(self.keys, self.mission.name, self.mission.companions)
+        # An operator's key is for those who watch.
+        self._watched = replace(
+            watched_by_anybody(self.mission, self._links),
+            roster=read_roster(self.keys.roster),
+            key=read_private_key(self.keys.private(OPERATOR)),
+            clock=clock.now,
+        )
         content = self.mission.model_dump(mode="json", exclude_unset=True)
         mission_file.write_text(yaml.safe_dump(content, sort_keys=False), encoding="utf-8")
         ports = {name: free_port(socket.SOCK_DGRAM) for name in self.mission.companions}
-        hears = {name: free_port(socket.SOCK_DGRAM) for name in ports} if self._is_foreign else {}
+        hears = (
+            {name: free_port(socket.SOCK_DGRAM) for name in ports}
+            if self.mission.leader.is_foreign
+            else {}
+        )
         for name, port in ports.items():
             # Each flight is a first one, and begins in the air.
             begin_flight(Path(self._state.name), name)

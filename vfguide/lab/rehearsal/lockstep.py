@@ -11,7 +11,7 @@ import multiprocessing
 import signal
 import sys
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, closing, contextmanager, suppress
 from dataclasses import dataclass
 from itertools import islice
@@ -33,7 +33,6 @@ from vfguide.lab.rehearsal.aircraft import (
 from vfguide.lab.rehearsal.recorder import flight_record
 from vfguide.link.memory import Mail
 from vfguide.mission.model import Mission
-from vfguide.record.events import FlightEvent
 from vfguide.record.flight import FlightRecord
 from vfguide.record.latency import Latency
 from vfguide.record.tlog import TelemetryLog
@@ -192,11 +191,6 @@ def fly_share(
         raise SystemExit(1) from error
 
 
-def window_length(rate_hz: float) -> int:
-    """Instants in a window: a follower publishes about once in it."""
-    return max(round(PUBLISH_S * rate_hz), 1)
-
-
 class MailExchange:
     """Mail by the window in which it is due."""
 
@@ -242,16 +236,10 @@ def instants(mission: Mission) -> Iterator[float]:
 def windows(mission: Mission) -> Iterator[list[float]]:
     """Times of the steps, s, in windows of the exchange between followers."""
     remaining = instants(mission)
-    length = window_length(mission.rehearsal.rate_hz)
+    # A follower publishes about once in a window.
+    length = max(round(PUBLISH_S * mission.rehearsal.rate_hz), 1)
     while window := list(islice(remaining, length)):
         yield window
-
-
-def flight_events(events: Mapping[str, Sequence[Event]]) -> Iterator[FlightEvent]:
-    """What the companions of a flight in virtual time reported, by vehicle, as entries of its record."""
-    for vehicle, said in events.items():
-        for event in said:
-            yield flight_event(vehicle, event)
 
 
 def fly_lockstep(
@@ -351,7 +339,7 @@ def flight_of(
             times,
             [outcome.record for outcome in outcomes],
             wall_s=wall_s,
-            events=flight_events(events),
+            events=[flight_event(name, one) for name, said in events.items() for one in said],
         ),
         events=events,
         logs={outcome.name: outcome.log for outcome in outcomes if outcome.log is not None},

@@ -41,6 +41,7 @@ from vfguide.link.radio_station import GREETING_S, ORDER_LEAD_S, Station
 from vfguide.link.trust import Trust
 from vfguide.mission.model import Mission
 from vfguide.mission.order_plan import timetable
+from vfguide.mission.rehearsal import Radio
 from vfguide.record.tlog import TelemetryLog
 
 AFTER_S = 3.0
@@ -50,16 +51,6 @@ DECIDED_S = 1.0
 """The order before has to be decided before the next is given."""
 
 PRESENCE = Presence(status="online", mode="tracking", time_s=0.0, version="0", signed=True)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class RadioRates:
-    """What the leader's address says about its radio."""
-
-    leader_hz: float = 10.0
-    """Beats per second, and with them states of the leader."""
-    followers_hz: float = 2.5
-    """States per second of each follower, at least; no more than one at each beat."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -81,13 +72,13 @@ class RadioFlight:
 class Channels:
     """What all stations of a flight have in common."""
 
-    def __init__(self, mission: Mission, air: RadioAir, rates: RadioRates) -> None:
+    def __init__(self, mission: Mission, air: RadioAir, radio: Radio) -> None:
         """Make keys of chance, the same for the same seed.
 
         Args:
             mission: that is flown.
             air: that all are on.
-            rates: that the leader's address asks for.
+            radio: at whose rates they speak.
 
         Raises:
             InputError: the formation does not fit onto the channel.
@@ -113,8 +104,8 @@ class Channels:
         self._radio_key = Random(f"{seed} key").randbytes(32)
         self._timetable = make_timetable(
             len(self.vehicles),
-            leader_hz=rates.leader_hz,
-            followers_hz=rates.followers_hz,
+            leader_hz=radio.leader_hz,
+            followers_hz=radio.followers_hz,
             channel=air.quality.channel,
         )
 
@@ -322,8 +313,6 @@ def fly_rehearsal(
 def fly_by_radio(
     mission: Mission,
     *,
-    rates: RadioRates | None = None,
-    quality: RadioQuality | None = None,
     epoch_s: float | None = None,
     progress: Progress | None = None,
     stop: Callable[[], bool] = lambda: False,
@@ -331,9 +320,7 @@ def fly_by_radio(
     """Fly a mission to its end, or until it is told to stop.
 
     Args:
-        mission: the mission; of what it says about its link only the radio is used.
-        rates: that its leader's address asks for; by the mission if absent.
-        quality: of the radios; by the mission if absent.
+        mission: the mission; of its link only the radio is used, or a usual one.
         epoch_s: time 0 of the flight in seconds since 1970: telemetry logs are kept. None: they are not.
         progress: hears the virtual time.
         stop: asked before each step whether to end here; the first is flown in any case.
@@ -346,8 +333,14 @@ def fly_by_radio(
         update={"link_delay_s": 0.0, "link_jitter_s": 0.0, "link_loss": 0.0}
     )
     flown = mission.model_copy(update={"rehearsal": silent})
-    air = RadioAir(quality or quality_of(mission), seed=mission.rehearsal.seed)
-    channels = Channels(flown, air, rates or rates_of(mission))
+    radio = mission.rehearsal.radio or Radio()
+    quality = RadioQuality(
+        channel=Channel(baud=radio.baud, air_bytes_s=radio.air_bytes_s),
+        loss=radio.loss,
+        burst_share=radio.bursts,
+    )
+    air = RadioAir(quality, seed=mission.rehearsal.seed)
+    channels = Channels(flown, air, radio)
 
     def log() -> TelemetryLog | None:
         return None if epoch_s is None else TelemetryLog(epoch_s)
@@ -391,24 +384,4 @@ def fly_by_radio(
         refused=refused,
         leader_age_s=tuple(ages),
         verdicts={} if operator is None else operator.verdicts,
-    )
-
-
-def rates_of(mission: Mission) -> RadioRates:
-    """Rates of the states on the mission's radio."""
-    radio = mission.rehearsal.radio
-    if radio is None:
-        return RadioRates()
-    return RadioRates(leader_hz=radio.leader_hz, followers_hz=radio.followers_hz)
-
-
-def quality_of(mission: Mission) -> RadioQuality:
-    """What the mission's radio carries, and what it loses."""
-    radio = mission.rehearsal.radio
-    if radio is None:
-        return RadioQuality()
-    return RadioQuality(
-        channel=Channel(baud=radio.baud, air_bytes_s=radio.air_bytes_s),
-        loss=radio.loss,
-        burst_share=radio.bursts,
     )

@@ -89,6 +89,8 @@ class VehicleRecorder:
         """The samples so far."""
         truths = columns(self._truths, (*POSITION, *TRUTHS))
         north, east = local_positions(self._mission, *(truths.pop(field) for field in POSITION))
+        led = None if self._leads is None else columns(self._leads, LEADS).values()
+        leads = {} if led is None else dict(zip(LEAD_SERIES, led, strict=True))
         return vehicle_record(
             self._mission,
             self._name,
@@ -98,14 +100,8 @@ class VehicleRecorder:
             east_m=east,
             **truths,
             **self._slot_series(),
-            **self._lead_series(),
+            **leads,
         )
-
-    def _lead_series(self) -> dict[str, FloatArray]:
-        """By what the vehicle led."""
-        if self._leads is None:
-            return {}
-        return dict(zip(LEAD_SERIES, columns(self._leads, LEADS).values(), strict=True))
 
     def _slot_series(self) -> dict[str, FloatArray]:
         """The slots over time, where another than the mission's was flown in."""
@@ -162,7 +158,8 @@ def vehicle_record(
         mode=doings["mode"].astype(np.int64),
         limited=doings["limited"].astype(np.bool_),
         lyapunov=doings["lyapunov"],
-        **path_series(doings["path"]),
+        # Nothing where it was the first path all the time.
+        path_number=doings["path"].copy() if doings["path"].any() else None,
         **series,
     )
 
@@ -235,15 +232,6 @@ def flight_record(
         origin=RecordOrigin(**mission.origin.model_dump()),
         events=merged_events(event for event in events if 0.0 <= event.time_s <= times[-1]),
     )
-
-
-def path_series(numbers: FloatArray) -> dict[str, FloatArray]:
-    """By which path a companion went, for a `VehicleRecord`; nothing where it was the first all the time.
-
-    Args:
-        numbers: of the paths among those of the mission, the first 0; NaN of none.
-    """
-    return {} if np.all(numbers == 0.0) else {"path_number": numbers.copy()}
 
 
 def beside_paths(

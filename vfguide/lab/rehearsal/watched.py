@@ -28,6 +28,7 @@ from vfguide.elementwise import FloatArray
 from vfguide.errors import InputError, VfguideError
 from vfguide.lab.rehearsal.recorder import UNSEEN, VehicleRecorder, flight_record
 from vfguide.link.opening import WatchedFormation, presences
+from vfguide.link.presence import Presence
 from vfguide.mission.model import Mission
 from vfguide.record.events import FlightEvent
 from vfguide.record.flight import FlightRecord
@@ -260,23 +261,24 @@ class WatchedFlight:
         """Real time since simulation time 0."""
         return time.time() - self._epoch_s
 
-    async def missing(self) -> list[str]:
-        """Vehicles whose companions are not online; all of them while there is no broker."""
+    async def _presences(self) -> dict[str, Presence]:
+        """What companions say of themselves; nothing while there is no broker."""
         try:
-            found = await presences(self._watched, seconds=LISTEN_S, random=Random())
+            return dict(await presences(self._watched, seconds=LISTEN_S, random=Random()))
         except VfguideError:
-            return list(self.mission.companions)
+            return {}
+
+    async def missing(self) -> list[str]:
+        """Vehicles whose companions are not online."""
+        found = await self._presences()
         online = {name for name, presence in found.items() if presence.status == "online"}
         return [name for name in self.mission.companions if name not in online]
 
     async def latency(self) -> Latency | None:
-        """What the companions say of their latencies; nothing where there is no broker any more."""
-        try:
-            found = await presences(self._watched, seconds=LISTEN_S, random=Random())
-        except VfguideError:
-            return None
+        """What the companions say of their latencies; None where nobody is heard."""
+        found = await self._presences()
         figures = {name: presence.figures for name, presence in found.items()}
-        return latency_of(figures, leader=self.mission.leader.vehicle)
+        return latency_of(figures, leader=self.mission.leader.vehicle) if figures else None
 
     def start(self, file: Path) -> None:
         """Tell the emulators when to begin.

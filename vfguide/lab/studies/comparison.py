@@ -324,47 +324,15 @@ SWEEPS = {
 }
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SweepPoint:
-    """One flight of a map; can be handed to another process."""
-
-    sweep: str
-    """Which of the sweeps."""
-    value: float
-    """How bad."""
-    mission: str
-    """What is flown."""
-    law: str
-    """Name of the law."""
-    duration_s: float
-    """How long."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Found:
-    """What a flight came to."""
-
-    point: SweepPoint
-    """Which."""
-    mean_error_m: float
-    """Over the last half."""
-    max_error_m: float
-    """In the last half."""
-    settle_10m_s: float | None
-    """Last time a follower was 10 m or more out, s; None: at the end still."""
-    chatter_rad_s: float
-    """Back and forth of the course setpoints."""
-
-
-def points(laws: Sequence[str], *, quick: bool) -> list[SweepPoint]:
-    """Every flight of every map, by each of these laws."""
+def sweep_cases(laws: Sequence[str], *, quick: bool) -> list[Case]:
+    """Every flight of every sweep, by each of these laws; a label is such as "delay 0.2"."""
+    duration_s = SWEEP_QUICK_S if quick else SWEEP_S
     return [
-        SweepPoint(
-            sweep=name,
-            value=value,
+        Case(
             mission=mission,
-            law=law,
-            duration_s=SWEEP_QUICK_S if quick else SWEEP_S,
+            controller=law,
+            changes=swept_changes(name, value, mission, duration_s),
+            label=f"{name} {value:g}",
         )
         for name, sweep in SWEEPS.items()
         for mission in (SWEPT_MISSIONS[1:] if quick else SWEPT_MISSIONS)
@@ -373,33 +341,27 @@ def points(laws: Sequence[str], *, quick: bool) -> list[SweepPoint]:
     ]
 
 
-def fly_point(point: SweepPoint) -> Found:
-    """Fly one."""
-    rehearsal: dict[str, Any] = {"duration_s": point.duration_s}
-    changes: dict[str, dict[str, Any]] = {"rehearsal": rehearsal}
-    match point.sweep:
+def swept_changes(sweep: str, value: float, mission: str, duration_s: float) -> Changes:
+    """Fields of a mission by which one thing is so bad."""
+    rehearsal: dict[str, Any] = {"duration_s": duration_s}
+    match sweep:
         case "delay":
-            rehearsal["link_delay_s"] = point.value
+            rehearsal["link_delay_s"] = value
         case "loss":
-            rehearsal["link_loss"] = point.value
+            rehearsal["link_loss"] = value
         case "noise":
-            rehearsal["position_noise_m"] = point.value
+            rehearsal["position_noise_m"] = value
         case "alpha" | "beta":
             # Vehicles respond faster or slower than their mission says; companions learn it.
-            declared = f"{point.sweep}_1_s"
-            vehicle = shipped(point.mission).leader_vehicle
-            rehearsal["emulator"] = {declared: getattr(vehicle, declared) * point.value}
+            declared = f"{sweep}_1_s"
+            rehearsal["emulator"] = {
+                declared: getattr(shipped(mission).leader_vehicle, declared) * value
+            }
         case "wind":
             # Along the line's course on one side, across it on the other half of the circle.
-            speed = point.value * AIRSPEED_M_S
-            changes["wind"] = {"type": "steady", "speed_m_s": speed, "toward_deg": 90.0}
+            speed = value * AIRSPEED_M_S
+            wind = {"type": "steady", "speed_m_s": speed, "toward_deg": 90.0}
+            return {"rehearsal": rehearsal, "wind": wind}
         case "rate":
-            rehearsal["rate_hz"] = point.value
-    figures = fly(Case(mission=point.mission, controller=point.law, changes=changes))
-    return Found(
-        point=point,
-        mean_error_m=figures.mean_error_m,
-        max_error_m=figures.max_error_m,
-        settle_10m_s=figures.settle_10m_s,
-        chatter_rad_s=figures.course_variation_rad_s,
-    )
+            rehearsal["rate_hz"] = value
+    return {"rehearsal": rehearsal}

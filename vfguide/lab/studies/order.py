@@ -9,24 +9,16 @@ from msgspec.structs import replace
 
 from vfguide.elementwise import BoolArray
 from vfguide.errors import VfguideError
-from vfguide.formation.arrangement import Arrangement, Manoeuvre
+from vfguide.formation.arrangement import Arrangement
 from vfguide.formation.orders import Formation
 from vfguide.formation.transition import RefusedOrderError
 from vfguide.guidance.airframe import resolve
 from vfguide.guidance.height import change_duration
-from vfguide.lab.rehearsal.aircraft import (
-    LEAD_S,
-    REPEAT_S,
-    TIMES,
-    Aircraft,
-    EmulatedForeignLeader,
-    step_all,
-)
+from vfguide.lab.rehearsal.aircraft import Aircraft, aircraft_of, mail_of, step_all
 from vfguide.lab.rehearsal.recorder import flight_record
 from vfguide.lab.report.figures import pair_separations, settling_time, slot_error
 from vfguide.lab.studies.flown import beyond_when_flown
 from vfguide.link.memory import Mail
-from vfguide.link.order_codec import encode_order
 from vfguide.mission.flight_limits import climb_limits
 from vfguide.mission.model import Mission
 from vfguide.mission.order_plan import (
@@ -110,16 +102,8 @@ def rehearsed(
         _height_change_s(mission, formation, order, leader) + AFTER_S,
     )
     copy = _at_present(mission, formation, order, starts=starts, leader=leader, end_s=end_s)
-    data = encode_order(order)
-    early_s = 0.0 if order.flown is Manoeuvre.ABORT else LEAD_S
-    orders = [(BEGINS_S - early_s + REPEAT_S * number, data) for number in range(TIMES)]
     names = [copy.leader.vehicle, *copy.followers_by_name]
-    flying = [
-        EmulatedForeignLeader(copy)
-        if copy.leader.is_foreign and name == copy.leader.vehicle
-        else Aircraft(copy, name, orders=orders)
-        for name in names
-    ]
+    flying = [aircraft_of(copy, name, orders=mail_of(order)) for name in names]
     rate_hz = copy.rehearsal.rate_hz
     times = [step / rate_hz for step in range(round(end_s * rate_hz) + 1)]
     mail = list[Mail]()

@@ -10,11 +10,10 @@ import statistics
 import sys
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
-from itertools import islice
 from multiprocessing import get_context
 from typing import Any
 
@@ -23,12 +22,10 @@ import numpy as np
 from vfguide.companion.core import Companion
 from vfguide.companion.follower_role import FollowerRole
 from vfguide.errors import import_extra
-from vfguide.lab.rehearsal.emulated_radio import RadioQuality
 from vfguide.lab.rehearsal.lockstep import fly_lockstep
-from vfguide.lab.rehearsal.radio_flight import RadioRates, fly_by_radio
+from vfguide.lab.rehearsal.radio_flight import fly_by_radio
 from vfguide.lab.studies.flown import article_mission, figures_of
 from vfguide.laws.base import SlotKeeper
-from vfguide.link.radio_schedule import Channel
 from vfguide.mavlink.codec import Codec
 from vfguide.mission.model import Mission
 
@@ -98,37 +95,41 @@ def cost_of(law: str, mission: str) -> dict[str, Any]:
     }
 
 
-def crowd(count: int, duration_s: float) -> Mission:
-    """So many vehicles in rows of ten on a long line in the article's wind."""
-    names = ["leader", *(f"f{number}" for number in range(1, count))]
-    rows = [divmod(number, ROW) for number in range(1, count)]
-    content = article_mission("line-wind").model_dump(
-        mode="json", exclude_unset=True, exclude={"controller"}
-    )
-    vehicle, start = content["vehicles"]["leader"], content["rehearsal"]["start"]["leader"]
-    content["name"] = "bench-scale"
+def grown(mission: str, name: str, slots: Sequence[tuple[float, float]]) -> dict[str, Any]:
+    """One of the article's missions as fields, with a follower of the leader's kind for each slot.
+
+    Args:
+        mission: which.
+        name: what it is called.
+        slots: m ahead and right of the leader.
+    """
+    content = article_mission(mission).model_dump(mode="json", exclude_unset=True)
+    followers = [f"f{number}" for number in range(1, len(slots) + 1)]
+    content["name"] = name
     content["followers"] = [
-        {
-            "vehicle": name,
-            "slot": {
-                "forward_m": -SPACING_M * row,
-                "right_m": SPACING_M * (place if place <= ROW // 2 else ROW // 2 - place),
-                "up_m": 0,
-            },
-        }
-        for name, (row, place) in zip(names[1:], rows, strict=True)
+        {"vehicle": follower, "slot": {"forward_m": ahead, "right_m": right, "up_m": 0}}
+        for follower, (ahead, right) in zip(followers, slots, strict=True)
     ]
     content["vehicles"] = {
-        name: vehicle | {"system_id": number} for number, name in enumerate(names, start=1)
+        vehicle: content["vehicles"]["leader"] | {"system_id": number}
+        for number, vehicle in enumerate(("leader", *followers), start=1)
     }
+    return content
+
+
+def crowd(count: int, duration_s: float) -> Mission:
+    """So many vehicles in rows of ten on a long line in the article's wind."""
+    places = [divmod(number, ROW) for number in range(1, count)]
+    slots = [
+        (-SPACING_M * row, SPACING_M * (place if place <= ROW // 2 else ROW // 2 - place))
+        for row, place in places
+    ]
+    content = grown("line-wind", "bench-scale", slots)
+    del content["controller"]
+    leader = content["rehearsal"]["start"]["leader"] | {"north_m": 0, "east_m": 0}
     # In place: so many that join at once stand in each other's way.
-    content["rehearsal"] |= {
-        "duration_s": duration_s,
-        "start": {
-            "leader": start | {"north_m": 0, "east_m": 0},
-            **{name: {"forward_m": 0, "right_m": 0} for name in names[1:]},
-        },
-    }
+    starts = {one["vehicle"]: {"forward_m": 0, "right_m": 0} for one in content["followers"]}
+    content["rehearsal"] |= {"duration_s": duration_s, "start": {"leader": leader, **starts}}
     return Mission.model_validate(content)
 
 
@@ -223,8 +224,6 @@ SIZES = (2, 4, 8, 12)
 RATES_HZ = (20.0, 10.0, 5.0, 2.0)
 """Rates of the leader's states."""
 
-CHANNEL = Channel(baud=57_600, air_bytes_s=4000.0)
-
 SLOTS = (
     (-20, -20),
     (-20, 20),
@@ -282,40 +281,32 @@ class RadioFigures:
     """What members did not believe, by reason."""
 
 
-def radio_mission(size: int, seconds: float) -> Mission:
-    """circle-wind with so many vehicles."""
-    followers = {f"f{number}": slot for number, slot in enumerate(islice(SLOTS, size - 1), 1)}
-    content = article_mission("circle-wind").model_dump(mode="json", exclude_unset=True)
-    content["followers"] = [
-        {"vehicle": name, "slot": {"forward_m": ahead, "right_m": right, "up_m": 0}}
-        for name, (ahead, right) in followers.items()
-    ]
-    content["vehicles"] = {
-        name: content["vehicles"]["leader"] | {"system_id": number}
-        for number, name in enumerate(("leader", *followers), start=1)
-    }
+def radio_mission(size: int, seconds: float, radio: Mapping[str, float] | None = None) -> Mission:
+    """circle-wind with so many vehicles, over a radio with these fields if there are any."""
+    content = grown("circle-wind", "circle-wind", SLOTS[: size - 1])
+    leader = content["rehearsal"]["start"]["leader"]
+    starts = {one["vehicle"]: {"forward_m": BEHIND_M} for one in content["followers"]}
     content["rehearsal"] |= {
         "duration_s": seconds,
-        "start": {
-            "leader": content["rehearsal"]["start"]["leader"],
-            **{name: {"forward_m": BEHIND_M} for name in followers},
-        },
+        "start": {"leader": leader, **starts},
+        "radio": radio,
     }
     return Mission.model_validate(content)
 
 
 def fly_radio(case: RadioCase) -> RadioFigures:
     """Fly a case."""
-    mission = radio_mission(case.size, case.seconds)
     air, refused, age_s = Counter[str](), Counter[str](), float("nan")
     if case.leader_hz is None:
-        record = fly_lockstep(mission).record
+        record = fly_lockstep(radio_mission(case.size, case.seconds)).record
     else:
-        flown = fly_by_radio(
-            mission,
-            rates=RadioRates(leader_hz=case.leader_hz, followers_hz=case.followers_hz),
-            quality=RadioQuality(channel=CHANNEL, loss=case.loss, burst_share=case.bursts),
-        )
+        radio = {
+            "leader_hz": case.leader_hz,
+            "followers_hz": case.followers_hz,
+            "loss": case.loss,
+            "bursts": case.bursts,
+        }
+        flown = fly_by_radio(radio_mission(case.size, case.seconds, radio))
         record, air, refused = flown.flight.record, flown.air, flown.refused
         age_s = float(np.mean(flown.leader_age_s))
     figures = figures_of(record)
