@@ -12,7 +12,7 @@ from tests.docker.flown import Flown
 from tests.docker.formation import Formation
 from tests.kit.missions import content_of
 from tests.kit.sockets import free_port
-from vfguide.lab.rehearsal.watched import TruthCollector
+from vfguide.lab.rehearsal.recorder import TruthCollector
 from vfguide.lab.report.figures import slot_error
 from vfguide.mission import Mission, load_mission
 

@@ -8,7 +8,7 @@ import typer
 
 from vfguide.commands.credentials import check_flies
 from vfguide.commands.options import MissionOption, Speedup, VehicleName
-from vfguide.lab.rehearsal.watched import await_start
+from vfguide.lab.rehearsal.live import await_start
 from vfguide.mission import read_mission
 from vfguide.system import require_linux
 

@@ -24,8 +24,8 @@ from vfguide.commands.options import (
 )
 from vfguide.commands.terminal import Terminal, flight_progress, stopped_by_signals
 from vfguide.errors import InputError
+from vfguide.lab.rehearsal.live import WatchedFlight, watched_flight
 from vfguide.lab.rehearsal.lockstep import LockstepFlight
-from vfguide.lab.rehearsal.watched import WatchedFlight, watched_flight
 from vfguide.mavlink.address import NetworkAddress, Transport, parse_address
 from vfguide.mission import read_mission
 from vfguide.mission.overrides import Overrides

@@ -144,7 +144,9 @@ async def rehearse_order(
         RefusedOrderError: it cannot be carried out; one sentence says why.
         VfguideError: the order that is flown is not known.
     """
-    formation = _present(desk, mission, order)
+    # To call everything off the formation need not be known.
+    aborts = order.action == "abort"
+    formation = formation_of_mission(mission) if aborts else desk.formation()
     arrangement = _resolved(
         mission, order, desk, formation, number=formation.number + 1, lead_s=link.order_lead_s
     )
@@ -212,17 +214,6 @@ def predicted(prediction: Prediction) -> str:
         f"rehearsed: nearest {first} and {second}, {prediction.least_m:.1f} m,"
         f" {prediction.least_s:.0f} s after it begins; {rest}"
     )
-
-
-def _present(desk: OrderDesk, mission: Mission, order: Order) -> Formation:
-    """The formation as it is; to call everything off it need not be known.
-
-    Raises:
-        VfguideError: the order that is flown is not known.
-    """
-    if order.action == "abort":
-        return formation_of_mission(mission)
-    return desk.formation()
 
 
 def _resolved(

@@ -9,7 +9,8 @@ from msgspec.structs import asdict
 import sitl_stub
 from tests.kit.missions import shipped
 from vfguide.errors import InputError, VfguideError
-from vfguide.lab.rehearsal.watched import TruthCollector, await_start, decode_truth, give_start
+from vfguide.lab.rehearsal.live import await_start, give_start
+from vfguide.lab.rehearsal.recorder import TruthCollector, decode_truth
 
 MISSION = shipped("circle-wind")
 

@@ -234,20 +234,17 @@ def alarms_of(
         )
         found.append(Alarm(level="alarm", text=text, vehicles=tuple(one.name for one in known)))
     for one in known:
-        found += alarms_of_vehicle(one, patience, all_silent=silent)
+        level, text = describe_trouble(one, patience, all_silent=silent)
+        if text:
+            found.append(Alarm(level=level, text=f"{one.name} {text}", vehicles=(one.name,)))
     return sorted(found, key=lambda alarm: alarm.level != "alarm")
 
 
-def alarms_of_vehicle(one: Knowledge, patience: Timeouts, *, all_silent: bool) -> list[Alarm]:
-    """What is wrong with one vehicle: the first thing alone, which the others follow from."""
-    level, text = describe_trouble(one, patience, all_silent=all_silent)
-    if not text:
-        return []
-    return [Alarm(level=level, text=f"{one.name} {text}", vehicles=(one.name,))]
-
-
 def describe_trouble(one: Knowledge, patience: Timeouts, *, all_silent: bool) -> tuple[Level, str]:
-    """How bad it is and what to do, after the vehicle's name; empty where all is well."""
+    """How bad it is and what to do, after the vehicle's name; empty where all is well.
+
+    The first thing alone, which the others follow from.
+    """
     if one.mode is None and one.state_age_s == float("inf"):
         return "note", (
             "has not been heard yet: see that its companion runs, on this link and with keys of this mission."

@@ -34,7 +34,8 @@ def write_earth(record: FlightRecord, path: Path, *, compressed: bool) -> None:
     origin, begin = origin_of(record), begin_of(record)
     document = simplekml.Kml(name=printable(record.mission))
     latitude, longitude = geodetic(origin, record.path_north_m, record.path_east_m)
-    height = float(np.nanmean(record.leader.altitude_amsl_m)) if known_height(record) else 0.0
+    heights = record.leader.altitude_amsl_m
+    height = float(np.nanmean(heights)) if np.isfinite(heights).any() else 0.0
     known = np.isfinite(latitude) & np.isfinite(longitude)
     line = document.newlinestring(
         name="path",
@@ -73,11 +74,6 @@ def write_earth(record: FlightRecord, path: Path, *, compressed: bool) -> None:
         document.savekmz(str(path))
     else:
         document.save(str(path))
-
-
-def known_height(record: FlightRecord) -> bool:
-    """Whether the leader's height was ever known."""
-    return bool(np.any(np.isfinite(record.leader.altitude_amsl_m)))
 
 
 def choose_stride(record: FlightRecord) -> int:

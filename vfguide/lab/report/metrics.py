@@ -230,13 +230,6 @@ def reject_unseen(record: FlightRecord, follower: VehicleRecord, window: BoolArr
     )
 
 
-def verdict_of(record: FlightRecord, rejections: tuple[str, ...]) -> bool | None:
-    """Whether a flight is accepted; None where nothing was asked for that it could have missed."""
-    if rejections:
-        return False
-    return True if record.followers and record.acceptance.asks_for_slots else None
-
-
 def tell_apart(first: float, second: float) -> tuple[str, str]:
     """Two figures in as few digits, three at least, as show which is the greater."""
     for digits in range(3, 17):
@@ -252,8 +245,14 @@ def summarise(record: FlightRecord) -> Summary:
     formation = _summarise_formation(record, window)
     # Without followers there is no formation to ask anything of.
     rejections = find_rejections(record.acceptance, formation) if record.followers else ()
+    leader, on_a_path = record.leader, np.isfinite(record.leader.path_course_rad)
     vehicles: dict[str, LeaderSummary | FollowerSummary] = {
-        record.leader.name: _summarise_leader(record, window)
+        leader.name: LeaderSummary(
+            cross_track_error_m=spread(
+                measured(record, leader.path_cross_track_error_m[window], on_a_path[window])
+            ),
+            **_handling(record, leader, window),
+        )
     }
     for follower in record.followers:
         own = _summarise_follower(record, follower, window)
@@ -263,6 +262,8 @@ def summarise(record: FlightRecord) -> Summary:
         rejections += () if absent is None else (absent,)
     if record.interrupted:
         rejections = (f"stopped after {record.duration_s:.1f} s, before its end", *rejections)
+    # None where nothing was asked for that the flight could have missed.
+    judged = bool(record.followers) and record.acceptance.asks_for_slots
     return Summary(
         mission=record.mission,
         controller=record.controller,
@@ -274,7 +275,7 @@ def summarise(record: FlightRecord) -> Summary:
         duration_s=record.duration_s,
         wall_s=record.wall_s,
         real_time_factor=record.duration_s / record.wall_s if record.wall_s else None,
-        accepted=verdict_of(record, rejections),
+        accepted=False if rejections else True if judged else None,
         rejections=rejections,
         acceptance=record.acceptance,
         formation=formation,
@@ -322,12 +323,6 @@ def measured(
     return values if counts is None or bool(counts.all()) else values[counts]
 
 
-def measured_separations(record: FlightRecord) -> FloatArray:
-    """Distances of all pairs at all times that count, m."""
-    distances = [pair.distance_m for pair in pair_separations(record)]
-    return measured(record, np.concatenate(distances)) if distances else np.empty(0)
-
-
 def _summarise_formation(record: FlightRecord, window: BoolArray) -> FormationSummary:
     """All followers together."""
     errors, counts = slot_distances(record, record.reference), in_formation(record)[:, window]
@@ -337,7 +332,10 @@ def _summarise_formation(record: FlightRecord, window: BoolArray) -> FormationSu
     on_path = np.isfinite(leader.course_rad[window])
     meant_sizes = spread(measured(record, meant, counts & on_path))
     settling = errors_that_count(record, errors)
-    in_space = spread(measured(record, slot_distances_3d(record)[:, window], counts))
+    slots = [slot_error(record.reference, one).distance_3d_m[window] for one in record.followers]
+    in_space = spread(measured(record, np.array(slots).reshape(counts.shape), counts))
+    pairs = [pair.distance_m for pair in pair_separations(record)]
+    apart = measured(record, np.concatenate(pairs)) if pairs else np.empty(0)
     return FormationSummary(
         window_s=window_s(record),
         mean_error_m=sizes.mean if sizes else None,
@@ -347,9 +345,7 @@ def _summarise_formation(record: FlightRecord, window: BoolArray) -> FormationSu
         intended_error_m=meant_sizes.mean if meant_sizes else None,
         settle_10m_s=settling_time(record.time_s, settling, 10.0),
         settle_1m_s=settling_time(record.time_s, settling, 1.0),
-        min_separation_m=least_separation(
-            [pairs] if (pairs := measured_separations(record)).size else []
-        ),
+        min_separation_m=least_separation([apart] if apart.size else []),
     )
 
 
@@ -357,22 +353,6 @@ def slot_distances(record: FlightRecord, leader: VehicleRecord) -> FloatArray:
     """Distances of all followers from their slots behind a leader, m; one row for each follower."""
     distances = [slot_error(leader, follower).distance_m for follower in record.followers]
     return np.array(distances).reshape(len(distances), record.time_s.size)
-
-
-def slot_distances_3d(record: FlightRecord) -> FloatArray:
-    """Distances of all followers from their slots in space, m; one row for each follower."""
-    distances = [slot_error(record.reference, one).distance_3d_m for one in record.followers]
-    return np.array(distances).reshape(len(distances), record.time_s.size)
-
-
-def _summarise_leader(record: FlightRecord, window: BoolArray) -> LeaderSummary:
-    """The leader against its path."""
-    leader = record.leader
-    beside, on_a_path = leader.path_cross_track_error_m, np.isfinite(leader.path_course_rad)
-    return LeaderSummary(
-        cross_track_error_m=spread(measured(record, beside[window], on_a_path[window])),
-        **_handling(record, leader, window),
-    )
 
 
 def _summarise_follower(

@@ -12,7 +12,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from vfguide.errors import InputError
 from vfguide.lab.report.metrics import Handling, LeaderSummary, Summary, summarise
-from vfguide.lab.report.plots import Plot, draw_narrow, plots_for, write_plots
+from vfguide.lab.report.plots import draw_narrow, plots_for, write_plots
 from vfguide.lab.report.replay import hash_source, replay_of
 from vfguide.lab.report.style import as_webp
 from vfguide.lab.report.wording import (
@@ -101,7 +101,7 @@ def write_report(record: FlightRecord, directory: Path) -> Path:
 
 def render_page(record: FlightRecord, summary: Summary, pictures: Sequence[Path]) -> str:
     """The whole page, with the pictures inside it."""
-    replay = replay_of(record)
+    replay, error = replay_of(record), in_digits(summary.formation.mean_error_m, "m")
     style = STYLE + replay.style
     script = f"{FOLD}\n{replay.script}"
     return TEMPLATES.get_template("page.html").render(
@@ -114,7 +114,8 @@ def render_page(record: FlightRecord, summary: Summary, pictures: Sequence[Path]
         setting=setting(summary),
         pace=pace(summary),
         verdict=verdict(summary),
-        praise=_words_of_praise(summary),
+        praise="All that the mission asks for was reached."
+        f" Mean formation error over the last half: {error}.",
         unjudged=f"{why_unjudged(summary).capitalize()}.",
         notes=record.notes,
         away=", ".join(one.name for one in record.followers if not one.in_formation.all()),
@@ -130,18 +131,18 @@ def render_page(record: FlightRecord, summary: Summary, pictures: Sequence[Path]
             if (words := response_words(one)) is not None
         ],
         plots=[
-            _plot_part(record, plot, picture)
+            # In two layouts, for wide and for narrow screens.
+            {
+                "title": plot.title,
+                "caption": plot.caption,
+                "wide": b64encode(as_webp(picture.read_bytes())).decode("ascii"),
+                "narrow": b64encode(as_webp(draw_narrow(plot, record))).decode("ascii"),
+            }
             for plot, picture in zip(plots_for(record), pictures, strict=True)
         ],
         narrow=NARROW,
         command=reproduction_command(summary),
     )
-
-
-def _words_of_praise(summary: Summary) -> str:
-    """What an accepted flight reached."""
-    error = in_digits(summary.formation.mean_error_m, "m")
-    return f"All that the mission asks for was reached. Mean formation error over the last half: {error}."
 
 
 def _vehicle_cells(summary: Summary, recorded: VehicleRecord) -> tuple[str, ...]:
@@ -172,16 +173,6 @@ def _handling_cells(handling: Handling) -> tuple[str, ...]:
         in_percent(handling.bank_limited_fraction),
         in_percent(handling.speed_limited_fraction),
     )
-
-
-def _plot_part(record: FlightRecord, plot: Plot, picture: Path) -> dict[str, str]:
-    """A plot in two layouts, for wide and for narrow screens, with what to look for."""
-    return {
-        "title": plot.title,
-        "caption": plot.caption,
-        "wide": b64encode(as_webp(picture.read_bytes())).decode("ascii"),
-        "narrow": b64encode(as_webp(draw_narrow(plot, record))).decode("ascii"),
-    }
 
 
 def reproduction_command(summary: Summary) -> str:
