@@ -13,6 +13,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Annotated, Any
 
+import msgspec
 import typer
 
 from vfguide.commands.options import directory_of, with_plugins
@@ -395,7 +396,6 @@ def scored(
     # Here, because an aircraft's computer has no library that fits distributions.
     from vfguide.lab.studies.suite import (
         draw_scores,
-        flights_json,
         fly_scenario,
         means,
         shortcomings,
@@ -416,7 +416,11 @@ def scored(
         ]
     )
     Terminal().tell(text)
-    content = {**about, "laws": means(flights), "flights": flights_json(flights)}
+    content = {
+        **about,
+        "laws": means(flights),
+        "flights": [msgspec.structs.asdict(one) for one in flights],
+    }
     if out is not None:
         write(out.with_suffix(".json"), content)
         out.with_suffix(".md").write_text(text + "\n", encoding="utf-8")

@@ -206,29 +206,23 @@ class OrderDesk:
     def leader_place(self, time_s: float) -> LeaderPlace | None:
         """Where the leader is at a time of the formation's clock (s), if it flies and climbs straight on."""
         state = self.leader
-        if state is None:
-            return None
-        run = state.ground_speed * (time_s - state.time_s)
-        return LeaderPlace(
-            state.north + run * math.cos(state.course),
-            state.east + run * math.sin(state.course),
-            state.course,
-            height=state.height + state.climb_rate * (time_s - state.time_s),
-            climb_rate=state.climb_rate,
-        )
+        return None if state is None else place_after(state, time_s - state.time_s)
 
     def places(self) -> dict[str, LeaderPlace]:
         """Where each vehicle was that was heard."""
-        return {
-            name: LeaderPlace(
-                state.north,
-                state.east,
-                state.course,
-                height=state.height,
-                climb_rate=state.climb_rate,
-            )
-            for name, state in self.states.items()
-        }
+        return {name: place_after(state, 0.0) for name, state in self.states.items()}
+
+
+def place_after(state: HeardState, seconds: float) -> LeaderPlace:
+    """Where a vehicle is some seconds after a state, if it flies and climbs straight on."""
+    run = state.ground_speed * seconds
+    return LeaderPlace(
+        state.north + run * math.cos(state.course),
+        state.east + run * math.sin(state.course),
+        state.course,
+        height=state.height + state.climb_rate * seconds,
+        climb_rate=state.climb_rate,
+    )
 
 
 @asynccontextmanager

@@ -89,60 +89,47 @@ def why_unjudged(summary: Summary) -> str:
 def compare(summary: Summary) -> tuple[ComparedFigure, ...]:
     """All figures of the formation, beside what the mission asks for."""
     formation, wanted = summary.formation, summary.acceptance
+
+    def error(name: str, error_m: float | None, limit_m: float | None = None) -> ComparedFigure:
+        asked = None if limit_m is None else f"at most {limit_m:g} m"
+        return compared(name, in_digits(error_m, "m"), asked, reject_error(name, error_m, limit_m))
+
+    def settling(distance_m: int, settled_s: float | None, limit_s: float | None) -> ComparedFigure:
+        name = f"All within {distance_m} m of their slots"
+        asked = None if limit_s is None else f"after at most {limit_s:g} s"
+        reason = reject_settling(distance_m, settled_s, limit_s)
+        return compared(name, settled_after(settled_s), asked, reason)
+
+    least_m, limit_m = formation.min_separation_m, wanted.min_separation_m
     return (
-        _compare_error(
-            "Mean formation error",
-            formation.mean_error_m,
-            wanted.mean_error_m,
-        ),
-        _compare_error(
+        error("Mean formation error", formation.mean_error_m, wanted.mean_error_m),
+        error(
             "Mean formation error in space, heights included",
             formation.mean_error_3d_m,
             wanted.mean_error_3d_m,
         ),
-        ComparedFigure(
-            name="95 % of formation errors are below",
-            measured=in_digits(formation.p95_error_m, "m"),
-            required=NOT_REQUIRED,
-            met=None,
+        error("95 % of formation errors are below", formation.p95_error_m),
+        error("Greatest formation error", formation.max_error_m, wanted.max_error_m),
+        error(
+            "Mean distance from the slot as the path means it, not as gusts turn the leader",
+            formation.intended_error_m,
         ),
-        _compare_error("Greatest formation error", formation.max_error_m, wanted.max_error_m),
-        ComparedFigure(
-            name="Mean distance from the slot as the path means it, not as gusts turn the leader",
-            measured=in_digits(formation.intended_error_m, "m"),
-            required=NOT_REQUIRED,
-            met=None,
-        ),
-        _compare_settling(10, formation.settle_10m_s, wanted.settle_10m_s),
-        _compare_settling(1, formation.settle_1m_s, wanted.settle_1m_s),
-        ComparedFigure(
-            name="Least separation, whole flight",
-            measured=in_digits(formation.min_separation_m, "m"),
-            required=f"at least {wanted.min_separation_m:g} m",
-            met=reject_separation(formation.min_separation_m, wanted.min_separation_m) is None,
+        settling(10, formation.settle_10m_s, wanted.settle_10m_s),
+        settling(1, formation.settle_1m_s, wanted.settle_1m_s),
+        compared(
+            "Least separation, whole flight",
+            in_digits(least_m, "m"),
+            f"at least {limit_m:g} m",
+            reject_separation(least_m, limit_m),
         ),
     )
 
 
-def _compare_error(name: str, error_m: float | None, limit_m: float | None) -> ComparedFigure:
-    """A formation error beside its limit."""
+def compared(name: str, measured: str, asked: str | None, reason: str | None) -> ComparedFigure:
+    """A figure beside what is asked of it, with the reason why it is not good enough."""
+    met = None if asked is None else reason is None
     return ComparedFigure(
-        name=name,
-        measured=in_digits(error_m, "m"),
-        required=NOT_REQUIRED if limit_m is None else f"at most {limit_m:g} m",
-        met=None if limit_m is None else reject_error(name, error_m, limit_m) is None,
-    )
-
-
-def _compare_settling(
-    distance_m: int, settled_s: float | None, limit_s: float | None
-) -> ComparedFigure:
-    """A settling time beside its limit."""
-    return ComparedFigure(
-        name=f"All within {distance_m} m of their slots",
-        measured=settled_after(settled_s),
-        required=NOT_REQUIRED if limit_s is None else f"after at most {limit_s:g} s",
-        met=None if limit_s is None else reject_settling(distance_m, settled_s, limit_s) is None,
+        name=name, measured=measured, required=NOT_REQUIRED if asked is None else asked, met=met
     )
 
 

@@ -218,8 +218,3 @@ def draw_scores(flights: Sequence[SuiteFlight], file: Path) -> None:
     axes.grid(alpha=0.3)
     axes.legend(frameon=False)
     save_figure(figure, file)
-
-
-def flights_json(flights: Sequence[SuiteFlight]) -> list[dict[str, Any]]:
-    """Every flight ready for JSON."""
-    return [msgspec.structs.asdict(one) for one in flights]
