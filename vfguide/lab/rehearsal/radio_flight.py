@@ -28,8 +28,7 @@ from vfguide.lab.rehearsal.lockstep import (
     instants,
     outcome_of,
 )
-from vfguide.link.codec import MAGIC as ENVELOPE_MAGIC
-from vfguide.link.codec import Kind
+from vfguide.link.codec import ENVELOPE_MAGIC, Kind
 from vfguide.link.keys import Roster, public_bytes
 from vfguide.link.member import Member, ignore
 from vfguide.link.memory import Mail
