@@ -35,14 +35,6 @@ def flown(
     return airspeeds, asked
 
 
-def test_half_of_what_is_asked_for_comes_at_once_so_twice_as_much_is_asked_for():
-    airspeeds, asked = flown([16.0] * 400, slowest=5.0, fastest=40.0)
-    assert asked[0] == pytest.approx(17.0)
-    assert airspeeds == pytest.approx([16.0] * 400)
-    # What creeps is asked for less and less: 16 + exp(-t/(share time)), 20 s here.
-    assert asked[200] == pytest.approx(16.0 + 2.718**-1.0, abs=0.01)
-
-
 @given(st.lists(st.floats(8.0, 22.0), min_size=1, max_size=60))
 def test_nothing_is_asked_for_beyond_the_limits_and_what_they_leave_is_flown(wanted):
     airspeeds, asked = flown(wanted, slowest=11.0, fastest=19.0)

@@ -397,14 +397,6 @@ def test_a_distant_slot_is_flown_to_within_bank_and_airspeed():
         assert airframe.airspeed_min <= setpoint.speed <= airframe.airspeed_max
 
 
-def test_a_vehicle_outside_its_bounds_is_led_back_in():
-    controller = controller_of()
-    too_fast = vehicle_at(north=-40.0, east=10.0, ground_speed=40.0)
-    assert asked(controller, too_fast).speed < 40.0
-    backwards = vehicle_at(north=-40.0, east=10.0, course=3.0)
-    assert abs(asked(controller, backwards).course - 3.0) > 0.1
-
-
 def test_with_an_integral_it_asks_for_more_the_longer_it_is_off_its_slot():
     behind = vehicle_at(north=-40.5, east=10.0)
 

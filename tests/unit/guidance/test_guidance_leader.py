@@ -58,46 +58,12 @@ def test_a_leader_keeps_its_airspeed_and_lets_the_wind_have_the_ground_speed():
     assert guide(windy, task, COURSE_HOLD).setpoint.speed == pytest.approx(25.0)
 
 
-@pytest.mark.parametrize(("gives_way", "airspeed"), [(True, 22.0), (False, 20.0)])
-def test_the_leader_gives_way_to_an_inner_slot(gives_way, airspeed):
-    # 67.5 m inside on 150 m: 20 (1 - 0.45) = 11 m/s, 2 less than 12 and the margin of 1
-    state, settings = vehicle_at(150.0, 0.0, math.pi / 2.0), choices(give_way=gives_way)
-    guidance = guide(state, along(CLOCKWISE, INSIDE), HEADING_HOLD, settings)
-    assert guidance.setpoint.speed == pytest.approx(airspeed)
-
-
 def test_flying_east_the_left_is_north():
     # 2 m/s² toward the south, from the left again
     state = vehicle_at(course=math.pi / 2.0, wind_rate=(-2.0, 1.5))
     task = along(Line(north=0.0, east=0.0, course=math.pi / 2.0))
     guidance = guide(state, task, HEADING_HOLD)
     assert guidance.setpoint.course == pytest.approx(math.pi / 2.0 - 0.0858333)
-
-
-def test_the_observers_estimate_falls_with_the_course_error_along_the_regressor():
-    state = vehicle_at(150.0, 0.0, math.pi / 2.0 + 0.1)
-    observing = choices(speed_source="observer")
-    guidance = guide(state, along(CLOCKWISE), HEADING_HOLD, observing, memory=20.0)
-    # phi = cos(0.1)/150 - 0.03 sin(0.1) = 0.0066334 - 0.002995 = 0.0036384; -0.05 . 200 . 0.1 . phi
-    assert guidance.memory - 20.0 == pytest.approx(-0.0036384, abs=1e-6)
-
-
-@pytest.mark.parametrize(
-    ("airframe", "estimate", "lead"),
-    [
-        # 18 + 0.05 . 0.5 . 2 = 18.05 and 24 - 0.05 . 0.5 . 4 = 23.9 m/s, over 150 m, times 0.858333 s
-        (COURSE_HOLD, 18.0, 0.1032861),
-        (COURSE_HOLD, 24.0, 0.1367611),
-        # the same, times what the ground speed is to the airspeed
-        (HEADING_HOLD, 18.0, 0.0932157),
-        (HEADING_HOLD, 24.0, 0.1634295),
-    ],
-)
-def test_an_observing_leader_turns_by_its_estimate(airframe, estimate, lead):
-    state = vehicle_at(150.0, 0.0, math.pi / 2.0)
-    observing = choices(speed_source="observer")
-    guidance = guide(state, along(CLOCKWISE), airframe, observing, memory=estimate)
-    assert guidance.setpoint.course - state.course == pytest.approx(lead, abs=1e-6)
 
 
 @pytest.mark.parametrize("airframe", [HEADING_HOLD, COURSE_HOLD])

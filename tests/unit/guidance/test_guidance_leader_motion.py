@@ -57,20 +57,6 @@ def test_on_a_steady_turn_the_turn_rate_is_found_through_south(turn_rate):
     assert motion.acceleration == 0.0
 
 
-@pytest.mark.parametrize(
-    ("steps", "seen"),
-    [
-        # missing after n steps: (1 - n (1 - m)) m^n with m = e^(-1/8) = 0.882497
-        (4, 1.0 - 0.529988 * 0.606531),
-        (8, 1.0 - 0.059975 * 0.367879),
-        (17, 1.0 + 0.997553 * 0.119433),
-    ],
-)
-def test_a_turn_that_begins_is_seen_after_a_time_constant_and_for_a_while_overrated(steps, seen):
-    motion = estimates(moving(steps * PERIOD, turn_rate=0.1))
-    assert motion.turn_rate == pytest.approx(0.1 * seen, abs=1e-6)
-
-
 def test_a_steady_acceleration_is_found():
     motion = estimates(moving(6.0, acceleration=1.5))
     assert motion.acceleration == pytest.approx(1.5, rel=1e-4)

@@ -70,15 +70,6 @@ def test_nothing_else_is_taken_for_a_limit(flown, options):
     assert limit_of(flown, **options).value is None
 
 
-def test_a_greater_bank_ends_what_was_taken_for_a_limit():
-    learner = limit_of(within(25.0))
-    for step in range(60):
-        learner.observe(
-            BankMoment(time_s=40.0 + step * PERIOD, bank=math.radians(32.0), asked=1.0), late=0.5
-        )
-    assert learner.value is None
-
-
 def test_an_aircraft_that_banks_less_than_its_mission_says_is_flown_by_what_it_does():
     settings = ["rehearsal.emulator.max_bank_deg=22", "rehearsal.duration_s=60", "wind.type=calm"]
     mission = with_overrides(shipped("circle-wind"), Overrides(settings=parse_settings(settings)))

@@ -55,15 +55,6 @@ def test_what_the_fastest_takes_can_be_told_and_counts_more_than_an_answer():
     assert heard(clock, 111.0, 0.1).time_s == pytest.approx(111.0, abs=1e-3)
 
 
-def test_a_late_report_does_not_spoil_the_clock():
-    clock = on_a_cable()
-    heard(clock, 110.0, 0.0)
-    late = heard(clock, 109.5, 9.5)
-    assert late.time_s == pytest.approx(109.5, abs=1e-3, rel=0.0)
-    assert not late.is_newer
-    assert heard(clock, 110.5, 8.6).time_s == pytest.approx(110.5, abs=1e-3, rel=0.0)
-
-
 @given(
     st.sampled_from([CABLE, RADIO]),
     st.lists(st.floats(0.05, 0.25), min_size=2, max_size=60),
@@ -254,6 +245,11 @@ def test_stamps_that_go_on_elsewhere_for_a_second_are_a_new_start(
     assert after is not None
     assert after.leap_s == 0.0
     assert after.time_s == pytest.approx(205.0 + interval_s * (found_at + 1), abs=1e-3)
+
+
+def test_the_first_stamp_is_no_new_start():
+    assert read(on_a_cable(), 0.0, 100.0) == Reading(time_s=100.0, stamp_s=0.0, read_s=100.0)
+    assert on_a_cable().read(math.nan, 100.0) is None
 
 
 @pytest.mark.parametrize(

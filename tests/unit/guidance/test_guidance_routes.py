@@ -13,7 +13,7 @@ from pydantic import ValidationError
 
 from vfguide.mission.flight_path import path_of, shape_of
 from vfguide.paths.chain import ChainedPath
-from vfguide.paths.pieces import Bend, Pieces, circle_entry, eased_turn, tangent_length, turn_back
+from vfguide.paths.pieces import Bend, circle_entry, turn_back
 
 CORNERS = ((0.0, 0.0), (1000.0, 0.0), (1000.0, 800.0), (0.0, 800.0))
 """Of a rectangle, in m north and east, flown clockwise."""
@@ -44,51 +44,6 @@ def ends_of_pieces(path: ChainedPath) -> tuple[np.ndarray[Any, Any], ...]:
     again = int(np.searchsorted(pieces.progress, (path.chain.again or 0.0) - 1e-6))
     following = np.append(np.arange(1, course.size), again)
     return course, curvature, pieces.course[following], pieces.curvature[following]
-
-
-def test_a_rectangle_without_easements_is_as_long_as_its_sides_less_its_corners():
-    # four corners cut: each 2 R - pi R / 2 shorter than its tangents
-    path = route(end="repeat", radius_m=100.0, easement_m=0.0)
-    assert path.length == pytest.approx(3600.0 - 4.0 * (200.0 - 50.0 * math.pi), abs=0.01)
-    # it begins where the fillet of the first waypoint ends
-    begin = path.at(0.0)
-    assert (begin.north, begin.east) == (pytest.approx(100.0, abs=0.1), pytest.approx(0.0))
-    # half way round the second corner, sqrt(2) - 1 radii inside of it
-    inside = 100.0 - 100.0 / math.sqrt(2.0)
-    middle = path.at(800.0 + 25.0 * math.pi)
-    assert middle.north == pytest.approx(1000.0 - inside, abs=0.1)
-    assert middle.east == pytest.approx(inside, abs=0.1)
-    assert middle.course == pytest.approx(math.pi / 4.0, abs=1e-3)
-
-
-def test_an_eased_turn_takes_as_long_as_its_arc_and_one_easement_more():
-    # each easement turns by s / 2R: the arc is left with 90 degrees less s / R
-    elements = eased_turn(math.pi / 2.0, Bend(100.0, 60.0))
-    assert sum(one.length for one in elements) == pytest.approx(50.0 * math.pi + 60.0)
-    assert sum(one.turn for one in elements) == pytest.approx(math.pi / 2.0)
-    # too small a turn for both: twice the easement, half the curvature
-    small = eased_turn(-0.3, Bend(100.0, 60.0))
-    assert sum(one.length for one in small) == pytest.approx(120.0)
-    assert min(one.curvature for one in small) == pytest.approx(-0.3 / 60.0)
-
-
-def test_without_easement_the_tangents_of_a_fillet_are_those_of_its_circle():
-    for degrees in (30.0, 90.0, 150.0):
-        angle = math.radians(degrees)
-        length = tangent_length(angle, Bend(100.0, 0.0))
-        assert length == pytest.approx(100.0 * math.tan(angle / 2.0), abs=0.4)
-        assert tangent_length(-angle, Bend(100.0, 0.0)) == pytest.approx(length)
-    # as on a railway: about half an easement further out
-    assert tangent_length(math.pi / 2.0, Bend(100.0, 20.0)) == pytest.approx(110.0, abs=0.3)
-
-
-def test_a_turn_back_ends_on_its_own_line():
-    # 90 degrees to the left and 270 to the right on one radius end two radii further on
-    north, east, course = Pieces.of(0.0, 0.0, 0.0, turn_back(Bend(100.0, 0.0))).end()
-    assert (north, east) == (pytest.approx(200.0, abs=0.1), pytest.approx(0.0, abs=0.1))
-    assert course == pytest.approx(math.pi)
-    _, aside, around = Pieces.of(0.0, 0.0, 0.0, turn_back(Bend(100.0, 120.0))).end()
-    assert (aside, around) == (pytest.approx(0.0, abs=1e-9), pytest.approx(math.pi))
 
 
 @pytest.mark.parametrize("end", ["repeat", "reverse", "loiter"])
@@ -142,13 +97,6 @@ def test_a_route_that_is_reversed_passes_its_waypoints_both_ways():
     back = sum(one.length for one in turn_back(Bend(100.0, 100.0)))
     assert turn == pytest.approx(back, abs=300.0)
     assert path.at(path.length).north == pytest.approx(0.0, abs=1e-6)
-
-
-def test_before_its_beginning_a_route_runs_straight_on():
-    path = route(end="loiter", radius_m=100.0)
-    point = path.nearest(-250.0, 7.0, 0.0)
-    assert point.progress == pytest.approx(-250.0)
-    assert point.cross_track_error == pytest.approx(7.0)
 
 
 def test_heights_climb_evenly_and_are_eased_where_the_slope_changes():

@@ -6,7 +6,6 @@ from collections.abc import Callable
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from msgspec.structs import replace
 
 from tests.kit.states import Plant, vehicle_at
 from vfguide.elementwise import wrap_angle
@@ -110,15 +109,6 @@ def test_a_course_hold_is_bounded_by_its_airspeed_through_the_wind():
     assert (fast.speed, fast.limited) == (22.0, True)
 
 
-def test_a_vehicle_that_stands_still_still_gets_a_setpoint():
-    # on the ground the GPS reports no velocity at all, and a turn rate at no speed has no bank limit
-    still = replace(vehicle_at(), ground_speed=0.0, airspeed=1.0)
-    for airframe in (HEADING_HOLD, COURSE_HOLD):
-        setpoint = setpoint_for(still, 1.0, 0.5, airframe, wind_feedforward=True)
-        assert math.isfinite(setpoint.course)
-        assert math.isfinite(setpoint.speed)
-
-
 @REPEATABLE
 @given(state=states(), airspeed_rate=ANY, heading_rate=ANY)
 def test_whatever_is_asked_the_heading_hold_stays_within_limits(state, airspeed_rate, heading_rate):
@@ -198,19 +188,6 @@ def measured(_: float) -> float:
 
 def without_gps_velocity(_: float) -> float:
     return AIRSPEED
-
-
-def with_a_dropout(time_s: float) -> float:
-    return AIRSPEED if 20.0 < time_s < 40.0 else GROUND_SPEED
-
-
-@pytest.mark.parametrize("path", [LINE, Circle(north=0.0, east=0.0, radius=150.0, direction=-1)])
-@pytest.mark.parametrize("reference", [measured, with_a_dropout])
-def test_with_a_measured_reference_estimate_and_path_converge(path, reference):
-    flyer = Plant(north=100.0, east=-100.0, course=2.0)
-    estimate = fly_path(flyer, path, reference, 90.0)
-    assert estimate == pytest.approx(GROUND_SPEED, abs=0.02)
-    assert abs(path.nearest(flyer.north, flyer.east).cross_track_error) < 0.05
 
 
 def test_the_adaptation_brings_the_estimate_nearer_than_the_reference():

@@ -84,17 +84,6 @@ def test_the_offset_grows_by_the_error_over_the_time_and_stops_at_its_bound():
     assert learned(full, off(1.0, -1.0)) == full
 
 
-def test_in_a_turn_each_harmonic_learns_in_its_own_phase_as_fast_as_the_mean():
-    # at 40 rad/s harmonics are learned fully: 0.5 s . 0.03/1.5 m/s = 0.01 m, times the cosine and the sine
-    # of 30 and of 60 degrees
-    turning = moving(course=math.pi / 6.0, turn_rate=40.0)
-    after = learned(no_offset(), off(0.03, -0.03), turning)
-    first, second = after.harmonics
-    assert (first.ahead_cosine, first.ahead_sine) == pytest.approx((0.00866, 0.005), abs=1e-5)
-    assert (second.ahead_cosine, second.ahead_sine) == pytest.approx((0.005, 0.00866), abs=1e-5)
-    assert (first.right_cosine, second.right_sine) == pytest.approx((-0.00866, -0.00866), abs=1e-5)
-
-
 def test_at_the_turn_rate_at_which_they_count_by_half_harmonics_are_seen_by_half_and_move():
     # 2 cos(60 degrees) m . 1/2 ahead; it moves at -2 sin(60 degrees) . 0.04 . 1/2 m/s
     turning = moving(course=math.pi / 3.0, turn_rate=TURNING_RAD_S)
@@ -129,14 +118,6 @@ def test_what_is_learned_beyond_the_bound_of_all_parts_winds_nothing_up():
     assert pushed == full
     drawn_back = learned(full, off(-0.5, 0.0), turning)
     assert drawn_back.ahead < full.ahead
-
-
-def test_nothing_is_learned_at_a_limit_or_without_a_time_to_learn_in():
-    before = replace(no_offset(), ahead=0.2, right=0.1)
-    assert update_offset(before, off(0.5, 0.5), LEARNS, STRAIGHT, period=0.5, held=True) == before
-    never = 0.0
-    assert update_offset(before, off(0.5, 0.5), never, STRAIGHT, period=0.5, held=False) == before
-    assert aimed_error(off(0.5, 0.5), no_offset(), never, STRAIGHT) == off(0.5, 0.5)
 
 
 def error_with_biased_holds(settings: GuidanceSettings, **gains: float) -> tuple[float, float]:

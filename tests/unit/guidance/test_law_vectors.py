@@ -4,7 +4,6 @@ import math
 from typing import Any
 
 import numpy as np
-import pytest
 
 from tests.kit.states import NORTHBOUND, vehicle_at
 from vfguide.guidance.formation import Slot, formation_error, slot_motion
@@ -29,31 +28,6 @@ def view_of(leader: LeaderState = NORTHBOUND, *, held: bool = False, **own: Any)
         period=0.1,
         held=held,
     )
-
-
-def test_an_observation_says_where_the_slot_is_and_how_both_move():
-    # 30 m behind the slot and 10 m left of it; 3/5 of the speed goes to the right of the slot's course.
-    # In a wind of 15 m/s to the east it heads north at 20 m/s for that.
-    own = {"north": -30.0, "east": -10.0, "course": math.atan2(3.0, 4.0), "ground_speed": 25.0}
-    view = view_of(**own, wind=(0.0, 15.0))
-    seen = dict(zip((one.name for one in OBSERVATION), observed(view), strict=True))
-    expected = {
-        "along_track": 30.0,
-        "cross_track": 10.0,
-        "along_track_rate": 0.0,
-        "cross_track_rate": -15.0,
-        "course": math.atan2(3.0, 4.0),
-        "speed": 5.0,
-        "slot_turn_rate": 0.0,
-        "slot_acceleration": 0.0,
-        "airspeed": 20.0,
-        "crab": -math.atan2(3.0, 4.0),
-        "wind_along": 0.0,
-        "wind_across": 15.0,
-        "turn_limit": 2.0 * 9.80665 / 20.0,
-        "held": 0.0,
-    }
-    assert seen == pytest.approx(expected, abs=1e-6)
 
 
 def test_an_observation_stays_within_its_bounds():

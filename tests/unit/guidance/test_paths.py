@@ -17,7 +17,7 @@ from pydantic import ValidationError
 
 from vfguide.elementwise import FloatArray, wrap_angle
 from vfguide.errors import InputError
-from vfguide.guidance.airframe import compose, polar, resolve
+from vfguide.guidance.airframe import polar, resolve
 from vfguide.guidance.path import (
     Direction,
     Path,
@@ -307,16 +307,6 @@ def test_a_figure_eight_is_the_lemniscate_of_its_half_length():
     assert other.at(other.length / 4.0).curvature == pytest.approx(-3.0 / 300.0, rel=1e-6)
 
 
-@pytest.mark.parametrize("name", PATHS)
-def test_a_path_is_found_beside_a_vehicle_whose_height_is_not_known(name):
-    path = PATHS[name]
-    place = path.at(200.0)
-    point = path.nearest_in_space(place.north, place.east, place.course, math.nan)
-    # Of a helix it is the first turn, whose length is 942 m.
-    assert point.progress == pytest.approx(200.0, abs=0.5)
-    assert point.height == pytest.approx(place.height, abs=0.1)
-
-
 def test_the_spline_through_the_corners_of_a_square_has_the_slopes_of_its_symmetry():
     # m = a times the corner turned by 90 degrees: 4 a = 3 (1 + 1), a = 1.5; second derivative
     # 6 ((0, 1) - (1, 0)) - 4 (0, 1.5) - 2 (-1.5, 0) = (-3, 0) at (1, 0)
@@ -422,34 +412,6 @@ ARTICLE_PATHS: list[Path] = [
 
 def angle_between(first: float, second: float) -> float:
     return abs(wrap_angle(first - second))
-
-
-@pytest.mark.parametrize("course", COURSES)
-@pytest.mark.parametrize("approach", [math.pi / 2.0, 0.6])
-@pytest.mark.parametrize("right", [0.0, 1e7, -1e7])
-def test_the_field_points_along_a_line_and_far_away_approaches_it_at_the_approach_angle(
-    course, approach, right
-):
-    line = Line(north=5.0, east=7.0, course=course)
-    # (-sin, cos) is the unit vector right of the course
-    north, east = compose(300.0, right, course)
-    point = line.nearest(5.0 + north, 7.0 + east)
-    assert point.cross_track_error == pytest.approx(right, rel=1e-6, abs=1e-9)
-    assert point.curvature == 0.0
-    expected = course - approach * np.sign(right)
-    assert angle_between(desired_course(point, GAIN, approach), expected) < (
-        1e-5 if right else 1e-9
-    )
-
-
-def test_outside_a_clockwise_circle_the_vehicle_is_left_of_it():
-    # 200 m north of the centre, flying east: the circle of 150 m is 50 m to the right
-    clockwise = Circle(north=0.0, east=0.0, radius=150.0, direction=1).nearest(200.0, 0.0)
-    assert clockwise.cross_track_error == pytest.approx(-50.0)
-    assert clockwise.course == pytest.approx(math.pi / 2.0)
-    other = Circle(north=0.0, east=0.0, radius=150.0, direction=-1).nearest(200.0, 0.0)
-    assert other.cross_track_error == pytest.approx(50.0)
-    assert other.course == pytest.approx(-math.pi / 2.0)
 
 
 @REPEATABLE
