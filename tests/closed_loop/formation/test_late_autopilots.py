@@ -13,9 +13,9 @@ import numpy as np
 import pytest
 
 import vfguide
-from tests.benchmarks.untuned import NEAR_M, SMOOTH, UntunedFlight, judge
+from tests.benchmarks.untuned import NEAR_M, SMOOTH, UntunedFlight, judged
 from tests.kit.flight import fly
-from tests.kit.missions import content_of, shipped
+from tests.kit.missions import content_of, mission_with, shipped
 from vfguide.lab.report.metrics import FormationSummary
 from vfguide.mission import Mission
 
@@ -195,9 +195,9 @@ SMOOTH_M, ROUGH_M = 1.5, 3.0
 def test_an_aircraft_that_nobody_has_tuned_comes_to_its_slot_and_is_never_thrown(
     aircraft, air, declared, duration_s
 ):
-    flown = judge(
-        UntunedFlight(aircraft=aircraft, air=air, declared=declared, duration_s=duration_s)
-    )
+    flight = UntunedFlight(aircraft=aircraft, air=air, declared=declared, duration_s=duration_s)
+    mission = mission_with(flight.mission(), rehearsal={"rate_hz": 10.0})
+    flown = judged(flight, fly(mission).record)
     assert not flown.lost
     assert not flown.handed_back
     assert flown.min_separation_m > NEAR_M

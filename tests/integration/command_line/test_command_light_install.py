@@ -42,15 +42,15 @@ def run(tmp_path: Path, elsewhere: Run, monkeypatch: pytest.MonkeyPatch) -> Run:
     return elsewhere
 
 
-def test_the_companion_starts_and_missions_are_checked_and_flown(run):
+def test_the_companion_starts_and_missions_are_checked_and_flown(run, pair_with):
     daemon = run("vfguide.companion.daemon")
     assert daemon.returncode == 0, daemon.stderr
     assert run("vfguide", "companion", "--help").returncode == 0
-    slowly = ("--set", "rehearsal.rate_hz=10")
-    assert run("vfguide", "check", "circle-wind", *slowly).returncode == 0
     # a curve of the user's own
-    plugin = ("--plugin", str(EXAMPLES / "own_path.py"), "--set", "path={type: lissajous}")
-    eight = run("vfguide", "check", "circle-calm", *plugin, *slowly, "--set", "rehearsal.start={}")
+    circle = "{type: circle, centre: {north_m: 150, east_m: 0}, radius_m: 150, gain: 0.015}"
+    mission = pair_with((circle, "{type: lissajous}"))
+    plugin = ("--plugin", str(EXAMPLES / "own_path.py"), "--set", "rehearsal.rate_hz=10")
+    eight = run("vfguide", "check", mission, *plugin)
     assert eight.returncode == 0, eight.stderr
     flown = run("vfguide", "fly", "line-calm", "--duration", "5")
     assert flown.returncode == 1, flown.stderr
