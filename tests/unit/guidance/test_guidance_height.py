@@ -37,6 +37,7 @@ from vfguide.guidance.height import (
     target_on_the_way,
 )
 from vfguide.guidance.separation import TIMES
+from vfguide.paths.circle import Circle, Helix
 from vfguide.paths.climb import Climb
 from vfguide.paths.line import Line
 from vfguide.state import Airframe, LeaderState
@@ -71,6 +72,22 @@ def test_a_setpoint_leads_a_climb_by_the_delay(changes, climb_rate, ahead):
     assert found.height == pytest.approx(195.0)
     assert found.climb_rate == pytest.approx(climb_rate, abs=1e-12)
     assert found.ahead == pytest.approx(ahead)
+
+
+def test_a_leader_outside_a_helix_climbs_with_the_point_beside_it():
+    circle = Circle(north=0.0, east=0.0, radius=100.0, direction=1)
+    helix = Helix(circle=circle, climb=Climb(slope=0.1, end=1000.0))
+    place = helix.at(300.0)
+    share = 1.25  # 25 m outside of 100 m
+    motion = replace(
+        NORTHBOUND, north=share * place.north, east=share * place.east, course=place.course
+    )
+    point = helix.nearest_in_space(motion.north, motion.east, motion.course, place.height)
+    beside = BesidePath(path=helix, point=point, motion=motion, flying=0.0, ahead_s=2.0)
+    found = path_height(beside)
+    # The point beside it runs at 20 / 1.25 m/s.
+    assert found.climb_rate == pytest.approx(1.6)
+    assert found.ahead == pytest.approx(place.height + 3.2)
 
 
 def test_a_leader_that_flies_as_planned_has_no_deviation():

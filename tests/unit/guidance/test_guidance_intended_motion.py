@@ -152,6 +152,41 @@ def carried(leader: LeaderState, path: Path, wind: tuple[float, float]) -> Itera
         yield leader
 
 
+@pytest.mark.parametrize("wind", WINDS)
+@pytest.mark.parametrize("direction", [1, -1])
+def test_on_a_circle_in_wind_it_is_where_the_leader_is(direction, wind):
+    def course_at(bearing: float) -> float:
+        return bearing + direction * math.pi / 2.0
+
+    def rate_at(bearing: float) -> float:
+        return direction * speed_over_ground(course_at(bearing), wind) / RADIUS
+
+    path = Circle(north=100.0, east=50.0, radius=RADIUS, direction=direction)
+    bearing = 0.3
+    begin = leader_at(
+        north=100.0 + RADIUS * math.cos(bearing),
+        east=50.0 + RADIUS * math.sin(bearing),
+        course=course_at(bearing),
+        ground_speed=speed_over_ground(course_at(bearing), wind),
+        turn_rate=rate_at(bearing),
+    )
+    for state in carried(begin, path, wind):
+        for _ in range(10):
+            middle = bearing + rate_at(bearing) * PERIOD / 20.0
+            bearing += rate_at(middle) * PERIOD / 10.0
+        assert state.north == pytest.approx(100.0 + RADIUS * math.cos(bearing), abs=0.01)
+        assert state.east == pytest.approx(50.0 + RADIUS * math.sin(bearing), abs=0.01)
+        turned = math.remainder(state.course - course_at(bearing), math.tau)
+        assert turned == pytest.approx(0.0, abs=1e-4)
+        speed = speed_over_ground(course_at(bearing), wind)
+        assert state.ground_speed == pytest.approx(speed, abs=1e-3)
+        assert state.turn_rate == pytest.approx(rate_at(bearing), abs=1e-3)
+    # What slots need most on a circle in wind: how the speed changes, 0.4 s late by its filter.
+    slower, faster = (speed_over_ground(course_at(bearing) + step, wind) for step in (-1e-4, 1e-4))
+    change = rate_at(bearing) * (faster - slower) / 2e-4
+    assert state.acceleration == pytest.approx(change, abs=0.1)
+
+
 ROUTE = [
     {"north_m": north, "east_m": east}
     for north, east in ((0, 0), (600, 0), (600, 700), (-200, 400), (800, 300))

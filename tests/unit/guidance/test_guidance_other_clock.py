@@ -55,6 +55,14 @@ def test_what_the_fastest_takes_can_be_told_and_counts_more_than_an_answer():
     assert heard(clock, 111.0, 0.1).time_s == pytest.approx(111.0, abs=1e-3)
 
 
+def test_differences_of_stamps_do_not_jump_when_a_faster_report_comes():
+    clock = OtherClock()
+    first, second = heard(clock, 110.0, 0.5), heard(clock, 111.0, 0.1)
+    assert second.stamp_s - first.stamp_s == pytest.approx(1.0)
+    assert second.slip_s(first) == pytest.approx(-0.4)
+    assert first.slip_s(None) == 0.0
+
+
 @given(
     st.sampled_from([CABLE, RADIO]),
     st.lists(st.floats(0.05, 0.25), min_size=2, max_size=60),

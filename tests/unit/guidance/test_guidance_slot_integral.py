@@ -84,6 +84,17 @@ def test_the_offset_grows_by_the_error_over_the_time_and_stops_at_its_bound():
     assert learned(full, off(1.0, -1.0)) == full
 
 
+def test_in_a_turn_each_harmonic_learns_in_its_own_phase_as_fast_as_the_mean():
+    # at 40 rad/s harmonics are learned fully: 0.5 s . 0.03/1.5 m/s = 0.01 m, times the cosine and the sine
+    # of 30 and of 60 degrees
+    turning = moving(course=math.pi / 6.0, turn_rate=40.0)
+    after = learned(no_offset(), off(0.03, -0.03), turning)
+    first, second = after.harmonics
+    assert (first.ahead_cosine, first.ahead_sine) == pytest.approx((0.00866, 0.005), abs=1e-5)
+    assert (second.ahead_cosine, second.ahead_sine) == pytest.approx((0.005, 0.00866), abs=1e-5)
+    assert (first.right_cosine, second.right_sine) == pytest.approx((-0.00866, -0.00866), abs=1e-5)
+
+
 def test_at_the_turn_rate_at_which_they_count_by_half_harmonics_are_seen_by_half_and_move():
     # 2 cos(60 degrees) m . 1/2 ahead; it moves at -2 sin(60 degrees) . 0.04 . 1/2 m/s
     turning = moving(course=math.pi / 3.0, turn_rate=TURNING_RAD_S)
