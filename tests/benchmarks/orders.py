@@ -1,8 +1,7 @@
 """How fast and how near formations change their shape: every ordered pair of six shapes.
 
-Run with `.venv/bin/python -m tests.benchmarks.orders pairs [FOLLOWERS ...] [--every=N]`
-(the first of each N pairs that follow each other), all in the article's wind, in lockstep through MAVLink
-bytes. Minutes for each. Random orders: `random_orders.py`.
+Run with `.venv/bin/python -m tests.benchmarks.orders pairs [FOLLOWERS ...]`, all in the article's wind, in
+lockstep through MAVLink bytes. Minutes for each. Random orders: `random_orders.py`.
 """
 
 import argparse
@@ -34,8 +33,6 @@ FIRST_S = 40.0
 """Everybody has found its first slot by then."""
 BETWEEN_S = 20.0
 """After the slots have come to rest, before the next order."""
-JOIN_S = 60.0
-"""The same after somebody was to join."""
 PATHS = {
     "line": {"type": "line", "point": {"north_m": 0, "east_m": 0}, "course_deg": 45, "gain": 0.03},
     "circle": {
@@ -104,10 +101,9 @@ def planned(mission: Mission, orders: Iterator[tuple[str, Order]], count: int) -
         except RefusedOrderError as refusal:
             tell(f"refused  {name}: {refusal}")
             continue
-        joins = not found.vehicles <= set(formation.slots)
         given.append(Given(name, found))
         formation = formation.after(found)
-        time_s += found.duration_s + (JOIN_S if joins else BETWEEN_S)
+        time_s += found.duration_s + BETWEEN_S
     return given
 
 
@@ -157,13 +153,12 @@ def least(record: FlightRecord, from_s: float) -> tuple[float, str]:
     )
 
 
-def pairs(followers: Sequence[int], *, every: int = 1) -> None:
-    """Every ordered pair of six shapes, or the first of so many that follow each other."""
+def pairs(followers: Sequence[int]) -> None:
+    """Every ordered pair of six shapes."""
     for count in followers:
         for path in PATHS:
             mission = mission_of(count, path)
             walk = round_trip(SIX)
-            walk = walk[: 1 + (len(walk) - 1) // every]
             orders = (
                 (f"{one} -> {other}", Order(shape=other, spacing=SPACING_M))
                 for one, other in pairwise(walk)
@@ -186,9 +181,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("what", choices=["pairs"])
     parser.add_argument("followers", nargs="*", type=int, default=[3, 7])
-    parser.add_argument("--every", type=int, default=1, help="the first of each so many pairs")
-    options = parser.parse_args()
-    pairs(options.followers, every=options.every)
+    pairs(parser.parse_args().followers)
 
 
 if __name__ == "__main__":

@@ -6,8 +6,8 @@ dozen orders: shapes, spacings, swaps, slots, leave and join, hold and resume, a
 In every eighth a companion dies, mostly the leader's, and comes back within 20 s. In every fourth somebody
 attacks with a member's key for some seconds, in a form of `tests.benchmarks.insiders`. An order is worked out
 by the operator's program from what it hears (`vfguide.lab.order_desk.OrderDesk`) and given where that accepts
-it; with --rehearse it is flown in virtual time first, as `vfguide order` does. Flight k of a seed is the same
-whatever is flown before it: --first begins with a later one. It fails if anybody flies what nobody ordered.
+it. Flight k of a seed is the same whatever is flown before it: --first begins with a later one. It fails if
+anybody flies what nobody ordered.
 """
 
 import argparse
@@ -34,8 +34,7 @@ from vfguide.formation.shapes import SHAPES
 from vfguide.formation.transition import RefusedOrderError
 from vfguide.lab.order_desk import OrderDesk
 from vfguide.lab.ordering import DECIDED
-from vfguide.lab.report.figures import pair_separations, settling_time, slot_error
-from vfguide.lab.studies.order import rehearsed
+from vfguide.lab.report.figures import pair_separations
 from vfguide.link.codec import Kind
 from vfguide.link.order_codec import Verdict, check_of, encode_order
 from vfguide.mission.model import Mission
@@ -107,7 +106,6 @@ class Tally:
     strays: Counter[str] = field(default_factory=Counter)
     flights: int = 0
     flown_s: float = 0.0
-    settled_s: dict[str, list[float]] = field(default_factory=dict)
 
 
 def drawn_mission(random: Random) -> Mission:
@@ -173,9 +171,9 @@ def drawn_order(  # noqa: C901, PLR0911 - one case for each kind
 class Sortie:
     """One flight, and its operator."""
 
-    def __init__(self, random: Random, tally: Tally, *, rehearse: bool) -> None:
+    def __init__(self, random: Random, tally: Tally) -> None:
         """Put everybody into the air."""
-        self.random, self.tally, self.rehearse = random, tally, rehearse
+        self.random, self.tally = random, tally
         self.mission = drawn_mission(random)
         self.flight = SignedFlight(self.mission)
         self.names, self.aircraft = self.flight.names, self.flight.aircraft
@@ -240,9 +238,6 @@ class Sortie:
             found, _ = resolve(
                 mission, order, formation, number=number, time_s=time_s, leader=place
             )
-            if self.rehearse:
-                here, joining = self.desk.leader_place(self.now), self.desk.places()
-                rehearsed(mission, formation, found, leader=here, joining=joining)
         except VfguideError as refusal:
             where = kind if isinstance(refusal, RefusedOrderError) else "desk"
             tally.refused[f"{where}: {reason_of(str(refusal))}"] += 1
@@ -358,28 +353,6 @@ class Sortie:
             found.append(Near(float(distance[index]), text, time_s, self.order_at(time_s)))
         return min(found, key=lambda one: one.distance_m)
 
-    def note_settling(self, record: FlightRecord) -> None:
-        """How long each order took until all were within a metre, where no companion was lost."""
-        flown = [one for one in self.given if one.verdict is Verdict.FLOWN]
-        ends = [one.arrangement.time_s for one in flown[1:]] + [self.now]
-        for one, end_s in zip(flown, ends, strict=True):
-            begin_s = one.arrangement.time_s
-            if self.is_shaken(begin_s) or self.is_shaken(end_s):
-                continue
-            window = (record.time_s >= begin_s) & (record.time_s < end_s)
-            errors = np.array(
-                [
-                    slot_error(record.reference, vehicle).distance_m[window]
-                    for vehicle in record.followers
-                    if vehicle.name in one.arrangement.vehicles
-                ]
-            )
-            took = settling_time(record.time_s[window] - begin_s, errors, 1.0)
-            # An order before the slots were at rest: what it took is not known.
-            if took is not None:
-                found = self.tally.settled_s.setdefault(kind_of(one.name), [])
-                found.append(max(took, one.arrangement.duration_s))
-
 
 def kind_of(name: str) -> str:
     """The kind of an order in words."""
@@ -396,11 +369,11 @@ def reason_of(text: str) -> str:
     return " ".join(words)[:110]
 
 
-def flights(count: int, seed: int, first: int, tally: Tally, *, rehearse: bool) -> Iterator[Sortie]:
+def flights(count: int, seed: int, first: int, tally: Tally) -> Iterator[Sortie]:
     """Flights with so many orders in all."""
     number, given = first, 0
     while given < count:
-        sortie = Sortie(Random(f"{seed} {number}"), tally, rehearse=rehearse)
+        sortie = Sortie(Random(f"{seed} {number}"), tally)
         sortie.fly(PER_FLIGHT)
         given += len(sortie.given)
         number += 1
@@ -414,15 +387,11 @@ def main(words: Sequence[str] | None = None) -> None:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--first", type=int, default=0, help="number of the first flight")
     parser.add_argument("--append", action="store_true", help="a row to docs/results")
-    parser.add_argument("--rehearse", action="store_true", help="each order before it is given")
     options = parser.parse_args(words)
     tally, nearest, calm = Tally(), None, None
-    everything = flights(
-        options.orders, options.seed, options.first, tally, rehearse=options.rehearse
-    )
+    everything = flights(options.orders, options.seed, options.first, tally)
     for number, sortie in enumerate(everything, options.first):
         record = sortie.record()
-        sortie.note_settling(record)
         near, near_calm = (sortie.nearest(record, shaken=shaken) for shaken in (True, False))
         nearest = min(nearest or near, near, key=lambda one: one.distance_m)
         calm = min(calm or near_calm, near_calm, key=lambda one: one.distance_m)
@@ -473,11 +442,6 @@ def summarise(tally: Tally, nearest: Near | None, calm: Near | None) -> None:
     ):
         for reason, count in reasons.most_common():
             tell(f"{title} {count}: {reason}")
-    for kind, times in sorted(tally.settled_s.items()):
-        tell(
-            f"{kind}: all within 1 m after {np.median(times):.0f} s in the middle,"
-            f" {max(times):.0f} s at most ({len(times)} orders)"
-        )
 
 
 if __name__ == "__main__":
