@@ -70,6 +70,15 @@ def test_nothing_else_is_taken_for_a_limit(flown, options):
     assert limit_of(flown, **options).value is None
 
 
+def test_a_greater_bank_ends_what_was_taken_for_a_limit():
+    learner = limit_of(within(25.0))
+    for step in range(60):
+        learner.observe(
+            BankMoment(time_s=40.0 + step * PERIOD, bank=math.radians(32.0), asked=1.0), late=0.5
+        )
+    assert learner.value is None
+
+
 def test_an_aircraft_that_banks_less_than_its_mission_says_is_flown_by_what_it_does():
     settings = ["rehearsal.emulator.max_bank_deg=22", "rehearsal.duration_s=60", "wind.type=calm"]
     mission = with_overrides(shipped("circle-wind"), Overrides(settings=parse_settings(settings)))
@@ -116,6 +125,12 @@ def test_it_is_slow():
     assert not efficiency_after(20.0, 0.745).is_known
     changed = efficiency_after(8.0, 0.85, begin=efficiency_after(120.0, 0.75))
     assert changed.value == pytest.approx(0.765, abs=0.015)
+
+
+def test_straight_flight_tells_nothing():
+    known = efficiency_after(600.0, 0.5, bank=math.radians(4.0))
+    unknown = TurnEfficiency()
+    assert (known.value, known.variance) == (unknown.value, unknown.variance)
 
 
 @pytest.mark.parametrize(("share", "found"), [(0.1, 0.5), (2.0, 1.1)])

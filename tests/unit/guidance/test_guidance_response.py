@@ -145,6 +145,20 @@ def test_speeds_are_learned_by_their_own_changes():
     assert found.late == pytest.approx(0.5, abs=0.35)
 
 
+def test_what_is_thrown_from_limit_to_limit_is_known_by_its_timing() -> None:
+    """Half a radian per second to either side: the gain is large enough for that, the delay is seen."""
+
+    def asked(time_s: float) -> float:
+        return 1.5 if time_s % 4.0 < 2.0 else -1.5
+
+    found = response_of(
+        learned(COURSE, Hold(2.0, 0.3, 0.0, limit=0.5), asked, seconds=20.0, limit=0.5)
+    )
+    assert found.late == pytest.approx(0.3, abs=0.16)
+    assert found.least <= 2.0 <= found.greatest
+    assert found.least > 0.35
+
+
 def test_a_declaration_that_fits_explains_the_flight_and_one_off_by_three_does_not():
     learner = learned(COURSE, Hold(0.5, 0.2, 0.0), weave)
     assert learner.explained_by(0.5, 0.2, 0.0) > 0.98

@@ -100,6 +100,21 @@ def triangle(time: float, airspeed: Timed) -> tuple[float, float, dict[str, floa
     return slope(lambda at: ground_velocity(at, airspeed)[0], time), course_rate, state
 
 
+@pytest.mark.parametrize("time", [0.0, 1.3, 4.0, 7.7, 12.0])
+def test_air_relative_rates_are_those_of_the_triangle(time):
+    def airspeed(at: float) -> float:
+        return 20.0 + 2.0 * math.sin(0.6 * at)
+
+    acceleration, course_rate, state = triangle(time, airspeed)
+    airspeed_rate, heading_rate = air_relative_rates(acceleration, course_rate, **state)
+    assert airspeed_rate == pytest.approx(slope(airspeed, time), abs=1e-6)
+    assert heading_rate == pytest.approx(slope(heading_of, time), abs=1e-6)
+    # At constant airspeed.
+    _, course_rate, state = triangle(time, lambda _: 20.0)
+    heading_rate = heading_rate_at_constant_airspeed(course_rate, **state)
+    assert heading_rate == pytest.approx(slope(heading_of, time), abs=1e-6)
+
+
 def test_without_wind_air_and_ground_rates_are_the_same():
     calm = {"wind_rate_north": 0.0, "wind_rate_east": 0.0}
     state = {"ground_speed": 20.0, "course": 1.0, "airspeed": 20.0, "heading": 1.0}
