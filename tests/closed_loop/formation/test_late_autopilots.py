@@ -123,11 +123,6 @@ def test_one_that_does_not_slip_loses_nothing():
     assert found < 1.1 * declared + 0.05
 
 
-def test_a_share_that_is_not_the_usual_one_is_flown_by():
-    _, said = slipping(0.6, slips="auto")
-    assert all(text.startswith("it turns 0.6") for text in said)
-
-
 MISSION = shipped("aerosonde-gusts")
 
 
