@@ -276,7 +276,7 @@ def test_a_follower_s_errors_say_where_its_slot_is_twice_a_second():
 
 
 def test_in_its_slot_the_errors_are_small_and_the_mode_is_2():
-    flown = new_flight(until_s=90.0)
+    flown = new_flight(until_s=40.0)
     for name in ("slot_along", "slot_cross", "slot_up"):
         assert abs(values(flown, name)[-1][1]) < 1.0
     assert values(flown, "form_mode")[-1][1] == 2.0

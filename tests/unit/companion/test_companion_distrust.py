@@ -68,7 +68,7 @@ def test_an_estimator_that_comes_back_is_steered_by_once():
             message.flags = 1 | 2 | 4 | 32
         return message
 
-    flown = new_flight(edit=without_a_position, until_s=70.0)
+    flown = new_flight(edit=without_a_position, until_s=52.0)
     changes = [text for time, text in flown.events if time > 38.0 and "->" in text]
     assert changes == ["tracking -> waiting", "waiting -> tracking"]
     (back,) = [time for time, text in flown.events if text == "waiting -> tracking"]

@@ -583,8 +583,8 @@ def test_a_pilot_who_took_over_meanwhile_is_not_overruled(back_s, taken_s, modes
 def test_the_pilot_may_bring_guided_back():
     flown = new_flight(link=heard_until(20.0, 30.0), patience=HASTY, until_s=27.0)
     flown.pilot("MANUAL", until_s=40.0)
-    flown.pilot("GUIDED", until_s=90.0)
-    assert flown.mode_at(90.0) is Mode.TRACKING
+    flown.pilot("GUIDED", until_s=70.0)
+    assert flown.mode_at(70.0) is Mode.TRACKING
 
 
 def test_what_the_operator_did_not_allow_is_not_engaged_again():

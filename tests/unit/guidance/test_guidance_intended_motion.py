@@ -62,6 +62,17 @@ def test_in_calm_air_slots_follow_the_measured_course_at_once():
     assert known.motion.ground_speed == pytest.approx(20.0, abs=1e-9)
 
 
+def test_a_course_that_jitters_turns_the_frame_by_a_tenth_of_it_at_most():
+    # 1.2 degrees at 0.3 Hz, as in moderate turbulence: at its peak the frame points along the path.
+    swing = math.radians(1.2) * math.sqrt(2.0)
+    peak_s = 60.0 + 0.25 / 0.3
+    known = after(peak_s, lambda t: swing * math.sin(2.0 * math.pi * 0.3 * t))
+    assert abs(known.motion.course) < 0.15 * swing
+    # Fed forward as it is measured it would be 2 pi 0.3 Hz times the swing: 0.056 rad/s.
+    crossing = after(60.0, lambda t: swing * math.sin(2.0 * math.pi * 0.3 * t))
+    assert abs(crossing.motion.turn_rate) < 0.01
+
+
 def test_place_and_true_velocity_stay_those_of_the_leader():
     random = Random(1)
     courses = [random.gauss(0.0, 0.03) for _ in range(1201)]

@@ -336,6 +336,15 @@ def test_a_late_course_hold_is_led_no_quicker_than_it_is_itself(alpha, sharpness
     assert held.course == pytest.approx(bound)
 
 
+@pytest.mark.parametrize(
+    ("sharpness", "bound"), [(0.5, 3.0 / 1.5), (0.75, 2.0 * 3.0 / 1.5), (0.0, 3.0 / 6.0)]
+)
+def test_gusts_of_the_speed_ask_for_no_more_than_all_acceleration(sharpness, bound):
+    lively = Airframe(alpha=4.0, beta=20.0, max_acceleration=3.0)
+    held = bandwidth_of(lively, AS_DECLARED, **USUAL, amplification=amplification_of(sharpness))
+    assert held.speed == pytest.approx(bound)
+
+
 def test_softness_slows_the_loop_that_is_flown_not_the_one_that_could_be():
     # The loop has 1 / (3.5 * 0.05) = 5.7 1/s, whatever more the aircraft bears.
     soft = bandwidth_of(Airframe(), AS_DECLARED, **USUAL, softness=Softness(course=0.5))

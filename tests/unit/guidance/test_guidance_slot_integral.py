@@ -131,6 +131,14 @@ def test_what_is_learned_beyond_the_bound_of_all_parts_winds_nothing_up():
     assert drawn_back.ahead < full.ahead
 
 
+def test_nothing_is_learned_at_a_limit_or_without_a_time_to_learn_in():
+    before = replace(no_offset(), ahead=0.2, right=0.1)
+    assert update_offset(before, off(0.5, 0.5), LEARNS, STRAIGHT, period=0.5, held=True) == before
+    never = 0.0
+    assert update_offset(before, off(0.5, 0.5), never, STRAIGHT, period=0.5, held=False) == before
+    assert aimed_error(off(0.5, 0.5), no_offset(), never, STRAIGHT) == off(0.5, 0.5)
+
+
 def error_with_biased_holds(settings: GuidanceSettings, **gains: float) -> tuple[float, float]:
     """(along, across) error after a minute with holds that are 0.05 rad and 0.5 m/s off."""
     follower = keeper("slot", settings, BEHIND, COURSE_HOLD, **gains)
