@@ -185,7 +185,7 @@ autopilots = Registry(
     group="vfguide.autopilots",
     has=("fly", "hand_back"),
     own={
-        "auto": "vfguide.mavlink.detected",
+        "auto": "vfguide.mavlink.adapter",
         "ardupilot": "vfguide.mavlink.ardupilot",
         "px4": "vfguide.mavlink.px4",
         "mavsdk": "vfguide.mavlink.px4",

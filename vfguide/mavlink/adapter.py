@@ -1,6 +1,7 @@
 """What differs between autopilots, behind one interface, and the stream of setpoints that goes through it.
 
-Each autopilot has a file of its own. Which of them speaks is known by its heartbeat.
+Each autopilot has a file of its own. Which of them speaks is known by its heartbeat, and how it is steered
+perhaps by its version only: an adapter that learns more of its autopilot becomes a more exact one.
 """
 
 import math
@@ -68,7 +69,7 @@ autopilot = autopilots.register
 
 
 Px4Steering = Literal["auto", "guided-course", "position", "velocity"]
-"""How a PX4 is steered: by what its version has, or by one of `px4_steering`."""
+"""How a PX4 is steered: by what its version has, or by one of the ways in `px4`."""
 
 
 class AutopilotSetpoint(msgspec.Struct, frozen=True, kw_only=True):
@@ -112,6 +113,10 @@ class AutopilotAdapter(ABC):
             vehicle: whom it speaks to.
         """
         self._vehicle = vehicle
+
+    def become(self, kind: "type[AutopilotAdapter]") -> None:
+        """Go on as the adapter that is right by what was heard of the autopilot, and keep what was heard."""
+        self.__class__ = kind
 
     @property
     def is_ready(self) -> bool:
@@ -263,6 +268,55 @@ class AutopilotAdapter(ABC):
         """Hold an altitude, m above mean sea level."""
         del altitude_amsl
         return []
+
+
+class UnknownAutopilot(AutopilotAdapter):
+    """An autopilot that is not known well enough to be steered, and that may turn out to be of any kind."""
+
+    is_ready = False
+    streams_before_engaging = True
+    keep_alive_s = 0.0
+    parts_belong_together = True
+
+    def is_engaged(self, custom_mode: int) -> bool:
+        """Not by this companion."""
+        del custom_mode
+        return False
+
+    def is_handed_back(self, custom_mode: int) -> bool:
+        """Not by this companion."""
+        del custom_mode
+        return False
+
+    def engage(self) -> list[MAVLink_message]:
+        """Nothing yet."""
+        return []
+
+    def hand_back(self) -> list[MAVLink_message]:
+        """Nothing yet."""
+        return []
+
+    def fly(self, setpoint: AutopilotSetpoint) -> list[MAVLink_message]:
+        """Nothing yet."""
+        del setpoint
+        return []
+
+
+@autopilot("auto")
+class DetectedAutopilot(UnknownAutopilot):
+    """Becomes the adapter of the autopilot that is heard first, and asks for nothing before."""
+
+    engaged_name = "the guided mode"
+
+    def recognise(self, autopilot: int) -> str | None:
+        """Settle on the first autopilot that can be spoken to."""
+        for name in autopilots.names():
+            adapter: type[AutopilotAdapter] = autopilots.find(name)
+            if adapter.number == autopilot:
+                self.become(adapter)
+                adapter.__init__(self, self._vehicle)
+                return None
+        return f"the vehicle is {autopilot_name(autopilot)}, which is not spoken here: not steered"
 
 
 class Vehicle:

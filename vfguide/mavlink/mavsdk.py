@@ -34,7 +34,7 @@ from vfguide.backoff import retry_delay
 from vfguide.errors import InputError, require
 from vfguide.mavlink.address import Address, Status, reason_of
 from vfguide.mavlink.framing import frames_of, message_in
-from vfguide.mavlink.px4_steering import MAIN_MODE_AUTO, MAIN_MODE_OFFBOARD, SUB_MODE_LOITER
+from vfguide.mavlink.px4 import MAIN_MODE_AUTO, MAIN_MODE_OFFBOARD, SUB_MODE_LOITER
 
 logger = logging.getLogger(__name__)
 

@@ -1,7 +1,14 @@
 """PX4, fixed wing: how it is steered is decided by its version, and by whether it takes Guided Course.
 
-Measured on PX4 1.18.0-beta1 in software (simulated airplane, 20 commands a second); the ways, and what is
-known of other versions, are told in `px4_steering`.
+| way | on | course | airspeed | altitude | when setpoints stop |
+|---|---|---|---|---|---|
+| Guided Course | 1.18 | 43002 | 178 | 186 | flies on; NAV_DLL_ACT counts ground stations |
+| position, offboard | 1.13 to 1.18 | a point 1500 m ahead | 178 after each | the point's | COM_OBL_RC_ACT |
+| velocity, offboard | up to 1.14 | a velocity's | 178 after each | that of the entry | COM_OBL_RC_ACT |
+
+Flown on PX4 1.18.0-beta1 in software, simulated airplane: the first two. By the source: the versions before.
+A velocity without a position is accepted by 1.15 to 1.18 and steers nothing: 1.15 and 1.16 keep the attitude
+of the moment, 1.17 and 1.18 course and height. Measured on 1.18.0-beta1 (20 commands a second):
 
 | | course | lag behind a ramp of 6 degrees a second | airspeed |
 |---|---|---|---|
@@ -26,19 +33,22 @@ known of other versions, are told in `px4_steering`.
 """
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 
+from pymap3d import rcurve
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
+from vfguide.frames import wrap_longitude
 from vfguide.guidance.air_data import CreepingHold
 from vfguide.mavlink.adapter import (
-    AutopilotAdapter,
     AutopilotSetpoint,
     Px4Steering,
+    UnknownAutopilot,
     Vehicle,
     autopilot,
     command_long,
+    compass_degrees,
     set_mode,
     telemetry_at,
 )
@@ -50,15 +60,32 @@ from vfguide.mavlink.parameters import (
     bank_warning,
     first_known,
 )
-from vfguide.mavlink.px4_steering import (
-    MAIN_MODE_AUTO,
-    SUB_MODE_LOITER,
-    GuidedCourse,
-    PositionAhead,
-    Px4SteeringWay,
-    VelocityAlong,
-)
 from vfguide.mavlink.reports import CommandReport, ParameterReport, VersionReport
+
+MAIN_MODE_AUTO, SUB_MODE_LOITER, SUB_MODE_GUIDED_COURSE = 4, 3, 19
+MAIN_MODE_OFFBOARD = 6
+
+AIRSPEED, GROUND_SPEED = 0, 1
+KEEP_THROTTLE = -1.0
+
+COURSE_OVER_GROUND = 0
+"""The one type of heading that 43002 takes in Guided Course."""
+
+AHEAD_M = 1500.0
+"""Distance of the point that stands for a course: 2 m off course turn its bearing by under 0.1 degrees."""
+
+IGNORE_POSITION = 0b111
+IGNORE_VELOCITY = 0b111 << 3
+IGNORE_ACCELERATION = 0b111 << 6
+IGNORE_YAW = 0b1 << 10
+IGNORE_YAW_RATE = 0b1 << 11
+POSITION_ONLY = IGNORE_VELOCITY | IGNORE_ACCELERATION | IGNORE_YAW | IGNORE_YAW_RATE
+VELOCITY_ONLY = IGNORE_POSITION | IGNORE_ACCELERATION | IGNORE_YAW | IGNORE_YAW_RATE
+"""Set exactly: PX4 ignores a field only where its bit says so."""
+
+OFFBOARD_KEEP_ALIVE_S = 0.2
+"""Offboard ends when the stream is slower than 2 Hz; a radio may lose one of two."""
+
 
 # What PX4's parameters say: how the aircraft answers, and what does not fit a flight, in words.
 #
@@ -283,13 +310,6 @@ def throttle_warning(parameters: Mapping[str, float]) -> list[str]:
     ]
 
 
-STEERINGS: dict[Px4Steering, Callable[[Vehicle], Px4SteeringWay]] = {
-    "guided-course": GuidedCourse,
-    "position": PositionAhead,
-    "velocity": VelocityAlong,
-}
-"""The ways of steering by their names in a mission."""
-
 MAIN_MODES = {
     1: "MANUAL",
     2: "ALTITUDE",
@@ -326,99 +346,56 @@ REFUSALS = 3
 
 
 @autopilot("px4")
-class Px4(AutopilotAdapter):
-    """Adapter for PX4."""
+class Px4(UnknownAutopilot):
+    """Adapter for PX4: becomes one of the ways of steering once its version is known."""
 
     number = mavlink.MAV_AUTOPILOT_PX4
     rehearsed_as = "px4"
     heartbeat_shows_flight = False
     """It is ACTIVE as soon as it is armed."""
     parameters = NAMES
+    holds_altitude = True
+    engaged_name = "its guided mode"
+    way = ""
+    """In a sentence: steers ..."""
+    stops_by: str | None = None
+    """Parameter that decides what the aircraft does when its companion falls silent; None: not known yet."""
 
     def __init__(self, vehicle: Vehicle) -> None:
         super().__init__(vehicle)
-        self._steering: Px4SteeringWay | None = None
         self._tries = self._refusals = 0
         self._asked = False
+        # MAVSDK's own threads go on sending while a process hangs.
+        self._outlives = self.by_mavsdk
         if vehicle.px4_steering != "auto":
-            self._steering = STEERINGS[vehicle.px4_steering](vehicle)
-
-    @property
-    def is_ready(self) -> bool:
-        """Whether its version is known, or will not be told."""
-        return self._steering is not None
-
-    @property
-    def counts_ground_stations(self) -> bool:
-        """In Guided Course."""
-        return self._steering is not None and self._steering.counts_ground_stations
-
-    @property
-    def streams_before_engaging(self) -> bool:
-        """For offboard."""
-        return self._steering is None or self._steering.streams_before_engaging
-
-    @property
-    def holds_altitude(self) -> bool:
-        """Not by velocities."""
-        return self._steering is None or self._steering.holds_altitude
-
-    @property
-    def keep_alive_s(self) -> float:
-        """The longest pause that this way of steering bears, s."""
-        return 0.0 if self._steering is None else self._steering.keep_alive_s
-
-    @property
-    def parts_belong_together(self) -> bool:
-        """In offboard."""
-        return self._steering is None or self._steering.parts_belong_together
-
-    @property
-    def engaged_name(self) -> str:
-        """Name of the mode in which it is steered."""
-        if self._steering is None:
-            return "its guided mode"
-        return self.mode_name(self._steering.main_mode << 16 | self._steering.sub_mode << 24)
+            self.become(STEERINGS[vehicle.px4_steering])
 
     def questions(self) -> list[MAVLink_message]:
         """Asks for the version until it is known; one that does not answer is steered by positions."""
-        if self._steering is not None:
-            return []
         if self._tries >= TRIES:
-            self._steering = PositionAhead(self._vehicle)
+            self.become(Px4ByPositions)
             return []
         self._tries += 1
         wanted = mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION
         return [command_long(self._vehicle, mavlink.MAV_CMD_REQUEST_MESSAGE, wanted)]
 
     def hear(self, report: VersionReport | CommandReport) -> str | None:
-        """Choose the steering by the version, and again when Guided Course is refused."""
-        if isinstance(report, VersionReport):
-            if self._steering is not None:
-                return None
-            self._steering = STEERINGS[steering_of(report)](self._vehicle)
-            return f"PX4 {report.major}.{report.minor}: {self.steered(self._steering)}"
-        if report.command != mavlink.MAV_CMD_DO_SET_MODE:
+        """Choose the way of steering by the version."""
+        if isinstance(report, CommandReport):
             return None
-        accepted = report.result == mavlink.MAV_RESULT_ACCEPTED
-        if not self._asked:
-            # The answer to a hand-back, or to another's command.
-            return None
-        self._asked = False
-        self._refusals = 0 if accepted else self._refusals + 1
-        chosen = self._vehicle.px4_steering == "auto"
-        in_course = isinstance(self._steering, GuidedCourse)
-        if self._refusals < REFUSALS or not (chosen and in_course):
-            return None
-        self._steering = PositionAhead(self._vehicle)
-        return (
-            f"Guided Course is refused: {self.steered(self._steering)};"
-            f" to be steered by hand select {self.engaged_name}"
-        )
+        self.become(STEERINGS[steering_of(report)])
+        return f"PX4 {report.major}.{report.minor}: {self.told()}"
 
-    def steered(self, steering: Px4SteeringWay) -> str:
-        """How it is steered, and what stops it, in words."""
-        return steering_sentence(steering)
+    def told(self) -> str:
+        """What an operator has to know of how it is steered."""
+        silent = "it and every ground station fall" if self.counts_ground_stations else "it falls"
+        said = f"this companion steers {self.way}; should {silent} silent, {self.stops_by} decides"
+        if self.counts_ground_stations or not self._outlives:
+            return said
+        return (
+            f"{said} once its process has ended, and not while it hangs: MAVSDK then repeats the last"
+            " setpoint until a pilot selects another mode"
+        )
 
     def parameter_value(self, report: ParameterReport) -> float:
         """PX4 puts the bytes of whole numbers into the field of a real one."""
@@ -431,17 +408,11 @@ class Px4(AutopilotAdapter):
 
     def parameter_warnings(self, parameters: Mapping[str, float], needs: FlightNeeds) -> list[str]:
         """What does not fit the flight, one line each."""
-        stops_by = None if self._steering is None else self._steering.stops_by
-        return px4_warnings(parameters, needs, stops_by)
+        return px4_warnings(parameters, needs, self.stops_by)
 
     def parameter_faults(self, parameters: Mapping[str, float], needs: FlightNeeds) -> list[str]:
         """Those with which it should not take off."""
-        stops_by = None if self._steering is None else self._steering.stops_by
-        return px4_faults(parameters, needs, stops_by)
-
-    def is_engaged(self, custom_mode: int) -> bool:
-        """Guided Course or offboard, whichever it is steered in."""
-        return self._steering is not None and self._steering.is_engaged(custom_mode)
+        return px4_faults(parameters, needs, self.stops_by)
 
     def is_handed_back(self, custom_mode: int) -> bool:
         """Hold: main mode auto, sub mode loiter."""
@@ -457,53 +428,16 @@ class Px4(AutopilotAdapter):
         """Return, and what lands."""
         return self.mode_name(custom_mode) in HOMEWARD
 
-    @property
-    def steering_commands(self) -> frozenset[int]:
-        """The course in Guided Course; setpoints of offboard are not answered."""
-        if not isinstance(self._steering, GuidedCourse):
-            return frozenset()
-        return frozenset({mavlink.MAV_CMD_GUIDED_CHANGE_HEADING})
-
-    def steering_questions(self) -> list[MAVLink_message]:
-        """A course, which is denied outside Guided Course."""
-        return self._steering.course(0.0) if isinstance(self._steering, GuidedCourse) else []
-
-    def denies_guided(self, report: CommandReport) -> bool:
-        """A course is denied outside Guided Course; setpoints of offboard are not answered."""
-        command = mavlink.MAV_CMD_GUIDED_CHANGE_HEADING
-        denied = report.command == command and report.result == mavlink.MAV_RESULT_DENIED
-        return denied and isinstance(self._steering, GuidedCourse)
-
     def request_telemetry(self, rate_hz: float) -> list[MAVLink_message]:
         """Position and airspeed at this rate."""
         return telemetry_at(
             self._vehicle, rate_hz, estimator=mavlink.MAVLINK_MSG_ID_ESTIMATOR_STATUS
         )
 
-    def engage(self) -> list[MAVLink_message]:
-        """Enter the mode; offboard is refused unless setpoints are already arriving."""
-        steering = self._steering
-        if steering is None:
-            return []
-        self._asked = True
-        return [set_mode(self._vehicle, steering.main_mode, steering.sub_mode)]
-
     def hand_back(self) -> list[MAVLink_message]:
         """Enter hold, PX4's loiter."""
         self._asked = False
         return [set_mode(self._vehicle, MAIN_MODE_AUTO, SUB_MODE_LOITER)]
-
-    def fly(self, setpoint: AutopilotSetpoint) -> list[MAVLink_message]:
-        """Messages of the way in which it is steered."""
-        return [] if self._steering is None else self._steering.fly(setpoint)
-
-    def stay_ready(self, setpoint: AutopilotSetpoint) -> list[MAVLink_message]:
-        """The stream of setpoints without which offboard cannot be entered, by the pilot neither."""
-        return [] if self._steering is None else self._steering.stay_ready(setpoint)
-
-    def hold_altitude(self, altitude_amsl: float) -> list[MAVLink_message]:
-        """Messages of the way in which it is steered."""
-        return [] if self._steering is None else self._steering.hold_altitude(altitude_amsl)
 
 
 @autopilot("mavsdk")
@@ -512,15 +446,167 @@ class Px4ByMavsdk(Px4):
 
     by_mavsdk = True
 
-    def steered(self, steering: Px4SteeringWay) -> str:
-        """As without MAVSDK, but for a process that hangs: MAVSDK's own threads send setpoints on."""
-        said = steering_sentence(steering)
-        if steering.counts_ground_stations:
-            return said
+
+class SteeredPx4(Px4):
+    """A PX4 that is known well enough to be steered."""
+
+    is_ready = True
+    main_mode, sub_mode = MAIN_MODE_OFFBOARD, 0
+
+    def questions(self) -> list[MAVLink_message]:
+        """Nothing: its version is known, or the mission has chosen."""
+        return []
+
+    def hear(self, report: VersionReport | CommandReport) -> str | None:
+        """What was chosen stays."""
+        del report
+        return None
+
+    def engage(self) -> list[MAVLink_message]:
+        """Enter the mode; offboard is refused unless setpoints are already arriving."""
+        self._asked = True
+        return [set_mode(self._vehicle, self.main_mode, self.sub_mode)]
+
+
+class Px4InGuidedCourse(SteeredPx4):
+    """Commands that are held until the next: a mode of PX4's own, not offboard."""
+
+    way = "in Guided Course"
+    engaged_name = "GUIDED_COURSE"
+    stops_by = "NAV_DLL_ACT"
+    streams_before_engaging = False
+    counts_ground_stations = True
+    keep_alive_s = 0.5
+    """Repetitions are for commands that were lost on the way."""
+    parts_belong_together = False
+    main_mode, sub_mode = MAIN_MODE_AUTO, SUB_MODE_GUIDED_COURSE
+    steering_commands = frozenset({mavlink.MAV_CMD_GUIDED_CHANGE_HEADING})
+
+    def hear(self, report: VersionReport | CommandReport) -> str | None:
+        """Be steered by positions once Guided Course is refused, unless the mission has chosen it."""
+        if not isinstance(report, CommandReport) or report.command != mavlink.MAV_CMD_DO_SET_MODE:
+            return None
+        if not self._asked:
+            # The answer to a hand-back, or to another's command.
+            return None
+        self._asked = False
+        accepted = report.result == mavlink.MAV_RESULT_ACCEPTED
+        self._refusals = 0 if accepted else self._refusals + 1
+        if self._refusals < REFUSALS or self._vehicle.px4_steering != "auto":
+            return None
+        self.become(Px4ByPositions)
         return (
-            f"{said} once its process has ended, and not while it hangs: MAVSDK then repeats the last"
-            " setpoint until a pilot selects another mode"
+            f"Guided Course is refused: {self.told()};"
+            f" to be steered by hand select {self.engaged_name}"
         )
+
+    def is_engaged(self, custom_mode: int) -> bool:
+        """Main mode auto, sub mode Guided Course; outside it 43002 is denied."""
+        return custom_mode >> 16 == SUB_MODE_GUIDED_COURSE << 8 | MAIN_MODE_AUTO
+
+    def steering_questions(self) -> list[MAVLink_message]:
+        """A course, which is denied outside Guided Course."""
+        return [self._course(0.0)]
+
+    def denies_guided(self, report: CommandReport) -> bool:
+        """A course is denied outside Guided Course."""
+        return (report.command, report.result) == (
+            mavlink.MAV_CMD_GUIDED_CHANGE_HEADING,
+            mavlink.MAV_RESULT_DENIED,
+        )
+
+    def fly(self, setpoint: AutopilotSetpoint) -> list[MAVLink_message]:
+        """GUIDED_CHANGE_HEADING with a course over ground, DO_CHANGE_SPEED."""
+        return [self._course(setpoint.course), change_speed(self._vehicle, setpoint.speed)]
+
+    def hold_altitude(self, altitude_amsl: float) -> list[MAVLink_message]:
+        """DO_CHANGE_ALTITUDE, as in its loiter; the mode is entered with the altitude of the moment."""
+        return self.loiter_at(altitude_amsl)
+
+    def _course(self, course: float) -> MAVLink_message:
+        heading = mavlink.MAV_CMD_GUIDED_CHANGE_HEADING
+        return command_long(self._vehicle, heading, COURSE_OVER_GROUND, compass_degrees(course))
+
+
+class Px4ByPositions(SteeredPx4):
+    """The course as a point ahead in offboard: an aircraft that flies to it flies the course.
+
+    Setpoints of offboard have to go on arriving, also before it is entered. Each sets the airspeed back to
+    the autopilot's own: the command has to follow it.
+    """
+
+    way = "by positions ahead in offboard"
+    engaged_name = "OFFBOARD"
+    stops_by = "COM_OBL_RC_ACT"
+    keep_alive_s = OFFBOARD_KEEP_ALIVE_S
+
+    def is_engaged(self, custom_mode: int) -> bool:
+        """The main mode is the third byte of the custom mode."""
+        return (custom_mode >> 16) & 0xFF == MAIN_MODE_OFFBOARD
+
+    def fly(self, setpoint: AutopilotSetpoint) -> list[MAVLink_message]:
+        """The course and the altitude, and then the speed."""
+        return [*self.stay_ready(setpoint), change_speed(self._vehicle, setpoint.speed)]
+
+    def stay_ready(self, setpoint: AutopilotSetpoint) -> list[MAVLink_message]:
+        """A position on the course, at the altitude that is to be held.
+
+        Without the speed, whose command would be obeyed in other modes too.
+        """
+        latitude_deg, longitude_deg = point_ahead(setpoint, AHEAD_M)
+        vehicle = self._vehicle
+        return [
+            mavlink.MAVLink_set_position_target_global_int_message(
+                0,
+                vehicle.system_id,
+                vehicle.component_id,
+                # The altitude of frame 0, which ought to mean the same, is not taken.
+                mavlink.MAV_FRAME_GLOBAL_INT,
+                POSITION_ONLY,
+                round(latitude_deg * 1e7),
+                round(longitude_deg * 1e7),
+                setpoint.altitude_amsl,
+                *(0.0, 0.0, 0.0),
+                *(0.0, 0.0, 0.0),
+                *(0.0, 0.0),
+            )
+        ]
+
+
+class Px4ByVelocities(Px4ByPositions):
+    """The course as that of a velocity in offboard, whose length is ignored.
+
+    The third velocity is taken for a rate of climb without a change of sign, although the message counts it
+    down: 0 is the one value that every version understands, and it keeps the altitude of the entry.
+    """
+
+    way = "by velocities in offboard"
+    holds_altitude = False
+
+    def stay_ready(self, setpoint: AutopilotSetpoint) -> list[MAVLink_message]:
+        """A velocity along the course: all three components have to be finite, or the setpoint is none."""
+        vehicle, course, speed = self._vehicle, setpoint.course, setpoint.speed
+        return [
+            mavlink.MAVLink_set_position_target_local_ned_message(
+                0,
+                vehicle.system_id,
+                vehicle.component_id,
+                mavlink.MAV_FRAME_LOCAL_NED,
+                VELOCITY_ONLY,
+                *(0.0, 0.0, 0.0),
+                *(speed * math.cos(course), speed * math.sin(course), 0.0),
+                *(0.0, 0.0, 0.0),
+                *(0.0, 0.0),
+            )
+        ]
+
+
+STEERINGS: dict[Px4Steering, type[SteeredPx4]] = {
+    "guided-course": Px4InGuidedCourse,
+    "position": Px4ByPositions,
+    "velocity": Px4ByVelocities,
+}
+"""The ways of steering by their names in a mission."""
 
 
 def steering_of(version: VersionReport) -> Px4Steering:
@@ -531,7 +617,23 @@ def steering_of(version: VersionReport) -> Px4Steering:
     return "velocity" if (0, 0) < number <= (1, 14) else "position"
 
 
-def steering_sentence(steering: Px4SteeringWay) -> str:
-    """What an operator has to know of it."""
-    silent = "it and every ground station fall" if steering.counts_ground_stations else "it falls"
-    return f"this companion steers {steering.name}; should {silent} silent, {steering.stops_by} decides"
+def change_speed(vehicle: Vehicle, speed: float) -> MAVLink_message:
+    """DO_CHANGE_SPEED (m/s); PX4 accepts whatever it says, and a ground speed means nothing to it."""
+    kind = AIRSPEED if vehicle.hold == "heading-hold" else GROUND_SPEED
+    return command_long(vehicle, mavlink.MAV_CMD_DO_CHANGE_SPEED, kind, speed, KEEP_THROTTLE)
+
+
+def point_ahead(setpoint: AutopilotSetpoint, distance_m: float) -> tuple[float, float]:
+    """(latitude, longitude) in degrees of the point this far ahead on the course.
+
+    By the radii of curvature at the vehicle, which for 1500 m is right to 0.01 degrees of bearing up to 60
+    degrees of latitude.
+    """
+    latitude_deg, course = setpoint.latitude_deg, setpoint.course
+    north, east = distance_m * math.cos(course), distance_m * math.sin(course)
+    northward = math.degrees(north / float(rcurve.meridian(latitude_deg)))
+    # On the parallel half way: the meridians converge meanwhile.
+    middle_deg = latitude_deg + 0.5 * northward
+    parallel = float(rcurve.transverse(middle_deg)) * math.cos(math.radians(middle_deg))
+    eastward = math.degrees(east / parallel)
+    return latitude_deg + northward, wrap_longitude(setpoint.longitude_deg + eastward)

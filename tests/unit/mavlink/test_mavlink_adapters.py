@@ -10,8 +10,7 @@ from pymap3d.vincenty import vdist
 
 from tests.kit.autopilot import address, asked, sent
 from vfguide.mavlink.ardupilot import ArduPlane
-from vfguide.mavlink.px4 import Px4, Px4ByMavsdk
-from vfguide.mavlink.px4_steering import point_ahead
+from vfguide.mavlink.px4 import Px4, Px4ByMavsdk, point_ahead
 from vfguide.mavlink.reports import CommandReport, VersionReport
 
 GUIDED_COURSE, OFFBOARD, LOITER = 4 << 16 | 19 << 24, 6 << 16, 4 << 16 | 3 << 24

@@ -9,9 +9,8 @@ from hypothesis import strategies as st
 from msgspec.structs import replace
 
 from tests.kit.autopilot import Emulated, address, asked
-from vfguide.mavlink.adapter import SetpointStream
+from vfguide.mavlink.adapter import DetectedAutopilot, SetpointStream
 from vfguide.mavlink.ardupilot import ArduPlane
-from vfguide.mavlink.detected import DetectedAutopilot
 from vfguide.mavlink.px4 import Px4
 from vfguide.mavlink.reports import VersionReport
 
