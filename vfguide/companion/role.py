@@ -20,8 +20,9 @@ from vfguide.link.codec import LeaderMessage, LeaderSighting, encode
 from vfguide.mavlink.codec import Codec
 from vfguide.mavlink.leader_messages import INTERVAL_S, follow_target_message
 from vfguide.mavlink.reports import TrafficReport
-from vfguide.record.events import FlightEvent, plain
+from vfguide.record.events import FlightEvent
 from vfguide.record.guidance_log import GuidanceStep
+from vfguide.record.log import plain
 from vfguide.record.response import VehicleResponse
 from vfguide.state import GAP_S, HeardState, LeaderFix, LeaderState, Setpoint
 

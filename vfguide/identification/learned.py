@@ -16,7 +16,7 @@ from vfguide.companion.learned_response import LEAST_EXPLAINED
 from vfguide.elementwise import FloatArray, clip
 from vfguide.guidance.airframe import coordinated_turn_rate
 from vfguide.guidance.response import COURSE, SPEED, HoldKind, HoldLearner, HoldResponse
-from vfguide.record.vehicle import IntegerArray
+from vfguide.record.archive import IntegerArray
 from vfguide.state import Airframe
 
 FINER = ((0.1, 1.1), (0.03, 1.03), (0.01, 1.01))

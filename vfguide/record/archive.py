@@ -10,17 +10,34 @@ import tokenize
 import warnings
 import zipfile
 import zlib
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
+from dataclasses import fields
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Annotated, Any, BinaryIO
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from vfguide.elementwise import BoolArray, FloatArray
 from vfguide.errors import InputError
 from vfguide.regular_file import open_regular
 
 AnyArray = NDArray[np.generic]
+IntegerArray = NDArray[np.integer[Any]]
+
+GREATEST = 1e15
+"""Nothing of a flight is as large, in whichever unit; its square can still be added up."""
+
+Figure = Annotated[float, msgspec.Meta(ge=-GREATEST, le=GREATEST)]
+"""A number of a flight."""
+
+DTYPES: dict[object, tuple[type[np.generic], type[np.generic]]] = {
+    FloatArray: (np.floating, np.float64),
+    IntegerArray: (np.integer, np.int64),
+    BoolArray: (np.bool_, np.bool_),
+}
+"""What an array in a file may be, and as what it is read, by the type of the field."""
 
 DESCRIPTION = "description"
 """Name of the array that holds the JSON text."""
@@ -127,3 +144,46 @@ def unpacked_size(stream: BinaryIO) -> int:
         size = sum(member.file_size for member in archive.infolist())
     stream.seek(0)
     return size
+
+
+def described(
+    value: Any,  # noqa: ANN401 - any dataclass
+    arrays: dict[str, AnyArray],
+    prefix: str = "",
+    without: Collection[str] = (),
+) -> dict[str, Any]:
+    """What of a dataclass is no array, ready for JSON; arrays go into `arrays`, by prefix and name."""
+    plain: dict[str, Any] = {}
+    for name in (field.name for field in fields(value) if field.name not in without):
+        content = getattr(value, name)
+        if isinstance(content, np.ndarray):
+            arrays[prefix + name] = content
+        else:
+            plain[name] = msgspec.to_builtins(content)
+    return plain
+
+
+def joined(
+    kind: type,
+    plain: Mapping[str, Any],
+    arrays: Mapping[str, AnyArray],
+    prefix: str = "",
+) -> dict[str, Any]:
+    """The contents of a dataclass's fields, as `described` has parted them."""
+    names = [field.name for field in fields(kind)]
+    return {**plain, **{n: arrays[prefix + n] for n in names if prefix + n in arrays}}
+
+
+def sound_array(kind: type, value: Any) -> AnyArray:  # noqa: ANN401
+    """An array of numbers of a flight.
+
+    Raises:
+        ValueError: it is none.
+    """
+    wanted, read_as = DTYPES[kind]
+    if not isinstance(value, np.ndarray) or not np.issubdtype(value.dtype, wanted):
+        raise ValueError("this is no array of its kind")
+    if wanted is np.floating and np.any(np.abs(value) > GREATEST):
+        raise ValueError("it holds a number that nothing in a flight can be")
+    array: AnyArray = value.astype(read_as)
+    return array

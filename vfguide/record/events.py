@@ -9,33 +9,20 @@ In a flight record it is a list of objects in the description. A line is whole o
 what a killed companion leaves is read up to there.
 """
 
-import csv
-import io
-import math
 from collections.abc import Iterable
-from contextlib import suppress
-from io import TextIOWrapper
+from itertools import islice
 from pathlib import Path
-from typing import Any, Literal, get_args
+from typing import Literal
 
 import msgspec
-from msgspec.structs import asdict
 
-from vfguide.regular_file import open_regular, whole_lines
+from vfguide.record.log import CompanionLog, plain
 
 EventKind = Literal["mode", "order", "lead", "text"]
 """`mode`: of the companion; `order`: what becomes of one; `lead`: who leads; `text`: all else."""
 
 SUFFIX = ".events.csv"
 """Follows the vehicle's name."""
-
-COLUMNS = ("time_s", "formation_time_s", "kind", "warning", "text")
-
-HEADER = (",".join(COLUMNS) + "\n").encode()
-"""First line of the file."""
-
-LONGEST_TEXT = 300
-"""Characters of an event that are kept."""
 
 MOST_EVENTS = 20_000
 """Events of a vehicle, or of a record, that are read at most: one a second for five hours."""
@@ -59,6 +46,9 @@ class FlightEvent(msgspec.Struct, frozen=True, kw_only=True):
     """Whether it is something to worry about."""
 
 
+EVENTS = CompanionLog(FlightEvent, ("time_s", "formation_time_s", "kind", "warning", "text"))
+
+
 def encode_event(event: FlightEvent, formation_time_s: float) -> bytes:
     """An event as one line of the file.
 
@@ -66,16 +56,7 @@ def encode_event(event: FlightEvent, formation_time_s: float) -> bytes:
         event: at a time of the companion's own clock.
         formation_time_s: the same moment on the formation's clock, s; NaN while that is not known.
     """
-    line = io.StringIO()
-    fields = (
-        f"{event.time_s:.6f}",
-        f"{formation_time_s:.6f}",
-        event.kind,
-        int(event.warning),
-        plain(event.text),
-    )
-    csv.writer(line, lineterminator="\n").writerow(fields)
-    return line.getvalue().encode()
+    return EVENTS.encode(event, formation_time_s=formation_time_s)
 
 
 def read_events(vehicle: str, *paths: Path, zero_s: float = 0.0) -> list[FlightEvent]:
@@ -86,25 +67,11 @@ def read_events(vehicle: str, *paths: Path, zero_s: float = 0.0) -> list[FlightE
         paths: files of its starts. One that is missing or cut off holds what can be read of it.
         zero_s: the companion's clock at time 0 of the flight.
     """
-    found: list[FlightEvent] = []
-    for path in paths:
-        with (
-            suppress(OSError, csv.Error),
-            TextIOWrapper(
-                open_regular(path), newline="", encoding="utf-8", errors="replace"
-            ) as file,
-        ):
-            for row in csv.DictReader(whole_lines(file)):
-                if len(found) >= MOST_EVENTS:
-                    break
-                with suppress(ValueError, TypeError, LookupError):
-                    found.append(_event(vehicle, row, zero_s))
+    found = [
+        msgspec.structs.replace(event, time_s=event.time_s - zero_s)
+        for event in islice(EVENTS.read(*paths, vehicle=vehicle), MOST_EVENTS)
+    ]
     return sorted(found, key=lambda event: event.time_s)
-
-
-def describe_events(events: Iterable[FlightEvent]) -> list[dict[str, object]]:
-    """Events ready for JSON."""
-    return [asdict(event) for event in events]
 
 
 def merged_events(events: Iterable[FlightEvent]) -> tuple[FlightEvent, ...]:
@@ -116,42 +83,10 @@ def merged_events(events: Iterable[FlightEvent]) -> tuple[FlightEvent, ...]:
     return tuple(sorted(by_worth[:MOST_EVENTS], key=lambda event: event.time_s))
 
 
-def compose_events(entries: Any) -> tuple[FlightEvent, ...]:  # noqa: ANN401
-    """Events from their description; LookupError, TypeError or ValueError where it is none."""
-    if not isinstance(entries, list) or len(entries) > MOST_EVENTS:
-        raise ValueError("its events are no list, or too many")
-    events = tuple(
-        _checked(
-            time_s=float(entry["time_s"]),
-            vehicle=str(entry["vehicle"]),
-            kind=entry["kind"],
-            text=str(entry["text"]),
-            warning=bool(entry["warning"]),
-        )
-        for entry in entries
-    )
+def checked_events(events: tuple[FlightEvent, ...]) -> tuple[FlightEvent, ...]:
+    """Events that a record's file tells, their texts fit for a terminal; ValueError where they are none."""
+    if len(events) > MOST_EVENTS:
+        raise ValueError("it has too many events")
     if any(not 0.0 <= event.time_s <= LONGEST_FLIGHT_S for event in events):
         raise ValueError("an event is of no time of the flight")
-    return events
-
-
-def _event(vehicle: str, row: dict[str, str], zero_s: float) -> FlightEvent:
-    return _checked(
-        time_s=float(row["time_s"]) - zero_s,
-        vehicle=vehicle,
-        kind=row["kind"],
-        text=row["text"],
-        warning=row["warning"] == "1",
-    )
-
-
-def _checked(*, time_s: float, vehicle: str, kind: Any, text: str, warning: bool) -> FlightEvent:  # noqa: ANN401
-    if not math.isfinite(time_s) or kind not in get_args(EventKind) or not isinstance(text, str):
-        raise ValueError("an event has no time or text, or is of no known kind")
-    return FlightEvent(time_s=time_s, vehicle=vehicle, kind=kind, text=plain(text), warning=warning)
-
-
-def plain(text: str) -> str:
-    """The printable characters of a text in one line, as long as it is kept."""
-    words = " ".join(text.split())
-    return "".join(letter for letter in words if letter.isprintable())[:LONGEST_TEXT]
+    return tuple(msgspec.structs.replace(event, text=plain(event.text)) for event in events)

@@ -5,34 +5,29 @@ the vector the air moves toward. All arrays of a record have one entry for each 
 """
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, fields, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import Any, Literal, get_args
+from typing import Any, Literal
 
+import msgspec
 import numpy as np
 
 from vfguide.elementwise import FloatArray
 from vfguide.errors import InputError
-from vfguide.record.archive import REMEDY, AnyArray, read_archive, write_archive
-from vfguide.record.events import FlightEvent, compose_events, describe_events
-from vfguide.record.latency import Latency, compose_latency, describe_latency
-from vfguide.record.outline import (
-    Outline,
-    compose_outlines,
-    describe_outlines,
-    outline_arrays,
-)
-from vfguide.record.vehicle import (
-    OPTIONAL_SERIES,
-    SERIES,
+from vfguide.record.archive import (
+    REMEDY,
+    AnyArray,
+    Figure,
     IntegerArray,
-    Role,
-    VehicleRecord,
-    compose_vehicle,
-    describe_vehicle,
-    floats,
-    sound,
+    described,
+    joined,
+    read_archive,
+    sound_array,
+    write_archive,
 )
+from vfguide.record.events import FlightEvent, checked_events
+from vfguide.record.latency import Latency
+from vfguide.record.vehicle import Role, VehicleRecord
 
 __all__ = [
     "FlightMode",
@@ -53,9 +48,10 @@ FORMAT = "vfguide-flight-record"
 VERSION = 2
 """Version of the file's layout; a reader refuses what is newer than itself."""
 
-TEXTS = ("mission", "controller", "plant", "wind", "mode")
+MOST_OUTLINES = 1000
+"""In one record: more than a mission can name."""
 
-NUMBERS = ("rate_hz", "duration_s")
+OutlineKind = Literal["fence", "path", "rally"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -93,6 +89,32 @@ class RecordOrigin:
     altitude_amsl_m: float
     """Above mean sea level."""
 
+    def __post_init__(self) -> None:
+        on_earth = abs(self.latitude_deg) <= 90.0 and abs(self.longitude_deg) <= 180.0
+        if not (on_earth and abs(self.altitude_amsl_m) <= 100e3):
+            raise ValueError("the origin is nowhere on the earth")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Outline:
+    """One line on the ground that a flight is drawn with, or some points.
+
+    Raises:
+        ValueError: it has not as many norths as easts.
+    """
+
+    kind: OutlineKind
+    """`fence`: the edge of an area that has to be stayed in or out of; `path`: not the mission's first;
+    `rally`: points to which an aircraft may go back, no line."""
+    north_m: FloatArray
+    """M points from its beginning to its end, m; of a closed line the last is the first."""
+    east_m: FloatArray
+    """M points, m."""
+
+    def __post_init__(self) -> None:
+        if self.north_m.ndim != 1 or self.north_m.shape != self.east_m.shape:
+            raise ValueError("a drawn line has not as many norths as easts")
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FlightRecord:
@@ -123,11 +145,11 @@ class FlightRecord:
     mode: FlightMode
     """`lockstep` in virtual time, `live` over real sockets, `recorded` by companions on a real flight: there
     positions are estimates, and NaN where nothing was recorded."""
-    rate_hz: float
+    rate_hz: Figure
     """Position reports per second, 1/s."""
     seed: int
     """Seed of everything random in the flight."""
-    duration_s: float
+    duration_s: Figure
     """How long the flight lasted, as flown, s."""
     wall_s: float | None
     """How long that took, s. Not kept in the file, so that equal flights have equal files; then None."""
@@ -141,7 +163,7 @@ class FlightRecord:
     """What a reader has to know of where the figures come from, a sentence each."""
     origin: RecordOrigin | None = None
     """Origin of the local frame; None in records of earlier versions."""
-    begin_unix_s: float | None = None
+    begin_unix_s: Figure | None = None
     """Time 0 of the flight, s since 1970; None of a flight in virtual time."""
     outlines: tuple[Outline, ...] = ()
     """Edges of the fence and other paths, for drawing; none in records of earlier versions."""
@@ -187,16 +209,18 @@ class FlightRecord:
         Raises:
             InputError: the place cannot be written to.
         """
-        arrays: dict[str, AnyArray] = {
-            "time_s": self.time_s,
-            "path_north_m": self.path_north_m,
-            "path_east_m": self.path_east_m,
-            **outline_arrays(self.outlines),
-        }
-        for number, vehicle in enumerate(self.vehicles):
-            for name in series_of(vehicle):
-                arrays[f"vehicle_{number}_{name}"] = getattr(vehicle, name)
-        write_archive(path, _describe(self), arrays)
+        arrays: dict[str, AnyArray] = {}
+        parts = described(self, arrays, without=("vehicles", "outlines", "wall_s"))
+        vehicles = [
+            described(vehicle, arrays, f"vehicle_{number}_")
+            for number, vehicle in enumerate(self.vehicles)
+        ]
+        outlines = [
+            described(outline, arrays, f"outline_{number}_")["kind"]
+            for number, outline in enumerate(self.outlines)
+        ]
+        lists = {"vehicles": vehicles, "outlines": outlines}
+        write_archive(path, {"format": FORMAT, "version": VERSION, **parts, **lists}, arrays)
 
     @classmethod
     def load(cls, path: Path) -> "FlightRecord":
@@ -223,86 +247,28 @@ class FlightRecord:
 
 def series_of(vehicle: VehicleRecord) -> tuple[str, ...]:
     """Names of all arrays that a vehicle's record has."""
-    changed = [name for name in OPTIONAL_SERIES if getattr(vehicle, name) is not None]
-    return (*SERIES, "mode", "limited", *changed)
-
-
-def _describe(record: FlightRecord) -> dict[str, object]:
-    """All of a record that is no array, ready for JSON."""
-    return {
-        "format": FORMAT,
-        "version": VERSION,
-        **{name: getattr(record, name) for name in (*TEXTS, *NUMBERS)},
-        "seed": record.seed,
-        "mode_names": list(record.mode_names),
-        "acceptance": asdict(record.acceptance),
-        "interrupted": record.interrupted,
-        "latency": None if record.latency is None else describe_latency(record.latency),
-        "notes": list(record.notes),
-        "origin": None if record.origin is None else asdict(record.origin),
-        "begin_unix_s": record.begin_unix_s,
-        "outlines": describe_outlines(record.outlines),
-        "events": describe_events(record.events),
-        "vehicles": [describe_vehicle(vehicle) for vehicle in record.vehicles],
-    }
+    names = (field.name for field in fields(vehicle))
+    return tuple(name for name in names if isinstance(getattr(vehicle, name), np.ndarray))
 
 
 def _compose(description: dict[str, Any], arrays: dict[str, AnyArray]) -> FlightRecord:
     """A record from its parts; LookupError, TypeError or ValueError where one is missing or misshapen."""
-    mode = description["mode"]
-    if mode not in get_args(FlightMode):
-        raise ValueError(f"mode is none of {', '.join(get_args(FlightMode))}")
-    return FlightRecord(
-        time_s=floats(arrays, "time_s"),
-        vehicles=tuple(
-            compose_vehicle(entry, arrays, f"vehicle_{number}_")
+    kinds = description.get("outlines", [])
+    if not isinstance(kinds, list) or len(kinds) > MOST_OUTLINES:
+        raise ValueError("its drawn lines are no list, or too many")
+    content = joined(FlightRecord, description, arrays) | {
+        "vehicles": [
+            joined(VehicleRecord, entry, arrays, f"vehicle_{number}_")
             for number, entry in enumerate(description["vehicles"])
-        ),
-        mode_names=tuple(str(name) for name in description["mode_names"]),
-        path_north_m=floats(arrays, "path_north_m"),
-        path_east_m=floats(arrays, "path_east_m"),
-        mission=str(description["mission"]),
-        controller=str(description["controller"]),
-        plant=str(description["plant"]),
-        wind=str(description["wind"]),
-        mode=mode,
-        rate_hz=sound(description["rate_hz"]),
-        seed=int(description["seed"]),
-        duration_s=sound(description["duration_s"]),
-        wall_s=None,
-        acceptance=_compose_acceptance(description["acceptance"]),
-        # Records of earlier versions have none of these.
-        interrupted=bool(description.get("interrupted", False)),
-        latency=compose_latency(latency) if (latency := description.get("latency")) else None,
-        notes=tuple(str(note) for note in description.get("notes", ())),
-        origin=_compose_origin(origin) if (origin := description.get("origin")) else None,
-        begin_unix_s=None if (begin := description.get("begin_unix_s")) is None else sound(begin),
-        outlines=compose_outlines(description.get("outlines", []), arrays),
-        events=compose_events(description.get("events", [])),
-    )
-
-
-def _compose_origin(entry: dict[str, Any]) -> RecordOrigin:
-    """A place on the earth; ValueError where it is none."""
-    origin = RecordOrigin(
-        **{field.name: float(entry[field.name]) for field in fields(RecordOrigin)}
-    )
-    on_earth = abs(origin.latitude_deg) <= 90.0 and abs(origin.longitude_deg) <= 180.0
-    if not (on_earth and abs(origin.altitude_amsl_m) <= 100e3):
-        raise ValueError("the origin is nowhere on the earth")
-    return origin
-
-
-def _compose_acceptance(entry: dict[str, Any]) -> RecordAcceptance:
-    """The acceptance, every limit a number or, where it may be, nothing."""
-    limits = {
-        field.name: None if (limit := entry.get(field.name)) is None else float(limit)
-        for field in fields(RecordAcceptance)
+        ],
+        "outlines": [
+            joined(Outline, {"kind": kind}, arrays, f"outline_{number}_")
+            for number, kind in enumerate(kinds)
+        ],
+        "wall_s": None,
     }
-    separation = limits.pop("min_separation_m")
-    if separation is None:
-        raise ValueError("min_separation_m is missing")
-    return RecordAcceptance(min_separation_m=separation, **limits)
+    record = msgspec.convert(content, FlightRecord, dec_hook=sound_array)
+    return replace(record, events=checked_events(record.events))
 
 
 LONGEST_GAP_S = 6.0

@@ -5,12 +5,9 @@ the formation's clock, by which the recordings of several aircraft fit together.
 line feed is written: what a killed companion leaves is read up to there.
 """
 
-import csv
 import math
 from bisect import bisect_right
-from collections.abc import Sequence
-from contextlib import suppress
-from io import SEEK_END, TextIOWrapper
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import msgspec
@@ -18,45 +15,14 @@ import numpy as np
 
 from vfguide.elementwise import FloatArray
 from vfguide.formation.arrangement import MAIN_PATH
+from vfguide.record.log import CompanionLog
 from vfguide.record.vehicle import LEAD_SERIES, SLOT_SERIES
-from vfguide.regular_file import open_regular, whole_lines
 
 SUFFIX = ".guidance.csv"
 """Follows the vehicle's name."""
 
-COLUMNS = (
-    "time_s",
-    "mode",
-    "course_rad",
-    "speed_m_s",
-    "limited",
-    "lyapunov_m2",
-    "formation_time_s",
-    "slot_forward_m",
-    "slot_right_m",
-    "slot_up_m",
-    "lead_term",
-    "lead_time_s",
-    "lead_north_m",
-    "lead_east_m",
-    "lead_course_rad",
-    "lead_height_m",
-    "leader_age_s",
-    "left",
-    "path",
-)
-
-LATER_COLUMNS = COLUMNS[COLUMNS.index("slot_forward_m") : COLUMNS.index("left")]
-"""Numbers that are most often unknown, and then empty; files of earlier versions have none of them."""
-
 NO_PATH = "-"
-"""In the last column where no path is followed, which is no path's name; empty stands for the main one."""
-
-HEADER = (",".join(COLUMNS) + "\n").encode()
-"""First line of the file."""
-
-NEWEST_BYTES = 8192
-"""Length of a growing file's end that is read: some 40 steps, 2 s at 20 Hz."""
+"""In the last column where no path is followed, which is no path's name."""
 
 
 class GuidanceStep(msgspec.Struct, frozen=True, kw_only=True):
@@ -66,13 +32,13 @@ class GuidanceStep(msgspec.Struct, frozen=True, kw_only=True):
     """On the companion's own clock, s."""
     mode: str
     """Mode of the supervisor."""
-    course_rad: float
+    course_rad: float = math.nan
     """Last course setpoint sent; NaN before the first."""
-    speed_m_s: float
+    speed_m_s: float = math.nan
     """Last setpoint of airspeed or ground speed sent, whichever the vehicle holds; NaN before the first."""
     limited: bool
     """Whether a limit of the vehicle cut it."""
-    lyapunov_m2: float
+    lyapunov_m2: float = math.nan
     """W, m²; NaN for the leader."""
     formation_time_s: float = math.nan
     """Time of the step on the leader's clock, s; NaN while that is not known."""
@@ -102,17 +68,12 @@ class GuidanceStep(msgspec.Struct, frozen=True, kw_only=True):
     """Name of the path that the leader follows; None in a hold, and once all was called off."""
 
 
+STEPS = CompanionLog(GuidanceStep, GuidanceStep.__struct_fields__)
+
+
 def encode_step(step: GuidanceStep) -> bytes:
     """A step as one line of the file."""
-    numbers = (step.course_rad, step.speed_m_s, int(step.limited), step.lyapunov_m2)
-    later = (getattr(step, name) for name in LATER_COLUMNS)
-    fields = (
-        *(f"{step.time_s:.6f}", step.mode, *numbers, f"{step.formation_time_s:.6f}"),
-        *("" if math.isnan(value) else f"{value:.6f}" for value in later),
-        "1" if step.left else "",
-        NO_PATH if step.path is None else "" if step.path == MAIN_PATH else step.path,
-    )
-    return (",".join(str(field) for field in fields) + "\n").encode()
+    return STEPS.encode(step, path=NO_PATH if step.path is None else step.path)
 
 
 class GuidanceTrack:
@@ -141,54 +102,26 @@ def read_guidance(*paths: Path, zero_s: float = 0.0) -> GuidanceTrack:
         paths: files of one companion's starts. One that is missing or cut off holds what can be read of it.
         zero_s: the companion's clock at time 0 of the flight.
     """
-    steps: list[GuidanceStep] = []
-    for path in paths:
-        with (
-            suppress(OSError, ValueError, TypeError, LookupError, csv.Error),
-            TextIOWrapper(open_regular(path), newline="", encoding="utf-8") as file,
-        ):
-            steps.extend(_step(row, zero_s) for row in csv.DictReader(whole_lines(file)))
-    return GuidanceTrack(sorted(steps, key=lambda step: step.time_s))
+    return track_of(STEPS.read(*paths), zero_s)
 
 
 def read_newest(*paths: Path, zero_s: float = 0.0) -> GuidanceTrack:
-    """What a companion did in the last second or two, of files that grow and may be long.
-
-    Args:
-        paths: as of `read_guidance`.
-        zero_s: the companion's clock at time 0 of the flight.
-    """
-    steps: list[GuidanceStep] = []
-    for path in paths:
-        with suppress(OSError, csv.Error), open_regular(path) as file:
-            file.seek(max(file.seek(0, SEEK_END) - NEWEST_BYTES, 0))
-            # The first and the last line may not be whole.
-            lines = file.read(NEWEST_BYTES).decode("utf-8", "replace").split("\n")[1:-1]
-            for row in csv.DictReader(lines, fieldnames=COLUMNS):
-                with suppress(ValueError, TypeError, LookupError, csv.Error):
-                    steps.append(_step(row, zero_s))
-    return GuidanceTrack(sorted(steps, key=lambda step: step.time_s))
+    """What a companion did in the last second or two; arguments as of `read_guidance`."""
+    return track_of(STEPS.read_newest(*paths), zero_s)
 
 
-def _step(row: dict[str, str], zero_s: float) -> GuidanceStep:
-    time_s = float(row["time_s"]) - zero_s
-    if not math.isfinite(time_s):
-        raise ValueError("a time is none")
-    later = {name: float(text) if (text := row.get(name)) else math.nan for name in LATER_COLUMNS}
-    if math.isfinite(later["lead_time_s"]):
-        later["lead_time_s"] -= zero_s
-    return GuidanceStep(
-        time_s=time_s,
-        mode=row["mode"],
-        course_rad=float(row["course_rad"]),
-        speed_m_s=float(row["speed_m_s"]),
-        limited=bool(int(row["limited"])),
-        lyapunov_m2=float(row["lyapunov_m2"]),
-        formation_time_s=float(row.get("formation_time_s") or "nan"),
-        left=row.get("left") == "1",
-        path=None if row.get("path") == NO_PATH else row.get("path") or MAIN_PATH,
-        **later,
-    )
+def track_of(steps: Iterable[GuidanceStep], zero_s: float) -> GuidanceTrack:
+    """Steps as they were written, on the time of the flight."""
+    found = [
+        msgspec.structs.replace(
+            step,
+            time_s=step.time_s - zero_s,
+            lead_time_s=step.lead_time_s - zero_s,
+            path=None if step.path == NO_PATH else step.path,
+        )
+        for step in steps
+    ]
+    return GuidanceTrack(sorted(found, key=lambda step: step.time_s))
 
 
 # The slots that a companion flew in and what it led by, at the samples of a flight.

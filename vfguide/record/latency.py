@@ -2,7 +2,6 @@
 
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, field
-from typing import Any
 
 import numpy as np
 
@@ -130,26 +129,3 @@ def _percentiles(figures: Mapping[str, float], name: str) -> Percentiles | None:
 def describe_latency(latency: Latency) -> dict[str, object]:
     """Ready for JSON, the greatest figures first."""
     return {**asdict(latency.together()), **asdict(latency)}
-
-
-def compose_latency(entry: Mapping[str, Any]) -> Latency:
-    """From what was described; LookupError, TypeError or ValueError where that is misshapen."""
-    return Latency(
-        vehicles={
-            str(name): Promptness(
-                response_ms=_compose_percentiles(one["response_ms"]),
-                leader_age_ms=_compose_percentiles(one["leader_age_ms"]),
-            )
-            for name, one in entry["vehicles"].items()
-        },
-        processes={
-            str(name): Usage(cpu_share=float(one["cpu_share"]), rss_mb=float(one["rss_mb"]))
-            for name, one in entry["processes"].items()
-        },
-    )
-
-
-def _compose_percentiles(entry: Mapping[str, Any] | None) -> Percentiles | None:
-    if entry is None:
-        return None
-    return Percentiles(p50=float(entry["p50"]), p99=float(entry["p99"]), max=float(entry["max"]))

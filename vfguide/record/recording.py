@@ -18,24 +18,23 @@ import shutil
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable
 from contextlib import suppress
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass
 from functools import partial
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
 from urllib.parse import quote
 
+import msgspec
 import yaml
 
 from vfguide.errors import InputError
 from vfguide.mission.model import Mission
-from vfguide.record.events import HEADER as EVENTS_HEADER
+from vfguide.record.events import EVENTS, FlightEvent, encode_event
 from vfguide.record.events import SUFFIX as EVENTS_SUFFIX
-from vfguide.record.events import FlightEvent, encode_event
-from vfguide.record.guidance_log import HEADER, SUFFIX, GuidanceStep, encode_step
-from vfguide.record.response import RESPONSE_HEADER, VehicleResponse, encode_response
+from vfguide.record.guidance_log import STEPS, SUFFIX, GuidanceStep, encode_step
+from vfguide.record.response import RESPONSES, VehicleResponse
 from vfguide.record.response import SUFFIX as RESPONSE_SUFFIX
 from vfguide.record.tlog import stamped
 from vfguide.regular_file import open_regular
@@ -263,11 +262,11 @@ class Recording:
         self.start = start
         tlog, guidance = files_of(directory, start.vehicle)
         self._tlog, self._guidance = GrowingFile(tlog), GrowingFile(guidance)
-        self._guidance.append(HEADER)
+        self._guidance.append(STEPS.header)
         self._events = GrowingFile(part_of(directory, start.vehicle, EVENTS_SUFFIX))
-        self._events.append(EVENTS_HEADER)
+        self._events.append(EVENTS.header)
         self._response = GrowingFile(part_of(directory, start.vehicle, RESPONSE_SUFFIX))
-        self._response.append(RESPONSE_HEADER)
+        self._response.append(RESPONSES.header)
         self._flown: VehicleResponse | None = None
         self._writer = DiskWriter()
 
@@ -287,7 +286,7 @@ class Recording:
         """Keep by what the vehicle is flown from a time of the companion's clock on, s, if it is new."""
         if response is not None and response != self._flown:
             self._flown = response
-            self._writer.put(self._response, partial(encode_response, now, response))
+            self._writer.put(self._response, partial(RESPONSES.encode, response, time_s=now))
 
     def news(self) -> list[str]:
         """What has happened to the record since the last call, one line each; empty while all is well."""
@@ -422,21 +421,11 @@ def read_start(directory: Path) -> RecordingStart:
             f"{path}: is a recording of version {told!r:.20}, this program reads {VERSION}"
         )
     try:
-        return _compose_start(content)
-    except (LookupError, TypeError, ValueError, OverflowError) as error:
-        reason = " ".join(str(error).split())[:200]
-        raise InputError(f"{path}: is a damaged recording: {reason}") from error
-
-
-def _compose_start(content: Mapping[str, Any]) -> RecordingStart:
-    kinds = {"str": str, "float": float, "int": int}
-    values: dict[str, Any] = {}
-    for field in fields(RecordingStart):
-        kind = field.type if isinstance(field.type, type) else kinds[str(field.type)]
-        values[field.name] = kind(content[field.name])
-    start = RecordingStart(**values)
+        start = msgspec.convert(content, RecordingStart)
+    except msgspec.ValidationError as error:
+        raise InputError(f"{path}: is a damaged recording: {error}") from error
     if not (math.isfinite(start.unix_s) and math.isfinite(start.clock_s)):
-        raise ValueError("a time is none")
+        raise InputError(f"{path}: is a damaged recording: a time is none")
     return start
 
 

@@ -5,17 +5,13 @@ each time that another response was flown by; the last one is how the vehicle wa
 record it is an object in the description of the vehicle.
 """
 
-import csv
-import io
-import math
-from contextlib import suppress
-from io import TextIOWrapper
+from collections import deque
 from pathlib import Path
-from typing import Any
 
 import msgspec
 
-from vfguide.regular_file import open_regular, whole_lines
+from vfguide.record.archive import Figure
+from vfguide.record.log import CompanionLog
 
 SUFFIX = ".response.csv"
 """Follows the vehicle's name."""
@@ -24,52 +20,38 @@ SUFFIX = ".response.csv"
 class VehicleResponse(msgspec.Struct, frozen=True, kw_only=True):
     """How course and speed of a vehicle answer, and whether it slips; None for what nobody said."""
 
-    alpha_1_s: float | None = None
+    alpha_1_s: Figure | None = None
     """Bandwidth of the course hold, 1/s."""
-    course_dead_time_s: float | None = None
+    course_dead_time_s: Figure | None = None
     """From a course to the first answer, s."""
-    course_lag_s: float | None = None
+    course_lag_s: Figure | None = None
     """Time constant with which the turn then follows, s."""
-    course_spread: float | None = None
+    course_spread: Figure | None = None
     """The true alpha lies within alpha / spread and alpha * spread."""
-    beta_1_s: float | None = None
+    beta_1_s: Figure | None = None
     """Bandwidth of the speed hold, 1/s."""
-    speed_dead_time_s: float | None = None
+    speed_dead_time_s: Figure | None = None
     """From a speed to the first answer, s."""
-    speed_lag_s: float | None = None
+    speed_lag_s: Figure | None = None
     """Time constant with which the acceleration then follows, s."""
-    speed_spread: float | None = None
+    speed_spread: Figure | None = None
     """The true beta lies within beta / spread and beta * spread."""
     slips: bool | None = None
     """Whether it turns less than its bank says."""
-    turn_efficiency: float | None = None
+    turn_efficiency: Figure | None = None
     """What it turns of that, where flight has shown it."""
-    max_bank_deg: float | None = None
+    max_bank_deg: Figure | None = None
     """How far it banks, degrees."""
 
 
-NUMBERS = tuple(name for name in VehicleResponse.__struct_fields__ if name != "slips")
+class TimedResponse(VehicleResponse, frozen=True, kw_only=True):
+    """A response, and since when it is flown by."""
 
-COLUMNS = ("time_s", *VehicleResponse.__struct_fields__)
-
-RESPONSE_HEADER = (",".join(COLUMNS) + "\n").encode()
-"""First line of the file."""
+    time_s: float
+    """On the companion's own clock, s."""
 
 
-def encode_response(time_s: float, response: VehicleResponse) -> bytes:
-    """Return a response as one line of the file.
-
-    Args:
-        time_s: since when it is flown by, s of the companion's own clock.
-        response: that is flown by.
-    """
-    line = io.StringIO()
-    said = ("" if (v := getattr(response, n)) is None else f"{v:.4f}" for n in NUMBERS)
-    numbers = dict(zip(NUMBERS, said, strict=True))
-    slips = "" if response.slips is None else str(int(response.slips))
-    row = {"time_s": f"{time_s:.6f}", "slips": slips, **numbers}
-    csv.DictWriter(line, COLUMNS, lineterminator="\n").writerow(row)
-    return line.getvalue().encode()
+RESPONSES = CompanionLog(TimedResponse, ("time_s", *VehicleResponse.__struct_fields__))
 
 
 def read_response(*paths: Path) -> VehicleResponse | None:
@@ -78,38 +60,7 @@ def read_response(*paths: Path) -> VehicleResponse | None:
     Args:
         paths: files of its starts in their order; of one that is cut off the whole lines count.
     """
-    newest = None
-    for path in paths:
-        with (
-            suppress(OSError, ValueError, csv.Error),
-            TextIOWrapper(open_regular(path), newline="", encoding="utf-8") as file,
-        ):
-            for row in csv.DictReader(whole_lines(file)):
-                entry: dict[str, object] = {n: float(t) for n in NUMBERS if (t := row.get(n))}
-                if row.get("slips"):
-                    entry["slips"] = row["slips"] == "1"
-                newest = compose_response(entry)
-    return newest
-
-
-def describe_response(response: VehicleResponse | None) -> dict[str, object] | None:
-    """Return a response ready for JSON."""
-    return None if response is None else msgspec.structs.asdict(response)
-
-
-def compose_response(entry: Any) -> VehicleResponse | None:  # noqa: ANN401
-    """Return a response from its description.
-
-    Raises:
-        ValueError: it is none.
-    """
-    if entry is None:
+    newest = deque(RESPONSES.read(*paths), maxlen=1)
+    if not newest:
         return None
-    try:
-        found = msgspec.convert(entry, VehicleResponse)
-    except msgspec.ValidationError as error:
-        raise ValueError(f"a response is damaged: {error}") from error
-    numbers = [getattr(found, name) for name in NUMBERS]
-    if not all(number is None or math.isfinite(number) for number in numbers):
-        raise ValueError("a response is not finite")
-    return found
+    return msgspec.convert(newest[0], VehicleResponse, from_attributes=True)

@@ -4,39 +4,16 @@ Frame: local, metres north and east of the mission's origin; angles in radians c
 the vector the air moves toward.
 """
 
-import math
 from dataclasses import asdict, dataclass, fields
-from typing import Any, Literal, get_args
+from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from vfguide.elementwise import BoolArray, FloatArray
-from vfguide.record.archive import AnyArray
-from vfguide.record.response import VehicleResponse, compose_response, describe_response
+from vfguide.record.archive import Figure, IntegerArray
+from vfguide.record.response import VehicleResponse
 
 Role = Literal["leader", "follower"]
-IntegerArray = NDArray[np.integer[Any]]
-
-SERIES = (
-    "north_m",
-    "east_m",
-    "altitude_amsl_m",
-    "course_rad",
-    "ground_speed_m_s",
-    "heading_rad",
-    "airspeed_m_s",
-    "bank_rad",
-    "wind_north_m_s",
-    "wind_east_m_s",
-    "path_cross_track_error_m",
-    "path_course_rad",
-    "course_setpoint_rad",
-    "airspeed_setpoint_m_s",
-    "ground_speed_setpoint_m_s",
-    "lyapunov",
-)
-"""The arrays of floats in a `VehicleRecord`."""
 
 SLOT_SERIES = ("slot_forward_series_m", "slot_right_series_m", "slot_up_series_m")
 """Those that only a vehicle has whose slot was changed in flight."""
@@ -48,23 +25,17 @@ LEAD_SERIES = (
     "lead_altitude_amsl_m",
 )
 """More of them, of a mission with deputies."""
-AGE_SERIES = ("leader_age_s",)
-"""Recorded by companions, and in live rehearsals."""
-PATH_SERIES = ("path_number",)
-"""Recorded where a mission flew another path than its first, or none for a while."""
-OPTIONAL_SERIES = (*SLOT_SERIES, *LEAD_SERIES, *AGE_SERIES, *PATH_SERIES)
-"""All that only some vehicles' records have."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FlightLimits:
     """What a vehicle's mission allows it."""
 
-    least_airspeed_m_s: float
+    least_airspeed_m_s: Figure
     """Airspeed that it must not fall below."""
-    greatest_airspeed_m_s: float
+    greatest_airspeed_m_s: Figure
     """Airspeed that it must not exceed."""
-    greatest_bank_deg: float
+    greatest_bank_deg: Figure
     """To either side."""
 
     def describe(self) -> dict[str, float]:
@@ -82,9 +53,9 @@ class VehicleRecord:
     """`leader` or `follower`."""
     system_id: int
     """MAVLink system."""
-    slot_forward_m: float
+    slot_forward_m: Figure
     """Slot ahead of the leader, m; 0 for the leader."""
-    slot_right_m: float
+    slot_right_m: Figure
     """Slot right of the leader, m; 0 for the leader."""
     north_m: FloatArray
     """True position, m."""
@@ -122,7 +93,7 @@ class VehicleRecord:
     """Whether a limit of the vehicle cut the setpoint."""
     lyapunov: FloatArray
     """The follower's Lyapunov function W, m²; NaN for the leader."""
-    slot_up_m: float = 0.0
+    slot_up_m: Figure = 0.0
     """Slot above the leader, m; 0 for the leader."""
     limits: FlightLimits | None = None
     """Limits of its airspeed and bank; None where the record does not hold them."""
@@ -177,82 +148,5 @@ class VehicleRecord:
         return self.slot_up_m if self.slot_up_series_m is None else self.slot_up_series_m
 
 
-def describe_vehicle(vehicle: VehicleRecord) -> dict[str, object]:
-    """All of a vehicle's record that is no array, ready for JSON."""
-    return {
-        "name": vehicle.name,
-        "role": vehicle.role,
-        "system_id": vehicle.system_id,
-        "slot_forward_m": vehicle.slot_forward_m,
-        "slot_right_m": vehicle.slot_right_m,
-        "slot_up_m": vehicle.slot_up_m,
-        "limits": None if vehicle.limits is None else vehicle.limits.describe(),
-        "response": describe_response(vehicle.response),
-        "declared": describe_response(vehicle.declared),
-    }
-
-
-def compose_vehicle(
-    entry: dict[str, Any], arrays: dict[str, AnyArray], prefix: str
-) -> VehicleRecord:
-    """One vehicle from its description and the arrays whose names begin with the prefix."""
-    role = entry["role"]
-    if role not in get_args(Role):
-        raise ValueError("role is neither leader nor follower")
-    limited = arrays[prefix + "limited"]
-    mode = arrays[prefix + "mode"]
-    if limited.dtype != np.bool_ or not np.issubdtype(mode.dtype, np.integer):
-        raise ValueError("limited or mode has the wrong type")
-    return VehicleRecord(
-        name=str(entry["name"]),
-        role=role,
-        system_id=int(entry["system_id"]),
-        slot_forward_m=sound(entry["slot_forward_m"]),
-        slot_right_m=sound(entry["slot_right_m"]),
-        # Records of earlier versions do not tell.
-        slot_up_m=sound(entry.get("slot_up_m", 0.0)),
-        limits=compose_limits(entry.get("limits")),
-        response=compose_response(entry.get("response")),
-        declared=compose_response(entry.get("declared")),
-        mode=mode.astype(np.int64),
-        limited=limited.astype(np.bool_),
-        **{name: floats(arrays, prefix + name) for name in SERIES},
-        **{
-            name: floats(arrays, prefix + name)
-            for name in OPTIONAL_SERIES
-            if prefix + name in arrays
-        },
-    )
-
-
-def compose_limits(entry: Any) -> FlightLimits | None:  # noqa: ANN401
-    """Limits from their description; LookupError, TypeError or ValueError where it is none."""
-    if entry is None:
-        return None
-    found = FlightLimits(**{one.name: sound(entry[one.name]) for one in fields(FlightLimits)})
-    if not all(math.isfinite(value) for value in found.describe().values()):
-        raise ValueError("a limit is not finite")
-    return found
-
-
-GREATEST = 1e15
-"""Nothing of a flight is as large, in whichever unit; its square can still be added up."""
-
-
-def sound(value: object) -> float:
-    """A number of a record's description; TypeError or ValueError where it is none of a flight."""
-    number = float(value)  # type: ignore[arg-type]
-    if not abs(number) <= GREATEST:
-        raise ValueError(f"{number:g} is no number of a flight")
-    return number
-
-
-def floats(arrays: dict[str, AnyArray], name: str) -> FloatArray:
-    """One array of floats."""
-    array = arrays[name]
-    if not np.issubdtype(array.dtype, np.floating):
-        raise ValueError(f"{name} holds no numbers")
-    values = array.astype(np.float64)
-    if np.any(np.abs(values) > GREATEST):
-        raise ValueError(f"{name} holds a number that nothing in a flight can be")
-    return values
+SERIES = tuple(field.name for field in fields(VehicleRecord) if field.type is FloatArray)
+"""The arrays of floats that every vehicle's record has."""

@@ -39,11 +39,10 @@ from vfguide.lab.report.figures import slot_error
 from vfguide.lab.report.metrics import summarise
 from vfguide.lab.report.replay import series_of
 from vfguide.mission.model import Mission
-from vfguide.record.events import HEADER as EVENTS_HEADER
+from vfguide.record.events import EVENTS, FlightEvent, encode_event
 from vfguide.record.events import SUFFIX as EVENTS_SUFFIX
-from vfguide.record.events import FlightEvent, encode_event
 from vfguide.record.flight import FlightRecord
-from vfguide.record.guidance_log import HEADER, GuidanceStep, encode_step, read_guidance
+from vfguide.record.guidance_log import STEPS, GuidanceStep, encode_step, read_guidance
 from vfguide.record.latency import Percentiles
 from vfguide.record.recording import RecordingStart, files_of, part_of
 from vfguide.record.tlog import TelemetryLog, stamped
@@ -99,7 +98,7 @@ def write(
     (directory / "mission.yaml").write_text(text)
     sender = {"system_id": system_id, "component_id": 1}
     frame = local_frame(mission)
-    tlog, guidance = bytearray(), bytearray(HEADER)
+    tlog, guidance = bytearray(), bytearray(STEPS.header)
     for time_s in moments():
         place = frame.to_geodetic(SPEED * time_s - behind_m, right_m)
         position = flown_position(time_s + 5.0, place, north_m_s=SPEED)
@@ -149,7 +148,7 @@ def test_what_companions_said_is_at_the_times_of_the_flight(recordings):
         fields = {"vehicle": name, "kind": "order", "text": "order 1 is understood"}
         said = FlightEvent(time_s=clock_s + 20.0, **fields)
         path = part_of(recordings / f"{name}-1", name, EVENTS_SUFFIX)
-        path.write_bytes(EVENTS_HEADER + encode_event(said, 120.0))
+        path.write_bytes(EVENTS.header + encode_event(said, 120.0))
     record = flight_of(collect([recordings]))
     assert {event.vehicle for event in record.events} == {"leader", "f1"}
     first, second = (event.time_s for event in record.events)
@@ -162,7 +161,7 @@ def test_after_an_order_to_leave_a_recording_has_no_slot_to_be_off(recordings):
     steps = read_guidance(path).steps
     half = len(steps) // 2
     written = [replace(step, left=number >= half) for number, step in enumerate(steps)]
-    path.write_bytes(HEADER + b"".join(encode_step(step) for step in written))
+    path.write_bytes(STEPS.header + b"".join(encode_step(step) for step in written))
     record = flight_of(collect([recordings]))
     share = float(np.mean(record.followers[0].in_formation))
     assert share == pytest.approx(0.5, abs=0.05)
@@ -186,7 +185,7 @@ def test_a_recording_tells_how_old_the_leaders_states_were(recordings):
 
 def test_without_a_common_clock_the_page_says_what_that_costs(recordings):
     path = files_of(recordings / "f1-1", "f1")[1]
-    path.write_bytes(HEADER)
+    path.write_bytes(STEPS.header)
     found = collect([recordings])
     assert found.clock == TIME_OF_DAY
     record = flight_of(found)

@@ -35,8 +35,7 @@ from vfguide.lab.export.earth import MOST_WAYPOINTS, chosen, distances, write_ea
 from vfguide.lab.export.foxglove import attitude, write_mcap
 from vfguide.mission.plan_file import read_plan
 from vfguide.record.events import FlightEvent
-from vfguide.record.flight import FlightRecord
-from vfguide.record.outline import Outline
+from vfguide.record.flight import FlightRecord, Outline
 
 KML = "{http://www.opengis.net/kml/2.2}"
 GX = "{http://www.google.com/kml/ext/2.2}"

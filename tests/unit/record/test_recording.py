@@ -13,14 +13,14 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from msgspec.structs import astuple, replace
+from msgspec.structs import replace
 
 from tests.kit.missions import shipped
 from vfguide.errors import InputError
 from vfguide.mission import load_mission
 from vfguide.mission.model import Mission
 from vfguide.record.guidance_log import (
-    HEADER,
+    STEPS,
     GuidanceStep,
     GuidanceTrack,
     age_series,
@@ -206,15 +206,13 @@ def step(time_s: float, mode: str = "tracking") -> GuidanceStep:
     )
 
 
-def values(steps: GuidanceStep | Sequence[GuidanceStep] | None) -> object:
-    """As tuples, which are equal where NaN stands in both; dataclasses are not from Python 3.13 on."""
-    if steps is None or isinstance(steps, GuidanceStep):
-        return steps and astuple(steps)
-    return [astuple(one) for one in steps]
+def values(steps: GuidanceStep | Sequence[GuidanceStep] | None) -> str:
+    """In words, which are equal where NaN stands in both."""
+    return repr(list(steps) if isinstance(steps, Sequence) else steps)
 
 
 def written(path: Path, *steps: GuidanceStep) -> Path:
-    path.write_bytes(HEADER + b"".join(encode_step(one) for one in steps))
+    path.write_bytes(STEPS.header + b"".join(encode_step(one) for one in steps))
     return path
 
 
@@ -302,7 +300,7 @@ def test_of_a_file_that_grows_the_newest_steps_are_read_and_no_half_line(tmp_pat
 @given(content=st.binary(max_size=300))
 def test_whatever_a_growing_file_holds_nothing_breaks(tmp_path_factory, content):
     path = tmp_path_factory.mktemp("log") / "f1.csv"
-    path.write_bytes(HEADER + content + b"\n")
+    path.write_bytes(STEPS.header + content + b"\n")
     assert all(math.isfinite(one.time_s) for one in read_newest(path).steps)
 
 

@@ -26,7 +26,14 @@ from vfguide.mission.model import Mission
 from vfguide.mission.path_frame import frame_of
 from vfguide.mission.vehicle import Vehicle
 from vfguide.record.events import FlightEvent, merged_events
-from vfguide.record.flight import FlightMode, FlightRecord, RecordAcceptance, RecordOrigin
+from vfguide.record.flight import (
+    FlightMode,
+    FlightRecord,
+    Outline,
+    OutlineKind,
+    RecordAcceptance,
+    RecordOrigin,
+)
 from vfguide.record.guidance_log import (
     GuidanceStep,
     GuidanceTrack,
@@ -34,7 +41,6 @@ from vfguide.record.guidance_log import (
     lead_series,
     slot_series,
 )
-from vfguide.record.outline import Outline, OutlineKind
 from vfguide.record.response import VehicleResponse
 from vfguide.record.vehicle import LEAD_SERIES, SLOT_SERIES, FlightLimits, VehicleRecord
 from vfguide.state import Setpoint

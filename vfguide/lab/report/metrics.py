@@ -11,6 +11,7 @@ import math
 from dataclasses import asdict, dataclass
 from typing import Any
 
+import msgspec
 import numpy as np
 
 from vfguide.elementwise import BoolArray, FloatArray
@@ -36,7 +37,7 @@ from vfguide.lab.report.figures import (
 )
 from vfguide.record.flight import FlightRecord, RecordAcceptance, Role, VehicleRecord
 from vfguide.record.latency import Latency, describe_latency
-from vfguide.record.response import VehicleResponse, describe_response
+from vfguide.record.response import VehicleResponse
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -297,7 +298,7 @@ def summary_json(summary: Summary) -> dict[str, Any]:
 def _plain(value: object) -> object:
     """A value for JSON: lists for tuples, and None for NaN and infinities, which JSON does not have."""
     if isinstance(value, VehicleResponse):
-        return describe_response(value)
+        return msgspec.structs.asdict(value)
     if isinstance(value, dict):
         return {key: _plain(entry) for key, entry in value.items()}
     if isinstance(value, list | tuple):

@@ -32,8 +32,7 @@ from vfguide.lab.report.style import (
     new_figure,
     plain_text,
 )
-from vfguide.record.flight import FlightRecord, VehicleRecord
-from vfguide.record.outline import OutlineKind
+from vfguide.record.flight import FlightRecord, OutlineKind, VehicleRecord
 
 # Formations drawn from above: aircraft glyphs, and thin lines that show the shape.
 
