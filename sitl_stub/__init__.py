@@ -12,14 +12,14 @@ from sitl_stub.air import (
     air_of,
     low_altitude_intensity,
 )
-from sitl_stub.aircraft import PlantParameters
 from sitl_stub.arduplane import EmulatedArduPlane
-from sitl_stub.autopilot import Autopilot
-from sitl_stub.bad_link import BadLink
+from sitl_stub.autopilot import Autopilot, Truth
 from sitl_stub.codec import Signing
 from sitl_stub.config import AutopilotConfig
+from sitl_stub.flight import AutopilotMode
 from sitl_stub.lagging_plant import FirstOrder, Lagging
-from sitl_stub.modes import AutopilotMode
+from sitl_stub.links import BadLink
+from sitl_stub.loops import PlantParameters
 from sitl_stub.personality import Personality, autopilots, personality
 from sitl_stub.plant import (
     AirPlant,
@@ -37,7 +37,6 @@ from sitl_stub.route import Route
 from sitl_stub.sensor_errors import Fault
 from sitl_stub.settings import Settings
 from sitl_stub.six_dof import SixDof
-from sitl_stub.truth import Truth
 
 __version__ = "1.0.0"
 """Of the emulator and of vfguide, wherever either says its version."""

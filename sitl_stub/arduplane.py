@@ -24,9 +24,8 @@ from sitl_stub.commands import (
     place,
 )
 from sitl_stub.config import AutopilotConfig
-from sitl_stub.flight import LEAST_AIRSPEED_M_S, EmulatedFlight
+from sitl_stub.flight import LEAST_AIRSPEED_M_S, AutopilotMode, EmulatedFlight, by_number
 from sitl_stub.loops import GRAVITY_M_S2, SpeedTarget, TurnTarget
-from sitl_stub.modes import AutopilotMode, by_number
 from sitl_stub.parameters import (
     Parameter,
     Parameters,

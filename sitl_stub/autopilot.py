@@ -4,6 +4,7 @@ import math
 from collections import Counter
 from collections.abc import Callable, Iterable
 
+import msgspec
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
@@ -32,7 +33,82 @@ from sitl_stub.plant import PlantState
 from sitl_stub.sensor_errors import Fault, SensorErrors
 from sitl_stub.sensors import Sensors
 from sitl_stub.streams import Streams
-from sitl_stub.truth import Truth, truth_of
+
+
+class Truth(msgspec.Struct, frozen=True, kw_only=True):
+    """The true, noise-free state of one aircraft."""
+
+    time_s: float
+    """Simulation time."""
+
+    latitude_deg: float
+    """Geodetic latitude."""
+
+    longitude_deg: float
+    """Longitude."""
+
+    altitude_amsl_m: float
+    """Altitude above mean sea level."""
+
+    north_m_s: float
+    """Ground velocity."""
+
+    east_m_s: float
+    """Ground velocity."""
+
+    down_m_s: float
+    """Ground velocity, positive down."""
+
+    course_rad: float
+    """Direction of the ground velocity, clockwise from north, [0, 2 pi)."""
+
+    ground_speed_m_s: float
+    """Horizontal speed over ground."""
+
+    heading_rad: float
+    """Direction of the nose, clockwise from north, [0, 2 pi)."""
+
+    airspeed_m_s: float
+    """Horizontal speed through the air."""
+
+    bank_rad: float
+    """Bank of the coordinated turn flown, positive right."""
+
+    wind_north_m_s: float
+    """Wind, toward."""
+
+    wind_east_m_s: float
+    """Wind, toward."""
+
+    mode: str
+    """Name of the flight mode, such as GUIDED or AUTO.LOITER."""
+
+    armed: bool
+    """Whether it reports to be armed."""
+
+
+def truth_of(flight: EmulatedFlight) -> Truth:
+    """The true state of a flight now."""
+    motion, (wind_north_m_s, wind_east_m_s) = flight.motion(), flight.wind_m_s
+    return Truth(
+        time_s=flight.time_us * 1e-6,
+        latitude_deg=math.degrees(flight.state.latitude_rad),
+        longitude_deg=math.degrees(flight.state.longitude_rad),
+        altitude_amsl_m=flight.state.altitude_amsl_m,
+        north_m_s=motion.north_m_s,
+        east_m_s=motion.east_m_s,
+        down_m_s=motion.down_m_s,
+        course_rad=motion.course_rad,
+        ground_speed_m_s=motion.ground_speed_m_s,
+        heading_rad=motion.heading_rad,
+        airspeed_m_s=motion.airspeed_m_s,
+        bank_rad=motion.bank_rad,
+        wind_north_m_s=wind_north_m_s,
+        wind_east_m_s=wind_east_m_s,
+        mode=flight.mode.name,
+        armed=flight.armed,
+    )
+
 
 IGNORED = frozenset(
     {
@@ -390,17 +466,12 @@ class Autopilot:
             return []
         flight = self._flight
         with_position = not POSITION_MESSAGES.isdisjoint(message_ids)
-        measured = self._sensors.measure(flight, with_position=with_position)
         report = ReportedInstant(
             round(self._since_boot_us() * 1e-3) % 2**32,
             flight,
             self.config,
-            measured.motion,
-            measured.latitude_rad,
-            measured.longitude_rad,
+            self._sensors.measure(flight, with_position=with_position),
             self._personality,
-            measured.altitude_error_m,
-            measured.satellite_error_m,
             self._personality.arming.is_ready(flight),
         )
         return [TELEMETRY[message_id](report) for message_id in message_ids]

@@ -16,9 +16,8 @@ from typing import Annotated, Any, Literal, NoReturn, get_args, get_origin
 import typer
 import yaml
 
-from sitl_stub.bad_link import Emulated
 from sitl_stub.config import Option, OptionError, option_name, option_of
-from sitl_stub.links import Address, AddressError, LinkError
+from sitl_stub.links import Address, AddressError, Emulated, LinkError
 from sitl_stub.server import precise_event_loop, serve_all
 from sitl_stub.settings import Settings, field_names
 

@@ -85,21 +85,20 @@ def next_magic(stream: bytes, start: int) -> int:
 
 def frame_length(stream: bytes, start: int) -> int | None:
     """Length of the frame that begins at `start`: 0 if none does, None if more bytes must tell."""
-    header = HEADER_2 if stream[start] == MAGIC_2 else HEADER_1
-    if len(stream) < start + header:
+    if len(stream) < start + (HEADER_2 if stream[start] == MAGIC_2 else HEADER_1):
         return None
-    payload = stream[start + 1]
-    flags = stream[start + 2] if header == HEADER_2 else 0
     message = mavlink.mavlink_map.get(message_id_at(stream, start))
-    if message is None or flags not in {0, SIGNED} or payload > message.unpacker.size:
+    end = frame_end(stream, start)
+    if message is None or end is None or stream[start + 1] > message.unpacker.size:
         return 0
-    end = start + header + payload + CHECKSUM
-    length = end - start + (SIGNATURE if flags else 0)
-    if len(stream) < start + length:
+    if len(stream) < end:
         return None
-    checksum = mavlink.x25crc(stream[start + 1 : end - CHECKSUM])
+    signed = stream[start] == MAGIC_2 and stream[start + 2] == SIGNED
+    checked = end - CHECKSUM - (SIGNATURE if signed else 0)
+    checksum = mavlink.x25crc(stream[start + 1 : checked])
     checksum.accumulate(bytes((message.crc_extra,)))
-    return length if checksum.crc == int.from_bytes(stream[end - CHECKSUM : end], "little") else 0
+    right = checksum.crc == int.from_bytes(stream[checked : checked + CHECKSUM], "little")
+    return end - start if right else 0
 
 
 def message_id_at(stream: bytes, start: int) -> int:
@@ -185,18 +184,6 @@ class Signing:
         signing.timestamp = self._newest
 
 
-def frames_of(data: bytes) -> list[bytes]:
-    """The frames of known messages with a right checksum in a datagram."""
-    frames = []
-    start = next_magic(data, 0)
-    while start < len(data):
-        length = frame_length(data, start)
-        if length:
-            frames.append(data[start : start + length])
-        start = next_magic(data, start + (length or 1))
-    return frames
-
-
 class EmulatorCodec:
     """One MAVLink endpoint: parses what is meant for this autopilot, encodes what it says."""
 
@@ -217,12 +204,16 @@ class EmulatorCodec:
 
     def decode(self, data: bytes, unix_s: float = 0.0) -> list[MAVLink_message]:
         """The messages of one datagram that this autopilot should look at; the rest is counted."""
-        if self.signing is not None:
-            data = self._genuine(self.signing, data, unix_s)
-        return [message for message in self._messages(data) if self._is_for_me(message)]
+        heard = []
+        for frame, message in self._messages(data):
+            if self.signing is not None and not self.signing.accepts(frame, unix_s):
+                self._counters["not signed"] += 1
+            elif self._is_for_me(message):
+                heard.append(message)
+        return heard
 
-    def _messages(self, data: bytes) -> Iterator[MAVLink_message]:
-        """The messages of a datagram, which holds whole frames; what is none is counted.
+    def _messages(self, data: bytes) -> Iterator[tuple[bytes, MAVLink_message]]:
+        """The frames of a datagram, which holds whole ones, with their messages; what is none is counted.
 
         pymavlink's own parser also takes frames in pieces, byte by byte, and costs twice as much.
         """
@@ -237,12 +228,15 @@ class EmulatorCodec:
                 self._counters["unknown message"] += 1
                 start = end
             else:
+                frame = data[start:end]
                 try:
-                    yield self._parser.decode(bytearray(data[start:end]))
-                    start = end
+                    message = self._parser.decode(bytearray(frame))
                 except mavlink.MAVError:
                     self._counters["bad data"] += 1
                     start = next_magic(data, start + 1)
+                else:
+                    start = end
+                    yield frame, message
 
     def encode(self, messages: Iterable[MAVLink_message], unix_s: float = 0.0) -> bytes:
         """The frames of the messages, one after the other, with consecutive sequence numbers."""
@@ -255,15 +249,6 @@ class EmulatorCodec:
             frames.append(message.pack(encoder))
             encoder.seq = (encoder.seq + 1) % 256
         return b"".join(frames)
-
-    def _genuine(self, signing: Signing, data: bytes, unix_s: float) -> bytes:
-        genuine = []
-        for frame in frames_of(data):
-            if signing.accepts(frame, unix_s):
-                genuine.append(frame)
-            else:
-                self._counters["not signed"] += 1
-        return b"".join(genuine)
 
     def _is_for_me(self, message: MAVLink_message) -> bool:
         sender = (message.get_srcSystem(), message.get_srcComponent())

@@ -7,7 +7,7 @@ from typing import Annotated, Self
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
-from sitl_stub.aircraft import PlantParameters
+from sitl_stub.loops import PlantParameters
 from sitl_stub.route import Route
 from sitl_stub.sensor_errors import Fault, SensorGrade
 

@@ -6,27 +6,50 @@ field. What was commanded and what the loops know of it yet: commands may have a
 
 import math
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Literal
 
 import msgspec
 from msgspec.structs import replace
 
 from sitl_stub.air import Air, AirData, AirPlace, Wind, followed_wind_m_s
-from sitl_stub.aircraft import PlantParameters
 from sitl_stub.geometry import Home, ahead_of, displace, radii_m, wrap_to_pi, wrap_to_two_pi
 from sitl_stub.loops import (
     CENTIDEGREE_RAD,
     GRAVITY_M_S2,
     AltitudeTarget,
+    PlantParameters,
     SpeedTarget,
     Targets,
     TurnTarget,
     in_true_height,
 )
-from sitl_stub.modes import AutopilotMode
 from sitl_stub.plant import Motion, PlantState, plant_of
 from sitl_stub.route import Route, RouteFollower
+
+
+class AutopilotMode(msgspec.Struct, frozen=True):
+    """One flight mode."""
+
+    name: str
+    """Name in status texts and ground stations."""
+
+    custom_mode: int
+    """The number in HEARTBEAT.custom_mode."""
+
+    flies: Literal["commanded", "circle", "straight", "loiter", "home", "take-off"] = "straight"
+    """Obeys commands; turns at a constant bank; keeps the course it had at entry; circles around the
+    place of its entry, or around home; climbs, from the ground if need be, and then loiters.
+
+    PX4's Guided Course keeps the course of its entry until it is told another.
+    Neither AUTO nor a pilot's mode has a mission or a stick here, so they fly straight on.
+    """
+
+
+def by_number(modes: Iterable[AutopilotMode]) -> dict[int, AutopilotMode]:
+    """The modes by the number on the wire."""
+    return {mode.custom_mode: mode for mode in modes}
+
 
 ROLL_ACCELERATION_M_S2 = 4.0
 """Along the runway."""

@@ -19,7 +19,6 @@ import math
 import msgspec
 
 from sitl_stub.air import Wind
-from sitl_stub.aircraft import PlantParameters
 from sitl_stub.geometry import (
     MIN_GROUND_SPEED_M_S,
     airspeed_of_m_s,
@@ -30,6 +29,7 @@ from sitl_stub.geometry import (
 from sitl_stub.loops import (
     GRAVITY_M_S2,
     AltitudeTarget,
+    PlantParameters,
     SpeedKind,
     SpeedTarget,
     Targets,

@@ -5,21 +5,17 @@ Nothing else knows these units. Height above the ellipsoid and above mean sea le
 
 import math
 from collections.abc import Callable, Mapping
-from typing import Protocol
 
 import msgspec
 import pymap3d
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
-from sitl_stub.commands import SystemStatus
 from sitl_stub.config import AutopilotConfig
 from sitl_stub.flight import EmulatedFlight
 from sitl_stub.geometry import wrap_to_pi, wrap_to_two_pi
-from sitl_stub.plant import Motion
-
-ONCE_A_SECOND_US = 1_000_000
-"""Interval of what ArduPilot sends without a request, and of PX4's heartbeat and slow messages."""
+from sitl_stub.personality import Personality
+from sitl_stub.sensors import Measurement
 
 SATELLITES = 14
 """Satellites of a good fix."""
@@ -50,25 +46,6 @@ EKF_FLYING = 0x33F
 """Attitude, velocity, position and heights are good: what ArduPilot reports in the air."""
 
 
-class Identity(Protocol):
-    """What an autopilot says of itself: a part of `sitl_stub.personality.Personality`."""
-
-    @property
-    def firmware(self) -> int:
-        """MAV_AUTOPILOT in the heartbeat."""
-
-    @property
-    def version(self) -> int:
-        """Version in AUTOPILOT_VERSION, one byte each for major, minor, patch and type."""
-
-    @property
-    def capabilities(self) -> int:
-        """MAV_PROTOCOL_CAPABILITY bits in AUTOPILOT_VERSION."""
-
-    def system_status(self, flight: EmulatedFlight) -> SystemStatus:
-        """MAV_STATE in the heartbeat."""
-
-
 class ReportedInstant(msgspec.Struct, frozen=True):
     """What all messages of one instant are made from, so that they agree."""
 
@@ -81,23 +58,11 @@ class ReportedInstant(msgspec.Struct, frozen=True):
     config: AutopilotConfig
     """What it started with."""
 
-    motion: Motion
-    """Motion as measured."""
+    measured: Measurement
+    """What its sensors say."""
 
-    latitude_rad: float
-    """Latitude as it is measured: with noise, if there is any."""
-
-    longitude_rad: float
-    """Longitude as it is measured."""
-
-    personality: Identity
+    personality: Personality
     """Which autopilot speaks."""
-
-    altitude_error_m: float
-    """Error of the barometer's altitude."""
-
-    satellite_error_m: float
-    """Error of the altitude by satellites."""
 
     ready: bool
     """Whether its sensors have settled."""
@@ -105,7 +70,7 @@ class ReportedInstant(msgspec.Struct, frozen=True):
     @property
     def altitude_amsl_m(self) -> float:
         """Altitude as it is measured."""
-        return self.flight.state.altitude_amsl_m + self.altitude_error_m
+        return self.flight.state.altitude_amsl_m + self.measured.altitude_error_m
 
 
 def centidegrees(angle_rad: float) -> int:
@@ -130,14 +95,14 @@ def millimetres(length_m: float) -> int:
 
 def gps_raw_int(report: ReportedInstant) -> MAVLink_message:
     """The receiver's own word; a fix as soon as sensors have settled."""
-    motion = report.motion
+    motion = report.measured.motion
     fix = mavlink.GPS_FIX_TYPE_3D_FIX if report.ready else mavlink.GPS_FIX_TYPE_NO_FIX
     return mavlink.MAVLink_gps_raw_int_message(
         report.time_boot_ms * 1000,
         fix,
-        degrees_e7(report.latitude_rad),
-        degrees_e7(report.longitude_rad),
-        millimetres(report.flight.state.altitude_amsl_m + report.satellite_error_m),
+        degrees_e7(report.measured.latitude_rad),
+        degrees_e7(report.measured.longitude_rad),
+        millimetres(report.flight.state.altitude_amsl_m + report.measured.satellite_error_m),
         120,
         200,
         abs(centimetres_per_second(motion.ground_speed_m_s)),
@@ -148,7 +113,7 @@ def gps_raw_int(report: ReportedInstant) -> MAVLink_message:
 
 def nav_controller_output(report: ReportedInstant) -> MAVLink_message:
     """What the autopilot steers for: of a course or bank held, nothing but the roll is known."""
-    motion = report.motion
+    motion = report.measured.motion
     return mavlink.MAVLink_nav_controller_output_message(
         math.degrees(motion.bank_rad),
         0.0,
@@ -173,7 +138,7 @@ def altitude(report: ReportedInstant) -> MAVLink_message:
 
 def attitude(report: ReportedInstant) -> MAVLink_message:
     """Roll of the coordinated turn, yaw and its rate; pitch is the angle of climb."""
-    motion = report.motion
+    motion = report.measured.motion
     # On the ground there may be no airspeed at all.
     pitch_rad = math.atan2(-motion.down_m_s, max(motion.airspeed_m_s, 1.0))
     return mavlink.MAVLink_attitude_message(
@@ -189,7 +154,7 @@ def attitude(report: ReportedInstant) -> MAVLink_message:
 
 def attitude_quaternion(report: ReportedInstant) -> MAVLink_message:
     """ATTITUDE_QUATERNION: yaw, pitch, roll in that order, w first."""
-    motion = report.motion
+    motion = report.measured.motion
     halves = (
         0.5 * motion.bank_rad,
         0.5 * math.atan2(-motion.down_m_s, max(motion.airspeed_m_s, 1.0)),
@@ -210,7 +175,7 @@ def attitude_quaternion(report: ReportedInstant) -> MAVLink_message:
 
 def vfr_hud(report: ReportedInstant) -> MAVLink_message:
     """Airspeed, ground speed, whole degrees of heading, altitude, climb."""
-    motion = report.motion
+    motion = report.measured.motion
     return mavlink.MAVLink_vfr_hud_message(
         motion.airspeed_m_s,
         motion.ground_speed_m_s,
@@ -235,15 +200,15 @@ def local_position_ned(report: ReportedInstant) -> MAVLink_message:
     home, altitude_m = report.flight.home, report.altitude_amsl_m
     # At home's own height: z counts height, not the drop of the tangent plane with distance.
     east_m, north_m, _up_m = pymap3d.geodetic2enu(
-        report.latitude_rad,
-        report.longitude_rad,
+        report.measured.latitude_rad,
+        report.measured.longitude_rad,
         altitude_m,
         home.latitude_rad,
         home.longitude_rad,
         altitude_m,
         deg=False,
     )
-    motion = report.motion
+    motion = report.measured.motion
     return mavlink.MAVLink_local_position_ned_message(
         report.time_boot_ms,
         float(north_m),
@@ -257,11 +222,11 @@ def local_position_ned(report: ReportedInstant) -> MAVLink_message:
 
 def global_position_int(report: ReportedInstant) -> MAVLink_message:
     """Position and ground velocity. `hdg` is the heading of the nose, not the course."""
-    motion, altitude_m = report.motion, report.altitude_amsl_m
+    motion, altitude_m = report.measured.motion, report.altitude_amsl_m
     return mavlink.MAVLink_global_position_int_message(
         report.time_boot_ms,
-        degrees_e7(report.latitude_rad),
-        degrees_e7(report.longitude_rad),
+        degrees_e7(report.measured.latitude_rad),
+        degrees_e7(report.measured.longitude_rad),
         millimetres(altitude_m),
         millimetres(altitude_m - report.flight.home.altitude_amsl_m),
         centimetres_per_second(motion.north_m_s),
@@ -273,7 +238,7 @@ def global_position_int(report: ReportedInstant) -> MAVLink_message:
 
 def global_position_int_cov(report: ReportedInstant) -> MAVLink_message:
     """Position, velocity and covariance: time since boot in microseconds, m/s."""
-    motion, altitude_m = report.motion, report.altitude_amsl_m
+    motion, altitude_m = report.measured.motion, report.altitude_amsl_m
     covariance = [0.0] * 36
     for axis in range(3):
         covariance[7 * axis] = POSITION_VARIANCE_M2
@@ -281,8 +246,8 @@ def global_position_int_cov(report: ReportedInstant) -> MAVLink_message:
     return mavlink.MAVLink_global_position_int_cov_message(
         report.time_boot_ms * 1000,
         mavlink.MAV_ESTIMATOR_TYPE_GPS_INS,
-        degrees_e7(report.latitude_rad),
-        degrees_e7(report.longitude_rad),
+        degrees_e7(report.measured.latitude_rad),
+        degrees_e7(report.measured.longitude_rad),
         millimetres(altitude_m),
         millimetres(altitude_m - report.flight.home.altitude_amsl_m),
         motion.north_m_s,
@@ -294,15 +259,15 @@ def global_position_int_cov(report: ReportedInstant) -> MAVLink_message:
 
 def follow_target(report: ReportedInstant) -> MAVLink_message:
     """Position, velocity and the acceleration of the turn; attitude without roll and pitch."""
-    motion = report.motion
+    motion = report.measured.motion
     half_yaw_rad = 0.5 * motion.heading_rad
     # Speed through the air times the rate at which it turns, to the right of the nose.
     turning_m_s2 = motion.airspeed_m_s * motion.turn_rate_rad_s
     return mavlink.MAVLink_follow_target_message(
         report.time_boot_ms,
         CAPABILITIES,
-        degrees_e7(report.latitude_rad),
-        degrees_e7(report.longitude_rad),
+        degrees_e7(report.measured.latitude_rad),
+        degrees_e7(report.measured.longitude_rad),
         report.altitude_amsl_m,
         [motion.north_m_s, motion.east_m_s, motion.down_m_s],
         [
@@ -319,14 +284,14 @@ def follow_target(report: ReportedInstant) -> MAVLink_message:
 
 def high_latency2(report: ReportedInstant) -> MAVLink_message:
     """The summary for satellite links: whole metres of altitude, 2 degrees of heading, 0.2 m/s."""
-    motion = report.motion
+    motion = report.measured.motion
     return mavlink.MAVLink_high_latency2_message(
         report.time_boot_ms,
         report.config.vehicle_type,
         report.personality.firmware,
         report.flight.mode.custom_mode & 0xFFFF,
-        degrees_e7(report.latitude_rad),
-        degrees_e7(report.longitude_rad),
+        degrees_e7(report.measured.latitude_rad),
+        degrees_e7(report.measured.longitude_rad),
         max(-32_768, min(32_767, round(report.altitude_amsl_m))),
         0,
         round(math.degrees(motion.heading_rad) / 2.0) % 180,
@@ -344,11 +309,11 @@ def high_latency2(report: ReportedInstant) -> MAVLink_message:
 
 def adsb_vehicle(report: ReportedInstant) -> MAVLink_message:
     """What a receiver hears of its transponder: course over ground, cm/s, no time."""
-    motion = report.motion
+    motion = report.measured.motion
     return mavlink.MAVLink_adsb_vehicle_message(
         report.config.icao_address,
-        degrees_e7(report.latitude_rad),
-        degrees_e7(report.longitude_rad),
+        degrees_e7(report.measured.latitude_rad),
+        degrees_e7(report.measured.longitude_rad),
         mavlink.ADSB_ALTITUDE_TYPE_GEOMETRIC,
         millimetres(report.altitude_amsl_m),
         centidegrees(motion.course_rad),

@@ -10,7 +10,6 @@ from typing import ClassVar
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
-from sitl_stub.aircraft import PlantParameters
 from sitl_stub.commands import (
     CUSTOM_MODE_FLAG,
     Arming,
@@ -21,11 +20,13 @@ from sitl_stub.commands import (
     SystemStatus,
 )
 from sitl_stub.config import AutopilotConfig
-from sitl_stub.flight import EmulatedFlight
-from sitl_stub.messages import ONCE_A_SECOND_US
-from sitl_stub.modes import AutopilotMode, by_number
+from sitl_stub.flight import AutopilotMode, EmulatedFlight, by_number
+from sitl_stub.loops import PlantParameters
 from sitl_stub.parameters import Parameters
 from sitl_stub.registry import PlugInRegistry
+
+ONCE_A_SECOND_US = 1_000_000
+"""Interval of what ArduPilot sends without a request, and of PX4's heartbeat and slow messages."""
 
 autopilots = PlugInRegistry(
     "an autopilot", group="sitl_stub.autopilots", has=("firmware", "modes", "loops")

@@ -14,9 +14,14 @@ from typing import Any, ClassVar, TypeVar
 import msgspec
 
 from sitl_stub.air import Wind
-from sitl_stub.aircraft import PlantParameters
 from sitl_stub.geometry import displace, wrap_to_two_pi
-from sitl_stub.loops import SpeedKind, Targets, bank_of_rad, climb_acceleration_m_s2
+from sitl_stub.loops import (
+    PlantParameters,
+    SpeedKind,
+    Targets,
+    bank_of_rad,
+    climb_acceleration_m_s2,
+)
 from sitl_stub.registry import PlugInRegistry
 from sitl_stub.rigid_body import Body
 

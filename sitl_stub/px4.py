@@ -14,7 +14,6 @@ from msgspec.structs import replace
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
-from sitl_stub.aircraft import PlantParameters
 from sitl_stub.commands import (
     AMSL_FRAMES,
     CUSTOM_MODE_FLAG,
@@ -28,12 +27,10 @@ from sitl_stub.commands import (
     place,
 )
 from sitl_stub.config import AutopilotConfig
-from sitl_stub.flight import LEAST_AIRSPEED_M_S, EmulatedFlight
-from sitl_stub.loops import AltitudeTarget, SpeedTarget, TurnTarget
-from sitl_stub.messages import ONCE_A_SECOND_US
-from sitl_stub.modes import AutopilotMode, by_number
+from sitl_stub.flight import LEAST_AIRSPEED_M_S, AutopilotMode, EmulatedFlight, by_number
+from sitl_stub.loops import AltitudeTarget, PlantParameters, SpeedTarget, TurnTarget
 from sitl_stub.parameters import px4_parameters
-from sitl_stub.personality import Personality, personality
+from sitl_stub.personality import ONCE_A_SECOND_US, Personality, personality
 
 # What each version of PX4 makes of the setpoint messages of offboard, for a fixed wing.
 #

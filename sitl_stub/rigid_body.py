@@ -1,16 +1,65 @@
-"""The motion of a rigid fixed wing with six degrees of freedom, over a flat earth.
+"""The Aerosonde as a rigid body with six degrees of freedom, over a flat earth.
 
-Source: Beard and McLain, Small Unmanned Aircraft, (3.14) to (3.17) and chapter 4; the airframe's figures are
-`aerosonde`'s.
+Source: Beard and McLain, Small Unmanned Aircraft (Princeton University Press, 2012), (3.14) to (3.17),
+chapter 4 and appendix E, with the coefficients of the authors' later supplement. Body axes: forward, right,
+down; angles in rad.
 """
 
 import math
 from typing import NamedTuple
 
-import sitl_stub.aerosonde as craft
 from sitl_stub.loops import GRAVITY_M_S2
 
-GAMMA = craft.JX * craft.JZ - craft.JXZ**2
+MASS_KG = 11.0
+JX, JY, JZ, JXZ = 0.8244, 1.135, 1.759, 0.1204
+"""Moments and product of inertia, kg m²."""
+
+WING_M2, SPAN_M, CHORD_M = 0.55, 2.8956, 0.18994
+PROPELLER_M2, MOTOR_M_S = 0.2027, 80.0
+"""Disc of the propeller, and the speed of its air at full throttle in still air; its C_prop is 1."""
+
+AIR_KG_M3 = 1.2682
+OSWALD = 0.9
+INDUCED = 1.0 / (math.pi * OSWALD * SPAN_M * SPAN_M / WING_M2)
+"""Induced drag for the square of the lift."""
+
+STALL_RAD, STALL_SHARPNESS = 0.4712, 50.0
+"""alpha0 and M of the blend into a flat plate."""
+
+LIFT_0, LIFT_ALPHA, LIFT_Q, LIFT_ELEVATOR = 0.23, 5.61, 7.95, 0.13
+DRAG_PARASITIC, DRAG_ELEVATOR = 0.043, 0.0135
+PITCH_0, PITCH_ALPHA, PITCH_Q, PITCH_ELEVATOR = 0.0135, -2.74, -38.21, -0.99
+SIDE_BETA, SIDE_AILERON, SIDE_RUDDER = -0.98, 0.075, 0.19
+ROLL_BETA, ROLL_P, ROLL_R, ROLL_AILERON, ROLL_RUDDER = -0.13, -0.51, 0.25, 0.17, 0.0024
+YAW_BETA, YAW_P, YAW_R, YAW_AILERON, YAW_RUDDER = 0.073, -0.069, -0.095, -0.011, -0.069
+
+
+def lift(alpha_rad: float) -> float:
+    """C_L of the wing alone, with a stall: the blend of chapter 4, (4.9)."""
+    linear = LIFT_0 + LIFT_ALPHA * alpha_rad
+    # Beyond any angle of attack that is flown the exponentials would only overflow.
+    bounded = min(max(alpha_rad, -1.5), 1.5)
+    before = math.exp(-STALL_SHARPNESS * (bounded - STALL_RAD))
+    behind = math.exp(STALL_SHARPNESS * (bounded + STALL_RAD))
+    plate_share = (1.0 + before + behind) / ((1.0 + before) * (1.0 + behind))
+    sine = math.sin(bounded)
+    plate = math.copysign(2.0 * sine * sine * math.cos(bounded), bounded)
+    return (1.0 - plate_share) * linear + plate_share * plate
+
+
+def thrust_n(throttle: float, airspeed_m_s: float) -> float:
+    """Thrust of the propeller, (4.18): negative where it is slower than the air."""
+    exit_m_s = MOTOR_M_S * throttle
+    return 0.5 * AIR_KG_M3 * PROPELLER_M2 * (exit_m_s**2 - airspeed_m_s**2)
+
+
+def throttle_for(wanted_n: float, airspeed_m_s: float) -> float:
+    """Throttle, 0 to 1, of a thrust."""
+    exit_squared = wanted_n / (0.5 * AIR_KG_M3 * PROPELLER_M2) + airspeed_m_s**2
+    return min(math.sqrt(max(exit_squared, 0.0)) / MOTOR_M_S, 1.0)
+
+
+GAMMA = JX * JZ - JXZ**2
 
 
 class Body(NamedTuple):
@@ -109,26 +158,20 @@ def accelerations(
 ) -> tuple[float, float, float, float, float, float]:
     """Rates of (u, v, w) in m/s² and of (p, q, r) in rad/s²."""
     airspeed, alpha, beta = flow
-    pressure_n = 0.5 * craft.AIR_KG_M3 * airspeed * airspeed * craft.WING_M2
+    pressure_n = 0.5 * AIR_KG_M3 * airspeed * airspeed * WING_M2
     p, q, r = body.p_rad_s, body.q_rad_s, body.r_rad_s
-    half_chord_s, half_span_s = craft.CHORD_M / (2.0 * airspeed), craft.SPAN_M / (2.0 * airspeed)
-    wing = craft.lift(alpha)
-    lift_n = pressure_n * (
-        wing + craft.LIFT_Q * half_chord_s * q + craft.LIFT_ELEVATOR * surfaces.elevator
-    )
+    half_chord_s, half_span_s = CHORD_M / (2.0 * airspeed), SPAN_M / (2.0 * airspeed)
+    wing = lift(alpha)
+    lift_n = pressure_n * (wing + LIFT_Q * half_chord_s * q + LIFT_ELEVATOR * surfaces.elevator)
     drag_n = pressure_n * (
-        craft.DRAG_PARASITIC
-        + craft.INDUCED * wing * wing
-        + craft.DRAG_ELEVATOR * abs(surfaces.elevator)
+        DRAG_PARASITIC + INDUCED * wing * wing + DRAG_ELEVATOR * abs(surfaces.elevator)
     )
     side_n = pressure_n * (
-        craft.SIDE_BETA * beta
-        + craft.SIDE_AILERON * surfaces.aileron
-        + craft.SIDE_RUDDER * surfaces.rudder
+        SIDE_BETA * beta + SIDE_AILERON * surfaces.aileron + SIDE_RUDDER * surfaces.rudder
     )
     sin_alpha, cos_alpha = math.sin(alpha), math.cos(alpha)
     sin_pitch, cos_pitch = math.sin(body.pitch_rad), math.cos(body.pitch_rad)
-    mass = craft.MASS_KG
+    mass = MASS_KG
     forward = (lift_n * sin_alpha - drag_n * cos_alpha + body.thrust_n) / mass
     downward = (-lift_n * cos_alpha - drag_n * sin_alpha) / mass
     gravity = GRAVITY_M_S2
@@ -139,35 +182,35 @@ def accelerations(
     w_rate += gravity * cos_pitch * math.cos(body.bank_rad)
     rolling = (
         pressure_n
-        * craft.SPAN_M
+        * SPAN_M
         * (
-            craft.ROLL_BETA * beta
-            + half_span_s * (craft.ROLL_P * p + craft.ROLL_R * r)
-            + craft.ROLL_AILERON * surfaces.aileron
-            + craft.ROLL_RUDDER * surfaces.rudder
+            ROLL_BETA * beta
+            + half_span_s * (ROLL_P * p + ROLL_R * r)
+            + ROLL_AILERON * surfaces.aileron
+            + ROLL_RUDDER * surfaces.rudder
         )
     )
     pitching = (
         pressure_n
-        * craft.CHORD_M
+        * CHORD_M
         * (
-            craft.PITCH_0
-            + craft.PITCH_ALPHA * alpha
-            + craft.PITCH_Q * half_chord_s * q
-            + craft.PITCH_ELEVATOR * surfaces.elevator
+            PITCH_0
+            + PITCH_ALPHA * alpha
+            + PITCH_Q * half_chord_s * q
+            + PITCH_ELEVATOR * surfaces.elevator
         )
     )
     yawing = (
         pressure_n
-        * craft.SPAN_M
+        * SPAN_M
         * (
-            craft.YAW_BETA * beta
-            + half_span_s * (craft.YAW_P * p + craft.YAW_R * r)
-            + craft.YAW_AILERON * surfaces.aileron
-            + craft.YAW_RUDDER * surfaces.rudder
+            YAW_BETA * beta
+            + half_span_s * (YAW_P * p + YAW_R * r)
+            + YAW_AILERON * surfaces.aileron
+            + YAW_RUDDER * surfaces.rudder
         )
     )
-    jx, jy, jz, jxz = craft.JX, craft.JY, craft.JZ, craft.JXZ
+    jx, jy, jz, jxz = JX, JY, JZ, JXZ
     # J domega/dt = M - omega x J omega, its first and third rows solved for the rates.
     about_x = rolling + jxz * p * q + (jy - jz) * q * r
     about_z = yawing - jxz * q * r + (jx - jy) * p * q

@@ -14,10 +14,9 @@ from pathlib import Path
 
 from msgspec.structs import asdict
 
-from sitl_stub.bad_link import Emulated
-from sitl_stub.links import Address, AddressError, EmulatorLink, open_link, parse_address
+from sitl_stub.autopilot import Truth
+from sitl_stub.links import Address, AddressError, Emulated, EmulatorLink, open_link, parse_address
 from sitl_stub.settings import Settings
-from sitl_stub.truth import Truth
 
 BEGINNING = b'{"system_id": '
 """Beginning of every line of true states."""

@@ -9,12 +9,12 @@ principles", AIAA 83-2239). Its equations are our own and not JSBSim's; docs/emu
 import math
 from typing import NamedTuple
 
-import sitl_stub.aerosonde as craft
+import sitl_stub.rigid_body as craft
 from sitl_stub.air import Wind
-from sitl_stub.aircraft import PlantParameters
 from sitl_stub.geometry import displace, wrap_to_two_pi
 from sitl_stub.loops import (
     GRAVITY_M_S2,
+    PlantParameters,
     Targets,
     acceleration_m_s2,
     clamped,

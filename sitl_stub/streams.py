@@ -13,9 +13,8 @@ from pymavlink.dialects.v20.ardupilotmega import MAVLink, MAVLink_message
 
 from sitl_stub.codec import whole_number
 from sitl_stub.commands import Command, Handler, Handlers, Result
-from sitl_stub.flight import EmulatedFlight
+from sitl_stub.flight import AutopilotMode, EmulatedFlight
 from sitl_stub.messages import TELEMETRY
-from sitl_stub.modes import AutopilotMode
 from sitl_stub.personality import Personality
 
 PROTOCOL_VERSION = 300

@@ -1,6 +1,6 @@
 """The equations of the plant `six-dof` against JSBSim's, for the same airframe, surfaces and thrust.
 
-It needs `pip install jsbsim`. JSBSim gets the airframe of `sitl_stub.aerosonde` as an aircraft of its own,
+It needs `pip install jsbsim`. JSBSim gets the airframe of `sitl_stub.rigid_body` as an aircraft of its own,
 made here, over an earth that does not rotate and hardly curves. Both fly ten seconds of doublets of all
 surfaces from the same state.
 """
@@ -12,7 +12,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from sitl_stub import aerosonde as craft
+from sitl_stub import rigid_body as craft
 from sitl_stub.loops import GRAVITY_M_S2
 from sitl_stub.rigid_body import (
     Body,

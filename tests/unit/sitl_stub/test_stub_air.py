@@ -45,8 +45,8 @@ from sitl_stub.geometry import (
     ground_speed_along_m_s,
     radii_m,
 )
-from sitl_stub.options import parse_gust
 from sitl_stub.sensor_errors import GaussMarkov, SensorErrors, SensorGrade
+from sitl_stub.settings import parse_gust
 from tests.kit.autopilot import new_station
 
 HERE = AirPlace(math.radians(47.4), math.radians(8.5), 588.0, 100.0)

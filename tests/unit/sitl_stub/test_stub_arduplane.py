@@ -10,8 +10,8 @@ from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
 from sitl_stub import Autopilot, PlantParameters, Route, SteadyWind
 from sitl_stub.config import OptionError
-from sitl_stub.options import parse_route, parse_stream
 from sitl_stub.route import RouteFollower
+from sitl_stub.settings import parse_route, parse_stream
 from tests.kit.autopilot import new_autopilot, new_station
 from tests.kit.wire import of_type, packed, parsed, types_of
 

@@ -5,7 +5,7 @@ import math
 import pytest
 
 from sitl_stub import PlantParameters, SteadyWind, plant_of
-from sitl_stub import aerosonde as craft
+from sitl_stub import rigid_body as craft
 from sitl_stub.plant import PlantState
 from sitl_stub.rigid_body import (
     AirFlow,
