@@ -15,7 +15,6 @@ from sitl_stub.commands import (
     Arming,
     Command,
     Handler,
-    Handlers,
     Result,
     SystemStatus,
     finite,
@@ -187,66 +186,6 @@ def guided_p(config: AutopilotConfig) -> float:
     return round(100.0 * math.degrees(plant.alpha_1_s * middle_speed_m_s / GRAVITY_M_S2))
 
 
-class Guided:
-    """The commands of one aircraft's GUIDED mode."""
-
-    def __init__(self) -> None:
-        self.commands: Handlers = {
-            mavlink.MAV_CMD_DO_CHANGE_SPEED: self._change_speed,
-            mavlink.MAV_CMD_DO_CHANGE_ALTITUDE: change_any_altitude,
-            mavlink.MAV_CMD_GUIDED_CHANGE_HEADING: _only_guided(change_heading),
-            mavlink.MAV_CMD_GUIDED_CHANGE_SPEED: _only_guided(self._guided_change_speed),
-            mavlink.MAV_CMD_GUIDED_CHANGE_ALTITUDE: _only_guided(change_altitude),
-        }
-        self._guided_speed_used = False
-
-    def forget(self) -> None:
-        """The mode was left, or is entered anew."""
-        self._guided_speed_used = False
-
-    def _guided_change_speed(self, flight: EmulatedFlight, command: Command) -> Result:
-        """43000: param1 type, param2 m/s, param3 acceleration (0: the plant's own)."""
-        kind, speed_m_s, acceleration_m_s2 = command.used(1, 2, 3)
-        if acceleration_m_s2 < 0.0:
-            return Result.DENIED
-        limit = acceleration_m_s2 or math.inf
-        if kind == AIRSPEED:
-            if not is_flyable_airspeed(flight, speed_m_s):
-                return Result.FAILED
-            target = SpeedTarget("airspeed", speed_m_s, limit)
-        elif kind == GROUND_SPEED and flight.plant.kind == "course-hold":
-            # The real one denies this; the article's ideal ground speed hold is what takes it.
-            if speed_m_s <= 0.0:
-                return Result.FAILED
-            target = SpeedTarget("ground-speed", speed_m_s, limit)
-        else:
-            return Result.DENIED
-        self._guided_speed_used = True
-        flight.hold_speed(target)
-        return Result.ACCEPTED
-
-    def _change_speed(self, flight: EmulatedFlight, command: Command) -> Result:
-        """178: accepted, and without any effect once 43000 was used in this visit to GUIDED.
-
-        A ground speed would only set a floor, which is not modelled: accepted without effect.
-        """
-        kind, speed_m_s = command.used(1, 2)
-        if self._guided_speed_used:
-            flight.texts.append("DO_CHANGE_SPEED ignored: guided speed in use")
-            return Result.ACCEPTED
-        if kind not in {AIRSPEED, GROUND_SPEED}:
-            return Result.DENIED
-        if kind == GROUND_SPEED or speed_m_s == NO_CHANGE:
-            return Result.ACCEPTED
-        if speed_m_s == DEFAULT_SPEED:
-            flight.cruise()
-            return Result.ACCEPTED
-        if not is_flyable_airspeed(flight, speed_m_s):
-            return Result.FAILED
-        flight.hold_speed(SpeedTarget("airspeed", speed_m_s))
-        return Result.ACCEPTED
-
-
 def _only_guided(handler: Handler) -> Handler:
     """The handler, failing outside GUIDED."""
 
@@ -313,13 +252,17 @@ class EmulatedArduPlane(Personality):
         self.parameters = arduplane_parameters(config)
         self.arming = Arming(self._arming_fault, refused=Result.FAILED)
         self._failed_safe = False
-        self._guided = Guided()
+        self._guided_speed_used = False
         self.commands = {
             **self.commands,
             mavlink.MAV_CMD_NAV_LOITER_UNLIM: self.mode_command(LOITER.custom_mode),
             mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH: self.mode_command(RTL.custom_mode),
             mavlink.MAV_CMD_DO_REPOSITION: self._reposition,
-            **self._guided.commands,
+            mavlink.MAV_CMD_DO_CHANGE_SPEED: self._change_speed,
+            mavlink.MAV_CMD_DO_CHANGE_ALTITUDE: change_any_altitude,
+            mavlink.MAV_CMD_GUIDED_CHANGE_HEADING: _only_guided(change_heading),
+            mavlink.MAV_CMD_GUIDED_CHANGE_SPEED: _only_guided(self._guided_change_speed),
+            mavlink.MAV_CMD_GUIDED_CHANGE_ALTITUDE: _only_guided(change_altitude),
         }
         self._old_names = config.old_parameter_names
 
@@ -352,7 +295,7 @@ class EmulatedArduPlane(Personality):
     def request_mode(self, flight: EmulatedFlight, custom_mode: int) -> Result:
         """Enter a mode. GUIDED again changes nothing; GUIDED anew starts without commands."""
         if custom_mode != flight.mode.custom_mode:
-            self._guided.forget()
+            self._guided_speed_used = False
         return super().request_mode(flight, custom_mode)
 
     def hear(self, flight: EmulatedFlight, heartbeat: MAVLink_message) -> None:
@@ -428,4 +371,46 @@ class EmulatedArduPlane(Personality):
             self.request_mode(flight, GUIDED.custom_mode)
         flight.orbit(flight.orbit_at(*where))
         flight.hold_height(height)
+        return Result.ACCEPTED
+
+    def _guided_change_speed(self, flight: EmulatedFlight, command: Command) -> Result:
+        """43000: param1 type, param2 m/s, param3 acceleration (0: the plant's own)."""
+        kind, speed_m_s, acceleration_m_s2 = command.used(1, 2, 3)
+        if acceleration_m_s2 < 0.0:
+            return Result.DENIED
+        limit = acceleration_m_s2 or math.inf
+        if kind == AIRSPEED:
+            if not is_flyable_airspeed(flight, speed_m_s):
+                return Result.FAILED
+            target = SpeedTarget("airspeed", speed_m_s, limit)
+        elif kind == GROUND_SPEED and flight.plant.kind == "course-hold":
+            # The real one denies this; the article's ideal ground speed hold is what takes it.
+            if speed_m_s <= 0.0:
+                return Result.FAILED
+            target = SpeedTarget("ground-speed", speed_m_s, limit)
+        else:
+            return Result.DENIED
+        self._guided_speed_used = True
+        flight.hold_speed(target)
+        return Result.ACCEPTED
+
+    def _change_speed(self, flight: EmulatedFlight, command: Command) -> Result:
+        """178: accepted, and without any effect once 43000 was used in this visit to GUIDED.
+
+        A ground speed would only set a floor, which is not modelled: accepted without effect.
+        """
+        kind, speed_m_s = command.used(1, 2)
+        if self._guided_speed_used:
+            flight.texts.append("DO_CHANGE_SPEED ignored: guided speed in use")
+            return Result.ACCEPTED
+        if kind not in {AIRSPEED, GROUND_SPEED}:
+            return Result.DENIED
+        if kind == GROUND_SPEED or speed_m_s == NO_CHANGE:
+            return Result.ACCEPTED
+        if speed_m_s == DEFAULT_SPEED:
+            flight.cruise()
+            return Result.ACCEPTED
+        if not is_flyable_airspeed(flight, speed_m_s):
+            return Result.FAILED
+        flight.hold_speed(SpeedTarget("airspeed", speed_m_s))
         return Result.ACCEPTED

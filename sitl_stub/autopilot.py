@@ -4,7 +4,7 @@ import math
 from collections import Counter
 from collections.abc import Callable, Iterable
 
-import msgspec
+from msgspec.structs import astuple
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
@@ -29,14 +29,14 @@ from sitl_stub.loops import TurnTarget
 from sitl_stub.messages import POSITION_MESSAGES, TELEMETRY, ReportedInstant
 from sitl_stub.parameters import ParameterServer
 from sitl_stub.personality import Personality, personality_of
-from sitl_stub.plant import PlantState
+from sitl_stub.plant import Motion, PlantState
 from sitl_stub.sensor_errors import Fault, SensorErrors
 from sitl_stub.sensors import Sensors
 from sitl_stub.streams import Streams
 
 
-class Truth(msgspec.Struct, frozen=True, kw_only=True):
-    """The true, noise-free state of one aircraft."""
+class Truth(Motion, frozen=True, kw_only=True):
+    """The true, noise-free state of one aircraft: how it moves, and where and in which wind."""
 
     time_s: float
     """Simulation time."""
@@ -49,30 +49,6 @@ class Truth(msgspec.Struct, frozen=True, kw_only=True):
 
     altitude_amsl_m: float
     """Altitude above mean sea level."""
-
-    north_m_s: float
-    """Ground velocity."""
-
-    east_m_s: float
-    """Ground velocity."""
-
-    down_m_s: float
-    """Ground velocity, positive down."""
-
-    course_rad: float
-    """Direction of the ground velocity, clockwise from north, [0, 2 pi)."""
-
-    ground_speed_m_s: float
-    """Horizontal speed over ground."""
-
-    heading_rad: float
-    """Direction of the nose, clockwise from north, [0, 2 pi)."""
-
-    airspeed_m_s: float
-    """Horizontal speed through the air."""
-
-    bank_rad: float
-    """Bank of the coordinated turn flown, positive right."""
 
     wind_north_m_s: float
     """Wind, toward."""
@@ -89,20 +65,13 @@ class Truth(msgspec.Struct, frozen=True, kw_only=True):
 
 def truth_of(flight: EmulatedFlight) -> Truth:
     """The true state of a flight now."""
-    motion, (wind_north_m_s, wind_east_m_s) = flight.motion(), flight.wind_m_s
+    wind_north_m_s, wind_east_m_s = flight.wind_m_s
     return Truth(
+        *astuple(flight.motion()),
         time_s=flight.time_us * 1e-6,
         latitude_deg=math.degrees(flight.state.latitude_rad),
         longitude_deg=math.degrees(flight.state.longitude_rad),
         altitude_amsl_m=flight.state.altitude_amsl_m,
-        north_m_s=motion.north_m_s,
-        east_m_s=motion.east_m_s,
-        down_m_s=motion.down_m_s,
-        course_rad=motion.course_rad,
-        ground_speed_m_s=motion.ground_speed_m_s,
-        heading_rad=motion.heading_rad,
-        airspeed_m_s=motion.airspeed_m_s,
-        bank_rad=motion.bank_rad,
         wind_north_m_s=wind_north_m_s,
         wind_east_m_s=wind_east_m_s,
         mode=flight.mode.name,

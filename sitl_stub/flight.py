@@ -5,7 +5,6 @@ field. What was commanded and what the loops know of it yet: commands may have a
 """
 
 import math
-from collections import deque
 from collections.abc import Callable, Iterable
 from typing import Literal
 
@@ -13,7 +12,7 @@ import msgspec
 from msgspec.structs import replace
 
 from sitl_stub.air import Air, AirData, AirPlace, Wind, followed_wind_m_s
-from sitl_stub.geometry import Home, ahead_of, displace, radii_m, wrap_to_pi, wrap_to_two_pi
+from sitl_stub.geometry import Home, displace, radii_m, wrap_to_pi, wrap_to_two_pi
 from sitl_stub.loops import (
     CENTIDEGREE_RAD,
     GRAVITY_M_S2,
@@ -203,34 +202,27 @@ class Commanded:
         """What the loops hold."""
         self._turn_delay_us = round(plant.course_dead_time_s * 1e6)
         self._speed_delay_us = round(plant.speed_delay_s * 1e6)
-        self._turns: deque[tuple[int, TurnTarget]] = deque()
-        self._speeds: deque[tuple[int, SpeedTarget]] = deque()
+        self._coming: list[tuple[int, TurnTarget | SpeedTarget]] = []
 
     @property
     def next_us(self) -> int | None:
         """When the loops learn of something next; None if nothing is on its way."""
-        first = [queue[0][0] for queue in (self._turns, self._speeds) if queue]
-        return min(first, default=None)
+        return min((due_us for due_us, _ in self._coming), default=None)
 
     def set_all(self, targets: Targets) -> None:
         """Change everything at once, as a change of mode does; what was on its way is forgotten."""
         self.now = targets
-        self._turns.clear()
-        self._speeds.clear()
+        self._coming.clear()
 
     def turn(self, target: TurnTarget, now_us: int) -> None:
         """A command to the lateral loop."""
-        if self._turn_delay_us == 0:
-            self.now = Targets(target, self.now.speed, self.now.height)
-        else:
-            self._turns.append((now_us + self._turn_delay_us, target))
+        self._coming.append((now_us + self._turn_delay_us, target))
+        self.take_effect(now_us)
 
     def speed(self, target: SpeedTarget, now_us: int) -> None:
         """A command to the speed loop."""
-        if self._speed_delay_us == 0:
-            self.now = Targets(self.now.turn, target, self.now.height)
-        else:
-            self._speeds.append((now_us + self._speed_delay_us, target))
+        self._coming.append((now_us + self._speed_delay_us, target))
+        self.take_effect(now_us)
 
     def height(self, target: AltitudeTarget) -> None:
         """A command to the height loop, which has no dead time."""
@@ -238,17 +230,11 @@ class Commanded:
 
     def take_effect(self, time_us: int) -> None:
         """Let the loops know what has reached them by now."""
-        while self._turns and self._turns[0][0] <= time_us:
-            turn = self._turns.popleft()[1]
-            self.now = Targets(turn, self.now.speed, self.now.height)
-        while self._speeds and self._speeds[0][0] <= time_us:
-            speed = self._speeds.popleft()[1]
-            self.now = Targets(self.now.turn, speed, self.now.height)
-
-
-def no_drift_m(_time_s: float) -> float:
-    """Of a sensor without errors."""
-    return 0.0
+        for due_us, target in self._coming:
+            if due_us <= time_us:
+                part = "turn" if isinstance(target, TurnTarget) else "speed"
+                self.now = replace(self.now, **{part: target})
+        self._coming = [one for one in self._coming if one[0] > time_us]
 
 
 class EmulatedFlight:
@@ -266,7 +252,7 @@ class EmulatedFlight:
         armed: bool,
         on_ground: bool = False,
         air_data: AirData | None = None,
-        altitude_drift_m: Callable[[float], float] = no_drift_m,
+        altitude_drift_m: Callable[[float], float] = lambda _time_s: 0.0,
     ) -> None:
         self.state = state
         self.home = home
@@ -472,8 +458,14 @@ class EmulatedFlight:
         )
         if self.phase == "climbing" and self._has_climbed():
             self.phase = "flying"
-            ahead = ahead_of(
-                self.home, self.targets.turn.angle_rad, self.navigation.take_off_distance_m
+            course_rad, home = self.targets.turn.angle_rad, self.home
+            distance_m = self.navigation.take_off_distance_m
+            ahead = displace(
+                home.latitude_rad,
+                home.longitude_rad,
+                home.altitude_amsl_m,
+                north_m=distance_m * math.cos(course_rad),
+                east_m=distance_m * math.sin(course_rad),
             )
             self.orbit(self.orbit_at(*ahead))
 

@@ -100,14 +100,3 @@ class Home(msgspec.Struct, frozen=True):
 
     altitude_amsl_m: float
     """Altitude of the ground there."""
-
-
-def ahead_of(home: Home, course_rad: float, distance_m: float) -> tuple[float, float]:
-    """Latitude and longitude (rad) of the point at this distance on this course."""
-    return displace(
-        home.latitude_rad,
-        home.longitude_rad,
-        home.altitude_amsl_m,
-        north_m=distance_m * math.cos(course_rad),
-        east_m=distance_m * math.sin(course_rad),
-    )

@@ -14,11 +14,11 @@ import socket
 from collections.abc import AsyncIterator, Callable
 from contextlib import AbstractAsyncContextManager, asynccontextmanager
 from dataclasses import dataclass
-from typing import Any, Literal, Protocol, cast, get_args
+from typing import Any, Literal, cast, get_args
 
 from numpy.random import default_rng
 
-from sitl_stub.autopilot import Truth
+from sitl_stub.autopilot import Autopilot, Truth
 from sitl_stub.codec import EmulatorFramer
 
 Scheme = Literal["udpin", "udpout", "tcpin", "tcpout"]
@@ -117,17 +117,6 @@ logger = logging.getLogger("sitl_stub")
 
 class LinkError(Exception):
     """The address cannot be used on this computer now; the message is one line."""
-
-
-class EmulatorLink(Protocol):
-    """Somewhere to send to."""
-
-    address: Address
-    """The address with the port really used."""
-
-    def send(self, data: bytes) -> None:
-        """Send whole frames to all who listen now. A peer that cannot take them misses them."""
-        ...
 
 
 class UdpLink(asyncio.DatagramProtocol):
@@ -240,6 +229,10 @@ class TcpPeer(asyncio.Protocol):
         """End the connection."""
         if self._transport is not None:
             self._transport.abort()
+
+
+EmulatorLink = UdpLink | TcpLink
+"""Somewhere to send to: whole frames, to all who listen now. A peer that cannot take them misses them."""
 
 
 def open_link(address: Address, take: Take) -> AbstractAsyncContextManager[EmulatorLink]:
@@ -365,36 +358,6 @@ def reason(error: OSError) -> str:
     return os.strerror(error.errno).lower()
 
 
-class Emulated(Protocol):
-    """What can be served: an autopilot, or one behind a bad link."""
-
-    @property
-    def system_id(self) -> int:
-        """MAVLink system id."""
-        ...
-
-    @property
-    def next_due_s(self) -> float:
-        """The next simulation time at which anything happens by itself."""
-        ...
-
-    def receive(self, data: bytes) -> bytes:
-        """Take a datagram at the present simulation time; returns what is to be sent."""
-        ...
-
-    def advance(self, to_s: float) -> bytes:
-        """Fly to a simulation time; returns what is to be sent."""
-        ...
-
-    def reboot(self) -> None:
-        """Start the autopilot anew."""
-        ...
-
-    def truth(self) -> Truth:
-        """The true state now."""
-        ...
-
-
 class BadLink:
     """An autopilot behind a slow and lossy link, in both directions alike.
 
@@ -404,7 +367,7 @@ class BadLink:
 
     def __init__(
         self,
-        autopilot: Emulated,
+        autopilot: Autopilot,
         *,
         delay_s: float = 0.0,
         jitter_s: float = 0.0,
@@ -480,3 +443,7 @@ class BadLink:
             )
             arrival_us = round((self._now_s + self._delay_s + spread_s) * 1e6)
             heapq.heappush(queue, (arrival_us, next(self._order), data))
+
+
+Emulated = Autopilot | BadLink
+"""What can be served: an autopilot, or one behind a bad link."""

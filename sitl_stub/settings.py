@@ -472,16 +472,16 @@ class Settings(AircraftOptions):
         fleet: list[tuple[Emulated, Address]] = []
         for index in range(self.count):
             signing = None if key is None else Signing(key)
-            one: Emulated = Autopilot(self.config(index), air, signing=signing, unix_time=time.time)
-            if self.delay_s or self.jitter_s or self.loss:
-                one = self.behind_its_link(one)
+            one = Autopilot(self.config(index), air, signing=signing, unix_time=time.time)
+            is_bad = self.delay_s or self.jitter_s or self.loss
             port = first.port + index if first.port else 0
-            fleet.append((one, Address(first.scheme, first.host, port)))
+            reached = self.behind_its_link(one) if is_bad else one
+            fleet.append((reached, Address(first.scheme, first.host, port)))
         if first.port + self.count - 1 > 65_535:
             raise OptionError(f"--count: there are no {self.count} ports from {first.port} on")
         return fleet
 
-    def behind_its_link(self, autopilot: Emulated) -> BadLink:
+    def behind_its_link(self, autopilot: Autopilot) -> BadLink:
         """An autopilot whose datagrams are late or lost as these settings say.
 
         Raises:

@@ -139,7 +139,7 @@ def emulator(kind: str) -> Callable[[bytes, int], None]:
             autopilot.advance(index * STEP_S)
         if index % 50 == 0:
             truth = autopilot.truth()
-            for name in truth.__slots__:
+            for name in truth.__struct_fields__:
                 value = getattr(truth, name)
                 if isinstance(value, float) and not math.isfinite(value):
                     raise AssertionError(f"{name} is {value} after frame {index}")

@@ -15,11 +15,9 @@ from msgspec import structs
 from vfguide.elementwise import BoolArray, FloatArray
 from vfguide.guidance.airframe import GRAVITY
 from vfguide.guidance.response import HoldResponse
-from vfguide.identification.learned import HoldSamples, response_in, turn_limits
-from vfguide.identification.recording import Findings
+from vfguide.identification.recording import Findings, HoldSamples, response_in, turn_limits
 from vfguide.identification.slip import (
     LEAST_REPORTS,
-    LEAST_TURNS,
     NORMAL_95,
     SLIPS_BELOW,
     Bank,
@@ -28,6 +26,7 @@ from vfguide.identification.slip import (
     leg_weights,
     legs_of,
     scale_and_lead,
+    turn_efficiency,
     turning,
 )
 from vfguide.record.flight import FlightRecord
@@ -458,28 +457,21 @@ def turned_share(reports: list[Bank], scale: Estimate) -> Estimate | None:
         scale: true airspeed over the reported one.
     """
     legs = turning(legs_of(reports, scale.value))
-    if len(legs) < LEAST_TURNS:
+    found = turn_efficiency(legs, has_straight=False)
+    if found is None:
         return None
-    from scipy.special import stdtrit
-
     by_bank = np.array([leg.by_bank for leg in legs])
-    turned = np.array([leg.turned for leg in legs])
     lasts_s = np.array([leg.lasts_s for leg in legs])
-    weights = leg_weights(by_bank) ** 2
-    whole = float(weights @ by_bank**2)
-    share = float(weights @ (by_bank * turned)) / whole
-    rest = turned - share * by_bank
-    degrees = len(legs) - 1
-    scatter = math.sqrt(float(weights @ rest**2) / degrees / whole)
+    weighted = leg_weights(by_bank) ** 2 * by_bank
     airspeed = scale.value * float(np.mean([one.airspeed for one in reports]))
     # What was turned to the left and to the right by an attitude that is off cancels.
-    one_sided_s = abs(float(weights @ (by_bank * lasts_s))) / whole
+    one_sided_s = abs(float(weighted @ lasts_s)) / float(weighted @ by_bank)
     half_width = math.hypot(
-        float(stdtrit(degrees, 0.975)) * scatter,
-        share * scale.half_width / scale.value,
-        share * one_sided_s * NORMAL_95 * ROLL_ERROR * GRAVITY / airspeed,
+        found.half_width,
+        found.value * scale.half_width / scale.value,
+        found.value * one_sided_s * NORMAL_95 * ROLL_ERROR * GRAVITY / airspeed,
     )
-    return Estimate(value=share, half_width=half_width)
+    return replace(found, half_width=half_width)
 
 
 def slip_sentence(answer: SlipAnswer) -> str:

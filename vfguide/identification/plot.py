@@ -10,8 +10,7 @@ from matplotlib.figure import Figure
 
 from vfguide.elementwise import FloatArray
 from vfguide.guidance.response import HoldResponse
-from vfguide.identification.learned import HoldSamples, followed
-from vfguide.identification.recording import Findings
+from vfguide.identification.recording import Findings, HoldSamples, followed
 
 TOLD, SEEN, MODELLED = "#9aa0a6", "#1a73e8", "#d93025"
 

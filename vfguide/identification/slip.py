@@ -203,20 +203,25 @@ def leg_weights(by_bank: FloatArray) -> FloatArray:
     return weights
 
 
-def turn_efficiency(legs: list[SlipLeg]) -> Estimate | None:
-    """Turned over what the bank says, and its 95 % interval; None where too little was turned."""
+def turn_efficiency(legs: list[SlipLeg], *, has_straight: bool = True) -> Estimate | None:
+    """Turned over what the bank says, and its 95 % interval; None where too little was turned.
+
+    Args:
+        legs: of a flight.
+        has_straight: whether some of them are straight, which tell the roll's trim.
+    """
     if len(turning(legs)) < LEAST_TURNS:
         return None
     from scipy.special import stdtrit
 
-    rows = np.array([(leg.by_bank, leg.lasts_s) for leg in legs])
+    rows = np.array([(leg.by_bank, leg.lasts_s) for leg in legs])[:, : 2 if has_straight else 1]
     turned = np.array([leg.turned for leg in legs])
     weights = leg_weights(rows[:, 0])
     weighted = rows * weights[:, None]
     inverse = np.linalg.pinv(weighted.T @ weighted)
     values = inverse @ (weighted.T @ (turned * weights))
     rest = (turned - rows @ values) * weights
-    degrees = max(len(legs) - 2, 1)
+    degrees = max(len(legs) - rows.shape[1], 1)
     variance = float(rest @ rest) / degrees * float(inverse[0, 0])
     half_width = float(stdtrit(degrees, 0.975)) * math.sqrt(max(variance, 0.0))
     return Estimate(value=float(values[0]), half_width=half_width)

@@ -241,7 +241,8 @@ class AutopilotAdapter(ABC):
 
     def request_attitude(self, rate_hz: float) -> list[MAVLink_message]:
         """What asks for ATTITUDE at this rate, where the bank is of interest."""
-        return [message_at(self._vehicle, ATTITUDE, rate_hz)]
+        command = mavlink.MAV_CMD_SET_MESSAGE_INTERVAL
+        return [command_long(self._vehicle, command, ATTITUDE, round(1e6 / rate_hz))]
 
     @abstractmethod
     def engage(self) -> list[MAVLink_message]:
@@ -252,8 +253,12 @@ class AutopilotAdapter(ABC):
         """Leave it for a loiter that the autopilot flies by itself."""
 
     def loiter_at(self, altitude_amsl: float) -> list[MAVLink_message]:
-        """Loiter at another altitude (m above mean sea level), where it was handed back to its loiter."""
-        return [loiter_altitude(self._vehicle, altitude_amsl)]
+        """Loiter at another altitude (m above mean sea level), where it was handed back to its loiter.
+
+        ArduPlane 4.7 and PX4 1.18 take DO_CHANGE_ALTITUDE there.
+        """
+        command = mavlink.MAV_CMD_DO_CHANGE_ALTITUDE
+        return [command_long(self._vehicle, command, altitude_amsl, mavlink.MAV_FRAME_GLOBAL)]
 
     @abstractmethod
     def fly(self, setpoint: AutopilotSetpoint) -> list[MAVLink_message]:
@@ -357,13 +362,6 @@ def command_long(vehicle: Vehicle, command: int, *parameters: float) -> MAVLink_
     )
 
 
-def loiter_altitude(vehicle: Vehicle, altitude_amsl: float) -> MAVLink_message:
-    """DO_CHANGE_ALTITUDE, m above mean sea level: ArduPlane 4.7 and PX4 1.18 take it in their loiters."""
-    return command_long(
-        vehicle, mavlink.MAV_CMD_DO_CHANGE_ALTITUDE, altitude_amsl, mavlink.MAV_FRAME_GLOBAL
-    )
-
-
 def command_int(
     vehicle: Vehicle, command: int, *parameters: float, altitude: float = 0.0
 ) -> MAVLink_message:
@@ -417,12 +415,6 @@ def data_streams(vehicle: Vehicle, rate_hz: float, *, attitude: bool) -> list[MA
         )
         for stream, hertz in streams
     ]
-
-
-def message_at(vehicle: Vehicle, number: int, rate_hz: float) -> MAVLink_message:
-    """SET_MESSAGE_INTERVAL for one message."""
-    command = mavlink.MAV_CMD_SET_MESSAGE_INTERVAL
-    return command_long(vehicle, command, number, round(1e6 / rate_hz))
 
 
 def set_mode(vehicle: Vehicle, main_mode: int, sub_mode: int = 0) -> MAVLink_message:

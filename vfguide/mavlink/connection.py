@@ -6,13 +6,17 @@ sent at once is soon dropped, since the next setpoint is better than an old one.
 
 import asyncio
 import errno
+import math
 import os
-from collections import Counter
+import selectors
+import socket
+from collections import Counter, OrderedDict
 from collections.abc import AsyncIterator, Callable
 from contextlib import AbstractAsyncContextManager, AsyncExitStack, asynccontextmanager
 from random import Random
-from typing import Protocol
+from typing import Any, Protocol, cast
 
+from vfguide.backoff import retry_delay
 from vfguide.errors import InputError
 from vfguide.mavlink.address import (
     Address,
@@ -22,10 +26,16 @@ from vfguide.mavlink.address import (
     Transport,
     reason_of,
 )
-from vfguide.mavlink.datagram import UdpCaller, open_udp_port
-from vfguide.mavlink.framing import Introduction
+from vfguide.mavlink.framing import MAGIC_1, MAGIC_2, Introduction
 from vfguide.mavlink.mavsdk import MavsdkChannel
-from vfguide.mavlink.stream import ReconnectingStream, dial_serial, dial_tcp, open_tcp_server
+from vfguide.mavlink.stream import (
+    DatagramFramer,
+    ReconnectingStream,
+    dial_serial,
+    dial_tcp,
+    open_tcp_server,
+)
+from vfguide.system import SocketSelector
 
 Receive = Callable[[bytes], None]
 
@@ -40,19 +50,241 @@ REMEDIES = {
 """What helps when this computer does not let a program listen."""
 
 
-class Connection(Protocol):
-    """To one autopilot, or to nobody for the moment."""
+Endpoint = tuple[Any, ...]
+"""Host and port as sockets give them; IPv6 adds more, which says nothing about who it is."""
 
-    @property
-    def connected(self) -> bool:
-        """Whether there is a peer to send to."""
+PEER_SILENCE = 1.0
+"""s that a peer must be silent before another may take its place, unless something else is said."""
 
-    @property
-    def counters(self) -> Counter[str]:
-        """What was dropped and what went wrong, by reason."""
+MOST_SENDERS = 16
+"""At one port, the newest, whose frames are put together from several datagrams."""
+
+LARGEST_DATAGRAM = 4096
+"""Bytes; autopilots and routers send at most what fits a packet, 1500."""
+
+RECEIVE_BUFFER, SEND_BUFFER = 64 * 1024, 16 * 1024
+"""Bytes in the kernel; what larger ones kept would be older when it is read."""
+
+
+def begins_like_frame(datagram: bytes) -> bool:
+    """Whether the first byte is one that MAVLink frames begin with."""
+    return bool(datagram) and datagram[0] in {MAGIC_1, MAGIC_2}
+
+
+class UdpPeer:
+    """One peer at a time: the given address, or else the first that has introduced itself.
+
+    It keeps its place while it speaks. Another takes over only after a silence, and by introducing itself as
+    the first one did: a stray packet can neither draw the setpoints away nor pass for telemetry.
+    """
+
+    def __init__(
+        self,
+        given: Endpoint | None = None,
+        *,
+        introduces: Callable[[bytes], bool] = begins_like_frame,
+        silence_s: float = PEER_SILENCE,
+    ) -> None:
+        """Make a peer.
+
+        Args:
+            given: the only one there may be; None for the first that introduces itself.
+            introduces: whether a datagram does so for its sender.
+            silence_s: how long the present peer must be silent before another may take its place, s.
+        """
+        self.endpoint = given
+        """Whom to answer; None before anybody has introduced itself."""
+        self.rival: Endpoint | None = None
+        """The last that introduced itself while the present peer was speaking."""
+        self._is_given = given is not None
+        self._introduces = introduces
+        self._silence_s = silence_s
+        self._heard = -math.inf
+
+    def admits(self, source: Endpoint, datagram: bytes, now: float) -> bool:
+        """Whether to listen to a datagram; its sender is then the peer.
+
+        Args:
+            source: who sent it.
+            datagram: what.
+            now: s, of a clock that never goes back.
+        """
+        present = self.endpoint
+        if present is None or source[:2] != present[:2]:
+            if self._is_given or not self._introduces(datagram):
+                return False
+            if now - self._heard < self._silence_s:
+                self.rival = source
+                return False
+            self.endpoint, self.rival = source, None
+        self._heard = now
+        return True
+
+
+class UdpSocket(asyncio.DatagramProtocol):
+    """One socket and its peer."""
+
+    def __init__(self, receive: Callable[[bytes], None], status: Status, peer: UdpPeer) -> None:
+        self._loop = asyncio.get_running_loop()
+        self._receive = receive
+        self._status = status
+        self._peer = peer
+        self._framers: OrderedDict[Endpoint, DatagramFramer] = OrderedDict()
+        self._transport: asyncio.DatagramTransport | None = None
+        self._room = SocketSelector()
+        self.lost: asyncio.Future[None] = self._loop.create_future()
+        """Set once the socket is closed."""
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        """Take the transport."""
+        # Not to be told by isinstance: asyncio's own has only the looks of it before Python 3.12.
+        self._transport = cast("asyncio.DatagramTransport", transport)
+        medium = transport.get_extra_info("socket")
+        medium.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER)
+        medium.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER)
+        self._room.register(medium.fileno(), selectors.EVENT_WRITE)
+        self._report()
+
+    def datagram_received(self, data: bytes, addr: Endpoint) -> None:
+        """Hand on what the peer says, at once."""
+        before, rival = self._peer.endpoint, self._peer.rival
+        if len(data) > LARGEST_DATAGRAM:
+            self._status.counters["oversized datagrams"] += 1
+            return
+        frames = self._framer(addr).feed(data)
+        if not self._peer.admits(addr, frames, self._loop.time()):
+            self._status.counters["datagrams of strangers"] += 1
+            if self._peer.rival not in {None, rival}:
+                self._status.warn(f"{addr[0]} port {addr[1]} says that it is this vehicle, too")
+        else:
+            if self._peer.endpoint != before:
+                self._report()
+            if frames:
+                self._receive(frames)
+
+    def _framer(self, source: Endpoint) -> DatagramFramer:
+        """What makes frames of a sender's datagrams; of who has spoken among the last few."""
+        framer = self._framers.pop(source, None) or DatagramFramer(self._status.counters)
+        self._framers[source] = framer
+        if len(self._framers) > MOST_SENDERS:
+            self._framers.popitem(last=False)
+        return framer
+
+    def error_received(self, exc: Exception) -> None:
+        """Count it: a peer that is not up yet refuses, a network that is down comes back."""
+        self._status.counters[f"error: {reason_of(exc)}"] += 1
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        """The socket is closed."""
+        self._transport = None
+        if exc is not None:
+            self._status.down(reason_of(exc))
+        self.lost.set_result(None)
 
     def send(self, datagram: bytes) -> None:
-        """Send whole frames. Never waits, never raises: what cannot be sent is dropped and counted."""
+        """Send to the peer, if there is one; drop it while the network takes nothing."""
+        peer = self._peer.endpoint
+        if self._transport is None or peer is None:
+            self._status.counters["dropped: not connected"] += 1
+        elif not self._room.select(0):
+            self._status.counters["dropped: slow peer"] += 1
+        else:
+            self._transport.sendto(datagram, peer)
+
+    async def close(self) -> None:
+        """Close at once; what waits is not sent."""
+        if self._transport is not None:
+            self._transport.abort()
+            await asyncio.shield(self.lost)
+
+    def _report(self) -> None:
+        peer = self._peer.endpoint
+        if peer is None:
+            self._status.down("nobody has spoken yet")
+        else:
+            self._status.up(f"peer {peer[0]} port {peer[1]}")
+
+
+@asynccontextmanager
+async def open_udp_port(
+    address: NetworkAddress,
+    receive: Callable[[bytes], None],
+    status: Status,
+    introduction: Introduction | None,
+) -> AsyncIterator[UdpSocket]:
+    """Wait at a port of this computer; without an introduction for anybody who speaks MAVLink.
+
+    Raises:
+        OSError: this computer does not let it.
+    """
+    loop = asyncio.get_running_loop()
+    peer = UdpPeer()
+    if introduction is not None:
+        peer = UdpPeer(introduces=introduction.is_given_by, silence_s=introduction.silence_s)
+    _, port = await loop.create_datagram_endpoint(
+        lambda: UdpSocket(receive, status, peer), local_addr=(address.host, address.port)
+    )
+    try:
+        yield port
+    finally:
+        await port.close()
+
+
+class UdpCaller:
+    """Speaks first to one host, whose name may take a while to be known.
+
+    The socket is not connected: a route that changes in flight, as on a mobile network, needs no new one.
+    """
+
+    def __init__(
+        self,
+        address: NetworkAddress,
+        receive: Callable[[bytes], None],
+        status: Status,
+        random: Random,
+    ) -> None:
+        self._address = address
+        self._receive = receive
+        self._status = status
+        self._random = random
+        self._socket: UdpSocket | None = None
+
+    def send(self, datagram: bytes) -> None:
+        """Send to the host, if it is known."""
+        if self._socket is None:
+            self._status.counters["dropped: not connected"] += 1
+        else:
+            self._socket.send(datagram)
+
+    async def run(self) -> None:
+        """Find the host, trying for ever, and speak to it until cancelled."""
+        failures = 0
+        while True:
+            try:
+                await self._speak()
+            except (OSError, ValueError) as error:
+                self._status.down(reason_of(error))
+            failures += 1
+            await asyncio.sleep(retry_delay(failures, self._random.random()))
+
+    async def _speak(self) -> None:
+        loop = asyncio.get_running_loop()
+        family, host = await self._find(loop)
+        self._socket = peer = UdpSocket(self._receive, self._status, UdpPeer(host))
+        try:
+            await loop.create_datagram_endpoint(lambda: peer, family=family)
+            await asyncio.shield(peer.lost)
+        finally:
+            self._socket = None
+            await peer.close()
+
+    async def _find(self, loop: asyncio.AbstractEventLoop) -> tuple[int, Endpoint]:
+        """Address family and endpoint of the host; IPv4 if it has both, as most autopilots speak that."""
+        found = await loop.getaddrinfo(
+            self._address.host, self._address.port, type=socket.SOCK_DGRAM
+        )
+        family, _, _, _, endpoint = min(found, key=lambda one: one[0] != socket.AF_INET)
+        return family, endpoint
 
 
 class ConnectionChannel(Protocol):
@@ -69,8 +301,8 @@ class RunningChannel(ConnectionChannel, Protocol):
         """Keep it up until cancelled."""
 
 
-class OpenConnection:
-    """A connection of any kind, with its status."""
+class Connection:
+    """To one autopilot, or to nobody for the moment."""
 
     def __init__(self, channel: ConnectionChannel, status: Status) -> None:
         self._channel = channel
@@ -87,7 +319,7 @@ class OpenConnection:
         return self._status.counters
 
     def send(self, datagram: bytes) -> None:
-        """Send whole frames, if there are any."""
+        """Send whole frames, if there are any. Never waits, never raises: what cannot be sent is counted."""
         if datagram:
             self._channel.send(datagram)
 
@@ -122,7 +354,7 @@ async def open_connection(
     )
     async with opening as channel:
         try:
-            yield OpenConnection(channel, status)
+            yield Connection(channel, status)
         finally:
             status.close()
 

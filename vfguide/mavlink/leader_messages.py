@@ -171,7 +171,6 @@ def report(
     *,
     velocity: Pair | None = None,
     needs_velocity: bool = False,
-    age_s: float = 0.0,
     climb_rate: float = 0.0,
 ) -> LeaderReport | None:
     """The report that fields amount to; None where there is no place on earth, or no velocity.
@@ -190,7 +189,6 @@ def report(
         longitude_deg=longitude_deg,
         altitude_amsl=altitude_of(altitude),
         velocity=velocity,
-        age_s=age_s,
         climb_rate=climb_rate,
     )
 

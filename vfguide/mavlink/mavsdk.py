@@ -33,6 +33,7 @@ from pymavlink.dialects.v20.ardupilotmega import MAVLink, MAVLink_message
 from vfguide.backoff import retry_delay
 from vfguide.errors import InputError, require
 from vfguide.mavlink.address import Address, Status, reason_of
+from vfguide.mavlink.codec import REPORTS
 from vfguide.mavlink.framing import frames_of, message_in
 from vfguide.mavlink.px4 import MAIN_MODE_AUTO, MAIN_MODE_OFFBOARD, SUB_MODE_LOITER
 
@@ -54,19 +55,7 @@ MISTAKES = frozenset({"BIND_ERROR", "CONNECTION_URL_INVALID", "BAUDRATE_UNKNOWN"
 """What MAVSDK says of an address that will not do. Anything else, such as a missing device, may pass."""
 
 HEARD: dict[str, type[MAVLink_message]] = {
-    "GLOBAL_POSITION_INT": mavlink.MAVLink_global_position_int_message,
-    "VFR_HUD": mavlink.MAVLink_vfr_hud_message,
-    "HEARTBEAT": mavlink.MAVLink_heartbeat_message,
-    "EXTENDED_SYS_STATE": mavlink.MAVLink_extended_sys_state_message,
-    "COMMAND_ACK": mavlink.MAVLink_command_ack_message,
-    "STATUSTEXT": mavlink.MAVLink_statustext_message,
-    "PARAM_VALUE": mavlink.MAVLink_param_value_message,
-    "TIMESYNC": mavlink.MAVLink_timesync_message,
-    "SYS_STATUS": mavlink.MAVLink_sys_status_message,
-    "BATTERY_STATUS": mavlink.MAVLink_battery_status_message,
-    "GPS_RAW_INT": mavlink.MAVLink_gps_raw_int_message,
-    "ESTIMATOR_STATUS": mavlink.MAVLink_estimator_status_message,
-    "AUTOPILOT_VERSION": mavlink.MAVLink_autopilot_version_message,
+    mavlink.mavlink_map[number].msgname: mavlink.mavlink_map[number] for number in REPORTS
 }
 """What companions listen to, by the name that MAVSDK gives it."""
 

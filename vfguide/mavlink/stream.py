@@ -22,7 +22,6 @@ from enum import Enum
 from random import Random
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
-from pymavlink.generator.mavcrc import x25crc
 from serial_asyncio_fast import create_serial_connection
 
 from vfguide.backoff import retry_delay
@@ -35,17 +34,13 @@ from vfguide.mavlink.framing import (
     MAGIC_2,
     SIGNATURE,
     SIGNED,
+    checksum_of,
     end_of_frame,
     frame_at,
     holds_whole_frames,
     next_magic,
 )
 from vfguide.system import URGENT_TCP, SocketSelector
-
-CHECKSUM_SEEDS: dict[int, int] = {
-    number: message.crc_extra for number, message in mavlink.mavlink_map.items()
-}
-"""By message number: what enters the checksum besides the bytes, and tells one layout from another."""
 
 LARGEST_FRAME = HEADER_2 + 255 + CHECKSUM + SIGNATURE
 """Bytes."""
@@ -163,13 +158,13 @@ def judge(buffer: bytes, start: int) -> tuple[FrameVerdict, int]:
 
 def verdict_of_checksum(buffer: bytes, start: int, end: int) -> FrameVerdict:
     """Whether the checksum of what looks like a whole frame is right."""
-    seed = CHECKSUM_SEEDS.get(frame_at(buffer, start, end).message_id)
-    if seed is None:
+    kind = mavlink.mavlink_map.get(frame_at(buffer, start, end).message_id)
+    if kind is None:
         return FrameVerdict.UNKNOWN
     signed = buffer[start] == MAGIC_2 and buffer[start + 2] & SIGNED
     behind = end - (SIGNATURE if signed else 0)
-    checked = buffer[start + 1 : behind - CHECKSUM] + bytes([seed])
-    right = x25crc(checked).crc == int.from_bytes(buffer[behind - CHECKSUM : behind], "little")
+    checksum = checksum_of(buffer[start + 1 : behind - CHECKSUM], kind)
+    right = buffer[behind - CHECKSUM : behind] == checksum
     return FrameVerdict.PROVED if right else FrameVerdict.NONE
 
 

@@ -7,7 +7,7 @@ import pytest
 from tests.kit.sockets import free_port, until
 from tests.kit.wire import beat
 from vfguide.errors import InputError
-from vfguide.mavlink.datagram import LARGEST_DATAGRAM
+from vfguide.mavlink.connection import LARGEST_DATAGRAM
 
 Address = tuple[Any, ...]
 

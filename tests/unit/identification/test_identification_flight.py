@@ -26,14 +26,17 @@ from vfguide.elementwise import FloatArray
 from vfguide.guidance.response import HoldResponse
 from vfguide.identification.core import Identification, Stage
 from vfguide.identification.flown import profile_text
-from vfguide.identification.learned import HoldSamples, as_seen, followed, response_in
 from vfguide.identification.plot import draw_findings
 from vfguide.identification.recording import (
     Findings,
+    HoldSamples,
     Phase,
     StepsRecording,
+    as_seen,
     course_step,
     described,
+    followed,
+    response_in,
     segments,
     shortcoming,
     speed_step,

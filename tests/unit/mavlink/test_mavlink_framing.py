@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from tests.kit.wire import framed, position_report
-from vfguide.mavlink.datagram import UdpPeer
+from vfguide.mavlink.connection import UdpPeer
 from vfguide.mavlink.framing import (
     ConnectionSigning,
     Frame,

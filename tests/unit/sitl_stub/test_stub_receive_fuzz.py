@@ -33,7 +33,7 @@ def command(number: int, parameters: tuple[float, ...], z: float = 0.0, frame: i
 
 def is_finite(vehicle: Autopilot) -> bool:
     truth = vehicle.truth()
-    values = (getattr(truth, name) for name in truth.__slots__)
+    values = (getattr(truth, name) for name in truth.__struct_fields__)
     return all(math.isfinite(value) for value in values if isinstance(value, float))
 
 
