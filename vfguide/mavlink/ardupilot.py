@@ -119,60 +119,9 @@ LEAST_TICKS = 1.25
 AIRSPEED, GROUND_SPEED = 0, 1
 
 
-def arduplane_response(parameters: Mapping[str, float], needs: FlightNeeds) -> AutopilotResponse:
-    """How the vehicle answers, and its limits."""
-    known = dict(parameters)
-    gain, time_const = known.get("GUIDED_P", 0.0), known.get("TECS_TIME_CONST", 0.0)
-    share = SLIP_TURN_SHARE if needs.slips else 1.0
-    roll = known.get("ROLL_LIMIT_DEG", known.get("LIM_ROLL_CD", math.nan) / 100.0)
-    lowest = first_known(known, "AIRSPEED_MIN", "ARSPD_FBW_MIN")
-    highest = first_known(known, "AIRSPEED_MAX", "ARSPD_FBW_MAX")
-    coordinated = alpha_of(gain, needs.airspeed) if gain > 0.0 else None
-    return AutopilotResponse(
-        alpha=None if coordinated is None else share * coordinated,
-        coordinated_alpha=coordinated,
-        beta=BETA_TIME_CONST / time_const if time_const > 0.0 else None,
-        airspeed_min=None if lowest is None else lowest[1],
-        airspeed_max=None if highest is None else highest[1],
-        max_bank=math.radians(roll) if roll > 0.0 else None,
-        # By these the TECS limits how fast the demanded height goes to a new one.
-        climb_max=above_zero(known.get("TECS_CLMB_MAX")),
-        sink_max=above_zero(known.get("TECS_SINK_MAX")),
-    )
-
-
 def alpha_of(guided_p: float, airspeed: float) -> float:
     """1/s, of coordinated turns whose bank is GUIDED_P (0.01 degrees per rad) times the course error."""
     return math.radians(guided_p / 100.0) * GRAVITY / airspeed
-
-
-def arduplane_warnings(parameters: Mapping[str, float], needs: FlightNeeds) -> list[str]:
-    """One line for each parameter that does not fit."""
-    return [
-        *arduplane_faults(parameters, needs),
-        *course_warnings(parameters, needs),
-        *uneven_warning(parameters, needs),
-        *speed_warning(parameters),
-        *climb_warning(parameters, needs),
-    ]
-
-
-def arduplane_faults(parameters: Mapping[str, float], needs: FlightNeeds) -> list[str]:
-    """Those with which it should not take off: no fail-safe, or what the mission asks for is not flown."""
-    known = dict(parameters)
-    roll = first_known(known, "ROLL_LIMIT_DEG")
-    if roll is None and "LIM_ROLL_CD" in known:
-        roll = ("LIM_ROLL_CD (in degrees)", known["LIM_ROLL_CD"] / 100.0)
-    return [
-        *failsafe_warnings(known, needs),
-        *loop_warning(known, needs),
-        *airspeed_warnings(
-            first_known(known, "AIRSPEED_MIN", "ARSPD_FBW_MIN"),
-            first_known(known, "AIRSPEED_MAX", "ARSPD_FBW_MAX"),
-            needs,
-        ),
-        *bank_warning(roll, needs),
-    ]
 
 
 def failsafe_warnings(parameters: Mapping[str, float], needs: FlightNeeds) -> list[str]:
@@ -192,7 +141,7 @@ def failsafe_warnings(parameters: Mapping[str, float], needs: FlightNeeds) -> li
             )
         ]
     warnings = []
-    station = first_known(dict(parameters), "MAV_GCS_SYSID", "SYSID_MYGCS")
+    station = first_known(parameters, "MAV_GCS_SYSID", "SYSID_MYGCS")
     if station is not None and station[1] != needs.system_id:
         warnings.append(
             f"{station[0]} is {station[1]:g}: a ground station's heartbeats keep the fail-safe off after this"
@@ -330,15 +279,50 @@ class ArduPlane(AutopilotAdapter):
 
     def response(self, parameters: Mapping[str, float], needs: FlightNeeds) -> AutopilotResponse:
         """By GUIDED_P, TECS_TIME_CONST and its limits."""
-        return arduplane_response(parameters, needs)
+        known = parameters
+        gain, time_const = known.get("GUIDED_P", 0.0), known.get("TECS_TIME_CONST", 0.0)
+        share = SLIP_TURN_SHARE if needs.slips else 1.0
+        roll = known.get("ROLL_LIMIT_DEG", known.get("LIM_ROLL_CD", math.nan) / 100.0)
+        lowest = first_known(known, "AIRSPEED_MIN", "ARSPD_FBW_MIN")
+        highest = first_known(known, "AIRSPEED_MAX", "ARSPD_FBW_MAX")
+        coordinated = alpha_of(gain, needs.airspeed) if gain > 0.0 else None
+        return AutopilotResponse(
+            alpha=None if coordinated is None else share * coordinated,
+            coordinated_alpha=coordinated,
+            beta=BETA_TIME_CONST / time_const if time_const > 0.0 else None,
+            airspeed_min=None if lowest is None else lowest[1],
+            airspeed_max=None if highest is None else highest[1],
+            max_bank=math.radians(roll) if roll > 0.0 else None,
+            # By these the TECS limits how fast the demanded height goes to a new one.
+            climb_max=above_zero(known.get("TECS_CLMB_MAX")),
+            sink_max=above_zero(known.get("TECS_SINK_MAX")),
+        )
 
     def parameter_warnings(self, parameters: Mapping[str, float], needs: FlightNeeds) -> list[str]:
         """What does not fit the flight, one line each."""
-        return arduplane_warnings(parameters, needs)
+        return [
+            *self.parameter_faults(parameters, needs),
+            *course_warnings(parameters, needs),
+            *uneven_warning(parameters, needs),
+            *speed_warning(parameters),
+            *climb_warning(parameters, needs),
+        ]
 
     def parameter_faults(self, parameters: Mapping[str, float], needs: FlightNeeds) -> list[str]:
-        """Those with which it should not take off."""
-        return arduplane_faults(parameters, needs)
+        """No fail-safe, or what the mission asks for is not flown."""
+        roll = first_known(parameters, "ROLL_LIMIT_DEG")
+        if roll is None and "LIM_ROLL_CD" in parameters:
+            roll = ("LIM_ROLL_CD (in degrees)", parameters["LIM_ROLL_CD"] / 100.0)
+        return [
+            *failsafe_warnings(parameters, needs),
+            *loop_warning(parameters, needs),
+            *airspeed_warnings(
+                first_known(parameters, "AIRSPEED_MIN", "ARSPD_FBW_MIN"),
+                first_known(parameters, "AIRSPEED_MAX", "ARSPD_FBW_MAX"),
+                needs,
+            ),
+            *bank_warning(roll, needs),
+        ]
 
     def is_engaged(self, custom_mode: int) -> bool:
         """GUIDED."""

@@ -1,7 +1,7 @@
 """What of an autopilot's parameters a flight depends on, and how they are asked for."""
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 
 import msgspec
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
@@ -75,7 +75,7 @@ def request_parameters(
     ]
 
 
-def first_known(parameters: dict[str, float], *names: str) -> tuple[str, float] | None:
+def first_known(parameters: Mapping[str, float], *names: str) -> tuple[str, float] | None:
     """The first of these parameters that was answered, with its name: names change with the version."""
     return next(((name, parameters[name]) for name in names if name in parameters), None)
 

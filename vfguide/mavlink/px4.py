@@ -130,61 +130,6 @@ LEAST_TIME_S, MOST_TIME_S = 1.5, 6.0
 """FW_T_TAS_TC: with 2 and with 5 the airspeed was measured, and answers nearly alike."""
 
 
-def px4_warnings(
-    parameters: Mapping[str, float], needs: FlightNeeds, stops_by: str | None
-) -> list[str]:
-    """One line for each parameter that does not fit; arguments as of `px4_faults`."""
-    return [
-        *px4_faults(parameters, needs, stops_by),
-        *course_warning(parameters, needs),
-        *throttle_warning(parameters),
-    ]
-
-
-def px4_faults(
-    parameters: Mapping[str, float], needs: FlightNeeds, stops_by: str | None
-) -> list[str]:
-    """Parameters with which an aircraft should not take off: no fail-safe, or limits below the mission's.
-
-    Args:
-        parameters: those that were answered.
-        needs: what the mission expects.
-        stops_by: NAV_DLL_ACT or COM_OBL_RC_ACT, which acts when the companion falls silent; None: not known.
-    """
-    known = dict(parameters)
-    return [
-        *(link_loss_warnings(known) if stops_by != "COM_OBL_RC_ACT" else ()),
-        *(stream_loss_warnings(known) if stops_by != "NAV_DLL_ACT" else ()),
-        *airspeed_warnings(
-            first_known(known, "FW_AIRSPD_MIN"), first_known(known, "FW_AIRSPD_MAX"), needs
-        ),
-        *bank_warning(first_known(known, "FW_R_LIM"), needs),
-    ]
-
-
-def px4_response(parameters: Mapping[str, float]) -> AutopilotResponse:
-    """How the vehicle answers, and its limits."""
-    known = dict(parameters)
-    lowest, highest = known.get("FW_AIRSPD_MIN"), known.get("FW_AIRSPD_MAX")
-    bank, roll = known.get("FW_R_LIM", 0.0), known.get("FW_R_TC", 0.0)
-    alpha, beta = alpha_of(known), beta_of(known)
-    creeps = beta is not None and not is_trimmed(known)
-    return AutopilotResponse(
-        alpha=alpha,
-        beta=beta,
-        airspeed_min=lowest,
-        airspeed_max=highest,
-        max_bank=math.radians(bank) if bank > 0.0 else None,
-        climb_max=least_rate(known, "FW_T_CLMB_MAX", "FW_T_CLMB_R_SP"),
-        sink_max=least_rate(known, "FW_T_SINK_MAX", "FW_T_SINK_R_SP"),
-        course_dead_time=None if alpha is None else COURSE_DEAD_TIME_S,
-        course_lag=roll if roll > 0.0 else None,
-        # Of every PX4: it has no other.
-        speed_hold="total-energy" if known else None,
-        creeping_hold=UNTRIMMED if creeps else None,
-    )
-
-
 def alpha_of(parameters: Mapping[str, float]) -> float | None:
     """4 pi NPFG_DAMPING / NPFG_PERIOD, 1/s; None where they do not tell."""
     period_s, damping = parameters.get("NPFG_PERIOD", 0.0), parameters.get("NPFG_DAMPING", 0.0)
@@ -404,15 +349,46 @@ class Px4(UnknownAutopilot):
     def response(self, parameters: Mapping[str, float], needs: FlightNeeds) -> AutopilotResponse:
         """What NPFG's parameters, TECS's throttles and the limits say of the vehicle's response."""
         del needs
-        return px4_response(parameters)
+        known = parameters
+        lowest, highest = known.get("FW_AIRSPD_MIN"), known.get("FW_AIRSPD_MAX")
+        bank, roll = known.get("FW_R_LIM", 0.0), known.get("FW_R_TC", 0.0)
+        alpha, beta = alpha_of(known), beta_of(known)
+        creeps = beta is not None and not is_trimmed(known)
+        return AutopilotResponse(
+            alpha=alpha,
+            beta=beta,
+            airspeed_min=lowest,
+            airspeed_max=highest,
+            max_bank=math.radians(bank) if bank > 0.0 else None,
+            climb_max=least_rate(known, "FW_T_CLMB_MAX", "FW_T_CLMB_R_SP"),
+            sink_max=least_rate(known, "FW_T_SINK_MAX", "FW_T_SINK_R_SP"),
+            course_dead_time=None if alpha is None else COURSE_DEAD_TIME_S,
+            course_lag=roll if roll > 0.0 else None,
+            # Of every PX4: it has no other.
+            speed_hold="total-energy" if known else None,
+            creeping_hold=UNTRIMMED if creeps else None,
+        )
 
     def parameter_warnings(self, parameters: Mapping[str, float], needs: FlightNeeds) -> list[str]:
         """What does not fit the flight, one line each."""
-        return px4_warnings(parameters, needs, self.stops_by)
+        return [
+            *self.parameter_faults(parameters, needs),
+            *course_warning(parameters, needs),
+            *throttle_warning(parameters),
+        ]
 
     def parameter_faults(self, parameters: Mapping[str, float], needs: FlightNeeds) -> list[str]:
-        """Those with which it should not take off."""
-        return px4_faults(parameters, needs, self.stops_by)
+        """No fail-safe for what stops it when its companion falls silent, or limits below the mission's."""
+        return [
+            *(link_loss_warnings(parameters) if self.stops_by != "COM_OBL_RC_ACT" else ()),
+            *(stream_loss_warnings(parameters) if self.stops_by != "NAV_DLL_ACT" else ()),
+            *airspeed_warnings(
+                first_known(parameters, "FW_AIRSPD_MIN"),
+                first_known(parameters, "FW_AIRSPD_MAX"),
+                needs,
+            ),
+            *bank_warning(first_known(parameters, "FW_R_LIM"), needs),
+        ]
 
     def is_handed_back(self, custom_mode: int) -> bool:
         """Hold: main mode auto, sub mode loiter."""

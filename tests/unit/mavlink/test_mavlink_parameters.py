@@ -11,16 +11,13 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from tests.kit.autopilot import address
 from tests.kit.wire import framed, parsed
-from vfguide.mavlink.ardupilot import (
-    NAMES,
-    arduplane_faults,
-    arduplane_response,
-    arduplane_warnings,
-)
+from vfguide.mavlink.ardupilot import NAMES, ArduPlane
 from vfguide.mavlink.codec import Codec
 from vfguide.mavlink.parameters import AutopilotResponse, FlightNeeds, request_parameters
-from vfguide.mavlink.px4 import Px4, px4_faults, px4_response, px4_warnings
+from vfguide.mavlink.px4 import Px4
 from vfguide.mavlink.reports import ParameterReport
+
+PLANE, PX4 = ArduPlane(address()), Px4(address(px4_steering="auto"))
 
 NEEDS = FlightNeeds(
     airspeed_min=14.0,
@@ -71,13 +68,17 @@ FITTING_PX4 = {
 def test_a_vehicle_that_slips_may_turn_half_as_fast_as_its_bank_says(alpha, warned):
     # 12000 cdeg/rad at 20 m/s are 1.027 1/s, half of it 0.514: 0.395 and 1.467 are the bounds.
     needs = replace(NEEDS, alpha=alpha, slips=True)
-    warnings = arduplane_warnings(FITTING_ARDUPLANE, needs)
+    warnings = PLANE.parameter_warnings(FITTING_ARDUPLANE, needs)
     assert any("gives alpha 1.03" in warning for warning in warnings) is warned
 
 
 def test_parameters_that_fit_or_are_not_known_bring_no_warning():
-    assert arduplane_warnings(FITTING_ARDUPLANE, NEEDS) == arduplane_warnings({}, NEEDS) == []
-    assert px4_warnings(FITTING_PX4, NEEDS, None) == px4_warnings({}, NEEDS, None) == []
+    assert (
+        PLANE.parameter_warnings(FITTING_ARDUPLANE, NEEDS)
+        == PLANE.parameter_warnings({}, NEEDS)
+        == []
+    )
+    assert PX4.parameter_warnings(FITTING_PX4, NEEDS) == PX4.parameter_warnings({}, NEEDS) == []
 
 
 @pytest.mark.parametrize(
@@ -101,8 +102,8 @@ def test_parameters_that_fit_or_are_not_known_bring_no_warning():
 )
 def test_what_does_not_fit_arduplane_is_told_in_words(name, value, words):
     """What is unsafe or not flown speaks against taking off; what flies worse does not."""
-    faults = arduplane_faults(FITTING_ARDUPLANE | {name: value}, NEEDS)
-    warnings = arduplane_warnings(FITTING_ARDUPLANE | {name: value}, NEEDS)
+    faults = PLANE.parameter_faults(FITTING_ARDUPLANE | {name: value}, NEEDS)
+    warnings = PLANE.parameter_warnings(FITTING_ARDUPLANE | {name: value}, NEEDS)
     assert any(words in warning and warning.startswith(name) for warning in warnings)
     flies_worse = name in {"GUIDED_P", "TECS_TIME_CONST"} or "unevenly" in words
     assert bool(faults) is not flies_worse
@@ -125,14 +126,14 @@ def test_what_a_tecs_lets_the_speed_rise_by_is_told_where_the_mission_counts_on_
     climb, counted_on, words
 ):
     needs = replace(NEEDS, max_acceleration=counted_on)
-    warnings = arduplane_warnings(FITTING_ARDUPLANE | {"TECS_CLMB_MAX": climb}, needs)
+    warnings = PLANE.parameter_warnings(FITTING_ARDUPLANE | {"TECS_CLMB_MAX": climb}, needs)
     assert [words in warning for warning in warnings if words is not None] == [True] * bool(words)
     assert bool(warnings) is bool(words)
 
 
 def test_the_names_before_version_4_5_are_understood():
     old = {"ARSPD_FBW_MIN": 15.0, "ARSPD_FBW_MAX": 30.0, "LIM_ROLL_CD": 3000.0}
-    first, second = arduplane_warnings(old, NEEDS)
+    first, second = PLANE.parameter_warnings(old, NEEDS)
     assert "ARSPD_FBW_MIN is 15" in first
     assert "LIM_ROLL_CD (in degrees) is 30" in second
 
@@ -155,22 +156,30 @@ def test_the_names_before_version_4_5_are_understood():
     ],
 )
 def test_what_does_not_fit_px4_is_told_in_words(name, value, words):
-    (warning,) = px4_warnings(FITTING_PX4 | {name: value}, NEEDS, None)
+    (warning,) = PX4.parameter_warnings(FITTING_PX4 | {name: value}, NEEDS)
     assert words in warning
     flies_worse = name in {"NPFG_PERIOD", "FW_THR_ASPD_MIN"}
-    assert px4_faults(FITTING_PX4 | {name: value}, NEEDS, None) == [warning] * (not flies_worse)
+    assert PX4.parameter_faults(FITTING_PX4 | {name: value}, NEEDS) == [warning] * (not flies_worse)
 
 
-@pytest.mark.parametrize("stops_by", ["NAV_DLL_ACT", "COM_OBL_RC_ACT"])
-def test_only_the_fail_safe_that_acts_is_spoken_of(stops_by):
+@pytest.mark.parametrize(
+    ("steering", "stops_by"),
+    [
+        ("guided-course", "NAV_DLL_ACT"),
+        ("position", "COM_OBL_RC_ACT"),
+        ("velocity", "COM_OBL_RC_ACT"),
+    ],
+)
+def test_only_the_fail_safe_that_acts_is_spoken_of(steering, stops_by):
     changes = {"NAV_DLL_ACT": 0.0, "COM_OBL_RC_ACT": 0.0}
-    (warning,) = px4_warnings(FITTING_PX4 | changes, NEEDS, stops_by)
+    plane = Px4(address(px4_steering=steering))
+    (warning,) = plane.parameter_warnings(FITTING_PX4 | changes, NEEDS)
     assert warning.startswith(stops_by)
 
 
 @given(st.dictionaries(st.sampled_from(NAMES), st.floats(allow_nan=False, allow_infinity=False)))
 def test_any_values_are_borne(values):
-    assert all(isinstance(line, str) for line in arduplane_warnings(values, NEEDS))
+    assert all(isinstance(line, str) for line in PLANE.parameter_warnings(values, NEEDS))
 
 
 def test_parameters_are_asked_for_by_name():
@@ -230,8 +239,8 @@ SLOW_NEEDS = FlightNeeds(
 
 def test_what_the_parameters_tell_is_taken():
     # 4 pi 0.7 / 10
-    assert px4_response(FACTORY).alpha == pytest.approx(0.8796, abs=1e-4)
-    some = px4_response({"FW_AIRSPD_MIN": 10.0, "FW_R_LIM": 50.0, "FW_R_TC": 0.3})
+    assert PX4.response(FACTORY, SLOW_NEEDS).alpha == pytest.approx(0.8796, abs=1e-4)
+    some = PX4.response({"FW_AIRSPD_MIN": 10.0, "FW_R_LIM": 50.0, "FW_R_TC": 0.3}, SLOW_NEEDS)
     assert some == AutopilotResponse(
         airspeed_min=10.0, max_bank=math.radians(50.0), course_lag=0.3, speed_hold="total-energy"
     )
@@ -247,11 +256,13 @@ def test_what_the_parameters_tell_is_taken():
     ],
 )
 def test_the_height_goes_to_another_at_the_lower_of_two_rates(parameters, rates):
-    response = px4_response({f"FW_T_{name}": value for name, value in parameters.items()})
+    response = PX4.response(
+        {f"FW_T_{name}": value for name, value in parameters.items()}, SLOW_NEEDS
+    )
     assert (response.climb_max, response.sink_max) == rates
 
 
-@pytest.mark.parametrize("response", [px4_response({}), arduplane_response({}, SLOW_NEEDS)])
+@pytest.mark.parametrize("response", [PX4.response({}, SLOW_NEEDS), PLANE.response({}, SLOW_NEEDS)])
 def test_what_was_not_answered_is_not_known(response):
     assert response == AutopilotResponse()
 
@@ -270,35 +281,34 @@ def test_what_was_not_answered_is_not_known(response):
     ],
 )
 def test_the_speed_s_beta_is_known_where_it_was_measured(parameters, beta):
-    assert px4_response(parameters).beta == beta
+    assert PX4.response(parameters, SLOW_NEEDS).beta == beta
 
 
 def test_a_hold_whose_throttles_are_not_set_creeps_to_a_new_airspeed():
-    hold = px4_response(FACTORY).creeping_hold
+    hold = PX4.response(FACTORY, SLOW_NEEDS).creeping_hold
     # As measured on 1.18: 0.6 of a step within 2 s.
     assert hold is not None
     assert (hold.share, hold.time) == (0.6, 70.0)
-    assert px4_response(TRIMMED).creeping_hold is None
-    assert px4_response(FACTORY | {"FW_T_TAS_TC": 10.0}).creeping_hold is None
+    assert PX4.response(TRIMMED, SLOW_NEEDS).creeping_hold is None
+    assert PX4.response(FACTORY | {"FW_T_TAS_TC": 10.0}, SLOW_NEEDS).creeping_hold is None
 
 
 @pytest.mark.parametrize("name", ["NPFG_PERIOD", "NPFG_DAMPING", "FW_R_LIM", "FW_R_TC"])
 def test_a_parameter_of_nothing_tells_nothing(name):
-    response = px4_response(FACTORY | {name: 0.0})
+    response = PX4.response(FACTORY | {name: 0.0}, SLOW_NEEDS)
     assert None in {response.alpha, response.max_bank, response.course_lag}
 
 
 def test_an_autopilot_without_the_throttles_of_its_airspeeds_is_told_what_that_costs():
-    (warning,) = px4_warnings(FACTORY, SLOW_NEEDS, None)
+    (warning,) = PX4.parameter_warnings(FACTORY, SLOW_NEEDS)
     assert warning.startswith("FW_THR_ASPD_MIN, FW_THR_TRIM and FW_THR_ASPD_MAX are 0, 0.6 and 0")
     assert "costs accuracy" in warning
-    assert px4_warnings(TRIMMED, SLOW_NEEDS, None) == []
+    assert PX4.parameter_warnings(TRIMMED, SLOW_NEEDS) == []
 
 
 def test_all_that_the_response_wants_is_asked_for():
     plane = Px4(address())
     assert set(FACTORY) <= set(plane.parameters)
-    assert plane.response(FACTORY, SLOW_NEEDS) == px4_response(FACTORY)
 
 
 FAST = replace(SLOW_NEEDS, airspeed_min=12.0, airspeed_max=32.0, airspeed=20.0, alpha=1.2)
@@ -316,7 +326,7 @@ FAST = replace(SLOW_NEEDS, airspeed_min=12.0, airspeed_max=32.0, airspeed=20.0, 
 )
 def test_the_course_s_alpha_is_what_guided_p_gives(guided_p, slips, alpha):
     parameters = {"GUIDED_P": guided_p, "TECS_TIME_CONST": 5.0}
-    response = arduplane_response(parameters, replace(FAST, slips=slips))
+    response = PLANE.response(parameters, replace(FAST, slips=slips))
     assert response.alpha == pytest.approx(alpha, abs=0.001)
     assert response.beta == pytest.approx(0.4)
 
@@ -329,13 +339,13 @@ def test_the_course_s_alpha_is_what_guided_p_gives(guided_p, slips, alpha):
     ],
 )
 def test_limits_are_told_under_both_names(parameters):
-    assert arduplane_response(parameters, FAST) == AutopilotResponse(
+    assert PLANE.response(parameters, FAST) == AutopilotResponse(
         airspeed_min=10.0, airspeed_max=30.0, max_bank=math.radians(40.0)
     )
 
 
 def test_the_height_goes_to_another_as_fast_as_the_tecs_lets_it():
-    response = arduplane_response({"TECS_CLMB_MAX": 3.5, "TECS_SINK_MAX": 2.5}, FAST)
+    response = PLANE.response({"TECS_CLMB_MAX": 3.5, "TECS_SINK_MAX": 2.5}, FAST)
     assert (response.climb_max, response.sink_max) == (3.5, 2.5)
-    nothing = arduplane_response({"TECS_CLMB_MAX": 0.0, "TECS_SINK_MAX": math.nan}, FAST)
+    nothing = PLANE.response({"TECS_CLMB_MAX": 0.0, "TECS_SINK_MAX": math.nan}, FAST)
     assert (nothing.climb_max, nothing.sink_max) == (None, None)
