@@ -6,6 +6,7 @@ altitude are held until the next command.
 
 import math
 from collections.abc import Mapping
+from typing import ClassVar
 
 from msgspec.structs import replace
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
@@ -23,7 +24,7 @@ from sitl_stub.commands import (
     place,
 )
 from sitl_stub.config import AutopilotConfig
-from sitl_stub.flight import LEAST_AIRSPEED_M_S, AutopilotMode, EmulatedFlight, by_number
+from sitl_stub.flight import AutopilotMode, EmulatedFlight, by_number
 from sitl_stub.loops import GRAVITY_M_S2, SpeedTarget, TurnTarget
 from sitl_stub.parameters import (
     Parameter,
@@ -246,6 +247,13 @@ class EmulatedArduPlane(Personality):
     ground_mode = MANUAL
     mission_mode = ARDUPLANE_MODES[AUTO]
     deadline_us: int | None = None
+    distances: ClassVar[Mapping[str, str]] = {
+        "take_off_height_m": "TKOFF_ALT",
+        "take_off_distance_m": "TKOFF_DIST",
+        "loiter_radius_m": "WP_LOITER_RAD",
+        "return_height_m": "RTL_ALTITUDE",
+    }
+    limits = ("AIRSPEED_MIN", "AIRSPEED_MAX", "AIRSPEED_CRUISE", "ROLL_LIMIT_DEG")
 
     def __init__(self, config: AutopilotConfig) -> None:
         super().__init__(config)
@@ -266,28 +274,11 @@ class EmulatedArduPlane(Personality):
         }
         self._old_names = config.old_parameter_names
 
-    def begin(self, flight: EmulatedFlight) -> None:
-        """Give the flight the distances of the parameters, at its start."""
-        flight.navigation = replace(
-            flight.navigation,
-            take_off_height_m=self._value("TKOFF_ALT"),
-            take_off_distance_m=self._value("TKOFF_DIST"),
-            loiter_radius_m=self._value("WP_LOITER_RAD"),
-            return_height_m=self._value("RTL_ALTITUDE"),
-        )
-
     def changed(self, flight: EmulatedFlight, name: str) -> None:
         """Let a parameter that was set take effect; SCHED_LOOP_RATE wants a reboot, as on the real one."""
-        self.begin(flight)
-        if name in {self._named("AIRSPEED_MIN"), self._named("AIRSPEED_MAX")}:
-            slowest_m_s, fastest_m_s = self._value("AIRSPEED_MIN"), self._value("AIRSPEED_MAX")
-            if LEAST_AIRSPEED_M_S <= slowest_m_s <= fastest_m_s:
-                flight.set_airspeed_range(slowest_m_s, fastest_m_s)
-        elif name == self._named("AIRSPEED_CRUISE"):
-            flight.cruise_airspeed_m_s = max(1.0, self._value("AIRSPEED_CRUISE"))
-        elif name == self._named("ROLL_LIMIT_DEG"):
-            flight.set_max_bank_deg(self._value("ROLL_LIMIT_DEG"))
-        elif name == "GUIDED_P" and self.parameters[name] > 0.0:
+        today = (one for one, (old, _) in OLD_NAMES.items() if self._old_names and old == name)
+        super().changed(flight, next(today, name))
+        if name == "GUIDED_P" and self.parameters[name] > 0.0:
             flight.plant = replace(flight.plant, guided_p_cdeg_rad=self.parameters[name])
         elif name == "FS_GCS_ENABL" and not self.parameters[name]:
             self.deadline_us = None
@@ -300,13 +291,13 @@ class EmulatedArduPlane(Personality):
 
     def hear(self, flight: EmulatedFlight, heartbeat: MAVLink_message) -> None:
         """A heartbeat of the ground station holds the fail-safe off, if there is one."""
-        if heartbeat.get_srcSystem() == self._value("MAV_GCS_SYSID"):
+        if heartbeat.get_srcSystem() == self.value("MAV_GCS_SYSID"):
             if self._failed_safe:
                 flight.texts.append("GCS failsafe cleared")
                 self._failed_safe = False
             self.deadline_us = None
-            if self._value("FS_GCS_ENABL"):
-                timeout_us = round(max(1.0, self._value("FS_LONG_TIMEOUT")) * 1e6)
+            if self.value("FS_GCS_ENABL"):
+                timeout_us = round(max(1.0, self.value("FS_LONG_TIMEOUT")) * 1e6)
                 self.deadline_us = flight.time_us + timeout_us
 
     def system_status(self, flight: EmulatedFlight) -> SystemStatus:
@@ -326,7 +317,7 @@ class EmulatedArduPlane(Personality):
 
     def _act_on_loss(self, flight: EmulatedFlight) -> None:
         """What FS_LONG_ACTN says; where that is nothing, all but what flies by itself returns home."""
-        action = self._value("FS_LONG_ACTN")
+        action = self.value("FS_LONG_ACTN")
         if flight.mode in {GUIDED, ARDUPLANE_MODES[AUTO]}:
             wanted = LONG_ACTIONS.get(action)
         elif flight.mode is RTL:
@@ -336,22 +327,18 @@ class EmulatedArduPlane(Personality):
         if wanted is not None:
             self.request_mode(flight, wanted)
 
-    def _named(self, name: str) -> str:
-        """Today's name, or the old one where that is used."""
-        return OLD_NAMES[name][0] if self._old_names and name in OLD_NAMES else name
-
-    def _value(self, name: str) -> float:
-        """A parameter in today's unit."""
-        factor = OLD_NAMES[name][1] if self._old_names and name in OLD_NAMES else 1.0
-        return self.parameters[self._named(name)] / factor
+    def value(self, name: str) -> float:
+        """A parameter by today's name and in today's unit."""
+        old, factor = OLD_NAMES.get(name, (name, 1.0)) if self._old_names else (name, 1.0)
+        return self.parameters[old] / factor
 
     def _arming_fault(self, _flight: EmulatedFlight) -> str | None:
-        slowest = self._value("AIRSPEED_MIN")
+        slowest = self.value("AIRSPEED_MIN")
         if self.parameters["ARMING_SKIPCHK"] == -1:
             return None
         if slowest < LEAST_AIRSPEED_MIN:
             return f"AIRSPEED_MIN too low ({slowest:.0f} < {LEAST_AIRSPEED_MIN})"
-        limit_deg = self._value("ROLL_LIMIT_DEG")
+        limit_deg = self.value("ROLL_LIMIT_DEG")
         if limit_deg < LEAST_ROLL_LIMIT_DEG:
             return f"ROLL_LIMIT_DEG too small ({limit_deg:.1f})"
         return None

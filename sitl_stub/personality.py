@@ -7,6 +7,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from typing import ClassVar
 
+from msgspec.structs import replace
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
@@ -20,7 +21,7 @@ from sitl_stub.commands import (
     SystemStatus,
 )
 from sitl_stub.config import AutopilotConfig
-from sitl_stub.flight import AutopilotMode, EmulatedFlight, by_number
+from sitl_stub.flight import LEAST_AIRSPEED_M_S, AutopilotMode, EmulatedFlight, by_number
 from sitl_stub.loops import PlantParameters
 from sitl_stub.parameters import Parameters
 from sitl_stub.registry import PlugInRegistry
@@ -97,6 +98,12 @@ class Personality:
     parameters: Parameters
     """What a ground station reads and sets."""
 
+    distances: ClassVar[Mapping[str, str]] = {}
+    """Parameters that give the flight its distances, by the fields of `Navigation`."""
+
+    limits: ClassVar[tuple[str, str, str, str] | None] = None
+    """Parameters of the least, the greatest and the usual airspeed, and of the greatest bank."""
+
     arming: Arming
     """Checks of the autopilot before arming."""
 
@@ -139,13 +146,29 @@ class Personality:
         """Make the handler of a command that enters a mode."""
         return lambda flight, _command: self.request_mode(flight, custom_mode)
 
+    def value(self, name: str) -> float:
+        """A parameter of `distances` or `limits`, in m, m/s or degrees."""
+        return self.parameters[name]
+
     def begin(self, flight: EmulatedFlight) -> None:
         """Give the flight the distances of the parameters, at its start."""
-        del flight
+        found = {field: self.value(name) for field, name in self.distances.items()}
+        flight.navigation = replace(flight.navigation, **found)
 
     def changed(self, flight: EmulatedFlight, name: str) -> None:
         """Let a parameter that was set take effect."""
-        del flight, name
+        self.begin(flight)
+        if self.limits is None:
+            return
+        least, greatest, cruise, bank = self.limits
+        if name in {least, greatest}:
+            slowest_m_s, fastest_m_s = self.value(least), self.value(greatest)
+            if LEAST_AIRSPEED_M_S <= slowest_m_s <= fastest_m_s:
+                flight.set_airspeed_range(slowest_m_s, fastest_m_s)
+        elif name == cruise:
+            flight.cruise_airspeed_m_s = max(1.0, self.value(cruise))
+        elif name == bank:
+            flight.set_max_bank_deg(self.value(bank))
 
     def hear(self, flight: EmulatedFlight, heartbeat: MAVLink_message) -> None:
         """Take another system's heartbeat: fail-safes count those of the ground station."""

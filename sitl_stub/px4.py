@@ -6,7 +6,7 @@ what a velocity without a position does in offboard, and by their number.
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Literal
+from typing import ClassVar, Literal
 
 import msgspec
 import pymap3d
@@ -27,7 +27,7 @@ from sitl_stub.commands import (
     place,
 )
 from sitl_stub.config import AutopilotConfig
-from sitl_stub.flight import LEAST_AIRSPEED_M_S, AutopilotMode, EmulatedFlight, by_number
+from sitl_stub.flight import AutopilotMode, EmulatedFlight, by_number
 from sitl_stub.loops import AltitudeTarget, PlantParameters, SpeedTarget, TurnTarget
 from sitl_stub.parameters import px4_parameters
 from sitl_stub.personality import ONCE_A_SECOND_US, Personality, personality
@@ -242,8 +242,6 @@ BETA, RELEASE = 0x80, 0xFF
 
 GUIDED_COURSE_SINCE = (1, 18)
 
-AIRSPEED_LIMITS = frozenset({"FW_AIRSPD_MIN", "FW_AIRSPD_MAX"})
-
 COURSE_LOOP = frozenset({"NPFG_PERIOD", "NPFG_DAMPING"})
 """alpha is 4 pi NPFG_DAMPING / NPFG_PERIOD."""
 
@@ -275,6 +273,12 @@ class EmulatedPx4(Personality):
     initial_mode = AUTO_LOITER
     ground_mode = AUTO_LOITER
     mission_mode = AUTO_MISSION
+    distances: ClassVar[Mapping[str, str]] = {
+        "take_off_height_m": "MIS_TAKEOFF_ALT",
+        "loiter_radius_m": "NAV_LOITER_RAD",
+        "return_height_m": "RTL_RETURN_ALT",
+    }
+    limits = ("FW_AIRSPD_MIN", "FW_AIRSPD_MAX", "FW_AIRSPD_TRIM", "FW_R_LIM")
 
     def __init__(self, config: AutopilotConfig) -> None:
         super().__init__(config)
@@ -320,30 +324,10 @@ class EmulatedPx4(Personality):
         due = [one for one in (self._stream_lost_us, self._link_lost_us()) if one is not None]
         return min(due, default=None)
 
-    def begin(self, flight: EmulatedFlight) -> None:
-        """Give the flight the distances of the parameters, at its start."""
-        parameters = self.parameters
-        flight.navigation = replace(
-            flight.navigation,
-            take_off_height_m=parameters["MIS_TAKEOFF_ALT"],
-            loiter_radius_m=parameters["NAV_LOITER_RAD"],
-            return_height_m=parameters["RTL_RETURN_ALT"],
-        )
-
     def changed(self, flight: EmulatedFlight, name: str) -> None:
         """Let a parameter that was set take effect."""
-        parameters = self.parameters
-        self.begin(flight)
-        if name in AIRSPEED_LIMITS:
-            slowest_m_s, fastest_m_s = parameters["FW_AIRSPD_MIN"], parameters["FW_AIRSPD_MAX"]
-            if LEAST_AIRSPEED_M_S <= slowest_m_s <= fastest_m_s:
-                flight.set_airspeed_range(slowest_m_s, fastest_m_s)
-        elif name == "FW_AIRSPD_TRIM":
-            flight.cruise_airspeed_m_s = max(1.0, parameters[name])
-        elif name == "FW_R_LIM":
-            flight.set_max_bank_deg(parameters[name])
-        else:
-            flight.plant = with_loops(flight.plant, name, parameters)
+        super().changed(flight, name)
+        flight.plant = with_loops(flight.plant, name, self.parameters)
         # A fail-safe that is switched on now may be due already.
         self.watch(flight)
 

@@ -237,16 +237,11 @@ class UdpCaller:
     """
 
     def __init__(
-        self,
-        address: NetworkAddress,
-        receive: Callable[[bytes], None],
-        status: Status,
-        random: Random,
+        self, address: NetworkAddress, receive: Callable[[bytes], None], status: Status
     ) -> None:
         self._address = address
         self._receive = receive
         self._status = status
-        self._random = random
         self._socket: UdpSocket | None = None
 
     def send(self, datagram: bytes) -> None:
@@ -256,16 +251,13 @@ class UdpCaller:
         else:
             self._socket.send(datagram)
 
-    async def run(self) -> None:
-        """Find the host, trying for ever, and speak to it until cancelled."""
-        failures = 0
-        while True:
-            try:
-                await self._speak()
-            except (OSError, ValueError) as error:
-                self._status.down(reason_of(error))
-            failures += 1
-            await asyncio.sleep(retry_delay(failures, self._random.random()))
+    async def visit(self) -> tuple[str, bool]:
+        """Find the host and speak to it: why that ended; never a success, since a socket does not end."""
+        try:
+            await self._speak()
+        except (OSError, ValueError) as error:
+            return reason_of(error), False
+        return "the socket is closed", False
 
     async def _speak(self) -> None:
         loop = asyncio.get_running_loop()
@@ -297,8 +289,8 @@ class ConnectionChannel(Protocol):
 class RunningChannel(ConnectionChannel, Protocol):
     """A channel that has to be kept up."""
 
-    async def run(self) -> None:
-        """Keep it up until cancelled."""
+    async def visit(self) -> tuple[str, bool]:
+        """Connect once, until that is lost: why it ended, and whether the autopilot was heard."""
 
 
 class Connection:
@@ -370,29 +362,46 @@ def channel_of(
 ) -> AbstractAsyncContextManager[ConnectionChannel]:
     """What opens and closes a channel of the kind that the address asks for."""
     if by_mavsdk:
-        return running(MavsdkChannel(address, receive, status, random), status)
+        return running(MavsdkChannel(address, receive, status), status, random)
     if isinstance(address, SerialAddress):
         dial = dial_serial(address)
-        return running(ReconnectingStream(dial, receive, status, random), status)
+        return running(ReconnectingStream(dial, receive, status), status, random)
     match address.transport:
         case Transport.UDP_IN:
             return listening(address, open_udp_port(address, receive, status, introduction))
         case Transport.UDP_OUT:
-            return running(UdpCaller(address, receive, status, random), status)
+            return running(UdpCaller(address, receive, status), status, random)
         case Transport.TCP_IN:
             return listening(address, open_tcp_server(address, receive, status))
         case Transport.TCP_OUT:
-            return running(ReconnectingStream(dial_tcp(address), receive, status, random), status)
+            return running(ReconnectingStream(dial_tcp(address), receive, status), status, random)
+
+
+async def kept_up(channel: RunningChannel, status: Status, random: Random) -> None:
+    """Connect, again and again, less and less often while nothing is heard.
+
+    Raises:
+        InputError: the address will not do.
+    """
+    failures = 0
+    while True:
+        reason, was_heard = await channel.visit()
+        # A peer that takes calls and says nothing is no success: it may be turning callers away.
+        failures = 1 if was_heard else failures + 1
+        status.down(reason)
+        await asyncio.sleep(retry_delay(failures, random.random()))
 
 
 @asynccontextmanager
-async def running(channel: RunningChannel, status: Status) -> AsyncIterator[ConnectionChannel]:
+async def running(
+    channel: RunningChannel, status: Status, random: Random
+) -> AsyncIterator[ConnectionChannel]:
     """A channel that a task keeps up; its first try has usually ended when this is entered.
 
     Raises:
         InputError: the address will not do.
     """
-    task = asyncio.create_task(channel.run(), name="MAVLink connection")
+    task = asyncio.create_task(kept_up(channel, status, random), name="MAVLink connection")
     settled = asyncio.create_task(status.settled.wait(), name="MAVLink connection: first try")
     try:
         await asyncio.wait([task, settled], timeout=FIRST_TRY, return_when=asyncio.FIRST_COMPLETED)

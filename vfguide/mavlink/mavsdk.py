@@ -24,13 +24,11 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib import import_module
 from importlib.util import find_spec
-from random import Random
 from typing import Any, Protocol
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from pymavlink.dialects.v20.ardupilotmega import MAVLink, MAVLink_message
 
-from vfguide.backoff import retry_delay
 from vfguide.errors import InputError, require
 from vfguide.mavlink.address import Address, Status, reason_of
 from vfguide.mavlink.codec import REPORTS
@@ -107,7 +105,6 @@ class MavsdkChannel:
         address: Address,
         receive: Callable[[bytes], None],
         status: Status,
-        random: Random,
     ) -> None:
         """Make a channel that is not connected yet.
 
@@ -115,7 +112,6 @@ class MavsdkChannel:
             address: as MAVSDK writes them too.
             receive: called from the event loop with whole frames.
             status: of the connection.
-            random: keeps companions that lost the same peer from coming back in step.
 
         Raises:
             VfguideError: MAVSDK is not installed, or another version.
@@ -126,7 +122,6 @@ class MavsdkChannel:
         self._url = str(address)
         self._receive = receive
         self._status = status
-        self._random = random
         self._loop = asyncio.get_running_loop()
         self._packer = MAVLink(None)
         self._plugins: Plugins | None = None
@@ -145,22 +140,18 @@ class MavsdkChannel:
             if message is not None:
                 self._say(plugins, message)
 
-    async def run(self) -> None:
-        """Find the autopilot and listen, again for ever, until cancelled.
+    async def visit(self) -> tuple[str, bool]:
+        """Find the autopilot and listen, until it is heard no more: why it ended, and whether it was heard.
 
         Raises:
             InputError: MAVSDK cannot use the address.
         """
-        failures = 0
-        while True:
-            self._status.counters["tries"] += 1
-            began = time.monotonic()
-            reason = await self._visit()
-            failures = 1 if self._heard_time >= began else failures + 1
-            self._status.down(reason)
-            await asyncio.sleep(retry_delay(failures, self._random.random()))
+        self._status.counters["tries"] += 1
+        began = time.monotonic()
+        reason = await self._one()
+        return reason, self._heard_time >= began
 
-    async def _visit(self) -> str:
+    async def _one(self) -> str:
         """One MAVSDK, from its making to its end; why it ended."""
         try:
             with instance(self._url) as (mavsdk, own):

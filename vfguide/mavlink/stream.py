@@ -19,12 +19,10 @@ from collections import Counter
 from collections.abc import AsyncIterator, Awaitable, Callable
 from contextlib import asynccontextmanager, suppress
 from enum import Enum
-from random import Random
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from serial_asyncio_fast import create_serial_connection
 
-from vfguide.backoff import retry_delay
 from vfguide.mavlink.address import NetworkAddress, SerialAddress, Status, reason_of
 from vfguide.mavlink.framing import (
     CHECKSUM,
@@ -261,15 +259,12 @@ Dial = Callable[[StreamPeer], Awaitable[str]]
 
 
 class ReconnectingStream:
-    """A connection to one peer that comes back by itself."""
+    """A connection to one peer, which `connection.running` makes again whenever it is lost."""
 
-    def __init__(
-        self, dial: Dial, receive: Callable[[bytes], None], status: Status, random: Random
-    ) -> None:
+    def __init__(self, dial: Dial, receive: Callable[[bytes], None], status: Status) -> None:
         self._dial = dial
         self._receive = receive
         self._status = status
-        self._random = random
         self._peer: StreamPeer | None = None
 
     def send(self, datagram: bytes) -> None:
@@ -279,33 +274,24 @@ class ReconnectingStream:
         else:
             self._peer.send(datagram)
 
-    async def run(self) -> None:
-        """Keep the connection up until cancelled."""
-        failures = 0
-        while True:
-            self._status.counters["tries"] += 1
-            peer = StreamPeer(self._receive, self._status.counters)
-            reason = await self._visit(peer)
-            # A peer that takes calls and says nothing is no success: it may be turning callers away.
-            failures = 1 if peer.heard else failures + 1
-            self._status.down(reason)
-            await asyncio.sleep(retry_delay(failures, self._random.random()))
-
-    async def _visit(self, peer: StreamPeer) -> str:
-        """One connection, from the call to the loss; why it ended."""
+    async def visit(self) -> tuple[str, bool]:
+        """One connection, from the call to the loss: why it ended, and whether the peer has said anything."""
+        self._status.counters["tries"] += 1
+        peer = StreamPeer(self._receive, self._status.counters)
         try:
             async with asyncio.timeout(LONGEST_DIAL):
                 name = await self._dial(peer)
             self._peer = peer
             self._status.up(name)
-            return await asyncio.shield(peer.lost)
+            reason = await asyncio.shield(peer.lost)
         except TimeoutError:
-            return "no answer"
+            reason = "no answer"
         except (OSError, ValueError) as error:
-            return reason_of(error)
+            reason = reason_of(error)
         finally:
             self._peer = None
             await peer.close()
+        return reason, peer.heard
 
 
 def dial_tcp(address: NetworkAddress) -> Dial:

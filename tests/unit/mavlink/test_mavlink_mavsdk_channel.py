@@ -132,7 +132,7 @@ def failures(monkeypatch: pytest.MonkeyPatch) -> list[int]:
         given.append(failures)
         return 0.0
 
-    monkeypatch.setattr(vfguide.mavlink.mavsdk, "retry_delay", retry_delay)
+    monkeypatch.setattr(vfguide.mavlink.connection, "retry_delay", retry_delay)
     return given
 
 
