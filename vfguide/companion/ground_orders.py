@@ -157,14 +157,13 @@ class FlownFormation(msgspec.Struct, frozen=True, kw_only=True):
     """Where the leader will be when an order begins; None where it is not heard."""
 
 
-class OrderGiver:
+class OrderGiver(msgspec.Struct, frozen=True):
     """Works out orders of one mission, as the operator whose key it has."""
 
-    def __init__(self, mission: Mission, operator: Trust) -> None:
-        """Give nothing yet."""
-        self._mission = mission
-        self.operator = operator
-        """What signs the orders."""
+    mission: Mission
+    """The mission that is flown."""
+    operator: Trust
+    """What signs the orders."""
 
     def resolved(
         self, order: Order, known: FlownFormation, *, number: int, time_s: float
@@ -180,11 +179,11 @@ class OrderGiver:
         Raises:
             RefusedOrderError: it cannot be carried out; one sentence says why.
         """
-        formation = formation_of_mission(self._mission)
+        formation = formation_of_mission(self.mission)
         if known.flown is not None:
             formation = formation.after(known.flown)
         formation = replace(formation, holder=known.holder)
         found, _ = resolve(
-            self._mission, order, formation, number=number, time_s=time_s, leader=known.leader
+            self.mission, order, formation, number=number, time_s=time_s, leader=known.leader
         )
         return found

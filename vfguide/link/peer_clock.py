@@ -120,15 +120,19 @@ class PeerClock:
 
     def awaits(self, data: bytes) -> bool:
         """Whether these bytes are the answer to a question that is still open."""
+        return self._awaited(data) is not None
+
+    def _awaited(self, data: bytes) -> Tell | None:
+        """The answer to a question that is still open; None where these bytes are none."""
         try:
             tell = decode_tell(data)
         except LinkDataError:
             self.counters["malformed"] += 1
-            return False
-        asked = self._open.get(tell.number) == tell.originate_s
-        if not asked:
-            self.counters["not asked for"] += 1
-        return asked
+            return None
+        if self._open.get(tell.number) == tell.originate_s:
+            return tell
+        self.counters["not asked for"] += 1
+        return None
 
     @staticmethod
     def answer(data: bytes, received: float, now: float) -> bytes:
@@ -154,9 +158,9 @@ class PeerClock:
         Returns:
             Whether it shows that one of the clocks has stepped.
         """
-        if not self.awaits(data):
+        tell = self._awaited(data)
+        if tell is None:
             return False
-        tell = decode_tell(data)
         # Each question is answered once, whoever repeats the answer.
         del self._open[tell.number]
         exchange = bracket_of(tell, now)

@@ -60,39 +60,6 @@ class RadioAddress(LinkAddress):
         return f"serial://{self.device}:{self.channel.baud}"
 
 
-def radio_address(parts: SplitResult) -> RadioAddress:
-    """A port, as in serial:///dev/ttyUSB1:57600?key=circle.keys/radio.psk&leader=10&followers=2.5&air=4000.
-
-    Raises:
-        InputError: it names none.
-    """
-    # The last colon: names under /dev/serial/by-path have colons of their own.
-    device, separator, speed = unquote(parts.path).rpartition(":")
-    if parts.netloc or parts.fragment or not separator or device.endswith("/"):
-        raise InputError(f"a radio has a device file and a baud rate; write {EXAMPLE}")
-    if not (speed.isascii() and speed.isdigit() and len(speed) <= 8):
-        raise InputError(f"the baud rate is missing; write {EXAMPLE}")
-    if not SLOWEST_BAUD <= int(speed) <= FASTEST_BAUD:
-        raise InputError(f"the baud rate must be within {SLOWEST_BAUD} to {FASTEST_BAUD}")
-    pairs = parse_qsl(parts.query, keep_blank_values=True)
-    options = dict(pairs)
-    if not set(options) <= {"key", *RATES} or len(options) < len(pairs):
-        raise InputError(
-            f"after the ? come key=, leader=, followers= and air=, once each; write {EXAMPLE}"
-        )
-    key = options.pop("key", None)
-    if key is not None and not (key and key.isprintable()):
-        raise InputError(f"key= names no file; write {EXAMPLE}")
-    numbers = RATES | {name: _number(name, text) for name, text in options.items()}
-    return RadioAddress(
-        device=device,
-        channel=Channel(baud=int(speed), air_bytes_s=numbers["air"]),
-        key=None if key is None else Path(key),
-        leader_hz=numbers["leader"],
-        followers_hz=numbers["followers"],
-    )
-
-
 def _number(name: str, text: str) -> float:
     greatest = 1e6 if name == "air" else 50.0
     try:
@@ -162,9 +129,33 @@ class RadioCarrier(DatagramCarrier):
 
     @classmethod
     def address_of(cls, parts: SplitResult, environment: Mapping[str, str]) -> RadioAddress:
-        """A port."""
+        """A port, as in serial:///dev/ttyUSB1:57600?key=circle.keys/radio.psk&leader=10&followers=2.5."""
         del environment
-        return radio_address(parts)
+        # The last colon: names under /dev/serial/by-path have colons of their own.
+        device, separator, speed = unquote(parts.path).rpartition(":")
+        if parts.netloc or parts.fragment or not separator or device.endswith("/"):
+            raise InputError(f"a radio has a device file and a baud rate; write {EXAMPLE}")
+        if not (speed.isascii() and speed.isdigit() and len(speed) <= 8):
+            raise InputError(f"the baud rate is missing; write {EXAMPLE}")
+        if not SLOWEST_BAUD <= int(speed) <= FASTEST_BAUD:
+            raise InputError(f"the baud rate must be within {SLOWEST_BAUD} to {FASTEST_BAUD}")
+        pairs = parse_qsl(parts.query, keep_blank_values=True)
+        options = dict(pairs)
+        if not set(options) <= {"key", *RATES} or len(options) < len(pairs):
+            raise InputError(
+                f"after the ? come key=, leader=, followers= and air=, once each; write {EXAMPLE}"
+            )
+        key = options.pop("key", None)
+        if key is not None and not (key and key.isprintable()):
+            raise InputError(f"key= names no file; write {EXAMPLE}")
+        numbers = RATES | {name: _number(name, text) for name, text in options.items()}
+        return RadioAddress(
+            device=device,
+            channel=Channel(baud=int(speed), air_bytes_s=numbers["air"]),
+            key=None if key is None else Path(key),
+            leader_hz=numbers["leader"],
+            followers_hz=numbers["followers"],
+        )
 
     def open(self) -> None:
         """Open the port, for this process alone."""
