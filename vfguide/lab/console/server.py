@@ -43,7 +43,7 @@ from vfguide.lab.console.orders import (
 )
 from vfguide.lab.console.source import Source
 from vfguide.lab.console.tiles import FindTile
-from vfguide.lab.report.replay import SCRIPTS as SHARED_SCRIPTS
+from vfguide.lab.report.replay import program as joined_program
 from vfguide.lab.report.replay import read as read_replay
 
 # The files of the console's page, put together: what a browser gets of them.
@@ -61,13 +61,6 @@ def render_page(title: str) -> str:
     # In one pass: a title is not looked at again.
     names = re.compile("|".join(map(re.escape, parts)))
     return names.sub(lambda found: parts[found[0]], read_page("console.html"))
-
-
-def join_program() -> str:
-    """All scripts as one, which leaves no names behind in the page."""
-    shared = [read_replay(name) for name in SHARED_SCRIPTS]
-    whole = "\n".join([*shared, *map(read_page, OWN_SCRIPTS)])
-    return f'"use strict";\n(() => {{\n{whole}\nstartConsole();\n}})();\n'
 
 
 def join_style() -> str:
@@ -310,7 +303,8 @@ def application(source: Source, *, title: str, doors: Access) -> ASGIApp:
         title: what the page calls it.
         doors: who is let in.
     """
-    page, program, style = render_page(title), join_program(), join_style()
+    page, style = render_page(title), join_style()
+    program = joined_program("startConsole", map(read_page, OWN_SCRIPTS))
 
     async def show_page(_: Request) -> Response:
         return Response(page, media_type="text/html")

@@ -335,15 +335,30 @@ async def live_flight(
 ) -> AsyncIterator[LiveFlight]:
     """A live rehearsal in the air, over a broker that runs already."""
     flight = LiveFlight(mission, directory=directory, links=links, speedup=speedup)
+    async with truths_heard(flight.truth_collector, ("127.0.0.1", 0)) as port:
+        try:
+            await flight.start(port)
+            yield flight
+        finally:
+            await flight.stop()
+
+
+@asynccontextmanager
+async def truths_heard(collector: TruthCollector, place: tuple[str, int]) -> AsyncIterator[int]:
+    """Listen for true states at a host and port for as long as the context lasts; yields the port.
+
+    Raises:
+        VfguideError: the port is not to be had.
+    """
     loop = asyncio.get_running_loop()
-    transport, _ = await loop.create_datagram_endpoint(
-        lambda: flight.truth_collector, local_addr=("127.0.0.1", 0)
-    )
     try:
-        await flight.start(transport.get_extra_info("sockname")[1])
-        yield flight
+        transport, _ = await loop.create_datagram_endpoint(lambda: collector, local_addr=place)
+    except OSError as error:
+        host, port = place
+        raise VfguideError(f"udpin://{host}:{port}: cannot listen ({error.strerror})") from error
+    try:
+        yield transport.get_extra_info("sockname")[1]
     finally:
-        await flight.stop()
         transport.close()
 
 
@@ -502,15 +517,5 @@ async def watched_flight(
         VfguideError: the port is not to be had.
     """
     flight = WatchedFlight(mission, watched=watched, speedup=speedup)
-    loop = asyncio.get_running_loop()
-    try:
-        transport, _ = await loop.create_datagram_endpoint(
-            lambda: flight.truth_collector, local_addr=truth
-        )
-    except OSError as error:
-        host, port = truth
-        raise VfguideError(f"udpin://{host}:{port}: cannot listen ({error.strerror})") from error
-    try:
+    async with truths_heard(flight.truth_collector, truth):
         yield flight
-    finally:
-        transport.close()

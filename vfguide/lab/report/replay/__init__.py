@@ -6,6 +6,7 @@ What happened stands on the time line once, for all vehicles to which it happene
 import json
 import math
 from base64 import b64encode
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from hashlib import sha256
 from importlib.resources import files
@@ -359,10 +360,10 @@ def replay_of(record: FlightRecord) -> PagePart:
     )
 
 
-def program() -> str:
-    """All scripts as one that leaves no names behind in the page."""
-    whole = "\n".join(read(name) for name in SCRIPTS)
-    return f'"use strict";\n(() => {{\n{whole}\nstartReplay();\n}})();\n'
+def program(start: str = "startReplay", more: Iterable[str] = ()) -> str:
+    """All scripts, and more of them, as one that leaves no names behind in the page and calls a function."""
+    whole = "\n".join([*(read(name) for name in SCRIPTS), *more])
+    return f'"use strict";\n(() => {{\n{whole}\n{start}();\n}})();\n'
 
 
 def hash_source(content: str) -> str:
