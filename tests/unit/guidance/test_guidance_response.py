@@ -307,6 +307,14 @@ def test_sharpness_1_just_keeps_the_margins_and_half_of_it_is_the_usual_loop():
     assert factor_of(0.0) == pytest.approx(3.5**2 * math.pi / 4.0)
 
 
+def test_a_vehicle_that_slips_is_turned_no_faster_than_its_yaw_bears():
+    late = Airframe(course_lag=0.3)
+    assert bandwidth_of(late, AS_DECLARED, **(USUAL | {"slips": True})).course == pytest.approx(
+        0.45
+    )
+    assert bandwidth_of(late, AS_DECLARED, **USUAL).course > 1.0
+
+
 def test_a_total_energy_hold_is_led_at_a_third_of_its_own_pace():
     slow = Airframe(beta=0.6, speed_hold="total-energy")
     assert bandwidth_of(slow, AS_DECLARED, **USUAL).energy_field == pytest.approx(0.2)

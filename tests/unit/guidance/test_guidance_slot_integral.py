@@ -95,6 +95,13 @@ def test_in_a_turn_each_harmonic_learns_in_its_own_phase_as_fast_as_the_mean():
     assert (first.right_cosine, second.right_sine) == pytest.approx((-0.00866, -0.00866), abs=1e-5)
 
 
+def test_on_a_straight_no_harmonic_is_learned_and_none_counts():
+    after = learned(no_offset(), off(0.03, -0.03))
+    assert after.harmonics == no_offset().harmonics
+    aimed = aimed_error(off(0.0, 0.0), ahead_by_course(2.0), LEARNS, STRAIGHT)
+    assert aimed == off(0.0, 0.0)
+
+
 def test_at_the_turn_rate_at_which_they_count_by_half_harmonics_are_seen_by_half_and_move():
     # 2 cos(60 degrees) m . 1/2 ahead; it moves at -2 sin(60 degrees) . 0.04 . 1/2 m/s
     turning = moving(course=math.pi / 3.0, turn_rate=TURNING_RAD_S)
