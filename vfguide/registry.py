@@ -159,9 +159,9 @@ paths = Registry(
         "circle": "vfguide.paths.circle",
         "helix": "vfguide.paths.circle",
         "racetrack": "vfguide.paths.racetrack",
-        "figure-eight": "vfguide.paths.figure_eight",
+        "figure-eight": "vfguide.paths.racetrack",
         "waypoints": "vfguide.paths.waypoints",
-        "plan": "vfguide.paths.plan",
+        "plan": "vfguide.paths.waypoints",
     },
 )
 """Paths that leaders follow."""

@@ -14,9 +14,8 @@ import numpy as np
 
 from tests.kit.figures import tell
 from tests.kit.missions import shipped
-from vfguide.formation.arrangement import Arrangement
+from vfguide.formation.arrangement import Arrangement, Shape, shape_slots
 from vfguide.formation.orders import Order
-from vfguide.formation.shapes import Shape, shape_slots
 from vfguide.formation.transition import RefusedOrderError
 from vfguide.lab.rehearsal.aircraft import LEAD_S, REPEAT_S, TIMES, Aircraft, step_all
 from vfguide.lab.rehearsal.recorder import flight_record

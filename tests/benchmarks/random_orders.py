@@ -28,9 +28,8 @@ from tests.kit.missions import replaced
 from tests.kit.orders import overhear
 from tests.kit.signed_flight import SignedFlight
 from vfguide.errors import VfguideError
-from vfguide.formation.arrangement import Arrangement, Manoeuvre, Point
+from vfguide.formation.arrangement import SHAPES, Arrangement, Manoeuvre, Point
 from vfguide.formation.orders import EPOCH_S, Formation, Order, new_number
-from vfguide.formation.shapes import SHAPES
 from vfguide.formation.transition import RefusedOrderError
 from vfguide.lab.order_desk import OrderDesk
 from vfguide.lab.ordering import DECIDED

@@ -11,8 +11,7 @@ from vfguide.commands.terminal import Terminal, stopped_by_signals
 from vfguide.errors import VfguideError
 from vfguide.mission import MissionError, read_mission
 from vfguide.mission.feasibility import check_mission
-from vfguide.mission.finding import Finding, worst_first
-from vfguide.mission.flight_path import MissionSource
+from vfguide.mission.finding import Finding, MissionSource, worst_first
 from vfguide.mission.model import Mission
 from vfguide.mission.overrides import Overrides, parse_settings
 

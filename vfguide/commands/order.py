@@ -9,9 +9,8 @@ from vfguide.commands.credentials import KeyFiles, watched_formation
 from vfguide.commands.options import Insecure, KeyFile, LinkUrls, MissionFile, RosterFile
 from vfguide.commands.terminal import Terminal
 from vfguide.errors import InputError
-from vfguide.formation.arrangement import Point
+from vfguide.formation.arrangement import SHAPES, Point
 from vfguide.formation.orders import Action, Order, check_known
-from vfguide.formation.shapes import SHAPES
 from vfguide.lab.ordering import conclusion, give_order
 from vfguide.mission import read_mission
 from vfguide.mission.order_plan import formation_of_mission

@@ -14,9 +14,8 @@ from msgspec.structs import replace
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
-from vfguide.formation.arrangement import Arrangement, Point
+from vfguide.formation.arrangement import SHAPES, Arrangement, Point
 from vfguide.formation.orders import Order
-from vfguide.formation.shapes import SHAPES
 from vfguide.link.trust import Trust
 from vfguide.mavlink.reports import OrderRequest
 from vfguide.mission.model import Mission

@@ -32,11 +32,10 @@ from vfguide.guidance.sliding_laws import (
 )
 from vfguide.laws.leader import LeaderTask
 from vfguide.mavlink.adapter import AutopilotAdapter, Vehicle
-from vfguide.mission.fence_check import top_of
-from vfguide.mission.flight_limits import climb_limits
+from vfguide.mission.flight_limits import climb_limits, top_of
 from vfguide.mission.flight_path import PathShape, height_span, path_of
 from vfguide.mission.model import Mission
-from vfguide.mission.orders import Slot as SlotOffset
+from vfguide.mission.model import Slot as SlotOffset
 from vfguide.mission.vehicle import Vehicle as MissionVehicle
 from vfguide.registry import autopilots, laws, leader_laws
 from vfguide.state import Airframe, SpeedHold

@@ -21,14 +21,18 @@ from msgspec.structs import replace
 
 from vfguide.formation.arrangement import (
     MAIN_PATH,
+    SAME_M,
+    SHAPES,
     Arrangement,
     HoldCircle,
     Manoeuvre,
+    Offset,
     Point,
+    Shape,
     SlotMove,
     ends,
+    shape_slots,
 )
-from vfguide.formation.shapes import SAME_M, SHAPES, Offset, Shape, shape_slots
 from vfguide.formation.transition import (
     JOIN_M,
     LEADER,

@@ -35,9 +35,8 @@ from vfguide.link.order_codec import (
     check_of,
     encode_order,
 )
-from vfguide.mission.model import Mission
+from vfguide.mission.model import Mission, TimedOrder
 from vfguide.mission.order_plan import formation_of_mission, resolve
-from vfguide.mission.orders import TimedOrder
 
 LAST_S = 6.0
 """After an order's time answers are awaited for so long."""

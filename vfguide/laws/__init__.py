@@ -3,8 +3,8 @@
 from vfguide.laws.base import DesiredMotion, Law, View, approach, law
 from vfguide.laws.leader import LeaderLaw, LeaderMotion, LeaderView, leader_law
 from vfguide.laws.vectors import OBSERVATION, motion_of, observed
-from vfguide.mission.conditions import Conditions
 from vfguide.mission.finding import Finding
+from vfguide.mission.flight_limits import Conditions
 from vfguide.mission.model import Mission
 from vfguide.mission.quantity import Duration, Gain, NotNegative, Number, Positive, Section, Switch
 

@@ -27,8 +27,8 @@ from vfguide.guidance.formation import (
 )
 from vfguide.guidance.response import UNBOUNDED, Bandwidth
 from vfguide.guidance.sliding_laws import GuidanceSettings, SlotFrame, setpoint_for
-from vfguide.mission.conditions import Conditions
 from vfguide.mission.finding import Finding
+from vfguide.mission.flight_limits import Conditions
 from vfguide.mission.model import Mission
 from vfguide.mission.quantity import Section
 from vfguide.registry import laws

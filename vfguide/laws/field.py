@@ -39,9 +39,9 @@ from vfguide.guidance.response import Bandwidth
 from vfguide.guidance.sliding_laws import sliding_acceleration, sliding_course_rate
 from vfguide.laws.base import DesiredMotion, Law, View, law
 from vfguide.mission import quantity
-from vfguide.mission.conditions import Conditions
 from vfguide.mission.feasibility import effective_layer
 from vfguide.mission.finding import Finding
+from vfguide.mission.flight_limits import Conditions
 from vfguide.mission.model import Mission
 from vfguide.mission.quantity import Duration, Gain, Section, Switch
 from vfguide.state import LeaderState

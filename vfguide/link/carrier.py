@@ -19,11 +19,11 @@ from urllib.parse import SplitResult, urlsplit
 
 from msgspec.structs import replace
 
-from vfguide.backoff import retry_delay
 from vfguide.errors import InputError, described_error
 from vfguide.link.member import Member, Parcel
 from vfguide.link.presence import Presence
 from vfguide.registry import links
+from vfguide.system import retry_delay
 
 logger = logging.getLogger(__name__)
 

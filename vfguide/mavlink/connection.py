@@ -16,7 +16,6 @@ from contextlib import AbstractAsyncContextManager, AsyncExitStack, asynccontext
 from random import Random
 from typing import Any, Protocol, cast
 
-from vfguide.backoff import retry_delay
 from vfguide.errors import InputError
 from vfguide.mavlink.address import (
     Address,
@@ -35,7 +34,7 @@ from vfguide.mavlink.stream import (
     dial_tcp,
     open_tcp_server,
 )
-from vfguide.system import SocketSelector
+from vfguide.system import SocketSelector, retry_delay
 
 Receive = Callable[[bytes], None]
 

@@ -1,8 +1,7 @@
 """Mission files: what they may say, how they are read, and what is known before take-off."""
 
 from vfguide.mission.feasibility import check_mission
-from vfguide.mission.finding import Finding, MissionError
-from vfguide.mission.flight_path import MissionSource
+from vfguide.mission.finding import Finding, MissionError, MissionSource
 from vfguide.mission.load import LoadedMission, load_mission, parse_mission, read_mission
 from vfguide.mission.model import Mission
 

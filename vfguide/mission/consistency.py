@@ -13,7 +13,7 @@ from typing import Any
 from pydantic import BaseModel
 
 from vfguide.formation.arrangement import MAIN_PATH
-from vfguide.mission.flight_path import Location, Misfit
+from vfguide.mission.finding import Location, Misfit
 
 # A leader without a companion: what a mission file may leave out of it, and what has to be right.
 

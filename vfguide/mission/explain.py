@@ -18,8 +18,8 @@ from pydantic_core import ErrorDetails
 
 from vfguide.mission.consistency import inconsistencies
 from vfguide.mission.controller import Controller, gains_by_field
-from vfguide.mission.finding import shortened
-from vfguide.mission.flight_path import Location, Misfit, PathShape, shape_models
+from vfguide.mission.finding import Location, Misfit, shortened
+from vfguide.mission.flight_path import PathShape, shape_models
 from vfguide.mission.model import Mission
 from vfguide.mission.quantity import NAME_RULES, field_meanings
 from vfguide.registry import laws

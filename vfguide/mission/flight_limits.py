@@ -1,4 +1,7 @@
-"""What a mission asks of its vehicles on turns, climbs and slots, against what they can fly.
+"""What a mission asks of its vehicles on turns, climbs and slots, against what they can fly and may.
+
+Conditions are what the leader meets on its way: every course and turn of its path in every declared wind, one
+entry of each array for each combination. Local frame: x north, y east; radians clockwise from north.
 
 Turns, by the bank limit: Nelson et al., Vector field path following for miniature air vehicles, IEEE T-RO
 2007, for the field.
@@ -6,22 +9,122 @@ Turns, by the bank limit: Nelson et al., Vector field path following for miniatu
 Climbs: the fastest climb that a vehicle keeps up at cruise is its whole excess of power. What a climb
 leaves of it is an acceleration a = g (climb_max - climb) / V, all that a follower has to get back into
 its slot with.
+
+Fences: each slot is taken along the whole path, turned into its course: on a turn the outermost aircraft
+leaves an area that the leader stays in.
 """
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
-from vfguide.elementwise import BoolArray, FloatArray
-from vfguide.guidance.airframe import GRAVITY, bank_limited_turn_rate
-from vfguide.guidance.formation import Slot
+from vfguide.elementwise import BoolArray, FloatArray, hypot
+from vfguide.errors import InputError
+from vfguide.guidance.airframe import (
+    GRAVITY,
+    bank_limited_turn_rate,
+    compose,
+    ground_speed_on_course,
+)
+from vfguide.guidance.formation import Slot, slot_velocity
 from vfguide.guidance.height import ClimbLimits
-from vfguide.mission.conditions import Conditions
-from vfguide.mission.finding import Finding
-from vfguide.mission.flight_path import Location
+from vfguide.mission.finding import Finding, Location
+from vfguide.mission.flight_path import PathShape, path_of
 from vfguide.mission.model import Follower, Mission
+from vfguide.mission.place import Fence, frame_of
+from vfguide.mission.rehearsal import ArticleWind, CalmWind, SteadyWind
+
+ARTICLE_WIND_PERIOD_S = 2.0 * math.pi / 0.1
+ARTICLE_WIND_SAMPLES = 64
+PLACES = 97
+"""Places of the path that are looked at."""
+
+
+@dataclass(frozen=True, slots=True)
+class Conditions:
+    """Combinations of path course, path curvature and wind."""
+
+    course: FloatArray
+    """Course of the path, rad."""
+    curvature: FloatArray
+    """Curvature of the path, 1/m, positive clockwise."""
+    wind_north: FloatArray
+    """North component of the wind, m/s, toward."""
+    wind_east: FloatArray
+    """East component of the wind, m/s, toward."""
+    height: FloatArray
+    """Height of the path, m above the mission's flying height."""
+    slope: FloatArray
+    """Slope of the path, rise for each metre along the ground."""
+
+    def ground_speed(self, airspeed: float | FloatArray) -> FloatArray:
+        """Ground speed (m/s) of a leader on the path at an airspeed (m/s), which may be an array."""
+        shape = np.broadcast_shapes(np.shape(airspeed), self.course.shape)
+        speeds = np.broadcast_to(np.asarray(airspeed, dtype=float), shape)
+        return ground_speed_on_course(speeds, self.course, self.wind_north, self.wind_east)
+
+    def turn_rate(self, airspeed: float | FloatArray) -> FloatArray:
+        """Turn rate (rad/s) of a leader on the path, positive clockwise: V_g times curvature."""
+        return self.ground_speed(airspeed) * self.curvature
+
+    def slot_velocity(
+        self, airspeed: float | FloatArray, slot: Slot
+    ) -> tuple[FloatArray, FloatArray]:
+        """(along, right) of a slot's velocity in the leader's course frame, m/s."""
+        ground_speed = self.ground_speed(airspeed)
+        return slot_velocity(ground_speed, ground_speed * self.curvature, slot)
+
+    def slot_airspeed(self, airspeed: float | FloatArray, slot: Slot) -> FloatArray:
+        """Airspeed (m/s) that keeping a slot takes, |slot velocity - wind|."""
+        along, right = self.slot_velocity(airspeed, slot)
+        north, east = compose(along, right, np.broadcast_to(self.course, along.shape))
+        return hypot(north - self.wind_north, east - self.wind_east)
+
+
+def conditions_of(shape: PathShape, wind: CalmWind | ArticleWind | SteadyWind) -> Conditions:
+    """Every course of the path with every wind."""
+    path = path_of(shape)
+    places = path.at(path.outline(PLACES))
+    if not (np.all(np.isfinite(places.course)) and np.all(np.isfinite(places.curvature))):
+        raise InputError(
+            f"path {shape.type}: its course or its curvature is not finite everywhere; mend at()"
+        )
+    north, east = wind_samples(wind)
+    return Conditions(
+        np.repeat(places.course, north.size),
+        np.repeat(places.curvature, north.size),
+        np.tile(north, places.course.size),
+        np.tile(east, places.course.size),
+        np.repeat(places.height + 0.0 * places.course, north.size),
+        np.repeat(places.slope + 0.0 * places.course, north.size),
+    )
+
+
+def wind_samples(wind: CalmWind | ArticleWind | SteadyWind) -> tuple[FloatArray, FloatArray]:
+    """(north, east) components (m/s, toward) of the declared wind, over a whole period of it."""
+    if isinstance(wind, SteadyWind):
+        toward = math.radians(wind.toward_deg)
+        return (
+            np.array([wind.speed_m_s * math.cos(toward)]),
+            np.array([wind.speed_m_s * math.sin(toward)]),
+        )
+    if isinstance(wind, CalmWind):
+        return np.zeros(1), np.zeros(1)
+    time = np.linspace(0.0, ARTICLE_WIND_PERIOD_S, ARTICLE_WIND_SAMPLES, endpoint=False)
+    return article_wind(time)
+
+
+def article_wind(time: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """(north, east) of the article's wind at a time in s: W = 5 + 3 cos 0.1 t, psi_w = 135° + pi sin 0.1 t.
+
+    W in m/s, psi_w the direction the air moves toward, clockwise from north.
+    """
+    speed = 5.0 + 3.0 * np.cos(0.1 * time)
+    toward = math.radians(135.0) + math.pi * np.sin(0.1 * time)
+    return speed * np.cos(toward), speed * np.sin(toward)
+
 
 FIELD_TURN_CONSTANT = 2.0 / (3.0 * math.sqrt(3.0))
 """0.385: greatest value of sin(atan u) / (1 + u^2) = u (1 + u^2)^(-3/2), reached at u = k e = 1/sqrt 2."""
@@ -301,3 +404,161 @@ def _misfit(mission: Mission, need: SlotNeed, given: tuple[float, float]) -> Fin
             f"set controller.give_way: true (the leader would fly up to {change}), or move the slot"
         )
     return Finding("warning", need.location, message, remedy)
+
+
+STEP_M = 5.0
+MOST_STEPS = 50_000
+"""Along the path."""
+
+SPARE_M = 10.0
+"""Nearer to the fence than this is worth a word: gusts, and what satellite navigation is off."""
+
+
+@dataclass(frozen=True, slots=True)
+class Track:
+    """Where a vehicle flies along the path."""
+
+    name: str
+    """Name of the vehicle."""
+    location: Location
+    """Where the mission places it."""
+    north: FloatArray
+    """m."""
+    east: FloatArray
+    """m."""
+    height: FloatArray
+    """Above the mission's origin, m."""
+
+
+def tracks(mission: Mission) -> Iterator[Track]:
+    """The leader's along its path, and that of each slot."""
+    path = path_of(mission.path)
+    length = path.length
+    if not math.isfinite(length):
+        length = mission.leader.airspeed_m_s * mission.rehearsal.duration_s
+    count = min(max(2, math.ceil(length / STEP_M)), MOST_STEPS)
+    places = path.at(np.linspace(0.0, length, count))
+    height = mission.height_above_origin_m + np.broadcast_to(places.height, (count,))
+    yield Track(mission.leader.vehicle, ("path",), places.north, places.east, height)
+    for index, follower in enumerate(mission.followers):
+        slot = follower.slot
+        forward, right = np.full(count, slot.forward_m), np.full(count, slot.right_m)
+        north, east = compose(forward, right, places.course)
+        yield Track(
+            follower.vehicle,
+            ("followers", index, "slot"),
+            places.north + north,
+            places.east + east,
+            height + slot.up_m,
+        )
+
+
+def hold_tracks(
+    mission: Mission, north: float, east: float, radius: float, height: float
+) -> Iterator[Track]:
+    """The leader's once round a circle to the right, and that of each slot.
+
+    Args:
+        mission: with the slots of the hold.
+        north: of the centre, m.
+        east: of the centre, m.
+        radius: m.
+        height: of the leader above the mission's origin, m.
+    """
+    count = max(8, math.ceil(math.tau * radius / STEP_M))
+    angle = np.linspace(0.0, math.tau, count, endpoint=False)
+    slots = [(mission.leader.vehicle, 0.0, 0.0, 0.0)]
+    slots += [
+        (one.vehicle, one.slot.forward_m, one.slot.right_m, one.slot.up_m)
+        for one in mission.followers
+    ]
+    for name, forward, right, up in slots:
+        ahead, inward = np.full(count, forward), np.full(count, right - radius)
+        along, across = compose(ahead, inward, angle)
+        yield Track(name, ("followers",), north + along, east + across, np.full(count, height + up))
+
+
+def beyond_the_fence(mission: Mission, conditions: Conditions) -> Iterator[Finding]:
+    """Vehicles whose way along the path leaves the fence, or comes near it; and heights."""
+    del conditions
+    yield from tracks_beyond_the_fence(mission, tracks)
+    yield from _rally_points_beyond(mission)
+
+
+def fences_of(mission: Mission) -> list[Fence]:
+    """The mission's own and that of its plan, where they limit anything."""
+    return [one for one in (mission.fence, mission.path.fence) if one is not None and one.exists]
+
+
+def top_of(fences: Iterable[Fence | None]) -> float:
+    """Greatest height that all of these fences allow, m above the origin; infinite where none limits it."""
+    limits = [one.max_height_m for one in fences if one is not None and one.max_height_m]
+    return min(limits, default=math.inf)
+
+
+def tracks_beyond_the_fence(
+    mission: Mission, found: Callable[[Mission], Iterable[Track]]
+) -> Iterator[Finding]:
+    """Tracks that leave the mission's fence, or come near it; they are asked for only where there is one."""
+    fences = fences_of(mission)
+    if not fences:
+        return
+    frame = frame_of(mission.model_dump())
+    highest = top_of(fences)
+    for track in found(mission):
+        rooms = [one.room(track.north, track.east, frame) for one in fences]
+        room = np.min(rooms, axis=0)
+        worst = int(room.argmin())
+        if room[worst] < SPARE_M:
+            yield _near(track, float(room[worst]), worst)
+        top = int(track.height.argmax())
+        if track.height[top] > highest:
+            yield Finding(
+                "error",
+                track.location,
+                f"'{track.name}' flies {track.height[top]:.0f} m above the origin {_place(track, top)}, the"
+                f" fence ends at {highest:g} m",
+                "lower height_above_origin_m, the waypoints or the slot",
+            )
+
+
+def _rally_points_beyond(mission: Mission) -> Iterator[Finding]:
+    fences = fences_of(mission)
+    frame = frame_of(mission.model_dump()) if fences else None
+    for index, point in enumerate(mission.path.rally_points):
+        north, east = (np.array([one]) for one in point.local(frame))
+        if any(one.room(north, east, frame)[0] < 0.0 for one in fences):
+            yield Finding(
+                "warning",
+                ("path", "file"),
+                f"rally point {index + 1} (north {north[0]:.0f} m, east {east[0]:.0f} m) is beyond the fence",
+                "move it inside, or an aircraft that returns there leaves the fence",
+            )
+
+
+def _near(track: Track, room: float, worst: int) -> Finding:
+    place = _place(track, worst)
+    if room < 0.0:
+        return Finding(
+            "error",
+            track.location,
+            f"'{track.name}' leaves the fence by {-room:.0f} m {place}",
+            "move the path or the slot inwards, or make the turns smaller there",
+        )
+    return Finding(
+        "warning",
+        track.location,
+        f"'{track.name}' comes within {room:.0f} m of the fence {place}",
+        f"leave {SPARE_M:g} m for gusts and for what the navigation is off",
+    )
+
+
+def _place(track: Track, index: int) -> str:
+    return f"near north {track.north[index]:.0f} m, east {track.east[index]:.0f} m"
+
+
+def left_out_of_the_plan(mission: Mission) -> Iterator[Finding]:
+    """What a plan also asks for, and a formation does not do."""
+    if mission.path.left_out:
+        what = ", ".join(mission.path.left_out[:12])
+        yield Finding("note", ("path", "file"), f"not flown of this plan: {what}")

@@ -2,8 +2,6 @@
 
 Local frame: x north, y east (m). Courses are degrees clockwise from north. The kinds of paths and their
 fields are in `vfguide.paths`.
-
-Where in a mission file something is: a way down the tree, and the lines it lies on.
 """
 
 import json
@@ -11,7 +9,6 @@ import math
 import zlib
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
-from dataclasses import dataclass, field
 from functools import cache, lru_cache
 from typing import Annotated, Any, Literal, get_args
 
@@ -22,6 +19,7 @@ from pydantic_core.core_schema import ErrorType
 
 from vfguide.errors import InputError
 from vfguide.guidance.path import Path
+from vfguide.mission.finding import Misfit, refuse
 from vfguide.mission.place import Fence, Place
 from vfguide.mission.quantity import Gain, Section
 from vfguide.registry import paths
@@ -29,100 +27,7 @@ from vfguide.registry import paths
 PLACES = 500
 """At which a path is looked at for its lowest and its highest."""
 
-Location = tuple[str | int, ...]
-"""Names of fields and indices of list entries from the top of the file, such as ("path", "type")."""
-
-
-def dotted(location: Location) -> str:
-    """The location as messages write it: ``followers[0].slot.forward_m``."""
-    text = ""
-    for step in location:
-        if isinstance(step, int):
-            text += f"[{step}]"
-        else:
-            text += f".{step}" if text else step
-    return text
-
-
-@dataclass(frozen=True, slots=True)
-class MissionSource:
-    """The file a mission was read from, the line of each of its fields, and options instead of them."""
-
-    file: str | None
-    """The file, as messages name it; None of a mission that is no file's."""
-    lines: Mapping[Location, int] = field(default_factory=dict)
-    """Line of each field, counted from 1."""
-    options: Mapping[Location, str] = field(default_factory=dict)
-    """The option of the command line that gave a field its value."""
-
-    def option_of(self, location: Location) -> str | None:
-        """The option that gave a field its value, or made the group, with the way down from what it gave."""
-        for length in range(len(location), 0, -1):
-            if (option := self.options.get(location[:length])) is not None:
-                rest = dotted(location[length:])
-                return f"{option}, {rest}" if rest else option
-        if not location or location in self.lines:
-            return None
-        depth = len(location)
-        return next((one for at, one in self.options.items() if at[:depth] == location), None)
-
-    def with_options(self, text: str) -> str:
-        """A text that names fields, with the options of their own that gave them in their places.
-
-        The name of a whole group, such as `wind`, is a word like others.
-        """
-        for place, option in self.options.items():
-            if len(place) > 1 and not option.startswith("--set"):
-                text = text.replace(dotted(place), option)
-        return text
-
-    def line_of(self, location: Location) -> int | None:
-        """Line of a field; of the innermost group around it if the file leaves the field out."""
-        for length in range(len(location), -1, -1):
-            line = self.lines.get(location[:length])
-            if line is not None:
-                return line
-        return None
-
-
 FieldGain = Annotated[Gain, Field(le=10.0)]
-
-
-@dataclass(frozen=True, slots=True)
-class Misfit:
-    """A field that is wrong by itself, or does not fit to others."""
-
-    location: Location
-    """Where it is: in the mission; of a path's own misfits, below `path`."""
-    message: str
-    """What is wrong."""
-    remedy: str
-    """What would be right."""
-
-
-def refuse(misfits: Iterable[Misfit], value: object, *outer: str) -> None:
-    """Refuse a section whose fields do not fit together, each misfit at its place.
-
-    Args:
-        misfits: of the section.
-        value: of the section, for the error.
-        outer: steps of the location before those of a misfit.
-
-    Raises:
-        pydantic.ValidationError: there is a misfit.
-    """
-    found = [
-        InitErrorDetails(
-            type=PydanticCustomError(
-                "misfit", "{text}", {"text": one.message, "remedy": one.remedy}
-            ),
-            loc=(*outer, *one.location),
-            input=value,
-        )
-        for one in misfits
-    ]
-    if found:
-        raise ValidationError.from_exception_data("mission", found)
 
 
 class PathShape(Section):

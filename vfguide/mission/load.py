@@ -12,8 +12,7 @@ from pydantic import ValidationError
 from vfguide.errors import InputError
 from vfguide.mission.consistency import as_written, inconsistencies
 from vfguide.mission.explain import explain
-from vfguide.mission.finding import Finding, MissionError
-from vfguide.mission.flight_path import Location, Misfit, MissionSource
+from vfguide.mission.finding import Finding, Location, Misfit, MissionError, MissionSource
 from vfguide.mission.model import Mission
 from vfguide.mission.overrides import DEFAULTS, Overrides, overridden
 from vfguide.mission.plan_file import read_plan

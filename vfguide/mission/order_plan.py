@@ -20,21 +20,24 @@ from vfguide.guidance.height import (
     stopping_way,
 )
 from vfguide.guidance.path import PathPoint
-from vfguide.mission.conditions import Conditions, conditions_of
-from vfguide.mission.fence_check import Track, hold_tracks, tracks, tracks_beyond_the_fence
 from vfguide.mission.finding import Finding
 from vfguide.mission.flight_limits import (
+    Conditions,
+    Track,
     climb_limits,
     climbs_beyond_limits,
+    conditions_of,
+    hold_tracks,
     leader_in_wind,
     slots_beyond_centre,
     slots_out_of_airspeed,
+    tracks,
+    tracks_beyond_the_fence,
     turns_beyond_bank,
 )
 from vfguide.mission.flight_path import path_of
-from vfguide.mission.model import Follower, Mission
-from vfguide.mission.orders import Slot
-from vfguide.mission.path_frame import least_radius
+from vfguide.mission.model import Follower, Mission, Slot
+from vfguide.mission.place import least_radius
 
 RESERVE_M_S = 1.5
 """What an aircraft keeps of its airspeed range for its law, while its slot moves."""

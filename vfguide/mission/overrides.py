@@ -9,8 +9,7 @@ from vfguide.errors import InputError
 from vfguide.mission.consistency import DEFAULT_NAME, group, is_foreign
 from vfguide.mission.controller import merged, with_law
 from vfguide.mission.explain import described
-from vfguide.mission.finding import Finding, MissionError
-from vfguide.mission.flight_path import Location, dotted
+from vfguide.mission.finding import Finding, Location, MissionError, dotted
 from vfguide.mission.yaml_tree import read_tree
 
 SpeedResponseName = Literal["first-order", "tecs", "px4", "px4-untrimmed"]

@@ -5,7 +5,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import AfterValidator, ConfigDict, Field, model_validator
 
-from vfguide.mission.flight_path import Misfit, refuse
+from vfguide.mission.finding import Misfit, refuse
 from vfguide.mission.quantity import (
     Coordinate,
     Course,

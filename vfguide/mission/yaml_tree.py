@@ -12,8 +12,7 @@ from dataclasses import dataclass, field
 
 import yaml
 
-from vfguide.mission.finding import Finding, MissionError, shortened
-from vfguide.mission.flight_path import Location
+from vfguide.mission.finding import Finding, Location, MissionError, shortened
 
 MAX_DEPTH = 16
 MAX_NODES = 20_000

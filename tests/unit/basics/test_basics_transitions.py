@@ -4,7 +4,7 @@ from enum import Enum
 
 import pytest
 
-from vfguide.backoff import retry_delay
+from vfguide.system import retry_delay
 from vfguide.transitions import transitions
 
 

@@ -11,11 +11,11 @@ from contextlib import suppress
 
 import pytest
 
-from vfguide.commands.logs import TextFormatter
+from vfguide.commands.companion import TextFormatter
 
 PROGRAM = """
 import logging, sys
-from vfguide.commands.logs import LogFormat, log_to_standard_error
+from vfguide.commands.companion import LogFormat, log_to_standard_error
 log_to_standard_error(LogFormat(sys.argv[1]), "f1")
 logging.getLogger("a.b").warning("link %s: lost", "mqtt", extra={"vehicle": "f1"})
 """

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from vfguide.formation.shapes import SHAPES, named_shape, shape_slots
+from vfguide.formation.arrangement import SHAPES, named_shape, shape_slots
 
 STEP = 20.0 / math.sqrt(2.0)
 

@@ -11,9 +11,17 @@ from hypothesis import strategies as st
 from scipy.optimize import linear_sum_assignment
 
 from tests.kit.orders import MOTION
-from vfguide.formation.arrangement import PEAK, Arrangement, Point, SlotMove, progress, time_of
+from vfguide.formation.arrangement import (
+    PEAK,
+    SHAPES,
+    Arrangement,
+    Point,
+    SlotMove,
+    progress,
+    shape_slots,
+    time_of,
+)
 from vfguide.formation.orders import assigned, least_assignment
-from vfguide.formation.shapes import SHAPES, shape_slots
 from vfguide.formation.transition import (
     LAYER_M,
     LEAST_M,

@@ -11,12 +11,12 @@ import pytest
 from aiomqtt import Message
 
 from tests.kit.link import LEADER, Station, Wire, trust_of
-from vfguide.backoff import retry_delay
 from vfguide.link.client import MOST_TOPICS, Echo, Inbox, NewestOnly
 from vfguide.link.codec import Kind
 from vfguide.link.memory import LinkQuality, Mail, MemoryLink
 from vfguide.link.mqtt import Topics
 from vfguide.link.trust import RefusedError
+from vfguide.system import retry_delay
 
 TOPICS = Topics(prefix="p/q", formation="circle", vehicle="f1")
 

@@ -9,14 +9,13 @@ from tests.kit.missions import line_of, loaded, replaced, text_of
 from vfguide.guidance.formation import Slot
 from vfguide.laws.field import error_for_correction
 from vfguide.mission import Finding, Mission, check_mission
-from vfguide.mission.conditions import conditions_of, wind_samples
 from vfguide.mission.feasibility import (
     effective_layer,
     layer_crossing,
     least_guarantee,
     mean_leader_age,
 )
-from vfguide.mission.flight_limits import bank_for, giving_way
+from vfguide.mission.flight_limits import bank_for, conditions_of, giving_way, wind_samples
 from vfguide.mission.rehearsal import ArticleWind
 
 GAINS = "type: slot, k_x: 0.25, k_y: 0.25, integral_s: 1.2, epsilon: 0.01"

@@ -15,9 +15,9 @@ from hypothesis import strategies as st
 from tests.kit.missions import LEAST, MISSION_FILES, MISSIONS, faults_of, loaded, shipped
 from vfguide.errors import InputError
 from vfguide.mission import MissionError, load_mission, read_mission
+from vfguide.mission.feasibility import follower_start, leader_start, path_beginning
 from vfguide.mission.rehearsal import ArticleWind, CalmWind
 from vfguide.mission.schema import SCHEMA_FILE, mission_schema, schema_text
-from vfguide.mission.starts import follower_start, leader_start, path_beginning
 from vfguide.mission.yaml_tree import read_tree
 from vfguide.paths.circle import CircleShape
 from vfguide.paths.line import LineShape

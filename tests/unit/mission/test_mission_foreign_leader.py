@@ -6,7 +6,7 @@ import pytest
 from pydantic import ValidationError
 
 from vfguide.mission.explain import explain
-from vfguide.mission.flight_path import dotted
+from vfguide.mission.finding import dotted
 from vfguide.mission.load import shipped_missions
 from vfguide.mission.model import Mission
 from vfguide.mission.yaml_tree import read_tree

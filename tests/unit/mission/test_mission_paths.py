@@ -29,14 +29,12 @@ from vfguide.formation.orders import Order
 from vfguide.formation.transition import RefusedOrderError
 from vfguide.lab.studies.prediction import flown_s
 from vfguide.mission import Mission, check_mission
-from vfguide.mission.conditions import conditions_of
-from vfguide.mission.fence_check import beyond_the_fence
 from vfguide.mission.finding import Finding
+from vfguide.mission.flight_limits import beyond_the_fence, conditions_of
 from vfguide.mission.flight_path import PathShape, curve_check, height_span, path_of
 from vfguide.mission.load import load_mission
 from vfguide.mission.order_plan import LeaderPlace, formation_of_mission, resolve, timetable
-from vfguide.mission.path_frame import least_radius
-from vfguide.mission.place import Fence, FenceCircle, FencePolygon
+from vfguide.mission.place import Fence, FenceCircle, FencePolygon, least_radius
 from vfguide.paths.racetrack import RacetrackShape
 
 WIDE = {"type": "circle", "centre": {"north_m": 500, "east_m": 0}, "radius_m": 300}

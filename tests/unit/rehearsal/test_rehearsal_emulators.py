@@ -34,9 +34,9 @@ from vfguide.lab.studies.flown import article_mission
 from vfguide.lab.studies.order import BEHIND_M, starts_of_joining
 from vfguide.lab.studies.prediction import fence_left, from_the_slots
 from vfguide.mission import Mission
+from vfguide.mission.feasibility import follower_start, leader_start
 from vfguide.mission.order_plan import LeaderPlace
 from vfguide.mission.place import Fence
-from vfguide.mission.starts import follower_start, leader_start
 from vfguide.state import Setpoint
 
 UNUSUAL_VEHICLE = {

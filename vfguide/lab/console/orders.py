@@ -21,7 +21,7 @@ from vfguide.lab.ordering import OrderOutcome, RehearsedOrder, give_rehearsed, r
 from vfguide.link.opening import Link, check_connected
 from vfguide.link.order_codec import Verdict
 from vfguide.mission import Mission
-from vfguide.mission.orders import WrittenOrder
+from vfguide.mission.model import WrittenOrder
 
 logger = logging.getLogger(__name__)
 

@@ -22,10 +22,10 @@ from vfguide.lab.rehearsal.recorder import UNSEEN, VehicleRecorder
 from vfguide.link.codec import is_leaders
 from vfguide.link.memory import ROUNDING_S, LinkQuality, Mail, MemoryLink
 from vfguide.link.order_codec import ORDER_MAGIC, REPLY_MAGIC, encode_order
+from vfguide.mission.feasibility import follower_start, leader_start
 from vfguide.mission.flight_path import path_of
 from vfguide.mission.model import Mission
 from vfguide.mission.order_plan import timetable
-from vfguide.mission.starts import follower_start, leader_start
 from vfguide.record.tlog import TelemetryLog
 from vfguide.registry import load_plugins_of_the_environment
 

@@ -20,10 +20,10 @@ from vfguide.elementwise import FloatArray
 from vfguide.errors import VfguideError
 from vfguide.formation.arrangement import Point
 from vfguide.guidance.path import Path
-from vfguide.mission.fence_check import fences_of
+from vfguide.mission.flight_limits import fences_of
 from vfguide.mission.flight_path import path_of
 from vfguide.mission.model import Mission
-from vfguide.mission.path_frame import frame_of
+from vfguide.mission.place import frame_of
 from vfguide.mission.vehicle import Vehicle
 from vfguide.record.events import FlightEvent, merged_events
 from vfguide.record.flight import (

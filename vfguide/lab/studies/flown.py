@@ -22,8 +22,8 @@ from vfguide.lab.rehearsal.radio_flight import fly_rehearsal
 from vfguide.lab.report.figures import in_window
 from vfguide.lab.report.metrics import FollowerSummary, summarise
 from vfguide.mission.controller import with_law
-from vfguide.mission.fence_check import Track, tracks_beyond_the_fence
 from vfguide.mission.finding import Finding
+from vfguide.mission.flight_limits import Track, tracks_beyond_the_fence
 from vfguide.mission.load import load_mission, shipped_missions
 from vfguide.mission.model import Mission
 from vfguide.record.flight import FlightRecord

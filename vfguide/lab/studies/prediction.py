@@ -21,13 +21,13 @@ from vfguide.lab.rehearsal.radio_flight import fly_rehearsal
 from vfguide.lab.report.figures import pair_separations
 from vfguide.lab.report.metrics import FollowerSummary, reject_absence, summarise
 from vfguide.lab.studies.flown import beyond_when_flown
+from vfguide.mission.feasibility import path_beginning
 from vfguide.mission.finding import Finding
 from vfguide.mission.flight_limits import climb_limits
 from vfguide.mission.flight_path import height_span, path_of
 from vfguide.mission.model import Mission
 from vfguide.mission.order_plan import on_path, timetable
 from vfguide.mission.rehearsal import EmulatedAircraft, FollowerStart, LeaderStart, Start
-from vfguide.mission.starts import path_beginning
 from vfguide.record.flight import FlightRecord
 from vfguide.record.vehicle import VehicleRecord
 
