@@ -80,7 +80,7 @@ def make(
                 " no vehicle's name"
             )
     places = key_places(mission)
-    made = make_keys(places, flown.name, vehicles_of(flown), operators=operator or (OPERATOR,))
+    made = make_keys(places, flown.name, flown.companions, operators=operator or (OPERATOR,))
     tell_made(places, made, radio=make_radio_key(places))
 
 
@@ -94,7 +94,7 @@ def show(mission: MissionFile, *, as_json: AsJson = False) -> None:
     flown = read_mission(mission).mission
     places = key_places(mission)
     roster = read_roster(places.roster)
-    names = [*dict.fromkeys([*vehicles_of(flown), *roster.vehicles, *roster.operators])]
+    names = [*dict.fromkeys([*flown.companions, *roster.vehicles, *roster.operators])]
     rows = {name: row_of(name, flown, roster, places) for name in names}
     output = Terminal()
     if as_json:
@@ -112,7 +112,7 @@ def show(mission: MissionFile, *, as_json: AsJson = False) -> None:
         for name, row in rows.items():
             table.add_row(name, row["role"], row["fingerprint"], row["private"])
         output.print(table)
-    complete = all(name in roster.vehicles for name in vehicles_of(flown))
+    complete = all(name in roster.vehicles for name in flown.companions)
     raise typer.Exit(ALL_THERE if complete and roster.formation == flown.name else SOME_MISSING)
 
 
@@ -132,13 +132,13 @@ def rotate(
     flown = read_mission(mission).mission
     places = key_places(mission)
     roster = read_roster(places.roster)
-    members = [*vehicles_of(flown), *roster.operators]
+    members = [*flown.companions, *roster.operators]
     for name in names or ():
         if name not in members:
             raise InputError(
                 f"{name} is not a member of {flown.name}; its members are {', '.join(members)}"
             )
-    made = make_keys(places, flown.name, vehicles_of(flown), operators=(), anew=names or members)
+    made = make_keys(places, flown.name, flown.companions, operators=(), anew=names or members)
     # Who had the key that is replaced had this one, too.
     tell_made(places, made, radio=make_radio_key(places, anew=True))
 
@@ -201,11 +201,6 @@ async def say_revoked(watched: WatchedFormation, vehicle: str, others: Sequence[
             if not unaware:
                 break
         return unaware
-
-
-def vehicles_of(mission: Mission) -> list[str]:
-    """Names of those who have a companion, leader first."""
-    return list(mission.companions)
 
 
 def tell_made(places: KeyPlaces, made: Sequence[str], *, radio: bool) -> None:

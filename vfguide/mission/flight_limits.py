@@ -183,8 +183,7 @@ def _everyone(mission: Mission) -> Iterator[tuple[Location, str, Slot]]:
     """(where the mission places it, vehicle, offset from the leader) of the leader and each follower."""
     yield ("path",), mission.leader.vehicle, Slot(forward=0.0, right=0.0)
     for index, follower in enumerate(mission.followers):
-        slot = Slot(forward=follower.slot.forward_m, right=follower.slot.right_m)
-        yield ("followers", index, "slot"), follower.vehicle, slot
+        yield ("followers", index, "slot"), follower.vehicle, follower.slot.of_guidance
 
 
 def field_beyond_bank(mission: Mission, conditions: Conditions) -> Iterator[Finding]:
@@ -271,41 +270,6 @@ def _finding(
         )
 
 
-@dataclass(frozen=True, slots=True)
-class SlotNeed:
-    """A follower, and the airspeeds its slot takes while the leader keeps the mission's airspeed."""
-
-    index: int
-    follower: Follower
-    slot: Slot
-    lowest: float
-    """m/s."""
-    highest: float
-    """m/s."""
-    range_m_s: tuple[float, float]
-    """What its vehicle can fly, m/s."""
-
-    @property
-    def location(self) -> Location:
-        """Where the mission gives the slot."""
-        return ("followers", self.index, "slot")
-
-    @property
-    def fits(self) -> bool:
-        """Whether the vehicle can fly all of it."""
-        least, most = self.range_m_s
-        return self.lowest >= least - TOLERANCE_M_S and self.highest <= most + TOLERANCE_M_S
-
-    @property
-    def text(self) -> str:
-        """The need in words."""
-        least, most = self.range_m_s
-        return (
-            f"this slot needs {self.lowest:.1f} to {self.highest:.1f} m/s of airspeed, "
-            f"'{self.follower.vehicle}' flies {least:g} to {most:g}"
-        )
-
-
 def leader_in_wind(mission: Mission, conditions: Conditions) -> Iterator[Finding]:
     """Wind that the leader cannot make way against."""
     strongest = float(np.hypot(conditions.wind_north, conditions.wind_east).max())
@@ -331,31 +295,43 @@ def slots_beyond_centre(mission: Mission, conditions: Conditions) -> Iterator[Fi
 
 def slots_out_of_airspeed(mission: Mission, conditions: Conditions) -> Iterator[Finding]:
     """Slots that need an airspeed their vehicles do not have, and whether the leader can help."""
-    needs = [_need(mission, conditions, index, one) for index, one in enumerate(mission.followers)]
-    misfits = [need for need in needs if not need.fits]
+    cruise = mission.leader.airspeed_m_s
+    misfits = {
+        index: text
+        for index, follower in enumerate(mission.followers)
+        if (text := _need(mission, conditions, follower)) is not None
+    }
     if not misfits:
         return
-    lowest, highest = mission.leader_vehicle.airspeed_range_m_s
-    cruise = mission.leader.airspeed_m_s
-    searched = np.linspace(lowest, highest, AIRSPEED_STEPS)
+    searched = np.linspace(*mission.leader_vehicle.airspeed_range_m_s, AIRSPEED_STEPS)
     airspeeds = np.union1d(searched, [cruise])[:, np.newaxis]
-    flyable = [_flyable(conditions, airspeeds, need) for need in needs]
-    hopeless = [need for need in misfits if not flyable[need.index].any(axis=0).all()]
-    for need in hopeless:
+    flyable = [_flyable(mission, conditions, airspeeds, one) for one in mission.followers]
+    hopeless = [index for index in misfits if not flyable[index].any(axis=0).all()]
+    for index in hopeless:
         remedy = "move the slot nearer to the leader, widen the turn or the airspeed range"
-        message = f"{need.text}, and no airspeed of the leader changes that"
-        yield Finding("error", need.location, message, remedy)
+        message = f"{misfits[index]}, and no airspeed of the leader changes that"
+        yield Finding("error", ("followers", index, "slot"), message, remedy)
     if hopeless:
         return
     together = np.logical_and.reduce(flyable)
     if not together.any(axis=0).all():
-        names = ", ".join(f"'{need.follower.vehicle}'" for need in misfits)
+        names = ", ".join(f"'{mission.followers[index].vehicle}'" for index in misfits)
         message = f"no airspeed of the leader suits all slots at once; out of range now: {names}"
         remedy = "bring the slots closer together, widen the turn or the airspeed ranges"
         yield Finding("error", ("followers",), message, remedy)
         return
-    given = giving_way(together, airspeeds, cruise)
-    yield from (_misfit(mission, need, given) for need in misfits)
+    slower, faster = giving_way(together, airspeeds, cruise)
+    ways = ((faster, "faster"), (slower, "slower"))
+    changes = [f"{amount:.1f} m/s {way}" for amount, way in ways if amount > 0.0]
+    change = " and ".join(changes) or "a little"
+    for index, text in misfits.items():
+        if mission.controller.give_way:
+            message = f"{text}; the leader gives way by up to {change}"
+            remedy = "to keep the leader's airspeed, move the slot nearer to it or widen the turn"
+        else:
+            message = f"{text}, and will fall out of its slot"
+            remedy = f"set controller.give_way: true (the leader would fly up to {change}), or move the slot"
+        yield Finding("warning", ("followers", index, "slot"), message, remedy)
 
 
 def giving_way(flyable: BoolArray, airspeeds: FloatArray, cruise: float) -> tuple[float, float]:
@@ -373,37 +349,26 @@ def giving_way(flyable: BoolArray, airspeeds: FloatArray, cruise: float) -> tupl
     return float(-min(nearest.min(), 0.0)), float(max(nearest.max(), 0.0))
 
 
-def _need(mission: Mission, conditions: Conditions, index: int, follower: Follower) -> SlotNeed:
-    slot = Slot(forward=follower.slot.forward_m, right=follower.slot.right_m)
-    airspeed = conditions.slot_airspeed(mission.leader.airspeed_m_s, slot)
-    span = mission.vehicles[follower.vehicle].airspeed_range_m_s
-    return SlotNeed(index, follower, slot, float(airspeed.min()), float(airspeed.max()), span)
+def _need(mission: Mission, conditions: Conditions, follower: Follower) -> str | None:
+    """What a slot needs beyond what its vehicle can fly, in words; None where that can fly all of it."""
+    cruise = mission.leader.airspeed_m_s
+    if _flyable(mission, conditions, np.array([[cruise]]), follower).all():
+        return None
+    needed = conditions.slot_airspeed(cruise, follower.slot.of_guidance)
+    least, most = mission.vehicles[follower.vehicle].airspeed_range_m_s
+    return (
+        f"this slot needs {needed.min():.1f} to {needed.max():.1f} m/s of airspeed, "
+        f"'{follower.vehicle}' flies {least:g} to {most:g}"
+    )
 
 
-def _flyable(conditions: Conditions, airspeeds: FloatArray, need: SlotNeed) -> BoolArray:
+def _flyable(
+    mission: Mission, conditions: Conditions, airspeeds: FloatArray, follower: Follower
+) -> BoolArray:
     """Which leader airspeed (row) lets the follower keep its slot in which condition (column)."""
-    least, most = need.range_m_s
-    airspeed = conditions.slot_airspeed(airspeeds, need.slot)
+    least, most = mission.vehicles[follower.vehicle].airspeed_range_m_s
+    airspeed = conditions.slot_airspeed(airspeeds, follower.slot.of_guidance)
     return (airspeed >= least - TOLERANCE_M_S) & (airspeed <= most + TOLERANCE_M_S)
-
-
-def _misfit(mission: Mission, need: SlotNeed, given: tuple[float, float]) -> Finding:
-    slower, faster = given
-    changes = [
-        f"{amount:.1f} m/s {way}"
-        for amount, way in ((faster, "faster"), (slower, "slower"))
-        if amount > 0.0
-    ]
-    change = " and ".join(changes) or "a little"
-    if mission.controller.give_way:
-        message = f"{need.text}; the leader gives way by up to {change}"
-        remedy = "to keep the leader's airspeed, move the slot nearer to it or widen the turn"
-    else:
-        message = f"{need.text}, and will fall out of its slot"
-        remedy = (
-            f"set controller.give_way: true (the leader would fly up to {change}), or move the slot"
-        )
-    return Finding("warning", need.location, message, remedy)
 
 
 STEP_M = 5.0
@@ -439,18 +404,7 @@ def tracks(mission: Mission) -> Iterator[Track]:
     count = min(max(2, math.ceil(length / STEP_M)), MOST_STEPS)
     places = path.at(np.linspace(0.0, length, count))
     height = mission.height_above_origin_m + np.broadcast_to(places.height, (count,))
-    yield Track(mission.leader.vehicle, ("path",), places.north, places.east, height)
-    for index, follower in enumerate(mission.followers):
-        slot = follower.slot
-        forward, right = np.full(count, slot.forward_m), np.full(count, slot.right_m)
-        north, east = compose(forward, right, places.course)
-        yield Track(
-            follower.vehicle,
-            ("followers", index, "slot"),
-            places.north + north,
-            places.east + east,
-            height + slot.up_m,
-        )
+    return tracks_of(mission, places.north, places.east, places.course, height)
 
 
 def hold_tracks(
@@ -466,16 +420,22 @@ def hold_tracks(
         height: of the leader above the mission's origin, m.
     """
     count = max(8, math.ceil(math.tau * radius / STEP_M))
-    angle = np.linspace(0.0, math.tau, count, endpoint=False)
-    slots = [(mission.leader.vehicle, 0.0, 0.0, 0.0)]
-    slots += [
-        (one.vehicle, one.slot.forward_m, one.slot.right_m, one.slot.up_m)
-        for one in mission.followers
-    ]
-    for name, forward, right, up in slots:
-        ahead, inward = np.full(count, forward), np.full(count, right - radius)
-        along, across = compose(ahead, inward, angle)
-        yield Track(name, ("followers",), north + along, east + across, np.full(count, height + up))
+    course = np.linspace(0.0, math.tau, count, endpoint=False)
+    along, across = compose(np.zeros(count), np.full(count, -radius), course)
+    return tracks_of(mission, north + along, east + across, course, np.full(count, height))
+
+
+def tracks_of(
+    mission: Mission, north: FloatArray, east: FloatArray, course: FloatArray, height: FloatArray
+) -> Iterator[Track]:
+    """The track of a leader (m, rad), and that of each slot."""
+    yield Track(mission.leader.vehicle, ("path",), north, east, height)
+    for index, follower in enumerate(mission.followers):
+        slot = follower.slot
+        ahead = np.full(course.size, slot.forward_m)
+        along, across = compose(ahead, np.full(course.size, slot.right_m), course)
+        place = ("followers", index, "slot")
+        yield Track(follower.vehicle, place, north + along, east + across, height + slot.up_m)
 
 
 def beyond_the_fence(mission: Mission, conditions: Conditions) -> Iterator[Finding]:

@@ -16,6 +16,7 @@ from pydantic_core import PydanticCustomError
 
 from vfguide.formation.arrangement import MAIN_PATH, Point, Shape
 from vfguide.formation.orders import Order
+from vfguide.guidance.formation import Slot as GuidanceSlot
 from vfguide.mission.consistency import MAX_DEPUTIES, MAX_FOLLOWERS, completed, inconsistencies
 from vfguide.mission.controller import Controller, chosen_controller, controller_of
 from vfguide.mission.finding import Misfit, dotted, refuse
@@ -51,6 +52,11 @@ class Slot(Section):
 
     up_m: SlotOffset = 0.0
     """Above the leader, m; negative is below."""
+
+    @property
+    def of_guidance(self) -> GuidanceSlot:
+        """This place in the plane, standing still."""
+        return GuidanceSlot(forward=self.forward_m, right=self.right_m)
 
     @property
     def point(self) -> Point:
