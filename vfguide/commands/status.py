@@ -40,6 +40,10 @@ SILENT_S = 5.0
 """A companion that has not said for so long how it is counts as gone."""
 
 
+SILENT_TURNS = 2.5
+"""On a slow link, who is silent for more than two of its turns counts as gone."""
+
+
 @dataclass(slots=True)
 class HeardPresence:
     """What was heard of one vehicle."""
@@ -57,7 +61,8 @@ class Freshness:
 
     def __init__(self, silent_s: float = SILENT_S) -> None:
         """Begin with nobody heard; who says nothing for so long (s) is offline."""
-        self._silent_s = silent_s
+        self.silent_s = silent_s
+        """Who says nothing for longer (s) is offline."""
         self._heard: dict[str, HeardPresence] = {}
         self._before: dict[str, float] = {}
 
@@ -103,7 +108,7 @@ class Freshness:
             text = "not heard since the link was lost: it may be gone"
         elif not heard.again:
             text = f"nothing new of its companion in {now - heard.heard_s:.0f} s: it may be gone"
-        elif now - heard.heard_s > self._silent_s:
+        elif now - heard.heard_s > self.silent_s:
             text = f"its companion has been silent for {now - heard.heard_s:.0f} s"
         else:
             return presence
@@ -122,41 +127,35 @@ class Seen:
     """Whether none stands: then nothing is known of the vehicles."""
 
 
-class Lookout:
+class Lookout(Freshness):
     """Looks at what comes in by a link."""
 
-    def __init__(
-        self, link: Link, current: Mapping[str, Presence], *, silent_s: float = SILENT_S
-    ) -> None:
-        """Begin with nobody heard.
-
-        Args:
-            link: by which presences come in.
-            current: what each vehicle said last.
-            silent_s: who says nothing for so long (s) is offline.
-        """
+    def __init__(self, link: Link, current: Mapping[str, Presence]) -> None:
+        """Begin with nobody heard, by a link and what each vehicle said last by it."""
+        self.slowest_s = max(carrier.presence_s for carrier in link.carriers)
+        """Longest time between two words of a vehicle, s."""
+        super().__init__(max(SILENT_S, SILENT_TURNS * self.slowest_s))
         self._link = link
         self._current = current
-        self._freshness = Freshness(silent_s)
         self._losses = link.losses
 
     def look(self, now: float) -> None:
         """Take what has come in until now (s); often, or what was kept is taken for what was said."""
         if self._link.losses != self._losses:
             self._losses = self._link.losses
-            self._freshness.lose(self._current)
-        self._freshness.note(self._current, now)
+            self.lose(self._current)
+        self.note(self._current, now)
 
     @property
     def waits(self) -> bool:
         """Whether a vehicle was heard, and not again since."""
-        return bool(self._freshness.missing(self._current))
+        return bool(self.missing(self._current))
 
     def seen(self, now: float) -> Seen:
         """What is known now (s)."""
         self.look(now)
         return Seen(
-            found=self._freshness.judge(self._current, now),
+            found=self.judge(self._current, now),
             complaint=self._link.complaint(),
             deaf=not self._link.connected,
         )
@@ -164,9 +163,6 @@ class Lookout:
 
 LISTEN_S = 1.5
 """Long enough for a presence from everybody who lives."""
-
-SILENT_TURNS = 2.5
-"""On a slow link, who is silent for more than two of its turns counts as gone."""
 
 ARRIVAL_LOOK_S = 0.05
 """Interval at which what has come in is looked at."""
@@ -234,8 +230,8 @@ async def living_presences(watched: WatchedFormation) -> Seen:
     loop = asyncio.get_running_loop()
     async with watching(watched, random=Random()) as (link, current):
         check_connected(link)
-        lookout = lookout_of(link, current)
-        await first_words(link, lookout, asyncio.Event())
+        lookout = Lookout(link, current)
+        await first_words(lookout, asyncio.Event())
         check_connected(link)
         return lookout.seen(loop.time())
 
@@ -251,8 +247,8 @@ async def keep_showing(
     loop, ended = asyncio.get_running_loop(), stop_event()
     async with watching(watched, random=Random()) as (link, current):
         check_connected(link)
-        lookout = lookout_of(link, current)
-        await first_words(link, lookout, ended)
+        lookout = Lookout(link, current)
+        await first_words(lookout, ended)
         with Live(console=output, auto_refresh=False) as live:
             while not ended.is_set():
                 seen = lookout.seen(loop.time())
@@ -266,18 +262,10 @@ async def keep_showing(
                 await look_on(lookout, WATCH_S, ended)
 
 
-def lookout_of(link: Link, current: Mapping[str, Presence]) -> Lookout:
-    """On a slow link, silence is more than two of everybody's turns."""
-    slowest_s = max(carrier.presence_s for carrier in link.carriers)
-    return Lookout(link, current, silent_s=max(SILENT_S, SILENT_TURNS * slowest_s))
-
-
-async def first_words(link: Link, lookout: Lookout, ended: asyncio.Event) -> None:
+async def first_words(lookout: Lookout, ended: asyncio.Event) -> None:
     """Listen until everybody who lives should have been heard, and longer for the second word of some."""
     loop = asyncio.get_running_loop()
-    slowest_s = max(carrier.presence_s for carrier in link.carriers)
-    least_s = max(LISTEN_S, HEARD_SHARE * slowest_s)
-    longest_s = max(SILENT_S, SILENT_TURNS * slowest_s)
+    least_s, longest_s = max(LISTEN_S, HEARD_SHARE * lookout.slowest_s), lookout.silent_s
     began_s, passed_s = loop.time(), 0.0
     while not ended.is_set() and (passed_s < least_s or (lookout.waits and passed_s < longest_s)):
         await look_on(lookout, ARRIVAL_LOOK_S, ended)
