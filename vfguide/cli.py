@@ -53,6 +53,9 @@ COMMANDS = {
 }
 """The first line of each command's help; the module of its name has its options and does the work."""
 
+ELSEWHERE = {"emulate": "judge"}
+"""Commands that stand in the module of another."""
+
 
 class CommandGroup(TyperGroup):
     """The commands, each imported only when it is run: a daemon on an aircraft loads none of the others."""
@@ -159,7 +162,7 @@ def epilog(name: str) -> str | None:
 
 def loaded(name: str) -> Any:  # noqa: ANN401 - of Typer's own Click
     """A command with its options, or a group with its commands."""
-    command = getattr(import_module(f"vfguide.commands.{name}"), name)
+    command = getattr(import_module(f"vfguide.commands.{ELSEWHERE.get(name, name)}"), name)
     if not isinstance(command, typer.Typer):
         alone = typer.Typer(add_completion=False, rich_markup_mode=None)
         alone.command(name, epilog=epilog(name))(with_plugins(command))

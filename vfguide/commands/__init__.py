@@ -1,1 +1,1 @@
-"""What the command line does, one file for each command."""
+"""What the command line does, by command."""

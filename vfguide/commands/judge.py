@@ -1,14 +1,15 @@
-"""`vfguide judge`: a flight whose programs run somewhere else, as in containers."""
+"""`vfguide judge` and `emulate`: a flight whose programs run somewhere else, as in containers."""
 
 import asyncio
+import os
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, NoReturn
 
 import typer
 
-from vfguide.commands.credentials import KeyFiles, watched_formation
+from vfguide.commands.credentials import KeyFiles, check_flies, watched_formation
 from vfguide.commands.fly import KeptFlight
 from vfguide.commands.options import (
     AsJson,
@@ -18,18 +19,20 @@ from vfguide.commands.options import (
     KeyFile,
     LinkUrls,
     MissionFile,
+    MissionOption,
     RosterFile,
     Speedup,
+    VehicleName,
     in_directory,
 )
 from vfguide.commands.terminal import Terminal, flight_progress, stopped_by_signals
 from vfguide.errors import InputError
-from vfguide.lab.rehearsal.live import WatchedFlight, watched_flight
+from vfguide.lab.rehearsal.live import WatchedFlight, await_start, watched_flight
 from vfguide.lab.rehearsal.lockstep import LockstepFlight
 from vfguide.mavlink.address import NetworkAddress, Transport, parse_address
 from vfguide.mission import read_mission
 from vfguide.mission.overrides import Overrides
-from vfguide.system import run_watching_sockets
+from vfguide.system import require_linux, run_watching_sockets
 
 RECORD_LOOK_S = 0.2
 """Real time between looks at the flight."""
@@ -116,3 +119,48 @@ def truth_port(text: str) -> tuple[str, int]:
     if not isinstance(address, NetworkAddress) or address.transport != Transport.UDP_IN:
         raise InputError(f"--truth: {text!r} is not udpin://HOST:PORT")
     return address.host, address.port
+
+
+PATIENCE_S = 180.0
+"""Real time that a judge may take to start the flight."""
+
+
+def emulate(
+    vehicle: VehicleName,
+    *,
+    mission: MissionOption,
+    mavlink: Annotated[
+        str, typer.Option(metavar="URL", help="Its companion, such as udpin://0.0.0.0:14540.")
+    ],
+    truth: Annotated[
+        str, typer.Option(metavar="URL", help="The judge of true states: udpout://HOST:PORT.")
+    ],
+    start: Annotated[
+        Path, typer.Option(metavar="FILE", help="Where the judge writes when to begin.")
+    ],
+    speedup: Speedup = 1.0,
+) -> NoReturn:
+    """Emulate one aircraft of a mission, in its place and wind, when `vfguide judge` says so.
+
+    Exit status: as `sitl-stub`, which it becomes; 2 the input is wrong, 3 the start did not come.
+    """
+    # Here, because an aircraft's computer has no library that counts what processes take.
+    from vfguide.lab.rehearsal.live import emulator_command
+
+    require_linux("vfguide emulate")
+    flown = read_mission(mission).mission
+    check_flies(flown, vehicle)
+    epoch_s = await_start(start, patience_s=PATIENCE_S)
+    # In memory: a container's file system may be read-only. The emulator inherits what is open.
+    file = os.memfd_create("emulator", 0)
+    command = emulator_command(
+        flown,
+        vehicle,
+        file=f"/proc/self/fd/{file}",
+        mavlink=mavlink,
+        truth=truth,
+        epoch_s=epoch_s,
+        speedup=speedup,
+    )
+    # The emulator takes this process over: it knows nothing of missions, and needs none of their memory.
+    os.execv(command[0], command)  # noqa: S606
