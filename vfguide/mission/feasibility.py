@@ -10,7 +10,7 @@ kinematics as those of the study in docs/accuracy.md.
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from itertools import combinations
+from itertools import combinations, permutations
 
 import numpy as np
 
@@ -182,28 +182,16 @@ def effective_layer(controller: Controller, period: float) -> float:
     )
 
 
-def layer_crossing(kappa: float, layer: float, *, period: float, delay: float) -> float:
-    """Boundary layers that the law crosses before it sees the result: kappa (dt + delay) / epsilon.
-
-    Above 2 the error changes sign by more than its size at every step: a limit cycle.
-
-    Args:
-        kappa: rad/s.
-        layer: epsilon, rad.
-        period: dt, s.
-        delay: from measurement to effect, s.
-    """
-    return kappa * (period + delay) / layer
-
-
 def loop_too_slow(mission: Mission) -> Iterator[Finding]:
-    """A loop that chatters, or one whose boundary layer makes it soft."""
+    """A loop that chatters, or one whose boundary layer makes it soft.
+
+    The law crosses kappa (dt + delay) / epsilon boundary layers before it sees the result. Above 2 the error
+    changes sign by more than its size at every step: a limit cycle.
+    """
     controller = mission.controller
     rate = mission.rehearsal.rate_hz
     layer = effective_layer(controller, 1.0 / rate)
-    crossing = layer_crossing(
-        controller.kappa, layer, period=1.0 / rate, delay=controller.loop_delay_s
-    )
+    crossing = controller.kappa * (1.0 / rate + controller.loop_delay_s) / layer
     if crossing > RESTLESS:
         word = "limit-cycles" if crossing > LIMIT_CYCLE else "is restless"
         message = (
@@ -448,20 +436,8 @@ def losses_after_the_end(mission: Mission) -> Iterator[Finding]:
             yield Finding("warning", ("rehearsal", "losses", index), message, remedy)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Guarantee:
-    """The pair of vehicles that could come nearest, in space."""
-
-    distance_m: float
-    """How near."""
-    own: str
-    """The vehicle that keeps clear."""
-    other: str
-    """The vehicle that leaves its place."""
-
-
-def least_guarantee(mission: Mission) -> Guarantee | None:
-    """The least distance that is kept from a vehicle that leaves its slot; None for a single vehicle.
+def least_guarantee(mission: Mission) -> tuple[float, str, str] | None:
+    """The least distance (m) that one vehicle keeps from another that leaves its slot; None for a single one.
 
     Heights of slots are kept meanwhile: the distance in space is that in the plane and that of the heights.
     """
@@ -470,18 +446,14 @@ def least_guarantee(mission: Mission) -> Guarantee | None:
         places[follower.vehicle] = complex(follower.slot.forward_m, follower.slot.right_m)
         heights[follower.vehicle] = follower.slot.up_m
     found = [
-        Guarantee(
-            distance_m=math.hypot(
-                kept_from(mission, own, places, other), heights[own] - heights[other]
-            ),
-            own=own,
-            other=other,
+        (
+            math.hypot(kept_from(mission, own, places, other), heights[own] - heights[other]),
+            own,
+            other,
         )
-        for own in places
-        for other in places
-        if own != other
+        for own, other in permutations(places, 2)
     ]
-    return min(found, key=lambda one: one.distance_m, default=None)
+    return min(found, key=lambda one: one[0], default=None)
 
 
 def kept_from(mission: Mission, own: str, places: dict[str, complex], other: str) -> float:
@@ -538,11 +510,12 @@ def distance_kept_from_strays(mission: Mission, conditions: Conditions) -> Itera
     least = least_guarantee(mission)
     if least is None:
         return
+    distance_m, own, other = least
     what = (
-        f"should '{least.other}' leave its place in one turn at its bank limit, '{least.own}' can stay "
-        f"{least.distance_m:.0f} m clear of it"
+        f"should '{other}' leave its place in one turn at its bank limit, '{own}' can stay "
+        f"{distance_m:.0f} m clear of it"
     )
-    if least.distance_m >= PROMISED_M:
+    if distance_m >= PROMISED_M:
         yield Finding(
             "note",
             ("followers",),

@@ -217,10 +217,23 @@ def climbs_beyond_limits(mission: Mission, conditions: Conditions) -> Iterator[F
     rates = conditions.ground_speed(mission.leader.airspeed_m_s) * conditions.slope
     climb, sink = float(np.max(rates, initial=0.0)), float(-np.min(rates, initial=0.0))
     names = {mission.leader.vehicle, *mission.followers_by_name} & set(mission.vehicles)
+    remedy = "make the path climb less steeply, or fly slower"
     for name in sorted(names):
         lowest, highest = mission.vehicles[name].climb_range_m_s
         for needed, limit, doing in ((climb, highest, "climbs"), (sink, -lowest, "descends")):
-            yield from _finding(mission, name, needed, limit, doing)
+            location = ("vehicles", name, "climb_range_m_s")
+            what = f"the path {doing} at up to {needed:.1f} m/s"
+            excess = GRAVITY * (limit - needed) / mission.leader.airspeed_m_s
+            if needed > limit:
+                message = f"{what}, '{name}' at {limit:g} at most"
+                yield Finding("error", location, message, remedy)
+            elif needed > 0.0 and excess < EXCESS_M_S2:
+                change = "faster" if doing == "climbs" else "slower"
+                message = (
+                    f"{what}, which leaves '{name}' {excess:.2f} m/s² to fly {change} for its slot:"
+                    " its height will give way to that"
+                )
+                yield Finding("warning", location, message, remedy)
 
 
 def climb_limits(mission: Mission) -> ClimbLimits:
@@ -243,30 +256,6 @@ def lowest_of_the_path(mission: Mission, conditions: Conditions) -> Iterator[Fin
             ("path",),
             f"it leads the lowest vehicle {-height:.0f} m below the origin",
             "raise the lowest height of the path, or height_above_origin_m",
-        )
-
-
-def _finding(
-    mission: Mission, name: str, needed: float, limit: float, doing: str
-) -> Iterator[Finding]:
-    """What to say of one vehicle that climbs or descends at a rate (m/s), and of its limit."""
-    if needed <= 0.0:
-        return
-    location = ("vehicles", name, "climb_range_m_s")
-    remedy = "make the path climb less steeply, or fly slower"
-    what = f"the path {doing} at up to {needed:.1f} m/s"
-    if needed > limit:
-        yield Finding("error", location, f"{what}, '{name}' at {limit:g} at most", remedy)
-        return
-    excess = GRAVITY * (limit - needed) / mission.leader.airspeed_m_s
-    if excess < EXCESS_M_S2:
-        change = "faster" if doing == "climbs" else "slower"
-        yield Finding(
-            "warning",
-            location,
-            f"{what}, which leaves '{name}' {excess:.2f} m/s² to fly {change} for its slot: its height will"
-            " give way to that",
-            remedy,
         )
 
 

@@ -1,7 +1,7 @@
 """What a mission says of orders: its first formation, how fast slots may move, its time table."""
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -173,11 +173,13 @@ def resolve(
     after = {place.vehicle: place.end for place in found.places}
     ordered = with_slots(mission, after)
     checks = OF_SLOTS if order.path is None else OF_PATHS
-    for finding in (
-        *_misfits(ordered, conditions, checks),
-        *_outside(ordered, found.circle, hold_height(mission, leader)),
-    ):
-        raise RefusedOrderError(f"{_whose(finding, ordered)}{finding.message}; {finding.remedy}")
+    findings = [one for check in checks for one in check(ordered, conditions)]
+    findings += _outside(ordered, found.circle, hold_height(mission, leader))
+    for finding in findings:
+        if finding.severity == "error":
+            raise RefusedOrderError(
+                f"{_whose(finding, ordered)}{finding.message}; {finding.remedy}"
+            )
     if order.path is not None:
         radius = max(least_radius(ordered.model_dump()), LEAST_TURN_M)
     slots = {name: [point] for name, point in after.items()}
@@ -383,7 +385,7 @@ def _whose(finding: Finding, mission: Mission) -> str:
 
 
 def _outside(mission: Mission, circle: HoldCircle | None, height: float) -> Iterator[Finding]:
-    """Vehicles that would leave the fence: along the path, or on the circle of a hold at a height (m)."""
+    """Vehicles at the fence: along the path, or on the circle of a hold at a height (m)."""
 
     def flown(ordered: Mission) -> Iterable[Track]:
         if circle is None:
@@ -393,16 +395,4 @@ def _outside(mission: Mission, circle: HoldCircle | None, height: float) -> Iter
         north, east = frame.to_local(circle.latitude_deg, circle.longitude_deg)
         return hold_tracks(ordered, north, east, circle.radius_m, height)
 
-    for finding in tracks_beyond_the_fence(mission, flown):
-        if finding.severity == "error":
-            yield finding
-
-
-def _misfits(
-    mission: Mission, conditions: Conditions, checks: Sequence[Check]
-) -> Iterator[Finding]:
-    """What keeps the formation from being flown, whatever is done."""
-    for check in checks:
-        for finding in check(mission, conditions):
-            if finding.severity == "error":
-                yield finding
+    return tracks_beyond_the_fence(mission, flown)

@@ -11,7 +11,6 @@ from vfguide.laws.field import error_for_correction
 from vfguide.mission import Finding, Mission, check_mission
 from vfguide.mission.feasibility import (
     effective_layer,
-    layer_crossing,
     least_guarantee,
     mean_leader_age,
 )
@@ -135,9 +134,8 @@ def test_a_field_that_outturns_the_leader_is_a_warning_with_a_gain_that_does_not
 
 def test_the_default_gains_fit_a_loop_of_twenty_hertz():
     controller = mission("line-calm").controller
-    layer = effective_layer(controller, 0.05)
-    assert layer == pytest.approx(0.525)
-    assert layer_crossing(3.0, layer, period=0.05, delay=0.0) == pytest.approx(1.0 / 3.5)
+    # 3 1/s * 0.05 s / 0.525 = 1 / 3.5 boundary layers in a step.
+    assert effective_layer(controller, 0.05) == pytest.approx(0.525)
 
 
 def test_a_turn_on_which_the_articles_field_falls_short_of_the_slots_motion_is_a_warning():
@@ -200,7 +198,7 @@ def test_slots_above_each_other_are_as_far_apart_as_their_heights(up_m, least_m)
     second["slot"] = {**first["slot"], "up_m": first["slot"].get("up_m", 0.0) + up_m}
     least = least_guarantee(replaced(flown, followers=[first, second, *others]))
     assert least is not None
-    assert least.distance_m == pytest.approx(least_m, abs=0.6)
+    assert least[0] == pytest.approx(least_m, abs=0.6)
 
 
 def test_a_loss_after_the_end_of_the_rehearsal_is_a_warning():
