@@ -1,4 +1,4 @@
-"""The paths that leaders follow: one file for each kind, and what a path of one's own is made of."""
+"""The paths that leaders follow, and what a path of one's own is made of."""
 
 from vfguide.guidance.path import Path, PathPlace, PathPoint
 from vfguide.mission.flight_path import PathShape
