@@ -148,6 +148,16 @@ def test_blind_the_filter_finds_the_ground_speed_from_positions(track):
     assert miss(state, truth) < 1e-3
 
 
+def test_blind_the_course_is_the_reported_one():
+    report = replace(
+        steady_wind(PERIOD), velocity_north=5.0 * math.cos(1.0), velocity_east=5.0 * math.sin(1.0)
+    )
+    state = navigate_blind(first_state(steady_wind(0.0)), report, TIMES)
+    # the positions are those of the course 0.368 rad, and so is the speed
+    assert state.course == pytest.approx(1.0)
+    assert state.ground_speed == pytest.approx(23.0502, abs=1e-4)
+
+
 def test_blind_the_wind_and_its_rate_are_found_too():
     state = run(with_wrong_speed(growing_wind), 12.0, step=navigate_blind)[-1]
     assert state.wind_north == pytest.approx(5.0 + 0.8 * 12.0, abs=0.01)
