@@ -195,6 +195,15 @@ class Arrangements:
         }
         return agreed_number(heard, self.coordinator, lone=lone and len(self._names) == 2)
 
+    def _newest_flown(self, now: float) -> int:
+        """Number of the newest order that counts as flown once it is heard as its operator signed it.
+
+        Also the one that the mission's leader alone carries while a deputy leads: flown in another part.
+        A number without an order stops nobody, see `_newest`.
+        """
+        said, _, heard_s = self._numbers.get(self._leader, (0, False, -math.inf))
+        return max(self._newest(now), said if now - heard_s <= HEARD_S else 0)
+
     def _expects(self, number: int, now: float) -> bool:
         """Whether an order of this number or a later one was agreed to, and its time has not come."""
         order = self._next
@@ -419,7 +428,7 @@ class Arrangements:
         order = given.arrangement
         if self.flight.called_off is not None and order.flown is not Manoeuvre.ABORT:
             return False
-        flying = self._newest(now) == order.number
+        flying = self._newest_flown(now) == order.number
         due = order.flown is Manoeuvre.ABORT or given.begins(self.flight.shared_time(now))
         newer = self.flight.order is None or order.number > self.flight.order.arrangement.number
         return flying and due and newer

@@ -115,6 +115,34 @@ class PartedFormation(RuleBasedStateMachine):
         assert set(self.formation.flown.values()) <= {0, *range(1, self.number + 1)}
 
 
+def test_what_the_leader_flies_is_taken_up_by_a_part_that_a_deputy_leads():
+    """The leader flew it with f1 alone, and comes to f2 and f3, which f2 has led meanwhile and leads on."""
+    parts = parts_of((0, 0, 1, 1))
+
+    def lost(kind: str, sender: str, receiver: str, now: float) -> bool:
+        del now
+        if kind == "order":
+            return receiver in parts[1]
+        return not any({sender, receiver} <= part for part in parts)
+
+    formation = begun(lost=lost)
+    farther = Point(1.5 * SLOTS["f1"].forward, SLOTS["f1"].right, 0.0)
+    order = order_of(
+        *moves({**SLOTS, "f1": farther}),
+        number=8,
+        time_s=formation.now + LEAD_S,
+        across_s=3.0,
+    )
+    formation.give(order)
+    formation.run(formation.now + LEAD_S + 2.0)
+    assert formation.flown == {"leader": 8, "f1": 8, "f2": 0, "f3": 0}
+    parts = parts_of((0, 1, 0, 0))
+    for name in parts[0]:
+        formation.members[name].coordinator = "f2"
+    formation.run(formation.now + TOGETHER_S)
+    assert set(formation.flown.values()) == {8}
+
+
 TestPartedFormation = PartedFormation.TestCase
 TestPartedFormation.settings = settings(
     derandomize=True,
