@@ -1,6 +1,7 @@
 """Studies of `vfguide bench` as rows of docs/results."""
 
 from itertools import product
+from pathlib import Path
 from typing import Any
 
 from tests.benchmarks.results import Cases
@@ -10,11 +11,17 @@ from vfguide.lab.studies.flown import MISSIONS, executor_on, flown_by, fly
 from vfguide.lab.studies.latency import run_latency
 from vfguide.lab.studies.scale import RATES_HZ, SIZES, RadioCase, fly_radio, measure_all, step_costs
 from vfguide.lab.studies.suite import fly_scenario, means
+from vfguide.registry import use_plugins
 from vfguide.suite import numbers
 
 NO_RADIO = "no radio, 0.1 s late"
 
 LAWS = ("slot", "pid", "mpc")
+
+OWN_LAW = Path(__file__).parents[2] / "examples" / "own_law.py"
+"""Holds the law `pursuit`."""
+
+SUITE_LAWS = ("slot", "pid", "article", "pursuit", "mpc")
 
 ARTICLE_M = {"line-calm": 0.85, "line-wind": 2.31, "circle-calm": 1.12, "circle-wind": 2.97}
 """Errors that the article claims, m."""
@@ -128,10 +135,16 @@ def radio() -> Cases:
 
 
 def suite() -> Cases:
-    """Fly the hundred scenarios of the suite."""
-    tasks = [(one, law) for one in numbers() for law in ("slot", "pid")]
-    with executor_on() as executor:
-        found = means(list(flown_by(executor, fly_scenario, tasks)))
+    """Fly the hundred scenarios of the suite by each law, one law after the other."""
+    use_plugins([OWN_LAW])
+    for law in SUITE_LAWS:
+        with executor_on() as executor:
+            flights = list(flown_by(executor, fly_scenario, [(one, law) for one in numbers()]))
+        yield law, suite_figures(means(flights)[law])
+
+
+def suite_figures(found: dict[str, Any]) -> dict[str, Any]:
+    """Return the figures of a law as rows have them."""
     keys = {
         "score": "score",
         "mean_error_m": "flown_m",
@@ -140,8 +153,7 @@ def suite() -> Cases:
         "effort_m_s2": "effort_m_s2",
         "roll_deg_s": "roll_deg_s",
     }
-    for law, one in found.items():
-        figures: dict[str, Any] = {key: one[key] for key in ("nearest_m", "flights", "failed")}
-        for name, key in keys.items():
-            figures |= {key: one[name]["mean"], f"{key}_half": one[name]["half_width"]}
-        yield law, figures | {"limited_percent": 100.0 * one["limited"]["mean"]}
+    figures: dict[str, Any] = {key: found[key] for key in ("nearest_m", "flights", "failed")}
+    for name, key in keys.items():
+        figures |= {key: found[name]["mean"], f"{key}_half": found[name]["half_width"]}
+    return figures | {"limited_percent": 100.0 * found["limited"]["mean"]}
