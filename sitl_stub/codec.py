@@ -213,7 +213,7 @@ class EmulatorCodec:
         return heard
 
     def _messages(self, data: bytes) -> Iterator[tuple[bytes, MAVLink_message]]:
-        """The frames of a datagram, which holds whole ones, with their messages; what is none is counted.
+        """Yield each whole frame of a datagram with its message; count the bytes that are no frame.
 
         pymavlink's own parser also takes frames in pieces, byte by byte, and costs twice as much.
         """

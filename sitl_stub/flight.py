@@ -40,7 +40,7 @@ class AutopilotMode(msgspec.Struct, frozen=True):
     """Obeys commands; turns at a constant bank; keeps the course it had at entry; circles around the
     place of its entry, or around home; climbs, from the ground if need be, and then loiters.
 
-    PX4's Guided Course keeps the course of its entry until it is told another.
+    PX4's Guided Course keeps the course it was entered with until it is commanded another.
     Neither AUTO nor a pilot's mode has a mission or a stick here, so they fly straight on.
     """
 

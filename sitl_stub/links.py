@@ -446,4 +446,4 @@ class BadLink:
 
 
 Emulated = Autopilot | BadLink
-"""What can be served: an autopilot, or one behind a bad link."""
+"""Autopilot to be served, by itself or behind a lossy link."""

@@ -27,7 +27,7 @@ class PlantParameters(msgspec.Struct, frozen=True, kw_only=True):
     """Which model flies: see `plant`."""
 
     options: tuple[tuple[str, float], ...] = ()
-    """Numbers of a model of one's own, by name."""
+    """Parameters of a user's plant, by name."""
 
     alpha_1_s: float = 1.2
     """Gain of the course or heading hold: 1 / time constant."""

@@ -59,7 +59,7 @@ class ReportedInstant(msgspec.Struct, frozen=True):
     """What it started with."""
 
     measured: Measurement
-    """What its sensors say."""
+    """Readings of its sensors."""
 
     personality: Personality
     """Which autopilot speaks."""

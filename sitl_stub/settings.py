@@ -64,7 +64,7 @@ def parse_wind(value: object) -> Wind:
     m/s, and degrees clockwise from north in the direction in which the air moves.
 
     Raises:
-        OptionError: it is none of these.
+        OptionError: the value is not a wind.
     """
     if isinstance(value, Mapping):
         numbers = f":{value.get('speed_m_s')},{value.get('toward_deg')}"

@@ -533,16 +533,7 @@ SENSES = st.sampled_from([-1, 0, 1])
 
 @given(st.floats(-10.0, 10.0), SENSES, SENSES, st.booleans())
 def test_two_that_see_each_other_alike_never_go_to_the_same_side(above, sense, other, under):
-    here = Obstacle(
-        name="f2",
-        least_m=7.0,
-        least_up_m=7.0,
-        altitude_amsl=600.0,
-        climb_rate=0.0,
-        under=under,
-        makes_room=True,
-        sense=other,
-    )
+    here = replace(LOST, over_m=0.0, makes_room=True, under=under, sense=other)
     there = replace(here, name="f1", under=not under, sense=sense)
     assert goes_over(here, above, sense) is not goes_over(there, -above, other)
 
