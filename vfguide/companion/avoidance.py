@@ -68,10 +68,7 @@ INSISTS_S = 0.15
 """See `ROOM_M`."""
 
 HELD_OFF_S = 4.0
-"""Two that keep each other from their slots so long pass at two heights: the later in the mission climbs."""
-
-WAITS = 3.0
-"""So many times as long the other one waits before it descends: the first may be one that takes no height."""
+"""Two that keep each other from their slots so long pass at two heights."""
 
 LETS_GO_S = 1.0
 """Who was not held off for so long is not held off any more."""
@@ -228,7 +225,7 @@ class KeepClear:
         near = those[int(clear.wanted_nearest.argmin())]
         cramped = self._is_tight(room_m, state.time_s)
         held = clear.changed and near.makes_room and aim.leader is not None
-        tight = self._is_held_off(near, aim, state.time_s, held=held) or cramped
+        tight = self._is_held_off(aim, state.time_s, held=held) or cramped
         if tight or not over:
             self._stepped_s = state.time_s if tight else self._stepped_s
             flown = clear if cramped else None
@@ -380,14 +377,14 @@ class KeepClear:
         self._tight_since = min(self._tight_since, now)
         return room_m < LITTLE_ROOM_M or now - self._tight_since >= INSISTS_S
 
-    def _is_held_off(self, near: Obstacle, aim: Intent, now: float, *, held: bool) -> bool:
+    def _is_held_off(self, aim: Intent, now: float, *, held: bool) -> bool:
         """Whether two have stood in each other's way for so long that this one is to leave its height."""
         if not held or aim.astray <= ASTRAY_M:
             return False
         if now - self._held_s > LETS_GO_S:
             self._held_since_s = now
         self._held_s = now
-        return now - self._held_since_s >= HELD_OFF_S * (1.0 if near.under else WAITS)
+        return now - self._held_since_s >= HELD_OFF_S
 
     def _height_for(
         self,
