@@ -2,11 +2,12 @@
 
 import cmath
 import math
+from collections import Counter
 
 import msgspec
 
-from vfguide.companion.alerts import Alerts
-from vfguide.companion.distrust import AirspeedGate
+from vfguide.companion.alerts import QUIET_S, Alerts
+from vfguide.companion.belief import Belief
 from vfguide.companion.plan import FlightPlan
 from vfguide.elementwise import low_pass, wrap_angle
 from vfguide.guidance.air_data import (
@@ -17,7 +18,8 @@ from vfguide.guidance.air_data import (
     calibration_of,
     learned,
 )
-from vfguide.guidance.airframe import polar
+from vfguide.guidance.airframe import coordinated_turn_rate, polar
+from vfguide.mavlink.announcements import WARNING
 from vfguide.mavlink.reports import AirspeedReport, PositionReport
 from vfguide.state import VehicleState
 
@@ -61,16 +63,20 @@ class ReportedAirData(msgspec.Struct, frozen=True, kw_only=True):
 class AirMotion:
     """What one vehicle's airspeed, bank and heading reports say, and the calibration of its airspeed."""
 
-    def __init__(self, plan: FlightPlan, alerts: Alerts | None = None, *, calibrates: bool) -> None:
+    def __init__(
+        self, plan: FlightPlan, belief: Belief, alerts: Alerts, *, calibrates: bool
+    ) -> None:
         """Make one that has heard nothing yet.
 
         Args:
             plan: the vehicle's part of the mission.
+            belief: which airspeeds can be true.
             alerts: takes what a pilot should know.
             calibrates: whether its setpoints are airspeeds, whose scale has to be learned.
         """
-        self.gate = AirspeedGate(plan.airframe, alerts)
-        """Which airspeeds can be true."""
+        self._belief, self._alerts = belief, alerts
+        self.counters: Counter[str] = Counter()
+        """Airspeeds that were not believed."""
         self.by_nose, self.by_path = TurnEfficiency(), TurnEfficiency()
         """What it turns of what its bank says, by two witnesses."""
         self._velocity = 0j
@@ -86,6 +92,7 @@ class AirMotion:
         self._second_heading: float | None = None
         self._witness: tuple[float, float] | None = None
         self._witness_before: tuple[float, float] | None = None
+        self._witness_s = -math.inf
         self._turn_rate = 0.0
         self.retune(plan)
 
@@ -114,28 +121,51 @@ class AirMotion:
         Args:
             report: of both.
             now: s.
-            known: state of the vehicle, by which it is judged; None while that is not believed.
+            known: state of the vehicle, by which it is judged; None while not known.
         """
         expected = None if known is None else known.airspeed / self.calibration.scale
         self._second_heading = report.heading
-        if self.gate.passes(report.airspeed, expected, now):
+        fault = self._belief.take_airspeed(report.airspeed, expected, now)
+        if fault is not None:
+            self.counters["airspeed not believed"] += 1
+            text = f"{fault}: flown by the wind known before; check the airspeed sensor"
+            self._alerts.say("airspeed", WARNING, text, quiet_s=QUIET_S)
+        if not self._belief.airspeed.doubted:
             self._airspeed, self._airspeed_time = report.airspeed, now
 
-    def velocity(self, report: PositionReport, now: float) -> tuple[float, float] | None:
-        """Velocity (north, east) through the air at a report, m/s; None where heading or airspeed is unknown.
+    def velocity(
+        self, report: PositionReport, known: VehicleState | None, now: float
+    ) -> tuple[float, float] | None:
+        """Velocity (north, east) through the air at a report, m/s; None where nothing shows it.
 
-        A heading that is repeated to the digit is replaced by the one that comes with airspeeds.
+        A heading that is repeated to the digit, or missing, is replaced by the one that comes with airspeeds,
+        or by the former one as the bank has turned it since. An old airspeed is replaced by the known one.
+
+        Args:
+            report: of the position.
+            known: state of the vehicle before it; None while not known.
+            now: s.
         """
-        if report.heading is None or now - self._airspeed_time > AIRSPEED_FRESH_S:
-            self._witness = None
+        before, self._witness_before, self._witness = self._witness, self._witness, None
+        passed_s, self._witness_s = now - self._witness_s, now
+        airspeed = self.calibration.scale * self._airspeed
+        if now - self._airspeed_time > AIRSPEED_FRESH_S:
+            if known is None or math.isinf(self._airspeed_time):
+                return None
+            airspeed = known.airspeed
+        airspeed = max(airspeed, LEAST_AIRSPEED)
+        heading, second, bank = report.heading, self._second_heading, self.fresh_bank(now)
+        if heading is None or heading == self._nose:
+            if second is not None:
+                off = math.inf if heading is None else abs(wrap_angle(second - heading))
+                heading = second if off > HEADING_ROUNDING else heading
+            elif before is not None and bank is not None:
+                turn_rate = self.turn_efficiency.value * coordinated_turn_rate(bank, airspeed)
+                heading = wrap_angle(before[0] + turn_rate * passed_s)
+        if heading is None:
             return None
-        heading, second = report.heading, self._second_heading
-        if second is not None and heading == self._nose:
-            off = wrap_angle(second - heading)
-            heading += off if abs(off) > HEADING_ROUNDING else 0.0
-        self._witness_before = self._witness
-        self._witness = heading, max(self.calibration.scale * self._airspeed, LEAST_AIRSPEED)
-        return polar(self._witness[1], heading)
+        self._witness = heading, airspeed
+        return polar(airspeed, heading)
 
     def carried_on(self, known: VehicleState) -> tuple[float, float]:
         """(heading in rad, true airspeed in m/s) of a vehicle that has turned as its nose has."""

@@ -113,6 +113,7 @@ class Alerts:
         self._counts: Counter[str] = Counter()
         self._quiet_until: OrderedDict[str, float] = OrderedDict()
         self._rooms: dict[str, Room] = {}
+        self._holding: set[str] = set()
         self._change: str | None = None
         self._sent_s = self._changed_s = -math.inf
         self._number = 0
@@ -143,6 +144,13 @@ class Alerts:
         self._counts[alert.kind] += 1
         if self._counts[alert.kind] <= MOST_SAID:
             self._said.append(alert)
+
+    def turns(self, what: str, *, holds: bool) -> bool:
+        """Note whether something holds; whether that has changed, so that it is worth a text."""
+        changed = holds is not (what in self._holding)
+        if changed:
+            self._holding.symmetric_difference_update((what,))
+        return changed
 
     def show_mode(self, text: str) -> None:
         """Send a change of mode to the pilot; one that still waits is out of date."""

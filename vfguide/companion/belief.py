@@ -27,8 +27,19 @@ from enum import Enum
 import msgspec
 from msgspec.structs import replace
 
+from vfguide.companion.witnesses import (
+    CARRY_ERROR_M_S,
+    MOVING_M_S,
+    RETURN_S,
+    HeightBelief,
+    OwnWord,
+    Repeats,
+    Witness,
+)
 from vfguide.guidance.navigation import (
+    LEAN_S,
     UNBROKEN_S,
+    UNDERSPEED,
     VELOCITY_TOLERANCE_M_S,
     Reach,
     ReportedMotion,
@@ -38,12 +49,6 @@ from vfguide.guidance.navigation import (
 )
 from vfguide.transitions import transitions
 
-START_S = 0.4
-"""Reports that contradict a place that has only just been believed have to agree for at least this."""
-
-RETURN_S = 2.0
-"""Reports that come back to the carried place are believed after having agreed with each other for this."""
-
 MOVED_S = 5.0
 """Reports that stay elsewhere are believed after having agreed with each other for so long: longer than a
 receiver's glitches of some seconds last."""
@@ -51,9 +56,6 @@ receiver's glitches of some seconds last."""
 STAYED_S = 30.0
 """The same for one's own vehicle, which flies by them: by then it has been handed to its autopilot, and its
 pilot knows."""
-
-BRIEF_S = 0.5
-"""After less than this of wrong reports, right ones are believed at once: a frame or two were forged."""
 
 LEAST_TOLERANCE_M = 4.0
 """Innovations below this are never a fault: an estimator may correct itself by as much."""
@@ -64,41 +66,9 @@ NOISE_FACTOR = 6.0
 EXPECTED_NOISE_M = 0.7
 """Standard deviation, per axis, that is assumed before anything is known."""
 
-GREATEST_NOISE_M = 3.0
-"""More noise than this makes no report more credible."""
-
-NOISE_S = 10.0
-"""Memory of the noise."""
-
-STOOD_S = 0.3
-"""After a longer gap an autopilot may have been stopped."""
-
-REPEATED_S = 0.12
-"""What is repeated to the digit for longer is no evidence: no estimator of an aircraft is as slow."""
-
-REPEATED_COUNT = 2
-"""Times that it has to be repeated for that: links say a thing twice."""
-
-REPEATED_M = 1.0
-"""And the aircraft must have moved by so much meanwhile, a hundred times the digit."""
-
-TURNED_M_S = 0.5
-"""A velocity is not repeated to the digit while the air velocity changes by this, five times its noise."""
-
-PARTED_M, PARTED_SIGMAS = 0.3, 3.0
-"""And while positions leave the way that it leads, by this and as many standard deviations."""
-
-CARRY_ERROR_M_S = 0.5
-"""How fast a place that is carried by velocities may leave the true one: recorded ones do by 0.3 m/s."""
-
 AIR_ERROR_M_S = 2.0
-"""How fast one that is carried through the air may: in gusts, and in a wind that swings, 4 m in 2 s."""
-
-WIND_CHANGE_M_S2 = 2.0
-"""How fast the wind changes, in gusts."""
-
-MOVING_M_S = 5.0
-"""A slower velocity is no witness of flight."""
+"""How fast a place that is carried through the air may leave the true one: in gusts, 4 m in 2 s. By as much
+the wind changes in each second."""
 
 STANDS = "position and velocity do not change in flight"
 """Reason for what is repeated to the digit."""
@@ -106,11 +76,14 @@ STANDS = "position and velocity do not change in flight"
 SPACING_SHARE = 0.25
 """Part of the spacing that a place may be off by: two that are off toward each other keep half of it."""
 
-LEAST_RADIUS_M, GREATEST_RADIUS_M = 4.0, 7.0
-"""Bounds of that: what noise alone may come to, and what is over before reports that stay are believed."""
+GREATEST_RADIUS_M = 7.0
+"""Most of that: what is over before reports that stay are believed."""
 
 RADIUS_SIGMAS = 2.45
 """95 % of a circular normal distribution, in standard deviations of an axis."""
+
+GREATEST_NOISE_M = GREATEST_RADIUS_M / RADIUS_SIGMAS
+"""More noise than this makes no report more credible: nothing could be steered by."""
 
 
 class Life(Enum):
@@ -190,7 +163,7 @@ class Believed(msgspec.Struct, frozen=True):
 
 def radius_limit(spacing: float) -> float:
     """Radius (m) within which an aircraft is steered whose nearest neighbour's slot is that far away, m."""
-    return min(max(SPACING_SHARE * spacing, LEAST_RADIUS_M), GREATEST_RADIUS_M)
+    return min(max(SPACING_SHARE * spacing, LEAST_TOLERANCE_M), GREATEST_RADIUS_M)
 
 
 class Belief:
@@ -208,6 +181,11 @@ class Belief:
         self._moved_s = moved_s
         self._most_m = most_m
         self._variance = EXPECTED_NOISE_M**2
+        self.word = OwnWord()
+        """What its autopilot says of its own navigation."""
+        self.airspeed = Witness()
+        """Whether its airspeeds can be used."""
+        self._airspeed_s = -math.inf
         self.forget()
 
     def forget(self) -> None:
@@ -220,10 +198,9 @@ class Belief:
         self._seen_since = 0.0
         self._elsewhere_s = self._moved_s
         self._newest: ReportedMotion | None = None
-        self._place_since = 0.0
-        self._held_from = ReportedMotion(0.0, math.nan, math.nan, math.nan, math.nan)
-        self._place_count = self._velocity_count = 0
-        self._turned_from: tuple[float, float] | None = None
+        self._repeats = Repeats()
+        self.height = HeightBelief()
+        """What is believed of its altitudes."""
         self._wind: tuple[float, float] | None = None
         self._contradicts = self._silent = self._velocity_is_false = False
         self.agree_s = RETURN_S
@@ -259,6 +236,32 @@ class Belief:
         """Whether what was reported last is not believed."""
         return self._doubted_since is not None
 
+    def take_airspeed(self, airspeed: float, expected: float | None, now: float) -> str | None:
+        """Hold an airspeed against the one that ground velocity and wind come to.
+
+        Args:
+            airspeed: as the sensor shows it, m/s.
+            expected: what it should show, m/s; None while not known.
+            now: s.
+
+        Returns:
+            what is wrong with it, in words.
+        """
+        slowest, fastest = self._reach.airspeeds
+        if expected is None or math.isinf(self._airspeed_s) or not slowest <= expected <= fastest:
+            # No aircraft flies like that: it is the known wind that is wrong.
+            expected = airspeed
+        # A blocked tube shows nothing at all, and no wind that has changed meanwhile explains that.
+        most = max(UNDERSPEED * expected, VELOCITY_TOLERANCE_M_S)
+        within = min(VELOCITY_TOLERANCE_M_S + AIR_ERROR_M_S * (now - self._airspeed_s), most)
+        possible = 0.0 <= airspeed <= fastest
+        if self.airspeed.judge(airspeed, expected, within if possible else -1.0, now):
+            self._airspeed_s = now
+        if possible and abs(airspeed - expected) <= within:
+            return None
+        instead = f" instead of {expected:.0f}" if possible else ""
+        return f"an airspeed of {airspeed:.0f} m/s{instead}"
+
     def take(
         self,
         motion: ReportedMotion,
@@ -280,7 +283,7 @@ class Belief:
         fault = fault or self._impossible(motion, air)
         known, newest = self._known, self._newest
         self._newest = motion
-        place_repeats, velocity_repeats = self._repeats(newest, motion, air)
+        place_repeats, velocity_repeats = self._repeats.take(newest, motion, air, self.noise)
         if known is None or newest is None:
             return self._refused(motion, fault) if fault else self._adopted(motion)
         if fault is not None:
@@ -315,42 +318,6 @@ class Belief:
             return self._adopted(motion)
         turned = velocity_change(known, motion)
         return self._refused(motion, f"the velocity steps by {turned:.0f} m/s")
-
-    def _repeats(
-        self,
-        newest: ReportedMotion | None,
-        motion: ReportedMotion,
-        air: tuple[float, float] | None,
-    ) -> tuple[bool, bool]:
-        """Whether (place, velocity) are repeated to the digit by an aircraft that moves, or turns."""
-        now = motion.time_s
-        same_place = same_velocity = False
-        if newest is not None:
-            same_place = newest.north == motion.north and newest.east == motion.east
-            same_velocity = (
-                newest.velocity_north == motion.velocity_north
-                and newest.velocity_east == motion.velocity_east
-            )
-        self._place_count += 1
-        self._velocity_count += 1
-        if not same_place:
-            self._place_since, self._place_count = now, 0
-        if not same_velocity:
-            self._velocity_count, self._held_from, self._turned_from = 0, motion, air
-            if not same_place:
-                return False, False
-        place_s, velocity_s = now - self._place_since, now - self._held_from.time_s
-        place_repeats = place_s > REPEATED_S and self._place_count >= REPEATED_COUNT
-        velocity_repeats = velocity_s > REPEATED_S and self._velocity_count >= REPEATED_COUNT
-        if not velocity_repeats:
-            return place_repeats and motion.speed > max(MOVING_M_S, REPEATED_M / place_s), False
-        fastest = motion.speed if air is None else max(motion.speed, math.hypot(*air))
-        place_repeats = place_repeats and fastest > max(MOVING_M_S, REPEATED_M / place_s)
-        if place_repeats or air is None or self._turned_from is None:
-            return place_repeats, place_repeats
-        turned = math.hypot(air[0] - self._turned_from[0], air[1] - self._turned_from[1])
-        parted = math.hypot(*innovation(self._held_from, motion))
-        return False, turned > TURNED_M_S and parted > PARTED_M + PARTED_SIGMAS * self.noise
 
     def _silence(
         self,
@@ -389,7 +356,7 @@ class Belief:
         if velocity_change(newest, motion) <= self._reach.velocity_change(passed_s):
             return False
         off = math.hypot(*self._off_air(motion, air, self._wind))
-        return off > VELOCITY_TOLERANCE_M_S + WIND_CHANGE_M_S2 * passed_s
+        return off > VELOCITY_TOLERANCE_M_S + AIR_ERROR_M_S * passed_s
 
     def _off_air(
         self, motion: ReportedMotion, air: tuple[float, float], wind: tuple[float, float]
@@ -424,7 +391,7 @@ class Belief:
         north, east = innovation(known, right, slack_s)
         off = math.hypot(north, east)
         agrees = off <= self.tolerance + self._reach.displacement(interval_s)
-        brief = motion.time_s - (self._doubted_since or 0.0) <= BRIEF_S
+        brief = motion.time_s - (self._doubted_since or 0.0) <= UNBROKEN_S
         near = off_m_s <= VELOCITY_TOLERANCE_M_S
         if repeats:
             self._seen_since = motion.time_s
@@ -481,7 +448,7 @@ class Belief:
         place_north, place_east = motion.north - north, motion.east - east
         self._known = replace(motion, north=place_north, east=place_east)
         self._lost_m += CARRY_ERROR_M_S * interval_s
-        if self._doubted_since - self._believed_since < START_S:
+        if self._doubted_since - self._believed_since < UNBROKEN_S:
             return self._refused(motion, "the first positions do not agree with each other")
         reason = "the position has just come back"
         if not within:
@@ -499,7 +466,7 @@ class Belief:
             return False
         # Time passes, and with it what the velocity could have become: it has to be the former one.
         former = velocity_change(known, motion) <= VELOCITY_TOLERANCE_M_S
-        brief = motion.time_s - self._doubted_since <= BRIEF_S
+        brief = motion.time_s - self._doubted_since <= UNBROKEN_S
         return brief and (former or not self._contradicts)
 
     def _begin_doubt(
@@ -608,7 +575,7 @@ class Belief:
         """Whether a report fits a vehicle that has flown for a part of the time since the one before."""
         interval_s = motion.time_s - known.time_s
         off = math.hypot(*innovation(known, motion, stood_s=interval_s))
-        return interval_s > STOOD_S and off <= self.tolerance
+        return interval_s > UNBROKEN_S and off <= self.tolerance
 
     def _doubt(self, known: ReportedMotion) -> None:
         if self._doubted_since is None:
@@ -650,7 +617,7 @@ class Belief:
         if known is None or since is None:
             return False
         steady_s, believed_s = self._steady_s(motion), since - self._believed_since
-        if believed_s < MOVED_S and steady_s >= max(believed_s, START_S):
+        if believed_s < MOVED_S and steady_s >= max(believed_s, UNBROKEN_S):
             # However far: that the vehicle was at the former place is no surer.
             return True
         if steady_s < self._elsewhere_s:
@@ -669,5 +636,5 @@ class Belief:
         differ = math.hypot(north - before[0], east - before[1])
         # One step, however far, is no noise.
         squared = min(differ, NOISE_FACTOR * GREATEST_NOISE_M) ** 2
-        share = min(interval_s / NOISE_S, 0.1)
+        share = min(interval_s / LEAN_S, 0.1)
         self._variance += share * (0.25 * squared - self._variance)

@@ -6,14 +6,13 @@ from msgspec.structs import replace
 
 from vfguide.companion.alerts import Alerts
 from vfguide.companion.arrangements import Arrangements
-from vfguide.companion.belief import MOVING_M_S
-from vfguide.companion.height_belief import HeightWitnesses
 from vfguide.companion.height_keeper import PlannedHeight
 from vfguide.companion.leader_telemetry import LeaderTelemetry
 from vfguide.companion.own_vehicle import NavigatedState
 from vfguide.companion.plan import FlightPlan, FollowerTask, ForeignLeader
 from vfguide.companion.state_receiver import LeaderStories, StateReceiver, motion_of, place_said
 from vfguide.companion.timing import SharedClock
+from vfguide.companion.witnesses import MOVING_M_S, HeightWitnesses
 from vfguide.elementwise import low_pass
 from vfguide.guidance.formation import extrapolate_by_rates
 from vfguide.guidance.height import (
@@ -93,6 +92,7 @@ class FollowedLeader:
                 alerts,
                 moved_s=self._moved_s,
                 system_id=plan.system_id,
+                beside=self._beside,
             )
             if isinstance(task.leader, ForeignLeader)
             else StateReceiver(
@@ -387,8 +387,6 @@ class FollowedLeader:
         state, (north, east) = navigated.state, self._wind
         flies = state.ground_speed > MOVING_M_S
         self._own_altitude = navigated.altitude_amsl if flies else math.nan
-        if isinstance(self.receiver, LeaderTelemetry):
-            self.receiver.own_altitude = self._own_altitude
         if not math.isfinite(navigated.interval):
             self._wind = state.wind_north, state.wind_east
             return

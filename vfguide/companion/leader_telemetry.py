@@ -5,14 +5,15 @@ when they were true, whether they can be true, turn rate and acceleration.
 """
 
 import math
-from collections import Counter
+from collections.abc import Callable
 
 from msgspec.structs import replace
 
 from vfguide.companion.alerts import Alerts
-from vfguide.companion.belief import Belief, Believed
-from vfguide.companion.height_belief import HeightBelief, HeightWitnesses
+from vfguide.companion.belief import Belief
+from vfguide.companion.doubt import HeardVehicle
 from vfguide.companion.plan import ForeignLeader
+from vfguide.companion.witnesses import HeightWitnesses
 from vfguide.frames import LocalFrame
 from vfguide.guidance.airframe import bank_limited_turn_rate
 from vfguide.guidance.leader_motion import (
@@ -24,7 +25,7 @@ from vfguide.guidance.leader_motion import (
 )
 from vfguide.guidance.navigation import ReportedMotion, reach_of
 from vfguide.guidance.other_clock import NANOSECOND, RADIO, OtherClock, Reading, TimeQuestions
-from vfguide.mavlink.announcements import WARNING, heartbeat, time_question
+from vfguide.mavlink.announcements import heartbeat, time_question
 from vfguide.mavlink.codec import COMPANION_COMPONENT, Codec
 from vfguide.mavlink.leader_messages import KINDS, Kind, LeaderCodec, LeaderReport
 from vfguide.mavlink.reports import TimeReport
@@ -67,7 +68,7 @@ LONGEST_S = 12.0
 """From one place to the next, where velocities are not told: a longer way says nothing of the course."""
 
 
-class LeaderTelemetry:
+class LeaderTelemetry(HeardVehicle):
     """The newest motion of one aircraft."""
 
     def __init__(
@@ -78,6 +79,7 @@ class LeaderTelemetry:
         *,
         moved_s: float,
         system_id: int,
+        beside: Callable[[HeardState], HeightWitnesses] | None = None,
     ) -> None:
         """Make it, with nothing heard yet.
 
@@ -87,11 +89,15 @@ class LeaderTelemetry:
             alerts: takes what a pilot should know.
             moved_s: for how long reports from where it cannot be have to agree before they are believed.
             system_id: of one's own vehicle.
+            beside: finds what there is beside the altitude of a state.
         """
+        super().__init__(
+            Belief(reach_of(leader.airframe), moved_s=moved_s), alerts, "the leader", beside
+        )
         self._leader = leader
         self._frame = frame
-        self._moved_s = moved_s
         self._codec = LeaderCodec(system_id=leader.system_id, icao_address=leader.icao_address)
+        self.counters = self._codec.counters
         self._voice = Codec(system_id, COMPANION_COMPONENT)
         self._said_s = -math.inf
         self._questions = TimeQuestions(every_s=0.0, most_open=OPEN)
@@ -104,29 +110,10 @@ class LeaderTelemetry:
             turn_rate=bank_limited_turn_rate(airframe.max_bank, airframe.airspeed_min),
             acceleration=2.0 * airframe.max_acceleration,
         )
-        self._belief = Belief(reach_of(airframe), moved_s=moved_s)
-        self._altitude = HeightBelief()
-        self.own_altitude = math.nan
-        """Of the follower in flight, m above mean sea level; NaN while it is not known."""
         self._place: ReportedMotion | None = None
         self._unstamped: tuple[float, float] | None = None
         self._motion: ObservedMotion | None = None
-        self._doubted = self._late = self._complained = self._stands = False
-        self._alerts = alerts or Alerts()
-        self._counters: Counter[str] = Counter()
-        self.newest: HeardState | None = None
-        """Times on one's own clock."""
-        self.doubted: tuple[HeardState, HeardState] | None = None
-        """Where it says it is while that is not believed, and where its velocities lead."""
-
-    @property
-    def counters(self) -> Counter[str]:
-        """Messages that were not used, by reason."""
-        return self._codec.counters + self._counters
-
-    def _say(self, text: str) -> None:
-        """Tell a pilot something of it; a sentence's end."""
-        self._alerts.say("state of the leader", WARNING, f"the leader {text}")
+        self._complained = False
 
     def take(self, data: bytes, now: float) -> bool:
         """Take a datagram; whether it had a newer motion that can be true."""
@@ -145,7 +132,7 @@ class LeaderTelemetry:
         for system_id, count in self._codec.others.most_common(1):
             if count >= OTHERS_HEARD:
                 self._complained = True
-                self._say(
+                self.tell(
                     f"is not heard, system {system_id} is: see whether leader.system_id and the connection"
                     " are right"
                 )
@@ -174,7 +161,7 @@ class LeaderTelemetry:
             return False
         self._heard_s[report.kind] = self._heard_s.get(report.kind, NEVER)[1], now
         if self._has_better(report.kind, now):
-            self._counters["a better message comes"] += 1
+            self.counters["a better message comes"] += 1
             return False
         slip_s = reading.slip_s(self._reading) if report.kind == self._kind else 0.0
         restarted = reading.leap_s != 0.0 or slip_s > RADIO.late_s
@@ -195,32 +182,31 @@ class LeaderTelemetry:
             time_s = now - report.age_s - clock.least_way_s
             reading: Reading | None = Reading(time_s=time_s, stamp_s=time_s, read_s=now)
         else:
-            fault = clock.fault
             reading = clock.read(report.stamp_s, now, place)
-            self._tell_of_stamps(fault, clock.fault)
+            self._tell_of_stamps(report.kind, clock.fault)
         if reading is None:
-            self._counters["time stamp not believed"] += 1
+            self.counters["time stamp not believed"] += 1
             return None
         if report.stamp_s is None or clock.fault is not None:
             if place == self._unstamped:
                 # A receiver that repeats a position says nothing new about where the aircraft is now.
-                self._counters["repeated"] += 1
+                self.counters["repeated"] += 1
                 return None
             self._unstamped = place
         if not reading.is_newer:
-            self._counters["not newer"] += 1
+            self.counters["not newer"] += 1
             return None
         return reading
 
-    def _tell_of_stamps(self, before: str | None, fault: str | None) -> None:
+    def _tell_of_stamps(self, kind: Kind, fault: str | None) -> None:
         """Tell the pilot of stamps that tell no time, and that they do again."""
-        if fault is not None and before is None:
-            self._say(
-                f"sends time stamps that {fault}: followed by when its messages arrive, later by what"
-                " they are under way; set its clock, or leader.least_delay_s"
+        if self.turns(f"stamps of {kind}", holds=fault is not None):
+            self.tell(
+                "sends time stamps that tell time again: followed by them, nothing to do"
+                if fault is None
+                else f"sends time stamps that {fault}: followed by when its messages arrive, later by"
+                " what they are under way; set its clock, or leader.least_delay_s"
             )
-        elif fault is None and before is not None:
-            self._say("sends time stamps that tell time again: followed by them, nothing to do")
 
     def _has_better(self, kind: Kind, now: float) -> bool:
         """Whether another kind of message is to be followed: the best that comes again and again."""
@@ -230,31 +216,29 @@ class LeaderTelemetry:
     def _begin(self, kind: Kind, *, restarted: bool) -> None:
         """From here on times are on another clock: nothing before them says how long ago it was."""
         self._kind, self._place, self._motion = kind, None, None
-        self._belief = Belief(reach_of(self._leader.airframe), moved_s=self._moved_s)
-        self._altitude = HeightBelief()
+        self.belief.forget()
         if restarted:
-            self._say("has another clock, as after a restart: followed by that from now on")
+            self.tell("has another clock, as after a restart: followed by that from now on")
 
     def _tell_of_lateness(self, age_s: float) -> None:
         """Tell the pilot when it is heard late, and when it is not any more."""
-        if age_s > STALE_S and not self._late:
-            self._late = True
-            self._say(
+        if not 0.5 * STALE_S <= age_s <= STALE_S and self.turns("late", holds=age_s > STALE_S):
+            self.tell(
                 f"is heard {age_s:.1f} s late: its turns show by that later; see to the radio"
+                if age_s > STALE_S
+                else "is heard in time again: nothing to do"
             )
-        elif age_s < 0.5 * STALE_S and self._late:
-            self._late = False
-            self._say("is heard in time again: nothing to do")
 
-    def _tell_of_standing(self, *, stands: bool) -> None:
-        """Tell the pilot when it stops flying, and when it flies again."""
-        if stands and not self._stands:
-            self._say(
+    def _flies(self, speed: float) -> bool:
+        """Whether it flies, which the pilot is told of."""
+        stands = speed < FLIES_M_S
+        if self.turns("stands", holds=stands):
+            self.tell(
                 f"does not fly (less than {FLIES_M_S:g} m/s over ground): not followed until it does"
+                if stands
+                else "flies: followed, nothing to do"
             )
-        elif self._stands and not stands:
-            self._say("flies: followed, nothing to do")
-        self._stands = stands
+        return not stands
 
     def _judge(self, report: LeaderReport, reading: Reading, slip_s: float) -> bool:
         """Whether a report can be true, after those before and what its clock has lost since, s."""
@@ -264,39 +248,43 @@ class LeaderTelemetry:
             return False
         motion = ReportedMotion(reading.stamp_s, north, east, *velocity)
         if self._place is not None and motion.time_s - self._place.time_s < LEAST_INTERVAL_S:
-            self._counters["not newer"] += 1
+            self.counters["not newer"] += 1
             return False
-        believed = self._belief.take(motion, slack_s=max(slip_s, 0.0))
-        altitude = self._judge_altitude(report.altitude_amsl, reading.stamp_s)
         self._place = motion
-        if not believed.is_reported:
-            self._doubt(believed, motion, reading, altitude)
+        said = HeardState(
+            time_s=reading.time_s,
+            north=north,
+            east=east,
+            course=math.atan2(velocity[1], velocity[0]),
+            ground_speed=motion.speed,
+            acceleration=0.0,
+            turn_rate=0.0,
+            turn_acceleration=0.0,
+            altitude_amsl=report.altitude_amsl,
+            height=report.altitude_amsl - self._frame.altitude_m,
+            climb_rate=report.climb_rate,
+            # The formation flies as it does, and is no surer of any other leader.
+            steered=True,
+        )
+        believed = self.believe(motion, said, max(slip_s, 0.0))
+        if believed is None:
             return False
-        if self._doubted:
-            self._say("reports what can be again: believed, nothing to do")
-        self._doubted, self.doubted = False, None
-        if motion.speed < FLIES_M_S:
-            self._counters["not flying"] += 1
-            self._tell_of_standing(stands=True)
+        if not self._flies(motion.speed):
+            self.counters["not flying"] += 1
             return False
-        self._tell_of_standing(stands=False)
         self._motion = self._observed(report, motion)
-        self.newest = heard_state(
-            self._motion, reading, altitude, altitude - self._frame.altitude_m, report.climb_rate
+        state = self._motion.state
+        self.newest = replace(
+            believed,
+            north=state.north,
+            east=state.east,
+            course=state.course,
+            ground_speed=state.ground_speed,
+            acceleration=state.acceleration,
+            turn_rate=state.turn_rate,
+            turn_acceleration=state.turn_acceleration,
         )
         return True
-
-    def _judge_altitude(self, altitude_amsl: float, time_s: float) -> float:
-        """Altitude (m above mean sea level) of a report, NaN where it is not told or doubted."""
-        if not math.isfinite(altitude_amsl):
-            return math.nan
-        before = self._altitude.doubted
-        height = self._leader.height
-        beside = HeightWitnesses(self._frame.altitude_m + height, self.own_altitude, height)
-        altitude = self._altitude.judge(altitude_amsl, time_s, beside)
-        if self._altitude.doubted is not before:
-            self._say(self._altitude.sentence)
-        return altitude
 
     def _velocity_between(
         self, north: float, east: float, reading: Reading
@@ -314,7 +302,7 @@ class LeaderTelemetry:
         interval_s = math.inf if before is None else reading.stamp_s - before.time_s
         if before is None or not LEAST_INTERVAL_S <= interval_s <= LONGEST_S:
             if interval_s > LONGEST_S:
-                self._belief = Belief(reach_of(self._leader.airframe), moved_s=self._moved_s)
+                self.belief.forget()
             self._place = ReportedMotion(reading.stamp_s, north, east, 0.0, 0.0)
             return None
         return (north - before.north) / interval_s, (east - before.east) / interval_s
@@ -332,56 +320,3 @@ class LeaderTelemetry:
             course = math.atan2(motion.velocity_east, motion.velocity_north)
             return observed_at_first(seen, course, motion.speed)
         return observed_motion(before, seen, self._limits, self._leader.rate_filter_s)
-
-    def _doubt(
-        self, believed: Believed, motion: ReportedMotion, reading: Reading, altitude: float
-    ) -> None:
-        """It reports what cannot be: it may be there, or where its velocities lead."""
-        self._counters["impossible"] += 1
-        if believed.leads:
-            there = HeardState(
-                time_s=reading.time_s,
-                north=motion.north,
-                east=motion.east,
-                course=math.atan2(motion.velocity_east, motion.velocity_north),
-                ground_speed=motion.speed,
-                acceleration=0.0,
-                turn_rate=0.0,
-                turn_acceleration=0.0,
-                altitude_amsl=altitude,
-                steered=False,
-            )
-            carried = replace(there, north=believed.north, east=believed.east, steered=True)
-            self.doubted = there, carried
-        if not self._doubted:
-            self._say(
-                f"reports what cannot be ({believed.reason}): not believed;"
-                " be ready to take over should it come near"
-            )
-        self._doubted = True
-
-
-def heard_state(
-    motion: ObservedMotion, reading: Reading, altitude: float, height: float, climb_rate: float
-) -> HeardState:
-    """A motion on one's own clock, at an altitude (m above mean sea level, NaN while not known).
-
-    The height (m) above the mission's origin is of the same altitude; with it goes the climb rate, m/s.
-
-    It counts as steered: the formation flies as it does, and is no surer of any other leader.
-    """
-    state = motion.state
-    return HeardState(
-        time_s=reading.time_s,
-        north=state.north,
-        east=state.east,
-        course=state.course,
-        ground_speed=state.ground_speed,
-        acceleration=state.acceleration,
-        turn_rate=state.turn_rate,
-        turn_acceleration=state.turn_acceleration,
-        altitude_amsl=altitude,
-        height=height,
-        climb_rate=climb_rate,
-        steered=True,
-    )

@@ -14,10 +14,10 @@ from vfguide.companion.air_motion import AirMotion, ReportedAirData
 from vfguide.companion.alerts import Alerts
 from vfguide.companion.belief import STAYED_S, Belief, Believed, Life
 from vfguide.companion.delay_compensator import DelayCompensator, memory_of
-from vfguide.companion.distrust import FRESH_S, LEAST_FIX, Doubt, NavigationHealth, with_remedy
-from vfguide.companion.height_belief import HeightBelief
+from vfguide.companion.doubt import Doubt, with_remedy
 from vfguide.companion.plan import FlightPlan, bearable_course
 from vfguide.companion.timing import ClockWatch
+from vfguide.companion.witnesses import FRESH_S, LEAST_FIX
 from vfguide.elementwise import wrap_angle
 from vfguide.guidance.airframe import polar
 from vfguide.guidance.navigation import (
@@ -103,9 +103,6 @@ ASK_S, MOST_OPEN = 0.5, 40
 """Interval of questions for the autopilot's time: a slip is found in less than a second. An answer is awaited
 to so many: telemetry that is 20 s late is known to be."""
 
-SENSORS_S = 10.0
-"""After so long the word of the sensors and the battery counts as old."""
-
 MOST_BATTERIES = 10
 """Of a vehicle, that are kept apart."""
 
@@ -168,14 +165,14 @@ class SensorWatch:
         self._batteries = {
             number: (one, when)
             for number, (one, when) in self._batteries.items()
-            if now - when <= SENSORS_S
+            if now - when <= FRESH_S
         }
         if len(self._batteries) < MOST_BATTERIES or report.number in self._batteries:
             self._batteries[report.number] = report, now
 
     def newest(self, now: float) -> SensorsReport | None:
         """What was said last, with the battery of which least is left; None if that is long ago."""
-        if self._said is None or now - self._said[1] > SENSORS_S:
+        if self._said is None or now - self._said[1] > FRESH_S:
             return None
         said = self._said[0]
         # Of two that have as much left the first counts: volts belong to what is left of the same battery.
@@ -183,7 +180,7 @@ class SensorWatch:
         known += [
             (one.remaining, one.voltage)
             for one, when in self._batteries.values()
-            if now - when <= SENSORS_S
+            if now - when <= FRESH_S
         ]
         counted = [(left, voltage) for left, voltage in known if left is not None]
         if not counted:
@@ -211,7 +208,6 @@ class OwnVehicle:
         self._doubt = Doubt(self._alerts)
         self.radio = RadioRoom(self._alerts)
         """What the radio to the autopilot bears."""
-        self._altitude = HeightBelief()
         self._held, self._held_s = math.nan, -math.inf
         self._satellite_m, self._satellite_s = math.nan, -math.inf
         self._through_air_s = 0.0
@@ -222,12 +218,14 @@ class OwnVehicle:
         self.reboots = 0
         """How often the autopilot has started anew, as its boot time says."""
         self._counters: Counter[str] = Counter()
-        self._health = NavigationHealth()
         self.sensors = SensorWatch()
         """What the autopilot says of its sensors and batteries."""
         # An autopilot that holds a ground speed gets no airspeed.
         self.air = AirMotion(
-            plan, self._alerts, calibrates=plan.airframe.hold == "heading-hold" and not self._blind
+            plan,
+            self.belief,
+            self._alerts,
+            calibrates=plan.airframe.hold == "heading-hold" and not self._blind,
         )
         """How it moves through the air, as the autopilot's sensors show it."""
         self._state: VehicleState | None = None
@@ -278,7 +276,7 @@ class OwnVehicle:
 
         What the autopilot itself says of its receiver and estimator goes before what its positions show.
         """
-        said = self._health.fault(now)
+        said = self.belief.word.fault(now)
         if said is None and now - self._refusal_s <= REFUSAL_S:
             said = self._refusal
         return None if said is None else with_remedy(said)
@@ -304,7 +302,6 @@ class OwnVehicle:
             self.reboots += 1
             self._state = before = None
             self.belief.forget()
-            self._altitude = HeightBelief()
         previous, time_s = self._state, reading.time_s
         if not reading.is_newer:
             return None
@@ -395,15 +392,16 @@ class OwnVehicle:
 
     def _judge_altitude(self, altitude_amsl: float, time_s: float) -> float:
         """A reported altitude (m), NaN while it is doubted."""
-        before = self._altitude.doubted
-        altitude = self._altitude.judge(altitude_amsl, time_s)
-        if self._altitude.doubted is not before:
+        height = self.belief.height
+        before = height.doubted
+        altitude = height.judge(altitude_amsl, time_s)
+        if height.doubted is not before:
             self._alerts.say(
                 "altitude",
                 WARNING,
                 "the altitude steps: not believed, the others are kept clear of at every height;"
                 " check the barometer"
-                if self._altitude.doubted
+                if height.doubted
                 else "the altitude is believed again, nothing to do",
             )
         return altitude
@@ -431,9 +429,8 @@ class OwnVehicle:
         """Take what the autopilot says beside its positions."""
         match report:
             case AirspeedReport():
-                # False velocities lead to a false wind.
-                known = None if self.belief.doubts else self._state
-                self.air.note_airspeed(report, now, known)
+                # Whatever is doubted, the state goes by what is believed.
+                self.air.note_airspeed(report, now, self._state)
             case AttitudeReport():
                 self.air.note_bank(report.bank, now)
             case TimeReport():
@@ -450,7 +447,7 @@ class OwnVehicle:
                     self.sensors.note(report, now)
                 elif isinstance(report, GpsReport):
                     self._note_satellites(report, now)
-                self._health.take(report, now)
+                self.belief.word.take(report, now)
 
     def _note_satellites(self, report: GpsReport, now: float) -> None:
         """Compare the altitude by satellites with the one that the autopilot holds."""
@@ -462,7 +459,7 @@ class OwnVehicle:
     @property
     def counters(self) -> Counter[str]:
         """Reports that were not used, by reason."""
-        return self._counters + self._doubt.counters + self.air.gate.counters
+        return self._counters + self._doubt.counters + self.air.counters
 
     def _believe(
         self,
@@ -490,10 +487,10 @@ class OwnVehicle:
             waited_s -= reading.stamp_s - before.stamp_s
             slack_s = max(slack_s, waited_s if waited_s > WAIT_S else 0.0)
         place = (report.latitude_deg, report.longitude_deg)
-        fault = self._health.fault(reading.read_s)
+        fault = self.belief.word.fault(reading.read_s)
         if state is None and place == (0.0, 0.0):
             fault = "a position of 0, 0"
-        air = None if self._blind else self.air.velocity(report, reading.read_s)
+        air = None if self._blind else self.air.velocity(report, state, reading.read_s)
         return self.belief.take(motion, air=air, fault=fault, slack_s=slack_s)
 
     def _place(
@@ -508,7 +505,7 @@ class OwnVehicle:
         else:
             latitude, longitude = self._frame.to_geodetic(state.north, state.east)
         # An altitude that is doubted is for the others to judge, too.
-        doubted = self._altitude.doubted
+        doubted = self.belief.height.doubted
         altitude = report.altitude_amsl if doubted else self._frame.altitude_m + state.height
         return GeodeticPlace(latitude_deg=latitude, longitude_deg=longitude, altitude_amsl=altitude)
 

@@ -10,7 +10,7 @@ follow, the key of one can end the following of the other. All keep clear of bot
 """
 
 import math
-from collections import Counter, deque
+from collections import deque
 from collections.abc import Callable
 from functools import lru_cache
 
@@ -18,9 +18,10 @@ import msgspec
 from msgspec.structs import replace
 
 from vfguide.companion.alerts import Alerts
-from vfguide.companion.belief import MOVED_S, RETURN_S, Belief
-from vfguide.companion.height_belief import CLIMB_M_S, HeightBelief, HeightWitnesses
+from vfguide.companion.belief import MOVED_S, Belief
+from vfguide.companion.doubt import HeardVehicle
 from vfguide.companion.timing import SharedClock
+from vfguide.companion.witnesses import CLIMB_M_S, RETURN_S, HeightWitnesses
 from vfguide.frames import LocalFrame
 from vfguide.guidance.airframe import polar
 from vfguide.guidance.navigation import ReportedMotion, reach_of
@@ -45,7 +46,7 @@ REMEMBERED = 1024
 """States that have been read: more than are on their way at a time in any rehearsal."""
 
 
-class StateReceiver:
+class StateReceiver(HeardVehicle):
     """The newest state of one other vehicle."""
 
     def __init__(
@@ -68,22 +69,10 @@ class StateReceiver:
             moved_s: for how long states from where it cannot be have to agree before they are believed.
             beside: finds what there is beside the altitude of a state.
         """
+        super().__init__(Belief(ANY_REACH, moved_s=moved_s), alerts, whose, beside)
         self._frame = frame
         self._clock = clock
-        self._belief = Belief(ANY_REACH, moved_s=moved_s)
-        self._altitude = HeightBelief()
-        self._beside = beside
-        self._doubted = False
         self._judged_s = -math.inf
-        self._alerts = alerts or Alerts()
-        self._whose = whose
-        self.counters: Counter[str] = Counter()
-        """States that were not used, by reason."""
-        self.newest: HeardState | None = None
-        """Times on one's own clock."""
-        self.doubted: tuple[HeardState, HeardState] | None = None
-        """Where the sender says it is while that is not believed, and where its velocities lead: it may
-        be at either place."""
 
     def take(self, data: bytes, now: float) -> bool:
         """Take a state if it is sound and newer than the one before; whether it was."""
@@ -104,60 +93,18 @@ class StateReceiver:
             return self._judge(motion, time_s)
         return False
 
-    def _say(self, text: str) -> None:
-        """Tell a pilot something of the states; a sentence's end, after the sender's name."""
-        self._alerts.say(f"state of {self._whose}", WARNING, f"{self._whose} {text}")
-
-    def _judge_altitude(self, motion: HeardState, time_s: float) -> float:
-        """The altitude of a state (m), NaN while it is doubted."""
-        before = self._altitude.doubted
-        known = self._altitude.is_known
-        beside = None if known or self._beside is None else self._beside(motion)
-        altitude = self._altitude.judge(motion.altitude_amsl, time_s, beside)
-        if self._altitude.doubted and not before:
-            self.counters["altitude steps"] += 1
-            self._say(self._altitude.sentence)
-        return altitude
-
-    def _judge(self, motion: HeardState, time_s: float) -> bool:
+    def _judge(self, said: HeardState, time_s: float) -> bool:
         """Whether a state can be true, after those before; it was so at a time (s) of one's own clock."""
         self._judged_s = time_s
-        north, east = polar(motion.ground_speed, motion.course)
-        believed = self._belief.take(
-            ReportedMotion(
-                # On one's own clock: the formation's jumps when the leader's computer starts anew.
-                time_s=time_s,
-                north=motion.north,
-                east=motion.east,
-                velocity_north=north,
-                velocity_east=east,
-            )
+        # On one's own clock: the formation's jumps when the leader's computer starts anew.
+        motion = ReportedMotion(
+            time_s, said.north, said.east, *polar(said.ground_speed, said.course)
         )
-        altitude = self._judge_altitude(motion, time_s)
-        same = time_s == motion.time_s and altitude == motion.altitude_amsl
-        height = altitude - self._frame.altitude_m
-        state = (
-            motion
-            if same
-            else replace(motion, time_s=time_s, altitude_amsl=altitude, height=height)
-        )
-        if not believed.is_reported:
-            if believed.leads:
-                carried = replace(state, north=believed.north, east=believed.east)
-                self.doubted = replace(state, steered=False), carried
-            self.counters["impossible"] += 1
-            if not self._doubted:
-                self._say(
-                    f"reports what cannot be ({believed.reason}): not believed;"
-                    " be ready to take over should it come near"
-                )
-            self._doubted = True
-            return False
-        if self._doubted:
-            self._say("reports what can be again: believed, nothing to do")
-        self._doubted = False
-        self.doubted, self.newest = None, state
-        return True
+        if time_s != said.time_s:
+            said = replace(said, time_s=time_s)
+        believed = self.believe(motion, said)
+        self.newest = believed or self.newest
+        return believed is not None
 
 
 @lru_cache(maxsize=REMEMBERED)

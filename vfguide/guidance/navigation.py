@@ -38,14 +38,14 @@ UNBROKEN_S = 0.5
 VELOCITY_TOLERANCE_M_S = 4.0
 """Noise and corrections of reported velocities."""
 
-LEAST_ACCELERATION_M_S2 = 20.0
-"""What any airframe can do in a pilot's hands."""
-
 MARGIN = 2.0
-"""Over the acceleration that a vehicle is asked for at most: gusts, and pilots."""
+"""Over the acceleration that a vehicle is asked for at most, or over 1 g: gusts, and pilots."""
 
 OVERSPEED = 1.5
 """Speed of a dive in parts of the greatest speed that a vehicle may be asked for."""
+
+UNDERSPEED = 0.6
+"""Share of the lowest airspeed: no fixed wing flies slower. No wind changes an airspeed by more of it."""
 
 GREATEST_WIND_M_S = 40.0
 """No wind that these aircraft fly in is stronger."""
@@ -58,6 +58,8 @@ class Reach(msgspec.Struct, frozen=True, kw_only=True):
     """Greatest speed over ground, m/s."""
     acceleration: float
     """Greatest change of the horizontal velocity, m/s²."""
+    airspeeds: tuple[float, float]
+    """Lowest and highest, m/s."""
 
     def velocity_change(self, interval_s: float) -> float:
         """By how much the reported velocity can change, m/s."""
@@ -74,7 +76,8 @@ def reach_of(airframe: Airframe) -> Reach:
     asked = GRAVITY * math.tan(airframe.max_bank) + airframe.max_acceleration
     return Reach(
         speed=OVERSPEED * airframe.airspeed_max + GREATEST_WIND_M_S,
-        acceleration=max(MARGIN * asked, LEAST_ACCELERATION_M_S2),
+        airspeeds=(UNDERSPEED * airframe.airspeed_min, OVERSPEED * airframe.airspeed_max),
+        acceleration=MARGIN * max(asked, GRAVITY),
     )
 
 

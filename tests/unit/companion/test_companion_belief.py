@@ -20,7 +20,7 @@ from vfguide.companion.belief import (
     Life,
     radius_limit,
 )
-from vfguide.companion.height_belief import HeightBelief, HeightWitnesses
+from vfguide.companion.witnesses import HeightBelief, HeightWitnesses
 from vfguide.guidance.navigation import ReportedMotion, reach_of
 from vfguide.state import Airframe
 
@@ -89,8 +89,8 @@ def moved_at(judgements: Judgements) -> float:
 @pytest.mark.parametrize(
     ("begin_s", "end_s", "off", "kinds", "true_s"),
     [
-        # The true ones begin at 0.05 s, and agree with each other for 0.4 s before they are believed.
-        (0.0, 0.05, 40.0, {(0.05, 0.4): REFUSED, (0.5, 30.0): BELIEVED}, 0.05),
+        # The true ones begin at 0.05 s, and agree with each other for 0.5 s before they are believed.
+        (0.0, 0.05, 40.0, {(0.05, 0.5): REFUSED, (0.6, 30.0): BELIEVED}, 0.05),
         # A start far from the true place does not keep the true one out.
         (0.0, 3.0, 100_000.0, {(6.2, 30.0): BELIEVED}, 6.2),
         # Wrong for 3 s, and then right for the 2 s after which it is believed; the velocity carries over.

@@ -19,6 +19,7 @@ from tests.kit.wire import parsed, position_report
 from vfguide.companion.alerts import Alerts
 from vfguide.companion.leader_telemetry import LeaderTelemetry
 from vfguide.companion.plan import ForeignLeader
+from vfguide.companion.witnesses import HeightWitnesses
 from vfguide.state import Airframe
 
 BOOTED_S = 1000.0
@@ -34,7 +35,11 @@ LEADER = ForeignLeader(
 
 
 def listener(alerts: Alerts | None = None, **changes: Any) -> LeaderTelemetry:
-    return LeaderTelemetry(replace(LEADER, **changes), FRAME, alerts, moved_s=5.0, system_id=2)
+    beside = HeightWitnesses(planned=588.0, own=math.nan, above=100.0)
+    leader = replace(LEADER, **changes)
+    return LeaderTelemetry(
+        leader, FRAME, alerts, moved_s=5.0, system_id=2, beside=lambda _heard: beside
+    )
 
 
 def said(alerts: Alerts) -> list[str]:
@@ -327,7 +332,7 @@ def test_a_leader_that_climbs_to_the_missions_height_and_beyond_is_followed():
     assert heights[20] == pytest.approx(75.0)
     assert heights[-1] == pytest.approx(149.25)
     words = [text[:25] for text in said(alerts)]
-    assert words == ["reports an altitude of 54", "is as high as the mission"]
+    assert words == ["reports an altitude of 54", "reports an altitude that "]
 
 
 @given(st.lists(st.floats(-1000.0, 30_000.0), min_size=1, max_size=30))

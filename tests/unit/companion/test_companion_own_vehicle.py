@@ -8,7 +8,13 @@ from tests.kit.states import FRAME, reported
 from vfguide.companion.own_vehicle import NavigatedState, OwnVehicle
 from vfguide.companion.plan import FlightPlan
 from vfguide.elementwise import wrap_angle
-from vfguide.mavlink.reports import AirspeedReport, BatteryReport, PositionReport, SensorsReport
+from vfguide.mavlink.reports import (
+    AirspeedReport,
+    AttitudeReport,
+    BatteryReport,
+    PositionReport,
+    SensorsReport,
+)
 
 
 @pytest.fixture
@@ -116,13 +122,39 @@ def test_without_any_airspeed_there_is_no_wind_and_none_is_less_than_1_m_s(own):
 def test_an_airspeed_that_is_too_old_falls_back_on_the_wind(own):
     own.note(AirspeedReport(airspeed=20.0), 42.0)
     own.take(report(5.0), 42.0)
-    own.note(AirspeedReport(airspeed=12.0), 42.1)
+    own.note(AirspeedReport(airspeed=17.0), 42.1)
     fresh = own.take(report(7.1, north=46.2), 44.1)
-    assert fresh.state.airspeed == 12.0
-    # Wind is now (22 - 12, 3) and what is left of (22, 3) is 12 m/s.
+    assert fresh.state.airspeed == 17.0
+    # Wind is now (22 - 17, 3) and what is left of (22, 3) is 17 m/s.
     own.note(AirspeedReport(airspeed=30.0), 44.1)
     old = own.take(report(9.2, north=92.4), 46.2)
-    assert old.state.airspeed == pytest.approx(12.0)
+    assert old.state.airspeed == pytest.approx(17.0)
+
+
+NORTHBOUND = (22.0, 0.0)
+
+
+@pytest.mark.parametrize(("heading", "airspeed"), [(None, 20.0), (0.0, 20.0), (0.0, 0.0)])
+def test_the_bank_turns_the_nose_through_a_silence_and_a_blocked_airspeed_ends_nothing(
+    heading, airspeed
+):
+    own = OwnVehicle(plan_of())
+    for number in range(60):
+        time_s = 0.05 * number
+        said = report(5.0 + time_s, north=22.0 * time_s, velocity=NORTHBOUND)
+        taken(own, said, now=42.0 + time_s)
+    # Place, velocity and heading are repeated from now on, in a turn at 0.2 rad of bank: 0.1 rad/s.
+    for number in range(60, 100):
+        now = 42.0 + 0.05 * number
+        own.note(AirspeedReport(airspeed=airspeed), now)
+        own.note(AttitudeReport(bank=0.2), now)
+        said = report(now - 37.0, north=64.9, velocity=NORTHBOUND, heading=heading)
+        navigated = own.take(said, now)
+    turned_s = 0.05 * 40
+    assert navigated is not None
+    assert navigated.steerable
+    assert navigated.state.heading == pytest.approx(0.1 * turned_s, abs=0.04)
+    assert navigated.state.airspeed == pytest.approx(20.0, abs=0.5)
 
 
 def test_a_compass_that_is_off_makes_no_wind_where_no_airspeed_is_known(own):

@@ -16,11 +16,11 @@ from tests.kit.states import FRAME
 from tests.kit.wire import heartbeat, spoken
 from vfguide.companion.alerts import Alerts
 from vfguide.companion.belief import STAYED_S, Belief, Believed, Life
-from vfguide.companion.distrust import Doubt, NavigationHealth
-from vfguide.companion.height_belief import HeightBelief
+from vfguide.companion.doubt import Doubt
 from vfguide.companion.state_receiver import StateReceiver
 from vfguide.companion.supervisor import Mode
 from vfguide.companion.timing import SAME_CLOCK
+from vfguide.companion.witnesses import HeightBelief, OwnWord
 from vfguide.guidance.navigation import reach_of
 from vfguide.mavlink.codec import REPORTS
 from vfguide.mavlink.reports import EstimatorReport, GpsReport, SensorsReport
@@ -120,8 +120,8 @@ def test_a_step_is_doubted_at_once(step, side):
         ([588.0 + number for number in range(300)], 0.1, [True] * 300),
         # Doubted at 2 s and 3 s; back at 4 s, agreed with itself at 6 s.
         ([588.0] * 2 + [688.0] * 2 + [588.0] * 4, *(1.0, [True] * 2 + [False] * 4 + [True] * 2)),
-        # 10 m and 0.5 m/s reach 100 m at 180 s after the last believed report, at 1 s.
-        ([588.0] * 2 + [688.0] * 180, 1.0, [True] * 2 + [False] * 179 + [True]),
+        # 10 m and 0.5 m/s reach 100 m at 180 s after the last believed report, at 1 s; for 2 s it has agreed.
+        ([588.0] * 2 + [688.0] * 182, 1.0, [True] * 2 + [False] * 181 + [True]),
     ],
 )
 def test_an_altitude_that_steps_is_doubted_for_as_long_as_it_may_be_wrong(
@@ -167,7 +167,7 @@ def sensors(present: int, enabled: int, health: int) -> MAVLink_message:
 
 def fault_of(message: MAVLink_message, for_s: float = 2.0) -> str | None:
     """What is wrong after an autopilot has said this twice a second for a while."""
-    health = NavigationHealth()
+    health = OwnWord()
     report = REPORTS[message.get_msgId()](message)
     assert isinstance(report, GpsReport | EstimatorReport | SensorsReport)
     now = 0.0
@@ -216,7 +216,7 @@ def test_what_is_bad_for_a_second_is_told(message, words):
 
 
 def test_what_is_not_said_any_more_is_unknown():
-    health = NavigationHealth()
+    health = OwnWord()
     for now in (0.0, 1.0, 2.0):
         health.take(GpsReport(fix_type=0, accuracy=None, altitude_amsl=0.0), now)
     assert health.fault(12.0) is not None
