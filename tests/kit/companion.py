@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
+from functools import lru_cache
 from typing import Any
 
 from msgspec.structs import replace
@@ -105,6 +106,12 @@ Edit = Callable[[MAVLink_message, float], MAVLink_message | None]
 def without(*kinds: str) -> Edit:
     """Make a wire that loses some kinds of the autopilot's messages."""
     return lambda message, _now: None if message.get_type() in kinds else message
+
+
+@lru_cache(maxsize=4096)
+def messages_in(data: bytes) -> tuple[MAVLink_message, ...]:
+    """Parse what a companion has sent once, however often it is looked at."""
+    return tuple(parsed(data))
 
 
 @dataclass(slots=True)
@@ -217,7 +224,7 @@ class Flight:
         return [
             time
             for time, data in self.sent
-            for message in parsed(data)
+            for message in messages_in(data)
             if number_of(message) == number
         ]
 
@@ -229,7 +236,7 @@ class Flight:
         """What the companion told to ground stations, as these put the parts together, and when."""
         whole: list[tuple[float, str]] = []
         for time, data in self.sent:
-            for message in parsed(data):
+            for message in messages_in(data):
                 if message.get_type() == "STATUSTEXT" and message.chunk_seq:
                     whole[-1] = (time, whole[-1][1] + message.text)
                 elif message.get_type() == "STATUSTEXT":

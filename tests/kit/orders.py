@@ -66,34 +66,32 @@ class Formation:
         """Go on until then: states 20 times a second of the leader, 4 times of the others."""
         while self.now < until_s:
             self.now = round(self.now + STEP_S, 3)
+            all_due = round(self.now / STEP_S) % 5 == 0
             for name, member in self.members.items():
                 member.step(self.now)
                 self.words += [one.text for one in self.alerts.heard(self.now)]
                 replies, repeats = member.to_say()
-                for other, receiver in self.members.items():
-                    if other == name or name in self.silent:
-                        continue
-                    self._carry(name, other, receiver, replies, repeats)
                 self.said += [(name, decode_reply(data)) for data in replies]
+                due = all_due or name == "leader"
+                if name not in self.silent and (due or replies or repeats):
+                    state = heard(self.now, member.number) if due else None
+                    self._carry(name, replies, repeats, state)
 
     def _carry(
-        self,
-        name: str,
-        other: str,
-        receiver: Arrangements,
-        replies: list[bytes],
-        repeats: list[bytes],
+        self, name: str, replies: list[bytes], repeats: list[bytes], state: HeardState | None
     ) -> None:
-        for data in replies:
-            if not self.lost("reply", name, other, self.now):
-                receiver.receive_reply(name, data, self.now)
-        for data in repeats:
-            if not self.lost("repeat", name, other, self.now):
-                receiver.receive_order(data, data, self.now, repeated=True)
-        due = name == "leader" or round(self.now / STEP_S) % 5 == 0
-        if due and not self.lost("state", name, other, self.now):
-            state = heard(self.now, self.members[name].number)
-            receiver.hear(name, state, self.now)
+        """What a member says reaches those from whom it is not lost."""
+        for other, receiver in self.members.items():
+            if other == name:
+                continue
+            for data in replies:
+                if not self.lost("reply", name, other, self.now):
+                    receiver.receive_reply(name, data, self.now)
+            for data in repeats:
+                if not self.lost("repeat", name, other, self.now):
+                    receiver.receive_order(data, data, self.now, repeated=True)
+            if state is not None and not self.lost("state", name, other, self.now):
+                receiver.hear(name, state, self.now)
 
     @property
     def flown(self) -> dict[str, int]:

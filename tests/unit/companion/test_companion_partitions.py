@@ -147,7 +147,7 @@ TestPartedFormation = PartedFormation.TestCase
 TestPartedFormation.settings = settings(
     derandomize=True,
     deadline=None,
-    max_examples=60,
+    max_examples=20,
     stateful_step_count=14,
     suppress_health_check=[HealthCheck.too_slow],
 )

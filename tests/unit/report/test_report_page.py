@@ -82,27 +82,27 @@ def test_every_plot_has_a_caption(page):
 HOSTILE = '<script>alert("1")</script>&'
 
 
-@pytest.fixture(scope="module")
-def rejected_page(tmp_path_factory: pytest.TempPathFactory) -> str:
+@pytest.fixture
+def one_plot(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Draw the tracks alone: all plots are in `page`."""
+    monkeypatch.setattr(plots, "PLOTS", plots.PLOTS[:1])
+
+
+@pytest.fixture
+def rejected_page(one_plot: None, tmp_path: Path) -> str:
     """Of a flight whose names are markup and whose two vehicles are in one place."""
     time_s = np.arange(3.0)
     vehicles = still_vehicle(HOSTILE, "leader", time_s), still_vehicle("<b>", "follower", time_s)
     names = {"mission": HOSTILE, "controller": HOSTILE, "wind": "</style>"}
     limits = RecordAcceptance(min_separation_m=5.0)
     record = still_flight(time_s, *vehicles, **names, acceptance=limits)
-    return write_report(record, tmp_path_factory.mktemp("report")).read_text(encoding="utf-8")
+    return write_report(record, tmp_path).read_text(encoding="utf-8")
 
 
 def test_a_rejected_flight_says_why_at_the_top(rejected_page):
     text = read(rejected_page).text
     reason = "two vehicles came within 0 m of each other, closer than 5 m"
     assert text.index("Not accepted") < text.index(reason) < text.index("Mean formation error")
-
-
-@pytest.fixture
-def one_plot(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Draw the tracks alone: all plots are in `page`."""
-    monkeypatch.setattr(plots, "PLOTS", plots.PLOTS[:1])
 
 
 @pytest.mark.usefixtures("one_plot")
