@@ -1,11 +1,11 @@
-"""`vfguide bench`: the studies flown and measured, and their tables and figures."""
+"""`vfguide bench`: the studies flown and measured, and their tables."""
 
 import json
 import math
 import os
 import platform
 import time
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import asdict
 from datetime import UTC, datetime
@@ -13,56 +13,34 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Annotated, Any
 
-import msgspec
 import typer
 
 from vfguide.commands.options import directory_of, with_plugins
 from vfguide.commands.terminal import Terminal
 from vfguide.errors import PLOTTING, InputError, require
 from vfguide.lab.studies.comparison import (
+    ABLATION_COLUMNS,
     FULL,
-    PLANTS,
+    LAW_COLUMNS,
     QUICK,
-    SWEEPS,
-    ComparisonRow,
-    ablation_cases,
-    long_table,
-    markdown,
-    metres,
-    parts_of,
-    seconds,
+    compare,
     short_table,
-    sweep_cases,
 )
-from vfguide.lab.studies.comparison import compare as compare_all
-from vfguide.lab.studies.flown import MISSIONS, Case, Figures, executor_on, flown_by, fly
+from vfguide.lab.studies.comparison import ablations as fly_ablations
+from vfguide.lab.studies.comparison import robustness as fly_robustness
+from vfguide.lab.studies.flown import Row, executor_on, flown_by, markdown
 from vfguide.lab.studies.scale import (
     RATES_HZ,
+    SCALE_COLUMNS,
     SIZES,
-    RadioCase,
-    RadioFigures,
-    fly_radio,
-    measure_all,
+    growth_exponent,
+    radio_columns,
+    sizes,
     step_costs,
 )
+from vfguide.lab.studies.scale import radio as fly_radio
 from vfguide.registry import laws
 from vfguide.system import require_linux
-
-CONDITIONS = ("shipped", "bad link")
-
-SCALE_COLUMNS = (
-    "vehicles",
-    "times real time",
-    "µs per vehicle and step",
-    "memory, MB",
-    "guidance step, µs",
-    "companion",
-    "of it decode",
-    "encode",
-    "guidance",
-)
-"""Columns of the table of sizes; the last are shares of the whole time."""
-
 
 bench = typer.Typer(help="Measure on this computer.", rich_markup_mode=None)
 
@@ -118,7 +96,7 @@ Scheduler = Annotated[
 
 @bench.callback(invoke_without_command=True)
 @with_plugins
-def compare(
+def side_by_side(
     context: typer.Context,
     *,
     law: Laws = None,
@@ -137,22 +115,17 @@ def compare(
     began = time.perf_counter()
     extent, flown = QUICK if quick else FULL, flown_laws(law)
     with executor_on(scheduler) as executor:
-        rows = compare_all(executor, extent, flown)
-    costs = step_costs(flown)
-    content = {
-        "machine": machine(),
-        "duration_s": extent.duration_s,
-        "seeds": extent.seeds,
-        "rows": [asdict(row) for row in rows],
-        "step_cost": costs,
-        "wall_s": time.perf_counter() - began,
-    }
-    text = tables(rows, costs, content)
-    Terminal().tell(text)
-    write(json_file, content)
-    if out is not None:
-        write(out / "bench.json", content)
-        (out / "bench.md").write_text(text, encoding="utf-8")
+        rows = list(compare(executor, extent, flown))
+    costs, wall_s = list(step_costs(flown)), time.perf_counter() - began
+    about = machine()
+    heading = (
+        f"{about['date']}, {about['processor']}, {about['processors']} processors, Python "
+        f"{about['python']}, vfguide {about['vfguide']}: {extent.duration_s:.0f} s flights, "
+        f"{wall_s:.0f} s in all"
+    )
+    tables = [heading, short_table(rows, costs), markdown(LAW_COLUMNS, rows)]
+    content = {**asdict(extent), "step_cost": in_json(costs), "wall_s": wall_s}
+    publish("bench", tables, {**content, "rows": in_json(rows)}, json_file=json_file, out=out)
 
 
 @bench.command()
@@ -207,34 +180,21 @@ def radio(
 
     The mean slot error for each size of the formation and each rate of the leader, through MAVLink bytes.
     """
-    sizes, rates = aircraft or SIZES, [None, *(rate or RATES_HZ)]
-    cases = [
-        RadioCase(
-            size=size,
-            leader_hz=rate_hz,
-            followers_hz=followers,
-            loss=loss,
-            bursts=bursts,
-            seconds=seconds,
-        )
-        for rate_hz in rates
-        for size in sizes
-    ]
     with executor_on() as executor:
-        found = dict(zip(cases, flown_by(executor, fly_radio, cases), strict=True))
-    table = [
-        [
-            "no radio, 0.1 s late" if rate_hz is None else f"{rate_hz:g} Hz",
-            *(shown(found[case]) for case in cases if case.leader_hz == rate_hz),
-        ]
-        for rate_hz in rates
-    ]
-    Terminal().tell(
-        "mean error, m / greatest error, m / age of the leader's state, ms / bytes a second\n\n"
-        + markdown(["leader", *(f"{size} aircraft" for size in sizes)], table)
-    )
-    rows = [{**asdict(case), **asdict(figures)} for case, figures in found.items()]
-    write(json_file, {"rows": rows})
+        rows = list(
+            fly_radio(
+                executor,
+                sizes=aircraft or SIZES,
+                rates_hz=rate or RATES_HZ,
+                followers_hz=followers,
+                loss=loss,
+                bursts=bursts,
+                seconds=seconds,
+            )
+        )
+    title = "mean error, m / greatest error, m / age of the leader's state, ms / bytes a second"
+    tables = [title, markdown(radio_columns(aircraft or SIZES), rows)]
+    publish("radio", tables, {"rows": in_json(rows)}, json_file=json_file)
 
 
 @bench.command()
@@ -247,24 +207,10 @@ def ablations(
     scheduler: Scheduler = None,
 ) -> None:
     """Switch off each part of a law alone, and fly the four missions."""
-    flown = ablation_cases(law, quick=quick)
     with executor_on(scheduler) as executor:
-        found = {
-            (case.label, case.mission): figures
-            for case, figures in zip(flown, flown_by(executor, fly, flown), strict=True)
-        }
-    table = []
-    for name in parts_of(law):
-        here = [found[name, mission] for mission in MISSIONS]
-        cells = [f"{metres(one.mean_error_m)} / {metres(one.max_error_m)}" for one in here]
-        table.append([name, *cells, f"{max(one.course_variation_rad_s for one in here):.3f}"])
-    head = ["mean / greatest error, m", *MISSIONS, "back and forth, rad/s"]
-    Terminal().tell(markdown(head, table))
-    rows = [
-        {"ablation": label, "mission": mission, **asdict(figures)}
-        for (label, mission), figures in found.items()
-    ]
-    write(json_file, {"rows": rows})
+        rows = list(fly_ablations(executor, law, quick=quick))
+    content = {"rows": in_json(rows)}
+    publish("ablations", [markdown(ABLATION_COLUMNS, rows)], content, json_file=json_file)
 
 
 @bench.command()
@@ -278,39 +224,22 @@ def robustness(
     scheduler: Scheduler = None,
 ) -> None:
     """Map errors and settling against link, noise, wrong responses, wind and loop rate."""
+    flown = flown_laws(law, but="article")
     with executor_on(scheduler) as executor:
-        swept = sweep_cases(flown_laws(law, but="article"), quick=quick)
-        found = list(zip(swept, flown_by(executor, fly, swept), strict=True))
-    text = maps(found)
-    Terminal().tell(text)
-    content = {"points": [{**asdict(case), **asdict(one)} for case, one in found]}
-    write(json_file, content)
-    if out is not None:
-        write(out / "robustness.json", content)
-        (out / "robustness.md").write_text(text, encoding="utf-8")
+        rows = list(fly_robustness(executor, flown, quick=quick))
+    columns = {one: f"{{{one}}} m, {{{one}_s:.1f}} s" for one in flown}
+    tables = [markdown({"": "{case}"} | columns, rows)]
+    publish("robustness", tables, {"rows": in_json(rows)}, json_file=json_file, out=out)
 
 
 @bench.command()
 def scale(*, json_file: JsonFile = None, quick: Quick = False) -> None:
     """Fly 4, 10, 30 and 100 vehicles: how the cost grows, and where it goes."""
-    result = measure_all(quick=quick)
-    table = [
-        [
-            f"{one['vehicles']}",
-            f"{one['real_time_factor']:.1f}",
-            f"{one['processor_us_per_vehicle_step']:.0f}",
-            f"{one['memory_mb']:.0f}",
-            f"{one['guidance_step_us']:.0f}",
-            *(
-                f"{one['shares'][part]:.0%}"
-                for part in ("companion", "decode", "encode", "guidance")
-            ),
-        ]
-        for one in result["sizes"]
-    ]
-    grows = f"processor time grows with the vehicles to the power {result['exponent']:.2f}"
-    Terminal().tell(f"{markdown(SCALE_COLUMNS, table)}\n\n{grows}")
-    write(json_file, result)
+    rows = list(sizes(quick=quick))
+    exponent = growth_exponent([figures for _, figures in rows])
+    grows = f"processor time grows with the vehicles to the power {exponent:.2f}"
+    content = {"sizes": in_json(rows), "exponent": exponent}
+    publish("scale", [markdown(SCALE_COLUMNS, rows), grows], content, json_file=json_file)
 
 
 @bench.command()
@@ -335,14 +264,8 @@ def suite(
     for one in which:
         with_law(one, flown[0])
     with executor_on(scheduler, processes) as executor:
-        content = scored(
-            executor,
-            which,
-            flown,
-            about={"suite": digest()},
-            out=None if out is None else out / "suite",
-        )
-    write(json_file, content)
+        about = {"suite": digest()}
+        tell_scores("suite", executor, which, flown, about, json_file=json_file, out=out)
 
 
 @bench.command(name="monte-carlo")
@@ -364,68 +287,56 @@ def monte_carlo(
     """Fly further scenarios, drawn by the rule of the suite, by slot or other laws, and score them."""
     from vfguide.suite import further
 
+    which, flown = further(formations, seed), flown_laws(law or ["slot"])
     with executor_on(scheduler, processes) as executor:
-        content = scored(
-            executor,
-            further(formations, seed),
-            flown_laws(law or ["slot"]),
-            about={"seed": seed},
-            out=None if out is None else out / "monte-carlo",
-        )
-    write(json_file, content)
+        about = {"seed": seed}
+        tell_scores("monte-carlo", executor, which, flown, about, json_file=json_file, out=out)
 
 
-def scored(
+def tell_scores(
+    name: str,
     executor: Executor,
     which: range,
     flown: list[str],
+    about: Mapping[str, object],
     *,
-    about: dict[str, Any],
+    json_file: Path | None,
     out: Path | None,
-) -> dict[str, Any]:
-    """Fly scenarios by laws, tell their scores, and return what goes into JSON.
+) -> None:
+    """Fly scenarios by laws, and tell their scores.
 
     Args:
+        name: of the study.
         executor: that flies.
         which: numbers of the scenarios.
         flown: names of the laws.
         about: which scenarios they are, in a word and a value.
-        out: where table, picture and JSON go, without their endings; None for nowhere.
+        json_file: where all figures go.
+        out: where table, picture and JSON go.
     """
     require("scipy", *(PLOTTING if out else ()))
     # Here, because an aircraft's computer has no library that fits distributions.
     from vfguide.lab.studies.suite import (
+        SUITE_COLUMNS,
         draw_scores,
         fly_scenario,
+        in_figures,
         means,
         shortcomings,
-        suite_table,
     )
 
-    tasks = [(one, name) for one in which for name in flown]
+    tasks = [(one, law) for one in which for law in flown]
     Terminal(stderr=True).tell(f"{len(tasks)} flights, of which each takes some seconds")
     flights = list(flown_by(executor, fly_scenario, tasks))
     of = ", ".join(f"{word} {str(value)[:12]}" for word, value in about.items())
-    text = "\n".join(
-        [
-            f"vfguide {version('vfguide')}, {len(which)} scenarios, {of}",
-            "",
-            suite_table(flights),
-            "",
-            *shortcomings(flights, flown[0]),
-        ]
-    )
-    Terminal().tell(text)
-    content = {
-        **about,
-        "laws": means(flights),
-        "flights": [msgspec.structs.asdict(one) for one in flights],
-    }
+    title = f"vfguide {version('vfguide')}, {len(which)} scenarios, {of}"
+    rows = means(flights)
+    short = "\n".join(shortcomings(flights, flown[0]))
+    content = {**about, "laws": in_json(rows), "flights": [in_figures(one) for one in flights]}
+    tables = [title, markdown(SUITE_COLUMNS, rows), short]
+    publish(name, tables, content, json_file=json_file, out=out)
     if out is not None:
-        write(out.with_suffix(".json"), content)
-        out.with_suffix(".md").write_text(text + "\n", encoding="utf-8")
-        draw_scores(flights, out.with_suffix(".png"))
-    return content
+        draw_scores(flights, out / f"{name}.png")
 
 
 def flown_laws(chosen: Sequence[str] | None, *, but: str | None = None) -> list[str]:
@@ -437,29 +348,6 @@ def flown_laws(chosen: Sequence[str] | None, *, but: str | None = None) -> list[
     if chosen:
         return [laws.find(name).name for name in chosen]
     return [name for name in laws.names() if name != but]
-
-
-def tables(
-    rows: list[ComparisonRow], costs: dict[str, dict[str, Any]], content: dict[str, Any]
-) -> str:
-    """Everything in Markdown."""
-    parts = [heading(content), short_table(rows, costs)]
-    for condition in CONDITIONS:
-        for plant in PLANTS:
-            table = long_table(rows, plant, condition)
-            if table:
-                parts += [f"{plant}, {condition}\n", table]
-    return "\n".join(parts)
-
-
-def heading(content: dict[str, Any]) -> str:
-    """Where and when, in one line."""
-    about = content["machine"]
-    return (
-        f"{about['date']}, {about['processor']}, {about['processors']} processors, Python "
-        f"{about['python']}, vfguide {about['vfguide']}: {content['duration_s']:.0f} s flights, "
-        f"{content['wall_s']:.0f} s in all\n"
-    )
 
 
 def machine() -> dict[str, Any]:
@@ -484,13 +372,38 @@ def processor() -> str:
     return names[0] if names else platform.processor()
 
 
-def write(json_file: Path | None, content: dict[str, Any]) -> None:
-    """All figures as JSON, which knows neither NaN nor infinity."""
-    if json_file is None:
-        return
-    json_file.parent.mkdir(parents=True, exist_ok=True)
+def in_json(rows: Iterable[Row]) -> list[dict[str, Any]]:
+    """Return rows of a study as JSON has them."""
+    return [{"case": case, **figures} for case, figures in rows]
+
+
+def publish(
+    name: str,
+    parts: Sequence[str],
+    content: Mapping[str, Any],
+    *,
+    json_file: Path | None,
+    out: Path | None = None,
+) -> None:
+    """Tell what a study found, and keep it.
+
+    Args:
+        name: of the study, and of its files in `out`.
+        parts: its tables, in Markdown.
+        content: all figures.
+        json_file: where these go.
+        out: directory for both.
+    """
+    text = "\n\n".join(parts)
+    Terminal().tell(text)
+    # JSON knows neither NaN nor infinity.
     known = without_nan({"machine": machine(), **content})
-    json_file.write_text(json.dumps(known, indent=2, allow_nan=False) + "\n", encoding="utf-8")
+    for file in (json_file, out and out / f"{name}.json"):
+        if file is not None:
+            file.parent.mkdir(parents=True, exist_ok=True)
+            file.write_text(json.dumps(known, indent=2, allow_nan=False) + "\n", encoding="utf-8")
+    if out is not None:
+        (out / f"{name}.md").write_text(text + "\n", encoding="utf-8")
 
 
 def without_nan(value: object) -> object:
@@ -502,29 +415,3 @@ def without_nan(value: object) -> object:
     if isinstance(value, float) and not math.isfinite(value):
         return None
     return value
-
-
-def maps(found: Sequence[tuple[Case, Figures]]) -> str:
-    """A table for each sweep and mission: mean error and settling, law by law."""
-    parts = []
-    flown = {(case.label, case.mission, case.controller): one for case, one in found}
-    missions, laws = (list(dict.fromkeys(key[at] for key in flown)) for at in (1, 2))
-    for name, sweep in SWEEPS.items():
-        for mission in missions:
-            table = []
-            for value in sweep.values:
-                cells = [flown[f"{name} {value:g}", mission, law] for law in laws]
-                words = [
-                    f"{metres(one.mean_error_m)} m, {seconds(one.settle_10m_s)} s" for one in cells
-                ]
-                table.append([f"{value:g}", *words])
-            parts.append(markdown([f"{mission}: {sweep.title}", *laws], table) + "\n")
-    return "\n".join(parts)
-
-
-def shown(figures: RadioFigures) -> str:
-    """The figures of a flight in one cell."""
-    errors = f"{figures.mean_error_m:.3f} / {figures.max_error_m:.2f}"
-    if figures.air_bytes_s == 0.0:
-        return errors
-    return f"{errors} / {figures.leader_age_s * 1e3:.0f} / {figures.air_bytes_s:.0f}"

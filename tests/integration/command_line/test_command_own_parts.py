@@ -175,14 +175,14 @@ short = Extent(duration_s=6.0, seeds=1, bad_link_plants=())
 compared, switched, swept = {}, {}, {}
 for law in ("pursuit", "slot"):
     (case, *_) = cases(short, [law])
-    ((row,)) = rows([(case, fly(case))])
-    compared[law] = row.mean.mean_error_m
+    ((_, figures),) = rows([(case, fly(case))])
+    compared[law] = figures["mean_m"]
     parts = ablation_cases(law, quick=True)
     case = next(one for one in parts if one.label == "no wind filter")
     figures = fly(replace(case, changes=case.changes | {"rehearsal": {"duration_s": 6.0}}))
     switched[law] = figures.mean_error_m
     swept[law] = {}
-    for sweep in ("delay", "alpha"):
+    for sweep in ("link delay", "true alpha"):
         swept_by = sweep_cases([law], quick=True)
         case = next(one for one in swept_by if one.label.startswith(sweep))
         short_one = case.changes["rehearsal"] | {"duration_s": 6.0}

@@ -33,33 +33,34 @@ def test_the_benchmark_flies_the_shipped_missions(name):
 def figures(mean_error_m: float, settle_1m_s: float | None = 10.0) -> Figures:
     return Figures(
         mean_error_m=mean_error_m,
+        intended_error_m=mean_error_m,
         p95_error_m=1.0,
         max_error_m=2.0,
         settle_10m_s=5.0,
         settle_1m_s=settle_1m_s,
         min_separation_m=20.0,
         effort_m_s2=1.0,
+        roll_deg_s=5.0,
         course_variation_rad_s=0.1,
         speed_variation_m_s2=0.1,
         limited=0.0,
-        wall_s=1.0,
     )
 
 
 def test_a_mean_comes_with_its_confidence_interval():
-    mean, half = summed_up([figures(1.0), figures(2.0), figures(3.0)])
-    assert mean.mean_error_m == pytest.approx(2.0)
+    found = summed_up([figures(1.0), figures(2.0), figures(3.0)])
+    assert found["mean_m"] == pytest.approx(2.0)
     # Standard deviation 1, three values, 97.5 % point 4.30265.
-    assert half["mean_error_m"] == pytest.approx(4.30265 / math.sqrt(3.0))
-    assert half["p95_error_m"] == pytest.approx(0.0)
+    assert found["mean_m_half"] == pytest.approx(4.30265 / math.sqrt(3.0))
+    assert found["p95_m_half"] == pytest.approx(0.0)
 
 
 def test_one_flight_has_no_interval_and_one_that_never_settled_no_mean():
-    mean, half = summed_up([figures(1.0)])
-    assert mean.mean_error_m == 1.0
-    assert half["mean_error_m"] is None
-    unsettled, _ = summed_up([figures(1.0), figures(1.0, settle_1m_s=None)])
-    assert unsettled.settle_1m_s is None
+    found = summed_up([figures(1.0)])
+    assert found["mean_m"] == 1.0
+    assert math.isnan(found["mean_m_half"])
+    unsettled = summed_up([figures(1.0), figures(1.0, settle_1m_s=None)])
+    assert unsettled["settle_1m_s"] is None
 
 
 def test_seeds_differ_and_repeat():

@@ -1,37 +1,43 @@
 import math
+from dataclasses import replace
 
 import pytest
 
 from vfguide import suite
 from vfguide.commands.bench import study_directory, study_file
 from vfguide.errors import InputError
+from vfguide.lab.studies.flown import Figures, markdown
 from vfguide.lab.studies.suite import (
+    SUITE_COLUMNS,
     SuiteFlight,
     fly_scenario,
+    in_figures,
     means,
-    score,
     shortcomings,
-    suite_table,
 )
 from vfguide.mission import parse_mission
 from vfguide.suite.draw import drawn
 
+FIGURES = Figures(
+    mean_error_m=1.0,
+    intended_error_m=1.0,
+    p95_error_m=2.0,
+    max_error_m=3.0,
+    settle_10m_s=30.0,
+    settle_1m_s=40.0,
+    min_separation_m=12.0,
+    effort_m_s2=2.0,
+    roll_deg_s=10.0,
+    course_variation_rad_s=0.1,
+    speed_variation_m_s2=0.1,
+    limited=0.0,
+)
+"""Half worth in all parts: 55 points."""
 
-def flight(**changes: object) -> SuiteFlight:
-    fields: dict[str, object] = {
-        "scenario": "suite-001",
-        "law": "slot",
-        "failed": "",
-        "score": 50.0,
-        "mean_error_m": 1.0,
-        "intended_error_m": 1.0,
-        "settle_10m_s": 30.0,
-        "effort_m_s2": 2.0,
-        "roll_deg_s": 10.0,
-        "limited": 0.0,
-        "nearest_m": 12.0,
-    }
-    return SuiteFlight(**{**fields, **changes})
+
+def flight(scenario: str = "suite-001", law: str = "slot", failed: str = "", **changes):
+    figures = replace(FIGURES, **changes)
+    return SuiteFlight(scenario=scenario, law=law, failed=failed, figures=figures)
 
 
 @pytest.mark.parametrize(
@@ -42,40 +48,49 @@ def flight(**changes: object) -> SuiteFlight:
         # 25 / (1 + 3) instead of 12.5.
         ({"mean_error_m": 3.0}, 48.75),
         # Never joined: nothing of 20.
-        ({"settle_10m_s": math.nan}, 45.0),
+        ({"settle_10m_s": None}, 45.0),
         ({"limited": 0.4}, 51.0),
         ({"failed": "two aircraft came within 3.0 m"}, 0.0),
     ],
 )
 def test_half_of_each_part_is_had_at_its_half_worth(changes, points):
-    assert score(flight(**changes)) == pytest.approx(points)
+    assert flight(**changes).score == pytest.approx(points)
 
 
 def test_means_leave_out_failed_flights_but_the_score_counts_them():
-    flights = [flight(score=60.0), flight(score=40.0), flight(score=0.0, failed="lost")]
-    found = means(flights)["slot"]
-    assert found["score"]["mean"] == pytest.approx(100.0 / 3.0)
-    # Student's t of 2 degrees of freedom is 4.303; the standard deviation of 60, 40, 0 is 30.55.
-    assert found["score"]["half_width"] == pytest.approx(
-        4.3027 * 30.5505 / math.sqrt(3.0), rel=1e-4
-    )
-    assert found["mean_error_m"]["mean"] == 1.0
+    flights = [flight(), flight(limited=0.6, min_separation_m=9.0), flight(failed="lost")]
+    ((law, found),) = means(flights)
+    assert law == "slot"
+    assert found["score"] == pytest.approx((55.0 + 49.0 + 0.0) / 3.0)
+    # Student's t of 2 degrees of freedom is 4.303; the standard deviation of 55, 49, 0 is 30.17.
+    assert found["score_half"] == pytest.approx(4.3027 * 30.1717 / math.sqrt(3.0), rel=1e-4)
+    assert found["flown_m"] == 1.0
+    assert found["limited_percent"] == pytest.approx(30.0)
+    assert found["nearest_m"] == 9.0
     assert (found["failed"], found["flights"]) == (1, 3)
-    assert "| 1 of 3 |" in suite_table(flights)
+    assert "| 1 of 3 |" in markdown(SUITE_COLUMNS, means(flights))
 
 
 def test_where_a_law_fails_or_is_beaten_is_told():
     flights = [
-        flight(score=50.0),
-        flight(law="pid", score=70.0),
-        flight(scenario="suite-002", score=0.0, failed="two aircraft came within 3.0 m"),
-        flight(scenario="suite-003", score=50.0),
-        flight(scenario="suite-003", law="pid", score=50.5),
+        flight(limited=0.5),
+        flight(law="pid"),
+        flight("suite-002", failed="two aircraft came within 3.0 m"),
+        flight("suite-003", limited=0.05),
+        flight("suite-003", law="pid"),
     ]
     assert shortcomings(flights, "slot") == [
-        "suite-001: slot 50 points, pid 70",
+        "suite-001: slot 50 points, pid 55",
         "suite-002: slot failed: two aircraft came within 3.0 m",
     ]
+
+
+def test_a_flight_that_broke_is_kept_with_its_reason():
+    broken = SuiteFlight(scenario="suite-004", law="slot", failed="a process died", figures=None)
+    assert in_figures(broken) == {
+        "scenario": "suite-004", "law": "slot", "failed": "a process died", "score": 0.0,
+    }  # fmt: skip
+    assert in_figures(flight())["min_separation_m"] == 12.0
 
 
 @pytest.mark.parametrize("number", [1, 37, 100])
@@ -120,7 +135,8 @@ def test_a_scenario_is_flown_and_judged():
     flown = fly_scenario((91, "slot"))
     assert flown.failed == ""
     assert 0.0 < flown.score < 100.0
-    assert flown.nearest_m > 5.0
+    assert flown.figures is not None
+    assert flown.figures.min_separation_m > 5.0
 
 
 def test_results_that_could_not_be_kept_are_refused_before_anything_is_flown(tmp_path):

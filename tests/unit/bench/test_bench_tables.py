@@ -1,26 +1,26 @@
 """What a benchmark's figures look like on paper: tables, JSON, pictures."""
 
 import math
+from concurrent import futures
 from dataclasses import replace
 
 import pytest
 
-from vfguide.commands.bench import maps, without_nan
+from vfguide.commands.bench import without_nan
 from vfguide.lab.studies.comparison import (
     ABLATIONS,
     FULL,
+    LAW_COLUMNS,
     QUICK,
     SWEEPS,
-    ComparisonRow,
     ablation_cases,
     cases,
-    long_table,
-    metres,
+    robustness,
     rows,
     short_table,
     sweep_cases,
 )
-from vfguide.lab.studies.flown import MISSIONS, Case, Figures
+from vfguide.lab.studies.flown import MISSIONS, Case, Figures, Row, Shown, markdown
 
 LAWS = ("slot", "article", "pid", "mpc")
 
@@ -28,29 +28,31 @@ LAWS = ("slot", "article", "pid", "mpc")
 def figures(mean_error_m: float) -> Figures:
     return Figures(
         mean_error_m=mean_error_m,
+        intended_error_m=mean_error_m,
         p95_error_m=2.0 * mean_error_m,
         max_error_m=3.0 * mean_error_m,
         settle_10m_s=12.0,
         settle_1m_s=None,
         min_separation_m=20.0,
         effort_m_s2=1.0,
+        roll_deg_s=5.0,
         course_variation_rad_s=0.1,
         speed_variation_m_s2=0.1,
         limited=0.01,
-        wall_s=math.nan,
     )
 
 
-def table_rows() -> list[ComparisonRow]:
+def table_rows() -> list[Row]:
     flown = [
         (Case(mission=mission, controller=law, label="shipped"), figures(0.1 * (number + 1)))
         for mission in MISSIONS
         for number, law in enumerate(LAWS)
     ]
-    return list(rows(flown))
+    late = (Case(mission="line-calm", controller="slot", label="bad link"), figures(0.5))
+    return list(rows([*flown, late, late]))
 
 
-COSTS = {law: {"median_us": 10.0 * (number + 1)} for number, law in enumerate(LAWS)}
+COSTS: list[Row] = [(law, {"median_us": 10.0 * (number + 1)}) for number, law in enumerate(LAWS)]
 
 
 def test_the_short_table_marks_the_best_law_of_each_mission():
@@ -59,19 +61,20 @@ def test_the_short_table_marks_the_best_law_of_each_mission():
     assert lines[-1] == "| one guidance step |  | 10 µs | 20 µs | 30 µs | 40 µs |"
 
 
-def test_the_long_table_says_what_never_settled():
-    text = long_table(table_rows(), "heading-hold", "shipped")
-    assert len(text.splitlines()) == 2 + len(MISSIONS) * len(LAWS)
-    assert "| line-calm | slot | 0.100 | 0.200 | 0.300 | 12.0 | never |" in text
-    assert long_table(table_rows(), "course-hold", "shipped") == ""
+def test_the_long_table_says_what_never_settled_and_what_a_bad_link_costs():
+    first, second, *_ = lines = markdown(LAW_COLUMNS, table_rows()).splitlines()[2:]
+    assert len(lines) == len(MISSIONS) * len(LAWS)
+    assert first.startswith("| line-calm, slot | 0.100 | 0.200 | 0.300 | 12.0 | - |")
+    assert first.endswith("| 0.500 ± 0.000 |")
+    assert second.endswith("| - ± - |")
 
 
 @pytest.mark.parametrize(
     ("value", "text"),
     [(None, "-"), (math.nan, "-"), (0.0123, "0.012"), (4.086, "4.09"), (312.0, "312")],
 )
-def test_metres_have_the_digits_they_deserve(value, text):
-    assert metres(value) == text
+def test_figures_have_the_digits_they_deserve(value, text):
+    assert f"{Shown.of(value)}" == text
 
 
 def test_figures_go_into_json_without_what_it_does_not_know():
@@ -100,19 +103,28 @@ def test_only_what_a_law_has_is_switched_off():
     assert all(case.flown().controller.type == "pid" for case in flown)
 
 
-def test_maps_show_what_never_settled():
-    swept = sweep_cases(("slot", "pid", "mpc"), quick=False)
-    found = [
-        (case, replace(figures(0.6), settle_10m_s=None if case.label == "loss 0.5" else 14.0))
-        for case in swept
-    ]
-    text = maps(found)
-    assert "| 0.5 | 0.600 m, never s | 0.600 m, never s | 0.600 m, never s |" in text
-    assert all(sweep.title in text for sweep in SWEEPS.values())
+class Executor(futures.Executor):
+    """Flies nothing: a lossy link never lets anybody settle."""
+
+    def map(self, fn, *iterables, **options):  # noqa: ARG002 - as the base class has it
+        for case in iterables[0]:
+            never = case.label == "link loss: 0.5"
+            yield replace(figures(0.6), settle_10m_s=None if never else 14.0)
+
+
+def test_rows_of_what_gets_worse_show_what_never_settled():
+    found = dict(robustness(Executor(), ("slot", "pid"), quick=False))
+    assert found["line-wind, link loss: 0.5"] == {
+        "slot": 0.6, "slot_s": None, "pid": 0.6, "pid_s": None,
+    }  # fmt: skip
+    assert found["circle-wind, link loss: 0.4"]["pid_s"] == 14.0
+    assert len(found) == 2 * sum(len(values) for _, values in SWEEPS.values())
 
 
 def test_aircraft_that_respond_otherwise_than_declared_are_flown():
-    slow = next(one for one in sweep_cases(["slot"], quick=True) if one.label.startswith("alpha"))
+    slow = next(
+        one for one in sweep_cases(["slot"], quick=True) if one.label.startswith("true alpha")
+    )
     mission = slow.flown()
     assert mission.rehearsal.emulator.alpha_1_s == 0.6
     assert mission.vehicles["f1"].alpha_1_s == 1.2

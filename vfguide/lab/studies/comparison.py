@@ -5,9 +5,9 @@ condition after the other get worse.
 """
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from random import Random
 from typing import Any
 
@@ -17,8 +17,11 @@ from vfguide.lab.studies.flown import (
     Case,
     Changes,
     Figures,
+    Row,
+    Shown,
     flown_by,
     fly,
+    markdown,
     shipped,
 )
 from vfguide.mission.controller import controller_of
@@ -37,19 +40,36 @@ BAD_LINK = {
 START_SPREAD_M = 25.0
 """And so do the starts, by up to this on each axis."""
 
-COLUMNS = (
-    "mean, m",
-    "95 %, m",
-    "max, m",
-    "10 m, s",
-    "1 m, s",
-    "effort, m/s²",
-    "course back and forth, rad/s",
-    "speed variation, m/s²",
-    "cut by limits",
-    "nearest, m",
-)
-"""Columns of the long table: errors, settling, control, separation."""
+FIGURES = {
+    "mean_error_m": "mean_m",
+    "p95_error_m": "p95_m",
+    "max_error_m": "max_m",
+    "settle_10m_s": "settle_10m_s",
+    "settle_1m_s": "settle_1m_s",
+    "effort_m_s2": "effort_m_s2",
+    "course_variation_rad_s": "chatter_rad_s",
+    "speed_variation_m_s2": "speed_variation_m_s2",
+    "limited": "limited",
+    "min_separation_m": "nearest_m",
+}
+"""Figures of a flight that rows have, and their names there."""
+
+LAW_COLUMNS = {
+    "mission, law": "{case}",
+    "mean, m": "{mean_m}",
+    "95 %, m": "{p95_m}",
+    "max, m": "{max_m}",
+    "10 m, s": "{settle_10m_s:.1f}",
+    "1 m, s": "{settle_1m_s:.1f}",
+    "effort, m/s²": "{effort_m_s2:.2f}",
+    "course back and forth, rad/s": "{chatter_rad_s:.3f}",
+    "speed variation, m/s²": "{speed_variation_m_s2:.2f}",
+    "cut by limits": "{limited:.1%}",
+    "nearest, m": "{nearest_m:.1f}",
+    "course-hold, m": "{course_hold_mean_m}",
+    "bad link, m": "{bad_link_mean_m} ± {bad_link_mean_m_half}",
+}
+"""Columns of the long table: errors, settling, control, separation; a dash for what never settled."""
 
 ABLATIONS: dict[str, dict[str, dict[str, Any]]] = {
     "as shipped": {},
@@ -84,26 +104,6 @@ class Extent:
 
 FULL = Extent(duration_s=300.0, seeds=5, bad_link_plants=PLANTS)
 QUICK = Extent(duration_s=60.0, seeds=2, bad_link_plants=PLANTS[:1])
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ComparisonRow:
-    """One mission, law, plant and condition."""
-
-    mission: str
-    """Name of one of the article's four missions."""
-    law: str
-    """Law of the followers."""
-    plant: str
-    """Plant of all vehicles: `heading-hold` or `course-hold`."""
-    condition: str
-    """`shipped` or `bad link`."""
-    flights: int
-    """Over which the mean is taken."""
-    mean: Figures
-    """Mean of each figure over the flights; of a settling time None if any flight did not settle."""
-    half_width: dict[str, float | None]
-    """Half width of each mean's 95 % confidence interval; None for a single flight."""
 
 
 def cases(extent: Extent, laws: Sequence[str]) -> list[Case]:
@@ -146,29 +146,33 @@ def seeded(mission: str, seed: int, duration_s: float) -> Changes:
     return {"rehearsal": {**BAD_LINK, "seed": seed, "duration_s": duration_s, "start": starts}}
 
 
-def compare(executor: Executor, extent: Extent, laws: Sequence[str]) -> list[ComparisonRow]:
-    """Fly everything by some laws: the rows of the table."""
+def compare(executor: Executor, extent: Extent, laws: Sequence[str]) -> Iterator[Row]:
+    """Fly everything by some laws: a row for each mission and law.
+
+    Figures are those of the mission as shipped on the heading-hold plant; those of other conditions have the
+    plant or the link before their names.
+    """
     flown = cases(extent, laws)
-    return list(rows(zip(flown, flown_by(executor, fly, flown), strict=True)))
+    return rows(zip(flown, flown_by(executor, fly, flown), strict=True))
 
 
-def rows(results: Iterable[tuple[Case, Figures]]) -> Iterable[ComparisonRow]:
-    """One row for all flights that differ by nothing but their seed."""
-    groups: dict[tuple[str, str, str, str], list[Figures]] = {}
+def rows(results: Iterable[tuple[Case, Figures]]) -> Iterator[Row]:
+    """Put together the flights that differ by plant, link and seed alone."""
+    groups: dict[str, dict[str, list[Figures]]] = {}
     for case, figures in results:
-        key = (case.mission, case.controller, case.plant, case.label)
-        groups.setdefault(key, []).append(figures)
-    for (mission, law, plant, condition), several in groups.items():
-        mean, half_width = summed_up(several)
-        yield ComparisonRow(
-            mission=mission,
-            law=law,
-            plant=plant,
-            condition=condition,
-            flights=len(several),
-            mean=mean,
-            half_width=half_width,
+        conditions = [case.plant, case.label.replace(" ", "_")]
+        prefix = "".join(
+            f"{one.replace('-', '_')}_"
+            for one in conditions
+            if one not in ("heading-hold", "shipped")
         )
+        several = groups.setdefault(f"{case.mission}, {case.controller}", {})
+        several.setdefault(prefix, []).append(figures)
+    for name, conditions_flown in groups.items():
+        found: dict[str, float | None] = {}
+        for prefix, figures_flown in conditions_flown.items():
+            found |= {f"{prefix}{key}": one for key, one in summed_up(figures_flown).items()}
+        yield name, found
 
 
 def mean_of(values: Sequence[float]) -> tuple[float, float]:
@@ -185,82 +189,31 @@ def mean_of(values: Sequence[float]) -> tuple[float, float]:
     return mean, float(student.ppf(0.975, count - 1)) * math.sqrt(variance / count)
 
 
-def summed_up(several: list[Figures]) -> tuple[Figures, dict[str, float | None]]:
-    """Mean and half of the 95 % confidence interval of each figure."""
-    means: dict[str, Any] = {}
-    halves: dict[str, float | None] = {}
-    for field in fields(Figures):
-        values = [getattr(one, field.name) for one in several]
+def summed_up(several: Sequence[Figures]) -> dict[str, float | None]:
+    """Return means and halves of their 95 % intervals; None where a flight has no such figure."""
+    found: dict[str, float | None] = {}
+    for field, name in FIGURES.items():
+        values = [getattr(one, field) for one in several]
         known = [value for value in values if value is not None]
-        complete = len(known) == len(values)
-        mean, half = mean_of(known)
-        means[field.name] = mean if complete else None
-        halves[field.name] = half if complete and len(known) > 1 else None
-    return Figures(**means), halves
+        mean, half = mean_of(known) if len(known) == len(values) else (None, None)
+        found |= {name: mean, f"{name}_half": half}
+    return found
 
 
-def markdown(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """A table of texts in Markdown."""
-    lines = [head, ["---"] * len(head), *rows]
-    return "\n".join(f"| {' | '.join(cells)} |" for cells in lines)
-
-
-def metres(value: float | None) -> str:
-    """A figure with the digits that it deserves."""
-    if value is None or not math.isfinite(value):
-        return "-"
-    return f"{value:.3f}" if value < 1.0 else f"{value:.2f}" if value < 10.0 else f"{value:.0f}"
-
-
-def seconds(value: float | None) -> str:
-    """A settling time."""
-    return "never" if value is None else f"{value:.1f}"
-
-
-def short_table(rows: Sequence[ComparisonRow], costs: Mapping[str, Mapping[str, Any]]) -> str:
-    """Mean errors by mission and law, the shipped missions on the air-relative plant: the one table."""
-    laws = list(dict.fromkeys(row.law for row in rows))
-    found = {
-        (row.mission, row.law): row.mean.mean_error_m
-        for row in rows
-        if row.plant == "heading-hold" and row.condition == "shipped"
-    }
-    table = []
+def short_table(compared: Sequence[Row], costs: Sequence[Row]) -> str:
+    """Return the article's table: mean errors by mission and law, the best bold, and a step's cost."""
+    found = {case: figures["mean_m"] for case, figures in compared}
+    laws = [law for law, _ in costs]
+    table: list[Row] = []
     for mission in MISSIONS:
-        values = [found[mission, law] for law in laws]
-        best = min(values)
-        cells = [f"**{metres(value)}**" if value == best else metres(value) for value in values]
-        table.append([mission, f"{ARTICLE_ERROR_M[mission]:.2f}", *cells])
-    steps = [f"{costs[law]['median_us']:.0f} µs" for law in laws]
-    head = ["mean error, m", "article's claim", *laws]
-    return markdown(head, [*table, ["one guidance step", "", *steps]]) + "\n"
-
-
-def long_table(rows: Sequence[ComparisonRow], plant: str, condition: str) -> str:
-    """All figures of one plant and condition."""
-    table = []
-    for row in rows:
-        if (row.plant, row.condition) != (plant, condition):
-            continue
-        mean, half = row.mean, row.half_width["mean_error_m"]
-        spread = f" ± {metres(half)}" if half is not None else ""
-        table.append(
-            [
-                row.mission,
-                row.law,
-                metres(mean.mean_error_m) + spread,
-                metres(mean.p95_error_m),
-                metres(mean.max_error_m),
-                seconds(mean.settle_10m_s),
-                seconds(mean.settle_1m_s),
-                f"{mean.effort_m_s2:.2f}",
-                f"{mean.course_variation_rad_s:.3f}",
-                f"{mean.speed_variation_m_s2:.2f}",
-                f"{mean.limited:.1%}",
-                f"{mean.min_separation_m:.1f}",
-            ]
-        )
-    return markdown(["mission", "law", *COLUMNS], table) + "\n" if table else ""
+        values = {law: Shown.of(found[f"{mission}, {law}"]) for law in laws}
+        best = min(values.values())
+        cells = {law: f"**{one:}**" if one == best else f"{one:}" for law, one in values.items()}
+        table.append((mission, {"claim": f"{ARTICLE_ERROR_M[mission]:.2f}", **cells}))
+    steps = {law: f"{Shown.of(cost['median_us']):.0f} µs" for law, cost in costs}
+    table.append(("one guidance step", {"claim": "", **steps}))
+    columns = {"mean error, m": "{case}", "article's claim": "{claim}"}
+    return markdown(columns | {law: f"{{{law}}}" for law in laws}, table)
 
 
 def parts_of(law: str) -> list[str]:
@@ -296,6 +249,27 @@ def ablation_cases(law: str, *, quick: bool) -> list[Case]:
     ]
 
 
+def ablations(executor: Executor, law: str, *, quick: bool) -> Iterator[Row]:
+    """Switch off each part of a law alone, and fly the four missions."""
+    flown = ablation_cases(law, quick=quick)
+    found: dict[str, dict[str, Figures]] = {}
+    for case, one in zip(flown, flown_by(executor, fly, flown), strict=True):
+        found.setdefault(case.label, {})[case.mission.replace("-", "_")] = one
+    for part, missions in found.items():
+        figures: dict[str, float | None] = {
+            "chatter_rad_s": max(one.course_variation_rad_s for one in missions.values())
+        }
+        for mission, one in missions.items():
+            figures[mission], figures[f"{mission}_max"] = one.mean_error_m, one.max_error_m
+        yield part, figures
+
+
+ABLATION_COLUMNS: dict[str, str] = {
+    "mean / greatest error, m": "{case}",
+    **{one: f"{{{one.replace('-', '_')}}} / {{{one.replace('-', '_')}_max}}" for one in MISSIONS},
+    "back and forth, rad/s": "{chatter_rad_s:.3f}",
+}
+
 SWEEP_QUICK_S, SWEEP_S = 60.0, 120.0
 
 AIRSPEED_M_S = 20.0
@@ -303,42 +277,43 @@ AIRSPEED_M_S = 20.0
 SWEPT_MISSIONS = ("line-wind", "circle-wind")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Sweep:
-    """One thing that gets worse."""
-
-    title: str
-    """With its unit."""
-    values: tuple[float, ...]
-    """From good to bad."""
-
-
 SWEEPS = {
-    "delay": Sweep(title="link delay, s", values=(0.0, 0.1, 0.2, 0.3, 0.4, 0.5)),
-    "loss": Sweep(title="link loss", values=(0.0, 0.1, 0.2, 0.3, 0.4, 0.5)),
-    "noise": Sweep(title="position noise, m", values=(0.0, 0.1, 0.3, 0.6, 1.0)),
-    "alpha": Sweep(title="true alpha / declared", values=(0.5, 0.7, 0.85, 1.0, 1.2, 1.5, 2.0)),
-    "beta": Sweep(title="true beta / declared", values=(0.5, 0.7, 0.85, 1.0, 1.2, 1.5, 2.0)),
-    "wind": Sweep(title="steady wind / airspeed", values=(0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6)),
-    "rate": Sweep(title="loop rate, Hz", values=(5.0, 8.0, 10.0, 20.0, 50.0)),
+    "delay": ("link delay, s", (0.0, 0.1, 0.2, 0.3, 0.4, 0.5)),
+    "loss": ("link loss", (0.0, 0.1, 0.2, 0.3, 0.4, 0.5)),
+    "noise": ("position noise, m", (0.0, 0.1, 0.3, 0.6, 1.0)),
+    "alpha": ("true alpha / declared", (0.5, 0.7, 0.85, 1.0, 1.2, 1.5, 2.0)),
+    "beta": ("true beta / declared", (0.5, 0.7, 0.85, 1.0, 1.2, 1.5, 2.0)),
+    "wind": ("steady wind / airspeed", (0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6)),
+    "rate": ("loop rate, Hz", (5.0, 8.0, 10.0, 20.0, 50.0)),
 }
+"""What gets worse, with its unit, and values from good to bad."""
 
 
 def sweep_cases(laws: Sequence[str], *, quick: bool) -> list[Case]:
-    """Every flight of every sweep, by each of these laws; a label is such as "delay 0.2"."""
+    """Every flight of every sweep, by each of these laws; a label is such as "link delay, s: 0.2"."""
     duration_s = SWEEP_QUICK_S if quick else SWEEP_S
     return [
         Case(
             mission=mission,
             controller=law,
             changes=swept_changes(name, value, mission, duration_s),
-            label=f"{name} {value:g}",
+            label=f"{title}: {value:g}",
         )
-        for name, sweep in SWEEPS.items()
+        for name, (title, values) in SWEEPS.items()
         for mission in (SWEPT_MISSIONS[1:] if quick else SWEPT_MISSIONS)
         for law in laws
-        for value in sweep.values
+        for value in values
     ]
+
+
+def robustness(executor: Executor, laws: Sequence[str], *, quick: bool) -> Iterator[Row]:
+    """Fly with one thing after another going wrong: mean errors by law, and settling times."""
+    swept = sweep_cases(laws, quick=quick)
+    found: dict[str, dict[str, float | None]] = {}
+    for case, one in zip(swept, flown_by(executor, fly, swept), strict=True):
+        figures = {case.controller: one.mean_error_m, f"{case.controller}_s": one.settle_10m_s}
+        found.setdefault(f"{case.mission}, {case.label}", {}).update(figures)
+    yield from found.items()
 
 
 def swept_changes(sweep: str, value: float, mission: str, duration_s: float) -> Changes:

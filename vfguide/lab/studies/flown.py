@@ -5,6 +5,7 @@ Studies of orders and predictions ask, too, whether a flight stayed within its f
 
 import math
 import os
+from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import Executor, ProcessPoolExecutor
 from contextlib import contextmanager
@@ -75,6 +76,55 @@ def article_mission(
             before = with_law(before, fields["type"])
         content[section] = {**before, **fields}
     return Mission.model_validate(content)
+
+
+Row = tuple[str, Mapping[str, float | str | None]]
+"""A case of a study, and its figures by name."""
+
+
+class Shown(float):
+    """A figure as tables write it."""
+
+    __slots__ = ()
+
+    @classmethod
+    def of(cls, value: float | str | None) -> "Shown":
+        """Take a figure of a row."""
+        return cls(math.nan if value is None else value)
+
+    def __format__(self, form: str) -> str:
+        """Write a dash where it is not known; else as asked for, or with the digits that it deserves."""
+        if not math.isfinite(self):
+            return "-"
+        return format(
+            float(self), form or (".3f" if self < 1.0 else ".2f" if self < 10.0 else ".0f")
+        )
+
+
+class Said(str):
+    """A word in the place of a figure, whatever the format of that."""
+
+    __slots__ = ()
+
+    def __format__(self, _: str) -> str:
+        """Write it."""
+        return str(self)
+
+
+def markdown(columns: Mapping[str, str], rows: Iterable[Row]) -> str:
+    """Return a table in Markdown.
+
+    Args:
+        columns: format of each by its heading; fields are `case` and the names of figures.
+        rows: of a study; a figure that a row does not have is not known.
+    """
+    lines = [[*columns], ["---"] * len(columns)]
+    for case, figures in rows:
+        known: dict[str, Any] = defaultdict(lambda: Shown(math.nan), case=case)
+        for name, value in figures.items():
+            known[name] = Said(value) if isinstance(value, str) else Shown.of(value)
+        lines.append([form.format_map(known) for form in columns.values()])
+    return "\n".join(f"| {' | '.join(cells)} |" for cells in lines)
 
 
 Task = TypeVar("Task")
@@ -150,6 +200,8 @@ class Figures:
 
     mean_error_m: float
     """Distance from the slot, all followers."""
+    intended_error_m: float
+    """The same from the slots as the path means them."""
     p95_error_m: float
     """95th percentile of the formation error, m."""
     max_error_m: float
@@ -162,14 +214,14 @@ class Figures:
     """Least distance between any two vehicles during the whole flight, m."""
     effort_m_s2: float
     """Control effort: root mean square of the followers' acceleration through the air."""
+    roll_deg_s: float
+    """Root mean square of the followers' roll rates."""
     course_variation_rad_s: float
     """Course setpoints' back and forth per second, mean over followers."""
     speed_variation_m_s2: float
     """Speed setpoints' variation per second, mean over followers."""
     limited: float
     """Share of the followers' setpoints that a limit cut."""
-    wall_s: float
-    """What the flight took; NaN where it is not known."""
 
 
 def fly(case: Case) -> Figures:
@@ -183,6 +235,7 @@ def figures_of(record: FlightRecord) -> Figures:
     formation = summary.formation
     window = in_window(record)
     followers = [one for one in summary.vehicles.values() if isinstance(one, FollowerSummary)]
+    rolls = [one.roll_rate_rad_s for one in followers if one.roll_rate_rad_s is not None]
     efforts = []
     for vehicle in record.followers:
         turning = GRAVITY * np.tan(vehicle.bank_rad[window])
@@ -190,12 +243,14 @@ def figures_of(record: FlightRecord) -> Figures:
         efforts.append(float(np.mean(turning**2 + along**2)))
     return Figures(
         mean_error_m=or_nan(formation.mean_error_m),
+        intended_error_m=or_nan(formation.intended_error_m),
         p95_error_m=or_nan(formation.p95_error_m),
         max_error_m=or_nan(formation.max_error_m),
         settle_10m_s=formation.settle_10m_s,
         settle_1m_s=formation.settle_1m_s,
         min_separation_m=or_nan(formation.min_separation_m),
         effort_m_s2=math.sqrt(float(np.mean(efforts))),
+        roll_deg_s=math.degrees(float(np.mean(rolls))) if rolls else math.nan,
         course_variation_rad_s=float(
             np.mean([or_nan(one.course_setpoint_excess_variation_rad_s) for one in followers])
         ),
@@ -203,7 +258,6 @@ def figures_of(record: FlightRecord) -> Figures:
             np.mean([or_nan(one.speed_setpoint_variation_m_s2) for one in followers])
         ),
         limited=float(np.mean([or_nan(one.limited_fraction) for one in followers])),
-        wall_s=or_nan(record.wall_s),
     )
 
 

@@ -11,7 +11,7 @@ import platform
 import site
 import socket
 import tempfile
-from collections.abc import AsyncIterator, Sequence
+from collections.abc import AsyncIterator, Iterator, Sequence
 from contextlib import AsyncExitStack, asynccontextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -34,8 +34,7 @@ from vfguide.lab.rehearsal.processes import (
     python_module,
     running,
 )
-from vfguide.lab.studies.comparison import markdown
-from vfguide.lab.studies.flown import article_mission
+from vfguide.lab.studies.flown import Row, article_mission, markdown
 from vfguide.lab.studies.peers import PYMAVLINK_ENVIRONMENT, TimedVehicle, installed_mavsdk
 from vfguide.link.keys import key_places, make_keys
 from vfguide.mavlink.adapter import Vehicle, telemetry_at
@@ -290,11 +289,16 @@ def figures_of(seconds: Sequence[float]) -> dict[str, Any]:
     }
 
 
-LOADS = ("load_before", "load_after")
-
-TIMES = ("p50_ms", "p99_ms", "max_ms")
-
-HEADINGS = ("p50 ms", "p99 ms", "max ms")
+LATENCY_COLUMNS = {
+    "telemetry in to setpoint out": "{case}",
+    "p50 ms": "{p50_ms:.2f}",
+    "p99 ms": "{p99_ms:.2f}",
+    "max ms": "{max_ms:.2f}",
+    "core %": "{cpu_percent:.2f}",
+    "MB": "{memory_mb:.2f}",
+    "count": "{count:g}",
+    "unanswered": "{unanswered:g}",
+}
 
 
 def run_latency(*, seconds: float, rate_hz: float) -> dict[str, Any]:
@@ -337,35 +341,24 @@ async def _measure(directory: Path, *, seconds: float, rate_hz: float) -> dict[s
     }
 
 
-def render(result: dict[str, Any]) -> str:
-    """The result in words and tables."""
-    machine, response = result["machine"], result["response"]
-    before, after = (" ".join(f"{one:.2f}" for one in machine[key]) for key in LOADS)
-    title = (
-        f"{result['rate_hz']:g} Hz, {result['seconds']:g} s each; {machine['cores']} cores, "
-        f"Python {machine['python']}"
-    )
-    return "\n\n".join(
-        [
-            f"{title}\nload before {before}, after {after}",
-            response_table(response),
-        ]
-    )
-
-
-def response_table(response: dict[str, Any]) -> str:
-    """One line for each client."""
-    head = ["telemetry in to setpoint out", *HEADINGS, "core %", "MB", "count", "unanswered"]
-    entries = {**response["clients"], "companions together": response["companions"]}
-    keys = (*TIMES, "cpu_percent", "memory_mb", "count", "unanswered")
-    rows = [[name, *(shown(one.get(key)) for key in keys)] for name, one in entries.items()]
+def rows_of(result: dict[str, Any]) -> Iterator[Row]:
+    """Yield a row for each client, and one for those that are not there."""
+    response = result["response"]
+    yield from response["clients"].items()
+    together = response["companions"]
+    yield "companions together", {key: together[key] for key in together if key != "names"}
     if "mavsdk" not in response["clients"]:
-        rows.append(["mavsdk", response["mavsdk"], *[""] * (len(keys) - 1)])
-    return markdown(head, rows)
+        yield "mavsdk", {"p50_ms": response["mavsdk"]}
 
 
-def shown(value: float | None) -> str:
-    """A figure for reading; a dash for one that is not there."""
-    if value is None:
-        return "-"
-    return str(value) if isinstance(value, int) else f"{value:.2f}"
+def render(result: dict[str, Any]) -> str:
+    """The result in words and a table."""
+    machine = result["machine"]
+    before, after = (
+        " ".join(f"{one:.2f}" for one in machine[f"load_{when}"]) for when in ("before", "after")
+    )
+    return (
+        f"{result['rate_hz']:g} Hz, {result['seconds']:g} s each; {machine['cores']} cores, "
+        f"Python {machine['python']}\nload before {before}, after {after}\n\n"
+        f"{markdown(LATENCY_COLUMNS, rows_of(result))}"
+    )

@@ -11,7 +11,7 @@ import sys
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures import Executor, ProcessPoolExecutor
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from multiprocessing import get_context
@@ -24,7 +24,7 @@ from vfguide.companion.follower_role import FollowerRole
 from vfguide.errors import import_extra
 from vfguide.lab.rehearsal.lockstep import fly_lockstep
 from vfguide.lab.rehearsal.radio_flight import fly_by_radio
-from vfguide.lab.studies.flown import article_mission, figures_of
+from vfguide.lab.studies.flown import Row, article_mission, figures_of, flown_by
 from vfguide.laws.base import SlotKeeper
 from vfguide.mavlink.codec import Codec
 from vfguide.mission.model import Mission
@@ -74,25 +74,24 @@ def calls_timed(owner: type, name: str) -> Iterator[list[float]]:
         setattr(owner, name, method)
 
 
-def step_costs(laws: Sequence[str], mission: str = "circle-wind") -> dict[str, dict[str, Any]]:
-    """Median and 99th percentile of a follower's step by law, microseconds."""
-    return {law: cost_of(law, mission) for law in laws}
-
-
-def cost_of(law: str, mission: str) -> dict[str, Any]:
-    """Median, 99th percentile and greatest of one law, microseconds."""
-    flown = article_mission(
-        mission, {"controller": {"type": law}, "rehearsal": {"duration_s": DURATION_S}}
-    )
-    with calls_timed(SlotKeeper, "step") as durations:
-        fly_lockstep(flown)
-    steady = sorted(durations[round(STEADY_FROM * len(durations)) :])
-    return {
-        "calls": len(steady),
-        "median_us": statistics.median(steady) * 1e6,
-        "p99_us": steady[round(0.99 * (len(steady) - 1))] * 1e6,
-        "max_us": steady[-1] * 1e6,
-    }
+def step_costs(laws: Sequence[str]) -> Iterator[Row]:
+    """Time a follower's step by each law, on circle-wind."""
+    for law in laws:
+        flown = article_mission(
+            "circle-wind", {"controller": {"type": law}, "rehearsal": {"duration_s": DURATION_S}}
+        )
+        with calls_timed(SlotKeeper, "step") as durations:
+            fly_lockstep(flown)
+        steady = sorted(durations[round(STEADY_FROM * len(durations)) :])
+        yield (
+            law,
+            {
+                "calls": len(steady),
+                "median_us": statistics.median(steady) * 1e6,
+                "p99_us": steady[round(0.99 * (len(steady) - 1))] * 1e6,
+                "max_us": steady[-1] * 1e6,
+            },
+        )
 
 
 def grown(mission: str, name: str, slots: Sequence[tuple[float, float]]) -> dict[str, Any]:
@@ -133,7 +132,7 @@ def crowd(count: int, duration_s: float) -> Mission:
     return Mission.model_validate(content)
 
 
-def measure(count: int, duration_s: float) -> dict[str, Any]:
+def measure(count: int, duration_s: float) -> dict[str, float]:
     """Fly so many, twice, and measure once they are in place: the time it takes, and where it goes."""
     before = resident_mb()
     mission = crowd(count, JOINED_S + duration_s)
@@ -157,12 +156,12 @@ def measure(count: int, duration_s: float) -> dict[str, Any]:
         "wall_s": wall_s,
         "processor_s": processor_s,
         "real_time_factor": duration_s / wall_s,
-        "processor_us_per_vehicle_step": processor_s / steps * 1e6,
-        "joining_us_per_vehicle_step": joining_s / (count * JOINED_S * rate_hz) * 1e6,
+        "step_us": processor_s / steps * 1e6,
+        "joining_step_us": joining_s / (count * JOINED_S * rate_hz) * 1e6,
         "memory_mb": resident_mb(),
         "memory_before_mb": before,
-        "guidance_step_us": statistics.median(durations["guidance"]) * 1e6,
-        "shares": {part: sum(spent) / timed for part, spent in durations.items()},
+        "guidance_us": statistics.median(durations["guidance"]) * 1e6,
+        **{f"{part}_share": sum(spent) / timed for part, spent in durations.items()},
     }
 
 
@@ -200,7 +199,7 @@ def resident_mb() -> float:
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / scale
 
 
-def growth_exponent(results: Sequence[dict[str, Any]]) -> float:
+def growth_exponent(results: Sequence[Mapping[str, float]]) -> float:
     """P of processor time ~ vehicles^p, fitted by least squares in the logarithms."""
     vehicles = [math.log(one["vehicles"]) for one in results]
     # Per flight second: flights of different length compare.
@@ -208,14 +207,25 @@ def growth_exponent(results: Sequence[dict[str, Any]]) -> float:
     return float(np.polyfit(vehicles, times, 1)[0])
 
 
-def measure_all(*, quick: bool) -> dict[str, Any]:
-    """All sizes, each in a fresh process of its own, one after the other."""
-    results = []
+def sizes(*, quick: bool) -> Iterator[tuple[str, dict[str, float]]]:
+    """Fly formations of growing size, each in a fresh process of its own."""
     for count in COUNTS:
-        duration_s = QUICK_S if quick else FLOWN_S
         with ProcessPoolExecutor(1, get_context("spawn")) as pool:
-            results.append(pool.submit(measure, count, duration_s).result())
-    return {"sizes": results, "exponent": growth_exponent(results)}
+            yield f"{count}", pool.submit(measure, count, QUICK_S if quick else FLOWN_S).result()
+
+
+SCALE_COLUMNS = {
+    "vehicles": "{case}",
+    "times real time": "{real_time_factor:.1f}",
+    "µs per vehicle and step": "{step_us:.0f}",
+    "memory, MB": "{memory_mb:.0f}",
+    "guidance step, µs": "{guidance_us:.0f}",
+    "companion": "{companion_share:.0%}",
+    "of it decode": "{decode_share:.0%}",
+    "encode": "{encode_share:.0%}",
+    "guidance": "{guidance_share:.0%}",
+}
+"""The last are shares of the whole time."""
 
 
 SIZES = (2, 4, 8, 12)
@@ -319,3 +329,52 @@ def fly_radio(case: RadioCase) -> RadioFigures:
         collisions=air["in collisions"],
         refused=dict(refused),
     )
+
+
+def radio(
+    executor: Executor,
+    *,
+    sizes: Sequence[int] = SIZES,
+    rates_hz: Sequence[float] = RATES_HZ,
+    followers_hz: float = 2.5,
+    loss: float = 0.0,
+    bursts: float = 0.0,
+    seconds: float = 120.0,
+) -> Iterator[Row]:
+    """Fly circle-wind over a radio that all share: first without any, then by each rate of the leader.
+
+    Followers say their states no more often than the leader does.
+    """
+    for leader_hz in (None, *rates_hz):
+        flown = [
+            RadioCase(
+                size=size,
+                leader_hz=leader_hz,
+                followers_hz=min(followers_hz, leader_hz or followers_hz),
+                loss=loss,
+                bursts=bursts,
+                seconds=seconds,
+            )
+            for size in sizes
+        ]
+        figures = dict[str, float]()
+        for size, one in zip(sizes, flown_by(executor, fly_radio, flown), strict=True):
+            figures |= {
+                f"mean_{size}_m": one.mean_error_m,
+                f"max_{size}_m": one.max_error_m,
+                f"nearest_{size}_m": one.min_separation_m,
+                f"age_{size}_ms": 1e3 * one.leader_age_s,
+                f"air_{size}_bytes_s": one.air_bytes_s,
+                f"collisions_{size}": one.collisions,
+                f"refused_{size}": sum(one.refused.values()),
+            }
+        yield "no radio, 0.1 s late" if leader_hz is None else f"{leader_hz:g} Hz", figures
+
+
+def radio_columns(sizes: Sequence[int]) -> dict[str, str]:
+    """Return the columns of formations of these sizes: error, greatest, age of the leader's state, load."""
+    return {"leader": "{case}"} | {
+        f"{one} aircraft": f"{{mean_{one}_m:.3f}} / {{max_{one}_m:.2f}} / {{age_{one}_ms:.0f}}"
+        f" / {{air_{one}_bytes_s:.0f}}"
+        for one in sizes
+    }

@@ -7,18 +7,17 @@ w / (1 + x / u) points, where u is worth half of them.
 
 import math
 from collections.abc import Sequence
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-import msgspec
 import numpy as np
 
 from vfguide.errors import VfguideError
 from vfguide.lab.rehearsal.radio_flight import fly_rehearsal
 from vfguide.lab.report.figures import slot_error
-from vfguide.lab.report.metrics import FollowerSummary, summarise
-from vfguide.lab.studies.comparison import markdown, mean_of, metres
-from vfguide.lab.studies.flown import figures_of, or_nan
+from vfguide.lab.studies.comparison import mean_of
+from vfguide.lab.studies.flown import Figures, Row, figures_of, or_nan
 from vfguide.record.flight import FlightRecord
 from vfguide.suite import with_law
 
@@ -37,20 +36,24 @@ HALF_WORTH = {
 }
 """Points of each part, and what is worth half of them; the last 10 are the share of setpoints not cut."""
 
-COLUMNS = {
-    "score": "score",
-    "mean_error_m": "as flown, m",
-    "intended_error_m": "as meant, m",
-    "settle_10m_s": "joined after, s",
-    "effort_m_s2": "effort, m/s²",
-    "roll_deg_s": "roll, °/s",
-    "limited": "at limits",
+SUITE_COLUMNS = {
+    "law": "{case}",
+    "score": "{score:.1f} ± {score_half:.1f}",
+    "as flown, m": "{flown_m} ± {flown_m_half}",
+    "as meant, m": "{meant_m} ± {meant_m_half}",
+    "joined after, s": "{joined_s} ± {joined_s_half}",
+    "effort, m/s²": "{effort_m_s2} ± {effort_m_s2_half}",
+    "roll, °/s": "{roll_deg_s} ± {roll_deg_s_half}",
+    "at limits, %": "{limited_percent:.1f} ± {limited_percent_half:.1f}",
+    "nearest, m": "{nearest_m}",
+    "failed": "{failed:g} of {flights:g}",
 }
-"""Columns of the table that are means."""
+"""Means with half of their 95 % intervals."""
 
 
-class SuiteFlight(msgspec.Struct, frozen=True, kw_only=True):
-    """What one scenario came to by one law; NaN: not measured, or never reached."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SuiteFlight:
+    """What one scenario came to by one law."""
 
     scenario: str
     """Name of its mission."""
@@ -58,22 +61,19 @@ class SuiteFlight(msgspec.Struct, frozen=True, kw_only=True):
     """Law of the followers."""
     failed: str
     """Why it counts as failed; empty if it does not."""
-    score: float = 0.0
-    """Points, 0 to 100."""
-    mean_error_m: float = math.nan
-    """Mean distance from the slots, last half of the flight."""
-    intended_error_m: float = math.nan
-    """The same from the slots as the path means them."""
-    settle_10m_s: float = math.nan
-    """Last time any follower was 10 m or more from its slot."""
-    effort_m_s2: float = math.nan
-    """Root mean square of the followers' acceleration through the air."""
-    roll_deg_s: float = math.nan
-    """Root mean square of their roll rates."""
-    limited: float = math.nan
-    """Share of their setpoints that a limit cut."""
-    nearest_m: float = math.nan
-    """Least distance of any two vehicles on the whole flight."""
+    figures: Figures | None
+    """What it came to; None if it broke."""
+
+    @property
+    def score(self) -> float:
+        """Points of a flight, 0 to 100; what is not known has none."""
+        if self.failed or self.figures is None:
+            return 0.0
+        points = 10.0 * (1.0 - self.figures.limited)
+        for name, (weight, half) in HALF_WORTH.items():
+            value = or_nan(getattr(self.figures, name))
+            points += weight / (1.0 + value / half) if math.isfinite(value) else 0.0
+        return points
 
 
 def fly_scenario(task: tuple[int, str]) -> SuiteFlight:
@@ -83,28 +83,17 @@ def fly_scenario(task: tuple[int, str]) -> SuiteFlight:
     try:
         record = fly_rehearsal(mission).record
     except VfguideError as error:
-        return SuiteFlight(scenario=mission.name, law=law, failed=str(error))
-    return judged(record, law)
+        return SuiteFlight(scenario=mission.name, law=law, failed=str(error), figures=None)
+    figures = figures_of(record)
+    failed = failure(record, figures.min_separation_m)
+    return SuiteFlight(scenario=record.mission, law=law, failed=failed, figures=figures)
 
 
-def judged(record: FlightRecord, law: str) -> SuiteFlight:
-    """Judge a flight by its record."""
-    summary, figures = summarise(record), figures_of(record)
-    followers = [one for one in summary.vehicles.values() if isinstance(one, FollowerSummary)]
-    rolls = [one.roll_rate_rad_s for one in followers if one.roll_rate_rad_s is not None]
-    flight = SuiteFlight(
-        scenario=record.mission,
-        law=law,
-        failed=failure(record, figures.min_separation_m),
-        mean_error_m=figures.mean_error_m,
-        intended_error_m=or_nan(summary.formation.intended_error_m),
-        settle_10m_s=or_nan(figures.settle_10m_s),
-        effort_m_s2=figures.effort_m_s2,
-        roll_deg_s=math.degrees(float(np.mean(rolls))) if rolls else math.nan,
-        limited=figures.limited,
-        nearest_m=figures.min_separation_m,
-    )
-    return msgspec.structs.replace(flight, score=score(flight))
+def in_figures(flight: SuiteFlight) -> dict[str, Any]:
+    """Return a flight as JSON has it."""
+    kept = {"scenario": flight.scenario, "law": flight.law, "failed": flight.failed}
+    figures = {} if flight.figures is None else asdict(flight.figures)
+    return {**kept, "score": flight.score, **figures}
 
 
 def failure(record: FlightRecord, nearest_m: float) -> str:
@@ -119,17 +108,6 @@ def failure(record: FlightRecord, nearest_m: float) -> str:
     return ""
 
 
-def score(flight: SuiteFlight) -> float:
-    """Points of a flight, 0 to 100; what is not known has none."""
-    if flight.failed:
-        return 0.0
-    points = 10.0 * (1.0 - flight.limited)
-    for name, (weight, half) in HALF_WORTH.items():
-        value = getattr(flight, name)
-        points += weight / (1.0 + value / half) if math.isfinite(value) else 0.0
-    return points
-
-
 def by_law(flights: Sequence[SuiteFlight]) -> dict[str, list[SuiteFlight]]:
     """The flights of each law, in the order in which laws appear."""
     found: dict[str, list[SuiteFlight]] = {}
@@ -138,47 +116,29 @@ def by_law(flights: Sequence[SuiteFlight]) -> dict[str, list[SuiteFlight]]:
     return found
 
 
-def means(flights: Sequence[SuiteFlight]) -> dict[str, dict[str, Any]]:
-    """Means of each law with their intervals: the score over all flights, its parts over those not failed."""
-    result: dict[str, dict[str, Any]] = {}
+def means(flights: Sequence[SuiteFlight]) -> list[Row]:
+    """Return a row for each law, best score first: its parts are those of the flights that did not fail."""
+    found: list[tuple[str, dict[str, float]]] = []
     for law, own in by_law(flights).items():
-        whole = [one for one in own if not one.failed]
-        found: dict[str, Any] = {}
-        for name in COLUMNS:
-            values = [getattr(one, name) for one in (own if name == "score" else whole)]
+        whole = [one.figures for one in own if one.figures is not None and not one.failed]
+        parts = {
+            "score": [one.score for one in own],
+            "flown_m": [one.mean_error_m for one in whole],
+            "meant_m": [one.intended_error_m for one in whole],
+            "joined_s": [or_nan(one.settle_10m_s) for one in whole],
+            "effort_m_s2": [one.effort_m_s2 for one in whole],
+            "roll_deg_s": [one.roll_deg_s for one in whole],
+            "limited_percent": [100.0 * one.limited for one in whole],
+        }
+        figures = dict[str, float]()
+        for name, values in parts.items():
             mean, half = mean_of([one for one in values if math.isfinite(one)])
-            found[name] = {"mean": mean, "half_width": half}
-        nearest = [one.nearest_m for one in own if math.isfinite(one.nearest_m)]
-        found["nearest_m"] = min(nearest, default=math.nan)
-        found["flights"], found["failed"] = len(own), len(own) - len(whole)
-        result[law] = found
-    return result
-
-
-def suite_table(flights: Sequence[SuiteFlight]) -> str:
-    """A row for each law, best score first, in Markdown."""
-    found = means(flights)
-    rows = [
-        [
-            law,
-            *(spelt(name, **one[name]) for name in COLUMNS),
-            metres(one["nearest_m"]),
-            f"{one['failed']} of {one['flights']}",
-        ]
-        for law, one in sorted(found.items(), key=lambda item: -item[1]["score"]["mean"])
-    ]
-    return markdown(["law", *COLUMNS.values(), "nearest, m", "failed"], rows)
-
-
-def spelt(name: str, mean: float, half_width: float) -> str:
-    """A mean with half of its interval, with the digits that it deserves."""
-    if not math.isfinite(mean):
-        return "-"
-    if name == "limited":
-        return f"{mean:.1%} ± {half_width:.1%}"
-    if name == "score":
-        return f"{mean:.1f} ± {half_width:.1f}"
-    return f"{metres(mean)} ± {metres(half_width)}"
+            figures |= {name: mean, f"{name}_half": half}
+        nearest = [one.figures.min_separation_m for one in own if one.figures is not None]
+        figures["nearest_m"] = min(filter(math.isfinite, nearest), default=math.nan)
+        figures |= {"flights": len(own), "failed": len(own) - len(whole)}
+        found.append((law, figures))
+    return [*sorted(found, key=lambda row: -row[1]["score"])]
 
 
 def shortcomings(flights: Sequence[SuiteFlight], law: str) -> list[str]:
