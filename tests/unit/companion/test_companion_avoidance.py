@@ -2,17 +2,23 @@
 
 import math
 from collections.abc import Callable
+from typing import Any
 
 import pytest
 
-from tests.kit.companion import companion_of, leader_bytes, new_flight
+from tests.kit.companion import Flight, companion_of, emulator, leader_bytes, new_flight
 from tests.kit.flight import fly
 from tests.kit.missions import content_of
 from vfguide.companion.supervisor import Mode
 from vfguide.mission.model import Mission
 
-JOINED_S = 25.0
-"""By then f1 is in its slot, 20 m behind and 20 m left of the leader."""
+JOINED_S = 10.0
+"""By then f1, which begins there, is steered in its slot, 20 m behind and 20 m left of the leader."""
+
+
+def in_slot(**parts: Any) -> Flight:
+    """Make a flight of f1 that begins in its slot; `parts` as of `new_flight`."""
+    return new_flight(autopilot=emulator(north=-20.0, east=-20.0), **parts)
 
 
 def test_the_pilot_hears_of_whom_the_vehicle_keeps_clear_and_how():
@@ -22,7 +28,7 @@ def test_the_pilot_hears_of_whom_the_vehicle_keeps_clear_and_how():
         state = leader_bytes(now, north=north, east=-16.0, ground_speed=23.0, steered=False)
         return {"f2": state} if now >= JOINED_S else {}
 
-    one = new_flight(neighbours=by_hand, until_s=JOINED_S + 20.0)
+    one = in_slot(neighbours=by_hand, until_s=JOINED_S + 20.0)
     assert one.mode_at(JOINED_S) is Mode.TRACKING
     said = [text for time, text in one.texts() if time > JOINED_S and "f2" in text]
     assert any("keeping clear of f2, off its slot until that is past" in text for text in said)
@@ -35,7 +41,7 @@ def test_a_vehicle_with_room_around_it_says_nothing():
     def far(now: float) -> dict[str, bytes]:
         return {"f2": leader_bytes(now, north=20.0 * now - 20.0, east=200.0, steered=False)}
 
-    one = new_flight(neighbours=far, until_s=JOINED_S + 10.0)
+    one = in_slot(neighbours=far, until_s=JOINED_S + 10.0)
     assert not [text for _, text in one.texts() if "f2" in text]
 
 
@@ -66,7 +72,7 @@ def heights_beside(
     Returns:
         how many metres f1 is higher than the slot, by the seconds since f2 is near.
     """
-    one, heights, altitude = new_flight(), dict[float, float](), 488.0 + height_m
+    one, heights, altitude = in_slot(), dict[float, float](), 488.0 + height_m
 
     def beside(now: float) -> dict[str, bytes]:
         since_s, north = round(now - JOINED_S, 1), 20.0 * now - 20.0

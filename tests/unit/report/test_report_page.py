@@ -89,8 +89,9 @@ def one_plot(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.fixture
-def rejected_page(one_plot: None, tmp_path: Path) -> str:
+def rejected_page(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
     """Of a flight whose names are markup and whose two vehicles are in one place."""
+    monkeypatch.setattr(plots, "PLOTS", plots.PLOTS[:1])
     time_s = np.arange(3.0)
     vehicles = still_vehicle(HOSTILE, "leader", time_s), still_vehicle("<b>", "follower", time_s)
     names = {"mission": HOSTILE, "controller": HOSTILE, "wind": "</style>"}
