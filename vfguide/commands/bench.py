@@ -1,7 +1,6 @@
 """`vfguide bench`: the studies flown and measured, and their tables."""
 
 import json
-import math
 import os
 import platform
 import time
@@ -18,6 +17,7 @@ import typer
 from vfguide.commands.options import directory_of, with_plugins
 from vfguide.commands.terminal import Terminal
 from vfguide.errors import PLOTTING, InputError, require
+from vfguide.lab.report.metrics import plain_json
 from vfguide.lab.studies.comparison import (
     ABLATION_COLUMNS,
     FULL,
@@ -396,22 +396,10 @@ def publish(
     """
     text = "\n\n".join(parts)
     Terminal().tell(text)
-    # JSON knows neither NaN nor infinity.
-    known = without_nan({"machine": machine(), **content})
+    known = plain_json({"machine": machine(), **content})
     for file in (json_file, out and out / f"{name}.json"):
         if file is not None:
             file.parent.mkdir(parents=True, exist_ok=True)
             file.write_text(json.dumps(known, indent=2, allow_nan=False) + "\n", encoding="utf-8")
     if out is not None:
         (out / f"{name}.md").write_text(text + "\n", encoding="utf-8")
-
-
-def without_nan(value: object) -> object:
-    """A value with None for each number that is not finite."""
-    if isinstance(value, dict):
-        return {key: without_nan(one) for key, one in value.items()}
-    if isinstance(value, list | tuple):
-        return [without_nan(one) for one in value]
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value

@@ -30,18 +30,11 @@ from vfguide.elementwise import FloatArray
 from vfguide.errors import InputError, VfguideError
 from vfguide.formation.arrangement import Point
 from vfguide.guidance.airframe import compose
-from vfguide.lab.rehearsal.aircraft import (
-    Aircraft,
-    Candidates,
-    EmulatedForeignLeader,
-    aircraft_of,
-    fly_window,
-)
+from vfguide.lab.rehearsal.aircraft import Aircraft, EmulatedForeignLeader, aircraft_of
 from vfguide.lab.rehearsal.lockstep import (
+    FormationShare,
     LockstepFlight,
-    MailExchange,
-    flight_of,
-    outcome_of,
+    leading_first,
     windows,
 )
 from vfguide.laws.base import DesiredMotion, Law, View
@@ -140,7 +133,7 @@ PILOTED = object()
 """What a law remembers of steps that its pilot flew."""
 
 
-class SteppedFlight:
+class SteppedFlight(FormationShare):
     """A flight that goes on by an instant with each step."""
 
     def __init__(self, mission: Mission, piloted: Sequence[str]) -> None:
@@ -158,41 +151,24 @@ class SteppedFlight:
                 "rehearsal.radio: no environment flies by radio; leave it out (`rehearsal.radio: null`)"
             )
         self._began = time.perf_counter()
-        self._mission = mission
         self._piloted = {name: PilotedAircraft(mission, name) for name in piloted}
-        first = [mission.leader.vehicle, *mission.deputies]
-        names = [*first, *(name for name in mission.followers_by_name if name not in first)]
-        self.aircraft: dict[str, Aircraft | EmulatedForeignLeader] = {
-            name: self._piloted.get(name) or aircraft_of(mission, name) for name in names
+        aircraft: dict[str, Aircraft | EmulatedForeignLeader] = {
+            name: self._piloted.get(name) or aircraft_of(mission, name)
+            for name in leading_first(mission)
         }
-        """Everyone who flies, by name, the mission's leader first."""
-        stepped = [*self.aircraft.values()]
-        self._candidates = Candidates(stepped[: len(first)])
-        self._followers = stepped[len(first) :]
-        self._exchange = MailExchange()
-        self._times: list[float] = []
-        self._instants = chain.from_iterable(
-            ((window, number == 0, now) for number, now in enumerate(due))
-            for window, due in enumerate(windows(mission))
-        )
-        self._window = 0
+        super().__init__(mission, aircraft)
+        self._instants = ((at, now) for at, due in enumerate(windows(mission)) for now in due)
         self._advance()
 
     @property
     def now(self) -> float:
         """Virtual time, s."""
-        return self._times[-1]
+        return self.times[-1]
 
     @property
     def views(self) -> Mapping[str, View]:
         """What pilots are asked now, by name. A companion with nothing to steer by asks nothing."""
         return {name: one.view for name, one in self._piloted.items() if one.view is not None}
-
-    @property
-    def left(self) -> int:
-        """Steps that are left of the mission."""
-        rehearsal = self._mission.rehearsal
-        return round(rehearsal.duration_s * rehearsal.rate_hz) + 1 - len(self._times)
 
     @property
     def is_over(self) -> bool:
@@ -211,26 +187,15 @@ class SteppedFlight:
     def brought_home(self) -> LockstepFlight:
         """End the flight here, and return what was flown: no step may follow."""
         self._finish({})
-        order = [self._mission.leader.vehicle, *self._mission.followers_by_name]
-        return flight_of(
-            self._mission,
-            self._times,
-            [outcome_of(self.aircraft[name]) for name in order],
-            wall_s=time.perf_counter() - self._began,
-            interrupted=not self.is_over,
-        )
+        return self.land(self._began)
 
     def _finish(self, wanted: Mapping[str, DesiredMotion]) -> None:
         said = [one.resume(wanted.get(name)) for name, one in self._piloted.items()]
-        self._exchange.post(self._window, [*chain.from_iterable(said)])
+        self.post(self._window, chain.from_iterable(said))
 
     def _advance(self) -> None:
-        self._window, begins, now = next(self._instants)
-        mail = self._exchange.collect(self._window) if begins else []
-        at_once, later = self._candidates.step(now, mail)
-        published = fly_window(self._followers, [(now, [*mail, *at_once])])
-        self._exchange.post(self._window, [*later, *published])
-        self._times.append(now)
+        self._window, now = next(self._instants)
+        self.fly(self._window, [now])
 
 
 Vector = NDArray[np.float32]

@@ -19,7 +19,13 @@ from vfguide.formation.orders import Formation
 from vfguide.frames import LocalFrame
 from vfguide.link.codec import Kind, LinkDataError, is_leaders
 from vfguide.link.member import Member, ignore
-from vfguide.link.opening import Link, WatchedFormation, check_connected, open_link, operator_of
+from vfguide.link.opening import (
+    Link,
+    WatchedFormation,
+    check_connected,
+    open_link,
+    watching_member,
+)
 from vfguide.link.order_codec import (
     Reply,
     Verdict,
@@ -27,8 +33,6 @@ from vfguide.link.order_codec import (
     decode_reply,
     encode_reply,
 )
-from vfguide.link.peer_clock import PeerClock
-from vfguide.link.trust import Trust, new_session
 from vfguide.mission.model import Mission
 from vfguide.mission.order_plan import LeaderPlace, formation_of_mission
 from vfguide.state import HeardState
@@ -230,31 +234,20 @@ async def at_desk(
     mission: Mission, watched: WatchedFormation, random: Random
 ) -> AsyncIterator[tuple[OrderDesk, Link]]:
     """An operator's program on the links, for as long as the context lasts."""
-    name = f"operator-{random.getrandbits(32):08x}"
-    if watched.roster is not None and watched.key is not None:
-        name = operator_of(watched.roster, watched.key)
-    trust = Trust(
-        formation=watched.formation,
-        name=name,
-        leader=watched.leader,
-        session=new_session(),
-        roster=watched.roster,
-        key=watched.key,
-        deputies=watched.deputies,
-    )
     desk = OrderDesk(mission)
-    desk.member = Member(
-        trust,
-        clock=asyncio.get_running_loop().time,
-        receive=partial(desk.heard_state, watched.leader),
+    desk.member = watching_member(
+        watched,
+        random,
         neighbours=list(mission.followers_by_name),
+        # Orders are given by what is proven to be of now.
+        watches=False,
+        receive=partial(desk.heard_state, watched.leader),
         receive_neighbour=desk.heard_state,
         receive_lead=desk.heard_lead,
         # Who wants presences says none about itself.
         receive_presence=ignore,
         receive_order=desk.heard_order,
         receive_reply=desk.heard_reply,
-        peer_clock=PeerClock(),
     )
     async with open_link(
         watched.addresses, formation=watched.formation, member=desk.member, random=random

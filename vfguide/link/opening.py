@@ -315,6 +315,7 @@ def watching_member(
     random: Random,
     *,
     neighbours: Sequence[str] = (),
+    watches: bool = True,
     **hears: Unpack[Hearing],
 ) -> Member:
     """A member that says nothing about itself; it asks the leader whether it lives if it has a key for it.
@@ -323,6 +324,7 @@ def watching_member(
         watched: the formation.
         random: makes up a name where there is no key.
         neighbours: names of those whose states are wanted beside the leader's.
+        watches: as of `Trust`.
         **hears: as of `Member`.
     """
     asks, name = True, f"watch-{random.getrandbits(32):08x}"
@@ -336,7 +338,7 @@ def watching_member(
         session=new_session(),
         roster=watched.roster,
         key=watched.key,
-        watches=True,
+        watches=watches,
         deputies=watched.deputies,
     )
     return Member(

@@ -1,7 +1,5 @@
 """Formations whose members share one emulated radio: 57600 baud, 4000 bytes a second in the air."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -9,9 +7,9 @@ from tests.kit.flight import Flight
 from tests.kit.missions import content_of, mission_with
 from vfguide.errors import InputError
 from vfguide.lab.rehearsal.radio_flight import fly_by_radio
-from vfguide.lab.studies.scale import RadioCase, fly_radio, radio_mission
+from vfguide.lab.studies.scale import fly_radio, radio_mission
 
-CASE = RadioCase(size=4, leader_hz=10.0, followers_hz=2.5, loss=0.0, bursts=0.0, seconds=44.0)
+RADIO = {"leader_hz": 10.0, "followers_hz": 2.5}
 
 
 def test_twelve_aircraft_at_10_and_2_5_hz_fit_and_keep_their_slots():
@@ -31,9 +29,9 @@ def test_twelve_aircraft_at_10_and_2_5_hz_fit_and_keep_their_slots():
 
 
 def test_a_radio_that_loses_a_tenth_and_has_bursts_costs_centimetres():
-    figures = fly_radio(replace(CASE, loss=0.1, bursts=0.05))
-    assert figures.refused["refused: damaged on the air"] > 20
-    assert figures.mean_error_m < 0.1
+    figures = fly_radio((4, 44.0, {**RADIO, "loss": 0.1, "bursts": 0.05}))
+    assert figures["refused: damaged on the air"] > 20
+    assert figures["mean_m"] < 0.1
 
 
 def test_a_flight_by_radio_is_the_same_each_time():

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from vfguide.commands.bench import without_nan
+from vfguide.lab.report.metrics import plain_json
 from vfguide.lab.studies.comparison import (
     ABLATIONS,
     FULL,
@@ -78,7 +78,7 @@ def test_figures_have_the_digits_they_deserve(value, text):
 
 
 def test_figures_go_into_json_without_what_it_does_not_know():
-    assert without_nan({"a": [1.0, math.inf], "b": (math.nan,)}) == {"a": [1.0, None], "b": [None]}
+    assert plain_json({"a": [1.0, math.inf], "b": (math.nan,)}) == {"a": [1.0, None], "b": [None]}
 
 
 def test_the_comparison_flies_every_mission_by_every_law_on_both_plants():

@@ -11,10 +11,10 @@ import multiprocessing
 import signal
 import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, closing, contextmanager, suppress
 from dataclasses import dataclass
-from itertools import islice
+from itertools import islice, takewhile
 from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection
 
@@ -191,21 +191,6 @@ def fly_share(
         raise SystemExit(1) from error
 
 
-class MailExchange:
-    """Mail by the window in which it is due."""
-
-    def __init__(self) -> None:
-        self._due: dict[int, list[Mail]] = {}
-
-    def post(self, window: int, mail: list[Mail]) -> None:
-        """Mail that was published in this window."""
-        self._due.setdefault(window + WINDOWS, []).extend(mail)
-
-    def collect(self, window: int) -> list[Mail]:
-        """Mail that is due when this window begins."""
-        return self._due.pop(window, [])
-
-
 Progress = Callable[[float], None]
 """Called with the virtual time, at each step of the leader: followers fly it up to a window later."""
 
@@ -226,11 +211,15 @@ class LockstepFlight:
     """How quick the programs of a live flight were."""
 
 
+def count_of_steps(mission: Mission) -> int:
+    """How many steps a flight has, the first and the last one counted."""
+    return round(mission.rehearsal.duration_s * mission.rehearsal.rate_hz) + 1
+
+
 def instants(mission: Mission) -> Iterator[float]:
     """Times of the steps of a flight, s, from 0 to its duration."""
-    rate_hz = mission.rehearsal.rate_hz
-    for step in range(round(mission.rehearsal.duration_s * rate_hz) + 1):
-        yield step / rate_hz
+    for step in range(count_of_steps(mission)):
+        yield step / mission.rehearsal.rate_hz
 
 
 def windows(mission: Mission) -> Iterator[list[float]]:
@@ -240,6 +229,74 @@ def windows(mission: Mission) -> Iterator[list[float]]:
     length = max(round(PUBLISH_S * mission.rehearsal.rate_hz), 1)
     while window := list(islice(remaining, length)):
         yield window
+
+
+class FormationShare:
+    """The part of a formation that is flown in this process: who may lead ahead of all others."""
+
+    def __init__(
+        self,
+        mission: Mission,
+        aircraft: Mapping[str, Aircraft | EmulatedForeignLeader],
+        workers: Sequence[WorkerProcess] = (),
+    ) -> None:
+        """Begin with nothing flown.
+
+        Args:
+            mission: the mission.
+            aircraft: by name, those who may lead first.
+            workers: that fly the others.
+        """
+        self._mission, self.aircraft, self._workers = mission, aircraft, workers
+        flying, leading = [*aircraft.values()], 1 + len(mission.deputies)
+        self._candidates, self._followers = Candidates(flying[:leading]), flying[leading:]
+        self._mail: dict[int, list[Mail]] = {}
+        self.times: list[float] = []
+        """Instants that were flown, s."""
+
+    def post(self, window: int, mail: Iterable[Mail]) -> None:
+        """Keep mail that was published in this window until it is due."""
+        self._mail.setdefault(window + WINDOWS, []).extend(mail)
+
+    def fly(self, window: int, due: Iterable[float], progress: Progress | None = None) -> None:
+        """Fly times (s) of a window, all or the next ones, candidates before all others."""
+        mail, published = self._mail.pop(window, []), list[Mail]()
+        flown: list[Instant] = []
+        for now in due:
+            at_once, later = self._candidates.step(now, mail)
+            flown.append((now, [*mail, *at_once]))
+            published += later
+            mail = []
+            self.times.append(now)
+            if progress is not None:
+                progress(now)
+        for worker in self._workers:
+            worker.pass_on(flown)
+        self.post(window, [*published, *fly_window(self._followers, flown)])
+
+    @property
+    def left(self) -> int:
+        """Steps that are left of the mission."""
+        return count_of_steps(self._mission) - len(self.times)
+
+    def land(self, began: float) -> LockstepFlight:
+        """End the flight here, and return what was flown since a time of the performance counter, s."""
+        outcomes = {name: outcome_of(one) for name, one in self.aircraft.items()}
+        outcomes |= {one.name: one for worker in self._workers for one in worker.land()}
+        names = [self._mission.leader.vehicle, *self._mission.followers_by_name]
+        return flight_of(
+            self._mission,
+            self.times,
+            [outcomes[name] for name in names],
+            wall_s=time.perf_counter() - began,
+            interrupted=self.left > 0,
+        )
+
+
+def leading_first(mission: Mission) -> list[str]:
+    """Names of all vehicles, those who may lead first."""
+    first = [mission.leader.vehicle, *mission.deputies]
+    return [*first, *(name for name in mission.followers_by_name if name not in first)]
 
 
 def fly_lockstep(
@@ -263,13 +320,10 @@ def fly_lockstep(
         VfguideError: one of the processes died.
     """
     began = time.perf_counter()
-    names = [mission.leader.vehicle, *mission.followers_by_name]
+    names, leading = leading_first(mission), 1 + len(mission.deputies)
     # Those who may lead are heard at once: they fly in one process, each window ahead of all others.
-    first = [mission.leader.vehicle, *mission.deputies]
-    rest = [name for name in names if name not in first]
+    first, rest = names[:leading], names[leading:]
     processes = min(processes, len(rest) + 1)
-    times: list[float] = []
-    interrupted = False
     with ExitStack() as stack:
         workers = [
             stack.enter_context(
@@ -278,41 +332,16 @@ def fly_lockstep(
             for number in range(1, processes)
         ]
         here = launch(mission, [*first, *rest[processes - 1 :: processes]], epoch_s)
-        candidates, followers = Candidates(here[: len(first)]), here[len(first) :]
-        exchange = MailExchange()
+        share = FormationShare(mission, {one.name: one for one in here}, workers)
         for window, due in enumerate(windows(mission)):
             if window >= WINDOWS:
                 for worker in workers:
-                    exchange.post(window - WINDOWS, worker.published())
-            mail = exchange.collect(window)
-            flown: list[Instant] = []
-            published: list[Mail] = []
-            for now in due:
-                if interrupted := stop() and bool(times):
-                    break
-                at_once, later = candidates.step(now, mail)
-                flown.append((now, [*mail, *at_once]))
-                published += later
-                mail = []
-                times.append(now)
-                if progress is not None:
-                    progress(now)
-            for worker in workers:
-                worker.pass_on(flown)
-            exchange.post(window, [*published, *fly_window(followers, flown)])
-            if interrupted:
+                    share.post(window - WINDOWS, worker.published())
+            flown = takewhile(lambda _: not (share.times and stop()), due)
+            share.fly(window, flown, progress)
+            if share.times[-1] < due[-1]:
                 break
-        outcomes = [outcome_of(aircraft) for aircraft in here]
-        for worker in workers:
-            outcomes += worker.land()
-    outcomes.sort(key=lambda outcome: names.index(outcome.name))
-    return flight_of(
-        mission,
-        times,
-        outcomes,
-        wall_s=time.perf_counter() - began,
-        interrupted=interrupted,
-    )
+        return share.land(began)
 
 
 def flight_of(

@@ -287,22 +287,22 @@ def summarise(record: FlightRecord) -> Summary:
 
 def summary_json(summary: Summary) -> dict[str, Any]:
     """The summary as plain data for `summary.json`; null for what is not known or not finite."""
-    plain = {name: _plain(value) for name, value in asdict(summary).items()}
+    plain = {name: plain_json(value) for name, value in asdict(summary).items()}
     if summary.latency is None:
         del plain["latency"]
     else:
-        plain["latency"] = _plain(describe_latency(summary.latency))
+        plain["latency"] = plain_json(describe_latency(summary.latency))
     return plain
 
 
-def _plain(value: object) -> object:
-    """A value for JSON: lists for tuples, and None for NaN and infinities, which JSON does not have."""
+def plain_json(value: object) -> object:
+    """Return a value as JSON has it: lists for tuples, None for NaN and infinities."""
     if isinstance(value, VehicleResponse):
         return msgspec.structs.asdict(value)
     if isinstance(value, dict):
-        return {key: _plain(entry) for key, entry in value.items()}
+        return {key: plain_json(entry) for key, entry in value.items()}
     if isinstance(value, list | tuple):
-        return [_plain(entry) for entry in value]
+        return [plain_json(entry) for entry in value]
     if isinstance(value, float) and not math.isfinite(value):
         return None
     return value

@@ -13,7 +13,6 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor, ProcessPoolExecutor
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass
 from multiprocessing import get_context
 from typing import Any
 
@@ -253,44 +252,6 @@ BEHIND_M = -60
 """How far ahead of its slot each follower begins, m."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class RadioCase:
-    """A flight; can be handed to another process."""
-
-    size: int
-    """Vehicles."""
-    leader_hz: float | None
-    """Rate of the leader's states; None to fly without a radio, each state 0.1 s late."""
-    followers_hz: float
-    """Rate of each follower's."""
-    loss: float
-    """Share of packets that a receiver misses, bursts apart."""
-    bursts: float
-    """Share of the time in which it misses all."""
-    seconds: float
-    """Length of the flight."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class RadioFigures:
-    """What a flight came to, over its last half but for the channel."""
-
-    mean_error_m: float
-    """Distance from the slot, all followers."""
-    max_error_m: float
-    """The greatest."""
-    min_separation_m: float
-    """Least distance between any two vehicles during the whole flight."""
-    leader_age_s: float
-    """Mean age of the newest leader state; NaN without a radio."""
-    air_bytes_s: float
-    """On the air."""
-    collisions: int
-    """Packets that were in one."""
-    refused: dict[str, int]
-    """What members did not believe, by reason."""
-
-
 def radio_mission(size: int, seconds: float, radio: Mapping[str, float] | None = None) -> Mission:
     """circle-wind with so many vehicles, over a radio with these fields if there are any."""
     content = grown("circle-wind", "circle-wind", SLOTS[: size - 1])
@@ -304,31 +265,30 @@ def radio_mission(size: int, seconds: float, radio: Mapping[str, float] | None =
     return Mission.model_validate(content)
 
 
-def fly_radio(case: RadioCase) -> RadioFigures:
-    """Fly a case."""
-    air, refused, age_s = Counter[str](), Counter[str](), float("nan")
-    if case.leader_hz is None:
-        record = fly_lockstep(radio_mission(case.size, case.seconds)).record
+RadioCase = tuple[int, float, Mapping[str, float] | None]
+"""Vehicles, length of the flight in s, fields of its radio; None: without one, each state 0.1 s late."""
+
+
+def fly_radio(case: RadioCase) -> dict[str, float]:
+    """Fly a case: errors over its last half, the channel, and what members did not believe, by reason."""
+    size, seconds, radio = case
+    air, refused, age_s = Counter[str](), Counter[str](), math.nan
+    if radio is None:
+        record = fly_lockstep(radio_mission(size, seconds)).record
     else:
-        radio = {
-            "leader_hz": case.leader_hz,
-            "followers_hz": case.followers_hz,
-            "loss": case.loss,
-            "bursts": case.bursts,
-        }
-        flown = fly_by_radio(radio_mission(case.size, case.seconds, radio))
+        flown = fly_by_radio(radio_mission(size, seconds, radio))
         record, air, refused = flown.flight.record, flown.air, flown.refused
         age_s = float(np.mean(flown.leader_age_s))
     figures = figures_of(record)
-    return RadioFigures(
-        mean_error_m=figures.mean_error_m,
-        max_error_m=figures.max_error_m,
-        min_separation_m=figures.min_separation_m,
-        leader_age_s=age_s,
-        air_bytes_s=air["bytes"] / case.seconds,
-        collisions=air["in collisions"],
-        refused=dict(refused),
-    )
+    return {
+        "mean_m": figures.mean_error_m,
+        "max_m": figures.max_error_m,
+        "nearest_m": figures.min_separation_m,
+        "age_ms": 1e3 * age_s,
+        "air_bytes_s": air["bytes"] / seconds,
+        "collisions": air["in collisions"],
+        **refused,
+    }
 
 
 def radio(
@@ -343,38 +303,24 @@ def radio(
 ) -> Iterator[Row]:
     """Fly circle-wind over a radio that all share: first without any, then by each rate of the leader.
 
-    Followers say their states no more often than the leader does.
+    Followers say their states no more often than the leader does. Names of figures end in the size.
     """
-    for leader_hz in (None, *rates_hz):
-        flown = [
-            RadioCase(
-                size=size,
-                leader_hz=leader_hz,
-                followers_hz=min(followers_hz, leader_hz or followers_hz),
-                loss=loss,
-                bursts=bursts,
-                seconds=seconds,
-            )
-            for size in sizes
-        ]
+    radios: dict[str, Mapping[str, float] | None] = {"no radio, 0.1 s late": None}
+    for rate_hz in rates_hz:
+        rates = {"leader_hz": rate_hz, "followers_hz": min(followers_hz, rate_hz)}
+        radios[f"{rate_hz:g} Hz"] = {**rates, "loss": loss, "bursts": bursts}
+    for name, fields in radios.items():
+        flown = [(size, seconds, fields) for size in sizes]
         figures = dict[str, float]()
-        for size, one in zip(sizes, flown_by(executor, fly_radio, flown), strict=True):
-            figures |= {
-                f"mean_{size}_m": one.mean_error_m,
-                f"max_{size}_m": one.max_error_m,
-                f"nearest_{size}_m": one.min_separation_m,
-                f"age_{size}_ms": 1e3 * one.leader_age_s,
-                f"air_{size}_bytes_s": one.air_bytes_s,
-                f"collisions_{size}": one.collisions,
-                f"refused_{size}": sum(one.refused.values()),
-            }
-        yield "no radio, 0.1 s late" if leader_hz is None else f"{leader_hz:g} Hz", figures
+        for size, found in zip(sizes, flown_by(executor, fly_radio, flown), strict=True):
+            figures |= {f"{key}_{size}": value for key, value in found.items()}
+        yield name, figures
 
 
 def radio_columns(sizes: Sequence[int]) -> dict[str, str]:
     """Return the columns of formations of these sizes: error, greatest, age of the leader's state, load."""
     return {"leader": "{case}"} | {
-        f"{one} aircraft": f"{{mean_{one}_m:.3f}} / {{max_{one}_m:.2f}} / {{age_{one}_ms:.0f}}"
-        f" / {{air_{one}_bytes_s:.0f}}"
+        f"{one} aircraft": f"{{mean_m_{one}:.3f}} / {{max_m_{one}:.2f}} / {{age_ms_{one}:.0f}}"
+        f" / {{air_bytes_s_{one}:.0f}}"
         for one in sizes
     }
