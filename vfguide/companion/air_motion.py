@@ -182,10 +182,6 @@ class AirMotion:
         """As reported, rad, positive right; None where none is fresh."""
         return self._bank if now - self._bank_time <= AIR_DATA_FRESH_S else None
 
-    def fresh_airspeed(self, now: float) -> float:
-        """As reported, m/s; NaN where none is fresh."""
-        return self._airspeed if now - self._airspeed_time <= AIRSPEED_FRESH_S else math.nan
-
     def data(self, report: PositionReport, now: float) -> ReportedAirData | None:
         """What a report, and the last bank and airspeed, say of the motion through the air."""
         fresh = now - min(self._bank_time, self._airspeed_time) <= AIR_DATA_FRESH_S

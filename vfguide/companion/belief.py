@@ -279,45 +279,37 @@ class Belief:
                 a new one.
             slack_s: by so much the time since the report before may have been longer than the stamps say.
         """
-        unknown = fault is not None
-        fault = fault or self._impossible(motion, air)
-        known, newest = self._known, self._newest
-        self._newest = motion
+        known, newest, self._newest = self._known, self._newest, motion
         place_repeats, velocity_repeats = self._repeats.take(newest, motion, air, self.noise)
-        if known is None or newest is None:
-            return self._refused(motion, fault) if fault else self._adopted(motion)
-        if fault is not None:
-            self._doubt(known)
-            self._seen = None
-            self._silent = False
-            if unknown:
+        lie = fault or self._impossible(motion, air)
+        if lie is not None:
+            if known is not None:
+                self._doubt(known)
+            self._seen, self._silent = None, False
+            if fault is not None:
                 self._elsewhere_s = RETURN_S
-            return self._refused(motion, fault)
+            return self._refused(motion, lie)
+        if known is None or newest is None:
+            return self._adopted(motion)
         if place_repeats and velocity_repeats:
             return self._silence(known, motion, motion.time_s - newest.time_s, air)
-        outweighed = self._starts_outweighed(newest, motion, air, repeats=velocity_repeats)
-        if outweighed and air is not None and self._wind is not None:
-            off = self._off_air(motion, air, self._wind)
-            return self._outweigh_velocity(known, motion, off, slack_s, repeats=velocity_repeats)
-        if velocity_change(known, motion) > self._reach.velocity_change(
-            motion.time_s - known.time_s
-        ):
-            return self._refuse_step(known, motion, slack_s)
+        off_air = self._off_air(newest, motion, air, repeats=velocity_repeats)
+        if off_air is not None:
+            return self._outweigh_velocity(
+                known, motion, off_air, slack_s, repeats=velocity_repeats
+            )
+        turned = velocity_change(known, motion)
+        if turned > self._reach.velocity_change(motion.time_s - known.time_s):
+            # The velocity steps, and nothing but the place speaks against it.
+            self._doubt(known)
+            self._contradicts, self._silent = True, False
+            self._watch(motion, slack_s)
+            reason = f"the velocity steps by {turned:.0f} m/s"
+            has_moved = self._has_moved(motion)
+            return self._adopted(motion) if has_moved else self._refused(motion, reason)
         if air is not None:
             self._wind = (motion.velocity_north - air[0], motion.velocity_east - air[1])
         return self._judge_place(known, newest, motion, slack_s, repeats=place_repeats)
-
-    def _refuse_step(
-        self, known: ReportedMotion, motion: ReportedMotion, slack_s: float
-    ) -> Believed:
-        """The velocity steps, and nothing but the place speaks against it."""
-        self._doubt(known)
-        self._contradicts, self._silent = True, False
-        self._watch(motion, slack_s)
-        if self._has_moved(motion):
-            return self._adopted(motion)
-        turned = velocity_change(known, motion)
-        return self._refused(motion, f"the velocity steps by {turned:.0f} m/s")
 
     def _silence(
         self,
@@ -334,38 +326,29 @@ class Belief:
         self._lost_m += AIR_ERROR_M_S * passed_s
         if air is None or self._wind is None or motion.speed < MOVING_M_S:
             return self._refused(motion, STANDS)
-        return self._carried(known.north, known.east, STANDS, by_velocity=False)
+        return self._carried(known, STANDS, by_velocity=False)
 
-    def _starts_outweighed(
+    def _off_air(
         self,
         newest: ReportedMotion,
         motion: ReportedMotion,
         air: tuple[float, float] | None,
         *,
         repeats: bool,
-    ) -> bool:
-        """Whether places and air outweigh the velocity from this report on."""
-        if self._velocity_is_false or air is None or self._wind is None:
-            return self._velocity_is_false
-        if repeats:
-            return True
-        if self._silent:
+    ) -> tuple[float, float] | None:
+        """By how much (m/s) a velocity is off from air and wind, once those and places outweigh it."""
+        if air is None or self._wind is None:
+            return None
+        north = motion.velocity_north - air[0] - self._wind[0]
+        east = motion.velocity_east - air[1] - self._wind[1]
+        if not (self._velocity_is_false or repeats):
             # What was repeated until now shows nothing of how the velocity changes.
-            return False
-        passed_s = motion.time_s - newest.time_s
-        if velocity_change(newest, motion) <= self._reach.velocity_change(passed_s):
-            return False
-        off = math.hypot(*self._off_air(motion, air, self._wind))
-        return off > VELOCITY_TOLERANCE_M_S + AIR_ERROR_M_S * passed_s
-
-    def _off_air(
-        self, motion: ReportedMotion, air: tuple[float, float], wind: tuple[float, float]
-    ) -> tuple[float, float]:
-        """By how much a velocity differs from that through the air and the wind's, m/s."""
-        return (
-            motion.velocity_north - air[0] - wind[0],
-            motion.velocity_east - air[1] - wind[1],
-        )
+            passed_s = math.inf if self._silent else motion.time_s - newest.time_s
+            steps = velocity_change(newest, motion) > self._reach.velocity_change(passed_s)
+            gust = VELOCITY_TOLERANCE_M_S + AIR_ERROR_M_S * passed_s
+            if not (steps and math.hypot(north, east) > gust):
+                return None
+        return north, east
 
     def _outweigh_velocity(
         self,
@@ -395,24 +378,23 @@ class Belief:
         near = off_m_s <= VELOCITY_TOLERANCE_M_S
         if repeats:
             self._seen_since = motion.time_s
-        elif agrees and ((brief and near) or self._steady_s(motion) >= RETURN_S):
+        elif agrees and ((brief and near) or motion.time_s - self._seen_since >= RETURN_S):
             return self._agreed(motion, motion, off)
-        self._lost_m += CARRY_ERROR_M_S * interval_s
-        if not agrees:
-            if self._has_moved(motion):
-                return self._adopted(motion)
-            # The place steps as well: the air leads alone.
-            self._lost_m += (AIR_ERROR_M_S - CARRY_ERROR_M_S) * interval_s
-            self._known = replace(right, north=right.north - north, east=right.east - east)
-            reason = "position and velocity contradict each other, and the motion through the air"
-            return self._carried(right.north - north, right.east - east, reason, by_velocity=False)
-        self._known = right
-        reason = f"the velocity steps by {off_m_s:.0f} m/s"
-        if motion.speed > self._reach.speed:
-            reason = f"a speed of {motion.speed:.0f} m/s"
-        elif repeats:
-            reason = "the velocity does not change in a turn"
-        return self._carried(motion.north, motion.east, reason, by_velocity=False, by_place=True)
+        if agrees:
+            self._known, self._lost_m = right, self._lost_m + CARRY_ERROR_M_S * interval_s
+            reason = f"the velocity steps by {off_m_s:.0f} m/s"
+            if motion.speed > self._reach.speed:
+                reason = f"a speed of {motion.speed:.0f} m/s"
+            elif repeats:
+                reason = "the velocity does not change in a turn"
+            return self._carried(right, reason, by_place=True, by_velocity=False)
+        if self._has_moved(motion):
+            return self._adopted(motion)
+        # The place steps as well: the air leads alone.
+        self._lost_m += AIR_ERROR_M_S * interval_s
+        self._known = replace(right, north=right.north - north, east=right.east - east)
+        reason = "position and velocity contradict each other, and the motion through the air"
+        return self._carried(self._known, reason, by_velocity=False)
 
     def _judge_place(
         self,
@@ -436,7 +418,7 @@ class Belief:
             self._watch(motion, slack_s)
             brief = self._is_brief(known, motion)
             self._silent = False
-            if agrees and (brief or self._steady_s(motion) >= self.agree_s):
+            if agrees and (brief or motion.time_s - self._seen_since >= self.agree_s):
                 self._settle()
         if self._doubted_since is None:
             return self._agreed(motion, leaned(motion, north, east, interval_s), off)
@@ -445,8 +427,7 @@ class Belief:
         if self._contradicts:
             self._lost_m = max(self._lost_m, off)
             return self._refused(motion, "position and velocity contradict each other")
-        place_north, place_east = motion.north - north, motion.east - east
-        self._known = replace(motion, north=place_north, east=place_east)
+        self._known = replace(motion, north=motion.north - north, east=motion.east - east)
         self._lost_m += CARRY_ERROR_M_S * interval_s
         if self._doubted_since - self._believed_since < UNBROKEN_S:
             return self._refused(motion, "the first positions do not agree with each other")
@@ -455,7 +436,7 @@ class Belief:
             reason = f"the position is {off:.0f} m from where it can be"
         elif repeats:
             reason = "the position does not change in flight"
-        return self._carried(place_north, place_east, reason, off=off)
+        return self._carried(self._known, reason, off=off)
 
     def _is_brief(self, known: ReportedMotion, motion: ReportedMotion) -> bool:
         """Whether what agrees now may be believed at once."""
@@ -478,7 +459,10 @@ class Belief:
         repeats: bool,
     ) -> None:
         """The place cannot be true: it steps or stands, or it cannot be known what is false."""
-        if self._stood_still(known, motion):
+        interval_s = motion.time_s - known.time_s
+        flown = math.hypot(*innovation(known, motion, stood_s=interval_s))
+        if interval_s > UNBROKEN_S and flown <= self.tolerance:
+            # It has flown for a part of the time, as after its autopilot was stopped.
             self._elsewhere_s = RETURN_S
         else:
             stepped = math.hypot(*innovation(newest, motion)) > self.tolerance
@@ -503,8 +487,7 @@ class Belief:
 
     def _carried(
         self,
-        north: float,
-        east: float,
+        place: ReportedMotion,
         reason: str,
         *,
         by_place: bool = False,
@@ -513,26 +496,15 @@ class Belief:
     ) -> Believed:
         """The witnesses that agree carry the vehicle on."""
         self._find(Evidence.WORN if self.radius > self._most_m else Evidence.OUTWEIGHED)
-        return Believed(
-            self.life,
-            north,
-            east,
-            by_place=by_place,
-            by_velocity=by_velocity,
-            off=off,
-            reason=reason,
-        )
+        where = place.north, place.east
+        return Believed(self.life, *where, by_place, by_velocity, off=off, reason=reason)
 
     def _refused(self, motion: ReportedMotion, reason: str) -> Believed:
+        """Nothing leads on."""
         self._find(Evidence.CONTRADICTED)
+        where = motion.north, motion.east
         return Believed(
-            self.life,
-            motion.north,
-            motion.east,
-            by_place=False,
-            by_velocity=False,
-            leads=False,
-            reason=reason,
+            self.life, *where, by_place=False, by_velocity=False, leads=False, reason=reason
         )
 
     def _agreed(self, motion: ReportedMotion, known: ReportedMotion, off: float) -> Believed:
@@ -607,16 +579,12 @@ class Belief:
             self._elsewhere_s = self._moved_s
         self._seen_since = motion.time_s
 
-    def _steady_s(self, motion: ReportedMotion) -> float:
-        """For how long doubted reports have agreed with each other, s."""
-        return motion.time_s - self._seen_since
-
     def _has_moved(self, motion: ReportedMotion) -> bool:
         """Whether doubted reports have been steady for long, where an aircraft could have flown."""
         known, since = self._known, self._doubted_since
         if known is None or since is None:
             return False
-        steady_s, believed_s = self._steady_s(motion), since - self._believed_since
+        steady_s, believed_s = motion.time_s - self._seen_since, since - self._believed_since
         if believed_s < MOVED_S and steady_s >= max(believed_s, UNBROKEN_S):
             # However far: that the vehicle was at the former place is no surer.
             return True

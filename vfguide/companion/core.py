@@ -417,7 +417,7 @@ class Companion:
         return self._arrangements.obstacle(now) or obstacle(
             self._timeouts,
             telemetry_age=now - self._vehicle.telemetry_time,
-            doubts=self._vehicle.own.doubts,
+            doubts=self._vehicle.own.belief.doubts,
             fault=self._vehicle.own.fault(now),
             leader_age=self.leader_age(now),
             time_known=math.isfinite(self._clock.from_own(now)),
@@ -524,7 +524,7 @@ class Companion:
         if self._vehicle.own.reboots > reboots:
             self._authority.rebooted()
             self._housekeeping.obedience.forget()
-        if self._vehicle.own.doubts:
+        if self._vehicle.own.belief.doubts:
             self._phase.doubt_position()
         elif navigated is not None:
             self._phase.hear_position(report, navigated.state, now)
@@ -585,13 +585,13 @@ class Companion:
             return f"not steered: {self._objected.text}"
         flight_mode, guided = self._authority.mode_name(), self._adapter.engaged_name
         # Only what is known to be of now is answered with a command.
-        returns = situation.steered and math.isfinite(self._vehicle.own.greatest_age(now))
+        returns = situation.steered and math.isfinite(self._vehicle.own.questions.greatest_age(now))
         returns_s = self._timeouts.telemetry_lost_s if returns else None
         return mode_sentence(self._mode, situation.control, flight_mode, guided, returns_s)
 
     def _command_mode(self, now: float) -> list[MAVLink_message]:
         """What the heartbeat that has just been heard is answered with."""
-        wish, age_s = self._wish(now), self._vehicle.own.greatest_age(now)
+        wish, age_s = self._wish(now), self._vehicle.own.questions.greatest_age(now)
         if self._wakefulness.is_stale(now - age_s):
             age_s = math.inf
         commands = self._authority.commands(wish, now, age_s=age_s)
@@ -608,7 +608,7 @@ class Companion:
     def _loiter_height_due(self, now: float) -> list[MAVLink_message]:
         """Once it is ordered to loiter, a height of its own for the loiter that a heartbeat shows."""
         control = self._authority.control(now)
-        young = self._vehicle.own.greatest_age(now) <= YOUNG_S
+        young = self._vehicle.own.questions.greatest_age(now) <= YOUNG_S
         return self._loiter_height.due(
             up=self._arrangements.own_up(now),
             order=self._arrangements.flight.loiters_by,

@@ -219,7 +219,7 @@ class Housekeeping:
         """
         authority = self._authority
         full = vehicle.own.radio.is_full(now)
-        stamp = vehicle.own.time_question(now) if authority.connected and not full else None
+        stamp = vehicle.own.questions.ask(now) if authority.connected and not full else None
         messages = [] if stamp is None else [time_question(stamp)]
         if now - self._time < HEARTBEAT_S:
             return messages

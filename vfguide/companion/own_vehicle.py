@@ -17,7 +17,7 @@ from vfguide.companion.delay_compensator import DelayCompensator, memory_of
 from vfguide.companion.doubt import Doubt, with_remedy
 from vfguide.companion.plan import FlightPlan, bearable_course
 from vfguide.companion.timing import ClockWatch
-from vfguide.companion.witnesses import FRESH_S, LEAST_FIX
+from vfguide.companion.witnesses import FRESH_S, LEAST_FIX, RETURN_S
 from vfguide.elementwise import wrap_angle
 from vfguide.guidance.airframe import polar
 from vfguide.guidance.navigation import (
@@ -105,9 +105,6 @@ to so many: telemetry that is 20 s late is known to be."""
 
 MOST_BATTERIES = 10
 """Of a vehicle, that are kept apart."""
-
-REFUSAL_S = 2.0
-"""A report that was refused longer ago than this is not why none is used now."""
 
 PERIOD_SHARE = 0.1
 """Weight of the newest interval in the mean period of the loop."""
@@ -202,7 +199,8 @@ class OwnVehicle:
         # A cable's fastest report takes no time worth mentioning.
         self._clock = OtherClock(CABLE, least_way_s=0.0)
         self._clock_watch = ClockWatch(self._clock, self._alerts)
-        self._questions = TimeQuestions(every_s=ASK_S, most_open=MOST_OPEN)
+        self.questions = TimeQuestions(every_s=ASK_S, most_open=MOST_OPEN)
+        """For the autopilot's time."""
         self.belief = Belief(reach_of(plan.airframe), moved_s=STAYED_S, most_m=plan.most_m)
         """What is believed of its motion."""
         self._doubt = Doubt(self._alerts)
@@ -251,11 +249,6 @@ class OwnVehicle:
             self._delay_compensator.retune(airframe, memory)
 
     @property
-    def doubts(self) -> bool:
-        """Whether the position that was reported last is not believed."""
-        return self.belief.doubts
-
-    @property
     def course_offset(self) -> float:
         """By how much the autopilot takes its course for another one than is believed, rad.
 
@@ -277,7 +270,7 @@ class OwnVehicle:
         What the autopilot itself says of its receiver and estimator goes before what its positions show.
         """
         said = self.belief.word.fault(now)
-        if said is None and now - self._refusal_s <= REFUSAL_S:
+        if said is None and now - self._refusal_s <= RETURN_S:
             said = self._refusal
         return None if said is None else with_remedy(said)
 
@@ -406,14 +399,6 @@ class OwnVehicle:
             )
         return altitude
 
-    def time_question(self, now: float) -> int | None:
-        """The stamp (ns) of a question for the autopilot's time, or None while none is due."""
-        return self._questions.ask(now)
-
-    def greatest_age(self, now: float) -> float:
-        """How old at most (s) is what is heard of the autopilot now; infinite while not known."""
-        return self._questions.greatest_age(now)
-
     def note(
         self,
         report: AirspeedReport
@@ -434,7 +419,7 @@ class OwnVehicle:
             case AttitudeReport():
                 self.air.note_bank(report.bank, now)
             case TimeReport():
-                asked_s = self._questions.answered(report.stamp)
+                asked_s = self.questions.answered(report.stamp)
                 if asked_s is not None:
                     self._clock.answer(asked_s, report.autopilot_ns * NANOSECOND, now)
                     self._clock_watch.note(now)

@@ -27,7 +27,7 @@ from vfguide.companion.leader_role import LeaderRole
 from vfguide.companion.own_vehicle import NavigatedState
 from vfguide.companion.plan import FlightPlan, LeadPlan
 from vfguide.companion.role import Lead, Role, RoleStep, StatePublisher
-from vfguide.companion.state_receiver import COPY_S, motion_of
+from vfguide.companion.state_receiver import SAME_S, motion_of
 from vfguide.companion.supervisor import Mode
 from vfguide.companion.timing import SharedClock
 from vfguide.laws.leader import LeaderTask
@@ -259,7 +259,7 @@ class Succession:
         return True
 
 
-PASSED_S = 2.0 * COPY_S
+PASSED_S = 2.0 * SAME_S
 """The last words are said by so much later than the state before: others take them for a newer one."""
 
 

@@ -17,7 +17,7 @@ from functools import lru_cache
 import msgspec
 from msgspec.structs import replace
 
-from vfguide.companion.alerts import Alerts
+from vfguide.companion.alerts import QUIET_S, Alerts
 from vfguide.companion.belief import MOVED_S, Belief
 from vfguide.companion.doubt import HeardVehicle
 from vfguide.companion.timing import SharedClock
@@ -35,9 +35,8 @@ FUTURE_S = 0.25
 PAST_S = 60.0
 """A state that is older than this when it arrives is not believed either."""
 
-
-COPY_S = 1e-3
-"""States whose times are as near as that are copies of one, over links that round times differently."""
+SAME_S = 2e-3
+"""Times that differ by less are one: links tell them to 1 ms, and round differently."""
 
 ANY_REACH = reach_of(Airframe(airspeed_max=60.0, max_bank=math.radians(60.0)))
 """What the aircraft of others can do at most: a listener does not know their limits."""
@@ -87,7 +86,7 @@ class StateReceiver(HeardVehicle):
         # Not "below": where the shared clock is not known yet the time is NaN.
         elif not time_s >= now - PAST_S:
             self.counters["too old"] += 1
-        elif time_s <= self._judged_s + COPY_S:
+        elif time_s <= self._judged_s + SAME_S:
             self.counters["not newer"] += 1
         else:
             return self._judge(motion, time_s)
@@ -162,20 +161,11 @@ REMEMBERED_S = 5.0
 APART_S = 0.6
 """States of the leader that are farther apart tell no place between them."""
 
-SAME_S = 2e-3
-"""Times that differ by less are one: they are told to 1 ms."""
-
-FASTEST_M_S = 100.0
-"""Between two states no leader flies faster; a place that steps is no motion."""
-
 CERTAIN_S = 1.0
 """A follower that is outvoted for so long does not follow: everybody has told twice by then."""
 
 SAID_S = 1.5
 """For so long a follower's word counts: it says one 2.5 times a second at least."""
-
-QUIET_S = 30.0
-"""Shortest interval of two texts about the same followers."""
 
 
 class Story(msgspec.Struct, frozen=True, kw_only=True):
@@ -350,7 +340,7 @@ def between(first: LeaderFix, second: LeaderFix, time_s: float) -> LeaderFix | N
     whole = second.time_s - first.time_s
     level = math.hypot(second.north - first.north, second.east - first.east)
     up = abs(second.altitude_amsl - first.altitude_amsl)
-    if whole > APART_S or level > FASTEST_M_S * whole or up > CLIMB_M_S * whole + SAME_M:
+    if whole > APART_S or level > ANY_REACH.speed * whole or up > CLIMB_M_S * whole + SAME_M:
         return None
     share = (time_s - first.time_s) / whole
     return LeaderFix(*(a + share * (b - a) for a, b in zip(first, second, strict=True)))

@@ -168,13 +168,13 @@ class ClockWatch:
         """Tell the pilot of stamps that tell no time, and that they do again."""
         fault, before = self._clock.fault, self._fault
         self._fault = fault
-        if fault is not None and before is None:
+        if (fault is None) is not (before is None):
             self._say(
-                f"boot times {fault}: flown by when its reports arrive, less certainly;"
+                "boot times tell time again: nothing to do"
+                if fault is None
+                else f"boot times {fault}: flown by when its reports arrive, less certainly;"
                 " see its firmware and what passes its telemetry on"
             )
-        elif fault is None and before is not None:
-            self._say("boot times tell time again: nothing to do")
 
     def _note_skew(self, now: float) -> None:
         """Tell the pilot of a clock that does not keep time, once."""

@@ -81,7 +81,7 @@ def test_a_recorded_flight_is_trusted_from_its_first_report_to_its_last(name, ve
         for report in codec.decode(data[start + 8 : end]):
             if isinstance(report, PositionReport):
                 believed += own.take(report, now) is not None
-                assert not own.doubts
+                assert not own.belief.doubts
             elif isinstance(report, AirspeedReport | AttitudeReport):
                 own.note(report, now)
         start = end
