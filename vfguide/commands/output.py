@@ -14,7 +14,7 @@ from pathlib import Path
 
 from vfguide.commands.terminal import Terminal
 from vfguide.errors import InputError, VfguideError
-from vfguide.record.archive import WRITE_REMEDY
+from vfguide.record.archive import WRITE_REMEDY, writing_to
 from vfguide.regular_file import open_regular
 
 RECORD_NAME = "flight.npz"
@@ -185,10 +185,5 @@ def whole_file(path: Path) -> Iterator[Path]:
     Raises:
         InputError: it cannot be written.
     """
-    try:
-        with written_beside(path.parent) as partial:
-            yield partial / path.name
-    except OSError as error:
-        raise InputError(
-            f"{path}: cannot be written: {error.strerror or error}; {WRITE_REMEDY}"
-        ) from error
+    with writing_to(path), written_beside(path.parent) as partial:
+        yield partial / path.name

@@ -10,7 +10,8 @@ import tokenize
 import warnings
 import zipfile
 import zlib
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import fields
 from pathlib import Path
 from typing import Annotated, Any, BinaryIO
@@ -69,6 +70,21 @@ UNREADABLE = (
 """What NumPy, zipfile and zlib raise on bytes that are no archive, or a damaged one."""
 
 
+@contextmanager
+def writing_to(path: Path) -> Iterator[None]:
+    """Say in one line that a place cannot be written to.
+
+    Raises:
+        InputError: it cannot.
+    """
+    try:
+        yield
+    except OSError as error:
+        raise InputError(
+            f"{path}: cannot be written: {error.strerror or error}; {WRITE_REMEDY}"
+        ) from error
+
+
 def write_archive(
     path: Path, description: Mapping[str, object], arrays: Mapping[str, AnyArray]
 ) -> None:
@@ -80,17 +96,16 @@ def write_archive(
     partial = path.with_name(path.name + ".partial")
     text = json.dumps(description, ensure_ascii=True, allow_nan=False)
     contents: dict[str, Any] = {DESCRIPTION: np.array(text), **arrays}
-    try:
-        with partial.open("wb") as stream:
-            np.savez_compressed(stream, **contents)
-            stream.flush()
-            os.fsync(stream.fileno())
-        partial.replace(path)
-    except OSError as error:
-        partial.unlink(missing_ok=True)
-        raise InputError(
-            f"{path}: cannot be written: {error.strerror or error}; {WRITE_REMEDY}"
-        ) from error
+    with writing_to(path):
+        try:
+            with partial.open("wb") as stream:
+                np.savez_compressed(stream, **contents)
+                stream.flush()
+                os.fsync(stream.fileno())
+            partial.replace(path)
+        except OSError:
+            partial.unlink(missing_ok=True)
+            raise
 
 
 def read_archive(path: Path) -> tuple[dict[str, Any], dict[str, AnyArray]]:

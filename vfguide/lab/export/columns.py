@@ -26,6 +26,9 @@ LATEST_S = 4_102_444_800.0
 PART = 20_000
 """Samples that are worked on at a time."""
 
+FINEST_STEP_S = 0.2
+"""s between two pictures of a flight; numbers keep the record's own steps."""
+
 UNITS = {
     "latitude_deg": "degrees, WGS 84",
     "longitude_deg": "degrees, WGS 84",
@@ -139,6 +142,12 @@ def parts_of(record: FlightRecord) -> Iterator[Part]:
                 modes=[mode_name(record, number) for number in vehicle.mode[some].tolist()],
                 limited=vehicle.limited[some].tolist(),
             )
+
+
+def finest_stride(record: FlightRecord) -> int:
+    """Every which sample is in a picture: no two are nearer than `FINEST_STEP_S`."""
+    step_s = record.duration_s / max(record.time_s.size - 1, 1)
+    return max(1, math.floor(FINEST_STEP_S / step_s)) if step_s > 0.0 else 1
 
 
 def mode_name(record: FlightRecord, number: int) -> str:

@@ -14,14 +14,12 @@ import simplekml
 
 from vfguide.elementwise import BoolArray, FloatArray
 from vfguide.errors import InputError
-from vfguide.lab.export.columns import begin_of, geodetic, moment, origin_of
+from vfguide.lab.export.columns import begin_of, finest_stride, geodetic, moment, origin_of
 from vfguide.lab.report.colours import vehicle_colours
 from vfguide.record.flight import FlightRecord
 
 MOST_POINTS = 100_000
 """Points of all tracks together, at most: viewers draw no more smoothly."""
-
-FINEST_STEP_S = 0.2
 
 
 def write_earth(record: FlightRecord, path: Path, *, compressed: bool) -> None:
@@ -47,7 +45,8 @@ def write_earth(record: FlightRecord, path: Path, *, compressed: bool) -> None:
     )
     line.style.linestyle.color = simplekml.Color.hexa("bdbdbdff")
     line.style.linestyle.width = 2
-    stride = choose_stride(record)
+    samples = record.time_s.size * len(record.vehicles)
+    stride = max(finest_stride(record), math.ceil(samples / MOST_POINTS))
     for vehicle in record.vehicles:
         latitude, longitude = geodetic(origin, vehicle.north_m, vehicle.east_m)
         altitude = vehicle.altitude_amsl_m
@@ -74,14 +73,6 @@ def write_earth(record: FlightRecord, path: Path, *, compressed: bool) -> None:
         document.savekmz(str(path))
     else:
         document.save(str(path))
-
-
-def choose_stride(record: FlightRecord) -> int:
-    """Every which sample is shown."""
-    samples = record.time_s.size
-    step_s = record.duration_s / max(samples - 1, 1)
-    finest = FINEST_STEP_S / step_s if step_s > 0.0 else 1.0
-    return max(1, math.floor(finest), math.ceil(samples * len(record.vehicles) / MOST_POINTS))
 
 
 def printable(text: str) -> str:

@@ -31,7 +31,7 @@ from foxglove.messages import (
     Vector3,
 )
 
-from vfguide.lab.export.columns import UNITS, Part, begin_of, parts_of
+from vfguide.lab.export.columns import UNITS, Part, begin_of, finest_stride, parts_of
 from vfguide.lab.report.colours import vehicle_colours
 from vfguide.lab.report.figures import slot_track
 from vfguide.record.flight import FlightRecord, VehicleRecord
@@ -54,9 +54,6 @@ STATE: dict[str, Any] = {
 
 FRAME = "formation"
 """The local frame: x east, y north, z up from the origin's height."""
-
-FINEST_STEP_S = 0.2
-"""s between two pictures of the scene; numbers keep the record's own steps."""
 
 SECOND_NS = 1_000_000_000
 
@@ -152,8 +149,7 @@ def path_line(east_m: list[float], north_m: list[float], up_m: float) -> LinePri
 def put_part(record: FlightRecord, part: Part, topics: FoxgloveTopics, begin_ns: int) -> None:
     """Some samples of one vehicle."""
     vehicle, name = part.vehicle, part.vehicle.name
-    step_s = record.duration_s / max(record.time_s.size - 1, 1)
-    every = max(1, math.floor(FINEST_STEP_S / step_s)) if step_s > 0.0 else 1
+    every = finest_stride(record)
     first = int(np.searchsorted(record.time_s, part.time_s[0]))
     colour, origin_m = vehicle_colours(record)[name], altitude_of_origin(record)
     slots = None if vehicle.role == "leader" else slots_of(record, vehicle)

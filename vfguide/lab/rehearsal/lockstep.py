@@ -337,7 +337,7 @@ def fly_lockstep(
             if window >= WINDOWS:
                 for worker in workers:
                     share.post(window - WINDOWS, worker.published())
-            flown = takewhile(lambda _: not (share.times and stop()), due)
+            flown = takewhile(lambda _: not (stop() and share.times), due)
             share.fly(window, flown, progress)
             if share.times[-1] < due[-1]:
                 break

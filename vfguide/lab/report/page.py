@@ -10,7 +10,6 @@ from pathlib import Path
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
-from vfguide.errors import InputError
 from vfguide.lab.report.metrics import Handling, LeaderSummary, Summary, summarise
 from vfguide.lab.report.plots import draw_narrow, plots_for, write_plots
 from vfguide.lab.report.replay import hash_source, replay_of
@@ -29,7 +28,7 @@ from vfguide.lab.report.wording import (
     verdict,
     why_unjudged,
 )
-from vfguide.record.archive import WRITE_REMEDY
+from vfguide.record.archive import writing_to
 from vfguide.record.flight import FlightRecord
 from vfguide.record.vehicle import VehicleRecord
 
@@ -90,12 +89,8 @@ def write_report(record: FlightRecord, directory: Path) -> Path:
     pictures = write_plots(record, directory)
     page = directory / "report.html"
     text = render_page(record, summarise(record), pictures)
-    try:
+    with writing_to(page):
         page.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise InputError(
-            f"{page}: cannot be written: {error.strerror or error}; {WRITE_REMEDY}"
-        ) from error
     return page
 
 

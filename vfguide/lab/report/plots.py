@@ -9,7 +9,6 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from vfguide.elementwise import BoolArray, FloatArray, wrap_angle, wrap_course
-from vfguide.errors import InputError
 from vfguide.lab.report.colours import vehicle_colours
 from vfguide.lab.report.errors_plot import errors_figure, heights_figure
 from vfguide.lab.report.figures import PairSeparation, pair_separations
@@ -38,7 +37,7 @@ from vfguide.lab.report.style import (
 )
 from vfguide.lab.report.tracks_plot import tracks_figure
 from vfguide.lab.report.wording import in_digits
-from vfguide.record.archive import WRITE_REMEDY
+from vfguide.record.archive import writing_to
 from vfguide.record.flight import FlightRecord, VehicleRecord
 
 # What each autopilot was asked for, and what it did.
@@ -448,13 +447,9 @@ def write_plots(record: FlightRecord, directory: Path) -> tuple[Path, ...]:
     Raises:
         InputError: the directory cannot be written to.
     """
-    try:
+    with writing_to(directory):
         directory.mkdir(parents=True, exist_ok=True)
         return tuple(
             save_figure(plot.draw(record), directory / f"{plot.name}.png")
             for plot in plots_for(record)
         )
-    except OSError as error:
-        raise InputError(
-            f"{directory}: cannot be written: {error.strerror or error}; {WRITE_REMEDY}"
-        ) from error
