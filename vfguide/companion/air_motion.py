@@ -79,6 +79,8 @@ class AirMotion:
         """Airspeeds that were not believed."""
         self.by_nose, self.by_path = TurnEfficiency(), TurnEfficiency()
         """What it turns of what its bank says, by two witnesses."""
+        self.asked: float | None = None
+        """Speed that it was told to fly, m/s; None while it is not steered."""
         self._velocity = 0j
         self._calibrates = calibrates
         # While it is not known whether it slips both are learned, of which one is right.
@@ -99,6 +101,7 @@ class AirMotion:
     def retune(self, plan: FlightPlan) -> None:
         """Go on with what is known of the vehicle by now; what was learned of it is kept."""
         self._slips = plan.surely_slips
+        self._speed_s = 1.0 / plan.airframe.beta
 
     @property
     def turn_efficiency(self) -> TurnEfficiency:
@@ -139,7 +142,8 @@ class AirMotion:
         """Velocity (north, east) through the air at a report, m/s; None where nothing shows it.
 
         A heading that is repeated to the digit, or missing, is replaced by the one that comes with airspeeds,
-        or by the former one as the bank has turned it since. An old airspeed is replaced by the known one.
+        or by the former one as the bank has turned it since. An airspeed that is old, or doubted, is replaced
+        by the known one, which goes over to the one that the vehicle was told to fly.
 
         Args:
             report: of the position.
@@ -149,10 +153,13 @@ class AirMotion:
         before, self._witness_before, self._witness = self._witness, self._witness, None
         passed_s, self._witness_s = now - self._witness_s, now
         airspeed = self.calibration.scale * self._airspeed
-        if now - self._airspeed_time > AIRSPEED_FRESH_S:
+        if self._belief.airspeed.doubted or now - self._airspeed_time > AIRSPEED_FRESH_S:
             if known is None or math.isinf(self._airspeed_time):
                 return None
             airspeed = known.airspeed
+            if self.asked is not None and self._calibrates:
+                asked = self.calibration.scale * self.asked
+                airspeed = low_pass(airspeed, asked, min(passed_s, LONGEST_S), self._speed_s)
         airspeed = max(airspeed, LEAST_AIRSPEED)
         heading, second, bank = report.heading, self._second_heading, self.fresh_bank(now)
         if heading is None or heading == self._nose:

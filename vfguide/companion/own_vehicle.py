@@ -276,6 +276,7 @@ class OwnVehicle:
 
     def note_setpoint(self, setpoint: Setpoint | None, now: float) -> None:
         """A setpoint has gone out; None: the vehicle is not steered."""
+        self.air.asked = None if setpoint is None else setpoint.speed
         if self._delay_compensator is None:
             return
         if setpoint is None:

@@ -15,6 +15,7 @@ from vfguide.mavlink.reports import (
     PositionReport,
     SensorsReport,
 )
+from vfguide.state import Setpoint
 
 
 @pytest.fixture
@@ -148,13 +149,16 @@ def test_the_bank_turns_the_nose_through_a_silence_and_a_blocked_airspeed_ends_n
         now = 42.0 + 0.05 * number
         own.note(AirspeedReport(airspeed=airspeed), now)
         own.note(AttitudeReport(bank=0.2), now)
+        own.note_setpoint(Setpoint(course=0.0, speed=24.0), now)
         said = report(now - 37.0, north=64.9, velocity=NORTHBOUND, heading=heading)
         navigated = own.take(said, now)
     turned_s = 0.05 * 40
     assert navigated is not None
     assert navigated.steerable
-    assert navigated.state.heading == pytest.approx(0.1 * turned_s, abs=0.04)
-    assert navigated.state.airspeed == pytest.approx(20.0, abs=0.5)
+    assert navigated.state.heading == pytest.approx(0.1 * turned_s, abs=0.06)
+    # Without a sensor it is as fast as the setpoint makes it: 0.8 1/s for 2 s.
+    flown = 20.0 if airspeed > 0.0 else 24.0 - 4.0 * math.exp(-0.8 * turned_s)
+    assert navigated.state.airspeed == pytest.approx(flown, abs=0.5)
 
 
 def test_a_compass_that_is_off_makes_no_wind_where_no_airspeed_is_known(own):
