@@ -211,6 +211,7 @@ class OtherAircraft:
                 keep=keep,
                 floor=np.full(count, self._distance_m),
                 weight=np.full(count, WEIGHT),
+                passes=np.zeros(count),
                 margin=np.zeros((count, len(BEGINNINGS))),
             ),
         )
@@ -305,5 +306,6 @@ def joined(first: Others | None, second: Others) -> Others:
         keep=np.concatenate([first.keep, second.keep]),
         floor=np.concatenate([first.floor, second.floor]),
         weight=np.concatenate([first.weight, second.weight]),
+        passes=np.concatenate([first.passes, second.passes]),
         margin=np.concatenate([first.margin, second.margin]),
     )

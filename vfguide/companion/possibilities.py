@@ -22,6 +22,7 @@ from vfguide.guidance.separation import (
     Others,
     arc,
     formation_tracks,
+    passing,
     place_of,
     velocity_of,
 )
@@ -339,6 +340,7 @@ def possibilities_of(
         keep=keep,
         floor=np.minimum(least[rows], keep),
         weight=seen.weight[rows],
+        passes=(steered * passing(seen.place - here.place, seen.velocity - here.velocity))[rows],
         margin=margin,
     )
     return others, seen.row[rows]

@@ -11,6 +11,9 @@ A manoeuvre that was clear is there again a step later: clear stays clear as lon
 were thought to be able to (backup barriers: Gurriet, Mote, Singletary, Nilsson, Feron, Ames, 2020; why turn
 and speed bounds have to be inside a barrier: Molnar, Kannan, Cunningham, Dunlap, Hobbs, Ames, 2024).
 
+Two that meet both keep clear, and neither knows what the other one will choose. Both hold to the way the line
+of sight between them turns already: that is the one choice that needs no word between them.
+
 Places and velocities in the plane are complex numbers, north + j east, in metres and m/s: multiplying by
 exp(j chi) turns clockwise by chi, as courses count. Rows are vehicles or manoeuvres, columns are `TIMES`.
 """
@@ -23,7 +26,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from vfguide.elementwise import FloatArray, wrap_angle
+from vfguide.elementwise import BoolArray, FloatArray, wrap_angle
 from vfguide.state import LeaderState
 
 ComplexArray = NDArray[np.complex128]
@@ -253,6 +256,13 @@ CHANGE_COST = 0.04
 LEFT_COST = 0.004
 """Cost of going left: two that meet head on both go right."""
 
+MEETING_M_S = 6.0
+"""Two meet that are faster than this relative to each other: in slots, also in gusts, they are slower."""
+
+OTHER_SIDE_M = 11.0
+"""A pass on the other side than both hold to has to leave so much more: as much as is kept between two that
+join, since what one of them gains by turning round the other takes away."""
+
 TURNS_RAD: FloatArray = np.radians(
     [0, 6, -6, 12, -12, 20, -20, 30, -30, 45, -45, 65, -65, 90, -90, 120, -120, 150, -150]
 )
@@ -276,6 +286,8 @@ class Others(msgspec.Struct, frozen=True, kw_only=True):
     """Distance that is not to be fallen short of if anything can be done, m."""
     weight: FloatArray
     """How much it counts where not all can be had."""
+    passes: FloatArray
+    """Which way the line of sight to it turns where both keep clear, see `passing`."""
     margin: FloatArray
     """What each track may be off by in each interval of `TIMES`, m: so much nearer counts as near."""
     worth: FloatArray | None = None
@@ -333,6 +345,30 @@ def closest_approaches(tracks: ComplexArray, others: Others) -> FloatArray:
     return np.where(others.horizon_s[:, None] > BEGINNINGS, distance, np.inf)
 
 
+def passing(apart: ComplexArray, closing: ComplexArray) -> FloatArray:
+    """Which way the line of sight to others turns as they are passed: 1 right, -1 left; 0: either way.
+
+    It turns on the way it turns. Both of two that meet see the same, so they do not turn toward each other,
+    each to pass behind the other one (Snape, van den Berg, Guy, Manocha, 2011). Where it does not turn at
+    all it is to turn left: both go right.
+
+    Args:
+        apart: places of the others, less the own one, m.
+        closing: their velocities, less the own one, m/s.
+    """
+    turning = apart.conj() * closing
+    meets = (np.abs(closing) > MEETING_M_S) & (turning.real < 0.0)
+    return np.where(meets, np.where(turning.imag > 0.0, 1.0, -1.0), 0.0)
+
+
+def on_other_side(tracks: ComplexArray, others: Others) -> BoolArray:
+    """Whether the line of sight turns the other way than both hold to: manoeuvre, possibility, interval."""
+    apart = others.tracks[None, :, :] - tracks[:, None, :]
+    turning = (apart[..., :-1].conj() * np.diff(apart)).imag
+    other: BoolArray = turning * others.passes[:, None] < 0.0
+    return other
+
+
 def intrusion_cost(distance: FloatArray, others: Others) -> FloatArray:
     """Cost of each manoeuvre for what it does to the distances; 0 where all are kept.
 
@@ -387,8 +423,11 @@ def keep_clear(
             turn=0.0, airspeed=np.nan, changed=False, nearest=before, wanted_nearest=before
         )
     manoeuvres = manoeuvres_between(agility.speed_min, agility.speed_max)
-    distance = closest_approaches(own_tracks(own, wanted, manoeuvres, agility), others)
-    total = intrusion_cost(distance, others) + change_cost(
+    tracks = own_tracks(own, wanted, manoeuvres, agility)
+    distance = counted = closest_approaches(tracks, others)
+    if others.passes.any():
+        counted = distance - OTHER_SIDE_M * on_other_side(tracks, others)
+    total = intrusion_cost(counted, others) + change_cost(
         manoeuvres, abs(wanted.velocity - own.wind), side
     )
     best = int(total.argmin())
@@ -435,6 +474,7 @@ def escape_distance(own: OwnMotion, agility: Agility, tracks: ComplexArray) -> f
         keep=np.ones(count),
         floor=np.ones(count),
         weight=np.ones(count),
+        passes=np.zeros(count),
         margin=np.zeros((count, len(BEGINNINGS))),
     )
     nearest = closest_approaches(escape_tracks(own, agility), others)

@@ -4,11 +4,16 @@ Their autopilots slip, answer slowly and are not declared. Two that approach gen
 and these bring neither nearer to its slot.
 """
 
+import runpy
+from collections.abc import Iterator
+from pathlib import Path
+
 import pytest
 
 from tests.kit.flight import Flight, fly
 from tests.kit.missions import content_of
 from vfguide.mission import Mission
+from vfguide.registry import laws
 from vfguide.suite import with_law
 
 BACK_S = 52.0
@@ -69,6 +74,23 @@ def test_everybody_comes_past_the_others_to_the_slot(case):
 def test_two_that_meet_while_they_join_do_not_leave_their_heights_to_the_same_side(number, until_s):
     """One climbs from below toward one that sinks; by heights, ranks or climb rates alone both climb."""
     content = content_of(with_law(number, "slot"))
+    content["rehearsal"]["duration_s"] = until_s
+    content["rehearsal"].pop("losses", None)
+    assert fly(Mission.model_validate(content)).nearest() >= LEAST_M
+
+
+@pytest.fixture
+def pursuit() -> Iterator[str]:
+    """Make the law of the example known for one test: it takes everybody to the slot the shortest way."""
+    runpy.run_path(str(Path(__file__).parents[3] / "examples" / "own_law.py"))
+    yield "pursuit"
+    del laws._known["pursuit"]  # noqa: SLF001
+
+
+@pytest.mark.parametrize(("number", "until_s"), [(51, 10.0), (79, 8.0)])
+def test_two_that_cross_do_not_turn_toward_each_other_to_pass_behind(number, until_s, pursuit):
+    """By distances alone both do, or one turns round again and again: 3 m were left."""
+    content = content_of(with_law(number, pursuit))
     content["rehearsal"]["duration_s"] = until_s
     content["rehearsal"].pop("losses", None)
     assert fly(Mission.model_validate(content)).nearest() >= LEAST_M

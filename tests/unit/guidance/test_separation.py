@@ -22,6 +22,7 @@ from vfguide.guidance.separation import (
     closest_approaches,
     keep_clear,
     own_tracks,
+    passing,
 )
 
 AGILITY = Agility(
@@ -41,7 +42,9 @@ HERE = OwnMotion(place=0j, air_velocity=NORTH, wind=0j, turn_rate=0.0)
 STRAIGHT_ON = WantedMotion(velocity=NORTH, base_velocity=NORTH, turn_rate=0.0, settle_s=8.0)
 
 
-def others(*tracks: ComplexArray, keep: float = 11.0, horizon_s: float = 8.0) -> Others:
+def others(
+    *tracks: ComplexArray, keep: float = 11.0, horizon_s: float = 8.0, passes: float = 0.0
+) -> Others:
     count = len(tracks)
     return Others(
         tracks=np.array(tracks),
@@ -49,6 +52,7 @@ def others(*tracks: ComplexArray, keep: float = 11.0, horizon_s: float = 8.0) ->
         keep=np.full(count, keep),
         floor=np.full(count, min(FLOOR_M, keep)),
         weight=np.ones(count),
+        passes=np.full(count, passes),
         margin=np.zeros((count, len(BEGINNINGS))),
     )
 
@@ -154,6 +158,41 @@ def test_a_side_that_was_chosen_is_kept():
     meeting = others(flying(120.0 + 0j, -NORTH))
     held = keep_clear(HERE, STRAIGHT_ON, meeting, AGILITY, side=-math.radians(20.0))
     assert held.turn < 0.0
+
+
+def way_of(apart: complex, closing: complex) -> float:
+    (way,) = passing(np.array([apart]), np.array([closing]))
+    return float(way)
+
+
+def test_two_that_meet_find_the_same_way_for_the_line_of_sight_between_them():
+    # The other crosses from the right, 5 m in front: the line of sight turns left.
+    apart, closing = 55.0 + 50.0j, -20.0j - NORTH
+    assert way_of(apart, closing) == way_of(-apart, -closing) == -1.0
+    assert way_of(apart.conjugate(), closing.conjugate()) == 1.0
+
+
+def test_head_on_the_line_of_sight_is_to_turn_left():
+    assert way_of(120.0 + 0j, -2.0 * NORTH) == -1.0
+
+
+@pytest.mark.parametrize(
+    ("apart", "closing"),
+    [(50.0 + 50.0j, 20.0 + 20.0j), (12.0j, -5.0j)],
+    ids=["away from each other", "slowly, as in slots"],
+)
+def test_who_meets_nobody_may_pass_on_either_side(apart, closing):
+    assert way_of(apart, closing) == 0.0
+
+
+@pytest.mark.parametrize("side", [-1.0, 1.0], ids=["left", "right"])
+def test_both_hold_to_one_side_where_the_other_one_needs_less(side):
+    # 3 m aside: to pass on this side is the least change, by far. Who goes right sees it turn left.
+    nearer = flying(120.0 + 3.0j * side, -NORTH)
+    assert cleared(others(nearer)).turn * side < 0.0
+    agreed = cleared(others(nearer, passes=-side))
+    assert agreed.turn * side > 0.0
+    assert agreed.nearest[0] >= FLOOR_M
 
 
 def test_height_between_two_counts_in_the_plane():
