@@ -135,7 +135,7 @@ class Arrangements:
         self._refused: tuple[KnownOrder, str] | None = None
         self._answers: dict[str, Reply] = {}
         self._numbers: dict[str, tuple[int, bool, float]] = {}
-        self._heard_number = 0
+        self._heard_number = self._missed = 0
         self._places: dict[str, tuple[float, float]] = {}
         self._older: dict[str, float] = {}
         self._replied_s = self._repeated_s = -math.inf
@@ -150,8 +150,11 @@ class Arrangements:
 
     @property
     def number(self) -> int:
-        """Of what is flown or is certain to be: what the own states carry."""
-        if self._next is not None and self._next.confirmed:
+        """Of what is flown or is certain to be: what the own states carry.
+
+        While an earlier one is missed it is that of what is flown: the others repeat the missed one then.
+        """
+        if self._next is not None and self._next.confirmed and self.flight.number >= self._missed:
             return self._next.arrangement.number
         return self.flight.number
 
@@ -165,21 +168,38 @@ class Arrangements:
 
     def waits(self, now: float) -> bool:
         """Whether others fly by an arrangement that this companion does not know."""
-        own = newest = self.number
-        if self._heard_number > own:
-            newest = self._newest(now, lone=now < self._started_s + STARTED_S)
-        if newest <= own or self._expects(newest, now):
+        self._note_missed(now)
+        if self.flight.number >= self._missed:
             self._waits_since, self._complained = math.inf, False
             return False
         self._waits_since = min(self._waits_since, now)
         if now - self._waits_since > PATIENCE_S and not self._complained:
             self._complained = True
             self._say(
-                f"the others fly by order {newest}, which this companion has not heard:"
+                f"the others fly by order {self._missed}, which this companion has not heard:"
                 " it does not steer; give the order again",
                 warning=True,
             )
         return True
+
+    def _note_missed(self, now: float) -> None:
+        """Note which order others go by, and which one of them is missed here; 0 where none is.
+
+        An order that was missed stays so while a later one is expected, until that is flown.
+        """
+        newest, order = self.flight.number, self._next
+        if self._heard_number > newest:
+            newest = self._newest(now, lone=now < self._started_s + STARTED_S)
+        later = order is not None and order.arrangement.number >= newest
+        if order is not None and later and self._is_expected(order, now):
+            missed = min(self._missed, newest)
+            self._missed = 0 if missed == order.arrangement.number else missed
+        else:
+            self._missed = newest
+
+    def _is_expected(self, order: KnownOrder, now: float) -> bool:
+        """Whether an order that was agreed to is certain, or its time has not come."""
+        return bool(order.confirmed) or self.flight.time_of(order, now) < order.arrangement.time_s
 
     def _newest(self, now: float, *, lone: bool = True) -> int:
         """Number of the newest order that the others fly by, or are about to.
@@ -203,13 +223,6 @@ class Arrangements:
         """
         said, _, heard_s = self._numbers.get(self._leader, (0, False, -math.inf))
         return max(self._newest(now), said if now - heard_s <= HEARD_S else 0)
-
-    def _expects(self, number: int, now: float) -> bool:
-        """Whether an order of this number or a later one was agreed to, and its time has not come."""
-        order = self._next
-        if order is None or order.arrangement.number < number:
-            return False
-        return self.flight.time_of(order, now) < order.arrangement.time_s
 
     def obstacle(self, now: float) -> str | None:
         """What of the orders keeps this companion from steering, in words; None where nothing does."""
@@ -358,6 +371,7 @@ class Arrangements:
 
     def step(self, now: float) -> None:
         """What is due by time alone."""
+        self._note_missed(now)
         self._tell_of_rest(now)
         self._tell_of_lead(now)
         order = self._next
@@ -428,7 +442,7 @@ class Arrangements:
         order = given.arrangement
         if self.flight.called_off is not None and order.flown is not Manoeuvre.ABORT:
             return False
-        flying = self._newest_flown(now) == order.number
+        flying = order.number in (self._newest_flown(now), self._missed)
         due = order.flown is Manoeuvre.ABORT or given.begins(self.flight.shared_time(now))
         newer = self.flight.order is None or order.number > self.flight.order.arrangement.number
         return flying and due and newer
@@ -442,11 +456,13 @@ class Arrangements:
         self.flight.begin(order)
         # Who loiters by it has no slot any more: an abort tells the mission's, not knowing the present ones.
         self._last_up = last_up if self.flight.has_left else None
-        self._next = None
+        number, what = order.arrangement.number, order.arrangement.flown
+        later = self._next is not None and self._next.arrangement.number > number
+        if what is Manoeuvre.ABORT or not later:
+            self._next = None
         self._returned, self._moving = had_left and not self.flight.has_left, False
         self._older.clear()
         self._reply(order, Verdict.FLOWN)
-        number, what = order.arrangement.number, order.arrangement.flown
         if what is Manoeuvre.ABORT:
             self._say(f"order {number}: everybody back to the autopilot", warning=True)
         elif self.flight.has_left:

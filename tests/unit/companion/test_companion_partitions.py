@@ -143,11 +143,32 @@ def test_what_the_leader_flies_is_taken_up_by_a_part_that_a_deputy_leads():
     assert set(formation.flown.values()) == {8}
 
 
+def test_who_misses_what_is_flown_knows_it_while_a_later_order_is_on_its_way():
+    """f1 begins anew after order 1 was given, and hears order 2 before it is told of the first."""
+    formation = begun()
+    first, second = (
+        order_of(*moves(SLOTS), number=number, time_s=formation.now + time_s, across_s=3.0)
+        for number, time_s in ((1, LEAD_S), (2, 2.0 * LEAD_S + 1.0))
+    )
+    formation.give(first)
+    formation.run(formation.now + 1.0)
+    formation.start("f1")
+    formation.run(first.time_s)
+    formation.give(second)
+    formation.run(first.time_s + 1.0)
+    member = formation.members["f1"]
+    assert formation.flown["f1"] == 1 or "not known" in str(member.obstacle(formation.now))
+    formation.run(first.time_s + 4.0)
+    assert formation.flown == dict.fromkeys(NAMES, 1)
+    formation.run(second.time_s + 1.0)
+    assert formation.flown == dict.fromkeys(NAMES, 2)
+
+
 TestPartedFormation = PartedFormation.TestCase
 TestPartedFormation.settings = settings(
     derandomize=True,
     deadline=None,
-    max_examples=20,
+    max_examples=120,
     stateful_step_count=14,
     suppress_health_check=[HealthCheck.too_slow],
 )
