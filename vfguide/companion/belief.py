@@ -37,7 +37,6 @@ from vfguide.companion.witnesses import (
     Witness,
 )
 from vfguide.guidance.navigation import (
-    LEAN_S,
     UNBROKEN_S,
     UNDERSPEED,
     VELOCITY_TOLERANCE_M_S,
@@ -65,6 +64,9 @@ NOISE_FACTOR = 6.0
 
 EXPECTED_NOISE_M = 0.7
 """Standard deviation, per axis, that is assumed before anything is known."""
+
+NOISE_S = 10.0
+"""Memory of the noise: over a shorter one a place that has stepped once passes for noise."""
 
 AIR_ERROR_M_S = 2.0
 """How fast a place that is carried through the air may leave the true one: in gusts, 4 m in 2 s. By as much
@@ -604,5 +606,5 @@ class Belief:
         differ = math.hypot(north - before[0], east - before[1])
         # One step, however far, is no noise.
         squared = min(differ, NOISE_FACTOR * GREATEST_NOISE_M) ** 2
-        share = min(interval_s / LEAN_S, 0.1)
+        share = min(interval_s / NOISE_S, 0.1)
         self._variance += share * (0.25 * squared - self._variance)

@@ -475,6 +475,7 @@ def worth(one: Obstacle, heights: list[float]) -> list[float]:
         keep=np.array([8.0]),
         floor=np.array([7.0]),
         weight=np.array([1.0]),
+        passes=np.zeros(1),
         margin=np.zeros((1, len(BEGINNINGS))),
     )
     return list(worth_in_plane(np.array(heights), others, [one])[0])
