@@ -1,27 +1,27 @@
-"""What a vehicle's airspeed sensor, its turns and its airspeed hold show in flight.
+"""Flight estimates of a vehicle's airspeed calibration, turn efficiency and airspeed trim.
 
-**Airspeed calibration.** A Kalman filter of scale, slip and wind, over various directions of flight:
+**Airspeed calibration.** A Kalman filter estimates scale, slip and wind from flight in various directions:
 
     ground velocity = reported airspeed * (scale along the heading - slip * turn rate right of it) + wind
 
-On a straight flight a wrong scale and a head wind look the same. On a turn the wind stays and the aircraft
-turns, which tells them apart. While the wind itself changes the filter learns little.
+In straight flight a wrong scale and a head wind look the same. In a turn the wind stays and the aircraft
+turns, which tells them apart. While the wind itself changes, the filter learns little.
 
 Source: Cho, Kim, Lee and Kee, "Wind estimation and airspeed calibration using a UAV with a single-antenna GPS
 receiver and pitot tube", IEEE Transactions on Aerospace and Electronic Systems 47(1), 2011.
 
-**Turn efficiency.** A Kalman filter of one number; 1 is a coordinated turn, and less is a slipping one:
+**Turn efficiency.** A scalar Kalman filter; 1 is a coordinated turn, less is a slipping turn:
 
     turn rate = turn efficiency * g tan(bank) / V
 
-Two witnesses give the turn rate: the nose, which a changing wind turns as well, and the acceleration over
-ground, which gusts disturb. Where they disagree the estimate becomes uncertain. Straight flight tells
+Two sources give the turn rate: the heading, which a changing wind also turns, and the acceleration over
+ground, which gusts disturb. Where they disagree, the estimate becomes uncertain. Straight flight shows
 nothing. ArduPilot's simulated plane has 0.745 to 0.85, by its place on a circle in wind: only the slow mean
 is learned.
 
 **Creeping airspeed hold.** Where FW_THR_ASPD_MIN and FW_THR_ASPD_MAX are not set, PX4 flies every airspeed
 with the throttle FW_THR_TRIM. Part of a speed change comes within 2 s; its integrator brings the rest within
-a minute. Asked for as much more as is missing, it flies what was wanted.
+a minute. A setpoint that exaggerates the change by the missing part yields the wanted airspeed.
 """
 
 import math
@@ -34,68 +34,70 @@ from vfguide.guidance.airframe import GRAVITY
 from vfguide.state import GAP_S
 
 LEAST_SCALE, GREATEST_SCALE = 0.85, 1.25
-"""Indicated against true airspeed at 3000 m is 1.16; the rest is the sensor's."""
+"""Bounds of the scale: true over indicated airspeed is 1.16 at 3000 m; the rest is sensor error."""
 
 SCALE_DEVIATION = 0.05
-"""What is not known of the scale at first."""
+"""Initial standard deviation of the scale."""
 
 WIND_DEVIATION = 10.0
-"""The same of the wind, m/s."""
+"""Initial standard deviation of each wind component, m/s."""
 
 VELOCITY_NOISE = 0.2
-"""Standard deviation of a ground velocity against air velocity and wind, m/s: gusts, and slipping."""
+"""Standard deviation of ground velocity against air velocity plus wind, m/s: gusts and slip."""
 
 STEADY_WIND_RATE = 0.1
-"""m/s²: a wind that seems to change no faster may be a steady one, with the sensors' noise."""
+"""Apparent change of the wind that sensor noise alone may cause in a steady wind, m/s²."""
 
 CHANGE_S = 60.0
-"""How much of a faster change counts as noise of the velocity, s: nothing can be learnt from it, since a wind
-that turns with the aircraft, or on a straight flight any change at all, is taken for a wrong scale."""
+"""Velocity noise for each m/s² of faster wind change, s. Nothing can be learned from such a change: a wind
+that
+turns with the aircraft, or any change in straight flight, would be taken for a wrong scale."""
 
 SETTLED_SCALE, SETTLED_WIND = 0.02, 0.7
-"""Standard deviations of scale and wind (m/s) below which they are used instead of a heading that slips."""
+"""Standard deviations of scale and wind (m/s) below which they replace a heading that slips."""
 
 STEADY, STEADY_MEMORY_S = 0.75, 10.0
-"""Root mean square of what the model leaves of a velocity, m/s, above which the wind is too unsteady for it,
-and the memory, s. Real ArduPlanes leave 0.06 in smooth air and 0.3 to 0.7 in turbulence."""
+"""Largest RMS velocity residual (m/s) at which the wind counts as steady, and its time constant, s.
+Real ArduPlanes leave 0.06 in smooth air and 0.3 to 0.7 in turbulence."""
 
 SCALE_DRIFT = 3e-4
-"""How much the scale changes, 1/sqrt(s): with altitude and temperature."""
+"""Random walk of the scale, 1/sqrt(s): altitude and temperature."""
 
 LEAST_WIND_DRIFT = 0.05
-"""How much a steady wind changes, m/s/sqrt(s)."""
+"""Random walk of a steady wind, m/s/sqrt(s)."""
 
 SLIP_DEVIATION = 1.0
-"""What is not known of the slip of a vehicle that does slip, s."""
+"""Initial standard deviation of the slip of a vehicle that slips, s."""
 
 Vector = tuple[float, ...]
 Matrix = tuple[Vector, ...]
 
 
 class Calibration(msgspec.Struct, frozen=True, kw_only=True):
-    """What is known so far."""
+    """Estimate of airspeed scale, wind and slip."""
 
     estimate: Vector = (1.0, 0.0, 0.0, 0.0)
-    """Scale, wind toward north and toward east (m/s), slip (s): angle that the nose leads for each rad/s."""
+    """Scale, wind toward north and east (m/s), slip (s): angle by which the nose leads, for each rad/s of
+    turn."""
     covariance: Matrix = (
         (SCALE_DEVIATION**2, 0.0, 0.0, 0.0),
         (0.0, WIND_DEVIATION**2, 0.0, 0.0),
         (0.0, 0.0, WIND_DEVIATION**2, 0.0),
         (0.0, 0.0, 0.0, 0.0),
     )
-    """Covariance of the estimate; without a doubt of the slip it stays 0."""
+    """Covariance of the estimate; the slip's stays 0 for a vehicle that does not slip."""
 
     surprise: float = 4.0
-    """Mean square of what the model leaves of a velocity, (m/s)²; great until it has shown to be small."""
+    """Mean square velocity residual, (m/s)²; starts large, so that the wind must first prove steady."""
 
     @property
     def scale(self) -> float:
-        """True airspeed over the reported one, within what is possible."""
+        """True over reported airspeed, within its bounds."""
         return clip(self.estimate[0], LEAST_SCALE, GREATEST_SCALE)
 
     @property
     def is_settled(self) -> bool:
-        """Whether scale and wind are known well enough to be flown by, and the wind is steady."""
+        """Whether scale and wind are known well enough for guidance, and the wind is steady."""
         is_known = self.deviation < SETTLED_SCALE and self.covariance[1][1] < SETTLED_WIND**2
         return is_known and self.surprise < STEADY**2
 
@@ -106,7 +108,7 @@ class Calibration(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def calibration_of(*, slips: bool) -> Calibration:
-    """Before the first report, of a vehicle whose nose leaves its direction in turns, or does not."""
+    """Return the initial calibration of a vehicle that slips in turns, or does not."""
     known = Calibration()
     last = (0.0, 0.0, 0.0, SLIP_DEVIATION**2 if slips else 0.0)
     return Calibration(covariance=(*known.covariance[:3], last))
@@ -123,26 +125,26 @@ def calibrated(
     wind_rate: float,
     period: float,
 ) -> Calibration:
-    """The calibration after a report.
+    """Update the calibration with a report.
 
     Args:
-        before: after the report before.
+        before: calibration after the previous report.
         reported_airspeed: m/s.
         heading: rad.
-        turn_rate: of the heading, rad/s.
+        turn_rate: rate of the heading, rad/s.
         velocity_north: over ground, m/s.
         velocity_east: over ground, m/s.
-        wind_rate: how fast the wind seems to change, m/s², its amount.
-        period: since the report before, s.
+        wind_rate: magnitude of the wind's apparent change, m/s².
+        period: time since the previous report, s.
     """
     drift = max(wind_rate, LEAST_WIND_DRIFT) ** 2 * period
     spread = _with_added(before.covariance, (SCALE_DRIFT**2 * period, drift, drift, 0.0))
     ahead, aside = reported_airspeed * math.cos(heading), reported_airspeed * math.sin(heading)
-    # A nose that leads to the right leaves the air velocity on its left.
+    # A nose that leads to the right has the air velocity on its left.
     north = (ahead, 1.0, 0.0, turn_rate * aside)
     east = (aside, 0.0, 1.0, -turn_rate * ahead)
     estimate = before.estimate
-    # One velocity is averaged over the reports of a second: their errors are not independent.
+    # Errors of reports within a second are correlated: together they count as one velocity.
     unsteady = CHANGE_S * max(wind_rate - STEADY_WIND_RATE, 0.0)
     changing = max(before.surprise - STEADY**2, 0.0) * STEADY_MEMORY_S
     variance = (VELOCITY_NOISE**2 + unsteady * unsteady + changing) / max(min(period, 1.0), 1e-3)
@@ -167,7 +169,7 @@ def _with_added(matrix: Matrix, diagonal: Vector) -> Matrix:
 def _updated(
     estimate: Vector, spread: Matrix, row: Vector, seen: float, noise: float
 ) -> tuple[Vector, Matrix]:
-    """One scalar measurement: seen = row . estimate."""
+    """Update with one scalar measurement, seen = row . estimate."""
     a, b, c, d = row
     across = [a * k + b * m + c * n + d * o for k, m, n, o in spread]
     p, q, r, s = across
@@ -185,60 +187,56 @@ def _dot(first: Vector, second: Vector) -> float:
 
 
 LEAST, GREATEST = 0.5, 1.1
-"""What no vehicle turns less, or more, than."""
+"""Bounds of the turn efficiency of any vehicle."""
 
 PRIOR, PRIOR_DEVIATION = 0.9, 0.15
-"""Before anything is learned: half way between a vehicle that slips and one that does not."""
+"""Initial efficiency, half way between slipping and coordinated vehicles, and its standard deviation."""
 
 SMOOTHED_S = 1.0
-"""Time constant on bank and turn rate alike: a yaw that swings at 0.9 Hz leaves a sixth of it."""
+"""Time constant for both bank and turn rate: a yaw oscillation at 0.9 Hz is reduced to a sixth."""
 
 LEAST_BANK = math.radians(5.0)
-"""With less bank trim and noise are too great a part of it."""
+"""Smallest bank to learn from, rad: below it, trim and noise dominate."""
 
 TURN_NOISE = 0.02
-"""rad/s: how far a smoothed turn rate is from what the smoothed bank makes of it."""
+"""Standard deviation of the smoothed turn rate against its value from the smoothed bank, rad/s."""
 
 NOISE_S = 2.0
-"""For so long it is the same error: gusts, and what a swing leaves."""
+"""Correlation time of that error, s: gusts and residual oscillation."""
 
 DRIFT = 0.005
-"""How much the efficiency changes, 1/sqrt(s): in a turn of 0.1 rad/s a minute is remembered."""
+"""Random walk of the efficiency, 1/sqrt(s): a memory of one minute in a turn of 0.1 rad/s."""
 
 GREATEST_TURN_RATE = 10.0
-"""rad/s: no aircraft turns faster."""
+"""Limit of plausible turn rates, rad/s."""
 
 KNOWN = 0.05
-"""Standard deviation below which it is known."""
+"""Standard deviation below which the efficiency is known."""
 
 SLIPS_BELOW, COORDINATED_ABOVE = 0.88, 0.92
-"""A vehicle slips below the one and does not above the other; between them it stays what it was taken for."""
+"""Hysteresis: a vehicle slips below the first and is coordinated above the second efficiency."""
 
 
 class TurnEfficiency(msgspec.Struct, frozen=True, kw_only=True):
-    """What is known so far."""
+    """Estimate of the turn efficiency."""
 
     value: float = PRIOR
-    """Turn rate in parts of g tan(bank) / V."""
+    """Turn rate over g tan(bank) / V."""
     variance: float = PRIOR_DEVIATION**2
     """Variance of the efficiency."""
     by_bank: float = 0.0
-    """g tan(bank) / V, smoothed, rad/s."""
+    """Smoothed g tan(bank) / V, rad/s."""
     turn_rate: float = 0.0
-    """Turn rate, smoothed, rad/s."""
+    """Smoothed turn rate, rad/s."""
     seen_s: float = 0.0
-    """For how long bank and turn rate have been smoothed without a gap, s."""
+    """Duration of smoothing without a gap, s."""
 
     @property
     def is_known(self) -> bool:
-        """Whether it is known well enough to be flown by."""
+        """Whether the efficiency is known well enough for guidance."""
         return math.sqrt(self.variance) < KNOWN
 
-    def slips(self, *, before: bool) -> bool:
-        """Whether the vehicle slips.
-
-        Args:
-            before: what it was taken for: that stays where nothing else is known.
+        Check whether the vehicle slips; the previous answer stays where nothing else is known.
         """
         if not self.is_known:
             return before
@@ -246,12 +244,7 @@ class TurnEfficiency(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def agreed(first: TurnEfficiency, second: TurnEfficiency) -> TurnEfficiency:
-    """Return what two witnesses know together; that they differ makes it uncertain.
-
-    Args:
-        first: by one witness.
-        second: by the other.
-    """
+    """Combine the estimates of two sources; their disagreement adds to the variance."""
     apart = first.value - second.value
     return replace(
         first,
@@ -263,14 +256,14 @@ def agreed(first: TurnEfficiency, second: TurnEfficiency) -> TurnEfficiency:
 def learned(
     before: TurnEfficiency, *, bank: float, airspeed: float, turn_rate: float, period: float
 ) -> TurnEfficiency:
-    """What is known after a report; the same where one of its numbers is none.
+    """Update the efficiency with a report; one with a missing or impossible number changes nothing.
 
     Args:
-        before: after the report before.
+        before: efficiency after the previous report.
         bank: rad, positive right.
         airspeed: true, m/s.
-        turn_rate: since the report before, rad/s.
-        period: since then, s.
+        turn_rate: mean since the previous report, rad/s.
+        period: time since the previous report, s.
     """
     if not math.isfinite(bank + airspeed + turn_rate + period):
         return before
@@ -293,7 +286,7 @@ def learned(
     if not banked or seen.seen_s < NOISE_S:
         return seen
     variance = seen.variance + DRIFT * DRIFT * period
-    # The error of one report is that of the next: in NOISE_S as much is learned as by one.
+    # Errors within NOISE_S are correlated: together they count as one measurement.
     noise = TURN_NOISE * TURN_NOISE * NOISE_S / period
     gain = variance * seen.by_bank / (variance * seen.by_bank**2 + noise)
     value = seen.value + gain * (seen.turn_rate - seen.value * seen.by_bank)
@@ -305,19 +298,19 @@ def learned(
 
 
 class CreepingHold(msgspec.Struct, frozen=True, kw_only=True):
-    """Steps of such a hold, as they were measured."""
+    """Measured step response of a creeping airspeed hold."""
 
     share: float
-    """Of a new airspeed, what comes at once; above 0, at most 1."""
+    """Immediate part of an airspeed step, in (0, 1]."""
     time: float
-    """Time constant with which it creeps on, s."""
+    """Time constant of the remaining part, s."""
 
 
 class CreepingSpeed:
-    """The airspeed that a hold is trimmed to, and what it is asked for."""
+    """Airspeed setpoints for a creeping hold, from an estimate of its trim."""
 
     def __init__(self, hold: CreepingHold) -> None:
-        """Know nothing of the trim yet: the first airspeed that is flown is taken for it."""
+        """Start without a trim: the first airspeed flown counts as the trim."""
         self._hold = hold
         self._trim: float | None = None
         self._asked = self._time_s = 0.0
@@ -325,14 +318,14 @@ class CreepingSpeed:
     def asked_for(
         self, wanted: float, flown: float, now: float, *, slowest: float, fastest: float
     ) -> float:
-        """What to ask for, m/s, within what may be asked for.
+        """Return the airspeed setpoint (m/s) that yields the wanted airspeed, within the limits.
 
         Args:
-            wanted: airspeed that is to be flown, m/s.
-            flown: airspeed that is flown, m/s.
-            now: s; later than at the call before.
-            slowest: least that may be asked for, m/s.
-            fastest: most, m/s.
+            wanted: airspeed to be flown, m/s.
+            flown: present airspeed, m/s.
+            now: time of the call, s; later than at the previous call.
+            slowest: smallest setpoint, m/s.
+            fastest: largest setpoint, m/s.
         """
         if self._trim is None:
             self._trim = flown
@@ -345,5 +338,5 @@ class CreepingSpeed:
         return self._asked
 
     def reset(self) -> None:
-        """Forget the trim: somebody else has asked for other airspeeds meanwhile."""
+        """Forget the trim, after another source has commanded airspeeds."""
         self._trim = None

@@ -1,19 +1,18 @@
-"""A fixed-wing aircraft: its wind triangle, its limits, its answer to setpoints, and its greatest bank.
+"""Model of a fixed-wing aircraft: wind triangle, limits, response to setpoints, and learned bank limit.
 
 **Wind triangle.** Ground velocity = air velocity + wind, and the accelerations that go with it (Beard and
 McLain, Small Unmanned Aircraft: Theory and Practice, chapter 2; article, model equations).
 
-**Answer to setpoints.** An autopilot answers after a dead time, with a lag; both directions are computed.
-A course error asks for a bank, the roll follows with a lag, and the bank turns the aircraft. Without a
-declared lag the hold is the ideal first-order one, dpsi/dt = alpha (chi^c - chi). With one it is ArduPlane's:
-bank is proportional to the course error, and alpha is that of small errors at the cruise airspeed. Speed:
-dV/dt = beta (V^c - V), within the vehicle's acceleration, with a lag where one is declared.
+**Response to setpoints.** An autopilot responds after a dead time, with a lag; the model runs forward and
+inverse. A course error commands a bank, the roll follows with a lag, and the bank turns the aircraft. Without
+a declared lag the hold is the ideal first-order one, dpsi/dt = alpha (chi^c - chi). With one it is
+ArduPlane's: bank is proportional to the course error, and alpha is that of small errors at the cruise
+airspeed. Speed: dV/dt = beta (V^c - V), within the vehicle's acceleration, with a lag where one is declared.
 
-**Greatest bank**, learned in flight. While its bank hardly moves for `PLATEAU_S` the aircraft is on a
-plateau. Below its limit the bank is proportional to the course error, whatever alpha is: plateaus of
-smaller banks show the error that a bank takes. If every error meanwhile, and before by the aircraft's
-delay, is `MORE` times that, more is asked than it gives. The limit is a bank of several such plateaus, or a
-long one, never exceeded.
+**Bank limit**, learned in flight. An aircraft whose bank hardly moves for `PLATEAU_S` is on a plateau. Below
+its limit the bank is proportional to the course error, whatever alpha is: plateaus of smaller banks show the
+usual ratio. The aircraft saturates where every error of the plateau, and of the response delay before it,
+exceeds `MORE` times that ratio. The limit is a bank, never exceeded, of several such plateaus or a long one.
 """
 
 import math
@@ -36,19 +35,19 @@ from vfguide.state import GAP_S, Airframe, VehicleState
 
 
 def resolve(north: Number, east: Number, direction: Number) -> tuple[Number, Number]:
-    """Components of a horizontal vector (along, right of) a direction in radians."""
+    """Return the components (along, right) of a horizontal vector in the frame of a direction (rad)."""
     ahead, aside = cosine_and_sine(direction)
     return north * ahead + east * aside, east * ahead - north * aside
 
 
 def compose(along: Number, right: Number, direction: Number) -> tuple[Number, Number]:
-    """(north, east) of a vector given by its components along and right of a direction."""
+    """Return (north, east) of a vector given by its components along and right of a direction (rad)."""
     ahead, aside = cosine_and_sine(direction)
     return along * ahead - right * aside, along * aside + right * ahead
 
 
 def polar(length: Number, direction: Number) -> tuple[Number, Number]:
-    """(north, east) of a vector given by its length and direction."""
+    """Return (north, east) of a vector given by its length and direction (rad)."""
     ahead, aside = cosine_and_sine(direction)
     return length * ahead, length * aside
 
@@ -56,10 +55,10 @@ def polar(length: Number, direction: Number) -> tuple[Number, Number]:
 def ground_speed_on_course(
     airspeed: Number, course: Number, wind_north: Number, wind_east: Number
 ) -> Number:
-    """Ground speed (m/s) at which an aircraft flies a course with a given airspeed.
+    """Return the ground speed (m/s) of an aircraft on a course at a given airspeed.
 
-    V_g = W_along + sqrt(V_a^2 - W_across^2). A wind across the course that is faster than the aircraft
-    leaves no heading that holds the course: the root is then taken as 0, so that the value stays finite.
+    V_g = W_along + sqrt(V_a^2 - W_across^2). Where the crosswind exceeds the airspeed, no heading holds the
+    course: the root is then taken as 0, so that the value stays finite.
     """
     tail, cross = resolve(wind_north, wind_east, course)
     return tail + square_root(greater_of(airspeed * airspeed - cross * cross, 0.0))
@@ -68,7 +67,7 @@ def ground_speed_on_course(
 def airspeed_for_ground_velocity(
     ground_speed: Number, course: Number, wind_north: Number, wind_east: Number
 ) -> Number:
-    """Airspeed (m/s) that gives a ground speed on a course: |v_g - w|."""
+    """Return the airspeed (m/s) of a ground velocity in a wind: |v_g - w|."""
     tail, cross = resolve(wind_north, wind_east, course)
     return hypot(ground_speed - tail, cross)
 
@@ -84,10 +83,10 @@ def air_relative_rates(
     wind_rate_north: Number,
     wind_rate_east: Number,
 ) -> tuple[Number, Number]:
-    """What airspeed and heading have to do for a wanted change of the ground velocity.
+    """Return the airspeed and heading rates that give a wanted change of the ground velocity.
 
-    The wanted ground acceleration is (dV_g/dt, V_g dchi/dt) along and right of the course. What the
-    wind does by itself is taken off; the rest is resolved along and right of the heading, where it is
+    The wanted ground acceleration is (dV_g/dt, V_g dchi/dt) along and right of the course. The wind's own
+    acceleration is subtracted; the rest is resolved along and right of the heading, where it is
     (dV_a/dt, V_a dpsi/dt).
 
     Args:
@@ -118,11 +117,11 @@ def heading_rate_at_constant_airspeed(
     wind_rate_north: Number,
     wind_rate_east: Number,
 ) -> Number:
-    """Heading rate (rad/s) that turns the course at a wanted rate while the airspeed stays as it is.
+    """Return the heading rate (rad/s) that gives a wanted course rate at constant airspeed.
 
     Right of the course, V_g dchi/dt = V_a dpsi/dt cos(psi - chi) + dW/dt; arguments as in
-    `air_relative_rates`. A drift of more than 70 degrees is treated as one of 70: nearer to abeam, no
-    heading rate turns the course.
+    `air_relative_rates`. Drift angles above 70 degrees are treated as 70: nearer to 90, no heading rate turns
+    the course.
     """
     _, wind_right = resolve(wind_rate_north, wind_rate_east, course)
     leverage = greater_of(cos(heading - course), 0.34)
@@ -134,29 +133,29 @@ GRAVITY = 9.80665
 
 
 GREATEST_LEAD = math.radians(150.0)
-"""How far a course setpoint may lead the course: half a turn ahead an autopilot turns the other way."""
+"""Largest lead of a course setpoint over the course, rad: beyond 180° an autopilot turns the other way."""
 
 
 def saturation(value: float) -> float:
-    """sat(.) of the sliding-mode laws: the value itself inside [-1, 1], its sign outside."""
+    """Return sat(.) of the sliding-mode laws: the value itself inside [-1, 1], its sign outside."""
     return clip(value, -1.0, 1.0)
 
 
 def bank_limited_turn_rate(max_bank: float, speed: float) -> float:
-    """Greatest turn rate (rad/s) of a coordinated turn: g tan(phi_max) / V.
+    """Return the largest rate (rad/s) of a coordinated turn: g tan(phi_max) / V.
 
     Args:
         max_bank: bank limit phi_max, rad, in (0, pi/2).
-        speed: speed V through the medium that is turned in, m/s, positive.
+        speed: speed V relative to the medium in which the vehicle turns, m/s, positive.
     """
     return GRAVITY * math.tan(max_bank) / speed
 
 
 def speed_range(state: VehicleState, airframe: Airframe) -> tuple[float, float]:
-    """(slowest, fastest) that a vehicle's speed hold may be told, m/s.
+    """Return the (slowest, fastest) setpoints of a vehicle's speed hold, m/s.
 
-    Of a heading hold it is the airspeed range; of a course hold the ground speeds that the airspeed range
-    comes to on the present course, in the present wind.
+    For a heading hold this is the airspeed range. For a course hold it is the ground speeds that the airspeed
+    range gives on the present course, in the present wind.
     """
     if airframe.hold == "course-hold":
         return ground_speed_range(state.course, state.wind_north, state.wind_east, airframe)
@@ -166,7 +165,7 @@ def speed_range(state: VehicleState, airframe: Airframe) -> tuple[float, float]:
 def ground_speed_range(
     course: float, wind_north: float, wind_east: float, airframe: Airframe
 ) -> tuple[float, float]:
-    """(slowest, fastest) ground speed on a course (rad) in a wind (m/s, toward), m/s: the wind triangle."""
+    """Return the (slowest, fastest) ground speed, m/s, on a course (rad) in a wind (m/s, toward)."""
     return (
         ground_speed_on_course(airframe.airspeed_min, course, wind_north, wind_east),
         ground_speed_on_course(airframe.airspeed_max, course, wind_north, wind_east),
@@ -174,16 +173,16 @@ def ground_speed_range(
 
 
 class Inner(msgspec.Struct, frozen=True, kw_only=True):
-    """What the autopilot's loops are at the moment, beside the vehicle's own state."""
+    """State of the autopilot's loops, beside the vehicle's own state."""
 
     bank: float = 0.0
     """phi, rad, positive right."""
     acceleration: float = 0.0
-    """Acceleration of the speed that is held, m/s²."""
+    """Acceleration of the held speed, m/s²."""
 
 
 class Bias(msgspec.Struct, frozen=True, kw_only=True):
-    """What the vehicle does beyond its model: a slow disturbance, or a model that is not quite right."""
+    """Slow disturbance or model error: motion of the vehicle beyond its model."""
 
     turn_rate: float = 0.0
     """rad/s."""
@@ -192,7 +191,7 @@ class Bias(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class ActiveSetpoint(msgspec.Struct, frozen=True, kw_only=True):
-    """A setpoint that has reached the loops; None where there was none yet."""
+    """Setpoint that has reached the loops; None before the first one."""
 
     course: float | None
     """rad."""
@@ -201,18 +200,18 @@ class ActiveSetpoint(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def coordinated_turn_rate(bank: float, airspeed: float) -> float:
-    """Turn rate omega = g tan(phi) / V, rad/s."""
+    """Return the turn rate omega = g tan(phi) / V, rad/s."""
     return GRAVITY * math.tan(bank) / airspeed
 
 
 def coordinated_bank(turn_rate: float, airspeed: float, max_bank: float) -> float:
-    """Bank phi = atan(omega V / g), rad, within the limit."""
+    """Return the bank phi = atan(omega V / g), rad, within the limit."""
     bank = math.atan(turn_rate * airspeed / GRAVITY)
     return min(max(bank, -max_bank), max_bank)
 
 
 def wanted_bank(course_error: float, airspeed: float, airframe: Airframe) -> float:
-    """Bank (rad) that the autopilot asks for when its course is off by this (rad)."""
+    """Return the bank (rad) that the autopilot commands for a course error (rad)."""
     if airframe.course_lag == 0.0:
         turn_rate = airframe.alpha * course_error
         return coordinated_bank(turn_rate, airspeed, airframe.max_bank)
@@ -221,9 +220,9 @@ def wanted_bank(course_error: float, airspeed: float, airframe: Airframe) -> flo
 
 
 def course_error_for(turn_rate: float, airspeed: float, airframe: Airframe) -> float:
-    """Course error (rad) that makes the autopilot turn at this rate (rad/s): `wanted_bank` backwards.
+    """Return the course error (rad) that gives a turn rate (rad/s): the inverse of `wanted_bank`.
 
-    It is at most `GREATEST_LEAD` to either side.
+    The result is within ±`GREATEST_LEAD`.
     """
     bank = coordinated_bank(turn_rate, airspeed, airframe.max_bank)
     if airframe.course_lag == 0.0:
@@ -234,7 +233,7 @@ def course_error_for(turn_rate: float, airspeed: float, airframe: Airframe) -> f
 
 
 def first_order_lag(value: float, target: float, step_s: float, lag_s: float) -> float:
-    """What a first-order lag makes of a constant target after a step; at once where there is no lag."""
+    """Return a first-order lag's value after a step toward a constant target; the target if the lag is 0."""
     return target + (value - target) * (math.exp(-step_s / lag_s) if lag_s > 0.0 else 0.0)
 
 
@@ -245,7 +244,7 @@ def propagate_inner(
     step_s: float,
     airframe: Airframe,
 ) -> Inner:
-    """The autopilot's loops a step later; without a setpoint they stay as they are."""
+    """Return the state of the autopilot's loops a step later; a loop without a setpoint keeps its value."""
     bank, acceleration = inner.bank, inner.acceleration
     if active.course is not None:
         error = wrap_angle(active.course - state.course)
@@ -259,24 +258,24 @@ def propagate_inner(
 
 
 def held_speed(state: VehicleState, airframe: Airframe) -> float:
-    """The speed that the autopilot holds, m/s."""
+    """Return the speed that the autopilot holds, m/s: ground speed or airspeed."""
     return state.ground_speed if airframe.hold == "course-hold" else state.airspeed
 
 
 def held_direction(state: VehicleState, airframe: Airframe) -> float:
-    """The direction that its turn rate turns, rad."""
+    """Return the direction that the turn rate changes, rad: course or heading."""
     return state.course if airframe.hold == "course-hold" else state.heading
 
 
 def turning_speed(state: VehicleState, airframe: Airframe) -> float:
-    """Speed of the velocity that turns, m/s, never 0."""
+    """Return the speed of the turning velocity, m/s, at least 1."""
     return max(held_speed(state, airframe), 1.0)
 
 
 def propagate(
     state: VehicleState, inner: Inner, bias: Bias, step_s: float, airframe: Airframe
 ) -> VehicleState:
-    """The vehicle a step later, its bank and acceleration as they are; the wind changes at its own rate."""
+    """Return the vehicle a step later, at constant bank, acceleration and wind rate."""
     turn_rate = coordinated_turn_rate(inner.bank, turning_speed(state, airframe)) + bias.turn_rate
     speed = max(
         held_speed(state, airframe) + (inner.acceleration + bias.acceleration) * step_s, 1.0
@@ -311,73 +310,73 @@ def propagate(
 
 
 PLATEAU_S = 2.0
-"""So long the bank hardly moves, s."""
+"""Duration of a plateau, s."""
 
 STEADY = math.radians(3.0)
-"""From the least to the greatest bank of a plateau, rad."""
+"""Largest range of the bank on a plateau, rad."""
 
 MORE = 1.3
-"""Times the error that a bank usually takes: so much is more than the aircraft gives."""
+"""Ratio of the course error to its usual value for the bank, above which the bank is saturated."""
 
 LEAST_BANK, LEAST_LIMIT = math.radians(3.0), math.radians(10.0)
-"""rad; banks that are less tell nothing, and are no limit of any aircraft."""
+"""Smallest bank to learn from, and smallest plausible limit, rad."""
 
 SMALLER = math.radians(3.0)
-"""rad by which a bank has to be smaller to tell what is usual."""
+"""Difference by which a plateau's bank must be smaller to count for the usual ratio, rad."""
 
 USUAL_S = 3.0
-"""s of smaller banks that tell it."""
+"""Time on smaller banks that the usual ratio requires, s."""
 
 TAKE_S = 0.25
-"""Moments on plateaus are taken so far apart, s."""
+"""Interval of samples on plateaus, s."""
 
 MOST_MOMENTS = 480
-"""Of them, the newest."""
+"""Number of samples kept."""
 
 SAME = math.radians(2.5)
-"""Plateaus that differ by less are of one limit; what goes further by more is beyond it, rad."""
+"""Tolerance of banks at one limit, rad."""
 
 APART_S = 3.0
-"""Two plateaus at the same bank have so long between them, s."""
+"""Time between two plateaus at the same bank, s."""
 
 MUCH_MORE = 2.0
-"""The same where no smaller banks were flown: an aircraft whose error grows twice as great at one bank."""
+"""Value of `MORE` without smaller banks: the error must double at one bank."""
 
 LEAST_S, LONG_S = 4.0, 10.0
-"""Evidence that it takes, s beyond `PLATEAU_S` of each: on several plateaus, or on one."""
+"""Evidence required on several plateaus, or on one, s beyond `PLATEAU_S` of each."""
 
 
 class BankMoment(msgspec.Struct, frozen=True, kw_only=True):
-    """One report."""
+    """Bank and course error of one report."""
 
     time_s: float
     """s."""
     bank: float
     """rad, positive right."""
     asked: float
-    """Error of the course times V / g, s: times alpha it is the tangent of the bank that is asked for."""
+    """Course error times V / g, s; times alpha it is the tangent of the commanded bank."""
 
 
 class PlateauMoment(msgspec.Struct, frozen=True, kw_only=True):
-    """A moment on a plateau."""
+    """Sample on a plateau."""
 
     level: float
-    """Its bank to either side, rad."""
+    """Mean bank to either side, rad."""
     usual: float
-    """Mean error of the course over the plateau, over the tangent of the bank, as of `BankMoment`."""
+    """Mean ratio of `BankMoment.asked` to the tangent of the bank, s."""
     least: float
-    """The least of that."""
+    """Smallest such ratio, s."""
     number: int
-    """Of the plateau."""
+    """Number of the plateau."""
 
 
 class BankLimit:
-    """Learns how far one aircraft banks."""
+    """Estimator of an aircraft's bank limit."""
 
     def __init__(self) -> None:
-        """Know nothing yet."""
+        """Start without a limit."""
         self.value: float | None = None
-        """The limit, rad; None while none is known."""
+        """Bank limit, rad; None while unknown."""
         self._moments: deque[BankMoment] = deque()
         self._plateaus: deque[PlateauMoment] = deque(maxlen=MOST_MOMENTS)
         self._number = 0
@@ -386,15 +385,15 @@ class BankLimit:
         self._greatest = 0.0
 
     def interrupt(self) -> None:
-        """Forget the last moments: nothing is asked of it now."""
+        """Forget the latest reports, while the aircraft receives no setpoints."""
         self._moments.clear()
 
     def observe(self, moment: BankMoment, late: float) -> None:
-        """Take a report.
+        """Add a report.
 
         Args:
-            moment: of the report.
-            late: dead time and lag of the course at most, s.
+            moment: the report.
+            late: upper bound of the course hold's dead time and lag, s.
         """
         now, moments = moment.time_s, self._moments
         if moments and not 0.0 <= now - moments[-1].time_s <= GAP_S:
@@ -427,7 +426,7 @@ class BankLimit:
             self.value = self._limit()
 
     def _limit(self) -> float | None:
-        """Return the bank of all that was most, where more was asked for; None where it was not."""
+        """Return the mean saturated bank near the largest bank flown; None without enough evidence."""
         if self._greatest < LEAST_LIMIT:
             return None
         smaller = [one.usual for one in self._plateaus if one.level < self._greatest - SMALLER]

@@ -1,25 +1,26 @@
-"""Slots: their motion, the field onto them, breaking away, giving way, and learned offsets.
+"""Slots: motion, vector field, breakaway, the leader's airspeed for its followers, and learned offsets.
 
-**Field.** The dual field steers a follower onto its slot. The article's y_E and x_E, printed, have one sign
-that diverges whichever way gamma_f is read; the pair here is consistent. Errors are resolved along and across
-the slot's own motion. On straight flight that is the article's frame exactly; on a turn it removes the steady
-error that a rigid slot has there.
+**Field.** The dual field steers a follower onto its slot. In the article's printed y_E and x_E one sign
+diverges, whichever way gamma_f is read; the pair here is consistent. Errors are resolved along and across the
+slot's own motion. In straight flight that is exactly the article's frame; in a turn it removes the steady
+error of a rigid slot.
 
-**Breaking away.** Without a leader each follower turns away to the side of its own slot. Those on one side
-turn by the same angle at the same airspeed, and so keep their distances. Those on the leader's track go
-straight on between the two groups.
+**Breakaway.** Without a leader each follower turns away to its slot's side of the formation. Followers on one
+side turn by the same angle at the same airspeed, and so keep their distances. Followers on the leader's track
+go straight on between the two groups.
 
-**Giving way.** The leader changes its airspeed where a slot needs more or less than its follower can fly.
+**Yielding airspeed.** The leader changes its airspeed where a slot needs more or less than its follower can
+fly.
 
-**Offset.** A field answers a lasting disturbance with a lasting error. So it is put around a point that lies
-a learned offset b beyond the slot, db/dt = e / T near the slot. With the field's slope s (1/s) at its middle
-small errors obey d²e/dt² + s de/dt + (s / T) e = 0: a damping of sqrt(s T) / 2 (integral action: Astrom and
-Murray, Feedback Systems, 2nd edition, chapter 11).
+**Offset.** A field answers a lasting disturbance with a lasting error. So it aims at a point a learned offset
+b beyond the slot, db/dt = e / T near the slot. With the field's slope s (1/s) on the slot, small errors obey
+d²e/dt² + s de/dt + (s / T) e = 0: a damping of sqrt(s T) / 2 (integral action: Astrom and Murray, Feedback
+Systems, 2nd edition, chapter 11).
 
-Round a circle in wind, speeds and the autopilot model's errors vary with the course. A mean offset follows a
-quarter of a turn late. So in turns the offset also has parts that go as cosine and sine of the slot's course,
-and of twice the course, each learned in its own phase (adaptive feedforward cancellation: Bodson, Sacks and
-Khosla, IEEE Transactions on Automatic Control 39(9), 1994).
+Round a circle in wind, speeds and model errors vary with the course, and a mean offset follows a quarter of a
+turn late. So in turns the offset also has cosine and sine terms of the slot's course and of twice the course,
+each learned in its own phase (adaptive feedforward cancellation: Bodson, Sacks and Khosla, IEEE Transactions
+on Automatic Control 39(9), 1994).
 """
 
 import math
@@ -33,18 +34,18 @@ from vfguide.guidance.airframe import compose, resolve
 from vfguide.state import Airframe, LeaderState, NamedState, VehicleState
 
 LEAST_SLOT_SPEED = 3.0
-"""m/s: V_l - omega g_y is held above this, so that a transient turn rate cannot reverse the slot's course."""
+"""Lower bound of V_l - omega g_y, m/s, so that a transient turn rate cannot reverse the slot's course."""
 
 
 class Slot(NamedState, frozen=True, kw_only=True):
-    """A place in the formation, in the leader's course frame: fixed there, unless it has rates."""
+    """Place in the formation, in the leader's course frame: fixed there unless it has rates."""
 
     forward: float
     """g_x, m ahead of the leader."""
     right: float
     """g_y, m to the right of the leader."""
     forward_rate: float = 0.0
-    """dg_x/dt, m/s: of a slot that moves within the formation."""
+    """dg_x/dt, m/s, of a slot that moves within the formation."""
     right_rate: float = 0.0
     """dg_y/dt, m/s."""
     forward_acceleration: float = 0.0
@@ -54,7 +55,7 @@ class Slot(NamedState, frozen=True, kw_only=True):
 
 
 class SlotMotion(NamedState, frozen=True, kw_only=True):
-    """Where a slot is and how it moves over the ground."""
+    """Position of a slot and its motion over ground."""
 
     north: float
     """m."""
@@ -69,13 +70,13 @@ class SlotMotion(NamedState, frozen=True, kw_only=True):
     acceleration: float
     """dV_s/dt, m/s²."""
     drift_north: float = 0.0
-    """Of the leader, and with it of the slot: see `LeaderState`, m/s."""
+    """Drift of the leader and its slots toward north, m/s: see `LeaderState`."""
     drift_east: float = 0.0
-    """m/s."""
+    """Drift toward east, m/s."""
 
 
 class FormationError(NamedState, frozen=True, kw_only=True):
-    """Where the slot is, seen from the follower, in the frame of the slot's motion; and the rates."""
+    """Position of the slot relative to the follower in the frame of the slot's motion, and its rates."""
 
     along_track: float
     """x_E, m, positive where the slot is ahead: fly faster."""
@@ -88,9 +89,9 @@ class FormationError(NamedState, frozen=True, kw_only=True):
 
 
 def extrapolate_by_rates(leader: LeaderState, time_s: float) -> LeaderState:
-    """The leader at another time, by constant dV/dt and turn acceleration along the arc between.
+    """Extrapolate the leader to another time at constant dV/dt and turn acceleration.
 
-    The chord of the arc runs along the mean course at the mean speed; its error is of third order in the age.
+    The chord of the arc runs along the mean course at the mean speed: an error of third order in the age.
     """
     age = time_s - leader.time_s
     mean_turn_rate = leader.turn_rate + leader.turn_acceleration * (age / 2.0)
@@ -115,16 +116,16 @@ def extrapolate_by_rates(leader: LeaderState, time_s: float) -> LeaderState:
 
 
 def slot_position(leader: LeaderState, slot: Slot) -> tuple[float, float]:
-    """(north, east) of a slot, m: the leader's position plus the offset turned into its course."""
+    """Return (north, east) of a slot, m: the leader's position plus the offset turned into its course."""
     north, east = compose(slot.forward, slot.right, leader.course)
     return leader.north + north, leader.east + east
 
 
 def slot_velocity(ground_speed: Number, turn_rate: Number, slot: Slot) -> tuple[Number, Number]:
-    """(along, right) of a slot's velocity in the leader's course frame, m/s.
+    """Return (along, right) of a slot's velocity in the leader's course frame, m/s.
 
-    (V_l - omega g_y + dg_x/dt, omega g_x + dg_y/dt): on a turn the outer slot is faster and the rear one
-    slips outward.
+    (V_l - omega g_y + dg_x/dt, omega g_x + dg_y/dt): in a turn the outer slot is faster and the rear slot
+    moves outward.
     """
     return (
         ground_speed - turn_rate * slot.right + slot.forward_rate,
@@ -133,7 +134,7 @@ def slot_velocity(ground_speed: Number, turn_rate: Number, slot: Slot) -> tuple[
 
 
 def slot_velocity_rate(leader: LeaderState, slot: Slot) -> tuple[float, float]:
-    """(along, right): how a slot's velocity changes in the leader's course frame, m/s²."""
+    """Return (along, right) of the slot velocity's rate in the leader's course frame, m/s²."""
     return (
         leader.acceleration
         - leader.turn_acceleration * slot.right
@@ -146,7 +147,7 @@ def slot_velocity_rate(leader: LeaderState, slot: Slot) -> tuple[float, float]:
 
 
 def slot_motion(leader: LeaderState, slot: Slot) -> SlotMotion:
-    """Motion of a slot: chi_s, V_s and their rates, from those of the leader and of the slot in its frame."""
+    """Return a slot's motion: chi_s, V_s and their rates."""
     north, east = slot_position(leader, slot)
     along, right = slot_velocity(leader.ground_speed, leader.turn_rate, slot)
     along = max(along, LEAST_SLOT_SPEED)
@@ -165,7 +166,7 @@ def slot_motion(leader: LeaderState, slot: Slot) -> SlotMotion:
 
 
 def article_motion(leader: LeaderState, slot: Slot) -> SlotMotion:
-    """The article's reading: every slot moves with the leader's course and speed, turning or not."""
+    """Return the article's slot motion: every slot has the leader's course and speed, turning or not."""
     north, east = slot_position(leader, slot)
     return SlotMotion(
         north=north,
@@ -178,7 +179,7 @@ def article_motion(leader: LeaderState, slot: Slot) -> SlotMotion:
 
 
 def formation_error(motion: SlotMotion, follower: VehicleState) -> FormationError:
-    """x_E and y_E of a follower, and their rates in the turning frame of the slot's motion."""
+    """Return x_E and y_E of a follower, and their rates in the turning frame of the slot's motion."""
     along, right = resolve(
         motion.north - follower.north, motion.east - follower.east, motion.course
     )
@@ -200,7 +201,7 @@ def formation_error(motion: SlotMotion, follower: VehicleState) -> FormationErro
 def arc_tangent_field(
     error: float, error_rate: float, gain: float, greatest: float
 ) -> tuple[float, float]:
-    """Correction of a field and its rate: c (2/pi) atan(k e) and its derivative by the chain rule.
+    """Return a field's correction and its rate: c (2/pi) atan(k e), and its derivative by the chain rule.
 
     Args:
         error: e, m.
@@ -214,17 +215,15 @@ def arc_tangent_field(
 
 
 def field_slope(gain: float, greatest: float) -> float:
-    """Slope of a field on its slot, c (2/pi) k: correction (rad or m/s) for each metre of error.
+    """Return the field's slope on its slot, c (2/pi) k: correction (rad or m/s) per metre of error.
 
-    Args:
-        gain: k, 1/m.
-        greatest: c, rad or m/s.
+    See `arc_tangent_field` for c and k.
     """
     return greatest * (2.0 / math.pi) * gain
 
 
 def lyapunov(error: FormationError, course_error: float, speed_error: float, rho: float) -> float:
-    """W = (x_E^2 + y_E^2) / 2 + rho (V~^2 + chi~^2) / 2, the function that matches the x_E / rho term.
+    """Return W = (x_E^2 + y_E^2) / 2 + rho (V~^2 + chi~^2) / 2, which matches the x_E / rho term.
 
     The article prints 1/(2 rho) there.
     """
@@ -237,15 +236,11 @@ BREAKAWAY_ANGLE = math.radians(60.0)
 """Turn away from the leader's last course, rad."""
 
 ON_TRACK_M = 5.0
-"""A slot nearer than this to the leader's track is on neither side."""
+"""Distance from the leader's track below which a slot is on neither side, m."""
 
 
 def breakaway_course(leader_course: float, slot: Slot) -> float:
-    """Course (rad) that leads a follower away from the others.
-
-    Args:
-        leader_course: the leader's last course, rad.
-        slot: the follower's place in the formation.
+    """Return the course (rad) that leads a follower away, from the leader's last course (rad) and the slot.
     """
     if abs(slot.right) < ON_TRACK_M:
         return leader_course
@@ -253,14 +248,14 @@ def breakaway_course(leader_course: float, slot: Slot) -> float:
 
 
 MARGIN = 1.0
-"""m/s that a follower keeps between what its slot needs and the ends of its airspeed range."""
+"""Speed that a follower keeps between its slot's need and the ends of its airspeed range, m/s."""
 
 
 class SlotLimits(msgspec.Struct, frozen=True, kw_only=True):
-    """A slot, and the airspeed range of the vehicle that holds it."""
+    """Slot and the airspeed range of its vehicle."""
 
     slot: Slot
-    """The slot."""
+    """Place in the formation."""
     airspeed_min: float
     """m/s."""
     airspeed_max: float
@@ -268,7 +263,8 @@ class SlotLimits(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def slot_airspeed(state: VehicleState, turn_rate: float, slot: Slot) -> float:
-    """Airspeed (m/s) that holding a slot takes: |slot velocity - wind|, the leader turning at turn_rate."""
+    """Return the airspeed (m/s) that a slot needs: |slot velocity - wind| at the leader's turn rate (rad/s).
+    """
     along, right = slot_velocity(state.ground_speed, turn_rate, slot)
     north, east = compose(along, right, state.course)
     return math.hypot(north - state.wind_north, east - state.wind_east)
@@ -281,17 +277,17 @@ def airspeed_that_gives_way(
     followers: Sequence[SlotLimits],
     airframe: Airframe,
 ) -> float:
-    """The leader's airspeed (m/s): its cruise, moved by what the worst-off slots lack on either side.
+    """Return the leader's airspeed (m/s): cruise, changed by the worst deficit and excess of the slots.
 
-    A slot's airspeed moves with the leader's nearly one to one, so the deficit that a slot would have at
-    cruise is what the leader adds, and an excess is what it takes off.
+    A slot's airspeed changes almost one to one with the leader's. So the leader adds the deficit that a slot
+    would have at cruise, and subtracts an excess.
 
     Args:
         cruise: airspeed of the mission, m/s.
         state: navigated state of the leader.
-        turn_rate: of the path, rad/s.
-        followers: slots and their vehicles' airspeed ranges.
-        airframe: the leader's own.
+        turn_rate: turn rate of the path, rad/s.
+        followers: slots and airspeed ranges.
+        airframe: the leader's.
     """
     deficit = excess = 0.0
     for follower in followers:
@@ -302,26 +298,26 @@ def airspeed_that_gives_way(
 
 
 NEAR_M = 2.0
-"""m: an error of this size is learned from half as fast, and a greater one hardly. On the way to the slot the
-error is no sign of a disturbance."""
+"""Error at which learning is half as fast, m; beyond, it nearly stops. On the way to the slot the error is no
+sign of a disturbance."""
 
 GREATEST_M = 5.0
-"""m: of the offset on each axis."""
+"""Bound of the offset on each axis, m."""
 
 
 IN_GUSTS = 0.9
-"""In gusts so much less is learned of an error: it is gone before it is known."""
+"""Reduction of learning in full gusts: their errors vanish before they are learned."""
 
 HARMONICS = (1.0, 2.0)
-"""Multiples of the slot's course that an offset is learned for: in a steady wind a slot's ground speed has
-hardly any more."""
+"""Multiples of the slot's course in the offset: in a steady wind a slot's ground speed has hardly any
+others."""
 
 TURNING_RAD_S = 0.04
-"""Turn rate at which harmonics count by half: on a straight they could not be told from the mean."""
+"""Turn rate at which harmonics have half weight, rad/s: in straight flight they look like the mean."""
 
 
 class Harmonic(msgspec.Struct, frozen=True, kw_only=True):
-    """A part of the offset that goes round with the slot's course, m."""
+    """Part of the offset that varies with a multiple of the slot's course, m."""
 
     ahead_cosine: float
     ahead_sine: float
@@ -330,24 +326,26 @@ class Harmonic(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Offset(msgspec.Struct, frozen=True, kw_only=True):
-    """b: how far beyond the slot the field aims, in the frame of the slot's motion."""
+    """Offset b from the slot to the field's aim point, in the frame of the slot's motion."""
 
     ahead: float
-    """Mean, m along the slot's motion."""
+    """Mean along the slot's motion, m, positive ahead."""
     right: float
-    """Mean, m across it."""
+    """Mean across the slot's motion, m, positive right."""
     harmonics: tuple[Harmonic, ...]
     """One for each of `HARMONICS`."""
 
 
 def no_offset() -> Offset:
-    """Nothing was learned yet."""
+    """Return the offset before anything is learned."""
     still = Harmonic(ahead_cosine=0.0, ahead_sine=0.0, right_cosine=0.0, right_sine=0.0)
     return Offset(ahead=0.0, right=0.0, harmonics=(still,) * len(HARMONICS))
 
 
 def nearness(error: FormationError) -> float:
-    """Share of an error that is learned from: 1 in the slot, 1/2 at `NEAR_M`, with the fourth power."""
+    """Return the weight of an error in learning: 1 in the slot, 1/2 at `NEAR_M`, falling with the fourth
+    power.
+    """
     squared = (
         error.along_track * error.along_track + error.cross_track * error.cross_track
     ) / NEAR_M**2
@@ -357,12 +355,12 @@ def nearness(error: FormationError) -> float:
 def learning_rate(
     error: FormationError, integral_s: float, gust_share: float = 0.0
 ) -> tuple[float, float]:
-    """(ahead, right) db/dt of the mean offset, m/s.
+    """Return (ahead, right) db/dt of the mean offset, m/s.
 
     Args:
-        error: from the slot.
+        error: error from the slot.
         integral_s: T, s; 0 learns nothing.
-        gust_share: 0 to 1: how far errors are those of gusts, which do not last.
+        gust_share: 0 to 1, share of the error due to gusts, which do not last.
     """
     if integral_s <= 0.0:
         return 0.0, 0.0
@@ -371,25 +369,26 @@ def learning_rate(
 
 
 def turning_share(turn_rate: float) -> float:
-    """How far harmonics count at a turn rate (rad/s): 0 on a straight, 1 in a turn."""
+    """Return the weight of harmonics at a turn rate (rad/s): 0 in straight flight, near 1 in a turn."""
     squared = turn_rate * turn_rate
     return squared / (squared + TURNING_RAD_S**2)
 
 
 def harmonic_share(turn_rate: float, integral_s: float) -> float:
-    """How fast a harmonic is update_offset, in parts of the mean: as fast, but no faster than the slot turns.
+    """Return the learning rate of a harmonic relative to that of the mean: at most 1.
 
-    What is learned within less of a turn could not be told from the mean.
+    A harmonic learned in less than a turn would look like the mean.
 
     Args:
-        turn_rate: of the slot, rad/s.
+        turn_rate: turn rate of the slot, rad/s.
         integral_s: T, s.
     """
     return clip(abs(turn_rate) * integral_s, 0.0, 1.0)
 
 
 def learning_growth(turn_rate: float, integral_s: float) -> float:
-    """How much faster than a mean alone all parts together are learned: 1 or more. Arguments as above."""
+    """Return the learning rate of the whole offset relative to the mean's, 1 or more; see `harmonic_share`.
+    """
     share = turning_share(turn_rate) * harmonic_share(turn_rate, integral_s)
     return 1.0 + share * float(len(HARMONICS))
 
@@ -401,13 +400,13 @@ def aimed_error(
     motion: SlotMotion,
     gust_share: float = 0.0,
 ) -> FormationError:
-    """The error from the point that the field aims at, and its rate: e + b and de/dt + db/dt.
+    """Return the error from the field's aim point and its rate: e + b and de/dt + db/dt.
 
     Args:
-        error: from the slot.
+        error: error from the slot.
         offset: b.
         integral_s: T, s; 0 learns nothing.
-        motion: of the slot.
+        motion: motion of the slot.
         gust_share: see `learning_rate`.
     """
     if integral_s <= 0.0:
@@ -425,7 +424,7 @@ def aimed_error(
 
 
 def sum_of(offset: Offset, motion: SlotMotion) -> tuple[float, float, float, float]:
-    """(ahead, right) of all parts together, m, and how they change as the slot turns, m/s."""
+    """Return (ahead, right) of the whole offset, m, and their rates due to the slot's turn, m/s."""
     share = turning_share(motion.turn_rate)
     ahead, right = offset.ahead, offset.right
     ahead_rate = right_rate = 0.0
@@ -452,15 +451,15 @@ def update_offset(
     held: bool,
     gust_share: float = 0.0,
 ) -> Offset:
-    """The offset a step later.
+    """Update the offset by one step.
 
     Args:
-        offset: b until now.
-        error: of the step.
-        integral_s: T; 0 learns nothing.
-        motion: of the slot.
-        period: since the step before, s.
-        held: where something else than the field decides, or a limit: learning would only wind up.
+        offset: b before.
+        error: error from the slot.
+        integral_s: T, s; 0 learns nothing.
+        motion: motion of the slot.
+        period: time since the previous step, s.
+        held: True where a limit or something other than the field decides: learning would wind up.
         gust_share: see `learning_rate`.
     """
     if held:
@@ -468,7 +467,7 @@ def update_offset(
     ahead_rate, right_rate = learning_rate(error, integral_s, gust_share)
     share = harmonic_share(motion.turn_rate, integral_s)
     ahead, right, _, _ = sum_of(offset, motion)
-    # Beyond the bound of all parts together each of them would only wind up.
+    # Where the whole offset is at its bound, its parts would wind up.
     if abs(ahead) >= GREATEST_M and ahead * ahead_rate > 0.0:
         ahead_rate = 0.0
     if abs(right) >= GREATEST_M and right * right_rate > 0.0:

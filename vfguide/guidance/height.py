@@ -1,24 +1,23 @@
-"""How high to fly: along the path, from one height to another, and apart from others.
+"""Height targets: along the path, between two heights, and vertical separation from other vehicles.
 
-A path says how high its leader is to be, and a follower knows the path. So it climbs at the leader's
-command and not after it: two aircraft that answer alike then stay at one height through every bend of the
-profile. What the leader really flies beside that, since it cannot climb so fast or its pilot flies it
-elsewhere, is filtered: in level flight noise is to move no follower.
+A path gives its leader's height, and a follower knows the path. So a follower climbs with the leader's
+command instead of after its motion: two aircraft that respond alike stay level through every bend. The
+leader's deviation from its plan, as of a slow climb or a manual pilot, is filtered: in level flight noise
+must move no follower.
 
-An autopilot follows a height that climbs steadily some seconds late. What is asked of it is the height that
-is to be flown so much later.
+An autopilot follows a steady climb some seconds late. Its setpoint is therefore the height to be flown that
+much later.
 
-A step in height keeps a vehicle apart where no manoeuvre in the plane is enough. The heights that it may
-go to are compared by the least distance in space that each leaves to any other vehicle. Two that are as
-high and both step are told apart by a rule that both know: one of them goes over the other. To go the
-other way gains nothing against a vehicle that steps by the same rule, and a height behind another vehicle
-is reached only by passing that vehicle's own.
+A step in height separates vehicles where no horizontal manoeuvre suffices. Candidate heights are compared by
+the smallest distance in space that each leaves to any other vehicle. A rule known to both decides which of
+two vehicles at one height steps over the other. Against a vehicle that steps by the same rule, the other way
+gains nothing. A height beyond another vehicle is reached only through that vehicle's own height.
 
-A change of height has a bounded climb rate that changes evenly. Where a leader changes to a path that lies
-higher or lower, what is planned for it goes there step by step: as fast as every vehicle of the formation
-climbs with half of its excess of power, the other half left to the slots, and with a bounded acceleration.
-It closes the last metres by a square root and then exponentially, as position controllers of autopilots do.
-All who know the path and where the leader is find the same heights.
+A change of height has a bounded climb rate that changes smoothly. Where a leader changes to a higher or lower
+path, its planned height goes there gradually, with a bounded acceleration. It uses half of the climb and sink
+limits that all vehicles of the formation keep; the other half is left to the slots. The last metres are
+closed by a square root and then exponentially, as in autopilots' position controllers. All who know the path
+and the leader's position compute the same heights.
 """
 
 import math
@@ -33,74 +32,78 @@ from vfguide.guidance.separation import TIMES
 from vfguide.state import GAP_S, Airframe, LeaderState
 
 FASTER_S = 10.0
-"""What is looked at farther ahead takes a leader to go on accelerating for no longer than this."""
+"""Longest time for which a look-ahead extrapolates the leader's acceleration, s."""
 
 PLANNED_S = 5.0
-"""Memory of what a leader flies beside its plan: bends of the profile, to which all answer alike, are over by
-then."""
+"""Filter time constant of a leader's deviation from its plan, s: bends of the profile, to which all respond
+alike,
+are over by then."""
 
 UNPLANNED_S = 1.5
-"""The same of a leader without a plan: its heights are all that is known."""
+"""Filter time constant for a leader without a plan, s: its heights are the only information."""
 
 BIAS_S = 5.0
-"""Memory of what a leader's climb rate differs from the change of its height by."""
+"""Time constant of the bias between a leader's climb rate and the change of its height, s."""
 
 LEAST_BIAS = 0.1
-"""m/s: less than this is noise of the height."""
+"""Bias below which a difference counts as noise of the height, m/s."""
 
 GREATEST_RATE = 20.0
-"""m/s: no leader climbs or descends faster, nor does a height that is believed change faster against it."""
+"""Bound of a leader's climb rate, and of its difference from the change of height, m/s."""
 
 MOST_LATE_M = 15.0
-"""The filtered deviation is no farther from the found one: bends of a profile are flown late by less."""
+"""Largest difference between filtered and measured deviation, m: profile bends lag by less."""
 
 ALTIMETERS_S = 10.0
-"""Memory of how altimeters differ: a barometer drifts for minutes, and what is a receiver's own for one."""
+"""Time constant of the altimeter difference, s: barometers drift over minutes, receivers' own errors over
+one."""
 
 ALTIMETERS_M_S = 0.3
-"""No more than this is climbed because of them: a satellite altitude that steps moves no aircraft at once."""
+"""Fastest change of the altimeter difference, m/s: a step in satellite altitude must not move an aircraft."""
 
 ALTIMETERS_M = 10.0
-"""Nor is more believed: barometers that are set at one place and time differ by less. What differs by half as
-much again is no altitude above the sea, and counts as no difference."""
+"""Bound of the altimeter difference, m: barometers set at one place and time differ by less. A difference
+beyond
+1.5 times this is no altitude above sea level, and counts as none."""
 
 LEAST_SHARE = 0.5
-"""No leader takes its followers below this share of the flying height, unless its path leads there."""
+"""Share of the flying height below which no leader takes its followers, unless its path leads there."""
 
 FLOOR_M = 20.0
-"""Nothing lower than this above the origin is asked for, unless the mission itself leads near to it."""
+"""Lowest height setpoint above the origin, m, unless the mission itself leads near or below it."""
 
 
 def floor_of(planned: float) -> float:
-    """The least height to ask for where the mission's lowest is this; both in m above the origin.
+    """Return the lowest height setpoint for the mission's lowest height, both m above the origin.
 
-    Of a mission that flies low it is lower than `FLOOR_M`: it leaves room about the mission's own height.
+    For a low mission the floor is below `FLOOR_M`, to leave room about the mission's own height.
     """
     return min(FLOOR_M, planned - (1.0 - LEAST_SHARE) * abs(planned))
 
 
 class HeightTarget(msgspec.Struct, frozen=True, kw_only=True):
-    """A height, now and when it takes effect."""
+    """Height now and when a setpoint takes effect."""
 
     height: float
-    """To be flown now, m above the mission's origin."""
+    """Height to be flown now, m above the mission's origin."""
     climb_rate: float
-    """With it, m/s, positive up."""
+    """Climb rate to be flown now, m/s, positive up."""
     ahead: float
-    """To be flown once a setpoint takes effect, m above the mission's origin."""
+    """Height to be flown once a setpoint takes effect, m above the mission's origin."""
 
 
 def altimeter_difference(known: float, differ: float, interval: float) -> float:
-    """By how much the own altimeter shows more than the leader's at one height, m.
+    """Return how much more the own altimeter shows than the leader's at one height, m.
 
-    Barometers drift apart. Altitudes by satellites do not: neighbours see the same satellites through the
-    same air, and share most of their error.
+    Barometers drift apart. Satellite altitudes do not: neighbours see the same satellites through the same
+    air,
+    and share most of their error.
 
     Args:
-        known: what was known before, m.
-        differ: by how much the leader's altitude by satellites is above its altimeter's, less the same of
-            the own; m, NaN where one of them is not known.
-        interval: since then, s.
+        known: previous estimate, m.
+        differ: the leader's satellite altitude minus its altimeter's, less the own such difference, m; NaN
+            where unknown.
+        interval: time since the previous estimate, s.
     """
     if math.isnan(differ):
         return known
@@ -112,34 +115,34 @@ def altimeter_difference(known: float, differ: float, interval: float) -> float:
 
 
 def held_height(height: float) -> HeightTarget:
-    """Level flight at a height, m above the mission's origin."""
+    """Return level flight at a height, m above the mission's origin."""
     return HeightTarget(height=height, climb_rate=0.0, ahead=height)
 
 
 def path_speed(point: PathPoint[float], motion: LeaderState) -> float:
-    """How fast the nearest point of a path runs along it, m/s."""
+    """Return the speed of the nearest path point along the path, m/s."""
     if point.curvature == 0.0:
         return motion.ground_speed * math.cos(motion.course - point.course)
     return motion.ground_speed * tangent_rate_per_speed(point, motion.course) / point.curvature
 
 
 class BesidePath(msgspec.Struct, frozen=True, kw_only=True):
-    """A leader beside its path, and how far its height is looked ahead."""
+    """Leader beside its path, and the look-ahead of its height."""
 
     path: Path
-    """The leader's."""
+    """Path of the leader."""
     point: PathPoint[float]
     """The point of the path nearest to the leader."""
     motion: LeaderState
-    """Motion of the leader at that place."""
+    """Motion of the leader."""
     flying: float
     """The mission's flying height, m above the origin, from which the path's heights count."""
     ahead_s: float
-    """From the motion's time to when a setpoint takes effect, s."""
+    """Time from the motion to the setpoint's effect, s."""
 
 
 def path_height(leader: BesidePath) -> HeightTarget:
-    """The height that a path asks of a leader beside it."""
+    """Return the path's height target for a leader beside it."""
     point, motion, ahead_s = leader.point, leader.motion, leader.ahead_s
     speed = path_speed(point, motion)
     growth = motion.acceleration / max(motion.ground_speed, 1.0)
@@ -152,21 +155,21 @@ def path_height(leader: BesidePath) -> HeightTarget:
 
 
 class HeightDeviation(msgspec.Struct, frozen=True, kw_only=True):
-    """By how much a leader flies above what is planned."""
+    """Height deviation of a leader from its plan, positive above."""
 
     time_s: float
     """Time of the newest leader state, s."""
     height: float = 0.0
-    """m."""
+    """Filtered deviation, m."""
     climb_rate: float = 0.0
-    """m/s."""
+    """Filtered rate of the deviation, m/s."""
     found: float = math.nan
-    """The height as it was found last, not filtered, m."""
+    """Latest measured deviation, not filtered, m; NaN before the first."""
     bias: float = 0.0
-    """By how much the measured climb rate is above the change of the found height, filtered, m/s."""
+    """Filtered excess of the measured climb rate over the change of the measured deviation, m/s."""
 
     def at(self, time_s: float) -> float:
-        """The deviation at another time (s), m."""
+        """Return the deviation (m) at another time (s)."""
         return self.height + self.climb_rate * (time_s - self.time_s)
 
 
@@ -177,17 +180,17 @@ def height_deviation(
     *,
     memory_s: float,
 ) -> HeightDeviation:
-    """The deviation after another state of the leader; one without a height changes nothing.
+    """Update the deviation with a leader state; one without a height changes nothing.
 
-    The measured climb rate carries it on, so that a leader that climbs steadily beside its plan is followed
-    without a lasting error. One that does not fit to the heights, as of a sensor that is stuck, is set right
-    by them within some seconds.
+    The measured climb rate extrapolates the deviation, so that followers have no lasting error in a steady
+    climb beside the plan. A climb rate that does not fit the heights, as of a stuck sensor, is corrected
+    within some seconds.
 
     Args:
-        before: the deviation before; None at first.
-        leader: as it was heard.
-        planned: for the leader at that place.
-        memory_s: of the filters, s.
+        before: previous deviation; None at first.
+        leader: received state.
+        planned: target for the leader at that place.
+        memory_s: time constant of the filters, s.
     """
     time_s = leader.time_s
     if not math.isfinite(leader.height):
@@ -213,7 +216,7 @@ def height_deviation(
 
 
 def within(value: float, most: float) -> float:
-    """A value, held within [-most, most]."""
+    """Clip a value to [-most, most]."""
     return min(max(value, -most), most)
 
 
@@ -225,14 +228,14 @@ def followed_height(
     now_s: float,
     ahead_s: float,
 ) -> HeightTarget:
-    """The height that followers count their slots from.
+    """Return the leader's height from which followers count their slots.
 
     Args:
-        planned: for the leader.
-        deviation: of the leader from that.
+        planned: target for the leader.
+        deviation: the leader's deviation from the target.
         flying: the mission's flying height, m above the origin.
         now_s: time of the target's present, s.
-        ahead_s: from then to when a setpoint takes effect, s.
+        ahead_s: time from `now_s` to the setpoint's effect, s.
     """
     lowest = LEAST_SHARE * flying
 
@@ -247,50 +250,51 @@ def followed_height(
 
 
 STEP_M = 20.0
-"""Height that is climbed or descended where the plane is not enough."""
+"""Step in height where horizontal manoeuvres are not enough, m."""
 
 STEP_SHARE = 0.25
-"""At most this of the height above the origin is descended."""
+"""Largest step down as a share of the height above the origin."""
 
 ENOUGH = 1.7
-"""Least distances: more than this from all others makes no height better."""
+"""Clearance beyond which no height is better, in minimum distances."""
 
 BETTER = 0.25
-"""Least distances that another height has to leave beyond the present one's to be gone to."""
+"""Gain in clearance that another height must offer over the present one, in minimum distances."""
 
 CLEAR = 1.2
-"""Least distances that a vehicle needs to go back to its own height: it may be nearer in its slot, hardly."""
+"""Clearance for the return to the own height, in minimum distances; hardly above a slot's smallest."""
 
 
 class Neighbour(msgspec.Struct, frozen=True, kw_only=True):
-    """Another vehicle, or one possibility of what it does."""
+    """Another vehicle, or one of its possible motions."""
 
     distance: float
-    """In the plane, at the closest approach, m."""
+    """Horizontal distance at the closest point of approach, m."""
     least: float
-    """In the plane it is to be no less than this, m."""
+    """Minimum horizontal distance, m."""
     least_up: float
-    """The height that is worth as much, m."""
+    """Equivalent minimum vertical distance, m."""
     lowest: float
-    """The lowest that it may be soon, m above the own guidance's height."""
+    """Lowest expected height, m above the own guidance's height."""
     highest: float
-    """The highest that it may be soon, m above the own guidance's height."""
+    """Highest expected height, m above the own guidance's height."""
     over: bool | None
-    """Whether the own vehicle is above it, or is to go over it where they are as high; None: either way."""
+    """Whether the own vehicle is above, or is to pass above at equal height; None where both ways are
+    free."""
 
 
 def clearance(height: float, neighbours: Sequence[Neighbour]) -> float:
-    """The least distance from any other vehicle that a height (m) leaves, in least distances."""
+    """Return the smallest clearance that a height (m) leaves to any vehicle, in minimum distances."""
     return min((clearance_from(one, height) for one in neighbours), default=ENOUGH)
 
 
 def clearance_from(one: Neighbour, height: float) -> float:
-    """The distance from one other vehicle that a height (m) leaves, in least distances."""
+    """Return the clearance that a height (m) leaves to one vehicle, in minimum distances."""
     return min(math.hypot(one.distance / one.least, gap(one, height) / one.least_up), ENOUGH)
 
 
 def gap(one: Neighbour, height: float) -> float:
-    """Height (m) between a height (m) and another vehicle; 0 where it is passed on the way there."""
+    """Return the vertical gap (m) from a height (m) to a vehicle; 0 on the wrong side of its level."""
     above, below = height - one.highest, one.lowest - height
     if one.over is None:
         return max(above, below, 0.0)
@@ -298,17 +302,17 @@ def gap(one: Neighbour, height: float) -> float:
 
 
 def deepest(height: float) -> float:
-    """By how many metres a vehicle at some height (m above the origin) descends at most."""
+    """Return the largest step down (m) of a vehicle at a height (m above the origin)."""
     return min(STEP_M, STEP_SHARE * max(height, 0.0))
 
 
 def best_step(present: float, steps: Sequence[float], neighbours: Sequence[Neighbour]) -> float:
-    """The step in height to fly, m: the present one, unless another one leaves clearly more distance.
+    """Return the step in height to fly, m: the present one unless another leaves clearly more distance.
 
     Args:
-        present: step that is flown, m.
-        steps: that may be flown, m; of those that leave as much the first one counts.
-        neighbours: all that may come near.
+        present: present step, m.
+        steps: permitted steps, m; the first of equals wins.
+        neighbours: all vehicles that may come near.
     """
     left = {step: clearance(step, neighbours) for step in (*steps, present)}
     best = max(steps, key=left.__getitem__)
@@ -316,24 +320,25 @@ def best_step(present: float, steps: Sequence[float], neighbours: Sequence[Neigh
 
 
 TRUSTED_S = 0.8
-"""A step in height that began this short a time ago is taken to become as fast as the vehicle may climb or
-descend: by then it shows."""
+"""Age up to which a step in height is predicted at the full climb or sink limit, s: later the measured climb
+rate
+shows its speed."""
 
 LAG_SHARE = 0.6
-"""Of the delay of heights: time constant with which a climb or descent begins."""
+"""Time constant with which a climb or descent begins, as a share of the height delay."""
 
 
 def heights_ahead(
     now: float, climb_rate: float, target: HeightTarget, airframe: Airframe, *, begun_s: float
 ) -> FloatArray:
-    """Heights of a vehicle at `TIMES`, m: it goes for a height, as fast as it has been seen to.
+    """Predict a vehicle's heights at `TIMES`, m, on the way to a target, at the climb rate it has shown.
 
     Args:
-        now: its height, m.
-        climb_rate: its own, m/s.
-        target: the height that it goes for, m.
-        airframe: how fast it may climb and descend, and how late it is.
-        begun_s: for how long it has gone for that height, s.
+        now: present height, m.
+        climb_rate: present climb rate, m/s.
+        target: height target of the vehicle.
+        airframe: climb and sink limits and height delay.
+        begun_s: time since the vehicle turned to the target, s.
     """
     way = math.copysign(1.0, target.height - now)
     limit = airframe.climb_max if way > 0.0 else airframe.sink_max
@@ -350,41 +355,42 @@ def heights_ahead(
 
 
 def height_between(heights: FloatArray, lowest: float, highest: float) -> FloatArray:
-    """Least height (m) between a vehicle at heights at `TIMES` and one within bounds, in each interval."""
+    """Return the smallest vertical gap (m) in each interval of `TIMES` between heights and a band of heights.
+    """
     gaps = np.maximum(np.maximum(heights - highest, lowest - heights), 0.0)
-    # Above it before and below it after is no height in between.
+    # A vehicle that crosses the upper bound within an interval has no gap there.
     passes = np.sign(heights[1:] - highest) != np.sign(heights[:-1] - highest)
     between: FloatArray = np.where(passes, 0.0, np.minimum(gaps[1:], gaps[:-1]))
     return between
 
 
 ACCELERATION = 0.5
-"""m/s²: so fast the climb rate changes, about as along the vertical curves between two legs of a route."""
+"""Acceleration of the climb rate, m/s², about that of the vertical curves between two legs of a route."""
 
 CLOSING_ACCELERATION = 0.4
-"""m/s²: the same on the last metres, with something to spare for a target that climbs itself."""
+"""Vertical deceleration on the last metres, m/s², with reserve for a target that climbs itself."""
 
 CLOSING_1_S = 0.8
 """Rate at which the last decimetres are closed, 1/s."""
 
 SHARE = 0.5
-"""Of the climb and sink limits, for a change of height."""
+"""Share of the climb and sink limits for a change of height."""
 
 CATCH_UP_M_S = 0.5
-"""A path that climbs as fast as that is caught up with at this, where the limits leave so much."""
+"""Closing speed on a target that itself uses that share, m/s, within the limits."""
 
 STEP_S = 0.05
-"""Longest step in which a change is followed."""
+"""Longest integration step, s."""
 
 MOST_STEPS = 1200
-"""A minute of them: after a longer silence they are longer."""
+"""Largest number of steps, a minute of them; after a longer silence steps are longer."""
 
 ARRIVED_M = 0.02
-"""Nearer to the target than this, and as little faster or slower in m/s, a change is over."""
+"""Tolerance of height (m) and climb rate (m/s) at the end of a change."""
 
 
 class ClimbLimits(msgspec.Struct, frozen=True, kw_only=True):
-    """What every vehicle of a formation keeps up."""
+    """Climb and sink rates that every vehicle of a formation can sustain."""
 
     climb: float = math.inf
     """Fastest climb, m/s."""
@@ -392,17 +398,18 @@ class ClimbLimits(msgspec.Struct, frozen=True, kw_only=True):
     """Fastest descent, m/s, positive."""
 
     def fastest(self, along: float) -> tuple[float, float]:
-        """(fastest descent, negative; fastest climb) while the target itself climbs at a rate (m/s)."""
+        """Return (fastest descent, negative; fastest climb), m/s, for a target that climbs at a rate (m/s).
+        """
         return -_fastest(self.sink, -along), _fastest(self.climb, along)
 
 
 def _fastest(limit: float, along: float) -> float:
-    """The same in one direction: no faster than the limit, unless the target is."""
+    """Return the rate limit in one direction, m/s: that of the target where it is faster."""
     return max(SHARE * limit, along, min(along + CATCH_UP_M_S, limit))
 
 
 class HeightMotion(msgspec.Struct, frozen=True, kw_only=True):
-    """A height that is planned, and how it changes."""
+    """Planned height and its rate."""
 
     time_s: float
     """s."""
@@ -412,15 +419,15 @@ class HeightMotion(msgspec.Struct, frozen=True, kw_only=True):
     """m/s, positive up."""
 
     def is_at(self, target: HeightTarget) -> bool:
-        """Whether it has come to a target."""
+        """Check whether the height has reached a target."""
         off, slower = target.height - self.height, target.climb_rate - self.climb_rate
         return abs(off) <= ARRIVED_M and abs(slower) <= ARRIVED_M
 
 
 def closing_rate(error: float) -> float:
-    """The climb rate (m/s) that closes a height error (m) with a bounded acceleration.
+    """Return the climb rate (m/s) that closes a height error (m) with a bounded acceleration.
 
-    In proportion to the error where it is small, else the rate that comes to rest there evenly.
+    The rate is proportional to small errors; for larger ones it follows a constant deceleration.
     """
     size = abs(error)
     small = CLOSING_ACCELERATION / CLOSING_1_S**2
@@ -430,7 +437,7 @@ def closing_rate(error: float) -> float:
 
 
 def stopping_way(climb_rate: float) -> float:
-    """The way (m, positive up) on which a climb rate (m/s) comes to rest evenly: see `closing_rate`."""
+    """Return the height (m, positive up) to stop a climb rate (m/s): the inverse of `closing_rate`."""
     size, small = abs(climb_rate), CLOSING_ACCELERATION / CLOSING_1_S
     if size <= small:
         return climb_rate / CLOSING_1_S
@@ -441,13 +448,13 @@ def stopping_way(climb_rate: float) -> float:
 def changed_height(
     before: HeightMotion, target: HeightTarget, time_s: float, limits: ClimbLimits
 ) -> HeightMotion:
-    """The planned height at a later time, on its way to a target.
+    """Advance the planned height toward a target.
 
     Args:
-        before: the planned height before.
-        target: where it is to be at that time, and the rate at which that climbs.
-        time_s: s; an earlier one changes nothing.
-        limits: of the formation.
+        before: previous planned height.
+        target: height and climb rate at `time_s`.
+        time_s: time of the result, s; an earlier one changes nothing.
+        limits: climb limits of the formation.
     """
     passed_s = time_s - before.time_s
     if passed_s <= 0.0:
@@ -468,13 +475,13 @@ def changed_height(
 def target_on_the_way(
     motion: HeightMotion, target: HeightTarget, ahead_s: float, limits: ClimbLimits
 ) -> HeightTarget:
-    """What is to be flown by a planned height that is on its way to a target.
+    """Return the target to fly for a planned height on its way to another target.
 
     Args:
-        motion: the planned height now.
-        target: now, and so many seconds ahead.
-        ahead_s: from now to when a setpoint takes effect, s.
-        limits: of the formation.
+        motion: planned height now.
+        target: final target, now and `ahead_s` later.
+        ahead_s: time from now to the setpoint's effect, s.
+        limits: climb limits of the formation.
     """
     climb_rate = (target.ahead - target.height) / ahead_s if ahead_s > 0.0 else target.climb_rate
     then = HeightTarget(height=target.ahead, climb_rate=climb_rate, ahead=target.ahead)
@@ -483,9 +490,9 @@ def target_on_the_way(
 
 
 def change_duration(change: float, limits: ClimbLimits) -> float:
-    """How long a change of height (m, positive up) takes about, s."""
+    """Estimate the duration (s) of a change of height (m, positive up)."""
     if change == 0.0:
         return 0.0
     fastest = SHARE * (limits.climb if change > 0.0 else limits.sink)
-    # It gains its speed and loses it again, and closes what is left within four time constants.
+    # It accelerates, decelerates, and closes the rest within four time constants.
     return abs(change) / fastest + fastest / CLOSING_ACCELERATION + 4.0 / CLOSING_1_S

@@ -1,16 +1,14 @@
-"""How a leader means to fly: carried on along its path where it is not heard, and split from what shakes it.
+"""Intended motion of a leader: extrapolation along its path, and separation from gusts.
 
-Of a leader that is not heard: for a second, dV/dt and omega of its last state say best where a leader is.
-After that the path does: it is in the mission, the leader's airspeed is too, and the wind is measured by
-every follower itself.
+**A silent leader.** For a second, dV/dt and omega of its last state predict it best. After that its path
+does: the mission holds the path and the leader's airspeed, and every follower measures the wind itself.
 
-Of a leader that is heard: slots stand in the leader's course frame and turn with it, so whatever shakes
-the leader's course swings a slot 50 m away by 50 m times the angle, and asks its follower for turns that
-help nothing. A gust that takes leader and follower alike asks it for speeds that they both have already.
-A formation means to fly along its path at its airspeed, in the mean wind: that is known where the
-leader's place is. What the leader is seen to do is split into that and a difference. The more the course
-jitters, the less the difference counts: in calm air slots follow the measured motion at once, in turbulence
-the meant one (the weight is that of a Wiener filter, signal power over signal and noise power).
+**A heard leader.** Slots turn with the leader's course frame. A course disturbance swings a slot 50 m away by
+50 m times the angle, and asks its follower for useless turns. A gust that takes leader and follower alike
+asks it for speeds that both already have. The intent is known from the leader's place: along the path at its
+airspeed, in the mean wind. The measured motion is split into that intent and a difference. The more the
+course jitters, the less the difference counts. In calm air slots follow the measured motion at once, in
+turbulence the intended one (the weight of a Wiener filter: signal power over signal and noise power).
 """
 
 import math
@@ -34,23 +32,23 @@ from vfguide.state import LeaderState, VehicleState
 
 
 class KnownLeader(msgspec.Struct, frozen=True, kw_only=True):
-    """What the mission tells about the leader."""
+    """Mission data about the leader."""
 
     path: Path
-    """The path that the leader follows."""
+    """Path of the leader."""
     path_gains: PathGains
-    """The field around it."""
+    """Gains of the field around the path."""
     airspeed: float
-    """Cruise of the leader, m/s."""
+    """Cruise airspeed, m/s."""
     rate_filter_s: float
-    """Time constant of its rates, s."""
+    """Time constant of the leader's rates, s."""
     height: float = 0.0
-    """The mission's flying height, from which the path's heights count, m above the origin."""
+    """Flying height of the mission, the zero of the path's heights, m above the origin."""
     least_radius: float = 0.0
-    """It turns no tighter onto its path, m; 0 where that is left to the field."""
+    """Smallest turn radius while joining the path, m; 0 leaves it to the field."""
 
     def point_beside(self, leader: LeaderState) -> PathPoint[float]:
-        """The point of the leader's path nearest to where it is."""
+        """Return the path point nearest to the leader."""
         return self.path.nearest_in_space(
             leader.north, leader.east, leader.course, leader.height - self.height
         )
@@ -59,22 +57,22 @@ class KnownLeader(msgspec.Struct, frozen=True, kw_only=True):
 def extrapolate_along_path(
     leader: LeaderState, follower: VehicleState, known: KnownLeader
 ) -> LeaderState:
-    """The leader at the follower's time, had it kept to its field, its airspeed and the follower's wind.
+    """Extrapolate the leader to the follower's time along its field, at its airspeed in the follower's wind.
 
-    One step of at most some tenths of a second; longer silences are made of many.
+    One call covers at most some tenths of a second; longer silences take several calls.
 
     Args:
-        leader: as last heard, or carried on before.
-        follower: navigated state of the follower, later than that.
-        known: what the mission tells.
+        leader: last received or extrapolated state.
+        follower: later navigated state of the follower.
+        known: mission data.
     """
     period = follower.time_s - leader.time_s
     point = known.point_beside(leader)
     field = (known.path_gains.gain, known.path_gains.approach_angle)
     course = desired_course(point, *field)
     wind = (follower.wind_north, follower.wind_east)
-    # The speed is that of the middle of the step: taken at its beginning, it would be late all the way
-    # round a circle in wind, by decimetres each half turn.
+    # The speed is that of mid-step: the initial one would lag all the way round a circle in wind,
+    # by decimetres each half turn.
     turn_rate = ground_speed_on_course(
         known.airspeed, course, *wind
     ) * desired_course_rate_per_speed(point, course, *field)
@@ -113,90 +111,91 @@ def extrapolate_along_path(
 
 
 CALM_RAD, CALM_TURN_RAD = 0.004, 0.002
-"""Jitter of the course at which measured and meant motion count alike: for speeds, and for courses and turn
-rates. A compass adds 0.005, which moves a slot 50 m behind by 0.25 m; no such lever enlarges a speed."""
+"""Course jitter (rad) at which measured and intended motion have equal weight: for speeds, and for courses
+and
+turn rates. A compass adds 0.005, which moves a slot 50 m behind by 0.25 m; no such lever enlarges a speed."""
 
 SLOW_S = 1.0
-"""What changes more slowly than this is no jitter."""
+"""Time constant that separates jitter from slower changes, s."""
 
 WATCH_S = 8.0
-"""Memory of the jitter."""
+"""Time constant of the jitter's mean square, s."""
 
 MEMORY_S = 5.0
-"""Memory of the ground speed's difference from what is meant."""
+"""Time constant of the ground speed's difference from the plan, s."""
 
 FAR_RAD = 0.15
-"""A leader whose course differs by more than this is on its way to its path: that is no jitter, and slots
-follow the measured motion."""
+"""Course difference above which a leader is joining its path, rad: that is no jitter, and slots follow the
+measured motion."""
 
 ON_PATH_S = 4.0
-"""Nor is what is left of that for so long."""
+"""Time on the path before course differences count as jitter again, s."""
 
 FADE_S = 0.5
-"""In this time slots go over to the measured motion: the weight fades in about ten of it."""
+"""Time constant of the jitter's fading while a leader joins, s: the weight fades in about ten times that."""
 
 TRUST_S = 2.0
-"""In this time slots go over to a plan that is trusted, and back."""
+"""Time constant of the transition to a trusted plan and back, s."""
 
 SMALL_BEND = 0.1
-"""rad: bends of the path's field that are smaller count less and less: near the path its tangent is meant."""
+"""Scale below which bends of the path's field lose weight, rad: near the path its tangent is the intent."""
 
 PLAN_RATE_S = 0.6
-"""Time constant of how the planned turn rate changes."""
+"""Time constant of the planned turn acceleration, s."""
 
 TURN_STEP = 1e-3
-"""rad: over which the change of the ground speed with the course is found."""
+"""Course step for the numerical derivative of the ground speed, rad."""
 
 
 class PlannedMotion(msgspec.Struct, frozen=True, kw_only=True):
-    """What the mission alone says of a leader at a place, in a wind."""
+    """Motion of a leader at a place in a wind, by the mission alone."""
 
     course: float
     """rad."""
     turn_per_m: float
-    """How the course changes along the way, rad/m."""
+    """Course change along the way, rad/m."""
     ground_speed: float
     """m/s."""
     acceleration: float
     """m/s²."""
     point: PathPoint[float]
-    """The point of the path nearest to the leader."""
+    """Path point nearest to the leader."""
 
     @property
     def turn_rate(self) -> float:
-        """At the planned ground speed, rad/s."""
+        """Turn rate at the planned ground speed, rad/s."""
         return self.ground_speed * self.turn_per_m
 
 
 class IntendedMotion(msgspec.Struct, frozen=True, kw_only=True):
-    """What is known of how a leader means to fly."""
+    """Estimate of a leader's intended motion."""
 
     motion: LeaderState
-    """The true place, and the intended course, speed and rates."""
+    """True position with the intended course, speed and rates."""
     planned: PlannedMotion
-    """At that place."""
+    """Planned motion at that place."""
     turn_acceleration: float
     """Turn acceleration of the plan, rad/s²."""
     speed: tuple[float, float]
     """Measured ground speed minus the planned one, filtered, m/s; and its rate, m/s²."""
     slow: tuple[float, float]
-    """The difference of the course without what is fast in it, rad; and its rate, rad/s."""
+    """Slow part of the course difference, rad; and its rate, rad/s."""
     jitter: float
-    """Mean square of what is fast in it, rad²."""
+    """Mean square of the fast part, rad²."""
     far_s: float
-    """When that difference was last a great one, s."""
+    """Time of the last large course difference, s."""
     trust: float = 0.0
-    """How far slots are fixed to the plan alone: 1 on the path of one that is taken to fly as planned."""
+    """Weight of the plan alone, 0 to 1, for a leader on its path that is taken to fly as planned."""
 
 
 def planned_motion(
     leader: LeaderState, known: KnownLeader, wind: tuple[float, float]
 ) -> PlannedMotion:
-    """What the mission says of a leader where it is, in a mean wind (north, east, m/s)."""
+    """Return the mission's plan at the leader's place, in a mean wind (north, east, m/s)."""
     point = known.point_beside(leader)
     course, slope = bent_course(point, known.path_gains)
     ground_speed = ground_speed_on_course(known.airspeed, course, *wind)
-    # It runs along the path, and towards it on that course.
+    # The nearest point runs along the path while the leader closes on it.
     tangent_rate = tangent_rate_per_speed(point, course)
     turn_per_m = tangent_rate + slope * math.sin(course - point.course)
     further = ground_speed_on_course(known.airspeed, course + TURN_STEP, *wind)
@@ -210,7 +209,8 @@ def planned_motion(
 
 
 def bent_course(point: PathPoint[float], gains: PathGains) -> tuple[float, float]:
-    """(course of the field in rad, its change with the cross-track error in rad/m), small bends left out."""
+    """Return the field's course (rad) and its slope (rad/m) with cross-track error, small bends attenuated.
+    """
     bend = desired_course(point, gains.gain, gains.approach_angle) - point.course
     size = abs(bend)
     kept = size / (size + SMALL_BEND)
@@ -220,7 +220,7 @@ def bent_course(point: PathPoint[float], gains: PathGains) -> tuple[float, float
 
 
 def intended_at_first(leader: LeaderState, planned: PlannedMotion) -> IntendedMotion:
-    """From one state of the leader alone: as it flies."""
+    """Start from one state of the leader: intended is as measured."""
     difference = wrap_angle(leader.course - planned.course)
     return IntendedMotion(
         motion=leader,
@@ -240,13 +240,13 @@ def intended_motion(
     *,
     as_planned: bool = False,
 ) -> IntendedMotion:
-    """The motion that slots are fixed to.
+    """Update the intended motion, to which slots are fixed.
 
     Args:
-        before: the estimate before.
-        leader: as it was heard, later than that.
+        before: previous estimate.
+        leader: received state, later than the previous estimate.
         planned: see `planned_motion`, for this state.
-        as_planned: whether a leader on its path is taken to fly on as planned, whatever its course shows.
+        as_planned: whether a leader on its path is taken to fly as planned, whatever its course shows.
     """
     period = leader.time_s - before.motion.time_s
     difference = wrap_angle(leader.course - planned.course)
@@ -258,7 +258,7 @@ def intended_motion(
     if on_path:
         jitter = low_pass(before.jitter, fast * fast, period, WATCH_S)
     else:
-        # Not at once: slots would jump.
+        # A gradual fade: slots would jump otherwise.
         jitter = low_pass(before.jitter, 0.0, period, FADE_S)
     turn_weight = max(jitter / (jitter + CALM_TURN_RAD * CALM_TURN_RAD), trust)
     speed_weight = max(jitter / (jitter + CALM_RAD * CALM_RAD), trust)
@@ -270,13 +270,13 @@ def intended_motion(
         PLAN_RATE_S,
     )
 
-    # A leader that stays on its path flies the path's course on average: what is left of its gusts in an
-    # average of the difference would swing the slots for seconds.
+    # A leader on its path flies the path's course on average. Gusts that remain in an averaged
+    # difference would swing the slots for seconds.
     meant_course = planned.course + (1.0 - turn_weight) * difference
     meant_speed = between(leader.ground_speed, planned.ground_speed + speed[0], speed_weight)
     north, east = polar(leader.ground_speed, leader.course)
     meant_north, meant_east = polar(meant_speed, meant_course)
-    # The path turns beneath the leader as fast as it truly passes along it, gusts included.
+    # The path's course changes with the leader's true speed along it, gusts included.
     passing = leader.ground_speed * math.cos(leader.course - planned.course)
     return IntendedMotion(
         motion=LeaderState(
@@ -306,14 +306,14 @@ def intended_motion(
 
 
 def between(measured: float, meant: float, weight: float) -> float:
-    """Return a value between the measured one, of weight 0, and the meant one, of weight 1."""
+    """Interpolate from the measured value at weight 0 to the intended one at weight 1."""
     return measured + weight * (meant - measured)
 
 
 def _tracked(
     before: tuple[float, float], measured: float, period: float, memory_s: float
 ) -> tuple[float, float]:
-    """(value, rate) of a second-order fading-memory filter; values are differences, far from half a turn."""
+    """Update (value, rate) of a second-order fading-memory filter; values must stay far from half a turn."""
     gain, rate_gain = fading_memory_2(period, memory_s)
     expected = before[0] + before[1] * period
     surprise = measured - expected

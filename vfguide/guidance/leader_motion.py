@@ -1,15 +1,14 @@
-"""A leader's motion, estimated: by the leader itself, and by followers who only see where it is.
+"""Estimation of a leader's motion, by the leader itself and by followers that only see its position.
 
-By itself: followers feed dV_g/dt and omega forward, so a late estimate is an error of theirs. A filter
-that tracks a rate and how it changes itself is not late where the rate grows steadily, as it does in a
-wind that swings; a first-order one is late by its time constant. Fading-memory filters as in
-`navigation`.
+**Own motion.** Followers feed dV_g/dt and omega forward, so a late estimate becomes their error. A filter
+that tracks a rate and its derivative has no lag where the rate grows steadily, as in a wind that swings. A
+first-order one lags by its time constant. Fading-memory filters as in `navigation`.
 
-By followers, of an aircraft that tells only where it is and perhaps its velocity: at one to ten reports a
-second the rates matter as much as the place: between two reports a follower flies by them. Third-order
-fading-memory filters: a turn that grows steadily leaves no error, and the place is carried along the arc
-between reports. With velocities, course and speed are tracked; with positions alone, the place, and what
-is left of it in the direction of flight and across it corrects speed and course.
+**Observed motion** of an aircraft that reports only its position and perhaps its velocity, one to ten times a
+second. Between reports a follower flies by the rates, so they matter as much as the position. Third-order
+fading-memory filters leave no error in a turn that grows steadily, and carry the position along the arc
+between reports. With velocities, course and speed are tracked. With positions alone, the position is tracked,
+and its residuals along and across the direction of flight correct speed and course.
 """
 
 import math
@@ -25,16 +24,16 @@ from vfguide.state import Airframe, LeaderState, VehicleState
 
 
 class MotionEstimate(msgspec.Struct, frozen=True, kw_only=True):
-    """What is known of a vehicle's motion."""
+    """Estimate of a vehicle's own motion."""
 
     state: LeaderState
-    """What the others are told of it."""
+    """State to broadcast."""
     jerk: float
-    """d²V_g/dt², m/s³: no follower needs it, the next estimate does."""
+    """d²V_g/dt², m/s³, used only by the next estimate."""
 
 
 def motion_at_first(state: VehicleState) -> MotionEstimate:
-    """From one navigated state alone: nothing is known of its changes yet."""
+    """Start from one navigated state, with all rates zero."""
     return MotionEstimate(
         state=_leader_state(state, acceleration=0.0, turn_rate=0.0, turn_acceleration=0.0),
         jerk=0.0,
@@ -47,16 +46,15 @@ def estimated_motion(
     airframe: Airframe,
     time_constant: float,
 ) -> MotionEstimate:
-    """The motion with dV_g/dt, omega and its rate: differences of course and speed, filtered.
+    """Update the motion with dV_g/dt, omega and its rate: filtered differences of course and speed.
 
-    Rates are held within what the airframe can do: an outlier in omega turns the whole frame in which
-    followers see their slots.
+    Rates are held within the airframe's limits: an outlier in omega turns the followers' whole slot frame.
 
     Args:
-        previous: the estimate before.
-        state: navigated state of the vehicle, later than the estimate before.
+        previous: previous estimate.
+        state: navigated state, later than the previous estimate.
         airframe: limits of the vehicle.
-        time_constant: of the filters, s.
+        time_constant: time constant of the filters, s.
     """
     before = previous.state
     period = state.time_s - before.time_s
@@ -71,7 +69,7 @@ def estimated_motion(
     acceleration, jerk = _tracked(
         (before.acceleration, previous.jerk),
         (state.ground_speed - before.ground_speed) / period,
-        # The wind accelerates a vehicle over ground as the engine does, so the bound is twice the engine's.
+        # Wind accelerates a vehicle over ground as its engine does: twice the engine's limit.
         2.0 * airframe.max_acceleration,
         period,
         time_constant,
@@ -94,7 +92,8 @@ def _tracked(
     period: float,
     time_constant: float,
 ) -> tuple[float, float]:
-    """(rate, its own rate) after a raw rate that may be an outlier; the rate is held within +-limit."""
+    """Update (rate, its derivative) with a raw rate that may be an outlier; the rate is held within ±limit.
+    """
     gain, rate_gain = fading_memory_2(period, time_constant)
     expected = before[0] + before[1] * period
     surprise = clip(raw, -limit, limit) - expected
@@ -111,7 +110,7 @@ def _leader_state(
     turn_rate: float,
     turn_acceleration: float,
 ) -> LeaderState:
-    """A navigated state, and how it changes."""
+    """Return a navigated state with its rates."""
     return LeaderState(
         time_s=state.time_s,
         north=state.north,
@@ -127,39 +126,39 @@ def _leader_state(
 
 
 LEAST_SPEED_M_S = 1.0
-"""Below this a course is none."""
+"""Ground speed below which a course is meaningless, m/s."""
 
 PERIODS = 0.7
-"""Time constants are at least this many times the interval between reports: of less, noise is all."""
+"""Smallest time constant in intervals between reports: shorter ones pass only noise."""
 
 POSITION_S = 0.3
-"""Memory of the place where velocities are told, s: less than that of any motion, more than of the noise."""
+"""Time constant of positions where velocities are reported, s: below a motion's, above the noise's."""
 
 
 class Observation(msgspec.Struct, frozen=True, kw_only=True):
-    """One report in the local frame."""
+    """Position report in the local frame."""
 
     time_s: float
-    """s, on any clock that runs evenly."""
+    """Time on any clock that runs evenly, s."""
     north: float
     """m."""
     east: float
     """m."""
     velocity: tuple[float, float] | None = None
-    """Over ground (north, east), m/s, if it is told."""
+    """Velocity over ground (north, east), m/s, or None where not reported."""
 
 
 class ObservedMotion(msgspec.Struct, frozen=True, kw_only=True):
-    """What is known of the motion."""
+    """Estimate of an observed motion."""
 
     state: LeaderState
-    """Place, course, speed and their rates; times are those of the observations."""
+    """Position, course, speed and their rates, on the clock of the observations."""
     jerk: float = 0.0
-    """How the acceleration changes, m/s³."""
+    """Rate of the acceleration, m/s³."""
 
 
 class RateLimits(msgspec.Struct, frozen=True, kw_only=True):
-    """What an aircraft can do: a report that says more is an outlier."""
+    """Rates that an aircraft can reach: a report beyond them is an outlier."""
 
     turn_rate: float
     """rad/s."""
@@ -168,7 +167,7 @@ class RateLimits(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def observed_at_first(seen: Observation, course: float, speed: float) -> ObservedMotion:
-    """From one observation and a velocity (rad, m/s): straight on."""
+    """Start in straight flight from one observation, a course (rad) and a speed (m/s)."""
     return ObservedMotion(
         state=LeaderState(
             time_s=seen.time_s,
@@ -186,13 +185,13 @@ def observed_at_first(seen: Observation, course: float, speed: float) -> Observe
 def observed_motion(
     before: ObservedMotion, seen: Observation, limits: RateLimits, time_constant: float
 ) -> ObservedMotion:
-    """The motion after an observation that is later than those before.
+    """Update the motion with a later observation.
 
     Args:
-        before: the estimate before.
+        before: previous estimate.
         seen: the observation.
-        limits: of the aircraft.
-        time_constant: of the filters, s; longer where reports are rarer.
+        limits: limits of the aircraft.
+        time_constant: time constant of the filters, s; longer where reports are rarer.
     """
     period = seen.time_s - before.state.time_s
     tau = max(time_constant, PERIODS * period)
@@ -211,7 +210,7 @@ def _by_velocity(
     velocity: tuple[float, float],
     tau: float,
 ) -> ObservedMotion:
-    """Course and speed tracked, the place leaning on the reported one."""
+    """Track course and speed; low-pass the position toward the reported one."""
     period = seen.time_s - before.state.time_s
     gain, rate_gain, second_gain = fading_memory_3(period, tau)
     speed = math.hypot(*velocity)
@@ -236,7 +235,7 @@ def _by_velocity(
 def _by_place(
     before: ObservedMotion, carried: LeaderState, seen: Observation, tau: float
 ) -> ObservedMotion:
-    """The place tracked: what is left along and across corrects speed and course, and their rates."""
+    """Track the position; its residuals along and across correct speed, course and their rates."""
     period = seen.time_s - before.state.time_s
     gain, rate_gain, second_gain = fading_memory_3(period, tau)
     north, east = seen.north - carried.north, seen.east - carried.east
@@ -252,14 +251,15 @@ def _by_place(
             ground_speed=max(carried.ground_speed + rate_gain / period * along, 0.0),
             acceleration=carried.acceleration + jerk_gain * along,
             turn_rate=carried.turn_rate + jerk_gain * right / speed,
-            # Positions show the turn rate by the square of the time: three orders end with it.
+            # Positions show the turn rate through the square of time: a third-order filter ends
+            # there.
             turn_acceleration=0.0,
         )
     )
 
 
 def _limited(found: ObservedMotion, limits: RateLimits) -> ObservedMotion:
-    """Rates within what the aircraft can do; at a limit they do not grow any further."""
+    """Clip rates to the aircraft's limits; at a limit they do not grow further."""
     state = found.state
     turn_rate = min(max(state.turn_rate, -limits.turn_rate), limits.turn_rate)
     acceleration = min(max(state.acceleration, -limits.acceleration), limits.acceleration)
@@ -274,12 +274,12 @@ def _limited(found: ObservedMotion, limits: RateLimits) -> ObservedMotion:
 
 
 def carried_on(state: LeaderState, age_s: float, trusted_s: float) -> LeaderState:
-    """A motion to fly by that is this old: by all its rates for so long, then on the same arc at one speed.
+    """Return a motion to extrapolate from: after `trusted_s`, on a constant arc at constant speed.
 
     Args:
-        state: as last observed.
-        age_s: since then, s.
-        trusted_s: how long its changes of speed and turn rate are believed to go on, s.
+        state: last observed motion.
+        age_s: age of the observation, s.
+        trusted_s: time for which its changes of speed and turn rate are extrapolated, s.
     """
     if age_s <= trusted_s:
         return state
