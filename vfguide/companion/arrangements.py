@@ -1,14 +1,14 @@
-"""The arrangement that a companion flies by: ordered, agreed on by all, flown by all from one moment on.
+"""Agreement of the formation on orders: votes, decision, and the start at one common time.
 
-An order comes in two phases, as a transaction does (Gray, "Notes on data base operating systems", 1978). Each
-companion looks at it by its own limits and says yes or why not, again and again. Once all have said yes, or
-shortly before its time those whose slots move and most of the others, the leader's states carry its number:
-from then on it is certain, and at its time all slots begin to move. Without these answers it is void, and
-everybody says so. What an operator calls off is flown at once, without answers.
+An order has two phases like a transaction (Gray, "Notes on data base operating systems", 1978). Each
+companion checks it against its own limits and repeatedly replies ready or refused. Once all have agreed, the
+leader confirms the order by carrying its number in its states. Shortly before the order's time, the vehicles
+whose slots move and a majority of the others suffice. All slots begin to move at the order's time. Without
+these votes it is void, and all say so. An abort is flown at once, without votes.
 
-A companion that has missed an arrangement, because it was started anew, hears of it by the number that others
-fly by. It steers by no slot until one of them has repeated the order, as the operator has signed it in this
-flight. That order passes the limits of a fresh one.
+A restarted companion learns of a missed order from the number in others' states. It steers to no slot until
+one of them repeats the order, as the operator signed it in this flight. That order must pass the limits of a
+new one.
 """
 
 import math
@@ -55,79 +55,72 @@ from vfguide.mavlink.announcements import INFO, WARNING
 from vfguide.state import HeardState, LeaderState
 
 REPLY_S = 0.25
-"""Between two answers to an order that is not decided yet."""
+"""Interval between replies to an order that is not yet decided, s."""
 
 SETTLE_S = 0.5
-"""The leader decides this long before an order's time at the latest: two copies of its word may be lost."""
+"""Time before an order by which the leader decides at the latest, s: two of its states may be lost."""
 
 LATE_DECISION_S = 30.0
-"""For so long after its time an order that this companion has agreed to may turn out to be flown."""
+"""Time after an order until which a companion that has agreed to it waits for the confirmation, s."""
 
 NO_TIME_S = 1e-3
-"""Less than this is what numbers are rounded by."""
+"""Rounding error of times, s."""
 
 HEARD_S = 5.0
-"""Who was heard by so much earlier flies by what it said then."""
+"""Time for which the last state of a vehicle counts, s."""
 
 ECHO_S = 2.0
-"""So long after the leader has confirmed an order, states of others that do not carry its number tell that
-nobody hears it."""
+"""Time after the confirmation, s, from which states without its number show that nobody has heard it."""
 
 VOTE_S = 1.0
-"""So long before an order's time a majority decides, however silent the others are."""
+"""Time before an order from which a majority decides, however silent the others are, s."""
 
 STARTED_S = 20.0
-"""For so long after its start a companion waits for an order of which a single voice tells."""
+"""Time after the first state heard in which an order known from a single other vehicle is waited for, s."""
 
 REPEAT_S, REPEAT_RANK_S = 1.0, 0.3
-"""Between two repetitions of an order, and how much longer each rank waits with the first."""
+"""Interval between repetitions of an order, and the delay of the first one per rank, s."""
 
 APPOINTED_S = 1.0
-"""Who is to lead by an order, and is not steered by its companion for so long, does not."""
+"""Time in which the vehicle that an order appoints must take the lead, s."""
 
 RATE_S = 0.1
-"""Over this long the climb rate of the leader's height is looked at, with which a hold begins."""
+"""Interval over which the leader's climb rate at the start of a hold is computed, s."""
 
 PATIENCE_S = 3.0
-"""An order that is known to be flown and was not repeated for so long is worth a text."""
+"""Time without a repetition of a missed order after which the pilot is warned, s."""
 
 ROUTE_ENDED = "the route is at its end: its flight is over"
-"""Why nothing is steered any more."""
+"""Reason why the vehicle is no longer steered."""
 
 CALLED_OFF = "everything was called off: no order brings the formation back, restart all companions"
-"""Why no order but another abort is taken up any more."""
+"""Reason why only another abort is accepted."""
 
 
 class Arrangements:
-    """What one companion knows of the orders of its formation."""
+    """Orders of the formation as one companion knows them."""
 
     leader_height: Callable[[float], float] | None
-    """Height of the leader in so many seconds, m above the origin; None while it is not known."""
+    """Function from seconds ahead to the leader's height, m above the origin; None while not known."""
 
     def __init__(self, plan: FlightPlan, clock: SharedClock, alerts: Alerts | None = None) -> None:
-        """Begin with the slots of the mission.
-
-        Args:
-            plan: of this vehicle.
-            clock: that the formation shares: orders are timed by it.
-            alerts: takes what people should know.
-        """
+        """Begin with the slots of the mission; orders are timed by the formation's clock."""
         self._plan = plan
         self._clock = clock
         self._names = {plan.name, *(one.name for one in plan.others)}
         self._leader = leader_name(plan)
         self.flight = OrderedFlight(plan, clock)
-        """By what is ordered."""
+        """Flight as orders have shaped it."""
         self.coordinator = plan.timekeeper if plan.foreign_leader is not None else self._leader
-        """Who decides whether an order is flown: the leader, or the deputy in its place.
+        """Name of the vehicle that decides on orders: the leader, or the deputy in its place.
 
-        Behind a leader without a companion it is the first follower, whose clock counts.
+        Behind a leader without a companion it is the first follower, which keeps the time.
         """
         self.joining_m = 0.0
-        """How far this vehicle is from the slot that it is to come to, m; 0 in it, and flown by its pilot."""
+        """Distance to the slot that is to be joined, m; 0 in the slot and under the pilot's control."""
         self.leader_height = None
         self.leader: LeaderState | None = None
-        """How the leader moves, times on the own clock; None while it is not known."""
+        """Motion of the leader, times on the own clock; None while not known."""
         self._next: KnownOrder | None = None
         self._appointed, self._appointed_s = "", -math.inf
         self._returned = self._moving = False
@@ -146,28 +139,28 @@ class Arrangements:
         self._repeats: list[bytes] = []
         self._alerts = alerts or Alerts()
         self.counters: Counter[str] = Counter()
-        """Orders and answers that were not used, by reason."""
+        """Orders and replies that were not used, by reason."""
 
     @property
     def number(self) -> int:
-        """Of what is flown or is certain to be: what the own states carry.
+        """Number in the own states: of a confirmed order, else of the one being flown.
 
-        While an earlier one is missed it is that of what is flown: the others repeat the missed one then.
+        While an earlier order is missed it is the latter, so that others repeat the missed one.
         """
         if self._next is not None and self._next.confirmed and self.flight.number >= self._missed:
             return self._next.arrangement.number
         return self.flight.number
 
     def awaits(self, number: int) -> bool:
-        """Whether an order was agreed to here, and has not begun."""
+        """Check whether an order of this number was accepted here and has not begun."""
         return self._next is not None and self._next.arrangement.number == number
 
     def leads_by_order(self, now: float) -> bool:
-        """Whether this vehicle is to lead by an order that has just begun."""
+        """Check whether this vehicle must take the lead by an order that has just begun."""
         return self._appointed == self._plan.name and now <= self._appointed_s + APPOINTED_S
 
     def waits(self, now: float) -> bool:
-        """Whether others fly by an arrangement that this companion does not know."""
+        """Check whether others fly by an order that this companion does not know."""
         self._note_missed(now)
         if self.flight.number >= self._missed:
             self._waits_since, self._complained = math.inf, False
@@ -183,9 +176,9 @@ class Arrangements:
         return True
 
     def _note_missed(self, now: float) -> None:
-        """Note which order others go by, and which one of them is missed here; 0 where none is.
+        """Note the newest order that others fly by and this companion has missed; 0 for none.
 
-        An order that was missed stays so while a later one is expected, until that is flown.
+        A missed order stays missed until a later one that is expected is flown.
         """
         newest, order = self.flight.number, self._next
         if self._heard_number > newest:
@@ -198,16 +191,11 @@ class Arrangements:
             self._missed = newest
 
     def _is_expected(self, order: KnownOrder, now: float) -> bool:
-        """Whether an order that was agreed to is certain, or its time has not come."""
+        """Check whether an accepted order is confirmed, or its time has not come."""
         return bool(order.confirmed) or self.flight.time_of(order, now) < order.arrangement.time_s
 
     def _newest(self, now: float, *, lone: bool = True) -> int:
-        """Number of the newest order that the others fly by, or are about to.
-
-        Args:
-            now: s.
-            lone: whether the only other vehicle of a formation of two is believed.
-        """
+        """Return the newest order number heard; `lone` believes the only other vehicle of a pair."""
         heard = {
             vehicle: number
             for vehicle, (number, _, time_s) in self._numbers.items()
@@ -216,16 +204,16 @@ class Arrangements:
         return agreed_number(heard, self.coordinator, lone=lone and len(self._names) == 2)
 
     def _newest_flown(self, now: float) -> int:
-        """Number of the newest order that counts as flown once it is heard as its operator signed it.
+        """Return the number of the newest order that may be flown once its signed copy is heard.
 
-        Also the one that the mission's leader alone carries while a deputy leads: flown in another part.
-        A number without an order stops nobody, see `_newest`.
+        While a deputy leads, a number that only the mission's leader carries counts too: another part flies
+        by it. Without the order itself such a number stops nobody, see `_newest`.
         """
         said, _, heard_s = self._numbers.get(self._leader, (0, False, -math.inf))
         return max(self._newest(now), said if now - heard_s <= HEARD_S else 0)
 
     def obstacle(self, now: float) -> str | None:
-        """What of the orders keeps this companion from steering, in words; None where nothing does."""
+        """Return the reason in the orders why this companion must not steer, or None."""
         if self.flight.is_over:
             return ROUTE_ENDED
         if self.flight.called_off is not None:
@@ -237,7 +225,7 @@ class Arrangements:
         return None
 
     def own_up(self, now: float) -> float:
-        """Height of the own slot above the leader, m; once it is ordered to loiter the one it had then."""
+        """Return the height of the own slot above the leader, m; once ordered to loiter, its last value."""
         if self._last_up is not None:
             return self._last_up
         if self._plan.leads or self.coordinator == self._plan.name != self._plan.timekeeper:
@@ -246,39 +234,39 @@ class Arrangements:
         return self._plan.up if height is None else height[0]
 
     def adopt(self, plan: FlightPlan) -> None:
-        """Go by another plan of the same vehicle from now on."""
+        """Use another plan of the same vehicle from now on."""
         self._plan = plan
         self.flight.adopt(plan)
 
     def watch_route(self, path: Path, point: PathPoint[float], *, steered: bool) -> None:
-        """At the end of the route everybody goes back to the autopilot, for good; see `OrderedFlight`."""
+        """Hand everybody back to the autopilot for good at the end of the route; see `OrderedFlight`."""
         if self.flight.watch_route(path, point, steered=steered):
             self._moving = False
             self._say("the route is at its end: everybody back to the autopilot", warning=True)
 
     def returns_to_formation(self) -> bool:
-        """Whether an order has just brought this vehicle back; asked once."""
+        """Check once whether an order has just brought this vehicle back."""
         returned, self._returned = self._returned, False
         return returned
 
     def receive_order(
         self, data: bytes, signed: bytes, now: float, *, repeated: bool = False
     ) -> None:
-        """Take an order that an operator has given.
+        """Process an order of an operator.
 
         Args:
-            data: the order.
-            signed: how others can be told of it: as the operator has signed it.
-            now: s, on one's own clock.
-            repeated: whether another vehicle says it again. When it was given is not proven then, be it an
-                order of an earlier flight: it counts only where it is what the others fly by.
+            data: encoded order.
+            signed: order as the operator has signed it, for repetition to others.
+            now: own time, s.
+            repeated: whether another vehicle repeats it. It counts only where the others fly by it, as it may
+                be of an earlier flight.
         """
         try:
             order = decode_order(data)
         except LinkDataError:
             self.counters["order: malformed"] += 1
             return
-        # What the others fly counts, whatever this companion has thought of it before.
+        # An order that others already fly is accepted even if this companion has refused it before.
         given = KnownOrder(order, signed, check_of(data))
         if self._is_missed(given, now):
             calls_off = order.flown is Manoeuvre.ABORT
@@ -291,7 +279,8 @@ class Arrangements:
             expected = self._next
             in_time = 0.0 <= late_s <= APPOINTED_S
             if expected is not None and expected.identity == given.identity and in_time:
-                # Another copy of what begins at this very moment: nothing was missed, nor who is to lead.
+                # This copy arrives just as the order begins: nothing was missed, and the appointed leader is
+                # known.
                 given = expected
             if late_s < 0.0:
                 given.offset_s = math.inf
@@ -302,7 +291,7 @@ class Arrangements:
             self._consider(given, now)
 
     def _consider(self, given: KnownOrder, now: float) -> None:
-        """Agree to an order, or refuse it; fly it at once where it calls everything off."""
+        """Accept or refuse an order; fly an abort at once."""
         order = given.arrangement
         calls_off = order.flown is Manoeuvre.ABORT
         if order.number <= self.number and not calls_off:
@@ -327,16 +316,17 @@ class Arrangements:
         self._answers.clear()
 
     def _call_off(self, given: KnownOrder, now: float) -> None:
-        """Fly an abort, whatever its number: of two operators one may not have heard of the other's order."""
+        """Fly an abort, whatever its number: one of two operators may not have heard of the other's order."""
         number = self.number
         self._begin(given, now)
         if number > given.arrangement.number:
-            # By the greater number nobody repeats what was flown before; signed, the abort has another one.
+            # The greater number keeps others from repeating the earlier order; the signed abort has another
+            # number.
             given.arrangement = replace(given.arrangement, number=number)
             given.signed = b""
 
     def receive_reply(self, vehicle: str, data: bytes, now: float) -> None:
-        """Take another vehicle's answer to an order, or an operator's question for the one that is flown."""
+        """Process another vehicle's reply to an order, or an operator's query for the order being flown."""
         try:
             reply = decode_reply(data)
         except LinkDataError:
@@ -349,11 +339,11 @@ class Arrangements:
         elif reply.check == self._next.check:
             self._answers[vehicle] = reply
         elif vehicle == self.coordinator and reply.verdict is not Verdict.REFUSED:
-            # States carry the number alone: by it this one would seem to be confirmed.
+            # States carry the number alone: the other order's number would seem to confirm this one.
             self._void(self._next, "the leader was given another order of this number")
 
     def hear(self, vehicle: str, state: HeardState | None, now: float) -> None:
-        """Take the number that another vehicle flies by."""
+        """Process a state of another vehicle for the number of the order that it flies by."""
         if state is None or vehicle not in self._names:
             return
         if math.isnan(self._started_s):
@@ -363,14 +353,14 @@ class Arrangements:
         self._heard_number = max(self._heard_number, number)
         self._places[vehicle] = (state.north, state.east)
         order = self._next
-        # Of a leader that is lost since it has decided two others tell: one alone may make that up.
+        # Two others can vouch for a leader that was lost after its decision; one alone may make that up.
         if order is not None and not order.confirmed:
             newest = self._newest(now, lone=False)
             order.confirmed = self.coordinator if newest == order.arrangement.number else ""
         self._note_older(vehicle, number, now)
 
     def step(self, now: float) -> None:
-        """What is due by time alone."""
+        """Perform all actions that are due by time."""
         self._note_missed(now)
         self._tell_of_rest(now)
         self._tell_of_lead(now)
@@ -396,7 +386,7 @@ class Arrangements:
             self._reply(order, Verdict.READY)
 
     def _tell_of_rest(self, now: float) -> None:
-        """Say once that what was ordered is carried out."""
+        """Announce once that the order is carried out."""
         if self._moving and self.flight.order is not None and self.flight.left(now) <= 0.0:
             self._moving = False
             self._say(
@@ -404,7 +394,7 @@ class Arrangements:
             )
 
     def _tell_of_lead(self, now: float) -> None:
-        """Say once who leads where that is not who was to lead by an order: its pilot may have taken it."""
+        """Warn once if the appointed vehicle does not lead: its pilot may have taken control."""
         if not self._appointed or now <= self._appointed_s + APPOINTED_S + SETTLE_S:
             return
         if self.coordinator != self._appointed:
@@ -412,15 +402,15 @@ class Arrangements:
         self._appointed = ""
 
     def to_say(self) -> tuple[list[bytes], list[bytes]]:
-        """(answers, orders to be repeated as they were signed) since this was asked last."""
+        """Return the (replies, signed orders to repeat) that were queued since the last call."""
         said = self._replies, self._repeats
         self._replies, self._repeats = [], []
         return said
 
     def _is_known(self, given: KnownOrder) -> bool:
-        """Whether an order of this number was taken already; it is answered again where that is not to come.
+        """Check whether an order of this number is known; repeat its reply unless it is still undecided.
 
-        Another order of the same number is refused: whoever flies by the number would not fly the same.
+        Another order of the same number is refused: those who fly by the number would not fly the same.
         """
         refused = None if self._refused is None else self._refused[0]
         for known in (self._next, self.flight.order, refused):
@@ -438,7 +428,7 @@ class Arrangements:
         return False
 
     def _is_missed(self, given: KnownOrder, now: float) -> bool:
-        """Whether an order is one that others fly by already."""
+        """Check whether others already fly by an order that this companion has missed."""
         order = given.arrangement
         if self.flight.called_off is not None and order.flown is not Manoeuvre.ABORT:
             return False
@@ -448,13 +438,14 @@ class Arrangements:
         return flying and due and newer
 
     def _begin(self, order: KnownOrder, now: float) -> None:
-        """Fly by it from now on."""
-        # Of an order that was missed it is not known who has led since.
+        """Fly by an order from now on."""
+        # After a missed order it is not known who has led since.
         self._appointed = order.arrangement.lead if order is self._next else ""
         self._appointed_s = now
         had_left, last_up = self.flight.has_left, self.own_up(now)
         self.flight.begin(order)
-        # Who loiters by it has no slot any more: an abort tells the mission's, not knowing the present ones.
+        # A loitering vehicle keeps the height that it had: an abort names the mission's slots, not the last
+        # ones.
         self._last_up = last_up if self.flight.has_left else None
         number, what = order.arrangement.number, order.arrangement.flown
         later = self._next is not None and self._next.arrangement.number > number
@@ -488,7 +479,7 @@ class Arrangements:
         self._alerts.say("refused order", WARNING, text, about="order")
 
     def _decide(self, order: KnownOrder, time_s: float, now: float) -> None:
-        """As the leader: once enough have agreed in time, it is certain."""
+        """Confirm an order, as the leader, once enough vehicles have agreed in time."""
         left_s = order.arrangement.time_s - time_s
         if left_s > SETTLE_S and not self._missing(order, now, closing=left_s <= VOTE_S):
             order.confirmed, order.confirmed_s = self.coordinator, now
@@ -497,7 +488,7 @@ class Arrangements:
             self._say(f"order {order.arrangement.number}: {agreed}")
 
     def _missing(self, order: KnownOrder, now: float, *, closing: bool) -> str:
-        """Whose consent an order lacks, in words; empty if it may be flown."""
+        """Return text naming the vehicles whose consent an order lacks; empty if it may be flown."""
         agreed = {name for name, one in self._answers.items() if one.verdict is Verdict.READY}
         steered = {name for name in self._numbers if self._steered(name, now)}
         lacking = missing_votes(
@@ -506,12 +497,12 @@ class Arrangements:
         return ", ".join(self._said_no(vehicle) for vehicle in lacking)
 
     def _said_no(self, vehicle: str) -> str:
-        """Why a vehicle has not agreed, in words."""
+        """Return text on why a vehicle has not agreed."""
         reply = self._answers.get(vehicle)
         return f"{vehicle} does not answer" if reply is None else f"{vehicle}: {reply.text or 'no'}"
 
     def _carry_out(self, order: KnownOrder, time_s: float, now: float) -> None:
-        """Begin a confirmed order at its time, unless others evidently do not fly by it."""
+        """Begin a confirmed order at its time, unless the others evidently do not fly by it."""
         numbers, leads = self._numbers, self.coordinator == self._plan.name
         told = {
             vehicle
@@ -529,7 +520,8 @@ class Arrangements:
         elif time_s < order.arrangement.time_s:
             return
         elif self._leader_is_heard(now) and not vouched_for:
-            # A leader that is lost since has told this vehicle alone, and not who leads now.
+            # The lost leader has confirmed it to this vehicle alone, and the present leader does not know of
+            # it.
             self._void(order, "who leads now has not confirmed it")
         else:
             self._begin(order, now)
@@ -539,7 +531,7 @@ class Arrangements:
         return heard is not None and now - heard[2] < SETTLE_S
 
     def _note_older(self, vehicle: str, number: int, now: float) -> None:
-        """Repeat the order that is flown for a vehicle that does not know it, not all companions at once."""
+        """Repeat the order being flown for a vehicle that does not know it, after a delay by rank."""
         flown = self.flight.order
         if flown is None or number >= flown.arrangement.number:
             self._older.pop(vehicle, None)
@@ -551,7 +543,7 @@ class Arrangements:
             self._repeats.append(flown.signed)
 
     def _objection(self, order: Arrangement, now: float) -> str | None:
-        """Why this companion cannot carry out an order, in words; None if it can."""
+        """Return the reason why this companion cannot carry out an order, or None."""
         if self.flight.called_off is not None:
             return ROUTE_ENDED if self.flight.is_over else CALLED_OFF
         time_s = self._clock.from_own(now)
@@ -570,7 +562,7 @@ class Arrangements:
         )
 
     def _stranger_objection(self, order: Arrangement) -> str | None:
-        """Who is no follower of this formation, in words."""
+        """Return text naming the vehicles of an order that are no followers of this formation, or None."""
         strangers = order.vehicles - self._names | order.vehicles & {self._leader}
         return (
             f"{', '.join(sorted(strangers))} is no follower of this formation"
@@ -579,7 +571,7 @@ class Arrangements:
         )
 
     def _place_objection(self, order: Arrangement) -> str | None:
-        """Why slots or circle of an order cannot be flown, whenever it began."""
+        """Return why the slots or the circle of an order cannot be flown, whenever it begins, or None."""
         if (objection := nearness_objection(order, self._leader)) is not None:
             return objection
         circle = self.flight.circle_of(order)
@@ -589,7 +581,7 @@ class Arrangements:
         return circle_objection(circle, self._plan.airframe, places)
 
     def _missed_objection(self, order: Arrangement) -> str | None:
-        """Why an order that others fly already cannot be flown, in words; None if it can."""
+        """Return the reason why an order that others already fly cannot be flown here, or None."""
         place = order.place_of(self._plan.name)
         height = self._plan.height - self._plan.up
         if self.leader_height is not None and math.isfinite(told := self.leader_height(0.0)):
@@ -605,7 +597,7 @@ class Arrangements:
         return slot_objection(order, place, self._plan, None, height)
 
     def _motion_objection(self, order: Arrangement, now: float) -> str | None:
-        """The same about how slots move."""
+        """Return the reason why the slot motions of an order cannot be flown, or None."""
         left_s = self.flight.left(now) - (order.time_s - self._clock.from_own(now))
         if left_s > NO_TIME_S:
             return f"order {self.number} is still being carried out {left_s:.0f} s too long for it"
@@ -628,12 +620,12 @@ class Arrangements:
         objection = joining_objection(order, place, self.joining_m, self._leader)
         if objection is not None:
             return objection
-        # Slots may still be on their way now, and at rest at its time.
+        # Slots may still be moving now, and at rest at the order's time.
         begin = self.flight.own_slot(now + ahead_s)
         return slot_objection(order, place, self._plan, begin, height)
 
     def _steered(self, vehicle: str, now: float) -> bool | None:
-        """Whether a vehicle's companion steers it, by what it said last; None where it is not heard."""
+        """Return whether a vehicle's companion last said that it steers; None if not heard."""
         _, steered, time_s = self._numbers.get(vehicle, (0, False, -math.inf))
         return steered if now - time_s <= HEARD_S else None
 

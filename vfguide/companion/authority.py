@@ -1,10 +1,10 @@
-"""Who may steer: decided here alone, from what the autopilot shows and from what was agreed for this flight.
+"""Decision on who steers, from what the autopilot shows and from the consent for this flight.
 
-The pilot always wins. The guided mode is entered by this companion once in a flight, out of modes that the
-mission allows; from then on it comes back by the pilot's hand alone, however it was left and also after a
-restart: `RIGHTS` is the whole life of that right. A mode is only ever commanded in answer to a heartbeat,
-which shows the mode that would be left, and which is known not to have waited in a radio: without such
-heartbeats nothing is commanded. Only what this companion has steered is handed back.
+The pilot always wins. This companion enters the guided mode by itself once in a flight, out of modes that the
+mission allows. After that, only the pilot's hand brings it back, however it was left and also after a
+restart: `RIGHTS` is the whole life of that right. A mode is commanded only in answer to a heartbeat that is
+known not to have waited in a radio: it shows the mode that would be left. Only what this companion has
+steered is handed back.
 """
 
 import math
@@ -24,50 +24,49 @@ from vfguide.mavlink.reports import CommandReport, HeartbeatReport
 from vfguide.transitions import transitions
 
 SETTLED_S = 2.5
-"""A mode counts as settled after this long without a sign of any other: forged heartbeats stand between true
+"""A mode is settled after this long without a sign of any other, s. Forged heartbeats stand between true
 ones, which come once a second, and one of those may get lost."""
 
 LEAST_RUN_S = 0.5
-"""A single heartbeat settles nothing."""
+"""Shortest run of heartbeats that settles a mode, s: a single one does not."""
 
 ALIVE_S = 1.0
-"""Heartbeats without anything else in this time are not believed: where the true autopilot is not heard,
-forged ones are all there is. It is asked for its telemetry once a second, and answers that."""
+"""Heartbeats without other telemetry in this time, s, are not believed: where the true autopilot is not
+heard, all of them may be forged. It is asked for telemetry once a second, and answers."""
 
 LOST_S = 5.0
-"""After this long without a heartbeat the mode is not known."""
+"""Time without a heartbeat after which the mode is unknown, s."""
 
 FRESH_S = 2.5
-"""A heartbeat older than this shows what the mode was, not what it is: one may get lost, two may not."""
+"""Age of a heartbeat up to which it shows the present mode, s: one may get lost, two may not."""
 
 UNSEEN_S = 2.25
-"""For longer than this between two heartbeats, of which one may get lost, the pilot may have flown unseen."""
+"""Gap between heartbeats beyond which the pilot may have flown unseen, s: one may get lost."""
 
 YOUNG_S = 1.25
-"""A heartbeat that may be older than this when it is heard is answered by no mode: the pilot may have
-selected another one since. It leaves room for a round trip of 0.7 s, or for an answer that gets lost:
-questions go out twice a second."""
+"""Greatest possible age of a heartbeat that a mode command answers, s: a later change would be unseen.
+It allows a round trip of 0.7 s, or one lost answer: questions go out twice a second."""
 
 LATE_TELEMETRY_S = 5.0
-"""After this long without a heartbeat that is young enough the pilot is told."""
+"""Time without a young enough heartbeat after which the pilot is told, s."""
 
 ANSWER_S = 3.0
-"""A request for the guided mode may show in the heartbeats this late: until then it counts as obeyed."""
+"""Time in which heartbeats may show that a request for the guided mode was obeyed, s."""
 
 RETURN_SHOWS_S = 3.0
-"""A hand-back shows in the heartbeats this soon; later it was the pilot's doing."""
+"""Time in which a hand-back shows in the heartbeats, s; a later change is the pilot's."""
 
 MOST_RETURNS = 3
-"""How often one hand-back is commanded."""
+"""Limit on commands for one hand-back."""
 
 LONGEST_PAUSE_S = 32.0
-"""Between requests for the guided mode; the first pause is 1 s, each other twice the one before."""
+"""Longest pause between requests for the guided mode, s; pauses double from 1 s."""
 
 YOUNG_AUTOPILOT_S = 12.0
-"""An autopilot that is up for less, as a simulated one that starts in the air, was not steered before."""
+"""Uptime below which the autopilot cannot have been steered before, s; simulated ones start in the air."""
 
 JITTER_S = 0.25
-"""Heartbeats may come this much early."""
+"""Time by which heartbeats may come early, s."""
 
 TAKE_OFFS = frozenset({"TAKEOFF", "VTOL_TAKEOFF"})
 
@@ -81,55 +80,55 @@ FAILSAFES = frozenset(
 
 
 class Wish(Enum):
-    """What the companion would like of the autopilot."""
+    """Mode change that the companion wants."""
 
     NONE = "none"
     STEER = "steer"
-    """There is something to fly."""
+    """The autopilot should be steered: there is something to fly."""
     RETURN = "return"
-    """There is nothing to fly any more: the autopilot is better off by itself."""
+    """The autopilot should fly by itself: there is nothing to steer by."""
 
 
 class Right(Enum):
-    """The right to enter the guided mode by itself, which a flight gives once."""
+    """Right of the companion to enter the guided mode by itself, once in a flight."""
 
     FREE = "free"
-    """It may be used."""
+    """Not used yet."""
     ASKING = "asking"
-    """It is being used: the guided mode was asked for, and does not show yet."""
+    """In use: the guided mode was requested and does not show yet."""
     SPENT = "spent"
-    """The pilot's hand alone engages it."""
+    """Used or lost: only the pilot can engage the guided mode."""
     FLOWN = "flown"
-    """The same, after the guided mode was seen: the pilot has heard why."""
+    """Spent, and the guided mode was seen: the pilot has been told the reason."""
 
 
 class Sign(Enum):
-    """What changes that right."""
+    """Event that may change the right."""
 
     GUIDED = "guided"
-    """The autopilot shows the guided mode."""
+    """The autopilot is in the guided mode."""
     HOME = "home"
-    """It flies home."""
+    """The autopilot flies home."""
     FAILSAFE = "fail-safe"
-    """It reports one."""
+    """The autopilot reports a fail-safe."""
     CHOSEN = "chosen"
-    """Another mode was selected in the air."""
+    """The pilot has selected another mode in the air."""
     ELSEWHERE = "elsewhere"
-    """It has left the mode out of which the guided one was asked for."""
+    """The autopilot has left the mode from which the guided one was requested."""
     UNSEEN = "unseen"
-    """Heartbeats were not heard for a while, or this process stood still."""
+    """Heartbeats were missed for a while, or this process stood still."""
     UNHEARD = "unheard"
-    """The same, and the vehicle flies."""
+    """Heartbeats were missed for a while, and the vehicle flies."""
     UNRECORDED = "unrecorded"
-    """It flies, and no record of its flight was found."""
+    """The vehicle flies, and no record of its flight was found."""
     REBOOTED = "rebooted"
-    """The autopilot has started anew in flight."""
+    """The autopilot has restarted in flight."""
     ASKS = "asks"
-    """This companion asks for the guided mode."""
+    """This companion requests the guided mode."""
     RENEWED = "renewed"
-    """An operator orders back who was left to the autopilot by an order."""
+    """An operator orders a vehicle back that an order had left to its autopilot."""
     OVER = "over"
-    """The flight has ended, on the ground."""
+    """The flight has ended on the ground."""
 
 
 RIGHTS = """
@@ -140,22 +139,22 @@ RIGHTS = """
 | spent  | flown  | spent  | spent     | spent  | spent     | spent  | spent   | spent      | spent    | spent  | free    | free |
 | flown  | flown  | flown  | flown     | flown  | flown     | flown  | flown   | flown      | flown    | flown  | free    | free |
 """  # noqa: E501 - a table
-"""The right that follows from a right (rows) and a sign (columns)."""
+"""Next right by present right (rows) and sign (columns)."""
 
 NEXT_RIGHT = transitions(RIGHTS, Right, Sign)
 
 
 class EngageRule(msgspec.Struct, frozen=True, kw_only=True):
-    """When a companion may enter the guided mode by itself."""
+    """Rule for entering the guided mode without the pilot."""
 
     allowed: bool
-    """At all."""
+    """Whether it is allowed at all."""
     modes: tuple[str, ...]
-    """Out of which modes, as ground stations call them."""
+    """Modes out of which it is allowed, as ground stations call them."""
 
 
 class ModeAuthority:
-    """Decides about one autopilot's mode."""
+    """Authority over the mode of one autopilot."""
 
     def __init__(
         self,
@@ -165,21 +164,12 @@ class ModeAuthority:
         phase: FlightPhase,
         alerts: Alerts | None = None,
     ) -> None:
-        """Start from what is known of this flight.
-
-        Args:
-            adapter: how to speak to the autopilot.
-            rule: when the guided mode may be entered.
-            store: keeps the consent over restarts.
-            phase: tells whether the vehicle flies, and when a flight has ended.
-            alerts: takes what the pilot should know.
-        """
         self._adapter = adapter
         self._rule = rule
         self._store = store
         self._phase = phase
         self._consent = store.load()
-        # What a companion before this one has steered is this one's to answer for.
+        # This companion must hand back what the one before it has steered.
         self._inherited = self._consent.steered
         self._may_be_lost = store.was_missing
         self._up_s = math.inf
@@ -197,61 +187,61 @@ class ModeAuthority:
         self._gap_s = 0.0
         self._previous: HeartbeatReport | None = None
         self.connected = False
-        """Whether a heartbeat has come."""
+        """Whether a heartbeat was ever received."""
         self.forget()
         self._unseen = False
 
     @property
     def recognised(self) -> bool:
-        """Whether nothing speaks against this being the autopilot that the adapter speaks to."""
+        """Whether nothing contradicts that this is the adapter's autopilot."""
         return self._stranger is None
 
     @property
     def stranger(self) -> str | None:
-        """What is wrong with the autopilot that is heard, in words; None where it is the one spoken to."""
+        """Reason why the autopilot heard is not the adapter's; None where it is."""
         return self._stranger
 
     @property
     def shows_guided(self) -> bool:
-        """Whether the newest heartbeat, however old it is, shows the guided mode."""
+        """Whether the newest heartbeat, of any age, shows the guided mode."""
         return self._beat is not None and self._adapter.is_engaged(self._beat.custom_mode)
 
     @property
     def shows_disarmed(self) -> bool:
-        """Whether the newest heartbeat, however old it is, shows a vehicle whose motor is off."""
+        """Whether the newest heartbeat, of any age, shows a disarmed vehicle."""
         return self._beat is not None and not self._beat.armed
 
     @property
     def answers_for_vehicle(self) -> bool:
-        """Whether the vehicle flies by what this companion has sent since it was last in other hands.
+        """Whether the vehicle flies by this companion's setpoints since it was last in other hands.
 
-        A request for the guided mode counts until heartbeats show what has become of it.
+        A request for the guided mode counts until heartbeats show its result.
         """
         return self._steered or math.isfinite(self._request_time)
 
     def is_current(self, now: float) -> bool:
-        """Whether the newest heartbeat is young enough to show the mode of now (s)."""
+        """Check whether the newest heartbeat is recent enough to show the mode at `now`, s."""
         return self._beat is not None and now - self._beat_time <= FRESH_S
 
     def silence_s(self, now: float) -> float:
-        """For how long no heartbeat has come, s; infinite before the first."""
+        """Return the time since the last heartbeat, s; infinite before the first."""
         return now - self._beat_time
 
     def note_steering(self) -> None:
-        """A setpoint has gone out."""
+        """Note that a setpoint was sent."""
         self._steered = True
         self._keep()
 
     def mode_name(self) -> str:
-        """What ground stations call the mode that was heard last."""
+        """Return the ground stations' name of the mode last heard."""
         return "no mode" if self._beat is None else self._adapter.mode_name(self._beat.custom_mode)
 
     def control(self, now: float) -> Control:
-        """In whose hands the vehicle is."""
+        """Return who controls the vehicle."""
         if self._beat is None or now - self._beat_time > LOST_S:
             return Control.UNKNOWN
         if not self._adapter.is_ready:
-            # Which of its modes is the guided one is not known yet.
+            # The adapter does not know the number of the guided mode yet.
             return Control.UNKNOWN
         if not self._beat.armed:
             return Control.DISARMED
@@ -263,12 +253,12 @@ class ModeAuthority:
         return Control.PILOT if self._is_spent else Control.FREE
 
     def note_store(self) -> None:
-        """Tell the pilot where the consent cannot be kept."""
+        """Tell the pilot if the consent cannot be stored."""
         if self._rule.allowed and self._store.fault is not None:
             self._notice(self._store.fault)
 
     def forget(self) -> None:
-        """What was heard is too old to go by, as after a hang of this process."""
+        """Forget all heartbeats, which are too old after a hang of this process."""
         self._beat: HeartbeatReport | None = None
         self._beat_time = self._changed_time = self._denied_time = -math.inf
         self._run_began = math.inf
@@ -277,12 +267,12 @@ class ModeAuthority:
         self._unseen = True
 
     def hear(self, report: HeartbeatReport, now: float) -> str | None:
-        """Take a heartbeat; a complaint, once, about a stranger."""
+        """Process a heartbeat; return a complaint about a foreign autopilot once."""
         complaint, before = self._adapter.recognise(report.autopilot), self._stranger
         self._stranger = complaint
         self.connected = True
         if complaint is not None:
-            # Modes are numbers that mean something else to every autopilot.
+            # Mode numbers mean something else on every autopilot.
             self._beat = None
             return complaint if complaint != before else None
         previous, self._previous = self._previous, report
@@ -292,26 +282,20 @@ class ModeAuthority:
         return None
 
     def hear_answer(self, report: CommandReport, now: float) -> None:
-        """Take an answer to a command: some are given in other modes than the guided one only."""
+        """Process a command acknowledgement: some are given only outside the guided mode."""
         if self._adapter.denies_guided(report):
             self._denied_time = self._changed_time = now
 
     def note_uptime(self, boot_time_s: float) -> None:
-        """Take for how long the autopilot has been up, s: before a flight of its can have been steered."""
+        """Note the uptime of the autopilot, s: nobody can have steered it before."""
         self._up_s = boot_time_s
 
     def note_life(self, now: float) -> None:
-        """Something else than a heartbeat has come from the autopilot."""
+        """Note telemetry other than a heartbeat."""
         self._life_time = now
 
     def commands(self, wish: Wish, now: float, *, age_s: float) -> list[MAVLink_message]:
-        """Mode commands in answer to the heartbeat that has just been heard.
-
-        Args:
-            wish: what the companion would like.
-            now: s.
-            age_s: how old the heartbeat is at most, s.
-        """
+        """Return mode commands in answer to a heartbeat received at `now`, s, and at most `age_s` old."""
         if wish is not Wish.RETURN:
             self._returns = 0
         if self._beat is None or self._beat_time != now:
@@ -323,9 +307,9 @@ class ModeAuthority:
         return []
 
     def renew(self) -> None:
-        """An operator has ordered the vehicle back that was left to its autopilot by an order.
+        """Allow one more engagement, as an operator has ordered the vehicle back that an order had sent away.
 
-        It may be engaged once more, unless a pilot has had it since: then that is for the pilot to do.
+        If a pilot has flown it since, the pilot must engage it.
         """
         if not self._returned:
             self._notice(f"ordered back into the formation: select {self._adapter.engaged_name}")
@@ -334,7 +318,7 @@ class ModeAuthority:
         self._note_sign(Sign.RENEWED)
 
     def rebooted(self) -> None:
-        """The autopilot says that it has started anew: in flight that ends the right to engage it."""
+        """End the right to engage, as the autopilot reports a restart, unless it stands on the ground."""
         stands = self._phase.is_over
         self._phase.forget()
         self._returned = False
@@ -347,8 +331,8 @@ class ModeAuthority:
         )
 
     def _is_young(self, age_s: float, now: float) -> bool:
-        """Whether a heartbeat shows the mode of now; the pilot hears of a stream where none does."""
-        # Not "older": an age that is no number is not known.
+        """Check whether a heartbeat shows the present mode; warn the pilot if none has for a while."""
+        # An age of NaN is unknown, and fails this test too.
         if age_s <= YOUNG_S:
             self._late_since = None
             return True
@@ -380,14 +364,14 @@ class ModeAuthority:
         else:
             self._note_other_mode(before, handed_back=handed_back, now=now)
         if self._unseen or report.status in FAILSAFES:
-            # An order back is not to undo what has ended the right to engage meanwhile.
+            # An order to return must not restore a right that has ended in the meantime.
             self._returned = False
         self._beat, self._beat_time = report, now
 
     def _note_other_mode(
         self, before: HeartbeatReport | None, *, handed_back: bool, now: float
     ) -> None:
-        """A heartbeat shows that the autopilot is not in its guided mode."""
+        """Process a heartbeat that shows another mode than the guided one."""
         self._steered = False
         if self._adapter.is_ready:
             self._inherited = False
@@ -402,7 +386,7 @@ class ModeAuthority:
     def _watch_consent(
         self, report: HeartbeatReport, previous: HeartbeatReport | None, now: float
     ) -> None:
-        """What ends the right to engage, and the end of the flight, which gives it back."""
+        """Look for what ends the right to engage, and for the end of the flight, which restores it."""
         if self._phase.hear(report, now) and self._consent != Consent():
             self._steered = self._inherited = False
             self._asks, self._next_ask = 0, -math.inf
@@ -426,7 +410,7 @@ class ModeAuthority:
             self._note_sign(Sign.ELSEWHERE)
 
     def _watch_gap(self, now: float) -> None:
-        """After a time without heartbeats, or without this process: the pilot may have flown meanwhile."""
+        """Process a time without heartbeats, or without this process: the pilot may have flown meanwhile."""
         if not self._unseen:
             return
         self._note_sign(Sign.UNSEEN)
@@ -437,7 +421,7 @@ class ModeAuthority:
             self._note_sign(Sign.UNHEARD, "its heartbeats were not heard for a while in the air")
 
     def _watch_record(self, now: float) -> None:
-        """Without a record: a vehicle in the air may have been steered before, and left to its pilot."""
+        """Spend the right of a vehicle in the air without a record: its pilot may have taken it over."""
         if not self._may_be_lost:
             return
         if self._phase.is_on_ground(now):
@@ -448,24 +432,24 @@ class ModeAuthority:
                 self._note_sign(Sign.UNRECORDED, "no record of this flight was found")
 
     def _is_pilots_change(self, report: HeartbeatReport, previous: HeartbeatReport | None) -> bool:
-        """Whether another mode was selected by hand: the end of a take-off is the autopilot's doing."""
+        """Check whether the pilot has selected another mode; the autopilot itself ends a take-off."""
         if previous is None or previous.custom_mode == report.custom_mode:
             return False
         return self._adapter.mode_name(previous.custom_mode) not in TAKE_OFFS
 
     @property
     def _is_spent(self) -> bool:
-        """Whether the pilot alone may engage it."""
+        """Whether only the pilot may engage the guided mode."""
         return self._right in {Right.SPENT, Right.FLOWN}
 
     def _note_sign(self, sign: Sign, reason: str = "") -> None:
-        """Go on to the right that follows; the reason is kept over restarts, for the pilot."""
+        """Change the right by a sign, and store the reason of a change for the pilot."""
         before, self._right = self._right, NEXT_RIGHT[self._right][sign]
         if self._right is not before and Right.FREE in {before, self._right}:
             self._set(replace(self._consent, spent=reason))
 
     def _keep(self) -> None:
-        """Who steers, for the companion after this one."""
+        """Store who steers for the companion after a restart."""
         steered = self.answers_for_vehicle or self._inherited or self._right is Right.ASKING
         if steered is not self._consent.steered:
             self._set(replace(self._consent, steered=steered))
@@ -476,7 +460,7 @@ class ModeAuthority:
             self._store.save(consent)
 
     def _is_settled(self, now: float, *, run_s: float) -> bool:
-        """Whether nothing has spoken for another mode lately, and heartbeats of a live autopilot for this."""
+        """Check that no other mode was indicated lately and heartbeats of a live autopilot show this one."""
         alive = now - self._life_time <= ALIVE_S
         unbroken = now - self._run_began >= run_s
         return alive and unbroken and now - self._changed_time >= SETTLED_S
@@ -507,7 +491,7 @@ class ModeAuthority:
     def _ask(self, beat: HeartbeatReport, age_s: float, now: float) -> list[MAVLink_message]:
         settled = self._is_settled(now, run_s=LEAST_RUN_S)
         self._watch_interval(now, settled=settled)
-        # The pilot was told when the guided mode was left.
+        # The pilot was told the reason when the guided mode was left.
         if not settled or self._right is Right.FLOWN:
             return []
         obstacle = self._obstacle(beat, now)
@@ -521,7 +505,7 @@ class ModeAuthority:
             self._note_sign(Sign.ASKS, "it has asked for the guided mode once in this flight")
             self._keep()
         if not self._store.holds(self._consent):
-            # On its way to the disk; or it does not get there.
+            # It is being written to the disk, or cannot be.
             if self._store.fault is not None:
                 self._notice(self._store.fault)
             return []
@@ -539,7 +523,7 @@ class ModeAuthority:
         return self._adapter.engage()
 
     def _watch_interval(self, now: float, *, settled: bool) -> None:
-        """Tell the pilot where heartbeats come too seldom to show a mode that may be left."""
+        """Warn the pilot if heartbeats come too rarely to show a mode that may be left."""
         self._unsettled_since = math.inf if settled else min(self._unsettled_since, now)
         if self._gap_s > SETTLED_S and now - self._unsettled_since >= LATE_TELEMETRY_S:
             self._notice(
@@ -548,7 +532,7 @@ class ModeAuthority:
             )
 
     def _obstacle(self, beat: HeartbeatReport, now: float) -> str | None:
-        """Why the guided mode is not entered by itself, and what to do; None where it may be."""
+        """Return why the guided mode is not entered automatically, with the remedy; None where it may be."""
         engaged, name = self._adapter.engaged_name, self._adapter.mode_name(beat.custom_mode)
         by_hand = f"select {engaged} to be steered"
         if self._store.fault is not None:

@@ -1,4 +1,4 @@
-"""What is flown by orders: slots and heights at every moment, the path, and where the flight ends."""
+"""Slots, heights, path and end of the flight as shaped by orders, at every moment."""
 
 import math
 from dataclasses import dataclass
@@ -17,97 +17,96 @@ from vfguide.laws.leader import LeaderTask
 from vfguide.paths.circle import Circle
 
 JUMP_S = 2.0
-"""A formation's clock that steps further is another one: the computer of its leader was started anew."""
+"""Step of the formation's clock, s, beyond which it is another clock: the leader's computer has restarted."""
 
 AHEAD_S = 8.0
-"""How near slots come is looked at for so long ahead."""
+"""Look-ahead for the spacing of slots, s."""
 
 LAYERED_M = 8.0
-"""Who is meant to be this much higher or lower flies in another layer ..."""
+"""Planned vertical separation from which two vehicles fly in separate layers, m."""
 
 LAYER_CLEAR_M = 7.0
-"""... and is out of the way while it is so much higher or lower."""
+"""Actual vertical separation that keeps a vehicle of another layer out of the way, m."""
 
 GONE_M = 1000.0
-"""In place of the spacing to a vehicle that has no slot."""
+"""Spacing assumed to a vehicle without a slot, m."""
 
 LATE_START_S = 0.5
-"""Who learns of an order so long after it began, as after a start in flight, has not seen where that was."""
+"""Delay after an order's beginning, s, beyond which it was missed, as by a start in flight."""
 
 BESIDE_M = 30.0
-"""A leader that is further away from the circle does not fly it."""
+"""Cross-track error beyond which a leader does not fly the final circle, m."""
 
 
 class OtherSlot(msgspec.Struct, frozen=True, kw_only=True):
-    """The slot of another vehicle, as keeping clear of it needs it."""
+    """Slot of another vehicle as needed for keeping clear of it."""
 
     slot: complex
-    """Forward + j right of the leader, m."""
+    """Place as forward + j right of the leader, m."""
     rate: complex
-    """How it moves in the formation, m/s."""
+    """Velocity in the formation's frame, m/s."""
     spacing: float
-    """How near it comes to one's own soon, level, m."""
+    """Smallest horizontal distance to the own slot within the look-ahead, m."""
     layered: bool
-    """Whether it is far enough above or below for that not to count."""
+    """Whether vertical separation makes that distance irrelevant."""
 
 
 @dataclass(slots=True)
 class KnownOrder:
-    """An order on its way: what it is, and what is known of it."""
+    """Order on its way, with its state of confirmation."""
 
     arrangement: Arrangement
-    """What it asks for."""
+    """Content of the order."""
     signed: bytes
-    """As it came, to be repeated."""
+    """Order as received, for repetition."""
     check: int
-    """CRC-32 of its bytes: what it is told by from another of the same number."""
+    """CRC-32 of its bytes, which distinguishes orders of the same number."""
     confirmed: str = ""
-    """The leader that has said that it is flown."""
+    """Name of the leader that has confirmed it; empty before."""
     confirmed_s: float = math.inf
-    """When this companion has, as the leader."""
+    """Own time at which this companion confirmed it as the leader, s."""
     offset_s: float = math.nan
-    """The formation's clock by which it is flown, less one's own, s; infinite once its motions are over."""
+    """Formation's clock by which it is flown minus own clock, s; infinite once its motions are over."""
 
     @property
     def identity(self) -> tuple[int, int]:
-        """(number, check): what copies of it, and answers to it, have in common."""
+        """Number and check that all copies of an order, and replies to it, share."""
         return self.arrangement.number, self.check
 
     def begins(self, time_s: float) -> bool:
-        """Whether its time (s on the formation's clock) has come, or is one of a clock that is no more."""
+        """Check whether its time has come at a shared time, s, or is of a clock that no longer exists."""
         ahead_s = self.arrangement.time_s - time_s
         return ahead_s <= 0.0 or ahead_s > LATEST_S
 
 
 def leader_name(plan: FlightPlan) -> str:
-    """Name of the vehicle that leads by the mission; empty where that has no companion."""
+    """Return the name of the mission's leader; empty if it has no companion."""
     if plan.leads:
         return plan.name
     return next((one.name for one in plan.others if one.leads), "")
 
 
 class RouteEnd:
-    """What one companion has seen of the end of the leader's path, where all are handed back.
+    """Detector of the end of the leader's path, where all vehicles are handed back.
 
-    Each companion finds the end by itself, from the leader's place; who hears nobody carries the leader on
-    along the route and finds the same. The end counts as known once the leader has flown a quarter of the
-    circle there: a leg that only crosses that circle leaves it sooner, and so does who gathers near it.
+    Each companion finds the end by itself from the leader's place; one that hears nobody predicts the leader
+    along the route. The end counts once the leader has flown a quarter of the final circle. A leg that only
+    crosses the circle, or a vehicle that gathers near it, leaves it sooner.
     """
 
     def __init__(self) -> None:
-        """Nothing was seen yet."""
         self._path: Path | None = None
         self._begin: float | None = None
 
     def passed(self, path: Path, point: PathPoint[float], *, steered: bool) -> bool:
-        """Whether the leader has come to the end of its path.
+        """Check whether the leader has come to the end of its path.
 
         Args:
-            path: that it follows.
-            point: of the path, where it is nearest to the leader.
-            steered: whether its companion steers it. Without that no flight of the circle begins: it may
-                loiter there before the start. One that has begun goes on, as the leader may be handed back
-                a moment before the others.
+            path: path that the leader follows.
+            point: point of the path nearest to the leader.
+            steered: whether the leader's companion steers it. The circle only begins under steering, as a
+                leader may loiter there before the start. It goes on without, as the leader may be handed back
+                first.
         """
         if path is not self._path:
             self._path, self._begin = path, None
@@ -116,7 +115,7 @@ class RouteEnd:
             return False
         run = point.progress - circle
         flown = run >= 0.0 and abs(point.cross_track_error) <= BESIDE_M
-        # A place that is not known is no place on the circle.
+        # An unknown place is not on the circle.
         if not flown:
             self._begin = None
             return False
@@ -130,34 +129,28 @@ class RouteEnd:
 
 
 class OrderedFlight:
-    """Slots, heights and path as orders have made them, for one companion."""
+    """Slots, heights and path as orders have shaped them, for one companion."""
 
     def __init__(self, plan: FlightPlan, clock: SharedClock) -> None:
-        """Begin with the slots and the path of the mission.
-
-        Args:
-            plan: of this vehicle.
-            clock: that the formation shares: orders are timed by it.
-        """
         self._plan = plan
         self._clock = clock
         self._leader = leader_name(plan)
         self.order: KnownOrder | None = None
-        """What is flown; None for the slots of the mission."""
+        """Order being flown; None for the slots of the mission."""
         self.circle: Circle | None = None
-        """Where the leader circles by a hold; None on the mission's path."""
+        """Circle of the leader in a hold; None on a path of the mission."""
         self.route: KnownPath | None = None
-        """The path that an order has chosen, also during a hold; None before the first of them."""
+        """Path chosen by an order, also during a hold; None before the first such order."""
         self.turn_radius = 0.0
-        """Radius of the last hold's circle, m; 0 before the first. Onto that circle, and from it back to the
-        path, a leader that is carried on turns no tighter."""
+        """Radius of the last hold's circle, m; 0 before the first. A predicted leader turns no tighter onto
+        that circle, and from it back to the path."""
         self._settled: tuple[Arrangement, list[OtherSlot]] | None = None
         self._route_end = RouteEnd()
         self._ended: int | None = None
         self._left: int | None = None
 
     def adopt(self, plan: FlightPlan) -> None:
-        """Go by another plan of the same vehicle from now on."""
+        """Use another plan of the same vehicle from now on."""
         self._plan = plan
 
     def begin(self, order: KnownOrder) -> None:
@@ -174,68 +167,63 @@ class OrderedFlight:
 
     @property
     def flown(self) -> Arrangement | None:
-        """What is flown; None for the slots of the mission."""
+        """Arrangement being flown; None for the slots of the mission."""
         return None if self.order is None else self.order.arrangement
 
     @property
     def number(self) -> int:
-        """Of the order that is flown; 0 before the first."""
+        """Number of the order being flown; 0 before the first."""
         return 0 if self.order is None else self.order.arrangement.number
 
     @property
     def has_aborted(self) -> bool:
-        """Whether an abort is what is flown."""
+        """Whether the order being flown is an abort."""
         return self.flown is not None and self.flown.flown is Manoeuvre.ABORT
 
     @property
     def called_off(self) -> int | None:
-        """Number of the order with which everything has ended, 0 for none before; None while it goes on."""
+        """Number of the order with which everything ended, 0 for none; None while the flight goes on."""
         if self._ended is not None:
             return self._ended
         return self.number if self.has_aborted else None
 
     @property
     def is_over(self) -> bool:
-        """Whether the flight has ended because its route has."""
+        """Whether the flight has ended at the end of its route."""
         return self._ended is not None
 
     @property
     def has_left(self) -> bool:
-        """Whether this vehicle is to be left to its autopilot: it has no place, or all was called off."""
+        """Whether this vehicle is left to its autopilot: it has no slot, or everything was called off."""
         if self.order is None or self.called_off is not None:
             return self.called_off is not None
         return not self._plan.leads and self.order.arrangement.place_of(self._plan.name) is None
 
     @property
     def loiters_by(self) -> int | None:
-        """Number of the order by which this vehicle loiters; None while it is in the formation."""
+        """Number of the order by which this vehicle loiters; None in the formation."""
         return self._left if self.called_off is None else self.called_off
 
     @property
     def path(self) -> str | None:
-        """Name of the path that the leader follows; None in a hold, and once all was called off."""
+        """Name of the leader's path; None in a hold, and once everything was called off."""
         if self.circle is not None or self.called_off is not None:
             return None
         return self.chosen_path
 
     @property
     def chosen_path(self) -> str:
-        """Name of the path that the leader follows, or goes back to after a hold."""
+        """Name of the leader's path, or of the one that it returns to after a hold."""
         return MAIN_PATH if self.flown is None else self.flown.path
 
     @property
     def ceiling(self) -> float:
-        """Greatest height that the fence allows now, m above the origin; infinite without one."""
+        """Maximum height that the fence allows now, m above the origin; infinite without a fence."""
         return self._plan.ceiling_along(self.chosen_path)
 
     def watch_route(self, path: Path, point: PathPoint[float], *, steered: bool) -> bool:
-        """Take where the leader is on its path, and say whether the flight has ended there just now.
-
-        Args:
-            path: that it follows.
-            point: of the path, where it is nearest to the leader.
-            steered: whether its companion steers it.
-        """
+        """Check whether the flight ends now at the leader's place; for the arguments see
+        `RouteEnd.passed`."""
         at_end = self.circle is None and self._route_end.passed(path, point, steered=steered)
         if not at_end or self.called_off is not None:
             return False
@@ -243,9 +231,9 @@ class OrderedFlight:
         return True
 
     def slot(self, vehicle: str, now: float) -> Slot | None:
-        """The slot that an order has given to a follower, at a time (s of one's own clock), and its rates.
+        """Return a follower's ordered slot and its rates at an own time, s.
 
-        None by the mission's own slots, and for a vehicle that has left.
+        None while the mission's own slots are flown, and for a vehicle that has left.
         """
         order = self.order
         if order is None or order.arrangement.place_of(vehicle) is None:
@@ -253,14 +241,15 @@ class OrderedFlight:
         return order.arrangement.slot(vehicle, self.time_of(order, now))
 
     def height(self, vehicle: str, now: float) -> tuple[float, float] | None:
-        """(height above the leader in m, its rate in m/s) of a slot that an order has given; see `slot`."""
+        """Return the height above the leader, m, and its rate, m/s, of an ordered slot; None as for
+        `slot`."""
         order = self.order
         if order is None or order.arrangement.place_of(vehicle) is None:
             return None
         return order.arrangement.height(vehicle, self.time_of(order, now))
 
     def point(self, vehicle: str, now: float) -> Point | None:
-        """Where a slot is that was ordered; None by the mission's own, and for a vehicle that has left."""
+        """Return the place of an ordered slot at an own time, s; None as for `slot`."""
         if self.flown is None:
             return None
         if vehicle == self._leader:
@@ -271,7 +260,7 @@ class OrderedFlight:
         return Point(slot.forward, slot.right, height[0])
 
     def own_slot(self, now: float) -> Point | None:
-        """Where the own slot is at a time (s of one's own clock); None for a vehicle that has left."""
+        """Return the place of the own slot at an own time, s; None for one that has left or leads."""
         if self.order is not None:
             return self.point(self._plan.name, now)
         if isinstance(self._plan.task, LeaderTask):
@@ -280,7 +269,7 @@ class OrderedFlight:
         return Point(slot.forward, slot.right, self._plan.up)
 
     def others(self, now: float) -> list[OtherSlot] | None:
-        """Slots of all other vehicles, in the plan's order; None while nothing was ordered."""
+        """Return the slots of all other vehicles in the plan's order; None before the first order."""
         if self.order is None:
             return None
         flown = self.order.arrangement
@@ -313,21 +302,21 @@ class OrderedFlight:
         return found
 
     def is_late(self, now: float) -> bool:
-        """Whether the order that is flown began long before a time (s of one's own clock)."""
+        """Check whether the order being flown began long before an own time, s."""
         order = self.order
         return (
             order is not None and self.time_of(order, now) > order.arrangement.time_s + LATE_START_S
         )
 
     def left(self, now: float) -> float:
-        """How long the slots still move by what is flown, s; not positive once they have arrived."""
+        """Return for how long slots still move by the order being flown, s; not positive at rest."""
         if self.order is None:
             return -math.inf
         flown = self.order.arrangement
         return flown.time_s + flown.duration_s - self.time_of(self.order, now)
 
     def time_of(self, order: KnownOrder, now: float) -> float:
-        """A time on the clock by which an order is flown, s: slots do not jump where the clock does."""
+        """Return a time on an order's clock, s, which does not jump with the formation's clock."""
         time_s, expected_s = self.shared_time(now), now + order.offset_s
         if math.isnan(expected_s) or abs(time_s - expected_s) <= JUMP_S:
             order.offset_s = time_s - now if math.isfinite(time_s) else order.offset_s
@@ -335,12 +324,12 @@ class OrderedFlight:
         return expected_s
 
     def shared_time(self, now: float) -> float:
-        """A time on the formation's clock, s; where it is not known, after all motions."""
+        """Return a time on the formation's clock, s; infinite, as after all motions, while not known."""
         time_s = self._clock.from_own(now)
         return time_s if math.isfinite(time_s) else math.inf
 
     def circle_of(self, order: Arrangement) -> Circle | None:
-        """The circle of a hold, as a path."""
+        """Return the circle of a hold as a path; None for any other order."""
         found = order.circle
         if found is None:
             return None
@@ -353,7 +342,8 @@ class OrderedFlight:
         )
 
     def _route_of(self, order: Arrangement) -> KnownPath | None:
-        """The path that an order has chosen; its field leads onto it by turns of the order's radius."""
+        """Return the path that an order has chosen, entered by turns of the order's radius; None for no
+        such."""
         known, radius = self._plan.paths.get(order.path), order.turn_radius_m
         if known is None or radius <= 0.0:
             return None
