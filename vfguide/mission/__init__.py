@@ -1,4 +1,4 @@
-"""Mission files: what they may say, how they are read, and what is known before take-off."""
+"""Mission files: their fields, their reader and the checks before take-off."""
 
 from vfguide.mission.feasibility import check_mission
 from vfguide.mission.finding import Finding, MissionError, MissionSource

@@ -1,7 +1,7 @@
-"""Where the parts of a mission contradict each other.
+"""Contradictions between the parts of a mission.
 
-The checks read plain data (mappings, lists, numbers) and pass over whatever is missing or of the wrong
-kind: so they also work on a file that has other faults, and all faults are reported at once.
+The checks read plain data (mappings, lists, numbers) and skip what is missing or of the wrong type. They
+therefore also work on a file with other faults, and all faults are reported at once.
 """
 
 import math
@@ -15,23 +15,23 @@ from pydantic import BaseModel
 from vfguide.formation.arrangement import MAIN_PATH
 from vfguide.mission.finding import Location, Misfit
 
-# A leader without a companion: what a mission file may leave out of it, and what has to be right.
+# Defaults and limits of a leader without a companion.
 
 OWN_COMPANION = "companion"
-"""`leader.follows` of a leader with a companion, and where a mission does not say."""
+"""`leader.follows` of a leader with a companion; the default."""
 
 DEFAULT_NAME = "leader"
-"""What a leader without a companion is called where the mission does not say."""
+"""Default name of a leader without a companion."""
 
 DEFAULT_AIRSPEED_M_S = 20.0
-"""What it is expected to fly where the mission does not say, m/s."""
+"""Default expected airspeed of a leader without a companion, m/s."""
 
 ADSB_DISTANCE_M = 100.0
-"""Slots behind an aircraft that is heard by ADS-B are at least this far from it, level."""
+"""Minimum horizontal distance of slots from an aircraft that is heard by ADS-B, m."""
 
 
 def group(data: object, *steps: str) -> Mapping[str, Any]:
-    """The group of fields at a place of the tree; empty if there is none."""
+    """Return the group of fields at a path of keys; empty if there is none."""
     for step in steps:
         data = group(data).get(step)
     if isinstance(data, BaseModel):
@@ -40,22 +40,22 @@ def group(data: object, *steps: str) -> Mapping[str, Any]:
 
 
 def number(value: object) -> float | None:
-    """A finite number of a sensible size; None for anything else."""
+    """Return a finite number between -1e9 and 1e9 as a float, None for anything else."""
     if isinstance(value, bool) or not isinstance(value, int | float):
         return None
     return float(value) if -1e9 < value < 1e9 else None
 
 
 def is_foreign(data: Mapping[str, object]) -> bool:
-    """Whether the leader of a mission, given as plain data, has no companion."""
+    """Check whether the leader of a mission, given as plain data, has no companion."""
     return bool(group(data, "leader").get("follows", OWN_COMPANION) != OWN_COMPANION)
 
 
 def completed(data: object) -> object:
-    """A mission with what it may leave out where its leader has no companion; anything else as it is.
+    """Return a mission with its defaults for a leader without a companion; other data unchanged.
 
-    Such a leader needs no entry under `vehicles`, and no path: what it flies is its own affair. A rehearsal
-    lets it fly north then.
+    Such a leader needs no entry under `vehicles` and no path, since it navigates on its own. In a rehearsal
+    without a path it flies north.
     """
     if not isinstance(data, Mapping) or not is_foreign(data):
         return data
@@ -73,7 +73,7 @@ def completed(data: object) -> object:
 
 
 def as_written(data: Mapping[str, Any]) -> dict[str, Any]:
-    """A complete mission, given as plain data, with the system id of such a leader written once."""
+    """Return complete mission data that gives the system ID of a leader without a companion only once."""
     leader, vehicles = group(data, "leader"), dict(group(data, "vehicles"))
     name = str(leader.get("vehicle"))
     if is_foreign(data) and leader.get("system_id") is not None:
@@ -83,25 +83,25 @@ def as_written(data: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def free_id(vehicles: Mapping[str, object]) -> int:
-    """A system id that no vehicle has: an aircraft that is heard by ADS-B has none of its own."""
+    """Return an unused system ID, for an aircraft that is heard by ADS-B and has none of its own."""
     taken = {group(vehicle).get("system_id") for vehicle in vehicles.values()}
     return next(number for number in range(1, 255) if number not in taken)
 
 
 DEFAULT_MIN_SEPARATION_M = 5.0
-"""Least distance between two vehicles (m) where a mission does not say."""
+"""Default minimum distance between two vehicles, m."""
 
 DEFAULT_AIRSPEED_RANGE_M_S: tuple[float, float] = (12.0, 32.0)
-"""Lowest and highest airspeed of a vehicle (m/s) where a mission does not say."""
+"""Default (minimum, maximum) airspeed of a vehicle, m/s."""
 
 MAX_FOLLOWERS = 253
-"""MAVLink has 255 system ids; the leader has one of them, ground stations another."""
+"""MAVLink has 255 system IDs: the leader uses one, ground stations another."""
 
 MAX_DEPUTIES = 7
-"""The last of them leads 2.7 s after a leader has fallen silent, at the earliest."""
+"""The last of 7 deputies leads 2.7 s after the leader has fallen silent, at the earliest."""
 
 GROUND_STATION = 255
-"""System id that ground stations have, and no vehicle but a leader that is one."""
+"""System ID of ground stations; the only vehicle that may share it is a ground station that leads."""
 
 LEADER = "leader"
 """Key of the leader under `rehearsal.start`, whatever its vehicle is called."""
@@ -109,7 +109,7 @@ LEADER = "leader"
 
 @dataclass(frozen=True, slots=True)
 class _Role:
-    """A vehicle's name at the place that gives it something to do."""
+    """Vehicle name and the mission field that gives the vehicle a role."""
 
     location: Location
     title: str
@@ -117,7 +117,7 @@ class _Role:
 
 
 class _Sketch:
-    """A mission as plain data, and what several checks ask of it."""
+    """Mission as plain data, with values that several checks share."""
 
     def __init__(self, data: Mapping[str, Any]) -> None:
         self.data = data
@@ -125,7 +125,7 @@ class _Sketch:
         self.follows = self.leader.get("follows", OWN_COMPANION)
         self.vehicles = group(data, "vehicles")
         self.rehearsal = group(data, "rehearsal")
-        # An empty group for whatever is none.
+        # Entries that are no groups become empty groups.
         self.followers = [group(one) for one in listed(data.get("followers"))[:MAX_FOLLOWERS]]
         named: list[tuple[Location, str, object]] = [
             (("leader", "vehicle"), "the leader", self.leader.get("vehicle")),
@@ -135,14 +135,14 @@ class _Sketch:
             ),
         ]
         self.roles = [_Role(*one[:2], one[2]) for one in named if isinstance(one[2], str)]
-        """Everyone who has something to do, the leader first."""
+        """All roles, the leader first."""
         self.names = [role.vehicle for role in self.roles]
         self.follower_names = [
             role.vehicle for role in self.roles if role.location[0] == "followers"
         ]
 
     def slots(self) -> Iterator[tuple[int, tuple[float, float, float]]]:
-        """(index, (forward, right, up)) of the followers whose slots are such, m."""
+        """Yield (index, (forward, right, up)) of each follower with a valid slot, m."""
         for index, follower in enumerate(self.followers):
             slot = group(follower, "slot")
             place = [number(slot.get(name)) for name in ("forward_m", "right_m")]
@@ -152,7 +152,7 @@ class _Sketch:
 
 
 def inconsistencies(data: Mapping[str, object]) -> tuple[Misfit, ...]:
-    """All contradictions in a mission given as plain data."""
+    """Return all contradictions in a mission given as plain data."""
     checks: tuple[Callable[[_Sketch], Iterator[Misfit]], ...] = (
         _vehicles_and_roles,
         _deputies_who_cannot_lead,
@@ -169,12 +169,12 @@ def inconsistencies(data: Mapping[str, object]) -> tuple[Misfit, ...]:
 
 
 def listed(value: object) -> Sequence[Any]:
-    """The entries of a list; none where it is none."""
+    """Return the entries of a list or tuple; empty for anything else."""
     return value if isinstance(value, list | tuple) else ()
 
 
 def _vehicles_and_roles(sketch: _Sketch) -> Iterator[Misfit]:
-    """Roles of vehicles that are not described, vehicles with two roles and with none."""
+    """Find roles of undescribed vehicles, and vehicles with two roles or none."""
     known = ", ".join(str(name) for name in sketch.vehicles)
     taken: dict[str, str] = {}
     for role in sketch.roles:
@@ -185,7 +185,7 @@ def _vehicles_and_roles(sketch: _Sketch) -> Iterator[Misfit]:
         if name in taken:
             message = f"'{name}' already flies as {taken[name]}"
             yield Misfit(role.location, message, "give each role a vehicle of its own")
-        # Its start could not be told from the leader's.
+        # `rehearsal.start` could not tell its start from the leader's.
         if name == LEADER and role is not sketch.roles[0]:
             remedy = "rename this vehicle, here and under vehicles"
             yield Misfit(role.location, "a follower cannot be called 'leader'", remedy)
@@ -197,7 +197,7 @@ def _vehicles_and_roles(sketch: _Sketch) -> Iterator[Misfit]:
 
 
 def _deputies_who_cannot_lead(sketch: _Sketch) -> Iterator[Misfit]:
-    """Deputies that do not follow, are named twice, or cannot stand in for the leader."""
+    """Find deputies that do not follow, are named twice, or cannot stand in for the leader."""
     deputies = listed(sketch.data.get("deputies"))
     if not deputies:
         return
@@ -213,7 +213,7 @@ def _deputies_who_cannot_lead(sketch: _Sketch) -> Iterator[Misfit]:
             "a leader that does not measure its ground speed cannot come back as a follower",
             "write controller.leader_speed_source: measured, or remove the deputies",
         )
-    # A radio has no room for what they say.
+    # The radio has no capacity for the messages of deputies.
     if sketch.rehearsal.get("radio") is not None:
         message = "deputies cannot lead over a radio (rehearsal.radio)"
         yield Misfit(("deputies",), message, "remove one of the two")
@@ -228,7 +228,7 @@ def _deputies_who_cannot_lead(sketch: _Sketch) -> Iterator[Misfit]:
 
 
 def _paths_without_use(sketch: _Sketch) -> Iterator[Misfit]:
-    """Other paths that cannot be ordered: of the first's name, or of a leader without a companion."""
+    """Find other paths that cannot be ordered: one named `main`, or paths of a leader without a companion."""
     others = group(sketch.data, "paths")
     if others and sketch.follows != OWN_COMPANION:
         yield Misfit(
@@ -241,7 +241,7 @@ def _paths_without_use(sketch: _Sketch) -> Iterator[Misfit]:
 
 
 def _contradicting_orders(sketch: _Sketch) -> Iterator[Misfit]:
-    """Orders of the time table for one time, and of followers that are not where the order needs them."""
+    """Find orders out of time sequence, and followers ordered to leave or join a second time."""
     followers = set(sketch.follower_names)
     present = {*followers}
     before: float | None = None
@@ -265,12 +265,12 @@ def _contradicting_orders(sketch: _Sketch) -> Iterator[Misfit]:
 
 
 def _names(value: object) -> list[str]:
-    """The names in a list of some; none where it is none."""
+    """Return the strings in a list; empty if it is no list."""
     return [name for name in listed(value) if isinstance(name, str)]
 
 
 def _misplaced(place: Location, name: str, followers: set[str]) -> Misfit:
-    """What to say of a follower that is not where an order needs it."""
+    """Describe a follower that an order names although it is absent, or joins although it is present."""
     if name not in followers:
         known = ", ".join(sorted(followers)) or "none"
         return Misfit(place, f"'{name}' is no follower", f"name one of: {known}")
@@ -281,7 +281,7 @@ def _misplaced(place: Location, name: str, followers: set[str]) -> Misfit:
 
 
 def _strangers_in_the_rehearsal(sketch: _Sketch) -> Iterator[Misfit]:
-    """Losses, emulated aircraft and starting places of vehicles that do not fly in the formation."""
+    """Find losses, emulated aircraft and starts of vehicles that do not fly in the formation."""
     names = sketch.names
     companions = names if sketch.follows == OWN_COMPANION else names[1:]
     for index, loss in enumerate(listed(sketch.rehearsal.get("losses"))):
@@ -306,12 +306,12 @@ def _strangers_in_the_rehearsal(sketch: _Sketch) -> Iterator[Misfit]:
 
 
 def _shared_system_ids(sketch: _Sketch) -> Iterator[Misfit]:
-    """Vehicles that MAVLink could not tell apart."""
+    """Find vehicles with the same MAVLink system ID."""
     owners: dict[float, str] = {GROUND_STATION: "the ground station"}
     for name, vehicle in sketch.vehicles.items():
         system_id = number(group(vehicle).get("system_id"))
         heard = sketch.follows == "mavlink" and name == sketch.leader.get("vehicle")
-        # A ground station, or the phone of one, may lead by FOLLOW_TARGET.
+        # A ground station or its phone may lead by FOLLOW_TARGET.
         if system_id is None or (heard and system_id == GROUND_STATION):
             continue
         if system_id in owners:
@@ -324,7 +324,7 @@ def _shared_system_ids(sketch: _Sketch) -> Iterator[Misfit]:
 
 
 def _crowded_slots(sketch: _Sketch) -> Iterator[Misfit]:
-    """Slots too close to the leader or to each other, or to an aircraft with people in it."""
+    """Find slots too close to the leader, to each other or to a crewed aircraft."""
     allowed = number(group(sketch.data, "acceptance").get("min_separation_m"))
     allowed = DEFAULT_MIN_SEPARATION_M if allowed is None else allowed
     places: list[tuple[Location, str, tuple[float, float, float]]] = [
@@ -342,7 +342,7 @@ def _crowded_slots(sketch: _Sketch) -> Iterator[Misfit]:
                 f"only {distance:.1f} m from {other}",
                 f"keep slots acceptance.min_separation_m = {allowed:g} m apart",
             )
-    # Its position is some seconds old.
+    # The position of an ADS-B aircraft is some seconds old.
     for location, _, here in places[1:] if sketch.follows == "adsb" else ():
         distance = math.hypot(*here[:2])
         if distance < ADSB_DISTANCE_M:
@@ -351,7 +351,7 @@ def _crowded_slots(sketch: _Sketch) -> Iterator[Misfit]:
 
 
 def _airspeed_out_of_range(sketch: _Sketch) -> Iterator[Misfit]:
-    """A leader that is to fly faster or slower than it can."""
+    """Find a leader whose mission airspeed is outside its range."""
     name, airspeed = sketch.leader.get("vehicle"), number(sketch.leader.get("airspeed_m_s"))
     vehicle = group(sketch.vehicles, str(name))
     span = airspeed_range(vehicle)
@@ -367,7 +367,7 @@ def _airspeed_out_of_range(sketch: _Sketch) -> Iterator[Misfit]:
 
 
 def airspeed_range(vehicle: Mapping[str, object]) -> tuple[float, float] | None:
-    """(lowest, highest) airspeed of a vehicle, m/s: the usual where it does not say; None if it is none."""
+    """Return a vehicle's (minimum, maximum) airspeed, m/s: the default if absent, None if malformed."""
     if "airspeed_range_m_s" not in vehicle:
         return DEFAULT_AIRSPEED_RANGE_M_S
     match [number(one) for one in listed(vehicle["airspeed_range_m_s"])]:
@@ -377,7 +377,7 @@ def airspeed_range(vehicle: Mapping[str, object]) -> tuple[float, float] | None:
 
 
 def _leader_without_id(sketch: _Sketch) -> Iterator[Misfit]:
-    """A leader without a companion that no system id tells, or two."""
+    """Find a leader without a companion that has no system ID, or two different ones."""
     leader, follows = sketch.leader, sketch.follows
     known = number(group(sketch.vehicles, str(leader.get("vehicle"))).get("system_id"))
     system_id = number(leader.get("system_id"))

@@ -1,8 +1,7 @@
 """The guidance law of a mission and its gains.
 
-`Controller` holds what every law shares. The gains of a law are a section of the law's own; the mission's
-`controller:` has the fields of both, by a model that is made of the two for each law: the law takes it as its
-gains.
+`Controller` holds the fields that all laws share. Each law defines its gains as a section of its own. For
+each law, a model combines both: it validates `controller:` and is passed to the law as its gains.
 """
 
 import math
@@ -28,7 +27,7 @@ from vfguide.mission.quantity import Duration, Gain, NotNegative, Section, Switc
 from vfguide.registry import laws
 
 USUAL_LAW = "slot"
-"""The law of a mission that names none."""
+"""Default law."""
 
 
 class Observer(Section):
@@ -103,22 +102,22 @@ class Controller(Section):
 
     @property
     def layer_factor(self) -> float:
-        """Boundary layer over kappa times the delay: as chosen, or by `sharpness`."""
+        """Boundary layer over kappa times the delay: as configured, or derived from `sharpness`."""
         chosen = "boundary_layer_factor" in self.model_fields_set
         return self.boundary_layer_factor if chosen else factor_of(self.sharpness)
 
     @property
     def amplification(self) -> float:
-        """How much quicker than a hold its loop may be: by `sharpness`, where the mission has no gains."""
+        """Maximum ratio of loop to hold bandwidth, from `sharpness`; infinite if the mission sets gains."""
         gains = set(type(self).model_fields) - set(Controller.model_fields)
         chosen = self.model_fields_set & {*gains, "kappa", "boundary_layer_factor"}
         return math.inf if chosen else amplification_of(self.sharpness)
 
     _gains_of_others: dict[str, Any] = PrivateAttr(default_factory=dict)
-    """What the mission holds for other laws, as it is written there, for flights by one of them."""
+    """Gains of other laws as the mission file has them, for flights by one of those laws."""
 
     def keep_for_other_laws(self, fields: Mapping[str, Any]) -> None:
-        """Keep fields that this law has not, for `with_law`."""
+        """Keep fields that this law does not have, for `with_law`."""
         self._gains_of_others.update(fields)
 
     @model_serializer(mode="wrap")
@@ -126,13 +125,13 @@ class Controller(Section):
         return {**handler(self), **self._gains_of_others}
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Travel to other processes as plain fields: the model of a law is made anew in each of them."""
+        """Pickle as plain fields: each process creates the model of the law itself."""
         return controller_of, (self.model_dump(exclude_unset=True) | {"type": self.type},)
 
 
 @cache
 def controller_model(name: str, gains: type[BaseModel]) -> type[Controller]:
-    """The fields that `controller:` may hold for a law: the shared ones and the law's gains."""
+    """Return the model of `controller:` for a law: the shared fields and the law's gains."""
     kind: Any = (Literal[name], name)
     bases: tuple[Any, ...] = (Controller, gains)
     return create_model(
@@ -144,13 +143,13 @@ def controller_model(name: str, gains: type[BaseModel]) -> type[Controller]:
 
 
 def controller_of(content: Mapping[str, Any]) -> Controller:
-    """The controller that the fields of a mission file stand for.
+    """Return the controller for the fields of a mission file.
 
-    Gains of the law may also stand in a group of the law's name. Gains of other laws are kept as they are,
-    so that one file holds the gains of several laws, and can be flown by each of them.
+    Gains of the law may also stand in a group named after the law. Gains of other laws are kept, so that one
+    file can be flown by several laws.
 
     Raises:
-        pydantic.ValidationError: the law or a field is not known, or a value is out of its range.
+        pydantic.ValidationError: the law or a field is unknown, or a value is out of range.
     """
     name = content.get("type", USUAL_LAW)
     if name not in laws:
@@ -168,7 +167,7 @@ def controller_of(content: Mapping[str, Any]) -> Controller:
 
 
 def merged(content: Mapping[str, Any]) -> dict[str, Any]:
-    """The fields of a `controller:` with those of a group of its law's name among them."""
+    """Merge the group named after the law into the other fields of a `controller:`."""
     name = content.get("type", USUAL_LAW)
     own = content.get(name) if isinstance(name, str) else None
     if not isinstance(own, Mapping):
@@ -177,9 +176,9 @@ def merged(content: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def with_law(content: Mapping[str, Any], name: str) -> dict[str, Any]:
-    """The fields of a `controller:` for another law, with what the mission holds for it.
+    """Return the fields of a `controller:` for another law, including gains the mission holds for it.
 
-    Gains that have another meaning there are left out.
+    Gains that mean something else in the other law are dropped.
 
     Raises:
         InputError: there is no law of this name.
@@ -204,12 +203,12 @@ def with_law(content: Mapping[str, Any], name: str) -> dict[str, Any]:
 
 
 def chosen_controller(value: object) -> object:
-    """A mapping as the controller that it stands for; anything else as it is."""
+    """Convert a mapping to a controller; return anything else unchanged."""
     return controller_of(value) if isinstance(value, Mapping) else value
 
 
 def gains_by_field() -> dict[str, FieldInfo]:
-    """The gains of all known laws, by their names."""
+    """Return the gains of all known laws by name."""
     return {
         name: field
         for law in laws.names()
@@ -218,7 +217,7 @@ def gains_by_field() -> dict[str, FieldInfo]:
 
 
 def unknown_law(name: object) -> ValidationError:
-    """What validation says of a law that nobody knows."""
+    """Return the validation error for an unknown law."""
     details = InitErrorDetails(
         type="literal_error",
         loc=("type",),

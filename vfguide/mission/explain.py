@@ -1,6 +1,6 @@
-"""Pydantic's findings in plain words, each with what would be right.
+"""Plain-language explanations of Pydantic's findings, each with a remedy.
 
-Finding one's way in the model of a mission file by the locations that validation reports.
+Reported locations are translated to fields of the mission model.
 """
 
 import difflib
@@ -25,7 +25,7 @@ from vfguide.mission.quantity import NAME_RULES, field_meanings
 from vfguide.registry import laws
 
 COVERED_ELSEWHERE = {"inconsistent_mission", "default_factory_not_called"}
-"""Findings that repeat others: contradictions are looked for separately, with their own places."""
+"""Findings that repeat others: contradictions are reported separately, each at its own field."""
 
 EXPECTED = {
     "float_type": ("a number", "write a number without quotes"),
@@ -51,33 +51,33 @@ REMEDIES = {
 }
 
 WITH_UNIT = re.compile(r"\s*[-+]?(\d+\.?\d*|\.\d+)\s*[^\d\s.,:eE+-]")
-"""The beginning of a number with something behind it, such as a unit."""
+"""A number followed by something else, such as a unit."""
 
 WRITTEN_OUT = 10**15
-"""Whole numbers below this are quoted to the last digit."""
+"""Whole numbers below this are quoted with all digits."""
 
 
 @dataclass(frozen=True, slots=True)
 class FilePlace:
-    """What a reported location means in the file."""
+    """Meaning of a reported location in the file."""
 
     location: Location
-    """The location as the file's author sees it."""
+    """Location as the file's author sees it."""
     group: type[BaseModel] | None
-    """The group of fields the last name belongs to."""
+    """Group of fields that contains the last field of the location."""
     kinds: tuple[type[BaseModel], ...]
-    """What the field itself may hold, where that is one or another group."""
+    """Models that the field itself may hold; empty if it is no group."""
 
     @property
     def known(self) -> Mapping[str, FieldInfo]:
-        """The fields that group may hold."""
+        """Fields that the group may hold."""
         if self.group is Controller:
             return {**Controller.model_fields, **gains_by_field()}
         return self.group.model_fields if self.group else {}
 
 
 def place_of(reported: Location) -> FilePlace:
-    """Translate a reported location: it names the chosen kind of a path or wind as a step of its own."""
+    """Translate a reported location, which names the chosen type of a path or wind as an extra step."""
     annotation: object = Mission
     location: list[str | int] = []
     group: type[BaseModel] | None = None
@@ -95,7 +95,7 @@ def place_of(reported: Location) -> FilePlace:
 
 
 def kind_names(model: type[BaseModel]) -> tuple[object, ...]:
-    """The values of `type` that stand for a model."""
+    """Return the values of `type` that select a model."""
     field = model.model_fields.get("type")
     if field is None or get_origin(field.annotation) is not Literal:
         return ()
@@ -103,7 +103,7 @@ def kind_names(model: type[BaseModel]) -> tuple[object, ...]:
 
 
 def _kinds(annotation: object) -> list[type[BaseModel]]:
-    """The models an annotation stands for: several for a union told apart by its `type`."""
+    """Return the models of an annotation: several for a union that is told apart by `type`."""
     if get_origin(annotation) is Annotated:
         return _kinds(get_args(annotation)[0])
     if get_origin(annotation) in {Union, UnionType}:
@@ -117,7 +117,7 @@ def _kinds(annotation: object) -> list[type[BaseModel]]:
 
 
 def _inner(annotation: object, group: type[BaseModel] | None, step: str | int) -> object:
-    """The annotation of what lies one step further down."""
+    """Return the annotation of an entry one step further down; None if unknown."""
     if group is not None:
         field = group.model_fields.get(str(step))
         if field is not None:
@@ -135,11 +135,11 @@ def _inner(annotation: object, group: type[BaseModel] | None, step: str | int) -
 
 
 def explain(error: ValidationError, data: Mapping[str, object]) -> list[Misfit]:
-    """What is wrong with a mission: single fields, then contradictions between fields that are sound.
+    """Return the faults of a mission: single fields, then contradictions between valid fields.
 
     Args:
-        error: of its validation.
-        data: the mission that was validated, as plain data.
+        error: validation error of the mission.
+        data: validated mission, as plain data.
     """
     details = error.errors(include_url=False)
     found = [
@@ -152,7 +152,7 @@ def explain(error: ValidationError, data: Mapping[str, object]) -> list[Misfit]:
 
 
 def _is_short_by_faults(one: ErrorDetails, details: Sequence[ErrorDetails]) -> bool:
-    """Whether a list is found too short only since faulty entries of it do not count."""
+    """Check whether a list is reported as too short only because invalid entries do not count."""
     if one["type"] != "too_short":
         return False
     place = one["loc"]
@@ -160,7 +160,7 @@ def _is_short_by_faults(one: ErrorDetails, details: Sequence[ErrorDetails]) -> b
 
 
 def described(value: object) -> str:
-    """A value as a message can quote it."""
+    """Return a value as a message can quote it."""
     if value is None:
         return "nothing"
     if isinstance(value, bool):
@@ -170,7 +170,7 @@ def described(value: object) -> str:
     if isinstance(value, int) and abs(value) < WRITTEN_OUT:
         return str(value)
     if isinstance(value, int | float):
-        # huge integers would make Python refuse to write them out
+        # Python may refuse to write out huge integers.
         return "such a huge number" if 1e300 < abs(value) < math.inf else f"{value:g}"
     return "a list" if isinstance(value, list | tuple) else "a group of fields"
 
@@ -186,7 +186,7 @@ def _explain_one(detail: ErrorDetails) -> Misfit:
 
 
 def _meaning(place: FilePlace) -> str:
-    """The field's description, as a remedy of last resort."""
+    """Return the description of the field, as a remedy of last resort."""
     if not place.location or place.group is None:
         return ""
     sections = [place.group]
@@ -234,7 +234,7 @@ def _unknown(_: ErrorDetails, place: FilePlace) -> Misfit:
 
 
 def nearest(name: str, known: Mapping[str, object]) -> str | None:
-    """The known name that somebody most likely meant."""
+    """Return the most likely intended name, or None."""
     beginning = [one for one in known if one.startswith(f"{name}_")]
     near = beginning or difflib.get_close_matches(name, known, n=1, cutoff=0.6)
     return near[0] if near else None

@@ -1,10 +1,10 @@
-"""All that can be known about a mission before take-off.
+"""Feasibility checks of a mission before take-off.
 
-How near a vehicle may come that leaves its slot, whatever it does: for every two vehicles, one leaves
-guidance and turns at its bank limit, to either side and for as long as it likes, from straight flight in
-the formation. The other hears of it, answers after its dead time and lag, and flies one full manoeuvre
-whatever the first does then; what it really does, looking again at every report, is no worse. The same
-kinematics as those of the study in docs/accuracy.md.
+`least_guarantee` bounds how near a vehicle may come that leaves its slot. For every two vehicles, one leaves
+guidance in straight flight and turns at its bank limit, to either side and for any time. The other hears of
+it, responds after its dead time and lag, and flies one full manoeuvre whatever the first does then. In
+flight it decides again at every report, which is no worse. The kinematics are those of the study in
+docs/accuracy.md.
 """
 
 import math
@@ -52,7 +52,7 @@ from vfguide.mission.rehearsal import FollowerStart
 from vfguide.registry import laws
 
 LEADER_OFFSET_M = 30.0
-"""How far right of its path a leader begins."""
+"""Distance right of its path at which a leader starts by default."""
 
 NEAREST_BEHIND_M, FARTHEST_BEHIND_M = 50.0, 80.0
 NEAREST_OUTWARD_M, FARTHEST_OUTWARD_M = 30.0, 60.0
@@ -60,7 +60,7 @@ NEAREST_OUTWARD_M, FARTHEST_OUTWARD_M = 30.0, 60.0
 
 @dataclass(frozen=True, slots=True)
 class StartState:
-    """A place and a direction to begin from."""
+    """Start position and direction."""
 
     north_m: float
     """Metres north of the origin."""
@@ -74,7 +74,7 @@ class StartState:
     """Climb rate, m/s, positive up."""
 
     def shifted(self, *, forward_m: float, right_m: float, up_m: float = 0.0) -> "StartState":
-        """A start in this direction, at a place ahead of, right of and above this one."""
+        """Return a start in the same direction, ahead of, right of and above this one (m)."""
         course = math.radians(self.course_deg)
         return StartState(
             self.north_m + forward_m * math.cos(course) - right_m * math.sin(course),
@@ -86,13 +86,13 @@ class StartState:
 
 
 def path_beginning(shape: PathShape) -> StartState:
-    """The first point of the path and the course of the path there, at the mission's flying height."""
+    """Return the first point of the path with the course there, at the mission's flying height."""
     place = path_of(shape).at(0.0)
     return StartState(place.north, place.east, 0.0, math.degrees(place.course) % 360.0)
 
 
 def leader_start(mission: Mission) -> StartState:
-    """Where the leader begins: as given, or 30 m right of the beginning of its path and along it."""
+    """Return the leader's start: as given, or 30 m right of the beginning of its path and along it."""
     beginning = path_beginning(mission.path)
     given = mission.rehearsal.start.leader
     if given is None:
@@ -102,7 +102,7 @@ def leader_start(mission: Mission) -> StartState:
 
 
 def follower_start(mission: Mission, vehicle: str) -> StartState:
-    """Where a follower begins: displaced from its slot beside the leader's start.
+    """Return a follower's start: displaced from its slot relative to the leader's start.
 
     Args:
         mission: the mission.
@@ -122,10 +122,10 @@ def follower_start(mission: Mission, vehicle: str) -> StartState:
 
 
 def default_displacement(followers: tuple[Follower, ...], vehicle: str) -> FollowerStart:
-    """Out of the slot by 50 to 100 m, away from the leader along and across its course.
+    """Return a displacement of 50 to 100 m out of the slot, away from the leader.
 
-    Slots further out are displaced further, so that distances only grow: nobody begins closer to anybody
-    than in the formation, and nobody has to pass another on the way in.
+    Slots further out are displaced further, so that distances only grow. No vehicle starts closer to another
+    than in the formation, and none has to pass another on the way in.
     """
     slot = {one.vehicle: one.slot for one in followers}[vehicle]
     forward = _outward(
@@ -140,7 +140,7 @@ def default_displacement(followers: tuple[Follower, ...], vehicle: str) -> Follo
         NEAREST_OUTWARD_M,
         FARTHEST_OUTWARD_M,
     )
-    # a slot beside the leader is left backwards, any other along the side of the leader it lies on
+    # A slot at the leader's side starts behind the slot, any other slot also farther out on its own side.
     return FollowerStart(
         forward_m=forward if slot.forward_m > 0.0 else -abs(forward),
         right_m=0.0 if slot.right_m == 0.0 else right,
@@ -148,7 +148,7 @@ def default_displacement(followers: tuple[Follower, ...], vehicle: str) -> Follo
 
 
 def _outward(offset: float, distances: list[float], nearest: float, farthest: float) -> float:
-    """Displacement with the sign of the offset, growing with the offset's rank among all distances."""
+    """Return a displacement with the offset's sign, growing with its rank among all distances."""
     share = distances.index(abs(offset)) / max(1, len(distances) - 1)
     return math.copysign(nearest + (farthest - nearest) * share, offset)
 
@@ -162,17 +162,17 @@ RESTLESS = 0.5
 """kappa (period + delay) / epsilon above which the setpoint still overshoots at every step."""
 
 WIDEST_LAYER = math.pi / 4.0
-"""rad; course errors up to a quarter turn wide would be answered with less than full authority."""
+"""Boundary layer above which course errors up to a quarter turn get less than full authority, rad."""
 
 STALE_S = 1.0
-"""Age of a leader state (s) beyond which its prediction is a guess."""
+"""Age of a leader state above which its prediction is a guess, s."""
 
 RADIO_BYTES = 56
-"""Bytes of a leader's state on a radio."""
+"""Size of a leader state on a radio, bytes."""
 
 
 def effective_layer(controller: Controller, period: float) -> float:
-    """Boundary layer epsilon (rad, m/s) that the laws use in a loop with this period in s."""
+    """Return the boundary layer epsilon (rad, m/s) that the laws use in a loop with this period (s)."""
     return boundary_layer(
         controller.kappa,
         controller.epsilon,
@@ -183,7 +183,7 @@ def effective_layer(controller: Controller, period: float) -> float:
 
 
 def loop_too_slow(mission: Mission) -> Iterator[Finding]:
-    """A loop that chatters, or one whose boundary layer makes it soft.
+    """Find a loop that chatters, or whose boundary layer makes it soft.
 
     The law crosses kappa (dt + delay) / epsilon boundary layers before it sees the result. Above 2 the error
     changes sign by more than its size at every step: a limit cycle.
@@ -210,14 +210,14 @@ def loop_too_slow(mission: Mission) -> Iterator[Finding]:
 
 
 def mean_leader_age(mission: Mission) -> float:
-    """Mean age (s) of the newest leader state: delay, and what losses add; jitter goes either way.
+    """Return the mean age (s) of the newest leader state from delay and losses; jitter averages out.
 
     Of states sent every dt with a share p lost, the newest is older by dt p / (1 - p) on average.
     """
     rehearsal = mission.rehearsal
     radio = rehearsal.radio
     if radio is not None:
-        # Half an interval of its own states, half a step before they are looked at, and the way.
+        # Half a send interval, half a control step and the transmission time.
         way_s = RADIO_BYTES * (20.0 / radio.baud + 1.0 / radio.air_bytes_s)
         lost = radio.loss + radio.bursts - radio.loss * radio.bursts
         return way_s + (0.5 + lost / (1.0 - lost)) / radio.leader_hz + 0.5 / rehearsal.rate_hz
@@ -226,7 +226,7 @@ def mean_leader_age(mission: Mission) -> float:
 
 
 def unknown_delay(mission: Mission) -> Iterator[Finding]:
-    """A leader without a companion of which nobody has said how late it is heard."""
+    """Find a leader without a companion whose minimum latency is not given."""
     if mission.leader.least_delay_s is not None:
         return
     behind = 0.1 * mission.leader.airspeed_m_s
@@ -239,7 +239,7 @@ def unknown_delay(mission: Mission) -> Iterator[Finding]:
 
 
 def leader_state_too_old(mission: Mission) -> Iterator[Finding]:
-    """Leader states that are old when they are used."""
+    """Find leader states that are old when they are used."""
     if not mission.followers:
         return
     if mission.leader.is_foreign:
@@ -270,7 +270,7 @@ def leader_state_too_old(mission: Mission) -> Iterator[Finding]:
 
 
 def observer_out_of_tune(mission: Mission) -> Iterator[Finding]:
-    """A ground-speed observer that drifts, or that its own step makes unstable."""
+    """Find a ground-speed observer that drifts, or whose step makes it unstable."""
     controller = mission.controller
     if controller.leader_speed_source != "observer":
         return
@@ -291,14 +291,14 @@ FAR_M = 1000.0
 """A start further away than this (m) takes most of a rehearsal to fly in from."""
 
 PROMISED_M = 5.0
-"""No vehicle under guidance is to come nearer than this to another."""
+"""Promised minimum distance between two vehicles, one of them under guidance."""
 
 PUBLISH_S = 0.1
 """Interval of the states of a vehicle that is not under guidance."""
 
 
 def crowded_starts(mission: Mission) -> Iterator[Finding]:
-    """Vehicles that begin closer together than they may ever be."""
+    """Find vehicles that start closer together than the minimum separation."""
     places = {LEADER: leader_start(mission)}
     places |= {one.vehicle: follower_start(mission, one.vehicle) for one in mission.followers}
     allowed = mission.acceptance.min_separation_m
@@ -317,7 +317,7 @@ def crowded_starts(mission: Mission) -> Iterator[Finding]:
 
 
 def distant_starts(mission: Mission) -> Iterator[Finding]:
-    """Vehicles that begin so far away that the rehearsal is mostly their way in."""
+    """Find vehicles that start so far away that the rehearsal is mostly their way in."""
     begins = leader_start(mission)
     nearest = path_of(mission.path).nearest(
         begins.north_m, begins.east_m, math.radians(begins.course_deg)
@@ -338,7 +338,7 @@ def _distant(name: str, distance: float, target: str) -> Finding:
 
 
 def far_from_home(mission: Mission) -> Iterator[Finding]:
-    """A plan that is meant to take off elsewhere than where the mission is: its origin is a mistake."""
+    """Find a plan whose home is far from the mission's origin: the origin is a mistake."""
     for name, shape in mission.paths_by_name.items():
         home: Place | None = getattr(shape, "home", None)
         if home is None or home.latitude_deg is None or home.longitude_deg is None:
@@ -357,7 +357,7 @@ def far_from_home(mission: Mission) -> Iterator[Finding]:
 
 
 def below_ground(mission: Mission) -> Iterator[Finding]:
-    """Slots below the origin's altitude."""
+    """Find slots below the origin's altitude."""
     for index, follower in enumerate(mission.followers):
         height = mission.height_above_origin_m + follower.slot.up_m
         if height <= 0.0:
@@ -370,7 +370,7 @@ def below_ground(mission: Mission) -> Iterator[Finding]:
 
 
 def orders_that_cannot_be(mission: Mission) -> Iterator[Finding]:
-    """The first order of the time table that cannot be carried out."""
+    """Find the first order of the timetable that cannot be carried out."""
     if not mission.orders:
         return
     try:
@@ -394,7 +394,7 @@ def orders_that_cannot_be(mission: Mission) -> Iterator[Finding]:
 
 
 def hand_back_at_the_end(mission: Mission) -> Iterator[Finding]:
-    """A route at whose end nobody would be handed back, or before the rehearsal is over."""
+    """Find a route that hands no vehicle back at its end, or hands all back before the rehearsal ends."""
     path = path_of(mission.path)
     if path.last_circle is None:
         return
@@ -416,7 +416,7 @@ def hand_back_at_the_end(mission: Mission) -> Iterator[Finding]:
 
 
 def settling_after_the_end(mission: Mission) -> Iterator[Finding]:
-    """Settling times that the rehearsal is too short to tell from never settling."""
+    """Find settling times too long for the rehearsal to verify."""
     duration = mission.rehearsal.duration_s
     for name in ("settle_10m_s", "settle_1m_s"):
         allowed = getattr(mission.acceptance, name)
@@ -427,7 +427,7 @@ def settling_after_the_end(mission: Mission) -> Iterator[Finding]:
 
 
 def losses_after_the_end(mission: Mission) -> Iterator[Finding]:
-    """Companions and links that would be lost once the rehearsal is over."""
+    """Find losses of companions and links that are set after the end of the rehearsal."""
     duration = mission.rehearsal.duration_s
     for index, loss in enumerate(mission.rehearsal.losses):
         if loss.at_s >= duration:
@@ -437,9 +437,12 @@ def losses_after_the_end(mission: Mission) -> Iterator[Finding]:
 
 
 def least_guarantee(mission: Mission) -> tuple[float, str, str] | None:
-    """The least distance (m) that one vehicle keeps from another that leaves its slot; None for a single one.
+    """Return the least distance (m) one vehicle keeps from another that leaves its slot, and both names.
 
-    Heights of slots are kept meanwhile: the distance in space is that in the plane and that of the heights.
+    Returns:
+        (distance, vehicle that keeps clear, vehicle that strays); None for a single vehicle. Slots keep
+            their
+        heights, so the distance combines horizontal and vertical distance.
     """
     places, heights = {mission.leader.vehicle: 0j}, {mission.leader.vehicle: 0.0}
     for follower in mission.followers:
@@ -457,12 +460,12 @@ def least_guarantee(mission: Mission) -> tuple[float, str, str] | None:
 
 
 def kept_from(mission: Mission, own: str, places: dict[str, complex], other: str) -> float:
-    """Distance (m) in the plane that a vehicle can keep from another that turns at its bank limit.
+    """Return the horizontal distance (m) a vehicle can keep from another that turns at its bank limit.
 
     Args:
         mission: the mission.
         own: name of the vehicle that keeps clear.
-        places: of all vehicles, m: forward + j right.
+        places: positions of all vehicles, m: forward + j right.
         other: name of the vehicle that turns.
     """
     vehicle, cruise = mission.vehicles[own], mission.leader.airspeed_m_s
@@ -488,7 +491,7 @@ def kept_from(mission: Mission, own: str, places: dict[str, complex], other: str
 
 
 def turning_tracks(place: complex, speed: float, turn_rate: float) -> ComplexArray:
-    """Tracks that turn at a rate (rad/s) from straight flight, for different times, and go straight on."""
+    """Return tracks that turn at a rate (rad/s) for different times and are straight before and after."""
     tracks = []
     for turning_s in TIMES[1:]:
         first = np.minimum(TIMES, turning_s)
@@ -499,13 +502,13 @@ def turning_tracks(place: complex, speed: float, turn_rate: float) -> ComplexArr
 
 
 def turn_rate_of(mission: Mission, name: str) -> float:
-    """Greatest turn rate of a vehicle at the mission's airspeed, rad/s."""
+    """Return the maximum turn rate of a vehicle at the mission's airspeed, rad/s."""
     bank = math.radians(mission.vehicles[name].max_bank_deg)
     return GRAVITY * math.tan(bank) / mission.leader.airspeed_m_s
 
 
 def distance_kept_from_strays(mission: Mission, conditions: Conditions) -> Iterator[Finding]:
-    """What the mission's numbers guarantee, and slots that are too close for the promise."""
+    """Report the guaranteed distance, or slots that are too close for the promised one."""
     del conditions
     least = least_guarantee(mission)
     if least is None:
@@ -527,7 +530,7 @@ def distance_kept_from_strays(mission: Mission, conditions: Conditions) -> Itera
 
 
 def findings_of_the_law(mission: Mission, conditions: Conditions) -> Iterator[Finding]:
-    """What the mission's own law says of its gains."""
+    """Yield the findings of the mission's own law about its gains."""
     if mission.followers:
         yield from laws.find(mission.controller.type).findings(mission, conditions)
 
@@ -559,15 +562,15 @@ OF_THE_GROUND_TRACK: tuple[Callable[[Mission, Conditions], Iterator[Finding]], .
     field_beyond_bank,
     findings_of_the_law,
 )
-"""Checks that ask what happens along the path; each needs a leader that can fly it."""
+"""Checks along the path, which need a leader that can fly it."""
 
 
 def check_mission(mission: Mission, source: MissionSource | None = None) -> tuple[Finding, ...]:
-    """Everything worth knowing before take-off, the worst first.
+    """Return all findings before take-off, the worst first.
 
     Args:
-        mission: a mission that agrees with itself.
-        source: where its fields stand, so that findings can name lines.
+        mission: a consistent mission.
+        source: positions of its fields in the file, so that findings can name lines.
     """
     findings = [found for check in OF_THE_MISSION for found in check(mission)]
     findings += _along_the_path(mission)
@@ -579,20 +582,20 @@ def check_mission(mission: Mission, source: MissionSource | None = None) -> tupl
 
 
 def _along_the_path(mission: Mission) -> list[Finding]:
-    """What is found along the path that the mission begins with, up to the first error."""
+    """Return findings along the mission's first path, up to the first error."""
     conditions = conditions_of(mission.path, mission.wind)
     findings = list(leader_in_wind(mission, conditions))
     for check in () if findings else OF_THE_GROUND_TRACK:
         found_on_track = list(check(mission, conditions))
         findings += found_on_track
         if any(one.severity == "error" for one in found_on_track):
-            # what follows would only describe the same impossible turn in other words
+            # later checks would only describe the same impossible turn again
             break
     return findings
 
 
 def _along_another_path(mission: Mission, name: str) -> Iterator[Finding]:
-    """Findings along a path that may be ordered; what holds on every path is said of the first alone."""
+    """Yield findings along a path that may be ordered; notes are reported for the first path only."""
     for one in _along_the_path(on_path(mission, name)):
         if one.severity != "note":
             place = ("paths", name, *one.location[1:])

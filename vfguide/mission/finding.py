@@ -1,4 +1,4 @@
-"""Where in a mission file something is, faults of the file, and findings about what it says."""
+"""Locations in mission files, faults of a file, and findings about its content."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
@@ -10,11 +10,11 @@ from pydantic_core import InitErrorDetails, PydanticCustomError
 from vfguide.errors import InputError
 
 Location = tuple[str | int, ...]
-"""Names of fields and indices of list entries from the top of the file, such as ("path", "type")."""
+"""Field names and list indices from the top of the file, such as ("path", "type")."""
 
 
 def dotted(location: Location) -> str:
-    """The location as messages write it: ``followers[0].slot.forward_m``."""
+    """Return the location as messages write it: ``followers[0].slot.forward_m``."""
     text = ""
     for step in location:
         if isinstance(step, int):
@@ -26,17 +26,20 @@ def dotted(location: Location) -> str:
 
 @dataclass(frozen=True, slots=True)
 class MissionSource:
-    """The file a mission was read from, the line of each of its fields, and options instead of them."""
+    """Source of a mission: its file, the line of each field, and overriding options."""
 
     file: str | None
-    """The file, as messages name it; None of a mission that is no file's."""
+    """File name for messages; None for a mission without a file."""
     lines: Mapping[Location, int] = field(default_factory=dict)
     """Line of each field, counted from 1."""
     options: Mapping[Location, str] = field(default_factory=dict)
-    """The option of the command line that gave a field its value."""
+    """Command-line option that gave each overridden field its value."""
 
     def option_of(self, location: Location) -> str | None:
-        """The option that gave a field its value, or made the group, with the way down from what it gave."""
+        """Return the option that set a field, or the group around or below it; None if no option did.
+
+        If the option set a group around the field, the remaining steps to the field are appended.
+        """
         for length in range(len(location), 0, -1):
             if (option := self.options.get(location[:length])) is not None:
                 rest = dotted(location[length:])
@@ -47,9 +50,9 @@ class MissionSource:
         return next((one for at, one in self.options.items() if at[:depth] == location), None)
 
     def with_options(self, text: str) -> str:
-        """A text that names fields, with the options of their own that gave them in their places.
+        """Replace field names in a text by the specific options that set them.
 
-        The name of a whole group, such as `wind`, is a word like others.
+        The name of a whole group, such as `wind`, stays, since it may be an ordinary word.
         """
         for place, option in self.options.items():
             if len(place) > 1 and not option.startswith("--set"):
@@ -57,7 +60,7 @@ class MissionSource:
         return text
 
     def line_of(self, location: Location) -> int | None:
-        """Line of a field; of the innermost group around it if the file leaves the field out."""
+        """Return the line of a field, or of the innermost group around it if the file omits the field."""
         for length in range(len(location), -1, -1):
             line = self.lines.get(location[:length])
             if line is not None:
@@ -67,23 +70,23 @@ class MissionSource:
 
 @dataclass(frozen=True, slots=True)
 class Misfit:
-    """A field that is wrong by itself, or does not fit to others."""
+    """A field that is invalid, or inconsistent with others."""
 
     location: Location
-    """Where it is: in the mission; of a path's own misfits, below `path`."""
+    """Location in the mission; relative to `path` for misfits that a path reports."""
     message: str
-    """What is wrong."""
+    """Fault."""
     remedy: str
-    """What would be right."""
+    """Correction."""
 
 
 def refuse(misfits: Iterable[Misfit], value: object, *outer: str) -> None:
-    """Refuse a section whose fields do not fit together, each misfit at its place.
+    """Refuse a section whose fields are inconsistent, with each misfit at its location.
 
     Args:
-        misfits: of the section.
-        value: of the section, for the error.
-        outer: steps of the location before those of a misfit.
+        misfits: misfits of the section.
+        value: content of the section, for the error.
+        outer: steps that precede the location of each misfit.
 
     Raises:
         pydantic.ValidationError: there is a misfit.
@@ -103,47 +106,46 @@ def refuse(misfits: Iterable[Misfit], value: object, *outer: str) -> None:
 
 
 def printable(text: str) -> str:
-    """The text on one line, with whatever a terminal could not show written as an escape."""
+    """Return the text with unprintable characters, including line breaks, as escapes."""
     return "".join(
         character if character.isprintable() else f"\\u{ord(character):04x}" for character in text
     )
 
 
 def shortened(text: str, limit: int = 60) -> str:
-    """The beginning of a long text."""
+    """Return the beginning of a long text."""
     return text if len(text) <= limit else f"{text[: limit - 1]}…"
 
 
 Severity = Literal["error", "warning", "note"]
-"""error: it cannot be flown so; warning: it can, but not well; note: what to expect."""
+"""error: cannot be flown; warning: can be flown, but not well; note: what to expect."""
 
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """One thing known before take-off."""
+    """One finding before take-off."""
 
     severity: Severity
-    """How bad it is."""
     location: Location
-    """The field to look at."""
+    """Field to look at."""
     message: str
-    """What is the case."""
+    """Observation."""
     remedy: str = ""
-    """What would be better."""
+    """Suggested improvement."""
     file: str | None = None
-    """The mission file, where known."""
+    """Mission file, None if unknown."""
     line: int | None = None
-    """Line of the field in it, where known."""
+    """Line of the field in the file, None if unknown."""
     option: str | None = None
-    """The option of the command line that gave the field its value, if one did."""
+    """Command-line option that gave the field its value, or None."""
 
     @property
     def field(self) -> str:
-        """The field as messages write it."""
+        """Field name as messages write it."""
         return dotted(self.location)
 
     def placed(self, source: MissionSource) -> "Finding":
-        """This finding with its place in the mission file, or with the option that it comes from."""
+        """Return this finding with its position in the mission file, or with the option it comes from."""
         option = source.option_of(self.location)
         return replace(
             self,
@@ -155,7 +157,7 @@ class Finding:
         )
 
     def as_json(self) -> dict[str, object]:
-        """The finding as JSON holds it."""
+        """Return the finding as JSON data."""
         return {
             "severity": self.severity,
             "file": self.file,
@@ -169,7 +171,7 @@ class Finding:
         return self.line_with(f"{self.severity}: ")
 
     def line_with(self, kind: str = "") -> str:
-        """The finding in a line, with what it is before its field; nothing for a fault of a file."""
+        """Return the finding in one line; `kind`, such as its severity, precedes the field."""
         place = ":".join(str(part) for part in (self.file, self.line) if part is not None)
         where = f"{place}: " if place else ""
         field = self.option or self.field
@@ -179,15 +181,15 @@ class Finding:
 
 
 class MissionError(InputError):
-    """The mission file cannot be flown as it is written."""
+    """The mission file cannot be flown as written."""
 
     def __init__(self, faults: tuple[Finding, ...]) -> None:
         super().__init__("\n".join(fault.line_with() for fault in faults))
         self.faults = faults
-        """Everything found wrong, in the order of the file."""
+        """All faults, in the order of the file."""
 
 
 def worst_first(findings: Iterable[Finding]) -> tuple[Finding, ...]:
-    """Errors before warnings before notes, otherwise in the order they were found."""
+    """Sort errors before warnings before notes, otherwise keeping the order."""
     rank = {"error": 0, "warning": 1, "note": 2}
     return tuple(sorted(findings, key=lambda one: rank[one.severity]))

@@ -1,17 +1,16 @@
-"""What a mission asks of its vehicles on turns, climbs and slots, against what they can fly and may.
+"""Demands of a mission on its vehicles in turns, climbs and slots, compared with their limits and the fence.
 
-Conditions are what the leader meets on its way: every course and turn of its path in every declared wind, one
-entry of each array for each combination. Local frame: x north, y east; radians clockwise from north.
+Conditions hold every course and turn of the leader's path in every declared wind; each combination is one
+entry of each array. Local frame: x north, y east; radians clockwise from north.
 
-Turns, by the bank limit: Nelson et al., Vector field path following for miniature air vehicles, IEEE T-RO
+Bank limits in turns follow Nelson et al., Vector field path following for miniature air vehicles, IEEE T-RO
 2007, for the field.
 
-Climbs: the fastest climb that a vehicle keeps up at cruise is its whole excess of power. What a climb
-leaves of it is an acceleration a = g (climb_max - climb) / V, all that a follower has to get back into
-its slot with.
+The maximum climb rate that a vehicle sustains at cruise is its whole excess power. A climb leaves an
+acceleration a = g (climb_max - climb) / V, all that a follower has for returning to its slot.
 
-Fences: each slot is taken along the whole path, turned into its course: on a turn the outermost aircraft
-leaves an area that the leader stays in.
+For fences, each slot is moved along the whole path and turned into its course: on a turn the outermost
+aircraft may leave an area in which the leader stays.
 """
 
 import math
@@ -39,7 +38,7 @@ from vfguide.mission.rehearsal import ArticleWind, CalmWind, SteadyWind
 ARTICLE_WIND_PERIOD_S = 2.0 * math.pi / 0.1
 ARTICLE_WIND_SAMPLES = 64
 PLACES = 97
-"""Places of the path that are looked at."""
+"""Number of points at which the path is sampled."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,40 +50,40 @@ class Conditions:
     curvature: FloatArray
     """Curvature of the path, 1/m, positive clockwise."""
     wind_north: FloatArray
-    """North component of the wind, m/s, toward."""
+    """North component of the velocity of the air, m/s."""
     wind_east: FloatArray
-    """East component of the wind, m/s, toward."""
+    """East component of the velocity of the air, m/s."""
     height: FloatArray
     """Height of the path, m above the mission's flying height."""
     slope: FloatArray
-    """Slope of the path, rise for each metre along the ground."""
+    """Slope of the path, height change per metre along the ground."""
 
     def ground_speed(self, airspeed: float | FloatArray) -> FloatArray:
-        """Ground speed (m/s) of a leader on the path at an airspeed (m/s), which may be an array."""
+        """Return the leader's ground speed (m/s) on the path at an airspeed (m/s), which may be an array."""
         shape = np.broadcast_shapes(np.shape(airspeed), self.course.shape)
         speeds = np.broadcast_to(np.asarray(airspeed, dtype=float), shape)
         return ground_speed_on_course(speeds, self.course, self.wind_north, self.wind_east)
 
     def turn_rate(self, airspeed: float | FloatArray) -> FloatArray:
-        """Turn rate (rad/s) of a leader on the path, positive clockwise: V_g times curvature."""
+        """Return the leader's turn rate (rad/s) on the path, positive clockwise: V_g times curvature."""
         return self.ground_speed(airspeed) * self.curvature
 
     def slot_velocity(
         self, airspeed: float | FloatArray, slot: Slot
     ) -> tuple[FloatArray, FloatArray]:
-        """(along, right) of a slot's velocity in the leader's course frame, m/s."""
+        """Return the (along, right) velocity of a slot in the leader's course frame, m/s."""
         ground_speed = self.ground_speed(airspeed)
         return slot_velocity(ground_speed, ground_speed * self.curvature, slot)
 
     def slot_airspeed(self, airspeed: float | FloatArray, slot: Slot) -> FloatArray:
-        """Airspeed (m/s) that keeping a slot takes, |slot velocity - wind|."""
+        """Return the airspeed (m/s) that keeping a slot needs: |slot velocity - wind|."""
         along, right = self.slot_velocity(airspeed, slot)
         north, east = compose(along, right, np.broadcast_to(self.course, along.shape))
         return hypot(north - self.wind_north, east - self.wind_east)
 
 
 def conditions_of(shape: PathShape, wind: CalmWind | ArticleWind | SteadyWind) -> Conditions:
-    """Every course of the path with every wind."""
+    """Return every course of the path combined with every wind."""
     path = path_of(shape)
     places = path.at(path.outline(PLACES))
     if not (np.all(np.isfinite(places.course)) and np.all(np.isfinite(places.curvature))):
@@ -103,7 +102,7 @@ def conditions_of(shape: PathShape, wind: CalmWind | ArticleWind | SteadyWind) -
 
 
 def wind_samples(wind: CalmWind | ArticleWind | SteadyWind) -> tuple[FloatArray, FloatArray]:
-    """(north, east) components (m/s, toward) of the declared wind, over a whole period of it."""
+    """Return (north, east) components of the air's velocity in the declared wind over one period, m/s."""
     if isinstance(wind, SteadyWind):
         toward = math.radians(wind.toward_deg)
         return (
@@ -117,9 +116,10 @@ def wind_samples(wind: CalmWind | ArticleWind | SteadyWind) -> tuple[FloatArray,
 
 
 def article_wind(time: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """(north, east) of the article's wind at a time in s: W = 5 + 3 cos 0.1 t, psi_w = 135° + pi sin 0.1 t.
+    """Return (north, east) of the article's wind at times in s.
 
-    W in m/s, psi_w the direction the air moves toward, clockwise from north.
+    The wind speed is W = 5 + 3 cos 0.1 t in m/s. The air moves toward psi_w = 135° + pi sin 0.1 t, clockwise
+    from north.
     """
     speed = 5.0 + 3.0 * np.cos(0.1 * time)
     toward = math.radians(135.0) + math.pi * np.sin(0.1 * time)
@@ -127,24 +127,24 @@ def article_wind(time: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 FIELD_TURN_CONSTANT = 2.0 / (3.0 * math.sqrt(3.0))
-"""0.385: greatest value of sin(atan u) / (1 + u^2) = u (1 + u^2)^(-3/2), reached at u = k e = 1/sqrt 2."""
+"""0.385: maximum of sin(atan u) / (1 + u^2) = u (1 + u^2)^(-3/2), reached at u = k e = 1/sqrt 2."""
 
 EXCESS_M_S2 = 0.25
-"""Less than this, and a follower that has lost 1 m/s takes more than 4 s to get it back."""
+"""With less excess acceleration, a follower that lost 1 m/s takes more than 4 s to regain it."""
 
 AIRSPEED_STEPS = 41
-"""How finely the leader's airspeed range is searched for one that suits all followers."""
+"""Number of leader airspeeds that are tried to suit all followers."""
 
 TOLERANCE_M_S = 0.05
-"""An airspeed this little out of range is not worth a word."""
+"""Airspeed excess over the range that is not reported."""
 
 
 def field_turn_rate(gain: float, ground_speed: float, approach: float) -> float:
-    """Greatest turn rate (rad/s) of the field around a straight path: 0.385 k V_g (2/pi) chi_inf.
+    """Return the maximum turn rate (rad/s) of the field around a straight path: 0.385 k V_g (2/pi) chi_inf.
 
-    On the field the course is chi_inf (2/pi) atan(k e) off the path, the error shrinks at V_g times the sine
-    of that, and the field's course changes by chi_inf (2/pi) k / (1 + (k e)^2) for each metre. Exact for
-    chi_inf = pi/2 and an upper bound below.
+    On the field the course is chi_inf (2/pi) atan(k e) off the path. The error shrinks at V_g times the sine
+    of that angle, and the field's course changes by chi_inf (2/pi) k / (1 + (k e)^2) per metre. The result
+    is exact for chi_inf = pi/2 and an upper bound below.
 
     Args:
         gain: k, 1/m.
@@ -155,12 +155,12 @@ def field_turn_rate(gain: float, ground_speed: float, approach: float) -> float:
 
 
 def bank_for(ground_speed: float, turn_rate: float) -> float:
-    """Bank (rad) of a turn: atan(V omega / g), with V in m/s and omega in rad/s."""
+    """Return the bank angle (rad) of a turn: atan(V omega / g), with V in m/s and omega in rad/s."""
     return math.atan(ground_speed * abs(turn_rate) / GRAVITY)
 
 
 def turns_beyond_bank(mission: Mission, conditions: Conditions) -> Iterator[Finding]:
-    """Arcs of the path that the leader or a slot's vehicle cannot fly."""
+    """Find arcs of the path that the leader or a slot's vehicle cannot fly."""
     airspeed = mission.leader.airspeed_m_s
     turn_rate = conditions.turn_rate(airspeed)
     for location, name, slot in _everyone(mission):
@@ -180,14 +180,14 @@ def turns_beyond_bank(mission: Mission, conditions: Conditions) -> Iterator[Find
 
 
 def _everyone(mission: Mission) -> Iterator[tuple[Location, str, Slot]]:
-    """(where the mission places it, vehicle, offset from the leader) of the leader and each follower."""
+    """Yield (location in the mission, vehicle, offset from the leader) of the leader and each follower."""
     yield ("path",), mission.leader.vehicle, Slot(forward=0.0, right=0.0)
     for index, follower in enumerate(mission.followers):
         yield ("followers", index, "slot"), follower.vehicle, follower.slot.of_guidance
 
 
 def field_beyond_bank(mission: Mission, conditions: Conditions) -> Iterator[Finding]:
-    """A path field that turns faster than the leader can while it joins the path."""
+    """Find a path field that turns faster than the leader can while it joins the path."""
     path = mission.path
     speed = float(conditions.ground_speed(mission.leader.airspeed_m_s).max())
     curvature = float(np.abs(conditions.curvature).max())
@@ -213,7 +213,8 @@ def field_beyond_bank(mission: Mission, conditions: Conditions) -> Iterator[Find
 
 
 def climbs_beyond_limits(mission: Mission, conditions: Conditions) -> Iterator[Finding]:
-    """Climbs and descents that are too fast for a vehicle, or that leave it nothing to keep its slot with."""
+    """Find climbs and descents too fast for a vehicle, or that leave too little power for keeping its slot.
+    """
     rates = conditions.ground_speed(mission.leader.airspeed_m_s) * conditions.slope
     climb, sink = float(np.max(rates, initial=0.0)), float(-np.min(rates, initial=0.0))
     names = {mission.leader.vehicle, *mission.followers_by_name} & set(mission.vehicles)
@@ -237,7 +238,7 @@ def climbs_beyond_limits(mission: Mission, conditions: Conditions) -> Iterator[F
 
 
 def climb_limits(mission: Mission) -> ClimbLimits:
-    """What all vehicles of the formation keep up."""
+    """Return the climb and sink limits that all vehicles of the formation sustain."""
     names = {mission.leader.vehicle, *mission.followers_by_name} & set(mission.vehicles)
     ranges = [mission.vehicles[name].climb_range_m_s for name in names]
     return ClimbLimits(
@@ -246,7 +247,7 @@ def climb_limits(mission: Mission) -> ClimbLimits:
 
 
 def lowest_of_the_path(mission: Mission, conditions: Conditions) -> Iterator[Finding]:
-    """Paths that lead a vehicle of the formation below the origin."""
+    """Find paths that lead a vehicle of the formation below the origin."""
     lowest = float(np.min(conditions.height, initial=0.0))
     slots = [0.0, *(follower.slot.up_m for follower in mission.followers)]
     height = mission.height_above_origin_m + lowest + min(slots)
@@ -260,7 +261,7 @@ def lowest_of_the_path(mission: Mission, conditions: Conditions) -> Iterator[Fin
 
 
 def leader_in_wind(mission: Mission, conditions: Conditions) -> Iterator[Finding]:
-    """Wind that the leader cannot make way against."""
+    """Find wind as fast as the leader or faster."""
     strongest = float(np.hypot(conditions.wind_north, conditions.wind_east).max())
     airspeed = mission.leader.airspeed_m_s
     if strongest >= airspeed:
@@ -270,7 +271,7 @@ def leader_in_wind(mission: Mission, conditions: Conditions) -> Iterator[Finding
 
 
 def slots_beyond_centre(mission: Mission, conditions: Conditions) -> Iterator[Finding]:
-    """Slots that would move backwards on a turn: V_l - omega g_y = V_l (1 - g_y / R) <= 0."""
+    """Find slots that would move backwards on a turn: V_l - omega g_y = V_l (1 - g_y / R) <= 0."""
     for index, follower in enumerate(mission.followers):
         least = float((1.0 - conditions.curvature * follower.slot.right_m).min())
         if least <= 0.0:
@@ -283,7 +284,7 @@ def slots_beyond_centre(mission: Mission, conditions: Conditions) -> Iterator[Fi
 
 
 def slots_out_of_airspeed(mission: Mission, conditions: Conditions) -> Iterator[Finding]:
-    """Slots that need an airspeed their vehicles do not have, and whether the leader can help."""
+    """Find slots that need an airspeed their vehicles do not have, and whether the leader can help."""
     cruise = mission.leader.airspeed_m_s
     misfits = {
         index: text
@@ -324,11 +325,11 @@ def slots_out_of_airspeed(mission: Mission, conditions: Conditions) -> Iterator[
 
 
 def giving_way(flyable: BoolArray, airspeeds: FloatArray, cruise: float) -> tuple[float, float]:
-    """(most the leader must fly slower, most it must fly faster) than cruise, m/s, neither negative.
+    """Return how much (slower, faster) than cruise the leader must fly at most, m/s, neither negative.
 
     Args:
-        flyable: which airspeed (row) suits every slot in which condition (column).
-        airspeeds: the airspeed of each row, m/s, as a column.
+        flyable: whether an airspeed (row) suits every slot in a condition (column).
+        airspeeds: airspeed of each row, m/s, as a column.
         cruise: the leader's airspeed in the mission, m/s.
     """
     change = np.where(flyable, airspeeds - cruise, np.inf)
@@ -339,7 +340,7 @@ def giving_way(flyable: BoolArray, airspeeds: FloatArray, cruise: float) -> tupl
 
 
 def _need(mission: Mission, conditions: Conditions, follower: Follower) -> str | None:
-    """What a slot needs beyond what its vehicle can fly, in words; None where that can fly all of it."""
+    """Describe the airspeed a slot needs beyond its vehicle's range; None if there is none."""
     cruise = mission.leader.airspeed_m_s
     if _flyable(mission, conditions, np.array([[cruise]]), follower).all():
         return None
@@ -354,7 +355,7 @@ def _need(mission: Mission, conditions: Conditions, follower: Follower) -> str |
 def _flyable(
     mission: Mission, conditions: Conditions, airspeeds: FloatArray, follower: Follower
 ) -> BoolArray:
-    """Which leader airspeed (row) lets the follower keep its slot in which condition (column)."""
+    """Return for each leader airspeed (row) and condition (column) whether the follower can keep its slot."""
     least, most = mission.vehicles[follower.vehicle].airspeed_range_m_s
     airspeed = conditions.slot_airspeed(airspeeds, follower.slot.of_guidance)
     return (airspeed >= least - TOLERANCE_M_S) & (airspeed <= most + TOLERANCE_M_S)
@@ -362,30 +363,29 @@ def _flyable(
 
 STEP_M = 5.0
 MOST_STEPS = 50_000
-"""Along the path."""
+"""Maximum number of samples along the path."""
 
 SPARE_M = 10.0
-"""Nearer to the fence than this is worth a word: gusts, and what satellite navigation is off."""
+"""Distance from the fence that is reported below this: room for gusts and navigation errors."""
 
 
 @dataclass(frozen=True, slots=True)
 class Track:
-    """Where a vehicle flies along the path."""
+    """Track of a vehicle along the path."""
 
     name: str
-    """Name of the vehicle."""
     location: Location
-    """Where the mission places it."""
+    """Location of the vehicle in the mission."""
     north: FloatArray
     """m."""
     east: FloatArray
     """m."""
     height: FloatArray
-    """Above the mission's origin, m."""
+    """Heights above the mission's origin, m."""
 
 
 def tracks(mission: Mission) -> Iterator[Track]:
-    """The leader's along its path, and that of each slot."""
+    """Yield the leader's track along its path and the track of each slot."""
     path = path_of(mission.path)
     length = path.length
     if not math.isfinite(length):
@@ -399,14 +399,14 @@ def tracks(mission: Mission) -> Iterator[Track]:
 def hold_tracks(
     mission: Mission, north: float, east: float, radius: float, height: float
 ) -> Iterator[Track]:
-    """The leader's once round a circle to the right, and that of each slot.
+    """Yield the leader's track once round a circle to the right and the track of each slot.
 
     Args:
-        mission: with the slots of the hold.
-        north: of the centre, m.
-        east: of the centre, m.
-        radius: m.
-        height: of the leader above the mission's origin, m.
+        mission: mission with the slots of the hold.
+        north: centre of the circle, m.
+        east: centre of the circle, m.
+        radius: radius of the circle, m.
+        height: the leader's height above the mission's origin, m.
     """
     count = max(8, math.ceil(math.tau * radius / STEP_M))
     course = np.linspace(0.0, math.tau, count, endpoint=False)
@@ -417,7 +417,7 @@ def hold_tracks(
 def tracks_of(
     mission: Mission, north: FloatArray, east: FloatArray, course: FloatArray, height: FloatArray
 ) -> Iterator[Track]:
-    """The track of a leader (m, rad), and that of each slot."""
+    """Yield a leader's track (m, rad) and the track of each slot."""
     yield Track(mission.leader.vehicle, ("path",), north, east, height)
     for index, follower in enumerate(mission.followers):
         slot = follower.slot
@@ -428,19 +428,20 @@ def tracks_of(
 
 
 def beyond_the_fence(mission: Mission, conditions: Conditions) -> Iterator[Finding]:
-    """Vehicles whose way along the path leaves the fence, or comes near it; and heights."""
+    """Find vehicles whose track leaves the fence, comes near it or is too high, and rally points beyond it.
+    """
     del conditions
     yield from tracks_beyond_the_fence(mission, tracks)
     yield from _rally_points_beyond(mission)
 
 
 def fences_of(mission: Mission) -> list[Fence]:
-    """The mission's own and that of its plan, where they limit anything."""
+    """Return the fences of the mission and of its plan that limit anything."""
     return [one for one in (mission.fence, mission.path.fence) if one is not None and one.exists]
 
 
 def top_of(fences: Iterable[Fence | None]) -> float:
-    """Greatest height that all of these fences allow, m above the origin; infinite where none limits it."""
+    """Return the maximum height that all fences allow, m above the origin; infinite without a limit."""
     limits = [one.max_height_m for one in fences if one is not None and one.max_height_m]
     return min(limits, default=math.inf)
 
@@ -448,7 +449,7 @@ def top_of(fences: Iterable[Fence | None]) -> float:
 def tracks_beyond_the_fence(
     mission: Mission, found: Callable[[Mission], Iterable[Track]]
 ) -> Iterator[Finding]:
-    """Tracks that leave the mission's fence, or come near it; they are asked for only where there is one."""
+    """Find tracks that leave the fences or come near them; without a fence no tracks are computed."""
     fences = fences_of(mission)
     if not fences:
         return
@@ -507,7 +508,7 @@ def _place(track: Track, index: int) -> str:
 
 
 def left_out_of_the_plan(mission: Mission) -> Iterator[Finding]:
-    """What a plan also asks for, and a formation does not do."""
+    """Report parts of a plan that a formation does not fly."""
     if mission.path.left_out:
         what = ", ".join(mission.path.left_out[:12])
         yield Finding("note", ("path", "file"), f"not flown of this plan: {what}")

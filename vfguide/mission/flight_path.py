@@ -1,6 +1,6 @@
-"""The path that a leader is sent along, as a mission file describes it.
+"""The leader's path as a mission file describes it.
 
-Local frame: x north, y east (m). Courses are degrees clockwise from north. The kinds of paths and their
+Local frame: x north, y east (m). Courses are degrees clockwise from north. The types of paths and their
 fields are in `vfguide.paths`.
 """
 
@@ -25,66 +25,66 @@ from vfguide.mission.quantity import Gain, Section
 from vfguide.registry import paths
 
 PLACES = 500
-"""At which a path is looked at for its lowest and its highest."""
+"""Number of points at which a path is sampled for its lowest and highest."""
 
 FieldGain = Annotated[Gain, Field(le=10.0)]
 
 
 class PathShape(Section):
-    """What every path of a mission says."""
+    """Fields that every path of a mission has."""
 
     type: str
-    """Which kind of path it is."""
+    """Type of the path."""
 
     gain: FieldGain = 0.03
     """k of the article: how sharply the field turns onto the path, 1/m."""
 
     @property
     def approach_angle(self) -> float:
-        """chi_inf, rad: the angle to the path at which the field approaches it from far away."""
+        """chi_inf, rad: angle to the path at which the field approaches it from far away."""
         return math.pi / 2.0
 
     @property
     def fence(self) -> Fence | None:
-        """That it brings along, if it does."""
+        """Fence that the path includes, or None."""
         return None
 
     @property
     def rally_points(self) -> tuple[Place, ...]:
-        """That it brings along."""
+        """Rally points that the path includes."""
         return ()
 
     @property
     def left_out(self) -> tuple[str, ...]:
-        """What its file asks for and a formation does not do."""
+        """Parts of the path's file that a formation does not fly."""
         return ()
 
     @property
     def curve(self) -> Mapping[str, Any]:
-        """What curve and field follow from: numbers, texts, lists, sets and tables of them."""
+        """Data that define curve and field: numbers, texts, lists, sets and tables of them."""
         return self.model_dump()
 
     def misfits(self) -> Iterable[Misfit]:
-        """What keeps it from being flown although each field is sound by itself."""
+        """Return inconsistencies that keep the path from being flown although each field is valid."""
         return ()
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Travel to other processes as plain fields: the model of a path is made anew in each of them."""
+        """Pickle as plain fields: each process creates the model of the path itself."""
         return shape_of, (self.model_dump(exclude_unset=True),)
 
 
 def shape_model(name: str) -> type[PathShape]:
-    """The fields that `path:` may hold for a kind of path.
+    """Return the model of `path:` for a type of path.
 
     Raises:
-        InputError: there is no such kind.
+        InputError: there is no such type.
     """
     return named_shape(name, paths.find(name).Shape)
 
 
 @cache
 def named_shape(name: str, shape: type[PathShape]) -> type[PathShape]:
-    """The fields of a shape, and a `type` of this name."""
+    """Return the model of a shape with a `type` of this name."""
     kind: Any = (Annotated[Literal[name], Field(description=f"`{name}`.")], ...)
     title = "".join(word.capitalize() for word in name.split("-"))
     return create_model(
@@ -93,11 +93,12 @@ def named_shape(name: str, shape: type[PathShape]) -> type[PathShape]:
 
 
 def shape_of(content: Mapping[str, Any]) -> PathShape:
-    """The path that the fields of a mission file stand for.
+    """Return the path for the fields of a mission file.
 
     Raises:
-        pydantic.ValidationError: the kind or a field is not known, or a value is out of its range; as of a
-            union that is told apart by its `type`, locations begin with the kind.
+        pydantic.ValidationError: the type or a field is unknown, or a value is out of range. Locations
+            begin
+            with the type, as in a union that is told apart by its `type`.
     """
     name = content.get("type")
     if name is None:
@@ -116,40 +117,40 @@ def shape_of(content: Mapping[str, Any]) -> PathShape:
 
 
 def chosen_path(value: object) -> object:
-    """A mapping as the path that it stands for; anything else as it is."""
+    """Convert a mapping to a path; return anything else unchanged."""
     return shape_of(value) if isinstance(value, Mapping) else value
 
 
 def path_of(shape: PathShape) -> Path:
-    """The path of a mission as guidance sees it."""
+    """Return the path of a mission for the guidance."""
     kind: Any = paths.find(shape.type)
     return made_path(kind, shape)
 
 
 @lru_cache(maxsize=32)
 def made_path(kind: type[Path], shape: PathShape) -> Path:
-    """A path of a kind; a curve takes a while to look at."""
+    """Create a path of a type; cached, since analysing a curve takes a while."""
     return kind.of(shape)
 
 
 def height_span(path: Path) -> tuple[float, float]:
-    """The lowest and the highest place of a path, m above the flying height, as far as its outline shows."""
+    """Return the (lowest, highest) height of a path's outline, m above the flying height."""
     heights = np.atleast_1d(path.at(path.outline(PLACES)).height)
     return float(heights.min()), float(heights.max())
 
 
 def curve_check(shape: PathShape, origin: Section, height: float) -> int:
-    """What tells a path from any other of its name: CRC-32 of what it follows from; not 0.
+    """Return a CRC-32 that tells a path from others of its name; never 0.
 
-    Numbers count to nine digits: two computers may find the last one of a radius differently.
+    Numbers count to nine digits, since two computers may differ in the last digit of a radius.
 
     Args:
-        shape: its fields.
-        origin: that it counts from.
-        height: above the origin, m, at which the mission flies.
+        shape: fields of the path.
+        origin: origin of its coordinates.
+        height: flying height of the mission above the origin, m.
 
     Raises:
-        InputError: a path of one's own has a field that cannot be compared.
+        InputError: a user-defined path has a field that cannot be compared.
     """
     try:
         text = _canonical([origin.model_dump(), height, dict(shape.curve)])
@@ -162,10 +163,10 @@ def curve_check(shape: PathShape, origin: Section, height: float) -> int:
 
 
 def _canonical(value: object) -> str:
-    """Plain data as a text that is the same on every computer.
+    """Return plain data as a text that is the same on every computer.
 
     Raises:
-        TypeError: it is none.
+        TypeError: the value is no plain data.
     """
     match value:
         case None | bool() | int() | str():
@@ -184,7 +185,7 @@ def _canonical(value: object) -> str:
 
 
 def shape_models() -> list[type[PathShape]]:
-    """The fields of every known kind of path; of those that cannot be loaded nothing is known."""
+    """Return the models of all known types of paths that can be loaded."""
     models = []
     for name in paths.names():
         with suppress(InputError):
@@ -193,13 +194,13 @@ def shape_models() -> list[type[PathShape]]:
 
 
 def fault(kind: str, value: object, **context: str) -> ValidationError:
-    """One finding about a path as a whole."""
+    """Return a validation error for a path as a whole."""
     details = InitErrorDetails(type=kind, loc=(), input=value, ctx=dict(context))
     return ValidationError.from_exception_data("path", [details])
 
 
 def below(name: str, error: ValidationError) -> ValidationError:
-    """Findings of a section, placed one step further down."""
+    """Return a section's validation error with its locations one step further down, below `name`."""
     known, found = set(get_args(ErrorType)), []
     for one in error.errors(include_url=False):
         kind: Any = one["type"]

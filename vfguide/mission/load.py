@@ -1,4 +1,4 @@
-"""Reading mission files: a mission that can be flown, or everything that is wrong with the file."""
+"""Reader of mission files: returns a mission that can be flown, or reports all faults of the file."""
 
 import copy
 from collections.abc import Iterable, Mapping
@@ -20,36 +20,35 @@ from vfguide.mission.yaml_tree import MAX_NODES, Tree, read_tree
 from vfguide.regular_file import PipeOrDeviceError, open_regular
 
 MAX_BYTES = 1024 * 1024
-"""Far beyond any mission; what is larger is something else."""
+"""Size limit, far beyond any mission."""
 
 PACKAGE = Path(__file__).parents[1]
 
 AS_WRITTEN = Overrides()
-"""Nothing instead of what a mission's file says."""
+"""No overrides: the mission as its file has it."""
 
 SHIPPED_IN = (PACKAGE / "missions", PACKAGE.parent / "missions")
-"""Where the missions that come along are: in an installed wheel, and in a checkout."""
+"""Directories of the shipped missions: in an installed wheel, and in a checkout."""
 
 
 @dataclass(frozen=True, slots=True)
 class LoadedMission:
-    """A mission, and where in its file everything stands."""
+    """Mission and the positions of its fields in the file."""
 
     mission: Mission
-    """What the file says."""
     source: MissionSource
-    """The file and the line of each field, for later findings."""
+    """File and line of each field, for later findings."""
 
 
 def shipped_missions() -> dict[str, Path]:
-    """Files of the missions that come along, by name, such as `circle-wind`."""
+    """Return the files of the shipped missions by name, such as `circle-wind`."""
     place = next((place for place in SHIPPED_IN if place.is_dir()), None)
     files = [] if place is None else sorted(place.glob("*.yaml"))
     return {file.stem: file for file in files}
 
 
 def load_mission(path: Path) -> Mission:
-    """Read a mission file, or the mission of this name that comes along.
+    """Read a mission file, or the shipped mission of this name.
 
     Raises:
         MissionError: the file cannot be read, or is no mission; lists every fault found.
@@ -58,11 +57,11 @@ def load_mission(path: Path) -> Mission:
 
 
 def read_mission(path: Path, overrides: Overrides = AS_WRITTEN) -> LoadedMission:
-    """Read a mission file, and keep where in it each field stands.
+    """Read a mission file with the line of each field.
 
     Args:
-        path: of the file.
-        overrides: what the command line says instead.
+        path: path of the file, or name of a shipped mission.
+        overrides: values from the command line.
 
     Raises:
         MissionError: the file cannot be read, or is no mission; lists every fault found.
@@ -75,9 +74,9 @@ def parse_mission(content: bytes, *, file: str, overrides: Overrides = AS_WRITTE
     """Read a mission from the bytes of a file.
 
     Args:
-        content: what the file holds.
-        file: the name messages give it.
-        overrides: what the command line says instead.
+        content: bytes of the file.
+        file: file name for messages.
+        overrides: values from the command line.
 
     Raises:
         MissionError: the bytes are no mission; lists every fault found.
@@ -95,10 +94,10 @@ def parse_mission(content: bytes, *, file: str, overrides: Overrides = AS_WRITTE
 
 
 def with_overrides(mission: Mission, overrides: Overrides) -> Mission:
-    """Make a mission with what the command line says in the place of some fields of another.
+    """Return a mission with fields replaced by command-line values.
 
     Raises:
-        MissionError: it is no mission; lists every fault found.
+        MissionError: the result is no mission; lists every fault found.
         InputError: an option names no law.
     """
     if overrides == AS_WRITTEN:
@@ -115,17 +114,17 @@ def _validated(
     spread: Mapping[Location, Location] = MappingProxyType({}),
     faults: Iterable[Finding] = (),
 ) -> LoadedMission:
-    """Validate the one mission that a file and the command line make.
+    """Validate the mission that a file and the command line make together.
 
     Args:
-        data: of the file, as plain data.
-        source: of the file's fields.
-        overrides: what the command line says instead.
-        spread: where fields of vehicles stand that come from `vehicles.defaults`.
-        faults: of the file, found so far.
+        data: the file's content, as plain data.
+        source: positions of the file's fields.
+        overrides: values from the command line.
+        spread: location under `vehicles.defaults` of each vehicle field that comes from there.
+        faults: faults of the file found so far.
 
     Raises:
-        MissionError: it is no mission; lists every fault found.
+        MissionError: the result is no mission; lists every fault found.
         InputError: an option names no law.
     """
     changed = overridden(data, overrides)
@@ -149,12 +148,12 @@ def _validated(
 
 
 def cause_in(source: MissionSource, misfit: Misfit, *, between: bool) -> str:
-    """Return the options that may have made a misfit of a field that they did not give.
+    """Return the options, comma-separated, that may have caused a misfit of a field they did not set.
 
     Args:
-        source: of the fields.
-        misfit: that is none of an option's own field.
-        between: whether the field contradicts others, which agreed without the options.
+        source: positions and options of the fields.
+        misfit: misfit of a field that no option set.
+        between: whether the field contradicts others that agreed without the options.
     """
     at, options = misfit.location, source.options.items()
     near = [name for place, name in options if at[: len(place) - 1] == place[:-1]]
@@ -166,10 +165,10 @@ def cause_in(source: MissionSource, misfit: Misfit, *, between: bool) -> str:
 
 
 def _read_plans_of(data: dict[str, Any], source: MissionSource) -> None:
-    """Read the plans that the paths of a mission name, which lie beside the mission's file.
+    """Read the plans that the mission's paths name, relative to the mission's file.
 
     Raises:
-        MissionError: one cannot be read, or is no plan.
+        MissionError: a plan cannot be read, or is no plan.
     """
     if "path" in data:
         data["path"] = _with_plan(data["path"], ("path",), source)
@@ -180,19 +179,19 @@ def _read_plans_of(data: dict[str, Any], source: MissionSource) -> None:
 
 
 def _with_plan(path: object, place: Location, source: MissionSource) -> object:
-    """A path with what is in the plan that it names; any other as it is.
+    """Return a path with the content of the plan it names; any other path unchanged.
 
     Raises:
-        MissionError: the plan cannot be read, or is none.
+        MissionError: the plan cannot be read, or is no plan.
     """
     if not isinstance(path, dict) or path.get("type") != "plan" or "contents" in path:
         return path
     name = path.get("file")
-    # A plan that the command line names lies where the command runs, and is read with its path.
+    # A plan from the command line is relative to the working directory and is read with its path.
     if not isinstance(name, str) or source.file is None or source.option_of((*place, "file")):
         return path
     try:
-        # A mission that comes along is known by its name alone.
+        # A shipped mission may be given by its name alone.
         mission = Path(source.file)
         beside = mission if mission.exists() else shipped_missions().get(source.file, mission)
         contents = read_plan(beside.parent / name)
@@ -204,13 +203,13 @@ def _with_plan(path: object, place: Location, source: MissionSource) -> object:
 
 
 def spread_defaults(tree: Tree, file: str) -> dict[Location, Location]:
-    """Put the fields of `vehicles.defaults` into every vehicle that does not have them itself.
+    """Copy the fields of `vehicles.defaults` into every vehicle that lacks them.
 
     Returns:
-        Where each such field of a vehicle really stands.
+        Location of the default for each copied field.
 
     Raises:
-        MissionError: there are too many of them.
+        MissionError: there are too many fields.
     """
     vehicles = tree.data.get("vehicles") if isinstance(tree.data, dict) else None
     defaults = vehicles.get(DEFAULTS) if isinstance(vehicles, dict) else None
@@ -235,7 +234,7 @@ def spread_defaults(tree: Tree, file: str) -> dict[Location, Location]:
 
 
 def where_it_stands(fault: Finding, spread: Mapping[Location, Location]) -> Finding:
-    """The fault of a vehicle's field at the place in the file that it comes from."""
+    """Return a vehicle's fault at the location in the file that its field comes from."""
     place = None if fault.option else spread.get(fault.location[:3])
     return fault if place is None else replace(fault, location=(*place, *fault.location[3:]))
 
@@ -272,7 +271,7 @@ def _decode(content: bytes, file: str) -> str:
 
 
 def fault_of(source: MissionSource, misfit: Misfit) -> Finding:
-    """A misfit with its line in the file."""
+    """Return a misfit as an error finding with its line in the file."""
     return Finding("error", misfit.location, misfit.message, misfit.remedy).placed(source)
 
 
