@@ -236,8 +236,8 @@ class TurnEfficiency(msgspec.Struct, frozen=True, kw_only=True):
         """Whether the efficiency is known well enough for guidance."""
         return math.sqrt(self.variance) < KNOWN
 
-        Check whether the vehicle slips; the previous answer stays where nothing else is known.
-        """
+    def slips(self, *, before: bool) -> bool:
+        """Check whether the vehicle slips; the previous answer stays where nothing else is known."""
         if not self.is_known:
             return before
         return self.value < (COORDINATED_ABOVE if before else SLIPS_BELOW)

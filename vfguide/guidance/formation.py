@@ -240,8 +240,7 @@ ON_TRACK_M = 5.0
 
 
 def breakaway_course(leader_course: float, slot: Slot) -> float:
-    """Return the course (rad) that leads a follower away, from the leader's last course (rad) and the slot.
-    """
+    """Return the course (rad) that leads a follower away from the others, given the leader's last (rad)."""
     if abs(slot.right) < ON_TRACK_M:
         return leader_course
     return leader_course + math.copysign(BREAKAWAY_ANGLE, slot.right)
@@ -263,8 +262,7 @@ class SlotLimits(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def slot_airspeed(state: VehicleState, turn_rate: float, slot: Slot) -> float:
-    """Return the airspeed (m/s) that a slot needs: |slot velocity - wind| at the leader's turn rate (rad/s).
-    """
+    """Return the airspeed (m/s) that a slot needs: |slot velocity - wind| at a leader's turn rate (rad/s)."""
     along, right = slot_velocity(state.ground_speed, turn_rate, slot)
     north, east = compose(along, right, state.course)
     return math.hypot(north - state.wind_north, east - state.wind_east)
@@ -343,9 +341,7 @@ def no_offset() -> Offset:
 
 
 def nearness(error: FormationError) -> float:
-    """Return the weight of an error in learning: 1 in the slot, 1/2 at `NEAR_M`, falling with the fourth
-    power.
-    """
+    """Return the weight of an error in learning, 1 / (1 + (e / NEAR_M)^4): 1 in the slot, 1/2 at `NEAR_M`."""
     squared = (
         error.along_track * error.along_track + error.cross_track * error.cross_track
     ) / NEAR_M**2
@@ -387,8 +383,7 @@ def harmonic_share(turn_rate: float, integral_s: float) -> float:
 
 
 def learning_growth(turn_rate: float, integral_s: float) -> float:
-    """Return the learning rate of the whole offset relative to the mean's, 1 or more; see `harmonic_share`.
-    """
+    """Return the learning rate of the whole offset relative to the mean's, 1 or more."""
     share = turning_share(turn_rate) * harmonic_share(turn_rate, integral_s)
     return 1.0 + share * float(len(HARMONICS))
 

@@ -355,8 +355,7 @@ def heights_ahead(
 
 
 def height_between(heights: FloatArray, lowest: float, highest: float) -> FloatArray:
-    """Return the smallest vertical gap (m) in each interval of `TIMES` between heights and a band of heights.
-    """
+    """Return the smallest gap (m) between heights and a band of heights in each interval of `TIMES`."""
     gaps = np.maximum(np.maximum(heights - highest, lowest - heights), 0.0)
     # A vehicle that crosses the upper bound within an interval has no gap there.
     passes = np.sign(heights[1:] - highest) != np.sign(heights[:-1] - highest)
@@ -398,8 +397,7 @@ class ClimbLimits(msgspec.Struct, frozen=True, kw_only=True):
     """Fastest descent, m/s, positive."""
 
     def fastest(self, along: float) -> tuple[float, float]:
-        """Return (fastest descent, negative; fastest climb), m/s, for a target that climbs at a rate (m/s).
-        """
+        """Return (fastest descent, negative; fastest climb), m/s, for a target's climb rate (m/s)."""
         return -_fastest(self.sink, -along), _fastest(self.climb, along)
 
 

@@ -209,8 +209,7 @@ def planned_motion(
 
 
 def bent_course(point: PathPoint[float], gains: PathGains) -> tuple[float, float]:
-    """Return the field's course (rad) and its slope (rad/m) with cross-track error, small bends attenuated.
-    """
+    """Return the field's course (rad) and its slope over cross-track error (rad/m), small bends reduced."""
     bend = desired_course(point, gains.gain, gains.approach_angle) - point.course
     size = abs(bend)
     kept = size / (size + SMALL_BEND)

@@ -92,8 +92,7 @@ def _tracked(
     period: float,
     time_constant: float,
 ) -> tuple[float, float]:
-    """Update (rate, its derivative) with a raw rate that may be an outlier; the rate is held within ±limit.
-    """
+    """Update (rate, its derivative) with a raw rate, possibly an outlier; the rate stays within ±limit."""
     gain, rate_gain = fading_memory_2(period, time_constant)
     expected = before[0] + before[1] * period
     surprise = clip(raw, -limit, limit) - expected
