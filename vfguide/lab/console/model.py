@@ -1,7 +1,7 @@
-"""From states and presences to what the console shows. Pure: bytes and times go in, plain values come out.
+"""Model of the console: states and presences in, displayed values out. It does no input or output.
 
-Times are seconds since the console began. Places are in the mission's local frame: metres north and east of
-its origin, altitudes above mean sea level.
+Times are seconds since the console began. Positions are metres north and east of the mission's origin,
+altitudes are above mean sea level.
 """
 
 import cmath
@@ -35,14 +35,12 @@ from vfguide.link.presence import BATTERY, BATTERY_VOLTAGE, LEADER_FIGURES, Pres
 from vfguide.mission import Mission
 from vfguide.mission.flight_path import PathShape, path_of
 
-# Lines and points on the ground that the console draws: paths, the fence, rally points.
-
 DRAWN_POINTS = 400
-"""Points drawn of each path."""
+"""Points drawn per path."""
 
 
 def describe_ground(mission: Mission) -> dict[str, object]:
-    """All paths by name, and outlines: edges of the fence, and rally points; ready for JSON."""
+    """Return all paths by name and the outlines (fence edges, rally points), ready for JSON."""
     rally = rally_points(mission)
     return {
         "paths": {
@@ -57,7 +55,7 @@ def describe_ground(mission: Mission) -> dict[str, object]:
 
 
 def drawn_path(mission: Mission, shape: PathShape) -> tuple[FloatArray, FloatArray]:
-    """(north, east) of points along a path, m: once round it, or as far as the rehearsal flies along it."""
+    """Return (north, east) of points once round a path, or as far along as the rehearsal flies, m."""
     path = path_of(shape)
     if math.isfinite(path.length):
         progress = path.outline(DRAWN_POINTS)
@@ -69,31 +67,29 @@ def drawn_path(mission: Mission, shape: PathShape) -> tuple[FloatArray, FloatArr
 
 
 CARRIED_S = 2.0
-"""For so long a place is carried on along its turn; no slot is reckoned by an older one."""
+"""Longest extrapolation of a state along its turn, s; older states give no slot."""
 
 CLIMB_S = 0.5
-"""Over so long climb rates are averaged."""
+"""Averaging time of climb rates, s."""
 
 STEEPEST_M_S = 20.0
-"""More is no climb, but a height that was set right."""
+"""Limit of a climb rate, m/s; a steeper step is a corrected altitude, not a climb."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StateReport:
-    """The newest state of a vehicle."""
+    """Newest state of a vehicle."""
 
     message: LeaderMessage
-    """The message as it came."""
     place: complex
-    """North and east as real and imaginary part, m."""
+    """Position: north as real part, east as imaginary part, m."""
     climb: float
-    """m/s; the state does not say it."""
+    """Climb rate, m/s, from successive altitudes: the message has none."""
     received_s: float
-    """When it came."""
 
 
 def climb_between(before: StateReport | None, message: LeaderMessage) -> float:
-    """How fast a vehicle climbs, m/s, by its last states."""
+    """Return the averaged climb rate of a vehicle after a new message, m/s; 0 where it is not known."""
     if before is None:
         return 0.0
     passed_s = message.time_s - before.message.time_s
@@ -105,7 +101,7 @@ def climb_between(before: StateReport | None, message: LeaderMessage) -> float:
 
 
 def carry(heard: StateReport, seconds: float) -> tuple[complex, complex]:
-    """(place in m, velocity in m/s) some seconds after a state, along the turn that it flew."""
+    """Extrapolate a state at its turn rate; return (position in m, velocity in m/s)."""
     message = heard.message
     half_turn = cmath.rect(1.0, 0.5 * message.turn_rate * seconds)
     velocity = cmath.rect(message.ground_speed, message.course) * half_turn
@@ -113,49 +109,45 @@ def carry(heard: StateReport, seconds: float) -> tuple[complex, complex]:
 
 
 GRAVITY = 9.80665
-"""m/s²."""
+"""Standard gravity, m/s²."""
 
 KEPT_S = 15.0
-"""For so long the place where a vehicle was heard last is shown."""
+"""Time for which the last position of a silent vehicle is shown, s."""
 
 MOST_CHANGES = 1000
-"""Changes of what is flown that are kept, at most."""
+"""Maximum number of kept changes of the order or the leader."""
 
 OLDEST_S = 300.0
-"""Greatest age that is told."""
+"""Greatest age that is shown, s."""
 
 STEP_S = 0.3
-"""A clock that is behind by more than this has been set, or the flight is slower than real time."""
+"""A clock offset that drops by more than this, s, means a clock was set, or flight slower than real time."""
 
 GREATEST_OF_LEADER = (OLDEST_S, 1e6, 1e6, 50e3, 10.0, 500.0, 10.0)
-"""Greatest magnitudes of what followers say of a leader without a companion, as `LEADER_FIGURES` names it."""
+"""Greatest credible magnitudes of `LEADER_FIGURES`, reported by followers of a leader without a companion."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PresenceReport:
-    """The newest presence of a vehicle."""
+    """Newest presence of a vehicle."""
 
     presence: Presence
-    """The presence as it came."""
     received_s: float
-    """When it came."""
     warned_s: float
-    """When its warning was new; NaN without one."""
+    """Time at which its last warning was new; NaN before the first."""
 
 
 class FormationModel:
-    """A formation, as a listener knows it who hears all of it."""
+    """Formation as known to a listener that hears every vehicle."""
 
     def __init__(self, mission: Mission) -> None:
-        """Make one of which nothing has been heard."""
         self._mission = mission
         self._frame = local_frame(mission)
         self.names = (mission.leader.vehicle, *mission.followers_by_name)
-        """Vehicles, the leader first."""
+        """Vehicle names, leader first."""
         self.history = History(len(self.names), len(SERIES))
-        """Everything so far."""
         self.counters: Counter[str] = Counter()
-        """What came and was no state."""
+        """Messages that were not used, by reason."""
         self._rows = {name: row for row, name in enumerate(self.names)}
         self._slots = np.array([slot_of(mission, name) for name in self.names])
         self._lead: StateReport | None = None
@@ -176,7 +168,7 @@ class FormationModel:
         return bool(self._heard or self._said)
 
     def take_state(self, vehicle: str, data: bytes, now: float) -> None:
-        """Take a state of a vehicle; what is none is counted, what is older than the last is passed over."""
+        """Take a state message of a vehicle; count it where it cannot be decoded."""
         if vehicle not in self._rows:
             return
         try:
@@ -203,7 +195,7 @@ class FormationModel:
         return StateReport(message=message, place=place, climb=climb, received_s=now)
 
     def take_presence(self, vehicle: str, presence: Presence, now: float) -> None:
-        """Take what a vehicle says about itself."""
+        """Take the presence of a vehicle."""
         if vehicle not in self._rows:
             return
         before = self._said.get(vehicle)
@@ -215,33 +207,26 @@ class FormationModel:
         self._said[vehicle] = PresenceReport(presence=presence, received_s=now, warned_s=warned_s)
 
     def take_lead(self, data: bytes, now: float) -> None:
-        """Take how the leader moves by which a deputy leads in its place."""
+        """Take the leader state that a deputy publishes while it leads in the leader's place."""
         self._lead = self._heard_of(self._lead, decode(data), now)
 
     def take_order(self, number: int, order: Arrangement | None, *, leads: str) -> None:
-        """Take what is flown.
-
-        Args:
-            number: of the order that is flown; 0 before the first.
-            order: the order; None where it was not heard.
-            leads: name of the vehicle that leads.
-        """
+        """Take the leader's name and the order flown: number 0 before the first, None where not heard."""
         self._number, self._order, self._leads = number, order, leads
-        # While an order was not heard the path that was flown before is the best guess.
+        # The path flown before is the best guess while the order is not known.
         if order is not None:
             self._path = order.path
         self._note_flown()
 
     def _note_flown(self) -> None:
-        """Keep what is flown from the newest sample on, where that is something else than before."""
         flies, times = self.flies(), self.history.time_s
         if not self._flown or {**self._flown[-1], **flies} != self._flown[-1]:
             self._flown.append({"t": float(times[-1]) if times.size else 0.0, **flies})
 
     def _take_foreign_leader(self, presence: Presence, now: float) -> None:
-        """Take how a follower has heard a leader without a companion; the newest word of all counts."""
+        """Take a follower's report of a leader without a companion, where it is the newest of all."""
         found = [presence.figures.get(name, math.nan) for name in LEADER_FIGURES]
-        # Not "above": a comparison with NaN is false whichever way it is put.
+        # Written so that NaN, which compares false, is not sound.
         sound = all(abs(one) <= most for one, most in zip(found, GREATEST_OF_LEADER, strict=True))
         if self._offset_s is None or not sound:
             return
@@ -269,7 +254,7 @@ class FormationModel:
         )
 
     def _note_clock(self, offset_s: float) -> None:
-        """Learn what to add to the own clock for the formation's: the message that took least counts."""
+        """Update the offset from the own clock to the formation's; the message with least latency counts."""
         known = self._offset_s
         if known is None or offset_s > known or known - offset_s > STEP_S:
             self._offset_s = offset_s
@@ -277,7 +262,7 @@ class FormationModel:
             self._offset_s = known + 0.02 * (offset_s - known)
 
     def sample(self, now: float) -> FloatArray:
-        """(vehicles, series) values of this moment, which are added to the history; NaN is not known."""
+        """Add this moment's values to the history; return them as (vehicles, series), NaN where not known."""
         values = np.full((len(self.names), len(SERIES)), math.nan)
         carried: dict[int, tuple[complex, complex]] = {}
         for row, name in enumerate(self.names):
@@ -300,13 +285,12 @@ class FormationModel:
         return values
 
     def _carried_s(self, heard: StateReport, now: float) -> float:
-        """For how long a state is carried on to be one of now, s."""
         passed_s = now + (self._offset_s or 0.0) - heard.message.time_s
-        # A vehicle whose messages take less than the leader's is heard ahead of the moment.
+        # Negative where a vehicle's messages have less latency than the leader's.
         return min(max(passed_s, -CARRIED_S), CARRIED_S)
 
     def _slots_at(self, now: float) -> FloatArray:
-        """(vehicles, 3) forward, right and up of all slots, m; NaN of vehicles without one that is known."""
+        """Return forward, right and up of all slots, m, shape (vehicles, 3); NaN where not known."""
         if self._number == 0:
             return self._slots
         slots = np.full_like(self._slots, math.nan)
@@ -323,7 +307,7 @@ class FormationModel:
     def _numbers(
         self, name: str, message: LeaderMessage, place: complex, velocity: complex, *, fresh: bool
     ) -> list[float]:
-        """What `SERIES` names of the vehicle alone."""
+        """Return the first `FLOWN_AS` values of `SERIES`: those of the vehicle alone."""
         course = math.degrees(cmath.phase(velocity)) if fresh else math.nan
         speed = abs(velocity)
         wind = self._wind(name)
@@ -345,7 +329,7 @@ class FormationModel:
     def _reference(
         self, values: FloatArray, carried: Mapping[int, tuple[complex, complex]], now: float
     ) -> tuple[complex, complex, float] | None:
-        """(place in m, velocity in m/s, altitude in m) of the leader by which all fly; None: not known."""
+        """Return (position in m, velocity in m/s, altitude in m) of the reference of all slots, if known."""
         lead = self._lead
         if self._leads != self.names[0]:
             if lead is None or now - lead.received_s > CARRIED_S:
@@ -364,7 +348,7 @@ class FormationModel:
         carried: Mapping[int, tuple[complex, complex]],
         now: float,
     ) -> None:
-        """Where the slots are; and as their vehicles see them, along and right of the leader's course."""
+        """Fill in slot positions and the offsets to them, m, ahead and right along the leader's course."""
         reference = self._reference(values, carried, now)
         if reference is None:
             return
@@ -383,7 +367,7 @@ class FormationModel:
     def _nearness(
         self, values: FloatArray, slots: FloatArray, rows: list[int]
     ) -> tuple[Nearness, ...]:
-        """Every two vehicles that are heard now and nearer than they should ever be."""
+        """Return the pairs of vehicles that are too near each other, of the vehicles in some rows."""
         places, slots = values[rows, :3], slots[rows]
         first, second = np.triu_indices(len(rows), 1)
         distance = np.linalg.norm(places[first] - places[second], axis=1)
@@ -399,7 +383,7 @@ class FormationModel:
         )
 
     def flies(self) -> dict[str, object]:
-        """Who leads, and what is flown, in words, ready for JSON."""
+        """Return the vehicle that leads, the order and the path, ready for JSON."""
         succeeded = self._leads != self.names[0]
         return {
             "leads": self._leads,
@@ -410,7 +394,7 @@ class FormationModel:
         }
 
     def cards(self, now: float) -> list[dict[str, object]]:
-        """What is said of each vehicle in words, ready for JSON; its numbers are in the samples."""
+        """Return the card of each vehicle, ready for JSON, without the numbers that are in the samples."""
         alarms: dict[str, str] = {}
         for alarm in self.alarms(now):
             for name in alarm.vehicles:
@@ -439,7 +423,7 @@ class FormationModel:
         }
 
     def alarms(self, now: float) -> list[Alarm]:
-        """What the person at the console should look at or do, the worst first."""
+        """Return the alarms for the person at the console, worst first."""
         known = [self._knowledge(name, now) for name in self.names]
         return alarms_of(known, self._near, patience=self._mission.patience)
 
@@ -477,7 +461,7 @@ class FormationModel:
         return math.nan if heard is None else min(now - heard.received_s, OLDEST_S)
 
     def _wind(self, name: str) -> complex:
-        """Wind that a vehicle reports, else the leader's, m/s; NaN while neither reports one."""
+        """Return the wind that a vehicle reports, or else the leader, m/s; NaN where neither does."""
         for one in (name, self.names[0]):
             said = self._said.get(one)
             figures = {} if said is None else said.presence.figures
@@ -486,7 +470,7 @@ class FormationModel:
         return complex(math.nan, math.nan)
 
     def describe(self) -> dict[str, object]:
-        """The flight so far, as the replay reads one."""
+        """Return the flight so far in the format of the replay, ready for JSON."""
         day, night = colours_of(self.names), colours_of(self.names, NIGHT_COLOURS)
         time_ms = np.round(1000.0 * self.history.time_s)
         return {
@@ -518,7 +502,7 @@ class FormationModel:
 
 
 def slot_of(mission: Mission, name: str) -> tuple[float, float, float]:
-    """Forward, right and up of a vehicle's slot, m; the leader's is where it is."""
+    """Return forward, right and up of a vehicle's slot, m; zeros for the leader."""
     follower = mission.followers_by_name.get(name)
     if follower is None:
         return 0.0, 0.0, 0.0

@@ -1,4 +1,4 @@
-"""Collects what happens on a rehearsal, or what its emulators tell of it, and makes a flight record of it."""
+"""Collect the true states and companion snapshots of a rehearsal, and make a flight record of them."""
 
 import asyncio
 import json
@@ -55,21 +55,21 @@ TRUTHS = (
     "wind_north_m_s",
     "wind_east_m_s",
 )
-"""What a vehicle's record takes as it is from the emulator's true state."""
+"""Fields of the emulator's true state that a vehicle record takes unchanged."""
 
 POSITION = ("latitude_deg", "longitude_deg")
-"""What it turns into north and east."""
+"""Fields of the true state that become north and east."""
 
 DOINGS = ("mode", "course", "speed", "limited", "lyapunov", "path")
-"""What it takes from the companion's snapshot, as numbers."""
+"""Values from the companion's snapshot, as numbers."""
 
 LEADS = ("term", "north", "east", "course", "altitude")
-"""What it takes of the leader by which a vehicle leads, where the mission names deputies."""
+"""Values of the leader motion by which a vehicle leads, recorded where the mission names deputies."""
 
 MODES = tuple(Mode)
 
 UNSEEN = Snapshot(mode=Mode.WAITING, setpoint=None, lyapunov=math.nan)
-"""What is known of a companion that is not there, or not seen."""
+"""Snapshot in the place of a companion that is absent or not observed."""
 
 truth_row = attrgetter(*POSITION, *TRUTHS)
 
@@ -78,13 +78,12 @@ DRAWN_POINTS = 361
 
 
 class VehicleRecorder:
-    """True states of one aircraft and its companion's doings, sample by sample.
+    """Recorder of one aircraft's true states and its companion's snapshots.
 
-    Kept as plain numbers: a flight's objects would be looked through for garbage again and again.
+    It keeps plain numbers: the garbage collector would scan objects of a whole flight again and again.
     """
 
     def __init__(self, mission: Mission, name: str) -> None:
-        """Record the vehicle of this name."""
         self._mission = mission
         self._name = name
         leads = name == mission.leader.vehicle
@@ -97,7 +96,7 @@ class VehicleRecorder:
         self._response: VehicleResponse | None = None
 
     def sample(self, truth: sitl_stub.Truth, snapshot: Snapshot) -> None:
-        """Note where the aircraft is and what its companion did."""
+        """Add a sample."""
         self._truths.extend(truth_row(truth))
         self._doings.extend(doings_row(snapshot, self._path_names))
         self._response = snapshot.response or self._response
@@ -106,7 +105,7 @@ class VehicleRecorder:
             self._leads.extend(lead_row(snapshot, self._mission.origin.altitude_amsl_m))
 
     def record(self) -> VehicleRecord:
-        """The samples so far."""
+        """Return the record of the samples so far."""
         truths = columns(self._truths, (*POSITION, *TRUTHS))
         north, east = local_positions(self._mission, *(truths.pop(field) for field in POSITION))
         led = None if self._leads is None else columns(self._leads, LEADS).values()
@@ -124,7 +123,7 @@ class VehicleRecorder:
         )
 
     def _slot_series(self) -> dict[str, FloatArray]:
-        """The slots over time, where another than the mission's was flown in."""
+        """Return the slot series, or none where the vehicle kept the mission's slot throughout."""
         slots = columns(self._slots, SLOT_SERIES)
         mission = (self._slot.forward, self._slot.right, self._slot.up)
         fixed = all(
@@ -141,14 +140,10 @@ def vehicle_record(
     response: VehicleResponse | None,
     **series: FloatArray,
 ) -> VehicleRecord:
-    """What is recorded of a vehicle, with what its mission says of it.
+    """Make the record of a vehicle from its mission and series.
 
-    Args:
-        mission: the mission.
-        name: of the vehicle.
-        doings: of its companion, as `DOINGS` names them.
-        response: by what it was flown last, if that is known.
-        series: where it was and what else is told of it, as a `VehicleRecord` names them.
+    The keys of `doings` are `DOINGS`, those of `series` are fields of `VehicleRecord`.
+    `response` is the vehicle response that the companion used last.
     """
     vehicle, follower = mission.vehicles[name], mission.followers_by_name.get(name)
     slot = Point(0.0, 0.0) if follower is None else follower.slot.point
@@ -178,14 +173,14 @@ def vehicle_record(
         mode=doings["mode"].astype(np.int64),
         limited=doings["limited"].astype(np.bool_),
         lyapunov=doings["lyapunov"],
-        # Nothing where it was the first path all the time.
+        # None where the first path was flown throughout.
         path_number=doings["path"].copy() if doings["path"].any() else None,
         **series,
     )
 
 
 def limits_of(vehicle: Vehicle) -> FlightLimits:
-    """What the mission allows a vehicle."""
+    """Return a vehicle's flight limits from the mission."""
     lowest, highest = vehicle.airspeed_range_m_s
     return FlightLimits(
         least_airspeed_m_s=lowest,
@@ -195,7 +190,7 @@ def limits_of(vehicle: Vehicle) -> FlightLimits:
 
 
 def declared_by(vehicle: Vehicle) -> VehicleResponse:
-    """Return what the mission declares of how a vehicle answers."""
+    """Return the vehicle response that the mission declares; None for values that it leaves out."""
     course, speed = (name in vehicle.model_fields_set for name in ("alpha_1_s", "beta_1_s"))
     return VehicleResponse(
         alpha_1_s=vehicle.alpha_1_s if course else None,
@@ -210,10 +205,7 @@ def declared_by(vehicle: Vehicle) -> VehicleResponse:
 
 
 def slot_row(snapshot: Snapshot, fixed: Point) -> tuple[float, float, float]:
-    """(forward, right, up) of the slot that is flown in, m: the one that was ordered, or the mission's.
-
-    NaN of a vehicle that has left the formation.
-    """
+    """Return (forward, right, up) of the flown slot, m; NaN for a vehicle that left the formation."""
     if snapshot.left:
         return math.nan, math.nan, math.nan
     slot = snapshot.slot or fixed
@@ -229,7 +221,7 @@ def flight_record(
     mode: FlightMode = "lockstep",
     events: Iterable[FlightEvent] = (),
 ) -> FlightRecord:
-    """The record of a whole flight, from those of its vehicles, leader first, and what companions said."""
+    """Make the record of a flight from the records of its vehicles, leader first, and companion events."""
     path_north, path_east = drawn_path(mission, vehicles[0])
     plant = mission.rehearsal.emulator.of(mission.leader.vehicle).plant
     return FlightRecord(
@@ -257,15 +249,10 @@ def flight_record(
 def beside_paths(
     mission: Mission, north: FloatArray, east: FloatArray, course: FloatArray, numbers: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """(cross-track error in m, course of the path in rad) of a leader, on the path that it follows each time.
+    """Return a leader's cross-track error, m, and the course of its path, rad.
 
-    Args:
-        mission: with all its paths.
-        north: of the leader, m.
-        east: of the leader, m.
-        course: of the leader, rad.
-        numbers: of the paths among those of the mission, the first 0; NaN where it follows none, nor is
-            there an error then.
+    The leader's north and east are in m, its course is in rad. `numbers` are indices of the followed path;
+    where they are NaN, so are the results.
     """
     error, tangent = np.full_like(north, math.nan), np.full_like(north, math.nan)
     for number, shape in enumerate(mission.paths_by_name.values()):
@@ -277,7 +264,7 @@ def beside_paths(
 
 
 def doings_row(snapshot: Snapshot, path_names: Sequence[str]) -> tuple[float, ...]:
-    """What a companion did last, in the order of `DOINGS`; NaN where it has sent no setpoint."""
+    """Return the values of a snapshot in the order of `DOINGS`; NaN where there is no setpoint."""
     setpoint = snapshot.setpoint
     course, speed, limited = (
         (math.nan, math.nan, False)
@@ -295,16 +282,14 @@ def doings_row(snapshot: Snapshot, path_names: Sequence[str]) -> tuple[float, ..
 
 
 def path_number(path: str | None, names: Sequence[str]) -> float:
-    """The number of a path among those of the mission; NaN where none is followed, or one that it has not."""
+    """Return the index of a path among those of the mission; NaN for None and for unknown paths."""
     return float(names.index(path)) if path in names else math.nan
 
 
 def lead_row(snapshot: Snapshot, ground_amsl_m: float) -> tuple[float, ...]:
-    """By what a companion led, in the order of `LEADS`; NaN where it did not.
+    """Return the leader motion by which a companion led, as in `LEADS`; NaN where it did not lead.
 
-    Args:
-        snapshot: of the companion.
-        ground_amsl_m: altitude of the mission's origin, m.
+    `ground_amsl_m` is the altitude of the mission's origin, m.
     """
     lead = snapshot.lead
     if lead is None:
@@ -315,7 +300,7 @@ def lead_row(snapshot: Snapshot, ground_amsl_m: float) -> tuple[float, ...]:
 
 
 def columns(rows: Sequence[float], names: Sequence[str]) -> dict[str, FloatArray]:
-    """The columns of rows that were written one behind the other, by name."""
+    """Return the columns, by name, of a table that is stored row after row."""
     values = np.array(rows, dtype=np.float64).reshape(-1, len(names))
     return {name: values[:, number].copy() for number, name in enumerate(names)}
 
@@ -323,7 +308,7 @@ def columns(rows: Sequence[float], names: Sequence[str]) -> dict[str, FloatArray
 def local_positions(
     mission: Mission, latitude_deg: FloatArray, longitude_deg: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """(north, east) of true positions, m, by the frame that companions use but all at once."""
+    """Return (north, east) of positions, m, in the companions' local frame."""
     origin = mission.origin
     north, east, _ = pymap3d.geodetic2ned(
         latitude_deg,
@@ -337,12 +322,12 @@ def local_positions(
 
 
 def drawn_path(mission: Mission, leader: VehicleRecord) -> tuple[FloatArray, FloatArray]:
-    """Points along the path: round it once, or along one without end to where the leader ended."""
+    """Return (north, east) of points along the mission's main path, m."""
     return drawn_points(path_of(mission.path), leader)
 
 
 def drawn_outlines(mission: Mission, leader: VehicleRecord) -> tuple[Outline, ...]:
-    """The other paths, as far as `drawn_path` draws the first, the edges of all fences, and rally points."""
+    """Return outlines of the paths other than the main one, of all fences, and of the rally points."""
     lines: list[tuple[OutlineKind, tuple[FloatArray, FloatArray]]] = [
         ("path", drawn_points(path_of(shape), leader)) for shape in mission.paths.values()
     ]
@@ -353,14 +338,14 @@ def drawn_outlines(mission: Mission, leader: VehicleRecord) -> tuple[Outline, ..
 
 
 def fence_edges(mission: Mission) -> list[tuple[FloatArray, FloatArray]]:
-    """(north, east) of points along the edge of each area of all fences, m."""
+    """Return (north, east) of points along the edge of each area of all fences, m."""
     fences = fences_of(mission)
     frame = frame_of(mission.model_dump()) if fences else None
     return [area.edge(frame) for fence in fences for area in fence.areas]
 
 
 def rally_points(mission: Mission) -> tuple[FloatArray, FloatArray]:
-    """(north, east) of the rally points of all paths, m."""
+    """Return (north, east) of the rally points of all paths, m."""
     points = [point for shape in mission.paths_by_name.values() for point in shape.rally_points]
     frame = frame_of(mission.model_dump()) if points else None
     places = np.array([point.local(frame) for point in points]).reshape(-1, 2)
@@ -368,7 +353,7 @@ def rally_points(mission: Mission) -> tuple[FloatArray, FloatArray]:
 
 
 def drawn_points(path: Path, leader: VehicleRecord) -> tuple[FloatArray, FloatArray]:
-    """(north, east) of points along a path, m."""
+    """Return (north, east) of points once round a path, or as far along as the leader came, m."""
     count = DRAWN_POINTS
     if math.isfinite(path.length):
         places = path.at(path.outline(count))
@@ -379,26 +364,25 @@ def drawn_points(path: Path, leader: VehicleRecord) -> tuple[FloatArray, FloatAr
 
 
 NUMBERS = frozenset(sitl_stub.Truth.__struct_fields__) - {"mode", "armed"}
-"""Fields of a true state that are numbers."""
+"""Numeric fields of a true state."""
 
 AFTERWARDS_S = 60.0
-"""After the end of the flight nobody's true state is of interest."""
+"""Time after the end of the flight from which true states are dropped, s."""
 
 
 class TruthCollector(asyncio.DatagramProtocol):
-    """Collects the true states of every vehicle at each sample time."""
+    """Collector of the true states of all vehicles of a mission, by sample time."""
 
     def __init__(self, mission: Mission) -> None:
-        """Listen for the vehicles of a mission."""
         self._mission = mission
         flying = (mission.leader.vehicle, *mission.followers_by_name)
         self._names = {mission.vehicles[name].system_id: name for name in flying}
         self._rate_hz = mission.rehearsal.rate_hz
         self.truths: dict[str, dict[int, sitl_stub.Truth]] = defaultdict(dict)
-        """By vehicle and number of the sample."""
+        """True states by vehicle and sample number."""
 
     def datagram_received(self, data: bytes, _address: object) -> None:
-        """One JSON object of one vehicle at one time; anything else is nobody's true state."""
+        """Take one true state of one vehicle as a JSON object; ignore anything else."""
         decoded = decode_truth(data)
         if decoded is not None and decoded[0] in self._names:
             system_id, truth = decoded
@@ -408,20 +392,20 @@ class TruthCollector(asyncio.DatagramProtocol):
 
     @property
     def time_s(self) -> float:
-        """The newest time of which every vehicle's state is known; negative before the first."""
+        """Newest time up to which every vehicle has been heard, s; negative before the first."""
         if len(self.truths) < len(self._names):
             return -1.0
         return min(max(samples) for samples in self.truths.values()) / self._rate_hz
 
     def last_seen_s(self) -> dict[str, float]:
-        """The newest time of which each vehicle's state is known; negative before the first."""
+        """Return the time of each vehicle's newest state, s; negative before the first."""
         return {
             name: max(self.truths[name]) / self._rate_hz if name in self.truths else -1.0
             for name in self._names.values()
         }
 
     def common_samples(self) -> list[int]:
-        """Numbers of the samples that are known of every vehicle, in order."""
+        """Return the numbers of the samples that are known of every vehicle, in order."""
         if len(self.truths) < len(self._names):
             return []
         return sorted(set.intersection(*(set(samples) for samples in self.truths.values())))
@@ -435,17 +419,17 @@ class TruthCollector(asyncio.DatagramProtocol):
         events: Iterable[FlightEvent] = (),
         responses: Mapping[str, VehicleResponse | None] | None = None,
     ) -> FlightRecord:
-        """What has been seen so far.
+        """Return the record of the flight so far.
 
         Args:
-            wall_s: how long the flight took, s of real time.
-            tracks: what companions did, by vehicle, at times of the flight; as far as it is known.
-            only_at_s: the newest sample alone that is not after this time, s, for a display.
-            events: what companions said, at times of the flight.
-            responses: by what companions flew, by vehicle; as far as it is known.
+            wall_s: real time that the flight took, s.
+            tracks: known guidance steps of companions, by vehicle, in flight time.
+            only_at_s: for a display, take only the newest sample that is not after this time, s.
+            events: events of companions, in flight time.
+            responses: known vehicle responses that companions used, by vehicle.
 
         Raises:
-            VfguideError: nothing has.
+            VfguideError: there is no sample of all vehicles.
         """
         last_s = self._mission.rehearsal.duration_s
         last = round((last_s if only_at_s is None else min(only_at_s, last_s)) * self._rate_hz)
@@ -460,7 +444,7 @@ class TruthCollector(asyncio.DatagramProtocol):
             recorder = VehicleRecorder(self._mission, name)
             track = (tracks or {}).get(name)
             for sample, time_s in zip(samples, times, strict=True):
-                # The answer to the report of this sample comes a little later.
+                # The guidance step that answers this sample's report comes a little later.
                 step = track.at(time_s + 0.5 / self._rate_hz) if track is not None else None
                 recorder.sample(self.truths[name][sample], snapshot_of(step))
             record = replace(recorder.record(), response=(responses or {}).get(name))
@@ -472,7 +456,7 @@ class TruthCollector(asyncio.DatagramProtocol):
         )
 
     def _series(self, name: str, track: GuidanceTrack, times: FloatArray) -> dict[str, Any]:
-        """The slots that a vehicle flew in, where they were ordered, what it heard and what it led by."""
+        """Return the known series of commanded slots, leader state ages and leader motion of a vehicle."""
         mission, follower = self._mission, self._mission.followers_by_name.get(name)
         found: dict[str, Any] = {}
         if follower is not None:
@@ -485,7 +469,7 @@ class TruthCollector(asyncio.DatagramProtocol):
 
 
 def snapshot_of(step: GuidanceStep | None) -> Snapshot:
-    """What a companion had last done, as in a rehearsal in virtual time."""
+    """Return a logged guidance step as a companion snapshot."""
     if step is None or step.mode not in {mode.value for mode in MODES}:
         return UNSEEN
     setpoint = None
@@ -497,13 +481,13 @@ def snapshot_of(step: GuidanceStep | None) -> Snapshot:
 
 
 def decode_truth(data: bytes) -> tuple[int, sitl_stub.Truth] | None:
-    """System and true state of a datagram; None if it is none."""
+    """Decode (system ID, true state) from a datagram; None where it is invalid."""
     try:
         content = json.loads(data)
         numbers: dict[str, Any] = {name: float(content[name]) for name in NUMBERS}
         mode, armed = str(content["mode"]), bool(content["armed"])
         system_id = int(content["system_id"])
-    # Deep nesting exhausts the parser, and a huge integer is no float.
+    # Deep nesting exhausts the parser's recursion, and a huge integer overflows a float.
     except (ValueError, TypeError, LookupError, RecursionError, OverflowError):
         return None
     if not all(math.isfinite(number) for number in numbers.values()) or numbers["time_s"] < 0.0:
