@@ -1,11 +1,11 @@
-"""Environments for reinforcement learning: a formation in virtual time, whose followers are agents.
+"""Reinforcement-learning environments: a formation in virtual time with followers as agents.
 
-Companions, gates, link and emulators are those of every flight in virtual time. An agent takes the place of
-a follower's law: it is shown what the law would see, and what it asks for goes through the same limits.
+Companions, gates, link and emulators are those of every flight in virtual time. An agent replaces a
+follower's law: it observes what the law would, and its commands pass the same limits.
 
-Each follower with a pilot flies its instant in a greenlet of its own, which is a call that can be left and
-taken up again: it is left where its law is asked, deep in its companion, and taken up with the answer. So
-nothing of an aircraft or a companion is otherwise than in `fly_lockstep`, and neither is the flight.
+Each piloted follower runs its instant in a greenlet, a call that can be suspended and resumed. The greenlet
+is suspended where the companion calls its law, and resumed with the pilot's answer. Aircraft, companions and
+the flight are therefore the same as in `fly_lockstep`.
 """
 
 import math
@@ -45,10 +45,9 @@ from vfguide.mission.model import Mission
 
 
 class PilotedAircraft(Aircraft):
-    """A follower whose law is a pilot's, or the mission's where the pilot leaves it to that."""
+    """Follower flown by a pilot's law, or by the mission's where the pilot gives no answer."""
 
     def __init__(self, mission: Mission, name: str) -> None:
-        """Put the aircraft of this name at its start."""
         super().__init__(mission, name)
         plan = flight_plan(mission, name)
         asked = replace(plan, law=asking(plan.law, self))
@@ -58,18 +57,18 @@ class PilotedAircraft(Aircraft):
         )
         self.companion = self._make()
         self.view: View | None = None
-        """What the pilot is asked about in this instant; None where the companion does not ask."""
+        """Pilot's view in this instant; None where the companion does not ask its law."""
         self._turn: greenlet | None = None
         self._asked = False
         self._wanted: DesiredMotion | None = None
         self._led: list[Mail] = []
 
     def step(self, now: float, mail: Sequence[Mail]) -> list[Mail]:
-        """Fly on to this time, as far as the pilot is asked.
+        """Fly on to this time, up to the pilot's decision.
 
         Returns:
-            what others hear now: all of it where nobody was asked; else what a deputy that leads said in
-            the instant before.
+            Messages that others hear now: all of them if the pilot is not asked; otherwise those that this
+            vehicle sent as leading deputy in the previous instant.
         """
         said, self._led = self._led, []
         self._asked, turn = False, greenlet(super().step)
@@ -80,13 +79,9 @@ class PilotedAircraft(Aircraft):
         return said
 
     def resume(self, wanted: DesiredMotion | None) -> list[Mail]:
-        """Fly the rest of the instant.
+        """Fly the rest of the instant, and return the messages sent as a follower.
 
-        Args:
-            wanted: by the pilot; None to leave it to the mission's law.
-
-        Returns:
-            what it says as a follower.
+        With `wanted` None the mission's law flies.
         """
         turn, self._turn, self.view = self._turn, None, None
         if turn is None:
@@ -96,10 +91,10 @@ class PilotedAircraft(Aircraft):
         return [one for one in said if not is_leaders(one[1])]
 
     def ask(self, view: View) -> DesiredMotion | None:
-        """Leave the instant until the pilot has answered, once: the law of a late vehicle is asked thrice."""
+        """Suspend the instant for the pilot's answer, once: a late vehicle's law is called three times."""
         if not self._asked:
             outside = getcurrent().parent
-            # Asked from elsewhere than a step, there is nobody to answer.
+            # Outside a step there is no pilot to answer.
             if outside is None:
                 return None
             self._wanted = outside.switch(view)
@@ -108,13 +103,13 @@ class PilotedAircraft(Aircraft):
 
 
 def asking(law: type[Law], aircraft: PilotedAircraft) -> type[Law]:
-    """Return a law like another, which asks an aircraft's pilot first."""
+    """Return a subclass of the law that asks the aircraft's pilot first."""
 
     class Asking(law):  # type: ignore[misc, valid-type] # of whatever law a mission names
-        """That law."""
+        """Law that asks a pilot first."""
 
         def step(self, view: View, memory: Any) -> tuple[DesiredMotion, Any]:  # noqa: ANN401
-            """Return what the pilot wants, or what the law does."""
+            """Return the pilot's motion, or else the law's own."""
             wanted = aircraft.ask(view)
             if wanted is not None:
                 return wanted, PILOTED
@@ -123,25 +118,21 @@ def asking(law: type[Law], aircraft: PilotedAircraft) -> type[Law]:
             return own
 
         def learn(self, view: View, memory: Any, *, limited: bool) -> Any:  # noqa: ANN401
-            """Learn of what the law itself has asked for."""
+            """Learn from steps that the law itself has flown."""
             return memory if memory is PILOTED else super().learn(view, memory, limited=limited)
 
     return Asking
 
 
 PILOTED = object()
-"""What a law remembers of steps that its pilot flew."""
+"""Memory of a law after a step flown by its pilot."""
 
 
 class SteppedFlight(FormationShare):
-    """A flight that goes on by an instant with each step."""
+    """Flight that advances by one instant per step."""
 
     def __init__(self, mission: Mission, piloted: Sequence[str]) -> None:
-        """Put everyone at the start, and fly the first instant as far as the pilots are asked.
-
-        Args:
-            mission: the mission.
-            piloted: names of the followers that have a pilot.
+        """Place all aircraft, and fly the first instant up to the decisions of the `piloted` followers.
 
         Raises:
             InputError: the mission is flown by radio.
@@ -167,7 +158,7 @@ class SteppedFlight(FormationShare):
 
     @property
     def views(self) -> Mapping[str, View]:
-        """What pilots are asked now, by name. A companion with nothing to steer by asks nothing."""
+        """Views of the pilots to ask now, by name; a companion with nothing to steer by asks none."""
         return {name: one.view for name, one in self._piloted.items() if one.view is not None}
 
     @property
@@ -176,16 +167,16 @@ class SteppedFlight(FormationShare):
         return self.left == 0
 
     def step(self, wanted: Mapping[str, DesiredMotion]) -> None:
-        """Fly on to the next instant, as far as the pilots are asked.
+        """Fly on to the next instant, up to the pilots' decisions.
 
         Args:
-            wanted: motions by name; the mission's law flies who has none.
+            wanted: motions by name; the mission's law flies vehicles without one.
         """
         self._finish(wanted)
         self._advance()
 
     def brought_home(self) -> LockstepFlight:
-        """End the flight here, and return what was flown: no step may follow."""
+        """End the flight, and return what was flown; no step may follow."""
         self._finish({})
         return self.land(self._began)
 
@@ -201,60 +192,59 @@ class SteppedFlight(FormationShare):
 Vector = NDArray[np.float32]
 
 HELD_BY = frozenset({Mode.JOINING, Mode.TRACKING, Mode.PREDICTING})
-"""Modes in which a companion flies by what its law asks for."""
+"""Modes in which a companion flies by its law."""
 
 ENGAGED_S = 20.0
-"""Every agent's companion steers by then, or the mission is no place to learn in."""
+"""Time by which every agent's companion must steer; otherwise the mission is unfit for learning, s."""
 
 COLLISION_M = 5.0
-"""Two that come nearer to each other have collided."""
+"""Two aircraft closer than this have collided."""
 
 NEAR_M = 10.0
-"""Distance from the slot at which the reward has lost half of what it can lose."""
+"""Distance from the slot that costs half of the greatest penalty."""
 
 EFFORT = 0.01
-"""What the mean square of an action costs."""
+"""Penalty per mean square of an action."""
 
 
 class FlownStep(msgspec.Struct, frozen=True, kw_only=True):
-    """What a step came to for one agent, by the true states after it."""
+    """Outcome of a step for one agent, from the true states after it."""
 
     view: View
-    """What its law sees after it; the newest where the companion does not ask any more."""
+    """View of the agent's law after the step; the newest one where the companion no longer asks."""
     action: FloatArray
-    """What the agent asked for, shape (2,)."""
+    """Action of the agent, shape (2,)."""
     distance_m: float
-    """From its slot, seen from above, m."""
+    """Horizontal distance from the slot, m."""
     nearest_m: float
-    """To the nearest other aircraft, m."""
+    """Distance to the nearest other aircraft, m."""
     lost: bool
-    """Whether this was the agent's last step, though the mission goes on."""
+    """Whether the agent has ended before the mission."""
     left: int
-    """Steps that are left of the mission."""
+    """Steps left in the mission."""
 
 
 Reward = Callable[[FlownStep], float]
-"""What a step is worth."""
 
 
 def usual_reward(step: FlownStep) -> float:
-    """Return what a step is worth: -d²/(d² + 10²) for the distance d from the slot in m, less the effort.
+    """Return the reward -d²/(d² + 10²), less the effort, for the distance d from the slot in m.
 
-    Near the slot that is the negative square of d / 10 m; far away it is -1. Who is lost gets -1 for each
-    step that is left: to be lost is never worth while.
+    The reward is about -(d / 10 m)² near the slot and -1 far away. A lost agent gets a further -1 for each
+    step that is left, so that it never pays to be lost.
     """
     square = step.distance_m**2
     worth = -square / (square + NEAR_M**2) - EFFORT * float(np.mean(step.action**2))
     return worth - step.left if step.lost else worth
 
 
-# pettingzoo says nothing of its types.
+# pettingzoo has no type annotations.
 class FormationEnvironment(ParallelEnv):  # type: ignore[misc]
-    """A PettingZoo parallel environment: every follower is an agent, by the name of its vehicle.
+    """A PettingZoo parallel environment: every follower is an agent, named after its vehicle.
 
-    A step is a guidance step of the mission. An agent ends (`terminated`) when its companion does not fly by
-    it any more, or when it comes within 5 m of another aircraft; its aircraft flies on by the mission's law.
-    All end (`truncated`) with the mission. Infos have `distance_m` from the slot, `nearest_m` to the
+    A step is a guidance step of the mission. An agent ends (`terminated`) when its companion no longer flies
+    its actions, or when it comes within 5 m of another aircraft; the aircraft flies on by the mission's law.
+    All agents end (`truncated`) with the mission. Infos hold `distance_m` from the slot, `nearest_m` to the
     nearest other aircraft, and the companion's `mode`.
     """
 
@@ -268,13 +258,13 @@ class FormationEnvironment(ParallelEnv):  # type: ignore[misc]
         actions: ActionKind = "rates",
         reward: Reward = usual_reward,
     ) -> None:
-        """Make an environment that is to be reset.
+        """Make an environment, which `reset` must start.
 
         Args:
-            change: makes the mission with other values of some fields; raises InputError.
-            agents: followers that are agents; all if there are none.
-            actions: what an action says.
-            reward: what a step is worth.
+            change: returns the mission with other values of some fields; raises InputError.
+            agents: followers that are agents; all if empty.
+            actions: meaning of an action.
+            reward: reward of a step.
         """
         self._change = change
         self._mission = change({})
@@ -286,17 +276,16 @@ class FormationEnvironment(ParallelEnv):  # type: ignore[misc]
         self._slots = slots_of(self._mission)
         self._views: dict[str, View] = {}
         self.possible_agents = [*(agents or self._mission.followers_by_name)]
-        """All agents."""
         self.agents: list[str] = []
-        """Those that still fly."""
+        """Agents that still fly."""
         self.observation_spaces: dict[str, Space[Any]] = {
             name: Box(LOW, HIGH, dtype=np.float32) for name in self.possible_agents
         }
-        """Of each agent: see `vfguide.laws.OBSERVATION`."""
+        """Observation space of each agent: see `vfguide.laws.OBSERVATION`."""
         self.action_spaces: dict[str, Space[Any]] = {
             name: Box(-1.0, 1.0, (2,), dtype=np.float32) for name in self.possible_agents
         }
-        """Of each agent: see `vfguide.laws.motion_of`."""
+        """Action space of each agent: see `vfguide.laws.motion_of`."""
 
     def observation_space(self, agent: str) -> Space[Vector]:
         """Return the space of an agent's observations."""
@@ -309,12 +298,12 @@ class FormationEnvironment(ParallelEnv):  # type: ignore[misc]
     def reset(
         self, seed: int | None = None, options: Mapping[str, Any] | None = None
     ) -> tuple[dict[str, Vector], dict[str, dict[str, Any]]]:
-        """Begin a flight, and fly until the companion of every agent steers, by the mission's law.
+        """Begin a flight, and fly by the mission's law until every agent's companion steers.
 
         Args:
-            seed: of everything random, 0 or more. The first flight has the mission's if absent, later
-                ones have seeds that follow from the last that was given.
-            options: `settings`: values of fields of the mission for this flight alone, as of `vfguide.fly`.
+            seed: seed of everything random, 0 or more. If absent, the first flight takes the mission's; later
+                flights take seeds that follow from the last one given.
+            options: `settings`: values of mission fields for this flight alone, as in `vfguide.fly`.
 
         Raises:
             InputError: a setting is wrong.
@@ -356,10 +345,10 @@ class FormationEnvironment(ParallelEnv):  # type: ignore[misc]
         """Fly a guidance step by the agents' actions.
 
         Args:
-            actions: two numbers of each agent. Of one that is not there the mission's law flies this step.
+            actions: two numbers per agent; an agent without any is flown by the mission's law in this step.
 
         Returns:
-            observations, rewards, terminations, truncations and infos by agent.
+            Observations, rewards, terminations, truncations and infos by agent.
 
         Raises:
             InputError: the environment was not reset.
@@ -402,7 +391,7 @@ class FormationEnvironment(ParallelEnv):  # type: ignore[misc]
         return observations, rewards, terminations, dict.fromkeys(told, over), infos
 
     def brought_home(self) -> LockstepFlight:
-        """End the flight, and return what was flown, for `vfguide.Flight(flown=...)` and its report.
+        """End the flight, and return it for `vfguide.Flight(flown=...)` and its report.
 
         Raises:
             InputError: the environment was not reset.
@@ -412,7 +401,7 @@ class FormationEnvironment(ParallelEnv):  # type: ignore[misc]
         return flight.brought_home()
 
     def render(self) -> None:
-        """Draw nothing: `brought_home` gives a flight with a report and a replay."""
+        """Draw nothing: `brought_home` returns a flight with a report and a replay."""
 
     def close(self) -> None:
         """Forget the flight."""
@@ -430,7 +419,7 @@ class FormationEnvironment(ParallelEnv):  # type: ignore[misc]
         return {name: observed(self._views[name]) for name in self.agents}
 
     def _told(self) -> dict[str, tuple[dict[str, Any], bool]]:
-        """(info, whether it is lost) of each agent."""
+        """Return (info, whether the agent is lost) for each agent."""
         flight = self._flying()
         truths = {name: one.emulator.truth() for name, one in flight.aircraft.items()}
         places = {
@@ -440,7 +429,7 @@ class FormationEnvironment(ParallelEnv):  # type: ignore[misc]
             )
             for name, true in truths.items()
         }
-        # Slots count from the mission's leader, whoever leads.
+        # Slots refer to the mission's leader, whoever leads.
         leader, course = next(iter(places.values())), next(iter(truths.values())).course_rad
         told = {}
         for name in self.agents:
@@ -467,19 +456,18 @@ def slots_of(mission: Mission) -> dict[str, Point]:
 
 
 def is_steered(aircraft: Aircraft | EmulatedForeignLeader) -> bool:
-    """Return whether an aircraft is flown by what its law asks for."""
+    """Check whether an aircraft flies its law's commands."""
     return isinstance(aircraft, Aircraft) and aircraft.companion.snapshot.mode in HELD_BY
 
 
 class FollowerEnvironment(gymnasium.Env[Vector, Any]):
-    """A Gymnasium environment: one follower of a formation, whose others fly by the mission's law."""
+    """A Gymnasium environment: one follower, in a formation whose others fly by the mission's law."""
 
     metadata = {"render_modes": []}  # noqa: RUF012 - as the base class declares it
 
     def __init__(self, formation: FormationEnvironment) -> None:
-        """Make it of an environment with one agent."""
+        """Wrap an environment with one agent."""
         self.formation = formation
-        """The environment of the formation."""
         (self._name,) = formation.possible_agents
         self.observation_space = formation.observation_space(self._name)
         self.action_space = formation.action_space(self._name)
@@ -487,13 +475,13 @@ class FollowerEnvironment(gymnasium.Env[Vector, Any]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Vector, dict[str, Any]]:
-        """Begin a flight; as of `FormationEnvironment`."""
+        """Begin a flight, as in `FormationEnvironment`."""
         super().reset(seed=seed)
         observations, infos = self.formation.reset(seed, options)
         return observations[self._name], infos[self._name]
 
     def step(self, action: ArrayLike) -> tuple[Vector, float, bool, bool, dict[str, Any]]:
-        """Fly a guidance step; as of `FormationEnvironment`.
+        """Fly a guidance step, as in `FormationEnvironment`.
 
         Raises:
             InputError: no flight has begun, or it is over.

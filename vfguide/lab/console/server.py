@@ -1,4 +1,4 @@
-"""The console as a web server: one page, its program, and a stream of what there is to show."""
+"""Web server of the console: one page, its script and a stream of events."""
 
 import asyncio
 import hmac
@@ -46,31 +46,29 @@ from vfguide.lab.console.tiles import FindTile
 from vfguide.lab.report.replay import program as joined_program
 from vfguide.lab.report.replay import read as read_replay
 
-# The files of the console's page, put together: what a browser gets of them.
-
 OWN_SCRIPTS = ("live.js", "tiles.js", "cards.js", "orders.js", "console.js")
 
 
 def render_page(title: str) -> str:
-    """The page; the name of a mission stays text in it."""
+    """Return the page as HTML, with the mission's name escaped."""
     parts = {
         "{title}": escape(title),
         "{orders}": read_page("orders.html"),
         "{replay}": read_replay("replay.html").replace("<!-- below -->", read_page("cards.html")),
     }
-    # In one pass: a title is not looked at again.
+    # A single pass, so that a placeholder within the title is not replaced.
     names = re.compile("|".join(map(re.escape, parts)))
     return names.sub(lambda found: parts[found[0]], read_page("console.html"))
 
 
 def join_style() -> str:
-    """All styles as one."""
+    """Return all style sheets as one."""
     report = files("vfguide.lab.report").joinpath("page.css").read_text(encoding="utf-8")
     return "\n".join([report, read_replay("replay.css"), read_page("console.css")])
 
 
 def read_page(name: str) -> str:
-    """A file of the page."""
+    """Return a file of the console's page."""
     return files("vfguide.lab.console").joinpath("page", name).read_text(encoding="utf-8")
 
 
@@ -78,7 +76,7 @@ POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; base-uri 'none';"
     " form-action 'none'; frame-ancestors 'none'"
 )
-"""The page's own program, style and stream, and nothing else."""
+"""Content security policy: only the page's own script, style and stream."""
 
 HEADERS = {
     "x-content-type-options": "nosniff",
@@ -87,22 +85,22 @@ HEADERS = {
     "cross-origin-opener-policy": "same-origin",
     "cross-origin-resource-policy": "same-origin",
 }
-"""Headers of every answer, beside the policy."""
+"""Headers of every response, besides the policy."""
 
 QUIET_S = 5.0
-"""After so long without news a stream says that it is still there."""
+"""Time without news after which a stream sends a sign of life, s."""
 
 REQUEST_S = 5.0
-"""A connection on which nothing is asked for, nor answered, ends after so long."""
+"""Time after which a connection without a pending request is closed, s."""
 
 MOST_SILENT = 100
-"""Such connections at once: the oldest ends for a new one, which may be an operator's."""
+"""Silent connections kept at once; beyond, the oldest makes room for a new one, perhaps an operator's."""
 
 CLOSING_S = 1
-"""For open streams to end, s."""
+"""Time that open streams get to end at shutdown, s."""
 
 LARGEST_BODY = 4096
-"""Bytes of what a page sends."""
+"""Longest body of a request, bytes."""
 
 REFUSED = "This address needs the token that `vfguide console` printed: open the whole address.\n"
 READ_ONLY = "Nothing can be changed here.\n"
@@ -114,24 +112,24 @@ FROM_ELSEWHERE = "Orders are taken from the console's own page alone.\n"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ConsoleAddress:
-    """Where the console is served, and how."""
+    """Address of the console and its TLS files."""
 
     host: str = "127.0.0.1"
-    """Name or address of the interface."""
     port: int = 8080
-    """0 for any that is free."""
+    """TCP port; 0 for any free one."""
     certificate: Path | None = None
-    """PEM file for TLS."""
+    """PEM file for TLS; None for plain HTTP."""
     certificate_key: Path | None = None
-    """File of the certificate's private key, if that is not in the same file."""
+    """PEM file of the private key; None where the certificate's file holds it."""
     published: str | None = None
-    """URL of this computer's own under which others bring in who comes, as a container's engine does."""
+    """Loopback URL under which others, such as a container engine, forward connections to the console."""
 
     def check(self) -> None:
-        """See that nobody on a network reads along.
+        """Check that nobody on the network can read along.
 
         Raises:
-            InputError: the host is not this computer alone, and there is no certificate.
+            InputError: the host is reachable from outside without a certificate, the certificate's key stands
+                alone, or `published` is no loopback URL.
         """
         if self.published is not None and not is_own_url(self.published):
             raise InputError(
@@ -149,11 +147,11 @@ class ConsoleAddress:
 
     @property
     def scheme(self) -> str:
-        """Scheme of its URL."""
+        """URL scheme: http, or https with a certificate."""
         return "http" if self.certificate is None else "https"
 
     def url(self, port: int) -> str:
-        """URL of the page, on the port (1 to 65535) on which it is served."""
+        """Return the page's URL, where `port` (1 to 65535) is the port in use."""
         if self.published is not None:
             return self.published.rstrip("/")
         host = f"[{self.host}]" if ":" in self.host else self.host
@@ -161,7 +159,7 @@ class ConsoleAddress:
 
 
 def is_loopback(host: str) -> bool:
-    """Whether only programs of this computer come in there."""
+    """Check whether a host can be reached only from this computer."""
     try:
         return ip_address(host).is_loopback
     except ValueError:
@@ -169,7 +167,7 @@ def is_loopback(host: str) -> bool:
 
 
 def is_own_url(text: str) -> bool:
-    """Whether a text is an http address that only programs of this computer reach."""
+    """Check whether a text is an http URL of the loopback interface."""
     try:
         parts = urlsplit(text)
         loopback, _ = is_loopback(parts.hostname or ""), parts.port
@@ -180,42 +178,39 @@ def is_own_url(text: str) -> bool:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AccessToken:
-    """A token that lets in, and the cookie that keeps it."""
+    """Token that grants access, and the name of the cookie that keeps it."""
 
     token: str
-    """Random text that grants access."""
     cookie: str
-    """Name of the cookie."""
 
     def is_token(self, given: str | None) -> bool:
-        """Whether a text is the token."""
+        """Compare a text with the token in constant time."""
         return given is not None and hmac.compare_digest(given.encode(), self.token.encode())
 
     def is_held(self, connection: HTTPConnection) -> bool:
-        """Whether a request has the cookie."""
+        """Check whether a request carries the token in its cookie."""
         return self.is_token(connection.cookies.get(self.cookie))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Access:
-    """Who is let in."""
+    """Access rights of users and operators."""
 
     look: AccessToken
-    """Token of users who may only look."""
     order: AccessToken | None
-    """Token of users who may give orders, too; None where orders are not allowed."""
+    """Token to give orders as well; None where orders are not allowed."""
     secure: bool
-    """Whether it is served by TLS, and cookies are for TLS alone."""
+    """Whether the console uses TLS, so that cookies are sent over TLS alone."""
 
     def may_order(self, connection: HTTPConnection) -> bool:
-        """Whether a request is an operator's."""
+        """Check whether a request comes from an operator."""
         return self.order is not None and self.order.is_held(connection)
 
     def is_own(self, connection: HTTPConnection) -> bool:
-        """Whether a request was made by the console's own page, by what the browser says of it.
+        """Check from the browser's headers whether a request comes from the console's own page.
 
-        Browsers name the origin in every POST. Its host has to be the one that the request was sent to; a
-        name of somebody else's that leads here has no cookie.
+        Browsers name the origin in every POST. The origin must match the host of the request. A foreign name
+        that resolves to this computer has no cookie.
         """
         scheme = "https" if self.secure else "http"
         own = f"{scheme}://{connection.headers.get('host', '')}"
@@ -224,22 +219,16 @@ class Access:
 
 
 class Guard:
-    """Lets in who has a token, in the address or in a cookie, and puts the headers on every answer."""
+    """Middleware that asks for a token in the URL or a cookie, and adds the headers to every response."""
 
     def __init__(self, app: ASGIApp, doors: Access, *, pictures: str = "") -> None:
-        """Stand before an application.
-
-        Args:
-            app: the application.
-            doors: who is let in.
-            pictures: where the page may take pictures from, as its policy names it; nowhere if empty.
-        """
+        """Wrap `app`; `pictures` is the policy's source of images, none if empty."""
         self._app, self._doors = app, doors
         policy = f"{POLICY}; img-src {pictures}" if pictures else POLICY
         self._headers = {"content-security-policy": policy, **HEADERS}
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Answer one request."""
+        """Answer a request."""
         if scope["type"] != "http":
             return
 
@@ -278,17 +267,17 @@ class Guard:
         return self._app
 
     def _welcome(self, operator: AccessToken | None = None) -> Response:
-        """To the page itself: the token stays in no list of addresses that were visited."""
+        """Set the cookies and redirect to the bare page: the token stays out of the browser's history."""
         answer, look, secure = (
             RedirectResponse("/", status_code=303),
             self._doors.look,
             self._doors.secure,
         )
-        # A strict cookie would not go with this redirection of a link on another site. A lax one goes with
-        # no request of other sites but for the page itself, which they can neither read nor frame.
+        # A strict cookie would not survive this redirect from a link on another site. A lax one goes with no
+        # cross-site request but for the page itself, which other sites can neither read nor frame.
         answer.set_cookie(look.cookie, look.token, httponly=True, samesite="lax", secure=secure)
         if operator is not None:
-            # Orders are sent by the page itself: this cookie goes with no request of another site at all.
+            # The page itself sends orders, so this cookie need not go with any cross-site request.
             answer.set_cookie(
                 operator.cookie, operator.token, httponly=True, samesite="strict", secure=secure
             )
@@ -296,13 +285,7 @@ class Guard:
 
 
 def application(source: Source, *, title: str, doors: Access) -> ASGIApp:
-    """Everything that is served.
-
-    Args:
-        source: the flight.
-        title: what the page calls it.
-        doors: who is let in.
-    """
+    """Return the whole web application, with `title` as the heading of its page."""
     page, style = render_page(title), join_style()
     program = joined_program("startConsole", map(read_page, OWN_SCRIPTS))
 
@@ -337,7 +320,7 @@ def application(source: Source, *, title: str, doors: Access) -> ASGIApp:
 
 
 def tile_route(find: FindTile) -> Route:
-    """Where pages get tiles of the map by their numbers."""
+    """Return the route of the map tiles, by zoom, column and row."""
 
     async def show_tile(request: Request) -> Response:
         numbers = request.path_params
@@ -350,7 +333,7 @@ def tile_route(find: FindTile) -> Route:
 
 
 def order_routes(panel: OrderPanel) -> list[Route]:
-    """Where pages send orders; each answer is a number of a rehearsal, or a sentence."""
+    """Return the routes for orders; each answers with the number of a rehearsal or with a sentence."""
 
     async def rehearse(request: Request) -> Response:
         return await answer_post(request, lambda body: panel.rehearse(order_from(body)))
@@ -377,7 +360,7 @@ def order_routes(panel: OrderPanel) -> list[Route]:
 
 
 async def answer_post(request: Request, use: Callable[[bytes], int]) -> Response:
-    """Do what a page has sent, and answer it; a fault is one line."""
+    """Handle the body of a POST and answer; an error is one line of text."""
     body = bytearray()
     async for part in request.stream():
         body += part
@@ -393,7 +376,7 @@ async def answer_post(request: Request, use: Callable[[bytes], int]) -> Response
 
 
 async def events_of(source: Source, *, may_order: bool = False) -> AsyncIterator[str]:
-    """Server-sent events: whether the page may order, the flight so far, then what is added, for ever."""
+    """Yield server-sent events: the operator's right if held, the flight so far, then updates without end."""
     with source.page() as queue:
         if may_order:
             yield "event: operator\ndata:\n\n"
@@ -411,10 +394,10 @@ async def events_of(source: Source, *, may_order: bool = False) -> AsyncIterator
 
 
 class Reception(H11Protocol):
-    """A connection that has to ask for something soon: idle ones keep nobody out."""
+    """Connection that closes when idle, so that idle clients keep nobody out."""
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
-        """Let the oldest silent connection go where there are too many."""
+        """Register the connection, and close the oldest silent one if there are too many."""
         super().connection_made(transport)
         self._wait()
         silent = [one for one in self.connections if isinstance(one, Reception) and one.is_silent]
@@ -422,18 +405,18 @@ class Reception(H11Protocol):
             min(silent, key=lambda one: one.since_s).transport.close()
 
     def on_response_complete(self) -> None:
-        """Wait for the next request."""
+        """Restart the idle timer after a response."""
         super().on_response_complete()
         self._wait()
 
     @property
     def is_silent(self) -> bool:
-        """Whether nothing is asked for that is not answered yet."""
+        """Whether no request is pending."""
         return self.cycle is None or self.cycle.response_complete
 
     def _wait(self) -> None:
         self.since_s = self.loop.time()
-        """Since when nothing was asked for, s of the event loop's clock."""
+        """Start of the silence, s of the event loop's clock."""
         self.loop.call_later(REQUEST_S, self._end_if_silent, self.since_s)
 
     def _end_if_silent(self, since_s: float) -> None:
@@ -442,28 +425,28 @@ class Reception(H11Protocol):
 
 
 class QuietServer(uvicorn.Server):
-    """Leaves signals to its caller."""
+    """Server that leaves signals to its caller."""
 
     @contextmanager
     def capture_signals(self) -> Iterator[None]:
-        """Capture none."""
+        """Leave the signal handlers alone."""
         yield
 
 
 def listen(address: ConsoleAddress) -> socket:
-    """A socket that listens.
+    """Return a listening socket.
 
     Raises:
-        InputError: the host is none of this computer, or the port is not to be had.
+        InputError: the host is no address of this computer, or the port is not available.
     """
     family = AF_INET6 if ":" in address.host else AF_INET
     opened = socket(family, SOCK_STREAM)
-    # Windows would let a second program take the port.
+    # On Windows the option would let a second program take the port.
     if os.name == "posix":
         opened.setsockopt(SOL_SOCKET, SO_REUSEADDR, 1)
     try:
         opened.bind((address.host, address.port))
-        # From here on a page that comes before the server runs waits, and is not turned away.
+        # From now on a page opened before the server runs waits instead of being refused.
         opened.listen()
     except OSError as error:
         opened.close()
@@ -483,27 +466,19 @@ async def served(
     token: str | None = None,
     operator_token: str | None = None,
 ) -> AsyncIterator[str]:
-    """Serve a flight for as long as the context lasts.
+    """Serve a flight for as long as the context lasts; yield the URL to open, with its token.
 
-    Args:
-        source: the flight.
-        address: where.
-        title: what the page calls it.
-        token: that lets in; one of chance if absent.
-        operator_token: that lets operators in, who give orders; nobody does if absent.
-
-    Yields:
-        The address to open, with its token.
+    Without `token` a random one is used; without `operator_token` nobody may give orders.
 
     Raises:
-        InputError: it cannot be served there, or the certificate cannot be used.
+        InputError: the address or the certificate cannot be used.
     """
     address.check()
     token = token or secrets.token_urlsafe(24)
     opened = listen(address)
     try:
         port = opened.getsockname()[1]
-        # Cookies do not tell ports apart: two consoles of one computer have two names.
+        # Cookies do not distinguish ports: two consoles on one computer need two names.
         order = (
             None
             if operator_token is None
@@ -528,7 +503,7 @@ async def served(
 
 
 def configured(app: ASGIApp, address: ConsoleAddress) -> uvicorn.Config:
-    """How the server runs.
+    """Return the server's settings.
 
     Raises:
         InputError: the certificate cannot be used.

@@ -1,8 +1,8 @@
-"""The formation in real time: emulators and companions as processes of their own, joined by sockets.
+"""Rehearsals in real time: emulators and companions run as processes of their own, joined by sockets.
 
-Its programs may run elsewhere, as in containers, and share nothing but a file: a judge writes it, emulators
-wait for it. The file holds one number: Unix time of simulation time 0, s. One that is left from an earlier
-flight lies in the past, and nobody who waits now takes it for his own.
+These programs may run elsewhere, as in containers, and share a single file: the judge writes it, and the
+emulators wait for it. It holds one number, the Unix time of simulation time 0, s. A file left from an earlier
+flight holds a time in the past, so that nobody who waits now mistakes it for his own.
 """
 
 import asyncio
@@ -54,19 +54,19 @@ from vfguide.record.response import read_response
 from vfguide.registry import plugin_files
 
 LEAD_S = 3.0
-"""Real time that emulators get to start before simulation time 0."""
+"""Real time that emulators get to start before simulation time 0, s."""
 
 RECORDINGS = "recordings"
-"""Where companions record, below the directory of the flight."""
+"""Directory of the companions' recordings, below that of the flight."""
 
 START_LOOK_S = 0.05
-"""Real time between looks at companions that are starting."""
+"""Real time between checks of companions that are starting, s."""
 
 WRITTEN_S = 0.5
-"""Real time after which what a companion did is in its file, and the true states have come."""
+"""Real time after which companions have written their records and the true states have arrived, s."""
 
 START_PATIENCE_S = 30.0
-"""Real time after simulation time 0 without a single true state, after which the flight counts as broken."""
+"""Real time after simulation time 0 without any true state, after which the flight counts as broken, s."""
 
 
 def emulator_command(
@@ -80,20 +80,20 @@ def emulator_command(
     speedup: float,
     also_to: Sequence[str] = (),
 ) -> list[str]:
-    """Write down the settings of a vehicle's emulator, and return the command that runs it by them.
+    """Write the settings file of a vehicle's emulator, and return the command that runs the emulator.
 
     Args:
         mission: the mission.
-        name: of the vehicle.
-        file: where the settings are written to.
-        mavlink: address of its companion, or where it waits for one.
+        name: name of the vehicle.
+        file: settings file to write.
+        mavlink: address of the companion, or address at which to wait for one.
         truth: address of the judge.
-        epoch_s: Unix time of simulation time 0.
-        speedup: simulation seconds for each real one.
-        also_to: where else it is heard.
+        epoch_s: Unix time of simulation time 0, s.
+        speedup: simulation seconds per real second.
+        also_to: further addresses that get the telemetry.
     """
     settings = settings_of(mission, name) | {
-        # A law or a link among them does no harm there.
+        # Plugins with laws or links do no harm in an emulator.
         "plugins": plugin_files(),
         "mavlink": mavlink,
         "truth": truth,
@@ -102,13 +102,13 @@ def emulator_command(
         "speedup": speedup,
         "also_to": list(also_to),
     }
-    # JSON is YAML, and writes every number with all its digits.
+    # JSON is valid YAML, and keeps every digit of a number.
     Path(file).write_text(json.dumps(settings, indent=1), encoding="utf-8")
     return python_module("sitl_stub", f"--config={file}")
 
 
 def watched_by_anybody(mission: Mission, links: Sequence[str]) -> WatchedFormation:
-    """The formation of a mission on its links, for those who have no keys."""
+    """Return a mission's formation on its links, for watchers without keys."""
     return WatchedFormation(
         addresses=parse_links(links),
         formation=mission.name,
@@ -119,19 +119,12 @@ def watched_by_anybody(mission: Mission, links: Sequence[str]) -> WatchedFormati
 
 
 class LiveFlight:
-    """The processes of a live rehearsal and what its judge has seen."""
+    """Processes of a live rehearsal, and what its judge has seen."""
 
     def __init__(
         self, mission: Mission, *, directory: Path, links: Sequence[str], speedup: float
     ) -> None:
-        """Prepare the processes; `fly` starts them.
-
-        Args:
-            mission: the mission.
-            directory: for logs and for the mission file that companions read.
-            links: addresses of the formation's links.
-            speedup: simulation seconds for each real one.
-        """
+        """Prepare the processes; `speedup` is in simulation seconds per real second."""
         self.mission = mission
         self.truth_collector = TruthCollector(mission)
         self.emulators: dict[str, Process] = {}
@@ -143,22 +136,22 @@ class LiveFlight:
         self._epoch_s = 0.0
         self._companions_zero_s = 0.0
         self.keys = key_places(Path(self._state.name) / "rehearsal.yaml")
-        """Keys of this rehearsal alone: one for each vehicle, and an operator's."""
+        """Keys for this rehearsal only: one per vehicle, and an operator's."""
         self._watched: WatchedFormation | None = None
 
     @property
     def watched(self) -> WatchedFormation:
-        """The formation, for those who want to know how it is."""
+        """Formation to watch on its links."""
         return self._watched or watched_by_anybody(self.mission, self._links)
 
     @property
     def mission_file(self) -> Path:
-        """The mission as its programs read it."""
+        """Mission file that the companions read."""
         return self._directory / "mission.yaml"
 
     @property
     def order_command(self) -> str:
-        """How an operator gives this flight an order, say to fly in a vee."""
+        """Command line of an example order for this flight: to fly in a vee."""
         options = (
             *(f"--link={link}" for link in self._links),
             f"--key={self.keys.private(OPERATOR)}",
@@ -168,12 +161,12 @@ class LiveFlight:
 
     @property
     def names(self) -> list[str]:
-        """Vehicles, leader first."""
+        """Names of all vehicles, leader first."""
         return [self.mission.leader.vehicle, *self.mission.followers_by_name]
 
     @property
     def time_s(self) -> float:
-        """Simulation time by the clock; negative before the flight begins."""
+        """Simulation time by the clock, s; negative before the flight begins."""
         return (time.time() - self._epoch_s) * self._speedup
 
     async def start(self, truth_port: int) -> None:
@@ -181,7 +174,7 @@ class LiveFlight:
         mission_file = self.mission_file
         clock = Clock(epoch_s=time.monotonic(), rate=self._speedup)
         make_keys(self.keys, self.mission.name, self.mission.companions)
-        # An operator's key is for those who watch.
+        # Watchers hold an operator's key.
         self._watched = replace(
             watched_by_anybody(self.mission, self._links),
             roster=read_roster(self.keys.roster),
@@ -194,7 +187,7 @@ class LiveFlight:
         foreign = self.mission.leader.is_foreign
         hears = {name: free_port(socket.SOCK_DGRAM) for name in ports} if foreign else {}
         for name, port in ports.items():
-            # Each flight is a first one, and begins in the air.
+            # Each rehearsal is a first flight, and begins in the air.
             begin_flight(Path(self._state.name), name)
             options = [
                 f"--mission={mission_file}",
@@ -234,14 +227,14 @@ class LiveFlight:
         await asyncio.gather(*(one.start() for one in self.emulators.values()))
 
     async def _until_companions_listen(self) -> None:
-        """Wait for the first words of each companion: aircraft that fly before it is there stray."""
+        """Wait for each companion's first output: an aircraft that flies before its companion runs strays."""
         with suppress(TimeoutError):
             async with asyncio.timeout(START_PATIENCE_S):
                 while any(one.running and not one.last_words() for one in self.companions.values()):
                     await asyncio.sleep(START_LOOK_S)
 
     async def lose(self, loss: Loss) -> None:
-        """Kill a companion when the rehearsal loses it, and start it again where it comes back."""
+        """Kill a companion at the time of its loss, and restart it if the loss ends."""
         companion = self.companions[loss.vehicle]
         await self._until(loss.at_s)
         await companion.kill()
@@ -250,12 +243,11 @@ class LiveFlight:
             await companion.start()
 
     async def _until(self, time_s: float) -> None:
-        """Wait for a simulation time, s."""
         while (left_s := time_s - self.time_s) > 0.0:
             await asyncio.sleep(left_s / self._speedup)
 
     async def stop_companions(self) -> None:
-        """Have companions hand their vehicles back, and write down what they did."""
+        """Stop the companions: they hand their vehicles back and complete their records."""
         await asyncio.gather(*(one.stop() for one in self.companions.values()))
 
     async def stop(self) -> None:
@@ -265,23 +257,23 @@ class LiveFlight:
         self._state.cleanup()
 
     def accounts(self) -> dict[str, Account]:
-        """What each process has taken so far, this one with whatever else it runs included."""
+        """Return the resources used so far by each process; "judge" is this process with all that it runs."""
         running = (*self.companions.values(), *self.emulators.values())
         pids = {one.name: one.pid for one in running if one.pid is not None}
         return accounts_of({**pids, "judge": os.getpid()})
 
     def check(self) -> None:
-        """Look after the processes.
+        """Check that all processes run and that the flight is seen.
 
         Raises:
-            VfguideError: an emulator has ended, or a companion by itself, or nothing has been seen of the
-                flight for too long.
+            VfguideError: an emulator has ended, a companion has ended with an error, or no true state has
+                arrived for too long.
         """
         for process in self.emulators.values():
             if not process.running:
                 raise VfguideError(f"{process.name} has ended: {process.last_words()}")
         for process in self.companions.values():
-            # One that is killed is a rehearsal's own doing.
+            # A negative code means a signal: the rehearsal itself has killed this companion.
             if (process.exit_code or 0) > 0:
                 raise VfguideError(f"{process.name} has ended: {process.last_words()}")
         late = self.time_s / self._speedup > START_PATIENCE_S
@@ -289,9 +281,9 @@ class LiveFlight:
             raise VfguideError("no emulator has flown")
 
     def record_now(self) -> FlightRecord | None:
-        """One sample of a moment ago, of which what companions did is known; None before the first.
+        """Return a recent sample for which the companions' records are complete; None before the first.
 
-        By it slots are where orders have put them.
+        The sample shows slots where orders have put them.
         """
         tracks = {
             name: read_newest(*self._recorded(name, SUFFIX), zero_s=self._companions_zero_s)
@@ -303,10 +295,10 @@ class LiveFlight:
         return self.truth_collector.record(wall_s=0.0, tracks=tracks, only_at_s=moment_s)
 
     def record(self, *, wall_s: float) -> FlightRecord:
-        """What has been seen so far; what companions did is known once they have ended.
+        """Return the record so far; the companions' part is complete once they have ended.
 
         Raises:
-            VfguideError: nothing has.
+            VfguideError: nothing has been seen.
         """
         zero_s, names = self._companions_zero_s, self.mission.companions
         return self.truth_collector.record(
@@ -325,7 +317,6 @@ class LiveFlight:
         )
 
     def _recorded(self, name: str, suffix: str) -> list[Path]:
-        """What a companion has written at all its starts, by the end of the files' names."""
         return parts_of(self._directory / RECORDINGS, name, suffix)
 
 
@@ -333,7 +324,7 @@ class LiveFlight:
 async def live_flight(
     mission: Mission, *, directory: Path, links: Sequence[str], speedup: float = 1.0
 ) -> AsyncIterator[LiveFlight]:
-    """A live rehearsal in the air, over a broker that runs already."""
+    """Run a live rehearsal over a broker that runs already."""
     flight = LiveFlight(mission, directory=directory, links=links, speedup=speedup)
     async with truths_heard(flight.truth_collector, ("127.0.0.1", 0)) as port:
         try:
@@ -345,10 +336,10 @@ async def live_flight(
 
 @asynccontextmanager
 async def truths_heard(collector: TruthCollector, place: tuple[str, int]) -> AsyncIterator[int]:
-    """Listen for true states at a host and port for as long as the context lasts; yields the port.
+    """Listen for true states at a host and port for as long as the context lasts; yield the port.
 
     Raises:
-        VfguideError: the port is not to be had.
+        VfguideError: the port is not available.
     """
     loop = asyncio.get_running_loop()
     try:
@@ -364,10 +355,10 @@ async def truths_heard(collector: TruthCollector, place: tuple[str, int]) -> Asy
 
 @asynccontextmanager
 async def companions_lost(flight: LiveFlight) -> AsyncIterator[None]:
-    """Have a flight lose its companions as its mission says, for as long as the context lasts.
+    """Carry out the mission's losses of companions for as long as the context lasts.
 
     Raises:
-        OSError: one could not be started again.
+        OSError: a companion could not be restarted.
     """
     tasks = [asyncio.create_task(flight.lose(one)) for one in flight.mission.rehearsal.losses]
     try:
@@ -376,27 +367,27 @@ async def companions_lost(flight: LiveFlight) -> AsyncIterator[None]:
         for one in tasks:
             one.cancel()
         outcomes = await asyncio.gather(*tasks, return_exceptions=True)
-    # A companion that could not be started again; that a loss is still to come is none of these.
+    # Losses still to come were cancelled, which is no `Exception`; others could not restart a companion.
     for outcome in outcomes:
         if isinstance(outcome, Exception):
             raise outcome
 
 
 FILE_LOOK_S = 0.05
-"""Real time between looks at the file."""
+"""Real time between checks of the file, s."""
 
 WATCHED_LEAD_S = 5.0
-"""Real time that emulators get to start before simulation time 0."""
+"""Real time that emulators get to start before simulation time 0, s."""
 
 LISTEN_S = 1.0
-"""Real time to hear from every companion."""
+"""Real time to hear from every companion, s."""
 
 PATIENCE_S = 20.0
-"""Real time without a true state of some vehicle, after which the flight counts as broken."""
+"""Real time without a true state of some vehicle, after which the flight counts as broken, s."""
 
 
 def give_start(file: Path, *, epoch_s: float) -> None:
-    """Write the signal, so that nobody ever reads half of it.
+    """Write the start signal in one step, so that nobody reads half of it.
 
     Raises:
         InputError: the file cannot be written.
@@ -416,16 +407,10 @@ def await_start(
     clock: Callable[[], float] = time.time,
     sleep: Callable[[float], None] = time.sleep,
 ) -> float:
-    """Unix time of simulation time 0, s, as soon as a signal is given for a time that is still to come.
-
-    Args:
-        file: where the signal appears.
-        patience_s: how long to wait for it, s.
-        clock: Unix time, s.
-        sleep: lets time pass.
+    """Wait for a start signal in the future, and return the Unix time of simulation time 0, s.
 
     Raises:
-        VfguideError: none has come for this long.
+        VfguideError: no signal has come within `patience_s`.
     """
     began_s = clock()
     while clock() - began_s < patience_s:
@@ -443,13 +428,7 @@ class WatchedFlight:
     """What a judge knows of a flight that runs elsewhere."""
 
     def __init__(self, mission: Mission, *, watched: WatchedFormation, speedup: float) -> None:
-        """Prepare to watch.
-
-        Args:
-            mission: the mission.
-            watched: the formation's links, where companions say how they are.
-            speedup: simulation seconds for each real one.
-        """
+        """Prepare to watch; `speedup` is in simulation seconds per real second."""
         self.mission = mission
         self.truth_collector = TruthCollector(mission)
         self._watched = watched
@@ -458,35 +437,35 @@ class WatchedFlight:
 
     @property
     def names(self) -> list[str]:
-        """Vehicles, leader first."""
+        """Names of all vehicles, leader first."""
         return [self.mission.leader.vehicle, *self.mission.followers_by_name]
 
     @property
     def elapsed_s(self) -> float:
-        """Real time since simulation time 0."""
+        """Real time since simulation time 0, s."""
         return time.time() - self._epoch_s
 
     async def _presences(self) -> dict[str, Presence]:
-        """What companions say of themselves; nothing while there is no broker."""
+        """Return the companions' presence messages; none while there is no broker."""
         try:
             return dict(await presences(self._watched, seconds=LISTEN_S, random=Random()))
         except VfguideError:
             return {}
 
     async def missing(self) -> list[str]:
-        """Vehicles whose companions are not online."""
+        """Return the vehicles whose companions are not online."""
         found = await self._presences()
         online = {name for name, presence in found.items() if presence.status == "online"}
         return [name for name in self.mission.companions if name not in online]
 
     async def latency(self) -> Latency | None:
-        """What the companions say of their latencies; None where nobody is heard."""
+        """Return the latencies that the companions report; None if none is heard."""
         found = await self._presences()
         figures = {name: presence.figures for name, presence in found.items()}
         return latency_of(figures, leader=self.mission.leader.vehicle) if figures else None
 
     def start(self, file: Path) -> None:
-        """Tell the emulators when to begin.
+        """Write the start signal for the emulators.
 
         Raises:
             InputError: the file cannot be written.
@@ -495,10 +474,10 @@ class WatchedFlight:
         give_start(file, epoch_s=self._epoch_s)
 
     def check(self) -> None:
-        """See that every emulator still flies.
+        """Check that every emulator still flies.
 
         Raises:
-            VfguideError: one has not been heard for too long.
+            VfguideError: an emulator has been silent for too long.
         """
         elapsed_s = self.elapsed_s
         for name, seen_s in self.truth_collector.last_seen_s().items():
@@ -511,10 +490,10 @@ class WatchedFlight:
 async def watched_flight(
     mission: Mission, *, truth: tuple[str, int], watched: WatchedFormation, speedup: float
 ) -> AsyncIterator[WatchedFlight]:
-    """A flight to watch, with an open ear for true states at a host and port.
+    """Watch a flight, and receive true states at a host and port.
 
     Raises:
-        VfguideError: the port is not to be had.
+        VfguideError: the port is not available.
     """
     flight = WatchedFlight(mission, watched=watched, speedup=speedup)
     async with truths_heard(flight.truth_collector, truth):
