@@ -1,10 +1,10 @@
-"""From a flight record to its summary, and from that to `summary.json`.
+"""Summary of a flight record, and its form in `summary.json`.
 
-Errors are measured on true states, in the window that is the last half of the flight. Of a recorded flight
-there are the autopilots' estimates instead, and moments that nobody recorded, which are left out. So is a
-follower while it was ordered out of the formation. None stands for what was not measured.
+Errors are measured on true states over the window, the last half of the flight. A recorded flight has the
+autopilots' estimates instead; moments that were not recorded are left out. A follower does not count while it
+is ordered out of the formation. None means not measured.
 
-Whether a flight reached what its mission asks for, and in words what it did not reach.
+The summary also tells whether a flight met its mission's acceptance limits, and which it missed.
 """
 
 import math
@@ -42,59 +42,53 @@ from vfguide.record.response import VehicleResponse
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FormationSummary:
-    """How well the followers held their slots; None where nothing was measured."""
+    """Formation errors and separation of all followers; None where nothing was measured."""
 
     window_s: tuple[float, float]
-    """The last half of the flight, s."""
+    """Begin and end of the last half of the flight, s."""
     mean_error_m: float | None
-    """Mean distance from the slot, over all samples of the window and all followers that an order had not
-    sent out of the formation."""
+    """Mean distance from the slot over the window and all followers in the formation."""
     p95_error_m: float | None
-    """95th percentile of the formation error, m."""
     max_error_m: float | None
-    """The greatest."""
     mean_error_3d_m: float | None
-    """Mean distance from the slot in space, over all followers and all samples of the window."""
+    """Mean three-dimensional distance from the slot over the window and all followers in the formation."""
     intended_error_m: float | None
-    """Mean distance from the slot as it is meant, in the course of the path where the leader is: it does not
-    swing with a leader that gusts turn. Without the times at which the leader is not on its path."""
+    """Mean distance from the slot in the frame of the path's course at the leader: gusts that turn the leader
+    do not swing it. Times at which the leader is off its path do not count."""
     settle_10m_s: float | None
     """Last time any follower was 10 m or more from its slot; None: still out at the end."""
     settle_1m_s: float | None
     """Last time any follower was 1 m or more from its slot; None: still out at the end."""
     min_separation_m: float | None
-    """Least distance of any two vehicles on the whole flight."""
+    """Smallest distance between any two vehicles during the whole flight."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Handling:
-    """How hard a vehicle was flown, over the window."""
+    """Control activity of a vehicle over the window."""
 
     role: Role
-    """`leader` or `follower`."""
     course_setpoint_variation_rad_s: float | None
     """Total variation of the course setpoint per second."""
     course_setpoint_excess_variation_rad_s: float | None
-    """What of that is not net turning: chatter, and the path's own bends one way and the other."""
+    """Total variation less net turning, per second: chatter, and the path's bends to both sides."""
     speed_setpoint_variation_m_s2: float | None
-    """Total variation of the speed setpoint per second."""
     roll_rate_rad_s: float | None
-    """Root mean square of the roll rate."""
     limited_fraction: float | None
-    """Share of setpoints that a limit of the vehicle cut."""
+    """Share of setpoints cut by a limit of the vehicle."""
     bank_limited_fraction: float | None
-    """Share of the time at the greatest bank; None where the record does not hold limits."""
+    """Share of the time at the bank limit; None where the record holds no limits."""
     speed_limited_fraction: float | None
-    """Share of the time with the lowest or highest airspeed as setpoint; None where that is not known."""
+    """Share of the time with the lowest or highest airspeed as setpoint; None where unknown."""
     response: VehicleResponse | None
-    """How it was finally flown; None where no companion told."""
+    """Response by which the vehicle was flown at the end; None where no companion reported it."""
     declared: VehicleResponse | None
-    """What the mission declares of that."""
+    """Response that the mission declares."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LeaderSummary(Handling):
-    """How well the leader held the path, over the window."""
+    """Path following of the leader over the window, m."""
 
     cross_track_error_m: Spread | None
     """Distance from the path."""
@@ -102,26 +96,25 @@ class LeaderSummary(Handling):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FollowerSummary(Handling):
-    """How well one follower held its slot, over the window."""
+    """Slot keeping of one follower over the window, m."""
 
     formation_error_m: Spread | None
     """Distance from the slot."""
     along_track_error_m: Spread | None
-    """Size of its component along the leader's course."""
+    """Absolute error along the leader's course."""
     cross_track_error_m: Spread | None
-    """Size of its component across the leader's course."""
+    """Absolute error across the leader's course."""
     height_error_m: Spread | None
-    """Height between it and its slot."""
+    """Absolute height difference from the slot."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Summary:
-    """A flight in figures."""
+    """Figures of a flight."""
 
     mission: str
-    """Name of the mission."""
     controller: str
-    """Name of the law by which followers kept their slots."""
+    """Name of the followers' law."""
     plant: str
     """`course-hold`, `heading-hold` or `bank`."""
     wind: str
@@ -131,33 +124,30 @@ class Summary:
     rate_hz: float
     """Guidance steps per second."""
     seed: int
-    """Seed of everything random in the flight."""
     duration_s: float
-    """Length of the flight."""
     wall_s: float | None
-    """What it took."""
+    """Real time that the flight took."""
     real_time_factor: float | None
     """Duration over wall time."""
     accepted: bool | None
-    """Whether the flight reached all that its mission asks for; None where that is nothing."""
+    """Whether the flight met all limits of its mission; None if there were none."""
     rejections: tuple[str, ...]
-    """Why it was not accepted, in words with figures; empty if it was."""
+    """Reasons for rejection, each a phrase with figures; empty if the flight was not rejected."""
     acceptance: RecordAcceptance
-    """What the mission asks for."""
+    """Acceptance limits of the mission."""
     formation: FormationSummary
-    """All followers together."""
     vehicles: dict[str, LeaderSummary | FollowerSummary]
-    """Each vehicle by name, the leader first."""
+    """Figures of each vehicle by name, leader first."""
     latency: Latency | None
-    """How quick the programs of a live flight were; None of one in virtual time."""
+    """Latencies of the programs of a live flight; None in virtual time."""
 
 
 IN_PLACE_M = 10.0
-"""Within this distance of its slot a follower has come to it: see `vfguide.companion.supervisor`."""
+"""A follower within this distance has reached its slot: see `vfguide.companion.supervisor`."""
 
 
 def find_rejections(acceptance: RecordAcceptance, formation: FormationSummary) -> tuple[str, ...]:
-    """What the flight did not reach, one phrase with figures for each; empty if it reached all."""
+    """Return a phrase with figures for each limit that the flight missed."""
     found = (
         reject_error("mean formation error", formation.mean_error_m, acceptance.mean_error_m),
         reject_error(
@@ -174,7 +164,7 @@ def find_rejections(acceptance: RecordAcceptance, formation: FormationSummary) -
 
 
 def reject_error(name: str, error_m: float | None, limit_m: float | None) -> str | None:
-    """Why an error is not accepted; None if it is, or if no limit was set."""
+    """Return why an error is rejected; None if it is accepted, or without a limit."""
     if limit_m is None:
         return None
     if error_m is None:
@@ -186,7 +176,7 @@ def reject_error(name: str, error_m: float | None, limit_m: float | None) -> str
 
 
 def reject_settling(distance_m: int, settled_s: float | None, limit_s: float | None) -> str | None:
-    """Why a settling time is not accepted; None if it is, or if no limit was set."""
+    """Return why a settling time is rejected; None if it is accepted, or without a limit."""
     if limit_s is None:
         return None
     if settled_s is None:
@@ -198,7 +188,7 @@ def reject_settling(distance_m: int, settled_s: float | None, limit_s: float | N
 
 
 def reject_separation(least_m: float | None, limit_m: float) -> str | None:
-    """Why the least separation is not accepted; None if it is."""
+    """Return why the smallest separation is rejected; None if it is accepted."""
     if least_m is None:
         return "separation could not be measured"
     if least_m >= limit_m:
@@ -208,9 +198,9 @@ def reject_separation(least_m: float | None, limit_m: float) -> str | None:
 
 
 def reject_absence(name: str, error: Spread | None, acceptance: RecordAcceptance) -> str | None:
-    """Why a follower was not in its slot, whatever the mission asks for; None if it was.
+    """Return why a follower counts as absent from its slot; None if it was there.
 
-    A mission whose own limit is wider accepts that.
+    The check applies to every mission; a mission's own wider limit takes precedence.
     """
     limits = (IN_PLACE_M, acceptance.mean_error_m, acceptance.max_error_m)
     if error is None or error.mean <= max(limit for limit in limits if limit is not None):
@@ -219,7 +209,7 @@ def reject_absence(name: str, error: Spread | None, acceptance: RecordAcceptance
 
 
 def reject_unseen(record: FlightRecord, follower: VehicleRecord, window: BoolArray) -> str | None:
-    """Why nobody knows whether a follower was in its slot; None where it is known, or it had none."""
+    """Return why a follower's place is unknown over the window; None if it is known, or had no slot."""
     places = [np.isfinite(one.north_m[window]) for one in (record.leader, follower)]
     if (places[0] & places[1]).any() or not follower.in_formation[window].any():
         return None
@@ -232,7 +222,7 @@ def reject_unseen(record: FlightRecord, follower: VehicleRecord, window: BoolArr
 
 
 def tell_apart(first: float, second: float) -> tuple[str, str]:
-    """Two figures in as few digits, three at least, as show which is the greater."""
+    """Format two numbers with as few digits as tell them apart, but at least three."""
     for digits in range(3, 17):
         texts = f"{first:.{digits}g}", f"{second:.{digits}g}"
         if texts[0] != texts[1]:
@@ -241,10 +231,10 @@ def tell_apart(first: float, second: float) -> tuple[str, str]:
 
 
 def summarise(record: FlightRecord) -> Summary:
-    """All figures of a flight, and the verdict."""
+    """Return all figures of a flight, and the verdict."""
     window = in_window(record)
     formation = _summarise_formation(record, window)
-    # Without followers there is no formation to ask anything of.
+    # Formation limits apply only with followers.
     rejections = find_rejections(record.acceptance, formation) if record.followers else ()
     leader, on_a_path = record.leader, np.isfinite(record.leader.path_course_rad)
     vehicles: dict[str, LeaderSummary | FollowerSummary] = {
@@ -263,7 +253,7 @@ def summarise(record: FlightRecord) -> Summary:
         rejections += () if absent is None else (absent,)
     if record.interrupted:
         rejections = (f"stopped after {record.duration_s:.1f} s, before its end", *rejections)
-    # None where nothing was asked for that the flight could have missed.
+    # None if there was nothing to miss.
     judged = bool(record.followers) and record.acceptance.asks_for_slots
     return Summary(
         mission=record.mission,
@@ -286,7 +276,7 @@ def summarise(record: FlightRecord) -> Summary:
 
 
 def summary_json(summary: Summary) -> dict[str, Any]:
-    """The summary as plain data for `summary.json`; null for what is not known or not finite."""
+    """Return the summary as data for `summary.json`; null for unknown or non-finite values."""
     plain = {name: plain_json(value) for name, value in asdict(summary).items()}
     if summary.latency is None:
         del plain["latency"]
@@ -296,7 +286,7 @@ def summary_json(summary: Summary) -> dict[str, Any]:
 
 
 def plain_json(value: object) -> object:
-    """Return a value as JSON has it: lists for tuples, None for NaN and infinities."""
+    """Convert a value for JSON: lists for tuples, None for NaN and infinities."""
     if isinstance(value, VehicleResponse):
         return msgspec.structs.asdict(value)
     if isinstance(value, dict):
@@ -311,21 +301,14 @@ def plain_json(value: object) -> object:
 def measured(
     record: FlightRecord, values: FloatArray, counts: BoolArray | None = None
 ) -> FloatArray:
-    """The values that count: all, but of a recorded flight those that were recorded.
-
-    Args:
-        record: of the flight.
-        values: of some samples.
-        counts: which of them there is anything to measure of; all of them if absent.
-    """
+    """Select the values that count; all by default, but of a recorded flight those that were recorded."""
     if record.mode == "recorded":
         return values[np.isfinite(values)]
-    # As they stand where all count: a sum in another order differs in its last digits.
+    # Returned unchanged if all count: a sum in another order differs in its last digits.
     return values if counts is None or bool(counts.all()) else values[counts]
 
 
 def _summarise_formation(record: FlightRecord, window: BoolArray) -> FormationSummary:
-    """All followers together."""
     errors, counts = slot_distances(record, record.reference), in_formation(record)[:, window]
     sizes = spread(measured(record, errors[:, window], counts))
     leader = intended_leader(record.reference)
@@ -351,7 +334,7 @@ def _summarise_formation(record: FlightRecord, window: BoolArray) -> FormationSu
 
 
 def slot_distances(record: FlightRecord, leader: VehicleRecord) -> FloatArray:
-    """Distances of all followers from their slots behind a leader, m; one row for each follower."""
+    """Return the followers' distances from their slots relative to a leader, m; one row per follower."""
     distances = [slot_error(leader, follower).distance_m for follower in record.followers]
     return np.array(distances).reshape(len(distances), record.time_s.size)
 
@@ -359,7 +342,6 @@ def slot_distances(record: FlightRecord, leader: VehicleRecord) -> FloatArray:
 def _summarise_follower(
     record: FlightRecord, follower: VehicleRecord, window: BoolArray
 ) -> FollowerSummary:
-    """A follower against its slot."""
     error, counts = slot_error(record.reference, follower), follower.in_formation[window]
     return FollowerSummary(
         formation_error_m=spread(measured(record, error.distance_m[window], counts)),
@@ -371,7 +353,7 @@ def _summarise_follower(
 
 
 def _handling(record: FlightRecord, vehicle: VehicleRecord, window: BoolArray) -> dict[str, Any]:
-    """How hard a vehicle was flown: the fields of `Handling`."""
+    """Return the fields of `Handling`."""
     time_s, course = record.time_s[window], vehicle.course_setpoint_rad[window]
     limits, airspeed = vehicle.limits, vehicle.airspeed_setpoint_m_s[window]
     told = np.isfinite(airspeed)

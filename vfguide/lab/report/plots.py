@@ -1,4 +1,4 @@
-"""All plots of a flight, written as PNG files."""
+"""All plots of a flight, as PNG files."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -40,16 +40,14 @@ from vfguide.lab.report.wording import in_digits
 from vfguide.record.archive import writing_to
 from vfguide.record.flight import FlightRecord, VehicleRecord
 
-# What each autopilot was asked for, and what it did.
-
 CLOSE_UP_S = 20.0
-"""Length of the close-up at the end of the flight, s."""
+"""Length of the close-up at the end of the flight."""
 
 SETPOINT_COLOUR = "#e6007e"
 
 
 def setpoints_figure(record: FlightRecord, *, narrow: bool = False) -> Figure:
-    """A row for each vehicle: course and speed, whole flight and the last seconds; of two lines if narrow."""
+    """Draw course and speed of each vehicle, for the whole flight and for its last seconds."""
     rows = len(record.vehicles)
     if narrow:
         figure = new_figure(NARROW_INCH, 1.2 + 2.7 * rows)
@@ -93,7 +91,7 @@ def setpoints_figure(record: FlightRecord, *, narrow: bool = False) -> Figure:
 
 
 def draw_course_lead(axes: Axes, record: FlightRecord, vehicle: VehicleRecord, colour: str) -> None:
-    """How far the course setpoint was from the true course, degrees, + to the right."""
+    """Draw the course setpoint less the true course, degrees, positive to the right."""
     lead = np.degrees(wrap_angle(vehicle.course_setpoint_rad - vehicle.course_rad))
     axes.axhline(0.0, color="#b0b0b0", linewidth=0.8)
     axes.plot(record.time_s, lead, color=colour, linewidth=0.9)
@@ -103,10 +101,10 @@ def draw_course_lead(axes: Axes, record: FlightRecord, vehicle: VehicleRecord, c
 def draw_courses(
     axes: Axes, record: FlightRecord, vehicle: VehicleRecord, colour: str, shown: BoolArray
 ) -> None:
-    """Course and its setpoint, degrees, without jumps at north."""
+    """Draw course and course setpoint, degrees, without jumps at north."""
     time_s = record.time_s[shown]
     course = np.unwrap(vehicle.course_rad[shown])
-    # The setpoint is drawn on the same turn as the course that it belongs to.
+    # The setpoint is drawn on the same turn as its course.
     setpoint = course + wrap_angle(vehicle.course_setpoint_rad[shown] - course)
     axes.plot(time_s, np.degrees(course), color=colour, linewidth=1.8)
     axes.plot(time_s, np.degrees(setpoint), color=SETPOINT_COLOUR, linewidth=0.9)
@@ -117,7 +115,7 @@ def draw_courses(
 def draw_speeds(
     axes: Axes, record: FlightRecord, vehicle: VehicleRecord, colour: str, shown: BoolArray
 ) -> None:
-    """Airspeed, ground speed, and whichever setpoints were sent."""
+    """Draw airspeed, ground speed and the setpoints that were sent."""
     time_s = record.time_s[shown]
     lines = (
         (vehicle.ground_speed_m_s, "#b8b8b8", 1.2, "-"),
@@ -132,7 +130,7 @@ def draw_speeds(
 
 
 def give_room(axes: Axes, values: FloatArray, least: float) -> None:
-    """A vertical range that holds the values and is never so narrow that noise fills it."""
+    """Set a vertical range that holds the values and spans at least `least`, so that noise stays small."""
     finite = values[np.isfinite(values)]
     if finite.size == 0:
         return
@@ -142,7 +140,7 @@ def give_room(axes: Axes, values: FloatArray, least: float) -> None:
 
 
 def explain_lines(axes: Axes) -> None:
-    """Entries for the legend, which stand for the same line of every vehicle."""
+    """Add legend entries for lines that all vehicles share."""
     axes.plot([], [], color="#333333", linewidth=1.8, label="course, airspeed (true)")
     axes.plot([], [], color=SETPOINT_COLOUR, linewidth=1.2, label="setpoint")
     axes.plot(
@@ -152,17 +150,15 @@ def explain_lines(axes: Axes) -> None:
     axes.plot([], [], color=LIMIT_COLOUR, linewidth=4, label="cut by a limit")
 
 
-# How near vehicles came to each other.
-
 MOST_PAIRS = 12
-"""Pairs drawn at most: those that came nearest."""
+"""Largest number of pairs drawn; the nearest ones are."""
 
 WIDE_RANGE = 8.0
-"""Ratio of distances above which a log scale reads better."""
+"""Ratio of distances above which a log scale is easier to read."""
 
 
 def separation_figure(record: FlightRecord, *, narrow: bool = False) -> Figure:
-    """Distance of each pair over time, the least of all marked."""
+    """Draw the distance of each pair over time, with the smallest marked."""
     figure = new_figure(NARROW_INCH, 4.6) if narrow else new_figure(12.0, 5.2)
     axes = figure.subplots(1, 1)
     pairs = sorted(pair_separations(record), key=lambda pair: float(np.min(pair.distance_m)))
@@ -189,7 +185,7 @@ def separation_figure(record: FlightRecord, *, narrow: bool = False) -> Figure:
 
 
 def draw_pair(axes: Axes, record: FlightRecord, pair: PairSeparation) -> None:
-    """A line in the colours of both vehicles; plain in a follower's own where the other is the leader."""
+    """Draw a pair in both vehicles' colours; a follower and the leader in the follower's alone."""
     colours = vehicle_colours(record)
     label = plain_text(f"{pair.first} to {pair.second}")
     if pair.first == record.leader.name:
@@ -206,7 +202,7 @@ def draw_pair(axes: Axes, record: FlightRecord, pair: PairSeparation) -> None:
 
 
 def scale_distances(axes: Axes, record: FlightRecord, pairs: list[PairSeparation]) -> None:
-    """From zero if the distances are alike, logarithmic if they span a wide range."""
+    """Scale distances from zero if they are alike, or logarithmically if they span a wide range."""
     low, high = extent([pair.distance_m for pair in pairs]) if pairs else (0.0, 0.0)
     required = record.acceptance.min_separation_m
     if low > 0.0 and high > WIDE_RANGE * low:
@@ -218,7 +214,7 @@ def scale_distances(axes: Axes, record: FlightRecord, pairs: list[PairSeparation
 
 
 def draw_required(axes: Axes, least_m: float) -> None:
-    """The line that no pair may come under."""
+    """Draw the required separation."""
     if least_m <= 0.0:
         return
     axes.axhline(least_m, color=LIMIT_COLOUR, linewidth=1.1, linestyle=(0, (6, 3)))
@@ -236,7 +232,7 @@ def draw_required(axes: Axes, least_m: float) -> None:
 
 
 def mark_least(axes: Axes, record: FlightRecord, pair: PairSeparation) -> None:
-    """A mark and words where the nearest pair was nearest."""
+    """Mark and label the closest approach of the nearest pair."""
     sample = int(np.argmin(pair.distance_m))
     time_s, distance_m = float(record.time_s[sample]), float(pair.distance_m[sample])
     late = time_s > 0.7 * float(record.time_s[-1])
@@ -256,14 +252,12 @@ def mark_least(axes: Axes, record: FlightRecord, pair: PairSeparation) -> None:
     )
 
 
-# What disturbed the flight, and how fast the disturbance died out.
-
 LEAST_DRAWN = 1e-6
-"""Lyapunov functions below this are drawn as this: a logarithm has no zero."""
+"""Lower limit of the Lyapunov functions drawn: a logarithm has no zero."""
 
 
 def wind_figure(record: FlightRecord, *, narrow: bool = False) -> Figure:
-    """Wind speed and direction; with followers, their Lyapunov functions below."""
+    """Draw wind speed and direction and, with followers, their Lyapunov functions."""
     tall = 8.2 if record.followers else 5.5
     figure = new_figure(NARROW_INCH, 0.85 * tall) if narrow else new_figure(12.0, tall)
     panels = figure.subplots(3 if record.followers else 2, 1, sharex=True)
@@ -297,17 +291,15 @@ class DrawnWind:
     """One line of the wind panels."""
 
     label: str
-    """For the legend."""
     colour: str
-    """Colour of the line."""
     north_m_s: FloatArray
-    """Toward."""
+    """Velocity toward north."""
     east_m_s: FloatArray
-    """Toward."""
+    """Velocity toward east."""
 
 
 def winds_to_draw(record: FlightRecord) -> tuple[DrawnWind, ...]:
-    """The wind at each vehicle; a single one where all vehicles had the same."""
+    """Return the wind at each vehicle, or a single wind if all vehicles had the same."""
     leader = record.leader
     alike = all(
         np.allclose(vehicle.wind_north_m_s, leader.wind_north_m_s, atol=0.01)
@@ -327,7 +319,7 @@ def winds_to_draw(record: FlightRecord) -> tuple[DrawnWind, ...]:
 
 
 def direction_for_drawing(north_m_s: FloatArray, east_m_s: FloatArray) -> FloatArray:
-    """Direction of a wind in degrees, 0 to 360; NaN in still air and where the line would cross the plot."""
+    """Return a wind's direction, 0 to 360 degrees; NaN in still air and where the line would wrap."""
     toward = np.degrees(wrap_course(np.arctan2(east_m_s, north_m_s)))
     toward[np.hypot(north_m_s, east_m_s) < STILL_AIR_M_S] = np.nan
     jumps = np.flatnonzero(np.abs(np.diff(toward)) > 180.0)
@@ -336,7 +328,7 @@ def direction_for_drawing(north_m_s: FloatArray, east_m_s: FloatArray) -> FloatA
 
 
 def draw_lyapunov(axes: Axes, record: FlightRecord) -> None:
-    """W of each follower: it falls while the law wins, and rests where it only holds."""
+    """Draw each follower's W: it falls while the law reduces the error, and rests while it only holds it."""
     colours = vehicle_colours(record)
     shade_window(axes, record)
     values = [np.maximum(follower.lyapunov, LEAST_DRAWN) for follower in record.followers]
@@ -355,26 +347,24 @@ def draw_lyapunov(axes: Axes, record: FlightRecord) -> None:
 
 
 class Draw(Protocol):
-    """What makes the figure of a plot."""
+    """Function that draws a plot."""
 
     def __call__(self, record: FlightRecord, *, narrow: bool = False) -> Figure:
-        """The figure of a flight, laid out for a wide or a narrow screen."""
+        """Draw the figure for a wide or a narrow screen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Plot:
-    """One of the plots of a report."""
+    """One plot of a report."""
 
     name: str
-    """Name of the file, without its ending."""
+    """Name of the file, without its extension."""
     title: str
-    """A heading."""
     caption: str
-    """What to look for, in a sentence."""
+    """One sentence on what to look for."""
     draw: Draw
-    """Makes the figure."""
     needs_followers: bool
-    """Whether there is nothing to draw for a lone leader."""
+    """Whether the plot is empty for a lone leader."""
 
 
 PLOTS = (
@@ -430,19 +420,19 @@ PLOTS = (
 
 
 def plots_for(record: FlightRecord) -> tuple[Plot, ...]:
-    """The plots that a record has something to show in; none for a flight that broke at once."""
+    """Return the plots with something to show; none for a flight that ended at once."""
     if record.time_s.size < 2 or record.time_s[-1] <= record.time_s[0]:
         return ()
     return tuple(plot for plot in PLOTS if record.followers or not plot.needs_followers)
 
 
 def draw_narrow(plot: Plot, record: FlightRecord) -> bytes:
-    """A plot for a narrow screen, as PNG."""
+    """Return a plot for a narrow screen, as PNG."""
     return picture_of(plot.draw(record, narrow=True), NARROW_DOTS_PER_INCH)
 
 
 def write_plots(record: FlightRecord, directory: Path) -> tuple[Path, ...]:
-    """Draw all plots of a flight into a directory, which is made if need be.
+    """Draw all plots of a flight into a directory, which is created if absent.
 
     Raises:
         InputError: the directory cannot be written to.

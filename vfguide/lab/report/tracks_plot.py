@@ -1,7 +1,4 @@
-"""The flight from above, and the formation as the leader sees it.
-
-The formation as the leader sees it: each follower's way to its slot.
-"""
+"""Plots of the flight from above, and of the formation in the leader's course frame."""
 
 import math
 from collections.abc import Sequence
@@ -34,8 +31,6 @@ from vfguide.lab.report.style import (
 )
 from vfguide.record.flight import FlightRecord, OutlineKind, VehicleRecord
 
-# Formations drawn from above: aircraft glyphs, and thin lines that show the shape.
-
 Point = tuple[float, float]
 
 HALF_AIRCRAFT: tuple[Point, ...] = (
@@ -50,11 +45,11 @@ HALF_AIRCRAFT: tuple[Point, ...] = (
     (0.42, -0.98),
     (0.0, -0.90),
 )
-"""Right half of an aircraft that points up, nose first, (right, forward)."""
+"""Right half of an aircraft that points up, from the nose, (right, forward)."""
 
 
 def aircraft_outline() -> Outline:
-    """The whole aircraft, pointing up."""
+    """Return the outline of an aircraft that points up."""
     left = [(-right, forward) for right, forward in reversed(HALF_AIRCRAFT[1:-1])]
     return Outline([*HALF_AIRCRAFT, *left, HALF_AIRCRAFT[0]], closed=True)
 
@@ -62,7 +57,7 @@ def aircraft_outline() -> Outline:
 def draw_aircraft(
     axes: Axes, east_m: float, north_m: float, course_rad: float, *, colour: str, size: float = 11.0
 ) -> None:
-    """One aircraft glyph of a size in points, its nose along the course."""
+    """Draw an aircraft with its nose along the course; `size` is in points."""
     turned = Affine2D().rotate(-course_rad)
     axes.plot(
         [east_m],
@@ -78,14 +73,15 @@ def draw_aircraft(
 
 
 def formation_links(places: Sequence[Point]) -> tuple[tuple[int, int], ...]:
-    """Which vehicles to join so that the shape shows.
+    """Return the pairs of vehicles to join so that the formation's shape shows.
 
-    The relative neighbourhood graph (Toussaint, 1980): two are joined unless a third is nearer to both than
-    they are to each other. It joins them all, draws a diamond as four sides and a V as two arms.
+    The pairs form the relative neighbourhood graph (Toussaint, 1980): two vehicles are joined unless a third
+    is nearer to both than they are to each other. The graph is connected; a diamond gets four sides and a V
+    two arms.
     """
 
     def linked(first: Point, second: Point) -> bool:
-        # A third at just the same distance, as in an equilateral triangle, does not part them.
+        # The margin keeps a link where a third is just as far away, as in an equilateral triangle.
         reach = math.dist(first, second) * (1.0 - 1e-6)
         return not any(
             max(math.dist(first, third), math.dist(second, third)) < reach
@@ -99,7 +95,7 @@ def formation_links(places: Sequence[Point]) -> tuple[tuple[int, int], ...]:
 
 
 def draw_links(axes: Axes, places: Sequence[Point], links: Sequence[tuple[int, int]]) -> None:
-    """Thin lines between vehicles at (east, north), or (right, forward)."""
+    """Draw thin lines between vehicles at (east, north), or (right, forward)."""
     for first, second in links:
         axes.plot(
             [places[first][0], places[second][0]],
@@ -111,17 +107,17 @@ def draw_links(axes: Axes, places: Sequence[Point], links: Sequence[tuple[int, i
 
 
 LOST_M = 10.0
-"""A leader farther than this from where its deputy carries it on is not in the formation."""
+"""A leader farther than this from its deputy's continuation of its track is out of the formation."""
 
 
 def draw_leader_view(axes: Axes, record: FlightRecord) -> None:
-    """Each follower's way to its slot in the leader's course frame: forward is up."""
+    """Draw each follower's track to its slot in the leader's course frame, forward up."""
     colours = vehicle_colours(record)
     window = in_window(record)
     slots: list[Point] = [(0.0, 0.0)]
     drawn: list[tuple[FloatArray, FloatArray]] = []
     for follower in record.followers:
-        # Who was ordered out of the formation flies far from it.
+        # Vehicles ordered out of the formation fly far from it.
         forward, right = (
             np.where(follower.in_formation, way, np.nan)
             for way in seen_from_leader(record.reference, follower)
@@ -169,7 +165,7 @@ def draw_leader_view(axes: Axes, record: FlightRecord) -> None:
 def frame_leader_view(
     axes: Axes, drawn: list[tuple[FloatArray, FloatArray]], slots: list[Point]
 ) -> None:
-    """A square that holds every follower's way and the leader, with a margin."""
+    """Set square limits that hold every follower's track, the slots and the leader, with a margin."""
     left, right = extent([*(way[1] for way in drawn), np.array([slot[0] for slot in slots])])
     rear, front = extent([*(way[0] for way in drawn), np.array([slot[1] for slot in slots])])
     half = 0.58 * max(right - left, front - rear, 10.0)
@@ -179,31 +175,29 @@ def frame_leader_view(
 
 
 SNAPSHOTS = 7
-"""How many formations are drawn at most."""
+"""Largest number of formations drawn."""
 
 LEAST_SHARE = 0.05
-"""Share of the view that a formation spans at least if it is drawn to scale."""
+"""Smallest share of the view that a formation drawn to scale may span."""
 
 DRAWN_SHARE = 0.09
-"""Share of the view that a smaller formation is enlarged to."""
+"""Share of the view to which a smaller formation is enlarged."""
 
 
 OUTLINE_SHARE = 0.3
-"""In parts of the flight's extent: farther away outlines are cut off."""
+"""Distance beyond the flight at which outlines are cut off, as a share of the flight's extent."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OutlineStyle:
-    """How one kind of outline is drawn."""
+    """Style of one kind of outline."""
 
     label: str
-    """In the legend."""
     colour: str
-    """Colour of the line."""
     dashes: str | tuple[int, tuple[int, int]]
-    """As Matplotlib has line styles."""
+    """Matplotlib line style."""
     marker: str | None = None
-    """Mark of each point; None: the points are joined by a line."""
+    """Mark of each point; None to join the points by a line."""
 
 
 OUTLINES: dict[OutlineKind, OutlineStyle] = {
@@ -215,18 +209,15 @@ OUTLINES: dict[OutlineKind, OutlineStyle] = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlotView:
-    """A square piece of ground."""
+    """Square piece of ground to show: centre and side."""
 
     east_m: float
-    """Middle of the view, m east."""
     north_m: float
-    """Middle of the view, m north."""
     side_m: float
-    """Length of a side."""
 
 
 def tracks_figure(record: FlightRecord, *, narrow: bool = False) -> Figure:
-    """Top view of the whole flight; with followers, beside it the formation in the leader's course frame."""
+    """Draw the flight from above and, with followers, the formation in the leader's course frame."""
     if not record.followers:
         figure = new_figure(NARROW_INCH, 4.2) if narrow else new_figure(7.2, 7.2)
         above = figure.subplots(1, 1)
@@ -241,7 +232,7 @@ def tracks_figure(record: FlightRecord, *, narrow: bool = False) -> Figure:
 
 
 def draw_top_view(axes: Axes, record: FlightRecord) -> None:
-    """Path, tracks, formations at intervals, starts, and the wind; true to scale but for what it says."""
+    """Draw path, tracks, starts, wind, and formations at intervals, enlarged if too small to see."""
     view = choose_view(record)
     samples = choose_snapshots(record, 0.2 * view.side_m)
     magnification = choose_magnification(record, view)
@@ -288,7 +279,7 @@ def draw_top_view(axes: Axes, record: FlightRecord) -> None:
 
 
 def draw_outlines(axes: Axes, record: FlightRecord) -> None:
-    """Other paths, edges of the fence and rally points, each kind with one entry in the legend."""
+    """Draw other paths, fence edges and rally points, with one legend entry per kind."""
     named: set[str] = set()
     for outline in record.outlines:
         line = OUTLINES[outline.kind]
@@ -305,13 +296,13 @@ def draw_outlines(axes: Axes, record: FlightRecord) -> None:
 
 
 def choose_view(record: FlightRecord) -> PlotView:
-    """The square that holds all tracks and the path, with a margin, and outlines near them."""
-    # A leader that was lost may be far away.
+    """Return a square that holds all tracks and the path, with a margin, and nearby outlines."""
+    # A lost leader may be far away.
     shown = (record.reference, *record.followers)
     west, east = extent([record.path_east_m, *(v.east_m for v in shown)])
     south, north = extent([record.path_north_m, *(v.north_m for v in shown)])
     side = max(east - west, north - south, 50.0)
-    # A fence round a whole county would leave no flight to be seen.
+    # A fence around a whole county would leave no flight to see.
     far = OUTLINE_SHARE * side
     easts = [np.clip(one.east_m, west - far, east + far) for one in record.outlines]
     norths = [np.clip(one.north_m, south - far, north + far) for one in record.outlines]
@@ -322,7 +313,7 @@ def choose_view(record: FlightRecord) -> PlotView:
 
 
 def choose_snapshots(record: FlightRecord, spacing_m: float) -> tuple[int, ...]:
-    """Samples at which to draw the formation: back from the end, each leader clear of those drawn before."""
+    """Return samples at which to draw formations: from the end backwards, each leader clear of the others."""
     leader = record.reference
     step = max(1, record.time_s.size // 2000)
     chosen: list[int] = []
@@ -339,7 +330,7 @@ def choose_snapshots(record: FlightRecord, spacing_m: float) -> tuple[int, ...]:
 
 
 def choose_magnification(record: FlightRecord, view: PlotView) -> float:
-    """How many times its size a formation is drawn: 1 if it can be seen as it is."""
+    """Return the magnification of formations: 1 if they are large enough to see."""
     places = [(0.0, 0.0), *((v.slot_forward_m, v.slot_right_m) for v in record.followers)]
     size = max(math.dist(first, second) for first in places for second in places)
     if size == 0.0 or size >= LEAST_SHARE * view.side_m:
@@ -348,7 +339,7 @@ def choose_magnification(record: FlightRecord, view: PlotView) -> float:
 
 
 def draw_formation(axes: Axes, record: FlightRecord, sample: int, magnification: float) -> None:
-    """All vehicles at one sample, spread about the leader by the magnification."""
+    """Draw all vehicles at one sample, magnified about the leader."""
     leader = record.reference
     colours = vehicle_colours(record)
     origin = np.array([leader.east_m[sample], leader.north_m[sample]])
@@ -366,7 +357,7 @@ def draw_formation(axes: Axes, record: FlightRecord, sample: int, magnification:
 
 
 def is_near(vehicle: VehicleRecord, reference: VehicleRecord, sample: int) -> bool:
-    """Whether a vehicle is drawn with its formation: all but a leader that was lost and flew away."""
+    """Check whether a vehicle is drawn with its formation: all are but a lost leader that flew away."""
     away_m = math.hypot(
         vehicle.north_m[sample] - reference.north_m[sample],
         vehicle.east_m[sample] - reference.east_m[sample],
@@ -375,7 +366,7 @@ def is_near(vehicle: VehicleRecord, reference: VehicleRecord, sample: int) -> bo
 
 
 def draw_time(axes: Axes, record: FlightRecord, sample: int, side: float) -> None:
-    """The time beside the leader: to its right for a side of 1, to its left for -1."""
+    """Write the time beside the leader: to its right for a side of 1, to its left for -1."""
     leader = record.reference
     course = float(leader.course_rad[sample])
     axes.annotate(
@@ -395,7 +386,7 @@ def draw_time(axes: Axes, record: FlightRecord, sample: int, side: float) -> Non
 def draw_wind(
     axes: Axes, record: FlightRecord, samples: tuple[int, ...], view: PlotView, right_m: float
 ) -> None:
-    """Beside each formation, unless there is one already, an arrow: where the air moves to, how fast."""
+    """Draw an arrow of the wind's velocity beside each formation that has none nearby."""
     leader = record.reference
     strongest = extent([np.hypot(leader.wind_north_m_s, leader.wind_east_m_s)])[1]
     if strongest < STILL_AIR_M_S or not samples:
@@ -421,7 +412,7 @@ def draw_wind(
         clip_on=False,
         zorder=3,
     )
-    # An arrow may reach over the edge; the axes need not shrink for it.
+    # An arrow may cross the edge; the axes need not shrink for it.
     arrows.set_in_layout(False)
     unit = max(1.0, float(round(strongest)))
     axes.quiverkey(
@@ -437,7 +428,7 @@ def draw_wind(
 
 
 def abreast(record: FlightRecord, sample: int, right_m: float) -> Point:
-    """(east, north) of a place to the right of the leader."""
+    """Return (east, north) of a place to the right of the leader."""
     leader = record.reference
     course = float(leader.course_rad[sample])
     return (
@@ -447,9 +438,9 @@ def abreast(record: FlightRecord, sample: int, right_m: float) -> Point:
 
 
 def choose_side(record: FlightRecord, samples: tuple[int, ...], view: PlotView) -> float:
-    """The side of the track with more room in the view: 1 for the right, -1 for the left.
+    """Return the side of the track with more room in the view: 1 for the right, -1 for the left.
 
-    Of a circle it is the inside. A straight track has none, and gets the side with fewer slots.
+    On a circle this is the inside; a straight track gets the side with fewer slots.
     """
     middle = (view.east_m, view.north_m)
     outward = {
