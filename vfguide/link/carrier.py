@@ -1,8 +1,7 @@
-"""What carries a formation's messages: its address, the contract of a link, and whether it stands.
+"""Carriers of a formation's messages: link addresses, the contract of a link, and its status.
 
-A link without a broker sends every message to all at once, and everybody picks out what is of use. Its
-subclass opens something, sends bytes by it and hands over the bytes that arrive; presences and goodbyes are
-said here.
+Without a broker every message goes to all members, and each picks out what it needs. Subclasses of
+`DatagramCarrier` transmit and receive bytes on some medium; presences and goodbyes are sent here.
 """
 
 import asyncio
@@ -32,45 +31,44 @@ EXAMPLE = "mqtt://HOST:1883/PREFIX"
 UDP_EXAMPLE = "udp://239.255.42.1:14700?interface=wlan0"
 
 BEAT_S = 1.0
-"""s between presences, by which others see that this member lives, and the link that it does."""
+"""Interval between presences, s: they show that this member lives, and that its link works."""
 
 STABLE_S = 5.0
-"""A link that stood this long was a success: the next try follows soon."""
+"""Connection time from which a link counts as successful, s: the next retry then follows soon."""
 
 SILENCE_S = 3.0
-"""After this long without a word from anybody the link counts as lost, and is opened again: an interface that
-goes away and comes back is in no group any more, and says nothing of that."""
+"""Silence after which a link counts as lost and is reopened, s. An interface that went away and came back has
+silently left its multicast group."""
 
 MOST_AT_ONCE = 64
-"""Datagrams that are read before anything else gets its turn."""
+"""Maximum number of datagrams read before other tasks get their turn."""
 
 LARGEST_DATAGRAM = 1400
-"""Bytes that pass every usual network in one piece: a presence that is longer goes with less in it."""
+"""Size to which a presence is shortened, bytes: it passes every usual network in one piece."""
 
 REMEMBERED = 64
-"""Own datagrams that may come back: a second of them."""
+"""Number of own datagrams remembered to recognize when they come back: about a second of them."""
 
 GOODBYES = 3
-"""Times that a member says that it leaves: nobody answers."""
+"""Number of goodbyes sent on leaving, since none is acknowledged."""
 
 
 class LinkAddress:
-    """Address of any kind of link: a frozen dataclass; as text it has no password."""
+    """Address of any kind of link: a frozen dataclass whose text omits the password."""
 
     __slots__ = ()
 
     scheme: ClassVar[str]
-    """The scheme by which its carrier is known."""
+    """URL scheme under which the carrier is registered."""
 
 
 def parse_link(text: str, environment: Mapping[str, str] = os.environ) -> LinkAddress:
-    """The link that a text names.
+    """Parse a link address.
 
-    A password that the text does not have comes from the environment variable VFGUIDE_LINK_PASSWORD.
+    A password that the text lacks comes from the environment variable VFGUIDE_LINK_PASSWORD.
 
     Raises:
-        InputError: it names none; one line that says what would be right. It never repeats the text: what is
-            wrong about an address may be that its password is in the wrong place.
+        InputError: it is invalid; one line says what would be right, and never repeats a misplaced password.
     """
     try:
         return _parsed(text, environment)
@@ -79,10 +77,10 @@ def parse_link(text: str, environment: Mapping[str, str] = os.environ) -> LinkAd
 
 
 def parse_links(texts: Sequence[str]) -> tuple[LinkAddress, ...]:
-    """The links that some texts name, each once.
+    """Parse link addresses and drop duplicates.
 
     Raises:
-        InputError: one names none, or there is none.
+        InputError: an address is invalid, or none is given.
     """
     if not texts:
         raise InputError(f"link address: there is none; write {EXAMPLE}")
@@ -105,35 +103,35 @@ def _parsed(text: str, environment: Mapping[str, str]) -> LinkAddress:
 
 
 def carrier_of(scheme: str) -> "type[Carrier]":
-    """What carries messages to addresses of a scheme."""
+    """Return the carrier class registered for a scheme."""
     found: type[Carrier] = links.find(scheme)
     return found
 
 
 class LinkStatus:
-    """State of one link: whether it is up, and what was counted on it."""
+    """State of one link: whether it is up, and its counters."""
 
     def __init__(self, address: str) -> None:
         self.connected = False
-        """Whether the broker listens."""
+        """Whether the link is up."""
         self.detail = ""
-        """Why it does not."""
+        """Reason why the link is down; empty while it is up."""
         self.counters: Counter[str] = Counter()
-        """What was dropped and what went wrong, by reason."""
+        """Numbers of connections, dropped messages and errors, by reason."""
         self.settled = asyncio.Event()
-        """Set once the first try has ended, one way or the other."""
+        """Set once the first attempt has ended, successfully or not."""
         self.address = address
         """Address of the link, without its password."""
 
     def up(self) -> None:
-        """The broker listens."""
+        """Record that the link is up."""
         self.counters["connected"] += 1
         self.connected, self.detail = True, ""
         self.settled.set()
         logger.info("link %s: connected", self.address)
 
     def down(self, reason: str) -> None:
-        """The broker does not listen."""
+        """Record that the link is down."""
         if self.connected:
             self.counters["disconnected"] += 1
         else:
@@ -146,39 +144,39 @@ class LinkStatus:
         self.settled.set()
 
     def close(self) -> None:
-        """The link ends because it is no longer wanted."""
+        """Record that the link was closed on purpose."""
         self.connected = False
         logger.info("link %s: closed", self.address)
 
     def warn(self, counter: str, text: str) -> None:
-        """Something is wrong with a link that stands; the log hears of it the first time."""
+        """Count a problem of a link that is up, and log its first occurrence."""
         self.counters[counter] += 1
         if self.counters[counter] == 1:
             logger.warning("link %s: %s", self.address, text)
 
 
 link = links.register
-"""`@link("scheme")` makes a class known as the carrier of `--link scheme://...`."""
+"""Class decorator `@link("scheme")` that registers the carrier of `--link scheme://...`."""
 
 
 class Carrier(ABC):
-    """Carries messages: by a broker, a network or a radio. All of it belongs to one event loop.
+    """Carrier of messages over a broker, a network or a radio, owned by one event loop.
 
-    A message is bytes that are signed already. One that is lost is not sent again: the next state is better
-    than an old one. One that is forged, old or doubled is found out by the member that takes it.
+    A message is bytes that are already signed. A lost message is not sent again: the next state is better
+    than an old one. The receiving member detects forged, old and duplicate messages.
     """
 
     name: ClassVar[str]
-    """The scheme of its addresses; set by `@link`."""
+    """URL scheme of its addresses; set by `@link`."""
 
     presence_s: ClassVar[float] = 1.0
-    """Every member has said how it is within this time, s, where presences are not kept."""
+    """Time within which every member has reported its presence where presences are not retained, s."""
 
     order_lead_s: ClassVar[float] = 6.0
-    """An order is given so long before its time, s: to be heard and answered by all."""
+    """Lead of an order over its execution time, s: all members must hear it and reply."""
 
     greeting_s: ClassVar[float] = 0.0
-    """Those who begin at the same time may take so long to be heard by each other, s."""
+    """Time that members starting together may need to hear each other, s."""
 
     def __init__(
         self,
@@ -189,22 +187,22 @@ class Carrier(ABC):
         presence: Presence,
         random: Random,
     ) -> None:
-        """Make one that carries nothing yet.
+        """Create a carrier that is not open yet.
 
         Args:
-            address: what `address_of` has found.
+            address: result of `address_of`.
             formation: name of the formation.
-            member: takes what arrives, and says how it is.
-            presence: what the member says about itself at first.
-            random: keeps members that lost the same peer from coming back in step.
+            member: receives incoming messages and encodes presences.
+            presence: first presence of the member.
+            random: spreads the retries of members that lost the same peer.
 
         Raises:
             InputError: the address names a file that cannot be read.
         """
         self.address = address
-        """Where the others are."""
+        """Address of the link."""
         self.status = LinkStatus(str(address))
-        """Whether it stands."""
+        """State of the link."""
         self._formation = formation
         self._member = member
         self._presence = presence
@@ -213,7 +211,7 @@ class Carrier(ABC):
         self.prepare()
 
     def prepare(self) -> None:  # noqa: B027 - most need nothing
-        """Make ready what it carries by; called once, before all else.
+        """Set up the subclass; called once, at the end of `__init__`.
 
         Raises:
             InputError: the address names a file that cannot be read.
@@ -222,22 +220,22 @@ class Carrier(ABC):
     @classmethod
     @abstractmethod
     def address_of(cls, parts: SplitResult, environment: Mapping[str, str]) -> LinkAddress:
-        """The address that a text names.
+        """Build an address from a split URL.
 
         Args:
-            parts: of the text.
-            environment: with passwords, which lists of processes do not show.
+            parts: parts of the URL.
+            environment: environment variables; they hold passwords, which process lists do not show.
 
         Raises:
-            InputError: it names none; one line that says what would be right.
+            InputError: the address is invalid; one line says what would be right.
         """
 
     @abstractmethod
     async def visit(self) -> str:
-        """Carry until told to stop or until it is of no use; why that is.
+        """Carry messages until stopped or the link fails; return the reason.
 
         Raises:
-            Exception: whatever keeps it from being opened, or ends it.
+            Exception: whatever prevents opening the link, or ends it.
         """
 
     @abstractmethod
@@ -245,11 +243,11 @@ class Carrier(ABC):
         """Send a message once, without waiting."""
 
     def reason_of(self, error: Exception) -> str:
-        """Why it does not stand, in one line."""
+        """Describe in one line why the link is down."""
         return getattr(error, "strerror", None) or described_error(error)
 
     async def run(self) -> None:
-        """Carry until told to stop; what goes wrong shows in the status, and is tried again for ever."""
+        """Carry messages until stopped; report errors in the status and retry for ever."""
         loop, failures = asyncio.get_running_loop(), 0
         while not self._stop.is_set():
             began_s = loop.time()
@@ -266,27 +264,27 @@ class Carrier(ABC):
                     await self._stop.wait()
 
     def stop(self) -> None:
-        """Say goodbye; `run` ends soon after."""
+        """Ask the link to say goodbye and end; `run` returns soon after."""
         self._stop.set()
         self._wake.set()
 
     def announce(self, presence: Presence) -> None:
-        """Go on saying this about the member, at once and every second."""
+        """Replace the presence, which is sent at once and then every second."""
         self._presence = presence
         self._wake.set()
 
     async def until_due(self) -> None:
-        """Wait until the presence is to be said again."""
+        """Wait until the presence is due again."""
         with suppress(TimeoutError):
             async with asyncio.timeout(BEAT_S):
                 await self._wake.wait()
 
 
 class DatagramCarrier(Carrier):
-    """Carries messages by datagrams."""
+    """Carrier that sends datagrams."""
 
     def prepare(self) -> None:
-        """Make ready."""
+        """Initialize the link as closed, with no datagram sent or heard."""
         self._open = False
         self._broken = ""
         self._heard_s = -math.inf
@@ -294,47 +292,47 @@ class DatagramCarrier(Carrier):
 
     @abstractmethod
     def open(self) -> None:
-        """Open what it sends and hears by; `arrived` is called with all that is heard.
+        """Open the medium, and call `arrived` with every datagram received.
 
         Raises:
-            OSError: it cannot be opened; it is tried again.
+            OSError: it cannot be opened; `run` tries again.
         """
 
     @abstractmethod
     def close(self) -> None:
-        """Close it."""
+        """Close the medium."""
 
     @abstractmethod
     def transmit(self, data: bytes) -> None:
-        """Send a datagram to all, without waiting.
+        """Send a datagram to all members, without waiting.
 
         Raises:
-            OSError: it cannot be sent. A BlockingIOError loses this datagram; after any other exception it is
-                opened again.
+            OSError: it cannot be sent. A BlockingIOError loses this datagram; after any other exception the
+                medium is reopened.
         """
 
     def arrived(self, data: bytes) -> None:
-        """Take a datagram, of whomever; own ones that come back are passed over."""
+        """Take a datagram from any sender, and ignore own datagrams that come back."""
         if data not in self._sent and self._member.take(data):
             self.heard()
 
     def heard(self) -> None:
-        """Note that a member of the formation was heard: the link stands."""
+        """Note that a member of the formation was heard, so the link is up."""
         self._heard_s = asyncio.get_running_loop().time()
         if not self.status.connected:
             self._up()
 
     def broke(self, error: Exception) -> None:
-        """Note that sending or hearing failed: it is opened again."""
+        """Note that sending or receiving failed, so that the medium is reopened."""
         self._broken = self.reason_of(error)
         self._wake.set()
 
     def send(self, parcel: Parcel) -> None:
-        """Send a message to all, once."""
+        """Send a message to all members, once."""
         self._send(parcel.data)
 
     async def visit(self) -> str:
-        """Carry from opening it until it is of no use; why that is."""
+        """Open the medium and carry messages until stopped or it fails; return the reason."""
         loop = asyncio.get_running_loop()
         self._broken = ""
         self.open()
@@ -363,7 +361,7 @@ class DatagramCarrier(Carrier):
             self._member.hurry.set()
 
     def say(self, presence: Presence) -> None:
-        """Say how this member is: once a second, and at the end."""
+        """Send the member's presence: once a second, and at the end."""
         if not self._member.watches:
             self._send(self._member.presence(presence, most=LARGEST_DATAGRAM).data)
 

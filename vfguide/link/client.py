@@ -1,10 +1,8 @@
-"""An MQTT broker: its address, a connection that opens and closes in bounded time, newest mail, own states.
+"""MQTT broker client: address, connection with bounded opening and closing times, newest messages, echoes.
 
-Its own states come back from a broker that hears this vehicle. A broker whose access list forbids a topic
-takes messages for it without a word and drops them. And another vehicle may fly under the same name by
-mistake.
-
-To hear oneself takes as much of the computer as to speak. So it is done now and then, for a moment.
+A broker that hears this vehicle returns the vehicle's own states. A broker whose access list forbids a topic
+silently drops messages for it. Another vehicle may also fly under the same name by mistake. Hearing its own
+states costs a vehicle as much processor time as sending, so it listens only briefly and now and then.
 """
 
 import asyncio
@@ -33,23 +31,23 @@ from vfguide.link.carrier import EXAMPLE, LinkAddress
 from vfguide.system import URGENT_TCP, SocketSelector
 
 ENVIRONMENT_VARIABLE = "VFGUIDE_LINK_PASSWORD"
-"""Environment variable with the password, so that lists of processes do not show it."""
+"""Environment variable of the password, which process lists do not show."""
 
 DEFAULT_PREFIX = "vfguide"
 
 LONGEST_PREFIX = 200
-"""Characters."""
+"""Maximum length of the topic prefix, characters."""
 
 PORTS = {"mqtt": 1883, "mqtts": 8883}
-"""By scheme, where the address names none."""
+"""Default ports by scheme."""
 
 OPTIONS = ("ca", "cert", "key")
-"""Files that an mqtts:// address may name."""
+"""Options with which an mqtts:// address names files."""
 
 SECURE_EXAMPLE = "mqtts://USER@HOST:8883/PREFIX?ca=FILE&cert=FILE&key=FILE"
 
 LONGEST_HOST = 253
-"""Characters of a host name, by the rules of the domain name system."""
+"""Maximum length of a host name by the rules of the domain name system, characters."""
 
 LABELS = re.compile(
     r"(?!-)[a-z0-9_-]{1,63}(?<!-)(\.(?!-)[a-z0-9_-]{1,63}(?<!-))*", re.IGNORECASE | re.ASCII
@@ -57,28 +55,28 @@ LABELS = re.compile(
 NUMERIC = re.compile(r"[0-9.]+")
 
 LARGEST = 4096
-"""Bytes of a message: nothing that the formation shares is longer."""
+"""Maximum size of a message, bytes: nothing that the formation shares is longer."""
 
 MOST_TOPICS = 256
-"""Topics with something new at the same time; more than vehicles in any formation."""
+"""Maximum number of topics with unread messages: more than vehicles in any formation."""
 
 MOST_TURNS = 256
-"""Messages that are read before any is used: a flood must not keep everything waiting."""
+"""Maximum number of reads before a message is used: a flood must not block everything else."""
 
 REMEMBERED = 256
-"""States that may be on their way there and back; some seconds of them."""
+"""Number of own states remembered while they travel to the broker and back: some seconds of them."""
 
 DEAF_CHECKS = 2
-"""Checks in a row with states sent and none heard, after which it is no delay any more."""
+"""Consecutive checks with states sent and none heard that rule out a mere delay."""
 
 KEEPALIVE_S = 2
-"""After this long without a word from the broker it is asked whether it lives."""
+"""Silence of the broker after which it is pinged, s."""
 
 DIAL_S = 2.0
-"""s for the TCP connection, and again for TLS."""
+"""Timeout of the TCP connection, and again of TLS, s."""
 
 ANSWER_S = 1.5
-"""s for each answer of the broker."""
+"""Timeout of each answer of the broker, s."""
 
 UNTRUSTED = re.compile(r"CERTIFICATE_VERIFY_FAILED\].*?: (?P<why>.*?)( \(_ssl\.c:\d+\))?$")
 
@@ -89,33 +87,33 @@ ALERT = re.compile(r"\[SSL: \w*ALERT\w*\] \w+ alert (?P<what>.*?)( \(_ssl\.c:\d+
 REMEDY = "start a broker there, or correct the address of the link"
 
 REFUSALS = (134, 135)
-"""Bad user name or password, and not authorized; brokers use either for a wrong password."""
+"""MQTT codes "bad user name or password" and "not authorized": brokers use either for a wrong password."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MqttAddress(LinkAddress):
-    """A broker, and what it wants to know of those who call."""
+    """Address of a broker, and the credentials of its client."""
 
     scheme: ClassVar[str] = "mqtt"
 
     host: str
-    """Name or number, without brackets."""
+    """Host name or IP address, without brackets."""
     port: int
-    """1 to 65535."""
+    """TCP port, 1 to 65535."""
     prefix: str = DEFAULT_PREFIX
     """First levels of every topic."""
     secure: bool = False
-    """Whether the connection is encrypted, and the broker's certificate checked."""
+    """Whether the connection is encrypted and the broker's certificate checked."""
     user: str | None = None
-    """User name, if the broker asks for one."""
+    """User name, if the broker requires one."""
     password: str | None = field(default=None, repr=False)
     """Password of the user. Never shown."""
     ca: Path | None = None
-    """Certificates that vouch for the broker; those of this computer if absent."""
+    """CA certificates that vouch for the broker; None for those of this computer."""
     cert: Path | None = None
-    """This client's certificate, if the broker asks for one."""
+    """Client certificate, if the broker requires one."""
     key: Path | None = None
-    """Private key of that certificate."""
+    """Private key of the client certificate."""
 
     def __str__(self) -> str:
         host = f"[{self.host}]" if ":" in self.host else self.host
@@ -124,10 +122,10 @@ class MqttAddress(LinkAddress):
 
 
 def mqtt_address(parts: SplitResult, environment: Mapping[str, str]) -> MqttAddress:
-    """A broker, as in mqtts://USER@HOST:8883/PREFIX?ca=FILE.
+    """Build a broker address from a URL such as mqtts://USER@HOST:8883/PREFIX?ca=FILE.
 
     Raises:
-        InputError: it names none.
+        InputError: the address is invalid.
     """
     if parts.fragment:
         raise InputError("a # is not possible here; write %23 for one in a user name or password")
@@ -191,7 +189,7 @@ def _prefix(path: str) -> str:
 def _credentials(
     parts: SplitResult, environment: Mapping[str, str]
 ) -> tuple[str | None, str | None]:
-    """User name and password."""
+    """Return the user name and password."""
     if parts.username is None:
         return None, None
     user = unquote(parts.username)
@@ -220,13 +218,13 @@ def _files(query: str, *, secure: bool) -> dict[str, Path]:
 
 
 class NewestOnly:
-    """One message for each topic: a newer one takes the place of one that nobody has fetched."""
+    """Queue of the newest message per topic: a newer message replaces an unread one."""
 
     def __init__(self, replaced: Callable[[], None]) -> None:
-        """Make it empty.
+        """Create an empty queue.
 
         Args:
-            replaced: called for each message that is given up, for a newer one or for lack of room.
+            replaced: called for each message that is dropped, for a newer one or for lack of room.
         """
         self._newest: dict[str, bytes] = {}
         self._replaced = replaced
@@ -236,7 +234,7 @@ class NewestOnly:
         return len(self._newest)
 
     def put(self, topic: str, payload: bytes) -> None:
-        """Add a message. The order is that of the first one that is not fetched yet of each topic."""
+        """Add a message. A topic keeps the place of its first unread message."""
         if topic in self._newest:
             self._replaced()
         elif len(self._newest) >= MOST_TOPICS:
@@ -246,7 +244,7 @@ class NewestOnly:
         self._filled.set()
 
     def take(self) -> tuple[str, bytes] | None:
-        """The topic that waits longest and its newest message."""
+        """Take the newest message of the topic that has waited longest; None if there is none."""
         if not self._newest:
             self._filled.clear()
             return None
@@ -254,24 +252,24 @@ class NewestOnly:
         return topic, self._newest.pop(topic)
 
     def clear(self) -> None:
-        """Forget everything."""
+        """Drop all messages."""
         self._newest.clear()
         self._filled.clear()
 
     async def wait(self) -> None:
-        """Until there is something to take."""
+        """Wait until there is a message to take."""
         while not self._newest:
             self._filled.clear()
             await self._filled.wait()
 
 
 class Inbox:
-    """What the broker has delivered and nobody has read yet."""
+    """Messages that the broker has delivered and nobody has read yet."""
 
     def __init__(self, counters: Counter[str]) -> None:
         self._counters = counters
         self.mail = NewestOnly(lambda: counters.update(["superseded by a newer one"]))
-        """The newest of each topic."""
+        """Newest unread message of each topic."""
 
     def deliver(self, message: Message) -> None:
         """Take a message from the network."""
@@ -281,25 +279,25 @@ class Inbox:
             self.mail.put(message.topic.value, message.payload)
 
     async def settle(self, has_more: Callable[[], bool]) -> None:
-        """Wait for mail, then until the socket has nothing more to read this very moment.
+        """Wait for a message, then until the socket has nothing more to read at this moment.
 
-        The client reads one message in each turn of the event loop. A reader that used each and took longer
-        for it than the sender's interval would fall behind for ever, in a backlog inside the kernel.
+        The client reads one message per turn of the event loop. A reader slower than the sender's interval
+        would otherwise fall behind for ever, with a backlog inside the kernel.
 
         Args:
-            has_more: whether something that was not read yet has arrived.
+            has_more: whether unread data have arrived.
         """
         await self.mail.wait()
         for _ in range(MOST_TURNS):
-            # To ask costs less than to turn the event loop, and nearly always there is nothing more.
+            # Asking costs less than a turn of the event loop, and nearly always there is nothing more.
             if not has_more():
                 return
-            # The first turn looks at the socket, the second comes after it was read.
+            # The socket is polled in the first turn and has been read by the second.
             await asyncio.sleep(0)
             await asyncio.sleep(0)
 
     def as_queue(self) -> type[asyncio.Queue[Message]]:
-        """Kind of queue that a client is to put its messages into, all of which end up here."""
+        """Return a queue class for a client whose messages all end up in this inbox."""
         deliver = self.deliver
 
         class Delivered(asyncio.Queue[Message]):
@@ -310,14 +308,14 @@ class Inbox:
 
 
 class Echo:
-    """States of one vehicle, as sent and as heard."""
+    """Own states as sent, compared with those that the broker returns."""
 
     def __init__(self) -> None:
         self._sent: deque[bytes] = deque(maxlen=REMEMBERED)
         self._speaks = False
         self._deaf = 0
         self.heard = False
-        """Whether a state has come back since it was last listened for."""
+        """Whether a state has come back since listening began."""
 
     def listen(self) -> None:
         """Begin to listen for own states."""
@@ -325,28 +323,28 @@ class Echo:
         self._deaf = 0
 
     def speak(self, data: bytes) -> None:
-        """A state is published."""
+        """Note a published state."""
         self._sent.append(data)
         self._speaks = True
 
     def hear(self, data: bytes) -> bool:
-        """A state under the own name came from the broker; whether it is one's own."""
+        """Take a state under the own name from the broker, and return whether this vehicle sent it."""
         if data not in self._sent:
             return False
         self.heard = True
         return True
 
     def check(self) -> bool:
-        """To be called every second or so while listening: whether the broker is deaf to this vehicle."""
+        """Check whether the broker is deaf to this vehicle; call about once a second while listening."""
         self._deaf = self._deaf + 1 if self._speaks and not self.heard else 0
         self._speaks = False
         return self._deaf >= DEAF_CHECKS
 
 
 class LastWords(logging.Logger):
-    """Takes what the engine logs: why a broker hung up is found nowhere else.
+    """Logger that keeps the MQTT engine's last line: only there is the reason of a hang-up found.
 
-    One for each client, and known to nobody else: what goes wrong is logged once, by the link.
+    Each client has its own, which no other code knows: the link alone logs errors, once.
     """
 
     def __init__(self) -> None:
@@ -354,11 +352,11 @@ class LastWords(logging.Logger):
         self._text = ""
 
     def handle(self, record: logging.LogRecord) -> None:
-        """Note a line."""
+        """Keep a log line."""
         self._text = record.getMessage()
 
     def reason(self) -> str:
-        """Why the connection was closed."""
+        """Explain why the connection was closed."""
         alert = ALERT.search(self._text)
         if alert is None:
             return "the broker closed the connection without a word"
@@ -366,7 +364,7 @@ class LastWords(logging.Logger):
 
 
 class BrokerClient(Client):
-    """A client of aiomqtt for one connection, with the ends that it leaves loose tied up."""
+    """Client of aiomqtt for one connection that also closes what aiomqtt leaves open."""
 
     def __init__(
         self,
@@ -392,7 +390,7 @@ class BrokerClient(Client):
             socket_options=URGENT_TCP,
             logger=self._last_words,
         )
-        # aiomqtt passes no time-out on to the engine that dials.
+        # aiomqtt does not pass its timeout to the engine that dials.
         self._client.connect_timeout = DIAL_S
         self._gone = asyncio.Event()
         self._client.on_socket_close = self._noting(self._client.on_socket_close)
@@ -400,7 +398,7 @@ class BrokerClient(Client):
         self._thread = threading.get_ident()
 
     def _wait_to_write(self, engine: Engine, _userdata: object, sock: PahoSocket) -> None:
-        """Watch for room to write, a turn of the loop later."""
+        """Watch for room to write, one turn of the event loop later."""
         if threading.get_ident() == self._thread:
             self._loop.call_soon(self._watch, engine, sock)
         else:
@@ -408,7 +406,7 @@ class BrokerClient(Client):
             self._loop.call_soon_threadsafe(self._watch, engine, sock)
 
     def _watch(self, engine: Engine, sock: PahoSocket) -> None:
-        # By now everything may be written, or the socket closed: aiomqtt's own way fails on the latter.
+        # By now all may be written or the socket closed; aiomqtt's own way fails on a closed socket.
         if sock.fileno() >= 0 and engine.want_write():
             self._loop.add_writer(sock.fileno(), self._write, engine)
 
@@ -422,7 +420,7 @@ class BrokerClient(Client):
     def _noting(
         self, close: Callable[[Engine, object, PahoSocket], None] | None
     ) -> Callable[[Engine, object, PahoSocket], None]:
-        """Note that the socket is closed, after whatever is to be done then."""
+        """Wrap a socket-close callback to note afterwards that the socket is closed."""
 
         def closing(engine: Engine, userdata: object, sock: PahoSocket) -> None:
             if close is not None:
@@ -442,7 +440,7 @@ class BrokerClient(Client):
         if engine.want_write():
             await self.publish(topic, payload)
             return
-        # The engine makes up an answer of the broker for a task that waits, which costs more than to send.
+        # For a waiting task the engine makes up an answer of the broker, which costs more than sending.
         waiting, engine.on_publish = engine.on_publish, None
         try:
             result = engine.publish(topic, payload).rc
@@ -453,16 +451,16 @@ class BrokerClient(Client):
             raise MqttCodeError(result, "cannot publish")
 
     async def open(self) -> None:
-        """Connect. Not to be cancelled: it ends by itself, one way or the other, after some seconds.
+        """Connect. Do not cancel: it ends by itself after some seconds at most.
 
         Raises:
-            MqttError: it does not work; nothing is left behind.
+            MqttError: the connection failed; everything is closed again.
         """
         entering = asyncio.ensure_future(self.__aenter__())
         gone = asyncio.ensure_future(self._gone.wait())
         await asyncio.wait({entering, gone}, return_when=asyncio.FIRST_COMPLETED)
         gone.cancel()
-        # A broker that refuses says so and closes: let what it says arrive.
+        # A broker that refuses says so and closes: let its reason arrive.
         await asyncio.wait({entering}, timeout=0.1)
         if not entering.done():
             entering.cancel()
@@ -474,7 +472,7 @@ class BrokerClient(Client):
         await entering
 
     def has_more(self) -> bool:
-        """Whether something has arrived that the engine has not read yet."""
+        """Check whether data have arrived that the engine has not read yet."""
         sock = self._client.socket()
         if not isinstance(sock, socket.socket) or sock.fileno() < 0:
             return False
@@ -491,17 +489,17 @@ class BrokerClient(Client):
         await self._hang_up()
 
     def give_up(self) -> bool:
-        """Close the connection; whether there is one yet."""
+        """Shut the connection down; return whether there was a socket."""
         sock = self._client.socket()
         if not isinstance(sock, socket.socket):
             return False
         with suppress(OSError):
-            # The engine finds the end of the stream and closes; it has no call for closing at once.
+            # The engine finds the end of the stream and closes; it has no call to close at once.
             sock.shutdown(socket.SHUT_RDWR)
         return True
 
     async def _hang_up(self) -> None:
-        """Close the socket if it is still open, and wait for that."""
+        """Close the socket if it is still open, and wait until it is closed."""
         if not self.give_up():
             return
         with suppress(TimeoutError):
@@ -510,10 +508,10 @@ class BrokerClient(Client):
 
 
 class TidySocket(ssl.SSLSocket):
-    """Closes itself when the two sides cannot agree; the engine would forget it open."""
+    """TLS socket that closes itself when the handshake fails; the engine would leave it open."""
 
     def do_handshake(self, *arguments: bool) -> None:
-        """Agree on a cipher and on who is who."""
+        """Negotiate the cipher and check the certificates."""
         try:
             super().do_handshake(*arguments)
         except BaseException:
@@ -522,7 +520,7 @@ class TidySocket(ssl.SSLSocket):
 
 
 def security_of(address: MqttAddress) -> ssl.SSLContext | None:
-    """What an encrypted connection needs; None for one that is not.
+    """Return the TLS context of an address; None for an unencrypted connection.
 
     Raises:
         InputError: a certificate cannot be read.
@@ -548,7 +546,7 @@ def security_of(address: MqttAddress) -> ssl.SSLContext | None:
 
 
 def reason_of(error: Exception) -> str:
-    """Why there is no connection, in one line."""
+    """Describe in one line why there is no connection."""
     code = getattr(getattr(error, "rc", None), "value", None)
     if code in REFUSALS:
         return (

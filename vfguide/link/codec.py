@@ -1,38 +1,36 @@
-"""What crosses the link as bytes and back: leader states, questions for the time, and the envelope of it all.
+"""Binary codecs of the link: leader states, clock questions and answers, and the envelope around all of them.
 
-Everything but envelopes begins with a mark of four letters and a version, and ends with its CRC-32.
+Everything but the envelope begins with a mark of four letters and a version (u8), and ends with a CRC-32
+(u32) of all before it. All integers and floats are little-endian.
 
-Leader states are compact, versioned and checked. Layout, little-endian: "VFLS", version (u8), flags (u8),
-course setpoint (u16), sequence number (u32), then as f64 the time of validity (s), latitude and longitude
-(degrees), altitude above mean sea level (m), course (rad), ground speed (m/s), acceleration (m/s²), turn
-rate (rad/s), turn acceleration (rad/s²) and climb rate (m/s), then the term and the arrangement (u32
-each), and the CRC-32 of all that (u32). 104 bytes at least. Position is geodetic, so that no two vehicles
-have to agree on an origin.
+A leader state ("VFLS") continues with flags (u8), course setpoint (u16) and sequence number (u32). As f64
+follow time of validity (s), latitude, longitude (degrees), altitude above mean sea level (m), course (rad),
+ground speed (m/s), acceleration (m/s²), turn rate (rad/s), turn acceleration (rad/s²) and climb rate (m/s).
+Then come term and arrangement (u32 each). The minimum size is 104 bytes. Position is geodetic, so that no two
+vehicles have to agree on an origin.
 
-A follower's state also tells where its leader was by the newest leader state that it has heard. Before the
-CRC-32 stand four i16: how much older that state is (ms), and how far north, east and up of the sender the
-leader was (0.1 m). Whoever knows its altitude by satellites tells in another i16 by how much that is above
-the altitude that it holds (cm). A flag says of each whether it is there.
+Two optional parts, each with a flag, stand before the CRC-32. A follower tells where its leader was by the
+newest leader state heard, in four i16. They are how much older that state is (ms), and how far north, east
+and up of the sender the leader was (0.1 m). A sender that knows its altitude by satellites tells in one i16
+(cm) how much that is above the altitude it holds.
 
-The course setpoint counts from 1 in steps of 2 pi / 65535; 0, which older senders write there, tells none.
+The course setpoint counts from 1 in steps of 2 pi / 65535; 0, which older senders write there, means none.
 
 The lowest flag says that the sender is not under guidance. Senders that know no flags write 0 there, and
-receivers that know none skip it: both directions take such a sender for one that its companion steers.
-The next flag says that the state is not the sender's own, but that of the leader it leads the formation by.
-Two flags say which way the sender leaves its height: up or down; receivers that do not know them skip them.
+receivers that know none skip it: both take such a sender as steered by its companion. The next flag says that
+the state is that of the leader by which the sender leads the formation, not its own. Two flags say which way
+the sender leaves its height: up or down; receivers that do not know them skip them.
 
-Questions for the time and their answers: layout, little-endian: "VFCA" (ask) or "VFCT" (tell), version
-(u8), three bytes of zero, number of the exchange (u64), then as f64 when the question left (s, clock of
-who asks), in an answer also when it arrived and when the answer left (s, clock of who answers), then the
-CRC-32 of all that (u32). 28 and 44 bytes.
+A clock question ("VFCA") or answer ("VFCT") continues with three bytes of zero and the number of the exchange
+(u64). As f64 follows when the question left (s, asker's clock). An answer adds when the question arrived and
+when the answer left (s, answerer's clock). The sizes are 28 and 44 bytes. The number is random: an answer
+with it shows that the question was heard.
 
-The number is random: an answer with it shows that the question was heard.
-
-Every message of a formation goes in an envelope: who says what, in which run, under which leader.
-Layout, little-endian: "VFE1", scheme (u8), kind (u8), length of the sender's name (u8), a byte of zero,
-formation (u64: the first bytes of the SHA-256 of its name), session (u64), epoch (u64), sequence (u32), time
-(f64, s), the sender's name (UTF-8), the body, and the tag over all that: 64 bytes of Ed25519, or the CRC-32
-(u32) of a message that nobody has signed. 44 bytes and the name before a body.
+The envelope of every message tells who says what, in which run, under which leader. It begins with "VFE1",
+scheme (u8), kind (u8), length of the sender's name (u8) and a byte of zero. Then come formation (u64: the
+first bytes of the SHA-256 of its name), session (u64), epoch (u64), sequence (u32) and time (f64, s). After
+these 44 bytes follow the sender's name (UTF-8), the body and the tag over all that. The tag is 64 bytes of
+Ed25519, or the CRC-32 (u32) of an unsigned message.
 """
 
 import hashlib
@@ -57,16 +55,16 @@ LEADS = 0x02
 """Flag: the state is that of the leader by which the sender leads, in a term above 0."""
 
 TELLS_LEADER = 0x04
-"""Flag: the state tells where the sender's leader was."""
+"""Flag: the state has a `LeaderSighting`."""
 
 TELLS_SATELLITE = 0x08
-"""Flag: the state tells the sender's altitude by satellites."""
+"""Flag: the state has the sender's altitude by satellites."""
 
 CLIMBS, DESCENDS = 0x10, 0x20
-"""Flags: the sender is on its way up or down to a height of its own."""
+"""Flags: the sender is climbing or descending to a height of its own."""
 
 COURSES = 65535
-"""Course setpoints that are told apart, 0.1 mrad each."""
+"""Number of course setpoint steps in a turn, 0.1 mrad each."""
 
 FLAGS_AT = 5
 SIZE = LAYOUT.size + CHECKSUM.size
@@ -75,15 +73,15 @@ TAIL = (
     (TELLS_LEADER, struct.Struct("<4h"), (1e-3, 0.1, 0.1, 0.1)),
     (TELLS_SATELLITE, struct.Struct("<h"), (0.01,)),
 )
-"""Flag, layout and units (s, m) of what not every state tells."""
+"""Flag, layout and units (s, m) of each optional part of a state."""
 
 LONGEST = SIZE + sum(layout.size for _, layout, _ in TAIL)
 
 GREATEST_STEPS = 32767
-"""Of each: half a minute, 3 km, and 327 m."""
+"""Greatest magnitude of each optional value, in steps: half a minute, 3 km and 327 m."""
 
 GREATEST = (math.inf, 90.0, 180.0, 50e3, 10.0, 500.0, 100.0, 10.0, 100.0, 200.0)
-"""Greatest magnitude of each value: beyond them it is no aircraft's state."""
+"""Greatest magnitude of each value from the time to the climb rate: no aircraft's state is beyond."""
 
 CLOCK_VERSION = 2
 
@@ -94,76 +92,76 @@ ASK_LAYOUT = struct.Struct("<4sB3xQd")
 TELL_LAYOUT = struct.Struct("<4sB3xQ3d")
 
 GREATEST_TIME_S = 1e10
-"""Three hundred years: beyond that it is no clock's, and differences lose their microseconds."""
+"""Greatest magnitude of a time, s: three hundred years, beyond which differences lose their microseconds."""
 
 
 class LinkDataError(ValueError):
-    """Bytes from the link that are no leader state; the text says why."""
+    """Error: bytes from the link that cannot be decoded; the text says why."""
 
 
 class LeaderSighting(NamedTuple):
-    """Where a follower's leader was, by the newest leader state that the follower has heard."""
+    """Position of a follower's leader by the newest leader state that the follower has heard."""
 
     age_s: float
-    """How much older that state is than the follower's own, s; below 0 where it is newer."""
+    """Age of that leader state relative to the follower's own, s; negative where it is newer."""
     north: float
-    """From the follower, m."""
+    """North of the follower, m."""
     east: float
-    """From the follower, m."""
+    """East of the follower, m."""
     up: float
-    """From the follower, m."""
+    """Above the follower, m."""
 
 
 class LeaderMessage(msgspec.Struct, frozen=True, kw_only=True):
-    """A leader state as it crosses the link; the first fields stand in the order of the layout."""
+    """Leader state as sent over the link; its first fields are in the order of the layout."""
 
     sequence: int
-    """Counts up by one with each message of a leader, modulo 2^32."""
+    """Sequence number, incremented with each message of a leader, modulo 2^32."""
     time_s: float
-    """When it was true, on the clock that the formation shares, s."""
+    """Time of validity on the clock that the formation shares, s."""
     latitude_deg: float
-    """degrees."""
+    """Latitude, degrees."""
     longitude_deg: float
-    """degrees."""
+    """Longitude, degrees."""
     altitude_amsl: float
-    """m above mean sea level."""
+    """Altitude, m above mean sea level."""
     course: float
-    """chi_l, rad."""
+    """Course chi_l, rad."""
     ground_speed: float
-    """V_l, m/s."""
+    """Ground speed V_l, m/s."""
     acceleration: float
-    """dV_l/dt, m/s²."""
+    """Acceleration dV_l/dt, m/s²."""
     turn_rate: float
-    """omega, rad/s."""
+    """Turn rate omega, rad/s."""
     turn_acceleration: float
-    """domega/dt, rad/s²."""
+    """Turn acceleration domega/dt, rad/s²."""
     climb_rate: float = 0.0
-    """m/s, positive up."""
+    """Climb rate, m/s, positive up."""
     term: int = 0
-    """Term of the leader that the sender obeys, or is: it rises by one with each succession."""
+    """Term of the leader that the sender obeys or is; it rises by one with each succession."""
     arrangement: int = 0
     """Number of the newest order that the sender flies by or is about to; 0 before the first."""
     steered: bool = True
-    """Whether the sender's companion steers it, and with that keeps it clear of the others."""
+    """Whether the sender's companion steers it, and thereby keeps it clear of the others."""
     course_setpoint: float = math.nan
-    """Course that the sender's autopilot was told to hold, rad in 0 to 2 pi: without its companion it flies
-    on along it. NaN where its companion does not steer it, or did not tell."""
+    """Course that the sender's autopilot was told to hold and keeps without its companion, rad in 0 to 2 pi.
+    NaN where the companion does not steer or did not tell."""
     height_sense: int = 0
-    """1: the sender is on its way up to a height of its own, -1: on its way down, 0: neither."""
+    """Way to a height of its own: 1 climbing, -1 descending, 0 neither."""
     leads: bool = False
-    """Whether this is the leader by which the sender leads, and not the sender itself."""
+    """Whether this is the state of the leader by which the sender leads, not the sender's own."""
     satellite_m: float = math.nan
-    """By how much its altitude by satellites is above `altitude_amsl`, m; NaN where it does not tell."""
+    """Altitude by satellites minus `altitude_amsl`, m; NaN where unknown."""
     sighting: LeaderSighting | None = None
-    """Where the sender's leader was; None where it follows none, or one that is too far away to be told."""
+    """Position of the sender's leader; None where it follows none, or one too far away to be told."""
 
 
 LAID_OUT = LeaderMessage.__struct_fields__[:13]
-"""Fields of a leader state from the sequence number to the arrangement."""
+"""Names of the fields from the sequence number to the arrangement."""
 
 
 def encode(message: LeaderMessage) -> bytes:
-    """Bytes of a leader state."""
+    """Encode a leader state."""
     tail_flags, tail = encoded_tail(message)
     flags = NOT_STEERED * (not message.steered) | LEADS * message.leads | tail_flags
     flags |= CLIMBS * (message.height_sense > 0) | DESCENDS * (message.height_sense < 0)
@@ -172,19 +170,19 @@ def encode(message: LeaderMessage) -> bytes:
 
 
 def encoded_tail(message: LeaderMessage) -> tuple[int, bytes]:
-    """(flags, bytes) of what not every state tells; what is not known or out of range is not told."""
+    """Return (flags, bytes) of the optional parts; unknown or out-of-range parts are left out."""
     flags, tail = 0, b""
     told = (message.sighting or (math.nan,) * 4, (message.satellite_m,))
     for (flag, layout, units), values in zip(TAIL, told, strict=True):
         steps = [value / unit for value, unit in zip(values, units, strict=True)]
-        # Not "above": NaN is not told, either.
+        # Not written with "above", so that NaN is left out, too.
         if all(abs(step) <= GREATEST_STEPS for step in steps):
             flags, tail = flags | flag, tail + layout.pack(*map(round, steps))
     return flags, tail
 
 
 def decoded_tail(tail: bytes, flags: int) -> list[tuple[float, ...] | None]:
-    """What not every state tells, one entry for each that can be; None where it is not there.
+    """Decode the optional parts, one entry for each; None for an absent part.
 
     Raises:
         LinkDataError: the flags do not fit the bytes.
@@ -204,7 +202,7 @@ def decoded_tail(tail: bytes, flags: int) -> list[tuple[float, ...] | None]:
 
 
 def decode(data: bytes) -> LeaderMessage:
-    """Leader state of these bytes.
+    """Decode a leader state.
 
     Raises:
         LinkDataError: wrong size, mark, version or checksum, or a value that no aircraft has.
@@ -227,67 +225,59 @@ def decode(data: bytes) -> LeaderMessage:
 
 
 def course_in_steps(course: float) -> int:
-    """A course setpoint (rad, any turn) as it crosses the link; 0 for one that is not known."""
+    """Return a course setpoint (rad, any turn) in steps counted from 1; 0 for an unknown one."""
     return 1 + round(course / math.tau * COURSES) % COURSES if math.isfinite(course) else 0
 
 
 def is_leaders(data: bytes) -> bool:
-    """Whether these bytes say of themselves that they are the state by which their sender leads."""
+    """Check whether undecoded bytes are flagged as the state by which their sender leads."""
     return len(data) >= SIZE and data.startswith(MAGIC) and bool(data[FLAGS_AT] & LEADS)
 
 
 class Ask(msgspec.Struct, frozen=True):
-    """What does your clock show?"""
+    """Question for the time that a member's clock shows."""
 
     number: int
-    """Number of the exchange: 64 random bits."""
+    """Random number of the exchange, 64 bits."""
     originate_s: float
-    """When the question left, s on the clock of who asks."""
+    """Time at which the question left, s on the asker's clock."""
 
 
 class Tell(msgspec.Struct, frozen=True):
-    """What the clock shows."""
+    """Answer with the time that a member's clock shows."""
 
     number: int
     """Number of the exchange, as in the question."""
     originate_s: float
-    """When the question left, as it was asked, s."""
+    """Time at which the question left, copied from it, s on the asker's clock."""
     receive_s: float
-    """When the question arrived, s on the clock of who answers."""
+    """Time at which the question arrived, s on the answerer's clock."""
     transmit_s: float
-    """When the answer left, s on the clock of who answers."""
+    """Time at which the answer left, s on the answerer's clock."""
 
 
 def encode_ask(ask: Ask) -> bytes:
-    """Bytes of a question."""
+    """Encode a question."""
     return sealed(ASK_LAYOUT.pack(ASK, CLOCK_VERSION, *astuple(ask)))
 
 
 def encode_tell(tell: Tell) -> bytes:
-    """Bytes of an answer."""
+    """Encode an answer."""
     return sealed(TELL_LAYOUT.pack(TELL, CLOCK_VERSION, *astuple(tell)))
 
 
 def decode_ask(data: bytes) -> Ask:
-    """Question of these bytes.
-
-    Raises:
-        LinkDataError: they are none.
-    """
+    """Decode a question; raise LinkDataError if the bytes are none."""
     return Ask(*_about_clocks(data, ASK, ASK_LAYOUT))
 
 
 def decode_tell(data: bytes) -> Tell:
-    """Answer of these bytes.
-
-    Raises:
-        LinkDataError: they are none.
-    """
+    """Decode an answer; raise LinkDataError if the bytes are none."""
     return Tell(*_about_clocks(data, TELL, TELL_LAYOUT))
 
 
 def _about_clocks(data: bytes, mark: bytes, layout: struct.Struct) -> list[Any]:
-    """Number of the exchange and stamps, all finite."""
+    """Decode the number of the exchange and the times, all finite."""
     size = layout.size + CHECKSUM.size
     body = opened(data, mark, CLOCK_VERSION, what="a message about clocks", least=size, most=size)
     _, _, *values = layout.unpack(body)
@@ -297,17 +287,17 @@ def _about_clocks(data: bytes, mark: bytes, layout: struct.Struct) -> list[Any]:
 
 
 def sealed(body: bytes) -> bytes:
-    """A body with its checksum."""
+    """Return a body with its checksum."""
     return body + checksum(body)
 
 
 def checksum(signed: bytes) -> bytes:
-    """The checksum of some bytes: the tag of a message that nobody signs."""
+    """Return the checksum of some bytes, which is the tag of an unsigned message."""
     return CHECKSUM.pack(zlib.crc32(signed))
 
 
 def opened(data: bytes, mark: bytes, version: int, *, what: str, least: int, most: int) -> bytes:
-    """All but the checksum of what is read.
+    """Check bytes and return them without their checksum.
 
     Raises:
         LinkDataError: size, mark, version or checksum is wrong.
@@ -325,8 +315,8 @@ def opened(data: bytes, mark: bytes, version: int, *, what: str, least: int, mos
 
 
 def within(values: Sequence[float], greatest: Sequence[float]) -> bool:
-    """Whether no magnitude is greater than it may be; NaN is."""
-    # Not "above": a comparison with NaN is false whichever way it is put.
+    """Check whether no magnitude exceeds its limit; NaN does."""
+    # Not written with "above": a comparison with NaN is always false.
     return all(abs(value) <= most for value, most in zip(values, greatest, strict=True))
 
 
@@ -335,78 +325,78 @@ ENVELOPE = struct.Struct("<4sBBBxQQQId")
 SIGNATURE_SIZE = 64
 
 LARGEST = 4096
-"""Bytes of a whole message: nothing that a formation shares is longer."""
+"""Maximum size of a whole message, bytes: nothing that a formation shares is longer."""
 
 LONGEST_NAME = 200
-"""Bytes of a name."""
+"""Maximum length of a name, bytes."""
 
 
 class Scheme(IntEnum):
-    """What vouches for a message."""
+    """Authentication of a message."""
 
     UNSIGNED = 0
-    """A checksum: nobody."""
+    """Checksum only: nobody vouches for the message."""
     ED25519 = 1
-    """The sender's private key."""
+    """Signature by the sender's private key."""
 
 
 class Kind(IntEnum):
-    """What a message is about."""
+    """Content of a message."""
 
     STATE = 1
-    """How the sender moves."""
+    """Motion of the sender."""
     QUESTION = 2
-    """What does your clock show?"""
+    """Question for the time that the recipient's clock shows."""
     ANSWER = 3
-    """What the leader's clock shows."""
+    """Answer with the time that the leader's clock shows."""
     PRESENCE = 4
-    """How the sender's companion is."""
+    """Status of the sender's companion."""
     WILL = 5
-    """That the sender is gone, to be said by a broker that has lost it."""
+    """Last will: a broker publishes it once it has lost the sender."""
     ORDER = 6
-    """What an operator wants."""
+    """Order of an operator."""
     LEADER = 7
-    """How the leader moves by which the sender leads, in the place of the mission's."""
+    """Motion of the leader by which the sender leads in place of the mission's leader."""
     REPLY = 8
-    """What a vehicle says to an order, or an operator who asks for the one that is flown."""
+    """Reply of a vehicle to an order, or of an operator who asks for the order that is flown."""
     REPEAT = 9
-    """An operator's order in its own envelope, for members that have missed it."""
+    """Operator's order in its own envelope, repeated for members that missed it."""
     REVOCATION = 10
-    """That a vehicle's key is out: by an operator, and passed on by all as it was signed."""
+    """Revocation of a vehicle's key by an operator, passed on by all members as signed."""
 
 
 TAG_SIZES = {Scheme.UNSIGNED: CHECKSUM.size, Scheme.ED25519: SIGNATURE_SIZE}
 
 
 class Envelope(msgspec.Struct, frozen=True, kw_only=True):
-    """A message as it was read; nothing of it is believed yet."""
+    """Decoded message that is not verified yet."""
 
     scheme: Scheme
-    """What is to vouch for it."""
+    """Authentication that the message claims."""
     kind: Kind
-    """What it is about."""
+    """Content of the message."""
     formation: int
-    """Number of the formation, by `formation_number`."""
+    """Number of the formation by `formation_number`."""
     sender: str
-    """Name of who says it."""
+    """Name of the sender."""
     session: int
-    """Number of the sender's session: one run of its program."""
+    """Number of the sender's session, which is one run of its program."""
     epoch: int
     """The leader's session as the sender knows it; 0 while it knows none."""
     sequence: int
-    """Rises with each message of a session, from 1."""
+    """Sequence number, rising from 1 with each message of a session."""
     time_s: float
-    """When it was said, s on the formation's clock; NaN while the sender does not know that."""
+    """Time of sending, s on the formation's clock; NaN while the sender does not know that."""
     body: bytes
-    """What is said."""
+    """Encoded content."""
     signed: bytes
-    """All that the tag is about."""
+    """All bytes that the tag covers."""
     tag: bytes
-    """What vouches for it."""
+    """Signature or checksum."""
 
 
 def formation_number(name: str) -> int:
-    """A formation's name as a number, which differs from that of any other name."""
+    """Return a number that differs from that of any other formation name."""
     return int.from_bytes(hashlib.sha256(name.encode()).digest()[:8], "little")
 
 
@@ -422,11 +412,7 @@ def encode_signed(
     time_s: float,
     body: bytes,
 ) -> bytes:
-    """All of a message that its tag is about.
-
-    Raises:
-        ValueError: the name or the whole is too long.
-    """
+    """Encode all of a message that its tag covers; raise ValueError if the name or the whole is too long."""
     name = sender.encode()
     size = ENVELOPE.size + len(name) + len(body) + TAG_SIZES[scheme]
     if not 0 < len(name) <= LONGEST_NAME or size > LARGEST:
@@ -438,11 +424,7 @@ def encode_signed(
 
 
 def decode_envelope(data: bytes) -> Envelope:
-    """The envelope of these bytes; its tag is not looked at.
-
-    Raises:
-        LinkDataError: they are none.
-    """
+    """Decode an envelope without checking its tag; raise LinkDataError if the bytes are none."""
     if not ENVELOPE.size < len(data) <= LARGEST:
         raise LinkDataError("its length is no message's")
     magic, scheme, kind, length, formation, session, epoch, sequence, time_s = ENVELOPE.unpack_from(

@@ -1,7 +1,7 @@
-"""Key pairs of a formation's members, and the roster that says which public key is whose.
+"""Key pairs of a formation's members, and the roster of public keys.
 
-The roster lies beside the mission and is no secret. A private key is a file of its own (PEM, PKCS 8,
-unencrypted: a daemon has nobody to ask for a pass phrase), which nobody but its owner may read.
+The roster lies beside the mission and is no secret. A private key is a file of its own (PEM, PKCS 8) that
+only its owner may read. It is unencrypted, since a daemon has nobody to ask for a pass phrase.
 """
 
 import os
@@ -17,22 +17,23 @@ import yaml
 from vfguide.errors import InputError
 from vfguide.regular_file import open_regular, read_by_others, replace_file
 
-# The functions below import `cryptography` themselves: it takes 7 MB, and a formation without keys has none.
+# The functions below import `cryptography` themselves: it takes 7 MB, and a formation without keys lacks it.
 if TYPE_CHECKING:
     from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 
 PUBLIC_SIZE = 32
-"""Bytes of a public key."""
+"""Size of a public key, bytes."""
 
 LARGEST_ROSTER = 256 * 1024
 LARGEST_KEY = 4096
-"""Bytes of a file: what is larger is something else."""
+"""Maximum sizes of a roster and a key file, bytes: a larger file is something else."""
 
 RADIO_KEY, RADIO_KEY_SIZE = "radio.psk", 32
-"""File with the key by which members know each other on a radio, 64 hexadecimal digits, and its bytes."""
+"""Name of the file with the key that all members share on a radio (64 hexadecimal digits), and the key's
+bytes."""
 
 OPERATOR = "operator"
-"""Name of the key pair of those who watch and order, made along with the vehicles'."""
+"""Name of the key pair for watching and ordering, made along with the vehicles'."""
 
 HEADING = (
     "# Public keys of a formation, made by `vfguide keys make`."
@@ -42,65 +43,58 @@ HEADING = (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Roster:
-    """Whose key is which."""
+    """Public keys of a formation by name."""
 
     formation: str
     """Name of the formation."""
     vehicles: Mapping[str, bytes] = field(default_factory=dict)
-    """Public keys by the vehicle's name, 32 bytes each."""
+    """Public keys by vehicle name, 32 bytes each."""
     operators: Mapping[str, bytes] = field(default_factory=dict)
-    """Public keys of operators, who watch and order, by name, 32 bytes each."""
+    """Public keys by name of the operators, who watch and order, 32 bytes each."""
 
     def public(self, name: str) -> bytes | None:
-        """The public key of a member; None for a stranger."""
+        """Return the public key of a member; None for a stranger."""
         return self.vehicles.get(name) or self.operators.get(name)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class KeyPlaces:
-    """Where the keys of a mission are: `NAME.roster` and the directory `NAME.keys` beside `NAME.yaml`."""
+    """Paths of a mission's keys: `NAME.roster` and the directory `NAME.keys` beside `NAME.yaml`."""
 
     roster: Path
-    """The roster."""
+    """Roster file."""
     directory: Path
-    """Private keys, one file each."""
+    """Directory of private keys, one file each."""
 
     def private(self, name: str) -> Path:
-        """The private key of a member."""
+        """Return the path of a member's private key."""
         return self.directory / f"{name}.key"
 
     @property
     def radio(self) -> Path:
-        """The radio key, the same for all members."""
+        """Path of the radio key, which all members share."""
         return self.directory / RADIO_KEY
 
 
 def key_places(mission: Path) -> KeyPlaces:
-    """Where the keys of a mission file are."""
+    """Return the paths of a mission file's keys."""
     return KeyPlaces(roster=mission.with_suffix(".roster"), directory=mission.with_suffix(".keys"))
 
 
 def public_bytes(key: "Ed25519PrivateKey") -> bytes:
-    """The public half of a key pair, 32 bytes."""
+    """Return the public half of a key pair, 32 bytes."""
     return key.public_key().public_bytes_raw()
 
 
 class Verifier(Protocol):
-    """Tells the signatures of one key from all others."""
+    """Function that verifies signatures by one key."""
 
     def __call__(self, signature: bytes, signed: bytes) -> bool:
-        """Whether the key's owner has made this signature of these bytes."""
+        """Check whether the key's owner has signed these bytes."""
 
 
 def verifier_of(public: bytes) -> Verifier:
-    """What tells the signatures of a key.
-
-    Args:
-        public: the public key, 32 bytes.
-
-    Raises:
-        ValueError: they are no key.
-    """
+    """Return a verifier for a public key of 32 bytes; raise ValueError if the bytes are no key."""
     from cryptography.exceptions import InvalidSignature
     from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PublicKey
 
@@ -119,7 +113,7 @@ def verifier_of(public: bytes) -> Verifier:
 def read_private_key(
     path: Path, environment: Mapping[str, str] = os.environ
 ) -> "Ed25519PrivateKey":
-    """The private key in a file.
+    """Read a private key.
 
     Raises:
         InputError: it cannot be read, is no Ed25519 key, or others than its owner may read it.
@@ -139,10 +133,10 @@ def read_private_key(
 
 
 def read_radio_key(path: Path, environment: Mapping[str, str] = os.environ) -> bytes:
-    """The radio key in a file, 32 bytes.
+    """Read a radio key, 32 bytes.
 
     Raises:
-        InputError: it cannot be read, is none, or others than its owner may read it.
+        InputError: it cannot be read, is no radio key, or others than its owner may read it.
     """
     content = read_secret(path, "radio key", environment)
     try:
@@ -158,11 +152,7 @@ def read_radio_key(path: Path, environment: Mapping[str, str] = os.environ) -> b
 
 @contextmanager
 def _readable(path: Path, what: str) -> Iterator[BinaryIO]:
-    """A file of keys, to be read from.
-
-    Raises:
-        InputError: it cannot be read.
-    """
+    """Open a key file or roster for reading; raise InputError if it cannot be read."""
     try:
         with open_regular(path) as stream:
             yield stream
@@ -173,12 +163,12 @@ def _readable(path: Path, what: str) -> Iterator[BinaryIO]:
 
 
 def read_secret(path: Path, what: str, environment: Mapping[str, str]) -> bytes:
-    """The content of a file that only its owner may read.
+    """Read a file that only its owner may read, up to just over `LARGEST_KEY` bytes.
 
     Args:
-        path: of the file.
-        what: it holds, in words.
-        environment: names systemd's directory of credentials.
+        path: path of the file.
+        what: name of the content for error messages.
+        environment: environment variables; they name systemd's directory of credentials.
 
     Raises:
         InputError: it cannot be read, or others may read it.
@@ -186,7 +176,7 @@ def read_secret(path: Path, what: str, environment: Mapping[str, str]) -> bytes:
     with _readable(path, what) as stream:
         found = os.fstat(stream.fileno())
         content = stream.read(LARGEST_KEY + 1)
-    # systemd keeps others out of this directory by an access list, which shows as the group's permissions.
+    # systemd protects this directory by an access list, which shows as permissions of the group.
     credentials = environment.get("CREDENTIALS_DIRECTORY")
     kept_by_systemd = bool(credentials) and path.parent == Path(credentials or "")
     if not kept_by_systemd:
@@ -200,14 +190,14 @@ def read_secret(path: Path, what: str, environment: Mapping[str, str]) -> bytes:
 
 
 def write_private_key(path: Path, key: "Ed25519PrivateKey") -> None:
-    """Put a private key into a file that only its owner may read, in the place of any before it."""
+    """Write a private key to a file that only its owner may read, replacing any earlier key."""
     from cryptography.hazmat.primitives.serialization import Encoding, NoEncryption, PrivateFormat
 
     write_secret(path, key.private_bytes(Encoding.PEM, PrivateFormat.PKCS8, NoEncryption()))
 
 
 def make_radio_key(places: KeyPlaces, *, anew: bool = False) -> bool:
-    """Make the radio key if there is none, or in any case; whether it was made."""
+    """Make the radio key if it is missing, or in any case with `anew`; return whether it was made."""
     if places.radio.exists() and not anew:
         return False
     write_secret(places.radio, secrets.token_hex(RADIO_KEY_SIZE).encode() + b"\n")
@@ -215,16 +205,16 @@ def make_radio_key(places: KeyPlaces, *, anew: bool = False) -> bool:
 
 
 def write_secret(path: Path, content: bytes) -> None:
-    """Put something into a file that only its owner may read, in the place of any before it."""
+    """Write a file that only its owner may read, replacing any earlier file."""
     path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
     replace_file(path, content, mode=0o600)
 
 
 def read_revocations(path: Path) -> tuple[bytes, ...]:
-    """Statements about revoked keys in a file, one a line, empty where it is damaged; none without a file.
+    """Read statements about revoked keys, one per line; a damaged line is empty bytes, a missing file none.
 
     Raises:
-        InputError: it cannot be read.
+        InputError: the file cannot be read.
     """
     try:
         with open_regular(path) as stream:
@@ -243,16 +233,12 @@ def read_revocations(path: Path) -> tuple[bytes, ...]:
 
 
 def write_revocations(path: Path, statements: Iterable[bytes]) -> None:
-    """Put statements about revoked keys into a file, in the place of any before it."""
+    """Write statements about revoked keys to a file, replacing any earlier file."""
     write_secret(path, b"".join(one.hex().encode() + b"\n" for one in statements))
 
 
 def read_roster(path: Path) -> Roster:
-    """The roster in a file.
-
-    Raises:
-        InputError: it cannot be read, or is none.
-    """
+    """Read a roster; raise InputError if the file cannot be read or is none."""
     with _readable(path, "roster") as stream:
         content = stream.read(LARGEST_ROSTER + 1)
     if len(content) > LARGEST_ROSTER:
@@ -283,11 +269,7 @@ def read_roster(path: Path) -> Roster:
 
 
 def _public_keys(path: Path, group: str, found: object) -> dict[str, bytes]:
-    """Public keys by name, as a roster's group has them in hexadecimal digits.
-
-    Raises:
-        InputError: one is none.
-    """
+    """Decode a group of public keys by name from a roster; raise InputError if one is invalid."""
     if found is None:
         return {}
     if not isinstance(found, dict):
@@ -309,7 +291,7 @@ def _public_keys(path: Path, group: str, found: object) -> dict[str, bytes]:
 
 
 def write_roster(path: Path, roster: Roster) -> None:
-    """Put a roster into a file."""
+    """Write a roster to a file."""
     content = {
         "formation": roster.formation,
         "vehicles": {name: key.hex() for name, key in roster.vehicles.items()},
@@ -327,17 +309,17 @@ def make_keys(
     operators: Collection[str] = (OPERATOR,),
     anew: Collection[str] = (),
 ) -> list[str]:
-    """Make the key pairs that are missing, and those that are wanted anew; write the roster.
+    """Make the missing key pairs and those to be replaced, and write the roster.
 
     Args:
-        places: where they are.
+        places: paths of the keys.
         formation: name of the formation.
         vehicles: names of all its vehicles; the roster keeps no others.
-        operators: names of those who watch and order, in addition to those that the roster has.
+        operators: names of operators, in addition to those that the roster has.
         anew: names whose keys are replaced.
 
     Returns:
-        Names of those who got a key, in order.
+        Names of the members with a new key, in order.
 
     Raises:
         InputError: the roster cannot be read, or belongs to another formation.

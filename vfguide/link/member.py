@@ -1,6 +1,6 @@
-"""One member of a formation on its links: says what it has to say, and hands on what it believes.
+"""One member of a formation on its links: it seals its messages and hands on those that it believes.
 
-Bytes in, bytes out: a message comes in as `take`; what is to be sent goes to `send`, a copy over every link.
+A received message goes to `take`, a message to send to `send`, which puts a copy on every link.
 """
 
 import asyncio
@@ -30,52 +30,52 @@ from vfguide.link.peer_clock import PeerClock
 from vfguide.link.presence import Presence, decode_presence, encode_presence, shorter_presences
 from vfguide.link.trust import HEARD_BEFORE, LEADER_LOST_S, TWIN, Message, RefusedError, Trust
 
-# Two companions of one name: the one that has spoken for less long finds that out, and steps back.
+# Of two companions with one name, the one that has spoken for less time finds that out and steps back.
 #
-# Nothing here reads a clock. What is said in a member's own name by somebody else, signed with its own
-# key, is another companion of the same vehicle, or a recording of this one or of an earlier run.
+# Nothing here reads a clock. A message in a member's own name, signed with its own key, may come from
+# somebody else. It is then another companion of the same vehicle, or a recording of this or an earlier run.
 
 YOUNG_S = 10.0
-"""A member that has spoken for longer was here before another of its name that speaks up."""
+"""Speaking time up to which another companion of the same name may have been here first, s."""
 
 TWIN_QUIET_S, TWIN_SPREAD_S = 6.0, 4.0
-"""So long another of one's name has to be silent before one speaks again; and up to so much longer, by
-chance, since the other may have stepped back, too."""
+"""Minimum silence of another companion of one's name before speaking again, s, and its greatest random
+extension: the other may have stepped back, too."""
 
 AFTER_START_S = 1.0
-"""A message in one's own name that is newer than one's own start by this is of no earlier run."""
+"""Margin after the own start beyond which a message in the own name is of no earlier run, s."""
 
 ASK_EVERY_S, ASK_AGAIN_S = 1.0, 1.5
-"""s from one question to the own name to the next: at first, and once it was answered; up to half as much
-more or less, by chance, so that two on one radio do not go on in step."""
+"""Mean intervals between questions to the own name, at first and once answered, s. Each varies randomly by
+half, so that two members on one radio do not stay in step."""
 
 IN_VAIN, ASK_SELDOM_S = 6, 5.0
-"""After so many questions that nobody has answered, as to a recording, they come more seldom."""
+"""Questions without an answer, as to a recording, after which the interval grows to the second value, s."""
 
 ANSWERED_S = 2.0
-"""An answer comes within this, or it was kept back."""
+"""Time within which a genuine answer arrives, s; a later one was kept back."""
 
 ANSWER_EVERY_S = 0.4
-"""s between two answers at least."""
+"""Minimum interval between two answers, s."""
 
 REMEMBERED = 256
-"""Numbers of questions, made up or answered."""
+"""Number of question numbers remembered, asked as well as answered."""
 
 
 class TwinWatch:
-    """What one member knows of another of its name.
+    """Detector of another companion with the member's name.
 
-    A follower tells a recording by its time, which is the leader's. The leader has no such clock: it asks in
-    its own name, by a number of 64 bits of chance that no recording can answer, and says for how long it has
-    spoken. Another leader that has spoken for longer answers, and that sends it back.
+    A follower recognizes a recording by its time, which is the leader's. The leader has no such clock and
+    asks in its own name. A random number of 64 bits, which no recording can answer, and its speaking time go
+    with the question. Another leader that has spoken for longer answers, and the asker steps back.
     """
 
     def __init__(self, clock: Callable[[], float], *, asks: bool) -> None:
-        """Know of none.
+        """Create a detector that knows of no other companion.
 
         Args:
-            clock: the member's own, s.
-            asks: whether it is the leader.
+            clock: the member's own clock, s.
+            asks: whether the member is the leader.
         """
         self.asks = asks
         self._clock = clock
@@ -90,32 +90,32 @@ class TwinWatch:
         self._answered = deque[int](maxlen=REMEMBERED)
 
     def note_speech(self) -> None:
-        """Note that the member says a state."""
+        """Note that the member sends a state."""
         self._spoke_s = min(self._spoke_s, self._clock())
 
     @property
     def spoken_s(self) -> float:
-        """For how long the member has spoken, s."""
+        """Time for which the member has spoken, s."""
         return max(self._clock() - self._spoke_s, 0.0)
 
     @property
     def stands_back(self) -> bool:
-        """Whether another was here before: this one is not to steer then."""
+        """Whether another companion was here first, so that this one must not steer."""
         return self._clock() - self._twin_s < self._quiet_s
 
     @property
     def is_young(self) -> bool:
-        """Whether another may have been here before: own states are worth listening for."""
+        """Whether another companion may have been here first, so that own states are worth listening for."""
         return self._clock() - self._spoke_s < YOUNG_S
 
     def hear(self, said_ago_s: float) -> None:
-        """Note a true message in the own name that was said so long ago, on the formation's clock, s."""
+        """Note an authentic message in the own name, said this long ago on the formation's clock, s."""
         live = said_ago_s < self._clock() - self._began_s - AFTER_START_S
         if live and not self.asks and (self.stands_back or self.is_young):
             self._step_back()
 
     def question(self) -> bytes | None:
-        """What to ask in the own name after a message in it; None where nothing is to be asked now."""
+        """Return a question to ask in the own name; None where none is due."""
         now = self._clock()
         if not self.asks or now < self._ask_s:
             return None
@@ -130,18 +130,18 @@ class TwinWatch:
             one: asked for one, asked in self._open.items() if now - asked[0] <= ANSWERED_S
         }
         self._open[number] = now, spoken_s
-        # Where others say when they ask, on their clocks, it says for how long it has spoken.
+        # The field of the asker's time holds the speaking time here.
         return encode_ask(Ask(number=number, originate_s=spoken_s))
 
     def awaits(self, answer: bytes) -> bool:
-        """Whether these bytes answer a question of this member in its own name."""
+        """Check whether these bytes answer an open question of this member in its own name."""
         try:
             return decode_tell(answer).number in self._open
         except LinkDataError:
             return False
 
     def hear_answer(self, answer: bytes) -> None:
-        """Note an answer in the own name: another program with its key says for how long it has spoken."""
+        """Take an answer in the own name, and step back if its sender has spoken for longer."""
         if not self.awaits(answer):
             return
         tell = decode_tell(answer)
@@ -151,16 +151,16 @@ class TwinWatch:
             self._step_back()
 
     def may_answer(self, question: bytes) -> bool:
-        """Whether to answer a question in the own name, which sends its asker back; each one once.
+        """Check whether to answer, once, a question in the own name, which sends its asker back.
 
         Raises:
-            LinkDataError: it is none.
+            LinkDataError: the bytes are no question.
         """
         ask, now = decode_ask(question), self._clock()
         if not self.asks or self.stands_back or now - self._answer_s < ANSWER_EVERY_S:
             return False
         if ask.number in self._made or ask.number in self._answered:
-            # Played again.
+            # A replay.
             return False
         if self.spoken_s <= ask.originate_s:
             return False
@@ -169,7 +169,7 @@ class TwinWatch:
         return True
 
     def _step_back(self) -> None:
-        """Be silent from now on, for a time of chance: two that drew alike once are parted the next time."""
+        """Fall silent for a random time: two companions that drew alike once are parted the next time."""
         self._twin_s, self._spoke_s = self._clock(), math.inf
         self._quiet_s = TWIN_QUIET_S + TWIN_SPREAD_S * random()
 
@@ -181,58 +181,58 @@ ALARMS = {
     " see that each vehicle has one companion",
     "a second leader": "%r hears two companions of the leader: stop one of them",
 }
-"""Refusals that people have to know of, and what the log says the first time."""
+"""Refusals that people must know of, with the log message of the first one."""
 
 ELDER = "another companion of this name was here before: this one does not steer; stop one of them"
 KEY_OUT = "its key is revoked, nobody hears it: it does not steer; make it a new one on the ground"
-"""Why a member stands back, in words."""
+"""Reasons why a member stands back, for people."""
 
 NOT_SAID = "not said: stands back"
-"""Counter of what a member that stands back would have said."""
+"""Counter of messages that a member standing back has not sent."""
 
 QUIET_S = 0.5
-"""After this long without a message the next presence is looked at, whoever it is of."""
+"""Silence after which the next presence of any vehicle is verified as a sign of life, s."""
 
 EVERYBODY = ""
-"""To whom a parcel goes that is for all."""
+"""Broadcast recipient."""
 
 
 class Parcel(msgspec.Struct, frozen=True, kw_only=True):
-    """A sealed message on its way out."""
+    """Sealed outgoing message."""
 
     kind: Kind
-    """What it is about."""
+    """Content of the message."""
     to: str
-    """For whom it is; empty for everybody."""
+    """Name of the recipient; empty for everybody."""
     data: bytes
-    """The envelope."""
+    """Sealed envelope."""
     body: bytes
-    """What is said, for links that have an envelope of their own."""
+    """Encoded content, for links that have an envelope of their own."""
 
 
 def ignore(*said: object) -> None:
-    """Take what is of no use."""
+    """Ignore a message."""
     del said
 
 
 class Hearing(TypedDict, total=False):
-    """Receivers of what a member hears; what has none, or None, is of no use to it."""
+    """Receivers of a member's messages; a message whose receiver is missing or None is ignored."""
 
     receive: Callable[[bytes], None]
     """Called with each new state of the leader."""
     receive_neighbour: Callable[[str, bytes], None]
     """Called with the name of a neighbour and its new state."""
     receive_presence: Callable[[str, Presence], None] | None
-    """Called with a vehicle and what it says about itself."""
+    """Called with the name of a vehicle and its presence."""
     receive_lead: Callable[[str, bytes], object] | None
-    """Called with a vehicle that leads in the place of the mission's leader, and how the leader moves by
-    which it does."""
+    """Called with the name of a vehicle that leads in place of the mission's leader, and the state of the
+    leader by which it leads."""
     receive_order: Callable[[bytes, bytes, bool], None] | None
     """Called with an operator's order, its envelope and whether another vehicle repeats it."""
     receive_reply: Callable[[str, bytes], None] | None
-    """Called with a member and what it says to an order."""
+    """Called with the name of a member and its reply to an order."""
     receive_revocation: Callable[[str], object]
-    """Called with a vehicle whose key is out from now on."""
+    """Called with the name of a vehicle whose key was just revoked."""
 
 
 RECEIVERS = {
@@ -243,11 +243,11 @@ RECEIVERS = {
     Kind.REPEAT: "receive_order",
     Kind.REPLY: "receive_reply",
 }
-"""Receivers of kinds that are of use only to who has one."""
+"""Receivers of the kinds that only members with such a receiver want."""
 
 
 class Member:
-    """What one program says and hears, whatever carries it."""
+    """Messages in and out of one program, independent of the carrier."""
 
     def __init__(
         self,
@@ -258,14 +258,14 @@ class Member:
         peer_clock: PeerClock | None = None,
         **hears: Unpack[Hearing],
     ) -> None:
-        """Make one that is on no link yet.
+        """Create a member that is on no link yet.
 
         Args:
-            trust: what it signs with, and whom it believes.
-            clock: its own, s.
-            neighbours: other vehicles whose states are wanted.
-            peer_clock: learns the leader's clock; None for the leader, and for those who do not ask.
-            **hears: what it hands on, and to whom.
+            trust: signs its messages and decides which messages it believes.
+            clock: its own clock, s.
+            neighbours: names of other vehicles whose states are wanted.
+            peer_clock: estimates the leader's clock; None for the leader, and for members that do not ask.
+            **hears: receivers of the messages.
         """
         self.trust = trust
         self.clock = clock
@@ -278,63 +278,63 @@ class Member:
         self.listens = hears.get("receive", ignore) is not ignore
         """Whether the leader's states are wanted."""
         self.send: Callable[[Parcel], None] = lambda _: None
-        """Called with each message that is to go out."""
+        """Called with each message to send."""
         self.hurry = asyncio.Event()
         """Set when the leader's clock should be asked for at once."""
         self._believed_s = -math.inf
         self._asked_first_s = math.nan
         self._passed_on = 0
         self.stands_in = False
-        """Whether this deputy leads: it answers what the formation's clock shows while the leader cannot."""
+        """Whether this deputy leads, and so tells the formation's time while the leader cannot."""
         self._useful = frozenset(
             kind for kind, receive in RECEIVERS.items() if receive in wanted
         ) | ({Kind.QUESTION} if trust.leads else set())
         self.twins = TwinWatch(clock, asks=trust.leads)
-        """What is known of another of its name."""
+        """Detector of another companion with the same name."""
         self.heeds_orders = bool(wanted & {"receive_order", "receive_reply"})
-        """Whether orders and what is said to them are wanted."""
+        """Whether orders and replies to them are wanted."""
 
     @property
     def is_operator(self) -> bool:
-        """Whether this is no vehicle of the roster: several programs may use an operator's name and key."""
+        """Whether this is no vehicle of the roster; several programs may use an operator's name and key."""
         return self.trust.signs and self.name not in self.trust.vehicles
 
     @property
     def stands_back(self) -> bool:
-        """Whether this one is not to steer."""
+        """Whether this member must not steer."""
         return bool(self.standing_back)
 
     @property
     def standing_back(self) -> str:
-        """Why it is not to steer, in words; empty where it may."""
+        """Reason, for people, why this member must not steer; empty where it may."""
         if self.trust.is_revoked:
             return KEY_OUT
         return ELDER if self.twins.stands_back else ""
 
     def note_twin(self, said_s: float) -> None:
-        """Note a true message in one's own name that somebody else has said, at a time of the formation, s.
+        """Note an authentic message in the own name sent by somebody else at this time of the formation, s.
 
-        An operator's program steers nothing: it may have as many of its name as it likes.
+        An operator's programs steer nothing, so any number of them may share a name.
         """
         if not self.is_operator:
             self.twins.hear(self.formation_time() - said_s)
             self.ask_twin()
 
     def ask_twin(self) -> None:
-        """Ask another of the own name whether it lives, where that is how to tell."""
+        """If a question is due, ask another companion of the own name whether it lives."""
         question = self.twins.question()
         if question is not None:
             self._send(Kind.QUESTION, self.name, question)
 
     @property
     def candidates(self) -> tuple[str, ...]:
-        """All others who may lead or do."""
+        """Names of all other members that lead or may lead."""
         others = self.trust.deputies - {self.name, self.trust.leader}
         return (*([] if self.trust.leads else [self.trust.leader]), *sorted(others))
 
     @property
     def hears_leads(self) -> bool:
-        """Whether it is of use how those move by whom deputies lead."""
+        """Whether states of the leaders by which deputies lead are wanted."""
         return Kind.LEADER in self._useful and bool(self.trust.deputies)
 
     @property
@@ -344,11 +344,11 @@ class Member:
 
     @property
     def counters(self) -> Counter[str]:
-        """What was not believed or could not be used, by reason."""
+        """Numbers of messages that were refused or could not be used, by reason."""
         return self.trust.counters
 
     def publish(self, body: bytes) -> Parcel:
-        """Seal the own state, and send it, unless another of this name was here before."""
+        """Seal the own state, and send it unless this member stands back."""
         if self.stands_back:
             self.counters[NOT_SAID] += 1
             return self._seal(Kind.STATE, EVERYBODY, body)
@@ -356,9 +356,9 @@ class Member:
         return self._send(Kind.STATE, EVERYBODY, body)
 
     def say(self, kind: Kind, body: bytes) -> Parcel:
-        """Seal an order, what is said to one or a repeated one, or how a leader moves, and send it to all.
+        """Seal and send to all an order, a reply, a repeated order or the state of a leader.
 
-        Another companion of this name answers for the vehicle, if it was here before.
+        A member that stands back sends only orders: another companion of its name answers for the vehicle.
         """
         if self.stands_back and kind in {Kind.REPLY, Kind.REPEAT, Kind.LEADER}:
             self.counters[NOT_SAID] += 1
@@ -366,10 +366,10 @@ class Member:
         return self._send(kind, EVERYBODY, body)
 
     def give(self, operator: Trust, body: bytes) -> None:
-        """Say an order that an operator's key signs here, and take it as everybody does.
+        """Send an order signed here by an operator's key, and take it as every member does.
 
         Raises:
-            RefusedError: no session of the leader is known, under which it could be given.
+            RefusedError: no session of the leader is known under which to give the order.
         """
         now = self.clock()
         (epoch, *_) = self.trust.epochs(now) or (0,)
@@ -390,10 +390,7 @@ class Member:
             self._send(Kind.QUESTION, self.trust.leader, question)
 
     def presence(self, presence: Presence, *, most: int = LARGEST, will: bool = False) -> Parcel:
-        """Seal a presence, or what a broker is to say once it has lost this member; it is not sent.
-
-        What is longer than `most` bytes in its envelope goes with less in it.
-        """
+        """Seal a presence or a last will, without sending it; beyond `most` bytes it is shortened."""
         kind, body = Kind.WILL if will else Kind.PRESENCE, b""
         room = most - ENVELOPE.size - len(self.name.encode()) - SIGNATURE_SIZE
         for one in shorter_presences(presence):
@@ -403,35 +400,35 @@ class Member:
         return self._seal(kind, EVERYBODY, body)
 
     def take(self, data: bytes) -> bool:
-        """Take a message from a link; whatever is wrong with it ends up as a counter.
+        """Take a message from a link, and count whatever is wrong with it.
 
         Returns:
-            Whether it shows that somebody of the formation is heard, be it by a copy of what came before.
+            Whether a member of the formation was heard, be it by a copy of an earlier message.
         """
         return self._guarded(lambda: self._take(data))
 
     def vouch_for(self, envelope: Envelope) -> None:
-        """See that a message is to be believed whose tag the link itself has found to be true.
+        """Check whether to believe a message whose tag the link itself has verified.
 
         Raises:
-            RefusedError: it is not.
+            RefusedError: it is not believed.
         """
         try:
             self.trust.believe(envelope, self.clock(), self.formation_time(), tagged=True)
         except RefusedError as refusal:
-            # On a radio the answer to another of the own name waits for a turn.
+            # On a radio the answer to another companion of the own name waits for a turn.
             if str(refusal) == TWIN and envelope.kind is not Kind.QUESTION:
                 self._meet_twin(envelope)
             raise
 
     def accept(self, message: Message) -> None:
-        """Take a message that is believed, by `vouch_for`."""
+        """Use a message that `vouch_for` believes."""
         self._believed_s = self.clock()
         if self._wants(message.kind, message.sender, message.body):
             self._guarded(lambda: self._use(message))
 
     def _take(self, data: bytes) -> bool:
-        """Take a message, and tell whether it shows that somebody is heard.
+        """Take a message, and return whether it shows that a member is heard.
 
         Raises:
             RefusedError: it is not believed.
@@ -456,7 +453,7 @@ class Member:
         return True
 
     def _take_revocation(self, envelope: Envelope) -> bool:
-        """Take it that a key is out, and say so to those who may not have heard it; whether that is new.
+        """Take a revocation and pass it on; return whether it is new.
 
         Raises:
             RefusedError: it is no operator's statement about a key of this formation.
@@ -471,7 +468,7 @@ class Member:
         return True
 
     def revoke(self, vehicle: str) -> Parcel:
-        """As an operator, say that a vehicle's key is out: the same statement, however often.
+        """As an operator, send the revocation of a vehicle's key: the same statement each time.
 
         Raises:
             InputError: it has none.
@@ -483,7 +480,7 @@ class Member:
         return parcel
 
     def pass_on(self) -> None:
-        """Say again that a key is out, as it was signed, of one key after the other."""
+        """Send one of the known revocations again as it was signed, each in turn."""
         if self.trust.statements:
             self._passed_on += 1
             names = self.trust.revoked
@@ -494,7 +491,7 @@ class Member:
         return Parcel(kind=Kind.REVOCATION, to=EVERYBODY, data=data, body=data)
 
     def _meet_twin(self, envelope: Envelope) -> None:
-        """React to a true message in the own name that somebody else has said."""
+        """React to an authentic message in the own name that somebody else has sent."""
         match envelope.kind:
             case Kind.QUESTION:
                 self._answer_twin(envelope.body)
@@ -504,7 +501,7 @@ class Member:
                 self.note_twin(envelope.time_s)
 
     def _answer_twin(self, question: bytes) -> None:
-        """Say for how long this one has spoken, where that is longer."""
+        """Answer with the speaking time, where it is longer than the asker's."""
         try:
             if self.twins.may_answer(question):
                 spoken_s = self.twins.spoken_s
@@ -513,43 +510,43 @@ class Member:
             self.counters["refused: no question"] += 1
 
     def _learn_order(self, sealed: bytes) -> None:
-        """Take an order that another program of this operator gives, as one that a vehicle repeats.
+        """Take an order of another program of this operator, as if a vehicle repeated it.
 
         Raises:
-            RefusedError: it is none of an operator.
+            RefusedError: it is no operator's order.
         """
         if (receive := self._hears.get("receive_order")) is not None:
             order = self.trust.vouch(sealed, self.name)
             receive(order.body, order.sealed, True)  # noqa: FBT003
 
     def _guarded(self, use: Callable[[], object]) -> bool:
-        """Do something with a message; whether it shows that somebody is heard."""
+        """Use a message and count errors; return whether it shows that a member is heard."""
         try:
             return use() is not False
         except RefusedError as refusal:
             self.note_refusal(str(refusal))
             return str(refusal) == HEARD_BEFORE
         except Exception:
-            # What comes over the network must not end the link, whatever a receiver makes of it.
+            # A message from the network must not end the link, whatever a receiver makes of it.
             if not self.counters["failed to use"]:
                 logger.exception("a message from the link could not be used")
             self.counters["failed to use"] += 1
         return True
 
     def accept_presence(self, vehicle: str, presence: Presence) -> None:
-        """Take a presence that the link itself has found to be true."""
+        """Take a presence that the link itself has verified."""
         if (receive := self._hears.get("receive_presence")) is not None:
             receive(vehicle, presence)
 
     def _is_sign_of_life(self, envelope: Envelope) -> bool:
-        """Whether a presence is worth a look only because nothing else was heard for a while."""
+        """Check whether a presence is worth verifying only because nothing else was heard for a while."""
         quiet = self.clock() - self._believed_s > QUIET_S
         return quiet and envelope.kind is Kind.PRESENCE and envelope.sender != self.name
 
     def note_refusal(self, reason: str) -> None:
-        """Count a message that is not believed; people hear of some reasons the first time."""
+        """Count a refused message; some reasons are logged the first time."""
         if reason == HEARD_BEFORE:
-            # Over several links that is what becomes of every second copy.
+            # Over several links every second message is a copy.
             self.counters["copies"] += 1
             return
         self.counters[f"refused: {reason}"] += 1
@@ -562,7 +559,7 @@ class Member:
             logger.warning(text, self.name)
 
     def _wants(self, kind: Kind, sender: str, body: bytes) -> bool:
-        """Whether a message is about something that this member has a use for."""
+        """Check whether this member wants a message."""
         leads = sender == self.trust.leader
         match kind:
             case Kind.STATE:
@@ -570,8 +567,7 @@ class Member:
             case Kind.QUESTION:
                 return kind in self._useful or self.stands_in
             case Kind.ANSWER:
-                # On a wire that all share, others' answers are no news: they are not worth a look at the
-                # signature.
+                # On a shared medium, answers to others are not worth verifying.
                 clock = self.twins if sender == self.name else self.peer_clock
                 return clock is not None and clock.awaits(body)
             case _:
@@ -615,7 +611,7 @@ class Member:
         now = self.clock()
         if self.peer_clock is None:
             return
-        # The number that it answers was made up by this member, by chance: no recording has it.
+        # This member made up the answer's number at random: no recording has it.
         leads = message.sender == self.trust.leader
         if not leads and (
             self.trust.hears_leader(now) or now - self._asked_first_s < LEADER_LOST_S
@@ -634,7 +630,7 @@ class Member:
         self.accept_presence(message.sender, presence)
 
     def formation_time(self) -> float:
-        """Now on the formation's clock, s; NaN while not known."""
+        """Return the present time of the formation's clock, s; NaN while unknown."""
         if self.trust.leads:
             return self.clock()
         return math.nan if self.peer_clock is None else self.peer_clock.to_peer(self.clock())
