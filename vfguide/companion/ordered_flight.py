@@ -222,8 +222,7 @@ class OrderedFlight:
         return self._plan.ceiling_along(self.chosen_path)
 
     def watch_route(self, path: Path, point: PathPoint[float], *, steered: bool) -> bool:
-        """Check whether the flight ends now at the leader's place; for the arguments see
-        `RouteEnd.passed`."""
+        """Check whether the flight ends now; for the arguments see `RouteEnd.passed`."""
         at_end = self.circle is None and self._route_end.passed(path, point, steered=steered)
         if not at_end or self.called_off is not None:
             return False
@@ -241,8 +240,7 @@ class OrderedFlight:
         return order.arrangement.slot(vehicle, self.time_of(order, now))
 
     def height(self, vehicle: str, now: float) -> tuple[float, float] | None:
-        """Return the height above the leader, m, and its rate, m/s, of an ordered slot; None as for
-        `slot`."""
+        """Return (height above the leader in m, rate in m/s) of an ordered slot; None as for `slot`."""
         order = self.order
         if order is None or order.arrangement.place_of(vehicle) is None:
             return None
@@ -342,8 +340,7 @@ class OrderedFlight:
         )
 
     def _route_of(self, order: Arrangement) -> KnownPath | None:
-        """Return the path that an order has chosen, entered by turns of the order's radius; None for no
-        such."""
+        """Return the path that an order has chosen, joined by turns of the order's radius."""
         known, radius = self._plan.paths.get(order.path), order.turn_radius_m
         if known is None or radius <= 0.0:
             return None

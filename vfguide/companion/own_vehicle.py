@@ -1,7 +1,7 @@
-"""The companion's own vehicle by its telemetry: reports in, navigated states out.
+"""Navigation of the own vehicle: telemetry reports in, navigated states out.
 
-RADIO_STATUS of SiK radios says how much of their buffer is free. A full one drops what comes, setpoints too;
-so `RadioRoom` bounds what a companion sends.
+RADIO_STATUS of SiK radios reports how much of their buffer is free. A full buffer drops messages, setpoints
+too; so `RadioRoom` bounds what a companion sends.
 """
 
 import math
@@ -49,28 +49,23 @@ from vfguide.mavlink.reports import (
 from vfguide.state import GAP_S, Setpoint, VehicleState
 
 SHORT, FULL = 0.5, 0.2
-"""Free shares of the buffer below which setpoints go at half their rate, and below which only they go."""
+"""Free shares of the buffer below which setpoints go at half rate, and below which little else goes."""
 
 BELIEVED_S = 5.0
-"""s after which a report says nothing any more: radios send one a second."""
+"""Time after which a radio's report is void, s: radios send one a second."""
 
 KEY = "radio room"
 
 
 class RadioRoom:
-    """The newest word of the radio to the autopilot; without one there is room for everything."""
+    """Free buffer of the radio to the autopilot; unlimited without reports."""
 
     def __init__(self, alerts: Alerts) -> None:
-        """Have heard of no radio.
-
-        Args:
-            alerts: takes what a pilot should know.
-        """
         self._alerts = alerts
         self._free, self._heard_s = 1.0, float("-inf")
 
     def note(self, report: RadioReport, now: float) -> None:
-        """Take what a radio says of its buffer, now (s)."""
+        """Process a radio's report, and warn the pilot if its buffer is nearly full."""
         self._free, self._heard_s = report.free, now
         if report.free < SHORT:
             sent = "setpoints at half their rate"
@@ -84,81 +79,81 @@ class RadioRoom:
             )
 
     def is_short(self, now: float) -> bool:
-        """Whether setpoints have to go more rarely."""
+        """Check whether setpoints must go at half rate."""
         return self._free < SHORT and now - self._heard_s <= BELIEVED_S
 
     def is_full(self, now: float) -> bool:
-        """Whether nothing may go beside what steers and what keeps the autopilot's fail-safe away."""
+        """Check whether only setpoints, warnings and heartbeats may be sent."""
         return self._free < FULL and now - self._heard_s <= BELIEVED_S
 
 
 WAIT_S = 0.3
-"""By so much reports are late or early on an ordinary link. Those that keep one waiting for longer than their
-stamps say may come of a clock that stood still; one whose stamp is farther ahead, of one that has leapt."""
+"""Jitter of reports on an ordinary link, s. A longer wait than the stamps say may come from a clock that
+stood still, and a stamp that is farther ahead from one that has leapt."""
 
 SLIP_S = 0.1
-"""After a slip of the autopilot's clock by more the filter starts anew: it cannot know how long was flown."""
+"""Slip of the autopilot's clock, s, beyond which the filter restarts, as the time flown is unknown."""
 
 ASK_S, MOST_OPEN = 0.5, 40
-"""Interval of questions for the autopilot's time: a slip is found in less than a second. An answer is awaited
-to so many: telemetry that is 20 s late is known to be."""
+"""Interval of time requests, s, which shows a slip within a second, and the limit on open ones. So telemetry
+up to 20 s late is recognised."""
 
 MOST_BATTERIES = 10
-"""Of a vehicle, that are kept apart."""
+"""Limit on batteries of a vehicle that are kept apart."""
 
 PERIOD_SHARE = 0.1
 """Weight of the newest interval in the mean period of the loop."""
 
 
 class GeodeticPlace(msgspec.Struct, frozen=True, kw_only=True):
-    """The navigated position on the ellipsoid, for those who share no local frame."""
+    """Navigated position on the ellipsoid, for receivers that share no local frame."""
 
     latitude_deg: float
-    """degrees."""
+    """Latitude, degrees."""
     longitude_deg: float
-    """degrees."""
+    """Longitude, degrees."""
     altitude_amsl: float
-    """m above mean sea level."""
+    """Altitude, m above mean sea level."""
 
 
 class NavigatedState(msgspec.Struct, frozen=True, kw_only=True):
-    """A report, navigated."""
+    """Navigated state after a position report."""
 
     state: VehicleState
-    """In the local frame."""
+    """State in the local frame."""
     place: GeodeticPlace
-    """On the ellipsoid."""
+    """Position on the ellipsoid."""
     period: float
     """Mean interval between reports, s."""
     interval: float
-    """Since the report before, s; infinite for the first."""
+    """Time since the previous report, s; infinite for the first."""
     altitude_amsl: float
-    """m above mean sea level; NaN while the reported one is doubted."""
+    """Altitude, m above mean sea level; NaN while the reported one is doubted."""
     satellite_m: float = math.nan
-    """By how much the altitude by satellites is above that, m; NaN while not known."""
+    """Altitude by satellites minus the altitude held by the autopilot, m; NaN while not known."""
     moved: bool = False
-    """Whether the vehicle is believed to be elsewhere than by the report before: what was learned is void."""
+    """Whether the place has jumped since the previous report, so that what was learned is void."""
     steerable: bool = True
-    """Whether it is certain enough to steer by; where it is not, it is published all the same."""
+    """Whether the state is certain enough to steer by; it is published in any case."""
     delay_compensator: DelayCompensator | None = None
-    """Where the vehicle will be when setpoints take effect; None where they do at once."""
+    """Predictor of the state at which setpoints take effect; None where they do at once."""
     air_data: ReportedAirData | None = None
-    """None where heading, bank or airspeed is missing or old, or a ground speed is held."""
+    """Air data; None where heading, bank or airspeed is missing or old, or a ground speed is held."""
 
 
 class SensorWatch:
-    """The newest word of one vehicle's sensors and of each of its batteries."""
+    """Newest reports of a vehicle's sensors and of each of its batteries."""
 
     def __init__(self) -> None:
         self._batteries: dict[int, tuple[BatteryReport, float]] = {}
         self._said: tuple[SensorsReport, float] | None = None
 
     def note(self, report: SensorsReport, now: float) -> None:
-        """Take what the autopilot says of its sensors."""
+        """Process a report on the sensors."""
         self._said = report, now
 
     def note_battery(self, report: BatteryReport, now: float) -> None:
-        """Take what it says of one battery."""
+        """Process a report on one battery."""
         self._batteries = {
             number: (one, when)
             for number, (one, when) in self._batteries.items()
@@ -168,11 +163,11 @@ class SensorWatch:
             self._batteries[report.number] = report, now
 
     def newest(self, now: float) -> SensorsReport | None:
-        """What was said last, with the battery of which least is left; None if that is long ago."""
+        """Return the newest sensors report with the emptiest battery; None if it is old."""
         if self._said is None or now - self._said[1] > FRESH_S:
             return None
         said = self._said[0]
-        # Of two that have as much left the first counts: volts belong to what is left of the same battery.
+        # With equal charge the first battery counts, so that voltage and charge are of the same one.
         known = [(said.battery, said.battery_voltage)]
         known += [
             (one.remaining, one.voltage)
@@ -187,25 +182,25 @@ class SensorWatch:
 
 
 class OwnVehicle:
-    """Navigation of one vehicle."""
+    """Navigation of the own vehicle."""
 
     def __init__(self, plan: FlightPlan, alerts: Alerts | None = None) -> None:
         self._alerts = alerts or Alerts()
         self._frame = plan.frame
         self._filters = plan.settings.filters
-        # Only the leader's law has an observer; a follower has nothing to fly by without its speed.
+        # Only the leader's law has an observer; a follower cannot fly without its speed.
         self._blind = plan.leads and plan.settings.speed_source == "observer"
         self._nominal_period = 1.0 / plan.rate_hz
-        # A cable's fastest report takes no time worth mentioning.
+        # The fastest report over a cable takes no time worth mentioning.
         self._clock = OtherClock(CABLE, least_way_s=0.0)
         self._clock_watch = ClockWatch(self._clock, self._alerts)
         self.questions = TimeQuestions(every_s=ASK_S, most_open=MOST_OPEN)
-        """For the autopilot's time."""
+        """Time requests to the autopilot."""
         self.belief = Belief(reach_of(plan.airframe), moved_s=STAYED_S, most_m=plan.most_m)
-        """What is believed of its motion."""
+        """Belief in the own motion."""
         self._doubt = Doubt(self._alerts)
         self.radio = RadioRoom(self._alerts)
-        """What the radio to the autopilot bears."""
+        """Capacity of the radio to the autopilot."""
         self._held, self._held_s = math.nan, -math.inf
         self._satellite_m, self._satellite_s = math.nan, -math.inf
         self._through_air_s = 0.0
@@ -214,18 +209,18 @@ class OwnVehicle:
         self._refusal_s = -math.inf
         self._passed_s = 0.0
         self.reboots = 0
-        """How often the autopilot has started anew, as its boot time says."""
+        """Count of the autopilot's restarts, by its boot time."""
         self._counters: Counter[str] = Counter()
         self.sensors = SensorWatch()
-        """What the autopilot says of its sensors and batteries."""
-        # An autopilot that holds a ground speed gets no airspeed.
+        """Sensors and batteries as the autopilot reports them."""
+        # An autopilot that holds a ground speed is sent no airspeed.
         self.air = AirMotion(
             plan,
             self.belief,
             self._alerts,
             calibrates=plan.airframe.hold == "heading-hold" and not self._blind,
         )
-        """How it moves through the air, as the autopilot's sensors show it."""
+        """Motion through the air, by the autopilot's sensors."""
         self._state: VehicleState | None = None
         self._velocity_error: VelocityError | None = None
         self._period = self._nominal_period
@@ -233,7 +228,7 @@ class OwnVehicle:
         self.retune(plan)
 
     def retune(self, plan: FlightPlan) -> None:
-        """Go on with another response of the same vehicle; what was learned of it is kept."""
+        """Use another response of the same vehicle; what was learned of it is kept."""
         self.air.retune(plan)
         airframe = plan.airframe
         memory = memory_of(
@@ -250,10 +245,7 @@ class OwnVehicle:
 
     @property
     def course_offset(self) -> float:
-        """By how much the autopilot takes its course for another one than is believed, rad.
-
-        Its course hold acts on the course that it reports: setpoints are courses as it reports them.
-        """
+        """Reported course minus believed course, rad: the autopilot's course hold acts on the former."""
         error = self._velocity_error
         if error is None:
             return 0.0
@@ -265,9 +257,9 @@ class OwnVehicle:
         )
 
     def fault(self, now: float) -> str | None:
-        """Why no position is used, and what to do; None where none is known.
+        """Return why no position is used, with the remedy; None if no reason is known.
 
-        What the autopilot itself says of its receiver and estimator goes before what its positions show.
+        The autopilot's reports on its receiver and estimator take precedence over what its positions show.
         """
         said = self.belief.word.fault(now)
         if said is None and now - self._refusal_s <= RETURN_S:
@@ -275,7 +267,7 @@ class OwnVehicle:
         return None if said is None else with_remedy(said)
 
     def note_setpoint(self, setpoint: Setpoint | None, now: float) -> None:
-        """A setpoint has gone out; None: the vehicle is not steered."""
+        """Note a setpoint that was sent; None if the vehicle is not steered."""
         self.air.asked = None if setpoint is None else setpoint.speed
         if self._delay_compensator is None:
             return
@@ -285,7 +277,7 @@ class OwnVehicle:
             self._delay_compensator.note(setpoint, now)
 
     def take(self, report: PositionReport, now: float) -> NavigatedState | None:
-        """What a position report leads to; None where it is not newer than the one before, or false."""
+        """Return the navigated state of a position report; None if it is not newer, or not believed."""
         at = report.latitude_deg, report.longitude_deg
         reading, before = self._clock.read(report.boot_time_s, now, at), self._reading
         if reading is None:
@@ -337,7 +329,7 @@ class OwnVehicle:
         )
 
     def _by_report(self, sample: Sample, believed: Believed, slipped_s: float) -> VehicleState:
-        """The state by the reported velocity, and by the place that is believed."""
+        """Return the state by the reported velocity and the believed place."""
         previous = self._state
         interval = math.inf if previous is None else sample.time_s - previous.time_s
         longest = max(interval, self._through_air_s)
@@ -356,7 +348,7 @@ class OwnVehicle:
     def _through_air(
         self, previous: VehicleState, sample: Sample, *, by_place: bool
     ) -> VehicleState:
-        """The state by heading and airspeed, and by the place where that counts."""
+        """Return the state by heading and airspeed, and by the place if it is believed."""
         self._through_air_s += sample.time_s - previous.time_s
         heading, airspeed = self.air.carried_on(previous)
         sample = replace(sample, heading=heading, airspeed=airspeed)
@@ -367,12 +359,9 @@ class OwnVehicle:
         return navigate_unseen(previous, sample, self._filters)
 
     def _with_right_velocity(self, sample: Sample, *, fresh: bool, carried: bool) -> Sample:
-        """A sample with the velocity that positions show, where the mission wants that.
+        """Return a sample with the velocity that its positions show, if the mission asks for it.
 
-        Args:
-            sample: with a place that is believed.
-            fresh: whether the filter starts anew.
-            carried: whether the place is the one that velocities led to, which shows nothing of them.
+        A fresh filter restarts. A carried place was integrated from velocities and shows nothing of them.
         """
         time_constant, error = self._filters.velocity_s, self._velocity_error
         if time_constant == 0.0:
@@ -385,7 +374,7 @@ class OwnVehicle:
         return with_right_velocity(sample, error)
 
     def _judge_altitude(self, altitude_amsl: float, time_s: float) -> float:
-        """A reported altitude (m), NaN while it is doubted."""
+        """Return a reported altitude, m, or NaN while it is doubted; tell the pilot of changes."""
         height = self.belief.height
         before = height.doubted
         altitude = height.judge(altitude_amsl, time_s)
@@ -412,10 +401,10 @@ class OwnVehicle:
         | RadioReport,
         now: float,
     ) -> None:
-        """Take what the autopilot says beside its positions."""
+        """Process a report other than a position."""
         match report:
             case AirspeedReport():
-                # Whatever is doubted, the state goes by what is believed.
+                # The state is believed, whatever reports are doubted.
                 self.air.note_airspeed(report, now, self._state)
             case AttitudeReport():
                 self.air.note_bank(report.bank, now)
@@ -454,10 +443,10 @@ class OwnVehicle:
         reading: Reading,
         before: Reading | None,
     ) -> Believed:
-        """Hold a report against all that is known."""
+        """Test a position report against everything known."""
         state, velocity = self._state, (sample.velocity_north, sample.velocity_east)
         if self._blind and state is not None:
-            # What is not used cannot be wrong, and does not show where the vehicle goes.
+            # An unused velocity cannot be wrong, and does not show where the vehicle goes.
             velocity = polar(state.ground_speed, state.course)
         self._passed_s += passed_s(before, reading)
         motion = ReportedMotion(
@@ -482,7 +471,7 @@ class OwnVehicle:
     def _place(
         self, report: PositionReport, state: VehicleState, *, is_reported: bool
     ) -> GeodeticPlace:
-        """The navigated position on the ellipsoid."""
+        """Return the navigated position on the ellipsoid."""
         if is_reported:
             north, east = self._frame.to_local(report.latitude_deg, report.longitude_deg)
             latitude, longitude = self._frame.shifted(
@@ -490,13 +479,13 @@ class OwnVehicle:
             )
         else:
             latitude, longitude = self._frame.to_geodetic(state.north, state.east)
-        # An altitude that is doubted is for the others to judge, too.
+        # The others judge a doubted altitude by themselves.
         doubted = self.belief.height.doubted
         altitude = report.altitude_amsl if doubted else self._frame.altitude_m + state.height
         return GeodeticPlace(latitude_deg=latitude, longitude_deg=longitude, altitude_amsl=altitude)
 
     def _sample(self, report: PositionReport, time_s: float, now: float) -> Sample:
-        """The report in the local frame, with airspeed and heading from the wind where it has none."""
+        """Return the report in the local frame, with heading and airspeed by the wind where it has none."""
         north, east = self._frame.to_local(report.latitude_deg, report.longitude_deg)
         velocity_north, velocity_east = report.velocity_north, report.velocity_east
         heading, airspeed = self.air.heading_and_airspeed(report, self._state, now)
@@ -513,9 +502,9 @@ class OwnVehicle:
 
 
 def passed_s(before: Reading | None, reading: Reading) -> float:
-    """How far a vehicle can have flown since the reading before, s; 0 at the first.
+    """Return the time that a vehicle can have flown since the previous reading, s; 0 for the first.
 
-    Boot times tell, but not one that leaps ahead: no report is read before it was true.
+    Boot times show it unless they leap ahead, as no report is read before it was true.
     """
     if before is None:
         return 0.0

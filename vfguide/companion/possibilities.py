@@ -1,9 +1,9 @@
-"""What was heard last of other vehicles, and what each may do next: the tracks that it is kept clear of.
+"""Last sightings of other vehicles, and the tracks on which each of them may fly next.
 
-A vehicle that is steered flies with the formation. One that is heard and not steered may do anything that
-a plane can: fly on along its arc, level out, turn either way at its bank limit. One that is silent flies
-on with the formation, where only the link is lost, holds its last course or heading, where its companion
-has died, or turns on, where its autopilot hangs.
+A steered vehicle flies with the formation. One that is heard and not steered may do anything that an aircraft
+can: continue its arc, level out, or turn either way at its bank limit. A silent one may fly on with the
+formation, if only the link is lost. It holds its last course or heading if its companion has died, and turns
+on if its autopilot hangs.
 """
 
 import cmath
@@ -29,60 +29,60 @@ from vfguide.guidance.separation import (
 from vfguide.state import LeaderState
 
 SILENT_S = 2.4
-"""Of a vehicle that has not been heard for longer it is not known whether its companion still steers.
+"""Silence after which it is unknown whether a vehicle's companion still steers, s.
 
-In a turn, where that matters, ten states were lost in a row: at a loss of 30 % that is rare (6e-6). On a
-circle of 150 m at 20 m/s a course that is held has by then left the slot by 8 m.
+In a turn, where that matters, ten states are then lost in a row: at a loss of 30 % that is rare (6e-6). On a
+circle of 150 m at 20 m/s, a vehicle that holds its course has left the slot by 8 m by then.
 """
 
 LAST_TURN_S = 1.0
-"""A course that is held after a turn lies this much of the turn ahead of the last one flown: 1 / alpha."""
+"""Time by which a course held after a turn leads the last one flown, s: 1 / alpha."""
 
 
 WIND_S = 0.9
-"""A vehicle that was heard this short a time ago flies in the wind of now."""
+"""Age of a state up to which the present wind is taken for that of the vehicle, s."""
 
 AIRSPEED_S = 2.0
-"""Memory of the airspeeds of others. Over the ground each gust shows; through the air it is what is held."""
+"""Time constant of others' airspeeds, s: ground speeds show each gust, airspeeds what is held."""
 
 SPACING_SHARE = 0.65
-"""Of the distance between two slots, at most this is kept: who flies in close formation wants to."""
+"""Greatest share of the slot spacing that is kept as distance: close formations are meant to be close."""
 
 BERTH_M = 15.0
-"""Distance that is kept from the predicted arc of one that is not under guidance."""
+"""Distance kept from the predicted arc of a vehicle that is not under guidance, m."""
 
 DRIFT_M_S = 1.0
-"""How fast a silent vehicle may leave the places where it is believed to be, m/s."""
+"""Speed at which a silent vehicle may leave its predicted places, m/s."""
 
 MOST_GUSTS_M = 5.0
-"""Most that gusts add to the distance from a course that is held. Without this bound followers left their
-slots by up to 168 m, beside the vehicle that they were to let pass."""
+"""Limit on the distance that gusts add to a held course, m. Without it followers left their slots by up to
+168 m, beside the vehicle that they had to let pass."""
 
 TURNS_OFF_M_S = 3.0
-"""A vehicle that moves faster than this in the formation's frame may also fly on along its arc."""
+"""Speed relative to the formation beyond which a vehicle may also continue its arc, m/s."""
 
 ALONG_S = 4.0
-"""How far ahead steered vehicles are looked at, that keep clear themselves, and others that level out."""
+"""Horizon for steered vehicles, which keep clear themselves, and for others that level out, s."""
 
 ARC_S = 2.0
-"""How far ahead it may."""
+"""Horizon for vehicles of the formation that continue their arc, s."""
 
 STANDING_M = 5.5
-"""Distance that is kept from a place where one may stand: the 5 m of the promise, and what places are off.
-Nothing has to be predicted of it. A follower right behind has to leave its slot by as much."""
+"""Distance kept from where a vehicle may stand, m: the promised 5 m and the error of places. Nothing is
+predicted there. A follower right behind has to leave its slot by as much."""
 
 HOLDS_S = 5.0
-"""How far ahead a silent vehicle may hold its last course.
+"""Horizon for a silent vehicle that holds its last course, s.
 
-Who sees less far ahead speeds up and crosses in front of it where there was time to let it pass.
+With a shorter horizon a vehicle speeds up and crosses in front of it, where there was time to let it pass.
 """
 
 STANDS_S = 3.0
-"""How far ahead it may stand where it was last heard: most silences are those of the link."""
+"""Horizon for a vehicle that stands where it was last heard, s: most silences are those of the link."""
 
 
 class Sightings:
-    """What was heard last of some vehicles, one row for each."""
+    """Last sightings of some vehicles, one row for each."""
 
     __slots__ = (
         "acceleration",
@@ -107,60 +107,60 @@ class Sightings:
     )
 
     def __init__(self, count: int) -> None:
-        """Make rows of vehicles that have not been heard yet."""
+        """Make rows for vehicles that have not been heard yet."""
         self.time = np.full(count, -np.inf)
-        """When, s."""
+        """Time of the last state, s."""
         self.since = np.full(count, np.inf)
-        """Since when without a silence, s."""
+        """Beginning of the present run of states without a silence, s."""
         self.place = np.full(count, complex(np.nan))
-        """m."""
+        """Place, m north + j m east."""
         self.ahead = np.full(count, complex(np.nan))
         """Unit vector along the course."""
         self.speed = np.full(count, np.nan)
-        """Over the ground, m/s."""
+        """Ground speed, m/s."""
         self.acceleration = np.full(count, np.nan)
-        """Along the course, m/s²."""
+        """Acceleration along the course, m/s²."""
         self.turn_rate = np.full(count, np.nan)
-        """rad/s."""
+        """Turn rate, rad/s."""
         self.altitude = np.full(count, np.nan)
-        """m above mean sea level."""
+        """Altitude, m above mean sea level."""
         self.climb_rate = np.zeros(count)
-        """m/s, positive up."""
+        """Climb rate, m/s, positive up."""
         self.steered = np.zeros(count, dtype=bool)
-        """Whether their companions steered them."""
+        """Whether the vehicle's companion steered it."""
         self.offset = np.zeros(count, dtype=np.complex128)
-        """From the leader, forward + j right, m."""
+        """Place as forward + j right of the leader, m."""
         self.drift = np.zeros(count)
         """Speed relative to the formation, m/s."""
         self.held = np.full(count, complex(np.nan))
-        """Unit vector along the course that their autopilots were told to hold; NaN where not known."""
+        """Unit vector along the autopilot's course setpoint; NaN where not known."""
         self.sense = np.zeros(count, dtype=np.int8)
-        """Which way each leaves its height, see `HeardState.height_sense`."""
+        """Direction in which the vehicle leaves its height, see `HeardState.height_sense`."""
         self.wind = np.zeros(count, dtype=np.complex128)
-        """Of then, as the own vehicle knew it, toward, m/s."""
+        """Wind at the last state as the own vehicle knew it, toward, m/s."""
         self.carried = np.zeros(count, dtype=np.complex128)
-        """How far the wind has carried each since then beyond where that wind would have, m."""
+        """Drift since the last state in addition to that of the wind at that time, m."""
         self.airspeed = np.full(count, np.nan)
-        """As the own vehicle's wind tells, filtered, m/s; NaN: not found yet."""
+        """Filtered airspeed by the own vehicle's wind, m/s; NaN before the first."""
         self.flies = np.full(count, np.nan)
-        """Airspeed that each is taken to hold, m/s."""
+        """Airspeed that the vehicle is assumed to hold, m/s."""
         self.run = np.zeros(count)
-        """How far each has flown since then if it flies on its held course, m; NaN: not found yet."""
+        """Distance flown since the last state if the vehicle holds its course, m; NaN before the first."""
 
     def carry(self, age: FloatArray, here: "Viewpoint", passed_s: float) -> None:
-        """Let the wind carry those who are silent for some time (s).
+        """Advance the drift and the run of silent vehicles.
 
-        A wind that swings comes back to where it was: what it is now says little of what it has been. In
-        gusts others are taken to hold the airspeed that they had in the mean; in calm air the one that they
-        had last, with what they gained while they answered their last setpoint.
+        The drift is integrated, as the present wind says little of a swinging wind's past. In gusts others
+        are assumed to hold their mean airspeed. In calm air it is the last one, with what they gained while
+        they answered their last setpoint.
 
         Args:
-            age: how long each has not been heard, s.
-            here: who looks around, with its wind and the gusts.
-            passed_s: since this was done last.
+            age: ages of the last states, s.
+            here: own vehicle with its wind and gusts.
+            passed_s: time since the last call, s.
         """
         wind, fresh = here.wind, age <= WIND_S
-        # That of then: in a wind that swings it is another one two seconds later.
+        # A swinging wind is another one two seconds later.
         self.carried += (wind - self.wind) * np.minimum(age, passed_s)
         self.carried[fresh] = 0.0
         self.wind[fresh] = wind
@@ -174,16 +174,16 @@ class Sightings:
         self.run[:] = np.where(fresh | np.isnan(run), speed * age, run)
 
     def rows(self, begin: int, end: int) -> "Sightings":
-        """The rows from one to before another: the same memory."""
+        """Return the rows from `begin` to before `end`, as views of the same memory."""
         part = Sightings(0)
         for name in self.__slots__:
             setattr(part, name, getattr(self, name)[begin:end])
         return part
 
     def propagate(self, age: FloatArray, wind: complex) -> tuple[ComplexArray, ComplexArray]:
-        """(places, velocities) of all, these times (s) after they were heard: along their arcs.
+        """Return (places, velocities) along the arcs at these ages, s.
 
-        A wind (m/s) that is not the one of when they fell silent carries them with it (`carry`).
+        A wind, m/s, that has changed since a vehicle fell silent carries it along (`carry`).
         """
         first = np.minimum(age, LAST_TURN_S)
         last = self.speed + self.acceleration * first
@@ -197,83 +197,83 @@ IntArray = NDArray[np.intp]
 
 
 class Viewpoint(msgspec.Struct, frozen=True, kw_only=True):
-    """The vehicle that looks around."""
+    """Own vehicle, from which others are seen."""
 
     time_s: float
-    """On its own clock."""
+    """Own time, s."""
     place: complex
-    """m."""
+    """Place, m north + j m east."""
     velocity: complex
-    """Over the ground, m/s."""
+    """Velocity over ground, m/s."""
     wanted: complex
-    """Velocity that guidance wants, m/s."""
+    """Velocity that guidance asks for, m/s."""
     altitude_amsl: float
-    """m."""
+    """Altitude, m above mean sea level."""
     wind: complex
-    """As the vehicle knows it, toward, m/s."""
+    """Wind as the vehicle knows it, toward, m/s."""
     climb_rate: float
-    """m/s."""
+    """Climb rate, m/s."""
     astray: float
-    """Distance from its slot, m; of a leader how far it is from flying along its path."""
+    """Distance from the slot, m; for a leader the distance from flying along its path."""
     reaction_s: float
-    """Until it answers to something new: the age of what it hears, its dead time and lag."""
+    """Reaction time, s: age of what is heard, dead time and lag."""
     gusts: float = 0.0
-    """How fast gusts carry a vehicle away from the course and the speed that it holds, m/s."""
+    """Speed at which gusts carry a vehicle away from the course and speed that it holds, m/s."""
 
 
 class VehiclesInSight(msgspec.Struct, frozen=True, kw_only=True):
-    """Those who may come near, one element for each."""
+    """Vehicles that may come near, one element for each."""
 
     row: IntArray
     age: FloatArray
     silent: BoolArray
     stopped: BoolArray
-    """Whether they may stand where they were last heard."""
+    """Whether the vehicle may stand where it was last heard."""
     heard_at: ComplexArray
-    """There, m."""
+    """Place of the last state, m."""
     believed: BoolArray
-    """Whether they said last that they were steered."""
+    """Whether the last state said that the vehicle was steered."""
     place: ComplexArray
     velocity: ComplexArray
     held: ComplexArray
-    """Unit vector along the course that their autopilots were told to hold; NaN where that is not known."""
+    """Unit vector along the autopilot's course setpoint; NaN where not known."""
     wind: ComplexArray
-    """When they were last heard, toward, m/s."""
+    """Wind at the last state, toward, m/s."""
     carried: ComplexArray
-    """How far the wind has carried them since then beyond where that wind would have, m."""
+    """Drift since the last state in addition to that of the wind at that time, m."""
     airspeed: FloatArray
-    """That they are taken to hold, m/s."""
+    """Airspeed that the vehicle is assumed to hold, m/s."""
     run: FloatArray
-    """How far each has flown since then if it flies on its held course, m."""
+    """Distance flown since the last state if the vehicle holds its course, m."""
     offset: ComplexArray
-    """From the leader, of those who are silent as it was when they were heard, m: forward + j right."""
+    """Place as forward + j right of the leader, m; of silent vehicles at the last state."""
     turn_rate: FloatArray
     hardest: FloatArray
     """Turn rate at the bank limit, rad/s."""
     keep: FloatArray
     spacing: FloatArray
     slot: ComplexArray
-    """Forward + j right of the leader, m."""
+    """Slot as forward + j right of the leader, m."""
     slot_rate: ComplexArray
-    """How that moves in the formation, m/s."""
+    """Velocity of the slot in the formation's frame, m/s."""
     drift: FloatArray
-    """Speed relative to the slot, of those who are silent as it was when they were heard, m/s."""
+    """Speed relative to the slot, m/s; of silent vehicles at the last state."""
     weight: FloatArray
     linked: BoolArray
-    """Whether the link has worked all the time since they were heard."""
+    """Whether the link has worked without a break since the last state."""
 
 
 def possibilities_of(
     seen: VehiclesInSight, here: Viewpoint, leader: LeaderState | None
 ) -> tuple[Others, IntArray] | None:
-    """What each of those who may come near may do, kind by kind; None where nothing is known of any."""
+    """Return the possible tracks of all vehicles that may come near, with their rows; None for none."""
     found: list[tuple[IntArray, ComplexArray, float, FloatArray]] = []
     grown = DRIFT_M_S * np.maximum(seen.age - SILENT_S, 0.0)
-    # However uncertain the places are, slots are flown: the mission put them this near.
+    # However uncertain the places are, slots may be flown: the mission has put them this near.
     most = np.maximum(SPACING_SHARE * seen.spacing, seen.keep)
     keep = np.minimum(seen.keep + grown, most)
     floor = np.minimum(FLOOR_M, seen.keep)
-    # What predictions are off is more where the sender is silent.
+    # Predictions have a larger error where the sender is silent.
     least = np.minimum(floor + grown, keep)
     berth = grown + np.clip(SPACING_SHARE * seen.spacing, FLOOR_M, BERTH_M)
 
@@ -299,7 +299,7 @@ def possibilities_of(
             slot_rate=seen.slot_rate[along],
         )
         found.append((np.flatnonzero(along), tracks, ALONG_S, keep))
-        # Also one that is silent: an autopilot that hangs in a turn turns on.
+        # This includes silent vehicles: an autopilot that hangs in a turn turns on.
         off = along & (~seen.silent | seen.linked) & (seen.drift > TURNS_OFF_M_S)
         if off.any():
             arcs(off, seen.turn_rate, ARC_S, keep)
@@ -323,7 +323,7 @@ def possibilities_of(
     if not found:
         return None
     rows = np.concatenate([which for which, *_ in found])
-    # Gusts carry one that nobody corrects away from where it is looked for.
+    # Gusts carry a vehicle that nobody corrects away from its predicted place.
     room = np.minimum(most - keep, MOST_GUSTS_M)
     carried = np.minimum(here.gusts * (seen.age[:, None] + BEGINNINGS), room[:, None])
     sure = np.zeros_like(carried)
@@ -347,7 +347,7 @@ def possibilities_of(
 
 
 def with_formation(seen: VehiclesInSight, leader: LeaderState) -> tuple[ComplexArray, ComplexArray]:
-    """(places, velocities) of those who fly with the formation, silent ones as they flew in it; m, m/s."""
+    """Return (places in m, velocities in m/s) in the formation, silent vehicles as last heard in it."""
     frame = cmath.exp(1j * leader.course)
     carried = place_of(leader) + frame * seen.offset
     carried_velocity = velocity_of(leader) + 1j * leader.turn_rate * frame * seen.offset
@@ -358,9 +358,9 @@ def with_formation(seen: VehiclesInSight, leader: LeaderState) -> tuple[ComplexA
 
 
 def tightened(seen: VehiclesInSight) -> ComplexArray:
-    """Tracks of vehicles that, when they fell silent, rolled on to the bank limit of their turn, m.
+    """Return tracks of vehicles that rolled to the bank limit of their turn when they fell silent, m.
 
-    A turn that has only begun is reported late: 0.1 rad/s of it are 20 m after four seconds.
+    A turn is reported late when it has just begun: 0.1 rad/s of it are 20 m after four seconds.
     """
     heard = seen.velocity * np.exp(-1j * seen.turn_rate * seen.age)
     hardest = np.copysign(seen.hardest, seen.turn_rate)
@@ -371,7 +371,7 @@ def tightened(seen: VehiclesInSight) -> ComplexArray:
 def tracks_held(
     seen: VehiclesInSight, holds: BoolArray, here: Viewpoint
 ) -> list[tuple[IntArray, ComplexArray]]:
-    """(who, tracks in m) of silent vehicles that hold what their autopilots held last."""
+    """Return (rows, tracks in m) of silent vehicles that keep what their autopilots held last."""
     found = []
     for hold, which in ((course_held, holds), (heading_held, holds & np.isnan(seen.held))):
         if which.any():
@@ -382,22 +382,18 @@ def tracks_held(
 
 
 def course_held(seen: VehiclesInSight, wind: complex) -> tuple[ComplexArray, ComplexArray]:
-    """(places, velocities) of those who have turned onto their last course since they were heard; m, m/s.
+    """Return (places in m, velocities in m/s) that turned onto their last course; wind toward, m/s.
 
-    The course is the one that they have said their autopilots were told to hold. In gusts it cannot be found
-    from how they turned: ten degrees are 25 m after 7 s. Where they have not said, it still has to be.
-
-    Args:
-        seen: silent vehicles.
-        wind: now, toward, m/s.
+    The course is the autopilot's setpoint from their states. In gusts the past turn does not show it: ten
+    degrees are 25 m after 7 s. Without a setpoint the turn has to do.
     """
     change = wind - seen.wind
     heard = (seen.velocity - change) * np.exp(-1j * seen.turn_rate * seen.age)
-    # They turn as a hold of first order does, and hold the airspeed that they had in the winds since then.
+    # They turn as a first-order hold does, and have held their airspeed in the winds since then.
     turned = LAST_TURN_S * -np.expm1(-seen.age / LAST_TURN_S)
     place = seen.heard_at + seen.held * seen.run + (heard - np.abs(heard) * seen.held) * turned
     velocity = seen.held * ground_speed_held(seen.airspeed, seen.held, wind)
-    # Back along the arc to where they were heard, on for the last turn, and straight from there.
+    # Go back along the arc to where they were heard, on for the last turn, and straight from there.
     guessed = seen.velocity * np.exp(1j * seen.turn_rate * (LAST_TURN_S - seen.age))
     back = arc(seen.place, seen.velocity, seen.turn_rate, LAST_TURN_S - seen.age)
     unknown = np.isnan(seen.held)
@@ -408,7 +404,7 @@ def course_held(seen: VehiclesInSight, wind: complex) -> tuple[ComplexArray, Com
 
 
 def ground_speed_held(airspeed: FloatArray, held: ComplexArray, wind: complex) -> FloatArray:
-    """Ground speeds (m/s) of those who fly airspeeds on courses (unit vectors) in a wind toward there."""
+    """Return ground speeds, m/s, of airspeeds on courses (unit vectors) in a wind, toward, m/s."""
     along = wind * np.conj(held)
     root = np.sqrt(np.maximum(airspeed * airspeed - along.imag * along.imag, 0.0))
     speed: FloatArray = along.real + root
@@ -416,13 +412,9 @@ def ground_speed_held(airspeed: FloatArray, held: ComplexArray, wind: complex) -
 
 
 def heading_held(seen: VehiclesInSight, wind: complex) -> tuple[ComplexArray, ComplexArray]:
-    """(places, velocities) of those who hold the heading of their last turn since they were heard; m, m/s.
+    """Return (places in m, velocities in m/s) that hold their last turn's heading; wind toward, m/s.
 
-    In a wind that swings the nose turns at another rate than the course, and the wind carries it since.
-
-    Args:
-        seen: silent vehicles.
-        wind: now, toward, m/s.
+    In a swinging wind the heading turns at another rate than the course, and the wind carries the vehicle.
     """
     change = wind - seen.wind
     heard = (seen.velocity - change) * np.exp(-1j * seen.turn_rate * seen.age)

@@ -1,17 +1,17 @@
-"""Who leads a formation, and the roles that a vehicle can have in it.
+"""Succession of the leader, and the roles that a vehicle can have in a formation.
 
-**Terms.** A term is a number that every state carries. The highest that was heard counts, as in Raft (Ongaro
-and Ousterhout, "In Search of an Understandable Consensus Algorithm", USENIX ATC 2014, section 5). There is no
-majority vote: a part of the formation that hears no others has to fly on, too. Instead each term belongs to
-one vehicle from the outset. Those who may lead stand in an order of n: the mission's leader first, then its
-deputies. Term 0 is the leader's. Of every n terms from there on each has one, the last in the order the
-lowest. So no term has two leaders. After one succession in each of two parts, the part of the earlier deputy
-has the higher term. Times come in; no clock is read.
+**Terms.** Every state carries a term, and the highest one heard counts, as in Raft (Ongaro and Ousterhout,
+"In Search of an Understandable Consensus Algorithm", USENIX ATC 2014, section 5). There is no majority vote,
+as a part of the formation that hears no others has to fly on, too. Instead each term belongs to one vehicle
+from the outset. The n candidates have an order: the mission's leader first, then its deputies. Term 0 is the
+leader's. Of every n later terms each candidate has one, the last in the order the lowest. So no term has two
+leaders. After one succession in each of two parts, the part of the earlier deputy has the higher term. Times
+are passed in; no clock is read.
 
 **Roles.** With deputies a vehicle is leader, follower, or deputy in place of a lost leader. Every follower
-predicts a silent leader along its path. The deputy goes on with that for as long as it takes and tells the
-others, so that all predict the same. It remains a follower of that prediction, in its own slot. The mission's
-leader, once it is back, is a follower, too, in a slot at its own place.
+predicts a silent leader along its path. The deputy continues that prediction and sends it to the others, so
+that all predict the same. It remains a follower in its own slot. The mission's leader, once it is back, also
+follows the prediction, in a slot at its own place.
 """
 
 import math
@@ -37,89 +37,78 @@ from vfguide.mavlink.reports import TrafficReport
 from vfguide.state import HeardState, LeaderState
 
 STAGGER_S = 0.3
-"""A deputy gives each who comes before it in the order so long to lead first: a message's way and some."""
+"""Time that a deputy grants to each candidate before it, s: a little more than a message's latency."""
 
 UNSTEERED_S = 0.3
-"""For so long a leader may say that its companion does not steer it."""
+"""Time for which a leader may report that its companion does not steer, s."""
 
 PATIENCE_S = 3.0
-"""A leader that is not steered any more is carried on along its path for so long, since a deputy is about to
-lead. If none can by then it is followed wherever it flies, as where there are no deputies."""
+"""Time for which a leader that is no longer steered is predicted along its path, s: a deputy is about to
+lead. If none can by then, the leader is followed wherever it flies, as without deputies."""
 
 DEAF_S = 5.0
-"""Who hears no vehicle at all is probably deaf itself. It flies on as predicted for so long, and then leads:
-there may have been no other vehicle than the leader."""
+"""Time for which a vehicle that hears no other flies on as predicted, s: it is probably deaf. Then it leads,
+as there may have been no other vehicle than the leader."""
 
 WORKS_S = 0.6
-"""The link works while another vehicle was heard this short a time ago."""
+"""Time since another vehicle was heard within which the link works, s."""
 
 LATER_S = 0.3
-"""Another that was heard by so much later than the leader shows that the link works without it."""
+"""Delay of another vehicle's state after the leader's that shows that the link works without it, s."""
 
 LISTEN_S = 1.5
-"""A leader that has just started listens for so long: it may have been succeeded."""
+"""Time for which a restarted leader listens, s: it may have been succeeded."""
 
 VACANT_S = 3.0
-"""A leader that hears for so long only that others obey a higher term, and not the vehicle that leads in it,
-leads in a new one: that vehicle is gone, and who has heard it obeys no lower term any more."""
+"""Time after which a leader leads in a new term, s, if others obey a higher one whose leader is not heard.
+That leader is gone, and vehicles that have heard it obey no lower term."""
 
 MOST_RENEWALS = 10
-"""After so many it waits no longer each time: for some 50 minutes."""
+"""Limit on doublings of that time, reached after some 50 minutes."""
 
 GREATEST_TERM = 2**32 - 1
 
 MOST_ROUNDS = 1_000
-"""A state of any vehicle raises the terms that are known by at most so many rounds: a damaged or forged one
-is not to use them all up, after which nobody could lead any more."""
+"""Limit on rounds by which any vehicle's state raises the known terms: a damaged or forged one must not use
+up all terms, after which nobody could lead."""
 
 LEADERS_ROUNDS = 1_000_000
-"""The same of a leader's own. They are known where the leader was not heard for a long time, or never."""
+"""The same limit for states of a term's own leader, which may not have been heard for long, or ever."""
 
 
 def holder_of(term: int, order: tuple[str, ...]) -> str:
-    """The vehicle whose a term is.
-
-    Args:
-        term: 0 or higher.
-        order: who may lead, the mission's leader first.
-    """
+    """Return the vehicle that owns a term; `order` lists the candidates, the mission's leader first."""
     if term == 0:
         return order[0]
     return order[-1 - (term - 1) % len(order)]
 
 
 def term_above(highest: int, name: str, order: tuple[str, ...]) -> int:
-    """The lowest term of a vehicle in the next round of terms.
-
-    Args:
-        highest: of all terms that it has heard of.
-        name: of a vehicle in the order.
-        order: who may lead, the mission's leader first.
-    """
+    """Return the lowest term of the candidate `name` in the round of terms after the highest one heard."""
     rounds = -(-highest // len(order))
     return rounds * len(order) + len(order) - order.index(name)
 
 
 class Succession:
-    """One vehicle's view of who leads."""
+    """Leadership as one vehicle knows it."""
 
     def __init__(self, name: str, order: tuple[str, ...], *, silence_s: float) -> None:
-        """Know of the mission's leader only.
+        """Begin with the mission's leader in term 0.
 
         Args:
-            name: of the vehicle.
-            order: who may lead, the mission's leader first; the vehicle need not be among them.
-            silence_s: how long nothing may be heard of a leader (`timeouts.leader_s`).
+            name: own name, which need not be in the order.
+            order: candidates, the mission's leader first.
+            silence_s: time without states after which a leader is lost (`timeouts.leader_s`).
         """
         self._name = name
         self._order = order
         self._silence_s = silence_s
         self.term = 0
-        """Highest term of which a leader was heard, or one's own."""
+        """Highest term in which a leader was heard, or the own one."""
         self.highest = 0
-        """Highest term that any state has carried."""
+        """Highest term in any state heard."""
         self.listens = name == order[0]
-        """Whether this is the mission's leader, just started, and may have been succeeded."""
+        """Whether this is the mission's leader, just started, which may have been succeeded."""
         self._began_s = self._unsteered_s = self._outranked_s = math.inf
         self._heard_s = self._others_s = self._works_since = -math.inf
         self._steered = False
@@ -127,7 +116,7 @@ class Succession:
 
     @property
     def holder(self) -> str:
-        """The vehicle that leads, as far as is known."""
+        """Name of the vehicle that leads, as far as known."""
         return holder_of(self.term, self._order)
 
     @property
@@ -137,37 +126,37 @@ class Succession:
 
     @property
     def was_heard(self) -> bool:
-        """Whether a leader was heard: only it can be succeeded."""
+        """Whether a leader was ever heard; otherwise none can be succeeded."""
         return math.isfinite(self._heard_s)
 
     def is_leaving(self, now: float) -> bool:
-        """Whether the leader was steered by its companion, and is not any more since a short while."""
+        """Check whether the leader's companion has stopped steering it a short while ago."""
         return self._steered and 0.0 <= now - self._unsteered_s < PATIENCE_S
 
     def may_obey(self, vehicle: str, term: int) -> bool:
-        """Whether a vehicle that says that it leads in a term is the one to be obeyed."""
+        """Check whether a vehicle that claims to lead in a term is to be obeyed."""
         in_reach = self.term <= term <= self._reach(LEADERS_ROUNDS)
         return in_reach and self._holds(vehicle, term)
 
     def _holds(self, vehicle: str, term: int) -> bool:
-        """Whether a term is that of another vehicle."""
+        """Check whether a term belongs to this other vehicle."""
         return vehicle != self._name and vehicle == holder_of(term, self._order)
 
     def _reach(self, rounds: int) -> int:
-        """The highest term within so many rounds of terms from the one that is obeyed."""
+        """Return the highest term within this many rounds from the own one."""
         return self.term + rounds * len(self._order)
 
     def hear_leader(self, vehicle: str, term: int, now: float, *, steered: bool) -> bool:
-        """Take notice of a leader's state.
+        """Process a leader's state.
 
         Args:
-            vehicle: whose message it is.
-            term: that it says it leads in.
-            now: s.
-            steered: whether its own companion steers it.
+            vehicle: sender.
+            term: term in which it claims to lead.
+            now: own time, s.
+            steered: whether its companion steers it.
 
         Returns:
-            Whether it is the one to be obeyed.
+            Whether it is to be obeyed.
         """
         if not self._holds(vehicle, term):
             return False
@@ -185,8 +174,8 @@ class Succession:
         return True
 
     def hear_other(self, term: int, now: float) -> None:
-        """Take notice of a state of any other vehicle, which obeys a leader of this term."""
-        # Who has just started knows of no term, and learns it from others.
+        """Process a state of another vehicle, which obeys the leader of a term."""
+        # A restarted leader knows no term and learns it from the others.
         rounds = LEADERS_ROUNDS // 2 if self.listens else MOST_ROUNDS
         self._hear(term if term <= self._reach(rounds) else 0, now)
 
@@ -196,15 +185,12 @@ class Succession:
         self._others_s, self.highest = now, max(self.highest, term)
 
     def step(self, now: float, *, eligible: bool, ordered: bool = False) -> bool:
-        """Let time pass.
+        """Process the passage of time and return whether this vehicle begins to lead.
 
         Args:
-            now: s.
+            now: own time, s.
             eligible: whether the own companion steers this vehicle.
-            ordered: whether this vehicle is to lead now, whoever leads.
-
-        Returns:
-            Whether this vehicle leads from now on, and did not before.
+            ordered: whether this vehicle is to take the lead, whoever leads.
         """
         if self.listens:
             return self._listen(now)
@@ -218,7 +204,7 @@ class Succession:
         return self._take_lead()
 
     def _listen(self, now: float) -> bool:
-        """Whether a leader that has just started leads now."""
+        """Check whether a restarted leader begins to lead now."""
         self._began_s = min(self._began_s, now)
         if self.highest == 0 and now - self._began_s >= LISTEN_S:
             self.listens = False
@@ -226,22 +212,22 @@ class Succession:
         return now - self._began_s >= VACANT_S and self._take_lead()
 
     def _renew_term(self, now: float) -> None:
-        """Lead on in a new term, if others obey a higher one and nobody is heard to lead in it.
+        """Start a new term if others obey a higher one and nobody is heard to lead in it.
 
-        Each time twice as late: two leaders that do not hear each other, and whom others hear, are not to
-        take turns.
+        The wait doubles each time. Otherwise two leaders that the others hear, but not each other, would take
+        turns.
         """
         self._outranked_s = min(self._outranked_s, now) if self.highest > self.term else math.inf
         if now - self._outranked_s >= VACANT_S * 2.0**self._renewals and self._take_lead():
             self._renewals = min(self._renewals + 1, MOST_RENEWALS)
 
     def _is_gone(self, now: float) -> bool:
-        """Whether the leader has been silent, or not steered, for too long for this vehicle's turn."""
+        """Check whether the leader has been silent or unsteered for too long, with this deputy's stagger."""
         absent_s = now - self._heard_s
         before = self._order[: self._order.index(self._name)]
         wait_s = STAGGER_S * sum(1 for one in before if one != self.holder)
         silence_s = self._silence_s + wait_s
-        # While no other vehicle is heard either, silence says nothing of the leader.
+        # While no other vehicle is heard either, silence says nothing about the leader.
         works = now - self._others_s <= WORKS_S and self._others_s > self._heard_s + LATER_S
         silent_s = min(absent_s, now - self._works_since) if works else 0.0
         silent = silent_s >= silence_s or absent_s >= DEAF_S + silence_s
@@ -249,7 +235,7 @@ class Succession:
         return left or (silent and self.was_heard)
 
     def _take_lead(self) -> bool:
-        """Lead in a term of one's own above all that were heard of; not where there is none left."""
+        """Lead in the next own term; return False if there is none left."""
         term = term_above(self.highest, self._name, self._order)
         if term > GREATEST_TERM:
             return False
@@ -260,15 +246,15 @@ class Succession:
 
 
 PASSED_S = 2.0 * SAME_S
-"""The last words are said by so much later than the state before: others take them for a newer one."""
+"""Time added to the last state at shutdown, s, so that others take it for a newer one."""
 
 
 RoleMaker = Callable[[FlightPlan, SharedClock, Arrangements, Alerts], Role]
-"""Makes a vehicle's part of its plan, the formation's clock, what was ordered of it, and its alerts."""
+"""Factory of a vehicle's role."""
 
 
 class SuccessionRole(Role):
-    """Leads, follows, or leads on."""
+    """Role of a vehicle in a formation with deputies: leader, follower, or deputy in the lead."""
 
     def __init__(
         self,
@@ -278,15 +264,6 @@ class SuccessionRole(Role):
         arrangements: Arrangements,
         alerts: Alerts | None = None,
     ) -> None:
-        """Make one that has heard nothing yet.
-
-        Args:
-            plan: its part of the mission.
-            lead: who may lead.
-            clock: that the formation shares.
-            arrangements: what was ordered of the formation.
-            alerts: takes what a pilot should know.
-        """
         self._arrangements = arrangements
         self._plan = lead
         self._leader_name = lead.order[0]
@@ -321,19 +298,19 @@ class SuccessionRole(Role):
         self._counters: Counter[str] = Counter()
 
     def retune(self, plan: FlightPlan) -> None:
-        """Go on with another response of the same vehicle, in either part."""
+        """Use another response of the same vehicle in both parts."""
         if self._leader_role is not None:
             self._leader_role.retune(plan)
         self._follower_role.retune(replace(plan, task=self._plan.task))
 
     @property
     def leadership(self) -> tuple[str, int]:
-        """Who leads as far as is known, and its term."""
+        """Name of the vehicle that leads, as far as known, and its term."""
         return self._succession.holder, self._succession.term
 
     @property
     def lead(self) -> Lead | None:
-        """By what this vehicle leads."""
+        """Term and motion by which this vehicle leads; None if it does not."""
         if not self._succession.leads or self._last is None:
             return None
         return Lead(term=self._succession.term, motion=self._last[0])
@@ -345,7 +322,7 @@ class SuccessionRole(Role):
 
     @property
     def _flies_path(self) -> bool:
-        """Whether this vehicle is the leader that the formation is fixed to."""
+        """Whether this vehicle is the leader that the slots refer to."""
         return self._leader_role is not None and (
             self._succession.listens
             or (self._succession.leads and not self._follower_role.followed.stands_in)
@@ -357,7 +334,7 @@ class SuccessionRole(Role):
         return leads or self._follower_role
 
     def step(self, navigated: NavigatedState, mode: Mode) -> RoleStep:
-        """One step of the part that is due."""
+        """Perform a step of the part in force, and publish the lead while leading in a later term."""
         now = navigated.state.time_s
         carries = not self._flies_path
         ordered = self._arrangements.leads_by_order(now)
@@ -377,7 +354,7 @@ class SuccessionRole(Role):
         return step
 
     def _state_to_lead_by(self, *, steered: bool) -> bytes | None:
-        """The leader by which this vehicle leads, for the others."""
+        """Return an encoded state of the leader as this vehicle predicts it; None while not known."""
         if self._last is None:
             return None
         motion, _ = self._last
@@ -385,7 +362,7 @@ class SuccessionRole(Role):
         if not math.isfinite(time_s):
             return None
         latitude, longitude = self._frame.to_geodetic(motion.north, motion.east)
-        # Of a leader whose altitude was doubted last none is known.
+        # The height is NaN if the leader's last altitude was doubted.
         altitude = self._frame.altitude_m + motion.height
         if math.isnan(altitude):
             altitude = self._plan.altitude_amsl
@@ -411,7 +388,7 @@ class SuccessionRole(Role):
         )
 
     def leave(self) -> RoleStep | None:
-        """States that say that nothing is steered here any more: a deputy need not wait to find that out."""
+        """Return last states that report this vehicle as unsteered, so that no deputy has to wait."""
         if self._last is None:
             return None
         motion, navigated = self._last
@@ -433,9 +410,9 @@ class SuccessionRole(Role):
         )
 
     def receive(self, data: bytes, now: float) -> None:
-        """Take a state of the mission's leader, which leads in term 0.
+        """Process a state of the mission's leader, which leads in term 0.
 
-        A leader is heard where its states are flown by: one who says what cannot be is silent.
+        A leader counts as heard only if its states are flown by: one with impossible states counts as silent.
         """
         state = self._read(data, leads=False)
         if state is None:
@@ -450,7 +427,7 @@ class SuccessionRole(Role):
                 follower.follow_leader()
 
     def receive_lead(self, vehicle: str, data: bytes, now: float) -> None:
-        """Take a state of the leader by which another vehicle leads."""
+        """Process a state by which another vehicle leads."""
         state = self._read(data, leads=True)
         if state is None or state.term == 0:
             return
@@ -468,11 +445,11 @@ class SuccessionRole(Role):
             follower.follow_lead()
 
     def _knows_time(self, state: HeardState) -> bool:
-        """Whether it is known when a state was true: else none is taken yet, and still there is a leader."""
+        """Check whether the time of a state is known; before that, it only shows that a leader exists."""
         return math.isfinite(self._clock.to_own(state.time_s))
 
     def _read(self, data: bytes, *, leads: bool) -> HeardState | None:
-        """A state, where it is sound and is what it was sent as."""
+        """Return a decoded state; None if it is malformed or of another kind than sent as."""
         if is_leaders(data) is leads:
             try:
                 return motion_of(data, self._frame)
@@ -482,7 +459,7 @@ class SuccessionRole(Role):
         return None
 
     def receive_neighbour(self, vehicle: str, data: bytes, now: float) -> None:
-        """Take a state of another follower."""
+        """Process a state of another follower."""
         state = self._read(data, leads=False)
         if state is not None:
             self._succession.hear_other(state.term, now)
@@ -491,34 +468,34 @@ class SuccessionRole(Role):
                 role.receive_neighbour(vehicle, data, now)
 
     def receive_traffic(self, report: TrafficReport, now: float) -> None:
-        """Take what the own autopilot reports of an aircraft that is not of the formation."""
+        """Process the own autopilot's report of an aircraft outside the formation."""
         for role in (self._leader_role, self._follower_role):
             if role is not None:
                 role.receive_traffic(report, now)
 
     def unheard(self) -> list[str]:
-        """Names of other followers that were never heard, where it is a follower."""
+        """Return the names of other followers that were never heard; empty for the leader."""
         return [] if self._flies_path else self._follower_role.unheard()
 
     def lose_link(self, now: float) -> None:
-        """Note that nobody can be heard now."""
+        """Note that the link is down."""
         for role in (self._leader_role, self._follower_role):
             if role is not None:
                 role.lose_link(now)
 
     def to_leader(self, now: float) -> bytes:
-        """Every leader here has a companion."""
+        """Return no data: every leader here has a companion."""
         del now
         return b""
 
     def leader_age(self, now: float) -> float:
-        """Seconds since the newest leader state was true; infinite while it is not known who leads."""
+        """Return the age of the newest leader state, s; infinite while the leader is unknown."""
         if self._succession.listens:
             return math.inf
         return self._role.leader_age(now)
 
     def _tell(self) -> None:
-        """Say who leads, when that has changed."""
+        """Announce a change of leader."""
         succession = self._succession
         if succession.term == self._told:
             return
@@ -539,7 +516,7 @@ def role_of(
     arrangements: Arrangements | None = None,
     alerts: Alerts | None = None,
 ) -> Role:
-    """The part that a plan asks for, in a formation that shares this clock and these arrangements."""
+    """Return the role that a plan asks for."""
     task = plan.task
     arrangements = arrangements or Arrangements(plan, clock)
     if plan.lead is not None:
