@@ -39,7 +39,7 @@ from sitl_stub.settings import Settings
 from sitl_stub.six_dof import SixDof
 
 __version__ = "1.0.0"
-"""Of the emulator and of vfguide, wherever either says its version."""
+"""Version of the emulator and of vfguide."""
 
 __all__ = [
     "Air",

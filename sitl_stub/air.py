@@ -1,19 +1,20 @@
-"""The air: its density, the airspeed that a pitot tube shows in it, steady winds, gusts and turbulence.
+"""Wind, gusts, turbulence, air density, and the airspeed that a pitot tube shows.
 
-A wind is the vector that the air moves toward, as a function of simulation time. Turbulence is a field
-that drifts with it. A discrete gust is the standards' "one minus cosine", at the same time for all. Shear
-is MIL-F-8785C's logarithmic profile, by which the wind grows with height.
+A wind is the velocity vector of the air as a function of simulation time. A discrete gust has the
+standard's "one minus cosine" shape and meets all aircraft at the same time. Wind shear follows
+MIL-F-8785C's logarithmic profile.
 
-Gusts have Dryden's spectra with the lengths and intensities that MIL-F-8785C gives for low altitudes. The
-standard tells what one aircraft meets along its way. Here the gusts are a frozen pattern that drifts with
-the wind: a sum of plane waves, isotropic and without divergence, whose energy spectrum is the one from
-which both of Dryden's spectra follow (Batchelor, The Theory of Homogeneous Turbulence, 1953):
+Turbulence has Dryden's spectra with MIL-F-8785C's lengths and intensities for low altitudes. The standard
+describes the gusts along one aircraft's path. Here they are a frozen pattern that drifts with the wind, so
+neighbours meet correlated gusts as in real air. The pattern is a sum of plane waves, isotropic and
+divergence-free. Its energy spectrum E(k) yields both of Dryden's correlations, f along the path and g across
+it (Batchelor, The Theory of Homogeneous Turbulence, 1953):
 
     E(k) = (8 sigma² L / pi) (k L)^4 / (1 + (k L)²)^3
-    along the way f(r) = exp(-r / L), across it g(r) = (1 - r / (2 L)) exp(-r / L)
+    f(r) = exp(-r / L), g(r) = (1 - r / (2 L)) exp(-r / L)
 
-So neighbours share what they share in real air. The waves come from the seed alone: separate processes see
-the same field. Sum of waves: Kraichnan, "Diffusion by a random velocity field", Physics of Fluids 13, 1970.
+The waves depend on the seed alone, so separate processes see the same field. Sum of waves: Kraichnan,
+"Diffusion by a random velocity field", Physics of Fluids 13, 1970.
 """
 
 import math
@@ -30,49 +31,49 @@ from sitl_stub.geometry import ECCENTRICITY_SQUARED, radii_m
 SEA_LEVEL_TEMPERATURE_K = 288.15
 LAPSE_K_M = 0.0065
 DENSITY_EXPONENT = 4.2559
-"""The standard atmosphere's: g M / (R L) - 1."""
+"""Exponent of the standard atmosphere's density: g M / (R L) - 1."""
 
 WIND_ESTIMATE_TIME_CONSTANT_S = 20.0
-"""How slowly an autopilot's own estimate of the wind follows the wind."""
+"""Time constant of an autopilot's own wind estimate."""
 
 KNOT_M_S = 0.514444
 
 FOOT_M = 0.3048
 
 LOWEST_M, HIGHEST_M = 10.0 * FOOT_M, 1000.0 * FOOT_M
-"""Heights for which the low-altitude model is meant; below and above, that of the end."""
+"""Range of heights of the low-altitude model; heights outside are clamped to it."""
 
 WAVES = 384
-"""Plane waves of a field."""
+"""Number of plane waves in a turbulence field."""
 
 SHORTEST_WAVE_M = 4.0
-"""About twice the span of a small aircraft: shorter waves cancel out over its wings."""
+"""Shortest wavelength, about twice a small aircraft's span: shorter waves cancel out over its wings."""
 
 ROUGHNESS_M = 0.15 * FOOT_M
-"""z0 of the profile: MIL-F-8785C's for landing, over open ground; 2 feet elsewhere."""
+"""Roughness length z0: MIL-F-8785C's for landing, over open ground; it gives 2 feet elsewhere."""
 
 LEAST_HEIGHT_M = 1.0
-"""Nearer to the ground the profile ends."""
+"""Height at which the shear profile ends; the wind is constant below."""
 
 
 def density_ratio(altitude_amsl_m: float) -> float:
-    """Air density in parts of the sea level's: (1 - L h / T_0)^4.2559, ICAO standard atmosphere."""
+    """Return the air density relative to sea level: (1 - L h / T_0)^4.2559, ICAO standard atmosphere."""
     share = 1.0 - LAPSE_K_M * altitude_amsl_m / SEA_LEVEL_TEMPERATURE_K
-    # The formula's own end; nothing that flies here gets near it.
+    # Keeps the power defined; no aircraft here gets near this altitude.
     return math.pow(max(share, 0.1), DENSITY_EXPONENT)
 
 
 class AirData(msgspec.Struct, frozen=True):
-    """From the airspeed that is flown to the one that is shown, limited and commanded."""
+    """Conversion from true airspeed to the airspeed that the autopilot shows, limits and is commanded."""
 
     indicated: bool = False
     """Whether indicated airspeed is shown: true airspeed times the root of the density ratio."""
 
     calibration: float = 1.0
-    """What the sensor shows in parts of what it should; an uncalibrated one is some percent off."""
+    """Ratio of shown to correct airspeed; an uncalibrated sensor is some percent off."""
 
     def shown_per_true(self, altitude_amsl_m: float) -> float:
-        """Shown airspeed in parts of the true one at this altitude."""
+        """Return the ratio of shown to true airspeed at an altitude."""
         density = math.sqrt(density_ratio(altitude_amsl_m)) if self.indicated else 1.0
         return self.calibration * density
 
@@ -81,16 +82,16 @@ class Wind(Protocol):
     """A wind that is the same everywhere and may change with time."""
 
     def at(self, time_s: float) -> tuple[float, float]:
-        """Wind (north, east) in m/s at simulation time `time_s`, toward where the air moves."""
+        """Return the wind (north, east) in m/s at simulation time `time_s`: the air's velocity."""
         ...
 
 
 class CalmWind(msgspec.Struct, frozen=True):
-    """No wind at all."""
+    """No wind."""
 
     def at(self, time_s: float) -> tuple[float, float]:
-        """(0, 0)."""
-        del time_s  # a calm has no time
+        """Return (0, 0)."""
+        del time_s
         return 0.0, 0.0
 
 
@@ -103,8 +104,8 @@ class SteadyWind:
         self._wind_m_s = (speed_m_s * math.cos(toward_rad), speed_m_s * math.sin(toward_rad))
 
     def at(self, time_s: float) -> tuple[float, float]:
-        """The one wind, (north, east) in m/s."""
-        del time_s  # it is steady
+        """Return the wind (north, east) in m/s."""
+        del time_s
         return self._wind_m_s
 
 
@@ -116,7 +117,7 @@ class ArticleWind(msgspec.Struct, frozen=True):
     """
 
     def at(self, time_s: float) -> tuple[float, float]:
-        """Wind (north, east) in m/s at `time_s`."""
+        """Return the wind (north, east) in m/s at simulation time `time_s`."""
         speed_m_s = 5.0 + 3.0 * math.cos(0.1 * time_s)
         toward_rad = 0.75 * math.pi + math.pi * math.sin(0.1 * time_s)
         return speed_m_s * math.cos(toward_rad), speed_m_s * math.sin(toward_rad)
@@ -125,14 +126,14 @@ class ArticleWind(msgspec.Struct, frozen=True):
 def followed_wind_m_s(
     known_m_s: tuple[float, float], wind_m_s: tuple[float, float], span_s: float
 ) -> tuple[float, float]:
-    """An autopilot's estimate (north, east) after a span in this wind: a first-order lag."""
+    """Return an autopilot's wind estimate (north, east) after `span_s` in a wind: a first-order lag."""
     share = -math.expm1(-span_s / WIND_ESTIMATE_TIME_CONSTANT_S)
     (known_north, known_east), (north, east) = known_m_s, wind_m_s
     return known_north + share * (north - known_north), known_east + share * (east - known_east)
 
 
 Turbulence = Literal["none", "light", "moderate", "severe"]
-"""MIL-F-8785C's levels."""
+"""MIL-F-8785C's levels of turbulence."""
 
 
 WIND_AT_20_FEET_M_S: dict[Turbulence, float] = {
@@ -141,7 +142,7 @@ WIND_AT_20_FEET_M_S: dict[Turbulence, float] = {
     "moderate": 30.0 * KNOT_M_S,
     "severe": 45.0 * KNOT_M_S,
 }
-"""W20, the wind 20 feet above the ground, that stands for each level."""
+"""W20, the wind 20 feet above the ground, of each level."""
 
 
 Vector = NDArray[np.float64]
@@ -149,20 +150,16 @@ Vector = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Intensity:
-    """What the standard says about the horizontal gusts at one height."""
+    """MIL-F-8785C's horizontal turbulence at one height: L_u = L_v, sigma_u = sigma_v."""
 
     length_m: float
-    """L_u = L_v."""
     deviation_m_s: float
-    """sigma_u = sigma_v."""
 
 
 def low_altitude_intensity(level: Turbulence, height_m: float) -> Intensity:
-    """MIL-F-8785C: L = h / a^1.2 and sigma = 0.1 W20 / a^0.4 with a = 0.177 + 0.000823 h, h in feet.
+    """Return MIL-F-8785C's length scale and standard deviation at a height above the ground.
 
-    Args:
-        level: of the turbulence.
-        height_m: above the ground.
+    L = h / a^1.2 and sigma = 0.1 W20 / a^0.4 with a = 0.177 + 0.000823 h, h in feet.
     """
     height_ft = max(LOWEST_M, min(HIGHEST_M, height_m)) / FOOT_M
     share = 0.177 + 0.000823 * height_ft
@@ -173,32 +170,27 @@ def low_altitude_intensity(level: Turbulence, height_m: float) -> Intensity:
 
 
 class TurbulenceField:
-    """A frozen pattern of gusts in the whole of space."""
+    """A frozen pattern of gusts that fills all space."""
 
     def __init__(self, intensity: Intensity, seed: int) -> None:
-        """Draw the waves.
-
-        Args:
-            intensity: of the gusts.
-            seed: of the field; the same one gives the same gusts everywhere.
-        """
+        """Draw the waves; the same seed gives the same gusts in every process."""
         random = default_rng((seed, 0x61_69_72))
         numbers = wave_numbers(intensity.length_m, random)
         directions = unit_vectors(random)
-        # A gust of a wave is at right angles to its direction: the air does not pile up.
+        # Gusts are perpendicular to their wave's direction: the field is divergence-free.
         sideways = np.cross(directions, unit_vectors(random))
         sideways /= np.linalg.norm(sideways, axis=1)[:, None]
         self._waves = numbers[:, None] * directions
         self._phases = random.uniform(0.0, 2.0 * math.pi, WAVES)
-        # Three components of variance sigma² in all, each wave with half its amplitude squared.
+        # Three components have variance 3 sigma² in all; each wave contributes half its amplitude squared.
         amplitude = intensity.deviation_m_s * math.sqrt(6.0 / WAVES)
         self._gusts = amplitude * np.ascontiguousarray(sideways.T)
 
     def at(self, position_m: Vector) -> Vector:
-        """Gusts at positions, m/s: vectors of three, as the positions in any frame that does not turn.
+        """Return the gusts at positions, m/s, with the shape and axes of `position_m`.
 
         Args:
-            position_m: three coordinates, or (3, N) of them, in a frame that drifts with the wind.
+            position_m: (3,) or (3, N), in a frame that drifts with the wind and does not rotate.
         """
         phases = self._waves @ position_m
         offsets = self._phases if position_m.ndim == 1 else self._phases[:, None]
@@ -207,7 +199,7 @@ class TurbulenceField:
 
 
 def wave_numbers(length_m: float, random: Generator) -> Vector:
-    """Wave numbers (rad/m) that share the energy evenly: one from each part of its distribution.
+    """Draw wave numbers (rad/m) that share the energy evenly: one from each part of its distribution.
 
     With x = k L the share of the energy below x is (2/pi) (atan x - x (5 x² + 3) / (3 (1 + x²)²)).
     """
@@ -223,40 +215,34 @@ def wave_numbers(length_m: float, random: Generator) -> Vector:
 
 
 def unit_vectors(random: Generator) -> Vector:
-    """Directions spread evenly over the sphere, one for each wave, (N, 3)."""
+    """Draw a direction for each wave, evenly over the sphere, (N, 3)."""
     vectors = random.standard_normal((WAVES, 3))
     normalised: Vector = vectors / np.linalg.norm(vectors, axis=1)[:, None]
     return normalised
 
 
 class AirPlace(msgspec.Struct, frozen=True):
-    """Where the air is asked for."""
+    """A geodetic position."""
 
     latitude_rad: float
-    """Geodetic."""
     longitude_rad: float
-    """Geodetic."""
     altitude_m: float
-    """Above mean sea level, here as good as above the ellipsoid."""
+    """Above mean sea level; used as the height above the ellipsoid."""
     height_m: float
     """Above the ground at home."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DiscreteGust:
-    """A gust of (1 - cos) / 2: from nothing to its greatest and back."""
+    """A gust of shape (1 - cos) / 2: from zero to its peak (toward north, east) and back."""
 
     start_s: float
-    """Simulation time of its beginning."""
     length_s: float
-    """How long it lasts."""
     north_m_s: float
-    """Greatest, toward north."""
     east_m_s: float
-    """Greatest, toward east."""
 
     def __post_init__(self) -> None:
-        """Refuse what is no gust.
+        """Check the ranges.
 
         Raises:
             ValueError: a number is out of its range.
@@ -266,7 +252,7 @@ class DiscreteGust:
             raise ValueError(f"{self} is no gust")
 
     def at(self, time_s: float) -> tuple[float, float]:
-        """(north, east) at a simulation time, m/s."""
+        """Return the gust (north, east) at a simulation time, m/s."""
         share = (time_s - self.start_s) / self.length_s
         if not 0.0 < share < 1.0:
             return 0.0, 0.0
@@ -276,40 +262,36 @@ class DiscreteGust:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Shear:
-    """How the wind grows with height: W(h) = W(h0) ln(h / z0) / ln(h0 / z0)."""
+    """Growth of the wind with height: W(h) = W(h0) ln(h / z0) / ln(h0 / z0)."""
 
     reference_m: float
-    """h0, height above the ground at which the wind is the declared one."""
+    """h0, height above the ground at which the declared wind blows."""
     roughness_m: float = ROUGHNESS_M
-    """z0."""
+    """Roughness length z0."""
 
     def factor(self, height_m: float) -> float:
-        """Wind at a height above the ground in parts of that at the reference height."""
+        """Return the ratio of the wind at a height above the ground to the wind at the reference height."""
         heights = (max(height_m, LEAST_HEIGHT_M), max(self.reference_m, LEAST_HEIGHT_M))
         low, high = (math.log(height / self.roughness_m) for height in heights)
         return low / high
 
 
 class Air(msgspec.Struct, frozen=True):
-    """A wind with everything that is in it."""
+    """Mean wind with turbulence, discrete gusts and shear."""
 
     wind: Wind
-    """The mean."""
     turbulence: TurbulenceField | None = None
-    """What drifts with it."""
     gusts: tuple[DiscreteGust, ...] = ()
-    """What comes and goes."""
     shear: Shear | None = None
-    """How the mean grows with height."""
 
     def near(self, place: AirPlace) -> Wind:
-        """The air about a place, as a wind that only time changes: good for one step of an integration."""
+        """Return the wind at a place as a function of time alone, for one step of an integration."""
         if self.turbulence is None and not self.gusts and self.shear is None:
             return self.wind
         return LocalWind(self, place)
 
     def at(self, place: AirPlace, time_s: float) -> tuple[float, float]:
-        """(north, east) at a place and simulation time, m/s, toward where the air moves."""
+        """Return the wind (north, east) at a place and simulation time, m/s: the air's velocity."""
         north, east = self.wind.at(time_s)
         if self.shear is not None:
             factor = self.shear.factor(place.height_m)
@@ -319,7 +301,7 @@ class Air(msgspec.Struct, frozen=True):
             north, east = north + more_north, east + more_east
         if self.turbulence is not None:
             axes = local_axes(place)
-            # A swinging wind has no one direction to drift in: the pattern then stands over the ground.
+            # A wind that turns has no one drift direction: its pattern stands still over the ground.
             drift_m = (0.0, 0.0)
             if isinstance(self.wind, SteadyWind):
                 steady_north, steady_east = self.wind.at(time_s)
@@ -339,15 +321,15 @@ def air_of(
     gusts: tuple[DiscreteGust, ...] = (),
     roughness_m: float | None = None,
 ) -> Air:
-    """The air of a formation.
+    """Return the air that a formation shares.
 
     Args:
-        wind: the mean, at the height.
+        wind: mean wind at `height_m`.
         level: of the turbulence.
-        height_m: above the ground, for which turbulence and wind are meant.
+        height_m: height above the ground to which wind and turbulence refer.
         seed: of the turbulence.
-        gusts: what comes and goes.
-        roughness_m: z0 of the ground below a wind that grows with height; None: it does not.
+        gusts: discrete gusts.
+        roughness_m: roughness length z0 of the wind shear, or None for none.
     """
     field = None
     if level != "none":
@@ -359,20 +341,18 @@ def air_of(
 
 
 class LocalWind(msgspec.Struct, frozen=True):
-    """The air about one place."""
+    """The air at one place, as a wind."""
 
     air: Air
-    """The whole air."""
     place: AirPlace
-    """Place whose wind is asked for."""
 
     def at(self, time_s: float) -> tuple[float, float]:
-        """(north, east) at simulation time `time_s`, m/s."""
+        """Return the wind (north, east) at simulation time `time_s`, m/s."""
         return self.air.at(self.place, time_s)
 
 
 def local_axes(place: AirPlace) -> tuple[Vector, Vector]:
-    """North and east at a place as unit vectors of the frame that is fixed to the earth's centre."""
+    """Return the north and east unit vectors at a place in the earth-centred, earth-fixed frame."""
     sine, cosine = math.sin(place.latitude_rad), math.cos(place.latitude_rad)
     east_sine, east_cosine = math.sin(place.longitude_rad), math.cos(place.longitude_rad)
     return (
@@ -382,7 +362,7 @@ def local_axes(place: AirPlace) -> tuple[Vector, Vector]:
 
 
 def earth_centred_m(place: AirPlace) -> Vector:
-    """The place in the frame that is fixed to the earth's centre: the same for every process."""
+    """Return the place in the earth-centred, earth-fixed frame, which all processes share."""
     _, transverse_m = radii_m(place.latitude_rad)
     across_m = (transverse_m + place.altitude_m) * math.cos(place.latitude_rad)
     polar_m = transverse_m * (1.0 - ECCENTRICITY_SQUARED) + place.altitude_m

@@ -1,7 +1,7 @@
-"""ArduPlane: its modes, parameters and fail-safe, and the commands of its GUIDED mode.
+"""ArduPlane's modes, parameters, fail-safe and GUIDED commands.
 
-Parameters have the names and types of 4.7, as far as they matter from outside. In GUIDED course, airspeed and
-altitude are held until the next command.
+Parameters have the names and types of 4.7, as far as they matter from outside. GUIDED holds course, airspeed
+and altitude until the next command.
 """
 
 import math
@@ -74,37 +74,40 @@ OLD_NAMES: Mapping[str, tuple[str, float]] = {
     "MAV_GCS_SYSID": ("SYSID_MYGCS", 1.0),
     "MAV_SYSID": ("SYSID_THISMAV", 1.0),
 }
-"""Name before 4.5 (the last two: before 4.7) and how many of its units make one of today's."""
+"""Old name of a parameter and the number of old units in a present one.
+
+The last two were renamed in 4.7, the others in 4.5.
+"""
 
 SETTLED_LOOP_RATE_HZ = 200
-"""SCHED_LOOP_RATE where the emulator is told none: its telemetry is on time anyway."""
+"""Reported SCHED_LOOP_RATE of an emulator without a loop rate, whose telemetry is always on time."""
 
 MIN_LATERAL_ACCELERATION_M_S2 = 0.05
-"""What a lateral acceleration limit of zero becomes: the aircraft as good as does not turn."""
+"""Stands in for a lateral acceleration limit of zero: the aircraft hardly turns."""
 
 COURSE, HEADING, CANCEL = 0.0, 1.0, 2.0
-"""param1 of GUIDED_CHANGE_HEADING."""
+"""Values of GUIDED_CHANGE_HEADING's param1."""
 
 AIRSPEED, GROUND_SPEED = 0.0, 1.0
-"""SPEED_TYPE."""
+"""Values of SPEED_TYPE."""
 
 NO_CHANGE, DEFAULT_SPEED = -1.0, -2.0
 """DO_CHANGE_SPEED's special values of a speed."""
 
 LEAST_AIRSPEED_MIN, LEAST_ROLL_LIMIT_DEG = 5, 3
-"""Below these ArduPlane does not arm."""
+"""Smallest AIRSPEED_MIN (m/s) and ROLL_LIMIT_DEG with which ArduPlane arms."""
 
 CHANGE_MODE = 1
-"""MAV_DO_REPOSITION_FLAGS: enter GUIDED for it."""
+"""MAV_DO_REPOSITION_FLAGS: enter GUIDED first."""
 
 AUTO, FBWA = 10, 5
 
 LONG_ACTIONS: Mapping[float, int] = {1.0: RTL.custom_mode, 2.0: FBWA, 4.0: AUTO}
-"""Modes by FS_LONG_ACTN: home, gliding, the mission; 0 goes on in GUIDED and AUTO."""
+"""Mode by FS_LONG_ACTN: home, gliding, the mission; 0 continues in GUIDED and AUTO."""
 
 
 def arduplane_parameters(config: AutopilotConfig) -> Parameters:
-    """The parameters of an aircraft at its start."""
+    """Return the parameters at the start."""
     parameters = described(config)
     if config.old_parameter_names:
         parameters = [renamed(one) for one in parameters]
@@ -112,7 +115,7 @@ def arduplane_parameters(config: AutopilotConfig) -> Parameters:
 
 
 def renamed(parameter: Parameter) -> Parameter:
-    """The parameter by the name and in the unit of old."""
+    """Return the parameter with its old name and unit, if it had others."""
     name, factor = OLD_NAMES.get(parameter.name, (parameter.name, 1.0))
     if name == parameter.name:
         return parameter
@@ -120,7 +123,7 @@ def renamed(parameter: Parameter) -> Parameter:
 
 
 def described(config: AutopilotConfig) -> list[Parameter]:
-    """Every parameter by today's name."""
+    """Return all parameters by their present names."""
     plant = config.plant
     return [
         whole_if_possible("AIRSPEED_MIN", plant.airspeed_min_m_s),
@@ -179,7 +182,7 @@ def described(config: AutopilotConfig) -> list[Parameter]:
 
 
 def guided_p(config: AutopilotConfig) -> float:
-    """GUIDED_P as the bank plant flies it; else the bank per course error that gives the plant's alpha."""
+    """Return GUIDED_P of the bank plant, or for others the bank per course error that yields their alpha."""
     plant = config.plant
     if plant.banks:
         return plant.guided_p_cdeg_rad
@@ -188,7 +191,7 @@ def guided_p(config: AutopilotConfig) -> float:
 
 
 def _only_guided(handler: Handler) -> Handler:
-    """The handler, failing outside GUIDED."""
+    """Wrap a handler so that it fails outside GUIDED."""
 
     def guarded(flight: EmulatedFlight, command: Command) -> Result:
         return handler(flight, command) if flight.mode is GUIDED else Result.FAILED
@@ -197,7 +200,7 @@ def _only_guided(handler: Handler) -> Handler:
 
 
 def change_heading(flight: EmulatedFlight, command: Command) -> Result:
-    """43002: param1 course, heading or cancel; param2 in [0, 360) deg; param3 lateral m/s^2."""
+    """Handle 43002: param1 course, heading or cancel; param2 in [0, 360) deg; param3 lateral m/s^2."""
     (kind,) = command.used(1)
     if kind == CANCEL:
         flight.circle()
@@ -212,7 +215,7 @@ def change_heading(flight: EmulatedFlight, command: Command) -> Result:
 
 
 def change_altitude(flight: EmulatedFlight, command: Command) -> Result:
-    """43001: `z` in a global frame, param3 climb rate (0: the plant's own)."""
+    """Handle 43001: `z` in a global frame, param3 climb rate (0: the plant's own)."""
     (climb_rate_m_s,) = command.used(3)
     (z,) = finite(command.z)
     target = height_target(flight, command.frame, z, climb_rate_m_s or math.inf)
@@ -223,7 +226,7 @@ def change_altitude(flight: EmulatedFlight, command: Command) -> Result:
 
 
 def change_any_altitude(flight: EmulatedFlight, command: Command) -> Result:
-    """186: param1 metres, param2 frame; accepted in any mode, and of use where one has a height to hold."""
+    """Handle 186: param1 metres, param2 frame; accepted in any mode, with effect in LOITER and GUIDED."""
     altitude_m, frame = command.used(1, 2)
     target = height_target(flight, int(frame), altitude_m)
     if target is None:
@@ -235,7 +238,7 @@ def change_any_altitude(flight: EmulatedFlight, command: Command) -> Result:
 
 @personality("ardupilot")
 class EmulatedArduPlane(Personality):
-    """ArduPlane, as measured on the real one (4.7)."""
+    """ArduPlane 4.7, as measured on the real autopilot."""
 
     firmware = 3  # MAV_AUTOPILOT_ARDUPILOTMEGA
     version = 0x0407_0000
@@ -275,7 +278,7 @@ class EmulatedArduPlane(Personality):
         self._old_names = config.old_parameter_names
 
     def changed(self, flight: EmulatedFlight, name: str) -> None:
-        """Let a parameter that was set take effect; SCHED_LOOP_RATE wants a reboot, as on the real one."""
+        """Let a changed parameter take effect; SCHED_LOOP_RATE needs a reboot, as on the real autopilot."""
         today = (one for one, (old, _) in OLD_NAMES.items() if self._old_names and old == name)
         super().changed(flight, next(today, name))
         if name == "GUIDED_P" and self.parameters[name] > 0.0:
@@ -284,13 +287,13 @@ class EmulatedArduPlane(Personality):
             self.deadline_us = None
 
     def request_mode(self, flight: EmulatedFlight, custom_mode: int) -> Result:
-        """Enter a mode. GUIDED again changes nothing; GUIDED anew starts without commands."""
+        """Enter a mode; GUIDED forgets its commands on entry, but not when it is requested again."""
         if custom_mode != flight.mode.custom_mode:
             self._guided_speed_used = False
         return super().request_mode(flight, custom_mode)
 
     def hear(self, flight: EmulatedFlight, heartbeat: MAVLink_message) -> None:
-        """A heartbeat of the ground station holds the fail-safe off, if there is one."""
+        """Restart the fail-safe's timeout, if it is enabled, at a heartbeat of the ground station."""
         if heartbeat.get_srcSystem() == self.value("MAV_GCS_SYSID"):
             if self._failed_safe:
                 flight.texts.append("GCS failsafe cleared")
@@ -301,13 +304,13 @@ class EmulatedArduPlane(Personality):
                 self.deadline_us = flight.time_us + timeout_us
 
     def system_status(self, flight: EmulatedFlight) -> SystemStatus:
-        """Active in the air only, armed or not; critical while the ground station is lost."""
+        """Return CRITICAL during the fail-safe, STANDBY on the ground, ACTIVE in the air, armed or not."""
         if self._failed_safe:
             return SystemStatus.CRITICAL
         return SystemStatus.STANDBY if flight.on_ground else SystemStatus.ACTIVE
 
     def watch(self, flight: EmulatedFlight) -> None:
-        """What was commanded last is held for ever, unless the fail-safe is on and the ground is silent."""
+        """Trigger the fail-safe at the timeout; until then, the last command is held."""
         if self.deadline_us is not None and flight.time_us >= self.deadline_us:
             self.deadline_us = None
             self._failed_safe = True
@@ -316,7 +319,7 @@ class EmulatedArduPlane(Personality):
                 self._act_on_loss(flight)
 
     def _act_on_loss(self, flight: EmulatedFlight) -> None:
-        """What FS_LONG_ACTN says; where that is nothing, all but what flies by itself returns home."""
+        """Enter the mode that FS_LONG_ACTN selects; without one, return home from all but GUIDED and AUTO."""
         action = self.value("FS_LONG_ACTN")
         if flight.mode in {GUIDED, ARDUPLANE_MODES[AUTO]}:
             wanted = LONG_ACTIONS.get(action)
@@ -328,7 +331,7 @@ class EmulatedArduPlane(Personality):
             self.request_mode(flight, wanted)
 
     def value(self, name: str) -> float:
-        """A parameter by today's name and in today's unit."""
+        """Return a parameter by its present name, in its present unit."""
         old, factor = OLD_NAMES.get(name, (name, 1.0)) if self._old_names else (name, 1.0)
         return self.parameters[old] / factor
 
@@ -344,7 +347,7 @@ class EmulatedArduPlane(Personality):
         return None
 
     def _reposition(self, flight: EmulatedFlight, command: Command) -> Result:
-        """192: loiter around a place, in GUIDED; a course that was commanded is forgotten."""
+        """Handle 192: loiter around a place in GUIDED, forgetting any commanded course."""
         if not command.is_int:
             return Result.COMMAND_INT_ONLY
         (flags,) = command.used(2)
@@ -361,7 +364,7 @@ class EmulatedArduPlane(Personality):
         return Result.ACCEPTED
 
     def _guided_change_speed(self, flight: EmulatedFlight, command: Command) -> Result:
-        """43000: param1 type, param2 m/s, param3 acceleration (0: the plant's own)."""
+        """Handle 43000: param1 type, param2 m/s, param3 acceleration (0: the plant's own)."""
         kind, speed_m_s, acceleration_m_s2 = command.used(1, 2, 3)
         if acceleration_m_s2 < 0.0:
             return Result.DENIED
@@ -371,7 +374,7 @@ class EmulatedArduPlane(Personality):
                 return Result.FAILED
             target = SpeedTarget("airspeed", speed_m_s, limit)
         elif kind == GROUND_SPEED and flight.plant.kind == "course-hold":
-            # The real one denies this; the article's ideal ground speed hold is what takes it.
+            # ArduPlane denies this; only the article's ideal ground speed hold takes it.
             if speed_m_s <= 0.0:
                 return Result.FAILED
             target = SpeedTarget("ground-speed", speed_m_s, limit)
@@ -382,7 +385,7 @@ class EmulatedArduPlane(Personality):
         return Result.ACCEPTED
 
     def _change_speed(self, flight: EmulatedFlight, command: Command) -> Result:
-        """178: accepted, and without any effect once 43000 was used in this visit to GUIDED.
+        """Handle 178: accept it, without effect once 43000 was used in this visit to GUIDED.
 
         A ground speed would only set a floor, which is not modelled: accepted without effect.
         """

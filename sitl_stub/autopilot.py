@@ -1,4 +1,4 @@
-"""The autopilot as a whole, from the start of its flight: bytes in, bytes out, simulation time handed in."""
+"""The whole autopilot: bytes in, bytes out, simulation time as an argument."""
 
 import math
 from collections import Counter
@@ -36,35 +36,31 @@ from sitl_stub.streams import Streams
 
 
 class Truth(Motion, frozen=True, kw_only=True):
-    """The true, noise-free state of one aircraft: how it moves, and where and in which wind."""
+    """True, noise-free state of one aircraft: its motion, position and wind."""
 
     time_s: float
     """Simulation time."""
 
     latitude_deg: float
-    """Geodetic latitude."""
+    """Geodetic."""
 
     longitude_deg: float
-    """Longitude."""
-
     altitude_amsl_m: float
-    """Altitude above mean sea level."""
-
     wind_north_m_s: float
-    """Wind, toward."""
+    """Velocity of the air toward north."""
 
     wind_east_m_s: float
-    """Wind, toward."""
+    """Velocity of the air toward east."""
 
     mode: str
     """Name of the flight mode, such as GUIDED or AUTO.LOITER."""
 
     armed: bool
-    """Whether it reports to be armed."""
+    """Whether the autopilot reports that it is armed."""
 
 
 def truth_of(flight: EmulatedFlight) -> Truth:
-    """The true state of a flight now."""
+    """Return the true state of a flight now."""
     wind_north_m_s, wind_east_m_s = flight.wind_m_s
     return Truth(
         *astuple(flight.motion()),
@@ -91,16 +87,16 @@ IGNORED = frozenset(
         "MANUAL_CONTROL",
     }
 )
-"""Ordinary traffic that changes nothing here."""
+"""Ordinary traffic that has no effect here."""
 
 
 def flight_at_start(
     config: AutopilotConfig, air: Wind | Air, personality: Personality
 ) -> EmulatedFlight:
-    """The configured flight, with the distances that the autopilot's parameters give it."""
+    """Return the flight as configured, with the distances of the autopilot's parameters."""
     air = air if isinstance(air, Air) else Air(air)
     errors = SensorErrors(config.sensors, seed=config.seed, system_id=config.system_id)
-    # An autopilot flies by its sensor: what that shows wrongly is flown.
+    # Calibration errors affect the flight itself: the autopilot controls the airspeed that it measures.
     calibration = config.airspeed_calibration * errors.calibration
     air_data = AirData(config.indicated_airspeed, calibration)
     airspeed_m_s = config.airspeed_m_s / air_data.shown_per_true(config.altitude_amsl_m)
@@ -132,7 +128,7 @@ def flight_at_start(
 
 
 def air_at_start(config: AutopilotConfig, air: Air) -> Wind:
-    """The air about the start."""
+    """Return the wind at the start."""
     return air.near(
         AirPlace(
             math.radians(config.latitude_deg),
@@ -146,7 +142,7 @@ def air_at_start(config: AutopilotConfig, air: Air) -> Wind:
 def state_in_the_air(
     config: AutopilotConfig, airspeed_m_s: float, wind_m_s: tuple[float, float]
 ) -> PlantState:
-    """The plant's state that has the configured course over ground and airspeed in this wind."""
+    """Return the plant's state with the configured course over ground and airspeed in this wind."""
     course_rad = wrap_to_two_pi(config.course_rad)
     if config.plant.kind == "course-hold":
         direction_rad = course_rad
@@ -170,7 +166,7 @@ def state_in_the_air(
 
 
 def state_on_the_ground(config: AutopilotConfig) -> PlantState:
-    """Standing at home, the nose in the direction of the runway."""
+    """Return the state of standing at home with the nose along the configured course."""
     return PlantState(
         wrap_to_two_pi(config.course_rad),
         0.0,
@@ -202,15 +198,14 @@ class Autopilot:
         """Put the aircraft at its start.
 
         Args:
-            config: what it starts with.
-            air: what it flies in.
-            signing: signs what it says, and lets it hear nothing else.
-            unix_time: the time that signatures are dated with; simulation time if absent.
+            config: initial configuration.
+            air: wind, or air with turbulence, gusts and shear.
+            signing: signs outgoing messages; unsigned incoming messages are then dropped.
+            unix_time: clock of the signatures, s; None for simulation time.
         """
         self.counters: Counter[str] = Counter()
-        """What was received and not obeyed, by reason."""
+        """Numbers of received messages that were not obeyed, by reason."""
         self.config = config
-        """What it started with."""
         self.system_id = config.system_id
         """MAVLink system id."""
         self._personality = personality_of(config)
@@ -254,16 +249,16 @@ class Autopilot:
 
     @property
     def next_due_s(self) -> float:
-        """The next simulation time at which anything happens by itself; infinite if nothing does.
+        """Next simulation time at which anything happens without input; infinite if nothing does.
 
-        Up to then `advance` brings nothing, unless something is received before.
+        Until then `advance` returns nothing, unless something is received before.
         """
         return min((due_us * 1e-6 for due_us in self._instants_us()), default=math.inf)
 
     def receive(self, data: bytes) -> bytes:
-        """Take the frames of one datagram at the present simulation time; returns the replies.
+        """Take the frames of one datagram at the present simulation time; return the replies.
 
-        Whatever the bytes are, this does not raise; what is not understood is only counted.
+        No input raises an error; messages that are not understood are only counted.
         """
         replies: Replies = []
         for message in self._codec.decode(data, self._unix_time()):
@@ -277,10 +272,10 @@ class Autopilot:
         return self._codec.encode(replies, self._unix_time())
 
     def advance(self, to_s: float) -> bytes:
-        """Fly to simulation time `to_s`; returns the telemetry due after the last call, up to it.
+        """Fly to simulation time `to_s`; return the telemetry that fell due since the last call.
 
-        The first call also brings what is due at time zero. Each message is made at its own due
-        time, however far this call goes.
+        The first call includes the telemetry due at time zero. Each message is made at its own due time,
+        however far this call goes.
 
         Raises:
             ValueError: `to_s` lies before the present simulation time, or is not finite.
@@ -302,7 +297,7 @@ class Autopilot:
                 return self._codec.encode(messages, self._unix_time())
 
     def reboot(self) -> None:
-        """Start the autopilot anew, at once and in the air: the aircraft flies on meanwhile."""
+        """Restart the autopilot at once; an aircraft in the air flies on."""
         flight = self._flight
         if flight.on_ground:
             flight.set_armed(armed=False)
@@ -313,16 +308,16 @@ class Autopilot:
         self._streams.restart(flight.time_us)
 
     def hold_bank(self, bank_rad: float) -> None:
-        """The pilot's stick, or surfaces that stay where they are: a bank (rad) until the next command."""
+        """Hold a bank angle (rad) until the next command, as by a pilot's stick or jammed surfaces."""
         self._flight.hold_turn(TurnTarget("bank", bank_rad))
 
     def inject(self, fault: Fault) -> None:
-        """Let something be wrong with its reports."""
+        """Add a fault to the reports."""
         self._sensors.faults.add(fault)
 
     @property
     def custom_mode(self) -> int:
-        """Number of the mode that it is in, as its heartbeats tell it."""
+        """Number of the present mode, as in the heartbeats."""
         return self._flight.mode.custom_mode
 
     def truth(self) -> Truth:
@@ -330,7 +325,7 @@ class Autopilot:
         return truth_of(self._flight)
 
     def _since_boot_us(self) -> int:
-        """What its own clock shows."""
+        """Return the time on the autopilot's own clock."""
         time_us = self._flight.time_us
         lost_us = round(self._sensors.faults.lost_s(time_us * 1e-6) * 1e6)
         return round((time_us - self._boot_us) * self._sensors.clock_rate) - lost_us
@@ -352,7 +347,7 @@ class Autopilot:
             try:
                 result = handler(self._flight, command)
             except NonFiniteError:
-                # A real one would take it and crash.
+                # A real autopilot would take it and crash.
                 self.counters["non-finite field"] += 1
                 result = Result.DENIED
         acknowledgement = mavlink.MAVLink_command_ack_message(
@@ -394,7 +389,7 @@ class Autopilot:
         return []
 
     def _on_setup_signing(self, message: MAVLink_message) -> Replies:
-        """A key of nothing but zeros ends the signing. In the air nobody changes keys."""
+        """Change the signing key while disarmed; a key of only zeros ends the signing."""
         if self._flight.armed:
             return []
         key = bytes(message.secret_key)
@@ -408,7 +403,7 @@ class Autopilot:
         return []
 
     def _reboot(self, _flight: EmulatedFlight, command: Command) -> Result:
-        """246: param1 = 1 starts the autopilot anew, in the air too; a real one wants to be forced there.
+        """Handle 246: param1 = 1 restarts the autopilot, in the air too, where a real one needs force.
 
         The aircraft flies on; mode, setpoints, streams and the boot time are forgotten.
         """
@@ -419,7 +414,7 @@ class Autopilot:
         return Result.ACCEPTED
 
     def _notices(self) -> Replies:
-        """Status texts, and a heartbeat at once when the mode has changed."""
+        """Return status texts, and a heartbeat at once when the mode has changed."""
         flight = self._flight
         texts, flight.texts = flight.texts, []
         notices = [status_text(text) for text in texts]

@@ -1,4 +1,4 @@
-"""The command line: options in, emulated autopilots on the air, exit status out."""
+"""Command line of the emulator."""
 
 import asyncio
 import difflib
@@ -24,7 +24,7 @@ from sitl_stub.settings import Settings, field_names
 WRONG_INPUT, BROKEN = 2, 3
 
 MOST_BYTES = 262_144
-"""A file of settings is smaller than this."""
+"""Size limit of a settings file."""
 
 app = typer.Typer(
     name="sitl-stub",
@@ -44,17 +44,17 @@ Examples:
 
 
 class ConfigError(ValueError):
-    """What is wrong with a file of settings, in one line with the remedy."""
+    """Fault of a settings file, in one line with the remedy."""
 
 
 def read_settings(file: Path) -> dict[str, object]:
-    """The settings in a file of YAML, by the names of their fields.
+    """Read the settings in a YAML file, by field name.
 
-    A line of the file is a field as a mission spells it, such as `airspeed_range_m_s: [16, 32]`, or an option
-    without its dashes, such as `airspeed-range: "16,32"`; what may be repeated has a list.
+    Keys are fields as a mission spells them, such as `airspeed_range_m_s: [16, 32]`, or options without their
+    dashes, such as `airspeed-range: "16,32"`. Repeatable options have a list.
 
     Raises:
-        ConfigError: it cannot be read, holds no settings, or one that is not known.
+        ConfigError: the file cannot be read, holds no settings, or holds an unknown one.
     """
     try:
         with file.open("rb") as stream:
@@ -81,7 +81,7 @@ def read_settings(file: Path) -> dict[str, object]:
 
 
 def given_options(context: typer.Context) -> dict[str, object]:
-    """What the command line itself says, by the names of the fields."""
+    """Return the values given on the command line, by field name."""
     sources = {field: context.get_parameter_source(field) for field in Settings.model_fields}
     return {
         field: context.params[field]
@@ -91,10 +91,10 @@ def given_options(context: typer.Context) -> dict[str, object]:
 
 
 def parameter_of(field: str) -> inspect.Parameter:
-    """A field of the settings as an option of the command."""
+    """Return a field of the settings as an option of the command."""
     info, option = Settings.model_fields[field], option_of(Settings, field) or Option()
     default = None if info.is_required() else info.get_default(call_default_factory=True)
-    # `float | None` is an option with a float.
+    # `float | None` becomes an option of type float.
     kinds = [one for one in get_args(info.annotation) if one is not NoneType]
     kind: Any = kinds[0] if len(kinds) == 1 else info.annotation
     if option.shown is not None:
@@ -118,10 +118,10 @@ def parameter_of(field: str) -> inspect.Parameter:
 
 
 def tell_version(wanted: bool) -> None:
-    """Print the version and end.
+    """Print the version and exit, if asked for.
 
     Raises:
-        typer.Exit: if it was asked for.
+        typer.Exit: the version was asked for.
     """
     if wanted:
         sys.stdout.write(f"sitl-stub {own_version()}\n")
@@ -129,7 +129,7 @@ def tell_version(wanted: bool) -> None:
 
 
 def own_version() -> str:
-    """The version of vfguide, or of the emulator where that is installed alone."""
+    """Return the version of vfguide, or of the emulator where it is installed alone."""
     try:
         return version_of("vfguide")
     except PackageNotFoundError:
@@ -185,7 +185,7 @@ def fly(
 
 
 def offer_settings(command: Callable[..., None]) -> Callable[..., None]:
-    """Give a command an option for each field of the settings, before its own."""
+    """Give a command an option for each field of the settings, before its own options."""
     signature = inspect.signature(command)
     own = [one for one in signature.parameters.values() if one.kind is not one.VAR_KEYWORD]
     context, *own = own
@@ -199,20 +199,20 @@ app.command(epilog=EXAMPLES)(offer_settings(fly))
 
 
 def announce(emulated: Emulated, address: Address) -> None:
-    """One line that says that it is on the air, and on which port."""
+    """Print a line with the system id and address of an emulator that has opened its link."""
     sys.stderr.write(f"sitl-stub: system {emulated.system_id} at {address}\n")
     sys.stderr.flush()
 
 
 def run(service: Coroutine[None, None, None], on_hangup: Callable[[], None]) -> None:
-    """Run it until it ends or a signal ends it; SIGHUP is the autopilot's reset button."""
+    """Run a service until it ends or a signal ends it; SIGHUP calls `on_hangup`."""
     logging.basicConfig(format="sitl-stub: %(message)s", level=logging.INFO)
     with asyncio.Runner(loop_factory=precise_event_loop) as runner:
         runner.run(until_signalled(service, on_hangup))
 
 
 def on_signal(name: str, do: Callable[[], object]) -> None:
-    """Have the running loop call `do` at a signal, where the system has it."""
+    """Call `do` in the running loop at a signal, where the system has that signal."""
     loop, number = asyncio.get_running_loop(), getattr(signal, name, None)
     if number is None:
         return
@@ -225,7 +225,7 @@ def on_signal(name: str, do: Callable[[], object]) -> None:
 async def until_signalled(
     service: Coroutine[None, None, None], on_hangup: Callable[[], None]
 ) -> None:
-    """Run it; SIGTERM and SIGINT cancel it, and that is no error."""
+    """Run a service until it ends, or until SIGTERM or SIGINT cancels it without an error."""
     task = asyncio.ensure_future(service)
     on_signal("SIGTERM", task.cancel)
     on_signal("SIGINT", task.cancel)
@@ -236,17 +236,17 @@ async def until_signalled(
 
 
 def fail(fault: object, status: int) -> NoReturn:
-    """Say in one line what was wrong, and exit.
+    """Print the fault in one line and exit.
 
     Raises:
-        typer.Exit: with the status.
+        typer.Exit: always, with the status.
     """
     sys.stderr.write(f"sitl-stub: {fault}\n")
     raise typer.Exit(status)
 
 
 def main() -> None:
-    """Entry point."""
+    """Run the command line."""
     app()
 
 

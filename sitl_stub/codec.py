@@ -1,12 +1,10 @@
-"""MAVLink frames in and out, without a socket.
+"""MAVLink framing, encoding and message signing, without a socket.
 
-Whole MAVLink frames out of a byte stream that may be cut anywhere.
+Signing: messages without a valid signature are dropped and have no effect on accepted senders.
 
-MAVLink 2 message signing: who has no key is not heard, and cannot shut out who has one.
-
-Time stamps count 10 microseconds from the beginning of 2015. Each stream (system, component, link) has to
-move forward in time, so that nothing can be played back; and only a frame whose signature is right moves
-anything, so that a forged one from the far future locks nobody out.
+Time stamps count 10 microseconds from the beginning of 2015. They must increase in each stream (system,
+component, link), which prevents replay. Only a frame with a valid signature advances them, so a forged one
+from the far future locks nobody out.
 """
 
 import hashlib
@@ -25,13 +23,13 @@ MAGIC_1, MAGIC_2 = 0xFE, 0xFD
 MAGIC = re.compile(b"[\xfd\xfe]")
 
 HEADER_1, HEADER_2 = 6, 10
-"""Bytes before the payload."""
+"""Bytes before the payload of a MAVLink 1 and of a MAVLink 2 frame."""
 
 CHECKSUM = 2
-"""Bytes after the payload."""
+"""Length of the checksum after the payload, bytes."""
 
 SIGNED, SIGNATURE = 0x01, 13
-"""MAVLink 2: the flag of a signed frame, and the bytes that this adds."""
+"""MAVLink 2's flag of a signed frame, and the length of its signature, bytes."""
 
 KEY_BYTES = 32
 
@@ -40,7 +38,7 @@ EPOCH_UNIX_S = 1_420_070_400
 TICKS_PER_S = 100_000
 
 NEW_STREAM_MAY_LAG_TICKS = 60 * TICKS_PER_S
-"""By how much a stream that was not heard before may be behind, by the specification."""
+"""Greatest lag of a new stream, by the specification."""
 
 LONGEST_TIMESTAMP = 2**48 - 1
 
@@ -49,18 +47,17 @@ COMPONENT_ID = 1
 
 
 class EmulatorFramer:
-    """Cuts one connection's bytes into frames.
+    """Splits the bytes of one connection into frames.
 
-    Only frames of known messages with a right checksum come out, so a byte of garbage that looks like
-    the start of a frame costs itself alone and not the good frames behind it. It never holds back more
-    than one frame (280 bytes).
+    Only frames of known messages with a right checksum come out. A garbage byte that looks like the start of
+    a frame therefore costs no good frame behind it. At most one incomplete frame (280 bytes) is held back.
     """
 
     def __init__(self) -> None:
         self._pending = b""
 
     def feed(self, data: bytes) -> bytes:
-        """Take what arrived; returns the frames that are complete with it, one after the other."""
+        """Take received bytes; return the frames that are now complete, concatenated."""
         stream = self._pending + data
         frames = []
         start = next_magic(stream, 0)
@@ -78,13 +75,13 @@ class EmulatorFramer:
 
 
 def next_magic(stream: bytes, start: int) -> int:
-    """Where a frame may begin, at `start` or after it; the end of the stream if nowhere."""
+    """Return the first index from `start` on at which a frame may begin, or the end of the stream."""
     match = MAGIC.search(stream, start)
     return len(stream) if match is None else match.start()
 
 
 def frame_length(stream: bytes, start: int) -> int | None:
-    """Length of the frame that begins at `start`: 0 if none does, None if more bytes must tell."""
+    """Return the length of the frame that begins at `start`: 0 if none does, None if bytes are missing."""
     if len(stream) < start + (HEADER_2 if stream[start] == MAGIC_2 else HEADER_1):
         return None
     message = mavlink.mavlink_map.get(message_id_at(stream, start))
@@ -102,14 +99,14 @@ def frame_length(stream: bytes, start: int) -> int | None:
 
 
 def message_id_at(stream: bytes, start: int) -> int:
-    """Number of the message whose frame begins at `start`; its header is there."""
+    """Return the message id of the frame that begins at `start`; its header must be complete."""
     if stream[start] == MAGIC_1:
         return stream[start + 5]
     return int.from_bytes(stream[start + 7 : start + 10], "little")
 
 
 def frame_end(data: bytes, start: int) -> int | None:
-    """Where the frame that begins at `start` ends by its header; None where none begins."""
+    """Return the end of the frame that begins at `start`, by its header; None where none begins."""
     magic, left = data[start], len(data) - start
     if magic == MAGIC_2 and left >= HEADER_2:
         flags = data[start + 2]
@@ -125,7 +122,7 @@ Stream = tuple[int, int, int]
 
 
 def key_of(text: str) -> bytes:
-    """The key in 64 hexadecimal digits, or, as ground stations make it, of a passphrase: its SHA-256."""
+    """Return the key in 64 hexadecimal digits, or a passphrase's SHA-256, as ground stations derive it."""
     if len(text) == 2 * KEY_BYTES:
         try:
             return bytes.fromhex(text)
@@ -135,7 +132,7 @@ def key_of(text: str) -> bytes:
 
 
 def ticks_of(unix_s: float) -> int:
-    """A Unix time as a time stamp of signing."""
+    """Convert a Unix time to a time stamp of signing."""
     return max(0, min(LONGEST_TIMESTAMP, round((unix_s - EPOCH_UNIX_S) * TICKS_PER_S)))
 
 
@@ -146,7 +143,7 @@ class Signing:
         """Take a key.
 
         Raises:
-            ValueError: it has not 32 bytes.
+            ValueError: the key does not have 32 bytes.
         """
         if len(key) != KEY_BYTES:
             raise ValueError(f"a signing key has {KEY_BYTES} bytes, not {len(key)}")
@@ -156,7 +153,7 @@ class Signing:
         self._streams: dict[Stream, int] = {}
 
     def accepts(self, frame: bytes, unix_s: float) -> bool:
-        """Whether a whole frame is signed with the key and newer than what came before it."""
+        """Check whether a whole frame is signed with the key and newer than its predecessors."""
         if frame[0] != MAGIC_2 or not frame[2] & SIGNED:
             return False
         signed, signature = frame[:-6], frame[-6:]
@@ -177,7 +174,7 @@ class Signing:
         return True
 
     def prepare(self, encoder: mavlink.MAVLink, unix_s: float) -> None:
-        """Let an encoder sign what it packs next: its clock follows the time and never stands still."""
+        """Let an encoder sign the messages it packs next, with the present time stamp or a later one."""
         signing = encoder.signing
         signing.secret_key, signing.link_id, signing.sign_outgoing = self._key, self._link_id, True
         self._newest = max(self._newest, ticks_of(unix_s), signing.timestamp)
@@ -185,7 +182,7 @@ class Signing:
 
 
 class EmulatorCodec:
-    """One MAVLink endpoint: parses what is meant for this autopilot, encodes what it says."""
+    """One MAVLink endpoint: decodes messages to this autopilot and encodes its own."""
 
     def __init__(
         self,
@@ -196,14 +193,14 @@ class EmulatorCodec:
         component_id: int = COMPONENT_ID,
     ) -> None:
         self.signing = signing
-        """Checks and signs every frame; None: nobody is asked for a signature."""
+        """Signs and checks every frame; None accepts unsigned frames."""
         self._system_id, self._component_id = system_id, component_id
         self._counters = counters
         self._encoder = mavlink.MAVLink(None, srcSystem=system_id, srcComponent=component_id)
         self._parser = mavlink.MAVLink(None)
 
     def decode(self, data: bytes, unix_s: float = 0.0) -> list[MAVLink_message]:
-        """The messages of one datagram that this autopilot should look at; the rest is counted."""
+        """Return the messages of one datagram that concern this autopilot; count the others."""
         heard = []
         for frame, message in self._messages(data):
             if self.signing is not None and not self.signing.accepts(frame, unix_s):
@@ -213,7 +210,7 @@ class EmulatorCodec:
         return heard
 
     def _messages(self, data: bytes) -> Iterator[tuple[bytes, MAVLink_message]]:
-        """Yield each whole frame of a datagram with its message; count the bytes that are no frame.
+        """Yield each whole frame of a datagram with its message; count the bytes outside frames.
 
         pymavlink's own parser also takes frames in pieces, byte by byte, and costs twice as much.
         """
@@ -224,7 +221,7 @@ class EmulatorCodec:
                 self._counters["bad data"] += 1
                 start = next_magic(data, start + 1)
             elif message_id_at(data, start) not in mavlink.mavlink_map:
-                # The checksum of such a frame cannot be looked at: nothing in it can be trusted.
+                # The checksum of an unknown message cannot be verified: nothing in the frame can be trusted.
                 self._counters["unknown message"] += 1
                 start = end
             else:
@@ -239,7 +236,7 @@ class EmulatorCodec:
                     yield frame, message
 
     def encode(self, messages: Iterable[MAVLink_message], unix_s: float = 0.0) -> bytes:
-        """The frames of the messages, one after the other, with consecutive sequence numbers."""
+        """Return the frames of the messages, concatenated, with consecutive sequence numbers."""
         encoder = self._encoder
         encoder.signing.sign_outgoing = False
         if self.signing is not None:
@@ -265,5 +262,5 @@ class EmulatorCodec:
 
 
 def whole_number(value: float) -> int | None:
-    """The integer that a float field carries, or None if it carries none."""
+    """Return the integer in a float field, or None if its value is none."""
     return int(value) if math.isfinite(value) and value == int(value) else None

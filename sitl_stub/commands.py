@@ -1,4 +1,4 @@
-"""Commands as the emulator sees them, arming, and what is answered whatever the aircraft does."""
+"""Commands, arming, and replies that do not depend on the aircraft."""
 
 import math
 from collections.abc import Callable, Mapping
@@ -12,19 +12,19 @@ from sitl_stub.flight import EmulatedFlight
 from sitl_stub.loops import AltitudeTarget
 
 AMSL_FRAMES = frozenset({0, 5})
-"""MAV_FRAME_GLOBAL and its deprecated _INT twin: height above mean sea level."""
+"""MAV_FRAME_GLOBAL and its deprecated _INT duplicate: height above mean sea level."""
 
 ABOVE_HOME_FRAMES = frozenset({3, 6})
-"""MAV_FRAME_GLOBAL_RELATIVE_ALT and its deprecated _INT twin: height above home."""
+"""MAV_FRAME_GLOBAL_RELATIVE_ALT and its deprecated _INT duplicate: height above home."""
 
 CUSTOM_MODE_FLAG = 1
-"""MAV_MODE_FLAG_CUSTOM_MODE_ENABLED: a mode change speaks of custom modes, or is not understood."""
+"""MAV_MODE_FLAG_CUSTOM_MODE_ENABLED, without which a mode change is not understood."""
 
 FORCED = 21196.0
-"""param2 that disarms in flight."""
+"""Value of param2 that disarms in flight."""
 
 FORCED_ARMING = 2989.0
-"""param2 that arms against all checks."""
+"""Value of param2 that arms in spite of failed checks."""
 
 MISSION_MESSAGES = (
     "MISSION_REQUEST_LIST",
@@ -33,7 +33,7 @@ MISSION_MESSAGES = (
     "MISSION_COUNT",
     "MISSION_CLEAR_ALL",
 )
-"""What `mission_reply` answers."""
+"""Messages that `mission_reply` answers."""
 
 LONGEST_TEXT = 50
 
@@ -58,14 +58,14 @@ class SystemStatus(IntEnum):
 
 
 class NonFiniteError(ValueError):
-    """A field that is used holds NaN or infinity."""
+    """A required field holds NaN or infinity."""
 
 
 def finite(*values: float) -> tuple[float, ...]:
-    """The values, all of them finite.
+    """Return the values after checking that all are finite.
 
     Raises:
-        NonFiniteError: one of them is not.
+        NonFiniteError: a value is not finite.
     """
     if all(map(math.isfinite, values)):
         return values
@@ -73,7 +73,7 @@ def finite(*values: float) -> tuple[float, ...]:
 
 
 class Command(msgspec.Struct, frozen=True):
-    """One command."""
+    """One command; its position may be anything in commands that have none."""
 
     number: int
     """MAV_CMD."""
@@ -88,25 +88,21 @@ class Command(msgspec.Struct, frozen=True):
     """Height in that frame."""
 
     latitude_deg: float = math.nan
-    """Where the command has one; may be anything."""
-
     longitude_deg: float = math.nan
-    """Longitude with it."""
-
     is_int: bool = True
-    """Whether COMMAND_INT brought it."""
+    """Whether it came as COMMAND_INT."""
 
     def used(self, *indices: int) -> tuple[float, ...]:
-        """The parameters with these numbers (from 1), all of them finite.
+        """Return parameters by number (from 1) after checking that these are finite.
 
         Raises:
-            NonFiniteError: one of them is not; unused ones may well be.
+            NonFiniteError: one of them is not finite.
         """
         return finite(*(self.parameters[index - 1] for index in indices))
 
 
 def command_of(message: MAVLink_message) -> Command:
-    """The command in a COMMAND_INT or COMMAND_LONG.
+    """Return the command in a COMMAND_INT or COMMAND_LONG.
 
     The long form has no frame: its height, param7, is above home as ArduPilot converts it.
     """
@@ -132,16 +128,16 @@ def command_of(message: MAVLink_message) -> Command:
 
 
 Handler = Callable[[EmulatedFlight, Command], Result]
-"""Carries a command out; raises NonFiniteError before it changes anything."""
+"""Executes a command; raises NonFiniteError before it changes anything."""
 
 Handlers = Mapping[int, Handler]
 
 
 def place(command: Command) -> tuple[float, float] | None:
-    """Latitude and longitude of a command in radians, or None where they are no place to fly to.
+    """Return a command's latitude and longitude in radians, or None where they cannot be flown to.
 
     Raises:
-        NonFiniteError: they are no numbers.
+        NonFiniteError: they are not finite.
     """
     latitude_deg, longitude_deg = finite(command.latitude_deg, command.longitude_deg)
     if abs(latitude_deg) > 89.0 or abs(longitude_deg) > 180.0:
@@ -150,7 +146,7 @@ def place(command: Command) -> tuple[float, float] | None:
 
 
 def is_flyable_airspeed(flight: EmulatedFlight, airspeed_m_s: float) -> bool:
-    """Whether the aircraft's airspeed range holds the value, to a single-precision rounding."""
+    """Check whether an airspeed is in the aircraft's range, to a single-precision rounding."""
     margin = 1e-6 * airspeed_m_s
     slowest_m_s, fastest_m_s = flight.airspeed_range_m_s
     return slowest_m_s - margin <= airspeed_m_s <= fastest_m_s + margin
@@ -159,7 +155,7 @@ def is_flyable_airspeed(flight: EmulatedFlight, airspeed_m_s: float) -> bool:
 def height_target(
     flight: EmulatedFlight, frame: int, z: float, max_climb_rate_m_s: float = math.inf
 ) -> AltitudeTarget | None:
-    """The height `z` of a global frame, or None for a frame that is not understood."""
+    """Return the target for height `z` in a global frame, or None for other frames."""
     if frame in AMSL_FRAMES:
         return AltitudeTarget(z, max_climb_rate_m_s)
     if frame in ABOVE_HOME_FRAMES:
@@ -174,7 +170,7 @@ class Arming:
         """Take the autopilot's own checks.
 
         Args:
-            check: tells why arming is refused, or None.
+            check: returns why arming is refused, or None.
             refused: result of a refusal.
         """
         self.ready_from_us = 0
@@ -183,17 +179,17 @@ class Arming:
         self._refused = refused
 
     def is_ready(self, flight: EmulatedFlight) -> bool:
-        """Whether the sensors have settled."""
+        """Check whether the sensors have settled."""
         return flight.time_us >= self.ready_from_us
 
     def fault(self, flight: EmulatedFlight) -> str | None:
-        """Why it would not arm now."""
+        """Return why arming is refused now, or None."""
         if not self.is_ready(flight):
             return "Waiting for GPS and estimator"
         return self._check(flight)
 
     def handle(self, flight: EmulatedFlight, command: Command) -> Result:
-        """400: param1 = 1 arms, 0 disarms; param2 forces it."""
+        """Handle 400: param1 = 1 arms, 0 disarms; param2 forces it."""
         (wanted,) = command.used(1)
         if wanted == 1.0:
             return self._arm(flight, command)
@@ -202,7 +198,7 @@ class Arming:
         return Result.UNSUPPORTED
 
     def report(self, flight: EmulatedFlight, _command: Command) -> Result:
-        """401: say what is wrong, without arming."""
+        """Handle 401: report why arming would be refused, without arming."""
         fault = self.fault(flight)
         if fault is not None:
             flight.texts.append(f"PreArm: {fault}")
@@ -225,7 +221,7 @@ class Arming:
 
 
 def mission_reply(message: MAVLink_message) -> list[MAVLink_message]:
-    """Empty lists to who asks, of missions, fences and rally points alike; no room for who brings one."""
+    """Report empty missions, fences and rally points, and refuse uploads for want of space."""
     to = (message.get_srcSystem(), message.get_srcComponent())
     kind = message.mission_type
     name = message.get_type()
@@ -241,14 +237,14 @@ def mission_reply(message: MAVLink_message) -> list[MAVLink_message]:
 
 
 def timesync_reply(message: MAVLink_message, boot_ns: int) -> list[MAVLink_message]:
-    """A request has no time of the other side's: it comes back with this side's, in nanoseconds."""
+    """Answer a request (tc1 = 0) with the time since boot in nanoseconds."""
     if message.tc1 != 0:
         return []
     return [mavlink.MAVLink_timesync_message(boot_ns, message.ts1)]
 
 
 def ping_reply(message: MAVLink_message) -> list[MAVLink_message]:
-    """A request is addressed to nobody: it comes back to who sent it."""
+    """Return a ping without a target to its sender."""
     if message.target_system or message.target_component:
         return []
     to = (message.get_srcSystem(), message.get_srcComponent())
@@ -256,6 +252,6 @@ def ping_reply(message: MAVLink_message) -> list[MAVLink_message]:
 
 
 def status_text(text: str) -> MAVLink_message:
-    """A STATUSTEXT of severity INFO."""
+    """Return a STATUSTEXT of severity INFO."""
     content = text.encode("ascii")[:LONGEST_TEXT]
     return mavlink.MAVLink_statustext_message(mavlink.MAV_SEVERITY_INFO, content)

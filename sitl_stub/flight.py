@@ -1,7 +1,6 @@
-"""One aircraft: its state, what its loops hold, the mode that decides about them.
+"""Flight of one aircraft: its state, flight phase, mode and loop targets.
 
-From standing on the ground into the air. Loitering around a point: a course for every place, by a vector
-field. What was commanded and what the loops know of it yet: commands may have a dead time.
+Includes the take-off, loitering in a vector field around a point, and the dead times of commands.
 """
 
 import math
@@ -34,34 +33,37 @@ class AutopilotMode(msgspec.Struct, frozen=True):
     """Name in status texts and ground stations."""
 
     custom_mode: int
-    """The number in HEARTBEAT.custom_mode."""
+    """Number in HEARTBEAT.custom_mode."""
 
     flies: Literal["commanded", "circle", "straight", "loiter", "home", "take-off"] = "straight"
-    """Obeys commands; turns at a constant bank; keeps the course it had at entry; circles around the
-    place of its entry, or around home; climbs, from the ground if need be, and then loiters.
+    """Behaviour of the mode.
+
+    `commanded` obeys commands, `circle` turns at a constant bank, and `straight` keeps the course at entry.
+    `loiter` circles around the position at entry, `home` around home. `take-off` climbs, from the ground if
+    need be, and then loiters.
 
     PX4's Guided Course keeps the course it was entered with until it is commanded another.
-    Neither AUTO nor a pilot's mode has a mission or a stick here, so they fly straight on.
+    AUTO and pilots' modes fly straight on, since there is no mission and no stick.
     """
 
 
 def by_number(modes: Iterable[AutopilotMode]) -> dict[int, AutopilotMode]:
-    """The modes by the number on the wire."""
+    """Return the modes by their number on the wire."""
     return {mode.custom_mode: mode for mode in modes}
 
 
 ROLL_ACCELERATION_M_S2 = 4.0
-"""Along the runway."""
+"""Acceleration along the runway."""
 
 LIFT_OFF_MARGIN = 1.1
-"""Airspeed of lifting off, in parts of the slowest that is flown."""
+"""Ratio of the lift-off airspeed to the slowest airspeed."""
 
 REACHED_WITHIN_M = 2.0
-"""Below the wanted height by which a climb counts as over, as in ArduPlane."""
+"""Distance below the wanted height at which a climb is complete, as in ArduPlane."""
 
 
 def rolling_motion(state: PlantState, wind_m_s: tuple[float, float]) -> Motion:
-    """On the ground: along the nose, at the state's speed over ground."""
+    """Return the motion on the ground: along the nose, at the state's ground speed."""
     north, east = math.cos(state.direction_rad), math.sin(state.direction_rad)
     against_m_s = north * wind_m_s[0] + east * wind_m_s[1]
     return Motion(
@@ -71,7 +73,7 @@ def rolling_motion(state: PlantState, wind_m_s: tuple[float, float]) -> Motion:
         state.direction_rad,
         state.speed_m_s,
         state.direction_rad,
-        # What blows into the tube from ahead; from behind it shows nothing.
+        # A tailwind does not register in the pitot tube.
         max(0.0, state.speed_m_s - against_m_s),
         0.0,
         0.0,
@@ -79,27 +81,27 @@ def rolling_motion(state: PlantState, wind_m_s: tuple[float, float]) -> Motion:
 
 
 Phase = Literal["standing", "rolling", "climbing", "flying"]
-"""Standing and rolling are on the ground; climbing is the take-off's part in the air."""
+"""Standing and rolling are on the ground; climbing is the airborne part of the take-off."""
 
 
 class Navigation(msgspec.Struct, frozen=True, kw_only=True):
-    """Distances of the flight modes, which are parameters of the autopilot."""
+    """Distances of the flight modes, from the autopilot's parameters."""
 
     take_off_height_m: float = 50.0
     """Above home."""
 
     take_off_distance_m: float = 200.0
-    """From the start of the roll to the loiter after it."""
+    """Distance from home to the centre of the loiter after a take-off."""
 
     loiter_radius_m: float = 80.0
     """Negative is counter-clockwise."""
 
     return_height_m: float = 100.0
-    """Above home, on the way back to it; negative keeps the present one."""
+    """Height above home on the return to it; negative keeps the present one."""
 
 
 def rolled(state: PlantState, step_s: float) -> PlantState:
-    """One step further along the runway."""
+    """Return the state after one more step of rolling along the runway."""
     speed_m_s = state.speed_m_s + ROLL_ACCELERATION_M_S2 * step_s
     way_m = 0.5 * (state.speed_m_s + speed_m_s) * step_s
     latitude_rad, longitude_rad = displace(
@@ -115,7 +117,7 @@ def rolled(state: PlantState, step_s: float) -> PlantState:
 
 
 def lifts_off(plant: PlantParameters, state: PlantState, wind_m_s: tuple[float, float]) -> bool:
-    """Whether the wings carry."""
+    """Check whether the airspeed suffices for lifting off."""
     wanted_m_s = min(LIFT_OFF_MARGIN * plant.airspeed_min_m_s, plant.airspeed_max_m_s)
     return rolling_motion(state, wind_m_s).airspeed_m_s >= wanted_m_s
 
@@ -123,7 +125,7 @@ def lifts_off(plant: PlantParameters, state: PlantState, wind_m_s: tuple[float, 
 def airborne(
     plant: PlantParameters, state: PlantState, wind_m_s: tuple[float, float]
 ) -> PlantState:
-    """A motion as a state of the plant in the air."""
+    """Convert the state on the ground to the plant's state in the air."""
     motion = rolling_motion(state, wind_m_s)
     air_north_m_s, air_east_m_s = motion.north_m_s - wind_m_s[0], motion.east_m_s - wind_m_s[1]
     heading_rad = wrap_to_two_pi(math.atan2(air_east_m_s, air_north_m_s))
@@ -137,38 +139,32 @@ def airborne(
 
 
 FIELD_GAIN = 2.0
-"""Gain of the field around the circle, in parts of 1 / radius."""
+"""Gain of the field around the circle, as a multiple of 1 / radius."""
 
 LEAST_AIRSPEED_M_S = 1.0
 
 GREATEST_BANK_DEG = 80.0
-"""No parameter lets it fly slower or bank more: its turns would have no end."""
+"""Limits of the parameters: a slower airspeed or a larger bank would make turns without bound."""
 
 CIRCLE_BANK_RAD = math.radians(15.0)
 """Bank of a circle without a centre: 150 m of radius at 20 m/s."""
 
 
 class Orbit(msgspec.Struct, frozen=True):
-    """A circle to fly."""
+    """A circle around a geodetic position."""
 
     latitude_rad: float
-    """Geodetic latitude of its centre."""
-
     longitude_rad: float
-    """Longitude of its centre."""
-
     radius_m: float
-    """Above zero."""
-
     clockwise: bool = True
     """Seen from above."""
 
     def course_rad(self, latitude_rad: float, longitude_rad: float, *, lead_rad: float) -> float:
-        """Course over ground from here: to the circle, then along it.
+        """Return the course over ground at a position: toward the circle, then along it.
 
         chi = beta + s (pi/2 + atan(k (d - R)) + lead), beta and d bearing and distance of the aircraft
         from the centre, s = 1 clockwise (Nelson et al., Vector Field Path Following, 2007). The lead
-        makes up for the lag with which a course is followed on a circle.
+        compensates the lag of the course loop on a circle.
         """
         meridian_m, transverse_m = radii_m(self.latitude_rad)
         north_m = (latitude_rad - self.latitude_rad) * meridian_m
@@ -177,13 +173,13 @@ class Orbit(msgspec.Struct, frozen=True):
         outside_m = math.hypot(north_m, east_m) - self.radius_m
         inward_rad = math.atan(FIELD_GAIN / self.radius_m * outside_m)
         sense = 1.0 if self.clockwise else -1.0
-        # The lead belongs to the circle itself: on the way to it nothing turns.
+        # Only the circle itself needs the lead: the way to it has no turn.
         led_rad = lead_rad * math.cos(inward_rad)
         return math.atan2(east_m, north_m) + sense * (0.5 * math.pi + inward_rad + led_rad)
 
 
 def orbit_lead_rad(plant: PlantParameters, airspeed_m_s: float, radius_m: float) -> float:
-    """How far ahead of the course a command has to be for the turn of a circle, in calm air.
+    """Return the lead of the commanded over the actual course in a steady turn, in calm air.
 
     First order: (V / R) / alpha. `bank`: the turn's bank over GUIDED_P.
     """
@@ -195,41 +191,40 @@ def orbit_lead_rad(plant: PlantParameters, airspeed_m_s: float, radius_m: float)
 
 
 class Commanded:
-    """The loops' targets now, and those on their way to the loops."""
+    """Present targets of the loops, and commands that are still in their dead time."""
 
     def __init__(self, plant: PlantParameters, targets: Targets) -> None:
         self.now = targets
-        """What the loops hold."""
         self._turn_delay_us = round(plant.course_dead_time_s * 1e6)
         self._speed_delay_us = round(plant.speed_delay_s * 1e6)
         self._coming: list[tuple[int, TurnTarget | SpeedTarget]] = []
 
     @property
     def next_us(self) -> int | None:
-        """When the loops learn of something next; None if nothing is on its way."""
+        """Time at which the next command reaches its loop; None if there is none."""
         return min((due_us for due_us, _ in self._coming), default=None)
 
     def set_all(self, targets: Targets) -> None:
-        """Change everything at once, as a change of mode does; what was on its way is forgotten."""
+        """Replace all targets at once, as a change of mode does, and forget pending commands."""
         self.now = targets
         self._coming.clear()
 
     def turn(self, target: TurnTarget, now_us: int) -> None:
-        """A command to the lateral loop."""
+        """Command the lateral loop."""
         self._coming.append((now_us + self._turn_delay_us, target))
         self.take_effect(now_us)
 
     def speed(self, target: SpeedTarget, now_us: int) -> None:
-        """A command to the speed loop."""
+        """Command the speed loop."""
         self._coming.append((now_us + self._speed_delay_us, target))
         self.take_effect(now_us)
 
     def height(self, target: AltitudeTarget) -> None:
-        """A command to the height loop, which has no dead time."""
+        """Command the height loop, which has no dead time."""
         self.now = Targets(self.now.turn, self.now.speed, target)
 
     def take_effect(self, time_us: int) -> None:
-        """Let the loops know what has reached them by now."""
+        """Apply the commands whose dead time has passed."""
         for due_us, target in self._coming:
             if due_us <= time_us:
                 part = "turn" if isinstance(target, TurnTarget) else "speed"
@@ -238,7 +233,7 @@ class Commanded:
 
 
 class EmulatedFlight:
-    """Plant, wind, targets and mode together; advanced in simulation time (whole microseconds)."""
+    """Plant, wind, targets and mode of one aircraft, advanced in simulation time (whole microseconds)."""
 
     def __init__(
         self,
@@ -261,22 +256,20 @@ class EmulatedFlight:
         self.time_us = 0
         self.phase: Phase = "standing" if on_ground else "flying"
         self.texts: list[str] = []
-        """Status texts not yet sent."""
         self.wind_estimate_m_s = (0.0, 0.0)
-        """The autopilot's own (north, east): it starts knowing nothing."""
+        """The autopilot's own wind estimate (north, east), initially zero."""
         self.navigation = Navigation()
-        """Distances of the flight modes."""
         self.cruise_airspeed_m_s = cruise_airspeed_m_s
-        """As shown: what is flown when nothing is commanded."""
+        """Shown airspeed that is flown without commands."""
         self.airspeed_range_m_s = (plant.airspeed_min_m_s, plant.airspeed_max_m_s)
-        """As shown: what a command may ask for."""
+        """Range of commanded airspeeds, as shown."""
         self._air_data = air_data or AirData()
         self._altitude_drift_m = altitude_drift_m
         self._air = air
         self._orbit: Orbit | None = None
         self._route: RouteFollower | None = None
         self.plant = self._in_true_airspeed(plant)
-        # Straight on at first, so that there is a motion from which the mode is entered.
+        # Start straight, so that there is a motion from which the mode is entered.
         straight = TurnTarget("course", state.direction_rad)
         hold_speed = SpeedTarget("airspeed", self.true_airspeed_m_s(cruise_airspeed_m_s))
         targets = Targets(straight, hold_speed, AltitudeTarget(self.measured_altitude_m))
@@ -286,12 +279,12 @@ class EmulatedFlight:
 
     @property
     def targets(self) -> Targets:
-        """What the loops hold now; the height as it is measured."""
+        """Present targets of the loops, with the altitude as measured."""
         return self._commanded.now
 
     @property
     def present_orbit(self) -> Orbit | None:
-        """The point that is circled around, if one is."""
+        """Present circle around a point; None without one."""
         return self._orbit
 
     @property
@@ -301,12 +294,12 @@ class EmulatedFlight:
 
     @property
     def wind_m_s(self) -> tuple[float, float]:
-        """The true wind now, (north, east)."""
+        """True wind now, (north, east)."""
         return self.wind_here.at(self.time_us * 1e-6)
 
     @property
     def wind_here(self) -> Wind:
-        """The air about the aircraft, as a wind that only time changes: good for a step."""
+        """Wind at the aircraft as a function of time alone, for one step."""
         state = self.state
         return self._air.near(
             AirPlace(
@@ -318,27 +311,27 @@ class EmulatedFlight:
         )
 
     def motion(self) -> Motion:
-        """The true motion now."""
-        # Asked for several times at one instant. Both parts are immutable and replaced as they change.
+        """Return the true motion now."""
+        # Cached, since several reports need it at one instant; state and targets are immutable.
         if self._known[0] is not self.state or self._known[1] is not self.targets:
             self._known = (self.state, self.targets, self._motion_now())
         return self._known[2]
 
     @property
     def measured_altitude_m(self) -> float:
-        """Altitude that the autopilot flies by, above mean sea level."""
+        """Altitude above mean sea level that the autopilot measures."""
         return self.state.altitude_amsl_m + self._altitude_drift_m(self.time_us * 1e-6)
 
     def shown_airspeed_m_s(self, true_m_s: float) -> float:
-        """What the airspeed sensor says."""
+        """Return the reading of the airspeed sensor at a true airspeed."""
         return true_m_s * self._air_data.shown_per_true(self.state.altitude_amsl_m)
 
     def true_airspeed_m_s(self, shown_m_s: float) -> float:
-        """What is flown where the airspeed sensor says this."""
+        """Return the true airspeed at a reading of the airspeed sensor."""
         return shown_m_s / self._air_data.shown_per_true(self.state.altitude_amsl_m)
 
     def advance(self, to_us: int) -> None:
-        """Fly on to `to_us`; commands that reach their loops meanwhile take effect as they do."""
+        """Fly on to `to_us`; commands take effect when their dead time ends."""
         span_s = (to_us - self.time_us) * 1e-6
         while (reach_us := self._commanded.next_us) is not None and reach_us <= to_us:
             self._integrate(reach_us)
@@ -347,7 +340,7 @@ class EmulatedFlight:
         self.wind_estimate_m_s = followed_wind_m_s(self.wind_estimate_m_s, self.wind_m_s, span_s)
 
     def enter(self, mode: AutopilotMode) -> None:
-        """Change the mode and forget all commands. Entering the present mode changes nothing."""
+        """Change the mode and forget all commands; the present mode again changes nothing."""
         if mode is not self.mode:
             self.mode = mode
             if self.phase == "rolling":
@@ -360,18 +353,18 @@ class EmulatedFlight:
             self.take_off_if_asked()
 
     def set_armed(self, *, armed: bool) -> None:
-        """Arm or disarm. In the take-off mode an armed aircraft on the ground starts to roll."""
+        """Arm or disarm; an armed aircraft on the ground in a take-off mode starts to roll."""
         self.armed = armed
         self.take_off_if_asked()
 
     def set_airspeed_range(self, slowest_m_s: float, fastest_m_s: float) -> None:
-        """Change what may be commanded, and with it what is flown."""
+        """Change the range of shown airspeeds that are commanded and flown."""
         self.airspeed_range_m_s = (slowest_m_s, fastest_m_s)
         limits = replace(self.plant, airspeed_min_m_s=slowest_m_s, airspeed_max_m_s=fastest_m_s)
         self.plant = self._in_true_airspeed(limits)
 
     def set_max_bank_deg(self, max_bank_deg: float) -> None:
-        """Change the bank limit; what is no limit that can be flown leaves it as it was."""
+        """Change the bank limit, unless the new one cannot be flown."""
         if 0.0 < max_bank_deg <= GREATEST_BANK_DEG:
             self.plant = replace(self.plant, max_bank_rad=math.radians(max_bank_deg))
 
@@ -381,7 +374,7 @@ class EmulatedFlight:
         self._commanded.turn(target, self.time_us)
 
     def hold_speed(self, target: SpeedTarget) -> None:
-        """Give the speed loop a new target, an airspeed as shown or a true ground speed."""
+        """Give the speed loop a new target: a shown airspeed or a true ground speed."""
         if target.kind == "airspeed":
             true_m_s = self.true_airspeed_m_s(target.speed_m_s)
             target = SpeedTarget(target.kind, true_m_s, target.max_acceleration_m_s2)
@@ -392,7 +385,7 @@ class EmulatedFlight:
         self._commanded.height(target)
 
     def circle(self) -> None:
-        """Turn right at the circle's bank: what guided flight does until it is told a course."""
+        """Turn right at the circle's bank, as guided flight does until it is commanded a course."""
         self.hold_turn(TurnTarget("bank", CIRCLE_BANK_RAD))
 
     def follow(self, route: Route) -> None:
@@ -405,21 +398,21 @@ class EmulatedFlight:
         self._orbit = orbit
 
     def orbit_at(self, latitude_rad: float, longitude_rad: float) -> Orbit:
-        """The loiter around a point, with the radius of the parameters."""
+        """Return the loiter around a point, with the radius of the parameters."""
         radius_m = self.navigation.loiter_radius_m
         return Orbit(latitude_rad, longitude_rad, max(abs(radius_m), 1.0), radius_m >= 0.0)
 
     def cruise(self) -> None:
-        """Back to the airspeed of flying without commands."""
+        """Return to the airspeed without commands."""
         self.hold_speed(SpeedTarget("airspeed", self.cruise_airspeed_m_s))
 
     def take_off_if_asked(self) -> None:
-        """Start to roll, if this is an armed aircraft on the ground in a mode that takes off."""
+        """Start to roll, if the aircraft stands armed in a mode that takes off."""
         if self.phase == "standing" and self.armed and self.mode.flies == "take-off":
             self.phase = "rolling"
 
     def _in_true_airspeed(self, plant: PlantParameters) -> PlantParameters:
-        """The plant with its range in true airspeed, which the configuration gives as shown."""
+        """Convert the airspeed range of the plant from shown to true airspeed."""
         if self._air_data == AirData():
             return plant
         return replace(
@@ -437,7 +430,7 @@ class EmulatedFlight:
         """Integrate up to `to_us`, in equal steps no longer than the plant's longest."""
         start_s, span_s = self.time_us * 1e-6, (to_us - self.time_us) * 1e-6
         longest_s = plant_of(self.plant).longest_step_s
-        # A span a hair longer than n steps is still n steps.
+        # The tolerance keeps a span that is slightly longer than n steps at n steps.
         steps = math.ceil(span_s / longest_s - 1e-6)
         for index in range(steps):
             step_s = span_s / steps
@@ -509,7 +502,7 @@ class EmulatedFlight:
         return self.measured_altitude_m >= wanted_m - REACHED_WITHIN_M
 
     def _enter_in_flight(self, mode: AutopilotMode, *, starts: bool = False) -> None:
-        """Cruise airspeed and present height; straight on, or what the mode flies by itself."""
+        """Set the targets of a mode: cruise airspeed, its height, and a turn or straight flight."""
         altitude_m = self.measured_altitude_m
         self._orbit = self._route = None
         if mode.flies == "straight":
@@ -527,5 +520,5 @@ class EmulatedFlight:
         if mode.flies == "home":
             self._orbit = self.orbit_at(self.home.latitude_rad, self.home.longitude_rad)
         elif mode.flies in {"loiter", "take-off"} and not starts:
-            # A flight that starts in a loiter is on its circle already, wherever that has its centre.
+            # A flight that starts in a loiter is already on its circle, whose centre is unknown.
             self._orbit = self.orbit_at(self.state.latitude_rad, self.state.longitude_rad)

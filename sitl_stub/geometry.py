@@ -1,10 +1,6 @@
-"""Angles on the circle: radians, clockwise from north.
+"""Angles, the wind triangle, and motion over the WGS-84 ellipsoid without a local flat origin.
 
-The wind triangle: ground velocity is air velocity plus wind.
-
-Motion over the WGS-84 ellipsoid, without any local flat origin.
-
-The place where a flight started.
+Angles are in radians, clockwise from north. Ground velocity is air velocity plus wind.
 """
 
 import math
@@ -12,7 +8,7 @@ import math
 import msgspec
 
 MIN_GROUND_SPEED_M_S = 0.1
-"""Floor of a ground speed along a course, so that it stays positive and dividing by it finite."""
+"""Floor of the ground speed along a course, so that dividing by it stays finite."""
 
 SEMI_MAJOR_AXIS_M = 6_378_137.0
 """Equatorial radius of WGS-84."""
@@ -22,27 +18,27 @@ ECCENTRICITY_SQUARED = 6.694379990141316e-3
 
 
 def wrap_to_pi(angle_rad: float) -> float:
-    """A direction in (-pi, pi]: the range of an error between two courses."""
+    """Wrap a direction or an error between two courses to (-pi, pi]."""
     wrapped = math.remainder(angle_rad, math.tau)
     return wrapped if wrapped > -math.pi else math.pi
 
 
 def wrap_to_two_pi(angle_rad: float) -> float:
-    """A direction in [0, 2 pi): how a compass reads."""
+    """Wrap a direction to [0, 2 pi), as a compass reads."""
     wrapped = angle_rad % math.tau
-    # A tiny negative angle rounds up to the full circle itself.
+    # A tiny negative angle rounds up to the full circle.
     return wrapped if wrapped < math.tau else 0.0
 
 
 def ground_speed_along_m_s(
     course_rad: float, airspeed_m_s: float, wind_north_m_s: float, wind_east_m_s: float
 ) -> float:
-    """Ground speed along a course: V_g = w_along + sqrt(V_a^2 - w_across^2).
+    """Return the ground speed along a course: V_g = w_along + sqrt(V_a^2 - w_across^2).
 
     Source: the article's model equations, solved for V_g at a given course (Beard & McLain, Small
-    Unmanned Aircraft, ch. 2). Where the crosswind exceeds the airspeed no heading holds the course:
-    the root is then taken as zero (nose fully across, only the along-wind left). The result is
-    never below `MIN_GROUND_SPEED_M_S`, so it stays usable in a headwind that cannot be beaten.
+    Unmanned Aircraft, ch. 2). Where the crosswind exceeds the airspeed, no heading holds the course:
+    the root is then zero (nose fully across, only the along-wind left). The result is never below
+    `MIN_GROUND_SPEED_M_S`, so it stays usable in a headwind faster than the airspeed.
     """
     along = wind_north_m_s * math.cos(course_rad) + wind_east_m_s * math.sin(course_rad)
     across = wind_east_m_s * math.cos(course_rad) - wind_north_m_s * math.sin(course_rad)
@@ -54,7 +50,7 @@ def ground_speed_along_m_s(
 def airspeed_of_m_s(
     course_rad: float, ground_speed_m_s: float, wind_north_m_s: float, wind_east_m_s: float
 ) -> float:
-    """Airspeed that belongs to a ground velocity: |v_g - w|, always defined."""
+    """Return the airspeed of a ground velocity, |v_g - w|, which always exists."""
     return math.hypot(
         ground_speed_m_s * math.cos(course_rad) - wind_north_m_s,
         ground_speed_m_s * math.sin(course_rad) - wind_east_m_s,
@@ -62,7 +58,7 @@ def airspeed_of_m_s(
 
 
 def radii_m(latitude_rad: float) -> tuple[float, float]:
-    """Radii of curvature at a geodetic latitude: meridian M (north-south), prime vertical N (east).
+    """Return the radii of curvature at a geodetic latitude: meridian M (north), prime vertical N (east).
 
     N = a / sqrt(s), M = a (1 - e^2) / s^(3/2) with s = 1 - e^2 sin^2(latitude).
     """
@@ -75,11 +71,11 @@ def radii_m(latitude_rad: float) -> tuple[float, float]:
 def displace(
     latitude_rad: float, longitude_rad: float, height_m: float, *, north_m: float, east_m: float
 ) -> tuple[float, float]:
-    """Position after a short displacement: dlat = n / (M + h), dlon = e / ((N + h) cos lat).
+    """Return the position after a short displacement: dlat = n / (M + h), dlon = e / ((N + h) cos lat).
 
-    Latitude, longitude and result are geodetic radians. The radii are frozen over the displacement,
-    which is meant to be one integration step (metres): over 1 m they change by 1e-8 of themselves.
-    The poles are the formula's own singularity.
+    Latitude and longitude are geodetic, in radians. The radii are constant over the displacement, which
+    should be one integration step (metres): over 1 m they change by a factor of 1e-8. The formula is
+    singular at the poles.
     """
     meridian_m, transverse_m = radii_m(latitude_rad)
     parallel_m = (transverse_m + height_m) * math.cos(latitude_rad)
@@ -90,13 +86,9 @@ def displace(
 
 
 class Home(msgspec.Struct, frozen=True):
-    """Where the flight started, on the ground."""
+    """Geodetic position of the start on the ground."""
 
     latitude_rad: float
-    """Geodetic latitude."""
-
     longitude_rad: float
-    """Longitude."""
-
     altitude_amsl_m: float
-    """Altitude of the ground there."""
+    """Altitude of the ground."""

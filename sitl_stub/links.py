@@ -1,4 +1,4 @@
-"""The ways MAVLink travels, and their addresses as MAVSDK and QGroundControl write them."""
+"""UDP and TCP links for MAVLink, with addresses as MAVSDK and QGroundControl write them."""
 
 import asyncio
 import errno
@@ -22,7 +22,7 @@ from sitl_stub.autopilot import Autopilot, Truth
 from sitl_stub.codec import EmulatorFramer
 
 Scheme = Literal["udpin", "udpout", "tcpin", "tcpout"]
-"""`in`: wait at the address for others to speak. `out`: speak to the address first."""
+"""`in` waits at the address for others to send first; `out` sends to the address first."""
 
 SCHEMES: tuple[str, ...] = get_args(Scheme)
 
@@ -30,43 +30,43 @@ SHAPE = re.compile(r"(?P<scheme>[a-z]+)://(?P<host>\[[^\[\]]*\]|[^:/\[\]]*):(?P<
 HOST_NAME = re.compile(r"(?=.{1,253}\Z)[a-z0-9_-]{1,63}(\.[a-z0-9_-]{1,63})*\.?", re.IGNORECASE)
 
 SHOWN_CHARACTERS = 80
-"""How much of a wrong address is repeated in the message about it."""
+"""Length of the part of a wrong address that its error message repeats."""
 
 PEER_REMEMBERED_S = 10.0
-"""How long a UDP peer that has spoken is spoken to; the last one that spoke stays for good."""
+"""Time for which a UDP peer stays a recipient after its last datagram; the latest peer stays for good."""
 
 MAX_PEERS = 32
-"""UDP peers or TCP clients at one time."""
+"""Greatest number of UDP peers or TCP clients at one time."""
 
 MAX_UNSENT_BYTES = 65_536
-"""A TCP peer that lets more than this pile up misses telemetry instead of getting it late."""
+"""Backlog above which a TCP peer misses telemetry instead of getting it late."""
 
 CONNECT_TIMEOUT_S = 5.0
 
 FIRST_DELAY_S, LONGEST_DELAY_S = 0.2, 5.0
-"""Between two attempts to connect: doubling from the first to the longest, each with jitter."""
+"""First and longest delay between two attempts to connect: it doubles, with jitter."""
 
 
 class AddressError(ValueError):
-    """Not an address that can be used here; the message is one line."""
+    """An address that cannot be used here; the message is one line."""
 
 
 @dataclass(frozen=True, slots=True)
 class Address:
-    """Where MAVLink goes out and comes in."""
+    """Address of a MAVLink link."""
 
     scheme: Scheme
-    """Which protocol, and who speaks first."""
+    """Protocol, and which side sends first."""
 
     host: str
-    """Name or number, an IPv6 number without brackets."""
+    """Name or number; an IPv6 number has no brackets."""
 
     port: int
-    """1 to 65535; 0 where one listens means any free port."""
+    """1 to 65535; 0 means any free port, for an address that listens."""
 
     @property
     def listens(self) -> bool:
-        """Whether others speak first."""
+        """Whether the other side sends first."""
         return self.scheme in {"udpin", "tcpin"}
 
     def __str__(self) -> str:
@@ -75,7 +75,7 @@ class Address:
 
 
 def parse_address(text: str) -> Address:
-    """The address that a text such as `udpin://127.0.0.1:14540` names.
+    """Parse an address such as `udpin://127.0.0.1:14540`.
 
     Raises:
         AddressError: it is no such address; the message says what is wrong and what would be right.
@@ -98,7 +98,7 @@ def parse_address(text: str) -> Address:
 
 
 def is_ipv6(text: str) -> bool:
-    """Whether a text is an IPv6 number."""
+    """Check whether a text is an IPv6 number."""
     try:
         ipaddress.IPv6Address(text)
     except ValueError:
@@ -107,10 +107,10 @@ def is_ipv6(text: str) -> bool:
 
 
 Take = Callable[[bytes], None]
-"""What is called with the whole frames that arrive."""
+"""Takes the whole frames that arrive."""
 
 SocketAddress = tuple[Any, ...]
-"""Number and port, and two numbers more for IPv6: opaque here."""
+"""Opaque address of a socket: number and port, and two numbers more for IPv6."""
 
 logger = logging.getLogger("sitl_stub")
 
@@ -120,7 +120,7 @@ class LinkError(Exception):
 
 
 class UdpLink(asyncio.DatagramProtocol):
-    """One UDP socket: with one fixed peer, or with those who have spoken lately."""
+    """A UDP socket with one fixed peer, or with all peers that sent something lately."""
 
     def __init__(
         self, address: Address, take: Take, fixed_peer: SocketAddress | None = None
@@ -132,12 +132,12 @@ class UdpLink(asyncio.DatagramProtocol):
         self._transport: asyncio.DatagramTransport | None = None
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        """The socket is open."""
+        """Keep the transport of the open socket."""
         self._transport = cast("asyncio.DatagramTransport", transport)
 
     def datagram_received(self, data: bytes, addr: SocketAddress) -> None:
-        """A datagram came."""
-        # Last in the dictionary is who spoke last.
+        """Remember the sender and pass the datagram on."""
+        # The dictionary's order is that of the last datagrams.
         self._heard_s.pop(addr, None)
         self._heard_s[addr] = asyncio.get_running_loop().time()
         if len(self._heard_s) > MAX_PEERS:
@@ -145,7 +145,7 @@ class UdpLink(asyncio.DatagramProtocol):
         self._take(data)
 
     def send(self, data: bytes) -> None:
-        """One datagram to each peer."""
+        """Send one datagram to each peer."""
         if data and self._transport is not None and not self._transport.is_closing():
             for peer in self._peers():
                 self._transport.sendto(data, peer)
@@ -162,7 +162,7 @@ class UdpLink(asyncio.DatagramProtocol):
 
 
 class TcpLink:
-    """The TCP connections there are now: many where others connect, at most one where we do."""
+    """The present TCP connections: many for a server, at most one for a client."""
 
     def __init__(self, address: Address, take: Take) -> None:
         self.address = address
@@ -170,7 +170,7 @@ class TcpLink:
         self.peers: set[TcpPeer] = set()
 
     def new_peer(self) -> "TcpPeer":
-        """The protocol of one more connection."""
+        """Return the protocol of a new connection."""
         return TcpPeer(self, self._take)
 
     def send(self, data: bytes) -> None:
@@ -196,7 +196,7 @@ class TcpPeer(asyncio.Protocol):
         self._transport: asyncio.Transport | None = None
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        """The connection is open."""
+        """Add the peer to the link, or drop the connection if there are too many."""
         self._transport = cast("asyncio.Transport", transport)
         if len(self._link.peers) >= MAX_PEERS:
             self._transport.abort()
@@ -204,19 +204,19 @@ class TcpPeer(asyncio.Protocol):
             self._link.peers.add(self)
 
     def connection_lost(self, exc: Exception | None) -> None:
-        """The connection has ended, by whatever cause."""
+        """Remove the peer from the link."""
         del exc
         self._link.peers.discard(self)
         self.closed.set()
 
     def data_received(self, data: bytes) -> None:
-        """Some bytes came, cut anywhere."""
+        """Pass on the frames that are complete with these bytes."""
         frames = self._framer.feed(data)
         if frames:
             self._take(frames)
 
     def send(self, data: bytes) -> None:
-        """Send all of it or, to a peer that does not keep up, nothing."""
+        """Send all bytes, or none to a peer that does not keep up."""
         transport = self._transport
         if (
             transport is not None
@@ -232,11 +232,11 @@ class TcpPeer(asyncio.Protocol):
 
 
 EmulatorLink = UdpLink | TcpLink
-"""Somewhere to send to: whole frames, to all who listen now. A peer that cannot take them misses them."""
+"""Sends whole frames to all present peers; a peer that cannot take them misses them."""
 
 
 def open_link(address: Address, take: Take) -> AbstractAsyncContextManager[EmulatorLink]:
-    """The link at an address, open as long as its context lasts.
+    """Return a context in which the link at an address is open.
 
     Raises:
         LinkError: on entering, the port is taken or the host is not known.
@@ -252,10 +252,10 @@ def open_link(address: Address, take: Take) -> AbstractAsyncContextManager[Emula
 
 @asynccontextmanager
 async def udp_in(address: Address, take: Take) -> AsyncIterator[EmulatorLink]:
-    """Bind, and speak to those who have spoken."""
+    """Bind to the address and send to the peers that sent something."""
     link = UdpLink(address, take)
     try:
-        # No SO_REUSEADDR: it would let a second process take the port without an error.
+        # No SO_REUSEADDR: a second process could take the port without an error.
         transport, _ = await asyncio.get_running_loop().create_datagram_endpoint(
             lambda: link, local_addr=(address.host, address.port)
         )
@@ -270,13 +270,13 @@ async def udp_in(address: Address, take: Take) -> AsyncIterator[EmulatorLink]:
 
 @asynccontextmanager
 async def udp_out(address: Address, take: Take) -> AsyncIterator[EmulatorLink]:
-    """Speak to the address from a port of its own; what comes back to that port is heard."""
+    """Send to the address from any free port; take what comes back to that port."""
     loop = asyncio.get_running_loop()
     try:
         family, _, _, _, peer = (
             await loop.getaddrinfo(address.host, address.port, type=socket.SOCK_DGRAM)
         )[0]
-        # Not connected: a connected socket loses a datagram for each one the peer was not there for.
+        # Not connected: a connected socket loses a datagram for each one sent while the peer is absent.
         transport, link = await loop.create_datagram_endpoint(
             lambda: UdpLink(address, take, peer), family=family
         )
@@ -309,7 +309,7 @@ async def tcp_in(address: Address, take: Take) -> AsyncIterator[EmulatorLink]:
 
 @asynccontextmanager
 async def tcp_out(address: Address, take: Take) -> AsyncIterator[EmulatorLink]:
-    """Connect to a server, again and again."""
+    """Connect to a server, again after each loss."""
     link = TcpLink(address, take)
     connecting = asyncio.create_task(stay_connected(link), name=f"connect to {address}")
     try:
@@ -321,7 +321,7 @@ async def tcp_out(address: Address, take: Take) -> AsyncIterator[EmulatorLink]:
 
 
 async def stay_connected(link: TcpLink) -> None:
-    """Connect, wait until the connection is lost, back off, connect again."""
+    """Connect, wait until the connection is lost, back off, and repeat."""
     loop, address = asyncio.get_running_loop(), link.address
     delay_s, told = FIRST_DELAY_S, False
     while True:
@@ -342,27 +342,27 @@ async def stay_connected(link: TcpLink) -> None:
 
 
 def with_port(address: Address, socket_name: SocketAddress) -> Address:
-    """The address with the port that its socket got."""
+    """Return the address with the port that its socket got."""
     return Address(address.scheme, address.host, int(socket_name[1]))
 
 
 def reason(error: OSError) -> str:
-    """What went wrong, in few words."""
+    """Return a short reason of an error."""
     if isinstance(error, TimeoutError):
         return "timed out"
     if isinstance(error, socket.gaierror) or error.errno is None:
         return (error.strerror or str(error)).lower()
     if error.errno == errno.EADDRINUSE:
         return "address already in use; end the program that has it, or choose another port"
-    # asyncio puts a sentence with the address in it where the system's own words belong.
+    # asyncio's strerror is a sentence with the address; the system's own text is shorter.
     return os.strerror(error.errno).lower()
 
 
 class BadLink:
     """An autopilot behind a slow and lossy link, in both directions alike.
 
-    Each datagram takes the delay, more or less by the jitter, or does not arrive. One with less delay
-    overtakes one with more.
+    Each datagram is lost or arrives after the delay plus or minus the jitter. Datagrams may overtake
+    each other.
     """
 
     def __init__(
@@ -398,17 +398,17 @@ class BadLink:
 
     @property
     def next_due_s(self) -> float:
-        """The next simulation time at which the autopilot does something or a datagram arrives."""
+        """Next simulation time at which the autopilot does something or a datagram arrives."""
         arrivals_s = (queue[0][0] * 1e-6 for queue in (self._up, self._down) if queue)
         return min(self._autopilot.next_due_s, *arrivals_s, math.inf)
 
     def receive(self, data: bytes) -> bytes:
-        """Take a datagram on its way to the autopilot; returns nothing, since answers take their time."""
+        """Take a datagram to the autopilot; return nothing, since replies come later."""
         self._travel(self._up, data)
         return b""
 
     def advance(self, to_s: float) -> bytes:
-        """Fly to a simulation time; returns what has arrived from the autopilot by then."""
+        """Fly to a simulation time; return the datagrams that have arrived from the autopilot by then."""
         to_us = round(to_s * 1e6)
         while self._up and self._up[0][0] <= to_us:
             arrival_us, _, data = heapq.heappop(self._up)
@@ -421,11 +421,11 @@ class BadLink:
         return b"".join(arrived)
 
     def reboot(self) -> None:
-        """Start the autopilot anew."""
+        """Restart the autopilot."""
         self._autopilot.reboot()
 
     def truth(self) -> Truth:
-        """The true state now."""
+        """Return the true state now."""
         return self._autopilot.truth()
 
     def _fly_to(self, to_s: float) -> None:
@@ -446,4 +446,4 @@ class BadLink:
 
 
 Emulated = Autopilot | BadLink
-"""Autopilot to be served, by itself or behind a lossy link."""
+"""An autopilot to serve, by itself or behind a lossy link."""

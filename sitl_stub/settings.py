@@ -1,7 +1,7 @@
-"""What a fleet of emulators is started with: one section, for the command line, for a file and for Python.
+"""Settings of a fleet of emulators, from the command line, a file or Python.
 
-A field has the name and the unit that a mission gives it (`vehicles.*`, `wind`, `rehearsal.emulator`). The
-option of the command is that name without its unit, its help the docstring.
+A field has the name and the unit of its counterpart in a mission (`vehicles.*`, `wind`,
+`rehearsal.emulator`). Its option is the name without the unit; the docstring is the option's help.
 """
 
 import math
@@ -52,16 +52,16 @@ from sitl_stub.route import Route
 from sitl_stub.sensor_errors import Fault
 
 MAX_WIND_M_S = 50.0
-"""Stronger than any wind an aircraft of this size is flown in."""
+"""Stronger than any wind in which an aircraft of this size is flown."""
 
 SLOWEST_HZ, FASTEST_HZ = 0.01, 100.0
-"""Least and greatest rate of a stream."""
+"""Range of the rate of a stream."""
 
 
 def parse_wind(value: object) -> Wind:
-    """`calm`, `article`, `steady:SPEED,TOWARD_DEG`, or a mission's `wind`.
+    """Parse `calm`, `article`, `steady:SPEED,TOWARD_DEG`, or a mission's `wind`.
 
-    m/s, and degrees clockwise from north in the direction in which the air moves.
+    SPEED is in m/s; TOWARD_DEG is the direction in which the air moves, clockwise from north.
 
     Raises:
         OptionError: the value is not a wind.
@@ -83,7 +83,7 @@ def parse_wind(value: object) -> Wind:
 
 
 def parse_gust(value: object) -> DiscreteGust:
-    """AT,FOR,N,E (seconds and metres per second), or a gust of a mission's `wind.gusts`.
+    """Parse AT,FOR,N,E (seconds and metres per second), or a gust of a mission's `wind.gusts`.
 
     Raises:
         ValueError: it is no gust; the message is one line.
@@ -96,7 +96,7 @@ def parse_gust(value: object) -> DiscreteGust:
 
 
 def parse_numbers(option: str, value: object, names: str) -> list[float]:
-    """As many finite numbers, in a list or a text with commas, as there are names.
+    """Parse a list, or a text with commas, that has one finite number for each of the names.
 
     Raises:
         OptionError: they are fewer, more, or not finite numbers.
@@ -112,7 +112,7 @@ def parse_numbers(option: str, value: object, names: str) -> list[float]:
 
 
 def parse_route(value: object) -> Route:
-    """LAT,LON;LAT,LON;… in degrees, or a list of such pairs.
+    """Parse LAT,LON;LAT,LON;… in degrees, or a list of such pairs.
 
     Raises:
         OptionError: it is no route; the message is one line.
@@ -128,10 +128,10 @@ def parse_route(value: object) -> Route:
 
 
 def parse_stream(value: object) -> tuple[int, int]:
-    """NAME:HZ as the number of a message and its interval in microseconds.
+    """Parse NAME:HZ into the message id and its interval in microseconds.
 
     Raises:
-        OptionError: it is no such thing.
+        OptionError: the message is unknown or the rate out of range.
     """
     text = str(value)
     name, _, rate = text.partition(":")
@@ -148,30 +148,30 @@ def parse_stream(value: object) -> tuple[int, int]:
 
 
 def numbers(option: str, names: str) -> BeforeValidator:
-    """Takes finite numbers from a list or from a text with commas."""
+    """Return a validator of finite numbers in a list or in a text with commas."""
     return BeforeValidator(lambda value: tuple(parse_numbers(option, value, names)))
 
 
 def each(parse: Callable[[Any], object]) -> PlainValidator:
-    """Takes a list of values that are parsed one by one."""
+    """Return a validator that parses each value of a list."""
     return PlainValidator(lambda values: tuple(parse(one) for one in listed(values)))
 
 
 def listed(values: object) -> Iterable[object]:
-    """The values of a list, or a single one."""
+    """Return the values of a list, or a list of a single value."""
     return values if isinstance(values, list | tuple) else [values]
 
 
 def glitch(value: object) -> Fault:
-    """AT,FOR,N,E: positions off for a time."""
+    """Parse AT,FOR,N,E into a temporary offset of the position."""
     return Fault("offset", *parse_numbers("--gps-glitch", value, "AT,FOR,N,E"))
 
 
 def named_numbers(value: object) -> dict[str, float]:
-    """Numbers by name, or a list of NAME=VALUE.
+    """Parse numbers by name, or a list of NAME=VALUE.
 
     Raises:
-        OptionError: it is no such thing.
+        OptionError: a number is missing or none.
     """
     if isinstance(value, Mapping):
         return {str(name): float(number) for name, number in value.items()}
@@ -186,19 +186,19 @@ def named_numbers(value: object) -> dict[str, float]:
 
 
 DEFAULT_HEIGHT_M = 100.0
-"""Start above home, where home's altitude is not given."""
+"""Height of a start above home, unless home's altitude is given."""
 
 MAX_COUNT = 100
 
 MAX_EPOCH_AWAY_S = 3600.0
-"""How far from now simulation time zero may lie, in seconds of simulation."""
+"""Greatest distance between now and simulation time zero, in seconds of simulation."""
 
 LowHigh = tuple[float, float]
 Place = tuple[float, float, float, float]
 
 
 class Settings(AircraftOptions):
-    """Emulated aircraft, all of them alike."""
+    """Settings of emulated aircraft that are all alike."""
 
     mavlink: Annotated[str | None, Option("URL")] = None
     """udpin://, udpout://, tcpin:// or tcpout:// HOST:PORT. Required."""
@@ -352,7 +352,7 @@ class Settings(AircraftOptions):
     @model_validator(mode="before")
     @classmethod
     def _take_mission_s_wind(cls, values: object) -> object:
-        """A mission's `wind` holds its turbulence, gusts and roughness."""
+        """Take turbulence, gusts and roughness from inside a mission's `wind`."""
         if not (isinstance(values, Mapping) and isinstance(values.get("wind"), Mapping)):
             return values
         inside = ("turbulence", "gusts", "roughness_m")
@@ -361,7 +361,7 @@ class Settings(AircraftOptions):
 
     @model_validator(mode="after")
     def _catches_up(self) -> Self:
-        """See that simulation time zero is a time that the aircraft can catch up with."""
+        """Check that the aircraft can catch up with simulation time zero."""
         now_s = time.time()
         if (
             not abs(now_s - (now_s if self.epoch_s is None else self.epoch_s)) * self.speedup
@@ -374,10 +374,10 @@ class Settings(AircraftOptions):
         return self
 
     def plant_parameters(self) -> PlantParameters:
-        """The aircraft.
+        """Return the parameters of the aircraft's plant.
 
         Raises:
-            ValueError: there is no such plant, or it cannot be so; the message is one line.
+            ValueError: the plant is unknown or a value out of range; the message is one line.
         """
         own = self._autopilot()
         loops = own.loops if self.plant is None else PlantParameters(kind=self.plant)
@@ -408,7 +408,7 @@ class Settings(AircraftOptions):
         )
 
     def config(self, index: int = 0) -> AutopilotConfig:
-        """What one of the aircraft starts with, counted from 0.
+        """Return the initial configuration of one aircraft, counted from 0.
 
         Raises:
             ValueError: it cannot start so; the message is one line.
@@ -437,10 +437,10 @@ class Settings(AircraftOptions):
         )
 
     def air(self) -> Air:
-        """The air that all of them share.
+        """Return the air that all aircraft share.
 
         Raises:
-            ValueError: it cannot be so; the message is one line.
+            ValueError: a value is out of range; the message is one line.
         """
         highest_m = min(LEAST_HEIGHT_M, self.air_height_m) / 2.0
         if self.roughness_m is not None and not 0.0 < self.roughness_m <= highest_m:
@@ -457,7 +457,7 @@ class Settings(AircraftOptions):
         )
 
     def fleet(self) -> list[tuple[Emulated, Address]]:
-        """All aircraft with their addresses: system ids and ports count up from the first one's.
+        """Return all aircraft with their addresses: system ids and ports count up from the first.
 
         Raises:
             ValueError: a setting is wrong; the message is one line.
@@ -482,7 +482,7 @@ class Settings(AircraftOptions):
         return fleet
 
     def behind_its_link(self, autopilot: Autopilot) -> BadLink:
-        """An autopilot whose datagrams are late or lost as these settings say.
+        """Put an autopilot behind a link with the delay, jitter and loss of these settings.
 
         Raises:
             ValueError: a number is out of its range.
@@ -496,7 +496,7 @@ class Settings(AircraftOptions):
         )
 
     def place(self, index: int) -> Place:
-        """Latitude, longitude, altitude and course of one of them: each right of the one before."""
+        """Return latitude, longitude, altitude and course of an aircraft, to the right of its predecessor."""
         latitude_deg, longitude_deg, altitude_m, course_deg = self.start
         if index == 0 or abs(latitude_deg) > 89.0:
             return self.start
@@ -511,7 +511,7 @@ class Settings(AircraftOptions):
         return math.degrees(latitude_rad), math.degrees(longitude_rad), altitude_m, course_deg
 
     def _autopilot(self) -> type[Any]:
-        """The class of its autopilot.
+        """Return the class of the autopilot.
 
         Raises:
             OptionError: there is none of this name, or a plugin cannot be loaded.
@@ -526,7 +526,7 @@ class Settings(AircraftOptions):
             raise OptionError(f"--autopilot: {error}") from error
 
     def _version(self) -> tuple[int, int] | None:
-        """Major and minor of the autopilot's version.
+        """Return major and minor number of the autopilot's version, or None for the newest.
 
         Raises:
             OptionError: it is no version.
@@ -545,12 +545,12 @@ class Settings(AircraftOptions):
 
 
 def given(value: float | None, default: float) -> float:
-    """A value, or the default where none was given."""
+    """Return a value, or the default where it is None."""
     return default if value is None else value
 
 
 def field_names() -> dict[str, str]:
-    """Fields by all spellings that a file may use: their own, and their options', with - or _."""
+    """Return the field of each spelling that a file may use: field or option name, with - or _."""
     spellings: dict[str, str] = {}
     for field in Settings.model_fields:
         option = option_name(Settings, field)
