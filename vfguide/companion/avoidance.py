@@ -1,6 +1,6 @@
-"""Keeping one vehicle clear of all others, whatever its guidance wants: in the plane, and in height.
+"""Separation: keep one vehicle clear of all others, in the plane and in height, whatever guidance wants.
 
-The only place where that is decided, for leader and followers and for all laws alike.
+This is the only place where that is decided, for leader and followers and for all laws alike.
 """
 
 import cmath
@@ -53,59 +53,58 @@ from vfguide.mavlink.announcements import WARNING
 from vfguide.state import Airframe, LeaderState, Setpoint, VehicleState
 
 SLIPPING_SHARE = 0.75
-"""Of the turn rate of a coordinated turn, what a vehicle without coordination reaches."""
+"""Share of a coordinated turn rate that an uncoordinated vehicle reaches."""
 
 BESIDE_M = 15.0
-"""Who is near a leader whose slot is no farther away than this flies where it belongs."""
+"""Vehicles slotted within this distance of the leader are not intruders, m."""
 
 LITTLE_ROOM_M = 1.0
-"""Where no manoeuvre leaves this much beyond the floor, height is used as well, at once."""
+"""Height is used at once where no manoeuvre leaves this much beyond the floor, m."""
 
 ROOM_M = 3.0
-"""Where none leaves this much for `INSISTS_S`, too: two that join come as near for a step or two."""
+"""Height is used where none leaves this much for `INSISTS_S`, m: two that join come as near for a moment."""
 
 INSISTS_S = 0.15
-"""See `ROOM_M`."""
 
 HELD_OFF_S = 4.0
-"""Two that keep each other from their slots so long pass at two heights."""
+"""Two vehicles that keep each other from their slots this long pass at two heights, s."""
 
 LETS_GO_S = 1.0
-"""Who was not held off for so long is not held off any more."""
+"""Interruption that ends being held off, s."""
 
 AROUND_LOOK_S = 0.06
-"""Between two looks around, where reports are as frequent: others say where they are every 0.1 to 0.4 s."""
+"""Least interval of looking around, s: the others report their positions only every 0.1 to 0.4 s."""
 
 REPORT_S = 0.5
-"""Avoidance that lasts longer than this is worth a text to the pilot."""
+"""Avoidance that lasts longer is worth a text to the pilot, s."""
 
 EPISODE_S = 5.0
-"""A step in height is kept, and the same not said again, for so long after the last reason for it."""
+"""Time after its last reason for which a step in height is kept, and its text not repeated, s."""
 
 ANSWER_S = 0.4
-"""Time constant with which a heading is approached, beside the delays of the vehicle."""
+"""Time constant of approaching a heading, on top of the vehicle's delays, s."""
 
 
 class AvoidanceStep(msgspec.Struct, frozen=True, kw_only=True):
-    """What a step comes to."""
+    """Outcome of one avoidance step."""
 
     setpoint: Setpoint | None
-    """To be flown instead of what is wanted; None: what is wanted is clear."""
+    """Setpoint that replaces guidance's; None where guidance's is clear."""
     climb_m: float
-    """To be added to the altitude of the mission, m."""
+    """Step to add to the mission's altitude, m."""
 
 
 class Intent(msgspec.Struct, frozen=True, kw_only=True):
-    """What a vehicle would fly alone."""
+    """Motion of a vehicle if it were alone."""
 
     wanted: WantedMotion
-    """What its guidance wants."""
+    """Motion that guidance wants."""
     leader: LeaderState | None
-    """Now; None for the leader itself."""
+    """Leader's state now; None for the leader itself."""
     astray: float
-    """How far it is from its slot, or from flying along its path, m."""
+    """Distance from the slot, or from flying along the path, m."""
     height: HeightTarget
-    """Of its guidance."""
+    """Height that guidance wants."""
     gusts: float = 0.0
     """See `Viewpoint`."""
     leaderless: bool = False
@@ -113,7 +112,7 @@ class Intent(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class KeepClear:
-    """Looks at all others in every step."""
+    """Separation of one vehicle from all others."""
 
     def __init__(self, plan: FlightPlan, traffic: Traffic, alerts: Alerts | None = None) -> None:
         self._plan = plan
@@ -125,12 +124,12 @@ class KeepClear:
             distance_m=plan.traffic_m,
             followed=None if foreign is None else foreign.icao_address,
         )
-        """Those that are not of the formation."""
+        """Aircraft outside the formation."""
         self._looked_s = -math.inf
         self._clear: Clearance | None = None
         self._climb_m = 0.0
         self.height_sense = 0
-        """Which way the vehicle leaves its height, as the others are told, see `HeardState.height_sense`."""
+        """Announced direction of leaving the own height, see `HeardState.height_sense`."""
         self._stepped_s = self._begun_s = -math.inf
         self._tight_since = math.inf
         self._held_s = self._held_since_s = -math.inf
@@ -149,13 +148,13 @@ class KeepClear:
         *,
         steered: bool,
     ) -> AvoidanceStep:
-        """Check what is wanted, and change it if it would come too near to another vehicle.
+        """Check the wanted motion, and change it if it would come too near to another vehicle.
 
         Args:
-            navigated: the vehicle now.
-            turn_rate: of its course, rad/s.
-            intent: finds what it would fly alone.
-            steered: whether the vehicle flies by it, so that its pilot sees what is done.
+            navigated: the own state now.
+            turn_rate: rate of its course, rad/s.
+            intent: finds the motion wanted by guidance alone.
+            steered: whether the vehicle flies by the result, so that its pilot should hear of it.
         """
         now, clear = navigated.state.time_s, self._clear
         aim = None
@@ -176,7 +175,6 @@ class KeepClear:
         return AvoidanceStep(setpoint=setpoint, climb_m=self._climb_m)
 
     def _agility(self, navigated: NavigatedState) -> Agility:
-        """How fast the vehicle answers now."""
         return agility_of(
             navigated.state, self._plan.airframe, slips=self._plan.slips, period=navigated.period
         )
@@ -184,7 +182,7 @@ class KeepClear:
     def _look_around(
         self, navigated: NavigatedState, turn_rate: float, aim: Intent, *, steered: bool
     ) -> Clearance | None:
-        """What to fly, and at which height; None where no vehicle can come near. See `step`."""
+        """Choose manoeuvre and height step; return None where no vehicle can come near. See `step`."""
         state, airframe = navigated.state, self._plan.airframe
         wind = complex(state.wind_north, state.wind_east)
         here = Viewpoint(
@@ -214,10 +212,10 @@ class KeepClear:
             others = replace(others, worth=worth_in_plane(heights, others, those))
         side = 0.0 if self._clear is None else self._clear.turn
         clear = keep_clear(own, aim.wanted, others, agility, side=side)
-        # In close slots, where nothing has to be changed, two may fly nearer than this for ever.
+        # In close slots, with nothing to change, two may stay nearer than this for ever.
         room_m = math.inf
         if clear.changed:
-            # Slots count from the leader's height: who flies in one would climb and descend with it.
+            # Slots count from the leader's height: a vehicle in one would climb and descend with it.
             leads = aim.leader is None
             beside = np.array([leads and one.slots_apart_m <= BESIDE_M for one in those])
             least = np.array([one.least_m for one in those])
@@ -231,7 +229,7 @@ class KeepClear:
             flown = clear if cramped else None
             climb_m = self._height_for(here, own, aim, navigated, flown, begins=tight)
             self._step_to(climb_m, here)
-        # One that is late is told of once it is silent.
+        # A late vehicle is reported only once it is silent.
         silent = over and self._stepped_s == state.time_s
         told = None
         if steered and clear.changed:
@@ -243,7 +241,7 @@ class KeepClear:
         return clear
 
     def _step_to(self, climb_m: float, here: Viewpoint) -> None:
-        """Climb or descend so many metres from now on."""
+        """Set the height step, and note when it began."""
         if climb_m != self._climb_m:
             self._climb_m, self._begun_s = climb_m, here.time_s
 
@@ -255,9 +253,9 @@ class KeepClear:
         navigated: NavigatedState,
         found: tuple[Others, list[Obstacle]] | None,
     ) -> bool:
-        """Whether the wanted way leads so near to a silent vehicle that it is passed in height, from now on.
+        """Pass a silent vehicle in height if the wanted way leads near it; return whether it does.
 
-        Who is late is not silent yet: the step for it ends with its next word.
+        A late vehicle is not silent yet: a step for it ends with its next state.
         """
         if aim.leader is None:
             return False
@@ -274,7 +272,7 @@ class KeepClear:
         return over
 
     def _heights_ahead(self, here: Viewpoint, aim: Intent) -> FloatArray:
-        """Heights at `TIMES`, m above mean sea level, with the step that is flown."""
+        """Return the own heights at `TIMES` with the current step, m above mean sea level."""
         goal = self._plan.frame.altitude_m + aim.height.height + self._climb_m
         return heights_ahead(
             here.altitude_amsl,
@@ -292,7 +290,7 @@ class KeepClear:
         heights: bool = False,
         late: BoolArray | None = None,
     ) -> tuple[Others, list[Obstacle]] | None:
-        """What all that may come near may do, and whose each possibility is; None where nothing may."""
+        """Return the tracks of all that may come near, and the vehicle of each; None without any."""
         found = self._traffic.possibilities(here, aim.leader, heights=heights, late=late)
         those = []
         if found is not None:
@@ -310,8 +308,8 @@ class KeepClear:
                     Obstacle(
                         name=vehicle.name,
                         least_m=float(floor),
-                        # Slots in layers may stand above each other, where no distance is to be kept
-                        # in the plane: then height alone counts.
+                        # Slots in layers may lie above each other, with no horizontal distance to keep: then
+                        # height alone counts.
                         least_up_m=max(float(floor), LEAST_UP_M),
                         altitude_amsl=altitude,
                         climb_rate=climb_rate,
@@ -344,7 +342,7 @@ class KeepClear:
     def _report(
         self, obstacle: Obstacle | None, climb_m: float, now: float, *, turns: bool = False
     ) -> None:
-        """Put into words what is done about a vehicle (None: nothing)."""
+        """Tell the pilot what is done about a vehicle; None: nothing is done."""
         if obstacle is None:
             self._changed_since = math.inf
             return
@@ -370,7 +368,7 @@ class KeepClear:
         )
 
     def _is_tight(self, room_m: float, now: float) -> bool:
-        """Whether the plane is not enough: the best manoeuvre leaves so much room (m) beyond the floor."""
+        """Check whether the plane is not enough: the best manoeuvre leaves this room (m) beyond the floor."""
         if room_m >= ROOM_M:
             self._tight_since = math.inf
             return False
@@ -378,7 +376,7 @@ class KeepClear:
         return room_m < LITTLE_ROOM_M or now - self._tight_since >= INSISTS_S
 
     def _is_held_off(self, aim: Intent, now: float, *, held: bool) -> bool:
-        """Whether two have stood in each other's way for so long that this one is to leave its height."""
+        """Check whether two have blocked each other for so long that this one should leave its height."""
         if not held or aim.astray <= ASTRAY_M:
             return False
         if now - self._held_s > LETS_GO_S:
@@ -398,17 +396,11 @@ class KeepClear:
         over: bool = False,
         late: BoolArray | None = None,
     ) -> float:
-        """Step in height (m) beside all others; it stays for a while once the plane is enough again.
+        """Return the step in height (m) to all others; it stays for a while once the plane is enough.
 
-        Args:
-            here: the vehicle that looks around.
-            own: how it moves.
-            aim: what it would fly alone.
-            navigated: the vehicle.
-            clear: what it flies in the plane; None for what is wanted.
-            begins: whether the plane is not enough now.
-            over: whether a vehicle is to be passed in height, whatever the plane would leave.
-            late: who counts as silent already.
+        `clear` is the manoeuvre flown in the plane, None for the wanted motion. `begins` tells that the plane
+        is not enough now. `over` passes a vehicle in height whatever room the plane leaves; `late` ones count
+        as silent.
         """
         if self._climb_m == 0.0 and not (begins or over):
             return 0.0
@@ -424,7 +416,7 @@ class KeepClear:
         neighbours = [
             neighbour_of(
                 one,
-                # A step lasts longer than tracks are predicted: two that change places come nearer.
+                # A step outlasts the predicted tracks: two that change places come nearer.
                 distance=min(float(way), one.slots_apart_m),
                 in_s=float(in_s),
                 height=one.altitude_amsl - origin - wanted.height,
@@ -450,7 +442,7 @@ class KeepClear:
 def leads_over(
     own: OwnMotion, aim: Intent, found: tuple[Others, list[Obstacle]] | None, agility: Agility
 ) -> bool:
-    """Whether what is wanted leads near to a vehicle that is silent."""
+    """Check whether the wanted motion leads near to a silent vehicle."""
     if found is None:
         return False
     others, those = found
@@ -461,7 +453,7 @@ def leads_over(
 
 
 def own_motion(state: VehicleState, turn_rate: float, airframe: Airframe) -> OwnMotion:
-    """A vehicle as its tracks start; one that holds course and ground speed flies as if there was no wind."""
+    """Return the start of a vehicle's tracks, in still air if it holds course and ground speed."""
     if airframe.hold == "course-hold":
         air, wind = cmath.rect(state.ground_speed, state.course), 0j
     else:
@@ -473,7 +465,7 @@ def own_motion(state: VehicleState, turn_rate: float, airframe: Airframe) -> Own
 
 
 def agility_of(state: VehicleState, airframe: Airframe, *, slips: bool, period: float) -> Agility:
-    """How fast a vehicle answers now; a setpoint goes out with the next report (s)."""
+    """Return how fast a vehicle answers now; a setpoint goes out with the next report (`period`, s)."""
     speed_min, speed_max = speed_range(state, airframe)
     held = state.ground_speed if airframe.hold == "course-hold" else state.airspeed
     share = SLIPPING_SHARE if slips else 1.0
@@ -496,7 +488,7 @@ def setpoint_of(
     agility: Agility,
     airframe: Airframe,
 ) -> Setpoint:
-    """Setpoint of a manoeuvre: the turn rate that brings the vehicle onto its heading, as hard as it can."""
+    """Return the setpoint that turns the vehicle onto a manoeuvre's heading, within its bank limit."""
     air = wanted.velocity - own.wind
     ahead = (own.turn_rate - wanted.turn_rate) * agility.turn_delay
     flown = cmath.phase(own.air_velocity)

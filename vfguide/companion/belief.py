@@ -1,24 +1,22 @@
-"""What is believed of one aircraft: reports are evidence, held against each other and against a prediction.
+"""Belief in one aircraft's reports: evidence compared with other witnesses and with a prediction.
 
-Witnesses are the place, the velocity over ground and, of the own vehicle, the motion through the air (heading
-and airspeed). Each report is compared with where the vehicle must be, carried on from the last believed one:
-what is left is an innovation. Manoeuvres explain some of it (`guidance/navigation.py`), the noise of the
-reports the rest. Noise is learned from how much successive innovations differ: neither a step nor a steady
-drag makes it look greater.
+The witnesses are position, ground velocity and, for the own vehicle, motion through the air (heading and
+airspeed). An innovation is a report's difference from the prediction by the last believed one. Manoeuvres
+explain part of it (`guidance/navigation.py`), noise the rest. Noise is learned from the differences of
+successive innovations, so that neither a step nor a steady drift inflates it.
 
-Two that agree outweigh the third. A place that steps is outweighed by the velocity, which carries it on. A
-velocity that steps, where the air velocity does not, is outweighed by places and air. What is repeated to
-the digit although the aircraft must have moved is no evidence at all: place and velocity that both stand
-still are a silence, through which the air motion leads. Where place and velocity part without a step it
-cannot be known which of them is false: neither is used.
+Two witnesses that agree outweigh the third. Velocity outweighs a position that steps, and carries it on.
+Positions and air velocity outweigh a ground velocity that steps alone. A report repeated to the digit by a
+moving aircraft is no evidence. If both position and velocity repeat, the air motion bridges the silence. If
+position and velocity part without a step, either may be false: neither is used.
 
-Whatever is missing, the radius of what is known (m, 95 %) grows. It is steered within `most_m`, which follows
-from the spacing of the mission; beyond it the place is still told to the others.
+While evidence is missing, the 95 % radius of the position (m) grows. The vehicle is steered within `most_m`,
+which follows from the mission's spacing; beyond it the position is still sent to the others.
 
-`LIVES` is the whole life of a belief.
+`LIVES` is the state machine of a belief.
 
-What cannot be seen: steps within the tolerance (4 m and six times the noise), positions that drift off by
-less than that in `LEAN_S` (1 m/s where noise is 0.3 m), and positions and velocities forged together.
+Steps within the tolerance (4 m plus six times the noise) stay undetected. So do a drift below it in `LEAN_S`
+(1 m/s at 0.3 m noise), and positions and velocities forged together.
 """
 
 import math
@@ -49,73 +47,68 @@ from vfguide.guidance.navigation import (
 from vfguide.transitions import transitions
 
 MOVED_S = 5.0
-"""Reports that stay elsewhere are believed after having agreed with each other for so long: longer than a
-receiver's glitches of some seconds last."""
+"""Time for which deviating reports must agree to be adopted: longer than a receiver's glitches of seconds."""
 
 STAYED_S = 30.0
-"""The same for one's own vehicle, which flies by them: by then it has been handed to its autopilot, and its
-pilot knows."""
+"""Same for the own vehicle: by then it is in its autopilot's hands, and its pilot knows."""
 
 LEAST_TOLERANCE_M = 4.0
-"""Innovations below this are never a fault: an estimator may correct itself by as much."""
+"""Smaller innovations are never a fault: an estimator may correct itself by as much."""
 
 NOISE_FACTOR = 6.0
 """Tolerance in standard deviations of the position noise."""
 
 EXPECTED_NOISE_M = 0.7
-"""Standard deviation, per axis, that is assumed before anything is known."""
+"""Standard deviation per axis assumed before any is learned."""
 
 NOISE_S = 10.0
-"""Memory of the noise: over a shorter one a place that has stepped once passes for noise."""
+"""Memory of the noise estimate: over a shorter one, a single position step passes for noise."""
 
 AIR_ERROR_M_S = 2.0
-"""How fast a place that is carried through the air may leave the true one: in gusts, 4 m in 2 s. By as much
-the wind changes in each second."""
+"""Drift of a position carried through the air: in gusts, 4 m in 2 s. Also the wind's change per second."""
 
 STANDS = "position and velocity do not change in flight"
-"""Reason for what is repeated to the digit."""
+"""Reason for reports that repeat to the digit."""
 
 SPACING_SHARE = 0.25
-"""Part of the spacing that a place may be off by: two that are off toward each other keep half of it."""
+"""Allowed position error in parts of the spacing: two vehicles off toward each other keep half of it."""
 
 GREATEST_RADIUS_M = 7.0
-"""Most of that: what is over before reports that stay are believed."""
+"""Upper bound of that error: errors within it are over before a lasting deviation is believed."""
 
 RADIUS_SIGMAS = 2.45
-"""95 % of a circular normal distribution, in standard deviations of an axis."""
+"""95 % of a circular normal distribution, in standard deviations of one axis."""
 
 GREATEST_NOISE_M = GREATEST_RADIUS_M / RADIUS_SIGMAS
-"""More noise than this makes no report more credible: nothing could be steered by."""
+"""More noise makes no report more credible: nothing could be steered by it."""
 
 
 class Life(Enum):
-    """How much is believed."""
+    """Degree of belief."""
 
     UNKNOWN = "unknown"
-    """Nothing yet."""
     SETTLING = "settling"
-    """Reports are believed, but no more than others that agree with each other for as long."""
+    """Reports are believed, but any others that agree for as long may replace them."""
     TRUSTED = "trusted"
     """Reports are believed."""
     COASTING = "coasting"
-    """The vehicle is carried on by the witnesses that agree; good enough to steer by."""
+    """Agreeing witnesses carry the vehicle on; good enough to steer by."""
     DOUBTED = "doubted"
     """Not good enough to steer by."""
 
 
 class Evidence(Enum):
-    """What one more report comes to."""
+    """Outcome of one more report."""
 
     AGREES = "agrees"
-    """The witnesses agree."""
     SETTLED = "settled"
-    """They have done so for long enough."""
+    """The witnesses have agreed for long enough."""
     OUTWEIGHED = "outweighed"
-    """One of them is false or missing, others carry on."""
+    """One witness is false or missing; others carry on."""
     CONTRADICTED = "contradicted"
-    """It cannot be known which is false, or nothing is left."""
+    """The false witness cannot be identified, or none is left."""
     WORN = "worn"
-    """What is carried on is too uncertain by now."""
+    """The carried position is too uncertain by now."""
     MOVED = "moved"
     """Reports from elsewhere have agreed for long enough."""
 
@@ -129,69 +122,68 @@ LIVES = """
 | coasting  | coasting | trusted | coasting   | doubted      | doubted | settling |
 | doubted   | doubted  | trusted | doubted    | doubted      | doubted | settling |
 """
-"""The life that follows from a life (rows) and what the evidence comes to (columns)."""
+"""Next life by life (rows) and evidence (columns)."""
 
 
 NEXT = transitions(LIVES, Life, Evidence)
 
 
 class Believed(msgspec.Struct, frozen=True):
-    """What one more report leaves of a belief."""
+    """Belief after one more report."""
 
     life: Life
-    """How much is believed."""
     north: float
-    """Of the place to go by, m."""
+    """Position to use, north, m."""
     east: float
-    """Of the place to go by, m."""
+    """Position to use, east, m."""
     by_place: bool = True
-    """Whether the reported place counts; else it is carried on."""
+    """Whether the reported position counts; else the position is carried on."""
     by_velocity: bool = True
     """Whether the reported velocity counts; else the motion through the air leads."""
     leads: bool = True
-    """Whether anything leads on, so that the others can be told of a place."""
+    """Whether any witness carries the position on, so that the others can be told of one."""
     off: float = 0.0
-    """How far the report is from where the vehicle must be, m."""
+    """Distance from the report to the prediction, m."""
     moved: tuple[float, float] | None = None
-    """(north, east) in m from the carried place to the one that is believed now, if it is another one."""
+    """Displacement (north, east) from the carried to a newly adopted position, m; None without one."""
     reason: str | None = None
-    """Why it is not believed, in words."""
+    """Reason for disbelief."""
 
     @property
     def is_reported(self) -> bool:
-        """Whether the report is believed as it is."""
+        """Whether the report is believed unchanged."""
         return self.by_place and self.by_velocity
 
 
 def radius_limit(spacing: float) -> float:
-    """Radius (m) within which an aircraft is steered whose nearest neighbour's slot is that far away, m."""
+    """Return the position radius up to which a vehicle is steered, by the spacing of the nearest slot, m."""
     return min(max(SPACING_SHARE * spacing, LEAST_TOLERANCE_M), GREATEST_RADIUS_M)
 
 
 class Belief:
-    """What is believed of one aircraft, and how well its place is known."""
+    """Belief in one aircraft's reports, and the uncertainty of its position."""
 
     def __init__(self, reach: Reach, *, moved_s: float, most_m: float = GREATEST_RADIUS_M) -> None:
-        """Before the first report, which is believed where its speed is possible.
+        """Start without reports; the first is believed if its speed is possible.
 
         Args:
-            reach: what the vehicle can do.
-            moved_s: for how long reports from elsewhere have to agree with each other.
-            most_m: radius of a place that may be steered by, m.
+            reach: motion that the vehicle can perform.
+            moved_s: time for which deviating reports must agree with each other, s.
+            most_m: greatest position radius to steer by, m.
         """
         self._reach = reach
         self._moved_s = moved_s
         self._most_m = most_m
         self._variance = EXPECTED_NOISE_M**2
         self.word = OwnWord()
-        """What its autopilot says of its own navigation."""
+        """Autopilot's own word on its navigation."""
         self.airspeed = Witness()
         """Whether its airspeeds can be used."""
         self._airspeed_s = -math.inf
         self.forget()
 
     def forget(self) -> None:
-        """The next report is the first one."""
+        """Treat the next report as the first one."""
         self.life = Life.UNKNOWN
         self._known: ReportedMotion | None = None
         self._believed_since = 0.0
@@ -202,58 +194,55 @@ class Belief:
         self._newest: ReportedMotion | None = None
         self._repeats = Repeats()
         self.height = HeightBelief()
-        """What is believed of its altitudes."""
+        """Belief in its altitudes."""
         self._wind: tuple[float, float] | None = None
         self._contradicts = self._silent = self._velocity_is_false = False
         self.agree_s = RETURN_S
-        """For how long doubted reports have to agree before they are believed again, s."""
+        """Time for which doubted reports must agree before they are believed again, s."""
         self._innovation: tuple[float, float] | None = None
         self._lost_m = 0.0
 
     @property
     def noise(self) -> float:
-        """Standard deviation of the places along an axis, m."""
+        """Standard deviation of the positions along one axis, m."""
         return min(math.sqrt(self._variance), GREATEST_NOISE_M)
 
     @property
     def tolerance(self) -> float:
-        """Innovation (m) that noise explains."""
+        """Innovation that noise explains, m."""
         return LEAST_TOLERANCE_M + NOISE_FACTOR * self.noise
 
     @property
     def radius(self) -> float:
-        """Within which the vehicle is at 95 %, m; infinite while nothing is known."""
+        """95 % radius of the position, m; infinite while nothing is known."""
         if self._known is None:
             return math.inf
         return RADIUS_SIGMAS * self.noise + self._lost_m
 
     def lasts_s(self, believed: Believed) -> float:
-        """For how long a vehicle that coasts may be steered on, s."""
+        """Return for how long a coasting vehicle may be steered on, s."""
         witnessed = believed.by_velocity or believed.by_place
         growth = CARRY_ERROR_M_S if witnessed else AIR_ERROR_M_S
         return max(self._most_m - self.radius, 0.0) / growth
 
     @property
     def doubts(self) -> bool:
-        """Whether what was reported last is not believed."""
+        """Whether the newest report is disbelieved."""
         return self._doubted_since is not None
 
     def take_airspeed(self, airspeed: float, expected: float | None, now: float) -> str | None:
-        """Hold an airspeed against the one that ground velocity and wind come to.
+        """Compare an airspeed with the one that ground velocity and wind imply; return a mismatch.
 
         Args:
-            airspeed: as the sensor shows it, m/s.
-            expected: what it should show, m/s; None while not known.
+            airspeed: sensor value, m/s.
+            expected: implied value, m/s; None while unknown.
             now: s.
-
-        Returns:
-            what is wrong with it, in words.
         """
         slowest, fastest = self._reach.airspeeds
         if expected is None or math.isinf(self._airspeed_s) or not slowest <= expected <= fastest:
-            # No aircraft flies like that: it is the known wind that is wrong.
+            # No aircraft flies that fast or slow: the wind estimate is wrong.
             expected = airspeed
-        # A blocked tube shows nothing at all, and no wind that has changed meanwhile explains that.
+        # A blocked tube shows nothing at all, which no change of wind explains.
         most = max(UNDERSPEED * expected, VELOCITY_TOLERANCE_M_S)
         within = min(VELOCITY_TOLERANCE_M_S + AIR_ERROR_M_S * (now - self._airspeed_s), most)
         possible = 0.0 <= airspeed <= fastest
@@ -272,14 +261,13 @@ class Belief:
         fault: str | None = None,
         slack_s: float = 0.0,
     ) -> Believed:
-        """Take a report, which has to be later than the one before.
+        """Take a report, which must be later than the one before.
 
         Args:
             motion: as reported.
-            air: velocity (north, east) through the air, m/s; None where it is not known.
-            fault: why it is not to be believed whatever it says, if there is a reason; the place after it is
-                a new one.
-            slack_s: by so much the time since the report before may have been longer than the stamps say.
+            air: velocity (north, east) through the air, m/s; None where unknown.
+            fault: external reason to disbelieve the report; the position after it counts as a new one.
+            slack_s: by this much the time since the report before may be longer than the stamps say, s.
         """
         known, newest, self._newest = self._known, self._newest, motion
         place_repeats, velocity_repeats = self._repeats.take(newest, motion, air, self.noise)
@@ -302,7 +290,7 @@ class Belief:
             )
         turned = velocity_change(known, motion)
         if turned > self._reach.velocity_change(motion.time_s - known.time_s):
-            # The velocity steps, and nothing but the place speaks against it.
+            # The velocity steps, and only the position contradicts it.
             self._doubt(known)
             self._contradicts, self._silent = True, False
             self._watch(motion, slack_s)
@@ -320,7 +308,7 @@ class Belief:
         passed_s: float,
         air: tuple[float, float] | None,
     ) -> Believed:
-        """Place and velocity are repeated: no evidence, through which the air motion leads."""
+        """Treat a repeated position and velocity as a silence: only the air motion can lead."""
         if self._doubted_since is None:
             self._silent = True
         self._doubt(known)
@@ -338,13 +326,13 @@ class Belief:
         *,
         repeats: bool,
     ) -> tuple[float, float] | None:
-        """By how much (m/s) a velocity is off from air and wind, once those and places outweigh it."""
+        """Return a velocity's deviation (north, east) from air plus wind, m/s; None unless outweighed."""
         if air is None or self._wind is None:
             return None
         north = motion.velocity_north - air[0] - self._wind[0]
         east = motion.velocity_east - air[1] - self._wind[1]
         if not (self._velocity_is_false or repeats):
-            # What was repeated until now shows nothing of how the velocity changes.
+            # Repeats until now show nothing of how the velocity changed.
             passed_s = math.inf if self._silent else motion.time_s - newest.time_s
             steps = velocity_change(newest, motion) > self._reach.velocity_change(passed_s)
             gust = VELOCITY_TOLERANCE_M_S + AIR_ERROR_M_S * passed_s
@@ -361,7 +349,7 @@ class Belief:
         *,
         repeats: bool,
     ) -> Believed:
-        """Judge a report whose velocity is off from what places and air lead to."""
+        """Judge a report whose velocity deviates from positions and air velocity."""
         off_north, off_east = off_air
         off_m_s = math.hypot(off_north, off_east)
         self._velocity_is_false = True
@@ -392,7 +380,7 @@ class Belief:
             return self._carried(right, reason, by_place=True, by_velocity=False)
         if self._has_moved(motion):
             return self._adopted(motion)
-        # The place steps as well: the air leads alone.
+        # The position steps as well: the air motion leads alone.
         self._lost_m += AIR_ERROR_M_S * interval_s
         self._known = replace(right, north=right.north - north, east=right.east - east)
         reason = "position and velocity contradict each other, and the motion through the air"
@@ -407,7 +395,7 @@ class Belief:
         *,
         repeats: bool,
     ) -> Believed:
-        """The velocity can be true: the position, after the believed one and the newest one?"""
+        """Judge the position of a report whose velocity is plausible."""
         interval_s = motion.time_s - known.time_s
         north, east = innovation(known, motion, slack_s)
         off = math.hypot(north, east)
@@ -441,13 +429,13 @@ class Belief:
         return self._carried(self._known, reason, off=off)
 
     def _is_brief(self, known: ReportedMotion, motion: ReportedMotion) -> bool:
-        """Whether what agrees now may be believed at once."""
+        """Check whether an agreeing report may be believed at once."""
         if self._silent:
-            # A silence ends with the first report that fits, as a gap does.
+            # Like a gap, a silence ends with the first report that fits.
             return True
         if self._doubted_since is None or self.agree_s > RETURN_S:
             return False
-        # Time passes, and with it what the velocity could have become: it has to be the former one.
+        # With time any velocity becomes possible: only the former one is proof.
         former = velocity_change(known, motion) <= VELOCITY_TOLERANCE_M_S
         brief = motion.time_s - self._doubted_since <= UNBROKEN_S
         return brief and (former or not self._contradicts)
@@ -460,23 +448,23 @@ class Belief:
         *,
         repeats: bool,
     ) -> None:
-        """The place cannot be true: it steps or stands, or it cannot be known what is false."""
+        """Begin to doubt: the position steps or stands still, or the false witness is unknown."""
         interval_s = motion.time_s - known.time_s
         flown = math.hypot(*innovation(known, motion, stood_s=interval_s))
         if interval_s > UNBROKEN_S and flown <= self.tolerance:
-            # It has flown for a part of the time, as after its autopilot was stopped.
+            # It has flown for only part of the time, as after a stop of its autopilot.
             self._elsewhere_s = RETURN_S
         else:
             stepped = math.hypot(*innovation(newest, motion)) > self.tolerance
             self._contradicts = not (repeats or stepped)
-            # What parts slowly agrees again only where it does not go on parting.
+            # Witnesses that part slowly agree again only if they stop parting.
             self.agree_s = MOVED_S if self._contradicts else RETURN_S
         self._doubt(known)
 
     def _impossible(
         self, motion: ReportedMotion, air: tuple[float, float] | None = None
     ) -> str | None:
-        """What no aircraft does, whatever it did before; a speed that the air outweighs is not looked at."""
+        """Return a flaw that rules the report out by itself; known air velocity judges speed instead."""
         speed = motion.speed
         if not math.isfinite(speed + motion.north + motion.east + motion.time_s):
             return "the position is no number"
@@ -496,13 +484,13 @@ class Belief:
         by_velocity: bool = True,
         off: float = 0.0,
     ) -> Believed:
-        """The witnesses that agree carry the vehicle on."""
+        """Carry the vehicle on by the witnesses that agree."""
         self._find(Evidence.WORN if self.radius > self._most_m else Evidence.OUTWEIGHED)
         where = place.north, place.east
         return Believed(self.life, *where, by_place, by_velocity, off=off, reason=reason)
 
     def _refused(self, motion: ReportedMotion, reason: str) -> Believed:
-        """Nothing leads on."""
+        """Refuse the report; no witness carries the vehicle on."""
         self._find(Evidence.CONTRADICTED)
         where = motion.north, motion.east
         return Believed(
@@ -510,7 +498,7 @@ class Belief:
         )
 
     def _agreed(self, motion: ReportedMotion, known: ReportedMotion, off: float) -> Believed:
-        """The report is believed as it is."""
+        """Believe the report unchanged."""
         self._known = known
         if self.life is not Life.TRUSTED:
             self._settle()
@@ -520,7 +508,7 @@ class Belief:
         return Believed(self.life, motion.north, motion.east, off=off)
 
     def _adopted(self, motion: ReportedMotion) -> Believed:
-        """The vehicle is there, wherever it was thought to be."""
+        """Adopt the reported position, wherever the vehicle was believed to be."""
         known, moved = self._known, None
         self._believed_since = motion.time_s
         if known is not None:
@@ -538,7 +526,7 @@ class Belief:
         )
 
     def _settle(self) -> None:
-        """Nothing is doubted any more."""
+        """End all doubts."""
         self._doubted_since = self._seen = None
         self._contradicts = self._silent = self._velocity_is_false = False
         self.agree_s = RETURN_S
@@ -546,7 +534,7 @@ class Belief:
         self._lost_m = 0.0
 
     def _stood_still(self, known: ReportedMotion, motion: ReportedMotion) -> bool:
-        """Whether a report fits a vehicle that has flown for a part of the time since the one before."""
+        """Check whether a report fits a vehicle that has flown for only part of the interval."""
         interval_s = motion.time_s - known.time_s
         off = math.hypot(*innovation(known, motion, stood_s=interval_s))
         return interval_s > UNBROKEN_S and off <= self.tolerance
@@ -556,13 +544,13 @@ class Belief:
             self._doubted_since = known.time_s
 
     def _drift(self, motion: ReportedMotion) -> float:
-        """How far the carried place may have left the true one since it was last believed, m."""
+        """Return how far the carried position may have drifted since its last belief, m."""
         if self._doubted_since is None or self._silent:
             return 0.0
         return CARRY_ERROR_M_S * (motion.time_s - self._doubted_since)
 
     def _watch(self, motion: ReportedMotion, slack_s: float) -> None:
-        """Whether doubted reports agree with each other."""
+        """Note since when doubted reports agree with each other."""
         seen, self._seen = self._seen, motion
         if seen is not None:
             interval_s = motion.time_s - seen.time_s
@@ -571,7 +559,8 @@ class Belief:
             within = self.tolerance + self._reach.displacement(interval_s)
             turns = turned <= self._reach.velocity_change(interval_s)
             if turns and math.hypot(north, east) <= within:
-                # Not the report itself: one that stays behind its velocity a little each time is not steady.
+                # Not the report itself: reports that lag behind their velocity a little each time are not
+                # steady.
                 self._seen = (
                     replace(motion, north=motion.north - north, east=motion.east - east)
                     if self._contradicts or self._velocity_is_false
@@ -582,13 +571,13 @@ class Belief:
         self._seen_since = motion.time_s
 
     def _has_moved(self, motion: ReportedMotion) -> bool:
-        """Whether doubted reports have been steady for long, where an aircraft could have flown."""
+        """Check whether doubted reports have been steady for long, at a position within reach."""
         known, since = self._known, self._doubted_since
         if known is None or since is None:
             return False
         steady_s, believed_s = motion.time_s - self._seen_since, since - self._believed_since
         if believed_s < MOVED_S and steady_s >= max(believed_s, UNBROKEN_S):
-            # However far: that the vehicle was at the former place is no surer.
+            # At any distance: that the vehicle was at the former position is no surer.
             return True
         if steady_s < self._elsewhere_s:
             return False
@@ -596,7 +585,7 @@ class Belief:
         return far <= self._reach.speed * (motion.time_s - since)
 
     def _learn_noise(self, north: float, east: float, interval_s: float) -> None:
-        """Both axes of two innovations: the mean square of their difference is four variances."""
+        """Learn the noise; the mean square difference of two innovations (two axes) is four variances."""
         before, self._innovation = self._innovation, (north, east)
         if before is None:
             return
@@ -604,7 +593,7 @@ class Belief:
             self._innovation = None
             return
         differ = math.hypot(north - before[0], east - before[1])
-        # One step, however far, is no noise.
+        # A single step is no noise, however far it goes.
         squared = min(differ, NOISE_FACTOR * GREATEST_NOISE_M) ** 2
         share = min(interval_s / NOISE_S, 0.1)
         self._variance += share * (0.25 * squared - self._variance)

@@ -1,7 +1,7 @@
-"""The companion: bytes from the autopilot and from the link in, bytes for both out.
+"""Companion core: consumes bytes from the autopilot and the link, returns bytes for both.
 
-It owns no socket and reads no clock: its caller hands in bytes and the time. A new position report
-leads to one guidance step and one pair of setpoints at once.
+It owns no socket and reads no clock: the caller passes in bytes and the time. Each new position report leads
+at once to one guidance step and one pair of setpoints.
 """
 
 import math
@@ -55,7 +55,7 @@ from vfguide.state import HeardState
 
 
 class Companion:
-    """One vehicle's companion."""
+    """Companion of one vehicle."""
 
     def __init__(
         self,
@@ -75,17 +75,17 @@ class Companion:
         """Make a companion that has heard nothing yet.
 
         Args:
-            plan: its vehicle's part of the mission.
-            adapter: how to speak to its autopilot.
-            engage: whether it may put the autopilot into the guided mode by itself, once in a flight.
-            consent: keeps what was agreed for the flight over restarts; forgotten with this object if absent.
-            clock: the formation's; this companion's own if absent.
-            inspect: whether to ask for the autopilot's parameters and warn of what does not fit the flight.
-            signing: of the connection to the autopilot, if it is signed.
-            sends_target: whether to send FOLLOW_TARGET, if this is the leader.
-            ground_orders: what ground stations may order; None to hear none of that.
-            greeting_s: for so long after the leader it waits to hear all others before it joins them, s.
-            role: makes its part in the formation; the plan's own if absent.
+            plan: the vehicle's part of the mission.
+            adapter: autopilot-specific protocol.
+            engage: whether the companion may enter the guided mode by itself, once per flight.
+            consent: keeps the flight's consent over restarts; by default it is lost with this object.
+            clock: clock shared by the formation; the companion's own by default.
+            inspect: whether to read the autopilot's parameters and warn of values unfit for the flight.
+            signing: MAVLink signing of the connection to the autopilot; None if it is not signed.
+            sends_target: whether a leader sends FOLLOW_TARGET.
+            ground_orders: orders that ground stations may request; None to ignore requests.
+            greeting_s: time after the leader is first heard to wait for all other vehicles before joining, s.
+            role: factory of the vehicle's role; the plan's own by default.
         """
         self._adapter = adapter
         self._phase = FlightPhase(
@@ -107,7 +107,7 @@ class Companion:
         self._old_datagrams = 0
         self._timeouts = plan.timeouts
         self.ground_orders = ground_orders
-        """What ground stations request; None where that is not heard."""
+        """Requests from ground stations; None where they are ignored."""
         self._codec = Codec(
             plan.system_id,
             plan.component_id,
@@ -142,21 +142,21 @@ class Companion:
 
     @property
     def flight_mode(self) -> str:
-        """What ground stations call the autopilot's mode."""
+        """Autopilot mode, by the name that ground stations use."""
         return self._authority.mode_name()
 
     @property
     def wind(self) -> tuple[float, float] | None:
-        """(north, east) of the wind that it flies by, m/s; None while not known."""
+        """Wind (north, east) used for guidance, m/s; None while unknown."""
         return self._vehicle.wind
 
     def sensors(self, now: float) -> SensorsReport | None:
-        """What the autopilot said last of its sensors and its battery; None if that is long ago."""
+        """Return the newest sensor and battery report; None if it is too old."""
         return self._vehicle.own.sensors.newest(now)
 
     @property
     def snapshot(self) -> Snapshot:
-        """What it did last."""
+        """Mode, setpoint and formation state after the last step."""
         return Snapshot(
             mode=self._mode,
             setpoint=self._vehicle.steering.setpoint,
@@ -170,7 +170,7 @@ class Companion:
 
     @property
     def counters(self) -> Counter[str]:
-        """What arrived and was not used, by reason."""
+        """Received data that was not used, counted by reason."""
         own = self._vehicle.own.counters + Counter({"old when it was read": self._old_datagrams})
         own += self._arrangements.counters
         return (
@@ -182,14 +182,11 @@ class Companion:
 
     @property
     def arrangement(self) -> Arrangement | None:
-        """What it flies by; None for the slots of the mission."""
+        """Arrangement being flown; None for the mission's own slots."""
         return self._arrangements.flight.flown
 
     def formation_at(self, then_s: float, now: float) -> FlownFormation | None:
-        """The formation for an order that begins at a time of the own clock, s.
-
-        None where others fly by an order that is not known here.
-        """
+        """Return the formation at a time of the own clock (s); None while others fly an unknown order."""
         if self._arrangements.waits(now):
             return None
         leader = self._arrangements.leader
@@ -212,7 +209,7 @@ class Companion:
         )
 
     def awaits(self, number: int) -> bool:
-        """Whether an order was agreed to here, and is not decided yet."""
+        """Check whether this companion has agreed to an order that is not decided yet."""
         return self._arrangements.awaits(number)
 
     def receive_link(self, data: bytes, now: float) -> None:
@@ -220,11 +217,11 @@ class Companion:
         self._vehicle.role.receive(data, now)
 
     def lose_link(self, now: float) -> None:
-        """Note that there is no connection to the link now."""
+        """Note that the link is disconnected now."""
         self._vehicle.role.lose_link(now)
 
     def stand_back(self, now: float, why: str) -> Outgoing:
-        """Do not steer for a reason that the link has found out, in words; or again, where there is none."""
+        """Stop steering for a reason found on the link; with an empty reason, steer again."""
         if why == self._stands_back:
             return Outgoing()
         self._stands_back = why
@@ -234,25 +231,25 @@ class Companion:
         return self.tell(why or silent, now)
 
     def receive_lead(self, vehicle: str, data: bytes, now: float) -> None:
-        """Take a state of the leader by which a vehicle of this name leads, from the link."""
+        """Take from the link a leader state by which the named vehicle leads."""
         self._vehicle.role.receive_lead(vehicle, data, now)
 
     def receive_neighbour(self, vehicle: str, data: bytes, now: float) -> None:
-        """Take the state of another follower, of this name, from the link."""
+        """Take the state of the named follower from the link."""
         self._vehicle.role.receive_neighbour(vehicle, data, now)
 
     def receive_order(
         self, data: bytes, signed: bytes, now: float, *, repeated: bool = False
     ) -> None:
-        """Take an operator's order, of the operator or repeated, and how it is to be repeated for others."""
+        """Take an operator's order, original or repeated, with its signed form for repetition to others."""
         self._arrangements.receive_order(data, signed, now, repeated=repeated)
 
     def receive_reply(self, vehicle: str, data: bytes, now: float) -> None:
-        """Take another vehicle's answer to an order, or an operator's question for the one that is flown."""
+        """Take another vehicle's answer to an order, or an operator's question for the order being flown."""
         self._arrangements.receive_reply(vehicle, data, now)
 
     def receive_mavlink(self, data: bytes, now: float) -> Outgoing:
-        """Take one datagram from the autopilot; setpoints go out with a position report."""
+        """Take one datagram from the autopilot; a position report yields setpoints."""
         out = self.answer(data, now)
         at_once = out.to_autopilot
         self.settle(out, now)
@@ -260,10 +257,10 @@ class Companion:
         return out
 
     def answer(self, data: bytes, now: float) -> Outgoing:
-        """The first half of `receive_mavlink`: what cannot wait, above all setpoints.
+        """Decode one datagram and return only urgent output, above all setpoints.
 
-        `settle` does the rest once these bytes have gone out. Where a datagram has led to nothing, the next
-        `poll` does as well: a heartbeat that shows another mode leads to something.
+        Call `settle` once these bytes have been sent; the two halves make up `receive_mavlink`. If the result
+        is empty, the next `poll` can replace `settle`: a heartbeat that shows another mode yields output.
         """
         out = Outgoing()
         messages: list[MAVLink_message] = []
@@ -284,25 +281,25 @@ class Companion:
         return out
 
     def settle(self, out: Outgoing, now: float) -> None:
-        """The second half: `out` gets what is due beside what was answered, and other bytes to be sent."""
+        """Complete `answer` with periodic output; `out` is updated in place, with new bytes to send."""
         self._finish([], now, out)
 
     def poll(self, now: float) -> Outgoing:
-        """What is due by time alone; to be called every tenth of a second or so while nothing arrives."""
+        """Return the output that time alone makes due; call some ten times a second while nothing arrives."""
         out = Outgoing()
         self._is_waking(now)
         return self._finish([], now, out)
 
     def tell(self, text: str, now: float, *, warning: bool = True) -> Outgoing:
-        """Tell operator and pilot something that the program around it has found."""
+        """Tell operator and pilot of a finding of the surrounding program."""
         self._alerts.say("program", WARNING if warning else INFO, text)
         return self._finish([], now, Outgoing())
 
     def stop(self, now: float) -> Outgoing:
-        """The last words; then bytes and calls of `poll` are to go on until `released`.
+        """Stop guidance for good; keep passing in bytes and calling `poll` until `released`.
 
-        From here on nothing is guided any more. A vehicle that was steered is handed back in answer to the
-        next heartbeats that show that it is still in the guided mode.
+        A vehicle that was being steered is handed back in answer to the next heartbeats that show the guided
+        mode.
         """
         out = Outgoing()
         # An autopilot that was steered holds its last setpoint, also while it waits for the next.
@@ -322,7 +319,7 @@ class Companion:
         return not (self._leaving and self._authority.answers_for_vehicle)
 
     def _hear_out(self, data: bytes, now: float) -> list[MAVLink_message]:
-        """After the last words: has the autopilot taken over?"""
+        """Decode only what shows after the stop whether the autopilot has taken over."""
         messages: list[MAVLink_message] = []
         for report in self._codec.decode(data):
             if isinstance(report, OrderRequest):
@@ -339,7 +336,7 @@ class Companion:
         return messages
 
     def _is_waking(self, now: float) -> bool:
-        """Whether what arrives now has waited while this process was stopped: then nothing goes by it."""
+        """Check whether input was buffered during a hang of this process; it must not be used then."""
         hung_s = self._wakefulness.note_call(now)
         if hung_s:
             self._authority.forget()
@@ -353,7 +350,7 @@ class Companion:
         return self._wakefulness.is_waking(now)
 
     def _finish(self, messages: list[MAVLink_message], now: float, out: Outgoing) -> Outgoing:
-        """What is due by time, and texts for the pilot; in one datagram with the rest."""
+        """Add periodic messages and texts for the pilot, in one datagram with the rest."""
         if not self._stopped:
             self._follow_orders(now, out)
             self._change_mode(now)
@@ -376,7 +373,6 @@ class Companion:
         return out
 
     def _follow_orders(self, now: float, out: Outgoing) -> None:
-        """What is due of the orders."""
         arrangements = self._arrangements
         arrangements.step(now)
         out.replies, out.repeats = arrangements.to_say()
@@ -384,9 +380,9 @@ class Companion:
             self._authority.renew()
 
     def leader_age(self, now: float) -> float:
-        """Age of the newest leader state, s; 0 for the leader, infinite before the first.
+        """Return the age of the newest leader state, s; 0 for the leader.
 
-        Infinite, too, where there is no slot to steer by: ordered away, or the order is not known.
+        Infinite before the first, and without a slot to steer by: standing back, ordered away, order unknown.
         """
         if self._stands_back or self._arrangements.flight.has_left or self._arrangements.waits(now):
             return math.inf
@@ -394,21 +390,21 @@ class Companion:
 
     @property
     def order_number(self) -> int:
-        """Of the newest order that is flown or certain to be; 0 before the first."""
+        """Number of the newest order that is flown or certain to be; 0 before the first."""
         return self._arrangements.number
 
     @property
     def foreign_leader(self) -> HeardState | None:
-        """How a leader without a companion was heard to move last, on the own clock; None of any other."""
+        """Newest state of a leader without a companion, on the own clock; None for any other leader."""
         return self._vehicle.role.foreign_leader
 
     @property
     def leadership(self) -> tuple[str, int] | None:
-        """Who leads as far as is known, and its term; None where the mission names no deputies."""
+        """Known leader and its term; None where the mission names no deputies."""
         return self._vehicle.role.leadership
 
     def obstacle(self, now: float) -> str | None:
-        """What would keep it from steering now, in words; None where nothing would."""
+        """Return the reason that would keep the companion from steering now; None if there is none."""
         if self._stands_back:
             return self._stands_back
         objected = self.objection(now)
@@ -424,7 +420,7 @@ class Companion:
         )
 
     def objection(self, now: float) -> Objection | None:
-        """Why the vehicle is not steered whatever its mode, and what to do; None where nothing is known."""
+        """Return why the vehicle is not steered in any mode, and the remedy; None without a known reason."""
         refusal = self._identity.objection(now) or self._housekeeping.obedience.refusal
         if refusal is not None or self._mode.steers:
             return refusal
@@ -434,18 +430,18 @@ class Companion:
 
     @property
     def findings(self) -> list[str]:
-        """What of the autopilot's parameters speaks against taking off, the worst first."""
+        """Findings in the autopilot's parameters that speak against taking off, the worst first."""
         return self._housekeeping.findings()
 
     def _encode(self, messages: list[MAVLink_message], now: float) -> bytes:
-        """One datagram, whose commands wait for their answers from now on."""
+        """Encode one datagram, and await answers to its commands."""
         self._housekeeping.commands.sent(messages, now)
         return self._codec.encode(messages)
 
     def _take_request(
         self, request: OrderRequest, now: float, out: Outgoing
     ) -> list[MAVLink_message]:
-        """A ground station requests an order: answered at once, given by the program around this."""
+        """Answer a ground station's request at once; the surrounding program gives the order."""
         if self.ground_orders is None:
             return []
         messages, order = self.ground_orders.take(request, now)
@@ -493,12 +489,11 @@ class Companion:
         return []
 
     def _warn(self, key: str, text: str | None) -> None:
-        """Tell the pilot something to worry about, if there is something."""
         if text is not None:
             self._alerts.say(key, WARNING, text)
 
     def _note(self, report: TrafficReport | LandedReport | SteeringReport, now: float) -> None:
-        """Take what nothing is answered to."""
+        """Handle reports that need no reply."""
         if isinstance(report, SteeringReport):
             guided = self._authority.shows_guided
             self._identity.note_steering(report, now, guided=guided)
@@ -511,7 +506,7 @@ class Companion:
     def _take_position(
         self, report: PositionReport, now: float, out: Outgoing
     ) -> list[MAVLink_message]:
-        """A step of guidance, where the position can be true; what is wrong otherwise, in words."""
+        """Run one guidance step if the position is plausible; return the messages for the autopilot."""
         found = self._vehicle.learn(now)
         if found is not None:
             self._housekeeping.retune(found)
@@ -535,10 +530,10 @@ class Companion:
         return [] if step is None else self._vehicle.steer(step, navigated, self._mode, now, out)
 
     def _change_mode(self, now: float) -> None:
-        """Follow the supervisor."""
+        """Let the supervisor choose the mode; announce a change and reset the steering for it."""
         control = self._authority.control(now)
         if self._vehicle.plan.asks_response:
-            # Not steered by a response that the autopilot is about to put right.
+            # Do not steer by a response that the autopilot's parameters are about to replace.
             control = Control.UNKNOWN
         if self._object(now):
             control = Control.BARRED
@@ -563,11 +558,11 @@ class Companion:
             self._vehicle.steering.reset()
 
     def _object(self, now: float) -> bool:
-        """Whether something speaks against steering at all; pilot and log hear once what it is."""
+        """Check whether an objection forbids steering; pilot and log hear of each kind once."""
         before, self._objected = self._objected, self.objection(now)
         found = self._objected
         if found is not None:
-            # The figures of one kind may change: it is the same to who hears it.
+            # The figures in an objection may change: to the reader it is still the same one.
             if before is None or before.key != found.key:
                 text = f"not steered: {found.text}"
                 self._alerts.say("objection", CRITICAL, text, told=False)
@@ -580,17 +575,17 @@ class Companion:
         return False
 
     def _sentence(self, situation: Situation, now: float) -> str:
-        """What this companion does, and what the pilot can do."""
+        """Say what this companion does, and what the pilot can do."""
         if self._objected is not None:
             return f"not steered: {self._objected.text}"
         flight_mode, guided = self._authority.mode_name(), self._adapter.engaged_name
-        # Only what is known to be of now is answered with a command.
+        # Only a heartbeat known to be current is answered with a command.
         returns = situation.steered and math.isfinite(self._vehicle.own.questions.greatest_age(now))
         returns_s = self._timeouts.telemetry_lost_s if returns else None
         return mode_sentence(self._mode, situation.control, flight_mode, guided, returns_s)
 
     def _command_mode(self, now: float) -> list[MAVLink_message]:
-        """What the heartbeat that has just been heard is answered with."""
+        """Return the mode commands that answer the heartbeat just heard."""
         wish, age_s = self._wish(now), self._vehicle.own.questions.greatest_age(now)
         if self._wakefulness.is_stale(now - age_s):
             age_s = math.inf
@@ -606,7 +601,7 @@ class Companion:
         return commands
 
     def _loiter_height_due(self, now: float) -> list[MAVLink_message]:
-        """Once it is ordered to loiter, a height of its own for the loiter that a heartbeat shows."""
+        """Return the command for the own loiter height, once an ordered loiter shows in a heartbeat."""
         control = self._authority.control(now)
         young = self._vehicle.own.questions.greatest_age(now) <= YOUNG_S
         return self._loiter_height.due(
@@ -618,17 +613,17 @@ class Companion:
         )
 
     def _wish(self, now: float) -> Wish:
-        """What this companion would like of the autopilot."""
+        """Return what this companion wants of the autopilot."""
         if self._stopped:
             return Wish.RETURN if self._leaving else Wish.NONE
         if self._stands_back:
-            # The other one may steer this very vehicle.
+            # The other companion may steer this very vehicle.
             return Wish.RETURN if self._vehicle.has_steered else Wish.NONE
         if self._objected is not None:
             return Wish.RETURN if self._objected.returns else Wish.NONE
         lost_s = self._timeouts.telemetry_lost_s
         deaf = now - max(self._vehicle.telemetry_time, self._wakefulness.since) > lost_s
-        # As after a companion that was replaced while it steered, by one that hears no leader.
+        # For example, this companion has replaced one that steered, and hears no leader.
         idle = self._authority.answers_for_vehicle and now - self._idle_since > lost_s
         longest_s = self._timeouts.prediction_s + self._timeouts.breakaway_s
         gone = longest_s < self._vehicle.role.leader_age(now) < math.inf
@@ -645,7 +640,7 @@ class Companion:
         return Wish.STEER if waiting and ready and informed else Wish.NONE
 
     def _awaits_others(self, now: float) -> bool:
-        """Whether somebody may be about to be heard for the first time, of whom it could not keep clear."""
+        """Check whether a vehicle that was never heard, which cannot be kept clear of, may soon be."""
         if self._vehicle.role.leader_age(now) < math.inf:
             self._leader_since = min(self._leader_since, now)
         return now - self._leader_since < self._greeting_s and bool(self._vehicle.role.unheard())

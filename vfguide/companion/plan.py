@@ -1,7 +1,4 @@
-"""What one companion has to know of its mission: its own part only, in radians and metres.
-
-`mission_plan.py` makes it of a mission.
-"""
+"""One companion's part of a mission, in radians and metres; made from the mission by `mission_plan.py`."""
 
 import math
 from collections.abc import Mapping
@@ -40,23 +37,22 @@ from vfguide.record.response import VehicleResponse
 from vfguide.state import Airframe, SpeedHold
 
 STOPPED_S = 0.7
-"""A leader publishes a state for each report. One that was not heard for longer may have stopped, as one
-under a parachute has: the place where it was last heard is not flown through."""
+"""A leader publishes each report. If silent for longer, it may have stopped, for example under a parachute:
+the position where it was last heard is then avoided, s."""
 
 
 class ForeignLeader(msgspec.Struct, frozen=True, kw_only=True):
-    """A leader without a companion."""
+    """Leader without a companion."""
 
     connection: str
     """MAVLink address at which it is heard."""
     system_id: int | None
-    """System id of the aircraft; None where it is heard by ADS-B."""
+    """MAVLink system id of the aircraft; None where it is heard by ADS-B."""
     icao_address: int | None
-    """ICAO address of the aircraft by ADS-B; None where it speaks itself."""
+    """ICAO address of the aircraft; None where it is not heard by ADS-B."""
     least_delay_s: float | None
-    """How long its messages take at least, s; None where that is to be found out."""
+    """Least latency of its messages, s; None where it is to be measured."""
     airframe: Airframe
-    """What it can do."""
     rate_filter_s: float
     """Time constant of its rates, s."""
     height: float
@@ -64,171 +60,166 @@ class ForeignLeader(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class KnownPath(msgspec.Struct, frozen=True):
-    """A path that every companion of a mission knows."""
+    """Path that every companion of a mission knows."""
 
     path: Path
-    """The path."""
     gains: PathGains
-    """The field around it."""
+    """Gains of the vector field around it."""
     least_radius: float = 0.0
-    """The leader turns no tighter onto it, m; 0 where that is left to the field."""
+    """Least radius of the leader's turn onto it, m; 0 leaves it to the field."""
     check: int = 0
-    """What tells it from any other of its name (`Mission.path_checks`); 0 if none can be ordered."""
+    """Checksum against another path of its name (`Mission.path_checks`); 0 if no path can be ordered."""
     heights: tuple[float, float] = (0.0, 0.0)
-    """Heights of its lowest and its highest place, m above the mission's flying height."""
+    """Lowest and highest place, m above the mission's flying height."""
     ceiling: float = math.inf
-    """Greatest height that the fence allows along it, m above the origin; infinite without one."""
+    """Greatest height that the fence allows along it, m above the origin; infinite without a fence."""
 
 
 class FollowerTask(msgspec.Struct, frozen=True, kw_only=True):
-    """A slot, and what a follower knows of the one it follows."""
+    """Slot of a follower, and its knowledge of the leader."""
 
     slot: Slot
-    """The follower's place in the formation."""
     leader: KnownLeader | ForeignLeader
-    """What the mission tells about the leader."""
     airspeed: float
-    """To fly away at when the formation breaks up, m/s."""
+    """Airspeed for flying away when the formation breaks up, m/s."""
     follows_height: bool = True
-    """Whether the slot counts from the leader's own height, not only from the one that is planned for it."""
+    """Whether the slot counts from the leader's actual height, not only from the planned one."""
 
 
 class LeadPlan(msgspec.Struct, frozen=True, kw_only=True):
-    """Who may lead, where the mission names deputies."""
+    """Succession of leaders, where the mission names deputies."""
 
     order: tuple[str, ...]
-    """The leader of the mission, then its deputies."""
+    """The mission's leader, then its deputies."""
     task: FollowerTask
-    """What this vehicle flies while another leads; for the leader of the mission a slot at its own place."""
+    """Task while another vehicle leads; for the mission's leader a slot at its own place."""
     altitude_amsl: float
-    """The leader's, m above mean sea level."""
+    """Altitude of the leader, m above mean sea level."""
 
 
 class OtherVehicle(msgspec.Struct, frozen=True, kw_only=True):
-    """Another vehicle of the formation, as far as keeping clear of it needs it."""
+    """Another vehicle of the formation, as separation needs it."""
 
     name: str
-    """Name of the vehicle."""
     rank: int
-    """Rank of the vehicle in the mission, the leader first: no two have the same."""
+    """Unique rank in the mission, the leader first."""
     leads: bool
     """Whether it is the leader."""
     slot: Slot
-    """Slot of the vehicle; the leader's is at its own place."""
+    """Its slot; the leader's is at its own place."""
     spacing: float
-    """From that slot to one's own, m, level."""
+    """Horizontal distance from that slot to the own one, m."""
     lateral_acceleration: float
-    """g tan(phi_max), m/s²: how hard it can turn."""
+    """g tan(phi_max), its limit in turns, m/s²."""
     stopped_s: float = STOPPED_S
-    """Of a leader: not heard for longer, it is silent, and may have stopped where it was."""
+    """For a leader: time unheard after which it is silent, and may have stopped, s."""
     may_stop: bool = True
     """Whether it may come to a standstill in the air."""
     least_m: float = 0.0
-    """Kept from it at least, m."""
+    """Minimum distance to keep, m."""
 
 
 class FlightPlan(msgspec.Struct, frozen=True, kw_only=True):
     """One vehicle's part of a mission."""
 
     name: str
-    """Name of the vehicle."""
     system_id: int
-    """MAVLink system."""
+    """MAVLink system of the vehicle."""
     component_id: int
     """MAVLink component of the autopilot."""
     rate_hz: float
-    """Position reports asked for, and with them guidance steps."""
+    """Requested rate of position reports, and of guidance steps with them."""
     frame: LocalFrame
     """The formation's local frame."""
     altitude_amsl: float
-    """To be held, m above mean sea level."""
+    """Altitude to hold, m above mean sea level."""
     settings: GuidanceSettings
     """Gains and switches of every law."""
     law: type[Law]
-    """The law by which followers keep their slots."""
+    """Law by which followers keep their slots."""
     gains: Section
-    """The gains of that law."""
+    """Gains of that law."""
     airframe: Airframe
     """Response and limits."""
     asks_response: bool
-    """Whether response and limits are the autopilot's to tell."""
+    """Whether the autopilot is to tell response and limits."""
     slips: bool
-    """Whether the vehicle's nose leaves the direction of flight in turns."""
+    """Whether the vehicle slips: in turns its nose leaves the direction of flight."""
     speed_hold: SpeedHold
-    """Of the airframe if it does not slip; one that does has a total-energy hold."""
+    """Speed hold of the airframe if it does not slip; if it does, it has a total-energy hold."""
     finds_slip: bool
-    """Whether that is found out in flight; until then it is taken for one that does."""
+    """Whether slip is found out in flight, and assumed until then."""
     timeouts: ModeTimeouts
-    """How long silences are borne."""
+    """Tolerated silences."""
     engage_from: tuple[str, ...]
-    """Modes of the autopilot out of which it may be engaged by itself, by name."""
+    """Autopilot modes, by name, from which the companion may engage by itself."""
     task: LeaderTask | FollowerTask
-    """What to fly: a path as the leader, or a slot as a follower."""
+    """A path as the leader, or a slot as a follower."""
     height: float
-    """Of the altitude above the mission's origin, m."""
+    """Height of the altitude to hold, m above the mission's origin."""
     lowest: float
-    """The same where the leader's path is lowest, m."""
+    """Same where the leader's path is lowest, m above the mission's origin."""
     up: float
-    """Of that what the mission's slot adds to the leader's, m."""
+    """Part of that height added by the mission's slot, m."""
     rank: int
-    """Rank of the vehicle in the mission, the leader first."""
+    """Rank in the mission, the leader first."""
     others: tuple[OtherVehicle, ...]
     """All other vehicles of the formation."""
     timekeeper: str = ""
-    """The vehicle whose clock the formation shares; the leader where it is not said."""
+    """Vehicle whose clock the formation shares; empty for the leader."""
     traffic_m: float = 0.0
-    """Kept from aircraft that are not of the formation, m; 0 to look at none."""
+    """Distance to keep from aircraft outside the formation, m; 0 ignores them."""
     lead: LeadPlan | None = None
-    """Who may lead; None where the mission names no deputies."""
+    """Succession of leaders; None where the mission names no deputies."""
     loiter_up: float = 0.0
-    """How far above the leader it loiters once everything was called off, m."""
+    """Height of the own loiter above the leader's after an abort, m."""
     loiter_room: float = math.inf
-    """How far above the flying height the lowest may loiter then, all within the fence, m."""
+    """Limit of the lowest loiter then, m above the flying height, which keeps all within the fence."""
     hears_bank: bool = True
-    """Whether the autopilot is asked for its bank, which tells how the vehicle takes up courses."""
+    """Whether the autopilot is asked for its bank angle, which shows how the vehicle takes up courses."""
     learns: bool = True
-    """Whether what the flight shows of the response is flown by."""
+    """Whether guidance uses the response that the flight shows."""
     turn_efficiency: float | None = None
-    """What it turns of what its bank says; None until flight has shown it."""
+    """Actual turn in parts of the turn that its bank implies; None until flight has shown it."""
     creeping_hold: CreepingHold | None = None
-    """How its airspeed hold creeps, where it does."""
+    """Creep of its airspeed hold; None without."""
     declared_bank: float | None = None
-    """Bank that was said to be its limit, rad, where flight has shown another; else None."""
+    """Declared bank limit, rad, where flight has shown another; else None."""
     coordinated_alpha: float | None = None
-    """1/s: alpha if it turned as its bank says; None where the autopilot has not told it."""
+    """alpha of a fully coordinated turn, 1/s; None where the autopilot has not told it."""
     certainty: Certainty = AS_DECLARED
-    """How well the response of the airframe is known."""
+    """Certainty of the airframe's response."""
     softness: Softness = FIRM
     """Less than firm while a guard finds the vehicle strained."""
     climb_limits: ClimbLimits = msgspec.field(default_factory=ClimbLimits)
-    """What every vehicle of the formation keeps up, as the mission declares it."""
+    """Climb and sink that every vehicle of the formation keeps up, as the mission declares."""
     paths: Mapping[str, KnownPath] = msgspec.field(default_factory=dict)
-    """All paths of the mission by name; none behind a leader without a companion."""
+    """All paths of the mission by name; empty behind a leader without a companion."""
     ceiling: float = math.inf
     """Greatest height that the fence allows along the mission's first path, m above the origin."""
 
     def ceiling_along(self, path: str) -> float:
-        """The same along a path of this name, m above the origin; infinite without a fence."""
+        """Return the fence's ceiling along the named path, m above the origin; infinite without a fence."""
         return self.paths[path].ceiling if path in self.paths else self.ceiling
 
     @property
     def most_m(self) -> float:
-        """Radius of a place that may be flown by, m: the own one, or the leader's."""
+        """Greatest position radius to fly by, the own one or the leader's, m."""
         return radius_limit(min((one.spacing for one in self.others), default=math.inf))
 
     @property
     def surely_slips(self) -> bool:
-        """Whether its nose is known not to show where it flies, not only taken not to."""
+        """Whether the vehicle is known to slip, not only assumed to."""
         return self.slips and (self.turn_efficiency is not None or not self.finds_slip)
 
     @property
     def keeps_time(self) -> bool:
-        """Whether the formation goes by this vehicle's clock."""
+        """Whether the formation uses this vehicle's clock."""
         return self.name == self.timekeeper if self.timekeeper else self.leads
 
     @property
     def foreign_leader(self) -> ForeignLeader | None:
-        """The leader, where it has no companion."""
+        """The leader if it has no companion; else None."""
         leader = self.task.leader if isinstance(self.task, FollowerTask) else None
         return leader if isinstance(leader, ForeignLeader) else None
 
@@ -239,21 +230,21 @@ class FlightPlan(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def neighbours(self) -> tuple[str, ...]:
-        """Vehicles that this one hears, besides the leader."""
+        """Vehicles that this one hears, except the leader."""
         return tuple(one.name for one in self.others if not one.leads)
 
 
 def flown_by(plan: FlightPlan, response: AutopilotResponse) -> FlightPlan:
-    """The plan with what the autopilot says of itself.
+    """Return the plan updated with the autopilot's own response and limits.
 
-    Limits are the tighter of its own and the declared. A dead time or lag that the mission declares counts:
-    it was measured on the vehicle.
+    Limits are the tighter of its own and the declared ones. A dead time or lag that the mission declares
+    takes precedence: it was measured on the vehicle.
     """
     airframe = plan.airframe
     lowest = max(airframe.airspeed_min, response.airspeed_min or 0.0)
     highest = min(airframe.airspeed_max, response.airspeed_max or math.inf)
     if lowest >= highest:
-        # They leave nothing to fly at: what does not fit is told elsewhere.
+        # No airspeed satisfies both: the mismatch is reported elsewhere.
         lowest, highest = airframe.airspeed_min, airframe.airspeed_max
     flown = replace(
         airframe,
@@ -283,7 +274,7 @@ def flown_by(plan: FlightPlan, response: AutopilotResponse) -> FlightPlan:
 
 
 def turning(plan: FlightPlan, efficiency: float, *, slips: bool) -> FlightPlan:
-    """The plan for a vehicle that turns so much of what its bank says."""
+    """Return the plan for a vehicle with this turn efficiency."""
     alpha = plan.coordinated_alpha
     flown = replace(
         plan.airframe,
@@ -303,11 +294,11 @@ def answering(
     """Return the plan for a vehicle that answers as its flight has shown.
 
     Args:
-        plan: flown by until now.
-        course: (response by bank, share of the bank that it turns); None to keep what is flown.
-        speed: None to keep what is flown.
-        hold: kind of the speed hold, where a response of it is given. Setpoints without the measured speed,
-            as for one of the total energy, suit any kind.
+        plan: plan flown so far.
+        course: (response by bank angle, turn efficiency); None keeps the present one.
+        speed: response; None keeps the present one.
+        hold: kind of the speed hold, if its response is given. Setpoints that ignore the measured speed, as
+            for a total-energy hold, suit any kind.
     """
     airframe, certainty = plan.airframe, plan.certainty
     coordinated = plan.coordinated_alpha
@@ -340,12 +331,7 @@ def answering(
 
 
 def banking(plan: FlightPlan, limit: float | None) -> FlightPlan:
-    """Return the plan for a vehicle that banks no further than a limit (rad) that its flight has shown.
-
-    Args:
-        plan: flown by until now.
-        limit: None where none was found, or where it was found to be none.
-    """
+    """Return the plan with the bank limit (rad) that the flight has shown; None restores the declared one."""
     declared = plan.declared_bank or plan.airframe.max_bank
     reached = declared if limit is None else min(limit, declared)
     if reached == plan.airframe.max_bank:
@@ -354,21 +340,21 @@ def banking(plan: FlightPlan, limit: float | None) -> FlightPlan:
 
 
 def doubting(plan: FlightPlan) -> FlightPlan:
-    """Return the plan for a vehicle whose course response was found to be another, nobody knows which."""
+    """Return the plan for a vehicle whose course response was found wrong, with the right one unknown."""
     if plan.certainty.course.spread >= UNKNOWN.spread:
         return plan
     return replace(plan, certainty=replace(plan.certainty, course=UNKNOWN))
 
 
 def certainty_of(found: HoldResponse) -> HoldCertainty:
-    """Return how well a response is known that was learned in flight."""
+    """Return the certainty of a response learned in flight."""
     return HoldCertainty(
         spread=max(found.spread, DECLARED.spread), late=max(found.latest - found.late, 0.0)
     )
 
 
 def response_of(plan: FlightPlan) -> VehicleResponse:
-    """Return by what the vehicle of a plan is flown, for the record."""
+    """Return the response that a plan uses, for the record."""
     airframe, certainty = plan.airframe, plan.certainty
     return VehicleResponse(
         alpha_1_s=airframe.alpha,
@@ -386,7 +372,7 @@ def response_of(plan: FlightPlan) -> VehicleResponse:
 
 
 def bandwidth_for(plan: FlightPlan) -> Bandwidth:
-    """Return what the aircraft of a plan bears, as well as its response is known."""
+    """Return the bandwidth that the aircraft of a plan bears, given the certainty of its response."""
     sliding = plan.settings.sliding
     return bandwidth_of(
         plan.airframe,
@@ -401,7 +387,7 @@ def bandwidth_for(plan: FlightPlan) -> Bandwidth:
 
 
 def bearable_course(plan: FlightPlan) -> float:
-    """Return the greatest bandwidth (1/s) that the course hold of a plan bears, as well as it is known."""
+    """Return the greatest bandwidth (1/s) that the plan's course hold bears, given its certainty."""
     airframe = plan.airframe
     return bearable(
         airframe.course_dead_time + airframe.course_lag,
@@ -413,12 +399,12 @@ def bearable_course(plan: FlightPlan) -> float:
 
 
 def follower_law(plan: FlightPlan) -> Law:
-    """Return a new object of the plan's law, within what its vehicle bears."""
+    """Return a new object of the plan's law, within the bandwidth that its vehicle bears."""
     return plan.law(plan.gains, plan.settings, plan.airframe).within(bandwidth_for(plan))
 
 
 def late_laws(plan: FlightPlan) -> tuple[Law, ...]:
-    """Return (law of the course, law of the speed) for a late autopilot; none where nothing is late."""
+    """Return (law of the course, law of the speed) for an autopilot with delays; empty without any."""
     if plan.airframe.is_ideal:
         return ()
     law = follower_law(plan)
@@ -426,7 +412,7 @@ def late_laws(plan: FlightPlan) -> tuple[Law, ...]:
 
 
 def course_settings(plan: FlightPlan) -> GuidanceSettings:
-    """Return the settings of the leader's law, within what its vehicle bears."""
+    """Return the settings of the leader's law, within the bandwidth that its vehicle bears."""
     bandwidth = bandwidth_for(plan).course
     return replace(
         plan.settings, sliding=replace(plan.settings.sliding, course_bandwidth=bandwidth)

@@ -1,4 +1,4 @@
-"""The other vehicles of a formation, as one of them knows them: who could come near, and by what."""
+"""Traffic picture of one vehicle: the other vehicles of its formation, and which of them could come near."""
 
 import cmath
 import math
@@ -34,76 +34,75 @@ from vfguide.guidance.separation import HORIZON_S, Others, in_formation, place_o
 from vfguide.state import GAP_S, HeardState, LeaderState
 
 JOIN_M = 11.0
-"""Distance that a vehicle keeps from a steered one while it is away from its slot."""
+"""Distance kept from a steered vehicle while away from the own slot, m."""
 
 HOLD_M = 8.0
-"""Distance that one in its slot keeps: a vehicle that is astray keeps more, and goes round it."""
+"""Distance kept while in the own slot, m: a vehicle that is astray keeps more, and goes round."""
 
 ASTRAY_M = 5.0
-"""From its slot: from here on a follower is astray."""
+"""Distance from its slot beyond which a follower is astray, m."""
 
 LEADER_ASTRAY_M = 10.0
-"""From here on a leader keeps clear of steered followers: they cannot know how it will turn onto its path."""
+"""Beyond this, a leader avoids steered followers: they cannot know how it will turn onto its path, m."""
 
 LATER_S = 0.3
-"""A vehicle that was heard by so much later than another shows that the link works without the other."""
+"""A vehicle heard this much later than another shows that the link works without the other, s."""
 
 LATE_STATE_S = 0.35
-"""A vehicle whose next state is late by so much may be lost: too little to leave a slot for, enough to begin
-a climb that ends with its next word. At a loss of 20 % seven states in a row are lost once in an hour."""
+"""Lateness of a state after which its vehicle may be lost, s: no reason to leave a slot, but to begin a climb
+that ends with its next state. At 20 % loss, seven states in a row are lost once an hour."""
 
 LATE_INTERVALS = 2.5
-"""The same in intervals of its states, where they are rarer. Followers are heard five times a second: in
-slots 10 m apart, in a turn, SILENT_S is too late; at a loss of 20 % a needless climb there comes to 1 m."""
+"""Same in intervals of the vehicle's states, which followers send five times a second. In turns with slots 10
+m apart, SILENT_S is too late; at 20 % loss a needless climb there reaches 1 m."""
 
 FORGET_S = 12.0
-"""After this its place is not known well enough to be avoided."""
+"""Age at which a vehicle's position is too uncertain to be avoided, s."""
 
 ABOVE_M = 30.0
-"""Vehicles farther above or below than this are not in the way."""
+"""Vehicles farther above or below are not in the way, m."""
 
 STEPPED_M = 15.0
-"""The same for one that its companion steers: a step in height is to let it pass above or below."""
+"""Same for a steered vehicle, m: a step in height is meant to let it pass above or below."""
 
 SOON_S = 3.0
-"""For so long a climb or descent is thought to go on."""
+"""Time for which a climb or descent is assumed to continue, s."""
 
 STEPS_M = 60.0
-"""The same for a step in height: what it leads to and what others may do meanwhile, with a margin."""
+"""Same as ABOVE_M while a step in height is sought, m: covers the step and the others' moves amply."""
 
 SAFE_M = 30.0
-"""Vehicles farther away than this, and what both can fly within the horizon, are not looked at."""
+"""Vehicles farther away than this plus what both can fly within the horizon are ignored, m."""
 
 CHORD_M = 0.5
-"""How much shorter chords are than arcs, at most: 0.2 m after 2.4 s of a turn by 0.13 rad/s at 20 m/s."""
+"""Bound on how much shorter chords are than arcs, m: 0.2 m after 2.4 s of a 0.13 rad/s turn at 20 m/s."""
 
 LEADER_WEIGHT = 3.0
-"""What the leader counts where not all distances can be kept: it does not make room itself."""
+"""Weight of the leader where not all distances can be kept: it does not make room itself."""
 
 
 class Newest(msgspec.Struct, frozen=True):
-    """What a glance needs of the newest state of a vehicle."""
+    """Newest state of a vehicle, reduced to the needs of a quick check."""
 
     time_s: float
-    """s."""
     place: complex
-    """m."""
+    """North + j east, m."""
     velocity: complex
-    """Over the ground, m/s."""
+    """Ground velocity, m/s."""
     turn_rate: float
     """rad/s."""
     acceleration: float
-    """Amount along the course, m/s²."""
+    """Magnitude along the course, m/s²."""
     steered: bool
     """Whether its companion steers it."""
 
 
 UNHEARD = Newest(-math.inf, 0j, 0j, 0.0, 0.0, steered=False)
-"""Of a vehicle that was not heard yet."""
+"""Placeholder of a vehicle never heard."""
 
 
 class Traffic:
-    """The other vehicles of a formation."""
+    """Other vehicles of a formation; for a follower, the leader among them."""
 
     def __init__(
         self,
@@ -112,14 +111,6 @@ class Traffic:
         clock: SharedClock,
         alerts: Alerts | None = None,
     ) -> None:
-        """Make it, with no vehicle heard yet.
-
-        Args:
-            others: the other vehicles; for a follower the leader among them.
-            frame: the formation's local frame.
-            clock: that the formation shares.
-            alerts: takes what a pilot should know of their states.
-        """
         self.vehicles = tuple(others)
         self._rows = {one.name: row for row, one in enumerate(others)}
         self._receivers = {
@@ -131,18 +122,18 @@ class Traffic:
         self._link_lost_s = -math.inf
         self._stopped_s = min((one.stopped_s for one in others if one.leads), default=STOPPED_S)
         self._leader_s = -math.inf if any(one.leads for one in others) else math.inf
-        # A row for each, and behind these one for each for the place where it says it is and is not believed.
+        # One row per vehicle, then one per vehicle for a reported position that is not believed.
         count = len(others)
         self._heard = Sightings(2 * count)
         self._newest = [UNHEARD] * count
-        # Of the first rows: between states, the newest when `late` was last asked, when the next is due; s.
+        # Per vehicle, s: interval of states; newest at the last call of `late`; deadline of the next.
         self._interval_s, self._seen_s = [0.0] * count, [math.nan] * count
         self._due_s = [math.inf] * count
         self._believed, self._doubted_s = self._heard.rows(0, count), -math.inf
         self._carried_s, self._wind = math.inf, 0j
         self._shown_more = np.zeros(count)
         self.satellite_m = math.nan
-        """By how much the own altitude by satellites is above the held one, m; NaN while not known."""
+        """Own satellite altitude less own held altitude, m; NaN while unknown."""
         self._slot = np.array([complex(one.slot.forward, one.slot.right) for one in others] * 2)
         self._heard.offset[:] = self._slot
         self._slot_rate = np.zeros(2 * count, dtype=np.complex128)
@@ -157,14 +148,14 @@ class Traffic:
 
     @property
     def counters(self) -> Counter[str]:
-        """States of others that were not used, by reason."""
+        """States of other vehicles that were not used, counted by reason."""
         total: Counter[str] = Counter()
         for receiver in self._receivers.values():
             total += receiver.counters
         return total
 
     def arrange(self, slots: Sequence[OtherSlot] | None) -> None:
-        """Take the slots that were ordered, in the order of the vehicles; None: the mission's."""
+        """Take the ordered slots, in the order of the vehicles; None keeps the present ones."""
         if slots is None or slots is self._arranged:
             return
         self._arranged = slots
@@ -175,7 +166,7 @@ class Traffic:
         self._above[:] = [LAYER_CLEAR_M if one.layered else ABOVE_M for one in slots] * 2
 
     def receive(self, vehicle: str, data: bytes, now: float) -> HeardState | None:
-        """Take a state of another follower, if it is news; those of strangers are passed over."""
+        """Take a new state of another follower; return None for a stranger's, or one that is not used."""
         receiver = self._receivers.get(vehicle)
         if receiver is None:
             return None
@@ -184,11 +175,11 @@ class Traffic:
         return receiver.newest if taken else None
 
     def unheard(self) -> list[str]:
-        """Names of followers that were never heard: nobody can keep clear of them."""
+        """Return the names of followers never heard: nobody can keep clear of them."""
         return [name for name, receiver in self._receivers.items() if receiver.newest is None]
 
     def lose_link(self, now: float) -> None:
-        """Note that there is no connection to the link now."""
+        """Note that the link is disconnected now."""
         self._link_lost_s = now
 
     def note(
@@ -197,12 +188,9 @@ class Traffic:
         receiver: StateReceiver | LeaderTelemetry,
         elsewhere: HeardState | None = None,
     ) -> None:
-        """Take what is heard of a vehicle: its state, or both places where it may be.
+        """Take the newest state of a vehicle, or both positions where it may be.
 
-        Args:
-            vehicle: its name.
-            receiver: of its states.
-            elsewhere: where others say that it is; None where nobody says anything else.
+        `elsewhere` is a conflicting position told by other vehicles; None without a conflict.
         """
         row = self._rows.get(vehicle)
         if row is None:
@@ -258,27 +246,22 @@ class Traffic:
             self._leader_s = state.time_s
 
     def _compare_altimeters(self, row: int, state: HeardState, interval_s: float) -> None:
-        """Learn by how much the own altimeter shows more than another one at one height."""
+        """Learn by how much the own altimeter reads higher than another vehicle's at the same height."""
         if 0.0 < interval_s <= GAP_S and math.isfinite(state.altitude_amsl):
             differ = state.satellite_m - self.satellite_m
             shown_more = altimeter_difference(float(self._shown_more[row]), differ, interval_s)
             self._shown_more[row] = shown_more
 
     def shown_more(self, vehicle: str) -> float:
-        """By how much the own altimeter shows more than a vehicle's at one height, m."""
+        """Return how much higher the own altimeter reads than a vehicle's at the same height, m."""
         row = self._rows.get(vehicle)
         return 0.0 if row is None else float(self._shown_more[row])
 
     def late(self, now: float, *, leader: bool = True) -> BoolArray | None:
-        """Whose next state should have been there for a while; None where nobody's; to be asked often.
-
-        Args:
-            now: s.
-            leader: whether the leader counts.
-        """
+        """Return a mask of vehicles whose next state is overdue, None without any; call often."""
         for row, one in enumerate(self._newest):
             if one.time_s != self._seen_s[row]:
-                # Now, or since this was asked last.
+                # The state has arrived since the last call.
                 late_s = max(LATE_STATE_S, LATE_INTERVALS * self._interval_s[row])
                 self._due_s[row], self._seen_s[row] = now + late_s, one.time_s
         if min(self._due_s, default=math.inf) >= now:
@@ -291,31 +274,26 @@ class Traffic:
         return late if late.any() else None
 
     def vehicle_of(self, row: int) -> OtherVehicle:
-        """The vehicle of a row."""
+        """Return the vehicle of a row."""
         return self.vehicles[row % len(self.vehicles)]
 
     def height_of(self, row: int, now: float) -> tuple[float, float]:
-        """(altitude in m above mean sea level, climb rate in m/s) of a vehicle, carried on for a while."""
+        """Return (altitude AMSL in m, climb rate in m/s), extrapolated for at most `SILENT_S`."""
         rate = float(self._heard.climb_rate[row])
         carried_s = min(now - float(self._heard.time[row]), SILENT_S)
         return float(self._heard.altitude[row]) + rate * carried_s, rate
 
     def sense_of(self, row: int) -> int:
-        """Which way a vehicle leaves its height, as it said last, see `HeardState.height_sense`."""
+        """Return which way a vehicle is leaving its height, see `HeardState.height_sense`."""
         return int(self._heard.sense[row])
 
     def is_steered(self, row: int, now: float) -> bool:
-        """Whether a vehicle is heard to be steered by its companion."""
+        """Check whether a vehicle is heard to be steered by its companion."""
         heard = self._heard
         return bool(heard.steered[row] and now - heard.time[row] <= SILENT_S)
 
     def lost_for(self, now: float, *, late: BoolArray | None = None) -> FloatArray:
-        """For how long (s) each is silent whose companion is thought to be dead; NaN for all others.
-
-        Args:
-            now: s.
-            late: see `possibilities`.
-        """
+        """Return how long (s) vehicles with a presumably dead companion are silent; NaN for all others."""
         age = now - self._heard.time
         known = age <= FORGET_S
         quiet, linked = self._quiet(age, known, late=late)
@@ -325,25 +303,25 @@ class Traffic:
     def _quiet(
         self, age: FloatArray, known: BoolArray, *, late: BoolArray | None
     ) -> tuple[BoolArray, BoolArray]:
-        """(whether each is silent, and whether the link has worked without it), by when it was heard, s."""
-        # A leader is heard with each of its reports: silence shows sooner.
+        """Return (silent, link has worked without it) for each vehicle, by the age of its state, s."""
+        # A leader publishes each of its reports: its silence shows sooner.
         quiet = age > np.where(self._leads, min(self._stopped_s, SILENT_S), SILENT_S)
         if late is not None:
             quiet |= late
         return quiet, self._works_for(known & quiet, LATER_S if late is None else 0.0)
 
     def is_taken(self, row: int, now: float) -> bool:
-        """Whether a vehicle is the leader, and is heard to be steered by no companion."""
+        """Check whether a vehicle is the leader, and is heard to be steered by no companion."""
         heard = self._heard
         silent = now - heard.time[row] > SILENT_S
         return bool(self._leads[row] and not heard.steered[row] and not silent)
 
     def slots_apart(self, row: int) -> float:
-        """How near a vehicle's slot and the own one come soon, level, m."""
+        """Return the least horizontal distance of a vehicle's slot from the own one in the near future, m."""
         return float(self._spacing[row])
 
     def places(self, here: Viewpoint) -> list[tuple[complex, complex]]:
-        """(place in m, velocity in m/s) of those who were heard a short time ago, carried on until now."""
+        """Return (position in m, velocity in m/s) of vehicles heard recently, extrapolated to now."""
         age = here.time_s - self._believed.time
         recent = np.flatnonzero(age <= FORGET_S)
         if not recent.size:
@@ -360,17 +338,14 @@ class Traffic:
         heights: bool = False,
         late: BoolArray | None = None,
     ) -> tuple[Others, IntArray] | None:
-        """What the others may do that could come near, and whose row each possibility is of.
+        """Return predicted tracks of vehicles that could come near, and their rows; None without any.
 
         Args:
-            here: the vehicle that looks around.
-            leader: of the formation it flies in, at the same time; None for the leader itself, which leaves
-                it to the steered ones to keep clear unless it is astray.
-            heights: whether a step in height is looked for: then all count that it may lead to.
-            late: who is taken to be silent already (`late`).
-
-        Returns:
-            None where no vehicle can come near.
+            here: the own vehicle.
+            leader: its leader's state at the same time; None for the leader itself. Unless astray, a leader
+                leaves it to steered vehicles to keep clear.
+            heights: whether a step in height is sought: then all vehicles count that it may lead to.
+            late: vehicles to be taken for silent already, see `late`.
         """
         is_clear = not heights and late is None and self.is_clear(here, leader)
         self._carry(here, glance=is_clear)
@@ -384,12 +359,12 @@ class Traffic:
         held = np.where(believed & ~silent, np.minimum(self._above, STEPPED_M), self._above)
         above = STEPS_M if heights else held
         height = self._heard.altitude - here.altitude_amsl
-        # Those who come nearer in height soon are in the way sooner.
+        # Vehicles that converge in height are in the way sooner.
         closing = np.maximum(-np.sign(height) * (self._heard.climb_rate - here.climb_rate), 0.0)
         known &= ~(np.abs(height) - SOON_S * np.nan_to_num(closing) > above)
         alone = known & ~(believed & ~silent)
         if leader is None:
-            # A leader that hears no vehicle is deaf itself: the steered ones keep clear of it.
+            # A leader that hears no vehicle is deaf itself: steered vehicles keep clear of it.
             alone &= ~believed | linked
             if heights or here.astray > LEADER_ASTRAY_M:
                 alone |= known & believed & ~silent
@@ -443,13 +418,13 @@ class Traffic:
             slot_rate=self._slot_rate[rows],
             drift=astray[rows],
             weight=self._weight[rows],
-            # Where all are silent it is this vehicle that is deaf: the others fly on as they did.
+            # If all are silent, this vehicle is deaf: the others fly on as before.
             linked=linked[rows],
         )
         return possibilities_of(seen, here, leader)
 
     def _carry(self, here: Viewpoint, *, glance: bool) -> None:
-        """Let the wind carry those who are silent; at a glance that shows that nobody is it need not."""
+        """Let the wind carry silent vehicles; skipped where a quick check finds none silent."""
         passed_s = here.time_s - self._carried_s
         self._carried_s, self._wind = here.time_s, here.wind
         fresh = all(here.time_s - one.time_s <= WIND_S for one in self._newest)
@@ -460,10 +435,10 @@ class Traffic:
         heard.carry(here.time_s - heard.time, here, max(0.0, passed_s))
 
     def _works_for(self, missing: BoolArray, later_s: float) -> BoolArray:
-        """Whether the link has worked since those who are missing were heard: another was, all the time.
+        """Check for each missing vehicle whether the link works: another was heard throughout its silence.
 
-        Not where it has just come back, and one is heard again before another, nor where it was known to be
-        lost meanwhile: after a broker's restart the others come back to it one by one.
+        False where the link was known to be lost meanwhile, or is just back: after a broker's restart
+        vehicles reconnect one by one.
         """
         works = np.zeros(len(missing), dtype=bool)
         heard = self._heard
@@ -474,12 +449,7 @@ class Traffic:
         return works
 
     def is_clear(self, here: Viewpoint, leader: LeaderState | None) -> bool:
-        """Whether all others are heard and steered, and none can come near: the usual case, at a glance.
-
-        Args:
-            here: see `possibilities`.
-            leader: see `possibilities`.
-        """
+        """Check quickly for the usual case: all others are heard and steered, and none can come near."""
         now = here.time_s
         if now - self._leader_s > self._stopped_s or self._doubted_s >= now - FORGET_S:
             return False
@@ -500,7 +470,7 @@ class Traffic:
             place = one.place + velocity * age
             away = place - place_led
             drift = abs(velocity * half_turn - velocity_led - turn * away)
-            # Without the accelerations, and along chords instead of arcs.
+            # Error of neglecting accelerations, and of chords in place of arcs.
             left_out = one.acceleration * age * (ALONG_S + age) + CHORD_M
             kept = max(min(berth, self._widest[row]), self.vehicles[row].least_m)
             room = abs(place - here.place) - kept
@@ -511,14 +481,14 @@ class Traffic:
 
 
 def kept_berth(astray: float) -> float:
-    """Distance (m) to keep where slots leave it, by how far one is from one's own, m."""
+    """Return the distance to keep where slots allow it, by the distance from the own slot, m."""
     share = min(max(astray / ASTRAY_M, 0.0), 1.0)
     return HOLD_M + (JOIN_M - HOLD_M) * share
 
 
 def reaction_time(delay_s: float) -> float:
-    """For how far ahead (s) the hardest turns of others are looked at, by the own delay (s).
+    """Return how far ahead the hardest turns of others are predicted, by the own delay, s.
 
-    What is heard is half a second old; the own turn begins after the delay and has to undo what both cost.
+    States heard are half a second old. The own turn begins after its delay and has to undo what both cost.
     """
     return 1.5 + 2.0 * delay_s
