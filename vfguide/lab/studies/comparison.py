@@ -1,7 +1,7 @@
-"""The article's comparison: every law on every mission, the own law without its parts, and sweeps.
+"""The article's comparison: every law on every mission, ablations of a law, and sweeps.
 
-Every case of the comparison is flown twice: as shipped, and over a bad link with noise. A sweep has one
-condition after the other get worse.
+Every case of the comparison is flown twice: as shipped, and over a bad link with noise. In a sweep one
+condition gets worse step by step.
 """
 
 import math
@@ -35,10 +35,10 @@ BAD_LINK = {
     "link_loss": 0.2,
     "position_noise_m": 0.3,
 }
-"""The conditions of the flights that differ by their seed."""
+"""Conditions of the flights over a bad link, which differ by their seed."""
 
 START_SPREAD_M = 25.0
-"""And so do the starts, by up to this on each axis."""
+"""Largest random offset of a start over a bad link, on each axis."""
 
 FIGURES = {
     "mean_error_m": "mean_m",
@@ -52,7 +52,7 @@ FIGURES = {
     "limited": "limited",
     "min_separation_m": "nearest_m",
 }
-"""Figures of a flight that rows have, and their names there."""
+"""Figures of a flight in rows, and their names there."""
 
 LAW_COLUMNS = {
     "mission, law": "{case}",
@@ -69,7 +69,7 @@ LAW_COLUMNS = {
     "course-hold, m": "{course_hold_mean_m}",
     "bad link, m": "{bad_link_mean_m} ± {bad_link_mean_m_half}",
 }
-"""Columns of the long table: errors, settling, control, separation; a dash for what never settled."""
+"""Columns of the long table: errors, settling, control, separation; a dash means never settled."""
 
 ABLATIONS: dict[str, dict[str, dict[str, Any]]] = {
     "as shipped": {},
@@ -85,21 +85,20 @@ ABLATIONS: dict[str, dict[str, dict[str, Any]]] = {
     "no position filter": {"controller": {"position_filter_s": 0.0}},
     "no giving way": {"controller": {"give_way": False}},
 }
-"""Fields of the mission that switch one part off."""
+"""Mission fields that switch one part of the law off."""
 
 QUICK_S, FULL_S = 120.0, 300.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Extent:
-    """How much is flown."""
+    """Extent of the comparison."""
 
     duration_s: float
-    """Length of each flight, s."""
     seeds: int
-    """Flights over the bad link for each mission, law and plant."""
+    """Flights over the bad link per mission, law and plant."""
     bad_link_plants: tuple[str, ...]
-    """Plants that are flown over the bad link."""
+    """Plants flown over the bad link."""
 
 
 FULL = Extent(duration_s=300.0, seeds=5, bad_link_plants=PLANTS)
@@ -107,7 +106,7 @@ QUICK = Extent(duration_s=60.0, seeds=2, bad_link_plants=PLANTS[:1])
 
 
 def cases(extent: Extent, laws: Sequence[str]) -> list[Case]:
-    """Everything that is flown, by each of these laws."""
+    """Return all flights of the comparison by these laws."""
     shipped = [
         Case(
             mission=mission,
@@ -137,7 +136,7 @@ def cases(extent: Extent, laws: Sequence[str]) -> list[Case]:
 
 
 def seeded(mission: str, seed: int, duration_s: float) -> Changes:
-    """A flight over the bad link: noise, losses and starts of this seed, the same for every law."""
+    """Return the changes for a flight over the bad link, the same for every law with this seed."""
     random = Random(seed)
     starts = shipped(mission).rehearsal.start.model_dump(exclude_unset=True)
     for follower in shipped(mission).followers_by_name:
@@ -147,17 +146,17 @@ def seeded(mission: str, seed: int, duration_s: float) -> Changes:
 
 
 def compare(executor: Executor, extent: Extent, laws: Sequence[str]) -> Iterator[Row]:
-    """Fly everything by some laws: a row for each mission and law.
+    """Fly the comparison by some laws, and yield a row per mission and law.
 
-    Figures are those of the mission as shipped on the heading-hold plant; those of other conditions have the
-    plant or the link before their names.
+    Figures without a prefix are for the mission as shipped on the heading-hold plant; a prefix names another
+    plant or link.
     """
     flown = cases(extent, laws)
     return rows(zip(flown, flown_by(executor, fly, flown), strict=True))
 
 
 def rows(results: Iterable[tuple[Case, Figures]]) -> Iterator[Row]:
-    """Put together the flights that differ by plant, link and seed alone."""
+    """Combine flights that differ only by plant, link and seed."""
     groups: dict[str, dict[str, list[Figures]]] = {}
     for case, figures in results:
         conditions = [case.plant, case.label.replace(" ", "_")]
@@ -176,8 +175,8 @@ def rows(results: Iterable[tuple[Case, Figures]]) -> Iterator[Row]:
 
 
 def mean_of(values: Sequence[float]) -> tuple[float, float]:
-    """Return a mean and half of its 95 % interval by Student's distribution; NaN for what is not known."""
-    # Here, because it takes a third of a second to load.
+    """Return the mean and half of its 95 % interval by Student's distribution; NaN where unknown."""
+    # Imported here, since it takes a third of a second to load.
     from scipy.stats import t as student
 
     if not values:
@@ -190,7 +189,7 @@ def mean_of(values: Sequence[float]) -> tuple[float, float]:
 
 
 def summed_up(several: Sequence[Figures]) -> dict[str, float | None]:
-    """Return means and halves of their 95 % intervals; None where a flight has no such figure."""
+    """Return means and halves of their 95 % intervals; None where a flight lacks the figure."""
     found: dict[str, float | None] = {}
     for field, name in FIGURES.items():
         values = [getattr(one, field) for one in several]
@@ -201,7 +200,7 @@ def summed_up(several: Sequence[Figures]) -> dict[str, float | None]:
 
 
 def short_table(compared: Sequence[Row], costs: Sequence[Row]) -> str:
-    """Return the article's table: mean errors by mission and law, the best bold, and a step's cost."""
+    """Return the article's table: mean errors by mission and law, the best in bold, and a step's cost."""
     found = {case: figures["mean_m"] for case, figures in compared}
     laws = [law for law, _ in costs]
     table: list[Row] = []
@@ -217,7 +216,7 @@ def short_table(compared: Sequence[Row], costs: Sequence[Row]) -> str:
 
 
 def parts_of(law: str) -> list[str]:
-    """Names of the ablations that a law has: what is no field of its `controller:` cannot be switched off.
+    """Return the ablations that apply to a law: those whose fields its `controller:` has.
 
     Raises:
         InputError: there is no such law.
@@ -234,7 +233,7 @@ def parts_of(law: str) -> list[str]:
 
 
 def ablation_cases(law: str, *, quick: bool) -> list[Case]:
-    """Every part of a law off, on every mission."""
+    """Return the flights of a law with each part off, on every mission."""
     duration_s = QUICK_S if quick else FULL_S
     return [
         Case(
@@ -250,7 +249,7 @@ def ablation_cases(law: str, *, quick: bool) -> list[Case]:
 
 
 def ablations(executor: Executor, law: str, *, quick: bool) -> Iterator[Row]:
-    """Switch off each part of a law alone, and fly the four missions."""
+    """Switch off each part of a law in turn, and fly the four missions."""
     flown = ablation_cases(law, quick=quick)
     found: dict[str, dict[str, Figures]] = {}
     for case, one in zip(flown, flown_by(executor, fly, flown), strict=True):
@@ -286,11 +285,11 @@ SWEEPS = {
     "wind": ("steady wind / airspeed", (0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6)),
     "rate": ("loop rate, Hz", (5.0, 8.0, 10.0, 20.0, 50.0)),
 }
-"""What gets worse, with its unit, and values from good to bad."""
+"""Condition that gets worse, with its unit and its values."""
 
 
 def sweep_cases(laws: Sequence[str], *, quick: bool) -> list[Case]:
-    """Every flight of every sweep, by each of these laws; a label is such as "link delay, s: 0.2"."""
+    """Return the flights of all sweeps by these laws, with labels such as "link delay, s: 0.2"."""
     duration_s = SWEEP_QUICK_S if quick else SWEEP_S
     return [
         Case(
@@ -307,7 +306,7 @@ def sweep_cases(laws: Sequence[str], *, quick: bool) -> list[Case]:
 
 
 def robustness(executor: Executor, laws: Sequence[str], *, quick: bool) -> Iterator[Row]:
-    """Fly with one thing after another going wrong: mean errors by law, and settling times."""
+    """Fly all sweeps, and yield mean errors and settling times by law."""
     swept = sweep_cases(laws, quick=quick)
     found: dict[str, dict[str, float | None]] = {}
     for case, one in zip(swept, flown_by(executor, fly, swept), strict=True):
@@ -317,7 +316,7 @@ def robustness(executor: Executor, laws: Sequence[str], *, quick: bool) -> Itera
 
 
 def swept_changes(sweep: str, value: float, mission: str, duration_s: float) -> Changes:
-    """Fields of a mission by which one thing is so bad."""
+    """Return the mission fields for one value of a sweep."""
     rehearsal: dict[str, Any] = {"duration_s": duration_s}
     match sweep:
         case "delay":
@@ -327,13 +326,13 @@ def swept_changes(sweep: str, value: float, mission: str, duration_s: float) -> 
         case "noise":
             rehearsal["position_noise_m"] = value
         case "alpha" | "beta":
-            # Vehicles respond faster or slower than their mission says; companions learn it.
+            # Vehicles respond faster or slower than their mission declares; companions learn it.
             declared = f"{sweep}_1_s"
             rehearsal["emulator"] = {
                 declared: getattr(shipped(mission).leader_vehicle, declared) * value
             }
         case "wind":
-            # Along the line's course on one side, across it on the other half of the circle.
+            # Toward east: 45 degrees off the line's course, and every angle in turn on the circle.
             speed = value * AIRSPEED_M_S
             wind = {"type": "steady", "speed_m_s": speed, "toward_deg": 90.0}
             return {"rehearsal": rehearsal, "wind": wind}

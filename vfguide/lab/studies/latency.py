@@ -1,7 +1,7 @@
-"""`vfguide bench latency`: how fast a companion answers, beside other programs.
+"""`vfguide bench latency`: response time of companions, compared with other programs.
 
-Meant are four companions, their emulators and the broker on two cores at 50 Hz; on a machine that is busy
-with something else, or at another rate, figures say little but beside those of the plain loops.
+The benchmark is meant for four companions, their emulators and the broker on two cores at 50 Hz. On a busy
+machine or at another rate, compare its figures only with those of the plain loops.
 """
 
 import asyncio
@@ -44,23 +44,23 @@ from vfguide.mission.load import with_overrides
 from vfguide.mission.overrides import DEFAULTS, Overrides
 
 WARM_S = 2.0
-"""s of answers before any of them counts."""
+"""Time of answers before measurement begins."""
 
 PATIENCE_S = 45.0
-"""s that clients get to start, to find their autopilot and to answer for `WARM_S`."""
+"""Time that clients get to start, to find their autopilot and to answer for `WARM_S`."""
 
 PROGRAM_LOOK_S = 0.1
-"""s between looks at whether they do."""
+"""Interval of the check whether clients answer."""
 
 PACE_STEP = 0.004
-"""Between the paces of the aircraft: at 50 Hz two neighbours meet every 5 s."""
+"""Difference between the paces of neighbouring aircraft: at 50 Hz two of them meet every 5 s."""
 
 PEER_LEADER = "leader"
-"""Whose start the peers' aircraft have; they fly alone."""
+"""Vehicle whose start the peers' aircraft take; each flies alone."""
 
 
 def formation(rate_hz: float, autopilot: Literal["ardupilot", "px4"] = "ardupilot") -> Mission:
-    """The article's circle in wind, flown at a rate by vehicles with this autopilot."""
+    """Return the article's circle in wind at a guidance rate, with this autopilot in all vehicles."""
     settings = ((("vehicles", DEFAULTS, "autopilot"), autopilot),)
     return with_overrides(
         article_mission("circle-wind"), Overrides(rate_hz=rate_hz, settings=settings)
@@ -68,7 +68,7 @@ def formation(rate_hz: float, autopilot: Literal["ardupilot", "px4"] = "ardupilo
 
 
 def write_mission(mission: Mission, directory: Path) -> Path:
-    """The mission as a file that companions read."""
+    """Write the mission file of the companions."""
     path = directory / "mission.yaml"
     content = mission.model_dump(mode="json", exclude_unset=True)
     path.write_text(yaml.safe_dump(content, sort_keys=False), encoding="utf-8")
@@ -77,38 +77,31 @@ def write_mission(mission: Mission, directory: Path) -> Path:
 
 @dataclass(slots=True, kw_only=True)
 class Client:
-    """A program under test with its aircraft."""
+    """Program under test with its aircraft."""
 
     process: Process
-    """The program."""
     vehicle: TimedVehicle
-    """What it speaks to."""
+    """Aircraft with which the program communicates."""
     is_companion: bool = False
-    """Whether it is one of ours."""
+    """Whether the program is a companion of this project."""
 
     @property
     def name(self) -> str:
-        """What it is called in results."""
+        """Name of the program in results."""
         return self.process.name
 
     def account(self) -> Account | None:
-        """What it has taken so far; None if it does not run."""
+        """Return the resources used so far; None if the program does not run."""
         return None if self.process.pid is None else account_of(self.process.pid)
 
 
 async def measure_responses(
     link: str, *, seconds: float, rate_hz: float, directory: Path
 ) -> dict[str, Any]:
-    """Run every client at once and time them.
-
-    Args:
-        link: address of the broker.
-        seconds: how long they are measured, after warming up.
-        rate_hz: position reports per second.
-        directory: for logs and the mission file.
+    """Run every client at once, and time them for `seconds` after warming up.
 
     Returns:
-        For each client its response, share of a core and memory; and which were not there.
+        Each client's response times, share of a core and memory; the companions together; MAVSDK's version.
 
     Raises:
         VfguideError: a companion does not answer.
@@ -148,7 +141,7 @@ async def measure_responses(
 
 
 def usage_between(earlier: Account | None, later: Account | None) -> dict[str, float]:
-    """Share of a core and memory; nothing of a process that has ended."""
+    """Return share of a core and memory; empty for a process that has ended."""
     if earlier is None or later is None:
         return {}
     return {
@@ -158,7 +151,7 @@ def usage_between(earlier: Account | None, later: Account | None) -> dict[str, f
 
 
 def companions(link: str, *, rate_hz: float, directory: Path) -> list[Client]:
-    """The companions of a formation, as `vfguide companion` runs them."""
+    """Return the companions of a formation, as `vfguide companion` runs them."""
     mission = formation(rate_hz)
     path = write_mission(mission, directory)
     names = [mission.leader.vehicle, *mission.followers_by_name]
@@ -167,7 +160,7 @@ def companions(link: str, *, rate_hz: float, directory: Path) -> list[Client]:
     for name in names:
         port = free_port(socket.SOCK_DGRAM)
         options = [f"--mission={path}", f"--mavlink=udpin://127.0.0.1:{port}", f"--link={link}"]
-        # Consent of its own: what an earlier measurement has left is of another flight.
+        # A separate consent: that of an earlier measurement belongs to another flight.
         begin_flight(directory / "state", name)
         options.append(f"--state={directory / 'state'}")
         clients.append(
@@ -185,7 +178,7 @@ def companions(link: str, *, rate_hz: float, directory: Path) -> list[Client]:
 
 
 def peers(*, rate_hz: float, directory: Path) -> list[Client]:
-    """The others that are installed, each with a PX4 of its own."""
+    """Return the other installed clients, each with a PX4 of its own."""
     kinds = ["bare", "pymavlink"] if installed_mavsdk() is None else ["bare", "pymavlink", "mavsdk"]
     mission = formation(rate_hz, "px4")
     clients = []
@@ -207,13 +200,13 @@ def peers(*, rate_hz: float, directory: Path) -> list[Client]:
 
 
 def home_in(directory: Path) -> dict[str, str]:
-    """Places that are gone with the study for what MAVSDK keeps; packages are found as before."""
+    """Return variables that keep MAVSDK's files in the study's directory; packages are found as before."""
     places = dict.fromkeys(("HOME", "TMPDIR"), str(directory))
     return {**places, "PYTHONUSERBASE": site.getuserbase()}
 
 
 def streaming(mission: Mission, rate_hz: float) -> sitl_stub.Autopilot:
-    """An autopilot that has been asked for position and airspeed at the rate already."""
+    """Return an autopilot that already streams position and airspeed at the rate."""
     autopilot = emulator_of(mission, PEER_LEADER)
     address = Vehicle(
         system_id=autopilot.system_id,
@@ -228,11 +221,10 @@ def streaming(mission: Mission, rate_hz: float) -> sitl_stub.Autopilot:
 
 @asynccontextmanager
 async def in_the_air(clients: Sequence[Client], rate_hz: float) -> AsyncIterator[None]:
-    """Fly every aircraft.
+    """Fly every aircraft for as long as the context lasts.
 
-    Their reports begin evenly spread over the interval, and as each clock runs at a pace of its own they then
-    drift past each other: nobody is spared the moments at which all others are busy too, and nobody meets
-    them every time.
+    Telemetry starts evenly spread over the interval and then drifts, since each clock has a pace of its own.
+    So every client meets the moments at which all others are busy, but none meets them every time.
     """
     first_s = asyncio.get_running_loop().time()
     tasks = [
@@ -256,10 +248,10 @@ async def in_the_air(clients: Sequence[Client], rate_hz: float) -> AsyncIterator
 
 
 async def warm_up(clients: Sequence[Client], rate_hz: float) -> None:
-    """Wait until every client answers.
+    """Wait until every client answers; a peer that does not appears as such in the result.
 
     Raises:
-        VfguideError: a companion does not; of others the result tells.
+        VfguideError: a companion does not answer.
     """
     enough = rate_hz * WARM_S
     with suppress(TimeoutError):
@@ -272,12 +264,12 @@ async def warm_up(clients: Sequence[Client], rate_hz: float) -> None:
 
 
 def quantile(ordered: Sequence[float], share: float) -> float:
-    """The value that this share of a sorted series does not exceed; nearest rank, never interpolated."""
+    """Return the quantile of a sorted series by nearest rank, without interpolation."""
     return ordered[min(len(ordered) - 1, int(share * len(ordered)))]
 
 
 def figures_of(seconds: Sequence[float]) -> dict[str, Any]:
-    """Count, and median, 99th percentile and greatest in milliseconds; no times without any."""
+    """Return count, median, 99th percentile and maximum in milliseconds; of no times only the count."""
     ordered = sorted(seconds)
     if not ordered:
         return {"count": 0}
@@ -302,17 +294,13 @@ LATENCY_COLUMNS = {
 
 
 def run_latency(*, seconds: float, rate_hz: float) -> dict[str, Any]:
-    """Measure everything; takes the seconds and some more for starting.
-
-    Args:
-        seconds: length of the measurement.
-        rate_hz: telemetry and leader states per second.
+    """Run the whole benchmark, which takes these seconds and some more for starting.
 
     Returns:
         Figures in milliseconds, percent of one core and 10^6 bytes, ready for JSON.
 
     Raises:
-        VfguideError: the broker or one of the programs does not do its part.
+        VfguideError: the broker or a program fails.
     """
     with (
         tempfile.TemporaryDirectory() as scratch,
@@ -342,7 +330,7 @@ async def _measure(directory: Path, *, seconds: float, rate_hz: float) -> dict[s
 
 
 def rows_of(result: dict[str, Any]) -> Iterator[Row]:
-    """Yield a row for each client, and one for those that are not there."""
+    """Yield a row per client, one for all companions, and one for a MAVSDK that is absent."""
     response = result["response"]
     yield from response["clients"].items()
     together = response["companions"]
@@ -352,7 +340,7 @@ def rows_of(result: dict[str, Any]) -> Iterator[Row]:
 
 
 def render(result: dict[str, Any]) -> str:
-    """The result in words and a table."""
+    """Return the result as text with a table."""
     machine = result["machine"]
     before, after = (
         " ".join(f"{one:.2f}" for one in machine[f"load_{when}"]) for when in ("before", "after")

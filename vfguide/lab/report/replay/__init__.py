@@ -1,6 +1,6 @@
-"""A flight as the replay reads it: JSON, its series as whole numbers in base64, as fine as a reader sees.
+"""Replay data and page part of a flight: JSON with its series as integers in base64, as fine as readers see.
 
-What happened stands on the time line once, for all vehicles to which it happened.
+An event appears on the time line once, for all vehicles to which it happened.
 """
 
 import json
@@ -21,31 +21,31 @@ from vfguide.record.events import FlightEvent
 from vfguide.record.flight import FlightRecord, VehicleRecord
 
 FORMAT = 1
-"""Version of the data's layout; the program that reads it is in the same page."""
+"""Version of the data's layout; the page also holds the script that reads it."""
 
 FINEST_STEP_S = 0.2
-"""s between two samples at least. Between them the replay draws curves through positions and velocities."""
+"""Shortest step between samples; the replay draws curves through positions and velocities between them."""
 
 COARSEST_STEP_S = 1.0
-"""s between two samples, of a long flight of many aircraft, unless even that is too much."""
+"""Longest step between samples in long flights of many aircraft, as far as `GREATEST_BYTES` allows."""
 
 USUAL_BYTES = 600_000
-"""Bytes of series that the finest steps may take; a longer flight gets coarser ones."""
+"""Bytes of series at the finest steps; a longer flight gets coarser ones."""
 
 GREATEST_BYTES = 12_000_000
-"""Bytes of series that a page may hold at all."""
+"""Largest number of bytes of series in a page."""
 
 MOST_PATH_POINTS = 2000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SeriesKind:
-    """How one series is written."""
+    """Number format of a series."""
 
     unit: float
-    """What one step of the whole numbers stands for: m, m/s or degrees."""
+    """Value of one integer step, in s, m, m/s or degrees."""
     bits: int
-    """8, 16 or 32. The least number stands for what is not known, of 8 bits the greatest."""
+    """8, 16 or 32. Unknown values are the smallest integer, or the largest with 8 bits."""
 
 
 MILLIMETRES = SeriesKind(unit=0.001, bits=32)
@@ -73,21 +73,21 @@ KINDS = {
     "mode": NUMBER,
     "limited": NUMBER,
 }
-"""All series of a vehicle."""
+"""Series of every vehicle."""
 
 SLOT_KINDS: dict[str, SeriesKind] = dict.fromkeys(
     ("slot_north_m", "slot_east_m", "slot_altitude_m"), CENTIMETRES
 )
-"""Series of a follower besides, where its slot was changed in flight."""
+"""Further series of followers whose slots changed in flight."""
 
 AGE_KINDS = {"leader_age_s": MILLISECONDS}
-"""Of a follower besides, where it was recorded."""
+"""Further series of followers that recorded the age of the leader's state."""
 
 TYPES = {8: "<u1", 16: "<i2", 32: "<i4"}
 
 
 def replay_json(record: FlightRecord) -> str:
-    """The data of the replay, fit to stand inside a script element: no name in it can end that."""
+    """Return the data as JSON that is safe inside a script element, whatever the names in it."""
     text = json.dumps(
         describe_flight(record), ensure_ascii=True, allow_nan=False, separators=(",", ":")
     )
@@ -95,7 +95,7 @@ def replay_json(record: FlightRecord) -> str:
 
 
 def describe_flight(record: FlightRecord) -> dict[str, object]:
-    """Everything that the replay shows of a flight."""
+    """Return everything that the replay shows of a flight."""
     stride = choose_stride(record)
     time_ms = np.round(1000.0 * record.time_s[::stride]).astype(np.float64)
     day = vehicle_colours(record)
@@ -131,7 +131,7 @@ def describe_flight(record: FlightRecord) -> dict[str, object]:
 
 
 def ground_line(north_m: FloatArray, east_m: FloatArray) -> dict[str, list[float]]:
-    """Points of a line on the ground, its last among them: as many as a reader sees."""
+    """Return at most `MOST_PATH_POINTS` points of a line and its last one."""
     drawn = np.isfinite(north_m) & np.isfinite(east_m)
     points = max(1, math.ceil(np.count_nonzero(drawn) / MOST_PATH_POINTS))
     north, east = (one[drawn] for one in (north_m, east_m))
@@ -140,7 +140,7 @@ def ground_line(north_m: FloatArray, east_m: FloatArray) -> dict[str, list[float
 
 
 def choose_stride(record: FlightRecord) -> int:
-    """Every which sample of the record is shown, so that the page stays small."""
+    """Return the stride between the samples shown, so that the page stays small."""
     samples = record.time_s.size
     if samples < 2 or record.duration_s <= 0.0:
         return 1
@@ -155,12 +155,12 @@ def choose_stride(record: FlightRecord) -> int:
     step_s = record.duration_s / (samples - 1)
     usual = max(FINEST_STEP_S, step_s * whole / USUAL_BYTES)
     wanted_s = max(min(usual, COARSEST_STEP_S), step_s * whole / GREATEST_BYTES)
-    # A stride below the one that is wanted would be beyond the limits: a rounding error is not.
+    # A smaller stride would exceed the limits; the tolerance is for rounding errors.
     return max(1, math.ceil(wanted_s / step_s - 1e-6))
 
 
 def series_of(record: FlightRecord, vehicle: VehicleRecord) -> dict[str, FloatArray]:
-    """The series of a vehicle in the units of their names; NaN where nothing is known."""
+    """Return a vehicle's series in the units of their names; NaN where unknown."""
     sent = vehicle.airspeed_setpoint_m_s
     series = {
         "north_m": vehicle.north_m,
@@ -194,24 +194,21 @@ def series_of(record: FlightRecord, vehicle: VehicleRecord) -> dict[str, FloatAr
 
 
 def moves_slots(record: FlightRecord) -> bool:
-    """Whether slots were changed in flight, or led by a deputy: the page works out all others itself."""
+    """Check whether slots changed in flight or a deputy led; the page computes all other slots itself."""
     changed = any(one.slot_forward_series_m is not None for one in record.followers)
     return changed or record.reference is not record.leader
 
 
 def in_degrees(angles_rad: FloatArray) -> FloatArray:
-    """Angles within ±180 degrees."""
+    """Convert angles to degrees within ±180."""
     wrapped: FloatArray = np.degrees(np.arctan2(np.sin(angles_rad), np.cos(angles_rad)))
     return wrapped
 
 
 def encode(values: FloatArray, kind: SeriesKind, *, in_units: bool = False) -> dict[str, object]:
-    """One series.
+    """Encode a series; values that the number format cannot hold become unknown.
 
-    Args:
-        values: N of them; what no number of the kind can hold counts as not known.
-        kind: how it is written.
-        in_units: whether the values are counted in the kind's unit already.
+    With `in_units` the values are in the format's unit already.
     """
     limits = np.iinfo(np.dtype(TYPES[kind.bits]))
     unknown = limits.max if kind.bits == 8 else limits.min
@@ -229,35 +226,33 @@ def encode(values: FloatArray, kind: SeriesKind, *, in_units: bool = False) -> d
 
 
 def rounded(places_m: FloatArray) -> list[float]:
-    """Places to a centimetre."""
+    """Round places to a centimetre."""
     return [round(float(place), 2) for place in places_m]
 
 
 TOGETHER_S = 2.0
-"""What several vehicles say within this time is one event of all of them."""
+"""Events with the same text within this time are one event of all their vehicles."""
 
 MOST_SHOWN = 1000
-"""Events of a page. Of more, what is only told makes way: orders, who leads and warnings count first."""
+"""Largest number of events in a page; beyond it, plain texts give way to orders, leads and warnings."""
 
 STEERED = frozenset(mode.value for mode in Mode if mode.steers)
 
 
 @dataclass(slots=True)
 class ShownEvent:
-    """One entry of the time line."""
+    """Entry of the time line."""
 
     time_s: float
-    """Time at which the first vehicle said it, s."""
+    """Time of the first vehicle's event."""
     kind: str
     """`order`, `lead`, `warning` or `text`."""
     text: str
-    """What they said."""
     vehicles: list[str] = field(default_factory=list)
-    """Who."""
 
 
 def shown_events(record: FlightRecord) -> list[ShownEvent]:
-    """What the time line shows beside changes of mode, which are among the series."""
+    """Return the events of the time line but mode changes, which are a series."""
     found: list[ShownEvent] = []
     open_ones: dict[tuple[str, str], ShownEvent] = {}
     for event in record.events:
@@ -277,12 +272,12 @@ def shown_events(record: FlightRecord) -> list[ShownEvent]:
 
 
 def kind_of(event: FlightEvent) -> str:
-    """How the time line marks it."""
+    """Return the kind of an event on the time line."""
     return "warning" if event.kind == "text" and event.warning else event.kind
 
 
 def describe_events(record: FlightRecord) -> list[dict[str, object]]:
-    """The events of a flight, ready for JSON; vehicles by their numbers."""
+    """Return a flight's events for JSON, with vehicles by index."""
     rows = {vehicle.name: row for row, vehicle in enumerate(record.vehicles)}
     return [
         {
@@ -296,10 +291,10 @@ def describe_events(record: FlightRecord) -> list[dict[str, object]]:
 
 
 def flown_paths(record: FlightRecord) -> list[list[float | None]]:
-    """Which path was flown from when on: [[s, number]], 0 the record's, 1 the first other one, None none.
+    """Return the path changes [[s, number]]: 0 is the record's path, 1 the first other one, None no path.
 
-    The first vehicle that is steered counts, the leader before the followers: a companion that has ended
-    knows of no order. Empty where it was the record's all the time.
+    The first steered vehicle counts, leader before followers, since a companion that has ended knows of no
+    order. The result is empty if it was the record's path all the time.
     """
     if all(vehicle.path_number is None for vehicle in record.vehicles):
         return []
@@ -318,8 +313,6 @@ def flown_paths(record: FlightRecord) -> list[list[float | None]]:
     return changes
 
 
-# The replay as a part of the report's page: markup, style, data and the program that the page may run.
-
 SCRIPTS = (
     "flight.js",
     "camera.js",
@@ -329,26 +322,25 @@ SCRIPTS = (
     "numbers.js",
     "player.js",
 )
-"""In the order in which they build on each other."""
+"""Scripts in order of their dependence."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PagePart:
-    """What a page takes in to show a replay; all empty where there is nothing to show."""
+    """Parts of a page that shows a replay; all empty without a replay."""
 
     style: str
-    """For its style element."""
+    """Content of the style element."""
     markup: str
-    """Where the replay stands."""
     script: str
-    """The program, for the end of the page."""
+    """Script for the end of the page."""
 
 
 NOTHING = PagePart(style="", markup="", script="")
 
 
 def replay_of(record: FlightRecord) -> PagePart:
-    """The replay of a flight; nothing for one that broke at once."""
+    """Return the replay of a flight; nothing for a flight that ended at once."""
     if record.time_s.size < 2 or record.time_s[-1] <= record.time_s[0]:
         return NOTHING
     markup = read("replay.html").replace("<!-- below -->\n", read("numbers.html"))
@@ -361,17 +353,17 @@ def replay_of(record: FlightRecord) -> PagePart:
 
 
 def program(start: str = "startReplay", more: Iterable[str] = ()) -> str:
-    """All scripts, and more of them, as one that leaves no names behind in the page and calls a function."""
+    """Join all scripts and `more` into a single function scope that calls `start`."""
     whole = "\n".join([*(read(name) for name in SCRIPTS), *more])
     return f'"use strict";\n(() => {{\n{whole}\n{start}();\n}})();\n'
 
 
 def hash_source(content: str) -> str:
-    """What a content security policy calls an inline script or style by: of exactly these bytes."""
+    """Return the hash that lets a content security policy run exactly this inline script or style."""
     digest = b64encode(sha256(content.encode()).digest()).decode("ascii")
     return f"'sha256-{digest}'"
 
 
 def read(name: str) -> str:
-    """A file of this package."""
+    """Return a file of this package."""
     return files(__package__).joinpath(name).read_text(encoding="utf-8")
