@@ -1,4 +1,4 @@
-"""What an operator's program hears on the link of a formation, and when it has heard enough to order."""
+"""Operator's side of a formation's link: what it hears, and when it has heard enough to order."""
 
 import asyncio
 import math
@@ -38,37 +38,31 @@ from vfguide.mission.order_plan import LeaderPlace, formation_of_mission
 from vfguide.state import HeardState
 
 LISTEN_S = 6.0
-"""So long an operator's program waits until the leader and the formation's time are known."""
-
+"""Longest wait of an operator's program for the leader and the formation's time."""
 
 KNOWS_S = 8.0
-"""So long it asks for the order that is flown, if one is."""
-
+"""Time for which the program asks for the active order, if there is one."""
 
 REPEAT_S = 0.5
 """Interval of the copies of an order, until it is flown or refused."""
 
-
 CLOCK_LOOK_S = 0.1
-"""Interval at which the clock is looked at."""
-
+"""Interval of checks of the formation's clock."""
 
 HEARD_S = 10.0
-"""What was heard longer ago says nothing of now: a desk may stay open from one flight to the next."""
-
+"""Age from which a message is out of date: a desk may stay open from one flight to the next."""
 
 MOST_KNOWN = 8
-"""Orders that a desk remembers."""
+"""Largest number of orders that a desk remembers."""
 
 
 class OrderDesk:
-    """What an operator's program hears and says."""
+    """Messages that an operator's program hears and sends."""
 
     member: Member
-    """As which it speaks."""
 
     def __init__(self, mission: Mission, *, clock: Callable[[], float] = time.monotonic) -> None:
-        """Begin with nothing heard of the formation of a mission; the clock (s) tells what is old."""
+        """Begin with nothing heard; the clock (s) tells the age of messages."""
         self._mission = mission
         self._clock = clock
         origin = mission.origin
@@ -78,26 +72,26 @@ class OrderDesk:
         self._lead: tuple[float, HeardState] | None = None
         self._known: dict[int, Arrangement] = {}
         self.replies: dict[str, Reply] = {}
-        """Newest answers to the order that is given."""
+        """Newest answers to the order being given."""
         self.given: tuple[int, int] | None = None
-        """Number and CRC-32 of the order."""
+        """Number and CRC-32 of the order being given."""
         self.awaited: frozenset[str] = frozenset()
-        """Vehicles whose answers to it count."""
+        """Vehicles whose answers to the order count."""
 
     @property
     def time_s(self) -> float:
-        """Time on the formation's clock, s; NaN while not known."""
+        """Formation time, s; NaN while unknown."""
         return self.member.formation_time()
 
     def heard_state(self, vehicle: str, data: bytes) -> None:
-        """Take a vehicle's state."""
+        """Store a vehicle's state."""
         try:
             self._states[vehicle] = self._clock(), motion_of(data, self._frame)
         except LinkDataError:
             return
 
     def heard_lead(self, vehicle: str, data: bytes) -> bool:
-        """Take a state of the leader by which a vehicle leads in its place; whether it does lead."""
+        """Store the leader state of a vehicle that leads as a deputy; return whether it does lead."""
         try:
             state = motion_of(data, self._frame)
         except LinkDataError:
@@ -112,7 +106,7 @@ class OrderDesk:
 
     @property
     def states(self) -> dict[str, HeardState]:
-        """Newest state of each vehicle that is heard, times on the formation's clock."""
+        """Newest states by vehicle, with formation times; states older than `HEARD_S` are left out."""
         now = self._clock()
         return {
             name: state
@@ -128,34 +122,34 @@ class OrderDesk:
 
     @property
     def leader(self) -> HeardState | None:
-        """How the leader moves by which all fly; None while none is heard."""
+        """State of the leader that all follow; None while none is heard."""
         return self._fresh_lead or self.states.get(self._mission.leader.vehicle)
 
     @property
     def leads(self) -> str:
-        """Name of the vehicle that leads, as far as is known."""
+        """Name of the vehicle that leads, as far as known."""
         lead = self._fresh_lead
         return holder_of(0 if lead is None else lead.term, self._may_lead)
 
     @property
     def flown(self) -> Arrangement | None:
-        """The order that is flown; None where there is none, or where it was not heard."""
+        """Active order; None if there is none, or if it was not heard."""
         return self._known.get(self.newest_number)
 
     @property
     def is_ready(self) -> bool:
-        """Whether the formation is heard: its leader, or of one without a companion a follower."""
+        """Whether the leader is heard, or any vehicle if the leader has no companion."""
         return self.leader is not None or (self._mission.leader.is_foreign and bool(self.states))
 
     def awaited_from(self, formation: Formation, order: Arrangement) -> set[str]:
-        """Vehicles whose answers count; not of a leader that another has succeeded and that is silent."""
+        """Return vehicles whose answers count: not a foreign leader, nor a silent one that was succeeded."""
         succeeded = self._fresh_lead is not None and formation.leader not in self.states
         succeeded = succeeded or self._mission.leader.is_foreign
         leaders = {order.lead, "" if succeeded else formation.leader} - {""}
         return {*formation.slots, *order.vehicles, *leaders}
 
     def heard_order(self, data: bytes, sealed: bytes, repeated: bool) -> None:
-        """Take an order that another gives, or a vehicle repeats."""
+        """Take an order that another operator gives or a vehicle repeats."""
         del sealed, repeated
         try:
             order = decode_order(data)
@@ -164,8 +158,8 @@ class OrderDesk:
         self.note_order(order)
 
     def note_order(self, order: Arrangement) -> None:
-        """Remember an order: it is the one that is flown once the vehicles say its number."""
-        # Of two orders of one number the one counts that was there when it began to be flown.
+        """Remember an order; it is active once the vehicles report its number."""
+        # Of two orders with one number, the one known when it became active counts.
         if order.number in self._known and order.number == self.newest_number:
             return
         self._known[order.number] = order
@@ -174,7 +168,7 @@ class OrderDesk:
             del self._known[min(number for number in self._known if number != flown)]
 
     def heard_reply(self, vehicle: str, data: bytes) -> None:
-        """Take a vehicle's answer."""
+        """Store a vehicle's answer if it is to the order being given."""
         try:
             reply = decode_reply(data)
         except LinkDataError:
@@ -184,16 +178,16 @@ class OrderDesk:
 
     @property
     def newest_number(self) -> int:
-        """Number of the order that is flown, by the vehicles' states."""
+        """Number of the active order, from the vehicles' states."""
         numbers = {name: state.arrangement for name, state in self.states.items()}
         foreign = self._mission.leader.is_foreign
         return agreed_number(numbers, self._mission.timekeeper if foreign else self.leads)
 
     def formation(self) -> Formation:
-        """As it is.
+        """Return the formation as it is now.
 
         Raises:
-            VfguideError: the order that is flown is not known.
+            VfguideError: the active order is not known.
         """
         first = replace(formation_of_mission(self._mission), holder=self.leads)
         number = self.newest_number
@@ -204,21 +198,21 @@ class OrderDesk:
             raise VfguideError(
                 f"order {number} is flown, and no vehicle has repeated it: see that their companions run"
             )
-        # Who leads may have changed since then, and is heard.
+        # The lead may have changed since the order; the current one is heard.
         return replace(first.after(flown), holder=self.leads)
 
     def leader_place(self, time_s: float) -> LeaderPlace | None:
-        """Where the leader is at a time of the formation's clock (s), if it flies and climbs straight on."""
+        """Return the leader's place at a formation time, extrapolated straight ahead at its climb rate."""
         state = self.leader
         return None if state is None else place_after(state, time_s - state.time_s)
 
     def places(self) -> dict[str, LeaderPlace]:
-        """Where each vehicle was that was heard."""
+        """Return the last place of each vehicle heard."""
         return {name: place_after(state, 0.0) for name, state in self.states.items()}
 
 
 def place_after(state: HeardState, seconds: float) -> LeaderPlace:
-    """Where a vehicle is some seconds after a state, if it flies and climbs straight on."""
+    """Return a vehicle's place some seconds after a state, extrapolated straight ahead at its climb rate."""
     run = state.ground_speed * seconds
     return LeaderPlace(
         state.north + run * math.cos(state.course),
@@ -233,18 +227,18 @@ def place_after(state: HeardState, seconds: float) -> LeaderPlace:
 async def at_desk(
     mission: Mission, watched: WatchedFormation, random: Random
 ) -> AsyncIterator[tuple[OrderDesk, Link]]:
-    """An operator's program on the links, for as long as the context lasts."""
+    """Run an operator's desk on the links for as long as the context lasts."""
     desk = OrderDesk(mission)
     desk.member = watching_member(
         watched,
         random,
         neighbours=list(mission.followers_by_name),
-        # Orders are given by what is proven to be of now.
+        # Orders need states that are proven to be current.
         watches=False,
         receive=partial(desk.heard_state, watched.leader),
         receive_neighbour=desk.heard_state,
         receive_lead=desk.heard_lead,
-        # Who wants presences says none about itself.
+        # A listener announces no presence of its own.
         receive_presence=ignore,
         receive_order=desk.heard_order,
         receive_reply=desk.heard_reply,
@@ -258,10 +252,10 @@ async def at_desk(
 
 
 async def await_formation(desk: OrderDesk, *, calls_off: bool) -> None:
-    """Wait until the formation's time is known and, but to call everything off, its leader.
+    """Wait for the formation's time and, unless everything is called off, for its leader.
 
     Raises:
-        VfguideError: they are not heard.
+        VfguideError: nothing is heard in time.
     """
     loop = asyncio.get_running_loop()
     began = loop.time()
@@ -275,20 +269,20 @@ async def await_formation(desk: OrderDesk, *, calls_off: bool) -> None:
 
 
 async def await_present(desk: OrderDesk, link: Link, *, calls_off: bool) -> None:
-    """Wait until the formation is heard and, but to call everything off, the order that is flown is known.
+    """Wait for the formation and, unless everything is called off, for its active order.
 
     Raises:
         VfguideError: the formation is not heard.
     """
     await await_formation(desk, calls_off=calls_off)
     if not calls_off:
-        # The others say where they are every half second at least.
+        # The other vehicles send their states at least every half second.
         await asyncio.sleep(1.0)
         await await_order(desk, link)
 
 
 async def await_rest(desk: OrderDesk, link: Link) -> None:
-    """Wait until the slots will be at rest when an order begins that is given now: earlier it is refused."""
+    """Wait until an order given now would begin with all slots at rest; an earlier one is refused."""
     while (flown := desk.flown) is not None:
         if desk.time_s + link.order_lead_s >= flown.time_s + flown.duration_s:
             return
@@ -296,7 +290,7 @@ async def await_rest(desk: OrderDesk, link: Link) -> None:
 
 
 def unanswered(counters: Counter[str]) -> str:
-    """Why nobody may have answered, by what has arrived and was not believed, and the remedy."""
+    """Return the likely reason for silence, from the messages that were refused, and the remedy."""
     refused = {
         reason.removeprefix("refused: "): count
         for reason, count in counters.most_common()
@@ -312,7 +306,7 @@ def unanswered(counters: Counter[str]) -> str:
 
 
 async def await_order(desk: OrderDesk, link: Link) -> None:
-    """Ask for the order that is flown, if one is and it is not known, until it is or nobody answers."""
+    """Ask for the active order until it is known or `KNOWS_S` have passed."""
     loop = asyncio.get_running_loop()
     began = loop.time()
     while desk.newest_number and desk.flown is None and loop.time() - began <= KNOWS_S:
@@ -321,5 +315,5 @@ async def await_order(desk: OrderDesk, link: Link) -> None:
 
 
 def ask_for_order(link: Link) -> None:
-    """Have the vehicles repeat the order that they fly by."""
+    """Ask the vehicles to repeat their active order."""
     link.say(Kind.REPLY, encode_reply(Reply(number=0, verdict=Verdict.UNKNOWN)))

@@ -1,7 +1,7 @@
 """Orders from the console's pages: rehearsed, shown, given and answered, one at a time.
 
-All pages see the same order: what one operator rehearses the others see, and any of them can give it. An
-abort does not wait for any of this.
+All pages see the same order: any operator can give what another has rehearsed. An abort waits for none of
+this.
 """
 
 import asyncio
@@ -26,12 +26,12 @@ from vfguide.mission.model import WrittenOrder
 logger = logging.getLogger(__name__)
 
 FRESH_S = 120.0
-"""A rehearsal says what would happen from where the formation was: after so long it has to be done again."""
+"""Age from which a rehearsal must be repeated: it predicts from where the formation was."""
 
 Phase = Literal[
     "none", "rehearsing", "rehearsed", "refused", "giving", "flown", "void", "not flown"
 ]
-"""How far an order has come. `refused`: it cannot be carried out; `void`: not all have agreed to it."""
+"""Progress of an order. `refused`: it cannot be carried out; `void`: not all have agreed to it."""
 
 ABORT = Order(action="abort")
 
@@ -47,32 +47,31 @@ REMEDIES = {
     "action": "This action is not known: choose hold, resume or ABORT.",
     "number": "This is no rehearsed order: rehearse it again.",
 }
-"""What to do about a fault, by the field of the order that has it."""
+"""Remedies of faults, by the faulty field of the order."""
 
 UNREADABLE = "This is no order that the console can read: reload the page and choose it again."
 
 
 class RehearsalChoice(BaseModel):
-    """Which rehearsed order is to be given, as a page sends it."""
+    """Number of a rehearsal that a page has shown, to be given or dropped."""
 
     model_config = ConfigDict(extra="forbid", strict=True)
 
     number: int = Field(ge=1, le=2**31)
-    """Number of the rehearsal that the page has shown."""
 
 
 class EmptyRequest(BaseModel):
-    """What a page sends with an order that needs no more words."""
+    """Request of a page without content."""
 
     model_config = ConfigDict(extra="forbid", strict=True)
 
 
 class BusyError(VfguideError):
-    """An order is being given, or the one that was meant is not there any more."""
+    """An order is being given, or the chosen rehearsal is no longer current."""
 
 
 class OrderPanel:
-    """The order that the console's pages are about, from its rehearsal to what became of it."""
+    """Order that the console's pages show, from its rehearsal to its outcome."""
 
     def __init__(
         self,
@@ -82,20 +81,13 @@ class OrderPanel:
         clock: Callable[[], float],
         changed: Callable[[], None],
     ) -> None:
-        """Begin without an order.
-
-        Args:
-            mission: of the formation.
-            desk: what is heard, and where orders are given.
-            clock: s.
-            changed: called whenever there is something else to show.
-        """
+        """Begin without an order; `changed` is called after every change of what pages show."""
         self._mission, self._desk = mission, desk
         deputies = list(mission.deputies)
         self._may_lead = [mission.leader.vehicle, *deputies] if deputies else []
         self._clock, self._changed = clock, changed
         self.link: Link | None = None
-        """Over which orders are given; None until it is opened."""
+        """Link over which orders are given; None until it is opened."""
         self._task: asyncio.Task[None] | None = None
         self._count = 0
         self._forget()
@@ -108,7 +100,7 @@ class OrderPanel:
         self._outcome: OrderOutcome | None = None
 
     def rehearse(self, order: Order) -> int:
-        """Begin to rehearse an order in the place of the last; the number of the rehearsal.
+        """Begin to rehearse an order in place of the last, and return the number of the rehearsal.
 
         Raises:
             BusyError: an order is being given.
@@ -124,7 +116,7 @@ class OrderPanel:
         """Forget an order that has not been given.
 
         Raises:
-            BusyError: it is not the one that is there, or it is being given.
+            BusyError: the order is not the current one, or is being given.
         """
         self._check_not_giving()
         if number != self._count:
@@ -137,7 +129,7 @@ class OrderPanel:
         """Begin to give an order that was rehearsed.
 
         Raises:
-            BusyError: it is not the one that is there, is not rehearsed yet, is too old, or is being given.
+            BusyError: the order is not the current one, not rehearsed yet, too old, or being given.
         """
         self._check_not_giving()
         found = self._found
@@ -149,7 +141,7 @@ class OrderPanel:
         self._begin(partial(self._give, found))
 
     def abort(self) -> int:
-        """Call everything off, whatever else is being done; the number of the order."""
+        """Call everything off, whatever else is under way, and return the number of the order."""
         self.stop()
         self._count += 1
         self._forget("giving", order_in_words(ABORT))
@@ -157,7 +149,7 @@ class OrderPanel:
         return self._count
 
     def stop(self) -> None:
-        """Do no more."""
+        """Cancel the work that is under way."""
         if self._task is not None:
             self._task.cancel()
             self._task = None
@@ -171,7 +163,7 @@ class OrderPanel:
         self._changed()
 
     async def _guarded(self, work: Callable[[], Awaitable[None]]) -> None:
-        """Do something for an order; whatever stops it is shown."""
+        """Run the work for an order, and show whatever error stops it."""
         try:
             await work()
         except VfguideError as error:
@@ -205,7 +197,7 @@ class OrderPanel:
         )
 
     async def _abort(self) -> None:
-        """Say it again and again, even while no link stands: it may come back within seconds."""
+        """Give the abort even without a link, which may return within seconds."""
         link = self._open_link()
         await await_formation(self._desk, calls_off=True)
         found = await rehearse_order(self._mission, ABORT, self._desk, link)
@@ -229,7 +221,7 @@ class OrderPanel:
             self._text = f"{outcome.arrangement.lead} does not lead: {outcome.leads} does"
 
     def describe(self) -> dict[str, object]:
-        """What the pages show, ready for JSON."""
+        """Return what the pages show, ready for JSON."""
         content: dict[str, object] = {
             "number": self._count,
             "phase": self._phase,
@@ -246,7 +238,6 @@ class OrderPanel:
         return content
 
     def _answers(self) -> list[dict[str, str]]:
-        """What each vehicle says, the silent ones too."""
         desk, silent = self._desk, "silent" if self._outcome is not None else "asked"
         answers = []
         for name in sorted(desk.awaited):
@@ -262,7 +253,7 @@ class OrderPanel:
 
 
 def outcome_of(found: RehearsedOrder) -> dict[str, object]:
-    """What a rehearsal says, ready for JSON."""
+    """Return the outcome of a rehearsal, ready for JSON."""
     prediction = found.prediction
     if prediction is None:
         return {}
@@ -279,7 +270,7 @@ def outcome_of(found: RehearsedOrder) -> dict[str, object]:
 
 
 def order_in_words(order: Order) -> str:
-    """An order as `vfguide order` has it."""
+    """Return an order in the words of `vfguide order`."""
     words: list[str] = []
     if order.action is not None:
         words.append(order.action)
@@ -302,26 +293,26 @@ def order_in_words(order: Order) -> str:
 
 
 def fault_in_words(error: ValidationError) -> str:
-    """What is wrong with an order that a page has sent, in one sentence with the remedy."""
+    """Return the fault of an order from a page, in one sentence with the remedy."""
     place = error.errors(include_url=False, include_input=False)[0]["loc"]
     return REMEDIES.get(str(place[0]), UNREADABLE) if place else UNREADABLE
 
 
 def order_from(text: bytes) -> Order:
-    """The order that a page has sent.
+    """Parse an order from a page.
 
     Raises:
-        pydantic.ValidationError: it is none.
+        pydantic.ValidationError: the text is no order.
     """
     return WrittenOrder.model_validate_json(text, strict=True).order
 
 
 def use_number(use: Callable[[int], None], body: bytes) -> int:
-    """Do something with the rehearsed order whose number a page has sent; the number.
+    """Apply `use` to the rehearsal number that a page has sent, and return the number.
 
     Raises:
-        pydantic.ValidationError: it is none.
-        BusyError: not this order, or not now.
+        pydantic.ValidationError: the body holds no number.
+        BusyError: the order is not the current one, or cannot be used now.
     """
     number = RehearsalChoice.model_validate_json(body).number
     use(number)
