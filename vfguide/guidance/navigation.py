@@ -1,22 +1,22 @@
-"""From reports of an autopilot to a navigated state: position, velocity, wind and the wind's rate of change.
+"""Navigated state from an autopilot's reports: position, velocity, wind and the wind's rate of change.
 
-**Reach.** A report is compared with where the aircraft can be. With a greatest acceleration a, a manoeuvre
-within an interval T leaves the place open by a T² / 8; a margin of two in a is allowed.
+**Reach.** Bounds of what an aircraft can do between two reports. An acceleration up to a during an interval T
+leaves the position open by a T² / 8; a margin of two in a is allowed.
 
-**State.** Noise of the reported positions and the acceleration of a turning wind spoil a follower in wind.
-A fading-memory filter answers both (Morrison, Introduction to Sequential Smoothing and Prediction, 1969).
-The position is carried on by the velocity and only leans on the reported one. The wind (ground velocity
-minus air velocity) is tracked with its rate, which the laws take off the acceleration they ask for, and
-with the rate of that. Without the latter the wind would be wrong by it times the square of the filter's
-time constant: a leader's course wrong by milliradians moves everybody's slot by centimetres. Without a
-measured ground velocity the same filter finds wind and speed from the positions alone.
+**State.** Position noise and the acceleration of a turning wind disturb a follower. A fading-memory filter
+reduces both (Morrison, Introduction to Sequential Smoothing and Prediction, 1969). The velocity carries the
+position on, and the reported position corrects it slowly. The wind (ground velocity minus air velocity) is
+tracked with its rate, which the laws subtract from their acceleration, and with its second derivative.
+Without the latter the wind would be wrong by it times the filter's squared time constant. A leader's course
+error of milliradians would then move all slots by centimetres. Without a measured ground velocity the same
+filter finds wind and speed from positions alone.
 
-In gusts the wind walks at random and its rate foretells nothing. The innovations of the filter show how gusty
-the air is, and its memory follows that.
+In gusts the wind is a random walk and its rate predicts nothing. The filter's innovations show the gustiness,
+which sets its memory.
 
 **Velocity error.** A reported velocity may be wrong for seconds: PX4's in software by 0.3 m/s in turns, while
-positions of the same estimator move right to half of that. A second-order fading-memory filter carries the
-position on by the reported velocity and its error, and finds both by the reported position.
+its positions are right to half of that. A second-order fading-memory filter of the reported positions
+estimates position and velocity error.
 """
 
 import math
@@ -29,50 +29,51 @@ from vfguide.guidance.airframe import GRAVITY, polar
 from vfguide.state import Airframe, Gusts, VehicleState
 
 LEAN_S = 6.0
-"""Memory of the carried place: how long it takes to lean on believed positions. Places and velocities of
-recorded estimators part by 3 m in it at most."""
+"""Time constant of the position's correction toward believed reports, s. Within it, recorded estimators'
+positions
+and integrated velocities differ by at most 3 m."""
 
 UNBROKEN_S = 0.5
-"""After a longer gap an innovation says nothing of the noise, and the carried place nothing any more."""
+"""Longest gap after which an innovation still shows noise and the carried position is valid, s."""
 
 VELOCITY_TOLERANCE_M_S = 4.0
-"""Noise and corrections of reported velocities."""
+"""Noise and corrections of reported velocities, m/s."""
 
 MARGIN = 2.0
-"""Over the acceleration that a vehicle is asked for at most, or over 1 g: gusts, and pilots."""
+"""Factor on the greater of commanded acceleration and 1 g: gusts and pilots."""
 
 OVERSPEED = 1.5
-"""Speed of a dive in parts of the greatest speed that a vehicle may be asked for."""
+"""Speed of a dive relative to the highest airspeed setpoint."""
 
 UNDERSPEED = 0.6
-"""Share of the lowest airspeed: no fixed wing flies slower. No wind changes an airspeed by more of it."""
+"""Lowest plausible airspeed relative to the minimum; no gust changes an airspeed by more than that share."""
 
 GREATEST_WIND_M_S = 40.0
-"""No wind that these aircraft fly in is stronger."""
+"""Strongest wind in which these aircraft fly, m/s."""
 
 
 class Reach(msgspec.Struct, frozen=True, kw_only=True):
-    """What an aircraft can do between two reports."""
+    """Bounds of an aircraft's motion between two reports."""
 
     speed: float
-    """Greatest speed over ground, m/s."""
+    """Highest ground speed, m/s."""
     acceleration: float
-    """Greatest change of the horizontal velocity, m/s²."""
+    """Largest rate of the horizontal velocity, m/s²."""
     airspeeds: tuple[float, float]
-    """Lowest and highest, m/s."""
+    """Lowest and highest airspeed, m/s."""
 
     def velocity_change(self, interval_s: float) -> float:
-        """By how much the reported velocity can change, m/s."""
+        """Return the largest change of the reported velocity, m/s."""
         return VELOCITY_TOLERANCE_M_S + self.acceleration * interval_s
 
     def displacement(self, interval_s: float) -> float:
-        """How far the place can be from the one that the mean of both velocities leads to, m."""
-        # a T² / 8, a being the acceleration without its margin of two.
+        """Return the largest distance from the position that the mean of both velocities predicts, m."""
+        # a T² / 8, with a = acceleration / 2: without the margin of two.
         return min(0.0625 * self.acceleration * interval_s**2, 2.0 * self.speed * interval_s)
 
 
 def reach_of(airframe: Airframe) -> Reach:
-    """What a vehicle with these limits can do, in a pilot's hands and in gusts too."""
+    """Return the reach of a vehicle with these limits, in a pilot's hands and in gusts too."""
     asked = GRAVITY * math.tan(airframe.max_bank) + airframe.max_acceleration
     return Reach(
         speed=OVERSPEED * airframe.airspeed_max + GREATEST_WIND_M_S,
@@ -82,27 +83,27 @@ def reach_of(airframe: Airframe) -> Reach:
 
 
 class ReportedMotion(msgspec.Struct, frozen=True):
-    """Position and velocity at a time."""
+    """Reported position and velocity."""
 
     time_s: float
-    """s, on any clock that runs evenly."""
+    """Time on any clock that runs evenly, s."""
     north: float
     """m."""
     east: float
     """m."""
     velocity_north: float
-    """Over ground, m/s."""
+    """North velocity over ground, m/s."""
     velocity_east: float
-    """Over ground, m/s."""
+    """East velocity over ground, m/s."""
 
     @property
     def speed(self) -> float:
-        """Over ground, m/s."""
+        """Ground speed, m/s."""
         return math.hypot(self.velocity_north, self.velocity_east)
 
 
 def carried(motion: ReportedMotion, to: ReportedMotion) -> tuple[float, float]:
-    """(north, east) of a place that is carried to the time of another motion by the mean velocity of both."""
+    """Return (north, east) of a position carried to another motion's time by the mean of both velocities."""
     half = 0.5 * (to.time_s - motion.time_s)
     return (
         motion.north + half * (motion.velocity_north + to.velocity_north),
@@ -111,7 +112,7 @@ def carried(motion: ReportedMotion, to: ReportedMotion) -> tuple[float, float]:
 
 
 def velocity_change(motion: ReportedMotion, to: ReportedMotion) -> float:
-    """By how much the velocity differs, m/s."""
+    """Return the magnitude of the velocity difference, m/s."""
     return math.hypot(
         to.velocity_north - motion.velocity_north, to.velocity_east - motion.velocity_east
     )
@@ -120,13 +121,15 @@ def velocity_change(motion: ReportedMotion, to: ReportedMotion) -> float:
 def innovation(
     motion: ReportedMotion, to: ReportedMotion, slack_s: float = 0.0, stood_s: float = 0.0
 ) -> tuple[float, float]:
-    """(north, east) from the carried place to the reported one, m.
+    """Return (north, east) from the carried position to the reported one, m.
+
+    Timing errors along the velocity are excused.
 
     Args:
-        motion: the one before.
-        to: the reported one.
-        slack_s: by so much the time between both may have been longer than their stamps say.
-        stood_s: by so much it may have been shorter.
+        motion: previous motion.
+        to: reported motion.
+        slack_s: time by which the interval may have been longer than the stamps say, s.
+        stood_s: time by which the interval may have been shorter, s.
     """
     north, east = carried(motion, to)
     north, east = to.north - north, to.east - east
@@ -140,82 +143,82 @@ def innovation(
 
 
 def leaned(motion: ReportedMotion, north: float, east: float, interval_s: float) -> ReportedMotion:
-    """A carried place that leans on the reported one.
+    """Return a carried position corrected toward the reported one; the reported one after a gap.
 
     Args:
-        motion: as reported.
-        north: of the innovation, m.
-        east: of the innovation, m.
-        interval_s: since the report before.
+        motion: reported motion.
+        north: innovation toward north, m.
+        east: innovation toward east, m.
+        interval_s: time since the previous report, s.
     """
     rest = 0.0 if interval_s > UNBROKEN_S else LEAN_S / (LEAN_S + interval_s)
     return replace(motion, north=motion.north - rest * north, east=motion.east - rest * east)
 
 
 GUSTS_WATCH_S = 4.0
-"""Memory of how alike neighbouring innovations of the wind are."""
+"""Time constant of the power and correlation of wind innovations, s."""
 
 GUSTS_LEARN_S = 1.0
-"""In this time the share of gusts would grow to 1, were all innovations alike."""
+"""Time in which the gust share would grow to 1 if all innovations were alike, s."""
 
 GUSTS_LEAK = 0.1
-"""Likeness of innovations that still counts as smooth air."""
+"""Correlation of innovations that still counts as smooth air."""
 
 GUSTS_CALM_M_S = 0.15
-"""Innovations of this size count by half: as in light turbulence, and more than rounding or a swing leave."""
+"""Innovation size with half weight, m/s: as in light turbulence, above rounding and oscillation."""
 
 
 class FilterTimes(msgspec.Struct, frozen=True, kw_only=True):
-    """Memory of the navigation filter."""
+    """Time constants of the navigation filter."""
 
     position_s: float
-    """How long a reported position is remembered, s."""
+    """Time constant of reported positions, s."""
     wind_s: float
-    """Time constant of the wind, its rate and the rate of that, s."""
+    """Time constant of the wind and its first two derivatives, s."""
     velocity_s: float = 0.0
-    """Time constant with which reported velocities are checked by the positions, s; 0: they are right."""
+    """Time constant of the check of reported velocities by positions, s; 0 trusts the velocities."""
     blind_s: float = 0.4
-    """Time constant of the filter that has positions only, s."""
+    """Time constant of the filter for positions alone, s."""
     height_s: float = 1.0
-    """How long a reported height is remembered, s."""
+    """Time constant of reported heights, s."""
 
 
 class Sample(msgspec.Struct, frozen=True, kw_only=True):
-    """One report of an autopilot, in the formation's local frame."""
+    """Report of an autopilot, in the formation's local frame."""
 
     time_s: float
-    """When it was true, s."""
+    """Time of validity, s."""
     north: float
     """m."""
     east: float
     """m."""
     velocity_north: float
-    """Ground velocity, m/s."""
+    """North ground velocity, m/s."""
     velocity_east: float
-    """Ground velocity, m/s."""
+    """East ground velocity, m/s."""
     heading: float
     """rad."""
     airspeed: float
     """True airspeed, m/s."""
     height: float = 0.0
-    """m; NaN where it is not known."""
+    """m; NaN where unknown."""
     climb_rate: float = 0.0
     """m/s, positive up."""
 
 
 def memory_of(period: float, time_constant: float) -> float:
-    """Share of the past that a filter keeps over one period; none where the time constant is 0."""
+    """Return the share of the past that a filter keeps over one period; 0 for a time constant of 0."""
     return math.exp(-period / time_constant) if time_constant > 0.0 else 0.0
 
 
 def fading_memory_2(period: float, time_constant: float) -> tuple[float, float]:
-    """Gains (value, rate times period) of a second-order fading-memory filter."""
+    """Return the gains (value, rate times period) of a second-order fading-memory filter."""
     memory = memory_of(period, time_constant)
     return 1.0 - memory * memory, (1.0 - memory) ** 2
 
 
 def fading_memory_3(period: float, time_constant: float) -> tuple[float, float, float]:
-    """Gains (value, rate times period, half second derivative times period²) of the third order."""
+    """Return the third-order gains (value, rate times period, half second derivative times period²)."""
     memory = memory_of(period, time_constant)
     return (
         1.0 - memory**3,
@@ -225,7 +228,7 @@ def fading_memory_3(period: float, time_constant: float) -> tuple[float, float, 
 
 
 def first_state(sample: Sample) -> VehicleState:
-    """State from one report alone."""
+    """Return the state from one report alone, with the wind's rates zero."""
     air_north, air_east = air = polar(sample.airspeed, sample.heading)
     return _state(
         sample,
@@ -239,13 +242,7 @@ def first_state(sample: Sample) -> VehicleState:
 
 
 def navigate(previous: VehicleState, sample: Sample, times: FilterTimes) -> VehicleState:
-    """State after a report, with its ground velocity measured.
-
-    Args:
-        previous: state after the report before.
-        sample: the report; later than the previous state.
-        times: memory of the filter.
-    """
+    """Update the state with a later report whose ground velocity is measured."""
     period = sample.time_s - previous.time_s
     lean = period / (times.position_s + period)
     gain, rate_gain, second_gain = fading_memory_3(period, times.wind_s)
@@ -255,7 +252,7 @@ def navigate(previous: VehicleState, sample: Sample, times: FilterTimes) -> Vehi
     surprise_north = sample.velocity_north - air_north - wind_north
     surprise_east = sample.velocity_east - air_east - wind_east
     gusts = gusts_after(previous.gusts, surprise_north, surprise_east, period)
-    # A gust is there at once and stays: what is new of it is taken whole.
+    # A gust arrives at once and stays: its innovation is taken whole.
     wind_gain = gain + (1.0 - gain) * gusts.share
     return _state(
         sample,
@@ -282,18 +279,17 @@ def navigate(previous: VehicleState, sample: Sample, times: FilterTimes) -> Vehi
 def gusts_after(
     before: Gusts | None, surprise_north: float, surprise_east: float, period: float
 ) -> Gusts:
-    """How gusty the air is after another innovation of the wind.
+    """Update the estimate of gustiness with a wind innovation.
 
-    The innovations of an optimal filter are white. Where each resembles the one before, the filter lags
-    behind a wind that walks at random, as in turbulence: it is to remember less. Where neighbours have
-    opposite signs it is noise that it follows, and it is to remember more (Mehra, IEEE Transactions on
-    Automatic Control 15(2), 1970).
+    The innovations of an optimal filter are white. Positive correlation shows that the filter lags a wind
+    that walks at random, as in turbulence: its memory must shorten. Negative correlation shows that it
+    follows noise, and its memory must grow (Mehra, IEEE Transactions on Automatic Control 15(2), 1970).
 
     Args:
-        before: until now; None at first.
-        surprise_north: measured wind minus the expected one, m/s.
-        surprise_east: m/s.
-        period: since the report before, s.
+        before: previous estimate; None at first.
+        surprise_north: measured minus expected wind toward north, m/s.
+        surprise_east: measured minus expected wind toward east, m/s.
+        period: time since the previous report, s.
     """
     if before is None:
         return Gusts(
@@ -325,15 +321,10 @@ def navigate_blind(
     *,
     by_course: bool = True,
 ) -> VehicleState:
-    """State after a report whose ground speed is not to be used.
+    """Update the state with a later report without using its ground speed.
 
-    Wind and its rate follow from how the reported positions leave those that airspeed and heading predict.
-
-    Args:
-        previous: state after the report before.
-        sample: the report; later than the previous state.
-        times: memory of the filter.
-        by_course: whether the course of the reported velocity is right.
+    Wind and its rate follow from the difference between the reported positions and those that airspeed and
+    heading predict. With `by_course` the course is that of the reported velocity.
     """
     period = sample.time_s - previous.time_s
     gain, rate_gain, second_gain = fading_memory_3(period, times.blind_s)
@@ -353,16 +344,16 @@ def navigate_blind(
             previous.wind_rate_north + 2.0 * second_gain / period**2 * surprise_north,
             previous.wind_rate_east + 2.0 * second_gain / period**2 * surprise_east,
         ),
-        # Positions show the wind by its integral: three orders end with its rate.
+        # Positions show the wind through its integral: a third-order filter ends at its rate.
         wind_jerk=(0.0, 0.0),
         course=math.atan2(sample.velocity_east, sample.velocity_north) if by_course else None,
     )
 
 
 def navigate_unseen(previous: VehicleState, sample: Sample, times: FilterTimes) -> VehicleState:
-    """State after a report of which heading and airspeed alone are used.
+    """Update the state with a report of which only heading and airspeed are used.
 
-    The wind goes on changing as it did; what gusts changed foretells nothing.
+    The wind continues to change at its rate, reduced by the gust share: gusts predict nothing.
     """
     period = sample.time_s - previous.time_s
     smooth = 1.0 - previous.gust_share
@@ -388,9 +379,9 @@ def navigate_unseen(previous: VehicleState, sample: Sample, times: FilterTimes) 
 
 
 def carried_height(previous: VehicleState, sample: Sample, time_constant: float) -> float:
-    """Height (m) carried on by the climb rate, and leaning on the reported one where that is known.
+    """Return the height (m) carried on by the climb rate, corrected toward a known reported height.
 
-    Barometers are noisy and climb rates are not: in level flight nobody is to climb after noise.
+    Barometers are noisy and climb rates are not: in level flight no vehicle should follow noise.
     """
     period = sample.time_s - previous.time_s
     carried = previous.height + (previous.climb_rate + sample.climb_rate) * (0.5 * period)
@@ -403,7 +394,7 @@ def carried_height(previous: VehicleState, sample: Sample, time_constant: float)
 def _predict(
     previous: VehicleState, air: tuple[float, float], period: float
 ) -> tuple[float, float, float, float]:
-    """(north, east, wind north, wind east) a period later, by the mean of the air velocities then and now."""
+    """Return (north, east, wind north, wind east) a period later, by the mean air velocity."""
     before_north, before_east = polar(previous.airspeed, previous.heading)
     after_north, after_east = air
     change_north = (previous.wind_rate_north + 0.5 * previous.wind_jerk_north * period) * period
@@ -430,7 +421,7 @@ def _state(
     course: float | None = None,
     gusts: Gusts | None = None,
 ) -> VehicleState:
-    """The state that position and wind make of a sample: ground velocity = air velocity + wind."""
+    """Return the state from a sample, a position and a wind: ground velocity = air velocity + wind."""
     velocity_north, velocity_east = air[0] + wind[0], air[1] + wind[1]
     return VehicleState(
         time_s=sample.time_s,
@@ -453,33 +444,27 @@ def _state(
 
 
 class VelocityError(msgspec.Struct, frozen=True, kw_only=True):
-    """A carried position, and by how much reported velocities fall short of its motion."""
+    """Estimate of the error of reported velocities, by a carried position."""
 
     sample: Sample
-    """The last report."""
+    """Latest report."""
     north: float
-    """Carried position, m."""
+    """Carried position, north, m."""
     east: float
-    """m."""
+    """Carried position, east, m."""
     short_north: float = 0.0
-    """To be added to reported velocities, m/s."""
+    """North correction to add to reported velocities, m/s."""
     short_east: float = 0.0
-    """m/s."""
+    """East correction to add to reported velocities, m/s."""
 
 
 def velocity_error_at_first(sample: Sample) -> VelocityError:
-    """Nothing is known against the first velocity."""
+    """Start without a velocity error."""
     return VelocityError(sample=sample, north=sample.north, east=sample.east)
 
 
 def velocity_error(before: VelocityError, sample: Sample, time_constant: float) -> VelocityError:
-    """The error after another report.
-
-    Args:
-        before: after the report before.
-        sample: the report; later.
-        time_constant: memory of the filter, s, above 0.
-    """
+    """Update the velocity error with a later report; `time_constant` is above 0 s."""
     last, period = before.sample, sample.time_s - before.sample.time_s
     gain, rate_gain = fading_memory_2(period, time_constant)
     mean_north = 0.5 * (last.velocity_north + sample.velocity_north) + before.short_north
@@ -496,7 +481,7 @@ def velocity_error(before: VelocityError, sample: Sample, time_constant: float) 
 
 
 def with_right_velocity(sample: Sample, error: VelocityError) -> Sample:
-    """The report with the velocity that positions show."""
+    """Return the report with its velocity corrected."""
     return replace(
         sample,
         velocity_north=sample.velocity_north + error.short_north,

@@ -1,21 +1,21 @@
-"""Another clock, as seen from one's own: its offset, rate, slips and uncertainty.
+"""Another clock relative to the own: offset, rate, steps and uncertainty.
 
-No report is read before it was made, so the least difference between one's own clock and the stamps of
-reports is the one with the least delay in it. Later reports are late by the rest. A question that was asked
-at t0 and answered at t3 with the other clock's time c shows that the difference lies between t0 - c and
-t3 - c. Both kinds of evidence narrow one interval, which widens again as two quartz clocks may run apart.
-Evidence outside of it shows that the other clock has slipped. Two answers bound how fast it runs.
+No report arrives before it was made. So the smallest difference between the own clock and the stamps belongs
+to the report with the least delay; others arrive later by the rest. A question asked at t0 and answered at t3
+with the other clock's time c bounds the difference: between t0 - c and t3 - c. Both kinds of evidence narrow
+one interval, which widens with the possible drift of two quartz clocks. Evidence outside it shows a step of
+the other clock. Two answers bound its rate.
 
-| basis | when a report was true | wrong by at most |
+| basis | time of a report | largest error |
 |---|---|---|
-| nothing | nobody knows | infinite |
-| arrival: stamps stand still, leap, or count in another unit | when it arrives, less the told way | 1.5 s |
-| stamps: nothing is answered | its stamp and the least difference, less the told way | 0.5 s |
-| answers | the same, less half of the fastest ways there and back | the interval's farther end |
+| nothing | unknown | infinite |
+| arrival: stamps stand still, jump, or count in another unit | arrival, less the given delay | 1.5 s |
+| stamps: no question is answered | stamp plus least difference, less the given delay | 0.5 s |
+| answers | the same, less half of the fastest round trip | the farther end of the interval |
 
-Stamps of 32 bits of milliseconds wrap and go on. Stamps that fall or leap are those of a clock that has
-started anew once they have gone on for a second, as time does, with none of the former ones between them.
-Frames that are repeated or forged come singly, all at once, or among the true ones.
+Stamps of 32 bits of milliseconds wrap and continue. Stamps that fall or jump belong to a restarted clock once
+they have continued for a second at the rate of time, with no former ones between them. Repeated or forged
+frames come singly, all at once, or among the true ones.
 """
 
 import math
@@ -26,73 +26,73 @@ from enum import StrEnum
 import msgspec
 
 DRIFT = 100e-6
-"""s/s by which two quartz clocks run apart at most: 50 ppm each."""
+"""Largest drift between two quartz clocks, s/s: 50 ppm each."""
 
 TICK_S = 1e-3
-"""Contradictions within this are none: stamps are in milliseconds."""
+"""Tolerance of contradictions, s: stamps are in milliseconds."""
 
 NANOSECOND = 1e-9
 
 WRAP_S = 2**32 * 1e-3
-"""Stamps begin at 0 again after 32 bits of milliseconds, 49.7 days."""
+"""Period of stamps with 32 bits of milliseconds, s: 49.7 days."""
 
 FALL_S, LEAP_S = 1.0, 2.0
-"""Stamps that fall back, or run ahead of the time that has passed, by more do not go on from those before."""
+"""Largest fall of a stamp, and largest advance over the elapsed time, that continue a series, s."""
 
 CERTAIN_COUNT, CERTAIN_S = 3, 1.0
-"""Stamps have to go on elsewhere so often, and for so long, before the other clock has started anew."""
+"""Number of stamps in a new series, and its duration (s), that prove a restart of the other clock."""
 
 EVEN_S = 1.0
-"""Such stamps disagree with the time that passes meanwhile by at most this."""
+"""Largest disagreement of such stamps with the elapsed time, s."""
 
 LONGEST_WAY_S = 5.0
-"""Longest way of the fastest report that answers may show."""
+"""Upper bound of the fastest report's delay as shown by answers, s."""
 
 FOREIGN_S = 30.0
-"""Answers that contradict the reports by more come of another clock, or of one that has started anew."""
+"""Contradiction between answers and reports, s, above which answers come from another or restarted clock."""
 
 ANSWERED_S = 3.0
-"""While the last answer is not older than this, answers alone tell a slip from a slower link."""
+"""Age of the last answer, s, up to which answers alone distinguish a step from a slower link."""
 
 SILENT_S = 5.0
-"""No answer for so long after the first question, and none will come."""
+"""Time after the first question without an answer, s, after which none is expected."""
 
 RATE_WINDOW_S, APART_S = 10.0, 2.0
-"""Rates are found from answers within this, of those at least so far apart."""
+"""Window of the answers that show the rate, and least interval between two of them, s."""
 
 GREATEST_SKEW = 0.2
-"""Highest skew of a clock that runs evenly; a slower one stands still now and then."""
+"""Largest skew of a clock that runs evenly; a slower clock stops now and then."""
 
 
 class Bracket(msgspec.Struct, frozen=True, kw_only=True):
-    """Bounds that one answer sets for the difference between the clocks."""
+    """Bounds of the clock difference (own minus other) from one answer."""
 
     asked_s: float
-    """When it was asked for, s on one's own clock."""
+    """Time of the question on the own clock, s."""
     least: float
-    """One's own clock less the other at least, s: the time of the question less the answer's stamp."""
+    """Lower bound, s: time of the question minus the answer's stamp."""
     most: float
-    """The same at most, s."""
+    """Upper bound, s: time of reading minus the answer's stamp."""
 
     @property
     def other_s(self) -> float:
-        """Time that was answered, s on the other clock."""
+        """Answered time on the other clock, s."""
         return self.asked_s - self.least
 
     @property
     def middle(self) -> float:
-        """Likeliest difference, s."""
+        """Most likely difference, s."""
         return 0.5 * (self.least + self.most)
 
     def bound_s(self, now: float) -> float:
-        """Greatest error of the middle at a time, s, if both clocks have run on without a step."""
+        """Return the largest error of the middle at a time, s, if neither clock has stepped."""
         return 0.5 * (self.most - self.least) + DRIFT * abs(now - self.asked_s)
 
 
 def skew_bounds(brackets: "deque[Bracket]") -> tuple[float, float]:
-    """Least and greatest growth of the difference for each second of the other clock, by all answers.
+    """Return bounds of the difference's growth per second of the other clock, from all answers.
 
-    The least is above the greatest where the other clock did not run evenly.
+    The lower bound exceeds the upper one where the other clock did not run evenly.
     """
     oldest, newest = brackets[0], brackets[-1]
     lowest, highest = -math.inf, math.inf
@@ -106,15 +106,10 @@ def skew_bounds(brackets: "deque[Bracket]") -> tuple[float, float]:
 
 
 class TimeQuestions:
-    """Questions for another clock's time, which carry the time of one's own in nanoseconds."""
+    """Questions for another clock's time, stamped with the own time in nanoseconds."""
 
     def __init__(self, *, every_s: float, most_open: int) -> None:
-        """Have asked nothing yet.
-
-        Args:
-            every_s: shortest interval, s.
-            most_open: as many of the newest wait for an answer.
-        """
+        """Start without questions: one each `every_s` seconds at most, the newest `most_open` kept open."""
         self._every_s, self._most_open = every_s, most_open
         self._open: dict[int, float] = {}
         self._first_s: float | None = None
@@ -135,17 +130,17 @@ class TimeQuestions:
         return stamp
 
     def answered(self, stamp: int) -> float | None:
-        """Return when the question of an answer was asked, once; None where nobody asked it."""
+        """Return the time at which an answered question was asked, once; None for an unknown stamp."""
         asked_s = self._open.pop(stamp, None)
         if asked_s is not None:
             self._newest_answered_s = max(asked_s, self._newest_answered_s or asked_s)
         return asked_s
 
     def greatest_age(self, now: float) -> float:
-        """Return how old at most (s) is what is heard now.
+        """Return the largest possible age (s) of what is received now.
 
-        What is heard after an answer was said after its question, however long a radio kept it. Infinite
-        while no answer has come, 0 where none ever will.
+        What arrives after an answer was sent after its question, however long a radio kept it. The age is
+        infinite before the first answer, and 0 where none is expected.
         """
         if self._newest_answered_s is not None:
             return now - self._newest_answered_s
@@ -154,18 +149,18 @@ class TimeQuestions:
 
 
 class StampSense:
-    """Sense for stamps that tell no time: they stand still, leap, or run many times too fast or slow."""
+    """Detector of stamps that do not tell time: standing still, jumping, or far too fast or slow."""
 
     SPAN_S = 1.5
-    """Shortest time over which stamps are compared: radios hold messages back for as long."""
+    """Shortest time over which stamps are compared, s: radios hold messages back for as long."""
     LEAST_COUNT, MOST_COUNT = 4, 256
-    """Reports in which the sender has moved: so many have to come, and so many are kept."""
+    """Number of reports with a moved position that a decision needs, and number kept."""
     SLOWEST, FASTEST = 0.02, 50.0
-    """Seconds of stamps in a second; what waited in a radio comes faster for no longer than a moment."""
+    """Plausible stamp rates, s/s; messages queued in a radio come faster only for a moment."""
     RIGHT_LOWEST, RIGHT_HIGHEST, RIGHT_S = 0.75, 1.3, 10.0
-    """Stamps tell time again once they have run within these rates for so long."""
+    """Stamp rates, s/s, and the time (s) within them, that restore trust."""
     LEAPS_S = 3.0
-    """Stamps of which none has gone on from another for so long tell no time either."""
+    """Time without any continued stamp, s, after which stamps do not tell time."""
 
     def __init__(self) -> None:
         self._seen: deque[tuple[float, float]] = deque(maxlen=self.MOST_COUNT)
@@ -173,16 +168,16 @@ class StampSense:
         self._right_since = self._leaps_since = math.inf
         self._leaps = 0
         self.fault: str | None = None
-        """What is wrong with the stamps, in words; None where they may tell time."""
+        """Description of the stamps' fault; None while they tell time."""
 
     def note(self, stamp_s: float, place: tuple[float, float], now: float) -> None:
-        """Take a report; one that repeats its place says nothing of the stamps."""
+        """Add a report; one that repeats its position tells nothing about its stamp."""
         if place == self._place:
             return
         self._place = place
         seen = self._seen
         if seen and (now < seen[-1][1] or stamp_s < seen[-1][0]):
-            # Started anew, or wrapped: what was before is not comparable.
+            # A restart or wrap: earlier stamps are not comparable.
             seen.clear()
             self._right_since = math.inf
         seen.append((stamp_s, now))
@@ -193,18 +188,18 @@ class StampSense:
             self._judge((stamp_s - seen[0][0]) / passed_s, now)
 
     def note_leap(self, now: float) -> None:
-        """Take a stamp that goes on from no other."""
+        """Add a stamp that continues no other."""
         self._leaps_since = min(self._leaps_since, now)
         self._leaps += 1
         if self._leaps >= self.LEAST_COUNT and now - self._leaps_since >= self.LEAPS_S:
             self.fault = self.fault or "leap about"
 
     def note_going_on(self) -> None:
-        """Take a stamp that goes on from others."""
+        """Add a stamp that continues others."""
         self._leaps_since, self._leaps = math.inf, 0
 
     def _judge(self, rate: float, now: float) -> None:
-        """Decide by how many seconds of stamps have passed in one."""
+        """Update the fault from the stamps' rate, s/s."""
         if rate < self.SLOWEST:
             self.fault = "stand still" if rate == 0.0 else f"run {1.0 / rate:.0f} times too slow"
         elif rate > self.FASTEST:
@@ -218,7 +213,7 @@ class StampSense:
 
 
 class Basis(StrEnum):
-    """Evidence that times are known by."""
+    """Evidence for the times of reports."""
 
     NOTHING = "nothing"
     ARRIVAL = "arrival"
@@ -227,51 +222,51 @@ class Basis(StrEnum):
 
 
 UNCERTAINTY_S = {Basis.NOTHING: math.inf, Basis.ARRIVAL: 1.5, Basis.STAMPS: 0.5}
-"""Longest way (s) of a report whose way nothing shows: radios hold some messages back for 1.5 s."""
+"""Largest delay (s) of a report without evidence of it: radios hold some messages back for 1.5 s."""
 
 
 class Reading(msgspec.Struct, frozen=True, kw_only=True):
-    """What a report's stamp says."""
+    """Interpretation of a report's stamp."""
 
     time_s: float
-    """When the report was true, s on one's own clock."""
+    """Time of the report on the own clock, s."""
     stamp_s: float
-    """The stamp without wraps, for differences, s on the other clock."""
+    """Stamp without wraps on the other clock, for differences, s."""
     read_s: float
-    """When it was read, s on one's own clock."""
+    """Time of reading on the own clock, s."""
     leap_s: float = 0.0
-    """What the other clock has leapt by as it started anew, s; below 0 after a reboot, else 0."""
+    """Step of the other clock at a restart, s; below 0 after a reboot, else 0."""
     is_newer: bool = True
-    """Whether it is newer than all before."""
+    """Whether the stamp is newer than all before."""
 
     def slip_s(self, before: "Reading | None") -> float:
-        """Return what the other clock was found to have lost since a reading before, s; 0 without one."""
+        """Return the time that the other clock has lost since an earlier reading, s; 0 without one."""
         if before is None:
             return 0.0
         return (self.time_s - before.time_s) - (self.stamp_s - before.stamp_s)
 
 
 class Lateness(msgspec.Struct, frozen=True, kw_only=True):
-    """What reports mean that come late and are not explained by answers."""
+    """Interpretation of late reports that no answer explains."""
 
     late_s: float
-    """Later than the fastest by more than this they may come of a clock that has lost time."""
+    """Excess over the fastest delay, s, beyond which the other clock may have lost time."""
     lasts_s: float
-    """They do, once all have been late for so long."""
+    """Duration of lateness that proves the loss, s."""
     usable: bool
-    """Whether such reports are of use meanwhile."""
+    """Whether late reports are usable meanwhile."""
 
 
 CABLE = Lateness(late_s=0.25, lasts_s=0.5, usable=True)
-"""On the link to one's own autopilot."""
+"""Lateness on the cable to the own autopilot."""
 
 RADIO = Lateness(late_s=5.0, lasts_s=10.0, usable=False)
-"""Over a radio: one that becomes slow is no slip, and what is so late is of no use."""
+"""Lateness over a radio: a slower radio is no clock step, and very late reports are useless."""
 
 
 @dataclass(slots=True)
 class Run:
-    """Reports that agree with each other, and not with those before."""
+    """Series of reports that agree with each other but not with those before."""
 
     since_s: float
     difference: float
@@ -280,26 +275,21 @@ class Run:
 
 
 class OtherClock:
-    """Puts the stamps of one sender onto one's own clock."""
+    """Conversion of one sender's stamps to the own clock."""
 
     def __init__(self, lateness: Lateness = RADIO, *, least_way_s: float | None = None) -> None:
-        """Know nothing yet.
-
-        Args:
-            lateness: what late reports mean.
-            least_way_s: how long the fastest report takes; None where answers are to show it.
-        """
+        """Start without knowledge; `least_way_s` is the fastest report's delay, None to learn it."""
         self._lateness, self._told_way_s = lateness, least_way_s
         self._sense = StampSense()
         self._shift_s = self._arrival_shift_s = 0.0
         self._by_arrival = False
         self._anchor = (0.0, 0.0)
         self.series = 0
-        """How often all that was known has been forgotten, as the other clock is another one."""
+        """Number of times that the knowledge was discarded for a restarted or different clock."""
         self.skew = self.skew_error = 0.0
-        """Seconds beyond one that pass for each second of the other clock, and what that may be wrong by."""
+        """Own seconds beyond one per second of the other clock, and the error bound of that."""
         self.least, self.most = -math.inf, math.inf
-        """One's own clock less the other one, s, at its rate: at least, and at most."""
+        """Bounds of own minus other clock at its rate, s."""
         self._narrowed_s = self._newest = self._read = self._answered_s = -math.inf
         self._brackets: deque[Bracket] = deque()
         self._elsewhere: Run | None = None
@@ -307,12 +297,12 @@ class OtherClock:
 
     @property
     def fault(self) -> str | None:
-        """What is wrong with the stamps, in words; None where they tell time."""
+        """Description of the stamps' fault; None while they tell time."""
         return self._sense.fault
 
     @property
     def basis(self) -> Basis:
-        """What times are known by."""
+        """Present evidence for times."""
         if math.isinf(self._newest):
             return Basis.NOTHING
         if self.fault is not None:
@@ -321,7 +311,7 @@ class OtherClock:
 
     @property
     def least_way_s(self) -> float:
-        """How long the fastest report takes, s: as it was told, or by the answers that have come; else 0."""
+        """Delay of the fastest report, s: as given, or from answers; else 0."""
         if self._told_way_s is not None:
             return self._told_way_s
         if math.isinf(self.least) or math.isinf(self.most):
@@ -330,7 +320,7 @@ class OtherClock:
 
     @property
     def uncertainty_s(self) -> float:
-        """What times are wrong by at most, s."""
+        """Largest error of times, s."""
         if self.basis is not Basis.ANSWERS:
             return UNCERTAINTY_S[self.basis]
         return max(self.least_way_s, self.most - self.least - self.least_way_s)
@@ -338,12 +328,12 @@ class OtherClock:
     def read(
         self, stamp_s: float, now: float, place: tuple[float, float] | None = None
     ) -> Reading | None:
-        """Tell when a report that is read now was true; None where its stamp cannot be believed.
+        """Return the reading of a report; None for an implausible stamp.
 
         Args:
-            stamp_s: of the report, s; begins at 0 again after 2^32 ms.
-            now: s on one's own clock.
-            place: that is reported with it; None where stamps are known to tell time.
+            stamp_s: stamp of the report, s; restarts at 0 after 2^32 ms.
+            now: time of reading on the own clock, s.
+            place: reported position; None where stamps are known to tell time.
         """
         if place is not None:
             self._sense_stamp(stamp_s, place, now)
@@ -373,12 +363,12 @@ class OtherClock:
         )
 
     def answer(self, asked_s: float, other_s: float, now: float) -> None:
-        """Take an answer, which the other clock's time came in.
+        """Add an answer of the other clock.
 
         Args:
-            asked_s: when it was asked for, s on one's own clock.
-            other_s: what the other clock showed, s.
-            now: when the answer is read, s on one's own clock.
+            asked_s: time of the question on the own clock, s.
+            other_s: answered time, s.
+            now: time of reading on the own clock, s.
         """
         if self.basis in {Basis.NOTHING, Basis.ARRIVAL} or self._elsewhere is not None:
             return
@@ -394,15 +384,15 @@ class OtherClock:
         self._learn_skew(Bracket(asked_s=asked_s, least=asked_s - other_s, most=now - other_s))
 
     def _sense_stamp(self, stamp_s: float, place: tuple[float, float], now: float) -> None:
-        """Go over to times by arrival where stamps tell no time, and back again; neither is a reboot."""
+        """Switch to times by arrival while stamps do not tell time, and back; neither counts as a reboot."""
         self._sense.note(stamp_s, place, now)
         worthless = self.fault is not None
         if worthless == self._by_arrival:
             return
         if worthless:
-            # Goes on from the newest that was believed.
+            # Continue from the newest believed stamp.
             self._arrival_shift_s = 0.0 if math.isinf(self._newest) else self._newest - self._read
-            # Arrival is on one's own clock, whose rate needs no correction.
+            # Arrival times are on the own clock, whose rate needs no correction.
             self._anchor, self.skew, self.skew_error = (0.0, 0.0), 0.0, 0.0
         else:
             self._shift_s = now + self._arrival_shift_s - stamp_s
@@ -410,7 +400,7 @@ class OtherClock:
         self._forget()
 
     def _forget(self) -> None:
-        """Nothing is known of the other clock any more; its rate is likely to be the same."""
+        """Discard all knowledge of the other clock but its rate."""
         self.series += 1
         self.least, self.most = -math.inf, math.inf
         self._narrowed_s = self._newest = self._read = self._answered_s = -math.inf
@@ -418,25 +408,25 @@ class OtherClock:
         self._elsewhere = self._late = None
 
     def _going_on(self, stamp_s: float) -> float:
-        """A stamp without wraps, after those before."""
+        """Return a stamp without wraps, near the newest."""
         stamp_s += self._shift_s
         if math.isinf(self._newest):
             return stamp_s
         return stamp_s + WRAP_S * round((self._newest - stamp_s) / WRAP_S)
 
     def _even(self, stamp_s: float) -> float:
-        """A stamp in seconds of one's own clock, from an arbitrary zero."""
+        """Return a stamp in seconds of the own clock, from an arbitrary zero."""
         anchor_s, even_s = self._anchor
         return even_s + (stamp_s - anchor_s) * (1.0 + self.skew)
 
     def _follows(self, stamp_s: float, now: float) -> bool:
-        """Whether a stamp follows from those before."""
+        """Check whether a stamp continues the series."""
         if math.isinf(self._newest):
             return math.isfinite(stamp_s)
         return -FALL_S <= stamp_s - self._newest <= max(now - self._read, 0.0) + LEAP_S
 
     def _goes_on_elsewhere(self, stamp_s: float, now: float) -> bool:
-        """Whether stamps have gone on from another one for so long that they are the sender's."""
+        """Check whether stamps have continued a new series long enough to be the sender's."""
         run, difference = self._elsewhere, now - stamp_s
         if run is None or stamp_s < run.newest or abs(difference - run.difference) > EVEN_S:
             self._elsewhere = Run(now, difference, stamp_s)
@@ -447,7 +437,7 @@ class OtherClock:
         return run.count >= CERTAIN_COUNT and lasts_s > CERTAIN_S - TICK_S
 
     def _is_late(self, difference: float, stamp_s: float, now: float) -> bool:
-        """Whether a report is so late that it is of no use; many show a clock that has lost time."""
+        """Check whether a report is too late to use; many late reports show a clock that has lost time."""
         late, lateness = self._late, self._lateness
         if difference - self.most <= lateness.late_s:
             self._late = None
@@ -464,18 +454,18 @@ class OtherClock:
         return False
 
     def _narrow(self, least: float, most: float, now: float) -> None:
-        """Take new bounds of the difference; the old ones widen as the clocks may run apart."""
+        """Intersect the bounds of the difference with new ones, after widening the old ones by the drift."""
         apart_s = 0.0 if math.isinf(self._narrowed_s) else DRIFT * max(now - self._narrowed_s, 0.0)
         self._narrowed_s = now
         self.most = min(self.most + apart_s, most)
         self.least = max(self.least - apart_s, least)
         if self.least > self.most + TICK_S:
-            # It has made up for a stutter, or the answer was none of this clock's.
+            # The clock has made up for a stutter, or the answer came from another clock.
             self.least = -math.inf
         self.least = min(self.least, self.most)
 
     def _learn_skew(self, newest: Bracket) -> None:
-        """Learn how fast the other clock runs from the answers of the last seconds."""
+        """Learn the other clock's rate from the latest answers."""
         brackets = self._brackets
         if brackets and newest.other_s <= brackets[-1].other_s:
             brackets.clear()
@@ -486,12 +476,13 @@ class OtherClock:
             return
         lowest, highest = skew_bounds(brackets)
         if lowest > highest:
-            # It does not run evenly: it has just lost time all at once, or has another rate now.
+            # An uneven clock: it has just lost time, or its rate has changed.
             self.skew_error = math.inf
             return
-        # With the new rate everything goes on from the newest report.
+        # The new rate applies from the newest report.
         self._anchor = self._newest, self._even(self._newest)
-        # While one's own rate is possible it is that: a slower link or an ordinary quartz changes nothing.
+        # While equal rates are possible, assume them: a slower link or an ordinary quartz changes
+        # nothing.
         skew = 0.0 if lowest <= 0.0 <= highest else 0.5 * (lowest + highest)
         self.skew = min(max(skew, -GREATEST_SKEW), GREATEST_SKEW)
         self.skew_error = 0.5 * (highest - lowest)

@@ -1,32 +1,32 @@
-"""How an aircraft answers to its setpoints, learned in flight, and how fast its loops may then be.
+"""An aircraft's response to setpoints, learned in flight, and the loop bandwidths that it permits.
 
-**Response.** After a dead time T and through a lag tau, a hold changes its value at a rate in proportion to
-the error, within its limit:
+**Response.** After a dead time T and through a lag tau, a hold changes its value in proportion to the error,
+within its limit:
 
     rate(t) = lag(limited(gain * (setpoint(t - T) - value(t)))) + offset.
 
 The gain is alpha (course) or beta (speed). A grid of gains, dead times and lags holds hypotheses, each of
-which predicts the rate. The residuals, with an exponential memory, tell how likely each is. All that
-explain the flight nearly as well as the best one are the responses that the aircraft may have (Ljung,
-System Identification, 1999, chapters 7 and 11). Least squares interpolate between two gains. At a limit the
-set stays open above; an oscillation is known by its timing.
+which predicts the rate. Residuals with an exponential memory give their likelihoods. All hypotheses nearly as
+likely as the best are possible responses (Ljung, System Identification, 1999, chapters 7 and 11). Least
+squares interpolate between two gains. At a limit the gain has no upper bound; the timing of an oscillation
+identifies it.
 
 Both sides pass the same low-pass, so that no measured value has to be differentiated: the low-pass of a
 derivative is (value - low-pass of the value) / time constant.
 
-**Bandwidth.** A loop of gain g around a hold that answers k times as strongly as believed, D seconds late, is
+**Bandwidth.** Around a hold with k times its believed gain, D seconds late, a loop of gain g is
 
     L(s) = k g exp(-D s) / s.
 
-Its phase margin is 90 degrees less k g D, its gain margin pi / (2 k g D): 45 degrees and 6 dB are kept where
+Its phase margin is 90 degrees minus k g D, its gain margin pi / (2 k g D): 45 degrees and 6 dB are kept where
 
     g <= (pi / 4) / (k D).
 
-k and D are the greatest that the response may have. k is the spread of its gain. D sums the loop's own
-period and delay, the share of the known delay that prediction leaves, and the delay that may come on top.
-Within that bound `sharpness` chooses how quick the loop is around the most probable response, and how many
-times quicker than the hold that it commands. A loop around another one is slower by `NESTING` (Astrom and
-Murray, Feedback Systems, 2nd edition, chapters 10 and 14).
+k and D are the largest possible values. k is the spread of the hold's gain. D sums the loop's own period and
+delay, the unpredicted share of the known delay, and the possible additional delay. Within that bound
+`sharpness` sets how fast the loop is around the most probable response, and relative to the hold that it
+commands. An outer loop is slower by `NESTING` (Astrom and Murray, Feedback Systems, 2nd edition, chapters 10
+and 14).
 """
 
 import math
@@ -43,55 +43,55 @@ from vfguide.guidance.sliding_laws import LEAST_PERIOD
 from vfguide.state import GAP_S, Airframe
 
 AROUND = 4
-"""Steps to either side of a finer grid's middle; twice as many for gains."""
+"""Steps of a finer grid to either side of its middle; twice as many for gains."""
 
 AS_LIKELY = 3.0
-"""Log-likelihood below the best by which a hypothesis still counts: 95 % of two free parameters."""
+"""Log-likelihood distance to the best hypothesis that still counts: 95 % for two free parameters."""
 
 GRID_S = 0.08
 """Half a step between two delays of the grid, s."""
 
 MOST_S = 60.0
-"""More evidence makes no surer, s: no autopilot is quite of the model's kind."""
+"""Limit of counted evidence, s: no autopilot matches the model exactly."""
 
 LEAST_S = 2.0
-"""Less evidence tells nothing, s."""
+"""Least evidence for a response, s."""
 
 TAKE_S = 0.09
-"""Evidence is taken no more often than this, s: responses take longer."""
+"""Shortest sampling interval, s: responses take longer."""
 
 
 class HoldKind(msgspec.Struct, frozen=True, kw_only=True):
-    """What can be known beforehand of a kind of hold."""
+    """Prior knowledge of a kind of hold."""
 
     gains: tuple[float, float]
-    """Least and greatest gain, 1/s."""
+    """Smallest and largest gain, 1/s."""
     dead_times: Sequence[float]
     """Grid of dead times, s."""
     lags: Sequence[float]
     """Grid of lags, s."""
     filter_s: float
-    """Low-pass on both sides of the model, s."""
+    """Time constant of the low-pass on both sides of the model, s."""
     noise: float
-    """Rate that is noise after the low-pass: rad/s of a course, m/s² of a speed."""
+    """Noise of the rate after the low-pass: rad/s of a course, m/s² of a speed."""
     gain_step: float = 1.3
-    """Factor between two gains of the grid."""
+    """Factor between neighbouring gains of the grid."""
     memory_s: float = 60.0
-    """Time constant with which old evidence fades, s."""
+    """Time constant of fading evidence, s."""
     offset_prior_s: float = 4.0
-    """Seconds of evidence that speak for no offset: a steady turn tells the gain, too."""
+    """Weight of the prior for no offset, s of evidence: a steady turn tells the gain, too."""
     settled_s: float = 0.5
-    """Beyond the low-pass, until lags and filters have forgotten their beginning, s."""
+    """Settling time of lags and filters beyond the low-pass, s."""
     model_share: float = 0.05
-    """Of the motion, the part that no hypothesis is expected to explain."""
+    """Share of the motion that no hypothesis is expected to explain."""
 
     def around(self, found: "HoldResponse", step_s: float, factor: float) -> "HoldKind":
-        """Return the same with a finer grid around a response.
+        """Return this kind with a finer grid around a response.
 
         Args:
-            found: in the middle.
-            step_s: between two dead times, or lags, s.
-            factor: between two gains.
+            found: middle of the grid.
+            step_s: step of dead times and lags, s.
+            factor: factor between neighbouring gains.
         """
         steps = range(-AROUND, AROUND + 1)
         dead_times, lags = (
@@ -129,40 +129,40 @@ SPEED = HoldKind(
 
 
 class HoldResponse(msgspec.Struct, frozen=True, kw_only=True):
-    """How one hold answers, as far as the flight has shown."""
+    """Response of one hold, as learned so far."""
 
     gain: float
     """alpha or beta of the most likely hypothesis, 1/s."""
     least: float
-    """Least plausible gain, 1/s."""
+    """Smallest plausible gain, 1/s."""
     greatest: float
-    """Greatest plausible gain, 1/s."""
+    """Largest plausible gain, 1/s."""
     dead_time: float
-    """From a setpoint to the first answer, s."""
+    """Time from a setpoint to the first response, s."""
     lag: float
-    """Time constant with which the rate then follows, s."""
+    """Time constant of the rate after the dead time, s."""
     earliest: float
-    """Least plausible sum of dead time and lag, s."""
+    """Smallest plausible sum of dead time and lag, s."""
     latest: float
-    """Greatest plausible sum of dead time and lag, s."""
+    """Largest plausible sum of dead time and lag, s."""
     explained: float
     """Share of the motion that the model explains, 0 to 1."""
     seconds: float
-    """Evidence that is remembered, s."""
+    """Remembered evidence, s."""
 
     @property
     def spread(self) -> float:
-        """The true gain lies within gain / spread and gain * spread; 1 or more."""
+        """Factor, 1 or more: the true gain is between gain / spread and gain * spread."""
         return max(self.greatest / self.gain, self.gain / self.least)
 
     @property
     def doubt(self) -> float:
-        """Half of the range of plausible gains, in parts of the gain."""
+        """Half of the range of plausible gains, relative to the gain."""
         return 0.5 * (self.greatest - self.least) / self.gain
 
     @property
     def late(self) -> float:
-        """Dead time and lag together, s."""
+        """Sum of dead time and lag, s."""
         return self.dead_time + self.lag
 
 
@@ -172,14 +172,10 @@ def apart(value: float, other: float, *, angle: bool) -> float:
 
 
 class HoldLearner:
-    """Learns the response of one hold."""
+    """Estimator of one hold's response."""
 
     def __init__(self, kind: HoldKind) -> None:
-        """Know nothing yet.
-
-        Args:
-            kind: of the hold.
-        """
+        """Start without evidence."""
         self._kind = kind
         least, greatest = kind.gains
         steps = math.ceil(math.log(greatest / least) / math.log(kind.gain_step))
@@ -189,7 +185,7 @@ class HoldLearner:
         self._dead_times, self._lags, self._gains = columns
         self._for_each_dead_time = len(kind.lags) * len(gains)
         self._setpoints: deque[tuple[float, float]] = deque()
-        # Sums of 1, x, y, xx, xy, yy over the seconds that are remembered; x is what a hypothesis predicts.
+        # Sums of 1, x, y, xx, xy, yy over remembered seconds; x is a hypothesis' prediction.
         self._seconds = self._y = self._yy = 0.0
         self._x, self._xx, self._xy = np.zeros((3, len(grid)))
         self._time_s = -math.inf
@@ -198,19 +194,19 @@ class HoldLearner:
         self._rate_seen: float | None = None
 
     def note(self, setpoint: float, time_s: float) -> None:
-        """A setpoint (rad, unwrapped or not, or m/s) has gone out at a time (s)."""
+        """Record a setpoint (rad, unwrapped or not, or m/s) sent at a time (s)."""
         self._setpoints.append((time_s, setpoint))
         oldest = time_s - self._kind.dead_times[-1] - GAP_S
         while len(self._setpoints) > 1 and self._setpoints[1][0] < oldest:
             self._setpoints.popleft()
 
     def forget_setpoints(self) -> None:
-        """Nothing is on its way to the autopilot: it does not fly by setpoints now."""
+        """Forget the setpoints: the autopilot does not follow any now."""
         self._setpoints.clear()
         self.interrupt()
 
     def interrupt(self) -> None:
-        """The hold is not seen for a moment: it does not follow for a reason of its own."""
+        """Pause: the hold does not follow setpoints for the moment, for a known reason."""
         self._settling_s = 0.0
 
     def observe(
@@ -223,16 +219,15 @@ class HoldLearner:
         angle: bool = False,
         turned: float | None = None,
     ) -> None:
-        """Take what the aircraft does.
+        """Add a measurement of the held value and its rate.
 
         Args:
-            time_s: when, s.
-            value: what is held: course, rad, or speed, m/s.
-            rate: how fast that changes as far as the autopilot decides it: rad/s, m/s²; None to see it by
-                the changes of what it turns.
-            limit: greatest rate of the aircraft, rad/s or m/s².
+            time_s: time of the measurement, s.
+            value: held course, rad, or speed, m/s.
+            rate: rate due to the autopilot, rad/s or m/s²; None takes the differences of `turned` or `value`.
+            limit: largest rate of the aircraft, rad/s or m/s².
             angle: whether value and setpoints are directions.
-            turned: what the autopilot turns to change it, rad, as the heading; None where that is the value.
+            turned: direction that the autopilot turns, as the heading, rad; None where that is the value.
         """
         if not self._setpoints:
             return
@@ -249,7 +244,7 @@ class HoldLearner:
             predicted = np.minimum(np.maximum(self._gains * errors, -limit), limit)
             self._lagged, self._filtered, self._rate = predicted, predicted, rate or 0.0
             return
-        # Everything is the mean over the period, so that nothing is half a period early or late.
+        # All quantities are means over the period, so that none is half a period early or late.
         change = apart(value, before, angle=angle)
         errors = self._errors(time_s, period, before + 0.5 * change, angle=angle)
         predicted = np.minimum(np.maximum(self._gains * errors, -limit), limit)
@@ -269,7 +264,7 @@ class HoldLearner:
             self._learn(period)
 
     def _errors(self, time_s: float, period: float, value: float, *, angle: bool) -> FloatArray:
-        """Mean setpoint over a period that ends now, less the mean value, for each hypothesis."""
+        """Return the mean setpoint minus the mean value over the last period, for each hypothesis."""
         errors = []
         for dead_time in self._kind.dead_times:
             until, since = time_s - dead_time, time_s - dead_time - period
@@ -283,13 +278,13 @@ class HoldLearner:
                 total += (until - sent_s) * error
                 until = sent_s
             else:
-                # Before the first that is known there was another like it.
+                # Before the first known setpoint, assume the same one.
                 error = apart(self._setpoints[0][1], value, angle=angle)
             errors.append(error if period == 0.0 else (total + (until - since) * error) / period)
         return np.array(errors).repeat(self._for_each_dead_time)
 
     def _learn(self, period: float) -> None:
-        """Add one moment to the sums."""
+        """Add one sample to the sums."""
         fade = math.exp(-period / self._kind.memory_s)
         x, y = self._filtered, self._rate
         self._seconds = fade * self._seconds + period
@@ -300,14 +295,9 @@ class HoldLearner:
         self._xy = fade * self._xy + (period * y) * x
 
     def explained_by(self, gain: float, dead_time: float, lag: float) -> float:
-        """Return the share of the motion that a response explains; 1 while nothing can be told.
+        """Return the share of the motion that a response explains; 1 without evidence.
 
-        The nearest hypothesis stands for it.
-
-        Args:
-            gain: 1/s.
-            dead_time: s.
-            lag: s.
+        The nearest hypothesis represents the response. Gain in 1/s; dead time and lag in s.
         """
         if self._seconds < LEAST_S or self._yy <= 0.0:
             return 1.0
@@ -318,7 +308,7 @@ class HoldLearner:
         return 1.0 - float(left[nearest]) / self._yy
 
     def _left(self, factors: FloatArray) -> FloatArray:
-        """Return what each hypothesis leaves, its gain multiplied by a factor and its offset free."""
+        """Return each hypothesis' residual sum of squares, its gain scaled by a factor, its offset free."""
         weight = self._seconds + self._kind.offset_prior_s
         offsets = (self._y - factors * self._x) / weight
         left: FloatArray = (
@@ -327,7 +317,7 @@ class HoldLearner:
         return np.maximum(left, 0.0)
 
     def response(self) -> HoldResponse | None:
-        """Return how the hold answers; None while nothing can be told."""
+        """Return the response of the hold; None without evidence."""
         seconds = self._seconds
         if seconds < LEAST_S:
             return None
@@ -339,7 +329,7 @@ class HoldLearner:
         moved = max(self._yy / seconds, 1e-12)
         floor = self._kind.noise**2 + self._kind.model_share**2 * moved
         left = self._left(factors) / seconds + floor
-        # The low-pass makes neighbouring moments one piece of evidence.
+        # The low-pass makes neighbouring samples one piece of evidence.
         pieces = min(seconds, MOST_S) / (2.0 * self._kind.filter_s)
         likelihoods = -0.5 * pieces * np.log(left)
         best = int(np.argmax(likelihoods))
@@ -360,71 +350,73 @@ class HoldLearner:
 
 
 MARGIN = math.pi / 4.0
-"""Greatest k g D, rad: 45 degrees of phase and 6 dB of gain are left."""
+"""Largest k g D, rad: leaves 45 degrees of phase and 6 dB of gain."""
 
 NESTING = 2.0
-"""How many times slower than the loop inside it a loop is."""
+"""Ratio of the bandwidths of an inner and an outer loop."""
 
 FORETOLD_SHARE = 0.2
-"""Share of a delay that is predicted away and still counts as one: no prediction is perfect."""
+"""Share of a predicted delay that still counts as delay: no prediction is perfect."""
 
 SLIPPING_BANDWIDTH = 0.45
-"""1/s: of the course loop of an aircraft that slips. On ArduPilot's simulated plane 0.7 kept the yaw
-swinging at 0.9 Hz for ever."""
+"""Course bandwidth for an aircraft that slips, 1/s. With 0.7, ArduPilot's simulated plane kept a yaw
+oscillation
+at 0.9 Hz for ever."""
 
 USUAL_AMPLIFICATION, AMPLIFICATION_STEP = 4.0, 4.0
-"""How many times quicker than a hold its loop is at sharpness 0.5, and the factor from there to 1."""
+"""Bandwidth of a loop relative to its hold at sharpness 0.5, and the factor from there to 1."""
 
 LATE_HOLD_SHARE = 0.2
-"""Share of that amplification for a course hold that answers late: at sharpness 0.5 its loop is 0.8 times as
-quick as the hold. A quicker one rolls to and fro by each gust, up to five times as fast as one alone."""
+"""Share of that ratio for a course hold with delay: at sharpness 0.5 its loop is 0.8 times as fast as the
+hold.
+A faster one rolls in each gust, up to five times as fast as a gust alone makes it."""
 
 QUIET_BANDWIDTH = 0.5
-"""1/s: a course loop this slow rolls no aircraft by noise, however slow its hold."""
+"""Course bandwidth at which noise rolls no aircraft, however slow its hold, 1/s."""
 
 GUST_M_S = 1.5
-"""Speed error of gusts and noise: at sharpness 0.5 it asks for all acceleration, and none less does."""
+"""Speed error of gusts and noise, m/s: at sharpness 0.5 it alone commands full acceleration."""
 
 QUICKEST_FACTOR = 1.0 / MARGIN
-"""Layer factor at sharpness 1, where the margins are just kept."""
+"""Layer factor at sharpness 1, which just keeps the margins."""
 
 USUAL_FACTOR = 3.5
-"""Layer factor at sharpness 0.5: 74 degrees of phase and 15 dB of gain are left."""
+"""Layer factor at sharpness 0.5: leaves 74 degrees of phase and 15 dB of gain."""
 
 
 class HoldCertainty(msgspec.Struct, frozen=True, kw_only=True):
-    """How well the response of one hold is known."""
+    """Certainty of one hold's response."""
 
     spread: float
-    """The true gain lies within gain / spread and gain * spread; 1 or more."""
+    """Factor, 1 or more: the true gain is between gain / spread and gain * spread."""
     late: float
-    """Delay that may come on top of the known one, s."""
+    """Possible delay beyond the known one, s."""
 
 
 class Certainty(msgspec.Struct, frozen=True, kw_only=True):
-    """How well an aircraft's response is known."""
+    """Certainty of an aircraft's response."""
 
     course: HoldCertainty
-    """Of the course (or heading) hold."""
+    """Certainty of the course (or heading) hold."""
     speed: HoldCertainty
-    """Of the speed hold."""
+    """Certainty of the speed hold."""
 
 
 DECLARED = HoldCertainty(spread=1.1, late=0.0)
-"""Written in the mission: measured by somebody, until flight contradicts."""
+"""Certainty of a mission's values: measured, until flight contradicts."""
 
 AS_DECLARED = Certainty(course=DECLARED, speed=DECLARED)
-"""Both holds as the mission has them."""
+"""Both holds as declared by the mission."""
 
 TOLD = HoldCertainty(spread=1.5, late=0.15)
-"""By the autopilot's own parameters: the airframe adds what they do not say."""
+"""Certainty of the autopilot's own parameters: the airframe adds what they do not state."""
 
 UNKNOWN = HoldCertainty(spread=3.0, late=0.4)
-"""Nobody has said anything."""
+"""Certainty without any information."""
 
 
 class Bandwidth(msgspec.Struct, frozen=True, kw_only=True):
-    """How fast the loops of one aircraft may be, 1/s; infinite where nothing bounds them."""
+    """Permitted loop bandwidths of one aircraft, 1/s; infinite where unbounded."""
 
     course: float = math.inf
     """Loop from the course error to the turn rate."""
@@ -445,34 +437,34 @@ class Bandwidth(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Softness(msgspec.Struct, frozen=True, kw_only=True):
-    """Factors on bandwidths, above 0, at most 1: less where a guard has found the aircraft strained."""
+    """Factors on bandwidths, in (0, 1]: below 1 where a guard has found the aircraft strained."""
 
     course: float = 1.0
-    """On the loops of the course."""
+    """Factor on course loops."""
     speed: float = 1.0
-    """On the loops of the speed."""
+    """Factor on speed loops."""
 
 
 FIRM = Softness()
-"""Of an aircraft that is not strained."""
+"""Softness of an aircraft that is not strained."""
 
 UNBOUNDED = Bandwidth()
-"""Of an aircraft of which nothing has to be minded."""
+"""Bandwidths without bounds."""
 
 
 def factor_of(sharpness: float) -> float:
-    """Boundary layer over kappa times the delay, for a sharpness from 0 to 1.
+    """Return the boundary layer over kappa times the delay, for a sharpness from 0 to 1.
 
-    1 is the quickest loop that keeps the margins, 0.5 the usual one; each tenth is as great a step as any.
+    1 is the fastest loop that keeps the margins, 0.5 the usual one; the scale is logarithmic.
     """
     return float(QUICKEST_FACTOR * (USUAL_FACTOR / QUICKEST_FACTOR) ** (2.0 * (1.0 - sharpness)))
 
 
 def amplification_of(sharpness: float) -> float:
-    """How many times quicker than a hold the loop around it may be, for a sharpness from 0 to 1.
+    """Return the largest bandwidth of a loop relative to its hold, for a sharpness from 0 to 1.
 
-    A loop of gain g around a hold of gain alpha sends setpoints that are g / alpha times as great as what it
-    has measured, noise included: more than the hold can follow only wears its servos.
+    A loop of gain g around a hold of gain alpha amplifies its measurements, noise included, by g / alpha.
+    More than the hold can follow only wears its servos.
     """
     return float(USUAL_AMPLIFICATION * AMPLIFICATION_STEP ** (2.0 * sharpness - 1.0))
 
@@ -480,14 +472,14 @@ def amplification_of(sharpness: float) -> float:
 def bearable(
     gain_delay: float, certainty: HoldCertainty, *, period: float, loop_delay: float, factor: float
 ) -> float:
-    """Greatest bandwidth of a loop around one hold, 1/s.
+    """Return the largest bandwidth of a loop around one hold, 1/s.
 
     Args:
         gain_delay: known dead time and lag of the hold, s.
-        certainty: how well that is known.
-        period: of the loop, s.
-        loop_delay: from measurement to effect beyond the period, s.
-        factor: layer factor that `sharpness` or the mission chose; 0 asks for the quickest loop.
+        certainty: certainty of the hold's response.
+        period: sampling period of the loop, s.
+        loop_delay: delay from measurement to effect beyond the period, s.
+        factor: layer factor from `sharpness` or the mission; 0 asks for the fastest loop.
     """
     delay = max(period, LEAST_PERIOD) + loop_delay + FORETOLD_SHARE * gain_delay
     bound = MARGIN / (certainty.spread * (delay + certainty.late))
@@ -507,17 +499,17 @@ def bandwidth_of(
     amplification: float = math.inf,
     softness: Softness = FIRM,
 ) -> Bandwidth:
-    """Bandwidth that every response an aircraft may have bears.
+    """Return the bandwidth that every possible response of an aircraft permits.
 
     Args:
         airframe: most probable response.
-        certainty: how well it is known.
-        slips: whether its nose leaves the direction of flight in turns.
-        period: of the loop, s.
-        loop_delay: from measurement to effect beyond the period, s.
+        certainty: certainty of the response.
+        slips: whether the nose leaves the direction of flight in turns.
+        period: sampling period of the loop, s.
+        loop_delay: delay from measurement to effect beyond the period, s.
         factor: see `bearable`.
-        amplification: how many times quicker than the hold that it commands a loop may be.
-        softness: factors on what results.
+        amplification: largest ratio of a loop's bandwidth to the hold that it commands.
+        softness: factors on the result.
     """
     course = bearable(
         airframe.course_dead_time + airframe.course_lag,
@@ -546,7 +538,7 @@ def bandwidth_of(
     fastest = (
         1.0 / (factor * (max(period, LEAST_PERIOD) + loop_delay)) if factor > 0.0 else math.inf
     )
-    # A hold that is slower than believed by TOLD.spread is still led with a damping of 0.7.
+    # A hold slower than believed by TOLD.spread still has a damping of 0.7.
     slowest_hold = airframe.beta / max(certainty.speed.spread / TOLD.spread, 1.0)
     energy_field = min(
         slowest_hold / (1.0 + NESTING),
@@ -560,5 +552,5 @@ def bandwidth_of(
 
 
 def softened(bound: float, softness: float, fastest: float) -> float:
-    """Return a share of a bandwidth, or of what the sampled loop has anyway where that is less, 1/s."""
+    """Return a share of a bandwidth, or of the sampled loop's own where that is less, 1/s."""
     return bound if softness >= 1.0 else softness * min(bound, fastest)

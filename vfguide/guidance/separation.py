@@ -1,20 +1,21 @@
-"""What keeps clear of what: the least change of a wanted motion that keeps the distances from all others.
+"""Separation: the least change of a wanted motion that keeps the distances from all other vehicles.
 
-A barrier of predicted manoeuvres. For a manoeuvre m that this vehicle can really fly (its turn rate, bank,
-speed range and delays are in its track) and for everything u that the others may do,
+A barrier of predicted manoeuvres. For a flyable manoeuvre m of this vehicle (its track includes turn rate,
+bank, speed range and delays) and all possible motions u of the others,
 
     h(m) = min over others, u, t of  |p_own(t; m) - p_other(t; u)| - keep
 
-is a lower bound of the room that is left. What is wanted is flown as long as h(wanted) >= 0; else the
-manoeuvre that changes least among those with h >= 0, and where there is none the one that intrudes least.
-A manoeuvre that was clear is there again a step later: clear stays clear as long as the others do what they
-were thought to be able to (backup barriers: Gurriet, Mote, Singletary, Nilsson, Feron, Ames, 2020; why turn
-and speed bounds have to be inside a barrier: Molnar, Kannan, Cunningham, Dunlap, Hobbs, Ames, 2024).
+is a lower bound of the clearance left. The wanted motion is flown while h(wanted) >= 0. Otherwise the
+manoeuvre with the smallest change among those with h >= 0 is flown. Where there is none, it is the manoeuvre
+with the smallest intrusion. A clear manoeuvre is available again a step later: clear stays clear while the
+others stay within their assumed motions (backup barriers: Gurriet, Mote, Singletary, Nilsson, Feron, Ames,
+2020; why turn and speed bounds must be inside a barrier: Molnar, Kannan, Cunningham, Dunlap, Hobbs, Ames,
+2024).
 
-Two that meet both keep clear, and neither knows what the other one will choose. Both hold to the way the line
-of sight between them turns already: that is the one choice that needs no word between them.
+Two vehicles that meet both keep clear without knowing each other's choice. Both keep the present rotation of
+the line of sight between them: the one choice that needs no communication.
 
-Places and velocities in the plane are complex numbers, north + j east, in metres and m/s: multiplying by
+Horizontal positions and velocities are complex numbers, north + j east, in metres and m/s: multiplying by
 exp(j chi) turns clockwise by chi, as courses count. Rows are vehicles or manoeuvres, columns are `TIMES`.
 """
 
@@ -32,80 +33,80 @@ from vfguide.state import LeaderState
 ComplexArray = NDArray[np.complex128]
 
 Plane = TypeVar("Plane", complex, ComplexArray)
-"""A place or velocity of one vehicle, or an array of them."""
+"""Position or velocity of one vehicle, or an array of them."""
 
 HORIZON_S = 8.0
-"""How far tracks reach: at 20 m/s and 45 degrees of bank an aircraft has turned round in 6.4 s."""
+"""Length of tracks, s: at 20 m/s and 45 degrees of bank an aircraft has turned round in 6.4 s."""
 
 STEP_S = 0.5
-"""Interval of two places of a track; closest approaches are found between them."""
+"""Interval of track points, s; closest points of approach are found between them."""
 
 TIMES: FloatArray = np.arange(0.0, HORIZON_S + 0.5 * STEP_S, STEP_S)
-"""s from now."""
+"""Times of track points, s from now."""
 
 LEAST_TURN_RATE = 0.05
-"""rad/s: what is left at least of a turn rate, relative to a formation that turns as hard itself."""
+"""Lower bound of the own turn rate relative to a formation that turns as hard itself, rad/s."""
 
 
 class Agility(msgspec.Struct, frozen=True, kw_only=True):
-    """How fast a vehicle answers to setpoints."""
+    """Response of a vehicle to setpoints."""
 
     turn_rate: float
-    """Greatest, rad/s."""
+    """Largest turn rate, rad/s."""
     acceleration: float
-    """Greatest along the flight path, m/s²."""
+    """Largest acceleration along the flight path, m/s²."""
     turn_delay: float
-    """From a setpoint to the turn: dead time and lag, s."""
+    """Dead time and lag from a setpoint to the turn, s."""
     speed_delay: float
-    """From a setpoint to the acceleration, s."""
+    """Dead time and lag from a setpoint to the acceleration, s."""
     alpha: float
     """Course response, 1/s."""
     beta: float
     """Speed response, 1/s."""
     speed_min: float
-    """Through the air that it is held in, m/s."""
+    """Lowest speed relative to the air, m/s."""
     speed_max: float
-    """Through the air that it is held in, m/s."""
+    """Highest speed relative to the air, m/s."""
 
 
 class OwnMotion(msgspec.Struct, frozen=True, kw_only=True):
-    """The vehicle itself, now."""
+    """Present motion of the own vehicle."""
 
     place: complex
-    """m."""
+    """Position, m."""
     air_velocity: complex
-    """Through the air, m/s."""
+    """Velocity relative to the air, m/s."""
     wind: complex
-    """m/s, toward."""
+    """Wind velocity, toward, m/s."""
     turn_rate: float
     """rad/s."""
 
     @property
     def velocity(self) -> complex:
-        """Over the ground, m/s."""
+        """Velocity over ground, m/s."""
         return self.air_velocity + self.wind
 
 
 class WantedMotion(msgspec.Struct, frozen=True, kw_only=True):
-    """What guidance wants to fly: a velocity that approaches the one of a place in the formation."""
+    """Motion that guidance wants: a velocity that approaches that of a place in the formation."""
 
     velocity: complex
-    """Over the ground, now, m/s."""
+    """Velocity over ground now, m/s."""
     base_velocity: complex
-    """Velocity of the slot, m/s; of a vehicle without one the same as `velocity`."""
+    """Velocity of the slot, m/s; without a slot equal to `velocity`."""
     turn_rate: float
     """Turn rate of the slot's velocity, or of the path, rad/s."""
     settle_s: float
-    """Time constant with which the first becomes the second, s."""
+    """Time constant with which `velocity` approaches `base_velocity`, s."""
 
 
 class Manoeuvres(msgspec.Struct, frozen=True, kw_only=True):
-    """What the vehicle may do instead of what is wanted: each is a turn away from it, at a speed."""
+    """Alternatives to the wanted motion: each is a turn away from it, at an airspeed."""
 
     turn: FloatArray
-    """By how much to leave the wanted heading, rad, positive right."""
+    """Turn from the wanted heading, rad, positive right."""
     airspeed: FloatArray
-    """m/s; NaN for the wanted one."""
+    """Airspeed, m/s; NaN for the wanted one."""
 
 
 def arc(
@@ -114,27 +115,27 @@ def arc(
     turn_rate: FloatArray | float,
     times: FloatArray = TIMES,
 ) -> ComplexArray:
-    """Places after some times (s) on arcs at constant speed: the chord runs along the mean course."""
+    """Return positions after times (s) on arcs at constant speed: the chord runs along the mean course."""
     half = 0.5 * turn_rate * times
-    # The chord's share of the arc, sin x / x; np.sinc takes several times as long.
+    # The chord's share of the arc is sin x / x; np.sinc takes several times as long.
     share = np.sin(half) / np.where(half == 0.0, 1.0, half) + (half == 0.0)
     places: ComplexArray = place + velocity * times * share * np.exp(1j * half)
     return places
 
 
 def place_of(state: LeaderState) -> complex:
-    """Place of a vehicle that was heard, m."""
+    """Return the position of a received state, m."""
     return complex(state.north, state.east)
 
 
 def velocity_of(state: LeaderState) -> complex:
-    """Velocity over the ground of a vehicle that was heard, m/s."""
+    """Return the velocity over ground of a received state, m/s."""
     drift = complex(state.drift_north, state.drift_east)
     return cmath.rect(state.ground_speed, state.course) + drift
 
 
 def in_formation(place: Plane, velocity: Plane, leader: LeaderState) -> tuple[Plane, Plane]:
-    """(place, velocity) of vehicles in the leader's turning course frame, m and m/s: forward + j right."""
+    """Return (position, velocity) in the leader's turning course frame, m and m/s: forward + j right."""
     turned = cmath.exp(-1j * leader.course)
     offset = (place - place_of(leader)) * turned
     drift = (velocity - velocity_of(leader)) * turned - 1j * leader.turn_rate * offset
@@ -150,17 +151,17 @@ def formation_tracks(
     *,
     slot_rate: ComplexArray | complex = 0j,
 ) -> ComplexArray:
-    """Tracks of vehicles that go for their slots: in the formation, critically damped.
+    """Return the tracks of vehicles that approach their slots, critically damped in the formation.
 
-    One that moves straight at its slot reaches it exponentially; one that passes it turns back to it.
+    A vehicle that moves straight at its slot reaches it exponentially; one that passes the slot turns back.
 
     Args:
-        place: of each vehicle, m.
-        velocity: of each vehicle over the ground, m/s.
-        slot: of each vehicle, forward + j right of the leader, m.
-        settle_s: time constant of each, s.
-        leader: at the same time; it flies on along an arc.
-        slot_rate: how each slot moves in the formation, m/s.
+        place: position of each vehicle, m.
+        velocity: velocity over ground of each vehicle, m/s.
+        slot: slot of each vehicle, forward + j right of the leader, m.
+        settle_s: time constant of each vehicle, s.
+        leader: state at the same time; it flies on along an arc.
+        slot_rate: velocity of each slot in the formation, m/s.
     """
     offset, drift = in_formation(place, velocity, leader)
     away = (offset - slot)[:, None]
@@ -180,10 +181,10 @@ def formation_tracks(
 def own_tracks(
     own: OwnMotion, wanted: WantedMotion, manoeuvres: Manoeuvres, agility: Agility
 ) -> ComplexArray:
-    """The vehicle's own tracks, one for each manoeuvre.
+    """Return the own tracks, one for each manoeuvre.
 
-    After its delay it turns toward the heading of the manoeuvre at alpha times what is left, no faster than
-    its bank allows; speeds likewise. The wanted velocity turns with the formation, and so do all manoeuvres.
+    After its delay the vehicle turns toward the manoeuvre's heading at alpha times the error, within its bank
+    limit; speeds likewise. The wanted velocity turns with the formation, and so do all manoeuvres.
     """
     since = np.maximum(TIMES - agility.turn_delay, 0.0)
     round_s = np.exp(1j * wanted.turn_rate * TIMES)
@@ -191,7 +192,7 @@ def own_tracks(
     air = round_s * (wanted.base_velocity + excess * np.exp(-TIMES / wanted.settle_s)) - own.wind
     heading = continuous_angle(air)
     flown = cmath.phase(own.air_velocity)
-    # At the end of the delay, relative to a heading that turns on.
+    # Heading error at the end of the delay, relative to a heading that turns on.
     error = wrap_angle(
         flown + (own.turn_rate - wanted.turn_rate) * agility.turn_delay - float(heading[0])
     )
@@ -212,7 +213,7 @@ def own_tracks(
 
 
 def continuous_angle(directions: ComplexArray) -> FloatArray:
-    """Angles (rad) of directions that follow each other by less than half a turn, without a jump."""
+    """Return the continuous angles (rad) of directions less than half a turn apart."""
     angle = np.empty(directions.shape)
     angle[0] = cmath.phase(directions[0])
     angle[1:] = np.angle(directions[1:] * directions[:-1].conj())
@@ -223,7 +224,7 @@ def continuous_angle(directions: ComplexArray) -> FloatArray:
 def _speeds(
     flown: float, wanted: FloatArray, manoeuvres: Manoeuvres, agility: Agility
 ) -> FloatArray:
-    """Airspeeds of the manoeuvres, m/s: at beta times what is left, within the acceleration."""
+    """Return the airspeeds of the manoeuvres, m/s: beta times the error, within the acceleration limit."""
     since = np.maximum(TIMES - agility.speed_delay, 0.0)
     share, most = -np.expm1(-agility.beta * since), agility.acceleration * since
     target = np.where(np.isnan(manoeuvres.airspeed)[:, None], wanted, manoeuvres.airspeed[:, None])
@@ -233,95 +234,95 @@ def _speeds(
 
 
 FLOOR_M = 7.0
-"""Everything is done to prevent less than this: the 5 m of the promise, and what predictions are off."""
+"""Distance below which prevention outweighs all else, m: the promised 5 m plus prediction errors."""
 
 INTRUSION = 100.0
-"""Cost of coming within the floor, relative to that of coming within the kept distance."""
+"""Cost of an intrusion below the floor relative to one below the kept distance."""
 
 PATIENCE_S = 4.0
-"""Time constant with which what is predicted counts less: what is far ahead may still change."""
+"""Time constant with which predictions lose weight, s: the far future may still change."""
 
 TURN_COST = 0.12
-"""Cost of turning away, times 1 - cos of the angle."""
+"""Cost of a turn, times 1 - cos of its angle."""
 
 SPEED_COST = 0.01
-"""Cost of each m/s of another airspeed than the wanted one."""
+"""Cost per m/s of difference from the wanted airspeed."""
 
 SPEEDS = 5
-"""Airspeeds that are looked at beside the wanted one."""
+"""Number of airspeeds tried beside the wanted one."""
 
 CHANGE_COST = 0.04
 """Cost of changing sides."""
 
 LEFT_COST = 0.004
-"""Cost of going left: two that meet head on both go right."""
+"""Cost of a turn to the left: two that meet head on both go right."""
 
 MEETING_M_S = 6.0
-"""Two meet that are faster than this relative to each other: in slots, also in gusts, they are slower."""
+"""Relative speed above which two vehicles meet, m/s: in slots, also in gusts, they are slower."""
 
 OTHER_SIDE_M = 11.0
-"""A pass on the other side than both hold to has to leave so much more: as much as is kept between two that
-join, since what one of them gains by turning round the other takes away."""
+"""Additional distance required of a pass on the other side than both keep, m. It is the distance kept between
+two joining vehicles: a gain by turning round one of them is lost by the other."""
 
 TURNS_RAD: FloatArray = np.radians(
     [0, 6, -6, 12, -12, 20, -20, 30, -30, 45, -45, 65, -65, 90, -90, 120, -120, 150, -150]
 )
-"""Turns away from the wanted heading that are looked at; the wanted motion itself comes first."""
+"""Turns from the wanted heading that are tried, rad; the wanted motion comes first."""
 
 
 ESCAPES_RAD: FloatArray = np.radians([0.0, 179.0, -179.0])
-"""Straight on, and half a turn to either side."""
+"""Turns of full manoeuvres, rad: straight on, and half a turn to either side."""
 
 
 class Others(msgspec.Struct, frozen=True, kw_only=True):
-    """What the others may do, one row for each possibility of each of them."""
+    """Possible motions of other vehicles, one row for each possibility of each vehicle."""
 
     tracks: ComplexArray
-    """Places at `TIMES`, m."""
+    """Positions at `TIMES`, m."""
     horizon_s: FloatArray
-    """Up to when each is looked at, s."""
+    """Time up to which each possibility counts, s."""
     keep: FloatArray
-    """Distance to be kept, m."""
+    """Distance to keep, m."""
     floor: FloatArray
-    """Distance that is not to be fallen short of if anything can be done, m."""
+    """Distance to defend by all means, m."""
     weight: FloatArray
-    """How much it counts where not all can be had."""
+    """Weight in the cost of intrusion."""
     passes: FloatArray
-    """Which way the line of sight to it turns where both keep clear, see `passing`."""
+    """Rotation of the line of sight that both keep as they pass, see `passing`."""
     margin: FloatArray
-    """What each track may be off by in each interval of `TIMES`, m: so much nearer counts as near."""
+    """Error bound of each track in each interval of `TIMES`, subtracted from distances, m."""
     worth: FloatArray | None = None
-    """What the height between both is worth in the plane, in each interval, m; None: it does not count."""
+    """Horizontal equivalent of the vertical distance in each interval, m; None ignores heights."""
 
 
 class Clearance(msgspec.Struct, frozen=True, kw_only=True):
-    """What to fly."""
+    """Chosen manoeuvre and its clearances."""
 
     turn: float
-    """Away from the wanted heading, rad, positive right."""
+    """Turn from the wanted heading, rad, positive right."""
     airspeed: float
-    """m/s; NaN for the wanted one."""
+    """Airspeed, m/s; NaN for the wanted one."""
     changed: bool
-    """Whether this is not what was wanted."""
+    """Whether the manoeuvre differs from the wanted motion."""
     nearest: FloatArray
-    """Closest approach to each possibility, m."""
+    """Distance at the closest point of approach to each possibility, m."""
     wanted_nearest: FloatArray
-    """The same for what was wanted, m."""
+    """The same distances for the wanted motion, m."""
 
 
 BEGINNINGS = TIMES[:-1]
-"""Beginnings of the intervals in which closest approaches are looked for, s from now."""
+"""Beginnings of the intervals searched for closest points of approach, s from now."""
 
 FADE: FloatArray = np.exp(-BEGINNINGS / PATIENCE_S)
 """Weight of each interval."""
 
 WANTED = Manoeuvres(turn=np.zeros(1), airspeed=np.full(1, np.nan))
-"""What guidance wants."""
+"""Manoeuvre of the wanted motion."""
 
 
 @lru_cache(maxsize=16)
 def manoeuvres_between(speed_min: float, speed_max: float) -> Manoeuvres:
-    """Everything that is looked at: each turn at the wanted airspeed and at some between these (m/s)."""
+    """Return all manoeuvres to try: each turn at the wanted airspeed and at some in a range (m/s)."""
     speeds = np.array([np.nan, *np.linspace(speed_min, speed_max, SPEEDS)])
     return Manoeuvres(
         turn=np.tile(TURNS_RAD, len(speeds)), airspeed=np.repeat(speeds, len(TURNS_RAD))
@@ -329,9 +330,9 @@ def manoeuvres_between(speed_min: float, speed_max: float) -> Manoeuvres:
 
 
 def closest_approaches(tracks: ComplexArray, others: Others) -> FloatArray:
-    """Distances (m) of closest approach in each interval of `TIMES`: manoeuvre, possibility, interval.
+    """Return closest distances (m) in each interval of `TIMES`: manoeuvre, possibility, interval.
 
-    Between two times both fly straight; beyond the horizon of a possibility the distance is infinite.
+    Within an interval both fly straight; beyond a possibility's horizon the distance is infinite.
     """
     apart = tracks[:, None, :] - others.tracks[None, :, :]
     start = apart[..., :-1]
@@ -346,15 +347,15 @@ def closest_approaches(tracks: ComplexArray, others: Others) -> FloatArray:
 
 
 def passing(apart: ComplexArray, closing: ComplexArray) -> FloatArray:
-    """Which way the line of sight to others turns as they are passed: 1 right, -1 left; 0: either way.
+    """Return the rotation of the line of sight to keep in passing: 1 right, -1 left, 0 either way.
 
-    It turns on the way it turns. Both of two that meet see the same, so they do not turn toward each other,
-    each to pass behind the other one (Snape, van den Berg, Guy, Manocha, 2011). Where it does not turn at
-    all it is to turn left: both go right.
+    Present rotations are kept. Both vehicles see the same rotation, so each passes behind the other instead
+    of turning toward it (Snape, van den Berg, Guy, Manocha, 2011). Without rotation it becomes left: both go
+    right.
 
     Args:
-        apart: places of the others, less the own one, m.
-        closing: their velocities, less the own one, m/s.
+        apart: positions of the others minus the own, m.
+        closing: velocities of the others minus the own, m/s.
     """
     turning = apart.conj() * closing
     meets = (np.abs(closing) > MEETING_M_S) & (turning.real < 0.0)
@@ -362,7 +363,7 @@ def passing(apart: ComplexArray, closing: ComplexArray) -> FloatArray:
 
 
 def on_other_side(tracks: ComplexArray, others: Others) -> BoolArray:
-    """Whether the line of sight turns the other way than both hold to: manoeuvre, possibility, interval."""
+    """Check whether the line of sight turns against `passes`: manoeuvre, possibility, interval."""
     apart = others.tracks[None, :, :] - tracks[:, None, :]
     turning = (apart[..., :-1].conj() * np.diff(apart)).imag
     other: BoolArray = turning * others.passes[:, None] < 0.0
@@ -370,14 +371,11 @@ def on_other_side(tracks: ComplexArray, others: Others) -> BoolArray:
 
 
 def intrusion_cost(distance: FloatArray, others: Others) -> FloatArray:
-    """Cost of each manoeuvre for what it does to the distances; 0 where all are kept.
+    """Return each manoeuvre's cost of intrusions; 0 where all distances are kept.
 
-    How long and how deep a kept distance is fallen short of, and how far the floor is: a vehicle that
-    lies about its place, and is already nearer than anything can change, adds the same to all manoeuvres.
-
-    Args:
-        distance: see `closest_approaches`.
-        others: what the others may do.
+    The cost has the duration and depth below the kept distance, and the depth below the floor. A vehicle that
+    reports a false position, already nearer than anything can change, adds the same to all manoeuvres. For
+    `distance` see `closest_approaches`.
     """
     keep, floor = others.keep[:, None], others.floor[:, None]
     within = np.maximum(1.0 - distance / keep, 0.0) * FADE
@@ -388,7 +386,7 @@ def intrusion_cost(distance: FloatArray, others: Others) -> FloatArray:
 
 
 def change_cost(manoeuvres: Manoeuvres, airspeed: float, side: float) -> FloatArray:
-    """Cost of each manoeuvre for not being the wanted one (m/s), after a turn to a side (rad)."""
+    """Return each manoeuvre's cost of leaving the wanted airspeed (m/s), heading and former side (rad)."""
     turn = manoeuvres.turn
     cost = TURN_COST * (1.0 - np.cos(turn)) + LEFT_COST * (turn < 0.0)
     faster = np.abs(manoeuvres.airspeed - airspeed)
@@ -406,15 +404,7 @@ def keep_clear(
     *,
     side: float = 0.0,
 ) -> Clearance:
-    """The manoeuvre to fly.
-
-    Args:
-        own: the vehicle now.
-        wanted: what guidance wants.
-        others: what the others may do.
-        agility: how the vehicle answers.
-        side: turn (rad) that was flown the step before, whose sign is kept where that is as good.
-    """
+    """Return the manoeuvre to fly; `side` is the turn of the previous step (rad), whose sign is preferred."""
     distance = closest_approaches(own_tracks(own, wanted, WANTED, agility), others)
     cost = intrusion_cost(distance, others)
     before = distance.min(axis=2)[0]
@@ -447,7 +437,7 @@ def distances(
     others: Others,
     agility: Agility,
 ) -> tuple[FloatArray, FloatArray]:
-    """(closest approaches in m, how long until then in s) of what is flown; None: of what is wanted."""
+    """Return (closest distances, m; times until then, s) of a manoeuvre, or the wanted motion for None."""
     flown = WANTED
     if clear is not None:
         flown = Manoeuvres(turn=np.array([clear.turn]), airspeed=np.array([clear.airspeed]))
@@ -456,7 +446,7 @@ def distances(
 
 
 def escape_tracks(own: OwnMotion, agility: Agility) -> ComplexArray:
-    """Tracks of every full manoeuvre: on, left and right at the bank limit, at three airspeeds."""
+    """Return tracks of full manoeuvres: straight, left and right at the bank limit, at three airspeeds."""
     straight = WantedMotion(
         velocity=own.velocity, base_velocity=own.velocity, turn_rate=0.0, settle_s=HORIZON_S
     )
@@ -466,7 +456,7 @@ def escape_tracks(own: OwnMotion, agility: Agility) -> ComplexArray:
 
 
 def escape_distance(own: OwnMotion, agility: Agility, tracks: ComplexArray) -> float:
-    """Distance (m) that one full manoeuvre keeps from all tracks that another may fly; the best one's."""
+    """Return the distance (m) that the best full manoeuvre keeps from all possible tracks of another."""
     count = len(tracks)
     others = Others(
         tracks=tracks,

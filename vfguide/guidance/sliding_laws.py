@@ -1,11 +1,11 @@
-"""The sliding-mode laws of course and speed with their gains, and the setpoints that fly what they ask.
+"""Sliding-mode laws of course and speed, their gains, and setpoints for the rates that they demand.
 
-How fast the laws may be around a late or uncertain autopilot is in `response.py`. The boundary layer of the
-course law follows the loop that it runs in.
+`response.py` bounds the laws' bandwidth around a late or uncertain autopilot. The boundary layer of the
+course law depends on the period and delay of its loop.
 
-The observer estimates the ground speed where none is measured. It is the article's, with the regressor phi
-in the place of its printed "d chi^d/d e . d e/d chi". With the estimate in the law, W = rho chi~^2 / 2 +
-V~^2 / (2 Gamma) falls as dW/dt = -rho kappa chi~ sat(chi~/epsilon) - sigma V~^2.
+The observer estimates the ground speed where none is measured. It is the article's, with the regressor phi in
+place of its printed "d chi^d/d e . d e/d chi". With the estimate in the law, W = rho chi~^2 / 2 + V~^2 / (2
+Gamma) falls as dW/dt = -rho kappa chi~ sat(chi~/epsilon) - sigma V~^2.
 """
 
 import math
@@ -28,14 +28,14 @@ from vfguide.state import Airframe, Setpoint, VehicleState
 
 
 class ObserverGains(msgspec.Struct, frozen=True, kw_only=True):
-    """Gains of the observer."""
+    """Gains of the ground-speed observer."""
 
     gamma: float
     """Gamma: adaptation gain."""
     rho: float
     """rho: weight of the course error in the Lyapunov function."""
     sigma: float
-    """sigma: pull toward the reference speed; Gamma sigma is its rate, 1/s."""
+    """sigma: pull toward the reference speed, with a rate of Gamma sigma in 1/s."""
 
 
 def speed_estimate_rate(
@@ -45,7 +45,7 @@ def speed_estimate_rate(
     regressor: float,
     gains: ObserverGains,
 ) -> float:
-    """dV^_g/dt = -Gamma rho chi~ phi - sigma Gamma (V^_g - V_ref), m/s².
+    """Return dV^_g/dt = -Gamma rho chi~ phi - sigma Gamma (V^_g - V_ref), m/s².
 
     Args:
         estimate: V^_g, m/s.
@@ -59,21 +59,23 @@ def speed_estimate_rate(
 
 
 SpeedSource = Literal["measured", "observer"]
-"""Where the leader's law takes its ground speed from."""
+"""Source of the ground speed in the leader's law."""
 
 SlotFrame = Literal["leader", "path", "plan"]
-"""What slots are fixed to: the leader's measured motion, that with what is noise in it taken from the path,
+"""Motion to which slots are fixed: the leader's measured motion, that motion with noisy parts taken from the
+path,
 or the path alone while the leader is on it."""
 
 
 LEAST_PERIOD = 0.05
-"""s: a faster loop keeps the boundary layer of this one. The rounding of MAVLink's velocities does not get
-finer with the rate, and a thinner layer would turn it into chatter."""
+"""Shortest period for the boundary layer, s. The rounding of MAVLink's velocities does not get finer with the
+rate: a thinner layer would turn it into chatter."""
 
 
 GUSTS_FACTOR = 2.5
-"""Boundary layer over kappa times the period in gusts: a quarter more than the least that keeps clear of the
-sampled loop's limit cycle."""
+"""Boundary layer over kappa times the period in gusts: a quarter above the minimum that avoids the sampled
+loop's
+limit cycle."""
 
 
 class SlidingGains(msgspec.Struct, frozen=True, kw_only=True):
@@ -82,22 +84,22 @@ class SlidingGains(msgspec.Struct, frozen=True, kw_only=True):
     kappa: float
     """kappa, rad/s in the course law and m/s² in the speed law."""
     epsilon: float
-    """Least boundary layer, rad and m/s."""
+    """Smallest boundary layer, rad and m/s."""
     boundary_layer_factor: float
-    """Boundary layer over kappa times period and delay."""
+    """Boundary layer over kappa times the sum of period and delay."""
     loop_delay_s: float
-    """From measurement to the aircraft's response, beyond the sampling period, s."""
+    """Delay from measurement to the aircraft's response, beyond the sampling period, s."""
     rho: float
     """Weight of the Lyapunov function, s²."""
     amplification: float = math.inf
-    """How many times quicker than the hold that it commands a loop may be."""
+    """Largest ratio of a loop's bandwidth to the hold that it commands."""
     course_bandwidth: float = math.inf
-    """Greatest gain of the course law within its layer, 1/s."""
+    """Largest gain of the course law within its layer, 1/s."""
     speed_bandwidth: float = math.inf
-    """Greatest gain of the speed law within its layer, 1/s."""
+    """Largest gain of the speed law within its layer, 1/s."""
 
     def layer(self, period: float, bandwidth: float = math.inf) -> float:
-        """Boundary layer of a loop with this period in s, whose gain stays below a bandwidth in 1/s."""
+        """Return the boundary layer for a period (s) that keeps the gain below a bandwidth (1/s)."""
         return self._layer(period, self.boundary_layer_factor, bandwidth)
 
     def layer_in(
@@ -107,10 +109,10 @@ class SlidingGains(msgspec.Struct, frozen=True, kw_only=True):
         period: float,
         bandwidth: float = math.inf,
     ) -> float:
-        """The same in the air that a vehicle flies in: in gusts no wider than the sampled loop needs.
+        """Return the boundary layer for a vehicle's air: in gusts no wider than the sampled loop needs.
 
-        Smooth setpoints, which a wider one buys, are worth nothing there; a quick answer is. An autopilot
-        that answers late has no quicker one.
+        A wider layer buys smooth setpoints, which are worth less in gusts than a fast response. An autopilot
+        with delay has no faster response.
         """
         wide = self.layer(period, bandwidth)
         if not airframe.is_ideal:
@@ -137,47 +139,47 @@ class PathGains(msgspec.Struct, frozen=True, kw_only=True):
     approach_angle: float
     """chi_inf, rad."""
     chosen: bool = False
-    """Whether the mission has chosen the gain itself."""
+    """Whether the mission sets the gain."""
 
 
 class GuidanceSettings(msgspec.Struct, frozen=True, kw_only=True):
-    """What a mission sets for every law: for the leader's, and around that of the followers."""
+    """Settings of a mission for the laws of the leader and the followers."""
 
     sliding: SlidingGains
-    """The course and speed laws."""
+    """Gains of the course and speed laws."""
     observer: ObserverGains
-    """The leader's ground-speed observer."""
+    """Gains of the leader's ground-speed observer."""
     filters: FilterTimes
-    """Navigation."""
+    """Time constants of the navigation filter."""
     rate_filter_s: float
     """Time constant of the leader's acceleration and turn rate, s."""
     speed_source: SpeedSource
-    """Where the leader's law takes its ground speed from."""
+    """Source of the ground speed in the leader's law."""
     predict_leader: bool
-    """Carry the leader's state on to the time of use."""
+    """Extrapolate the leader's state to the time of use."""
     wind_feedforward: bool
-    """Take the wind's own rate of change off what is asked of the autopilot."""
+    """Subtract the wind's rate of change from the demand on the autopilot."""
     give_way: bool
-    """Let the leader change its airspeed where a slot would need one that its follower does not have."""
+    """Let the leader change its airspeed where a slot needs one beyond its follower's range."""
     slot_frame: SlotFrame = "leader"
-    """What slots turn with; see `intended_motion`."""
+    """Motion to which slots are fixed; see `intended_motion`."""
 
 
 def boundary_layer(
     gain: float, least: float, *, period: float, delay: float, factor: float
 ) -> float:
-    """Boundary layer epsilon of the sampled law: max(epsilon, factor kappa (dt + delay)).
+    """Return the boundary layer epsilon of the sampled law: max(epsilon, factor kappa (dt + delay)).
 
-    The article's kappa = 3, epsilon = 0.01 is a continuous-time law. Sampled every dt it limit-cycles
-    as soon as kappa dt / epsilon > 2; a factor of 2 is the least that keeps clear of that with a margin,
-    and a greater one buys a smoother setpoint with a little accuracy.
+    The article's kappa = 3, epsilon = 0.01 is a continuous-time law. Sampled every dt it limit-cycles once
+    kappa dt / epsilon > 2. A factor of 2 is the smallest that avoids this with a margin; a larger one gives
+    smoother setpoints for a little accuracy.
 
     Args:
         gain: kappa, in the law's unit per second.
         least: the article's epsilon, in the law's unit.
-        period: the loop's period dt, s.
-        delay: from measurement to effect, s.
-        factor: without dimension.
+        period: sampling period dt, s.
+        delay: delay from measurement to effect, s.
+        factor: dimensionless.
     """
     return max(least, factor * gain * (period + delay))
 
@@ -185,7 +187,7 @@ def boundary_layer(
 def sliding_course_rate(
     course_error: float, desired_rate: float, gain: float, layer: float
 ) -> float:
-    """Course rate (rad/s) that brings the course onto the field: d chi^d/dt - kappa sat(chi~ / epsilon).
+    """Return the course rate (rad/s) onto the field: d chi^d/dt - kappa sat(chi~ / epsilon).
 
     Args:
         course_error: chi~ = wrap(chi - chi^d), rad.
@@ -197,15 +199,16 @@ def sliding_course_rate(
 
 
 def course_command(course: float, course_rate: float, alpha: float, hold: float = 0.0) -> float:
-    """chi^c = chi + (d chi/dt) (1 / alpha + T / 2), rad: what a first-order hold turns into the wanted rate.
+    """Return the course setpoint (rad, not wrapped): chi^c = chi + (d chi/dt) (1 / alpha + T / 2).
 
-    With `sliding_course_rate` and T = 0 this is the article's chi^c. A setpoint that stands for T seconds
-    while the course turns toward it loses half of that turn on average: T / 2 makes it good. Not wrapped.
+    A first-order hold turns it into the wanted rate. With `sliding_course_rate` and T = 0 this is the
+    article's chi^c. A setpoint held for T seconds while the course turns toward it loses half of that turn on
+    average: T / 2 compensates.
 
     Args:
         course: chi, rad.
         course_rate: d chi/dt, rad/s.
-        alpha: response, 1/s.
+        alpha: response of the hold, 1/s.
         hold: T, s.
     """
     lead = course_rate * (1.0 / alpha + 0.5 * hold)
@@ -213,8 +216,9 @@ def course_command(course: float, course_rate: float, alpha: float, hold: float 
 
 
 POSITION_SHARE = 1.0 / 3.0
-"""Share of kappa that x_E / rho may have. Beyond kappa it would outweigh the sliding term, and a follower
-100 m behind would ask for a speed without end."""
+"""Bound of x_E / rho as a share of kappa. Beyond kappa it would outweigh the sliding term, and a follower 100
+m
+behind would demand an unbounded speed."""
 
 
 def sliding_acceleration(
@@ -226,7 +230,7 @@ def sliding_acceleration(
     layer: float,
     rho: float,
 ) -> float:
-    """Acceleration (m/s²) that brings the speed onto the field: dV^d/dt + x_E/rho - kappa sat(V~/epsilon).
+    """Return the acceleration (m/s²) onto the field: dV^d/dt + x_E/rho - kappa sat(V~/epsilon).
 
     Args:
         speed_error: V~ = V_f - V^d, m/s.
@@ -242,24 +246,24 @@ def sliding_acceleration(
 
 
 def speed_command(speed: float, acceleration: float, beta: float, hold: float = 0.0) -> float:
-    """V^c = V + (dV/dt) (1 / beta + T / 2), m/s: what a first-order hold turns into the wanted acceleration.
+    """Return the speed setpoint (m/s): V^c = V + (dV/dt) (1 / beta + T / 2).
 
-    T is how long the setpoint stands, s; see `course_command`.
+    A first-order hold turns it into the wanted acceleration; T is `hold`, s, as in `course_command`.
     """
     return speed + acceleration * (1.0 / beta + 0.5 * hold)
 
 
 def acceleration_toward(command: float, speed: float, beta: float, hold: float = 0.0) -> float:
-    """Acceleration (m/s²) for which `speed_command` gives this command (m/s)."""
+    """Return the acceleration (m/s²) for which `speed_command` gives a command (m/s)."""
     return (command - speed) / (1.0 / beta + 0.5 * hold)
 
 
 LEAST_GROUND_SPEED = 1.0
-"""m/s: an aircraft that stands still turns at no rate that can be worked out."""
+"""Lower bound of the ground speed in turn limits, m/s: a standstill would give an infinite one."""
 
 
 def foretold_share(state: VehicleState, *, wind_feedforward: bool) -> float:
-    """Share of the wind's rate that is fed forward: none of it in gusts, whose rate foretells nothing."""
+    """Return the share of the wind's rate to feed forward: less in gusts, whose rate predicts nothing."""
     return 1.0 - state.gust_share if wind_feedforward else 0.0
 
 
@@ -272,15 +276,9 @@ def setpoint_for(
     wind_feedforward: bool,
     hold: float = 0.0,
 ) -> Setpoint:
-    """Setpoint for a wanted ground acceleration (m/s²) and course rate (rad/s).
+    """Return the setpoint for a wanted ground acceleration (m/s²) and course rate (rad/s).
 
-    Args:
-        state: navigated state of the vehicle.
-        acceleration: wanted dV_g/dt.
-        course_rate: wanted dchi/dt.
-        airframe: what the autopilot holds, how it responds, what the vehicle can do.
-        wind_feedforward: whether the wind's rate of change is taken off.
-        hold: how long the setpoint stands, s.
+    With `wind_feedforward` the wind's rate of change is subtracted. The setpoint is held for `hold` seconds.
     """
     if airframe.hold == "course-hold":
         return _course_hold(state, acceleration, course_rate, airframe, hold)
@@ -307,15 +305,9 @@ def cruise_setpoint(
     wind_feedforward: bool,
     hold: float = 0.0,
 ) -> Setpoint:
-    """Setpoint that turns the course at a rate (rad/s) and keeps an airspeed (m/s).
+    """Return the setpoint that turns the course at a rate (rad/s) and keeps an airspeed (m/s).
 
-    Args:
-        state: navigated state of the vehicle.
-        airspeed: to be kept.
-        course_rate: wanted dchi/dt.
-        airframe: what the autopilot holds, how it responds, what the vehicle can do.
-        wind_feedforward: whether the wind's rate of change is taken off.
-        hold: how long the setpoint stands, s.
+    With `wind_feedforward` the wind's rate of change is subtracted. The setpoint is held for `hold` seconds.
     """
     if airframe.hold == "course-hold":
         wind = (state.wind_north, state.wind_east)
@@ -347,10 +339,10 @@ def heading_hold(
     *,
     hold: float = 0.0,
 ) -> Setpoint:
-    """Setpoint for heading and airspeed holds that stands for `hold` seconds.
+    """Return the setpoint for heading and airspeed holds, held for `hold` seconds.
 
-    The course is commanded, and the autopilot flies it as a heading through the drift it measures: a
-    course setpoint (heading rate)/alpha ahead of the course turns the heading at that rate.
+    The autopilot flies the commanded course as a heading through the drift it measures. A course setpoint
+    (heading rate)/alpha ahead of the course turns the heading at that rate.
     """
     turn_limit = bank_limited_turn_rate(airframe.max_bank, state.airspeed)
     turn = clip(heading_rate, -turn_limit, turn_limit)
@@ -372,7 +364,7 @@ def _course_hold(
     airframe: Airframe,
     hold: float,
 ) -> Setpoint:
-    """Setpoint for course and ground-speed holds: the article's equations."""
+    """Return the setpoint for course and ground-speed holds: the article's equations."""
     turn_limit = bank_limited_turn_rate(
         airframe.max_bank, max(state.ground_speed, LEAST_GROUND_SPEED)
     )
