@@ -1,17 +1,17 @@
-"""The aircraft of the article and those whose roll and speed lag, and their integration steps.
+"""The plants of the article (first order) and the plants with roll and speed lag.
 
-`heading-hold` is the air-relative truth: loops of first order act on heading and airspeed, and the wind
-carries the aircraft. `course-hold` is the article's model: the loops act on course and ground speed, and the
-wind only enters where an airspeed is held. Both fly in the horizontal plane; height is a hold of second order
-beside it, and the climb angle's share in the ground speed (below 1 % at 3 m/s of climb) is left out.
+`heading-hold` acts on heading and airspeed with first-order loops, and the wind carries the aircraft.
+`course-hold` is the article's model: its loops act on course and ground speed, and the wind only matters
+where an airspeed is held. Both fly in the horizontal plane with a second-order height hold. The climb
+angle's effect on the ground speed (below 1 % at 3 m/s of climb) is left out.
 
-`bank` is what ArduPlane's GUIDED course really does: bank from course error, then the roll's own lag,
-then the turn of that bank. `tecs` is what its speed does: a hold with an integral, limited acceleration,
-and height that gives way meanwhile. Either may be flown without the other.
+`bank` models ArduPlane's GUIDED course: bank from course error, the roll's lag, then the turn of that bank.
+`tecs` models its speed: a hold with an integral, limited acceleration, and a height that gives way.
+Each of the two may be flown without the other.
 
 Source of the structure: ArduPlane's guided mode and its GUIDED_P (an AC_PID without integral whose 5 Hz
 filter, 0.03 s, is left out beside the roll's 0.4 s). Source of the speed's figures: flights of ArduPlane
-4.7 in software; a test holds the model to them.
+4.7 in software; a test checks the model against them.
 """
 
 import math
@@ -44,42 +44,48 @@ from sitl_stub.loops import (
 from sitl_stub.plant import AirPlant, AirRates, AirState, Motion, Plant, PlantState, plant
 
 MAX_STEP_S = 0.05
-"""Longest step of first order. Over two minutes of turning in the article's wind such steps stay within the
-resolution of the telemetry (11 mm, 0.01 deg) of steps a hundred times finer; a test measures it."""
+"""Longest step of the first-order plants. Over two minutes of turning in the article's wind, they stay within
+the resolution of the telemetry (11 mm, 0.01 deg) of steps a hundred times finer; a test measures this.
+"""
 
 TECS_GAIN_1_S = 0.55
 TECS_INTEGRAL_1_S2 = 0.03
-"""Proportional and integral gain of the `tecs` speed hold: +-1.5 m/s over 24 s comes out 0.99 times as
-large and, with the dead time, 2.3 s late."""
+"""Proportional and integral gain of the `tecs` speed hold. It follows +-1.5 m/s over 24 s with 0.99 times the
+amplitude and, with the dead time, 2.3 s late.
+"""
 
 TECS_ACCELERATION_M_S2 = 2.5
-"""What throttle and pitch give at most, both ways."""
+"""Limit of the acceleration by throttle and pitch, both ways."""
 
 PX4_SLEW_M_S2 = 1.0
-"""How fast PX4's airspeed setpoint goes to a new one, whatever is commanded."""
+"""Slew rate of PX4's airspeed setpoint toward the commanded airspeed."""
 
 PX4_FREQUENCY_RAD_S, PX4_DAMPING, PX4_LEAD_S = 3.3, 0.3, 0.4
-"""The airspeed follows that setpoint by (1 + a s) / (1 + 2 D s / w + s²/w²): fitted to steps of 0.5 to 2 m/s
-and sinusoids of 12, 6 and 3 s of PX4 1.18.0-beta1 with FW_THR_ASPD_MIN, FW_THR_TRIM and FW_THR_ASPD_MAX as
-the aircraft flies and FW_T_TAS_TC 2, whose speeds it meets to 0.18 m/s rms."""
+"""Response of the airspeed to that setpoint: (1 + a s) / (1 + 2 D s / w + s²/w²).
+
+Fitted to steps of 0.5 to 2 m/s and sinusoids of 12, 6 and 3 s of PX4 1.18.0-beta1, whose speeds it meets to
+0.18 m/s rms. FW_THR_ASPD_MIN, FW_THR_TRIM and FW_THR_ASPD_MAX were as the aircraft flies, FW_T_TAS_TC was 2.
+"""
 
 PX4_REFERENCE_1_S = 20.0
-"""At its setpoint the reference rests."""
+"""Gain of the reference's approach to its setpoint; it lets the reference come to rest there."""
 
 UNTRIMMED_SHARE, UNTRIMMED_S = 0.6, 70.0
-"""Of a change of that setpoint as the parameters come: what of it is followed like that, and the time
-constant with which the throttle's integral finds the rest. Steps of 1 and 2 m/s are met to 0.15 m/s rms; of
-the holds of first order that with 0.05 to 0.1 1/s comes nearest, to 0.40 m/s."""
+"""Response to a setpoint change with PX4's default parameters.
+
+The share is followed as above; the throttle's integral finds the rest with the time constant. Steps of 1 and
+2 m/s are met to 0.15 m/s rms; the best first-order hold, of 0.05 to 0.1 1/s, meets them to 0.40 m/s.
+"""
 
 TECS_HEIGHT_SHARE = 0.4
-"""Part of the kinetic energy's change that comes out of the height: 2 m for 6 m/s."""
+"""Share of a change of kinetic energy that comes from height: 2 m for 6 m/s."""
 
 MAX_LAGGING_STEP_S = 0.025
-"""Longest step: a sixteenth of the roll's time constant; a test measures what it costs in accuracy."""
+"""Longest step: a sixteenth of the roll's time constant; a test measures the loss of accuracy."""
 
 
 class PlantRates(msgspec.Struct, frozen=True):
-    """How the plant moves now."""
+    """Rates of turn and speed, and the ground velocity."""
 
     turn_rate_rad_s: float
     """Turn rate of the heading or course held, positive right."""
@@ -88,10 +94,7 @@ class PlantRates(msgspec.Struct, frozen=True):
     """Rate of change of the speed held."""
 
     north_m_s: float
-    """Ground velocity."""
-
     east_m_s: float
-    """Ground velocity."""
 
 
 def heading_hold_rates(
@@ -101,9 +104,9 @@ def heading_hold_rates(
     airspeed_m_s: float,
     wind_m_s: tuple[float, float],
 ) -> PlantRates:
-    """The heading-hold plant: the nose turns, the wind drifts.
+    """Return the rates of the heading-hold plant, whose nose turns and which drifts with the wind.
 
-    A course is flown through the drift the autopilot measures: the course error turns the nose.
+    A course is flown by its error, which includes the drift, turning the nose.
     """
     north_m_s = airspeed_m_s * math.cos(heading_rad) + wind_m_s[0]
     east_m_s = airspeed_m_s * math.sin(heading_rad) + wind_m_s[1]
@@ -126,10 +129,10 @@ def course_hold_rates(
     speed_m_s: float,
     wind_m_s: tuple[float, float],
 ) -> PlantRates:
-    """The course-hold plant, the article's equations: the course itself is the loop's state.
+    """Return the rates of the course-hold plant, by the article's equations: the course is the loop's state.
 
-    Under a ground speed target `speed_m_s` is the ground speed and the wind does not enter; under an
-    airspeed target it is the airspeed, and the ground speed follows from the triangle at once.
+    Under a ground speed target `speed_m_s` is the ground speed and the wind does not matter. Under an
+    airspeed target it is the airspeed, and the ground speed follows from the wind triangle at once.
     """
     if targets.speed.kind == "ground-speed":
         ground_speed_m_s = max(speed_m_s, MIN_GROUND_SPEED_M_S)
@@ -150,7 +153,7 @@ def course_hold_rates(
 
 
 RATES = {"heading-hold": heading_hold_rates, "course-hold": course_hold_rates}
-"""The equations of motion by the plant's name."""
+"""Equations of motion by the plant's name."""
 
 
 def bounded_ground_speed_m_s(
@@ -159,10 +162,10 @@ def bounded_ground_speed_m_s(
     ground_speed_m_s: float,
     wind_m_s: tuple[float, float],
 ) -> float:
-    """A ground speed kept where the aircraft can fly it.
+    """Clamp a ground speed to the range that the aircraft can fly along a course.
 
-    Between those the triangle gives for the slowest and the fastest airspeed along the course; where
-    the wind leaves none, at the triangle's floor.
+    The range is that of the slowest and fastest airspeed in the wind triangle. Where the wind leaves
+    none, it shrinks to the floor of the triangle.
     """
     slowest = ground_speed_along_m_s(course_rad, parameters.airspeed_min_m_s, *wind_m_s)
     fastest = ground_speed_along_m_s(course_rad, parameters.airspeed_max_m_s, *wind_m_s)
@@ -172,7 +175,7 @@ def bounded_ground_speed_m_s(
 def with_speed_kind(
     state: PlantState, kind: SpeedKind, wind_m_s: tuple[float, float]
 ) -> PlantState:
-    """The motion of a course-hold plant as a state with the other speed: a switch without a jump."""
+    """Convert a course-hold plant's state to the other kind of speed without a jump of its motion."""
     if kind == state.speed_kind:
         return state
     convert = ground_speed_along_m_s if kind == "ground-speed" else airspeed_of_m_s
@@ -194,7 +197,7 @@ def height_step(
     climb_m_s: float,
     step_s: float,
 ) -> tuple[float, float, float]:
-    """(height half way, height, climb rate) one midpoint step later, m and m/s."""
+    """Return (height half way, height, climb rate) one midpoint step later, m and m/s."""
     half_s = 0.5 * step_s
     rate = climb_acceleration_m_s2(parameters, target, altitude_m, climb_m_s)
     middle_m, middle_m_s = altitude_m + half_s * climb_m_s, climb_m_s + half_s * rate
@@ -210,9 +213,10 @@ def nose_turn_rate_rad_s(
     airspeed_m_s: float,
     holds_airspeed: bool,
 ) -> float:
-    """Turn rate of the air velocity while the course turns, in steady wind: the wind triangle's derivative.
+    """Return the turn rate of the air velocity while the course turns: the wind triangle's derivative.
 
-    The acceleration over ground is that through the air, and its part across the nose turns the nose.
+    In steady wind the accelerations over ground and through the air are equal; the component across
+    the nose turns it.
     """
     turning_m_s2 = ground_speed_m_s * rates.turn_rate_rad_s
     if holds_airspeed:
@@ -225,12 +229,12 @@ def nose_turn_rate_rad_s(
 
 
 def tecs_acceleration_m_s2(error_m_s: float, integral_m_s2: float, limit_m_s2: float) -> float:
-    """Speed hold with an integral: dV/dt = sat(k (target - V) + I)."""
+    """Return the acceleration of a speed hold with an integral: dV/dt = sat(k (target - V) + I)."""
     return clamped(TECS_GAIN_1_S * error_m_s + integral_m_s2, limit_m_s2)
 
 
 def tecs_integral_rate_m_s3(error_m_s: float, integral_m_s2: float, limit_m_s2: float) -> float:
-    """dI/dt = k_i (target - V), and nothing while the acceleration is at its limit towards it."""
+    """Return dI/dt = k_i (target - V), or 0 while the acceleration is at its limit toward the target."""
     wanted = TECS_GAIN_1_S * error_m_s + integral_m_s2
     if abs(wanted) >= limit_m_s2 and wanted * error_m_s > 0.0:
         return 0.0
@@ -240,19 +244,19 @@ def tecs_integral_rate_m_s3(error_m_s: float, integral_m_s2: float, limit_m_s2: 
 @plant("course-hold")
 @plant("heading-hold")
 class FirstOrder(Plant):
-    """Heading or course, and speed, go to what is held with one gain each."""
+    """First-order plant with one gain each for heading or course, and speed."""
 
     longest_step_s = MAX_STEP_S
 
     @classmethod
     def of(cls, parameters: PlantParameters) -> Plant:
-        """A slow hold of the speed makes another aircraft of it."""
+        """Return the plant, which is a `Lagging` one if its roll or speed lags."""
         return (Lagging if parameters.lags else cls)(parameters)
 
     def step(
         self, targets: Targets, state: PlantState, wind: Wind, *, time_s: float, step_s: float
     ) -> PlantState:
-        """The state one midpoint (second-order Runge-Kutta) step later."""
+        """Return the state after one midpoint (second-order Runge-Kutta) step."""
         parameters = self.parameters
         rates = RATES[parameters.kind]
         kind = targets.speed.kind
@@ -299,7 +303,7 @@ class FirstOrder(Plant):
         )
 
     def motion(self, targets: Targets, state: PlantState, wind_m_s: tuple[float, float]) -> Motion:
-        """By the rates of its loops."""
+        """Return the motion by the rates of the loops."""
         state = with_speed_kind(state, targets.speed.kind, wind_m_s)
         rates = RATES[self.parameters.kind](
             self.parameters, targets, state.direction_rad, state.speed_m_s, wind_m_s
@@ -334,21 +338,20 @@ class FirstOrder(Plant):
 @plant("npfg")
 @plant("bank")
 class Lagging(AirPlant):
-    """Roll and speed have states of their own.
+    """Plant whose roll and speed have states of their own.
 
-    It remembers the speed hold's integral (of `px4` its acceleration), the airspeed that `px4` holds on its
-    way to what is commanded, the one to which `px4-untrimmed` has brought its throttle, and the bank that has
-    reached the roll.
+    Its memory is the integral of the speed hold (of `px4` the acceleration), the slewed airspeed setpoint of
+    `px4`, the airspeed to which `px4-untrimmed` has trimmed its throttle, and the delayed bank.
     """
 
     longest_step_s = MAX_LAGGING_STEP_S
 
     def first_memory(self, state: PlantState) -> tuple[float, ...]:
-        """Its own airspeed is held at first."""
+        """Return the memory that holds the present airspeed."""
         return (0.0, state.speed_m_s, state.speed_m_s, 0.0)
 
     def rates(self, targets: Targets, state: AirState) -> AirRates:
-        """All rates at one moment."""
+        """Return all rates at one moment."""
         parameters, delayed_bank_rate = self.parameters, 0.0
         if parameters.rolls:
             wanted_rad = wanted_bank_rad(
@@ -395,7 +398,7 @@ class Lagging(AirPlant):
         )
 
     def _px4_speed_rates(self, target: SpeedTarget, state: AirState) -> tuple[float, float, float]:
-        """Rates of the acceleration, of the airspeed that is held, and of the throttle's."""
+        """Return the rates of the acceleration, of the slewed setpoint and of the trimmed airspeed."""
         acceleration, reference_m_s, trim_m_s, _ = state.memory
         limit = min(PX4_SLEW_M_S2, target.max_acceleration_m_s2)
         reference_rate = clamped(PX4_REFERENCE_1_S * (target.speed_m_s - reference_m_s), limit)

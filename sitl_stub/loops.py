@@ -1,6 +1,6 @@
-"""The aircraft flown: its limits, and its inner loops, towards their target within those limits.
+"""Aircraft limits, loop targets and inner loops.
 
-Height is held by a loop of second order, all else by one of first.
+The height loop is of second order, the others of first order.
 """
 
 import math
@@ -14,17 +14,17 @@ from sitl_stub.geometry import wrap_to_pi
 SpeedResponse = Literal["first-order", "tecs", "px4", "px4-untrimmed"]
 
 TECS_DEAD_TIME_S = 0.5
-"""From a new airspeed to the first change of speed, as measured on ArduPlane."""
+"""Time from a new airspeed command to the first change of speed, as measured on ArduPlane."""
 
 MAX_DEAD_TIME_S = 10.0
-"""Longer than any autopilot's: what is asked for beyond it is a mistake."""
+"""Limit of a dead time: longer than any autopilot's."""
 
 
 class PlantParameters(msgspec.Struct, frozen=True, kw_only=True):
-    """One aircraft with its inner loops."""
+    """Limits and inner loops of one aircraft."""
 
     kind: str = "heading-hold"
-    """Which model flies: see `plant`."""
+    """Name of the plant: see `plant`."""
 
     options: tuple[tuple[str, float], ...] = ()
     """Parameters of a user's plant, by name."""
@@ -45,39 +45,37 @@ class PlantParameters(msgspec.Struct, frozen=True, kw_only=True):
     """Bank angle that limits the turn rate to g tan(bank) / V."""
 
     max_acceleration_m_s2: float = 3.0
-    """Limit of the rate of change of speed, both ways."""
-
     climb_rate_max_m_s: float = 3.0
-    """Limit of climb."""
-
     sink_rate_max_m_s: float = 3.0
-    """Limit of descent, above zero."""
+    """Above zero."""
 
     height_delay_s: float = 2.0
-    """Height hold: by how much the height lags behind a target that climbs steadily."""
+    """Lag of the height behind a target that climbs steadily."""
 
     guided_p_cdeg_rad: float = 12_000.0
     """`bank` and `six-dof`: bank (0.01 deg) per course error (rad), ArduPlane's GUIDED_P."""
 
     roll_time_s: float = 0.4
-    """`bank` and `npfg` only: time constant with which the roll follows."""
+    """`bank` and `npfg` only: time constant of the roll."""
 
     roll_delay_s: float = 0.0
-    """`bank` and `npfg` only: time constant with which the bank that is wanted reaches the roll. Unlike
-    `course_dead_time_s` it puts a steady turn no further behind."""
+    """`bank` and `npfg` only: time constant of the wanted bank on its way to the roll. Unlike
+    `course_dead_time_s` it adds no lag to a steady turn.
+    """
 
     turn_efficiency: float = 1.0
-    """`bank` only: turn rate in parts of the coordinated turn's; 0.7 measured on ArduPlane."""
+    """`bank` only: ratio of the turn rate to the coordinated turn's; 0.7 measured on ArduPlane."""
 
     speed_response: SpeedResponse = "first-order"
-    """`tecs`: an airspeed hold like ArduPlane's, which overshoots and settles slowly. `px4`: PX4's with a
-    throttle that is trimmed, whose setpoint slews, and which swings; `px4-untrimmed`: as it comes."""
+    """`tecs`: ArduPlane's airspeed hold, which overshoots and settles slowly. `px4`: PX4's with a trimmed
+    throttle; its setpoint slews and the speed swings. `px4-untrimmed`: PX4's with its default parameters.
+    """
 
     course_dead_time_s: float = 0.0
-    """From a new course, heading or bank to the moment at which the loop knows it."""
+    """Dead time of a new course, heading or bank."""
 
     speed_dead_time_s: float | None = None
-    """From a new speed to the moment at which the loop knows it, s; None: that of the speed response."""
+    """Dead time of a new speed; None for the speed response's own."""
 
     @property
     def speed_delay_s(self) -> float:
@@ -93,17 +91,17 @@ class PlantParameters(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def slews(self) -> bool:
-        """Whether an airspeed that is commanded is gone to with PX4's slew."""
+        """Whether the airspeed setpoint follows commands with PX4's slew rate."""
         return self.speed_response in {"px4", "px4-untrimmed"}
 
     @property
     def is_trimmed(self) -> bool:
-        """Whether the throttle of each airspeed is known, as of every hold but one."""
+        """Whether the throttle of each airspeed is known, as in all speed holds but `px4-untrimmed`."""
         return self.speed_response != "px4-untrimmed"
 
     @property
     def banks(self) -> bool:
-        """Whether the bank is in proportion to the course error, as ArduPlane's."""
+        """Whether the bank is proportional to the course error, as in ArduPlane."""
         return self.kind in {"bank", "six-dof"}
 
     @property
@@ -112,7 +110,7 @@ class PlantParameters(msgspec.Struct, frozen=True, kw_only=True):
         return self.rolls or self.speed_response != "first-order"
 
     def __post_init__(self) -> None:
-        """Refuse an aircraft that cannot fly.
+        """Check the ranges.
 
         Raises:
             ValueError: a parameter is out of its range; the message names it.
@@ -161,56 +159,45 @@ SpeedKind = Literal["airspeed", "ground-speed"]
 
 
 class TurnTarget(msgspec.Struct, frozen=True):
-    """What the lateral loop holds."""
+    """Target of the lateral loop."""
 
     hold: Literal["course", "heading", "bank"]
     """Course over ground, heading of the nose, or a constant bank (positive right)."""
 
     angle_rad: float
-    """The course, heading or bank held."""
-
     max_acceleration_m_s2: float = math.inf
-    """Lateral acceleration limit of a course or heading; the bank limit holds as well."""
+    """Limit of a course's or heading's lateral acceleration, beside the bank limit."""
 
 
 class SpeedTarget(msgspec.Struct, frozen=True):
-    """What the speed loop holds. `ground-speed` needs the course-hold plant."""
+    """Target of the speed loop; `ground-speed` needs the course-hold plant."""
 
     kind: SpeedKind
-    """Which speed."""
-
     speed_m_s: float
-    """The speed itself, m/s."""
-
     max_acceleration_m_s2: float = math.inf
-    """Limit of its change; the plant's own limit holds as well."""
+    """Limit of the rate of change, beside the plant's own limit."""
 
 
 class AltitudeTarget(msgspec.Struct, frozen=True):
-    """What the height loop holds."""
+    """Target of the height loop."""
 
     altitude_amsl_m: float
     """Altitude above mean sea level."""
 
     max_climb_rate_m_s: float = math.inf
-    """Limit of climb and descent; the plant's own limit holds as well."""
+    """Limit of climb and descent, beside the plant's own limits."""
 
 
 class Targets(msgspec.Struct, frozen=True):
-    """What the inner loops hold at one moment."""
+    """Targets of the inner loops at one moment."""
 
     turn: TurnTarget
-    """Lateral."""
-
     speed: SpeedTarget
-    """Longitudinal."""
-
     height: AltitudeTarget
-    """Vertical."""
 
 
 def in_true_height(targets: Targets, drift_m: float) -> Targets:
-    """What a plant holds for a loop whose altitude shows so much too much."""
+    """Shift the target altitude for an autopilot whose altitude reads `drift_m` too high."""
     if drift_m == 0.0:
         return targets
     true_m = targets.height.altitude_amsl_m - drift_m
@@ -218,26 +205,25 @@ def in_true_height(targets: Targets, drift_m: float) -> Targets:
 
 
 GRAVITY_M_S2 = 9.80665
-"""Standard gravity."""
 
 CENTIDEGREE_RAD = math.radians(0.01)
 
 HEIGHT_DAMPING = math.sqrt(0.5)
-"""Damping of the height hold: it passes its target by 4 % of a step."""
+"""Damping ratio of the height hold: it overshoots by 4 % of a step."""
 
 
 def clamped(value: float, limit: float) -> float:
-    """`value` kept within [-limit, limit]."""
+    """Clamp a value to [-limit, limit]."""
     return limit if value > limit else max(value, -limit)
 
 
 def bank_limited_turn_rate_rad_s(bank_rad: float, speed_m_s: float) -> float:
-    """Turn rate of a coordinated turn: g tan(bank) / V (Beard & McLain, Small Unmanned Aircraft)."""
+    """Return a coordinated turn's turn rate: g tan(bank) / V (Beard & McLain, Small Unmanned Aircraft)."""
     return GRAVITY_M_S2 * math.tan(bank_rad) / speed_m_s
 
 
 def bank_of_rad(turn_rate_rad_s: float, speed_m_s: float) -> float:
-    """Bank of the coordinated turn with this turn rate: atan(V omega / g)."""
+    """Return the bank of a coordinated turn: atan(V omega / g)."""
     return math.atan(speed_m_s * turn_rate_rad_s / GRAVITY_M_S2)
 
 
@@ -249,10 +235,10 @@ def turn_rate_rad_s(
     heading_rad: float,
     speed_m_s: float,
 ) -> float:
-    """Lateral loop: omega = sat(alpha wrap(target - present)), article, model equations.
+    """Return the lateral loop's omega = sat(alpha wrap(target - present)), article, model equations.
 
-    Saturated by the bank limit and by the lateral acceleration that came with the command, whichever
-    is smaller. `speed_m_s` is the speed of the velocity that turns.
+    The limit is the smaller of the bank limit and the command's lateral acceleration limit.
+    `speed_m_s` is the speed of the velocity that turns.
     """
     if target.hold == "bank":
         return bank_limited_turn_rate_rad_s(target.angle_rad, speed_m_s)
@@ -272,13 +258,12 @@ def wanted_bank_rad(
     heading_rad: float,
     airspeed_m_s: float,
 ) -> float:
-    """The bank that is asked for, positive right.
+    """Return the bank that the lateral loop asks for, positive right.
 
     `bank`, ArduPlane's guided course: phi = sat(GUIDED_P wrap(target - present)). `npfg`, PX4's:
-    phi = sat(atan(alpha V sin(target - present) / g)), and beyond 90 degrees as at 90.
+    phi = sat(atan(alpha V sin(target - present) / g)), with the error clamped to 90 degrees.
 
-    Saturated by the bank limit and by atan(a / g) of the lateral acceleration a that came with the
-    command, whichever is smaller.
+    The limit is the smaller of the bank limit and atan(a / g), a the command's lateral acceleration limit.
     """
     if target.hold == "bank":
         return clamped(target.angle_rad, parameters.max_bank_rad)
@@ -293,7 +278,7 @@ def wanted_bank_rad(
 
 
 def acceleration_m_s2(parameters: PlantParameters, target: SpeedTarget, speed_m_s: float) -> float:
-    """Speed loop: dV/dt = sat(beta (target - V)), article, model equations."""
+    """Return the speed loop's dV/dt = sat(beta (target - V)), article, model equations."""
     limit = min(parameters.max_acceleration_m_s2, target.max_acceleration_m_s2)
     return clamped(parameters.beta_1_s * (target.speed_m_s - speed_m_s), limit)
 
@@ -301,7 +286,7 @@ def acceleration_m_s2(parameters: PlantParameters, target: SpeedTarget, speed_m_
 def wanted_climb_m_s(
     parameters: PlantParameters, target: AltitudeTarget, altitude_amsl_m: float
 ) -> float:
-    """Climb rate that a height error asks for, positive up: sat((target - h) / delay)."""
+    """Return the climb rate for a height error, positive up: sat((target - h) / delay)."""
     climb = min(parameters.climb_rate_max_m_s, target.max_climb_rate_m_s)
     sink = min(parameters.sink_rate_max_m_s, target.max_climb_rate_m_s)
     wanted = (target.altitude_amsl_m - altitude_amsl_m) / parameters.height_delay_s
@@ -311,10 +296,10 @@ def wanted_climb_m_s(
 def climb_acceleration_m_s2(
     parameters: PlantParameters, target: AltitudeTarget, altitude_amsl_m: float, climb_m_s: float
 ) -> float:
-    """Height loop of second order: d2h/dt2 = 2 D w (wanted climb - dh/dt), positive up.
+    """Return the height loop's d2h/dt2 = 2 D w (wanted climb - dh/dt), positive up.
 
-    Within the limits that is w² (target - h) - 2 D w dh/dt. A target that climbs steadily is followed
-    2 D / w later: that is the plant's height delay, by which w is found.
+    Within the limits this is w² (target - h) - 2 D w dh/dt. A target that climbs steadily is followed with
+    a lag of 2 D / w, which equals the plant's height delay and so determines w.
     """
     frequency_rad_s = 2.0 * HEIGHT_DAMPING / parameters.height_delay_s
     wanted_m_s = wanted_climb_m_s(parameters, target, altitude_amsl_m)

@@ -1,6 +1,6 @@
-"""An autopilot's reports in MAVLink's units: motion, position for others, status.
+"""An autopilot's reports in MAVLink's units: motion, position and status.
 
-Nothing else knows these units. Height above the ellipsoid and above mean sea level are one here.
+Only this module knows these units. Heights above the ellipsoid and above mean sea level are equal here.
 """
 
 import math
@@ -18,7 +18,6 @@ from sitl_stub.personality import Personality
 from sitl_stub.sensors import Measurement
 
 SATELLITES = 14
-"""Satellites of a good fix."""
 
 CRUISE_THROTTLE_PERCENT = 50
 """Reported for want of an engine model."""
@@ -29,13 +28,13 @@ CAPABILITIES = 0b1111
 POSITION_VARIANCE_M2 = 0.25
 
 VELOCITY_VARIANCE_M2_S2 = 0.01
-"""What is said of errors, for want of an estimator."""
+"""Reported variances, for want of an estimator."""
 
 SENSORS = 0x10000027
 """Gyroscope, accelerometer, magnetometer, GPS and pre-arm check: what MAVSDK wants healthy."""
 
 UNREADY = 0x10000020
-"""Those that are not healthy yet while sensors settle: GPS and pre-arm check."""
+"""GPS and pre-arm check, which are not healthy while the sensors settle."""
 
 CELL_MILLIVOLTS, NO_CELL = 4100, 65_535
 
@@ -43,58 +42,48 @@ ESTIMATOR_FLYING = 0x33F
 """Bits of PX4's ESTIMATOR_STATUS in flight."""
 
 EKF_FLYING = 0x33F
-"""Attitude, velocity, position and heights are good: what ArduPilot reports in the air."""
+"""Bits of ArduPilot's EKF_STATUS_REPORT in the air: attitude, velocity, position and heights are good."""
 
 
 class ReportedInstant(msgspec.Struct, frozen=True):
-    """What all messages of one instant are made from, so that they agree."""
+    """Common data of all messages of one instant, so that they agree."""
 
     time_boot_ms: int
-    """Time stamp."""
-
     flight: EmulatedFlight
-    """State, mode and home."""
-
     config: AutopilotConfig
-    """What it started with."""
-
     measured: Measurement
-    """Readings of its sensors."""
-
     personality: Personality
-    """Which autopilot speaks."""
-
     ready: bool
-    """Whether its sensors have settled."""
+    """Whether the sensors have settled."""
 
     @property
     def altitude_amsl_m(self) -> float:
-        """Altitude as it is measured."""
+        """Altitude as measured."""
         return self.flight.state.altitude_amsl_m + self.measured.altitude_error_m
 
 
 def centidegrees(angle_rad: float) -> int:
-    """An angle in hundredths of a degree, [0, 36000)."""
+    """Convert an angle to hundredths of a degree, [0, 36000)."""
     return round(math.degrees(angle_rad) * 100.0) % 36_000
 
 
 def centimetres_per_second(speed_m_s: float) -> int:
-    """A speed in cm/s, kept within the field's 16 bits."""
+    """Convert a speed to cm/s, clamped to the field's 16 bits."""
     return max(-32_767, min(32_767, round(speed_m_s * 100.0)))
 
 
 def degrees_e7(angle_rad: float) -> int:
-    """A latitude or longitude in 1e-7 degrees (11 mm)."""
+    """Convert a latitude or longitude to 1e-7 degrees (11 mm)."""
     return round(math.degrees(angle_rad) * 1e7)
 
 
 def millimetres(length_m: float) -> int:
-    """A height in mm, kept within the field's 32 bits."""
+    """Convert a height to mm, clamped to the field's 32 bits."""
     return max(-(2**31), min(2**31 - 1, round(length_m * 1000.0)))
 
 
 def gps_raw_int(report: ReportedInstant) -> MAVLink_message:
-    """The receiver's own word; a fix as soon as sensors have settled."""
+    """Return the GPS receiver's report; it has a fix once the sensors have settled."""
     motion = report.measured.motion
     fix = mavlink.GPS_FIX_TYPE_3D_FIX if report.ready else mavlink.GPS_FIX_TYPE_NO_FIX
     return mavlink.MAVLink_gps_raw_int_message(
@@ -112,7 +101,7 @@ def gps_raw_int(report: ReportedInstant) -> MAVLink_message:
 
 
 def nav_controller_output(report: ReportedInstant) -> MAVLink_message:
-    """What the autopilot steers for: of a course or bank held, nothing but the roll is known."""
+    """Return the navigation report, in which only the roll and the course are known."""
     motion = report.measured.motion
     return mavlink.MAVLink_nav_controller_output_message(
         math.degrees(motion.bank_rad),
@@ -127,7 +116,7 @@ def nav_controller_output(report: ReportedInstant) -> MAVLink_message:
 
 
 def altitude(report: ReportedInstant) -> MAVLink_message:
-    """PX4's heights: above mean sea level, and above home."""
+    """Return PX4's heights: above mean sea level, and above home."""
     flight = report.flight
     amsl_m = report.altitude_amsl_m
     above_home_m = amsl_m - flight.home.altitude_amsl_m
@@ -137,9 +126,9 @@ def altitude(report: ReportedInstant) -> MAVLink_message:
 
 
 def attitude(report: ReportedInstant) -> MAVLink_message:
-    """Roll of the coordinated turn, yaw and its rate; pitch is the angle of climb."""
+    """Return the bank, yaw and yaw rate; pitch is the climb angle."""
     motion = report.measured.motion
-    # On the ground there may be no airspeed at all.
+    # The airspeed may be zero on the ground.
     pitch_rad = math.atan2(-motion.down_m_s, max(motion.airspeed_m_s, 1.0))
     return mavlink.MAVLink_attitude_message(
         report.time_boot_ms,
@@ -153,7 +142,7 @@ def attitude(report: ReportedInstant) -> MAVLink_message:
 
 
 def attitude_quaternion(report: ReportedInstant) -> MAVLink_message:
-    """ATTITUDE_QUATERNION: yaw, pitch, roll in that order, w first."""
+    """Return ATTITUDE_QUATERNION: yaw, pitch, roll in that order, w first."""
     motion = report.measured.motion
     halves = (
         0.5 * motion.bank_rad,
@@ -174,7 +163,7 @@ def attitude_quaternion(report: ReportedInstant) -> MAVLink_message:
 
 
 def vfr_hud(report: ReportedInstant) -> MAVLink_message:
-    """Airspeed, ground speed, whole degrees of heading, altitude, climb."""
+    """Return airspeed, ground speed, heading in whole degrees, altitude and climb rate."""
     motion = report.measured.motion
     return mavlink.MAVLink_vfr_hud_message(
         motion.airspeed_m_s,
@@ -187,7 +176,7 @@ def vfr_hud(report: ReportedInstant) -> MAVLink_message:
 
 
 def wind(report: ReportedInstant) -> MAVLink_message:
-    """The autopilot's own, slowly converging estimate; the direction is the one it comes from."""
+    """Return the autopilot's slowly converging wind estimate; its direction is where the wind comes from."""
     north_m_s, east_m_s = report.flight.wind_estimate_m_s
     from_rad = wrap_to_two_pi(math.atan2(-east_m_s, -north_m_s))
     return mavlink.MAVLink_wind_message(
@@ -196,7 +185,7 @@ def wind(report: ReportedInstant) -> MAVLink_message:
 
 
 def local_position_ned(report: ReportedInstant) -> MAVLink_message:
-    """Position north and east of home, and below it; velocity over ground."""
+    """Return the position north, east and down of home, and the ground velocity."""
     home, altitude_m = report.flight.home, report.altitude_amsl_m
     # At home's own height: z counts height, not the drop of the tangent plane with distance.
     east_m, north_m, _up_m = pymap3d.geodetic2enu(
@@ -221,7 +210,7 @@ def local_position_ned(report: ReportedInstant) -> MAVLink_message:
 
 
 def global_position_int(report: ReportedInstant) -> MAVLink_message:
-    """Position and ground velocity. `hdg` is the heading of the nose, not the course."""
+    """Return position and ground velocity; `hdg` is the heading of the nose, not the course."""
     motion, altitude_m = report.measured.motion, report.altitude_amsl_m
     return mavlink.MAVLink_global_position_int_message(
         report.time_boot_ms,
@@ -237,7 +226,7 @@ def global_position_int(report: ReportedInstant) -> MAVLink_message:
 
 
 def global_position_int_cov(report: ReportedInstant) -> MAVLink_message:
-    """Position, velocity and covariance: time since boot in microseconds, m/s."""
+    """Return position, velocity (m/s) and covariance; the time is in microseconds since boot."""
     motion, altitude_m = report.measured.motion, report.altitude_amsl_m
     covariance = [0.0] * 36
     for axis in range(3):
@@ -258,10 +247,10 @@ def global_position_int_cov(report: ReportedInstant) -> MAVLink_message:
 
 
 def follow_target(report: ReportedInstant) -> MAVLink_message:
-    """Position, velocity and the acceleration of the turn; attitude without roll and pitch."""
+    """Return position, velocity and the turn's acceleration; the attitude has no roll and pitch."""
     motion = report.measured.motion
     half_yaw_rad = 0.5 * motion.heading_rad
-    # Speed through the air times the rate at which it turns, to the right of the nose.
+    # Airspeed times turn rate, to the right of the nose.
     turning_m_s2 = motion.airspeed_m_s * motion.turn_rate_rad_s
     return mavlink.MAVLink_follow_target_message(
         report.time_boot_ms,
@@ -283,7 +272,7 @@ def follow_target(report: ReportedInstant) -> MAVLink_message:
 
 
 def high_latency2(report: ReportedInstant) -> MAVLink_message:
-    """The summary for satellite links: whole metres of altitude, 2 degrees of heading, 0.2 m/s."""
+    """Return the summary for satellite links: whole metres of altitude, 2 degrees of heading, 0.2 m/s."""
     motion = report.measured.motion
     return mavlink.MAVLink_high_latency2_message(
         report.time_boot_ms,
@@ -308,7 +297,7 @@ def high_latency2(report: ReportedInstant) -> MAVLink_message:
 
 
 def adsb_vehicle(report: ReportedInstant) -> MAVLink_message:
-    """What a receiver hears of its transponder: course over ground, cm/s, no time."""
+    """Return the report of the aircraft's transponder: course over ground, cm/s, no time."""
     motion = report.measured.motion
     return mavlink.MAVLink_adsb_vehicle_message(
         report.config.icao_address,
@@ -331,7 +320,7 @@ def adsb_vehicle(report: ReportedInstant) -> MAVLink_message:
 
 
 def heartbeat(report: ReportedInstant) -> MAVLink_message:
-    """Who this is, the mode, whether armed."""
+    """Return the autopilot's type, mode, arming and status."""
     armed = mavlink.MAV_MODE_FLAG_SAFETY_ARMED if report.flight.armed else 0
     return mavlink.MAVLink_heartbeat_message(
         report.config.vehicle_type,
@@ -344,12 +333,12 @@ def heartbeat(report: ReportedInstant) -> MAVLink_message:
 
 
 def system_time(report: ReportedInstant) -> MAVLink_message:
-    """Time since boot; the date is unknown (0)."""
+    """Return the time since boot; the date is unknown (0)."""
     return mavlink.MAVLink_system_time_message(0, report.time_boot_ms)
 
 
 def sys_status(report: ReportedInstant) -> MAVLink_message:
-    """All sensors present, enabled and, once settled, healthy; a full battery."""
+    """Report all sensors present, enabled and, once settled, healthy; the battery is full."""
     healthy = SENSORS if report.ready else SENSORS & ~UNREADY
     return mavlink.MAVLink_sys_status_message(
         SENSORS, SENSORS, healthy, 0, 65_535, -1, 100, 0, 0, 0, 0, 0, 0
@@ -357,7 +346,7 @@ def sys_status(report: ReportedInstant) -> MAVLink_message:
 
 
 def extended_sys_state(report: ReportedInstant) -> MAVLink_message:
-    """No VTOL; where it is between ground and air."""
+    """Report the landed state and no VTOL."""
     landed = {
         "standing": mavlink.MAV_LANDED_STATE_ON_GROUND,
         "rolling": mavlink.MAV_LANDED_STATE_ON_GROUND,
@@ -370,23 +359,23 @@ def extended_sys_state(report: ReportedInstant) -> MAVLink_message:
 
 
 def battery_status(_report: ReportedInstant) -> MAVLink_message:
-    """Three full cells."""
+    """Report three full cells."""
     cells = (CELL_MILLIVOLTS,) * 3 + (NO_CELL,) * 7
     return mavlink.MAVLink_battery_status_message(0, 0, 0, 32_767, cells, -1, -1, -1, 100)
 
 
 def mission_current(_report: ReportedInstant) -> MAVLink_message:
-    """There is no mission."""
+    """Report that there is no mission."""
     return mavlink.MAVLink_mission_current_message(0)
 
 
 def ekf_status_report(_report: ReportedInstant) -> MAVLink_message:
-    """ArduPilot's estimator is content."""
+    """Report a healthy estimator of ArduPilot."""
     return mavlink.MAVLink_ekf_status_report_message(EKF_FLYING, 0.1, 0.1, 0.1, 0.1, 0.0)
 
 
 def estimator_status(report: ReportedInstant) -> MAVLink_message:
-    """PX4's estimator is content."""
+    """Report a healthy estimator of PX4."""
     ratios = (0.1,) * 6
     return mavlink.MAVLink_estimator_status_message(
         report.time_boot_ms * 1000, ESTIMATOR_FLYING, *ratios, 0.3, 0.5
@@ -394,7 +383,7 @@ def estimator_status(report: ReportedInstant) -> MAVLink_message:
 
 
 def home_position(report: ReportedInstant) -> MAVLink_message:
-    """The start position on the ground, which is the origin of the local frame too."""
+    """Return the start position on the ground, which is also the origin of the local frame."""
     home = report.flight.home
     return mavlink.MAVLink_home_position_message(
         degrees_e7(home.latitude_rad),
@@ -411,7 +400,7 @@ def home_position(report: ReportedInstant) -> MAVLink_message:
 
 
 def autopilot_version(report: ReportedInstant) -> MAVLink_message:
-    """What it can do, and the version whose manners it has; the hash tells that it is none of theirs."""
+    """Return capabilities and the emulated firmware version; the hash identifies the emulator."""
     emulator = tuple(b"sitlstub")
     no_hash = (0,) * 8
     return mavlink.MAVLink_autopilot_version_message(
@@ -433,7 +422,7 @@ Builder = Callable[[ReportedInstant], MAVLink_message]
 
 
 def numbered(*builders: Builder) -> dict[int, Builder]:
-    """The builders by the numbers of their messages, whose names they have."""
+    """Return the builders by message id; each has the name of its message."""
     return {getattr(mavlink, f"MAVLINK_MSG_ID_{one.__name__.upper()}"): one for one in builders}
 
 
@@ -462,8 +451,11 @@ TELEMETRY: Mapping[int, Builder] = numbered(
     follow_target,
     global_position_int,
 )
-"""Builders by message id, in the order of sending within one instant: GLOBAL_POSITION_INT last, so
-that a receiver which acts on a position already has the attitude and airspeed of the same instant."""
+"""Builders by message id, in the order of sending within one instant.
+
+GLOBAL_POSITION_INT is last, so that a receiver that acts on a position already has the attitude and airspeed
+of the same instant.
+"""
 
 POSITION_MESSAGES = frozenset(
     numbered(
@@ -476,4 +468,4 @@ POSITION_MESSAGES = frozenset(
         global_position_int,
     )
 )
-"""The messages that position noise enters."""
+"""Messages that position noise affects."""

@@ -1,6 +1,6 @@
-"""The parameters of an autopilot: names, types, values, the protocol that asks for them, and PX4's own.
+"""Parameters of an autopilot, the MAVLink protocol for them, and PX4's own parameters.
 
-They are stored until the emulator ends. Ground stations load the list before they show a vehicle.
+Values are kept until the emulator ends. Ground stations load the list before they show a vehicle.
 """
 
 import math
@@ -20,19 +20,20 @@ from sitl_stub.config import AutopilotConfig
 LIST_INTERVAL_US = 20_000
 
 LIST_BURST = 10
-"""A list goes out ten parameters at a time, so that datagrams stay short and links breathe."""
+"""Parameters of a list that are sent at a time: few, so that datagrams stay short and links breathe."""
 
 HASH_CHECK = "_HASH_CHECK"
-"""PX4's parameter that asks for a checksum instead of the whole list; set, it ends the sending of a list."""
+"""PX4's checksum of all parameters, requested instead of the list; setting it stops a list."""
 
 NO_INDEX, NO_PARAMETER = 65_535, -1
 
 NPFG_DAMPING = 0.7
-"""With it NPFG_PERIOD is what gives the plant's alpha: 4 pi NPFG_DAMPING / NPFG_PERIOD."""
+"""Damping with which NPFG_PERIOD gives the plant's alpha: 4 pi NPFG_DAMPING / NPFG_PERIOD."""
 
 TRIMMED, UNTRIMMED = (2.0, 0.28, 0.58, 0.98), (5.0, 0.0, 0.6, 0.0)
-"""FW_T_TAS_TC, FW_THR_ASPD_MIN, FW_THR_TRIM and FW_THR_ASPD_MAX: as PX4's simulated airplane flies, and as
-they come."""
+"""FW_T_TAS_TC, FW_THR_ASPD_MIN, FW_THR_TRIM and FW_THR_ASPD_MAX: trimmed for PX4's simulated airplane, and
+PX4's defaults.
+"""
 
 
 class ParameterType(IntEnum):
@@ -52,50 +53,45 @@ BITS: Mapping[ParameterType, int] = {
 }
 
 Encoding = Literal["cast", "bytewise"]
-"""How an integer travels in PARAM_VALUE's float: ArduPilot converts it, PX4 copies its bytes."""
+"""Encoding of integers in PARAM_VALUE's float: ArduPilot converts them, PX4 copies their bytes."""
 
 
 class Parameter(msgspec.Struct, frozen=True):
-    """One parameter."""
+    """One parameter, with a name of up to 16 characters and the value at the start."""
 
     name: str
-    """Up to 16 characters."""
-
     kind: ParameterType
-    """How it is stored."""
-
     default: float
-    """Value at the start."""
 
 
 def real(name: str, default: float) -> Parameter:
-    """A floating-point parameter."""
+    """Return a floating-point parameter."""
     return Parameter(name, ParameterType.REAL32, default)
 
 
 def int8(name: str, default: int) -> Parameter:
-    """A parameter of 8 bits."""
+    """Return a parameter of 8 bits."""
     return Parameter(name, ParameterType.INT8, default)
 
 
 def int16(name: str, default: int) -> Parameter:
-    """A parameter of 16 bits."""
+    """Return a parameter of 16 bits."""
     return Parameter(name, ParameterType.INT16, default)
 
 
 def int32(name: str, default: int) -> Parameter:
-    """A parameter of 32 bits."""
+    """Return a parameter of 32 bits."""
     return Parameter(name, ParameterType.INT32, default)
 
 
 def whole_if_possible(name: str, default: float) -> Parameter:
-    """An integer on the real autopilot; a float where the configured value would be rounded away."""
+    """Return an integer parameter as on the real autopilot, or a float if the value is not whole."""
     whole = default == round(default)
     return Parameter(name, ParameterType.INT16 if whole else ParameterType.REAL32, default)
 
 
 class Parameters(Mapping[str, float]):
-    """All parameters of one autopilot; names are sorted, and that is their index."""
+    """All parameters of one autopilot; the index of a parameter is that of its name in sorted order."""
 
     def __init__(self, parameters: Iterable[Parameter], encoding: Encoding) -> None:
         self.encoding = encoding
@@ -106,50 +102,50 @@ class Parameters(Mapping[str, float]):
         self.names = tuple(self._parameters)
 
     def __getitem__(self, name: str) -> float:
-        """The value of a parameter."""
+        """Return the value of a parameter."""
         return self._values[name]
 
     def __iter__(self) -> Iterator[str]:
-        """Names in the order of their indices."""
+        """Iterate over the names in the order of their indices."""
         return iter(self.names)
 
     def __len__(self) -> int:
-        """How many there are."""
+        """Return the number of parameters."""
         return len(self.names)
 
     def kind(self, name: str) -> ParameterType:
-        """How a parameter is stored."""
+        """Return the type of a parameter."""
         return self._parameters[name].kind
 
     def set(self, name: str, value: float) -> bool:
-        """Store a value, rounded and bounded as its type wants it; False if it is no number."""
+        """Store a value, rounded and clamped to its type; return False if it is not finite."""
         if not math.isfinite(value):
             return False
         self._values[name] = stored(self.kind(name), value)
         return True
 
     def encoded(self, name: str) -> float:
-        """The value as PARAM_VALUE carries it."""
+        """Return the value as PARAM_VALUE carries it."""
         value = self._values[name]
         if self.encoding == "cast" or self.kind(name) is ParameterType.REAL32:
             return value
         return float_of_bytes(struct.pack("<i", int(value)))
 
     def decoded(self, name: str, value: float) -> float:
-        """The value that a PARAM_SET carries for a parameter; may be anything."""
+        """Return the value that a PARAM_SET carries for a parameter; it may be anything."""
         if self.encoding == "cast" or self.kind(name) is ParameterType.REAL32:
             return value
         (number,) = struct.unpack("<i", struct.pack("<f", value))
         return float(number)
 
     def checksum(self) -> float:
-        """A float whose bytes tell whether a list known from before is still right: PX4's _HASH_CHECK."""
+        """Return PX4's _HASH_CHECK: a float whose bytes are a checksum of all names and values."""
         content = "".join(f"{name}={value!r}\n" for name, value in self._values.items())
         return float_of_bytes(struct.pack("<I", zlib.crc32(content.encode("ascii"))))
 
 
 def stored(kind: ParameterType, value: float) -> float:
-    """A finite value as a type holds it: single precision, or a whole number within the type's bounds."""
+    """Convert a finite value to a type: single precision, or a whole number within the type's bounds."""
     if kind is ParameterType.REAL32:
         greatest = struct.unpack("<f", b"\xff\xff\x7f\x7f")[0]
         bounded = max(-greatest, min(greatest, value))
@@ -159,36 +155,36 @@ def stored(kind: ParameterType, value: float) -> float:
 
 
 def float_of_bytes(four: bytes) -> float:
-    """The single-precision float that has these bytes, least significant first."""
+    """Return the single-precision float that has these bytes, least significant first."""
     value: float = struct.unpack("<f", four)[0]
     return value
 
 
 class ParameterServer:
-    """Answers about one autopilot's parameters, and sends their list by and by."""
+    """Answers messages about one autopilot's parameters, and sends their list in parts."""
 
     def __init__(self, parameters: Parameters, *, refuses_unknown: bool = False) -> None:
         """Serve parameters.
 
         Args:
             parameters: of the autopilot.
-            refuses_unknown: whether PARAM_ERROR answers for a name that does not exist, and not silence.
+            refuses_unknown: whether a request of an unknown name gets PARAM_ERROR instead of silence.
         """
         self._parameters = parameters
         self._refuses_unknown = refuses_unknown
         self._waiting: deque[str] = deque()
         self.due_us: int | None = None
-        """When the next part of a list goes out; None when none is asked for."""
+        """Time of the next part of a list; None without a list."""
 
     def request_list(self, now_us: int) -> list[MAVLink_message]:
-        """PARAM_REQUEST_LIST: the first part now, the rest later."""
+        """Answer PARAM_REQUEST_LIST: return the first part, and schedule the rest."""
         self._waiting = deque(self._parameters)
         self.due_us = now_us
         first = [self._hash_check()] if self._parameters.encoding == "bytewise" else []
         return first + self.next_part(now_us)
 
     def next_part(self, now_us: int) -> list[MAVLink_message]:
-        """What is due of the list at this time."""
+        """Return the part of the list that is due."""
         if self.due_us is None or now_us < self.due_us:
             return []
         names = [self._waiting.popleft() for _ in range(min(LIST_BURST, len(self._waiting)))]
@@ -196,7 +192,7 @@ class ParameterServer:
         return [self.value(name) for name in names]
 
     def read(self, message: MAVLink_message) -> list[MAVLink_message]:
-        """PARAM_REQUEST_READ: by index or by name; what does not exist is not answered."""
+        """Answer PARAM_REQUEST_READ by index or by name; an unknown index has no answer."""
         names = self._parameters.names
         if message.param_index >= 0:
             return [self.value(name) for name in names[message.param_index :][:1]]
@@ -207,7 +203,7 @@ class ParameterServer:
         return self._refusal(message)
 
     def write(self, message: MAVLink_message) -> tuple[str | None, list[MAVLink_message]]:
-        """PARAM_SET: the name, if it was stored, and the answer, which is the value as it is now."""
+        """Store a PARAM_SET; return the name, or None if nothing was stored, and the present value."""
         name = message.param_id
         if name == HASH_CHECK and self._parameters.encoding == "bytewise":
             self._waiting.clear()
@@ -220,7 +216,7 @@ class ParameterServer:
         return (name if changed else None), [self.value(name)]
 
     def value(self, name: str) -> MAVLink_message:
-        """PARAM_VALUE of a parameter that exists."""
+        """Return PARAM_VALUE of an existing parameter."""
         parameters = self._parameters
         return mavlink.MAVLink_param_value_message(
             name.encode("ascii"),
@@ -231,7 +227,7 @@ class ParameterServer:
         )
 
     def _refusal(self, message: MAVLink_message) -> list[MAVLink_message]:
-        """What answers for a name that does not exist."""
+        """Return the answer for an unknown name."""
         if not self._refuses_unknown:
             return []
         return [
@@ -255,7 +251,7 @@ class ParameterServer:
 
 
 def px4_parameters(config: AutopilotConfig) -> Parameters:
-    """The parameters of an aircraft at its start."""
+    """Return the parameters at the start."""
     plant = config.plant
     time_s, slowest, middle, fastest = TRIMMED if plant.is_trimmed else UNTRIMMED
     return Parameters(

@@ -1,4 +1,4 @@
-"""What differs between the autopilots: a subclass in a file of its own holds all that one of them is.
+"""Base of the emulated autopilots: a subclass in a file of its own defines each of them.
 
 `arduplane.py` and `px4.py` are two; a user's file and an installed package (entry point
 `sitl_stub.autopilots`) add others.
@@ -35,7 +35,7 @@ autopilots = PlugInRegistry(
 """Autopilots by the name that `--autopilot` gives."""
 
 personality = autopilots.register
-"""`@personality("name")` makes a class known as `--autopilot name`."""
+"""Decorator: `@personality("name")` registers a class as `--autopilot name`."""
 
 
 class Personality:
@@ -48,19 +48,19 @@ class Personality:
     """Major and minor of the versions that behave differently, oldest first."""
 
     loops: ClassVar[PlantParameters] = PlantParameters()
-    """How its aircraft flies where no plant is named."""
+    """Loops of the aircraft where no plant is named."""
 
     max_bank_deg: ClassVar[float] = 45.0
-    """Bank limit where none is given, degrees."""
+    """Bank limit where none is given."""
 
     version: int = 0
-    """Version of the firmware in AUTOPILOT_VERSION, one byte each for major, minor, patch and type."""
+    """Firmware version in AUTOPILOT_VERSION, one byte each for major, minor, patch and type."""
 
     capabilities: int = 2 | 4 | 8 | 8192
     """MAV_PROTOCOL_CAPABILITY bits in AUTOPILOT_VERSION: PARAM_FLOAT, MISSION_INT, COMMAND_INT, MAVLINK2."""
 
     unsent: frozenset[int] = frozenset()
-    """Numbers of messages of the emulator that this autopilot never sends."""
+    """Ids of the emulator's messages that this autopilot never sends."""
 
     unrequested: Mapping[int, int] = dict.fromkeys(
         (
@@ -72,49 +72,47 @@ class Personality:
         ),
         ONCE_A_SECOND_US,
     )
-    """Messages that it sends without a request, with their intervals in microseconds."""
+    """Intervals in microseconds of the messages sent without a request, by message id."""
 
     announces_modes: bool = False
     """Whether a status text reports each change of mode."""
 
     refuses_unknown_parameters: bool = False
-    """Whether PARAM_ERROR answers for a parameter that does not exist; if not, nothing answers."""
+    """Whether a request of an unknown parameter gets PARAM_ERROR instead of silence."""
 
     answers_data_streams: bool = False
     """Whether it obeys REQUEST_DATA_STREAM."""
 
     modes: Sequence[AutopilotMode]
-    """Flight modes of the autopilot."""
-
     initial_mode: AutopilotMode
-    """Mode of an aircraft that is in the air at the start; it circles."""
+    """Mode of an aircraft that starts in the air; it circles."""
 
     ground_mode: AutopilotMode
     """Mode of an aircraft that stands on the ground."""
 
     mission_mode: AutopilotMode | None = None
-    """Mode in which it flies a route; None: the initial mode."""
+    """Mode that flies a route; None for the initial mode."""
 
     parameters: Parameters
-    """What a ground station reads and sets."""
+    """Parameters that a ground station reads and sets."""
 
     distances: ClassVar[Mapping[str, str]] = {}
-    """Parameters that give the flight its distances, by the fields of `Navigation`."""
+    """Names of the parameters for the fields of `Navigation`."""
 
     limits: ClassVar[tuple[str, str, str, str] | None] = None
-    """Parameters of the least, the greatest and the usual airspeed, and of the greatest bank."""
+    """Names of the parameters of the least, greatest and cruise airspeed and of the greatest bank."""
 
     arming: Arming
-    """Checks of the autopilot before arming."""
+    """Checks before arming."""
 
     commands: Handlers
-    """Handlers of the commands that only this autopilot knows, or knows in its own way."""
+    """Handlers of the commands that only this autopilot knows or handles in its own way."""
 
     setpoints: Mapping[str, Callable[[EmulatedFlight, MAVLink_message], str | None]]
-    """Handlers of the setpoint messages it obeys, by name; they return what was wrong, or None."""
+    """Handlers of setpoint messages, by name; they return what was wrong, or None."""
 
     def __init__(self, config: AutopilotConfig) -> None:
-        """Make one with its modes alone: no setpoints, parameters or checks before arming."""
+        """Set the modes alone: no setpoints, parameters or checks before arming."""
         del config
         self.parameters = Parameters([], "cast")
         self.arming = Arming(lambda _flight: None, refused=Result.FAILED)
@@ -123,11 +121,11 @@ class Personality:
 
     @property
     def deadline_us(self) -> int | None:
-        """Simulation time at which `watch` has to look next, in microseconds; None for never."""
+        """Simulation time at which `watch` must be called next, in microseconds; None for never."""
         return None
 
     def request_mode(self, flight: EmulatedFlight, custom_mode: int) -> Result:
-        """Change the mode, by the number that HEARTBEAT and SET_MODE carry."""
+        """Change the mode to a number from HEARTBEAT.custom_mode."""
         mode = by_number(self.modes).get(custom_mode)
         if mode is None:
             return Result.DENIED
@@ -136,18 +134,18 @@ class Personality:
         return Result.ACCEPTED
 
     def set_mode(self, flight: EmulatedFlight, command: Command) -> Result:
-        """176: param2 is the number of the mode."""
+        """Handle 176: param2 is the number of the mode."""
         flags, custom_mode = command.used(1, 2)
         if not int(flags) & CUSTOM_MODE_FLAG or custom_mode != int(custom_mode):
             return Result.DENIED
         return self.request_mode(flight, int(custom_mode))
 
     def mode_command(self, custom_mode: int) -> Handler:
-        """Make the handler of a command that enters a mode."""
+        """Return the handler of a command that enters a mode."""
         return lambda flight, _command: self.request_mode(flight, custom_mode)
 
     def value(self, name: str) -> float:
-        """A parameter of `distances` or `limits`, in m, m/s or degrees."""
+        """Return a parameter of `distances` or `limits`, in m, m/s or degrees."""
         return self.parameters[name]
 
     def begin(self, flight: EmulatedFlight) -> None:
@@ -156,7 +154,7 @@ class Personality:
         flight.navigation = replace(flight.navigation, **found)
 
     def changed(self, flight: EmulatedFlight, name: str) -> None:
-        """Let a parameter that was set take effect."""
+        """Let a changed parameter take effect."""
         self.begin(flight)
         if self.limits is None:
             return
@@ -171,23 +169,23 @@ class Personality:
             flight.set_max_bank_deg(self.value(bank))
 
     def hear(self, flight: EmulatedFlight, heartbeat: MAVLink_message) -> None:
-        """Take another system's heartbeat: fail-safes count those of the ground station."""
+        """Take another system's heartbeat, such as one of the ground station for the fail-safe."""
         del flight, heartbeat
 
     def system_status(self, flight: EmulatedFlight) -> SystemStatus:
-        """MAV_STATE in the heartbeat."""
+        """Return MAV_STATE for the heartbeat."""
         return SystemStatus.STANDBY if flight.on_ground else SystemStatus.ACTIVE
 
     def watch(self, flight: EmulatedFlight) -> None:
-        """Apply what the passing of time alone changes."""
+        """Apply changes that depend on time alone, such as fail-safes."""
         del flight
 
 
 def personality_of(config: AutopilotConfig) -> Personality:
-    """The autopilot that an aircraft starts with.
+    """Return the autopilot that an aircraft starts with.
 
     Raises:
-        ValueError: there is none of this name, or it has no such version; the message is one line.
+        ValueError: the name or version is unknown; the message is one line.
     """
     kind: type[Personality] = autopilots.find(config.autopilot)
     if config.autopilot_version is not None and config.autopilot_version not in kind.versions:

@@ -1,7 +1,7 @@
-"""What an aircraft of the emulator is made of, one of one's own too, and the aircraft by their names.
+"""Base classes of the emulated aircraft, for plug-ins too, and their registry.
 
-A plant is the aircraft together with the loops that hold its targets. It is a pure function of its state:
-from one state, what is held and the air, to the state a step later.
+A plant is an aircraft together with the loops that hold its targets. It is a pure function: from a state,
+the targets and the air to the state a step later.
 """
 
 import math
@@ -30,93 +30,77 @@ Kind = TypeVar("Kind", bound="type[Plant]")
 plants = PlugInRegistry(
     "a plant", group="sitl_stub.plants", has=("step", "motion", "longest_step_s")
 )
-"""Aircraft with their loops, by the name that `--plant` and `rehearsal.emulator.plant` give."""
+"""Plants by the name that `--plant` and `rehearsal.emulator.plant` give."""
 
 
 class PlantState(msgspec.Struct, frozen=True):
-    """Position, motion, and the states of loops that have some."""
+    """Position, motion and loop states of an aircraft."""
 
     direction_rad: float
-    """Heading (all others) or course (course-hold), in [0, 2 pi)."""
+    """Course of the course-hold plant, heading of all others, in [0, 2 pi)."""
 
     speed_m_s: float
-    """The speed that `speed_kind` names."""
-
     speed_kind: SpeedKind
     """Always `airspeed` but on the course-hold plant."""
 
     latitude_rad: float
-    """Geodetic latitude."""
-
     longitude_rad: float
-    """Longitude, in (-pi, pi]."""
+    """In (-pi, pi]."""
 
     altitude_amsl_m: float
-    """Altitude, also taken as height above the ellipsoid (the geoid's 100 m at most are 2e-5)."""
+    """Altitude, also used as height above the ellipsoid (an error of at most 100 m, or 2e-5)."""
 
     roll_rad: float = 0.0
     """Bank of the plants that roll, positive right."""
 
     memory: tuple[float, ...] = ()
-    """State of the loops of an `AirPlant`; empty before its first step."""
+    """Loop states of an `AirPlant`; empty before its first step."""
 
     body: Body | None = None
     """State of the `six-dof` plant's body; None before its first step in the air."""
 
     climb_m_s: float = 0.0
-    """Climb rate of the height hold, positive up; the `six-dof` plant has its own in its body."""
+    """Climb rate of the height hold, positive up; the `six-dof` plant keeps its own in `body`."""
 
 
 class Motion(msgspec.Struct, frozen=True):
-    """The true motion at one instant."""
+    """True motion at one instant; north, east and down are the ground velocity."""
 
     north_m_s: float
-    """Ground velocity."""
-
     east_m_s: float
-    """Ground velocity."""
-
     down_m_s: float
-    """Ground velocity, positive down."""
-
     course_rad: float
-    """Direction of the ground velocity, [0, 2 pi)."""
+    """In [0, 2 pi)."""
 
     ground_speed_m_s: float
-    """Horizontal speed over ground."""
-
     heading_rad: float
-    """Direction of the nose, which is that of the air velocity but on the six-dof plant, [0, 2 pi)."""
+    """Direction of the nose, [0, 2 pi); it is the air velocity's on all plants but `six-dof`."""
 
     airspeed_m_s: float
-    """Horizontal speed through the air."""
-
     turn_rate_rad_s: float
     """Turn rate of the nose, positive right."""
 
     bank_rad: float
-    """Bank of the coordinated turn, positive right."""
+    """Bank, positive right: the roll of the plants that roll, else that of the coordinated turn."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NoOptions:
-    """A plant without numbers of its own."""
+    """Options of a plant that has none."""
 
 
 class Plant(ABC):
-    """An aircraft with its loops. A subclass with `@plant("name")` is known as `--plant name`."""
+    """An aircraft with its loops; `@plant("name")` registers a subclass as `--plant name`."""
 
     longest_step_s: ClassVar[float] = 0.025
-    """Longest step of the integration."""
-
     Options: ClassVar[type[Any]] = NoOptions
-    """Numbers of its own: a frozen dataclass of floats with defaults."""
+    """Options of the plant: a frozen dataclass of floats with defaults."""
 
     def __init__(self, parameters: PlantParameters) -> None:
-        """Make one of these limits and gains, and of the options in them.
+        """Take limits, gains and options.
 
         Raises:
-            ValueError: it has no such option, or the option is not a number; the message names it.
+            ValueError: an option is unknown or not finite; the message names it.
         """
         self.parameters = parameters
         known = {one.name for one in fields(self.Options)}
@@ -130,33 +114,33 @@ class Plant(ABC):
 
     @classmethod
     def of(cls, parameters: PlantParameters) -> "Plant":
-        """The aircraft of these parameters: one of this class, where it can be."""
+        """Return the plant of these parameters; a subclass may choose another class."""
         return cls(parameters)
 
     @abstractmethod
     def step(
         self, targets: Targets, state: PlantState, wind: Wind, *, time_s: float, step_s: float
     ) -> PlantState:
-        """The state a step later.
+        """Return the state a step later.
 
         Args:
-            targets: what the loops hold.
-            state: now.
-            wind: (north, east) in m/s by its `at(time_s)`, where the aircraft is.
-            time_s: now.
+            targets: of the loops.
+            state: at `time_s`.
+            wind: at the aircraft; `at(time_s)` is (north, east) in m/s.
+            time_s: start of the step.
             step_s: at most `longest_step_s`.
         """
 
     @abstractmethod
     def motion(self, targets: Targets, state: PlantState, wind_m_s: tuple[float, float]) -> Motion:
-        """The true motion in a state, of which the sensors tell."""
+        """Return the true motion in a state."""
 
 
 def plant(name: str) -> Callable[[Kind], Kind]:
-    """Decorator that makes a class known by a name.
+    """Return a decorator that registers a plant by a name.
 
     Raises:
-        ValueError: another plant has this name already, or the class leaves something out.
+        ValueError: the name is taken, or the class lacks something.
     """
 
     def add(found: Kind) -> Kind:
@@ -169,81 +153,73 @@ def plant(name: str) -> Callable[[Kind], Kind]:
 
 @cache
 def plant_of(parameters: PlantParameters) -> Plant:
-    """The aircraft of these parameters.
+    """Return the plant of these parameters.
 
     Raises:
-        ValueError: there is no such plant, or it has no such options.
+        ValueError: the plant or one of its options is unknown.
     """
     made: Plant = plants.find(parameters.kind).of(parameters)
     return made
 
 
 class AirState(msgspec.Struct, frozen=True, kw_only=True):
-    """What the rates of an aircraft that the air carries depend on."""
+    """State from which an `AirPlant` computes its rates; north and east are the ground velocity."""
 
     heading_rad: float
-    """Heading of the nose, which is where it flies through the air."""
+    """Heading of the nose, the direction of the air velocity."""
     airspeed_m_s: float
-    """True."""
     course_rad: float
-    """Over ground."""
     north_m_s: float
-    """Ground velocity."""
     east_m_s: float
-    """Ground velocity."""
     altitude_amsl_m: float
-    """m."""
     climb_m_s: float
-    """Positive up: what a climb takes of the energy is missing for the speed."""
+    """Climb rate of the height hold, positive up: energy for a climb is missing for the speed."""
     roll_rad: float
     """Bank, positive right; 0 where nothing rolls."""
     memory: tuple[float, ...]
-    """What the loops remember."""
 
 
 class AirRates(msgspec.Struct, frozen=True, kw_only=True):
-    """How such an aircraft moves."""
+    """Rates of an `AirPlant`."""
 
     turn_rate_rad_s: float
     """Turn rate of the nose, positive right."""
     acceleration_m_s2: float
-    """Rate of change of the airspeed."""
     roll_rate_rad_s: float = 0.0
-    """Rate of change of the bank."""
     climb_m_s: float = 0.0
-    """Climb beside that of the height hold, positive up: what a change of speed gives or takes."""
+    """Climb rate in addition to the height hold's, positive up, such as from a change of speed."""
     memory: tuple[float, ...] = ()
-    """Rate of each thing that the loops remember, per second."""
+    """Rate of each loop state, per second."""
 
 
 class AirPlant(Plant):
-    """An aircraft that flies where its nose points, in air that carries it: a subclass says how it answers.
+    """An aircraft that flies along its nose in moving air; a subclass provides the rates.
 
-    Height is a hold of second order beside it. Airspeed stays within the range of the parameters.
+    A second-order height hold is added. Airspeed is clamped to the range of the parameters.
     """
 
     memory: ClassVar[tuple[float, ...]] = ()
-    """What the loops remember at first."""
+    """Initial loop states."""
 
     @abstractmethod
     def rates(self, targets: Targets, state: AirState) -> AirRates:
-        """How it moves in a state, with what its loops hold."""
+        """Return the rates in a state, for the targets of the loops."""
 
     def first_memory(self, state: PlantState) -> tuple[float, ...]:
-        """What the loops remember at their first step."""
+        """Return the loop states before the first step."""
         del state
         return self.memory
 
     def step(
         self, targets: Targets, state: PlantState, wind: Wind, *, time_s: float, step_s: float
     ) -> PlantState:
-        """A midpoint (second-order Runge-Kutta) step."""
+        """Return the state after a midpoint (second-order Runge-Kutta) step."""
         half_s = 0.5 * step_s
         middle = self._advance(targets, state, state, wind.at(time_s), half_s)
         return self._advance(targets, state, middle, wind.at(time_s + half_s), step_s)
 
     def motion(self, targets: Targets, state: PlantState, wind_m_s: tuple[float, float]) -> Motion:
-        """Motion of the nose through the air, and with the air over ground."""
+        """Return the motion of the nose through the air, and with the air over ground."""
         seen = self._air_state(state, wind_m_s)
         rates = self.rates(targets, seen)
         turning_rad = bank_of_rad(rates.turn_rate_rad_s, state.speed_m_s)
@@ -282,7 +258,7 @@ class AirPlant(Plant):
         wind_m_s: tuple[float, float],
         span_s: float,
     ) -> PlantState:
-        """A state after a span at the rates of another."""
+        """Return `state` after a span at the rates of the state `at`."""
         seen, parameters = self._air_state(at, wind_m_s), self.parameters
         rates = self.rates(targets, seen)
         climb_rate = climb_acceleration_m_s2(
@@ -297,7 +273,7 @@ class AirPlant(Plant):
         )
         speed_m_s = state.speed_m_s + span_s * rates.acceleration_m_s2
         memory = state.memory or self.first_memory(state)
-        # Of what is not finite the sum is not, either.
+        # A sum with a non-finite term is not finite either.
         total = rates.turn_rate_rad_s + rates.acceleration_m_s2 + sum(rates.memory)
         if len(rates.memory) != len(memory) or not math.isfinite(total):
             raise ValueError(
@@ -319,5 +295,5 @@ class AirPlant(Plant):
 
 
 def options_of(values: Mapping[str, float]) -> tuple[tuple[str, float], ...]:
-    """Options as parameters hold them."""
+    """Return options in the form that parameters hold."""
     return tuple(sorted((name, float(value)) for name, value in values.items()))
