@@ -1,6 +1,6 @@
-"""The phases of one flight, and the pilot's consent in it, which outlives the process.
+"""Phases of one flight, and the pilot's consent in it, which outlives the process.
 
-Consent is whether a vehicle may still be engaged by itself, and who steers it.
+Consent is whether a vehicle may still be engaged by itself, and whether a companion steers it.
 """
 
 import json
@@ -20,35 +20,35 @@ from vfguide.regular_file import open_regular, replace_file
 from vfguide.state import VehicleState
 
 FRESH_S = 3.0
-"""Reports older than this show nothing."""
+"""Age after which reports are ignored, s."""
 
 LEAST_SPEED_SHARE = 0.5
-"""Slower than this share of its lowest airspeed it does not fly."""
+"""Share of the minimum airspeed below which a vehicle does not fly."""
 
 LEAST_HEIGHT_SHARE = 0.5
-"""Lower than this share of the mission's height it is still taking off."""
+"""Share of the mission's height below which a vehicle is still taking off."""
 
 MOST_OFF_M = 20.0
-"""How far from the mission's altitude an autopilot may be engaged that cannot be told one."""
+"""Tolerance on the mission's altitude for engaging an autopilot that cannot be sent one, m."""
 
 STANDING_S = 5.0
-"""Disarmed, on the ground and in one place for so long: the flight is over."""
+"""Time disarmed, on the ground and in one place after which the flight is over, s."""
 
 STANDING_REBOOTED_S = 60.0
-"""The same once the autopilot has started anew: in the air it may show all that until it has a position."""
+"""That time after a restart of the autopilot, s: in the air it may show all that until it has a position."""
 
 STANDING_M_S = 4.0
-"""Faster than this nothing stands."""
+"""Speed above which a vehicle does not stand, m/s."""
 
 STANDING_M = 15.0
-"""Farther than this from where it came to a stand nothing stands: estimators wander by less."""
+"""Distance from where a vehicle came to a stand beyond which it moves, m: estimators wander by less."""
 
 GROUND_M = 20.0
-"""Higher than this above the mission's ground nothing stands: altitudes drift by less in a flight."""
+"""Height above the mission's ground above which nothing stands, m: altitudes drift by less in a flight."""
 
 
 class FlightPhase:
-    """Whether one vehicle stands, takes off or flies, by its reports."""
+    """Detector of whether a vehicle stands, takes off or flies, by its reports."""
 
     def __init__(
         self,
@@ -58,13 +58,13 @@ class FlightPhase:
         altitude_amsl: float,
         ground_amsl: float,
     ) -> None:
-        """Before anything is heard.
+        """Begin before the first report.
 
         Args:
-            adapter: says what a heartbeat shows.
-            airspeed_min: lowest airspeed that the vehicle is asked for, m/s.
-            altitude_amsl: of the mission, m.
-            ground_amsl: of the mission's origin, m.
+            adapter: interpretation of heartbeats.
+            airspeed_min: minimum airspeed that the vehicle is asked for, m/s.
+            altitude_amsl: altitude of the mission, m.
+            ground_amsl: altitude of the mission's origin, m.
         """
         self._adapter = adapter
         self._least_speed = LEAST_SPEED_SHARE * airspeed_min
@@ -80,28 +80,25 @@ class FlightPhase:
         self._standing_s = STANDING_S
 
     def hear_landed(self, report: LandedReport, now: float) -> None:
-        """Take what the autopilot says about ground and air."""
+        """Process the autopilot's report on ground and air."""
         self._landed, self._landed_time = report.state, now
 
     @property
     def is_over(self) -> bool:
-        """Whether it has been seen, to the newest believed position, to stand for long enough."""
+        """Whether the vehicle has stood for long enough, up to the newest believed position."""
         return self._stand is not None and self._position_time - self._stand[0] >= self._standing_s
 
     def hear_position(self, report: PositionReport, state: VehicleState, now: float) -> None:
-        """Take a position that is believed: one that is not shows neither flight nor standing.
+        """Process a believed position: speed and altitude as reported, the place as navigated.
 
-        Args:
-            report: as it came, for speed and altitude.
-            state: as navigated, for the place.
-            now: s.
+        A doubted position shows neither flight nor standing.
         """
         if now - self._position_time > FRESH_S:
             self._stand = None
         self._speed = math.hypot(report.velocity_north, report.velocity_east)
         self._height = report.altitude_amsl
         self._position_time = now
-        # Not "faster" or "higher": what is no number does not stand.
+        # The comparisons are such that NaN does not count as standing.
         low = self._height - self._ground <= GROUND_M
         if not (low and self._speed <= STANDING_M_S and self._is_grounded(now)):
             self._stand = None
@@ -111,27 +108,27 @@ class FlightPhase:
             self._stand = None
 
     def doubt_position(self) -> None:
-        """A position was reported that is not believed."""
+        """Note a position that is not believed."""
         self._stand = None
 
     def forget(self) -> None:
-        """The autopilot has started anew: what it said before shows nothing, and it may do so in the air.
+        """Forget all reports, as the autopilot has restarted, possibly in the air.
 
-        While it comes up it may well report that it stands on the ground: it has to do so for longer.
+        While it starts it may report that it stands on the ground, so it has to do so for longer.
         """
         self._standing_s = STANDING_REBOOTED_S
         self._beat = self._landed = self._stand = None
         self._landed_time = self._position_time = -math.inf
 
     def hear(self, report: HeartbeatReport, now: float) -> bool:
-        """Take a heartbeat; whether a flight has ended, as this and the positions before show."""
+        """Process a heartbeat; return whether a flight has ended by it and the positions before."""
         self._beat = report
         if not self._is_grounded(now) or now - self._position_time > FRESH_S:
             self._stand = None
         return self.is_over
 
     def obstacle(self, now: float, *, holds_altitude: bool) -> str | None:
-        """Why this is no time to engage, in words; None in the air and at a height to begin at."""
+        """Return why this is no time to engage; None in the air and at a permitted height."""
         if not self.flies(now):
             return "not engaged on the ground: take off, it is engaged in the air"
         if holds_altitude:
@@ -146,7 +143,7 @@ class FlightPhase:
         )
 
     def is_on_ground(self, now: float) -> bool:
-        """Whether the autopilot says that it is on the ground, armed or not; False where it is unknown."""
+        """Check whether the autopilot reports itself on the ground, armed or not; False if unknown."""
         state, beat = self._landed_state(now), self._beat
         if beat is None:
             return False
@@ -157,7 +154,7 @@ class FlightPhase:
         return bool(state == mavlink.MAV_LANDED_STATE_ON_GROUND and not contradicted)
 
     def flies(self, now: float) -> bool:
-        """Whether everything heard shows flight."""
+        """Check whether all reports show flight."""
         state, beat = self._landed_state(now), self._beat
         moves = now - self._position_time <= FRESH_S and self._speed >= self._least_speed
         if beat is None or not beat.armed or not moves:
@@ -173,7 +170,7 @@ class FlightPhase:
         return self._landed if now - self._landed_time <= FRESH_S else None
 
     def _is_grounded(self, now: float) -> bool:
-        """Whether the autopilot says so, disarmed: one that reboots in the air does, too."""
+        """Check whether the autopilot reports ground, disarmed: it may also when it restarts in the air."""
         state, beat = self._landed_state(now), self._beat
         if beat is None or beat.armed:
             return False
@@ -187,57 +184,57 @@ class FlightPhase:
 VERSION = 1
 
 MOST_BYTES = 4096
-"""A record is smaller than this."""
+"""Upper bound on the size of a record."""
 
 
 class Consent(msgspec.Struct, frozen=True, kw_only=True):
-    """What is kept of one flight; a new flight, on the ground, begins with a new one of these."""
+    """Consent in one flight; a new flight begins with a new one on the ground."""
 
     spent: str = ""
-    """Why the guided mode is not entered by itself any more, in words; empty while it may be."""
+    """Reason why the companion no longer enters the guided mode by itself; empty while it may."""
     steered: bool = False
-    """Whether the vehicle flies, or is about to, by what a companion has sent: the next answers for it."""
+    """Whether the vehicle flies, or is about to, by a companion's setpoints, also for the next one."""
 
     @property
     def is_spent(self) -> bool:
-        """Whether the guided mode is left to the pilot."""
+        """Whether engaging is left to the pilot."""
         return bool(self.spent)
 
 
 class ConsentRecord(msgspec.Struct, frozen=True):
-    """A consent as it is written."""
+    """Consent as it is written."""
 
     version: int
     """Version of the record."""
     spent: str
-    """As of `Consent`."""
+    """See `Consent.spent`."""
     steered: bool = False
-    """As of `Consent`."""
+    """See `Consent.steered`."""
 
 
 class ConsentStore(Protocol):
-    """Where the consent of one vehicle is kept."""
+    """Storage for the consent of one vehicle."""
 
     @property
     def fault(self) -> str | None:
-        """Why nothing is kept, and what to do about it, in one line; None where all is well."""
+        """Reason why nothing is stored, with the remedy, in one line; None if all is well."""
 
     @property
     def was_missing(self) -> bool:
-        """Whether nothing at all was found by `load`: a first flight, or a record that was lost."""
+        """Whether `load` found nothing: a first flight, or a lost record."""
 
     def load(self) -> Consent:
-        """What is known of the flight."""
+        """Return the stored consent."""
 
     def save(self, consent: Consent) -> None:
-        """Keep this from now on; returns at once."""
+        """Store a consent; return at once."""
 
     def holds(self, consent: Consent) -> bool:
-        """Whether this is what would be found after a crash now."""
+        """Check whether this consent would be found after a crash now."""
 
 
 class MemoryStore:
-    """Keeps it as long as this object lives: for rehearsals."""
+    """Storage that lasts as long as the object, for rehearsals."""
 
     fault = None
     was_missing = False
@@ -246,28 +243,23 @@ class MemoryStore:
         self._consent = Consent()
 
     def load(self) -> Consent:
-        """What was saved last."""
+        """Return the consent saved last."""
         return self._consent
 
     def save(self, consent: Consent) -> None:
-        """Keep it."""
+        """Store a consent."""
         self._consent = consent
 
     def holds(self, consent: Consent) -> bool:
-        """Whether it was saved last."""
+        """Check whether this consent was saved last."""
         return consent == self._consent
 
 
 class FileStore:
-    """Keeps it in a file, written by a thread of its own: a slow disk delays no setpoint."""
+    """Storage in a file, written by a separate thread so that a slow disk delays no setpoint."""
 
     def __init__(self, directory: Path, vehicle: str) -> None:
-        """Name the file.
-
-        Args:
-            directory: made if it is missing.
-            vehicle: whose consent it is.
-        """
+        """Name the file; its directory is made if it is missing."""
         self._file = directory / f"{vehicle}.consent.json"
         self._writer = ThreadPoolExecutor(max_workers=1, thread_name_prefix="consent")
         self._written: Future[str | None] | None = None
@@ -278,14 +270,14 @@ class FileStore:
 
     @property
     def fault(self) -> str | None:
-        """Why it is not kept."""
+        """Reason why the consent is not stored, or None."""
         self._collect()
         return self._fault
 
     def load(self) -> Consent:
-        """What the file says; with a damaged one consent is spent.
+        """Return the consent in the file; it is spent if the file is damaged.
 
-        Without a file this is a first flight, unless the vehicle is in the air already.
+        A missing file means a first flight, unless the vehicle is in the air already.
         """
         try:
             with open_regular(self._file) as stream:
@@ -295,22 +287,22 @@ class FileStore:
         except (OSError, ValueError) as error:
             self._fault = self._complaint("cannot be read", error)
             return Consent(spent="what was agreed for it cannot be read")
-        # Written back at once: a directory that cannot be written to shows now and not in the air.
+        # Write it back at once: an unwritable directory shows now and not in the air.
         self.save(consent)
         return consent
 
     def save(self, consent: Consent) -> None:
-        """Have it written."""
+        """Queue a consent for writing."""
         self._wanted = consent
         self._written = self._writer.submit(self._write, consent)
 
     def holds(self, consent: Consent) -> bool:
-        """Whether it is on the disk."""
+        """Check whether a consent is on the disk."""
         self._collect()
         return self._written is None and self._fault is None and consent == self._wanted
 
     def close(self) -> None:
-        """Wait for what is being written."""
+        """Wait for pending writes."""
         self._writer.shutdown(wait=True)
 
     def _collect(self) -> None:
@@ -318,7 +310,7 @@ class FileStore:
             self._fault, self._written = self._written.result(), None
 
     def _write(self, consent: Consent) -> str | None:
-        """Replace the file whole; what went wrong, or None."""
+        """Replace the whole file; return what went wrong, or None."""
         content = json.dumps({"version": VERSION, **asdict(consent)}) + "\n"
         directory = self._file.parent
         try:
@@ -338,17 +330,17 @@ class FileStore:
 
 
 def begin_flight(directory: Path, vehicle: str) -> None:
-    """Keep the record of a new flight, as of a vehicle that begins it in the air."""
+    """Store the record of a new flight for a vehicle that begins it in the air."""
     store = FileStore(directory, vehicle)
     store.save(Consent())
     store.close()
 
 
 def parse(content: bytes) -> Consent:
-    """A consent as it was written; records of former versions do not say who steers.
+    """Decode a record; former versions do not say who steers.
 
     Raises:
-        ValueError: it is none.
+        ValueError: the content is no record of consent.
     """
     try:
         record = msgspec.json.decode(content, type=ConsentRecord)
@@ -360,7 +352,7 @@ def parse(content: bytes) -> Consent:
 
 
 def flush_directory(directory: Path) -> None:
-    """Make the names in a directory last."""
+    """Make the entries of a directory durable."""
     handle = os.open(directory, os.O_RDONLY)
     try:
         os.fsync(handle)
@@ -369,7 +361,7 @@ def flush_directory(directory: Path) -> None:
 
 
 def default_directory() -> Path:
-    """STATE_DIRECTORY where systemd gives one, else vfguide's own below XDG_STATE_HOME."""
+    """Return STATE_DIRECTORY from systemd, else vfguide's directory below XDG_STATE_HOME."""
     given = os.environ.get("STATE_DIRECTORY", "").split(":")[0]
     if given:
         return Path(given)

@@ -1,4 +1,4 @@
-"""What a follower knows of its leader: as it was heard, as it means to fly, as it is carried on."""
+"""A follower's knowledge of its leader: as heard, as it intends to fly, and as predicted."""
 
 import math
 
@@ -40,27 +40,27 @@ from vfguide.guidance.path import Path, PathPoint
 from vfguide.state import GAP_S, HeardState, LeaderFix, LeaderState
 
 CARRY_S = 0.25
-"""Longest step in which a silent leader is carried on."""
+"""Longest step of the prediction of a silent leader, s."""
 
 MOST_STEPS = 240
-"""A minute of them: after a longer gap in telemetry they are longer."""
+"""Limit on prediction steps, a minute's worth; after a longer gap in telemetry steps are longer."""
 
 HANDED_BACK_S = 5.0
-"""Longer than it takes an autopilot to be handed back after the formation has broken up."""
+"""Time for handing an autopilot back after the formation has broken up, with a margin, s."""
 
 WIND_S = 5.0
-"""Memory of the mean wind."""
+"""Time constant of the mean wind, s."""
 
 GUST_SHARE = 10.0
-"""Drift of a vehicle that nobody corrects, in parts of the speed at which gusts move its leader aside: the
-rms of its course's jitter times its ground speed. Chosen by 30 lost leaders in docs/succession.md."""
+"""Drift speed of a vehicle that nobody corrects over the speed at which gusts move its leader aside. The
+latter is the rms course jitter times ground speed. Chosen by 30 lost leaders in docs/succession.md."""
 
 GUSTS_S = 12.0
-"""How long gusts are remembered: as long as a silent vehicle is looked for."""
+"""Memory of gusts, s: as long as a silent vehicle is looked for."""
 
 
 class FollowedLeader:
-    """The leader that one follower flies by: the mission's, or the one by which a deputy leads."""
+    """Leader that a follower flies by: the mission's own, or the one that a deputy predicts."""
 
     def __init__(
         self,
@@ -70,20 +70,11 @@ class FollowedLeader:
         arrangements: Arrangements,
         alerts: Alerts | None = None,
     ) -> None:
-        """Begin with nothing heard.
-
-        Args:
-            plan: of the follower.
-            task: its slot, and what the mission tells of the leader.
-            clock: that the formation shares.
-            arrangements: what was ordered of the formation.
-            alerts: takes what a pilot should know of the leader's states.
-        """
         self._plan = plan
         self._task = task
         self._clock = clock
         self._arrangements = arrangements
-        # A leader that stays elsewhere may be at either place until all vehicles have been handed back.
+        # A leader that stays elsewhere may be at either place until all have been handed back.
         self._moved_s = plan.timeouts.prediction_s + plan.timeouts.breakaway_s + HANDED_BACK_S
         self.receiver: StateReceiver | LeaderTelemetry = (
             LeaderTelemetry(
@@ -104,17 +95,17 @@ class FollowedLeader:
                 beside=self._beside,
             )
         )
-        """Hears the mission's leader."""
+        """Receiver of the mission's leader."""
         self._followed = self.receiver
         self.stories = LeaderStories(plan.most_m, alerts)
-        """What the other followers say of their leader, against what this one was told."""
+        """Comparison of the leader's place with what the other followers were told."""
         self._deputy: str | None = None
         self._lead_said: HeardState | None = None
         self.stands_in = False
-        """Whether the follower stands in for a leader that is lost, and carries its motion on for all."""
+        """Whether this vehicle stands in for a lost leader and predicts it for all."""
         self._steered = False
         self.name = next((one.name for one in plan.others if one.leads), "")
-        """Of the mission's leader."""
+        """Name of the mission's leader; empty if it has no companion."""
         self._carried: LeaderState | None = None
         self._intended: IntendedMotion | None = None
         self._intended_path: Path | None = None
@@ -123,14 +114,13 @@ class FollowedLeader:
         self._wind = (0.0, 0.0)
         self._own_altitude = math.nan
         self.gusts = 0.0
-        """How fast gusts carry a vehicle that nobody corrects, m/s, as the leader's course tells.
+        """Drift speed of a vehicle in gusts that nobody corrects, m/s, estimated from the leader's course.
 
-        It fades within GUSTS_S once that is calm: a deputy leads smoothly in the gusts that its leader was
-        lost in.
+        It fades within GUSTS_S once the course is calm: a deputy predicts a smooth leader in the same gusts.
         """
 
     def _beside(self, heard: HeardState) -> HeightWitnesses:
-        """What there is beside the leader's altitude: the mission's where it is, and one's own."""
+        """Return witnesses of the leader's altitude: the planned one and the own one."""
         known = self._known_leader()
         climbed = 0.0 if isinstance(known, ForeignLeader) else known.point_beside(heard).height
         return HeightWitnesses(
@@ -141,12 +131,12 @@ class FollowedLeader:
 
     @property
     def place(self) -> LeaderFix | None:
-        """Where the leader was, by the newest state of it; None where the others know it by themselves."""
+        """Newest place of the leader; None where this vehicle predicts it, as the others know it."""
         return None if self.stands_in else self.stories.newest
 
     @property
     def motion(self) -> LeaderState | None:
-        """Newest leader state as slots are fixed to it, times on the follower's clock."""
+        """Newest leader state to which slots refer, times on the own clock."""
         if isinstance(self._task.leader, ForeignLeader):
             return self.receiver.newest
         return None if self._intended is None else self._intended.motion
@@ -160,30 +150,30 @@ class FollowedLeader:
 
     @property
     def foreign(self) -> HeardState | None:
-        """How a leader without a companion was heard to move last, on the own clock; None of any other."""
+        """Last state of a leader without a companion, on the own clock; None for any other leader."""
         return self.receiver.newest if isinstance(self.receiver, LeaderTelemetry) else None
 
     @property
     def carried(self) -> LeaderState | None:
-        """The leader as it is carried on while it is not heard; None while it is."""
+        """Predicted state of a leader that is not heard; None while it is heard."""
         return self._carried
 
     def note_leader(self, data: bytes, now: float) -> bool:
-        """Take a state of the mission's leader as one of any other vehicle; whether it is sound and newer."""
+        """Process a state of the mission's leader; return whether it is sound, newer, and may be followed."""
         newer = self.receiver.take(data, now)
         if isinstance(self.receiver, LeaderTelemetry):
-            # One without a companion knows of no order, and each hears it by its own receiver.
+            # A leader without a companion knows no order, and each follower has its own receiver for it.
             return newer
         if newer:
             self._arrangements.hear(self.name, self.receiver.newest, now)
             said = motion_of(data, self._plan.frame)
-            # A leader that obeys another one says where it is itself.
+            # A leader that obeys another one reports only its own place.
             if said.term == 0:
                 self.stories.hear_leader(place_said(said), 0)
         return newer and self.stories.may_be_followed(now)
 
     def note_lead(self, vehicle: str, data: bytes, now: float) -> bool:
-        """Take a state of the leader by which a deputy leads; whether it is sound and newer."""
+        """Process a deputy's state of the leader; return whether it is sound, newer, and may be followed."""
         if vehicle != self._deputy:
             self._deputy = vehicle
             self._carried_on = StateReceiver(self._plan.frame, self._clock, moved_s=self._moved_s)
@@ -193,12 +183,12 @@ class FollowedLeader:
         return newer and self.stories.may_be_followed(now)
 
     def follow_leader(self) -> None:
-        """Fly by the mission's leader, as it was heard last."""
+        """Fly by the mission's leader, as last heard."""
         self._deputy = None
         self._follow(self.receiver)
 
     def follow_lead(self) -> None:
-        """Fly by the leader by which a deputy leads, as it was heard last."""
+        """Fly by the leader that a deputy predicts, as last heard."""
         if self._lead_said is not None:
             self.stories.hear_leader(place_said(self._lead_said), self._lead_said.term)
         self._follow(self._carried_on)
@@ -210,29 +200,29 @@ class FollowedLeader:
         self._intend()
 
     def take_lead(self) -> None:
-        """Carry the leader on along its path from now on, for as long as it takes."""
+        """Predict the leader along its path for all from now on."""
         self.stands_in, self._deputy = True, None
 
     def age(self, now: float) -> float:
-        """Age of the newest leader state, s; 0 for a deputy that leads, infinite before the first."""
+        """Return the age of the newest leader state, s; 0 for a leading deputy, infinite before the first."""
         return 0.0 if self.stands_in else self._heard_age(now)
 
     def _heard_age(self, now: float) -> float:
         return math.inf if self.motion is None else now - self.motion.time_s
 
     def to_say(self, now: float) -> bytes:
-        """Heartbeats and questions for the time, where the leader has no companion."""
+        """Return heartbeats and time requests for a leader without a companion."""
         return self.receiver.say(now) if isinstance(self.receiver, LeaderTelemetry) else b""
 
     def _known_leader(self) -> KnownLeader | ForeignLeader:
-        """What is known of the leader: on a path of the mission, or on the circle of a hold."""
+        """Return what is known of the leader, on its path or on the circle of a hold."""
         known, circle = self._routed_leader(), self._arrangements.flight.circle
         if circle is None or isinstance(known, ForeignLeader):
             return known
         return replace(known, path=circle, least_radius=self._arrangements.flight.turn_radius)
 
     def _routed_leader(self) -> KnownLeader | ForeignLeader:
-        """What is known of the leader, whether it holds now or not."""
+        """Return what is known of the leader, whether it is in a hold or not."""
         known, route = self._task.leader, self._arrangements.flight.route
         radius = self._arrangements.flight.turn_radius
         if isinstance(known, ForeignLeader) or (route is None and radius == 0.0):
@@ -244,7 +234,7 @@ class FollowedLeader:
         )
 
     def _intend(self) -> None:
-        """Find out how the leader means to fly, by what it was just heard to do."""
+        """Estimate the leader's intended motion from its newest state."""
         heard, before, known = self._followed.newest, self._intended, self._known_leader()
         if heard is None:
             return
@@ -272,9 +262,9 @@ class FollowedLeader:
         self.gusts = max(GUST_SHARE * jitter * self._intended.motion.ground_speed, faded)
 
     def _with_height(self, heard: HeardState) -> HeardState:
-        """A state of the leader; one whose altitude is doubted with the height that was known last.
+        """Return a leader's state, with the last known height where its altitude is doubted.
 
-        A path that climbs is searched by height, and a deputy that leads on says a height.
+        A climbing path is searched by height, and a leading deputy reports a height.
         """
         if math.isfinite(heard.height):
             return heard
@@ -283,7 +273,7 @@ class FollowedLeader:
         return replace(heard, height=planned + off)
 
     def _note_height(self, heard: LeaderState, planned: HeightTarget, memory_s: float) -> None:
-        """Find out by how much the leader flies above what is planned for it."""
+        """Update the leader's deviation from its planned height."""
         if self._task.follows_height:
             self._deviation = height_deviation(self._deviation, heard, planned, memory_s=memory_s)
 
@@ -295,7 +285,7 @@ class FollowedLeader:
         *,
         steered: bool,
     ) -> HeightTarget:
-        """What the mission says of the leader's height; on the circle of a hold, that of the hold."""
+        """Return the leader's planned height, or that of a hold."""
         known = self._routed_leader()
         if isinstance(known, ForeignLeader):
             return held_height(known.height)
@@ -313,17 +303,17 @@ class FollowedLeader:
         return found
 
     def height(self, leader: LeaderState, now: float, ahead_s: float) -> HeightTarget:
-        """How high it flies: now, and in so many seconds, when a setpoint takes effect."""
+        """Return the leader's height now and `ahead_s` later, when a setpoint takes effect."""
         known = self._known_leader()
         planned = held_height(known.height)
         if not isinstance(known, ForeignLeader):
             heard, intended = self._followed.newest, self._intended
-            # What was found along another path, before an order, says nothing of this one.
+            # A deviation from another path, before an order, says nothing about this one.
             on_path = self._carried is None and self._intended_path is known.path
             if heard is None or intended is None or not on_path:
                 motion, point = leader, known.point_beside(leader)
             else:
-                # As it was heard, gusts included: the leader looks ahead by that, too.
+                # The state is as heard, gusts included: the leader looks ahead by it, too.
                 motion, point = heard, intended.planned.point
             steered = self._carried is not None or heard is None or heard.steered
             planned = self._planned_height(
@@ -331,12 +321,12 @@ class FollowedLeader:
             )
         deviation = self._deviation or HeightDeviation(time_s=now)
         if now - deviation.time_s > self._plan.timeouts.leader_s:
-            # Nothing is heard of how it goes on beside its plan.
+            # The present climb rate beside the plan is not known.
             deviation = replace(deviation, climb_rate=0.0)
         return followed_height(planned, deviation, flying=known.height, now_s=now, ahead_s=ahead_s)
 
     def at(self, navigated: NavigatedState) -> LeaderState | None:
-        """The leader as last heard; after a silence, as it would have flown on along its path or arc."""
+        """Return the leader as last heard, or as predicted along its path or arc after a silence."""
         heard, known = self.motion, self._known_leader()
         now = navigated.state.time_s
         if isinstance(known, ForeignLeader):
@@ -348,7 +338,7 @@ class FollowedLeader:
         if carried is None:
             carried = extrapolate_by_rates(heard, min(now, heard.time_s + GAP_S))
         before = carried
-        # One step, or many after a gap in telemetry.
+        # A gap in telemetry takes many steps.
         count = min(math.ceil((now - carried.time_s) / CARRY_S), MOST_STEPS)
         for left in range(count, 0, -1):
             time_s = carried.time_s + (now - carried.time_s) / left
@@ -361,7 +351,7 @@ class FollowedLeader:
     def _on_its_way(
         self, before: LeaderState, carried: LeaderState, known: KnownLeader
     ) -> LeaderState:
-        """A leader that is carried on, which climbs with its planned height while that changes."""
+        """Return a predicted leader that climbs with its planned height while that changes."""
         if not self._planned.changes:
             return carried
         begin, end = (
@@ -375,7 +365,7 @@ class FollowedLeader:
         )
 
     def watch_route(self, leader: LeaderState) -> None:
-        """See whether the leader, as it is heard or carried on, is at the end of its path."""
+        """Check whether the leader, as heard or predicted, is at the end of its path."""
         known, heard = self._known_leader(), self._followed.newest
         if heard is None or isinstance(known, ForeignLeader) or known.path.last_circle is None:
             return
@@ -383,7 +373,7 @@ class FollowedLeader:
         self._arrangements.watch_route(known.path, point, steered=heard.steered)
 
     def note_own(self, navigated: NavigatedState) -> None:
-        """Take the own state: the mean wind, in which the leader's speed is planned, and the altitude."""
+        """Note the own altitude and mean wind; the leader's planned speed depends on the latter."""
         state, (north, east) = navigated.state, self._wind
         flies = state.ground_speed > MOVING_M_S
         self._own_altitude = navigated.altitude_amsl if flies else math.nan

@@ -382,7 +382,7 @@ def tracks_held(
 
 
 def course_held(seen: VehiclesInSight, wind: complex) -> tuple[ComplexArray, ComplexArray]:
-    """Return (places in m, velocities in m/s) that turned onto their last course; wind toward, m/s.
+    """Return places, m, and velocities, m/s, after a turn onto the last course; `wind` is toward, m/s.
 
     The course is the autopilot's setpoint from their states. In gusts the past turn does not show it: ten
     degrees are 25 m after 7 s. Without a setpoint the turn has to do.
@@ -412,7 +412,7 @@ def ground_speed_held(airspeed: FloatArray, held: ComplexArray, wind: complex) -
 
 
 def heading_held(seen: VehiclesInSight, wind: complex) -> tuple[ComplexArray, ComplexArray]:
-    """Return (places in m, velocities in m/s) that hold their last turn's heading; wind toward, m/s.
+    """Return places, m, and velocities, m/s, on the heading of the last turn; `wind` is toward, m/s.
 
     In a swinging wind the heading turns at another rate than the course, and the wind carries the vehicle.
     """

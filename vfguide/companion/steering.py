@@ -1,12 +1,11 @@
-"""From a guidance step to what the autopilot is sent: within limits, nothing twice, and whether it is obeyed.
+"""From guidance steps to messages: limits, no repetition, and a check that the autopilot obeys.
 
-The guard: setpoints are finite and inside the vehicle's limits, whatever the laws say. It does not depend
-on what is heard of a leader's height, or learned of the speed: no height is below the mission's floor or
-above its fence.
+The guard keeps setpoints finite and inside the vehicle's limits, whatever the laws say. It does not depend on
+the leader's reported height, or on learned speeds. No height is below the mission's floor or above its fence.
 
-The monitor: the course has to follow the setpoints, the altitude to stay. An autopilot may acknowledge
-every setpoint and fly none: PX4 1.16.0 ignored velocities of fixed wings, ArduPlane does not turn where
-it is given no lateral acceleration.
+The monitor checks that the course follows the setpoints and the altitude stays. An autopilot may acknowledge
+every setpoint and fly none: PX4 1.16.0 ignored velocities of fixed wings, and ArduPlane does not turn without
+a lateral acceleration.
 """
 
 import math
@@ -28,57 +27,57 @@ from vfguide.mavlink.announcements import WARNING
 from vfguide.state import GAP_S, Airframe, Setpoint, VehicleState
 
 GUARD_PATIENCE_S = 1.0
-"""An autopilot holds its last setpoint: after this without any other it is better off by itself."""
+"""Time without setpoints after which the autopilot is handed back, s: until then it holds the last one."""
 
 STRONGEST_WIND = 0.75
-"""Wind over the greatest airspeed that a ground speed is believed with: in more no formation can be flown."""
+"""Strongest wind over maximum airspeed in which a ground speed is believed; no formation flies in more."""
 
 SLOWEST_GROUND = 0.25
-"""Least ground speed over the least airspeed: an aircraft that all but stands in a headwind has no course."""
+"""Minimum ground speed over minimum airspeed: an aircraft almost standing in a headwind has no course."""
 
 NO_HEIGHT = (
     "guidance asks for a height that is no number: the last one is held; take over, report the log"
 )
-"""What the pilot hears then."""
+"""Message to the pilot when guidance has no finite height."""
 
 MEMORY_S = 3.0
-"""Time constant of the turn rates that are compared."""
+"""Time constant of the turn rates that are compared, s."""
 
 EXPECTED_LEAST = 0.05
-"""rad/s: less than this is not asked for long enough to be judged."""
+"""Minimum expected turn rate, rad/s: a smaller one does not last long enough to be judged."""
 
 FOLLOWED_SHARE = 0.2
-"""Below this share of the turn that is expected, a course does not follow."""
+"""Share of the expected turn rate below which the course does not follow."""
 
 TRACKING_PATIENCE_S = 4.0
-"""How long that has to last, on top of the memory."""
+"""Time for which the course must not follow before a complaint, s, in addition to the filter's delay."""
 
 DISOBEDIENCE_S = 4.0
-"""So long after the complaint nobody steers the vehicle, whatever its autopilot answers."""
+"""Time after the complaint until the vehicle is handed back, s, whatever its autopilot answers."""
 
 DISOBEYED = (
     "the autopilot accepts courses and flies none: handed back; see that its firmware flies courses"
 )
-"""What the pilot hears then."""
+"""Message to the pilot at that hand-back."""
 
 ALTITUDE_M = 20.0
-"""Farther from the altitude of the mission than this is worth a text."""
+"""Deviation from the mission's altitude that is worth a message, m."""
 
 ALTITUDE_S = 5.0
-"""Interval at which the altitude is repeated."""
+"""Interval at which the altitude is repeated, s."""
 
 ALTITUDE_STEP_M = 0.02
-"""An altitude that has changed by less is not sent anew: in a steady climb of 3 m/s all are."""
+"""Altitude change below which nothing new is sent, m; a steady climb of 3 m/s exceeds it each time."""
 
 ALTITUDE_DIGITS = 2
 """Decimals of an altitude: autopilots keep centimetres."""
 
 CANNOT_CLIMB = "too near to another vehicle, and no height can be commanded in this mode: take over"
-"""In the place of a step in height."""
+"""Message to the pilot in place of a step in height."""
 
 
 def is_flyable(setpoint: Setpoint, plan: FlightPlan) -> bool:
-    """Whether a setpoint is finite and its speed one that the vehicle may be asked for."""
+    """Check whether a setpoint is finite and its speed is one that the vehicle may be asked for."""
     if not (math.isfinite(setpoint.course) and math.isfinite(setpoint.speed)):
         return False
     airframe = plan.airframe
@@ -89,7 +88,7 @@ def is_flyable(setpoint: Setpoint, plan: FlightPlan) -> bool:
 
 
 class SetpointGuard:
-    """Lets pass what can be flown."""
+    """Filter that only passes setpoints that can be flown."""
 
     def __init__(self, plan: FlightPlan) -> None:
         self._plan = plan
@@ -98,14 +97,14 @@ class SetpointGuard:
         self._height = max(plan.height, self._floor)
         self._has_height = True
         self.counters: Counter[str] = Counter()
-        """What did not pass."""
+        """Setpoints that were refused or limited, by reason."""
 
     def closed(self, now: float) -> bool:
-        """Whether nothing has passed for so long that the autopilot is better off by itself."""
+        """Check whether nothing has passed for so long that the vehicle should be handed back."""
         return now - self._closed_s > GUARD_PATIENCE_S
 
     def pass_on(self, setpoint: Setpoint | None, now: float) -> tuple[Setpoint | None, str | None]:
-        """(the setpoint if it can be flown, a complaint when one that cannot follows one that could)."""
+        """Return (the setpoint if it can be flown, a complaint at the first that cannot)."""
         if setpoint is None or is_flyable(setpoint, self._plan):
             self._closed_s = math.inf
             return setpoint, None
@@ -120,13 +119,9 @@ class SetpointGuard:
         )
 
     def height(self, asked: float, ceiling: float = math.inf) -> tuple[float, str | None]:
-        """(a height that may be asked for, m above the origin; a complaint once guidance has none).
+        """Return (a permitted height, a complaint when guidance first has none), m above the origin.
 
-        In its place the last one is held.
-
-        Args:
-            asked: by guidance, m above the origin.
-            ceiling: where the fence ends, m above the origin. Where it is below the floor, that counts.
+        Without a finite height the last one is held. A ceiling below the floor yields to the floor.
         """
         if not math.isfinite(asked):
             self.counters["height not finite"] += 1
@@ -141,7 +136,7 @@ class SetpointGuard:
 
 
 class TrackingMonitor:
-    """Watches one vehicle while it is being steered."""
+    """Check that the vehicle obeys while it is steered."""
 
     def __init__(self, airframe: Airframe) -> None:
         self._airframe = airframe
@@ -149,19 +144,19 @@ class TrackingMonitor:
         self.reset()
 
     def retune(self, airframe: Airframe) -> None:
-        """Expect another response from now on."""
+        """Use another response of the same vehicle."""
         self._airframe = airframe
 
     def reset(self) -> None:
-        """The vehicle is not being steered: nothing can be expected of it."""
+        """Expect nothing, as the vehicle is not being steered."""
         self._before: tuple[VehicleState, Setpoint] | None = None
         self._expected = self._turned = 0.0
         self._ignored_s = 0.0
         self.gives_up = False
-        """Whether its autopilot flies none of its courses, and is better off by itself."""
+        """Whether the autopilot flies none of its courses and should be handed back."""
 
     def watch(self, state: VehicleState, setpoint: Setpoint) -> str | None:
-        """Take a state and the setpoint that goes out with it; a complaint, or None."""
+        """Process a state and the setpoint sent with it; return a complaint or None."""
         before, self._before = self._before, (state, setpoint)
         if before is None:
             return None
@@ -169,18 +164,18 @@ class TrackingMonitor:
         period = state.time_s - earlier.time_s
         if not 0.0 < period <= GAP_S:
             return None
-        # In a wind that swings the nose of a heading hold turns, so that the course need not.
+        # In a swinging wind the nose of a heading hold turns, so that the course need not.
         direction = held_direction(state, self._airframe)
         turned = wrap_angle(direction - held_direction(earlier, self._airframe)) / period
         expected = expected_turn_rate(earlier, asked, self._airframe)
         self._expected = low_pass(self._expected, expected, period, MEMORY_S)
         self._turned = low_pass(self._turned, turned, period, MEMORY_S)
-        # A turn that is asked for no more need not be flown any more: its memory alone is no evidence.
+        # A turn that is no longer asked for need not be flown: the filtered rate alone is no evidence.
         asks = expected * math.copysign(1.0, self._expected) >= EXPECTED_LEAST
         return self._judge(period if asks else 0.0)
 
     def watch_altitude(self, off: float) -> str | None:
-        """Take how far above the wanted altitude (m) one is that cannot be told it; a complaint, or None."""
+        """Return a complaint, or None, on a vehicle `off` m above an altitude that it cannot be sent."""
         if abs(off) <= ALTITUDE_M or self._astray:
             self._astray = abs(off) > ALTITUDE_M / 2.0 and self._astray
             return None
@@ -192,7 +187,7 @@ class TrackingMonitor:
         )
 
     def _judge(self, asked_s: float) -> str | None:
-        """Count for how long turns were asked for and not flown; a complaint, or None."""
+        """Accumulate the time of unflown turns; return a complaint or None."""
         follows = abs(self._expected) < EXPECTED_LEAST or self._turned * math.copysign(
             1.0, self._expected
         ) > FOLLOWED_SHARE * abs(self._expected)
@@ -217,25 +212,25 @@ class TrackingMonitor:
 
 
 def expected_turn_rate(state: VehicleState, setpoint: Setpoint, airframe: Airframe) -> float:
-    """Turn rate (rad/s) that a setpoint should bring about: alpha times the course error, within the bank."""
+    """Return the turn rate, rad/s, due to a setpoint: alpha times course error, within the bank limit."""
     limit = bank_limited_turn_rate(airframe.max_bank, max(state.airspeed, 1.0))
     wanted = airframe.alpha * wrap_angle(setpoint.course - state.course)
     return min(max(wanted, -limit), limit)
 
 
 def slowest_of(plan: FlightPlan) -> Airframe:
-    """Return the slowest that an aircraft may turn, as far as its response is known: only less is ignored."""
+    """Return an airframe with the slowest turn response compatible with what is known of it."""
     alpha = plan.airframe.alpha / plan.certainty.course.spread
     return replace(plan.airframe, alpha=alpha)
 
 
 def creeping_speed_of(plan: FlightPlan) -> CreepingSpeed | None:
-    """For a vehicle whose airspeed hold creeps."""
+    """Return the compensation for an airspeed hold that creeps; None for any other."""
     return None if plan.creeping_hold is None else CreepingSpeed(plan.creeping_hold)
 
 
 class Steering:
-    """What one autopilot is sent of what guidance asks for."""
+    """Conversion of guidance steps to the messages for one autopilot."""
 
     def __init__(
         self,
@@ -244,14 +239,6 @@ class Steering:
         own: OwnVehicle,
         alerts: Alerts | None = None,
     ) -> None:
-        """Have sent nothing yet.
-
-        Args:
-            plan: its vehicle's part of the mission.
-            adapter: how to speak to its autopilot.
-            own: what is known of the vehicle: its airspeed sensor and its slip.
-            alerts: takes what a pilot should know.
-        """
         self._plan = plan
         self._adapter = adapter
         self._own = own
@@ -264,22 +251,22 @@ class Steering:
         self._altitude, self._altitude_time = plan.altitude_amsl, -math.inf
         self._alerts = alerts or Alerts()
         self.setpoint: Setpoint | None = None
-        """The last that was flown."""
+        """Last setpoint that was flown."""
 
     @property
     def counters(self) -> Counter[str]:
-        """What was not passed on, by reason."""
+        """Setpoints that were not passed on, by reason."""
         return self._guard.counters
 
     def retune(self, plan: FlightPlan) -> None:
-        """Go on with another response of the same vehicle."""
+        """Use another response of the same vehicle."""
         if plan.creeping_hold != self._plan.creeping_hold:
             self._creeping = creeping_speed_of(plan)
         self._plan = plan
         self._tracking.retune(slowest_of(plan))
 
     def closed(self, now: float) -> bool:
-        """Whether nothing was passed on or flown for so long that the autopilot is better off by itself."""
+        """Check whether to hand the autopilot back: setpoints were refused, or not flown, for too long."""
         return self._guard.closed(now) or self._tracking.gives_up
 
     def _say(self, text: str | None) -> None:
@@ -291,14 +278,14 @@ class Steering:
         self._altitude_time = -math.inf
 
     def reset(self) -> None:
-        """Forget what was sent: the autopilot has entered or left the mode in which it is heard."""
+        """Forget what was sent, as the autopilot has entered or left its guided mode."""
         self._stream.reset()
         self._tracking.reset()
         if self._creeping is not None:
             self._creeping.reset()
 
     def check(self, step: RoleStep, now: float, *, ceiling: float = math.inf) -> Setpoint | None:
-        """What a step asks for, if it can be flown; no height above the ceiling (m above the origin)."""
+        """Return a step's setpoint if it can be flown; heights stay below the ceiling, m above the origin."""
         self._ceiling = ceiling
         setpoint, complaint = self._guard.pass_on(step.setpoint, now)
         self._say(complaint)
@@ -309,7 +296,7 @@ class Steering:
     def fly(
         self, setpoint: Setpoint, climb_m: float, navigated: NavigatedState, now: float
     ) -> list[MAVLink_message]:
-        """Messages that steer by a checked setpoint, and so much above its height."""
+        """Return messages for a checked setpoint, with a height raised by `climb_m`."""
         wanted = self._amsl(self._height)
         altitude = self._amsl(self._safe(self._height + climb_m))
         self.setpoint = setpoint
@@ -329,12 +316,12 @@ class Steering:
     def stay_ready(
         self, setpoint: Setpoint, navigated: NavigatedState, now: float
     ) -> list[MAVLink_message]:
-        """Messages by which an autopilot may be engaged, where it wants a setpoint before."""
+        """Return messages for an autopilot that wants a setpoint before it can be engaged."""
         asked = self._asked(setpoint, self._amsl(self._height), navigated)
         return self._stream.due(self._adapter.stay_ready(asked), now)
 
     def _safe(self, height: float) -> float:
-        """A height that may be asked for, m above the origin."""
+        """Return the permitted height, m above the origin, and tell the pilot if guidance has none."""
         height, complaint = self._guard.height(height, self._ceiling)
         self._say(complaint)
         return height
@@ -345,7 +332,7 @@ class Steering:
     def _asked(
         self, setpoint: Setpoint, altitude: float, navigated: NavigatedState
     ) -> AutopilotSetpoint:
-        """A setpoint as it is sent to the autopilot, with an altitude (m above mean sea level)."""
+        """Return a setpoint in the autopilot's units; `altitude` is in m above mean sea level."""
         return AutopilotSetpoint(
             course=setpoint.course + self._own.course_offset,
             speed=self._reported(setpoint.speed),
@@ -355,7 +342,7 @@ class Steering:
         )
 
     def _altitude_due(self, altitude: float, now: float) -> list[MAVLink_message]:
-        """The altitude when it is new, and now and then."""
+        """Return the altitude command if it is new, or due for repetition."""
         moved = abs(altitude - self._altitude) >= ALTITUDE_STEP_M
         if not moved and now - self._altitude_time < ALTITUDE_S:
             return []
@@ -363,7 +350,7 @@ class Steering:
         return self._adapter.hold_altitude(altitude)
 
     def _brought_about(self, speed: float, navigated: NavigatedState, now: float) -> float:
-        """What a hold that creeps is asked for, to fly a speed (m/s, as its sensor shows it) now."""
+        """Return the speed to ask of a creeping hold for a `speed` on its sensor, m/s."""
         if self._creeping is None:
             return speed
         airframe = self._plan.airframe
@@ -376,7 +363,7 @@ class Steering:
         )
 
     def _reported(self, speed: float) -> float:
-        """A speed (m/s) as the autopilot's own sensor would show it, within the vehicle's limits."""
+        """Return a speed, m/s, as the autopilot's own sensor shows it, within the vehicle's limits."""
         airframe = self._plan.airframe
         if airframe.hold == "course-hold":
             return speed
