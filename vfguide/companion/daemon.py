@@ -1,4 +1,4 @@
-"""The companion as a process: the one place with tasks, sockets and a clock."""
+"""Companion process: the only place with tasks, sockets and a clock."""
 
 import asyncio
 import logging
@@ -60,29 +60,29 @@ from vfguide.record.recording import Recording
 logger = logging.getLogger(__name__)
 
 POLL_S = 0.1
-"""Interval at which what is due by time alone is looked at, s of the companion's clock."""
+"""Interval of checking for periodic duties, s of the companion's clock."""
 
 ANNOUNCE_S = 1.0
 """Interval of presences, s of the companion's clock."""
 
 
 OTHERS_HEARD = 3
-"""Heartbeats of other vehicles, one a second, before a companion that has not heard its own complains."""
+"""Heartbeats of other vehicles, one a second, after which a companion complains that its own is missing."""
 
 FAREWELLS, FAREWELL_S = 60, 0.1
-"""Looks at the end for whether the vehicle flies by itself, and the real time between, s: three heartbeats
-may have to come, a second apart, and the mode before them to settle."""
+"""Checks at the end for whether the vehicle flies by itself, and the real time between them, s. Three
+heartbeats may have to come, a second apart, and the mode before them to settle."""
 
 REPEAT_S, GIVEN_S = 0.5, 6.0
-"""Interval of the copies of an order that is given here, and for how long after its time it is said."""
+"""Interval of an issued order's copies, and how long after its time they continue, s."""
 
 VERSION = version("vfguide")
-"""Looked up once: it is read from a file."""
+"""Read once, because it comes from a file."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Surroundings:
-    """Where a companion runs."""
+    """Connections, keys and files of a companion."""
 
     mavlink: Address
     """Address of the vehicle's autopilot."""
@@ -91,39 +91,38 @@ class Surroundings:
     formation: str
     """Name of the formation on the links."""
     trust: Trust
-    """What the vehicle signs with, and whom it believes."""
+    """The vehicle's signing key, and the keys it believes."""
     clock: Clock
-    """The companion's clock."""
     engage: bool
-    """Whether it may put the autopilot into the guided mode by itself, once in a flight."""
+    """Whether the companion may enter the guided mode by itself, once per flight."""
     record: Recording | None
-    """Keeps its telemetry and what guidance did; closed at the end."""
+    """Record of telemetry and guidance; closed at the end."""
     signing_key: bytes | None = None
-    """Key of the connection to the autopilot, if it is signed."""
+    """Key of the connection to the autopilot; None if it is not signed."""
     consent: ConsentStore | None = None
-    """Keeps what was agreed for the flight; in memory if absent."""
+    """Keeps the flight's consent; by default in memory."""
     by_mavsdk: bool = False
-    """Whether MAVSDK keeps the connection to the autopilot."""
+    """Whether MAVSDK maintains the connection to the autopilot."""
     leader: Address | None = None
-    """Where a leader without a companion is heard."""
+    """Address at which a leader without a companion is heard."""
     followers: Address | None = None
-    """Where followers without a companion hear the leader, by FOLLOW_TARGET."""
+    """Address at which followers without a companion receive FOLLOW_TARGET."""
     order_giver: OrderGiver | None = None
-    """Gives orders that ground stations request; None to hear no such requests."""
+    """Issues orders that ground stations request; None ignores requests."""
     ground_orders: GroundOrders | None = None
-    """What they may request."""
+    """Orders that they may request."""
     revocations: Path | None = None
-    """File that keeps which keys are out; nothing is kept if absent."""
+    """File of revoked keys; None keeps none."""
 
 
 class Leaving(Protocol):
-    """A companion that is to end, or what has one."""
+    """Companion, or its wrapper, during shutdown."""
 
     def stop(self, now: float) -> Outgoing:
-        """The last words."""
+        """Stop guidance; return the last messages."""
 
     def poll(self, now: float) -> Outgoing:
-        """What is due by time alone."""
+        """Return the output that time alone makes due."""
 
     def tell(self, text: str, now: float) -> Outgoing:
         """Tell operator and pilot."""
@@ -134,7 +133,7 @@ class Leaving(Protocol):
 
 
 async def take_leave(leaving: Leaving, send: Callable[[Outgoing], None], clock: Clock) -> None:
-    """Hand back until the autopilot is seen to fly by itself: the last words of a connection get lost."""
+    """Hand back, and repeat until the autopilot flies by itself: a connection's last messages get lost."""
     send(leaving.stop(clock.now()))
     for _ in range(FAREWELLS):
         if leaving.released:
@@ -146,12 +145,11 @@ async def take_leave(leaving: Leaving, send: Callable[[Outgoing], None], clock: 
 
 
 class Daemon:
-    """One companion with its sockets; everything it decides is in `Companion`."""
+    """One companion with its sockets; all decisions are made in `Companion`."""
 
     def __init__(
         self, plan: FlightPlan, adapter: AutopilotAdapter, surroundings: Surroundings
     ) -> None:
-        """Make a daemon that is not connected to anything yet."""
         self._name = plan.name
         self._clock = surroundings.clock
         self._surroundings = surroundings
@@ -248,7 +246,6 @@ class Daemon:
             ) from self._failure
 
     def _poll(self) -> None:
-        """What is done again and again."""
         self._dispatch(self._companion.poll(self._clock.now()))
         self._stand_back()
         self._stand_in()
@@ -258,35 +255,35 @@ class Daemon:
         self._complain_of_others()
 
     def _stand_back(self) -> None:
-        """Leave the vehicle to another companion of this name, or to its autopilot once its key is out."""
+        """Leave the vehicle to another companion of this name, or to its autopilot if the key is revoked."""
         if self._own_member is not None:
             why = self._own_member.standing_back
             self._dispatch(self._companion.stand_back(self._clock.now(), why))
 
     def _stand_in(self) -> None:
-        """While this deputy leads it answers what the formation's clock shows."""
+        """Answer for the formation's clock while this deputy leads."""
         leadership = self._companion.leadership
         if self._own_member is not None and leadership is not None:
             holder, term = leadership
             self._own_member.stands_in = term > 0 and holder == self._name
 
     def _guarded(self, step: Callable[[], None]) -> None:
-        """Do something in flight; should it fail, hand back and end, instead of flying on without a step."""
+        """Run a step in flight; on failure hand back and end, instead of flying on without it."""
         try:
             step()
         except Exception as error:  # noqa: BLE001 - of whatever was loaded
             self._failure = self._failure or error
 
     def _joined(self, trust: Trust) -> Member:
-        """The member that this companion is from now on."""
+        """Create and keep the link member of this companion."""
         self._own_member = self._member(trust)
         return self._own_member
 
     def _member(self, trust: Trust) -> Member:
-        """This vehicle as the others hear it."""
+        """Return this vehicle as a member of the link."""
         receive, neighbours = self._take_link, set(self._neighbours)
         if self._foreign:
-            # The one who keeps the time is a follower like the others.
+            # The timekeeper is a follower like the others.
             receive = partial(self._take_neighbour, self._timekeeper)
             neighbours.discard(self._timekeeper)
         return Member(
@@ -303,7 +300,6 @@ class Daemon:
         )
 
     def _take_mavlink(self, datagram: bytes) -> None:
-        """One datagram in, one out, at once."""
         self._guarded(lambda: self._answer(datagram))
 
     def _answer(self, datagram: bytes) -> None:
@@ -318,7 +314,7 @@ class Daemon:
         if out.steered:
             self._response.add(time.perf_counter() - began)
             self._leader_age.add(self._companion.leader_age(now))
-        # Half of all datagrams lead to nothing: what is due by time alone has time until the next poll.
+        # Half of all datagrams yield nothing: periodic duties can wait for the next poll.
         if not out.is_empty:
             self._companion.settle(out, now)
             self._dispatch(out)
@@ -329,11 +325,11 @@ class Daemon:
         self._companion.receive_link(data, self._clock.now())
 
     def _take_leader(self, datagram: bytes) -> None:
-        """A leader without a companion has spoken, or somebody on the same connection."""
+        """Take a datagram of a leader without a companion, or of anybody else on its connection."""
         try:
             self._take_link(datagram)
         except Exception:
-            # Nobody vouches for what comes there: it must not end the companion, whatever it makes of it.
+            # These datagrams are not authenticated: none may end the companion.
             if not self._leader_failed:
                 logger.exception("a message of the leader cannot be used: tell the authors")
             self._leader_failed = True
@@ -353,7 +349,7 @@ class Daemon:
         self._companion.receive_reply(vehicle, data, self._clock.now())
 
     def _take_revocation(self, vehicle: str) -> None:
-        """Tell the pilot that a key is out, and keep that; a slow disk delays no setpoint."""
+        """Tell the pilot of a revoked key, and store it in a thread: a slow disk delays no setpoint."""
         where = self._surroundings
         text = f"the key of {vehicle} is revoked: nothing that comes with it is believed any more"
         self._dispatch(self._companion.tell(text, self._clock.now()))
@@ -362,7 +358,6 @@ class Daemon:
             self._keeping.submit(self._keep, where.revocations, statements)
 
     def _keep(self, file: Path, statements: Sequence[bytes]) -> None:
-        """Write down which keys are out."""
         try:
             write_revocations(file, statements)
         except OSError as error:
@@ -370,7 +365,7 @@ class Daemon:
             logger.warning(text, extra={"vehicle": self._name})
 
     def _dispatch(self, out: Outgoing) -> None:
-        """Send what the companion wants sent, and log what it has to say."""
+        """Send the companion's output, and log its events."""
         self._send(out)
         if out.to_leader and self._leader_connection is not None:
             self._leader_connection.send(out.to_leader)
@@ -387,20 +382,20 @@ class Daemon:
             share(self._link, out)
         for order in out.requested:
             task = asyncio.get_running_loop().create_task(self._give(order))
-            # The loop itself keeps no hold of it.
+            # The event loop keeps no strong reference to a task.
             self._orders.add(task)
             task.add_done_callback(self._orders.discard)
         self._note(out.events)
 
     def _send(self, out: Outgoing) -> None:
-        """Send what the companion wants sent to the autopilot."""
+        """Send the companion's output for the autopilot."""
         if out.to_autopilot and self._connection is not None:
             self._connection.send(out.to_autopilot)
             if self._record is not None:
                 self._record.add_datagram(self._clock.now(), out.to_autopilot)
 
     async def _give(self, order: Order) -> None:
-        """Give an order that a ground station has requested; its pilot hears what becomes of it."""
+        """Issue an order that a ground station has requested; its pilot hears of a failure."""
         giver, requests = self._surroundings.order_giver, self._companion.ground_orders
         if giver is None or requests is None:
             return
@@ -413,10 +408,10 @@ class Daemon:
             requests.finish(order)
 
     async def _give_by(self, giver: OrderGiver, order: Order) -> None:
-        """Work an order out, and say it until it is decided.
+        """Resolve an order, and repeat it until it is decided.
 
         Raises:
-            VfguideError: it cannot be carried out.
+            VfguideError: the order cannot be carried out.
             RefusedError: no session of the leader is known.
         """
         member, link, now = self._own_member, self._link, self._clock.now()
@@ -434,7 +429,7 @@ class Daemon:
         if not math.isfinite(time_s) or not (aborts or self._foreign or known.leader):
             raise VfguideError("the leader is not heard: see that its companion runs")
         number = new_number(known.number, time.time(), SystemRandom())
-        # In a thread: looking at each wind and turn takes some tenths of a second.
+        # In a thread: checking each wind and turn takes some tenths of a second.
         found = await asyncio.to_thread(giver.resolved, order, known, number=number, time_s=time_s)
         body = encode_order(found)
         while self._clock.now() < then_s + GIVEN_S:
@@ -444,7 +439,7 @@ class Daemon:
             await asyncio.sleep(self._clock.real_seconds(REPEAT_S))
 
     def _note(self, events: Sequence[Event]) -> None:
-        """Log what the companion has to say, and let the others know of it soon."""
+        """Log events; a warning goes into the next presence, any other event sends one at once."""
         for event in events:
             level = logging.WARNING if event.warning else logging.INFO
             logger.log(level, event.text, extra={"vehicle": self._name})
@@ -454,7 +449,7 @@ class Daemon:
                 self._announced = -ANNOUNCE_S
 
     def _announce(self) -> None:
-        """Tell the formation, once a second and after each change of mode, how this companion is."""
+        """Publish this companion's presence once a second and after each change of mode."""
         now = self._clock.now()
         if self._link is None or now - self._announced < ANNOUNCE_S:
             return
@@ -480,12 +475,12 @@ class Daemon:
         )
 
     def _obstacle(self, now: float) -> str | None:
-        """What keeps the vehicle from being steered: first of all that its autopilot is not the one heard."""
+        """Return what keeps the vehicle from being steered, first of all an autopilot that is not its own."""
         unknown = None if self._introduced else self._introduction.complaint()
         return unknown or self._companion.obstacle(now)
 
     def _figures(self) -> dict[str, float]:
-        """Latencies in milliseconds and counters, for operators."""
+        """Return latencies (ms) and counters for operators."""
         figures = latency_figures("response_ms", self._response)
         figures |= latency_figures("leader_age_ms", self._leader_age)
         if self._companion.wind is not None:
@@ -509,12 +504,12 @@ class Daemon:
         return figures
 
     def _step(self, snapshot: Snapshot, now: float) -> GuidanceStep:
-        """What the companion did last, for the record."""
+        """Return the last guidance step for the record."""
         step = snapshot.guidance_step(now, self._companion.leader_age(now))
         return replace(step, formation_time_s=self._shared_clock.from_own(now))
 
     def _tell_of_record(self) -> None:
-        """A full disk ends no flight: the pilot gets a text when it begins, and one when it is over."""
+        """Tell the pilot when a full disk stops the record, and when it goes on: neither ends a flight."""
         if self._record is not None:
             for text in self._record.news():
                 self._dispatch(self._companion.tell(text, self._clock.now()))
@@ -526,7 +521,7 @@ class Daemon:
                 self._dispatch(self._companion.tell(text, self._clock.now()))
 
     def _complain_of_others(self) -> None:
-        """A companion at another vehicle's port would wait for ever: say so once its own does not come."""
+        """Warn once if only another vehicle's port is heard: the companion would wait for ever."""
         if self._introduced or self._complained:
             return
         text = self._introduction.complaint()
@@ -544,7 +539,7 @@ class Daemon:
 
 
 def share(link: Link, out: Outgoing) -> None:
-    """Send over the link what a companion wants sent there."""
+    """Send the companion's output for the link."""
     for data in out.to_link:
         link.publish(data)
     for kind, said in (
@@ -557,7 +552,7 @@ def share(link: Link, out: Outgoing) -> None:
 
 
 def shared_clock(peer_clock: PeerClock | None) -> SharedClock:
-    """The formation's clock by way of what is known of its leader's; the leader's own is the formation's."""
+    """Return the formation's clock by the timekeeper's; without a peer clock, the own one is shared."""
     if peer_clock is None:
         return SAME_CLOCK
     return SharedClock(to_own=peer_clock.to_local, from_own=peer_clock.to_peer)

@@ -1,4 +1,4 @@
-"""A follower's part: hold the slot, keep clear of the others, and publish the own state for them."""
+"""Follower role: hold the slot, keep clear of the others, and publish the own state for them."""
 
 import cmath
 import math
@@ -42,27 +42,26 @@ from vfguide.mavlink.reports import TrafficReport
 from vfguide.state import HeardState, LeaderState, Setpoint, VehicleState
 
 PUBLISH_S = 0.2
-"""Interval of states for the other followers: they move little relative to each other in that time."""
+"""Interval of states for the other followers, s: they move little relative to each other in that time."""
 
 PUBLISH_IN_SLOT_S = 0.4
-"""The same from a slot of a formation that flies straight on: so would its autopilot without a companion."""
+"""Same from a slot in straight flight, s: without a companion its autopilot would fly straight on, too."""
 
 STRAIGHT_RAD_S = 0.05
-"""Slower turns of the own course count as flying straight on: 2 m in 2 s at 20 m/s."""
+"""Own turn rate that still counts as straight flight, rad/s: 2 m in 2 s at 20 m/s."""
 
 PUBLISH_FREE_S = 0.1
-"""The same of a vehicle that is not under guidance: the others have to look out for it alone."""
+"""Interval for a vehicle that is not under guidance, s: avoiding it is up to the others alone."""
 
 LEAST_SETTLE_S = 1.0
 GREATEST_SETTLE_S = 60.0
-"""Bounds of the time constant with which a follower is thought to reach its slot."""
+"""Bounds of the assumed time constant of reaching the slot, s."""
 
 IN_SLOT_M = 2.0
-"""From the slot: nearer a follower is in it."""
+"""Distance from the slot within which a follower is in it, m."""
 
 
 class FollowerRole(Role):
-    """Holds a slot."""
 
     def __init__(
         self,
@@ -77,19 +76,19 @@ class FollowerRole(Role):
         """Make a follower that has heard nothing yet.
 
         Args:
-            plan: its part of the mission.
+            plan: the vehicle's part of the mission.
             task: its slot.
-            clock: that the formation shares.
-            arrangements: what was ordered of the formation.
-            report: says how the vehicle moves; a new one if absent.
-            alerts: takes what a pilot should know.
+            clock: clock shared by the formation.
+            arrangements: orders of the formation.
+            report: publisher of the vehicle's motion; a new one by default.
+            alerts: takes news for the pilot.
         """
         self._arrangements = arrangements
         self._plan = plan
         self._task = task
         self._clock = clock
         self.followed = FollowedLeader(plan, task, clock, arrangements, alerts)
-        """What it knows of its leader."""
+        """Knowledge of its leader."""
         self._traffic = Traffic(plan.others, plan.frame, clock, alerts)
         self._keep_clear = KeepClear(plan, self._traffic, alerts)
         self._report = report or StatePublisher(plan)
@@ -98,7 +97,7 @@ class FollowerRole(Role):
         self._avoiding = False
         self._law = follower_law(plan)
         self._keeper = SlotKeeper(self._law, task.slot, slot_at=self.slot_at)
-        # One for each of the two delays with which an autopilot answers, if it does.
+        # One each for the delays of course and speed, if the autopilot has delays.
         self._late_keepers = tuple(
             SlotKeeper(law, task.slot, slot_at=self.slot_at) for law in late_laws(plan)
         )
@@ -108,7 +107,7 @@ class FollowerRole(Role):
         self._breakaway_course: float | None = None
 
     def retune(self, plan: FlightPlan) -> None:
-        """Go on with another response of the same vehicle: what the laws remember is kept."""
+        """Go on with another response of the same vehicle; the laws keep their memory."""
         self._plan = plan
         self._law = follower_law(plan)
         self._keeper.retune(self._law)
@@ -124,17 +123,17 @@ class FollowerRole(Role):
 
     @property
     def counters(self) -> Counter[str]:
-        """States that were not used, by reason."""
+        """States that were not used, counted by reason."""
         aircraft = self._keep_clear.aircraft
         return self.followed.receiver.counters + self._traffic.counters + aircraft.counters
 
     @property
     def foreign_leader(self) -> HeardState | None:
-        """How a leader without a companion was heard to move last, on the own clock; None of any other."""
+        """Newest state of a leader without a companion, on the own clock; None for any other leader."""
         return self.followed.foreign
 
     def _height_target(self, navigated: NavigatedState, leader: LeaderState) -> HeightTarget:
-        """How high the slot is: now, and when a setpoint takes effect."""
+        """Return the height of the slot, now and when a setpoint takes effect."""
         now, ahead_s = navigated.state.time_s, self._height.delay_s(navigated)
         target = self.followed.height(leader, now, ahead_s)
         (up, rate), (up_ahead, _) = self._slot_height(now), self._slot_height(now + ahead_s)
@@ -146,25 +145,25 @@ class FollowerRole(Role):
         )
 
     def _leader_height(self, leader: LeaderState, now: float, ahead_s: float) -> float:
-        """Height of the leader in so many seconds, m above the origin."""
+        """Return the leader's height `ahead_s` seconds from now, m above the origin."""
         return self.followed.height(leader, now, ahead_s).ahead
 
     def _slot_height(self, time_s: float) -> tuple[float, float]:
-        """(height of the slot above the leader in m, its rate in m/s) at a time of the own clock, s."""
+        """Return (slot height above the leader in m, its rate in m/s) at a time of the own clock, s."""
         return self._arrangements.flight.height(self._plan.name, time_s) or (self._plan.up, 0.0)
 
     def receive(self, data: bytes, now: float) -> None:
-        """Take a leader state, or a datagram of one without a companion, if it is sound and newer."""
+        """Follow the leader by a sound and newer state, or datagram of a leader without a companion."""
         if self.note_leader(data, now):
             self.follow_leader()
 
     def follow_leader(self) -> None:
-        """Fly by the mission's leader, as it was heard last."""
+        """Fly by the newest state of the mission's leader."""
         self._breakaway_course = None
         self.followed.follow_leader()
 
     def note_leader(self, data: bytes, now: float) -> bool:
-        """Take a state of the mission's leader as one of any other vehicle; whether it is sound and newer."""
+        """Take a state of the mission's leader like any vehicle's; return whether it is sound and newer."""
         newer = self.followed.note_leader(data, now)
         receiver = self.followed.receiver
         heard = receiver.newest
@@ -175,12 +174,12 @@ class FollowerRole(Role):
         return newer
 
     def receive_lead(self, vehicle: str, data: bytes, now: float) -> None:
-        """Take a state of the leader by which a deputy leads, and fly by it if it is sound and newer."""
+        """Take a leader state by which a deputy leads, and fly by it if it is sound and newer."""
         if self.followed.note_lead(vehicle, data, now):
             self.follow_lead()
 
     def follow_lead(self) -> None:
-        """Fly by the leader by which a deputy leads, as it was heard last."""
+        """Fly by the newest leader state of a leading deputy."""
         self._breakaway_course = None
         self.followed.follow_lead()
 
@@ -197,31 +196,31 @@ class FollowerRole(Role):
             self.followed.stories.hear_follower(vehicle, state, now)
 
     def receive_traffic(self, report: TrafficReport, now: float) -> None:
-        """Take what the own autopilot reports of an aircraft that is not of the formation."""
+        """Take the own autopilot's report of an aircraft outside the formation."""
         self._keep_clear.aircraft.take(report, now)
 
     def unheard(self) -> list[str]:
-        """Names of other followers that were never heard."""
+        """Return the names of other followers never heard."""
         return self._traffic.unheard()
 
     def lose_link(self, now: float) -> None:
-        """Note that nobody can be heard now: who has been silent since then may fly on as before."""
+        """Note that nobody can be heard now: silent vehicles may fly on as before."""
         self._traffic.lose_link(now)
 
     def to_leader(self, now: float) -> bytes:
-        """Heartbeats and questions for the time, where the leader has no companion."""
+        """Return heartbeats and time requests for a leader without a companion."""
         return self.followed.to_say(now)
 
     def leader_age(self, now: float) -> float:
-        """Age of the newest leader state, s; 0 for a deputy that leads, infinite before the first."""
+        """Return the age of the newest leader state, s; 0 for a leading deputy, infinite before the first."""
         return self.followed.age(now)
 
     def slot_at(self, time_s: float) -> Slot:
-        """The slot at a time of the own clock (s): the one that was ordered, or the mission's."""
+        """Return the ordered slot, or else the mission's, at a time of the own clock, s."""
         return self._arrangements.flight.slot(self._plan.name, time_s) or self._task.slot
 
     def step(self, navigated: NavigatedState, mode: Mode) -> RoleStep:
-        """One step toward the slot, or away from the others once the formation breaks up."""
+        """Steer toward the slot, or away from the others once the formation breaks up."""
         motion = self._report.note(navigated)
         self.followed.note_own(navigated)
         self._traffic.satellite_m = navigated.satellite_m
@@ -294,11 +293,11 @@ class FollowerRole(Role):
         )
 
     def _up(self, navigated: NavigatedState) -> float:
-        """How far above the vehicle its slot is, m."""
+        """Return the height of the slot above the vehicle, m."""
         return self._height_wanted.height - (navigated.altitude_amsl - self._plan.frame.altitude_m)
 
     def _late_law(self, keeper: SlotKeeper, navigated: NavigatedState, leader: LeaderState) -> Law:
-        """What a law asks for of the vehicle as it will be."""
+        """Return a law to be applied to the vehicle's predicted state."""
 
         def law(ahead: VehicleState) -> Setpoint:
             return keeper.step(ahead, leader, period=navigated.period, held=self._avoiding).setpoint
@@ -308,7 +307,7 @@ class FollowerRole(Role):
     def _intent(
         self, navigated: NavigatedState, leader: LeaderState, away: Setpoint | None
     ) -> Intent:
-        """What it would fly if it were alone with its leader."""
+        """Return the motion of this vehicle if it were alone with its leader."""
         return Intent(
             wanted=self._wanted(navigated, leader, away),
             leader=leader,
@@ -321,7 +320,7 @@ class FollowerRole(Role):
     def _wanted(
         self, navigated: NavigatedState, leader: LeaderState, away: Setpoint | None
     ) -> WantedMotion:
-        """Where guidance goes: onto the slot as its law does, or straight away from the others."""
+        """Return the motion that guidance wants: onto the slot, or straight away in a breakaway."""
         state = navigated.state
         if away is not None and self._breakaway_course is not None:
             velocity = cmath.rect(state.ground_speed, self._breakaway_course)
@@ -348,7 +347,7 @@ class FollowerRole(Role):
         mode: Mode,
         course_setpoint: float,
     ) -> bytes | None:
-        """The own state for the other vehicles, now and then; most often of a vehicle that is not steered."""
+        """Return the own state for the others at intervals, shortest while not steered; else None."""
         now = navigated.state.time_s
         time_s = self._clock.from_own(now)
         in_slot = self._distance < IN_SLOT_M and not self._avoiding
@@ -356,7 +355,7 @@ class FollowerRole(Role):
         interval = PUBLISH_IN_SLOT_S if in_slot and straight else PUBLISH_S
         if not mode.steers:
             interval = PUBLISH_FREE_S
-        # Half a period early is nearer to the time than half a period late.
+        # Within half a period of the due time, now is closer to it than the next report.
         due = now - self._published_time >= interval - 0.5 * navigated.period
         if not (due and math.isfinite(time_s)):
             return None
@@ -373,7 +372,7 @@ class FollowerRole(Role):
         )
 
     def _away(self, navigated: NavigatedState, leader: LeaderState) -> Setpoint:
-        """Setpoint of the breakaway: a fixed course to the side of the slot."""
+        """Return the setpoint of the breakaway: a fixed course to the side of the slot."""
         if self._breakaway_course is None:
             self._breakaway_course = breakaway_course(
                 leader.course, self.slot_at(navigated.state.time_s)

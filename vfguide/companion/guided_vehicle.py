@@ -26,27 +26,27 @@ from vfguide.laws.leader import LeaderTask, PathField, steepest_gain
 from vfguide.mavlink.adapter import AutopilotAdapter
 from vfguide.mavlink.announcements import NOTICE, WARNING, named_value
 
-# Gains that a mission has chosen and an aircraft does not bear: they are upper bounds, and less is flown.
+# The mission's gains are upper bounds: an aircraft that does not bear them is flown with less.
 
 WORTH = 1.05
-"""Factor between a gain and what is flown of it from which that is worth a word."""
+"""Factor between a written and a flown gain from which the pilot is told."""
 
 
 class LoweredGain(msgspec.Struct, frozen=True, kw_only=True):
-    """A gain that is not flown as it is written."""
+    """Gain that is not flown as written."""
 
     name: str
-    """Its field."""
+    """Name of its field."""
     written: float
-    """In the mission."""
+    """Value in the mission."""
     flown: float
-    """By this aircraft."""
+    """Value for this aircraft."""
 
     def sentence(self, who: str = "this aircraft bears") -> str:
-        """Return what is flown in its place, and why.
+        """Return which value is flown, and why.
 
         Args:
-            who: does not bear it.
+            who: subject that cannot bear the gain, with its verb.
         """
         side = "more" if self.flown < self.written else "less"
         return (
@@ -56,7 +56,7 @@ class LoweredGain(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def lowered_gains(plan: FlightPlan) -> list[LoweredGain]:
-    """Return the gains that are not flown as they are written; none while the response is not known."""
+    """Return the gains that are not flown as written; none while the response is unknown."""
     certainty = plan.certainty
     known = max(certainty.course.spread, certainty.speed.spread) < TOLD.spread
     if not known or plan.softness != FIRM or plan.asks_response or not plan.learns:
@@ -83,10 +83,10 @@ def lowered_gains(plan: FlightPlan) -> list[LoweredGain]:
 
 
 INTERVAL_S = 0.5
-"""Between two values of a name: a ground station draws a curve of them, and a telemetry radio has room."""
+"""Interval of one plotted value, s: enough for a ground station's curve, and cheap for a telemetry radio."""
 
 OLD_S = 1.0
-"""An error that is older than this is not sent: the curve has a gap there."""
+"""Age beyond which an error is not sent, s: the curve has a gap there."""
 
 MODE_NUMBERS = {
     Mode.WAITING: 0,
@@ -97,19 +97,18 @@ MODE_NUMBERS = {
     Mode.LOST: 5,
     Mode.PILOT: 6,
 }
-"""What `form_mode` shows; people's plots go by them, so they stay."""
+"""Values of `form_mode`; users' plots depend on them, so they stay."""
 
 
 class PlottedValues:
-    """What one companion sends to be plotted."""
+    """Values that one companion sends to be plotted."""
 
     def __init__(self) -> None:
-        """Have nothing to send but the mode."""
         self._errors: dict[str, float] = {}
         self._noted_s = self._sent_s = -math.inf
 
     def note(self, step: RoleStep, now: float) -> None:
-        """Take the errors (m) of a step of guidance: a leader's has none along its path."""
+        """Take the errors of a guidance step, m; a leader has none along its path."""
         self._noted_s = now
         if math.isnan(step.along_track):
             self._errors = {"path_cross": step.cross_track}
@@ -121,12 +120,7 @@ class PlottedValues:
             }
 
     def due(self, mode: Mode, now: float) -> list[MAVLink_message]:
-        """What is to be sent now; twice a second, and errors only while they are of now and finite.
-
-        Args:
-            mode: of the companion.
-            now: s.
-        """
+        """Return the values due now, twice a second; errors only while they are recent and finite."""
         if now - self._sent_s < INTERVAL_S:
             return []
         self._sent_s = now
@@ -137,14 +131,14 @@ class PlottedValues:
 
 
 FAILURE_S = 10.0
-"""Between two texts that guidance fails."""
+"""Interval of texts about a guidance failure, s."""
 
 
 class GuidedVehicle:
-    """What a companion makes of its vehicle's positions, and what it made of the last."""
+    """Navigation and guidance of one vehicle, with the results of the last step."""
 
     slot: Point | None
-    """That was ordered; None for the mission's, and for the leader."""
+    """Ordered slot; None for the mission's, and for the leader."""
 
     def __init__(
         self,
@@ -158,17 +152,17 @@ class GuidedVehicle:
         sends_target: bool,
         role: RoleMaker = role_of,
     ) -> None:
-        """Make one of which nothing has been heard yet.
+        """Make a vehicle of which nothing has been heard yet.
 
         Args:
-            plan: of the vehicle.
-            adapter: how to speak to its autopilot.
-            authority: who may steer.
-            clock: that the formation shares.
-            arrangements: what was ordered of the formation.
-            alerts: takes what the pilot should know.
-            sends_target: whether to send FOLLOW_TARGET, if this is the leader.
-            role: makes its part in the formation.
+            plan: the vehicle's part of the mission.
+            adapter: autopilot-specific protocol.
+            authority: decides who may steer.
+            clock: clock shared by the formation.
+            arrangements: orders of the formation.
+            alerts: takes news for the pilot.
+            sends_target: whether a leader sends FOLLOW_TARGET.
+            role: factory of its role in the formation.
         """
         self._make_role = role
         self._adapter = adapter
@@ -182,48 +176,48 @@ class GuidedVehicle:
         self._gains_of: FlightPlan | None = None
         self._target_sender = TargetSender(plan) if sends_target else None
         self.plotted = PlottedValues()
-        """What ground stations draw of the flight."""
+        """Values that ground stations plot."""
         self.telemetry_time = -math.inf
-        """When guidance was computed last, s."""
+        """Time of the last guidance step, s."""
         self.interval = math.inf
-        """Between the last two positions, s."""
+        """Interval of the last two positions, s."""
         self.distance = math.inf
-        """From slot or path, m; infinite while not known."""
+        """Distance from slot or path, m; infinite while unknown."""
         self.slot = None
         self.lyapunov = math.nan
-        """Of the last step that was steered by, m²; NaN for the leader."""
+        """Lyapunov function of the last step that steered, m²; NaN for the leader."""
         self.wind: tuple[float, float] | None = None
-        """(north, east) of the wind that it flies by, m/s; None while not known."""
+        """Wind (north, east) used for guidance, m/s; None while unknown."""
         self.altitude = math.nan
         """m above mean sea level."""
         self.is_ready = False
-        """Whether a setpoint has been computed that may be flown."""
+        """Whether a setpoint fit to fly has been computed."""
         self.has_steered = False
-        """Whether one was ever flown."""
+        """Whether a setpoint was ever flown."""
 
     def _fly_by(self, plan: FlightPlan) -> None:
         self.plan = plan
-        """By which it flies."""
+        """Active flight plan."""
         self.response = response_of(plan)
-        """The same, for the record."""
+        """Response of that plan, for the record."""
         self.own = OwnVehicle(plan, self._alerts)
-        """Its navigation."""
+        """Navigation of the vehicle."""
         self.role = self._make_role(plan, self._clock, self._arrangements, self._alerts)
-        """Its part in the formation."""
+        """Role in the formation."""
         self.steering = Steering(plan, self._adapter, self.own, self._alerts)
-        """What goes to its autopilot."""
+        """Output to the autopilot."""
 
     def adopt(self, plan: FlightPlan) -> None:
-        """Fly by another plan from now on; what was known of the flight is learned anew, in a second."""
+        """Fly by another plan from now on; knowledge of the flight is rebuilt within a second."""
         if plan is self.plan:
             return
         self._arrangements.adopt(plan)
         self._fly_by(plan)
 
     def learn(self, now: float) -> FlightPlan | None:
-        """Return another plan, where the flight has shown another response than the one that is flown by.
+        """Return a new plan if the flight has shown another response than the one in use.
 
-        What is known of the formation is kept, and the pilot hears of it.
+        Knowledge of the formation is kept, and the pilot is told.
         """
         own, softness = self.own, self._guard.softness
         flown = doubting(self.plan) if self._guard.doubted else self.plan
@@ -245,13 +239,13 @@ class GuidedVehicle:
         return plan
 
     def is_given_up(self, now: float) -> bool:
-        """Return whether it is better off by its autopilot: nothing could be flown, or it is thrown about."""
+        """Check whether to hand back: no setpoint could be flown, or they throw the vehicle about."""
         return self.steering.closed(now) or self._guard.gives_up
 
     def step(
         self, navigated: NavigatedState, mode: Mode, now: float, out: Outgoing
     ) -> RoleStep | None:
-        """One guidance step, which is shared with the formation; None where there is nothing to steer by."""
+        """Run one guidance step and share it with the formation; return None without anything to steer by."""
         self.wind = navigated.state.wind_north, navigated.state.wind_east
         self.altitude = navigated.place.altitude_amsl
         self._learner.observe(self.plan, navigated, self.own.air.fresh_bank(now))
@@ -261,13 +255,13 @@ class GuidedVehicle:
         try:
             step = self.role.step(navigated, mode)
         except Exception as error:  # noqa: BLE001 - of a law or a path, of one's own or ours
-            # Without a step telemetry counts as lost: the vehicle is handed back soon.
+            # Without a step, telemetry counts as lost: the vehicle is handed back soon.
             self._tell_of_failure(error)
             return None
         self.telemetry_time = now
         self.interval = navigated.interval
         self.distance, self.slot = step.distance, step.slot
-        # Who has left the formation has no slot to be away from.
+        # A vehicle that has left the formation has no slot error.
         if not self._arrangements.flight.has_left:
             self.plotted.note(step, now)
         out.share(step)
@@ -277,7 +271,7 @@ class GuidedVehicle:
     def steer(
         self, step: RoleStep, navigated: NavigatedState, mode: Mode, now: float, out: Outgoing
     ) -> list[MAVLink_message]:
-        """What a step sends to the autopilot."""
+        """Return the messages that a step sends to the autopilot."""
         ceiling = self._arrangements.flight.ceiling
         setpoint = self.steering.check(step, now, ceiling=ceiling)
         steers = mode.steers and self._authority.is_current(now)
@@ -286,7 +280,7 @@ class GuidedVehicle:
         if not steers:
             self._guard.reset()
         elif step.keeps_clear:
-            # Another vehicle decides how hard it turns.
+            # Another vehicle determines how hard it turns.
             self._guard.pause()
         if setpoint is None:
             return []
@@ -313,7 +307,7 @@ class GuidedVehicle:
         return []
 
     def _tell_of_gains(self) -> None:
-        """Tell the pilot once of each gain of the mission that this aircraft does not bear."""
+        """Tell the pilot once of each gain that this aircraft does not bear."""
         if self._gains_of is self.plan:
             return
         self._gains_of = self.plan
@@ -321,12 +315,12 @@ class GuidedVehicle:
             self._alerts.say(f"gain: {one.name}", NOTICE, one.sentence(), quiet_s=math.inf)
 
     def _tell_of_failure(self, error: Exception) -> None:
-        """Tell the pilot, now and then, that guidance has failed."""
+        """Tell the pilot, at intervals, that guidance has failed."""
         text = f"guidance fails ({described_error(error)}): take over; mend the law or the path"
         self._alerts.say("guidance", WARNING, text, quiet_s=FAILURE_S)
 
     def _tell_followers(self, step: RoleStep, navigated: NavigatedState, out: Outgoing) -> None:
-        """FOLLOW_TARGET for aircraft without a companion; a failure to send it ends no flight."""
+        """Send FOLLOW_TARGET to aircraft without a companion; a failure to send ends no flight."""
         if self._target_sender is None:
             return
         try:

@@ -1,8 +1,8 @@
-"""What a flight shows of its aircraft's response: another plan where it contradicts the one that is flown.
+"""In-flight identification of an aircraft's response: yields a new plan if it contradicts the old one.
 
-Bank and course setpoints show the course hold, airspeeds and their setpoints the speed hold, bank and turn
-rate the slip. What is learned wins over what was declared, told or guessed. The pilot hears it with the lines
-for the mission.
+Bank angles and course setpoints show the course hold. Airspeeds and their setpoints show the speed hold; bank
+angle and turn rate show the slip. What is learned overrides what was declared, told or guessed. The pilot
+hears of it, with the lines for the mission.
 """
 
 import math
@@ -27,13 +27,13 @@ from vfguide.guidance.response import COURSE, SPEED, TOLD, HoldCertainty, HoldLe
 from vfguide.state import Airframe, Setpoint, SpeedHold
 
 STEP = 0.02
-"""A turn efficiency that differs by less from the one that is flown by changes nothing."""
+"""Least change of turn efficiency that changes the plan."""
 
 BANK_STEP = math.radians(1.0)
-"""A limit of the bank that differs by less from the one that is flown by changes nothing."""
+"""Least change of a bank limit that changes the plan, rad."""
 
 UNHEARD_S = 20.0
-"""After so long without a bank the pilot hears that there is none."""
+"""Time without a bank angle after which the pilot is told, s."""
 
 UNHEARD = (
     "no ATTITUDE is heard, so that slips: auto cannot find out: flown as a vehicle that slips; see that the"
@@ -41,50 +41,52 @@ UNHEARD = (
 )
 
 LEAST_EXPLAINED = 0.5
-"""Share of the motion that a model explains, below which it is no model of it."""
+"""Least share of the motion that a valid model explains."""
 
 SPEED_EXPLAINED = 0.8
-"""The same of speeds, which gusts change as much as the hold does."""
+"""Same for speeds, which gusts change as much as the hold does."""
 
 ALL_EXPLAINED = 0.97
-"""Share of the motion from which a hold is one of first order."""
+"""Share of the motion above which a hold counts as first-order."""
 
 WIDEST_SPREAD = 2.0
-"""A gain that is known less well changes nothing."""
+"""Spread of a gain above which it changes nothing."""
 
 NEWS = 1.5
-"""Factor by which a gain has to differ from the one that the pilot heard last."""
+"""Factor between a new gain and the last one told that makes it worth telling."""
 
 LEFT_RATIO, LEFT_SHARE = 2.0, 0.05
-"""A declaration is contradicted where it leaves more than so many times what the best model leaves of the
-motion, and such a share of it beside."""
+"""A declaration is contradicted if it leaves more motion unexplained than this multiple of the best model's
+rest, plus this share of the motion."""
 
 LIKENESS: dict[SpeedHold, tuple[float, float]] = {
     "first-order": (1.15, 0.12),
     "total-energy": (2.5, 1.0),
 }
-"""(Factor between gains, difference of delays in s) that is none, by the kind of hold. A total-energy hold
-answers by pitch at once and by throttle later: a model of first order is only roughly its own."""
+"""(Factor between gains, difference of delays in s) that counts as equal, by the kind of hold.
+
+A total-energy hold answers by pitch at once and by throttle later: a first-order model fits it only roughly.
+"""
 
 RETUNED_S = 4.0
-"""Least time between two changes, s: what one of them does is seen before the next."""
+"""Least time between two changes, s: the effect of one shows before the next."""
 
 JUDGED_S = 0.5
-"""What was learned is looked at no more often than this, s."""
+"""Least interval of evaluating what was learned, s."""
 
 SLOWEST_HOLD = 0.5
-"""1/s: what a speed hold asks for at least for each m/s that it is off, as far as energy is concerned."""
+"""Least acceleration that a speed hold asks for per m/s of error, in the energy check, 1/s."""
 
 SURE_SHARE = 0.75
-"""Of the greatest turn rate: beyond it nothing is learned of a course hold. A vehicle that banks less than
-its mission says would be taken for a slow one."""
+"""Share of the greatest turn rate beyond which nothing is learned of a course hold. A vehicle that banks less
+than its mission says would pass for a slow one."""
 
 COORDINATED_SHARE = 1.0
-"""Of the turn that its bank says, of a vehicle that does not slip."""
+"""Turn efficiency of a vehicle that does not slip."""
 
 
 class FlownHold(msgspec.Struct, frozen=True, kw_only=True):
-    """How one hold is taken to answer."""
+    """Response of one hold as guidance assumes it."""
 
     gain: float
     """1/s."""
@@ -93,23 +95,21 @@ class FlownHold(msgspec.Struct, frozen=True, kw_only=True):
     lag: float
     """s."""
     certainty: HoldCertainty
-    """How well that is known."""
     least_explained: float = LEAST_EXPLAINED
-    """Share of the motion that a model has to explain to replace it."""
+    """Share of the motion that a model must explain to replace this one."""
     kind: SpeedHold = "first-order"
-    """Whether a model of first order is its own."""
+    """Kind of the hold: a first-order model fits a total-energy one only roughly."""
 
 
 class ResponseLearner:
-    """Watches one vehicle's answers, and finds the plan that fits them."""
+    """Learner of one vehicle's response, and of the plan that fits it."""
 
     def __init__(self) -> None:
-        """Know nothing yet."""
         self._course, self._speed = HoldLearner(COURSE), HoldLearner(SPEED)
         self._bank = BankLimit()
         self._course_wanted: float | None = None
         self.confirmed = False
-        """Whether the vehicle takes up courses just as it is flown by."""
+        """Whether the vehicle takes up courses just as guidance assumes."""
         self._retuned_s = self._judged_s = -math.inf
         self._told: dict[str, float] = {}
         self._speed_wanted: float | None = None
@@ -119,7 +119,7 @@ class ResponseLearner:
         self._complained = False
 
     def note(self, setpoint: Setpoint | None, now: float) -> None:
-        """A setpoint has gone out; None: the vehicle is not steered."""
+        """Note the setpoint that was sent; None: the vehicle is not steered."""
         if setpoint is None:
             self._course.forget_setpoints()
             self._speed.forget_setpoints()
@@ -131,12 +131,12 @@ class ResponseLearner:
         self._course_wanted = None if setpoint is None else setpoint.course
 
     def observe(self, plan: FlightPlan, navigated: NavigatedState, bank: float | None) -> None:
-        """Take how the vehicle moves.
+        """Take the vehicle's motion.
 
         Args:
-            plan: that is flown by.
+            plan: plan in use.
             navigated: state of the vehicle.
-            bank: rad, positive right; None where none is fresh.
+            bank: bank angle, rad, positive right; None without a fresh one.
         """
         state, airframe = navigated.state, plan.airframe
         if navigated.moved:
@@ -172,13 +172,13 @@ class ResponseLearner:
     def step(
         self, plan: FlightPlan, slip: TurnEfficiency, now: float, *, bank_heard: bool
     ) -> tuple[list[str], FlightPlan | None]:
-        """Return (sentences for the pilot, another plan or None).
+        """Return (sentences for the pilot, new plan or None).
 
         Args:
-            plan: that is flown by.
-            slip: what was learned of its turns.
+            plan: plan in use.
+            slip: turn efficiency learned so far.
             now: s.
-            bank_heard: whether the autopilot has ever told a bank.
+            bank_heard: whether the autopilot has ever told a bank angle.
         """
         if plan.asks_response:
             return [], None
@@ -202,7 +202,7 @@ class ResponseLearner:
             seen = self._course.response()
             course = news_of(self._course, seen, flown)
             self.confirmed = seen is not None and confirms(seen, flown)
-        # A hold that creeps has a model of its own, by which it is asked for more than is wanted.
+        # A creeping hold has its own model, which commands it to more than is wanted.
         if plan.learns and plan.creeping_hold is None:
             speed = news_of(
                 self._speed,
@@ -233,7 +233,7 @@ class ResponseLearner:
         return words, None if found == plan else found
 
     def _find_limit(self, plan: FlightPlan, words: list[str]) -> FlightPlan:
-        """Return the plan with the bank that is reached at most, and say so once."""
+        """Return the plan with the greatest bank reached in flight; tell the pilot once."""
         limit = self._bank.value
         known = plan.airframe.max_bank
         if limit is not None and abs(limit - known) < BANK_STEP:
@@ -259,7 +259,7 @@ class ResponseLearner:
         course: HoldResponse | None,
         speed: HoldResponse | None,
     ) -> list[str]:
-        """Return what the pilot hears: once for each hold, and again where that has changed much."""
+        """Return texts for the pilot, once per hold, and again after a large change."""
         words = []
         if course is not None and self._is_news("alpha_1_s", before.alpha, after.alpha):
             words.append(
@@ -278,7 +278,7 @@ class ResponseLearner:
         return words
 
     def _is_news(self, name: str, before: float, after: float) -> bool:
-        """Whether a gain is far from the one that was told last, or declared."""
+        """Check whether a gain is far from the last one told, or else from the one flown before."""
         told = self._told.get(name, before)
         if max(after / told, told / after) < NEWS:
             return False
@@ -304,7 +304,7 @@ class ResponseLearner:
         return words, turning(plan, known.value, slips=slips)
 
     def _unheard(self, plan: FlightPlan, now: float, *, heard: bool) -> list[str]:
-        """Return the sentence that nothing can be learned, once."""
+        """Return, once, the sentence that slip cannot be found out."""
         self._since = min(self._since, now)
         waits = heard or self._complained or now - self._since < UNHEARD_S
         if waits or not plan.slips:
@@ -316,15 +316,15 @@ class ResponseLearner:
 def is_short_of_energy(
     error: float, airspeed: float, climb_rate: float, airframe: Airframe
 ) -> bool:
-    """Return whether a climb or a descent leaves less acceleration than a speed hold wants.
+    """Check whether climbing or descending leaves less acceleration than a speed hold wants.
 
-    Such a vehicle is late because of its engine or its drag, whatever its speed hold is.
+    Such a vehicle is late because of its engine or drag, not because of its speed hold.
 
     Args:
-        error: wanted speed less the one that is flown, m/s.
+        error: wanted less actual speed, m/s.
         airspeed: m/s.
         climb_rate: m/s, positive up.
-        airframe: with the climb and sink rates that the vehicle keeps up.
+        airframe: with the sustained climb and sink rates.
     """
     if abs(climb_rate) < LEAST_CLIMB:
         return False
@@ -338,7 +338,7 @@ def is_short_of_energy(
 def news_of(
     learner: HoldLearner, found: HoldResponse | None, flown: FlownHold
 ) -> HoldResponse | None:
-    """Return what was learned of a hold, where that is to be flown by in place of what is; else None."""
+    """Return the learned response of a hold if it should replace the one in use; else None."""
     if found is None or found.explained < flown.least_explained:
         return None
     likeness, likeness_s = LIKENESS["first-order" if is_first_order(found) else flown.kind]
@@ -349,7 +349,7 @@ def news_of(
         return found if found.spread * likeness < flown.certainty.spread else None
     impossible = not found.least <= flown.gain <= found.greatest
     if flown.certainty.spread < TOLD.spread or found.spread > WIDEST_SPREAD:
-        # Only what explains the flight much worse is no longer flown by.
+        # A response is replaced only if it explains the flight much worse.
         left = 1.0 - learner.explained_by(flown.gain, flown.dead_time, flown.lag)
         contradicts = left > LEFT_RATIO * (1.0 - found.explained) + LEFT_SHARE
         settled = found.spread <= WIDEST_SPREAD or impossible
@@ -358,19 +358,19 @@ def news_of(
 
 
 def confirms(found: HoldResponse, flown: FlownHold) -> bool:
-    """Return whether what was learned of a hold is what is flown by, and explains all of the motion."""
+    """Check whether a learned response agrees with the one in use, and explains all of the motion."""
     late = flown.dead_time + flown.lag
     agrees = found.least <= flown.gain <= found.greatest and found.earliest <= late <= found.latest
     return agrees and is_first_order(found)
 
 
 def is_first_order(found: HoldResponse) -> bool:
-    """Return whether a model of first order explains all of a hold, so that it is one."""
+    """Check whether a first-order model explains all of a hold's motion."""
     return found.explained > ALL_EXPLAINED and found.spread < WIDEST_SPREAD
 
 
 def slip_sentence(efficiency: float, *, slips: bool) -> str:
-    """Return what was found of the slip, for the pilot."""
+    """Return the finding on slip as a sentence for the pilot."""
     found = f"it turns {efficiency:.2f} of what its bank says"
     if slips:
         return f"{found}: flown as a vehicle that slips; nothing to do"

@@ -1,4 +1,4 @@
-"""The interface of a role (leader, follower, deputy) in a companion, and the values that go in and out.
+"""Interface of a role in a companion (leader, follower, deputy), and its inputs and outputs.
 
 A vehicle's motion, estimated from its own states, is sent to companions and as FOLLOW_TARGET.
 """
@@ -28,106 +28,106 @@ from vfguide.state import GAP_S, HeardState, LeaderFix, LeaderState, Setpoint
 
 
 class Lead(msgspec.Struct, frozen=True, kw_only=True):
-    """By what a vehicle leads."""
+    """Leadership by a vehicle."""
 
     term: int
-    """The term in which it leads."""
+    """Term of this leadership."""
     motion: LeaderState
-    """Of the leader: itself, or one that it carries on."""
+    """Motion of the leader: the vehicle itself, or one that it carries on."""
 
 
 class RoleStep(msgspec.Struct, frozen=True, kw_only=True):
-    """What a part makes of one state."""
+    """Result of one guidance step of a role."""
 
     setpoint: Setpoint | None
-    """None where there is nothing to steer by."""
+    """None without anything to steer by."""
     distance: float
-    """m from path or slot; infinite while not known."""
+    """Distance from path or slot, m; infinite while unknown."""
     lyapunov: float
-    """W, m²; NaN for the leader."""
+    """Lyapunov function W, m²; NaN for the leader."""
     publish: bytes | None
     """Own state for the link."""
     height: float
-    """To be asked of the autopilot now, m above the mission's origin; it leads by the autopilot's delay."""
+    """Height to command now, m above the mission's origin; it leads by the autopilot's delay."""
     keeps_clear: bool = False
-    """Whether the setpoint keeps clear of another vehicle, in the place of what guidance asks for."""
+    """Whether the setpoint keeps clear of another vehicle, in place of guidance's."""
     climb_m: float = 0.0
-    """To be added to that, m: it keeps clear of another vehicle."""
+    """Step to add to the height in order to keep clear, m."""
     along_track: float = math.nan
-    """How far ahead the slot is, m; NaN for the leader and while not known."""
+    """Distance to the slot, positive ahead of the vehicle, m; NaN for the leader and while unknown."""
     cross_track: float = math.nan
-    """How far to the right the slot is, or the path, m; NaN while not known."""
+    """Distance to slot or path, positive right of the vehicle, m; NaN while unknown."""
     up: float = math.nan
-    """How far above the vehicle the slot is, m; NaN for the leader and while not known."""
+    """Height of the slot above the vehicle, m; NaN for the leader and while unknown."""
     motion: LeaderState | None = None
-    """Of the leader, by itself; None for a follower."""
+    """The leader's own motion; None for a follower."""
     slot: Point | None = None
-    """That was ordered; None for the mission's, and for the leader."""
+    """Ordered slot; None for the mission's, and for the leader."""
     lead: bytes | None = None
-    """State of the leader by which this vehicle leads, for the link; None where it does not."""
+    """Leader state by which this vehicle leads, for the link; None where it does not lead."""
 
 
 class Role(Protocol):
-    """A part in the formation."""
+    """Part of a vehicle in the formation."""
 
     @property
     def counters(self) -> Counter[str]:
-        """What came over the link and was not used, by reason."""
+        """Messages from the link that were not used, counted by reason."""
 
     def step(self, navigated: NavigatedState, mode: Mode) -> RoleStep:
-        """Guidance for a navigated report, in the supervisor's present mode."""
+        """Run guidance for a navigated report, in the supervisor's present mode."""
 
     def retune(self, plan: FlightPlan) -> None:
-        """Go on with another response of the same vehicle; what is known of the formation is kept."""
+        """Go on with another response of the same vehicle, and keep what is known of the formation."""
 
     def receive(self, data: bytes, now: float) -> None:
         """Take a leader state from the link."""
 
     def receive_lead(self, vehicle: str, data: bytes, now: float) -> None:
-        """Take a state of the leader by which another vehicle leads; of use only where there are deputies."""
+        """Take a leader state by which the named vehicle leads; ignored unless the mission names deputies."""
         del vehicle, data, now
 
     def leave(self) -> RoleStep | None:
-        """Last states for the link, before this companion ends; of use only where there are deputies."""
+        """Return the last states for the link before this companion ends; None without deputies."""
         return None
 
     @property
     def lead(self) -> Lead | None:
-        """By what this vehicle leads and its companion steers it; None where there are no deputies."""
+        """Own leadership while the companion steers; None while not leading, or without deputies."""
         return None
 
     @property
     def foreign_leader(self) -> HeardState | None:
-        """How a leader without a companion was heard to move last, on the own clock; None of any other."""
+        """Newest state of a leader without a companion, on the own clock; None for any other leader."""
         return None
 
     @property
     def leadership(self) -> tuple[str, int] | None:
-        """Who leads as far as is known, and its term; None where there are no deputies."""
+        """Known leader and its term; None without deputies."""
         return None
 
     def receive_neighbour(self, vehicle: str, data: bytes, now: float) -> None:
         """Take the state of another follower from the link."""
 
     def receive_traffic(self, report: TrafficReport, now: float) -> None:
-        """Take what the own autopilot reports of an aircraft that is not of the formation."""
+        """Take the own autopilot's report of an aircraft outside the formation."""
 
     def unheard(self) -> list[str]:
-        """Names of followers that were never heard: nobody can keep clear of them. A leader needs not."""
+        """Return the followers never heard, of which nobody can keep clear; empty for a leader."""
         return []
 
     def lose_link(self, now: float) -> None:
         """Note that nobody can be heard now."""
 
     def to_leader(self, now: float) -> bytes:
-        """What is to be said to a leader without a companion, one datagram."""
+        """Return one datagram for a leader without a companion; empty for any other."""
 
     def leader_age(self, now: float) -> float:
-        """Seconds since the newest leader state was true."""
+        """Return the age of the newest leader state, s."""
 
 
 def flight_event(vehicle: str, event: Event) -> FlightEvent:
-    """An event of a vehicle's companion as an entry of a record."""
+    """Return an event of a vehicle's companion as an entry of a record."""
     return FlightEvent(
         time_s=event.time_s,
         vehicle=vehicle,
@@ -138,37 +138,37 @@ def flight_event(vehicle: str, event: Event) -> FlightEvent:
 
 
 class Outgoing(msgspec.Struct):
-    """What a call leads to."""
+    """Output of one call to a companion."""
 
     to_autopilot: bytes = b""
     """One datagram."""
     to_link: list[bytes] = msgspec.field(default_factory=list)
     """Own states."""
     to_followers: list[bytes] = msgspec.field(default_factory=list)
-    """States of the leader by which this vehicle leads, in a term above 0."""
+    """Leader states by which this vehicle leads, in a term above 0."""
     replies: list[bytes] = msgspec.field(default_factory=list)
     """Answers to orders."""
     repeats: list[bytes] = msgspec.field(default_factory=list)
-    """Orders, as they were signed, for vehicles that have missed them."""
+    """Signed orders for vehicles that have missed them."""
     requested: list[Order] = msgspec.field(default_factory=list)
-    """Orders that a ground station has requested, to be given."""
+    """Orders requested by a ground station, to be issued."""
     to_leader: bytes = b""
-    """One datagram, for a leader without a companion."""
+    """One datagram for a leader without a companion."""
     to_others: bytes = b""
-    """One datagram, for followers without a companion."""
+    """One datagram for followers without a companion."""
     steered: bool = False
-    """Whether the vehicle is steered: the setpoint goes to the autopilot unless that has it already."""
+    """Whether the vehicle is steered; the setpoint is sent unless the autopilot already has it."""
     events: list[Event] = msgspec.field(default_factory=list)
-    """In the order in which they happened."""
+    """In order of occurrence."""
 
     @property
     def is_empty(self) -> bool:
-        """Whether nothing has come of the call."""
+        """Whether the call has yielded nothing."""
         said = self.to_autopilot or self.to_link or self.to_followers or self.to_others
         return not (said or self.steered or self.events or self.requested)
 
     def share(self, step: RoleStep | None) -> None:
-        """Send over the link what a step of the vehicle's part has to say, if there was one."""
+        """Add a step's states to the output for the link."""
         if step is not None and step.publish is not None:
             self.to_link.append(step.publish)
         if step is not None and step.lead is not None:
@@ -176,31 +176,31 @@ class Outgoing(msgspec.Struct):
 
 
 class Snapshot(msgspec.Struct, frozen=True, kw_only=True):
-    """What the companion did last, for records."""
+    """Mode, setpoint and formation state of the last step, for records."""
 
     mode: Mode
-    """Of the supervisor."""
+    """Mode of the supervisor."""
     setpoint: Setpoint | None
-    """The last that was sent."""
+    """Last setpoint sent."""
     lyapunov: float
-    """W, m²; NaN for the leader."""
+    """Lyapunov function W, m²; NaN for the leader."""
     slot: Point | None = None
-    """That was ordered; None for the mission's, and for the leader."""
+    """Ordered slot; None for the mission's, and for the leader."""
     left: bool = False
-    """Whether it was ordered out of the formation, or all was called off: then it has no slot."""
+    """Whether the vehicle has no slot: ordered out of the formation, or everything called off."""
     path: str | None = MAIN_PATH
-    """Name of the path that the leader follows; None in a hold, and once all was called off."""
+    """Name of the leader's path; None in a hold, and once everything was called off."""
     lead: Lead | None = None
-    """By which it leads; None where it does not, or where there are no deputies."""
+    """Leadership of this vehicle; None where it does not lead, or without deputies."""
     response: VehicleResponse | None = None
-    """By which it is flown."""
+    """Response used for guidance."""
 
     def guidance_step(self, now: float, leader_age: float) -> GuidanceStep:
-        """As an entry of the log.
+        """Return the snapshot as an entry of the log.
 
         Args:
             now: s of the companion's clock.
-            leader_age: of the leader's newest state then, s; infinite where there is none.
+            leader_age: age of the leader's newest state, s; infinite without one.
         """
         setpoint = self.setpoint
         slot = {}
@@ -238,7 +238,7 @@ class Snapshot(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class StatePublisher:
-    """One vehicle's motion."""
+    """Estimate and message of one vehicle's motion."""
 
     def __init__(self, plan: FlightPlan) -> None:
         self._plan = plan
@@ -248,7 +248,7 @@ class StatePublisher:
         """Term of the leader that the vehicle obeys, or is."""
 
     def note(self, navigated: NavigatedState) -> LeaderState:
-        """Take a navigated state; the motion as it is now known."""
+        """Take a navigated state; return the motion estimated with it."""
         state, before = navigated.state, self._motion
         if (
             before is None
@@ -273,17 +273,17 @@ class StatePublisher:
         height_sense: int = 0,
         leader: LeaderFix | None = None,
     ) -> bytes:
-        """The motion as bytes for the link.
+        """Return the motion as bytes for the link.
 
         Args:
-            motion: what `note` has made of the navigated.
-            navigated: the same.
-            time_s: of the navigated, s on the clock that the formation shares.
+            motion: result of `note` for the same navigated state.
+            navigated: the navigated state.
+            time_s: its time, s on the clock shared by the formation.
             steered: whether this companion steers the vehicle.
-            arrangement: number of the order that it flies by.
-            course_setpoint: that its autopilot is told to hold, rad; NaN where there is none.
-            height_sense: which way it leaves its height, see `LeaderMessage.height_sense`.
-            leader: where its leader was by the newest state of it; None where there is none.
+            arrangement: number of the order being flown.
+            course_setpoint: course that its autopilot is told to hold, rad; NaN without one.
+            height_sense: direction of leaving its height, see `LeaderMessage.height_sense`.
+            leader: position of its leader by the leader's newest state; None without one.
         """
         self._sequence = (self._sequence + 1) % 2**32
         place, state = navigated.place, navigated.state
@@ -319,20 +319,15 @@ class StatePublisher:
 
 
 class TargetSender:
-    """Makes FOLLOW_TARGET of what the leader knows of itself."""
+    """Sender of the leader's motion as FOLLOW_TARGET."""
 
     def __init__(self, plan: FlightPlan) -> None:
         self._codec = Codec(plan.system_id, plan.component_id)
         self._sent_s = -math.inf
 
     def due(self, motion: LeaderState | None, navigated: NavigatedState) -> bytes:
-        """One datagram, or nothing where it is not time yet, or there is no motion to tell.
-
-        Args:
-            motion: of the leader, as its own companion estimates it.
-            navigated: the report that it is of.
-        """
-        # Half a period early is nearer to the time than half a period late.
+        """Return one datagram; empty between intervals, or where the leader's motion is unknown."""
+        # Within half a period of the due time, now is closer to it than the next report.
         if motion is None or motion.time_s - self._sent_s < INTERVAL_S - 0.5 * navigated.period:
             return b""
         self._sent_s = motion.time_s
