@@ -1,7 +1,7 @@
 """PX4 for a fixed wing: its modes, commands, setpoints and fail-safes.
 
-As 1.18.0-beta1 was measured in software. Versions from 1.14 on are told apart by Guided Course (1.18), by
-what a velocity without a position does in offboard, and by their number.
+The behaviour is that of 1.18.0-beta1, as measured in software. Versions from 1.14 on differ in Guided Course
+(1.18), in a velocity without a position in offboard, and in their number.
 """
 
 import math
@@ -32,52 +32,52 @@ from sitl_stub.loops import AltitudeTarget, PlantParameters, SpeedTarget, TurnTa
 from sitl_stub.parameters import px4_parameters
 from sitl_stub.personality import ONCE_A_SECOND_US, Personality, personality
 
-# What each version of PX4 makes of the setpoint messages of offboard, for a fixed wing.
+# Effect of offboard setpoint messages on a fixed wing, by version of PX4.
 #
-# | what the message uses | up to 1.14 | 1.15, 1.16 | 1.17, 1.18 |
+# | fields in use | up to 1.14 | 1.15, 1.16 | 1.17, 1.18 |
 # |---|---|---|---|
-# | velocity alone | its course | the attitude of the moment | course and height of the moment |
+# | velocity alone | its course | present attitude | present course and height |
 # | position, or position and acceleration | flies to it, at its height | the same | the same |
 # | position and velocity | the velocity's course, at the autopilot's own airspeed | the same | the same |
 #
-# 1.18.0-beta1 was flown in software, the others are read in the source. Every setpoint sets the airspeed back
-# to the autopilot's own. A course to a position is taken anew with each message, not between them.
+# 1.18.0-beta1 was flown in software, the others are read in the source. Every setpoint resets the airspeed to
+# the autopilot's own. The course to a position is updated with each message, not between them.
 
 LOCAL_FRAMES = frozenset({1})
 """MAV_FRAME_LOCAL_NED."""
 
 GLOBAL_FRAMES = frozenset({5, 6})
-"""MAV_FRAME_GLOBAL_INT and GLOBAL_RELATIVE_ALT_INT: 0 and 3, which mean the same elsewhere, are not taken."""
+"""MAV_FRAME_GLOBAL_INT and GLOBAL_RELATIVE_ALT_INT; their equivalents 0 and 3 are refused."""
 
 IGNORE_X, IGNORE_Y, IGNORE_Z = 1, 2, 4
 IGNORE_VX, IGNORE_VY = 8, 16
 IGNORE_ACCELERATION = 64 | 128 | 256
-"""POSITION_TARGET_TYPEMASK: a set bit means that the field is not to be used."""
+"""POSITION_TARGET_TYPEMASK: a set bit means that the field is ignored."""
 
 STEERS_BY_VELOCITY = (1, 14)
-"""The last version that does."""
+"""Last version that steers by a velocity alone."""
 
 KEEPS_COURSE = (1, 17)
-"""The first version that keeps course and height where it is not steered, and not the attitude."""
+"""First version that keeps course and height, instead of the attitude, without a setpoint to steer by."""
 
 Steers = Literal["velocity", "position", "path"]
 
 
 class Px4Setpoint(msgspec.Struct, frozen=True):
-    """What a setpoint message asks for."""
+    """Decoded setpoint message."""
 
     steers: Steers
-    """By which of its fields; `path` by position and velocity."""
+    """Fields that decide the course; `path` uses position and velocity."""
 
     turn: TurnTarget | None
-    """The course; None leaves it as it is."""
+    """Course, or None to keep the present one."""
 
     height: AltitudeTarget | None
-    """None leaves it as it is."""
+    """None to keep the present height."""
 
 
 def setpoint_of(flight: EmulatedFlight, message: MAVLink_message) -> Px4Setpoint | str:
-    """What a message asks for, or why it is not taken."""
+    """Decode a setpoint message, or return why it is refused."""
     mask = message.type_mask
     steers = steered_by(mask)
     local = message.get_type() == "SET_POSITION_TARGET_LOCAL_NED"
@@ -96,7 +96,7 @@ def setpoint_of(flight: EmulatedFlight, message: MAVLink_message) -> Px4Setpoint
 
 
 def steered_by(type_mask: int) -> Steers | None:
-    """Which fields of a message with this mask decide the course; None for none that is understood."""
+    """Return which fields decide the course under a type mask; None for an unsupported mask."""
     if type_mask & IGNORE_ACCELERATION != IGNORE_ACCELERATION:
         return None
     position = not type_mask & (IGNORE_X | IGNORE_Y)
@@ -107,10 +107,10 @@ def steered_by(type_mask: int) -> Steers | None:
 
 
 def height_of(flight: EmulatedFlight, message: MAVLink_message) -> AltitudeTarget | None:
-    """The height in a setpoint: z is down from home, alt is up in its frame's own meaning.
+    """Return the height in a setpoint: z is down from home, alt is up in the meaning of its frame.
 
     Raises:
-        NonFiniteError: it is no number.
+        NonFiniteError: it is not finite.
     """
     if message.get_type() == "SET_POSITION_TARGET_LOCAL_NED":
         return AltitudeTarget(flight.home.altitude_amsl_m - finite(message.z)[0])
@@ -118,10 +118,10 @@ def height_of(flight: EmulatedFlight, message: MAVLink_message) -> AltitudeTarge
 
 
 def bearing_rad(flight: EmulatedFlight, message: MAVLink_message) -> float:
-    """Course from where the aircraft is to the position in a setpoint.
+    """Return the course from the aircraft to the position in a setpoint.
 
     Raises:
-        NonFiniteError: it is no number.
+        NonFiniteError: the position is not finite.
     """
     state, home = flight.state, flight.home
     if message.get_type() == "SET_POSITION_TARGET_LOCAL_NED":
@@ -149,18 +149,18 @@ def bearing_rad(flight: EmulatedFlight, message: MAVLink_message) -> float:
 
 
 def course_of(north_m_s: float, east_m_s: float) -> TurnTarget | None:
-    """The course of a velocity vector; its length is ignored. None for the zero vector."""
+    """Return the course of a velocity, whatever its magnitude; None for the zero vector."""
     if north_m_s == 0.0 and east_m_s == 0.0:
         return None
     return TurnTarget("course", math.atan2(east_m_s, north_m_s))
 
 
 VERSIONS = ((1, 14), (1, 15), (1, 16), (1, 17), (1, 18))
-"""Those that are distinguished, oldest first."""
+"""Versions that are distinguished, oldest first."""
 
 
 def px4_custom_mode(main: int, sub: int = 0) -> int:
-    """PX4's custom_mode: main mode in the third byte, sub mode in the fourth."""
+    """Return PX4's custom_mode: main mode in the third byte, sub mode in the fourth."""
     return main << 16 | sub << 24
 
 
@@ -190,25 +190,25 @@ PX4_MODES = by_number(
 """PX4's modes for a fixed wing, by number; Guided Course came with 1.18."""
 
 STREAM_FRESH_US = 500_000
-"""A setpoint this recent lets OFFBOARD be entered: the stream must run at 2 Hz or faster."""
+"""Greatest age of the last setpoint when OFFBOARD is entered: the stream must run at 2 Hz or faster."""
 
 NOTICED_US = 700_000
-"""From COM_OF_LOSS_T after the last setpoint to the change of mode: 1.7 s in all were measured."""
+"""Time after COM_OF_LOSS_T until the mode changes; 1.7 s in all were measured after the last setpoint."""
 
 STREAM_ACTION_LOITER = 5
-"""COM_OBL_RC_ACT of holding; without a remote control every other returns home here."""
+"""COM_OBL_RC_ACT of holding; without a remote control, all other values return home here."""
 
 LINK_NOTICED_US = 3_000_000
-"""From COM_DL_LOSS_T after a ground station's last heartbeat to the change of mode: 13 s were measured."""
+"""Time after COM_DL_LOSS_T until the mode changes; 13 s were measured after the last heartbeat."""
 
 LINK_ACTIONS = {1: AUTO_LOITER, 2: AUTO_RTL}
-"""Values of NAV_DLL_ACT that fly on; every other does nothing here."""
+"""Values of NAV_DLL_ACT that change the mode; all others do nothing here."""
 
 HOLD_BIT = 2
-"""COM_DLL_EXCEPT of holding, Guided Course and what else navigates without a mission."""
+"""COM_DLL_EXCEPT of holding, Guided Course and other navigation without a mission."""
 
 GROUND_STATION = 6
-"""MAV_TYPE_GCS: heartbeats of companions (18) are not counted."""
+"""MAV_TYPE_GCS; heartbeats of companions (18) do not count."""
 
 COURSE_OVER_GROUND = 0.0
 """HEADING_TYPE."""
@@ -235,7 +235,7 @@ ONBOARD_LINK_US = {
     mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED: 33_333,
     mavlink.MAVLINK_MSG_ID_VFR_HUD: 100_000,
 }
-"""Unasked, on the link for companions; its fast ones at their nominal rates."""
+"""Messages sent without a request on the link for companions; the fast ones have their nominal rates."""
 
 BETA, RELEASE = 0x80, 0xFF
 """FIRMWARE_VERSION_TYPE."""
@@ -243,10 +243,10 @@ BETA, RELEASE = 0x80, 0xFF
 GUIDED_COURSE_SINCE = (1, 18)
 
 COURSE_LOOP = frozenset({"NPFG_PERIOD", "NPFG_DAMPING"})
-"""alpha is 4 pi NPFG_DAMPING / NPFG_PERIOD."""
+"""Parameters of alpha, which is 4 pi NPFG_DAMPING / NPFG_PERIOD."""
 
 THROTTLES = ("FW_THR_ASPD_MIN", "FW_THR_TRIM", "FW_THR_ASPD_MAX")
-"""Throttles of level flight at the least airspeed, the trimmed and the greatest."""
+"""Throttles of level flight at the least, trim and greatest airspeed."""
 
 
 @personality("px4")
@@ -262,8 +262,8 @@ class EmulatedPx4(Personality):
         course_dead_time_s=0.06,
         roll_delay_s=0.2,
     )
-    """PX4's defaults, and fitted to 1.18.0-beta1: with the roll's 0.4 s they meet its courses in steps of 10
-    to 60 degrees to 4 % of a step."""
+    """PX4's defaults, fitted to 1.18.0-beta1: with the roll's 0.4 s, courses in steps of 10 to 60
+    degrees are met to 4 % of a step."""
 
     firmware = 12  # MAV_AUTOPILOT_PX4
     capabilities = 59_647
@@ -301,7 +301,7 @@ class EmulatedPx4(Personality):
             mavlink.MAV_CMD_DO_CHANGE_SPEED: self._change_speed,
             mavlink.MAV_CMD_DO_CHANGE_ALTITUDE: change_altitude,
             **({mavlink.MAV_CMD_GUIDED_CHANGE_HEADING: change_course} if has_course else {}),
-            # It rolls as soon as it is armed; the height is MIS_TAKEOFF_ALT.
+            # The aircraft rolls as soon as it is armed; the height is MIS_TAKEOFF_ALT.
             mavlink.MAV_CMD_NAV_TAKEOFF: self.mode_command(AUTO_TAKEOFF.custom_mode),
             mavlink.MAV_CMD_NAV_LOITER_UNLIM: self.mode_command(AUTO_LOITER.custom_mode),
             mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH: self.mode_command(AUTO_RTL.custom_mode),
@@ -320,12 +320,12 @@ class EmulatedPx4(Personality):
 
     @property
     def deadline_us(self) -> int | None:
-        """When a fail-safe may be due."""
+        """Simulation time at which a fail-safe may be due."""
         due = [one for one in (self._stream_lost_us, self._link_lost_us()) if one is not None]
         return min(due, default=None)
 
     def changed(self, flight: EmulatedFlight, name: str) -> None:
-        """Let a parameter that was set take effect."""
+        """Let a changed parameter take effect."""
         super().changed(flight, name)
         flight.plant = with_loops(flight.plant, name, self.parameters)
         # A fail-safe that is switched on now may be due already.
@@ -353,19 +353,19 @@ class EmulatedPx4(Personality):
         return Result.ACCEPTED
 
     def hear(self, flight: EmulatedFlight, heartbeat: MAVLink_message) -> None:
-        """Take notice of ground stations, which NAV_DLL_ACT counts."""
+        """Note the time of a ground station's heartbeat for NAV_DLL_ACT."""
         if heartbeat.type == GROUND_STATION:
             self._ground_station_us = flight.time_us
             self._link_failed = False
 
     def system_status(self, flight: EmulatedFlight) -> SystemStatus:
-        """Active once armed, critical after its fail-safe until a mode is selected."""
+        """Return CRITICAL from a fail-safe until a mode is selected, else ACTIVE if armed."""
         if self._failed_safe:
             return SystemStatus.CRITICAL
         return SystemStatus.ACTIVE if flight.armed else SystemStatus.STANDBY
 
     def watch(self, flight: EmulatedFlight) -> None:
-        """Leave a mode whose setpoints or whose ground station are silent, and a take-off that is over."""
+        """Apply the fail-safes for lost setpoints and a lost ground station, and end a complete take-off."""
         now_us = flight.time_us
         if self._stream_lost_us is not None and now_us >= self._stream_lost_us:
             self._stream_lost_us = None
@@ -386,7 +386,7 @@ class EmulatedPx4(Personality):
                 flight.orbit(orbit)
 
     def _link_lost_us(self) -> int | None:
-        """When NAV_DLL_ACT is due, once for each silence; None for never."""
+        """Return the time at which NAV_DLL_ACT is due, once for each silence; None for never."""
         if self._link_failed or round(self.parameters["NAV_DLL_ACT"]) not in LINK_ACTIONS:
             return None
         if self._ground_station_us is None:
@@ -395,7 +395,7 @@ class EmulatedPx4(Personality):
         return self._ground_station_us + silence_us
 
     def _bears_silence(self, mode: AutopilotMode) -> bool:
-        """Whether a lost ground station changes nothing in this mode."""
+        """Check whether the loss of the ground station changes nothing in a mode."""
         excepted = int(self.parameters["COM_DLL_EXCEPT"]) & HOLD_BIT
         return mode is AUTO_RTL or (mode in {AUTO_LOITER, GUIDED_COURSE} and bool(excepted))
 
@@ -406,7 +406,7 @@ class EmulatedPx4(Personality):
         return None
 
     def _set_mode(self, flight: EmulatedFlight, command: Command) -> Result:
-        """176: param2 main mode, param3 sub mode."""
+        """Handle 176: param2 main mode, param3 sub mode."""
         flags, main, sub = command.used(1, 2, 3)
         in_bytes = all(0.0 <= part <= 255.0 and part == int(part) for part in (main, sub))
         if not int(flags) & CUSTOM_MODE_FLAG or not in_bytes:
@@ -414,9 +414,10 @@ class EmulatedPx4(Personality):
         return self.request_mode(flight, px4_custom_mode(int(main), int(sub)))
 
     def _change_speed(self, flight: EmulatedFlight, command: Command) -> Result:
-        """178: param1 type, param2 m/s. Accepts everything and flies what it can.
+        """Handle 178: param1 type, param2 m/s. Accept everything and fly the nearest speed.
 
-        A ground speed is one for the article's ideal plant alone; for every other it is an airspeed.
+        Only the article's ideal plant flies a ground speed; all others take it as an airspeed. A
+        speed not above 0 means cruise; a `path` setpoint in OFFBOARD keeps its speed.
         """
         kind, speed_m_s = command.parameters[:2]
         if flight.mode is OFFBOARD and self._latest is not None and self._latest.steers == "path":
@@ -430,7 +431,7 @@ class EmulatedPx4(Personality):
         return Result.ACCEPTED
 
     def _reposition(self, flight: EmulatedFlight, command: Command) -> Result:
-        """192: loiter around a place; param1 is the airspeed there, and nothing where it is not above 0."""
+        """Handle 192: loiter around a place; param1 is the airspeed, unchanged where it is not above 0."""
         where = place(command)
         height = height_target(flight, command.frame, *finite(command.z))
         if where is None or height is None:
@@ -444,7 +445,7 @@ class EmulatedPx4(Personality):
         return Result.ACCEPTED
 
     def _take(self, flight: EmulatedFlight, message: MAVLink_message) -> str | None:
-        """Take a setpoint into the stream; returns why not, or None."""
+        """Store a setpoint, and fly it in OFFBOARD; return why it is refused, or None."""
         setpoint = setpoint_of(flight, message)
         if isinstance(setpoint, str):
             return setpoint
@@ -454,7 +455,7 @@ class EmulatedPx4(Personality):
         return None
 
     def _fly(self, flight: EmulatedFlight) -> None:
-        """Fly the latest setpoint, as far as this version flies its kind, and at the autopilot's airspeed."""
+        """Fly the latest setpoint, as far as this version supports it, at the autopilot's airspeed."""
         setpoint = self._latest
         if setpoint is None or self._latest_us is None:
             return
@@ -471,10 +472,10 @@ class EmulatedPx4(Personality):
 def with_loops(
     plant: PlantParameters, name: str, parameters: Mapping[str, float]
 ) -> PlantParameters:
-    """The plant with what a parameter that was set makes of its loops; out of the real one's range: nothing.
+    """Return the plant after a parameter change; values outside the real autopilot's range are ignored.
 
-    The course loop of first-order plants is NPFG's here. Of the holds of speed only PX4's own know throttles:
-    `px4` where that of each airspeed is known, else `px4-untrimmed`.
+    The course loop of first-order plants is NPFG's here. Throttle parameters affect only PX4's speed holds:
+    `px4` where the throttle of each airspeed is known, else `px4-untrimmed`.
     """
     period_s, damping = parameters["NPFG_PERIOD"], parameters["NPFG_DAMPING"]
     if name in COURSE_LOOP and 1.0 <= period_s <= 100.0 and 0.1 <= damping <= 1.0:
@@ -489,16 +490,16 @@ def with_loops(
 
 
 def hold_airspeed(flight: EmulatedFlight, airspeed_m_s: float) -> None:
-    """Fly an airspeed, or what the aircraft can fly nearest to it."""
+    """Fly an airspeed, clamped to the aircraft's range."""
     slowest_m_s, fastest_m_s = flight.airspeed_range_m_s
     flown_m_s = max(slowest_m_s, min(fastest_m_s, airspeed_m_s))
     flight.hold_speed(SpeedTarget("airspeed", flown_m_s))
 
 
 def change_course(flight: EmulatedFlight, command: Command) -> Result:
-    """43002: param1 type, param2 degrees, of any number of turns; in Guided Course alone."""
+    """Handle 43002 in Guided Course: param1 type, param2 degrees, of any number of turns."""
     kind, course_deg = command.parameters[:2]
-    # A type that is NaN is denied, too.
+    # A NaN type is denied, too.
     if flight.mode is not GUIDED_COURSE or kind != COURSE_OVER_GROUND:
         return Result.DENIED
     (course_deg,) = finite(course_deg)
@@ -507,7 +508,7 @@ def change_course(flight: EmulatedFlight, command: Command) -> Result:
 
 
 def change_altitude(flight: EmulatedFlight, command: Command) -> Result:
-    """186: param1 metres, param2 frame."""
+    """Handle 186 in Guided Course and AUTO.LOITER: param1 metres, param2 frame."""
     altitude_m, frame = command.used(1, 2)
     if flight.mode not in {GUIDED_COURSE, AUTO_LOITER}:
         return Result.DENIED

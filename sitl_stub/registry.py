@@ -1,4 +1,4 @@
-"""Aircraft and autopilots by name: those of the emulator, of installed packages and of a user's files."""
+"""Registries of plants and autopilots: the emulator's, those of installed packages and of user files."""
 
 import importlib.util
 import sys
@@ -13,15 +13,15 @@ Kind = TypeVar("Kind", bound="type[Any]")
 
 
 class PlugInRegistry:
-    """Classes of one kind by name; those of installed packages are imported when they are asked for."""
+    """Classes of one kind by name; those of installed packages are imported on first use."""
 
     def __init__(self, kind: str, *, group: str, has: Sequence[str]) -> None:
-        """Make a registry in which nothing is known yet.
+        """Make an empty registry.
 
         Args:
-            kind: what the classes are, for messages, such as "plant".
-            group: the entry points of installed packages, such as "sitl_stub.plants".
-            has: what every class has to have.
+            kind: name of the kind for messages, such as "a plant".
+            group: entry point group of installed packages, such as "sitl_stub.plants".
+            has: attributes that every class must have.
         """
         self._kind = kind
         self._group = group
@@ -29,10 +29,10 @@ class PlugInRegistry:
         self._known: dict[str, type[Any]] = {}
 
     def register(self, name: str) -> Callable[[Kind], Kind]:
-        """Decorator that makes a class known by a name.
+        """Return a decorator that registers a class by a name.
 
         Raises:
-            ValueError: another class has this name already, or what it has to define is missing.
+            ValueError: another class has this name already, or an attribute is missing.
         """
 
         def add(found: Kind) -> Kind:
@@ -49,25 +49,25 @@ class PlugInRegistry:
             missing += sorted(getattr(found, "__abstractmethods__", ()))
             if missing:
                 raise ValueError(f"the class of {name} has no {', '.join(missing)}; write it")
-            # In a notebook a class may be written anew.
+            # In a notebook the same class may be defined again.
             self._known[name] = found
             return found
 
         return add
 
     def names(self) -> tuple[str, ...]:
-        """All known names: those that are loaded in their order, then those of packages by name."""
+        """Return all known names: loaded classes in order of registration, then packages' by name."""
         return (*self._known, *sorted(installed(self._group).keys() - self._known.keys()))
 
     def __contains__(self, name: object) -> bool:
-        """Whether there is a class of this name."""
+        """Check whether a name is known."""
         return name in self._known or name in installed(self._group)
 
     def find(self, name: str) -> type[Any]:
-        """The class of this name.
+        """Return the class of a name.
 
         Raises:
-            ValueError: there is none, or the package that offers it cannot be loaded; one line.
+            ValueError: there is none, or its package cannot be loaded; the message is one line.
         """
         if name not in self._known and name in installed(self._group):
             self.register(name)(loaded(installed(self._group)[name]))
@@ -78,12 +78,12 @@ class PlugInRegistry:
 
 @cache
 def installed(group: str) -> dict[str, EntryPoint]:
-    """What installed packages offer, by name."""
+    """Return the entry points of installed packages, by name."""
     return {one.name: one for one in entry_points(group=group)}
 
 
 def loaded(entry: EntryPoint) -> Any:  # noqa: ANN401 - a class of whatever kind
-    """What an installed package offers.
+    """Load the class of an installed package.
 
     Raises:
         ValueError: it cannot be loaded.
@@ -98,7 +98,7 @@ def loaded(entry: EntryPoint) -> Any:  # noqa: ANN401 - a class of whatever kind
 
 
 def load_plugins(files: Sequence[str | Path]) -> None:
-    """Load files of Python with plants and autopilots of the user's, each once.
+    """Load Python files with the user's plants and autopilots, each file once.
 
     Raises:
         ValueError: a file cannot be loaded; the message is one line.

@@ -16,12 +16,12 @@ JX, JY, JZ, JXZ = 0.8244, 1.135, 1.759, 0.1204
 
 WING_M2, SPAN_M, CHORD_M = 0.55, 2.8956, 0.18994
 PROPELLER_M2, MOTOR_M_S = 0.2027, 80.0
-"""Disc of the propeller, and the speed of its air at full throttle in still air; its C_prop is 1."""
+"""Propeller disc area, and exit speed at full throttle in still air; C_prop is 1."""
 
 AIR_KG_M3 = 1.2682
 OSWALD = 0.9
 INDUCED = 1.0 / (math.pi * OSWALD * SPAN_M * SPAN_M / WING_M2)
-"""Induced drag for the square of the lift."""
+"""Induced drag coefficient per square of the lift coefficient."""
 
 STALL_RAD, STALL_SHARPNESS = 0.4712, 50.0
 """alpha0 and M of the blend into a flat plate."""
@@ -35,9 +35,9 @@ YAW_BETA, YAW_P, YAW_R, YAW_AILERON, YAW_RUDDER = 0.073, -0.069, -0.095, -0.011,
 
 
 def lift(alpha_rad: float) -> float:
-    """C_L of the wing alone, with a stall: the blend of chapter 4, (4.9)."""
+    """Return the wing's C_L with a stall: the blend of chapter 4, (4.9)."""
     linear = LIFT_0 + LIFT_ALPHA * alpha_rad
-    # Beyond any angle of attack that is flown the exponentials would only overflow.
+    # Keeps the exponentials from overflowing, at angles of attack that are never flown.
     bounded = min(max(alpha_rad, -1.5), 1.5)
     before = math.exp(-STALL_SHARPNESS * (bounded - STALL_RAD))
     behind = math.exp(STALL_SHARPNESS * (bounded + STALL_RAD))
@@ -48,13 +48,13 @@ def lift(alpha_rad: float) -> float:
 
 
 def thrust_n(throttle: float, airspeed_m_s: float) -> float:
-    """Thrust of the propeller, (4.18): negative where it is slower than the air."""
+    """Return the propeller's thrust, (4.18): negative where the exit speed is below the airspeed."""
     exit_m_s = MOTOR_M_S * throttle
     return 0.5 * AIR_KG_M3 * PROPELLER_M2 * (exit_m_s**2 - airspeed_m_s**2)
 
 
 def throttle_for(wanted_n: float, airspeed_m_s: float) -> float:
-    """Throttle, 0 to 1, of a thrust."""
+    """Return the throttle, 0 to 1, of a thrust."""
     exit_squared = wanted_n / (0.5 * AIR_KG_M3 * PROPELLER_M2) + airspeed_m_s**2
     return min(math.sqrt(max(exit_squared, 0.0)) / MOTOR_M_S, 1.0)
 
@@ -63,20 +63,14 @@ GAMMA = JX * JZ - JXZ**2
 
 
 class Body(NamedTuple):
-    """Motion over the ground in body axes, attitude, and what the autopilot's loops remember."""
+    """Ground velocity and rotation rates in body axes (forward, right, down), attitude, and loop states."""
 
     u_m_s: float
-    """Velocity over ground: forward."""
     v_m_s: float
-    """Right."""
     w_m_s: float
-    """Down."""
     p_rad_s: float
-    """Roll rate."""
     q_rad_s: float
-    """Pitch rate."""
     r_rad_s: float
-    """Yaw rate."""
     bank_rad: float
     """phi."""
     pitch_rad: float
@@ -84,13 +78,12 @@ class Body(NamedTuple):
     heading_rad: float
     """psi, not wrapped."""
     thrust_n: float
-    """Thrust of the propeller now."""
     slow_airspeed_m_s: float
-    """Airspeed as the energy loops see it."""
+    """Airspeed of the energy loops, filtered."""
     energy_integral: float
-    """Integral of the total energy's loop, in parts of the weight."""
+    """Integral of the total-energy loop, as a fraction of the weight."""
     balance_integral_rad: float
-    """Integral of the loop that shares energy between height and speed."""
+    """Integral of the loop that distributes energy between height and speed."""
 
 
 class Surfaces(NamedTuple):
@@ -102,21 +95,18 @@ class Surfaces(NamedTuple):
 
 
 class AirFlow(NamedTuple):
-    """The air as it meets the aircraft."""
+    """Airspeed V_a, angle of attack and sideslip."""
 
     airspeed_m_s: float
-    """V_a."""
     alpha_rad: float
-    """Angle of attack."""
     beta_rad: float
-    """Sideslip."""
 
 
 Matrix = tuple[tuple[float, float, float], tuple[float, float, float], tuple[float, float, float]]
 
 
 def body_to_ground(body: Body) -> Matrix:
-    """Rotation from body axes to north, east, down."""
+    """Return the rotation from body axes to north, east, down."""
     sin_bank, cos_bank = math.sin(body.bank_rad), math.cos(body.bank_rad)
     sin_pitch, cos_pitch = math.sin(body.pitch_rad), math.cos(body.pitch_rad)
     sin_heading, cos_heading = math.sin(body.heading_rad), math.cos(body.heading_rad)
@@ -136,14 +126,14 @@ def body_to_ground(body: Body) -> Matrix:
 
 
 def velocity_ned_m_s(body: Body, rotation: Matrix) -> tuple[float, float, float]:
-    """Velocity over ground: north, east, down."""
+    """Return the ground velocity: north, east, down."""
     u, v, w = body.u_m_s, body.v_m_s, body.w_m_s
     north, east, down = (row[0] * u + row[1] * v + row[2] * w for row in rotation)
     return north, east, down
 
 
 def air_flow(body: Body, rotation: Matrix, wind_m_s: tuple[float, float]) -> AirFlow:
-    """The air's flow in a horizontal wind (north, east)."""
+    """Return the air flow in a horizontal wind (north, east)."""
     north, east = wind_m_s
     first, second, _ = rotation
     u = body.u_m_s - (first[0] * north + second[0] * east)
@@ -156,7 +146,7 @@ def air_flow(body: Body, rotation: Matrix, wind_m_s: tuple[float, float]) -> Air
 def accelerations(
     body: Body, flow: AirFlow, surfaces: Surfaces
 ) -> tuple[float, float, float, float, float, float]:
-    """Rates of (u, v, w) in m/s² and of (p, q, r) in rad/s²."""
+    """Return the rates of (u, v, w) in m/s² and of (p, q, r) in rad/s²."""
     airspeed, alpha, beta = flow
     pressure_n = 0.5 * AIR_KG_M3 * airspeed * airspeed * WING_M2
     p, q, r = body.p_rad_s, body.q_rad_s, body.r_rad_s
@@ -221,9 +211,9 @@ def accelerations(
 
 
 def attitude_rates(body: Body) -> tuple[float, float, float]:
-    """Rates of bank, pitch and heading, rad/s."""
+    """Return the rates of bank, pitch and heading, rad/s."""
     sin_bank, cos_bank = math.sin(body.bank_rad), math.cos(body.bank_rad)
-    # Never upright: pitch is held far from it.
+    # Avoids the singularity of a vertical pitch, which is never flown.
     cos_pitch = max(math.cos(body.pitch_rad), 0.1)
     yawing = body.q_rad_s * sin_bank + body.r_rad_s * cos_bank
     heading_rate = yawing / cos_pitch

@@ -1,4 +1,4 @@
-"""A route that an aircraft flies by itself, as an autopilot flies its mission: point after point."""
+"""A route of waypoints that an aircraft flies by itself, as an autopilot flies its mission."""
 
 import math
 from bisect import bisect_right
@@ -10,28 +10,29 @@ import msgspec
 from sitl_stub.geometry import radii_m, wrap_to_pi
 
 AHEAD_S = 2.5
-"""It steers for the place on the route that it will have reached after this time."""
+"""Look-ahead time: the course leads to the point on the route that is reached after this time."""
 
 LEAST_AHEAD_M = 20.0
-"""But for none nearer than this."""
+"""Shortest look-ahead distance."""
 
 SEARCHED_M = 50.0
-"""So far ahead of the leg that it was on it looks for where it is, and one leg at least: a route may cross
-itself."""
+"""Length of route beyond the last known leg that is searched for the aircraft, at least one leg. The limit
+keeps a route that crosses itself unambiguous.
+"""
 
 SAME_PLACE_M = 0.01
-"""A route whose ends are nearer than this is flown round and round; points so near are one."""
+"""Points nearer than this are one; a route whose ends are so near is flown round and round."""
 
 
 @dataclass(frozen=True, slots=True)
 class Route:
-    """Points of a route: round and round if the last one is the first, else on beyond the last."""
+    """Waypoints of a route: a closed one is repeated, an open one continues beyond the last point."""
 
     points_deg: tuple[tuple[float, float], ...]
-    """Latitude and longitude of each, at least two."""
+    """Latitude and longitude of each point, at least two."""
 
     def __post_init__(self) -> None:
-        """Refuse what is no route.
+        """Check the points.
 
         Raises:
             ValueError: there are fewer than two points, or one is no place.
@@ -44,7 +45,7 @@ class Route:
 
 
 class RouteFollower:
-    """Where on its route an aircraft is, and the course to fly from there."""
+    """Position of an aircraft along its route, and the course to fly."""
 
     def __init__(self, route: Route) -> None:
         self._zero = route.points_deg[0]
@@ -56,21 +57,21 @@ class RouteFollower:
         self._leg: int | None = None
 
     def course_rad(self, latitude_rad: float, longitude_rad: float, speed_m_s: float) -> float:
-        """Course over ground from here: for the place on the route a little ahead."""
+        """Return the course over ground toward the point on the route a little ahead."""
         here = self._local(math.degrees(latitude_rad), math.degrees(longitude_rad))
         ahead_m = max(AHEAD_S * speed_m_s, LEAST_AHEAD_M)
         aim = self._place(self._nearest(here) + ahead_m) - here
         return math.atan2(aim.imag, aim.real)
 
     def _local(self, latitude_deg: float, longitude_deg: float) -> complex:
-        """A place from the first point, m: north + j east."""
+        """Return a position relative to the first point, m: north + j east."""
         meridian_m, transverse_m = radii_m(math.radians(self._zero[0]))
         north_m = math.radians(latitude_deg - self._zero[0]) * meridian_m
         east_rad = wrap_to_pi(math.radians(longitude_deg - self._zero[1]))
         return complex(north_m, east_rad * transverse_m * math.cos(math.radians(self._zero[0])))
 
     def _nearest(self, here: complex) -> float:
-        """How far along the route the nearest place is, not before the leg of the last time, m."""
+        """Return the nearest point's distance along the route, m, searching from the last known leg on."""
         count, last = len(self._legs), len(self._legs) - 1
         best_m, least, leg_of_best = 0.0, math.inf, 0
         for index in self._searched():
@@ -85,7 +86,7 @@ class RouteFollower:
         return best_m
 
     def _searched(self) -> Iterator[int]:
-        """Legs that it may be on: all at first, then the last one and those soon after it."""
+        """Yield the indices of legs to search: all at first, then the last known one and its successors."""
         count = len(self._legs)
         if self._leg is None:
             yield from range(count)
@@ -98,7 +99,7 @@ class RouteFollower:
                 return
 
     def _place(self, progress_m: float) -> complex:
-        """The place on the route this far along it, m."""
+        """Return the point at a distance along the route, m."""
         if self._closed:
             progress_m %= self._length_m
         leg = self._legs[max(bisect_right(self._begins_m, progress_m) - 1, 0)]
@@ -106,23 +107,21 @@ class RouteFollower:
 
 
 class Leg(msgspec.Struct, frozen=True):
-    """From one point of a route to the next."""
+    """Leg between two points of a route, in m."""
 
     begin: complex
-    """m."""
     ahead: complex
-    """Unit vector along it."""
+    """Unit vector along the leg."""
     begins_m: float
-    """How far along the route."""
+    """Distance along the route at the leg's begin."""
     length_m: float
-    """Above zero."""
 
 
 def legs_of(places: Sequence[complex]) -> tuple[Leg, ...]:
-    """The legs between places, one after the other.
+    """Return the legs between consecutive points, without legs shorter than `SAME_PLACE_M`.
 
     Raises:
-        ValueError: all places are one.
+        ValueError: all points are the same.
     """
     legs: list[Leg] = []
     begin, begins_m = places[0], 0.0

@@ -1,20 +1,20 @@
-"""What is wrong with real sensors, and what goes wrong with reports while the aircraft flies on.
+"""Sensor errors, and faults of an autopilot's reports.
 
-GNSS positions wander for minutes, and receivers that stand close together wander alike: satellites'
-orbits and clocks, ionosphere and troposphere are the same for them. What is left between two of them is
-their own (reflections, the receivers' noise). Each part is a Gauss-Markov process.
+GNSS position errors wander over minutes. Nearby receivers share most of the error, since satellite orbits
+and clocks, ionosphere and troposphere are the same for them. The rest is their own (reflections, receiver
+noise). Each part is a Gauss-Markov process.
 
 Sizes: u-blox, ZED-F9P data sheet (CEP 1.5 m alone, 1.0 m with SBAS, 0.01 m + 1 ppm with RTK; velocity
-0.05 m/s); a CEP is 1.18 standard deviations per axis. How slowly they wander, and the noise of compass,
-airspeed and barometer: Beard and McLain, Small Unmanned Aircraft, chapter 7 (1100 s; 0.3 deg, 2 Pa, 10 Pa).
-What is left between neighbours is nobody's figure: with GNSS alone 0.28 m per aircraft, 0.4 m between two.
-The barometer's drift, the airspeed's scale and the clock's rate are usual ones.
+0.05 m/s); a CEP is 1.18 standard deviations per axis. Correlation time and noise of compass, airspeed and
+barometer: Beard and McLain, Small Unmanned Aircraft, chapter 7 (1100 s; 0.3 deg, 2 Pa, 10 Pa). The own part
+has no published figure: with GNSS alone 0.28 m per aircraft, 0.4 m between two. The barometer's drift, the
+airspeed's scale and the clock's rate have usual values.
 
-The autopilot holds the airspeed and the height that it measures, scale and drift included: its aircraft flies
-as far off as they are. White noise is in the reports alone, as filters keep it from the loops.
+The autopilot holds the airspeed and the height that it measures, so scale errors and drift shift the flight
+itself. White noise is in the reports alone, as filters keep it from the loops.
 
-Faults of reports are for tests and measurements. The autopilot itself flies by the truth meanwhile, as
-one with two receivers does: what is measured is what becomes of a companion that is told the wrong thing.
+Faults of reports are for tests and measurements of a companion with wrong input. Meanwhile the autopilot
+itself flies by the truth, as one with two receivers does.
 """
 
 import math
@@ -28,31 +28,31 @@ from numpy.random import Generator, default_rng
 from sitl_stub.plant import Motion
 
 SensorGrade = Literal["ideal", "rtk", "sbas", "standalone"]
-"""Which receivers they have; the other sensors are the same in all but `ideal`."""
+"""Grade of the GNSS receiver; all grades but `ideal` have the same errors in the other sensors."""
 
 TICK_S = 1.0
-"""Interval at which the wandering errors are drawn; straight lines between."""
+"""Interval at which the wandering errors are drawn; they are interpolated linearly in between."""
 
 SHARED_S, OWN_S = 1100.0, 60.0
-"""Correlation times of what receivers share, and of what is their own."""
+"""Correlation times of the shared and the own error of receivers."""
 
 HEADING_RAD = math.radians(0.3)
-"""Standard deviation of each heading: an autopilot's compass, Beard and McLain."""
+"""Standard deviation of the heading noise: an autopilot's compass, Beard and McLain."""
 
 AIRSPEED_M_S = 0.08
-"""Standard deviation of each airspeed: 2 Pa at 20 m/s."""
+"""Standard deviation of the airspeed noise: 2 Pa at 20 m/s."""
 
 CALIBRATION = 0.02
 """Standard deviation of the airspeed sensor's scale, which is constant during a flight."""
 
 VERTICAL = 2.0
-"""Errors of a satellite altitude in parts of those of a level axis: no satellite is below the horizon."""
+"""Ratio of a GNSS altitude's error to a horizontal axis's: no satellite is below the horizon."""
 
 ALTITUDE_M, DRIFTING_ALTITUDE_M, ALTITUDE_S = 0.8, 2.0, 300.0
-"""Standard deviation of each altitude (10 Pa) and of its drift; correlation time of the drift."""
+"""Standard deviation of the altitude noise (10 Pa) and of its drift; correlation time of the drift."""
 
 CLOCK_RATE = 20e-6
-"""Standard deviation of the rate of the autopilot's clock: an ordinary crystal's."""
+"""Standard deviation of the clock's rate error: an ordinary crystal's."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -60,13 +60,13 @@ class Grade:
     """Standard deviations of a receiver's errors, per axis."""
 
     shared_m: float
-    """Wandering error of the position, the same for all receivers near each other."""
+    """Wandering position error that all nearby receivers share."""
     own_m: float
-    """Wandering error of the position, each receiver's own."""
+    """Wandering position error of each receiver's own."""
     white_m: float
-    """White noise of each position."""
+    """White noise of the position."""
     velocity_m_s: float
-    """White noise of each velocity."""
+    """White noise of the velocity."""
 
 
 GRADES: dict[SensorGrade, Grade] = {
@@ -77,15 +77,15 @@ GRADES: dict[SensorGrade, Grade] = {
 
 
 class GaussMarkov:
-    """A process of first order: exp(-t / T) of it is left after t. Asked for in the order of time."""
+    """A first-order process with autocorrelation exp(-t / T), evaluated in the order of time."""
 
     def __init__(self, deviation: float, time_constant_s: float, random: Generator) -> None:
-        """Begin anywhere in its distribution.
+        """Draw the first value.
 
         Args:
-            deviation: standard deviation, in the unit of what is asked for.
+            deviation: standard deviation, in the unit of the values.
             time_constant_s: T.
-            random: where it is drawn from.
+            random: generator of the values.
         """
         self._keep = math.exp(-TICK_S / time_constant_s)
         self._drawn = deviation * math.sqrt(1.0 - self._keep * self._keep)
@@ -95,7 +95,7 @@ class GaussMarkov:
         self._after = self._next(self._before)
 
     def at(self, time_s: float) -> float:
-        """Its value at a time that is not before that of the call before by more than a tick."""
+        """Return the value at a time at most one tick before the latest one requested."""
         tick = math.floor(time_s / TICK_S)
         while self._tick < tick:
             self._tick += 1
@@ -108,10 +108,10 @@ class GaussMarkov:
 
 
 class SensorErrors:
-    """The errors of one aircraft's sensors; none of an ideal one's."""
+    """Errors of one aircraft's sensors; all are zero for `ideal` ones."""
 
     def __init__(self, grade: SensorGrade, *, seed: int, system_id: int) -> None:
-        """Draw what stays as it is.
+        """Draw the constant errors.
 
         Args:
             grade: of the receiver.
@@ -119,13 +119,13 @@ class SensorErrors:
             system_id: of the aircraft.
         """
         self.figures = GRADES.get(grade)
-        """None: nothing is wrong."""
+        """Standard deviations; None for sensors without errors."""
         if self.figures is None:
             self.calibration, self.clock_rate = 1.0, 0.0
             return
         own = default_rng((seed, system_id, 0x67_70_73))
         self._random = default_rng((seed, system_id, 0x77_68_69))
-        # Nobody's own number: every process of a formation draws the same.
+        # Without a system id in its seed: every process of a formation draws the same.
         shared = default_rng((seed, 0x67_70_73))
         self._wandering = [
             (
@@ -140,12 +140,12 @@ class SensorErrors:
             GaussMarkov(VERTICAL * self.figures.own_m, OWN_S, own.spawn(1)[0]),
         )
         self.calibration = 1.0 + CALIBRATION * float(own.standard_normal())
-        """What the airspeed sensor shows in parts of what it should."""
+        """Ratio of shown to correct airspeed."""
         self.clock_rate = CLOCK_RATE * float(own.standard_normal())
-        """Rate by which the autopilot's clock is fast."""
+        """Relative rate error of the autopilot's clock, positive if it is fast."""
 
     def position_m(self, time_s: float) -> tuple[float, float]:
-        """(north, east) error of a reported position."""
+        """Return the error (north, east) of a reported position."""
         if self.figures is None:
             return 0.0, 0.0
         (north, own_north), (east, own_east) = self._wandering
@@ -155,34 +155,34 @@ class SensorErrors:
         )
 
     def altitude_drift_m(self, time_s: float) -> float:
-        """Error of the altitude that the autopilot holds."""
+        """Return the error of the altitude that the autopilot holds."""
         return 0.0 if self.figures is None else self._altitude.at(time_s)
 
     def altitude_m(self, time_s: float) -> float:
-        """Error of a reported altitude."""
+        """Return the error of a reported altitude."""
         if self.figures is None:
             return 0.0
         return self.altitude_drift_m(time_s) + self._white(ALTITUDE_M)
 
     def satellite_altitude_m(self, time_s: float) -> float:
-        """Error of the altitude by satellites, which no barometer corrects."""
+        """Return the error of the GNSS altitude, which no barometer corrects."""
         if self.figures is None:
             return 0.0
         return sum(part.at(time_s) for part in self._satellite)
 
     def velocity_m_s(self) -> tuple[float, float]:
-        """(north, east) error of a reported velocity."""
+        """Return the error (north, east) of a reported velocity."""
         if self.figures is None:
             return 0.0, 0.0
         size = self.figures.velocity_m_s
         return self._white(size), self._white(size)
 
     def heading_rad(self) -> float:
-        """Error of a reported heading."""
+        """Return the error of a reported heading."""
         return 0.0 if self.figures is None else self._white(HEADING_RAD)
 
     def airspeed_m_s(self) -> float:
-        """Error of a reported airspeed."""
+        """Return the error of a reported airspeed."""
         return 0.0 if self.figures is None else self._white(AIRSPEED_M_S)
 
     def _white(self, deviation: float) -> float:
@@ -208,29 +208,26 @@ Place = tuple[float, float]
 
 @dataclass(frozen=True, slots=True)
 class Fault:
-    """Something that is wrong for a while."""
+    """A temporary fault of the reports."""
 
     kind: FaultKind
-    """`offset`: positions are `north`, `east` metres off. `drift`: they drift off by as many m/s, and are
-    right again at the end. `noise`: they are off by white noise of `north` metres. `frozen`: positions stay
-    as they were. `zero`: latitude and longitude are 0. `velocity`: the ground velocity is `north`, `east`
-    m/s. `held`: it stays as it was. `airspeed`: it is `north` m/s. `altitude`: altitudes are `north` metres
-    off. `clock`: the autopilot's clock loses `north` seconds, evenly over the time."""
+    """`offset`: positions are `north`, `east` metres off. `drift`: they drift off by as many m/s, and are right
+    again at the end. `noise`: there is white noise of `north` metres. `frozen`: positions stay as they were.
+    `zero`: latitude and longitude are 0. `velocity`: the ground velocity is `north`, `east` m/s. `held`: the
+    ground velocity stays as it was. `airspeed`: the airspeed is `north` m/s. `altitude`: altitudes are
+    `north` metres off. `clock`: the autopilot's clock loses `north` seconds, evenly over the time."""
 
     start_s: float
     """Simulation time of its beginning."""
 
     length_s: float
-    """How long it lasts; may be infinite."""
+    """May be infinite."""
 
     north: float = 0.0
-    """See `kind`."""
-
     east: float = 0.0
-    """See `kind`."""
 
     def __post_init__(self) -> None:
-        """Refuse what is no fault.
+        """Check kind and ranges.
 
         Raises:
             ValueError: the kind is unknown, or a number is out of its range.
@@ -240,18 +237,18 @@ class Fault:
             raise ValueError(f"{self} is no fault")
 
     def is_on(self, time_s: float) -> bool:
-        """Whether it is present at a simulation time."""
+        """Check whether the fault is present at a simulation time."""
         return 0.0 <= time_s - self.start_s < self.length_s
 
     def lost_s(self, time_s: float) -> float:
-        """What the clock has lost by a simulation time, s."""
+        """Return the time that the clock has lost by a simulation time, s."""
         if self.kind != "clock" or time_s <= self.start_s:
             return 0.0
         return self.north * min((time_s - self.start_s) / self.length_s, 1.0)
 
 
 class Faults:
-    """The faults of one autopilot, present and to come."""
+    """Present and future faults of one autopilot."""
 
     def __init__(self, faults: Sequence[Fault] = ()) -> None:
         self._faults = list(faults)
@@ -260,15 +257,15 @@ class Faults:
         self._random = default_rng(0x66_61_75)
 
     def add(self, fault: Fault) -> None:
-        """One more."""
+        """Add a fault."""
         self._faults.append(fault)
 
     def lost_s(self, time_s: float) -> float:
-        """What the clock has lost by a simulation time, s."""
+        """Return the time that the clock has lost by a simulation time, s."""
         return sum(fault.lost_s(time_s) for fault in self._faults) if self._faults else 0.0
 
     def offset_m(self, time_s: float) -> tuple[float, float]:
-        """(north, east) in m by which positions are off."""
+        """Return the offset (north, east) of positions, m."""
         north_m = east_m = 0.0
         for one in self._faults:
             if not one.is_on(time_s):
@@ -284,12 +281,12 @@ class Faults:
         return north_m, east_m
 
     def altitude_m(self, time_s: float) -> float:
-        """By how much altitudes are off, m."""
+        """Return the offset of altitudes, m."""
         present = [one for one in self._faults if one.kind == "altitude" and one.is_on(time_s)]
         return sum(one.north for one in present)
 
     def place(self, place: Place, time_s: float) -> Place:
-        """The position as it is reported."""
+        """Return the position as reported."""
         if not self._faults:
             return place
         kinds = {one.kind for one in self._faults if one.is_on(time_s)}
@@ -298,7 +295,7 @@ class Faults:
         return (0.0, 0.0) if "zero" in kinds else self._frozen or place
 
     def motion(self, motion: Motion, time_s: float) -> Motion:
-        """The motion as it is reported."""
+        """Return the motion as reported."""
         held = False
         for fault in self._faults:
             if not fault.is_on(time_s):

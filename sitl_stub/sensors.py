@@ -1,4 +1,4 @@
-"""What the autopilot measures of the true motion: noise, glitches, airspeed as its sensor shows it."""
+"""Measurements of the true motion, with noise, faults and the airspeed as shown."""
 
 import math
 
@@ -16,31 +16,25 @@ MICROSECOND = 1e-6
 
 
 class Measurement(msgspec.Struct, frozen=True):
-    """Everything that telemetry tells of one instant."""
+    """All measurements of one instant."""
 
     motion: Motion
-    """The motion as it is measured."""
-
     latitude_rad: float
-    """Latitude as it is measured."""
-
     longitude_rad: float
-    """Longitude as it is measured."""
-
     altitude_error_m: float
     """Error of the measured altitude above mean sea level."""
 
     satellite_error_m: float
-    """Error of the altitude by satellites."""
+    """Error of the GNSS altitude."""
 
 
 class Sensors:
-    """Measures one flight. Positions have a generator of noise of their own."""
+    """Sensors of one flight; position noise has a random generator of its own."""
 
     def __init__(self, config: AutopilotConfig) -> None:
         self._config = config
         self.faults = Faults(config.faults)
-        """What is wrong with the reports."""
+        """Faults of the reports."""
         self._position_random = default_rng((config.seed, config.system_id))
         self._random = default_rng((config.seed, config.system_id, 1))
         self._errors = SensorErrors(config.sensors, seed=config.seed, system_id=config.system_id)
@@ -50,11 +44,11 @@ class Sensors:
 
     @property
     def clock_rate(self) -> float:
-        """Seconds of the autopilot's clock in one second."""
+        """Seconds of the autopilot's clock per second."""
         return 1.0 + self._errors.clock_rate
 
     def measure(self, flight: EmulatedFlight, *, with_position: bool) -> Measurement:
-        """What is measured now; a position without its errors, unless it is asked for."""
+        """Measure the present state; without `with_position` the position has no errors."""
         latitude_rad, longitude_rad = flight.state.latitude_rad, flight.state.longitude_rad
         time_s = flight.time_us * MICROSECOND
         if with_position:

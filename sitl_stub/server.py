@@ -1,4 +1,4 @@
-"""Emulated autopilots on real sockets and a real clock, and their true states as JSON lines."""
+"""Emulated autopilots on sockets in real time, and a log of their true states as JSON lines."""
 
 import asyncio
 import json
@@ -22,17 +22,17 @@ BEGINNING = b'{"system_id": '
 """Beginning of every line of true states."""
 
 Write = Callable[[bytes], object]
-"""Takes one line; each reaches its reader whole."""
+"""Writes one whole line."""
 
 LONGEST_STRETCH_S = 0.05
-"""Real time for which a late emulator flies on before it listens again."""
+"""Real time after which a late emulator that catches up listens again."""
 
 LATE_STEP_S = 1.0
-"""Real time behind the clock that is worth a warning."""
+"""Delay in real time that is worth a warning."""
 
 
 class TruthLog:
-    """When the next sample is due, and where it goes."""
+    """Periodic samples of one aircraft's true state."""
 
     def __init__(self, write: Write, *, rate_hz: float, system_id: int) -> None:
         self._write = write
@@ -46,17 +46,17 @@ class TruthLog:
         return round(self._samples * 1e6 / self._rate_hz) * 1e-6
 
     def sample(self, truth: Truth) -> None:
-        """Write one sample down."""
+        """Write one sample."""
         self._samples += 1
         fields = asdict(truth)
-        # Whole microseconds: without the last digits of their conversion to seconds.
+        # Rounded to microseconds, which drops the last digits of the conversion to seconds.
         fields["time_s"] = round(truth.time_s, 6)
         line = json.dumps({"system_id": self._system_id, **fields}, allow_nan=False)
         self._write(line.encode() + b"\n")
 
 
 def truth_target(target: str | None) -> AbstractContextManager[Write | None]:
-    """How to write into `udpout://host:port` or a file, open as long as its context lasts.
+    """Return a context with a writer to `udpout://host:port` or a file, or None without a target.
 
     A file of earlier true states is overwritten, any other is not.
 
@@ -70,7 +70,7 @@ def truth_target(target: str | None) -> AbstractContextManager[Write | None]:
 
 @contextmanager
 def lines(path: Path) -> Iterator[Write]:
-    """Each line reaches the file whole and at once, so that it is readable whenever this ends."""
+    """Write lines to a file without a buffer, so that the file is readable whenever the process ends."""
     try:
         if path.is_file() and not begins_like_truth(path):
             raise AddressError(
@@ -84,7 +84,7 @@ def lines(path: Path) -> Iterator[Write]:
 
 
 def begins_like_truth(path: Path) -> bool:
-    """Whether a file is empty, or begins as one that was written here, whole or cut off.
+    """Check whether a file is empty, or begins like a log of true states, even a truncated one.
 
     Raises:
         OSError: it cannot be read.
@@ -95,7 +95,7 @@ def begins_like_truth(path: Path) -> bool:
 
 @contextmanager
 def datagrams(url: str) -> Iterator[Write]:
-    """One datagram for each line, whether anybody listens or not."""
+    """Send one datagram for each line, whether anybody listens or not."""
     address = parse_address(url)
     if address.scheme != "udpout":
         raise AddressError(f"{url!r}: true states go to udpout://host:port or into a file")
@@ -110,7 +110,7 @@ def datagrams(url: str) -> Iterator[Write]:
         try:
             channel.sendto(line, peer)
         except OSError:
-            # Full or unreachable now: a sample is lost, as any datagram may be.
+            # Full or unreachable now: the sample is lost, as any datagram may be.
             return
 
     with socket.socket(family, socket.SOCK_DGRAM) as channel:
@@ -132,16 +132,16 @@ class SimulationClock:
     """Seconds of simulation in one real second."""
 
     def simulation_s(self, loop_s: float) -> float:
-        """Simulation time at a time of the loop."""
+        """Convert a time of the loop to simulation time."""
         return (loop_s - self.zero_s) * self.speedup
 
     def loop_s(self, simulation_s: float) -> float:
-        """The loop's time at a simulation time."""
+        """Convert a simulation time to the loop's time."""
         return self.zero_s + simulation_s / self.speedup
 
 
 class Emulator:
-    """Moves an autopilot along the clock: events of its own when they are due, bytes as they come."""
+    """Runs an autopilot in real time: due events at their time, received bytes at their arrival."""
 
     def __init__(
         self, autopilot: Emulated, *, truth: TruthLog | None = None, duration_s: float = math.inf
@@ -159,16 +159,16 @@ class Emulator:
         self._fault: OSError | None = None
 
     def take(self, frames: bytes) -> None:
-        """Obey what has arrived, at the simulation time of its arrival; answer to all who listen.
+        """Handle received frames at the simulation time of their arrival; reply to all links.
 
-        Answers go to all, as on a radio: each listener then sees every sequence number once.
-        Before simulation time zero the aircraft takes orders, but stands still in time.
+        As on a radio, each listener then sees every sequence number once. Before simulation time zero the
+        aircraft takes commands, but does not fly.
         """
         if self._clock is not None:
             try:
                 self._fly_until(self._clock.simulation_s(self._loop.time()), exactly=True)
             except OSError as error:
-                # Of the truth log. Raised here, it would end in the event loop's own log.
+                # An error of the truth log; raised here, it would only reach the event loop's own log.
                 self._fault = error
                 self._wake.set()
         next_s = self._next_s
@@ -177,7 +177,7 @@ class Emulator:
             self._wake.set()
 
     async def run(self, links: Sequence[EmulatorLink], clock: SimulationClock) -> None:
-        """Serve until the duration is over; what was due before the call is flown but not sent."""
+        """Serve until the duration is over; telemetry due before the call is not sent."""
         self._links, self._clock = tuple(links), clock
         self._silent_before_s = clock.simulation_s(self._loop.time())
         while self._flown_s < self._duration_s:
@@ -197,14 +197,14 @@ class Emulator:
 
     @property
     def _next_s(self) -> float:
-        """The next simulation time at which anything is to be done."""
+        """Next simulation time at which anything is due."""
         truth_s = math.inf if self._truth is None else self._truth.next_due_s
         return min(self._autopilot.next_due_s, truth_s, self._duration_s)
 
     def _fly_until(self, to_s: float, *, exactly: bool = False) -> None:
-        """Do what is due up to `to_s`, each at its own instant, then exactly: fly on to `to_s` itself.
+        """Process all events due up to `to_s`, each at its own time; `exactly` then flies on to `to_s`.
 
-        Gives up after `LONGEST_STRETCH_S`, so that a computer too slow for the speed-up still listens.
+        Stops after `LONGEST_STRETCH_S`, so that a computer too slow for the speed-up still listens.
         """
         give_up_s = self._loop.time() + LONGEST_STRETCH_S
         while self._flown_s < self._duration_s and (next_s := self._next_s) <= to_s:
@@ -239,12 +239,12 @@ async def serve_all(
     *,
     on_open: Callable[[Emulated, Address], None] | None = None,
 ) -> None:
-    """Serve several autopilots, each at its address, until their duration is over or this is cancelled.
+    """Serve autopilots at their addresses until their duration is over or this is cancelled.
 
     Raises:
         AddressError: an address or path is wrong; the message is one line.
         LinkError: an address cannot be used on this computer now.
-        OSError: the file of true states can be written to no more.
+        OSError: the file of true states can no longer be written to.
     """
     loop = asyncio.get_running_loop()
     with truth_target(settings.truth) as write:
@@ -271,7 +271,7 @@ async def serve_all(
 
 
 async def all_of(runs: Sequence[Coroutine[None, None, None]]) -> None:
-    """Wait for all of them; as soon as one breaks, end the others and break like it."""
+    """Wait for all coroutines; if one fails, cancel the others and raise its error."""
     tasks = [asyncio.ensure_future(run) for run in runs]
     try:
         await asyncio.gather(*tasks)
@@ -282,10 +282,10 @@ async def all_of(runs: Sequence[Coroutine[None, None, None]]) -> None:
 
 
 def precise_event_loop() -> asyncio.AbstractEventLoop:
-    """An event loop whose timers are not rounded up to milliseconds, as those of epoll are.
+    """Return an event loop whose timers are not rounded up to milliseconds, as epoll's are.
 
     On a virtual machine of two cores it wakes 0.3 ms after a timer is due, where asyncio's own loop
-    wakes after 0.8 ms (medians). For `asyncio.Runner(loop_factory=precise_event_loop)`; a file
-    descriptor from 1024 on is refused, which no emulator comes near.
+    wakes after 0.8 ms (medians). For `asyncio.Runner(loop_factory=precise_event_loop)`. File descriptors
+    from 1024 on are refused, which no emulator comes near.
     """
     return asyncio.SelectorEventLoop(selectors.SelectSelector())

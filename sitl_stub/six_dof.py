@@ -1,9 +1,10 @@
-"""The plant `six-dof`: the Aerosonde under attitude loops and a total-energy loop as autopilots have them.
+"""The plant `six-dof`: the Aerosonde with attitude loops and a total-energy loop as in autopilots.
 
-Course error makes a bank as in ArduPlane's guided mode, the ailerons hold it, the rudder damps the yaw toward
-a coordinated turn. Airspeed and height go through their energies: the thrust is for their sum, the pitch for
-how it is shared (Lambregts, "Vertical flight path and speed control autopilot design using total energy
-principles", AIAA 83-2239). Its equations are our own and not JSBSim's; docs/emulator.md tells why.
+The course error sets the bank as in ArduPlane's guided mode, the ailerons hold it, and the rudder damps the
+yaw toward a coordinated turn. Airspeed and height are controlled by energy: the thrust sets the total, the
+pitch the distribution (Lambregts, "Vertical flight path and speed control autopilot design using total
+energy principles", AIAA 83-2239). The equations are the project's own, not JSBSim's; docs/emulator.md tells
+why.
 """
 
 import math
@@ -34,12 +35,12 @@ from sitl_stub.rigid_body import (
 )
 
 MAX_SIX_DOF_STEP_S = 0.0125
-"""Longest step: a fifth of the roll's own time constant at 32 m/s; a test measures what it costs."""
+"""Longest step: a fifth of the roll's own time constant at 32 m/s; a test measures the loss of accuracy."""
 
 ROLL_P, ROLL_D = 0.6, 0.0
 PITCH_P, PITCH_D = 4.0, 0.5
 YAW_D = 0.5
-"""Surfaces, rad, for each rad and rad/s. The airframe damps its roll by itself."""
+"""Deflections in rad for each rad and rad/s. The airframe itself damps the roll."""
 
 GREATEST_DEFLECTION_RAD = 0.5
 
@@ -49,48 +50,44 @@ THRUST_S = 0.2
 """Time constant of motor and propeller."""
 
 AIRSPEED_S = 1.0
-"""With which the airspeed that the loops hold, carried on by the accelerometers, leans on the measured one: a
-complementary filter, as autopilots have it, by which a gust is no change of speed at once."""
+"""Time constant of the complementary filter of the loops' airspeed, as autopilots have it. The filter blends
+accelerometers and measured airspeed, so that a gust does not change the speed at once.
+"""
 
 WEIGHT_N = craft.MASS_KG * GRAVITY_M_S2
 
 CRUISE_DRAG, TURN_DRAG = 0.07, 0.05
-"""Drag in parts of the weight: what the thrust begins with, and what a load factor of 2 adds."""
+"""Drag as a fraction of the weight: in cruise, and its growth per (n² - 1) at load factor n."""
 
 CRUISE_PITCH_RAD = 0.07
 
 ENERGY_P, ENERGY_I = 0.6, 0.3
-"""Thrust, in parts of the weight, for each part of the rate of energy that is missing; and 1/s of that."""
+"""Gains from the missing rate of energy to thrust as a fraction of the weight; the second per second."""
 
 BALANCE_P, BALANCE_I = 0.6, 0.5
-"""Pitch, rad, for each rad of the missing balance; and 1/s of that."""
+"""Gains from the missing balance to pitch, rad; the second per second."""
 
 GREATEST_INTEGRAL = 0.3
 
 
 class BodyRates(NamedTuple):
-    """How everything moves at one moment."""
+    """Rates of the body's fields, ground velocity (down positive) and airspeed V_a at one moment."""
 
     body: Body
-    """Rates of all of the body's fields."""
     north_m_s: float
-    """Ground velocity."""
     east_m_s: float
-    """Ground velocity."""
     down_m_s: float
-    """Positive down."""
     airspeed_m_s: float
-    """V_a now."""
 
 
 def body_of(state: PlantState, wind_m_s: tuple[float, float]) -> Body:
-    """The body of a state, or one in level or climbing trimmed flight where it has none yet."""
+    """Return the body of a state, or one in trimmed level or climbing flight where it has none yet."""
     if state.body is not None:
         return state.body
     airspeed = state.speed_m_s
     wanted_lift = WEIGHT_N / (0.5 * craft.AIR_KG_M3 * airspeed**2 * craft.WING_M2)
     alpha = min((wanted_lift - craft.LIFT_0) / craft.LIFT_ALPHA, 0.3)
-    # Gravity along the path takes thrust, and the body is pitched up with it.
+    # Gravity along the path needs thrust, and the body is pitched up by the climb angle.
     climb = math.asin(min(max(state.climb_m_s / airspeed, -0.5), 0.5))
     level = Body(
         *(0.0, 0.0, 0.0),
@@ -119,7 +116,7 @@ def six_dof_rates(
     altitude_amsl_m: float,
     wind_m_s: tuple[float, float],
 ) -> BodyRates:
-    """All rates at one moment."""
+    """Return all rates at one moment."""
     rotation = body_to_ground(body)
     flow = air_flow(body, rotation, wind_m_s)
     north, east, down = velocity_ned_m_s(body, rotation)
@@ -157,7 +154,7 @@ def six_dof_rates(
 
 
 def path_acceleration_m_s2(body: Body, flow: AirFlow, sinking: float) -> float:
-    """Rate of the speed along the path, without what gusts do to it: thrust, drag and the path's slope."""
+    """Return the acceleration along the path from thrust, drag and slope, without the effect of gusts."""
     pressure_n = 0.5 * craft.AIR_KG_M3 * flow.airspeed_m_s**2 * craft.WING_M2
     drag_n = pressure_n * (craft.DRAG_PARASITIC + craft.INDUCED * craft.lift(flow.alpha_rad) ** 2)
     forward_n = body.thrust_n * math.cos(flow.alpha_rad) - drag_n
@@ -165,12 +162,12 @@ def path_acceleration_m_s2(body: Body, flow: AirFlow, sinking: float) -> float:
 
 
 def integral_rate(integral: float, rate: float) -> float:
-    """The rate of an integral, none further out beyond what it may be."""
+    """Return the rate of an integral, or 0 where the rate would drive it further beyond its limit."""
     return 0.0 if abs(integral) >= GREATEST_INTEGRAL and integral * rate > 0.0 else rate
 
 
 def thrust_wanted_n(body: Body, wanted: float, missing: float, flow: AirFlow) -> float:
-    """Thrust for a rate of the total energy (in parts of the weight, divided by the airspeed)."""
+    """Return the thrust for a rate of the total energy (per weight and airspeed)."""
     # No autopilot holds a bank beyond 60 degrees.
     load_factor = 1.0 / max(math.cos(body.bank_rad), 0.5)
     share = CRUISE_DRAG + TURN_DRAG * (load_factor**2 - 1.0) + wanted
@@ -180,16 +177,16 @@ def thrust_wanted_n(body: Body, wanted: float, missing: float, flow: AirFlow) ->
 
 
 def pitch_wanted_rad(body: Body, wanted: float, missing: float) -> float:
-    """Pitch for a share of the energy: half of what path and speed differ by, as they change alike."""
+    """Return the pitch for a distribution of energy; `wanted` counts half, as path and speed change alike."""
     pitch = CRUISE_PITCH_RAD + 0.5 * wanted + BALANCE_P * missing + body.balance_integral_rad
     return clamped(pitch, GREATEST_PITCH_RAD)
 
 
 def surfaces_of(body: Body, bank_rad: float, pitch_rad: float, flow: AirFlow) -> Surfaces:
-    """What the attitude loops make of a wanted bank and pitch."""
+    """Return the deflections that the attitude loops set for a bank and pitch."""
     turning = GRAVITY_M_S2 / flow.airspeed_m_s * math.sin(body.bank_rad)
     turning *= math.cos(body.pitch_rad)
-    # In a turn the nose has to pitch as it goes round.
+    # A turn needs a pitch rate.
     pitching = turning * math.tan(clamped(body.bank_rad, 1.0))
     aileron = ROLL_P * (bank_rad - body.bank_rad) - ROLL_D * body.p_rad_s
     elevator = PITCH_D * (body.q_rad_s - pitching) - PITCH_P * (pitch_rad - body.pitch_rad)
@@ -199,7 +196,7 @@ def surfaces_of(body: Body, bank_rad: float, pitch_rad: float, flow: AirFlow) ->
 
 
 def advanced(body: Body, rates: Body, span_s: float) -> Body:
-    """A body after a span at constant rates."""
+    """Return the body after a span at constant rates."""
     return Body(*(value + span_s * rate for value, rate in zip(body, rates, strict=True)))
 
 
@@ -212,7 +209,7 @@ class SixDof(Plant):
     def step(
         self, targets: Targets, state: PlantState, wind: Wind, *, time_s: float, step_s: float
     ) -> PlantState:
-        """The state one midpoint (second-order Runge-Kutta) step later."""
+        """Return the state after one midpoint (second-order Runge-Kutta) step."""
         half_s = 0.5 * step_s
         start_wind = wind.at(time_s)
         body, altitude = body_of(state, start_wind), state.altitude_amsl_m
@@ -244,7 +241,7 @@ class SixDof(Plant):
         )
 
     def motion(self, targets: Targets, state: PlantState, wind_m_s: tuple[float, float]) -> Motion:
-        """Motion of the body."""
+        """Return the motion of the body."""
         del targets
         body = body_of(state, wind_m_s)
         rotation = body_to_ground(body)

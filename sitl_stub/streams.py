@@ -1,8 +1,7 @@
-"""Which messages are sent how often, and those that are asked for once.
+"""Schedule of periodic messages, and messages that are requested once.
 
-When each message is due: exact multiples of its interval, so that nothing drifts.
-
-Messages of MAVLink's common set that pymavlink's dialect for ArduPilot does not have.
+A message is due at exact multiples of its interval, so that nothing drifts. PROTOCOL_VERSION and
+AVAILABLE_MODES are in MAVLink's common set, but not in pymavlink's dialect for ArduPilot.
 """
 
 import struct
@@ -22,16 +21,16 @@ PROTOCOL_VERSION = 300
 AVAILABLE_MODES = 435
 
 MAVLINK_2 = 200
-"""MAVLink 2.0 as PROTOCOL_VERSION says it; 100 is the oldest that is understood."""
+"""MAVLink 2.0 in PROTOCOL_VERSION; 100 is the oldest version that is understood."""
 
 MIN_INTERVAL_US = 10_000
-"""Fastest stream where no scheduler limits it: 100 Hz."""
+"""Shortest interval without a scheduler: 100 Hz."""
 
 LONGEST_INTERVAL_US = 2**31 - 1
-"""What MESSAGE_INTERVAL can tell of: 36 minutes."""
+"""Longest interval that MESSAGE_INTERVAL can report: 36 minutes."""
 
 LOOP_SHARE = 0.8
-"""Fastest stream in parts of the scheduler's loop rate: ArduPilot denies more."""
+"""Ratio of the fastest stream's rate to the scheduler's loop rate: ArduPilot denies more."""
 
 DATA_STREAMS: Mapping[int, tuple[int, ...]] = {
     mavlink.MAV_DATA_STREAM_EXTENDED_STATUS: (
@@ -53,22 +52,22 @@ DATA_STREAMS: Mapping[int, tuple[int, ...]] = {
         mavlink.MAVLINK_MSG_ID_EKF_STATUS_REPORT,
     ),
 }
-"""What ArduPilot sends in each of the streams that older ground stations ask for."""
+"""Messages of the ArduPilot streams that older ground stations request."""
 
 ON_REQUEST: Mapping[int, int] = {
     mavlink.MAV_CMD_REQUEST_PROTOCOL_VERSION: PROTOCOL_VERSION,
     mavlink.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES: mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION,
     mavlink.MAV_CMD_GET_HOME_POSITION: mavlink.MAVLINK_MSG_ID_HOME_POSITION,
 }
-"""Commands that ask for one message each."""
+"""Commands that request one message each."""
 
 
 class Schedule:
     """Periodic messages by id, in whole microseconds of simulation time.
 
-    Messages due at the same instant come in the order in which the ids were given, not in the
-    order in which they were asked for. With a tick longer than a microsecond they leave at the first
-    tick at which they are due, as a scheduler's tasks do: 50 ms on ticks of 20 ms come 40 and 60 ms apart.
+    Messages due at the same instant come in the order of the ids given at the start. With a tick longer
+    than a microsecond they leave at the first tick at which they are due, as a scheduler's tasks do: 50 ms
+    on ticks of 20 ms come 40 and 60 ms apart.
     """
 
     def __init__(self, order: Iterable[int], *, sent_until_us: int = -1, tick_us: int = 1) -> None:
@@ -78,26 +77,26 @@ class Schedule:
         self._sent_until_us = sent_until_us
         self._tick_us = tick_us
         self.next_due_us: int | None = None
-        """The next instant at which anything is due; None while nothing is scheduled."""
+        """Next instant at which a message is due; None while nothing is scheduled."""
 
     def every(self, message_id: int, interval_us: int) -> None:
-        """Send a message at each multiple of the interval from now on."""
+        """Schedule a message at each multiple of the interval from now on."""
         self._intervals_us[message_id] = interval_us
         self._due_us[message_id] = (self._sent_until_us // interval_us + 1) * interval_us
         self._due_us = dict(sorted(self._due_us.items(), key=lambda item: self._rank[item[0]]))
         self._look_ahead()
 
     def stop(self, message_id: int) -> None:
-        """Send a message no more."""
+        """Stop sending a message."""
         self._due_us.pop(message_id, None)
         self._look_ahead()
 
     def interval_us(self, message_id: int) -> int | None:
-        """How often a message is sent; None if it is not."""
+        """Return the interval of a message; None if it is not sent."""
         return self._intervals_us[message_id] if message_id in self._due_us else None
 
     def pop_due(self, instant_us: int) -> list[int]:
-        """The ids due up to and including an instant, each then moved on to after it."""
+        """Return the ids due up to and including an instant, and schedule their next times."""
         self._sent_until_us = instant_us
         if self.next_due_us is None or instant_us < self.next_due_us:
             return []
@@ -117,7 +116,7 @@ class Schedule:
 
 
 class ExtraMessage(MAVLink_message):  # type: ignore[misc] # pymavlink is not typed
-    """A message given by its number, the extra byte of its checksum, and its payload."""
+    """A message given by its id, the extra byte of its checksum, and its payload."""
 
     def __init__(self, message_id: int, name: str, crc_extra: int, payload: bytes) -> None:
         super().__init__(message_id, name)
@@ -125,19 +124,19 @@ class ExtraMessage(MAVLink_message):  # type: ignore[misc] # pymavlink is not ty
         self._content = payload
 
     def pack(self, mav: MAVLink) -> bytes:
-        """The frame."""
+        """Return the frame."""
         packed: bytes = self._pack(mav, self._extra, self._content)
         return packed
 
 
 def protocol_version() -> MAVLink_message:
-    """PROTOCOL_VERSION: MAVLink 1 and 2; no hashes of specification and library."""
+    """Return PROTOCOL_VERSION: MAVLink 1 and 2; no hashes of specification and library."""
     payload = struct.pack("<HHH16x", MAVLINK_2, 100, MAVLINK_2)
     return ExtraMessage(PROTOCOL_VERSION, "PROTOCOL_VERSION", 217, payload)
 
 
 def available_modes(modes: Sequence[AutopilotMode], index: int) -> list[MAVLink_message]:
-    """AVAILABLE_MODES of the mode with this number (from 1), or of all for 0."""
+    """Return AVAILABLE_MODES of the mode with an index (from 1), or of all modes for 0."""
     numbers = range(1, len(modes) + 1) if index == 0 else range(index, index + 1)
     messages: list[MAVLink_message] = []
     for number in numbers:
@@ -150,11 +149,11 @@ def available_modes(modes: Sequence[AutopilotMode], index: int) -> list[MAVLink_
 
 
 Wanted = int | list[MAVLink_message]
-"""Telemetry by its number, or messages that are made already."""
+"""Id of a telemetry message, or complete messages."""
 
 
 class Streams:
-    """The schedule of one autopilot, and the commands that change it."""
+    """Message schedule of one autopilot, and the commands that change it."""
 
     def __init__(
         self,
@@ -165,10 +164,10 @@ class Streams:
         """Make the schedule at a boot.
 
         Args:
-            personality: whose manners decide what is sent.
+            personality: autopilot whose messages are sent.
             loop_rate_hz: of the scheduler, if there is one.
-            chosen: what is sent without having been asked for, with intervals in microseconds, beside the
-                heartbeat; None: what the personality sends.
+            chosen: intervals in microseconds of unrequested messages beside the heartbeat; None for the
+                personality's own.
         """
         self._personality = personality
         self._chosen = chosen
@@ -178,7 +177,6 @@ class Streams:
             self._tick_us = round(1e6 / loop_rate_hz)
             self._fastest_us = round(1e6 / (LOOP_SHARE * loop_rate_hz))
         self.schedule = self._defaults(-1)
-        """What is due when."""
         self._requested: list[Wanted] = []
 
     @property
@@ -192,16 +190,16 @@ class Streams:
         }
 
     def take_requested(self) -> list[Wanted]:
-        """What follows the acknowledgement of the command at hand, once."""
+        """Return, once, what follows the acknowledgement of the present command."""
         requested, self._requested = self._requested, []
         return requested
 
     def restart(self, now_us: int) -> None:
-        """Forget what was asked for, as a reboot does."""
+        """Forget all requests, as a reboot does."""
         self.schedule = self._defaults(now_us)
 
     def set_interval(self, _flight: EmulatedFlight, command: Command) -> Result:
-        """511: param1 message id, param2 microseconds, -1 to stop, 0 for the default."""
+        """Handle 511: param1 message id, param2 microseconds, -1 to stop, 0 for the default."""
         message_id, interval_us = map(whole_number, command.used(1, 2))
         if (
             message_id == mavlink.MAVLINK_MSG_ID_HEARTBEAT
@@ -221,7 +219,7 @@ class Streams:
         return Result.ACCEPTED
 
     def get_interval(self, _flight: EmulatedFlight, command: Command) -> Result:
-        """510: param1 message id; MESSAGE_INTERVAL follows, -1 us for what is not sent."""
+        """Handle 510: param1 message id; MESSAGE_INTERVAL follows, -1 us for a message that is not sent."""
         message_id = whole_number(*command.used(1))
         if message_id is None or not 0 <= message_id <= 65_535:
             return Result.DENIED
@@ -232,7 +230,7 @@ class Streams:
         return Result.ACCEPTED
 
     def request(self, _flight: EmulatedFlight, command: Command) -> Result:
-        """512: param1 message id; the message follows the acknowledgement."""
+        """Handle 512: param1 message id; the message follows the acknowledgement."""
         message_id = whole_number(*command.used(1))
         if message_id == PROTOCOL_VERSION:
             self._requested.append([protocol_version()])
@@ -249,7 +247,7 @@ class Streams:
         return Result.ACCEPTED
 
     def request_of(self, message_id: int) -> Handler:
-        """The handler of a command that asks for one message by its own name."""
+        """Return the handler of a command that requests one specific message."""
 
         def handle(flight: EmulatedFlight, command: Command) -> Result:
             return self.request(flight, Command(command.number, (message_id, 0, 0, 0), 0, 0))
@@ -257,7 +255,7 @@ class Streams:
         return handle
 
     def request_data_stream(self, message: MAVLink_message) -> None:
-        """REQUEST_DATA_STREAM, ArduPilot's older way: one of its streams, or all of them, at a rate in Hz."""
+        """Handle REQUEST_DATA_STREAM, ArduPilot's older way: one stream, or all, at a rate in Hz."""
         rate_hz = message.req_message_rate if message.start_stop else 0
         interval_us = max(self._fastest_us, round(1e6 / rate_hz)) if rate_hz else 0
         wanted = message.req_stream_id
@@ -273,7 +271,7 @@ class Streams:
         return message_id in TELEMETRY and message_id not in self._personality.unsent
 
     def _defaults(self, sent_until_us: int) -> Schedule:
-        """What comes unrequested after a boot, from the instant after this one."""
+        """Return the schedule after a boot, from the instant after `sent_until_us`."""
         schedule = Schedule(TELEMETRY, sent_until_us=sent_until_us, tick_us=self._tick_us)
         sent = self._personality.unrequested
         if self._chosen is not None:
