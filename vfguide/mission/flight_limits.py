@@ -213,8 +213,7 @@ def field_beyond_bank(mission: Mission, conditions: Conditions) -> Iterator[Find
 
 
 def climbs_beyond_limits(mission: Mission, conditions: Conditions) -> Iterator[Finding]:
-    """Find climbs and descents too fast for a vehicle, or that leave too little power for keeping its slot.
-    """
+    """Find climbs and descents too fast for a vehicle, or that leave no power for keeping its slot."""
     rates = conditions.ground_speed(mission.leader.airspeed_m_s) * conditions.slope
     climb, sink = float(np.max(rates, initial=0.0)), float(-np.min(rates, initial=0.0))
     names = {mission.leader.vehicle, *mission.followers_by_name} & set(mission.vehicles)
@@ -377,9 +376,9 @@ class Track:
     location: Location
     """Location of the vehicle in the mission."""
     north: FloatArray
-    """m."""
+    """North positions, m."""
     east: FloatArray
-    """m."""
+    """East positions, m."""
     height: FloatArray
     """Heights above the mission's origin, m."""
 
@@ -428,8 +427,7 @@ def tracks_of(
 
 
 def beyond_the_fence(mission: Mission, conditions: Conditions) -> Iterator[Finding]:
-    """Find vehicles whose track leaves the fence, comes near it or is too high, and rally points beyond it.
-    """
+    """Find tracks that leave the fence, come near it or are too high, and rally points beyond it."""
     del conditions
     yield from tracks_beyond_the_fence(mission, tracks)
     yield from _rally_points_beyond(mission)

@@ -55,17 +55,17 @@ class Slot(Section):
 
     @property
     def of_guidance(self) -> GuidanceSlot:
-        """This place in the plane, standing still."""
+        """Slot in the horizontal plane, as guidance uses it."""
         return GuidanceSlot(forward=self.forward_m, right=self.right_m)
 
     @property
     def point(self) -> Point:
-        """This place as a point of the formation."""
+        """Slot as a point of the formation."""
         return Point(self.forward_m, self.right_m, self.up_m)
 
 
 class WrittenOrder(Section):
-    """What a formation is to do, as somebody writes it down; docs/orders.md explains it."""
+    """An order to the formation as a file states it; docs/orders.md explains it."""
 
     shape: Shape | None = None
     """`vee`, `echelon-left`, `echelon-right`, `line-abreast`, `trail`, `diamond` or `finger-four`."""
@@ -111,7 +111,7 @@ class WrittenOrder(Section):
 
     @property
     def order(self) -> Order:
-        """What is wanted."""
+        """The order as the formation uses it."""
         return Order(
             shape=self.shape,
             spacing=self.spacing_m,
@@ -133,7 +133,7 @@ class TimedOrder(WrittenOrder):
 
 
 MAX_PATHS = 16
-"""Beside the first. Every companion looks at all of them before the flight."""
+"""Maximum number of other paths; every companion checks all of them before the flight."""
 
 Silence = Annotated[Positive, Field(le=3600.0)]
 
@@ -207,11 +207,11 @@ class Leader(Section):
 
     @property
     def is_foreign(self) -> bool:
-        """Whether it has no companion."""
+        """Whether the leader has no companion."""
         return self.follows != "companion"
 
     def misfits(self) -> Iterator[Misfit]:
-        """Fields that another kind of leader has, and those without which nobody hears this one."""
+        """Yield fields that this kind of leader must not have, and required ones that are missing."""
         kinds = {
             "connection": ("mavlink", "adsb"),
             "system_id": ("mavlink",),
@@ -253,10 +253,10 @@ class Leader(Section):
 
     @model_validator(mode="after")
     def know_the_gains(self) -> Self:
-        """Find out whether the law takes these gains.
+        """Check whether the law accepts these gains.
 
         Raises:
-            PydanticCustomError: a gain is not known, or out of its range.
+            PydanticCustomError: a gain is unknown or out of range.
         """
         try:
             _ = self.law_gains
@@ -356,20 +356,20 @@ class Mission(Section):
 
     @property
     def follows_height(self) -> bool:
-        """Whether slots count from the leader's own height."""
+        """Whether slot heights count from the leader's own height."""
         return (self.height or ("path" if self.leader.follows == "adsb" else "leader")) == "leader"
 
     @property
     def paths_by_name(self) -> Mapping[str, PathShape]:
-        """All paths, `main` the one that the mission begins with."""
+        """All paths; the mission begins with `main`."""
         return {MAIN_PATH: self.path, **self.paths}
 
     @property
     def path_checks(self) -> Mapping[str, int]:
-        """What tells each path from any other of its name; 0 where none can be ordered, nor another leader.
+        """Check value that tells each path from others of its name; 0 without other paths and deputies.
 
         Raises:
-            InputError: a path of one's own cannot be compared.
+            InputError: a user-defined path cannot be compared.
         """
         if not (self.paths or self.deputies):
             return dict.fromkeys(self.paths_by_name, 0)
@@ -380,14 +380,15 @@ class Mission(Section):
 
     @property
     def leader_vehicle(self) -> Vehicle:
-        """The vehicle that leads."""
+        """Vehicle that leads."""
         return self.vehicles[self.leader.vehicle]
 
     @property
     def timekeeper(self) -> str:
-        """The vehicle whose clock the formation shares: the leader, or the first follower of a foreign one.
+        """Vehicle whose clock the formation shares: the leader, or the first follower of a foreign leader.
 
-        It counts only for what followers tell each other: each hears a foreign leader on its own clock.
+        With a foreign leader it counts only for messages between followers. Each follower times the leader
+        on its own clock.
         """
         if self.leader.is_foreign and self.followers:
             return self.followers[0].vehicle
@@ -401,7 +402,7 @@ class Mission(Section):
 
     @property
     def followers_by_name(self) -> Mapping[str, Follower]:
-        """Each follower by the name of its vehicle."""
+        """Followers by vehicle name."""
         return {follower.vehicle: follower for follower in self.followers}
 
     @model_validator(mode="before")

@@ -1,4 +1,4 @@
-"""What a mission says of orders: its first formation, how fast slots may move, its time table."""
+"""Orders of a mission: the first formation, speed limits of slots and the timetable."""
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -40,37 +40,37 @@ from vfguide.mission.model import Follower, Mission, Slot
 from vfguide.mission.place import least_radius
 
 RESERVE_M_S = 1.5
-"""What an aircraft keeps of its airspeed range for its law, while its slot moves."""
+"""Airspeed range that the law keeps in reserve while the slot moves."""
 
 SLOWEST_M_S, FASTEST_M_S = 0.5, 10.0
-"""Bounds of how fast slots move ahead and back."""
+"""Bounds of the forward and backward speed of slots."""
 
 GIVEN_WAY_M_S = 3.5
-"""So fast they may always move where the leader gives way: it flies faster or slower for who lacks it."""
+"""Minimum bound of slot speeds where the leader gives way by changing its airspeed."""
 
 ASIDE_SHARE = 0.35
-"""Speed at which slots move aside, in parts of the cruise: a course 20 degrees off the leader's."""
+"""Sideways speed of slots as a fraction of cruise: a course 20 degrees off the leader's."""
 
 ACCELERATION_SHARE, GREATEST_ACCELERATION = 0.4, 1.5
-"""Acceleration of slots, in parts of what the aircraft have, and the greatest, m/s²."""
+"""Acceleration of slots as a fraction of the aircraft's, and its maximum, m/s²."""
 
 GREATEST_CLIMB_M_S = 2.0
-"""Slots climb and sink no faster than this."""
+"""Maximum climb and sink rate of slots."""
 
 STEEPEST = 0.5
-"""Share of the lateral acceleration of the aircraft that has least, for a hold."""
+"""Usable fraction of the smallest lateral acceleration of the aircraft in a hold."""
 
 RADIUS_S, WIDTHS = 10.0, 5.0
-"""Radius of a hold: so many seconds of flight and half-widths of the formation at least."""
+"""Minimum radius of a hold, in seconds of flight and in half-widths of the formation."""
 
 
 LEAST_TURN_M = 20.0
-"""Turns onto another path are no tighter, however slow the formation is."""
+"""Minimum turn radius onto another path, however slow the formation is."""
 
 Check = Callable[[Mission, Conditions], Iterator[Finding]]
 
 OF_SLOTS: tuple[Check, ...] = (slots_beyond_centre, slots_out_of_airspeed)
-"""What is looked at of slots along a path that is flown already."""
+"""Checks of slots along a path that is already being flown."""
 
 OF_PATHS: tuple[Check, ...] = (
     leader_in_wind,
@@ -79,27 +79,27 @@ OF_PATHS: tuple[Check, ...] = (
     slots_out_of_airspeed,
     climbs_beyond_limits,
 )
-"""What is looked at of a formation along another path."""
+"""Checks of a formation along another path."""
 
 
 @dataclass(frozen=True, slots=True)
 class LeaderPlace:
-    """Where a leader is, and where it flies to."""
+    """Position and motion of a leader."""
 
     north: float
-    """m from the mission's origin."""
+    """North of the mission's origin, m."""
     east: float
-    """m from the mission's origin."""
+    """East of the mission's origin, m."""
     course: float
-    """rad."""
+    """Course, rad."""
     height: float = math.nan
-    """m above the mission's origin; NaN where it is not known."""
+    """Height above the mission's origin, m; NaN if unknown."""
     climb_rate: float = 0.0
-    """m/s, positive up."""
+    """Climb rate, m/s, positive up."""
 
 
 def formation_of_mission(mission: Mission) -> Formation:
-    """The formation that a mission begins with."""
+    """Return the formation that a mission begins with."""
     home = {one.vehicle: one.slot.point for one in mission.followers}
     may_lead = (mission.leader.vehicle, *mission.deputies) if mission.deputies else ()
     return Formation(
@@ -112,7 +112,7 @@ def formation_of_mission(mission: Mission) -> Formation:
 
 
 def on_path(mission: Mission, name: str) -> Mission:
-    """A mission as if it began on another of its paths; itself where it has none of this name."""
+    """Return the mission as if it began on another of its paths; unchanged if it has none of this name."""
     shapes = mission.paths_by_name
     if name == MAIN_PATH or name not in shapes:
         return mission
@@ -128,18 +128,18 @@ def resolve(
     time_s: float,
     leader: LeaderPlace | None = None,
 ) -> tuple[Arrangement, Transition]:
-    """The arrangement that an order comes to in a mission, with its vehicles, its path and its wind.
+    """Return the arrangement that results from an order, given the mission's vehicles, path and wind.
 
     Args:
         mission: the mission.
-        order: what is wanted.
-        formation: as it is.
-        number: of the arrangement.
-        time_s: when it begins, s on the formation's clock.
-        leader: where it will be then; as planned at that time if absent.
+        order: the order.
+        formation: current formation.
+        number: number of the arrangement.
+        time_s: beginning of the manoeuvre, s on the formation's clock.
+        leader: expected position at that time; by default the planned one.
 
     Raises:
-        RefusedOrderError: it cannot be carried out; one sentence says why.
+        RefusedOrderError: the order cannot be carried out; one sentence says why.
     """
     if mission.leader.is_foreign and (
         order.action in {"hold", "resume"} or order.path or order.lead
@@ -196,13 +196,13 @@ def motion_limits(
     *,
     climb_share: float = 1.0,
 ) -> MotionLimits:
-    """How fast slots may move: by what each aircraft has beyond what its slots need, in every wind and turn.
+    """Return how fast slots may move, from the margins of each aircraft in every wind and turn.
 
     Args:
         mission: the mission.
-        slots: those of each follower, before and after.
+        slots: slots of each follower before and after.
         conditions: every course and turn of the path in every wind.
-        climb_share: of the vehicles' climb and sink limits; the rest may be needed for the path's height.
+        climb_share: usable fraction of the vehicles' climb and sink limits; the path may need the rest.
     """
     cruise = mission.leader.airspeed_m_s
     forward = back = FASTEST_M_S
@@ -230,12 +230,12 @@ def motion_limits(
 
 
 def planned_place(mission: Mission, time_s: float, *, progress: float = 0.0) -> LeaderPlace:
-    """Where the leader of a rehearsal is by then, about: along its path at its airspeed.
+    """Return the leader's approximate position in a rehearsal: along its path at its airspeed.
 
     Args:
         mission: the mission.
-        time_s: since it was at a place of its path, s.
-        progress: of that place, m.
+        time_s: time since the leader was at `progress`, s.
+        progress: distance along the path, m.
     """
     airspeed = mission.leader.airspeed_m_s
     place = path_of(mission.path).at(progress + airspeed * max(time_s, 0.0))
@@ -249,25 +249,25 @@ def planned_place(mission: Mission, time_s: float, *, progress: float = 0.0) -> 
 
 
 def point_beside(mission: Mission, leader: LeaderPlace) -> PathPoint[float]:
-    """The mission's path beside a leader; its height tells which turn or branch it is on."""
+    """Return the path's point closest to a leader; the leader's height selects the turn or branch."""
     above = leader.height - mission.height_above_origin_m
     return path_of(mission.path).nearest_in_space(leader.north, leader.east, leader.course, above)
 
 
 def height_of(mission: Mission, leader: LeaderPlace) -> float:
-    """Height of a leader above the origin, m; that of the path beside it where its own is not known."""
+    """Return a leader's height above the origin, m; that of its path if unknown."""
     if math.isfinite(leader.height):
         return leader.height
     return mission.height_above_origin_m + float(point_beside(mission, leader).height)
 
 
 def hold_height(mission: Mission, leader: LeaderPlace) -> float:
-    """Height of a leader above the origin in a hold, m: where its climb has come to rest."""
+    """Return a leader's height above the origin in a hold, m: where its climb ends."""
     return height_of(mission, leader) + stopping_way(leader.climb_rate)
 
 
 def circle_at(mission: Mission, formation: Formation, leader: LeaderPlace) -> HoldCircle:
-    """Where to hold: a circle to the right that begins where the leader is, wide enough for every slot."""
+    """Return a circle to the right that begins at the leader and is wide enough for every slot."""
     widest = max((abs(point.right) for point in formation.slots.values()), default=0.0)
     speed = mission.leader.airspeed_m_s
     names = [mission.leader.vehicle, *formation.slots]
@@ -284,7 +284,7 @@ def circle_at(mission: Mission, formation: Formation, leader: LeaderPlace) -> Ho
 
 
 def with_slots(mission: Mission, slots: Mapping[str, Point]) -> Mission:
-    """A mission with these followers in these slots, and no others in view."""
+    """Return a mission with only these followers, in these slots."""
     followers = tuple(
         Follower(
             vehicle=name,
@@ -296,19 +296,19 @@ def with_slots(mission: Mission, slots: Mapping[str, Point]) -> Mission:
 
 
 class _LeaderPlan:
-    """Where the leader of a time table is, about: along its path at its airspeed, at its planned height."""
+    """Approximate leader of a timetable: along its path at its airspeed and planned height."""
 
     def __init__(self, mission: Mission) -> None:
-        """Begin at the beginning of the mission's path."""
+        """Start at the beginning of the mission's path."""
         self._mission = self._flown = mission
         self._limits: ClimbLimits = climb_limits(mission)
-        # On its path the leader is at this progress (m) at this time (s).
+        # The leader was at this progress (m) along its path at this time (s).
         self._progress = self._since_s = 0.0
         self._held: LeaderPlace | None = None
         self._change: HeightMotion | None = None
 
     def at(self, time_s: float) -> LeaderPlace:
-        """Where it is at a time, s."""
+        """Return the leader's position at a time, s."""
         place = self._held or self._beside_path(time_s)
         if self._held is not None or self._change is None:
             return place
@@ -322,12 +322,12 @@ class _LeaderPlan:
         return replace(place, height=motion.height, climb_rate=motion.climb_rate)
 
     def hold(self, leader: LeaderPlace) -> None:
-        """Stay where it is: a hold ends about where it has begun."""
+        """Stay at the leader's position: a hold ends about where it begins."""
         height = hold_height(self._mission, leader)
         self._held = replace(leader, height=height, climb_rate=0.0)
 
     def go_to(self, path: str, leader: LeaderPlace, time_s: float) -> None:
-        """Leave a place at a time (s) for a path."""
+        """Leave a position at a time (s) for a path."""
         self._flown, self._held = on_path(self._mission, path), None
         point = point_beside(self._flown, leader)
         self._progress = float(point.progress)
@@ -342,10 +342,10 @@ class _LeaderPlan:
 
 
 def timetable(mission: Mission) -> tuple[tuple[Arrangement, Transition], ...]:
-    """The arrangements of a mission's orders, each from where the one before leads to.
+    """Return the arrangements of a mission's orders, each starting from the one before.
 
     Raises:
-        RefusedOrderError: one cannot be carried out; one sentence says which and why.
+        RefusedOrderError: an order cannot be carried out; one sentence says which and why.
     """
     formation = formation_of_mission(mission)
     found = []
@@ -375,7 +375,7 @@ def timetable(mission: Mission) -> tuple[tuple[Arrangement, Transition], ...]:
 
 
 def _whose(finding: Finding, mission: Mission) -> str:
-    """Whose slot a finding is about that does not name its vehicle, for the beginning of a sentence."""
+    """Return the vehicle name as a prefix for a finding about a slot that does not name it."""
     match finding.location:
         case ("followers", int(index), *_):
             name = mission.followers[index].vehicle
@@ -385,7 +385,7 @@ def _whose(finding: Finding, mission: Mission) -> str:
 
 
 def _outside(mission: Mission, circle: HoldCircle | None, height: float) -> Iterator[Finding]:
-    """Vehicles at the fence: along the path, or on the circle of a hold at a height (m)."""
+    """Find vehicles at the fence: along the path, or on a hold's circle at a height (m)."""
 
     def flown(ordered: Mission) -> Iterable[Track]:
         if circle is None:

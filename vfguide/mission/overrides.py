@@ -1,4 +1,4 @@
-"""What the command line says instead of a mission's file: put into plain data, before it is validated."""
+"""Command-line values that replace fields of a mission file, applied to plain data before validation."""
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
@@ -16,16 +16,16 @@ SpeedResponseName = Literal["first-order", "tecs", "px4", "px4-untrimmed"]
 WindName = Literal["calm", "article"]
 
 EXACT = "exact"
-"""Behind the name of a law: its gains as they are written, whatever the aircraft bears."""
+"""Suffix of a law's name: use its gains as written, whatever the aircraft tolerates."""
 
 DEFAULTS = "defaults"
-"""Under `vehicles`: what all of them have that do not say otherwise."""
+"""Key under `vehicles` for the defaults of all vehicles."""
 
 FIELD = re.compile(r"[^.\[\]]+(\.[^.\[\]]+|\[[^.\[\]]+\])*")
-"""Such as `followers[0].slot.forward_m`."""
+"""Field path, such as `followers[0].slot.forward_m`."""
 
 INDEX = re.compile(r"-?[0-9]{1,9}", re.ASCII)
-"""Of an entry of a list."""
+"""Index of a list entry."""
 
 EMULATOR = ("rehearsal", "emulator")
 LAW: Location = ("controller", "type")
@@ -33,41 +33,41 @@ LAW: Location = ("controller", "type")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Overrides:
-    """What the command line says; None leaves the file's word."""
+    """Values from the command line; None keeps the file's value."""
 
     controller: str | None = None
-    """Instead of `controller.type`."""
+    """Replaces `controller.type`."""
     settings: tuple[tuple[Location, object], ...] = ()
-    """Values instead of those of any fields; their order does not matter."""
+    """Values of any fields, in any order."""
     plant: str | None = None
-    """Instead of every vehicle's `plant`; all but the holds are flown as `rehearsal.emulator.plant`."""
+    """Replaces every vehicle's `plant`; all but the holds become `rehearsal.emulator.plant`."""
     speed_response: SpeedResponseName | None = None
-    """Instead of `rehearsal.emulator.speed_response`."""
+    """Replaces `rehearsal.emulator.speed_response`."""
     wind: WindName | None = None
-    """Instead of `wind`."""
+    """Replaces `wind`."""
     duration_s: float | None = None
-    """Instead of `rehearsal.duration_s`."""
+    """Replaces `rehearsal.duration_s`."""
     rate_hz: float | None = None
-    """Instead of `rehearsal.rate_hz`."""
+    """Replaces `rehearsal.rate_hz`."""
     seed: int | None = None
-    """Instead of `rehearsal.seed`."""
+    """Replaces `rehearsal.seed`."""
 
 
 @dataclass(slots=True)
 class Overridden:
-    """A mission as plain data with the command line's word in it, valid or not."""
+    """Mission as plain data with command-line values, valid or not."""
 
     data: dict[str, Any]
-    """Groups and lists that are changed are copies."""
+    """Mission data; changed groups and lists are copies."""
     options: dict[Location, str] = field(default_factory=dict)
-    """The option that each changed field comes from."""
+    """Option that set each changed field."""
     faults: list[Finding] = field(default_factory=list)
-    """Options that have no place in the mission, or say something twice."""
+    """Options without a place in the mission, or given twice."""
     _given: dict[Location, str] = field(default_factory=dict)
-    """Places that options have named so far."""
+    """Locations that options have named so far."""
 
     def set(self, option: str, place: Location, value: object) -> None:
-        """Put the value of an option at a place; one under `vehicles.defaults` into every vehicle."""
+        """Set the value of an option; one under `vehicles.defaults` is set in every vehicle."""
         if (before := self._given.get(place)) is not None:
             message = "is given twice" if before == option else f"{before} says it already"
             self._refuse(option, place, message, "give it once")
@@ -87,7 +87,7 @@ class Overridden:
         return isinstance(self.data.get("controller", {}), dict)
 
     def emulate(self, option: str, name: str, value: object) -> None:
-        """Give all emulated aircraft the same value, whatever single ones have."""
+        """Give all emulated aircraft the same value, replacing those of single aircraft."""
         self.set(option, (*EMULATOR, name), value)
         for vehicle, own in group(self.data, *EMULATOR, "vehicles").items():
             if name in group(own):
@@ -133,13 +133,13 @@ class Overridden:
 def misstep(
     here: object, outer: Location, step: str | int, *, is_index: bool
 ) -> tuple[str, str] | None:
-    """Return what is wrong with a step down from a value, and the remedy; None where it leads on.
+    """Return the fault of a step down from a value, and its remedy; None if the step is valid.
 
     Args:
         here: the value.
-        outer: its place.
-        step: the next one; text where the value is a group.
-        is_index: whether it was written as a number.
+        outer: location of the value.
+        step: next step; text where the value is a group.
+        is_index: whether the step was written as a number.
     """
     name = dotted(outer)
     if isinstance(here, dict):
@@ -162,19 +162,19 @@ def misstep(
 
 
 def overridden(data: Mapping[str, Any], overrides: Overrides) -> Overridden:
-    """Return a mission, given as plain data, with the overrides in it.
+    """Return a mission, given as plain data, with the overrides applied.
 
     Raises:
-        InputError: there is no law of a name.
+        InputError: an option names no law.
     """
     found = Overridden(dict(data))
     if "controller" in data and found.has_controller:
-        # What is set goes before a group of the law's name, too.
+        # Overrides also precede a group named after the law.
         found.data["controller"] = merged(data["controller"])
     if overrides.controller is not None:
         found.set("--controller", LAW, overrides.controller)
     if overrides.plant is not None:
-        # A companion takes the others for what they resemble: a hold of heading and airspeed.
+        # For the companion, a banking plant resembles a hold of heading and airspeed.
         banks = overrides.plant not in {"heading-hold", "course-hold"}
         hold = "heading-hold" if banks else overrides.plant
         found.set("--plant", ("vehicles", DEFAULTS, "plant"), hold)
@@ -192,12 +192,12 @@ def overridden(data: Mapping[str, Any], overrides: Overrides) -> Overridden:
 
 
 def precedence(place: Location) -> tuple[int, bool, bool]:
-    """Return what puts a group before its fields, the law before its gains, defaults before a vehicle."""
+    """Return a sort key: groups before their fields, the law before its gains, defaults before vehicles."""
     return len(place), place != LAW, place[:2] != ("vehicles", DEFAULTS)
 
 
 def flown(data: Mapping[str, Any]) -> Iterator[str]:
-    """The names of all vehicles, with that of a leader which needs no entry."""
+    """Yield the names of all vehicles, including a leader without a companion and without an entry."""
     vehicles = group(data, "vehicles")
     yield from vehicles
     leader = group(data, "leader").get("vehicle", DEFAULT_NAME)
@@ -206,10 +206,10 @@ def flown(data: Mapping[str, Any]) -> Iterator[str]:
 
 
 def parse_settings(texts: Sequence[str]) -> tuple[tuple[Location, object], ...]:
-    """Fields and values of `FIELD=VALUE`: values as in a mission file, fields such as `followers[0].slot`.
+    """Parse `FIELD=VALUE` texts; values are as in a mission file, fields such as `followers[0].slot`.
 
     Raises:
-        InputError: a text is no such thing.
+        InputError: a text has another form.
     """
     found = []
     for text in texts:
@@ -230,6 +230,6 @@ def parse_settings(texts: Sequence[str]) -> tuple[tuple[Location, object], ...]:
 
 
 def place_of(name: str) -> Location:
-    """The place of a field such as `followers[0].slot.forward_m`."""
+    """Return the location of a field such as `followers[0].slot.forward_m`."""
     steps = name.replace("[", ".").replace("]", "").split(".")
     return tuple(int(step) if INDEX.fullmatch(step) else step for step in steps)

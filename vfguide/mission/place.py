@@ -1,10 +1,10 @@
-"""Places and fences in a mission file, and the frame that they are in.
+"""Places and fences of a mission file, and their local frame.
 
-A fence says where a formation may fly, and how high. A vehicle has to be inside of every area of
-inclusion and outside of every other, as ArduPlane has it; PX4 is content with one area of inclusion.
+A fence limits where and how high a formation may fly. A vehicle has to be inside every inclusion area and
+outside every exclusion area, as with ArduPlane; for PX4 one inclusion area suffices.
 
-A route takes from the rest of its mission the origin of coordinates, and how tightly it may turn. That reads
-plain data, as `consistency` does, since a path is looked at while the rest may still have faults.
+A route needs the origin and the turn radius of its mission. Both are read from plain data, as in
+`consistency`, since other parts of the mission may still be invalid.
 """
 
 import math
@@ -32,23 +32,23 @@ from vfguide.registry import paths
 MOST_AREAS, MOST_CORNERS = 100, 500
 
 MOST_WAYPOINTS = 2000
-"""Of one route."""
+"""Maximum number of waypoints of one route."""
 
 ENGAGED_M = 5000.0
-"""Farther from its path or slot than this no vehicle is engaged."""
+"""Maximum distance from path or slot at which a vehicle is engaged."""
 
 EDGE_POINTS = 121
-"""Points of a round area, as it is drawn."""
+"""Number of points of a drawn circle."""
 
 
 class MissionFrame(Section):
-    """What a path takes from the rest of its mission."""
+    """Data that a path takes from the rest of its mission."""
 
     latitude_deg: float
-    """Latitude of the mission's origin."""
+    """Latitude of the mission's origin, degrees."""
 
     longitude_deg: float
-    """Longitude of the origin."""
+    """Longitude of the mission's origin, degrees."""
 
     altitude_amsl_m: float
     """Altitude of the origin above mean sea level, m."""
@@ -91,7 +91,7 @@ class Place(Section):
         return self
 
     def local(self, frame: MissionFrame | None) -> tuple[float, float]:
-        """(north, east) in the mission's frame, m."""
+        """Return (north, east) in the mission's frame, m."""
         if self.latitude_deg is None or self.longitude_deg is None or frame is None:
             return self.north_m or 0.0, self.east_m or 0.0
         return frame.local.to_local(self.latitude_deg, self.longitude_deg)
@@ -107,7 +107,7 @@ class FencePolygon(Section):
     """Its corners, in their order."""
 
     def inward(self, north: FloatArray, east: FloatArray, frame: MissionFrame | None) -> FloatArray:
-        """How far inside of its edges places (m) are, m; negative outside."""
+        """Return the distance (m) of places (m) inside the edges; negative outside."""
         corners = np.array([one.local(frame) for one in self.points])
         shape = north.shape
         inside: BoolArray = np.zeros(shape, dtype=bool)
@@ -119,14 +119,14 @@ class FencePolygon(Section):
             run = np.clip((away_north * edge[0] + away_east * edge[1]) / span, 0.0, 1.0)
             distance = np.hypot(away_north - run * edge[0], away_east - run * edge[1])
             nearest = np.minimum(nearest, distance)
-            # A ray due north crosses the edge where it lies on both sides of the place's east.
+            # A ray due north crosses the edge if the ends of the edge are on both sides of the ray.
             crosses = (here[1] > east) != (there[1] > east)
             rise = np.divide(edge[0], edge[1], where=edge[1] != 0.0, out=np.zeros(()))
             inside ^= crosses & (here[0] + rise * away_east > north)
         return np.where(inside, nearest, -nearest)
 
     def edge(self, frame: MissionFrame | None) -> tuple[FloatArray, FloatArray]:
-        """(north, east) of its corners in their order and of the first again, m."""
+        """Return (north, east) of the corners in order and the first one again, m."""
         corners = np.array([one.local(frame) for one in (*self.points, self.points[0])])
         return corners[:, 0], corners[:, 1]
 
@@ -144,12 +144,12 @@ class FenceCircle(Section):
     """m."""
 
     def inward(self, north: FloatArray, east: FloatArray, frame: MissionFrame | None) -> FloatArray:
-        """How far inside of it places (m) are, m; negative outside."""
+        """Return the distance (m) of places (m) inside the circle; negative outside."""
         middle = self.centre.local(frame)
         return np.asarray(self.radius_m - np.hypot(north - middle[0], east - middle[1]))
 
     def edge(self, frame: MissionFrame | None) -> tuple[FloatArray, FloatArray]:
-        """(north, east) of points once round it, the last the first again, m."""
+        """Return (north, east) of points once round the circle, the last equal to the first, m."""
         north, east = self.centre.local(frame)
         angle = np.linspace(0.0, math.tau, EDGE_POINTS)
         return north + self.radius_m * np.cos(angle), east + self.radius_m * np.sin(angle)
@@ -169,16 +169,16 @@ class Fence(Section):
 
     @property
     def exists(self) -> bool:
-        """Whether it limits anything."""
+        """Whether the fence limits anything."""
         return bool(self.polygons or self.circles or self.max_height_m)
 
     @property
     def areas(self) -> tuple[FencePolygon | FenceCircle, ...]:
-        """All of them."""
+        """All areas."""
         return (*self.polygons, *self.circles)
 
     def room(self, north: FloatArray, east: FloatArray, frame: MissionFrame | None) -> FloatArray:
-        """How far places (m) are from what they may not cross, m; negative where they are beyond it."""
+        """Return the distance (m) of places (m) to the nearest limit; negative beyond it."""
         least = np.full(north.shape, math.inf)
         for area in self.areas:
             inward = area.inward(north, east, frame)
@@ -187,21 +187,21 @@ class Fence(Section):
 
 
 BANK_SHARE = 2.0 / 3.0
-"""Share of a vehicle's bank limit that is used on a turn whose radius the mission does not give: the rest is
-for gusts, and for the way back into the slot."""
+"""Share of a vehicle's bank limit used on turns without a given radius; the rest is for gusts and for
+returning to the slot."""
 
 SPARE_M_S = 1.0
-"""Airspeed that a slot on such a turn leaves at either end of its vehicle's range."""
+"""Airspeed margin that a slot keeps at both ends of its vehicle's range on such turns."""
 
 WIDEST_M = 2000.0
-"""A slot that takes a wider turn than this takes another mission."""
+"""Maximum radius of such turns; a slot that needs more needs another mission."""
 
 ARTICLE_WIND_M_S = 8.0
-"""The article's wind at its strongest."""
+"""Maximum speed of the article's wind."""
 
 
 def with_frame(data: object) -> object:
-    """A mission, given as plain data, whose paths know what they need of the rest; anything else as it is."""
+    """Return a mission, given as plain data, with the frame added to paths that need it; else unchanged."""
     if not isinstance(data, Mapping):
         return data
     frame = frame_of(data)
@@ -221,13 +221,13 @@ def _framed(path: object, frame: MissionFrame) -> object:
 
 
 def takes_frame(kind: object) -> bool:
-    """Whether a kind of path asks for it."""
+    """Check whether a type of path needs the mission's frame."""
     known = isinstance(kind, str) and kind in paths.own
     return known and "frame" in paths.find(str(kind)).Shape.model_fields
 
 
 def frame_of(data: Mapping[str, object]) -> MissionFrame | None:
-    """What a path takes from a mission; None where that does not say it, or not rightly."""
+    """Return the frame of a mission; None where its data are missing or invalid."""
     origin = group(data, "origin")
     values = [
         number(origin.get(name)) for name in ("latitude_deg", "longitude_deg", "altitude_amsl_m")
@@ -248,11 +248,10 @@ def frame_of(data: Mapping[str, object]) -> MissionFrame | None:
 
 
 def least_radius(data: Mapping[str, object]) -> float:
-    """Radius (m, whole) of turns that every vehicle of the formation flies with something to spare.
+    """Return the radius (m, whole) of turns that every vehicle of the formation flies with some margin.
 
-    At the leader's ground speed V in the strongest wind from behind, a slot y metres outside flies
-    V (1 + y / R) and needs a bank of atan(V² (1 + y / R) / (g R)); its airspeed is about that of the leader
-    plus or minus V y / R.
+    At the leader's ground speed V in the strongest tailwind, a slot y metres outside flies V (1 + y / R) and
+    needs a bank of atan(V² (1 + y / R) / (g R)). Its airspeed is about the leader's plus or minus V y / R.
     """
     airspeed = number(group(data, "leader").get("airspeed_m_s")) or 20.0
     speed = airspeed + wind_speed(group(data, "wind"))
@@ -271,7 +270,7 @@ def least_radius(data: Mapping[str, object]) -> float:
 
 
 def slots(data: Mapping[str, object]) -> Iterator[tuple[Mapping[str, object], float]]:
-    """(vehicle, distance of its slot aside from the leader in m) of the leader and all followers."""
+    """Yield (vehicle, sideways distance of its slot from the leader in m) of the leader and all followers."""
     vehicles = group(data, "vehicles")
     yield group(vehicles.get(str(group(data, "leader").get("vehicle")))), 0.0
     for one in listed(data.get("followers")):
@@ -280,7 +279,7 @@ def slots(data: Mapping[str, object]) -> Iterator[tuple[Mapping[str, object], fl
 
 
 def wind_speed(wind: Mapping[str, object]) -> float:
-    """Greatest speed of the mean wind, m/s."""
+    """Return the maximum speed of the mean wind, m/s."""
     if wind.get("type") == "article":
         return ARTICLE_WIND_M_S
     return max(number(wind.get("speed_m_s")) or 0.0, 0.0)

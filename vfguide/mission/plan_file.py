@@ -1,8 +1,8 @@
-"""Plans of ground stations: the mission's waypoints, the fence and the rally points.
+"""Plan files of ground stations: waypoints, fence and rally points.
 
-QGroundControl's `.plan` and its older `.mission` (JSON; docs.qgroundcontrol.com, developer guide, Plan File
-Format), and the text of `.waypoints` and `.mission` files that ArduPilot's ground stations write
-(mavlink.io, file formats). What the file holds says which it is, whatever it is called.
+Supported are QGroundControl's `.plan` and its older `.mission` (JSON; docs.qgroundcontrol.com, developer
+guide, Plan File Format), and the text of `.waypoints` and `.mission` files that ArduPilot's ground stations
+write (mavlink.io, file formats). The content decides the format, not the file name.
 """
 
 import json
@@ -28,26 +28,26 @@ from vfguide.regular_file import PipeOrDeviceError, open_regular
 MAX_BYTES = 4 * 1024 * 1024
 MOST_ITEMS = 20_000
 DEEPEST = 4
-"""Depth of complex items within each other, at most."""
+"""Maximum nesting depth of complex items."""
 
 LANDINGS = {"fwLandingPattern", "vtolLandingPattern"}
 
 GEOGRAPHIC = 7
-"""Parameters of an item: the last three are latitude, longitude and altitude."""
+"""Number of parameters of an item; the last three are latitude, longitude and altitude."""
 
 PLAN, FENCE, RALLY, AREA = "a plan", "a geoFence", "rally points", "an area of the fence"
 NEWEST_VERSIONS = {PLAN: 1, "a mission": 2, FENCE: 2, RALLY: 2, AREA: 1}
 
 FENCE_PARTS = {"version", "polygon", "polygons", "circles", "breachReturn"}
 RALLY_PARTS = {"version", "points"}
-"""What a fence and rally points are known to say; where one flies to that has left a fence limits nobody."""
+"""Known fields of fences and rally points; the breach return point limits no vehicle."""
 
 TEXT = ("QGC", "WPL")
 WITH_HOME, WITHOUT_HOME = "110", "120"
-"""Versions of the text: item 0 is the home position, or the first waypoint."""
+"""Text versions: item 0 is the home position, or the first waypoint."""
 
 COLUMNS = 12
-"""Number, whether it is the current one, frame, command, four parameters, place, and whether it goes on."""
+"""Number, current flag, frame, command, four parameters, position (3) and autocontinue flag."""
 
 WAYPOINT, GLOBAL = 16, 0
 
@@ -55,10 +55,10 @@ AGAIN = "save it again with QGroundControl"
 
 
 def read_plan(path: Path) -> dict[str, Any]:
-    """What a plan file says, as fields of a mission's `path.contents`.
+    """Read a plan file as fields of a mission's `path.contents`.
 
     Raises:
-        InputError: it cannot be read or is no such file; the message is one line with the remedy.
+        InputError: the file cannot be read or is no plan; the message is one line with the remedy.
     """
     try:
         with open_regular(path) as stream:
@@ -81,10 +81,10 @@ def read_plan(path: Path) -> dict[str, Any]:
 
 
 def parse_plan(content: bytes) -> dict[str, Any]:
-    """The content of a plan from the bytes of a file.
+    """Parse a plan from the bytes of a file.
 
     Raises:
-        InputError: it is no plan, or none that can be flown.
+        InputError: the bytes are no plan, or one that cannot be flown.
     """
     try:
         text = content.decode("utf-8-sig")
@@ -119,13 +119,13 @@ def contents_of(
     fence: dict[str, list[dict[str, Any]]],
     rally: list[dict[str, float]],
 ) -> dict[str, Any]:
-    """What a mission keeps of a plan.
+    """Return the parts of a plan that a mission keeps.
 
     Args:
-        home: latitude, longitude and altitude; empty where there is none.
-        items: of the mission.
-        fence: its polygons and circles, and those that stand among the items are added.
-        rally: points, as well.
+        home: latitude, longitude and altitude; empty if unknown.
+        items: mission items; fences and rally points among them are added to the others.
+        fence: polygons and circles of the fence.
+        rally: rally points.
     """
     if home and not -500.0 <= home[2] <= 9000.0:
         raise InputError(f"begins at {home[2]:g} m above mean sea level; move its planned home")
@@ -147,7 +147,7 @@ def contents_of(
 
 
 def flat(items: object, depth: int = 0) -> Iterator[Mapping[str, Any]]:
-    """Simple items in their order, those of surveys and corridor scans among them."""
+    """Yield simple items in order, including those of surveys and corridor scans."""
     if not isinstance(items, list):
         raise InputError(f"has no mission items; {AGAIN}")
     if depth > DEEPEST or len(items) > MOST_ITEMS:
@@ -173,10 +173,10 @@ def flat(items: object, depth: int = 0) -> Iterator[Mapping[str, Any]]:
 
 
 def item_of(item: Mapping[str, Any], number: int) -> PlanItem:
-    """One item of JSON, of any version.
+    """Convert one JSON item of any version.
 
     Raises:
-        InputError: it does not say what it is.
+        InputError: the item has no command.
     """
     landing = str(item.get("complexItemType")) in LANDINGS
     command = LAND if landing else whole(item.get("command"))
@@ -199,10 +199,10 @@ def item_of(item: Mapping[str, Any], number: int) -> PlanItem:
 
 
 def text_items(text: str) -> tuple[list[float], list[PlanItem]]:
-    """(home, or nothing; the items) of a list of waypoints as text.
+    """Return (home or an empty list, items) of a text list of waypoints.
 
     Raises:
-        InputError: it is of another version, or a line is no item.
+        InputError: the version is unknown, or a line is no item.
     """
     first, *lines = text.splitlines()
     version = first.split()[-1]
@@ -241,24 +241,24 @@ def text_items(text: str) -> tuple[list[float], list[PlanItem]]:
 
 
 def fence_of(fence: object) -> dict[str, list[dict[str, Any]]]:
-    """Polygons and circles of a fence of any version.
+    """Return polygons and circles of a fence of any version.
 
     Raises:
-        InputError: it says what is not understood: a fence is never taken for none.
+        InputError: the fence has unknown parts, which are never ignored.
     """
     if not isinstance(fence, dict):
         raise InputError(f"its geoFence is none; {AGAIN}")
     understood(fence, FENCE, FENCE_PARTS)
     polygons = [area_of(one) for one in areas_in(fence, "polygons")]
     if areas_in(fence, "polygon"):
-        # Version 1 has one polygon, to stay in.
+        # Version 1 has one inclusion polygon.
         polygons.append({"polygon": fence["polygon"]})
     circles = [area_of(one) for one in areas_in(fence, "circles")]
     return {"polygons": [*map(polygon_of, polygons)], "circles": [*map(circle_of, circles)]}
 
 
 def areas_in(fence: Mapping[str, Any], name: str) -> list[Any]:
-    """A list of a fence; empty where it has none of that name."""
+    """Return a list of a fence; empty if absent."""
     found = fence.get(name)
     if not isinstance(found, list | None):
         raise InputError(f"its geoFence has {name} that are no list; {AGAIN}")
@@ -266,7 +266,7 @@ def areas_in(fence: Mapping[str, Any], name: str) -> list[Any]:
 
 
 def area_of(area: object) -> Mapping[str, Any]:
-    """An area of a fence that is understood."""
+    """Return an area of a fence after checking its version and type."""
     found = group(area)
     understood(found, AREA)
     if not isinstance(found.get("inclusion", True), bool):
@@ -275,7 +275,7 @@ def area_of(area: object) -> Mapping[str, Any]:
 
 
 def polygon_of(area: Mapping[str, Any]) -> dict[str, Any]:
-    """A polygon as a mission has it."""
+    """Convert a polygon to a mission's fields."""
     corners = area.get("polygon")
     points = (
         [place(one, "a polygon of the fence") for one in corners]
@@ -288,7 +288,7 @@ def polygon_of(area: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def circle_of(area: Mapping[str, Any]) -> dict[str, Any]:
-    """A circle as a mission has it."""
+    """Convert a circle to a mission's fields."""
     circle = group(area.get("circle"))
     radius_m = radius_of(circle.get("radius"))
     centre = place(circle.get("center"), "a circle of the fence")
@@ -296,10 +296,10 @@ def circle_of(area: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def rally_of(rally: object) -> list[dict[str, float]]:
-    """Rally points of any version.
+    """Return rally points of any version.
 
     Raises:
-        InputError: they say what is not understood.
+        InputError: the rally points have unknown parts.
     """
     points = rally.get("points", []) if isinstance(rally, dict) else None
     if not isinstance(rally, dict) or not isinstance(points, list):
@@ -309,15 +309,15 @@ def rally_of(rally: object) -> list[dict[str, float]]:
 
 
 def understood(part: Mapping[str, Any], what: str, names: Collection[str] = ()) -> None:
-    """See that a part of a plan is of a version that is known here; old ones tell none, or `1.0`.
+    """Check that a part of a plan is of a known version; old parts have none, or `1.0`.
 
     Args:
-        part: of the plan.
-        what: that is, in words.
-        names: all that it may say, if that matters.
+        part: the part of the plan.
+        what: name of the part for messages.
+        names: all known fields; empty to allow any.
 
     Raises:
-        InputError: it is of another version, or says something else.
+        InputError: the version or a field is unknown.
     """
     version, newest = part.get("version", 1), NEWEST_VERSIONS[what]
     if version not in (*range(1, newest + 1), "1.0"):
@@ -331,11 +331,11 @@ def understood(part: Mapping[str, Any], what: str, names: Collection[str] = ()) 
 
 
 def padded(values: list[Any], count: int) -> tuple[float, ...]:
-    """So many numbers, NaN where there is none."""
+    """Return `count` numbers, NaN where one is missing."""
     wanted = [*values, *[None] * count][:count]
     return tuple(float(one) if is_number(one) else math.nan for one in wanted)
 
 
 def group(value: object) -> Mapping[str, Any]:
-    """A group of fields; empty where it is none."""
+    """Return a group of fields; empty for anything else."""
     return value if isinstance(value, dict) else {}

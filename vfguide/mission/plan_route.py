@@ -1,4 +1,4 @@
-"""Items of a plan as a route: waypoints, jumps, and what comes at the end.
+"""Route of a plan's items: waypoints, jumps and the end.
 
 Commands and frames: MAVLink, common.xml. What a formation does not do (cameras, changes of speed, loitering
 on the way) is left out and noted in a pilot's words.
@@ -14,12 +14,12 @@ from vfguide.errors import InputError
 from vfguide.mission.place import MOST_WAYPOINTS
 
 WAYPOINTS = {16, 82, 4501, *range(31000, 31005)}
-"""NAV_WAYPOINT, NAV_SPLINE_WAYPOINT, CONDITION_GATE, WAYPOINT_USER_1 to 5: what one flies through."""
+"""NAV_WAYPOINT, NAV_SPLINE_WAYPOINT, CONDITION_GATE, WAYPOINT_USER_1 to 5: points to fly through."""
 
 GATE = 4501
 ENDLESS_LOITER = 17
 LOITERS = {ENDLESS_LOITER: 2, 18: 2, 19: 2, 31: 1}
-"""NAV_LOITER_UNLIM, _TURNS, _TIME and _TO_ALT: which parameter is the radius."""
+"""NAV_LOITER_UNLIM, _TURNS, _TIME and _TO_ALT: index of the radius parameter."""
 
 LAND = 21
 ENDS = {20, LAND, 85, 189}
@@ -28,10 +28,10 @@ ENDS = {20, LAND, 85, 189}
 JUMP, TAG, JUMP_TO_TAG = 177, 600, 601
 RETURN_POINT, RALLY_POINT = 5000, 5100
 CORNERS, CIRCLES = {5001: True, 5002: False}, {5003: True, 5004: False}
-"""Corners of polygons and circles of a fence, and whether vehicles stay inside of them."""
+"""Fence polygon corners and circles: True for inclusion, False for exclusion."""
 
 LAST_NAVIGATION = 95
-"""Commands up to this one say where an aircraft flies."""
+"""Highest number of a navigation command."""
 
 WORDS = {
     number: words
@@ -59,47 +59,47 @@ WORDS = {
     }.items()
     for number in numbers
 }
-"""What is left out, as pilots call it."""
+"""Pilots' names of commands that are left out."""
 
 ABSOLUTE, RELATIVE, TERRAIN = {0, 5}, {3, 6}, {10, 11}
 """Frames: MAV_FRAME_GLOBAL, _GLOBAL_RELATIVE_ALT and _GLOBAL_TERRAIN_ALT, with their integer variants."""
 
 MOST_LATITUDE_DEG = 85.0
-"""Nobody flies nearer to a pole."""
+"""Latitude limit; nobody flies nearer to a pole."""
 
 MOST_STEPS = 100_000
-"""Items that are gone through, those of counted jumps each time."""
+"""Maximum number of items executed, including repetitions by jumps."""
 
 
 class PlanItem(msgspec.Struct, frozen=True):
-    """One item of a plan, whatever file it is from; NaN where a number is missing."""
+    """One item of a plan of any file format; missing numbers are NaN."""
 
     number: int
-    """How messages name it."""
+    """Number in messages."""
     label: int | None
-    """How jumps name it."""
+    """Target number for jumps."""
     command: int
     """MAV_CMD."""
     frame: int | None
     """MAV_FRAME."""
     params: tuple[float, ...]
-    """The first four parameters."""
+    """First four parameters."""
     place: tuple[float, ...]
     """Latitude and longitude in degrees, altitude in m."""
 
 
 class PlanRoute:
-    """What a plan's items ask for."""
+    """Route that a plan's items describe."""
 
     def __init__(self, items: Sequence[PlanItem], home_amsl_m: float | None) -> None:
-        """Go through the items as an autopilot does, up to a landing, the way home or a loiter without end.
+        """Execute the items like an autopilot, up to a landing, a return or an endless loiter.
 
         Args:
-            items: in their order.
-            home_amsl_m: what relative altitudes count from, m above mean sea level; None if unknown.
+            items: items in order.
+            home_amsl_m: reference of relative altitudes, m above mean sea level; None if unknown.
 
         Raises:
-            InputError: they cannot be flown; the message is one line with the remedy.
+            InputError: the items cannot be flown; the message is one line with the remedy.
         """
         self._items = items
         self._home_amsl_m = home_amsl_m
@@ -167,7 +167,7 @@ class PlanRoute:
         self.left_out.add(known or f"command {item.command}")
 
     def _jump(self, index: int, item: PlanItem) -> int | None:
-        """Which item comes after a jump; None where the route begins again."""
+        """Return the index of the item after a jump; None where the route repeats."""
         count = item.params[1]
         if not abs(count) >= 1.0:
             self.left_out.add("a jump that is taken never")
@@ -207,7 +207,7 @@ class PlanRoute:
         before = self.waypoints[-1] if self.waypoints else None
         latitude, longitude, altitude = item.place
         if item.command in LOITERS and not any(map(is_place, item.place[:2])):
-            # Where the aircraft then is.
+            # Without coordinates, an aircraft loiters at its current position.
             if before is None:
                 return
             latitude, longitude = before["latitude_deg"], before["longitude_deg"]
@@ -222,7 +222,7 @@ class PlanRoute:
         if before is not None and all(
             before[name] == place[name] for name in ("latitude_deg", "longitude_deg")
         ):
-            # As a survey that begins where the waypoint before it is.
+            # For example, a survey that begins at the waypoint before it.
             self.waypoints.pop()
         if not self.waypoints:
             self._first = index
@@ -235,7 +235,7 @@ class PlanRoute:
         self.loiter_radius_m = radius if math.isfinite(radius) else 0.0
 
     def _zero(self, item: PlanItem) -> float:
-        """What an item's altitude counts from, m above mean sea level."""
+        """Return the reference of an item's altitude, m above mean sea level."""
         if item.frame in ABSOLUTE:
             return 0.0
         if item.frame not in RELATIVE:
@@ -252,7 +252,7 @@ class PlanRoute:
         return self._home_amsl_m
 
     def _read_fence(self) -> None:
-        """Take the items that are a fence and rally points, as autopilots are told of them."""
+        """Read the fence and rally points among the items, coded as for upload to an autopilot."""
         items = iter([one for one in self._items if one.command in FENCE_ITEMS])
         for item in items:
             if item.command in CORNERS:
@@ -280,15 +280,15 @@ FENCE_ITEMS = {RETURN_POINT, RALLY_POINT, *CORNERS, *CIRCLES}
 
 
 def is_place(value: float) -> bool:
-    """Whether a coordinate says anything: 0 and NaN mean where the aircraft then is."""
+    """Check whether a coordinate is given; 0 and NaN mean the current position."""
     return math.isfinite(value) and value != 0.0
 
 
 def position(number: int, latitude: float, longitude: float, altitude: float) -> dict[str, float]:
-    """Latitude and longitude of an item as a mission has them.
+    """Return latitude and longitude of an item as mission fields.
 
     Raises:
-        InputError: it has none, or one where nobody flies.
+        InputError: the position is missing or out of range.
     """
     if not all(map(math.isfinite, (latitude, longitude, altitude))) or latitude == longitude == 0.0:
         raise InputError(f"item {number} has no position; place it on the map")
@@ -304,15 +304,15 @@ def position(number: int, latitude: float, longitude: float, altitude: float) ->
 
 
 def fence_place(item: PlanItem) -> dict[str, float]:
-    """Where an item of the fence, or a rally point, is."""
+    """Return the position of a fence item or rally point."""
     return place(list(item.place), "the fence, or a rally point,")
 
 
 def radius_of(value: object) -> float:
-    """Radius of a circle of the fence, m.
+    """Return the radius of a fence circle, m.
 
     Raises:
-        InputError: it has none.
+        InputError: the radius is missing or out of range.
     """
     if not is_number(value) or not 0.0 < value <= 1000e3:
         raise InputError("a circle of the fence has no radius; draw it again")
@@ -320,10 +320,10 @@ def radius_of(value: object) -> float:
 
 
 def place(value: object, owner: str) -> dict[str, float]:
-    """A latitude and a longitude as a mission has them.
+    """Return latitude and longitude as mission fields.
 
     Raises:
-        InputError: there are none.
+        InputError: the position is missing or out of range.
     """
     point = numbers(value, 2)
     if not point or not (abs(point[0]) <= MOST_LATITUDE_DEG and abs(point[1]) <= 180.0):
@@ -332,19 +332,19 @@ def place(value: object, owner: str) -> dict[str, float]:
 
 
 def numbers(value: object, count: int) -> list[float]:
-    """The first so many numbers of a list; empty where they are not there."""
+    """Return the first `count` numbers of a list; empty if there are fewer."""
     if not isinstance(value, list) or len(value) < count:
         return []
     return [float(one) for one in value[:count]] if all(map(is_number, value[:count])) else []
 
 
 def is_number(value: object) -> TypeGuard[float]:
-    """Whether it is a finite number."""
+    """Check whether a value is a finite number below 1e12."""
     if isinstance(value, bool) or not isinstance(value, int | float):
         return False
     return abs(value) < 1e12 and math.isfinite(value)
 
 
 def whole(value: object) -> int | None:
-    """A whole number that is not too long to be written; None for anything else."""
+    """Return an integer below 1e9 in magnitude; None for anything else."""
     return int(value) if is_number(value) and value == int(value) and abs(value) < 1e9 else None

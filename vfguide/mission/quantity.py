@@ -1,7 +1,7 @@
-"""Numbers and names as a mission file may hold them.
+"""Types of numbers and names in a mission file.
 
-Numbers are strict: text in quotes, yes/no values, NaN and infinities are not numbers here.
-Units live in the field names (``_m``, ``_m_s``, ``_deg``, ``_s``).
+Numbers are strict: text in quotes, yes/no values, NaN and infinities are refused. Units are in the field
+names (``_m``, ``_m_s``, ``_deg``, ``_s``).
 """
 
 import ast
@@ -18,34 +18,26 @@ from pydantic_core import PydanticKnownError
 from vfguide.registry import EmulatorNames, Registry
 
 Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
-"""Any finite number."""
-
 WholeNumber = Annotated[int, Field(strict=True)]
-"""An integer."""
-
 Switch = Annotated[bool, Field(strict=True)]
-"""true or false, and nothing that merely looks like it."""
+"""true or false only."""
 
 Positive = Annotated[float, Field(strict=True, allow_inf_nan=False, gt=0.0)]
-"""A finite number above zero."""
-
 NotNegative = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0.0)]
-"""A finite number, zero or above."""
-
 Coordinate = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=-100e3, le=100e3)]
-"""A local coordinate (m): further out, the flat local frame no longer describes the earth."""
+"""A local coordinate, m; beyond 100 km the flat local frame no longer describes the earth."""
 
 Course = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=-360.0, le=360.0)]
-"""A direction (degrees), clockwise from north."""
+"""A direction, degrees clockwise from north."""
 
 Speed = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=1.0, le=300.0)]
-"""A speed of flight (m/s)."""
+"""A speed of flight, m/s."""
 
 Gain = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=1e-6, le=1000.0)]
-"""A feedback gain: positive, so that the loop it closes is stable; less than 1e-6 closes none."""
+"""A feedback gain: positive, so that the loop is stable; below 1e-6 the loop is not closed."""
 
 Duration = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0.0, le=60.0)]
-"""A delay or time constant (s); none of vfguide's is anywhere near a minute."""
+"""A delay or time constant, s; all of vfguide's are far below a minute."""
 
 VEHICLE_NAME = r"^[A-Za-z][A-Za-z0-9_-]{0,31}$"
 MISSION_NAME = r"^[a-z0-9][a-z0-9-]{0,63}$"
@@ -55,21 +47,21 @@ NAME_RULES = {
     VEHICLE_NAME: "a letter and up to 31 more letters, digits, hyphens or underscores",
     MISSION_NAME: "up to 64 lower-case letters, digits and hyphens",
 }
-"""The patterns of names in words."""
+"""Rule of each name pattern, for messages."""
 
 VehicleName = Annotated[str, Field(pattern=VEHICLE_NAME)]
-"""What a vehicle is called: also a topic of the link and a file name, hence the narrow alphabet."""
+"""A vehicle name, also used in link topics and file names, hence the narrow alphabet."""
 
 MissionName = Annotated[str, Field(pattern=MISSION_NAME)]
-"""What a mission is called: also the name of its record."""
+"""A mission name, also used for its record."""
 
 
 PathName = Annotated[str, Field(pattern=PATH_NAME)]
-"""What one of a mission's other paths is called."""
+"""The name of one of a mission's other paths."""
 
 
 def known_in(registry: Registry | EmulatorNames) -> Callable[[str], str]:
-    """Validates a name: it is one of a registry's, or an error that lists those."""
+    """Return a validator that accepts the names of a registry; its error lists them."""
 
     def known(name: str) -> str:
         if name not in registry:
@@ -81,18 +73,18 @@ def known_in(registry: Registry | EmulatorNames) -> Callable[[str], str]:
 
 
 class Section(BaseModel):
-    """A group of fields in a mission file: immutable, and closed to names it does not know."""
+    """A group of fields in a mission file: immutable, without unknown fields."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
 
 @cache
 def field_meanings(section: type[BaseModel]) -> Mapping[str, str]:
-    """What the fields of a section mean, by their names: the docstrings below them.
+    """Return the docstring of each field of a section, by field name.
 
-    They are read from the source here, for the schema and for messages. Pydantic's own
-    `use_attribute_docstrings` reads and parses the source of each class when it is defined: in an aircraft's
-    companion that takes 0.08 s and 2 MB, and nobody reads them there.
+    They are read from the source on demand, for the schema and for messages. Pydantic's own
+    `use_attribute_docstrings` parses the source of each class when it is defined. In an aircraft's companion
+    that takes 0.08 s and 2 MB, and nobody reads them there.
     """
     found: dict[str, str] = {}
     for one in reversed(section.__mro__):
@@ -103,7 +95,7 @@ def field_meanings(section: type[BaseModel]) -> Mapping[str, str]:
 
 
 def docstrings_below_fields(section: type) -> dict[str, str]:
-    """The docstring below each annotated name in a class's own body; none where there is no source."""
+    """Return the docstring below each annotated name in a class's own body; empty without source."""
     try:
         tree = ast.parse(textwrap.dedent(inspect.getsource(section)))
     except (OSError, TypeError, SyntaxError):

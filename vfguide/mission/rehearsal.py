@@ -1,4 +1,4 @@
-"""How a mission is flown on the computer, and what counts as a good flight."""
+"""Rehearsal of a mission on the computer, and its acceptance limits."""
 
 import math
 from typing import Annotated, Literal, Self
@@ -40,7 +40,7 @@ class Gust(Section):
 
 
 class Air(Section):
-    """What is in the air beside its mean wind; docs/emulator.md explains it."""
+    """Gusts, turbulence and wind shear in addition to the mean wind; docs/emulator.md explains them."""
 
     turbulence: Literal["none", "light", "moderate", "severe"] = "none"
     """Dryden turbulence by MIL-F-8785C at low altitude, W20 of 15, 30 or 45 knots. Neighbours share it."""
@@ -129,7 +129,7 @@ class Start(Section):
 
     @property
     def followers(self) -> dict[str, FollowerStart]:
-        """The followers whose start the mission gives, by vehicle name."""
+        """Given starts of followers, by vehicle name."""
         return dict(self.__pydantic_extra__)
 
 
@@ -211,7 +211,7 @@ class Emulator(EmulatedAircraft):
     """Single vehicles by name, where they differ from the others: `{f1: {alpha_1_s: 0.4}}`."""
 
     def of(self, name: str) -> EmulatedAircraft:
-        """Return what a vehicle really is: its own fields before those that hold for all."""
+        """Return the true aircraft of a vehicle: its own fields override the common ones."""
         common = self.model_dump(exclude_unset=True, exclude={"vehicles"})
         own = self.vehicles.get(name, EmulatedAircraft()).model_dump(exclude_unset=True)
         return EmulatedAircraft.model_validate(common | own)
@@ -289,7 +289,7 @@ class Loss(Section):
     back."""
 
     def lasts(self, now: float) -> bool:
-        """Whether it is lost at a time, s from the start of the rehearsal."""
+        """Check whether the loss lasts at a time, s from the start of the rehearsal."""
         return self.at_s <= now < self.at_s + (math.inf if self.for_s is None else self.for_s)
 
 

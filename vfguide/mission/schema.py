@@ -1,4 +1,4 @@
-"""The JSON schema of mission files, for editors that complete and check them while they are written."""
+"""JSON schema of mission files, for editors that complete and check them."""
 
 import json
 
@@ -15,10 +15,10 @@ SCHEMA_FILE = "mission.schema.json"
 
 
 class DescribedSchema(GenerateJsonSchema):
-    """A schema in which each field is described by the docstring below it."""
+    """Generator of a schema that describes each field by the docstring below it."""
 
     def model_schema(self, schema: ModelSchema) -> JsonSchemaValue:
-        """The schema of one section."""
+        """Return the schema of one section."""
         made = super().model_schema(schema)
         section: type[Section] = schema["cls"]
         for name, meaning in field_meanings(section).items():
@@ -28,7 +28,7 @@ class DescribedSchema(GenerateJsonSchema):
 
 
 def mission_schema() -> dict[str, object]:
-    """The schema that the model of a mission file amounts to, with vfguide's own paths and laws."""
+    """Return the schema of a mission file, with vfguide's own paths and laws."""
     schema = Mission.model_json_schema(schema_generator=DescribedSchema)
     controller = schema["$defs"]["Controller"]["properties"]
     controller["type"]["enum"] = list(laws.own)
@@ -37,7 +37,7 @@ def mission_schema() -> dict[str, object]:
         for field, described in gains["properties"].items():
             known = controller.setdefault(field, described)
             if known.get("default") != described.get("default"):
-                # It is another for each law.
+                # The default differs between laws.
                 controller[field] = {key: one for key, one in known.items() if key != "default"}
         schema["$defs"][gains["title"]] = gains
         group = f"Gains of `{name}`, for when the mission is flown by it."
@@ -65,7 +65,7 @@ def mission_schema() -> dict[str, object]:
     mapping = {}
     for name in paths.own:
         shape = shape_model(name).model_json_schema(schema_generator=DescribedSchema)
-        # What it refers to is not a part of the path alone.
+        # Shared definitions do not belong to the path alone.
         schema["$defs"] |= shape.pop("$defs", {}) | {shape["title"]: shape}
         mapping[name] = f"#/$defs/{shape['title']}"
     kinds = {
@@ -76,7 +76,7 @@ def mission_schema() -> dict[str, object]:
     path, others = schema["properties"]["path"], schema["properties"]["paths"]
     schema["properties"]["path"] = {"description": path["description"], **kinds}
     others["patternProperties"] = dict.fromkeys(others["patternProperties"], kinds)
-    # A leader without a companion needs neither; see `consistency`.
+    # A leader without a companion needs no path, vehicle or airspeed; see `consistency`.
     leader = schema["$defs"]["Leader"]
     leader["anyOf"] = [{"required": leader.pop("required")}, {"required": ["follows"]}]
     schema["required"].remove("path")
@@ -87,5 +87,5 @@ def mission_schema() -> dict[str, object]:
 
 
 def schema_text() -> str:
-    """The schema as it is shipped."""
+    """Return the schema as shipped."""
     return json.dumps(mission_schema(), indent=2, ensure_ascii=False) + "\n"

@@ -1,4 +1,4 @@
-"""What a mission file tells about each vehicle."""
+"""Vehicles of a mission file."""
 
 from typing import Annotated, Literal
 
@@ -19,7 +19,7 @@ from vfguide.registry import autopilots
 from vfguide.state import SpeedHold
 
 DEFAULT_MAX_BANK_DEG = 45.0
-"""Where a mission does not say."""
+"""Default bank limit, degrees."""
 
 
 def _ascending(airspeed_range: tuple[float, float]) -> tuple[float, float]:
@@ -32,7 +32,7 @@ def _ascending(airspeed_range: tuple[float, float]) -> tuple[float, float]:
 
 
 EngageMode = Literal["LOITER", "CRUISE", "FBWB", "TAKEOFF", "HOLD", "POSITION", "ALTITUDE"]
-"""By their names on ground stations. What returns, lands or flies a mission is none of them."""
+"""Mode names of ground stations, except modes that return, land or fly a mission."""
 
 Climb = Annotated[Number, Field(ge=-30.0, le=30.0)]
 
@@ -138,20 +138,20 @@ class Vehicle(Section):
 
     @property
     def declares_response(self) -> bool:
-        """Whether the mission says how it answers."""
+        """Whether the mission gives the bandwidth of a hold."""
         return not self.model_fields_set.isdisjoint({"alpha_1_s", "beta_1_s"})
 
     @property
     def asks_response(self) -> bool:
-        """Whether its autopilot is asked how it answers before it is steered."""
+        """Whether the response is read from the autopilot's parameters before it is steered."""
         return self.response == "auto" or (self.response is None and not self.declares_response)
 
     @property
     def emulated_autopilot(self) -> str:
-        """Name of the emulated autopilot that flies it in a rehearsal."""
+        """Name of the emulated autopilot that flies the vehicle in a rehearsal."""
         return str(autopilots.find(self.autopilot).rehearsed_as)
 
     @property
     def by_mavsdk(self) -> bool:
-        """Whether MAVSDK keeps the connection to it."""
+        """Whether MAVSDK keeps the connection to the vehicle."""
         return bool(autopilots.find(self.autopilot).by_mavsdk)

@@ -1,9 +1,9 @@
-"""YAML text → plain data, with the line of every field.
+"""YAML reader: plain data with the line of every field.
 
-Only what a mission file needs is understood: groups, lists, text, numbers, true/false and null, by the
-rules of YAML 1.2 that editors follow (`no` and `12:30` are text, `1e3` is a number). An alias stands for all
-that its anchor holds, and `<<: *anchor` puts the anchor's fields into a group. Foreign tags are refused, and
-size and depth are bounded, with aliases written out: a mission file may come from anywhere.
+It supports what a mission file needs: groups, lists, text, numbers, true/false and null, by the rules of
+YAML 1.2 that editors follow (`no` and `12:30` are text, `1e3` is a number). An alias is replaced by the
+content of its anchor, and `<<: *anchor` merges the anchor's fields into a group. Foreign tags are refused.
+Size and depth, with aliases expanded, are bounded, since a mission file may come from anywhere.
 """
 
 import re
@@ -18,7 +18,7 @@ MAX_DEPTH = 16
 MAX_NODES = 20_000
 MAX_DIGITS = 400
 MERGE = "<<"
-"""The key whose value's fields become the group's own, where the group does not have them."""
+"""Merge key: the fields of its value are added to the group unless the group has them."""
 
 _INTEGER = re.compile(r"[-+]?[0-9]+", re.ASCII)
 _HEXADECIMAL = re.compile(r"0x[0-9a-fA-F]+", re.ASCII)
@@ -41,7 +41,7 @@ _WORDS: dict[str, bool | None] = {
 
 @dataclass(slots=True)
 class Tree:
-    """Plain data, where each part of it stands, and what was wrong on the way."""
+    """Plain data, the line of each part, and faults."""
 
     data: object = None
     """None, bool, int, float, str, and lists and mappings of these."""
@@ -52,10 +52,10 @@ class Tree:
 
 
 def read_tree(text: str, file: str = "") -> Tree:
-    """Read one YAML document, of a file of this name.
+    """Read one YAML document; `file` is its name in messages.
 
     Raises:
-        MissionError: the text is no YAML, or holds what makes it unreadable as a whole.
+        MissionError: the text is no YAML, or unreadable as a whole.
     """
     try:
         return _Reader(text, file).read()
@@ -101,7 +101,7 @@ class _Reader:
         return self._tree
 
     def _bounded(self, events: Iterator[yaml.Event]) -> Iterator[yaml.Event]:
-        """The events, as long as they are few and shallow."""
+        """Yield the events within the limits of number and depth."""
         depth = 0
         for event in events:
             self._nodes += isinstance(event, yaml.NodeEvent)
@@ -120,10 +120,10 @@ class _Reader:
         return Finding("error", location, message, remedy, self._file, _line(event))
 
     def _written_out(self, events: Iterable[yaml.Event]) -> Iterator[yaml.Event]:
-        """The events with those of its anchor in place of each alias.
+        """Yield the events with each alias replaced by its anchor's events.
 
         Raises:
-            MissionError: an alias stands for nothing, or for what it is itself a part of.
+            MissionError: an alias has no anchor, or is part of its own anchor.
         """
         held: dict[str, list[yaml.Event]] = {}
         open_anchors: list[tuple[str | None, list[yaml.Event]]] = []
@@ -184,7 +184,7 @@ class _Reader:
             self._tree.lines[inner] = _line(event)
             found[name] = self._value(next(self._events), inner)
         own = {*found}
-        # Of several groups the first that has a field gives it.
+        # Of several merged groups, the first that has a field provides it.
         for fields, lines in merged:
             new = {*fields} - {*found}
             found |= {name: fields[name] for name in fields if name in new}
@@ -197,7 +197,7 @@ class _Reader:
     def _merged(
         self, event: yaml.Event, location: Location
     ) -> Iterator[tuple[dict[str, object], dict[Location, int]]]:
-        """The groups that are merged into one, each with the lines of its fields."""
+        """Yield the groups to merge, each with the lines of its fields."""
         if isinstance(event, yaml.SequenceStartEvent):
             while not isinstance(one := next(self._events), yaml.SequenceEndEvent):
                 yield from self._merged(one, location)
@@ -224,7 +224,7 @@ class _Reader:
         return self._text(event, location)
 
     def _text(self, event: yaml.ScalarEvent, location: Location) -> str:
-        """The text of a scalar; lone surrogates, which no output could carry, are a fault."""
+        """Return the text of a scalar; lone surrogates are a fault, since no output could carry them."""
         if any("\ud800" <= character <= "\udfff" for character in event.value):
             message, remedy = "half of a surrogate pair is no character", "remove it"
             self._tree.faults.append(self._fault(event, location, message, remedy))
@@ -232,7 +232,7 @@ class _Reader:
         return str(event.value)
 
     def _refuse_tag(self, event: yaml.Event, location: Location, own: str) -> None:
-        """Tags can make YAML construct anything; a mission needs none."""
+        """Record a foreign tag as a fault: tags can make YAML construct anything."""
         tag = getattr(event, "tag", None)
         if tag is not None and tag not in {own, "!"}:
             short = str(tag).replace("tag:yaml.org,2002:", "!!")
@@ -246,7 +246,7 @@ def _line(event: yaml.Event) -> int:
 
 
 def plain_value(text: str) -> object:
-    """What an unquoted scalar means, by the core schema of YAML 1.2."""
+    """Return the value of an unquoted scalar by the core schema of YAML 1.2."""
     if text in _WORDS:
         return _WORDS[text]
     if _INTEGER.fullmatch(text) and len(text) <= MAX_DIGITS:

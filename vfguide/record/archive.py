@@ -1,6 +1,6 @@
-"""One file of named arrays with a JSON description: a NumPy `.npz` archive without pickles.
+"""Archives of named arrays with a JSON description: NumPy `.npz` files without pickles.
 
-Reading trusts nothing. Whatever is wrong with a file becomes one `InputError` with one line.
+Readers trust no content: every fault of a file becomes an `InputError` with a one-line message.
 """
 
 import json
@@ -28,29 +28,29 @@ AnyArray = NDArray[np.generic]
 IntegerArray = NDArray[np.integer[Any]]
 
 GREATEST = 1e15
-"""Nothing of a flight is as large, in whichever unit; its square can still be added up."""
+"""Bound of every number of a flight, in any unit; its square can still be summed."""
 
 Figure = Annotated[float, msgspec.Meta(ge=-GREATEST, le=GREATEST)]
-"""A number of a flight."""
+"""Bounded number of a flight."""
 
 DTYPES: dict[object, tuple[type[np.generic], type[np.generic]]] = {
     FloatArray: (np.floating, np.float64),
     IntegerArray: (np.integer, np.int64),
     BoolArray: (np.bool_, np.bool_),
 }
-"""What an array in a file may be, and as what it is read, by the type of the field."""
+"""Accepted and resulting data type of an array, by the type of its field."""
 
 DESCRIPTION = "description"
 """Name of the array that holds the JSON text."""
 
 GREATEST_SIZE = 1024**3
-"""Bytes of all arrays: four vehicles for a whole day at 20 Hz. Packed, zeros take a thousandth of it."""
+"""Maximum bytes of all arrays: four vehicles for a whole day at 20 Hz. Compressed zeros take a thousandth."""
 
 REMEDY = "give the directory of another flight, or fly it again"
-"""What to do about a record that cannot be read."""
+"""Remedy for an unreadable record."""
 
 WRITE_REMEDY = "make room there, or give another directory with --out"
-"""What to do where there is no room for a record."""
+"""Remedy for a directory that takes no record."""
 
 UNREADABLE = (
     zipfile.BadZipFile,
@@ -67,15 +67,15 @@ UNREADABLE = (
     ValueError,
     LookupError,
 )
-"""What NumPy, zipfile and zlib raise on bytes that are no archive, or a damaged one."""
+"""Exceptions of NumPy, zipfile and zlib on bytes that are no archive, or a damaged one."""
 
 
 @contextmanager
 def writing_to(path: Path) -> Iterator[None]:
-    """Say in one line that a place cannot be written to.
+    """Convert write errors to a one-line message.
 
     Raises:
-        InputError: it cannot.
+        InputError: the place cannot be written to.
     """
     try:
         yield
@@ -88,7 +88,7 @@ def writing_to(path: Path) -> Iterator[None]:
 def write_archive(
     path: Path, description: Mapping[str, object], arrays: Mapping[str, AnyArray]
 ) -> None:
-    """Write an archive whole or not at all: an interrupted write leaves the file that was there.
+    """Write an archive atomically: an interrupted write leaves the previous file.
 
     Raises:
         InputError: the place cannot be written to.
@@ -109,20 +109,20 @@ def write_archive(
 
 
 def read_archive(path: Path) -> tuple[dict[str, Any], dict[str, AnyArray]]:
-    """The description and the arrays of an archive.
+    """Return the description and the arrays of an archive.
 
     Raises:
-        InputError: the file is missing, unreadable, damaged or something else.
+        InputError: the file is missing, unreadable, damaged or no archive.
     """
     try:
-        # Given a path, NumPy leaves the file open when what it holds is no archive.
+        # Given a path, NumPy leaves the file open if the content is no archive.
         with open_regular(path) as stream:
             if (size := unpacked_size(stream)) > GREATEST_SIZE:
                 raise InputError(
                     f"{path}: is no flight record: unpacked it would be {size / 1e6:.0f} MB, "
                     f"more than {GREATEST_SIZE / 1e6:.0f} MB; {REMEDY}"
                 )
-            # NumPy warns where it guesses what a header means that Python 2 wrote: no record of ours has one.
+            # NumPy warns when it guesses the meaning of a Python 2 header; no valid record has one.
             with warnings.catch_warnings(action="error", category=UserWarning):
                 stored = np.load(stream, allow_pickle=False)
                 if not isinstance(stored, np.lib.npyio.NpzFile):
@@ -146,9 +146,9 @@ def read_archive(path: Path) -> tuple[dict[str, Any], dict[str, AnyArray]]:
 
 
 def unpacked_size(stream: BinaryIO) -> int:
-    """Bytes that the arrays of an archive would take, by its directory; 0 where it has none.
+    """Return the total size of an archive's members by its directory; the file size if it is no archive.
 
-    Reading a member stops at the size that the directory tells: what lies about it is a damaged record.
+    Reading a member stops at the size in the directory, so a wrong size only yields a damaged record.
     """
     if not zipfile.is_zipfile(stream):
         size = stream.seek(0, os.SEEK_END)
@@ -167,7 +167,7 @@ def described(
     prefix: str = "",
     without: Collection[str] = (),
 ) -> dict[str, Any]:
-    """What of a dataclass is no array, ready for JSON; arrays go into `arrays`, by prefix and name."""
+    """Return the fields of a dataclass for JSON; arrays go into `arrays` under `prefix` + name."""
     plain: dict[str, Any] = {}
     for name in (field.name for field in fields(value) if field.name not in without):
         content = getattr(value, name)
@@ -184,16 +184,16 @@ def joined(
     arrays: Mapping[str, AnyArray],
     prefix: str = "",
 ) -> dict[str, Any]:
-    """The contents of a dataclass's fields, as `described` has parted them."""
+    """Return the field contents of a dataclass that `described` has split."""
     names = [field.name for field in fields(kind)]
     return {**plain, **{n: arrays[prefix + n] for n in names if prefix + n in arrays}}
 
 
 def sound_array(kind: type, value: Any) -> AnyArray:  # noqa: ANN401
-    """An array of numbers of a flight.
+    """Return a valid array of a flight, converted to the data type of its field.
 
     Raises:
-        ValueError: it is none.
+        ValueError: the value is no such array, or exceeds the bound.
     """
     wanted, read_as = DTYPES[kind]
     if not isinstance(value, np.ndarray) or not np.issubdtype(value.dtype, wanted):

@@ -1,7 +1,7 @@
-"""What happened on a flight: the true states of every vehicle and the setpoints it was sent.
+"""Record of a flight: the true states of every vehicle and the setpoints sent to it.
 
 Frame: local, metres north and east of the mission's origin; angles in radians clockwise from north; wind is
-the vector the air moves toward. All arrays of a record have one entry for each sample of its `time_s`.
+the velocity vector of the air. All arrays of a record have one entry per sample of its `time_s`.
 """
 
 from collections.abc import Sequence
@@ -43,51 +43,51 @@ __all__ = [
 FlightMode = Literal["lockstep", "live", "recorded"]
 
 FORMAT = "vfguide-flight-record"
-"""Says in each file what it is."""
+"""Format name in each file."""
 
 VERSION = 2
-"""Version of the file's layout; a reader refuses what is newer than itself."""
+"""Version of the file layout; a reader refuses newer ones."""
 
 MOST_OUTLINES = 1000
-"""In one record: more than a mission can name."""
+"""Maximum number of outlines in a record: more than a mission can name."""
 
 OutlineKind = Literal["fence", "path", "rally"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RecordAcceptance:
-    """What the flight had to reach. None: not asked for."""
+    """Acceptance limits of the flight; None for limits that do not apply."""
 
     mean_error_m: float | None = None
-    """Highest mean formation error in the window, m."""
+    """Maximum mean formation error in the window, m."""
     max_error_m: float | None = None
-    """Highest formation error in the window, m."""
+    """Maximum formation error in the window, m."""
     mean_error_3d_m: float | None = None
-    """Highest mean formation error in space in the window, m."""
+    """Maximum mean formation error in space, heights included, in the window, m."""
     settle_10m_s: float | None = None
     """Time from which every follower has to be within 10 m of its slot, s."""
     settle_1m_s: float | None = None
     """Time from which every follower has to be within 1 m of its slot, s."""
     min_separation_m: float = 0.0
-    """Least distance between any two vehicles at any time, m."""
+    """Minimum distance between any two vehicles at any time, m."""
 
     @property
     def asks_for_slots(self) -> bool:
-        """Whether anything is asked of how followers keep their slots."""
+        """Whether any limit concerns how followers keep their slots."""
         limits = (self.mean_error_m, self.max_error_m, self.mean_error_3d_m)
         return any(one is not None for one in (*limits, self.settle_10m_s, self.settle_1m_s))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RecordOrigin:
-    """Where on the earth the local frame of a flight begins."""
+    """Origin of a flight's local frame."""
 
     latitude_deg: float
-    """North positive."""
+    """Latitude, degrees, north positive."""
     longitude_deg: float
-    """East positive."""
+    """Longitude, degrees, east positive."""
     altitude_amsl_m: float
-    """Above mean sea level."""
+    """Altitude above mean sea level, m."""
 
     def __post_init__(self) -> None:
         on_earth = abs(self.latitude_deg) <= 90.0 and abs(self.longitude_deg) <= 180.0
@@ -97,17 +97,17 @@ class RecordOrigin:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Outline:
-    """One line on the ground that a flight is drawn with, or some points.
+    """A line on the ground for drawing, or some points.
 
     Raises:
-        ValueError: it has not as many norths as easts.
+        ValueError: the numbers of norths and easts differ.
     """
 
     kind: OutlineKind
-    """`fence`: the edge of an area that has to be stayed in or out of; `path`: not the mission's first;
-    `rally`: points to which an aircraft may go back, no line."""
+    """`fence`: edge of an inclusion or exclusion area; `path`: a path other than the mission's first;
+    `rally`: rally points, not a line."""
     north_m: FloatArray
-    """M points from its beginning to its end, m; of a closed line the last is the first."""
+    """M points from beginning to end, m; the last point of a closed line equals the first."""
     east_m: FloatArray
     """M points, m."""
 
@@ -118,57 +118,58 @@ class Outline:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FlightRecord:
-    """A whole flight.
+    """Record of a whole flight.
 
     Raises:
-        ValueError: the arrays do not fit together, or there is no leader first.
+        ValueError: the arrays do not fit together, or the first vehicle is not the only leader.
     """
 
     time_s: FloatArray
-    """N sample times from the beginning of the flight, ascending."""
+    """N sample times from the beginning of the flight, ascending, s."""
     vehicles: tuple[VehicleRecord, ...]
     """The leader, then its followers."""
     mode_names: tuple[str, ...]
     """Names of the supervisor's modes, by number."""
     path_north_m: FloatArray
-    """M points along the planned path, for drawing."""
+    """M points along the planned path for drawing, m."""
     path_east_m: FloatArray
-    """M points along the planned path, for drawing."""
+    """M points along the planned path for drawing, m."""
     mission: str
     """Name of the mission."""
     controller: str
-    """Name of the law by which followers kept their slots."""
+    """Name of the law that followers flew by."""
     plant: str
     """`course-hold`, `heading-hold` or `bank`."""
     wind: str
-    """Type of the wind that blew, such as `calm` or `article`."""
+    """Type of the wind, such as `calm` or `article`."""
     mode: FlightMode
-    """`lockstep` in virtual time, `live` over real sockets, `recorded` by companions on a real flight: there
-    positions are estimates, and NaN where nothing was recorded."""
+    """`lockstep` in virtual time, `live` over real sockets, `recorded` by companions on a real flight.
+    Recorded positions are estimates, and NaN where nothing was recorded."""
     rate_hz: Figure
     """Position reports per second, 1/s."""
     seed: int
-    """Seed of everything random in the flight."""
+    """Seed of all random processes of the flight."""
     duration_s: Figure
-    """How long the flight lasted, as flown, s."""
+    """Flown duration, s."""
     wall_s: float | None
-    """How long that took, s. Not kept in the file, so that equal flights have equal files; then None."""
+    """Wall-clock duration, s; None in loaded records, since files omit it so that equal flights have equal
+    files."""
     acceptance: RecordAcceptance
-    """What the flight had to reach."""
+    """Acceptance limits of the flight."""
     interrupted: bool = False
-    """Whether it was stopped before its end."""
+    """Whether the flight was stopped before its end."""
     latency: Latency | None = None
-    """How quick the programs were, of a live flight."""
+    """Latencies of the programs in a live flight."""
     notes: tuple[str, ...] = ()
-    """What a reader has to know of where the figures come from, a sentence each."""
+    """Notes about the source of the figures, a sentence each."""
     origin: RecordOrigin | None = None
     """Origin of the local frame; None in records of earlier versions."""
     begin_unix_s: Figure | None = None
-    """Time 0 of the flight, s since 1970; None of a flight in virtual time."""
+    """Time 0 of the flight, s since 1970; None for a flight in virtual time."""
     outlines: tuple[Outline, ...] = ()
-    """Edges of the fence and other paths, for drawing; none in records of earlier versions."""
+    """Fence edges and other paths for drawing; empty in records of earlier versions."""
     events: tuple[FlightEvent, ...] = ()
-    """What companions had to say, in order; none in records of earlier versions, and of autopilots' logs."""
+    """Events of the companions in order; empty in records of earlier versions, and from autopilots' logs."""
 
     def __post_init__(self) -> None:
         if not self.vehicles or [v.role for v in self.vehicles].count("leader") != 1:
@@ -190,21 +191,21 @@ class FlightRecord:
 
     @property
     def leader(self) -> VehicleRecord:
-        """The leader."""
+        """Vehicle that leads by the mission."""
         return self.vehicles[0]
 
     @property
     def followers(self) -> tuple[VehicleRecord, ...]:
-        """All but the leader, in the order of the mission file."""
+        """All vehicles but the leader, in the order of the mission file."""
         return self.vehicles[1:]
 
     @property
     def reference(self) -> VehicleRecord:
-        """What the slots were fixed to: the leader, or the one that a deputy carried on in its place."""
+        """Reference of the slots: the leader, or its extrapolation by a deputy."""
         return slot_reference(self.time_s, self.vehicles)
 
     def save(self, path: Path) -> None:
-        """Write the record to one `.npz` file, whole or not at all.
+        """Write the record to one `.npz` file atomically.
 
         Raises:
             InputError: the place cannot be written to.
@@ -227,7 +228,7 @@ class FlightRecord:
         """Read a record.
 
         Raises:
-            InputError: the file is missing, damaged, or something else; one line.
+            InputError: the file is missing, damaged, or no record; one line.
         """
         description, arrays = read_archive(path)
         if description.get("format") != FORMAT:
@@ -246,13 +247,13 @@ class FlightRecord:
 
 
 def series_of(vehicle: VehicleRecord) -> tuple[str, ...]:
-    """Names of all arrays that a vehicle's record has."""
+    """Return the names of all arrays in a vehicle's record."""
     names = (field.name for field in fields(vehicle))
     return tuple(name for name in names if isinstance(getattr(vehicle, name), np.ndarray))
 
 
 def _compose(description: dict[str, Any], arrays: dict[str, AnyArray]) -> FlightRecord:
-    """A record from its parts; LookupError, TypeError or ValueError where one is missing or misshapen."""
+    """Compose a record from its parts; LookupError, TypeError or ValueError if one is missing or invalid."""
     kinds = description.get("outlines", [])
     if not isinstance(kinds, list) or len(kinds) > MOST_OUTLINES:
         raise ValueError("its drawn lines are no list, or too many")
@@ -272,19 +273,19 @@ def _compose(description: dict[str, Any], arrays: dict[str, AnyArray]) -> Flight
 
 
 LONGEST_GAP_S = 6.0
-"""From the last state of a leader to the first of its deputy: a longer time without either is not bridged."""
+"""Maximum gap that is bridged between the last state of a leader and the first of its deputy, s."""
 
 
 def slot_reference(time_s: FloatArray, vehicles: Sequence[VehicleRecord]) -> VehicleRecord:
-    """The leader, with place, height and course of whoever led in the highest term at each time.
+    """Return the leader, with position, height and course of whoever led in the highest term at each time.
 
-    While none led, between a leader that was lost and its deputy, slots were fixed to what every follower
-    carried on by itself: a cubic between both, by their places and velocities. What the leader's aircraft
-    did meanwhile, with its companion dead, is nobody's slot.
+    After a leader is lost and before its deputy leads, every follower extrapolates the leader by itself. A
+    cubic between both, by their positions and velocities, replaces this gap. The motion of the leader's
+    aircraft without its companion is no reference.
 
     Args:
-        time_s: of the samples, s.
-        vehicles: the leader first.
+        time_s: sample times, s.
+        vehicles: all vehicles, the leader first.
     """
     leader = vehicles[0]
     if leader.lead_term is None:
@@ -294,7 +295,7 @@ def slot_reference(time_s: FloatArray, vehicles: Sequence[VehicleRecord]) -> Veh
     if not led.any():
         return leader
     row = np.where(np.isfinite(terms), terms, -1.0).argmax(axis=0)
-    # In term 0 it is the leader itself, which is known better from its own record.
+    # In term 0 the leader itself leads; its own record is more accurate.
     own = ~led | (np.where(led, terms[row, np.arange(time_s.size)], 0.0) == 0.0)
     found = {
         to: np.where(
@@ -309,7 +310,7 @@ def slot_reference(time_s: FloatArray, vehicles: Sequence[VehicleRecord]) -> Veh
             ("altitude_amsl_m", "lead_altitude_amsl_m"),
         )
     }
-    # It is carried on along its path.
+    # A deputy extrapolates the leader along its path.
     found["path_course_rad"] = np.where(own, leader.path_course_rad, found["course_rad"])
     found["path_cross_track_error_m"] = np.where(own, leader.path_cross_track_error_m, 0.0)
     for first, last in _gaps(led):
@@ -324,14 +325,14 @@ def _series(vehicle: VehicleRecord, name: str) -> FloatArray:
 
 
 def _gaps(led: np.ndarray) -> list[tuple[int, int]]:
-    """(last sample before, first sample after) each time in which none led, between two in which one did."""
+    """Return (last sample before, first sample after) of each gap between samples with a leader."""
     samples = np.flatnonzero(led)
     ends = np.flatnonzero(np.diff(samples) > 1)
     return [(int(samples[one]), int(samples[one + 1])) for one in ends]
 
 
 def _bridge(time_s: FloatArray, found: dict[str, FloatArray], first: int, last: int) -> None:
-    """Fill the samples between two with a cubic of the same places and velocities at its ends."""
+    """Interpolate the samples between two with a cubic of equal positions and velocities at its ends."""
     span = time_s[last] - time_s[first]
     share = (time_s[first + 1 : last] - time_s[first]) / span
     before, after = max(first - 1, 0), min(last + 1, time_s.size - 1)

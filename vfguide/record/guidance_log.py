@@ -1,8 +1,8 @@
-"""What a companion did, step by step, as a file of comma-separated values beside its telemetry log.
+"""Log of a companion's guidance steps as comma-separated values, beside its telemetry log.
 
-What was sent is in the telemetry log, too; this adds why: the mode, the limits, the Lyapunov function; and
-the formation's clock, by which the recordings of several aircraft fit together. A line is whole once its
-line feed is written: what a killed companion leaves is read up to there.
+The telemetry log holds the setpoints sent. This log adds the reasons (mode, limits, Lyapunov function) and
+the formation's clock, which aligns the recordings of several aircraft. A line is complete once its line feed
+is written; a file of a killed companion is read up to there.
 """
 
 import math
@@ -19,99 +19,99 @@ from vfguide.record.log import CompanionLog
 from vfguide.record.vehicle import LEAD_SERIES, SLOT_SERIES
 
 SUFFIX = ".guidance.csv"
-"""Follows the vehicle's name."""
+"""Suffix after the vehicle's name."""
 
 NO_PATH = "-"
-"""In the last column where no path is followed, which is no path's name."""
+"""Entry of the last column if no path is followed; not a valid path name."""
 
 
 class GuidanceStep(msgspec.Struct, frozen=True, kw_only=True):
-    """One step of guidance, or a change of the supervisor's mode."""
+    """One step of guidance, or a mode change of the supervisor."""
 
     time_s: float
-    """On the companion's own clock, s."""
+    """Time on the companion's own clock, s."""
     mode: str
-    """Mode of the supervisor."""
     course_rad: float = math.nan
-    """Last course setpoint sent; NaN before the first."""
+    """Last course setpoint sent, rad; NaN before the first."""
     speed_m_s: float = math.nan
-    """Last setpoint of airspeed or ground speed sent, whichever the vehicle holds; NaN before the first."""
+    """Last airspeed or ground speed setpoint sent, whichever the vehicle holds, m/s; NaN before the first."""
     limited: bool
-    """Whether a limit of the vehicle cut it."""
+    """Whether a limit of the vehicle cut the setpoint."""
     lyapunov_m2: float = math.nan
-    """W, m²; NaN for the leader."""
+    """Lyapunov function W, m²; NaN for the leader."""
     formation_time_s: float = math.nan
-    """Time of the step on the leader's clock, s; NaN while that is not known."""
+    """Time of the step on the leader's clock, s; NaN if unknown."""
     slot_forward_m: float = math.nan
-    """Slot ahead of the leader that was ordered; NaN while the mission's counts, and for the leader."""
+    """Ordered slot ahead of the leader, m; NaN while the mission's applies, and for the leader."""
     slot_right_m: float = math.nan
-    """The slot, m to the right of the leader."""
+    """Ordered slot right of the leader, m."""
     slot_up_m: float = math.nan
-    """The slot, m above the leader."""
+    """Ordered slot above the leader, m."""
     lead_term: float = math.nan
-    """Term in which the vehicle leads; NaN where it does not, and in a mission without deputies."""
+    """Term in which the vehicle leads; NaN if it does not lead, or without deputies in the mission."""
     lead_time_s: float = math.nan
-    """When the leader by which it leads was at the place below, s on the companion's own clock."""
+    """Time of the leader state by which the vehicle leads, s on the companion's own clock."""
     lead_north_m: float = math.nan
-    """Place of the leader by which it leads (itself, or a lost one extrapolated), m north of the origin."""
+    """Position of the leader by which the vehicle leads (itself, or a lost one extrapolated), m north of
+    origin."""
     lead_east_m: float = math.nan
-    """Place of that leader, m east of the mission's origin."""
+    """Position of that leader, m east of the mission's origin."""
     lead_course_rad: float = math.nan
     """Course over ground of that leader, rad clockwise from north."""
     lead_height_m: float = math.nan
     """Height of that leader, m above the mission's origin."""
     leader_age_s: float = math.nan
-    """Age of the leader's state that it flew by, s; NaN before the first, and where it has no slot."""
+    """Age of the leader state used in the step, s; NaN before the first, and without a slot."""
     left: bool = False
-    """Whether it was ordered out of the formation, or all was called off: then it has no slot."""
+    """Whether the vehicle has no slot since it was ordered to leave, or after an abort."""
     path: str | None = MAIN_PATH
-    """Name of the path that the leader follows; None in a hold, and once all was called off."""
+    """Name of the path that the leader follows; None in a hold and after an abort."""
 
 
 STEPS = CompanionLog(GuidanceStep, GuidanceStep.__struct_fields__)
 
 
 def encode_step(step: GuidanceStep) -> bytes:
-    """A step as one line of the file."""
+    """Encode a step as one line of the file."""
     return STEPS.encode(step, path=NO_PATH if step.path is None else step.path)
 
 
 class GuidanceTrack:
-    """What a companion had last done, by time."""
+    """Guidance steps of a companion by time."""
 
     def __init__(self, steps: list[GuidanceStep]) -> None:
-        """Take steps in the order of their times."""
+        """Take steps in order of time."""
         self._steps = steps
         self._times_s = [step.time_s for step in steps]
 
     def at(self, time_s: float) -> GuidanceStep | None:
-        """The newest step that is not later than this; None before the first."""
+        """Return the newest step up to this time; None before the first."""
         count = bisect_right(self._times_s, time_s)
         return self._steps[count - 1] if count else None
 
     @property
     def steps(self) -> Sequence[GuidanceStep]:
-        """All of them."""
+        """All steps."""
         return self._steps
 
 
 def read_guidance(*paths: Path, zero_s: float = 0.0) -> GuidanceTrack:
-    """What a companion did.
+    """Return the guidance steps of a companion.
 
     Args:
-        paths: files of one companion's starts. One that is missing or cut off holds what can be read of it.
-        zero_s: the companion's clock at time 0 of the flight.
+        paths: files of the companion's starts, which may be missing or truncated.
+        zero_s: the companion's clock at time 0 of the flight, s.
     """
     return track_of(STEPS.read(*paths), zero_s)
 
 
 def read_newest(*paths: Path, zero_s: float = 0.0) -> GuidanceTrack:
-    """What a companion did in the last second or two; arguments as of `read_guidance`."""
+    """Return the steps of the last second or two; arguments as for `read_guidance`."""
     return track_of(STEPS.read_newest(*paths), zero_s)
 
 
 def track_of(steps: Iterable[GuidanceStep], zero_s: float) -> GuidanceTrack:
-    """Steps as they were written, on the time of the flight."""
+    """Convert steps from the companion's clock to the time of the flight."""
     found = [
         msgspec.structs.replace(
             step,
@@ -124,17 +124,17 @@ def track_of(steps: Iterable[GuidanceStep], zero_s: float) -> GuidanceTrack:
     return GuidanceTrack(sorted(found, key=lambda step: step.time_s))
 
 
-# The slots that a companion flew in and what it led by, at the samples of a flight.
+# Slots and leading positions of a companion, at the samples of a flight.
 
 GAP_S = 1.0
-"""s without a report, or a step of guidance, after which a vehicle's doings count as unknown."""
+"""Maximum time without a report or a step, s; a vehicle's state counts as unknown beyond it."""
 
 ORDERED = ("slot_forward_m", "slot_right_m", "slot_up_m")
 """Fields of a step from which `SLOT_SERIES` are made."""
 
 
 def sampled(moments: FloatArray, times: FloatArray, values: FloatArray) -> FloatArray:
-    """Values at the moments, by interpolation; NaN where the nearest times are too far apart."""
+    """Interpolate values at the moments; NaN where the nearest times are too far apart."""
     if times.size < 2:
         return np.full_like(moments, np.nan)
     found = np.interp(moments, times, values, left=np.nan, right=np.nan)
@@ -146,14 +146,15 @@ def sampled(moments: FloatArray, times: FloatArray, values: FloatArray) -> Float
 def slot_series(
     track: GuidanceTrack, moments: FloatArray, mission: tuple[float, float, float]
 ) -> dict[str, FloatArray]:
-    """Where a follower's slot was, for a `VehicleRecord`; nothing where it was the mission's all the time.
+    """Return a follower's slot over time for a `VehicleRecord`; empty if it never left the mission's.
 
     Args:
-        track: what the companion did.
-        moments: samples, s on the same clock.
-        mission: slot forward, right of and above the leader in the mission, m. It counts until the first
-            order; what was ordered last counts while nothing is known. Who has left the formation has no
-            slot (NaN) until it is given one again.
+        track: steps of the companion.
+        moments: sample times, s on the same clock.
+        mission: the mission's slot forward, right of and above the leader, m. It applies until the first
+            order. In gaps the last ordered slot applies. A vehicle that left has no slot (NaN) until
+                it
+            gets one again.
     """
     steps = [step for step in track.steps if step.left or np.isfinite(step.slot_forward_m)]
     if not steps:
@@ -174,11 +175,11 @@ def slot_series(
 
 
 def age_series(track: GuidanceTrack, moments: FloatArray) -> dict[str, FloatArray]:
-    """How old the leader's state was that a follower flew by, for a `VehicleRecord`; nothing where not told.
+    """Return the age of the leader state used over time, for a `VehicleRecord`; empty if not logged.
 
     Args:
-        track: what the companion did; of versions before it tells no ages.
-        moments: samples, s on the same clock.
+        track: steps of the companion; earlier versions log no ages.
+        moments: sample times, s on the same clock.
     """
     told = [step for step in track.steps if np.isfinite(step.leader_age_s)]
     if not told:
@@ -194,14 +195,14 @@ def age_series(track: GuidanceTrack, moments: FloatArray) -> dict[str, FloatArra
 def lead_series(
     track: GuidanceTrack, moments: FloatArray, ground_amsl_m: float
 ) -> dict[str, FloatArray]:
-    """By what a vehicle led, for a `VehicleRecord` of a mission with deputies; NaN where it did not.
+    """Return the leader states by which a vehicle led, for a `VehicleRecord`; NaN while it did not lead.
 
     Args:
-        track: what the companion did.
-        moments: samples, s on the same clock.
+        track: steps of the companion, of a mission with deputies.
+        moments: sample times, s on the same clock.
         ground_amsl_m: altitude of the mission's origin, m.
     """
-    # A leader that is carried on is known at the time of the last report; the step is some time later.
+    # An extrapolated leader is known at the time of its last report, some time before the step.
     known = [step for step in track.steps if np.isfinite(step.lead_time_s)]
     known.sort(key=lambda step: step.lead_time_s)
     times = np.array([step.lead_time_s for step in known])
@@ -211,7 +212,7 @@ def lead_series(
 
     course = np.unwrap([step.lead_course_rad for step in known]) if known else times
     term = at("lead_term")
-    # Between two terms it led in neither.
+    # Between two terms the vehicle led in neither.
     term[np.not_equal(term, np.round(term))] = np.nan
     columns = (
         term,

@@ -1,4 +1,4 @@
-"""How quick the programs of a live flight were, and what they took of the computer."""
+"""Latencies and resource usage of the programs in a live flight."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, field
@@ -10,48 +10,45 @@ from vfguide.elementwise import FloatArray
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Percentiles:
-    """A series of times in three numbers, ms."""
+    """Median, 99th percentile and maximum of a series of times, ms."""
 
     p50: float
-    """Median."""
     p99: float
-    """99th percentile."""
     max: float
-    """Greatest."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Promptness:
-    """How quick a companion was, or the slowest of several; None where nothing was measured."""
+    """Latencies of a companion, or the highest of several; None if not measured."""
 
     response_ms: Percentiles | None
-    """From a telemetry datagram that has been read to the setpoints that answer it."""
+    """Time from reading a telemetry datagram to sending the setpoints that answer it."""
     leader_age_ms: Percentiles | None
-    """Age of the leader's state when it was used, by the companion's clock: simulated milliseconds where
-    that runs faster than real time. None for the leader."""
+    """Age of the leader state when it was used, on the companion's clock; None for the leader. The
+    milliseconds are simulated ones where that clock runs faster than real time."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Usage:
-    """What a process took of the computer."""
+    """Resource usage of a process."""
 
     cpu_share: float
-    """Processor time during the flight, in parts of one core."""
+    """Processor time during the flight, as a fraction of one core."""
     rss_mb: float
     """Resident memory, 10^6 bytes."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Latency:
-    """How quickly companions of a live flight answered, and what processes took."""
+    """Latencies of the companions and usage of the processes in a live flight."""
 
     vehicles: dict[str, Promptness]
-    """Each companion by the name of its vehicle."""
+    """Latencies of each companion by vehicle name."""
     processes: dict[str, Usage] = field(default_factory=dict)
-    """Each program, as far as it ran on the judge's computer."""
+    """Usage of each process on the judge's computer."""
 
     def together(self) -> Promptness:
-        """The greatest of each figure of any vehicle: no companion was worse."""
+        """Return the maximum of each figure over all vehicles."""
         every = self.vehicles.values()
         return Promptness(
             response_ms=worst(one.response_ms for one in every),
@@ -60,7 +57,7 @@ class Latency:
 
 
 def worst(series: Iterable[Percentiles | None]) -> Percentiles | None:
-    """The greatest of each figure; None without any."""
+    """Return the maximum of each figure; None for an empty series."""
     known = [one for one in series if one is not None]
     if not known:
         return None
@@ -77,12 +74,12 @@ def latency_of(
     leader: str,
     processes: Mapping[str, Usage] | None = None,
 ) -> Latency:
-    """What companions say in their presences, and what their processes took.
+    """Return the latencies that companions report in their presence messages, and the processes' usage.
 
     Args:
-        figures: of each presence, by vehicle.
-        leader: who knows himself: his own state has no age.
-        processes: by name, as far as they are known.
+        figures: figures of each presence message, by vehicle.
+        leader: name of the leader, whose own state has no age.
+        processes: usage by process name, as far as known.
     """
     return Latency(
         vehicles={
@@ -97,10 +94,10 @@ def latency_of(
 
 
 def recorded_latency(ages_s: Mapping[str, FloatArray]) -> Latency | None:
-    """How old the leader's states were that companions have recorded; None where none has.
+    """Return the recorded ages of leader states; None without any.
 
     Args:
-        ages_s: by vehicle, s; NaN where it flew by none.
+        ages_s: ages by vehicle, s; NaN where it used no leader state.
     """
     known = {name: 1e3 * ages[np.isfinite(ages)] for name, ages in ages_s.items()}
     vehicles = {
@@ -127,5 +124,5 @@ def _percentiles(figures: Mapping[str, float], name: str) -> Percentiles | None:
 
 
 def describe_latency(latency: Latency) -> dict[str, object]:
-    """Ready for JSON, the greatest figures first."""
+    """Return the latencies as JSON data, the maxima first."""
     return {**asdict(latency.together()), **asdict(latency)}

@@ -1,7 +1,7 @@
-"""A companion's logs: comma-separated values, a line for each entry, with its time in the column `time_s`.
+"""Logs of a companion: comma-separated values, one line per entry, with its time in the column `time_s`.
 
-A line is whole once its line feed is written: what a killed companion leaves is read up to there, and a line
-that is damaged loses itself alone. What is not known (None, NaN) is an empty place.
+A line is complete once its line feed is written; a file of a killed companion is read up to there. A damaged
+line does not affect others. Unknown values (None, NaN) are empty.
 """
 
 import csv
@@ -18,32 +18,32 @@ import msgspec
 from vfguide.regular_file import open_regular, whole_lines
 
 LONGEST_TEXT = 300
-"""Characters of a text that are kept."""
+"""Maximum number of characters of a stored text."""
 
 NEWEST_BYTES = 8192
-"""Length of a growing file's end that is read: some 40 steps of guidance, 2 s at 20 Hz."""
+"""Bytes read from the end of a growing file: some 40 steps of guidance, 2 s at 20 Hz."""
 
 
 class Timed(Protocol):
-    """What a line holds."""
+    """Entry of a log."""
 
     @property
     def time_s(self) -> float:
-        """On the companion's own clock, s."""
+        """Time on the companion's own clock, s."""
 
 
 Entry = TypeVar("Entry", bound=Timed)
 
 
 class CompanionLog(Generic[Entry]):
-    """One kind of log."""
+    """Format of one kind of log."""
 
     def __init__(self, kind: type[Entry], columns: Sequence[str]) -> None:
         """Describe a log.
 
         Args:
-            kind: of the entries, whose fields without a default stand in every line.
-            columns: in the order of a line; a file of an earlier version may have fewer.
+            kind: type of the entries; fields without a default are in every line.
+            columns: columns in order; a file of an earlier version may have fewer.
         """
         self._kind = kind
         self._columns = columns
@@ -51,11 +51,11 @@ class CompanionLog(Generic[Entry]):
         """First line of a file."""
 
     def encode(self, entry: msgspec.Struct, **more: object) -> bytes:
-        """An entry as a line.
+        """Encode an entry as a line.
 
         Args:
-            entry: whose fields are told.
-            more: columns that are no fields of it, or told otherwise.
+            entry: the entry.
+            more: values of columns that are no fields of it, or that replace a field.
         """
         line = io.StringIO()
         values = msgspec.structs.asdict(entry) | more
@@ -63,10 +63,10 @@ class CompanionLog(Generic[Entry]):
         return line.getvalue().encode()
 
     def read(self, *paths: Path, **given: str) -> Iterator[Entry]:
-        """The entries of files, as far as they can be read, in the order of their lines.
+        """Yield the readable entries of files in order.
 
         Args:
-            paths: of one companion's starts; one may be missing or cut off.
+            paths: files of one companion's starts, which may be missing or truncated.
             given: fields that are no columns.
         """
         for path in paths:
@@ -79,11 +79,11 @@ class CompanionLog(Generic[Entry]):
                 yield from self._entries(csv.DictReader(whole_lines(file)), given)
 
     def read_newest(self, *paths: Path) -> Iterator[Entry]:
-        """The entries at the ends of files that grow and may be long."""
+        """Yield the entries at the ends of growing files."""
         for path in paths:
             with suppress(OSError, csv.Error), open_regular(path) as file:
                 file.seek(max(file.seek(0, SEEK_END) - NEWEST_BYTES, 0))
-                # The first and the last line may not be whole.
+                # The first and the last line may be incomplete.
                 lines = file.read(NEWEST_BYTES).decode("utf-8", "replace").split("\n")[1:-1]
                 yield from self._entries(csv.DictReader(lines, fieldnames=self._columns), {})
 
@@ -97,7 +97,7 @@ class CompanionLog(Generic[Entry]):
 
 
 def written(value: object) -> str:
-    """A value as it stands in a line."""
+    """Format a value for a line."""
     if isinstance(value, bool):
         return str(int(value))
     if isinstance(value, float):
@@ -106,6 +106,6 @@ def written(value: object) -> str:
 
 
 def plain(text: str) -> str:
-    """The printable characters of a text in one line, as long as it is kept."""
+    """Return the printable characters of a text in one line, up to the maximum length."""
     words = " ".join(text.split())
     return "".join(letter for letter in words if letter.isprintable())[:LONGEST_TEXT]

@@ -1,14 +1,14 @@
-"""What one companion keeps of one start, in a directory of its own.
+"""Recording of one start of a companion, in a directory of its own.
 
     f1-20261122T061500Z/
-        recording.json     who flew, which program, and what its clocks showed at the start
+        recording.json     vehicle, program, and its clocks at the start
         mission.yaml       the mission as it was flown
         f1.tlog            every MAVLink frame in and out
         f1.guidance.csv    every step of guidance
-        f1.events.csv      modes, orders, who leads, warnings
-        f1.response.csv    how the vehicle is taken to answer, each time that this changes
+        f1.events.csv      modes, orders, changes of leader, warnings
+        f1.response.csv    the assumed response of the vehicle, at each change
 
-Each is written once or only ever appended to: none needs an orderly end.
+Each file is written once or only appended to, so none needs an orderly end.
 """
 
 import json
@@ -39,41 +39,42 @@ from vfguide.record.response import SUFFIX as RESPONSE_SUFFIX
 from vfguide.record.tlog import stamped
 from vfguide.regular_file import open_regular
 
-# Files that grow while an aircraft flies, written by a thread of its own: a control loop waits for no disk.
+# Growing files of a flight are written by a thread of their own, so that the control loop never waits for a
+# disk.
 #
-# Every file is append-only. What a power failure or `kill -9` leaves is whole up to the last second. A file
-# that could take only a part of what was to be written is cut back to what was whole before.
+# Every file is append-only. After a power failure or `kill -9` it is complete up to the last second. After a
+# partial write the file is truncated to its previous content.
 
 WRITE_S = 0.2
-"""s between two writes to the files."""
+"""Interval of writes to the files, s."""
 
 SYNC_S = 1.0
-"""s between two requests that the disk itself has everything."""
+"""Interval of syncs to the disk itself, s."""
 
 LONGEST_QUEUE = 10_000
-"""Entries that wait for a slow disk: two minutes of a busy connection. More are dropped, and counted."""
+"""Maximum number of entries waiting for a slow disk: two minutes of a busy connection. More are dropped."""
 
 CLOSING_S = 5.0
-"""s that a disk gets for the last entries before the program ends without them."""
+"""Time for writing the last entries before the program ends without them, s."""
 
 
 class GrowingFile:
-    """One file that is only ever appended to."""
+    """An append-only file."""
 
     def __init__(self, path: Path) -> None:
-        """Create it.
+        """Create the file.
 
         Raises:
-            OSError: it exists, or cannot be created.
+            OSError: the file exists, or cannot be created.
         """
         self._descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_APPEND, 0o644)
         self._size = 0
 
     def append(self, content: bytes) -> None:
-        """Write all of it, or nothing.
+        """Append all of the content, or nothing.
 
         Raises:
-            OSError: the disk does not take it.
+            OSError: the write fails.
         """
         rest = memoryview(content)
         try:
@@ -86,15 +87,15 @@ class GrowingFile:
         self._size += len(content)
 
     def sync(self) -> None:
-        """Have the disk itself keep what was written.
+        """Sync the file to the disk.
 
         Raises:
-            OSError: it does not.
+            OSError: the sync fails.
         """
         os.fsync(self._descriptor)
 
     def close(self) -> None:
-        """No more will come."""
+        """Close the file."""
         with suppress(OSError):
             os.close(self._descriptor)
 
@@ -102,20 +103,20 @@ class GrowingFile:
 class DiskWriter:
     """Takes entries without waiting, and writes them within a second.
 
-    One thread puts, the writer's own thread takes. Encoding is left to the writer.
+    One thread puts entries; the writer's own thread encodes and writes them.
     """
 
     def __init__(self, *, longest_queue: int = LONGEST_QUEUE, write_s: float = WRITE_S) -> None:
-        """Begin to write what will be put.
+        """Start the writer's thread.
 
         Args:
-            longest_queue: entries that may wait.
-            write_s: between two writes, s.
+            longest_queue: maximum number of waiting entries.
+            write_s: interval of writes, s.
         """
         self.dropped = 0
-        """Entries that found the queue full."""
+        """Number of entries dropped because the queue was full."""
         self.lost = 0
-        """Entries that the disk did not take."""
+        """Number of entries lost in failed writes."""
         self._longest = longest_queue
         self._write_s = write_s
         self._queue: deque[tuple[GrowingFile, Callable[[], bytes]]] = deque()
@@ -129,11 +130,11 @@ class DiskWriter:
         self._thread.start()
 
     def put(self, file: GrowingFile, encode: Callable[[], bytes]) -> None:
-        """Have an entry written. Never waits and never raises.
+        """Queue an entry. Never waits and never raises.
 
         Args:
-            file: where it goes.
-            encode: makes its bytes, in the writer's thread.
+            file: file for the entry.
+            encode: encodes the entry, in the writer's thread.
         """
         if len(self._queue) >= self._longest:
             self.dropped += 1
@@ -141,20 +142,20 @@ class DiskWriter:
             self._queue.append((file, encode))
 
     def news(self) -> list[str]:
-        """What has happened since the last call that an operator should know; one line each."""
+        """Return new messages for the operator since the last call, one line each."""
         found = []
         while self._news:
             found.append(self._news.popleft())
         return found
 
     def close(self) -> None:
-        """Write what waits and end; without it if the disk does not answer for some seconds."""
+        """Write waiting entries and end; give up if the disk does not respond for some seconds."""
         self._closing.set()
         self._thread.join(CLOSING_S)
 
     @property
     def missing(self) -> int:
-        """Entries that are in no file, and will not be."""
+        """Number of entries that are in no file now."""
         return self.dropped + self.lost + len(self._queue)
 
     def _run(self) -> None:
@@ -166,7 +167,7 @@ class DiskWriter:
             file.close()
 
     def _write(self) -> None:
-        """Write everything that waits, and tell when that begins or ceases to fail."""
+        """Write all waiting entries, and report when writes begin or cease to fail."""
         batches: dict[GrowingFile, list[bytes]] = {}
         for _ in range(len(self._queue)):
             file, encode = self._queue.popleft()
@@ -194,7 +195,7 @@ class DiskWriter:
         self._counted = gone
 
     def _sync(self) -> str | None:
-        """Once a second have the disk keep what was written; why it does not, or None."""
+        """Sync the files once a second; return the reason of a failure, or None."""
         self._since_sync_s += self._write_s
         if self._since_sync_s < SYNC_S:
             return None
@@ -216,47 +217,47 @@ DESCRIPTION_NAME = "recording.json"
 MISSION_NAME = "mission.yaml"
 
 LONGEST_DESCRIPTION = 64 * 1024
-"""Bytes."""
+"""Maximum size of a description, bytes."""
 
 MOST_STARTS = 1000
-"""Starts of one vehicle within one second; more is a fault of the directory."""
+"""Maximum starts of one vehicle within one second; more indicate a faulty directory."""
 
 BOOT_ID = Path("/proc/sys/kernel/random/boot_id")
-"""Where Linux tells one run of the computer from the next."""
+"""Linux file whose content changes with each boot."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RecordingStart:
-    """Who began to record, and when."""
+    """Identity and clocks of a recording at its start."""
 
     vehicle: str
     """Name in the mission."""
     mission: str
     """Name of the mission."""
     system_id: int
-    """MAVLink system of the vehicle."""
+    """MAVLink system ID of the vehicle."""
     unix_s: float
-    """The computer's time of day at the start, s since 1970."""
+    """Time of day at the start, s since 1970."""
     clock_s: float
-    """The companion's own clock at that moment, s."""
+    """Companion's own clock at that moment, s."""
     computer: str
-    """Tells one run of one computer from all others; monotonic clocks are comparable within it."""
+    """Identifies one boot of one computer; its monotonic clocks are comparable."""
     program: str
     """Version of vfguide."""
 
     def to_unix(self, clock_s: float) -> float:
-        """A time of the companion's own clock as s since 1970, by what both showed at the start."""
+        """Convert a time of the companion's own clock to s since 1970, using both clocks at the start."""
         return self.unix_s + (clock_s - self.clock_s)
 
 
 class Recording:
-    """Writes what a companion hears, says and does while it flies. Nothing here waits for the disk."""
+    """Records a companion's frames, guidance steps and events in flight without waiting for the disk."""
 
     def __init__(self, directory: Path, start: RecordingStart) -> None:
-        """Open the files in a directory that exists and is empty.
+        """Open the files in an empty directory.
 
         Raises:
-            OSError: it cannot be written to.
+            OSError: the directory cannot be written to.
         """
         self.directory = directory
         self.start = start
@@ -271,29 +272,29 @@ class Recording:
         self._writer = DiskWriter()
 
     def add_datagram(self, now: float, datagram: bytes) -> None:
-        """Keep a datagram that passed at this time of the companion's clock, s."""
+        """Record a datagram that passed at a time of the companion's clock, s."""
         self._writer.put(self._tlog, partial(stamped, self.start.to_unix(now), datagram))
 
     def add_step(self, step: GuidanceStep) -> None:
-        """Keep a step of guidance."""
+        """Record a guidance step."""
         self._writer.put(self._guidance, partial(encode_step, step))
 
     def add_event(self, event: FlightEvent, formation_time_s: float) -> None:
-        """Keep something that the companion said, at a time of its own clock and the formation's, s."""
+        """Record an event, with its time on the formation's clock, s."""
         self._writer.put(self._events, partial(encode_event, event, formation_time_s))
 
     def add_response(self, now: float, response: VehicleResponse | None) -> None:
-        """Keep by what the vehicle is flown from a time of the companion's clock on, s, if it is new."""
+        """Record the vehicle's assumed response from a time of the companion's clock on, s, if it changed."""
         if response is not None and response != self._flown:
             self._flown = response
             self._writer.put(self._response, partial(RESPONSES.encode, response, time_s=now))
 
     def news(self) -> list[str]:
-        """What has happened to the record since the last call, one line each; empty while all is well."""
+        """Return new messages about the recording since the last call, one line each."""
         return self._writer.news()
 
     def close(self) -> int:
-        """Write what waits; how many entries are missing from the record."""
+        """Write waiting entries; return the number of entries missing from the recording."""
         self._writer.close()
         return self._writer.missing
 
@@ -302,13 +303,13 @@ def begin_recording(parent: Path, mission: Mission, vehicle: str, *, clock_s: fl
     """Begin a recording in a new directory below `parent`.
 
     Args:
-        parent: made if need be.
-        mission: kept beside the recording.
-        vehicle: who records.
-        clock_s: what the companion's clock shows now, s.
+        parent: created if missing.
+        mission: stored in the recording.
+        vehicle: name of the recorded vehicle.
+        clock_s: current time of the companion's clock, s.
 
     Raises:
-        InputError: nothing can be written there.
+        InputError: the directory cannot be written to.
     """
     start = RecordingStart(
         vehicle=vehicle,
@@ -330,7 +331,7 @@ def begin_recording(parent: Path, mission: Mission, vehicle: str, *, clock_s: fl
         return Recording(directory, start)
     except OSError as error:
         if directory is not None:
-            # A start that failed is none: its directory would be taken for a recording.
+            # The directory of a failed start would be taken for a recording.
             shutil.rmtree(directory, ignore_errors=True)
         reason = "it is a file" if isinstance(error, FileExistsError) else error.strerror
         raise InputError(
@@ -340,7 +341,7 @@ def begin_recording(parent: Path, mission: Mission, vehicle: str, *, clock_s: fl
 
 
 def new_directory(parent: Path, start: RecordingStart) -> Path:
-    """A directory that no other start has."""
+    """Create a directory with a unique name for the start."""
     moment = time.strftime("%Y%m%dT%H%M%SZ", time.gmtime(start.unix_s))
     name = f"{file_stem(start.vehicle)}-{moment}"
     for number in range(1, MOST_STARTS):
@@ -356,10 +357,10 @@ def new_directory(parent: Path, start: RecordingStart) -> Path:
 
 
 def write_synced(path: Path, text: str) -> None:
-    """Write a new file, and have the disk keep it.
+    """Write a new file and sync it to the disk.
 
     Raises:
-        OSError: it exists, or the disk does not take it.
+        OSError: the file exists, or the write fails.
     """
     file = GrowingFile(path)
     try:
@@ -370,12 +371,12 @@ def write_synced(path: Path, text: str) -> None:
 
 
 def file_stem(vehicle: str) -> str:
-    """A vehicle's name as the beginning of a file name."""
+    """Return a vehicle's name in a form valid as the beginning of a file name."""
     return quote(vehicle, safe=" !'()+,;=@&") if vehicle.strip(".") else quote(vehicle + "_")
 
 
 def run_of_computer() -> str:
-    """What tells this run of this computer from all others; empty where the system does not say."""
+    """Return the boot ID of this computer; empty if the system has none."""
     try:
         return BOOT_ID.read_text(encoding="ascii").strip()
     except (OSError, UnicodeDecodeError):
@@ -383,12 +384,12 @@ def run_of_computer() -> str:
 
 
 def is_recording(directory: Path) -> bool:
-    """Whether a companion has recorded a start there."""
+    """Check whether the directory holds a recording."""
     return (directory / DESCRIPTION_NAME).is_file()
 
 
 def find_recordings(directories: Iterable[Path]) -> list[Path]:
-    """The directories of starts: those given themselves, and those up to two levels below, in order."""
+    """Return the recordings in the directories and up to two levels below, in order."""
     found: dict[Path, None] = {}
     for directory in directories:
         for pattern in ("", "*/", "*/*/"):
@@ -398,10 +399,10 @@ def find_recordings(directories: Iterable[Path]) -> list[Path]:
 
 
 def read_start(directory: Path) -> RecordingStart:
-    """Who recorded into a directory, and when.
+    """Read the identity and clocks of a recording.
 
     Raises:
-        InputError: it holds no recording that this program reads.
+        InputError: the directory holds no recording that this program reads.
     """
     path = directory / DESCRIPTION_NAME
     try:
@@ -430,15 +431,15 @@ def read_start(directory: Path) -> RecordingStart:
 
 
 def files_of(directory: Path, vehicle: str) -> tuple[Path, Path]:
-    """(telemetry log, guidance log) of a recording."""
+    """Return the paths of the (telemetry log, guidance log) of a recording."""
     return part_of(directory, vehicle, ".tlog"), part_of(directory, vehicle, SUFFIX)
 
 
 def part_of(directory: Path, vehicle: str, suffix: str) -> Path:
-    """A file of a recording, by what its name ends with."""
+    """Return the path of a recording's file by its suffix."""
     return directory / f"{file_stem(vehicle)}{suffix}"
 
 
 def parts_of(parent: Path, vehicle: str, suffix: str) -> list[Path]:
-    """Such files of all starts of a vehicle below a directory."""
+    """Return the files with a suffix of all starts of a vehicle below a directory."""
     return sorted(parent.glob(f"*/{file_stem(vehicle)}{suffix}"))

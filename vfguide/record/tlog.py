@@ -1,7 +1,7 @@
-"""Telemetry logs: MAVLink's own file format, which ground stations and log viewers open.
+"""Telemetry logs in MAVLink's own file format, which ground stations and log viewers open.
 
-Each frame follows the time at which it passed: microseconds since 1970 as eight bytes, big-endian. The format
-has no end mark and no index, so that a log that was cut off anywhere is a log up to there.
+Each frame follows its time: microseconds since 1970 as eight bytes, big-endian. The format has no end mark
+and no index, so a log truncated anywhere is valid up to there.
 """
 
 import struct
@@ -16,10 +16,10 @@ from vfguide.regular_file import open_regular
 TIMESTAMP = struct.Struct(">Q")
 
 GREATEST_SIZE = 2 * 1024**3
-"""Bytes; ten hours of a busy connection are 500 MB."""
+"""Maximum bytes; ten hours of a busy connection are 500 MB."""
 
 EARLIEST_US, LATEST_US = 0, 4_102_444_800_000_000
-"""Times that a log may tell: 1970, as a computer without a battery has it at its start, to 2100."""
+"""Valid times: from 1970, as a computer without a clock battery starts with, to 2100."""
 
 CHUNK = 1 << 20
 LONGEST_ENTRY = TIMESTAMP.size + 10 + 255 + 2 + 13
@@ -27,20 +27,20 @@ LONGEST_ENTRY = TIMESTAMP.size + 10 + 255 + 2 + 13
 
 
 class StampedFrame(NamedTuple):
-    """A frame and when it passed."""
+    """A frame and its time."""
 
     time_s: float
-    """s since 1970, by the clock of the computer that wrote the log."""
+    """Time, s since 1970, by the clock of the computer that wrote the log."""
     frame: Frame
-    """The frame; its checksum is not looked at."""
+    """Frame with an unverified checksum."""
 
 
 def stamped(time_s: float, datagram: bytes) -> bytes:
-    """The frames of a datagram as entries of a log.
+    """Encode the frames of a datagram as log entries.
 
     Args:
-        time_s: when it passed, s since 1970.
-        datagram: whole frames; what belongs to none is left out.
+        time_s: time of the datagram, s since 1970.
+        datagram: frames; bytes outside of complete frames are dropped.
     """
     stamp = TIMESTAMP.pack(round(time_s * 1e6))
     return b"".join(stamp + one.content for one in frames_of(datagram) if one is not None)
@@ -53,25 +53,25 @@ class TelemetryLog:
         """Begin a log.
 
         Args:
-            epoch_s: what time 0 of the flight is, in seconds since 1970.
+            epoch_s: time 0 of the flight, s since 1970.
         """
         self._epoch_s = epoch_s
         self._content = bytearray()
 
     def add(self, now: float, datagram: bytes) -> None:
-        """Note a datagram that passed at this time of the flight, s."""
+        """Add a datagram that passed at a time of the flight, s."""
         self._content += stamped(self._epoch_s + now, datagram)
 
     def write(self, path: Path) -> None:
-        """Write what was collected."""
+        """Write the log."""
         path.write_bytes(self._content)
 
 
 def read_tlog(path: Path) -> Iterator[StampedFrame]:
-    """The frames of a log in order, as far as it goes; what is no entry is skipped.
+    """Yield the frames of a log in order, skipping invalid bytes.
 
     Raises:
-        InputError: it cannot be read, or is too large to be the log of a flight.
+        InputError: the file cannot be read, or is larger than the log of a flight.
     """
     try:
         with open_regular(path) as stream:
@@ -89,7 +89,7 @@ def read_tlog(path: Path) -> Iterator[StampedFrame]:
 
 
 def _entries(content: bytes, limit: int) -> Generator[StampedFrame, None, int]:
-    """Entries that begin before the limit; returns where the first that was not looked at begins."""
+    """Yield entries that begin up to the limit; return the position where the next search begins."""
     start = 0
     while start <= limit and start + TIMESTAMP.size < len(content):
         place = start + TIMESTAMP.size
