@@ -1,4 +1,4 @@
-"""From a mission to what each of its companions has to know: radians and metres, and its own part only."""
+"""Flight plans from a mission: each companion's own part, in radians and metres."""
 
 import math
 from collections.abc import Mapping
@@ -41,15 +41,15 @@ from vfguide.registry import autopilots, laws, leader_laws
 from vfguide.state import Airframe, SpeedHold
 
 CREWED_M = 65.0
-"""Kept from an aircraft that is heard by ADS-B, whose slots are 100 m away or more."""
+"""Distance kept from a leader heard by ADS-B, m; its slots are 100 m away or more."""
 
 
 LEAST_SILENCE_S = 2.5
-"""A leader without a companion is not silent before: one message a second, half a second late, one lost."""
+"""Least silence of a leader without a companion, s: one message a second, half a second late, one lost."""
 
 
 def flight_plan(mission: Mission, name: str) -> FlightPlan:
-    """The part of the vehicle with this name.
+    """Return the flight plan of the named vehicle.
 
     Raises:
         KeyError: the mission has no vehicle of this name.
@@ -104,19 +104,19 @@ def flight_plan(mission: Mission, name: str) -> FlightPlan:
 
 
 def loiter_step(mission: Mission) -> float:
-    """Between the heights of two that loiter once everything was called off, m: within the fence's height."""
+    """Return the height step between two loitering vehicles after an abort, m: all fit below the fence."""
     room = fence_room(mission) / max(len(mission.followers), 1)
     return min(max(room, 0.0), STACK_M)
 
 
 def fence_room(mission: Mission) -> float:
-    """From the flying height to the top of the lowest fence, m; infinite without one."""
+    """Return the height from the flying height to the top of the lowest fence, m; infinite without one."""
     fences = [mission.fence, *(one.fence for one in mission.paths_by_name.values())]
     return top_of(fences) - mission.height_above_origin_m
 
 
 def known_paths(mission: Mission) -> dict[str, KnownPath]:
-    """The paths of a mission by name; none where its leader has no companion."""
+    """Return the mission's paths by name; empty where its leader has no companion."""
     if mission.leader.is_foreign:
         return {}
     checks = mission.path_checks
@@ -129,7 +129,7 @@ def known_paths(mission: Mission) -> dict[str, KnownPath]:
 
 
 def known_path(shape: PathShape) -> KnownPath:
-    """A path of a mission, and the field around it."""
+    """Return a path of a mission, and the field around it."""
     path = path_of(shape)
     gains = PathGains(
         gain=shape.gain,
@@ -140,12 +140,12 @@ def known_path(shape: PathShape) -> KnownPath:
 
 
 def lowest_of(paths: Mapping[str, KnownPath]) -> float:
-    """The lowest place of any path, m above the flying height; 0 where none is known or all are higher."""
+    """Return the lowest place of any path, m above the flying height; 0 if none is below it."""
     return min([0.0, *(known.heights[0] for known in paths.values())])
 
 
 def lead_plan(mission: Mission, name: str) -> LeadPlan:
-    """Who may lead, and what the vehicle of this name flies while another does."""
+    """Return who may lead, and the named vehicle's task while another leads."""
     slot = SlotOffset(forward_m=0.0, right_m=0.0)
     if name != mission.leader.vehicle:
         slot = mission.followers_by_name[name].slot
@@ -158,7 +158,7 @@ def lead_plan(mission: Mission, name: str) -> LeadPlan:
 
 
 def timeouts_of(mission: Mission) -> ModeTimeouts:
-    """How long silences are borne."""
+    """Return the silences that the mission tolerates."""
     patience = ModeTimeouts(**mission.patience.model_dump())
     if not mission.leader.is_foreign:
         return patience
@@ -166,24 +166,24 @@ def timeouts_of(mission: Mission) -> ModeTimeouts:
 
 
 def formation_of(mission: Mission) -> list[str]:
-    """Names of all vehicles by rank."""
+    """Return the names of all vehicles by rank."""
     return [mission.leader.vehicle, *mission.followers_by_name]
 
 
 def local_frame(mission: Mission) -> LocalFrame:
-    """The frame around the mission's origin."""
+    """Return the frame around the mission's origin."""
     origin = mission.origin
     return frame_at(origin.latitude_deg, origin.longitude_deg, origin.altitude_amsl_m)
 
 
 @lru_cache
 def frame_at(latitude_deg: float, longitude_deg: float, altitude_amsl: float) -> LocalFrame:
-    """The frame at an origin (degrees, m): one for all of a process, who share what they read."""
+    """Return the frame at an origin (degrees, m), shared by a whole process."""
     return LocalFrame(latitude_deg, longitude_deg, altitude_amsl)
 
 
 def airframe_of(vehicle: MissionVehicle) -> Airframe:
-    """Response and limits of a vehicle."""
+    """Return response and limits of a vehicle."""
     return Airframe(
         hold=vehicle.plant,
         alpha=vehicle.alpha_1_s,
@@ -196,7 +196,7 @@ def airframe_of(vehicle: MissionVehicle) -> Airframe:
         course_lag=vehicle.course_lag_s,
         speed_dead_time=vehicle.speed_dead_time_s,
         speed_lag=vehicle.speed_lag_s,
-        # One that slips is an ArduPlane, whose hold is one of the total energy too.
+        # A vehicle that slips is an ArduPlane, which has a total-energy hold, too.
         speed_hold="total-energy" if may_slip(vehicle) else speed_hold_of(vehicle),
         height_delay=vehicle.height_delay_s,
         climb_max=vehicle.climb_range_m_s[1],
@@ -205,9 +205,9 @@ def airframe_of(vehicle: MissionVehicle) -> Airframe:
 
 
 def may_slip(vehicle: MissionVehicle) -> bool:
-    """Return whether it is taken for one that slips until more is known.
+    """Check whether to assume slip until more is known.
 
-    What holds course and ground speed tells nothing of its turns through the air: `auto` means no there.
+    A vehicle that holds course and ground speed tells nothing of its turns through the air: `auto` means no.
     """
     if vehicle.slips is None or vehicle.slips == "auto":
         is_open = vehicle.slips == "auto" or not vehicle.declares_response
@@ -216,19 +216,19 @@ def may_slip(vehicle: MissionVehicle) -> bool:
 
 
 def finds_slip(vehicle: MissionVehicle) -> bool:
-    """Return whether that is found out in flight."""
+    """Check whether slip is to be found out in flight."""
     return vehicle.plant == "heading-hold" and vehicle.slips in {None, "auto"}
 
 
 def speed_hold_of(vehicle: MissionVehicle) -> SpeedHold:
-    """Return the kind of its speed hold; one of which nothing is known may swing as a total-energy hold."""
+    """Return the kind of speed hold; an unknown one may swing as a total-energy hold does."""
     if vehicle.speed_hold is not None:
         return vehicle.speed_hold
     return "first-order" if vehicle.declares_response else "total-energy"
 
 
 def certainty_of(vehicle: MissionVehicle) -> Certainty:
-    """Return how well a mission knows a vehicle's response: what it declares, and what it leaves open."""
+    """Return the certainty of the response: declared, or unknown where the mission leaves it open."""
     given = vehicle.model_fields_set
     return Certainty(
         course=DECLARED if "alpha_1_s" in given else UNKNOWN,
@@ -237,7 +237,7 @@ def certainty_of(vehicle: MissionVehicle) -> Certainty:
 
 
 def adapter_of(vehicle: MissionVehicle) -> AutopilotAdapter:
-    """How to speak to a vehicle's autopilot."""
+    """Return the protocol adapter of a vehicle's autopilot."""
     address = Vehicle(
         system_id=vehicle.system_id,
         component_id=vehicle.component_id,
@@ -250,7 +250,7 @@ def adapter_of(vehicle: MissionVehicle) -> AutopilotAdapter:
 
 
 def follower_task(mission: Mission, vehicle: MissionVehicle, offset: SlotOffset) -> FollowerTask:
-    """A slot of the mission, for a vehicle that holds it."""
+    """Return the task of holding a slot of the mission."""
     lowest, highest = vehicle.airspeed_range_m_s
     return FollowerTask(
         slot=Slot(forward=offset.forward_m, right=offset.right_m),
@@ -261,7 +261,7 @@ def follower_task(mission: Mission, vehicle: MissionVehicle, offset: SlotOffset)
 
 
 def known_leader(mission: Mission) -> KnownLeader:
-    """What the mission tells about a leader with a companion."""
+    """Return the mission's data of a leader with a companion."""
     leads = leader_task(mission)
     return KnownLeader(
         path=leads.path,
@@ -273,7 +273,7 @@ def known_leader(mission: Mission) -> KnownLeader:
 
 
 def foreign_leader(mission: Mission) -> ForeignLeader:
-    """What the mission tells about a leader without one."""
+    """Return the mission's data of a leader without a companion."""
     leader, vehicle = mission.leader, mission.leader_vehicle
     return ForeignLeader(
         connection=leader.connection or "",
@@ -287,7 +287,7 @@ def foreign_leader(mission: Mission) -> ForeignLeader:
 
 
 def other_vehicles(mission: Mission, name: str) -> tuple[OtherVehicle, ...]:
-    """All vehicles but the one of this name."""
+    """Return all vehicles but the named one."""
     own = slot_of(mission, name)
     found = []
     for rank, other in enumerate(formation_of(mission)):
@@ -312,7 +312,7 @@ def other_vehicles(mission: Mission, name: str) -> tuple[OtherVehicle, ...]:
 
 
 def slot_of(mission: Mission, name: str) -> Slot:
-    """The slot of a vehicle, the leader's at its own place."""
+    """Return the slot of a vehicle; the leader's is at its own place."""
     if name == mission.leader.vehicle:
         return Slot(forward=0.0, right=0.0)
     offset = mission.followers_by_name[name].slot
@@ -320,7 +320,7 @@ def slot_of(mission: Mission, name: str) -> Slot:
 
 
 def leader_task(mission: Mission) -> LeaderTask:
-    """Path, law, cruise, and whom to give way to."""
+    """Return path, law, airspeed, and the followers' slots and limits."""
     known = known_path(mission.path)
     return LeaderTask(
         path=known.path,
@@ -341,7 +341,7 @@ def leader_task(mission: Mission) -> LeaderTask:
 
 
 def guidance_settings(mission: Mission) -> GuidanceSettings:
-    """Gains and switches of every law."""
+    """Return the gains and switches of every law."""
     chosen = mission.controller
     return GuidanceSettings(
         sliding=SlidingGains(
@@ -365,7 +365,7 @@ def guidance_settings(mission: Mission) -> GuidanceSettings:
         predict_leader=chosen.predict_leader,
         wind_feedforward=chosen.wind_feedforward,
         give_way=chosen.give_way,
-        # What a leader without a companion means to fly is not known.
+        # The intended motion of a leader without a companion is unknown.
         slot_frame="leader"
         if mission.leader.is_foreign
         else laws.find(chosen.type).slot_frame or chosen.slot_frame,

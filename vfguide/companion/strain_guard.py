@@ -1,9 +1,9 @@
-"""A guard that needs no model: an aircraft is never thrashed, whatever was believed of its response.
+"""Model-free guard against oscillation: setpoints never thrash an aircraft, whatever its assumed response.
 
-An aircraft is strained while, over some seconds, its setpoints throw it from side to side: the turn or the
-acceleration that is asked for changes its side again and again while it is great, or its bank swings without
-end. Then everything is flown more softly at once, the pilot hears it once, and quickness comes back slowly.
-What softness does not end within `PATIENCE_S` is handed back to the autopilot.
+An aircraft is strained while its setpoints throw it from side to side for some seconds. Either the commanded
+turn or acceleration keeps changing sides while it is great, or the bank angle swings without end. Then all
+setpoints are softened at once, the pilot is told once, and quickness returns slowly. If softness does not
+help within `PATIENCE_S`, the vehicle is handed back to its autopilot.
 """
 
 import math
@@ -18,125 +18,123 @@ from vfguide.guidance.response import Softness
 from vfguide.state import Airframe, Setpoint, VehicleState
 
 WINDOW_S = 5.0
-"""Setpoints and banks are looked at over so long, s."""
+"""Window of setpoints and bank angles, s."""
 
 JUDGED_S = 0.25
-"""Between two looks at the window, s: a twentieth of it changes little."""
+"""Interval of evaluating the window, s: a twentieth of it changes little."""
 
 JOINING_S = 10.0
-"""After engaging, or arriving, an aircraft comes onto its slot as hard as it can, s."""
+"""Time after engaging, or arriving, in which an aircraft may come onto its slot as hard as it can, s."""
 
 AT_LIMIT = 0.95
-"""Share of a limit that counts as being there."""
+"""Share of a limit that counts as being at it."""
 
 GUSTY = 0.3
-"""Share of gusts in the wind's changes from which limits are asked for by them, not by a manoeuvre."""
+"""Share of gusts in the wind's changes from which they, not a manoeuvre, ask for limits."""
 
 LIMIT_SHARE = 0.15
 """Share of the window at a limit that strains a vehicle in its place, in gusts."""
 
 GREAT_COURSE = 0.5
-"""Share of the greatest turn rate from which a turn that is asked for counts as great."""
+"""Share of the greatest turn rate from which a commanded turn counts as great."""
 
 GREAT_SPEED = 0.5
-"""The same of the greatest acceleration."""
+"""Same for the greatest acceleration."""
 
 RESTLESS = 0.045
-"""Root mean square of what the low-pass takes off, in parts of the greatest: more only wears servos."""
+"""Limit of the root mean square that the low-pass removes, in parts of the greatest, to spare the servos."""
 
 SMOOTHED_S = 0.3
-"""Time constant on all three, s: what is shorter moves no aircraft."""
+"""Time constant of the low-pass on turn, acceleration and bank, s: shorter inputs move no aircraft."""
 
 SIDES = 3
-"""Changes of side from great to great within the window that strain."""
+"""Changes from a great value to one on the other side, within the window, that count as strain."""
 
 SWING = math.radians(75.0)
-"""rad over the window: to and fro of the bank beyond one roll into a turn and out of it again."""
+"""Travel of the bank over the window, beyond one roll into a turn and out of it, that is strain, rad."""
 
 CHATTERS = 10
-"""The same of turns as they are asked for, before the low-pass."""
+"""Same as `SIDES` for commands before the low-pass."""
 
 SOFTER = 0.5
 """Factor on the bandwidth at each step of the guard."""
 
 SOFTER_AT_LIMIT = 0.9
-"""The same where only limits are reached."""
+"""Same where only limits are reached."""
 
 SOFTEST = 0.08
 """Softness below which nothing is gained."""
 
 AGAIN_S = 2.5
-"""What softness does is seen after so long, s."""
+"""Time after which a step of softness shows its effect, s."""
 
 RECOVERY_S = 20.0
-"""Time constant with which quickness comes back, s."""
+"""Time constant with which quickness returns, s."""
 
 PATIENCE_S = 15.0
-"""Strain that lasts longer although everything is soft is handed back, s."""
+"""Duration of strain despite softness after which the vehicle is handed back, s."""
 
 STEP = 1.1
-"""Factor by which softness has changed before it is flown by anew."""
+"""Factor of change from which a new softness is applied."""
 
 SOFTENED = (
     "the setpoints throw the aircraft from side to side: flown more softly; its response is another than"
     " was said, it is being learned"
 )
-"""What the pilot hears once."""
+"""Text for the pilot, once."""
 
 HANDED_BACK = (
     "flown as softly as can be it is still thrown from side to side: handed back; take over, and see how it"
     " answers by `vfguide identify`"
 )
-"""What the pilot hears when nothing helps."""
+"""Text for the pilot when nothing helps."""
 
 
 class StrainSample(msgspec.Struct, frozen=True, kw_only=True):
-    """What was asked for and flown at one moment."""
+    """Commanded and flown motion at one moment."""
 
     time_s: float
-    """s."""
     turn: float
-    """Turn rate that is asked for, in parts of the greatest; -1 to 1."""
+    """Commanded turn rate in parts of the greatest, -1 to 1."""
     turn_at_once: float
-    """The same before the low-pass."""
+    """Same before the low-pass, not limited."""
     push_at_once: float
-    """Acceleration before the low-pass."""
+    """Commanded acceleration in parts of the greatest before the low-pass, not limited."""
     push: float
-    """Acceleration that is asked for, in parts of the greatest; -1 to 1."""
+    """Commanded acceleration in parts of the greatest, -1 to 1."""
     may_shake: bool
-    """Whether setpoints may shake: in gusts, and those of a hold that answers at once."""
+    """Whether shaking setpoints are tolerated: in gusts, and for a hold without delays."""
     bank: float
-    """rad; NaN where none is heard."""
+    """Bank angle, rad; NaN if unheard."""
     turn_limited: bool
-    """Whether gusts ask for its greatest turn, while the vehicle is in place."""
+    """Whether gusts demand the greatest turn rate, while the vehicle is in place."""
     push_limited: bool
-    """The same of its greatest acceleration."""
+    """Same for the greatest acceleration."""
 
 
 class AxisGuard:
-    """Watches what is asked of one axis: turns or accelerations, in parts of the greatest."""
+    """Guard of one axis, turns or accelerations, in parts of the greatest."""
 
     def __init__(self) -> None:
-        """Have seen nothing yet."""
         self.softness = 1.0
         """Factor on the bandwidth of this axis."""
         self.doubted = False
-        """Whether what was thrown about speaks against the response that it is flown by."""
+        """Whether the motion contradicts the assumed response."""
         self._softened_s = self._strained_s = -math.inf
         self._since: float | None = None
 
     def reset(self) -> None:
-        """The vehicle is not steered: nothing is asked of it."""
+        """Forget the present strain, as the vehicle is not steered."""
         self._since = None
 
     def judge(self, now: float, period: float, *, is_strained: bool, is_thrown: bool) -> bool:
-        """Soften where the last step has had its time; return whether nothing helps any more.
+        """Soften once the last step has had its time; return whether nothing helps any more.
 
         Args:
             now: s.
-            period: since the call before, s.
-            is_strained: whether there is strain at all.
-            is_thrown: whether it is such that the aircraft is better off by its autopilot.
+            period: since the last call, s.
+            is_strained: whether there is any strain.
+            is_thrown: whether the aircraft is thrown about, and better off with its autopilot.
         """
         if not is_strained:
             self.softness = min(self.softness * math.exp(period / RECOVERY_S), 1.0)
@@ -155,10 +153,9 @@ class AxisGuard:
 
 
 class StrainGuard:
-    """Watches the setpoints of one vehicle while it is steered."""
+    """Guard of one vehicle's setpoints while it is steered."""
 
     def __init__(self) -> None:
-        """Have seen nothing yet."""
         self.gives_up = False
         """Whether nothing has helped, so that the vehicle is to be handed back."""
         self._course, self._speed = AxisGuard(), AxisGuard()
@@ -170,20 +167,20 @@ class StrainGuard:
 
     @property
     def softness(self) -> Softness:
-        """Factors on the bandwidth of everything that is flown."""
+        """Factors on the bandwidth of all setpoints."""
         return Softness(course=self._course.softness, speed=self._speed.softness)
 
     @property
     def doubted(self) -> bool:
-        """Whether the course response that is flown by was found wrong; asked once.
+        """Whether the assumed course response was found wrong; reading clears it.
 
-        Gusts alone throw no course about. Speeds they do, where a hold answers at once.
+        Gusts alone do not throw courses about. They do throw speeds about, where a hold answers at once.
         """
         doubted, self._course.doubted = self._course.doubted, False
         return doubted
 
     def reset(self) -> None:
-        """The vehicle is not steered: nothing is asked of it."""
+        """Forget samples and timers, as the vehicle is not steered."""
         self._moments.clear()
         self._course.reset()
         self._speed.reset()
@@ -191,7 +188,7 @@ class StrainGuard:
         self.gives_up = False
 
     def pause(self) -> None:
-        """Forget the last moments: something else than guidance decided what was flown."""
+        """Forget the last samples, which another cause than guidance determined."""
         self._moments.clear()
 
     def watch(
@@ -204,16 +201,15 @@ class StrainGuard:
         in_place: bool,
         confirmed: bool = False,
     ) -> str | None:
-        """Take a setpoint that goes out; return a sentence for the pilot, or None.
+        """Take a setpoint that is sent; return a sentence for the pilot, or None.
 
         Args:
-            state: of the vehicle.
+            state: state of the vehicle.
             setpoint: checked, within its limits.
-            airframe: by which it is flown.
-            bank: rad; None where none is heard.
-            confirmed: whether it answers just as the course response says that it is flown by: then gusts
-                throw it, not the loop.
-            in_place: whether the vehicle is on its slot, or path: there nothing asks for a limit for long.
+            airframe: assumed response and limits.
+            bank: bank angle, rad; None if unheard.
+            confirmed: whether the vehicle answers just as assumed: then gusts throw it about, not the loop.
+            in_place: whether it is on its slot or path, where nothing asks for a limit for long.
         """
         now = state.time_s
         if not in_place or self._placed_s is None:
@@ -226,7 +222,7 @@ class StrainGuard:
         held = state.ground_speed if airframe.hold == "course-hold" else state.airspeed
         turn = airframe.alpha * course_error / greatest
         push = airframe.beta * (setpoint.speed - held) / airframe.max_acceleration
-        # An airspeed at its bound is asked for steadily, as on the outside of a turn.
+        # An airspeed at its bound may be commanded steadily, as on the outside of a turn.
         bounded = not airframe.airspeed_min < setpoint.speed < airframe.airspeed_max
         gusty = placed and float(state.gust_share) > GUSTY
         asked = StrainSample(
@@ -250,9 +246,9 @@ class StrainGuard:
         return self._judge(now, confirmed=confirmed)
 
     def _judge(self, now: float, *, confirmed: bool) -> str | None:
-        """Soften what is strained; return a sentence for the pilot, or None."""
+        """Soften strained axes; return a sentence for the pilot, or None."""
         moments = self._moments
-        # What is forgotten in between, as after a pause, does not count as time to recover in.
+        # Time whose samples were forgotten, as after a pause, does not count as recovery.
         period = now - max(self._judged_s, moments[0].time_s)
         self._judged_s = now
         swings = swing([one.bank for one in moments if not math.isnan(one.bank)]) > SWING
@@ -281,7 +277,7 @@ class StrainGuard:
 
 
 def is_other(softness: Softness, flown: Softness) -> bool:
-    """Return whether a softness is worth flying by in place of another."""
+    """Check whether a softness differs enough from the one in use."""
     pairs = ((softness.course, flown.course), (softness.speed, flown.speed))
     return any(
         max(new / old, old / new) >= STEP or (new == 1.0 and old < 1.0) for new, old in pairs
@@ -289,7 +285,7 @@ def is_other(softness: Softness, flown: Softness) -> bool:
 
 
 def smoothed(before: StrainSample, asked: StrainSample) -> StrainSample:
-    """Return a moment after the low-pass."""
+    """Return a sample after the low-pass."""
     period = asked.time_s - before.time_s
     bank = before.bank
     if not math.isnan(asked.bank):
@@ -308,12 +304,12 @@ def smoothed(before: StrainSample, asked: StrainSample) -> StrainSample:
 
 
 def is_thrown(asked: list[float], great: float, sides: int = SIDES) -> bool:
-    """Return whether what is asked for changes its side again and again while it is great.
+    """Check whether a command keeps changing sides while it is great.
 
     Args:
         asked: turns or accelerations over the window, in parts of the greatest.
-        great: share from which one counts.
-        sides: changes of side that are too many.
+        great: share from which a value counts.
+        sides: least number of changes.
     """
     side, changes = 0.0, 0
     for value in asked:
@@ -326,12 +322,12 @@ def is_thrown(asked: list[float], great: float, sides: int = SIDES) -> bool:
 
 
 def is_restless(differences: list[float]) -> bool:
-    """Return whether noise shakes what is asked for.
+    """Check whether noise shakes a command.
 
-    It goes to and fro many times, where a leader that is heard once a second makes one jump each time.
+    Noise changes sides many times; a leader heard once a second makes one jump each time.
 
     Args:
-        differences: what is asked for beyond its low-pass, in parts of the greatest.
+        differences: command less its low-pass, in parts of the greatest.
     """
     changes = sum(before * after < 0.0 for before, after in pairwise(differences))
     power = sum(one * one for one in differences)
@@ -339,7 +335,7 @@ def is_restless(differences: list[float]) -> bool:
 
 
 def swing(banks: list[float]) -> float:
-    """Return how far a bank goes to and fro beyond twice its range, rad."""
+    """Return the travel of a bank angle beyond twice its range, rad."""
     if len(banks) < 2:
         return 0.0
     way = sum([abs(after - before) for before, after in pairwise(banks)])
