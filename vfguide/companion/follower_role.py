@@ -62,6 +62,7 @@ IN_SLOT_M = 2.0
 
 
 class FollowerRole(Role):
+    """Role of a vehicle that holds a slot."""
 
     def __init__(
         self,
@@ -73,16 +74,6 @@ class FollowerRole(Role):
         *,
         alerts: Alerts | None = None,
     ) -> None:
-        """Make a follower that has heard nothing yet.
-
-        Args:
-            plan: the vehicle's part of the mission.
-            task: its slot.
-            clock: clock shared by the formation.
-            arrangements: orders of the formation.
-            report: publisher of the vehicle's motion; a new one by default.
-            alerts: takes news for the pilot.
-        """
         self._arrangements = arrangements
         self._plan = plan
         self._task = task

@@ -43,11 +43,7 @@ class LoweredGain(msgspec.Struct, frozen=True, kw_only=True):
     """Value for this aircraft."""
 
     def sentence(self, who: str = "this aircraft bears") -> str:
-        """Return which value is flown, and why.
-
-        Args:
-            who: subject that cannot bear the gain, with its verb.
-        """
+        """Return which value is flown, and why; `who` is the subject with its verb."""
         side = "more" if self.flown < self.written else "less"
         return (
             f"{self.name} {self.written:g} is {side} than {who} ({self.flown:.2g}):"
@@ -152,18 +148,6 @@ class GuidedVehicle:
         sends_target: bool,
         role: RoleMaker = role_of,
     ) -> None:
-        """Make a vehicle of which nothing has been heard yet.
-
-        Args:
-            plan: the vehicle's part of the mission.
-            adapter: autopilot-specific protocol.
-            authority: decides who may steer.
-            clock: clock shared by the formation.
-            arrangements: orders of the formation.
-            alerts: takes news for the pilot.
-            sends_target: whether a leader sends FOLLOW_TARGET.
-            role: factory of its role in the formation.
-        """
         self._make_role = role
         self._adapter = adapter
         self._authority = authority

@@ -56,8 +56,8 @@ NEWS = 1.5
 """Factor between a new gain and the last one told that makes it worth telling."""
 
 LEFT_RATIO, LEFT_SHARE = 2.0, 0.05
-"""A declaration is contradicted if it leaves more motion unexplained than this multiple of the best model's
-rest, plus this share of the motion."""
+"""A declaration is contradicted if it leaves more motion unexplained than this. Factor on the best model's
+rest, and share of the motion added to it."""
 
 LIKENESS: dict[SpeedHold, tuple[float, float]] = {
     "first-order": (1.15, 0.12),
@@ -131,13 +131,7 @@ class ResponseLearner:
         self._course_wanted = None if setpoint is None else setpoint.course
 
     def observe(self, plan: FlightPlan, navigated: NavigatedState, bank: float | None) -> None:
-        """Take the vehicle's motion.
-
-        Args:
-            plan: plan in use.
-            navigated: state of the vehicle.
-            bank: bank angle, rad, positive right; None without a fresh one.
-        """
+        """Take the vehicle's motion and its bank angle, rad, positive right; None without a fresh one."""
         state, airframe = navigated.state, plan.airframe
         if navigated.moved:
             self.note(None, state.time_s)
@@ -172,14 +166,7 @@ class ResponseLearner:
     def step(
         self, plan: FlightPlan, slip: TurnEfficiency, now: float, *, bank_heard: bool
     ) -> tuple[list[str], FlightPlan | None]:
-        """Return (sentences for the pilot, new plan or None).
-
-        Args:
-            plan: plan in use.
-            slip: turn efficiency learned so far.
-            now: s.
-            bank_heard: whether the autopilot has ever told a bank angle.
-        """
+        """Return (sentences for the pilot, new plan or None) by what the flight has shown."""
         if plan.asks_response:
             return [], None
         words, found = self._find_slip(plan, slip, now, bank_heard=bank_heard)
