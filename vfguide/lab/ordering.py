@@ -1,6 +1,6 @@
-"""An order, from its rehearsal to what becomes of it: what `vfguide order` and the console do.
+"""Rehearse an order, give it and collect the answers, for `vfguide order` and the console.
 
-The time table of a mission on a live flight: each order rehearsed, given and answered at its time.
+`timetable_given` does so for each order of a mission's time table during a live flight.
 """
 
 import asyncio
@@ -39,57 +39,52 @@ from vfguide.mission.model import Mission, TimedOrder
 from vfguide.mission.order_plan import formation_of_mission, resolve
 
 LAST_S = 6.0
-"""After an order's time answers are awaited for so long."""
+"""Time for which answers are awaited after an order's start, s."""
 
 DECIDED = frozenset({Verdict.REFUSED, Verdict.FLOWN, Verdict.VOID})
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RehearsedOrder:
-    """An order that was rehearsed, and can be given."""
+    """Rehearsed order with the formation and arrangement of its rehearsal, ready to be given."""
 
     order: Order
-    """What is wanted."""
     formation: Formation
-    """The formation from which it was rehearsed."""
     arrangement: Arrangement
-    """What it came to then."""
     prediction: Prediction | None
-    """What the rehearsal says; None of an order to call everything off, for which none is awaited."""
+    """Result of the rehearsal; None for an abort, which is not rehearsed."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OrderOutcome:
-    """What became of an order."""
+    """Outcome of an order."""
 
     number: int
     """Number of the order; 0 if it was not given."""
     arrangement: Arrangement
-    """What was ordered."""
     prediction: Prediction | None
-    """What its rehearsal showed; None for an order to call everything off, which is not rehearsed."""
+    """Result of the rehearsal; None for an abort, which is not rehearsed."""
     replies: dict[str, Reply] = field(default_factory=dict)
-    """The newest answer of each vehicle."""
+    """Newest answer of each vehicle."""
     silent: tuple[str, ...] = ()
-    """Vehicles that have not answered."""
     leads: str = ""
-    """Name of the vehicle that leads afterwards, as far as is heard."""
+    """Name of the vehicle that leads afterwards, as heard."""
 
     @property
     def flown(self) -> bool:
-        """Whether it is flown by all who have answered, all have, and the one leads that is to lead by it."""
+        """Whether all vehicles have answered that they fly the order, and the ordered leader leads."""
         verdicts = {reply.verdict for reply in self.replies.values()}
         return verdicts == {Verdict.FLOWN} and not (self.silent or self.is_led_otherwise)
 
     @property
     def is_led_otherwise(self) -> bool:
-        """Whether all who have answered fly it, and another leads than the one that was ordered to."""
+        """Whether all answers say that the order is flown, but another than the ordered leader leads."""
         verdicts = {reply.verdict for reply in self.replies.values()}
         return verdicts == {Verdict.FLOWN} and self.arrangement.lead not in {"", self.leads}
 
 
 Tell = Callable[[str], None]
-"""Takes a line for people."""
+"""Receiver of a line of text for people."""
 
 
 async def give_order(
@@ -101,19 +96,19 @@ async def give_order(
     dry_run: bool = False,
     random: Random | None = None,
 ) -> OrderOutcome:
-    """Rehearse an order from the formation as it is, give it, and wait for what becomes of it.
+    """Rehearse an order from the present formation, give it, and wait for its outcome.
 
     Args:
-        mission: of the formation.
-        order: what is wanted.
-        watched: its links, and the operator's key.
-        tell: takes a line for each thing that happens.
-        dry_run: whether to rehearse it only.
-        random: keeps those who lost the same broker from coming back in step.
+        mission: mission of the formation.
+        order: the order.
+        watched: links of the formation, and the operator's key.
+        tell: receiver of a line for each event.
+        dry_run: whether only to rehearse the order.
+        random: source of the pauses that keep clients of a lost broker from reconnecting in step.
 
     Raises:
-        RefusedOrderError: it cannot be carried out; one sentence says why.
-        VfguideError: no link stands, or the formation is not heard.
+        RefusedOrderError: the order cannot be carried out; one sentence says why.
+        VfguideError: no link stands, the formation is not heard, or the private key is missing.
     """
     if watched.roster is not None and watched.key is None:
         raise InputError(
@@ -135,15 +130,15 @@ async def give_order(
 async def rehearse_order(
     mission: Mission, order: Order, desk: OrderDesk, link: Link
 ) -> RehearsedOrder:
-    """Fly an order in virtual time from the formation as it is; an order to abort is not flown.
+    """Fly an order in virtual time from the present formation; an abort is not flown.
 
-    It is flown in a thread, which ends soon after the rehearsal is cancelled.
+    The rehearsal runs in a thread, which ends soon after cancellation.
 
     Raises:
-        RefusedOrderError: it cannot be carried out; one sentence says why.
-        VfguideError: the order that is flown is not known.
+        RefusedOrderError: the order cannot be carried out; one sentence says why.
+        VfguideError: the order that is flown now is not known.
     """
-    # To call everything off the formation need not be known.
+    # An abort does not need the present formation.
     aborts = order.action == "abort"
     formation = formation_of_mission(mission) if aborts else desk.formation()
     arrangement = _resolved(
@@ -172,11 +167,11 @@ async def rehearse_order(
 async def give_rehearsed(
     mission: Mission, found: RehearsedOrder, desk: OrderDesk, link: Link, *, tell: Tell
 ) -> OrderOutcome:
-    """Give an order that was rehearsed, and wait for what becomes of it.
+    """Give a rehearsed order, and wait for its outcome.
 
     Raises:
-        RefusedOrderError: it cannot be carried out any more; one sentence says why.
-        VfguideError: another order has been given since.
+        RefusedOrderError: the order cannot be carried out any more; one sentence says why.
+        VfguideError: another order has been given since the rehearsal.
     """
     aborts = found.arrangement.flown is Manoeuvre.ABORT
     if not aborts and desk.newest_number != found.formation.number:
@@ -184,7 +179,7 @@ async def give_rehearsed(
             f"order {desk.newest_number} has been given since this one was rehearsed: rehearse it again"
         )
     number = new_number(desk.newest_number, time.time(), SystemRandom())
-    # The leader has flown on since.
+    # Resolved again, since the leader has flown on.
     arrangement = _resolved(
         mission, found.order, desk, found.formation, number=number, lead_s=link.order_lead_s
     )
@@ -201,7 +196,7 @@ async def give_rehearsed(
 
 
 def predicted(prediction: Prediction) -> str:
-    """A rehearsal in one line."""
+    """Describe the result of a rehearsal in one line."""
     first, second = prediction.pair
     settled = prediction.settled_s
     rest = (
@@ -224,7 +219,7 @@ def _resolved(
     number: int,
     lead_s: float,
 ) -> Arrangement:
-    """The arrangement of an order that begins so many seconds from now."""
+    """Resolve an order that begins `lead_s` seconds from now."""
     time_s = desk.time_s + lead_s
     found, _ = resolve(
         mission,
@@ -240,7 +235,7 @@ def _resolved(
 async def _give(
     desk: OrderDesk, link: Link, order: Arrangement, formation: Formation, tell: Tell
 ) -> None:
-    """Give an order again and again until all have said what becomes of it, and tell what they say."""
+    """Repeat an order until every vehicle has decided on it or the time is over, and report the answers."""
     data = encode_order(order)
     desk.awaited = frozenset(desk.awaited_from(formation, order))
     desk.given, desk.replies = (order.number, check_of(data)), {}
@@ -265,7 +260,7 @@ async def _give(
 
 
 def reply_line(vehicle: str, reply: Reply) -> str:
-    """A vehicle's answer in one line."""
+    """Describe a vehicle's answer in one line."""
     words = {
         Verdict.READY: "yes",
         Verdict.REFUSED: "no",
@@ -276,7 +271,7 @@ def reply_line(vehicle: str, reply: Reply) -> str:
 
 
 def conclusion(outcome: OrderOutcome) -> list[str]:
-    """What became of an order, in lines: who is silent, who leads instead, and whether it is flown."""
+    """Describe an outcome in lines: silent vehicles, an unexpected leader, and whether the order is flown."""
     lines = [f"{vehicle}: does not answer" for vehicle in outcome.silent]
     if outcome.is_led_otherwise:
         lines.append(f"{outcome.arrangement.lead}: does not lead; {outcome.leads} leads")
@@ -287,13 +282,13 @@ def conclusion(outcome: OrderOutcome) -> list[str]:
 logger = logging.getLogger(__name__)
 
 REHEARSED_S = 20.0
-"""So long before it is given an order is rehearsed."""
+"""Time of the rehearsal before the order is given, s."""
 
 OPENED_S = 40.0
-"""So long before an order's time the link is opened for it; what is not heard is waited for as long."""
+"""Time before an order's start at which its link is opened, s; a silent formation is awaited as long."""
 
 RETRY_S = 1.0
-"""Interval of tries to hear the formation."""
+"""Interval of tries to hear the formation, s."""
 
 
 @asynccontextmanager
@@ -302,14 +297,14 @@ async def timetable_given(
 ) -> AsyncIterator[None]:
     """Give the orders of a mission's time table for as long as the context lasts.
 
-    An order that cannot be carried out, or for which the formation is not heard, is not given; a line says
-    why, and the next one has its turn. At the end a line names each order that is left.
+    An order is not given if it cannot be carried out or the formation is not heard. A line says why, and the
+    next order follows. At the end a line names each order that is left.
 
     Args:
-        mission: of the formation.
-        watched: its links, and the operator's key.
-        time_s: tells the time of the flight, s.
-        tell: takes a line for each thing that happens.
+        mission: mission of the formation.
+        watched: links of the formation, and the operator's key.
+        time_s: clock of the flight, s.
+        tell: receiver of a line for each event.
     """
     left = deque(
         (f"orders[{index}], at {timed.at_s:g} s", timed)
@@ -329,17 +324,16 @@ async def timetable_given(
 
 @dataclass(frozen=True, slots=True)
 class _Operator:
-    """Who gives the orders of a time table; see there."""
+    """Operator that gives the orders of a time table; for the fields see `timetable_given`."""
 
     mission: Mission
     watched: WatchedFormation
     time_s: Callable[[], float]
     tell: Tell
     left: deque[tuple[str, TimedOrder]]
-    """Names of the orders that have not come to an end, and the orders."""
+    """(name, order) of the orders that have not been completed."""
 
     async def give_all(self) -> None:
-        """Give one order after the other."""
         while self.left:
             name, timed = self.left[0]
             tell = partial(self._tell_of, name)
@@ -350,7 +344,7 @@ class _Operator:
                 known = "given, and its end not heard" if begun.is_set() else "not given"
                 tell(f"{known}: {error}")
             except Exception as error:
-                # The flight and the orders after this one must not end by it.
+                # A failure must not end the flight or stop later orders.
                 logger.exception("%s: failed", name)
                 tell(f"failed, see the log: {described_error(error)}")
             self.left.popleft()
@@ -359,11 +353,11 @@ class _Operator:
         self.tell(f"{name}: {text}")
 
     async def _give(self, timed: TimedOrder, tell: Tell, begun: asyncio.Event) -> None:
-        """Give one order, and try again while the formation is not heard; arguments as of `_try`.
+        """Give one order, with retries while the formation is not heard; for the arguments see `_try`.
 
         Raises:
-            RefusedOrderError: it cannot be carried out.
-            VfguideError: until its time no link stood, or the formation was not heard.
+            RefusedOrderError: the order cannot be carried out.
+            VfguideError: no link stood, or the formation was not heard, until the order's time.
         """
         await self._until(timed.at_s - OPENED_S)
         last_s = self.time_s() + OPENED_S
@@ -373,19 +367,13 @@ class _Operator:
             except InputError:
                 raise
             except VfguideError:
-                # An order that was given once may be flown: a second one would be another.
+                # No retry once the order was sent: it may be flown, and a retry would be a new order.
                 if begun.is_set() or self.time_s() >= last_s:
                     raise
             await asyncio.sleep(RETRY_S)
 
     async def _try(self, timed: TimedOrder, tell: Tell, begun: asyncio.Event) -> None:
-        """Give one order so that it begins at its time, or as soon after it as it can.
-
-        Args:
-            timed: the order.
-            tell: takes a line for each thing that happens.
-            begun: set before the order is said for the first time.
-        """
+        """Give one order to begin at its time, or soon after; set `begun` before it is sent first."""
         aborts = timed.action == "abort"
         async with at_desk(self.mission, self.watched, Random()) as (desk, link):
             given_s = timed.at_s - (0.0 if aborts else link.order_lead_s)

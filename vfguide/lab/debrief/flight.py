@@ -1,9 +1,8 @@
-"""A flight record made of recordings: positions are the autopilots' own estimates, for there is no truth.
+"""Make a flight record of recordings. Positions are the autopilots' own estimates, since there is no truth.
 
-Three clocks can join what several computers have written down. The formation's own clock is the best: by it
-the companions flew, and the link measured it to some milliseconds. Satellite time, where every autopilot
-passed it on, comes next. The computers' times of day are the last resort: without a network they may be
-apart by any time.
+Three clocks can join the recordings of several computers. The formation's clock is the best: the companions
+flew by it, and the link measured it to some milliseconds. Satellite time comes next, where every autopilot
+passed it on. The computers' times of day are the last resort: without a network they may differ by any time.
 """
 
 import math
@@ -56,7 +55,7 @@ from vfguide.record.response import VehicleResponse, read_response
 from vfguide.record.vehicle import VehicleRecord
 
 TOGETHER_S = 60.0
-"""s between the end of one recording and the start of the next of the same flight."""
+"""Longest gap between two recordings of the same flight, s."""
 
 FORMATION_CLOCK = "the formation's clock, which the link measured to some milliseconds"
 SATELLITE_TIME = "satellite time, as the autopilots passed it on, good to some tenths of a second"
@@ -68,29 +67,26 @@ TIME_OF_DAY = (
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class RecordingContents:
-    """One recording, read."""
+    """Contents of one recording."""
 
     directory: Path
-    """Where it is."""
     start: RecordingStart
-    """Who began it, and when."""
     telemetry: Telemetry
-    """What its autopilot reported."""
     guidance: GuidanceTrack
-    """What its companion did, by the companion's own clock, s."""
+    """Steps of the companion, by its own clock, s."""
     events: tuple[FlightEvent, ...] = ()
-    """What its companion said, in s of its own clock."""
+    """Events of the companion, by its own clock, s."""
     response: VehicleResponse | None = None
-    """By what its companion flew it last; None where that is not recorded."""
+    """Vehicle response that the companion used last; None where not recorded."""
 
     @property
     def span_s(self) -> tuple[float, float]:
-        """From its start to its last report, s since 1970 by its computer."""
+        """Start and last report, s since 1970 by the computer's clock."""
         times = self.telemetry.positions[:, 0]
         return self.start.unix_s, float(times.max()) if times.size else self.start.unix_s
 
     def formation_offset_s(self, leader: str) -> float:
-        """What to add to the companion's clock for the leader's, s; NaN where that was never known."""
+        """Return the offset from the companion's clock to the leader's, s; NaN where it was never known."""
         if self.start.vehicle == leader:
             return 0.0
         offsets = [step.formation_time_s - step.time_s for step in self.guidance.steps]
@@ -98,32 +94,30 @@ class RecordingContents:
         return float(np.median(known)) if known.size else float("nan")
 
     def satellite_offset_s(self) -> float:
-        """What to add to the computer's time of day for satellite time, s; NaN where that was never told."""
+        """Return the offset from the time of day to satellite time, s; NaN where it was never reported."""
         times = self.telemetry.gps_times
         return float(np.median(times[:, 1] - times[:, 0])) if len(times) else float("nan")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FlightRecordings:
-    """The recordings of one flight, on one clock."""
+    """Recordings of one flight, with shifts to a common clock."""
 
     mission: Mission
-    """The mission as it was flown."""
     recordings: tuple[RecordingContents, ...]
-    """In the order of their starts."""
+    """Recordings in order of their starts; that of a leader without a companion comes last."""
     shifts_s: tuple[float, ...]
-    """What to add to s since 1970 of each recording for the common clock."""
+    """Offset of each recording's s since 1970 to the common clock."""
     clock: str
-    """Which clock that is, in words."""
+    """Description of the common clock."""
     notes: tuple[str, ...]
-    """What else a reader has to know."""
 
 
 def collect(directories: Sequence[Path]) -> FlightRecordings:
-    """Read the recordings in some directories, and choose their clock.
+    """Read the recordings in some directories and choose their common clock.
 
     Args:
-        directories: recordings, or directories that hold them; of the latter the newest flight counts.
+        directories: recordings, or directories that hold recordings: only the newest flight is read then.
 
     Raises:
         InputError: there are none, one is damaged, or they are of several missions.
@@ -162,7 +156,7 @@ def collect(directories: Sequence[Path]) -> FlightRecordings:
 
 
 def read_recording(directory: Path) -> RecordingContents:
-    """Everything in one directory.
+    """Read one recording.
 
     Raises:
         InputError: it cannot be read.
@@ -182,9 +176,9 @@ def read_recording(directory: Path) -> RecordingContents:
 def heard_leader(
     recordings: Sequence[RecordingContents], mission: Mission
 ) -> list[RecordingContents]:
-    """A leader without a companion, as the follower heard it that heard most of it; none where nobody did.
+    """Return a leader without a companion, from the follower's recording that holds most of its positions.
 
-    Its telemetry is in what its followers recorded, late by what it took to arrive.
+    The times of positions are corrected by the least delay of the leader's telemetry.
     """
     if mission.leader.follows != "mavlink":
         return []
@@ -197,12 +191,12 @@ def heard_leader(
         start = replace(one.start, vehicle=name, system_id=system_id)
         found.append(replace(one, start=start, telemetry=heard, events=(), response=None))
     best = max(found, key=lambda one: len(one.telemetry.positions))
-    # Whatever is known of the clock is the follower's.
+    # The guidance steps stay the follower's: they give the clock offset.
     return [best] if len(best.telemetry.positions) else []
 
 
 def newest_flight(recordings: Sequence[RecordingContents]) -> list[RecordingContents]:
-    """Those that overlap the newest, or one that overlaps it, and so on; in order."""
+    """Return the newest chain of recordings that overlap or lie within `TOGETHER_S`, by start."""
     chosen: list[RecordingContents] = []
     begin = float("inf")
     for one in sorted(recordings, key=lambda one: one.span_s[1], reverse=True):
@@ -217,7 +211,7 @@ def newest_flight(recordings: Sequence[RecordingContents]) -> list[RecordingCont
 def common_clock(
     recordings: Sequence[RecordingContents], leader: str
 ) -> tuple[tuple[float, ...], str]:
-    """(what to add to each recording's times, which clock that gives)."""
+    """Return (offsets of the recordings' times to the best common clock in s, description of that clock)."""
     leading = [one.start for one in recordings if one.start.vehicle == leader]
     one_run = len({start.computer for start in leading}) == 1
     offsets = [one.formation_offset_s(leader) for one in recordings]
@@ -235,7 +229,7 @@ def common_clock(
 
 
 MARGIN_S = 5.0
-"""s before the first steered moment and after the last that belong to the flight."""
+"""Part of the flight before the first steered moment and after the last, s."""
 
 LONGEST_S = 86_400.0
 MOST_SAMPLES = 200_000
@@ -249,10 +243,10 @@ ESTIMATES = (
 
 
 def flight_of(found: FlightRecordings) -> FlightRecord:
-    """The record of a flight.
+    """Make the flight record.
 
     Raises:
-        InputError: no vehicle was recorded in the air, or not the leader.
+        InputError: the leader has no recorded position, or the recordings are too far apart in time.
     """
     mission = found.mission
     names = [mission.leader.vehicle, *mission.followers_by_name]
@@ -307,7 +301,7 @@ def flight_of(found: FlightRecordings) -> FlightRecord:
 
 
 def events_of(found: FlightRecordings, begin_s: float, lasts_s: float) -> tuple[FlightEvent, ...]:
-    """What companions said during the flight, at times from its beginning."""
+    """Return the companions' events during the flight, in s from its beginning."""
     events = [
         msgspec.structs.replace(event, time_s=one.start.to_unix(event.time_s) + shift - begin_s)
         for one, shift in zip(found.recordings, found.shifts_s, strict=True)
@@ -317,7 +311,7 @@ def events_of(found: FlightRecordings, begin_s: float, lasts_s: float) -> tuple[
 
 
 def notes_of(found: FlightRecordings, missing: list[str]) -> tuple[str, ...]:
-    """What a reader has to know of where the figures come from."""
+    """Return notes on the origin of the record's figures."""
     notes = [ESTIMATES, f"The recordings are joined by {found.clock}."]
     if missing:
         notes.append(f"Not recorded: {', '.join(missing)}.")
@@ -329,7 +323,7 @@ def notes_of(found: FlightRecordings, missing: list[str]) -> tuple[str, ...]:
 
 
 def without_position(one: RecordingContents) -> str:
-    """What is wrong with a recording that tells nothing of its vehicle."""
+    """Return the fault of a recording without any position of its vehicle, as a phrase."""
     tlog, _ = files_of(one.directory, one.start.vehicle)
     return (
         f"{tlog}: no position of system {one.start.system_id} is in it: "
@@ -338,7 +332,7 @@ def without_position(one: RecordingContents) -> str:
 
 
 def span_of(parts: dict[str, list[tuple[RecordingContents, float]]]) -> tuple[float, float]:
-    """Beginning and end of the flight on the common clock: while anybody was steered, or else reported."""
+    """Return begin and end of the flight on the common clock, s: all steered moments, or else all reports."""
     steered, reported = [], []
     for recordings in parts.values():
         for one, shift in recordings:
@@ -360,7 +354,7 @@ def span_of(parts: dict[str, list[tuple[RecordingContents, float]]]) -> tuple[fl
 def vehicle_record(
     mission: Mission, name: str, parts: list[tuple[RecordingContents, float]], moments: FloatArray
 ) -> VehicleRecord:
-    """One vehicle at the moments of the flight; NaN where nothing is known of it."""
+    """Make the record of one vehicle at the moments of the flight; NaN where it is not known."""
     positions, airspeeds, banks = (
         joined([(getattr(one.telemetry, name), shift) for one, shift in parts])
         for name in ("positions", "airspeeds", "banks")
@@ -371,7 +365,7 @@ def vehicle_record(
     heading = sampled(moments, when, unwrapped(positions[:, 6]))
     airspeed = sampled(moments, airspeeds[:, 0], airspeeds[:, 1])
     follower = mission.followers_by_name.get(name)
-    # What is known of a leader without a companion is in a follower's recording, beside what that one did.
+    # A leader without a companion is known by a follower's recording, whose guidance is not the leader's.
     own = [] if follower is None and mission.leader.is_foreign else parts
     track = joined_track(own)
     more = lead_series(track, moments, mission.origin.altitude_amsl_m) if mission.deputies else {}
@@ -401,7 +395,7 @@ def vehicle_record(
 def doings_at(
     moments: FloatArray, track: GuidanceTrack, path_names: Sequence[str]
 ) -> dict[str, FloatArray]:
-    """What a companion did at each moment, as `DOINGS` names it: by the newest step before it."""
+    """Return the series of `DOINGS` at each moment, from the newest guidance step before it."""
     times = [-math.inf, *(step.time_s for step in track.steps)]
     nothing = (NAMES[Mode.WAITING.value], math.nan, math.nan, False, math.nan, 0.0)
     rows = [nothing, *(doings_row(step, path_names) for step in track.steps)]
@@ -410,7 +404,7 @@ def doings_at(
 
 
 def joined_track(parts: list[tuple[RecordingContents, float]]) -> GuidanceTrack:
-    """The steps of all starts of a vehicle on the common clock."""
+    """Return the guidance steps of all recordings of a vehicle, on the common clock."""
     steps = [
         msgspec.structs.replace(
             step,
@@ -424,7 +418,7 @@ def joined_track(parts: list[tuple[RecordingContents, float]]) -> GuidanceTrack:
 
 
 def doings_row(step: GuidanceStep, path_names: Sequence[str]) -> tuple[float, ...]:
-    """A step as numbers; a setpoint only while the vehicle is steered by it."""
+    """Return a step in the order of `DOINGS`; setpoints are NaN while the companion does not steer."""
     mode, path = NAMES.get(step.mode, NAMES[Mode.WAITING.value]), path_number(step.path, path_names)
     if step.mode not in STEERED:
         return mode, math.nan, math.nan, False, math.nan, path
@@ -432,7 +426,7 @@ def doings_row(step: GuidanceStep, path_names: Sequence[str]) -> tuple[float, ..
 
 
 def unwrapped(angles: FloatArray) -> FloatArray:
-    """Angles without jumps, where they are known."""
+    """Unwrap angles, rad, and leave NaN as they are."""
     known = np.isfinite(angles)
     whole = angles.copy()
     whole[known] = np.unwrap(angles[known])
@@ -440,7 +434,7 @@ def unwrapped(angles: FloatArray) -> FloatArray:
 
 
 def joined(parts: list[tuple[FloatArray, float]]) -> FloatArray:
-    """Rows of several recordings with their times on the common clock, in the order of these."""
+    """Join rows of several recordings, sorted by their times (column 0) on the common clock."""
     together = np.concatenate(
         [rows + shift * (np.arange(rows.shape[1]) == 0) for rows, shift in parts]
     )
@@ -448,10 +442,10 @@ def joined(parts: list[tuple[FloatArray, float]]) -> FloatArray:
 
 
 def only_known(leader: VehicleRecord) -> VehicleRecord:
-    """The leader with its unknown places left out, to draw its path by.
+    """Return the leader's record without its unknown positions, to draw the path.
 
     Raises:
-        InputError: all are unknown.
+        InputError: all positions are unknown.
     """
     known = np.isfinite(leader.north_m)
     if not bool(known.any()):

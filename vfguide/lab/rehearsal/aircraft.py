@@ -1,4 +1,4 @@
-"""The aircraft of a rehearsal, the leader without a companion, and the operator who orders them."""
+"""Aircraft of a rehearsal in virtual time, with the leader without a companion and the operator's orders."""
 
 import heapq
 import math
@@ -30,7 +30,7 @@ from vfguide.record.tlog import TelemetryLog
 from vfguide.registry import load_plugins_of_the_environment
 
 BOOTED_S = 1234.5
-"""What its clock shows at the start of a rehearsal: nobody else's shows that."""
+"""Clock of a leader without a companion at the start of a rehearsal, s; it differs from all other clocks."""
 
 DECLARED = (
     "alpha_1_s",
@@ -41,19 +41,19 @@ DECLARED = (
     "climb_range_m_s",
     "height_delay_s",
 )
-"""Fields that are true of an aircraft as its companion is told, where the emulator has none of its own."""
+"""Fields of a mission's vehicle that its emulator uses unless it has values of its own."""
 
 ROUTE_POINTS = 361
-"""Points of a mission's path, where an aircraft flies it by itself."""
+"""Points of the route of an aircraft without a companion."""
 
 ROUTE_BEYOND_M = 1000.0
-"""A path without end goes on for so much longer than the aircraft can fly."""
+"""Length by which the route along an endless path exceeds what the aircraft can fly, m."""
 
 
 def settings_of(mission: Mission, name: str) -> dict[str, object]:
-    """What the emulator of a vehicle is started with, as `sitl-stub --config` takes it.
+    """Return the settings of a vehicle's emulator, as `sitl-stub --config` takes them.
 
-    Lockstep, live flights and containers all make their emulators of this.
+    Emulators in lockstep, live flights and containers all start with them.
     """
     vehicle, rehearsal = mission.vehicles[name], mission.rehearsal
     emulator = rehearsal.emulator.of(name)
@@ -96,10 +96,10 @@ def settings_of(mission: Mission, name: str) -> dict[str, object]:
 
 
 def checked_settings(mission: Mission, name: str) -> sitl_stub.Settings:
-    """The settings of a vehicle's emulator, which can fly by them.
+    """Return the settings of a vehicle's emulator.
 
     Raises:
-        InputError: it cannot; the message is one line.
+        InputError: the emulator does not accept them; the message is one line.
     """
     load_plugins_of_the_environment()
     try:
@@ -115,7 +115,7 @@ def checked_settings(mission: Mission, name: str) -> sitl_stub.Settings:
 def emulator_of(
     mission: Mission, name: str, faults: tuple[sitl_stub.Fault, ...] = ()
 ) -> sitl_stub.Autopilot:
-    """The aircraft of this name, in the air at its start, and what is wrong with its reports."""
+    """Return the emulator of a vehicle, in the air at its start, with faults in its reports."""
     settings = checked_settings(mission, name)
     return sitl_stub.Autopilot(
         settings.config().model_copy(update={"faults": faults}), settings.air()
@@ -123,13 +123,13 @@ def emulator_of(
 
 
 def foreign_leader_of(mission: Mission) -> sitl_stub.BadLink:
-    """The leader without a companion, as others hear it."""
+    """Return the emulated leader without a companion, heard over its imperfect link."""
     leader = mission.leader.vehicle
     return checked_settings(mission, leader).behind_its_link(emulator_of(mission, leader))
 
 
 def route_of(mission: Mission) -> list[tuple[float, float]]:
-    """Points (latitude, longitude; degrees) along a mission's path, for an aircraft without a companion."""
+    """Return (latitude, longitude) along a mission's path, degrees, for an aircraft without a companion."""
     path = path_of(mission.path)
     if math.isfinite(path.length):
         places = path.at(path.outline(ROUTE_POINTS))
@@ -147,36 +147,36 @@ def route_of(mission: Mission) -> list[tuple[float, float]]:
 
 
 OPERATOR = "operator"
-"""Who the sender of orders is on the links of a rehearsal."""
+"""Sender of orders on the links of a rehearsal."""
 
 LEAD_S = 4.0
-"""An order is given this long before its time ..."""
+"""Time by which an order is sent ahead of its start, s."""
 
 REPEAT_S = 0.5
-"""... and again after each of these, since a link may lose it ..."""
+"""Interval at which an order is sent again, s, since a link may lose it."""
 
 TIMES = 6
-"""... so often in all."""
+"""Number of times that an order is sent."""
 
 TIME = Struct("<d")
-"""When a datagram arrived, s, in the mail of a leader without a companion."""
+"""Arrival time of a datagram, s; its prefix in the mail of a leader without a companion."""
 
 OrderMail = Sequence[tuple[float, bytes]]
-"""(when in s, what) an operator says, in the order of the times."""
+"""Operator's messages as (time in s, data), in order of time."""
 
 _newest: list[tuple[Mission, OrderMail]] = []
 
 
 def mail_of(order: Arrangement) -> list[tuple[float, bytes]]:
-    """When in s an order is said, and what; what is called off is flown as soon as it is heard."""
+    """Return (time in s, data) of each sending of an order; an abort has no lead time."""
     begins_s = order.time_s - (0.0 if order.flown is Manoeuvre.ABORT else LEAD_S)
     data = encode_order(order)
     return [(begins_s + REPEAT_S * number, data) for number in range(TIMES)]
 
 
 def order_mail(mission: Mission) -> OrderMail:
-    """All orders of a mission's time table."""
-    # A hundred aircraft ask for those of one mission.
+    """Return the messages of all orders in a mission's time table."""
+    # Cached, since every aircraft of a mission asks for them.
     if mission.orders and not (_newest and _newest[0][0] is mission):
         said = [one for order, _ in timetable(mission) for one in mail_of(order)]
         _newest[:] = [(mission, sorted(said))]
@@ -184,32 +184,25 @@ def order_mail(mission: Mission) -> OrderMail:
 
 
 class EmulatedForeignLeader:
-    """The aircraft."""
+    """Emulated leader without a companion."""
 
     leads = True
-    """Whether it is the leader."""
 
     def __init__(self, mission: Mission, *, log: TelemetryLog | None = None) -> None:
-        """Put it at its start.
-
-        Args:
-            mission: the mission.
-            log: notes what is heard of it.
-        """
         self.name = mission.leader.vehicle
         self.events = list[Event]()
-        """It reports nothing."""
+        """Always empty."""
         self.recorder = VehicleRecorder(mission, self.name)
         self.log = log
+        """Log of the telemetry that others hear, where one is kept."""
         self.emulator = foreign_leader_of(mission)
-        """The autopilot and what it flies."""
 
     def step(self, now: float, mail: Sequence[Mail]) -> list[Mail]:
-        """Fly on to this time; what arrives of it, as mail. It hears nobody."""
+        """Fly on to this time, s, and return the telemetry that has arrived as mail; ignore others' mail."""
         del mail
         emulator, heard = self.emulator, []
         while True:
-            # What arrives between two steps is read when it comes: nobody would be late by a step.
+            # Telemetry between two steps keeps its own arrival time, so that none is late by a step.
             arrival_s = min(emulator.next_due_s, now)
             if datagram := emulator.advance(arrival_s):
                 heard.append((self.name, TIME.pack(arrival_s) + datagram))
@@ -222,18 +215,12 @@ class EmulatedForeignLeader:
 
 
 class LeaderAnswers:
-    """Its answers to one follower's questions for its time, which take as long as all that it says.
+    """Answers of a leader without a companion to a follower's TIMESYNC, with the latency of its telemetry.
 
-    The leader flies ahead of its followers in virtual time, and cannot be asked; its clock is known.
+    The leader flies ahead of its followers in virtual time and cannot be asked itself; its clock is known.
     """
 
     def __init__(self, mission: Mission, follower: str) -> None:
-        """Make it, with nothing asked.
-
-        Args:
-            mission: the mission.
-            follower: name of the one who asks.
-        """
         self._heard = mission.rehearsal.leader_telemetry
         self._random = Random(f"{mission.rehearsal.seed} {follower} asks")
         self._codec = mavlink.MAVLink(None, srcSystem=mission.leader_vehicle.system_id)
@@ -241,7 +228,7 @@ class LeaderAnswers:
         self._on_the_way: list[tuple[float, bytes]] = []
 
     def ask(self, datagram: bytes, now: float) -> None:
-        """Take what the follower says."""
+        """Take MAVLink data of the follower, and prepare the answers."""
         for message in self._codec.parse_buffer(datagram) or ():
             if message.get_type() != "TIMESYNC" or self._random.random() < self._heard.loss:
                 continue
@@ -252,7 +239,7 @@ class LeaderAnswers:
             heapq.heappush(self._on_the_way, (arrival_s, bytes(answer.pack(self._codec))))
 
     def due(self, now: float) -> Iterator[tuple[bytes, float]]:
-        """Answers that have arrived by this time, and when."""
+        """Yield (answer, arrival time in s) of the answers that have arrived by this time."""
         while self._on_the_way and self._on_the_way[0][0] <= now:
             arrival_s, answer = heapq.heappop(self._on_the_way)
             yield answer, arrival_s
@@ -263,11 +250,11 @@ class LeaderAnswers:
 
 
 Instant = tuple[float, Sequence[Mail]]
-"""Virtual time, and the states that the links are handed then."""
+"""Virtual time, s, and the mail that is handed to the links then."""
 
 
 class Aircraft:
-    """An aircraft of a rehearsal, in virtual time."""
+    """Emulated aircraft with its companion, in virtual time."""
 
     def __init__(
         self,
@@ -283,11 +270,11 @@ class Aircraft:
 
         Args:
             mission: the mission.
-            name: of the vehicle.
-            log: notes every datagram of the MAVLink connection.
-            clock: the formation's, as this aircraft knows it.
-            orders: that an operator gives; those of the mission's time table if absent.
-            greeting_s: as of `Companion`.
+            name: name of the vehicle.
+            log: log of every datagram of the MAVLink connection.
+            clock: formation's clock, as this aircraft knows it.
+            orders: the operator's orders; None for those of the mission's time table.
+            greeting_s: see `Companion`.
         """
         rehearsal = mission.rehearsal
         quality = LinkQuality(
@@ -299,11 +286,9 @@ class Aircraft:
         plan = flight_plan(mission, name)
         self.name = name
         self.events = list[Event]()
-        """What the companion reported."""
         self.recorder = VehicleRecorder(mission, name)
         self.log = log
         self.emulator = emulator_of(mission, name)
-        """The autopilot and what it flies."""
         self._consent = MemoryStore()
         self._losses = tuple(loss for loss in rehearsal.losses if loss.vehicle == name)
         self._lost = False
@@ -318,9 +303,9 @@ class Aircraft:
             greeting_s=greeting_s,
         )
         self.companion = self._make()
-        """May be replaced by one that knows nothing, as when the process is restarted."""
+        """Companion; a loss replaces it by a new one without any state, as a restart does."""
         self.leads = plan.leads
-        """Whether it is the leader."""
+        """Whether the aircraft is the mission's leader."""
         self._leader = mission.leader.vehicle
         self._answers = LeaderAnswers(mission, name) if mission.leader.is_foreign else None
         seeds = {other: f"{rehearsal.seed} {other} {name}" for other in mission.followers_by_name}
@@ -334,14 +319,11 @@ class Aircraft:
         self._replies = b""
 
     def step(self, now: float, mail: Sequence[Mail]) -> list[Mail]:
-        """Fly on to this time, report, be guided, answer.
+        """Fly on to this time, step the companion and return the mail that this aircraft publishes.
 
         Args:
             now: virtual time, s.
-            mail: states of others that the link is handed at this time; they arrive when it lets them.
-
-        Returns:
-            states that this aircraft publishes.
+            mail: mail of others that is handed to the link now; the link delivers it later or loses it.
         """
         if self.loses("companion", now):
             self._fly_alone(now)
@@ -368,11 +350,11 @@ class Aircraft:
         return [] if alone else [(self.name, data) for data in said]
 
     def loses(self, what: str, now: float) -> bool:
-        """Whether the vehicle is without its companion or its link now."""
+        """Check whether the vehicle is now without its companion, its link or its guidance."""
         return any(loss.what == what and loss.lasts(now) for loss in self._losses)
 
     def _turn_switch(self, now: float) -> None:
-        """Have the pilot take the vehicle or give it back, as its switch does: nobody is told."""
+        """Have the pilot take the vehicle over or give it back by the mode switch, without any notice."""
         taken, before = self.loses("guidance", now), self._taken_from
         if taken == (before is not None):
             return
@@ -385,7 +367,7 @@ class Aircraft:
         self.emulator.receive(b"".join(one.pack(mavlink.MAVLink(None)) for one in wanted))
 
     def _fly_alone(self, now: float) -> None:
-        """Fly on to this time without a companion; the next one knows nothing."""
+        """Fly on to this time without a companion; its successor starts without any state."""
         if not self._lost:
             self._lost, self.companion = True, self._make()
         self._replies = b""
@@ -396,7 +378,7 @@ class Aircraft:
             self.log.add(now, telemetry)
 
     def _hear(self, now: float, mail: Sequence[Mail]) -> None:
-        """Whatever arrives over the link by now."""
+        """Hand mail to the link, and to the companion what has arrived by now."""
         if self._answers is not None:
             heard = [
                 (data[TIME.size :], TIME.unpack_from(data)[0])
@@ -426,7 +408,7 @@ def aircraft_of(
     log: TelemetryLog | None = None,
     orders: OrderMail | None = None,
 ) -> Aircraft | EmulatedForeignLeader:
-    """The aircraft of this name at its start; see there."""
+    """Return the aircraft of this name at its start; for the arguments see `Aircraft`."""
     if mission.leader.is_foreign and name == mission.leader.vehicle:
         return EmulatedForeignLeader(mission, log=log)
     return Aircraft(mission, name, log=log, orders=orders)
@@ -435,15 +417,14 @@ def aircraft_of(
 def step_all(
     formation: Sequence[Aircraft | EmulatedForeignLeader], now: float, mail: Sequence[Mail]
 ) -> list[Mail]:
-    """One turn of each aircraft, leader first: what it publishes is heard at the same time by all others.
+    """Step each aircraft, leader first, and return all mail that they publish.
+
+    The others get the leader's mail at the same time.
 
     Args:
         formation: the aircraft, or those of them that this process flies.
         now: virtual time, s.
-        mail: states from elsewhere that the link is handed at this time.
-
-    Returns:
-        everything that these aircraft publish at this time.
+        mail: mail from elsewhere that is handed to the links now.
     """
     heard, published = list(mail), []
     for aircraft in formation:
@@ -455,22 +436,21 @@ def step_all(
 
 
 class Candidates:
-    """Those who may lead, the mission's leader first: what they say as leaders is heard at once by all."""
+    """Aircraft that may lead, the mission's leader first. All others hear their leader messages at once."""
 
     def __init__(self, aircraft: Sequence[Aircraft | EmulatedForeignLeader]) -> None:
-        """Put them in order."""
         self._aircraft = aircraft
         self._said: list[tuple[int, Mail]] = []
 
     def step(self, now: float, mail: Sequence[Mail]) -> tuple[list[Mail], list[Mail]]:
-        """One turn of each, in order; who comes before another hears it as a leader an instant later.
+        """Step each candidate in order; earlier ones hear leader messages of later ones an instant later.
 
         Args:
             now: virtual time, s.
-            mail: states from elsewhere that the link is handed at this time.
+            mail: mail from elsewhere that is handed to the links now.
 
         Returns:
-            what all others hear at this time; and what deputies say as followers, heard as of any other.
+            mail that all others get now, and mail of deputies as followers, which takes the usual way.
         """
         before, self._said = self._said, []
         at_once: list[Mail] = []
@@ -488,17 +468,10 @@ class Candidates:
 def fly_window(
     formation: Sequence[Aircraft | EmulatedForeignLeader], window: Sequence[Instant]
 ) -> list[Mail]:
-    """Let each aircraft, one after the other, fly a whole window of the exchange.
+    """Let each follower in turn fly a whole window of the exchange, and return all mail that they publish.
 
-    Within it none hears what another publishes, so the order changes nothing; and what an aircraft and its
-    companion are made of stays in the processor's cache, which a hundred of them do not fit into.
-
-    Args:
-        formation: followers that this process flies.
-        window: its instants, with whatever is heard from elsewhere.
-
-    Returns:
-        everything that they publish in it.
+    Followers do not hear each other within a window, so their order changes nothing. One aircraft and its
+    companion stay in the processor's cache that way; a hundred do not fit into it.
     """
     return [
         sent for aircraft in formation for now, mail in window for sent in aircraft.step(now, mail)
