@@ -1,4 +1,4 @@
-"""An in-memory link that delays, jitters and loses messages, in virtual time and repeatable by a seed."""
+"""In-memory link with delay, jitter and loss, in virtual time and repeatable by seeds."""
 
 import heapq
 from collections.abc import Mapping, Sequence
@@ -7,45 +7,45 @@ from random import Random
 import msgspec
 
 Mail = tuple[str, bytes]
-"""Name of the vehicle that published something, and what."""
+"""Name of the publishing vehicle, and its message."""
 
 ROUNDING_S = 1e-9
-"""Times are sums of decimal fractions: what is due now must not wait for a rounding error."""
+"""Tolerance of arrival times, s: sums of decimal fractions have rounding errors."""
 
 
 class LinkQuality(msgspec.Struct, frozen=True, kw_only=True):
-    """What a link does to messages."""
+    """Delay, jitter and loss of a link."""
 
     delay_s: float
-    """Mean time of flight, s."""
+    """Mean delay, s."""
     jitter_s: float
-    """Each message takes the delay plus or minus up to this, s; messages may overtake each other."""
+    """Greatest deviation of a message's delay, s; messages may overtake each other."""
     loss: float
-    """Probability that a message does not arrive, 0 to 1."""
+    """Probability that a message is lost, 0 to 1."""
 
 
 class MemoryLink:
-    """Many senders, one receiver."""
+    """Link from many senders to one receiver."""
 
     def __init__(self, quality: LinkQuality, seeds: Mapping[str, str]) -> None:
-        """Make one that has nothing in flight.
+        """Create a link with nothing in flight.
 
         Args:
-            quality: what it does to messages.
-            seeds: of the chance that messages meet, by sender; those of anybody else are for somebody else.
+            quality: delay, jitter and loss.
+            seeds: random seeds by sender; messages of other senders are ignored.
         """
         self.quality = quality
-        """May be changed at any time: it counts when a message is sent."""
+        """Delay, jitter and loss; may be changed at any time and apply to messages sent later."""
         self._seeds = seeds
         self._randoms: dict[str, Random] = {}
         self._in_flight: list[tuple[float, int, Sequence[Mail]]] = []
         self._sent = 0
 
     def send(self, mail: Sequence[Mail], now: float) -> None:
-        """Hand messages over at this time."""
+        """Send messages at this time, s."""
         quality = self.quality
         heard = [one for one in mail if one[0] in self._seeds]
-        # Chance is asked only where it decides something: else what is sent together arrives together.
+        # Random numbers are drawn only where they matter; otherwise messages sent together arrive together.
         if quality.loss > 0.0 or quality.jitter_s > 0.0:
             for one in heard:
                 random = self._random(one[0])
@@ -57,14 +57,14 @@ class MemoryLink:
             self._launch(heard, now + max(quality.delay_s, 0.0))
 
     def receive(self, now: float) -> list[Mail]:
-        """Messages that have arrived by this time, in the order of their arrival."""
+        """Return the messages that have arrived by this time, in the order of arrival."""
         arrived: list[Mail] = []
         while self._in_flight and self._in_flight[0][0] <= now + ROUNDING_S:
             arrived += heapq.heappop(self._in_flight)[2]
         return arrived
 
     def clear(self) -> None:
-        """Forget what is in flight, as for a receiver that is not there."""
+        """Drop all messages in flight, as for a receiver that is not there."""
         self._in_flight.clear()
 
     def _launch(self, mail: Sequence[Mail], arrival: float) -> None:
@@ -72,7 +72,7 @@ class MemoryLink:
         heapq.heappush(self._in_flight, (arrival, self._sent, mail))
 
     def _random(self, sender: str) -> Random:
-        """Random numbers of one sender alone, so that its losses do not depend on the others."""
+        """Return the random numbers of one sender, so that its losses do not depend on other senders."""
         if sender not in self._randoms:
             self._randoms[sender] = Random(self._seeds[sender])
         return self._randoms[sender]

@@ -1,7 +1,7 @@
-"""What a formation shares, by way of an MQTT broker: topics, one connection, and its coming back by itself.
+"""MQTT link of a formation: topics, one connection, and automatic reconnection.
 
-States are sent once and not kept: a state that the broker repeats to those who come later has no age. Nothing
-waits in a queue in either direction, since the next state is better than an old one.
+States are sent once and not retained: a state that the broker repeats to latecomers has no known age. No
+queue forms in either direction, since the next state is better than an old one.
 """
 
 import asyncio
@@ -30,33 +30,34 @@ from vfguide.link.member import Member, Parcel
 from vfguide.link.presence import Presence
 
 ORDERING = {Kind.ORDER: "order", Kind.REPEAT: "repeat", Kind.REPLY: "reply"}
-"""Last level of the topics of orders."""
+"""Last topic level of orders, repeated orders and replies."""
 
 REVOCATION = "revocation"
-"""Last level of the topics by which all say which keys are out."""
+"""Last topic level of revocations."""
 
 WATCH_S = 0.25
-"""s between looks of one who only watches."""
+"""Interval between reads of a member that only watches, s."""
 
 ECHO_S, ECHO_REST_S = 1.0, 20.0
-"""s from one look for own states to the next, and from one time that they are listened for to the next."""
+"""Intervals between checks for own states while listening, and between listening periods, s."""
 
 INSISTENCE_S = 0.1
-"""s after which a task that has not ended is cancelled again."""
+"""Interval after which a task that has not ended is cancelled again, s."""
 
 REFUSED = 128
-"""Subscriptions with this result or above are not granted."""
+"""Smallest result code of a subscription that is not granted."""
 
 GOODBYE_S = 0.5
-"""s that a broker gets to hear that this vehicle is leaving; one that does not answer finds out by itself."""
+"""Timeout of the broker's answer to the goodbye, s; without an answer the broker notices the loss by
+itself."""
 
 IDENTIFIER_BYTES = 8
-"""Random bytes in the name of a client."""
+"""Number of random bytes in a client identifier."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Topics:
-    """Topics of one vehicle in one formation."""
+    """MQTT topics of one vehicle in one formation."""
 
     prefix: str
     """First levels of every topic."""
@@ -66,48 +67,48 @@ class Topics:
     """Name of the vehicle."""
 
     def state(self, vehicle: str) -> str:
-        """Where a vehicle's states are."""
+        """Return the topic of a vehicle's states."""
         return f"{self._of(vehicle)}/state"
 
     def lead(self, vehicle: str) -> str:
-        """Where the states are by which a vehicle leads in the place of the mission's leader."""
+        """Return the topic of the states by which a vehicle leads in place of the mission's leader."""
         return f"{self._of(vehicle)}/lead"
 
     def presence(self, vehicle: str) -> str:
-        """Where a vehicle says whether it is there."""
+        """Return the topic of a vehicle's presence."""
         return f"{self._of(vehicle)}/presence"
 
     def every_presence(self) -> str:
-        """Filter for what all vehicles say about themselves."""
+        """Return the filter for the presences of all vehicles."""
         return f"{self.prefix}/{level(self.formation)}/+/presence"
 
     def ask(self, leader: str) -> str:
-        """Where this vehicle asks a leader what its clock shows."""
+        """Return the topic on which this vehicle asks for a leader's clock."""
         return f"{self._of(leader)}/clock/ask/{level(self.vehicle)}"
 
     def every_ask(self, leader: str) -> str:
-        """Filter for all that others ask of a leader's clock."""
+        """Return the filter for all questions about a leader's clock."""
         return f"{self._of(leader)}/clock/ask/+"
 
     def answer_of(self, leader: str) -> str:
-        """Where a leader answers to this vehicle."""
+        """Return the topic of a leader's answers to this vehicle."""
         return f"{self._of(leader)}/clock/tell/{level(self.vehicle)}"
 
     def answer(self, asker: str) -> str:
-        """Where this vehicle answers to another."""
+        """Return the topic of this vehicle's answers to another member."""
         return f"{self._of(self.vehicle)}/clock/tell/{level(asker)}"
 
     def every_revocation(self) -> str:
-        """Filter for what all say of revoked keys."""
+        """Return the filter for revocations by anybody."""
         return f"{self.prefix}/{level(self.formation)}/+/{REVOCATION}"
 
     def every_order(self) -> tuple[str, ...]:
-        """Filters for all of that, of everybody."""
+        """Return the filters for orders, repeated orders and replies by anybody."""
         every = f"{self.prefix}/{level(self.formation)}/+"
         return tuple(f"{every}/{name}" for name in ORDERING.values())
 
     def of(self, parcel: Parcel) -> str:
-        """Where a message of this vehicle goes."""
+        """Return the topic of a message of this vehicle."""
         match parcel.kind:
             case Kind.QUESTION:
                 return self.ask(parcel.to)
@@ -127,12 +128,12 @@ class Topics:
 
 
 def level(name: str) -> str:
-    """A name as one level of a topic: its slashes and wildcards would be read as something else."""
+    """Quote a name as one topic level, since slashes and wildcards have a meaning in topics."""
     return quote(name, safe=" !'()*,:;=@&")
 
 
 def wanted_topics(topics: Topics, member: Member) -> list[str]:
-    """Where all is that a member has a use for."""
+    """Return the topics and filters that a member needs."""
     leader = member.trust.leader
     wanted = [topics.state(leader)] if member.listens else []
     wanted += [topics.state(vehicle) for vehicle in sorted(member.neighbours)]
@@ -140,7 +141,7 @@ def wanted_topics(topics: Topics, member: Member) -> list[str]:
         wanted += [topics.answer_of(one) for one in member.candidates]
     if member.trust.leads:
         wanted.append(topics.every_ask(member.name))
-        # Of another companion of its name, which it asks whether it lives.
+        # Answers of another companion of its name, which it asks whether it lives.
         wanted.append(topics.answer_of(member.name))
     elif member.name in member.trust.deputies:
         # A deputy answers in the leader's place while it leads.
@@ -157,35 +158,31 @@ def wanted_topics(topics: Topics, member: Member) -> list[str]:
 @link("mqtt")
 @link("mqtts")
 class MqttCarrier(Carrier):
-    """Carries messages by way of one broker, to which it connects again whenever the connection is lost."""
+    """Carrier over one broker, which reconnects whenever the connection is lost."""
 
     address: MqttAddress
 
     @classmethod
     def address_of(cls, parts: SplitResult, environment: Mapping[str, str]) -> MqttAddress:
-        """A broker."""
+        """Build a broker address."""
         return mqtt_address(parts, environment)
 
     def prepare(self) -> None:
-        """Name the topics, and read the certificates.
-
-        Raises:
-            InputError: the address names a certificate that cannot be read.
-        """
+        """Name the topics, and read the certificates; raise InputError if a certificate cannot be read."""
         counters, name = self.status.counters, self._member.name
         self._topics = Topics(prefix=self.address.prefix, formation=self._formation, vehicle=name)
         self._own_states = self._topics.state(name)
         self._security = security_of(self.address)
         self._outbox = NewestOnly(lambda: counters.update(["replaced before it was sent"]))
         self._echo = Echo()
-        # The same name each time: the broker then ends what is left of an earlier connection before this one
-        # speaks, and not some seconds later, with "offline". Nobody can guess it: a broker ends the
-        # connection of a client when another calls itself the same, whatever that other may read or write.
+        # With the same identifier each time, the broker ends an earlier connection before this one speaks.
+        # Otherwise it would end it some seconds later, with "offline". The identifier cannot be guessed: a
+        # broker ends a connection when any other client uses the same one, whatever that client's rights.
         own = self._topics.presence(name).removesuffix("/presence")
         self._identifier = f"{own}/{secrets.token_hex(IDENTIFIER_BYTES)}"
 
     def send(self, parcel: Parcel) -> None:
-        """Send a message once. Never waits: one of its topic that is not sent yet gives way to it."""
+        """Send a message once, without waiting; it replaces an unsent message of its topic."""
         if parcel.kind is Kind.STATE:
             self._echo.speak(parcel.data)
         if self.status.connected:
@@ -194,11 +191,11 @@ class MqttCarrier(Carrier):
             self.status.counters["dropped: not connected"] += 1
 
     def reason_of(self, error: Exception) -> str:
-        """Why there is no connection, in one line."""
+        """Describe in one line why there is no connection."""
         return reason_of(error)
 
     async def visit(self) -> str:
-        """One connection, from the call to its end.
+        """Hold one connection from the call to its end.
 
         Raises:
             MqttError: the connection is not made, or lost.
@@ -222,17 +219,13 @@ class MqttCarrier(Carrier):
         return "closed"
 
     def _will(self) -> Will:
-        """What the broker is to say once it has lost this vehicle."""
+        """Return the last will, which the broker publishes once it has lost this vehicle."""
         offline = replace(self._presence, status="offline", time_s=self._member.clock(), figures={})
         said = self._member.presence(offline, will=True)
         return Will(self._topics.of(said), said.data, qos=1, retain=True)
 
     async def _dial(self, client: BrokerClient) -> None:
-        """Connect; a stop meanwhile does not wait for an answer.
-
-        Raises:
-            MqttError: it does not work.
-        """
+        """Connect, or give up at once when told to stop; raise MqttError if the connection is not made."""
         opening = asyncio.ensure_future(client.open())
         stopping = asyncio.ensure_future(self._stop.wait())
         try:
@@ -244,11 +237,7 @@ class MqttCarrier(Carrier):
             stopping.cancel()
 
     async def _share(self, client: BrokerClient, inbox: Inbox) -> None:
-        """Share until told to stop.
-
-        Raises:
-            MqttError: the connection is lost.
-        """
+        """Exchange messages until told to stop; raise MqttError if the connection is lost."""
         if wanted := wanted_topics(self._topics, self._member):
             await self._subscribe(client, wanted)
         self._outbox.clear()
@@ -287,7 +276,7 @@ class MqttCarrier(Carrier):
             while (mail := inbox.mail.take()) is not None:
                 topic, data = mail
                 if not (topic == self._own_states and self._echo.hear(data)):
-                    # Where a message comes from is for itself to prove: a broker may put it anywhere.
+                    # The topic proves nothing about the sender: a broker may put a message anywhere.
                     self._member.take(data)
             if self._member.watches:
                 await asyncio.sleep(WATCH_S)
@@ -296,11 +285,11 @@ class MqttCarrier(Carrier):
         while True:
             await self._outbox.wait()
             while (mail := self._outbox.take()) is not None:
-                # Returns at once unless the socket is full: then the outbox keeps only what is newest.
+                # Returns at once unless the socket is full: then the outbox keeps only the newest.
                 await client.send(*mail)
 
     async def _beat(self, client: BrokerClient) -> None:
-        """Keep the presence fresh, which shows a broker that hangs: each one is acknowledged."""
+        """Send the presence every second, which reveals a broker that hangs: each must be acknowledged."""
         while True:
             self._wake.clear()
             await self._say(client, self._presence)
@@ -309,12 +298,12 @@ class MqttCarrier(Carrier):
     async def _say(
         self, client: BrokerClient, presence: Presence, *, patience_s: float = ANSWER_S
     ) -> None:
-        """Have the broker keep a presence for those who come later.
+        """Publish a retained presence, for those who come later.
 
         Args:
             client: the connection.
-            presence: what it is to keep.
-            patience_s: how long its answer is awaited.
+            presence: presence to publish.
+            patience_s: timeout of the broker's answer, s.
 
         Raises:
             MqttError: it does not answer.
@@ -324,14 +313,14 @@ class MqttCarrier(Carrier):
         await client.publish(topic, parcel.data, qos=1, retain=True, timeout=patience_s)
 
     async def _watch_echo(self, client: BrokerClient) -> None:
-        """Listen for own states, at first as long as another of this name may show up, and now and then."""
+        """Check that own states come back: as long as another of this name may appear, and now and then."""
         echo, topic = self._echo, self._own_states
         hint = f"does the broker let this vehicle write and read {topic}?"
         while True:
             echo.listen()
             await self._subscribe(client, [topic])
             while not echo.heard or self._member.twins.is_young:
-                # The whole time even if the first one comes at once: others of this name are heard, too.
+                # Not ended by the first echo: other companions of this name are heard meanwhile, too.
                 await asyncio.sleep(ECHO_S)
                 if echo.check():
                     self.status.warn("not heard", f"own states do not come back: {hint}")
@@ -340,16 +329,16 @@ class MqttCarrier(Carrier):
 
 
 async def until_lost(client: BrokerClient) -> None:
-    """Wait until the connection ends: messages go to the inbox, and nothing else comes out here."""
+    """Wait until the connection ends; messages go to the inbox, never to this iterator."""
     async for _ in client.messages:
         continue
 
 
 async def cancel(tasks: Iterable[asyncio.Task[object]]) -> None:
-    """End tasks for certain.
+    """Cancel tasks until they have ended.
 
-    One that is cancelled at the very moment at which its wait ends may take the result and go on: up to
-    Python 3.11 `wait_for` does.
+    A task cancelled at the very moment its wait ends may take the result and go on: `wait_for` does up to
+    Python 3.11.
     """
     pending = set(tasks)
     while pending:

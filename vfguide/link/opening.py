@@ -1,4 +1,4 @@
-"""A member's access to what its formation shares, over one link or several, and listening to presences."""
+"""Opening of a member's links to its formation, and watching of presences."""
 
 import asyncio
 import time
@@ -23,42 +23,42 @@ if TYPE_CHECKING:
     from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 
 FIRST_TRY_S = 1.0
-"""s that opening waits for the first try."""
+"""Time that opening waits for the first attempt, s."""
 
 SETTLED_S = 6.0
-"""s that those wait for the first try who cannot do without the link: all of a broker's answers are due
-within."""
+"""Timeout of the first attempt for programs that need the link, s: all of a broker's answers are due within
+it."""
 
 SHORTEST_PAUSE_S = 0.2
-"""s from one question to the next, however much there is to hurry for."""
+"""Minimum interval between questions for the leader's clock, s."""
 
 HEARD_SHARE = 1.5
-"""Time in which all members are heard, in parts of the interval of their presences."""
+"""Time within which all members are heard, as a multiple of their presence interval."""
 
 
 class Link:
-    """One member's access to what its formation shares. All of it belongs to one event loop."""
+    """One member's access to its formation over all its links, owned by one event loop."""
 
     def __init__(self, member: Member, carriers: Sequence[Carrier]) -> None:
         self._member = member
         self.carriers = tuple(carriers)
-        """What carries its messages, one for each link."""
+        """Carriers of its messages, one for each link."""
         self._stood: dict[str, bool] = {}
         member.send = self._send
 
     @property
     def connected(self) -> bool:
-        """Whether any of the links stands."""
+        """Whether any link is up."""
         return any(carrier.status.connected for carrier in self.carriers)
 
     @property
     def detail(self) -> str:
-        """Why those links that do not stand do not; empty while all do."""
+        """Reasons why links are down; empty while all are up."""
         details = (carrier.status.detail for carrier in self.carriers)
         return "; ".join(detail for detail in details if detail)
 
     def complaint(self) -> str:
-        """What is wrong with the links, with their addresses, in one line."""
+        """Describe in one line the links that are down, with their addresses."""
         statuses = [carrier.status for carrier in self.carriers]
         return "; ".join(
             f"link {status.address}: {status.detail or 'no answer'}"
@@ -68,16 +68,16 @@ class Link:
 
     @property
     def losses(self) -> int:
-        """How often one of the links was lost."""
+        """Number of times that a link was lost."""
         return sum(carrier.status.counters["disconnected"] for carrier in self.carriers)
 
     @property
     def order_lead_s(self) -> float:
-        """How long before its time an order is to be given, s: as the slowest link needs it."""
+        """Lead of an order over its execution time that the slowest link needs, s."""
         return max(carrier.order_lead_s for carrier in self.carriers)
 
     async def settle(self) -> None:
-        """Wait until each link has been tried once; some seconds at most."""
+        """Wait until each link has been tried once, at most some seconds."""
         with suppress(TimeoutError):
             async with asyncio.timeout(SETTLED_S):
                 for carrier in self.carriers:
@@ -85,16 +85,16 @@ class Link:
 
     @property
     def counters(self) -> Counter[str]:
-        """What was dropped, refused and went wrong, by reason, of all links together."""
+        """Counts of dropped and refused messages and errors of all links, by reason."""
         total = Counter(self._member.counters)
         for carrier in self.carriers:
             total += carrier.status.counters
         return total
 
     def news(self) -> list[str]:
-        """What has changed with the links since this was asked last, one sentence each.
+        """Return the changes of the links since the last call, one sentence each.
 
-        A single one that has never stood is not lost.
+        A single link that was never up is not reported as lost.
         """
         told = []
         expected = len(self.carriers) > 1
@@ -114,23 +114,19 @@ class Link:
         return told
 
     def publish(self, data: bytes) -> None:
-        """Publish this vehicle's state. Never waits: one that is not sent yet gives way to it."""
+        """Publish this vehicle's state without waiting; it replaces an unsent one."""
         self._member.publish(data)
 
     def say(self, kind: Kind, body: bytes) -> None:
-        """Tell all an order, what is said to one, or a repeated one."""
+        """Send all members an order, a reply or a repeated order."""
         self._member.say(kind, body)
 
     def revoke(self, vehicle: str) -> None:
-        """Say, as an operator, that a vehicle's key is out.
-
-        Raises:
-            InputError: it has none.
-        """
+        """As an operator, send the revocation of a vehicle's key; raise InputError if it has none."""
         self._member.revoke(vehicle)
 
     def announce(self, presence: Presence) -> None:
-        """Say how this vehicle is, again and again until something else is to be said."""
+        """Set this vehicle's presence, which is sent again and again."""
         for carrier in self.carriers:
             carrier.announce(presence)
 
@@ -146,15 +142,15 @@ class Link:
 async def open_link(
     addresses: Sequence[LinkAddress], *, formation: str, member: Member, random: Random
 ) -> AsyncIterator[Link]:
-    """Share in what a formation shares, for as long as the context lasts.
+    """Open the links of a member for as long as the context lasts.
 
-    A connection that is lost is made again for ever; being connected is not awaited for more than a second.
+    A lost connection is made again for ever. The first connection is awaited for at most a second.
 
     Args:
-        addresses: of all links; each message goes over every one, and the first copy counts.
+        addresses: addresses of all links; each message goes over every one, and the first copy counts.
         formation: name of the formation.
-        member: says and hears.
-        random: keeps companions that lost the same peer from coming back in step.
+        member: member on the links.
+        random: spreads the retries of companions that lost the same peer.
 
     Raises:
         InputError: an address names a certificate that cannot be read.
@@ -196,12 +192,12 @@ async def open_link(
 
 
 def greeting_of(addresses: Sequence[LinkAddress]) -> float:
-    """How long those who begin at once may take to be heard by each other over these links, s."""
+    """Return the time that members starting together may need to hear each other over these links, s."""
     return min((carrier_of(address.scheme).greeting_s for address in addresses), default=0.0)
 
 
 async def keep_asking(member: Member) -> None:
-    """Ask for the leader's clock, for ever: soon again where something is new, else now and then."""
+    """Ask for the leader's clock for ever: quickly while something is new, otherwise now and then."""
     clock = member.peer_clock
     if clock is None:
         return
@@ -215,7 +211,7 @@ async def keep_asking(member: Member) -> None:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WatchedFormation:
-    """A formation that is watched over its links."""
+    """Links, names and keys for watching a formation."""
 
     addresses: tuple[LinkAddress, ...]
     """Addresses of its links."""
@@ -224,17 +220,17 @@ class WatchedFormation:
     leader: str
     """Name of its leader."""
     roster: Roster | None
-    """Everybody's public keys; None to believe anybody."""
+    """Public keys of all members; None to believe anybody."""
     key: "Ed25519PrivateKey | None" = None
     """An operator's private key, with which the leader can be asked whether it lives."""
     deputies: tuple[str, ...] = ()
-    """Who may lead in its place, and answer in it."""
+    """Names of vehicles that may lead in the leader's place, and answer for it."""
     clock: Callable[[], float] = time.monotonic
-    """By which its members tell time, s: a rehearsal's runs faster."""
+    """Clock of its members, s; a rehearsal's runs faster."""
 
 
 def operator_of(roster: Roster, key: "Ed25519PrivateKey") -> str:
-    """Name of the operator whose private key this is.
+    """Return the name of the operator with this private key.
 
     Raises:
         InputError: the roster names no such operator.
@@ -252,17 +248,17 @@ def operator_of(roster: Roster, key: "Ed25519PrivateKey") -> str:
 async def presences(
     watched: WatchedFormation, *, seconds: float, random: Random
 ) -> dict[str, Presence]:
-    """What each vehicle of a formation last said about itself, by name.
+    """Listen, and return the latest presence of each vehicle by name.
 
-    Presences are kept by a broker, and repeated every second on other links.
+    A broker retains presences; other links repeat them every second.
 
     Args:
         watched: the formation.
-        seconds: how long to listen; longer on a slow link, until everybody should have been heard.
-        random: keeps those who lost the same broker from coming back in step.
+        seconds: listening time, s; longer on a slow link, until all members should have been heard.
+        random: spreads the retries of members that lost the same broker.
 
     Raises:
-        VfguideError: no link stands.
+        VfguideError: no link is up.
     """
     async with watching(watched, random=random) as (link, found):
         check_connected(link)
@@ -273,20 +269,20 @@ async def presences(
 
 
 async def check_reachable(watched: WatchedFormation, *, random: Random) -> None:
-    """See that a link stands.
+    """Check that a link is up.
 
     Raises:
-        VfguideError: none does; the text says why.
+        VfguideError: none is; the text says why.
     """
     async with watching(watched, random=random) as (link, _):
         check_connected(link)
 
 
 def check_connected(link: Link) -> None:
-    """See that a link stands.
+    """Check that a link is up.
 
     Raises:
-        VfguideError: none does; the text says why.
+        VfguideError: none is; the text says why.
     """
     if not link.connected:
         raise VfguideError(link.complaint())
@@ -296,9 +292,9 @@ def check_connected(link: Link) -> None:
 async def watching(
     watched: WatchedFormation, *, random: Random, **hears: Unpack[Hearing]
 ) -> AsyncIterator[tuple[Link, Mapping[str, Presence]]]:
-    """A link on which presences come in, and those that have, by vehicle; old ones while no link stands.
+    """Open links and collect presences by vehicle, including old ones while no link is up.
 
-    Who takes replies, too, has an operator's turns on a radio.
+    With a receiver of replies, the member has an operator's turns on a radio.
     """
     found: dict[str, Presence] = {}
     hears["receive_presence"] = found.__setitem__
@@ -318,14 +314,14 @@ def watching_member(
     watches: bool = True,
     **hears: Unpack[Hearing],
 ) -> Member:
-    """A member that says nothing about itself; it asks the leader whether it lives if it has a key for it.
+    """Return a member without a presence, which can ask for the leader's clock unless it lacks a key.
 
     Args:
         watched: the formation.
         random: makes up a name where there is no key.
-        neighbours: names of those whose states are wanted beside the leader's.
-        watches: as of `Trust`.
-        **hears: as of `Member`.
+        neighbours: names of vehicles whose states are wanted besides the leader's.
+        watches: as in `Trust`.
+        **hears: as in `Member`.
     """
     asks, name = True, f"watch-{random.getrandbits(32):08x}"
     if watched.roster is not None:

@@ -1,16 +1,20 @@
-"""Orders and what vehicles say to them, as bytes and back: compact, versioned, bounded, checked.
+"""Binary codec of orders and replies to them: compact, versioned, bounded and checked.
 
-An order is a whole arrangement. Layout, little-endian: "VFOR", version (u8), what is flown (u8), flags (u8:
-1 there is a circle, 2 it is flown clockwise, 8 somebody else is to lead, 16 there is another path),
-followers (u8), number (u32), time (f64, s), time to climb and time across (f32, s); with a circle its centre
-(f64, degrees) and its radius (f32, m); of another path the radius of the turns onto it (f32, m), the CRC-32
-of what it follows from (u32), the length of its name (u8) and the name (UTF-8); of who is to lead length and
-name; then for each follower the length of its name (u8), the name (UTF-8) and seven numbers (i16, 0.1 m):
-begin and end, each forward, right and up, and the layer (-32768 for none); and the CRC-32 of all that.
+All is little-endian and ends with the CRC-32 (u32) of all before it. An order is a whole arrangement. It
+begins with "VFOR", version (u8), manoeuvre (u8), flags (u8), number of followers (u8), number (u32), time
+(f64, s), time to climb and time across (f32, s). Flags: 1 a circle, 2 flown clockwise, 8 another leader, 16
+another path.
 
-An answer: "VFRY", version (u8), verdict (u8), length of the text (u8), a byte of zero, number (u32), the
-order's CRC-32 (u32), the text (UTF-8), and the CRC-32 of all that. Two orders of one number are told apart
-that way.
+- A circle has its centre (f64, degrees) and its radius (f32, m).
+- Another path has the radius of the turns onto it (f32, m), the CRC-32 of its definition (u32) and its name.
+- Another leader has its name.
+- Each follower has its name and seven numbers (i16, 0.1 m): begin and end of its slot, each forward, right
+  and up, and the layer (-32768 for none).
+
+A name is its length (u8) and its text (UTF-8).
+
+A reply has "VFRY", version (u8), verdict (u8), length of the text (u8), a byte of zero, number (u32), the
+order's CRC-32 (u32) and the text (UTF-8). The order's CRC-32 tells two orders of one number apart.
 """
 
 import math
@@ -39,56 +43,56 @@ OFFSETS = struct.Struct("<7h")
 REPLY = struct.Struct("<4sBBBxII")
 
 STEP_M = 0.1
-"""Slots are told to this."""
+"""Resolution of slots, m."""
 
 NO_LAYER = -32768
 
 HAS_CIRCLE, CLOCKWISE, HAS_LEAD, HAS_PATH = 1, 2, 8, 16
-"""4 was another path without its CRC-32: by its name alone no path is taken up."""
+"""Flags of an order. 4 was another path without its CRC-32: no path is taken up by its name alone."""
 
 LONGEST_S = 3600.0
-"""Longest duration of a climb, and of a motion across."""
+"""Maximum duration of a climb, and of a motion across, s."""
 
 RADII_M = (20.0, 20e3)
-"""Least and greatest of a circle."""
+"""Minimum and maximum radius of a circle, and of the turns onto a path, m."""
 
 LARGEST = 3800
-"""Bytes of an order: with its envelope it fits into another one."""
+"""Maximum size of an order, bytes: with its envelope it fits into another envelope."""
 
 LONGEST_NAME, LONGEST_TEXT = 100, 200
-"""Bytes."""
+"""Maximum lengths of a name and of a reply's text, bytes."""
 
 
 class Verdict(IntEnum):
-    """What a vehicle says to an order."""
+    """Reply of a vehicle to an order."""
 
     READY = 1
-    """It can and will, once the leader says so."""
+    """The vehicle can and will fly the order, once the leader says so."""
     REFUSED = 2
-    """It cannot; the text says why."""
+    """The vehicle cannot fly the order; the text says why."""
     FLOWN = 3
-    """It flies it."""
+    """The vehicle flies the order."""
     VOID = 4
     """The order was not confirmed in time; the text says why, if that is known."""
     UNKNOWN = 5
-    """An operator knows no newer order than this number: the order that is flown is to be repeated."""
+    """An operator knows no order newer than this number, and asks for the order that is flown."""
 
 
 class Reply(msgspec.Struct, frozen=True, kw_only=True):
-    """What a vehicle says to an order."""
+    """Reply to an order."""
 
     number: int
     """Number of the order."""
     verdict: Verdict
-    """What becomes of it."""
+    """Verdict on the order."""
     check: int = 0
     """CRC-32 at the end of the order's bytes; 0 where none is known."""
     text: str = ""
-    """Why, in one sentence."""
+    """Reason, in one sentence."""
 
 
 def encode_order(order: Arrangement) -> bytes:
-    """Bytes of an arrangement.
+    """Encode an arrangement.
 
     Raises:
         ValueError: it has too many followers, a name is too long, or a number is out of its range.
@@ -124,27 +128,27 @@ def encode_order(order: Arrangement) -> bytes:
 
 
 def check_of(data: bytes) -> int:
-    """What the bytes of an order end with: their CRC-32."""
+    """Return the CRC-32 at the end of an order's bytes."""
     return int(CHECKSUM.unpack(data[-CHECKSUM.size :])[0])
 
 
 def rounded(point: Point) -> Point:
-    """A point as an order tells it."""
+    """Return a point rounded to the resolution of an order."""
     return Point(*(round(value / STEP_M) * STEP_M for value in _values(point)))
 
 
 def decode_order(data: bytes) -> Arrangement:
-    """The arrangement of these bytes.
+    """Decode an arrangement.
 
     Raises:
-        LinkDataError: they are none, are damaged, or a value is out of its range.
+        LinkDataError: the bytes are none, are damaged, or a value is out of its range.
     """
     least = HEADER.size + CHECKSUM.size
     body = opened(data, ORDER_MAGIC, VERSION, what="an order", least=least, most=LARGEST)
     _, _, flown, flags, count, number, time_s, climb_s, across_s = HEADER.unpack_from(body)
     if number == 0 or flags & ~(HAS_CIRCLE | CLOCKWISE | HAS_PATH | HAS_LEAD):
         raise LinkDataError("the order's number or flags are none")
-    # Not "beyond": a comparison with NaN is false whichever way it is put.
+    # Not written with "beyond": a comparison with NaN is always false.
     lasts = all(0.0 <= one <= LONGEST_S for one in (climb_s, across_s))
     if not (lasts and abs(time_s) <= GREATEST_TIME_S):
         raise LinkDataError("a time of the order is out of range")
@@ -173,7 +177,7 @@ def decode_order(data: bytes) -> Arrangement:
 
 
 def encode_reply(reply: Reply) -> bytes:
-    """Bytes of an answer; a text that is too long loses its end."""
+    """Encode a reply; a text that is too long loses its end."""
     text = reply.text.encode()[:LONGEST_TEXT].decode(errors="ignore").encode()
     body = REPLY.pack(REPLY_MAGIC, VERSION, reply.verdict, len(text), reply.number, reply.check)
     body += text
@@ -181,11 +185,7 @@ def encode_reply(reply: Reply) -> bytes:
 
 
 def decode_reply(data: bytes) -> Reply:
-    """The answer of these bytes.
-
-    Raises:
-        LinkDataError: they are none.
-    """
+    """Decode a reply; raise LinkDataError if the bytes are none."""
     least = REPLY.size + CHECKSUM.size
     body = opened(
         data, REPLY_MAGIC, VERSION, what="an answer", least=least, most=least + LONGEST_TEXT
@@ -212,7 +212,7 @@ def _name_bytes(name: str) -> bytes:
 
 
 def _name(body: bytes, offset: int) -> tuple[str, int]:
-    """(a name, what comes behind it)."""
+    """Return (name, offset behind it)."""
     end = offset + 1 + body[offset]
     if not 0 < end - offset - 1 <= LONGEST_NAME or end > len(body):
         raise ValueError("a name without an end, or none")
@@ -239,7 +239,7 @@ def _place(body: bytes, offset: int) -> tuple[SlotMove, int]:
 
 
 def _options(body: bytes, offset: int, flags: int) -> tuple[dict[str, Any], int]:
-    """(what an order's flags say that there is, by the arrangement's fields; what comes behind all that)."""
+    """Return (optional fields of the arrangement that the flags announce, offset behind them)."""
     found: dict[str, Any] = {}
     if flags & HAS_CIRCLE:
         found["circle"] = _circle(body, offset, clockwise=bool(flags & CLOCKWISE))

@@ -1,25 +1,27 @@
-"""What a formation says over a radio that all share: packets of at most 51 bytes, each with a short tag.
+"""Packets of a formation on a shared radio: at most 51 bytes, each with a short tag.
 
-Layout, little-endian: kind (u8, with the flags of a state), formation (u16: the
-first bytes of the SHA-256 of its name), sender (u8: 0 is the leader, 1 the first follower, 255 an operator), time
-(u48, 0.1 ms, on the formation's clock), the body, and the tag: 8 bytes of keyed BLAKE2b.
+Layout, little-endian: kind (u8, with the flags of a state), formation (u16: the first bytes of the SHA-256 of
+its name), sender (u8: 0 the leader, 1 the first follower, 255 an operator), time (u48, 0.1 ms, on the
+formation's clock), body, and tag (8 bytes of keyed BLAKE2b).
 
 | body of | holds |
 |---|---|
 | a beat | beat (u8) of how many (u8), vehicles (u8), period (u16, ms); alone with 13 zeros, since a slot has to be longer the shorter its shortest packet is |
 | a state | the leader's: a beat; latitude, longitude (i32, 1e-7 degrees), altitude (i24, cm), course (u16, 2 pi / 65536), speed (u16, cm/s), acceleration (i16, mm/s²), turn rate (i16, 1e-4 rad/s), its rate (i16, 1e-3 rad/s²), climb rate (i16, cm/s), term (u8), arrangement (u32) |
 | a question | number (u64), and zeros: it is as long as an answer, and so takes as long |
-| an answer | for whom (u8), number (u64), the leader's session (u64), when the question arrived (u48) |
+| an answer | recipient (u8), number (u64), the leader's session (u64), when the question arrived (u48) |
 | a presence | the leader's session (u64), flags (u8), mode (10 characters), version (8 characters) |
-| a piece of an order, of an answer to one, of an order that is repeated, or of a revocation | mark (u16: the first bytes of the BLAKE2b of the whole), which piece (u8, from 0), bytes of the whole (u16), 28 bytes of it, zeros behind its end |
+| a piece of an order, a reply, a repeated order or a revocation | mark (u16: the first bytes of the BLAKE2b of the whole), number of the piece (u8, from 0), bytes of the whole (u16), 28 bytes of it, zeros behind its end |
 
-The tag is about the packet *and the session of the leader that it is said under*, 64 bits of chance which the
-packet does not carry: who is to believe a state has to know that session, by an answer to a question of its
-own. A packet of another session has another tag, however it was recorded. The key is made of the formation's
-radio key, its name and the names of its vehicles: who disagrees about the formation hears nothing of it.
-A question, and a piece of a statement that a key is out, are said under session 0: everybody is to hear them.
+The tag covers the packet *and the session of the leader under which it is sent*: 64 random bits that the
+packet does not carry. To believe a state a member must know that session from an answer to its own question.
+A recorded packet of another session has another tag.
 
-This promises less than a signature: whoever has the radio key can speak as anybody, and one forgery in 2^64
+The tag's key is derived from the formation's radio key, its name and the names of its vehicles. A member that
+disagrees about the formation therefore hears nothing of it. Questions and pieces of revocations are sent
+under session 0, so that everybody can hear them.
+
+This promises less than a signature: the holder of the radio key can speak as anybody, and one forgery in 2^64
 is believed.
 """  # noqa: E501 - a table
 
@@ -39,10 +41,10 @@ from vfguide.link.radio_schedule import LEADER, Timetable
 
 TAG_SIZE = 8
 KEY_SIZE = 32
-"""Bytes."""
+"""Sizes of a tag and of its key, bytes."""
 
 TICK_S = 1e-4
-"""s, of times."""
+"""Unit of times, s."""
 
 LARGEST_TIME = 2**48 - 1
 
@@ -54,16 +56,17 @@ QUESTION = struct.Struct("<Q15x")
 ANSWER = struct.Struct("<BQQ6s")
 PRESENCE = struct.Struct("<QB10s8s")
 PIECE_SIZE = 28
-"""Bytes of a message that a piece of it carries."""
+"""Bytes of a message in one piece."""
 
 PIECE = struct.Struct(f"<HBH{PIECE_SIZE}s")
 EPOCH = struct.Struct("<Q")
 
 REVISION = "3"
-"""Revision of these packets and of the turns that they are sent in: it is in every tag."""
+"""Revision of these packets and of their turns, which enters every tag."""
 
 NOT_STEERED, CLIMBS, DESCENDS = 0x80, 0x40, 0x20
-"""Flags beside the kind of a state: a pilot or the autopilot itself flies the sender; see `height_sense`."""
+"""Flags beside the kind of a state: not steered by its companion, climbing, descending; see
+`height_sense`."""
 
 FLAGS = NOT_STEERED | CLIMBS | DESCENDS
 
@@ -71,108 +74,108 @@ ONLINE, SIGNED, OBSTACLE, LINK_LOST, FINDING, KEYS_OUT = (1 << bit for bit in ra
 """Flags of a presence."""
 
 OBSTACLE_TEXT = "it could not steer now: its log says why, for which a radio has no room"
-"""What becomes of an obstacle."""
+"""Text in place of an obstacle's."""
 
 FINDING_TEXT = (
     "its autopilot's parameters speak against it: its log says which, for which a radio has no room"
 )
-"""What becomes of findings."""
+"""Text in place of findings."""
 
 MOST_VEHICLES = 255
-"""Whose numbers fit into a byte, and so does their count."""
+"""Maximum number of vehicles: their numbers and their count fit into a byte."""
 
 TURN = 2.0 * math.pi
 
 
 class PackedKind(IntEnum):
-    """What a packet is about."""
+    """Content of a packet."""
 
     STATE = 1
-    """How the sender moves; the leader's is a beat, too."""
+    """Motion of the sender; the leader's state is a beat, too."""
     BEAT = 2
-    """The beat alone, where the leader has no new state."""
+    """Beat alone, where the leader has no new state."""
     QUESTION = 3
-    """What does your clock show?"""
+    """Question for the time that the recipient's clock shows."""
     ANSWER = 4
-    """What the leader's clock shows."""
+    """Answer with the time that the leader's clock shows."""
     PRESENCE = 5
-    """How the sender's companion is."""
+    """Status of the sender's companion."""
     ORDER = 6
-    """A piece of what an operator wants."""
+    """Piece of an operator's order."""
     REPLY = 7
-    """A piece of what is said to an order."""
+    """Piece of a reply to an order."""
     REPEAT = 8
-    """A piece of an order that the sender repeats."""
+    """Piece of an order that the sender repeats."""
     REVOCATION = 9
-    """A piece of an operator's statement that a vehicle's key is out."""
+    """Piece of an operator's revocation of a vehicle's key."""
 
 
 class BeatInfo(msgspec.Struct, frozen=True):
-    """The leader's beat: what the turns of all others count from."""
+    """The leader's beat, from which the turns of all others count."""
 
     beat: int
-    """Which beat of the cycle this is, from 0."""
+    """Number of the beat in its cycle, from 0."""
     table: Timetable
-    """Turns that follow it."""
+    """Turns that follow the beat."""
 
 
 class Piece(msgspec.Struct, frozen=True):
-    """A part of a message that no packet has room for."""
+    """Piece of a message that is too long for one packet."""
 
     mark: int
-    """The first bytes of a hash of the whole: by it pieces are known to belong together."""
+    """First bytes of a hash of the whole message, which tell that pieces belong together."""
     index: int
-    """Which one it is, from 0."""
+    """Number of the piece, from 0."""
     size: int
-    """Bytes of the whole."""
+    """Size of the whole message, bytes."""
     data: bytes
-    """The part: PIECE_SIZE bytes, the last with zeros behind its end."""
+    """Content of the piece, PIECE_SIZE bytes; the last piece is padded with zeros."""
 
 
 class Packet(msgspec.Struct, frozen=True, kw_only=True):
-    """A packet as it was read; nothing of it is believed yet."""
+    """Decoded packet that is not verified yet."""
 
     kind: PackedKind
-    """What it is about."""
+    """Content of the packet."""
     formation: int
-    """The first bytes of its name's hash."""
+    """Number of the formation by `formation_mark`."""
     sender: int
-    """Number of the vehicle, 0 for the leader."""
+    """Number of the vehicle, 0 for the leader, or `OPERATOR`."""
     ticks: int
-    """When it was true or said, 0.1 ms on the formation's clock; 0 in a question."""
+    """Time of validity or of sending, 0.1 ms on the formation's clock; 0 in a question."""
     beat: BeatInfo | None = None
-    """The leader's beat."""
+    """Beat in a packet of the leader."""
     state: LeaderMessage | None = None
-    """The message, in a packet with a state."""
+    """State in a packet with one."""
     to: int = 0
-    """For whom an answer is."""
+    """Number of the vehicle that an answer is for."""
     number: int = 0
     """Number of a question and its answer."""
     session: int = 0
-    """The leader's, in an answer and in a presence."""
+    """The leader's session, in an answer and in a presence."""
     received: int = 0
-    """When the question arrived that is answered, 0.1 ms on the leader's clock."""
+    """Arrival of the answered question, 0.1 ms on the leader's clock."""
     presence: Presence | None = None
-    """The presence, in a packet with one."""
+    """Presence in a packet with one."""
     piece: Piece | None = None
-    """Piece of an order, of an answer to one, or of an order that is repeated."""
+    """Piece of an order, a reply, a repeated order or a revocation."""
     tagged: bytes
-    """All that the tag is about."""
+    """All bytes that the tag covers."""
     tag: bytes
-    """What vouches for it."""
+    """Tag of the packet."""
 
 
 def formation_mark(formation: str) -> int:
-    """A formation's name as 16 bits: by it a packet of another one is told from a forged one."""
+    """Return a formation's name as 16 bits, which tell another formation's packet from a forged one."""
     return int.from_bytes(hashlib.sha256(formation.encode()).digest()[:2], "little")
 
 
 def formation_key(radio_key: bytes, formation: str, vehicles: Sequence[str]) -> bytes:
-    """The key of a formation's tags.
+    """Derive the key of a formation's tags.
 
     Args:
-        radio_key: 32 bytes of chance that all members have; empty where nobody vouches for anything.
-        formation: its name.
+        radio_key: 32 random bytes that all members share; empty where nothing is authenticated.
+        formation: name of the formation.
         vehicles: names of its vehicles by their numbers.
     """
     names = "\n".join([REVISION, formation, *vehicles]).encode()
@@ -182,11 +185,11 @@ def formation_key(radio_key: bytes, formation: str, vehicles: Sequence[str]) -> 
 
 
 def tag_of(key: bytes, epoch: int, tagged: bytes) -> bytes:
-    """The tag of a packet.
+    """Return the tag of a packet.
 
     Args:
-        key: of the formation.
-        epoch: the leader's session that it is said under; 0 for a question.
+        key: key of the formation.
+        epoch: the leader's session under which the packet is sent; 0 for a question or a revocation.
         tagged: the packet without its tag.
     """
     text = EPOCH.pack(epoch) + tagged
@@ -194,7 +197,7 @@ def tag_of(key: bytes, epoch: int, tagged: bytes) -> bytes:
 
 
 def ticks_of(time_s: float) -> int:
-    """A time (s) in 0.1 ms, rounded down.
+    """Convert a time (s) to units of 0.1 ms, rounded down.
 
     Raises:
         ValueError: it is no time of a clock that counts from 0.
@@ -206,13 +209,13 @@ def ticks_of(time_s: float) -> int:
 
 
 def encode_beat(info: BeatInfo, layout: struct.Struct = BEAT) -> bytes:
-    """The body of a beat, or of a packet that is a beat and nothing else (BEAT_ALONE)."""
+    """Encode a beat, by default as part of a packet; with BEAT_ALONE as the whole body of one."""
     table = info.table
     return layout.pack(info.beat, table.beats, table.members, table.period_ms)
 
 
 def encode_motion(message: LeaderMessage) -> bytes:
-    """How a vehicle moves; what is beyond the range of a field becomes its greatest or least value."""
+    """Encode a vehicle's motion, with each value limited to the range of its field."""
     return MOTION.pack(
         limited(message.latitude_deg * 1e7, 31),
         limited(message.longitude_deg * 1e7, 31),
@@ -229,19 +232,19 @@ def encode_motion(message: LeaderMessage) -> bytes:
 
 
 def state_flags(message: LeaderMessage) -> int:
-    """The flags beside the kind of a state."""
+    """Return the flags beside the kind of a state."""
     sense = CLIMBS * (message.height_sense > 0) | DESCENDS * (message.height_sense < 0)
     return NOT_STEERED * (not message.steered) | sense
 
 
 def limited(value: float, bits: int) -> int:
-    """A number that fits into so many bits and a sign."""
+    """Round a number and limit it to so many bits and a sign."""
     greatest: int = 2**bits - 1
     return min(max(round(value), -greatest), greatest)
 
 
 def encode_packed_presence(presence: Presence, session: int) -> bytes:
-    """The body of a presence: without its figures, its texts as far as there is room."""
+    """Encode a presence without its figures, and with its texts cut to the room there is."""
     flags = ONLINE * (presence.status == "online") | SIGNED * presence.signed
     flags |= OBSTACLE * bool(presence.obstacle)
     flags |= FINDING * bool(presence.findings)
@@ -254,16 +257,12 @@ def encode_packed_presence(presence: Presence, session: int) -> bytes:
 def encode_packet(
     kind: PackedKind, *, formation: int, sender: int, ticks: int, body: bytes, flags: int = 0
 ) -> bytes:
-    """A packet without its tag."""
+    """Encode a packet without its tag."""
     return HEADER.pack(kind | flags, formation, sender, ticks.to_bytes(6, "little")) + body
 
 
 def decode_packet(data: bytes) -> Packet:
-    """The packet of these bytes; its tag is not looked at.
-
-    Raises:
-        LinkDataError: they are none.
-    """
+    """Decode a packet without checking its tag; raise LinkDataError if the bytes are none."""
     tagged, tag = data[:-TAG_SIZE], data[-TAG_SIZE:]
     if len(data) < HEADER.size + TAG_SIZE:
         raise LinkDataError("too short for a packet")

@@ -1,8 +1,8 @@
-"""How far the clock of another computer is from one's own.
+"""Offset of a peer's clock from one's own.
 
-By exchanges of four stamps as in RFC 5905, section 8: a question leaves at t0 and its answer arrives at t3
-on one's own clock, the question arrives at t1 and the answer leaves at t2 on the peer's. Nothing here reads
-a clock.
+It is found by exchanges of four time stamps as in RFC 5905, section 8. A question leaves at t0 and its answer
+arrives at t3 on the own clock. The question arrives at t1 and the answer leaves at t2 on the peer's. Nothing
+here reads a clock.
 """
 
 import math
@@ -22,31 +22,31 @@ from vfguide.link.codec import (
 )
 
 KEPT = 16
-"""Exchanges that are remembered."""
+"""Number of exchanges remembered."""
 
 OPEN = 8
-"""Questions that an answer is still awaited for."""
+"""Maximum number of questions that await an answer."""
 
 GREATEST_DELAY_S = 0.3
-"""An exchange that took longer sets no clock: a delay of one way shifts it by half of that."""
+"""Maximum delay of an exchange that sets a clock, s: a delay of one way shifts the clock by half of it."""
 
 ROUNDING_S = 1e-5
-"""More than sums and differences of stamps round to, on clocks that count years."""
+"""Bound of the rounding errors of time stamp sums, s, on clocks that count years."""
 
 SETTLED = 5
-"""Exchanges after which there is no more hurry."""
+"""Number of exchanges after which questions need no more hurry."""
 
 HURRIED_S, CALM_S = 0.2, 2.0
-"""Between questions: at first or when something is odd, and else."""
+"""Intervals between questions, s: at first or when an exchange disagrees, and otherwise."""
 
 CERTAIN = 2
-"""Exchanges in a row that disagree with the rest, and agree with each other, before the rest is forgotten."""
+"""Consecutive exchanges that agree with each other against the rest, before the rest is forgotten."""
 
 
 def bracket_of(tell: Tell, arrived_s: float) -> Bracket | None:
-    """What four stamps say, RFC 5905 section 8; None where they cannot be, or took too long.
+    """Return the offset bracket of four time stamps; None where they are impossible or took too long.
 
-    Offset = ((t1 - t0) + (t2 - t3)) / 2, delay = (t3 - t0) - (t2 - t1), all in s.
+    RFC 5905, section 8: offset = ((t1 - t0) + (t2 - t3)) / 2, delay = (t3 - t0) - (t2 - t1), all in s.
     """
     least = tell.originate_s - tell.receive_s
     most = arrived_s - tell.transmit_s
@@ -56,24 +56,24 @@ def bracket_of(tell: Tell, arrived_s: float) -> Bracket | None:
 
 
 def agree(one: Bracket, other: Bracket) -> bool:
-    """Whether both can be true of clocks that have not stepped between them."""
+    """Check whether both can be true of clocks that have not stepped in between."""
     apart = abs(one.middle - other.middle)
-    # The later one took some time too.
+    # The later exchange took some time, too.
     slack = ROUNDING_S + DRIFT * GREATEST_DELAY_S
     return apart <= one.bound_s(other.asked_s) + other.bound_s(other.asked_s) + slack
 
 
 class PeerClock:
-    """The clock of one peer, as known from exchanges with it."""
+    """Estimate of one peer's clock from exchanges with it."""
 
     def __init__(self, chance: Callable[[], int] = lambda: secrets.randbits(64)) -> None:
-        """Know nothing yet.
+        """Create an estimate without any exchange.
 
         Args:
-            chance: numbers of 64 bits for questions, which nobody can foresee.
+            chance: returns unpredictable numbers of 64 bits for questions.
         """
         self.counters: Counter[str] = Counter()
-        """Answers that were not used, by reason, and steps of either clock."""
+        """Counts of unused answers by reason, and of steps of either clock."""
         self._chance = chance
         self._open: dict[int, float] = {}
         self._kept: deque[Bracket] = deque(maxlen=KEPT)
@@ -88,30 +88,30 @@ class PeerClock:
 
     @property
     def offset_s(self) -> float:
-        """The peer's clock less one's own, s; NaN while not known."""
+        """Peer's clock minus the own clock, s; NaN while unknown."""
         return math.nan if self._best is None else -self._best.middle
 
     @property
     def bound_s(self) -> float:
-        """Greatest error of the offset when the last answer came, s; infinite while it is not known."""
+        """Greatest error of the offset at the latest answer, s; infinite while unknown."""
         return self._bound_s
 
     @property
     def pause_s(self) -> float:
-        """How long to wait before the next question, s."""
+        """Time to wait before the next question, s."""
         hurried = len(self._kept) < SETTLED or self._odd
         return HURRIED_S if hurried else CALM_S
 
     def to_local(self, peer_time: float) -> float:
-        """A time of the peer's clock on one's own, s; NaN while the offset is not known."""
+        """Convert a time of the peer's clock to the own clock, s; NaN while the offset is unknown."""
         return peer_time - self.offset_s
 
     def to_peer(self, local_time: float) -> float:
-        """A time of one's own clock on the peer's, s; NaN while the offset is not known."""
+        """Convert a time of the own clock to the peer's clock, s; NaN while the offset is unknown."""
         return local_time + self.offset_s
 
     def request(self, now: float) -> bytes:
-        """A question to send at once."""
+        """Return a question to send at once."""
         number = self._chance()
         self._open[number] = now
         while len(self._open) > OPEN:
@@ -119,11 +119,11 @@ class PeerClock:
         return encode_ask(Ask(number=number, originate_s=now))
 
     def awaits(self, data: bytes) -> bool:
-        """Whether these bytes are the answer to a question that is still open."""
+        """Check whether these bytes answer an open question."""
         return self._awaited(data) is not None
 
     def _awaited(self, data: bytes) -> Tell | None:
-        """The answer to a question that is still open; None where these bytes are none."""
+        """Decode the answer to an open question; None for any other bytes."""
         try:
             tell = decode_tell(data)
         except LinkDataError:
@@ -136,12 +136,12 @@ class PeerClock:
 
     @staticmethod
     def answer(data: bytes, received: float, now: float) -> bytes:
-        """The answer to a question, to be sent at once.
+        """Return the answer to a question, to be sent at once.
 
         Args:
             data: the question.
-            received: when it came, s on the clock that it asks for.
-            now: what that clock shows, s.
+            received: time of its arrival on the clock asked for, s.
+            now: present time of that clock, s.
 
         Raises:
             LinkDataError: it is no question.
@@ -153,10 +153,10 @@ class PeerClock:
         return encode_tell(tell)
 
     def take(self, data: bytes, now: float) -> bool:
-        """Learn from an answer that has just come.
+        """Learn from an answer that has just arrived.
 
         Returns:
-            Whether it shows that one of the clocks has stepped.
+            Whether one of the clocks has stepped.
         """
         tell = self._awaited(data)
         if tell is None:
@@ -172,7 +172,7 @@ class PeerClock:
         return stepped
 
     def _weigh(self, exchange: Bracket) -> bool:
-        """Keep an exchange, or put it aside for as long as only it says that a clock has stepped."""
+        """Keep an exchange, or set it aside if it alone suggests a step; return whether a clock stepped."""
         if self._best is None or agree(self._best, exchange):
             self._kept.append(exchange)
             self._odd.clear()
@@ -189,9 +189,9 @@ class PeerClock:
         return True
 
     def _choose(self, now: float) -> None:
-        """The exchange of the least possible error, aged as it is, tells the offset.
+        """Take the offset from the exchange with the smallest possible error at its present age.
 
-        The best is kept for as long as none is better, however many slow ones follow it.
+        The best exchange is kept while none is better, however many slow ones follow it.
         """
         known = [] if self._best is None else [self._best]
         self._best = min((*known, *self._kept), key=lambda exchange: exchange.bound_s(now))

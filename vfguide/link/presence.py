@@ -1,4 +1,4 @@
-"""Whether a vehicle is there, as JSON: what ground stations and people at the broker read."""
+"""Presence of a vehicle as JSON, for ground stations and people at the broker."""
 
 import json
 import math
@@ -11,31 +11,31 @@ from msgspec.structs import asdict, replace
 from vfguide.link.codec import LinkDataError
 
 LARGEST = 4096
-"""Bytes of a presence: whatever is longer is not read."""
+"""Maximum size of a presence that is read, bytes."""
 
 LONGEST_TEXT = 100
-"""Characters of every other text."""
+"""Maximum length of every text but warnings and findings, characters."""
 
 LONGEST_WARNING = 200
-"""Characters of a warning, and of a finding."""
+"""Maximum length of a warning or a finding, characters."""
 
 MOST_FINDINGS = 3
-"""What speaks against taking off: the first of it."""
+"""Maximum number of findings; the first ones are kept."""
 
 MOST_FIGURES = 100
-"""Figures in one presence."""
+"""Maximum number of figures in one presence."""
 
 LINKS_LOST = "links_lost"
-"""Figure: how many of a companion's links do not stand."""
+"""Figure: number of a companion's links that are down."""
 
 REVOKED_KEY = "revoked_"
-"""Figure, followed by a vehicle's name: it knows that this key is out; on a radio, that some key is."""
+"""Figure, followed by a vehicle's name: that key is known to be revoked; on a radio, some key is."""
 
 TERM, ORDER = "term", "order"
-"""Figures: the term of its leader, where the mission names deputies, and the order that it flies by."""
+"""Figures: term of the leader, where the mission names deputies, and number of the order that is flown."""
 
 BATTERY, BATTERY_VOLTAGE = "battery_percent", "battery_v"
-"""Figures: what is left of the battery, %, and its voltage, V, as the autopilot tells them."""
+"""Figures: remaining charge, %, and voltage, V, of the battery as the autopilot reports them."""
 
 LEADER_FIGURES = (
     "led_by_age_s",
@@ -46,7 +46,7 @@ LEADER_FIGURES = (
     "led_by_speed_m_s",
     "led_by_turn_rad_s",
 )
-"""Figures: how a leader without a companion moved, in the mission's local frame, and how long ago."""
+"""Figures: motion of a leader without a companion in the mission's local frame, and its age."""
 
 LEAST_FIGURES = frozenset(
     {
@@ -54,45 +54,45 @@ LEAST_FIGURES = frozenset(
         *(TERM, ORDER, BATTERY, BATTERY_VOLTAGE),
     }
 )
-"""Figures by which people decide; the others are statistics."""
+"""Figures by which people decide; all others are statistics."""
 
 SHORT_TEXT = 60
-"""Characters of each text where there is little room."""
+"""Maximum length of each text where there is little room, characters."""
 
 Text = Annotated[str, msgspec.Meta(max_length=LONGEST_TEXT)]
 Warned = Annotated[str, msgspec.Meta(max_length=LONGEST_WARNING)]
-"""Texts of a length that is read."""
+"""Texts within the length limits."""
 
 
 class Presence(msgspec.Struct, frozen=True, kw_only=True):
-    """What a vehicle says about itself."""
+    """Status of a vehicle and its companion."""
 
     status: Literal["online", "offline"]
-    """The broker itself says "offline" for a vehicle that it has lost."""
+    """Whether the vehicle is there; a broker publishes "offline" for a vehicle that it has lost."""
     mode: Text = ""
-    """Mode of the supervisor; empty while not known."""
+    """Mode of the supervisor; empty while unknown."""
     time_s: float
-    """When this was true, on the vehicle's own clock, s; in a last will, when it had connected."""
+    """Time of validity, s on the vehicle's own clock; in a last will, the time of connecting."""
     version: Text = ""
     """Version of the vehicle's companion."""
     signed: bool = False
-    """Whether its messages are signed; else anybody can say what it says."""
+    """Whether its messages are signed; otherwise anybody can forge them."""
     obstacle: Text = ""
-    """What would keep it from steering now, in words; empty where nothing would."""
+    """Reason, for people, why it could not steer now; empty where it could."""
     autopilot: Text = ""
-    """What ground stations call the autopilot's mode; empty while not known."""
+    """Name of the autopilot's mode as ground stations show it; empty while unknown."""
     warning: Warned = ""
-    """The last warning that it gave its pilot; empty before the first."""
+    """Latest warning to its pilot; empty before the first."""
     findings: Annotated[tuple[Warned, ...], msgspec.Meta(max_length=MOST_FINDINGS)] = ()
-    """What of the autopilot's parameters speaks against taking off, each with what to do; the first ones."""
+    """First findings against take-off in the autopilot's parameters, each with its remedy."""
     figures: Annotated[dict[Text, float], msgspec.Meta(max_length=MOST_FIGURES)] = msgspec.field(
         default_factory=dict
     )
-    """Latencies, counters and the like, by names that end in their units."""
+    """Latencies, counters and other values, by names that end in their units."""
 
 
 def encode_presence(presence: Presence) -> bytes:
-    """JSON of a presence; figures that are not finite are left out, since JSON has none.
+    """Encode a presence as JSON without figures that are not finite, which JSON cannot hold.
 
     Raises:
         ValueError: the time is not finite.
@@ -107,10 +107,10 @@ def encode_presence(presence: Presence) -> bytes:
 
 
 def shorter_presences(presence: Presence) -> Iterator[Presence]:
-    """A presence as it is, then with less and less in it, down to what nobody can do without.
+    """Yield a presence as it is, then ever shorter ones, down to the indispensable.
 
-    Statistics go first, then the ends of texts, then all findings but one and all figures but the number of
-    links that are lost.
+    Statistics go first, then the ends of texts. Last go all findings but one, and all figures but the number
+    of lost links.
     """
     yield presence
     figures = {
@@ -133,10 +133,10 @@ def shorter_presences(presence: Presence) -> Iterator[Presence]:
 
 
 def decode_presence(data: bytes) -> Presence:
-    """Presence of these bytes; fields that are not known are ignored, so that others can add some.
+    """Decode a presence, ignoring unknown fields so that others can add some.
 
     Raises:
-        LinkDataError: it is no presence.
+        LinkDataError: the bytes are no presence.
     """
     if len(data) > LARGEST:
         raise LinkDataError(f"{len(data)} bytes where a presence has at most {LARGEST}")
@@ -152,6 +152,6 @@ def decode_presence(data: bytes) -> Presence:
 
 
 def fit_text(text: str, longest: int = LONGEST_TEXT) -> str:
-    """A text as a presence can hold it: printable, and cut where it is too long."""
+    """Return a text made printable and, where too long, cut."""
     printable = "".join(letter if letter.isprintable() else " " for letter in text)
     return printable if len(printable) <= longest else printable[: longest - 1] + "…"

@@ -1,16 +1,16 @@
-"""Who may speak when on a radio that all share: turns that count from the leader's beat.
+"""Turns on a shared radio, counted from the leader's beat, and the framing of packets.
 
-The leader sends at each beat, ten times a second unless it says otherwise. A cycle is some beats; between
-two of them there are as many slots of equal length as it takes for every follower, and an answer of the
-leader, to have one turn in a cycle, and an operator one turn for each two beats. Follower i, from 0, has slot
-`1 + i // beats` after beat `i % beats`; the answer comes after the last follower, as if it were one more. All
-that is left of the cycle is the operator's, who is silent unless there is an order to be given.
+The leader sends at each beat, ten times a second unless configured otherwise. A cycle is some beats, with
+slots of equal length between them. In a cycle every follower and an answer of the leader have one turn, and
+an operator has one turn for each two beats. Follower i, from 0, has slot `1 + i // beats` after beat `i %
+beats`. The answer comes after the last follower, as if it were one more. The rest of the cycle is the
+operator's, who is silent unless there is an order to give.
 
 A follower counts its turns from when it hears a beat, less the time that the packet was on its way: clocks
-are not compared. Where a beat is missed, its own clock goes on counting. After two seconds, and three beats,
-without the leader it takes the beat from the follower of the least number that it hears, whose turns are
-known, too; the one that hears nobody before itself keeps the beat for the others. Before the first beat only
-the leader speaks.
+are not compared. Where a beat is missed, its own clock goes on counting. Without the leader for two seconds
+and three beats, it takes the beat from the lowest-numbered follower that it hears, whose turns are known,
+too. A follower that hears none before itself keeps the beat for the others. Before the first beat only the
+leader sends.
 
 Nothing here reads a clock.
 """
@@ -24,35 +24,31 @@ import msgspec
 
 from vfguide.errors import InputError
 
-# Packets on a stream of bytes that arrive cut and damaged: COBS, with a checksum.
+# Packets are framed by COBS with a checksum, on a stream of bytes that arrive cut and damaged.
 #
-# A packet and its CRC-16 (CCITT, u16, little-endian) are stuffed by COBS (Cheshire and Baker, "Consistent
-# Overhead Byte Stuffing", 1999), which takes the zeros out for one byte more, and stand between zeros. A zero
-# therefore always is an end: what is left of a damaged packet, with or without its own zero, costs no other.
+# COBS (Cheshire and Baker, "Consistent Overhead Byte Stuffing", 1999) removes zeros at the cost of one byte.
+# It is applied to a packet and its CRC-16 (CCITT, u16, little-endian), and the result stands between zeros. A
+# zero is therefore always an end: a damaged packet, with or without its own zero, costs no other.
 
 LEADER, OPERATOR = 0, 255
 """Numbers of the leader, and of an operator."""
 
 OVERHEAD = 5
-"""Bytes that a packet takes more on the wire: checksum, stuffing and two zeros."""
+"""Bytes that framing adds to a packet: checksum, stuffing and two zeros."""
 
 LARGEST_PACKET = 59
-"""Bytes: all of a packet is at most 64 on the wire."""
+"""Maximum size of a packet, bytes: framed, it is at most 64."""
 
 LARGEST_FRAME = LARGEST_PACKET + OVERHEAD
 
 DAMAGED = "damaged on the air"
-"""Why bytes are left out that are no packet."""
+"""Reason for which bytes that are no packet are dropped."""
 
 CHECKSUM = struct.Struct("<H")
 
 
 def encode_frame(packet: bytes) -> bytes:
-    """A packet as it goes onto the wire.
-
-    Raises:
-        ValueError: it is too long.
-    """
+    """Frame a packet; raise ValueError if it is too long."""
     if not 0 < len(packet) <= LARGEST_PACKET:
         raise ValueError(f"{len(packet)} bytes are no packet: at most {LARGEST_PACKET}")
     content = packet + CHECKSUM.pack(binascii.crc_hqx(packet, 0xFFFF))
@@ -60,7 +56,7 @@ def encode_frame(packet: bytes) -> bytes:
 
 
 def decode_frame(frame: bytes) -> bytes | None:
-    """The packet in what stood between two zeros; None where it is damaged."""
+    """Return the packet in the bytes between two zeros; None where it is damaged."""
     content = unstuffed(frame)
     if content is None or not CHECKSUM.size < len(content) <= LARGEST_PACKET + CHECKSUM.size:
         return None
@@ -70,12 +66,12 @@ def decode_frame(frame: bytes) -> bytes | None:
 
 
 def stuffed(content: bytes) -> bytes:
-    """Bytes without zeros, of less than 254: each zero becomes the distance to the next."""
+    """Remove the zeros from less than 254 bytes: each zero becomes the distance to the next."""
     return b"".join(bytes([len(part) + 1]) + part for part in content.split(b"\0"))
 
 
 def unstuffed(data: bytes) -> bytes | None:
-    """What was stuffed; None where it cannot have been."""
+    """Restore stuffed bytes; None where they cannot be stuffed."""
     parts, place = [], 0
     while place < len(data):
         end = place + data[place]
@@ -87,20 +83,20 @@ def unstuffed(data: bytes) -> bytes | None:
 
 
 class Framer:
-    """Cuts a stream into packets."""
+    """Splitter of a stream into packets."""
 
     def __init__(self, counters: Counter[str]) -> None:
         """Begin anywhere in the stream.
 
         Args:
-            counters: what was left out is counted here.
+            counters: counts the damaged packets.
         """
         self._counters = counters
         self._buffer = bytearray()
         self._skips = False
 
     def feed(self, data: bytes) -> list[bytes]:
-        """Take the next bytes; the packets that they complete, in order."""
+        """Take the next bytes, and return the packets that they complete, in order."""
         packets = []
         *ended, rest = data.split(b"\0")
         for part in ended:
@@ -119,12 +115,12 @@ class Framer:
         return packets
 
     def clear(self) -> None:
-        """Forget what has begun: the stream starts anew."""
+        """Drop an incomplete packet, since the stream starts anew."""
         self._buffer.clear()
         self._skips = False
 
     def _keep(self, part: bytes) -> None:
-        """Add to the packet that has begun; what is longer than any packet is noise up to the next zero."""
+        """Append to the current packet; beyond the longest packet everything is noise up to the next zero."""
         if len(self._buffer) + len(part) > LARGEST_FRAME:
             self._buffer.clear()
             self._skips = True
@@ -133,109 +129,109 @@ class Framer:
 
 
 SHORTEST_FRAME, LONGEST_FRAME = 41, 56
-"""Bytes on the wire of the packets that are sent: a slot has to have room for each, before each."""
+"""Sizes of the shortest and longest framed packet, bytes: a slot must have room for either after either."""
 
 HANDOVER_S, MISSED_BEATS = 2.0, 3
-"""After this long, and so many beats, without the one that has kept the beat, it is taken from another."""
+"""Silence of the keeper of the beat, s and beats, after which the beat is taken from another."""
 
 LATE_SHARE = 0.1
-"""Share of a beat's delay by which the next one is expected later: most of that is the wait of
-this one packet in some buffer. What comes early was expected too late."""
+"""Share of a beat's delay that shifts the expected time of the next. Most of a delay is this packet's wait in
+some buffer; an early beat counts in full, since it was expected too late."""
 
 ROUNDING = 1e-9
-"""Rounding error of a time, in parts of a cycle: turns are sums and quotients of times."""
+"""Rounding error of a time as a share of a cycle: turns are sums and quotients of times."""
 
 MOST_BEATS = 255
 
 
 class Channel(msgspec.Struct, frozen=True, kw_only=True):
-    """How fast the radio is."""
+    """Speed of the radio."""
 
     baud: int
-    """Rate of the serial line to the radio, bits per second; ten of them carry a byte."""
+    """Rate of the serial line to the radio, bits per second; ten bits carry a byte."""
     air_bytes_s: float
-    """What all radios together can send, bytes per second."""
+    """Bytes per second that all radios together can send."""
 
     def latency_s(self, size: int) -> float:
-        """From the first byte of a packet into one radio to its last byte out of another, s."""
+        """Return the time from the first byte into one radio to the last out of another, s."""
         return size * (20.0 / self.baud + 1.0 / self.air_bytes_s)
 
     def line_s(self) -> float:
-        """What the longest packet takes on the serial line, s."""
+        """Return the time that the longest packet takes on the serial line, s."""
         return LONGEST_FRAME * 10.0 / self.baud
 
     def slot_s(self) -> float:
-        """The shortest slot that every packet fits into, s.
+        """Return the length of the shortest slot that fits every packet, s.
 
-        A radio sends once it has all of a packet: a long one begins later than a short one.
+        A radio sends once it has all of a packet, so a long packet begins later than a short one.
         """
         later_s = (LONGEST_FRAME - SHORTEST_FRAME) * 10.0 / self.baud
         return max(self.line_s(), LONGEST_FRAME / self.air_bytes_s + later_s)
 
 
 class Turn(msgspec.Struct, frozen=True, kw_only=True):
-    """When a member may send one packet."""
+    """Time at which a member may send one packet."""
 
     at_s: float
-    """When it begins, s on the member's clock."""
+    """Begin of the turn, s on the member's clock."""
     beat: int | None = None
-    """Which beat it is, if it is one; None for all other turns."""
+    """Number of the beat in its cycle; None for all other turns."""
 
 
 class Timetable(msgspec.Struct, frozen=True, kw_only=True):
     """Turns within a cycle."""
 
     members: int
-    """Vehicles of the formation."""
+    """Number of vehicles in the formation."""
     beats: int
-    """In a cycle."""
+    """Number of beats in a cycle."""
     period_ms: int
-    """From one beat to the next, ms."""
+    """Interval between beats, ms."""
 
     @property
     def period_s(self) -> float:
-        """From one beat to the next, s."""
+        """Interval between beats, s."""
         return self.period_ms * 1e-3
 
     @property
     def cycle_s(self) -> float:
-        """How long a cycle takes, s."""
+        """Duration of a cycle, s."""
         return self.beats * self.period_s
 
     @property
     def slots(self) -> int:
-        """How many slots a beat and the time up to the next are divided into."""
+        """Number of slots from one beat to the next, including the beat's."""
         return 1 + math.ceil((self.members + math.ceil(0.5 * self.beats)) / self.beats)
 
     @property
     def slot_s(self) -> float:
-        """How long one is, s."""
+        """Duration of a slot, s."""
         return self.period_s / self.slots
 
     def offset_s(self, sender: int) -> float:
-        """From the beginning of a cycle to the turn of a follower, s.
+        """Return the time from the beginning of a cycle to a follower's turn, s.
 
-        That of `members` is the answer's, and those above it are the operator's.
+        The number `members` stands for the leader's answer, and higher numbers for the operator.
         """
         place = sender - 1
         return (place % self.beats) * self.period_s + (1 + place // self.beats) * self.slot_s
 
     @property
     def operator_turns(self) -> range:
-        """Numbers by which `offset_s` tells the turns of an operator."""
+        """Numbers of an operator's turns for `offset_s`."""
         return range(self.members + 1, self.beats * (self.slots - 1) + 1)
 
 
 def make_timetable(
     members: int, *, leader_hz: float, followers_hz: float, channel: Channel
 ) -> Timetable:
-    """The timetable of a formation.
+    """Make the timetable of a formation.
 
     Args:
-        members: vehicles of it.
+        members: number of vehicles.
         leader_hz: beats per second.
-        followers_hz: turns per second of each follower, at least; at most one a beat.
-        channel: that has to carry it.
+        followers_hz: minimum turns per second of each follower; at most one turn a beat.
+        channel: channel that has to carry it.
 
     Raises:
         InputError: the channel is too slow for it.
@@ -252,35 +248,35 @@ def make_timetable(
 
 
 class Beat:
-    """What one member knows of the beat."""
+    """One member's knowledge of the beat."""
 
     def __init__(self, number: int | None) -> None:
-        """Know nothing yet.
+        """Create it without any beat.
 
         Args:
-            number: of the member; OPERATOR for an operator, None for one who only listens.
+            number: number of the member; OPERATOR for an operator, None for one that only listens.
         """
         self._number = number
         self.timetable: Timetable | None = None
-        """None before the first beat."""
+        """Turns within a cycle; None before the first beat."""
         self._origin_s = 0.0
         self._keeper = LEADER
         self._kept_s = -math.inf
         self._spoke_s = -math.inf
 
     def begin(self, timetable: Timetable, now: float) -> None:
-        """Be the leader, and begin with the first beat now."""
+        """Begin with the first beat now, as the leader."""
         if self.timetable is None:
             self.timetable, self._origin_s = timetable, now
 
     def hear_leader(self, beat: int, table: Timetable, began_s: float) -> None:
-        """Count from a beat that began to be sent at a time, s on one's own clock."""
+        """Count from a beat whose sending began at this time, s on the own clock."""
         fresh = self.timetable != table
         self.timetable = table
         self._adopt(LEADER, beat * table.period_s, began_s, fresh=fresh)
 
     def hear_follower(self, number: int, began_s: float) -> None:
-        """Note a turn of a follower, which counts while the leader is silent."""
+        """Note a follower's turn, which counts while the leader is silent."""
         table = self.timetable
         if table is None or self._number is None or not LEADER < number < self._number:
             return
@@ -288,16 +284,16 @@ class Beat:
             self._adopt(number, table.offset_s(number), began_s, fresh=False)
 
     def is_silent(self, now: float) -> bool:
-        """Whether nobody has kept the beat for a while."""
+        """Check whether nobody has kept the beat for a while."""
         period_s = 0.0 if self.timetable is None else self.timetable.period_s
         return now - self._kept_s > max(HANDOVER_S, MISSED_BEATS * period_s)
 
     def spoken(self, turn: Turn) -> None:
-        """Note that a turn was taken, or let go."""
+        """Note that a turn was used or skipped."""
         self._spoke_s = turn.at_s
 
     def next_turn(self, now: float) -> Turn | None:
-        """The member's next turn, at or after this time; None for one that may not speak."""
+        """Return the member's next turn at or after this time; None for one that may not send."""
         table, number = self.timetable, self._number
         if table is None or number is None:
             return None
@@ -307,7 +303,7 @@ class Beat:
             return None
         if number == LEADER:
             return self._next_of_leader(table, now)
-        # A beat that was heard a little later moves the turn that was just taken: once in a cycle is enough.
+        # A beat heard a little late moves the turn just used: one turn per cycle is enough.
         after = max(now, self._spoke_s + 0.5 * table.cycle_s)
         return Turn(at_s=self._next(table, table.offset_s(number), after))
 
@@ -328,7 +324,7 @@ class Beat:
         return first_s + math.ceil((after - first_s) / table.cycle_s - ROUNDING) * table.cycle_s
 
     def _adopt(self, keeper: int, offset_s: float, began_s: float, *, fresh: bool) -> None:
-        """Let the cycle begin so that a turn of this offset began when it was heard."""
+        """Set the begin of the cycle so that a turn at this offset began when it was heard."""
         table = self.timetable
         if table is None:
             return
