@@ -211,8 +211,8 @@ class Fault:
     """A temporary fault of the reports."""
 
     kind: FaultKind
-    """`offset`: positions are `north`, `east` metres off. `drift`: they drift off by as many m/s, and are right
-    again at the end. `noise`: there is white noise of `north` metres. `frozen`: positions stay as they were.
+    """`offset`: positions are `north`, `east` metres off. `drift`: they drift off by as many m/s, and return
+    at the end. `noise`: they have white noise of `north` metres. `frozen`: positions stay as they were.
     `zero`: latitude and longitude are 0. `velocity`: the ground velocity is `north`, `east` m/s. `held`: the
     ground velocity stays as it was. `airspeed`: the airspeed is `north` m/s. `altitude`: altitudes are
     `north` metres off. `clock`: the autopilot's clock loses `north` seconds, evenly over the time."""
