@@ -1,13 +1,13 @@
-"""What the operator and the pilot of a vehicle hear: the worst first, and no kind hidden by another.
+"""Texts for the operator and the pilot of a vehicle: the worst first, and no kind hidden by another.
 
     alerts.say(key, severity, text)
 
-A key is a kind, or `kind: what of it`, and is quiet for as long as it asks for. Each kind has its own room
-and memory. Kinds of the same severity take turns: a burst of one delays another by one text and hides none.
-A change of mode goes before all.
+A key is a kind, or `kind: subject`, and stays quiet for as long as the caller asks. Each kind has its own
+queue and memory. Kinds of equal severity take turns: a burst of one delays another by one text and hides
+none. A change of mode precedes all.
 
-`heard` collects what was said, at the end of each call of the companion, for log and record. `due` gives it
-to the pilot, text by text. An `Announcer` sends the ground station texts, modes in words, and values to plot.
+`heard` collects what was said, at the end of each call of the companion, for log and record. `due` passes it
+to the pilot, text by text. An `Announcer` sends texts and changes of mode to the ground station.
 """
 
 import math
@@ -22,68 +22,68 @@ from vfguide.mavlink.announcements import NOTICE, WARNING, status_texts
 from vfguide.record.events import EventKind
 
 QUIET_S = 30.0
-"""Until a pilot gets the same text again."""
+"""Time until a pilot gets the same text again, s."""
 
 PAUSE_S = 2.0
-"""From one text to the next: ground stations show them for some seconds, and a radio has little room."""
+"""Pause between texts, s: ground stations show them for some seconds, and radios have little room."""
 
 MOST_WAITING = 16
-"""Texts of a kind that wait for their turn: when so many wait, the least severe is left to the log."""
+"""Limit on waiting texts of a kind; beyond it the least severe goes to the log only."""
 
 MOST_REMEMBERED = 64
-"""Texts of a kind that are known to have been sent, and keys that are quiet."""
+"""Limit on remembered texts of a kind."""
 
 MOST_SAID = 64
-"""Of a kind between two collections, some tenths of a second: of a flood the first ones are logged."""
+"""Limit on texts of a kind between two collections, some tenths of a second: a flood is cut off."""
 
 
 class Event(msgspec.Struct, frozen=True, kw_only=True):
-    """Something an operator should know."""
+    """Event for the operator's log and the record."""
 
     time_s: float
-    """When."""
+    """Time, s."""
     text: str
-    """What, in one line."""
+    """Text of one line."""
     warning: bool = False
-    """Whether it is something to worry about."""
+    """Whether it is a warning."""
     kind: EventKind = "text"
-    """What it is about."""
+    """Kind of event in a record."""
 
 
 class Alert(msgspec.Struct, frozen=True, kw_only=True):
-    """Something that was said."""
+    """Alert as it was said."""
 
     key: str
-    """Its kind, or `kind: what of it`."""
+    """Kind, or `kind: subject`."""
     severity: int
-    """Of MAVLink: the lower the worse."""
+    """Severity of MAVLink: lower is worse."""
     text: str
-    """One sentence."""
+    """Text of one sentence."""
     about: EventKind
-    """Its place in a record."""
+    """Kind of event in a record."""
     quiet_s: float
-    """Until the key may be used again, s."""
+    """Time until the key may be used again, s."""
     told: bool
     """Whether the pilot gets it."""
 
     @property
     def kind(self) -> str:
-        """What it shares a room with."""
+        """Kind of the alert, which has a queue of its own."""
         return self.key.partition(":")[0]
 
 
 class Room(msgspec.Struct):
-    """Texts of one kind on their way to the pilot."""
+    """Queue of texts of one kind on their way to the pilot."""
 
     waiting: list[tuple[int, int, str]] = msgspec.field(default_factory=list)
-    """(severity, number, text) of each, as they came."""
+    """(severity, number, text) of each, in order of arrival."""
     told: OrderedDict[str, float] = msgspec.field(default_factory=OrderedDict)
-    """When each text was taken last, s."""
+    """Time at which each text was last queued, s."""
     turn: int = 0
-    """Number of the last text that was sent of this kind."""
+    """Turn number of the last text of this kind that was sent."""
 
     def take(self, severity: int, number: int, text: str, now: float) -> None:
-        """Let a text wait, unless it was sent a short while ago or all that wait are as severe."""
+        """Queue a text unless it was sent lately, or the full queue holds none less severe."""
         if now - self.told.get(text, -math.inf) < QUIET_S or not self._makes_room(severity):
             return
         self.told[text] = now
@@ -93,20 +93,20 @@ class Room(msgspec.Struct):
         self.waiting.append((severity, number, text))
 
     def _makes_room(self, severity: int) -> bool:
-        """Whether another text can wait, after the newest of the least severe ones has made way for it."""
+        """Drop the newest of the least severe texts of a full queue; return whether there is room."""
         if len(self.waiting) < MOST_WAITING:
             return True
         last = max(self.waiting)
         if last[0] <= severity:
             return False
         self.waiting.remove(last)
-        # It may come again.
+        # The dropped text may be queued again.
         self.told.pop(last[2], None)
         return True
 
 
 class Alerts:
-    """What one companion has to say."""
+    """Texts and events of one companion."""
 
     def __init__(self) -> None:
         self._said: deque[Alert] = deque()
@@ -128,15 +128,15 @@ class Alerts:
         quiet_s: float = 0.0,
         told: bool = True,
     ) -> None:
-        """Tell operator and pilot something.
+        """Say something to operator and pilot.
 
         Args:
-            key: its kind, or `kind: what of it`.
-            severity: of MAVLink, the lower the worse.
+            key: kind, or `kind: subject`.
+            severity: severity of MAVLink, lower is worse.
             text: one sentence that says what to do.
-            about: its place in a record.
-            quiet_s: for so long nothing more is said by this key, s.
-            told: whether the pilot gets it: what the autopilot says reaches ground stations anyway.
+            about: kind of event in a record.
+            quiet_s: time for which this key is then ignored, s.
+            told: whether the pilot gets it; ground stations get the autopilot's own texts anyway.
         """
         alert = Alert(
             key=key, severity=severity, text=text, about=about, quiet_s=quiet_s, told=told
@@ -146,27 +146,27 @@ class Alerts:
             self._said.append(alert)
 
     def turns(self, what: str, *, holds: bool) -> bool:
-        """Note whether something holds; whether that has changed, so that it is worth a text."""
+        """Note whether a condition holds; return whether that has changed, and so is worth a text."""
         changed = holds is not (what in self._holding)
         if changed:
             self._holding.symmetric_difference_update((what,))
         return changed
 
     def show_mode(self, text: str) -> None:
-        """Send a change of mode to the pilot; one that still waits is out of date."""
+        """Send a change of mode to the pilot, in place of one that still waits."""
         self._change = text
 
     def forget(self, kind: str) -> None:
-        """Let every key of a kind be used again, as in another flight."""
+        """Allow every key of a kind again, as in another flight."""
         for key in [one for one in self._quiet_until if one.partition(":")[0] == kind]:
             del self._quiet_until[key]
 
     def only_while(self, holds: Callable[[], bool]) -> "Alerts":
-        """For a part of the companion that is heard only while something holds."""
+        """Return alerts for a part of the companion that is heard only while a condition holds."""
         return _PartAlerts(self, holds)
 
     def heard(self, now: float) -> list[Event]:
-        """What was said since the last call, for log and record, as it came; texts go on to the pilot."""
+        """Return events since the last call, for log and record; their texts go on to the pilot."""
         if not self._said:
             return []
         said, self._said = self._said, deque()
@@ -174,9 +174,9 @@ class Alerts:
         return [self._taken(one, now) for one in said if not self._is_quiet(one, now)]
 
     def due(self, now: float) -> tuple[int, str] | None:
-        """(severity, text) of what the pilot gets now, or None.
+        """Return (severity, text) that the pilot gets now, or None.
 
-        A change of mode goes before all, waits for no other text and keeps none waiting: it says who steers.
+        A change of mode precedes all, waits for no other text and delays none: it says who steers.
         """
         if self._change is not None:
             if now - self._changed_s < PAUSE_S:
@@ -195,7 +195,7 @@ class Alerts:
         return first[0], first[2]
 
     def _is_quiet(self, alert: Alert, now: float) -> bool:
-        """Whether a key was used a short while ago; it counts as used now where it was not."""
+        """Check whether a key was used lately; otherwise note its use."""
         if alert.quiet_s <= 0.0:
             return False
         if now < self._quiet_until.get(alert.key, -math.inf):
@@ -205,7 +205,7 @@ class Alerts:
         return False
 
     def _taken(self, alert: Alert, now: float) -> Event:
-        """An event for the log, whose text waits for the pilot from now on."""
+        """Queue an alert's text for the pilot and return its event for the log."""
         self._number += 1
         if alert.told:
             room = self._rooms.setdefault(alert.kind, Room())
@@ -216,7 +216,7 @@ class Alerts:
 
 
 class _PartAlerts(Alerts):
-    """Alerts of a part."""
+    """Alerts of a part of the companion."""
 
     def __init__(self, whole: Alerts, holds: Callable[[], bool]) -> None:
         super().__init__()
@@ -241,19 +241,13 @@ class _PartAlerts(Alerts):
 
 
 LASTS_S = 2.0
-"""Why nothing is steered is told once it has lasted for so long: it changes on the way into steering."""
+"""Time after which a lasting reason for not steering is told, s: it changes on the way into steering."""
 
 
 class Announcer:
-    """Texts of one companion."""
+    """Sender of one companion's texts to the ground station."""
 
     def __init__(self, name: str, alerts: Alerts) -> None:
-        """Before the first text.
-
-        Args:
-            name: of the vehicle.
-            alerts: what is said.
-        """
         self._name = name
         self._alerts = alerts
         self._number = 0
@@ -265,10 +259,10 @@ class Announcer:
         """Announce a change of mode at once, and another reason for not steering once it lasts.
 
         Args:
-            mode: of the companion, now.
-            control: in whose hands the vehicle is, now.
-            sentence: says what that means, and what to do.
-            now: s.
+            mode: mode of the companion.
+            control: party that controls the vehicle.
+            sentence: function that returns the text.
+            now: own time, s.
         """
         if control is not self._control:
             self._control, self._control_since = control, now
@@ -280,7 +274,7 @@ class Announcer:
             self._alerts.show_mode(sentence())
 
     def due(self, now: float) -> list[MAVLink_message]:
-        """Messages for the text that may be sent now."""
+        """Return messages for the text that may be sent now."""
         alert = self._alerts.due(now)
         if alert is None:
             return []
@@ -292,14 +286,14 @@ class Announcer:
 def mode_sentence(
     mode: Mode, control: Control, flight_mode: str, guided: str, returns_s: float | None
 ) -> str:
-    """What has happened, and what to do.
+    """Return text on what has happened, and what to do.
 
     Args:
-        mode: of the companion, now.
-        control: in whose hands the vehicle is.
-        flight_mode: of the autopilot.
-        guided: what the autopilot calls the mode in which it is steered.
-        returns_s: silence of the positions (s) after which it is handed back; None where it was not steered.
+        mode: mode of the companion.
+        control: party that controls the vehicle.
+        flight_mode: name of the autopilot's mode.
+        guided: autopilot's name of the guided mode.
+        returns_s: silence of positions after which it is handed back, s; None where it was not steered.
     """
     if mode is Mode.WAITING:
         return waiting_sentence(control, flight_mode, guided, returns_s)
@@ -314,7 +308,7 @@ def mode_sentence(
 
 
 def pilot_sentence(control: Control, flight_mode: str, guided: str) -> str:
-    """Who flies where nothing is steered."""
+    """Return text on who flies while the pilot has control."""
     if control is Control.PILOT and flight_mode == guided:
         return (
             f"the autopilot denies being in {guided}, which its heartbeats show: not steering;"
@@ -326,7 +320,7 @@ def pilot_sentence(control: Control, flight_mode: str, guided: str) -> str:
 def waiting_sentence(
     control: Control, flight_mode: str, guided: str, returns_s: float | None
 ) -> str:
-    """Why nothing is steered."""
+    """Return text on why nothing is steered."""
     if control is Control.GUIDED and returns_s is not None:
         return (
             f"no position heard, not steering; after {returns_s:g} s without one it is handed back to the"

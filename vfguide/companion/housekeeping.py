@@ -1,4 +1,4 @@
-"""What goes to the autopilot by time: heartbeats, requests for telemetry, and questions about it."""
+"""Periodic messages to the autopilot: heartbeats, telemetry requests, and queries."""
 
 import math
 from collections import Counter
@@ -26,23 +26,23 @@ from vfguide.mavlink.announcements import (
 )
 from vfguide.mavlink.reports import CommandReport, ParameterReport
 
-# Whether an autopilot takes the commands by which it is steered: by its answers, on the ground already.
+# The autopilot's answers show, on the ground already, whether it takes the commands that steer it.
 #
-# One that has no such command says so whatever its mode. One that refuses each of them while its heartbeats
-# show the guided mode has its own reason. Neither is steered.
+# One without such a command says so in any mode. One that refuses each of them while its heartbeats show the
+# guided mode has its own reason. Neither is steered.
 
 UNSUPPORTED_TIMES = 2
-"""Answers that a command is not supported: a single one may be somebody else's."""
+"""Count of "unsupported" answers that is believed: a single one may be somebody else's."""
 
 REFUSED_TIMES, REFUSED_S = 3, 3.0
-"""Refusals in the guided mode, and over how long: a pilot who leaves it shows in a heartbeat sooner."""
+"""Count of refusals in the guided mode, and their span, s: a pilot's change of mode shows sooner."""
 
 ANSWER_S = 3.0
-"""An answer to a question on the ground comes within this, s."""
+"""Time in which a query on the ground is answered, s."""
 
 
 class Obedience:
-    """Of one autopilot, since it was started."""
+    """Obedience of one autopilot since its start."""
 
     def __init__(self, adapter: AutopilotAdapter) -> None:
         self._adapter = adapter
@@ -50,15 +50,15 @@ class Obedience:
         self.forget()
 
     def forget(self) -> None:
-        """Note that the autopilot has started anew: its firmware may be another one."""
+        """Forget all answers, as the autopilot has restarted, maybe with other firmware."""
         self._is_known = False
         self._unsupported: Counter[int] = Counter()
         self._refused: dict[int, list[float]] = {}
         self.refusal: Objection | None = None
-        """Why it cannot be steered, and what to do; None where nothing shows that."""
+        """Objection to steering, with the remedy; None while nothing speaks against it."""
 
     def questions(self, now: float) -> list[MAVLink_message]:
-        """Commands that an autopilot on the ground and outside its guided mode refuses, if it has them."""
+        """Return commands that an autopilot on the ground outside its guided mode refuses if it has them."""
         if self._is_known:
             return []
         messages = self._adapter.steering_questions()
@@ -67,11 +67,11 @@ class Obedience:
         return messages
 
     def hear(self, report: CommandReport, now: float, *, guided: bool) -> bool:
-        """Take an answer; returns whether nobody has to be told of it, beside what `refusal` says.
+        """Process an answer; return whether the pilot needs no word of it beside `refusal`.
 
         Args:
-            report: the answer.
-            now: s.
+            report: acknowledgement of a command.
+            now: own time, s.
             guided: whether heartbeats show the guided mode.
         """
         if report.command not in self._adapter.steering_commands:
@@ -94,7 +94,7 @@ class Obedience:
         return False
 
     def note_mode(self, *, guided: bool) -> None:
-        """Take a heartbeat: in another mode commands are refused rightly, and may be tried again later."""
+        """Process a heartbeat's mode: outside the guided one refusals are right, and forgotten."""
         if guided:
             return
         self._refused.clear()
@@ -111,35 +111,35 @@ class Obedience:
 
 
 HEARTBEAT_S = 1.0
-"""Interval of heartbeats, and of tries of what the autopilot has not answered to."""
+"""Interval of heartbeats, and of retries of unanswered requests, s."""
 
 FAIL_SAFE_S = 5.0
-"""For so long a vehicle is to be handed back before it is left to its autopilot's fail-safe."""
+"""Time for a hand-back before the vehicle is left to its autopilot's fail-safe, s."""
 
 FAIL_SAFE = (
     "nothing to steer by, and it does not show that it was handed back: this companion falls silent, for the"
     " autopilot's fail-safe to act where it is set; take over"
 )
-"""What the pilot hears then."""
+"""Message to the pilot at that moment."""
 
 VERSION_ASKS = 2
-"""How often the number of its hardware is asked for: whoever shares its name answers, too."""
+"""Limit on queries for the hardware's number: each vehicle of the same id answers."""
 
 SILENT_ASKS, HINT_ASKS = 3, 8
-"""After so many requests without a position streams are asked for as well, and the pilot hears of it."""
+"""Requests without a position after which streams are requested too, and after which the pilot is told."""
 
 NO_STREAM = (
     "the autopilot sends no positions although it is asked: set SRx_POSITION, SRx_EXTRA2 and SRx_EXTRA1"
     " of its port (PX4: MAV_x_MODE) to the mission's rate"
 )
-"""What the pilot hears then."""
+"""Message to the pilot when no positions come."""
 
 RATE_SHARE = 0.7
-"""Below this share of the rate that was asked for, telemetry is asked for again."""
+"""Share of the requested rate below which telemetry is requested again."""
 
 
 class Housekeeping:
-    """Of one companion."""
+    """Periodic duties of a companion."""
 
     def __init__(
         self,
@@ -150,15 +150,7 @@ class Housekeeping:
         *,
         inspect: bool,
     ) -> None:
-        """Make one that has sent nothing yet.
-
-        Args:
-            plan: of the vehicle.
-            adapter: how to speak to its autopilot.
-            authority: who may steer.
-            alerts: takes what the pilot should know.
-            inspect: whether to ask for the autopilot's parameters and warn of what does not fit the flight.
-        """
+        """Begin with nothing sent; `inspect` asks for parameters and warns of those that do not fit."""
         self._plan = plan
         self._adapter = adapter
         self._authority = authority
@@ -175,27 +167,27 @@ class Housekeeping:
         self._silent_asks = 0
         self._position_s = -math.inf
         self.commands = Acknowledgements()
-        """Of commands that were sent, by whatever part of the companion."""
+        """Acknowledgements of commands by any part of the companion."""
         self.obedience = Obedience(adapter)
-        """Whether the autopilot takes the commands by which it is steered."""
+        """Judgement on whether the autopilot takes the commands that steer it."""
 
     @property
     def plan(self) -> FlightPlan:
-        """With what the autopilot said of itself, once it has and where it is asked for."""
+        """Flight plan, with the autopilot's own response once known where the plan asks for it."""
         return self._plan if self._parameter_check is None else self._parameter_check.plan
 
     def findings(self) -> list[str]:
-        """What of the autopilot's parameters speaks against taking off."""
+        """Return what speaks against take-off in the autopilot's parameters."""
         return [] if self._parameter_check is None else self._parameter_check.faults()
 
     def retune(self, plan: FlightPlan) -> None:
-        """Keep another response of the same vehicle."""
+        """Use another response of the same vehicle."""
         self._plan = plan
         if self._parameter_check is not None:
             self._parameter_check.plan = plan
 
     def hear_parameter(self, report: ParameterReport) -> None:
-        """Take a parameter, asked for by whomever."""
+        """Process a parameter, whoever has asked for it."""
         if self._parameter_check is not None:
             self._parameter_check.take(report)
 
@@ -208,14 +200,14 @@ class Housekeeping:
         stopped: bool,
         returns: Callable[[], bool],
     ) -> list[MAVLink_message]:
-        """What is to be sent now.
+        """Return the messages that are due.
 
         Args:
-            vehicle: that is guided.
-            mode: of the companion.
-            now: s.
-            stopped: whether the companion has said its last words: then nothing is asked any more.
-            returns: tells whether the vehicle is to be handed back.
+            vehicle: guided vehicle.
+            mode: mode of the companion.
+            now: own time, s.
+            stopped: whether the companion has published its last states, and makes no more requests.
+            returns: function that tells whether the vehicle is to be handed back.
         """
         authority = self._authority
         full = vehicle.own.radio.is_full(now)
@@ -230,7 +222,7 @@ class Housekeeping:
             return messages
         silent = now - vehicle.telemetry_time > self._timeouts.telemetry_s
         slow = vehicle.interval * self._plan.rate_hz * RATE_SHARE > 1.0
-        # What comes unasked may have another rate, or its parts each their own.
+        # Unrequested telemetry may have another rate, or several.
         if authority.connected and (silent or slow or not self._asked_for_telemetry):
             self._asked_for_telemetry = True
             messages += self._telemetry_requests(now)
@@ -242,16 +234,16 @@ class Housekeeping:
         return messages
 
     def _telemetry_requests(self, now: float) -> list[MAVLink_message]:
-        """What asks for telemetry: message by message, or by streams where that brings none."""
+        """Return requests for telemetry by message, or by streams where the former bring none."""
         rate_hz, bank = self._plan.rate_hz, self._plan.hears_bank
         none_came = now - self._position_s > self._timeouts.telemetry_s + HEARTBEAT_S
-        # Where nothing at all is heard another way of asking brings nothing.
+        # Where nothing is heard, another kind of request brings nothing.
         none_came = none_came and self._authority.silence_s(now) <= FAIL_SAFE_S
         self._silent_asks = self._silent_asks + 1 if none_came else 0
         by_message = [] if self._by_streams else self._adapter.request_telemetry(rate_hz)
         if by_message and bank:
             by_message += self._adapter.request_attitude(rate_hz)
-        # A request may get lost; an autopilot may also ignore it without an answer.
+        # A request may get lost, and some autopilots ignore it without an answer.
         by_streams = self._by_streams or self._silent_asks > SILENT_ASKS
         if self._silent_asks == HINT_ASKS:
             self._alerts.say("telemetry", WARNING, NO_STREAM)
@@ -260,17 +252,17 @@ class Housekeeping:
         return [*by_message, *self._adapter.request_streams(rate_hz, attitude=bank)]
 
     def note_position(self, now: float) -> None:
-        """Take that a position has come, whether it is believed or not."""
+        """Note that a position has come, believed or not."""
         self._position_s = now
 
     def answered(self, report: CommandReport, now: float) -> None:
-        """Take an answer to a command, and tell the pilot of a refusal."""
+        """Process an answer to a command, and tell the pilot of a refusal."""
         if report.command == mavlink.MAV_CMD_SET_MESSAGE_INTERVAL:
             self._takes_intervals = self._takes_intervals or report.result in GOOD
             unsupported = report.result == mavlink.MAV_RESULT_UNSUPPORTED
             self._by_streams = unsupported and not self._takes_intervals
         if report.command == mavlink.MAV_CMD_REQUEST_MESSAGE:
-            # Who has no number, or cannot be asked for it, is none the worse for it.
+            # An autopilot without a hardware number, or without the query, is none the worse for it.
             return
         known = self.obedience.hear(report, now, guided=self._authority.shows_guided)
         if not known:
@@ -280,10 +272,10 @@ class Housekeeping:
             self._alerts.say("command", WARNING, complaint)
 
     def _leaves_to_fail_safe(self, now: float, returns: Callable[[], bool]) -> bool:
-        """Whether a vehicle flies on by old setpoints although it should have been handed back.
+        """Check whether the vehicle flies by old setpoints although it should have been handed back.
 
-        Nothing more can be done then by a companion that hears no heartbeat, or is not obeyed. Its own
-        heartbeats would keep off the fail-safe that the autopilot has for the loss of its companion.
+        A companion that hears no heartbeat, or is not obeyed, can then do nothing more. Its own heartbeats
+        would keep off the fail-safe that the autopilot has for the loss of its companion.
         """
         authority = self._authority
         unheard = authority.silence_s(now) > self._timeouts.telemetry_lost_s
@@ -295,13 +287,13 @@ class Housekeeping:
         return True
 
     def _heartbeats(self, mode: Mode) -> list[MAVLink_message]:
-        """Of this companion; while no pilot flies also of what the autopilot's fail-safe counts."""
+        """Return own heartbeats, and while no pilot flies those that a ground-station fail-safe counts."""
         if self._adapter.counts_ground_stations and mode is not Mode.PILOT:
             return [heartbeat(), ground_station_heartbeat()]
         return [heartbeat()]
 
     def _questions(self, now: float) -> list[MAVLink_message]:
-        """What is not known of the autopilot yet."""
+        """Return queries for what is not yet known of the autopilot."""
         messages = self._adapter.questions()
         if not messages and self._version_asks < VERSION_ASKS:
             self._version_asks += 1

@@ -1,7 +1,7 @@
-"""A leader without a companion, as one follower hears it: MAVLink bytes in, its motion out.
+"""Reception of a leader without a companion by one follower: MAVLink bytes in, its motion out.
 
-What a leader's companion tells of itself over the link is found out here: which of the messages to go by,
-when they were true, whether they can be true, turn rate and acceleration.
+What a companion tells over the link is inferred here: which messages to use, when they were true, whether
+they can be true, turn rate and acceleration.
 """
 
 import math
@@ -32,44 +32,44 @@ from vfguide.mavlink.reports import TimeReport
 from vfguide.state import HeardState
 
 BETTER_S = 3.0
-"""Two messages of a kind within this, and it comes again and again; after it the next best is followed."""
+"""Interval within which two messages of a kind make it regular, s; later the next best is used."""
 
 NEVER = (-math.inf, -math.inf)
-"""When the last two messages of a kind came that has not come."""
+"""Times of the last two messages of a kind that was never received, s."""
 
 LEAST_INTERVAL_S = 0.02
-"""Messages that come closer than this say the same twice."""
+"""Minimum interval between messages, s: closer ones repeat the same."""
 
 FORGOTTEN_S = 4.0
-"""After a longer silence the rates start anew."""
+"""Silence after which turn rate and acceleration restart, s."""
 
 STALE_S = 1.0
-"""A leader that is heard later than this is worth a text to the pilot."""
+"""Latency of the leader's messages that is worth a text to the pilot, s."""
 
 SAY_S = 1.0
-"""Interval of heartbeats for it, and of questions."""
+"""Interval of heartbeats and time requests, s."""
 
 OPEN = 8
-"""Questions that an answer is awaited for."""
+"""Limit on open time requests."""
 
 STAMPED_BY_AUTOPILOT: frozenset[Kind] = frozenset(
     {"GLOBAL_POSITION_INT", "GLOBAL_POSITION_INT_COV", "HIGH_LATENCY2"}
 )
-"""What autopilots send with the clock that they answer questions by. FOLLOW_TARGET is sent by programs beside
-them, whose clocks may be seconds apart from it: that would look like a delay."""
+"""Messages stamped with the clock by which autopilots answer time requests. Programs beside them send
+FOLLOW_TARGET. Their clocks may be seconds apart from it, which would look like a delay."""
 
 FLIES_M_S = 3.0
-"""Over ground: slower than this it stands on the ground, or hangs from a parachute."""
+"""Ground speed below which it stands on the ground, or hangs from a parachute, m/s."""
 
 OTHERS_HEARD = 10
-"""Reports of another system, before it is told that the leader is not heard."""
+"""Reports of another system after which the pilot is told that the leader is not heard."""
 
 LONGEST_S = 12.0
-"""From one place to the next, where velocities are not told: a longer way says nothing of the course."""
+"""Longest interval between places from which a velocity is computed, s."""
 
 
 class LeaderTelemetry(HeardVehicle):
-    """The newest motion of one aircraft."""
+    """Newest motion of a leader without a companion."""
 
     def __init__(
         self,
@@ -81,15 +81,9 @@ class LeaderTelemetry(HeardVehicle):
         system_id: int,
         beside: Callable[[HeardState], HeightWitnesses] | None = None,
     ) -> None:
-        """Make it, with nothing heard yet.
+        """Begin with nothing heard; `beside` finds witnesses of an altitude.
 
-        Args:
-            leader: who is listened for, and what it can do.
-            frame: the formation's local frame.
-            alerts: takes what a pilot should know.
-            moved_s: for how long reports from where it cannot be have to agree before they are believed.
-            system_id: of one's own vehicle.
-            beside: finds what there is beside the altitude of a state.
+        Reports from an impossible place must agree for `moved_s`, s, before they are believed.
         """
         super().__init__(
             Belief(reach_of(leader.airframe), moved_s=moved_s), alerts, "the leader", beside
@@ -116,7 +110,7 @@ class LeaderTelemetry(HeardVehicle):
         self._complained = False
 
     def take(self, data: bytes, now: float) -> bool:
-        """Take a datagram; whether it had a newer motion that can be true."""
+        """Process a datagram; return whether it had a newer motion that is believed."""
         believed = False
         for report in self._codec.decode(data):
             if isinstance(report, TimeReport):
@@ -128,7 +122,7 @@ class LeaderTelemetry(HeardVehicle):
         return believed
 
     def _complain_of_others(self) -> None:
-        """Tell the pilot when others are heard there, and it is not: most likely its number is another."""
+        """Tell the pilot if only another system is heard: most likely the configured number is wrong."""
         for system_id, count in self._codec.others.most_common(1):
             if count >= OTHERS_HEARD:
                 self._complained = True
@@ -138,7 +132,7 @@ class LeaderTelemetry(HeardVehicle):
                 )
 
     def say(self, now: float) -> bytes:
-        """What it is told, now and then: that somebody listens, and a question for its time."""
+        """Return a heartbeat, and a time request, when they are due."""
         if now - self._said_s < SAY_S:
             return b""
         self._said_s = now
@@ -148,7 +142,7 @@ class LeaderTelemetry(HeardVehicle):
         return self._voice.encode(messages)
 
     def _answer(self, report: TimeReport, now: float) -> None:
-        """It says what its clock shows."""
+        """Process the leader's answer to a time request."""
         asked_s = self._questions.answered(report.stamp)
         if asked_s is not None:
             for kind, clock in self._clocks.items():
@@ -172,7 +166,7 @@ class LeaderTelemetry(HeardVehicle):
         return self._judge(report, reading, slip_s)
 
     def _read(self, report: LeaderReport, now: float) -> Reading | None:
-        """When a report was true; None where that cannot be known, or it says nothing new."""
+        """Return when a report was true; None if that cannot be known, or it says nothing new."""
         place = report.latitude_deg, report.longitude_deg
         clock = self._clocks.get(report.kind)
         if clock is None:
@@ -189,7 +183,7 @@ class LeaderTelemetry(HeardVehicle):
             return None
         if report.stamp_s is None or clock.fault is not None:
             if place == self._unstamped:
-                # A receiver that repeats a position says nothing new about where the aircraft is now.
+                # A receiver that repeats a position says nothing new about the aircraft's place now.
                 self.counters["repeated"] += 1
                 return None
             self._unstamped = place
@@ -199,7 +193,7 @@ class LeaderTelemetry(HeardVehicle):
         return reading
 
     def _tell_of_stamps(self, kind: Kind, fault: str | None) -> None:
-        """Tell the pilot of stamps that tell no time, and that they do again."""
+        """Tell the pilot when time stamps become useless, and when they are useful again."""
         if self.turns(f"stamps of {kind}", holds=fault is not None):
             self.tell(
                 "sends time stamps that tell time again: followed by them, nothing to do"
@@ -209,19 +203,19 @@ class LeaderTelemetry(HeardVehicle):
             )
 
     def _has_better(self, kind: Kind, now: float) -> bool:
-        """Whether another kind of message is to be followed: the best that comes again and again."""
+        """Check whether a better kind of message arrives regularly."""
         coming = [one for one in KINDS if now - self._heard_s.get(one, NEVER)[0] <= BETTER_S]
         return bool(coming) and coming[0] != kind
 
     def _begin(self, kind: Kind, *, restarted: bool) -> None:
-        """From here on times are on another clock: nothing before them says how long ago it was."""
+        """Begin anew with times on another clock, to which earlier times have no relation."""
         self._kind, self._place, self._motion = kind, None, None
         self.belief.forget()
         if restarted:
             self.tell("has another clock, as after a restart: followed by that from now on")
 
     def _tell_of_lateness(self, age_s: float) -> None:
-        """Tell the pilot when it is heard late, and when it is not any more."""
+        """Tell the pilot when the leader is heard late, and when in time again."""
         if not 0.5 * STALE_S <= age_s <= STALE_S and self.turns("late", holds=age_s > STALE_S):
             self.tell(
                 f"is heard {age_s:.1f} s late: its turns show by that later; see to the radio"
@@ -230,7 +224,7 @@ class LeaderTelemetry(HeardVehicle):
             )
 
     def _flies(self, speed: float) -> bool:
-        """Whether it flies, which the pilot is told of."""
+        """Check whether the leader flies, and tell the pilot of changes."""
         stands = speed < FLIES_M_S
         if self.turns("stands", holds=stands):
             self.tell(
@@ -241,7 +235,7 @@ class LeaderTelemetry(HeardVehicle):
         return not stands
 
     def _judge(self, report: LeaderReport, reading: Reading, slip_s: float) -> bool:
-        """Whether a report can be true, after those before and what its clock has lost since, s."""
+        """Check whether a report can be true after those before; `slip_s` is its clock's loss since, s."""
         north, east = self._frame.to_local(report.latitude_deg, report.longitude_deg)
         velocity = report.velocity or self._velocity_between(north, east, reading)
         if velocity is None:
@@ -263,7 +257,7 @@ class LeaderTelemetry(HeardVehicle):
             altitude_amsl=report.altitude_amsl,
             height=report.altitude_amsl - self._frame.altitude_m,
             climb_rate=report.climb_rate,
-            # The formation flies as it does, and is no surer of any other leader.
+            # The formation follows it in any case, and no other leader is better known.
             steered=True,
         )
         believed = self.believe(motion, said, max(slip_s, 0.0))
@@ -289,14 +283,14 @@ class LeaderTelemetry(HeardVehicle):
     def _velocity_between(
         self, north: float, east: float, reading: Reading
     ) -> tuple[float, float] | None:
-        """The velocity of a report that tells none: as observed a moment ago, else from the place before."""
+        """Return the velocity for a report without one: as last observed, else between places; or None."""
         if self._motion is not None:
             state = self._motion.state
             age_s = reading.stamp_s - state.time_s
             if age_s <= FORGOTTEN_S:
                 course = state.course + state.turn_rate * age_s
                 return state.ground_speed * math.cos(course), state.ground_speed * math.sin(course)
-            # Nobody knows which turns it has flown since.
+            # The turns that it has flown since are not known.
             self._motion = None
         before = self._place
         interval_s = math.inf if before is None else reading.stamp_s - before.time_s
@@ -308,7 +302,7 @@ class LeaderTelemetry(HeardVehicle):
         return (north - before.north) / interval_s, (east - before.east) / interval_s
 
     def _observed(self, report: LeaderReport, motion: ReportedMotion) -> ObservedMotion:
-        """What is known of the motion after a report that is believed."""
+        """Return the observed motion after a report that is believed."""
         seen = Observation(
             time_s=motion.time_s,
             north=motion.north,

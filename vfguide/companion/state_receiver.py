@@ -1,12 +1,11 @@
-"""What a follower believes of states from the link: sound, new, of about now, possible, and not contradicted.
+"""Acceptance of states from the link: sound, new, of about now, possible, and not contradicted.
 
-Who has a leader's key can tell each follower another place. Each story is possible by itself, so what is
-heard of the leader alone shows nothing. But followers say in their own states where their leader was, and
-when: two places at one time are two stories.
+Whoever has a leader's key can tell each follower another place, and each of these stories is possible by
+itself. But followers also report where their leader was, and when: two places at one time are two stories.
 
-Nobody can see which story is true. Who is outvoted for a second, or has as many against it as with it,
-follows the leader only while the stories are within the radius that the mission's spacing allows. Where two
-follow, the key of one can end the following of the other. All keep clear of both places.
+Nobody can see which story is true. A follower that is outvoted for a second follows the leader only while the
+stories are within the radius that the mission's spacing allows. So does one with as many against it as with
+it. Where two follow, the key of one can end the following of the other. All keep clear of both places.
 """
 
 import math
@@ -30,23 +29,23 @@ from vfguide.mavlink.announcements import WARNING
 from vfguide.state import Airframe, HeardState, LeaderFix
 
 FUTURE_S = 0.25
-"""A state from farther in the future than this is not believed."""
+"""Tolerance on states from the future, s."""
 
 PAST_S = 60.0
-"""A state that is older than this when it arrives is not believed either."""
+"""Maximum age of a state on arrival, s."""
 
 SAME_S = 2e-3
-"""Times that differ by less are one: links tell them to 1 ms, and round differently."""
+"""Tolerance within which times are equal, s: links carry them to 1 ms and round differently."""
 
 ANY_REACH = reach_of(Airframe(airspeed_max=60.0, max_bank=math.radians(60.0)))
-"""What the aircraft of others can do at most: a listener does not know their limits."""
+"""Flight limits assumed for other aircraft, whose own limits are not known."""
 
 REMEMBERED = 1024
-"""States that have been read: more than are on their way at a time in any rehearsal."""
+"""Size of the cache of decoded states: more than are ever on their way in a rehearsal."""
 
 
 class StateReceiver(HeardVehicle):
-    """The newest state of one other vehicle."""
+    """Newest state of one other vehicle."""
 
     def __init__(
         self,
@@ -58,15 +57,9 @@ class StateReceiver(HeardVehicle):
         moved_s: float = MOVED_S,
         beside: Callable[[HeardState], HeightWitnesses] | None = None,
     ) -> None:
-        """Make it, with nothing heard yet.
+        """Begin with nothing heard; texts begin with `whose`, and `beside` finds an altitude's witnesses.
 
-        Args:
-            frame: the formation's local frame.
-            clock: that the times of states are on.
-            alerts: takes what a pilot should know.
-            whose: states these are, as texts begin.
-            moved_s: for how long states from where it cannot be have to agree before they are believed.
-            beside: finds what there is beside the altitude of a state.
+        States from an impossible place must agree for `moved_s`, s, before they are believed.
         """
         super().__init__(Belief(ANY_REACH, moved_s=moved_s), alerts, whose, beside)
         self._frame = frame
@@ -74,7 +67,7 @@ class StateReceiver(HeardVehicle):
         self._judged_s = -math.inf
 
     def take(self, data: bytes, now: float) -> bool:
-        """Take a state if it is sound and newer than the one before; whether it was."""
+        """Process a state; return whether it is sound, newer, and believed."""
         try:
             motion = motion_of(data, self._frame)
         except LinkDataError:
@@ -83,7 +76,7 @@ class StateReceiver(HeardVehicle):
         time_s = self._clock.to_own(motion.time_s)
         if time_s > now + FUTURE_S:
             self.counters["from the future"] += 1
-        # Not "below": where the shared clock is not known yet the time is NaN.
+        # The shared clock gives NaN while not known, which fails this test too.
         elif not time_s >= now - PAST_S:
             self.counters["too old"] += 1
         elif time_s <= self._judged_s + SAME_S:
@@ -93,9 +86,9 @@ class StateReceiver(HeardVehicle):
         return False
 
     def _judge(self, said: HeardState, time_s: float) -> bool:
-        """Whether a state can be true, after those before; it was so at a time (s) of one's own clock."""
+        """Judge a state, true at an own time, s, by those before; return whether it is believed."""
         self._judged_s = time_s
-        # On one's own clock: the formation's jumps when the leader's computer starts anew.
+        # Use the own clock, as the formation's jumps when the leader's computer restarts.
         motion = ReportedMotion(
             time_s, said.north, said.east, *polar(said.ground_speed, said.course)
         )
@@ -108,9 +101,9 @@ class StateReceiver(HeardVehicle):
 
 @lru_cache(maxsize=REMEMBERED)
 def motion_of(data: bytes, frame: LocalFrame) -> HeardState:
-    """A state from the link, in the local frame and at its time on the shared clock.
+    """Decode a state into the local frame, at its time on the shared clock.
 
-    Remembered, since the companions of a rehearsal, a hundred in one process, all hear the same bytes.
+    Results are cached, as up to a hundred companions of a rehearsal in one process hear the same bytes.
 
     Raises:
         LinkDataError: the bytes are no sound state.
@@ -148,55 +141,49 @@ def motion_of(data: bytes, frame: LocalFrame) -> HeardState:
 
 
 def place_said(said: HeardState) -> LeaderFix:
-    """Where a leader says that it is, on the clock that the formation shares."""
+    """Return where a leader reports itself, on the shared clock."""
     return LeaderFix(said.time_s, said.north, said.east, said.altitude_amsl)
 
 
 SAME_M = 1.0
-"""Places that differ by less are one: they are told to 0.1 m and 1 ms, and met on a chord, not on an arc."""
+"""Tolerance within which places are equal, m: sent to 0.1 m and 1 ms, and met on a chord, not an arc."""
 
 REMEMBERED_S = 5.0
-"""For so long it is known where the leader was: longer than a state of a follower is on its way."""
+"""Time for which the leader's places are kept, s: longer than the latency of a follower's state."""
 
 APART_S = 0.6
-"""States of the leader that are farther apart tell no place between them."""
+"""Interval between leader's states beyond which no place between them is known, s."""
 
 CERTAIN_S = 1.0
-"""A follower that is outvoted for so long does not follow: everybody has told twice by then."""
+"""Time after which an outvoted follower does not follow, s: all have reported twice by then."""
 
 SAID_S = 1.5
-"""For so long a follower's word counts: it says one 2.5 times a second at least."""
+"""Validity of a follower's report, s: it sends at least 2.5 a second."""
 
 
 class Story(msgspec.Struct, frozen=True, kw_only=True):
-    """Where a follower's leader was, against what this vehicle was told of that time."""
+    """Offset of a follower's story of its leader's place from what this vehicle was told of that time."""
 
     said_s: float
-    """When the follower said it, s of the own clock."""
+    """Own time of the follower's report, s."""
     north: float
-    """From the place that this vehicle was told, m."""
+    """Offset north, m."""
     east: float
-    """m."""
+    """Offset east, m."""
     up: float
-    """m."""
+    """Offset up, m."""
 
     @property
     def apart(self) -> float:
-        """Distance of both places, m."""
+        """Distance between both places, m."""
         return math.hypot(self.north, self.east, self.up)
 
 
 class LeaderStories:
-    """What one vehicle was told of its leader, and what the followers say of theirs."""
+    """Comparison of what this vehicle and the followers were told of the leader's place."""
 
     def __init__(self, most_m: float, alerts: Alerts | None = None, *, leads: bool = False) -> None:
-        """Know of no leader yet.
-
-        Args:
-            most_m: stories that are farther apart are not followed, m.
-            alerts: takes what a pilot should know.
-            leads: whether this vehicle is the leader itself.
-        """
+        """Begin with no leader known; stories more than `most_m` apart, m, are not followed."""
         self._most_m = most_m
         self._alerts = alerts or Alerts()
         self._leads = leads
@@ -210,11 +197,11 @@ class LeaderStories:
 
     @property
     def newest(self) -> LeaderFix | None:
-        """Where this vehicle was told last that the leader is."""
+        """Newest place of the leader as told to this vehicle."""
         return self._places[-1] if self._places else None
 
     def hear_leader(self, place: LeaderFix, term: int) -> None:
-        """Take what the leader of a term says, or what it says itself where this is the leader."""
+        """Process a place of the leader in a term; the leader itself passes its own."""
         newest = self._places[-1].time_s if self._places else -math.inf
         if term < self._term:
             return
@@ -229,7 +216,7 @@ class LeaderStories:
             self._places.popleft()
 
     def hear_follower(self, vehicle: str, said: HeardState, now: float) -> None:
-        """Take a follower's state, where it tells of its leader; now: s of the own clock."""
+        """Process a follower's state at an own time, s, for its report on its leader."""
         self._heard_s[vehicle] = now
         place = said.leader_fix
         if place is None or said.term != self._term:
@@ -247,7 +234,7 @@ class LeaderStories:
         self._judge(now)
 
     def _place_at(self, time_s: float) -> LeaderFix | None:
-        """Where this vehicle was told that the leader was, on the chord between two states."""
+        """Return the leader's place as told to this vehicle, interpolated on a chord; None if not known."""
         later = None
         for place in reversed(self._places):
             if abs(place.time_s - time_s) <= SAME_S:
@@ -258,16 +245,11 @@ class LeaderStories:
         return None
 
     def may_be_followed(self, now: float) -> bool:
-        """Whether the leader may be followed: no others that count speak against it."""
+        """Check whether the leader may be followed: this vehicle is not outvoted, nor was it lately."""
         return now - self._parted_s > RETURN_S
 
     def elsewhere(self, leader: HeardState, now: float) -> HeardState | None:
-        """The leader where the story that is farthest from the own one has it; None where all are the same.
-
-        Args:
-            leader: as this vehicle was told.
-            now: s.
-        """
+        """Return the leader at the story farthest from `leader`, the own one; None where all agree."""
         against = self._against(now)
         if not against:
             return None
@@ -282,7 +264,7 @@ class LeaderStories:
         )
 
     def _against(self, now: float) -> dict[str, Story]:
-        """The stories that speak against the own one, by who tells them."""
+        """Return the recent stories that contradict the own one, by follower."""
         return {
             name: one
             for name, one in self._stories.items()
@@ -290,7 +272,7 @@ class LeaderStories:
         }
 
     def _judge(self, now: float) -> None:
-        """Find out whether the leader may be followed, and tell the pilot what has changed."""
+        """Decide whether the leader may be followed, and tell the pilot of changes."""
         against = self._against(now)
         if not against:
             self._outvoted_since = math.inf
@@ -300,7 +282,7 @@ class LeaderStories:
                     "stories", WARNING, "all fly by the same leader state again: nothing to do"
                 )
             return
-        # Who has not told yet is not against: the first to speak is not the majority.
+        # A follower that has not reported yet is not against: the first to speak is not the majority.
         count = sum(now - heard_s <= SAID_S for heard_s in self._heard_s.values())
         apart = max(one.apart for one in against.values())
         far = sum(one.apart > self._most_m for one in against.values())
@@ -318,7 +300,7 @@ class LeaderStories:
         self._alerts.say(f"stories: {names} {followed}", WARNING, text, quiet_s=QUIET_S)
 
     def _sentence(self, names: str, apart: float, *, outvoted: bool, now: float) -> str:
-        """What does not agree, what follows from it, and what to do."""
+        """Return text on the disagreement, its consequence, and the remedy."""
         verb = "fly" if " and " in names else "flies"
         begins = f"{names} {verb} by a place of the leader that is {apart:.0f} m from"
         if self._leads:
@@ -336,7 +318,7 @@ class LeaderStories:
 
 
 def between(first: LeaderFix, second: LeaderFix, time_s: float) -> LeaderFix | None:
-    """The place on the chord between two; None where they are too far apart, or no aircraft flies so."""
+    """Return the place on the chord between two; None if they are too far apart in time or in space."""
     whole = second.time_s - first.time_s
     level = math.hypot(second.north - first.north, second.east - first.east)
     up = abs(second.altitude_amsl - first.altitude_amsl)
