@@ -1,4 +1,4 @@
-"""What an autopilot tells of a flight, in telemetry or in its own log, whichever autopilot wrote it."""
+"""Flight data of an autopilot, from telemetry or its own log, independent of the autopilot's make."""
 
 import os
 import struct
@@ -24,39 +24,36 @@ from vfguide.record.tlog import read_tlog
 from vfguide.regular_file import open_regular
 
 LONGEST_FLIGHT_S = 86_400.0
-"""s around a recording's start in which frames can belong to it."""
+"""Largest time difference from a recording's start at which frames can belong to it."""
 
 ENVELOPE_S = 10.0
-"""s over which the promptest frame tells how the autopilot's clock and the computer's are apart."""
+"""Window in which the promptest frame gives the offset between the autopilot's clock and the computer's."""
 
 ColumnsOf = Callable[[MAVLink_message], tuple[float, ...] | None]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Telemetry:
-    """Rows in the order in which they came, first the time, s since 1970 by the companion's computer."""
+    """Reports in order of arrival; the first column is the companion computer's time, s since 1970."""
 
     positions: FloatArray
     """Time, latitude and longitude in degrees, altitude in m, velocity north and east in m/s, heading in rad
     or NaN."""
     airspeeds: FloatArray
-    """Time, true airspeed as reported, m/s."""
+    """Time, true airspeed as reported in m/s."""
     banks: FloatArray
-    """Time, roll angle, rad."""
+    """Time, roll angle in rad."""
     gps_times: FloatArray
-    """Time, s since 1970 by satellite navigation."""
+    """Time, satellite time in s since 1970."""
 
 
 def read_telemetry(path: Path, *, system_id: int, start_s: float) -> Telemetry:
-    """The telemetry of one vehicle.
+    """Read one vehicle's telemetry from a log begun at `start_s`, s since 1970.
 
-    Args:
-        path: of the log.
-        system_id: of the vehicle; frames of others, the companion's own among them, are left out.
-        start_s: when the log was begun, s since 1970.
+    Frames of other vehicles and of the companion are left out.
 
     Raises:
-        InputError: it cannot be read, or is too large.
+        InputError: the log cannot be read, or is too large.
     """
     rows = {kind: array("d") for kind in READERS}
     parser = MAVLink(None)
@@ -121,23 +118,23 @@ READERS: dict[int, ColumnsOf] = {
     mavlink.MAVLINK_MSG_ID_ATTITUDE: _bank,
     mavlink.MAVLINK_MSG_ID_SYSTEM_TIME: _gps_time,
 }
-"""What is read of a log."""
+"""Functions that read messages, by message id."""
 
 
 def as_rows(values: Sequence[float], columns: int) -> FloatArray:
-    """Rows that were written one behind the other."""
+    """Reshape values that were appended row by row."""
     return np.array(values, dtype=np.float64).reshape(-1, columns)
 
 
 def by_boot_clock(arrivals_s: FloatArray, boot_s: FloatArray) -> FloatArray:
-    """When reports were made, by the autopilot's clock, which the promptest of ten seconds ties to ours.
+    """Return when reports were made: boot times, offset by the promptest report of each ten seconds.
 
-    Frames are late by how long they waited for the wire, up to tenths of a second. A clock that goes back
-    belongs to an autopilot that was started anew, and is tied anew.
+    Frames wait for the serial line, up to tenths of a second. A clock that goes back belongs to a restarted
+    autopilot, and gets a new offset.
 
     Args:
-        arrivals_s: N times at which reports came, s, ascending.
-        boot_s: the autopilot's time in each, s.
+        arrivals_s: N arrival times, s, ascending.
+        boot_s: the autopilot's time in each report, s.
     """
     made = arrivals_s.copy()
     starts = np.flatnonzero(np.diff(boot_s) < 0.0) + 1
@@ -154,31 +151,31 @@ def by_boot_clock(arrivals_s: FloatArray, boot_s: FloatArray) -> FloatArray:
 
 
 GREATEST_SIZE = 1024**3
-"""Bytes: an hour of PX4 at its usual rates is 500 MB."""
+"""Largest log in bytes: an hour of PX4 at its usual rates is 500 MB."""
 
 DAMAGE = (ArithmeticError, LookupError, ValueError, struct.error)
-"""What reading raises on bytes that are something else, or damaged."""
+"""Exceptions that foreign or damaged bytes raise."""
 
 REMEDY = "give the log of one flight, as the autopilot wrote it"
 
 FINEST_STEP_S = 0.01
-"""s between two rows of a kind that are kept."""
+"""Shortest interval between kept rows of a kind."""
 
 MOST_ROWS = 4_000_000
-"""Rows of all kinds of a log that are kept: ten hours at a hundred a second, and all that a file can cost."""
+"""Largest number of rows kept of a log: ten hours at a hundred per second, which bounds the memory."""
 
 ERA_S = 1024 * 604_800.0
-"""s after which a receiver's week number of ten bits begins again."""
+"""Period of a receiver's ten-bit week number."""
 
 ERA_BEGIN_UNIX_S = 1_483_228_800.0
-"""2017: no log that is read here is older."""
+"""Begin of 2017, which is before all logs read here."""
 
 
 class LogRows:
-    """Rows of numbers of several kinds, as they are read; no more than anybody needs."""
+    """Rows of numbers by kind, thinned and limited in number."""
 
     def __init__(self, finest_step_s: float = FINEST_STEP_S) -> None:
-        """Begin with none; rows of a kind that follow each other sooner than this are left out."""
+        """Begin without rows; `finest_step_s` is the shortest interval between rows of a kind."""
         self._finest_step_s = finest_step_s
         self._values: dict[str, MutableSequence[float]] = {}
         self._newest: dict[str, float] = {}
@@ -186,7 +183,7 @@ class LogRows:
         self._is_cut = False
 
     def add(self, kind: str, time_s: float, *values: float) -> None:
-        """Keep a row, unless the one of its kind before it is as new."""
+        """Keep a row unless it is too close in time to the last of its kind."""
         if abs(time_s - self._newest.get(kind, -np.inf)) >= self._finest_step_s:
             if not self._left:
                 self._is_cut = True
@@ -196,7 +193,7 @@ class LogRows:
             self._values.setdefault(kind, array("d")).extend((time_s, *values))
 
     def notes(self, path: Path) -> tuple[str, ...]:
-        """What a reader has to know of the rows of a file."""
+        """Return remarks for the reader on a file's rows."""
         if not self._is_cut:
             return ()
         return (
@@ -204,40 +201,34 @@ class LogRows:
         )
 
     def table(self, kind: str, columns: int, needed: int | None = None) -> FloatArray:
-        """Rows of a kind in the order of their times, those whose first numbers are known, all if None."""
+        """Return a kind's rows by time; the first `needed` columns must be finite, all if None."""
         return in_order(as_rows(self._values.get(kind, array("d")), columns), needed)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class AutopilotLog:
-    """One log, read."""
+    """Contents of one autopilot log."""
 
     path: Path
-    """Where it is."""
     autopilot: str
-    """Who wrote it, such as ArduPlane."""
+    """Autopilot that wrote the log, such as ArduPlane."""
     system_id: int
-    """MAVLink system of the vehicle."""
     telemetry: Telemetry
-    """What the autopilot knew of itself; its clock begins when it was started."""
+    """Estimates of the autopilot; times count from its start."""
     setpoints: FloatArray
-    """Rows of time in s, course over ground in rad and airspeed in m/s that it was asked for."""
+    """Rows of time in s, commanded course over ground in rad and commanded airspeed in m/s."""
     ground: FloatArray = field(default_factory=lambda: np.empty((0, 2)))
-    """Rows of a time of its clock, s, and what to add for that of the computer that wrote the log."""
+    """Rows of autopilot time and of the offset to the time of the computer that wrote the log, s."""
     notes: tuple[str, ...] = ()
-    """What else a reader has to know of it."""
+    """Further remarks for the reader."""
 
 
 @contextmanager
 def log_file(path: Path, kind: str) -> Iterator[BinaryIO]:
-    """A log to read from; whatever is wrong with it becomes one line.
-
-    Args:
-        path: of the file.
-        kind: what it should be.
+    """Open a log of some kind; every fault becomes an error of one line.
 
     Raises:
-        InputError: it cannot be read, is too large, or something else.
+        InputError: the file cannot be read, is too large, or is of another kind.
     """
     try:
         with open_regular(path) as stream:
@@ -256,10 +247,10 @@ def log_file(path: Path, kind: str) -> Iterator[BinaryIO]:
 
 
 def told(path: Path, system_id: float | None, positions: FloatArray) -> int:
-    """The system id of a log that tells it, and positions.
+    """Return the system id of a log, which must also hold positions.
 
     Raises:
-        InputError: it tells one of them not.
+        InputError: the system id or positions are missing.
     """
     if system_id is None or not len(positions):
         missing = "system id" if system_id is None else "position"
@@ -270,13 +261,13 @@ def told(path: Path, system_id: float | None, positions: FloatArray) -> int:
 
 
 def in_this_era(unix_s: FloatArray) -> FloatArray:
-    """Satellite times, s since 1970, of receivers whose week number has begun again, or did not yet."""
+    """Correct satellite times, s since 1970, for receivers in the wrong era of week numbers."""
     era: FloatArray = ERA_BEGIN_UNIX_S + np.mod(unix_s - ERA_BEGIN_UNIX_S, ERA_S)
     return era
 
 
 def at_times(moments: FloatArray, rows: FloatArray) -> FloatArray:
-    """Second column of some rows at other times, by interpolation; NaN without rows, or outside them."""
+    """Interpolate the second column at other times; NaN outside the rows."""
     if len(rows) < 2:
         return np.full(moments.shape, np.nan)
     values: FloatArray = np.interp(moments, rows[:, 0], rows[:, 1], left=np.nan, right=np.nan)
@@ -284,7 +275,7 @@ def at_times(moments: FloatArray, rows: FloatArray) -> FloatArray:
 
 
 def newest(moments: FloatArray, rows: FloatArray) -> FloatArray:
-    """Second column of the newest row before each moment; NaN before the first."""
+    """Return the second column of the newest row at each moment; NaN before the first."""
     if not len(rows):
         return np.full(moments.shape, np.nan)
     found = np.searchsorted(rows[:, 0], moments, side="right") - 1
@@ -293,13 +284,13 @@ def newest(moments: FloatArray, rows: FloatArray) -> FloatArray:
 
 
 def unwrapped(rows: FloatArray) -> FloatArray:
-    """Rows of time and an angle, without jumps."""
+    """Return rows of time and angle with the angle unwrapped."""
     whole = rows.copy()
     whole[:, 1] = np.unwrap(rows[:, 1])
     return whole
 
 
 def in_order(rows: FloatArray, needed: int | None = None) -> FloatArray:
-    """Rows whose first numbers are known, all if None, in the order of their times."""
+    """Return rows by time; the first `needed` columns must be finite, all if None."""
     known = rows[np.all(np.isfinite(rows[:, :needed]), axis=1)]
     return known[np.argsort(known[:, 0], kind="stable")]

@@ -1,7 +1,7 @@
-"""Telemetry logs of ground stations and companions, by each aircraft's own clock.
+"""Telemetry logs of ground stations and companions, on each aircraft's own clock.
 
-The computer that writes such a log may have its clock set meanwhile: a small one begins in 1970. Each
-autopilot tells how long it has been running, and what satellite time it is; these clocks do not leap.
+The clock of the computer that writes a log may be set meanwhile; a small computer's begins in 1970. Each
+autopilot reports its time since boot and the satellite time, and these clocks do not jump.
 """
 
 import math
@@ -35,39 +35,38 @@ SPEED_TYPE_AIRSPEED = 0
 
 POSITION, SETPOINTS = mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT, "setpoints"
 WANTED: Mapping[int, Collection[int]] = {AUTOPILOT: READERS, COMPANION_COMPONENT: COMMANDS}
-"""Which messages of which components are read."""
+"""Message ids to read, by component id."""
 
 LEAST_LEAP_S, MOST_BACK_S = 1.0, 0.5
-"""s between two frames that tell of a pause, or of a clock that was set; and back, of one that was set."""
+"""Steps of the computer's clock, forward and back, beyond which it has paused or been set."""
 
 RESTART_S = 2.0
-"""s by which an autopilot's clock goes back where it was started anew; frames overtake each other by less."""
+"""Step back of an autopilot's clock that means a restart; frames overtake each other by less."""
 
 LONGEST_WAIT_S = 1.0
-"""s behind the last frame with the autopilot's time that one without can be, of what is known."""
+"""Largest time after the last frame with a boot time at which a frame without one is placed."""
 
 LONGEST_PAUSE_S = 86_400.0
 
 
 class SteadyClock:
-    """The computer's clock without its leaps, which the autopilots' clocks tell from pauses."""
+    """The computer's clock without its jumps, which the autopilots' clocks tell apart from pauses."""
 
     def __init__(self) -> None:
-        """Begin before the first frame."""
         self.shift_s = 0.0
-        """What is added now to what the computer's clock shows."""
+        """Present correction to add to the computer's clock, s."""
         self._shown_s: float | None = None
         self._before_s = 0.0
         self._unsure = False
         self._newest: dict[int, tuple[float, float]] = {}
 
     def at(self, shown_s: float, system_id: int, boot_s: float | None) -> float:
-        """The time of a frame.
+        """Return the corrected time of a frame, s.
 
         Args:
-            shown_s: what the computer's clock showed.
-            system_id: who sent the frame.
-            boot_s: what its own clock showed, if the frame tells it.
+            shown_s: reading of the computer's clock.
+            system_id: sender of the frame.
+            boot_s: the sender's time since boot; None if the frame does not hold it.
         """
         step = 0.0 if self._shown_s is None else shown_s - self._shown_s
         if not -MOST_BACK_S <= step <= LEAST_LEAP_S:
@@ -81,7 +80,7 @@ class SteadyClock:
             passed = boot_s - earlier[0]
             if 0.0 < passed < LONGEST_PAUSE_S:
                 found = earlier[1] + passed - shown_s
-                # A pause leaves the clock as it was; frames are late by some tenths of a second.
+                # A pause leaves the correction as it was; frames are late by some tenths of a second.
                 paused = abs(found - self._before_s) < LEAST_LEAP_S
                 self.shift_s = self._before_s if paused else found
                 self._unsure = False
@@ -92,11 +91,10 @@ class SteadyClock:
 
 
 class VehicleFrames:
-    """What the frames about one vehicle tell, each at the vehicle's own time and the computer's."""
+    """Contents of one vehicle's frames, each with the vehicle's time and the computer's."""
 
     def __init__(self) -> None:
-        """Begin with nothing."""
-        # Frames that a slow link kept come together.
+        # Frames held back by a slow link arrive together.
         self._rows = LogRows(finest_step_s=0.0)
         self._base_s = 0.0
         self._own_s: float | None = None
@@ -104,13 +102,13 @@ class VehicleFrames:
         self._course = self._airspeed = math.nan
 
     def add(self, came_s: float, message: MAVLink_message) -> None:
-        """Take a frame that came at this time of the computer's clock."""
+        """Take a frame that arrived at this time of the computer's clock."""
         own_s = self._own_time(came_s, boot_time_s(message))
         kind = message.get_msgId()
         reader = READERS.get(kind)
         columns = self._setpoint(message) if reader is None else reader(message)
         if columns is not None:
-            # A position's first number is the autopilot's time, which is known already.
+            # The first column of a position is the autopilot's time, which is known already.
             columns = columns[1:] if kind == POSITION else columns
             self._rows.add(SETPOINTS if reader is None else str(kind), own_s, came_s, *columns)
 
@@ -126,7 +124,7 @@ class VehicleFrames:
         return own_s
 
     def _setpoint(self, message: MAVLink_message) -> tuple[float, float] | None:
-        """Course in rad and airspeed in m/s, once both were asked for."""
+        """Return course in rad and airspeed in m/s, once both have been commanded."""
         if message.command == mavlink.MAV_CMD_GUIDED_CHANGE_HEADING:
             self._course = math.remainder(math.radians(message.param2), math.tau)
         elif message.command in SPEED_COMMANDS and message.param1 == SPEED_TYPE_AIRSPEED:
@@ -137,18 +135,15 @@ class VehicleFrames:
         return (self._course, self._airspeed) if known else None
 
     def log(self, path: Path, system_id: int, shift_s: float) -> AutopilotLog | None:
-        """All of it, by the vehicle's own time; None without a position.
+        """Return the log on the vehicle's own time; None without a position.
 
-        Args:
-            path: of the log.
-            system_id: of the vehicle.
-            shift_s: of the computer's clock at the end, when it is most likely right.
+        `shift_s` corrects the computer's clock as at the end, when the clock is most likely right.
         """
         positions = self._rows.table(str(POSITION), 8, needed=7)
         if not len(positions):
             return None
         own, came = np.ptp(positions[:, 0]), np.ptp(positions[:, 1])
-        # An autopilot whose clock stands still tells no time of its own.
+        # An autopilot whose clock stands still has no time of its own.
         column = 0 if own > 0.5 * came else 1
 
         def timed(kind: int | str, columns: int) -> FloatArray:
@@ -176,18 +171,18 @@ class VehicleFrames:
 
 
 def boot_time_s(message: MAVLink_message) -> float | None:
-    """What the sender's own clock showed, s; None where a frame does not tell it."""
+    """Return the sender's time since boot, s; None if the frame does not hold it."""
     boot_ms = getattr(message, "time_boot_ms", None)
     return None if boot_ms is None else 1e-3 * boot_ms
 
 
 def read_telemetry_log(path: Path, mission: Mission) -> list[AutopilotLog]:
-    """What a ground station's or a companion's telemetry log tells of each vehicle.
+    """Read a ground station's or companion's telemetry log, one result per vehicle with positions.
 
-    Setpoints are those that a companion sent as courses and airspeeds, in a log of its connection.
+    Setpoints are courses and airspeeds sent by a companion, in a log of its connection.
 
     Raises:
-        InputError: it cannot be read, or tells no position of any.
+        InputError: the log cannot be read, or holds no position of any vehicle.
     """
     vehicles = {one.system_id: VehicleFrames() for one in mission.vehicles.values()}
     clock, parser = SteadyClock(), MAVLink(None)

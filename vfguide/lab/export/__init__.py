@@ -1,1 +1,1 @@
-"""A flight for other tools: Foxglove, Google Earth, spreadsheets, pandas."""
+"""Exports of flights to other tools: Foxglove, Google Earth, spreadsheets, pandas."""

@@ -1,4 +1,4 @@
-"""A flight as columns with units in their names, a part of the samples at a time."""
+"""A flight in columns with units in their names, processed in parts."""
 
 import csv
 import math
@@ -21,13 +21,13 @@ VIRTUAL_BEGIN_S = 1_767_225_600.0
 """Time 0 of a flight in virtual time, s since 1970: 1 January 2026, as in its telemetry logs."""
 
 LATEST_S = 4_102_444_800.0
-"""The year 2100; a flight that ends later is none."""
+"""Begin of 2100; no valid flight ends later."""
 
 PART = 20_000
-"""Samples that are worked on at a time."""
+"""Number of samples processed at a time."""
 
 FINEST_STEP_S = 0.2
-"""s between two pictures of a flight; numbers keep the record's own steps."""
+"""Longest interval between pictures of a flight, except for longer steps of the record."""
 
 UNITS = {
     "latitude_deg": "degrees, WGS 84",
@@ -51,19 +51,18 @@ UNITS = {
     "lyapunov_m2": "m²",
     "leader_age_s": "s, of the leader's state that a follower flew by",
 }
-"""All columns of numbers, with what they count in."""
+"""Units of all numeric columns."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Part:
-    """Some consecutive samples of one vehicle."""
+    """Consecutive samples of one vehicle."""
 
     vehicle: VehicleRecord
-    """Whose they are; its arrays hold the whole flight."""
+    """The vehicle; its arrays hold the whole flight."""
     time_s: FloatArray
-    """Time since the flight began, s."""
     numbers: dict[str, FloatArray]
-    """The columns of `UNITS`; NaN where nothing is known."""
+    """Columns of `UNITS`; NaN where unknown."""
     modes: list[str]
     """Names of the supervisor's modes."""
     limited: list[bool]
@@ -71,10 +70,10 @@ class Part:
 
 
 def begin_of(record: FlightRecord) -> float:
-    """Time 0 of a flight, s since 1970.
+    """Return time 0 of a flight, s since 1970.
 
     Raises:
-        InputError: the record tells a time that no flight has.
+        InputError: the record holds impossible times.
     """
     begin = VIRTUAL_BEGIN_S if record.begin_unix_s is None else record.begin_unix_s
     first, last = float(record.time_s[0]), float(record.time_s[-1])
@@ -87,16 +86,16 @@ def begin_of(record: FlightRecord) -> float:
 
 
 def moment(unix_s: float) -> str:
-    """A time as ISO 8601 writes it, to the millisecond."""
+    """Format a time by ISO 8601, to the millisecond."""
     text = datetime.fromtimestamp(unix_s, UTC).isoformat(timespec="milliseconds")
     return text.replace("+00:00", "Z")
 
 
 def origin_of(record: FlightRecord) -> RecordOrigin:
-    """Where on the earth the flight was.
+    """Return the geodetic origin of a flight.
 
     Raises:
-        InputError: the record does not tell.
+        InputError: the record does not hold it.
     """
     if record.origin is None:
         raise InputError(
@@ -107,10 +106,10 @@ def origin_of(record: FlightRecord) -> RecordOrigin:
 
 
 def parts_of(record: FlightRecord) -> Iterator[Part]:
-    """The whole flight: of each part of its time all vehicles, the leader first.
+    """Yield the whole flight in parts: for each span of time all vehicles, leader first.
 
     Raises:
-        InputError: the record does not say where on the earth it was flown.
+        InputError: the record does not hold its geodetic origin.
     """
     origin = origin_of(record)
     errors = {one.name: slot_error(record.reference, one) for one in record.followers}
@@ -145,26 +144,26 @@ def parts_of(record: FlightRecord) -> Iterator[Part]:
 
 
 def finest_stride(record: FlightRecord) -> int:
-    """Every which sample is in a picture: no two are nearer than `FINEST_STEP_S`."""
+    """Return the largest stride whose samples are at most `FINEST_STEP_S` apart, but at least 1."""
     step_s = record.duration_s / max(record.time_s.size - 1, 1)
     return max(1, math.floor(FINEST_STEP_S / step_s)) if step_s > 0.0 else 1
 
 
 def mode_name(record: FlightRecord, number: int) -> str:
-    """The name of a mode; its number where the record has no name for it."""
+    """Return a mode's name, or its number if the record does not name it."""
     known = 0 <= number < len(record.mode_names)
     return record.mode_names[number] if known else str(number)
 
 
 def bearing(angles_rad: FloatArray) -> FloatArray:
-    """Angles from north, 0 to 360 degrees."""
+    """Convert angles to degrees clockwise from north, 0 to 360."""
     return np.degrees(wrap_course(angles_rad))
 
 
 def geodetic(
     origin: RecordOrigin, north_m: FloatArray, east_m: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """(latitude, longitude) of places of the local frame, degrees: `LocalFrame.to_geodetic` for arrays."""
+    """Return (latitude, longitude) of local places, degrees: `LocalFrame.to_geodetic` for arrays."""
     drop = (north_m * north_m + east_m * east_m) / (2.0 * EARTH_RADIUS)
     latitude, longitude, _ = pymap3d.ned2geodetic(
         north_m,
@@ -177,19 +176,18 @@ def geodetic(
     return np.asarray(latitude, dtype=np.float64), np.asarray(longitude, dtype=np.float64)
 
 
-# Flights as tables, a row for each vehicle at each sample: comma-separated values and Parquet.
-#
-# For spreadsheets, MATLAB, pandas, Polars and DuckDB; the columns of both are the same.
+# Tables with a row per vehicle and sample, as CSV and Parquet with the same columns, for spreadsheets,
+# MATLAB, pandas, Polars and DuckDB.
 
 FORMULA_STARTS = ("=", "+", "-", "@", "\t", "\r")
 
 
 def write_csv(record: FlightRecord, path: Path) -> None:
-    """Write a flight; units are in the names of the columns, and what is not known is left empty.
+    """Write a flight as CSV, with units in the column names and unknown values empty.
 
     Raises:
-        OSError: it cannot be written.
-        InputError: the record does not say where on the earth it was flown.
+        OSError: the file cannot be written.
+        InputError: the record does not hold its geodetic origin.
     """
     begin = begin_of(record)
     with path.open("w", newline="", encoding="utf-8") as file:
@@ -214,21 +212,21 @@ def write_csv(record: FlightRecord, path: Path) -> None:
 
 
 def plain(number: float) -> str:
-    """A number with as many digits as tell millimetres of a position on the earth; nothing if not known."""
+    """Format a number with nine significant digits; empty if unknown."""
     return f"{number:.9g}" if math.isfinite(number) else ""
 
 
 def harmless(text: str) -> str:
-    """A name that no spreadsheet takes for a formula."""
+    """Quote a name that a spreadsheet would take for a formula."""
     return f"'{text}" if text.startswith(FORMULA_STARTS) else text
 
 
 def write_parquet(record: FlightRecord, path: Path) -> None:
-    """Write a flight; the unit of each column is in its metadata, and what is not known is null.
+    """Write a flight as Parquet, with units in the columns' metadata and unknown values null.
 
     Raises:
-        OSError: it cannot be written.
-        InputError: the record does not say where on the earth it was flown.
+        OSError: the file cannot be written.
+        InputError: the record does not hold its geodetic origin.
     """
     import pyarrow as pa
     from pyarrow import parquet

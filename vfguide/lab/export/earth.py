@@ -1,8 +1,8 @@
-"""For programs with maps: KML and KMZ, tracks with time, and a plan of QGroundControl (`.plan`).
+"""Export for map programs: KML and KMZ tracks with time, and a QGroundControl plan (`.plan`).
 
-A plan is the leader's track as a route of waypoints, and the rally points. Format: docs.qgroundcontrol.com,
-developer guide, Plan File Format. A record does not say which of its fence's areas have to be stayed in and
-which out of: the fence stays with the mission's own plan.
+A plan holds the leader's track as waypoints, and the rally points. Format: docs.qgroundcontrol.com, developer
+guide, Plan File Format. The plan has no fence, since a record does not tell inclusion areas from exclusion
+areas: the fence stays with the mission's own plan.
 """
 
 import json
@@ -19,15 +19,15 @@ from vfguide.lab.report.colours import vehicle_colours
 from vfguide.record.flight import FlightRecord
 
 MOST_POINTS = 100_000
-"""Points of all tracks together, at most: viewers draw no more smoothly."""
+"""Largest number of points of all tracks together: viewers draw no more smoothly."""
 
 
 def write_earth(record: FlightRecord, path: Path, *, compressed: bool) -> None:
-    """Write a flight as KML, or as KMZ if it is to be compressed.
+    """Write a flight as KML, or compressed as KMZ.
 
     Raises:
-        OSError: it cannot be written.
-        InputError: the record does not say where on the earth it was flown.
+        OSError: the file cannot be written.
+        InputError: the record does not hold its geodetic origin.
     """
     origin, begin = origin_of(record), begin_of(record)
     document = simplekml.Kml(name=printable(record.mission))
@@ -76,18 +76,18 @@ def write_earth(record: FlightRecord, path: Path, *, compressed: bool) -> None:
 
 
 def printable(text: str) -> str:
-    """A name without the characters that XML cannot hold."""
+    """Replace characters that XML cannot hold by spaces."""
     return "".join(one if one.isprintable() else " " for one in text)
 
 
 NEAR_M = 1.0
-"""The track is nowhere farther from the route in space, unless that would take too many waypoints."""
+"""Largest distance of the track from the route in space, unless that takes too many waypoints."""
 
 MOST_WAYPOINTS = 500
-"""Autopilots keep some 700."""
+"""Autopilots store some 700 waypoints."""
 
 MOST_SAMPLES = 20_000
-"""Samples of the track that are used, at most."""
+"""Largest number of track samples used."""
 
 WAYPOINT, GLOBAL, ABSOLUTE = 16, 0, 2
 """MAV_CMD_NAV_WAYPOINT, MAV_FRAME_GLOBAL, and QGroundControl's number for altitudes above sea level."""
@@ -97,11 +97,11 @@ FIXED_WING, GENERIC = 1, 0
 
 
 def write_plan(record: FlightRecord, path: Path) -> None:
-    """Write where the leader flew as a plan.
+    """Write the leader's track as a plan.
 
     Raises:
-        InputError: the record does not say where on the earth it was flown, or the leader flew nowhere.
-        OSError: it cannot be written.
+        InputError: the record does not hold its geodetic origin or a track of the leader.
+        OSError: the file cannot be written.
     """
     origin, leader = origin_of(record), record.leader
     track = np.column_stack([leader.north_m, leader.east_m, leader.altitude_amsl_m])
@@ -139,7 +139,7 @@ def write_plan(record: FlightRecord, path: Path) -> None:
 
 
 def waypoint(number: int, place: list[float]) -> dict[str, object]:
-    """One item: its number from 1, and latitude, longitude and altitude above sea level."""
+    """Return a mission item from its number, from 1, and latitude, longitude and altitude above sea level."""
     return {
         "type": "SimpleItem",
         "command": WAYPOINT,
@@ -154,7 +154,7 @@ def waypoint(number: int, place: list[float]) -> dict[str, object]:
 
 
 def rally_points(record: FlightRecord) -> list[list[float]]:
-    """Latitude, longitude and altitude of each, at the origin's height: a record has none of their own."""
+    """Return latitude, longitude and altitude of each rally point; records lack it, so it is the origin's."""
     origin = origin_of(record)
     found: list[list[float]] = []
     for one in record.outlines:
@@ -168,11 +168,7 @@ def rally_points(record: FlightRecord) -> list[list[float]]:
 
 
 def chosen(track: FloatArray) -> BoolArray:
-    """Which points of a track make a route of no more waypoints than are wanted, as near to it as that goes.
-
-    Args:
-        track: N points in space, m.
-    """
+    """Select points of a track (N points, m) for the closest route with at most `MOST_WAYPOINTS`."""
     near_m = NEAR_M
     while np.count_nonzero(kept := corners(track, near_m)) > MOST_WAYPOINTS:
         near_m *= 2.0
@@ -180,9 +176,9 @@ def chosen(track: FloatArray) -> BoolArray:
 
 
 def corners(track: FloatArray, near_m: float) -> BoolArray:
-    """Which points to keep so that no other is farther than this from the line between them.
+    """Select points so that no other is farther than `near_m` from the line between its neighbours.
 
-    The method of Ramer (1972), and Douglas and Peucker (1973).
+    The method is that of Ramer (1972), and Douglas and Peucker (1973).
     """
     kept = np.zeros(len(track), dtype=np.bool_)
     kept[[0, -1]] = True
@@ -201,7 +197,7 @@ def corners(track: FloatArray, near_m: float) -> BoolArray:
 
 
 def distances(points: FloatArray, begin: FloatArray, end: FloatArray) -> FloatArray:
-    """Distance of each point from the line between two others, m."""
+    """Return each point's distance from the line segment between two others, m."""
     way = end - begin
     length_2 = float(way @ way)
     share = np.clip((points - begin) @ way / length_2, 0.0, 1.0) if length_2 > 0.0 else 0.0
