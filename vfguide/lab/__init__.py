@@ -1,4 +1,4 @@
-"""What is done on the ground: rehearsals, studies, reports, logs.
+"""Tools for the ground: rehearsals, studies, reports, logs.
 
-An aircraft needs none of it, and installs none of its libraries.
+An aircraft needs none of them, and installs none of their libraries.
 """

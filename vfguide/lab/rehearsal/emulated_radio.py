@@ -1,10 +1,9 @@
-"""A radio channel that several stations share, in virtual time and repeatable by a seed.
+"""Radio channel shared by several stations, in virtual time and repeatable by a seed.
 
-Each station's packets go over a serial line to its radio (ten bits a byte), from there over the air, and over
-another serial line to every other station. A radio keeps a packet until all of it has come, and sends it then
-whether or not it hears another: it hears nothing while it sends, and two packets that are on the air together
-destroy each other. Every receiver has losses and bursts of its own. Of what was destroyed, half arrives as
-damaged bytes.
+A station's packets go over a serial line to its radio (ten bits per byte), over the air, and over another
+serial line to every other station. A radio sends a packet as soon as all of it has come, whether or not it
+hears another. It hears nothing while it sends, and packets that overlap on the air destroy each other. Every
+receiver has losses and bursts of its own. Half of the lost packets arrive as damaged bytes.
 """
 
 import heapq
@@ -21,36 +20,36 @@ from vfguide.link.radio_schedule import Channel, Turn
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RadioQuality:
-    """What the radios do to packets."""
+    """Speed and losses of the radios."""
 
     channel: Channel = field(default_factory=lambda: Channel(baud=57_600, air_bytes_s=4000.0))
-    """How fast they are."""
+    """Speed of the radios."""
     loss: float = 0.0
     """Probability that a receiver misses a packet outside bursts, 0 to 1."""
     burst_share: float = 0.0
-    """Share of the time that a receiver is in a burst, in which it misses everything, 0 to below 1."""
+    """Share of the time in bursts, in which a receiver misses everything, 0 to below 1."""
     burst_s: float = 1.0
-    """Mean length of a burst, s."""
+    """Mean length of a burst."""
 
 
 class Speaker(Protocol):
-    """What can be on the air: `vfguide.link.radio_station.Station`. Times are on its own clock, s."""
+    """Station on the channel, as `vfguide.link.radio_station.Station`; times are on its own clock, s."""
 
     def begin(self, now: float) -> None:
         """Begin to hear."""
 
     def next_turn(self, now: float) -> Turn | None:
-        """When it sends next."""
+        """Return the next turn to send."""
 
     def speak(self, turn: Turn, now: float) -> bytes:
-        """What it sends then."""
+        """Return the bytes to send in this turn."""
 
     def hear(self, data: bytes, now: float) -> bool:
-        """Take bytes, cut anywhere."""
+        """Take received bytes, cut anywhere."""
 
 
 class Bursts:
-    """One receiver's bursts: exponential times within and between them."""
+    """Bursts of one receiver, with exponential times within and between them."""
 
     def __init__(self, quality: RadioQuality, random: Random) -> None:
         self._share, self._mean_s = quality.burst_share, quality.burst_s
@@ -59,7 +58,7 @@ class Bursts:
         self._ends_s = 0.0
 
     def is_deaf(self, now: float) -> bool:
-        """Whether a burst hits what arrives now."""
+        """Check whether a burst hits a packet that arrives now."""
         if self._share <= 0.0:
             return False
         while self._ends_s <= now:
@@ -71,66 +70,55 @@ class Bursts:
 
 @dataclass(slots=True, kw_only=True, eq=False)
 class EmulatedRadio:
-    """A station's end of the channel."""
+    """Station's end of the channel."""
 
     station: Speaker
-    """What it belongs to."""
     bursts: Bursts
-    """That it hears nothing in."""
+    """Bursts of this receiver."""
     offset_s: float
-    """The station's clock at virtual time 0, s."""
+    """Station's clock at virtual time 0."""
     rate: float
-    """Seconds of that clock in a second."""
+    """Seconds of the station's clock per second of virtual time."""
     on: bool = True
-    """Whether it is plugged in."""
+    """Whether the station is plugged in."""
     line_free_s: float = 0.0
-    """When the line to it is free again, s of virtual time."""
+    """Virtual time at which the serial line to the radio is free again."""
     version: int = 0
-    """Version of its next turn; earlier ones are void."""
+    """Version of the next turn; turns of earlier versions are void."""
 
     def clock(self, now: float) -> float:
-        """What the station's clock shows at a virtual time, s."""
+        """Convert a virtual time to the station's clock, s."""
         return self.offset_s + self.rate * now
 
     def virtual(self, clock_s: float) -> float:
-        """The virtual time at which the station's clock shows this, s."""
+        """Convert a time on the station's clock to virtual time, s."""
         return (clock_s - self.offset_s) / self.rate
 
 
 @dataclass(slots=True, kw_only=True, eq=False)
 class Transmission:
-    """A packet on the air."""
+    """Packet on the air, in virtual time."""
 
     sender: EmulatedRadio | None
-    """None for one from outside."""
+    """Sending radio; None for a packet from outside."""
     data: bytes
-    """What is sent."""
     begins_s: float
-    """Virtual time, s."""
     ends_s: float
-    """Virtual time, s."""
     destroyed: bool = False
-    """Whether another is on the air, too."""
+    """Whether another packet overlaps."""
 
 
 class RadioAir:
-    """The channel with all its stations."""
+    """Channel with all its stations."""
 
     def __init__(self, quality: RadioQuality, *, seed: object = 0) -> None:
-        """Make a channel that nobody is on.
-
-        Args:
-            quality: what the radios do to packets.
-            seed: of all chance.
-        """
+        """Make a channel without stations; `seed` determines all random events."""
         self.now = 0.0
         """Virtual time, s."""
         self.counters: Counter[str] = Counter()
-        """Packets and bytes on the air, and what became of them."""
+        """Numbers of packets and bytes on the air, of collisions and of misses."""
         self.radios: list[EmulatedRadio] = []
-        """Those of the stations."""
         self.quality = quality
-        """What the radios do to packets."""
         self._seed = seed
         self._random = Random(f"{seed} air")
         self._events: list[tuple[float, int, Callable[[], None]]] = []
@@ -141,9 +129,9 @@ class RadioAir:
         """Plug a station in now.
 
         Args:
-            station: one that has not begun.
+            station: station that has not begun.
             offset_s: its clock at virtual time 0, s.
-            rate: seconds of that clock in a second.
+            rate: seconds of its clock per second of virtual time.
         """
         random = Random(f"{self._seed} radio {len(self.radios)}")
         radio = EmulatedRadio(
@@ -158,7 +146,7 @@ class RadioAir:
         return radio
 
     def run(self, until_s: float) -> None:
-        """Let everything happen up to a virtual time, s."""
+        """Advance to a virtual time, s."""
         while self._events and self._events[0][0] <= until_s:
             at_s, _, event = heapq.heappop(self._events)
             self.now = max(self.now, at_s)
@@ -166,7 +154,7 @@ class RadioAir:
         self.now = until_s
 
     def transmit(self, data: bytes, *, sender: EmulatedRadio | None = None) -> None:
-        """Have a radio send: that of a station, or one from outside that needs no line."""
+        """Send a packet from a station's radio, or from outside, which needs no serial line."""
         channel, begins_s = self.quality.channel, self.now
         if sender is not None:
             begins_s = max(begins_s, sender.line_free_s) + len(data) * 10.0 / channel.baud
@@ -179,7 +167,7 @@ class RadioAir:
         heapq.heappush(self._events, (at_s, next(self._number), event))
 
     def _plan(self, radio: EmulatedRadio) -> None:
-        """See when a station's next turn is; what was planned before is void."""
+        """Schedule a station's next turn, and void the one before."""
         radio.version += 1
         turn = radio.station.next_turn(radio.clock(self.now))
         if turn is not None and math.isfinite(turn.at_s):
@@ -217,7 +205,7 @@ class RadioAir:
                 self._at(self.now + line_s, lambda r=radio, d=data: self._deliver(r, d))  # type: ignore[misc]
 
     def _received(self, sent: Transmission, radio: EmulatedRadio) -> bytes:
-        """What a radio makes of a packet; nothing, or damaged bytes, where it is lost."""
+        """Return a packet as a radio receives it: whole or, where it is lost, empty or damaged."""
         lost = sent.destroyed or radio.bursts.is_deaf(self.now)
         if not lost and self.quality.loss > 0.0:
             lost = self._random.random() < self.quality.loss
@@ -231,7 +219,7 @@ class RadioAir:
         return bytes(damaged)
 
     def _deliver(self, radio: EmulatedRadio, data: bytes) -> None:
-        """Hand bytes to a station, cut somewhere as serial ports do."""
+        """Hand bytes to a station in two pieces, as serial ports do."""
         if not radio.on:
             return
         now, cut = radio.clock(self.now), self._random.randrange(len(data) + 1)

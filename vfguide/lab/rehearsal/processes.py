@@ -1,4 +1,4 @@
-"""Programs that a live flight starts and ends, and what they take of the computer."""
+"""Programs that a live flight starts and stops, and the resources they use."""
 
 import asyncio
 import ctypes
@@ -19,7 +19,7 @@ from vfguide.record.latency import Usage
 MOSQUITTO = "mosquitto"
 
 OUTSIDE_PATH = "/usr/sbin"
-"""Where Debian keeps daemons, and users' search paths do not look."""
+"""Directory of Debian's daemons, which is not in users' search paths."""
 
 MOSQUITTO_SETTINGS = """\
 listener {port} 127.0.0.1
@@ -28,7 +28,7 @@ set_tcp_nodelay true
 persistence false
 user root
 """
-"""A broker for this computer alone: whoever reaches it is let in."""
+"""Settings of a broker on the loopback interface, which admits every local client."""
 
 LISTENING_S = 10.0
 """Real time that the broker gets until it listens."""
@@ -37,29 +37,29 @@ PATIENCE_S = 10.0
 """Real time that a process gets to end cleanly before it is killed."""
 
 PR_SET_PDEATHSIG = 1
-"""Linux's prctl option for a signal to this process when the process that started it is gone."""
+"""Linux's prctl option for a signal to this process when its parent has ended."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Account:
-    """What a process has taken so far."""
+    """Resources that a process has used so far."""
 
     at_s: float
-    """When, s of the monotonic clock."""
+    """Time of the measurement on the monotonic clock."""
     busy_s: float
-    """Processor time, s."""
+    """Processor time."""
     rss_mb: float
     """Resident memory, 10^6 bytes."""
 
     def since(self, earlier: "Account") -> Usage:
-        """What it took between the two."""
+        """Return the usage between two accounts."""
         share = (self.busy_s - earlier.busy_s) / max(self.at_s - earlier.at_s, 0.01)
         return Usage(cpu_share=round(share, 4), rss_mb=round(self.rss_mb, 1))
 
 
 def account_of(pid: int) -> Account | None:
-    """What a process has taken; None if it has ended."""
-    # Here, because who emulates an aircraft for a judge elsewhere needs no such library.
+    """Return the account of a process; None if it has ended."""
+    # Imported here: emulators for a judge elsewhere do not need this library.
     psutil = import_extra("psutil")
     try:
         process = psutil.Process(pid)
@@ -71,18 +71,18 @@ def account_of(pid: int) -> Account | None:
 
 
 def accounts_of(pids: dict[str, int]) -> dict[str, Account]:
-    """What processes have taken, by name; those that have ended are left out."""
+    """Return accounts by name, without processes that have ended."""
     found = {name: account_of(pid) for name, pid in pids.items()}
     return {name: account for name, account in found.items() if account is not None}
 
 
 def load() -> list[float]:
-    """How busy the computer is: processes that ran or wanted to, over 1, 5 and 15 minutes."""
+    """Return the load averages of the computer over 1, 5 and 15 minutes."""
     return [round(average, 2) for average in os.getloadavg()]
 
 
 class Process:
-    """One program of a rehearsal, which can be started again."""
+    """Program of a rehearsal, which can be restarted."""
 
     def __init__(
         self,
@@ -91,13 +91,13 @@ class Process:
         log: Path,
         environment: Mapping[str, str] | None = None,
     ) -> None:
-        """Remember a program; nothing is started yet.
+        """Prepare a program without starting it.
 
         Args:
-            name: what it is called in messages.
+            name: name in messages.
             command: program and arguments.
-            log: file that its output is added to.
-            environment: variables that it has besides this program's.
+            log: file to which output is appended.
+            environment: variables added to this program's.
         """
         self.name = name
         self._command = command
@@ -107,21 +107,21 @@ class Process:
 
     @property
     def running(self) -> bool:
-        """Whether it runs now."""
+        """Whether the process runs."""
         return self._process is not None and self._process.returncode is None
 
     @property
     def pid(self) -> int | None:
-        """Number of the process; None while it does not run."""
+        """Process id; None while the process does not run."""
         return self._process.pid if self._process is not None and self.running else None
 
     @property
     def exit_code(self) -> int | None:
-        """How it ended; None while it runs."""
+        """Exit code; None while the process runs."""
         return None if self._process is None else self._process.returncode
 
     async def start(self) -> None:
-        """Start it, or start it again."""
+        """Start or restart the process."""
         with self._log.open("ab") as output:
             self._process = await asyncio.create_subprocess_exec(
                 *self._command,
@@ -129,28 +129,28 @@ class Process:
                 stdout=output,
                 stderr=output,
                 env={**os.environ, "PYTHONUNBUFFERED": "1", **self._environment},
-                # Ctrl-C is for the rehearsal alone; it then tells its processes to stop.
+                # Ctrl-C reaches the rehearsal alone, which then stops its processes.
                 start_new_session=True,
                 preexec_fn=ends_with(os.getpid()),
             )
 
     async def wait(self) -> int | None:
-        """Wait until it ends, and return how it did."""
+        """Wait until the process ends, and return its exit code; None if it was never started."""
         return None if self._process is None else await self._process.wait()
 
     async def kill(self) -> None:
-        """End it as `kill -9` does."""
+        """Kill the process as `kill -9` does."""
         if self._process is not None and self.running:
             self._process.kill()
             await self._process.wait()
 
     def signal(self, number: signal.Signals) -> None:
-        """Send it a signal."""
+        """Send a signal to the process."""
         if self._process is not None and self.running:
             self._process.send_signal(number)
 
     async def stop(self) -> None:
-        """Ask it to end, and end it if it does not."""
+        """Ask the process to end, and kill it if it does not."""
         self.signal(signal.SIGTERM)
         if self._process is not None:
             with suppress(TimeoutError):
@@ -159,7 +159,7 @@ class Process:
             await self.kill()
 
     def last_words(self) -> str:
-        """The last line that it wrote."""
+        """Return the last line of the log."""
         lines = self._log.read_text(errors="replace").strip().splitlines()
         return lines[-1] if lines else ""
 
@@ -176,16 +176,12 @@ async def running(process: Process) -> AsyncIterator[Process]:
 
 @asynccontextmanager
 async def broker(directory: Path) -> AsyncIterator[int]:
-    """Run mosquitto on the loopback interface for as long as the context lasts.
+    """Run mosquitto on the loopback interface for as long as the context lasts; yield its port.
 
-    Args:
-        directory: for its settings and its log.
-
-    Yields:
-        Its port.
+    `directory` takes its settings and its log.
 
     Raises:
-        VfguideError: it is not installed, or does not listen.
+        VfguideError: mosquitto is not installed, or does not listen.
     """
     found = shutil.which(MOSQUITTO) or shutil.which(MOSQUITTO, path=OUTSIDE_PATH)
     if found is None:
@@ -208,7 +204,7 @@ async def broker(directory: Path) -> AsyncIterator[int]:
 
 
 async def is_listening(port: int) -> bool:
-    """Whether a program takes connections at a port of the loopback interface."""
+    """Check whether a program accepts connections on a port of the loopback interface."""
     try:
         _, writer = await asyncio.open_connection("127.0.0.1", port)
     except OSError:
@@ -219,10 +215,9 @@ async def is_listening(port: int) -> bool:
 
 
 def ends_with(parent: int) -> Callable[[], None] | None:
-    """What a child runs before its program, to be told to stop when its parent is gone, even by `kill -9`.
+    """Return a function that a child runs first, so that it is told to stop when its parent has ended.
 
-    Args:
-        parent: number of the process that starts it.
+    This also works after `kill -9` of the parent, but on Linux alone; elsewhere the result is None.
     """
     if sys.platform != "linux":
         return None
@@ -231,19 +226,19 @@ def ends_with(parent: int) -> Callable[[], None] | None:
     def ask() -> None:
         prctl(PR_SET_PDEATHSIG, signal.SIGTERM)
         if os.getppid() != parent:
-            # It was gone before this was asked for.
+            # The parent had ended before the request.
             os._exit(1)
 
     return ask
 
 
 def python_module(module: str, *arguments: str) -> list[str]:
-    """A command that runs a module of this installation."""
+    """Return the command that runs a module of this installation."""
     return [sys.executable, "-m", module, *arguments]
 
 
 def free_port(kind: socket.SocketKind) -> int:
-    """A port of the loopback interface that nobody uses at the moment."""
+    """Return a port of the loopback interface that is free at the moment."""
     with socket.socket(socket.AF_INET, kind) as probe:
         probe.bind(("127.0.0.1", 0))
         port: int = probe.getsockname()[1]

@@ -1,6 +1,6 @@
-"""Flights of a study: the article's missions, flown over processes or machines, and their figures.
+"""Flights of a study: the article's missions, flown in parallel, and their figures.
 
-Studies of orders and predictions ask, too, whether a flight stayed within its fence.
+Studies of orders and predictions also check whether a flight stayed within its fence.
 """
 
 import math
@@ -39,34 +39,28 @@ ARTICLE_ERROR_M: Mapping[MissionName, float] = {
     "circle-calm": 1.12,
     "circle-wind": 2.97,
 }
-"""Mean errors that the article claims for its field, m."""
+"""Mean errors that the article claims for its field."""
 
 Changes = Mapping[str, Mapping[str, Any]]
-"""Fields to be replaced, by section of the mission."""
+"""Mission fields to replace, by section."""
 
 THREADS = "OPENBLAS_NUM_THREADS"
-"""One thread for each worker: with several, the numerical libraries of all would share the processors."""
+"""Limit of one thread per worker: otherwise the numerical libraries of all workers compete for processors."""
 
 CONNECT_S = 10
-"""Patience with a scheduler."""
+"""Time that a scheduler gets to answer."""
 
 
 @cache
 def shipped(name: str) -> Mission:
-    """One of the article's missions as it comes along."""
+    """Return one of the article's missions as shipped."""
     return load_mission(shipped_missions()[name])
 
 
 def article_mission(
     name: str, changes: Changes | None = None, *, plant: str = "heading-hold"
 ) -> Mission:
-    """One of the four, changed; what a good flight is, is not asked.
-
-    Args:
-        name: which.
-        changes: fields to be replaced.
-        plant: of every vehicle.
-    """
+    """Return one of the article's missions with changed fields, and without acceptance limits."""
     content = shipped(name).model_dump(mode="json", exclude_unset=True, exclude={"acceptance"})
     for vehicle in content["vehicles"].values():
         vehicle["plant"] = plant
@@ -79,21 +73,21 @@ def article_mission(
 
 
 Row = tuple[str, Mapping[str, float | str | None]]
-"""A case of a study, and its figures by name."""
+"""Case of a study, and its figures by name."""
 
 
 class Shown(float):
-    """A figure as tables write it."""
+    """Figure as formatted in tables."""
 
     __slots__ = ()
 
     @classmethod
     def of(cls, value: float | str | None) -> "Shown":
-        """Take a figure of a row."""
+        """Convert a figure of a row."""
         return cls(math.nan if value is None else value)
 
     def __format__(self, form: str) -> str:
-        """Write a dash where it is not known; else as asked for, or with the digits that it deserves."""
+        """Format as asked for, or with suitable digits; a dash if unknown."""
         if not math.isfinite(self):
             return "-"
         return format(
@@ -102,21 +96,20 @@ class Shown(float):
 
 
 class Said(str):
-    """A word in the place of a figure, whatever the format of that."""
+    """Text in place of a figure, whatever the figure's format."""
 
     __slots__ = ()
 
     def __format__(self, _: str) -> str:
-        """Write it."""
         return str(self)
 
 
 def markdown(columns: Mapping[str, str], rows: Iterable[Row]) -> str:
-    """Return a table in Markdown.
+    """Return a Markdown table.
 
     Args:
-        columns: format of each by its heading; fields are `case` and the names of figures.
-        rows: of a study; a figure that a row does not have is not known.
+        columns: format of each column by its heading, with the fields `case` and names of figures.
+        rows: rows of a study; missing figures count as unknown.
     """
     lines = [[*columns], ["---"] * len(columns)]
     for case, figures in rows:
@@ -133,11 +126,11 @@ Result = TypeVar("Result")
 
 @contextmanager
 def executor_on(scheduler: str | None = None, processes: int | None = None) -> Iterator[Executor]:
-    """Processes of this computer, or a Dask cluster: both take tasks by `concurrent.futures`' interface.
+    """Yield an executor on this computer's processes or on a Dask cluster.
 
     Args:
         scheduler: address of a Dask scheduler, such as tcp://host:8786; None for this computer.
-        processes: of this computer; as many as it has processors if absent.
+        processes: number of processes; one per processor if absent.
 
     Raises:
         VfguideError: a scheduler is named and Dask is not installed, or nothing answers there.
@@ -147,15 +140,15 @@ def executor_on(scheduler: str | None = None, processes: int | None = None) -> I
             yield cluster
         return
     os.environ.setdefault(THREADS, "1")
-    # Not forked: from a program with threads a worker may inherit a lock that nobody ever releases.
+    # Not forked: a worker could inherit a lock that some thread holds, and that nobody ever releases.
     with ProcessPoolExecutor(processes or os.cpu_count(), get_context("spawn")) as pool:
         yield pool
 
 
 @contextmanager
 def dask_executor(scheduler: str) -> Iterator[Executor]:
-    """The workers of a Dask cluster; vfguide has to be installed there too."""
-    # By its name, because the package has no types.
+    """Yield an executor on a Dask cluster, whose workers need vfguide installed."""
+    # Imported by name, because the package has no types.
     connect: Callable[..., Any] = import_extra("distributed").Client
     try:
         client = connect(scheduler, timeout=CONNECT_S)
@@ -168,27 +161,24 @@ def dask_executor(scheduler: str) -> Iterator[Executor]:
 def flown_by(
     executor: Executor, fly: Callable[[Task], Result], tasks: Iterable[Task]
 ) -> Iterator[Result]:
-    """Results in the order of the tasks, as soon as each is there."""
+    """Yield results in the order of the tasks, each as soon as it is there."""
     yield from executor.map(fly, tasks)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Case:
-    """What is flown; can be handed to another process."""
+    """Flight of a study, which can be sent to another process."""
 
     mission: str
-    """Name of one of the article's four missions."""
     controller: str
-    """Name of the law by which followers kept their slots."""
+    """Name of the followers' law."""
     plant: str = "heading-hold"
-    """Plant of every vehicle."""
     changes: Changes = field(default_factory=dict)
-    """Fields of the mission, by section."""
     label: str = ""
-    """Which of a series it is."""
+    """Label within a series."""
 
     def flown(self) -> Mission:
-        """The mission that is flown."""
+        """Return the mission to fly."""
         changes = dict(self.changes)
         changes["controller"] = {**changes.get("controller", {}), "type": self.controller}
         return article_mission(self.mission, changes, plant=self.plant)
@@ -196,32 +186,30 @@ class Case:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Figures:
-    """What a flight came to; errors over its last half, None: not measured or never settled."""
+    """Figures of a flight; errors over its last half, and None where not measured or never settled."""
 
     mean_error_m: float
-    """Distance from the slot, all followers."""
+    """Mean distance from the slot over all followers."""
     intended_error_m: float
-    """The same from the slots as the path means them."""
+    """Mean distance from the slot in the frame of the path's course at the leader."""
     p95_error_m: float
-    """95th percentile of the formation error, m."""
     max_error_m: float
-    """Greatest formation error, m."""
     settle_10m_s: float | None
-    """Last time a follower was 10 m or more from its slot, s; None: at the end still."""
+    """Last time a follower was 10 m or more from its slot; None: still out at the end."""
     settle_1m_s: float | None
-    """Last time a follower was 1 m or more from its slot, s; None: at the end still."""
+    """Last time a follower was 1 m or more from its slot; None: still out at the end."""
     min_separation_m: float
-    """Least distance between any two vehicles during the whole flight, m."""
+    """Smallest distance between any two vehicles during the whole flight."""
     effort_m_s2: float
     """Control effort: root mean square of the followers' acceleration through the air."""
     roll_deg_s: float
-    """Root mean square of the followers' roll rates."""
+    """Roll rate, root mean square of a follower, mean over followers."""
     course_variation_rad_s: float
-    """Course setpoints' back and forth per second, mean over followers."""
+    """Course setpoints' total variation less net turning, per second, mean over followers."""
     speed_variation_m_s2: float
-    """Speed setpoints' variation per second, mean over followers."""
+    """Speed setpoints' total variation per second, mean over followers."""
     limited: float
-    """Share of the followers' setpoints that a limit cut."""
+    """Share of the followers' setpoints cut by a limit."""
 
 
 def fly(case: Case) -> Figures:
@@ -230,7 +218,7 @@ def fly(case: Case) -> Figures:
 
 
 def figures_of(record: FlightRecord) -> Figures:
-    """The figures of a record."""
+    """Return the figures of a record."""
     summary = summarise(record)
     formation = summary.formation
     window = in_window(record)
@@ -262,19 +250,16 @@ def figures_of(record: FlightRecord) -> Figures:
 
 
 def or_nan(value: float | None) -> float:
-    """A figure, NaN where there is none."""
+    """Return a figure, or NaN for None."""
     return math.nan if value is None else value
 
 
 def beyond_when_flown(
     mission: Mission, record: FlightRecord, during: BoolArray
 ) -> Iterator[Finding]:
-    """Vehicles that leave the fence of a mission and of its path; each is at ("vehicles", name).
+    """Find vehicles that leave the fence of a mission and its path; each finding is at ("vehicles", name).
 
-    Args:
-        mission: on the path that is flown then.
-        record: of the flight.
-        during: samples of it that count.
+    `during` selects the samples that count, at which the mission's path is flown.
     """
     if not during.any():
         return

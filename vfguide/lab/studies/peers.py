@@ -1,15 +1,12 @@
-"""Other clients of an autopilot, as a user would write them: `python -m vfguide.lab.studies.peers KIND PORT`.
+"""Peers of a companion in the latency study: `python -m vfguide.lab.studies.peers KIND PORT`.
 
-Each does what a companion does at the least: for each position report it sends one setpoint. None of them
-computes anything, and none is joined to a formation.
+A peer is another client of an autopilot, as a user would write it. It does the least that a companion does:
+it sends one setpoint per position report. It computes nothing, and belongs to no formation.
 
-What a datagram holds, read without parsing it: a stopwatch must not be slow itself.
-
-The autopilot that a client under test speaks to, with a stopwatch at its socket.
-
-Nothing stands between the two: the emulated aircraft is flown in this process, its telemetry goes out over
-a socket of its own, and the kernel stamps what comes back as it arrives. When this process gets round to
-reading is not in the measured time; how busy the computer is, is.
+`TimedVehicle` is the autopilot of a client under test, with a stopwatch at its socket. The aircraft is
+emulated in this process, its telemetry leaves through a socket of its own, and the kernel stamps arriving
+datagrams. So the measured time includes the load of the computer, but not this process's delay in reading.
+Datagrams are examined without parsing, so that the stopwatch is not slow itself.
 """
 
 import asyncio
@@ -30,7 +27,7 @@ MAGIC = 0xFD
 """First byte of a MAVLink 2 frame."""
 
 HEADER, CHECKSUM, SIGNATURE = 10, 2, 13
-"""Bytes of a frame before and after its payload; the last only if it is signed."""
+"""Bytes of a frame around its payload; the signature only if the frame is signed."""
 
 SIGNED = 0x01
 """Incompatibility flag of a signed frame."""
@@ -40,42 +37,42 @@ POSITION = 33
 
 COMMAND_INT = 75
 COMMAND_AT = 28
-"""Where the command's number is in its payload."""
+"""Offset of the command's number in the payload."""
 
 CHANGE_HEADING = 43002
-"""MAV_CMD_GUIDED_CHANGE_HEADING, what ArduPlane is steered by."""
+"""MAV_CMD_GUIDED_CHANGE_HEADING, ArduPlane's steering command."""
 
 POSITION_TARGETS = frozenset({84, 86})
-"""SET_POSITION_TARGET_LOCAL_NED and SET_POSITION_TARGET_GLOBAL_INT, what others are steered by."""
+"""SET_POSITION_TARGET_LOCAL_NED and SET_POSITION_TARGET_GLOBAL_INT, setpoints of other autopilots."""
 
 SO_TIMESTAMPNS = 35
-"""Linux: the kernel notes when each datagram arrived, on the real-time clock. Python has no name for it."""
+"""Linux option to stamp each datagram's arrival on the real-time clock; Python has no name for it."""
 
 TIMESPEC = struct.Struct("@ll")
 
 LONGEST_DATAGRAM = 65_536
 
 OUTSTANDING = 50
-"""Reports that may wait for an answer."""
+"""Largest number of reports that await an answer."""
 
 DISCOVERY_S = 30.0
-"""s that an autopilot gets until it is seen."""
+"""Time that a client waits for its autopilot."""
 
 FIRST_MAVSDK = 4
-"""Major version from which MAVSDK for Python works without a server process."""
+"""First major version of MAVSDK for Python that needs no server process."""
 
 VELOCITY_ONLY = 0b0000_1101_1100_0111
-"""Type mask of SET_POSITION_TARGET_LOCAL_NED: all but the velocity is ignored."""
+"""Type mask of SET_POSITION_TARGET_LOCAL_NED that ignores all but the velocity."""
 
 NORTH_M_S, EAST_M_S = 15.0, 10.0
-"""What they ask for; their aircraft need not like it."""
+"""Velocity setpoint of the peers; their aircraft need not follow it."""
 
 PYMAVLINK_ENVIRONMENT = {"MAVLINK20": "1"}
-"""Without it mavutil speaks MAVLink 1."""
+"""Without this variable mavutil speaks MAVLink 1."""
 
 
 def frames(datagram: bytes) -> Iterator[tuple[int, bytes]]:
-    """Message id and payload of each whole MAVLink 2 frame, up to the first byte that begins none."""
+    """Yield id and payload of each whole MAVLink 2 frame, up to the first byte that begins none."""
     at = 0
     while at + HEADER <= len(datagram) and datagram[at] == MAGIC:
         length, flags = datagram[at + 1], datagram[at + 2]
@@ -86,12 +83,12 @@ def frames(datagram: bytes) -> Iterator[tuple[int, bytes]]:
 
 
 def has_position(datagram: bytes) -> bool:
-    """Whether a client has reason to answer with a setpoint."""
+    """Check whether a datagram holds a position report, which a client answers with a setpoint."""
     return any(message_id == POSITION for message_id, _ in frames(datagram))
 
 
 def has_setpoint(datagram: bytes) -> bool:
-    """Whether a course or a velocity is among what a client sends."""
+    """Check whether a datagram holds a course or velocity setpoint."""
     return any(
         message_id in POSITION_TARGETS
         or (message_id == COMMAND_INT and command_of(payload) == CHANGE_HEADING)
@@ -100,27 +97,21 @@ def has_setpoint(datagram: bytes) -> bool:
 
 
 def command_of(payload: bytes) -> int:
-    """Number of the command in a COMMAND_INT; trailing zeros are not sent."""
+    """Return the command's number in a COMMAND_INT, whose trailing zeros are not sent."""
     number: int
     (number,) = struct.unpack_from("<H", payload.ljust(COMMAND_AT + 2, b"\0"), COMMAND_AT)
     return number
 
 
 class TimedVehicle:
-    """One emulated vehicle, its client's port, and how long the client took."""
+    """Emulated vehicle that times its client."""
 
     def __init__(self, autopilot: sitl_stub.Autopilot, *, port: int, rate_hz: float) -> None:
-        """Open a socket; nothing is sent yet.
-
-        Args:
-            autopilot: at simulation time zero.
-            port: of this computer, where the client listens.
-            rate_hz: telemetry datagrams per second.
-        """
+        """Open a socket for the client on a local `port`; `autopilot` is at simulation time zero."""
         self.responses: list[float] = []
-        """From a position report out to the first setpoint back, s."""
+        """Times from a position report to the first setpoint after it, s."""
         self.unanswered = 0
-        """Position reports that no setpoint came back to."""
+        """Number of position reports without a setpoint in return."""
         self._autopilot = autopilot
         self._peer = ("127.0.0.1", port)
         self._interval_s = 1.0 / rate_hz
@@ -136,8 +127,8 @@ class TimedVehicle:
         """Send telemetry until cancelled, and obey what comes back.
 
         Args:
-            first_s: time of the loop at which to begin.
-            pace: simulation seconds for each real one; about 1.
+            first_s: begin, s of the loop's clock.
+            pace: simulation seconds per real second, about 1.
         """
         interval_s = self._interval_s / pace
         loop = asyncio.get_running_loop()
@@ -147,14 +138,14 @@ class TimedVehicle:
             while True:
                 await asyncio.sleep(due_s - loop.time())
                 self._send()
-                # A computer that stood still does not make up for it with a burst.
+                # After a stall of the computer no burst catches up.
                 due_s = max(due_s + interval_s, loop.time() - interval_s)
         finally:
             loop.remove_reader(self._socket)
             self._socket.close()
 
     def begin(self) -> None:
-        """Forget what was measured so far: that was warming up."""
+        """Discard the measurements of warming up."""
         self.responses.clear()
         self.unanswered = 0
 
@@ -163,7 +154,7 @@ class TimedVehicle:
         self._steps += 1
         if has_position(telemetry):
             if self._answered and self._sent_ns:
-                # Answers come, and none came for these.
+                # The client answers, but left these reports unanswered.
                 self.unanswered += len(self._sent_ns)
                 self._sent_ns.clear()
             self._answered = False
@@ -180,7 +171,7 @@ class TimedVehicle:
             except BlockingIOError:
                 return
             if has_setpoint(datagram) and self._sent_ns:
-                # The oldest: a client that is late by more than an interval is not made to look fast.
+                # The oldest report counts, so that a client late by more than an interval does not look fast.
                 self.responses.append((arrival_ns(notes) - self._sent_ns.popleft()) * 1e-9)
                 self._answered = True
             answer = self._autopilot.receive(datagram)
@@ -189,7 +180,7 @@ class TimedVehicle:
 
 
 def arrival_ns(notes: list[tuple[int, int, bytes]]) -> int:
-    """When a datagram arrived, ns of the real-time clock; now, if the kernel does not say."""
+    """Return a datagram's arrival, ns of the real-time clock; now, if the kernel does not tell."""
     for level, kind, data in notes:
         if (level, kind) == (socket.SOL_SOCKET, SO_TIMESTAMPNS) and len(data) >= TIMESPEC.size:
             seconds, nanoseconds = TIMESPEC.unpack_from(data)
@@ -198,7 +189,7 @@ def arrival_ns(notes: list[tuple[int, int, bytes]]) -> int:
 
 
 def installed_mavsdk() -> str | None:
-    """Version of MAVSDK, if one that the loop below is written for is installed."""
+    """Return MAVSDK's version if it is installed and `mavsdk_loop` is written for it."""
     if find_spec("mavsdk") is None:
         return None
     try:
@@ -209,7 +200,7 @@ def installed_mavsdk() -> str | None:
 
 
 def bare_loop(port: int) -> None:
-    """A socket, and bytes made beforehand: what the computer itself takes, below which no client gets."""
+    """Answer with prepared bytes on a bare socket: the computer's own delay, a lower bound for clients."""
     mavlink = import_module("pymavlink.dialects.v20.ardupilotmega")
     numbers = (0.0, 0.0, 0.0, NORTH_M_S, EAST_M_S, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     message = mavlink.MAVLink_set_position_target_local_ned_message(
@@ -225,7 +216,7 @@ def bare_loop(port: int) -> None:
 
 
 def pymavlink_loop(port: int) -> None:
-    """The loop of pymavlink's examples: wait for a position, send a velocity."""
+    """Run the loop of pymavlink's examples: wait for a position, send a velocity."""
     mavutil = import_module("pymavlink.mavutil")
     connection = mavutil.mavlink_connection(f"udpin:127.0.0.1:{port}", source_system=250)
     frame = mavutil.mavlink.MAV_FRAME_LOCAL_NED
@@ -245,7 +236,7 @@ def pymavlink_loop(port: int) -> None:
 
 
 async def mavsdk_loop(port: int) -> None:
-    """The loop of MAVSDK's examples: for each position, a velocity for the offboard mode."""
+    """Run the loop of MAVSDK's examples: for each position, send a velocity in offboard mode."""
     api = import_module("mavsdk.asyncio")
     offboard_plugin = import_module("mavsdk.asyncio.plugins.offboard")
     telemetry_plugin = import_module("mavsdk.asyncio.plugins.telemetry")
@@ -263,7 +254,7 @@ async def mavsdk_loop(port: int) -> None:
 
 
 def main() -> None:
-    """Entry point."""
+    """Run a peer."""
     kind, port = sys.argv[1], int(sys.argv[2])
     if kind == "bare":
         bare_loop(port)
