@@ -1,1 +1,1 @@
-"""The console: a formation in the air, or a recorded flight, on a page of a browser, and orders from it."""
+"""The console: a browser page that shows a formation in the air or a recorded flight, and gives orders."""

@@ -1,4 +1,4 @@
-"""Alarms of a formation, each a sentence that says what to do."""
+"""Alarms of a formation, each a sentence with what to do, and the history of a flight's samples."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -13,12 +13,8 @@ from vfguide.elementwise import BoolArray, FloatArray
 from vfguide.lab.report.replay import KINDS, SLOT_KINDS, SeriesKind
 from vfguide.mission.model import Timeouts
 
-# The numbers of a vehicle in each sample of the console, and the samples of a flight so far.
-#
-# They have a bounded room: the newest minute is kept whole, the rest coarser.
-
 MODES = (*(mode.value for mode in Mode), "offline", "not known")
-"""What a card can show, by number."""
+"""States that a card can show, by number."""
 
 SERIES = (
     "north_m",
@@ -39,37 +35,33 @@ SERIES = (
     "mode",
     "age_s",
 )
-"""The numbers of a vehicle in a sample, by the names that the replay has for them."""
+"""Series of a vehicle in a sample, with the replay's names."""
 
 COLUMNS = {name: number for number, name in enumerate(SERIES)}
 
 FLOWN_AS = COLUMNS["along_m"]
-"""The series before this one are of the vehicle alone."""
+"""Index of the first series that refers to the formation; those before it are of the vehicle alone."""
 
 CONSOLE_KINDS = {**KINDS, **SLOT_KINDS, "age_s": SeriesKind(unit=0.01, bits=16)}
-"""How they are written."""
+"""Number formats of the series."""
 
 FINE_S = 60.0
-"""The newest samples, which are kept as they came, s."""
+"""Age up to which all samples are kept."""
 
 FIRST_STEP_S = 0.2
-"""Shortest interval of two older samples, before the room first runs out, s."""
+"""Shortest interval of older samples, before the capacity first runs out."""
 
 KEPT_SHARE = 0.75
-"""Share of the room that is in use, at most, after samples have been left out."""
+"""Largest share of the capacity in use after samples were left out."""
 
 
 class History:
-    """Samples of some series of some vehicles, in order of time."""
+    """Samples of several vehicles' series, in order of time and bounded in number.
+
+    The newest minute is kept whole if it fits, and older samples get coarser.
+    """
 
     def __init__(self, vehicles: int, series: int, *, room: int = 8000) -> None:
-        """Make an empty one.
-
-        Args:
-            vehicles: how many there are.
-            series: how many numbers each sample has of a vehicle.
-            room: how many samples are kept at most.
-        """
         self._time_s = np.empty(room, dtype=np.float64)
         self._values = np.empty((room, vehicles, series), dtype=np.float32)
         self._count = 0
@@ -77,15 +69,15 @@ class History:
 
     @property
     def time_s(self) -> FloatArray:
-        """N times, ascending, s."""
+        """N times, ascending."""
         return self._time_s[: self._count]
 
     def series(self, vehicle: int, number: int) -> FloatArray:
-        """N values of one series of one vehicle."""
+        """Return the N values of one series of one vehicle."""
         return self._values[: self._count, vehicle, number].astype(np.float64)
 
     def add(self, time_s: float, values: FloatArray) -> None:
-        """Add a sample: (vehicles, series) values at a time later than all before; others are passed over."""
+        """Add a sample of shape (vehicles, series); it is ignored unless later than all others."""
         if self._count and time_s <= self._time_s[self._count - 1]:
             return
         if self._count == self._time_s.size:
@@ -95,10 +87,10 @@ class History:
         self._count += 1
 
     def _thin(self, now_s: float) -> None:
-        """Leave older samples out, as few as possible, so that there is room again."""
+        """Leave out as few older samples as make room again."""
         time_s = self.time_s
         fine = time_s > now_s - FINE_S
-        # Samples that come faster than there is room for a minute of them are coarser from the first.
+        # If a minute of samples exceeds half of the capacity, only the newest half stays whole.
         if fine.sum() > 0.5 * time_s.size:
             fine = np.arange(time_s.size) >= 0.5 * time_s.size
         while True:
@@ -114,14 +106,13 @@ class History:
 
 
 Level = Literal["alarm", "note"]
-"""How pressing something is: an alarm wants a person to act, a note wants a person to look."""
+"""Urgency: an alarm demands action, a note attention."""
 
 SILENT_S = 2.0
-"""Without a state for so long a vehicle counts as silent: it may be anywhere by then."""
+"""Age of a state from which a vehicle counts as silent: it may be anywhere by then."""
 
 MOST_NEAR = 4
-"""Pairs of vehicles that are named at once."""
-
+"""Largest number of pairs named at once."""
 
 OF_MODES: Mapping[str, tuple[Level, str]] = {
     Mode.PREDICTING.value: (
@@ -154,59 +145,54 @@ OF_MODES: Mapping[str, tuple[Level, str]] = {
         "is not steered{by}: see that it is armed and in the guided mode, and has a position.",
     ),
 }
-"""What is wrong with a vehicle whose companion is in a mode, after its name."""
+"""Trouble by mode of the companion, as a sentence after the vehicle's name."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Alarm:
-    """Something that the person at the console should know."""
+    """Message to the person at the console."""
 
     level: Level
-    """How bad it is."""
     text: str
     """One sentence, with what to do."""
     vehicles: tuple[str, ...] = ()
-    """Whom it is about."""
+    """Vehicles concerned."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Knowledge:
-    """What is known of a vehicle."""
+    """Knowledge about a vehicle."""
 
     name: str
-    """Name of the vehicle."""
     leads: bool
-    """Whether it is the leader."""
+    """Whether the vehicle is the leader."""
     mode: str | None
-    """Mode of its companion; None before the companion has said anything."""
+    """Mode of the companion; None before its first report."""
     offline: bool
-    """Whether the broker has lost its companion."""
+    """Whether the broker has lost the companion."""
     state_age_s: float
-    """Since its newest state came; infinite before the first."""
+    """Age of the newest state; infinite before the first."""
     autopilot: str
-    """Mode of its autopilot; empty while not known."""
+    """Mode of the autopilot; empty while unknown."""
     links_lost: int
-    """How many of its links do not stand."""
+    """Number of the vehicle's links that are down."""
     ordered_away: bool = False
-    """Whether an order leaves it to its autopilot: then it is not steered, and nothing is wrong with that."""
+    """Whether an order leaves the vehicle to its autopilot: not being steered is no trouble then."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Nearness:
-    """Two vehicles that are too near to each other."""
+    """Two vehicles that are too close to each other."""
 
     first: str
-    """One of them."""
     second: str
-    """The other."""
     distance_m: float
-    """Distance between them, m."""
 
     @staticmethod
     def is_too_near(distance_m: FloatArray, wanted_m: FloatArray) -> BoolArray:
-        """Whether distances are below what companions keep, by the distances between their slots, m.
+        """Compare distances with what companions keep, for the distances between slots, m.
 
-        Where a slot is not known (NaN) it is what companions keep of others without one.
+        With an unknown slot distance (NaN) the limit is `HOLD_M`.
         """
         near: BoolArray = distance_m < np.fmin(HOLD_M, SPACING_SHARE * wanted_m)
         return near
@@ -215,7 +201,7 @@ class Nearness:
 def alarms_of(
     known: Sequence[Knowledge], near: Sequence[Nearness], *, patience: Timeouts
 ) -> list[Alarm]:
-    """What the person at the console should look at or do, the worst first."""
+    """Return all alarms and notes, alarms first."""
     found = [
         Alarm(
             level="alarm",
@@ -241,9 +227,9 @@ def alarms_of(
 
 
 def describe_trouble(one: Knowledge, patience: Timeouts, *, all_silent: bool) -> tuple[Level, str]:
-    """How bad it is and what to do, after the vehicle's name; empty where all is well.
+    """Return level and sentence after the vehicle's name for its first trouble; empty if all is well.
 
-    The first thing alone, which the others follow from.
+    Only the first trouble is told, since the others follow from it.
     """
     if one.mode is None and one.state_age_s == float("inf"):
         return "note", (
@@ -265,7 +251,7 @@ def describe_trouble(one: Knowledge, patience: Timeouts, *, all_silent: bool) ->
 
 
 def describe_mode(one: Knowledge, patience: Timeouts) -> tuple[Level, str]:
-    """Level and text of the mode that its companion is in."""
+    """Return level and sentence for the companion's mode."""
     if one.ordered_away and one.mode == Mode.WAITING.value:
         return "note", ""
     if one.mode is not None and one.mode in OF_MODES:

@@ -1,6 +1,6 @@
-"""What the console knows of a formation over Foxglove's WebSocket: the topics of the MCAP export, live.
+"""Live view of the console's data over Foxglove's WebSocket, with the topics of the MCAP export.
 
-Foxglove, Lichtblick and PlotJuggler read it. Served on loopback alone.
+Foxglove, Lichtblick and PlotJuggler can read it. It is served on loopback alone.
 """
 
 import math
@@ -29,22 +29,16 @@ from vfguide.mission import Mission
 HOST = "127.0.0.1"
 
 NAMED_OTHERWISE = {"altitude_m": "altitude_amsl_m", "age_s": "leader_age_s"}
-"""Series of the console by the names that the export has for them."""
+"""Names in the export of the console's series, where they differ."""
 
 PATH_EVERY = 50
-"""Pictures from one path to the next: who comes later sees it, too."""
+"""Number of pictures between repeats of the path, which late clients need."""
 
 
 class FoxgloveStream:
-    """Makes messages of the console's pictures."""
+    """Converter from the console's pictures to messages."""
 
     def __init__(self, mission: Mission, topics: FoxgloveTopics) -> None:
-        """Have shown nothing yet.
-
-        Args:
-            mission: of the formation.
-            topics: what takes the messages.
-        """
         self._topics, self._frame = topics, local_frame(mission)
         self._names = (mission.leader.vehicle, *mission.followers_by_name)
         self._colours = colours_of(self._names)
@@ -55,7 +49,7 @@ class FoxgloveStream:
         self._count = 0
 
     def show(self, values: FloatArray) -> None:
-        """Send a picture: (vehicles, series), as the console's model samples it; NaN is not known."""
+        """Send a picture of shape (vehicles, series), as the console's model samples it; NaN is unknown."""
         now_ns = time.time_ns()
         if self._count % PATH_EVERY == 0:
             path = scene("path", now_ns, lines=[self._path])
@@ -95,19 +89,17 @@ class FoxgloveStream:
 
 @contextmanager
 def foxglove_stream(mission: Mission, port: int) -> Iterator[tuple[FoxgloveStream, str]]:
-    """Serve a formation as long as the context lasts; yields (what takes pictures, the address).
+    """Serve a formation for as long as the context lasts; yield (stream, address).
 
-    Args:
-        mission: of the formation.
-        port: on loopback; 0 for any free one.
+    Port 0 takes any free one of the loopback interface.
 
     Raises:
-        VfguideError: the port is not to be had.
+        VfguideError: the port is not available.
     """
     context = Context()
     try:
         server = start_server(name=mission.name, host=HOST, port=port, context=context)
-    # The library raises errors of its own for what the system refuses.
+    # The library raises its own errors for failed system calls.
     except Exception as error:
         raise VfguideError(
             f"--foxglove {port}: cannot be served ({error}); choose another port, or 0 for a free one"

@@ -1,8 +1,8 @@
 """Map tiles for the console: a file of raster tiles (MBTiles), or the address of a server.
 
-MBTiles 1.3: an SQLite file with a table or view `tiles` (zoom_level, tile_column, tile_row, tile_data), rows
-counted from the south, and a table `metadata` (name, value). The file may come from anybody: it is opened
-read-only, its schema is not trusted, and a query that takes too long or finds too much finds nothing.
+MBTiles 1.3 is an SQLite file with a table or view `tiles` (zoom_level, tile_column, tile_row, tile_data),
+rows counted from the south, and a table `metadata` (name, value). The file may come from anybody. So it is
+opened read-only, its schema is not trusted, and a query that takes too long or finds too much yields nothing.
 """
 
 import re
@@ -24,36 +24,36 @@ GREATEST_ZOOM = 24
 """Zoom of the smallest tiles, which are some metres wide."""
 
 ONLINE_ZOOM = 19
-"""Greatest zoom of tiles from a server; most have no more."""
+"""Greatest zoom of a server's tiles; most servers have no more."""
 
 LARGEST_TILE = 1024**2
-"""Bytes; usual ones have 10 to 100 kB."""
+"""Largest tile in bytes; usual ones have 10 to 100 kB."""
 
 LOOKUP_STEPS = 1000
-"""Thousands of instructions that finding a tile may take; by an index it is a few hundred instructions."""
+"""Limit for finding a tile, in thousands of SQLite instructions; with an index some hundred suffice."""
 
 OPENING_STEPS = 100_000
-"""Thousands of instructions that a question about the whole file may take, some seconds."""
+"""Limit for a query of the whole file, in thousands of SQLite instructions: some seconds."""
 
 LONGEST_ATTRIBUTION, LONGEST_MARKUP = 200, 2000
-"""Characters that are shown, and that are read, with tags."""
+"""Characters of the attribution that are shown, and that are read with its tags."""
 
 LOOKUP_S, OPENING_S = 0.5, 10.0
-"""Limits of the time for one tile and for opening the file, s."""
+"""Time limits for finding a tile, and for each query of the whole file."""
 
 FUNCTIONS = frozenset({"min", "max"})
-"""That a query may call: those of a file's views could take for ever."""
+"""Functions allowed in queries; others in the file's views could run for ever."""
 
 KINDS = {b"\x89PNG\r\n\x1a\n": "image/png", b"\xff\xd8\xff": "image/jpeg"}
-"""Media types of pictures, by the bytes that they begin with."""
+"""Media types of images, by their first bytes."""
 
 SQLITE_BEGINNING = b"SQLite format 3\x00"
 
 LOCAL_TILES = "/tiles/{z}/{x}/{y}"
-"""Where the console serves those of a file."""
+"""Path at which the console serves a file's tiles."""
 
 IN_ADDRESS = re.compile(r"https://[A-Za-z0-9.-]+(:\d{1,5})?/[A-Za-z0-9._~/?&=%{}+@-]*")
-"""An address that can stand in a content security policy, and in nothing that ends it."""
+"""Address that is safe in a content security policy: nothing in it can end the policy."""
 
 REMEDY = (
     "give an MBTiles file of PNG or JPEG tiles, or an address such as https://host/{z}/{x}/{y}.png"
@@ -62,36 +62,32 @@ REMEDY = (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Tile:
-    """One picture of the map."""
+    """Image of one map tile."""
 
     kind: str
-    """Media type of the tile."""
     data: bytes
-    """The picture."""
 
 
 FindTile = Callable[[int, int, int], Tile | None]
-"""A tile by zoom, column from the west and row from the north; None where there is none."""
+"""Function that finds a tile by zoom, column from the west and row from the north; None without a tile."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TileSource:
-    """Where a page gets its map from."""
+    """Source of a page's map."""
 
     template: str
     """Address of a tile, with {z}, {x} and {y}."""
     least_zoom: int
-    """Least zoom of the tiles in the file."""
     greatest_zoom: int
-    """Greatest zoom of the tiles in the file."""
     attribution: str
-    """To be shown beside the map; plain text."""
+    """Plain text to show beside the map."""
     find: FindTile | None = None
-    """Finds a tile; None for tiles of another server."""
+    """Function that finds a tile; None for tiles of another server."""
 
     @property
     def origin(self) -> str:
-        """Where pictures may come from, in the words of a content security policy."""
+        """Source of the images for a content security policy."""
         if self.find is not None:
             return "'self'"
         parts = urlsplit(self.template)
@@ -100,12 +96,9 @@ class TileSource:
     def describe(
         self, latitude_deg: float, longitude_deg: float, altitude_m: float
     ) -> dict[str, object]:
-        """What a page needs to draw it below a local frame, ready for JSON.
+        """Return what a page needs to draw the map below a local frame, ready for JSON.
 
-        Args:
-            latitude_deg: of the frame's origin.
-            longitude_deg: the same.
-            altitude_m: the same, above mean sea level.
+        The position is the frame's origin, its altitude above mean sea level.
         """
         return {
             "template": self.template,
@@ -120,19 +113,19 @@ class TileSource:
 
 
 def open_tiles(given: str) -> TileSource:
-    """The tiles of a file, or of a server.
+    """Open the tiles of a file or a server.
 
     Raises:
-        InputError: it is neither, or cannot be used; one line with the remedy.
+        InputError: the source cannot be used; one line with the remedy.
     """
     return tiles_online(given) if "://" in given else TileFile(Path(given)).source
 
 
 def tiles_online(address: str) -> TileSource:
-    """The tiles of a server.
+    """Return the tiles of a server.
 
     Raises:
-        InputError: the address is none.
+        InputError: the address is not valid.
     """
     places = re.findall(r"\{(.*?)\}", address)
     if not IN_ADDRESS.fullmatch(address) or sorted(places) != ["x", "y", "z"]:
@@ -146,18 +139,18 @@ def tiles_online(address: str) -> TileSource:
 
 
 class TileFile:
-    """An MBTiles file."""
+    """MBTiles file."""
 
     def __init__(self, path: Path) -> None:
-        """Open it.
+        """Open the file.
 
         Raises:
-            InputError: it is missing, or no such file.
+            InputError: the file is missing, or holds no tiles that can be used.
         """
         self._path = path
         self._check_beginning()
         try:
-            # One thread reads it; the garbage collector may close it from another.
+            # One thread reads the file, but the garbage collector may close it from another.
             self._file = sqlite3.connect(
                 f"file:{quote(str(path.absolute()))}?mode=ro&immutable=1",
                 uri=True,
@@ -188,16 +181,10 @@ class TileFile:
             ),
             find=self.find,
         )
-        """What a page gets of it."""
+        """Source for pages."""
 
     def find(self, zoom: int, column: int, row: int) -> Tile | None:
-        """A tile; None where there is none that is a picture.
-
-        Args:
-            zoom: 0 for the whole world in one.
-            column: from the west.
-            row: from the north.
-        """
+        """Return a tile by zoom, column from the west and row from the north; None without an image."""
         if not (0 <= zoom <= GREATEST_ZOOM and 0 <= column < 2**zoom and 0 <= row < 2**zoom):
             return None
         try:
@@ -223,7 +210,7 @@ class TileFile:
     def _row(
         self, query: str, values: tuple[int, ...] = (), *, most_steps: int = LOOKUP_STEPS
     ) -> tuple[object, ...] | None:
-        """The first row that a query finds; sqlite3.Error where it takes too long."""
+        """Return the first row of a query; raise sqlite3.Error if it takes too long."""
         steps = 0
         ends_s = monotonic() + (LOOKUP_S if most_steps == LOOKUP_STEPS else OPENING_S)
 
@@ -237,12 +224,12 @@ class TileFile:
             with closing(self._file.execute(query, values)) as found:
                 row: tuple[object, ...] | None = found.fetchone()
         except UnicodeDecodeError as error:
-            # SQLite tells what is wrong with a damaged schema in the schema's own bytes.
+            # SQLite reports a damaged schema in the schema's own bytes.
             raise sqlite3.DatabaseError("its tables are damaged") from error
         return row
 
     def _metadata(self) -> dict[str, str]:
-        """What the file says of itself, as far as it does."""
+        """Return the metadata that the file has."""
         said = {}
         for name in ("format", "attribution", "minzoom", "maxzoom"):
             with suppress(sqlite3.Error):
@@ -252,7 +239,7 @@ class TileFile:
         return said
 
     def _zoom(self, said: dict[str, str], which: str) -> int | None:
-        """The least (`min`) or greatest (`max`) zoom: as the file says, or as its tiles have it."""
+        """Return the least (`min`) or greatest (`max`) zoom, from the metadata or else from the tiles."""
         if re.fullmatch(r"\d{1,2}", text := said.get(f"{which}zoom", "")):
             return int(text)
         row = self._row(f"SELECT {which}(zoom_level) FROM tiles", most_steps=OPENING_STEPS)  # noqa: S608
@@ -263,7 +250,7 @@ class TileFile:
 
 
 def authorize(action: int, _table: str | None, name: str | None, *_: str | None) -> int:
-    """Let a query read tables and views, and call what takes no time; sqlite3's own codes."""
+    """Allow a query to read tables and views and to call fast functions; return SQLite's codes."""
     allowed = action in {sqlite3.SQLITE_SELECT, sqlite3.SQLITE_READ} or (
         action == sqlite3.SQLITE_FUNCTION and name in FUNCTIONS
     )
@@ -271,7 +258,7 @@ def authorize(action: int, _table: str | None, name: str | None, *_: str | None)
 
 
 def picture_of(data: object) -> Tile | None:
-    """A picture by its first bytes; None where it is none."""
+    """Return an image by its first bytes; None if it is none or too large."""
     if not isinstance(data, bytes) or len(data) > LARGEST_TILE:
         return None
     kind = next((kind for beginning, kind in KINDS.items() if data.startswith(beginning)), None)
@@ -279,5 +266,5 @@ def picture_of(data: object) -> Tile | None:
 
 
 def shown(text: str, longest: int) -> str:
-    """A text of somebody else's in one line."""
+    """Make foreign text safe to show in one line."""
     return "".join(letter if letter.isprintable() else " " for letter in text)[:longest].strip()

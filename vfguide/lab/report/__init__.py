@@ -1,1 +1,1 @@
-"""What a flight record says: figures, plots, a page for a browser, a table for a terminal."""
+"""Reports of flight records: figures, plots, a page for a browser, a table for a terminal."""

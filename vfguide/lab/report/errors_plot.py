@@ -1,4 +1,4 @@
-"""Formation errors over time; heights, and the errors in height."""
+"""Plots of formation errors, heights and height errors over time."""
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -25,11 +25,11 @@ from vfguide.lab.report.style import (
 from vfguide.record.flight import FlightRecord
 
 LEAST_DRAWN_M = 1e-3
-"""Errors below this are drawn as this: a logarithm has no zero."""
+"""Lower limit of the errors drawn: a logarithm has no zero."""
 
 
 def errors_figure(record: FlightRecord, *, narrow: bool = False) -> Figure:
-    """Distance from the slot on a log scale; below it, along and across, whole flight and window."""
+    """Draw distances from the slot on a log scale, and errors along and across for flight and window."""
     if narrow:
         figure = new_figure(NARROW_INCH, 10.5)
         grid = figure.add_gridspec(5, 1, height_ratios=[1.5, 1.0, 1.0, 1.0, 1.0])
@@ -62,7 +62,7 @@ def errors_figure(record: FlightRecord, *, narrow: bool = False) -> Figure:
 
 
 def draw_distance(axes: Axes, record: FlightRecord) -> None:
-    """Formation error of each follower, what it is held against, and when all had settled."""
+    """Draw each follower's formation error with the limits and settling times."""
     colours = vehicle_colours(record)
     errors = np.array([slot_error(record.reference, f).distance_m for f in record.followers])
     for follower, error in zip(record.followers, errors, strict=True):
@@ -77,7 +77,7 @@ def draw_distance(axes: Axes, record: FlightRecord) -> None:
         ("mean", record.acceptance.mean_error_m),
         ("greatest", record.acceptance.max_error_m),
     )
-    # A text beside a limit out of sight would leave no room for the axes.
+    # The label of a limit out of sight would leave no room for the axes.
     shown = np.array([required for _, required in limits if required is not None])
     low, high = extent([np.maximum(np.append(errors, shown), LEAST_DRAWN_M)])
     set_log_scale(axes, max(low / 1.5, LEAST_DRAWN_M), max(high * 2.0, 20.0))
@@ -85,7 +85,7 @@ def draw_distance(axes: Axes, record: FlightRecord) -> None:
     shade_window(axes, record)
     for limit in (10.0, 1.0):
         mark_settling(axes, record, errors, limit)
-    # Two limits may be too near each other for two texts between them.
+    # Two limits may be too close for two labels between them.
     both = all(required is not None for _, required in limits)
     for name, required in limits:
         if required is not None:
@@ -112,7 +112,7 @@ def draw_distance(axes: Axes, record: FlightRecord) -> None:
 
 
 def mark_settling(axes: Axes, record: FlightRecord, errors: FloatArray, limit_m: float) -> None:
-    """A line at a distance, and a mark where the last follower came within it for good."""
+    """Draw a line at a distance, and mark when the last follower came within it for good."""
     axes.axhline(limit_m, color=QUIET_COLOUR, linewidth=0.9, linestyle=":")
     settled = settling_time(record.time_s, errors_that_count(record, errors), limit_m)
     begin = float(record.time_s[0])
@@ -133,7 +133,7 @@ def mark_settling(axes: Axes, record: FlightRecord, errors: FloatArray, limit_m:
 
 
 def draw_component(axes: Axes, record: FlightRecord, values: dict[str, FloatArray]) -> None:
-    """One component of every follower's error."""
+    """Draw one component of every follower's error."""
     colours = vehicle_colours(record)
     shade_window(axes, record)
     axes.axhline(0.0, color="#b0b0b0", linewidth=0.8)
@@ -142,7 +142,7 @@ def draw_component(axes: Axes, record: FlightRecord, values: dict[str, FloatArra
 
 
 def zoom_to_window(axes: Axes, record: FlightRecord, values: dict[str, FloatArray]) -> None:
-    """Show only the window, at a scale of its own with zero in the middle."""
+    """Show only the window, with zero in the middle of its own scale."""
     window = in_window(record)
     low, high = extent([value[window] for value in values.values()])
     reach = max(1.1 * max(abs(low), abs(high)), LEAST_DRAWN_M)
@@ -152,11 +152,11 @@ def zoom_to_window(axes: Axes, record: FlightRecord, values: dict[str, FloatArra
 
 
 LEAST_SPAN_M = 0.1
-"""Smaller errors are not drawn larger than this."""
+"""Smallest error that the height scale adapts to; smaller ones are not drawn larger."""
 
 
 def heights_figure(record: FlightRecord, *, narrow: bool = False) -> Figure:
-    """Altitudes above the mission's origin; below them each follower's height error."""
+    """Draw altitudes above the mission's origin, and each follower's height error."""
     figure = new_figure(NARROW_INCH, 7.0) if narrow else new_figure(12.0, 6.5)
     profile, errors = figure.subplots(2, 1)
     ground = 0.0 if record.origin is None else record.origin.altitude_amsl_m
