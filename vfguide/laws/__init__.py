@@ -1,4 +1,4 @@
-"""Laws of followers and leaders: what they are made of, and vfguide's own. docs/own-law.md."""
+"""Parts for laws of followers and leaders, and the laws of vfguide. See docs/own-law.md."""
 
 from vfguide.laws.base import DesiredMotion, Law, View, approach, law
 from vfguide.laws.leader import LeaderLaw, LeaderMotion, LeaderView, leader_law

@@ -1,14 +1,14 @@
-"""The dual field that draws a follower onto its slot: around the slot's own motion, and the article's.
+"""Dual field that steers a follower onto its slot: around the slot's own motion, and the article's.
 
     chi_d = chi_s + chi_inf (2/pi) atan(k_y y_E)        V_d = V_s + V_inf (2/pi) atan(k_x x_E)
 
-The article takes the leader's course and speed for the slot's, which leaves an error on every turn. Both are
-followed by the sliding-mode laws of course and speed.
+The article uses the leader's course and speed as the slot's, which leaves an error in every turn. The
+sliding-mode laws of course and speed follow either field.
 
-Field and laws are kept within what the aircraft bears (`response.py`). The setpoint V + (dV/dt)/beta of a
-law slower than the hold itself has the measured speed in it, and a hold that is not of first order
-(ArduPlane's answers at once by pitch, seconds later by throttle) rings on it. For a total-energy hold the
-speed law is made just so fast that the measured speed drops out.
+Field and laws are kept within the aircraft's bandwidth (`response.py`). A law slower than its hold feeds the
+measured speed back through the setpoint V + (dV/dt)/beta. A hold that is not of first order (ArduPlane's
+responds at once by pitch, seconds later by throttle) rings on it. For a total-energy hold the speed law is
+made just so fast that the measured speed drops out.
 """
 
 import copy
@@ -87,7 +87,7 @@ class ArticleGains(FieldGains):
 
 
 def field_motion(motion: SlotMotion, error: FormationError, gains: FieldGains) -> DesiredMotion:
-    """What the dual field asks of a follower that is this far from its slot, with the field's own rates."""
+    """Return the motion that the dual field demands for an error, with the field's own rates."""
     turn, turn_rate = arc_tangent_field(
         error.cross_track, error.cross_track_rate, gains.k_y, gains.chi_inf
     )
@@ -104,25 +104,25 @@ def field_motion(motion: SlotMotion, error: FormationError, gains: FieldGains) -
 
 @law("slot")
 class SlotField(Law):
-    """The dual field around the slot's motion, whose integral learns what keeps a follower off its slot."""
+    """Dual field around the slot's motion, with an integral that learns lasting errors."""
 
     Gains: ClassVar[type[Section]] = SlotGains
     forgets_when_held = False
     answers_course_error = True
-    """Whether a follower turns toward its field, or with its slot alone; where only its speed counts."""
+    """Whether a follower turns toward its field, or with its slot alone where only its speed matters."""
 
     chosen: FieldGains
-    """Gains as the mission has them, before the aircraft bounds them."""
+    """Gains of the mission, before the aircraft's bandwidth bounds them."""
 
     follows_drift = True
-    """Whether the speed follows what gusts make of the leader's at once; an autopilot that answers late would
-    follow a gust when it is over."""
+    """Whether the speed follows gusts on the leader at once; an autopilot with delay would follow them too
+    late."""
 
     @property
     def integral_s(self) -> float:
-        """T: time in which a lasting error is learned, s; 0 learns nothing.
+        """T: time constant of the learning of lasting errors, s; 0 learns nothing.
 
-        Where the mission chooses none it is 4 / s for the slower of both fields, a damping of 1.
+        Without a value in the mission it is 4 / s for the slower field, a damping of 1.
         """
         gains = self.gains
         if gains.integral_s is not None:
@@ -132,12 +132,12 @@ class SlotField(Law):
         return max(4.0 / along, 4.0 / across)
 
     def start(self, view: View) -> Offset:
-        """Nothing was learned yet."""
+        """Return the offset before anything is learned."""
         del view
         return no_offset()
 
     def step(self, view: View, memory: Offset) -> tuple[DesiredMotion, Offset]:
-        """One step of the dual field and of the sliding-mode laws that follow it."""
+        """Return the motion of the dual field through the sliding-mode laws."""
         state, motion, sliding = view.state, view.motion, self.settings.sliding
         if not self.gains.rate_feedforward:
             motion = replace(motion, turn_rate=0.0, acceleration=0.0)
@@ -167,7 +167,7 @@ class SlotField(Law):
         return replace(field, course_rate=course_rate, acceleration=acceleration), memory
 
     def learn(self, view: View, memory: Offset, *, limited: bool) -> Any:  # noqa: ANN401 - of the law's own memory
-        """The offset a step later; nothing is learned while something else is flown, nor at a limit."""
+        """Return the updated offset; it stays while something else is flown, or at a limit."""
         held = view.held or limited
         return update_offset(
             memory,
@@ -180,7 +180,7 @@ class SlotField(Law):
         )
 
     def expected_motion(self, motion: SlotMotion, error: FormationError) -> tuple[float, float]:
-        """As the field of the mission asks."""
+        """Return the course and speed of the mission's field."""
         expected = field_motion(motion, error, self.gains)
         return expected.course, expected.speed
 
@@ -206,11 +206,11 @@ class SlotField(Law):
         return bounded
 
     def for_speed(self) -> Self:
-        """Return the law for the speed of a late autopilot: of a total-energy hold without measured speed.
+        """Return the law for the speed of an autopilot with delay: total-energy holds get no measured speed.
 
-        With the gains g of the speed law and k of its field, 1 - (g + k)/beta of the measured speed is in
-        V + (dV/dt)/beta; g = beta - k leaves nothing, and k is at most half of g. What the course swings
-        about the field is then no reason either to change the airspeed.
+        With the gains g of the speed law and k of its field, V + (dV/dt)/beta contains 1 - (g + k)/beta of
+        the measured speed. g = beta - k removes it, and k is at most half of g. Course oscillations about the
+        field then do not change the airspeed either.
         """
         sliding, beta = self.settings.sliding, self.airframe.beta
         if self.airframe.speed_hold == "first-order" or sliding.boundary_layer_factor <= 0.0:
@@ -228,8 +228,8 @@ class SlotField(Law):
 
     @classmethod
     def findings(cls, mission: Mission, conditions: Conditions) -> Iterator[Finding]:
-        """Whether the loops fit each other, and the turns."""
-        # Here, because a companion in the air has no use for it.
+        """Yield findings on loops that do not fit each other or the turns."""
+        # Deferred: a companion in the air does not need it.
         from vfguide.laws.field import field_findings
 
         gains: Any = mission.controller
@@ -238,16 +238,16 @@ class SlotField(Law):
 
 @law("article")
 class ArticleField(SlotField):
-    """The article's field: every slot is taken to move with the leader's course and speed, turning or not.
+    """The article's field: every slot is assumed to have the leader's course and speed, turning or not.
 
-    It learns nothing: what keeps it off its slot on a turn is no disturbance.
+    It learns nothing: its error in a turn is no disturbance.
     """
 
     Gains = ArticleGains
     slot_frame = "leader"
 
     def within(self, bandwidth: Bandwidth) -> Self:
-        """Return the law within a bandwidth, unless it is to be exact."""
+        """Return the law within a bandwidth, unless it must be exact."""
         if not self.gains.exact:
             return super().within(bandwidth)
         exact = copy.copy(self)
@@ -255,23 +255,23 @@ class ArticleField(SlotField):
         return exact
 
     def for_speed(self) -> Self:
-        """Return the law for the speed of a late autopilot; itself, where it is to be exact."""
+        """Return the law for the speed of an autopilot with delay, or itself where it must be exact."""
         return self if self.gains.exact else super().for_speed()
 
     @property
     def integral_s(self) -> float:
-        """Nothing is learned."""
+        """T = 0: nothing is learned."""
         return 0.0
 
     def motion(self, leader: LeaderState, slot: Slot) -> SlotMotion:
-        """With the leader's course and speed."""
+        """Return a motion with the leader's course and speed."""
         return article_motion(leader, slot)
 
 
 def bounded_field(gains: FieldGains, *, k_x: float, k_y: float) -> FieldGains:
-    """Return a field no sharper than these gains (1/m), its integral as much slower as its slowest axis.
+    """Return a field with gains of at most k_x and k_y (1/m), its integral slowed like its slowest axis.
 
-    The integral's damping is sqrt(s T) / 2, with the field's slope s in proportion to its gain.
+    The integral's damping is sqrt(s T) / 2, with the field's slope s proportional to its gain.
     """
     slower = max(gains.k_x / k_x, gains.k_y / k_y, 1.0)
     changes = {"k_x": min(gains.k_x, k_x), "k_y": min(gains.k_y, k_y)}
@@ -280,14 +280,13 @@ def bounded_field(gains: FieldGains, *, k_x: float, k_y: float) -> FieldGains:
     return gains.model_copy(update=changes)
 
 
-# Before take-off: do the loops around a slot follow each other, each slower than the one inside it?
-#
-# What `vfguide check` says of the field's gains. Nelson et al., Vector field path following for miniature air
-# vehicles, IEEE T-RO 2007, for how fast a field turns.
+# Checks of `vfguide check` on the field's gains: is each loop around a slot slower than the one
+# inside it? Nelson et al., Vector field path following for miniature air vehicles, IEEE T-RO 2007,
+# gives the turn rate of a field.
 
 
 def error_for_correction(correction: FloatArray, greatest: float, gain: float) -> FloatArray:
-    """Error (m) at which the dual field gives a correction: tan(pi c / (2 c_inf)) / k; infinite beyond c_inf.
+    """Return the error (m) for a correction c: tan(pi c / (2 c_inf)) / k; infinite beyond c_inf.
 
     Inverse of the article's c_inf (2/pi) atan(k e).
 
@@ -304,10 +303,10 @@ def error_for_correction(correction: FloatArray, greatest: float, gain: float) -
 def turns_beyond_field(
     mission: Mission, conditions: Conditions, gains: FieldGains
 ) -> Iterator[Finding]:
-    """The article's field on turns on which its correction falls short of the slots' own motion.
+    """Yield a finding where the article's field cannot supply the slots' own motion in a turn.
 
-    A rigid slot moves with (V_l - omega g_y, omega g_x), the field aims at (V_l, 0): the difference in
-    course and speed has to come from an error that never goes away.
+    A rigid slot moves with (V_l - omega g_y, omega g_x), the field aims at (V_l, 0). The difference in course
+    and speed requires a lasting error.
     """
     if isinstance(gains, SlotGains):
         return
@@ -327,13 +326,13 @@ def turns_beyond_field(
 
 
 LEAST_DAMPING = 0.5
-"""Damping of the integral's loop; with less a follower swings through its slot."""
+"""Smallest damping of the integral's loop: with less, a follower oscillates through its slot."""
 
 
 def field_findings(
     mission: Mission, conditions: Conditions, gains: FieldGains
 ) -> Iterator[Finding]:
-    """Everything that is known about a field's gains on a mission; after an error nothing else matters."""
+    """Yield all findings on a field's gains in a mission, up to the first check with an error."""
     for check in (
         field_beyond_bank,
         fields_beyond_the_loop,
@@ -347,13 +346,13 @@ def field_findings(
 
 
 def field_pulls(gains: FieldGains, speed: float) -> tuple[float, float]:
-    """(along, across) how fast the field draws onto the slot, 1/s, at a speed over ground (m/s)."""
+    """Return the field's slopes (along, across), 1/s, at a ground speed (m/s)."""
     across = field_slope(gains.k_y, gains.chi_inf) * speed
     return field_slope(gains.k_x, gains.v_inf_m_s), across
 
 
 def told_apart(first: float, second: float) -> tuple[str, str]:
-    """Two numbers with as many digits, one after the point at least, as it takes to tell them apart."""
+    """Format two numbers with one to three decimals, as many as distinguish them."""
     for digits in range(1, 4):
         texts = f"{first:.{digits}f}", f"{second:.{digits}f}"
         if texts[0] != texts[1]:
@@ -362,20 +361,20 @@ def told_apart(first: float, second: float) -> tuple[str, str]:
 
 
 def law_pull(mission: Mission) -> float:
-    """How fast the laws answer an error of course or speed: kappa / epsilon, 1/s."""
+    """Return the bandwidth of the course and speed laws: kappa / epsilon, 1/s."""
     controller = mission.controller
     return controller.kappa / effective_layer(controller, 1.0 / mission.rehearsal.rate_hz)
 
 
 def integral_damping(slope: float, integral_s: float) -> float:
-    """Damping sqrt(s T) / 2 of a field with this slope (1/s) that learns in this time (s)."""
+    """Return the damping sqrt(s T) / 2 of a field with slope s (1/s) and learning time T (s)."""
     return math.sqrt(slope * integral_s) / 2.0
 
 
 def fields_beyond_the_loop(
     mission: Mission, conditions: Conditions, gains: FieldGains
 ) -> Iterator[Finding]:
-    """Followers' fields that pull faster than the laws beneath them follow: the two then swing."""
+    """Yield findings on fields steeper than the laws beneath them: the two oscillate."""
     followed = law_pull(mission)
     speed = float(conditions.ground_speed(mission.leader.airspeed_m_s).max())
     along, across = field_pulls(gains, speed)
@@ -396,10 +395,10 @@ def fields_beyond_the_loop(
 def integral_too_fast(
     mission: Mission, conditions: Conditions, gains: FieldGains
 ) -> Iterator[Finding]:
-    """An integral that learns faster than the field beneath it moves: the follower swings, or worse.
+    """Yield a finding on an integral faster than the field beneath it: the follower oscillates, or worse.
 
-    With the law's answer g the loop is e'''/g + e'' + s e' + (s/T) e = 0, stable where T > 1/g (Routh); in a
-    turn, where harmonics are learned beside the mean, T counts as so much shorter.
+    With the law's bandwidth g the loop is e'''/g + e'' + s e' + (s/T) e = 0, stable where T > 1/g (Routh). In
+    a turn, harmonics are learned beside the mean, and T counts as shorter by that factor.
     """
     if not isinstance(gains, SlotGains) or not gains.integral_s:
         return
@@ -425,10 +424,10 @@ def integral_too_fast(
 
 
 def course_field_turn_rate(gain: float, ground_speed: float, greatest: float) -> float:
-    """Greatest turn rate (rad/s) of a course field: max of c (2/pi) k V sin(c (2/pi) atan u) / (1 + u^2).
+    """Return the largest turn rate (rad/s): max of c (2/pi) k V sin(c (2/pi) atan u) / (1 + u^2).
 
-    Unlike `turn_limits.field_turn_rate` also exact for corrections c far below a quarter turn, by looking
-    for the greatest value over u = k e.
+    The maximum over u = k e is found numerically. Unlike `turn_limits.field_turn_rate` this is also exact for
+    corrections c far below a quarter turn.
 
     Args:
         gain: k, 1/m.
@@ -444,10 +443,10 @@ def course_field_turn_rate(gain: float, ground_speed: float, greatest: float) ->
 def field_beyond_bank(
     mission: Mission, conditions: Conditions, gains: FieldGains
 ) -> Iterator[Finding]:
-    """A followers' course field that turns faster than one of them can, on its slot's speed and turn.
+    """Yield a note where a course field exceeds a follower's turn rate at its slot's speed and turn.
 
-    It is the same field as the one around a path, with k_y and the followers' chi_inf. Worth a note only:
-    its setpoint is limited while it joins, and near the slot the field asks for less.
+    The field is that around a path, with k_y and the followers' chi_inf. It is only a note: the setpoint is
+    limited while joining, and the field demands less near the slot.
     """
     airspeed = mission.leader.airspeed_m_s
     turn = float(np.abs(conditions.turn_rate(airspeed)).max())

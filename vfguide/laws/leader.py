@@ -1,8 +1,7 @@
-"""What a law by which the leader follows its path is made of, and vfguide's own: the field around the path.
+"""Interface of a leader's law, and the field around the path.
 
-A law says which course it wants. What every leader needs is done around it, once: late autopilots are
-compensated for, the airspeed gives way to slots that need another, other vehicles are kept clear of, and the
-course is turned into setpoints through the wind triangle and within the vehicle's limits.
+A law returns the course that it wants. Around it, once for every leader, delays are compensated, the airspeed
+yields to slots, other vehicles are avoided, and setpoints follow through the wind triangle and the limits.
 """
 
 import math
@@ -34,59 +33,59 @@ from vfguide.registry import leader_laws
 from vfguide.state import Airframe, NamedState, Setpoint, VehicleState
 
 leader_law = leader_laws.register
-"""`@leader_law("name")` makes a class known as the law `leader.law: name`."""
+"""Decorator `@leader_law("name")`: registers a class as the law `leader.law: name`."""
 
 
 class LeaderView(NamedState, frozen=True, kw_only=True):
-    """What a leader's law is told in one step.
+    """Input of a leader's law in one step.
 
     North and east in metres from the mission's origin, angles in radians clockwise from north, speeds in m/s.
     """
 
     state: VehicleState
-    """State of the leader: position, course, ground speed, heading, airspeed, wind, the wind's rates."""
+    """State of the leader: position, course, ground speed, heading, airspeed, wind and its rates."""
     path: Path
-    """The mission's path: `at` and `length` look ahead along it."""
+    """Path of the mission: `at` and `length` look ahead along it."""
     point: PathPoint[float]
-    """The point of the path nearest to the leader: course, curvature, progress, and the cross-track error."""
+    """Path point nearest to the leader: course, curvature, progress and cross-track error."""
     path_gains: PathGains
-    """The mission's `path.gain`, and the angle at which its field comes from far away."""
+    """`path.gain` of the mission, and the field's approach angle far from the path."""
     airspeed: float
-    """Cruise of the mission, m/s."""
+    """Cruise airspeed of the mission, m/s."""
     period: float
-    """Since the step before and until the next, s."""
+    """Time since the previous step and until the next, s."""
 
 
 class LeaderMotion(NamedState, frozen=True, kw_only=True):
-    """The motion that a leader's law wants."""
+    """Motion that a leader's law wants."""
 
     course: float
-    """chi_d over the ground, rad; what the course differs from it is the law's course error."""
+    """chi_d over ground, rad; the course minus chi_d is the law's course error."""
     course_rate: float
-    """dchi/dt that is asked of the vehicle now, rad/s, positive to the right."""
+    """Demanded dchi/dt, rad/s, positive right."""
     ground_speed: float
-    """V_g that the law flew by, m/s: the measured one, or an estimate where none is measured."""
+    """V_g used by the law, m/s: measured, or an estimate without measurement."""
 
 
 class LeaderLaw(ABC):
-    """A law by which the leader follows its path.
+    """Law that makes the leader follow its path.
 
-    A subclass with `@leader_law("name")` is known as `leader.law: name`, with the fields of its `Gains` in
-    the mission's `leader.gains`.
+    A subclass with `@leader_law("name")` is `leader.law: name` in a mission, with the fields of its `Gains`
+    in `leader.gains`.
     """
 
     name: ClassVar[str]
-    """What a mission calls it; set by `@leader_law`."""
+    """Name in a mission; set by `@leader_law`."""
 
     Gains: ClassVar[type[Section]] = Section
-    """The law's gains: fields with their units, bounds and defaults."""
+    """Gains of the law, with units, bounds and defaults."""
 
     def __init__(self, gains: Any, settings: GuidanceSettings, airframe: Airframe) -> None:  # noqa: ANN401
-        """Make the law of one leader.
+        """Create the law of one leader.
 
         Args:
             gains: an instance of `Gains`.
-            settings: what the mission sets for every law, slowed for an autopilot that answers late.
+            settings: the mission's settings for all laws, slowed for an autopilot with delay.
             airframe: response and limits of the vehicle.
         """
         self.gains = gains
@@ -94,7 +93,7 @@ class LeaderLaw(ABC):
         self.airframe = airframe
 
     def start(self, view: LeaderView) -> Any:  # noqa: ANN401
-        """What the law remembers before its first step."""
+        """Return the memory before the first step."""
         del view
 
     @abstractmethod
@@ -103,15 +102,15 @@ class LeaderLaw(ABC):
         view: LeaderView,
         memory: Any,  # noqa: ANN401 - each law has its own
     ) -> tuple[LeaderMotion, Any]:
-        """(motion, memory): what the law wants now, and what it remembers until the next step."""
+        """Return the wanted motion, and the memory for the next step."""
 
     def follow(self, view: LeaderView, *, course: float, course_rate: float) -> LeaderMotion:
-        """The motion that drives the course to a wanted one as fast as the vehicle's own hold can.
+        """Return the motion that brings the course to a wanted one as fast as the vehicle's hold can.
 
         Args:
-            view: of this step.
-            course: wanted over the ground, rad.
-            course_rate: at which that turns, rad/s.
+            view: view of this step.
+            course: wanted course over ground, rad.
+            course_rate: rate of the wanted course, rad/s.
         """
         return LeaderMotion(
             course=course,
@@ -131,24 +130,18 @@ class LeaderLaw(ABC):
 
 
 def steepest_gain(course_bandwidth: float, gains: PathGains, airspeed: float) -> float:
-    """Return the gain (1/m) of a path's field that is as steep as the course law beneath it.
-
-    Args:
-        course_bandwidth: of that law, 1/s.
-        gains: of the field.
-        airspeed: m/s.
-    """
+    """Return the gain (1/m) at which a path's field is as steep as the course law beneath it (1/s)."""
     return course_bandwidth / (2.0 / math.pi * gains.approach_angle * airspeed)
 
 
 @leader_law("field")
 class PathField(LeaderLaw):
-    """The vector field around the path, of the article; its ground speed may be an adaptive estimate."""
+    """Vector field around the path, from the article; its ground speed may be an adaptive estimate."""
 
     def step(self, view: LeaderView, memory: float | None) -> tuple[LeaderMotion, float]:
-        """Along the field; the memory is V^_g, m/s, None before the first step."""
+        """Return the motion along the field; the memory is V^_g, m/s, None before the first step."""
         state, angle = view.state, view.path_gains.approach_angle
-        # No faster than the course law beneath it, even at the middle of the field.
+        # Keep the field no steeper than the course law beneath it, even at its middle.
         steepest = steepest_gain(
             self.settings.sliding.course_bandwidth, view.path_gains, view.airspeed
         )
@@ -158,7 +151,7 @@ class PathField(LeaderLaw):
         ground_speed = state.ground_speed
         if self.settings.speed_source == "observer":
             before = state.airspeed if memory is None else memory
-            # V_ref is the airspeed, since nothing was measured.
+            # V_ref is the airspeed: no ground speed is measured.
             ground_speed = before + view.period * speed_estimate_rate(
                 before,
                 state.airspeed,
@@ -171,35 +164,35 @@ class PathField(LeaderLaw):
 
 
 class LeaderTask(msgspec.Struct, frozen=True, kw_only=True):
-    """What a leader flies, and for whom."""
+    """Task of a leader and its followers."""
 
     path: Path
-    """The path."""
+    """Path to follow."""
     path_gains: PathGains
-    """The field around it."""
+    """Gains of the field around the path."""
     airspeed: float
-    """Cruise, m/s."""
+    """Cruise airspeed, m/s."""
     followers: Sequence[SlotLimits]
-    """Slots, and what their vehicles can do."""
+    """Slots and the airspeed ranges of their vehicles."""
     height: float = 0.0
-    """The mission's flying height, from which the path's heights count, m above the origin."""
+    """Flying height of the mission, the zero of the path's heights, m above the origin."""
     least_radius: float = 0.0
-    """It turns no tighter onto its path, m; 0 where that is left to the field."""
+    """Smallest turn radius while joining the path, m; 0 leaves it to the field."""
     law: type[LeaderLaw] = PathField
-    """The law by which the leader follows the path."""
+    """Law for following the path."""
     gains: Section = msgspec.field(default_factory=Section)
-    """The gains of that law."""
+    """Gains of the law."""
 
 
 class LeaderGuidance(msgspec.Struct, frozen=True, kw_only=True):
     """Result of one step."""
 
     setpoint: Setpoint
-    """For the autopilot."""
+    """Setpoint for the autopilot."""
     memory: Any
-    """The law's memory, handed to the next step."""
+    """Memory of the law for the next step."""
     point: PathPoint[float]
-    """The point of the path nearest to the leader."""
+    """Path point nearest to the leader."""
     cross_track_error: float
     """m, positive right of the path."""
     course_error: float
@@ -207,7 +200,7 @@ class LeaderGuidance(msgspec.Struct, frozen=True, kw_only=True):
 
 
 FIRST = object()
-"""In place of a memory: the law has none yet."""
+"""Placeholder for the memory before the first step."""
 
 
 def leader_step(
@@ -218,14 +211,14 @@ def leader_step(
     period: float,
     memory: Any = FIRST,  # noqa: ANN401 - each law has its own
 ) -> LeaderGuidance:
-    """Setpoint of the leader.
+    """Return the guidance of the leader.
 
     Args:
         state: navigated state.
-        law: of the task, with the vehicle's settings and limits.
-        task: path, cruise airspeed, slots.
-        period: since the step before, s.
-        memory: of the law, after the step before; absent in the first.
+        law: law of the task, with the vehicle's settings and limits.
+        task: path, cruise airspeed and slots.
+        period: time since the previous step, s.
+        memory: the law's memory after the previous step; absent in the first.
     """
     settings, airframe = law.settings, law.airframe
     point = task.path.nearest_in_space(
@@ -243,7 +236,7 @@ def leader_step(
     if task.least_radius > 0.0:
         limit = joining_turn_rate(point, motion.ground_speed, task.least_radius)
         motion = replace(motion, course_rate=clip(motion.course_rate, -limit, limit))
-    # Everything below flies by the ground speed that the law flew by.
+    # The setpoint uses the law's ground speed.
     state = replace(state, ground_speed=motion.ground_speed)
     airspeed = task.airspeed
     if settings.give_way:

@@ -1,19 +1,19 @@
-"""Formation keeping by model predictive control: what the fields are measured against.
+"""Formation keeping by model predictive control: a baseline for the fields.
 
-A quadratic programme over some seconds. In the frame of the slot's motion, along + i right as one complex
-number, the error p and the velocity v relative to the slot obey
+A quadratic programme over some seconds. In the frame of the slot's motion, with along + i right as one
+complex number, the error p and the velocity v relative to the slot obey
 
     dp/dt = -i omega p - v        dv/dt = a
 
-with the slot's own motion (speed, turn rate and their rates) predicted along the leader's arc and fed
-forward, so that a = 0 keeps the slot. The sum of |p|² + q |v|² + r |a|² over the horizon is minimised, its
-end weighed by the cost of the linear-quadratic regulator from there on. Bounds: lateral acceleration
-(bank), longitudinal acceleration, what the speed hold would have to be told (V + a / beta, within the
-airspeed range by the wind triangle on the slot's course), velocity across. The first of the accelerations
-goes through the same wind triangle and limits as those of the fields.
+The slot's own motion (speed, turn rate and their rates) is predicted along the leader's arc and fed forward,
+so that a = 0 keeps the slot. The sum of |p|² + q |v|² + r |a|² over the horizon is minimised, with the
+infinite-horizon cost of the linear-quadratic regulator at its end. Bounds apply to lateral acceleration
+(bank), longitudinal acceleration, cross velocity and the speed hold's setpoint. The latter is V + a / beta,
+within the airspeed range by the wind triangle on the slot's course. The first acceleration passes the same
+wind triangle and limits as those of the fields.
 
 Rawlings, Mayne and Diehl, Model Predictive Control, 2nd edition, 2017, chapters 1 and 8. Solved by OSQP,
-each time from the solution before: Stellato et al., Mathematical Programming Computation 12, 2020.
+warm-started with the previous solution: Stellato et al., Mathematical Programming Computation 12, 2020.
 """
 
 import math
@@ -43,13 +43,14 @@ from vfguide.state import LeaderState, VehicleState
 ComplexArray = NDArray[np.complex128]
 
 TOLERANCE = 1e-4
-"""m/s² of the programme's residuals: far below what a setpoint's rounding makes of them."""
+"""Tolerance of the programme's residuals, m/s²: far below the rounding of setpoints."""
 
 MOST_ITERATIONS = 400
-"""Iterations of the solver, at most. What it has then is near enough for 50 ms."""
+"""Largest number of solver iterations: the result is then near enough for 50 ms."""
 
 RHO_INTERVAL = 25
-"""Iterations between adaptations of the solver's step: counted, not timed, or no flight could be repeated."""
+"""Iterations between adaptations of the solver's step: counted, not timed, so that flights can be
+repeated."""
 
 
 class MpcGains(Section):
@@ -79,10 +80,10 @@ class MpcGains(Section):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Horizon:
-    """The slot's motion at the knots, relative to now."""
+    """Motion of the slot at the knots, relative to now."""
 
     turned: FloatArray
-    """theta at the N + 1 knots: how far the slot's course will have turned, rad."""
+    """theta at the N + 1 knots: future turn of the slot's course, rad."""
     course: FloatArray
     """chi_s at the middle of the N intervals, rad."""
     speed: FloatArray
@@ -94,9 +95,9 @@ class Horizon:
 
 
 def predicted_slot(leader: LeaderState, slot: Slot, *, interval: float, count: int) -> Horizon:
-    """How a slot moves over the next `count` intervals (s), its leader going on along its arc.
+    """Predict a slot over the next `count` intervals (s), its leader going on along its arc.
 
-    This is `slot_motion` at each interval's middle, of a slot that goes on as it moves.
+    This is `slot_motion` at each interval's middle; the slot continues its motion in the formation.
     """
     middle = (np.arange(count) + 0.5) * interval
     turn_rate = leader.turn_rate + leader.turn_acceleration * middle
@@ -131,11 +132,10 @@ def predicted_slot(leader: LeaderState, slot: Slot, *, interval: float, count: i
 def regulator(
     interval: float, velocity: float, acceleration: float
 ) -> tuple[FloatArray, FloatArray]:
-    """(cost, gain) of the linear-quadratic regulator: the stationary solution of Riccati's equation.
+    """Return (cost, gain) of the linear-quadratic regulator, from the stationary Riccati equation.
 
-    The cost is 2 x 2, of (p, v) from the horizon's end on; a = -gain (p, v).
-
-    For p' = p - h v - h²/2 a, v' = v + h a, weights 1, `velocity` and `acceleration`.
+    The 2 x 2 cost of (p, v) applies beyond the horizon; a = -gain (p, v). The model is p' = p - h v - h²/2 a,
+    v' = v + h a, the weights are 1, `velocity` and `acceleration`.
     """
     from scipy.linalg import solve_discrete_are
 
@@ -148,21 +148,16 @@ def regulator(
 
 
 class Programme:
-    """The quadratic programme: what does not change, and the solver that remembers its solution."""
+    """Constant parts of the quadratic programme, and a solver that remembers its solution."""
 
     def __init__(self, weights: MpcGains, beta: float) -> None:
-        """Set the solver up.
-
-        Args:
-            weights: of the cost.
-            beta: response of the speed hold, 1/s.
-        """
-        # Here, because the solver brings 40 MB of libraries, and who flies another law has no use for them.
+        """Set the solver up; beta is the response of the speed hold, 1/s."""
+        # Deferred: the solver loads 40 MB of libraries that no other law needs.
         import osqp
         from scipy import sparse
 
         self.count = weights.intervals
-        """N, of intervals."""
+        """N, number of intervals."""
         self.interval = weights.horizon_s / weights.intervals
         """h, s."""
         count, step = self.count, self.interval
@@ -171,7 +166,7 @@ class Programme:
             step, weights.velocity_weight_s2, weights.acceleration_weight_s4
         )
         lower = np.tril(np.ones((count, count)))
-        # Velocities at the middle of each interval and at its end, by the accelerations up to there.
+        # Velocities at each interval's middle and end due to the accelerations up to there.
         self._middle_velocity = step * (lower - 0.5 * np.eye(count))
         self._end_velocity = step * lower
         self._begun_velocity = step * (lower - np.eye(count))
@@ -214,14 +209,14 @@ class Programme:
         turned: FloatArray,
         bounds: tuple[FloatArray, FloatArray],
     ) -> complex:
-        """Acceleration a of the first interval, m/s²; the regulator's own where there is no solution.
+        """Return the first interval's acceleration a, m/s²; the regulator's where there is no solution.
 
         Args:
             error: p now, along + i right, m.
             velocity: v now, m/s.
             turned: theta at the knots, rad.
-            bounds: (lowest, highest) of a along, a right, told speed and velocity right, relative to
-                what v alone would make of them; 4 N each.
+            bounds: (lowest, highest) of a along, a right, speed setpoint and velocity right, relative to the
+                part due to v alone; 4 N each.
         """
         quadratic, driven = self._quadratic(turned)
         count, weights, end = self.count, self._weights, self._end
@@ -248,12 +243,12 @@ class Programme:
         return complex(-self._gain[0] * error - self._gain[1] * velocity)
 
     def _carried(self, turned: FloatArray) -> ComplexArray:
-        """Turn of the frame from the middle of interval j to the knot K after it; 0 where j is later."""
+        """Return the frame's turn from the middle of interval j to the knot K after it; 0 for a later j."""
         middle = 0.5 * (turned[1:] + turned[:-1])
         return np.where(self._lower, np.exp(-1j * (turned[1:, None] - middle)), 0.0)
 
     def _quadratic(self, turned: FloatArray) -> tuple[FloatArray, ComplexArray]:
-        """(P, G): the programme's matrix, and p at the knots for each acceleration, p = free + G a."""
+        """Return (P, G): the programme's matrix, and p at the knots for each acceleration, p = free + G a."""
         driven = -self.interval * (self._carried(turned) @ self._middle_velocity)
         rest = self._end - np.diag([1.0, self._weights.velocity_weight_s2])
         last, speed = driven[-1:], self._end_velocity[-1:]
@@ -268,10 +263,10 @@ class Programme:
 
 @law("mpc")
 class Mpc(Law):
-    """Model predictive control; its target lies beyond the slot by what an integral has learned.
+    """Model predictive control of the error from a point beyond the slot by a learned offset.
 
-    Without a model of what disturbs it a predictive law keeps an offset, as any law without an integral. The
-    solver starts from the solution before, which is kept here: any solution is as good to start from.
+    Without the learned offset a disturbance that the model lacks would leave a lasting error. The solver
+    starts from its previous solution, which is kept here: the start does not affect the optimum.
     """
 
     Gains = MpcGains
@@ -279,7 +274,7 @@ class Mpc(Law):
     _programme: Programme | None = None
 
     def within(self, bandwidth: Bandwidth) -> Self:
-        """Return the law with accelerations so dear that it is no faster than the aircraft bears.
+        """Return the law with accelerations so expensive that it is no faster than the aircraft permits.
 
         The regulator's poles lie at acceleration_weight ** (-1/4), 1/s.
         """
@@ -294,12 +289,12 @@ class Mpc(Law):
         return bounded
 
     def start(self, view: View) -> Offset:
-        """Nothing was learned of what keeps the follower off its slot."""
+        """Return the offset before anything is learned."""
         del view
         return no_offset()
 
     def step(self, view: View, memory: Offset) -> tuple[DesiredMotion, Offset]:
-        """The first acceleration of the best plan."""
+        """Return the motion of the first acceleration of the best plan."""
         if self._programme is None:
             self._programme = Programme(self.gains, self.airframe.beta)
         programme = self._programme
@@ -317,7 +312,7 @@ class Mpc(Law):
             horizon.turned,
             self._bounds(programme, state, velocity, motion, horizon),
         )
-        # From the slot's axes to the follower's own: along its course, and right of it.
+        # From the slot's axes to the follower's own: along and right of its course.
         along, right = wanted.real + motion.acceleration, wanted.imag
         acceleration = along * ahead + right * aside
         turning = (right * ahead - along * aside) / max(state.ground_speed, 1.0)
@@ -330,7 +325,7 @@ class Mpc(Law):
         return desired, memory
 
     def learn(self, view: View, memory: Offset, *, limited: bool) -> Offset:
-        """The offset a step later."""
+        """Return the updated offset."""
         integral_s = self.gains.integral_s
         return update_offset(
             memory, view.error, integral_s, view.motion, period=view.period, held=limited
@@ -344,10 +339,10 @@ class Mpc(Law):
         motion: SlotMotion,
         horizon: Horizon,
     ) -> tuple[FloatArray, FloatArray]:
-        """Bounds of the programme's rows, each widened to what can be reached from here: never empty."""
+        """Return bounds of the programme's rows, each widened to what is reachable: never empty."""
         airframe, interval = self.airframe, programme.interval
         wind_along, wind_right = resolve(state.wind_rate_north, state.wind_rate_east, motion.course)
-        # What the vehicle can do is an acceleration through the air; the wind's own comes on top.
+        # The vehicle's limits are accelerations relative to the air; the wind's own is added.
         engine = airframe.max_acceleration
         lowest_along = wind_along - engine - horizon.acceleration
         highest_along = wind_along + engine - horizon.acceleration
@@ -362,7 +357,7 @@ class Mpc(Law):
             ground_speed_on_course(np.full_like(horizon.course, airspeed), horizon.course, *wind)
             for airspeed in (airframe.airspeed_min, airframe.airspeed_max)
         )
-        # V_s + v + (a + dV_s/dt) / beta is what the hold is told; v now is no variable.
+        # The hold's setpoint is V_s + v + (a + dV_s/dt) / beta; the present v is no variable.
         known = horizon.speed + horizon.acceleration / airframe.beta + velocity.real
         least = _summed(highest_along, interval) + highest_along / airframe.beta
         most = _summed(lowest_along, interval) + lowest_along / airframe.beta
@@ -378,5 +373,5 @@ class Mpc(Law):
 
 
 def _summed(acceleration: FloatArray, interval: float) -> FloatArray:
-    """Velocity gained by the beginning of each interval, m/s."""
+    """Return the velocity gained by the beginning of each interval, m/s."""
     return (np.cumsum(acceleration) - acceleration) * interval

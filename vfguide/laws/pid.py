@@ -1,11 +1,11 @@
-"""Formation keeping by two PID controllers: what the fields are measured against.
+"""Formation keeping by two PID controllers: a baseline for the fields.
 
-Each holds its axis in the frame of the slot's motion and answers with a correction of the course, or of the
-ground speed, on top of the slot's own: the slot's velocity and its rates are fed forward, so that nothing is
-left for the integrals but what nobody knows. The derivative is the error's rate by the measured velocities,
-low-passed. An integral stands still while its correction is at its limit and the error would push it
-further, while the vehicle's own limits cut the setpoint of the step before, and far from the slot, as the
-field's does (conditional integration: Astrom and Hagglund, Advanced PID Control, 2006, chapter 3).
+Each controller holds one axis in the frame of the slot's motion and corrects the course, or the ground speed.
+The slot's velocity and its rates are fed forward, so that only unknown disturbances are left for the
+integrals. The derivative is the low-passed rate of the error from measured velocities. An integral stops
+while its correction is at its limit and the error would push it further. It also stops while the vehicle's
+limits cut the previous setpoint, and fades far from the slot as the field's does (conditional integration:
+Astrom and Hagglund, Advanced PID Control, 2006, chapter 3).
 """
 
 import math
@@ -58,21 +58,21 @@ class PidGains(Section):
 
 
 class AxisMemory(msgspec.Struct, frozen=True, kw_only=True):
-    """What one controller remembers."""
+    """Memory of one controller."""
 
     integral: float
-    """The integral's share of the correction, rad or m/s."""
+    """Integral part of the correction, rad or m/s."""
     rate: float
     """Low-passed rate of the error, m/s."""
 
 
 class PidMemory(msgspec.Struct, frozen=True, kw_only=True):
-    """What both loops remember from one step to the next."""
+    """Memory of both controllers."""
 
     lateral: AxisMemory
-    """What the course's loop remembers."""
+    """Memory of the course controller."""
     longitudinal: AxisMemory
-    """What the speed's loop remembers."""
+    """Memory of the speed controller."""
     limited: bool
     """Whether the vehicle's limits cut the setpoint."""
 
@@ -91,22 +91,22 @@ def axis_step(
     share: float,
     held: bool,
 ) -> tuple[float, AxisMemory]:
-    """(correction, memory) of one controller: P e + integral of I e + D de/dt, within its limit.
+    """Return (correction, memory) of one controller: P e + integral of I e + D de/dt, within its limit.
 
     The correction u is rad of course or m/s of speed.
 
     Args:
         error: distance to the slot on this axis, m.
-        error_rate: its rate, m/s.
-        memory: of the step before.
+        error_rate: rate of the error, m/s.
+        memory: memory of the previous step.
         proportional: P, u per m.
         integral: I, u per m and s.
         derivative: D, u per m/s.
         filter_s: time constant of the error's rate, s.
-        greatest: |u|; the integral alone may be that much too.
-        period: since the step before, s.
-        share: of the error that is integrated, 0 to 1.
-        held: whether the vehicle itself is at a limit, so that integrating would only wind up.
+        greatest: limit of |u|, and of the integral part.
+        period: time since the previous step, s.
+        share: share of the error that is integrated, 0 to 1.
+        held: whether the vehicle is at a limit: integrating would wind up.
     """
     rate = low_pass(memory.rate, error_rate, period, filter_s)
     growth = integral * share * error * period
@@ -123,10 +123,10 @@ def slowed(
     """Return (P, I, D) of a loop that is no faster than a bandwidth.
 
     Args:
-        gains: P, I and D as chosen.
+        gains: chosen P, I and D.
         hold: bandwidth of the hold, 1/s.
-        scale: what a unit of correction makes of the error's rate: m/s.
-        bandwidth: greatest natural frequency of the loop, 1/s.
+        scale: rate of the error per unit of correction, m/s.
+        bandwidth: largest natural frequency of the loop, 1/s.
     """
     proportional, integral, derivative = gains
     frequency = math.sqrt(hold * scale * proportional)
@@ -141,16 +141,16 @@ def slowed(
 class Pid(Law):
     """Two PID controllers.
 
-    The corrected course and speed are what the vehicle's first-order holds are asked for.
+    The corrected course and speed are the demands on the vehicle's first-order holds.
     """
 
     Gains = PidGains
 
     def within(self, bandwidth: Bandwidth) -> Self:
-        """Return both controllers slowed in time until neither is faster than the aircraft bears.
+        """Return both controllers slowed until neither is faster than the aircraft permits.
 
         Around a hold of bandwidth a the loop is e'' + a (1 + c D) e' + a c P e = 0, with c = V for the course
-        and 1 for the speed. Slowed r times in time, P goes with r², I with r³ and 1 + c D with r.
+        and 1 for the speed. Slowed r times in time, P scales with r², I with r³ and 1 + c D with r.
         """
         bounded = super().within(bandwidth)
         gains, airframe = self.gains, self.airframe
@@ -180,7 +180,7 @@ class Pid(Law):
         return bounded
 
     def start(self, view: View) -> PidMemory:
-        """Before the first step: empty integrals, and rates that need not settle."""
+        """Return empty integrals, and rates that need not settle."""
         error = view.error
         return PidMemory(
             lateral=AxisMemory(integral=0.0, rate=error.cross_track_rate),
@@ -189,7 +189,7 @@ class Pid(Law):
         )
 
     def step(self, view: View, memory: PidMemory) -> tuple[DesiredMotion, PidMemory]:
-        """One step of both controllers."""
+        """Return the motion of both controllers."""
         gains, motion, error = self.gains, view.motion, view.error
         share = nearness(error)
         turn, lateral = axis_step(
@@ -228,6 +228,6 @@ class Pid(Law):
         return wanted, replace(memory, lateral=lateral, longitudinal=longitudinal)
 
     def learn(self, view: View, memory: PidMemory, *, limited: bool) -> Any:  # noqa: ANN401 - of the law's own memory
-        """Whether the integrals have to stand still in the next step."""
+        """Return the memory with the answer whether the integrals must stop in the next step."""
         del view
         return replace(memory, limited=limited)

@@ -1,7 +1,7 @@
-"""A law's view and its answer as vectors, for laws that are learned.
+"""A law's view and answer as vectors, for learned laws.
 
-An environment (`vfguide.environment`) shows and takes these, and so does a learned law in flight: it needs
-nothing but this module there.
+An environment (`vfguide.environment`) uses these, and so does a learned law in flight, which needs no other
+module.
 """
 
 import math
@@ -15,28 +15,28 @@ from vfguide.guidance.airframe import bank_limited_turn_rate, resolve, turning_s
 from vfguide.laws.base import DesiredMotion, View, approach
 
 ActionKind = Literal["rates", "setpoints"]
-"""What an action says: see `motion_of`."""
+"""Kind of an action: see `motion_of`."""
 
 COURSE_SPAN = math.radians(90.0)
-"""Of `setpoints`: the course that 1 stands for, rad to the right of the slot's own."""
+"""Course of 1 in `setpoints`, rad right of the slot's."""
 
 SPEED_SPAN = 10.0
-"""Of `setpoints`: the ground speed that 1 stands for, m/s above the slot's own."""
+"""Ground speed of 1 in `setpoints`, m/s above the slot's."""
 
 
 class Entry(NamedTuple):
-    """One entry of an observation. What is beyond its bounds is shown as the bound."""
+    """Entry of an observation, clipped to its bounds."""
 
     name: str
-    """What it is called."""
+    """Name of the entry."""
     unit: str
-    """SI unit; 1 of what has none."""
+    """SI unit; 1 for a dimensionless entry."""
     low: float
-    """Least value."""
+    """Lower bound."""
     high: float
-    """Greatest value."""
+    """Upper bound."""
     meaning: str
-    """What it says, and its sign."""
+    """Meaning and sign."""
 
 
 OBSERVATION = (
@@ -55,7 +55,7 @@ OBSERVATION = (
     Entry("turn_limit", "rad/s", 0.0, 10.0, "fastest turn that the bank limit allows now"),
     Entry("held", "1", 0.0, 1.0, "1 where something else was flown than was asked for last"),
 )
-"""Entries of an observation, in order. Along and across are of the slot's own motion over the ground."""
+"""Entries of an observation, in order; along and across refer to the slot's motion over ground."""
 
 LOW = np.array([entry.low for entry in OBSERVATION], dtype=np.float32)
 HIGH = np.array([entry.high for entry in OBSERVATION], dtype=np.float32)
@@ -85,19 +85,19 @@ def observed(view: View) -> NDArray[np.float32]:
 
 
 def turn_limit(view: View) -> float:
-    """Return the fastest turn that the bank limit of a view's aircraft allows, rad/s."""
+    """Return the largest turn rate that the bank limit of a view's aircraft allows, rad/s."""
     return bank_limited_turn_rate(view.airframe.max_bank, turning_speed(view.state, view.airframe))
 
 
 def motion_of(view: View, action: ArrayLike, kind: ActionKind = "rates") -> DesiredMotion:
-    """Return the motion that an action asks for.
+    """Return the motion for an action.
 
     Args:
-        view: of the step.
-        action: two numbers from -1 to 1; what is beyond counts as the bound, what is no number as 0.
-        kind: `rates`: course rate, positive right, as a share of the turn limit, and acceleration as a
-            share of the greatest. `setpoints`: course, positive right of the slot's, 1 for 90 degrees,
-            and ground speed above the slot's, 1 for 10 m/s; both as fast as the aircraft bears.
+        view: view of the step.
+        action: two numbers, clipped to [-1, 1]; NaN counts as 0.
+        kind: `rates`: course rate, positive right, as a share of the turn limit, and acceleration as a share
+            of the largest. `setpoints`: course, positive right of the slot's, 1 for 90 degrees, and ground
+            speed above the slot's, 1 for 10 m/s; both as fast as the aircraft permits.
     """
     turn, push = (share_of(number) for number in np.asarray(action, dtype=np.float64).reshape(2))
     slot = view.motion
@@ -118,5 +118,5 @@ def motion_of(view: View, action: ArrayLike, kind: ActionKind = "rates") -> Desi
 
 
 def share_of(number: float) -> float:
-    """Return a number of an action within -1 and 1; 0 of what is none."""
+    """Return a number of an action, clipped to [-1, 1]; 0 for NaN."""
     return 0.0 if math.isnan(number) else clip(float(number), -1.0, 1.0)
