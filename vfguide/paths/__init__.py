@@ -1,4 +1,4 @@
-"""The paths that leaders follow, and what a path of one's own is made of."""
+"""Paths of leaders, and the parts for a path of one's own."""
 
 from vfguide.guidance.path import Path, PathPlace, PathPoint
 from vfguide.mission.flight_path import PathShape
@@ -7,7 +7,7 @@ from vfguide.paths.chain import Curve
 from vfguide.registry import paths
 
 path = paths.register
-"""`@path("name")` makes a class known as the path `path.type: name`."""
+"""Decorator `@path("name")`: registers a class as the path `path.type: name`."""
 
 __all__ = [
     "Course",

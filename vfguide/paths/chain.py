@@ -1,12 +1,11 @@
-"""Chains of pieces as one path, and paths along any curve.
+"""Chains of pieces as one path, and paths along any closed curve.
 
-Every place is worked out from the piece that it lies on, so that a straight leg of ten kilometres is one
-piece and as exact as a bend. The nearest piece is found by a tree; the foot of the perpendicular then by
-going along the chain until the vehicle is abeam.
+Every position is computed from its piece, so a straight leg of ten kilometres is one piece and as exact as a
+bend. A tree finds the nearest piece; steps along the chain then find the point abeam of the vehicle.
 
-A closed curve of any shape, given by its points, is what a path of one's own is usually made of. It is
-looked at once, at the start: points a metre or so apart, with the course and the curvature of a periodic
-cubic spline through them. These are the joints of a chain.
+A custom path is usually a closed curve of any shape, given by its points. It is sampled once, at the start:
+points a metre or so apart become the joints of a chain. A periodic cubic spline through them gives course and
+curvature.
 """
 
 import math
@@ -24,50 +23,50 @@ from vfguide.paths.climb import ClosedHeights, HeightProfile
 from vfguide.paths.pieces import GAUSS, Pieces, PieceTree, displacement
 
 FEW = 16
-"""Vehicles that are looked for one by one."""
+"""Number of vehicles up to which each is searched for singly."""
 
 COURSE_M = 100.0
-"""m: a branch that runs the other way counts as twice this further away, on small curves as less."""
+"""Penalty of a branch with the opposite course, m: it counts as twice this farther away, on small curves
+less."""
 
 FARTHEST_M = 1e7
-"""A vehicle that is further away is taken to be so far."""
+"""Limit to which positions are clipped, m."""
 
 NEAR_CENTRE = 0.05
-"""Least 1 - curvature times error: nearer to the centre of a turn, no point of it is abeam."""
+"""Lower bound of 1 - curvature times error: nearer to the centre of a turn, no point of it is abeam."""
 
 LONGEST_STEP_M = 20.0
 STEPS = 12
 ABEAM_M = 1e-5
-"""Going along the chain until the vehicle is abeam."""
+"""Limits of the search for the point abeam: longest step, m; number of steps; tolerance, m."""
 
 SPACING_M = 1.0
-"""Distance of the points that a curve is known by."""
+"""Distance between the points of a curve, m."""
 
 FEWEST_POINTS, MOST_POINTS = 400, 100_000
 
 TRACED_POINTS = 4
-"""Points that are traced for each one that is kept."""
+"""Number of points traced for each point kept."""
 
 CORNER_RAD = 0.5
-"""A greater turn from one point to the next is a corner: a radius of 2 m."""
+"""Turn between neighbouring points above which a curve has a corner, rad: a radius of 2 m."""
 
 STEEPENING_1_M = 0.02
-"""A slope that changes by more for each metre is an edge: 8 m/s² at 20 m/s."""
+"""Change of slope per metre above which heights have an edge, 1/m: 8 m/s² at 20 m/s."""
 
 CLOSED_M = 1e-3
-"""m: between the beginning and the end of a curve that is closed."""
+"""Largest gap between the ends of a closed curve, m."""
 
 
 class Chain:
-    """Pieces in a row; after the last one they go on with the first, or with a later one."""
+    """Row of pieces; after the last one it continues with the first, or with a later one."""
 
     def __init__(self, pieces: Pieces, *, again: float | None = 0.0) -> None:
-        """Make a chain.
+        """Create a chain.
 
         Args:
-            pieces: each begins where the one before ends.
-            again: progress of the piece that follows the last one, m; None where nothing follows, and the
-                last piece runs on.
+            pieces: pieces, each starting where the previous one ends.
+            again: progress of the piece after the last one, m; None where the last piece runs on.
         """
         self.pieces, self.length, self.again = pieces, pieces.total, again
         self._closed = again == 0.0
@@ -86,7 +85,7 @@ class Chain:
         self._tree = PieceTree(pieces)
 
     def wrapped(self, progress: Any) -> Any:  # noqa: ANN401
-        """A progress within the chain; before the beginning of a chain that is not closed, as it is."""
+        """Return a progress within the chain; before the start of an open chain it stays as it is."""
         if self.again is None:
             return progress
         span = self.length - self.again
@@ -101,7 +100,7 @@ class Chain:
         )
 
     def at(self, progress: Number) -> tuple[Number, Number, Number, Number]:
-        """(north, east, course, curvature) at a progress, in m, rad and 1/m."""
+        """Return (north, east, course, curvature) at a progress, in m, rad and 1/m."""
         if isinstance(progress, float):
             return self._place(self.wrapped(progress))[:4]
         return self._places(self.wrapped(np.asarray(progress, dtype=float)))[:4]
@@ -109,12 +108,12 @@ class Chain:
     def nearest(
         self, north: Number, east: Number, course: Number | None
     ) -> tuple[Number, Number, Number, Number]:
-        """(course, cross-track error, curvature, progress) of the chain abeam of a vehicle.
+        """Return (course, cross-track error, curvature, progress) of the chain abeam of a vehicle.
 
         Args:
             north: of the vehicle, m.
-            east: m.
-            course: of the vehicle, rad, which tells the branch; None where none is meant.
+            east: of the vehicle, m.
+            course: of the vehicle, rad, selects the branch; None ignores courses.
         """
         weight = 0.0 if course is None else self._course_m
         if isinstance(north, float) and isinstance(east, float):
@@ -235,22 +234,22 @@ class Chain:
 
 
 class ChainedPath(Path):
-    """A path that is a chain."""
+    """Path along a chain."""
 
     chain: Chain
 
     heights: HeightProfile | ClosedHeights | None = None
-    """None where all of it is as high as the mission's flying height."""
+    """Height profile; None where all of the path is at the mission's flying height."""
 
     @property
     def length(self) -> float:
-        """Once round, or to where it goes round again, m."""
+        """Length of one round, or to where the path repeats, m."""
         return self.chain.length
 
     def nearest(
         self, north: Number, east: Number, course: Number | None = None
     ) -> PathPoint[Number]:
-        """The path abeam of the vehicle, on the branch that it flies along."""
+        """Return the path point abeam of the vehicle, on the branch along its course."""
         point = PathPoint(*self.chain.nearest(north, east, course))
         if self.heights is None:
             return point
@@ -258,7 +257,7 @@ class ChainedPath(Path):
         return replace(point, height=height, slope=slope)
 
     def at(self, progress: Number) -> PathPlace[Number]:
-        """The path at a distance from its beginning."""
+        """Return the path at a distance (m) from its beginning."""
         place = PathPlace(*self.chain.at(progress))
         if self.heights is None:
             return place
@@ -266,7 +265,7 @@ class ChainedPath(Path):
         return replace(place, height=height, slope=slope)
 
     def outline(self, count: int) -> FloatArray:
-        """Half of the places by the distance and half by the turn: the tightest bend is among them."""
+        """Return places spread half by distance and half by turn, the tightest bend among them."""
         pieces = self.chain.pieces
         ends = np.append(pieces.progress, self.length)
         bends = np.abs(pieces.curvature) + np.abs(pieces.curvature + pieces.growth * pieces.length)
@@ -277,16 +276,16 @@ class ChainedPath(Path):
 
 
 def closed_spline(points: FloatArray, spacing: float) -> tuple[FloatArray, FloatArray]:
-    """First and second derivative, at its points, of the closed cubic spline through them.
+    """Return first and second derivatives, at its points, of the closed cubic spline through them.
 
     With points h apart the slopes m solve m[i-1] + 4 m[i] + m[i+1] = 3 (p[i+1] - p[i-1]) / h all round (de
-    Boor, A Practical Guide to Splines, chapter IV). The matrix is circulant: Fourier's transform makes it
-    diagonal, with 4 + 2 cos(2 pi k / n). The second derivative is
+    Boor, A Practical Guide to Splines, chapter IV). The Fourier transform diagonalises the circulant matrix,
+    with 4 + 2 cos(2 pi k / n). The second derivative is
     (6 (p[i+1] - p[i]) / h - 4 m[i] - 2 m[i+1]) / h.
 
     Args:
-        points: one a row, without the first one again at the end.
-        spacing: of the parameter from each point to the next, h.
+        points: one a row, without the first one repeated at the end.
+        spacing: step h of the parameter between neighbouring points.
     """
     count = len(points)
     after, before = np.roll(points, -1, axis=0), np.roll(points, 1, axis=0)
@@ -298,10 +297,10 @@ def closed_spline(points: FloatArray, spacing: float) -> tuple[FloatArray, Float
 
 
 class Curve(ChainedPath):
-    """A closed curve that a subclass traces."""
+    """Closed curve that a subclass traces."""
 
     def __init__(self, shape: Any) -> None:  # noqa: ANN401 - each path has a section of its own
-        """Look at the curve of a shape.
+        """Sample the curve of a shape.
 
         Raises:
             InputError: it has no length, is not closed, or has a corner or a point that is not finite.
@@ -345,7 +344,7 @@ class Curve(ChainedPath):
         shares: FloatArray,
         spacing: float,
     ) -> ClosedHeights | None:
-        """Heights at shares that are so far (m) from each other; None where all are 0.
+        """Return heights at shares `spacing` (m) apart; None where all are 0.
 
         Raises:
             InputError: they end elsewhere than they begin, or have an edge.
@@ -369,10 +368,10 @@ class Curve(ChainedPath):
         return ClosedHeights(heights[:-1], slopes, spacing)
 
     def _heights_at(self, shape: Any, share: FloatArray) -> FloatArray:  # noqa: ANN401
-        """What the subclass says of heights.
+        """Return the subclass's heights.
 
         Raises:
-            InputError: it fails, or does not give a height for each share.
+            InputError: `height` fails, or does not give a finite height for each share.
         """
         try:
             heights = np.asarray(self.height(shape, share), dtype=float)
@@ -387,10 +386,10 @@ class Curve(ChainedPath):
         return heights
 
     def _traced(self, shape: Any, share: FloatArray) -> tuple[FloatArray, FloatArray]:  # noqa: ANN401
-        """What the subclass traces.
+        """Return the subclass's trace.
 
         Raises:
-            InputError: it fails, or gives something else than two arrays.
+            InputError: `trace` fails, or gives something else than two arrays of the shares' shape.
         """
         try:
             north, east = (np.asarray(one, dtype=float) for one in self.trace(shape, share))
@@ -405,7 +404,7 @@ class Curve(ChainedPath):
         return north, east
 
     def _run(self, shape: Any, share: FloatArray) -> FloatArray:  # noqa: ANN401
-        """Distance along the curve at each share of it, m."""
+        """Return the distance along the curve at each share, m."""
         north, east = self._traced(shape, share)
         finite = bool(np.all(np.isfinite(north)) and np.all(np.isfinite(east)))
         run = np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(north), np.diff(east)))])
@@ -421,29 +420,29 @@ class Curve(ChainedPath):
 
     @classmethod
     def of(cls, shape: Any) -> Self:  # noqa: ANN401
-        """The curve of a shape."""
+        """Return the curve of a shape."""
         return cls(shape)
 
     @abstractmethod
     def trace(self, shape: Any, share: FloatArray) -> tuple[FloatArray, FloatArray]:  # noqa: ANN401
-        """(north, east) of the curve, m, at shares of it from 0 to 1, where it is closed.
+        """Return (north, east), m, at shares from 0 to 1 of the closed curve.
 
-        Shares need not be in proportion to the distance. The curve must be smooth, or its vehicles cannot
-        follow it: a corner is a turn without radius.
+        Shares need not be proportional to distance. The curve must be smooth, or vehicles cannot follow it: a
+        corner is a turn without radius.
 
         Args:
             shape: an instance of `Shape`.
-            share: any number of them.
+            share: any number of shares.
         """
 
     def height(self, shape: Any, share: FloatArray) -> FloatArray:  # noqa: ANN401
-        """Heights at shares of the curve, m above the mission's flying height; all 0 unless a subclass says.
+        """Return heights at shares of the curve, m above the mission's flying height; the default is 0.
 
-        They have to be as smooth as the curve, and to end where they begin.
+        They must be as smooth as the curve, and end where they begin.
 
         Args:
             shape: an instance of `Shape`.
-            share: any number of them.
+            share: any number of shares.
         """
         del shape
         return np.zeros_like(share)

@@ -34,7 +34,7 @@ Rotation = Literal["clockwise", "counterclockwise"]
 
 
 def direction_of(rotation: Rotation) -> Direction:
-    """Lambda of a sense of rotation."""
+    """Return lambda of a sense of rotation."""
     return 1 if rotation == "clockwise" else -1
 
 
@@ -54,17 +54,17 @@ class CircleShape(PathShape):
 @paths.register("circle")
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Circle(Path):
-    """A circle flown in one sense.
+    """Circle flown in one sense.
 
-    It begins where it is nearest to the origin, due north of a centre that is the origin itself.
+    It begins at its point nearest to the origin, or due north of a centre at the origin.
     """
 
     Shape: ClassVar[type[CircleShape]] = CircleShape
 
     north: float
-    """North of the centre c, m."""
+    """North coordinate of the centre c, m."""
     east: float
-    """East of the centre, m."""
+    """East coordinate of the centre c, m."""
     radius: float
     """Radius R, m, positive."""
     direction: Direction
@@ -72,7 +72,7 @@ class Circle(Path):
 
     @classmethod
     def of(cls, shape: CircleShape) -> Self:
-        """The circle of a mission."""
+        """Return the circle of a mission."""
         return cls(
             north=shape.centre.north_m,
             east=shape.centre.east_m,
@@ -82,19 +82,19 @@ class Circle(Path):
 
     @property
     def length(self) -> float:
-        """Once round, m."""
+        """Circumference, m."""
         return 2.0 * math.pi * self.radius
 
     @property
     def first_bearing(self) -> float:
-        """Bearing of its beginning from the centre, rad."""
+        """Bearing of the beginning from the centre, rad."""
         at_origin = self.north == 0.0 and self.east == 0.0
         return 0.0 if at_origin else math.atan2(-self.east, -self.north)
 
     def nearest(
         self, north: Number, east: Number, course: Number | None = None
     ) -> PathPoint[Number]:
-        """The circle on the vehicle's bearing gamma; in the centre, whose bearing is none, due north."""
+        """Return the point on the vehicle's bearing gamma; from the centre, without a bearing, due north."""
         del course
         north, east = north - self.north, east - self.east
         tangent, error = around(north, east, self.radius, self.direction)
@@ -107,7 +107,7 @@ class Circle(Path):
         )
 
     def at(self, progress: Number) -> PathPlace[Number]:
-        """The circle at a distance from its beginning."""
+        """Return the circle at a distance (m) from its beginning."""
         bearing = self.first_bearing + self.direction * progress / self.radius
         return PathPlace(
             self.north + self.radius * cos(bearing),
@@ -120,7 +120,7 @@ class Circle(Path):
 def around(
     north: Number, east: Number, radius: float, direction: Direction
 ) -> tuple[Number, Number]:
-    """(tangent course, cross-track error) on the circle of this radius about the origin."""
+    """Return (tangent course, cross-track error) on a circle of this radius about the origin."""
     tangent = atan2(east, north) + direction * (math.pi / 2.0)
     return tangent, (hypot(north, east) - radius) * -direction
 
@@ -143,32 +143,32 @@ class HelixShape(CircleShape):
 @paths.register("helix")
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Helix(Path):
-    """A circle whose height grows with the progress from its beginning; the vehicle's height tells the turn.
+    """Circle whose height changes with progress; the vehicle's height selects the turn.
 
-    Beginning and course are the circle's. Whoever comes to it low begins with its first turn.
+    Beginning and course are the circle's. A vehicle that arrives low begins with the first turn.
     """
 
     Shape: ClassVar[type[HelixShape]] = HelixShape
 
     circle: Circle
-    """Seen from above."""
+    """Horizontal projection."""
     climb: Climb
     """Height by progress."""
 
     @classmethod
     def of(cls, shape: HelixShape) -> Self:
-        """The helix of a mission."""
+        """Return the helix of a mission."""
         return cls(circle=Circle.of(shape), climb=climb_of(shape.climb_deg, shape.end_height_m))
 
     @property
     def length(self) -> float:
-        """It has no end: beyond its climb it goes round and round."""
+        """Infinite: beyond its climb the helix continues as a circle."""
         return math.inf
 
     def nearest(
         self, north: Number, east: Number, course: Number | None = None
     ) -> PathPoint[Number]:
-        """As on its first turn."""
+        """Return the nearest point on the turn at the flying height: the first."""
         return self.nearest_in_space(
             north, east, like(0.0, north) if course is None else course, 0.0
         )
@@ -176,16 +176,17 @@ class Helix(Path):
     def nearest_in_space(
         self, north: Number, east: Number, course: Number, height: Number | float
     ) -> PathPoint[Number]:
-        """On the turn whose height is nearest to the vehicle's; on the first where that is not known."""
+        """Return the point on the turn whose height is nearest to the vehicle's, for NaN the first."""
         level = self.circle.nearest(north, east, course)
         measured = height + 0.0 * north
         known = where(isfinite(measured), measured, like(0.0, north))
         turn, climb = self.circle.length, self.climb
-        # The progress at which the climb reaches the vehicle's height, and the one within half a turn of it.
+        # Progress at which the climb reaches the vehicle's height, then that on its bearing within
+        # half a turn.
         reached = clip(known / climb.slope, 0.0, climb.run + EASE_M)
         turns = floor((reached - level.progress) / turn + 0.5)
         progress = level.progress + turns * turn
-        # Beyond the climb all turns are at one height: there the vehicle is on the level ones.
+        # Beyond the climb all turns have one height: there the vehicle is on a level turn.
         here, _ = climb.at(progress)
         later, _ = climb.at(progress + turn)
         is_level = abs(later - known) < abs(here - known)
@@ -201,11 +202,11 @@ class Helix(Path):
         )
 
     def at(self, progress: Number) -> PathPlace[Number]:
-        """The circle at a distance from its beginning, and the height there."""
+        """Return the circle at a distance (m) from its beginning, with the height there."""
         place = self.circle.at(progress)
         height, slope = self.climb.at(progress)
         return PathPlace(place.north, place.east, place.course, place.curvature, height, slope)
 
     def outline(self, count: int) -> FloatArray:
-        """From the beginning to once round after the climb."""
+        """Return progress values from the beginning to one round after the climb."""
         return np.linspace(0.0, self.climb.run + EASE_M + self.circle.length, count)

@@ -1,8 +1,8 @@
-"""Heights along a path: one steady climb, even climbs between waypoints, or those of a curve.
+"""Height profiles along a path: one steady climb, even climbs between waypoints, or those of a curve.
 
-Even climbs are joined by vertical curves as on roads. Along a vertical curve the slope changes evenly, so
-that it never jumps: an aircraft goes over into a climb about as it goes over into a turn. It cuts the
-corner of the heights as a fillet does that of the course.
+Vertical curves join even climbs, as on roads. Along a vertical curve the slope changes evenly and never
+jumps: an aircraft enters a climb much as it enters a turn. The curve cuts the corner of the heights as a
+fillet cuts that of the course.
 """
 
 import math
@@ -19,33 +19,33 @@ from vfguide.elementwise import FloatArray, Number, clip, like
 from vfguide.mission import quantity
 
 EASE_M = 100.0
-"""Way on which a profile bends from level to its slope: 5 s at 20 m/s, as autopilots change their climb."""
+"""Length of the transition from level to the slope, m: 5 s at 20 m/s, as autopilots change their climb."""
 
 ClimbAngle = Annotated[quantity.Number, Field(ge=-30.0, le=30.0)]
-"""Degrees over the ground, negative for a descent."""
+"""Angle of a climb over ground, degrees, negative for a descent."""
 
 EndHeight = Annotated[quantity.Number, Field(ge=-9000.0, le=9000.0)]
-"""Above the mission's flying height, m."""
+"""Height above the mission's flying height, m."""
 
 EASED_M = 120.0
-"""Length of a vertical curve where there is room for it."""
+"""Length of a vertical curve where there is room for it, m."""
 
 
 class Climb(msgspec.Struct, frozen=True, kw_only=True):
-    """A profile that begins to climb at progress 0, from the mission's flying height."""
+    """Profile that begins to climb at progress 0, from the mission's flying height."""
 
     slope: float
-    """Rise for each metre along the ground."""
+    """Rise per metre along the ground."""
     end: float
-    """Height at which it levels off, m above the flying height; infinite: never."""
+    """Height at which the profile levels off, m above the flying height; infinite: never."""
 
     @property
     def run(self) -> float:
-        """The way that the slope alone would take to the end, m; the profile takes `EASE_M` more."""
+        """Distance for the slope alone to reach the end, m; the profile takes `EASE_M` more."""
         return self.end / self.slope if self.slope != 0.0 else 0.0
 
     def at(self, progress: Number) -> tuple[Number, Number]:
-        """(height in m above the flying height, slope) at a progress in m."""
+        """Return (height in m above the flying height, slope) at a progress (m)."""
         if self.slope == 0.0:
             return progress * 0.0, progress * 0.0
         half = 0.5 * min(EASE_M, self.run)
@@ -57,11 +57,11 @@ class Climb(msgspec.Struct, frozen=True, kw_only=True):
 
 
 LEVEL = Climb(slope=0.0, end=0.0)
-"""No climb at all."""
+"""Profile without a climb."""
 
 
 def climb_of(climb_deg: float, end_m: float | None) -> Climb:
-    """The profile of a mission's fields; without an end it climbs for ever."""
+    """Return the profile of a mission's fields; without an end it climbs for ever."""
     if climb_deg == 0.0:
         return LEVEL
     slope = math.tan(math.radians(climb_deg))
@@ -70,7 +70,7 @@ def climb_of(climb_deg: float, end_m: float | None) -> Climb:
 
 
 def check_end(climb_deg: float, end_m: float | None) -> None:
-    """See that a climb leads to its end.
+    """Check that a climb leads to its end.
 
     Raises:
         PydanticCustomError: it leads away from it.
@@ -82,7 +82,7 @@ def check_end(climb_deg: float, end_m: float | None) -> None:
 
 
 def eased_ramp(progress: Number, half: float) -> tuple[Number, Number]:
-    """(ramp, its slope): 0 before 0, in proportion after it, with a parabola of `half` (m) on either side."""
+    """Return (ramp, slope): 0 before 0, proportional after it, joined by a parabola over ±`half` (m)."""
     inside = clip(progress, -half, half) + half
     slope = inside / (2.0 * half)
     beyond = clip(progress - half, 0.0, math.inf)
@@ -90,20 +90,20 @@ def eased_ramp(progress: Number, half: float) -> tuple[Number, Number]:
 
 
 class HeightProfile:
-    """Height and slope by progress."""
+    """Height and slope by progress, with vertical curves at knots."""
 
     def __init__(self, knots: Sequence[tuple[float, float]], *, closed: bool) -> None:
-        """Join heights.
+        """Join heights by even climbs.
 
         Args:
-            knots: (progress, height) in m, two or more, the progress ascending. Of a closed line the last is
-                the first again, a round later; one that is not is level before the first and after the last.
-            closed: whether it is.
+            knots: two or more (progress, height) in m, the progress ascending. A closed line repeats its
+                first knot a round later; an open one is level before the first knot and after the last.
+            closed: whether the line is closed.
         """
         run, height = np.array(knots, dtype=float).T
         room = np.diff(run)
         if not closed:
-            # What lies outside is level: the first climb begins, and the last ends, with its vertical curve.
+            # Outside is level: the first climb begins, and the last ends, with its vertical curve.
             run[0] += min(EASED_M, room[0] / 2.0) / 2.0
             run[-1] -= min(EASED_M, room[-1] / 2.0) / 2.0
         first, last = run[0] - knots[0][0], knots[-1][0] - run[-1]
@@ -134,7 +134,7 @@ class HeightProfile:
         ).tolist()
 
     def at(self, progress: Number) -> tuple[Number, Number]:
-        """(height in m, slope) at a progress (m)."""
+        """Return (height in m, slope) at a progress (m)."""
         if self._level:
             return like(0.0, progress), like(0.0, progress)
         if isinstance(progress, float):
@@ -160,20 +160,20 @@ class HeightProfile:
 
 
 class ClosedHeights:
-    """Heights all round a closed curve, by the cubics between points that are evenly spread."""
+    """Heights round a closed curve, by cubics between evenly spaced points."""
 
     def __init__(self, heights: FloatArray, slopes: FloatArray, spacing: float) -> None:
         """Join heights.
 
         Args:
-            heights: m, one for each point from progress 0 on, without the first one again at the end.
-            slopes: there.
-            spacing: from each point to the next, m.
+            heights: height of each point from progress 0 on, m, without the first one repeated at the end.
+            slopes: slope at each point.
+            spacing: distance between neighbouring points, m.
         """
         self._heights, self._slopes, self._spacing = heights, slopes, spacing
 
     def at(self, progress: Number) -> tuple[Number, Number]:
-        """(height in m, slope) at a progress (m)."""
+        """Return (height in m, slope) at a progress (m)."""
         spacing, count = self._spacing, len(self._heights)
         place = np.asarray(progress, dtype=float) / spacing
         before = np.nan_to_num(np.floor(place))
@@ -181,7 +181,7 @@ class ClosedHeights:
         index = before.astype(int) % count
         after = (index + 1) % count
         begin, end = self._heights[index], self._heights[after]
-        # Cubic of Hermite: both heights and both slopes.
+        # Hermite cubic through both heights and slopes.
         rise = (end - begin) / spacing
         first, last = self._slopes[index], self._slopes[after]
         bend, twist = 3.0 * rise - 2.0 * first - last, first + last - 2.0 * rise

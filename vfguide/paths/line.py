@@ -1,4 +1,4 @@
-"""A straight line without ends."""
+"""Straight line without ends."""
 
 import math
 from collections.abc import Mapping
@@ -30,13 +30,13 @@ SLOPE_FIELDS = ("slope", "intercept_m", "direction")
 
 
 def point_of_slope(data: Mapping[str, object]) -> Position:
-    """The point of y = a x + b at x = 0; the origin when no intercept is given."""
+    """Return the point of y = a x + b at x = 0; the origin without an intercept."""
     intercept_m = data.get("intercept_m")
     return Position(east_m=intercept_m if isinstance(intercept_m, float) else 0.0)
 
 
 def course_of_slope(data: Mapping[str, object]) -> float:
-    """The course of y = a x + b, degrees: `forward` flies toward growing x (north), `backward` the other."""
+    """Return the course of y = a x + b, degrees: `forward` flies toward growing x (north)."""
     slope = data.get("slope")
     course_deg = math.degrees(math.atan(slope)) if isinstance(slope, float) else 0.0
     return course_deg + 180.0 if data.get("direction") == "backward" else course_deg % 360.0
@@ -101,14 +101,14 @@ class LineShape(PathShape):
 @paths.register("line")
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Line(Path):
-    """A straight line; the progress counts from its point."""
+    """Straight line; progress counts from its point."""
 
     Shape: ClassVar[type[LineShape]] = LineShape
 
     north: float
-    """North of a point on the line, m."""
+    """North coordinate of a point on the line, m."""
     east: float
-    """East of the same point, m."""
+    """East coordinate of the same point, m."""
     course: float
     """Direction of travel chi_p, rad."""
     climb: Climb = LEVEL
@@ -116,7 +116,7 @@ class Line(Path):
 
     @classmethod
     def of(cls, shape: LineShape) -> Self:
-        """The line of a mission."""
+        """Return the line of a mission."""
         point = shape.point
         return cls(
             north=point.north_m,
@@ -127,13 +127,13 @@ class Line(Path):
 
     @property
     def length(self) -> float:
-        """It has no end."""
+        """Infinite: a line has no end."""
         return math.inf
 
     def nearest(
         self, north: Number, east: Number, course: Number | None = None
     ) -> PathPoint[Number]:
-        """The line abeam of the vehicle; the article's e is not a distance, this one is."""
+        """Return the point abeam of the vehicle; its error is a distance, unlike the article's e."""
         del course
         along, right = resolve(north - self.north, east - self.east, like(self.course, north))
         still = along * 0.0
@@ -141,7 +141,7 @@ class Line(Path):
         return PathPoint(still + self.course, right, still, along, height, slope)
 
     def at(self, progress: Number) -> PathPlace[Number]:
-        """The line at a distance from its point."""
+        """Return the line at a distance (m) from its point."""
         still = progress * 0.0
         north, east = compose(progress, still, still + self.course)
         height, slope = self.climb.at(progress)
@@ -150,7 +150,7 @@ class Line(Path):
         )
 
     def outline(self, count: int) -> FloatArray:
-        """Its beginning; of one that climbs also its steepest place, and its end where it levels off."""
+        """Return progress 0; for a climbing line also its steepest place and the end of the climb."""
         del count
         run = self.climb.run
         if run == 0.0:
