@@ -1,7 +1,7 @@
-"""What a formation shares, by a telemetry radio on a serial port: what one sends all others hear.
+"""Link over a telemetry radio on a serial port: all others hear what one member sends.
 
-Who may speak when is in `radio_schedule`, what is said in `packed`, both together in `radio_station`; here
-are the port and the clock.
+Turns are in `radio_schedule`, packets in `packed`, and one member's part in `radio_station`; here are the
+port and the clock.
 """
 
 import asyncio
@@ -32,23 +32,23 @@ EXAMPLE = f"serial:///dev/ttyUSB1:57600?key=MISSION.keys/{RADIO_KEY}"
 SLOWEST_BAUD, FASTEST_BAUD = 1_200, 12_000_000
 
 RATES = {"leader": 10.0, "followers": 2.5, "air": 4000.0}
-"""Numbers that an address may give: states per second of the leader and of each follower, which count at the
-leader alone, and bytes per second that all radios together can send."""
+"""Defaults of an address: states per second of the leader and of each follower, used by the leader alone, and
+bytes per second of all radios together."""
 
 READ = 4096
-"""Bytes that are read at once."""
+"""Maximum number of bytes per read."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RadioAddress(LinkAddress):
-    """A serial port with a radio, and how fast it is."""
+    """Serial port of a radio, and the rates on it."""
 
     scheme: ClassVar[str] = "serial"
 
     device: str
-    """File of the serial port."""
+    """Device file of the serial port."""
     channel: Channel
-    """How fast it is."""
+    """Speed of the serial line and of the radio."""
     key: Path | None = None
     """File with the formation's radio key."""
     leader_hz: float = RATES["leader"]
@@ -72,10 +72,10 @@ def _number(name: str, text: str) -> float:
 
 
 def vehicles_of(member: Member) -> tuple[str, ...]:
-    """Names of a formation's vehicles by their numbers on the radio: the leader, and the others by name.
+    """Return the names of the vehicles by their numbers on the radio: the leader, then the others by name.
 
     Raises:
-        InputError: they are not known to one who watches, or are too many.
+        InputError: a watcher does not know them, or they are too many.
     """
     leader = member.trust.leader
     if member.watches and not member.neighbours:
@@ -94,7 +94,7 @@ def vehicles_of(member: Member) -> tuple[str, ...]:
 
 @link("serial")
 class RadioCarrier(DatagramCarrier):
-    """Carries messages by a radio."""
+    """Carrier over a radio."""
 
     address: RadioAddress
     presence_s = PRESENCE_S
@@ -102,10 +102,10 @@ class RadioCarrier(DatagramCarrier):
     greeting_s = GREETING_S
 
     def prepare(self) -> None:
-        """Number the vehicles, and read the radio key.
+        """Assign numbers to the vehicles, and read the radio key.
 
         Raises:
-            InputError: there is no radio key where messages are signed, or the formation does not fit.
+            InputError: the radio key is missing where messages are signed, or the formation does not fit.
         """
         super().prepare()
         address, member = self.address, self._member
@@ -129,9 +129,9 @@ class RadioCarrier(DatagramCarrier):
 
     @classmethod
     def address_of(cls, parts: SplitResult, environment: Mapping[str, str]) -> RadioAddress:
-        """A port, as in serial:///dev/ttyUSB1:57600?key=circle.keys/radio.psk&leader=10&followers=2.5."""
+        """Build a port from serial:///dev/ttyUSB1:57600?key=circle.keys/radio.psk&leader=10&followers=2.5."""
         del environment
-        # The last colon: names under /dev/serial/by-path have colons of their own.
+        # The last colon, since names under /dev/serial/by-path have colons of their own.
         device, separator, speed = unquote(parts.path).rpartition(":")
         if parts.netloc or parts.fragment or not separator or device.endswith("/"):
             raise InputError(f"a radio has a device file and a baud rate; write {EXAMPLE}")
@@ -164,10 +164,10 @@ class RadioCarrier(DatagramCarrier):
                 self.address.device, self.address.channel.baud, timeout=0, exclusive=True
             )
         except termios.error as error:
-            # What pyserial lets through when a port goes away while it is being opened.
+            # pyserial lets this through when a port disappears while it is being opened.
             raise OSError(*error.args) from error
         with suppress(OSError, ValueError, AttributeError):
-            # Adapters otherwise keep what has come for up to 16 ms.
+            # Adapters otherwise hold received bytes for up to 16 ms.
             self._port.set_low_latency_mode(True)
         loop = asyncio.get_running_loop()
         self._station.begin(loop.time())
@@ -183,24 +183,24 @@ class RadioCarrier(DatagramCarrier):
         if port is not None:
             asyncio.get_running_loop().remove_reader(port.fileno())
             with suppress(OSError, termios.error):
-                # Closing would wait for what the kernel still holds.
+                # Closing would wait for the bytes that the kernel still holds.
                 port.reset_output_buffer()
             with suppress(OSError, termios.error):
                 port.close()
 
     def send(self, parcel: Parcel) -> None:
-        """Have a message sent at the next turn."""
+        """Queue a message for the next turn."""
         if self._port is None:
             self.status.counters["dropped: not connected"] += 1
         else:
             self._station.post(parcel, asyncio.get_running_loop().time())
 
     def say(self, presence: Presence) -> None:
-        """Say now and then how this member is; goodbye would have to wait for a turn, and is not said."""
+        """Update the presence, sent now and then; a goodbye would wait for a turn and is omitted."""
         self._station.announce(presence)
 
     def transmit(self, data: bytes) -> None:
-        """Write a packet; one before it that has not gone out yet makes it late, and it is dropped."""
+        """Write a packet; drop it if an earlier one has not gone out yet, which would make it late."""
         if self._port is None:
             return
         if self._port.out_waiting > LARGEST_FRAME:
@@ -208,7 +208,7 @@ class RadioCarrier(DatagramCarrier):
         os.write(self._port.fileno(), data)
 
     def _read(self) -> None:
-        """Take the bytes that have come."""
+        """Read the bytes that have arrived."""
         if self._port is None:
             return
         try:
@@ -227,7 +227,7 @@ class RadioCarrier(DatagramCarrier):
         self._plan()
 
     def _plan(self) -> None:
-        """Wait for the next turn; what is heard moves it, unless it is due already."""
+        """Schedule the next turn; received bytes move it, unless it is due already."""
         loop = asyncio.get_running_loop()
         now = loop.time()
         if self._timer is not None:
@@ -238,7 +238,7 @@ class RadioCarrier(DatagramCarrier):
         self._timer = None if turn is None else loop.call_at(turn.at_s, self._take_turn, turn)
 
     def _take_turn(self, turn: Turn) -> None:
-        """Say what there is to say."""
+        """Send the packet of a turn, if there is one."""
         self._timer = None
         now = max(asyncio.get_running_loop().time(), turn.at_s)
         try:
@@ -250,10 +250,10 @@ class RadioCarrier(DatagramCarrier):
 
 
 def radio_key(address: RadioAddress, *, signs: bool) -> bytes:
-    """The formation's radio key; empty with --insecure.
+    """Return the formation's radio key; empty with --insecure.
 
     Raises:
-        InputError: there is none where there should be one, or the other way round.
+        InputError: the key is missing where it is needed, or given where it is not.
     """
     if not signs:
         if address.key is not None:

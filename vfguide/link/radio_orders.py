@@ -1,16 +1,13 @@
-"""What waits for a turn on a radio: questions for the clock, and orders in pieces that fit into packets.
+"""Messages that wait for a turn on a radio: clock questions, and orders in pieces that fit into packets.
 
-Questions for the leader's clock on a radio: they wait for a turn, and so do their answers. Nothing here
-reads a clock: a member's own is `clock_s`, that of the turns is `now`.
+Questions for the leader's clock wait for a turn, and so do their answers. A member's own clock is `clock_s`,
+the clock of the turns is `now`; nothing here reads a clock.
 
-Orders and what is said to them, in pieces that fit into the packets of a radio. A message about orders is
-cut into pieces of 28 bytes: an operator's order in its envelope, as signed as on every link, an answer to
-one, and an order that a vehicle repeats. A sender says the pieces one after the other, a turn each, and
-begins again with the first: what a receiver has missed it hears in the next round. A receiver hands a
-message on once it has all pieces, and their hash is the one that every piece names; before that nothing
-comes of it. Each sender has one message of each kind on its way, a newer one takes its place.
-
-Nothing here reads a clock.
+Messages about orders are cut into pieces of 28 bytes: an operator's order in its signed envelope, a reply,
+and an order that a vehicle repeats. A sender sends the pieces one per turn and then begins again, so that a
+receiver hears in the next round what it has missed. A receiver hands a message on once it has all pieces and
+their hash is the one that every piece names. Each sender has one message of each kind under way, which a
+newer one replaces.
 """
 
 import hashlib
@@ -24,19 +21,20 @@ from vfguide.link.packed import PIECE_SIZE, TICK_S, PackedKind, Packet, Piece
 from vfguide.link.peer_clock import OPEN
 
 ANSWERABLE_S = 1.5
-"""A question that has waited for so long is not answered: its asker has asked again."""
+"""Age at which a question is no longer answered, s: its asker has asked again."""
 
 MOST_PIECES = 24
-"""Pieces of one message, at most: 672 bytes, a signed order to 11 followers with names of 18 characters."""
+"""Maximum number of pieces of a message: 672 bytes, a signed order to 11 followers with names of 18
+characters."""
 
 ROUNDS = 3
-"""Times that all pieces of an answer, or of an order that is repeated, are said: nobody acknowledges them."""
+"""Rounds in which a reply or a repeated order is sent, since nobody acknowledges pieces."""
 
 FORGET_S = 2.0
-"""An operator who has not given an order again for this long does not want it to be said any more."""
+"""Time without a renewed order after which it is no longer sent, s."""
 
 MOST_WAITING = 4
-"""Messages that wait for their turns: one more, and the oldest is forgotten."""
+"""Maximum number of messages that wait for turns; beyond it the oldest is dropped."""
 
 PACKED_KINDS = {
     Kind.ORDER: PackedKind.ORDER,
@@ -44,27 +42,27 @@ PACKED_KINDS = {
     Kind.REPEAT: PackedKind.REPEAT,
     Kind.REVOCATION: PackedKind.REVOCATION,
 }
-"""Kinds of messages that are said in pieces."""
+"""Kinds of messages that are sent in pieces."""
 
 
 class Questions:
-    """What one member asks, and what it is asked."""
+    """Clock questions that one member asks and receives."""
 
     def __init__(self) -> None:
-        """Ask nothing."""
+        """Create it without any question."""
         self._waiting: bytes | None = None
         self.asked_s = -math.inf
-        """When the last question was asked, on the clock of the turns."""
+        """Time of the latest question, s on the clock of the turns."""
         self._open: dict[int, tuple[float, float]] = {}
         self._heard: dict[int, tuple[int, float]] = {}
         self._answered_s: dict[int, float] = {}
 
     def post(self, question: bytes) -> None:
-        """Have a question asked, in the place of the one before it."""
+        """Queue a question, replacing the one before it."""
         self._waiting = question
 
     def ask(self, clock_s: float, now: float) -> Ask | None:
-        """The question that is asked now; None where none waits."""
+        """Return the question to ask now; None where none waits."""
         if self._waiting is None:
             return None
         ask = decode_ask(self._waiting)
@@ -75,7 +73,7 @@ class Questions:
         return ask
 
     def answer_to(self, packet: Packet) -> Tell | None:
-        """What a packet answers, as if the question had been heard when it was made; None to none."""
+        """Return an answer as if its question had arrived when made; None where it was not asked for."""
         asked = self._open.pop(packet.number, None)
         if asked is None:
             return None
@@ -88,13 +86,13 @@ class Questions:
         )
 
     def hear(self, asker: int, number: int, clock_s: float) -> None:
-        """Keep a question of another member for a turn in which it can be answered."""
+        """Keep another member's question for a turn in which it can be answered."""
         self._heard[asker] = number, clock_s
 
     def next_to_answer(self, clock_s: float, now: float) -> tuple[int, int, float] | None:
-        """(whom to answer, the question's number, when it was heard on the member's clock).
+        """Return (asker, number of its question, when the question was heard on the member's clock).
 
-        It is the one who was not answered for the longest; None where nobody asks.
+        It is the asker that has waited longest for an answer; None where nobody asks.
         """
         self._heard = {
             asker: (number, received_s)
@@ -109,16 +107,12 @@ class Questions:
 
 
 def mark_of(content: bytes) -> int:
-    """What the pieces of a message name it by: 16 bits of its hash."""
+    """Return 16 bits of a message's hash, by which its pieces name it."""
     return int.from_bytes(hashlib.blake2b(content, digest_size=2).digest(), "little")
 
 
 def pieces_of(content: bytes) -> tuple[Piece, ...]:
-    """The pieces of a message, in order.
-
-    Raises:
-        ValueError: it is too long, or empty.
-    """
+    """Cut a message into pieces, in order; raise ValueError if it is too long, or empty."""
     count = math.ceil(len(content) / PIECE_SIZE)
     if not 0 < count <= MOST_PIECES:
         raise ValueError(f"{len(content)} bytes about an order do not fit onto a radio")
@@ -132,35 +126,35 @@ def pieces_of(content: bytes) -> tuple[Piece, ...]:
 
 @dataclass(slots=True, kw_only=True)
 class OutgoingMessage:
-    """A message on its way out."""
+    """Message on its way out."""
 
     kind: PackedKind
-    """What it is about."""
+    """Kind of the message."""
     body: bytes
-    """What was to be said: the same again is the same message, whatever envelope it comes in."""
+    """Content: the same content again is the same message, whatever its envelope."""
     pieces: tuple[Piece, ...]
     """Pieces of the message."""
     posted_s: float
-    """When it was to be said last, s."""
+    """Time of the latest request to send it, s."""
     said: int = 0
-    """Pieces that were said, of all rounds."""
+    """Number of pieces sent, in all rounds."""
 
 
 class OrderOutbox:
-    """What one member has to say about orders."""
+    """One member's outgoing messages about orders."""
 
     def __init__(self) -> None:
-        """Begin with nothing to say."""
+        """Create an empty outbox."""
         self._waiting: dict[tuple[object, ...], OutgoingMessage] = {}
 
     def post(self, kind: Kind, body: bytes, content: bytes, now: float) -> None:
-        """Say this from now on; what was said about the same order before is over.
+        """Send this message from now on, and stop sending the one that it replaces.
 
         Args:
             kind: ORDER, REPLY, REPEAT or REVOCATION.
-            body: what is said.
-            content: how it is said: what an operator has signed in its envelope, else the body.
-            now: on the clock of the turns, s.
+            body: content of the message.
+            content: bytes to send: an operator's signed envelope, otherwise the body.
+            now: present time on the clock of the turns, s.
 
         Raises:
             ValueError: it is too long.
@@ -168,7 +162,7 @@ class OrderOutbox:
         about = about_of(kind, body)
         before = self._waiting.get(about)
         if before is not None and before.body == body:
-            # Pieces of two envelopes would never become a whole.
+            # Pieces of two envelopes would never make a whole.
             before.posted_s = now
             before.said %= len(before.pieces)
             return
@@ -180,7 +174,7 @@ class OrderOutbox:
             del self._waiting[next(iter(self._waiting))]
 
     def next_piece(self, now: float) -> tuple[PackedKind, Piece] | None:
-        """The piece to say in this turn; None where there is none."""
+        """Return the piece to send in this turn; None where there is none."""
         for about, one in list(self._waiting.items()):
             if self._is_over(one, now):
                 del self._waiting[about]
@@ -188,7 +182,7 @@ class OrderOutbox:
             piece = one.pieces[one.said % len(one.pieces)]
             one.said += 1
             if one.said % len(one.pieces) == 0:
-                # Whatever else waits has the next round.
+                # The next round belongs to whatever else waits.
                 del self._waiting[about]
                 self._waiting[about] = one
             return one.kind, piece
@@ -202,7 +196,7 @@ class OrderOutbox:
 
 
 def about_of(kind: Kind, body: bytes) -> tuple[object, ...]:
-    """What of one sender takes the place of what it has said before: an answer to the same order, say."""
+    """Return a key: a sender's new message replaces its earlier one with the same key."""
     if kind is Kind.REPLY:
         try:
             reply = decode_reply(body)
@@ -214,28 +208,28 @@ def about_of(kind: Kind, body: bytes) -> tuple[object, ...]:
 
 @dataclass(slots=True, kw_only=True)
 class PartialMessage:
-    """A message of which some pieces have come."""
+    """Message of which some pieces have arrived."""
 
     mark: int
     """Mark of the message."""
     size: int
-    """Bytes of the whole message."""
+    """Size of the whole message, bytes."""
     parts: dict[int, bytes] = field(default_factory=dict)
-    """By the numbers of the pieces."""
+    """Received bytes by number of the piece."""
 
 
 class OrderInbox:
-    """What is on its way to one member, of all senders."""
+    """Incoming messages about orders, from all senders."""
 
     def __init__(self) -> None:
-        """Begin with nothing."""
+        """Create an empty inbox."""
         self._partial: dict[tuple[int, PackedKind], PartialMessage] = {}
 
     def take(self, sender: int, kind: PackedKind, piece: Piece) -> bytes | None:
-        """Take a piece; the whole message if it was the last that was missing.
+        """Take a piece; return the whole message once it is complete, otherwise None.
 
         Raises:
-            LinkDataError: the message is too long, or not the one that its pieces named.
+            LinkDataError: the message is too long, or does not match the mark of its pieces.
         """
         count = math.ceil(piece.size / PIECE_SIZE)
         if count > MOST_PIECES:
@@ -254,5 +248,5 @@ class OrderInbox:
         return content
 
     def __iter__(self) -> Iterator[PartialMessage]:
-        """The messages of which some pieces have come."""
+        """Iterate over the incomplete messages."""
         return iter(self._partial.values())

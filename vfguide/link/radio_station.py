@@ -1,23 +1,23 @@
-"""One member on a radio that all share: bytes from the radio in, a packet for each of its own turns out.
+"""One member on a shared radio: takes bytes from the radio, and returns a packet for each of its own turns.
 
-Of each kind only the newest waits: a state that has not been sent gives way to the next, and one that is a
-second old is not sent at all. At its turn a follower sends its question if it has one and did not ask
-lately, else now and then its presence, else its state. The leader sends its state at each beat, or the beat
-alone, and answers one question in a cycle: of those that wait, the one whose asker was answered longest ago.
+Only the newest message of each kind waits. A new state replaces an unsent one, and a state that is a second
+old is not sent. In its turn a follower sends its question if one waits and it did not ask lately. Otherwise
+it sends its presence now and then, and its state the rest of the time. The leader sends its state, or only
+the beat, at each beat. It answers one question per cycle, from the asker whose last answer is the oldest.
 
-Stamps of the clock comparison leave the waiting for turns out: the answer is stamped when it leaves, and the
-asker takes the question's arrival for as much earlier as the question had waited for its turn.
+Time stamps of the clock comparison exclude the waiting for turns. An answer is stamped when it leaves. The
+asker shifts the question's arrival back by the time that the question had waited for its turn.
 
-What was in a collision, or lost otherwise, is not sent again; what is said about orders is said in rounds.
-It takes every second turn of a follower at most, so that its states go on. An operator has turns of its own,
-and says nothing else but its question for the leader's clock.
+A packet lost in a collision or otherwise is not sent again; messages about orders are sent in rounds. They
+take at most every second turn of a follower, so that its states go on. An operator has turns of its own, and
+otherwise sends only its question for the leader's clock.
 
-A beat counts if its tag is right. After two seconds without one, a beat counts whose tag cannot be checked:
-a member that starts, or whose leader has started anew, has to ask in its turn. The worst that a forged beat
-can do is what every transmitter can do, too: a collision. The leader asks whether its sender lives, soon once
-in 5 s; one that starts waits for 5 s at most.
+A beat counts if its tag is right. After two seconds without one, a beat with an unverifiable tag counts, too:
+a member that starts, or whose leader has restarted, has to ask in its turn. A forged beat can do no worse
+than any transmitter: cause a collision. The leader asks whether the beat's sender lives, soon once in 5 s; a
+leader that starts waits for 5 s at most.
 
-Nothing here owns a port or reads a clock but the member's, for stamps.
+Nothing here owns a port; the only clock read is the member's, for time stamps.
 """
 
 import hmac
@@ -76,28 +76,29 @@ from vfguide.link.radio_schedule import (
 from vfguide.link.trust import REVOKED, SAID_PER_S, TWIN, Message, RefusedError
 
 STALE_S = 1.0
-"""A state that has waited for so long is not sent."""
+"""Age at which a state is no longer sent, s."""
 
 HURRIED_CYCLES, CALM_CYCLES = 2, 12
-"""From one question of a follower to its next: while its clock is not settled, and later. One that knows no
-session of the leader has nothing else to say, and asks in each of its turns."""
+"""Cycles between a follower's questions: while its clock is not settled, and later. A follower that knows no
+session of the leader can send nothing else, and asks in each of its turns."""
 
 ORDER_LEAD_S = 10.0
-"""An order is given so long before its time: with twelve vehicles each round of its pieces takes 2 s; where
-some are lost all have heard it after three, and answers wait for their turns."""
+"""Lead of an order over its execution time, s. With twelve vehicles a round of its pieces takes 2 s. With
+losses all have heard it after three rounds, and replies wait for their turns."""
 
 GREETING_S = 8.0
-"""Where much is lost it takes some questions and answers until a companion knows the formation's time,
-without which it can say nothing: twelve that begin at once all speak by then."""
+"""Time within which twelve companions that start together have all sent, s. Under heavy loss a companion
+needs several questions and answers to learn the formation's time, without which it can send nothing."""
 
 PRESENCE_S, IDLE_S = 4.0, 1.0
-"""From one presence to the next: where it takes the turn of a state, and where there is none to be sent."""
+"""Intervals between presences, s: in place of a state, and where there is no state to send."""
 
 LEAST_LATE_S = 0.002
-"""s that a turn may be taken late, however short the slots are: programs have to wait for the processor."""
+"""Minimum tolerance of a late turn, s, however short the slots: programs wait for the processor."""
 
 REVOKED_REST_S = 30.0
-"""A vehicle passes on that a key is out so seldom: three rounds of pieces take every second turn for 10 s."""
+"""Interval at which a vehicle passes on a revocation, s: three rounds of pieces take every second turn for 10
+s."""
 
 PIECES = frozenset(PACKED_KINDS.values())
 """Kinds of packets about orders."""
@@ -110,40 +111,41 @@ KINDS = {
     PackedKind.PRESENCE: Kind.PRESENCE,
     **{packed: kind for kind, packed in PACKED_KINDS.items()},
 }
-"""As what each kind of packets is believed."""
+"""Kind of message that each kind of packet is checked as."""
 
 OF_NO_SESSION = frozenset({PackedKind.QUESTION, PackedKind.REVOCATION})
-"""Kinds that are said under no session of the leader: who knows none hears them."""
+"""Kinds sent under no session of the leader, so that members that know none hear them."""
 
 UNKNOWN_SESSION = "another session or forged"
-"""Why a packet is refused whose tag is not of this session of the leader."""
+"""Reason of refusal where a tag is of no session of the leader that counts."""
 
 STEP_TICKS = round(1.0 / (SAID_PER_S * TICK_S))
-"""Times are taken for numbers in steps in which no sender says two things."""
+"""Unit of sequence numbers made from times, 0.1 ms: no sender sends two messages within it."""
 
 OPERATOR_NAME = "the operator"
-"""Who answers as one: no vehicle's name has a blank."""
+"""Name of an operator as a sender; no vehicle's name has a blank."""
 
 LISTEN_CYCLES, TWIN_S = 2, 3.0
-"""A member that starts listens for so many cycles whether its turns are taken, and is silent for so many s
-after another of its name was heard."""
+"""Cycles for which a starting member listens whether its turns are taken, and silence after another member of
+its name was heard, s."""
 
 LONGEST_LISTEN_S = 5.0
-"""For so long a leader that starts is silent at most while it hears one whom nothing vouches for."""
+"""Maximum silence of a starting leader while it hears an unauthenticated one, s."""
 
 RECENT_S = 1.0
-"""Another of one's own name is believed by what it said this short a time ago: what is older may be played
-again by somebody who has recorded it ..."""
+"""Maximum age of a message in the own name that proves another companion, s; older ones may be replays. Own
+packets sent within this time are remembered."""
 
 REMEMBERED = 64
-"""... and of what was said since, so many own packets are known."""
+"""Number of own packets remembered."""
 
 LONGEST_CYCLE_S = 10.0
-"""Longest cycle of an unsigned beat that is obeyed: a slower one would keep a member silent for long."""
+"""Longest cycle of an unauthenticated beat that is obeyed, s: a slower beat would silence a member for
+long."""
 
 
 class Station:
-    """One member's part of what goes on a radio."""
+    """One member's part in a shared radio."""
 
     def __init__(
         self,
@@ -156,16 +158,17 @@ class Station:
         timetable: Timetable | None = None,
         listens_first: bool = True,
     ) -> None:
-        """Make one that has heard nothing.
+        """Create a station that has heard nothing.
 
         Args:
-            member: says and hears.
-            formation: its name.
-            vehicles: names of all vehicles, the leader first, the same everywhere.
+            member: member on the radio.
+            formation: name of the formation.
+            vehicles: names of all vehicles, the leader first, in the same order everywhere.
             key: the formation's radio key; empty to believe anybody.
-            channel: how fast the radio is.
-            timetable: of the leader, who tells the others.
-            listens_first: whether its turns may be taken by another of its name; not where all begin at once.
+            channel: speed of the radio.
+            timetable: timetable for the leader, which announces it; None for all others.
+            listens_first: whether to listen first for another member of its name; False where all start
+                together.
         """
         self._member = member
         self._listens_first = listens_first
@@ -191,14 +194,14 @@ class Station:
         self._passed_on_s: dict[bytes, float] = {}
 
     def begin(self, now: float) -> None:
-        """Begin to hear and, for the leader, to give the beat; at a time on the clock of the turns, s."""
+        """Begin to receive and, for the leader, to give the beat; `now` is s on the clock of the turns."""
         self._framer.clear()
         if self._timetable is not None and self._number == LEADER:
             self._beat.begin(self._timetable, now)
             self._listens_since = now
 
     def post(self, parcel: Parcel, now: float) -> None:
-        """Have a message of the member sent at its next turn; the one before it of its kind is forgotten."""
+        """Queue a message for the member's next turn, replacing an unsent one of its kind."""
         match parcel.kind:
             case Kind.STATE:
                 if self._state is not None:
@@ -213,7 +216,7 @@ class Station:
                 return
 
     def _post_about_order(self, parcel: Parcel, now: float) -> None:
-        """Have something about an order said: an order as its operator has signed it."""
+        """Queue a message about orders: an order in its operator's envelope, others without one."""
         if parcel.kind is Kind.REVOCATION and self._number != OPERATOR:
             if now - self._passed_on_s.get(parcel.body, -math.inf) < REVOKED_REST_S:
                 return
@@ -225,20 +228,20 @@ class Station:
             self._member.counters["radio: too long for its pieces"] += 1
 
     def announce(self, presence: Presence) -> None:
-        """Say now and then how the member is, and soon where that has changed."""
+        """Update the presence, which is sent now and then, and soon after a change of mode."""
         if self._presence is None or presence.mode != self._presence.mode:
             self._told_s = -math.inf
         self._presence = presence
 
     def next_turn(self, now: float) -> Turn | None:
-        """When to call `speak` next; None while there is no turn."""
+        """Return the turn in which to call `speak` next; None while there is none."""
         return self._beat.next_turn(now)
 
     def speak(self, turn: Turn, now: float) -> bytes:
-        """What to send in a turn, if it is now; nothing where there is nothing to say."""
+        """Return the frame to send in a turn; empty if the turn is over or there is nothing to send."""
         self._beat.spoken(turn)
         if now - turn.at_s > self._spare_s():
-            # It would run into the next one's.
+            # It would run into the next turn.
             self._member.counters["radio: late for its turn"] += 1
             return b""
         if self._number == LEADER:
@@ -254,14 +257,14 @@ class Station:
         return frame
 
     def hear(self, data: bytes, now: float) -> bool:
-        """Take bytes from the radio; whatever is wrong with them ends up as a counter.
+        """Take bytes from the radio, and count whatever is wrong with them.
 
         Args:
-            data: cut anywhere, and perhaps damaged.
-            now: on the clock of the turns, s.
+            data: bytes, cut anywhere and perhaps damaged.
+            now: present time on the clock of the turns, s.
 
         Returns:
-            Whether somebody of the formation was heard.
+            Whether a member of the formation was heard.
         """
         heard = False
         for packet in self._framer.feed(data):
@@ -288,7 +291,7 @@ class Station:
         sender = self._name_of(packet)
         began_s = now - self._channel.latency_s(len(data) + OVERHEAD)
         if packet.sender == self._number and not self._member.trust.proven:
-            # What nothing vouches for yet is good enough to be silent by: speaking hits the other's turns.
+            # Unverified packets suffice to fall silent: sending would collide with the other's turns.
             self._twin_s = now
             self._take_unproven(packet, began_s)
             raise RefusedError(TWIN)
@@ -299,8 +302,8 @@ class Station:
         if packet.kind is not PackedKind.REVOCATION:
             self._check(packet, sender, epoch)
         if packet.kind not in OF_NO_SESSION | {PackedKind.ANSWER}:
-            # Others' questions and answers prove no session to this member: one that joins late would wait
-            # while others ask.
+            # Others' questions and answers prove no session to this member: otherwise one that joins late
+            # would wait while others ask.
             self._proven_s = began_s
         if packet.beat is not None:
             self._count_from(packet, began_s)
@@ -309,10 +312,10 @@ class Station:
         self._use(packet, sender, epoch)
 
     def _name_of(self, packet: Packet) -> str:
-        """Name of a packet's sender.
+        """Return the name of a packet's sender.
 
         Raises:
-            RefusedError: it is none of this formation.
+            RefusedError: it is no member of this formation, or its key is revoked.
         """
         if packet.formation != self._mark:
             raise RefusedError("another formation")
@@ -326,7 +329,7 @@ class Station:
         return name
 
     def _epoch_of(self, packet: Packet) -> int | None:
-        """The leader's session that a packet was said under; None where its tag is of none that counts."""
+        """Return the leader's session that a packet's tag proves; None where it proves none that counts."""
         trust = self._member.trust
         epochs = trust.epochs(self._member.clock())
         if packet.kind in OF_NO_SESSION:
@@ -341,10 +344,10 @@ class Station:
         return None
 
     def _check(self, packet: Packet, sender: str, epoch: int) -> None:
-        """See that a packet with a true tag is believed, by the same rules as on every link.
+        """Check a packet with a valid tag by the same rules as on every link.
 
         Raises:
-            RefusedError: it is not.
+            RefusedError: it is not believed.
         """
         own, kind, body = packet.sender == self._number, KINDS[packet.kind], b""
         time_s, session, sequence = (
@@ -353,7 +356,7 @@ class Station:
             packet.ticks // STEP_TICKS,
         )
         if kind is Kind.QUESTION:
-            # Each is told by its number, and takes the place of a session.
+            # Each question is identified by its number, which takes the place of a session.
             session, sequence = packet.number, 1
             body = encode_ask(Ask(number=packet.number, originate_s=time_s))
         elif packet.sender == LEADER:
@@ -363,7 +366,7 @@ class Station:
         elif own and body == b"" and abs(self._member.formation_time() - time_s) >= RECENT_S:
             raise RefusedError(TWIN)
         if packet.kind is PackedKind.ORDER and packet.sender != OPERATOR:
-            # Which it passes on, as its operator has signed it.
+            # The sender passes on an order as its operator has signed it.
             kind = Kind.REPEAT
         envelope = Envelope(
             scheme=Scheme.UNSIGNED,
@@ -390,12 +393,12 @@ class Station:
             raise
 
     def _answered(self, packet: Packet) -> bytes:
-        """What a packet answers, as on every link; nothing where it answers no question of this member."""
+        """Return the clock answer in a packet, encoded as on every link; empty if this member did not ask."""
         tell = self._questions.answer_to(packet)
         return b"" if tell is None else encode_tell(tell)
 
     def _take_unproven(self, packet: Packet, began_s: float) -> None:
-        """Take a packet that nothing vouches for: a beat, where no true one was heard for a while."""
+        """Take an unauthenticated packet: a beat counts where no authentic one was heard for a while."""
         if packet.sender != LEADER:
             return
         if self._number == LEADER:
@@ -403,17 +406,18 @@ class Station:
             return
         if packet.beat is None:
             return
-        # The leader may have started anew: asking it tells.
+        # The leader may have restarted: its answer will tell.
         self._member.hurry.set()
-        # By what was proven, not by the beat that is counted from: that may be a forger's, and a slow one.
+        # Measured from the last proven packet, not from the beat counted from, which may be a forger's slow
+        # one.
         cycle_s = packet.beat.table.cycle_s
         if began_s - self._proven_s > HANDOVER_S and cycle_s <= LONGEST_CYCLE_S:
             self._count_from(packet, began_s)
 
     def _meet_unproven_twin(self, packet: Packet, began_s: float) -> None:
-        """Ask a leader that nothing vouches for whether it lives: another run of this one, or nobody."""
+        """Ask an unauthenticated leader whether it lives: it is another run of this one, or nobody."""
         if packet.beat is not None and self._is_silent_leader(began_s):
-            # In step with it, the answer's turn is one in which it listens.
+            # In step with the other leader, this one listens in the turn of the answer.
             if packet.beat.table == self._timetable:
                 self._beat.hear_leader(packet.beat.beat, packet.beat.table, began_s)
             self._twin_s = began_s
@@ -423,7 +427,7 @@ class Station:
         """Count from a beat.
 
         Raises:
-            RefusedError: its timetable is not of this formation, or of no radio.
+            RefusedError: its timetable does not fit this formation, or any radio.
         """
         info = packet.beat
         if info is None or self._number == LEADER:
@@ -435,7 +439,7 @@ class Station:
         self._beat.hear_leader(info.beat, info.table, began_s)
 
     def _use(self, packet: Packet, sender: str, epoch: int) -> None:
-        """Hand on what is believed."""
+        """Hand on the content of a believed packet."""
         match packet.kind:
             case PackedKind.QUESTION if self._number == LEADER:
                 self._questions.hear(packet.sender, packet.number, self._member.clock())
@@ -452,11 +456,11 @@ class Station:
                 self._take_piece(packet, sender, epoch)
 
     def _take_piece(self, packet: Packet, sender: str, epoch: int) -> None:
-        """Take a piece about an order, and use the message once all of it has come.
+        """Take a piece of a message about orders, and use the message once it is complete.
 
         Raises:
-            LinkDataError: it is of no message.
-            RefusedError: it is no operator's order.
+            LinkDataError: the piece fits no message.
+            RefusedError: the message is no operator's order or revocation.
         """
         if packet.piece is None:
             return
@@ -478,7 +482,7 @@ class Station:
         self._member.accept(Message(kind=kind, sender=sender, session=session, body=body))
 
     def _sealed(self, kind: PackedKind, body: bytes, time_s: float, *, flags: int = 0) -> bytes:
-        """A packet with its tag; nothing where the formation's time is not known."""
+        """Return a packet with its tag; empty where the formation's time is unknown."""
         (epoch, *_) = self._member.trust.epochs(self._member.clock()) or (0,)
         if kind in OF_NO_SESSION:
             epoch = 0
@@ -502,10 +506,10 @@ class Station:
         return packet + tag_of(self._key, epoch, packet)
 
     def _said_by_leader(self, turn: Turn, now: float) -> bytes:
-        """The leader's packet for a turn."""
+        """Return the leader's packet for a turn."""
         table = self._beat.timetable
         if turn.beat is None and table is not None:
-            # To another of its name, which seldom speaks in this turn, and answers in the next one.
+            # Ask another leader of its name, which seldom sends in this turn and answers in the next one.
             question = self._asked(now, pause_s=2.5 * table.cycle_s)
             if question:
                 return question
@@ -520,7 +524,7 @@ class Station:
         return self._sealed_state(state, encode_beat(beat))
 
     def _is_silent_leader(self, now: float) -> bool:
-        """Whether this one, a leader, lets another of its name speak."""
+        """Check whether this leader lets another of its name send."""
         if self._member.stands_back:
             return True
         table, began_s = self._beat.timetable, self._listens_since
@@ -529,7 +533,7 @@ class Station:
         return now - max(began_s, self._twin_s) < LISTEN_CYCLES * table.cycle_s
 
     def _said(self, now: float) -> bytes:
-        """A follower's packet for its turn."""
+        """Return a follower's packet for its turn."""
         question = self._due_question(now)
         if question:
             return question
@@ -544,13 +548,13 @@ class Station:
         return self._own_presence(now, IDLE_S) if state is None else self._sealed_state(state)
 
     def _spare_s(self) -> float:
-        """What a slot has more than the longest packet needs, s."""
+        """Return the time that a slot has beyond the longest packet's need, s."""
         table = self._beat.timetable
         spare_s = 0.0 if table is None else table.slot_s - self._channel.slot_s()
         return max(spare_s, LEAST_LATE_S)
 
     def _fresh_state(self, now: float) -> bytes | None:
-        """The newest state, if it was not sent yet."""
+        """Take the newest unsent state; None where there is none or it is too old."""
         if self._state is None:
             return None
         (body, since_s), self._state = self._state, None
@@ -560,7 +564,7 @@ class Station:
         return body
 
     def _sealed_state(self, body: bytes, beat: bytes = b"") -> bytes:
-        """A state as a packet; nothing where its time is none."""
+        """Return a state as a packet; empty where its time is invalid."""
         message = decode(body)
         return self._sealed(
             PackedKind.STATE,
@@ -570,7 +574,7 @@ class Station:
         )
 
     def _is_free(self, now: float) -> bool:
-        """Whether nobody else has this member's turns: heard before it speaks for the first time."""
+        """Check whether the member's turns are free, by listening before it sends for the first time."""
         table = self._beat.timetable
         if table is None or self._member.trust.proven or not self._listens_first:
             return True
@@ -579,7 +583,7 @@ class Station:
         return listened and now - self._twin_s > TWIN_S
 
     def _due_question(self, now: float) -> bytes:
-        """The question that waits, unless the last was asked a short time ago."""
+        """Return the packet of the waiting question, unless the latest was asked a short time ago."""
         if not self._is_free(now):
             return b""
         clock, table = self._member.peer_clock, self._beat.timetable
@@ -591,18 +595,18 @@ class Station:
         return self._asked(now, pause_s=(cycles - 0.5) * table.cycle_s)
 
     def _asked(self, now: float, *, pause_s: float) -> bytes:
-        """The packet of the question that waits; nothing where none does, or one was asked so short ago."""
+        """Return the packet of the waiting question; empty without one, or within `pause_s` of the last."""
         if now - self._questions.asked_s < pause_s:
             return b""
         ask = self._questions.ask(self._member.clock(), now)
         if ask is None:
             return b""
-        # A leader asks another of its name, and says for how long it has spoken.
+        # A leader that asks another of its name tells its speaking time.
         said_s = ask.originate_s if self._number == LEADER else 0.0
         return self._sealed(PackedKind.QUESTION, QUESTION.pack(ask.number), said_s)
 
     def _answer(self, now: float) -> bytes:
-        """The answer to one of the questions that wait."""
+        """Return the packet of an answer to one of the waiting questions."""
         clock_s = self._member.clock()
         found = self._questions.next_to_answer(clock_s, now)
         if found is None:
@@ -611,14 +615,14 @@ class Station:
         (session, *_) = self._member.trust.epochs(clock_s)
         said_s = clock_s
         if asker == self._number:
-            # Another of its name asks for how long it has spoken.
+            # To another of its name the answer tells the speaking time.
             received_s = said_s = self._member.twins.spoken_s
         received = ticks_of(received_s).to_bytes(6, "little")
         body = ANSWER.pack(asker, number, session, received)
         return self._sealed(PackedKind.ANSWER, body, said_s)
 
     def _piece(self, now: float) -> bytes:
-        """The next piece of what is to be said about orders."""
+        """Return the packet of the next piece of messages about orders."""
         found = self._to_order.next_piece(now)
         if found is None:
             return b""
@@ -627,7 +631,7 @@ class Station:
         return self._sealed(kind, PIECE.pack(*astuple(piece)), said_s)
 
     def _own_presence(self, now: float, every_s: float) -> bytes:
-        """This vehicle's presence as a signed packet; nothing while it is not due."""
+        """Return the packet of this vehicle's presence; empty while it is not due."""
         trust, presence = self._member.trust, self._presence
         if presence is None or not trust.proven or now - self._told_s < every_s:
             return b""

@@ -1,7 +1,7 @@
-"""Whom a member of a formation believes: seals what it says; opens what others say, or says why not.
+"""Trust of a formation's member: seals its own messages, and opens or refuses those of others.
 
-Nothing here owns a socket or reads a clock. What carries the messages is not trusted: it can lose, keep,
-repeat, change and make up whatever it likes, and all that comes of it is silence and counters.
+Nothing here owns a socket or reads a clock. Carriers are not trusted. They may lose, keep, repeat, change and
+forge messages; all that results is silence and counters.
 """
 
 import math
@@ -30,120 +30,121 @@ if TYPE_CHECKING:
     from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 
 GRACE_S = 3.0
-"""For this long after a leader has started anew, what others say under its last session is heard too: they
-learn of
-the new one one after the other."""
+"""Time after a leader's restart in which messages under its previous session still count, s: members learn of
+the new session one after the other."""
 
 VEHICLES_MAY = frozenset({Kind.STATE, Kind.PRESENCE, Kind.WILL, Kind.REPLY, Kind.REPEAT})
 LEADER_MAY = VEHICLES_MAY | {Kind.QUESTION, Kind.ANSWER}
 DEPUTY_MAY = VEHICLES_MAY | {Kind.QUESTION, Kind.ANSWER, Kind.LEADER}
 FOLLOWER_MAY = VEHICLES_MAY | {Kind.QUESTION}
 OPERATOR_MAY = frozenset({Kind.QUESTION, Kind.ORDER, Kind.REPLY})
-"""Kinds of messages that a part in the formation may send."""
+"""Kinds of messages that each role in the formation may send."""
 
 RIVAL_S = 1.0
-"""A leader that was heard this short a time ago has not started anew: another session is a second leader."""
+"""Silence of the leader below which another session is a second leader, not a restart, s."""
 
 MOST_STRANGERS = 256
-"""Senders that are kept in mind without a roster, where anybody can make up names."""
+"""Maximum number of senders remembered without a roster, where anybody can make up names."""
 
 REPEATABLE = frozenset({Kind.WILL})
 """Kinds that may come late: a broker keeps a will for as long as the connection lasts."""
 
 TWIN = "another companion of this name"
-"""Why a message is refused that is signed with one's own key, and not by oneself."""
+"""Reason of refusal: signed with the own key by somebody else."""
 
 HEARD_BEFORE = "heard before"
-"""Why a message is refused that came before, or a newer one of its kind."""
+"""Reason of refusal: a copy, or older than a message of its kind."""
 
 REVOKED = "a revoked key"
-"""Why a message is refused whose sender's key an operator has declared to be out."""
+"""Reason of refusal: an operator has revoked the sender's key."""
 
 AHEAD_S = 2.0
-"""No message is of later than so far ahead on the formation's clock."""
+"""Greatest lead of a message's time over the formation's clock, s."""
 
 SAID_PER_S, SAID_AT_ONCE = 400.0, 2000.0
-"""Messages a second of one sender, and at once, by which its numbers rise at most and which are looked at.
+"""Greatest rate, 1/s, and burst of one sender's messages and sequence numbers.
 
-Whoever has a sender's key and says more silences that sender, and takes no more of a receiver's time."""
+A sender's key in the wrong hands can silence that sender by exceeding them, but takes no more of a receiver's
+time.
+"""
 
 MET = 32
-"""Sessions of the leader that are kept in mind: flights in one run of this program."""
+"""Number of the leader's sessions remembered: flights in one run of this program."""
 
 SURE = 2
-"""Members that have to repeat an order of a session that this one has not met."""
+"""Number of members that must repeat an order of a session unknown to this one."""
 
 LEADER_LOST_S = 3.0
-"""A deputy tells the time once the leader was not heard for so long."""
+"""Silence of the leader after which a deputy tells the time, s."""
 
 FORGED_PER_S = 500
-"""Signatures a second that are looked at in vain, at most: a tenth of a core. What a flood of forgeries hides
-is not heard; the vehicle is steered all the same."""
+"""Maximum rate of failed signature checks, 1/s: a tenth of a core. Messages in a flood of forgeries are not
+heard, but the vehicle is still steered."""
 
 
 def new_session() -> int:
-    """A number for one run of a program: 64 bits of chance, not 0."""
+    """Return a number for one run of a program: 64 random bits, not 0."""
     return secrets.randbits(64) or 1
 
 
 class RefusedError(Exception):
-    """A message that is not believed; the text is the reason, short enough for a counter."""
+    """Refusal of a message; the text is the reason, short enough for a counter."""
 
 
 class Message(msgspec.Struct, frozen=True, kw_only=True):
-    """Something that is believed."""
+    """Believed message."""
 
     kind: Kind
-    """What it is about."""
+    """Content of the message."""
     sender: str
-    """Who says it."""
+    """Name of the sender."""
     session: int
-    """The run of its sender in which it was said."""
+    """Sender's session, which is one run of its program."""
     body: bytes
-    """What is said."""
+    """Encoded content."""
     epoch: int = 0
-    """The leader's session that it was said under."""
+    """The leader's session under which it was sent."""
     sealed: bytes = b""
-    """The whole envelope, of an order: others may have to be shown it."""
+    """Whole envelope of an order, which others may have to be shown; otherwise empty."""
 
 
 @dataclass(slots=True)
 class Heard:
-    """What is known of the messages of one sender."""
+    """Record of one sender's messages."""
 
     session: int
-    """The run that is believed in."""
+    """Session that is believed."""
     epoch: int
-    """The leader's session that the last message was said under."""
+    """The leader's session under which the last message was sent."""
     time_s: float
-    """The newest time of any message, s on the formation's clock."""
+    """Newest time of any message, s on the formation's clock."""
     sequences: dict[Kind, int] = field(default_factory=dict)
-    """The newest of each kind."""
+    """Highest sequence number of each kind."""
     newest: int = 0
-    """The newest of all."""
+    """Highest sequence number of all kinds."""
     noted_s: float = -math.inf
-    """When that came, s."""
+    """Local time of the latest message, s."""
 
 
 @dataclass(slots=True)
 class Allowance:
-    """How much a sender may say now: it fills with time, and each message takes one."""
+    """Messages that a sender may still send: time refills the allowance, and each message takes one."""
 
     left: float = SAID_AT_ONCE
-    """Messages."""
+    """Number of messages left."""
     time_s: float = -math.inf
-    """When it was filled last, s."""
+    """Time of the last refill, s."""
 
     def fill(self, now: float) -> float:
-        """Return what is left now, messages."""
-        # Not "passed": a clock that was set back must not empty it for ever.
+        """Refill the allowance, and return the number of messages left."""
+        # Limited to 0, so that a clock that was set back does not empty the allowance for ever.
         passed_s = max(now - self.time_s, 0.0)
         self.left, self.time_s = min(self.left + SAID_PER_S * passed_s, SAID_AT_ONCE), now
         return self.left
 
 
 class Trust:
-    """One member's: what it signs with, and what it has heard."""
+    """Signing and verification for one member, with a record of what it has heard."""
 
     def __init__(
         self,
@@ -157,31 +158,29 @@ class Trust:
         watches: bool = False,
         deputies: Collection[str] = (),
     ) -> None:
-        """Make it, with nothing heard.
+        """Create it with nothing heard.
 
         Args:
             formation: name of the formation.
-            name: of this member.
+            name: name of this member.
             leader: name of the leader.
-            session: 64 bits of chance, new at each start; not 0.
-            roster: everybody's public keys; None to sign nothing and to believe anybody.
-            key: the own private key; None for one who only listens.
-            watches: whether this is no vehicle, but somebody who wants to know how the vehicles are: also
-            of one that
-                has not found its leader, and, while no leader has answered, of all that sounds right.
-            deputies: who may lead in the leader's place, and answer in it what its clock shows.
+            session: 64 random bits, new at each start; not 0.
+            roster: public keys of all members; None to sign nothing and to believe anybody.
+            key: the own private key; None for one that only listens.
+            watches: whether this is no vehicle, but an observer of the vehicles. It also hears a vehicle that
+                has not found its leader and, while no leader has answered, everything plausible.
+            deputies: names of vehicles that may lead, and tell the time, in the leader's place.
 
         Raises:
-            InputError: the roster is another formation's, the leader has no key in it, or the own key is
-            not the
-                one that it names.
+            InputError: the roster is another formation's, it lacks the leader's key, or it names another key
+                for this member.
         """
         self.name = name
         self.leader = leader
         self.deputies = frozenset(deputies)
-        """Who may lead in the leader's place."""
+        """Names of vehicles that may lead in the leader's place."""
         self.counters: Counter[str] = Counter()
-        """Messages that were not believed, by reason."""
+        """Numbers of refused messages, by reason."""
         self._formation = formation_number(formation)
         self._roster = roster
         self._key = key
@@ -199,7 +198,7 @@ class Trust:
         self._vain, self._vain_s = 0.0, -math.inf
         self._watches = watches
         self.statements: dict[str, bytes] = {}
-        """By which an operator has revoked vehicles' keys, as they were signed."""
+        """Operators' signed revocations by vehicle."""
         if roster is not None:
             check_roster(roster, formation=formation, name=name, leader=leader, key=key)
             public = {**roster.vehicles, **roster.operators}
@@ -207,12 +206,12 @@ class Trust:
 
     @property
     def signs(self) -> bool:
-        """Whether messages are signed; else anybody is believed."""
+        """Whether messages are signed; otherwise anybody is believed."""
         return self._roster is not None
 
     @property
     def vehicles(self) -> tuple[str, ...]:
-        """Names of the roster's vehicles, the leader first; none without a roster."""
+        """Names of the roster's vehicles, the leader first; empty without a roster."""
         if self._roster is None:
             return ()
         return (self.leader, *sorted(set(self._roster.vehicles) - {self.leader}))
@@ -224,16 +223,16 @@ class Trust:
 
     @property
     def proven(self) -> bool:
-        """Whether the leader's session is known to live, or to have lived since this member has started."""
+        """Whether the leader's session is known to live, or to have lived since this member started."""
         return self._epoch != 0
 
     def seal(self, kind: Kind, body: bytes, *, time_s: float) -> bytes:
-        """Put a body into an envelope of one's own.
+        """Seal a message in an envelope of this member.
 
         Args:
-            kind: what it is about.
-            body: what to say.
-            time_s: now, s on the formation's clock; NaN while not known.
+            kind: kind of the message.
+            body: encoded content.
+            time_s: present time, s on the formation's clock; NaN while unknown.
 
         Raises:
             ValueError: it is too long.
@@ -255,16 +254,16 @@ class Trust:
 
     @property
     def revoked(self) -> tuple[str, ...]:
-        """Vehicles whose keys are out."""
+        """Vehicles whose keys are revoked."""
         return tuple(self.statements)
 
     @property
     def is_revoked(self) -> bool:
-        """Whether the own key is out: nobody who knows that hears this member."""
+        """Whether the own key is revoked: members that know that do not hear this one."""
         return self.name in self.statements
 
     def revocation(self, vehicle: str) -> bytes:
-        """An operator's statement that a vehicle's key is out: that very key, in any flight.
+        """Return an operator's revocation of a vehicle's key: that very key, in any flight.
 
         Raises:
             InputError: the roster names no such vehicle.
@@ -278,19 +277,19 @@ class Trust:
         return self.seal(Kind.REVOCATION, public + vehicle.encode(), time_s=math.nan)
 
     def revoke(self, envelope: Envelope, now: float) -> str | None:
-        """Take a statement that a vehicle's key is out, whenever it was made and whoever passes it on.
+        """Take a revocation, whenever it was made and whoever passes it on.
 
-        It names the key itself: of one that was replaced since, or is out already, it changes nothing.
+        It names the key itself, and changes nothing if that key was replaced or revoked since.
 
         Args:
-            envelope: the statement.
-            now: s, on the clock of `believe`.
+            envelope: the revocation.
+            now: present time on the clock of `believe`, s.
 
         Returns:
-            The vehicle; None where that was known.
+            Name of the vehicle; None where the revocation was known.
 
         Raises:
-            RefusedError: it is none.
+            RefusedError: it is no operator's statement about a key of the roster.
         """
         public, vehicle = (
             envelope.body[:PUBLIC_SIZE],
@@ -309,7 +308,7 @@ class Trust:
         return vehicle
 
     def recall(self, statements: Iterable[bytes]) -> int:
-        """Take statements that were kept; return how many are damaged or not of this roster's keys."""
+        """Take stored revocations; return how many are damaged or not of this roster's keys."""
         refused = 0
         for data in statements:
             try:
@@ -319,11 +318,7 @@ class Trust:
         return refused
 
     def read(self, data: bytes) -> Envelope:
-        """The envelope of a message to this formation, which is not believed yet.
-
-        Raises:
-            RefusedError: it is none.
-        """
+        """Decode a message to this formation without verifying it; raise RefusedError if it is none."""
         try:
             envelope = decode_envelope(data)
         except LinkDataError:
@@ -335,18 +330,18 @@ class Trust:
     def believe(
         self, envelope: Envelope, now: float, time_s: float = math.nan, *, tagged: bool = False
     ) -> Message:
-        """Find out whether a message can be believed.
+        """Verify a message.
 
-        What costs least is asked first: a repeated message is refused before its signature is looked at.
+        The cheapest checks come first: a repeated message is refused before its signature is verified.
 
         Args:
             envelope: the message.
-            now: s on any clock that goes on evenly, the same each time.
-            time_s: now on the formation's clock, s; NaN while it is not known.
-            tagged: whether the link has found it to be true, by a tag of its own in a signature's place.
+            now: present time, s on any steady clock, the same each time.
+            time_s: present time, s on the formation's clock; NaN while unknown.
+            tagged: whether the link has verified a tag of its own in place of a signature.
 
         Raises:
-            RefusedError: it cannot be; the text says why.
+            RefusedError: it cannot be believed; the text says why.
         """
         if not tagged:
             self._check_scheme(envelope)
@@ -374,7 +369,7 @@ class Trust:
         )
 
     def _check_scheme(self, envelope: Envelope) -> None:
-        """See that a message is signed where that is due, by a member.
+        """Check that a message is signed by a member where signatures are due.
 
         Raises:
             RefusedError: it is not.
@@ -385,15 +380,15 @@ class Trust:
             raise RefusedError("a stranger")
 
     def vouch(self, sealed: bytes, speaker: str) -> Message:
-        """Return an operator's order of this flight that another member repeats.
+        """Verify an operator's order of this flight that another member repeats.
 
-        It was given under a session of the leader, which the operator has signed. Where this member has not
-        met that session, two others have to repeat the order. That it is the one that is flown now is for its
-        number to say, which fresh states carry.
+        The operator has signed the session of the leader under which the order was given. Where this member
+        has not met that session, two others must repeat the order. Whether it is the order flown now is
+        decided by its number, which fresh states carry.
 
         Args:
             sealed: the operator's envelope.
-            speaker: who repeats it.
+            speaker: name of the member that repeats it.
 
         Raises:
             RefusedError: it is none, no operator's of this formation, or of another flight.
@@ -421,7 +416,7 @@ class Trust:
         )
 
     def _is_sure(self, sealed: bytes, speaker: str) -> bool:
-        """Whether enough members have repeated an order, as a companion that was started anew needs it."""
+        """Check whether enough members have repeated an order, as a restarted companion requires."""
         known, speakers = self._repeated
         if known != sealed:
             known, speakers = self._repeated = sealed, set()
@@ -432,17 +427,17 @@ class Trust:
     def _check_leaps(
         self, envelope: Envelope, heard: Heard | None, now: float, time_s: float
     ) -> None:
-        """See that a sender's times and numbers rise as time allows, and that it leaves time for others.
+        """Check that a sender's times and numbers rise as time allows, and limit its message rate.
 
         Raises:
-            RefusedError: they leap, or it says too much.
+            RefusedError: they leap, or it sends too much.
         """
         allowed = self._allowed.get(envelope.sender)
         if allowed is None:
             if len(self._allowed) >= MOST_STRANGERS + len(self._verifiers):
                 raise RefusedError("too many senders")
             allowed = self._allowed[envelope.sender] = Allowance()
-        # By questions and answers the clocks are found that times are told by.
+        # Questions and answers establish the clocks that tell the times.
         timed = envelope.kind not in {Kind.QUESTION, Kind.ANSWER}
         if timed and envelope.time_s > time_s + AHEAD_S:
             raise RefusedError("of a time to come")
@@ -454,17 +449,17 @@ class Trust:
                 raise RefusedError("a number that leaps")
 
     def _check_tag(self, envelope: Envelope, now: float) -> None:
-        """See that a message is as its sender has said it; looking at signatures leaves time for all else.
+        """Verify a tag; a limit on failed checks leaves time for everything else.
 
         Raises:
-            RefusedError: it is not, or too many were forged within the last second.
+            RefusedError: it is wrong, or too many were within the last second.
         """
         verifies = self._verifiers.get(envelope.sender)
         if verifies is None:
             if checksum(envelope.signed) != envelope.tag:
                 raise RefusedError("damaged")
             return
-        # Not "passed": a clock that was set back must not stop the count.
+        # Limited to 0, so that a clock that was set back does not stop the count.
         passed_s = max(now - self._vain_s, 0.0)
         self._vain, self._vain_s = max(self._vain - FORGED_PER_S * passed_s, 0.0), now
         if self._vain >= FORGED_PER_S:
@@ -474,11 +469,11 @@ class Trust:
             raise RefusedError("forged")
 
     def prove(self, session: int, now: float) -> None:
-        """Take a session of the leader for the one that lives: it has answered this member's own question.
+        """Take a session of the leader as the live one, since it has answered this member's own question.
 
         Args:
-            session: of the answer.
-            now: s, on the clock of `believe`.
+            session: session of the answer.
+            now: present time on the clock of `believe`, s.
 
         Raises:
             RefusedError: another session of the leader lives, too.
@@ -496,14 +491,14 @@ class Trust:
 
     @property
     def takes_all(self) -> bool:
-        """Whether all that sounds right is good enough: for who watches, while no leader has answered."""
+        """Whether everything plausible is accepted: by an observer, while no leader has answered."""
         return self._watches and not self.proven
 
     def epochs(self, now: float) -> tuple[int, ...]:
-        """Sessions of the leader that a message may have been said under, the one that lives first.
+        """Return the leader's sessions under which a message may have been sent, the live one first.
 
         Args:
-            now: s, on the clock of `believe`.
+            now: present time on the clock of `believe`, s.
         """
         if not self.proven:
             return ()
@@ -511,7 +506,7 @@ class Trust:
         return (self._epoch, self._epoch_before) if graced else (self._epoch,)
 
     def hears_leader(self, now: float) -> bool:
-        """Whether the leader was heard lately: no deputy tells the time in its place."""
+        """Check whether the leader was heard lately, so that no deputy tells the time in its place."""
         return now - self._leader_s < LEADER_LOST_S
 
     def _may(self, sender: str) -> frozenset[Kind]:
@@ -524,16 +519,16 @@ class Trust:
         return FOLLOWER_MAY if sender in self._roster.vehicles else OPERATOR_MAY
 
     def _in_order(self, envelope: Envelope, now: float) -> Heard | None:
-        """What is known of the sender, if it may have said this after all before; None for a new session.
+        """Return the sender's record if the message fits it; None for a new session.
 
         Raises:
-            RefusedError: it is repeated, or was said in another flight.
+            RefusedError: it is a repetition, or of another flight.
         """
         made_here = envelope.sender == self.name and envelope.sequence <= self._sequence
         if envelope.session == self._session and (made_here or envelope.sender != self.name):
             raise RefusedError("one's own")
         if envelope.sender == self.name:
-            # Whether it is a true one is for its signature to say; it is not believed in any case.
+            # Its signature decides whether it is authentic; it is not believed in any case.
             return None
         asks = envelope.kind is Kind.QUESTION
         heard = (self._asked if asks else self._heard).get(envelope.sender)
@@ -544,44 +539,40 @@ class Trust:
                 self._check_newer(envelope, heard)
             return None
         newest = heard.sequences.get(envelope.kind, 0)
-        # Nothing was heard of so late a time: who has its key, and ran ahead with its numbers, silences it no
-        # longer than it speaks.
+        # No message of so late a time was heard. A thief of the key that ran ahead with sequence numbers thus
+        # silences the sender no longer than the thief sends.
         later = envelope.time_s > heard.time_s
         if envelope.sequence <= newest and not later and envelope.kind not in REPEATABLE:
             raise RefusedError(HEARD_BEFORE)
         return heard
 
     def _check_flight(self, envelope: Envelope, now: float) -> None:
-        """See that a message is of this flight.
+        """Check that a message is of this flight.
 
         Raises:
-            RefusedError: it is of another, or of another run of the leader.
+            RefusedError: it is of another flight, or of another run of the leader.
         """
-        # Whether an answer is one to this member's question is for its number to say.
+        # The number of an answer decides whether it answers this member's question.
         answers = envelope.kind is Kind.ANSWER
         if envelope.sender == self.leader:
             if not (answers or envelope.session == self._epoch or self.takes_all):
                 raise RefusedError("another session of the leader")
             return
-        # A deputy answers under which of the leader's sessions the formation flies.
+        # A deputy's answer tells under which of the leader's sessions the formation flies.
         if not (answers and envelope.epoch) and not self._under(envelope.epoch, now):
             raise RefusedError("another flight")
 
     def _under(self, epoch: int, now: float) -> bool:
-        """Whether a message that was said under a leader's session is of this flight."""
+        """Check whether a message under a session of the leader is of this flight."""
         if epoch == 0 or not self.proven:
-            # Recordings of every flight begin like that: it is good enough to look at, not to fly by.
+            # Recordings of every flight begin like that: good enough to watch, not to fly by.
             return self._watches
         if epoch == self._epoch:
             return True
         return now < self._grace_ends_s and epoch == self._epoch_before
 
     def _check_newer(self, envelope: Envelope, heard: Heard) -> None:
-        """A new session has to be newer than what was heard of the one before.
-
-        Raises:
-            RefusedError: it is not.
-        """
+        """Check that a new session is newer than the last one heard; raise RefusedError if it is not."""
         if self.takes_all:
             newer = True
         elif envelope.epoch == heard.epoch:
@@ -592,13 +583,13 @@ class Trust:
             raise RefusedError("an earlier session")
 
     def _note(self, heard: Heard | None, envelope: Envelope, now: float) -> None:
-        """Keep in mind what was just believed."""
+        """Record a believed message."""
         if heard is None:
             if envelope.kind is Kind.ANSWER and self._epoch not in (
                 envelope.session,
                 envelope.epoch,
             ):
-                # It may prove this session, and is kept in mind once it has.
+                # Its session may be proven by it, and is recorded once it is.
                 return
             book = self._asked if envelope.kind is Kind.QUESTION else self._heard
             if envelope.sender not in book and len(book) >= MOST_STRANGERS + len(self._verifiers):
@@ -617,11 +608,7 @@ class Trust:
 def check_roster(
     roster: Roster, *, formation: str, name: str, leader: str, key: "Ed25519PrivateKey | None"
 ) -> None:
-    """See that a roster fits a member.
-
-    Raises:
-        InputError: it does not.
-    """
+    """See that a roster fits a member; raise InputError if it does not."""
     remedy = "run `vfguide keys make`, and give everybody the same roster"
     if roster.formation != formation:
         raise InputError(

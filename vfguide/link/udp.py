@@ -1,4 +1,4 @@
-"""What a formation shares, by UDP alone: a multicast group, a broadcast address or a list of peers."""
+"""Link over UDP: a multicast group, a broadcast address or a list of peers."""
 
 import asyncio
 import errno
@@ -18,10 +18,10 @@ from vfguide.link.carrier import MOST_AT_ONCE, UDP_EXAMPLE, DatagramCarrier, Lin
 from vfguide.link.codec import LARGEST
 
 RECEIVE_BUFFER = 128 * 1024
-"""Bytes in the kernel: some hundred datagrams. With more, a companion that was held up hears old news."""
+"""Size of the kernel's buffer, bytes: some hundred datagrams. A larger one would hold old news."""
 
 MOST_PEERS = 100
-"""Each message goes to every one."""
+"""Maximum number of peers, since each message is sent to every one."""
 
 INTERFACE = re.compile(r"[A-Za-z0-9._@-]{0,32}")
 
@@ -29,34 +29,34 @@ MULTICAST_ALL = 49
 """Linux's IP_MULTICAST_ALL, which Python does not name."""
 
 LINUX = sys.platform == "linux"
-"""Whether interfaces have numbers, and a socket can hear only the groups that it has joined itself."""
+"""Whether interfaces have numbers and a socket can hear only the groups that it has joined itself."""
 
 HOPS = 1
-"""Routers that a multicast datagram passes, less one: a formation is on one network."""
+"""Time to live of multicast datagrams: they pass no router, since a formation is on one network."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class UdpAddress(LinkAddress):
-    """Where the members of a formation are who speak to each other by datagrams."""
+    """Addresses of the members of a formation that exchange datagrams."""
 
     scheme: ClassVar[str] = "udp"
 
     destinations: tuple[tuple[str, int], ...]
     """IPv4 address and port of the group, of the network's broadcast, or of each peer."""
     port: int
-    """That is listened at."""
+    """Local port that receives."""
     interface: str = ""
-    """Name or address of the interface that a group is on; empty for that of the default route."""
+    """Name or address of the group's interface; empty for that of the default route."""
 
     @property
     def group(self) -> str | None:
-        """The multicast group; None where there is none."""
+        """Address of the multicast group; None where there is none."""
         host = self.destinations[0][0]
         return host if ipaddress.IPv4Address(host).is_multicast else None
 
     @property
     def shared(self) -> bool:
-        """Whether several programs of one computer may listen: what is sent to one address reaches all."""
+        """Whether programs of one computer may share the port: a group or broadcast reaches them all."""
         host = self.destinations[0][0]
         return self.group is not None or (len(self.destinations) == 1 and host.endswith(".255"))
 
@@ -82,10 +82,10 @@ def _udp_port(text: str) -> int:
 
 
 def open_socket(address: UdpAddress) -> socket.socket:
-    """A socket that hears what is sent to a formation, and can send to it.
+    """Open a socket that receives a formation's datagrams and can send to it.
 
     Raises:
-        OSError: the interface is not there, or the port is not to be had.
+        OSError: the interface does not exist, or the port is not available.
     """
     opened = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     try:
@@ -93,16 +93,16 @@ def open_socket(address: UdpAddress) -> socket.socket:
         opened.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER)
         opened.setsockopt(socket.SOL_SOCKET, socket.SO_BROADCAST, 1)
         if address.shared:
-            # Several companions of one computer hear one group, as in a rehearsal.
+            # Several companions on one computer hear one group, as in a rehearsal.
             opened.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        # Bound to the group itself, since else all that comes to the port from anywhere would be read.
+        # Bound to the group itself; otherwise everything sent to the port from anywhere would be read.
         opened.bind((address.group if LINUX and address.group else "", address.port))
         if address.group is not None:
             interface = interface_of(address.interface)
             opened.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_TTL, HOPS)
             opened.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_LOOP, 1)
             if LINUX:
-                # Else all groups would be heard that any program of this computer has joined.
+                # Otherwise every group that any program of this computer has joined would be heard.
                 opened.setsockopt(socket.IPPROTO_IP, MULTICAST_ALL, 0)
             outgoing = bytes(4) + interface if LINUX else interface
             opened.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_IF, outgoing)
@@ -118,13 +118,13 @@ def open_socket(address: UdpAddress) -> socket.socket:
 
 
 def interface_of(name: str) -> bytes:
-    """Address and number of an interface as Linux's `ip_mreqn` ends with them, elsewhere the address alone.
+    """Return an interface's address and number as at the end of Linux's `ip_mreqn`, elsewhere the address.
 
     Args:
-        name: of the interface, or an address that it has; empty for the one of the default route.
+        name: name or address of the interface; empty for that of the default route.
 
     Raises:
-        OSError: there is none of this name.
+        OSError: there is no such interface.
     """
     size = 8 if LINUX else 4
     with suppress(OSError):
@@ -134,22 +134,22 @@ def interface_of(name: str) -> bytes:
     try:
         number = socket.if_nametoindex(name)
     except OSError:
-        # Python's own has no number, and does not say which.
+        # Python's own error has no number, and does not say which interface.
         raise OSError(errno.ENODEV, f"no interface {name!r}") from None
     return struct.pack("=4si", bytes(4), number)
 
 
 @link("udp")
 class UdpCarrier(DatagramCarrier):
-    """Carries messages by datagrams."""
+    """Carrier over UDP."""
 
     address: UdpAddress
     opened: socket.socket | None = None
-    """Open while the link stands."""
+    """Socket, open while the link is up."""
 
     @classmethod
     def address_of(cls, parts: SplitResult, environment: Mapping[str, str]) -> UdpAddress:
-        """Group, broadcast address or peers, as in udp://239.255.42.1:14700?interface=wlan0."""
+        """Build an address of a group, broadcast or peers, as in udp://239.255.42.1:14700?interface=wlan0."""
         del environment
         if parts.fragment or parts.path.strip("/"):
             raise InputError(f"a UDP link has no path; write {UDP_EXAMPLE}")
@@ -196,17 +196,17 @@ class UdpCarrier(DatagramCarrier):
             except BlockingIOError:
                 self.status.counters["dropped: no room"] += 1
             except ConnectionRefusedError:
-                # Word from the computer of a peer whose companion does not run: no fault of the network.
+                # A peer's computer reports that its companion does not run: no fault of the network.
                 self.status.counters["not taken by a peer"] += 1
             except OSError as error:
                 failed.append(error)
                 self.status.counters["failed to send to a peer"] += 1
-        # While any of the others can be reached the network is there.
+        # While any peer can be reached the network is up.
         if len(failed) == len(self.address.destinations):
             raise failed[-1]
 
     def _read(self) -> None:
-        """Take what has arrived, some at a time."""
+        """Take received datagrams, a limited number at a time."""
         for _ in range(MOST_AT_ONCE):
             if self.opened is None:
                 return

@@ -1,7 +1,7 @@
-"""A formation's link over Zenoh (https://zenoh.io): peers find each other, with or without a router between.
+"""Link over Zenoh (https://zenoh.io): peers find each other, with or without a router in between.
 
-A peer that goes away and comes back is found again by Zenoh itself. Signatures, freshness and clocks are
-above it, as on every link; its own encryption is not used.
+Zenoh itself finds a peer that went away and came back. Signatures, freshness and clocks are handled above it,
+as on every link; its own encryption is not used.
 """
 
 import asyncio
@@ -24,19 +24,19 @@ EXAMPLE = "zenoh://10.0.0.2:7447?listen=0.0.0.0:7447, or zenoh:// where multicas
 ENDPOINT = re.compile(r"[A-Za-z0-9._-]{1,253}:([0-9]{1,5})", re.ASCII)
 
 MOST_WAITING = 256
-"""Messages that wait for the event loop: of those that it cannot keep up with the oldest are lost."""
+"""Maximum number of messages waiting for the event loop; beyond it the oldest are lost."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ZenohAddress(LinkAddress):
-    """Where Zenoh finds the others."""
+    """Endpoints of Zenoh peers."""
 
     scheme: ClassVar[str] = "zenoh"
 
     peers: tuple[str, ...] = ()
-    """HOST:PORT of peers or routers; none where multicast finds them."""
+    """HOST:PORT of peers or routers; empty where multicast finds them."""
     listen: str = ""
-    """HOST:PORT that others can call; any free port if empty."""
+    """HOST:PORT on which others can connect; empty for any free port."""
 
     def __str__(self) -> str:
         return "zenoh://" + ",".join(self.peers) + (f"?listen={self.listen}" if self.listen else "")
@@ -44,19 +44,15 @@ class ZenohAddress(LinkAddress):
 
 @link("zenoh")
 class ZenohCarrier(DatagramCarrier):
-    """Carries messages by Zenoh."""
+    """Carrier over Zenoh."""
 
     address: ZenohAddress
 
     def prepare(self) -> None:
-        """Find Zenoh.
-
-        Raises:
-            VfguideError: it is not installed.
-        """
+        """Load Zenoh; raise VfguideError if it is not installed."""
         super().prepare()
         self._zenoh = import_extra("zenoh")
-        # As a number: a formation's name may hold what a key may not.
+        # A number, since a formation's name may contain characters that a key cannot.
         self._key = f"vfguide/{formation_number(self._formation):016x}"
         self._session: Any = None
         self._publisher: Any = None
@@ -66,7 +62,7 @@ class ZenohCarrier(DatagramCarrier):
 
     @classmethod
     def address_of(cls, parts: SplitResult, environment: Mapping[str, str]) -> ZenohAddress:
-        """Peers or routers, as in zenoh://10.0.0.2:7447?listen=0.0.0.0:7447; none: by multicast."""
+        """Build an address such as zenoh://10.0.0.2:7447?listen=0.0.0.0:7447; multicast finds all others."""
         del environment
         options = dict(parse_qsl(parts.query, keep_blank_values=True))
         if parts.fragment or parts.path.strip("/") or not set(options) <= {"listen"}:
@@ -79,7 +75,7 @@ class ZenohCarrier(DatagramCarrier):
         return ZenohAddress(peers=peers, listen=options.get("listen", ""))
 
     def open(self) -> None:
-        """Open a session; peers that are not there yet are called again and again."""
+        """Open a session; Zenoh keeps calling peers that are not there yet."""
         zenoh, loop = self._zenoh, asyncio.get_running_loop()
         try:
             self._session = zenoh.open(self._config())
@@ -111,7 +107,7 @@ class ZenohCarrier(DatagramCarrier):
             self._publisher.put(data)
 
     def _config(self) -> Any:  # noqa: ANN401 - Zenoh's own
-        """A peer that finds the others by multicast where the address names none."""
+        """Return a peer's configuration, with multicast scouting if the address names no endpoint."""
         config = self._zenoh.Config()
         settings: dict[str, object] = {
             "mode": "peer",
@@ -132,7 +128,7 @@ class ZenohCarrier(DatagramCarrier):
         with self._lock:
             first = not self._waiting
             self._passed_over += len(self._waiting) == MOST_WAITING
-            # What is longer than any message is none: one byte more is enough to see that.
+            # One byte more than any message shows that it is too long.
             self._waiting.append(data[: LARGEST + 1])
         if first:
             # The loop may have ended meanwhile.
@@ -140,7 +136,7 @@ class ZenohCarrier(DatagramCarrier):
                 loop.call_soon_threadsafe(self._hand_over)
 
     def _hand_over(self) -> None:
-        """Take what is waiting, in the event loop, some at a time."""
+        """Take waiting messages in the event loop, a limited number at a time."""
         with self._lock:
             number = min(len(self._waiting), MOST_AT_ONCE)
             waiting = [self._waiting.popleft() for _ in range(number)]
