@@ -1,4 +1,4 @@
-"""The own vehicle's motion through the air: reports of airspeed, bank and heading, and what they teach."""
+"""Motion of the own vehicle through the air, from reports of airspeed, bank angle and heading."""
 
 import cmath
 import math
@@ -24,66 +24,59 @@ from vfguide.mavlink.reports import AirspeedReport, PositionReport
 from vfguide.state import VehicleState
 
 LONGEST_S = 1.0
-"""Nothing is learned over a longer interval between two reports."""
+"""Longest interval between reports over which anything is learned, s."""
 
 AIRSPEED_FRESH_S = 2.0
-"""An airspeed older than this is not used."""
+"""Maximum age of an airspeed that is used, s."""
 
 AIR_DATA_FRESH_S = 0.5
-"""A bank, or the airspeed beside it, that is older is of another moment."""
+"""Maximum age of a bank angle, and of the airspeed used with it, s."""
 
 TURN_RATE_S = 2.0
-"""Time constant of the nose's turn rate, which decides how far a vehicle slips."""
+"""Time constant of the heading's turn rate, which decides how far a vehicle slips, s."""
 
 LEAST_CALIBRATED = 5.0
-"""m/s: slower than this nothing is learned of the airspeed sensor."""
+"""Airspeed below which nothing is learned of its sensor, m/s."""
 
 HEADING_ROUNDING = math.radians(1.5)
-"""By so much the heading that comes with airspeeds, in whole degrees, differs from the other."""
+"""Tolerance on the second heading, which comes with airspeeds in whole degrees, rad."""
 
 LEAST_AIRSPEED = 1.0
-"""m/s: an aircraft on the ground reports 0, by which no turn rate can be divided."""
+"""Floor of airspeeds, m/s: an aircraft on the ground reports 0, which cannot divide a turn rate."""
 
 
 class ReportedAirData(msgspec.Struct, frozen=True, kw_only=True):
-    """What an autopilot measured of its motion at one moment, as it reports it."""
+    """Air data of one moment as an autopilot reports them."""
 
     heading: float
-    """Where the nose points, rad."""
+    """Heading, rad."""
     bank: float
-    """rad, positive right."""
+    """Bank angle, rad, positive right."""
     airspeed: float
-    """As the sensor shows it, m/s."""
+    """Airspeed as the sensor shows it, m/s."""
     velocity_north: float
-    """Over ground, m/s."""
+    """Velocity over ground north, m/s."""
     velocity_east: float
-    """Over ground, m/s."""
+    """Velocity over ground east, m/s."""
 
 
 class AirMotion:
-    """What one vehicle's airspeed, bank and heading reports say, and the calibration of its airspeed."""
+    """Airspeed, bank angle and heading of one vehicle, with the calibration of its airspeed."""
 
     def __init__(
         self, plan: FlightPlan, belief: Belief, alerts: Alerts, *, calibrates: bool
     ) -> None:
-        """Make one that has heard nothing yet.
-
-        Args:
-            plan: the vehicle's part of the mission.
-            belief: which airspeeds can be true.
-            alerts: takes what a pilot should know.
-            calibrates: whether its setpoints are airspeeds, whose scale has to be learned.
-        """
+        """Begin with nothing heard; `calibrates` if setpoints are airspeeds, whose scale is learned."""
         self._belief, self._alerts = belief, alerts
         self.counters: Counter[str] = Counter()
-        """Airspeeds that were not believed."""
+        """Count of airspeeds that were not believed."""
         self.by_nose, self.by_path = TurnEfficiency(), TurnEfficiency()
-        """What it turns of what its bank says, by two witnesses."""
+        """Turn rate over the coordinated turn rate at the reported bank, by heading and by path."""
         self.asked: float | None = None
-        """Speed that it was told to fly, m/s; None while it is not steered."""
+        """Airspeed setpoint, m/s; None while not steered."""
         self._velocity = 0j
         self._calibrates = calibrates
-        # While it is not known whether it slips both are learned, of which one is right.
+        # Both calibrations are learned until it is known whether the vehicle slips, as one of them is right.
         kinds = (False, True) if plan.finds_slip else (plan.slips,)
         self._calibrations = {slips: calibration_of(slips=slips) for slips in kinds}
         self._airspeed = 0.0
@@ -99,33 +92,27 @@ class AirMotion:
         self.retune(plan)
 
     def retune(self, plan: FlightPlan) -> None:
-        """Go on with what is known of the vehicle by now; what was learned of it is kept."""
+        """Use a new plan of the same vehicle; what was learned of it is kept."""
         self._slips = plan.surely_slips
         self._speed_s = 1.0 / plan.airframe.beta
 
     @property
     def turn_efficiency(self) -> TurnEfficiency:
-        """What it turns of what its bank says; nothing is learned where no bank is heard."""
+        """Turn rate over the coordinated one at the reported bank; unchanged where no bank is heard."""
         return agreed(self.by_nose, self.by_path)
 
     @property
     def bank_heard(self) -> bool:
-        """Whether the autopilot has ever told a bank."""
+        """Whether the autopilot has ever reported a bank angle."""
         return math.isfinite(self._bank_time)
 
     @property
     def calibration(self) -> Calibration:
-        """True airspeed over the reported one; setpoints are airspeeds as the autopilot reports them."""
+        """Calibration of true over reported airspeed; setpoints are airspeeds as reported."""
         return self._calibrations[self._slips]
 
     def note_airspeed(self, report: AirspeedReport, now: float, known: VehicleState | None) -> None:
-        """Take a reported airspeed, if it can be true, and a heading.
-
-        Args:
-            report: of both.
-            now: s.
-            known: state of the vehicle, by which it is judged; None while not known.
-        """
+        """Process a report of airspeed and heading; the airspeed counts if it is believed by `known`."""
         expected = None if known is None else known.airspeed / self.calibration.scale
         self._second_heading = report.heading
         fault = self._belief.take_airspeed(report.airspeed, expected, now)
@@ -139,16 +126,11 @@ class AirMotion:
     def velocity(
         self, report: PositionReport, known: VehicleState | None, now: float
     ) -> tuple[float, float] | None:
-        """Velocity (north, east) through the air at a report, m/s; None where nothing shows it.
+        """Return the velocity (north, east) through the air at a report, m/s; None if nothing shows it.
 
-        A heading that is repeated to the digit, or missing, is replaced by the one that comes with airspeeds,
-        or by the former one as the bank has turned it since. An airspeed that is old, or doubted, is replaced
-        by the known one, which goes over to the one that the vehicle was told to fly.
-
-        Args:
-            report: of the position.
-            known: state of the vehicle before it; None while not known.
-            now: s.
+        A heading that is missing, or repeated to the digit, is replaced by the one that comes with airspeeds.
+        Without that, the former heading is turned by the bank. An airspeed that is old or doubted is replaced
+        by the known one, which approaches the setpoint. The state `known` is the one before the report.
         """
         before, self._witness_before, self._witness = self._witness, self._witness, None
         passed_s, self._witness_s = now - self._witness_s, now
@@ -175,22 +157,22 @@ class AirMotion:
         return polar(airspeed, heading)
 
     def carried_on(self, known: VehicleState) -> tuple[float, float]:
-        """(heading in rad, true airspeed in m/s) of a vehicle that has turned as its nose has."""
+        """Return (heading in rad, true airspeed in m/s) with the known heading turned as the nose has."""
         if self._witness is None or self._witness_before is None:
             return known.heading, known.airspeed
         heading = known.heading + wrap_angle(self._witness[0] - self._witness_before[0])
         return heading, self._witness[1]
 
     def note_bank(self, bank: float, now: float) -> None:
-        """Take a reported bank, rad, positive right."""
+        """Note a reported bank angle, rad, positive right."""
         self._bank, self._bank_time = bank, now
 
     def fresh_bank(self, now: float) -> float | None:
-        """As reported, rad, positive right; None where none is fresh."""
+        """Return the reported bank angle, rad, positive right; None if it is old."""
         return self._bank if now - self._bank_time <= AIR_DATA_FRESH_S else None
 
     def data(self, report: PositionReport, now: float) -> ReportedAirData | None:
-        """What a report, and the last bank and airspeed, say of the motion through the air."""
+        """Return air data of a report with the last bank and airspeed; None where incomplete or old."""
         fresh = now - min(self._bank_time, self._airspeed_time) <= AIR_DATA_FRESH_S
         if report.heading is None or not (fresh and self._calibrates):
             return None
@@ -205,12 +187,9 @@ class AirMotion:
     def heading_and_airspeed(
         self, report: PositionReport, known: VehicleState | None, now: float
     ) -> tuple[float, float]:
-        """(heading in rad, true airspeed in m/s) at a report; by the wind where the autopilot tells neither.
+        """Return (heading in rad, true airspeed in m/s) at a report, by the wind where not reported.
 
-        Args:
-            report: of the position, with the velocity over ground.
-            known: state of the vehicle before it, with the wind; None while not known.
-            now: s.
+        The state `known` is the one before the report, with the wind.
         """
         velocity_north, velocity_east = report.velocity_north, report.velocity_east
         wind_north, wind_east = (known.wind_north, known.wind_east) if known else (0.0, 0.0)
@@ -224,8 +203,8 @@ class AirMotion:
             _, wind_north, wind_east, _ = calibration.estimate
             blown = True
         if blown:
-            # Heading and airspeed both by the wind that is known. With a measured heading an airspeed that
-            # comes from the wind would change the wind that it comes from, ever more where a compass is off.
+            # Take both from the known wind. An airspeed from the wind, with a measured heading, would change
+            # the wind that it comes from, ever more where a compass is off.
             air_north, air_east = velocity_north - wind_north, velocity_east - wind_east
             heading, airspeed = math.atan2(air_east, air_north), math.hypot(air_north, air_east)
         return heading, max(airspeed, LEAST_AIRSPEED)
@@ -233,14 +212,7 @@ class AirMotion:
     def learn(
         self, report: PositionReport, state: VehicleState, interval: float, now: float
     ) -> None:
-        """Learn from a report with a heading and an airspeed of its own.
-
-        Args:
-            report: of the position.
-            state: of the vehicle by it.
-            interval: since the report before, s.
-            now: s.
-        """
+        """Learn from a report with heading and airspeed, the state after it, and their interval, s."""
         fresh = now - self._airspeed_time <= AIRSPEED_FRESH_S
         before, self._nose = self._nose, report.heading
         velocity = complex(report.velocity_north, report.velocity_east)
@@ -250,7 +222,7 @@ class AirMotion:
         flying = fresh and self._airspeed > LEAST_CALIBRATED
         if not (self._calibrates and flying and interval <= LONGEST_S):
             return
-        # In a swing of the yaw the nose does not leave its direction as in a turn: that is averaged out.
+        # Averaging removes swings in yaw, in which the nose does not leave its direction as in a turn.
         turn_rate = wrap_angle(report.heading - before) / interval
         self._turn_rate = low_pass(self._turn_rate, turn_rate, interval, TURN_RATE_S)
         if now - self._bank_time <= AIR_DATA_FRESH_S:

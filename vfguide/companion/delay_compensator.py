@@ -1,9 +1,9 @@
-"""Where the vehicle will be when a setpoint takes effect, from the setpoints that are on their way to it.
+"""Prediction of the vehicle to the moment at which a setpoint takes effect, by setpoints on their way.
 
-An autopilot answers to a setpoint after a dead time; what it does until then was decided by those before.
-The vehicle's own model carries its state on to that moment (Smith, "Closer control of loops with dead time",
-1957; for states: Manitius and Olbrot, 1979), and what the vehicle does beyond its model is watched and taken
-off what is asked of it (Ohnishi's disturbance observer).
+An autopilot answers a setpoint after a dead time, until which earlier setpoints decide. The vehicle's own
+model predicts its state at that moment (Smith, "Closer control of loops with dead time", 1957; for states:
+Manitius and Olbrot, 1979). What the vehicle does beyond its model is observed and subtracted from the demand
+(Ohnishi's disturbance observer).
 """
 
 import math
@@ -30,45 +30,40 @@ from vfguide.guidance.airframe import (
 from vfguide.state import GAP_S, Airframe, Setpoint, SpeedHold, VehicleState
 
 STEP_S = 0.05
-"""Longest step of the prediction."""
+"""Longest step of the prediction, s."""
 
 WATCH_S = 0.6
-"""Time constant with which bank and acceleration of a vehicle that nobody steers are seen."""
+"""Time constant for bank angle and acceleration of a vehicle that is not steered, s."""
 
 ENERGY_S = 10.0
-"""Memory of the acceleration of a total-energy hold, whose pitch swings (PX4's simulated plane: at 0.5 Hz;
-that of ArduPilot's with the yaw): taken off at once it would feed the swing."""
+"""Time constant of the acceleration bias of a total-energy hold, s. Its pitch swings (PX4's simulated plane:
+at 0.5 Hz; ArduPilot's with the yaw), and a fast correction would feed the swing."""
 
 GREATEST_BIAS = Bias(turn_rate=0.2, acceleration=1.0)
-"""What a model may be off by; more is no bias but a vehicle that does something else."""
+"""Limit of the model's bias, rad/s and m/s²; beyond it the vehicle does something else."""
 
 
 class Memory(msgspec.Struct, frozen=True, kw_only=True):
-    """Time constants with which a vehicle's departures from its model are learned, and it is answered."""
+    """Time constants of the learned bias of a vehicle's model, and of the demand."""
 
     turn_rate_s: float = 0.6
-    """Time constant for departures of the turn rate, s."""
+    """Time constant of the turn rate's bias, s."""
     acceleration_s: float = 0.6
-    """Time constant for departures of the acceleration, s."""
+    """Time constant of the acceleration's bias, s."""
     answer_s: float = 0.0
-    """Low-pass on the turn rate asked of it, s; 0 lets everything through."""
+    """Time constant of the low-pass on the demanded turn rate, s; 0 passes everything."""
 
 
 SLIPPING = Memory(turn_rate_s=3.0, answer_s=0.5)
-"""Of a vehicle that slips. Its yaw swings with little damping (ArduPilot's simulated plane: at 0.9 Hz): what
-a swing adds to the turn rate would feed it, taken off at once. Nor may what it adds to the course come back
-as roll: the low-pass on the answer leaves a third of it."""
+"""Time constants for a vehicle that slips. Its yaw swings with little damping (ArduPilot's simulated plane:
+at 0.9 Hz), and a fast correction of the turn rate would feed the swing. Nor may the course's swing come back
+as roll: the low-pass on the demand leaves a third of it."""
 
 
 def memory_of(*, slips: bool, speed_hold: SpeedHold, course_bandwidth: float = math.inf) -> Memory:
-    """How fast departures of such a vehicle from its model are learned.
+    """Return the time constants for a kind of vehicle; the course hold bears a bandwidth, 1/s.
 
-    What is learned is taken off what is asked: that is a loop, too, which an aircraft has to bear.
-
-    Args:
-        slips: whether it slips.
-        speed_hold: kind of its speed hold.
-        course_bandwidth: that its course hold bears, 1/s.
+    The learned bias is subtracted from the demand. That is a loop, too, which an aircraft has to bear.
     """
     memory = SLIPPING if slips else Memory()
     memory = replace(memory, turn_rate_s=max(memory.turn_rate_s, 1.0 / course_bandwidth))
@@ -76,19 +71,14 @@ def memory_of(*, slips: bool, speed_hold: SpeedHold, course_bandwidth: float = m
 
 
 Law = Callable[[VehicleState], Setpoint]
-"""Setpoint for a state."""
+"""Function from a state to a setpoint."""
 
 
 class DelayCompensator:
-    """The near future of one vehicle."""
+    """Prediction of the near future of one vehicle."""
 
     def __init__(self, airframe: Airframe, *, memory: Memory | None = None) -> None:
-        """Make one that has seen nothing yet.
-
-        Args:
-            airframe: of the vehicle.
-            memory: how fast its departures from its model are learned; a usual one's if absent.
-        """
+        """Begin with nothing observed; the default memory is that of an ordinary vehicle."""
         self._airframe = airframe
         self._memory = Memory() if memory is None else memory
         self._sent: deque[tuple[float, Setpoint]] = deque()
@@ -99,11 +89,11 @@ class DelayCompensator:
         self._asked: tuple[float, float] | None = None
 
     def retune(self, airframe: Airframe, memory: Memory) -> None:
-        """Go on with another response, and other time constants, of the same vehicle."""
+        """Use another response, and other time constants, of the same vehicle."""
         self._airframe, self._memory = airframe, memory
 
     def note(self, setpoint: Setpoint, time_s: float) -> None:
-        """A setpoint has gone out."""
+        """Note a setpoint that was sent."""
         self._sent.append((time_s, setpoint))
         airframe = self._airframe
         oldest = time_s - max(airframe.course_dead_time, airframe.speed_dead_time) - GAP_S
@@ -111,12 +101,12 @@ class DelayCompensator:
             self._sent.popleft()
 
     def forget(self) -> None:
-        """The vehicle is not steered: nothing is on its way."""
+        """Forget all setpoints, as the vehicle is not steered."""
         self._sent.clear()
         self._asked = None
 
     def observe(self, state: VehicleState) -> None:
-        """Take a navigated state: how far is the vehicle from what its model does?"""
+        """Process a navigated state, and learn by how much the vehicle departs from its model."""
         before, self._state = self._state, state
         airframe = self._airframe
         direction, speed = held_direction(state, airframe), held_speed(state, airframe)
@@ -141,7 +131,7 @@ class DelayCompensator:
         self._direction, self._speed = direction, speed
 
     def _learn(self, direction_surprise: float, speed_surprise: float, period: float) -> None:
-        """Move the bias toward what one period has shown beyond model and bias."""
+        """Move the bias toward the departure from model and bias in one period."""
         greatest = GREATEST_BIAS
         turn_share = period / (self._memory.turn_rate_s + period)
         speed_share = period / (self._memory.acceleration_s + period)
@@ -153,7 +143,7 @@ class DelayCompensator:
         )
 
     def _watch(self, before: VehicleState, state: VehicleState, period: float) -> None:
-        """Nobody steers it from here: its bank and acceleration are what they show."""
+        """Estimate bank angle and acceleration of a vehicle that is not steered from its motion."""
         airframe = self._airframe
         share = period / (WATCH_S + period)
         direction, speed = held_direction(state, airframe), held_speed(state, airframe)
@@ -168,11 +158,9 @@ class DelayCompensator:
         self._direction, self._speed, self._bias = direction, speed, Bias()
 
     def setpoint(self, course_law: Law, speed_law: Law) -> Setpoint:
-        """What the laws ask for of the vehicle as it will be, turned into what has to be sent now.
+        """Return the setpoint to send now for the laws' demands on the predicted vehicle.
 
-        Args:
-            course_law: of its setpoint the course is used.
-            speed_law: of its setpoint the speed is used.
+        Only the course of `course_law` and only the speed of `speed_law` are used.
         """
         airframe = self._airframe
         course = self.course_setpoint(course_law)
@@ -186,7 +174,7 @@ class DelayCompensator:
         )
 
     def course_setpoint(self, law: Law) -> Setpoint:
-        """The same for the course alone; the speed is what the law says without any lead."""
+        """Return the setpoint with a compensated course alone; the speed is the law's, without any lead."""
         airframe = self._airframe
         at, after = self._ahead(airframe.course_dead_time, airframe.course_lag)
         wanted = law(after)
@@ -196,7 +184,7 @@ class DelayCompensator:
         return replace(wanted, course=at.course + error)
 
     def _answered(self, turn_rate: float, time_s: float) -> float:
-        """The turn rate asked for at a time, through the low-pass; rad/s, s."""
+        """Return the demanded turn rate, rad/s, at a time, s, after the low-pass."""
         if self._asked is not None and 0.0 < time_s - self._asked[0] <= GAP_S:
             before_s, before = self._asked
             turn_rate = low_pass(before, turn_rate, time_s - before_s, self._memory.answer_s)
@@ -204,7 +192,7 @@ class DelayCompensator:
         return turn_rate
 
     def _ahead(self, dead_time: float, lag: float) -> tuple[VehicleState, VehicleState]:
-        """The vehicle after a dead time (s), and a lag later at the bank and acceleration it then has."""
+        """Return the state after a dead time, s, and after a further lag, s, at its bank and acceleration."""
         state, inner = self._state, self._inner
         if state is None:
             raise RuntimeError("nothing was observed yet")
@@ -219,7 +207,7 @@ class DelayCompensator:
         return at, state
 
     def _active_at(self, time_s: float) -> ActiveSetpoint:
-        """The setpoint that the loops act on at a time."""
+        """Return the setpoint that the autopilot's loops act on at a time, s."""
         airframe = self._airframe
         course = self._newest_before(time_s - airframe.course_dead_time)
         speed = self._newest_before(time_s - airframe.speed_dead_time)
@@ -236,7 +224,7 @@ class DelayCompensator:
 
 
 def steps(span_s: float) -> Iterator[float]:
-    """Equal steps that make up a span, none longer than allowed."""
+    """Yield equal steps that make up a span, none longer than STEP_S."""
     count = math.ceil(span_s / STEP_S - 1e-9)
     for _ in range(count):
         yield span_s / count

@@ -1,4 +1,4 @@
-"""The leader's part: follow the path, publish its state, keep clear of those that have left the formation."""
+"""Role of the leader: follow the path, publish its state, keep clear of stray vehicles."""
 
 import cmath
 import math
@@ -28,11 +28,11 @@ from vfguide.mavlink.reports import TrafficReport
 from vfguide.state import LeaderFix, LeaderState, VehicleState
 
 ASTRAY_S = 1.0
-"""What a velocity that is not the wanted one counts for in how far the leader is astray: m for each m/s."""
+"""Weight of a velocity error in how far the leader is astray, m per m/s."""
 
 
 class LeaderRole(Role):
-    """Follows the path and publishes its state."""
+    """Leader that follows the path and publishes its state."""
 
     def __init__(
         self,
@@ -44,16 +44,7 @@ class LeaderRole(Role):
         *,
         alerts: Alerts | None = None,
     ) -> None:
-        """Make a leader that has heard no follower yet.
-
-        Args:
-            plan: its part of the mission.
-            task: its path.
-            clock: that the formation shares: the leader's own.
-            arrangements: what was ordered of the formation.
-            report: says how the vehicle moves; a new one if absent.
-            alerts: takes what a pilot should know.
-        """
+        """Begin with no follower heard; a `report` in use by another role may be shared."""
         self._plan = plan
         self._mission_task = self._task = task
         self._arrangements = arrangements
@@ -67,7 +58,7 @@ class LeaderRole(Role):
         self._planned = PlannedHeight(plan.climb_limits)
 
     def retune(self, plan: FlightPlan) -> None:
-        """Go on with another response of the same vehicle."""
+        """Use another response of the same vehicle."""
         self._plan = plan
         self._law = leader_law(plan, self._mission_task)
         self._keep_clear.retune(plan)
@@ -78,7 +69,7 @@ class LeaderRole(Role):
         return self._traffic.counters + self._keep_clear.aircraft.counters
 
     def step(self, navigated: NavigatedState, mode: Mode) -> RoleStep:
-        """One step along the path; the leader's own state goes out with it."""
+        """Perform a step along the path, and publish the own state."""
         self._arrangements.joining_m = 0.0
         task = self._ordered_task(navigated.state.time_s)
         if navigated.moved or task.path is not self._task.path:
@@ -97,7 +88,7 @@ class LeaderRole(Role):
         self._arrangements.leader = motion = self._report.note(navigated)
         state, altitude = navigated.state, navigated.place.altitude_amsl
         if self._report.term > 0:
-            # As it is told then: carried on while it is doubted.
+            # This is the altitude as published: predicted while it is doubted.
             altitude = self._plan.frame.altitude_m + state.height
         place = LeaderFix(state.time_s, state.north, state.east, altitude)
         self._stories.hear_leader(place, self._report.term)
@@ -140,7 +131,7 @@ class LeaderRole(Role):
         *,
         steered: bool,
     ) -> HeightTarget:
-        """Its height: now, and in so many seconds; on the circle of a hold that of the hold."""
+        """Return the height target `ahead_s` from now along the path, or that of a hold."""
         flight = self._arrangements.flight
         late = flight.is_late(motion.time_s)
         if flight.circle is not None:
@@ -155,7 +146,7 @@ class LeaderRole(Role):
         return self._planned.along(beside, steered=steered, late=late)
 
     def _ordered_task(self, now: float) -> LeaderTask:
-        """The mission's task, for the slots and the path that were ordered, or on the circle of a hold."""
+        """Return the mission's task with the ordered slots and path, or on the circle of a hold."""
         if self._arrangements.flight.flown is None:
             return self._mission_task
         task, circle, route = (
@@ -182,7 +173,7 @@ class LeaderRole(Role):
         )
 
     def _intent(self, state: VehicleState, distance: float, height: HeightTarget) -> Intent:
-        """Along the path. On it the steered followers keep clear of the leader: their places depend on it."""
+        """Return the intent to fly along the path; there the steered followers give way to the leader."""
         wanted = self._wanted(state)
         velocity = cmath.rect(state.ground_speed, state.course)
         return Intent(
@@ -193,7 +184,7 @@ class LeaderRole(Role):
         )
 
     def _wanted(self, state: VehicleState) -> WantedMotion:
-        """Along the field around the path, turning with it."""
+        """Return the motion along the vector field around the path, turning with the path."""
         point = self._task.path.nearest_in_space(
             state.north, state.east, state.course, state.height - self._task.height
         )
@@ -211,40 +202,40 @@ class LeaderRole(Role):
         )
 
     def _guidance(self, state: VehicleState, law: LeaderLaw, period: float) -> LeaderGuidance:
-        """One step of the law, from a state now or ahead."""
+        """Return guidance by a step of the law from a present or predicted state."""
         return leader_step(state, law, self._task, period=period, memory=self._memory)
 
     def receive(self, data: bytes, now: float) -> None:
-        """The leader follows no vehicle."""
+        """Ignore a leader's state: the leader follows no vehicle."""
         del data, now
 
     def receive_neighbour(self, vehicle: str, data: bytes, now: float) -> None:
-        """Take a state of a follower."""
+        """Process a state of a follower."""
         state = self._traffic.receive(vehicle, data, now)
         self._arrangements.hear(vehicle, state, now)
         if state is not None:
             self._stories.hear_follower(vehicle, state, now)
 
     def receive_traffic(self, report: TrafficReport, now: float) -> None:
-        """Take what the own autopilot reports of an aircraft that is not of the formation."""
+        """Process the own autopilot's report of an aircraft outside the formation."""
         self._keep_clear.aircraft.take(report, now)
 
     def lose_link(self, now: float) -> None:
-        """Note that nobody can be heard now: who has been silent since then may fly on as before."""
+        """Note that the link is down: vehicles silent since then may fly on as before."""
         self._traffic.lose_link(now)
 
     def to_leader(self, now: float) -> bytes:
-        """The leader follows no vehicle."""
+        """Return no data: the leader follows no vehicle."""
         del now
         return b""
 
     def leader_age(self, now: float) -> float:
-        """The leader knows itself."""
+        """Return 0 s: the leader knows itself."""
         del now
         return 0.0
 
 
 def leader_law(plan: FlightPlan, task: LeaderTask) -> LeaderLaw:
-    """Return the law of a task, within what the vehicle bears."""
+    """Return the law of a task within the limits of the vehicle."""
     law: type[LeaderLaw] = task.law
     return law(task.gains, course_settings(plan), plan.airframe)

@@ -1,4 +1,4 @@
-"""What the autopilot's parameters are, asked once at the start and told to the operator in words."""
+"""Check of the autopilot's parameters, requested once at the start and explained to the operator."""
 
 import math
 from collections.abc import Callable
@@ -17,47 +17,41 @@ from vfguide.mavlink.parameters import AutopilotResponse, FlightNeeds, request_p
 from vfguide.mavlink.reports import ParameterReport
 from vfguide.state import Airframe
 
-# Limits of the autopilot that are tighter than the mission's, and what the flight takes of them.
+# Autopilot limits that are tighter than the mission's, against the needs of the flight.
 
 PLACES = 500
-"""At which a path is looked at for its turns and climbs."""
+"""Number of points at which turns and climbs of a path are evaluated."""
 
 LEAST = 0.05
-"""m/s, or degrees: a limit that is tighter by less is the same one in another unit."""
+"""Difference of limits that counts, m/s or degrees: a smaller one is due to a change of units."""
 
 
 class FlightDemand(msgspec.Struct, frozen=True, kw_only=True):
-    """What a vehicle has to fly on its place in the formation, in still air, the leader at its cruise."""
+    """Needs of a place in the formation, in still air with the leader at its cruise."""
 
     bank: float
-    """Greatest, rad."""
+    """Greatest bank angle, rad."""
     slowest: float
-    """Airspeed, m/s."""
+    """Minimum airspeed, m/s."""
     fastest: float
-    """Airspeed, m/s."""
+    """Maximum airspeed, m/s."""
     climb: float
-    """Fastest, m/s; 0 where it never climbs."""
+    """Maximum climb rate, m/s; 0 where it never climbs."""
     sink: float
-    """Fastest, m/s, above zero."""
+    """Maximum sink rate, m/s, positive down."""
 
 
 class NarrowedLimits(msgspec.Struct, frozen=True, kw_only=True):
-    """What became of a mission's limits."""
+    """Comparison of the limits in use with the mission's."""
 
     sentence: str
-    """For the pilot; empty where no limit is tighter."""
+    """Text for the pilot; empty where no limit is tighter."""
     too_tight: bool
-    """Whether the place in the formation takes more than a limit that is tighter."""
+    """Whether the place in the formation needs more than a tighter limit allows."""
 
 
 def flight_demand(path: Path, airspeed: float, slot: Slot) -> FlightDemand:
-    """What a slot takes while its leader flies along a path.
-
-    Args:
-        path: the leader's.
-        airspeed: the leader's cruise, m/s.
-        slot: the vehicle's place; at the leader's own for the leader.
-    """
+    """Return the needs of a slot while its leader flies along a path at its cruise airspeed, m/s."""
     places = path.at(path.outline(PLACES))
     turn_rate = airspeed * np.asarray(places.curvature, dtype=float)
     along, right = slot_velocity(
@@ -75,7 +69,7 @@ def flight_demand(path: Path, airspeed: float, slot: Slot) -> FlightDemand:
 
 
 def demand_of(plan: FlightPlan) -> FlightDemand | None:
-    """What a plan's place takes; None behind a leader whose path is not known."""
+    """Return the needs of a plan's place; None behind a leader whose path is not known."""
     task = plan.task
     if not isinstance(task, FollowerTask):
         return flight_demand(task.path, task.airspeed, Slot(forward=0.0, right=0.0))
@@ -85,18 +79,18 @@ def demand_of(plan: FlightPlan) -> FlightDemand | None:
 
 
 class Limit(msgspec.Struct, frozen=True):
-    """One limit of the mission, and what became of it."""
+    """Limit of the mission, with the value in use."""
 
     words: str
-    """With a place for the value that is flown by, and one for the mission's."""
+    """Format with places for the value in use and the mission's."""
     declared: float
-    """The mission's, in the unit of the words."""
+    """Mission's limit, in the unit of the words."""
     flown: float
-    """The one that is flown by."""
+    """Limit in use."""
     taken: float | None
-    """What the flight takes of it; None where that is not known."""
+    """Need of the flight; None where not known."""
     is_least: bool = False
-    """Whether it is a least value: then the higher one is the tighter."""
+    """Whether it is a minimum, of which the higher value is the tighter."""
 
     @property
     def is_tighter(self) -> bool:
@@ -105,11 +99,11 @@ class Limit(msgspec.Struct, frozen=True):
 
     @property
     def is_too_tight(self) -> bool:
-        """Whether the flight takes more than is allowed."""
+        """Whether the flight needs more than is allowed."""
         return self.is_tighter and self.taken is not None and self._beyond(self.taken) > 0.0
 
     def sentence(self, place: str) -> str:
-        """Both values, and what the vehicle's place takes."""
+        """Return text with both values and the need of the vehicle's place."""
         words = self.words.format(self.flown, self.declared)
         return f"{words} (its {place} takes {self.taken:.3g})" if self.taken else words
 
@@ -118,7 +112,7 @@ class Limit(msgspec.Struct, frozen=True):
 
 
 def limits_of(declared: FlightPlan, flown: FlightPlan) -> tuple[Limit, ...]:
-    """Every limit of a mission, and what became of it."""
+    """Return every limit of a mission with the value in use."""
     before, now, demand = declared.airframe, flown.airframe, demand_of(declared)
 
     def taken(value: Callable[[FlightDemand], float]) -> float | None:
@@ -164,12 +158,7 @@ def limits_of(declared: FlightPlan, flown: FlightPlan) -> tuple[Limit, ...]:
 
 
 def narrowed_limits(declared: FlightPlan, flown: FlightPlan) -> NarrowedLimits:
-    """What of a plan's limits became tighter.
-
-    Args:
-        declared: with the mission's limits.
-        flown: with the tighter ones of mission and autopilot.
-    """
+    """Return which limits of a mission's plan became tighter in the plan that is flown."""
     found = [limit for limit in limits_of(declared, flown) if limit.is_tighter]
     if not found:
         return NarrowedLimits(sentence="", too_tight=False)
@@ -187,17 +176,17 @@ def narrowed_limits(declared: FlightPlan, flown: FlightPlan) -> NarrowedLimits:
 
 
 TRIES = 4
-"""How often a parameter is asked for, once a second: autopilots do not answer for names they do not know."""
+"""Requests for a parameter, one a second: autopilots do not answer for names that they do not know."""
 
 Tell = Callable[[str], None]
 
 
 class ParameterCheck:
-    """Asks for the parameters that matter, and finds what does not fit the flight."""
+    """Requests for the relevant parameters, and findings on what does not fit the flight."""
 
     def __init__(self, plan: FlightPlan, adapter: AutopilotAdapter) -> None:
         self.plan = plan
-        """With what the autopilot said of itself, once it has and where it is asked for."""
+        """Flight plan, with the autopilot's own response once known where the plan asks for it."""
         self._adapter = adapter
         self._known: dict[str, float] = {}
         self._tries = 0
@@ -205,21 +194,21 @@ class ParameterCheck:
         self._too_tight: list[str] = []
 
     def take(self, report: ParameterReport) -> None:
-        """Take a parameter, asked for by whomever."""
+        """Process a parameter, whoever has asked for it."""
         if report.name in self._adapter.parameters:
             value = self._adapter.parameter_value(report)
             if math.isfinite(value):
                 self._known[report.name] = value
 
     def faults(self) -> list[str]:
-        """What of them speaks against taking off, by their newest values; nothing before all were asked."""
+        """Return what speaks against take-off by the newest values; nothing before all were requested."""
         if not self._told:
             return []
         faults = self._adapter.parameter_faults(self._known, flight_needs(self.plan))
         return faults + self._too_tight
 
     def requests(self, tell: Tell) -> list[MAVLink_message]:
-        """What to ask now; to be called once a second while the autopilot is heard."""
+        """Return the requests that are due; call it once a second while the autopilot is heard."""
         wanted = self._adapter.parameters
         if self._told or not wanted:
             return []
@@ -245,12 +234,12 @@ class ParameterCheck:
 
 
 def response_sentence(response: AutopilotResponse, declared: FlightPlan, flown: FlightPlan) -> str:
-    """What is flown by, and what of it costs accuracy, for the pilot.
+    """Return text for the pilot on the response in use, and on what in it costs accuracy.
 
     Args:
-        response: what the autopilot's parameters tell.
-        declared: with the mission's response and limits.
-        flown: with those that are flown by.
+        response: response by the autopilot's parameters.
+        declared: plan with the mission's response and limits.
+        flown: plan with those in use.
     """
     airframe = flown.airframe
     alpha, beta = f"alpha {airframe.alpha:.2f}", f"beta {airframe.beta:.2f} 1/s"
@@ -283,7 +272,7 @@ def response_sentence(response: AutopilotResponse, declared: FlightPlan, flown: 
 
 
 def roll_words(declared: Airframe, flown: Airframe) -> str:
-    """What is taken for how late the roll is, where the mission does not declare it."""
+    """Return text on the roll lag and dead time in use where they are not the mission's."""
     words = ""
     if flown.course_lag != declared.course_lag:
         words += f", {flown.course_lag:.2f} s of roll lag"
@@ -293,7 +282,7 @@ def roll_words(declared: Airframe, flown: Airframe) -> str:
 
 
 def flight_needs(plan: FlightPlan) -> FlightNeeds:
-    """What a plan expects of the autopilot."""
+    """Return what a plan expects of the autopilot."""
     airframe = plan.airframe
     return FlightNeeds(
         airspeed_min=airframe.airspeed_min,
