@@ -1,24 +1,24 @@
-"""What height to ask of one vehicle's autopilot: as planned, in guided flight, and once it is handed back.
+"""Commanded height of one vehicle: as planned, in guided flight, and after it is handed back.
 
-**Planned** is how high the leader flies: along its path, in a hold, and from one path's height to another's.
-The leader and each of its followers work this out by themselves, from the leader's place; so they climb
-together. A change begins when the leader goes over to another path, or from a hold back to its path, with
-the height and the climb rate that were planned until then; from the leader's own where that is elsewhere,
-and for a companion that learns of the order late, as one that was started anew. It is over once the planned
-height has come to the path's and the leader is beside the path: on its way there the point of the path that
-is nearest to it may jump from one leg to another. While the leader is not steered a change waits at the
-leader's own height. A hold ends a climb evenly, and is as high as that leads.
+**Planned** is the leader's height along its path, in a hold, and between the heights of two paths. The leader
+and each follower compute it by themselves from the leader's place, and so climb together. A change begins
+when the leader goes over to another path, or from a hold back to its path. It starts with the height and
+climb rate planned until then. If the leader's own height differs, or a companion learns of the order late, as
+after a restart in flight, it starts from the leader's own. It ends once the planned height has reached the
+path's and the leader is beside the path. On its way there, the point of the path nearest to it may jump
+between legs. While the leader is not steered, a change waits at the leader's own height. A hold ends a climb
+evenly, at the height to which that leads.
 
-**In guided flight** what is asked for is the wanted one, as far as speed leaves energy for it. Throttle
-and height share one energy. An aircraft at full throttle that climbs cannot fly faster as well, and one
-that glides down at idle cannot fly slower. Speed keeps the slot and with it the distances, so height
-gives way: by the climb rate V a / g that sets the missing acceleration a free.
+**In guided flight** the wanted height is commanded as far as speed leaves energy for it, since throttle and
+height share one energy. An aircraft climbing at full throttle cannot also fly faster, and one gliding at idle
+cannot fly slower. Speed keeps the slot and with it the distances, so height gives way: by the climb rate V a
+/ g that makes the missing acceleration a available.
 
-**Handed back**, each loiters at a height of its own, since the circles may cross. An autopilot loiters at the
-height in which it begins to. Once its heartbeat shows that it was handed back by an order that calls
-everything off, or at the end of the route, it is told another one: above the leader by so much for each
-rank. That is asked of it a few times and no more. Nothing depends on it; who is in any other mode, by its
-pilot's hand or its own, is told nothing.
+**Handed back**, each vehicle loiters at its own height, since the circles may cross. An autopilot loiters at
+the height at which it begins. A heartbeat shows that an order that calls everything off, or the end of the
+route, has handed the vehicle back. Then it is told another height, above the leader by a step per rank. That
+is sent a few times at most, and nothing depends on it. A vehicle in any other mode, by its pilot or its own
+choice, is told nothing.
 """
 
 import math
@@ -47,53 +47,48 @@ from vfguide.mavlink.reports import CommandReport
 from vfguide.state import GAP_S, LeaderState, Setpoint
 
 BESIDE_M = 30.0
-"""A leader that is further away from its path is still on its way to it."""
+"""Distance from its path beyond which a leader is still on its way to it, m."""
 
 ELSEWHERE_M = 5.0
-"""A leader that is so much higher or lower than it is planned to be changes its height from there."""
+"""Deviation from the planned height from which a leader starts a change at its own height, m."""
 
 LONGEST_S, LONGEST_BACK_S = 60.0, 2.0
-"""After a longer silence, or by another clock, a change goes on from where it was."""
+"""Longest silence, and clock setback, that a change bridges, s; else it goes on from where it was."""
 
 
 class PlannedHeight:
-    """Of one leader, as one companion works it out."""
+    """Planned height of one leader, as one companion computes it."""
 
     def __init__(self, limits: ClimbLimits) -> None:
-        """Make one for a leader whose path is not known yet.
-
-        Args:
-            limits: of the formation.
-        """
         self._limits = limits
         self._beside: BesidePath | None = None
         self._held: float | None = None
-        """Height of the hold that is flown, m above the origin."""
+        """Height of the present hold, m above the origin."""
         self._last: HeightMotion | None = None
         self._changes = False
         self._as_planned = False
-        """Whether it was steered, so that it flies what was planned last."""
+        """Whether the leader was steered, so that it flies the last planned height."""
         self.began_anew = False
-        """Whether what was asked for last began a change at the leader's own height: whatever it flew beside
-        the plan before is in the plan now."""
+        """Whether the last call began a change at the leader's own height, so that the plan contains its
+        deviation."""
 
     @property
     def height(self) -> float | None:
-        """As it was planned last, m above the origin; None before the first time."""
+        """Last planned height, m above the origin; None before the first."""
         return None if self._last is None else self._last.height
 
     @property
     def changes(self) -> bool:
-        """Whether it goes over to another height, or waits to."""
+        """Whether a change of height is under way, or waits."""
         return self._changes
 
     def hold(self, motion: LeaderState, *, ahead_s: float, late: bool) -> HeightTarget:
-        """The height planned on the circle of a hold: where the climb before has come to rest.
+        """Return the height planned on the circle of a hold, where the climb before has come to rest.
 
         Args:
-            motion: of the leader, whose height counts for who does not know where the hold began.
+            motion: motion of the leader; its height counts if the beginning of the hold is unknown.
             ahead_s: from the motion's time to when a setpoint takes effect, s.
-            late: whether the order to hold is learned of later than it began.
+            late: whether the order to hold became known after it began.
         """
         self.began_anew = False
         if self._held is None:
@@ -108,12 +103,12 @@ class PlannedHeight:
         return self._on_the_way(target, ahead_s)
 
     def along(self, leader: BesidePath, *, steered: bool, late: bool) -> HeightTarget:
-        """The height planned for a leader beside a point of its path.
+        """Return the height planned for a leader beside a point of its path.
 
         Args:
-            leader: where it is, and how far ahead is looked.
+            leader: its place, and how far ahead to look.
             steered: whether the leader's companion steers it.
-            late: whether the order by which it flies along this path is learned of later than it began.
+            late: whether the order to fly along this path became known after it began.
         """
         target, own = path_height(leader), own_height(leader.motion)
         self._held, self.began_anew = None, False
@@ -126,7 +121,7 @@ class PlannedHeight:
                 self._begin_anew(leader.motion)
         self._as_planned = steered
         if not steered and math.isfinite(own.height):
-            # It flies as its pilot wants, and goes on from there.
+            # The pilot determines its height, from which the plan goes on.
             self._last = own
             return carried_on(own, leader.ahead_s) if self._changes else target
         if self._last is None or not self._changes:
@@ -140,11 +135,11 @@ class PlannedHeight:
         return self._on_the_way(target, leader.ahead_s)
 
     def _begin_anew(self, motion: LeaderState) -> None:
-        """Change the height from the leader's own on."""
+        """Begin a change at the leader's own height."""
         self._last, self._changes, self.began_anew = own_height(motion), True, True
 
     def _follow(self, target: HeightTarget, time_s: float) -> None:
-        """Plan on to a time (s) on the way to a target; a change ends where it has come there."""
+        """Plan up to a time (s) on the way to a target; a change ends on reaching it."""
         last = self._last
         if last is None:
             return
@@ -154,50 +149,49 @@ class PlannedHeight:
         self._changes = not self._last.is_at(target)
 
     def _on_the_way(self, target: HeightTarget, ahead_s: float) -> HeightTarget:
-        """What is to be flown now and so many seconds (s) ahead."""
+        """Return the height to fly now and `ahead_s` seconds ahead."""
         if self._last is None:
             return target
         return target_on_the_way(self._last, target, ahead_s, self._limits)
 
 
 def own_height(motion: LeaderState) -> HeightMotion:
-    """As a leader flies."""
+    """Return a leader's actual height and climb rate."""
     return HeightMotion(time_s=motion.time_s, height=motion.height, climb_rate=motion.climb_rate)
 
 
 def carried_on(motion: HeightMotion, ahead_s: float) -> HeightTarget:
-    """A height that changes on as it does, now and so many seconds (s) ahead."""
+    """Return a height extrapolated at its climb rate, now and `ahead_s` seconds ahead."""
     ahead = motion.height + motion.climb_rate * ahead_s
     return HeightTarget(height=motion.height, climb_rate=motion.climb_rate, ahead=ahead)
 
 
 MEMORY_S = 3.0
-"""Of the missing acceleration: delays of the speed hold are over by then."""
+"""Memory of the missing acceleration, s: delays of the speed hold are over by then."""
 
 LEAST_MISSING = 0.3
-"""m/s²: speed holds that are not quite what is declared miss as much."""
+"""Missing acceleration without effect, m/s²: speed holds that are not quite as declared miss as much."""
 
 GAIN = 3.0
-"""Climb rate given up for each m/s that the missing acceleration takes."""
+"""Factor on the climb rate that the missing acceleration costs."""
 
 LEAST_CLIMB = 0.3
-"""m/s: slower climbs and descents take no energy that is worth a word."""
+"""Climb or descent rate below which the energy is negligible, m/s."""
 
 CATCH_UP_SHARE = 0.25
-"""Of the vehicle's limit: so fast height that was given up is taken back."""
+"""Share of the vehicle's limit at which height that was given up is regained."""
 
 MOST_M = 100.0
-"""Most height that is given up."""
+"""Greatest height given up, m."""
 
 TRIES = 4
-"""Heartbeats that are answered with the height, as long as it is not accepted."""
+"""Heartbeats answered with the height, as long as it is not accepted."""
 
 
 class HeightKeeper:
-    """Gives up height of one vehicle for its speed, where it has not the energy for both."""
+    """Trade of one vehicle's height for speed, where its energy is not enough for both."""
 
     def __init__(self, plan: FlightPlan) -> None:
-        """Make one for a plan whose autopilot has all the energy that it needs so far."""
         self._plan = plan
         self._missing = 0.0
         self._given_up = 0.0
@@ -205,11 +199,11 @@ class HeightKeeper:
 
     @property
     def given_up(self) -> float:
-        """Height that is left to the speed now, m; negative in a descent."""
+        """Height given up for speed now, m; negative in a descent."""
         return self._given_up
 
     def delay_s(self, navigated: NavigatedState) -> float:
-        """From a report to when the height that it leads to is flown, s."""
+        """Return the delay from a report to the flight of the height that it leads to, s."""
         return self._plan.airframe.height_delay + 0.5 * navigated.period
 
     def step(
@@ -220,13 +214,13 @@ class HeightKeeper:
         *,
         steered: bool,
     ) -> float:
-        """The height to ask for now, m above the mission's origin.
+        """Return the height to command now, m above the mission's origin.
 
         Args:
-            navigated: the vehicle.
+            navigated: state of the vehicle.
             target: its wanted height.
-            setpoint: of the speed, as it goes out with the height.
-            steered: whether the autopilot flies by it: else nothing is learned.
+            setpoint: speed setpoint that is sent with the height.
+            steered: whether the autopilot flies by it; else nothing is learned.
         """
         airspeed, before = navigated.state.airspeed, self._airspeed
         self._airspeed = airspeed
@@ -246,7 +240,7 @@ class HeightKeeper:
         else:
             catch_up = CATCH_UP_SHARE * period
             up, down = catch_up * airframe.climb_max, catch_up * airframe.sink_max
-            # A target that comes back to the vehicle is waited for: below one that descends nothing is safe.
+            # Wait for a target that comes back to the vehicle: below a descending one nothing is safe.
             up = max(up, -target.climb_rate * period)
             down = max(down, target.climb_rate * period)
             self._given_up -= min(max(self._given_up, -down), up)
@@ -254,7 +248,7 @@ class HeightKeeper:
         return target.ahead - self._given_up - given * airframe.height_delay
 
     def _climb_given_up(self, climb_rate: float) -> float:
-        """Of a wanted climb rate (m/s), what the speed needs; at most all of it."""
+        """Return the part of a wanted climb rate (m/s) that speed needs, at most all of it."""
         per_acceleration = GAIN * (self._airspeed or 0.0) / GRAVITY
         if climb_rate > LEAST_CLIMB and self._missing > LEAST_MISSING:
             return min(per_acceleration * (self._missing - LEAST_MISSING), climb_rate)
@@ -264,10 +258,9 @@ class HeightKeeper:
 
 
 class LoiterHeight:
-    """Of one vehicle that is ordered to loiter: each at a height of its own, as nobody steers them there."""
+    """Height of one vehicle that is ordered to loiter: each has its own, since no companion steers there."""
 
     def __init__(self, plan: FlightPlan, adapter: AutopilotAdapter) -> None:
-        """Make one that has told nothing yet."""
         self._plan = plan
         self._adapter = adapter
         self._number: int | None = None
@@ -283,17 +276,17 @@ class LoiterHeight:
         engaged: bool,
         altitude_amsl: float,
     ) -> list[MAVLink_message]:
-        """What a heartbeat that has just been heard is answered with.
+        """Return the command that answers the heartbeat just heard.
 
         Args:
-            up: height of its slot above the leader at the end, m.
-            order: number of the order by which it loiters; None while it is in the formation.
-            returned: whether the heartbeat is young, and shows the loiter that this companion has asked for.
+            up: final height of the slot above the leader, m.
+            order: number of the order to loiter; None while in the formation.
+            returned: whether the heartbeat is recent and shows the loiter that this companion commanded.
             engaged: whether it shows a mode in which the companion steers.
-            altitude_amsl: of the vehicle, m.
+            altitude_amsl: altitude of the vehicle, m.
         """
         if engaged:
-            # Only then is the vehicle back in its slot: a further abort finds it where it loiters.
+            # Only then is the vehicle back in its slot; a second abort finds it at its loiter.
             self._altitude = math.nan
         if order is None or not returned:
             return []
@@ -307,13 +300,13 @@ class LoiterHeight:
         return self._adapter.loiter_at(self._altitude)
 
     def answered(self, report: CommandReport) -> None:
-        """Take an answer of the autopilot."""
+        """Take an answer of the autopilot; accepting the height ends the commands."""
         accepted = report.result == mavlink.MAV_RESULT_ACCEPTED
         if report.command == mavlink.MAV_CMD_DO_CHANGE_ALTITUDE and accepted:
             self._tries = TRIES
 
     def _own_altitude(self, leader: float) -> float:
-        """Where to loiter once the leader flies at an altitude, m: all of the formation within the fence."""
+        """Return the loiter altitude for a leader's altitude, m, such that all fit below the fence."""
         plan = self._plan
         level = plan.altitude_amsl - plan.up
         lowest = level + min(plan.lowest - plan.height, 0.0)

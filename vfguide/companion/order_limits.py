@@ -1,4 +1,4 @@
-"""Why a companion does not carry out an order: its own limits, its path, its place, its time."""
+"""Limits by which a companion refuses an order: of its aircraft, path, place and time."""
 
 import math
 from collections.abc import Iterable
@@ -12,41 +12,36 @@ from vfguide.paths.circle import Circle
 from vfguide.state import Airframe
 
 LEAST_S = 0.1
-"""A motion takes at least this long, for its speed."""
+"""Least duration of a motion for its speed, s."""
 
 FAR_M = 5000.0
-"""A circle that is further away than this from all vehicles is another place's."""
+"""Distance of a circle from all vehicles beyond which it belongs to another place, m."""
 
 SOONEST_S = 1.0
 LATEST_S = 120.0
-"""An order's time is from here to there ahead."""
+"""Bounds of an order's time ahead, s."""
 
 ABORT_S = 30.0
-"""What calls everything off is of now: its time is no further from the present than this."""
+"""Greatest difference of an abort's time from the present, s."""
 
 SAME_M = 1.0
-"""A slot that is nearer than this to where an order begins is the one that it means."""
+"""Tolerance between a slot and the beginning of its ordered motion, m."""
 
 KEEP_M = 5.0
-"""Slots come no nearer than this, whatever an operator's program thinks of it."""
+"""Least distance between slots, m, whatever an operator's program allows."""
 
 HELD_M = 1.0
-"""Heights are held to this: a vehicle at the top of its fence may be found so much above it."""
+"""Tolerance of held heights, m: a vehicle at the top of its fence may be found this much above it."""
 
 LOWEST_M = 20.0
-"""Nobody is sent lower than this above the mission's origin."""
+"""Least height to which a vehicle is sent, m above the mission's origin."""
 
 ROUNDED = 1.02
-"""Limits are passed by this factor at most: slots and times are rounded on their way."""
+"""Factor by which limits may be exceeded: slots and times are rounded in transmission."""
 
 
 def age_objection(order: Arrangement, time_s: float) -> str | None:
-    """Why what calls everything off is not of now, in words; None if it is, or no time is known.
-
-    Args:
-        order: that calls everything off.
-        time_s: now, s of the formation's clock; NaN where it is not known.
-    """
+    """Return why an abort is not current; None if it is, or if the time is unknown (NaN)."""
     off_s = time_s - order.time_s
     if abs(off_s) > ABORT_S:
         return f"it calls everything off, and its time is {off_s:.0f} s ago: give it again"
@@ -54,12 +49,7 @@ def age_objection(order: Arrangement, time_s: float) -> str | None:
 
 
 def time_objection(order: Arrangement, time_s: float) -> str | None:
-    """Why an order comes too early or too late, in words; None if it does not.
-
-    Args:
-        order: that is to be flown.
-        time_s: now, s of the formation's clock.
-    """
+    """Return why an order is too early or late at a time of the formation's clock, s; None if it is not."""
     ahead_s = order.time_s - time_s
     if not SOONEST_S <= ahead_s <= LATEST_S:
         return f"its time is {ahead_s:.0f} s ahead, not {SOONEST_S:g} to {LATEST_S:g} s"
@@ -67,7 +57,7 @@ def time_objection(order: Arrangement, time_s: float) -> str | None:
 
 
 def path_objection(order: Arrangement, plan: FlightPlan) -> str | None:
-    """Why the path of an order cannot be flown, in words; None if it can."""
+    """Return why the path of an order cannot be flown; None if it can."""
     if order.path == MAIN_PATH and order.turn_radius_m <= 0.0 and order.path_check == 0:
         return None
     known = plan.paths.get(order.path)
@@ -81,13 +71,13 @@ def path_objection(order: Arrangement, plan: FlightPlan) -> str | None:
 def lead_objection(
     order: Arrangement, plan: FlightPlan, leader: str, steered: bool | None
 ) -> str | None:
-    """Why the vehicle that is to lead by an order cannot, in words; None if it can, or if none is named.
+    """Return why the appointed leader cannot lead; None if it can, or if none is named.
 
     Args:
-        order: that is to be flown.
-        plan: of the own vehicle.
+        order: order to fly.
+        plan: plan of the own vehicle.
         leader: name of the mission's leader.
-        steered: whether the companion of the vehicle that is to lead steers it; None where it is not heard.
+        steered: whether the appointed leader's companion steers it; None if unheard.
     """
     name = order.lead
     if not name:
@@ -104,12 +94,7 @@ def lead_objection(
 
 
 def nearness_objection(order: Arrangement, leader: str) -> str | None:
-    """Which two slots come too near to each other, and when, in words; None if none do.
-
-    Args:
-        order: by which the slots move.
-        leader: name of the mission's leader.
-    """
+    """Return which two slots come too near to each other, and when; None if none do."""
     for one in approaches(order.places, order.climb_s, order.across_s, leader):
         if one.distance < KEEP_M:
             return (
@@ -126,16 +111,16 @@ def ceiling_objection(
     leader_height: float,
     ceiling: float,
 ) -> str | None:
-    """Why an order would take a vehicle above the fence, in words; None if it would not.
+    """Return why an order would take a vehicle above the fence; None if it would not.
 
-    One that is above it already may be ordered down.
+    A vehicle above it already may be ordered down.
 
     Args:
-        order: that is to be flown.
-        place: the vehicle's part of it; None for the leader, and for one that leaves.
-        plan: of the vehicle.
-        leader_height: of the leader when it begins, m above the origin.
-        ceiling: that the fence allows on the path that is flown now, m above the origin.
+        order: order to fly.
+        place: the vehicle's part of it; None for the leader, and for a vehicle that leaves.
+        plan: plan of the vehicle.
+        leader_height: the leader's height when it begins, m above the origin.
+        ceiling: ceiling of the fence on the present path, m above the origin.
     """
     allowed = plan.ceiling_along(order.path)
     up = highest = 0.0
@@ -156,15 +141,10 @@ def ceiling_objection(
 def climb_objection(
     order: Arrangement, plan: FlightPlan, leader_height: float, path: str
 ) -> str | None:
-    """Why a vehicle cannot keep up with its formation to the height of another path; None if it can.
+    """Return why a vehicle cannot keep up with its formation to another path's height; None if it can.
 
-    All go there at a rate that the mission tells. The autopilot's own limits may be tighter.
-
-    Args:
-        order: that is to be flown.
-        plan: of the vehicle.
-        leader_height: of the leader when it begins, m above the origin.
-        path: name of the path that is followed until then.
+    All climb at the mission's rate; the autopilot's own limits may be tighter. `path` and `leader_height` (m
+    above the origin) are those when the order begins.
     """
     known = plan.paths.get(order.path)
     if known is None or order.path == path:
@@ -186,14 +166,14 @@ def climb_objection(
 def slot_objection(
     order: Arrangement, place: SlotMove, plan: FlightPlan, begin: Point | None, leader_height: float
 ) -> str | None:
-    """Why a vehicle cannot fly its own part of an order, in words; None if it can.
+    """Return why a vehicle cannot fly its own part of an order; None if it can.
 
     Args:
-        order: by which its slot moves.
+        order: order by which its slot moves.
         place: its part.
-        plan: of the vehicle.
-        begin: where its slot is at the order's time; None for a vehicle that has left.
-        leader_height: of the leader then, m above the origin.
+        plan: plan of the vehicle.
+        begin: its slot at the order's time; None for a vehicle that has left.
+        leader_height: the leader's height then, m above the origin.
     """
     name = plan.name
     if begin is not None and place.begin.minus(begin).size > SAME_M:
@@ -214,13 +194,9 @@ def slot_objection(
 def joining_objection(
     order: Arrangement, place: SlotMove, joining_m: float, leader: str
 ) -> str | None:
-    """Why slots may not come near one whose vehicle is still on its way to it, in words; None if none do.
+    """Return why slots may not come near the slot of a vehicle still on its way to it; None if none do.
 
-    Args:
-        order: by which the slots move.
-        place: the vehicle's part of it.
-        joining_m: how far the vehicle is from its slot, m; 0 for one that is there.
-        leader: name of the mission's leader.
+    `joining_m` is the vehicle's distance from its slot, m; 0 if it is there.
     """
     if joining_m <= 0.0:
         return None
@@ -239,13 +215,7 @@ def joining_objection(
 
 
 def motion_objection(order: Arrangement, place: SlotMove, airframe: Airframe) -> str | None:
-    """Why an aircraft cannot keep up with its slot, in words; None if it can.
-
-    Args:
-        order: by which the slot moves.
-        place: the aircraft's part of it.
-        airframe: its limits.
-    """
+    """Return why an aircraft with these limits cannot keep up with its slot; None if it can."""
     way, name = place.end.minus(place.begin), place.vehicle
     ahead = _rate(way.forward, order.across_s)
     fastest = airframe.cruise + ahead
@@ -266,12 +236,12 @@ def motion_objection(order: Arrangement, place: SlotMove, airframe: Airframe) ->
 def circle_objection(
     circle: Circle, airframe: Airframe, vehicles: Iterable[tuple[float, float]]
 ) -> str | None:
-    """Why nobody can hold on a circle, in words; None if an aircraft of these limits can.
+    """Return why nobody can hold on a circle; None if an aircraft with these limits can.
 
     Args:
-        circle: where to hold.
+        circle: circle to hold on.
         airframe: limits of an aircraft.
-        vehicles: (north, east) of those that are heard, m; none to look at the radius alone.
+        vehicles: (north, east) of the vehicles heard, m; empty to check the radius alone.
     """
     least = airframe.cruise**2 / (GRAVITY * math.tan(airframe.max_bank))
     if circle.radius < least:
@@ -286,12 +256,12 @@ def circle_objection(
 
 
 def _rate(way: float, duration_s: float) -> float:
-    """Greatest speed of a motion, m/s."""
+    """Return the greatest speed of a motion, m/s."""
     return way * PEAK / max(duration_s, LEAST_S)
 
 
 def _climbs(order: Arrangement, place: SlotMove) -> tuple[float, ...]:
-    """Greatest climb rates on the way, m/s."""
+    """Return the greatest climb rates on the way, m/s."""
     if place.layer is None:
         return (_rate(place.end.up - place.begin.up, order.across_s),)
     return (
