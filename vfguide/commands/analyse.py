@@ -60,7 +60,7 @@ def analyse(
 
 
 def answers_of(mission: Mission, flight: LoggedFlight) -> list[Answer]:
-    """How course and speed of each vehicle answered."""
+    """Return the identified course and speed responses of all vehicles."""
     record = flight.record
     return [
         answer
@@ -76,7 +76,7 @@ def answers_of(mission: Mission, flight: LoggedFlight) -> list[Answer]:
 
 
 def slips_of(mission: Mission, flight: LoggedFlight) -> list[SlipAnswer]:
-    """How each vehicle turned by its bank."""
+    """Return the identified slip of each vehicle's turns."""
     record = flight.record
     return [
         flown_slip(
@@ -91,13 +91,13 @@ def slips_of(mission: Mission, flight: LoggedFlight) -> list[SlipAnswer]:
 
 
 def guided(record: FlightRecord, vehicle: VehicleRecord) -> BoolArray:
-    """At which samples setpoints were flown, as a log tells it."""
+    """Return a mask of the samples at which the autopilot's log shows guidance."""
     flown: BoolArray = vehicle.mode == record.mode_names.index(LOGGED_MODES[Mode.TRACKING.value])
     return flown
 
 
 def tell_responses(answers: list[Answer], slips: list[SlipAnswer]) -> None:
-    """Print how each autopilot answered, how sure that is, and lines for the mission file."""
+    """Print each autopilot's responses with their uncertainty, and lines for the mission file."""
     output = Terminal()
     for answer in answers:
         output.tell(answer_sentence(answer))

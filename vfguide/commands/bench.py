@@ -46,7 +46,7 @@ bench = typer.Typer(help="Measure on this computer.", rich_markup_mode=None)
 
 
 def study_directory(text: str) -> Path:
-    """A directory for results; a file is refused before a long study begins.
+    """Parse a directory for results, refusing a file before a long study begins.
 
     Raises:
         InputError: the name is empty, or that of a file.
@@ -58,7 +58,7 @@ def study_directory(text: str) -> Path:
 
 
 def study_file(text: str) -> Path:
-    """A file for results; a directory is refused before a long study begins.
+    """Parse a file for results, refusing a directory before a long study begins.
 
     Raises:
         InputError: the name is that of a directory.
@@ -143,7 +143,7 @@ def latency(
 
     Four companions, four emulated autopilots and a broker at once. Exit status: 0 measured, 3 broken.
     """
-    # Here, because an aircraft's computer has no library that counts what processes take.
+    # Imported here, since an aircraft's computer lacks the library that measures processes.
     from vfguide.lab.studies.latency import render, run_latency
 
     require_linux("vfguide bench latency")
@@ -303,19 +303,19 @@ def tell_scores(
     json_file: Path | None,
     out: Path | None,
 ) -> None:
-    """Fly scenarios by laws, and tell their scores.
+    """Fly scenarios by laws, and print and save their scores.
 
     Args:
         name: of the study.
-        executor: that flies.
+        executor: runs the flights.
         which: numbers of the scenarios.
         flown: names of the laws.
-        about: which scenarios they are, in a word and a value.
-        json_file: where all figures go.
-        out: where table, picture and JSON go.
+        about: identifies the scenarios, by a word and a value.
+        json_file: file for all figures.
+        out: directory for table, picture and JSON.
     """
     require("scipy", *(PLOTTING if out else ()))
-    # Here, because an aircraft's computer has no library that fits distributions.
+    # Imported here, since an aircraft's computer lacks the library that fits distributions.
     from vfguide.lab.studies.suite import (
         SUITE_COLUMNS,
         draw_scores,
@@ -340,10 +340,10 @@ def tell_scores(
 
 
 def flown_laws(chosen: Sequence[str] | None, *, but: str | None = None) -> list[str]:
-    """The laws that a study flies: those chosen, or else all known but one.
+    """Return the chosen laws, or else all known ones except `but`.
 
     Raises:
-        InputError: there is no law of a chosen name.
+        InputError: a chosen law is unknown.
     """
     if chosen:
         return [laws.find(name).name for name in chosen]
@@ -351,7 +351,7 @@ def flown_laws(chosen: Sequence[str] | None, *, but: str | None = None) -> list[
 
 
 def machine() -> dict[str, Any]:
-    """What it ran on."""
+    """Return date, versions and processor of this computer."""
     return {
         "date": datetime.now(UTC).date().isoformat(),
         "processor": processor(),
@@ -363,7 +363,7 @@ def machine() -> dict[str, Any]:
 
 
 def processor() -> str:
-    """Name of the processor, as the system tells it."""
+    """Return the name of the processor, as the system reports it."""
     try:
         lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
     except OSError:
@@ -373,7 +373,7 @@ def processor() -> str:
 
 
 def in_json(rows: Iterable[Row]) -> list[dict[str, Any]]:
-    """Return rows of a study as JSON has them."""
+    """Return the rows of a study for JSON."""
     return [{"case": case, **figures} for case, figures in rows]
 
 
@@ -385,14 +385,14 @@ def publish(
     json_file: Path | None,
     out: Path | None = None,
 ) -> None:
-    """Tell what a study found, and keep it.
+    """Print the results of a study, and save them.
 
     Args:
         name: of the study, and of its files in `out`.
         parts: its tables, in Markdown.
         content: all figures.
-        json_file: where these go.
-        out: directory for both.
+        json_file: file for the figures.
+        out: directory for tables and figures.
     """
     text = "\n\n".join(parts)
     Terminal().tell(text)

@@ -47,8 +47,8 @@ def check(
 
 
 def lowered_in(mission: Mission) -> list[Finding]:
-    """Return which gains of a mission some of its aircraft do not bear, as they are declared."""
-    # Here, because what is wrong needs no plan.
+    """Return notes on the gains that are lowered because some aircraft do not bear the declared ones."""
+    # Imported here, since a wrong mission needs no plan.
     from vfguide.companion.guided_vehicle import LoweredGain, lowered_gains
     from vfguide.companion.mission_plan import flight_plan
 
@@ -69,14 +69,14 @@ def lowered_in(mission: Mission) -> list[Finding]:
 def with_expectation(
     findings: Sequence[Finding], mission: Mission, source: MissionSource
 ) -> Sequence[Finding]:
-    """The findings and, of a formation that can fly, what a rehearsal shows; the worst first.
+    """Add a rehearsal's results to the findings of a formation that can fly; the worst come first.
 
     Raises:
-        VfguideError: it was stopped.
+        VfguideError: the rehearsal was stopped.
     """
     if not mission.followers or any(one.severity == "error" for one in findings):
         return findings
-    # Here, because what is not flown needs no emulator.
+    # Imported here, since a mission that is not flown needs no emulator.
     from vfguide.lab.studies.prediction import expected_precision
 
     with stopped_by_signals() as stop:

@@ -42,25 +42,25 @@ from vfguide.mission import Mission, read_mission
 from vfguide.record.recording import begin_recording
 
 STANDARD = frozenset(vars(logging.makeLogRecord({}))) | {"message", "asctime", "taskName"}
-"""What every log record has; the rest came with `extra`."""
+"""Standard attributes of log records; all others came with `extra`."""
 
 
 class LogFormat(StrEnum):
-    """How the log is written."""
+    """Format of the log."""
 
     AUTO = "auto"
-    """As text where standard error is a terminal, else as JSON."""
+    """Text where standard error is a terminal, else JSON."""
     JSON = "json"
-    """One JSON object on each line."""
+    """One JSON object per line."""
     TEXT = "text"
-    """One short line for each entry: time of day, vehicle, level, message."""
+    """One short line per entry: time of day, vehicle, level, message."""
 
 
 class JsonFormatter(logging.Formatter):
-    """Time, level, logger and message, then whatever else the record carries."""
+    """Formats time, level, logger, message and all extra attributes as JSON."""
 
     def format(self, record: logging.LogRecord) -> str:
-        """One line."""
+        """Format a record as one line."""
         content: dict[str, object] = {
             "time": datetime.fromtimestamp(record.created, UTC).isoformat(timespec="milliseconds"),
             "level": record.levelname.lower(),
@@ -74,33 +74,29 @@ class JsonFormatter(logging.Formatter):
 
 
 class TextFormatter(logging.Formatter):
-    """Time of day where this computer stands, vehicle, level and message."""
+    """Formats local time of day, vehicle, level and message."""
 
     def __init__(self, vehicle: str) -> None:
-        """Write for a vehicle, of which most records say nothing.
-
-        Args:
-            vehicle: its name.
-        """
+        """Take the name of the vehicle, which most records lack."""
         super().__init__()
         self._vehicle = vehicle
 
     def format(self, record: logging.LogRecord) -> str:
-        """One line, and below it those of a traceback, if there is one."""
+        """Format a record as one line, followed by its traceback, if any."""
         when = datetime.fromtimestamp(record.created, UTC).astimezone()
         clock = when.isoformat(timespec="milliseconds")[11:23]
-        # What others have sent may be in a message: nothing that moves a cursor goes to a terminal.
+        # A message may contain text from the link: nothing that moves a cursor goes to a terminal.
         message = "".join(one if one.isprintable() else " " for one in record.getMessage())
         line = f"{clock}  {self._vehicle}  {record.levelname.lower():7}  {message}"
         return f"{line}\n{self.formatException(record.exc_info)}" if record.exc_info else line
 
 
 def log_to_standard_error(log_format: LogFormat, vehicle: str) -> None:
-    """Send every log record of this process to standard error.
+    """Send all log records of this process to standard error.
 
     Args:
-        log_format: how each is written.
-        vehicle: which this process is for.
+        log_format: of the records.
+        vehicle: name of this process's vehicle.
     """
     readable = log_format is LogFormat.TEXT or (
         log_format is LogFormat.AUTO and sys.stderr.isatty()
@@ -236,14 +232,14 @@ async def run_until_stopped(daemon: Daemon) -> None:
         InputError: an address cannot be used.
     """
     stop = stop_event()
-    # What the program consists of stays: looking for garbage among it takes 10 to 20 ms each time.
+    # The program's own objects stay: searching them for garbage takes 10 to 20 ms each time.
     gc.collect()
     gc.freeze()
     await daemon.run(stop)
 
 
 def order_giver(mission: Mission, keys: KeyFiles, operator_key: Path | None) -> OrderGiver:
-    """What gives the orders that ground stations request.
+    """Return the giver of the orders that ground stations request.
 
     Raises:
         InputError: there is no operator's key.
@@ -276,10 +272,10 @@ def trust_in(mission: Mission, name: str, by: Credentials) -> Trust:
 
 
 def leader_address(mission: Mission, vehicle: str, instead: str | None) -> Address | None:
-    """Where a leader without a companion is heard, by the mission or the command line; None for all others.
+    """Return the address of a leader without a companion, from the mission or `instead`; None for others.
 
     Raises:
-        InputError: the address is none, or of no use, or the vehicle is that leader.
+        InputError: the address is invalid or of no use, or the vehicle is that leader.
     """
     if not mission.leader.is_foreign:
         if instead is not None:
@@ -297,7 +293,7 @@ def leader_address(mission: Mission, vehicle: str, instead: str | None) -> Addre
 
 
 def read_key(file: Path) -> bytes:
-    """The signing key in a file, which only who runs the companion should be able to read.
+    """Read a signing key from a file, which should be readable for the companion's user alone.
 
     Raises:
         InputError: there is no such file, or no key in it.
@@ -315,10 +311,10 @@ def read_key(file: Path) -> bytes:
 
 
 def parse_clock(text: str | None) -> Clock:
-    """`EPOCH,RATE` as a rehearsal hands it to its companions; the real clock where there is none.
+    """Parse `EPOCH,RATE`, with which a rehearsal starts its companions; None gives the real clock.
 
     Raises:
-        InputError: it is not two numbers.
+        InputError: it is not two numbers, or the rate is not above 0.
     """
     if text is None:
         return Clock()

@@ -97,7 +97,7 @@ def console(
     It only looks on, unless --operator is given. Ctrl-C ends it. Exit status: 0 ended, 2 the input is wrong.
     """
     require(*CONSOLE, *(() if foxglove is None else ("foxglove",)))
-    # Here, because an aircraft's computer has no library that serves pages.
+    # Imported here, since an aircraft's computer lacks the library that serves pages.
     from vfguide.lab.console.server import ConsoleAddress, served
     from vfguide.lab.console.source import RecordedFlight
     from vfguide.lab.console.tiles import open_tiles
@@ -155,7 +155,7 @@ def console(
 
 
 async def shown(page: AbstractAsyncContextManager[str], operator_token: str | None = None) -> None:
-    """Serve a page, whose address is printed, until Ctrl-C or SIGTERM."""
+    """Print the address of a page and serve it until Ctrl-C or SIGTERM."""
     async with page as url:
         stop = stop_event()
         for line in addresses_of(url, operator_token):
@@ -174,18 +174,18 @@ async def live_console(
     tiles: "TileSource | None" = None,
     foxglove: int | None = None,
 ) -> AsyncIterator[str]:
-    """The console of a formation for as long as the context lasts; yields the address to open.
+    """Serve the console of a formation for as long as the context lasts; yield its address.
 
     Args:
         mission: of the formation.
-        watched: its links, and the operator's key by which orders are signed.
-        address: where it is served.
-        token: that lets in; one of chance if absent.
-        operator_token: that lets operators in, who give orders; nobody does if absent.
-        tiles: the map below the formation, if there is one.
-        foxglove: port on which Foxglove is served, too; None for none.
+        watched: links of the formation, and the operator's key that signs orders.
+        address: interface, port and certificate.
+        token: lets viewers in; None for a random one.
+        operator_token: lets operators in, who give orders; None allows no orders.
+        tiles: map below the formation, if any.
+        foxglove: port of a Foxglove server beside the page; None for none.
     """
-    # Here, for the same reason.
+    # Imported here, since an aircraft's computer lacks the library that serves pages.
     from vfguide.lab.console.server import served
     from vfguide.lab.console.source import live_flight_of
 
@@ -199,7 +199,7 @@ async def live_console(
         if foxglove is None:
             yield url
             return
-        # A library of the extra `files`.
+        # Imported here, since its library belongs to the extra `files`.
         from vfguide.lab.console.foxglove import foxglove_stream
 
         with foxglove_stream(mission, foxglove) as (stream, where):
@@ -209,7 +209,7 @@ async def live_console(
 
 
 def check_orders(credentials: Credentials) -> None:
-    """See that orders can be given.
+    """Check that orders can be signed.
 
     Raises:
         InputError: there is no key to sign them with.
@@ -222,7 +222,7 @@ def check_orders(credentials: Credentials) -> None:
 
 
 def new_operator_token(token_file: Path | None) -> str:
-    """The token of operators: kept beside that of the others, or one of chance.
+    """Return the operators' token: random, or kept in a file beside the viewers' token.
 
     Raises:
         InputError: it is kept, and cannot be used.
@@ -233,7 +233,7 @@ def new_operator_token(token_file: Path | None) -> str:
 
 
 def addresses_of(url: str, operator_token: str | None) -> tuple[str, ...]:
-    """Lines with the addresses of a console, that of operators second."""
+    """Return lines with the addresses of a console, the operators' address second."""
     first = f"console: {url}"
     if operator_token is None:
         return (first,)
@@ -242,7 +242,7 @@ def addresses_of(url: str, operator_token: str | None) -> tuple[str, ...]:
 
 
 def kept_token(path: Path) -> str:
-    """The token in a file, which is made if it is missing: pages that are open outlive a restart.
+    """Read a token from a file, or make the file: open pages then outlive a restart.
 
     Raises:
         InputError: the file can be read by others, is no token, or cannot be written.
@@ -263,7 +263,7 @@ def kept_token(path: Path) -> str:
 
 
 def make_token(path: Path) -> str:
-    """A new token in a new file of its owner's alone.
+    """Write a random token to a new file that only its owner can read.
 
     Raises:
         InputError: it cannot be written.

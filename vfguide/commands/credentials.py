@@ -1,4 +1,4 @@
-"""A formation's members on the command line: their keys, who flies in the mission, and who watches it."""
+"""Keys and membership of a formation's vehicles and operators, from the command line."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -19,12 +19,12 @@ REMEDY = "make keys with `vfguide keys make MISSION`"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Credentials:
-    """What a member signs with, and whom it believes."""
+    """Keys of a member."""
 
     roster: Roster | None
-    """Everybody's public keys; None to believe anybody."""
+    """Public keys of all members; None accepts messages of anybody."""
     key: "Ed25519PrivateKey | None"
-    """The own private key; None to sign nothing."""
+    """Private key of the member; None leaves messages unsigned."""
 
 
 ANYBODY = Credentials(roster=None, key=None)
@@ -32,19 +32,17 @@ ANYBODY = Credentials(roster=None, key=None)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class KeyFiles:
-    """What the command line says about keys."""
+    """Key options of the command line; None where an option is absent."""
 
     mission: Path
-    """The mission's file, beside which keys are looked for."""
+    """Mission file, beside which keys are looked for."""
     key: Path | None = None
-    """The private key, if an option names it."""
     roster: Path | None = None
-    """The roster, if an option names it."""
     insecure: bool | None = None
-    """Whether nothing is to be signed; None where no option asks."""
+    """Whether messages are unsigned; None where the command has no such option."""
 
     def of_vehicle(self, name: str) -> Credentials:
-        """What a vehicle signs with, and whom it believes.
+        """Return the keys of a vehicle.
 
         Raises:
             InputError: a file is missing or cannot be used.
@@ -57,7 +55,7 @@ class KeyFiles:
         return Credentials(roster=self._read_roster(), key=read_private_key(path))
 
     def of_operator(self) -> Credentials:
-        """Keys of an operator. Without a private key nothing shows that what it hears is new.
+        """Return the keys of an operator; without a private key, replayed messages go undetected.
 
         Raises:
             InputError: a file is missing or cannot be used.
@@ -87,12 +85,12 @@ class KeyFiles:
 
 
 def flying(mission: Mission) -> list[str]:
-    """Vehicles that fly in a mission, leader first."""
+    """Return the vehicles that fly in a mission, leader first."""
     return [mission.leader.vehicle, *mission.followers_by_name]
 
 
 def check_flies(mission: Mission, vehicle: str) -> None:
-    """See that a vehicle flies in the mission.
+    """Check that a vehicle flies in the mission.
 
     Raises:
         InputError: it does not.
@@ -104,7 +102,7 @@ def check_flies(mission: Mission, vehicle: str) -> None:
 
 
 def check_deputies(mission: Mission, links: Sequence[LinkAddress]) -> None:
-    """See that the links carry what deputies say: a slow radio has no room for it.
+    """Check that the links have room for the messages of deputies, as a slow radio has not.
 
     Raises:
         InputError: there are deputies, and a radio.
@@ -118,7 +116,7 @@ def check_deputies(mission: Mission, links: Sequence[LinkAddress]) -> None:
 def watched_formation(
     mission: Mission, links: Sequence[str], credentials: Credentials
 ) -> WatchedFormation:
-    """The formation of a mission, for an operator who watches it over some links.
+    """Return the formation of a mission for an operator who watches it over some links.
 
     Raises:
         InputError: an address is wrong.

@@ -73,12 +73,12 @@ def export(
 
 
 def writer_for(out: Path) -> Write:
-    """What writes a file of this name.
+    """Return the function that writes a file with this ending.
 
     Raises:
-        InputError: nothing does, or its library is not installed.
+        InputError: the ending is unknown, or its library is not installed.
     """
-    # Each where it is needed, for each brings a library of its own.
+    # Imported where needed, since each brings a library of its own.
     try:
         match out.suffix.lower():
             case ".mcap":

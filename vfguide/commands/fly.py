@@ -33,7 +33,7 @@ from vfguide.mission.model import Mission
 from vfguide.mission.overrides import Overrides, SpeedResponseName, WindName, parse_settings
 
 EPOCH_S = 1_767_225_600.0
-"""Time 0 of a flight in virtual time, in its logs: the same seed gives the same files. 1 January 2026."""
+"""Unix time 0 of a virtual flight in its logs, 1 January 2026: the same seed gives the same files."""
 
 ACCEPTED, NOT_ACCEPTED, BROKEN = 0, 1, 3
 
@@ -129,10 +129,10 @@ def fly(
     changed = loaded.mission
     speed = 1.0 if speedup is None else speedup
     if live:
-        # Here, because an aircraft's computer has no library that counts what processes take.
+        # Imported here, since an aircraft's computer lacks the library that measures processes.
         from vfguide.commands.fly_live import check_live, fly_live, live_page
 
-        # Before anything else is said of a mission that cannot be flown so.
+        # First of all checks, since a mission that cannot fly live needs no other findings.
         check_live(changed, speedup=speed)
     findings = check_mission(changed, loaded.source)
     errors = Terminal(stderr=True)
@@ -161,10 +161,10 @@ def check_options(
     foxglove: int | None,
     for_nothing: bool,
 ) -> None:
-    """See that options go together, and that what they need is installed.
+    """Check that options go together, and that the libraries they need are installed.
 
     Raises:
-        InputError: they do not.
+        InputError: the options do not go together.
         MissingLibraryError: a library is not installed; the text says which extra brings it.
     """
     if live:
@@ -193,17 +193,17 @@ def check_options(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class KeptFlight:
-    """Where a flight is kept, and how it is told."""
+    """Output of a flight: its directory and the form of its summary."""
 
     out: Path | None
-    """The directory; None keeps nothing."""
+    """Directory; None keeps nothing."""
     force: bool
-    """Whether what is there may be replaced, and by a flight that was stopped."""
+    """Whether existing files may be replaced, even by a flight that was stopped."""
     as_json: bool
     """Whether standard output is the summary alone."""
 
     def directory(self, mission: Mission) -> AbstractContextManager[Path | None]:
-        """Give the directory to write a flight into, if it is to be kept.
+        """Return a context with the directory to write a flight into, or None if it is not kept.
 
         Raises:
             InputError: on entering, it cannot be written to, or holds something else.
@@ -214,7 +214,7 @@ class KeptFlight:
         return kept_in(self.out, mission=mission.name, vehicles=vehicles, force=self.force)
 
     def conclude(self, flight: LockstepFlight, directory: Path | None) -> int:
-        """Keep and print what a flight came to, and return the exit status.
+        """Keep and print the results of a flight, and return the exit status.
 
         Raises:
             VfguideError: the flight was stopped, and the earlier one in `out` stays.
@@ -265,8 +265,8 @@ def fly_virtually(mission: Mission, kept: KeptFlight) -> int:
 
 
 def keep(flight: LockstepFlight, summary: Summary, out: Path) -> None:
-    """Write everything about a flight into its directory."""
-    # Here, because it brings the plotting library: a daemon on an aircraft has no use for 30 MB of it.
+    """Write record, logs, summary and report of a flight into its directory."""
+    # Imported here, since it brings the plotting library: a daemon on an aircraft has no use for its 30 MB.
     from vfguide.lab.report.page import write_report
 
     flight.record.save(out / RECORD_NAME)
@@ -278,7 +278,7 @@ def keep(flight: LockstepFlight, summary: Summary, out: Path) -> None:
 
 
 def show(summary: Summary, flight: LockstepFlight, out: Path | None, *, as_json: bool) -> None:
-    """Print the summary: JSON alone, or a table with what the companions had to say."""
+    """Print the summary: JSON alone, or a table with the companions' warnings."""
     output = Terminal()
     if as_json:
         output.tell(json.dumps(summary_json(summary), indent=2))
