@@ -1,1 +1,1 @@
-"""One companion per vehicle: telemetry and leader state in, setpoints and leader state out."""
+"""Companion of a vehicle: telemetry and leader state in, setpoints and leader state out."""

@@ -1,4 +1,4 @@
-"""What becomes of reports that are not believed: words for the pilot, counts, and where another may be."""
+"""Handling of disbelieved reports: texts for the pilot, counts, and other places of a vehicle."""
 
 import math
 from collections import Counter
@@ -19,17 +19,17 @@ REMEDIES = {
     "the autopilot says that its GPS": "see that its antenna is connected",
     "the autopilot says that its attitude": "before take-off restart it",
 }
-"""What to do about a fault, by how it begins."""
+"""Remedies of faults, by the beginning of the fault's text."""
 
 
 def with_remedy(fault: str) -> str:
-    """Why no position is used, and what to do."""
+    """Return a fault's text with its remedy."""
     remedies = (remedy for beginning, remedy in REMEDIES.items() if fault.startswith(beginning))
     return f"{fault}: {next(remedies, 'see its GPS and its ground station')}"
 
 
 class Doubt:
-    """Words for what becomes of the belief in one's own vehicle, and counts."""
+    """Texts on belief in the own position, and counts of reports that were not believed."""
 
     def __init__(self, alerts: Alerts) -> None:
         self._alerts = alerts
@@ -41,7 +41,7 @@ class Doubt:
         self._times = 0
 
     def note(self, believed: Believed, belief: Belief, now: float) -> None:
-        """Take what a report left of a belief."""
+        """Process the belief after a report, and tell the pilot of changes."""
         if believed.is_reported:
             if believed.moved is not None:
                 self._say(
@@ -75,12 +75,12 @@ class Doubt:
 
     @property
     def _count(self) -> str:
-        """Which fault in a row it is: the same words twice would be taken for one."""
+        """Number of the fault in a row as text: identical texts would be suppressed as one."""
         return f" (fault {self._times} in a row)" if self._times > 1 else ""
 
 
 def sentence_of(believed: Believed, belief: Belief) -> str:
-    """What is not believed, what the vehicle flies by, and what to do."""
+    """Return text on what is not believed, what the vehicle flies by, and what to do."""
     if believed.life is not Life.COASTING:
         steered = f"not steered until it has been right for {belief.agree_s:g} s"
     else:
@@ -92,7 +92,7 @@ def sentence_of(believed: Believed, belief: Belief) -> str:
 
 
 class HeardVehicle:
-    """What is believed of another vehicle by its own reports, whichever way they come."""
+    """Belief in another vehicle's reports, from any source."""
 
     def __init__(
         self,
@@ -101,47 +101,36 @@ class HeardVehicle:
         whose: str,
         beside: Callable[[HeardState], HeightWitnesses] | None,
     ) -> None:
-        """Make it, with nothing heard yet.
-
-        Args:
-            belief: in its motion and height.
-            alerts: takes what a pilot should know.
-            whose: reports these are, as texts begin.
-            beside: finds what there is beside the altitude of a state.
-        """
+        """Begin with nothing heard; texts begin with `whose`, and `beside` finds an altitude's witnesses."""
         self.belief = belief
-        """In its motion and height."""
+        """Belief in its motion and height."""
         self.alerts = alerts or Alerts()
-        """Takes what a pilot should know."""
+        """Sink for alerts to the pilot."""
         self._whose, self._beside = whose, beside
         self.counters: Counter[str] = Counter()
         """Reports that were not used, by reason."""
         self.newest: HeardState | None = None
-        """Times on one's own clock."""
+        """Newest believed state, on the own clock."""
         self.doubted: tuple[HeardState, HeardState] | None = None
-        """Where it says it is while that is not believed, and where its velocities lead: it may be at
-        either place."""
+        """Two possible places while its motion is not believed: as reported, and as its velocities lead."""
 
     def tell(self, text: str) -> None:
-        """Tell a pilot something of it; a sentence's end, after its name."""
+        """Tell the pilot a text that completes a sentence after the vehicle's name."""
         self.alerts.say(f"state of {self._whose}", WARNING, f"{self._whose} {text}")
 
     def turns(self, what: str, *, holds: bool) -> bool:
-        """Note whether something holds of it; whether that has changed."""
+        """Note whether a condition holds for the vehicle; return whether that has changed."""
         return self.alerts.turns(f"{self._whose}: {what}", holds=holds)
 
     def believe(
         self, motion: ReportedMotion, said: HeardState, slack_s: float = 0.0
     ) -> HeardState | None:
-        """Judge a report.
+        """Judge a report; return it without a doubted altitude, or None where it cannot be true.
 
         Args:
-            motion: for its belief, on a clock that runs evenly.
-            said: the same and all the rest, as reported, on one's own clock.
-            slack_s: by so much the time since the report before may have been longer than the stamps say.
-
-        Returns:
-            what it said, less an altitude that is doubted; None where it cannot be true.
+            motion: reported motion, on a clock that runs evenly.
+            said: whole report, on the own clock.
+            slack_s: time that may have passed since the previous report beyond its stamps, s.
         """
         believed = self.belief.take(motion, slack_s=slack_s)
         if math.isfinite(said.altitude_amsl):
@@ -163,7 +152,7 @@ class HeardVehicle:
         return said if believed.is_reported else None
 
     def _judge_altitude(self, said: HeardState, time_s: float) -> HeardState:
-        """A state whose altitude, and height with it, is NaN while it is doubted."""
+        """Return a state whose altitude and height are NaN while the altitude is doubted."""
         height, beside = self.belief.height, None
         if self._beside is not None and not height.is_known:
             beside = self._beside(said)

@@ -1,4 +1,4 @@
-"""The figures by which a companion says how quick it is, what it hears and what it refused.
+"""Figures of a companion's presence: latencies, leader, battery, and refused messages.
 
 Each series is kept as a few numbers, so that memory stays the same however long it flies.
 """
@@ -11,17 +11,17 @@ from vfguide.state import HeardState
 
 
 class Quantiles:
-    """Median, 99th percentile and greatest of the newest values of a series."""
+    """Quantiles of the newest values of a series, and its all-time maximum."""
 
     def __init__(self, size: int = 2000) -> None:
-        """Keep this many of the newest values."""
+        """Keep `size` newest values."""
         self._size = size
         self._newest: list[float] = []
         self._next = 0
         self.greatest = 0.0
-        """The greatest of all values ever."""
+        """Maximum of all values ever, at least 0."""
         self.last: float | None = None
-        """The newest."""
+        """Newest value; None before the first."""
 
     def add(self, value: float) -> None:
         """Note a value."""
@@ -34,7 +34,7 @@ class Quantiles:
             self._next = (self._next + 1) % self._size
 
     def quantiles(self, *shares: float) -> list[float]:
-        """For each share the value that it of the newest ones does not exceed; empty without any values."""
+        """Return the quantile of the newest values at each share; empty without values."""
         ordered = sorted(self._newest)
         if not ordered:
             return []
@@ -42,12 +42,7 @@ class Quantiles:
 
 
 def latency_figures(name: str, series: Quantiles) -> dict[str, float]:
-    """A series of times as figures of a presence, ms.
-
-    Args:
-        name: of the series; each figure's name begins with it.
-        series: times, s.
-    """
+    """Return a series of times, s, as figures in ms, whose names begin with `name`."""
     figures = {f"{name}_max": round(series.greatest * 1e3, 3)}
     if series.last is not None:
         figures[f"{name}_last"] = round(series.last * 1e3, 3)
@@ -58,11 +53,9 @@ def latency_figures(name: str, series: Quantiles) -> dict[str, float]:
 
 
 def figures_of_leader(leader: HeardState, now: float) -> dict[str, float]:
-    """How a leader without a companion moves, for those who do not hear it themselves.
+    """Return the motion of a leader without a companion, with its age at an own time, s.
 
-    Args:
-        leader: as it was heard last, on the own clock.
-        now: s on that clock.
+    These figures are for those who do not hear it themselves.
     """
     values = (
         now - leader.time_s,
@@ -77,7 +70,7 @@ def figures_of_leader(leader: HeardState, now: float) -> dict[str, float]:
 
 
 def figures_of_battery(sensors: SensorsReport | None) -> dict[str, float]:
-    """What is left of the battery, %, and its voltage, V; nothing of what the autopilot does not tell."""
+    """Return the battery's charge, %, and voltage, V, as far as the autopilot reports them."""
     if sensors is None:
         return {}
     figures = {}
@@ -89,7 +82,7 @@ def figures_of_battery(sensors: SensorsReport | None) -> dict[str, float]:
 
 
 def refused_messages(counters: Counter[str]) -> dict[str, float]:
-    """Messages that were not believed, in all and by reason, as figures of a presence."""
+    """Return the counts of refused messages, in all and by reason."""
     found = {
         reason.replace(": ", "_").replace(" ", "_").replace("'", ""): float(count)
         for reason, count in counters.items()

@@ -1,6 +1,6 @@
-"""When a companion steers and when it keeps quiet: a pure function of what it knows.
+"""Decision on when a companion steers, as a pure function of its knowledge.
 
-`MODES` is the whole life of a companion. What has happened is found by `event_of`, by ages and distances.
+`MODES` is the whole life of a companion. `event_of` finds what has happened from ages and distances.
 """
 
 import math
@@ -17,118 +17,118 @@ NO_LEADER = "the leader is not heard: see that its companion runs, or it sends; 
 
 
 class Mode(Enum):
-    """What a companion is doing."""
+    """Activity of a companion."""
 
     WAITING = "waiting"
-    """Nothing to steer by yet: no telemetry, no leader, or the autopilot is not in its guided mode."""
+    """Nothing to steer by: no telemetry, no leader, or the autopilot is not in its guided mode."""
     JOINING = "joining"
     """Steering, still away from the slot or the path."""
     TRACKING = "tracking"
     """Steering, on the slot or the path."""
     PREDICTING = "predicting"
-    """Steering by the leader as it would fly its path: nothing has been heard of it for a while."""
+    """Steering by the leader as predicted along its path, as it has been silent for a while."""
     BREAKAWAY = "breakaway"
-    """The leader has been silent for too long: steering away from the others."""
+    """Steering away from the others, as the leader has been silent for too long."""
     LOST = "lost"
-    """Away from the others: the vehicle goes back to its autopilot."""
+    """Away from the others, and handed back to the autopilot."""
     PILOT = "pilot"
-    """The pilot has taken over: silent until the guided mode comes back."""
+    """Silent until the guided mode comes back, as the pilot has taken over."""
 
     def __init__(self, value: str) -> None:
-        """Know whether it steers: asked several times in each step."""
+        """Compute once whether the mode steers, as each step asks several times."""
         self.steers = value in {"joining", "tracking", "predicting", "breakaway"}
-        """Whether setpoints go out."""
+        """Whether setpoints are sent."""
 
 
 class Control(Enum):
-    """In whose hands a vehicle is."""
+    """Party that controls a vehicle."""
 
     UNKNOWN = "unknown"
-    """No heartbeat of late."""
+    """Unknown: no recent heartbeat."""
     DISARMED = "disarmed"
-    """The motor is off."""
+    """Nobody: the vehicle is disarmed."""
     FREE = "free"
-    """Not in the guided mode, and it has not been in this flight."""
+    """Pilot or autopilot, not in the guided mode in this flight so far."""
     GUIDED = "guided"
-    """The autopilot obeys."""
+    """Companion: the autopilot is in its guided mode."""
     RETURNED = "returned"
-    """The autopilot's own, as the companion handed it back."""
+    """Autopilot, to which the companion has handed the vehicle back."""
     PILOT = "pilot"
-    """The pilot has left the guided mode, or a fail-safe has."""
+    """Pilot or a fail-safe, which has left the guided mode."""
     BARRED = "barred"
-    """Not to be steered, whatever its mode: see the companion's objection."""
+    """Not the companion, in any mode: see its objection."""
 
 
 class Objection(msgspec.Struct, frozen=True, kw_only=True):
-    """Why a vehicle is not steered, whatever its mode."""
+    """Reason why a vehicle is not steered in any mode."""
 
     key: str
-    """Its kind: pilot and log hear each once."""
+    """Kind, of which pilot and log hear once."""
     text: str
-    """What is found, and what to do."""
+    """Finding and remedy."""
     returns: bool = True
-    """Whether a vehicle that was steered is handed back; not where somebody else steers it."""
+    """Whether a steered vehicle is handed back; not if somebody else steers it."""
 
 
 class Situation(msgspec.Struct, frozen=True, kw_only=True):
-    """What the supervisor decides by."""
+    """Input of the supervisor's decision."""
 
     control: Control
-    """In whose hands the vehicle is."""
+    """Party that controls the vehicle."""
     telemetry_age: float
-    """s since the newest position; infinite before the first."""
+    """Time since the newest position, s; infinite before the first."""
     leader_age: float
-    """s since the newest leader state was true; 0 for the leader itself, infinite before the first."""
+    """Age of the newest leader state, s; 0 for the leader itself, infinite before the first."""
     steered: bool
-    """Whether it flies by what this companion has sent, and would go on by it."""
+    """Whether the vehicle flies by this companion's setpoints, and would go on by them."""
     distance: float
-    """m from the slot, or from the path for the leader; infinite while not known."""
+    """Distance from the slot, or for the leader from the path, m; infinite while not known."""
 
 
 class ModeTimeouts(msgspec.Struct, frozen=True, kw_only=True):
-    """How long each kind of silence is borne, and what counts as being in place."""
+    """Longest tolerated silences, s, and distances that count as in place, m."""
 
     telemetry_s: float = 1.0
-    """Position reports."""
+    """Position reports, s."""
     telemetry_lost_s: float = 10.0
-    """Position reports, before a vehicle that was steered is handed back."""
+    """Position reports, before a steered vehicle is handed back, s."""
     leader_s: float = 0.6
-    """Leader states, before the companion says that it is predicting."""
+    """Leader states, before the companion reports that it is predicting, s."""
     prediction_s: float = 30.0
-    """Leader states, before the formation breaks up."""
+    """Leader states, before the formation breaks up, s."""
     breakaway_s: float = 25.0
-    """How long each follower then flies away from the others."""
+    """Time for which each follower then flies away from the others, s."""
     arrived_m: float = 10.0
-    """Nearer than this to slot or path is in place."""
+    """Distance from slot or path up to which a vehicle arrives in place, m."""
     strayed_m: float = 20.0
-    """Farther than this is not any more."""
+    """Distance from slot or path up to which a vehicle in place remains so, m."""
 
 
 class Happening(Enum):
-    """What a situation comes to."""
+    """Event in the life of a companion."""
 
     TAKEN = "taken"
-    """The pilot flies, or a fail-safe."""
+    """The pilot or a fail-safe flies the vehicle."""
     UNHEARD = "unheard"
-    """Nobody knows in whose hands the vehicle is."""
+    """It is not known who controls the vehicle."""
     RETURNED = "returned"
-    """The vehicle is its autopilot's, as it was handed back, and the leader is not heard."""
+    """The autopilot has the vehicle after a hand-back, and the leader is not heard."""
     UNGUIDED = "unguided"
     """The autopilot is in no mode in which it obeys."""
     NOTHING = "nothing"
-    """It obeys, and there is nothing to steer by, or to hand back."""
+    """The autopilot obeys, and there is nothing to steer by, or to hand back."""
     NEAR = "near"
-    """The leader is heard; in place."""
+    """The leader is heard, and the vehicle is in place."""
     BESIDE = "beside"
-    """The leader is heard; in place for who was there, not for who comes."""
+    """The leader is heard; the vehicle is in place if it was before, and not if it is joining."""
     AWAY = "away"
-    """The leader is heard; not in place."""
+    """The leader is heard, and the vehicle is not in place."""
     SILENT = "silent"
-    """The leader has not been heard for a while."""
+    """The leader has been silent for a while."""
     APART = "apart"
-    """For so long that all fly apart."""
+    """The leader has been silent for so long that all fly apart."""
     OVER = "over"
-    """For so long that a vehicle that was steered is handed back."""
+    """The leader has been silent for so long that a steered vehicle is handed back."""
 
 
 MODES = """
@@ -142,18 +142,18 @@ MODES = """
 | lost       | pilot | lost    | lost     | waiting  | waiting | tracking | joining  | joining | predicting | breakaway | lost |
 | pilot      | pilot | pilot   | waiting  | waiting  | waiting | tracking | joining  | joining | predicting | breakaway | lost |
 """  # noqa: E501 - a table
-"""The mode that follows from a mode (rows) and what has happened (columns)."""
+"""Next mode by present mode (rows) and event (columns)."""
 
 NEXT = transitions(MODES, Mode, Happening)
 
 
 def next_mode(mode: Mode, situation: Situation, timeouts: ModeTimeouts) -> Mode:
-    """The mode that follows from a mode and a situation."""
+    """Return the next mode."""
     return NEXT[mode][event_of(situation, timeouts)]
 
 
 def event_of(situation: Situation, timeouts: ModeTimeouts) -> Happening:
-    """What a situation comes to. An age that is no number counts as silence."""
+    """Return the event of a situation; an age of NaN counts as silence."""
     if situation.control is Control.GUIDED:
         sends = situation.telemetry_age <= timeouts.telemetry_s
         return leader_event(situation, timeouts) if sends else Happening.NOTHING
@@ -163,7 +163,7 @@ def event_of(situation: Situation, timeouts: ModeTimeouts) -> Happening:
 
 
 def leader_event(situation: Situation, timeouts: ModeTimeouts) -> Happening:
-    """What it comes to that the leader is heard, or is not, where the vehicle obeys."""
+    """Return the event of an obedient vehicle by the leader's age and the distance."""
     age = situation.leader_age
     if age <= timeouts.leader_s:
         if situation.distance <= timeouts.arrived_m:
@@ -177,7 +177,7 @@ def leader_event(situation: Situation, timeouts: ModeTimeouts) -> Happening:
 
 
 UNGUIDED = {Control.PILOT: Happening.TAKEN, Control.UNKNOWN: Happening.UNHEARD}
-"""What a vehicle comes to that does not obey; otherwise it is in no such mode."""
+"""Events of vehicles that do not obey; UNGUIDED for any other control."""
 
 
 def obstacle(
@@ -189,20 +189,14 @@ def obstacle(
     leader_age: float,
     time_known: bool,
 ) -> str | None:
-    """What would keep a companion from steering, in words; None where nothing would.
+    """Return what would keep a companion from steering, or None.
 
-    A leader with a companion that is heard is one whose signature, session and clock have been accepted.
-    Behind one without, the formation's time shows that the others are heard.
-
-    Args:
-        timeouts: of the mission.
-        telemetry_age: since the newest position report, s.
-        doubts: whether that is not believed.
-        fault: why no position is used, and what to do, where that is known.
-        leader_age: of the newest leader state, s; 0 for the leader itself.
-        time_known: whether the formation's clock is known: without it nobody is told where this vehicle is.
+    A leader with a companion is only heard once its signature, session and clock are accepted. Behind one
+    without, the formation's time shows that the others are heard. Without that time nobody is told where this
+    vehicle is. The ages, s, are of position report and leader state (0 for the leader itself), `doubts` is of
+    the position, and `fault` is its reason with the remedy.
     """
-    # Not "above": an age that is no number counts as silence.
+    # An age of NaN counts as silence.
     if not telemetry_age <= timeouts.telemetry_s:
         return fault or NOTHING_HEARD
     if doubts:
