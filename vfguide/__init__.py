@@ -17,7 +17,7 @@ __all__ = ["Comparison", "Flight", "compare", "environment", "fly", "load_missio
 
 
 def __getattr__(name: str) -> Any:  # noqa: ANN401 - of whatever is public
-    """A public name, imported when it is asked for: a companion in the air needs none of it."""
+    """Return a public name, imported on first use: a companion in the air needs none of them."""
     if name not in __all__:
         raise AttributeError(f"module 'vfguide' has no attribute {name!r}")
     from vfguide import flights
@@ -26,5 +26,5 @@ def __getattr__(name: str) -> Any:  # noqa: ANN401 - of whatever is public
 
 
 def __dir__() -> list[str]:
-    """The public names."""
+    """Return the public names."""
     return [*__all__]

@@ -1,7 +1,7 @@
 """Entry point of `vfguide` and of `python -m vfguide`.
 
-Nothing is imported at the top: what the program consists of takes a second to load, and Ctrl-C in that second
-is no fault of anybody's.
+Nothing is imported at the top. The program takes a second to load, and Ctrl-C in that second must end it
+cleanly.
 """
 
 import signal
@@ -19,10 +19,10 @@ def main() -> None:
 
 
 def stop(_number: int, _frame: FrameType | None) -> None:
-    """End at Ctrl-C, where a command has no better way.
+    """End at Ctrl-C, unless a command has its own handler.
 
     Raises:
-        SystemExit: always; unlike KeyboardInterrupt nobody makes a traceback or another status of it.
+        SystemExit: always; unlike KeyboardInterrupt it causes no traceback and keeps its status.
     """
     raise SystemExit(STOPPED)
 

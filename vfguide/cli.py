@@ -1,4 +1,4 @@
-"""The command line: options in, exit status out."""
+"""Command line: options in, exit status out."""
 
 import atexit
 import os
@@ -25,15 +25,15 @@ from vfguide.registry import plugin_fault
 WRONG_INPUT, BROKEN = 2, 3
 
 MATPLOTLIB = "MPLCONFIGDIR"
-"""The variable that says where Matplotlib keeps its list of fonts; else in the user's home."""
+"""Environment variable with Matplotlib's directory for its font list; by default in the user's home."""
 
 UsageError = cast("type[typer.BadParameter]", typer.BadParameter.__base__)
-"""Every error of wrong usage; Typer itself names only some of its kinds."""
+"""Base class of all usage errors; Typer exports only some of its subclasses."""
 
 FOXGLOVE, FOXGLOVE_PORT = "--foxglove", "8765"
 
 SHOWN_FAULTS = 50
-"""Faults of one file that are printed; a file with more is not a mission."""
+"""Maximum number of printed faults; a file with more is not a mission."""
 
 COMMANDS = {
     "fly": "Fly a whole formation on this computer.",
@@ -51,23 +51,23 @@ COMMANDS = {
     "bench": "Measure on this computer.",
     "keys": "Keys by which the members of a formation know each other.",
 }
-"""The first line of each command's help; the module of its name has its options and does the work."""
+"""First line of each command's help; the module of the same name implements the command."""
 
 ELSEWHERE = {"emulate": "judge"}
-"""Commands that stand in the module of another."""
+"""Commands that are in the module of another."""
 
 
 class CommandGroup(TyperGroup):
-    """The commands, each imported only when it is run: a daemon on an aircraft loads none of the others."""
+    """Command group that imports commands on use: a daemon on an aircraft loads none of the others."""
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:  # noqa: ANN401 - of Typer's own Click
-        """Find the command that is typed, and load it."""
+        """Find and load the typed command."""
         name, _, rest = super().resolve_command(ctx, args)
         return name, loaded(name or ""), with_usual_port(rest)
 
 
 def with_usual_port(args: list[str]) -> list[str]:
-    """Put Foxglove's usual port behind a `--foxglove` that names none: Typer has no optional values."""
+    """Insert Foxglove's usual port after a `--foxglove` without one, since Typer has no optional values."""
     found = []
     for word, after in zip_longest(args, args[1:], fillvalue=""):
         found.append(word)
@@ -91,7 +91,7 @@ def tell_version(wanted: bool) -> None:
     """Print the version and end.
 
     Raises:
-        typer.Exit: if it was asked for.
+        typer.Exit: the version was requested.
     """
     if wanted:
         Terminal().tell(f"vfguide {version_of('vfguide')}")
@@ -151,17 +151,17 @@ EXAMPLES = {
     "export": ("vfguide export flights/first --out flight.mcap",),
     "analyse": ("vfguide analyse mission.yaml 1.BIN 2.BIN --out flights/analysed",),
 }
-"""What is typed first, for the end of each command's help."""
+"""Typical calls, for the end of each command's help."""
 
 
 def epilog(name: str) -> str | None:
-    """A command's examples, as the help prints them: each on a line of its own."""
+    """Return a command's examples in the form of the help: one per line."""
     lines = EXAMPLES.get(name)
     return None if lines is None else "\n".join(("\b", "Examples:", *(f"  {one}" for one in lines)))
 
 
 def loaded(name: str) -> Any:  # noqa: ANN401 - of Typer's own Click
-    """A command with its options, or a group with its commands."""
+    """Return a command with its options, or a group with its commands."""
     command = getattr(import_module(f"vfguide.commands.{ELSEWHERE.get(name, name)}"), name)
     if not isinstance(command, typer.Typer):
         alone = typer.Typer(add_completion=False, rich_markup_mode=None)
@@ -175,7 +175,7 @@ def loaded(name: str) -> Any:  # noqa: ANN401 - of Typer's own Click
 
 
 def unloaded() -> None:
-    """Stand for a command that is not loaded, where the program's help lists it."""
+    """Represent a command that is not loaded in the program's help."""
 
 
 for listed, summary in COMMANDS.items():
@@ -183,7 +183,7 @@ for listed, summary in COMMANDS.items():
 
 
 def main() -> None:
-    """Entry point: what a user can mend is one line for each fault, never a traceback."""
+    """Run the command line: faults that a user can mend are one line each, never a traceback."""
     escape_what_cannot_be_encoded()
     keep_caches_out_of_home()
     try:
@@ -207,24 +207,24 @@ def main() -> None:
             if (fault := said(error)) is not None:
                 complain(fault)
                 sys.exit(status)
-        # Status 1 would say that the flight was flown.
+        # Status 1 would mean that the flight was flown.
         traceback.print_exc()
         raise SystemExit(BROKEN) from error
     sys.exit(status)
 
 
 def keep_caches_out_of_home() -> None:
-    """Have Matplotlib keep its list of fonts where it is gone at the end, unless the user names a place."""
+    """Let Matplotlib keep its font list in a temporary directory, unless the user names one."""
     if os.environ.get(MATPLOTLIB):
         return
-    # Made by Matplotlib, where anything is drawn.
+    # Matplotlib creates the directory when it draws.
     place = Path(tempfile.gettempdir()) / f"vfguide-fonts-{secrets.token_hex(8)}"
     os.environ[MATPLOTLIB] = str(place)
     atexit.register(shutil.rmtree, place, ignore_errors=True)
 
 
 def usage_fault(error: typer.BadParameter) -> str:
-    """What is wrong with the words of a command, in a line that names its help, or the help."""
+    """Return a usage error in a line that refers to the command's help, or the help itself."""
     command = "vfguide" if error.ctx is None else error.ctx.command_path
     text = error.format_message().rstrip(".")
     if text.startswith("Usage:"):
@@ -233,11 +233,11 @@ def usage_fault(error: typer.BadParameter) -> str:
 
 
 def complain(text: str) -> None:
-    """Print what is wrong, but not a thousand lines of it."""
+    """Print a fault, limited to SHOWN_FAULTS lines."""
     errors = Terminal(stderr=True)
     lines = text.splitlines()
     if len(lines) > SHOWN_FAULTS:
         lines[SHOWN_FAULTS:] = [f"and {len(lines) - SHOWN_FAULTS} more"]
-    # Where even this cannot be written, the exit status has to do.
+    # If even this cannot be written, the exit status has to suffice.
     with suppress(OSError):
         errors.tell("\n".join(lines))

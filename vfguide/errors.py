@@ -1,4 +1,4 @@
-"""The exceptions that vfguide raises on purpose, and the check for optional libraries."""
+"""Exceptions of vfguide, and checks for optional libraries."""
 
 import re
 import traceback
@@ -11,19 +11,19 @@ from typing import Any
 
 
 class VfguideError(Exception):
-    """Something vfguide can explain in one line; the root of all its exceptions."""
+    """Root of vfguide's exceptions, each with a one-line explanation."""
 
 
 class InputError(VfguideError):
-    """The input is wrong, and only its author can put it right: exit status 2."""
+    """Invalid input that only its author can correct: exit status 2."""
 
 
 class MissingLibraryError(VfguideError, ImportError):
-    """A library is not installed; the text says which extra brings it."""
+    """A library is not installed; the text names the extra that installs it."""
 
 
 def described_error(error: BaseException) -> str:
-    """An exception in one line: its kind, what it says, and where it came from."""
+    """Return an exception in one line: type, origin and message."""
     frames = traceback.extract_tb(error.__traceback__)
     place = f" in {Path(frames[-1].filename).name}:{frames[-1].lineno}" if frames else ""
     text = " ".join(str(error).split())
@@ -33,29 +33,29 @@ def described_error(error: BaseException) -> str:
 PACKAGE = "vfguide"
 
 IMPORTED_AS = {"pillow": "PIL", "eclipse-zenoh": "zenoh", "foxglove-sdk": "foxglove"}
-"""Packages whose module has another name."""
+"""Module names that differ from their packages' names."""
 
 DEVELOPMENT = "dev"
-"""The extra of those who change vfguide itself: its tools are nothing that a user misses."""
+"""Extra for developers of vfguide; its tools are never missing for users."""
 
 PLOTTING = ("matplotlib", "PIL", "jinja2")
-"""What a report is drawn by."""
+"""Modules for plots and reports."""
 
 CONSOLE = ("starlette", "uvicorn")
-"""What a console is served by."""
+"""Modules for the console."""
 
 POSIX = "termios"
-"""The module by which a system that companions can run on is known."""
+"""Module that identifies a system on which companions can run."""
 
 LEARNING = ("gymnasium", "pettingzoo", "greenlet")
-"""What environments are made of."""
+"""Modules for environments."""
 
 REQUIREMENT = re.compile(r"([A-Za-z0-9_.-]+).*;.*extra\s*==\s*['\"]([a-z]+)['\"]")
 
 
 @cache
 def extras_by_module() -> dict[str, str]:
-    """The extra that brings each optional module, as the package's own metadata say."""
+    """Return the extra that installs each optional module, from the package's metadata."""
     try:
         requirements = requires(PACKAGE) or []
     except PackageNotFoundError:
@@ -69,7 +69,7 @@ def extras_by_module() -> dict[str, str]:
 
 
 def missing_library(error: BaseException) -> str | None:
-    """What to install where an import failed, in one line; None where no extra would help."""
+    """Return what to install after a failed import, in one line; None if no extra helps."""
     if not isinstance(error, ImportError) or not error.name:
         return None
     module = error.name.partition(".")[0]
@@ -84,10 +84,10 @@ def missing_library(error: BaseException) -> str | None:
 
 
 def require(*modules: str) -> None:
-    """Make sure, before a long work begins, that what it ends with is there.
+    """Check before long work that the modules needed at its end are installed.
 
     Raises:
-        MissingLibraryError: a module is not installed; the text says which extra brings it.
+        MissingLibraryError: a module is not installed; the text names the extra that installs it.
     """
     for module in modules:
         if find_spec(module) is None:
@@ -97,10 +97,10 @@ def require(*modules: str) -> None:
 
 
 def import_extra(module: str) -> Any:  # noqa: ANN401 - such libraries have no types of their own
-    """An optional module.
+    """Import an optional module.
 
     Raises:
-        MissingLibraryError: it is not installed; the text says which extra brings it.
+        MissingLibraryError: it is not installed; the text names the extra that installs it.
     """
     try:
         return import_module(module)

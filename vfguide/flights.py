@@ -1,4 +1,4 @@
-"""Flying from Python: a mission in, a flight with its figures and its data as NumPy arrays out."""
+"""Python interface for flying missions: figures and data of a flight as NumPy arrays."""
 
 import asyncio
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -50,44 +50,45 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Flight:
-    """A flight that was flown in virtual time.
+    """A completed flight.
 
     Frame: metres north and east of the mission's origin, angles in radians clockwise from north, speeds in
     m/s.
     """
 
     flown: lockstep.LockstepFlight
-    """What the rehearsal brought home: record, events of the companions, telemetry logs."""
+    """Results of the rehearsal: record, events of the companions, telemetry logs."""
 
     @property
     def record(self) -> FlightRecord:
-        """Everything that was recorded."""
+        """Record of the flight."""
         return self.flown.record
 
     @property
     def time_s(self) -> FloatArray:
-        """N times of the samples, s from the beginning."""
+        """N sample times, s from the beginning."""
         return self.record.time_s
 
     @cached_property
     def summary(self) -> Summary:
-        """The flight in figures, such as `summary.formation.mean_error_m`."""
+        """Figures of the flight, such as `summary.formation.mean_error_m`."""
         return summarise(self.record)
 
     @cached_property
     def tracks(self) -> Mapping[str, VehicleRecord]:
-        """What each vehicle did, by name, the leader first: `tracks["f1"].north_m` has N entries."""
+        """Record of each vehicle by name, the leader first: `tracks["f1"].north_m` has N entries."""
         return {one.name: one for one in self.record.vehicles}
 
     @cached_property
     def errors(self) -> Mapping[str, SlotError]:
-        """Where each follower's slot was, by name: `errors["f1"].distance_m` has N entries, m."""
+        """Slot error of each follower by name: `errors["f1"].distance_m` has N entries, m."""
         return {one.name: slot_error(self.record.reference, one) for one in self.record.followers}
 
     def to_dataframe(self) -> Any:  # noqa: ANN401 - pandas has no types of its own
-        """All samples of all vehicles as a `pandas.DataFrame`: the columns of the CSV export, in degrees.
+        """Return all samples of all vehicles as a `pandas.DataFrame`.
 
-        One row for each sample and vehicle, part by part of the time, the leader first.
+        The columns are those of the CSV export, with angles in degrees. Each sample and vehicle has one row,
+        ordered by part of the time, then vehicle, the leader first.
 
         Raises:
             ImportError: pandas is not installed.
@@ -111,15 +112,15 @@ class Flight:
         )
 
     def report(self, directory: str | Path, *, force: bool = False) -> None:
-        """Write summary, report, record and plots, as `vfguide fly --out` does.
+        """Write summary, report, record and plots, like `vfguide fly --out`.
 
         Args:
-            directory: made if need be; an earlier flight of this mission in it is replaced.
-            force: whether what another flight or program wrote there may be replaced.
+            directory: created if missing; an earlier flight of this mission in it is replaced.
+            force: whether to replace files of another flight or program.
 
         Raises:
-            InputError: it cannot be written to, or holds something else.
-            ImportError: there is nothing to plot by.
+            InputError: the directory cannot be written to, or holds other files.
+            ImportError: the plotting libraries are not installed.
         """
         require(*PLOTTING)
         names = list(self.tracks)
@@ -130,7 +131,7 @@ class Flight:
 
 
 Metric = Callable[[Flight], float]
-"""A figure of one's own about a flight."""
+"""User-defined figure of a flight."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -138,18 +139,18 @@ class Comparison:
     """One flight of a comparison."""
 
     law: str
-    """Name of the law by which followers kept their slots."""
+    """Name of the law that followers flew by."""
     seed: int
-    """The seed of everything random."""
+    """Seed of all random processes."""
     settings: Mapping[str, object]
-    """What this flight had instead of the mission's fields."""
+    """Values that replaced fields of the mission."""
     summary: Summary
-    """What the flight came to."""
+    """Figures of the flight."""
     metrics: Mapping[str, float]
-    """Figures of one's own, by the names of their functions."""
+    """User-defined figures, by the names of their functions."""
 
     def row(self) -> dict[str, object]:
-        """The flight as one row of a table, such as of `pandas.DataFrame([one.row() for one in found])`."""
+        """Return the flight as a table row, as for `pandas.DataFrame([one.row() for one in found])`."""
         formation = self.summary.formation
         figures = {
             "mean_error_m": formation.mean_error_m,
@@ -166,7 +167,7 @@ def load_mission(file: str | Path) -> Mission:
     """Read a mission file.
 
     Raises:
-        InputError: it cannot be read, or is no mission; lists every fault that was found.
+        InputError: the file cannot be read, or is no mission; lists every fault found.
     """
     return load_file(Path(file))
 
@@ -181,20 +182,21 @@ def order(
     dry_run: bool = False,
     tell: Callable[[str], None] = print,
 ) -> OrderOutcome:
-    """Order a formation in the air to change, as `vfguide order` does.
+    """Order a change of a formation in the air, like `vfguide order`.
 
     Args:
-        mission: of the formation.
-        what: as on the command line, such as "vee" or "swap f1 f2".
+        mission: mission of the formation.
+        what: order as on the command line, such as "vee" or "swap f1 f2".
         links: addresses of the formation's links.
-        spacing: between neighbours, m.
-        keys: the mission's file, beside which the operator's key and the roster are; None signs nothing.
-        dry_run: whether to rehearse it only.
-        tell: takes a line for each thing that happens.
+        spacing: distance between neighbours, m.
+        keys: mission file beside which the operator's key and the roster are; None for unsigned
+            messages.
+        dry_run: whether only to rehearse the order.
+        tell: called with a line for each event.
 
     Raises:
-        InputError: an address, a key or the order is wrong, or it cannot be carried out.
-        VfguideError: no link stands, or the formation is not heard.
+        InputError: an address, a key or the order is wrong, or the order cannot be carried out.
+        VfguideError: no link works, or the formation is not heard.
     """
     files = KeyFiles(mission=Path(keys or "mission.yaml"), insecure=keys is None)
     credentials = files.of_operator()
@@ -216,30 +218,33 @@ def fly(
     links: Sequence[str] = (),
     speedup: float = 1.0,
 ) -> Flight:
-    """Fly a mission in virtual time; the same seed gives the same flight, to the last bit.
+    """Fly a mission in virtual time, or live.
 
-    Or live: in real time, with a process for each program and real sockets between them.
+    In virtual time the same seed gives the same flight, to the last bit. A live flight runs in real time,
+    with a process for each program and real sockets between them.
 
     Args:
-        mission: what to fly.
-        law: its name, or its class, instead of the mission's `controller.type`.
-        settings: values instead of those of any fields, such as `{"controller.k_x": 0.3}`.
-        duration_s: length of the flight, s, instead of the mission's.
-        rate_hz: guidance steps per second instead of the mission's.
-        seed: of everything random instead of the mission's.
-        processes: to spread the vehicles over. More than one imports the program that calls this again, whose
-            own code then has to stand under `if __name__ == "__main__":`.
-        live: whether to fly in real time. Of a law given as a class its processes know only what is in a file
-            that `VFGUIDE_PLUGINS` names, or in an installed package.
-        links: of a live flight, such as "mqtt://host:1883", or "mqtt" for a mosquitto of its own; UDP on
-            this computer if there are none.
-        speedup: of a live flight: simulation seconds for each real one, at most 100.
+        mission: the mission.
+        law: name or class of a law; replaces the mission's `controller.type`.
+        settings: values that replace fields, such as `{"controller.k_x": 0.3}`.
+        duration_s: duration of the flight, s; replaces the mission's.
+        rate_hz: guidance steps per second; replaces the mission's.
+        seed: seed of all random processes; replaces the mission's.
+        processes: number of processes for the vehicles. More than one import the calling program again,
+            whose own code then has to stand under `if __name__ == "__main__":`.
+        live: whether to fly in real time. A law given as a class has to be in a file that
+            `VFGUIDE_PLUGINS`
+            names, or in an installed package.
+        links: links of a live flight, such as "mqtt://host:1883", or "mqtt" for a mosquitto of its own;
+            by
+            default UDP on this computer.
+        speedup: simulated seconds per real second of a live flight, at most 100.
 
     Raises:
-        InputError: a value is out of its range, a name is not known, or the mission cannot be flown.
-        VfguideError: a live flight broke: a process has ended, or no link stands.
-        ImportError: the law, or a live flight, needs a library that is not installed; the text says which
-            extra brings it. It is a VfguideError, too.
+        InputError: a value is out of range, a name is unknown, or the mission cannot be flown.
+        VfguideError: a live flight failed: a process ended, or no link works.
+        ImportError: the law, or a live flight, needs a library that is not installed; the text names the
+            extra that installs it. The exception is also a VfguideError.
     """
     if not 0.0 < speedup <= 100.0:
         raise InputError(f"speedup: {speedup:g} is not above 0 and at most 100")
@@ -251,7 +256,7 @@ def fly(
     require(POSIX, "psutil")
     from vfguide.commands.fly_live import flown_live
 
-    # In a thread of its own: a notebook has an event loop already.
+    # A separate thread, since a notebook already has an event loop.
     stopped = Event()
     with TemporaryDirectory() as scratch, ThreadPoolExecutor(max_workers=1) as thread:
         flight = flown_live(
@@ -260,7 +265,7 @@ def fly(
         try:
             return Flight(flown=thread.submit(asyncio.run, flight).result())
         finally:
-            # After Ctrl-C its processes would fly on to the end.
+            # After Ctrl-C the processes would otherwise fly on to the end.
             stopped.set()
 
 
@@ -273,10 +278,10 @@ def flyable(
     rate_hz: float | None = None,
     seed: int | None = None,
 ) -> Mission:
-    """Return a mission with other values, which can be flown; arguments as of `fly`.
+    """Return a mission with other values that can be flown; arguments as for `fly`.
 
     Raises:
-        InputError: a value is out of its range, a name is not known, or the mission cannot be flown.
+        InputError: a value is out of range, a name is unknown, or the mission cannot be flown.
     """
     if not isinstance(mission, Mission):
         raise InputError(f"{mission!r} is no mission; write vfguide.load_mission({mission!r})")
@@ -333,23 +338,25 @@ def environment(
     rate_hz: float | None = None,
     seed: int | None = None,
 ) -> "FormationEnvironment | FollowerEnvironment":
-    """Make an environment for reinforcement learning of a mission that is flown in virtual time.
+    """Create an environment for reinforcement learning on a mission in virtual time.
 
     Args:
-        mission: what is flown.
-        follower: name of the one that is the agent of a Gymnasium environment; the others fly by the
-            mission's law. If absent, all are agents of a PettingZoo parallel environment.
-        actions: what an action says: `rates` or `setpoints`, see `vfguide.laws.motion_of`.
-        reward: what a step is worth; `vfguide.lab.environment.usual_reward` if absent.
-        settings: values instead of those of any fields, as of `fly`.
-        duration_s: length of a flight, s, instead of the mission's.
-        rate_hz: steps per second instead of the mission's.
-        seed: of the first flight instead of the mission's.
+        mission: the mission.
+        follower: agent of a Gymnasium environment; the others fly by the mission's law. By default all
+            are
+            agents of a PettingZoo parallel environment.
+        actions: type of actions: `rates` or `setpoints`, see `vfguide.laws.motion_of`.
+        reward: reward of a step; by default `vfguide.lab.environment.usual_reward`.
+        settings: values that replace fields, as for `fly`.
+        duration_s: duration of a flight, s; replaces the mission's.
+        rate_hz: steps per second; replaces the mission's.
+        seed: seed of the first flight; replaces the mission's.
 
     Raises:
-        InputError: a value is out of its range, a name is not known, or the mission cannot be flown.
-        ImportError: a library is not installed; the text says which extra brings it. It is a
-            VfguideError, too.
+        InputError: a value is out of range, a name is unknown, or the mission cannot be flown.
+        ImportError: a library is not installed; the text names the extra that installs it. The exception
+            is
+            also a VfguideError.
     """
     require(*LEARNING)
     from vfguide.lab.environment import FollowerEnvironment, FormationEnvironment, usual_reward
@@ -389,23 +396,25 @@ def compare(
     """Fly a mission by several laws, with each combination of settings and seeds.
 
     Args:
-        mission: what to fly.
-        laws: their names or classes; the mission's own if absent.
-        settings: values of any fields, such as `{"controller.k_x": [0.2, 0.3]}`: a sweep.
-        seeds: of everything random.
-        metrics: functions of a flight that give a figure of one's own, under their names.
-        duration_s: length of the flights, s, instead of the mission's.
-        processes: to spread the flights over. More than one imports the program that calls this again, whose
-            own code then has to stand under `if __name__ == "__main__":`; laws and metrics are functions and
-            classes of its top level then.
-        scheduler: of a Dask cluster to spread them over instead, such as "tcp://host:8786".
+        mission: the mission.
+        laws: names or classes of laws; by default the mission's own.
+        settings: values of fields to combine, such as `{"controller.k_x": [0.2, 0.3]}`.
+        seeds: seeds of all random processes.
+        metrics: functions of a flight that return user-defined figures, reported under their names.
+        duration_s: duration of the flights, s; replaces the mission's.
+        processes: number of processes for the flights. More than one import the calling program again,
+            whose
+            own code then has to stand under `if __name__ == "__main__":`. Laws and metrics then have
+                to be
+            top-level classes and functions.
+        scheduler: address of a Dask cluster for the flights instead, such as "tcp://host:8786".
 
     Returns:
-        The flights, law by law, setting by setting, in the order of the seeds.
+        Flights ordered by law, then setting, then seed.
 
     Raises:
-        InputError: as `fly`.
-        VfguideError: no Dask scheduler answers.
+        InputError: as for `fly`.
+        VfguideError: no Dask scheduler responds.
     """
     fields = {
         field: values if isinstance(values, list | tuple | range) else refused(field, values)
@@ -447,7 +456,7 @@ def refused(field: str, values: object) -> Sequence[object]:
 
 
 def name_of(law: str | type[Law]) -> str:
-    """The name of a law that is given by its name or its class.
+    """Return the name of a law given by its name or class.
 
     Raises:
         InputError: there is no law of this name, or the class has none.
@@ -460,7 +469,7 @@ def name_of(law: str | type[Law]) -> str:
 
 
 def fly_one(task: Mapping[str, Any]) -> Comparison:
-    """One flight of a comparison."""
+    """Fly one flight of a comparison."""
     flight = fly(**task["fly"])
     return Comparison(
         law=task["fly"]["law"],
@@ -472,10 +481,10 @@ def fly_one(task: Mapping[str, Any]) -> Comparison:
 
 
 def measured(metric: Metric, flight: Flight, flown: Mapping[str, Any]) -> float:
-    """The figure that a metric gives.
+    """Return the figure of a metric.
 
     Raises:
-        InputError: it fails, or gives no number; the message says of which flight.
+        InputError: the metric fails, or returns no number; the message names the flight.
     """
     try:
         return float(metric(flight))

@@ -6,10 +6,10 @@ import pymap3d
 from pymap3d import rcurve
 
 EARTH_RADIUS = 6371008.8
-"""Mean radius, m."""
+"""Mean radius of the earth, m."""
 
 WGS84 = pymap3d.Ellipsoid.from_name("wgs84")
-"""The ellipsoid of satellite navigation."""
+"""Ellipsoid of satellite navigation."""
 
 SEMIMAJOR_M, SEMIMINOR_M = float(WGS84.semimajor_axis), float(WGS84.semiminor_axis)
 AXIS_RATIO = SEMIMINOR_M / SEMIMAJOR_M
@@ -18,8 +18,8 @@ AXIS_RATIO = SEMIMINOR_M / SEMIMAJOR_M
 class LocalFrame:
     """North-east plane tangent to the ellipsoid at the origin.
 
-    Heights are left out on purpose: a position is taken to the origin's own height first, so that a climb
-    does not move a vehicle sideways in the plane.
+    Heights are ignored on purpose: a position is first moved to the origin's height, so that a climb does
+    not move a vehicle sideways in the plane.
     """
 
     def __init__(self, latitude_deg: float, longitude_deg: float, altitude_m: float) -> None:
@@ -31,7 +31,7 @@ class LocalFrame:
         self._longitude_deg = longitude_deg
         self._north_radius_m = float(rcurve.meridian(latitude_deg)) + altitude_m
         self._east_radius_m = float(rcurve.transverse(latitude_deg)) + altitude_m
-        # The origin and the directions from it, once: the library would work them out at each call.
+        # Computed once; the library would compute the origin and its axes at each call.
         self._origin = earth_centred(latitude_deg, longitude_deg, altitude_m)
         latitude, longitude = math.radians(latitude_deg), math.radians(longitude_deg)
         self._north_axis = (
@@ -42,17 +42,17 @@ class LocalFrame:
         self._east_axis = (-math.sin(longitude), math.cos(longitude))
 
     def to_local(self, latitude_deg: float, longitude_deg: float) -> tuple[float, float]:
-        """(north, east) in metres of a geodetic position in degrees."""
+        """Return (north, east) in metres of a geodetic position in degrees."""
         x, y, z = earth_centred(latitude_deg, longitude_deg, self.altitude_m)
         x, y, z = x - self._origin[0], y - self._origin[1], z - self._origin[2]
         north, east = self._north_axis, self._east_axis
         return north[0] * x + north[1] * y + north[2] * z, east[0] * x + east[1] * y
 
     def to_geodetic(self, north: float, east: float) -> tuple[float, float]:
-        """(latitude, longitude) in degrees of a position in metres.
+        """Return (latitude, longitude) in degrees of a position in metres.
 
         The plane leaves the ellipsoid by d²/(2 R) at a distance d: 8 cm at one kilometre, 8 m at ten. The
-        point is put that much lower first, so that `to_local` brings back what went in.
+        point is lowered by this amount first, so that `to_local` inverts this function.
         """
         drop = (north * north + east * east) / (2.0 * EARTH_RADIUS)
         latitude, longitude, _ = pymap3d.ned2geodetic(
@@ -63,7 +63,7 @@ class LocalFrame:
     def shifted(
         self, latitude_deg: float, longitude_deg: float, north: float, east: float
     ) -> tuple[float, float]:
-        """(latitude, longitude) in degrees of a position moved by some metres.
+        """Return (latitude, longitude) in degrees of a position shifted by some metres.
 
         The radii of curvature are the origin's: within 60 km of it a shift by 10 m is right to 1 mm.
         """
@@ -77,20 +77,20 @@ class LocalFrame:
 def earth_centred(
     latitude_deg: float, longitude_deg: float, altitude_m: float
 ) -> tuple[float, float, float]:
-    """Place in metres from the earth's centre: toward 0°, 0°, toward 0°, 90° E, and toward the north pole.
+    """Return earth-centred coordinates (m): toward 0°, 0°, toward 0°, 90° E, and toward the north pole.
 
-    The formula of `pymap3d.geodetic2ecef` for one place: the library's costs 20 times as much for that, and
-    every position that is heard goes through it.
+    This is the formula of `pymap3d.geodetic2ecef` for one position. The library takes 20 times as long, and
+    every received position is converted.
 
     Args:
-        latitude_deg: geodetic, degrees.
-        longitude_deg: degrees.
-        altitude_m: above the ellipsoid.
+        latitude_deg: geodetic latitude, degrees.
+        longitude_deg: longitude, degrees.
+        altitude_m: height above the ellipsoid, m.
     """
     latitude, longitude = math.radians(latitude_deg), math.radians(longitude_deg)
     cosine, sine = math.cos(latitude), math.sin(latitude)
-    # Radius of curvature in the prime vertical. The length of a complex number is the C library's hypot,
-    # as NumPy's is: so the last bit is the library's, too.
+    # Radius of curvature in the prime vertical. The absolute value of a complex number uses the C library's
+    # hypot, as NumPy does, so that the result equals the library's to the last bit.
     radius = SEMIMAJOR_M**2 / abs(complex(SEMIMAJOR_M * cosine, SEMIMINOR_M * sine))
     from_axis = (radius + altitude_m) * cosine
     return (
@@ -101,11 +101,11 @@ def earth_centred(
 
 
 def way_m(first: tuple[float, float], second: tuple[float, float]) -> float:
-    """Way over the earth between two places, each (latitude, longitude) in degrees; to 0.5 %."""
+    """Return the distance over the earth between two (latitude, longitude) in degrees, m; to 0.5 %."""
     chord = math.dist(earth_centred(*first, 0.0), earth_centred(*second, 0.0))
     return 2.0 * EARTH_RADIUS * math.asin(min(chord / (2.0 * EARTH_RADIUS), 1.0))
 
 
 def wrap_longitude(longitude_deg: float) -> float:
-    """The same meridian in [-180, 180) degrees."""
+    """Return the same meridian in [-180, 180) degrees."""
     return (longitude_deg + 180.0) % 360.0 - 180.0

@@ -1,8 +1,8 @@
-"""What can be added to vfguide from outside, found by its name.
+"""Registry of extensible classes by name.
 
-A law, a path, a link or an autopilot is known by being one of vfguide's own, by the entry point of an
-installed package, or by a file that the user names (`--plugin FILE`). A mission file only says a name: it
-never makes a file be loaded.
+A law, a path, a link or an autopilot is one of vfguide's own, an entry point of an installed package, or in
+a file that the user names (`--plugin FILE`). A mission file only has names: it never causes a file to be
+loaded.
 """
 
 import importlib
@@ -19,7 +19,7 @@ from typing import Any, TypeVar
 from vfguide.errors import InputError
 
 PLUGINS_VARIABLE = "VFGUIDE_PLUGINS"
-"""Environment variable with the files that `--plugin` named, so that processes of a flight load them too."""
+"""Environment variable with the files of `--plugin`, so that other processes of a flight load them too."""
 
 Kind = TypeVar("Kind", bound=type[Any])
 
@@ -30,26 +30,26 @@ class Registry:
     def __init__(
         self, kind: str, *, group: str, own: Mapping[str, str], has: Sequence[str] = ()
     ) -> None:
-        """Make a registry in which nothing is loaded yet.
+        """Create a registry that has loaded no class yet.
 
         Args:
-            kind: what the classes are, for messages, such as "law".
-            group: the entry points of installed packages, such as "vfguide.laws".
-            own: the module of each class that is part of vfguide, by name.
-            has: what every class has to have.
+            kind: kind of the classes for messages, such as "law".
+            group: entry point group of installed packages, such as "vfguide.laws".
+            own: module of each of vfguide's own classes, by name.
+            has: attributes that every class needs.
         """
         self._has = has
         self._kind = kind
         self._group = group
         self.own = own
-        """The module of each class that is part of vfguide, by name."""
+        """Module of each of vfguide's own classes, by name."""
         self._known: dict[str, type[Any]] = {}
 
     def register(self, name: str) -> Callable[[Kind], Kind]:
-        """Decorator that makes a class known by a name.
+        """Return a decorator that registers a class under a name.
 
         Raises:
-            InputError: another class has this name already, or what it has to define is missing.
+            InputError: the name belongs to another class, or the class lacks a required attribute.
         """
 
         def add(found: Kind) -> Kind:
@@ -72,19 +72,19 @@ class Registry:
         return add
 
     def names(self) -> tuple[str, ...]:
-        """All known names: vfguide's own in their order, then the others by name."""
+        """Return all known names: vfguide's own in their order, then the others sorted."""
         load_plugins_of_the_environment()
         others = ({*installed(self._group)} | set(self._known)) - set(self.own)
         return (*self.own, *sorted(others))
 
     def __contains__(self, name: object) -> bool:
-        """Whether there is a class of this name."""
+        """Check whether there is a class of this name."""
         if not isinstance(name, str):
             return False
         return name in self.own or name in self._known or name in self.names()
 
     def find(self, name: str) -> type[Any]:
-        """The class of this name.
+        """Return the class of this name, loading it if necessary.
 
         Raises:
             InputError: there is none; the message lists the known names.
@@ -103,12 +103,12 @@ class Registry:
 
 @cache
 def installed(group: str) -> dict[str, EntryPoint]:
-    """What installed packages offer, by name."""
+    """Return the entry points of installed packages by name."""
     return {one.name: one for one in entry_points(group=group)}
 
 
 def loaded(entry: EntryPoint) -> Any:  # noqa: ANN401 - a class of whatever kind
-    """What an installed package offers.
+    """Load an entry point of an installed package.
 
     Raises:
         InputError: it cannot be loaded.
@@ -123,7 +123,7 @@ def loaded(entry: EntryPoint) -> Any:  # noqa: ANN401 - a class of whatever kind
 
 
 def same_class(one: type[Any], other: type[Any]) -> bool:
-    """Whether this is the class of one file again: as in a notebook, or in a process that was started."""
+    """Check whether a class was only imported again, as in a notebook or a started process."""
     running = {"__main__", "__mp_main__"}
     same_file = one.__module__ == other.__module__ or {one.__module__, other.__module__} <= running
     return same_file and one.__qualname__ == other.__qualname__
@@ -164,7 +164,7 @@ paths = Registry(
         "plan": "vfguide.paths.waypoints",
     },
 )
-"""Paths that leaders follow."""
+"""Paths of leaders."""
 
 links = Registry(
     "link",
@@ -178,7 +178,7 @@ links = Registry(
         "serial": "vfguide.link.radio",
     },
 )
-"""What carries a formation's messages, by the scheme of its address."""
+"""Carriers of a formation's messages, by URL scheme."""
 
 autopilots = Registry(
     "autopilot",
@@ -191,51 +191,51 @@ autopilots = Registry(
         "mavsdk": "vfguide.mavlink.px4",
     },
 )
-"""How autopilots are spoken to."""
+"""Adapters of autopilots."""
 
 
 class EmulatorNames:
-    """Names of what the emulator has: missions say them, and a companion imports no emulator."""
+    """Names of the emulator's classes, for missions; a companion does not import the emulator."""
 
     def __init__(self, kind: str, own: Sequence[str]) -> None:
         """Take the names of one kind.
 
         Args:
-            kind: of the emulator's registries, such as "plants".
-            own: names of those that are part of the emulator.
+            kind: name of the emulator's registry, such as "plants".
+            own: names that are part of the emulator.
         """
         self._kind = kind
         self.own = own
-        """Names of those that are part of the emulator."""
+        """Names that are part of the emulator."""
 
     def names(self) -> tuple[str, ...]:
-        """All known names: the emulator's own in their order, then the others by name."""
+        """Return all known names: the emulator's own in their order, then the others sorted."""
         load_plugins_of_the_environment()
-        # What a file adds is in the emulator's registry, which that file has imported.
+        # Plugin files import the emulator and add to its registry.
         emulator = sys.modules.get("sitl_stub")
         known = getattr(emulator, self._kind).names() if emulator else ()
         added = {*installed(f"sitl_stub.{self._kind}"), *known}
         return (*self.own, *sorted(added - set(self.own)))
 
     def __contains__(self, name: object) -> bool:
-        """Whether there is one of this name."""
+        """Check whether a name is known."""
         return name in self.own or name in self.names()
 
 
 plants = EmulatorNames("plants", ("course-hold", "heading-hold", "bank", "npfg", "six-dof"))
-"""Aircraft that emulators fly."""
+"""Aircraft types that emulators fly."""
 
 emulated_autopilots = EmulatorNames("autopilots", ("ardupilot", "px4"))
-"""Autopilots that emulators behave as."""
+"""Autopilot types that emulators implement."""
 
 
 def plugin_files() -> list[str]:
-    """The files that this process or the one that started it was told to use."""
+    """Return the plugin files given to this process or its parent."""
     return [*filter(None, os.environ.get(PLUGINS_VARIABLE, "").split(os.pathsep))]
 
 
 def use_plugins(files: Sequence[Path]) -> None:
-    """Load files with classes of one's own, here and in every process that this one starts.
+    """Load plugin files, here and in every process that this one starts.
 
     Raises:
         InputError: a file cannot be loaded.
@@ -248,7 +248,7 @@ def use_plugins(files: Sequence[Path]) -> None:
 
 
 def load_plugins_of_the_environment() -> None:
-    """Load the files that this process or the one that started it was told to use, each once.
+    """Load the plugin files given to this process or its parent, each once.
 
     Raises:
         InputError: a file cannot be loaded.
@@ -258,7 +258,7 @@ def load_plugins_of_the_environment() -> None:
 
 
 def load_file(file: Path) -> None:
-    """Import a file of Python as a module of its own, once.
+    """Import a Python file as a module, once.
 
     Raises:
         InputError: there is no such file, or it fails; the message is one line.
@@ -286,7 +286,7 @@ def load_file(file: Path) -> None:
 
 
 def plugin_fault(error: BaseException) -> str | None:
-    """An exception of a file of one's own in one line; None where no such file led to it."""
+    """Return an exception from a plugin file in one line; None if no plugin file caused it."""
     for path in plugin_files():
         place = line_in(error, Path(path))
         if place:
@@ -296,7 +296,7 @@ def plugin_fault(error: BaseException) -> str | None:
 
 
 def line_in(error: BaseException, file: Path) -> str:
-    """`:LINE` of the last line of a file that led to an error, or nothing."""
+    """Return `:LINE` of a file's innermost line that led to an error; empty if there is none."""
     line = getattr(error, "lineno", None) if isinstance(error, SyntaxError) else None
     trace = error.__traceback__
     while trace is not None:

@@ -1,4 +1,4 @@
-"""What a companion knows of its own vehicle, what it is told of the leader, and what it asks for."""
+"""States of the own vehicle, the leader and other vehicles, and setpoints and limits of the autopilot."""
 
 import math
 from typing import Literal, NamedTuple, Self
@@ -6,35 +6,35 @@ from typing import Literal, NamedTuple, Self
 import msgspec
 
 Hold = Literal["heading-hold", "course-hold"]
-"""What an autopilot's two first-order loops act on: heading and airspeed, or course and ground speed."""
+"""Variables of an autopilot's two first-order loops: heading and airspeed, or course and ground speed."""
 
 
 SpeedHold = Literal["first-order", "total-energy"]
-"""How a speed hold answers: by an acceleration in proportion to the error, or by throttle and pitch."""
+"""Response of a speed hold: acceleration proportional to the error, or throttle and pitch."""
 
 
 GAP_S = 1.0
-"""After a longer gap in what is heard, rates, filters and what is learned start anew."""
+"""Maximum gap in received data, s; after a longer one, rates, filters and learned values start anew."""
 
 
 class NamedState(msgspec.Struct, frozen=True, kw_only=True):
-    """Values that laws of one's own may still name with their numbers in brackets."""
+    """Base of states; user-defined laws may still write it with a number type in brackets."""
 
     def __class_getitem__(cls, numbers: object) -> type[Self]:
-        """The class itself: its numbers are floats."""
+        """Return the class itself: its numbers are floats."""
         del numbers
         return cls
 
 
 class Gusts(msgspec.Struct, frozen=True, kw_only=True):
-    """How far the wind changes as gusts do, which no rate foretells, by the innovations of its filter."""
+    """Gusts in the wind, from the innovations of its filter; rates cannot predict them."""
 
     share: float
-    """0: the wind changes smoothly, or what looks like gusts is noise; 1: all of it is gusts."""
+    """0: the wind changes smoothly, or the apparent gusts are noise; 1: all changes are gusts."""
     surprise_north: float
-    """Last innovation of the wind, m/s."""
+    """Last innovation of the north wind, m/s."""
     surprise_east: float
-    """m/s."""
+    """Last innovation of the east wind, m/s."""
     power: float
     """Mean square of the innovations, (m/s)²."""
     correlation: float
@@ -45,37 +45,37 @@ class VehicleState(NamedState, frozen=True, kw_only=True):
     """Navigated state of a vehicle, in the formation's local frame."""
 
     time_s: float
-    """When it was true, s, on the clock that the formation shares."""
+    """Time of validity, s, on the clock that the formation shares."""
     north: float
-    """m from the mission's origin."""
+    """North of the mission's origin, m."""
     east: float
-    """m from the mission's origin."""
+    """East of the mission's origin, m."""
     course: float
     """chi, rad, direction of the ground velocity."""
     ground_speed: float
     """V_g, m/s."""
     heading: float
-    """psi, rad, where the nose points."""
+    """psi, rad, direction of the nose."""
     airspeed: float
     """V_a, true airspeed, m/s."""
     wind_north: float
-    """m/s, toward."""
+    """North component of the air's velocity, m/s."""
     wind_east: float
-    """m/s, toward."""
+    """East component of the air's velocity, m/s."""
     wind_rate_north: float
-    """m/s²."""
+    """Rate of the north wind, m/s²."""
     wind_rate_east: float
-    """m/s²."""
+    """Rate of the east wind, m/s²."""
     wind_jerk_north: float
-    """m/s³."""
+    """Second derivative of the north wind, m/s³."""
     wind_jerk_east: float
-    """m/s³."""
+    """Second derivative of the east wind, m/s³."""
     height: float = 0.0
-    """m above the mission's origin."""
+    """Height above the mission's origin, m."""
     climb_rate: float = 0.0
-    """m/s, positive up."""
+    """Climb rate, m/s, positive up."""
     gusts: Gusts | None = None
-    """What the wind filter has learned of them; None before two reports with a measured ground velocity."""
+    """Gusts learned by the wind filter; None before two reports with a measured ground velocity."""
 
     @property
     def gust_share(self) -> float:
@@ -84,14 +84,14 @@ class VehicleState(NamedState, frozen=True, kw_only=True):
 
 
 class LeaderState(NamedState, frozen=True, kw_only=True):
-    """What followers need of their leader: where it is, and how its motion changes."""
+    """State of the leader for its followers: position, velocity and their changes."""
 
     time_s: float
-    """When it was true, s, on the clock that the formation shares."""
+    """Time of validity, s, on the clock that the formation shares."""
     north: float
-    """m from the mission's origin."""
+    """North of the mission's origin, m."""
     east: float
-    """m from the mission's origin."""
+    """East of the mission's origin, m."""
     course: float
     """chi_l, rad."""
     ground_speed: float
@@ -103,106 +103,106 @@ class LeaderState(NamedState, frozen=True, kw_only=True):
     turn_acceleration: float
     """domega/dt, rad/s²."""
     drift_north: float = 0.0
-    """Velocity over ground beyond that of course and ground speed, m/s, of a leader whose course and ground
-    speed are those that it means to fly."""
+    """North ground velocity in addition to that of course and ground speed, m/s, where those are the
+    intended ones."""
     drift_east: float = 0.0
-    """m/s."""
+    """East ground velocity in addition to that of course and ground speed, m/s."""
     height: float = 0.0
-    """m above the mission's origin."""
+    """Height above the mission's origin, m."""
     climb_rate: float = 0.0
-    """m/s, positive up."""
+    """Climb rate, m/s, positive up."""
 
 
 class LeaderFix(NamedTuple):
-    """Where a leader was, and when, by one of its states."""
+    """Position and time of a leader from one of its states."""
 
     time_s: float
-    """By the leader's stamp, s on the clock that the formation shares."""
+    """The leader's time stamp, s on the clock that the formation shares."""
     north: float
-    """m from the mission's origin."""
+    """North of the mission's origin, m."""
     east: float
-    """m from the mission's origin."""
+    """East of the mission's origin, m."""
     altitude_amsl: float
-    """m above mean sea level."""
+    """Altitude above mean sea level, m."""
 
 
 class HeardState(LeaderState, frozen=True, kw_only=True):
-    """A vehicle's state as the others hear it."""
+    """State of a vehicle as received by others."""
 
     altitude_amsl: float
-    """m above mean sea level."""
+    """Altitude above mean sea level, m."""
     steered: bool
-    """Whether its companion steers it."""
+    """Whether the vehicle's companion steers it."""
     term: int = 0
-    """Term of the leader that it obeys, or is."""
+    """Term of the leader that the vehicle obeys, or is."""
     arrangement: int = 0
-    """float of the newest order that it flies by or is about to; 0 before the first."""
+    """Number of the newest order that the vehicle flies or is about to fly; 0 before the first."""
     course_setpoint: float = math.nan
-    """Course that its autopilot was told to hold, rad; NaN where it is not steered, or was not told."""
+    """Course setpoint of the autopilot, rad; NaN if the vehicle is not steered, or does not report it."""
     height_sense: int = 0
-    """1: it is on its way up to another height, -1: down, 0: neither, or it does not tell."""
+    """Direction of a height change under way: 1 up, -1 down; 0 for none, or not reported."""
     satellite_m: float = math.nan
-    """By how much its altitude by satellites is above `altitude_amsl`, m; NaN where it does not tell."""
+    """Height of the satellite altitude above `altitude_amsl`, m; NaN if not reported."""
     leader_fix: LeaderFix | None = None
-    """Where its own leader was, by the newest leader state that it has heard; None where it does not tell."""
+    """Position of the vehicle's own leader in the newest leader state received; None if not reported."""
 
 
 class Setpoint(msgspec.Struct, frozen=True, kw_only=True):
-    """What an autopilot is asked to hold."""
+    """Setpoint for an autopilot."""
 
     course: float
     """chi^c, course over ground, rad, not wrapped."""
     speed: float
     """V_a^c for a vehicle that holds airspeed, V_g^c for one that holds ground speed, m/s."""
     turn_limited: bool = False
-    """Whether the greatest bank cut the turn that the law asked for."""
+    """Whether the bank limit cut the turn that the law commanded."""
     speed_limited: bool = False
-    """Whether acceleration or speed range cut what the law asked for."""
+    """Whether the acceleration limit or speed range cut the law's command."""
 
     @property
     def limited(self) -> bool:
-        """Whether a limit of the vehicle cut what the law asked for."""
+        """Whether a limit of the vehicle cut the law's command."""
         return self.turn_limited or self.speed_limited
 
 
 class Airframe(msgspec.Struct, frozen=True, kw_only=True):
-    """A vehicle's response and limits, as its mission file declares them."""
+    """Response and limits of a vehicle, as its mission file declares them."""
 
     hold: Hold = "heading-hold"
-    """What the autopilot's loops act on."""
+    """Variables of the autopilot's loops."""
     alpha: float = 1.2
-    """Course (or heading) response, 1/s."""
+    """Bandwidth of the course (or heading) hold, 1/s."""
     beta: float = 0.8
-    """Speed response, 1/s."""
+    """Bandwidth of the speed hold, 1/s."""
     airspeed_min: float = 12.0
-    """m/s."""
+    """Minimum airspeed, m/s."""
     airspeed_max: float = 32.0
-    """m/s."""
+    """Maximum airspeed, m/s."""
     max_bank: float = 0.7853981633974483
-    """rad."""
+    """Maximum bank angle, rad."""
     max_acceleration: float = 3.0
-    """Along the flight path, m/s²."""
+    """Maximum acceleration along the flight path, m/s²."""
     cruise: float = 20.0
     """Airspeed at which alpha is declared, m/s."""
     course_dead_time: float = 0.0
-    """From a course setpoint to the first change of the bank, s."""
+    """Dead time from a course setpoint to the first change of the bank, s."""
     course_lag: float = 0.0
     """Time constant of the roll, s."""
     speed_dead_time: float = 0.0
-    """From a speed setpoint to the first change of the acceleration, s."""
+    """Dead time from a speed setpoint to the first change of the acceleration, s."""
     speed_lag: float = 0.0
     """Time constant of the acceleration, s."""
     speed_hold: SpeedHold = "first-order"
-    """What kind of hold beta is of."""
+    """Type of the speed hold."""
     height_delay: float = 2.0
-    """By how much the height lags behind one that climbs steadily, s."""
+    """Lag of the height behind a setpoint that climbs steadily, s."""
     climb_max: float = 4.0
-    """m/s."""
+    """Maximum climb rate, m/s."""
     sink_max: float = 3.0
-    """m/s, above zero."""
+    """Maximum sink rate, m/s, positive down."""
 
     @property
     def is_ideal(self) -> bool:
-        """Whether both holds are the first-order ones of the article, which answer at once."""
+        """Whether both holds are the article's first-order ones, without dead time or lag."""
         times = (self.course_dead_time, self.course_lag, self.speed_dead_time, self.speed_lag)
         return max(times) == 0.0 and self.speed_hold == "first-order"

@@ -1,4 +1,4 @@
-"""Sockets, signals and new tries, with abilities that Linux, macOS and Windows do not share."""
+"""Sockets, signals and retry delays that differ between Linux, macOS and Windows."""
 
 import asyncio
 import os
@@ -13,15 +13,15 @@ from vfguide.errors import VfguideError
 Result = TypeVar("Result")
 
 SEND_BUFFER = 8 * 1024
-"""Bytes in the kernel: by default minutes of messages would wait there for a peer that does not read."""
+"""Bytes of the kernel's send buffer; the default would queue minutes of messages for a slow peer."""
 
 LONGEST_SILENCE = 5_000
-"""ms without an acknowledgement until a connection counts as lost: a pulled cable says no goodbye."""
+"""Time without acknowledgement until a connection counts as lost, ms: a pulled cable sends no notice."""
 
 URGENT_TCP: tuple[tuple[int, int, int], ...] = (
     (socket.IPPROTO_TCP, socket.TCP_NODELAY, 1),
     (socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER),
-    # Linux has it; elsewhere a pulled cable is found by the silence of what should be heard.
+    # Only Linux has this option; elsewhere, missing messages reveal a pulled cable.
     *(
         (socket.IPPROTO_TCP, getattr(socket, name), LONGEST_SILENCE)
         for name in ("TCP_USER_TIMEOUT",)
@@ -33,11 +33,11 @@ URGENT_TCP: tuple[tuple[int, int, int], ...] = (
 SocketSelector: type[selectors.SelectSelector] = getattr(
     selectors, "PollSelector", selectors.SelectSelector
 )
-"""Tells whether sockets are ready, without a descriptor of its own; Windows knows only `select`."""
+"""Selector without a descriptor of its own; Windows has only `select`."""
 
 
 def require_linux(what: str) -> None:
-    """Refuse what only Linux can do, known by a kind of file that no other system has.
+    """Refuse an operation that only Linux supports, detected by the memfd interface.
 
     Raises:
         VfguideError: this is another system.
@@ -47,13 +47,13 @@ def require_linux(what: str) -> None:
 
 
 def run_watching_sockets(main: Coroutine[Any, Any, Result]) -> Result:
-    """Run a coroutine as `asyncio.run` does, in the kind of loop that watches sockets on every system."""
+    """Run a coroutine like `asyncio.run`, with an event loop that watches sockets on every system."""
     with asyncio.Runner(loop_factory=asyncio.SelectorEventLoop) as runner:
         return runner.run(main)
 
 
 def on_signals(do: Callable[[], object]) -> None:
-    """Have the running loop call `do` at Ctrl-C and at SIGTERM, instead of ending the program."""
+    """Let the running loop call `do` at Ctrl-C and SIGTERM, instead of ending the program."""
     loop = asyncio.get_running_loop()
     for number in (signal.SIGINT, signal.SIGTERM):
         try:
@@ -63,24 +63,25 @@ def on_signals(do: Callable[[], object]) -> None:
 
 
 SHORTEST_DELAY = 0.2
-"""s, before the first new try: most losses are a matter of a moment."""
+"""Delay before the first retry, s: most losses are brief."""
 
 LONGEST_DELAY = 1.0
-"""s: a formation flies blind until all are back, and a hundred that call once a second are no load."""
+"""Maximum delay, s: a formation flies blind until all are back, and a hundred retries a second are no load.
+"""
 
 GROWTH = 1.5
-"""How many times longer each delay is than the one before."""
+"""Factor between successive delays."""
 
 STEPS = 10
-"""More than it takes from the shortest delay to the longest."""
+"""Bound of the exponent, beyond the growth from the shortest to the longest delay."""
 
 
 def retry_delay(failures: int, share: float) -> float:
-    """Seconds to wait after some failures in a row: growing, bounded, and never in step with others.
+    """Return the delay (s) after some failures in a row: growing, bounded and random.
 
     Args:
-        failures: in a row, from 1.
-        share: random, in [0, 1): companions that lost the same peer do not all come back at once.
+        failures: number of failures in a row, from 1.
+        share: random number in [0, 1), so that companions that lost the same peer do not retry together.
 
     Returns:
         Between half and the whole of 0.2, 0.3, 0.45, 0.675, 1, 1 ... s.

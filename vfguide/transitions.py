@@ -1,4 +1,4 @@
-"""Tables of states: what follows from a state (rows) and an event (columns), written as the docs print it."""
+"""Transition tables from a state (rows) and an event (columns), written as the docs print them."""
 
 from enum import Enum
 from typing import TypeVar
@@ -10,10 +10,11 @@ Event = TypeVar("Event", bound=Enum)
 def transitions(
     table: str, states: type[State], events: type[Event]
 ) -> dict[State, dict[Event, State]]:
-    """Read a table in Markdown, whose cells are values of these states and events.
+    """Read a Markdown table whose cells are values of these states and events.
 
     Raises:
-        ValueError: a cell names no state or event, one of them is missing, or a row is too short or long.
+        ValueError: a cell names no state or event, one of them is missing, or a row is too short or
+            long.
     """
     header, _, *rows = [
         [cell.strip() for cell in line.strip("|").split("|")] for line in table.strip().splitlines()

@@ -1,7 +1,6 @@
-"""The flight that identifies a vehicle: a companion whose part is to fly steps.
+"""Identification flight of a vehicle: a companion with a role that flies steps.
 
-Who may steer, what is believed, how it is handed back and what the pilot hears is the companion's, as in
-any flight.
+As in any flight, the companion decides who may steer, checks telemetry, hands back and informs the pilot.
 """
 
 import math
@@ -28,46 +27,43 @@ from vfguide.mavlink.reports import TrafficReport
 from vfguide.state import Setpoint
 
 SILENCE_S = 2.0
-"""Nothing to steer by for longer ends the flight."""
+"""Maximum time without valid telemetry before the flight ends, s."""
 
 HEIGHT_M = 30.0
-"""So does a vehicle that climbs or sinks by more than this."""
+"""Maximum height change before the flight ends, m."""
 
 STEERING = "identification: small steps of course and speed; leave the guided mode to take over"
-"""What the pilot hears once they begin."""
+"""Message to the pilot when the steps begin."""
 
 
 class Stage(Enum):
-    """How far the flight is."""
+    """Stage of the flight."""
 
     WAITING = "waiting for the guided mode"
-    """Not engaged yet."""
     FLYING = "flying steps"
-    """Setpoints go out."""
     DONE = "done"
-    """All steps were flown."""
     ENDED = "ended before its time"
-    """By the pilot, or for what the events say."""
+    """Ended by the pilot, or for the reason in the events."""
 
     @property
     def is_over(self) -> bool:
-        """Whether nothing more will be flown."""
+        """Whether the flight is over."""
         return self in {Stage.DONE, Stage.ENDED}
 
 
 class StepsRole(Role):
-    """The part of a vehicle that flies steps, and records what it does."""
+    """Role of a vehicle that flies steps and records its response."""
 
     def __init__(self, plan: FlightPlan, repeats: int) -> None:
-        """Make one that has flown nothing yet.
+        """Create a role that has flown nothing yet.
 
         Args:
-            plan: of the vehicle; its airframe's cruise is what is flown.
-            repeats: how often each group of steps is flown.
+            plan: plan of the vehicle; steps are flown at its airframe's cruise.
+            repeats: number of repetitions of each group of steps.
         """
         self.stage = Stage.WAITING
         self.ended: str | None = None
-        """Why the flight ended before its time; None while and where it did not."""
+        """Why the flight ended early; None unless it did."""
         self.recording = StepsRecording(plan.airframe)
         self._cruise = plan.airframe.cruise
         self._segments = segments(plan.airframe, repeats)
@@ -76,12 +72,12 @@ class StepsRole(Role):
 
     @property
     def counters(self) -> Counter[str]:
-        """Nothing comes over the link."""
+        """Link counters, always empty: nothing arrives over the link."""
         return self._counters
 
     @property
     def progress(self) -> float:
-        """Share of the steps that is behind, 0 to 1."""
+        """Completed share of the steps, 0 to 1."""
         if self.stage is Stage.DONE:
             return 1.0
         total = sum(one.duration_s for one in self._segments)
@@ -89,12 +85,12 @@ class StepsRole(Role):
         return min(max(elapsed / total, 0.0), 1.0) if math.isfinite(elapsed) else 0.0
 
     def end(self, why: str) -> None:
-        """End the flight before its time."""
+        """End the flight early."""
         if not self.stage.is_over:
             self.stage, self.ended = Stage.ENDED, why
 
     def step(self, navigated: NavigatedState, mode: Mode) -> RoleStep:
-        """The setpoint of this moment; before and after the steps straight on."""
+        """Return the current setpoint; straight on before and after the steps."""
         state = navigated.state
         self._time = state.time_s
         if self.stage is Stage.WAITING and mode.steers:
@@ -114,7 +110,7 @@ class StepsRole(Role):
                     self.recording.banks.note(self._bank(state.time_s, navigated.air_data))
         return RoleStep(
             setpoint=Setpoint(course=course, speed=speed),
-            # Never in place: the pilot hears that it is steered.
+            # Never in place, so that the pilot hears that it is steered.
             distance=math.inf,
             lyapunov=math.nan,
             publish=None,
@@ -122,7 +118,7 @@ class StepsRole(Role):
         )
 
     def _bank(self, time_s: float, data: ReportedAirData) -> Bank:
-        """What a report tells of slip, and on which leg of the flight it was."""
+        """Return the slip data of a report, with the leg of the flight it belongs to."""
         ends = accumulate(one.duration_s for one in self._segments)
         return Bank(
             time_s=time_s,
@@ -135,7 +131,7 @@ class StepsRole(Role):
         )
 
     def _segment(self, elapsed_s: float) -> Segment | None:
-        """What is flown after a time; None at the end."""
+        """Return the segment after a time, s; None at the end."""
         for segment in self._segments:
             if elapsed_s < segment.duration_s:
                 return segment
@@ -143,38 +139,38 @@ class StepsRole(Role):
         return None
 
     def retune(self, plan: FlightPlan) -> None:
-        """Steps are the same by whatever response."""
+        """Ignore a new response: the steps stay the same."""
         del plan
 
     def receive(self, data: bytes, now: float) -> None:
-        """It follows nobody."""
+        """Ignore leader states: the vehicle follows nobody."""
         del data, now
 
     def receive_neighbour(self, vehicle: str, data: bytes, now: float) -> None:
-        """It is alone: the crew has cleared the sky."""
+        """Ignore neighbours: the vehicle is alone, since the crew has cleared the sky."""
         del vehicle, data, now
 
     def receive_traffic(self, report: TrafficReport, now: float) -> None:
-        """As with neighbours."""
+        """Ignore traffic: the crew has cleared the sky."""
         del report, now
 
     def lose_link(self, now: float) -> None:
-        """It has none."""
+        """Do nothing: there is no link."""
         del now
 
     def to_leader(self, now: float) -> bytes:
-        """It follows nobody."""
+        """Return no message: the vehicle follows nobody."""
         del now
         return b""
 
     def leader_age(self, now: float) -> float:
-        """It needs no leader."""
+        """Return 0: the vehicle needs no leader."""
         del now
         return 0.0
 
 
 class Identification:
-    """Flies the steps of one vehicle, and records what it does."""
+    """Flies the steps of one vehicle and records its response."""
 
     def __init__(
         self,
@@ -186,19 +182,19 @@ class Identification:
         signing: ConnectionSigning | None = None,
         consent: ConsentStore | None = None,
     ) -> None:
-        """Make a flight that has heard nothing yet.
+        """Create a flight that has heard nothing yet.
 
         Args:
-            plan: of the vehicle; its airframe's cruise is what is flown.
-            adapter: how to speak to its autopilot.
-            engage: whether it may put the autopilot into the guided mode by itself, once in a flight.
-            repeats: how often each group of steps is flown.
-            signing: of the connection to the autopilot, if it is signed.
-            consent: keeps what was agreed for the flight over restarts; forgotten with this object if absent.
+            plan: plan of the vehicle; steps are flown at its airframe's cruise.
+            adapter: adapter of its autopilot.
+            engage: whether to put the autopilot into the guided mode, once in a flight.
+            repeats: number of repetitions of each group of steps.
+            signing: signing of the connection to the autopilot, or None.
+            consent: keeps the flight's consent over restarts; by default it ends with this object.
         """
         self._role = StepsRole(plan, repeats)
         self._companion = Companion(
-            # It flies at the height at which it begins, by what the mission declares.
+            # The steps are flown at the initial height, with the response that the mission declares.
             replace(plan, asks_response=False, lead=None, lowest=-math.inf, learns=False),
             adapter,
             engage=engage,
@@ -211,52 +207,52 @@ class Identification:
 
     @property
     def stage(self) -> Stage:
-        """How far the flight is."""
+        """Stage of the flight."""
         return self._role.stage
 
     @property
     def ended(self) -> str | None:
-        """Why the flight ended before its time; None while and where it did not."""
+        """Why the flight ended early; None unless it did."""
         return self._role.ended
 
     @property
     def recording(self) -> StepsRecording:
-        """What was flown so far."""
+        """Recording so far."""
         return self._role.recording
 
     @property
     def progress(self) -> float:
-        """Share of the steps that is behind, 0 to 1."""
+        """Completed share of the steps, 0 to 1."""
         return self._role.progress
 
     def obstacle(self, now: float) -> str | None:
-        """What would keep it from flying now, in words; None where nothing would."""
+        """Return what prevents flying now, as a message; None if nothing does."""
         return self._companion.obstacle(now)
 
     @property
     def released(self) -> bool:
-        """Whether nothing is flown any more, and the vehicle is seen to fly by itself if it was steered."""
+        """Whether the flight is over and the vehicle, if steered, was seen to fly by itself."""
         return self._is_stopped and self._companion.released
 
     def receive(self, data: bytes, now: float) -> Outgoing:
-        """Take one datagram from the autopilot."""
+        """Handle one datagram from the autopilot."""
         return self._watched(self._companion.receive_mavlink(data, now), now)
 
     def poll(self, now: float) -> Outgoing:
-        """What is due by time alone; to be called every tenth of a second or so."""
+        """Perform periodic duties; to be called every tenth of a second or so."""
         return self._watched(self._companion.poll(now), now)
 
     def stop(self, now: float) -> Outgoing:
-        """The operator has had enough; then bytes and calls of `poll` are to go on until `released`."""
+        """Stop for the operator; keep calling `receive` and `poll` until `released`."""
         self._role.end("stopped")
         return self._watched(Outgoing(), now)
 
     def tell(self, text: str, now: float) -> Outgoing:
-        """Tell operator and pilot something that the program around it has found."""
+        """Tell operator and pilot about something that the surrounding program found."""
         return self._companion.tell(text, now)
 
     def _watched(self, out: Outgoing, now: float) -> Outgoing:
-        """An answer, with what the flight has come to; the last words once it is over."""
+        """Record and judge the flight after an output; append the final messages once it is over."""
         if out.steered:
             if self._steered_time == math.inf and not self.stage.is_over:
                 self._add(out, self._companion.tell(STEERING, now, warning=False))
@@ -279,7 +275,7 @@ class Identification:
         out.events += more.events
 
     def _judge_silence(self, now: float) -> None:
-        """Nothing was flown by what has just arrived, or by time alone."""
+        """End the flight after a step without steering, if the pilot took over or telemetry is silent."""
         mode = self._companion.snapshot.mode
         if mode is Mode.PILOT:
             self._role.end("the pilot has taken over: nothing more is sent")

@@ -1,7 +1,7 @@
-"""How an autopilot answered on a flight that was flown for another purpose, and how sure that is.
+"""Response of an autopilot from a flight for another purpose, with its uncertainty.
 
-Nobody has stepped courses and speeds: the setpoints of the flight have to do, and where they hardly changed
-nothing can be told.
+Such a flight has no deliberate steps of course and speed, so its own setpoints have to suffice. Nothing can
+be identified where they hardly changed.
 """
 
 import math
@@ -38,15 +38,15 @@ Loop = Literal["course", "speed"]
 
 BANDWIDTHS: dict[Loop, str] = {"course": "alpha_1_s", "speed": "beta_1_s"}
 
-# What was found, as lines for the mission file.
+# Findings as lines for the mission file.
 
 
 def profile_text(vehicle: str, findings: Findings) -> str:
-    """The fields of a vehicle that were measured, as YAML to be put under its name in `vehicles`.
+    """Return the measured fields of a vehicle as YAML, to be put under its name in `vehicles`.
 
     Args:
-        vehicle: its name.
-        findings: what was found; what was not is left out.
+        vehicle: name of the vehicle.
+        findings: findings; missing ones are left out.
     """
     known: dict[Loop, HoldResponse | None] = {"course": findings.course, "speed": findings.speed}
     lines = [
@@ -59,7 +59,7 @@ def profile_text(vehicle: str, findings: Findings) -> str:
 
 
 def slip_line(slip: Slip | None) -> str:
-    """Whether it slips, and what that is worth; a remark where it is not known."""
+    """Return the `slips` field with its uncertainty; a comment if slip is unknown."""
     if slip is None:
         return "  # slips is not known, for want of banks or of turns: leave what the mission says"
     found, lead = slip.efficiency, slip.lead
@@ -75,7 +75,7 @@ def slip_line(slip: Slip | None) -> str:
 
 
 def response_lines(found: HoldResponse, loop: Loop) -> list[str]:
-    """Return the three fields of a response, with the bounds of what it may be."""
+    """Return the three fields of a response, with their bounds."""
     return [
         f"  {BANDWIDTHS[loop]}: {found.gain:.3f} # {found.least:.2f} to {found.greatest:.2f}",
         f"  {loop}_dead_time_s: {found.dead_time:.3f}",
@@ -84,50 +84,50 @@ def response_lines(found: HoldResponse, loop: Loop) -> list[str]:
 
 
 LONGEST_S = 240.0
-"""s of flight that are looked at: more says little more."""
+"""Maximum length of the fitted stretch, s; more adds little information."""
 
 LEAST_S = 20.0
-"""Less says nothing."""
+"""Minimum length of the fitted stretch, s; less has no information."""
 
 FITTED_HZ = 10.0
-"""Samples a second that are looked at: responses take longer than a tenth of a second."""
+"""Fitted samples per second: responses take longer than a tenth of a second."""
 
 MODEL_SHARE = 0.15
-"""By which a bandwidth is uncertain at least: a steady turn shows only the sum of its inverse and the delay,
-and no autopilot is quite of the model's kind. ArduPlane's alpha is 0.72 1/s by long steps and 0.78 to 0.84
-by steady turns."""
+"""Minimum relative uncertainty of a bandwidth. A steady turn shows only the sum of its inverse and the
+delay, and no autopilot matches the model exactly. ArduPlane's alpha is 0.72 1/s by long steps and 0.78 to
+0.84 by steady turns."""
 
 MOST_DOUBT = 0.6
-"""Share of a bandwidth: less certain is reported as no answer."""
+"""Relative uncertainty of a bandwidth above which no response is reported."""
 
 LEAST_DOUBT = 0.2
-"""Share of a bandwidth: what is more certain counts as known well."""
+"""Relative uncertainty of a bandwidth below which it counts as known well."""
 
 LEAST_TURN = 0.1
-"""rad: courses that were asked for have to change by so much..."""
+"""Minimum range of course setpoints for an identification, rad."""
 
 LEAST_CHANGE = 0.7
-"""m/s: ... and speeds by so much, from the greatest to the least, for anything to be told."""
+"""Minimum range of speed setpoints for an identification, m/s."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Answer:
-    """How one loop of one vehicle answered."""
+    """Identified response of one loop of one vehicle."""
 
     vehicle: str
     """Name of the vehicle."""
     loop: Loop
-    """Which."""
+    """Identified loop."""
     response: HoldResponse | None
-    """None where nothing can be told."""
+    """Response, None if unknown."""
     why: str
-    """Why nothing can be told; empty where something can."""
+    """Why the response is unknown; empty if it is known."""
     mission: float
     """Bandwidth in the mission, 1/s."""
 
     @property
     def good(self) -> bool:
-        """Whether it is known well enough to be flown by; without steps that takes more than with them."""
+        """Whether the response is known well enough for flight; stricter than after deliberate steps."""
         if self.response is None:
             return False
         return self.response.doubt < LEAST_DOUBT
@@ -140,15 +140,16 @@ def flown_responses(
     airframe: Airframe,
     setpoints: FloatArray,
 ) -> tuple[Answer, Answer]:
-    """How course and speed of a vehicle answered to their setpoints.
+    """Return the course and speed responses of a vehicle to its setpoints.
 
     Args:
-        time_s: of the samples, s, evenly apart.
-        vehicle: what it did.
-        guided: whether setpoints were flown, one for each sample.
-        airframe: what the mission says of it.
-        setpoints: rows of when each went out (s), course in rad and airspeed in m/s. Those of the samples are
-            up to a step later, and half a step of 0.05 s is 4 % of alpha.
+        time_s: sample times, s, evenly spaced.
+        vehicle: record of the vehicle.
+        guided: whether setpoints were flown, for each sample.
+        airframe: airframe in the mission.
+        setpoints: rows of time sent (s), course (rad) and airspeed (m/s). The setpoints in the samples
+            are up
+            to a step later, and half a step of 0.05 s is 4 % of alpha.
     """
     stretch = fitted_stretch(time_s, vehicle, guided)
     return (
@@ -158,7 +159,7 @@ def flown_responses(
 
 
 def fitted_stretch(time_s: FloatArray, vehicle: VehicleRecord, guided: BoolArray) -> slice:
-    """The beginning of the longest guided stretch of which everything is known; samples FITTED_HZ apart."""
+    """Return the beginning of the longest guided stretch with complete data; samples FITTED_HZ apart."""
     known = guided.copy()
     for values in (
         vehicle.heading_rad,
@@ -174,7 +175,7 @@ def fitted_stretch(time_s: FloatArray, vehicle: VehicleRecord, guided: BoolArray
 
 
 def longest_run(known: BoolArray) -> tuple[int, int]:
-    """Where the longest run of what is true begins and ends; (0, 0) without any."""
+    """Return (begin, end) of the longest run of true values; (0, 0) without any."""
     edges = np.flatnonzero(np.diff(np.concatenate(([0], known.astype(np.int8), [0]))))
     begins, ends = edges[::2], edges[1::2]
     if not len(begins):
@@ -184,7 +185,7 @@ def longest_run(known: BoolArray) -> tuple[int, int]:
 
 
 def evenly(time_s: FloatArray, begin: int, end: int, longest_s: float) -> slice:
-    """Samples of a run, FITTED_HZ apart, for so long at most (s)."""
+    """Return a slice of a run with samples FITTED_HZ apart, limited to `longest_s` (s)."""
     if end <= begin or len(time_s) < 2:
         return slice(0, 0)
     rate = (len(time_s) - 1) / float(time_s[-1] - time_s[0])
@@ -200,7 +201,7 @@ def loop_answer(
     airframe: Airframe,
     setpoints: FloatArray,
 ) -> Answer:
-    """How one loop answered on a stretch, or why that cannot be told."""
+    """Return the response of one loop on a stretch, or why it is unknown."""
     mission = airframe.alpha if loop == "course" else airframe.beta
     response, why = None, unknown_because(loop, time_s, vehicle, stretch)
     if not why:
@@ -215,7 +216,7 @@ def loop_answer(
 
 
 def with_doubt(found: HoldResponse | None) -> HoldResponse | None:
-    """Return a response no surer than a flight without steps can tell."""
+    """Widen a response's bounds to the minimum uncertainty of a flight without steps."""
     if found is None:
         return None
     return structs.replace(
@@ -226,7 +227,7 @@ def with_doubt(found: HoldResponse | None) -> HoldResponse | None:
 
 
 def unknown_because(loop: Loop, time_s: FloatArray, vehicle: VehicleRecord, stretch: slice) -> str:
-    """Why nothing can be told of a loop; empty where something can."""
+    """Return why a loop cannot be identified; empty if it can."""
     lasts_s = float(np.ptp(time_s[stretch])) if len(time_s[stretch]) else 0.0
     if lasts_s == 0.0:
         return "the record holds no setpoints of it with their answers"
@@ -250,11 +251,11 @@ def samples_of(
     airframe: Airframe,
     setpoints: FloatArray,
 ) -> HoldSamples:
-    """What was asked for and what was seen on a stretch."""
+    """Return the setpoints and measurements of a stretch."""
     ground = airframe.hold == "course-hold"
     times, course = time_s[stretch], loop == "course"
     speed = (vehicle.ground_speed_m_s if ground else vehicle.airspeed_m_s)[stretch]
-    # From the one that holds at the first sample on.
+    # Begin with the setpoint that is active at the first sample.
     known = setpoints[np.all(np.isfinite(setpoints), axis=1)]
     first = max(int(np.searchsorted(known[:, 0], times[0], side="right")) - 1, 0)
     asked = known[first : int(np.searchsorted(known[:, 0], times[-1], side="right"))]
@@ -274,7 +275,7 @@ def samples_of(
 
 
 def answer_sentence(answer: Answer) -> str:
-    """What was found of one loop, in words."""
+    """Describe the finding about one loop."""
     head = f"{answer.vehicle}: {answer.loop}"
     remedy = "fly `vfguide identify` to know it"
     if answer.response is None:
@@ -295,12 +296,12 @@ def answer_sentence(answer: Answer) -> str:
 def with_responses(
     record: FlightRecord, answers: Sequence[Answer], slips: Mapping[str, Slip]
 ) -> FlightRecord:
-    """Return a flight with what it shows of how its vehicles answered.
+    """Return a flight record with the identified responses of its vehicles.
 
     Args:
-        record: of the flight.
-        answers: of all loops of all vehicles.
-        slips: by vehicle, of those of whom it is known.
+        record: record of the flight.
+        answers: responses of all loops of all vehicles.
+        slips: known slips by vehicle.
     """
     found: dict[str, dict[str, Any]] = {}
     for one in answers:
@@ -327,11 +328,11 @@ def with_responses(
 
 
 def flown_profile(answers: Sequence[Answer], slips: Mapping[str, Slip]) -> str:
-    """The fields that are known well, as YAML to be put under each vehicle's name in `vehicles`.
+    """Return the well-known fields as YAML, to be put under each vehicle's name in `vehicles`.
 
     Args:
-        answers: of all loops of all vehicles.
-        slips: by vehicle, of those of whom it is known.
+        answers: responses of all loops of all vehicles.
+        slips: known slips by vehicle.
     """
     lines: list[str] = []
     for name in dict.fromkeys((*(answer.vehicle for answer in answers), *slips)):
@@ -346,35 +347,35 @@ def flown_profile(answers: Sequence[Answer], slips: Mapping[str, Slip]) -> str:
     return "\n".join(lines)
 
 
-# How much a vehicle turned of what its bank said on a flight that was flown for another purpose.
+# Turn efficiency of a vehicle, from a flight for another purpose.
 #
-# No straight legs were flown on purpose, so that an attitude that is off cannot be told from a slip where all
-# turns went one way: what half a degree of it would do is part of the interval.
+# Without deliberate straight legs, an attitude error cannot be told from slip if all turns went one way. The
+# interval therefore includes the effect of half a degree.
 
 LEG_S = 8.0
-"""s of a leg: several times as long as a swing of the yaw, and short enough for some in a minute."""
+"""Length of a leg, s: several yaw oscillations, but short enough for some legs in a minute."""
 
 ROLL_ERROR = math.radians(0.5)
-"""rad by which attitudes are off, rms, as estimators have it in a turn."""
+"""Attitude error, rms, as estimators have it in a turn, rad."""
 
 FLYING_SHARE = 0.8
-"""Share of the least airspeed: what is slower stands, rolls or lands."""
+"""Share of the minimum airspeed below which a vehicle stands, rolls or lands."""
 
 Slips = bool | Literal["auto"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SlipAnswer:
-    """Whether one vehicle slips."""
+    """Identified slip of one vehicle."""
 
     vehicle: str
     """Name of the vehicle."""
     slip: Slip | None
-    """None where nothing can be told."""
+    """Slip, None if unknown."""
     why: str
-    """Why nothing can be told; empty where something can."""
+    """Why the slip is unknown; empty if it is known."""
     mission: Slips
-    """What the mission says."""
+    """Slip in the mission."""
 
 
 def flown_slip(
@@ -384,15 +385,14 @@ def flown_slip(
     airframe: Airframe,
     mission: Slips,
 ) -> SlipAnswer:
-    """What a flight tells of a vehicle's turns.
+    """Return the slip of a vehicle in its turns.
 
     Args:
-        time_s: of the samples, s, evenly apart.
-        vehicle: what it did.
-        guided: whether setpoints were flown, one for each sample; where none ever was, all of the flight is
-            looked at.
-        airframe: what the mission says of it.
-        mission: what the mission says of its slip.
+        time_s: sample times, s, evenly spaced.
+        vehicle: record of the vehicle.
+        guided: whether setpoints were flown, for each sample; if never, the whole flight is used.
+        airframe: airframe in the mission.
+        mission: slip in the mission.
     """
     reports = reports_of(time_s, vehicle, guided, airframe)
     slip, why = None, ""
@@ -411,7 +411,7 @@ def flown_slip(
 def reports_of(
     time_s: FloatArray, vehicle: VehicleRecord, guided: BoolArray, airframe: Airframe
 ) -> list[Bank]:
-    """The longest stretch in the air of which all is known, cut into legs."""
+    """Return the longest stretch in the air with complete data, cut into legs."""
     known = vehicle.airspeed_m_s >= FLYING_SHARE * airframe.airspeed_min
     if guided.any():
         known &= guided
@@ -450,11 +450,11 @@ def reports_of(
 
 
 def turned_share(reports: list[Bank], scale: Estimate) -> Estimate | None:
-    """Turned over what the bank says, with all that makes it uncertain; None where too little was turned.
+    """Return the turn efficiency with its full uncertainty; None with too few turns.
 
     Args:
-        reports: of the flight.
-        scale: true airspeed over the reported one.
+        reports: reports of the flight.
+        scale: ratio of true to reported airspeed.
     """
     legs = turning(legs_of(reports, scale.value))
     found = turn_efficiency(legs, has_straight=False)
@@ -464,7 +464,7 @@ def turned_share(reports: list[Bank], scale: Estimate) -> Estimate | None:
     lasts_s = np.array([leg.lasts_s for leg in legs])
     weighted = leg_weights(by_bank) ** 2 * by_bank
     airspeed = scale.value * float(np.mean([one.airspeed for one in reports]))
-    # What was turned to the left and to the right by an attitude that is off cancels.
+    # The effect of an attitude error cancels between left and right turns.
     one_sided_s = abs(float(weighted @ lasts_s)) / float(weighted @ by_bank)
     half_width = math.hypot(
         found.half_width,
@@ -475,7 +475,7 @@ def turned_share(reports: list[Bank], scale: Estimate) -> Estimate | None:
 
 
 def slip_sentence(answer: SlipAnswer) -> str:
-    """What was found, in words."""
+    """Describe the finding about slip."""
     head, remedy = f"{answer.vehicle}: slip", "fly `vfguide identify` to know it"
     if answer.slip is None:
         return f"{head}: cannot be told, {answer.why}; {remedy}"
@@ -494,7 +494,7 @@ def slip_sentence(answer: SlipAnswer) -> str:
 
 
 def known_slips(answers: Sequence[SlipAnswer]) -> dict[str, Slip]:
-    """By vehicle, what a mission may be told of it."""
+    """Return the known slips by vehicle."""
     return {
         one.vehicle: one.slip
         for one in answers

@@ -1,4 +1,4 @@
-"""What was told, what was seen, and what the learned response would have done, as a picture."""
+"""Plot of setpoints, measurements and the learned response."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -16,12 +16,12 @@ TOLD, SEEN, MODELLED = "#9aa0a6", "#1a73e8", "#d93025"
 
 
 def draw_findings(findings: Findings, path: Path, title: str) -> None:
-    """Write the picture of a flight.
+    """Write the plot of a flight.
 
     Args:
-        findings: what was found.
-        path: of the PNG.
-        title: above it.
+        findings: findings of the flight.
+        path: path of the PNG.
+        title: title of the plot.
     """
     figure = Figure(figsize=(10.0, 7.0), layout="constrained")
     FigureCanvasAgg(figure)
@@ -46,7 +46,7 @@ def draw(
     found: HoldResponse,
     shown: Callable[[FloatArray], FloatArray],
 ) -> None:
-    """Draw one stretch: setpoints as steps, what was seen, what the model makes of it."""
+    """Draw one stretch: setpoints as steps, the measurement and the model's response."""
     told, seen, modelled = map(shown, (samples.setpoint, samples.seen, followed(samples, found)))
     first, last = samples.time_s[0], samples.time_s[-1]
     near = samples.setpoint_s >= first
@@ -62,7 +62,7 @@ def draw(
 
 
 def words(found: HoldResponse, name: str) -> str:
-    """Return the numbers that were found."""
+    """Return the numbers of a response as a title."""
     return (
         f"{name} {found.gain:.3f} ({found.least:.2f} to {found.greatest:.2f}) 1/s, dead time"
         f" {found.dead_time:.2f} s, lag {found.lag:.2f} s, together {found.earliest:.2f} to"

@@ -1,9 +1,9 @@
-"""The steps that are flown, what was seen and said on them, and what is learned of it.
+"""Steps of an identification flight, their recording and the responses learned from it.
 
-All of a flight at once is given to the model by which companions learn. `guidance.response` finds the
-response among a grid of hypotheses. Here the whole flight is at hand: it is given to the same learner again,
-with a finer grid around the best of the pass before. The bounds are those of the first of these passes, which
-looks widely enough. What a flight did not tell is said in one line, with why, and what to do about it.
+The whole flight is given to the model by which companions learn: `guidance.response` finds the response
+among a grid of hypotheses. The same data are then learned again, with a finer grid around the best of the
+pass before. The bounds are those of the first finer pass, which is wide enough. Missing results are reported
+in one line with reason and remedy.
 """
 
 import math
@@ -32,70 +32,69 @@ FINER = ((0.1, 1.1), (0.03, 1.03), (0.01, 1.01))
 """(Step between delays in s, factor between gains) of each pass after the first."""
 
 SPEED_EXPLAINED = 0.9
-"""Share of the motion that has to be explained of a speed: a total-energy hold, whose pitch answers at once
-and whose throttle later, is none of first order. Of ArduPlane's on a circle it is 0.87."""
+"""Minimum explained share of a speed's motion. A total-energy hold is not of first order: its pitch responds
+at once and its throttle later. ArduPlane's on a circle reaches 0.87."""
 
 SETTLED_S = 1.0
-"""Before the steps that are measured the vehicle has flown straight on for at least this long, s."""
+"""Straight flight before the measured steps that is included, s."""
 
 MODEL_SHARE, NOISE_SHARE = 0.02, 1.0 / 3.0
-"""Of the motion, the part that no hypothesis is expected to explain, and of the noise that a companion
-reckons with: a whole flight shows more than a few seconds of it."""
+"""Share of the motion that no hypothesis explains, and factor on a companion's noise, since a whole flight
+shows more than a few seconds."""
 
 
 NO_OFFSET_S, ANY_OFFSET_S = 1e6, 1e-3
-"""Evidence for no offset, s: a course has none, and airspeed sensors are off."""
+"""Evidence for no offset, s: courses have no offset, airspeed sensors do."""
 
 
 FORGOTTEN_S = 2.0
-"""s at the beginning that count for nothing: the vehicle was on its way to something that is not known."""
+"""Ignored time at the beginning, s, when the vehicle still followed an unknown setpoint."""
 
 
 class HoldSamples(msgspec.Struct, frozen=True, kw_only=True):
-    """What was asked of one hold on a stretch of a flight, and what was seen of it."""
+    """Setpoints and measurements of one hold on a stretch of a flight."""
 
     time_s: FloatArray
     """Times of the reports, s."""
     value: FloatArray
-    """What is held: course, rad, or speed, m/s."""
+    """Held value: course, rad, or speed, m/s."""
     limit: FloatArray
-    """Greatest rate of that at each report, rad/s or m/s²."""
+    """Maximum rate of the held value at each report, rad/s or m/s²."""
     setpoint_s: FloatArray
-    """When setpoints went out, s; the first before the first report."""
+    """Times of the setpoints, s; the first precedes the first report."""
     setpoint: FloatArray
-    """The setpoints: course, unwrapped, rad, or speed, m/s."""
+    """Setpoints: course, unwrapped, rad, or speed, m/s."""
     turned: FloatArray | None = None
-    """The direction that is turned to change the course, heading or course itself, unwrapped, rad; None of a
-    speed."""
+    """Direction that is turned to change the course, heading or course, unwrapped, rad; None for a speed."""
 
     @property
     def seen(self) -> FloatArray:
-        """What the autopilot changes: the direction, or the speed."""
+        """Value that the autopilot changes: the direction, or the speed."""
         return self.value if self.turned is None else self.turned
 
 
 def turn_limits(airframe: Airframe, speed: FloatArray) -> FloatArray:
-    """Return the greatest turn rate at some speeds (m/s), rad/s."""
+    """Return the maximum turn rate (rad/s) at each speed (m/s)."""
     slowest = np.maximum(speed, 1.0)
     return np.array([coordinated_turn_rate(airframe.max_bank, one) for one in slowest.tolist()])
 
 
 def as_seen(samples: HoldSamples) -> HoldSamples:
-    """Return the same, with setpoints on the scale of what was seen.
+    """Return the samples with setpoints on the scale of the measurement.
 
-    Speeds are asked for as indicated airspeeds and seen as true ones, and sensors are off.
+    Setpoints are indicated airspeeds, measurements are true ones, and sensors have offsets.
     """
     off = float(np.median(samples.value - samples.setpoint[held_at(samples, samples.time_s)]))
     return replace(samples, setpoint=samples.setpoint + off)
 
 
 def held_at(samples: HoldSamples, time_s: FloatArray) -> IntegerArray:
-    """Return the numbers of the setpoints that held at some times; before the first there was its like."""
+    """Return the indices of the setpoints active at some times; 0 before the first."""
     return np.maximum(np.searchsorted(samples.setpoint_s, time_s, side="right") - 1, 0)
 
 
 def response_in(samples: HoldSamples) -> HoldResponse | None:
-    """Return how a hold answered, or None where nothing explains what it did."""
+    """Return the response of a hold, or None if no hypothesis explains its motion."""
     by_course = samples.turned is not None
     usual = COURSE if by_course else SPEED
     kind = replace(
@@ -129,7 +128,7 @@ def response_in(samples: HoldSamples) -> HoldResponse | None:
 
 
 def learned(kind: HoldKind, samples: HoldSamples) -> HoldResponse | None:
-    """Return what a learner with these hypotheses makes of a stretch."""
+    """Return the response that a learner with these hypotheses finds on a stretch."""
     learner = HoldLearner(kind)
     sent = zip(samples.setpoint_s.tolist(), samples.setpoint.tolist(), strict=True)
     waiting = next(sent, None)
@@ -149,9 +148,9 @@ def learned(kind: HoldKind, samples: HoldSamples) -> HoldResponse | None:
 
 
 def followed(samples: HoldSamples, found: HoldResponse) -> FloatArray:
-    """Return what a response would have made of the setpoints: directions (rad) or speeds (m/s)."""
+    """Simulate a response to the setpoints: directions (rad) or speeds (m/s)."""
     targets = samples.setpoint[held_at(samples, samples.time_s - found.dead_time)].tolist()
-    # What is held differs from what is turned by the drift in the wind.
+    # The held course and the turned heading differ by the wind drift.
     drift = (samples.value - samples.seen).tolist()
     value, rate, values = float(samples.seen[0]), 0.0, [float(samples.seen[0])]
     for number, (before, now) in enumerate(pairwise(samples.time_s.tolist())):
@@ -168,49 +167,47 @@ def followed(samples: HoldSamples, found: HoldResponse) -> FloatArray:
 
 
 COURSE_STEP = math.radians(15.0)
-"""Greatest step of the course, rad."""
+"""Maximum step of the course, rad."""
 
 SPEED_STEP = 2.0
-"""Greatest step of the airspeed, m/s."""
+"""Maximum step of the airspeed, m/s."""
 
 LIMIT_SHARE = 0.6
-"""Part of the turn rate and of the acceleration that steps may take: at a limit nothing is learned."""
+"""Share of the turn rate and acceleration limits that steps may use: nothing is learned at a limit."""
 
 SPEED_MARGIN = 0.5
-"""Kept from the ends of the airspeed range, m/s."""
+"""Distance from the ends of the airspeed range, m/s."""
 
 COURSE_HOLDS_S = (6.0, 5.0, 7.0, 5.5)
 SPEED_HOLDS_S = (10.0, 9.0, 11.0, 9.5)
-"""How long each of a group of steps lasts; different, so that no period hides in them."""
+"""Durations of the steps of a group, s; different, so that they hide no periodic motion."""
 
 SETTLE_S = 8.0
-"""Straight on, before anything is measured."""
+"""Straight flight before measurements, s."""
 
 TURN_S = 14.0
-"""For each half of the turn back."""
+"""Duration of each half of the turn back, s."""
 
 LEAST_REPORTS = 100
-"""Fewer of them say nothing."""
+"""Minimum number of reports for an identification."""
 
 UNSEEN = (
     "too few reports of its steps, or what it did is no answer to them; see that telemetry comes at"
     " rehearsal.rate_hz, and that the air is calm"
 )
-"""Why nothing is known of a hold."""
+"""Why a hold is unknown."""
 
 KNOWN_SHARE = 0.2
-"""A bandwidth is known well within this share of it."""
+"""Relative uncertainty below which a bandwidth is known well."""
 
 
 class Phase(Enum):
-    """What a segment is for."""
+    """Purpose of a segment."""
 
     SETTLE = "settle"
-    """Nothing is measured."""
+    """Straight flight or turn without measurement."""
     COURSE = "course"
-    """Steps of the course."""
     SPEED = "speed"
-    """Steps of the airspeed."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -218,34 +215,33 @@ class Segment:
     """A setpoint that is held for a while."""
 
     phase: Phase
-    """What for."""
     course: float
-    """Relative to the first course, rad."""
+    """Course relative to the first course, rad."""
     speed: float
-    """m/s, of the kind that the vehicle holds."""
+    """Airspeed or ground speed, whichever the vehicle holds, m/s."""
     duration_s: float
-    """How long."""
+    """Duration, s."""
 
 
 def course_step(airframe: Airframe) -> float:
-    """Step of the course (rad) that stays clear of the bank limit."""
+    """Return a step of the course (rad) that stays clear of the bank limit."""
     greatest = bank_limited_turn_rate(airframe.max_bank, airframe.cruise)
     return min(COURSE_STEP, LIMIT_SHARE * greatest / airframe.alpha)
 
 
 def speed_step(airframe: Airframe) -> float:
-    """Step of the airspeed (m/s) that stays clear of the acceleration limit and the airspeed range."""
+    """Return an airspeed step (m/s) that stays clear of the acceleration limit and the airspeed range."""
     room = min(airframe.airspeed_max - airframe.cruise, airframe.cruise - airframe.airspeed_min)
     by_limit = LIMIT_SHARE * airframe.max_acceleration / airframe.beta
     return max(min(SPEED_STEP, room - SPEED_MARGIN, by_limit), 0.0)
 
 
 def segments(airframe: Airframe, repeats: int) -> list[Segment]:
-    """Out with steps of course, a turn, and back with steps of speed.
+    """Return the flight: out with course steps, a turn, and back with speed steps.
 
     Args:
-        airframe: what the vehicle can do; its cruise is the speed of everything.
-        repeats: how often each group of steps is flown.
+        airframe: capabilities of the vehicle; all segments are at its cruise.
+        repeats: number of repetitions of each group of steps.
     """
     cruise, back = airframe.cruise, math.pi
     turn, push = course_step(airframe), speed_step(airframe)
@@ -268,7 +264,7 @@ def segments(airframe: Airframe, repeats: int) -> list[Segment]:
 
 
 def described(airframe: Airframe, repeats: int) -> list[str]:
-    """The plan in words, for the crew that has to clear the sky for it."""
+    """Describe the flight for the crew, which has to clear the sky for it."""
     flown = segments(airframe, repeats)
     course_s = sum(one.duration_s for one in flown if one.phase is Phase.COURSE)
     speed_s = sum(one.duration_s for one in flown if one.phase is Phase.SPEED)
@@ -291,44 +287,44 @@ def described(airframe: Airframe, repeats: int) -> list[str]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Findings:
-    """What a flight tells."""
+    """Findings of a flight."""
 
     course: HoldResponse | None
-    """None where there are too few reports."""
+    """Course response; None with too few reports."""
     course_samples: HoldSamples | None
-    """What it was found from."""
+    """Data of the course response."""
     speed: HoldResponse | None
-    """The same of the speed; None, too, where there was no room for steps."""
+    """Speed response; None with too few reports, or without room for steps."""
     speed_samples: HoldSamples | None
-    """What it was found from."""
+    """Data of the speed response."""
     slip: Slip | None = None
-    """None where the autopilot told no banks, or has turned too little."""
+    """Slip; None if the autopilot reported no banks, or turned too little."""
 
 
 @dataclass(slots=True)
 class StepsRecording:
-    """A flight as it happens."""
+    """Recording of an identification flight."""
 
     airframe: Airframe
-    """Limits, and what is held."""
+    """Limits of the vehicle, and type of its holds."""
     reports: list[tuple[VehicleState, Phase]] = field(default_factory=list)
-    """Every navigated state, and what was being flown then."""
+    """Every navigated state, with the phase flown at that time."""
     setpoints: list[tuple[float, float, float]] = field(default_factory=list)
-    """Time (s), course (rad) and speed (m/s) of every setpoint."""
+    """Time (s), course (rad) and speed (m/s) of every changed setpoint."""
     banks: Banks = field(default_factory=Banks)
-    """The banks by which it turned."""
+    """Reports of bank angles in turns."""
 
     def note(self, state: VehicleState, segment: Segment) -> None:
-        """A navigated report."""
+        """Record a navigated state."""
         self.reports.append((state, segment.phase))
 
     def note_setpoint(self, time_s: float, course: float, speed: float) -> None:
-        """A setpoint that went out, if it is another one than before."""
+        """Record a setpoint that was sent, if it differs from the one before."""
         if not self.setpoints or self.setpoints[-1][1:] != (course, speed):
             self.setpoints.append((time_s, course, speed))
 
     def findings(self) -> Findings:
-        """Return what is learned of all that was seen so far."""
+        """Return the findings from all data so far."""
         course, speed = self._samples(Phase.COURSE), self._samples(Phase.SPEED)
         has_steps = speed_step(self.airframe) > 0.0
         return Findings(
@@ -340,7 +336,7 @@ class StepsRecording:
         )
 
     def _samples(self, phase: Phase) -> HoldSamples | None:
-        """The stretch of one kind of steps, with the settled moment before it."""
+        """Return the stretch of one kind of steps, with the settled moment before it."""
         times = [state.time_s for state, flown in self.reports if flown is phase]
         if len(times) < LEAST_REPORTS:
             return None
@@ -352,7 +348,7 @@ class StepsRecording:
         is_course = phase is Phase.COURSE
         told = np.array([(at, course, pace) for at, course, pace in self.setpoints if at <= last])
         direction = np.unwrap(np.array([held_direction(state, airframe) for state in stretch]))
-        # Both without jumps, and on the same turn of the circle: they are drawn into one plot.
+        # Both are without jumps and on the same turn of the circle, since one plot shows both.
         setpoint = np.unwrap(told[:, 1])
         asked = setpoint[max(int(np.searchsorted(told[:, 0], first, side="right")) - 1, 0)]
         setpoint += 2.0 * np.pi * np.round((direction[0] - asked) / (2.0 * np.pi))
@@ -377,17 +373,17 @@ class StepsRecording:
 
 
 def is_good(found: HoldResponse) -> bool:
-    """Return whether a response is known well enough to be flown by: its bandwidth within a fifth."""
+    """Check whether a response is known well enough for flight: its bandwidth within a fifth."""
     return found.doubt < KNOWN_SHARE
 
 
 def shortcoming(findings: Findings, airframe: Airframe, ended: str | None) -> str | None:
-    """What was not learned, why, and the remedy; None where both responses are known well.
+    """Return which response is unknown, why, and the remedy; None if both are known well.
 
     Args:
-        findings: what the flight told.
-        airframe: by which it was flown.
-        ended: why it ended before its time; None where all steps were flown.
+        findings: findings of the flight.
+        airframe: airframe of the vehicle.
+        ended: why the flight ended early; None if all steps were flown.
     """
     missing = [
         part
@@ -404,7 +400,7 @@ def shortcoming(findings: Findings, airframe: Airframe, ended: str | None) -> st
 
 
 def course_missing(findings: Findings) -> str | None:
-    """What is not known of the course response; None where it is known well."""
+    """Return what is unknown of the course response; None if it is known well."""
     if findings.course is None:
         return f"alpha_1_s ({UNSEEN})"
     if is_good(findings.course):
@@ -413,7 +409,7 @@ def course_missing(findings: Findings) -> str | None:
 
 
 def speed_missing(findings: Findings, airframe: Airframe) -> str | None:
-    """What is not known of the speed response; None where it is known well."""
+    """Return what is unknown of the speed response; None if it is known well."""
     if speed_step(airframe) == 0.0:
         return (
             "beta_1_s (airspeed_range_m_s leaves no room for steps around"

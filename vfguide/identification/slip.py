@@ -1,14 +1,14 @@
-"""How much a vehicle turns of what its bank says, and how far its nose leads: does it slip?
+"""Slip of a vehicle: its turn efficiency, and the lead of its nose in turns.
 
-    turned by the nose = turn efficiency * integral of g tan(bank) / V dt + roll trim * time
+    heading change = turn efficiency * integral of g tan(bank) / V dt + roll trim * time
 
-over each leg of a flight between two settled moments, fitted to all legs by least squares. How the roll got
-there does not matter, and both ends are means over a second: a yaw that swings is averaged out.
+is fitted by least squares to all legs of a flight between two settled moments. How the roll got there does
+not matter. Both ends are means over a second, which averages out yaw oscillations.
 
     ground velocity = reported airspeed * (scale along the heading - lead * turn rate right of it) + wind
 
-over all reports gives true airspeeds and the nose's lead, likewise: the model that
-`guidance.air_data` learns in flight, here with what gusts leave of it for an interval.
+is fitted to all reports for true airspeeds and the nose's lead. It is the model that `guidance.air_data`
+learns in flight, here with the residuals of gusts for an interval.
 """
 
 import math
@@ -24,50 +24,51 @@ from vfguide.guidance.airframe import GRAVITY
 NORMAL_95 = 1.96
 
 END_S = 1.0
-"""Ends of a leg are means over so long: a swing of 0.9 Hz and most noise leave nothing in them."""
+"""Averaging time at the ends of a leg, s: it removes an oscillation of 0.9 Hz and most noise."""
 
 NOSE_S = 2.0
-"""The turn rate with which the nose leads is the mean over so long: in a swing it does not lead so."""
+"""Averaging time of the turn rate for the nose's lead, s, since the nose does not lead so in an oscillation.
+"""
 
 LEAST_REPORTS = 100
-"""Fewer say nothing."""
+"""Minimum number of reports for an estimate."""
 
 LEAST_TURN = math.radians(5.0)
-"""A leg in which the bank says less is a straight one: it tells of the roll's trim alone."""
+"""Maximum heading change from the bank on a straight leg, which shows the roll trim only, rad."""
 
 LEAST_TURNS = 3
-"""Fewer say nothing of how far they differ."""
+"""Minimum number of turns for an interval."""
 
 ANGLE_ERROR, SHARE_ERROR = 0.01, 0.03
-"""rad, and share of the angle: how far a leg may be off; only their proportion matters."""
+"""Error of a leg in rad, and as a share of the angle; only their ratio matters."""
 
 SLIPS_BELOW = 0.9
-"""A vehicle that turns less than this share of what its bank says slips; 1 is a coordinated turn, and
-ArduPilot's simulated plane has 0.75 to 0.85."""
+"""Turn efficiency below which a vehicle slips. A coordinated turn has 1, and ArduPilot's simulated plane has
+0.75 to 0.85."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Estimate:
-    """A value that was measured."""
+    """A measured value."""
 
     value: float
-    """The most likely."""
+    """Most likely value."""
     half_width: float
-    """Half width of the interval that holds the true value in 95 % of all cases, if the model is right."""
+    """Half width of the 95 % interval of the true value, if the model is right."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Slip:
-    """How a vehicle turns."""
+    """Slip of a vehicle in turns."""
 
     efficiency: Estimate
-    """Turn rate in parts of g tan(bank) / V."""
+    """Turn rate as a fraction of g tan(bank) / V."""
     lead: Estimate
     """Angle by which the nose leads the direction of flight for each rad/s, s."""
 
     @property
     def slips(self) -> bool | None:
-        """Whether it is one that slips; None where the interval leaves that open."""
+        """Whether the vehicle slips; None if the interval leaves that open."""
         found = self.efficiency
         if not abs(found.value - SLIPS_BELOW) > found.half_width:
             return None
@@ -76,37 +77,37 @@ class Slip:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Bank:
-    """One report."""
+    """One report of bank, heading and velocity."""
 
     time_s: float
-    """s."""
+    """Time, s."""
     leg: int
-    """On which it was."""
+    """Number of the leg."""
     heading: float
-    """Where the nose points, rad."""
+    """Heading of the nose, rad."""
     bank: float
-    """rad, positive right."""
+    """Bank angle, rad, positive right."""
     airspeed: float
-    """As reported, m/s."""
+    """Reported airspeed, m/s."""
     velocity_north: float
-    """Over ground, m/s."""
+    """Ground velocity toward north, m/s."""
     velocity_east: float
-    """Over ground, m/s."""
+    """Ground velocity toward east, m/s."""
 
 
 @dataclass(slots=True)
 class Banks:
-    """The banks of a flight as it happens, and the airspeed sensor's scale."""
+    """Bank reports of a flight."""
 
     reports: list[Bank] = field(default_factory=list)
-    """In the order of time."""
+    """Reports in order of time."""
 
     def note(self, report: Bank) -> None:
-        """Take a report."""
+        """Add a report."""
         self.reports.append(report)
 
     def slip(self) -> Slip | None:
-        """What the flight has told so far; None where it has turned too little."""
+        """Return the slip from the reports so far; None with too few turns."""
         if len(self.reports) < LEAST_REPORTS:
             return None
         scale, lead = scale_and_lead(self.reports)
@@ -120,14 +121,14 @@ class Banks:
 
 
 def scale_and_lead(reports: list[Bank]) -> tuple[Estimate, Estimate]:
-    """(true airspeed over the reported one, the nose's lead in s), in the mean wind of a flight."""
+    """Return (ratio of true to reported airspeed, the nose's lead in s), in the mean wind of a flight."""
     time_s = np.array([one.time_s for one in reports])
     heading = np.unwrap(np.array([one.heading for one in reports]))
     airspeed = np.array([one.airspeed for one in reports])
     turn_rate = smoothed(time_s, np.gradient(heading, time_s), NOSE_S)
     ahead, aside = airspeed * np.cos(heading), airspeed * np.sin(heading)
     one, none = np.ones_like(time_s), np.zeros_like(time_s)
-    # A nose that leads to the right leaves the air velocity on its left.
+    # A nose that leads to the right has the air velocity on its left.
     north = np.column_stack((ahead, turn_rate * aside, one, none))
     east = np.column_stack((aside, -turn_rate * ahead, none, one))
     rows = np.concatenate((north, east))
@@ -148,22 +149,22 @@ def scale_and_lead(reports: list[Bank]) -> tuple[Estimate, Estimate]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SlipLeg:
-    """From one settled moment to the next."""
+    """Leg from one settled moment to the next."""
 
     turned: float
-    """By the nose, rad."""
+    """Heading change, rad."""
     by_bank: float
-    """What the bank says, rad."""
+    """Heading change expected from the bank, rad."""
     lasts_s: float
-    """s."""
+    """Duration, s."""
 
 
 def legs_of(reports: list[Bank], scale: float) -> list[SlipLeg]:
-    """The legs of a flight, each from the end of the one before to its own end.
+    """Return the legs of a flight, each from the end of the one before to its own end.
 
     Args:
-        reports: all of them.
-        scale: true airspeed over the reported one.
+        reports: all reports.
+        scale: ratio of true to reported airspeed.
     """
     if len(reports) < 2:
         return []
@@ -193,22 +194,22 @@ def legs_of(reports: list[Bank], scale: float) -> list[SlipLeg]:
 
 
 def turning(legs: list[SlipLeg]) -> list[SlipLeg]:
-    """Those in which it turned."""
+    """Return the legs with a turn."""
     return [leg for leg in legs if abs(leg.by_bank) > LEAST_TURN]
 
 
 def leg_weights(by_bank: FloatArray) -> FloatArray:
-    """How much legs of such angles (rad) count: by how far each may be off."""
+    """Return the weights of legs with such angles (rad), the inverse of their errors."""
     weights: FloatArray = 1.0 / np.hypot(ANGLE_ERROR, SHARE_ERROR * by_bank)
     return weights
 
 
 def turn_efficiency(legs: list[SlipLeg], *, has_straight: bool = True) -> Estimate | None:
-    """Turned over what the bank says, and its 95 % interval; None where too little was turned.
+    """Return the turn efficiency and its 95 % interval; None with too few turns.
 
     Args:
-        legs: of a flight.
-        has_straight: whether some of them are straight, which tell the roll's trim.
+        legs: legs of a flight.
+        has_straight: whether some legs are straight, which show the roll trim.
     """
     if len(turning(legs)) < LEAST_TURNS:
         return None
@@ -228,7 +229,7 @@ def turn_efficiency(legs: list[SlipLeg], *, has_straight: bool = True) -> Estima
 
 
 def smoothed(time_s: FloatArray, values: FloatArray, width_s: float) -> FloatArray:
-    """Running mean over some seconds, as wide to either side as there is room."""
+    """Return the running mean over some seconds, truncated at the ends."""
     total = np.concatenate(([0.0], np.cumsum(values)))
     half = 0.5 * width_s
     low = np.searchsorted(time_s, time_s - half, side="left")
@@ -238,7 +239,7 @@ def smoothed(time_s: FloatArray, values: FloatArray, width_s: float) -> FloatArr
 
 
 def correlation_factor(rest: FloatArray) -> float:
-    """How many times fewer samples there are than it seems, from the correlation of neighbours."""
+    """Return the factor by which correlation of neighbours reduces the effective number of samples."""
     power = float(rest @ rest)
     if power == 0.0:
         return 1.0

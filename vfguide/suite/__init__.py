@@ -1,6 +1,6 @@
-"""A hundred fixed scenarios of formation flight, by which laws are judged: `vfguide bench suite`.
+"""A hundred fixed scenarios of formation flight for comparing laws: `vfguide bench suite`.
 
-Each is a mission file; SHA256SUMS tells that nobody has changed one. docs/suite.md says how they were drawn.
+Each is a mission file; SHA256SUMS detects changed files. docs/suite.md describes how they were drawn.
 """
 
 import hashlib
@@ -15,32 +15,32 @@ COUNT = 100
 SUMS = "SHA256SUMS"
 
 EVERY = 10
-"""Of how many scenarios a quick run flies one."""
+"""A quick run flies one in so many scenarios."""
 
 DRAWS = 1_000_000
-"""Further draws of each seed."""
+"""Number of further draws for each seed."""
 
 
 def digest() -> str:
-    """Return the sum of all sums: results with the same one are of the same scenarios."""
+    """Return the hash of SHA256SUMS: equal hashes mean results of the same scenarios."""
     return hashlib.sha256((files(__name__) / SUMS).read_bytes()).hexdigest()
 
 
 def numbers(*, quick: bool = False) -> range:
-    """Numbers of the fixed scenarios, every tenth where it has to be quick."""
+    """Return the numbers of the fixed scenarios; every tenth for a quick run."""
     return range(1, COUNT + 1, EVERY if quick else 1)
 
 
 def further(count: int, seed: int) -> range:
-    """Numbers of further draws: a million to each seed, none of them fixed."""
+    """Return the numbers of further draws: a million for each seed, none of them fixed."""
     return range(seed * DRAWS + 1, seed * DRAWS + count + 1)
 
 
 def with_law(number: int, law: str) -> Mission:
-    """Return a scenario, its followers flown by this law: a fixed one is read, any other one drawn.
+    """Return a scenario flown by a law; fixed scenarios are read, others drawn.
 
     Raises:
-        InputError: its file is not as it was drawn, or there is no such law.
+        InputError: the scenario's file was changed, or there is no such law.
     """
     name = f"{number:03}.yaml"
     content = kept(name) if number <= COUNT else drawn(number).encode()
@@ -51,7 +51,7 @@ def kept(name: str) -> bytes:
     """Read a fixed scenario's file.
 
     Raises:
-        InputError: it is not as it was drawn.
+        InputError: the file was changed.
     """
     content = (files(__name__) / name).read_bytes()
     sums = (files(__name__) / SUMS).read_text(encoding="ascii").splitlines()

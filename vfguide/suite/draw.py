@@ -1,8 +1,8 @@
-"""Scenarios drawn by one rule from ranges that people fly, for the suite and for `vfguide bench monte-carlo`.
+"""Scenarios drawn by one rule from common ranges, for the suite and for `vfguide bench monte-carlo`.
 
-Each scenario has a random generator of its own, whose seed is its number. What `vfguide check` finds an error
-in is drawn again; nothing is flown, so that no scenario is chosen by its result. The same rule gives the same
-files.
+Each scenario has its own random generator, whose seed is its number. A draw in which `vfguide check` finds
+an error is repeated. Nothing is flown, so no scenario is chosen by its result. The rule always gives the
+same files.
 """
 
 import math
@@ -18,13 +18,13 @@ from vfguide.mission import check_mission, parse_mission
 
 DURATION_S = 100.0
 LEAST_SPACING_M = 15.0
-"""Of slots; followers begin twice as far from each other and from the leader."""
+"""Minimum spacing of slots; starts of followers are twice as far from each other and from the leader."""
 TURNING_BANK_DEG = 20.0
-"""Of the leader at its airspeed plus the wind: aircraft in outer slots bank more."""
+"""Bank of the leader at its airspeed plus the wind; aircraft in outer slots bank more."""
 
 
 def drawn(number: int) -> str:
-    """Draw one scenario: the text of a mission file."""
+    """Draw one scenario as the text of a mission file."""
     random = Random(f"suite {number}")
     while True:
         text = yaml.safe_dump(
@@ -82,7 +82,7 @@ def drawn_wind(random: Random, airspeed: float) -> dict[str, Any]:
 
 
 def drawn_path(random: Random, fastest: float) -> dict[str, Any]:
-    """Draw a path whose turns an aircraft of this ground speed can fly at a moderate bank."""
+    """Draw a path with turns of moderate bank at this ground speed, m/s."""
     least = fastest**2 / (GRAVITY * math.tan(math.radians(TURNING_BANK_DEG)))
     radius = rounded(random.uniform(1.0, 2.5) * max(least, 100.0))
     course = rounded(random.uniform(0.0, 360.0))
@@ -123,7 +123,7 @@ def drawn_path(random: Random, fastest: float) -> dict[str, Any]:
 
 
 def drawn_slots(random: Random, count: int) -> list[dict[str, float]]:
-    """Draw slots behind and beside the leader, some higher or lower, none too near to another."""
+    """Draw slots behind and beside the leader, some higher or lower, with the minimum spacing."""
     taken = [(0.0, 0.0)]
     while len(taken) <= count:
         place = rounded(random.uniform(-80.0, 10.0)), rounded(random.uniform(-60.0, 60.0))
@@ -136,7 +136,7 @@ def drawn_slots(random: Random, count: int) -> list[dict[str, float]]:
 
 
 def drawn_vehicles(random: Random, names: list[str], plant: str) -> dict[str, Any]:
-    """Draw what is declared of the aircraft: mostly nothing but the range of airspeeds."""
+    """Draw the declarations of the aircraft: mostly only the airspeed range."""
     autopilot = "px4" if plant == "npfg" else "ardupilot"
     defaults: dict[str, Any] = {
         "autopilot": autopilot,
@@ -151,7 +151,7 @@ def drawn_vehicles(random: Random, names: list[str], plant: str) -> dict[str, An
 
 
 def drawn_emulator(random: Random, plant: str) -> dict[str, Any]:
-    """Draw what the aircraft really are."""
+    """Draw the true properties of the aircraft."""
     truth: dict[str, Any] = {"plant": plant}
     if plant == "six-dof":
         return truth
@@ -174,7 +174,7 @@ def drawn_emulator(random: Random, plant: str) -> dict[str, Any]:
 
 
 def drawn_start(random: Random, names: list[str], slots: list[dict[str, float]]) -> dict[str, Any]:
-    """Draw followers up to 80 m from their slots on either axis, none too near to another."""
+    """Draw starts of followers up to 80 m from their slots on either axis, with twice the minimum spacing."""
     taken, starts = [(0.0, 0.0)], {}
     for name, slot in zip(names, slots, strict=True):
         place = taken[0]
@@ -187,7 +187,7 @@ def drawn_start(random: Random, names: list[str], slots: list[dict[str, float]])
 
 
 def drawn_link(random: Random) -> dict[str, Any]:
-    """Draw delay, jitter and loss, or one radio in ten that all share, with bursts."""
+    """Draw delay, jitter and loss, or in one of ten cases a shared radio with bursts."""
     if random.random() < 0.1:
         return {
             "radio": {
@@ -205,7 +205,7 @@ def drawn_link(random: Random) -> dict[str, Any]:
 
 
 def happens(content: dict[str, Any], random: Random, names: list[str]) -> dict[str, Any]:
-    """Draw what happens on the way: in half of the flights nothing."""
+    """Draw an event in flight: in half of the flights none."""
     rehearsal, who = content["rehearsal"], random.choice(names)
     at_s = rounded(random.uniform(35.0, 45.0))
     event = random.choice(["nothing"] * 6 + ["companion", "link", "guidance", "leader", "order"])
@@ -225,5 +225,5 @@ def happens(content: dict[str, Any], random: Random, names: list[str]) -> dict[s
 
 
 def rounded(value: float) -> float:
-    """A number with the digits that somebody would write."""
+    """Round a number to the digits that a person would write."""
     return round(value, 2)
