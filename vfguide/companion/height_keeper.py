@@ -3,16 +3,16 @@
 **Planned** is the leader's height along its path, in a hold, and between the heights of two paths. The leader
 and each follower compute it by themselves from the leader's place, and so climb together. A change begins
 when the leader goes over to another path, or from a hold back to its path. It starts with the height and
-climb rate planned until then. If the leader's own height differs, or a companion learns of the order late, as
-after a restart in flight, it starts from the leader's own. It ends once the planned height has reached the
-path's and the leader is beside the path. On its way there, the point of the path nearest to it may jump
-between legs. While the leader is not steered, a change waits at the leader's own height. A hold ends a climb
-evenly, at the height to which that leads.
+climb rate planned until then. It starts at the leader's own if that differs, or if a companion learns of the
+order late, as after a restart. It ends once the planned height has reached the path's and the leader is
+beside the path. Until then, the path's point nearest to the leader may jump from one leg to another. While
+the leader is not steered, a change waits at the leader's own height. A hold ends a climb evenly, at the
+height to which that leads.
 
 **In guided flight** the wanted height is commanded as far as speed leaves energy for it, since throttle and
 height share one energy. An aircraft climbing at full throttle cannot also fly faster, and one gliding at idle
-cannot fly slower. Speed keeps the slot and with it the distances, so height gives way: by the climb rate V a
-/ g that makes the missing acceleration a available.
+cannot fly slower. Speed keeps the slot and with it the distances, so height gives way. The climb rate V a / g
+is given up, which makes the missing acceleration a available.
 
 **Handed back**, each vehicle loiters at its own height, since the circles may cross. An autopilot loiters at
 the height at which it begins. A heartbeat shows that an order that calls everything off, or the end of the
@@ -69,8 +69,7 @@ class PlannedHeight:
         self._as_planned = False
         """Whether the leader was steered, so that it flies the last planned height."""
         self.began_anew = False
-        """Whether the last call began a change at the leader's own height, so that the plan contains its
-        deviation."""
+        """Whether the last call began a change at the leader's own height, with its deviation in the plan."""
 
     @property
     def height(self) -> float | None:

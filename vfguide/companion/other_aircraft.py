@@ -1,9 +1,9 @@
-"""Aircraft that are not of the formation, as the own autopilot reports them by ADS-B: where they may come.
+"""Aircraft outside the formation, as the own autopilot reports them by ADS-B, and where they may come.
 
-Anybody with a transmitter can send such reports: they are hostile input. One that cannot be is counted and
-not used, and no more aircraft are kept in mind than can matter; the worst that a false one does is what a
-true one does, too: the vehicle goes round it. Members of the formation that appear by ADS-B are known by
-their own states, and not kept clear of twice; which address is a member's is judged when it is first heard.
+Anybody with a transmitter can send such reports: they are hostile input. Impossible ones are counted and not
+used, and the number of remembered aircraft is bounded. A false report at worst has the effect of a true one:
+the vehicle goes round the aircraft. Members of the formation that appear by ADS-B are known by their own
+states, and are not kept clear of twice. An address is judged as a member's when it is first heard.
 """
 
 import math
@@ -20,99 +20,98 @@ from vfguide.guidance.separation import BEGINNINGS, HORIZON_S, Others, arc
 from vfguide.mavlink.reports import TrafficReport
 
 MOST_AIRCRAFT = 32
-"""That are kept in mind; of more the one that is farthest away is forgotten."""
+"""Greatest number of remembered aircraft; beyond it the farthest is forgotten."""
 
 STALE_S = 8.0
-"""A report that is older says too little: at 60 m/s it has flown half a kilometre since."""
+"""Age at which a report says too little, s: at 60 m/s the aircraft has flown half a kilometre since."""
 
 FASTEST_M_S = 350.0
-"""Over ground: what says that it is faster, or moves faster from report to report, is no aircraft."""
+"""Ground speed, reported or from report to report, above which it is no aircraft, m/s."""
 
 JUMP_M = 300.0
-"""A place may be off by so much, and its time by a second."""
+"""Tolerance of a position, m; its time may be off by a second."""
 
 FARTHEST_M = 50e3
-"""What is farther away is not looked at."""
+"""Distance beyond which aircraft are ignored, m."""
 
 MEMBER_M, MEMBER_M_S = 75.0, 8.0
-"""A report this near to where a member of the formation says it is, and whose velocity differs by less, is of
-that member: 3 s of 20 m/s, and a receiver's error."""
+"""Greatest difference of position (m) and velocity (m/s) from those that a member states of itself, for the
+report to be the member's. That is 3 s of 20 m/s, and a receiver's error."""
 
 TURN_M_S2 = 5.0
-"""A member may have turned as hard since an older report, with 27° of bank: so much more may be between."""
+"""Acceleration of a member's turn since an older report, 27° of bank: it widens those differences."""
 
 FRESH_S = 1.5
-"""A report that is younger, of which whole seconds are known, tells by its velocity, too, whose it is."""
+"""Age up to which a report's velocity also tells whose it is, s; ages are known to whole seconds."""
 
 VERDICT_S = 60.0
-"""For so long an address is remembered after its last report as a member's or a stranger's. As long all its
-reports have to speak against that before it is judged anew: a stranger 5 m/s faster passes in half of it."""
+"""Time for which a verdict on an address is remembered after its last report, s. To be judged anew, all its
+reports must contradict the verdict for as long: a stranger 5 m/s faster passes in half of it."""
 
 MOST_VERDICTS = 4 * MOST_AIRCRAFT
-"""That are remembered; of more the one that was not heard for the longest is forgotten."""
+"""Greatest number of remembered verdicts; beyond it the one unheard for longest is forgotten."""
 
 ABOVE_M = 60.0
-"""Who is farther above or below, and stays so within the horizon, is not in the way."""
+"""Aircraft farther above or below throughout the horizon are not in the way, m."""
 
 UNSURE_M_S = 5.0
-"""So much more distance is kept for each second that a report is old."""
+"""Distance added for each second of a report's age, m/s."""
 
 TIGHT_SHARE = 0.6
-"""Of the distance to be kept: where no manoeuvre in the plane leaves more, height is used as well."""
+"""Share of the distance to keep below which height is used, where no manoeuvre in the plane leaves more."""
 
 WEIGHT = 2.0
-"""What it counts where not all distances can be kept: it does not know of the formation."""
+"""Weight where not all distances can be kept: the aircraft does not know of the formation."""
 
 
 class Sighting(msgspec.Struct, frozen=True, kw_only=True):
-    """What was reported last of an aircraft."""
+    """Newest report of an aircraft."""
 
     time_s: float
-    """When it was true, s on one's own clock."""
+    """Time of validity, s on the own clock."""
     place: complex
     """North + j east, m."""
     velocity: complex
-    """Over ground, m/s."""
+    """Ground velocity, m/s."""
     tells_velocity: bool
-    """Whether the report did, else it is that between two reports, or 0."""
+    """Whether the velocity was reported; else it is derived from two reports, or 0."""
     altitude_amsl: float
-    """m above mean sea level; NaN where it is not known."""
+    """m above mean sea level; NaN where unknown."""
     altitude_error: float
-    """By how much the altitude may be off, m."""
+    """Greatest error of the altitude, m."""
     climb_rate: float
     """m/s, positive up."""
 
     def at(self, now: float) -> complex:
-        """Where it is if it has flown straight on, m."""
+        """Return the position after straight flight until now, m."""
         return self.place + self.velocity * (now - self.time_s)
 
 
 class AircraftVerdict(msgspec.Struct, frozen=True, kw_only=True):
-    """Whether an address is of the formation, on one's own clock."""
+    """Whether an address belongs to the formation; times on the own clock."""
 
     member: bool
-    """Not a stranger."""
     sure: bool
-    """By a velocity, and of a member by a fresh one: else the first report that is sure decides."""
+    """Whether a reported velocity decided it, fresh for a member; else the first sure report decides."""
     heard_s: float
-    """When it was last judged by a report, s."""
+    """When a report was last judged, s."""
     borne_out_s: float
-    """When a report last agreed with it, s."""
+    """When a report last agreed, s."""
 
 
 class NearbyAircraft(msgspec.Struct, frozen=True, kw_only=True):
-    """Those who may come near."""
+    """Aircraft that may come near."""
 
     names: tuple[str, ...]
-    """Of each, as people read them."""
+    """Names for people."""
     altitudes: tuple[float, ...]
-    """Of each, m above mean sea level; NaN where not known to the metre."""
+    """m above mean sea level; NaN where not exactly known."""
     others: Others
-    """What each may do, a row for each."""
+    """Predicted tracks, one row per aircraft."""
 
 
 class OtherAircraft:
-    """Aircraft that are not of the formation."""
+    """Aircraft outside the formation."""
 
     def __init__(
         self, frame: LocalFrame, *, distance_m: float, followed: int | None = None
@@ -121,8 +120,8 @@ class OtherAircraft:
 
         Args:
             frame: the formation's local frame.
-            distance_m: to be kept from each; 0 to look at none.
-            followed: ICAO address of the one that leads the formation, which is kept clear of as a leader.
+            distance_m: distance to keep from each, m; 0 ignores them.
+            followed: ICAO address of the formation's leader, which is kept clear of as a leader.
         """
         self._frame = frame
         self._distance_m = distance_m
@@ -132,10 +131,10 @@ class OtherAircraft:
         self._verdicts: dict[int, AircraftVerdict] = {}
         self._here = 0j
         self.counters: Counter[str] = Counter()
-        """Reports that were not used, by reason."""
+        """Reports that were not used, counted by reason."""
 
     def take(self, report: TrafficReport, now: float) -> None:
-        """Take a report of the own autopilot, at a time of one's own clock, s."""
+        """Take a report of the own autopilot, received at a time of the own clock, s."""
         if self._distance_m <= 0.0 or report.icao_address == self._followed:
             return
         self._forget(now)
@@ -152,7 +151,7 @@ class OtherAircraft:
         if before is not None:
             passed_s = time_s - before.time_s
             if abs(place - before.place) > JUMP_M + FASTEST_M_S * max(passed_s, 0.0):
-                # One that was wrong before is forgotten once it is stale, and this one then believed.
+                # If instead the earlier report was wrong, it is forgotten once stale, and this one believed.
                 self.counters["traffic: cannot have got there"] += 1
                 return
             if velocity is None:
@@ -177,12 +176,7 @@ class OtherAircraft:
     def nearby(
         self, here: Viewpoint, members: Callable[[], Sequence[tuple[complex, complex]]]
     ) -> NearbyAircraft | None:
-        """Those who may come near within the horizon; None where there is none.
-
-        Args:
-            here: the vehicle that looks around.
-            members: finds (place in m, velocity in m/s) of the others of its formation, now.
-        """
+        """Return aircraft that may come near in the horizon; `members` are (position m, velocity m/s) now."""
         self._here = here.place
         if not self._known:
             return None
@@ -219,10 +213,7 @@ class OtherAircraft:
     def _judge(
         self, here: Viewpoint, members: Callable[[], Sequence[tuple[complex, complex]]]
     ) -> None:
-        """Judge what was reported since the last time. See `nearby`.
-
-        All are judged, also those far away: near the vehicle a stranger may look like a member.
-        """
+        """Judge all aircraft reported since the last call: nearby, a stranger may look like a member."""
         if not self._unjudged:
             return
         now = here.time_s
@@ -231,13 +222,13 @@ class OtherAircraft:
             found = verdict_on(self._known[address], now, formation)
             before = self._verdicts.pop(address, None)
             if before is None and len(self._verdicts) >= MOST_VERDICTS:
-                # Each goes to the end when it is heard.
+                # Verdicts are ordered by when they were last heard.
                 del self._verdicts[next(one for one in self._verdicts if one not in self._known)]
             self._verdicts[address] = found if before is None else revised(before, found)
         self._unjudged.clear()
 
     def _matters(self, one: Sighting, here: Viewpoint) -> bool:
-        """Whether it may come within the distance, and into the same height, within the horizon."""
+        """Check whether an aircraft may come within the distance and the same height within the horizon."""
         above = abs(one.altitude_amsl - here.altitude_amsl) - HORIZON_S * abs(one.climb_rate)
         if above > ABOVE_M + one.altitude_error:
             return False
@@ -247,7 +238,7 @@ class OtherAircraft:
 
     def _forget(self, now: float) -> None:
         for address, one in list(self._known.items()):
-            # What was seen in the future was seen before the own clock was set back.
+            # Sightings in the future precede a step back of the own clock.
             if not -STALE_S <= now - one.time_s <= STALE_S:
                 self._drop(address)
         for address, verdict in list(self._verdicts.items()):
@@ -259,7 +250,7 @@ class OtherAircraft:
         self._unjudged.discard(address)
 
     def _makes_room(self, place: complex) -> bool:
-        """Forget the farthest, if it is farther away than this place (m); whether one was forgotten."""
+        """Forget the farthest aircraft if it is farther than a position (m); return whether it was."""
         farthest = max(self._known, key=lambda one: abs(self._known[one].place - self._here))
         if abs(self._known[farthest].place - self._here) <= abs(place - self._here):
             return False
@@ -270,9 +261,9 @@ class OtherAircraft:
 def verdict_on(
     one: Sighting, now: float, members: Sequence[tuple[complex, complex]]
 ) -> AircraftVerdict:
-    """Whether what was seen is one of the formation, by (place in m, velocity in m/s) of all of them, now.
+    """Judge whether an aircraft is of the formation, by (position in m, velocity in m/s) of all members now.
 
-    They are compared where they were when the report was true, as far as they may have turned since.
+    They are compared at the time of the report, with a tolerance for turns since then.
     """
     age = max(now - one.time_s, 0.0)
     reach, change = MEMBER_M + 0.5 * TURN_M_S2 * age**2, MEMBER_M_S + TURN_M_S2 * age
@@ -286,7 +277,7 @@ def verdict_on(
 
 
 def revised(before: AircraftVerdict, found: AircraftVerdict) -> AircraftVerdict:
-    """A verdict after one more report, which alone would come to `found`."""
+    """Return a verdict updated by one more report, whose own verdict is `found`."""
     if found.sure and not before.sure:
         return found
     if before.member == found.member:
@@ -297,7 +288,7 @@ def revised(before: AircraftVerdict, found: AircraftVerdict) -> AircraftVerdict:
 
 
 def joined(first: Others | None, second: Others) -> Others:
-    """What two groups may do, the first's rows before the second's."""
+    """Return the tracks of two groups, the first's rows before the second's."""
     if first is None:
         return second
     return Others(
