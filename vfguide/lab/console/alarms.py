@@ -156,7 +156,6 @@ class Alarm:
     text: str
     """One sentence, with what to do."""
     vehicles: tuple[str, ...] = ()
-    """Vehicles concerned."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -165,7 +164,6 @@ class Knowledge:
 
     name: str
     leads: bool
-    """Whether the vehicle is the leader."""
     mode: str | None
     """Mode of the companion; None before its first report."""
     offline: bool

@@ -1,8 +1,9 @@
 """Map tiles for the console: a file of raster tiles (MBTiles), or the address of a server.
 
-MBTiles 1.3 is an SQLite file with a table or view `tiles` (zoom_level, tile_column, tile_row, tile_data),
-rows counted from the south, and a table `metadata` (name, value). The file may come from anybody. So it is
-opened read-only, its schema is not trusted, and a query that takes too long or finds too much yields nothing.
+MBTiles 1.3 is an SQLite file with a table or view `tiles` and a table `metadata` (name, value). Columns of
+`tiles` are zoom_level, tile_column, tile_row and tile_data; rows count from the south. The file may come from
+anybody. So it is opened read-only, its schema is not trusted, and a query that takes too long or finds too
+much yields nothing.
 """
 
 import re
@@ -30,7 +31,7 @@ LARGEST_TILE = 1024**2
 """Largest tile in bytes; usual ones have 10 to 100 kB."""
 
 LOOKUP_STEPS = 1000
-"""Limit for finding a tile, in thousands of SQLite instructions; with an index some hundred suffice."""
+"""Limit for finding a tile, in 1000 SQLite instructions; an indexed lookup takes a few hundred in all."""
 
 OPENING_STEPS = 100_000
 """Limit for a query of the whole file, in thousands of SQLite instructions: some seconds."""
@@ -181,7 +182,7 @@ class TileFile:
             ),
             find=self.find,
         )
-        """Source for pages."""
+        """Map source for the console's pages."""
 
     def find(self, zoom: int, column: int, row: int) -> Tile | None:
         """Return a tile by zoom, column from the west and row from the north; None without an image."""
@@ -229,7 +230,6 @@ class TileFile:
         return row
 
     def _metadata(self) -> dict[str, str]:
-        """Return the metadata that the file has."""
         said = {}
         for name in ("format", "attribution", "minzoom", "maxzoom"):
             with suppress(sqlite3.Error):

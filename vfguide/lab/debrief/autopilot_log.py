@@ -130,11 +130,7 @@ def by_boot_clock(arrivals_s: FloatArray, boot_s: FloatArray) -> FloatArray:
     """Return when reports were made: boot times, offset by the promptest report of each ten seconds.
 
     Frames wait for the serial line, up to tenths of a second. A clock that goes back belongs to a restarted
-    autopilot, and gets a new offset.
-
-    Args:
-        arrivals_s: N arrival times, s, ascending.
-        boot_s: the autopilot's time in each report, s.
+    autopilot, and gets a new offset. `arrivals_s` has to ascend.
     """
     made = arrivals_s.copy()
     starts = np.flatnonzero(np.diff(boot_s) < 0.0) + 1
@@ -168,7 +164,7 @@ ERA_S = 1024 * 604_800.0
 """Period of a receiver's ten-bit week number."""
 
 ERA_BEGIN_UNIX_S = 1_483_228_800.0
-"""Begin of 2017, which is before all logs read here."""
+"""Start of 2017, which is before all logs read here."""
 
 
 class LogRows:

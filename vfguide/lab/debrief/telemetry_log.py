@@ -61,13 +61,7 @@ class SteadyClock:
         self._newest: dict[int, tuple[float, float]] = {}
 
     def at(self, shown_s: float, system_id: int, boot_s: float | None) -> float:
-        """Return the corrected time of a frame, s.
-
-        Args:
-            shown_s: reading of the computer's clock.
-            system_id: sender of the frame.
-            boot_s: the sender's time since boot; None if the frame does not hold it.
-        """
+        """Return the corrected time of a frame, s, from the computer's clock and the sender's boot time."""
         step = 0.0 if self._shown_s is None else shown_s - self._shown_s
         if not -MOST_BACK_S <= step <= LEAST_LEAP_S:
             if not self._unsure:

@@ -21,7 +21,7 @@ VIRTUAL_BEGIN_S = 1_767_225_600.0
 """Time 0 of a flight in virtual time, s since 1970: 1 January 2026, as in its telemetry logs."""
 
 LATEST_S = 4_102_444_800.0
-"""Begin of 2100; no valid flight ends later."""
+"""Start of 2100; no valid flight ends later."""
 
 PART = 20_000
 """Number of samples processed at a time."""

@@ -1,9 +1,9 @@
 """Radio channel shared by several stations, in virtual time and repeatable by a seed.
 
-A station's packets go over a serial line to its radio (ten bits per byte), over the air, and over another
-serial line to every other station. A radio sends a packet as soon as all of it has come, whether or not it
-hears another. It hears nothing while it sends, and packets that overlap on the air destroy each other. Every
-receiver has losses and bursts of its own. Half of the lost packets arrive as damaged bytes.
+A station's packets go over a serial line to its radio (ten bits per byte) and over the air. Another serial
+line takes them to every other station. A radio sends a packet as soon as all of it has come, whether or not
+it hears another. It hears nothing while it sends, and packets that overlap on the air destroy each other.
+Every receiver has losses and bursts of its own. Half of the lost packets arrive as damaged bytes.
 """
 
 import heapq
@@ -23,7 +23,6 @@ class RadioQuality:
     """Speed and losses of the radios."""
 
     channel: Channel = field(default_factory=lambda: Channel(baud=57_600, air_bytes_s=4000.0))
-    """Speed of the radios."""
     loss: float = 0.0
     """Probability that a receiver misses a packet outside bursts, 0 to 1."""
     burst_share: float = 0.0
@@ -74,7 +73,6 @@ class EmulatedRadio:
 
     station: Speaker
     bursts: Bursts
-    """Bursts of this receiver."""
     offset_s: float
     """Station's clock at virtual time 0."""
     rate: float
@@ -126,13 +124,7 @@ class RadioAir:
         self._on_air: list[Transmission] = []
 
     def add(self, station: Speaker, *, offset_s: float = 0.0, rate: float = 1.0) -> EmulatedRadio:
-        """Plug a station in now.
-
-        Args:
-            station: station that has not begun.
-            offset_s: its clock at virtual time 0, s.
-            rate: seconds of its clock per second of virtual time.
-        """
+        """Plug in a station whose clock shows `offset_s` at virtual time 0 and runs `rate` times as fast."""
         random = Random(f"{self._seed} radio {len(self.radios)}")
         radio = EmulatedRadio(
             station=station,

@@ -2,7 +2,7 @@
 
 These programs may run elsewhere, as in containers, and share a single file: the judge writes it, and the
 emulators wait for it. It holds one number, the Unix time of simulation time 0, s. A file left from an earlier
-flight holds a time in the past, so that nobody who waits now mistakes it for his own.
+flight holds a time in the past, so that waiting emulators ignore it.
 """
 
 import asyncio
@@ -82,15 +82,9 @@ def emulator_command(
 ) -> list[str]:
     """Write the settings file of a vehicle's emulator, and return the command that runs the emulator.
 
-    Args:
-        mission: the mission.
-        name: name of the vehicle.
-        file: settings file to write.
-        mavlink: address of the companion, or address at which to wait for one.
-        truth: address of the judge.
-        epoch_s: Unix time of simulation time 0, s.
-        speedup: simulation seconds per real second.
-        also_to: further addresses that get the telemetry.
+    `mavlink` is the companion's address, or the one at which to wait for it; `truth` is the judge's.
+    `also_to` lists further receivers of the telemetry. `epoch_s` is the Unix time of simulation time 0, s,
+    and `speedup` is in simulation seconds per real second.
     """
     settings = settings_of(mission, name) | {
         # Plugins with laws or links do no harm in an emulator.

@@ -91,14 +91,7 @@ class Process:
         log: Path,
         environment: Mapping[str, str] | None = None,
     ) -> None:
-        """Prepare a program without starting it.
-
-        Args:
-            name: name in messages.
-            command: program and arguments.
-            log: file to which output is appended.
-            environment: variables added to this program's.
-        """
+        """Prepare a program; its output is appended to `log`, and `environment` adds variables."""
         self.name = name
         self._command = command
         self._log = log

@@ -45,7 +45,7 @@ class FormationSummary:
     """Formation errors and separation of all followers; None where nothing was measured."""
 
     window_s: tuple[float, float]
-    """Begin and end of the last half of the flight, s."""
+    """Start and end of the last half of the flight, s."""
     mean_error_m: float | None
     """Mean distance from the slot over the window and all followers in the formation."""
     p95_error_m: float | None
@@ -120,7 +120,7 @@ class Summary:
     wind: str
     """Type of wind."""
     mode: str
-    """`lockstep` or `live`."""
+    """`lockstep`, `live` or `recorded`."""
     rate_hz: float
     """Guidance steps per second."""
     seed: int
@@ -132,9 +132,8 @@ class Summary:
     accepted: bool | None
     """Whether the flight met all limits of its mission; None if there were none."""
     rejections: tuple[str, ...]
-    """Reasons for rejection, each a phrase with figures; empty if the flight was not rejected."""
+    """Reasons for rejection, each a phrase with figures; empty if there are none."""
     acceptance: RecordAcceptance
-    """Acceptance limits of the mission."""
     formation: FormationSummary
     vehicles: dict[str, LeaderSummary | FollowerSummary]
     """Figures of each vehicle by name, leader first."""
@@ -301,7 +300,7 @@ def plain_json(value: object) -> object:
 def measured(
     record: FlightRecord, values: FloatArray, counts: BoolArray | None = None
 ) -> FloatArray:
-    """Select the values that count; all by default, but of a recorded flight those that were recorded."""
+    """Select the values that count: all by default, but in a recorded flight only finite ones."""
     if record.mode == "recorded":
         return values[np.isfinite(values)]
     # Returned unchanged if all count: a sum in another order differs in its last digits.

@@ -288,14 +288,12 @@ def wind_figure(record: FlightRecord, *, narrow: bool = False) -> Figure:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class DrawnWind:
-    """One line of the wind panels."""
+    """One line of the wind panels, with the air's velocity."""
 
     label: str
     colour: str
     north_m_s: FloatArray
-    """Velocity toward north."""
     east_m_s: FloatArray
-    """Velocity toward east."""
 
 
 def winds_to_draw(record: FlightRecord) -> tuple[DrawnWind, ...]:

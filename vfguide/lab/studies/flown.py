@@ -105,11 +105,9 @@ class Said(str):
 
 
 def markdown(columns: Mapping[str, str], rows: Iterable[Row]) -> str:
-    """Return a Markdown table.
+    """Return a Markdown table; figures that a row lacks are shown as unknown.
 
-    Args:
-        columns: format of each column by its heading, with the fields `case` and names of figures.
-        rows: rows of a study; missing figures count as unknown.
+    `columns` holds each column's format by its heading, with the fields `case` and names of figures.
     """
     lines = [[*columns], ["---"] * len(columns)]
     for case, figures in rows:
@@ -175,7 +173,6 @@ class Case:
     plant: str = "heading-hold"
     changes: Changes = field(default_factory=dict)
     label: str = ""
-    """Label within a series."""
 
     def flown(self) -> Mission:
         """Return the mission to fly."""

@@ -77,11 +77,10 @@ def write_mission(mission: Mission, directory: Path) -> Path:
 
 @dataclass(slots=True, kw_only=True)
 class Client:
-    """Program under test with its aircraft."""
+    """Program under test, with the aircraft it communicates with."""
 
     process: Process
     vehicle: TimedVehicle
-    """Aircraft with which the program communicates."""
     is_companion: bool = False
     """Whether the program is a companion of this project."""
 
@@ -264,7 +263,7 @@ async def warm_up(clients: Sequence[Client], rate_hz: float) -> None:
 
 
 def quantile(ordered: Sequence[float], share: float) -> float:
-    """Return the quantile of a sorted series by nearest rank, without interpolation."""
+    """Return the element at `share` of a sorted series' length, without interpolation."""
     return ordered[min(len(ordered) - 1, int(share * len(ordered)))]
 
 

@@ -330,7 +330,6 @@ class PagePart:
     """Parts of a page that shows a replay; all empty without a replay."""
 
     style: str
-    """Content of the style element."""
     markup: str
     script: str
     """Script for the end of the page."""
