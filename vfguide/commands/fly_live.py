@@ -1,6 +1,6 @@
-"""`vfguide fly --live`: real time, real sockets, a process for each program.
+"""`vfguide fly --live`: a flight in real time, with real sockets and a process for each program.
 
-How a live flight goes while it is flown: a table redrawn in place on a terminal, plain lines elsewhere.
+Progress is a table redrawn in place on a terminal, plain lines elsewhere.
 """
 
 import asyncio
@@ -37,49 +37,48 @@ from vfguide.record.latency import Latency, latency_of
 UNKNOWN = "-"
 
 Show = Callable[[float, "Sequence[LiveRow]"], None]
-"""Called with the simulation time and the vehicles, again and again."""
+"""Shows progress; called again and again with the simulation time and the vehicles."""
 
 GROUP = "239.255.42.1"
-"""Multicast group of flights whose links nobody names, on the loopback interface and a port of their own."""
+"""Multicast group of flights without `--link`, on the loopback interface and a port of their own."""
 
 BROKER = "mqtt"
-"""What `--link` takes for a broker that the flight starts."""
+"""Value of `--link` for a broker that the flight starts."""
 
 FLIGHT_LOOK_S = 0.25
-"""Real time between looks at the flight."""
+"""Real time between two updates of the display."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LiveRow:
-    """One vehicle, now."""
+    """Present state of one vehicle."""
 
     vehicle: str
-    """Name of the vehicle."""
     mode: str
-    """Mode that its companion reports; empty before it has said anything."""
+    """Mode that the companion reports; empty before its first report."""
     error_m: float | None
     """Distance from slot or path, by true states; None where there is none."""
     ground_speed_m_s: float | None
-    """True."""
+    """True ground speed."""
     leader_age_s: float | None
-    """Age of the leader's state when its companion used one last; None for the leader."""
+    """Age of the leader's state when the companion last used one; None for the leader."""
 
 
 def rows_of(
     names: Sequence[str], record: FlightRecord | None, presences: Mapping[str, Presence]
 ) -> list[LiveRow]:
-    """The vehicles now.
+    """Return the present state of the vehicles.
 
     Args:
         names: of the vehicles, leader first.
-        record: the newest true states; None before the first.
-        presences: what companions say, by vehicle.
+        record: newest true states; None before the first.
+        presences: the companions' reports, by vehicle.
     """
     return [row_of(name, record, presences.get(name)) for name in names]
 
 
 def row_of(name: str, record: FlightRecord | None, presence: Presence | None) -> LiveRow:
-    """One vehicle now."""
+    """Return the present state of one vehicle."""
     error_m = speed_m_s = age_ms = None
     vehicle = next((one for one in record.vehicles if one.name == name), None) if record else None
     if record is not None and vehicle is not None:
@@ -89,7 +88,7 @@ def row_of(name: str, record: FlightRecord | None, presence: Presence | None) ->
             if leads
             else slot_error(record.reference, vehicle).distance_m
         )
-        # Who has left the formation has no slot, and in a hold the leader follows no path.
+        # A vehicle that has left the formation has no slot, and a leader in a hold follows no path.
         error_m = float(off[-1]) if math.isfinite(off[-1]) else None
         speed_m_s = float(vehicle.ground_speed_m_s[-1])
         if presence is not None and not leads:
@@ -107,7 +106,7 @@ def row_of(name: str, record: FlightRecord | None, presence: Presence | None) ->
 
 
 def table_of(title: str, rows: Sequence[LiveRow]) -> Table:
-    """The vehicles as a table."""
+    """Return the vehicles as a table."""
     table = Table(title=Text(title), title_justify="left", box=box.SIMPLE_HEAD)
     table.add_column("vehicle")
     table.add_column("mode")
@@ -125,20 +124,20 @@ def table_of(title: str, rows: Sequence[LiveRow]) -> Table:
 
 
 def line_of(rows: Sequence[LiveRow]) -> str:
-    """The vehicles in one line."""
+    """Return the vehicles in one line."""
     return ", ".join(
         f"{row.vehicle} {row.mode or UNKNOWN} {digits(row.error_m, 2)} m off" for row in rows
     )
 
 
 def digits(value: float | None, decimals: int) -> str:
-    """A figure; a dash for one that is not known."""
+    """Return a number with fixed decimals, or a dash for None."""
     return UNKNOWN if value is None else f"{value:.{decimals}f}"
 
 
 @contextmanager
 def live_table(console: Terminal, title: str, duration_s: float) -> Iterator[Show]:
-    """Something to call with the time and the vehicles as they change."""
+    """Yield a function that shows the time and the vehicles as they change."""
     if not console.is_terminal or console.is_dumb_terminal:
         begins_fifth = fifths_of(duration_s)
 
@@ -159,14 +158,14 @@ def live_table(console: Terminal, title: str, duration_s: float) -> Iterator[Sho
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LivePage:
-    """The page of a browser on which a live flight is shown."""
+    """Options of the browser page that shows a live flight."""
 
     operator: bool
-    """Whether orders can be given from there."""
+    """Whether orders can be given from the page."""
     tiles: TileSource | None
-    """The map on it, if there is one."""
+    """Map on the page, if any."""
     foxglove: int | None
-    """Port of loopback on which Foxglove is served beside it; None for none."""
+    """Loopback port of a Foxglove server beside the page; None for none."""
 
 
 def live_page(*, operator: bool, tiles: str | None, foxglove: int | None) -> LivePage:
@@ -192,8 +191,8 @@ def fly_live(
     """Fly a mission live, report, and return the exit status; arguments as of `flown_live`.
 
     Raises:
-        InputError: the directory cannot be written to or holds something else, or the speed-up is no speed.
-        VfguideError: a process that should not has ended, or none of the links stands.
+        InputError: the directory cannot be used, or the speed-up is out of range.
+        VfguideError: a process ended unexpectedly, or no link is connected.
     """
     if not 0.0 < speedup <= 100.0:
         raise InputError(f"--speedup: {speedup:g} is not above 0 and at most 100")
@@ -221,10 +220,10 @@ def fly_live(
 
 
 def check_live(mission: Mission, *, speedup: float = 1.0) -> None:
-    """See that nothing happens to a mission at times that its programs could not keep.
+    """Check that a mission has no events that a live flight cannot time.
 
     Raises:
-        InputError: it has links that are lost, or orders while time runs faster or slower.
+        InputError: it loses links or guidance, or has orders and `speedup` is not 1.
     """
     if mission.orders and speedup != 1.0:
         raise InputError(
@@ -248,26 +247,26 @@ async def flown_live(
     tell: Callable[[str], None] = lambda _: None,
     page: LivePage | None = None,
 ) -> LockstepFlight:
-    """The flight itself, to its end or until told to stop.
+    """Fly a mission live to its end, or until `stop` returns True.
 
     Args:
-        mission: the mission.
-        links: addresses of the formation's links, or `mqtt`; UDP on this computer if there are none.
-        speedup: simulation seconds for each real one.
-        directory: for what its processes write.
-        show: called with the time and what is known of each vehicle.
-        stop: whether to end now.
-        tell: called with what a user should read.
-        page: on which the flight is shown; None for none.
+        mission: to fly.
+        links: addresses of the formation's links, or `mqtt`; UDP on this computer if empty.
+        speedup: simulation seconds per real second.
+        directory: for the files of the processes.
+        show: shows the time and the state of each vehicle.
+        stop: returns whether to end now.
+        tell: prints messages to the user.
+        page: browser page that shows the flight; None for none.
 
     Raises:
-        InputError: the mission has something that only virtual time has.
-        VfguideError: a process that should not has ended, or none of the links stands.
+        InputError: the mission has events of virtual time alone.
+        VfguideError: a process ended unexpectedly, or no link is connected.
     """
     check_live(mission, speedup=speedup)
     async with AsyncExitStack() as stack:
         links = await stack.enter_async_context(links_for(links, directory))
-        # Companions fly on without a broker: that it was never there would show nowhere.
+        # Companions fly on without a broker, so a missing one would go unnoticed.
         await check_reachable(watched_by_anybody(mission, links), random=Random())
         began = time.perf_counter()
         flight = await stack.enter_async_context(
@@ -290,7 +289,7 @@ async def flown_live(
             ) < mission.rehearsal.duration_s and not interrupted:
                 flight.check()
                 if now_s >= 0.0 and not flies:
-                    # What starting took is not what flying takes.
+                    # Excludes the start from the processes' usage in flight.
                     before, flies = flight.accounts(), True
                 seen = flight.record_now() if flies else None
                 show(max(now_s, 0.0), rows_of(flight.names, seen, presences))
@@ -316,11 +315,11 @@ async def flown_live(
 
 @asynccontextmanager
 async def links_for(named: Sequence[str], directory: Path) -> AsyncIterator[tuple[str, ...]]:
-    """Addresses of a live flight's links, for as long as the context lasts.
+    """Yield the addresses of a live flight's links for as long as the context lasts.
 
     Args:
         named: as a user names them; `mqtt` alone stands for a broker that is started here.
-        directory: for what that broker writes.
+        directory: for the broker's files.
 
     Raises:
         VfguideError: there is no broker to start.
@@ -336,12 +335,12 @@ async def links_for(named: Sequence[str], directory: Path) -> AsyncIterator[tupl
 
 
 def find_slowness(mission: Mission, latency: Latency, speedup: float) -> str | None:
-    """Say that the computer was too slow for the flight, whose errors are then its own; None if it was not.
+    """Return a warning that the computer was too slow, which makes the errors its own; None if it was not.
 
     Args:
-        mission: the mission.
-        latency: how old the leader's states were when followers used them, in simulated time.
-        speedup: simulation seconds for each real one.
+        mission: flown.
+        latency: ages of the leader's states when followers used them, in simulated time.
+        speedup: simulation seconds per real second.
     """
     age_ms = latency.together().leader_age_ms
     if age_ms is None or age_ms.p99 < mission.patience.leader_s * 1e3:
@@ -361,8 +360,8 @@ async def console_of(
     tell: Callable[[str], None],
     page: LivePage,
 ) -> AsyncIterator[None]:
-    """The flight on a page, whose address is told, and that of operators if there may be any."""
-    # Here, because it brings the web server's libraries.
+    """Serve the flight on a page, and print its addresses for viewers and operators."""
+    # Imported here, since it brings the web server's libraries.
     from vfguide.commands.console import (
         addresses_of,
         check_orders,

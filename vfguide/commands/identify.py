@@ -39,10 +39,10 @@ from vfguide.mavlink.framing import ConnectionSigning, Introduction
 from vfguide.mission import read_mission
 
 PATIENCE_S = 5.0
-"""For positions to be heard at the start, before the operator is told that there are none."""
+"""Time for positions to arrive at the start, before the operator is warned."""
 
 UNSURE = 1
-"""Exit status where the flight told too little."""
+"""Exit status when the flight was not informative enough."""
 
 
 def identify(
@@ -69,7 +69,7 @@ def identify(
     flight of two minutes. Exit status: 0 they are known well, 1 they are not or the flight ended early, and
     the last line says what was not learned; 2 the input is wrong, 3 broken.
     """
-    # Here, because an aircraft's computer has no plotting library.
+    # Imported here, since an aircraft's computer lacks the plotting library.
     from vfguide.identification.plot import draw_findings
 
     flown = read_mission(mission).mission
@@ -118,7 +118,7 @@ def identify(
 
 
 def unled(plan: FlightPlan) -> FlightPlan:
-    """The plan, without what is to be found out: nothing is led before it is known."""
+    """Return the plan without dead times and lags, which are to be identified and not compensated."""
     airframe = replace(
         plan.airframe,
         course_dead_time=0.0,
@@ -137,7 +137,7 @@ async def fly_steps(
     *,
     by_mavsdk: bool,
 ) -> None:
-    """Fly until all steps are done, or SIGINT or SIGTERM; then hand back."""
+    """Fly until all steps are done, or SIGINT or SIGTERM; then hand back control."""
     stop = stop_event()
     connection: Connection | None = None
 
@@ -168,11 +168,11 @@ async def fly_steps(
 
 
 def tell(event: Event) -> None:
-    """An event on standard error."""
+    """Print an event on standard error."""
     say(f"{'warning: ' if event.warning else ''}{event.text}")
 
 
 def say(text: str) -> None:
-    """A line on standard error: standard output is for the profile."""
+    """Print a line on standard error, since standard output is for the profile."""
     sys.stderr.write(text + "\n")
     sys.stderr.flush()

@@ -1,4 +1,4 @@
-"""`vfguide judge` and `emulate`: a flight whose programs run somewhere else, as in containers."""
+"""`vfguide judge` and `emulate`: a flight whose programs run elsewhere, as in containers."""
 
 import asyncio
 import os
@@ -35,7 +35,7 @@ from vfguide.mission.overrides import Overrides
 from vfguide.system import require_linux, run_watching_sockets
 
 RECORD_LOOK_S = 0.2
-"""Real time between looks at the flight."""
+"""Real time between two checks of the flight."""
 
 
 def judge(
@@ -99,7 +99,7 @@ def judge(
 async def until_online(
     flight: WatchedFlight, *, patience_s: float, stop: Callable[[], bool]
 ) -> None:
-    """Wait for all companions; an aircraft whose companion does not come flies without it."""
+    """Wait for all companions, at most `patience_s`; aircraft whose companion is missing fly without it."""
     gives_up = time.monotonic() + patience_s
     missing = await flight.missing()
     while missing and time.monotonic() < gives_up and not stop():
@@ -110,7 +110,7 @@ async def until_online(
 
 
 def truth_port(text: str) -> tuple[str, int]:
-    """Host and port of `udpin://host:port`.
+    """Return host and port of `udpin://host:port`.
 
     Raises:
         InputError: it is something else.
@@ -122,7 +122,7 @@ def truth_port(text: str) -> tuple[str, int]:
 
 
 PATIENCE_S = 180.0
-"""Real time that a judge may take to start the flight."""
+"""Real time within which a judge must start the flight."""
 
 
 def emulate(
@@ -144,14 +144,14 @@ def emulate(
 
     Exit status: as `sitl-stub`, which it becomes; 2 the input is wrong, 3 the start did not come.
     """
-    # Here, because an aircraft's computer has no library that counts what processes take.
+    # Imported here, since an aircraft's computer lacks the library that measures processes.
     from vfguide.lab.rehearsal.live import emulator_command
 
     require_linux("vfguide emulate")
     flown = read_mission(mission).mission
     check_flies(flown, vehicle)
     epoch_s = await_start(start, patience_s=PATIENCE_S)
-    # In memory: a container's file system may be read-only. The emulator inherits what is open.
+    # In memory: a container's file system may be read-only. The emulator inherits open files.
     file = os.memfd_create("emulator", 0)
     command = emulator_command(
         flown,
@@ -162,5 +162,5 @@ def emulate(
         epoch_s=epoch_s,
         speedup=speedup,
     )
-    # The emulator takes this process over: it knows nothing of missions, and needs none of their memory.
+    # The emulator replaces this process, whose memory for missions it does not need.
     os.execv(command[0], command)  # noqa: S606

@@ -1,4 +1,4 @@
-"""`vfguide keys`: makes, shows and replaces the keys of a formation's members."""
+"""`vfguide keys`: make, show and replace the keys of a formation's members."""
 
 import asyncio
 import hashlib
@@ -44,10 +44,10 @@ from vfguide.system import run_watching_sockets
 ALL_THERE, SOME_MISSING = 0, 1
 
 SAY_S, LAST_S, AWAITED = 0.5, 5.0, 5.0
-"""A revocation is said so often, s, for so long, s, and for so many presences of each vehicle."""
+"""Revocations: repetition interval, s; least total time, s; and presences of each vehicle to wait for."""
 
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]{0,31}")
-"""What an operator may be called: also a file name and a topic."""
+"""Valid names of operators, usable as file name and topic."""
 
 
 keys = typer.Typer(
@@ -139,7 +139,7 @@ def rotate(
                 f"{name} is not a member of {flown.name}; its members are {', '.join(members)}"
             )
     made = make_keys(places, flown.name, flown.companions, operators=(), anew=names or members)
-    # Who had the key that is replaced had this one, too.
+    # Owners of a replaced key had the radio key, too.
     tell_made(places, made, radio=make_radio_key(places, anew=True))
 
 
@@ -180,10 +180,10 @@ def revoke(
 
 
 async def say_revoked(watched: WatchedFormation, vehicle: str, others: Sequence[str]) -> list[str]:
-    """Say that a vehicle's key is out until the others know, some seconds at most; who has not said so.
+    """Announce a revoked key until the others know, for some seconds at most; return those that do not know.
 
     Raises:
-        VfguideError: no link stands.
+        VfguideError: no link is connected.
     """
     async with watching(watched, random=Random(), receive_reply=ignore) as (link, found):
         check_connected(link)
@@ -204,7 +204,7 @@ async def say_revoked(watched: WatchedFormation, vehicle: str, others: Sequence[
 
 
 def tell_made(places: KeyPlaces, made: Sequence[str], *, radio: bool) -> None:
-    """Say what is new, and what is to be done with it."""
+    """Print which keys are new, and what to do with them."""
     output = Terminal()
     if radio:
         output.tell(f"{places.radio}: new radio key, the same for all members that share a radio")
@@ -220,7 +220,7 @@ def tell_made(places: KeyPlaces, made: Sequence[str], *, radio: bool) -> None:
 
 
 def row_of(name: str, mission: Mission, roster: Roster, places: KeyPlaces) -> dict[str, str]:
-    """What is known of one member's keys."""
+    """Return role and key state of one member."""
     if name in roster.operators:
         role = "operator"
     elif name == mission.leader.vehicle:
@@ -236,7 +236,7 @@ def row_of(name: str, mission: Mission, roster: Roster, places: KeyPlaces) -> di
 
 
 def private_state(name: str, public: bytes | None, places: KeyPlaces) -> str:
-    """What is wrong with a member's private key, if it is here."""
+    """Return whether a member's private key is here, or what is wrong with it."""
     path = places.private(name)
     if not path.exists():
         return "no"
@@ -248,6 +248,6 @@ def private_state(name: str, public: bytes | None, places: KeyPlaces) -> str:
 
 
 def fingerprint(public: bytes) -> str:
-    """A public key, short enough to be compared by eye."""
+    """Return a hash of a public key, short enough to be compared by eye."""
     digits = hashlib.sha256(public).hexdigest()[:16]
     return " ".join(digits[start : start + 4] for start in range(0, len(digits), 4))

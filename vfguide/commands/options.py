@@ -13,10 +13,10 @@ from vfguide.registry import use_plugins
 
 
 def directory_of(text: str) -> Path:
-    """A directory by its name.
+    """Return a directory by its name.
 
     Raises:
-        InputError: the name is empty, as of a variable that is not set: it would be the current directory.
+        InputError: the name is empty, as from an unset variable; it would mean the current directory.
     """
     if not text:
         raise InputError("DIR: is empty; name a directory, or . for the one you are in")
@@ -24,7 +24,7 @@ def directory_of(text: str) -> Path:
 
 
 def in_directory(text: str) -> Any:  # noqa: ANN401 - as Typer declares it
-    """An option that names a directory, with its help."""
+    """Return an option that names a directory, with its help."""
     return typer.Option(metavar="DIR", help=text, parser=directory_of)
 
 
@@ -120,7 +120,7 @@ Plugins = Annotated[
 
 
 def with_plugins(command: Callable[..., None]) -> Callable[..., None]:
-    """The command with the option `--plugin`: what it names is loaded before the command runs."""
+    """Return the command with the option `--plugin`, whose files are loaded before the command runs."""
 
     @wraps(command)
     def run(*arguments: Any, plugin: list[Path] | None = None, **options: Any) -> None:  # noqa: ANN401

@@ -1,4 +1,4 @@
-"""`vfguide order`: words into an order, and what becomes of it in lines."""
+"""`vfguide order`: parse an order, give it, and print its outcome."""
 
 from collections.abc import Sequence
 from typing import Annotated, get_args
@@ -21,7 +21,7 @@ ACTIONS: tuple[Action, ...] = get_args(Action)
 FLOWN, NOT_FLOWN = 0, 1
 
 FARTHEST_M = 3000.0
-"""Orders carry no slot that is farther from the leader."""
+"""Greatest distance of a slot from the leader in an order."""
 
 KNOWN = (
     f"{', '.join(SHAPES)}; spacing; swap A B; slot NAME=FORWARD,RIGHT; leave NAME; join NAME;"
@@ -39,7 +39,7 @@ USAGE = {
     "path": "path NAME",
     "lead": "lead NAME",
 }
-"""How orders are written that need more than a word."""
+"""Usage of the orders that need more than one word."""
 
 
 def order(
@@ -89,10 +89,10 @@ def order(
 
 
 def order_of(words: Sequence[str], spacing: float | None) -> Order:
-    """An order in words, such as `vee`, `swap f1 f2` or `slot f1=-20,10`.
+    """Parse an order such as `vee`, `swap f1 f2` or `slot f1=-20,10`.
 
     Raises:
-        InputError: it is none; the text says which there are.
+        InputError: it is no order; the text says which there are.
     """
     what, names = words[0] if words else "", tuple(words[1:])
     if spacing is not None and what not in {*SHAPES, "spacing"}:
@@ -109,7 +109,7 @@ def order_of(words: Sequence[str], spacing: float | None) -> Order:
 
 
 def plain_order(what: str, spacing: float | None) -> Order | None:
-    """An order that names no follower; None where it is none."""
+    """Return an order without names; None where it is none."""
     if what in SHAPES:
         return Order(shape=what, spacing=spacing)
     if what in ACTIONS:
@@ -120,10 +120,10 @@ def plain_order(what: str, spacing: float | None) -> Order | None:
 
 
 def named_order(what: str, names: tuple[str, ...]) -> Order | None:
-    """An order about something that it names; None where it is none.
+    """Return an order with the names of followers, a path or a leader; None where it is none.
 
     Raises:
-        InputError: a slot is none.
+        InputError: a slot is malformed.
     """
     order = None
     match what, names:
@@ -143,17 +143,17 @@ def named_order(what: str, names: tuple[str, ...]) -> Order | None:
 
 
 def slot_of(text: str) -> tuple[str, Point]:
-    """A follower and its slot, of f1=-20,10 or f1=-20,10,15 (forward, right and up, m).
+    """Parse a follower's slot: f1=-20,10 or f1=-20,10,15 (forward, right and up, m).
 
     Raises:
-        InputError: it is none.
+        InputError: it is malformed, or too far away.
     """
     name, _, numbers = text.partition("=")
     try:
         values = [float(number) for number in numbers.split(",")]
     except ValueError:
         values = []
-    # Not "beyond": a comparison with NaN is false whichever way it is put.
+    # Written so that NaN fails: its comparisons are all false.
     if not (name and len(values) in {2, 3} and all(abs(value) <= FARTHEST_M for value in values)):
         raise InputError(
             f"slot {text}: write NAME=FORWARD,RIGHT in metres, such as f1=-20,10, no more than"

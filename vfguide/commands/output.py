@@ -1,7 +1,7 @@
-"""The directory that a flight is kept in: replaced as a whole, and only if nothing else is in it.
+"""Output directory of a flight: replaced as a whole, and only if it holds nothing else.
 
-Everything is written into a hidden directory inside and moved into place at the end. Moving replaces a name:
-it never writes through a symbolic link.
+All files are written into a hidden directory inside and moved into place at the end. Moving replaces a name
+and never writes through a symbolic link.
 """
 
 import errno
@@ -21,26 +21,26 @@ RECORD_NAME = "flight.npz"
 SUMMARY_NAME = "summary.json"
 PAGE_NAME = "report.html"
 RECORDINGS = "recordings"
-"""Directories of the companions' own recordings, of a live flight."""
+"""Directory of the companions' own recordings of a live flight."""
 
 PLOT_NAMES = ("tracks", "errors", "setpoints", "heights", "separation", "wind")
 
 REPORT_NAMES = (SUMMARY_NAME, PAGE_NAME, *(f"{name}.png" for name in PLOT_NAMES))
-"""What a report consists of."""
+"""Files of a report."""
 
 SHARED_NAMES = (*REPORT_NAMES, RECORD_NAME, RECORDINGS, "mission.yaml", "broker.log")
 VEHICLE_ENDINGS = (".tlog", ".guidance.csv", ".companion.log", ".emulator.log")
 
 PARTIAL = ".partial-"
-"""How the hidden directory's name begins. One that a flight left is never removed: it may hold recordings."""
+"""Prefix of the hidden directory. One that a flight has left is never removed: it may hold recordings."""
 
 LONGEST_SUMMARY = 4 * 1024**2
-"""Bytes."""
+"""Greatest size of a summary, bytes."""
 
 
 @contextmanager
 def kept_in(out: Path, *, mission: str, vehicles: Collection[str], force: bool) -> Iterator[Path]:
-    """A directory to write a flight into, whose contents are moved into `out` at the end.
+    """Yield a directory to write a flight into; its contents are moved into `out` at the end.
 
     Args:
         out: made if need be.
@@ -80,10 +80,10 @@ def kept_in(out: Path, *, mission: str, vehicles: Collection[str], force: bool) 
 
 
 def refuse_foreign(out: Path, mission: str, written: Collection[str], *, force: bool) -> None:
-    """See that no file that vfguide has not written is replaced.
+    """Check that no foreign file is replaced, unless `force` allows it.
 
     Raises:
-        InputError: something would be; one line.
+        InputError: a file would be replaced that must not be; the message is one line.
     """
     if out.is_symlink():
         raise InputError(
@@ -108,10 +108,10 @@ def refuse_foreign(out: Path, mission: str, written: Collection[str], *, force: 
 
 
 def refuse_file(path: Path, *, force: bool) -> None:
-    """See that a single file can be written without replacing another.
+    """Check that a single file can be written without replacing another.
 
     Raises:
-        InputError: it cannot; one line.
+        InputError: it cannot; the message is one line.
     """
     if path.is_symlink() or path.is_dir():
         raise InputError(f"{path}: is a symbolic link or a directory; give another name")
@@ -122,12 +122,12 @@ def refuse_file(path: Path, *, force: bool) -> None:
 
 
 def own_names(vehicles: Collection[str]) -> set[str]:
-    """Names of all that a flight of these vehicles may leave."""
+    """Return the names of all files that a flight of these vehicles may leave."""
     return {*SHARED_NAMES, *(name + end for name in vehicles for end in VEHICLE_ENDINGS)}
 
 
 def flown_before(out: Path) -> tuple[str, list[str]] | None:
-    """(mission, vehicles) of the flight that a directory holds; None where there is none."""
+    """Return (mission, vehicles) of the flight that a directory holds; None where there is none."""
     path = out / SUMMARY_NAME
     try:
         if path.is_symlink():
@@ -140,10 +140,10 @@ def flown_before(out: Path) -> tuple[str, list[str]] | None:
 
 
 def move_into(out: Path, partial: Path) -> None:
-    """Put what was written in the place of the flight before.
+    """Replace the earlier flight in `out` by the files in `partial`.
 
     Raises:
-        OSError: the file system does not let it.
+        OSError: the file system refuses.
     """
     found = flown_before(out)
     if found is not None:
@@ -155,7 +155,7 @@ def move_into(out: Path, partial: Path) -> None:
 
 
 def remove(path: Path) -> None:
-    """Remove a file, a link or a directory of a flight, if it is there."""
+    """Remove a file, a link or a directory of a flight, if it exists."""
     if path.is_dir() and not path.is_symlink():
         shutil.rmtree(path)
     else:
@@ -164,10 +164,10 @@ def remove(path: Path) -> None:
 
 @contextmanager
 def written_beside(directory: Path) -> Iterator[Path]:
-    """A directory to write files into, which then take the place of those of their names in `directory`.
+    """Yield a directory to write files into, which then replace files of the same names in `directory`.
 
     Raises:
-        OSError: the file system does not let it.
+        OSError: the file system refuses.
     """
     partial = Path(tempfile.mkdtemp(prefix=PARTIAL, dir=directory))
     try:
@@ -180,7 +180,7 @@ def written_beside(directory: Path) -> Iterator[Path]:
 
 @contextmanager
 def whole_file(path: Path) -> Iterator[Path]:
-    """A place to write a file at, which then takes its name, or is removed where that fails.
+    """Yield a path to write a file at, which is then moved to `path`, or removed after an error.
 
     Raises:
         InputError: it cannot be written.

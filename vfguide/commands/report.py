@@ -86,7 +86,7 @@ def report(
     if out is None and len(directories) > 1:
         raise InputError("say with --out where the report of several directories goes")
     where = directories[0] if out is None else out
-    # The report beside a rehearsal's own record is that rehearsal's, whatever became of its summary.
+    # A report beside a rehearsal's record belongs to that rehearsal, even without a summary.
     if out is not None or not (where / RECORD_NAME).exists():
         refuse_foreign(where, record.mission, REPORT_NAMES, force=force)
     elif where.is_symlink():
@@ -106,15 +106,15 @@ def animate_flight(
 
     Args:
         directories: as of a report.
-        file: where to.
-        begin_s: from when, s of the flight.
-        end_s: until when.
-        force: whether a file that is there may be replaced.
+        file: of the picture.
+        begin_s: first time shown, s of the flight.
+        end_s: last time shown, s of the flight.
+        force: whether an existing file may be replaced.
 
     Raises:
-        InputError: there is no flight in them, nothing to show, or the file cannot be written.
+        InputError: there is no flight, nothing to show, or the file cannot be written.
     """
-    # Here, for the same reason as below.
+    # Imported here, since it brings the plotting library, which few commands need.
     from vfguide.lab.report.animation import format_of, write_animation
 
     format_of(file)
@@ -126,7 +126,7 @@ def animate_flight(
 
 
 def read_flight(directories: Sequence[Path]) -> FlightRecord:
-    """The flight in some directories.
+    """Read the flight in some directories.
 
     Raises:
         InputError: there is none, or a damaged one.
@@ -164,12 +164,12 @@ def read_flight(directories: Sequence[Path]) -> FlightRecord:
 
 
 def write_report_of(record: FlightRecord, where: Path) -> None:
-    """Write everything into a directory, which is made if need be, and print the summary.
+    """Write summary and report into a directory, made if need be, and print the summary.
 
     Raises:
         InputError: it cannot be written to.
     """
-    # Here, because it brings the plotting library, which no other command needs.
+    # Imported here, since it brings the plotting library, which few commands need.
     from vfguide.lab.report.page import write_report
 
     summary = summarise(record)
@@ -193,11 +193,11 @@ def write_report_of(record: FlightRecord, where: Path) -> None:
 
 
 def recorded_wall_s(path: Path) -> float | None:
-    """How long the flight took, s, as its first summary tells; the record does not."""
+    """Return the real time that the flight took, s, from its first summary; the record does not hold it."""
     try:
         with open_regular(path) as file:
             wall_s = float(json.loads(file.read(LONGEST_SUMMARY))["wall_s"])
-    # Whatever became of the file: it is about to be written anew.
+    # The file is about to be replaced, so a damaged one does not matter.
     except (OSError, ValueError, TypeError, LookupError, RecursionError, OverflowError):
         return None
     return wall_s if math.isfinite(wall_s) and wall_s > 0.0 else None

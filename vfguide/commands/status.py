@@ -1,4 +1,4 @@
-"""`vfguide status`: how the vehicles of a formation are, as they say themselves."""
+"""`vfguide status`: the state of a formation's vehicles, by their own reports."""
 
 import asyncio
 import json
@@ -34,40 +34,40 @@ from vfguide.mission import Mission, read_mission
 from vfguide.mission.feasibility import check_mission
 from vfguide.system import run_watching_sockets
 
-# Which presences are of now: a broker keeps the last word of a companion that is gone; links get lost.
+# A presence may be old: a broker keeps the last one of a companion that is gone, and links get lost.
 
 SILENT_S = 5.0
-"""A companion that has not said for so long how it is counts as gone."""
+"""Silence after which a companion counts as gone."""
 
 
 SILENT_TURNS = 2.5
-"""On a slow link, who is silent for more than two of its turns counts as gone."""
+"""Silence on a slow link after which a companion counts as gone, as a multiple of the presence interval."""
 
 
 @dataclass(slots=True)
 class HeardPresence:
-    """What was heard of one vehicle."""
+    """Newest presence of one vehicle."""
 
     said_s: float
-    """The time of its newest presence, s on its own clock."""
+    """Time of the presence, s on the companion's own clock."""
     heard_s: float
-    """When that was heard, s."""
+    """Time of its arrival, s."""
     again: bool = False
-    """Whether it is not the first one: then its companion lives, or did so a moment ago."""
+    """Whether an earlier presence was heard, which proves that the companion was alive lately."""
 
 
 class Freshness:
-    """Who has said how it is twice, and not long ago."""
+    """Judges which companions are alive: those heard twice, and not long ago."""
 
     def __init__(self, silent_s: float = SILENT_S) -> None:
-        """Begin with nobody heard; who says nothing for so long (s) is offline."""
+        """Start without presences; companions silent for longer than `silent_s` are offline."""
         self.silent_s = silent_s
-        """Who says nothing for longer (s) is offline."""
+        """Silence after which a companion is offline, s."""
         self._heard: dict[str, HeardPresence] = {}
         self._before: dict[str, float] = {}
 
     def note(self, found: Mapping[str, Presence], now: float) -> None:
-        """Take what each vehicle said last."""
+        """Take the last presence of each vehicle."""
         for name, presence in found.items():
             if presence.time_s == self._before.get(name):
                 continue
@@ -78,12 +78,12 @@ class Freshness:
                 self._heard[name] = HeardPresence(presence.time_s, now, again=True)
 
     def lose(self, found: Mapping[str, Presence]) -> None:
-        """Note that the link was lost: what a broker says next may be kept, and newer than what was heard."""
+        """Forget all presences after a loss of the link, since a broker may next send kept but newer ones."""
         self._before = {name: presence.time_s for name, presence in found.items()}
         self._heard.clear()
 
     def missing(self, found: Mapping[str, Presence]) -> list[str]:
-        """Vehicles that say they are online, and were not heard twice."""
+        """Return the vehicles that report to be online, but were not heard twice."""
         return [
             name
             for name, presence in found.items()
@@ -91,10 +91,10 @@ class Freshness:
         ]
 
     def judge(self, found: Mapping[str, Presence], now: float) -> dict[str, Presence]:
-        """The presences, those that may be old as offline.
+        """Return the presences, with those that may be old changed to offline.
 
         Args:
-            found: what each vehicle said last.
+            found: last presence of each vehicle.
             now: s.
         """
         self.note(found, now)
@@ -117,30 +117,30 @@ class Freshness:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Seen:
-    """What is known of a formation at a moment."""
+    """Known state of a formation at one moment."""
 
     found: Mapping[str, Presence]
-    """What each vehicle said last, those that may be gone as offline."""
+    """Last presence of each vehicle, offline where the companion may be gone."""
     complaint: str = ""
-    """Which of the own links do not stand, and why; empty while all do."""
+    """Disconnected links of this computer, with reasons; empty while all are connected."""
     deaf: bool = False
-    """Whether none stands: then nothing is known of the vehicles."""
+    """Whether no link is connected, so that nothing is known of the vehicles."""
 
 
 class Lookout(Freshness):
-    """Looks at what comes in by a link."""
+    """Judges the presences that arrive by a link."""
 
     def __init__(self, link: Link, current: Mapping[str, Presence]) -> None:
-        """Begin with nobody heard, by a link and what each vehicle said last by it."""
+        """Start without presences, with a link and the last presences that it received."""
         self.slowest_s = max(carrier.presence_s for carrier in link.carriers)
-        """Longest time between two words of a vehicle, s."""
+        """Longest time between two presences of a vehicle, s."""
         super().__init__(max(SILENT_S, SILENT_TURNS * self.slowest_s))
         self._link = link
         self._current = current
         self._losses = link.losses
 
     def look(self, now: float) -> None:
-        """Take what has come in until now (s); often, or what was kept is taken for what was said."""
+        """Take what has arrived until `now` (s); call often, else kept presences count as new ones."""
         if self._link.losses != self._losses:
             self._losses = self._link.losses
             self.lose(self._current)
@@ -148,11 +148,11 @@ class Lookout(Freshness):
 
     @property
     def waits(self) -> bool:
-        """Whether a vehicle was heard, and not again since."""
+        """Whether a vehicle was heard once, but not again."""
         return bool(self.missing(self._current))
 
     def seen(self, now: float) -> Seen:
-        """What is known now (s)."""
+        """Return the known state at `now` (s)."""
         self.look(now)
         return Seen(
             found=self.judge(self._current, now),
@@ -162,10 +162,10 @@ class Lookout(Freshness):
 
 
 LISTEN_S = 1.5
-"""Long enough for a presence from everybody who lives."""
+"""Time within which all living companions are heard."""
 
 ARRIVAL_LOOK_S = 0.05
-"""Interval at which what has come in is looked at."""
+"""Interval between two looks at what has arrived."""
 
 ALL_THERE, SOME_MISSING = 0, 1
 
@@ -177,10 +177,10 @@ SIGNED, INSECURE = "signed", "INSECURE"
 NOT_FRESH = "without an operator's private key nothing shows whether this was said today: give one with --key"
 
 COLUMNS = {"answer, ms": "response_ms", "leader's age, ms": "leader_age_ms"}
-"""Figures of a presence that the table shows: the median and the 99th percentile."""
+"""Figures of a presence in the table: median and 99th percentile."""
 
 WATCH_S = 1.0
-"""Between two looks of `--watch`: everybody says once a second how it is."""
+"""Interval between two updates of `--watch`, as long as that between two presences."""
 
 
 def status(
@@ -222,10 +222,10 @@ def status(
 
 
 async def living_presences(watched: WatchedFormation) -> Seen:
-    """What each vehicle says about itself; who is not heard a second time is offline.
+    """Return the state of the formation; companions that are not heard a second time are offline.
 
     Raises:
-        VfguideError: no link stands.
+        VfguideError: no link is connected.
     """
     loop = asyncio.get_running_loop()
     async with watching(watched, random=Random()) as (link, current):
@@ -239,10 +239,10 @@ async def living_presences(watched: WatchedFormation) -> Seen:
 async def keep_showing(
     mission: Mission, watched: WatchedFormation, output: Terminal, *, as_json: bool
 ) -> None:
-    """Show how the vehicles are, again and again, until Ctrl-C: in place on a terminal, else line by line.
+    """Show the vehicles again and again until Ctrl-C: in place on a terminal, else line by line.
 
     Raises:
-        VfguideError: no link stands at first; one that is lost later comes back by itself.
+        VfguideError: no link is connected at first; one that is lost later reconnects by itself.
     """
     loop, ended = asyncio.get_running_loop(), stop_event()
     async with watching(watched, random=Random()) as (link, current):
@@ -263,7 +263,7 @@ async def keep_showing(
 
 
 async def first_words(lookout: Lookout, ended: asyncio.Event) -> None:
-    """Listen until everybody who lives should have been heard, and longer for the second word of some."""
+    """Listen until all living companions should be heard, and longer for second presences."""
     loop = asyncio.get_running_loop()
     least_s, longest_s = max(LISTEN_S, HEARD_SHARE * lookout.slowest_s), lookout.silent_s
     began_s, passed_s = loop.time(), 0.0
@@ -273,7 +273,7 @@ async def first_words(lookout: Lookout, ended: asyncio.Event) -> None:
 
 
 async def look_on(lookout: Lookout, seconds: float, ended: asyncio.Event) -> None:
-    """Look at what comes in for so long, or until the end."""
+    """Look at what arrives for some seconds, or until `ended`."""
     loop = asyncio.get_running_loop()
     until_s = loop.time() + seconds
     while not ended.is_set() and (left_s := until_s - loop.time()) > 0.0:
@@ -284,7 +284,7 @@ async def look_on(lookout: Lookout, seconds: float, ended: asyncio.Event) -> Non
 
 
 def readiness(mission: Mission, seen: Seen) -> str:
-    """Whether the formation may take off, in one line: go, or no-go and everything that speaks against it."""
+    """Return whether the formation may take off: go, or no-go with all reasons, in one line."""
     if seen.deaf:
         return f"NO-GO  {seen.complaint}: {NOTHING_KNOWN}"
     found = seen.found
@@ -304,7 +304,7 @@ def readiness(mission: Mission, seen: Seen) -> str:
 
 
 def doubts(presence: Presence | None) -> list[str]:
-    """What speaks against taking off with a vehicle that says this of itself."""
+    """Return the reasons against a take-off in a vehicle's presence."""
     if presence is None:
         return ["no companion is heard"]
     if presence.status != "online":
@@ -318,7 +318,7 @@ def doubts(presence: Presence | None) -> list[str]:
 
 
 def flies(mission: Mission, seen: Seen) -> str:
-    """Who leads, and the order that is flown, in one line."""
+    """Return who leads and which order is flown, in one line."""
     if seen.deaf:
         return "who leads and what is flown is not known: no link stands"
     online = {name: one.figures for name, one in seen.found.items() if one.status == "online"}
@@ -332,7 +332,7 @@ def flies(mission: Mission, seen: Seen) -> str:
 
 
 def status_json(mission: Mission, seen: Seen) -> dict[str, object]:
-    """Everybody's presence as JSON holds it."""
+    """Return the presences of all companions for JSON."""
     if seen.deaf:
         lost = {"status": NOT_HEARD, "obstacle": f"{seen.complaint}: {NOTHING_KNOWN}"}
         return dict.fromkeys(mission.companions, lost)
@@ -340,7 +340,7 @@ def status_json(mission: Mission, seen: Seen) -> dict[str, object]:
 
 
 def described(presence: Presence | None) -> dict[str, object]:
-    """A presence as JSON holds it."""
+    """Return a presence for JSON."""
     if presence is None:
         return {"status": "never seen"}
     return {
@@ -356,7 +356,7 @@ def described(presence: Presence | None) -> dict[str, object]:
 
 
 def status_table(mission: Mission, seen: Seen) -> Table:
-    """A line for each vehicle."""
+    """Return a table with a row for each vehicle."""
     table = Table(
         *("vehicle", "status", "mode", "messages"),
         box=box.SIMPLE,

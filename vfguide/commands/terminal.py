@@ -1,4 +1,4 @@
-"""What is said to the user, and the signals by which one ends a command.
+"""Terminal output of commands, progress, and the signals that end a command.
 
 Progress is a bar on a terminal and plain lines elsewhere.
 """
@@ -20,22 +20,22 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from vfguide.system import on_signals
 
 PLAIN_STEPS = 5
-"""Lines that a whole flight takes where there is no terminal."""
+"""Progress lines of a whole flight where there is no terminal."""
 
 BAR_PERIOD_S = 5.0
 """Virtual seconds between two movements of the bar."""
 
 
 NARROWEST = 60
-"""Columns that are written to the narrowest terminal; what does not fit, it wraps."""
+"""Least width of output, columns; a narrower terminal wraps it."""
 
 
 class Terminal(Console):
-    """Standard output or standard error, where it does not matter whether anybody still reads them."""
+    """Standard output or standard error that tolerates a closed pipe."""
 
     def __init__(self, *, stderr: bool = False) -> None:
         super().__init__(stderr=stderr)
-        # Squeezed further, a table is nothing but ellipses; a width of 0 would show nothing at all.
+        # A narrower table is nothing but ellipses, and a width of 0 would show nothing.
         self.width = max(self.width, NARROWEST)
 
     def tell(self, text: str) -> None:
@@ -49,13 +49,13 @@ class Terminal(Console):
 
 
 def discard(stream: IO[str]) -> None:
-    """Send what a stream still holds, and all that follows, to nowhere."""
+    """Discard a stream's buffer and all later output."""
     with suppress(UnsupportedOperation), Path(os.devnull).open("wb") as nowhere:
         os.dup2(nowhere.fileno(), stream.fileno())
 
 
 def escape_what_cannot_be_encoded() -> None:
-    """Let a terminal without the letters of a message show escapes in their place."""
+    """Print escapes for letters that a terminal cannot encode."""
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")
@@ -63,7 +63,7 @@ def escape_what_cannot_be_encoded() -> None:
 
 @contextmanager
 def flight_progress(title: str, duration_s: float) -> Iterator[Callable[[float], None]]:
-    """Something to call with the virtual time as it passes."""
+    """Yield a function that shows the virtual time as it passes."""
     console = Terminal(stderr=True)
     if not console.is_terminal:
         begins_fifth = fifths_of(duration_s)
@@ -94,7 +94,7 @@ def flight_progress(title: str, duration_s: float) -> Iterator[Callable[[float],
 
 
 def fifths_of(duration_s: float) -> Callable[[float], bool]:
-    """Something that says whether a time is the first in another fifth of the flight."""
+    """Return a function that tells whether a time is the first one seen in another fifth of the flight."""
     shown = 0
 
     def begins_fifth(now: float) -> bool:
@@ -106,7 +106,7 @@ def fifths_of(duration_s: float) -> Callable[[float], bool]:
 
 
 def stop_event() -> asyncio.Event:
-    """An event of the running loop that Ctrl-C or SIGTERM sets, instead of ending the program."""
+    """Return an event of the running loop that Ctrl-C or SIGTERM sets, instead of ending the program."""
     stop = asyncio.Event()
     on_signals(stop.set)
     return stop
@@ -114,7 +114,7 @@ def stop_event() -> asyncio.Event:
 
 @contextmanager
 def stopped_by_signals() -> Iterator[Callable[[], bool]]:
-    """Whether Ctrl-C or SIGTERM has come: the flight ends where it is, between two steps, and is kept."""
+    """Yield a check for Ctrl-C or SIGTERM, with which a flight ends between two steps and is kept."""
     stopped = False
 
     def stop(_number: int, _frame: FrameType | None) -> None:
