@@ -1,9 +1,8 @@
-"""The interface of a follower's law: what it is told, what it returns, and what is done around it.
+"""Interface of a follower's law, and the keeper that runs a law on its slot.
 
-A law says which motion it wants. `SlotKeeper` does once what every law needs. It carries the leader's state
-on to the same instant, compensates for late autopilots and keeps clear of other vehicles. It turns the
-motion into setpoints through the wind triangle, within the vehicle's limits, and logs the Lyapunov
-function.
+A law returns the motion that it wants. `SlotKeeper` does what every law needs: it extrapolates the leader to
+the same instant, turns the motion into setpoints through the wind triangle and the vehicle's limits, and
+computes the Lyapunov function.
 """
 
 import copy
@@ -35,49 +34,50 @@ from vfguide.registry import laws
 from vfguide.state import Airframe, LeaderState, NamedState, Setpoint, VehicleState
 
 USUAL_GAIN, USUAL_TURN, USUAL_PUSH = 0.2, math.radians(45.0), 8.0
-"""1/m, rad, m/s: of the field by which a follower is expected to come onto its slot."""
+"""Gain (1/m) and largest corrections (rad, m/s) of the field assumed for a follower's approach to its
+slot."""
 
 law = laws.register
-"""`@law("name")` makes a class known as the law `controller.type: name`."""
+"""Decorator `@law("name")`: registers a class as the law `controller.type: name`."""
 
 
 class View(NamedState, frozen=True, kw_only=True):
-    """What a law is told in one step.
+    """Input of a law in one step.
 
     North and east in metres from the mission's origin, angles in radians clockwise from north, speeds in m/s.
     """
 
     state: VehicleState
-    """State of the follower: position, course, ground speed, heading, airspeed, wind, the wind's rates."""
+    """State of the follower: position, course, ground speed, heading, airspeed, wind and its rates."""
     leader: LeaderState
-    """State of the leader, at the same instant."""
+    """State of the leader at the same instant."""
     slot: Slot
     """Place in the formation: m ahead of the leader and m to its right."""
     motion: SlotMotion
-    """Motion of the slot over the ground: place, course, speed and their rates."""
+    """Motion of the slot over ground: position, course, speed and their rates."""
     error: FormationError
-    """Where the slot is, along its own course: m ahead of the follower and m to its right; and the rates."""
+    """Position of the slot ahead and right of the follower along the slot's course, m; and its rates."""
     airframe: Airframe
-    """The follower's response and limits."""
+    """Response and limits of the follower."""
     period: float
-    """Since the step before and until the next, s."""
+    """Time since the previous step and until the next, s."""
     held: bool = False
-    """Whether something else was flown than the law asked for in the step before, as to keep clear."""
+    """Whether something else was flown than the law demanded in the previous step, as for separation."""
     bandwidth: Bandwidth = UNBOUNDED
-    """How fast loops around this aircraft may be, 1/s: a law's gains are best kept below."""
+    """Permitted loop bandwidths for this aircraft, 1/s; a law's gains should stay below."""
 
 
 class DesiredMotion(NamedState, frozen=True, kw_only=True):
-    """The motion that a law wants over the ground."""
+    """Motion over ground that a law wants."""
 
     course: float
-    """chi_d, rad; what the course differs from it is logged as the law's course error."""
+    """chi_d, rad; the course minus chi_d is logged as the law's course error."""
     speed: float
-    """V_d, m/s; what the ground speed differs from it is logged as the law's speed error."""
+    """V_d, m/s; the ground speed minus V_d is logged as the law's speed error."""
     course_rate: float
-    """dchi/dt that is asked of the vehicle now, rad/s, positive to the right."""
+    """Demanded dchi/dt, rad/s, positive right."""
     acceleration: float
-    """dV/dt that is asked of it now, m/s²."""
+    """Demanded dV/dt, m/s²."""
 
 
 def approach(
@@ -88,10 +88,10 @@ def approach(
     course_rate: float = 0.0,
     acceleration: float = 0.0,
 ) -> DesiredMotion:
-    """Return a motion toward a course and a ground speed, as fast as the vehicle and its holds bear.
+    """Return a motion toward a course and ground speed, as fast as the vehicle and its holds permit.
 
     Args:
-        view: of the step.
+        view: view of the step.
         course: chi_d, rad.
         speed: V_d, m/s.
         course_rate: dchi_d/dt, rad/s.
@@ -109,68 +109,56 @@ def approach(
 
 
 class Law(ABC):
-    """A law by which followers keep their slots.
+    """Law that keeps a follower on its slot.
 
-    A subclass with `@law("name")` is known as `controller.type: name`, with the fields of its `Gains` in the
-    mission's `controller:`.
+    A subclass with `@law("name")` is `controller.type: name` in a mission, with the fields of its `Gains`.
     """
 
     name: ClassVar[str]
-    """What a mission calls it; set by `@law`."""
+    """Name in a mission; set by `@law`."""
 
     Gains: ClassVar[type[Section]] = Section
-    """The law's gains: fields with their units, bounds and defaults."""
+    """Gains of the law, with units, bounds and defaults."""
 
     forgets_when_held: ClassVar[bool] = True
-    """Whether the memory begins anew while something else is flown than the law asks for."""
+    """Whether the memory restarts while something else is flown than the law demands."""
 
     slot_frame: ClassVar[SlotFrame | None] = None
-    """What its slots turn with, where the law does not leave that to the mission."""
+    """Motion to which the law's slots are fixed; None leaves it to the mission."""
 
     libraries: ClassVar[tuple[str, ...]] = ()
-    """Modules that it needs and that only an extra of vfguide installs: looked for before anything flies."""
+    """Modules that only an extra of vfguide installs; their presence is checked before a flight."""
 
     bandwidth: Bandwidth = UNBOUNDED
-    """What the aircraft bears."""
+    """Permitted loop bandwidths for the aircraft."""
 
     def __init__(self, gains: Any, settings: GuidanceSettings, airframe: Airframe) -> None:  # noqa: ANN401
-        """Make the law of one follower.
-
-        Args:
-            gains: an instance of `Gains`.
-            settings: what the mission sets for every law.
-            airframe: response and limits of the vehicle.
-        """
+        """Create the law of one follower; `gains` is an instance of `Gains`."""
         self.gains = gains
         self.settings = settings
         self.airframe = airframe
 
     def start(self, view: View) -> Any:  # noqa: ANN401
-        """What the law remembers before its first step."""
+        """Return the memory before the first step."""
         del view
 
     @abstractmethod
     def step(self, view: View, memory: Any) -> tuple[DesiredMotion, Any]:  # noqa: ANN401
-        """(motion, memory): what the law wants now, and what it remembers until the next step."""
+        """Return the wanted motion, and the memory for the next step."""
 
     def learn(self, view: View, memory: Any, *, limited: bool) -> Any:  # noqa: ANN401
-        """What to remember once it is known whether the vehicle's limits cut what the law asked for."""
+        """Return the memory once it is known whether the limits cut the demand (`limited`)."""
         del view, limited
         return memory
 
     def motion(self, leader: LeaderState, slot: Slot) -> SlotMotion:
-        """How the law takes a slot to move: as a point that is fixed to its leader's course."""
+        """Return the slot's motion as assumed by the law: a point fixed in its leader's course frame."""
         return slot_motion(leader, slot)
 
     def expected_motion(self, motion: SlotMotion, error: FormationError) -> tuple[float, float]:
-        """(course, speed) with which a follower is expected to come onto its slot, rad and m/s.
+        """Return the (course, speed) of a follower's expected approach to its slot, rad and m/s.
 
-        Its track is predicted by this, so that it and others keep clear of each other: by the dual field with
-        its usual gains, unless a law knows better.
-
-        Args:
-            motion: of the slot.
-            error: where the slot is.
+        They predict its track for separation. The default is the dual field with its usual gains.
         """
         turn, _ = arc_tangent_field(
             error.cross_track, error.cross_track_rate, USUAL_GAIN, USUAL_TURN
@@ -181,54 +169,51 @@ class Law(ABC):
         return motion.course + turn, motion.speed + push
 
     def within(self, bandwidth: Bandwidth) -> Self:
-        """Return the law, slowed where its gains are more than the aircraft bears.
+        """Return the law, slowed where its gains exceed the bandwidth that the aircraft permits.
 
-        Delays are predicted away beside this. A law that is not slowed here finds the bounds in its view.
-
-        Args:
-            bandwidth: of the aircraft, by its response and how well that is known.
+        Delays are compensated separately. A law that is not slowed here finds the bounds in its view.
         """
         bounded = copy.copy(self)
         bounded.bandwidth = bandwidth
         return bounded
 
     def for_speed(self) -> Self:
-        """Return the law by which only the speed is asked for, of an autopilot that answers late."""
+        """Return the law used for the speed alone, for an autopilot with delay."""
         return self
 
     @classmethod
     def findings(cls, mission: Mission, conditions: Conditions) -> Iterator[Finding]:
-        """What `vfguide check` can say about the law's gains on a mission.
+        """Yield the findings of `vfguide check` about the law's gains on a mission.
 
         Args:
-            mission: with a follower at least.
-            conditions: every course and turn of its path in every declared wind.
+            mission: mission with at least one follower.
+            conditions: all courses and turns of its path in all declared winds.
         """
         del mission, conditions
         return iter(())
 
 
 SlotAt = Callable[[float], Slot]
-"""A slot by the time, s on the follower's clock."""
+"""Slot as a function of time, s on the follower's clock."""
 
 
 class FollowerGuidance(msgspec.Struct, frozen=True, kw_only=True):
     """Result of one step."""
 
     setpoint: Setpoint
-    """For the autopilot."""
+    """Setpoint for the autopilot."""
     error: FormationError
-    """Where the slot is, as the follower knows it."""
+    """Position of the slot relative to the follower."""
     course_error: float
-    """chi~_f, rad: the course less the one that the law wants."""
+    """chi~_f, rad: the course minus the law's wanted course."""
     speed_error: float
-    """V~_f, m/s: the ground speed less the one that the law wants."""
+    """V~_f, m/s: the ground speed minus the law's wanted speed."""
     lyapunov: float
     """W, m²."""
 
 
 class SlotKeeper:
-    """A law with its slot and with what it remembers."""
+    """Law with its slot and memory."""
 
     def __init__(
         self,
@@ -237,12 +222,12 @@ class SlotKeeper:
         *,
         slot_at: SlotAt | None = None,
     ) -> None:
-        """Make one that remembers nothing.
+        """Create a keeper without memory.
 
         Args:
-            law: of this follower alone.
-            slot: its place in the formation.
-            slot_at: the same at a time of the follower's clock (s), where it moves within the formation.
+            law: law of this follower alone.
+            slot: place in the formation.
+            slot_at: moving slot at a time of the follower's clock (s); None for a fixed slot.
         """
         self._law = law
         self._slot: Slot = slot
@@ -251,11 +236,11 @@ class SlotKeeper:
         self._started = False
 
     def retune(self, law: Law) -> None:
-        """Go on by the same law for another response of the vehicle; what it remembers is kept."""
+        """Continue with the same law for another response of the vehicle, with the memory kept."""
         self._law = law
 
     def reset(self) -> None:
-        """Forget what was learned: the setpoints are not being followed."""
+        """Discard the memory, as when the setpoints are not followed."""
         self._started = False
 
     def step(
@@ -266,13 +251,13 @@ class SlotKeeper:
         period: float,
         held: bool = False,
     ) -> FollowerGuidance:
-        """Setpoint for a navigated state, by the newest leader state, however old.
+        """Return the guidance for a navigated state and the latest leader state, however old.
 
         Args:
-            state: of the follower.
-            leader: newest state of its leader.
-            period: since the step before, s.
-            held: whether something else was flown than what the step before asked for.
+            state: state of the follower.
+            leader: latest state of its leader.
+            period: time since the previous step, s.
+            held: whether something else was flown than the previous step demanded.
         """
         law = self._law
         settings = law.settings
