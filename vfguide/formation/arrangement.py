@@ -1,7 +1,7 @@
-"""An arrangement: who flies where from a moment on, in which shape, and how everybody gets there.
+"""Arrangement: slots, shape and transition of all followers from a moment on.
 
-It is complete by itself: from where each slot moves, to where, and when. A companion that was started anew
-needs nothing else to know where its slot is. All slots move straight, at once and by one time law.
+An arrangement is complete: it has the start, end and time of each slot's motion. A restarted companion needs
+nothing else to know its slot. All slots move straight, at once, and by one time law.
 """
 
 import math
@@ -22,31 +22,28 @@ Shape = Literal[
     "diamond",
     "finger-four",
 ]
-"""What an order calls a shape."""
+"""Name of a shape in orders."""
 
 Offset = tuple[float, float]
-"""(forward, right) of the leader, m."""
+"""Position relative to the leader, (forward, right), m."""
 
 SHAPES: tuple[Shape, ...] = get_args(Shape)
 
 DIAGONAL = math.sqrt(0.5)
-"""How far a step of length 1 at 45 degrees goes back and aside."""
+"""Components of a step of length 1 at 45 degrees, back and aside."""
 
 
 SAME_M = 0.3
-"""Slots that differ by no more are the same: orders carry tenths of a metre."""
+"""Largest difference of equal slots, m: orders carry tenths of a metre."""
 
 
 def shape_slots(shape: Shape, count: int, spacing: float) -> tuple[Offset, ...]:
-    """Slots of a shape, the nearest to the leader first; the leader itself is at (0, 0).
+    """Return the slots (forward, right) of a shape, m, the nearest to the leader first.
 
     Args:
-        shape: its name.
-        count: of followers.
-        spacing: between neighbours, m: no two aircraft of the shape are nearer.
-
-    Returns:
-        (forward, right) of each follower, m.
+        shape: name of the shape.
+        count: number of followers.
+        spacing: smallest distance between any two aircraft, m.
 
     Raises:
         ValueError: there is no such shape.
@@ -57,11 +54,7 @@ def shape_slots(shape: Shape, count: int, spacing: float) -> tuple[Offset, ...]:
 
 
 def named_shape(slots: Iterable[Offset]) -> tuple[Shape, float] | None:
-    """The shape that slots are, and the distance between its neighbours (m); None where they are none.
-
-    Args:
-        slots: (forward, right) of each follower, m, in any order.
-    """
+    """Return the shape of slots in any order, and its spacing (m); None if there is none."""
     wanted = sorted(slots)
     reach = sum(math.hypot(*place) for place in wanted)
     if reach <= 0.0:
@@ -80,36 +73,36 @@ def named_shape(slots: Iterable[Offset]) -> tuple[Shape, float] | None:
 
 
 def vee(count: int) -> list[Offset]:
-    """Two arms at 45 degrees, right and left in turn."""
+    """Return two arms at 45 degrees, right and left in turn."""
     return [_arm(number // 2 + 1, 1 if number % 2 == 0 else -1) for number in range(count)]
 
 
 def echelon_left(count: int) -> list[Offset]:
-    """One arm at 45 degrees to the left."""
+    """Return one arm at 45 degrees to the left."""
     return [_arm(number + 1, -1) for number in range(count)]
 
 
 def echelon_right(count: int) -> list[Offset]:
-    """One arm at 45 degrees to the right."""
+    """Return one arm at 45 degrees to the right."""
     return [_arm(number + 1, 1) for number in range(count)]
 
 
 def line_abreast(count: int) -> list[Offset]:
-    """Beside the leader, right and left in turn."""
+    """Return places beside the leader, right and left in turn."""
     return [
         (0.0, float(number // 2 + 1) * (1 if number % 2 == 0 else -1)) for number in range(count)
     ]
 
 
 def trail(count: int) -> list[Offset]:
-    """One behind the other."""
+    """Return places one behind the other."""
     return [(-float(number + 1), 0.0) for number in range(count)]
 
 
 def diamond(count: int) -> list[Offset]:
-    """A square that stands on its corner, the leader at its front, filled from the front.
+    """Return a square on its corner, the leader at its front, filled from the front.
 
-    Rows of 1, 2, ... m, ... 2, 1 places for the smallest m that has room; each row is filled from its middle.
+    Rows have 1, 2, ... m, ... 2, 1 places for the smallest sufficient m, each filled from its middle.
     """
     side = math.isqrt(count) + 1
     places: list[Offset] = []
@@ -122,7 +115,7 @@ def diamond(count: int) -> list[Offset]:
 
 
 def finger_four(count: int) -> list[Offset]:
-    """Fours like the fingertips of a hand, one four behind the other."""
+    """Return fours like the fingertips of a hand, one four behind the other."""
     four = [
         (0.0, 0.0),
         (-DIAGONAL, -DIAGONAL),
@@ -139,7 +132,7 @@ def finger_four(count: int) -> list[Offset]:
 
 
 def _arm(steps: int, side: int) -> Offset:
-    """(forward, right) after some steps back and to a side, 1 right and -1 left."""
+    """Return (forward, right) after some steps back and to a side, 1 right and -1 left."""
     return -steps * DIAGONAL, side * steps * DIAGONAL
 
 
@@ -152,48 +145,47 @@ SLOTS: Mapping[str, Callable[[int], list[Offset]]] = {
     "diamond": diamond,
     "finger-four": finger_four,
 }
-"""Slots for a spacing of 1."""
+"""Functions for the slots of each shape at a spacing of 1."""
 
 
 RAMP = 0.3
-"""Share of the time in which a motion gains its greatest speed, and of that in which it loses it again.
+"""Share of a motion's duration for its acceleration, and for its deceleration.
 
 The speed rises by the minimum-jerk polynomial 10 x³ - 15 x⁴ + 6 x⁵ (Flash and Hogan, 1985), so that speed,
 acceleration and jerk have no steps. One such polynomial over the whole way would need 1.875 times the mean
-speed, this needs 1.43 times: the speed that an aircraft has beyond its cruise is what limits a motion.
-"""
+speed, this law 1.43 times: the reserve above cruise limits a motion."""
 
 PEAK = 1.0 / (1.0 - RAMP)
-"""Greatest speed of a motion in parts of its mean speed."""
+"""Peak speed of a motion over its mean speed."""
 
 
 MAIN_PATH = "main"
-"""Name of the path that a mission begins with."""
+"""Name of a mission's initial path."""
 
 
 class Manoeuvre(IntEnum):
-    """What is flown by an arrangement."""
+    """Kind of manoeuvre of an arrangement."""
 
     FORMATION = 1
-    """A path of the mission, each vehicle in its slot."""
+    """Path of the mission, with each vehicle in its slot."""
     HOLD = 2
-    """A circle, each vehicle in its slot and at a height of its own."""
+    """Circle, with each vehicle in its slot and at a height of its own."""
     ABORT = 3
-    """Nothing: each vehicle goes back to its autopilot, at once."""
+    """Hand-back: each vehicle returns to its autopilot at once."""
 
 
 class Point(msgspec.Struct, frozen=True):
-    """A place in the formation, m from the leader."""
+    """Place in the formation relative to the leader, m."""
 
     forward: float
-    """Ahead."""
+    """Distance ahead."""
     right: float
-    """To the right."""
+    """Distance to the right."""
     up: float = 0.0
-    """Above."""
+    """Height above."""
 
     def minus(self, other: "Point") -> "Point":
-        """The way from another point to this one."""
+        """Return the vector from another point to this one."""
         return Point(self.forward - other.forward, self.right - other.right, self.up - other.up)
 
     @property
@@ -203,69 +195,69 @@ class Point(msgspec.Struct, frozen=True):
 
 
 class SlotMove(msgspec.Struct, frozen=True, kw_only=True):
-    """One vehicle's part of an arrangement."""
+    """Slot motion of one vehicle."""
 
     vehicle: str
-    """Its name."""
+    """Name of the vehicle."""
     begin: Point
-    """Where its slot is before."""
+    """Slot before the motion."""
     end: Point
-    """Where it is after."""
+    """Slot after the motion."""
     layer: float | None = None
-    """Height above the leader in which it crosses, m; None: it climbs or descends on its way, if at all."""
+    """Height of the crossing above the leader, m; None: height changes on the way, if at all."""
 
 
 class HoldCircle(msgspec.Struct, frozen=True, kw_only=True):
-    """Where the leader circles."""
+    """Circle of the leader in a hold."""
 
     latitude_deg: float
-    """Latitude of the centre."""
+    """Latitude of the centre, degrees."""
     longitude_deg: float
-    """Longitude of the centre."""
+    """Longitude of the centre, degrees."""
     radius_m: float
-    """Positive."""
+    """Radius, m, positive."""
     clockwise: bool = True
-    """Seen from above."""
+    """Sense of rotation seen from above."""
 
 
 class Arrangement(msgspec.Struct, frozen=True, kw_only=True):
-    """Who flies where from a moment on."""
+    """Slots and manoeuvre of all vehicles from a moment on."""
 
     number: int
-    """Rises from order to order: a newer one counts."""
+    """Sequence number of the order: a greater one supersedes."""
     time_s: float
-    """When slots begin to move, s on the formation's clock."""
+    """Start of the slot motions, s on the formation's clock."""
     flown: Manoeuvre = Manoeuvre.FORMATION
-    """What is flown."""
+    """Manoeuvre to fly."""
     climb_s: float = 0.0
-    """How long it takes into the layers, and out of them again, s; 0 without layers."""
+    """Duration of the climb into layers, and of the descent, s; 0 without layers."""
     across_s: float
-    """How long the slots move in the plane, s."""
+    """Duration of the horizontal motion, s."""
     places: tuple[SlotMove, ...]
-    """Places of all followers that fly in it; a follower without one leaves the formation."""
+    """Slot motions of all followers; a follower without one leaves the formation."""
     circle: HoldCircle | None = None
     """Circle of a hold."""
     path: str = MAIN_PATH
-    """Name of the mission's path that the leader follows, after a hold where there is one."""
+    """Name of the mission's path for the leader, in a hold the path after it."""
     path_check: int = 0
-    """What tells that path from any other of its name; 0 as long as it was not changed."""
+    """Checksum of that path; 0 as long as the path was not changed."""
     turn_radius_m: float = 0.0
-    """The leader turns no tighter onto that path; 0 as long as the path was not changed."""
+    """Smallest turn radius while joining that path, m; 0 as long as the path was not changed."""
     lead: str = ""
-    """Name of the vehicle that leads from its time on; empty where that is not changed."""
+    """Name of the leading vehicle from `time_s` on; empty for no change."""
 
     @property
     def duration_s(self) -> float:
-        """From the first motion of a slot to the last, s."""
+        """Duration of all slot motions, s."""
         return self.across_s + 2.0 * self.climb_s
 
     @property
     def vehicles(self) -> frozenset[str]:
-        """Names of the followers that fly in it."""
+        """Names of the followers in the arrangement."""
         return frozenset(one.vehicle for one in self.places)
 
     def place_of(self, vehicle: str) -> SlotMove | None:
-        """A follower's part; None for one that leaves."""
+        """Return a follower's slot motion; None for a follower that leaves."""
         return next((one for one in self.places if one.vehicle == vehicle), None)
 
     def _known_place(self, vehicle: str) -> SlotMove:
@@ -275,10 +267,10 @@ class Arrangement(msgspec.Struct, frozen=True, kw_only=True):
         return place
 
     def slot(self, vehicle: str, time_s: float) -> Slot:
-        """The slot of a follower that flies in it, at a time (s on the formation's clock), and its rates.
+        """Return a follower's slot and its rates at a time (s on the formation's clock).
 
         Raises:
-            KeyError: this vehicle has no place in it.
+            KeyError: the vehicle has no slot in the arrangement.
         """
         place = self._known_place(vehicle)
         share, rate, acceleration = progress(time_s - self.time_s - self.climb_s, self.across_s)
@@ -293,7 +285,7 @@ class Arrangement(msgspec.Struct, frozen=True, kw_only=True):
         )
 
     def height(self, vehicle: str, time_s: float) -> tuple[float, float]:
-        """(height of a slot above the leader in m, its rate in m/s); see `slot`."""
+        """Return (height of a slot above the leader in m, its rate in m/s); see `slot`."""
         place = self._known_place(vehicle)
         since, begin, end = time_s - self.time_s, place.begin.up, place.end.up
         if place.layer is None:
@@ -306,11 +298,11 @@ class Arrangement(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def progress(since_s: float, duration_s: float) -> tuple[float, float, float]:
-    """(share of the way, its rate in 1/s, its acceleration in 1/s²) some time after a motion has begun.
+    """Return (share of the way, rate in 1/s, acceleration in 1/s²) of a motion.
 
     Args:
-        since_s: since its beginning, s; before it nothing moves, nor after its end.
-        duration_s: of the motion, s; one that takes none is a step.
+        since_s: time since the beginning, s; the motion rests before it and after the end.
+        duration_s: duration of the motion, s; 0 is a step.
     """
     if since_s >= duration_s:
         return 1.0, 0.0, 0.0
@@ -330,7 +322,7 @@ def progress(since_s: float, duration_s: float) -> tuple[float, float, float]:
 
 
 def time_of(share: float, duration_s: float) -> float:
-    """When a motion of some duration (s) has come to a share of its way, s after its beginning."""
+    """Return the time (s after the beginning) at which a motion has completed a share of its way."""
     early, late = 0.0, duration_s
     for _ in range(50):
         middle = 0.5 * (early + late)
@@ -342,20 +334,20 @@ def time_of(share: float, duration_s: float) -> float:
 
 
 def ends(places: Iterable[SlotMove]) -> dict[str, Point]:
-    """Where each follower flies once everything is done, by name."""
+    """Return each follower's final slot, by name."""
     return {one.vehicle: one.end for one in places}
 
 
 def agreed_number(numbers: Mapping[str, int], coordinator: str, *, lone: bool = False) -> int:
-    """The newest order that is flown, by what vehicles say; 0 before the first.
+    """Return the number of the order in force by the votes of vehicles; 0 before the first.
 
-    The coordinator's word counts, and that of any two others. One other alone changes nothing: its companion
-    may be wrong, or somebody may have its key.
+    The coordinator's vote decides, or two others. One other alone changes nothing: its companion may be
+    wrong, or its key may be stolen.
 
     Args:
-        numbers: that the vehicles carry which are heard.
+        numbers: numbers received, by vehicle.
         coordinator: name of the vehicle that decides on orders.
-        lone: whether a single voice counts, as where there is no other in the formation.
+        lone: whether a single vote suffices, as without other vehicles in the formation.
     """
     ranked = sorted(numbers.values(), reverse=True)
     second = ranked[1] if len(ranked) > 1 else max(ranked, default=0) if lone else 0
@@ -370,16 +362,16 @@ def missing_votes(
     *,
     closing: bool,
 ) -> list[str]:
-    """Return the names of those whose consent an order still lacks; none once it may be flown.
+    """Return the names of vehicles whose consent an order lacks; none once it may be flown.
 
-    Needed are those whose slots move, and who is to lead. Of all others that fly in it a majority suffices
-    once the time is closing in. Who is sent away, or relieved of the lead, is not asked.
+    Consent is required of vehicles whose slots move, and of a new leader. Of the others a majority suffices
+    once the time is closing in. Vehicles sent away, or relieved of the lead, are not asked.
 
     Args:
-        order: that is to be flown.
-        own: name of the vehicle that decides, and has agreed.
-        agreed: names of all others that have.
-        steered: names of those that are heard, and steered by their companions.
+        order: order to be flown.
+        own: name of the deciding vehicle, which has agreed.
+        agreed: names of the other vehicles that have agreed.
+        steered: names of vehicles that are received, and steered by their companions.
         closing: whether the time for answers is over.
     """
     moving = {one.vehicle for one in order.places if one.begin != one.end or one.layer is not None}
@@ -392,11 +384,11 @@ def missing_votes(
 
 
 def flown_in_words(number: int, order: Arrangement | None) -> str:
-    """What is flown.
+    """Describe the present manoeuvre.
 
     Args:
-        number: of the order; 0 before the first.
-        order: the order; None where it was not heard.
+        number: number of the order; 0 before the first.
+        order: the order; None where it was not received.
     """
     if number == 0:
         return "the mission's formation"
@@ -411,13 +403,13 @@ def flown_in_words(number: int, order: Arrangement | None) -> str:
 
 
 def arrangement_in_words(order: Arrangement) -> str:
-    """What an order asks for: what is flown, and who is to lead where it says that."""
+    """Describe an order: its manoeuvre, and its new leader if any."""
     text = flown_in_words(order.number, order)
     return f"{text}, {order.lead} leads" if order.lead else text
 
 
 def slots_in_words(places: Iterable[SlotMove]) -> str:
-    """What followers fly in once they have come to their slots."""
+    """Describe the final shape of the followers."""
     points = ends(places)
     if not points:
         return "no followers"

@@ -1,9 +1,8 @@
-"""From one formation to the next without anybody coming near another: slot motions, layers, refusals.
+"""Transitions between formations without close approaches: slot motions, layers, refusals.
 
-Slots move straight, all at once and by one time law, so the way from one slot to another is a straight line,
-too, and how near the two come is exact. Where that is too near, one of the two crosses in a layer of its own
-above the others: up, across, down. What no layer helps against is refused, with the pair, the time and the
-distance.
+Slots move straight, all at once and by one time law, so two slots also move straight relative to each other.
+Their closest approach is exact. Where it is too near, one of the two crosses in its own layer above the
+others: up, across, down. Where no layer helps, the order is refused with the pair, the time and the distance.
 """
 
 import math
@@ -17,79 +16,79 @@ from vfguide.errors import InputError
 from vfguide.formation.arrangement import PEAK, RAMP, Point, SlotMove, time_of
 
 LEAST_M = 7.5
-"""Slots come no nearer than this: the 5 m that aircraft keep, and what they lie about their slots."""
+"""Smallest distance of slots, m: 5 m between aircraft plus their errors from the slots."""
 
 JOIN_M = 15.0
-"""From the slot of a vehicle that joins to any other: coming in from the side it may pass its slot by 5 m."""
+"""Distance from a joining vehicle's slot to any other, m: from the side it may overshoot its slot by 5 m."""
 
 LAYER_M = 12.0
-"""Between two layers: heights are held to a metre or two."""
+"""Vertical distance of two layers, m: heights are held to a metre or two."""
 
 MOST_LAYERS = 4
-"""More than these would take longer than any other way."""
+"""Largest number of layers: more would take longer than any other way."""
 
 SHORTEST_S = 6.0
-"""A motion takes at least this long."""
+"""Shortest duration of a motion, s."""
 
 RAMP_PEAK = 1.875
-"""Greatest slope of the polynomial by which the speed rises."""
+"""Largest slope of the polynomial for the speed's rise."""
 
 LEADER = Point(0.0, 0.0, 0.0)
-"""Where the leader is, all the time."""
+"""Fixed place of the leader."""
 
 
 class RefusedOrderError(InputError):
-    """An order that cannot be carried out; the text says why, in one sentence."""
+    """Order that cannot be carried out; the text says why, in one sentence."""
 
 
 class MotionLimits(msgspec.Struct, frozen=True, kw_only=True):
-    """How fast slots may move."""
+    """Limits of slot motion."""
 
     forward: float
-    """m/s, ahead: what the slowest aircraft has beyond what its slot needs."""
+    """Forward speed, m/s: the slowest aircraft's reserve beyond its slot's need."""
     back: float
-    """m/s, back."""
+    """Backward speed, m/s, negative."""
     aside: float
-    """m/s, to either side."""
+    """Speed to either side, m/s."""
     acceleration: float
-    """m/s²."""
+    """Horizontal acceleration, m/s²."""
     climb: float = 2.0
-    """m/s, up or down."""
+    """Climb and descent rate, m/s."""
 
 
 class Approach(msgspec.Struct, frozen=True, kw_only=True):
-    """How near two vehicles come in a transition."""
+    """Closest approach of two vehicles in a transition."""
 
     first: str
-    """Name of one."""
+    """Name of the first vehicle."""
     second: str
-    """Name of the other."""
+    """Name of the second vehicle."""
     distance: float
-    """m."""
+    """Smallest distance, m."""
     begun_s: float
-    """When the part of the transition begins in which it is, s after the whole has begun."""
+    """Beginning of its part of the transition, s after the beginning of the whole."""
     share: float
-    """Share of the way of that part."""
+    """Share of that part's way."""
     duration_s: float
     """Duration of that part, s."""
 
     @property
     def time_s(self) -> float:
-        """After the transition has begun; found anew each time, which takes a while."""
+        """Time after the beginning of the transition, s; computed anew each time, at some cost."""
         return self.begun_s + time_of(self.share, self.duration_s)
 
 
 class Transition(msgspec.Struct, frozen=True, kw_only=True):
-    """How everybody gets to where they are to be."""
+    """Slot motions from one formation to the next."""
 
     places: tuple[SlotMove, ...]
-    """With layers where they are needed."""
+    """Slot motions, with layers where needed."""
     climb_s: float
-    """Into the layers and out of them, s."""
+    """Duration of the climb into layers, and of the descent, s."""
     across_s: float
-    """In the plane, s."""
+    """Duration of the horizontal motion, s."""
     nearest: Approach | None
-    """The two that come nearest; None without followers."""
+    """Closest approach of all pairs; None without followers."""
 
 
 def transition(
@@ -100,14 +99,14 @@ def transition(
     leader: str = "leader",
     least: float = LEAST_M,
 ) -> Transition:
-    """The motions from one formation to another.
+    """Return the motions from one formation to another.
 
     Args:
-        begin: slots now, by follower.
-        end: slots of the same followers afterwards.
-        limits: how fast slots may move.
-        leader: its name; it is at (0, 0, 0).
-        least: how near slots may come, m.
+        begin: present slots, by follower.
+        end: final slots of the same followers.
+        limits: limits of slot motion.
+        leader: name of the leader at (0, 0, 0).
+        least: smallest distance of slots, m.
 
     Raises:
         RefusedOrderError: two would come nearer than that, in any layers.
@@ -118,7 +117,7 @@ def transition(
     close = [one for one in approaches(plain, 0.0, across_s, leader) if one.distance < least]
     if not close:
         return _transition(plain, 0.0, across_s, leader)
-    # Who stands too near already moves apart as any other way would move it.
+    # Vehicles that are too near already move apart as in any other transition.
     layered = in_layers(plain, close, leader)
     heights = [abs(one.layer - place.up) for one in layered if one.layer is not None
                for place in (one.begin, one.end)]  # fmt: skip
@@ -147,7 +146,7 @@ def _transition(
 
 
 def _check_ends(end: Mapping[str, Point], leader: str, least: float) -> None:
-    """See that nobody's slots are too near to each other.
+    """Check that no two final slots are too near to each other.
 
     Raises:
         RefusedOrderError: two are.
@@ -162,7 +161,7 @@ def _check_ends(end: Mapping[str, Point], leader: str, least: float) -> None:
 
 
 def across_time(places: Sequence[SlotMove], limits: MotionLimits) -> float:
-    """How long the slots have to move in the plane so that no limit is passed, s."""
+    """Return the duration (s) of the horizontal motion within all limits."""
     longest = SHORTEST_S
     for one in places:
         way = one.end.minus(one.begin)
@@ -182,7 +181,7 @@ def across_time(places: Sequence[SlotMove], limits: MotionLimits) -> float:
 def approaches(
     places: Sequence[SlotMove], climb_s: float, across_s: float, leader: str
 ) -> list[Approach]:
-    """How near every two come, the leader among them."""
+    """Return the closest approaches of all pairs, the leader included."""
     still = SlotMove(vehicle=leader, begin=LEADER, end=LEADER)
     return [
         approach_of(one, other, climb_s, across_s)
@@ -191,10 +190,10 @@ def approaches(
 
 
 def approach_of(one: SlotMove, other: SlotMove, climb_s: float, across_s: float) -> Approach:
-    """How near two slots come: on each straight part of the way from one to the other, exactly."""
+    """Return the exact closest approach of two slots over the straight parts of their relative motion."""
     found = []
     begun_s = 0.0
-    # No time is looked for here: of a hundred vehicles there are five thousand pairs.
+    # The time is left open here: a hundred vehicles make five thousand pairs.
     for before, after, duration_s in parts(one, other, climb_s, across_s):
         share, distance = nearest_on(before, after)
         found.append((distance, begun_s, share, duration_s))
@@ -213,7 +212,7 @@ def approach_of(one: SlotMove, other: SlotMove, climb_s: float, across_s: float)
 def parts(
     one: SlotMove, other: SlotMove, climb_s: float, across_s: float
 ) -> list[tuple[Point, Point, float]]:
-    """(way from one to the other before, after, duration in s) of each part of a transition."""
+    """Return (vector from one to the other before, after, duration in s) of each part of a transition."""
     corners = [
         [place.begin, _at(place.begin, place), _at(place.end, place), place.end]
         for place in (one, other)
@@ -224,12 +223,12 @@ def parts(
 
 
 def _at(point: Point, place: SlotMove) -> Point:
-    """A point in the layer of a place."""
+    """Return a point at the height of a vehicle's layer."""
     return point if place.layer is None else replace(point, up=place.layer)
 
 
 def nearest_on(before: Point, after: Point) -> tuple[float, float]:
-    """(share of the way, distance) where a straight way comes nearest to nothing."""
+    """Return (share of the way, distance) of a straight way's point nearest to the origin."""
     way = after.minus(before)
     square = way.forward**2 + way.right**2 + way.up**2
     share = 0.0
@@ -244,7 +243,7 @@ def nearest_on(before: Point, after: Point) -> tuple[float, float]:
 
 
 def in_layers(places: Sequence[SlotMove], close: Sequence[Approach], leader: str) -> list[SlotMove]:
-    """Places, with layers for those that would come too near to each other.
+    """Return slot motions with layers for pairs that would come too near to each other.
 
     Raises:
         RefusedOrderError: that would take too many layers.
@@ -254,7 +253,7 @@ def in_layers(places: Sequence[SlotMove], close: Sequence[Approach], leader: str
         near.setdefault(one.first, set()).add(one.second)
         near.setdefault(one.second, set()).add(one.first)
     highest = max([0.0, *(point.up for one in places for point in (one.begin, one.end))])
-    # Who is in the way of many stays below: it is the others that climb.
+    # Vehicles in the way of many stay below, and the others climb.
     order = sorted(near, key=lambda name: (name != leader, -len(near[name]), name))
     layers: dict[str, int] = {}
     for name in order:
