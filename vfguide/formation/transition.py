@@ -47,7 +47,7 @@ class MotionLimits(msgspec.Struct, frozen=True, kw_only=True):
     forward: float
     """Forward speed, m/s: the slowest aircraft's reserve beyond its slot's need."""
     back: float
-    """Backward speed, m/s, negative."""
+    """Backward speed, m/s, positive."""
     aside: float
     """Speed to either side, m/s."""
     acceleration: float

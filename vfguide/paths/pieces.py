@@ -1,8 +1,8 @@
-"""Straight pieces and arcs that paths are made of, the arcs in corners, and the search for the nearest.
+"""Straight and bent pieces of paths, eased turns, and the search for the nearest piece.
 
-A turn that aircraft can follow is an arc between two easements, along which the curvature comes and goes.
-Along an easement the curvature grows as 3 u² - 2 u³, so that it begins and ends evenly: the motion of a
-slot 50 m behind the leader has the curvature in its speed, and its rate in its acceleration.
+A turn that aircraft can follow is an arc between two easements, along which the curvature rises and falls.
+Along an easement the curvature grows as 3 u² - 2 u³, with no jump in its rate. The slot 50 m behind the
+leader has the curvature in its speed, and the curvature's rate in its acceleration.
 """
 
 import math
@@ -16,45 +16,45 @@ import numpy as np
 from vfguide.elementwise import BoolArray, FloatArray
 
 LONGEST_TURN = 0.05
-"""rad: a piece of a bend turns by no more than about this."""
+"""Approximate largest turn of one piece of a bend, rad."""
 
 LONGEST_BEND_M = 10.0
-"""Length of one piece of a bend, at most."""
+"""Largest length of one piece of a bend, m."""
 
 GAUSS = (
     (0.5 - math.sqrt(0.15), 5.0 / 18.0),
     (0.5, 8.0 / 18.0),
     (0.5 + math.sqrt(0.15), 5.0 / 18.0),
 )
-"""Places within [0, 1] and weights of the Gauss-Legendre quadrature of three points."""
+"""Nodes within [0, 1] and weights of the three-point Gauss-Legendre quadrature."""
 
 EASED_IN = 10
-"""Elements of an easement."""
+"""Number of elements of an easement."""
 
 LEAST_EASEMENT_M = 0.1
-"""Without any, the curvature would have no value where a turn begins."""
+"""Smallest easement, m: without one, the curvature would be undefined where a turn begins."""
 
 CHORD_TURN, LONGEST_CHORD_M = 0.2, 40.0
-"""rad, m: pieces that turn by no more together, and are no longer, are looked for as one chord."""
+"""Largest turn (rad) and length (m) of pieces that the search joins into one chord."""
 
 
 class Element(msgspec.Struct, frozen=True):
-    """A part of a line whose curvature changes evenly along it."""
+    """Part of a line with linearly changing curvature."""
 
     length: float
     """m."""
     curvature: float = 0.0
-    """At its beginning, 1/m, positive clockwise."""
+    """Curvature at the beginning, 1/m, positive clockwise."""
     growth: float = 0.0
     """Rate of change of the curvature along the piece, 1/m²."""
 
     @property
     def turn(self) -> float:
-        """Angle by which the course changes along it, rad."""
+        """Change of the course along the element, rad."""
         return self.length * (self.curvature + 0.5 * self.growth * self.length)
 
     def pieces(self) -> list["Element"]:
-        """This line in pieces that turn by little each."""
+        """Return the element cut into pieces with a small turn each."""
         sharpest = max(abs(self.curvature), abs(self.curvature + self.growth * self.length))
         if sharpest == 0.0:
             return [self]
@@ -68,7 +68,7 @@ class Element(msgspec.Struct, frozen=True):
 
 
 def displacement(course: Any, curvature: Any, growth: Any, run: Any) -> tuple[Any, Any]:  # noqa: ANN401
-    """(north, east) in m of a distance (m) along a piece that begins on a course (rad)."""
+    """Return (north, east), m, after a distance (m) along a piece that begins on a course (rad)."""
     north = east = 0.0
     for place, weight in GAUSS:
         at = place * run
@@ -79,7 +79,7 @@ def displacement(course: Any, curvature: Any, growth: Any, run: Any) -> tuple[An
 
 
 class Pieces(msgspec.Struct, frozen=True, kw_only=True):
-    """Where each piece of a chain begins, and how it runs on: arrays of one length."""
+    """Beginning and shape of each piece of a chain: arrays of equal length."""
 
     progress: FloatArray
     """m."""
@@ -98,7 +98,7 @@ class Pieces(msgspec.Struct, frozen=True, kw_only=True):
 
     @classmethod
     def of(cls, north: float, east: float, course: float, elements: Sequence[Element]) -> Self:
-        """Elements one after the other from a place (m) and a course (rad)."""
+        """Return elements one after the other from a position (m) and a course (rad)."""
         fine = [piece for one in elements if one.length > 0.0 for piece in one.pieces()]
         length = np.array([one.length for one in fine])
         curvature = np.array([one.curvature for one in fine])
@@ -117,11 +117,11 @@ class Pieces(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def total(self) -> float:
-        """Length of all, m."""
+        """Total length, m."""
         return float(self.progress[-1] + self.length[-1])
 
     def end(self) -> tuple[float, float, float]:
-        """(north, east, course) where the last piece ends, m and rad."""
+        """Return (north, east, course) at the end of the last piece, m and rad."""
         course, bend = float(self.course[-1]), float(self.curvature[-1])
         growth, length = float(self.growth[-1]), float(self.length[-1])
         north, east = displacement(course, bend, growth, length)
@@ -130,16 +130,16 @@ class Pieces(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Bend(msgspec.Struct, frozen=True):
-    """How turns are flown."""
+    """Radius and easement of turns."""
 
     radius: float
     """Radius of the arc, m."""
     easement: float
-    """Length over which the curvature comes, and goes, m."""
+    """Length over which the curvature rises, and falls, m."""
 
 
 def easement(length: float, curvature: float) -> list[Element]:
-    """Elements of a length (m) along which the curvature grows from nothing (1/m, positive clockwise)."""
+    """Return elements of a length (m) along which the curvature grows from 0 to a value (1/m)."""
     step = length / EASED_IN
     shares = [one / EASED_IN for one in range(EASED_IN + 1)]
     bends = [curvature * share * share * (3.0 - 2.0 * share) for share in shares]
@@ -147,7 +147,7 @@ def easement(length: float, curvature: float) -> list[Element]:
 
 
 def backward(elements: list[Element]) -> list[Element]:
-    """A line from its end to its beginning, and mirrored: its turns have the same sense."""
+    """Return the line flown from its end, and mirrored: its turns keep their sense."""
     return [
         Element(one.length, one.curvature + one.growth * one.length, -one.growth)
         for one in reversed(elements)
@@ -155,9 +155,9 @@ def backward(elements: list[Element]) -> list[Element]:
 
 
 def eased_turn(angle: float, bend: Bend) -> list[Element]:
-    """Elements of a turn by an angle (rad, positive clockwise).
+    """Return the elements of a turn by an angle (rad, positive clockwise).
 
-    One too small for both easements has no arc: it is wider than the radius, and never narrower.
+    A turn too small for both easements has no arc: its radius is never below the bend's.
     """
     if angle == 0.0:
         return []
@@ -170,7 +170,7 @@ def eased_turn(angle: float, bend: Bend) -> list[Element]:
 
 
 def tangent_length(angle: float, bend: Bend) -> float:
-    """How far before the corner a fillet of this turn (rad) begins, and behind it ends, m."""
+    """Return the distance (m) from a corner to the ends of its fillet, for a turn (rad)."""
     elements = eased_turn(angle, bend)
     if not elements:
         return 0.0
@@ -179,18 +179,18 @@ def tangent_length(angle: float, bend: Bend) -> float:
 
 
 class CircleEntry(msgspec.Struct, frozen=True):
-    """How a straight line goes over into a circle."""
+    """Transition from a straight line into a circle."""
 
     aside: float
-    """Distance of the line from the centre, m: more than the radius, by what the easement shifts the arc."""
+    """Distance of the line from the centre, m: the radius plus the easement's shift of the arc."""
     before: float
-    """m: the easement begins so far before the line is abeam of the centre."""
+    """Distance from the beginning of the easement to abeam of the centre, m."""
     elements: list[Element]
-    """The easement."""
+    """Elements of the easement."""
 
 
 def circle_entry(bend: Bend, sense: float) -> CircleEntry:
-    """Onto a circle of the radius of a bend, clockwise where the sense is 1.0, else -1.0."""
+    """Return the entry to a circle of a bend's radius; sense 1.0 is clockwise, -1.0 counter-clockwise."""
     length = max(bend.easement, LEAST_EASEMENT_M)
     elements = easement(length, sense / bend.radius)
     north, east, course = Pieces.of(0.0, 0.0, 0.0, elements).end()
@@ -202,15 +202,15 @@ def circle_entry(bend: Bend, sense: float) -> CircleEntry:
 
 
 def turn_back(bend: Bend) -> list[Element]:
-    """Elements back onto the same line the other way: about 90° to the left, then 270° to the right.
+    """Return elements back onto the same line: about 90° to the left, then 270° to the right.
 
-    A little less than 90°, as easements make the first turn wider than the second.
+    The first angle is below 90°, because easements make the first turn wider than the second.
     """
 
     def both(angle: float) -> list[Element]:
         return [*eased_turn(-angle, bend), *eased_turn(math.pi + angle, bend)]
 
-    # The further the first turn, the further to its side the second one ends.
+    # The larger the first turn, the farther to its side the second one ends.
     least, most = math.radians(20.0), math.radians(160.0)
     for _ in range(60):
         middle = 0.5 * (least + most)
@@ -220,10 +220,10 @@ def turn_back(bend: Bend) -> list[Element]:
 
 
 class PieceTree:
-    """Circles around pieces, around pairs of them, and so on up to all: the nearest piece in few steps.
+    """Tree of circles around pieces, pairs of pieces, and so on: finds the nearest piece in few steps.
 
-    Between a vehicle and a piece counts (distance)² + (weight |u - v|)², u and v the directions of both: a
-    branch that runs the other way is 2 weights further away.
+    The squared distance between a vehicle and a piece is (distance)² + (weight |u - v|)², with their
+    directions u and v: a branch with the opposite direction is 2 weights farther away.
     """
 
     def __init__(self, pieces: Pieces) -> None:
@@ -231,7 +231,8 @@ class PieceTree:
         ends = np.append(pieces.progress, pieces.total)
         sharp = np.abs(pieces.curvature + 0.5 * pieces.growth * pieces.length)
         turned = np.concatenate([[0.0], np.cumsum(sharp * pieces.length)])
-        # A chord begins where the sum of turns or lengths passes another multiple; a long piece is one alone.
+        # A chord begins where the sum of turns or lengths passes a multiple; a long piece is its
+        # own chord.
         sums = np.maximum(turned / CHORD_TURN, ends / LONGEST_CHORD_M)[:-1]
         alone = pieces.length > LONGEST_BEND_M
         begins = np.diff(np.floor(sums), prepend=-1.0) > 0.0
@@ -269,7 +270,7 @@ class PieceTree:
     def closest(
         self, north: float, east: float, ahead: float, aside: float, weight: float
     ) -> float:
-        """Progress (m) of about the nearest place, for a vehicle at a place (m) that flies (ahead, aside)."""
+        """Return the approximate progress (m) nearest to a position (m) with direction (ahead, aside)."""
         best, found = math.inf, 0.0
         nodes, square = self._nodes, weight * weight
         waiting = [(0.0, len(nodes) - 1, 0)]
@@ -310,7 +311,7 @@ class PieceTree:
         aside: FloatArray,
         weight: float,
     ) -> FloatArray:
-        """The nearest points for many vehicles at once: all of them go down the tree together."""
+        """Return the nearest progress (m) of many vehicles at once: all descend the tree together."""
         query = np.arange(north.size)
         node = np.zeros(north.size, dtype=int)
         for level in range(len(self._levels) - 2, -1, -1):
@@ -341,12 +342,12 @@ class PieceTree:
 
 
 def circles(middles: FloatArray, radius: FloatArray, count: int) -> FloatArray:
-    """North, east, ahead, aside, radius and spread (rows) of circles around so many circles each.
+    """Return rows of north, east, ahead, aside, radius and spread of circles around groups of circles.
 
     Args:
-        middles: north and east in m, ahead and aside of the directions, of the circles in their order: rows.
-        radius: of them, m.
-        count: of consecutive ones.
+        middles: rows of north and east in m, ahead and aside of the directions, of the circles in order.
+        radius: radii of the circles, m.
+        count: number of consecutive circles in a group.
     """
     starts = np.arange(0, radius.size, count)
     group = np.arange(radius.size) // count
@@ -358,7 +359,7 @@ def circles(middles: FloatArray, radius: FloatArray, count: int) -> FloatArray:
 
 
 def first_of_least(group: Any, size: FloatArray) -> Any:  # noqa: ANN401
-    """Index of the least of each group, in the order of the groups 0, 1, …; each has one or more."""
+    """Return the index of the smallest of each group, for groups 0, 1, … with one or more members."""
     order = np.lexsort((size, group))
     first: BoolArray = np.ones(order.size, dtype=bool)
     first[1:] = np.diff(group[order]) > 0

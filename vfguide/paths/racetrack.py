@@ -1,7 +1,7 @@
-"""Two straight legs joined by half circles, and a figure eight: the lemniscate of Bernoulli.
+"""Racetrack of two straight legs joined by half circles, and figure eight: the lemniscate of Bernoulli.
 
-The lemniscate's curvature grows with the distance from its middle. So it comes and goes evenly, and is
-greatest at the far ends, with a third of the half length as its radius.
+The lemniscate's curvature is proportional to the distance from its middle. It changes evenly, and is largest
+at the far ends, with a third of the half length as its radius.
 """
 
 import math
@@ -26,11 +26,11 @@ from vfguide.registry import paths
 USUAL_EASEMENT_M = 100.0
 
 LEAST_EASEMENT = 1e-3
-"""m: without any easement the curvature would have no value at the very end of a leg."""
+"""Smallest easement, m: without one, the curvature would be undefined at the end of a leg."""
 
 
 def usual_easement(data: Mapping[str, object]) -> float:
-    """The easement of a racetrack that names none, m."""
+    """Return the default easement of a racetrack, m."""
     lengths = (data.get("leg_m"), data.get("radius_m"))
     return min([USUAL_EASEMENT_M, *(one for one in lengths if isinstance(one, float))])
 
@@ -74,24 +74,24 @@ class RacetrackShape(PathShape):
 @paths.register("racetrack")
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Racetrack(Path):
-    """Two straight legs joined by half circles: a circle whose centre has been drawn out to an axis.
+    """Two straight legs joined by half circles, with easements.
 
-    Where leg and half circle meet the curvature jumps, and with it the motion of every slot: 40 m behind
-    a leader that starts to turn at 0.13 rad/s, a rigid slot moves sideways at 5 m/s from one instant to
-    the next. An easement spreads the jump: the curvature grows evenly along it, as on a railway, and
-    the half circle lies inward by the shift that this takes, about easement²/(24 radius).
+    Where leg and half circle meet the curvature jumps, and with it the motion of every slot. A rigid slot 40
+    m behind a leader that starts to turn at 0.13 rad/s would instantly move sideways at 5 m/s. An easement
+    spreads the jump: the curvature grows linearly along it, as on a railway, and the half circle moves inward
+    by about easement²/(24 radius).
 
-    The progress is that of the figure without easements, and begins with the first leg.
+    Progress is that of the figure without easements, from the beginning of the first leg.
     """
 
     Shape: ClassVar[type[RacetrackShape]] = RacetrackShape
 
     north: float
-    """North of the centre of the figure, m."""
+    """North coordinate of the centre, m."""
     east: float
-    """East of the centre of the figure, m."""
+    """East coordinate of the centre, m."""
     course: float
-    """Course of the first leg, rad; the second runs the other way."""
+    """Course of the first leg, rad; the second leg is opposite."""
     leg: float
     """Length of each leg, m, positive."""
     radius: float
@@ -103,7 +103,7 @@ class Racetrack(Path):
 
     @classmethod
     def of(cls, shape: RacetrackShape) -> Self:
-        """The racetrack of a mission."""
+        """Return the racetrack of a mission."""
         return cls(
             north=shape.centre.north_m,
             east=shape.centre.east_m,
@@ -116,7 +116,7 @@ class Racetrack(Path):
 
     @property
     def length(self) -> float:
-        """Once round without easements, m."""
+        """Length of one round without easements, m."""
         return 2.0 * (self.leg + self.half_circle)
 
     @property
@@ -127,12 +127,13 @@ class Racetrack(Path):
     def nearest(
         self, north: Number, east: Number, course: Number | None = None
     ) -> PathPoint[Number]:
-        """The leg abeam of the vehicle, or beyond their ends the half circle on its bearing."""
+        """Return the point on the leg abeam of the vehicle, or on the half circle on its bearing."""
         del course
         along, right = resolve(north - self.north, east - self.east, like(self.course, north))
         beyond = along - clip(along, -self.leg / 2.0, self.leg / 2.0)
         tangent, error = around(beyond, right, self.radius, self.direction)
-        # Distance run since the nearest end of a leg; negative on the leg, before its end or after.
+        # Distance flown since the nearest end of a leg; negative on the leg, before its end or
+        # after.
         on_leg = clip(abs(along) - self.leg / 2.0, -self.leg, 0.0)
         run = on_leg + self.radius * (math.pi / 2.0 - atan2(abs(right), abs(beyond)))
         entering = where(along * right * self.direction < 0.0, like(1.0, along), like(-1.0, along))
@@ -145,7 +146,7 @@ class Racetrack(Path):
         )
 
     def _progress(self, along: Number, beyond: Number, inward: Number) -> Number:
-        """Progress (m) of a place by its axes: `inward` grows from the first leg to the second."""
+        """Return the progress (m) of a position; `inward` grows from the first leg to the second."""
         far = self.leg + self.radius * atan2(beyond, -inward)
         near = 2.0 * self.leg + self.half_circle + self.radius * atan2(-beyond, inward)
         second = 1.5 * self.leg + self.half_circle - along
@@ -153,7 +154,7 @@ class Racetrack(Path):
         return where(beyond > 0.0, far, where(beyond < 0.0, near, on_leg))
 
     def at(self, progress: Number) -> PathPlace[Number]:
-        """The racetrack abeam of the figure without easements."""
+        """Return the racetrack abeam of a progress (m) along the figure without easements."""
         left = progress % self.length
         first = clip(left, 0.0, self.leg)
         far = clip(left - self.leg, 0.0, self.half_circle) / self.radius
@@ -173,15 +174,15 @@ class Racetrack(Path):
         )
 
     def outline(self, count: int) -> FloatArray:
-        """As many places on each leg as on each half circle: a short turn of a long track is seen as well."""
+        """Return as many places on each leg as on each half circle, so that a short turn is not missed."""
         ends = np.cumsum([0.0, self.leg, self.half_circle, self.leg, self.half_circle])
         return np.asarray(np.interp(np.linspace(0.0, 4.0, count), np.arange(5.0), ends))
 
     def _eased(self, run: Number) -> tuple[Number, Number, Number]:
-        """(turn of the tangent, inward shift, curvature) that the easement adds at a distance from the end.
+        """Return (tangent turn, inward shift, curvature) of the easement at a distance from the leg's end.
 
-        The curvature rises linearly from 0 to that of the half circle; tangent and shift are its first and
-        second integrals, less those of the jump that it replaces.
+        The curvature rises linearly from 0 to that of the half circle. Tangent and shift are its first and
+        second integrals, minus those of the jump that it replaces.
         """
         half = max(self.easement, LEAST_EASEMENT) / 2.0
         # sharpest half² / 6 with sharpest = 1 / (radius - full_shift): else the error jumps midway.
@@ -196,7 +197,7 @@ class Racetrack(Path):
 
 
 PIECES = 960
-"""Pieces of the whole curve: each turns by 0.02 rad or less."""
+"""Number of pieces of the whole curve: each turns by 0.02 rad or less."""
 
 
 class FigureEightShape(PathShape):
@@ -217,27 +218,27 @@ class FigureEightShape(PathShape):
 
     @property
     def axis(self) -> float:
-        """The course, rad."""
+        """Course, rad."""
         return math.radians(self.course_deg)
 
 
 @paths.register("figure-eight")
 class FigureEight(ChainedPath):
-    """A lemniscate, flown again and again."""
+    """Lemniscate, flown again and again."""
 
     Shape: ClassVar[type[FigureEightShape]] = FigureEightShape
 
     def __init__(self, shape: FigureEightShape) -> None:
-        """The figure eight of a mission."""
+        """Create the figure eight of a mission."""
         half, sense = shape.half_length_m, float(direction_of(shape.direction))
         angle = np.linspace(0.0, 2.0 * math.pi, PIECES + 1)
         side = np.cos(angle)
         speed = half / np.sqrt(1.0 + side * side)
-        # By Simpson's rule; the middle of each step is looked at for it.
+        # Simpson's rule, with the middle of each step.
         middle = half / np.sqrt(1.0 + np.cos(angle[:-1] + 0.5 * np.diff(angle)) ** 2)
         length = (speed[:-1] + 4.0 * middle + speed[1:]) * np.diff(angle) / 6.0
         along = half * np.sin(angle) / (1.0 + side * side)
-        # Out on the left of the axis and back on its right, where it is flown clockwise.
+        # Clockwise: out on the left of the axis, back on its right.
         north, east = compose(along, -sense * along * side, np.full_like(angle, shape.axis))
         curvature = sense * 3.0 * np.sin(angle) * speed / (half * half)
         self.chain = Chain(
@@ -255,5 +256,5 @@ class FigureEight(ChainedPath):
 
     @classmethod
     def of(cls, shape: FigureEightShape) -> Self:
-        """The figure eight of a mission."""
+        """Return the figure eight of a mission."""
         return cls(shape)

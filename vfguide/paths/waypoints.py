@@ -1,6 +1,6 @@
-"""A route of straight legs between waypoints, with fillets at its corners, and what comes at its end.
+"""Route of straight legs between waypoints, with fillets at its corners and a choice of endings.
 
-The waypoints are the mission's, or those of a ground station's plan, whose fence `vfguide check` knows.
+The waypoints come from the mission, or from a ground station's plan, whose fence `vfguide check` uses.
 """
 
 import math
@@ -37,27 +37,27 @@ from vfguide.paths.pieces import (
 from vfguide.registry import paths
 
 SHARPEST_RAD = math.radians(160.0)
-"""A corner that turns by more is none: the route comes back along its own leg."""
+"""Largest turn of a corner, rad: beyond it the route comes back along its own leg."""
 
 LEAST_CIRCLE_M = 10.0
-"""Least radius of the circle at the end; what an aircraft can fly is for `check` to say."""
+"""Smallest radius of the final circle, m; `check` tests what an aircraft can fly."""
 
 NEAREST_M = 1.0
-"""Least distance of two waypoints."""
+"""Smallest distance between two waypoints, m."""
 
 LEAST_M = 1e-6
-"""Elements that are shorter are none."""
+"""Length below which elements are dropped, m."""
 
 USUAL_EASEMENT = 1.0
-"""In parts of the radius."""
+"""Default easement in units of the radius."""
 
 End = Literal["repeat", "reverse", "loiter", "hand-back"]
 
 FARTHEST_M = 100e3
-"""From the mission's origin: no formation of small aircraft flies further away."""
+"""Largest distance from the mission's origin, m: no formation of small aircraft flies farther away."""
 
 FALLBACK_RADIUS_M = 100.0
-"""Where the mission does not say how fast anything flies."""
+"""Radius where the mission gives no speed, m."""
 
 
 class Waypoint(Place):
@@ -79,7 +79,7 @@ class Waypoint(Place):
         return self
 
     def up(self, frame: MissionFrame | None) -> float:
-        """Above the mission's flying height, m."""
+        """Return the height above the mission's flying height, m."""
         if self.altitude_amsl_m is None or frame is None:
             return self.up_m
         return self.altitude_amsl_m - frame.altitude_amsl_m - frame.height_above_origin_m
@@ -117,16 +117,16 @@ class RouteShape(PathShape):
     @property
     @abstractmethod
     def corners(self) -> tuple[Waypoint, ...]:
-        """The waypoints."""
+        """Waypoints of the route."""
 
     @property
     @abstractmethod
     def after(self) -> End:
-        """What comes after the last of them."""
+        """Ending after the last waypoint."""
 
     @property
     def curve(self) -> Mapping[str, Any]:
-        """Its fields, and the radius of its turns where the mission gives it."""
+        """Fields of the shape, and its bend as (radius, easement), m."""
         return {**self.model_dump(), "bend": (self.bend.radius, self.bend.easement)}
 
     @property
@@ -135,22 +135,22 @@ class RouteShape(PathShape):
         return self.loiter_radius_m or 0.0
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Travel with the frame, which is no field of a mission."""
+        """Pickle with the frame, which is no field of a mission."""
         return shape_of, (self.model_dump(exclude_unset=True) | {"frame": self.frame},)
 
     @property
     def bend(self) -> Bend:
-        """How the route turns where a waypoint does not say otherwise."""
+        """Bend at waypoints without a radius of their own."""
         usual = self.frame.radius_m if self.frame is not None else FALLBACK_RADIUS_M
         return self.bend_of(self.radius_m if self.radius_m is not None else usual)
 
     def bend_of(self, radius_m: float) -> Bend:
-        """Turns of this radius."""
+        """Return the bend for a radius (m)."""
         easement_m = USUAL_EASEMENT * radius_m if self.easement_m is None else self.easement_m
         return Bend(radius_m, easement_m)
 
     def misfits(self) -> Iterator[Misfit]:
-        """What keeps the route from being flown."""
+        """Yield the reasons why the route cannot be flown."""
         yield from WaypointRoute(self).misfits()
 
 
@@ -167,37 +167,37 @@ class WaypointsShape(RouteShape):
 
     @property
     def corners(self) -> tuple[Waypoint, ...]:
-        """The waypoints."""
+        """Waypoints of the route."""
         return self.waypoints
 
     @property
     def after(self) -> End:
-        """What comes after the last of them."""
+        """Ending after the last waypoint."""
         return self.end
 
 
 class Corner(msgspec.Struct, frozen=True):
-    """A waypoint as the route turns there."""
+    """Waypoint with its turn."""
 
     north: float
     """m."""
     east: float
     """m."""
     up: float
-    """m."""
+    """Height above the mission's flying height, m."""
     bend: Bend
-    """The corner's fillet."""
+    """Fillet of the corner."""
     turn: float = 0.0
-    """rad, positive clockwise; 0 where the route begins or ends."""
+    """Turn, rad, positive clockwise; 0 where an open route begins or ends."""
     reach: float = 0.0
-    """How far before and behind the corner the fillet begins and ends, m."""
+    """Distance from the corner to both ends of its fillet, m."""
 
 
 class WaypointRoute:
-    """The geometry of a shape: corners, and the legs between them."""
+    """Geometry of a shape: corners, and the legs between them."""
 
     def __init__(self, shape: RouteShape) -> None:
-        """Place the waypoints in the plane, and turn at each."""
+        """Place the waypoints in the plane, and compute each turn."""
         self.shape = shape
         self.closed = shape.after == "repeat"
         self.circles = shape.after in {"loiter", "hand-back"}
@@ -215,7 +215,7 @@ class WaypointRoute:
         return self.shape.bend if not given else self.shape.bend_of(abs(given))
 
     def _legs(self) -> list[tuple[float, float]]:
-        """(length, course) of the line from each waypoint to the next."""
+        """Return the (length in m, course in rad) of the line from each waypoint to the next."""
         ends = [*self.places[1:], *self.places[:1]] if self.closed else self.places[1:]
         legs = [
             (
@@ -225,7 +225,7 @@ class WaypointRoute:
             for here, there in zip(self.places, ends, strict=False)
         ]
         if self.circles and legs[-1][0] > self.entry.aside:
-            # The last leg runs to where it touches the circle, not to its centre.
+            # The last leg ends where it touches the circle, not at its centre.
             length, course = legs[-1]
             off = math.asin(self.entry.aside / length)
             legs[-1] = (length * math.cos(off), course - self._sense() * off)
@@ -244,7 +244,7 @@ class WaypointRoute:
         return Corner(north, east, up, bend, turn, reach)
 
     def misfits(self) -> Iterator[Misfit]:
-        """Waypoints far away, that coincide, corners that are too sharp, legs too short for their fillets."""
+        """Yield waypoints too far or coincident, corners too sharp, and legs too short for their fillets."""
         for index, (north, east, *_) in enumerate(self.places):
             if (distance := math.hypot(north, east)) > FARTHEST_M:
                 yield Misfit(
@@ -301,7 +301,7 @@ class WaypointRoute:
         )
 
     def _radius_that_fits(self, index: int) -> int:
-        """The greatest radius (whole m) with which a leg has room for its fillets; 0 for none."""
+        """Return the largest radius (whole m) with which a leg has room for its fillets; 0 for none."""
         turns = [self.corners[at].turn for at in (index, self._next(index))]
         length, last = self.legs[index][0], index == len(self.legs) - 1
 
@@ -324,7 +324,7 @@ class WaypointRoute:
         return f"waypoint {index + 1} (north {north:.0f} m, east {east:.0f} m)"
 
     def line(self) -> "ElementChain":
-        """All of the route as one line."""
+        """Return the whole route as one line."""
         first = self.corners[0]
         course = self.legs[0][1]
         begin = (
@@ -353,7 +353,7 @@ class WaypointRoute:
         return line
 
     def _leg(self, line: "ElementChain", index: int, way: float = 1.0) -> None:
-        """Fly a leg there, or back (-1.0), and turn at its end."""
+        """Append a leg, forward or back (-1.0), and the turn at its end."""
         near, far = self.corners[index], self.corners[self._next(index)]
         length = self.legs[index][0] - near.reach - far.reach
         if self.circles and index == len(self.legs) - 1:
@@ -369,7 +369,7 @@ class WaypointRoute:
             line.note(end.up)
 
     def _turn_back(self, line: "ElementChain", corner: Corner) -> None:
-        """Turn beyond an end of the route, and come back to it."""
+        """Append a turn beyond an end of the route, and the way back to it."""
         elements = turn_back(corner.bend)
         line.add(elements)
         line.add([Element(Pieces.of(0.0, 0.0, 0.0, elements).end()[0])])
@@ -377,10 +377,10 @@ class WaypointRoute:
 
 
 class ElementChain:
-    """Elements that are put together one by one."""
+    """Line built up element by element."""
 
     def __init__(self, north: float, east: float, course: float) -> None:
-        """Begin at a place (m) on a course (rad)."""
+        """Begin at a position (m) on a course (rad)."""
         self.begin = (north, east, course)
         self.elements: list[Element] = []
         self.knots: list[tuple[float, float]] = []
@@ -391,25 +391,25 @@ class ElementChain:
         """Progress that follows the end, m."""
 
     def add(self, elements: Iterable[Element]) -> None:
-        """Go on."""
+        """Append elements."""
         for one in elements:
             if one.length >= LEAST_M:
                 self.elements.append(one)
                 self.run += one.length
 
     def note(self, up: float, progress: float | None = None) -> None:
-        """The line has a height (m) here, or at a progress."""
+        """Set the height (m) here, or at a progress (m)."""
         self.knots.append((self.run if progress is None else progress, up))
 
 
 @paths.register("waypoints")
 class Waypoints(ChainedPath):
-    """A route; after its last waypoint it goes round as its end says."""
+    """Route with one of the endings after its last waypoint."""
 
     Shape: ClassVar[type[RouteShape]] = WaypointsShape
 
     def __init__(self, shape: RouteShape) -> None:
-        """The route of a shape that has no misfits."""
+        """Create the route of a shape without misfits."""
         line = WaypointRoute(shape).line()
         self.chain = Chain(Pieces.of(*line.begin, line.elements), again=line.again)
         self.heights = HeightProfile(line.knots, closed=line.again == 0.0)
@@ -417,12 +417,12 @@ class Waypoints(ChainedPath):
 
     @property
     def last_circle(self) -> float | None:
-        """Progress from which it goes round a circle on which all are handed back, m; None without one."""
+        """Progress at which the final circle for the hand-back begins, m; None without one."""
         return self._last_circle
 
     @classmethod
     def of(cls, shape: RouteShape) -> Self:
-        """The route of a mission."""
+        """Return the route of a mission."""
         return cls(shape)
 
 
@@ -470,7 +470,7 @@ class PlanShape(RouteShape):
     @model_validator(mode="before")
     @classmethod
     def _read(cls, data: Any) -> Any:  # noqa: ANN401 - whatever the mission file says
-        """Read the file, if it has not been read yet."""
+        """Read the file, unless it has been read."""
         if not isinstance(data, Mapping) or not isinstance(data.get("file"), str):
             return data
         contents = data.get("contents")
@@ -490,14 +490,14 @@ class PlanShape(RouteShape):
 
     @property
     def read(self) -> PlanContents:
-        """What the file said."""
+        """Contents of the file."""
         if self.contents is None:
             raise InputError(f"path.file: {self.file} has not been read; load the mission again")
         return self.contents
 
     @property
     def curve(self) -> Mapping[str, Any]:
-        """All but what the file is called, and what it says beside the route."""
+        """Fields of the route, without the file's name and the plan's other contents."""
         route = {"waypoints", "end", "loiter_radius_m"}
         return {
             **super().curve,
@@ -507,12 +507,12 @@ class PlanShape(RouteShape):
 
     @property
     def corners(self) -> tuple[Waypoint, ...]:
-        """The waypoints."""
+        """Waypoints of the route."""
         return self.read.waypoints
 
     @property
     def after(self) -> End:
-        """What comes after the last of them."""
+        """Ending after the last waypoint."""
         return self.end or self.read.end
 
     @property
@@ -527,7 +527,7 @@ class PlanShape(RouteShape):
 
     @property
     def home(self) -> Place | None:
-        """Where the plan is meant to take off."""
+        """Intended take-off position of the plan."""
         return self.read.home
 
     @property
@@ -537,11 +537,11 @@ class PlanShape(RouteShape):
 
     @property
     def left_out(self) -> tuple[str, ...]:
-        """What the plan also asks for, and a formation does not do."""
+        """Items of the plan that a formation does not fly."""
         return self.read.left_out
 
     def misfits(self) -> Iterator[Misfit]:
-        """What keeps the route from being flown; waypoints have no line in the mission."""
+        """Yield the route's misfits at the file, because its waypoints have no line in the mission."""
         for one in super().misfits():
             yield Misfit(
                 ("file",), f"waypoint {int(one.location[-1]) + 1}: {one.message}", one.remedy
@@ -550,6 +550,6 @@ class PlanShape(RouteShape):
 
 @paths.register("plan")
 class Plan(Waypoints):
-    """The route of a plan."""
+    """Route of a plan."""
 
     Shape: ClassVar[type[RouteShape]] = PlanShape
