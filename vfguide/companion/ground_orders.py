@@ -1,9 +1,9 @@
-"""Orders that a ground station requests of this companion, by a MAVLink command that any of them can send.
+"""Orders requested by ground stations of this companion, by a MAVLink command that any of them can send.
 
-MAV_CMD_USER_1 to the companion's own component: param1 says which order, param2 to param4 the spacing, the
-vehicles by their MAVLink systems, or a slot. Nothing in MAVLink shows who has sent it, unless the connection
-is signed. So a companion hears it only where it was told to and has an operator's key; what is requested is
-worked out here, signed by an operator's key, and agreed on by all, as any order. It is not rehearsed.
+MAV_CMD_USER_1 goes to the companion's own component. param1 is the code of the order; param2 to param4 are
+the spacing, the vehicles by their MAVLink systems, or a slot. Nothing in MAVLink authenticates the sender,
+unless the connection is signed. So a companion accepts requests only if told to, and with an operator's key.
+Like any order, a request is resolved here, signed with that key, and agreed on by all. It is not rehearsed.
 """
 
 import math
@@ -24,22 +24,22 @@ from vfguide.mission.order_plan import LeaderPlace, formation_of_mission, resolv
 ABORT = Order(action="abort")
 
 FIRST_SHAPE, SPACING, FIRST_PATH, FIRST_LEADER = 10, 20, 30, 60
-"""Codes: of the shapes in their order, of the spacing alone, of paths and of who may lead."""
+"""First codes: of the shapes in their order, of the spacing alone, of paths and of possible leaders."""
 
 FOLLOWER_ORDERS = {4: "join", 5: "leave", 6: "swap", 7: "slot"}
-"""Codes of orders for followers that param2 names by its MAVLink system."""
+"""Codes of orders for followers, which param2 names by MAVLink system."""
 
 AGAIN_S = 10.0
-"""A ground station that hears no answer sends a command again; so long it is the same one."""
+"""Time for which a repeated command is the same one, s: ground stations repeat unanswered commands."""
 
 SPACINGS_M = (1.0, 1000.0)
 
 FARTHEST_SLOT_M = 5000.0
-"""A slot that is farther off is a slip of the keys."""
+"""Greatest offset of a slot, m: a farther one is a typing error."""
 
 
 def order_codes(mission: Mission) -> dict[int, Order]:
-    """What each code orders in a mission; the order of a spacing says none yet."""
+    """Return the order of each code in a mission; the one for a spacing has no spacing yet."""
     codes = {1: ABORT, 2: Order(action="hold"), 3: Order(action="resume"), SPACING: Order()}
     codes |= {FIRST_SHAPE + index: Order(shape=shape) for index, shape in enumerate(SHAPES)}
     paths = mission.paths_by_name if mission.paths else ()
@@ -49,16 +49,15 @@ def order_codes(mission: Mission) -> dict[int, Order]:
 
 
 def ground_orders_of(mission: Mission) -> "GroundOrders":
-    """What ground stations may order of a mission's formation."""
+    """Return the orders that ground stations may request of a mission's formation."""
     systems = {mission.vehicles[name].system_id: name for name in mission.followers_by_name}
     return GroundOrders(order_codes(mission), systems)
 
 
 class GroundOrders:
-    """Requests of one companion's ground stations: answered at once, and handed on."""
+    """Requests of one companion's ground stations, answered at once and passed on."""
 
     def __init__(self, codes: Mapping[int, Order], followers: Mapping[int, str]) -> None:
-        """Know what each code orders, and the followers by their systems; nothing was requested yet."""
         self._codes = codes
         self._followers = followers
         self._last: tuple[object, ...] | None = None
@@ -67,11 +66,7 @@ class GroundOrders:
         self._under_way: list[Order] = []
 
     def take(self, request: OrderRequest, now: float) -> tuple[list[MAVLink_message], Order | None]:
-        """Take a request.
-
-        Returns:
-            The answer to it, and the order that is to be given; None where there is none.
-        """
+        """Take a request; return (answer, order to give or None)."""
         same = (request.sender, request.code, request.values)
         if request.confirmation > 0 and same == self._last and now - self._last_s < AGAIN_S:
             return [answer(request, self._answer)], None
@@ -80,7 +75,7 @@ class GroundOrders:
         return [answer(request, self._answer)], order
 
     def finish(self, order: Order) -> None:
-        """Note that an order has been given, or could not be: the next may come."""
+        """Note that an order was given, or could not be, so that the next may come."""
         self._under_way.remove(order)
 
     def _decide(self, request: OrderRequest) -> tuple[int, Order | None]:
@@ -93,7 +88,7 @@ class GroundOrders:
             order = with_spacing(self._codes[code], request.values)
         else:
             return mavlink.MAV_RESULT_UNSUPPORTED, None
-        # What calls everything off waits for nothing but another of its kind.
+        # An abort waits for nothing but another abort.
         if ABORT in self._under_way if order == ABORT else self._under_way:
             return mavlink.MAV_RESULT_TEMPORARILY_REJECTED, None
         if order is None:
@@ -102,7 +97,7 @@ class GroundOrders:
         return mavlink.MAV_RESULT_ACCEPTED, order
 
     def _for_followers(self, what: str, values: tuple[float, float, float]) -> Order | None:
-        """An order for the follower of the first number; None where the numbers do not fit."""
+        """Return an order for the follower of the first value; None where the values do not fit."""
         system, second, third = values
         name = self._follower(system)
         if name is None:
@@ -120,12 +115,12 @@ class GroundOrders:
         return Order(join=(name,)) if what == "join" else Order(leave=(name,))
 
     def _follower(self, system: float) -> str | None:
-        """The follower with this MAVLink system."""
+        """Return the follower with this MAVLink system; None without one."""
         return self._followers.get(int(system)) if system == int(system) else None
 
 
 def with_spacing(order: Order, values: tuple[float, float, float]) -> Order | None:
-    """An order with the spacing of a request; None where the numbers do not fit."""
+    """Return an order with the spacing of a request; None where the values do not fit."""
     spacing, *rest = values
     if rest != [0.0, 0.0]:
         return None
@@ -137,46 +132,45 @@ def with_spacing(order: Order, values: tuple[float, float, float]) -> Order | No
 
 
 def answer(request: OrderRequest, result: int) -> MAVLink_message:
-    """COMMAND_ACK to who has sent a request."""
+    """Return the COMMAND_ACK for the sender of a request."""
     return mavlink.MAVLink_command_ack_message(
         mavlink.MAV_CMD_USER_1, result, 0, 0, *request.sender
     )
 
 
 class FlownFormation(msgspec.Struct, frozen=True, kw_only=True):
-    """What a companion knows of the formation that it flies in."""
+    """Formation as one companion knows it."""
 
     number: int
-    """Number of the newest order that anybody flies by."""
+    """Number of the newest order that any vehicle flies by."""
     flown: Arrangement | None
-    """What is flown; None for the slots of the mission."""
+    """Present arrangement; None for the slots of the mission."""
     holder: str
-    """Who leads; empty for the mission's leader."""
+    """Present leader; empty for the mission's leader."""
     leader: LeaderPlace | None
-    """Where the leader will be when an order begins; None where it is not heard."""
+    """Predicted place of the leader when an order begins; None if it is not heard."""
 
 
 class OrderGiver(msgspec.Struct, frozen=True):
-    """Works out orders of one mission, as the operator whose key it has."""
+    """Resolver of orders for one mission, with an operator's key."""
 
     mission: Mission
-    """The mission that is flown."""
     operator: Trust
-    """What signs the orders."""
+    """Signs the orders."""
 
     def resolved(
         self, order: Order, known: FlownFormation, *, number: int, time_s: float
     ) -> Arrangement:
-        """The arrangement that an order comes to.
+        """Return the arrangement that an order leads to.
 
         Args:
-            order: what is wanted.
-            known: the formation as it is.
-            number: of the arrangement.
-            time_s: when it begins, s on the formation's clock.
+            order: wanted change.
+            known: present formation.
+            number: number of the arrangement.
+            time_s: its beginning, s on the formation's clock.
 
         Raises:
-            RefusedOrderError: it cannot be carried out; one sentence says why.
+            RefusedOrderError: the order cannot be carried out; one sentence says why.
         """
         formation = formation_of_mission(self.mission)
         if known.flown is not None:

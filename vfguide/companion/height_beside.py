@@ -1,7 +1,7 @@
-"""The height beside other vehicles: when one is passed above or below, and what that is worth in the plane.
+"""Height relative to other vehicles: when to pass above or below, and the worth of height in the plane.
 
-A vehicle that its companion steers keeps clear itself, and may use height for it. One whose companion is
-dead holds its height: to climb over it at once keeps the slot, where turning away leaves it.
+A steered vehicle keeps clear by itself, and may use height for it. A vehicle whose companion is dead holds
+its height. To climb over it at once keeps the slot, where turning away leaves it.
 """
 
 import math
@@ -18,73 +18,72 @@ from vfguide.guidance.height import Neighbour, height_between
 from vfguide.guidance.separation import BEGINNINGS, TIMES, Others
 
 LEVEL_M = 3.0
-"""Vehicles that will differ by less than this in height step apart by what they announce, or their ranks."""
+"""Predicted height difference below which vehicles step apart as announced, or by rank, m."""
 
 LEAST_UP_M = 6.0
-"""Height between two vehicles above each other, at least."""
+"""Least height between two vehicles above each other, m."""
 
 LEAST_LEVEL_M = SPACING_SHARE * LEAST_M
-"""Distance in the plane that a step in height counts by, at least: that of slots as near as they may be."""
+"""Least horizontal distance that a step in height assumes, m: that of slots as near as allowed."""
 
 OVER_M = 15.0
-"""Over a silent vehicle that may come so near height is used at once: it holds its height, and a climb that
-begins early is enough where one that begins late is not."""
+"""Horizontal distance of a silent vehicle at which height is used at once, m. It holds its height, and an
+early climb is enough where a late one is not."""
 
 OVER_PILOT_M = 22.0
-"""The same over a leader that its pilot has taken: more is kept from it, and it may turn."""
+"""Same for a leader taken over by its pilot, m: it is given more room, and may turn."""
 
 OVER_SHARE = 0.85
-"""Of the distance between two slots, at most this counts as near then."""
+"""Upper bound of that distance in parts of the distance between two slots."""
 
 HEIGHT_OFF_M = 1.0
-"""What heights between two vehicles may be off by."""
+"""Error of the height between two vehicles, m."""
 
 PILOTS_OFF_M_S = 2.0
-"""How fast a pilot may change the height of a leader that was taken, beside the climb that is heard: 4 m in
-1.5 s from level flight."""
+"""Climb rate that a pilot may add to a leader's reported one, m/s: 4 m in 1.5 s from level flight."""
 
 
 class Obstacle(msgspec.Struct, frozen=True, kw_only=True):
-    """Another vehicle, as far as a step in height beside it needs it."""
+    """Another vehicle, as a step in height relative to it needs it."""
 
     name: str
-    """As people read it."""
+    """Name for people."""
     least_m: float
-    """Where no manoeuvre in the plane keeps more than this, height is used."""
+    """Horizontal room, m: height is used where no manoeuvre in the plane leaves more."""
     least_up_m: float
-    """The height that is worth as much, m."""
+    """Height difference worth as much, m."""
     altitude_amsl: float
-    """m; NaN where it is not known."""
+    """m above mean sea level; NaN where unknown."""
     climb_rate: float
     """m/s."""
     under: bool
-    """Whether to climb where both are as high, or the height is not known."""
+    """Whether to climb over it at equal or unknown height."""
     makes_room: bool
-    """Whether it is heard to be steered by its companion: then it uses height by the same rules."""
+    """Whether it is heard to be steered by its companion, which uses height by the same rules."""
     sense: int = 0
-    """Which way it leaves its height, as it says: 1 up, -1 down."""
+    """Announced direction of leaving its height: 1 up, -1 down, 0 neither."""
     slots_apart_m: float = math.inf
-    """How near its slot and the own one come soon, level, where it is on its way to its slot."""
+    """Least horizontal distance of both slots soon, m; infinite unless it is steered."""
     over_m: float = 0.0
-    """Within this distance in the plane it is passed above or below, m; 0 where height is no use early."""
+    """Horizontal distance within which to pass above or below, m; 0 where early height is no use."""
     height_off_m: float = HEIGHT_OFF_M
-    """What its height may be off by, m ..."""
+    """Error of its height, m."""
     height_off_m_s: float = 0.0
-    """... and how fast that grows, m/s."""
+    """Growth of that error, m/s."""
 
 
 def height_sense(way: float) -> int:
-    """Which way a vehicle leaves its height, as others are told, by the way (m) that is left to climb."""
+    """Return the direction of leaving the own height, for others, by the remaining way up, m."""
     return (way > LEVEL_M) - (way < -LEVEL_M)
 
 
 def worth_in_plane(heights: FloatArray, others: Others, those: Sequence[Obstacle]) -> FloatArray:
-    """What the height between a vehicle and others is worth in the plane, see `Others.worth`.
+    """Return the worth in the plane of height differences, m, see `Others.worth`.
 
     Args:
-        heights: of the vehicle at `TIMES`, m above mean sea level.
-        others: what they may do.
-        those: whose each possibility is.
+        heights: of the own vehicle at `TIMES`, m above mean sea level.
+        others: predicted tracks.
+        those: vehicle of each track.
     """
     worth = np.zeros((len(those), len(BEGINNINGS)))
     for row, (one, keep) in enumerate(zip(those, others.keep, strict=True)):
@@ -109,17 +108,17 @@ def neighbour_of(
     own_climb_rate: float,
     own_sense: int,
 ) -> Neighbour:
-    """Another vehicle as a step in height beside it needs it; heights are those above the own guidance's.
+    """Return another vehicle as a step in height needs it; heights count from that of the own guidance.
 
     Args:
         one: the vehicle.
-        distance: of the closest approach in the plane, m.
-        in_s: when that is, s from now.
-        height: of the vehicle, m; NaN where it is not known: then it is thought to be the guidance's.
-        climb_rate: relative to what the own guidance wants, m/s.
+        distance: horizontal distance at the closest approach, m.
+        in_s: time until then, s.
+        height: its height, m; NaN while unknown, which counts as 0.
+        climb_rate: relative to the one that the own guidance wants, m/s.
         own_height: m.
-        own_climb_rate: likewise relative, m/s.
-        own_sense: which way the own vehicle leaves its height: 1 up, -1 down, 0 neither.
+        own_climb_rate: relative as well, m/s.
+        own_sense: direction in which the own vehicle leaves its height: 1 up, -1 down, 0 neither.
     """
     known = math.isfinite(height)
     above = 0.0
@@ -139,20 +138,20 @@ def neighbour_of(
 
 
 def kept_rate(climb_rate: float, sense: int) -> float:
-    """The climb rate (m/s) that a vehicle goes on with: none where it is about to turn round."""
+    """Return the climb rate (m/s) that a vehicle continues: 0 where it is about to reverse."""
     return 0.0 if climb_rate * sense < 0.0 else climb_rate
 
 
 def goes_over(one: Obstacle, above: float, own_sense: int) -> bool | None:
-    """Whether to be above another vehicle; None: either way will do.
+    """Decide whether to be above another vehicle; None leaves it open.
 
-    Who will be higher stays so. Of two that will be as high each takes the way that the other has not
-    announced; where both have announced the same at once, or nothing yet, their ranks tell.
+    The vehicle that will be higher stays higher. At equal heights, each takes the way that the other has not
+    announced. Ranks decide if both have announced the same at once, or neither has.
 
     Args:
         one: the other vehicle.
-        above: how much higher the own vehicle will be where they are closest, m.
-        own_sense: which way it leaves its height: 1 up, -1 down, 0 neither.
+        above: predicted height of the own vehicle above it at the closest approach, m.
+        own_sense: direction of leaving the own height: 1 up, -1 down, 0 neither.
     """
     if abs(above) > LEVEL_M:
         return above > 0.0
@@ -161,6 +160,6 @@ def goes_over(one: Obstacle, above: float, own_sense: int) -> bool | None:
     if one.sense and not own_sense:
         return one.sense < 0
     if own_sense:
-        # Both have announced the same: who is earlier in the mission keeps to it.
+        # Both have announced the same: the vehicle earlier in the mission keeps to it.
         return (own_sense > 0) != one.under
     return one.under if one.makes_room else None

@@ -1,14 +1,14 @@
-"""Who speaks as this vehicle's autopilot, who else steers it, what and where it is: known before steering.
+"""Identity of the vehicle before it is steered: its autopilot, other controllers, its kind and its place.
 
-| what shows | what it is |
+| observation | meaning |
 |---|---|
-| numbers of frames, boot clocks, places or kinds go to and fro | two aircraft with one system id |
-| two numbers of hardware | the same |
-| somebody else's message that steers, or the autopilot's answer to one | another controller |
+| sequence numbers, boot clocks, positions or kinds alternate | two aircraft with one system id |
+| two hardware numbers | the same |
+| somebody else's steering message, or the autopilot's answer to one | another controller |
 | a type in the heartbeat that is no fixed wing | another kind of vehicle |
 | a place far from path, slot or origin | a mission for another place |
 
-One aircraft that is heard over two links has two series of numbers, but one boot clock.
+One aircraft that is heard over two links has two series of sequence numbers, but one boot clock.
 """
 
 import math
@@ -30,58 +30,58 @@ from vfguide.mavlink.reports import (
 from vfguide.mission.place import ENGAGED_M
 
 WITHIN_S = 3.0
-"""What speaks for two has to be seen again and again within this."""
+"""Time within which evidence of two aircraft must repeat, s."""
 
 TIMES = 4
-"""How often places have to change: a glitch comes and goes."""
+"""Least number of position jumps: a glitch comes and goes."""
 
 CLOCKS_APART_S = 0.3
-"""Boot times of one clock fall back by less: a frame that was overtaken on its way."""
+"""Tolerance of falling boot times, s: a message overtaken on its way causes as much."""
 
 FALLS = 2
-"""How often a boot clock has to fall back, or a heartbeat to change to and fro: a reboot is one."""
+"""Least number of boot clock falls, or of heartbeat changes: a reboot causes one."""
 
 QUIET_S = 10.0
-"""After so long without a sign of it, a conflict is over."""
+"""Time without evidence after which a conflict is over, s."""
 
 STREAM_COMMANDS = 3
-"""So many within `WITHIN_S` are a controller's; one outside the guided mode is a ground station's."""
+"""This many within `WITHIN_S` show a controller; one outside the guided mode is from a ground station."""
 
 SAME_PLACE_M, FASTEST_M_S = 50.0, 100.0
-"""Two series of positions are one aircraft's if they are no farther apart than this, and what it may fly."""
+"""Two series of positions are one aircraft's within this distance (m) plus flight at this speed (m/s)."""
 
 MOST_SERIES = 4
-"""Series of numbers whose newest positions are remembered."""
+"""Number of series of sequence numbers whose newest positions are remembered."""
 
 FIXED_WINGS = frozenset({mavlink.MAV_TYPE_FIXED_WING, *range(19, 26)})
-"""MAV_TYPE of what flies on wings: 19 to 25 take off upward."""
+"""MAV_TYPE values of winged aircraft; 19 to 25 take off vertically."""
 
 
 class SeenPlace(msgspec.Struct, frozen=True):
-    """The newest position of one series."""
+    """Newest position of one series."""
 
     boot_time_s: float
-    """By its own clock, s."""
+    """Time on its own clock, s."""
     place: tuple[float, float, float]
-    """From the earth's centre, m: on the ellipsoid."""
+    """Earth-centred position on the ellipsoid, m."""
     heard_s: float
-    """When it was heard, s."""
+    """Time of arrival, s."""
 
 
 def near(one: SeenPlace, other: SeenPlace) -> bool:
-    """Whether one aircraft can have been at both, as long as passed by its clock or the reader's."""
+    """Check whether one aircraft can have been at both, given the longer of two elapsed times."""
     passed_s = max(abs(other.boot_time_s - one.boot_time_s), abs(other.heard_s - one.heard_s))
     return math.dist(one.place, other.place) <= SAME_PLACE_M + FASTEST_M_S * passed_s
 
 
 def by_one_clock(one: SeenPlace, other: SeenPlace) -> bool:
-    """Whether the boot times of two positions are those of one clock."""
+    """Check whether the boot times of two positions are those of one clock."""
     apart_s = abs(other.boot_time_s - one.boot_time_s)
     return apart_s <= abs(other.heard_s - one.heard_s) + WITHIN_S
 
 
 class VehicleIdentity:
-    """Of one vehicle, as its companion hears it."""
+    """Identity of one vehicle, as its companion hears it."""
 
     def __init__(self, system_id: int) -> None:
         self._system_id = system_id
@@ -99,7 +99,7 @@ class VehicleIdentity:
         self._other_s = -math.inf
 
     def note_heartbeat(self, report: HeartbeatReport, now: float) -> None:
-        """Take what kind of vehicle it is: one that changes to and fro is two."""
+        """Take the kind of vehicle; one that alternates is two vehicles."""
         kind = report.vehicle_type, report.autopilot, report.armed
         if self._kind is not None and kind != self._kind:
             self._note_fall(now)
@@ -112,7 +112,7 @@ class VehicleIdentity:
         self._series.append(series)
 
     def note_version(self, report: VersionReport, now: float) -> None:
-        """Take the number of its hardware: another one at the same time is another aircraft."""
+        """Take the hardware number; another one at the same time is another aircraft."""
         if report.uid == 0:
             return
         before, self._uid = self._uid, (report.uid, now)
@@ -120,9 +120,10 @@ class VehicleIdentity:
             self._two_s = now
 
     def note_position(self, report: PositionReport, now: float) -> None:
-        """Take a position: its boot time, and where it is, beside the one before.
+        """Take a position with its boot time, and compare it with the one before.
 
-        One boot clock and one place in two series of numbers are those of one aircraft over two links.
+        One boot clock and one place in two series of sequence numbers are those of one aircraft over two
+        links.
         """
         place = earth_centred(report.latitude_deg, report.longitude_deg, 0.0)
         seen = SeenPlace(report.boot_time_s, place, now)
@@ -143,16 +144,16 @@ class VehicleIdentity:
                 self._same_s = now
 
     def _note_fall(self, now: float) -> None:
-        """Something has changed that changes once with a reboot, and to and fro with two aircraft."""
+        """Note a change that a reboot causes once, and two aircraft repeatedly."""
         self._fell.append(now)
         if len(self._fell) == FALLS and now - self._fell[0] <= WITHIN_S:
             self._two_s = now
 
     def note_steering(self, report: SteeringReport, now: float, *, guided: bool) -> None:
-        """Take that somebody else steers the vehicle.
+        """Take a steering message of somebody else.
 
         Args:
-            report: who.
+            report: its sender.
             now: s.
             guided: whether heartbeats show the mode in which this companion steers.
         """
@@ -162,7 +163,7 @@ class VehicleIdentity:
             self._other, self._other_s = report.sender, now
 
     def objection(self, now: float) -> Objection | None:
-        """Why the vehicle is not to be steered, and what to do; None where nothing speaks against it."""
+        """Return why the vehicle must not be steered, and the remedy; None without an objection."""
         kind = mavlink.MAV_TYPE_FIXED_WING if self._kind is None else self._kind[0]
         if kind not in FIXED_WINGS:
             name = name_of("MAV_TYPE", kind).removeprefix("MAV_TYPE_")
@@ -185,14 +186,14 @@ class VehicleIdentity:
 
 
 REACH_M, REACH_S = ENGAGED_M, 60.0
-"""Nearer than this to path or slot, or so many seconds of its fastest flight, a vehicle may be engaged."""
+"""Engaging is allowed within this distance of path or slot (m), or so many seconds of fastest flight."""
 
 FRAME_M = 200e3
-"""Farther from the origin than this the earth is too round for the formation's plane."""
+"""Distance from the origin beyond which the earth is too round for the formation's plane, m."""
 
 
 def far_words(distance: float) -> str:
-    """A distance (m) in kilometres."""
+    """Return a distance (m) in kilometres."""
     return f"{distance / 1e3:.1f} km" if distance < 100e3 else f"{distance / 1e3:,.0f} km"
 
 
@@ -207,9 +208,9 @@ class EngageRange:
         self._was_near = False
 
     def note(self, report: PositionReport) -> None:
-        """Take a position as it was reported, whether it is believed or not."""
+        """Take a position as reported, whether it is believed or not."""
         if self._was_near:
-            # Who has been there in this flight has the right origin and another trouble.
+            # A vehicle that was near it in this flight has the right origin and another trouble.
             return
         place = (report.latitude_deg, report.longitude_deg)
         distance = way_m(self._origin, place)
@@ -222,11 +223,7 @@ class EngageRange:
         self._away = f"{far_words(distance)} from the mission's origin: {remedy}"
 
     def objection(self, distance: float) -> Objection | None:
-        """Why a vehicle that is not steered is not taken up here, and what to set; None where it may be.
-
-        Args:
-            distance: from path or slot, m; infinite while not known.
-        """
+        """Return why a vehicle must not be engaged at this distance (m) from path or slot; None if it may."""
         if self._away is not None:
             return Objection(key="origin", text=self._away)
         if distance <= self._reach or math.isinf(distance):

@@ -1,10 +1,10 @@
 """The formation's shared clock, stops of this process, and faults of the autopilot's clock.
 
-The pilot hears of worthless stamps, a wrong rate, lost time and stutters. The difference between the clocks
-of companion and autopilot grows while the autopilot's stands still, and falls again where it makes up for
-that: ArduPlane in software does so after less than 0.1 s. Lost is what the difference has grown by for good:
-its least value of the last 1.5 s, less the least before. An even but slow clock goes on losing for longer.
-Its rate is found within some 10 s, and explains what was lost.
+The pilot is told of useless stamps, a wrong rate, lost time and stutters. While the autopilot's clock stands
+still, its difference from the companion's grows. The difference falls again if the clock catches up, as
+ArduPlane in software does after less than 0.1 s. Lost time is permanent growth of the difference: its minimum
+over the last 1.5 s, less the minimum before. A steady but slow clock keeps losing time. Its rate is found
+within some 10 s, and explains the loss.
 """
 
 import math
@@ -18,46 +18,41 @@ from vfguide.guidance.other_clock import DRIFT, OtherClock
 from vfguide.mavlink.announcements import WARNING
 
 HANG_S = 2.0
-"""Longer than this between two calls, and this process was stopped: what it hears then is old."""
+"""Interval of two calls above which this process hung, s: input received then is old."""
 
 STALL_S = 0.5
-"""After longer than this between two calls modes are commanded only once a new question was answered: what is
-read first has waited."""
+"""Interval of two calls above which modes are commanded only after a new question is answered, s: the first
+input read has waited."""
 
 AWAKE_S = 1.0
-"""For so long after a hang what waited in buffers arrives."""
+"""Time after a hang in which buffered input arrives, s."""
 
 
 class SharedClock(msgspec.Struct, frozen=True, kw_only=True):
-    """From one's own clock to the formation's and back."""
+    """Conversion between the own clock and the formation's."""
 
     to_own: Callable[[float], float] = float
-    """A time of the shared clock on one's own, s; NaN while not known."""
+    """Converts a time of the shared clock to the own one, s; NaN while unknown."""
     from_own: Callable[[float], float] = float
-    """A time of one's own clock on the shared one, s; NaN while not known."""
+    """Converts a time of the own clock to the shared one, s; NaN while unknown."""
 
 
 SAME_CLOCK = SharedClock()
-"""Where all companions read one clock."""
+"""Identity, for companions that read one clock."""
 
 
 class Wakefulness:
-    """When one companion was called last, and what that means for what it hears now; times in s."""
+    """Hangs and stalls of one companion, found from the times of its calls; times in s."""
 
     def __init__(self) -> None:
-        """Was never called."""
         self._called = -math.inf
         self._awake = -math.inf
         self._stalled = -math.inf
         self.since = math.inf
-        """Since when it is called without a hang."""
+        """Beginning of calls without a hang."""
 
     def note_call(self, now: float) -> float:
-        """Note a call.
-
-        Returns:
-            For how long it hung before, s; 0 if it did not.
-        """
+        """Note a call; return the duration of the hang before it, s, or 0."""
         before, self._called = self._called, now
         away = now - before
         if away > HANG_S:
@@ -71,46 +66,46 @@ class Wakefulness:
         return away
 
     def is_waking(self, now: float) -> bool:
-        """Whether what arrives now has waited: then nothing goes by it."""
+        """Check whether input arriving now has waited, and must not be used."""
         return now < self._awake
 
     def is_stale(self, stamp: float) -> bool:
-        """Whether something was true at a time (s) before the last stall."""
+        """Check whether a time (s) lies before the end of the last stall."""
         return stamp < self._stalled
 
 
 REPORTED_SKEW = 0.005
-"""Least skew that is worth a text: crystals are a hundred times better."""
+"""Least skew worth a text: crystals are a hundred times better."""
 
 SHARE, STEADY_S = 0.5, 10.0
-"""A skew is told once it has been known, and steady, within this share of it for so long; again if it has
-changed by as much. A clock that stutters and catches up looks for a shorter time like a slow or fast one."""
+"""A skew is told once known, and steady within this share, for so long (s), and again after changing by that
+share. For a shorter time, a clock that stutters and catches up looks slow or fast."""
 
 REPORTED_S = 0.19
-"""Lost time that is worth a text: 0.2 s, less what the ways of the reports leave open."""
+"""Lost time worth a text, s: 0.2 s less the uncertainty of the reports' latency."""
 
 QUIET_S, SOONEST_S, MUCH_LOST_S = 60.0, 10.0, 0.95
-"""Shortest interval of two such texts, and if another second is lost, less the same."""
+"""Least interval of two such texts, s; a shorter one if another second, less that uncertainty, is lost."""
 
 SPAN_S, SPANS = 0.5, 3
-"""Least differences are compared over so many spans: a loss has to last for all of them."""
+"""Minima of the difference are compared over this many spans (s): a loss must last for all of them."""
 
 STEADY_SHARE = 0.05
-"""By this share of what is lost the difference may still grow. Where time is lost evenly it grows by more in
-one second of the first 20, and the rate of such a clock is known before."""
+"""Growth of the difference, in parts of the loss, that still counts as settled. An evenly slow clock exceeds
+it in each of the first 20 s, and its rate is known before then."""
 
 LONGEST_S = 12.0
-"""A clock that goes on losing time for longer, and has no rate, does so unevenly."""
+"""A clock without a rate that loses time for longer does so unevenly, s."""
 
 CAUGHT_UP_S, CATCHES_UP_S = 0.01, 4.0
-"""A clock has made up for its stutter that is as near to where it was, within so long."""
+"""A clock has caught up if it is this near to its former difference within this time, s."""
 
 STUTTER_S, STUTTERS, STUTTERS_WITHIN_S = 0.05, 10, 60.0
-"""So many stutters of at least this (1 m at 20 m/s) within so long are worth a text."""
+"""Stutters of at least this (1 m at 20 m/s) are worth a text if so many come within this time, s."""
 
 
 class ClockWatch:
-    """Tells a pilot what is wrong with a clock, and lost time from time that is made up for."""
+    """Watch of the autopilot's clock for the pilot; tells lost time from stutters that are caught up."""
 
     def __init__(self, clock: OtherClock, alerts: Alerts) -> None:
         self._clock, self._alerts = clock, alerts
@@ -125,7 +120,7 @@ class ClockWatch:
         self._begin()
 
     def note(self, now: float) -> None:
-        """Look at the clock; to be called after each report and each answer."""
+        """Check the clock; call after each report and each answer."""
         clock = self._clock
         if not math.isfinite(clock.most):
             return
@@ -134,7 +129,7 @@ class ClockWatch:
             self._begin()
         self._note_skew(now)
         passed_s = max(now - self._noted_s, 0.0)
-        # One that is taken for fast, and is not, would seem to lose what its times are shortened by.
+        # A clock wrongly taken for fast would seem to lose the time by which its stamps are shortened.
         self._sooner_s += max(-clock.skew, 0.0) * passed_s
         difference = clock.most - self._sooner_s
         self._note_stutter(difference, clock.least - self._sooner_s, now)
@@ -150,7 +145,7 @@ class ClockWatch:
         self._alerts.say("clock", WARNING, f"the autopilot's {text}")
 
     def _begin(self) -> None:
-        """The clock is another one; what was told was told."""
+        """Begin with another clock; told faults stay told."""
         self._series = self._clock.series
         self._before, self._depth, self._stuttered_s = math.inf, 0.0, -math.inf
         self._newest, self._deepest = math.inf, 0.0
@@ -159,13 +154,13 @@ class ClockWatch:
         self._compare_from(-math.inf)
 
     def _compare_from(self, now: float) -> None:
-        """What was lost until now is explained."""
+        """Treat what was lost until now as explained."""
         self._baseline = self._lost_since = self._least = math.inf
         self._spans.clear()
         self._span_ends = now + SPAN_S
 
     def _note_stamps(self) -> None:
-        """Tell the pilot of stamps that tell no time, and that they do again."""
+        """Tell the pilot when stamps become useless, and when they tell time again."""
         fault, before = self._clock.fault, self._fault
         self._fault = fault
         if (fault is None) is not (before is None):
@@ -177,7 +172,7 @@ class ClockWatch:
             )
 
     def _note_skew(self, now: float) -> None:
-        """Tell the pilot of a clock that does not keep time, once."""
+        """Tell the pilot once of a clock that does not keep time."""
         skew = self._clock.skew
         if abs(skew - self._explained_skew) >= REPORTED_SKEW:
             self._explained_skew = skew
@@ -197,7 +192,7 @@ class ClockWatch:
             )
 
     def _judge(self, now: float) -> None:
-        """Tell the pilot of what is lost, once it has lasted."""
+        """Tell the pilot of lost time, once the loss has lasted."""
         spans = self._spans
         settled = min(spans)
         lost_s = settled - self._baseline
@@ -217,11 +212,12 @@ class ClockWatch:
         self._told_s, self._baseline, self._lost_since = now, settled, math.inf
 
     def _note_stutter(self, difference: float, at_least: float, now: float) -> None:
-        """Count a stutter that is made up for, and tell the pilot of many, once in the flight.
+        """Count stutters that are caught up, and tell the pilot of many, once per flight.
 
         Args:
-            difference: between the clocks at most, s.
-            at_least: the same; minus infinity without answers, which alone show how deep a stutter is.
+            difference: upper bound of the difference between the clocks, s.
+            at_least: its lower bound; minus infinity without answers, which alone show the depth of a
+                stutter.
             now: s.
         """
         if at_least > self._newest + CAUGHT_UP_S:

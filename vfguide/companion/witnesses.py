@@ -1,6 +1,6 @@
-"""Witnesses of one aircraft: a number that is held against its prediction, heights, repeats, the autopilot.
+"""Witnesses of one aircraft: values compared with predictions, altitudes, repeats and the autopilot's word.
 
-What contradicts its prediction is not used until it has agreed with it again for `RETURN_S`.
+A value that contradicts its prediction is not used until it has agreed again for `RETURN_S`.
 """
 
 import math
@@ -12,61 +12,61 @@ from vfguide.guidance.navigation import ReportedMotion, innovation
 from vfguide.mavlink.reports import EstimatorReport, GpsReport, SensorsReport
 
 RETURN_S = 2.0
-"""What has been false is believed after having agreed for this: longer than glitches take to come and go."""
+"""Time of agreement after which a false value is believed again, s: longer than glitches come and go."""
 
 CARRY_ERROR_M_S = 0.5
-"""How fast what is carried by velocities may leave the true place: recorded ones do by 0.3 m/s."""
+"""Drift of a position carried by velocities, m/s: 0.3 m/s in recordings."""
 
 MOVING_M_S = 5.0
-"""A slower velocity is no witness of flight."""
+"""Least speed that is a witness of flight, m/s."""
 
 REPEATED_S, REPEATED_COUNT = 0.12, 2
-"""What is repeated to the digit for longer is no evidence: no estimator is as slow, and links say things
-twice."""
+"""Duration (s) and count of identical reports above which they are no evidence. No estimator is as slow, but
+links deliver twice."""
 
 PARTED_M, PARTED_SIGMAS = 0.3, 3.0
-"""Positions part from the way that a velocity leads by this and as many standard deviations."""
+"""Positions part from a velocity's track by more than this (m), plus so many standard deviations."""
 
 STEP_M = 10.0
-"""So far an altitude may be from where the ones before lead, or a leader's in low flight from the mission's:
-noise, and barometers that are set apart."""
+"""Tolerance of an altitude against those before, or of a low-flying leader's against the mission's, m. It
+covers noise, and barometers set differently."""
 
 CLIMB_M_S = 15.0
-"""And by so much more for each second: faster than these aircraft climb or dive."""
+"""Growth of that tolerance, m/s: faster than these aircraft climb or dive."""
 
 BESIDE_M, BESIDE_SHARE = 25.0, 0.5
-"""So far a leader's first altitude may be from the mission's and from one's own, and by no more than this
-part of the flying height. Heights above the ellipsoid, or the ground, differ by more."""
+"""Tolerance of a leader's first altitude against the mission's and the own one: m, and share of the flying
+height. Heights above the ellipsoid or the ground differ by more."""
 
 BAD_S = 1.0
-"""An autopilot's word has to be bad for so long: estimators change lanes."""
+"""Time for which an autopilot's word must be bad, s: estimators change lanes."""
 
 FRESH_S = 10.0
-"""A word that was said longer ago than this says nothing any more."""
+"""Age at which a word expires, s."""
 
 LEAST_FIX = 3
-"""GPS_FIX_TYPE_3D_FIX: with less there is no height, or no position at all."""
+"""GPS_FIX_TYPE_3D_FIX: lesser fixes have no height, or no position at all."""
 
 GREATEST_ERROR_M = 15.0
-"""A receiver that is less certain than this is no help to a formation."""
+"""Receiver accuracy above which it is no help to a formation, m."""
 
 
 class Witness:
-    """Whether one kind of number can be used."""
+    """Whether one kind of value can be used."""
 
     def __init__(self) -> None:
         self.doubted = False
-        """Whether it is not to be used now."""
+        """Whether it must not be used now."""
         self._agrees_since = math.inf
 
     def judge(self, value: float, predicted: float, within: float, time_s: float) -> bool:
-        """Hold a number against its prediction; whether it can be used.
+        """Compare a value with its prediction; return whether it can be used.
 
         Args:
-            value: as reported; what is no number contradicts everything.
-            predicted: the same by other witnesses.
-            within: what noise and manoeuvres explain.
-            time_s: of the report, s.
+            value: as reported; NaN contradicts everything.
+            predicted: prediction by other witnesses.
+            within: tolerance for noise and manoeuvres.
+            time_s: time of the report, s.
         """
         if not abs(value - predicted) <= within:
             self.doubted, self._agrees_since = True, math.inf
@@ -77,31 +77,30 @@ class Witness:
 
 
 class HeightWitnesses(NamedTuple):
-    """What there is beside a leader's own altitude."""
+    """Witnesses of a leader's altitude other than its own report."""
 
     planned: float
     """Its altitude by the mission, m above mean sea level."""
     own: float
-    """One's own in flight, m above mean sea level; NaN where it is not known."""
+    """Own altitude in flight, m above mean sea level; NaN while unknown."""
     above: float
-    """Flying height by the mission, m."""
+    """The mission's flying height, m."""
 
     def bear_out(self, altitude_amsl: float) -> bool:
-        """Whether one of them is near an altitude, m above mean sea level."""
+        """Check whether a witness is near an altitude, m above mean sea level."""
         within = min(max(BESIDE_SHARE * self.above, STEP_M), BESIDE_M)
         return any(abs(altitude_amsl - one) <= within for one in (self.planned, self.own))
 
 
 class HeightBelief:
-    """What is believed of the altitudes of one vehicle.
+    """Belief in one vehicle's altitudes.
 
-    Keeping clear leaves out vehicles that fly far above or below. A false altitude would make an aircraft
-    that is straight ahead look harmless, so a doubted one counts as not known, and a vehicle without a
-    known altitude is kept clear of in the plane.
+    Separation ignores vehicles that fly far above or below, so a false altitude would make an aircraft
+    straight ahead look harmless. A doubted altitude therefore counts as unknown: its vehicle is kept clear of
+    in the plane.
 
-    A step is doubted until the reports are back where the vehicle can have climbed to at `CARRY_ERROR_M_S`.
-    One that stays is believed late, 3 minutes after a step of 100 m. Until then its vehicle is kept clear of
-    more than needed.
+    A step is doubted until the reports are back where the vehicle can have climbed to at `CARRY_ERROR_M_S`. A
+    lasting step is believed late, 3 minutes after a step of 100 m; until then separation is over-cautious.
     """
 
     def __init__(self) -> None:
@@ -111,7 +110,7 @@ class HeightBelief:
 
     @property
     def doubted(self) -> bool:
-        """Whether the reported altitudes are not believed now."""
+        """Whether the reported altitudes are disbelieved now."""
         return self._witness.doubted
 
     @property
@@ -121,7 +120,7 @@ class HeightBelief:
 
     @property
     def sentence(self) -> str:
-        """What became of the altitudes, as a sentence about their vehicle goes on, and the remedy."""
+        """Predicate about the vehicle: the state of its altitudes, and the remedy."""
         if not self.doubted:
             return "reports an altitude that can be again: believed, nothing to do"
         if self.is_known:
@@ -138,15 +137,12 @@ class HeightBelief:
     def judge(
         self, altitude_amsl: float, time_s: float, beside: HeightWitnesses | None = None
     ) -> float:
-        """Take a reported altitude.
+        """Take a reported altitude; return it, or NaN while it is doubted.
 
         Args:
             altitude_amsl: m above mean sea level.
-            time_s: of the report; not before that of the report before.
-            beside: other witnesses, which have to bear out the first altitude, where there are any.
-
-        Returns:
-            the altitude, or NaN while it is doubted.
+            time_s: time of the report, s; not before that of the report before.
+            beside: other witnesses, which must bear out the first altitude; None without any.
         """
         if not self.is_known:
             self._witness.doubted = beside is not None and not beside.bear_out(altitude_amsl)
@@ -159,7 +155,7 @@ class HeightBelief:
         within = STEP_M + (CARRY_ERROR_M_S if before else CLIMB_M_S) * passed_s
         if not self._witness.judge(altitude_amsl, self._known, within, time_s):
             return math.nan
-        # What is known follows as fast as an aircraft climbs: steps do not add up.
+        # The known altitude follows only as fast as an aircraft climbs: steps do not add up.
         climb_m = math.inf if before else CLIMB_M_S * passed_s
         self._known += min(max(altitude_amsl - self._known, -climb_m), climb_m)
         self._known_s = time_s
@@ -167,7 +163,7 @@ class HeightBelief:
 
 
 class Repeats:
-    """What is repeated to the digit by an aircraft that moves, or turns."""
+    """Detector of reports that repeat to the digit although the aircraft moves or turns."""
 
     def __init__(self) -> None:
         self._place_s = 0.0
@@ -182,13 +178,13 @@ class Repeats:
         air: tuple[float, float] | None,
         noise: float,
     ) -> tuple[bool, bool]:
-        """Whether (place, velocity) are repeated.
+        """Return whether (position, velocity) are repeated.
 
         Args:
-            newest: the report before.
-            motion: the report.
-            air: velocity through the air, m/s.
-            noise: of the places, m.
+            newest: report before.
+            motion: report.
+            air: velocity through the air, m/s; None while unknown.
+            noise: standard deviation of positions, m.
         """
         now = motion.time_s
         same_place = same_velocity = False
@@ -217,23 +213,23 @@ class Repeats:
             return place, place
         turned = math.hypot(air[0] - self._turned_from[0], air[1] - self._turned_from[1])
         parted = math.hypot(*innovation(self._held_from, motion))
-        # The velocity may be off by the one, positions by the other.
+        # The velocity may be off by the first bound, positions by the second.
         return False, turned > CARRY_ERROR_M_S and parted > PARTED_M + PARTED_SIGMAS * noise
 
 
 class Word(msgspec.Struct):
-    """The newest word of receiver, estimator or sensors."""
+    """Newest word of receiver, estimator or sensors."""
 
     fault: str | None = None
-    """What is bad, in words."""
+    """Fault in words; None without one."""
     since: float = -math.inf
-    """From when on it has been bad, s."""
+    """Beginning of the fault, s."""
     heard: float = -math.inf
     """When it was heard last, s."""
 
 
 class OwnWord:
-    """The autopilot's own word of its receiver, estimator and sensors; what it does not say is unknown."""
+    """Autopilot's own word of its receiver, estimator and sensors; unmentioned ones count as unknown."""
 
     def __init__(self) -> None:
         self._words: dict[type, Word] = {}
@@ -247,7 +243,7 @@ class OwnWord:
         word.fault, word.heard = fault, now
 
     def fault(self, now: float) -> str | None:
-        """What has been bad for a while, in words; None where nothing is, or nothing is known."""
+        """Return a fault that has lasted; None without one, or if nothing is known."""
         for word in self._words.values():
             if word.fault is not None and now - word.heard <= FRESH_S and now - word.since >= BAD_S:
                 return word.fault
@@ -255,7 +251,7 @@ class OwnWord:
 
 
 def fault_of(report: GpsReport | EstimatorReport | SensorsReport) -> str | None:
-    """What is bad in a report, in words."""
+    """Return the fault in a report, in words."""
     match report:
         case GpsReport():
             accuracy = report.accuracy or 0.0
