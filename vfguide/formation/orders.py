@@ -1,13 +1,13 @@
-"""What an operator orders, the one arrangement that it comes to, and who takes which slot of it.
+"""Orders of an operator, the arrangement for each, and the assignment of followers to slots.
 
-Who goes to which slot is chosen so that the sum of the squares of all ways is least. Interchangeable
-vehicles that go straight to slots assigned like that, all by one time law, never come nearer to each
-other than the least distance of slots over the square root of two (Turpin, Michael, Kumar, "CAPT:
-Concurrent assignment and planning of trajectories for multiple robots", International Journal of Robotics
-Research 33(1), 2014, theorem 4.3). The leader is not interchangeable: it stays where it is.
+The assignment minimises the sum of all squared ways. Interchangeable vehicles that go straight to such slots,
+by one time law, never come nearer to each other than the smallest slot distance over the square root of two
+(Turpin, Michael, Kumar, "CAPT: Concurrent assignment and planning of trajectories for multiple robots",
+International Journal of Robotics Research 33(1), 2014, theorem 4.3). The leader is not interchangeable: it
+keeps its place.
 
-Every order, be it a shape, another spacing, a swap or a vehicle that leaves, comes to a whole arrangement
-here, on the operator's side. Companions know arrangements only.
+Every order (a shape, a spacing, a swap, a departure) becomes a whole arrangement here, on the operator's
+side. Companions handle arrangements only.
 """
 
 import math
@@ -43,25 +43,24 @@ from vfguide.formation.transition import (
     transition,
 )
 
-# Which slot somebody who joins a formation is given: one that the present formation leaves free.
-#
-# An arrangement tells where everybody flies, not which shape that is. It is found by the places: those of the
-# mission, at any spacing and whoever flies in which of them, or those of a shape by name. Where the present
-# slots are neither, as after an order of slots by name, who joins is given its slot in the mission.
+# Slots for joining vehicles: free slots of the present formation. An arrangement has places but no
+# shape, so the shape is inferred: the mission's places at any spacing, whoever flies in them, or a
+# named shape. If neither fits, as after an order of slots by name, a joining vehicle gets its slot
+# in the mission.
 
 STEP_M = 0.1
-"""Slots are ordered to this, orders carry no more; spacings are taken to it."""
+"""Resolution of slots in orders and of spacings, m."""
 
 
 def joined_places(
     joining: Sequence[str], present: Mapping[str, Offset], home: Mapping[str, Offset]
 ) -> dict[str, Offset]:
-    """Where each vehicle that joins is to fly, (forward, right) of the leader, m.
+    """Return the place of each joining vehicle, (forward, right) of the leader, m.
 
     Args:
         joining: names of the vehicles.
-        present: where those fly that are in the formation, by name.
-        home: where all fly in the mission, by name.
+        present: places of the followers in the formation, by name.
+        home: places of all followers in the mission, by name.
     """
     own = {name: home[name] for name in joining}
     taken = list(present.values())
@@ -80,9 +79,9 @@ def joined_places(
 
 
 def free_places(taken: Sequence[Offset], count: int) -> Iterator[list[Offset]]:
-    """What each shape of so many followers leaves free that the places fit into that are taken, m.
+    """Yield the free places (m) of each shape of `count` followers that contains the taken places.
 
-    Of several spacings that are possible the least counts that leaves room to join.
+    Of several possible spacings, the smallest with room to join counts.
     """
     for shape in SHAPES:
         scales = fitting_scales(taken, shape_slots(shape, count, 1.0))
@@ -93,7 +92,7 @@ def free_places(taken: Sequence[Offset], count: int) -> Iterator[list[Offset]]:
 
 
 def fitting_scales(taken: Sequence[Offset], places: Sequence[Offset]) -> list[float]:
-    """By what places may be multiplied for those that are taken to be among them.
+    """Return the factors by which places contain the taken ones.
 
     Args:
         taken: (forward, right) of the leader, m.
@@ -111,7 +110,7 @@ def fitting_scales(taken: Sequence[Offset], places: Sequence[Offset]) -> list[fl
 
 
 def without(taken: Iterable[Offset], places: Iterable[Offset]) -> list[Offset]:
-    """Places that nobody has, in their order."""
+    """Return the places not taken, in their order."""
     left = list(places)
     for place in taken:
         near = [one for one in left if math.dist(one, place) <= SAME_M]
@@ -121,7 +120,7 @@ def without(taken: Iterable[Offset], places: Iterable[Offset]) -> list[Offset]:
 
 
 def _given(wanted: Mapping[str, Offset], free: Sequence[Offset]) -> dict[str, Offset]:
-    """A free place for each: the one that it wants, else the first that is left."""
+    """Return a free place for each vehicle: the wanted one if free, else the first left."""
     found, left = dict[str, Offset](), list(free)
     for name, place in wanted.items():
         same = [one for one in left if math.dist(one, place) <= SAME_M]
@@ -139,21 +138,18 @@ def _times(scale: float, place: Offset) -> Offset:
 
 
 STACK_M = 15.0
-"""Between the heights of two that hold."""
+"""Vertical distance between neighbours in a hold, m."""
 
 FAR_BEHIND = (-300.0, 0.0)
-"""From about there a vehicle comes that joins: the others have the first choice of slots."""
+"""Assumed position of a joining vehicle, m: far behind, so that the others choose their slots first."""
 
 
 def assigned(begin: Mapping[str, Offset], places: Sequence[Offset]) -> dict[str, Offset]:
-    """The place of each follower.
+    """Return the place of each follower, by name, with the smallest sum of squared ways.
 
     Args:
-        begin: where each follower is now, (forward, right) of the leader, m.
-        places: as many, in any order.
-
-    Returns:
-        the place of each, by name.
+        begin: present position of each follower, (forward, right) of the leader, m.
+        places: as many places, in any order.
 
     Raises:
         ValueError: there are not as many places as followers.
@@ -171,7 +167,7 @@ def assigned(begin: Mapping[str, Offset], places: Sequence[Offset]) -> dict[str,
 
 
 def least_assignment(costs: Sequence[Sequence[float]]) -> list[int]:
-    """The column of each row of a square, each once, so that the sum of all costs is least.
+    """Return the column of each row of a square matrix, each once, with the smallest sum of costs.
 
     By shortest augmenting paths (Jonker, Volgenant, Computing 38, 1987): exact, in O(n³).
     """
@@ -209,19 +205,19 @@ def least_assignment(costs: Sequence[Sequence[float]]) -> list[int]:
 
 
 EPOCH_S = 1_767_225_600.0
-"""The year 2026, s since 1970. Orders are numbered by the seconds since then: numbers rise for ever ..."""
+"""Beginning of 2026, s since 1970: order numbers count the seconds from then, so that they always rise."""
 
 CHANCE_BITS = 3
-"""... with so many bits of chance below, for two operators in the same second; 32 bits last until 2043."""
+"""Random low bits of an order number, for two operators in one second; 32 bits last until 2043."""
 
 
 def new_number(newest: int, unix_s: float, chance: Random) -> int:
-    """A number for an order, greater than the newest one; hardly the same as another operator's.
+    """Return an order number above the newest one, very likely different from another operator's.
 
     Args:
-        newest: number that is flown by.
-        unix_s: s since 1970; a clock that is behind does no harm.
-        chance: where its lowest bits come from.
+        newest: number of the order in force.
+        unix_s: s since 1970; a slow clock does no harm.
+        chance: source of the lowest bits.
     """
     seconds = max(int(unix_s - EPOCH_S), 0)
     return max(seconds << CHANCE_BITS, newest + 1) + chance.getrandbits(CHANCE_BITS)
@@ -231,62 +227,62 @@ Action = Literal["hold", "resume", "abort"]
 
 
 class Order(msgspec.Struct, frozen=True, kw_only=True):
-    """What an operator wants; what is not said stays as it is."""
+    """Request of an operator; absent fields keep their state."""
 
     shape: Shape | None = None
-    """To be flown."""
+    """Shape to fly."""
     spacing: float | None = None
-    """Between neighbours, m."""
+    """Distance between neighbours, m."""
     swap: tuple[str, str] | None = None
-    """Two followers that change places."""
+    """Two followers that exchange slots."""
     slots: Mapping[str, Point] = msgspec.field(default_factory=dict)
     """Slots by follower."""
     leave: tuple[str, ...] = ()
-    """Followers that leave."""
+    """Followers that leave the formation."""
     join: tuple[str, ...] = ()
-    """Followers that come back."""
+    """Followers that rejoin the formation."""
     action: Action | None = None
-    """Hold, go on, or call everything off."""
+    """Hold, resume, or abort everything."""
     path: str | None = None
-    """Name of the mission's path to be followed."""
+    """Name of the mission's path to follow."""
     lead: str | None = None
-    """Name of the vehicle that is to lead."""
+    """Name of the vehicle to lead."""
 
 
 class Formation(msgspec.Struct, frozen=True, kw_only=True):
-    """A formation as an operator knows it."""
+    """Formation as an operator knows it."""
 
     leader: str
     """Name of the leader."""
     home: Mapping[str, Point]
-    """Slots of the mission, by follower, in its order."""
+    """Slots of the mission by follower, in the mission's order."""
     slots: Mapping[str, Point]
-    """Slots of those that fly in it now, by follower."""
+    """Present slots by follower in the formation."""
     number: int = 0
     """Number of the newest order."""
     flown: Manoeuvre = Manoeuvre.FORMATION
-    """What is flown."""
+    """Present manoeuvre."""
     circle: HoldCircle | None = None
-    """Circle of the hold that is flown."""
+    """Circle of the present hold."""
     path: str = MAIN_PATH
-    """Name of the mission's path that is followed."""
+    """Name of the present path of the mission."""
     turn_radius_m: float = 0.0
-    """The leader turns no tighter onto it; 0 as long as it was not changed."""
+    """Smallest turn radius while joining the path, m; 0 as long as the path was not changed."""
     paths: Mapping[str, int] = msgspec.field(default_factory=lambda: {MAIN_PATH: 0})
-    """All paths of the mission by name, and what tells each from any other of its name."""
+    """Checksums of all paths of the mission, by name."""
     may_lead: tuple[str, ...] = ()
-    """Who may lead, the mission's leader first; empty without deputies."""
+    """Names of possible leaders, the mission's leader first; empty without deputies."""
     holder: str = ""
-    """Who leads; the mission's leader where it is not said."""
+    """Name of the leading vehicle; empty for the mission's leader."""
 
     @property
     def leads(self) -> str:
-        """Name of the vehicle that leads."""
+        """Name of the leading vehicle."""
         return self.holder or self.leader
 
     @property
     def spacing(self) -> float | None:
-        """Least distance of two slots, m, without the stack of a hold; None without followers."""
+        """Smallest distance of two slots, m, without the stack of a hold; None without followers."""
         slots = dict(self.slots)
         if self.flown is Manoeuvre.HOLD:
             slots = {name: replace(slot, up=self.home[name].up) for name, slot in slots.items()}
@@ -294,7 +290,7 @@ class Formation(msgspec.Struct, frozen=True, kw_only=True):
         return min((one.minus(other).size for one, other in combinations(places, 2)), default=None)
 
     def after(self, arrangement: Arrangement) -> "Formation":
-        """The formation once an arrangement is flown."""
+        """Return the formation once an arrangement is flown."""
         return replace(
             self,
             slots=ends(arrangement.places),
@@ -307,7 +303,7 @@ class Formation(msgspec.Struct, frozen=True, kw_only=True):
         )
 
     def holds_after(self, order: Order) -> bool:
-        """Whether the leader circles once an order is flown: a hold lasts until the mission goes on."""
+        """Check whether the leader circles after an order: a hold lasts until the mission resumes."""
         return order.action == "hold" or (self.flown is Manoeuvre.HOLD and order.action is None)
 
 
@@ -321,16 +317,16 @@ def arrangement_of(
     circle: HoldCircle | None = None,
     turn_radius_m: float = 0.0,
 ) -> tuple[Arrangement, Transition]:
-    """The arrangement that an order comes to, and how everybody gets there.
+    """Return the arrangement for an order, and its transition.
 
     Args:
-        order: what is wanted.
-        formation: as it is.
-        limits: how fast slots may move.
-        number: of the arrangement, greater than that of any before.
-        time_s: when it begins, s on the formation's clock.
-        circle: where to hold, for an order to hold; any other order in a hold keeps the circle that is flown.
-        turn_radius_m: for an order of another path, of the turns onto it.
+        order: request of the operator.
+        formation: present formation.
+        limits: limits of slot motion.
+        number: number of the arrangement, greater than all before.
+        time_s: start, s on the formation's clock.
+        circle: circle for an order to hold; other orders in a hold keep the present circle.
+        turn_radius_m: turn radius for an order of another path, m.
 
     Raises:
         RefusedOrderError: it cannot be carried out; one sentence says why.
@@ -344,7 +340,7 @@ def arrangement_of(
     end = _ends(order, formation)
     _check_room(order, formation, end)
     begin = {name: formation.slots.get(name, end[name]) for name in end}
-    # Companions compare slots as orders tell them.
+    # Companions compare slots at the resolution of orders.
     begin = {name: _rounded(point) for name, point in begin.items()}
     end = {name: _rounded(point) for name, point in end.items()}
     flown = Manoeuvre.FORMATION
@@ -378,7 +374,7 @@ def arrangement_of(
         places=found.places,
         circle=circle if flown is Manoeuvre.HOLD else None,
         path=path,
-        # Who is to lead has to know the same path, also where it stays.
+        # A new leader has to know the same path, even an unchanged one.
         path_check=formation.paths.get(path, 0) if changed or order.lead else 0,
         turn_radius_m=turn_radius_m,
         lead=order.lead or "",
@@ -396,10 +392,10 @@ def _rounded(point: Point) -> Point:
 
 
 def check_known(order: Order, formation: Formation) -> None:
-    """See that an order names what the mission has, whatever is flown now.
+    """Check that an order names only what the mission has, whatever is flown now.
 
     Raises:
-        RefusedOrderError: it names a vehicle or a path that there is not, or that may not do it.
+        RefusedOrderError: it names an unknown vehicle or path, or a vehicle that may not do it.
     """
     for name in (*(order.swap or ()), *order.slots, *order.leave, *order.join):
         if name == formation.leader:
@@ -424,10 +420,10 @@ def check_known(order: Order, formation: Formation) -> None:
 
 
 def _check_state(order: Order, formation: Formation) -> None:
-    """See that each is in the formation or out of it as it has to be, and that something changes.
+    """Check that vehicles are in the formation or out of it as required, and that something changes.
 
     Raises:
-        RefusedOrderError: it is not so.
+        RefusedOrderError: they are not, or nothing changes.
     """
     for name in (*(order.swap or ()), *order.leave):
         if name not in formation.slots:
@@ -451,7 +447,7 @@ def _check_state(order: Order, formation: Formation) -> None:
 
 
 def _check_room(order: Order, formation: Formation, end: Mapping[str, Point]) -> None:
-    """See that those who join have room beside their slots.
+    """Check that joining vehicles have room beside their slots.
 
     Raises:
         RefusedOrderError: one has not.
@@ -468,7 +464,7 @@ def _check_room(order: Order, formation: Formation, end: Mapping[str, Point]) ->
 
 
 def _ends(order: Order, formation: Formation) -> dict[str, Point]:
-    """Where everybody is to be."""
+    """Return the final slot of each follower."""
     end = {name: point for name, point in formation.slots.items() if name not in order.leave}
     end |= _joined(order, formation, end)
     if order.shape is not None:
@@ -480,7 +476,7 @@ def _ends(order: Order, formation: Formation) -> dict[str, Point]:
         end[first], end[second] = end[second], end[first]
     end |= order.slots
     if formation.holds_after(order):
-        # By all of the mission: who stays keeps its height, whoever else leaves or joins.
+        # Ranked by the whole mission: others that leave or join change no vehicle's height.
         return {
             name: replace(end[name], up=STACK_M * (rank + 1))
             for rank, name in enumerate(formation.home)
@@ -492,7 +488,7 @@ def _ends(order: Order, formation: Formation) -> dict[str, Point]:
 
 
 def _joined(order: Order, formation: Formation, present: Mapping[str, Point]) -> dict[str, Point]:
-    """The slots of those who join: what the present formation leaves free, each at its height."""
+    """Return joining vehicles' slots: free places of the present formation, at their mission's height."""
     home = {name: (point.forward, point.right) for name, point in formation.home.items()}
     flown = {name: (point.forward, point.right) for name, point in present.items()}
     return {
@@ -502,11 +498,11 @@ def _joined(order: Order, formation: Formation, present: Mapping[str, Point]) ->
 
 
 def _shaped(order: Order, formation: Formation, end: Mapping[str, Point]) -> dict[str, Point]:
-    """The slots of a shape, each given to the follower for which the sum of all squared ways is least."""
+    """Return the slots of a shape, assigned with the smallest sum of squared ways."""
     shape = order.shape
     if shape is None:
         return dict(end)
-    # Slots are rounded: without that a formation would shrink from order to order.
+    # Slots are rounded: without rounding the spacing, a formation would shrink from order to order.
     spacing = order.spacing or max(round(2.0 * (formation.spacing or 0.0)) / 2.0, LEAST_M)
     places = shape_slots(shape, len(end), spacing)
     here = {
@@ -520,7 +516,7 @@ def _shaped(order: Order, formation: Formation, end: Mapping[str, Point]) -> dic
 
 
 def _scaled(spacing: float, formation: Formation, end: Mapping[str, Point]) -> dict[str, Point]:
-    """A formation with another least distance."""
+    """Return the formation scaled to another smallest distance (m)."""
     present = formation.spacing
     if not present:
         return dict(end)
