@@ -256,14 +256,7 @@ class Announcer:
         self._control_since = -math.inf
 
     def watch(self, mode: Mode, control: Control, sentence: Callable[[], str], now: float) -> None:
-        """Announce a change of mode at once, and another reason for not steering once it lasts.
-
-        Args:
-            mode: mode of the companion.
-            control: party that controls the vehicle.
-            sentence: function that returns the text.
-            now: own time, s.
-        """
+        """Announce a change of mode at once, and another reason for not steering once it lasts."""
         if control is not self._control:
             self._control, self._control_since = control, now
         changed, self._mode = mode is not self._mode, mode
@@ -288,12 +281,7 @@ def mode_sentence(
 ) -> str:
     """Return text on what has happened, and what to do.
 
-    Args:
-        mode: mode of the companion.
-        control: party that controls the vehicle.
-        flight_mode: name of the autopilot's mode.
-        guided: autopilot's name of the guided mode.
-        returns_s: silence of positions after which it is handed back, s; None where it was not steered.
+    The silence of positions before a hand-back is `returns_s`, s; None where the vehicle was not steered.
     """
     if mode is Mode.WAITING:
         return waiting_sentence(control, flight_mode, guided, returns_s)

@@ -98,13 +98,12 @@ CALLED_OFF = "everything was called off: no order brings the formation back, res
 
 
 class Arrangements:
-    """Orders of the formation as one companion knows them."""
+    """Orders of the formation as one companion knows them, timed by the formation's clock."""
 
     leader_height: Callable[[float], float] | None
     """Function from seconds ahead to the leader's height, m above the origin; None while not known."""
 
     def __init__(self, plan: FlightPlan, clock: SharedClock, alerts: Alerts | None = None) -> None:
-        """Begin with the slots of the mission; orders are timed by the formation's clock."""
         self._plan = plan
         self._clock = clock
         self._names = {plan.name, *(one.name for one in plan.others)}
@@ -252,14 +251,10 @@ class Arrangements:
     def receive_order(
         self, data: bytes, signed: bytes, now: float, *, repeated: bool = False
     ) -> None:
-        """Process an order of an operator.
+        """Process an encoded order; `signed` is the operator's signed copy, for repetition to others.
 
-        Args:
-            data: encoded order.
-            signed: order as the operator has signed it, for repetition to others.
-            now: own time, s.
-            repeated: whether another vehicle repeats it. It counts only where the others fly by it, as it may
-                be of an earlier flight.
+        An order `repeated` by another vehicle may be of an earlier flight: it counts only if the others fly
+        by it.
         """
         try:
             order = decode_order(data)
@@ -438,7 +433,6 @@ class Arrangements:
         return flying and due and newer
 
     def _begin(self, order: KnownOrder, now: float) -> None:
-        """Fly by an order from now on."""
         # After a missed order it is not known who has led since.
         self._appointed = order.arrangement.lead if order is self._next else ""
         self._appointed_s = now

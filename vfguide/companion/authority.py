@@ -1,10 +1,10 @@
 """Decision on who steers, from what the autopilot shows and from the consent for this flight.
 
 The pilot always wins. This companion enters the guided mode by itself once in a flight, out of modes that the
-mission allows. After that, only the pilot's hand brings it back, however it was left and also after a
-restart: `RIGHTS` is the whole life of that right. A mode is commanded only in answer to a heartbeat that is
-known not to have waited in a radio: it shows the mode that would be left. Only what this companion has
-steered is handed back.
+mission allows. Then only the pilot brings it back, or an operator's order if an order had sent the vehicle
+away. This also holds after a restart: `RIGHTS` is the whole life of that right. A mode is commanded only in
+answer to a heartbeat that has not waited in a radio: it shows the mode that would be left. Only what this
+companion has steered is handed back.
 """
 
 import math
@@ -307,7 +307,7 @@ class ModeAuthority:
         return []
 
     def renew(self) -> None:
-        """Allow one more engagement, as an operator has ordered the vehicle back that an order had sent away.
+        """Allow one more engagement, as an operator orders the vehicle back that an order had sent away.
 
         If a pilot has flown it since, the pilot must engage it.
         """
@@ -371,7 +371,6 @@ class ModeAuthority:
     def _note_other_mode(
         self, before: HeartbeatReport | None, *, handed_back: bool, now: float
     ) -> None:
-        """Process a heartbeat that shows another mode than the guided one."""
         self._steered = False
         if self._adapter.is_ready:
             self._inherited = False

@@ -58,14 +58,7 @@ class FlightPhase:
         altitude_amsl: float,
         ground_amsl: float,
     ) -> None:
-        """Begin before the first report.
-
-        Args:
-            adapter: interpretation of heartbeats.
-            airspeed_min: minimum airspeed that the vehicle is asked for, m/s.
-            altitude_amsl: altitude of the mission, m.
-            ground_amsl: altitude of the mission's origin, m.
-        """
+        """Begin before the first report; airspeed in m/s, altitudes of mission and its origin in m."""
         self._adapter = adapter
         self._least_speed = LEAST_SPEED_SHARE * airspeed_min
         self._altitude = altitude_amsl

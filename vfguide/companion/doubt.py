@@ -127,10 +127,8 @@ class HeardVehicle:
     ) -> HeardState | None:
         """Judge a report; return it without a doubted altitude, or None where it cannot be true.
 
-        Args:
-            motion: reported motion, on a clock that runs evenly.
-            said: whole report, on the own clock.
-            slack_s: time that may have passed since the previous report beyond its stamps, s.
+        The times of `motion` are on an evenly running clock, those of `said` on the own one. The time since
+        the previous report may be longer than its stamps say by `slack_s`, s.
         """
         believed = self.belief.take(motion, slack_s=slack_s)
         if math.isfinite(said.altitude_amsl):

@@ -194,7 +194,6 @@ class FollowedLeader:
         self._follow(self._carried_on)
 
     def _follow(self, receiver: StateReceiver | LeaderTelemetry) -> None:
-        """Fly by the newest state of a receiver."""
         self.stands_in, self._followed = False, receiver
         self._carried = None
         self._intend()

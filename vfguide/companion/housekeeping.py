@@ -67,13 +67,7 @@ class Obedience:
         return messages
 
     def hear(self, report: CommandReport, now: float, *, guided: bool) -> bool:
-        """Process an answer; return whether the pilot needs no word of it beside `refusal`.
-
-        Args:
-            report: acknowledgement of a command.
-            now: own time, s.
-            guided: whether heartbeats show the guided mode.
-        """
+        """Process an answer; return whether the pilot needs no word of it beside `refusal`."""
         if report.command not in self._adapter.steering_commands:
             return False
         if report.result == mavlink.MAV_RESULT_UNSUPPORTED:
@@ -200,14 +194,9 @@ class Housekeeping:
         stopped: bool,
         returns: Callable[[], bool],
     ) -> list[MAVLink_message]:
-        """Return the messages that are due.
+        """Return the messages that are due; `returns` tells whether the vehicle is to be handed back.
 
-        Args:
-            vehicle: guided vehicle.
-            mode: mode of the companion.
-            now: own time, s.
-            stopped: whether the companion has published its last states, and makes no more requests.
-            returns: function that tells whether the vehicle is to be handed back.
+        A companion that has `stopped`, after its last states, makes no more requests.
         """
         authority = self._authority
         full = vehicle.own.radio.is_full(now)

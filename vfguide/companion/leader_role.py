@@ -202,7 +202,6 @@ class LeaderRole(Role):
         )
 
     def _guidance(self, state: VehicleState, law: LeaderLaw, period: float) -> LeaderGuidance:
-        """Return guidance by a step of the law from a present or predicted state."""
         return leader_step(state, law, self._task, period=period, memory=self._memory)
 
     def receive(self, data: bytes, now: float) -> None:

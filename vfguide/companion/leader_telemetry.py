@@ -142,7 +142,6 @@ class LeaderTelemetry(HeardVehicle):
         return self._voice.encode(messages)
 
     def _answer(self, report: TimeReport, now: float) -> None:
-        """Process the leader's answer to a time request."""
         asked_s = self._questions.answered(report.stamp)
         if asked_s is not None:
             for kind, clock in self._clocks.items():
@@ -193,7 +192,6 @@ class LeaderTelemetry(HeardVehicle):
         return reading
 
     def _tell_of_stamps(self, kind: Kind, fault: str | None) -> None:
-        """Tell the pilot when time stamps become useless, and when they are useful again."""
         if self.turns(f"stamps of {kind}", holds=fault is not None):
             self.tell(
                 "sends time stamps that tell time again: followed by them, nothing to do"
@@ -215,7 +213,6 @@ class LeaderTelemetry(HeardVehicle):
             self.tell("has another clock, as after a restart: followed by that from now on")
 
     def _tell_of_lateness(self, age_s: float) -> None:
-        """Tell the pilot when the leader is heard late, and when in time again."""
         if not 0.5 * STALE_S <= age_s <= STALE_S and self.turns("late", holds=age_s > STALE_S):
             self.tell(
                 f"is heard {age_s:.1f} s late: its turns show by that later; see to the radio"

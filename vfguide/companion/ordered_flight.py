@@ -99,14 +99,10 @@ class RouteEnd:
         self._begin: float | None = None
 
     def passed(self, path: Path, point: PathPoint[float], *, steered: bool) -> bool:
-        """Check whether the leader has come to the end of its path.
+        """Check whether a leader at this point of its path has come to the path's end.
 
-        Args:
-            path: path that the leader follows.
-            point: point of the path nearest to the leader.
-            steered: whether the leader's companion steers it. The circle only begins under steering, as a
-                leader may loiter there before the start. It goes on without, as the leader may be handed back
-                first.
+        Flight of the circle only begins while the leader's companion steers it, as it may loiter there before
+        the start. It goes on without, as the leader may be handed back a moment before the others.
         """
         if path is not self._path:
             self._path, self._begin = path, None

@@ -471,7 +471,6 @@ class OwnVehicle:
     def _place(
         self, report: PositionReport, state: VehicleState, *, is_reported: bool
     ) -> GeodeticPlace:
-        """Return the navigated position on the ellipsoid."""
         if is_reported:
             north, east = self._frame.to_local(report.latitude_deg, report.longitude_deg)
             latitude, longitude = self._frame.shifted(

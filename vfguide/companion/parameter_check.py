@@ -234,13 +234,7 @@ class ParameterCheck:
 
 
 def response_sentence(response: AutopilotResponse, declared: FlightPlan, flown: FlightPlan) -> str:
-    """Return text for the pilot on the response in use, and on what in it costs accuracy.
-
-    Args:
-        response: response by the autopilot's parameters.
-        declared: plan with the mission's response and limits.
-        flown: plan with those in use.
-    """
+    """Return text for the pilot on the response in use, and on what in it costs accuracy."""
     airframe = flown.airframe
     alpha, beta = f"alpha {airframe.alpha:.2f}", f"beta {airframe.beta:.2f} 1/s"
     roll = roll_words(declared.airframe, airframe)

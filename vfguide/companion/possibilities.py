@@ -107,7 +107,6 @@ class Sightings:
     )
 
     def __init__(self, count: int) -> None:
-        """Make rows for vehicles that have not been heard yet."""
         self.time = np.full(count, -np.inf)
         """Time of the last state, s."""
         self.since = np.full(count, np.inf)
@@ -148,16 +147,11 @@ class Sightings:
         """Distance flown since the last state if the vehicle holds its course, m; NaN before the first."""
 
     def carry(self, age: FloatArray, here: "Viewpoint", passed_s: float) -> None:
-        """Advance the drift and the run of silent vehicles.
+        """Advance the drift and the run of silent vehicles at their ages, s, by `passed_s`.
 
         The drift is integrated, as the present wind says little of a swinging wind's past. In gusts others
-        are assumed to hold their mean airspeed. In calm air it is the last one, with what they gained while
-        they answered their last setpoint.
-
-        Args:
-            age: ages of the last states, s.
-            here: own vehicle with its wind and gusts.
-            passed_s: time since the last call, s.
+        are assumed to hold their mean airspeed. In calm air they hold the last one, with what they gained
+        while they answered their last setpoint.
         """
         wind, fresh = here.wind, age <= WIND_S
         # A swinging wind is another one two seconds later.
@@ -181,10 +175,7 @@ class Sightings:
         return part
 
     def propagate(self, age: FloatArray, wind: complex) -> tuple[ComplexArray, ComplexArray]:
-        """Return (places, velocities) along the arcs at these ages, s.
-
-        A wind, m/s, that has changed since a vehicle fell silent carries it along (`carry`).
-        """
+        """Return (places, velocities) along arcs at these ages, s; the wind, m/s, carries the silent."""
         first = np.minimum(age, LAST_TURN_S)
         last = self.speed + self.acceleration * first
         mean = np.where(age > LAST_TURN_S, last, self.speed + 0.5 * self.acceleration * first)

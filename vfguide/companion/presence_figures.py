@@ -53,10 +53,7 @@ def latency_figures(name: str, series: Quantiles) -> dict[str, float]:
 
 
 def figures_of_leader(leader: HeardState, now: float) -> dict[str, float]:
-    """Return the motion of a leader without a companion, with its age at an own time, s.
-
-    These figures are for those who do not hear it themselves.
-    """
+    """Return age and motion of a leader without a companion, for those who do not hear it."""
     values = (
         now - leader.time_s,
         leader.north,

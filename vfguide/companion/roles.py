@@ -93,12 +93,9 @@ class Succession:
     """Leadership as one vehicle knows it."""
 
     def __init__(self, name: str, order: tuple[str, ...], *, silence_s: float) -> None:
-        """Begin with the mission's leader in term 0.
+        """Begin in term 0; `order` lists the candidates, the mission's leader first.
 
-        Args:
-            name: own name, which need not be in the order.
-            order: candidates, the mission's leader first.
-            silence_s: time without states after which a leader is lost (`timeouts.leader_s`).
+        A leader is lost after `silence_s` without states (`timeouts.leader_s`). This vehicle need not be listed.
         """
         self._name = name
         self._order = order
@@ -147,17 +144,7 @@ class Succession:
         return self.term + rounds * len(self._order)
 
     def hear_leader(self, vehicle: str, term: int, now: float, *, steered: bool) -> bool:
-        """Process a leader's state.
-
-        Args:
-            vehicle: sender.
-            term: term in which it claims to lead.
-            now: own time, s.
-            steered: whether its companion steers it.
-
-        Returns:
-            Whether it is to be obeyed.
-        """
+        """Process the state of a vehicle that claims to lead in a term; return whether to obey it."""
         if not self._holds(vehicle, term):
             return False
         if not self.may_obey(vehicle, term):
@@ -187,10 +174,7 @@ class Succession:
     def step(self, now: float, *, eligible: bool, ordered: bool = False) -> bool:
         """Process the passage of time and return whether this vehicle begins to lead.
 
-        Args:
-            now: own time, s.
-            eligible: whether the own companion steers this vehicle.
-            ordered: whether this vehicle is to take the lead, whoever leads.
+        It must be steered (`eligible`). By order (`ordered`) it takes the lead, whoever leads.
         """
         if self.listens:
             return self._listen(now)

@@ -193,8 +193,7 @@ def obstacle(
 
     A leader with a companion is only heard once its signature, session and clock are accepted. Behind one
     without, the formation's time shows that the others are heard. Without that time nobody is told where this
-    vehicle is. The ages, s, are of position report and leader state (0 for the leader itself), `doubts` is of
-    the position, and `fault` is its reason with the remedy.
+    vehicle is. Ages are in s, 0 for the leader's own; `fault` explains a doubted or missing position.
     """
     # An age of NaN counts as silence.
     if not telemetry_age <= timeouts.telemetry_s:
