@@ -189,8 +189,7 @@ def order(
         what: order as on the command line, such as "vee" or "swap f1 f2".
         links: addresses of the formation's links.
         spacing: distance between neighbours, m.
-        keys: mission file beside which the operator's key and the roster are; None for unsigned
-            messages.
+        keys: mission file beside which the operator's key and the roster are; None for unsigned messages.
         dry_run: whether only to rehearse the order.
         tell: called with a line for each event.
 
@@ -224,19 +223,17 @@ def fly(
     with a process for each program and real sockets between them.
 
     Args:
-        mission: the mission.
+        mission: mission to fly.
         law: name or class of a law; replaces the mission's `controller.type`.
         settings: values that replace fields, such as `{"controller.k_x": 0.3}`.
         duration_s: duration of the flight, s; replaces the mission's.
         rate_hz: guidance steps per second; replaces the mission's.
         seed: seed of all random processes; replaces the mission's.
-        processes: number of processes for the vehicles. More than one import the calling program again,
-            whose own code then has to stand under `if __name__ == "__main__":`.
-        live: whether to fly in real time. A law given as a class has to be in a file that
-            `VFGUIDE_PLUGINS`
+        processes: number of processes for the vehicles. With more than one, each imports the calling program
+            again, whose own code then has to stand under `if __name__ == "__main__":`.
+        live: whether to fly in real time. A law given as a class has to be in a file that `VFGUIDE_PLUGINS`
             names, or in an installed package.
-        links: links of a live flight, such as "mqtt://host:1883", or "mqtt" for a mosquitto of its own;
-            by
+        links: links of a live flight, such as "mqtt://host:1883", or "mqtt" for a mosquitto of its own; by
             default UDP on this computer.
         speedup: simulated seconds per real second of a live flight, at most 100.
 
@@ -341,9 +338,8 @@ def environment(
     """Create an environment for reinforcement learning on a mission in virtual time.
 
     Args:
-        mission: the mission.
-        follower: agent of a Gymnasium environment; the others fly by the mission's law. By default all
-            are
+        mission: mission to fly.
+        follower: agent of a Gymnasium environment; the others fly by the mission's law. By default all are
             agents of a PettingZoo parallel environment.
         actions: type of actions: `rates` or `setpoints`, see `vfguide.laws.motion_of`.
         reward: reward of a step; by default `vfguide.lab.environment.usual_reward`.
@@ -354,8 +350,7 @@ def environment(
 
     Raises:
         InputError: a value is out of range, a name is unknown, or the mission cannot be flown.
-        ImportError: a library is not installed; the text names the extra that installs it. The exception
-            is
+        ImportError: a library is not installed; the text names the extra that installs it. The exception is
             also a VfguideError.
     """
     require(*LEARNING)
@@ -396,17 +391,15 @@ def compare(
     """Fly a mission by several laws, with each combination of settings and seeds.
 
     Args:
-        mission: the mission.
+        mission: mission to fly.
         laws: names or classes of laws; by default the mission's own.
         settings: values of fields to combine, such as `{"controller.k_x": [0.2, 0.3]}`.
         seeds: seeds of all random processes.
         metrics: functions of a flight that return user-defined figures, reported under their names.
         duration_s: duration of the flights, s; replaces the mission's.
-        processes: number of processes for the flights. More than one import the calling program again,
-            whose
-            own code then has to stand under `if __name__ == "__main__":`. Laws and metrics then have
-                to be
-            top-level classes and functions.
+        processes: number of processes for the flights. With more than one, each imports the calling program
+            again, whose own code then has to stand under `if __name__ == "__main__":`. Laws and metrics then
+            have to be top-level classes and functions.
         scheduler: address of a Dask cluster for the flights instead, such as "tcp://host:8786".
 
     Returns:

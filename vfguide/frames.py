@@ -77,15 +77,11 @@ class LocalFrame:
 def earth_centred(
     latitude_deg: float, longitude_deg: float, altitude_m: float
 ) -> tuple[float, float, float]:
-    """Return earth-centred coordinates (m): toward 0°, 0°, toward 0°, 90° E, and toward the north pole.
+    """Return earth-centred coordinates of a geodetic position (degrees, m above the ellipsoid), m.
 
-    This is the formula of `pymap3d.geodetic2ecef` for one position. The library takes 20 times as long, and
-    every received position is converted.
-
-    Args:
-        latitude_deg: geodetic latitude, degrees.
-        longitude_deg: longitude, degrees.
-        altitude_m: height above the ellipsoid, m.
+    The axes point toward 0°, 0°, toward 0°, 90° E, and toward the north pole. This is the formula of
+    `pymap3d.geodetic2ecef` for one position. The library takes 20 times as long, and every received position
+    is converted.
     """
     latitude, longitude = math.radians(latitude_deg), math.radians(longitude_deg)
     cosine, sine = math.cos(latitude), math.sin(latitude)

@@ -198,12 +198,7 @@ class EmulatorNames:
     """Names of the emulator's classes, for missions; a companion does not import the emulator."""
 
     def __init__(self, kind: str, own: Sequence[str]) -> None:
-        """Take the names of one kind.
-
-        Args:
-            kind: name of the emulator's registry, such as "plants".
-            own: names that are part of the emulator.
-        """
+        """Take the name of the emulator's registry, such as "plants", and its own names."""
         self._kind = kind
         self.own = own
         """Names that are part of the emulator."""

@@ -79,12 +79,8 @@ STEPS = 10
 def retry_delay(failures: int, share: float) -> float:
     """Return the delay (s) after some failures in a row: growing, bounded and random.
 
-    Args:
-        failures: number of failures in a row, from 1.
-        share: random number in [0, 1), so that companions that lost the same peer do not retry together.
-
-    Returns:
-        Between half and the whole of 0.2, 0.3, 0.45, 0.675, 1, 1 ... s.
+    `share` is random in [0, 1), so that companions that lost the same peer do not retry together. The delay
+    is between half and the whole of 0.2, 0.3, 0.45, 0.675, 1, 1 ... s.
     """
     steps = min(max(failures - 1, 0), STEPS)
     whole = min(SHORTEST_DELAY * GROWTH**steps, LONGEST_DELAY)

@@ -13,8 +13,7 @@ def transitions(
     """Read a Markdown table whose cells are values of these states and events.
 
     Raises:
-        ValueError: a cell names no state or event, one of them is missing, or a row is too short or
-            long.
+        ValueError: a cell names no state or event, one of them is missing, or a row is too short or long.
     """
     header, _, *rows = [
         [cell.strip() for cell in line.strip("|").split("|")] for line in table.strip().splitlines()

@@ -55,12 +55,7 @@ class StepsRole(Role):
     """Role of a vehicle that flies steps and records its response."""
 
     def __init__(self, plan: FlightPlan, repeats: int) -> None:
-        """Create a role that has flown nothing yet.
-
-        Args:
-            plan: plan of the vehicle; steps are flown at its airframe's cruise.
-            repeats: number of repetitions of each group of steps.
-        """
+        """Create a role that flies each group of steps `repeats` times, at the airframe's cruise."""
         self.stage = Stage.WAITING
         self.ended: str | None = None
         """Why the flight ended early; None unless it did."""
@@ -182,10 +177,10 @@ class Identification:
         signing: ConnectionSigning | None = None,
         consent: ConsentStore | None = None,
     ) -> None:
-        """Create a flight that has heard nothing yet.
+        """Create a flight of the plan's vehicle, at its airframe's cruise.
 
         Args:
-            plan: plan of the vehicle; steps are flown at its airframe's cruise.
+            plan: plan of the vehicle.
             adapter: adapter of its autopilot.
             engage: whether to put the autopilot into the guided mode, once in a flight.
             repeats: number of repetitions of each group of steps.

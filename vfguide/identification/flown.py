@@ -42,12 +42,7 @@ BANDWIDTHS: dict[Loop, str] = {"course": "alpha_1_s", "speed": "beta_1_s"}
 
 
 def profile_text(vehicle: str, findings: Findings) -> str:
-    """Return the measured fields of a vehicle as YAML, to be put under its name in `vehicles`.
-
-    Args:
-        vehicle: name of the vehicle.
-        findings: findings; missing ones are left out.
-    """
+    """Return the measured fields of a vehicle as YAML, to be put under its name in `vehicles`."""
     known: dict[Loop, HoldResponse | None] = {"course": findings.course, "speed": findings.speed}
     lines = [
         f"# {vehicle}, as `vfguide identify` has measured it, in bounds of 95 %.",
@@ -147,8 +142,7 @@ def flown_responses(
         vehicle: record of the vehicle.
         guided: whether setpoints were flown, for each sample.
         airframe: airframe in the mission.
-        setpoints: rows of time sent (s), course (rad) and airspeed (m/s). The setpoints in the samples
-            are up
+        setpoints: rows of time sent (s), course (rad) and airspeed (m/s). The setpoints in the samples are up
             to a step later, and half a step of 0.05 s is 4 % of alpha.
     """
     stretch = fitted_stretch(time_s, vehicle, guided)
@@ -296,13 +290,7 @@ def answer_sentence(answer: Answer) -> str:
 def with_responses(
     record: FlightRecord, answers: Sequence[Answer], slips: Mapping[str, Slip]
 ) -> FlightRecord:
-    """Return a flight record with the identified responses of its vehicles.
-
-    Args:
-        record: record of the flight.
-        answers: responses of all loops of all vehicles.
-        slips: known slips by vehicle.
-    """
+    """Return a flight record with the identified responses and known slips of its vehicles."""
     found: dict[str, dict[str, Any]] = {}
     for one in answers:
         if one.response is not None:
@@ -328,12 +316,7 @@ def with_responses(
 
 
 def flown_profile(answers: Sequence[Answer], slips: Mapping[str, Slip]) -> str:
-    """Return the well-known fields as YAML, to be put under each vehicle's name in `vehicles`.
-
-    Args:
-        answers: responses of all loops of all vehicles.
-        slips: known slips by vehicle.
-    """
+    """Return the well-known fields as YAML, to be put under each vehicle's name in `vehicles`."""
     lines: list[str] = []
     for name in dict.fromkeys((*(answer.vehicle for answer in answers), *slips)):
         known = [one for one in answers if one.vehicle == name and one.good]
@@ -385,14 +368,9 @@ def flown_slip(
     airframe: Airframe,
     mission: Slips,
 ) -> SlipAnswer:
-    """Return the slip of a vehicle in its turns.
+    """Return the slip of a vehicle in its turns while guided, or in the whole flight if it never was.
 
-    Args:
-        time_s: sample times, s, evenly spaced.
-        vehicle: record of the vehicle.
-        guided: whether setpoints were flown, for each sample; if never, the whole flight is used.
-        airframe: airframe in the mission.
-        mission: slip in the mission.
+    The sample times (s) are evenly spaced.
     """
     reports = reports_of(time_s, vehicle, guided, airframe)
     slip, why = None, ""
@@ -452,9 +430,7 @@ def reports_of(
 def turned_share(reports: list[Bank], scale: Estimate) -> Estimate | None:
     """Return the turn efficiency with its full uncertainty; None with too few turns.
 
-    Args:
-        reports: reports of the flight.
-        scale: ratio of true to reported airspeed.
+    `scale` is the ratio of true to reported airspeed.
     """
     legs = turning(legs_of(reports, scale.value))
     found = turn_efficiency(legs, has_straight=False)

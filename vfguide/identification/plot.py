@@ -16,13 +16,7 @@ TOLD, SEEN, MODELLED = "#9aa0a6", "#1a73e8", "#d93025"
 
 
 def draw_findings(findings: Findings, path: Path, title: str) -> None:
-    """Write the plot of a flight.
-
-    Args:
-        findings: findings of the flight.
-        path: path of the PNG.
-        title: title of the plot.
-    """
+    """Write the plot of a flight as PNG."""
     figure = Figure(figsize=(10.0, 7.0), layout="constrained")
     FigureCanvasAgg(figure)
     upper, lower = figure.subplots(2, 1)

@@ -239,9 +239,7 @@ def speed_step(airframe: Airframe) -> float:
 def segments(airframe: Airframe, repeats: int) -> list[Segment]:
     """Return the flight: out with course steps, a turn, and back with speed steps.
 
-    Args:
-        airframe: capabilities of the vehicle; all segments are at its cruise.
-        repeats: number of repetitions of each group of steps.
+    It is flown at the airframe's cruise, with each group of steps flown `repeats` times.
     """
     cruise, back = airframe.cruise, math.pi
     turn, push = course_step(airframe), speed_step(airframe)
@@ -380,10 +378,7 @@ def is_good(found: HoldResponse) -> bool:
 def shortcoming(findings: Findings, airframe: Airframe, ended: str | None) -> str | None:
     """Return which response is unknown, why, and the remedy; None if both are known well.
 
-    Args:
-        findings: findings of the flight.
-        airframe: airframe of the vehicle.
-        ended: why the flight ended early; None if all steps were flown.
+    `ended` is why the flight ended early; None if all steps were flown.
     """
     missing = [
         part

@@ -162,9 +162,7 @@ class SlipLeg:
 def legs_of(reports: list[Bank], scale: float) -> list[SlipLeg]:
     """Return the legs of a flight, each from the end of the one before to its own end.
 
-    Args:
-        reports: all reports.
-        scale: ratio of true to reported airspeed.
+    `scale` is the ratio of true to reported airspeed.
     """
     if len(reports) < 2:
         return []
@@ -207,9 +205,7 @@ def leg_weights(by_bank: FloatArray) -> FloatArray:
 def turn_efficiency(legs: list[SlipLeg], *, has_straight: bool = True) -> Estimate | None:
     """Return the turn efficiency and its 95 % interval; None with too few turns.
 
-    Args:
-        legs: legs of a flight.
-        has_straight: whether some legs are straight, which show the roll trim.
+    `has_straight` tells whether some legs are straight, which show the roll trim.
     """
     if len(turning(legs)) < LEAST_TURNS:
         return None

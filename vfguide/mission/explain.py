@@ -135,11 +135,9 @@ def _inner(annotation: object, group: type[BaseModel] | None, step: str | int) -
 
 
 def explain(error: ValidationError, data: Mapping[str, object]) -> list[Misfit]:
-    """Return the faults of a mission: single fields, then contradictions between valid fields.
+    """Return the faults of a mission, given as plain data with its validation error.
 
-    Args:
-        error: validation error of the mission.
-        data: validated mission, as plain data.
+    Faults of single fields come first, then contradictions between valid fields.
     """
     details = error.errors(include_url=False)
     found = [

@@ -102,12 +102,7 @@ def leader_start(mission: Mission) -> StartState:
 
 
 def follower_start(mission: Mission, vehicle: str) -> StartState:
-    """Return a follower's start: displaced from its slot relative to the leader's start.
-
-    Args:
-        mission: the mission.
-        vehicle: name of the follower's vehicle.
-    """
+    """Return a follower's start: displaced from its slot relative to the leader's start."""
     slot = mission.followers_by_name[vehicle].slot
     given = mission.rehearsal.start.followers.get(vehicle)
     displacement = default_displacement(mission.followers, vehicle) if given is None else given
@@ -460,13 +455,9 @@ def least_guarantee(mission: Mission) -> tuple[float, str, str] | None:
 
 
 def kept_from(mission: Mission, own: str, places: dict[str, complex], other: str) -> float:
-    """Return the horizontal distance (m) a vehicle can keep from another that turns at its bank limit.
+    """Return the horizontal distance (m) `own` can keep from `other`, which turns at its bank limit.
 
-    Args:
-        mission: the mission.
-        own: name of the vehicle that keeps clear.
-        places: positions of all vehicles, m: forward + j right.
-        other: name of the vehicle that turns.
+    `places` holds the positions of all vehicles, m: forward + j right.
     """
     vehicle, cruise = mission.vehicles[own], mission.leader.airspeed_m_s
     rehearsal = mission.rehearsal
@@ -566,12 +557,7 @@ OF_THE_GROUND_TRACK: tuple[Callable[[Mission, Conditions], Iterator[Finding]], .
 
 
 def check_mission(mission: Mission, source: MissionSource | None = None) -> tuple[Finding, ...]:
-    """Return all findings before take-off, the worst first.
-
-    Args:
-        mission: a consistent mission.
-        source: positions of its fields in the file, so that findings can name lines.
-    """
+    """Return all findings before take-off, the worst first; a source adds their lines in the file."""
     findings = [found for check in OF_THE_MISSION for found in check(mission)]
     findings += _along_the_path(mission)
     for name in mission.paths:

@@ -83,10 +83,7 @@ class Misfit:
 def refuse(misfits: Iterable[Misfit], value: object, *outer: str) -> None:
     """Refuse a section whose fields are inconsistent, with each misfit at its location.
 
-    Args:
-        misfits: misfits of the section.
-        value: content of the section, for the error.
-        outer: steps that precede the location of each misfit.
+    `outer` holds the steps that precede the location of each misfit.
 
     Raises:
         pydantic.ValidationError: there is a misfit.

@@ -326,10 +326,8 @@ def slots_out_of_airspeed(mission: Mission, conditions: Conditions) -> Iterator[
 def giving_way(flyable: BoolArray, airspeeds: FloatArray, cruise: float) -> tuple[float, float]:
     """Return how much (slower, faster) than cruise the leader must fly at most, m/s, neither negative.
 
-    Args:
-        flyable: whether an airspeed (row) suits every slot in a condition (column).
-        airspeeds: airspeed of each row, m/s, as a column.
-        cruise: the leader's airspeed in the mission, m/s.
+    `flyable` tells whether a leader's airspeed (row) suits every slot in a condition (column). `airspeeds`
+    holds the airspeed of each row as a column, m/s.
     """
     change = np.where(flyable, airspeeds - cruise, np.inf)
     nearest = np.take_along_axis(
@@ -398,14 +396,9 @@ def tracks(mission: Mission) -> Iterator[Track]:
 def hold_tracks(
     mission: Mission, north: float, east: float, radius: float, height: float
 ) -> Iterator[Track]:
-    """Yield the leader's track once round a circle to the right and the track of each slot.
+    """Yield the tracks of the leader, once round a circle to the right, and of each slot.
 
-    Args:
-        mission: mission with the slots of the hold.
-        north: centre of the circle, m.
-        east: centre of the circle, m.
-        radius: radius of the circle, m.
-        height: the leader's height above the mission's origin, m.
+    Centre and radius of the circle are in m, the leader's height is in m above the mission's origin.
     """
     count = max(8, math.ceil(math.tau * radius / STEP_M))
     course = np.linspace(0.0, math.tau, count, endpoint=False)

@@ -96,8 +96,7 @@ def shape_of(content: Mapping[str, Any]) -> PathShape:
     """Return the path for the fields of a mission file.
 
     Raises:
-        pydantic.ValidationError: the type or a field is unknown, or a value is out of range. Locations
-            begin
+        pydantic.ValidationError: the type or a field is unknown, or a value is out of range. Locations begin
             with the type, as in a union that is told apart by its `type`.
     """
     name = content.get("type")
@@ -142,12 +141,8 @@ def height_span(path: Path) -> tuple[float, float]:
 def curve_check(shape: PathShape, origin: Section, height: float) -> int:
     """Return a CRC-32 that tells a path from others of its name; never 0.
 
-    Numbers count to nine digits, since two computers may differ in the last digit of a radius.
-
-    Args:
-        shape: fields of the path.
-        origin: origin of its coordinates.
-        height: flying height of the mission above the origin, m.
+    It covers the fields, their origin and the flying height above it, m. Numbers count to nine digits, since
+    two computers may differ in the last digit of a radius.
 
     Raises:
         InputError: a user-defined path has a field that cannot be compared.

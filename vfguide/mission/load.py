@@ -57,11 +57,7 @@ def load_mission(path: Path) -> Mission:
 
 
 def read_mission(path: Path, overrides: Overrides = AS_WRITTEN) -> LoadedMission:
-    """Read a mission file with the line of each field.
-
-    Args:
-        path: path of the file, or name of a shipped mission.
-        overrides: values from the command line.
+    """Read a mission file, or a shipped mission by name, with the line of each field.
 
     Raises:
         MissionError: the file cannot be read, or is no mission; lists every fault found.
@@ -71,12 +67,7 @@ def read_mission(path: Path, overrides: Overrides = AS_WRITTEN) -> LoadedMission
 
 
 def parse_mission(content: bytes, *, file: str, overrides: Overrides = AS_WRITTEN) -> LoadedMission:
-    """Read a mission from the bytes of a file.
-
-    Args:
-        content: bytes of the file.
-        file: file name for messages.
-        overrides: values from the command line.
+    """Read a mission from the bytes of a file; messages name the file `file`.
 
     Raises:
         MissionError: the bytes are no mission; lists every fault found.
@@ -116,12 +107,8 @@ def _validated(
 ) -> LoadedMission:
     """Validate the mission that a file and the command line make together.
 
-    Args:
-        data: the file's content, as plain data.
-        source: positions of the file's fields.
-        overrides: values from the command line.
-        spread: location under `vehicles.defaults` of each vehicle field that comes from there.
-        faults: faults of the file found so far.
+    `spread` gives the location under `vehicles.defaults` of each vehicle field that comes from there.
+    `faults` are those of the file found so far.
 
     Raises:
         MissionError: the result is no mission; lists every fault found.
@@ -150,10 +137,7 @@ def _validated(
 def cause_in(source: MissionSource, misfit: Misfit, *, between: bool) -> str:
     """Return the options, comma-separated, that may have caused a misfit of a field they did not set.
 
-    Args:
-        source: positions and options of the fields.
-        misfit: misfit of a field that no option set.
-        between: whether the field contradicts others that agreed without the options.
+    `between` tells whether the field contradicts others that agreed without the options.
     """
     at, options = misfit.location, source.options.items()
     near = [name for place, name in options if at[: len(place) - 1] == place[:-1]]

@@ -130,13 +130,8 @@ def resolve(
 ) -> tuple[Arrangement, Transition]:
     """Return the arrangement that results from an order, given the mission's vehicles, path and wind.
 
-    Args:
-        mission: the mission.
-        order: the order.
-        formation: current formation.
-        number: number of the arrangement.
-        time_s: beginning of the manoeuvre, s on the formation's clock.
-        leader: expected position at that time; by default the planned one.
+    The manoeuvre begins at `time_s` on the formation's clock, with the leader at the position `leader`, by
+    default the planned one.
 
     Raises:
         RefusedOrderError: the order cannot be carried out; one sentence says why.
@@ -198,11 +193,8 @@ def motion_limits(
 ) -> MotionLimits:
     """Return how fast slots may move, from the margins of each aircraft in every wind and turn.
 
-    Args:
-        mission: the mission.
-        slots: slots of each follower before and after.
-        conditions: every course and turn of the path in every wind.
-        climb_share: usable fraction of the vehicles' climb and sink limits; the path may need the rest.
+    `slots` holds the slots of each follower before and after. `climb_share` is the usable fraction of the
+    vehicles' climb and sink limits; the path may need the rest.
     """
     cruise = mission.leader.airspeed_m_s
     forward = back = FASTEST_M_S
@@ -230,13 +222,7 @@ def motion_limits(
 
 
 def planned_place(mission: Mission, time_s: float, *, progress: float = 0.0) -> LeaderPlace:
-    """Return the leader's approximate position in a rehearsal: along its path at its airspeed.
-
-    Args:
-        mission: the mission.
-        time_s: time since the leader was at `progress`, s.
-        progress: distance along the path, m.
-    """
+    """Return the leader's approximate position `time_s` after `progress` (m) on its path, at its airspeed."""
     airspeed = mission.leader.airspeed_m_s
     place = path_of(mission.path).at(progress + airspeed * max(time_s, 0.0))
     return LeaderPlace(

@@ -135,11 +135,8 @@ def misstep(
 ) -> tuple[str, str] | None:
     """Return the fault of a step down from a value, and its remedy; None if the step is valid.
 
-    Args:
-        here: the value.
-        outer: location of the value.
-        step: next step; text where the value is a group.
-        is_index: whether the step was written as a number.
+    `outer` is the location of the value. `step` is text where the value is a group; `is_index` tells whether
+    it was written as a number.
     """
     name = dotted(outer)
     if isinstance(here, dict):

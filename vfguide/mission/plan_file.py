@@ -121,11 +121,8 @@ def contents_of(
 ) -> dict[str, Any]:
     """Return the parts of a plan that a mission keeps.
 
-    Args:
-        home: latitude, longitude and altitude; empty if unknown.
-        items: mission items; fences and rally points among them are added to the others.
-        fence: polygons and circles of the fence.
-        rally: rally points.
+    `home` is latitude, longitude and altitude, or empty if unknown. Fences and rally points among the items
+    are added to `fence` and `rally`.
     """
     if home and not -500.0 <= home[2] <= 9000.0:
         raise InputError(f"begins at {home[2]:g} m above mean sea level; move its planned home")
@@ -309,12 +306,9 @@ def rally_of(rally: object) -> list[dict[str, float]]:
 
 
 def understood(part: Mapping[str, Any], what: str, names: Collection[str] = ()) -> None:
-    """Check that a part of a plan is of a known version; old parts have none, or `1.0`.
+    """Check that a part of a plan has a known version and, if `names` is given, no other fields.
 
-    Args:
-        part: the part of the plan.
-        what: name of the part for messages.
-        names: all known fields; empty to allow any.
+    Old parts have no version, or `1.0`. Messages call the part `what`.
 
     Raises:
         InputError: the version or a field is unknown.

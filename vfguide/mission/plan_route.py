@@ -94,9 +94,7 @@ class PlanRoute:
     def __init__(self, items: Sequence[PlanItem], home_amsl_m: float | None) -> None:
         """Execute the items like an autopilot, up to a landing, a return or an endless loiter.
 
-        Args:
-            items: items in order.
-            home_amsl_m: reference of relative altitudes, m above mean sea level; None if unknown.
+        Relative altitudes count from `home_amsl_m`, m above mean sea level; None if unknown.
 
         Raises:
             InputError: the items cannot be flown; the message is one line with the remedy.

@@ -51,20 +51,16 @@ EVENTS = CompanionLog(FlightEvent, ("time_s", "formation_time_s", "kind", "warni
 def encode_event(event: FlightEvent, formation_time_s: float) -> bytes:
     """Encode an event as one line of the file.
 
-    Args:
-        event: event with its time on the companion's own clock.
-        formation_time_s: the same moment on the formation's clock, s; NaN if unknown.
+    The event's time is on the companion's own clock. `formation_time_s` is the same moment on the
+    formation's clock, s; NaN if unknown.
     """
     return EVENTS.encode(event, formation_time_s=formation_time_s)
 
 
 def read_events(vehicle: str, *paths: Path, zero_s: float = 0.0) -> list[FlightEvent]:
-    """Return a companion's events in order of time.
+    """Return a companion's events in order of time, from the files of its starts.
 
-    Args:
-        vehicle: name of the vehicle.
-        paths: files of the companion's starts, which may be missing or truncated.
-        zero_s: the companion's clock at time 0 of the flight, s.
+    Files may be missing or truncated. `zero_s` is the companion's clock at time 0 of the flight, s.
     """
     found = [
         msgspec.structs.replace(event, time_s=event.time_s - zero_s)

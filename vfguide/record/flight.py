@@ -281,11 +281,7 @@ def slot_reference(time_s: FloatArray, vehicles: Sequence[VehicleRecord]) -> Veh
 
     After a leader is lost and before its deputy leads, every follower extrapolates the leader by itself. A
     cubic between both, by their positions and velocities, replaces this gap. The motion of the leader's
-    aircraft without its companion is no reference.
-
-    Args:
-        time_s: sample times, s.
-        vehicles: all vehicles, the leader first.
+    aircraft without its companion is no reference. The leader has to be the first of the vehicles.
     """
     leader = vehicles[0]
     if leader.lead_term is None:

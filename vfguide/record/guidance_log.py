@@ -96,11 +96,9 @@ class GuidanceTrack:
 
 
 def read_guidance(*paths: Path, zero_s: float = 0.0) -> GuidanceTrack:
-    """Return the guidance steps of a companion.
+    """Return the guidance steps of a companion, from the files of its starts.
 
-    Args:
-        paths: files of the companion's starts, which may be missing or truncated.
-        zero_s: the companion's clock at time 0 of the flight, s.
+    Files may be missing or truncated. `zero_s` is the companion's clock at time 0 of the flight, s.
     """
     return track_of(STEPS.read(*paths), zero_s)
 
@@ -152,9 +150,8 @@ def slot_series(
         track: steps of the companion.
         moments: sample times, s on the same clock.
         mission: the mission's slot forward, right of and above the leader, m. It applies until the first
-            order. In gaps the last ordered slot applies. A vehicle that left has no slot (NaN) until
-                it
-            gets one again.
+            order. In gaps the last ordered slot applies. A vehicle that left has no slot (NaN) until it gets
+            one again.
     """
     steps = [step for step in track.steps if step.left or np.isfinite(step.slot_forward_m)]
     if not steps:
@@ -175,11 +172,9 @@ def slot_series(
 
 
 def age_series(track: GuidanceTrack, moments: FloatArray) -> dict[str, FloatArray]:
-    """Return the age of the leader state used over time, for a `VehicleRecord`; empty if not logged.
+    """Return the age of the leader state used at each moment (s), for a `VehicleRecord`.
 
-    Args:
-        track: steps of the companion; earlier versions log no ages.
-        moments: sample times, s on the same clock.
+    It is empty if no ages are logged, as by earlier versions.
     """
     told = [step for step in track.steps if np.isfinite(step.leader_age_s)]
     if not told:
@@ -197,10 +192,7 @@ def lead_series(
 ) -> dict[str, FloatArray]:
     """Return the leader states by which a vehicle led, for a `VehicleRecord`; NaN while it did not lead.
 
-    Args:
-        track: steps of the companion, of a mission with deputies.
-        moments: sample times, s on the same clock.
-        ground_amsl_m: altitude of the mission's origin, m.
+    The mission has deputies, and its origin is `ground_amsl_m` above mean sea level.
     """
     # An extrapolated leader is known at the time of its last report, some time before the step.
     known = [step for step in track.steps if np.isfinite(step.lead_time_s)]

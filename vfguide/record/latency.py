@@ -76,10 +76,7 @@ def latency_of(
 ) -> Latency:
     """Return the latencies that companions report in their presence messages, and the processes' usage.
 
-    Args:
-        figures: figures of each presence message, by vehicle.
-        leader: name of the leader, whose own state has no age.
-        processes: usage by process name, as far as known.
+    The leader's own state has no age.
     """
     return Latency(
         vehicles={
@@ -94,11 +91,7 @@ def latency_of(
 
 
 def recorded_latency(ages_s: Mapping[str, FloatArray]) -> Latency | None:
-    """Return the recorded ages of leader states; None without any.
-
-    Args:
-        ages_s: ages by vehicle, s; NaN where it used no leader state.
-    """
+    """Return the recorded ages of leader states, NaN where none was used; None without any."""
     known = {name: 1e3 * ages[np.isfinite(ages)] for name, ages in ages_s.items()}
     vehicles = {
         name: Promptness(

@@ -39,11 +39,10 @@ class CompanionLog(Generic[Entry]):
     """Format of one kind of log."""
 
     def __init__(self, kind: type[Entry], columns: Sequence[str]) -> None:
-        """Describe a log.
+        """Describe a log whose lines have these columns in order.
 
-        Args:
-            kind: type of the entries; fields without a default are in every line.
-            columns: columns in order; a file of an earlier version may have fewer.
+        Fields of `kind` without a default are in every line. A file of an earlier version may have fewer
+        columns.
         """
         self._kind = kind
         self._columns = columns
@@ -51,23 +50,16 @@ class CompanionLog(Generic[Entry]):
         """First line of a file."""
 
     def encode(self, entry: msgspec.Struct, **more: object) -> bytes:
-        """Encode an entry as a line.
-
-        Args:
-            entry: the entry.
-            more: values of columns that are no fields of it, or that replace a field.
-        """
+        """Encode an entry as a line; `more` replaces fields or adds columns."""
         line = io.StringIO()
         values = msgspec.structs.asdict(entry) | more
         csv.writer(line, lineterminator="\n").writerow([written(values[n]) for n in self._columns])
         return line.getvalue().encode()
 
     def read(self, *paths: Path, **given: str) -> Iterator[Entry]:
-        """Yield the readable entries of files in order.
+        """Yield the readable entries of files in order; `given` are fields that are no columns.
 
-        Args:
-            paths: files of one companion's starts, which may be missing or truncated.
-            given: fields that are no columns.
+        The files are those of one companion's starts, which may be missing or truncated.
         """
         for path in paths:
             with (

@@ -107,12 +107,7 @@ class DiskWriter:
     """
 
     def __init__(self, *, longest_queue: int = LONGEST_QUEUE, write_s: float = WRITE_S) -> None:
-        """Start the writer's thread.
-
-        Args:
-            longest_queue: maximum number of waiting entries.
-            write_s: interval of writes, s.
-        """
+        """Start the writer's thread."""
         self.dropped = 0
         """Number of entries dropped because the queue was full."""
         self.lost = 0
@@ -130,12 +125,7 @@ class DiskWriter:
         self._thread.start()
 
     def put(self, file: GrowingFile, encode: Callable[[], bytes]) -> None:
-        """Queue an entry. Never waits and never raises.
-
-        Args:
-            file: file for the entry.
-            encode: encodes the entry, in the writer's thread.
-        """
+        """Queue an entry, which the writer's thread encodes. Never waits and never raises."""
         if len(self._queue) >= self._longest:
             self.dropped += 1
         else:
@@ -300,13 +290,7 @@ class Recording:
 
 
 def begin_recording(parent: Path, mission: Mission, vehicle: str, *, clock_s: float) -> Recording:
-    """Begin a recording in a new directory below `parent`.
-
-    Args:
-        parent: created if missing.
-        mission: stored in the recording.
-        vehicle: name of the recorded vehicle.
-        clock_s: current time of the companion's clock, s.
+    """Begin a recording in a new directory below `parent`, at a time of the companion's clock, s.
 
     Raises:
         InputError: the directory cannot be written to.

@@ -56,8 +56,7 @@ RESPONSES = CompanionLog(TimedResponse, ("time_s", *VehicleResponse.__struct_fie
 def read_response(*paths: Path) -> VehicleResponse | None:
     """Return the response by which a vehicle was last flown; None without any.
 
-    Args:
-        paths: files of the vehicle's starts in order; complete lines of truncated files count.
+    The files are those of its starts in order. Complete lines of truncated files count.
     """
     newest = deque(RESPONSES.read(*paths), maxlen=1)
     if not newest:

@@ -36,12 +36,7 @@ class StampedFrame(NamedTuple):
 
 
 def stamped(time_s: float, datagram: bytes) -> bytes:
-    """Encode the frames of a datagram as log entries.
-
-    Args:
-        time_s: time of the datagram, s since 1970.
-        datagram: frames; bytes outside of complete frames are dropped.
-    """
+    """Encode the frames of a datagram with its time (s since 1970) as log entries, without other bytes."""
     stamp = TIMESTAMP.pack(round(time_s * 1e6))
     return b"".join(stamp + one.content for one in frames_of(datagram) if one is not None)
 
@@ -50,11 +45,7 @@ class TelemetryLog:
     """Collects the datagrams of one connection in memory, for flights in virtual time."""
 
     def __init__(self, epoch_s: float) -> None:
-        """Begin a log.
-
-        Args:
-            epoch_s: time 0 of the flight, s since 1970.
-        """
+        """Begin a log; time 0 of the flight is `epoch_s`, s since 1970."""
         self._epoch_s = epoch_s
         self._content = bytearray()
 
