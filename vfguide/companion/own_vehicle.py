@@ -89,7 +89,7 @@ class RadioRoom:
 
 WAIT_S = 0.3
 """Jitter of reports on an ordinary link, s. A longer wait than the stamps say may come from a clock that
-stood still, and a stamp that is farther ahead from one that has leapt."""
+stood still. A stamp that is farther ahead may come from one that has leapt."""
 
 SLIP_S = 0.1
 """Slip of the autopilot's clock, s, beyond which the filter restarts, as the time flown is unknown."""

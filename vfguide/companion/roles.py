@@ -93,9 +93,9 @@ class Succession:
     """Leadership as one vehicle knows it."""
 
     def __init__(self, name: str, order: tuple[str, ...], *, silence_s: float) -> None:
-        """Begin in term 0; `order` lists the candidates, the mission's leader first.
+        """Begin in term 0; `order` lists the candidates, the mission's leader first, maybe without `name`.
 
-        A leader is lost after `silence_s` without states (`timeouts.leader_s`). This vehicle need not be listed.
+        A leader is lost after `silence_s` without states (`timeouts.leader_s`).
         """
         self._name = name
         self._order = order
