@@ -1,8 +1,7 @@
 """Registry of extensible classes by name.
 
-A law, a path, a link or an autopilot is one of vfguide's own, an entry point of an installed package, or in
-a file that the user names (`--plugin FILE`). A mission file only has names: it never causes a file to be
-loaded.
+Laws, paths, links and autopilots are part of vfguide, entry points of installed packages, or in a file that
+the user names (`--plugin FILE`). A mission file only has names: it never causes a file to be loaded.
 """
 
 import importlib

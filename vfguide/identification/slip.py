@@ -1,14 +1,13 @@
 """Slip of a vehicle: its turn efficiency, and the lead of its nose in turns.
 
     heading change = turn efficiency * integral of g tan(bank) / V dt + roll trim * time
-
-is fitted by least squares to all legs of a flight between two settled moments. How the roll got there does
-not matter. Both ends are means over a second, which averages out yaw oscillations.
-
     ground velocity = reported airspeed * (scale along the heading - lead * turn rate right of it) + wind
 
-is fitted to all reports for true airspeeds and the nose's lead. It is the model that `guidance.air_data`
-learns in flight, here with the residuals of gusts for an interval.
+The first equation is fitted by least squares to all legs of a flight between two settled moments. How the
+roll got there does not matter. Both ends are means over a second, which averages out yaw oscillations.
+
+The second equation is fitted to all reports for true airspeeds and the nose's lead. It is the model that
+`guidance.air_data` learns in flight, here with the residuals of gusts for an interval.
 """
 
 import math

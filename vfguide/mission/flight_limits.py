@@ -3,8 +3,8 @@
 Conditions hold every course and turn of the leader's path in every declared wind; each combination is one
 entry of each array. Local frame: x north, y east; radians clockwise from north.
 
-Bank limits in turns follow Nelson et al., Vector field path following for miniature air vehicles, IEEE T-RO
-2007, for the field.
+The turn rate of the field follows Nelson et al., Vector field path following for miniature air vehicles,
+IEEE T-RO 2007.
 
 The maximum climb rate that a vehicle sustains at cruise is its whole excess power. A climb leaves an
 acceleration a = g (climb_max - climb) / V, all that a follower has for returning to its slot.

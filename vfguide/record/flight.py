@@ -139,7 +139,7 @@ class FlightRecord:
     controller: str
     """Name of the law that followers flew by."""
     plant: str
-    """`course-hold`, `heading-hold` or `bank`."""
+    """Name of the plant, such as `course-hold`, `heading-hold` or `bank`."""
     wind: str
     """Type of the wind, such as `calm` or `article`."""
     mode: FlightMode
