@@ -44,7 +44,6 @@ LOWEST_M, HIGHEST_M = 10.0 * FOOT_M, 1000.0 * FOOT_M
 """Range of heights of the low-altitude model; heights outside are clamped to it."""
 
 WAVES = 384
-"""Number of plane waves in a turbulence field."""
 
 SHORTEST_WAVE_M = 4.0
 """Shortest wavelength, about twice a small aircraft's span: shorter waves cancel out over its wings."""
@@ -187,11 +186,7 @@ class TurbulenceField:
         self._gusts = amplitude * np.ascontiguousarray(sideways.T)
 
     def at(self, position_m: Vector) -> Vector:
-        """Return the gusts at positions, m/s, with the shape and axes of `position_m`.
-
-        Args:
-            position_m: (3,) or (3, N), in a frame that drifts with the wind and does not rotate.
-        """
+        """Return the gusts at positions, m/s: (3,) or (3, N), in a frame that drifts and does not rotate."""
         phases = self._waves @ position_m
         offsets = self._phases if position_m.ndim == 1 else self._phases[:, None]
         gusts: Vector = self._gusts @ np.cos(phases + offsets)
@@ -267,7 +262,6 @@ class Shear:
     reference_m: float
     """h0, height above the ground at which the declared wind blows."""
     roughness_m: float = ROUGHNESS_M
-    """Roughness length z0."""
 
     def factor(self, height_m: float) -> float:
         """Return the ratio of the wind at a height above the ground to the wind at the reference height."""
@@ -328,7 +322,7 @@ def air_of(
         level: of the turbulence.
         height_m: height above the ground to which wind and turbulence refer.
         seed: of the turbulence.
-        gusts: discrete gusts.
+        gusts: all of them, in any order.
         roughness_m: roughness length z0 of the wind shear, or None for none.
     """
     field = None

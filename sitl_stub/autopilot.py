@@ -39,8 +39,6 @@ class Truth(Motion, frozen=True, kw_only=True):
     """True, noise-free state of one aircraft: its motion, position and wind."""
 
     time_s: float
-    """Simulation time."""
-
     latitude_deg: float
     """Geodetic."""
 
@@ -207,7 +205,6 @@ class Autopilot:
         """Numbers of received messages that were not obeyed, by reason."""
         self.config = config
         self.system_id = config.system_id
-        """MAVLink system id."""
         self._personality = personality_of(config)
         self._personality.arming.ready_from_us = round(config.ready_after_s * 1e6)
         self._flight = flight_at_start(config, air, self._personality)

@@ -24,7 +24,6 @@ from sitl_stub.settings import Settings, field_names
 WRONG_INPUT, BROKEN = 2, 3
 
 MOST_BYTES = 262_144
-"""Size limit of a settings file."""
 
 app = typer.Typer(
     name="sitl-stub",

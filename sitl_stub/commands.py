@@ -33,7 +33,6 @@ MISSION_MESSAGES = (
     "MISSION_COUNT",
     "MISSION_CLEAR_ALL",
 )
-"""Messages that `mission_reply` answers."""
 
 LONGEST_TEXT = 50
 
@@ -82,11 +81,9 @@ class Command(msgspec.Struct, frozen=True):
     """param1 to param4; may be NaN where a command does not use them."""
 
     frame: int
-    """MAV_FRAME of `z`."""
+    """MAV_FRAME of the height `z`."""
 
     z: float
-    """Height in that frame."""
-
     latitude_deg: float = math.nan
     longitude_deg: float = math.nan
     is_int: bool = True
@@ -167,12 +164,7 @@ class Arming:
     """MAV_CMD_COMPONENT_ARM_DISARM, for one autopilot."""
 
     def __init__(self, check: Callable[[EmulatedFlight], str | None], *, refused: Result) -> None:
-        """Take the autopilot's own checks.
-
-        Args:
-            check: returns why arming is refused, or None.
-            refused: result of a refusal.
-        """
+        """Take a check, which returns why arming is refused or None, and the result of a refusal."""
         self.ready_from_us = 0
         """Simulation time at which the sensors have settled."""
         self._check = check

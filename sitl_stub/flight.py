@@ -33,8 +33,6 @@ class AutopilotMode(msgspec.Struct, frozen=True):
     """Name in status texts and ground stations."""
 
     custom_mode: int
-    """Number in HEARTBEAT.custom_mode."""
-
     flies: Literal["commanded", "circle", "straight", "loiter", "home", "take-off"] = "straight"
     """Behaviour of the mode.
 
@@ -157,7 +155,6 @@ class Orbit(msgspec.Struct, frozen=True):
     longitude_rad: float
     radius_m: float
     clockwise: bool = True
-    """Seen from above."""
 
     def course_rad(self, latitude_rad: float, longitude_rad: float, *, lead_rad: float) -> float:
         """Return the course over ground at a position: toward the circle, then along it.

@@ -91,4 +91,3 @@ class Home(msgspec.Struct, frozen=True):
     latitude_rad: float
     longitude_rad: float
     altitude_amsl_m: float
-    """Altitude of the ground."""

@@ -91,8 +91,6 @@ class PlantRates(msgspec.Struct, frozen=True):
     """Turn rate of the heading or course held, positive right."""
 
     acceleration_m_s2: float
-    """Rate of change of the speed held."""
-
     north_m_s: float
     east_m_s: float
 

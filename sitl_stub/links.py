@@ -107,7 +107,6 @@ def is_ipv6(text: str) -> bool:
 
 
 Take = Callable[[bytes], None]
-"""Takes the whole frames that arrive."""
 
 SocketAddress = tuple[Any, ...]
 """Opaque address of a socket: number and port, and two numbers more for IPv6."""

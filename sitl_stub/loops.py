@@ -182,8 +182,6 @@ class AltitudeTarget(msgspec.Struct, frozen=True):
     """Target of the height loop."""
 
     altitude_amsl_m: float
-    """Altitude above mean sea level."""
-
     max_climb_rate_m_s: float = math.inf
     """Limit of climb and descent, beside the plant's own limits."""
 

@@ -164,12 +164,7 @@ class ParameterServer:
     """Answers messages about one autopilot's parameters, and sends their list in parts."""
 
     def __init__(self, parameters: Parameters, *, refuses_unknown: bool = False) -> None:
-        """Serve parameters.
-
-        Args:
-            parameters: of the autopilot.
-            refuses_unknown: whether a request of an unknown name gets PARAM_ERROR instead of silence.
-        """
+        """Serve parameters; `refuses_unknown` answers unknown names with PARAM_ERROR instead of silence."""
         self._parameters = parameters
         self._refuses_unknown = refuses_unknown
         self._waiting: deque[str] = deque()
@@ -227,7 +222,6 @@ class ParameterServer:
         )
 
     def _refusal(self, message: MAVLink_message) -> list[MAVLink_message]:
-        """Return the answer for an unknown name."""
         if not self._refuses_unknown:
             return []
         return [

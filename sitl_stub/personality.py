@@ -88,8 +88,6 @@ class Personality:
     """Mode of an aircraft that starts in the air; it circles."""
 
     ground_mode: AutopilotMode
-    """Mode of an aircraft that stands on the ground."""
-
     mission_mode: AutopilotMode | None = None
     """Mode that flies a route; None for the initial mode."""
 
@@ -103,8 +101,6 @@ class Personality:
     """Names of the parameters of the least, greatest and cruise airspeed and of the greatest bank."""
 
     arming: Arming
-    """Checks before arming."""
-
     commands: Handlers
     """Handlers of the commands that only this autopilot knows or handles in its own way."""
 

@@ -125,9 +125,9 @@ class Plant(ABC):
 
         Args:
             targets: of the loops.
-            state: at `time_s`.
+            state: at `time_s`, the start of the step.
             wind: at the aircraft; `at(time_s)` is (north, east) in m/s.
-            time_s: start of the step.
+            time_s: simulation time of `state`.
             step_s: at most `longest_step_s`.
         """
 

@@ -64,7 +64,6 @@ class Grade:
     own_m: float
     """Wandering position error of each receiver's own."""
     white_m: float
-    """White noise of the position."""
     velocity_m_s: float
     """White noise of the velocity."""
 
@@ -80,13 +79,7 @@ class GaussMarkov:
     """A first-order process with autocorrelation exp(-t / T), evaluated in the order of time."""
 
     def __init__(self, deviation: float, time_constant_s: float, random: Generator) -> None:
-        """Draw the first value.
-
-        Args:
-            deviation: standard deviation, in the unit of the values.
-            time_constant_s: T.
-            random: generator of the values.
-        """
+        """Draw the first value; `deviation` is in the unit of the values, `time_constant_s` is T."""
         self._keep = math.exp(-TICK_S / time_constant_s)
         self._drawn = deviation * math.sqrt(1.0 - self._keep * self._keep)
         self._random = random
@@ -111,13 +104,7 @@ class SensorErrors:
     """Errors of one aircraft's sensors; all are zero for `ideal` ones."""
 
     def __init__(self, grade: SensorGrade, *, seed: int, system_id: int) -> None:
-        """Draw the constant errors.
-
-        Args:
-            grade: of the receiver.
-            seed: of the formation.
-            system_id: of the aircraft.
-        """
+        """Draw the constant errors of an aircraft; the seed is the formation's."""
         self.figures = GRADES.get(grade)
         """Standard deviations; None for sensors without errors."""
         if self.figures is None:

@@ -34,7 +34,6 @@ class Sensors:
     def __init__(self, config: AutopilotConfig) -> None:
         self._config = config
         self.faults = Faults(config.faults)
-        """Faults of the reports."""
         self._position_random = default_rng((config.seed, config.system_id))
         self._random = default_rng((config.seed, config.system_id, 1))
         self._errors = SensorErrors(config.sensors, seed=config.seed, system_id=config.system_id)

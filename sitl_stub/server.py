@@ -197,7 +197,6 @@ class Emulator:
 
     @property
     def _next_s(self) -> float:
-        """Next simulation time at which anything is due."""
         truth_s = math.inf if self._truth is None else self._truth.next_due_s
         return min(self._autopilot.next_due_s, truth_s, self._duration_s)
 

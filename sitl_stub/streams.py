@@ -59,7 +59,6 @@ ON_REQUEST: Mapping[int, int] = {
     mavlink.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES: mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION,
     mavlink.MAV_CMD_GET_HOME_POSITION: mavlink.MAVLINK_MSG_ID_HOME_POSITION,
 }
-"""Commands that request one message each."""
 
 
 class Schedule:
@@ -165,9 +164,8 @@ class Streams:
 
         Args:
             personality: autopilot whose messages are sent.
-            loop_rate_hz: of the scheduler, if there is one.
-            chosen: intervals in microseconds of unrequested messages beside the heartbeat; None for the
-                personality's own.
+            loop_rate_hz: of the scheduler, if any.
+            chosen: intervals (us) of unrequested messages beside the heartbeat; None for the personality's.
         """
         self._personality = personality
         self._chosen = chosen

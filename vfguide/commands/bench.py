@@ -306,7 +306,7 @@ def tell_scores(
     """Fly scenarios by laws, and print and save their scores.
 
     Args:
-        name: of the study.
+        name: of the study and its files.
         executor: runs the flights.
         which: numbers of the scenarios.
         flown: names of the laws.

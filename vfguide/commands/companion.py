@@ -92,12 +92,7 @@ class TextFormatter(logging.Formatter):
 
 
 def log_to_standard_error(log_format: LogFormat, vehicle: str) -> None:
-    """Send all log records of this process to standard error.
-
-    Args:
-        log_format: of the records.
-        vehicle: name of this process's vehicle.
-    """
+    """Send all log records of this process to standard error, for one vehicle."""
     readable = log_format is LogFormat.TEXT or (
         log_format is LogFormat.AUTO and sys.stderr.isatty()
     )

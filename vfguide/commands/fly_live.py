@@ -67,13 +67,7 @@ class LiveRow:
 def rows_of(
     names: Sequence[str], record: FlightRecord | None, presences: Mapping[str, Presence]
 ) -> list[LiveRow]:
-    """Return the present state of the vehicles.
-
-    Args:
-        names: of the vehicles, leader first.
-        record: newest true states; None before the first.
-        presences: the companions' reports, by vehicle.
-    """
+    """Return the state of vehicles by the newest true states, if any, and the companions' reports."""
     return [row_of(name, record, presences.get(name)) for name in names]
 
 
@@ -163,7 +157,6 @@ class LivePage:
     operator: bool
     """Whether orders can be given from the page."""
     tiles: TileSource | None
-    """Map on the page, if any."""
     foxglove: int | None
     """Loopback port of a Foxglove server beside the page; None for none."""
 
@@ -317,9 +310,7 @@ async def flown_live(
 async def links_for(named: Sequence[str], directory: Path) -> AsyncIterator[tuple[str, ...]]:
     """Yield the addresses of a live flight's links for as long as the context lasts.
 
-    Args:
-        named: as a user names them; `mqtt` alone stands for a broker that is started here.
-        directory: for the broker's files.
+    An address `mqtt` stands for a broker that is started here and writes into the directory.
 
     Raises:
         VfguideError: there is no broker to start.
@@ -335,11 +326,11 @@ async def links_for(named: Sequence[str], directory: Path) -> AsyncIterator[tupl
 
 
 def find_slowness(mission: Mission, latency: Latency, speedup: float) -> str | None:
-    """Return a warning that the computer was too slow, which makes the errors its own; None if it was not.
+    """Return a warning that the computer was too slow for the flight, whose errors it then caused, or None.
 
     Args:
         mission: flown.
-        latency: ages of the leader's states when followers used them, in simulated time.
+        latency: ages of the leader's states at their use, in simulated time.
         speedup: simulation seconds per real second.
     """
     age_ms = latency.together().leader_age_ms

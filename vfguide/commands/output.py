@@ -26,7 +26,6 @@ RECORDINGS = "recordings"
 PLOT_NAMES = ("tracks", "errors", "setpoints", "heights", "separation", "wind")
 
 REPORT_NAMES = (SUMMARY_NAME, PAGE_NAME, *(f"{name}.png" for name in PLOT_NAMES))
-"""Files of a report."""
 
 SHARED_NAMES = (*REPORT_NAMES, RECORD_NAME, RECORDINGS, "mission.yaml", "broker.log")
 VEHICLE_ENDINGS = (".tlog", ".guidance.csv", ".companion.log", ".emulator.log")
@@ -42,11 +41,7 @@ LONGEST_SUMMARY = 4 * 1024**2
 def kept_in(out: Path, *, mission: str, vehicles: Collection[str], force: bool) -> Iterator[Path]:
     """Yield a directory to write a flight into; its contents are moved into `out` at the end.
 
-    Args:
-        out: made if need be.
-        mission: name of the mission.
-        vehicles: names of the vehicles.
-        force: whether files of another flight, or of something else, may be replaced.
+    `out` is made if need be. `force` allows files of another flight, or of something else, to be replaced.
 
     Raises:
         InputError: nothing can be written there, or it holds what must not be replaced.

@@ -102,14 +102,7 @@ def animate_flight(
     end_s: float | None,
     force: bool,
 ) -> None:
-    """Write a moving picture of the flight that some directories hold.
-
-    Args:
-        directories: as of a report.
-        file: of the picture.
-        begin_s: first time shown, s of the flight.
-        end_s: last time shown, s of the flight.
-        force: whether an existing file may be replaced.
+    """Write a moving picture of a flight from `begin_s` to `end_s`; `force` replaces an existing file.
 
     Raises:
         InputError: there is no flight, nothing to show, or the file cannot be written.

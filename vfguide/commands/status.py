@@ -62,7 +62,6 @@ class Freshness:
     def __init__(self, silent_s: float = SILENT_S) -> None:
         """Start without presences; companions silent for longer than `silent_s` are offline."""
         self.silent_s = silent_s
-        """Silence after which a companion is offline, s."""
         self._heard: dict[str, HeardPresence] = {}
         self._before: dict[str, float] = {}
 
@@ -91,12 +90,7 @@ class Freshness:
         ]
 
     def judge(self, found: Mapping[str, Presence], now: float) -> dict[str, Presence]:
-        """Return the presences, with those that may be old changed to offline.
-
-        Args:
-            found: last presence of each vehicle.
-            now: s.
-        """
+        """Return the presences, with those that may be old at `now` (s) changed to offline."""
         self.note(found, now)
         return {name: self._judged(name, presence, now) for name, presence in found.items()}
 
@@ -165,7 +159,6 @@ LISTEN_S = 1.5
 """Time within which all living companions are heard."""
 
 ARRIVAL_LOOK_S = 0.05
-"""Interval between two looks at what has arrived."""
 
 ALL_THERE, SOME_MISSING = 0, 1
 

@@ -23,7 +23,7 @@ PLAIN_STEPS = 5
 """Progress lines of a whole flight where there is no terminal."""
 
 BAR_PERIOD_S = 5.0
-"""Virtual seconds between two movements of the bar."""
+"""Virtual time between two movements of the bar."""
 
 
 NARROWEST = 60
