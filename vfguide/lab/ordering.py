@@ -96,15 +96,9 @@ async def give_order(
     dry_run: bool = False,
     random: Random | None = None,
 ) -> OrderOutcome:
-    """Rehearse an order from the present formation, give it, and wait for its outcome.
+    """Rehearse an order from the present formation, give it unless `dry_run`, and wait for its outcome.
 
-    Args:
-        mission: mission of the formation.
-        order: the order.
-        watched: links of the formation, and the operator's key.
-        tell: receiver of a line for each event.
-        dry_run: whether only to rehearse the order.
-        random: source of the pauses that keep clients of a lost broker from reconnecting in step.
+    `tell` gets a line for each event. `random` keeps clients of a lost broker from reconnecting in step.
 
     Raises:
         RefusedOrderError: the order cannot be carried out; one sentence says why.
@@ -295,16 +289,10 @@ RETRY_S = 1.0
 async def timetable_given(
     mission: Mission, watched: WatchedFormation, *, time_s: Callable[[], float], tell: Tell
 ) -> AsyncIterator[None]:
-    """Give the orders of a mission's time table for as long as the context lasts.
+    """Give the orders of a mission's time table, by the flight's time, for as long as the context lasts.
 
-    An order is not given if it cannot be carried out or the formation is not heard. A line says why, and the
-    next order follows. At the end a line names each order that is left.
-
-    Args:
-        mission: mission of the formation.
-        watched: links of the formation, and the operator's key.
-        time_s: clock of the flight, s.
-        tell: receiver of a line for each event.
+    An order is not given if it cannot be carried out or the formation is not heard. `tell` gets a line that
+    says why, and the next order follows. At the end it gets a line for each order that is left.
     """
     left = deque(
         (f"orders[{index}], at {timed.at_s:g} s", timed)

@@ -36,7 +36,6 @@ from vfguide.mission import Mission
 from vfguide.mission.flight_path import PathShape, path_of
 
 DRAWN_POINTS = 400
-"""Points drawn per path."""
 
 
 def describe_ground(mission: Mission) -> dict[str, object]:
@@ -121,7 +120,7 @@ OLDEST_S = 300.0
 """Greatest age that is shown, s."""
 
 STEP_S = 0.3
-"""A clock offset that drops by more than this, s, means a clock was set, or flight slower than real time."""
+"""Drop of the clock offset, s, that shows that a clock was set or flight is slower than real time."""
 
 GREATEST_OF_LEADER = (OLDEST_S, 1e6, 1e6, 50e3, 10.0, 500.0, 10.0)
 """Greatest credible magnitudes of `LEADER_FIGURES`, reported by followers of a leader without a companion."""

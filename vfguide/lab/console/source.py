@@ -1,7 +1,4 @@
-"""What a page of the console shows: a flight to begin with, and what is added to it.
-
-The flight is a record, or a formation on its link: the shell around the model, with clock and link.
-"""
+"""Sources of the console's pages: a flight so far and its updates, from a record or a formation's link."""
 
 import asyncio
 import json
@@ -27,42 +24,42 @@ from vfguide.mission import Mission
 from vfguide.record.flight import FlightRecord
 
 MOST_PAGES = 20
-"""Pages that are served at once, at most."""
+"""Maximum number of pages at once."""
 
 RESERVED = 5
-"""Pages of operators beyond that."""
+"""Number of further pages for operators."""
 
 WAITING = 50
-"""Pictures that wait for a page: one that falls farther behind begins anew."""
+"""Maximum number of queued updates of a page; a page that is farther behind starts again."""
 
 
 class Source:
-    """A flight, and the pages that watch it."""
+    """Flight with the pages that watch it."""
 
     panel: OrderPanel | None = None
-    """By which pages give orders; None where nobody may."""
+    """Panel by which pages give orders; None where orders are not allowed."""
     tiles: TileSource | None = None
-    """The map below the formation; None without one."""
+    """Map below the formation."""
 
     def __init__(self) -> None:
         self._pages: set[asyncio.Queue[str | None]] = set()
 
     @property
     def watched(self) -> bool:
-        """Whether any page looks on."""
+        """Whether any page watches."""
         return bool(self._pages)
 
     def has_room(self, *, may_order: bool) -> bool:
-        """Whether one more page is served; an operator's where those who look on have taken all others."""
+        """Check whether there is room for one more page; some places are reserved for operators."""
         return len(self._pages) < MOST_PAGES + (RESERVED if may_order else 0)
 
     def opening(self) -> str:
-        """JSON of the flight so far."""
+        """Return JSON of the flight so far."""
         raise NotImplementedError
 
     @contextmanager
     def page(self) -> Iterator[asyncio.Queue[str | None]]:
-        """A page's queue of what is added to the flight; None in it ends the stream."""
+        """Register a page; yield its queue of updates, in which None ends the stream."""
         queue: asyncio.Queue[str | None] = asyncio.Queue(WAITING)
         self._pages.add(queue)
         try:
@@ -71,7 +68,7 @@ class Source:
             self._pages.discard(queue)
 
     def publish(self, text: str) -> None:
-        """Hand something to all pages. One that has not kept up is let go: it comes back for the whole."""
+        """Send an update to all pages; disconnect a page with a full queue, which then reloads the flight."""
         for queue in list(self._pages):
             if queue.full():
                 self._let_go(queue)
@@ -91,17 +88,13 @@ class Source:
 
 
 class RecordedFlight(Source):
-    """A flight that has ended."""
+    """Flight that has ended."""
 
     def __init__(self, record: FlightRecord, *, tiles: TileSource | None = None) -> None:
-        """Show a record.
-
-        Args:
-            record: of the flight.
-            tiles: the map below it, if there is one.
+        """Show a record, on a map where there are tiles.
 
         Raises:
-            InputError: there is a map, and the record does not say where on the earth it was flown.
+            InputError: there are tiles, but the record has no geographic origin.
         """
         super().__init__()
         self.tiles = tiles
@@ -115,33 +108,27 @@ class RecordedFlight(Source):
         self._opening = json.dumps(content, allow_nan=False)
 
     def opening(self) -> str:
-        """JSON of the whole flight."""
+        """Return JSON of the whole flight."""
         return self._opening
 
 
 SAMPLE_S = 0.1
-"""Interval of two pictures."""
+"""Interval of samples, s."""
 
 WORDS_EVERY = 5
-"""Pictures from one look at the alarms and cards to the next."""
+"""Samples per update of alarms and cards."""
 
 ASK_EVERY = 10
-"""Pictures from one question for an order that is flown, and was not heard, to the next."""
+"""Samples between requests for a flown order that was not heard."""
 
 
 class LiveSource(Source):
-    """What is heard of a formation, for all pages that show it."""
+    """Formation heard on its link."""
 
     def __init__(
         self, mission: Mission, *, orders: bool = False, tiles: TileSource | None = None
     ) -> None:
-        """Make one that has heard nothing.
-
-        Args:
-            mission: of the formation.
-            orders: whether pages may give orders.
-            tiles: the map below the formation, if there is one.
-        """
+        """Begin with nothing heard; `orders` allows pages to give orders."""
         super().__init__()
         self.tiles = tiles
         origin = mission.origin
@@ -159,15 +146,15 @@ class LiveSource(Source):
             )
         self._formation.sample(self.now)
         self.also: Callable[[FloatArray], None] | None = None
-        """Takes each picture, too: (vehicles, series), NaN is not known."""
+        """Further receiver of each sample: (vehicles, series), NaN where not known."""
 
     @property
     def now(self) -> float:
-        """Seconds since the beginning."""
+        """Time since the console began, s."""
         return time.monotonic() - self._began_s
 
     def opening(self) -> str:
-        """The flight so far, with what is said of it now."""
+        """Return JSON of the flight so far, with present cards, alarms and order."""
         content = {
             **self._formation.describe(),
             **self._map,
@@ -177,7 +164,7 @@ class LiveSource(Source):
         return json.dumps(content, allow_nan=False)
 
     async def run(self, watched: WatchedFormation, *, random: Random) -> None:
-        """Listen, and tell all pages what there is to show, until cancelled."""
+        """Listen to the formation and update all pages, until cancelled."""
         formation, desk = self._formation, self._desk
         member = watching_member(
             watched,
@@ -206,7 +193,7 @@ class LiveSource(Source):
 
     @property
     def _proven(self) -> bool:
-        """Whether what is heard is of now; without a key nothing can show that."""
+        """Whether received messages are proven to be new; without keys they are taken for new."""
         member = self._desk.member
         return member.peer_clock is None or member.trust.proven
 
@@ -240,9 +227,9 @@ class LiveSource(Source):
         self.publish(json.dumps(content, allow_nan=False, separators=(",", ":")))
 
     def _note_flown(self) -> None:
-        """Find out by the newest states who leads and what is flown."""
+        """Update the leader and the flown order from the newest states."""
         desk = self._desk
-        # Not each state: of 30 aircraft that would be 300 a second.
+        # Only the newest of each vehicle: 30 aircraft send 300 states a second.
         for vehicle, data in self._states.items():
             desk.heard_state(vehicle, data)
         self._states.clear()
@@ -256,7 +243,6 @@ class LiveSource(Source):
         return {} if self.panel is None else {"order": self.panel.describe()}
 
     def _show_order(self) -> None:
-        """Tell all pages how far the order is that is rehearsed or given."""
         self.publish(json.dumps(self._order(), allow_nan=False))
 
     def _words(self, now: float) -> dict[str, object]:
@@ -277,7 +263,7 @@ class LiveSource(Source):
 
 
 def refusals(link: Link) -> str:
-    """Why nothing is believed of all that comes, in one sentence; empty where nothing was refused."""
+    """Return in one sentence why messages were rejected; empty where none was."""
     counters = {
         reason.removeprefix("refused: "): count
         for reason, count in link.counters.items()
@@ -293,7 +279,7 @@ def refusals(link: Link) -> str:
 
 
 def rows_of(values: FloatArray) -> list[list[float | None]]:
-    """Numbers for JSON, to a millimetre or thousandth; None is not known."""
+    """Return numbers for JSON, rounded to a thousandth; None where not known."""
     return [
         [round(one, 3) if math.isfinite(one) else None for one in row] for row in values.tolist()
     ]
@@ -307,10 +293,10 @@ async def live_flight_of(
     orders: bool = False,
     tiles: TileSource | None = None,
 ) -> AsyncIterator[LiveSource]:
-    """A formation that is listened to, and may be given orders, for as long as the context lasts."""
+    """Listen to a formation for as long as the context lasts; `orders` allows pages to give orders."""
     flight = LiveSource(mission, orders=orders, tiles=tiles)
     try:
-        # A group, so that a link that cannot be used ends the console instead of leaving its page to age.
+        # A group, so that a failed link ends the console instead of leaving a stale page.
         async with asyncio.TaskGroup() as tasks:
             running = tasks.create_task(flight.run(watched, random=Random()), name="console")
             yield flight

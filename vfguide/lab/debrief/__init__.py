@@ -1,1 +1,1 @@
-"""A real flight put together from what each companion recorded."""
+"""Flight records of real flights, from companions' recordings or autopilots' logs."""

@@ -1,6 +1,6 @@
-"""ArduPilot's own logs, `.BIN`: ArduPlane from 3.9 on.
+"""Reader of ArduPilot's own logs, `.BIN`, from ArduPlane 3.9 on.
 
-Format: each kind of message is described by an FMT message before it (ArduPilot, AP_Logger, LogStructure.h).
+Format: an FMT message describes each kind of message before its first (ArduPilot, AP_Logger, LogStructure.h).
 """
 
 import math
@@ -29,18 +29,18 @@ GPS_EPOCH_UNIX_S = 315_964_800.0
 WEEK_S = 604_800.0
 
 LEAP_S = 18.0
-"""s by which GPS time is ahead of UTC; the same for all aircraft, so that it moves none against another."""
+"""Lead of GPS time over UTC, s; a wrong value would shift all aircraft alike."""
 
 FIX_3D = 3
 SYSTEM_ID_NAMES = {"MAV_SYSID", "SYSID_THISMAV"}
 
 SYNC = b"\xa3\x95"
 DESCRIPTION, DESCRIPTION_LENGTH = 128, 89
-"""Number and length of FMT."""
+"""Number and length of an FMT message."""
 
 CHUNK = 1 << 20
 LONGEST = 255
-"""Bytes of a message at most."""
+"""Maximum message length, bytes."""
 
 CODES = {
     **{letter: letter for letter in "bBhHiIfdqQ"},
@@ -53,26 +53,25 @@ Message = Mapping[str, Any]
 
 
 class MessageLayout(msgspec.Struct, frozen=True):
-    """How messages of a kind are written."""
+    """Layout of a kind of message."""
 
     name: str
-    """Such as POS."""
     length: int
-    """Bytes with the three of the head."""
+    """Length with the three bytes of the header."""
     unpack: Callable[[bytes, int], tuple[Any, ...]] | None
-    """Of its numbers; None where its description contradicts itself."""
+    """Unpacking function; None where the description contradicts itself."""
     columns: tuple[tuple[str, float], ...]
-    """Name and scale of each; 0 for text."""
+    """Name and scale of each column; scale 0 for text."""
 
 
 def _position(one: Message) -> tuple[float, ...] | None:
-    # Before the estimator has an origin, it says where the vehicle was left last.
+    # Before it has an origin, the estimator reports where the vehicle was left last.
     known = math.isfinite(one.get("RelOriginAlt", 0.0))
     return (one["Lat"], one["Lng"], one["Alt"]) if known else None
 
 
 def _velocity(one: Message) -> tuple[float, ...] | None:
-    # Up to 4.0 there is a kind of message for each core.
+    # From 4.1 on all estimator cores share a kind of message; core 0 is read.
     return (one["VN"], one["VE"]) if one.get("C", 0) == 0 else None
 
 
@@ -94,7 +93,7 @@ def _has_fix(one: Message) -> bool:
 
 
 def _airspeed(one: Message) -> tuple[float, ...] | None:
-    """Equivalent airspeed, and what makes the true one of it; 0 where that is not told."""
+    """Return equivalent airspeed and the factor to true airspeed; factor 0 where it is not logged."""
     if "As" in one:
         return one["As"], one["E2T"]
     return (one["Aspd"], 0.0) if "Aspd" in one else None
@@ -110,14 +109,14 @@ READERS: dict[str, tuple[tuple[str, int, Callable[[Message], tuple[float, ...] |
     "GPS": (("times", 2, _satellite_time), ("GPS", 6, _satellite_position)),
     "OFG": (("OFG", 3, lambda one: (one["Hdg"], one["Arsp"])),),
 }
-"""What is read of a kind of message: tables, how many columns they have with the time, and the others."""
+"""By kind of message: name of a table, its number of columns with the time, and their source."""
 
 
 def read_dataflash(path: Path) -> AutopilotLog:
-    """One log.
+    """Read a log.
 
     Raises:
-        InputError: it is damaged, something else, or tells no position or no system id.
+        InputError: the file is damaged, no such log, or without position or system ID.
     """
     rows = LogRows()
     system_id = None
@@ -150,10 +149,10 @@ def read_dataflash(path: Path) -> AutopilotLog:
 
 
 def messages(stream: BinaryIO, wanted: set[str]) -> Iterator[tuple[str, Message]]:
-    """Name and fields of each message of some kinds; what is none is skipped.
+    """Yield name and fields of each message of the wanted kinds; skip damaged data.
 
     Raises:
-        ValueError: no kind of message is described at all.
+        ValueError: the stream describes no kind of message.
     """
     layouts: dict[int, MessageLayout] = {}
     lengths = {DESCRIPTION: DESCRIPTION_LENGTH}
@@ -183,7 +182,7 @@ def messages(stream: BinaryIO, wanted: set[str]) -> Iterator[tuple[str, Message]
 
 
 def layout_of(body: bytes) -> tuple[int, MessageLayout]:
-    """The number of a kind of message and how it is written, from its description."""
+    """Return number and layout of a kind of message from the body of its FMT message."""
     number, length, *texts = struct.unpack("<BB4s16s64s", body)
     name, letters, columns = (one.split(b"\0")[0].decode("ascii", "replace") for one in texts)
     form = struct.Struct("<" + "".join(CODES.get(letter, "") for letter in letters))
@@ -199,7 +198,7 @@ def layout_of(body: bytes) -> tuple[int, MessageLayout]:
 
 
 def fields_of(layout: MessageLayout, values: tuple[Any, ...]) -> Message:
-    """Values by name: numbers in their units, and text."""
+    """Return values by name, numbers scaled to their units and text decoded."""
     return {
         name: value * scale if scale else value.split(b"\0")[0].decode("ascii", "replace")
         for (name, scale), value in zip(layout.columns, values, strict=True)
@@ -207,7 +206,7 @@ def fields_of(layout: MessageLayout, values: tuple[Any, ...]) -> Message:
 
 
 def with_courses(table: Mapping[str, FloatArray]) -> FloatArray:
-    """Rows of time, latitude, longitude, altitude and velocity: the estimator's, or else the receiver's."""
+    """Return rows of time, position and velocity by the estimator, or else by the satellite receiver."""
     positions = table["POS"]
     if not len(positions):
         return table["GPS"]
@@ -222,7 +221,7 @@ def with_courses(table: Mapping[str, FloatArray]) -> FloatArray:
 
 
 def telemetry_of(table: Mapping[str, FloatArray], positions: FloatArray) -> Telemetry:
-    """What the autopilot knew of itself."""
+    """Make the telemetry of an autopilot from its tables."""
     attitude, airspeeds = table["ATT"], true_airspeeds(table, positions)
     times = table["times"].copy()
     times[:, 1] = in_this_era(times[:, 1])
@@ -236,13 +235,13 @@ def telemetry_of(table: Mapping[str, FloatArray], positions: FloatArray) -> Tele
 
 
 def true_airspeeds(table: Mapping[str, FloatArray], positions: FloatArray) -> FloatArray:
-    """Rows of time, true airspeed and its ratio to the equivalent one, which ArduPilot holds.
+    """Return rows of time, true airspeed and its ratio to equivalent airspeed, which ArduPilot controls.
 
-    Up to 4.0 the ratio is not in the log, and is that of the standard atmosphere.
+    Logs up to 4.0 lack the ratio: that of the standard atmosphere is taken.
     """
     found = (table["CTUN"] if len(table["CTUN"]) else table["ARSP"]).copy()
     altitude = at_times(found[:, 0], positions[:, [0, 3]])
-    # U.S. Standard Atmosphere 1976, below 11 km: the density's share is (1 - 2.2558e-5 h) ** 4.2559.
+    # U.S. Standard Atmosphere 1976, below 11 km: the density ratio is (1 - 2.2558e-5 h) ** 4.2559.
     standard = np.clip(1.0 - 2.2558e-5 * altitude, 0.1, 2.0) ** (-0.5 * 4.2559)
     found[:, 2] = np.where(found[:, 2] > 0.0, found[:, 2], np.where(standard > 0.0, standard, 1.0))
     found[:, 1] *= found[:, 2]
@@ -250,7 +249,7 @@ def true_airspeeds(table: Mapping[str, FloatArray], positions: FloatArray) -> Fl
 
 
 def setpoints_of(table: Mapping[str, FloatArray], positions: FloatArray) -> FloatArray:
-    """Courses and true airspeeds that were asked for."""
+    """Return rows of time, course setpoint and true airspeed setpoint."""
     asked = table["OFG"].copy()
     factor = newest(asked[:, 0], true_airspeeds(table, positions)[:, [0, 2]])
     asked[:, 2] *= np.where(np.isfinite(factor), factor, 1.0)

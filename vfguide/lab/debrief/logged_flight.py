@@ -1,4 +1,4 @@
-"""A flight record made of the autopilots' own logs: nobody has to have recorded anything else."""
+"""Make a flight record of the autopilots' own logs alone."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -24,44 +24,42 @@ GROUND_CLOCK = (
 )
 
 NO_ORDERS = "slots and path are the mission's own: an autopilot's log tells of no orders"
-"""What a reader has to know of a flight on which slots were ordered elsewhere."""
+"""Note for readers, since slots may have been commanded otherwise in flight."""
 
 WINDOW_S = 20.0
-"""s over which satellite time is compared with a log's clock. That drifts, by up to some 50 millionths: one
-comparison for a whole hour would be off by 0.1 s at its ends, 2 m at 20 m/s."""
+"""Window over which satellite time is compared with a log's clock, s. That clock drifts by up to some
+50 millionths: one comparison for an hour would be off by 0.1 s at its ends, 2 m at 20 m/s."""
 
 LEAST_TIMES = 10
-"""Satellite times in a window; one with fewer, such as the last, says too little."""
+"""Least number of satellite times for a comparison; the last window may have fewer."""
 
 TRUSTED_S = 0.5
-"""s from the median of a flight: a receiver that does not know yet how many leap seconds there were is
-off by more."""
+"""Greatest credible deviation from a flight's median, s; receivers with wrong leap seconds exceed it."""
 
 ASKED_S = 2.0
-"""s for which a setpoint holds where the log tells no other."""
+"""Time for which a setpoint holds without a new one, s."""
 
 LOGGED_MODES = {Mode.WAITING.value: "not guided", Mode.TRACKING.value: "guided"}
-"""What can be told of modes from an autopilot's log: whether setpoints came."""
+"""Names of the modes that a log shows: whether setpoints came."""
 
 ENDINGS = (".bin", ".ulg", ".tlog", ".csv")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LoggedFlight:
-    """A flight that some logs tell of."""
+    """Flight read from logs."""
 
     record: FlightRecord
-    """What a report is made of, in even steps."""
+    """Record in even time steps, which has setpoints up to a step late."""
     setpoints: Mapping[str, FloatArray]
-    """By vehicle, rows of when each setpoint went out (s on the record's clock), course in rad and airspeed
-    in m/s: the record has them up to a step later."""
+    """By vehicle, rows of exact time (s on the record's clock), course (rad) and airspeed (m/s)."""
 
 
 def read_log(path: Path, mission: Mission) -> list[AutopilotLog]:
-    """What one file tells of the mission's vehicles; a telemetry log may hold several.
+    """Read the logs of the mission's vehicles from one file; a telemetry log may hold several.
 
     Raises:
-        InputError: it cannot be read, is something else, or tells of none of the vehicles.
+        InputError: the file cannot be read, is no log, or is of no vehicle of the mission.
     """
     ending = path.suffix.lower()
     if path.is_dir():
@@ -92,7 +90,7 @@ def read_log(path: Path, mission: Mission) -> list[AutopilotLog]:
 
 
 def logged_flight(mission: Mission, logs: Sequence[AutopilotLog]) -> LoggedFlight:
-    """The flight that some logs tell of.
+    """Make a flight of logs.
 
     Raises:
         InputError: two are of one vehicle, their clocks cannot be compared, or the leader's is missing.
@@ -133,10 +131,10 @@ def logged_flight(mission: Mission, logs: Sequence[AutopilotLog]) -> LoggedFligh
 
 
 def on_one_clock(logs: Sequence[AutopilotLog]) -> tuple[list[AutopilotLog], str]:
-    """(the logs with their times on one clock, which one that is).
+    """Return (the logs with their times on one clock, description of that clock).
 
     Raises:
-        InputError: one tells no satellite time, so that it cannot be laid beside the others.
+        InputError: one of several logs has no satellite time.
     """
     silent = [log for log in logs if not len(log.telemetry.gps_times)]
     if not silent:
@@ -153,12 +151,7 @@ def on_one_clock(logs: Sequence[AutopilotLog]) -> tuple[list[AutopilotLog], str]
 
 
 def moved(log: AutopilotLog, found: FloatArray) -> AutopilotLog:
-    """A log with times of another clock in the place of those of its own, which drifts.
-
-    Args:
-        log: with its own.
-        found: rows of a time of its own clock and what to add there, s.
-    """
+    """Return a log on another clock; rows of `found` are a time on its own clock and the offset there, s."""
 
     def on_the_other(rows: FloatArray) -> FloatArray:
         times = rows[:, :1]
@@ -179,13 +172,10 @@ def moved(log: AutopilotLog, found: FloatArray) -> AutopilotLog:
 
 
 def satellite_offsets(times: FloatArray) -> FloatArray:
-    """Rows of a time of a log's clock and what to add to it there for satellite time, s.
+    """Return rows of a time on a log's clock and the offset there to satellite time, s.
 
-    A report waits up to a loop of the autopilot before it is logged; the mean of the middle half is as late
-    on all aircraft.
-
-    Args:
-        times: rows of a log's time and the satellite time that it tells then, s; one at least.
+    A report waits up to one loop of the autopilot before it is logged; the mean of the middle half is equally
+    late on all aircraft. Rows of `times`, at least one, are log time and satellite time, s.
     """
     ahead = times[:, 1] - times[:, 0]
     known = np.abs(ahead - np.median(ahead)) <= TRUSTED_S
@@ -196,13 +186,13 @@ def satellite_offsets(times: FloatArray) -> FloatArray:
 
 
 def middle_mean(values: FloatArray) -> float:
-    """Mean of the middle half of some values."""
+    """Return the mean of the middle half of values."""
     quarter = values.size // 4
     return float(np.mean(np.sort(values)[quarter : values.size - quarter]))
 
 
 def as_recorded(log: AutopilotLog, vehicle: str, mission: Mission) -> RecordingContents:
-    """A log as what a companion would have recorded: its setpoints are the steps of guidance."""
+    """Return a log as a companion's recording, with its setpoints as guidance steps."""
     return RecordingContents(
         directory=log.path.parent,
         start=RecordingStart(
@@ -220,7 +210,7 @@ def as_recorded(log: AutopilotLog, vehicle: str, mission: Mission) -> RecordingC
 
 
 def steps_of(log: AutopilotLog) -> list[GuidanceStep]:
-    """Guided while setpoints come, and not guided where none has come for a while."""
+    """Return the guidance steps of a log: guided from each setpoint on for up to `ASKED_S`."""
     steps: list[GuidanceStep] = []
     for time_s, course, airspeed in log.setpoints.tolist():
         if steps and time_s - steps[-1].time_s > ASKED_S:
@@ -232,7 +222,7 @@ def steps_of(log: AutopilotLog) -> list[GuidanceStep]:
 
 
 def step(time_s: float, mode: Mode, course: float, airspeed: float) -> GuidanceStep:
-    """One of them."""
+    """Return a guidance step with these values."""
     return GuidanceStep(
         time_s=time_s,
         mode=mode.value,

@@ -1,7 +1,7 @@
-"""Paparazzi's logs as its log plotter exports them: `.csv`, a column for each field of a message.
+"""Reader of Paparazzi's logs as its log plotter exports them: `.csv`, a column for each message field.
 
-The export names no aircraft: the file's name does. Its columns are whatever was chosen, in any order; values
-are as messages carry them (Paparazzi, messages.xml, GPS): centimetres, tenths of degrees, milliseconds.
+The export names no aircraft: the file's name does. Columns are chosen by the user, in any order. Values are
+those of the messages (Paparazzi, messages.xml, GPS): centimetres, tenths of degrees, milliseconds.
 """
 
 import math
@@ -28,10 +28,10 @@ from vfguide.mission.model import Mission
 
 SEPARATORS = ("\t", ";", ",")
 LONGEST_LINE = 16_384
-"""Bytes: some thousand columns."""
+"""Maximum length of a line, bytes: some thousand columns."""
 
 LONGEST_WAIT_S = 1.0
-"""s behind the newest satellite time that a row can be told to be."""
+"""Greatest time by which a row is taken to follow the newest satellite time, s."""
 
 NAMES = {
     "time": ("time",),
@@ -49,16 +49,16 @@ NAMES = {
     "heading": ("attitude:psi",),
     "airspeed": ("airspeed:airspeed",),
 }
-"""What is read, by the names of its column."""
+"""Possible column names of each value that is read."""
 
 Values = Mapping[str, float]
 
 
 def read_paparazzi(path: Path, mission: Mission) -> AutopilotLog:
-    """One export.
+    """Read an export.
 
     Raises:
-        InputError: it is something else, names no vehicle of the mission, or tells no position.
+        InputError: the file is no export, names no vehicle of the mission, or has no position.
     """
     system_id = vehicle_of(path, mission)
     rows = LogRows()
@@ -85,10 +85,10 @@ def read_paparazzi(path: Path, mission: Mission) -> AutopilotLog:
 
 
 def vehicle_of(path: Path, mission: Mission) -> int:
-    """System id of the vehicle that a file is named after, such as `lead.csv` or `lead_2026.csv`.
+    """Return the system ID of the vehicle that a file is named after: `lead.csv` or `lead_2026.csv`.
 
     Raises:
-        InputError: it is named after none, or several.
+        InputError: the file is named after no vehicle, or several.
     """
     parts = {path.stem, *re.split(r"[^A-Za-z0-9]+", path.stem)}
     found = [one.system_id for name, one in mission.vehicles.items() if name in parts]
@@ -103,10 +103,10 @@ def vehicle_of(path: Path, mission: Mission) -> int:
 def read_rows(
     stream: BinaryIO, rows: LogRows, place: Callable[[Values], tuple[float, float] | None]
 ) -> bool:
-    """Read an export into rows; whether it tells satellite time.
+    """Read an export into rows, and return whether it has satellite time.
 
     Raises:
-        ValueError: it has no columns to read.
+        ValueError: time or altitude is missing.
     """
     head = stream.readline(LONGEST_LINE).decode("utf-8-sig")
     separator = max(SEPARATORS, key=head.count)
@@ -127,7 +127,7 @@ def read_rows(
         if not math.isfinite(seen):
             continue
         if newest is None or fix != newest[0]:
-            # A row repeats what was said last: only a satellite time that is new is when it was.
+            # Rows repeat the last message: only a new satellite time is that of its row.
             satellite_s = satellite_time(one)
             time_s = satellite_s if math.isfinite(satellite_s) else seen
             newest = fix, time_s, seen
@@ -144,7 +144,7 @@ def read_rows(
 def add_position(
     rows: LogRows, time_s: float, one: Values, place: Callable[[Values], tuple[float, float] | None]
 ) -> None:
-    """Add a place with the velocity over ground there, where it is known."""
+    """Add a position with its ground velocity, where it is known."""
     if (found := place(one)) is not None:
         speed = 0.01 * one.get("speed", math.nan)
         course = math.radians(0.1 * one.get("course", math.nan))
@@ -153,13 +153,13 @@ def add_position(
 
 
 def satellite_time(one: Values) -> float:
-    """S since 1970; of an unknown week, that in which GPS time began: the era makes it a later one."""
+    """Return satellite time, s since 1970; without a week, in GPS week 0, which `in_this_era` corrects."""
     itow = 1e-3 * one.get("itow", math.nan)
     return GPS_EPOCH_UNIX_S + WEEK_S * one.get("week", 0.0) + itow - LEAP_S
 
 
 def place_of(*, northern: bool) -> Callable[[Values], tuple[float, float] | None]:
-    """How to take latitude and longitude (degrees) out of a row; UTM does not say which hemisphere."""
+    """Return a function from a row to latitude and longitude, degrees; UTM lacks the hemisphere."""
 
     def place(one: Values) -> tuple[float, float] | None:
         latitude, longitude = one.get("latitude", math.nan), one.get("longitude", math.nan)
@@ -174,7 +174,7 @@ def place_of(*, northern: bool) -> Callable[[Values], tuple[float, float] | None
 
 
 def number(cell: str) -> float:
-    """A cell's number; NaN where it holds none that anything in a flight can be."""
+    """Return a cell's number; NaN where it is none or impossibly large."""
     try:
         value = float(cell)
     except ValueError:
@@ -183,9 +183,9 @@ def number(cell: str) -> float:
 
 
 def from_utm(east_m: float, north_m: float, zone: int, *, northern: bool) -> tuple[float, float]:
-    """(latitude, longitude) in degrees on WGS84 of a place in a UTM zone.
+    """Return (latitude, longitude), degrees, on WGS84 of a position in a UTM zone.
 
-    Series of Krüger (1912), to the fourth power of the third flattening: right to less than a millimetre.
+    Series of Krüger (1912), to the fourth power of the third flattening: accurate to less than a millimetre.
     """
     n = 1.0 / (2.0 * 298.257223563 - 1.0)
     radius = 6_378_137.0 / (1.0 + n) * (1.0 + n**2 / 4.0 + n**4 / 64.0) * 0.9996

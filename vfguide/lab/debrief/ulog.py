@@ -1,7 +1,7 @@
-"""PX4's own logs, `.ulg`: PX4 from 1.10 on.
+"""Reader of PX4's own logs, `.ulg`, from PX4 1.10 on.
 
-Format: docs.px4.io, ULog File Format. Nothing is made of a topic but the fields that are read, however large
-its description would make it.
+Format: docs.px4.io, ULog File Format. Only the wanted fields of a topic are unpacked, however large its
+description says that it is.
 """
 
 import re
@@ -35,10 +35,10 @@ NUMBERS |= {"int32_t": "i", "uint32_t": "I", "int64_t": "q", "uint64_t": "Q"}
 NUMBERS |= {"float": "f", "double": "d"}
 
 LONGEST = 0xFFFF
-"""Bytes of a message: what a description makes larger is no topic of a log."""
+"""Maximum size of a message, bytes; a description of a larger one is invalid."""
 
 DEEPEST = 8
-"""Topics within each other, at most."""
+"""Maximum nesting depth of topics."""
 
 FIELD = re.compile(r"([a-zA-Z_]\w*)(?:\[(\d{1,6})\])? (\w+)")
 
@@ -47,7 +47,7 @@ TOPICS: dict[str, tuple[tuple[str, ...], ...]] = {
     # Up to 1.11 the heading was called yaw.
     "vehicle_local_position": (("vx", "vy", "heading"), ("vx", "vy", "yaw")),
     "vehicle_attitude": (("q[0]", "q[1]", "q[2]", "q[3]"),),
-    # True and equivalent airspeed; the second was called so up to 1.11.
+    # True and equivalent airspeed; only up to 1.11 the second was called equivalent.
     "airspeed_validated": (
         ("true_airspeed_m_s", "calibrated_airspeed_m_s"),
         ("true_airspeed_m_s", "equivalent_airspeed_m_s"),
@@ -58,28 +58,25 @@ TOPICS: dict[str, tuple[tuple[str, ...], ...]] = {
     "fixed_wing_lateral_setpoint": (("course",),),
     "fixed_wing_longitudinal_setpoint": (("equivalent_airspeed",),),
 }
-"""What is read; everything else is skipped. Of several ways to name the fields the first that is there."""
+"""Fields read of each topic, with alternative names: the first set that exists is used."""
 
 FINEST_POSITION_S = 0.04
-"""s between two positions that are kept: PX4 writes a hundred a second."""
+"""Least interval of positions that are kept, s: PX4 writes a hundred per second."""
 
 
 class TopicField(NamedTuple):
-    """A field of a topic's description."""
+    """Field of a topic's description: kind of number or nested topic, array length and name."""
 
     kind: str
-    """A number, or another topic."""
     length: int
-    """How many of it."""
     name: str
-    """Of the field."""
 
 
 def read_ulog(path: Path) -> AutopilotLog:
-    """One log.
+    """Read a log.
 
     Raises:
-        InputError: it is damaged, something else, or tells no position or no system id.
+        InputError: the file is damaged, no such log, or without position or system ID.
     """
     rows = LogRows()
     system_id = None
@@ -128,11 +125,7 @@ def read_ulog(path: Path) -> AutopilotLog:
 
 
 def messages(stream: BinaryIO) -> Iterator[tuple[str, float | tuple[float, ...]]]:
-    """The system id, and by topic the time in µs with the fields that are read.
-
-    Raises:
-        ValueError: it is no such log, or written in a way that is not known here.
-    """
+    """Yield (topic, (time in µs, wanted fields)) and ("", system ID); for errors see `entries`."""
     topics: dict[str, list[TopicField]] = {}
     readers: dict[int, tuple[str, struct.Struct, tuple[int, ...]]] = {}
     for kind, body in entries(stream):
@@ -153,10 +146,10 @@ def messages(stream: BinaryIO) -> Iterator[tuple[str, float | tuple[float, ...]]
 
 
 def entries(stream: BinaryIO) -> Iterator[tuple[bytes, bytes]]:
-    """Kind and body of each entry of a log, as far as it goes.
+    """Yield kind and body of each entry of a log, which may be cut off.
 
     Raises:
-        ValueError: it is no such log, or written in a way that is not known here.
+        ValueError: the stream is no ULog, or has an unknown variant of the format.
     """
     if stream.read(16)[:7] != MAGIC:
         raise ValueError("is no ULog")
@@ -169,7 +162,7 @@ def entries(stream: BinaryIO) -> Iterator[tuple[bytes, bytes]]:
             continue
         body = stream.read(size)
         if appended and stream.tell() > appended[0]:
-            # What was written while the autopilot was failing follows the rest, which was cut off there.
+            # The log goes on at the data appended during a failure, which cut off the message before.
             stream.seek(appended.pop(0))
         elif len(body) < size:
             return
@@ -180,7 +173,7 @@ def entries(stream: BinaryIO) -> Iterator[tuple[bytes, bytes]]:
 
 
 def to_next_sync(stream: BinaryIO) -> bool:
-    """Go on behind the next mark that a damaged log can be read from; whether there is one."""
+    """Seek behind the next sync mark of a damaged log; return whether there is one."""
     start = stream.seek(-2, 1)
     waiting = b""
     while chunk := stream.read(1 << 16):
@@ -194,10 +187,10 @@ def to_next_sync(stream: BinaryIO) -> bool:
 
 
 def appended_at(flags: bytes) -> list[int]:
-    """Where parts of the log go on that were written last.
+    """Return the offsets of appended data from the body of the flags entry, in order.
 
     Raises:
-        ValueError: the log has to be read in a way that is not known here.
+        ValueError: the log has unknown incompatible flags.
     """
     if flags[8] & ~1 or any(flags[9:16]):
         raise ValueError("has flags that are not known")
@@ -206,7 +199,7 @@ def appended_at(flags: bytes) -> list[int]:
 
 
 def fields_of(described: str) -> list[TopicField]:
-    """The fields of a topic's description; none of one that is not understood."""
+    """Return the fields of a topic's description; none where it is not valid."""
     found = [FIELD.fullmatch(one.strip()) for one in described.rstrip(";").split(";")]
     return (
         [TopicField(one[1], int(one[2] or 1), one[3]) for one in found if one] if all(found) else []
@@ -216,7 +209,7 @@ def fields_of(described: str) -> list[TopicField]:
 def reader_of(
     name: str, topics: Mapping[str, list[TopicField]]
 ) -> tuple[struct.Struct, tuple[int, ...]] | None:
-    """How to take time and wanted fields out of a topic's message, and in which order they are then."""
+    """Return the structure of a topic's time and wanted fields in a message, and the order to put them in."""
     places: dict[str, tuple[int, str]] = {}
     at = 0
     sizes: dict[str, int] = {}
@@ -246,7 +239,7 @@ def reader_of(
 def size_of(
     kind: str, topics: Mapping[str, list[TopicField]], sizes: dict[str, int], deepest: int
 ) -> int:
-    """Bytes of a kind of field; 0 where nobody can say, or nothing of that size can be in a log."""
+    """Return the size of a kind of field, bytes; 0 where it is unknown or impossibly large."""
     if (number := NUMBERS.get(kind)) is not None:
         return struct.calcsize(number)
     if kind not in sizes:
@@ -260,13 +253,13 @@ def size_of(
 
 
 def thinned(rows: FloatArray) -> FloatArray:
-    """Rows with no more than one in each step of time."""
+    """Return the first row of each time step of `FINEST_POSITION_S`."""
     steps = np.floor(rows[:, 0] / FINEST_POSITION_S)
     return rows[np.flatnonzero(np.diff(steps, prepend=-1.0))]
 
 
 def roll_of(quaternions: FloatArray) -> FloatArray:
-    """Bank angle of attitudes (w, x, y, z), from the ground's frame to the body's, rad."""
+    """Return bank angles, rad, of attitude quaternions (w, x, y, z)."""
     w, x, y, z = quaternions.T
     roll: FloatArray = np.arctan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y))
     return roll

@@ -1,7 +1,7 @@
-"""MCAP for Foxglove, Lichtblick and PlotJuggler: places on a map, aircraft in 3D, every number, the modes.
+"""Export to MCAP for Foxglove, Lichtblick and PlotJuggler: map positions, aircraft in 3D, numbers, modes.
 
-Messages are those of Foxglove's SDK, which Foxglove and Lichtblick draw by themselves; all numbers of a
-vehicle are JSON with a schema of its own.
+Foxglove and Lichtblick draw the messages of Foxglove's SDK by themselves. The numbers of a vehicle are JSON
+with a schema of their own.
 """
 
 import json
@@ -50,34 +50,33 @@ STATE: dict[str, Any] = {
         **{name: {"type": "number", "description": unit} for name, unit in UNITS.items()},
     },
 }
-"""All numbers of a vehicle that are known."""
+"""JSON schema of a vehicle's known numbers."""
 
 FRAME = "formation"
-"""The local frame: x east, y north, z up from the origin's height."""
+"""Local frame: x east, y north, z up from the origin's altitude."""
 
 SECOND_NS = 1_000_000_000
 
 PLACE = ("latitude_deg", "longitude_deg", "altitude_amsl_m", "north_m", "east_m")
-"""Numbers that say where a vehicle is."""
+"""Numbers of a vehicle's position."""
 
 ARROW_M = 6.0
-"""Length of an aircraft in the scene, m."""
+"""Length of an aircraft's arrow in the scene, m."""
 
 LEVEL = Quaternion(x=0.0, y=0.0, z=0.0, w=1.0)
-"""No turn."""
 
 Message = FrameTransform | LocationFix | Log | SceneUpdate
 State = dict[str, Any]
 Stand = tuple[float, float, float, float]
-"""East, north and up in the local frame, m, and the heading in degrees."""
+"""East, north and up in the local frame, m, and heading, degrees."""
 
 
 def write_mcap(record: FlightRecord, path: Path) -> None:
     """Write a flight.
 
     Raises:
-        OSError: it cannot be written.
-        InputError: the record does not say where on the earth it was flown.
+        OSError: the file cannot be written.
+        InputError: the record has no geographic origin.
     """
     context, begin_ns = Context(), round(begin_of(record) * 1e9)
     with (
@@ -89,7 +88,7 @@ def write_mcap(record: FlightRecord, path: Path) -> None:
         for part in parts_of(record):
             put_part(record, part, topics, begin_ns)
         for event in record.events:
-            # Modes are those of the samples, of records of all versions.
+            # Modes come from the samples, which records of all versions have.
             if event.kind != "mode":
                 level = LogLevel.Warning if event.warning else LogLevel.Info
                 time_ns = begin_ns + round(event.time_s * 1e9)
@@ -98,15 +97,14 @@ def write_mcap(record: FlightRecord, path: Path) -> None:
 
 
 class FoxgloveTopics:
-    """Messages by topic; each topic is made when it first comes."""
+    """Channels by topic, each made for the topic's first message."""
 
     def __init__(self, context: Context) -> None:
-        """Send to whoever writes or listens in this context."""
         self._context = context
         self._channels: dict[str, Channel] = {}
 
     def put(self, topic: str, time_ns: int, message: Message | State) -> None:
-        """Send one message, of a time in ns since 1970."""
+        """Log one message at a time in ns since 1970."""
         channel = self._channels.get(topic)
         if isinstance(message, dict):
             schema: Any = STATE
@@ -122,7 +120,7 @@ class FoxgloveTopics:
 
 
 def put_path(record: FlightRecord, topics: FoxgloveTopics, time_ns: int) -> None:
-    """The planned path, once and for good."""
+    """Put the planned path, once for the whole flight."""
     height = record.leader.altitude_amsl_m
     known = height[np.isfinite(height)]
     up = float(known[0]) - altitude_of_origin(record) if known.size else 0.0
@@ -131,7 +129,7 @@ def put_path(record: FlightRecord, topics: FoxgloveTopics, time_ns: int) -> None
 
 
 def path_line(east_m: list[float], north_m: list[float], up_m: float) -> LinePrimitive:
-    """A line along a path at a height above the origin, m; without the points that are not known."""
+    """Return a line along the known points of a path at a height above the origin, m."""
     points = [
         Point3(x=east, y=north, z=up_m)
         for east, north in zip(east_m, north_m, strict=True)
@@ -147,7 +145,7 @@ def path_line(east_m: list[float], north_m: list[float], up_m: float) -> LinePri
 
 
 def put_part(record: FlightRecord, part: Part, topics: FoxgloveTopics, begin_ns: int) -> None:
-    """Some samples of one vehicle."""
+    """Put some samples of one vehicle: state, scene and changes of mode."""
     vehicle, name = part.vehicle, part.vehicle.name
     every = finest_stride(record)
     first = int(np.searchsorted(record.time_s, part.time_s[0]))
@@ -170,13 +168,13 @@ def put_part(record: FlightRecord, part: Part, topics: FoxgloveTopics, begin_ns:
 def put_state(
     topics: FoxgloveTopics, name: str, row: dict[str, float], time_ns: int, **more: object
 ) -> None:
-    """Put all numbers of a vehicle that are known, and what else is said of it."""
+    """Put all known numbers of a vehicle and further values."""
     known = {one: value for one, value in row.items() if one in UNITS and math.isfinite(value)}
     topics.put(f"/{name}/state", time_ns, {"timestamp": stamp_of(time_ns), **more, **known})
 
 
 def slots_of(record: FlightRecord, vehicle: VehicleRecord) -> list[Stand]:
-    """Where a follower's slot was at each sample, on the leader's course."""
+    """Return a follower's slot at each sample, headed along the leader's course."""
     leader = record.reference
     north, east = slot_track(leader, *vehicle.slot_m)
     up = leader.altitude_amsl_m + vehicle.slot_height_m - altitude_of_origin(record)
@@ -208,16 +206,9 @@ def put_scene(
     origin_m: float,
     time_ns: int,
 ) -> None:
-    """Put where a vehicle is on the earth and in the local frame, and its arrow there; nothing if not known.
+    """Put a vehicle's geographic position, frame transform, arrows and label, as far as they are known.
 
-    Args:
-        topics: what takes it.
-        name: of the vehicle.
-        colour: of the vehicle.
-        row: its numbers by their names.
-        slot: where its slot is; None for the leader.
-        origin_m: height of the local frame's origin, above mean sea level.
-        time_ns: since 1970.
+    `row` has its numbers by name; `origin_m` is the altitude of the local frame's origin, m.
     """
     latitude, longitude, altitude, north, east = (row.get(one, math.nan) for one in PLACE)
     if not is_known((latitude, longitude, altitude, north, east)):
@@ -257,12 +248,12 @@ def put_scene(
 
 
 def is_known(numbers: Sequence[float]) -> bool:
-    """Whether every number of a place is known."""
+    """Check whether all numbers are finite."""
     return all(math.isfinite(one) for one in numbers)
 
 
 def pose_at(stand: Stand) -> Pose:
-    """Where an arrow begins whose middle is a place."""
+    """Return the pose of the tail of an arrow that is centred on a place."""
     east, north, up, heading_deg = stand
     back_east = 0.5 * ARROW_M * math.sin(math.radians(heading_deg))
     back_north = 0.5 * ARROW_M * math.cos(math.radians(heading_deg))
@@ -271,7 +262,7 @@ def pose_at(stand: Stand) -> Pose:
 
 
 def arrow_at(stand: Stand, colour: Color) -> ArrowPrimitive:
-    """An arrow whose middle is a place."""
+    """Return an arrow that is centred on a place."""
     return ArrowPrimitive(
         pose=pose_at(stand),
         shaft_length=0.6 * ARROW_M,
@@ -283,7 +274,7 @@ def arrow_at(stand: Stand, colour: Color) -> ArrowPrimitive:
 
 
 def scene(name: str, time_ns: int, **primitives: Any) -> SceneUpdate:  # noqa: ANN401 - lists of each kind
-    """An entity that stands until the next of its name."""
+    """Return a scene entity that stays until the next of its name."""
     entity = SceneEntity(
         timestamp=stamp(time_ns), frame_id=FRAME, id=name, frame_locked=True, **primitives
     )
@@ -291,14 +282,14 @@ def scene(name: str, time_ns: int, **primitives: Any) -> SceneUpdate:  # noqa: A
 
 
 def turned_to(heading_deg: float, bank_deg: float) -> Quaternion:
-    """An attitude as Foxglove writes it."""
+    """Return the attitude of a heading and a bank angle, degrees, as a Foxglove quaternion."""
     return Quaternion(**dict(zip("xyzw", attitude(heading_deg, bank_deg), strict=True)))
 
 
 def attitude(heading_deg: float, bank_deg: float) -> tuple[float, float, float, float]:
-    """(x, y, z, w) that turns a body's axes, x ahead and z up, to a heading and then a bank.
+    """Return the quaternion (x, y, z, w) of a heading and a bank angle, degrees; body x ahead, z up.
 
-    East is x and north is y: a heading of 90° is no turn, and headings grow against the angle of the plane.
+    East is x and north is y: a heading of 90° is no rotation, and headings increase against the yaw angle.
     """
     yaw = math.radians(90.0 - heading_deg) if math.isfinite(heading_deg) else 0.0
     roll = math.radians(bank_deg)
@@ -313,21 +304,21 @@ def attitude(heading_deg: float, bank_deg: float) -> tuple[float, float, float, 
 
 
 def colour_of(code: str, opacity: float) -> Color:
-    """A colour such as #0072b2."""
+    """Return the colour of a code such as #0072b2."""
     red, green, blue = (int(code[place : place + 2], 16) / 255.0 for place in (1, 3, 5))
     return Color(r=red, g=green, b=blue, a=opacity)
 
 
 def stamp_of(time_ns: int) -> State:
-    """A time in JSON, as Foxglove reads it."""
+    """Return a time in ns as Foxglove's JSON."""
     return dict(zip(("sec", "nsec"), divmod(time_ns, SECOND_NS), strict=True))
 
 
 def stamp(time_ns: int) -> Timestamp:
-    """A time as Foxglove writes it."""
+    """Return a time in ns as a Foxglove timestamp."""
     return Timestamp(*divmod(time_ns, SECOND_NS))
 
 
 def altitude_of_origin(record: FlightRecord) -> float:
-    """Height of the local frame's origin, m above mean sea level."""
+    """Return the altitude of the local frame's origin above mean sea level, m; 0 where not known."""
     return 0.0 if record.origin is None else record.origin.altitude_amsl_m

@@ -1,1 +1,1 @@
-"""A whole formation on one computer: emulators and companions, joined by MAVLink bytes."""
+"""Rehearsal of a formation on one computer: emulators and companions, joined by MAVLink."""

@@ -44,17 +44,13 @@ DECLARED = (
 """Fields of a mission's vehicle that its emulator uses unless it has values of its own."""
 
 ROUTE_POINTS = 361
-"""Points of the route of an aircraft without a companion."""
 
 ROUTE_BEYOND_M = 1000.0
 """Length by which the route along an endless path exceeds what the aircraft can fly, m."""
 
 
 def settings_of(mission: Mission, name: str) -> dict[str, object]:
-    """Return the settings of a vehicle's emulator, as `sitl-stub --config` takes them.
-
-    Emulators in lockstep, live flights and containers all start with them.
-    """
+    """Return the `sitl-stub --config` settings of a vehicle's emulator, the same for every kind of flight."""
     vehicle, rehearsal = mission.vehicles[name], mission.rehearsal
     emulator = rehearsal.emulator.of(name)
     leads = name == mission.leader.vehicle
@@ -266,15 +262,10 @@ class Aircraft:
         orders: OrderMail | None = None,
         greeting_s: float = 0.0,
     ) -> None:
-        """Put the aircraft of this name at its start.
+        """Put the aircraft of this name at its start; for `greeting_s` see `Companion`.
 
-        Args:
-            mission: the mission.
-            name: name of the vehicle.
-            log: log of every datagram of the MAVLink connection.
-            clock: formation's clock, as this aircraft knows it.
-            orders: the operator's orders; None for those of the mission's time table.
-            greeting_s: see `Companion`.
+        `log` gets every datagram of the MAVLink connection. `clock` is the formation's, as this aircraft
+        knows it. Without `orders` the operator gives those of the mission's time table.
         """
         rehearsal = mission.rehearsal
         quality = LinkQuality(
@@ -319,11 +310,9 @@ class Aircraft:
         self._replies = b""
 
     def step(self, now: float, mail: Sequence[Mail]) -> list[Mail]:
-        """Fly on to this time, step the companion and return the mail that this aircraft publishes.
+        """Fly on to this virtual time, s, step the companion and return the mail that it publishes.
 
-        Args:
-            now: virtual time, s.
-            mail: mail of others that is handed to the link now; the link delivers it later or loses it.
+        The link gets the others' mail now, and delivers it later or loses it.
         """
         if self.loses("companion", now):
             self._fly_alone(now)
@@ -417,14 +406,9 @@ def aircraft_of(
 def step_all(
     formation: Sequence[Aircraft | EmulatedForeignLeader], now: float, mail: Sequence[Mail]
 ) -> list[Mail]:
-    """Step each aircraft, leader first, and return all mail that they publish.
+    """Step each aircraft to this virtual time, s, leader first, and return all mail that they publish.
 
-    The others get the leader's mail at the same time.
-
-    Args:
-        formation: the aircraft, or those of them that this process flies.
-        now: virtual time, s.
-        mail: mail from elsewhere that is handed to the links now.
+    The others get the leader's mail at the same time, and `mail`, which comes from elsewhere.
     """
     heard, published = list(mail), []
     for aircraft in formation:
@@ -443,14 +427,9 @@ class Candidates:
         self._said: list[tuple[int, Mail]] = []
 
     def step(self, now: float, mail: Sequence[Mail]) -> tuple[list[Mail], list[Mail]]:
-        """Step each candidate in order; earlier ones hear leader messages of later ones an instant later.
+        """Step each candidate to this virtual time, s; earlier ones hear later ones an instant later.
 
-        Args:
-            now: virtual time, s.
-            mail: mail from elsewhere that is handed to the links now.
-
-        Returns:
-            mail that all others get now, and mail of deputies as followers, which takes the usual way.
+        Return mail that all others get now, and mail of deputies as followers, which takes the usual way.
         """
         before, self._said = self._said, []
         at_once: list[Mail] = []

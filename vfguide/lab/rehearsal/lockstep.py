@@ -1,10 +1,10 @@
-"""Rehearsals in lockstep: in one process, or with the vehicles spread over several.
+"""Rehearsals in lockstep, in one process or several.
 
 Time is virtual: a flight goes as fast as the computer, with the same bytes for the same seed.
 
-The aircraft of a formation may be flown by several processes. They exchange what followers publish at the
-end of each window of some instants; it is handed to the links at the beginning of the window after next, so
-that no process waits for another that is flying the same window. The number of processes changes nothing.
+Processes exchange the mail of followers at the end of each window of some instants. The links get it at the
+beginning of the window after next, so that no process waits for another that flies the same window. The
+number of processes changes no result.
 """
 
 import multiprocessing
@@ -40,25 +40,21 @@ from vfguide.record.vehicle import VehicleRecord
 from vfguide.registry import plugin_fault
 
 WINDOWS = 2
-"""From the window in which something is published to the one in which it is handed to the links."""
+"""Number of windows from the publication of mail to its handover to the links."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class VehicleOutcome:
-    """What one aircraft brings home."""
+    """Results of one aircraft's flight."""
 
     name: str
-    """Name of the vehicle."""
     record: VehicleRecord
-    """The vehicle's part of the flight record."""
     events: list[Event]
-    """What its companion reported."""
     log: TelemetryLog | None
-    """Telemetry log of the vehicle, where one was kept."""
 
 
 def outcome_of(aircraft: Aircraft | EmulatedForeignLeader) -> VehicleOutcome:
-    """What an aircraft brings home so far."""
+    """Return the results of an aircraft's flight so far."""
     return VehicleOutcome(
         name=aircraft.name,
         record=aircraft.recorder.record(),
@@ -70,7 +66,7 @@ def outcome_of(aircraft: Aircraft | EmulatedForeignLeader) -> VehicleOutcome:
 def launch(
     mission: Mission, names: Sequence[str], epoch_s: float | None
 ) -> list[Aircraft | EmulatedForeignLeader]:
-    """Aircraft at their starts, with telemetry logs where time 0 is given in seconds since 1970."""
+    """Return aircraft at their starts, with telemetry logs where time 0 is given, s since 1970."""
     return [
         aircraft_of(mission, name, log=None if epoch_s is None else TelemetryLog(epoch_s))
         for name in names
@@ -78,7 +74,7 @@ def launch(
 
 
 class WorkerProcess:
-    """A process that flies some of the aircraft, as the one that started it sees it."""
+    """Handle of a process that flies some of the aircraft; methods raise VfguideError where it died."""
 
     def __init__(self, mission: Mission, names: Sequence[str], epoch_s: float | None) -> None:
         """Start the process and launch these aircraft in it."""
@@ -91,16 +87,12 @@ class WorkerProcess:
         )
         with signals_blocked():
             self._process.start()
-        # With one holder for each end, the death of either process is an end of file for the other.
+        # Each end has one holder then: the death of either process is an end of file for the other.
         instants.close()
         answers.close()
 
     def pass_on(self, window: list[Instant]) -> None:
-        """Let the worker fly these instants.
-
-        Raises:
-            VfguideError: the process died.
-        """
+        """Let the worker fly these instants."""
         try:
             self._instants.send(window)
         except OSError as error:
@@ -108,11 +100,7 @@ class WorkerProcess:
         self._flown += 1
 
     def published(self) -> list[Mail]:
-        """What the worker published in the oldest window for which that was not asked yet; waits for it.
-
-        Raises:
-            VfguideError: the process died.
-        """
+        """Wait for and return the worker's mail of the oldest window that was not collected yet."""
         self._flown -= 1
         try:
             mail: list[Mail] = self._answers.recv()
@@ -121,11 +109,7 @@ class WorkerProcess:
         return mail
 
     def land(self) -> list[VehicleOutcome]:
-        """Let the worker fly what was passed on to the end, and take what it brings home.
-
-        Raises:
-            VfguideError: the process died.
-        """
+        """Let the worker complete all windows that were passed on, and return its outcomes."""
         while self._flown:
             self.published()
         try:
@@ -137,7 +121,7 @@ class WorkerProcess:
         return outcomes
 
     def close(self) -> None:
-        """End the process, whatever it is doing."""
+        """Kill the process."""
         self._process.kill()
         self._process.join()
         self._instants.close()
@@ -150,15 +134,15 @@ class WorkerProcess:
 
 @contextmanager
 def signals_blocked() -> Iterator[None]:
-    """Start processes that no Ctrl-C and SIGTERM ends, which may reach a whole group of processes.
+    """Block SIGINT and SIGTERM in processes started in this context, since both may reach a whole group.
 
-    The near end tells the far one when to stop. Windows cannot block signals: there a worker begins by
-    ignoring Ctrl-C.
+    The parent process tells a worker when to stop. Windows cannot block signals: there a worker ignores
+    Ctrl-C once it has started.
     """
     if not hasattr(signal, "pthread_sigmask"):
         yield
         return
-    # Started by the first process otherwise, and with that it would lift the blocking of signals.
+    # The start of the first process would start the tracker too, which would unblock the signals.
     resource_tracker.ensure_running()
     blocked = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM})
     try:
@@ -174,11 +158,11 @@ def fly_share(
     instants: Connection,
     answers: Connection,
 ) -> None:
-    """The far end: fly every window that comes, say what was published, at last send home what there is."""
+    """Run a worker: fly each received window, send the published mail, and at the end the outcomes."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:
         share = launch(mission, names, epoch_s)
-        # Without a near end there is nobody to fly for.
+        # The worker ends when its parent process is gone.
         with suppress(EOFError, BrokenPipeError):
             while (window := instants.recv()) is not None:
                 answers.send(fly_window(share, window))
@@ -192,38 +176,35 @@ def fly_share(
 
 
 Progress = Callable[[float], None]
-"""Called with the virtual time, at each step of the leader: followers fly it up to a window later."""
+"""Receiver of the virtual time, s, at each step of the leader; followers fly it up to a window later."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LockstepFlight:
-    """A flight that was flown, to its end or to where it was stopped."""
+    """Results of a flight, completed or interrupted; dictionaries are by vehicle."""
 
     record: FlightRecord
-    """What happened."""
     events: dict[str, list[Event]]
-    """What each companion reported, by vehicle."""
     logs: dict[str, TelemetryLog]
-    """Telemetry logs by vehicle, where they were kept."""
+    """Telemetry logs, where they were kept."""
     interrupted: bool
-    """Whether it was stopped before its end."""
     latency: Latency | None = None
-    """How quick the programs of a live flight were."""
+    """Latencies of the programs of a live flight."""
 
 
 def count_of_steps(mission: Mission) -> int:
-    """How many steps a flight has, the first and the last one counted."""
+    """Return the number of steps of a flight, with the first and the last."""
     return round(mission.rehearsal.duration_s * mission.rehearsal.rate_hz) + 1
 
 
 def instants(mission: Mission) -> Iterator[float]:
-    """Times of the steps of a flight, s, from 0 to its duration."""
+    """Yield the times of the steps of a flight, s, from 0 to its duration."""
     for step in range(count_of_steps(mission)):
         yield step / mission.rehearsal.rate_hz
 
 
 def windows(mission: Mission) -> Iterator[list[float]]:
-    """Times of the steps, s, in windows of the exchange between followers."""
+    """Yield the times of the steps, s, in windows of the exchange between followers."""
     remaining = instants(mission)
     # A follower publishes about once in a window.
     length = max(round(PUBLISH_S * mission.rehearsal.rate_hz), 1)
@@ -232,7 +213,7 @@ def windows(mission: Mission) -> Iterator[list[float]]:
 
 
 class FormationShare:
-    """The part of a formation that is flown in this process: who may lead ahead of all others."""
+    """Part of a formation that this process flies, candidates for leading ahead of all others."""
 
     def __init__(
         self,
@@ -240,26 +221,20 @@ class FormationShare:
         aircraft: Mapping[str, Aircraft | EmulatedForeignLeader],
         workers: Sequence[WorkerProcess] = (),
     ) -> None:
-        """Begin with nothing flown.
-
-        Args:
-            mission: the mission.
-            aircraft: by name, those who may lead first.
-            workers: that fly the others.
-        """
+        """Begin with nothing flown; `aircraft` are by name, candidates first, `workers` fly the others."""
         self._mission, self.aircraft, self._workers = mission, aircraft, workers
         flying, leading = [*aircraft.values()], 1 + len(mission.deputies)
         self._candidates, self._followers = Candidates(flying[:leading]), flying[leading:]
         self._mail: dict[int, list[Mail]] = {}
         self.times: list[float] = []
-        """Instants that were flown, s."""
+        """Times flown, s."""
 
     def post(self, window: int, mail: Iterable[Mail]) -> None:
-        """Keep mail that was published in this window until it is due."""
+        """Keep mail of this window until it is due."""
         self._mail.setdefault(window + WINDOWS, []).extend(mail)
 
     def fly(self, window: int, due: Iterable[float], progress: Progress | None = None) -> None:
-        """Fly times (s) of a window, all or the next ones, candidates before all others."""
+        """Fly the due times, s, of a window, candidates before all others."""
         mail, published = self._mail.pop(window, []), list[Mail]()
         flown: list[Instant] = []
         for now in due:
@@ -276,11 +251,11 @@ class FormationShare:
 
     @property
     def left(self) -> int:
-        """Steps that are left of the mission."""
+        """Number of steps left of the mission."""
         return count_of_steps(self._mission) - len(self.times)
 
     def land(self, began: float) -> LockstepFlight:
-        """End the flight here, and return what was flown since a time of the performance counter, s."""
+        """End the flight and return it; `began` is its start by the performance counter, s."""
         outcomes = {name: outcome_of(one) for name, one in self.aircraft.items()}
         outcomes |= {one.name: one for worker in self._workers for one in worker.land()}
         names = [self._mission.leader.vehicle, *self._mission.followers_by_name]
@@ -294,7 +269,7 @@ class FormationShare:
 
 
 def leading_first(mission: Mission) -> list[str]:
-    """Names of all vehicles, those who may lead first."""
+    """Return the names of all vehicles, candidates for leading first."""
     first = [mission.leader.vehicle, *mission.deputies]
     return [*first, *(name for name in mission.followers_by_name if name not in first)]
 
@@ -307,21 +282,21 @@ def fly_lockstep(
     progress: Progress | None = None,
     stop: Callable[[], bool] = lambda: False,
 ) -> LockstepFlight:
-    """Fly a mission to its end, or until it is told to stop.
+    """Fly a mission to its end, or until `stop` returns True.
 
     Args:
         mission: the mission.
-        processes: to spread the aircraft over; what happens is the same for any number.
-        epoch_s: time 0 of the flight in seconds since 1970: telemetry logs are kept. None: they are not.
-        progress: hears the virtual time.
-        stop: asked before each step whether to end here; the first is flown in any case.
+        processes: number of processes; the result is the same for any.
+        epoch_s: time 0 of the flight, s since 1970, to keep telemetry logs; None for no logs.
+        progress: receiver of the virtual time.
+        stop: asked before each step but the first whether to end the flight.
 
     Raises:
         VfguideError: one of the processes died.
     """
     began = time.perf_counter()
     names, leading = leading_first(mission), 1 + len(mission.deputies)
-    # Those who may lead are heard at once: they fly in one process, each window ahead of all others.
+    # Candidates for leading are heard at once: they fly in one process, each window ahead of all others.
     first, rest = names[:leading], names[leading:]
     processes = min(processes, len(rest) + 1)
     with ExitStack() as stack:
@@ -352,15 +327,7 @@ def flight_of(
     wall_s: float,
     interrupted: bool,
 ) -> LockstepFlight:
-    """Return the flight that the outcomes of its aircraft, leader first, come to.
-
-    Args:
-        mission: the mission.
-        times: of the instants, s.
-        outcomes: one for each aircraft.
-        wall_s: real time that it took, s.
-        interrupted: whether it was stopped before its end.
-    """
+    """Join the outcomes of all aircraft, leader first, to a flight that took `wall_s` of real time, s."""
     events = {outcome.name: outcome.events for outcome in outcomes}
     return LockstepFlight(
         record=flight_record(

@@ -1,8 +1,8 @@
-"""The formation in virtual time, joined by a radio that all share: the real stations on an emulated channel.
+"""Flight of a formation in virtual time, with the real radio stations on an emulated shared channel.
 
-Everything is as in flight but the port: followers learn the leader's session and clock over the radio, wait
-for the beat and speak in their turns, and an operator whose orders the mission names joins with a radio of
-its own. Aircraft hear at each of their steps what has arrived since the last.
+Only the port differs from flight: followers learn the leader's session and clock by radio, wait for the beat
+and transmit in their turns. Where the mission has orders, an operator joins with a radio of its own.
+Aircraft receive at each step the messages that arrived since the last.
 """
 
 import math
@@ -44,40 +44,34 @@ from vfguide.mission.rehearsal import Radio
 from vfguide.record.tlog import TelemetryLog
 
 AFTER_S = 3.0
-"""An order is said for so long after its time: an answer may be missing."""
+"""Time for which an order is repeated after its start, s, since an answer may be missing."""
 
 DECIDED_S = 1.0
-"""The order before has to be decided before the next is given."""
+"""Pause after the start of one order before the next is given, s: the first has to be decided."""
 
 PRESENCE = Presence(status="online", mode="tracking", time_s=0.0, version="0", signed=True)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RadioFlight:
-    """A flight by radio."""
+    """Flight by radio."""
 
     flight: LockstepFlight
-    """What happened."""
     air: Counter[str]
-    """What was on the air, in packets and bytes."""
+    """Radio traffic in packets and bytes."""
     refused: Counter[str]
-    """What members did not believe, by reason."""
+    """Messages that members rejected, by reason."""
     leader_age_s: tuple[float, ...]
-    """How old the leader's newest state was at each step of each follower in the last half, s."""
+    """Age of the leader's newest state at each step of each follower in the last half, s."""
     verdicts: dict[int, dict[str, Verdict]]
-    """What each vehicle has said last to each order, as the operator has heard it."""
+    """Last answer to each order by each vehicle, as heard by the operator."""
 
 
 class Channels:
-    """What all stations of a flight have in common."""
+    """Keys, roster and timetable that all stations of a flight share."""
 
     def __init__(self, mission: Mission, air: RadioAir, radio: Radio) -> None:
-        """Make keys of chance, the same for the same seed.
-
-        Args:
-            mission: that is flown.
-            air: that all are on.
-            radio: at whose rates they speak.
+        """Make random keys, the same for the same seed.
 
         Raises:
             InputError: the formation does not fit onto the channel.
@@ -89,12 +83,12 @@ class Channels:
             names.remove(mission.leader.vehicle)
         leader = mission.timekeeper
         self.vehicles = (leader, *sorted(set(names) - {leader}))
-        """By their numbers on the radio."""
+        """Vehicle names in order of their radio numbers."""
         self.operator_key = Ed25519PrivateKey.from_private_bytes(
             Random(f"{seed} operator").randbytes(32)
         )
         public = public_bytes(self.operator_key)
-        # What vehicles say is told by the radio's tags: only an operator signs.
+        # Radio tags authenticate the vehicles: only an operator signs.
         self.roster = Roster(
             formation=mission.name,
             vehicles=dict.fromkeys(self.vehicles, public),
@@ -109,7 +103,7 @@ class Channels:
         )
 
     def trust(self, name: str, run: int, key: Ed25519PrivateKey | None = None) -> Trust:
-        """Signatures of the member of this name, in its first or a later run."""
+        """Return the trust of a member in its run of this number, 0 for the first."""
         seed = f"{self.mission.rehearsal.seed} {name} session {run or ''}".rstrip()
         return Trust(
             formation=self.mission.name,
@@ -121,14 +115,14 @@ class Channels:
         )
 
     def peer_clock(self, name: str, run: int) -> PeerClock | None:
-        """By which the member of this name learns the leader's; None for the leader itself."""
+        """Return the clock by which a member learns the leader's; None for the leader itself."""
         if name == self.vehicles[0]:
             return None
         seed = f"{self.mission.rehearsal.seed} {name} {run or ''}".rstrip()
         return PeerClock(chance=count(1 + Random(seed).getrandbits(48)).__next__)
 
     def station(self, member: Member) -> Station:
-        """A member's, not on the air yet."""
+        """Return a new station of a member, not on the air yet."""
         station = Station(
             member,
             formation=self.mission.name,
@@ -144,13 +138,13 @@ class Channels:
 
 
 class ClockQuestions:
-    """A member that asks for the leader's clock when that is due."""
+    """Timer of a member's questions for the leader's clock."""
 
     def __init__(self) -> None:
         self._asks_s = 0.0
 
     def ask(self, member: Member, now: float) -> None:
-        """Ask, if it is time."""
+        """Let the member ask, if that is due."""
         clock = member.peer_clock
         if clock is not None and now >= self._asks_s:
             member.ask()
@@ -158,7 +152,7 @@ class ClockQuestions:
 
 
 class RadioAircraft:
-    """One aircraft with its station."""
+    """Aircraft with its station."""
 
     def __init__(self, channels: Channels, name: str, *, log: TelemetryLog | None = None) -> None:
         """Put the aircraft at its start, and its station on the air."""
@@ -167,7 +161,7 @@ class RadioAircraft:
         self._inbox = list[Mail]()
         self._runs, self._alone = 0, False
         self.refused: Counter[str] = Counter()
-        """What its members have not believed, by reason."""
+        """Messages that its members of earlier runs rejected, by reason."""
         self.member = self._new_member()
         clock = SharedClock(
             to_own=self._to_own,
@@ -180,11 +174,9 @@ class RadioAircraft:
         self._radio: EmulatedRadio = channels.air.add(channels.station(self.member))
 
     def step(self, now: float, heard: list[Mail]) -> None:
-        """Hear, fly on, and say what there is to say.
+        """Fly on to this virtual time, s, and hand messages to the station.
 
-        Args:
-            now: virtual time, s.
-            heard: of a leader without a companion, whom everybody hears by itself.
+        `heard` is the telemetry of a leader without a companion, which does not come by radio.
         """
         aircraft = self.aircraft
         self._plug(lost=aircraft.loses("companion", now), alone=aircraft.loses("link", now))
@@ -199,7 +191,7 @@ class RadioAircraft:
         self._voice.ask(self.member, now)
 
     def _plug(self, *, lost: bool, alone: bool) -> None:
-        """Pull the radio out for a while, or begin anew once another companion has begun."""
+        """Turn the radio off during a loss, and start a new member after the companion's restart."""
         self._radio.on = not (lost or alone)
         if self._alone and not lost:
             self._runs += 1
@@ -211,7 +203,7 @@ class RadioAircraft:
         self._alone = lost
 
     def _new_member(self) -> Member:
-        """The companion as the others hear it: as it is in flight."""
+        """Return a member of the link, connected to the companion as in flight."""
         channels, name = self._channels, self._name
         leader = channels.vehicles[0]
         return Member(
@@ -245,12 +237,10 @@ class RadioAircraft:
 
 
 class RadioOperator:
-    """Who gives the orders of the mission's time table, by a radio of its own."""
+    """Operator with a radio, who gives the orders of the mission's time table."""
 
     def __init__(self, channels: Channels) -> None:
-        """Join, with a key that the roster names."""
         self.verdicts: dict[int, dict[str, Verdict]] = {}
-        """What each vehicle has said last to each order."""
         air = channels.air
         self._voice = ClockQuestions()
         self.member = Member(
@@ -276,7 +266,7 @@ class RadioOperator:
         air.add(channels.station(self.member))
 
     def step(self, now: float) -> None:
-        """Give the order that is due, again and again; ask for the formation's time."""
+        """Repeat the order that is due, and ask for the formation's time."""
         self._voice.ask(self.member, now)
         if not math.isfinite(self.member.formation_time()) or now - self._said_s < REPEAT_S:
             return
@@ -298,9 +288,9 @@ def fly_rehearsal(
     progress: Progress | None = None,
     stop: Callable[[], bool] = lambda: False,
 ) -> LockstepFlight:
-    """Fly a mission over the link that its rehearsal names; arguments and errors as of `fly_lockstep`.
+    """Fly a mission over the link of its rehearsal; for arguments and errors see `fly_lockstep`.
 
-    A radio joins all aircraft at every instant: they fly in one process.
+    By radio all aircraft fly in one process, since the radio joins them at every instant.
     """
     if mission.rehearsal.radio is None:
         return fly_lockstep(
@@ -316,13 +306,9 @@ def fly_by_radio(
     progress: Progress | None = None,
     stop: Callable[[], bool] = lambda: False,
 ) -> RadioFlight:
-    """Fly a mission to its end, or until it is told to stop.
+    """Fly a mission by its radio, or else the default one, without its link's other settings.
 
-    Args:
-        mission: the mission; of its link only the radio is used, or a usual one.
-        epoch_s: time 0 of the flight in seconds since 1970: telemetry logs are kept. None: they are not.
-        progress: hears the virtual time.
-        stop: asked before each step whether to end here; the first is flown in any case.
+    For the arguments see `fly_lockstep`.
 
     Raises:
         InputError: the formation does not fit onto the channel.

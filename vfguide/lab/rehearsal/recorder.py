@@ -74,7 +74,6 @@ UNSEEN = Snapshot(mode=Mode.WAITING, setpoint=None, lyapunov=math.nan)
 truth_row = attrgetter(*POSITION, *TRUTHS)
 
 DRAWN_POINTS = 361
-"""Points of a drawn path."""
 
 
 class VehicleRecorder:
@@ -140,10 +139,9 @@ def vehicle_record(
     response: VehicleResponse | None,
     **series: FloatArray,
 ) -> VehicleRecord:
-    """Make the record of a vehicle from its mission and series.
+    """Make the record of a vehicle from its mission, the response used last and its series.
 
     The keys of `doings` are `DOINGS`, those of `series` are fields of `VehicleRecord`.
-    `response` is the vehicle response that the companion used last.
     """
     vehicle, follower = mission.vehicles[name], mission.followers_by_name.get(name)
     slot = Point(0.0, 0.0) if follower is None else follower.slot.point
@@ -287,10 +285,7 @@ def path_number(path: str | None, names: Sequence[str]) -> float:
 
 
 def lead_row(snapshot: Snapshot, ground_amsl_m: float) -> tuple[float, ...]:
-    """Return the leader motion by which a companion led, as in `LEADS`; NaN where it did not lead.
-
-    `ground_amsl_m` is the altitude of the mission's origin, m.
-    """
+    """Return a companion's `LEADS`, NaN where it did not lead, by the altitude of the mission's origin, m."""
     lead = snapshot.lead
     if lead is None:
         return (math.nan,) * len(LEADS)
@@ -364,7 +359,6 @@ def drawn_points(path: Path, leader: VehicleRecord) -> tuple[FloatArray, FloatAr
 
 
 NUMBERS = frozenset(sitl_stub.Truth.__struct_fields__) - {"mode", "armed"}
-"""Numeric fields of a true state."""
 
 AFTERWARDS_S = 60.0
 """Time after the end of the flight from which true states are dropped, s."""
@@ -419,14 +413,10 @@ class TruthCollector(asyncio.DatagramProtocol):
         events: Iterable[FlightEvent] = (),
         responses: Mapping[str, VehicleResponse | None] | None = None,
     ) -> FlightRecord:
-        """Return the record of the flight so far.
+        """Return the record of the flight so far, with companions' known tracks and responses by vehicle.
 
-        Args:
-            wall_s: real time that the flight took, s.
-            tracks: known guidance steps of companions, by vehicle, in flight time.
-            only_at_s: for a display, take only the newest sample that is not after this time, s.
-            events: events of companions, in flight time.
-            responses: known vehicle responses that companions used, by vehicle.
+        Tracks and events are in flight time, `wall_s` is real time. With `only_at_s`, s, the record has only
+        the newest sample that is not later, for a display.
 
         Raises:
             VfguideError: there is no sample of all vehicles.

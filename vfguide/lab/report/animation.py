@@ -1,4 +1,4 @@
-"""A moving picture of a flight, for a README or a message: the formation from above, its errors below it."""
+"""Animation of a flight for a README or a message: the formation from above, its errors below."""
 
 import math
 from collections.abc import Iterator
@@ -34,40 +34,38 @@ from vfguide.lab.report.tracks_plot import draw_aircraft
 from vfguide.record.flight import FlightRecord
 
 WIDTH, SCENE_HEIGHT, PLOT_HEIGHT = 640, 360, 120
-"""Pixels."""
+"""Sizes in pixels."""
 
 DOTS_PER_INCH = 100
 
 FRAMES_PER_S = 10.0
 MOST_FRAMES = 250
-"""A picture of more is no longer small."""
+"""Maximum number of frames, to keep the file small."""
 
 USUAL_LENGTH_S = 12.0
-"""How long the picture usually plays, s."""
+"""Usual playing time, s."""
 
 AFTER_SETTLING_S = 8.0
 SHORTEST_S, LONGEST_S = 15.0, 60.0
-"""Length of the part of the flight that is shown where none is chosen."""
+"""Bounds of the default length of the shown part of the flight, s."""
 
 TRAIL_S = 15.0
 LEAST_REACH_M = 10.0
-"""A formation is not drawn larger than one that reaches so far from its middle."""
+"""Smallest half extent of the formation by which the view is scaled, m."""
 
 FORMATS = {".gif": "GIF", ".webp": "WEBP", ".png": "PNG"}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Span:
-    """The part of a flight that is shown."""
+    """Part of a flight that is shown."""
 
     begin_s: float
-    """From."""
     end_s: float
-    """To."""
 
 
 def choose_span(record: FlightRecord, begin_s: float | None, end_s: float | None) -> Span:
-    """The part to show: what is asked for, else the way into the formation and some seconds more.
+    """Return the requested part of a flight, by default until some seconds after all have settled.
 
     Raises:
         InputError: there is nothing between the two times.
@@ -91,20 +89,13 @@ def choose_span(record: FlightRecord, begin_s: float | None, end_s: float | None
 def write_animation(
     record: FlightRecord, path: Path, *, begin_s: float | None = None, end_s: float | None = None
 ) -> Span:
-    """Write a moving picture of a flight.
+    """Write an animated `.gif`, `.webp` or `.png` of a flight and return the part that it shows.
 
-    Args:
-        record: of the flight.
-        path: a `.gif`, `.webp` or `.png` (animated PNG).
-        begin_s: from when; from the beginning if absent.
-        end_s: until when; until all have settled in their slots if absent.
-
-    Returns:
-        what it shows.
+    By default the part lasts from the begin of the flight until some seconds after all have settled.
 
     Raises:
-        InputError: another ending, or nothing to show.
-        OSError: it cannot be written.
+        InputError: the file has another suffix, or there is nothing to show.
+        OSError: the file cannot be written.
     """
     kind = format_of(path)
     if record.time_s.size < 2:
@@ -116,10 +107,10 @@ def write_animation(
 
 
 def format_of(path: Path) -> str:
-    """The format that a file's ending names.
+    """Return the image format of a file's suffix.
 
     Raises:
-        InputError: it names none.
+        InputError: the suffix is not supported.
     """
     kind = FORMATS.get(path.suffix.lower())
     if kind is None:
@@ -128,7 +119,7 @@ def format_of(path: Path) -> str:
 
 
 def save_pictures(pictures: list[Image.Image], path: Path, kind: str) -> None:
-    """Write pictures as one that moves, the last one standing a while."""
+    """Write pictures as a looping animation that stays on the last one for a while."""
     durations = [round(1000 / FRAMES_PER_S)] * len(pictures)
     durations[-1] = 2500
     palette = common_palette(pictures)
@@ -146,7 +137,7 @@ def save_pictures(pictures: list[Image.Image], path: Path, kind: str) -> None:
 
 
 def common_palette(pictures: list[Image.Image]) -> Image.Image:
-    """48 colours for all pictures: of the first, the middle and the last."""
+    """Return a palette of 48 colours, from the first, the middle and the last picture."""
     chosen = [pictures[0], pictures[len(pictures) // 2], pictures[-1]]
     together = Image.new("RGB", (WIDTH, len(chosen) * chosen[0].height))
     for number, picture in enumerate(chosen):
@@ -155,7 +146,7 @@ def common_palette(pictures: list[Image.Image]) -> Image.Image:
 
 
 def draw_frames(record: FlightRecord, span: Span) -> Iterator[Image.Image]:
-    """The pictures, one after another."""
+    """Yield the pictures one by one."""
     times = np.linspace(span.begin_s, span.end_s, frame_count(span))
     latest = record.time_s.size - 1
     samples = np.unique(np.clip(np.searchsorted(record.time_s, times - 1e-9), 0, latest))
@@ -176,13 +167,13 @@ def draw_frames(record: FlightRecord, span: Span) -> Iterator[Image.Image]:
 
 
 def frame_count(span: Span) -> int:
-    """How many pictures show a span: twelve seconds' worth, or five for each second of it if that is more."""
+    """Return the number of frames: the usual playing time's, or five per flight second if that is more."""
     wanted = max(USUAL_LENGTH_S * FRAMES_PER_S, 5.0 * (span.end_s - span.begin_s))
     return round(min(wanted, MOST_FRAMES))
 
 
 def formation_places(record: FlightRecord) -> tuple[FloatArray, FloatArray]:
-    """(east, north) of all vehicles and slots, one row for each."""
+    """Return (east, north) of all vehicles and then all slots, m, one row for each."""
     norths = [vehicle.north_m for vehicle in record.vehicles]
     easts = [vehicle.east_m for vehicle in record.vehicles]
     for follower in record.followers:
@@ -193,7 +184,7 @@ def formation_places(record: FlightRecord) -> tuple[FloatArray, FloatArray]:
 
 
 def reach_to_come(places: tuple[FloatArray, FloatArray]) -> FloatArray:
-    """How far vehicles and slots reach from their middle from each sample on, m: it only draws near."""
+    """Return the greatest half extent of vehicles and slots from each sample on, m: views only zoom in."""
     reach = np.zeros(places[0].shape[1])
     for rows in places:
         low = np.min(np.where(np.isfinite(rows), rows, np.inf), axis=0)
@@ -206,7 +197,7 @@ def reach_to_come(places: tuple[FloatArray, FloatArray]) -> FloatArray:
 def draw_scene(
     axes: Axes, record: FlightRecord, places: tuple[FloatArray, FloatArray], sample: int
 ) -> None:
-    """Path, trails, slots, aircraft and wind at one sample, from above."""
+    """Draw path, trails, slots, aircraft and wind at one sample, from above."""
     (easts, norths), now = (rows[:, sample].tolist() for rows in places), record.time_s[sample]
     colours, course = vehicle_colours(record), float(record.reference.course_rad[sample])
     axes.plot(record.path_east_m, record.path_north_m, color="#c2c7ce", linewidth=2.0)
@@ -246,7 +237,7 @@ def draw_scene(
 
 
 def draw_wind(axes: Axes, record: FlightRecord, sample: int) -> None:
-    """An arrow where the leader's air moves to, and how fast."""
+    """Draw the wind at the leader: an arrow downwind and the wind speed."""
     north = float(record.leader.wind_north_m_s[sample])
     east = float(record.leader.wind_east_m_s[sample])
     speed = math.hypot(north, east)
@@ -270,7 +261,7 @@ def draw_wind(axes: Axes, record: FlightRecord, sample: int) -> None:
 def frame_scene(
     axes: Axes, places: tuple[FloatArray, FloatArray], sample: int, reach_m: float
 ) -> None:
-    """Set the middle and the scale of a scene, and draw a grid whose spacing is told."""
+    """Set centre and scale of a scene, and draw a grid with its spacing as text."""
     (west, east), (south, north) = (extent([rows[:, sample]]) for rows in places)
     up = max(reach_m, LEAST_REACH_M) * SCENE_HEIGHT / (SCENE_HEIGHT - 68.0)
     across = up * WIDTH / SCENE_HEIGHT
@@ -287,7 +278,7 @@ def frame_scene(
 
 
 def draw_errors(axes: Axes, record: FlightRecord, span: Span) -> Line2D:
-    """Each follower's distance from its slot; returns the line that marks the moment."""
+    """Draw each follower's distance from its slot; return the line that marks the moment."""
     colours, errors = vehicle_colours(record), slot_distances(record, record.reference)
     for follower, error in zip(record.followers, errors, strict=True):
         drawn = np.maximum(error, LEAST_DRAWN_M)

@@ -1,4 +1,4 @@
-"""One colour for each vehicle, the same in plots, replays and the console."""
+"""Colours of vehicles, the same in plots, replays and the console."""
 
 from collections.abc import Sequence
 
@@ -17,10 +17,10 @@ FOLLOWER_COLOURS = (
     "#8c564b",
     "#999933",
 )
-"""Colours of Okabe and Ito, which colour-blind readers distinguish too; three more for large formations."""
+"""Colours of Okabe and Ito, which colour-blind readers can distinguish; three more for large formations."""
 
 DAY_COLOURS = (LEADER_COLOUR, *FOLLOWER_COLOURS)
-"""On a light ground, the leader's first."""
+"""Colours on a light background, the leader's first."""
 
 NIGHT_COLOURS = (
     "#f2f2f2",
@@ -34,11 +34,11 @@ NIGHT_COLOURS = (
     "#cf9a8b",
     "#cfcf62",
 )
-"""Colours of vehicles on a dark ground."""
+"""Colours on a dark background, the leader's first."""
 
 
 def colours_of(vehicles: Sequence[str], palette: Sequence[str] = DAY_COLOURS) -> dict[str, str]:
-    """A colour for each vehicle, by name: the first for the leader, who comes first, the others in turn."""
+    """Return a colour for each vehicle by name; the leader comes first and has the palette's first."""
     leader, *followers = vehicles
     colours = {leader: palette[0]}
     for number, follower in enumerate(followers):
@@ -47,5 +47,5 @@ def colours_of(vehicles: Sequence[str], palette: Sequence[str] = DAY_COLOURS) ->
 
 
 def vehicle_colours(record: FlightRecord, palette: Sequence[str] = DAY_COLOURS) -> dict[str, str]:
-    """The colour of each vehicle of a flight, by its name."""
+    """Return the colour of each vehicle of a flight, by name."""
     return colours_of([vehicle.name for vehicle in record.vehicles], palette)

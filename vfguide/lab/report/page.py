@@ -1,6 +1,6 @@
-"""The report as one HTML page that needs nothing else: no network, no other file, no program but its own.
+"""Report as one self-contained HTML page, without network, other files or foreign scripts.
 
-How the page looks: one column, light or dark as the reader's device is, plots too.
+The page has one column; page and plots are light or dark as the reader's device is.
 """
 
 import shlex
@@ -33,13 +33,13 @@ from vfguide.record.flight import FlightRecord
 from vfguide.record.vehicle import VehicleRecord
 
 NARROW = "(max-width: 40rem)"
-"""Screens for which plots are laid out anew: phones held upright."""
+"""Media query of screens with narrow plots: phones held upright."""
 
 FOLD = (
     f'if (matchMedia("{NARROW}").matches)'
     ' document.querySelectorAll(".part ~ .part").forEach((part) => { part.open = false; });'
 )
-"""Folds every part of the page but the first, on such a screen."""
+"""Script that folds all parts of the page but the first on narrow screens."""
 
 STYLE = (Path(__file__).parent / "page.css").read_text(encoding="utf-8")
 
@@ -52,13 +52,13 @@ TEMPLATES = Environment(
     lstrip_blocks=True,
     keep_trailing_newline=True,
 )
-"""Whatever comes from a mission or a log stays text."""
+"""Templates, escaped so that all content of missions and logs stays text."""
 
 POLICY = (
     "default-src 'none'; img-src data:; style-src {style}; script-src {script}; "
     "base-uri 'none'; form-action 'none'"
 )
-"""Forbids a browser to load anything from anywhere, and to run anything but what has these hashes."""
+"""Content security policy: the browser loads nothing, and runs only scripts with these hashes."""
 
 VEHICLE_HEADINGS = (
     "Slot ahead, right, m",
@@ -81,7 +81,7 @@ HANDLING_HEADINGS = (
 
 
 def write_report(record: FlightRecord, directory: Path) -> Path:
-    """Write the plots and `report.html` into a directory; the path of the page.
+    """Write the plots and `report.html` into a directory, and return the path of the page.
 
     Raises:
         InputError: the directory cannot be written to.
@@ -95,7 +95,7 @@ def write_report(record: FlightRecord, directory: Path) -> Path:
 
 
 def render_page(record: FlightRecord, summary: Summary, pictures: Sequence[Path]) -> str:
-    """The whole page, with the pictures inside it."""
+    """Return the whole page with embedded pictures."""
     replay, error = replay_of(record), in_digits(summary.formation.mean_error_m, "m")
     style = STYLE + replay.style
     script = f"{FOLD}\n{replay.script}"
@@ -126,7 +126,7 @@ def render_page(record: FlightRecord, summary: Summary, pictures: Sequence[Path]
             if (words := response_words(one)) is not None
         ],
         plots=[
-            # In two layouts, for wide and for narrow screens.
+            # Each plot has two layouts, for wide and for narrow screens.
             {
                 "title": plot.title,
                 "caption": plot.caption,
@@ -141,7 +141,7 @@ def render_page(record: FlightRecord, summary: Summary, pictures: Sequence[Path]
 
 
 def _vehicle_cells(summary: Summary, recorded: VehicleRecord) -> tuple[str, ...]:
-    """The figures of a vehicle in the order of the headings."""
+    """Return a vehicle's cells in the order of `VEHICLE_HEADINGS`."""
     vehicle = summary.vehicles[recorded.name]
     slot = f"{recorded.slot_forward_m:g}, {recorded.slot_right_m:g}"
     if isinstance(vehicle, LeaderSummary):
@@ -158,7 +158,7 @@ def _vehicle_cells(summary: Summary, recorded: VehicleRecord) -> tuple[str, ...]
 
 
 def _handling_cells(handling: Handling) -> tuple[str, ...]:
-    """How hard a vehicle was flown, in the order of the headings."""
+    """Return a vehicle's cells in the order of `HANDLING_HEADINGS`."""
     return (
         in_digits(handling.course_setpoint_variation_rad_s),
         in_digits(handling.course_setpoint_excess_variation_rad_s),
@@ -171,12 +171,12 @@ def _handling_cells(handling: Handling) -> tuple[str, ...]:
 
 
 def reproduction_command(summary: Summary) -> str:
-    """The command line, with the mission in the place where missions are kept."""
+    """Return the command line that repeats the flight, with the mission in the folder `missions`."""
     words = ["vfguide", "fly", f"missions/{summary.mission}.yaml"]
     if summary.mode == "live":
         words.append("--live")
     words += ["--controller", summary.controller, "--plant", summary.plant]
-    # Any other wind is described in the mission file alone.
+    # Only the mission file can describe other winds.
     if summary.wind in ("calm", "article"):
         words += ["--wind", summary.wind]
     words += ["--duration", f"{summary.duration_s:g}", "--rate", f"{summary.rate_hz:g}"]

@@ -1,7 +1,7 @@
-"""How plots look: one colour for each vehicle in all of them, units on all axes, room for all text.
+"""Style of plots: one colour for each vehicle in all of them, units on all axes, room for all text.
 
-Figures are made and drawn without pyplot, so that a report leaves no state behind and needs no display. They
-become small PNG files: a palette of 256 colours takes a third of the room, and looks the same.
+Figures are drawn without pyplot, so that a report leaves no state behind and needs no display. PNG files have
+a palette of 256 colours: they take a third of the room and look the same.
 """
 
 from collections.abc import Iterable, Sequence
@@ -26,26 +26,25 @@ from vfguide.record.flight import FlightRecord
 DOTS_PER_INCH = 120
 
 NARROW_INCH = 3.8
-"""Width of a figure for a phone: its text is then as large as the page's."""
+"""Width of a figure for a phone, by which its text is as large as the page's."""
 
 NARROW_DOTS_PER_INCH = 230
 
 NARROW_LETTERS = 34
-"""Letters of a title that fit into a line of a narrow figure."""
+"""Number of letters of a title that fit into a line of a narrow figure."""
 
 LIMIT_COLOUR = "#c1121f"
-"""Colour of limits."""
 
 QUIET_COLOUR = "#767676"
-"""Colour of lines that are there for comparison."""
+"""Colour of lines for comparison."""
 
 STILL_AIR_M_S = 0.05
-"""Wind below this has no direction worth drawing."""
+"""Wind speed below which no direction is drawn, m/s."""
 
 WIND_COLOUR = "#5b7fa6"
 
 WINDOW_COLOUR = "#eef3e6"
-"""Behind the window in which errors count."""
+"""Background of the window in which errors count."""
 
 TEXT_SIZE = 9.0
 TITLE_SIZE = 10.5
@@ -53,12 +52,12 @@ SMALL_SIZE = 8.0
 
 
 def plain_text(text: str) -> str:
-    """A name as matplotlib is to draw it: a dollar sign is one, and does not begin a formula."""
+    """Escape dollar signs, which would begin a formula in matplotlib."""
     return text.replace("$", r"\$")
 
 
 def new_figure(width_inch: float, height_inch: float) -> Figure:
-    """An empty figure, laid out so that no text is cut or overlapped by axes."""
+    """Return an empty figure with a layout in which no text is cut or overlapped."""
     return Figure(
         figsize=(width_inch, height_inch),
         dpi=DOTS_PER_INCH,
@@ -68,7 +67,7 @@ def new_figure(width_inch: float, height_inch: float) -> Figure:
 
 
 def dress(axes: Axes, *, title: str = "", across: str = "", up: str = "") -> None:
-    """Titles, labels with units, light grid, no box."""
+    """Give axes a title, labels with units and a light grid, and no box."""
     axes.set_title(fitted(axes, title), fontsize=TITLE_SIZE, loc="left")
     axes.set_xlabel(across, fontsize=TEXT_SIZE)
     axes.set_ylabel(up, fontsize=TEXT_SIZE)
@@ -82,7 +81,7 @@ def dress(axes: Axes, *, title: str = "", across: str = "", up: str = "") -> Non
 
 
 def fitted(axes: Axes, text: str) -> str:
-    """A title in as many lines as a narrow figure needs."""
+    """Wrap a title to the width of a narrow figure."""
     figure = axes.get_figure(root=True)
     if figure is None or figure.get_figwidth() > NARROW_INCH:
         return text
@@ -91,7 +90,7 @@ def fitted(axes: Axes, text: str) -> str:
 
 
 def set_log_scale(axes: Axes, low: float, high: float) -> None:
-    """A logarithmic scale with plain figures: 0.1, 1, 10."""
+    """Set a logarithmic scale with plain figures: 0.1, 1, 10."""
     axes.set_yscale("log")
     axes.set_ylim(low, high)
     axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
@@ -100,7 +99,7 @@ def set_log_scale(axes: Axes, low: float, high: float) -> None:
 
 
 def halo() -> list[AbstractPathEffect]:
-    """A white rim that keeps text readable on lines."""
+    """Return a white outline that keeps text readable on lines."""
     return [withStroke(linewidth=2.5, foreground="white")]
 
 
@@ -116,12 +115,12 @@ def show_whole_flight(axes: Axes, record: FlightRecord) -> None:
 
 
 def legend_above(figure: Figure, panels: Iterable[Axes], columns: int) -> None:
-    """One legend for the whole figure, above all of it, with the labelled lines of some panels."""
+    """Put one legend above the whole figure, with the labelled lines of some panels."""
     lines = [axes.get_legend_handles_labels() for axes in panels]
     handles = [handle for found, _ in lines for handle in found]
     labels = [label for _, found in lines for label in found]
     if figure.get_figwidth() <= NARROW_INCH and labels:
-        # The line before each label takes the room of some letters.
+        # Each label's line sample takes the room of some letters.
         letters = max(len(label) for label in labels) + 7
         columns = max(1, min(columns, 52 // letters))
     figure.legend(
@@ -135,7 +134,7 @@ def legend_above(figure: Figure, panels: Iterable[Axes], columns: int) -> None:
 
 
 def mark_samples(axes: Axes, time_s: FloatArray, flags: BoolArray, colour: str) -> None:
-    """A strip along the bottom of the axes where something holds, be it for a single sample."""
+    """Mark flagged samples, even single ones, in a strip along the bottom of the axes."""
     marked = time_s[flags]
     axes.plot(
         marked,
@@ -150,7 +149,7 @@ def mark_samples(axes: Axes, time_s: FloatArray, flags: BoolArray, colour: str) 
 
 
 def extent(arrays: Sequence[FloatArray]) -> tuple[float, float]:
-    """Least and greatest finite value of some arrays; (0, 0) without any."""
+    """Return least and greatest finite value of some arrays; (0, 0) without any."""
     values = np.concatenate([array[np.isfinite(array)] for array in arrays])
     return (float(np.min(values)), float(np.max(values))) if values.size else (0.0, 0.0)
 
@@ -159,10 +158,10 @@ Colours = NDArray[np.int32]
 """Rows of red, green, blue, 0 to 255."""
 
 WEBP_EFFORT, WEBP_METHOD = 60, 2
-"""How hard is searched for the smallest file: a page takes 0.8 s, and more time gains nothing."""
+"""Effort for the smallest file: a page takes 0.8 s, and more time gains nothing."""
 
 FREQUENT = 128
-"""Colours that are kept as they are."""
+"""Number of most frequent colours that are kept unchanged."""
 
 
 def save_figure(figure: Figure, path: Path) -> Path:
@@ -172,7 +171,7 @@ def save_figure(figure: Figure, path: Path) -> Path:
 
 
 def picture_of(figure: Figure, dots_per_inch: int) -> bytes:
-    """A figure as PNG."""
+    """Return a figure as PNG."""
     reduced = BytesIO()
     figure.set_dpi(dots_per_inch)
     picture = with_palette(pixels_of(figure))
@@ -181,15 +180,15 @@ def picture_of(figure: Figure, dots_per_inch: int) -> bytes:
 
 
 def pixels_of(figure: Figure) -> Image.Image:
-    """A figure as it is drawn. Matplotlib's own way to a file lays it out and draws it twice."""
-    # Matplotlib says no types of its canvas.
+    """Return the pixels of a figure; matplotlib's `savefig` would lay it out and draw it twice."""
+    # Matplotlib's canvas is untyped.
     canvas: Any = FigureCanvasAgg(figure)
     canvas.draw()
     return Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3])
 
 
 def as_webp(png: bytes) -> bytes:
-    """A PNG as WebP without loss: a fifth smaller, for pages. Every browser since 2020 shows it."""
+    """Convert PNG to lossless WebP for pages: a fifth smaller, and shown by every browser since 2020."""
     smaller = BytesIO()
     with Image.open(BytesIO(png)) as picture:
         picture.convert("RGB").save(
@@ -199,10 +198,10 @@ def as_webp(png: bytes) -> bytes:
 
 
 def with_palette(picture: Image.Image) -> Image.Image:
-    """A picture in 256 colours, each pixel in the nearest of them.
+    """Return a picture in 256 colours, each pixel in the nearest of them.
 
-    Half of the palette are the most frequent colours, half are spread so that none is far from all of them.
-    The first keep backgrounds true and the second thin lines; each alone tints what the other keeps.
+    Half of the palette are the most frequent colours, which keep backgrounds true. The other half are spread
+    over all colours, which keeps thin lines true.
     """
     pixels = np.asarray(picture).astype(np.int32)
     packed = (pixels[..., 0] << 16) | (pixels[..., 1] << 8) | pixels[..., 2]
@@ -222,9 +221,9 @@ def with_palette(picture: Image.Image) -> Image.Image:
 
 
 def nearest(colours: Colours, palette: Colours) -> NDArray[np.intp]:
-    """For each colour the number of the palette's nearest."""
-    # |c - p|^2 without |c|^2, which is the same for every p. All numbers are whole and below 2^24: exact in
-    # float32, whose products are many times as fast.
+    """Return for each colour the index of the nearest in the palette."""
+    # |c - p|^2 without |c|^2, which is the same for every p. All numbers are integers below 2^24: exact in
+    # float32, whose matrix products are many times faster.
     tints, palette = colours.astype(np.float32), palette.astype(np.float32)
     lengths = np.sum(palette * palette, axis=1)
     numbers: NDArray[np.intp] = np.argmin(lengths - 2.0 * (tints @ palette.T), axis=1)

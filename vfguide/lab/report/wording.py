@@ -1,4 +1,4 @@
-"""Figures in words, the same for the page and the terminal."""
+"""Figures as text, the same for the page and the terminal."""
 
 import math
 from dataclasses import dataclass
@@ -24,7 +24,7 @@ UNKNOWN = "not measured"
 NOT_REQUIRED = "no limit"
 
 LEAST_BANK_DEG = 0.5
-"""Limits of the bank that differ by less are the same."""
+"""Least reported difference between learned and declared bank limits, degrees."""
 
 
 HoldNumbers = tuple[float | None, float | None, float | None]
@@ -33,20 +33,17 @@ HoldNumbers = tuple[float | None, float | None, float | None]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ComparedFigure:
-    """A figure beside what the mission asks of it."""
+    """Figure with the mission's requirement, both as text with units."""
 
     name: str
-    """What it is."""
     measured: str
-    """With its unit."""
     required: str
-    """With its unit, or that nothing is."""
     met: bool | None
-    """Whether it is good enough; None where nothing is required."""
+    """Whether the requirement is met; None where there is none."""
 
 
 def in_digits(value: float | None, unit: str = "") -> str:
-    """A figure with three digits that count, never in powers of ten, and its unit."""
+    """Format a figure with about three significant digits, never in powers of ten, and its unit."""
     if value is None:
         return UNKNOWN
     size = abs(value)
@@ -55,39 +52,39 @@ def in_digits(value: float | None, unit: str = "") -> str:
 
 
 def mean_in_digits(spread: Spread | None) -> str:
-    """The mean of a figure."""
+    """Format the mean of a figure."""
     return in_digits(None if spread is None else spread.mean)
 
 
 def in_percent(fraction: float | None) -> str:
-    """A fraction as a percentage."""
+    """Format a fraction as a percentage."""
     return UNKNOWN if fraction is None else f"{100.0 * fraction:.1f} %"
 
 
 def in_degrees(angle_rad: float | None) -> str:
-    """An angle or a rate of one in degrees."""
+    """Format an angle in rad, or an angular rate in rad/s, in degrees."""
     return in_digits(None if angle_rad is None else math.degrees(angle_rad))
 
 
 def settled_after(settled_s: float | None) -> str:
-    """A settling time; without one, that a follower was still out."""
+    """Describe a settling time; None means that a follower was still out."""
     return "still out at the end" if settled_s is None else f"after {settled_s:.1f} s"
 
 
 def verdict(summary: Summary) -> str:
-    """The outcome in a word or two."""
+    """Return the verdict in a word or two."""
     return {True: "Accepted", False: "Not accepted", None: "Not judged"}[summary.accepted]
 
 
 def why_unjudged(summary: Summary) -> str:
-    """Why there is no verdict, and what to do."""
+    """Return why there is no verdict, and what to do."""
     if len(summary.vehicles) < 2:
         return "no follower was flown or recorded: there is no formation to judge"
     return "the mission asks for no error: set acceptance in it, such as mean_error_m: 2"
 
 
 def compare(summary: Summary) -> tuple[ComparedFigure, ...]:
-    """All figures of the formation, beside what the mission asks for."""
+    """Return all figures of the formation with the mission's requirements."""
     formation, wanted = summary.formation, summary.acceptance
 
     def error(name: str, error_m: float | None, limit_m: float | None = None) -> ComparedFigure:
@@ -126,7 +123,7 @@ def compare(summary: Summary) -> tuple[ComparedFigure, ...]:
 
 
 def compared(name: str, measured: str, asked: str | None, reason: str | None) -> ComparedFigure:
-    """A figure beside what is asked of it, with the reason why it is not good enough."""
+    """Return a figure with its requirement; it is met where there is no reason against it."""
     met = None if asked is None else reason is None
     return ComparedFigure(
         name=name, measured=measured, required=NOT_REQUIRED if asked is None else asked, met=met
@@ -134,7 +131,7 @@ def compared(name: str, measured: str, asked: str | None, reason: str | None) ->
 
 
 def setting(summary: Summary) -> str:
-    """What was flown, and how."""
+    """Describe controller, plant, wind and run settings of the flight."""
     return (
         f"controller {summary.controller}, plant {summary.plant}, wind {summary.wind}, "
         f"{summary.mode}, {summary.rate_hz:g} Hz, seed {summary.seed}"
@@ -142,7 +139,7 @@ def setting(summary: Summary) -> str:
 
 
 def pace(summary: Summary) -> str:
-    """How long the flight was, and how long it took."""
+    """Describe the length of the flight and the real time that it took."""
     flown = f"{summary.duration_s:g} s"
     if summary.wall_s is not None:
         flown += f" in {summary.wall_s:.1f} s"
@@ -152,7 +149,7 @@ def pace(summary: Summary) -> str:
 
 
 def response_words(handling: Handling) -> str | None:
-    """Return how a vehicle was finally flown beside what was declared; None where no companion told."""
+    """Describe the vehicle response used last, compared with the declared one; None where not recorded."""
     flown, declared = handling.response, handling.declared or VehicleResponse()
     if flown is None:
         return None
@@ -172,17 +169,17 @@ def response_words(handling: Handling) -> str | None:
 
 
 def course_of(response: VehicleResponse) -> HoldNumbers:
-    """Return the numbers of its course hold."""
+    """Return the numbers of the course hold."""
     return response.alpha_1_s, response.course_dead_time_s, response.course_lag_s
 
 
 def speed_of(response: VehicleResponse) -> HoldNumbers:
-    """Return the numbers of its speed hold."""
+    """Return the numbers of the speed hold."""
     return response.beta_1_s, response.speed_dead_time_s, response.speed_lag_s
 
 
 def hold_words(name: str, flown: HoldNumbers, spread: float | None, declared: HoldNumbers) -> str:
-    """Return one hold as it was flown, and in which bounds its gain is known, beside what was declared."""
+    """Describe a hold as flown, with the bounds of its gain, compared with the declared one."""
     gain, dead_time, lag = flown
     if gain is None:
         return f"{name} not told"
@@ -196,13 +193,13 @@ def hold_words(name: str, flown: HoldNumbers, spread: float | None, declared: Ho
 
 
 def lateness(dead_time: float | None, lag: float | None) -> str:
-    """Return how late a hold is, in words; none where it is not."""
+    """Describe the delay of a hold: dead time plus lag, s; empty where there is none."""
     late = (dead_time or 0.0) + (lag or 0.0)
     return f" {late:.2g} s late" if late > 0.0 else ""
 
 
 def main_error(vehicle: LeaderSummary | FollowerSummary) -> tuple[str, str, str]:
-    """Mean, 95th percentile and greatest of what a vehicle is judged by: off its path, or off its slot."""
+    """Format mean, 95th percentile and maximum of a leader's cross-track or a follower's formation error."""
     error = (
         vehicle.cross_track_error_m
         if isinstance(vehicle, LeaderSummary)
@@ -213,11 +210,11 @@ def main_error(vehicle: LeaderSummary | FollowerSummary) -> tuple[str, str, str]
     return in_digits(error.mean), in_digits(error.p95), in_digits(error.max)
 
 
-# The figures of a flight for a terminal.
+# Output for a terminal.
 
 
 def summary_table(summary: Summary) -> Group:
-    """Errors of each vehicle and of the formation, and the verdict with its reasons below."""
+    """Return a table of the errors of each vehicle and the formation, with the verdict below."""
     begin, end = summary.formation.window_s
     table = Table(
         title=Text(summary.mission, style="bold"),
@@ -252,12 +249,12 @@ def summary_table(summary: Summary) -> Group:
             in_digits(formation.intended_error_m),
             *[""] * 4,
         )
-    # A caption would be wrapped to the table's width; a text below it has the whole terminal.
+    # A caption would wrap at the table's width; text below it has the whole terminal.
     return Group(table, verdict_text(summary))
 
 
 def verdict_text(summary: Summary) -> Text:
-    """Circumstances, settling, separation, and the verdict; a line for each reason against it."""
+    """Return circumstances, settling, separation and verdict, with a line for each rejection."""
     lines = [Text(text, style="dim") for text in (setting(summary), pace(summary))]
     if len(summary.vehicles) > 1:
         formation = summary.formation

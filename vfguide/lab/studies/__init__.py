@@ -1,1 +1,1 @@
-"""What this program is measured by, beside others that do the same."""
+"""Studies and benchmarks of guidance laws and of this program."""

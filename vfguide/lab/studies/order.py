@@ -1,4 +1,4 @@
-"""An order flown in virtual time before it is given: how near anybody comes, and how long it takes."""
+"""Rehearse an order in virtual time before it is given, for least separation and settling time."""
 
 import math
 from collections.abc import Callable, Mapping
@@ -33,41 +33,40 @@ from vfguide.mission.rehearsal import FollowerStart, LeaderStart, Start
 from vfguide.record.flight import FlightRecord
 
 BEGINS_S = 8.0
-"""An order is flown after so long, when everybody has found its slot."""
+"""Start of the order in the rehearsal, s: by then all vehicles are in their slots."""
 
 AFTER_S = 15.0
-"""So long after the slots have come to rest the flight is watched."""
+"""Flight time after the slots have come to rest, s."""
 
 BEHIND_M = 150.0
-"""How far behind its slot one that joins is taken to be where that is not known."""
+"""Assumed distance of a joining vehicle behind its slot, where its position is not known, m."""
 
 CLOSING_M_S = 5.0
-"""As fast at least one that joins is taken to catch up; what it takes with 45 s to spare."""
+"""Assumed least closing speed of a joining vehicle, m/s; 45 s are added to the time that results."""
 
 FARTHEST_M = 20e3
-"""From the leader: one that is to join from farther away would take half an hour."""
+"""Greatest distance of a joining vehicle from the leader, m; from farther away it takes half an hour."""
 
 LONGEST_WAY_S = 180.0
-"""A way onto another path, or back into the formation, is not watched for longer."""
+"""Longest watched way onto another path, or back into the formation, s."""
 
 ARRIVED_M = 1.0
-"""From its slot: within this a vehicle has arrived."""
+"""Distance from its slot within which a vehicle has arrived, m."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Prediction:
-    """What a rehearsal says of an order."""
+    """Result of an order's rehearsal; times count from the order's start."""
 
     least_m: float
-    """Least distance of two vehicles."""
+    """Least distance of two vehicles, m."""
     pair: tuple[str, str]
-    """Which two."""
+    """Names of these two vehicles; empty without a pair."""
     least_s: float
-    """When, s after the order's time."""
     settled_s: float | None
-    """After so long everybody stays within a metre of its slot; None where that did not happen."""
+    """Time from which all vehicles stay within `ARRIVED_M` of their slots, s; None where they do not."""
     moved_s: float
-    """How long the slots move, s."""
+    """Duration of the slots' movement, s."""
 
 
 def rehearsed(
@@ -79,19 +78,14 @@ def rehearsed(
     joining: Mapping[str, LeaderPlace] | None = None,
     stop: Callable[[], bool] = lambda: False,
 ) -> Prediction:
-    """Fly an arrangement in virtual time, from the formation as it is.
+    """Fly an arrangement in virtual time from the present formation; its time and number do not count.
 
-    Args:
-        mission: with its vehicles, its path and its wind.
-        formation: as it is.
-        arrangement: what is to be flown; its time and number do not count.
-        leader: where it is; at the beginning of its path if absent.
-        joining: where vehicles are that are to join; 150 m behind their slots if absent.
-        stop: whether to end before the rehearsal is complete; asked again and again.
+    Without a position the leader begins at the mission's start. Joining vehicles whose position is not known
+    begin `BEHIND_M` behind their slots. `stop` is asked before each step whether to end the rehearsal.
 
     Raises:
-        RefusedOrderError: two would come within the mission's least separation, or it would not be flown.
-        VfguideError: it was stopped.
+        RefusedOrderError: separation, fence or a companion speak against the order, or a vehicle is too far.
+        VfguideError: the rehearsal was stopped.
     """
     order = replace(arrangement, number=1, time_s=BEGINS_S)
     starts = starts_of_joining(formation, order, leader, joining or {})
@@ -156,10 +150,10 @@ def starts_of_joining(
     leader: LeaderPlace | None,
     joining: Mapping[str, LeaderPlace],
 ) -> dict[str, FollowerStart]:
-    """Where those begin that are to join, from their slots.
+    """Return the starts of joining vehicles relative to their slots.
 
     Raises:
-        RefusedOrderError: one is too far away.
+        RefusedOrderError: a vehicle is too far away.
     """
     starts = {}
     for name in order.vehicles - set(formation.slots):
@@ -188,7 +182,7 @@ def starts_of_joining(
 
 
 def _way_into_slots_s(starts: Mapping[str, FollowerStart]) -> float:
-    """How long those take that are to join, about, s; 0 where none is."""
+    """Estimate the time until all joining vehicles are in their slots, s; 0 without any."""
     ways = [math.hypot(one.forward_m, one.right_m) / CLOSING_M_S for one in starts.values()]
     return min(max(ways) + 3.0 * AFTER_S, LONGEST_WAY_S) if ways else 0.0
 
@@ -196,7 +190,7 @@ def _way_into_slots_s(starts: Mapping[str, FollowerStart]) -> float:
 def _way_onto_path_s(
     mission: Mission, formation: Formation, order: Arrangement, leader: LeaderPlace | None
 ) -> float:
-    """How long the leader is on its way onto another path, about, s; 0 where the path stays."""
+    """Estimate the leader's time onto another path, s; 0 where the path stays."""
     if order.path == formation.path or leader is None:
         return 0.0
     away = abs(point_beside(on_path(mission, order.path), leader).cross_track_error)
@@ -207,7 +201,7 @@ def _way_onto_path_s(
 def _height_change_s(
     mission: Mission, formation: Formation, order: Arrangement, leader: LeaderPlace | None
 ) -> float:
-    """How long all climb or descend to another path, about, s; 0 where the path stays."""
+    """Estimate the time of the climb or descent to another path, s; 0 where the path stays."""
     if order.path == formation.path:
         return 0.0
     leader = leader or planned_place(on_path(mission, formation.path), BEGINS_S)
@@ -217,21 +211,13 @@ def _height_change_s(
 
 
 def _check_fence(mission: Mission, record: FlightRecord, moved: BoolArray) -> None:
-    """See that everybody stays within the fence on the way.
-
-    Raises:
-        RefusedOrderError: a vehicle leaves it.
-    """
+    """Raise RefusedOrderError where a vehicle leaves the fence."""
     for finding in beyond_when_flown(mission, record, moved):
         raise RefusedOrderError(f"on the way there {finding.message}; {finding.remedy}")
 
 
 def _check_flown(aircraft: Aircraft, order: Arrangement) -> None:
-    """See that a vehicle flies the order.
-
-    Raises:
-        RefusedOrderError: it does not; the sentence says why, as its companion says it.
-    """
+    """Raise RefusedOrderError, with the companion's reason, where a vehicle does not fly the order."""
     flown = aircraft.companion.arrangement
     if flown is not None and flown.number == order.number:
         return
@@ -254,7 +240,7 @@ def _at_present(
     leader: LeaderPlace | None,
     end_s: float,
 ) -> Mission:
-    """The mission as if it began with the formation as it is, on the path that it follows."""
+    """Return the mission as if it began with the present formation on its present path."""
     mission = on_path(mission, formation.path)
     joins = {name: order.place_of(name) for name in starts}
     slots = {

@@ -1,7 +1,7 @@
-"""How precise a formation will be: flown for a minute, from its slots, in all that the mission declares.
+"""Predict the precision of a formation by a flight of a minute from its slots, in the declared conditions.
 
-A mission with a time table is flown until its last order has settled. Two shorter flights show what it comes
-to if the aircraft answer half or twice as fast.
+A mission with a time table is flown until its last order has settled. Two shorter flights show the effect of
+aircraft that respond half or twice as fast.
 """
 
 import math
@@ -31,16 +31,16 @@ from vfguide.mission.rehearsal import EmulatedAircraft, FollowerStart, LeaderSta
 from vfguide.record.flight import FlightRecord
 from vfguide.record.vehicle import VehicleRecord
 
-# A mission flown by aircraft that answer slower or faster than it says, and what becomes of them.
+# Flights with aircraft that respond slower or faster than the mission says.
 
 FACTORS = {"half as fast": 0.5, "twice as fast": 2.0}
-"""Factors on the true response, by how they are told."""
+"""Factors on the true response rates, by their names in findings."""
 
 SHORT_S = 40.0
-"""Length of such a flight, s; its second half counts: what is learned in flight is learned by then."""
+"""Length of a flight with another response, s; learning is over before its second half, which counts."""
 
 QUICKEST_1_S = 20.0
-"""Quickest hold that a rehearsal has, 1/s."""
+"""Greatest response rate of a course or speed hold in a rehearsal, 1/s."""
 
 LEARN = "let it be learned: response: auto; or measure it: vfguide identify"
 MEASURE = "measure it, and declare what is found: vfguide identify"
@@ -48,24 +48,20 @@ MEASURE = "measure it, and declare what is found: vfguide identify"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class UnlikeDeclared:
-    """What became of a mission whose aircraft answered otherwise."""
+    """Result of a flight with another response than the mission's."""
 
     how: str
-    """A key of `FACTORS`."""
+    """Key of `FACTORS`."""
     error_m: float | None
-    """Mean formation error over the second half, m; None where there was none to measure."""
+    """Mean formation error over the second half, m, if measured."""
     lost: tuple[str, ...]
-    """What became of vehicles that did not keep their places, a phrase for each."""
+    """A phrase on each vehicle that did not keep its place."""
 
 
 def fly_unlike_declared(
     mission: Mission, stop: Callable[[], bool]
 ) -> tuple[UnlikeDeclared, ...] | None:
-    """Fly a mission once by each of `FACTORS`; None where that was stopped.
-
-    Args:
-        mission: begins where it is to be flown from; only its first `SHORT_S` are.
-        stop: asked before each step whether to end here.
+    """Fly the first `SHORT_S` of a mission with each of `FACTORS`; return None where `stop` ended a flight.
 
     Raises:
         VfguideError: a process died.
@@ -82,7 +78,7 @@ def fly_unlike_declared(
 
 
 def answering_by(mission: Mission, factor: float) -> Mission:
-    """Return a short rehearsal of a mission whose aircraft answer so many times as fast as in its own."""
+    """Return a mission for a short rehearsal whose aircraft respond faster by a factor."""
     rehearsal = mission.rehearsal
     vehicles = {name: aircraft_by(mission, name, factor) for name in mission.vehicles}
     emulator = rehearsal.emulator.model_copy(update={"vehicles": vehicles})
@@ -92,7 +88,7 @@ def answering_by(mission: Mission, factor: float) -> Mission:
 
 
 def aircraft_by(mission: Mission, name: str, factor: float) -> EmulatedAircraft:
-    """Return what a vehicle really is, with the holds of its course and speed so many times as fast."""
+    """Return a vehicle's emulated aircraft with course and speed holds faster by a factor."""
     vehicle, own = mission.vehicles[name], mission.rehearsal.emulator.of(name)
     alpha, beta = own.alpha_1_s or vehicle.alpha_1_s, own.beta_1_s or vehicle.beta_1_s
     quicker = {
@@ -104,7 +100,7 @@ def aircraft_by(mission: Mission, name: str, factor: float) -> EmulatedAircraft:
 
 
 def lost_of(flight: LockstepFlight) -> tuple[str, ...]:
-    """Return a phrase about each vehicle that did not keep its place, or was handed back as strained."""
+    """Return a phrase on each vehicle that did not keep its place, or was handed back as strained."""
     record = flight.record
     absences = (
         reject_absence(name, one.formation_error_m, record.acceptance)
@@ -120,12 +116,12 @@ def lost_of(flight: LockstepFlight) -> tuple[str, ...]:
 
 
 def declares_any_response(mission: Mission) -> bool:
-    """Whether the mission says of any vehicle how it answers."""
+    """Check whether the mission declares the response of any vehicle."""
     return any(one.declares_response for one in mission.vehicles.values())
 
 
 def losses_found(mission: Mission, flown: tuple[UnlikeDeclared, ...]) -> tuple[Finding, ...]:
-    """Return a warning for each response by which vehicles do not keep their places."""
+    """Return a warning for each response with which vehicles do not keep their places."""
     learns = all(one.asks_response for one in mission.vehicles.values())
     return tuple(
         Finding(
@@ -140,7 +136,7 @@ def losses_found(mission: Mission, flown: tuple[UnlikeDeclared, ...]) -> tuple[F
 
 
 def worst_in_words(mission: Mission, error_m: float, flown: tuple[UnlikeDeclared, ...]) -> str:
-    """Return how much worse it gets by another response than the one that gave this error in m."""
+    """Describe the worst error with another response, compared with `error_m` as declared."""
     errors = [(one.error_m, one.how) for one in flown if one.error_m is not None]
     worst_m, how = max(errors, default=(error_m, ""))
     if round(worst_m, 2) <= round(error_m, 2):
@@ -151,30 +147,28 @@ def worst_in_words(mission: Mission, error_m: float, flown: tuple[UnlikeDeclared
 
 
 ORDER_FAILS = re.compile(r"order (\d+) is (refused|void)")
-"""How companions say that an order is not flown."""
+"""Companion's event text for an order that is not flown."""
 
 FLOWN_S = 60.0
-"""Its second half counts, as of every flight: time enough for the leader to come onto its path."""
+"""Length of the flight, s; by its second half, which counts, the leader is on its path."""
 
 
 SETTLED_S = 15.0
-"""So long after the last slot has come to rest a mission with a time table is flown, ..."""
+"""Flight time after the last slot has come to rest, for a mission with a time table, s."""
 
 LONGEST_S = 600.0
-"""... but no longer than this."""
+"""Longest flight of a mission with a time table, s."""
 
 
 def expected_precision(
     mission: Mission, stop: Callable[[], bool] = lambda: False
 ) -> tuple[Finding, ...] | None:
-    """What formation error to expect of a mission, and what becomes of its orders; None where it was stopped.
+    """Predict a mission's formation error and the fate of its orders; None where `stop` ended a flight.
 
-    Args:
-        mission: with a follower at least, and without an error that `check_mission` finds.
-        stop: asked before each step whether to end here.
+    The mission must have a follower and no error by `check_mission`.
 
     Raises:
-        VfguideError: a library of its law is not installed, or a process died.
+        VfguideError: a library of the mission's guidance law is not installed, or a process died.
     """
     rehearsed = from_the_slots(mission)
     flight = fly_rehearsal(rehearsed, processes=os.cpu_count() or 1, stop=stop)
@@ -190,7 +184,7 @@ def expected_precision(
 
 
 def first_minute(record: FlightRecord) -> FlightRecord:
-    """The part that tells how precise a mission is; later orders may send vehicles away."""
+    """Return the first `FLOWN_S` of a flight, for its precision: later orders may send vehicles away."""
     count = int(np.searchsorted(record.time_s, FLOWN_S + 1e-6, side="right"))
     if count == len(record.time_s):
         return record
@@ -199,13 +193,13 @@ def first_minute(record: FlightRecord) -> FlightRecord:
 
 
 def series_of(vehicle: VehicleRecord, count: int) -> dict[str, Any]:
-    """The first samples of each of its series, by name."""
+    """Return the first samples of each of a vehicle's series, by name."""
     values = {one.name: getattr(vehicle, one.name) for one in fields(vehicle)}
     return {name: one[:count] for name, one in values.items() if isinstance(one, np.ndarray)}
 
 
 def orders_amiss(mission: Mission, flight: LockstepFlight) -> Iterator[Finding]:
-    """Orders that are not flown, and the nearest two of a flight with orders where they come too near."""
+    """Yield findings on orders that are not flown or not settled in time, and on pairs that come too near."""
     if not mission.orders:
         return
     yield from orders_not_flown(mission, flight)
@@ -231,7 +225,7 @@ def orders_amiss(mission: Mission, flight: LockstepFlight) -> Iterator[Finding]:
 
 
 def fence_left(mission: Mission, record: FlightRecord) -> Iterator[Finding]:
-    """Vehicles that leave the fence of the path that they are on, one finding for each."""
+    """Yield a finding for each vehicle that leaves the fence of its present path."""
     begins = [(0.0, MAIN_PATH), *((found.time_s, found.path) for found, _ in timetable(mission))]
     ends = [*(time_s for time_s, _ in begins[1:]), math.inf]
     left = set[str]()
@@ -247,13 +241,13 @@ def fence_left(mission: Mission, record: FlightRecord) -> Iterator[Finding]:
 
 
 def orders_not_flown(mission: Mission, flight: LockstepFlight) -> Iterator[Finding]:
-    """Orders that are refused or void in the rehearsal, one finding for each, with the first reason given."""
+    """Yield a finding for each order that is refused or void in the rehearsal, with the first reason."""
     found: dict[int, str] = {}
     away = {loss.vehicle for loss in mission.rehearsal.losses}
     said = sorted(
         (event.time_s, name, event.text)
         for name, events in flight.events.items()
-        # A companion that comes back refuses what the others fly by, until it has heard it again.
+        # A companion that returns from a loss refuses the present order until it has heard it again.
         if name not in away
         for event in events
     )
@@ -267,13 +261,7 @@ def orders_not_flown(mission: Mission, flight: LockstepFlight) -> Iterator[Findi
 def precision_of(
     mission: Mission, record: FlightRecord, unlike: tuple[UnlikeDeclared, ...]
 ) -> Finding:
-    """What formation error to expect of a mission, against what it asks for.
-
-    Args:
-        mission: the mission.
-        record: of its flight as rehearsed.
-        unlike: what became of it where the aircraft answered otherwise.
-    """
+    """Compare the formation error of a rehearsal with the mission's limit; `unlike` tells other responses."""
     formation = summarise(record).formation
     error, asked = formation.mean_error_m, mission.acceptance.mean_error_m
     if error is None or formation.p95_error_m is None:
@@ -297,7 +285,7 @@ def precision_of(
 
 
 def from_the_slots(mission: Mission) -> Mission:
-    """A mission of a minute, or of all orders that it has, in which everybody begins in place."""
+    """Return a mission of a minute, or of all its orders, in which every vehicle starts in place."""
     begin = path_beginning(mission.path)
     up_m = float(path_of(mission.path).at(0.0).height)
     places: dict[str, object] = {name: FollowerStart() for name in mission.followers_by_name}
@@ -312,7 +300,7 @@ def from_the_slots(mission: Mission) -> Mission:
 
 
 def flown_s(mission: Mission) -> float:
-    """How long a mission is flown, s: a minute, and until its last order has settled."""
+    """Return the flight time of a mission, s: a minute, or until its last order has settled."""
     if not mission.orders:
         return FLOWN_S
     found = [order for order, _ in timetable(mission)]
@@ -325,7 +313,7 @@ def flown_s(mission: Mission) -> float:
 
 
 def height_change_s(mission: Mission, before: str, after: str) -> float:
-    """How long all climb or descend from one path to another at most, s."""
+    """Return the longest time of a climb or descent from one path to another, s."""
     (low, high), (lower, higher) = (
         height_span(path_of(on_path(mission, name).path)) for name in (before, after)
     )
@@ -337,12 +325,12 @@ def height_change_s(mission: Mission, before: str, after: str) -> float:
 
 
 def ends_at(order: Arrangement) -> float:
-    """When all are in their slots again after an order, s."""
+    """Return the time at which all vehicles have settled in their slots after an order, s."""
     return order.time_s + order.duration_s + SETTLED_S
 
 
 def conditions_in_words(mission: Mission) -> str:
-    """What the rehearsal of a mission holds."""
+    """Describe the conditions of a mission's rehearsal."""
     rehearsal, wind = mission.rehearsal, mission.wind
     words = ["calm air" if wind.type == "calm" else f"{wind.type} wind"]
     words += [f"{wind.turbulence} turbulence"] * (wind.turbulence != "none")

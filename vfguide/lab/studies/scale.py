@@ -1,8 +1,6 @@
-"""Formations of growing size: what they cost in lockstep in one process, and over a radio that all share.
+"""Measure the cost of formations of growing size, in lockstep in one process and over a shared radio.
 
-What calls cost: the methods of a class, timed while something runs, by the processor time they take.
-
-What one guidance step of each law costs: as called in a flight, nothing left out.
+Single methods and the guidance steps of each law are measured by processor time, as called in a flight.
 """
 
 import math
@@ -31,14 +29,14 @@ from vfguide.mission.model import Mission
 DURATION_S = 15.0
 
 STEADY_FROM = 0.2
-"""Share of the calls that is left out: imports and the first solutions."""
+"""Share of the first calls that is left out, since it holds imports and first solutions."""
 
 COUNTS = (4, 10, 30, 100)
 
 FLOWN_S, QUICK_S = 20.0, 4.0
 
 JOINED_S = 20.0
-"""Until everybody is in place: what is measured is a formation, not a muster."""
+"""Flight time before the measurement, s: joining is not measured."""
 
 ROW = 10
 
@@ -50,12 +48,12 @@ SHARES = {
     "encode": (Codec, "encode"),
     "guidance": (FollowerRole, "step"),
 }
-"""Parts that are timed."""
+"""Methods that are timed."""
 
 
 @contextmanager
 def calls_timed(owner: type, name: str) -> Iterator[list[float]]:
-    """Processor time of every call of a method, s, as they happen; waiting for others does not count."""
+    """Collect the processor time of every call of a method, s, without waiting times."""
     method: Callable[..., object] = getattr(owner, name)
     durations: list[float] = []
 
@@ -74,7 +72,7 @@ def calls_timed(owner: type, name: str) -> Iterator[list[float]]:
 
 
 def step_costs(laws: Sequence[str]) -> Iterator[Row]:
-    """Time a follower's step by each law, on circle-wind."""
+    """Time a follower's guidance step by each law, on circle-wind."""
     for law in laws:
         flown = article_mission(
             "circle-wind", {"controller": {"type": law}, "rehearsal": {"duration_s": DURATION_S}}
@@ -94,12 +92,9 @@ def step_costs(laws: Sequence[str]) -> Iterator[Row]:
 
 
 def grown(mission: str, name: str, slots: Sequence[tuple[float, float]]) -> dict[str, Any]:
-    """One of the article's missions as fields, with a follower of the leader's kind for each slot.
+    """Return one of the article's missions as fields, renamed, with a follower for each slot.
 
-    Args:
-        mission: which.
-        name: what it is called.
-        slots: m ahead and right of the leader.
+    Slots are m ahead and right of the leader; followers are of the leader's kind.
     """
     content = article_mission(mission).model_dump(mode="json", exclude_unset=True)
     followers = [f"f{number}" for number in range(1, len(slots) + 1)]
@@ -116,7 +111,7 @@ def grown(mission: str, name: str, slots: Sequence[tuple[float, float]]) -> dict
 
 
 def crowd(count: int, duration_s: float) -> Mission:
-    """So many vehicles in rows of ten on a long line in the article's wind."""
+    """Return a mission of `count` vehicles in rows of ten on a long line in the article's wind."""
     places = [divmod(number, ROW) for number in range(1, count)]
     slots = [
         (-SPACING_M * row, SPACING_M * (place if place <= ROW // 2 else ROW // 2 - place))
@@ -125,14 +120,14 @@ def crowd(count: int, duration_s: float) -> Mission:
     content = grown("line-wind", "bench-scale", slots)
     del content["controller"]
     leader = content["rehearsal"]["start"]["leader"] | {"north_m": 0, "east_m": 0}
-    # In place: so many that join at once stand in each other's way.
+    # They start in their slots: many vehicles that join at once obstruct each other.
     starts = {one["vehicle"]: {"forward_m": 0, "right_m": 0} for one in content["followers"]}
     content["rehearsal"] |= {"duration_s": duration_s, "start": {"leader": leader, **starts}}
     return Mission.model_validate(content)
 
 
 def measure(count: int, duration_s: float) -> dict[str, float]:
-    """Fly so many, twice, and measure once they are in place: the time it takes, and where it goes."""
+    """Fly `count` vehicles twice: once for total times, once for the shares of the timed methods."""
     before = resident_mb()
     mission = crowd(count, JOINED_S + duration_s)
     joining_s, wall_s, processor_s = timed_flight(mission)
@@ -167,11 +162,9 @@ def measure(count: int, duration_s: float) -> dict[str, float]:
 def timed_flight(
     mission: Mission, joined: Callable[[], None] = lambda: None
 ) -> tuple[float, float, float]:
-    """Processor time until everybody is in place, then wall time and processor time to the end, s.
+    """Fly a mission; call `joined` after `JOINED_S`.
 
-    Args:
-        mission: what is flown.
-        joined: called when everybody is in place.
+    Return processor time until then, and wall time and processor time from then to the end, s.
     """
     began = time.process_time()
     wall = processor = math.nan
@@ -187,11 +180,11 @@ def timed_flight(
 
 
 def resident_mb() -> float:
-    """Greatest memory of this process so far, MB."""
+    """Return the peak resident memory of this process, MB."""
     try:
         import resource
     except ImportError:
-        # Windows counts it for psutil.
+        # On Windows psutil reads it.
         memory = import_extra("psutil").Process().memory_info()
         return float(getattr(memory, "peak_wset", memory.rss)) / 1e6
     scale = 1e6 if sys.platform == "darwin" else 1e3
@@ -199,9 +192,9 @@ def resident_mb() -> float:
 
 
 def growth_exponent(results: Sequence[Mapping[str, float]]) -> float:
-    """P of processor time ~ vehicles^p, fitted by least squares in the logarithms."""
+    """Return p of processor time ~ vehicles^p, fitted by least squares in the logarithms."""
     vehicles = [math.log(one["vehicles"]) for one in results]
-    # Per flight second: flights of different length compare.
+    # Per second of flight, so that flights of different length compare.
     times = [math.log(one["processor_s"] / one["duration_s"]) for one in results]
     return float(np.polyfit(vehicles, times, 1)[0])
 
@@ -224,14 +217,14 @@ SCALE_COLUMNS = {
     "encode": "{encode_share:.0%}",
     "guidance": "{guidance_share:.0%}",
 }
-"""The last are shares of the whole time."""
+"""Columns of the table; the last four are shares of the processor time."""
 
 
 SIZES = (2, 4, 8, 12)
-"""Vehicles."""
+"""Numbers of vehicles."""
 
 RATES_HZ = (20.0, 10.0, 5.0, 2.0)
-"""Rates of the leader's states."""
+"""Rates of the leader's states, Hz."""
 
 SLOTS = (
     (-20, -20),
@@ -246,14 +239,14 @@ SLOTS = (
     (-60, -20),
     (-60, 20),
 )
-"""m ahead and right of the leader: the article's three, and the rest of a grid of three columns."""
+"""Slots in m ahead and right of the leader: the article's three, then the rest of a three-column grid."""
 
 BEHIND_M = -60
-"""How far ahead of its slot each follower begins, m."""
+"""Start of each follower ahead of its slot, m."""
 
 
 def radio_mission(size: int, seconds: float, radio: Mapping[str, float] | None = None) -> Mission:
-    """circle-wind with so many vehicles, over a radio with these fields if there are any."""
+    """Return circle-wind with `size` vehicles, over a radio with these fields if there are any."""
     content = grown("circle-wind", "circle-wind", SLOTS[: size - 1])
     leader = content["rehearsal"]["start"]["leader"]
     starts = {one["vehicle"]: {"forward_m": BEHIND_M} for one in content["followers"]}
@@ -266,11 +259,11 @@ def radio_mission(size: int, seconds: float, radio: Mapping[str, float] | None =
 
 
 RadioCase = tuple[int, float, Mapping[str, float] | None]
-"""Vehicles, length of the flight in s, fields of its radio; None: without one, each state 0.1 s late."""
+"""Number of vehicles, length of the flight in s, fields of the radio; None for a link with 0.1 s latency."""
 
 
 def fly_radio(case: RadioCase) -> dict[str, float]:
-    """Fly a case: errors over its last half, the channel, and what members did not believe, by reason."""
+    """Fly a case; return errors over its last half, channel load, and rejected messages by reason."""
     size, seconds, radio = case
     air, refused, age_s = Counter[str](), Counter[str](), math.nan
     if radio is None:
@@ -301,9 +294,9 @@ def radio(
     bursts: float = 0.0,
     seconds: float = 120.0,
 ) -> Iterator[Row]:
-    """Fly circle-wind over a radio that all share: first without any, then by each rate of the leader.
+    """Fly circle-wind first without a radio, then over a shared radio at each rate of the leader.
 
-    Followers say their states no more often than the leader does. Names of figures end in the size.
+    Followers send their states at most as often as the leader. Names of figures end in the size.
     """
     radios: dict[str, Mapping[str, float] | None] = {"no radio, 0.1 s late": None}
     for rate_hz in rates_hz:
@@ -318,7 +311,7 @@ def radio(
 
 
 def radio_columns(sizes: Sequence[int]) -> dict[str, str]:
-    """Return the columns of formations of these sizes: error, greatest, age of the leader's state, load."""
+    """Return table columns by formation size: mean and greatest error, leader state age, channel load."""
     return {"leader": "{case}"} | {
         f"{one} aircraft": f"{{mean_m_{one}:.3f}} / {{max_m_{one}:.2f}} / {{age_ms_{one}:.0f}}"
         f" / {{air_bytes_s_{one}:.0f}}"

@@ -1,8 +1,8 @@
-"""Drawn scenarios flown by several laws, and their score: `vfguide bench suite` and `monte-carlo`.
+"""Fly drawn scenarios with several laws and score them: `vfguide bench suite` and `monte-carlo`.
 
-A flight has no points if it failed, else up to 100: 25 each for the distance from the slots as flown and as
-meant, 20 for the time to join, 10 each for effort, roll rate and freedom from limits. A part of weight w has
-w / (1 + x / u) points, where u is worth half of them.
+A failed flight has no points, others have up to 100. The distance from the slots gives 25 as flown and 25 as
+meant, the time to join 20; effort, roll rate and freedom from limits give 10 each. A part of weight w and
+value x has w / (1 + x / u) points; x = u gives half of them.
 """
 
 import math
@@ -22,10 +22,10 @@ from vfguide.record.flight import FlightRecord
 from vfguide.suite import with_law
 
 LOST_M, NEAR_M = 50.0, 5.0
-"""A follower so far from its slot at the end is lost; two so near have nearly met: either fails a flight."""
+"""Final distance from the slot that fails a flight, and least separation below which it fails, m."""
 
 BEATEN_BY = 1.0
-"""Points by which another law has to be better before a scenario counts as lost to it."""
+"""Points by which another law has to be better in a scenario to be listed."""
 
 HALF_WORTH = {
     "mean_error_m": (25.0, 1.0),
@@ -34,7 +34,7 @@ HALF_WORTH = {
     "effort_m_s2": (10.0, 2.0),
     "roll_deg_s": (10.0, 10.0),
 }
-"""Points of each part, and what is worth half of them; the last 10 are the share of setpoints not cut."""
+"""Points of each part and value worth half of them; 10 more points are for setpoints not cut by limits."""
 
 SUITE_COLUMNS = {
     "law": "{case}",
@@ -48,25 +48,23 @@ SUITE_COLUMNS = {
     "nearest, m": "{nearest_m}",
     "failed": "{failed:g} of {flights:g}",
 }
-"""Means with half of their 95 % intervals."""
+"""Columns of the table: means ± half of their 95 % intervals."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SuiteFlight:
-    """What one scenario came to by one law."""
+    """Result of one scenario with one law of the followers."""
 
     scenario: str
-    """Name of its mission."""
     law: str
-    """Law of the followers."""
     failed: str
-    """Why it counts as failed; empty if it does not."""
+    """Reason of a failure; empty without one."""
     figures: Figures | None
-    """What it came to; None if it broke."""
+    """Figures of the flight; None if it raised an error."""
 
     @property
     def score(self) -> float:
-        """Points of a flight, 0 to 100; what is not known has none."""
+        """Points, 0 to 100; unknown figures have none."""
         if self.failed or self.figures is None:
             return 0.0
         points = 10.0 * (1.0 - self.figures.limited)
@@ -77,7 +75,7 @@ class SuiteFlight:
 
 
 def fly_scenario(task: tuple[int, str]) -> SuiteFlight:
-    """Fly a scenario, by its number, with a law."""
+    """Fly a scenario; the task is (number of the scenario, law)."""
     number, law = task
     mission = with_law(number, law)
     try:
@@ -90,14 +88,14 @@ def fly_scenario(task: tuple[int, str]) -> SuiteFlight:
 
 
 def in_figures(flight: SuiteFlight) -> dict[str, Any]:
-    """Return a flight as JSON has it."""
+    """Return a flight with its score, ready for JSON."""
     kept = {"scenario": flight.scenario, "law": flight.law, "failed": flight.failed}
     figures = {} if flight.figures is None else asdict(flight.figures)
     return {**kept, "score": flight.score, **figures}
 
 
 def failure(record: FlightRecord, nearest_m: float) -> str:
-    """Say why a flight counts as failed; empty if it does not."""
+    """Return why a flight failed; empty if it did not."""
     if nearest_m < NEAR_M:
         return f"two aircraft came within {nearest_m:.1f} m"
     for one in record.followers:
@@ -109,7 +107,7 @@ def failure(record: FlightRecord, nearest_m: float) -> str:
 
 
 def by_law(flights: Sequence[SuiteFlight]) -> dict[str, list[SuiteFlight]]:
-    """The flights of each law, in the order in which laws appear."""
+    """Return the flights of each law, laws in order of appearance."""
     found: dict[str, list[SuiteFlight]] = {}
     for one in flights:
         found.setdefault(one.law, []).append(one)
@@ -117,7 +115,7 @@ def by_law(flights: Sequence[SuiteFlight]) -> dict[str, list[SuiteFlight]]:
 
 
 def means(flights: Sequence[SuiteFlight]) -> list[Row]:
-    """Return a row for each law, best score first: its parts are those of the flights that did not fail."""
+    """Return a row for each law, best score first; score parts leave failed flights out."""
     found: list[tuple[str, dict[str, float]]] = []
     for law, own in by_law(flights).items():
         whole = [one.figures for one in own if one.figures is not None and not one.failed]
@@ -142,7 +140,7 @@ def means(flights: Sequence[SuiteFlight]) -> list[Row]:
 
 
 def shortcomings(flights: Sequence[SuiteFlight], law: str) -> list[str]:
-    """Say where a law failed, and where others were better, a line for each scenario."""
+    """Return a line for each scenario in which a law failed or another was better."""
     laws = by_law(flights)
     lines = []
     for one in laws.get(law, []):
@@ -163,7 +161,7 @@ def shortcomings(flights: Sequence[SuiteFlight], law: str) -> list[str]:
 
 def draw_scores(flights: Sequence[SuiteFlight], file: Path) -> None:
     """Draw each law's scores in order, worst scenario first."""
-    # Here, because it brings the plotting library.
+    # Imported here, since it loads the plotting library.
     from matplotlib.figure import Figure
 
     from vfguide.lab.report.colours import FOLLOWER_COLOURS
