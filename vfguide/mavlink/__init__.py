@@ -1,4 +1,4 @@
-"""MAVLink, bytes in and bytes out: what autopilots report, and what they are told. docs/own-autopilot.md."""
+"""MAVLink without sockets: reports from autopilots, and commands to them. See docs/own-autopilot.md."""
 
 from vfguide.mavlink.adapter import (
     AutopilotAdapter,

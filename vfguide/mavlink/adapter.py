@@ -1,7 +1,7 @@
-"""What differs between autopilots, behind one interface, and the stream of setpoints that goes through it.
+"""Common interface of autopilot adapters, and the stream of setpoints that they send.
 
-Each autopilot has a file of its own. Which of them speaks is known by its heartbeat, and how it is steered
-perhaps by its version only: an adapter that learns more of its autopilot becomes a more exact one.
+Each autopilot has its own file. The heartbeat identifies the autopilot, but sometimes only its version tells
+how to steer it: an adapter that learns more becomes a more specific one.
 """
 
 import math
@@ -26,7 +26,7 @@ NAMES = {
     mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA: "ArduPilot",
     mavlink.MAV_AUTOPILOT_PX4: "PX4",
 }
-"""What people call them."""
+"""Names of autopilots for people."""
 
 GLOBAL_POSITION_INT = mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT
 
@@ -40,22 +40,22 @@ VFR_HUD = mavlink.MAVLINK_MSG_ID_VFR_HUD
 ATTITUDE = mavlink.MAVLINK_MSG_ID_ATTITUDE
 
 HEALTH_US = 500_000
-"""Between the autopilot's words of its own health: found bad within two seconds."""
+"""Interval of the autopilot's health messages, µs: a fault is found within two seconds."""
 
 HEALTH_HZ = 2
-"""The same of a stream."""
+"""Rate of a health stream, 1/s, for the same reason."""
 
 DIGITS = 2
-"""Decimals that count: 0.01 m/s of speed, which is all that ArduPlane keeps, 0.01 degrees of course."""
+"""Decimals that count: 0.01 m/s of speed, which is all that ArduPlane keeps, and 0.01 degrees of course."""
 
 
 def autopilot_name(autopilot: int) -> str:
-    """Name of a MAV_AUTOPILOT."""
+    """Return the name of a MAV_AUTOPILOT."""
     return NAMES.get(autopilot, f"autopilot number {autopilot}")
 
 
 def other_autopilot(autopilot: int, expected: int) -> str | None:
-    """None for the autopilot that is expected, or else what is wrong, in words."""
+    """Return a message for people if the autopilot is not the expected one, otherwise None."""
     if autopilot == expected:
         return None
     return (
@@ -65,40 +65,40 @@ def other_autopilot(autopilot: int, expected: int) -> str | None:
 
 
 autopilot = autopilots.register
-"""`@autopilot("name")` makes a class known as the adapter of `vehicles.*.autopilot: name`."""
+"""Class decorator `@autopilot("name")` that registers the adapter of `vehicles.*.autopilot: name`."""
 
 
 Px4Steering = Literal["auto", "guided-course", "position", "velocity"]
-"""How a PX4 is steered: by what its version has, or by one of the ways in `px4`."""
+"""Way of steering a PX4: "auto" by its version, or one of the ways in `px4`."""
 
 
 class AutopilotSetpoint(msgspec.Struct, frozen=True, kw_only=True):
-    """What an autopilot is asked to fly, and where it is when it is asked."""
+    """Setpoint for an autopilot, with the vehicle's position at that time."""
 
     course: float
-    """Over ground, rad."""
+    """Course over ground, rad."""
     speed: float
-    """The speed that the vehicle's hold takes, air or ground, m/s."""
+    """Airspeed or ground speed, whichever the vehicle's hold takes, m/s."""
     altitude_amsl: float
-    """m above mean sea level."""
+    """Altitude, m above mean sea level."""
     latitude_deg: float
-    """Latitude of the vehicle now, degrees: some autopilots are given a course as a point ahead."""
+    """Latitude of the vehicle, degrees: some autopilots are given a course as a point ahead."""
     longitude_deg: float
-    """Longitude of the vehicle now, degrees."""
+    """Longitude of the vehicle, degrees."""
 
 
 class AutopilotAdapter(ABC):
-    """How one kind of autopilot wants to be spoken to.
+    """Messages in the dialect of one kind of autopilot.
 
-    Makes messages and sends none. It remembers what the autopilot is, and nothing of the flight. A subclass
-    with `@autopilot("name")` is known as `vehicles.*.autopilot: name`.
+    An adapter builds messages and sends none. It remembers what the autopilot is, and nothing of the flight.
+    A subclass with `@autopilot("name")` is registered as `vehicles.*.autopilot: name`.
     """
 
     name: ClassVar[str]
-    """What a mission calls it; set by `@autopilot`."""
+    """Name in a mission; set by `@autopilot`."""
 
     number: ClassVar[int | None] = None
-    """MAV_AUTOPILOT of those that this adapter can speak to."""
+    """MAV_AUTOPILOT of the autopilots that the adapter fits; None for any."""
 
     by_mavsdk: ClassVar[bool] = False
     """Whether MAVSDK keeps the connection."""
@@ -107,20 +107,20 @@ class AutopilotAdapter(ABC):
     """Name of the emulated autopilot that flies the vehicle in a rehearsal."""
 
     def __init__(self, vehicle: "Vehicle") -> None:
-        """Make one that has heard nothing of its autopilot.
+        """Create an adapter that has heard nothing of its autopilot yet.
 
         Args:
-            vehicle: whom it speaks to.
+            vehicle: the vehicle it speaks to.
         """
         self._vehicle = vehicle
 
     def become(self, kind: "type[AutopilotAdapter]") -> None:
-        """Go on as the adapter that is right by what was heard of the autopilot, and keep what was heard."""
+        """Become a more specific adapter, and keep what was heard of the autopilot."""
         self.__class__ = kind
 
     @property
     def is_ready(self) -> bool:
-        """Whether enough is known of the autopilot to steer it; until then it is not engaged."""
+        """Whether enough is known of the autopilot to engage and steer it."""
         return True
 
     @property
@@ -130,130 +130,130 @@ class AutopilotAdapter(ABC):
 
     @property
     def streams_before_engaging(self) -> bool:
-        """Whether setpoints have to arrive before the autopilot lets itself be engaged."""
+        """Whether setpoints must arrive before the autopilot can be engaged."""
         return False
 
     @property
     def holds_altitude(self) -> bool:
-        """Whether `hold_altitude` can be obeyed; if not, the altitude of engaging is kept."""
+        """Whether `hold_altitude` is obeyed; otherwise the altitude of engaging is kept."""
         return False
 
     @property
     def keep_alive_s(self) -> float:
-        """Longest time between repetitions of setpoints that have not changed, s."""
+        """Longest time between repetitions of unchanged setpoints, s."""
         return 0.5
 
     @property
     def parts_belong_together(self) -> bool:
-        """Whether each course setpoint cancels the speed, so that neither may be sent without the other."""
+        """Whether each course setpoint cancels the speed, so that both must be sent together."""
         return False
 
     @property
     @abstractmethod
     def engaged_name(self) -> str:
-        """What ground stations call the mode in which setpoints are obeyed."""
+        """Name of the mode that obeys setpoints, as ground stations show it."""
 
     @property
     def heartbeat_shows_flight(self) -> bool:
-        """Whether a heartbeat of an armed vehicle is ACTIVE in the air only."""
+        """Whether the heartbeat of an armed vehicle is ACTIVE only in the air."""
         return False
 
     @property
     def parameters(self) -> tuple[str, ...]:
-        """Names of the parameters that `parameter_warnings` wants to know."""
+        """Names of the parameters that `parameter_warnings` uses."""
         return ()
 
     @property
     def steering_commands(self) -> frozenset[int]:
-        """Numbers of the commands without which it cannot be steered."""
+        """Numbers of the commands that steering needs."""
         return frozenset()
 
     def steering_questions(self) -> list[MAVLink_message]:
-        """Commands whose refusal outside the guided mode shows whether the autopilot has them."""
+        """Return commands whose refusal outside the guided mode shows whether the autopilot has them."""
         return []
 
     def recognise(self, autopilot: int) -> str | None:
-        """None if this adapter can speak to this MAV_AUTOPILOT, or else what is wrong, in words."""
+        """Return None if the adapter fits this MAV_AUTOPILOT, otherwise a message for people."""
         return None if self.number is None else other_autopilot(autopilot, self.number)
 
     def questions(self) -> list[MAVLink_message]:
-        """What has to be asked before the autopilot can be steered; to be called once a second."""
+        """Return questions to answer before the autopilot can be steered; call once a second."""
         return []
 
     def hear(self, report: VersionReport | CommandReport) -> str | None:
-        """Take an answer of the autopilot; one sentence for the operator where it decides the steering."""
+        """Take an answer of the autopilot; return a sentence for the operator if it decides the steering."""
         del report
         return None
 
     def parameter_value(self, report: ParameterReport) -> float:
-        """The value in a report, in the way in which this autopilot packs it."""
+        """Return the value in a report as this autopilot packs it."""
         return report.value
 
     def response(self, parameters: Mapping[str, float], needs: FlightNeeds) -> AutopilotResponse:
-        """How the vehicle answers by these parameters; nothing where this autopilot's do not tell."""
+        """Return the vehicle's response by these parameters; its fields are None where they do not tell."""
         del parameters, needs
         return AutopilotResponse()
 
     def parameter_warnings(self, parameters: Mapping[str, float], needs: FlightNeeds) -> list[str]:
-        """What in the autopilot's parameters does not fit the flight, one line each.
+        """Return the mismatches of parameters and flight, one line each.
 
         Args:
-            parameters: those of `parameters` that were answered; an autopilot may not know them all.
-            needs: what the mission expects of the vehicle.
+            parameters: answered ones of `parameters`; an autopilot may lack some.
+            needs: the mission's needs.
         """
         del parameters, needs
         return []
 
     def parameter_faults(self, parameters: Mapping[str, float], needs: FlightNeeds) -> list[str]:
-        """Those of them with which the vehicle should not take off, the worst first."""
+        """Return the mismatches with which the vehicle should not take off, the worst first."""
         del parameters, needs
         return []
 
     @abstractmethod
     def is_engaged(self, custom_mode: int) -> bool:
-        """Whether the autopilot obeys setpoints in this mode."""
+        """Check whether the autopilot obeys setpoints in this mode."""
 
     @abstractmethod
     def is_handed_back(self, custom_mode: int) -> bool:
-        """Whether this is the mode that `hand_back` leads to."""
+        """Check whether `hand_back` leads to this mode."""
 
     def mode_name(self, custom_mode: int) -> str:
-        """What ground stations call a mode."""
+        """Return the name of a mode, as ground stations show it."""
         return f"mode {custom_mode}"
 
     def goes_home(self, custom_mode: int) -> bool:
-        """Whether a vehicle in this mode returns or lands."""
+        """Check whether a vehicle in this mode returns or lands."""
         del custom_mode
         return False
 
     def denies_guided(self, report: CommandReport) -> bool:
-        """Whether this answer says that the autopilot is not in its guided mode."""
+        """Check whether this answer says that the autopilot is not in its guided mode."""
         del report
         return False
 
     def request_telemetry(self, rate_hz: float) -> list[MAVLink_message]:
-        """Ask for position and airspeed at this rate."""
+        """Return requests for position and airspeed at this rate."""
         return telemetry_at(self._vehicle, rate_hz)
 
     def request_streams(self, rate_hz: float, *, attitude: bool) -> list[MAVLink_message]:
-        """Ask for the same where no message is sent on its own: by streams."""
+        """Return requests for the same by streams, where the autopilot cannot send single messages."""
         return data_streams(self._vehicle, rate_hz, attitude=attitude)
 
     def request_attitude(self, rate_hz: float) -> list[MAVLink_message]:
-        """What asks for ATTITUDE at this rate, where the bank is of interest."""
+        """Return requests for ATTITUDE at this rate, where the bank angle is of interest."""
         command = mavlink.MAV_CMD_SET_MESSAGE_INTERVAL
         return [command_long(self._vehicle, command, ATTITUDE, round(1e6 / rate_hz))]
 
     @abstractmethod
     def engage(self) -> list[MAVLink_message]:
-        """Enter the mode in which setpoints are obeyed."""
+        """Return commands to enter the mode that obeys setpoints."""
 
     @abstractmethod
     def hand_back(self) -> list[MAVLink_message]:
-        """Leave it for a loiter that the autopilot flies by itself."""
+        """Return commands to leave that mode for a loiter that the autopilot flies by itself."""
 
     def loiter_at(self, altitude_amsl: float) -> list[MAVLink_message]:
-        """Loiter at another altitude (m above mean sea level), where it was handed back to its loiter.
+        """Return commands to loiter at another altitude (m above mean sea level) after handing back.
 
         ArduPlane 4.7 and PX4 1.18 take DO_CHANGE_ALTITUDE there.
         """
@@ -262,21 +262,21 @@ class AutopilotAdapter(ABC):
 
     @abstractmethod
     def fly(self, setpoint: AutopilotSetpoint) -> list[MAVLink_message]:
-        """Hold a course over ground and a speed."""
+        """Return commands to hold a course over ground and a speed."""
 
     def stay_ready(self, setpoint: AutopilotSetpoint) -> list[MAVLink_message]:
-        """What an autopilot that is not engaged has to hear so that it can be; it changes nothing."""
+        """Return messages that an autopilot needs before it can be engaged; they change nothing."""
         del setpoint
         return []
 
     def hold_altitude(self, altitude_amsl: float) -> list[MAVLink_message]:
-        """Hold an altitude, m above mean sea level."""
+        """Return commands to hold an altitude, m above mean sea level."""
         del altitude_amsl
         return []
 
 
 class UnknownAutopilot(AutopilotAdapter):
-    """An autopilot that is not known well enough to be steered, and that may turn out to be of any kind."""
+    """Adapter of an autopilot too little known to be steered, which may become any other adapter."""
 
     is_ready = False
     streams_before_engaging = True
@@ -284,37 +284,37 @@ class UnknownAutopilot(AutopilotAdapter):
     parts_belong_together = True
 
     def is_engaged(self, custom_mode: int) -> bool:
-        """Not by this companion."""
+        """Return False: this companion cannot engage it."""
         del custom_mode
         return False
 
     def is_handed_back(self, custom_mode: int) -> bool:
-        """Not by this companion."""
+        """Return False: this companion cannot hand it back."""
         del custom_mode
         return False
 
     def engage(self) -> list[MAVLink_message]:
-        """Nothing yet."""
+        """Return nothing."""
         return []
 
     def hand_back(self) -> list[MAVLink_message]:
-        """Nothing yet."""
+        """Return nothing."""
         return []
 
     def fly(self, setpoint: AutopilotSetpoint) -> list[MAVLink_message]:
-        """Nothing yet."""
+        """Return nothing."""
         del setpoint
         return []
 
 
 @autopilot("auto")
 class DetectedAutopilot(UnknownAutopilot):
-    """Becomes the adapter of the autopilot that is heard first, and asks for nothing before."""
+    """Adapter that becomes that of the first autopilot heard, and asks for nothing before."""
 
     engaged_name = "the guided mode"
 
     def recognise(self, autopilot: int) -> str | None:
-        """Settle on the first autopilot that can be spoken to."""
+        """Become the adapter of this autopilot, if there is one."""
         for name in autopilots.names():
             adapter: type[AutopilotAdapter] = autopilots.find(name)
             if adapter.number == autopilot:
@@ -325,7 +325,7 @@ class DetectedAutopilot(UnknownAutopilot):
 
 
 class Vehicle:
-    """Address of an autopilot and the declared facts that its messages need."""
+    """Address of an autopilot, and facts of the mission that its messages need."""
 
     __slots__ = ("component_id", "hold", "lateral_acceleration", "px4_steering", "system_id")
 
@@ -343,9 +343,9 @@ class Vehicle:
         Args:
             system_id: MAVLink system.
             component_id: MAVLink component of the autopilot.
-            hold: what its speed loop acts on.
-            lateral_acceleration: g tan(phi_max), m/s²: what a turn may take.
-            px4_steering: how it is steered if it is a PX4.
+            hold: kind of speed that its speed loop holds.
+            lateral_acceleration: greatest lateral acceleration in a turn, g tan(phi_max), m/s².
+            px4_steering: way of steering if it is a PX4.
         """
         self.system_id = system_id
         self.component_id = component_id
@@ -355,7 +355,7 @@ class Vehicle:
 
 
 def command_long(vehicle: Vehicle, command: int, *parameters: float) -> MAVLink_message:
-    """COMMAND_LONG to a vehicle, unused parameters 0."""
+    """Return a COMMAND_LONG to a vehicle; unused parameters are 0."""
     padded = (*parameters, *(0.0,) * (7 - len(parameters)))
     return mavlink.MAVLink_command_long_message(
         vehicle.system_id, vehicle.component_id, command, 0, *padded
@@ -365,7 +365,7 @@ def command_long(vehicle: Vehicle, command: int, *parameters: float) -> MAVLink_
 def command_int(
     vehicle: Vehicle, command: int, *parameters: float, altitude: float = 0.0
 ) -> MAVLink_message:
-    """COMMAND_INT to a vehicle, altitudes above mean sea level, unused parameters 0."""
+    """Return a COMMAND_INT to a vehicle with the altitude above mean sea level; unused parameters are 0."""
     padded = (*parameters, *(0.0,) * (4 - len(parameters)))
     frame = mavlink.MAV_FRAME_GLOBAL
     return mavlink.MAVLink_command_int_message(
@@ -376,12 +376,12 @@ def command_int(
 def telemetry_at(
     vehicle: Vehicle, rate_hz: float, *, estimator: int | None = None
 ) -> list[MAVLink_message]:
-    """SET_MESSAGE_INTERVAL for the two messages that guidance lives on, and for what tells of their quality.
+    """Return SET_MESSAGE_INTERVAL commands for position, airspeed and messages about their quality.
 
     Args:
         vehicle: the vehicle.
-        rate_hz: of position and airspeed, Hz.
-        estimator: the message in which this autopilot tells of its estimator, if that is known.
+        rate_hz: rate of position and airspeed, Hz.
+        estimator: this autopilot's message about its estimator; None leaves out the quality.
     """
     interval_us = round(1e6 / rate_hz)
     health_us = max(HEALTH_US, interval_us)
@@ -394,12 +394,12 @@ def telemetry_at(
 
 
 def data_streams(vehicle: Vehicle, rate_hz: float, *, attitude: bool) -> list[MAVLink_message]:
-    """REQUEST_DATA_STREAM, for autopilots without SET_MESSAGE_INTERVAL: positions, airspeeds and health.
+    """Return REQUEST_DATA_STREAM messages, for autopilots without SET_MESSAGE_INTERVAL.
 
     Args:
         vehicle: the vehicle.
-        rate_hz: of position and airspeed, Hz.
-        attitude: whether ATTITUDE is wanted as often.
+        rate_hz: rate of position and airspeed, Hz.
+        attitude: whether ATTITUDE is wanted at the same rate.
     """
     rate = max(round(rate_hz), 1)
     streams = [
@@ -418,15 +418,15 @@ def data_streams(vehicle: Vehicle, rate_hz: float, *, attitude: bool) -> list[MA
 
 
 def set_mode(vehicle: Vehicle, main_mode: int, sub_mode: int = 0) -> MAVLink_message:
-    """MAV_CMD_DO_SET_MODE with a custom mode."""
+    """Return MAV_CMD_DO_SET_MODE with a custom mode."""
     custom = mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
     return command_long(vehicle, mavlink.MAV_CMD_DO_SET_MODE, custom, main_mode, sub_mode)
 
 
 def compass_degrees(course: float) -> float:
-    """Degrees in [0, 360) for an angle in radians, also after single precision has rounded them.
+    """Convert an angle (rad) to degrees in [0, 360), also after rounding to single precision.
 
-    360 is denied; to a thousandth of a degree nothing below it rounds up to it.
+    Autopilots deny 360; rounded to a thousandth of a degree, nothing below rounds up to it.
     """
     return round(math.degrees(wrap_course(course)), 3) % 360.0
 
@@ -436,13 +436,13 @@ Content = tuple[object, ...]
 
 
 class SetpointStream:
-    """Remembers what an autopilot was last told."""
+    """Filter of setpoint messages that remembers what an autopilot was last told."""
 
     def __init__(self, adapter: AutopilotAdapter) -> None:
-        """Make a stream that has sent nothing yet.
+        """Create a stream that has sent nothing yet.
 
         Args:
-            adapter: says how long a setpoint may go unrepeated, and whether its parts belong together.
+            adapter: tells how long a setpoint may go unrepeated, and whether its parts belong together.
         """
         self._adapter = adapter
         self._content: dict[Kind, Content] = {}
@@ -450,14 +450,14 @@ class SetpointStream:
         self._passed_over = False
 
     def reset(self) -> None:
-        """Forget what was sent: the autopilot has left the mode in which it was told."""
+        """Forget what was sent, since the autopilot has left the mode in which it was told."""
         self._content.clear()
         self._sent.clear()
 
     def due(
         self, messages: Sequence[MAVLink_message], now: float, *, halved: bool = False
     ) -> list[MAVLink_message]:
-        """Those of a setpoint's messages that have to be sent now (s); halved, of every other setpoint."""
+        """Return a setpoint's messages that are due now (s); with `halved`, of every other setpoint only."""
         # Never so rarely that an autopilot takes the stream for lost.
         fresh = 0.0 <= now - max(self._sent.values(), default=-inf) < self._adapter.keep_alive_s
         self._passed_over = halved and fresh and not self._passed_over
@@ -475,17 +475,17 @@ class SetpointStream:
     def _is_due(self, kind: Kind, content: Content, now: float) -> bool:
         if self._content.get(kind) != content:
             return True
-        # A clock that was set back makes the last sending lie ahead.
+        # After a clock was set back, the last sending lies ahead.
         return not 0.0 <= now - self._sent[kind] < self._adapter.keep_alive_s
 
 
 def kind_of(message: MAVLink_message) -> Kind:
-    """What a message replaces: the one before of the same number and, for commands, the same command."""
+    """Return the kind of a message: a newer message of the same kind replaces it."""
     return message.id, getattr(message, "command", 0)
 
 
 def content_of(message: MAVLink_message) -> Content:
-    """The fields of a message, as finely as they matter."""
+    """Return the fields of a message, rounded to the decimals that count."""
     values = vars(message)
     fields = [values[name] for name in message.fieldnames]
     return tuple(

@@ -1,4 +1,4 @@
-"""MAVLink addresses as MAVSDK and QGroundControl write them, and the state of a connection to one of them."""
+"""MAVLink addresses in the notation of MAVSDK and QGroundControl, and the state of a connection."""
 
 import asyncio
 import ipaddress
@@ -12,10 +12,10 @@ from enum import StrEnum
 from vfguide.errors import InputError
 
 LONGEST_HOST = 253
-"""Characters of a host name, by the rules of the domain name system."""
+"""Maximum length of a host name by the rules of the domain name system, characters."""
 
 LONGEST_QUOTE = 80
-"""Characters of a wrong address that are repeated in the message about it."""
+"""Maximum length of a wrong address quoted in an error message, characters."""
 
 SLOWEST_BAUD, FASTEST_BAUD = 1_200, 12_000_000
 
@@ -25,7 +25,7 @@ OLD_SCHEMES = {
     "udp": ("udpin", "to wait for the autopilot, or udpout:// to speak first"),
     "tcp": ("tcpout", "to call the autopilot, or tcpin:// to be called"),
 }
-"""Names that MAVSDK has given up, what is nearest, and when it is right."""
+"""Schemes that MAVSDK has abandoned, with the nearest one and when that is right."""
 
 LABELS = re.compile(
     r"(?!-)[a-z0-9_-]{1,63}(?<!-)(\.(?!-)[a-z0-9_-]{1,63}(?<!-))*", re.IGNORECASE | re.ASCII
@@ -37,18 +37,18 @@ NUMERIC = re.compile(r"[0-9.]+")
 SERIAL_EXAMPLE = "serial:///dev/ttyACM0:57600"
 
 REMEDY = "it is tried for ever: see that the autopilot is on, and that --mavlink names its end"
-"""Whatever keeps it from being connected: a port that is not there, nobody who listens, nobody who speaks."""
+"""Remedy for all causes: a missing port, nobody who listens, nobody who speaks."""
 
 
 class Transport(StrEnum):
-    """How a network address is spoken to."""
+    """Transport and direction of a network connection."""
 
     UDP_IN = "udpin"
-    """Wait at a port; answer the peer that speaks."""
+    """Wait at a port, and answer the peer that speaks."""
     UDP_OUT = "udpout"
-    """Speak first."""
+    """Send first."""
     TCP_IN = "tcpin"
-    """Wait to be called."""
+    """Wait for a call."""
     TCP_OUT = "tcpout"
     """Call."""
 
@@ -69,14 +69,13 @@ ALL_EXAMPLES = f"{', '.join(EXAMPLES.values())} or {SERIAL_EXAMPLE}"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NetworkAddress:
-    """A port of a host."""
+    """Network address of an autopilot, or of the own port that it calls."""
 
     transport: Transport
-    """How."""
     host: str
-    """Name or number, without brackets; this computer's own where the transport listens."""
+    """Host name or IP address, without brackets; this computer's own where the transport listens."""
     port: int
-    """1 to 65535."""
+    """Port, 1 to 65535."""
 
     def __str__(self) -> str:
         host = f"[{self.host}]" if ":" in self.host else self.host
@@ -85,12 +84,12 @@ class NetworkAddress:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SerialAddress:
-    """A serial port of this computer."""
+    """Serial port of this computer."""
 
     device: str
-    """File of the serial port."""
+    """Device file."""
     baud: int
-    """Bits per second."""
+    """Baud rate, bits per second."""
 
     def __str__(self) -> str:
         return f"{SERIAL}://{self.device}:{self.baud}"
@@ -100,10 +99,10 @@ Address = NetworkAddress | SerialAddress
 
 
 def parse_address(text: str) -> Address:
-    """The address that a text names.
+    """Parse a MAVLink address.
 
     Raises:
-        InputError: it names none; one line that says what would be right.
+        InputError: it is invalid; one line says what would be right.
     """
     try:
         return _parsed(text)
@@ -126,7 +125,7 @@ def _parsed(text: str) -> Address:
 
 
 def _serial(rest: str) -> SerialAddress:
-    # The last colon: names under /dev/serial/by-path have colons of their own.
+    # The last colon, since names under /dev/serial/by-path have colons of their own.
     device, separator, speed = rest.rpartition(":")
     if not separator or not DIGITS.fullmatch(speed):
         raise InputError(f"the baud rate is missing; write {SERIAL_EXAMPLE}")
@@ -148,7 +147,7 @@ def _network(transport: Transport, rest: str) -> NetworkAddress:
 
 
 def _host(transport: Transport, text: str) -> str:
-    """The host in a text, checked as far as that goes without asking a name server."""
+    """Return the host, checked as far as possible without a name server."""
     if not text and transport.listens:
         raise InputError("the host is missing; write 0.0.0.0 to listen on all of this computer's")
     if not text:
@@ -162,7 +161,7 @@ def _host(transport: Transport, text: str) -> str:
 
 
 def _number(text: str) -> ipaddress.IPv4Address | ipaddress.IPv6Address | None:
-    """The numeric host in a text, or None where it is not written as one."""
+    """Return a numeric host, or None where it is not written as one."""
     try:
         if BRACKETS.fullmatch(text):
             return ipaddress.IPv6Address(text[1:-1])
@@ -176,7 +175,7 @@ def _number(text: str) -> ipaddress.IPv4Address | ipaddress.IPv6Address | None:
 
 
 def _is_many(number: ipaddress.IPv4Address | ipaddress.IPv6Address) -> bool:
-    """Whether this addresses nobody or everybody."""
+    """Check whether this addresses nobody or everybody."""
     broadcast = ipaddress.IPv4Address("255.255.255.255")
     return number.is_unspecified or number.is_multicast or number == broadcast
 
@@ -205,27 +204,27 @@ class Status:
         self.connected = False
         """Whether there is a peer to send to."""
         self.counters: Counter[str] = Counter()
-        """What was not sent or not delivered, by reason."""
+        """Numbers of messages that were not sent or delivered, by reason."""
         self.settled = asyncio.Event()
-        """Set once the first try has ended, one way or the other."""
+        """Set once the first attempt has ended, successfully or not."""
         self._address = str(address)
         self._detail = ""
         self._closed = False
 
     def up(self, peer: str) -> None:
-        """There is a peer to send to."""
+        """Record that there is a peer to send to."""
         self._change(connected=True, detail=peer)
 
     def down(self, reason: str) -> None:
-        """There is nobody to send to."""
+        """Record that there is no peer to send to."""
         self._change(connected=False, detail=reason)
 
     def warn(self, text: str) -> None:
-        """Something else is odd about it."""
+        """Log another problem of the connection."""
         logger.warning("MAVLink %s: %s", self._address, text, extra=self._fields(text))
 
     def close(self) -> None:
-        """The connection ends because it is no longer wanted; what follows is no news."""
+        """Record that the connection was closed on purpose; later changes are not logged."""
         self._closed, self.connected = True, False
         logger.info("MAVLink %s: closed", self._address, extra=self._fields("closed"))
 
@@ -251,9 +250,9 @@ class Status:
 
 
 def reason_of(error: Exception) -> str:
-    """What went wrong, in one line."""
+    """Describe an error in one line."""
     if isinstance(error, ConnectionError) and error.errno:
-        # asyncio puts a sentence of its own in the place of the system's.
+        # asyncio replaces the system's message with a sentence of its own.
         return os.strerror(error.errno)
     text = (isinstance(error, OSError) and error.strerror) or str(error) or type(error).__name__
     return " ".join(text.split())

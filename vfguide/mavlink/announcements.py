@@ -1,4 +1,4 @@
-"""Heartbeats and texts that a companion sends, and what becomes of its commands, in words."""
+"""Heartbeats and texts of a companion, and messages for people about refused or unanswered commands."""
 
 import math
 from collections.abc import Iterable
@@ -17,16 +17,16 @@ CHUNK = 50
 """Characters in one STATUSTEXT."""
 
 MOST_CHUNKS = 6
-"""Longer texts are cut: a telemetry radio carries a few hundred bytes a second."""
+"""Maximum number of parts of a text: a telemetry radio carries a few hundred bytes a second."""
 
 SILENCE_S = 3.0
-"""A command that was sent all this time and never answered is not heard."""
+"""Time after which a repeated command without any answer counts as not heard, s."""
 
 QUIET_S = 10.0
-"""A refusal that comes again after this long is told again."""
+"""Time after which a repeated refusal is told again, s."""
 
 MOST_REFUSALS = 64
-"""Kinds of them that are remembered: more is noise, and not told."""
+"""Maximum number of kinds of refusals told: more is noise."""
 
 GOOD = frozenset({mavlink.MAV_RESULT_ACCEPTED, mavlink.MAV_RESULT_IN_PROGRESS})
 
@@ -64,26 +64,26 @@ REASONS: dict[tuple[int, int], str] = {
         "faster than its loop: raise SCHED_LOOP_RATE, or lower rehearsal.rate_hz"
     ),
 }
-"""What a refusal usually means."""
+"""Usual causes by command and result."""
 
 
 ASKING = frozenset({mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, mavlink.MAV_CMD_REQUEST_MESSAGE})
-"""Commands by which nothing flies: what they ask for may come otherwise, or not be needed."""
+"""Commands by which nothing flies: their result may come otherwise, or not be needed."""
 
 
 def status_texts(text: str, severity: int, number: int) -> list[MAVLink_message]:
-    """STATUSTEXT, for ground stations that listen to the vehicle: as many as the text needs.
+    """Return the STATUSTEXT messages of a text, for ground stations that listen to the vehicle.
 
     Args:
-        text: whatever is not ASCII becomes a question mark.
+        text: the text; characters outside ASCII become question marks.
         severity: MAV_SEVERITY.
-        number: of this text, 1 to 65535, by which ground stations join the parts of a long one.
+        number: number of the text, 1 to 65535, by which ground stations join the parts of a long one.
     """
     content = text.encode("ascii", "replace")
     if len(content) <= CHUNK:
         return [mavlink.MAVLink_statustext_message(severity, content)]
     content = content[: MOST_CHUNKS * CHUNK - 1]
-    # The end is known by a part that is not full: a text that fills its last one is followed by an empty one.
+    # A part that is not full ends the text, so a text that fills its last part is followed by an empty one.
     starts = range(0, len(content) + 1, CHUNK)
     return [
         mavlink.MAVLink_statustext_message(severity, content[start : start + CHUNK], number, chunk)
@@ -92,12 +92,12 @@ def status_texts(text: str, severity: int, number: int) -> list[MAVLink_message]
 
 
 def named_value(name: str, value: float, time_s: float) -> MAVLink_message:
-    """NAMED_VALUE_FLOAT: a number that ground stations plot by its name.
+    """Return a NAMED_VALUE_FLOAT, which ground stations plot by its name.
 
     Args:
         name: at most 10 ASCII characters.
         value: finite.
-        time_s: when it was true, on the sender's clock; the field turns over after 49 days.
+        time_s: time of validity on the sender's clock, s; the field wraps around after 49 days.
     """
     return mavlink.MAVLink_named_value_float_message(
         round(time_s * 1e3) % 2**32, name.encode("ascii"), value
@@ -105,12 +105,12 @@ def named_value(name: str, value: float, time_s: float) -> MAVLink_message:
 
 
 def time_question(stamp: int) -> MAVLink_message:
-    """TIMESYNC that asks for the autopilot's time; the stamp (ns) comes back with the answer."""
+    """Return a TIMESYNC that asks for the autopilot's time; the answer returns the stamp (ns)."""
     return mavlink.MAVLink_timesync_message(0, stamp)
 
 
 def version_question(system_id: int, component_id: int) -> MAVLink_message:
-    """REQUEST_MESSAGE for AUTOPILOT_VERSION, which has the number of the hardware."""
+    """Return a REQUEST_MESSAGE for AUTOPILOT_VERSION, which contains the hardware's number."""
     wanted = mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION
     request = mavlink.MAV_CMD_REQUEST_MESSAGE
     return mavlink.MAVLink_command_long_message(
@@ -119,7 +119,7 @@ def version_question(system_id: int, component_id: int) -> MAVLink_message:
 
 
 def heartbeat() -> MAVLink_message:
-    """HEARTBEAT of an onboard computer."""
+    """Return the HEARTBEAT of an onboard computer."""
     return mavlink.MAVLink_heartbeat_message(
         mavlink.MAV_TYPE_ONBOARD_CONTROLLER,
         mavlink.MAV_AUTOPILOT_INVALID,
@@ -131,14 +131,14 @@ def heartbeat() -> MAVLink_message:
 
 
 def ground_station_heartbeat() -> MAVLink_message:
-    """HEARTBEAT of a ground station: the only one whose end is an event for some autopilots."""
+    """Return the HEARTBEAT of a ground station, the only one whose end some autopilots notice."""
     return mavlink.MAVLink_heartbeat_message(
         mavlink.MAV_TYPE_GCS, mavlink.MAV_AUTOPILOT_INVALID, 0, 0, mavlink.MAV_STATE_ACTIVE, 3
     )
 
 
 class Acknowledgements:
-    """Commands on their way, and the answers to them."""
+    """Commands that await answers, and their refusals."""
 
     def __init__(self) -> None:
         self._waiting: dict[int, float] = {}
@@ -146,7 +146,7 @@ class Acknowledgements:
         self._refused: dict[tuple[int, int], float] = {}
 
     def sent(self, messages: Iterable[MAVLink_message], now: float) -> None:
-        """Note the commands among messages that go out now (s)."""
+        """Note the commands among messages that are sent now (s)."""
         for message in messages:
             command = message.get_msgId() in {
                 mavlink.MAVLINK_MSG_ID_COMMAND_INT,
@@ -156,7 +156,7 @@ class Acknowledgements:
                 self._waiting.setdefault(message.command, now)
 
     def answered(self, report: CommandReport, now: float) -> str | None:
-        """Take an answer; what an operator should know of it, or None."""
+        """Take an answer; return a message for the operator if it is a refusal not told lately."""
         self._waiting.pop(report.command, None)
         self._silent.discard(report.command)
         if report.result in GOOD:
@@ -169,7 +169,7 @@ class Acknowledgements:
         return refusal(*key) if now - before > QUIET_S else None
 
     def overdue(self, now: float) -> list[str]:
-        """Commands that have never been answered, each told once until it is."""
+        """Return messages about commands that were never answered, each once until it is."""
         found = [
             command
             for command, since in self._waiting.items()
@@ -184,7 +184,7 @@ class Acknowledgements:
 
 
 def refusal(command: int, result: int) -> str:
-    """A refusal in words."""
+    """Describe a refusal for people."""
     answer = name_of("MAV_RESULT", result).removeprefix("MAV_RESULT_")
     text = f"autopilot answers {name_of('MAV_CMD', command)}: {answer}"
     reason = REASONS.get((command, result))
@@ -193,6 +193,6 @@ def refusal(command: int, result: int) -> str:
 
 
 def name_of(group: str, number: int) -> str:
-    """Name of an entry of a MAVLink enumeration, or its number."""
+    """Return the name of an entry of a MAVLink enumeration, or its number if it has none."""
     entry = mavlink.enums[group].get(number)
     return str(number) if entry is None else str(entry.name)

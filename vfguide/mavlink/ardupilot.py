@@ -1,8 +1,7 @@
-"""ArduPlane: GUIDED mode, course, airspeed and altitude by commands that it holds until the next.
+"""Adapter of ArduPlane, which holds course, airspeed and altitude commands in GUIDED until the next ones.
 
-What in ArduPlane's parameters does not fit a flight, in words: a pure function of their values.
-
-The figures were measured on ArduPlane 4.7 in software.
+Warnings about its parameters are pure functions of their values. The figures were measured on ArduPlane 4.7
+in software.
 """
 
 import math
@@ -38,7 +37,7 @@ NAMES = (
     *("AIRSPEED_MIN", "AIRSPEED_MAX", "ARSPD_FBW_MIN", "ARSPD_FBW_MAX"),
     *("ROLL_LIMIT_DEG", "LIM_ROLL_CD"),
 )
-"""Those that matter here; of each pair of limits the second name is the one before version 4.5."""
+"""Parameters used here; of each pair of limits the second name is the one before version 4.5."""
 
 HEARTBEAT, HEARTBEAT_OR_RADIO = 1.0, 2.0
 """Values of FS_GCS_ENABL that cover GUIDED; 3 covers AUTO only."""
@@ -46,25 +45,27 @@ HEARTBEAT, HEARTBEAT_OR_RADIO = 1.0, 2.0
 SHORTEST_LONG_S, LONGEST_LONG_S = 3.0, 15.0
 
 LEAST_GUIDED_P = 10_000.0
-"""Centidegrees of bank for a radian of course error: with less, a course of 30 degrees takes over 3 s."""
+"""Minimum of GUIDED_P, 0.01 degrees of bank per rad of course error: below it, 30 degrees take over 3 s."""
 
 MOST_TECS_TIME_CONST = 3.0
-"""s: with the default of 5 a change of the demanded speed over 12 s hardly moves the aircraft."""
+"""Maximum of TECS_TIME_CONST, s: at the default of 5, speed changes over 12 s hardly move the aircraft."""
 
 CLIMB_SHARE = 0.5
-"""Of the climb of TECS_CLMB_MAX's energy, what the TECS lets the demanded speed rise with."""
+"""Share of the energy of a climb at TECS_CLMB_MAX with which TECS lets the demanded speed rise."""
 
 ALPHA_SHARE = 0.3
-"""How far the mission's alpha may be from what GUIDED_P gives."""
+"""Tolerance of the mission's alpha against that of GUIDED_P, relative."""
 
 SLIP_TURN_SHARE = 0.745
-"""What a vehicle that slips turns of what its bank says, measured on the simulated plane."""
+"""Turn rate of a slipping vehicle as a share of what its bank angle implies, measured on the simulated
+plane."""
 
 BETA_TIME_CONST = 2.0
 """beta times TECS_TIME_CONST: 1.0 1/s at 2 s was measured, and 0.45 at 5 s."""
 
 LEAST_TURN_SHARE = 0.5
-"""A vehicle that slips turns at least this much of what its bank says; the simulated plane does 0.745."""
+"""Minimum turn rate of a slipping vehicle as a share of what its bank angle implies; the simulated plane has
+0.745."""
 
 GUIDED = 15
 
@@ -99,7 +100,7 @@ MODES = [
     "LOITER_ALT_QLAND",
     "AUTOLAND",
 ]
-"""Names, from number 0."""
+"""Names of the modes by number, from 0."""
 
 HOMEWARD = frozenset({"RTL", "QLAND", "QRTL", "LOITER_ALT_QLAND", "AUTOLAND"})
 
@@ -109,26 +110,26 @@ STEERING_COMMANDS = frozenset(
         mavlink.MAV_CMD_GUIDED_CHANGE_SPEED,
     }
 )
-"""What GUIDED is steered by."""
+"""Commands that steer in GUIDED."""
 
 COURSE_OVER_GROUND = 0
 
 LEAST_TICKS = 1.25
-"""Ticks of the scheduler from one report to the next: with fewer ArduPlane refuses the rate."""
+"""Minimum scheduler ticks per report: ArduPlane refuses a rate with fewer."""
 
 AIRSPEED, GROUND_SPEED = 0, 1
 
 
 def alpha_of(guided_p: float, airspeed: float) -> float:
-    """1/s, of coordinated turns whose bank is GUIDED_P (0.01 degrees per rad) times the course error."""
+    """Return the course response, 1/s, of coordinated turns with GUIDED_P in 0.01 degrees per rad."""
     return math.radians(guided_p / 100.0) * GRAVITY / airspeed
 
 
 def failsafe_warnings(parameters: Mapping[str, float], needs: FlightNeeds) -> list[str]:
-    """ArduPlane holds commands that stop for ever: only the fail-safe for lost heartbeats notices.
+    """Warn where ArduPlane would hold the last commands of a silent companion for ever.
 
-    In GUIDED it acts where FS_LONG_ACTN is not 0. Heartbeats count by the system that they come from, of any
-    type and component: a companion's come from the vehicle's own.
+    Only the fail-safe for lost heartbeats notices; in GUIDED it acts where FS_LONG_ACTN is not 0. Heartbeats
+    count by their system, of any type and component: a companion's come from the vehicle's own.
     """
     enabled = parameters.get("FS_GCS_ENABL", HEARTBEAT)
     if enabled not in {HEARTBEAT, HEARTBEAT_OR_RADIO}:
@@ -161,7 +162,7 @@ def failsafe_warnings(parameters: Mapping[str, float], needs: FlightNeeds) -> li
 
 
 def course_warnings(parameters: Mapping[str, float], needs: FlightNeeds) -> list[str]:
-    """GUIDED_P decides how fast a course is taken up: alpha = GUIDED_P g / V, or less where it slips."""
+    """Warn where GUIDED_P does not fit the mission's alpha: alpha = GUIDED_P g / V, or less with slip."""
     gain = parameters.get("GUIDED_P")
     if gain is None:
         return []
@@ -183,7 +184,7 @@ def course_warnings(parameters: Mapping[str, float], needs: FlightNeeds) -> list
 
 
 def loop_warning(parameters: Mapping[str, float], needs: FlightNeeds) -> list[str]:
-    """Telemetry leaves on the scheduler's ticks: higher rates are refused."""
+    """Warn where the rate of reports is refused: telemetry leaves on the scheduler's ticks."""
     loop_hz, ticks = scheduled(parameters, needs)
     if not ticks < LEAST_TICKS:
         return []
@@ -196,7 +197,7 @@ def loop_warning(parameters: Mapping[str, float], needs: FlightNeeds) -> list[st
 
 
 def uneven_warning(parameters: Mapping[str, float], needs: FlightNeeds) -> list[str]:
-    """Rates between those of whole ticks come unevenly."""
+    """Warn where reports come unevenly, at rates that are no whole number of ticks."""
     loop_hz, ticks = scheduled(parameters, needs)
     if not (LEAST_TICKS <= ticks < 8.0 and abs(ticks - round(ticks)) > 0.01):
         return []
@@ -209,7 +210,7 @@ def uneven_warning(parameters: Mapping[str, float], needs: FlightNeeds) -> list[
 
 
 def scheduled(parameters: Mapping[str, float], needs: FlightNeeds) -> tuple[float, float]:
-    """The scheduler's rate (Hz) and its ticks from one report to the next; NaN while not known."""
+    """Return the scheduler's rate (Hz) and its ticks per report; NaN while unknown."""
     loop_hz = parameters.get("SCHED_LOOP_RATE", math.nan)
     if not loop_hz > 0.0:
         return math.nan, math.nan
@@ -217,7 +218,7 @@ def scheduled(parameters: Mapping[str, float], needs: FlightNeeds) -> tuple[floa
 
 
 def speed_warning(parameters: Mapping[str, float]) -> list[str]:
-    """TECS_TIME_CONST decides how fast the throttle follows the demanded speed."""
+    """Warn where the throttle follows the demanded speed slowly because of TECS_TIME_CONST."""
     time_const = parameters.get("TECS_TIME_CONST", 0.0)
     if time_const <= MOST_TECS_TIME_CONST:
         return []
@@ -230,14 +231,15 @@ def speed_warning(parameters: Mapping[str, float]) -> list[str]:
 
 
 def climb_warning(parameters: Mapping[str, float], needs: FlightNeeds) -> list[str]:
-    """TECS_CLMB_MAX says what full throttle gives, and the TECS asks for no more of it in speed.
+    """Warn where TECS_CLMB_MAX limits the speed's rise to less than the mission's acceleration.
 
-    A climb of w takes g w of energy a second and kilogram, an acceleration V dV/dt: the demanded speed rises
-    by g w / (2 V) at most, since half is left to the heights.
+    TECS_CLMB_MAX tells the climb at full throttle, and TECS asks for no more of that energy in speed. A climb
+    of w takes the power g w per kilogram, an acceleration V dV/dt. The demanded speed thus rises by g w / (2
+    V) at most, since half is left to the heights.
 
-    It stays a warning, and the acceleration that is flown by the mission's, with `response: auto` too: that
-    one counts for slowing down as well, which another parameter limits (TECS_SINK_MIN), and laws that knew
-    the limit flew an emulated formation between 8 % nearer to its slots and 3 % farther from them.
+    It stays a warning, and the mission's acceleration is flown even with `response: auto`. That acceleration
+    counts for slowing down as well, which another parameter limits (TECS_SINK_MIN). Laws that knew the limit
+    flew an emulated formation between 8 % nearer to its slots and 3 % farther from them.
     """
     climb = parameters.get("TECS_CLMB_MAX", 0.0)
     limit = speed_rise(climb, needs.airspeed)
@@ -256,7 +258,7 @@ def climb_warning(parameters: Mapping[str, float], needs: FlightNeeds) -> list[s
 
 
 def speed_rise(climb: float, airspeed: float) -> float:
-    """How fast a TECS with this TECS_CLMB_MAX (m/s) lets the demanded airspeed (m/s) rise, m/s²."""
+    """Return how fast a TECS with this TECS_CLMB_MAX (m/s) lets the airspeed (m/s) rise, m/s²."""
     return CLIMB_SHARE * GRAVITY * climb / airspeed
 
 
@@ -267,7 +269,7 @@ class ArduPlane(AutopilotAdapter):
     number = mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA
     holds_altitude = True
     keep_alive_s = 0.5
-    """It holds commands for ever: repetitions are for those that were lost on the way."""
+    """Longest time between repetitions, s: commands are held for ever, so they only replace lost ones."""
     engaged_name = "GUIDED"
     heartbeat_shows_flight = True
     parameters = NAMES
@@ -278,7 +280,7 @@ class ArduPlane(AutopilotAdapter):
         self._speed_type = AIRSPEED if vehicle.hold == "heading-hold" else GROUND_SPEED
 
     def response(self, parameters: Mapping[str, float], needs: FlightNeeds) -> AutopilotResponse:
-        """By GUIDED_P, TECS_TIME_CONST and its limits."""
+        """Return the response by GUIDED_P, TECS_TIME_CONST and the limits."""
         known = parameters
         gain, time_const = known.get("GUIDED_P", 0.0), known.get("TECS_TIME_CONST", 0.0)
         share = SLIP_TURN_SHARE if needs.slips else 1.0
@@ -293,13 +295,13 @@ class ArduPlane(AutopilotAdapter):
             airspeed_min=None if lowest is None else lowest[1],
             airspeed_max=None if highest is None else highest[1],
             max_bank=math.radians(roll) if roll > 0.0 else None,
-            # By these the TECS limits how fast the demanded height goes to a new one.
+            # By these TECS limits how fast the demanded height goes to a new one.
             climb_max=above_zero(known.get("TECS_CLMB_MAX")),
             sink_max=above_zero(known.get("TECS_SINK_MAX")),
         )
 
     def parameter_warnings(self, parameters: Mapping[str, float], needs: FlightNeeds) -> list[str]:
-        """What does not fit the flight, one line each."""
+        """Return the mismatches of parameters and flight, one line each."""
         return [
             *self.parameter_faults(parameters, needs),
             *course_warnings(parameters, needs),
@@ -309,7 +311,7 @@ class ArduPlane(AutopilotAdapter):
         ]
 
     def parameter_faults(self, parameters: Mapping[str, float], needs: FlightNeeds) -> list[str]:
-        """No fail-safe, or what the mission asks for is not flown."""
+        """Return missing fail-safes, and limits that keep the mission from being flown."""
         roll = first_known(parameters, "ROLL_LIMIT_DEG")
         if roll is None and "LIM_ROLL_CD" in parameters:
             roll = ("LIM_ROLL_CD (in degrees)", parameters["LIM_ROLL_CD"] / 100.0)
@@ -325,32 +327,32 @@ class ArduPlane(AutopilotAdapter):
         ]
 
     def is_engaged(self, custom_mode: int) -> bool:
-        """GUIDED."""
+        """Check for GUIDED."""
         return custom_mode == GUIDED
 
     def is_handed_back(self, custom_mode: int) -> bool:
-        """LOITER."""
+        """Check for LOITER."""
         return custom_mode == LOITER
 
     def mode_name(self, custom_mode: int) -> str:
-        """The mode's name in ArduPlane's manual."""
+        """Return the mode's name in ArduPlane's manual."""
         return MODES[custom_mode] if custom_mode < len(MODES) else f"mode {custom_mode}"
 
     def goes_home(self, custom_mode: int) -> bool:
-        """RTL, and what lands."""
+        """Check for RTL and modes that land."""
         return self.mode_name(custom_mode) in HOMEWARD
 
     @property
     def steering_commands(self) -> frozenset[int]:
-        """Courses and speeds: one that keeps its height alone is in its place on the map."""
+        """Numbers of the course and speed commands; a vehicle without altitude commands keeps its slot."""
         return STEERING_COMMANDS
 
     def steering_questions(self) -> list[MAVLink_message]:
-        """A course, which fails outside GUIDED."""
+        """Return a course command, which fails outside GUIDED."""
         return [self._course(0.0)]
 
     def denies_guided(self, report: CommandReport) -> bool:
-        """Courses and altitudes fail in every other mode, and for no other reason."""
+        """Check for a failed course or altitude: both fail in every other mode, and for no other reason."""
         guided_only = {
             mavlink.MAV_CMD_GUIDED_CHANGE_HEADING,
             mavlink.MAV_CMD_GUIDED_CHANGE_ALTITUDE,
@@ -358,24 +360,24 @@ class ArduPlane(AutopilotAdapter):
         return report.command in guided_only and report.result == mavlink.MAV_RESULT_FAILED
 
     def request_telemetry(self, rate_hz: float) -> list[MAVLink_message]:
-        """Position and airspeed at this rate."""
+        """Return requests for position and airspeed at this rate."""
         return telemetry_at(
             self._vehicle, rate_hz, estimator=mavlink.MAVLINK_MSG_ID_EKF_STATUS_REPORT
         )
 
     def engage(self) -> list[MAVLink_message]:
-        """Enter GUIDED; entering it again while in it changes nothing."""
+        """Return the command to enter GUIDED, which changes nothing in GUIDED."""
         return [set_mode(self._vehicle, GUIDED)]
 
     def hand_back(self) -> list[MAVLink_message]:
-        """Enter LOITER."""
+        """Return the command to enter LOITER."""
         return [set_mode(self._vehicle, LOITER)]
 
     def fly(self, setpoint: AutopilotSetpoint) -> list[MAVLink_message]:
-        """GUIDED_CHANGE_HEADING with a course, GUIDED_CHANGE_SPEED.
+        """Return GUIDED_CHANGE_HEADING with a course and GUIDED_CHANGE_SPEED.
 
-        The lateral acceleration is what a turn may take: 0 would be accepted and the aircraft would
-        not turn. The speed's acceleration is 0: any other restarts the slew with each new value.
+        The lateral acceleration is the greatest in a turn: ArduPlane would accept 0 and not turn. The speed's
+        acceleration is 0: any other value restarts the slew with each new speed.
         """
         speed = command_int(
             self._vehicle,
@@ -395,6 +397,6 @@ class ArduPlane(AutopilotAdapter):
         )
 
     def hold_altitude(self, altitude_amsl: float) -> list[MAVLink_message]:
-        """GUIDED_CHANGE_ALTITUDE; a climb rate of 0 leaves it to the autopilot."""
+        """Return GUIDED_CHANGE_ALTITUDE, whose climb rate of 0 leaves the rate to the autopilot."""
         command = mavlink.MAV_CMD_GUIDED_CHANGE_ALTITUDE
         return [command_int(self._vehicle, command, altitude=altitude_amsl)]

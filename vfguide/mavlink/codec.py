@@ -1,7 +1,7 @@
-"""MAVLink frames to reports in SI units and back. The only place that knows degE7, cm/s and centidegrees.
+"""Codec between MAVLink frames and reports in SI units; only here are degE7, cm/s and centidegrees known.
 
-Reports of other aircraft (ADSB_VEHICLE) are looked at for what their numbers can mean at all. Nothing in
-them is true because it is well-formed: whoever has a transmitter can send it.
+Reports of other aircraft (ADSB_VEHICLE) are checked for plausible numbers. A well-formed report need not be
+true: whoever has a transmitter can send it.
 """
 
 import math
@@ -47,26 +47,26 @@ from vfguide.mavlink.reports import (
 )
 
 LOWEST_M, HIGHEST_M = -1000.0, 30_000.0
-"""Altitudes that aircraft can have; another is one that is not known."""
+"""Lowest and highest altitude of aircraft, m; any other counts as unknown."""
 
 PRESSURE_ALTITUDE_ERROR_M = 500.0
-"""Of a pressure altitude: nobody says that the QNH was set, 1 hPa is 27 ft, and air pressures at sea
-level lie within 60 hPa of the standard one."""
+"""Error of a pressure altitude, m. Whether the QNH was set is unknown, 1 hPa is 27 ft, and sea-level
+pressures lie within 60 hPa of the standard."""
 
 GREATEST_M_S = 1000.0
-"""A velocity above this is no velocity."""
+"""Highest plausible speed, m/s."""
 
 GREATEST_CLIMB_M_S = 30.0
-"""Nor is a climb rate above this a climb rate."""
+"""Highest plausible climb or sink rate, m/s."""
 
 LONG_SILENT_S = 5.0
-"""Not heard by an ADS-B receiver for longer: what it repeats then is no report."""
+"""Silence of an aircraft after which an ADS-B receiver's repetitions are ignored, s."""
 
 ALTITUDE_ERRORS_M = {
     mavlink.ADSB_ALTITUDE_TYPE_GEOMETRIC: 0.0,
     mavlink.ADSB_ALTITUDE_TYPE_PRESSURE_QNH: PRESSURE_ALTITUDE_ERROR_M,
 }
-"""Of the types of altitude that a report can carry; another is one that is not known."""
+"""Errors of the known types of altitude, m; any other altitude counts as unknown."""
 
 Pair = tuple[float, float]
 
@@ -77,10 +77,10 @@ NO_MILLIVOLTS = 65535
 """voltage_battery of an autopilot that does not measure it (UINT16_MAX)."""
 
 GREATEST_AIRSPEED = 500.0
-"""m/s: what is faster is no aircraft that is guided here."""
+"""Highest plausible airspeed of an aircraft guided here, m/s."""
 
 GREATEST_BANK = math.radians(89.0)
-"""rad: what banks more does not turn by it."""
+"""Greatest plausible bank angle, rad: beyond it the bank does not determine the turn."""
 
 WHOLE_NUMBERS = {
     mavlink.MAV_PARAM_TYPE_UINT8: "<Bxxx",
@@ -90,39 +90,39 @@ WHOLE_NUMBERS = {
     mavlink.MAV_PARAM_TYPE_UINT32: "<I",
     mavlink.MAV_PARAM_TYPE_INT32: "<i",
 }
-"""How whole numbers lie in the four bytes of a parameter's value, where they are not converted."""
+"""Layouts of whole numbers in the four bytes of a parameter's value, where they are not converted."""
 
 COMPANION_COMPONENT = mavlink.MAV_COMP_ID_ONBOARD_COMPUTER
 
 ECHOES = 256
-"""Own messages that steer, and are known again where a router sends them back."""
+"""Number of own steering messages remembered, to recognize those that a router sends back."""
 
 OUR_COMPONENTS = frozenset({mavlink.MAV_COMP_ID_ALL, COMPANION_COMPONENT})
-"""Targets within its own system that a companion is meant by."""
+"""Target components within the own system that mean this companion."""
 
 
 def altitude_of(metres: float) -> float:
-    """An altitude (m), NaN where it cannot be one."""
+    """Return a plausible altitude (m), otherwise NaN."""
     return metres if LOWEST_M <= metres <= HIGHEST_M else math.nan
 
 
 def climb_of(down: float) -> float:
-    """A climb rate of a velocity downward (m/s), 0 where it cannot be one."""
+    """Return the climb rate of a downward velocity (m/s); 0 if it is implausible."""
     return -down if abs(down) <= GREATEST_CLIMB_M_S else 0.0
 
 
 def pair_of(north: float, east: float, *, greatest: float) -> Pair | None:
-    """A vector, or None where it is none or too long."""
+    """Return a vector, or None if it is not finite or too long."""
     return (north, east) if math.hypot(north, east) <= greatest else None
 
 
 def is_on_earth(latitude: int, longitude: int) -> bool:
-    """Whether these 1e-7 degrees are a place where somebody flies: autopilots without a fix report 0, 0."""
+    """Check whether these 1e-7 degrees are a place to fly: autopilots without a fix report 0, 0."""
     return abs(latitude) <= 90e7 and abs(longitude) <= 180e7 and (latitude, longitude) != (0, 0)
 
 
 def traffic_report(message: MAVLink_message) -> TrafficReport | None:
-    """ADSB_VEHICLE: course (not heading) in centidegrees, cm/s, and how many seconds ago it was heard."""
+    """Decode ADSB_VEHICLE: course (not heading) in centidegrees, cm/s, and seconds since it was heard."""
     flags = message.flags
     wanted = mavlink.ADSB_FLAGS_VALID_COORDS
     if flags & wanted != wanted or message.tslc > LONG_SILENT_S:
@@ -143,14 +143,14 @@ def traffic_report(message: MAVLink_message) -> TrafficReport | None:
         altitude_amsl=altitude_of(message.altitude * 1e-3) if known else math.nan,
         altitude_error=error or 0.0,
         velocity=velocity,
-        # Unlike all other messages this one counts it upward.
+        # Unlike all other messages, this one counts it upward.
         climb_rate=climb_of(-message.ver_velocity * 1e-2) if climbs else 0.0,
         age_s=float(message.tslc),
     )
 
 
 def position_report(message: MAVLink_message) -> PositionReport | None:
-    """GLOBAL_POSITION_INT, or None where it is no place on earth."""
+    """Decode GLOBAL_POSITION_INT; None if it is no place on earth."""
     latitude, longitude = message.lat * 1e-7, message.lon * 1e-7
     if abs(latitude) > 90.0 or abs(longitude) > 180.0:
         return None
@@ -168,7 +168,7 @@ def position_report(message: MAVLink_message) -> PositionReport | None:
 
 
 def airspeed_report(message: MAVLink_message) -> AirspeedReport | None:
-    """VFR_HUD, or None where the airspeed is no speed."""
+    """Decode VFR_HUD; None if the airspeed is implausible."""
     airspeed = message.airspeed
     if not 0.0 <= airspeed <= GREATEST_AIRSPEED:
         return None
@@ -179,13 +179,13 @@ def airspeed_report(message: MAVLink_message) -> AirspeedReport | None:
 
 
 def attitude_report(message: MAVLink_message) -> AttitudeReport | None:
-    """ATTITUDE, or None where the roll is no angle of an aircraft that flies."""
+    """Decode ATTITUDE; None if the roll is implausible for an aircraft in flight."""
     bank = message.roll
     return AttitudeReport(bank=bank) if abs(bank) <= GREATEST_BANK else None
 
 
 def heartbeat_report(message: MAVLink_message) -> HeartbeatReport | None:
-    """HEARTBEAT, or None where it is not an autopilot's."""
+    """Decode HEARTBEAT; None if it is not an autopilot's."""
     if message.autopilot == mavlink.MAV_AUTOPILOT_INVALID:
         return None
     return HeartbeatReport(
@@ -198,17 +198,17 @@ def heartbeat_report(message: MAVLink_message) -> HeartbeatReport | None:
 
 
 def landed_report(message: MAVLink_message) -> LandedReport:
-    """EXTENDED_SYS_STATE."""
+    """Decode EXTENDED_SYS_STATE."""
     return LandedReport(state=message.landed_state)
 
 
 def command_report(message: MAVLink_message) -> CommandReport:
-    """COMMAND_ACK."""
+    """Decode COMMAND_ACK."""
     return CommandReport(command=message.command, result=message.result)
 
 
 def order_request(message: MAVLink_message) -> OrderRequest | None:
-    """COMMAND_LONG with MAV_CMD_USER_1, or None of any other command and where a number is none."""
+    """Decode COMMAND_LONG with MAV_CMD_USER_1; None for other commands and for values that are not finite."""
     values = message.param2, message.param3, message.param4
     known = all(map(math.isfinite, (message.param1, *values)))
     if message.command != mavlink.MAV_CMD_USER_1 or not known:
@@ -222,7 +222,7 @@ def order_request(message: MAVLink_message) -> OrderRequest | None:
 
 
 def answered_to(message: MAVLink_message) -> list[SteeringReport]:
-    """Whom an autopilot tells that it obeys a command that steers; nothing of any other message."""
+    """Return the sender of a steering command that the autopilot accepts; empty for other messages."""
     if message.get_msgId() != mavlink.MAVLINK_MSG_ID_COMMAND_ACK:
         return []
     if message.command not in STEERING_COMMANDS or message.result != mavlink.MAV_RESULT_ACCEPTED:
@@ -231,14 +231,14 @@ def answered_to(message: MAVLink_message) -> list[SteeringReport]:
 
 
 def version_report(message: MAVLink_message) -> VersionReport:
-    """AUTOPILOT_VERSION: major and minor are the two upper bytes of the firmware's version."""
+    """Decode AUTOPILOT_VERSION: major and minor are the two upper bytes of the firmware's version."""
     version = message.flight_sw_version
     uid = message.uid or int.from_bytes(bytes(message.uid2), "little")
     return VersionReport(major=version >> 24, minor=version >> 16 & 0xFF, uid=uid)
 
 
 def parameter_report(message: MAVLink_message) -> ParameterReport | None:
-    """PARAM_VALUE, or None where it is neither a finite number nor a whole one."""
+    """Decode PARAM_VALUE; None if it is neither a finite nor a whole number."""
     layout = WHOLE_NUMBERS.get(message.param_type)
     value = float(message.param_value)
     if layout is None and not math.isfinite(value):
@@ -249,14 +249,14 @@ def parameter_report(message: MAVLink_message) -> ParameterReport | None:
 
 
 def time_report(message: MAVLink_message) -> TimeReport | None:
-    """TIMESYNC, or None where it is a question."""
+    """Decode the answer of a TIMESYNC; None for a question."""
     if message.tc1 == 0:
         return None
     return TimeReport(stamp=message.ts1, autopilot_ns=message.tc1)
 
 
 def gps_report(message: MAVLink_message) -> GpsReport:
-    """GPS_RAW_INT; an accuracy of 0 is one that the receiver does not tell."""
+    """Decode GPS_RAW_INT; an accuracy of 0 is unknown."""
     millimetres = message.h_acc
     return GpsReport(
         fix_type=message.fix_type,
@@ -266,10 +266,10 @@ def gps_report(message: MAVLink_message) -> GpsReport:
 
 
 def estimator_report(message: MAVLink_message) -> EstimatorReport:
-    """EKF_STATUS_REPORT or ESTIMATOR_STATUS, whose flags have the same values up to 512.
+    """Decode EKF_STATUS_REPORT or ESTIMATOR_STATUS, whose flags have the same values up to 512.
 
-    The flag of a position that is held constant says nothing: PX4 1.18 shows it of every aircraft at rest;
-    ArduPilot takes back the flag of the position with it.
+    The flag of a constant position means nothing: PX4 1.18 sets it for every aircraft at rest, and ArduPilot
+    clears the flag of the position with it.
     """
     flags = message.flags
     return EstimatorReport(
@@ -279,7 +279,7 @@ def estimator_report(message: MAVLink_message) -> EstimatorReport:
 
 
 def sensors_report(message: MAVLink_message) -> SensorsReport:
-    """SYS_STATUS; a voltage of 0 is one that nothing measures."""
+    """Decode SYS_STATUS; a voltage of 0 is unknown."""
     expected = message.onboard_control_sensors_present & message.onboard_control_sensors_enabled
     failing = expected & ~message.onboard_control_sensors_health
     percent, millivolts = message.battery_remaining, message.voltage_battery
@@ -292,7 +292,7 @@ def sensors_report(message: MAVLink_message) -> SensorsReport:
 
 
 def battery_report(message: MAVLink_message) -> BatteryReport:
-    """BATTERY_STATUS; cells that nothing measures are left out of the voltage, 0 of the later ones, too."""
+    """Decode BATTERY_STATUS; the voltage excludes unmeasured cells, which are 0 among the later ones."""
     percent = message.battery_remaining
     cells = [one for one in message.voltages if one < NO_MILLIVOLTS]
     cells += [one for one in message.voltages_ext if 0 < one < NO_MILLIVOLTS]
@@ -305,12 +305,12 @@ def battery_report(message: MAVLink_message) -> BatteryReport:
 
 
 def radio_report(message: MAVLink_message) -> RadioReport | None:
-    """RADIO_STATUS; more than 100 % is no share."""
+    """Decode RADIO_STATUS; None for a share above 100 %."""
     return RadioReport(free=message.txbuf / 100.0) if message.txbuf <= 100 else None
 
 
 def not_read(_message: MAVLink_message) -> None:
-    """What is put together of several messages."""
+    """Return nothing for a message that is joined with others."""
 
 
 REPORTS: dict[int, Callable[[MAVLink_message], Report | None]] = {
@@ -330,16 +330,16 @@ REPORTS: dict[int, Callable[[MAVLink_message], Report | None]] = {
     mavlink.MAVLINK_MSG_ID_BATTERY_STATUS: battery_report,
     mavlink.MAVLINK_MSG_ID_ADSB_VEHICLE: traffic_report,
 }
-"""What is listened to. Everything else is passed over and counted."""
+"""Decoders of the messages used; all others are ignored and counted."""
 
 ATTITUDE_REPORTS: dict[int, Callable[[MAVLink_message], Report | None]] = {
     mavlink.MAVLINK_MSG_ID_ATTITUDE: attitude_report,
 }
-"""What is listened to beside, where it is asked for."""
+"""Decoders of further messages, used on request."""
 
 
 class Codec:
-    """Frames of one companion's connection: datagrams to reports, messages to bytes."""
+    """Codec of one companion's connection: datagrams to reports, messages to bytes."""
 
     def __init__(
         self,
@@ -350,20 +350,20 @@ class Codec:
         takes_orders: bool = False,
         hears_attitude: bool = False,
     ) -> None:
-        """Listen to one autopilot and speak as the onboard computer of the same system.
+        """Listen to one autopilot, and send as the onboard computer of the same system.
 
         Args:
-            system_id: of the vehicle.
-            component_id: of its autopilot.
-            signing: signs what is said, and lets nothing else be heard; without it signatures are ignored.
-            takes_orders: whether requests for orders are heard, of whoever addresses them to this companion.
-            hears_attitude: whether ATTITUDE is heard, which autopilots send often and few flights need.
+            system_id: MAVLink system of the vehicle.
+            component_id: component of its autopilot.
+            signing: signs outgoing messages and lets only signed ones in; None ignores signatures.
+            takes_orders: whether to hear requests for orders, from whoever addresses them to this companion.
+            hears_attitude: whether to hear ATTITUDE, which autopilots send often and few flights need.
         """
         self.counters: Counter[str] = Counter()
-        """What was received and passed over, by reason."""
+        """Numbers of frames that were received and ignored, by reason."""
         self._source = (system_id, component_id)
         self.places = SequencePlaces()
-        """Numbers of the autopilot's frames: by them two that share its name are told apart."""
+        """Sequence numbers of the autopilot's frames, which tell two autopilots of the same name apart."""
         self._texts = TextJoiner()
         self._sent: deque[bytes] = deque(maxlen=ECHOES)
         self._signing = signing
@@ -372,7 +372,7 @@ class Codec:
         self._packer = MAVLink(None, srcSystem=system_id, srcComponent=COMPANION_COMPONENT)
 
     def decode(self, datagram: bytes) -> list[Report]:
-        """Reports in one datagram; whatever the bytes are, this does not raise."""
+        """Return the reports in a datagram; never raises, whatever the bytes are."""
         reports: list[Report] = []
         for frame in frames_of(datagram):
             if frame is None:
@@ -389,7 +389,7 @@ class Codec:
         return reports
 
     def _read(self, frame: Frame) -> Sequence[Report]:
-        """What a frame of the autopilot says."""
+        """Return the reports in a frame of the autopilot."""
         message = message_in(frame)
         if message is None:
             self.counters["not MAVLink"] += 1
@@ -407,7 +407,7 @@ class Codec:
         return ()
 
     def _reports_of(self, frame: Frame, message: MAVLink_message) -> Sequence[Report]:
-        """What a message says, with the series of numbers that it is one of where that matters."""
+        """Return the reports in a message, with the series of its sequence number where that matters."""
         series = self._note_sender(frame)
         report = self._readers[frame.message_id](message)
         if report is None:
@@ -420,16 +420,16 @@ class Codec:
         return (report,)
 
     def _note_sender(self, frame: Frame) -> int:
-        """Series of numbers that a frame in the autopilot's name is one of.
+        """Return the series of a frame in the autopilot's name.
 
-        On a signed connection only signed ones count.
+        On a signed connection only signed frames count; others return 0.
         """
         if self._signing is not None and not self._signing.has_taken(frame):
             return 0
         return self.places.note(frame)
 
     def _steering(self, frame: Frame) -> list[SteeringReport]:
-        """What it says where a message of somebody else steers this vehicle."""
+        """Return a report if a frame is somebody else's message that steers this vehicle."""
         message = message_in(frame)
         if message is None or frame.content in self._sent or not steers(message):
             return []
@@ -440,11 +440,11 @@ class Codec:
         return [SteeringReport(sender=(frame.system_id, frame.component_id))] if meant else []
 
     def _others(self, frame: Frame) -> list[Report]:
-        """What somebody else has sent: of interest where it orders this companion, or steers its vehicle."""
+        """Return the reports in others' frames: orders to this companion, steering, and radio status."""
         if frame.message_id in STEERING_MESSAGES and (found := self._steering(frame)):
             return [*found]
         if frame.message_id == mavlink.MAVLINK_MSG_ID_RADIO_STATUS:
-            # Radios have names of their own and sign nothing: what they say slows this companion, no more.
+            # Radios have names of their own and sign nothing: their reports can only slow this companion.
             said = message_in(frame)
             radio = None if said is None else radio_report(said)
             return [] if radio is None else [radio]
@@ -461,13 +461,13 @@ class Codec:
         return [] if request is None else [request]
 
     def encode(self, messages: Iterable[MAVLink_message]) -> bytes:
-        """One datagram of these messages."""
+        """Pack messages into one datagram."""
         if self._signing is not None:
             self._signing.prepare(self._packer)
         return b"".join([self._pack(message) for message in messages])
 
     def _is_addressed(self, message: MAVLink_message) -> bool:
-        """Whether a message is for this companion, or for all: then its target is 0 or left out.
+        """Check whether a message is for this companion or for all; then its target is 0 or missing.
 
         An autopilot answers a ground station's commands within hearing of everyone.
         """

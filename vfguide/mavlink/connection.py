@@ -1,6 +1,6 @@
-"""Connections to autopilots: over UDP, TCP and serial ports, behind one interface.
+"""Connections to autopilots over UDP, TCP and serial ports, behind one interface.
 
-Nothing here waits in a queue. What arrives is handed on from the event loop as it comes, and what cannot be
+Nothing waits in a queue here. Incoming frames are handed on from the event loop as they come. What cannot be
 sent at once is soon dropped, since the next setpoint is better than an old one.
 """
 
@@ -39,42 +39,42 @@ from vfguide.system import SocketSelector, retry_delay
 Receive = Callable[[bytes], None]
 
 FIRST_TRY = 1.0
-"""s that opening waits for the first try of a connection that this side makes."""
+"""Timeout of the first attempt when opening a connection that this side makes, s."""
 
 REMEDIES = {
     errno.EADDRINUSE: "end the other program that listens there, or choose another port",
     errno.EADDRNOTAVAIL: "write an address of this computer, or 0.0.0.0 for all of them",
     errno.EACCES: "choose a port above 1023",
 }
-"""What helps when this computer does not let a program listen."""
+"""Remedies for errors that keep this computer from listening."""
 
 
 Endpoint = tuple[Any, ...]
-"""Host and port as sockets give them; IPv6 adds more, which says nothing about who it is."""
+"""Host and port as sockets give them; IPv6 adds more, which does not identify the peer."""
 
 PEER_SILENCE = 1.0
-"""s that a peer must be silent before another may take its place, unless something else is said."""
+"""Default silence of a peer after which another may take its place, s."""
 
 MOST_SENDERS = 16
-"""At one port, the newest, whose frames are put together from several datagrams."""
+"""Maximum number of senders at a port, the newest, whose frames are joined from several datagrams."""
 
 LARGEST_DATAGRAM = 4096
-"""Bytes; autopilots and routers send at most what fits a packet, 1500."""
+"""Maximum size of a datagram, bytes; autopilots and routers send at most a packet's 1500."""
 
 RECEIVE_BUFFER, SEND_BUFFER = 64 * 1024, 16 * 1024
-"""Bytes in the kernel; what larger ones kept would be older when it is read."""
+"""Sizes of the kernel's buffers, bytes; larger ones would hold older messages."""
 
 
 def begins_like_frame(datagram: bytes) -> bool:
-    """Whether the first byte is one that MAVLink frames begin with."""
+    """Check whether the first byte can begin a MAVLink frame."""
     return bool(datagram) and datagram[0] in {MAGIC_1, MAGIC_2}
 
 
 class UdpPeer:
-    """One peer at a time: the given address, or else the first that has introduced itself.
+    """Peer of a UDP socket: the given address, or else the first that has introduced itself.
 
-    It keeps its place while it speaks. Another takes over only after a silence, and by introducing itself as
-    the first one did: a stray packet can neither draw the setpoints away nor pass for telemetry.
+    A peer keeps its place while it sends. Another takes over only after a silence, and by introducing itself
+    as the first did. So a stray packet can neither draw the setpoints away nor pass for telemetry.
     """
 
     def __init__(
@@ -84,29 +84,29 @@ class UdpPeer:
         introduces: Callable[[bytes], bool] = begins_like_frame,
         silence_s: float = PEER_SILENCE,
     ) -> None:
-        """Make a peer.
+        """Create a peer.
 
         Args:
-            given: the only one there may be; None for the first that introduces itself.
-            introduces: whether a datagram does so for its sender.
-            silence_s: how long the present peer must be silent before another may take its place, s.
+            given: address of the only possible peer; None for the first that introduces itself.
+            introduces: returns whether a datagram introduces its sender.
+            silence_s: silence of the present peer after which another may take its place, s.
         """
         self.endpoint = given
-        """Whom to answer; None before anybody has introduced itself."""
+        """Address to send to; None before anybody has introduced itself."""
         self.rival: Endpoint | None = None
-        """The last that introduced itself while the present peer was speaking."""
+        """Last sender that introduced itself while the present peer was sending."""
         self._is_given = given is not None
         self._introduces = introduces
         self._silence_s = silence_s
         self._heard = -math.inf
 
     def admits(self, source: Endpoint, datagram: bytes, now: float) -> bool:
-        """Whether to listen to a datagram; its sender is then the peer.
+        """Check whether to take a datagram; if so its sender becomes the peer.
 
         Args:
-            source: who sent it.
-            datagram: what.
-            now: s, of a clock that never goes back.
+            source: address of the sender.
+            datagram: its content.
+            now: monotonic time, s.
         """
         present = self.endpoint
         if present is None or source[:2] != present[:2]:
@@ -121,7 +121,7 @@ class UdpPeer:
 
 
 class UdpSocket(asyncio.DatagramProtocol):
-    """One socket and its peer."""
+    """UDP socket with one peer."""
 
     def __init__(self, receive: Callable[[bytes], None], status: Status, peer: UdpPeer) -> None:
         self._loop = asyncio.get_running_loop()
@@ -136,7 +136,7 @@ class UdpSocket(asyncio.DatagramProtocol):
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         """Take the transport."""
-        # Not to be told by isinstance: asyncio's own has only the looks of it before Python 3.12.
+        # Not checked by isinstance: before Python 3.12 asyncio's own transport only looks like one.
         self._transport = cast("asyncio.DatagramTransport", transport)
         medium = transport.get_extra_info("socket")
         medium.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER)
@@ -145,7 +145,7 @@ class UdpSocket(asyncio.DatagramProtocol):
         self._report()
 
     def datagram_received(self, data: bytes, addr: Endpoint) -> None:
-        """Hand on what the peer says, at once."""
+        """Hand on the peer's frames at once."""
         before, rival = self._peer.endpoint, self._peer.rival
         if len(data) > LARGEST_DATAGRAM:
             self._status.counters["oversized datagrams"] += 1
@@ -162,7 +162,7 @@ class UdpSocket(asyncio.DatagramProtocol):
                 self._receive(frames)
 
     def _framer(self, source: Endpoint) -> DatagramFramer:
-        """What makes frames of a sender's datagrams; of who has spoken among the last few."""
+        """Return the framer of a sender, kept for the last few senders."""
         framer = self._framers.pop(source, None) or DatagramFramer(self._status.counters)
         self._framers[source] = framer
         if len(self._framers) > MOST_SENDERS:
@@ -170,18 +170,18 @@ class UdpSocket(asyncio.DatagramProtocol):
         return framer
 
     def error_received(self, exc: Exception) -> None:
-        """Count it: a peer that is not up yet refuses, a network that is down comes back."""
+        """Count an error: a peer that is not up yet refuses, and a network that is down comes back."""
         self._status.counters[f"error: {reason_of(exc)}"] += 1
 
     def connection_lost(self, exc: Exception | None) -> None:
-        """The socket is closed."""
+        """Note that the socket is closed."""
         self._transport = None
         if exc is not None:
             self._status.down(reason_of(exc))
         self.lost.set_result(None)
 
     def send(self, datagram: bytes) -> None:
-        """Send to the peer, if there is one; drop it while the network takes nothing."""
+        """Send to the peer, if there is one; drop the datagram while the network takes nothing."""
         peer = self._peer.endpoint
         if self._transport is None or peer is None:
             self._status.counters["dropped: not connected"] += 1
@@ -191,7 +191,7 @@ class UdpSocket(asyncio.DatagramProtocol):
             self._transport.sendto(datagram, peer)
 
     async def close(self) -> None:
-        """Close at once; what waits is not sent."""
+        """Close at once, and drop what waits."""
         if self._transport is not None:
             self._transport.abort()
             await asyncio.shield(self.lost)
@@ -211,10 +211,10 @@ async def open_udp_port(
     status: Status,
     introduction: Introduction | None,
 ) -> AsyncIterator[UdpSocket]:
-    """Wait at a port of this computer; without an introduction for anybody who speaks MAVLink.
+    """Wait at a port of this computer; without an introduction, for anybody who sends MAVLink.
 
     Raises:
-        OSError: this computer does not let it.
+        OSError: this computer does not allow it.
     """
     loop = asyncio.get_running_loop()
     peer = UdpPeer()
@@ -230,9 +230,9 @@ async def open_udp_port(
 
 
 class UdpCaller:
-    """Speaks first to one host, whose name may take a while to be known.
+    """UDP channel that sends first to one host, whose name may take a while to resolve.
 
-    The socket is not connected: a route that changes in flight, as on a mobile network, needs no new one.
+    The socket is not connected: a route that changes in flight, as on a mobile network, needs no new socket.
     """
 
     def __init__(
@@ -244,14 +244,14 @@ class UdpCaller:
         self._socket: UdpSocket | None = None
 
     def send(self, datagram: bytes) -> None:
-        """Send to the host, if it is known."""
+        """Send to the host, if it is resolved."""
         if self._socket is None:
             self._status.counters["dropped: not connected"] += 1
         else:
             self._socket.send(datagram)
 
     async def visit(self) -> tuple[str, bool]:
-        """Find the host and speak to it: why that ended; never a success, since a socket does not end."""
+        """Resolve the host and exchange datagrams; return why that ended, and False: it is no success."""
         try:
             await self._speak()
         except (OSError, ValueError) as error:
@@ -270,7 +270,7 @@ class UdpCaller:
             await peer.close()
 
     async def _find(self, loop: asyncio.AbstractEventLoop) -> tuple[int, Endpoint]:
-        """Address family and endpoint of the host; IPv4 if it has both, as most autopilots speak that."""
+        """Return the host's address family and endpoint, preferably IPv4, which most autopilots use."""
         found = await loop.getaddrinfo(
             self._address.host, self._address.port, type=socket.SOCK_DGRAM
         )
@@ -279,21 +279,21 @@ class UdpCaller:
 
 
 class ConnectionChannel(Protocol):
-    """What the kinds of connection differ in."""
+    """Common interface of all kinds of connection."""
 
     def send(self, datagram: bytes) -> None:
-        """Send, or drop and count."""
+        """Send a datagram, or drop and count it."""
 
 
 class RunningChannel(ConnectionChannel, Protocol):
-    """A channel that has to be kept up."""
+    """Channel that has to be reconnected."""
 
     async def visit(self) -> tuple[str, bool]:
-        """Connect once, until that is lost: why it ended, and whether the autopilot was heard."""
+        """Connect once until that is lost; return the reason, and whether the autopilot was heard."""
 
 
 class Connection:
-    """To one autopilot, or to nobody for the moment."""
+    """Connection to one autopilot, or to nobody at the moment."""
 
     def __init__(self, channel: ConnectionChannel, status: Status) -> None:
         self._channel = channel
@@ -306,11 +306,11 @@ class Connection:
 
     @property
     def counters(self) -> Counter[str]:
-        """What was dropped and what went wrong, by reason."""
+        """Numbers of dropped messages and errors, by reason."""
         return self._status.counters
 
     def send(self, datagram: bytes) -> None:
-        """Send whole frames, if there are any. Never waits, never raises: what cannot be sent is counted."""
+        """Send whole frames, if any, without waiting or raising; count what cannot be sent."""
         if datagram:
             self._channel.send(datagram)
 
@@ -324,17 +324,17 @@ async def open_connection(
     by_mavsdk: bool = False,
     introduction: Introduction | None = None,
 ) -> AsyncIterator[Connection]:
-    """Connect to an autopilot, for as long as the context lasts.
+    """Connect to an autopilot for as long as the context lasts.
 
-    A connection that this side makes is made again for ever when it is lost; being up is not awaited for more
-    than a second. Leaving the context closes everything at once.
+    A connection that this side makes is remade for ever when it is lost. Opening waits for it for at most a
+    second. Leaving the context closes everything at once.
 
     Args:
-        address: of the autopilot, or where to wait for it.
-        receive: called from the event loop with whole frames, as they come; it must not raise.
-        random: keeps companions that lost the same peer from coming back in step.
+        address: address of the autopilot, or where to wait for it.
+        receive: called from the event loop with whole frames as they come; it must not raise.
+        random: spreads the retries of companions that lost the same peer.
         by_mavsdk: whether MAVSDK keeps the connection.
-        introduction: by which a sender at a UDP port becomes the peer; any MAVLink if absent.
+        introduction: decides which sender at a UDP port becomes the peer; None for any MAVLink.
 
     Raises:
         InputError: this computer cannot listen at the address, or has no MAVSDK.
@@ -359,7 +359,7 @@ def channel_of(
     by_mavsdk: bool,
     introduction: Introduction | None,
 ) -> AbstractAsyncContextManager[ConnectionChannel]:
-    """What opens and closes a channel of the kind that the address asks for."""
+    """Return the context of a channel for this kind of address."""
     if by_mavsdk:
         return running(MavsdkChannel(address, receive, status), status, random)
     if isinstance(address, SerialAddress):
@@ -377,10 +377,10 @@ def channel_of(
 
 
 async def kept_up(channel: RunningChannel, status: Status, random: Random) -> None:
-    """Connect, again and again, less and less often while nothing is heard.
+    """Reconnect for ever, ever less often while nothing is heard.
 
     Raises:
-        InputError: the address will not do.
+        InputError: the address is unusable.
     """
     failures = 0
     while True:
@@ -395,10 +395,10 @@ async def kept_up(channel: RunningChannel, status: Status, random: Random) -> No
 async def running(
     channel: RunningChannel, status: Status, random: Random
 ) -> AsyncIterator[ConnectionChannel]:
-    """A channel that a task keeps up; its first try has usually ended when this is entered.
+    """Keep a channel connected by a task; its first attempt has usually ended on entering.
 
     Raises:
-        InputError: the address will not do.
+        InputError: the address is unusable.
     """
     task = asyncio.create_task(kept_up(channel, status, random), name="MAVLink connection")
     settled = asyncio.create_task(status.settled.wait(), name="MAVLink connection: first try")
@@ -419,7 +419,7 @@ async def running(
 async def listening(
     address: NetworkAddress, opening: AbstractAsyncContextManager[ConnectionChannel]
 ) -> AsyncIterator[ConnectionChannel]:
-    """A channel that waits for others; the operator's mistakes are told as such."""
+    """Open a channel that waits for others, and report mistakes of the operator as InputError."""
     async with AsyncExitStack() as stack:
         try:
             channel = await stack.enter_async_context(opening)
@@ -430,5 +430,5 @@ async def listening(
 
 
 def cause_of(error: OSError) -> str:
-    """What the system says; asyncio puts sentences of its own around it."""
+    """Return the system's message, without asyncio's sentence around it."""
     return os.strerror(error.errno) if error.errno in REMEDIES else reason_of(error)

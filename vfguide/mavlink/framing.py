@@ -1,19 +1,20 @@
-"""MAVLink frames: their ends, their signatures, texts in parts, and who sends them.
+"""MAVLink frames: boundaries, signatures, texts in parts, and sequence numbers.
 
-**Frames.** A companion listens to few kinds of message, from one sender. The header alone shows which, and so
-spares decoding all others: on a chatty connection most of the work.
+**Frames.** A companion uses few kinds of messages from one sender. The header alone identifies them, which
+saves decoding all others: on a busy connection most of the work.
 
-**Signing.** Only a sender that has the key is heard. pymavlink signs what goes out, with a time stamp set
-here: its own moves by 10 µs for each packet, so that a restarted program would look like a recording of
-itself. What comes in is checked here: pymavlink notes a packet's time stamp before it checks the signature,
-so that one forged packet from the future would shut the true sender out.
+**Signing.** Only a sender with the key is heard. pymavlink signs outgoing packets with a time stamp set here:
+its own advances by 10 µs per packet, so that a restarted program would look like a recording of itself.
+Incoming packets are verified here: pymavlink notes a time stamp before it verifies the signature, so that one
+forged packet from the future would shut the true sender out.
 
-**Introduction.** At a UDP port anybody may speak. An address becomes the peer, and hears the setpoints, only
-after a heartbeat of the right system with a right checksum; on a signed connection it has to be signed, too.
+**Introduction.** At a UDP port anybody may send. An address becomes the peer, and gets the setpoints, only
+after a heartbeat of the right system with a valid checksum, and on a signed connection with a valid
+signature.
 
 **Sequence numbers.** MAVLink counts the frames of each sender, with gaps where some were lost. Two senders
-that share a name jump to and fro between two series, each of which goes on by 1. A frame that comes twice, as
-over two links, counts once: its bytes are the same.
+with one name alternate between two series, each of which advances by 1. A frame that comes twice with the
+same bytes, as over two links, counts once.
 """
 
 import hashlib
@@ -39,12 +40,12 @@ SIGNED = 0x01
 KEY_SIZE = 32
 
 EPOCH_S = 1_420_070_400
-"""Unix time of 1 January 2015, from which time stamps count."""
+"""Unix time of 1 January 2015, at which time stamps are 0, s."""
 
 UNITS_PER_S = 100_000
 
 PATIENCE = 60 * UNITS_PER_S
-"""How much older than this end's time the first packet of a stream may be."""
+"""Greatest age of a stream's first packet against this end's time, in units of time stamps."""
 
 LATEST = 2**48 - 1
 
@@ -53,38 +54,38 @@ UNSIGNED = (
 )
 
 OTHER_KEY = "signs with another key than that of --signing-key-file: give both the same"
-"""What keeps a signed connection from being one."""
+"""Reasons for which a signed connection fails."""
 
 TIME_STAMP, DIGEST = slice(-12, -6), slice(-6, None)
-"""Places in a frame, after the link's number."""
+"""Parts of a signature after the link's number."""
 
 MOST_OTHERS = 64
-"""Other autopilots at one port that are told apart."""
+"""Maximum number of other autopilots at a port that are told apart."""
 
 SILENCE_S = 10.0
-"""s that a peer must be silent before another address may take its place: a router that is started anew."""
+"""Silence of a peer after which another address may take its place, s: time for a router to restart."""
 
 SIGNED_SILENCE_S = 1.0
-"""The same where the heartbeat is signed: nobody else can have sent it."""
+"""The same for signed heartbeats, which nobody else can have sent, s."""
 
 
 class Frame(msgspec.Struct, frozen=True):
-    """One frame."""
+    """MAVLink frame."""
 
     message_id: int
     """Number of the message."""
     system_id: int
-    """Who says it has sent this."""
+    """MAVLink system that the sender claims."""
     component_id: int
-    """Which part of it."""
+    """Component that the sender claims."""
     content: bytes
-    """The whole frame."""
+    """Bytes of the whole frame."""
 
 
 def frames_of(datagram: bytes) -> Iterator[Frame | None]:
-    """Frames of a datagram in order, MAVLink 1 or 2; None for each stretch that belongs to no frame.
+    """Yield the frames (MAVLink 1 or 2) of a datagram in order, and None for each stretch outside frames.
 
-    What looks like a frame may still be none: the checksum is not looked at here.
+    The checksum is not verified here, so that a frame may be a false one.
     """
     start, size = 0, len(datagram)
     while start < size:
@@ -98,7 +99,7 @@ def frames_of(datagram: bytes) -> Iterator[Frame | None]:
 
 
 def holds_whole_frames(datagram: bytes) -> bool:
-    """Whether a datagram is one frame after the other, by their headers, with nothing before or behind."""
+    """Check whether a datagram is nothing but whole frames, by their headers."""
     start, size = 0, len(datagram)
     while start < size:
         end = end_of_frame(datagram, start)
@@ -109,9 +110,9 @@ def holds_whole_frames(datagram: bytes) -> bool:
 
 
 def end_of_frame(datagram: bytes, start: int) -> int | None:
-    """Where the frame that begins here ends, by its header; None where none begins.
+    """Return the end of the frame that begins here, by its header; None if none begins.
 
-    Flags that this reader does not know could change the layout: such a frame is to be dropped.
+    Unknown flags could change the layout, so frames with them are dropped.
     """
     magic, size = datagram[start], len(datagram)
     if magic == MAGIC_2 and start + HEADER_2 <= size:
@@ -125,7 +126,7 @@ def end_of_frame(datagram: bytes, start: int) -> int | None:
 
 
 def frame_at(datagram: bytes, start: int, end: int) -> Frame:
-    """The frame between two places of a datagram."""
+    """Return the frame between two places of a datagram."""
     if datagram[start] == MAGIC_1:
         system_id, component_id, message_id = datagram[start + 3 : start + HEADER_1]
     else:
@@ -135,20 +136,20 @@ def frame_at(datagram: bytes, start: int, end: int) -> Frame:
 
 
 fast_crc: Callable[[bytes, int], int] | None = getattr(mavlink, "mcrf4xx", None)
-"""Of the library in C that pymavlink uses where it is installed."""
+"""CRC of pymavlink's C library, if it is installed."""
 
 
 def checksum_of(content: bytes, kind: type[MAVLink_message]) -> bytes:
-    """Checksum of a frame: of header, without its first byte, and payload."""
+    """Return the checksum of a frame's header, without its first byte, and payload."""
     content += bytes((kind.crc_extra,))
     crc: int = mavlink.x25crc(content).crc if fast_crc is None else fast_crc(content, 0xFFFF)
     return crc.to_bytes(CHECKSUM, "little")
 
 
 def message_in(frame: Frame) -> MAVLink_message | None:
-    """The message in a frame; None of an unknown kind, and where the checksum is wrong.
+    """Decode the message in a frame; None for an unknown kind or a wrong checksum.
 
-    By pymavlink's classes, in half the time of its `decode`. Signatures are checked apart from this.
+    pymavlink's classes do it in half the time of its `decode`. Signatures are verified elsewhere.
     """
     kind, content = mavlink.mavlink_map.get(frame.message_id), frame.content
     if kind is None:
@@ -160,7 +161,7 @@ def message_in(frame: Frame) -> MAVLink_message | None:
         end -= SIGNATURE
     if content[end : end + CHECKSUM] != checksum_of(content[1:end], kind):
         return None
-    # Senders leave out zeros at the end; a newer one may have more fields.
+    # Senders leave out trailing zeros; a newer one may have more fields.
     size = kind.unpacker.size
     fields = kind.unpacker.unpack(content[begin:end].ljust(size, b"\0")[:size])
     if any(kind.array_lengths):
@@ -174,7 +175,7 @@ def message_in(frame: Frame) -> MAVLink_message | None:
 
 
 def frame_of(message: MAVLink_message, sender: MAVLink) -> bytes:
-    """The next frame of a sender; what is signed, or more than numbers, is left to pymavlink."""
+    """Return a sender's next frame; pymavlink packs signed messages and those with more than numbers."""
     kind = type(message)
     if sender.signing.sign_outgoing or not kind.array_lengths or any(kind.array_lengths):
         return bytes(message.pack(sender))
@@ -188,13 +189,13 @@ def frame_of(message: MAVLink_message, sender: MAVLink) -> bytes:
 
 
 def next_magic(datagram: bytes, start: int) -> int:
-    """The next place from which a frame could begin, or the end."""
+    """Return the next place where a frame could begin, or the end."""
     places = (datagram.find(bytes([magic]), start) for magic in (MAGIC_1, MAGIC_2))
     return min((place for place in places if place >= 0), default=len(datagram))
 
 
 def signing_key(text: str) -> bytes:
-    """A key as 64 hexadecimal digits.
+    """Parse a signing key of 64 hexadecimal digits.
 
     Raises:
         InputError: it is something else; the message does not repeat it.
@@ -212,12 +213,12 @@ class ConnectionSigning:
     """One end of a signed connection."""
 
     def __init__(self, key: bytes, clock: Callable[[], float], *, link_id: int = 1) -> None:
-        """Hold a key.
+        """Create the end of a connection.
 
         Args:
-            key: 32 bytes that both ends have.
-            clock: tells the Unix time, s. The other end refuses what is older than what it has heard.
-            link_id: of this end's connection; each connection of a computer has its own.
+            key: 32 bytes that both ends share.
+            clock: returns the Unix time, s. The other end refuses packets older than those it has heard.
+            link_id: id of this end's connection; each connection of a computer has its own.
         """
         self._key = key
         self._clock = clock
@@ -226,7 +227,7 @@ class ConnectionSigning:
         self._streams: dict[tuple[int, int, int], int] = {}
 
     def accepts(self, frame: Frame) -> bool:
-        """Whether a frame is signed with the key, and newer than those before it in its stream."""
+        """Accept a frame if it is signed with the key and newer than those before it in its stream."""
         if not self.vouches_for(frame):
             return False
         stamp, stream = stamp_and_stream(frame)
@@ -235,11 +236,11 @@ class ConnectionSigning:
         return True
 
     def vouches_for(self, frame: Frame) -> bool:
-        """Whether `accepts` would accept a frame, without taking it."""
+        """Check whether `accepts` would accept a frame, without noting it."""
         return self.fault_of(frame) is None
 
     def fault_of(self, frame: Frame) -> str | None:
-        """Why a frame is not accepted, and what to do, in words; None where it would be."""
+        """Return why a frame is not accepted and what to do, for people; None if it would be."""
         content = frame.content
         if content[0] != MAGIC_2 or not content[2] & SIGNED:
             return UNSIGNED
@@ -259,34 +260,34 @@ class ConnectionSigning:
         )
 
     def has_taken(self, frame: Frame) -> bool:
-        """Whether a frame is the one that its stream was accepted by last: signed ones are counted once."""
+        """Check whether a frame is the last accepted one of its stream, so that signed frames count once."""
         if frame.content[0] != MAGIC_2 or not frame.content[2] & SIGNED:
             return False
         stamp, stream = stamp_and_stream(frame)
         return self._streams.get(stream) == stamp
 
     def prepare(self, encoder: MAVLink) -> None:
-        """Let an encoder sign what it packs next, at this end's time."""
+        """Let an encoder sign its next packets at this end's time."""
         signing = encoder.signing
         signing.secret_key, signing.link_id, signing.sign_outgoing = self._key, self._link_id, True
-        # pymavlink counts on from here by one for each packet; time never goes back below that.
+        # pymavlink adds one for each packet from here on; time never goes back below that.
         signing.timestamp = self._newest = max(self._now(), signing.timestamp)
 
     def _now(self) -> int:
-        """Time in the units of time stamps: the clock's, or that of the newest packet heard."""
+        """Return the later of the clock's time and the newest packet's, in units of time stamps."""
         units = round((self._clock() - EPOCH_S) * UNITS_PER_S)
         return max(self._newest, min(max(units, 0), LATEST))
 
 
 def stamp_and_stream(frame: Frame) -> tuple[int, tuple[int, int, int]]:
-    """Time stamp of a signed frame, and the stream in which those have to rise."""
+    """Return the time stamp of a signed frame, and the stream in which time stamps must rise."""
     content = frame.content
     stamp = int.from_bytes(content[TIME_STAMP], "little")
     return stamp, (frame.system_id, frame.component_id, content[-SIGNATURE])
 
 
 def in_words(late_s: float) -> str:
-    """A long time (s) in the unit that suits it."""
+    """Format a long time (s) in a suitable unit."""
     for unit, seconds in (("days", 86_400.0), ("hours", 3600.0)):
         if late_s >= seconds:
             return f"{late_s / seconds:.1f} {unit}"
@@ -294,7 +295,7 @@ def in_words(late_s: float) -> str:
 
 
 class Introduction:
-    """Looks for the heartbeat of one autopilot, and notes which others are there instead."""
+    """Detector of one autopilot's heartbeat that also notes other autopilots."""
 
     def __init__(
         self, system_id: int, component_id: int, *, signing: ConnectionSigning | None = None
@@ -302,12 +303,12 @@ class Introduction:
         """Expect an autopilot.
 
         Args:
-            system_id: of the vehicle.
-            component_id: of its autopilot.
-            signing: of the connection, if it is signed.
+            system_id: MAVLink system of the vehicle.
+            component_id: component of its autopilot.
+            signing: signing of the connection; None for an unsigned one.
         """
         self.others: Counter[tuple[int, int]] = Counter()
-        """Heartbeats of other autopilots, by system and component."""
+        """Numbers of other autopilots' heartbeats, by system and component."""
         self._fault: str | None = None
         self._faults = 0
         self._source = (system_id, component_id)
@@ -315,11 +316,11 @@ class Introduction:
 
     @property
     def silence_s(self) -> float:
-        """How long a peer must be silent before another address may take its place, s."""
+        """Silence of a peer after which another address may take its place, s."""
         return SILENCE_S if self._signing is None else SIGNED_SILENCE_S
 
     def is_given_by(self, datagram: bytes) -> bool:
-        """Whether there is a heartbeat of the expected autopilot among the frames; never raises."""
+        """Check for a heartbeat of the expected autopilot among the frames; never raises."""
         return any(
             frame is not None
             and frame.message_id == mavlink.MAVLINK_MSG_ID_HEARTBEAT
@@ -343,11 +344,11 @@ class Introduction:
 
     @property
     def refused(self) -> int:
-        """How many heartbeats of autopilots have introduced nobody."""
+        """Number of autopilots' heartbeats that introduced nobody."""
         return self.others.total() + self._faults
 
     def complaint(self) -> str | None:
-        """What is wrong where no heartbeat was the expected one, with the remedy; None where none came."""
+        """Explain, with a remedy, why no heartbeat was the expected one; None where none came."""
         expected, component = self._source
         if self._fault is not None:
             return f"the autopilot of system {expected} {self._fault}"
@@ -367,37 +368,37 @@ class Introduction:
         )
 
 
-# STATUSTEXT: long texts come in parts of 50 bytes, which are one text again here.
+# STATUSTEXT: long texts come in parts of 50 bytes, which are joined here.
 
 PART_BYTES = 50
-"""Of a text that goes on; a shorter part is the last."""
+"""Bytes of a part that is not the last; the last part is shorter."""
 
 MOST_PARTS = 20
-"""Of one text: autopilots send a few."""
+"""Maximum number of parts of one text; autopilots send a few."""
 
 PART_BEATS = 2
-"""Heartbeats of the sender without another part of a text, after which the rest of it is lost."""
+"""Heartbeats of the sender without another part after which the rest of a text counts as lost."""
 
 GAP = "[...]"
-"""In the place of parts that are lost."""
+"""Replacement of lost parts."""
 
 
 class TextParts(msgspec.Struct):
-    """A text of which some parts have come."""
+    """Text of which some parts have arrived."""
 
     number: int
-    """By which its parts are known."""
+    """Number of the text, by which its parts are identified."""
     severity: int
     """MAV_SEVERITY."""
     parts: dict[int, bytes] = msgspec.field(default_factory=dict)
-    """By their place."""
+    """Parts by their place."""
     count: int | None = None
-    """How many there are; None until the last has come."""
+    """Number of parts; None until the last has arrived."""
     beats: int = 0
-    """Heartbeats since the newest."""
+    """Heartbeats since the newest part."""
 
     def report(self) -> TextReport:
-        """The text as far as it has come."""
+        """Return the text as far as it has arrived."""
         last = max(self.parts)
         runs = [self.parts.get(0, b"")]
         for place in range(1, last + 1):
@@ -411,13 +412,13 @@ class TextParts(msgspec.Struct):
 
 
 class TextJoiner:
-    """Joins the texts of one sender, one at a time."""
+    """Joiner of one sender's texts, one at a time."""
 
     def __init__(self) -> None:
         self._open: TextParts | None = None
 
     def take(self, message: MAVLink_message) -> list[TextReport]:
-        """Take a STATUSTEXT; the texts that are whole with it, or that end here."""
+        """Take a STATUSTEXT; return the texts that it completes or ends."""
         raw = bytes(message._text_raw).split(b"\0", 1)[0]  # noqa: SLF001 - its `text` has lost bytes
         if not message.id:
             return [*self._give_up(), TextReport(severity=message.severity, text=printable(raw))]
@@ -436,7 +437,7 @@ class TextJoiner:
         return given_up
 
     def beat(self) -> list[TextReport]:
-        """Note a heartbeat of the sender: a text whose rest is lost ends here."""
+        """Note a heartbeat of the sender, which ends a text whose rest is lost."""
         if self._open is None:
             return []
         self._open.beats += 1
@@ -448,9 +449,9 @@ class TextJoiner:
 
 
 def printable(raw: bytes) -> str:
-    r"""Text of bytes, for a terminal and a log.
+    r"""Decode bytes for a terminal and a log.
 
-    Bytes that are no text, and characters that command a terminal, are shown by their numbers: `\xb0`.
+    Invalid bytes, and characters that control a terminal, are shown by their numbers: `\xb0`.
     """
     text = raw.decode("utf-8", "backslashreplace")
     return "".join(
@@ -459,13 +460,13 @@ def printable(raw: bytes) -> str:
 
 
 NEAR = 24
-"""Numbers that are farther on than this, of 256, are no gap of a few lost frames."""
+"""Greatest step of a sequence number, of 256, that counts as a gap of a few lost frames."""
 
 APART = 48
-"""Two places that are nearer to each other than this may be one, with frames lost and late."""
+"""Distance up to which two places may be one, with lost and late frames."""
 
 MOST_PLACES = 4
-"""Places that are remembered: bursts of lost frames leave one each."""
+"""Maximum number of places remembered: each burst of lost frames leaves one."""
 
 STEERING_COMMANDS = frozenset(
     {
@@ -477,15 +478,15 @@ STEERING_COMMANDS = frozenset(
         mavlink.MAV_CMD_GUIDED_CHANGE_HEADING,
     }
 )
-"""Commands that say where, how high or how fast to fly."""
+"""Commands that set where, how high or how fast to fly."""
 
 COMMANDS = frozenset({mavlink.MAVLINK_MSG_ID_COMMAND_INT, mavlink.MAVLINK_MSG_ID_COMMAND_LONG})
 
 ITEMS = frozenset({mavlink.MAVLINK_MSG_ID_MISSION_ITEM, mavlink.MAVLINK_MSG_ID_MISSION_ITEM_INT})
-"""Waypoints, which are flown to at once where `current` says so."""
+"""Waypoints, which are flown to at once if `current` says so."""
 
 AT_ONCE = frozenset({2, 3})
-"""`current` of a waypoint or an altitude that is flown to at once."""
+"""Values of `current` of a waypoint or an altitude that is flown to at once."""
 
 STEERING_MESSAGES = (
     frozenset(
@@ -502,7 +503,7 @@ STEERING_MESSAGES = (
 
 
 def steers(message: MAVLink_message) -> bool:
-    """Whether one of `STEERING_MESSAGES` says where, how high or how fast to fly."""
+    """Check whether one of `STEERING_MESSAGES` sets where, how high or how fast to fly."""
     number = message.get_msgId()
     if number in COMMANDS:
         return message.command in STEERING_COMMANDS
@@ -510,12 +511,12 @@ def steers(message: MAVLink_message) -> bool:
 
 
 def sequence_of(content: bytes) -> int:
-    """Number of a frame, 0 to 255."""
+    """Return the sequence number of a frame, 0 to 255."""
     return content[2] if content[0] == MAGIC_1 else content[4]
 
 
 class SequencePlaces:
-    """Places in which the numbers of one name go on."""
+    """Places of one name's sequence numbers, from which each series continues."""
 
     def __init__(self) -> None:
         self._places: list[int] = []
@@ -524,19 +525,19 @@ class SequencePlaces:
         self._seen: list[bytes] = [b""] * 256
 
     def note(self, frame: Frame) -> int:
-        """Take a frame; returns the number of the series that it is one of, from 0 on."""
+        """Take a frame, and return the number of its series, from 0."""
         number = sequence_of(frame.content)
         if self._places and self._seen[number] == frame.content:
             return self._series[0]
         self._seen[number] = frame.content
         if self._places and 0 < (number - self._places[0]) % 256 <= NEAR:
-            # By far the most frequent.
+            # By far the most frequent case.
             self._places[0] = number
             return self._series[0]
         return self._other_place(number)
 
     def _other_place(self, number: int) -> int:
-        """The series that a number goes on with which does not go on with the newest."""
+        """Return the series of a number that does not continue the newest one."""
         places, series = self._places, self._series
         for rank, place in enumerate(places):
             ahead = (number - place) % 256
@@ -545,7 +546,7 @@ class SequencePlaces:
             apart = min((place - places[0]) % 256, (places[0] - place) % 256) > APART
             went_on = series[rank] if apart else series[0]
             del places[rank], series[rank]
-            # A late frame leaves its place where it was.
+            # A late frame leaves its place unchanged.
             places.insert(0, number if ahead <= NEAR else place)
             series.insert(0, went_on)
             return went_on

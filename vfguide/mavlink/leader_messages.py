@@ -1,15 +1,15 @@
-"""The motion of a leader in MAVLink: as an aircraft without a companion tells it, and FOLLOW_TARGET.
+"""Motion of a leader in MAVLink: messages of an aircraft without a companion, and FOLLOW_TARGET.
 
-Such an aircraft is heard by four MAVLink messages and ADS-B, in SI units here. All that an aircraft may
-send is looked at; which of it is followed is for others to decide. Nothing here is true because it is
-well-formed: every number is checked against what its field can mean, no more.
+Such an aircraft is heard by four MAVLink messages and ADS-B, decoded to SI units here; other modules choose
+which one is followed. Every number is checked against the range of its field, but a well-formed message need
+not be true.
 
-FOLLOW_TARGET is also sent, for followers that have no companion, such as ArduPlane's and PX4's own. What
-they read of it, by their sources: ArduPilot (AP_Follow) wants the bit of the position; takes velocity,
-acceleration, and attitude with rates where their bits are set; turns offsets with the yaw and refuses the
-message without attitude if they are relative; and goes by the time stamp's differences only. From the
-first one on it ignores the sender's GLOBAL_POSITION_INT. PX4 takes place and velocity, and stamps them on
-arrival. Neither reads `position_cov` and `custom_state`: 0 here, as of a sender that does not tell.
+FOLLOW_TARGET is also sent, for followers without a companion, such as ArduPlane's and PX4's own. By their
+sources, ArduPilot (AP_Follow) needs the position bit. It takes velocity, acceleration, and attitude with
+rates where their bits are set. It turns offsets with the yaw, refuses relative ones without attitude, and
+uses only differences of the time stamp. From the first message on it ignores the sender's
+GLOBAL_POSITION_INT. PX4 takes position and velocity, and stamps them on arrival. Neither reads `position_cov`
+and `custom_state`: both are 0 here, as of a sender that does not tell.
 """
 
 import math
@@ -50,38 +50,38 @@ KINDS: tuple[Kind, ...] = (
     "HIGH_LATENCY2",
     "ADSB_VEHICLE",
 )
-"""The best first: of an aircraft that sends several, the first that comes is followed."""
+"""Kinds of messages, the best first: the first kind that an aircraft sends is followed."""
 
 HAS_POSITION, HAS_VELOCITY, HAS_ACCELERATION, HAS_ATTITUDE = 1, 2, 4, 8
 """Bits of FOLLOW_TARGET.est_capabilities; the fourth is attitude and rates."""
 
 INTERVAL_S = 0.1
-"""Interval of the messages."""
+"""Interval of FOLLOW_TARGET messages, s."""
 
 
 class LeaderReport(msgspec.Struct, frozen=True, kw_only=True):
-    """What one message says of where an aircraft is and how it flies."""
+    """Position and motion of an aircraft by one message."""
 
     kind: Kind
-    """Which message."""
+    """Kind of the message."""
     stamp_s: float | None
-    """When it was true, s on a clock that the sender alone knows; None where it does not say."""
+    """Time of validity, s on a clock known only to the sender; None if not sent."""
     latitude_deg: float
-    """degrees, north positive."""
+    """Latitude, degrees, north positive."""
     longitude_deg: float
-    """degrees, east positive."""
+    """Longitude, degrees, east positive."""
     altitude_amsl: float
-    """m above mean sea level; NaN where it does not say."""
+    """Altitude, m above mean sea level; NaN if not sent."""
     velocity: Pair | None = None
-    """Over ground (north, east), m/s; None where it does not say."""
+    """Velocity over ground (north, east), m/s; None if not sent."""
     age_s: float = 0.0
-    """How old it was when it was sent, as far as the message says, s."""
+    """Age when it was sent, as far as the message tells, s."""
     climb_rate: float = 0.0
-    """m/s, positive up; 0 where it does not say."""
+    """Climb rate, m/s, positive up; 0 if not sent."""
 
 
 def global_position(message: MAVLink_message) -> LeaderReport | None:
-    """GLOBAL_POSITION_INT: ms, cm/s."""
+    """Decode GLOBAL_POSITION_INT: ms, cm/s."""
     return report(
         "GLOBAL_POSITION_INT",
         message.time_boot_ms * 1e-3,
@@ -95,7 +95,7 @@ def global_position(message: MAVLink_message) -> LeaderReport | None:
 
 
 def global_position_cov(message: MAVLink_message) -> LeaderReport | None:
-    """GLOBAL_POSITION_INT_COV: microseconds since boot or since 1970, whichever, and m/s."""
+    """Decode GLOBAL_POSITION_INT_COV: microseconds since boot or 1970, whichever, and m/s."""
     return report(
         "GLOBAL_POSITION_INT_COV",
         message.time_usec * 1e-6,
@@ -109,9 +109,9 @@ def global_position_cov(message: MAVLink_message) -> LeaderReport | None:
 
 
 def follow_target(message: MAVLink_message) -> LeaderReport | None:
-    """FOLLOW_TARGET: ms since boot; velocity (north, east, down) where its bits say so.
+    """Decode FOLLOW_TARGET: ms since boot, and velocity (north, east, down) if its bits say so.
 
-    Its acceleration is not used: what senders put there is late, or that of the air, or 0; followers find the
+    Its acceleration is not used. Senders put a late value, that of the air or 0 there; followers find the
     rates by themselves.
     """
     bits = message.est_capabilities
@@ -132,7 +132,7 @@ def follow_target(message: MAVLink_message) -> LeaderReport | None:
 
 
 def high_latency(message: MAVLink_message) -> LeaderReport | None:
-    """HIGH_LATENCY2: its speed is in 0.2 m/s and its heading, in 2°, that of the nose; neither is used."""
+    """Decode HIGH_LATENCY2 without its speed (0.2 m/s) and its heading (2°), which is the nose's."""
     if message.failure_flags & mavlink.HL_FAILURE_FLAG_GPS:
         return None
     return report(
@@ -145,7 +145,7 @@ def high_latency(message: MAVLink_message) -> LeaderReport | None:
 
 
 def adsb_vehicle(message: MAVLink_message) -> LeaderReport | None:
-    """ADSB_VEHICLE."""
+    """Decode ADSB_VEHICLE."""
     found = traffic_report(message)
     if found is None:
         return None
@@ -154,7 +154,7 @@ def adsb_vehicle(message: MAVLink_message) -> LeaderReport | None:
         stamp_s=None,
         latitude_deg=found.latitude_deg,
         longitude_deg=found.longitude_deg,
-        # Followers hold heights by it: a pressure altitude is too rough for that.
+        # Followers hold altitudes by it: a pressure altitude is too rough for that.
         altitude_amsl=found.altitude_amsl if found.altitude_error == 0.0 else math.nan,
         velocity=found.velocity,
         age_s=found.age_s,
@@ -173,9 +173,9 @@ def report(
     needs_velocity: bool = False,
     climb_rate: float = 0.0,
 ) -> LeaderReport | None:
-    """The report that fields amount to; None where there is no place on earth, or no velocity.
+    """Make a report of a message's fields; None without a place on earth or a needed velocity.
 
-    Autopilots without a fix report 0, 0: nobody flies there.
+    Autopilots without a fix report 0, 0, where nobody flies.
     """
     latitude_deg, longitude_deg = latitude * 1e-7, longitude * 1e-7
     if not is_on_earth(latitude, longitude):
@@ -202,33 +202,32 @@ READERS: dict[int, Reader] = {
     mavlink.MAVLINK_MSG_ID_HIGH_LATENCY2: high_latency,
     mavlink.MAVLINK_MSG_ID_TIMESYNC: time_report,
 }
-"""What is read of the aircraft itself."""
+"""Decoders of the aircraft's own messages."""
 
 ADSB_READERS: dict[int, Reader] = {mavlink.MAVLINK_MSG_ID_ADSB_VEHICLE: adsb_vehicle}
-"""What is read of one that only an ADS-B receiver hears."""
+"""Decoder of an aircraft that only an ADS-B receiver hears."""
 
 
 class LeaderCodec:
-    """Datagrams of a connection on which an aircraft is heard, to its reports."""
+    """Decoder of datagrams about one aircraft."""
 
     def __init__(self, *, system_id: int | None = None, icao_address: int | None = None) -> None:
         """Listen for one aircraft.
 
         Args:
-            system_id: of the aircraft, by its own messages; whichever of its components sends them.
-            icao_address: of the aircraft instead, by what an ADS-B receiver hears; whichever system passes
-                it on.
+            system_id: MAVLink system of the aircraft; any of its components may send.
+            icao_address: ICAO address instead, for an aircraft heard by ADS-B; any system may relay it.
         """
         self.counters: Counter[str] = Counter()
-        """What was received and passed over, by reason."""
+        """Numbers of frames that were received and ignored, by reason."""
         self.others: Counter[int] = Counter()
-        """Reports of other systems, by their ids."""
+        """Numbers of reports of other systems, by system."""
         self._system_id = system_id
         self._icao_address = icao_address
         self._readers = READERS if icao_address is None else ADSB_READERS
 
     def decode(self, datagram: bytes) -> list[LeaderReport | TimeReport]:
-        """Reports in one datagram; whatever the bytes are, this does not raise."""
+        """Return the reports in a datagram; never raises, whatever the bytes are."""
         found: list[LeaderReport | TimeReport] = []
         for frame in frames_of(datagram):
             if frame is None:
@@ -257,17 +256,17 @@ def follow_target_message(
     altitude_amsl: float,
     heading: float,
 ) -> MAVLink_message:
-    """The message of a motion.
+    """Return the FOLLOW_TARGET message of a motion.
 
-    Velocity and acceleration are those over ground: (V cos chi, V sin chi) and its derivative. Roll and pitch
-    are left out of the attitude, which then turns with the course: its yaw rate is the turn rate.
+    Velocity and acceleration are those over ground: (V cos chi, V sin chi) and its derivative. The attitude
+    has no roll and pitch and turns with the course: its yaw rate is the turn rate.
 
     Args:
-        motion: at its time, s on the sender's clock.
-        latitude_deg: of its place.
-        longitude_deg: of its place.
-        altitude_amsl: m above mean sea level.
-        heading: of the nose, rad.
+        motion: motion, whose time is s on the sender's clock.
+        latitude_deg: latitude, degrees.
+        longitude_deg: longitude, degrees.
+        altitude_amsl: altitude, m above mean sea level.
+        heading: heading of the nose, rad.
     """
     ahead_north, ahead_east = math.cos(motion.course), math.sin(motion.course)
     turning = motion.ground_speed * motion.turn_rate

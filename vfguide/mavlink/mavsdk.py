@@ -1,16 +1,15 @@
-"""A connection that MAVSDK keeps: frames in and out, setpoints of offboard and modes by its plugins.
+"""Connection kept by MAVSDK: frames in and out, offboard setpoints and modes by its plugins.
 
-The companion is the same as on a connection of our own and speaks PX4's messages. What MAVSDK has a call for
-goes by that call; the rest goes through as it is. What arrives is handed on as frames again.
+The companion sends PX4's messages as on vfguide's own connections. Messages for which MAVSDK has a call are
+translated to it, others are sent unchanged, and received messages are handed on as frames. Guided Course has
+no call: its commands, and a ground station's heartbeat, are sent by MavlinkDirect.
 
-Guided Course has no call: its commands go by MavlinkDirect, and so does the heartbeat of a ground station.
-In offboard MAVSDK repeats the last setpoint every 50 ms from a thread of its own, also while this process
-hangs: the autopilot's fail-safe then sees a stream that is alive. A watchdog here ends the offboard mode when
-setpoints stop coming, which helps against everything but a process that hangs. Prefer `autopilot: px4` for
-flight in offboard.
+In offboard a thread of MAVSDK repeats the last setpoint every 50 ms, even while this process hangs: the
+autopilot's fail-safe then sees a live stream. A watchdog here ends offboard when setpoints stop, unless the
+process hangs. Prefer `autopilot: px4` for flight in offboard.
 
-Whatever ends a MAVSDK is followed by another one. MAVSDK opens a serial port that was unplugged never again
-and says nothing of it: one that hears nothing is ended here.
+Whenever a MAVSDK instance ends, another follows. MAVSDK never reopens a serial port that was unplugged, and
+does not report that: an instance that hears nothing is ended here.
 """
 
 import asyncio
@@ -38,33 +37,33 @@ from vfguide.mavlink.px4 import MAIN_MODE_AUTO, MAIN_MODE_OFFBOARD, SUB_MODE_LOI
 logger = logging.getLogger(__name__)
 
 SEARCH_S = 5.0
-"""For each try of finding an autopilot, whose heartbeats come once a second."""
+"""Timeout of each search for an autopilot, s; heartbeats come once a second."""
 
 DEAF_S = 15.0
-"""A MAVSDK that hears nothing for longer is done with; by then companions have asked for a hand back."""
+"""Silence after which a MAVSDK instance is ended, s; by then companions have asked for a hand-back."""
 
 WATCH_S = 0.25
-"""Interval of the watchdog's looks."""
+"""Interval of the watchdog's checks, s."""
 
 SILENCE_S = 1.0
-"""Setpoints of offboard that stop for longer than this end it."""
+"""Gap in offboard setpoints that ends offboard, s."""
 
 MISTAKES = frozenset({"BIND_ERROR", "CONNECTION_URL_INVALID", "BAUDRATE_UNKNOWN"})
-"""What MAVSDK says of an address that will not do. Anything else, such as a missing device, may pass."""
+"""MAVSDK's results for an unusable address. Any other, such as a missing device, may pass."""
 
 HEARD: dict[str, type[MAVLink_message]] = {
     mavlink.mavlink_map[number].msgname: mavlink.mavlink_map[number] for number in REPORTS
 }
-"""What companions listen to, by the name that MAVSDK gives it."""
+"""Messages that companions use, by MAVSDK's name."""
 
 
 class ReceivedMessage(Protocol):
-    """A message as MAVSDK describes it."""
+    """Message as MAVSDK describes it."""
 
     message_name: str
     """Name in the message set."""
     fields_json: str
-    """The message's fields."""
+    """Fields as JSON."""
     system_id: int
     """System id of the sender."""
     component_id: int
@@ -72,12 +71,12 @@ class ReceivedMessage(Protocol):
 
 
 class Finder(Protocol):
-    """What searches for an autopilot."""
+    """Searcher for an autopilot."""
 
     def first_autopilot_async(
         self, timeout_s: float, callback: Callable[[object | None], None]
     ) -> object:
-        """Begin to search; the callback comes from another thread, with None when time is over."""
+        """Begin a search; the callback comes from another thread, with None when time is over."""
 
     def cancel_first_autopilot(self, handle: object) -> None:
         """End a search, or release one that has ended."""
@@ -85,20 +84,20 @@ class Finder(Protocol):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Plugins:
-    """MAVSDK's handles for one autopilot; it has no types."""
+    """MAVSDK's plugins for one autopilot, which have no types."""
 
     direct: Any
-    """Messages as they are."""
+    """Plugin for unchanged messages."""
     offboard: Any
-    """Setpoints of offboard, and its mode."""
+    """Plugin for offboard setpoints and mode."""
     action: Any
-    """Hold."""
+    """Plugin for hold."""
     own: tuple[int, int]
-    """System and component that MAVSDK speaks as, whatever the vehicle's are."""
+    """System and component of MAVSDK as a sender, whatever the vehicle's are."""
 
 
 class MavsdkChannel:
-    """MAVSDK as the channel of a connection."""
+    """Channel of a connection kept by MAVSDK."""
 
     def __init__(
         self,
@@ -106,12 +105,12 @@ class MavsdkChannel:
         receive: Callable[[bytes], None],
         status: Status,
     ) -> None:
-        """Make a channel that is not connected yet.
+        """Create a channel that is not connected yet.
 
         Args:
-            address: as MAVSDK writes them too.
+            address: address, which MAVSDK writes the same way.
             receive: called from the event loop with whole frames.
-            status: of the connection.
+            status: status of the connection.
 
         Raises:
             VfguideError: MAVSDK is not installed, or another version.
@@ -130,7 +129,7 @@ class MavsdkChannel:
         self._offboard = self._opened = False
 
     def send(self, datagram: bytes) -> None:
-        """Pass on what MAVSDK does not say by itself."""
+        """Send what MAVSDK does not send by itself."""
         plugins = self._plugins
         if plugins is None:
             self._status.counters["dropped: not connected"] += 1
@@ -141,7 +140,7 @@ class MavsdkChannel:
                 self._say(plugins, message)
 
     async def visit(self) -> tuple[str, bool]:
-        """Find the autopilot and listen, until it is heard no more: why it ended, and whether it was heard.
+        """Find the autopilot and listen until it falls silent; return the reason, and whether it was heard.
 
         Raises:
             InputError: MAVSDK cannot use the address.
@@ -152,7 +151,7 @@ class MavsdkChannel:
         return reason, self._heard_time >= began
 
     async def _one(self) -> str:
-        """One MAVSDK, from its making to its end; why it ended."""
+        """Run one MAVSDK instance; return why it ended."""
         try:
             with instance(self._url) as (mavsdk, own):
                 self._opened = True
@@ -161,7 +160,7 @@ class MavsdkChannel:
                     return "no autopilot heard yet"
                 return await self._listen(plugins_of(system, own))
         except InputError as error:
-            # An address that was good before is no mistake: something is in its way.
+            # An address that worked before is no mistake: something blocks it.
             if not self._opened:
                 raise
             return reason_of(error)
@@ -169,7 +168,7 @@ class MavsdkChannel:
             return reason_of(error)
 
     async def _listen(self, plugins: Plugins) -> str:
-        """Hand on what is heard, until nothing is any more; why it ended."""
+        """Hand on received messages until there are no more; return why it ended."""
         handle = plugins.direct.subscribe_message("", self._hear)
         self._plugins, self._heard_time = plugins, time.monotonic()
         self._status.up("by way of MAVSDK")
@@ -183,7 +182,7 @@ class MavsdkChannel:
         return "nothing is heard any more"
 
     async def _search(self, mavsdk: Finder) -> object | None:
-        """The autopilot, or None where none is heard for a while."""
+        """Return the autopilot, or None if none is heard for a while."""
         found: asyncio.Future[object | None] = self._loop.create_future()
 
         def settle(system: object | None) -> None:
@@ -191,18 +190,18 @@ class MavsdkChannel:
                 found.set_result(system)
 
         def tell(system: object | None) -> None:
-            """From a thread of MAVSDK."""
+            """Pass the result on from a thread of MAVSDK."""
             self._loop.call_soon_threadsafe(settle, system)
 
         search = mavsdk.first_autopilot_async(SEARCH_S, tell)
         try:
             return await found
         finally:
-            # A search that outlives its MAVSDK brings the whole process down.
+            # A search that outlives its MAVSDK crashes the whole process.
             mavsdk.cancel_first_autopilot(search)
 
     def _watch(self, plugins: Plugins) -> None:
-        """End the offboard mode when nobody steers any more."""
+        """End offboard when setpoints have stopped."""
         if time.monotonic() - self._setpoint_time <= SILENCE_S:
             return
         self._setpoint_time = math.inf
@@ -212,7 +211,7 @@ class MavsdkChannel:
             plugins.offboard.stop_async(ignored)
 
     def _hear(self, heard: ReceivedMessage, _user_data: object) -> None:
-        """From a thread of MAVSDK."""
+        """Take a message from a thread of MAVSDK."""
         if heard.message_name in HEARD:
             self._loop.call_soon_threadsafe(self._deliver, heard)
 
@@ -225,7 +224,7 @@ class MavsdkChannel:
         if message.get_type() == "HEARTBEAT" and message.autopilot != mavlink.MAV_AUTOPILOT_INVALID:
             self._offboard = message.custom_mode >> 16 & 0xFF == MAIN_MODE_OFFBOARD
         if target_of(message) == plugins.own:
-            # What MAVSDK is answered the companion is answered, whose commands it has passed on.
+            # Answers to MAVSDK are for the companion, whose commands it has sent.
             message.target_system = message.target_component = 0
         self._packer.srcSystem, self._packer.srcComponent = heard.system_id, heard.component_id
         try:
@@ -236,7 +235,7 @@ class MavsdkChannel:
         self._receive(frame)
 
     def _say(self, plugins: Plugins, message: MAVLink_message) -> None:
-        """One message of the companion, by MAVSDK's own call where there is one."""
+        """Send a message of the companion, by MAVSDK's own call if there is one."""
         mode, name = wanted_mode(message), message.get_type()
         if name == "HEARTBEAT" and message.type != mavlink.MAV_TYPE_GCS:
             return
@@ -260,11 +259,11 @@ class MavsdkChannel:
 
 @contextmanager
 def instance(url: str) -> Iterator[tuple[Any, tuple[int, int]]]:
-    """MAVSDK, connected to an address for as long as the context lasts; system and component that it is.
+    """Yield MAVSDK, connected to an address, and its (system, component).
 
     Raises:
         InputError: it cannot use the address.
-        MavsdkError: it cannot connect for the moment.
+        MavsdkError: it cannot connect at the moment.
     """
     api = import_module("mavsdk")
     configuration = api.Configuration.create_with_component_type(
@@ -283,7 +282,7 @@ def instance(url: str) -> Iterator[tuple[Any, tuple[int, int]]]:
 
 
 def plugins_of(system: object, own: tuple[int, int]) -> Plugins:
-    """The parts of MAVSDK that are used here, which speaks as this system and component."""
+    """Return the plugins used here, with MAVSDK's own system and component."""
     return Plugins(
         direct=import_module("mavsdk.plugins.mavlink_direct").MavlinkDirect(system),
         offboard=import_module("mavsdk.plugins.offboard").Offboard(system),
@@ -293,11 +292,11 @@ def plugins_of(system: object, own: tuple[int, int]) -> Plugins:
 
 
 def ignored(*_result: object) -> None:
-    """What becomes of a command is seen in its COMMAND_ACK."""
+    """Ignore a command's result, which its COMMAND_ACK tells."""
 
 
 def message_of(name: str, fields_json: str) -> MAVLink_message | None:
-    """The message that MAVSDK describes, or None where its fields are not the message's."""
+    """Return the message that MAVSDK describes, or None if its fields do not fit."""
     kind = HEARD[name]
     try:
         fields = json.loads(fields_json)
@@ -313,35 +312,35 @@ def message_of(name: str, fields_json: str) -> MAVLink_message | None:
 
 
 def target_of(message: MAVLink_message) -> tuple[int, int] | None:
-    """System and component that a message is for, or None where it does not say."""
+    """Return the target system and component of a message, or None if it has none."""
     if "target_system" not in message.fieldnames:
         return None
     return message.target_system, message.target_component
 
 
 def direct_message(message: MAVLink_message) -> object:
-    """The message as MAVSDK wants it described."""
+    """Describe a message for MAVSDK."""
     fields = {name: getattr(message, name) for name in message.get_fieldnames()}
     plugin = import_module("mavsdk.plugins.mavlink_direct")
     return plugin.MavlinkMessage(message.get_type(), 0, 0, 0, 0, json.dumps(fields, default=str))
 
 
 def velocity_of(message: MAVLink_message) -> object:
-    """A velocity setpoint as MAVSDK wants it; the yaw, which a fixed wing ignores, is the course."""
+    """Convert a velocity setpoint for MAVSDK; the yaw, which a fixed wing ignores, is the course."""
     course = math.degrees(math.atan2(message.vy, message.vx))
     kind = import_module("mavsdk.plugins.offboard").VelocityNedYaw
     return kind(message.vx, message.vy, message.vz, course)
 
 
 def position_of(message: MAVLink_message) -> object:
-    """A position setpoint as MAVSDK wants it; the yaw, which a fixed wing ignores, is north."""
+    """Convert a position setpoint for MAVSDK; the yaw, which a fixed wing ignores, is north."""
     kind = import_module("mavsdk.plugins.offboard").PositionGlobalYaw
     above_sea = kind.AltitudeType.AMSL
     return kind(message.lat_int * 1e-7, message.lon_int * 1e-7, message.alt, 0.0, above_sea)
 
 
 def wanted_mode(message: MAVLink_message) -> tuple[int, int] | None:
-    """PX4's main and sub mode that a message asks for, or None."""
+    """Return PX4's main and sub mode that a message asks for, or None."""
     if getattr(message, "command", None) != mavlink.MAV_CMD_DO_SET_MODE:
         return None
     return int(message.param2), int(message.param3)

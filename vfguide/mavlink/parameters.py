@@ -1,4 +1,4 @@
-"""What of an autopilot's parameters a flight depends on, and how they are asked for."""
+"""Parameters of an autopilot that a flight depends on, and requests for them."""
 
 import math
 from collections.abc import Iterable, Mapping
@@ -12,61 +12,61 @@ from vfguide.state import SpeedHold
 
 
 class FlightNeeds(msgspec.Struct, frozen=True, kw_only=True):
-    """What a mission expects of a vehicle's autopilot."""
+    """Mission's needs that a vehicle's autopilot must meet."""
 
     airspeed_min: float
-    """Lowest airspeed that it will be asked for, m/s."""
+    """Lowest airspeed setpoint, m/s."""
     airspeed_max: float
-    """Highest airspeed that it will be asked for, m/s."""
+    """Highest airspeed setpoint, m/s."""
     airspeed: float
-    """At which alpha is declared, m/s."""
+    """Airspeed at which alpha is declared, m/s."""
     max_bank: float
-    """Bank that turns are planned with, rad."""
+    """Bank angle with which turns are planned, rad."""
     alpha: float
     """Course response that the laws count on, 1/s."""
     rate_hz: float
-    """Position reports that will be asked for, per second."""
+    """Rate of position reports, 1/s."""
     system_id: int
     """MAVLink system of vehicle and companion."""
     slips: bool = False
-    """Whether it turns less than its bank says."""
+    """Whether it turns less than its bank angle implies."""
     max_acceleration: float = 0.0
-    """Fastest change of speed that the laws count on, m/s²; 0 where nothing of it is known."""
+    """Greatest acceleration that the laws count on, m/s²; 0 where unknown."""
 
 
 class AutopilotResponse(msgspec.Struct, frozen=True, kw_only=True):
-    """How an autopilot flies, by its own parameters; None where they do not tell."""
+    """Response of an autopilot by its own parameters; None where they do not tell."""
 
     alpha: float | None = None
     """Course response, 1/s."""
     beta: float | None = None
     """Speed response, 1/s."""
     airspeed_min: float | None = None
-    """m/s."""
+    """Lowest airspeed, m/s."""
     airspeed_max: float | None = None
-    """m/s."""
+    """Highest airspeed, m/s."""
     max_bank: float | None = None
-    """rad."""
+    """Greatest bank angle, rad."""
     climb_max: float | None = None
-    """Fastest climb that it flies to another height, m/s."""
+    """Greatest climb rate to another height, m/s."""
     sink_max: float | None = None
-    """Fastest descent, m/s, above zero."""
+    """Greatest sink rate, m/s, positive."""
     course_dead_time: float | None = None
-    """From a course setpoint to the first change of the bank, s."""
+    """Dead time from a course setpoint to the first change of the bank angle, s."""
     course_lag: float | None = None
     """Time constant of the roll, s."""
     speed_hold: SpeedHold | None = None
-    """What kind of hold beta is of."""
+    """Kind of hold that beta belongs to."""
     creeping_hold: CreepingHold | None = None
-    """What of a new airspeed comes at once, where the rest creeps on."""
+    """Share of a new airspeed that comes at once where the rest creeps on."""
     coordinated_alpha: float | None = None
-    """Course response if it turned as its bank says, 1/s."""
+    """Course response if it turned as its bank angle implies, 1/s."""
 
 
 def request_parameters(
     system_id: int, component_id: int, names: Iterable[str]
 ) -> list[MAVLink_message]:
-    """PARAM_REQUEST_READ by name, one for each."""
+    """Return a PARAM_REQUEST_READ for each name."""
     return [
         mavlink.MAVLink_param_request_read_message(
             system_id, component_id, name.encode("ascii"), -1
@@ -76,19 +76,19 @@ def request_parameters(
 
 
 def first_known(parameters: Mapping[str, float], *names: str) -> tuple[str, float] | None:
-    """The first of these parameters that was answered, with its name: names change with the version."""
+    """Return the first of these parameters that was answered, with its name: versions differ in names."""
     return next(((name, parameters[name]) for name in names if name in parameters), None)
 
 
 def above_zero(value: float | None) -> float | None:
-    """A limit; None where it is not known, or is none."""
+    """Return a limit; None where it is unknown or not positive."""
     return value if value is not None and value > 0.0 else None
 
 
 def airspeed_warnings(
     lowest: tuple[str, float] | None, highest: tuple[str, float] | None, needs: FlightNeeds
 ) -> list[str]:
-    """Airspeeds that the mission may ask for and the autopilot would not fly."""
+    """Return warnings about airspeeds that the mission may ask for and the autopilot would not fly."""
     warnings = []
     if lowest is not None and needs.airspeed_min < lowest[1] - 0.01:
         warnings.append(
@@ -104,7 +104,7 @@ def airspeed_warnings(
 
 
 def bank_warning(limit: tuple[str, float] | None, needs: FlightNeeds) -> list[str]:
-    """Turns that the mission plans and the autopilot would not fly; the limit in degrees."""
+    """Return a warning if the mission plans steeper turns than the autopilot's limit (degrees)."""
     wanted = math.degrees(needs.max_bank)
     if limit is None or limit[1] >= wanted - 0.1:
         return []

@@ -1,4 +1,4 @@
-"""What an autopilot reports, in SI units."""
+"""Reports decoded from MAVLink messages, in SI units."""
 
 import msgspec
 
@@ -7,60 +7,60 @@ class PositionReport(msgspec.Struct, frozen=True, kw_only=True):
     """GLOBAL_POSITION_INT."""
 
     boot_time_s: float
-    """Time of the autopilot's clock, s."""
+    """Autopilot's time since boot, s."""
     latitude_deg: float
-    """degrees, north positive."""
+    """Latitude, degrees, north positive."""
     longitude_deg: float
-    """degrees, east positive."""
+    """Longitude, degrees, east positive."""
     altitude_amsl: float
-    """m above mean sea level."""
+    """Altitude, m above mean sea level."""
     velocity_north: float
-    """Over ground, m/s."""
+    """Velocity over ground to the north, m/s."""
     velocity_east: float
-    """Over ground, m/s."""
+    """Velocity over ground to the east, m/s."""
     heading: float | None
-    """psi, rad: the message's hdg is yaw, not course. None where the autopilot does not know it."""
+    """Heading psi, rad: the message's hdg is yaw, not course. None if the autopilot does not know it."""
     climb_rate: float = 0.0
-    """m/s, positive up."""
+    """Climb rate, m/s, positive up."""
     series: int = 0
-    """Series of numbers that its frame is one of; another may be another aircraft's."""
+    """Sequence number series of its frame; another series may be another aircraft's."""
 
 
 class TrafficReport(msgspec.Struct, frozen=True, kw_only=True):
     """ADSB_VEHICLE: another aircraft, as an ADS-B receiver hears it."""
 
     icao_address: int
-    """ICAO address of the aircraft, 24 bits."""
+    """ICAO address, 24 bits."""
     latitude_deg: float
-    """degrees, north positive."""
+    """Latitude, degrees, north positive."""
     longitude_deg: float
-    """degrees, east positive."""
+    """Longitude, degrees, east positive."""
     altitude_amsl: float
-    """m above mean sea level; NaN where it does not say."""
+    """Altitude, m above mean sea level; NaN if not sent."""
     velocity: tuple[float, float] | None
-    """Over ground (north, east), m/s; None where it does not say."""
+    """Velocity over ground (north, east), m/s; None if not sent."""
     climb_rate: float
-    """m/s, positive up; 0 where it does not say."""
+    """Climb rate, m/s, positive up; 0 if not sent."""
     age_s: float
-    """How long ago it was heard, s."""
+    """Age of the report, s."""
     altitude_error: float = 0.0
-    """By how much the altitude may be off, m: 0 of a geometric one."""
+    """Greatest error of the altitude, m: 0 for a geometric one."""
 
 
 class AirspeedReport(msgspec.Struct, frozen=True, kw_only=True):
     """VFR_HUD."""
 
     airspeed: float
-    """m/s."""
+    """Airspeed, m/s."""
     heading: float | None = None
-    """rad, in whole degrees; None where the autopilot does not know it."""
+    """Heading, rad, in whole degrees; None if the autopilot does not know it."""
 
 
 class AttitudeReport(msgspec.Struct, frozen=True, kw_only=True):
     """ATTITUDE."""
 
     bank: float
-    """phi, rad, positive right."""
+    """Bank angle phi, rad, positive right."""
 
 
 class HeartbeatReport(msgspec.Struct, frozen=True, kw_only=True):
@@ -69,15 +69,15 @@ class HeartbeatReport(msgspec.Struct, frozen=True, kw_only=True):
     autopilot: int
     """MAV_AUTOPILOT."""
     custom_mode: int
-    """Mode, in the autopilot's own numbers."""
+    """Mode in the autopilot's own numbers."""
     armed: bool
     """Whether the motors are armed."""
     series: int = 0
-    """Series of numbers that its frame is one of."""
+    """Sequence number series of its frame."""
     vehicle_type: int = 1
-    """MAV_TYPE: 1 is a fixed wing."""
+    """MAV_TYPE; 1 is a fixed wing."""
     status: int
-    """MAV_STATE: ArduPlane is ACTIVE only while it flies, both are CRITICAL in a fail-safe."""
+    """MAV_STATE: ArduPlane is ACTIVE only in flight; ArduPlane and PX4 are CRITICAL in a fail-safe."""
 
 
 class LandedReport(msgspec.Struct, frozen=True, kw_only=True):
@@ -88,16 +88,16 @@ class LandedReport(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class OrderRequest(msgspec.Struct, frozen=True, kw_only=True):
-    """COMMAND_LONG with MAV_CMD_USER_1 for a companion, of a ground station: an order in numbers."""
+    """COMMAND_LONG with MAV_CMD_USER_1, by which a ground station gives a companion an order in numbers."""
 
     sender: tuple[int, int]
-    """MAVLink system and component that it comes from."""
+    """MAVLink system and component of the sender."""
     code: float
-    """param1: which order."""
+    """param1: code of the order."""
     values: tuple[float, float, float]
-    """param2 to param4: a spacing in metres, vehicles, or a slot; 0 where there is nothing to say."""
+    """param2 to param4: a spacing in metres, vehicles, or a slot; 0 if unused."""
     confirmation: int
-    """0 the first time it is sent, then rising."""
+    """0 at the first sending, then rising."""
 
 
 class CommandReport(msgspec.Struct, frozen=True, kw_only=True):
@@ -113,18 +113,18 @@ class VersionReport(msgspec.Struct, frozen=True, kw_only=True):
     """AUTOPILOT_VERSION."""
 
     major: int
-    """Major version of the autopilot's firmware; 0 where it does not know."""
+    """Major version of the autopilot's firmware; 0 if it does not know."""
     minor: int
     """Minor version of the autopilot's firmware."""
     uid: int = 0
-    """Number of its hardware; 0 where it has none."""
+    """Number of its hardware; 0 if it has none."""
 
 
 class SteeringReport(msgspec.Struct, frozen=True, kw_only=True):
-    """Somebody else steers the same vehicle: a message of its own, or the autopilot's answer to one."""
+    """Another sender steers the vehicle, by its own message or the autopilot's answer to one."""
 
     sender: tuple[int, int]
-    """MAVLink system and component of who steers."""
+    """MAVLink system and component of that sender."""
 
 
 class TextReport(msgspec.Struct, frozen=True, kw_only=True):
@@ -133,7 +133,6 @@ class TextReport(msgspec.Struct, frozen=True, kw_only=True):
     severity: int
     """MAV_SEVERITY."""
     text: str
-    """What it says."""
 
 
 class ParameterReport(msgspec.Struct, frozen=True, kw_only=True):
@@ -142,18 +141,18 @@ class ParameterReport(msgspec.Struct, frozen=True, kw_only=True):
     name: str
     """Name of the parameter."""
     value: float
-    """The value field as a number: what ArduPilot means, and PX4 where the type is a real number."""
+    """Value field as a real number: valid for ArduPilot, and for PX4 if the type is a real number."""
     whole: int | None
-    """The value field's bytes as a whole number, where the type is one: what PX4 means then."""
+    """Value field's bytes as a whole number, if the type is one: valid for PX4."""
 
 
 class TimeReport(msgspec.Struct, frozen=True, kw_only=True):
-    """TIMESYNC, the answer to a question."""
+    """TIMESYNC that answers a question."""
 
     stamp: int
-    """The asker's own, ns."""
+    """Asker's time stamp, ns."""
     autopilot_ns: int
-    """The autopilot's clock when it answered, ns."""
+    """Autopilot's time at the answer, ns."""
 
 
 class GpsReport(msgspec.Struct, frozen=True, kw_only=True):
@@ -162,49 +161,49 @@ class GpsReport(msgspec.Struct, frozen=True, kw_only=True):
     fix_type: int
     """GPS_FIX_TYPE."""
     accuracy: float | None
-    """Horizontal, m; None where the receiver does not say."""
+    """Horizontal accuracy, m; None if the receiver does not tell."""
     altitude_amsl: float
-    """By satellites, m above mean sea level."""
+    """Altitude by satellites, m above mean sea level."""
 
 
 class EstimatorReport(msgspec.Struct, frozen=True, kw_only=True):
     """EKF_STATUS_REPORT (ArduPilot) or ESTIMATOR_STATUS (PX4)."""
 
     has_position: bool
-    """Whether it knows the horizontal position on earth."""
+    """Whether the horizontal position on earth is known."""
     has_velocity: bool
-    """Whether it knows the horizontal velocity."""
+    """Whether the horizontal velocity is known."""
 
 
 class SensorsReport(msgspec.Struct, frozen=True, kw_only=True):
-    """SYS_STATUS: whether what is present and enabled is healthy, and the battery."""
+    """SYS_STATUS: health of what is present and enabled, and the battery."""
 
     gps: bool
-    """The receiver."""
+    """Whether the GPS receiver is healthy."""
     attitude: bool
-    """Attitude and heading reference."""
+    """Whether the attitude and heading reference is healthy."""
     battery: float | None = None
-    """What is left of the battery, 0 to 1; None where the autopilot does not know."""
+    """Remaining charge, 0 to 1; None if unknown."""
     battery_voltage: float | None = None
-    """V; None where the autopilot does not know."""
+    """Voltage, V; None if unknown."""
 
 
 class BatteryReport(msgspec.Struct, frozen=True, kw_only=True):
-    """BATTERY_STATUS: one of the vehicle's batteries; SYS_STATUS tells of the first alone."""
+    """BATTERY_STATUS: one of the vehicle's batteries; SYS_STATUS covers only the first."""
 
     number: int
-    """Which."""
+    """Number of the battery."""
     remaining: float | None
-    """What is left of it, 0 to 1; None where the autopilot does not know."""
+    """Remaining charge, 0 to 1; None if unknown."""
     voltage: float | None
-    """V; None where the autopilot does not know."""
+    """Voltage, V; None if unknown."""
 
 
 class RadioReport(msgspec.Struct, frozen=True, kw_only=True):
     """RADIO_STATUS of the radio on this connection."""
 
     free: float
-    """Share of its buffer that is free, 0 to 1."""
+    """Free share of the radio's buffer, 0 to 1."""
 
 
 Report = (

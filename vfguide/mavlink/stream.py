@@ -1,15 +1,14 @@
-"""Streams of MAVLink bytes over TCP and serial ports: whole frames, opened again for ever.
+"""Streams of MAVLink bytes over TCP and serial ports: whole frames, reconnected for ever.
 
-A stream knows no boundaries and may begin anywhere. No more waits in it than is fresh.
+A stream has no boundaries and may begin anywhere. No more bytes wait in it than are fresh.
 
-A byte that looks like a beginning is believed only when the checksum proves the frame. Messages that this
-message set does not know cannot be proved: nobody here listens to them, and they are left out.
+A byte that looks like a beginning counts only once the checksum proves the frame. Messages outside this
+message set cannot be proved, and are left out: nobody here uses them.
 
-The price of certainty is waiting. Behind a frame, what looks like the next one is waited for until it is
-whole: when its length was damaged on the way, up to 280 bytes are held back until the checksum tells, and
-are then delivered late but complete. While the stream is out of step nothing is held back: a proved frame
-inside what looks like a longer one is delivered at once. (In step, that would be wrong: a log that is
-downloaded over MAVLink has old frames as its content.)
+Certainty costs waiting. In step, what looks like the next frame is awaited until it is whole. If its length
+was damaged on the way, up to 280 bytes are held back until the checksum tells, and then delivered late but
+complete. Out of step, a proved frame inside what looks like a longer one is delivered at once. In step that
+would be wrong: a log downloaded over MAVLink contains old frames.
 """
 
 import asyncio
@@ -41,42 +40,42 @@ from vfguide.mavlink.framing import (
 from vfguide.system import URGENT_TCP, SocketSelector
 
 LARGEST_FRAME = HEADER_2 + 255 + CHECKSUM + SIGNATURE
-"""Bytes."""
+"""Maximum size of a frame, bytes."""
 
 SLICE = 4096 - LARGEST_FRAME
-"""Bytes that are looked at in one go, so that the buffer stays below 4096 however much comes at once."""
+"""Bytes cut at a time, so that the buffer stays below 4096 however much arrives at once."""
 
 LARGEST_BACKLOG = 2048
-"""Bytes that may wait for a slow peer. More would only make setpoints old: at 57600 baud this is 0.36 s."""
+"""Maximum backlog for a slow peer, bytes. More would only age the setpoints: at 57600 baud this is 0.36 s."""
 
 LONGEST_DIAL = 5.0
-"""s, for one try: a host that is switched off never answers."""
+"""Timeout of one attempt, s: a host that is switched off never answers."""
 
 
 class FrameVerdict(Enum):
-    """What the bytes at one place are; the values are what counters call it."""
+    """Verdict on the bytes at a place; the values are names of counters."""
 
     NONE = "out of step"
     """No frame begins here."""
     PARTIAL = "partial"
     """A frame may begin here, and is not whole yet."""
     UNKNOWN = "unknown message"
-    """What may be a frame, of a message that nobody here knows."""
+    """Possibly a frame, of a message outside this message set."""
     PROVED = "proved"
-    """A frame."""
+    """A frame with a valid checksum."""
 
 
 class StreamFramer:
-    """Cuts one stream into frames, and finds back into step after noise."""
+    """Splitter of one stream into frames, which regains step after noise."""
 
     def __init__(self) -> None:
         self.counters: Counter[str] = Counter()
-        """How often the stream fell out of step, and why; how many bytes were left out."""
+        """Numbers of losses of step by reason, and of bytes left out."""
         self._buffer = b""
         self._in_step = False
 
     def feed(self, data: bytes) -> list[bytes]:
-        """Take the next bytes of the stream; the frames that they complete, in order."""
+        """Take the next bytes; return the frames that they complete, in order."""
         frames: list[bytes] = []
         for start in range(0, len(data), SLICE):
             self._buffer += data[start : start + SLICE]
@@ -84,7 +83,7 @@ class StreamFramer:
         return frames
 
     def _cut(self) -> list[bytes]:
-        """Take all frames that can be told from the buffer; less than one frame's length stays."""
+        """Return all frames that are certain; less than one frame's length stays in the buffer."""
         buffer, size = self._buffer, len(self._buffer)
         frames: list[bytes] = []
         done = place = 0
@@ -112,17 +111,17 @@ class StreamFramer:
 
 
 class DatagramFramer:
-    """Makes whole frames of one sender's datagrams, however it cuts its stream into them."""
+    """Assembler of one sender's frames, however its datagrams cut them."""
 
     def __init__(self, counters: Counter[str]) -> None:
-        """Count into the connection's counters what belongs to no frame."""
+        """Create it; the connection's counters count bytes outside frames."""
         self._counters = counters
         self._framer = StreamFramer()
         self._cuts = False
 
     def feed(self, datagram: bytes) -> bytes:
-        """Take the next datagram; the frames that are whole with it."""
-        # What begins with a frame is no middle of one: nothing before it is waited for any more.
+        """Take the next datagram, and return the frames that it completes."""
+        # A datagram that begins with a frame continues none: earlier incomplete bytes are dropped.
         if holds_whole_frames(datagram) and not (self._cuts and not begins_frame(datagram)):
             if self._cuts:
                 self._framer, self._cuts = StreamFramer(), False
@@ -135,12 +134,12 @@ class DatagramFramer:
 
 
 def begins_frame(datagram: bytes) -> bool:
-    """Whether a datagram begins with a frame whose checksum is right."""
+    """Check whether a datagram begins with a frame whose checksum is right."""
     return judge(datagram, 0)[0] is FrameVerdict.PROVED
 
 
 def judge(buffer: bytes, start: int) -> tuple[FrameVerdict, int]:
-    """What begins at a place, and where it ends if it is a whole frame."""
+    """Return what begins at a place, and the end of a whole frame."""
     magic, available = buffer[start], len(buffer) - start
     if magic not in {MAGIC_1, MAGIC_2}:
         return FrameVerdict.NONE, start
@@ -155,7 +154,7 @@ def judge(buffer: bytes, start: int) -> tuple[FrameVerdict, int]:
 
 
 def verdict_of_checksum(buffer: bytes, start: int, end: int) -> FrameVerdict:
-    """Whether the checksum of what looks like a whole frame is right."""
+    """Verify the checksum of what looks like a whole frame."""
     kind = mavlink.mavlink_map.get(frame_at(buffer, start, end).message_id)
     if kind is None:
         return FrameVerdict.UNKNOWN
@@ -167,17 +166,17 @@ def verdict_of_checksum(buffer: bytes, start: int, end: int) -> FrameVerdict:
 
 
 class StreamPeer(asyncio.Protocol):
-    """From the moment it is there until it is lost."""
+    """Peer of a stream, from its connection to its loss."""
 
     def __init__(self, receive: Callable[[bytes], None], counters: Counter[str]) -> None:
-        """Make a peer that is not there yet.
+        """Create a peer that is not connected yet.
 
         Args:
-            receive: given all frames that came together, as one datagram.
-            counters: of the connection; what is dropped is counted here.
+            receive: called with all frames that arrived together, as one datagram.
+            counters: counters of the connection, also for dropped datagrams.
         """
         self.lost: asyncio.Future[str] = asyncio.get_running_loop().create_future()
-        """Why it is gone, once it is."""
+        """Reason of the loss, once it is lost."""
         self.heard = False
         """Whether it has sent a frame."""
         self._receive = receive
@@ -187,7 +186,7 @@ class StreamPeer(asyncio.Protocol):
         self._room = SocketSelector()
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        """Take the transport; a serial port is one as much as a socket is."""
+        """Take the transport of a socket or a serial port."""
         if isinstance(transport, asyncio.Transport):
             self._transport = transport
             self._room.register(file_number(transport), selectors.EVENT_WRITE)
@@ -202,13 +201,13 @@ class StreamPeer(asyncio.Protocol):
             self._receive(b"".join(frames))
 
     def connection_lost(self, exc: Exception | None) -> None:
-        """The peer is gone, and the transport is closed."""
+        """Note that the peer is gone and the transport closed."""
         self._transport = None
         if not self.lost.done():
             self.lost.set_result(reason_of(exc) if exc else "closed by the peer")
 
     def send(self, datagram: bytes) -> None:
-        """Send, or drop it while the peer is slow."""
+        """Send a datagram, or drop it while the peer is slow."""
         if self._transport is None or self._transport.is_closing():
             self._counters["dropped: not connected"] += 1
         elif self._is_full(self._transport, len(datagram)):
@@ -217,13 +216,13 @@ class StreamPeer(asyncio.Protocol):
             self._transport.write(datagram)
 
     async def close(self) -> None:
-        """Close at once; what waits is not sent."""
+        """Close at once, and drop what waits."""
         self.abort()
         if self._transport is not None:
             await asyncio.shield(self.lost)
 
     def abort(self) -> None:
-        """Begin to close at once; what waits is not sent."""
+        """Begin to close at once, and drop what waits."""
         transport = self._transport
         # A serial port that is closing goes on sending what waits, perhaps for ever.
         if transport and not (transport.is_closing() and not transport.get_write_buffer_size()):
@@ -231,23 +230,23 @@ class StreamPeer(asyncio.Protocol):
             transport.abort()
 
     def _is_full(self, transport: asyncio.Transport, size: int) -> bool:
-        """Whether there is no room for some more bytes."""
+        """Check whether so many more bytes have no room."""
         backlog = transport.get_write_buffer_size()
         if backlog:
             return backlog + size > LARGEST_BACKLOG
-        # With nothing waiting the transport writes at once, and pyserial does not come back from a write
-        # to a port that takes nothing.
+        # With nothing waiting the transport writes at once, and pyserial blocks in a write to a port that
+        # takes nothing.
         return not self._room.select(0)
 
 
 def file_number(transport: asyncio.Transport) -> int:
-    """File number of the socket or the serial port."""
+    """Return the file number of the socket or the serial port."""
     medium = transport.get_extra_info("socket") or transport.get_extra_info("serial")
     return int(medium.fileno())
 
 
 def discard_output(transport: asyncio.Transport) -> None:
-    """Throw away what the kernel still holds for a serial port: closing would wait for it, up to 30 s."""
+    """Discard the kernel's output for a serial port: closing would wait for it, up to 30 s."""
     port = transport.get_extra_info("serial")
     if port is not None:
         with suppress(OSError, termios.error):
@@ -255,11 +254,11 @@ def discard_output(transport: asyncio.Transport) -> None:
 
 
 Dial = Callable[[StreamPeer], Awaitable[str]]
-"""Connects a peer, and tells what it is; raises OSError or ValueError when that does not work."""
+"""Function that connects a peer and returns its description; raises OSError or ValueError on failure."""
 
 
 class ReconnectingStream:
-    """A connection to one peer, which `connection.running` makes again whenever it is lost."""
+    """Channel to one peer, which `connection.running` reconnects whenever it is lost."""
 
     def __init__(self, dial: Dial, receive: Callable[[bytes], None], status: Status) -> None:
         self._dial = dial
@@ -275,7 +274,7 @@ class ReconnectingStream:
             self._peer.send(datagram)
 
     async def visit(self) -> tuple[str, bool]:
-        """One connection, from the call to the loss: why it ended, and whether the peer has said anything."""
+        """Hold one connection until it is lost; return the reason, and whether the peer has sent a frame."""
         self._status.counters["tries"] += 1
         peer = StreamPeer(self._receive, self._status.counters)
         try:
@@ -295,7 +294,7 @@ class ReconnectingStream:
 
 
 def dial_tcp(address: NetworkAddress) -> Dial:
-    """How to call this address."""
+    """Return a function that calls this address."""
 
     async def dial(peer: StreamPeer) -> str:
         loop = asyncio.get_running_loop()
@@ -307,22 +306,22 @@ def dial_tcp(address: NetworkAddress) -> Dial:
 
 
 def tune(transport: asyncio.BaseTransport) -> None:
-    """Set a connection up for small, urgent messages."""
+    """Configure a connection for small, urgent messages."""
     peer = transport.get_extra_info("socket")
-    # A peer that is gone already refuses settings; its loss is reported in a moment.
+    # A peer that is already gone refuses settings; its loss is reported in a moment.
     with suppress(OSError):
         for option in URGENT_TCP:
             peer.setsockopt(*option)
 
 
 def name_of(transport: asyncio.BaseTransport) -> str:
-    """Name of the peer, for people."""
+    """Return the name of the peer, for people."""
     name = transport.get_extra_info("peername")
     return f"{name[0]} port {name[1]}" if name else "a peer that is gone"
 
 
 class Caller(StreamPeer):
-    """A peer that has called, and may be turned away."""
+    """Peer that has called, and may be turned away."""
 
     def __init__(self, server: "TcpServer") -> None:
         super().__init__(server.receive, server.status.counters)
@@ -335,16 +334,16 @@ class Caller(StreamPeer):
         self._server.arrived(self, name_of(transport))
 
     def connection_lost(self, exc: Exception | None) -> None:
-        """Make room for the next."""
+        """Make room for the next caller."""
         super().connection_lost(exc)
         self._server.left(self)
 
 
 class TcpServer:
-    """Waits to be called, and speaks to one peer at a time.
+    """Server that talks to one peer at a time.
 
-    A second peer that calls meanwhile is closed at once, so that a stray program cannot take the
-    setpoints away. A peer is gone when it closes, or when it acknowledges nothing for 5 s.
+    Further callers are closed at once, so that a stray program cannot take the setpoints away. A peer is gone
+    when it closes, or acknowledges nothing for 5 s.
     """
 
     def __init__(self, receive: Callable[[bytes], None], status: Status) -> None:
@@ -361,7 +360,7 @@ class TcpServer:
             self._peer.send(datagram)
 
     def arrived(self, caller: Caller, name: str) -> None:
-        """A peer has connected."""
+        """Accept a caller as the peer, or turn it away."""
         self._callers.add(caller)
         if self._peer is None:
             self._peer = caller
@@ -371,14 +370,14 @@ class TcpServer:
             caller.abort()
 
     def left(self, caller: Caller) -> None:
-        """A caller is gone."""
+        """Forget a caller that is gone."""
         self._callers.discard(caller)
         if self._peer is caller:
             self._peer = None
             self.status.down(caller.lost.result())
 
     async def close(self) -> None:
-        """Close whatever is open, and wait until it is."""
+        """Close all connections, and wait until they are closed."""
         callers = list(self._callers)
         for caller in callers:
             caller.abort()
@@ -390,14 +389,10 @@ class TcpServer:
 async def open_tcp_server(
     address: NetworkAddress, receive: Callable[[bytes], None], status: Status
 ) -> AsyncIterator[TcpServer]:
-    """Listen at an address.
-
-    Raises:
-        OSError: this computer does not let it.
-    """
+    """Listen at an address; raise OSError if this computer does not allow it."""
     peers = TcpServer(receive, status)
     loop = asyncio.get_running_loop()
-    # Not served in the same call: cancelled on the way, it would leave the port open.
+    # Serving is not started by the same call: cancelled on the way, that would leave the port open.
     server = await loop.create_server(
         lambda: Caller(peers), address.host, address.port, start_serving=False
     )
@@ -411,7 +406,7 @@ async def open_tcp_server(
 
 
 def dial_serial(address: SerialAddress) -> Dial:
-    """How to open this port, for this process alone."""
+    """Return a function that opens this port for this process alone."""
 
     async def dial(peer: StreamPeer) -> str:
         loop = asyncio.get_running_loop()
@@ -420,7 +415,7 @@ def dial_serial(address: SerialAddress) -> Dial:
                 loop, lambda: peer, address.device, baudrate=address.baud, exclusive=True
             )
         except termios.error as error:
-            # What pyserial lets through when a port goes away while it is being opened.
+            # pyserial lets this through when a port disappears while it is being opened.
             raise OSError(*error.args) from error
         return "the port is open"
 
