@@ -312,7 +312,7 @@ async def timetable_given(
 
 @dataclass(frozen=True, slots=True)
 class _Operator:
-    """Operator that gives the orders of a time table; for the fields see `timetable_given`."""
+    """Operator that gives the orders of a time table."""
 
     mission: Mission
     watched: WatchedFormation
