@@ -150,11 +150,7 @@ class KeepClear:
     ) -> AvoidanceStep:
         """Check the wanted motion, and change it if it would come too near to another vehicle.
 
-        Args:
-            navigated: the own state now.
-            turn_rate: rate of its course, rad/s.
-            intent: finds the motion wanted by guidance alone.
-            steered: whether the vehicle flies by the result, so that its pilot should hear of it.
+        `steered` tells whether the vehicle flies by the result, so that its pilot should hear of it.
         """
         now, clear = navigated.state.time_s, self._clear
         aim = None
@@ -308,8 +304,7 @@ class KeepClear:
                     Obstacle(
                         name=vehicle.name,
                         least_m=float(floor),
-                        # Slots in layers may lie above each other, with no horizontal distance to keep: then
-                        # height alone counts.
+                        # Slots in layers may be above each other: then height alone counts.
                         least_up_m=max(float(floor), LEAST_UP_M),
                         altitude_amsl=altitude,
                         climb_rate=climb_rate,
@@ -398,9 +393,8 @@ class KeepClear:
     ) -> float:
         """Return the step in height (m) to all others; it stays for a while once the plane is enough.
 
-        `clear` is the manoeuvre flown in the plane, None for the wanted motion. `begins` tells that the plane
-        is not enough now. `over` passes a vehicle in height whatever room the plane leaves; `late` ones count
-        as silent.
+        `clear` is the manoeuvre in the plane, None for the wanted motion. `begins`: the plane is not enough
+        now. `over`: pass a vehicle in height whatever room the plane leaves. `late` vehicles count as silent.
         """
         if self._climb_m == 0.0 and not (begins or over):
             return 0.0

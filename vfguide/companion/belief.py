@@ -47,10 +47,10 @@ from vfguide.guidance.navigation import (
 from vfguide.transitions import transitions
 
 MOVED_S = 5.0
-"""Time for which deviating reports must agree to be adopted: longer than a receiver's glitches of seconds."""
+"""Time for which deviating reports must agree to be adopted, s: longer than receiver glitches last."""
 
 STAYED_S = 30.0
-"""Same for the own vehicle: by then it is in its autopilot's hands, and its pilot knows."""
+"""Replaces `MOVED_S` for the own vehicle, s: by then its autopilot has it back, and its pilot knows."""
 
 LEAST_TOLERANCE_M = 4.0
 """Smaller innovations are never a fault: an estimator may correct itself by as much."""
@@ -71,10 +71,10 @@ STANDS = "position and velocity do not change in flight"
 """Reason for reports that repeat to the digit."""
 
 SPACING_SHARE = 0.25
-"""Allowed position error in parts of the spacing: two vehicles off toward each other keep half of it."""
+"""Position error allowed, in parts of the spacing: two that are off toward each other keep half of it."""
 
 GREATEST_RADIUS_M = 7.0
-"""Upper bound of that error: errors within it are over before a lasting deviation is believed."""
+"""Upper bound of `radius_limit`, m: smaller errors are over before a lasting deviation is believed."""
 
 RADIUS_SIGMAS = 2.45
 """95 % of a circular normal distribution, in standard deviations of one axis."""
@@ -166,10 +166,7 @@ class Belief:
     def __init__(self, reach: Reach, *, moved_s: float, most_m: float = GREATEST_RADIUS_M) -> None:
         """Start without reports; the first is believed if its speed is possible.
 
-        Args:
-            reach: motion that the vehicle can perform.
-            moved_s: time for which deviating reports must agree with each other, s.
-            most_m: greatest position radius to steer by, m.
+        Deviating reports must agree for `moved_s`; `most_m` is the greatest position radius to steer by.
         """
         self._reach = reach
         self._moved_s = moved_s
@@ -231,13 +228,7 @@ class Belief:
         return self._doubted_since is not None
 
     def take_airspeed(self, airspeed: float, expected: float | None, now: float) -> str | None:
-        """Compare an airspeed with the one that ground velocity and wind imply; return a mismatch.
-
-        Args:
-            airspeed: sensor value, m/s.
-            expected: implied value, m/s; None while unknown.
-            now: s.
-        """
+        """Compare an airspeed with the one implied by ground velocity and wind (m/s); return a mismatch."""
         slowest, fastest = self._reach.airspeeds
         if expected is None or math.isinf(self._airspeed_s) or not slowest <= expected <= fastest:
             # No aircraft flies that fast or slow: the wind estimate is wrong.
@@ -559,8 +550,7 @@ class Belief:
             within = self.tolerance + self._reach.displacement(interval_s)
             turns = turned <= self._reach.velocity_change(interval_s)
             if turns and math.hypot(north, east) <= within:
-                # Not the report itself: reports that lag behind their velocity a little each time are not
-                # steady.
+                # Not the report itself: reports that keep lagging behind their velocity are not steady.
                 self._seen = (
                     replace(motion, north=motion.north - north, east=motion.east - east)
                     if self._contradicts or self._velocity_is_false

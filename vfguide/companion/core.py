@@ -298,8 +298,7 @@ class Companion:
     def stop(self, now: float) -> Outgoing:
         """Stop guidance for good; keep passing in bytes and calling `poll` until `released`.
 
-        A vehicle that was being steered is handed back in answer to the next heartbeats that show the guided
-        mode.
+        A steered vehicle is handed back in answer to the next heartbeats that show the guided mode.
         """
         out = Outgoing()
         # An autopilot that was steered holds its last setpoint, also while it waits for the next.
@@ -434,7 +433,6 @@ class Companion:
         return self._housekeeping.findings()
 
     def _encode(self, messages: list[MAVLink_message], now: float) -> bytes:
-        """Encode one datagram, and await answers to its commands."""
         self._housekeeping.commands.sent(messages, now)
         return self._codec.encode(messages)
 
@@ -575,7 +573,6 @@ class Companion:
         return False
 
     def _sentence(self, situation: Situation, now: float) -> str:
-        """Say what this companion does, and what the pilot can do."""
         if self._objected is not None:
             return f"not steered: {self._objected.text}"
         flight_mode, guided = self._authority.mode_name(), self._adapter.engaged_name
@@ -613,7 +610,6 @@ class Companion:
         )
 
     def _wish(self, now: float) -> Wish:
-        """Return what this companion wants of the autopilot."""
         if self._stopped:
             return Wish.RETURN if self._leaving else Wish.NONE
         if self._stands_back:

@@ -70,8 +70,8 @@ OTHERS_HEARD = 3
 """Heartbeats of other vehicles, one a second, after which a companion complains that its own is missing."""
 
 FAREWELLS, FAREWELL_S = 60, 0.1
-"""Checks at the end for whether the vehicle flies by itself, and the real time between them, s. Three
-heartbeats may have to come, a second apart, and the mode before them to settle."""
+"""Checks at the end for flight by the autopilot, and their real interval, s. Three heartbeats a second apart
+may have to come, and the mode before them to settle."""
 
 REPEAT_S, GIVEN_S = 0.5, 6.0
 """Interval of an issued order's copies, and how long after its time they continue, s."""
@@ -87,7 +87,6 @@ class Surroundings:
     mavlink: Address
     """Address of the vehicle's autopilot."""
     links: tuple[LinkAddress, ...]
-    """The formation's links."""
     formation: str
     """Name of the formation on the links."""
     trust: Trust
@@ -110,7 +109,7 @@ class Surroundings:
     order_giver: OrderGiver | None = None
     """Issues orders that ground stations request; None ignores requests."""
     ground_orders: GroundOrders | None = None
-    """Orders that they may request."""
+    """Orders that ground stations may request."""
     revocations: Path | None = None
     """File of revoked keys; None keeps none."""
 
@@ -280,7 +279,6 @@ class Daemon:
         return self._own_member
 
     def _member(self, trust: Trust) -> Member:
-        """Return this vehicle as a member of the link."""
         receive, neighbours = self._take_link, set(self._neighbours)
         if self._foreign:
             # The timekeeper is a follower like the others.
@@ -388,7 +386,6 @@ class Daemon:
         self._note(out.events)
 
     def _send(self, out: Outgoing) -> None:
-        """Send the companion's output for the autopilot."""
         if out.to_autopilot and self._connection is not None:
             self._connection.send(out.to_autopilot)
             if self._record is not None:
@@ -504,7 +501,6 @@ class Daemon:
         return figures
 
     def _step(self, snapshot: Snapshot, now: float) -> GuidanceStep:
-        """Return the last guidance step for the record."""
         step = snapshot.guidance_step(now, self._companion.leader_age(now))
         return replace(step, formation_time_s=self._shared_clock.from_own(now))
 

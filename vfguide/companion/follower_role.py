@@ -45,13 +45,13 @@ PUBLISH_S = 0.2
 """Interval of states for the other followers, s: they move little relative to each other in that time."""
 
 PUBLISH_IN_SLOT_S = 0.4
-"""Same from a slot in straight flight, s: without a companion its autopilot would fly straight on, too."""
+"""Interval of states from a slot in straight flight, s: an autopilot alone would fly straight on, too."""
 
 STRAIGHT_RAD_S = 0.05
 """Own turn rate that still counts as straight flight, rad/s: 2 m in 2 s at 20 m/s."""
 
 PUBLISH_FREE_S = 0.1
-"""Interval for a vehicle that is not under guidance, s: avoiding it is up to the others alone."""
+"""Interval of states while not under guidance, s: avoiding the vehicle is up to the others alone."""
 
 LEAST_SETTLE_S = 1.0
 GREATEST_SETTLE_S = 60.0

@@ -161,13 +161,7 @@ class OrderGiver(msgspec.Struct, frozen=True):
     def resolved(
         self, order: Order, known: FlownFormation, *, number: int, time_s: float
     ) -> Arrangement:
-        """Return the arrangement that an order leads to.
-
-        Args:
-            order: wanted change.
-            known: present formation.
-            number: number of the arrangement.
-            time_s: its beginning, s on the formation's clock.
+        """Return the arrangement that an order leads to, beginning at a time of the formation's clock, s.
 
         Raises:
             RefusedOrderError: the order cannot be carried out; one sentence says why.

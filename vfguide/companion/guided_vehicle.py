@@ -36,7 +36,6 @@ class LoweredGain(msgspec.Struct, frozen=True, kw_only=True):
     """Gain that is not flown as written."""
 
     name: str
-    """Name of its field."""
     written: float
     """Value in the mission."""
     flown: float
@@ -183,13 +182,11 @@ class GuidedVehicle:
         self.plan = plan
         """Active flight plan."""
         self.response = response_of(plan)
-        """Response of that plan, for the record."""
+        """Response of the active plan, for the record."""
         self.own = OwnVehicle(plan, self._alerts)
         """Navigation of the vehicle."""
         self.role = self._make_role(plan, self._clock, self._arrangements, self._alerts)
-        """Role in the formation."""
         self.steering = Steering(plan, self._adapter, self.own, self._alerts)
-        """Output to the autopilot."""
 
     def adopt(self, plan: FlightPlan) -> None:
         """Fly by another plan from now on; knowledge of the flight is rebuilt within a second."""
@@ -199,10 +196,7 @@ class GuidedVehicle:
         self._fly_by(plan)
 
     def learn(self, now: float) -> FlightPlan | None:
-        """Return a new plan if the flight has shown another response than the one in use.
-
-        Knowledge of the formation is kept, and the pilot is told.
-        """
+        """Return a new plan if the flight has shown another response than the one in use; tell the pilot."""
         own, softness = self.own, self._guard.softness
         flown = doubting(self.plan) if self._guard.doubted else self.plan
         words, plan = self._learner.step(

@@ -31,10 +31,10 @@ OVER_M = 15.0
 early climb is enough where a late one is not."""
 
 OVER_PILOT_M = 22.0
-"""Same for a leader taken over by its pilot, m: it is given more room, and may turn."""
+"""Replaces `OVER_M` for a leader taken over by its pilot, m: it is given more room, and may turn."""
 
 OVER_SHARE = 0.85
-"""Upper bound of that distance in parts of the distance between two slots."""
+"""Upper bound of `OVER_M` and `OVER_PILOT_M` in parts of the distance between two slots."""
 
 HEIGHT_OFF_M = 1.0
 """Error of the height between two vehicles, m."""
@@ -47,11 +47,10 @@ class Obstacle(msgspec.Struct, frozen=True, kw_only=True):
     """Another vehicle, as a step in height relative to it needs it."""
 
     name: str
-    """Name for people."""
     least_m: float
     """Horizontal room, m: height is used where no manoeuvre in the plane leaves more."""
     least_up_m: float
-    """Height difference worth as much, m."""
+    """Height difference worth as much as `least_m`, m."""
     altitude_amsl: float
     """m above mean sea level; NaN where unknown."""
     climb_rate: float
@@ -69,7 +68,7 @@ class Obstacle(msgspec.Struct, frozen=True, kw_only=True):
     height_off_m: float = HEIGHT_OFF_M
     """Error of its height, m."""
     height_off_m_s: float = 0.0
-    """Growth of that error, m/s."""
+    """Growth of the height error, m/s."""
 
 
 def height_sense(way: float) -> int:
@@ -78,13 +77,7 @@ def height_sense(way: float) -> int:
 
 
 def worth_in_plane(heights: FloatArray, others: Others, those: Sequence[Obstacle]) -> FloatArray:
-    """Return the worth in the plane of height differences, m, see `Others.worth`.
-
-    Args:
-        heights: of the own vehicle at `TIMES`, m above mean sea level.
-        others: predicted tracks.
-        those: vehicle of each track.
-    """
+    """Return the worth in the plane of height differences to each track, m, see `Others.worth`."""
     worth = np.zeros((len(those), len(BEGINNINGS)))
     for row, (one, keep) in enumerate(zip(those, others.keep, strict=True)):
         if one.over_m == 0.0 or math.isnan(one.altitude_amsl):
@@ -113,11 +106,11 @@ def neighbour_of(
     Args:
         one: the vehicle.
         distance: horizontal distance at the closest approach, m.
-        in_s: time until then, s.
+        in_s: time to the closest approach, s.
         height: its height, m; NaN while unknown, which counts as 0.
         climb_rate: relative to the one that the own guidance wants, m/s.
         own_height: m.
-        own_climb_rate: relative as well, m/s.
+        own_climb_rate: relative to the one that the own guidance wants, m/s.
         own_sense: direction in which the own vehicle leaves its height: 1 up, -1 down, 0 neither.
     """
     known = math.isfinite(height)
@@ -145,13 +138,9 @@ def kept_rate(climb_rate: float, sense: int) -> float:
 def goes_over(one: Obstacle, above: float, own_sense: int) -> bool | None:
     """Decide whether to be above another vehicle; None leaves it open.
 
-    The vehicle that will be higher stays higher. At equal heights, each takes the way that the other has not
-    announced. Ranks decide if both have announced the same at once, or neither has.
-
-    Args:
-        one: the other vehicle.
-        above: predicted height of the own vehicle above it at the closest approach, m.
-        own_sense: direction of leaving the own height: 1 up, -1 down, 0 neither.
+    The vehicle that will be higher stays higher: `above` is the predicted height above the other one, m. At
+    equal heights, each takes the way that the other has not announced (1 up, -1 down, 0 neither). Ranks
+    decide if both have announced the same at once, or neither has.
     """
     if abs(above) > LEVEL_M:
         return above > 0.0

@@ -213,14 +213,7 @@ class HeightKeeper:
         *,
         steered: bool,
     ) -> float:
-        """Return the height to command now, m above the mission's origin.
-
-        Args:
-            navigated: state of the vehicle.
-            target: its wanted height.
-            setpoint: speed setpoint that is sent with the height.
-            steered: whether the autopilot flies by it; else nothing is learned.
-        """
+        """Return the height to command now, m above the mission's origin; learn only while steered."""
         airspeed, before = navigated.state.airspeed, self._airspeed
         self._airspeed = airspeed
         held = self._plan.airframe.hold == "heading-hold"

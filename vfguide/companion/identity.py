@@ -122,8 +122,7 @@ class VehicleIdentity:
     def note_position(self, report: PositionReport, now: float) -> None:
         """Take a position with its boot time, and compare it with the one before.
 
-        One boot clock and one place in two series of sequence numbers are those of one aircraft over two
-        links.
+        One boot clock and one place in two series of numbers are those of one aircraft over two links.
         """
         place = earth_centred(report.latitude_deg, report.longitude_deg, 0.0)
         seen = SeenPlace(report.boot_time_s, place, now)
@@ -150,13 +149,7 @@ class VehicleIdentity:
             self._two_s = now
 
     def note_steering(self, report: SteeringReport, now: float, *, guided: bool) -> None:
-        """Take a steering message of somebody else.
-
-        Args:
-            report: its sender.
-            now: s.
-            guided: whether heartbeats show the mode in which this companion steers.
-        """
+        """Take a steering message of somebody else; `guided`: heartbeats show the guided mode."""
         self._steered.append(now)
         lasts = len(self._steered) == STREAM_COMMANDS and now - self._steered[0] <= WITHIN_S
         if guided or lasts:

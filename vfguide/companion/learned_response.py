@@ -1,6 +1,6 @@
 """In-flight identification of an aircraft's response: yields a new plan if it contradicts the old one.
 
-Bank angles and course setpoints show the course hold. Airspeeds and their setpoints show the speed hold; bank
+Bank angles and course setpoints show the course hold, airspeeds and their setpoints the speed hold. Bank
 angle and turn rate show the slip. What is learned overrides what was declared, told or guessed. The pilot
 hears of it, with the lines for the mission.
 """
@@ -44,7 +44,7 @@ LEAST_EXPLAINED = 0.5
 """Least share of the motion that a valid model explains."""
 
 SPEED_EXPLAINED = 0.8
-"""Same for speeds, which gusts change as much as the hold does."""
+"""Least share explained of speeds, which gusts change as much as the hold does."""
 
 ALL_EXPLAINED = 0.97
 """Share of the motion above which a hold counts as first-order."""
@@ -78,8 +78,7 @@ SLOWEST_HOLD = 0.5
 """Least acceleration that a speed hold asks for per m/s of error, in the energy check, 1/s."""
 
 SURE_SHARE = 0.75
-"""Share of the greatest turn rate beyond which nothing is learned of a course hold. A vehicle that banks less
-than its mission says would pass for a slow one."""
+"""Share of the greatest turn rate up to which course holds are learned: a low bank limit would look slow."""
 
 COORDINATED_SHARE = 1.0
 """Turn efficiency of a vehicle that does not slip."""

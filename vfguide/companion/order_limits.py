@@ -73,11 +73,7 @@ def lead_objection(
 ) -> str | None:
     """Return why the appointed leader cannot lead; None if it can, or if none is named.
 
-    Args:
-        order: order to fly.
-        plan: plan of the own vehicle.
-        leader: name of the mission's leader.
-        steered: whether the appointed leader's companion steers it; None if unheard.
+    `steered` tells whether its companion steers it, None if it is unheard; `leader` is the mission's leader.
     """
     name = order.lead
     if not name:
@@ -168,12 +164,8 @@ def slot_objection(
 ) -> str | None:
     """Return why a vehicle cannot fly its own part of an order; None if it can.
 
-    Args:
-        order: order by which its slot moves.
-        place: its part.
-        plan: plan of the vehicle.
-        begin: its slot at the order's time; None for a vehicle that has left.
-        leader_height: the leader's height then, m above the origin.
+    At the order's time its slot is at `begin` (None for a vehicle that has left), the leader at
+    `leader_height`, m above the origin.
     """
     name = plan.name
     if begin is not None and place.begin.minus(begin).size > SAME_M:
@@ -236,12 +228,9 @@ def motion_objection(order: Arrangement, place: SlotMove, airframe: Airframe) ->
 def circle_objection(
     circle: Circle, airframe: Airframe, vehicles: Iterable[tuple[float, float]]
 ) -> str | None:
-    """Return why nobody can hold on a circle; None if an aircraft with these limits can.
+    """Return why nobody with these limits can hold on a circle; None if an aircraft can.
 
-    Args:
-        circle: circle to hold on.
-        airframe: limits of an aircraft.
-        vehicles: (north, east) of the vehicles heard, m; empty to check the radius alone.
+    `vehicles` are the positions (north, east) heard, m; without any, the radius alone is checked.
     """
     least = airframe.cruise**2 / (GRAVITY * math.tan(airframe.max_bank))
     if circle.radius < least:

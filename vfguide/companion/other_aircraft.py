@@ -39,7 +39,7 @@ MEMBER_M, MEMBER_M_S = 75.0, 8.0
 report to be the member's. That is 3 s of 20 m/s, and a receiver's error."""
 
 TURN_M_S2 = 5.0
-"""Acceleration of a member's turn since an older report, 27° of bank: it widens those differences."""
+"""Acceleration of a member since an older report, m/s² (27° of bank): widens `MEMBER_M` and `MEMBER_M_S`."""
 
 FRESH_S = 1.5
 """Age up to which a report's velocity also tells whose it is, s; ages are known to whole seconds."""
@@ -103,7 +103,6 @@ class NearbyAircraft(msgspec.Struct, frozen=True, kw_only=True):
     """Aircraft that may come near."""
 
     names: tuple[str, ...]
-    """Names for people."""
     altitudes: tuple[float, ...]
     """m above mean sea level; NaN where not exactly known."""
     others: Others
@@ -263,7 +262,7 @@ def verdict_on(
 ) -> AircraftVerdict:
     """Judge whether an aircraft is of the formation, by (position in m, velocity in m/s) of all members now.
 
-    They are compared at the time of the report, with a tolerance for turns since then.
+    Members are carried back to the time of the report, with a tolerance for turns since.
     """
     age = max(now - one.time_s, 0.0)
     reach, change = MEMBER_M + 0.5 * TURN_M_S2 * age**2, MEMBER_M_S + TURN_M_S2 * age

@@ -37,8 +37,8 @@ from vfguide.record.response import VehicleResponse
 from vfguide.state import Airframe, SpeedHold
 
 STOPPED_S = 0.7
-"""A leader publishes each report. If silent for longer, it may have stopped, for example under a parachute:
-the position where it was last heard is then avoided, s."""
+"""Silence after which a leader, which publishes each report, may have stopped, s, for example under a
+parachute. The position where it was last heard is avoided from then on."""
 
 
 class ForeignLeader(msgspec.Struct, frozen=True, kw_only=True):
@@ -104,11 +104,10 @@ class OtherVehicle(msgspec.Struct, frozen=True, kw_only=True):
     rank: int
     """Unique rank in the mission, the leader first."""
     leads: bool
-    """Whether it is the leader."""
     slot: Slot
     """Its slot; the leader's is at its own place."""
     spacing: float
-    """Horizontal distance from that slot to the own one, m."""
+    """Horizontal distance from its slot to the own one, m."""
     lateral_acceleration: float
     """g tan(phi_max), its limit in turns, m/s²."""
     stopped_s: float = STOPPED_S
@@ -124,13 +123,11 @@ class FlightPlan(msgspec.Struct, frozen=True, kw_only=True):
 
     name: str
     system_id: int
-    """MAVLink system of the vehicle."""
     component_id: int
     """MAVLink component of the autopilot."""
     rate_hz: float
     """Requested rate of position reports, and of guidance steps with them."""
     frame: LocalFrame
-    """The formation's local frame."""
     altitude_amsl: float
     """Altitude to hold, m above mean sea level."""
     settings: GuidanceSettings
@@ -138,9 +135,8 @@ class FlightPlan(msgspec.Struct, frozen=True, kw_only=True):
     law: type[Law]
     """Law by which followers keep their slots."""
     gains: Section
-    """Gains of that law."""
+    """Gains of the followers' law."""
     airframe: Airframe
-    """Response and limits."""
     asks_response: bool
     """Whether the autopilot is to tell response and limits."""
     slips: bool
@@ -148,7 +144,7 @@ class FlightPlan(msgspec.Struct, frozen=True, kw_only=True):
     speed_hold: SpeedHold
     """Speed hold of the airframe if it does not slip; if it does, it has a total-energy hold."""
     finds_slip: bool
-    """Whether slip is found out in flight, and assumed until then."""
+    """Whether flight is to show if the vehicle slips, which is assumed meanwhile."""
     timeouts: ModeTimeouts
     """Tolerated silences."""
     engage_from: tuple[str, ...]
@@ -156,15 +152,13 @@ class FlightPlan(msgspec.Struct, frozen=True, kw_only=True):
     task: LeaderTask | FollowerTask
     """A path as the leader, or a slot as a follower."""
     height: float
-    """Height of the altitude to hold, m above the mission's origin."""
+    """Height to hold, m above the mission's origin."""
     lowest: float
-    """Same where the leader's path is lowest, m above the mission's origin."""
+    """Height to hold where the leader's path is lowest, m above the mission's origin."""
     up: float
-    """Part of that height added by the mission's slot, m."""
+    """Height of the mission's slot above the leader, m."""
     rank: int
-    """Rank in the mission, the leader first."""
     others: tuple[OtherVehicle, ...]
-    """All other vehicles of the formation."""
     timekeeper: str = ""
     """Vehicle whose clock the formation shares; empty for the leader."""
     traffic_m: float = 0.0
@@ -174,7 +168,7 @@ class FlightPlan(msgspec.Struct, frozen=True, kw_only=True):
     loiter_up: float = 0.0
     """Height of the own loiter above the leader's after an abort, m."""
     loiter_room: float = math.inf
-    """Limit of the lowest loiter then, m above the flying height, which keeps all within the fence."""
+    """Limit of the lowest loiter after an abort, m above the flying height; keeps all in the fence."""
     hears_bank: bool = True
     """Whether the autopilot is asked for its bank angle, which shows how the vehicle takes up courses."""
     learns: bool = True

@@ -31,7 +31,6 @@ class Lead(msgspec.Struct, frozen=True, kw_only=True):
     """Leadership by a vehicle."""
 
     term: int
-    """Term of this leadership."""
     motion: LeaderState
     """Motion of the leader: the vehicle itself, or one that it carries on."""
 
@@ -179,7 +178,6 @@ class Snapshot(msgspec.Struct, frozen=True, kw_only=True):
     """Mode, setpoint and formation state of the last step, for records."""
 
     mode: Mode
-    """Mode of the supervisor."""
     setpoint: Setpoint | None
     """Last setpoint sent."""
     lyapunov: float
@@ -196,12 +194,7 @@ class Snapshot(msgspec.Struct, frozen=True, kw_only=True):
     """Response used for guidance."""
 
     def guidance_step(self, now: float, leader_age: float) -> GuidanceStep:
-        """Return the snapshot as an entry of the log.
-
-        Args:
-            now: s of the companion's clock.
-            leader_age: age of the leader's newest state, s; infinite without one.
-        """
+        """Return the snapshot as a log entry; an infinite `leader_age` means no leader state."""
         setpoint = self.setpoint
         slot = {}
         if self.slot is not None:
@@ -273,17 +266,11 @@ class StatePublisher:
         height_sense: int = 0,
         leader: LeaderFix | None = None,
     ) -> bytes:
-        """Return the motion as bytes for the link.
+        """Return the motion, as estimated by `note` for the same navigated state, as bytes for the link.
 
-        Args:
-            motion: result of `note` for the same navigated state.
-            navigated: the navigated state.
-            time_s: its time, s on the clock shared by the formation.
-            steered: whether this companion steers the vehicle.
-            arrangement: number of the order being flown.
-            course_setpoint: course that its autopilot is told to hold, rad; NaN without one.
-            height_sense: direction of leaving its height, see `LeaderMessage.height_sense`.
-            leader: position of its leader by the leader's newest state; None without one.
+        `time_s` is on the clock shared by the formation. `arrangement` is the number of the order being
+        flown. `course_setpoint` is NaN without one, rad. `leader` is its leader's place by the newest state
+        of it, if any.
         """
         self._sequence = (self._sequence + 1) % 2**32
         place, state = navigated.place, navigated.state

@@ -39,7 +39,7 @@ GREAT_COURSE = 0.5
 """Share of the greatest turn rate from which a commanded turn counts as great."""
 
 GREAT_SPEED = 0.5
-"""Same for the greatest acceleration."""
+"""Share of the greatest acceleration from which a commanded acceleration counts as great."""
 
 RESTLESS = 0.045
 """Limit of the root mean square that the low-pass removes, in parts of the greatest, to spare the servos."""
@@ -54,13 +54,13 @@ SWING = math.radians(75.0)
 """Travel of the bank over the window, beyond one roll into a turn and out of it, that is strain, rad."""
 
 CHATTERS = 10
-"""Same as `SIDES` for commands before the low-pass."""
+"""Changes of side within the window that count as strain before the low-pass."""
 
 SOFTER = 0.5
 """Factor on the bandwidth at each step of the guard."""
 
 SOFTER_AT_LIMIT = 0.9
-"""Same where only limits are reached."""
+"""Factor on the bandwidth at each step where only limits are reached."""
 
 SOFTEST = 0.08
 """Softness below which nothing is gained."""
@@ -97,7 +97,7 @@ class StrainSample(msgspec.Struct, frozen=True, kw_only=True):
     turn: float
     """Commanded turn rate in parts of the greatest, -1 to 1."""
     turn_at_once: float
-    """Same before the low-pass, not limited."""
+    """Commanded turn rate in parts of the greatest, before the low-pass, not limited."""
     push_at_once: float
     """Commanded acceleration in parts of the greatest before the low-pass, not limited."""
     push: float
@@ -109,7 +109,7 @@ class StrainSample(msgspec.Struct, frozen=True, kw_only=True):
     turn_limited: bool
     """Whether gusts demand the greatest turn rate, while the vehicle is in place."""
     push_limited: bool
-    """Same for the greatest acceleration."""
+    """Whether gusts demand the greatest acceleration, while the vehicle is in place."""
 
 
 class AxisGuard:
@@ -130,11 +130,8 @@ class AxisGuard:
     def judge(self, now: float, period: float, *, is_strained: bool, is_thrown: bool) -> bool:
         """Soften once the last step has had its time; return whether nothing helps any more.
 
-        Args:
-            now: s.
-            period: since the last call, s.
-            is_strained: whether there is any strain.
-            is_thrown: whether the aircraft is thrown about, and better off with its autopilot.
+        `period` is the time since the last call, s. `is_thrown`: the aircraft is better off with its
+        autopilot.
         """
         if not is_strained:
             self.softness = min(self.softness * math.exp(period / RECOVERY_S), 1.0)
@@ -304,13 +301,7 @@ def smoothed(before: StrainSample, asked: StrainSample) -> StrainSample:
 
 
 def is_thrown(asked: list[float], great: float, sides: int = SIDES) -> bool:
-    """Check whether a command keeps changing sides while it is great.
-
-    Args:
-        asked: turns or accelerations over the window, in parts of the greatest.
-        great: share from which a value counts.
-        sides: least number of changes.
-    """
+    """Check whether a command changes sides at least `sides` times between values beyond `great`."""
     side, changes = 0.0, 0
     for value in asked:
         if -great < value < great:
@@ -322,12 +313,9 @@ def is_thrown(asked: list[float], great: float, sides: int = SIDES) -> bool:
 
 
 def is_restless(differences: list[float]) -> bool:
-    """Check whether noise shakes a command.
+    """Check whether noise shakes a command, by its differences from its low-pass, in parts of the greatest.
 
     Noise changes sides many times; a leader heard once a second makes one jump each time.
-
-    Args:
-        differences: command less its low-pass, in parts of the greatest.
     """
     changes = sum(before * after < 0.0 for before, after in pairwise(differences))
     power = sum(one * one for one in differences)

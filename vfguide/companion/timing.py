@@ -85,14 +85,14 @@ REPORTED_S = 0.19
 """Lost time worth a text, s: 0.2 s less the uncertainty of the reports' latency."""
 
 QUIET_S, SOONEST_S, MUCH_LOST_S = 60.0, 10.0, 0.95
-"""Least interval of two such texts, s; a shorter one if another second, less that uncertainty, is lost."""
+"""Least interval of texts about lost time, s; a shorter one once this much (almost 1 s) is lost again."""
 
 SPAN_S, SPANS = 0.5, 3
 """Minima of the difference are compared over this many spans (s): a loss must last for all of them."""
 
 STEADY_SHARE = 0.05
-"""Growth of the difference, in parts of the loss, that still counts as settled. An evenly slow clock exceeds
-it in each of the first 20 s, and its rate is known before then."""
+"""Growth of the difference, in parts of the loss, that still counts as settled. In its first 20 s an evenly
+slow clock exceeds it each second; by then its rate is known."""
 
 LONGEST_S = 12.0
 """A clock without a rate that loses time for longer does so unevenly, s."""
@@ -214,11 +214,8 @@ class ClockWatch:
     def _note_stutter(self, difference: float, at_least: float, now: float) -> None:
         """Count stutters that are caught up, and tell the pilot of many, once per flight.
 
-        Args:
-            difference: upper bound of the difference between the clocks, s.
-            at_least: its lower bound; minus infinity without answers, which alone show the depth of a
-                stutter.
-            now: s.
+        The difference between the clocks is at least `at_least` (s). That is minus infinity without answers,
+        which alone show the depth of a stutter.
         """
         if at_least > self._newest + CAUGHT_UP_S:
             self._before = min(self._before, self._newest)

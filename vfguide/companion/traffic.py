@@ -53,8 +53,8 @@ LATE_STATE_S = 0.35
 that ends with its next state. At 20 % loss, seven states in a row are lost once an hour."""
 
 LATE_INTERVALS = 2.5
-"""Same in intervals of the vehicle's states, which followers send five times a second. In turns with slots 10
-m apart, SILENT_S is too late; at 20 % loss a needless climb there reaches 1 m."""
+"""Lateness in intervals of a vehicle's states, if greater; followers send five a second. In turns with slots
+10 m apart, SILENT_S is too late; at 20 % loss a needless climb there reaches 1 m."""
 
 FORGET_S = 12.0
 """Age at which a vehicle's position is too uncertain to be avoided, s."""
@@ -63,13 +63,13 @@ ABOVE_M = 30.0
 """Vehicles farther above or below are not in the way, m."""
 
 STEPPED_M = 15.0
-"""Same for a steered vehicle, m: a step in height is meant to let it pass above or below."""
+"""Replaces `ABOVE_M` for a steered vehicle, m: a step in height is meant to let it pass above or below."""
 
 SOON_S = 3.0
 """Time for which a climb or descent is assumed to continue, s."""
 
 STEPS_M = 60.0
-"""Same as ABOVE_M while a step in height is sought, m: covers the step and the others' moves amply."""
+"""Replaces `ABOVE_M` while a step in height is sought, m: covers the step and the others' moves amply."""
 
 SAFE_M = 30.0
 """Vehicles farther away than this plus what both can fly within the horizon are ignored, m."""

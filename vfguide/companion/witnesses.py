@@ -32,7 +32,7 @@ STEP_M = 10.0
 covers noise, and barometers set differently."""
 
 CLIMB_M_S = 15.0
-"""Growth of that tolerance, m/s: faster than these aircraft climb or dive."""
+"""Growth of an altitude's tolerance, m/s: faster than these aircraft climb or dive."""
 
 BESIDE_M, BESIDE_SHARE = 25.0, 0.5
 """Tolerance of a leader's first altitude against the mission's and the own one: m, and share of the flying
@@ -60,14 +60,7 @@ class Witness:
         self._agrees_since = math.inf
 
     def judge(self, value: float, predicted: float, within: float, time_s: float) -> bool:
-        """Compare a value with its prediction; return whether it can be used.
-
-        Args:
-            value: as reported; NaN contradicts everything.
-            predicted: prediction by other witnesses.
-            within: tolerance for noise and manoeuvres.
-            time_s: time of the report, s.
-        """
+        """Compare a value with its prediction, within a tolerance (NaN fails); return if it is usable."""
         if not abs(value - predicted) <= within:
             self.doubted, self._agrees_since = True, math.inf
         elif self.doubted:
@@ -137,12 +130,10 @@ class HeightBelief:
     def judge(
         self, altitude_amsl: float, time_s: float, beside: HeightWitnesses | None = None
     ) -> float:
-        """Take a reported altitude; return it, or NaN while it is doubted.
+        """Take a reported altitude (m above mean sea level); return it, or NaN while it is doubted.
 
-        Args:
-            altitude_amsl: m above mean sea level.
-            time_s: time of the report, s; not before that of the report before.
-            beside: other witnesses, which must bear out the first altitude; None without any.
+        Reports must come in order of time. The witnesses in `beside`, if any, must bear out the first
+        altitude.
         """
         if not self.is_known:
             self._witness.doubted = beside is not None and not beside.bear_out(altitude_amsl)
@@ -178,14 +169,7 @@ class Repeats:
         air: tuple[float, float] | None,
         noise: float,
     ) -> tuple[bool, bool]:
-        """Return whether (position, velocity) are repeated.
-
-        Args:
-            newest: report before.
-            motion: report.
-            air: velocity through the air, m/s; None while unknown.
-            noise: standard deviation of positions, m.
-        """
+        """Return whether (position, velocity) repeat, by air velocity (m/s) and position noise (m)."""
         now = motion.time_s
         same_place = same_velocity = False
         if newest is not None:
