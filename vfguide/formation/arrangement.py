@@ -40,10 +40,7 @@ SAME_M = 0.3
 def shape_slots(shape: Shape, count: int, spacing: float) -> tuple[Offset, ...]:
     """Return the slots (forward, right) of a shape, m, the nearest to the leader first.
 
-    Args:
-        shape: name of the shape.
-        count: number of followers.
-        spacing: smallest distance between any two aircraft, m.
+    `spacing` is the smallest distance between any two aircraft, m.
 
     Raises:
         ValueError: there is no such shape.
@@ -298,11 +295,9 @@ class Arrangement(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def progress(since_s: float, duration_s: float) -> tuple[float, float, float]:
-    """Return (share of the way, rate in 1/s, acceleration in 1/s²) of a motion.
+    """Return (share of the way, rate in 1/s, acceleration in 1/s²) `since_s` seconds after a motion's start.
 
-    Args:
-        since_s: time since the beginning, s; the motion rests before it and after the end.
-        duration_s: duration of the motion, s; 0 is a step.
+    The motion rests before its start and after its duration (s); a duration of 0 is a step.
     """
     if since_s >= duration_s:
         return 1.0, 0.0, 0.0
@@ -341,13 +336,8 @@ def ends(places: Iterable[SlotMove]) -> dict[str, Point]:
 def agreed_number(numbers: Mapping[str, int], coordinator: str, *, lone: bool = False) -> int:
     """Return the number of the order in force by the votes of vehicles; 0 before the first.
 
-    The coordinator's vote decides, or two others. One other alone changes nothing: its companion may be
-    wrong, or its key may be stolen.
-
-    Args:
-        numbers: numbers received, by vehicle.
-        coordinator: name of the vehicle that decides on orders.
-        lone: whether a single vote suffices, as without other vehicles in the formation.
+    The coordinator's vote decides, or two others. One other alone changes nothing, unless `lone`, without
+    other vehicles in the formation: its companion may be wrong, or its key may be stolen.
     """
     ranked = sorted(numbers.values(), reverse=True)
     second = ranked[1] if len(ranked) > 1 else max(ranked, default=0) if lone else 0
@@ -384,12 +374,7 @@ def missing_votes(
 
 
 def flown_in_words(number: int, order: Arrangement | None) -> str:
-    """Describe the present manoeuvre.
-
-    Args:
-        number: number of the order; 0 before the first.
-        order: the order; None where it was not received.
-    """
+    """Describe the manoeuvre of an order: None if it was not received, number 0 before the first."""
     if number == 0:
         return "the mission's formation"
     if order is None:

@@ -57,10 +57,7 @@ def joined_places(
 ) -> dict[str, Offset]:
     """Return the place of each joining vehicle, (forward, right) of the leader, m.
 
-    Args:
-        joining: names of the vehicles.
-        present: places of the followers in the formation, by name.
-        home: places of all followers in the mission, by name.
+    `present` are the places now, `home` those of the mission, by name.
     """
     own = {name: home[name] for name in joining}
     taken = list(present.values())
@@ -92,12 +89,7 @@ def free_places(taken: Sequence[Offset], count: int) -> Iterator[list[Offset]]:
 
 
 def fitting_scales(taken: Sequence[Offset], places: Sequence[Offset]) -> list[float]:
-    """Return the factors by which places contain the taken ones.
-
-    Args:
-        taken: (forward, right) of the leader, m.
-        places: (forward, right) of the leader, in any unit.
-    """
+    """Return the factors by which places, in any unit, contain the taken ones (m)."""
     reach = max(math.hypot(*place) for place in taken)
     sizes = {math.hypot(*place) for place in places} - {0.0}
     left = len(places) - len(taken)
@@ -147,9 +139,7 @@ FAR_BEHIND = (-300.0, 0.0)
 def assigned(begin: Mapping[str, Offset], places: Sequence[Offset]) -> dict[str, Offset]:
     """Return the place of each follower, by name, with the smallest sum of squared ways.
 
-    Args:
-        begin: present position of each follower, (forward, right) of the leader, m.
-        places: as many places, in any order.
+    `begin` are the present positions. All are (forward, right) of the leader, m.
 
     Raises:
         ValueError: there are not as many places as followers.
@@ -212,12 +202,9 @@ CHANCE_BITS = 3
 
 
 def new_number(newest: int, unix_s: float, chance: Random) -> int:
-    """Return an order number above the newest one, very likely different from another operator's.
+    """Return an order number above the newest in force, very likely different from another operator's.
 
-    Args:
-        newest: number of the order in force.
-        unix_s: s since 1970; a slow clock does no harm.
-        chance: source of the lowest bits.
+    `unix_s` counts from 1970; a slow clock does no harm. `chance` gives the lowest bits.
     """
     seconds = max(int(unix_s - EPOCH_S), 0)
     return max(seconds << CHANCE_BITS, newest + 1) + chance.getrandbits(CHANCE_BITS)

@@ -99,14 +99,9 @@ def transition(
     leader: str = "leader",
     least: float = LEAST_M,
 ) -> Transition:
-    """Return the motions from one formation to another.
+    """Return the motions between two formations with slots at least `least` metres apart.
 
-    Args:
-        begin: present slots, by follower.
-        end: final slots of the same followers.
-        limits: limits of slot motion.
-        leader: name of the leader at (0, 0, 0).
-        least: smallest distance of slots, m.
+    The leader stays at (0, 0, 0); `begin` and `end` have the same followers.
 
     Raises:
         RefusedOrderError: two would come nearer than that, in any layers.

@@ -49,16 +49,15 @@ STEADY_WIND_RATE = 0.1
 """Apparent change of the wind that sensor noise alone may cause in a steady wind, m/s²."""
 
 CHANGE_S = 60.0
-"""Velocity noise for each m/s² of faster wind change, s. Nothing can be learned from such a change: a wind
-that
-turns with the aircraft, or any change in straight flight, would be taken for a wrong scale."""
+"""Velocity noise for each m/s² of faster wind change, s: a wind that turns with the aircraft, or any change
+in straight flight, would be taken for a wrong scale."""
 
 SETTLED_SCALE, SETTLED_WIND = 0.02, 0.7
 """Standard deviations of scale and wind (m/s) below which they replace a heading that slips."""
 
 STEADY, STEADY_MEMORY_S = 0.75, 10.0
-"""Largest RMS velocity residual (m/s) at which the wind counts as steady, and its time constant, s.
-Real ArduPlanes leave 0.06 in smooth air and 0.3 to 0.7 in turbulence."""
+"""Largest RMS velocity residual (m/s) at which the wind counts as steady, and its time constant, s. Real
+ArduPlanes leave 0.06 in smooth air and 0.3 to 0.7 in turbulence."""
 
 SCALE_DRIFT = 3e-4
 """Random walk of the scale, 1/sqrt(s): altitude and temperature."""
@@ -77,8 +76,7 @@ class Calibration(msgspec.Struct, frozen=True, kw_only=True):
     """Estimate of airspeed scale, wind and slip."""
 
     estimate: Vector = (1.0, 0.0, 0.0, 0.0)
-    """Scale, wind toward north and east (m/s), slip (s): angle by which the nose leads, for each rad/s of
-    turn."""
+    """Scale, wind toward north and east (m/s), slip (s): the nose's lead angle for each rad/s of turn."""
     covariance: Matrix = (
         (SCALE_DEVIATION**2, 0.0, 0.0, 0.0),
         (0.0, WIND_DEVIATION**2, 0.0, 0.0),
@@ -127,15 +125,8 @@ def calibrated(
 ) -> Calibration:
     """Update the calibration with a report.
 
-    Args:
-        before: calibration after the previous report.
-        reported_airspeed: m/s.
-        heading: rad.
-        turn_rate: rate of the heading, rad/s.
-        velocity_north: over ground, m/s.
-        velocity_east: over ground, m/s.
-        wind_rate: magnitude of the wind's apparent change, m/s².
-        period: time since the previous report, s.
+    Angles in rad, rates in rad/s, speeds in m/s, velocities over ground. `wind_rate` is the magnitude of the
+    wind's apparent change, m/s²; `period` is the time since the previous report, s.
     """
     drift = max(wind_rate, LEAST_WIND_DRIFT) ** 2 * period
     spread = _with_added(before.covariance, (SCALE_DRIFT**2 * period, drift, drift, 0.0))
@@ -258,12 +249,7 @@ def learned(
 ) -> TurnEfficiency:
     """Update the efficiency with a report; one with a missing or impossible number changes nothing.
 
-    Args:
-        before: efficiency after the previous report.
-        bank: rad, positive right.
-        airspeed: true, m/s.
-        turn_rate: mean since the previous report, rad/s.
-        period: time since the previous report, s.
+    Bank in rad, positive right; true airspeed in m/s; mean turn rate over `period` (s) in rad/s.
     """
     if not math.isfinite(bank + airspeed + turn_rate + period):
         return before
@@ -320,12 +306,8 @@ class CreepingSpeed:
     ) -> float:
         """Return the airspeed setpoint (m/s) that yields the wanted airspeed, within the limits.
 
-        Args:
-            wanted: airspeed to be flown, m/s.
-            flown: present airspeed, m/s.
-            now: time of the call, s; later than at the previous call.
-            slowest: smallest setpoint, m/s.
-            fastest: largest setpoint, m/s.
+        All speeds are airspeeds in m/s, `flown` the present one; `now` (s) is later than at the previous
+        call.
         """
         if self._trim is None:
             self._trim = flown

@@ -86,8 +86,8 @@ def air_relative_rates(
     """Return the airspeed and heading rates that give a wanted change of the ground velocity.
 
     The wanted ground acceleration is (dV_g/dt, V_g dchi/dt) along and right of the course. The wind's own
-    acceleration is subtracted; the rest is resolved along and right of the heading, where it is
-    (dV_a/dt, V_a dpsi/dt).
+    acceleration is subtracted; the rest is resolved along and right of the heading, where it is (dV_a/dt, V_a
+    dpsi/dt).
 
     Args:
         acceleration: wanted dV_g/dt, m/s².

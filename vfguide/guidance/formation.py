@@ -203,11 +203,7 @@ def arc_tangent_field(
 ) -> tuple[float, float]:
     """Return a field's correction and its rate: c (2/pi) atan(k e), and its derivative by the chain rule.
 
-    Args:
-        error: e, m.
-        error_rate: de/dt, m/s.
-        gain: k, 1/m.
-        greatest: c, the correction far away: chi_inf in rad or V_inf in m/s.
+    Error e in m, its rate in m/s, gain k in 1/m; `greatest` is c, chi_inf in rad or V_inf in m/s.
     """
     scaled = gain * error
     share = greatest * (2.0 / math.pi)
@@ -215,17 +211,14 @@ def arc_tangent_field(
 
 
 def field_slope(gain: float, greatest: float) -> float:
-    """Return the field's slope on its slot, c (2/pi) k: correction (rad or m/s) per metre of error.
-
-    See `arc_tangent_field` for c and k.
-    """
+    """Return the field's slope on its slot, c (2/pi) k (see `arc_tangent_field`): rad or m/s per metre."""
     return greatest * (2.0 / math.pi) * gain
 
 
 def lyapunov(error: FormationError, course_error: float, speed_error: float, rho: float) -> float:
     """Return W = (x_E^2 + y_E^2) / 2 + rho (V~^2 + chi~^2) / 2, which matches the x_E / rho term.
 
-    The article prints 1/(2 rho) there.
+    The article prints 1/(2 rho) instead of rho / 2.
     """
     position = error.along_track * error.along_track + error.cross_track * error.cross_track
     rates = speed_error * speed_error + course_error * course_error
@@ -278,14 +271,7 @@ def airspeed_that_gives_way(
     """Return the leader's airspeed (m/s): cruise, changed by the worst deficit and excess of the slots.
 
     A slot's airspeed changes almost one to one with the leader's. So the leader adds the deficit that a slot
-    would have at cruise, and subtracts an excess.
-
-    Args:
-        cruise: airspeed of the mission, m/s.
-        state: navigated state of the leader.
-        turn_rate: turn rate of the path, rad/s.
-        followers: slots and airspeed ranges.
-        airframe: the leader's.
+    would have at cruise (m/s), and subtracts an excess. `turn_rate` is the path's, rad/s.
     """
     deficit = excess = 0.0
     for follower in followers:
@@ -307,7 +293,7 @@ IN_GUSTS = 0.9
 """Reduction of learning in full gusts: their errors vanish before they are learned."""
 
 HARMONICS = (1.0, 2.0)
-"""Multiples of the slot's course in the offset: in a steady wind a slot's ground speed has hardly any
+"""Multiples of the slot's course in the offset: in steady wind a slot's ground speed has hardly any
 others."""
 
 TURNING_RAD_S = 0.04
@@ -353,10 +339,8 @@ def learning_rate(
 ) -> tuple[float, float]:
     """Return (ahead, right) db/dt of the mean offset, m/s.
 
-    Args:
-        error: error from the slot.
-        integral_s: T, s; 0 learns nothing.
-        gust_share: 0 to 1, share of the error due to gusts, which do not last.
+    `integral_s` is T, s; 0 learns nothing. `gust_share`, 0 to 1, is the share of the error due to gusts,
+    which do not last.
     """
     if integral_s <= 0.0:
         return 0.0, 0.0
@@ -371,13 +355,9 @@ def turning_share(turn_rate: float) -> float:
 
 
 def harmonic_share(turn_rate: float, integral_s: float) -> float:
-    """Return the learning rate of a harmonic relative to that of the mean: at most 1.
+    """Return a harmonic's learning rate relative to the mean's, at most 1, at the slot's turn rate (rad/s).
 
-    A harmonic learned in less than a turn would look like the mean.
-
-    Args:
-        turn_rate: turn rate of the slot, rad/s.
-        integral_s: T, s.
+    A harmonic learned in less than a turn would look like the mean. `integral_s` is T, s.
     """
     return clip(abs(turn_rate) * integral_s, 0.0, 1.0)
 
@@ -397,12 +377,7 @@ def aimed_error(
 ) -> FormationError:
     """Return the error from the field's aim point and its rate: e + b and de/dt + db/dt.
 
-    Args:
-        error: error from the slot.
-        offset: b.
-        integral_s: T, s; 0 learns nothing.
-        motion: motion of the slot.
-        gust_share: see `learning_rate`.
+    For `integral_s` and `gust_share` see `learning_rate`.
     """
     if integral_s <= 0.0:
         return error
@@ -446,16 +421,10 @@ def update_offset(
     held: bool,
     gust_share: float = 0.0,
 ) -> Offset:
-    """Update the offset by one step.
+    """Update the offset by one step of `period` seconds.
 
-    Args:
-        offset: b before.
-        error: error from the slot.
-        integral_s: T, s; 0 learns nothing.
-        motion: motion of the slot.
-        period: time since the previous step, s.
-        held: True where a limit or something other than the field decides: learning would wind up.
-        gust_share: see `learning_rate`.
+    `held` is true where a limit or something other than the field decides: learning would wind up. For
+    `integral_s` and `gust_share` see `learning_rate`.
     """
     if held:
         return offset

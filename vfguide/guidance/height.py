@@ -36,8 +36,7 @@ FASTER_S = 10.0
 
 PLANNED_S = 5.0
 """Filter time constant of a leader's deviation from its plan, s: bends of the profile, to which all respond
-alike,
-are over by then."""
+alike, are over by then."""
 
 UNPLANNED_S = 1.5
 """Filter time constant for a leader without a plan, s: its heights are the only information."""
@@ -55,16 +54,14 @@ MOST_LATE_M = 15.0
 """Largest difference between filtered and measured deviation, m: profile bends lag by less."""
 
 ALTIMETERS_S = 10.0
-"""Time constant of the altimeter difference, s: barometers drift over minutes, receivers' own errors over
-one."""
+"""Time constant of the altimeter difference, s: barometers drift over minutes, receiver errors over one."""
 
 ALTIMETERS_M_S = 0.3
 """Fastest change of the altimeter difference, m/s: a step in satellite altitude must not move an aircraft."""
 
 ALTIMETERS_M = 10.0
 """Bound of the altimeter difference, m: barometers set at one place and time differ by less. A difference
-beyond
-1.5 times this is no altitude above sea level, and counts as none."""
+beyond 1.5 times this is no altitude above sea level, and counts as none."""
 
 LEAST_SHARE = 0.5
 """Share of the flying height below which no leader takes its followers, unless its path leads there."""
@@ -96,13 +93,12 @@ def altimeter_difference(known: float, differ: float, interval: float) -> float:
     """Return how much more the own altimeter shows than the leader's at one height, m.
 
     Barometers drift apart. Satellite altitudes do not: neighbours see the same satellites through the same
-    air,
-    and share most of their error.
+    air, and share most of their error.
 
     Args:
         known: previous estimate, m.
-        differ: the leader's satellite altitude minus its altimeter's, less the own such difference, m; NaN
-            where unknown.
+        differ: the leader's satellite altitude minus its altimeter's, less the own such difference, m, or
+            NaN.
         interval: time since the previous estimate, s.
     """
     if math.isnan(differ):
@@ -184,13 +180,7 @@ def height_deviation(
 
     The measured climb rate extrapolates the deviation, so that followers have no lasting error in a steady
     climb beside the plan. A climb rate that does not fit the heights, as of a stuck sensor, is corrected
-    within some seconds.
-
-    Args:
-        before: previous deviation; None at first.
-        leader: received state.
-        planned: target for the leader at that place.
-        memory_s: time constant of the filters, s.
+    within some seconds. `memory_s` is the time constant of the filters, s.
     """
     time_s = leader.time_s
     if not math.isfinite(leader.height):
@@ -230,12 +220,8 @@ def followed_height(
 ) -> HeightTarget:
     """Return the leader's height from which followers count their slots.
 
-    Args:
-        planned: target for the leader.
-        deviation: the leader's deviation from the target.
-        flying: the mission's flying height, m above the origin.
-        now_s: time of the target's present, s.
-        ahead_s: time from `now_s` to the setpoint's effect, s.
+    `planned` and the leader's `deviation` are combined at `now_s` and `ahead_s` later, when a setpoint takes
+    effect. `flying` is the mission's flying height, m above the origin.
     """
     lowest = LEAST_SHARE * flying
 
@@ -279,8 +265,7 @@ class Neighbour(msgspec.Struct, frozen=True, kw_only=True):
     highest: float
     """Highest expected height, m above the own guidance's height."""
     over: bool | None
-    """Whether the own vehicle is above, or is to pass above at equal height; None where both ways are
-    free."""
+    """Whether the own vehicle is above, or is to pass above at equal height; None for both."""
 
 
 def clearance(height: float, neighbours: Sequence[Neighbour]) -> float:
@@ -309,10 +294,7 @@ def deepest(height: float) -> float:
 def best_step(present: float, steps: Sequence[float], neighbours: Sequence[Neighbour]) -> float:
     """Return the step in height to fly, m: the present one unless another leaves clearly more distance.
 
-    Args:
-        present: present step, m.
-        steps: permitted steps, m; the first of equals wins.
-        neighbours: all vehicles that may come near.
+    The first of equal steps wins; `neighbours` are all vehicles that may come near.
     """
     left = {step: clearance(step, neighbours) for step in (*steps, present)}
     best = max(steps, key=left.__getitem__)
@@ -321,8 +303,7 @@ def best_step(present: float, steps: Sequence[float], neighbours: Sequence[Neigh
 
 TRUSTED_S = 0.8
 """Age up to which a step in height is predicted at the full climb or sink limit, s: later the measured climb
-rate
-shows its speed."""
+rate shows its speed."""
 
 LAG_SHARE = 0.6
 """Time constant with which a climb or descent begins, as a share of the height delay."""
@@ -333,12 +314,7 @@ def heights_ahead(
 ) -> FloatArray:
     """Predict a vehicle's heights at `TIMES`, m, on the way to a target, at the climb rate it has shown.
 
-    Args:
-        now: present height, m.
-        climb_rate: present climb rate, m/s.
-        target: height target of the vehicle.
-        airframe: climb and sink limits and height delay.
-        begun_s: time since the vehicle turned to the target, s.
+    Present height `now` in m, climb rate in m/s; the vehicle turned to the target `begun_s` seconds ago.
     """
     way = math.copysign(1.0, target.height - now)
     limit = airframe.climb_max if way > 0.0 else airframe.sink_max
@@ -446,13 +422,9 @@ def stopping_way(climb_rate: float) -> float:
 def changed_height(
     before: HeightMotion, target: HeightTarget, time_s: float, limits: ClimbLimits
 ) -> HeightMotion:
-    """Advance the planned height toward a target.
+    """Advance the planned height to `time_s`, toward a target that holds then.
 
-    Args:
-        before: previous planned height.
-        target: height and climb rate at `time_s`.
-        time_s: time of the result, s; an earlier one changes nothing.
-        limits: climb limits of the formation.
+    An earlier time changes nothing.
     """
     passed_s = time_s - before.time_s
     if passed_s <= 0.0:
@@ -475,11 +447,7 @@ def target_on_the_way(
 ) -> HeightTarget:
     """Return the target to fly for a planned height on its way to another target.
 
-    Args:
-        motion: planned height now.
-        target: final target, now and `ahead_s` later.
-        ahead_s: time from now to the setpoint's effect, s.
-        limits: climb limits of the formation.
+    `ahead_s` is the time from now to the setpoint's effect, s; `target` holds now and then.
     """
     climb_rate = (target.ahead - target.height) / ahead_s if ahead_s > 0.0 else target.climb_rate
     then = HeightTarget(height=target.ahead, climb_rate=climb_rate, ahead=target.ahead)

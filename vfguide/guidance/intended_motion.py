@@ -60,11 +60,6 @@ def extrapolate_along_path(
     """Extrapolate the leader to the follower's time along its field, at its airspeed in the follower's wind.
 
     One call covers at most some tenths of a second; longer silences take several calls.
-
-    Args:
-        leader: last received or extrapolated state.
-        follower: later navigated state of the follower.
-        known: mission data.
     """
     period = follower.time_s - leader.time_s
     point = known.point_beside(leader)
@@ -112,8 +107,8 @@ def extrapolate_along_path(
 
 CALM_RAD, CALM_TURN_RAD = 0.004, 0.002
 """Course jitter (rad) at which measured and intended motion have equal weight: for speeds, and for courses
-and
-turn rates. A compass adds 0.005, which moves a slot 50 m behind by 0.25 m; no such lever enlarges a speed."""
+and turn rates. A compass adds 0.005, which moves a slot 50 m behind by 0.25 m; no such lever enlarges a
+speed."""
 
 SLOW_S = 1.0
 """Time constant that separates jitter from slower changes, s."""
@@ -239,13 +234,9 @@ def intended_motion(
     *,
     as_planned: bool = False,
 ) -> IntendedMotion:
-    """Update the intended motion, to which slots are fixed.
+    """Update the intended motion, to which slots are fixed, with a later state and its plan.
 
-    Args:
-        before: previous estimate.
-        leader: received state, later than the previous estimate.
-        planned: see `planned_motion`, for this state.
-        as_planned: whether a leader on its path is taken to fly as planned, whatever its course shows.
+    `as_planned` assumes that a leader on its path flies as planned, whatever its course shows.
     """
     period = leader.time_s - before.motion.time_s
     difference = wrap_angle(leader.course - planned.course)

@@ -49,12 +49,7 @@ def estimated_motion(
     """Update the motion with dV_g/dt, omega and its rate: filtered differences of course and speed.
 
     Rates are held within the airframe's limits: an outlier in omega turns the followers' whole slot frame.
-
-    Args:
-        previous: previous estimate.
-        state: navigated state, later than the previous estimate.
-        airframe: limits of the vehicle.
-        time_constant: time constant of the filters, s.
+    `state` is later than the previous estimate; `time_constant` is that of the filters, s.
     """
     before = previous.state
     period = state.time_s - before.time_s
@@ -186,11 +181,7 @@ def observed_motion(
 ) -> ObservedMotion:
     """Update the motion with a later observation.
 
-    Args:
-        before: previous estimate.
-        seen: the observation.
-        limits: limits of the aircraft.
-        time_constant: time constant of the filters, s; longer where reports are rarer.
+    `time_constant` is that of the filters, s; it is longer where reports are rarer.
     """
     period = seen.time_s - before.state.time_s
     tau = max(time_constant, PERIODS * period)
@@ -273,12 +264,9 @@ def _limited(found: ObservedMotion, limits: RateLimits) -> ObservedMotion:
 
 
 def carried_on(state: LeaderState, age_s: float, trusted_s: float) -> LeaderState:
-    """Return a motion to extrapolate from: after `trusted_s`, on a constant arc at constant speed.
+    """Return a motion to extrapolate from: after `trusted_s` at constant speed and turn rate.
 
-    Args:
-        state: last observed motion.
-        age_s: age of the observation, s.
-        trusted_s: time for which its changes of speed and turn rate are extrapolated, s.
+    `age_s` is its age, s; until `trusted_s` its changes of speed and turn rate are extrapolated.
     """
     if age_s <= trusted_s:
         return state

@@ -30,8 +30,7 @@ from vfguide.state import Airframe, Gusts, VehicleState
 
 LEAN_S = 6.0
 """Time constant of the position's correction toward believed reports, s. Within it, recorded estimators'
-positions
-and integrated velocities differ by at most 3 m."""
+positions and integrated velocities differ by at most 3 m."""
 
 UNBROKEN_S = 0.5
 """Longest gap after which an innovation still shows noise and the carried position is valid, s."""
@@ -123,13 +122,8 @@ def innovation(
 ) -> tuple[float, float]:
     """Return (north, east) from the carried position to the reported one, m.
 
-    Timing errors along the velocity are excused.
-
-    Args:
-        motion: previous motion.
-        to: reported motion.
-        slack_s: time by which the interval may have been longer than the stamps say, s.
-        stood_s: time by which the interval may have been shorter, s.
+    Timing errors along the velocity are excused: the interval may have been `slack_s` longer or `stood_s`
+    shorter than the stamps say, s.
     """
     north, east = carried(motion, to)
     north, east = to.north - north, to.east - east
@@ -145,11 +139,7 @@ def innovation(
 def leaned(motion: ReportedMotion, north: float, east: float, interval_s: float) -> ReportedMotion:
     """Return a carried position corrected toward the reported one; the reported one after a gap.
 
-    Args:
-        motion: reported motion.
-        north: innovation toward north, m.
-        east: innovation toward east, m.
-        interval_s: time since the previous report, s.
+    (north, east) is the innovation, m; `interval_s` is the time since the previous report, s.
     """
     rest = 0.0 if interval_s > UNBROKEN_S else LEAN_S / (LEAN_S + interval_s)
     return replace(motion, north=motion.north - rest * north, east=motion.east - rest * east)
@@ -279,17 +269,12 @@ def navigate(previous: VehicleState, sample: Sample, times: FilterTimes) -> Vehi
 def gusts_after(
     before: Gusts | None, surprise_north: float, surprise_east: float, period: float
 ) -> Gusts:
-    """Update the estimate of gustiness with a wind innovation.
+    """Update the estimate of gustiness with an innovation (measured minus expected wind, m/s).
 
     The innovations of an optimal filter are white. Positive correlation shows that the filter lags a wind
     that walks at random, as in turbulence: its memory must shorten. Negative correlation shows that it
     follows noise, and its memory must grow (Mehra, IEEE Transactions on Automatic Control 15(2), 1970).
-
-    Args:
-        before: previous estimate; None at first.
-        surprise_north: measured minus expected wind toward north, m/s.
-        surprise_east: measured minus expected wind toward east, m/s.
-        period: time since the previous report, s.
+    `before` is None at first; `period` is the time since the previous report, s.
     """
     if before is None:
         return Gusts(

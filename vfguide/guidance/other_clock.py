@@ -328,12 +328,10 @@ class OtherClock:
     def read(
         self, stamp_s: float, now: float, place: tuple[float, float] | None = None
     ) -> Reading | None:
-        """Return the reading of a report; None for an implausible stamp.
+        """Return the reading of a report at `now`; None for an implausible stamp.
 
-        Args:
-            stamp_s: stamp of the report, s; restarts at 0 after 2^32 ms.
-            now: time of reading on the own clock, s.
-            place: reported position; None where stamps are known to tell time.
+        Stamps (s) restart at 0 after 2^32 ms. `place` is the reported position, or None where stamps surely
+        tell time.
         """
         if place is not None:
             self._sense_stamp(stamp_s, place, now)
@@ -363,13 +361,7 @@ class OtherClock:
         )
 
     def answer(self, asked_s: float, other_s: float, now: float) -> None:
-        """Add an answer of the other clock.
-
-        Args:
-            asked_s: time of the question on the own clock, s.
-            other_s: answered time, s.
-            now: time of reading on the own clock, s.
-        """
+        """Add an answer read at `now`: the other clock's time `other_s`, asked for at `asked_s`, all in s."""
         if self.basis in {Basis.NOTHING, Basis.ARRIVAL} or self._elsewhere is not None:
             return
         other_s = self._going_on(other_s)

@@ -97,13 +97,9 @@ class Path(ABC):
     def nearest_in_space(
         self, north: Number, east: Number, course: Number, height: Number | float
     ) -> PathPoint[Number]:
-        """Return the path point nearest to a position, where the height distinguishes branches.
+        """Return the path point nearest to a position (m), where the height distinguishes branches.
 
-        Args:
-            north: m.
-            east: m.
-            course: course of the vehicle, rad.
-            height: height of the vehicle, m above the mission's flying height; NaN where unknown.
+        Course in rad; height in m above the mission's flying height, NaN where unknown.
         """
         del height
         return self.nearest(north, east, course)
@@ -113,17 +109,16 @@ class Path(ABC):
         """Return the path at a progress (m) over any number of rounds."""
 
     def outline(self, count: int) -> FloatArray:
-        """Return progress values (m) for drawing the path and checking its turns.
+        """Return progress values (m) for drawing the path and checking its turns; 0 if it has no end.
 
-        A path without end gives only its beginning, unless a subclass overrides this.
+        Subclasses without an end may give more.
         """
         return np.linspace(0.0, self.length, count) if math.isfinite(self.length) else np.zeros(1)
 
 
 NEAR_CENTRE = 0.05
 """Lower bound of 1 - curvature * error: within a twentieth of the radius of a centre of curvature, the
-tangent
-turns faster than anything could follow, so its rate stops growing there."""
+tangent turns faster than anything could follow, so its rate stops growing there."""
 
 
 PATH_TURN_SHARE = 1.2
@@ -133,12 +128,9 @@ PATH_TURN_SHARE = 1.2
 def desired_course(point: PathPoint[float], gain: float, approach_angle: float) -> float:
     """Return the course of the field, rad: chi^d = chi_p - chi_inf (2/pi) atan(k e).
 
-    On a circle this is the article's gamma + lambda (pi/2 + atan(k (d - R))) when chi_inf is pi/2.
-
-    Args:
-        point: nearest path point.
-        gain: k, 1/m: sets the distance at which the field begins to bend.
-        approach_angle: chi_inf, rad: angle to the path far away from it.
+    On a circle this is the article's gamma + lambda (pi/2 + atan(k (d - R))) when chi_inf is pi/2. The gain k
+    (1/m) sets where the field begins to bend; `approach_angle` is chi_inf, the angle to the path far away,
+    rad.
     """
     bend = approach_angle * (2.0 / math.pi) * math.atan(gain * point.cross_track_error)
     return point.course - bend
@@ -153,10 +145,7 @@ def desired_course_slope(error: float, gain: float, approach_angle: float) -> fl
 def joining_turn_rate(point: PathPoint[float], ground_speed: float, least_radius: float) -> float:
     """Return the largest turn rate (rad/s) of a leader joining a path that its formation can follow.
 
-    Args:
-        point: nearest path point.
-        ground_speed: ground speed of the leader, m/s.
-        least_radius: smallest radius of its turns, m; a tighter path is followed nevertheless.
+    `least_radius` limits its turns, m; a tighter path is followed nevertheless. Ground speed in m/s.
     """
     tightest = PATH_TURN_SHARE * abs(point.curvature)
     return ground_speed * max(tightest, 1.0 / least_radius)
@@ -175,7 +164,7 @@ def tangent_rate_per_speed(point: PathPoint[float], course: float) -> float:
 def desired_course_rate_per_speed(
     point: PathPoint[float], course: float, gain: float, approach_angle: float
 ) -> float:
-    """Return the regressor phi of the ground-speed observer, rad/m: the desired course changes at V_g phi.
+    """Return the observer's regressor phi, rad/m: the desired course changes at V_g phi.
 
     The article prints "d chi^d/d e . d e/d chi" for it.
     """

@@ -88,10 +88,7 @@ class HoldKind(msgspec.Struct, frozen=True, kw_only=True):
     def around(self, found: "HoldResponse", step_s: float, factor: float) -> "HoldKind":
         """Return this kind with a finer grid around a response.
 
-        Args:
-            found: middle of the grid.
-            step_s: step of dead times and lags, s.
-            factor: factor between neighbouring gains.
+        `step_s` is the step of dead times and lags, s; `factor` the ratio of neighbouring gains.
         """
         steps = range(-AROUND, AROUND + 1)
         dead_times, lags = (
@@ -360,16 +357,14 @@ FORETOLD_SHARE = 0.2
 
 SLIPPING_BANDWIDTH = 0.45
 """Course bandwidth for an aircraft that slips, 1/s. With 0.7, ArduPilot's simulated plane kept a yaw
-oscillation
-at 0.9 Hz for ever."""
+oscillation at 0.9 Hz for ever."""
 
 USUAL_AMPLIFICATION, AMPLIFICATION_STEP = 4.0, 4.0
 """Bandwidth of a loop relative to its hold at sharpness 0.5, and the factor from there to 1."""
 
 LATE_HOLD_SHARE = 0.2
 """Share of that ratio for a course hold with delay: at sharpness 0.5 its loop is 0.8 times as fast as the
-hold.
-A faster one rolls in each gust, up to five times as fast as a gust alone makes it."""
+hold. A faster one rolls in each gust, up to five times as fast as a gust alone makes it."""
 
 QUIET_BANDWIDTH = 0.5
 """Course bandwidth at which noise rolls no aircraft, however slow its hold, 1/s."""
@@ -501,15 +496,9 @@ def bandwidth_of(
 ) -> Bandwidth:
     """Return the bandwidth that every possible response of an aircraft permits.
 
-    Args:
-        airframe: most probable response.
-        certainty: certainty of the response.
-        slips: whether the nose leaves the direction of flight in turns.
-        period: sampling period of the loop, s.
-        loop_delay: delay from measurement to effect beyond the period, s.
-        factor: see `bearable`.
-        amplification: largest ratio of a loop's bandwidth to the hold that it commands.
-        softness: factors on the result.
+    For `period`, `loop_delay` and `factor` see `bearable`. `slips`: the nose leaves the direction of flight
+    in turns. `amplification` is the largest ratio of a loop's bandwidth to the hold that it commands;
+    `softness` scales the result.
     """
     course = bearable(
         airframe.course_dead_time + airframe.course_lag,

@@ -154,14 +154,8 @@ def formation_tracks(
     """Return the tracks of vehicles that approach their slots, critically damped in the formation.
 
     A vehicle that moves straight at its slot reaches it exponentially; one that passes the slot turns back.
-
-    Args:
-        place: position of each vehicle, m.
-        velocity: velocity over ground of each vehicle, m/s.
-        slot: slot of each vehicle, forward + j right of the leader, m.
-        settle_s: time constant of each vehicle, s.
-        leader: state at the same time; it flies on along an arc.
-        slot_rate: velocity of each slot in the formation, m/s.
+    Positions (m), velocities over ground and slot rates (m/s) and time constants (s) have one entry per
+    vehicle. Slots are forward + j right of the leader, which flies on along an arc.
     """
     offset, drift = in_formation(place, velocity, leader)
     away = (offset - slot)[:, None]
@@ -349,13 +343,10 @@ def closest_approaches(tracks: ComplexArray, others: Others) -> FloatArray:
 def passing(apart: ComplexArray, closing: ComplexArray) -> FloatArray:
     """Return the rotation of the line of sight to keep in passing: 1 right, -1 left, 0 either way.
 
-    Present rotations are kept. Both vehicles see the same rotation, so each passes behind the other instead
-    of turning toward it (Snape, van den Berg, Guy, Manocha, 2011). Without rotation it becomes left: both go
+    `apart` and `closing` are positions and velocities of the others minus the own, m and m/s. Present
+    rotations are kept. Both vehicles see the same rotation, so each passes behind the other instead of
+    turning toward it (Snape, van den Berg, Guy, Manocha, 2011). Without rotation it becomes left: both go
     right.
-
-    Args:
-        apart: positions of the others minus the own, m.
-        closing: velocities of the others minus the own, m/s.
     """
     turning = apart.conj() * closing
     meets = (np.abs(closing) > MEETING_M_S) & (turning.real < 0.0)
@@ -374,8 +365,7 @@ def intrusion_cost(distance: FloatArray, others: Others) -> FloatArray:
     """Return each manoeuvre's cost of intrusions; 0 where all distances are kept.
 
     The cost has the duration and depth below the kept distance, and the depth below the floor. A vehicle that
-    reports a false position, already nearer than anything can change, adds the same to all manoeuvres. For
-    `distance` see `closest_approaches`.
+    reports a false position, already nearer than anything can change, adds the same to all manoeuvres.
     """
     keep, floor = others.keep[:, None], others.floor[:, None]
     within = np.maximum(1.0 - distance / keep, 0.0) * FADE

@@ -63,8 +63,7 @@ SpeedSource = Literal["measured", "observer"]
 
 SlotFrame = Literal["leader", "path", "plan"]
 """Motion to which slots are fixed: the leader's measured motion, that motion with noisy parts taken from the
-path,
-or the path alone while the leader is on it."""
+path, or the path alone while the leader is on it."""
 
 
 LEAST_PERIOD = 0.05
@@ -74,8 +73,7 @@ rate: a thinner layer would turn it into chatter."""
 
 GUSTS_FACTOR = 2.5
 """Boundary layer over kappa times the period in gusts: a quarter above the minimum that avoids the sampled
-loop's
-limit cycle."""
+loop's limit cycle."""
 
 
 class SlidingGains(msgspec.Struct, frozen=True, kw_only=True):
@@ -174,12 +172,8 @@ def boundary_layer(
     kappa dt / epsilon > 2. A factor of 2 is the smallest that avoids this with a margin; a larger one gives
     smoother setpoints for a little accuracy.
 
-    Args:
-        gain: kappa, in the law's unit per second.
-        least: the article's epsilon, in the law's unit.
-        period: sampling period dt, s.
-        delay: delay from measurement to effect, s.
-        factor: dimensionless.
+    Gain kappa in the law's unit per second, `least` (the article's epsilon) in the law's unit; period and
+    delay from measurement to effect in s.
     """
     return max(least, factor * gain * (period + delay))
 
@@ -189,11 +183,7 @@ def sliding_course_rate(
 ) -> float:
     """Return the course rate (rad/s) onto the field: d chi^d/dt - kappa sat(chi~ / epsilon).
 
-    Args:
-        course_error: chi~ = wrap(chi - chi^d), rad.
-        desired_rate: d chi^d/dt, rad/s.
-        gain: kappa, rad/s.
-        layer: epsilon, rad.
+    chi~ = wrap(chi - chi^d) and the layer epsilon in rad; d chi^d/dt and the gain kappa in rad/s.
     """
     return desired_rate - gain * saturation(course_error / layer)
 
@@ -202,14 +192,8 @@ def course_command(course: float, course_rate: float, alpha: float, hold: float 
     """Return the course setpoint (rad, not wrapped): chi^c = chi + (d chi/dt) (1 / alpha + T / 2).
 
     A first-order hold turns it into the wanted rate. With `sliding_course_rate` and T = 0 this is the
-    article's chi^c. A setpoint held for T seconds while the course turns toward it loses half of that turn on
-    average: T / 2 compensates.
-
-    Args:
-        course: chi, rad.
-        course_rate: d chi/dt, rad/s.
-        alpha: response of the hold, 1/s.
-        hold: T, s.
+    article's chi^c. A setpoint held for T (`hold`, s) while the course turns toward it loses half of that
+    turn on average: T / 2 compensates. Angles in rad, alpha in 1/s.
     """
     lead = course_rate * (1.0 / alpha + 0.5 * hold)
     return course + clip(lead, -GREATEST_LEAD, GREATEST_LEAD)
@@ -217,8 +201,7 @@ def course_command(course: float, course_rate: float, alpha: float, hold: float 
 
 POSITION_SHARE = 1.0 / 3.0
 """Bound of x_E / rho as a share of kappa. Beyond kappa it would outweigh the sliding term, and a follower 100
-m
-behind would demand an unbounded speed."""
+m behind would demand an unbounded speed."""
 
 
 def sliding_acceleration(

@@ -34,8 +34,7 @@ from vfguide.registry import laws
 from vfguide.state import Airframe, LeaderState, NamedState, Setpoint, VehicleState
 
 USUAL_GAIN, USUAL_TURN, USUAL_PUSH = 0.2, math.radians(45.0), 8.0
-"""Gain (1/m) and largest corrections (rad, m/s) of the field assumed for a follower's approach to its
-slot."""
+"""Gain (1/m) and largest corrections (rad, m/s) of the field assumed for a follower's approach."""
 
 law = laws.register
 """Decorator `@law("name")`: registers a class as the law `controller.type: name`."""
@@ -90,12 +89,7 @@ def approach(
 ) -> DesiredMotion:
     """Return a motion toward a course and ground speed, as fast as the vehicle and its holds permit.
 
-    Args:
-        view: view of the step.
-        course: chi_d, rad.
-        speed: V_d, m/s.
-        course_rate: dchi_d/dt, rad/s.
-        acceleration: dV_d/dt, m/s².
+    Course chi_d in rad and its rate in rad/s; speed V_d in m/s and its rate in m/s².
     """
     state, airframe = view.state, view.airframe
     course_error = wrap_angle(state.course - course)
@@ -183,11 +177,9 @@ class Law(ABC):
 
     @classmethod
     def findings(cls, mission: Mission, conditions: Conditions) -> Iterator[Finding]:
-        """Yield the findings of `vfguide check` about the law's gains on a mission.
+        """Yield the findings of `vfguide check` about the law's gains on a mission with a follower.
 
-        Args:
-            mission: mission with at least one follower.
-            conditions: all courses and turns of its path in all declared winds.
+        `conditions` are all courses and turns of its path in all declared winds.
         """
         del mission, conditions
         return iter(())
@@ -222,12 +214,9 @@ class SlotKeeper:
         *,
         slot_at: SlotAt | None = None,
     ) -> None:
-        """Create a keeper without memory.
+        """Create a keeper without memory, for a law of this follower alone.
 
-        Args:
-            law: law of this follower alone.
-            slot: place in the formation.
-            slot_at: moving slot at a time of the follower's clock (s); None for a fixed slot.
+        `slot_at` gives a moving slot at a time of the follower's clock (s); None for a fixed slot.
         """
         self._law = law
         self._slot: Slot = slot
@@ -253,11 +242,8 @@ class SlotKeeper:
     ) -> FollowerGuidance:
         """Return the guidance for a navigated state and the latest leader state, however old.
 
-        Args:
-            state: state of the follower.
-            leader: latest state of its leader.
-            period: time since the previous step, s.
-            held: whether something else was flown than the previous step demanded.
+        `period` is the time since the previous step, s; `held` means that something else was flown than
+        demanded then.
         """
         law = self._law
         settings = law.settings

@@ -115,8 +115,7 @@ class SlotField(Law):
     """Gains of the mission, before the aircraft's bandwidth bounds them."""
 
     follows_drift = True
-    """Whether the speed follows gusts on the leader at once; an autopilot with delay would follow them too
-    late."""
+    """Whether the speed follows gusts on the leader at once; an autopilot with delay would be too late."""
 
     @property
     def integral_s(self) -> float:
@@ -288,12 +287,8 @@ def bounded_field(gains: FieldGains, *, k_x: float, k_y: float) -> FieldGains:
 def error_for_correction(correction: FloatArray, greatest: float, gain: float) -> FloatArray:
     """Return the error (m) for a correction c: tan(pi c / (2 c_inf)) / k; infinite beyond c_inf.
 
-    Inverse of the article's c_inf (2/pi) atan(k e).
-
-    Args:
-        correction: c, rad of course or m/s of speed.
-        greatest: c_inf, the field's correction far away, in the same unit.
-        gain: k, 1/m.
+    Inverse of the article's c_inf (2/pi) atan(k e); c and c_inf (`greatest`) in rad of course or m/s of
+    speed, k in 1/m.
     """
     share = np.abs(correction) / greatest
     inside = np.minimum(share, 1.0 - 1e-9)
@@ -427,12 +422,8 @@ def course_field_turn_rate(gain: float, ground_speed: float, greatest: float) ->
     """Return the largest turn rate (rad/s): max of c (2/pi) k V sin(c (2/pi) atan u) / (1 + u^2).
 
     The maximum over u = k e is found numerically. Unlike `turn_limits.field_turn_rate` this is also exact for
-    corrections c far below a quarter turn.
-
-    Args:
-        gain: k, 1/m.
-        ground_speed: V, m/s.
-        greatest: c, rad.
+    corrections c far below a quarter turn. Gain k in 1/m, ground speed V in m/s, `greatest` correction c in
+    rad.
     """
     share = greatest * (2.0 / math.pi)
     scaled = np.linspace(0.0, 3.0, 301)

@@ -70,8 +70,8 @@ class LeaderMotion(NamedState, frozen=True, kw_only=True):
 class LeaderLaw(ABC):
     """Law that makes the leader follow its path.
 
-    A subclass with `@leader_law("name")` is `leader.law: name` in a mission, with the fields of its `Gains`
-    in `leader.gains`.
+    A subclass with `@leader_law("name")` is `leader.law: name`, with its `Gains` in the mission's
+    `leader.gains`.
     """
 
     name: ClassVar[str]
@@ -81,12 +81,9 @@ class LeaderLaw(ABC):
     """Gains of the law, with units, bounds and defaults."""
 
     def __init__(self, gains: Any, settings: GuidanceSettings, airframe: Airframe) -> None:  # noqa: ANN401
-        """Create the law of one leader.
+        """Create the law of one leader; `gains` is an instance of `Gains`.
 
-        Args:
-            gains: an instance of `Gains`.
-            settings: the mission's settings for all laws, slowed for an autopilot with delay.
-            airframe: response and limits of the vehicle.
+        `settings` are the mission's for all laws, slowed for an autopilot with delay.
         """
         self.gains = gains
         self.settings = settings
@@ -107,10 +104,7 @@ class LeaderLaw(ABC):
     def follow(self, view: LeaderView, *, course: float, course_rate: float) -> LeaderMotion:
         """Return the motion that brings the course to a wanted one as fast as the vehicle's hold can.
 
-        Args:
-            view: view of this step.
-            course: wanted course over ground, rad.
-            course_rate: rate of the wanted course, rad/s.
+        The course (rad) is over ground, and turns at `course_rate` (rad/s).
         """
         return LeaderMotion(
             course=course,
@@ -211,14 +205,9 @@ def leader_step(
     period: float,
     memory: Any = FIRST,  # noqa: ANN401 - each law has its own
 ) -> LeaderGuidance:
-    """Return the guidance of the leader.
+    """Return the guidance of the leader, `period` seconds after the previous step.
 
-    Args:
-        state: navigated state.
-        law: law of the task, with the vehicle's settings and limits.
-        task: path, cruise airspeed and slots.
-        period: time since the previous step, s.
-        memory: the law's memory after the previous step; absent in the first.
+    `law` is that of the task, with the vehicle's settings and limits. `memory` is absent in the first step.
     """
     settings, airframe = law.settings, law.airframe
     point = task.path.nearest_in_space(

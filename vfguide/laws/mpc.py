@@ -49,8 +49,7 @@ MOST_ITERATIONS = 400
 """Largest number of solver iterations: the result is then near enough for 50 ms."""
 
 RHO_INTERVAL = 25
-"""Iterations between adaptations of the solver's step: counted, not timed, so that flights can be
-repeated."""
+"""Iterations between adaptations of the solver's step: counted, not timed, for repeatable flights."""
 
 
 class MpcGains(Section):
@@ -274,7 +273,7 @@ class Mpc(Law):
     _programme: Programme | None = None
 
     def within(self, bandwidth: Bandwidth) -> Self:
-        """Return the law with accelerations so expensive that it is no faster than the aircraft permits.
+        """Return the law with accelerations expensive enough to keep it within the bandwidth.
 
         The regulator's poles lie at acceleration_weight ** (-1/4), 1/s.
         """

@@ -93,15 +93,15 @@ def axis_step(
 ) -> tuple[float, AxisMemory]:
     """Return (correction, memory) of one controller: P e + integral of I e + D de/dt, within its limit.
 
-    The correction u is rad of course or m/s of speed.
+    The correction u is rad of course or m/s of speed; P, I and D are per m, per m and s, and per m/s.
 
     Args:
         error: distance to the slot on this axis, m.
         error_rate: rate of the error, m/s.
         memory: memory of the previous step.
-        proportional: P, u per m.
-        integral: I, u per m and s.
-        derivative: D, u per m/s.
+        proportional: P.
+        integral: I.
+        derivative: D.
         filter_s: time constant of the error's rate, s.
         greatest: limit of |u|, and of the integral part.
         period: time since the previous step, s.
@@ -122,11 +122,8 @@ def slowed(
 ) -> tuple[float, float, float]:
     """Return (P, I, D) of a loop that is no faster than a bandwidth.
 
-    Args:
-        gains: chosen P, I and D.
-        hold: bandwidth of the hold, 1/s.
-        scale: rate of the error per unit of correction, m/s.
-        bandwidth: largest natural frequency of the loop, 1/s.
+    `hold` is the hold's bandwidth and `bandwidth` the loop's largest natural frequency, 1/s; `scale` is the
+    rate of the error per unit of correction, m/s.
     """
     proportional, integral, derivative = gains
     frequency = math.sqrt(hold * scale * proportional)
@@ -139,10 +136,7 @@ def slowed(
 
 @law("pid")
 class Pid(Law):
-    """Two PID controllers.
-
-    The corrected course and speed are the demands on the vehicle's first-order holds.
-    """
+    """Two PID controllers, whose corrected course and speed are the demands on first-order holds."""
 
     Gains = PidGains
 

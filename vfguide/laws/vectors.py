@@ -1,7 +1,6 @@
 """A law's view and answer as vectors, for learned laws.
 
-An environment (`vfguide.environment`) uses these, and so does a learned law in flight, which needs no other
-module.
+An environment (`vfguide.environment`) uses these; a learned law in flight needs no other module.
 """
 
 import math

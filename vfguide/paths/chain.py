@@ -26,8 +26,7 @@ FEW = 16
 """Number of vehicles up to which each is searched for singly."""
 
 COURSE_M = 100.0
-"""Penalty of a branch with the opposite course, m: it counts as twice this farther away, on small curves
-less."""
+"""Penalty of a branch with the opposite course, m: twice this farther away, on small curves less."""
 
 FARTHEST_M = 1e7
 """Limit to which positions are clipped, m."""
@@ -62,11 +61,9 @@ class Chain:
     """Row of pieces; after the last one it continues with the first, or with a later one."""
 
     def __init__(self, pieces: Pieces, *, again: float | None = 0.0) -> None:
-        """Create a chain.
+        """Create a chain of pieces, each starting where the previous one ends.
 
-        Args:
-            pieces: pieces, each starting where the previous one ends.
-            again: progress of the piece after the last one, m; None where the last piece runs on.
+        `again` is the progress of the piece after the last one, m; None where the last piece runs on.
         """
         self.pieces, self.length, self.again = pieces, pieces.total, again
         self._closed = again == 0.0
@@ -110,10 +107,7 @@ class Chain:
     ) -> tuple[Number, Number, Number, Number]:
         """Return (course, cross-track error, curvature, progress) of the chain abeam of a vehicle.
 
-        Args:
-            north: of the vehicle, m.
-            east: of the vehicle, m.
-            course: of the vehicle, rad, selects the branch; None ignores courses.
+        Its course (rad) selects the branch; None ignores courses. Position in m.
         """
         weight = 0.0 if course is None else self._course_m
         if isinstance(north, float) and isinstance(east, float):
@@ -425,24 +419,16 @@ class Curve(ChainedPath):
 
     @abstractmethod
     def trace(self, shape: Any, share: FloatArray) -> tuple[FloatArray, FloatArray]:  # noqa: ANN401
-        """Return (north, east), m, at shares from 0 to 1 of the closed curve.
+        """Return (north, east), m, at any number of shares from 0 to 1 of the closed curve.
 
         Shares need not be proportional to distance. The curve must be smooth, or vehicles cannot follow it: a
-        corner is a turn without radius.
-
-        Args:
-            shape: an instance of `Shape`.
-            share: any number of shares.
+        corner is a turn without radius. `shape` is an instance of `Shape`.
         """
 
     def height(self, shape: Any, share: FloatArray) -> FloatArray:  # noqa: ANN401
         """Return heights at shares of the curve, m above the mission's flying height; the default is 0.
 
-        They must be as smooth as the curve, and end where they begin.
-
-        Args:
-            shape: an instance of `Shape`.
-            share: any number of shares.
+        They must be as smooth as the curve, and end where they begin. `shape` is an instance of `Shape`.
         """
         del shape
         return np.zeros_like(share)

@@ -93,12 +93,10 @@ class HeightProfile:
     """Height and slope by progress, with vertical curves at knots."""
 
     def __init__(self, knots: Sequence[tuple[float, float]], *, closed: bool) -> None:
-        """Join heights by even climbs.
+        """Join (progress, height) knots in m by even climbs, two or more, the progress ascending.
 
-        Args:
-            knots: two or more (progress, height) in m, the progress ascending. A closed line repeats its
-                first knot a round later; an open one is level before the first knot and after the last.
-            closed: whether the line is closed.
+        A closed line repeats its first knot a round later; an open one is level before the first knot and
+        after the last.
         """
         run, height = np.array(knots, dtype=float).T
         room = np.diff(run)
@@ -163,12 +161,9 @@ class ClosedHeights:
     """Heights round a closed curve, by cubics between evenly spaced points."""
 
     def __init__(self, heights: FloatArray, slopes: FloatArray, spacing: float) -> None:
-        """Join heights.
+        """Join the heights (m) and slopes of points `spacing` metres apart, from progress 0 on.
 
-        Args:
-            heights: height of each point from progress 0 on, m, without the first one repeated at the end.
-            slopes: slope at each point.
-            spacing: distance between neighbouring points, m.
+        The first point is not repeated at the end.
         """
         self._heights, self._slopes, self._spacing = heights, slopes, spacing
 

@@ -342,12 +342,9 @@ class PieceTree:
 
 
 def circles(middles: FloatArray, radius: FloatArray, count: int) -> FloatArray:
-    """Return rows of north, east, ahead, aside, radius and spread of circles around groups of circles.
+    """Return rows of north, east, ahead, aside, radius and spread of circles around `count` circles each.
 
-    Args:
-        middles: rows of north and east in m, ahead and aside of the directions, of the circles in order.
-        radius: radii of the circles, m.
-        count: number of consecutive circles in a group.
+    `middles` are rows of north and east in m, and ahead and aside of the directions, of consecutive circles.
     """
     starts = np.arange(0, radius.size, count)
     group = np.arange(radius.size) // count
