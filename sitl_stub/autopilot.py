@@ -318,7 +318,7 @@ class Autopilot:
         return self._flight.mode.custom_mode
 
     def truth(self) -> Truth:
-        """The true, noise-free state now."""
+        """Return the true, noise-free state now."""
         return truth_of(self._flight)
 
     def _since_boot_us(self) -> int:

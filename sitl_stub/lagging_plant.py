@@ -44,15 +44,13 @@ from sitl_stub.loops import (
 from sitl_stub.plant import AirPlant, AirRates, AirState, Motion, Plant, PlantState, plant
 
 MAX_STEP_S = 0.05
-"""Longest step of the first-order plants. Over two minutes of turning in the article's wind, they stay within
-the resolution of the telemetry (11 mm, 0.01 deg) of steps a hundred times finer; a test measures this.
-"""
+"""Longest step of the first-order plants. Over two minutes of turning in the article's wind, it stays within
+the telemetry's resolution (11 mm, 0.01 deg) of steps a hundred times finer; a test measures this."""
 
 TECS_GAIN_1_S = 0.55
 TECS_INTEGRAL_1_S2 = 0.03
 """Proportional and integral gain of the `tecs` speed hold. It follows +-1.5 m/s over 24 s with 0.99 times the
-amplitude and, with the dead time, 2.3 s late.
-"""
+amplitude and, with the dead time, 2.3 s late."""
 
 TECS_ACCELERATION_M_S2 = 2.5
 """Limit of the acceleration by throttle and pitch, both ways."""
@@ -61,20 +59,20 @@ PX4_SLEW_M_S2 = 1.0
 """Slew rate of PX4's airspeed setpoint toward the commanded airspeed."""
 
 PX4_FREQUENCY_RAD_S, PX4_DAMPING, PX4_LEAD_S = 3.3, 0.3, 0.4
-"""Response of the airspeed to that setpoint: (1 + a s) / (1 + 2 D s / w + s²/w²).
+"""Response of the airspeed to PX4's slewed setpoint: (1 + a s) / (1 + 2 D s / w + s²/w²).
 
-Fitted to steps of 0.5 to 2 m/s and sinusoids of 12, 6 and 3 s of PX4 1.18.0-beta1, whose speeds it meets to
-0.18 m/s rms. FW_THR_ASPD_MIN, FW_THR_TRIM and FW_THR_ASPD_MAX were as the aircraft flies, FW_T_TAS_TC was 2.
+Fitted to steps of 0.5 to 2 m/s and sinusoids of 12, 6 and 3 s of PX4 1.18.0-beta1, to 0.18 m/s
+rms. FW_THR_ASPD_MIN, FW_THR_TRIM and FW_THR_ASPD_MAX were as the aircraft flies, FW_T_TAS_TC was 2.
 """
 
 PX4_REFERENCE_1_S = 20.0
-"""Gain of the reference's approach to its setpoint; it lets the reference come to rest there."""
+"""Gain of the slewed setpoint's approach to the commanded airspeed, at which it comes to rest."""
 
 UNTRIMMED_SHARE, UNTRIMMED_S = 0.6, 70.0
 """Response to a setpoint change with PX4's default parameters.
 
-The share is followed as above; the throttle's integral finds the rest with the time constant. Steps of 1 and
-2 m/s are met to 0.15 m/s rms; the best first-order hold, of 0.05 to 0.1 1/s, meets them to 0.40 m/s.
+A share is followed as with a trimmed throttle; the throttle's integral finds the rest with the time constant.
+Steps of 1 and 2 m/s are met to 0.15 m/s rms, and to 0.40 m/s by the best first-order hold (0.05 to 0.1 1/s).
 """
 
 TECS_HEIGHT_SHARE = 0.4
@@ -338,8 +336,8 @@ class FirstOrder(Plant):
 class Lagging(AirPlant):
     """Plant whose roll and speed have states of their own.
 
-    Its memory is the integral of the speed hold (of `px4` the acceleration), the slewed airspeed setpoint of
-    `px4`, the airspeed to which `px4-untrimmed` has trimmed its throttle, and the delayed bank.
+    Its memory is the integral of the speed hold (of `px4` the acceleration), the slewed setpoint of `px4`,
+    the airspeed to which `px4-untrimmed` has trimmed its throttle, and the delayed bank.
     """
 
     longest_step_s = MAX_LAGGING_STEP_S

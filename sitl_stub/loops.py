@@ -60,16 +60,14 @@ class PlantParameters(msgspec.Struct, frozen=True, kw_only=True):
 
     roll_delay_s: float = 0.0
     """`bank` and `npfg` only: time constant of the wanted bank on its way to the roll. Unlike
-    `course_dead_time_s` it adds no lag to a steady turn.
-    """
+    `course_dead_time_s` it adds no lag to a steady turn."""
 
     turn_efficiency: float = 1.0
     """`bank` only: ratio of the turn rate to the coordinated turn's; 0.7 measured on ArduPlane."""
 
     speed_response: SpeedResponse = "first-order"
     """`tecs`: ArduPlane's airspeed hold, which overshoots and settles slowly. `px4`: PX4's with a trimmed
-    throttle; its setpoint slews and the speed swings. `px4-untrimmed`: PX4's with its default parameters.
-    """
+    throttle; its setpoint slews and the speed swings. `px4-untrimmed`: PX4's with its default parameters."""
 
     course_dead_time_s: float = 0.0
     """Dead time of a new course, heading or bank."""
@@ -296,8 +294,8 @@ def climb_acceleration_m_s2(
 ) -> float:
     """Return the height loop's d2h/dt2 = 2 D w (wanted climb - dh/dt), positive up.
 
-    Within the limits this is w² (target - h) - 2 D w dh/dt. A target that climbs steadily is followed with
-    a lag of 2 D / w, which equals the plant's height delay and so determines w.
+    Within the limits this is w² (target - h) - 2 D w dh/dt. The lag behind a target that climbs steadily
+    is 2 D / w. It equals the plant's height delay and so determines w.
     """
     frequency_rad_s = 2.0 * HEIGHT_DAMPING / parameters.height_delay_s
     wanted_m_s = wanted_climb_m_s(parameters, target, altitude_amsl_m)

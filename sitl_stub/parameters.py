@@ -32,8 +32,7 @@ NPFG_DAMPING = 0.7
 
 TRIMMED, UNTRIMMED = (2.0, 0.28, 0.58, 0.98), (5.0, 0.0, 0.6, 0.0)
 """FW_T_TAS_TC, FW_THR_ASPD_MIN, FW_THR_TRIM and FW_THR_ASPD_MAX: trimmed for PX4's simulated airplane, and
-PX4's defaults.
-"""
+PX4's defaults."""
 
 
 class ParameterType(IntEnum):

@@ -211,10 +211,10 @@ GROUND_STATION = 6
 """MAV_TYPE_GCS; heartbeats of companions (18) do not count."""
 
 COURSE_OVER_GROUND = 0.0
-"""HEADING_TYPE."""
+"""Value of HEADING_TYPE."""
 
 AIRSPEED, GROUND_SPEED = 0.0, 1.0
-"""SPEED_TYPE."""
+"""Values of SPEED_TYPE."""
 
 ONBOARD_LINK_US = {
     **dict.fromkeys(
@@ -238,7 +238,7 @@ ONBOARD_LINK_US = {
 """Messages sent without a request on the link for companions; the fast ones have their nominal rates."""
 
 BETA, RELEASE = 0x80, 0xFF
-"""FIRMWARE_VERSION_TYPE."""
+"""Values of FIRMWARE_VERSION_TYPE."""
 
 GUIDED_COURSE_SINCE = (1, 18)
 

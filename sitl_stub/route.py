@@ -17,8 +17,7 @@ LEAST_AHEAD_M = 20.0
 
 SEARCHED_M = 50.0
 """Length of route beyond the last known leg that is searched for the aircraft, at least one leg. The limit
-keeps a route that crosses itself unambiguous.
-"""
+keeps a route that crosses itself unambiguous."""
 
 SAME_PLACE_M = 0.01
 """Points nearer than this are one; a route whose ends are so near is flown round and round."""

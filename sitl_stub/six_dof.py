@@ -1,6 +1,6 @@
 """The plant `six-dof`: the Aerosonde with attitude loops and a total-energy loop as in autopilots.
 
-The course error sets the bank as in ArduPlane's guided mode, the ailerons hold it, and the rudder damps the
+The course error sets the bank as in ArduPlane's guided mode. The ailerons hold it, and the rudder damps the
 yaw toward a coordinated turn. Airspeed and height are controlled by energy: the thrust sets the total, the
 pitch the distribution (Lambregts, "Vertical flight path and speed control autopilot design using total
 energy principles", AIAA 83-2239). The equations are the project's own, not JSBSim's; docs/emulator.md tells
@@ -51,8 +51,7 @@ THRUST_S = 0.2
 
 AIRSPEED_S = 1.0
 """Time constant of the complementary filter of the loops' airspeed, as autopilots have it. The filter blends
-accelerometers and measured airspeed, so that a gust does not change the speed at once.
-"""
+accelerometers and measured airspeed, so that a gust does not change the speed at once."""
 
 WEIGHT_N = craft.MASS_KG * GRAVITY_M_S2
 

@@ -64,7 +64,7 @@ def kept_in(out: Path, *, mission: str, vehicles: Collection[str], force: bool) 
         yield partial
         move_into(out, partial)
     except BaseException as error:
-        # Recordings of a flight that was stopped, logs of one that broke.
+        # Keep the recordings of a stopped flight and the logs of a broken one.
         if any(partial.glob("*")):
             errors.tell(f"{partial}: holds what was written so far")
         elif partial.is_dir():
