@@ -103,10 +103,11 @@ class LeaderState(NamedState, frozen=True, kw_only=True):
     turn_acceleration: float
     """domega/dt, rad/s²."""
     drift_north: float = 0.0
-    """North ground velocity in addition to that of course and ground speed, m/s, where those are the
-    intended ones."""
+    """North velocity over ground beyond that of course and ground speed, m/s, for a leader whose course and
+    ground speed are the intended ones."""
     drift_east: float = 0.0
-    """East ground velocity in addition to that of course and ground speed, m/s."""
+    """East velocity over ground beyond that of course and ground speed, m/s, for a leader whose course and
+    ground speed are the intended ones."""
     height: float = 0.0
     """Height above the mission's origin, m."""
     climb_rate: float = 0.0

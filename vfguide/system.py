@@ -66,8 +66,7 @@ SHORTEST_DELAY = 0.2
 """Delay before the first retry, s: most losses are brief."""
 
 LONGEST_DELAY = 1.0
-"""Maximum delay, s: a formation flies blind until all are back, and a hundred retries a second are no load.
-"""
+"""Maximum delay, s: a formation flies blind until all are back, and 100 retries a second are no load."""
 
 GROWTH = 1.5
 """Factor between successive delays."""

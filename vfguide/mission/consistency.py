@@ -95,10 +95,10 @@ DEFAULT_AIRSPEED_RANGE_M_S: tuple[float, float] = (12.0, 32.0)
 """Default (minimum, maximum) airspeed of a vehicle, m/s."""
 
 MAX_FOLLOWERS = 253
-"""MAVLink has 255 system IDs: the leader uses one, ground stations another."""
+"""Maximum number of followers: of MAVLink's 255 system IDs the leader uses one, ground stations another."""
 
 MAX_DEPUTIES = 7
-"""The last of 7 deputies leads 2.7 s after the leader has fallen silent, at the earliest."""
+"""Maximum number of deputies; the last leads 2.7 s after the leader has fallen silent, at the earliest."""
 
 GROUND_STATION = 255
 """System ID of ground stations; the only vehicle that may share it is a ground station that leads."""

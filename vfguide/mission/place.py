@@ -191,10 +191,10 @@ BANK_SHARE = 2.0 / 3.0
 returning to the slot."""
 
 SPARE_M_S = 1.0
-"""Airspeed margin that a slot keeps at both ends of its vehicle's range on such turns."""
+"""Airspeed margin of a slot at both ends of its vehicle's range, on turns without a given radius."""
 
 WIDEST_M = 2000.0
-"""Maximum radius of such turns; a slot that needs more needs another mission."""
+"""Maximum radius of turns without a given radius; a slot that needs more needs another mission."""
 
 ARTICLE_WIND_M_S = 8.0
 """Maximum speed of the article's wind."""

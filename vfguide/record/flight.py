@@ -328,7 +328,7 @@ def _gaps(led: np.ndarray) -> list[tuple[int, int]]:
 
 
 def _bridge(time_s: FloatArray, found: dict[str, FloatArray], first: int, last: int) -> None:
-    """Interpolate the samples between two with a cubic of equal positions and velocities at its ends."""
+    """Fill the samples between two: a cubic in position with the end velocities, linear in course."""
     span = time_s[last] - time_s[first]
     share = (time_s[first + 1 : last] - time_s[first]) / span
     before, after = max(first - 1, 0), min(last + 1, time_s.size - 1)

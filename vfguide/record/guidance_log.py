@@ -52,14 +52,14 @@ class GuidanceStep(msgspec.Struct, frozen=True, kw_only=True):
     lead_time_s: float = math.nan
     """Time of the leader state by which the vehicle leads, s on the companion's own clock."""
     lead_north_m: float = math.nan
-    """Position of the leader by which the vehicle leads (itself, or a lost one extrapolated), m north of
-    origin."""
+    """North of the mission's origin, m, of the leader by which the vehicle leads: itself, or a lost one
+    extrapolated."""
     lead_east_m: float = math.nan
-    """Position of that leader, m east of the mission's origin."""
+    """East of the mission's origin, m, of the leader by which the vehicle leads."""
     lead_course_rad: float = math.nan
-    """Course over ground of that leader, rad clockwise from north."""
+    """Course over ground of the leader by which the vehicle leads, rad clockwise from north."""
     lead_height_m: float = math.nan
-    """Height of that leader, m above the mission's origin."""
+    """Height of the leader by which the vehicle leads, m above the mission's origin."""
     leader_age_s: float = math.nan
     """Age of the leader state used in the step, s; NaN before the first, and without a slot."""
     left: bool = False
@@ -150,8 +150,8 @@ def slot_series(
         track: steps of the companion.
         moments: sample times, s on the same clock.
         mission: the mission's slot forward, right of and above the leader, m. It applies until the first
-            order. In gaps the last ordered slot applies. A vehicle that left has no slot (NaN) until it gets
-            one again.
+            order. Ordered slots are interpolated, and the last one is held. A vehicle that left has no slot
+            (NaN) until it gets one again.
     """
     steps = [step for step in track.steps if step.left or np.isfinite(step.slot_forward_m)]
     if not steps:

@@ -113,11 +113,11 @@ class VehicleRecord:
     """Position of the leader by which it led (itself, or a lost one extrapolated), m north; with
     `lead_term`."""
     lead_east_m: FloatArray | None = None
-    """Position of that leader, m east; with `lead_term`."""
+    """Position of the leader by which it led, m east; with `lead_term`."""
     lead_course_rad: FloatArray | None = None
-    """Course over ground of that leader, rad clockwise from north; with `lead_term`."""
+    """Course over ground of the leader by which it led, rad clockwise from north; with `lead_term`."""
     lead_altitude_amsl_m: FloatArray | None = None
-    """Altitude of that leader, m above mean sea level; with `lead_term`."""
+    """Altitude of the leader by which it led, m above mean sea level; with `lead_term`."""
 
     leader_age_s: FloatArray | None = None
     """Age of the leader state that a follower used, s, NaN without one; None if not recorded."""
