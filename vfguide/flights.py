@@ -145,7 +145,6 @@ class Comparison:
     settings: Mapping[str, object]
     """Values that replaced fields of the mission."""
     summary: Summary
-    """Figures of the flight."""
     metrics: Mapping[str, float]
     """User-defined figures, by the names of their functions."""
 

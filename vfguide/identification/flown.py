@@ -110,9 +110,7 @@ class Answer:
     """Identified response of one loop of one vehicle."""
 
     vehicle: str
-    """Name of the vehicle."""
     loop: Loop
-    """Identified loop."""
     response: HoldResponse | None
     """Response, None if unknown."""
     why: str
@@ -352,7 +350,6 @@ class SlipAnswer:
     """Identified slip of one vehicle."""
 
     vehicle: str
-    """Name of the vehicle."""
     slip: Slip | None
     """Slip, None if unknown."""
     why: str

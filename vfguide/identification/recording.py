@@ -220,7 +220,6 @@ class Segment:
     speed: float
     """Airspeed or ground speed, whichever the vehicle holds, m/s."""
     duration_s: float
-    """Duration, s."""
 
 
 def course_step(airframe: Airframe) -> float:

@@ -26,8 +26,7 @@ END_S = 1.0
 """Averaging time at the ends of a leg, s: it removes an oscillation of 0.9 Hz and most noise."""
 
 NOSE_S = 2.0
-"""Averaging time of the turn rate for the nose's lead, s, since the nose does not lead so in an oscillation.
-"""
+"""Averaging time of the turn rate for the nose's lead, s: the nose does not lead so in an oscillation."""
 
 LEAST_REPORTS = 100
 """Minimum number of reports for an estimate."""
@@ -79,9 +78,7 @@ class Bank:
     """One report of bank, heading and velocity."""
 
     time_s: float
-    """Time, s."""
     leg: int
-    """Number of the leg."""
     heading: float
     """Heading of the nose, rad."""
     bank: float
@@ -155,7 +152,6 @@ class SlipLeg:
     by_bank: float
     """Heading change expected from the bank, rad."""
     lasts_s: float
-    """Duration, s."""
 
 
 def legs_of(reports: list[Bank], scale: float) -> list[SlipLeg]:

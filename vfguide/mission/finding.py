@@ -75,9 +75,7 @@ class Misfit:
     location: Location
     """Location in the mission; relative to `path` for misfits that a path reports."""
     message: str
-    """Fault."""
     remedy: str
-    """Correction."""
 
 
 def refuse(misfits: Iterable[Misfit], value: object, *outer: str) -> None:
@@ -126,9 +124,7 @@ class Finding:
     location: Location
     """Field to look at."""
     message: str
-    """Observation."""
     remedy: str = ""
-    """Suggested improvement."""
     file: str | None = None
     """Mission file, None if unknown."""
     line: int | None = None

@@ -33,7 +33,11 @@ LAW: Location = ("controller", "type")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Overrides:
-    """Values from the command line; None keeps the file's value."""
+    """Values from the command line; None keeps the file's value.
+
+    `wind` replaces the mission's. `speed_response` replaces the field of this name in `rehearsal.emulator`;
+    `duration_s`, `rate_hz` and `seed` replace those in `rehearsal`.
+    """
 
     controller: str | None = None
     """Replaces `controller.type`."""
@@ -42,15 +46,10 @@ class Overrides:
     plant: str | None = None
     """Replaces every vehicle's `plant`; all but the holds become `rehearsal.emulator.plant`."""
     speed_response: SpeedResponseName | None = None
-    """Replaces `rehearsal.emulator.speed_response`."""
     wind: WindName | None = None
-    """Replaces `wind`."""
     duration_s: float | None = None
-    """Replaces `rehearsal.duration_s`."""
     rate_hz: float | None = None
-    """Replaces `rehearsal.rate_hz`."""
     seed: int | None = None
-    """Replaces `rehearsal.seed`."""
 
 
 @dataclass(slots=True)

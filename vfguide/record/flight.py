@@ -46,7 +46,7 @@ FORMAT = "vfguide-flight-record"
 """Format name in each file."""
 
 VERSION = 2
-"""Version of the file layout; a reader refuses newer ones."""
+"""Version of the file layout; a reader refuses any other."""
 
 MOST_OUTLINES = 1000
 """Maximum number of outlines in a record: more than a mission can name."""
@@ -135,7 +135,6 @@ class FlightRecord:
     path_east_m: FloatArray
     """M points along the planned path for drawing, m."""
     mission: str
-    """Name of the mission."""
     controller: str
     """Name of the law that followers flew by."""
     plant: str

@@ -52,7 +52,7 @@ SYNC_S = 1.0
 """Interval of syncs to the disk itself, s."""
 
 LONGEST_QUEUE = 10_000
-"""Maximum number of entries waiting for a slow disk: two minutes of a busy connection. More are dropped."""
+"""Maximum entries waiting for a slow disk: two minutes of a busy connection. More are dropped and counted."""
 
 CLOSING_S = 5.0
 """Time for writing the last entries before the program ends without them, s."""
@@ -221,9 +221,7 @@ class RecordingStart:
     """Identity and clocks of a recording at its start."""
 
     vehicle: str
-    """Name in the mission."""
     mission: str
-    """Name of the mission."""
     system_id: int
     """MAVLink system ID of the vehicle."""
     unix_s: float
