@@ -189,7 +189,6 @@ def _prefix(path: str) -> str:
 def _credentials(
     parts: SplitResult, environment: Mapping[str, str]
 ) -> tuple[str | None, str | None]:
-    """Return the user name and password."""
     if parts.username is None:
         return None, None
     user = unquote(parts.username)
@@ -221,11 +220,7 @@ class NewestOnly:
     """Queue of the newest message per topic: a newer message replaces an unread one."""
 
     def __init__(self, replaced: Callable[[], None]) -> None:
-        """Create an empty queue.
-
-        Args:
-            replaced: called for each message that is dropped, for a newer one or for lack of room.
-        """
+        """Create an empty queue; `replaced` is called for each dropped message."""
         self._newest: dict[str, bytes] = {}
         self._replaced = replaced
         self._filled = asyncio.Event()
@@ -342,10 +337,7 @@ class Echo:
 
 
 class LastWords(logging.Logger):
-    """Logger that keeps the MQTT engine's last line: only there is the reason of a hang-up found.
-
-    Each client has its own, which no other code knows: the link alone logs errors, once.
-    """
+    """Logger of one client that keeps the MQTT engine's last line, the only trace of a hang-up's reason."""
 
     def __init__(self) -> None:
         super().__init__("mqtt", logging.WARNING)
@@ -431,10 +423,10 @@ class BrokerClient(Client):
         return closing
 
     async def send(self, topic: str, payload: bytes) -> None:
-        """Publish once, without an answer: at once, or when the socket has room again.
+        """Publish once, unacknowledged: at once, or when the socket has room.
 
         Raises:
-            MqttError: the connection is lost, or the socket stays full.
+            MqttError: it is lost, or the socket stays full.
         """
         engine = self._client
         if engine.want_write():
@@ -520,7 +512,7 @@ class TidySocket(ssl.SSLSocket):
 
 
 def security_of(address: MqttAddress) -> ssl.SSLContext | None:
-    """Return the TLS context of an address; None for an unencrypted connection.
+    """Return the TLS context, or None without encryption.
 
     Raises:
         InputError: a certificate cannot be read.

@@ -144,8 +144,8 @@ class LeaderMessage(msgspec.Struct, frozen=True, kw_only=True):
     steered: bool = True
     """Whether the sender's companion steers it, and thereby keeps it clear of the others."""
     course_setpoint: float = math.nan
-    """Course that the sender's autopilot was told to hold and keeps without its companion, rad in 0 to 2 pi.
-    NaN where the companion does not steer or did not tell."""
+    """Course that the autopilot was told to hold and keeps without its companion, rad in 0 to 2 pi, or
+    NaN."""
     height_sense: int = 0
     """Way to a height of its own: 1 climbing, -1 descending, 0 neither."""
     leads: bool = False
@@ -182,7 +182,7 @@ def encoded_tail(message: LeaderMessage) -> tuple[int, bytes]:
 
 
 def decoded_tail(tail: bytes, flags: int) -> list[tuple[float, ...] | None]:
-    """Decode the optional parts, one entry for each; None for an absent part.
+    """Decode the optional parts, None for absent ones.
 
     Raises:
         LinkDataError: the flags do not fit the bytes.
@@ -277,7 +277,6 @@ def decode_tell(data: bytes) -> Tell:
 
 
 def _about_clocks(data: bytes, mark: bytes, layout: struct.Struct) -> list[Any]:
-    """Decode the number of the exchange and the times, all finite."""
     size = layout.size + CHECKSUM.size
     body = opened(data, mark, CLOCK_VERSION, what="a message about clocks", least=size, most=size)
     _, _, *values = layout.unpack(body)
@@ -374,11 +373,9 @@ class Envelope(msgspec.Struct, frozen=True, kw_only=True):
     scheme: Scheme
     """Authentication that the message claims."""
     kind: Kind
-    """Content of the message."""
     formation: int
     """Number of the formation by `formation_number`."""
     sender: str
-    """Name of the sender."""
     session: int
     """Number of the sender's session, which is one run of its program."""
     epoch: int
@@ -388,7 +385,6 @@ class Envelope(msgspec.Struct, frozen=True, kw_only=True):
     time_s: float
     """Time of sending, s on the formation's clock; NaN while the sender does not know that."""
     body: bytes
-    """Encoded content."""
     signed: bytes
     """All bytes that the tag covers."""
     tag: bytes

@@ -29,8 +29,7 @@ LARGEST_KEY = 4096
 """Maximum sizes of a roster and a key file, bytes: a larger file is something else."""
 
 RADIO_KEY, RADIO_KEY_SIZE = "radio.psk", 32
-"""Name of the file with the key that all members share on a radio (64 hexadecimal digits), and the key's
-bytes."""
+"""Name and size, bytes, of the file with the key that all members share on a radio, in hexadecimal digits."""
 
 OPERATOR = "operator"
 """Name of the key pair for watching and ordering, made along with the vehicles'."""
@@ -46,7 +45,6 @@ class Roster:
     """Public keys of a formation by name."""
 
     formation: str
-    """Name of the formation."""
     vehicles: Mapping[str, bytes] = field(default_factory=dict)
     """Public keys by vehicle name, 32 bytes each."""
     operators: Mapping[str, bytes] = field(default_factory=dict)
@@ -62,7 +60,6 @@ class KeyPlaces:
     """Paths of a mission's keys: `NAME.roster` and the directory `NAME.keys` beside `NAME.yaml`."""
 
     roster: Path
-    """Roster file."""
     directory: Path
     """Directory of private keys, one file each."""
 
@@ -113,11 +110,7 @@ def verifier_of(public: bytes) -> Verifier:
 def read_private_key(
     path: Path, environment: Mapping[str, str] = os.environ
 ) -> "Ed25519PrivateKey":
-    """Read a private key.
-
-    Raises:
-        InputError: it cannot be read, is no Ed25519 key, or others than its owner may read it.
-    """
+    """Read a private key; raise InputError if it is unreadable, no Ed25519 key, or open to others."""
     from cryptography.exceptions import UnsupportedAlgorithm
     from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
     from cryptography.hazmat.primitives.serialization import load_pem_private_key
@@ -133,11 +126,7 @@ def read_private_key(
 
 
 def read_radio_key(path: Path, environment: Mapping[str, str] = os.environ) -> bytes:
-    """Read a radio key, 32 bytes.
-
-    Raises:
-        InputError: it cannot be read, is no radio key, or others than its owner may read it.
-    """
+    """Read a radio key, 32 bytes; raise InputError if it is unreadable, no radio key, or open to others."""
     content = read_secret(path, "radio key", environment)
     try:
         key = bytes.fromhex(content.decode("ascii"))
@@ -211,10 +200,10 @@ def write_secret(path: Path, content: bytes) -> None:
 
 
 def read_revocations(path: Path) -> tuple[bytes, ...]:
-    """Read statements about revoked keys, one per line; a damaged line is empty bytes, a missing file none.
+    """Read statements about revoked keys, one per line, empty if damaged; none without a file.
 
     Raises:
-        InputError: the file cannot be read.
+        InputError: it cannot be read.
     """
     try:
         with open_regular(path) as stream:

@@ -39,15 +39,14 @@ YOUNG_S = 10.0
 """Speaking time up to which another companion of the same name may have been here first, s."""
 
 TWIN_QUIET_S, TWIN_SPREAD_S = 6.0, 4.0
-"""Minimum silence of another companion of one's name before speaking again, s, and its greatest random
-extension: the other may have stepped back, too."""
+"""Least silence of another companion of one's name before speaking again, s, and its random extension."""
 
 AFTER_START_S = 1.0
 """Margin after the own start beyond which a message in the own name is of no earlier run, s."""
 
 ASK_EVERY_S, ASK_AGAIN_S = 1.0, 1.5
-"""Mean intervals between questions to the own name, at first and once answered, s. Each varies randomly by
-half, so that two members on one radio do not stay in step."""
+"""Mean intervals between questions to the own name, at first and once answered, s. Each varies by half, so
+that two members on one radio do not stay in step."""
 
 IN_VAIN, ASK_SELDOM_S = 6, 5.0
 """Questions without an answer, as to a recording, after which the interval grows to the second value, s."""
@@ -71,12 +70,7 @@ class TwinWatch:
     """
 
     def __init__(self, clock: Callable[[], float], *, asks: bool) -> None:
-        """Create a detector that knows of no other companion.
-
-        Args:
-            clock: the member's own clock, s.
-            asks: whether the member is the leader.
-        """
+        """Create a detector that knows of no other companion; `asks` is True for the leader."""
         self.asks = asks
         self._clock = clock
         self._began_s = clock()
@@ -154,7 +148,7 @@ class TwinWatch:
         """Check whether to answer, once, a question in the own name, which sends its asker back.
 
         Raises:
-            LinkDataError: the bytes are no question.
+            LinkDataError: it is none.
         """
         ask, now = decode_ask(question), self._clock()
         if not self.asks or self.stands_back or now - self._answer_s < ANSWER_EVERY_S:
@@ -201,7 +195,6 @@ class Parcel(msgspec.Struct, frozen=True, kw_only=True):
     """Sealed outgoing message."""
 
     kind: Kind
-    """Content of the message."""
     to: str
     """Name of the recipient; empty for everybody."""
     data: bytes
@@ -225,8 +218,7 @@ class Hearing(TypedDict, total=False):
     receive_presence: Callable[[str, Presence], None] | None
     """Called with the name of a vehicle and its presence."""
     receive_lead: Callable[[str, bytes], object] | None
-    """Called with the name of a vehicle that leads in place of the mission's leader, and the state of the
-    leader by which it leads."""
+    """Called with the name of a deputy that leads, and the state of the leader by which it leads."""
     receive_order: Callable[[bytes, bytes, bool], None] | None
     """Called with an operator's order, its envelope and whether another vehicle repeats it."""
     receive_reply: Callable[[str, bytes], None] | None
@@ -312,9 +304,9 @@ class Member:
         return ELDER if self.twins.stands_back else ""
 
     def note_twin(self, said_s: float) -> None:
-        """Note an authentic message in the own name sent by somebody else at this time of the formation, s.
+        """Note an authentic message of somebody else in the own name, unless this is an operator.
 
-        An operator's programs steer nothing, so any number of them may share a name.
+        An operator's programs steer nothing and may share a name. `said_s` is on the formation's clock.
         """
         if not self.is_operator:
             self.twins.hear(self.formation_time() - said_s)
@@ -369,7 +361,7 @@ class Member:
         """Send an order signed here by an operator's key, and take it as every member does.
 
         Raises:
-            RefusedError: no session of the leader is known under which to give the order.
+            RefusedError: the leader's session is unknown.
         """
         now = self.clock()
         (epoch, *_) = self.trust.epochs(now) or (0,)
@@ -400,15 +392,11 @@ class Member:
         return self._seal(kind, EVERYBODY, body)
 
     def take(self, data: bytes) -> bool:
-        """Take a message from a link, and count whatever is wrong with it.
-
-        Returns:
-            Whether a member of the formation was heard, be it by a copy of an earlier message.
-        """
+        """Take a message, counting errors; return whether a member was heard, be it by a copy."""
         return self._guarded(lambda: self._take(data))
 
     def vouch_for(self, envelope: Envelope) -> None:
-        """Check whether to believe a message whose tag the link itself has verified.
+        """Check a message whose tag the link itself has verified.
 
         Raises:
             RefusedError: it is not believed.
@@ -428,7 +416,7 @@ class Member:
             self._guarded(lambda: self._use(message))
 
     def _take(self, data: bytes) -> bool:
-        """Take a message, and return whether it shows that a member is heard.
+        """Take a message; return whether a member is heard.
 
         Raises:
             RefusedError: it is not believed.
@@ -456,7 +444,7 @@ class Member:
         """Take a revocation and pass it on; return whether it is new.
 
         Raises:
-            RefusedError: it is no operator's statement about a key of this formation.
+            RefusedError: it is not valid here.
         """
         vehicle = self.trust.revoke(envelope, self.clock())
         if vehicle is None:
@@ -468,7 +456,7 @@ class Member:
         return True
 
     def revoke(self, vehicle: str) -> Parcel:
-        """As an operator, send the revocation of a vehicle's key: the same statement each time.
+        """As an operator, send the same revocation of a vehicle's key each time.
 
         Raises:
             InputError: it has none.
@@ -510,10 +498,10 @@ class Member:
             self.counters["refused: no question"] += 1
 
     def _learn_order(self, sealed: bytes) -> None:
-        """Take an order of another program of this operator, as if a vehicle repeated it.
+        """Take another program's order of this operator as a repeated one.
 
         Raises:
-            RefusedError: it is no operator's order.
+            RefusedError: it is none.
         """
         if (receive := self._hears.get("receive_order")) is not None:
             order = self.trust.vouch(sealed, self.name)

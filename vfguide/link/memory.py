@@ -28,12 +28,7 @@ class MemoryLink:
     """Link from many senders to one receiver."""
 
     def __init__(self, quality: LinkQuality, seeds: Mapping[str, str]) -> None:
-        """Create a link with nothing in flight.
-
-        Args:
-            quality: delay, jitter and loss.
-            seeds: random seeds by sender; messages of other senders are ignored.
-        """
+        """Create a link with nothing in flight and random seeds by sender; other senders are ignored."""
         self.quality = quality
         """Delay, jitter and loss; may be changed at any time and apply to messages sent later."""
         self._seeds = seeds

@@ -48,8 +48,7 @@ REFUSED = 128
 """Smallest result code of a subscription that is not granted."""
 
 GOODBYE_S = 0.5
-"""Timeout of the broker's answer to the goodbye, s; without an answer the broker notices the loss by
-itself."""
+"""Timeout of the broker's answer to the goodbye, s; a broker that does not answer notices by itself."""
 
 IDENTIFIER_BYTES = 8
 """Number of random bytes in a client identifier."""
@@ -62,9 +61,7 @@ class Topics:
     prefix: str
     """First levels of every topic."""
     formation: str
-    """Name of the formation."""
     vehicle: str
-    """Name of the vehicle."""
 
     def state(self, vehicle: str) -> str:
         """Return the topic of a vehicle's states."""
@@ -195,11 +192,7 @@ class MqttCarrier(Carrier):
         return reason_of(error)
 
     async def visit(self) -> str:
-        """Hold one connection from the call to its end.
-
-        Raises:
-            MqttError: the connection is not made, or lost.
-        """
+        """Hold one connection from the call to its end; raise MqttError if it is not made, or lost."""
         inbox = Inbox(self.status.counters)
         client = BrokerClient(
             self.address,
@@ -298,12 +291,7 @@ class MqttCarrier(Carrier):
     async def _say(
         self, client: BrokerClient, presence: Presence, *, patience_s: float = ANSWER_S
     ) -> None:
-        """Publish a retained presence, for those who come later.
-
-        Args:
-            client: the connection.
-            presence: presence to publish.
-            patience_s: timeout of the broker's answer, s.
+        """Publish a presence that the broker retains, and wait for its answer for up to `patience_s`.
 
         Raises:
             MqttError: it does not answer.
@@ -335,11 +323,7 @@ async def until_lost(client: BrokerClient) -> None:
 
 
 async def cancel(tasks: Iterable[asyncio.Task[object]]) -> None:
-    """Cancel tasks until they have ended.
-
-    A task cancelled at the very moment its wait ends may take the result and go on: `wait_for` does up to
-    Python 3.11.
-    """
+    """Cancel tasks until they have ended: up to Python 3.11 `wait_for` may swallow a cancellation."""
     pending = set(tasks)
     while pending:
         for task in pending:

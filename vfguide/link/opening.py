@@ -26,8 +26,7 @@ FIRST_TRY_S = 1.0
 """Time that opening waits for the first attempt, s."""
 
 SETTLED_S = 6.0
-"""Timeout of the first attempt for programs that need the link, s: all of a broker's answers are due within
-it."""
+"""Timeout of the first attempt for programs that need the link, s: long enough for all broker's answers."""
 
 SHORTEST_PAUSE_S = 0.2
 """Minimum interval between questions for the leader's clock, s."""
@@ -92,10 +91,7 @@ class Link:
         return total
 
     def news(self) -> list[str]:
-        """Return the changes of the links since the last call, one sentence each.
-
-        A single link that was never up is not reported as lost.
-        """
+        """Return the changes of the links since the last call; a single link never up is not lost."""
         told = []
         expected = len(self.carriers) > 1
         for carrier in self.carriers:
@@ -214,11 +210,9 @@ class WatchedFormation:
     """Links, names and keys for watching a formation."""
 
     addresses: tuple[LinkAddress, ...]
-    """Addresses of its links."""
     formation: str
     """Name of the formation."""
     leader: str
-    """Name of its leader."""
     roster: Roster | None
     """Public keys of all members; None to believe anybody."""
     key: "Ed25519PrivateKey | None" = None
@@ -230,11 +224,7 @@ class WatchedFormation:
 
 
 def operator_of(roster: Roster, key: "Ed25519PrivateKey") -> str:
-    """Return the name of the operator with this private key.
-
-    Raises:
-        InputError: the roster names no such operator.
-    """
+    """Return the name of the operator with this private key; raise InputError if the roster lacks it."""
     public = public_bytes(key)
     for name, known in roster.operators.items():
         if known == public:
@@ -269,21 +259,13 @@ async def presences(
 
 
 async def check_reachable(watched: WatchedFormation, *, random: Random) -> None:
-    """Check that a link is up.
-
-    Raises:
-        VfguideError: none is; the text says why.
-    """
+    """Check that a link is up; raise VfguideError if none is, with the reasons."""
     async with watching(watched, random=random) as (link, _):
         check_connected(link)
 
 
 def check_connected(link: Link) -> None:
-    """Check that a link is up.
-
-    Raises:
-        VfguideError: none is; the text says why.
-    """
+    """Check that a link is up; raise VfguideError if none is, with the reasons."""
     if not link.connected:
         raise VfguideError(link.complaint())
 

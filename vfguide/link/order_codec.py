@@ -82,9 +82,7 @@ class Reply(msgspec.Struct, frozen=True, kw_only=True):
     """Reply to an order."""
 
     number: int
-    """Number of the order."""
     verdict: Verdict
-    """Verdict on the order."""
     check: int = 0
     """CRC-32 at the end of the order's bytes; 0 where none is known."""
     text: str = ""

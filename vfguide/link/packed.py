@@ -65,8 +65,7 @@ REVISION = "3"
 """Revision of these packets and of their turns, which enters every tag."""
 
 NOT_STEERED, CLIMBS, DESCENDS = 0x80, 0x40, 0x20
-"""Flags beside the kind of a state: not steered by its companion, climbing, descending; see
-`height_sense`."""
+"""Flags beside the kind of a state: not steered; climbing or descending by `height_sense`."""
 
 FLAGS = NOT_STEERED | CLIMBS | DESCENDS
 
@@ -136,7 +135,6 @@ class Packet(msgspec.Struct, frozen=True, kw_only=True):
     """Decoded packet that is not verified yet."""
 
     kind: PackedKind
-    """Content of the packet."""
     formation: int
     """Number of the formation by `formation_mark`."""
     sender: int
@@ -144,9 +142,7 @@ class Packet(msgspec.Struct, frozen=True, kw_only=True):
     ticks: int
     """Time of validity or of sending, 0.1 ms on the formation's clock; 0 in a question."""
     beat: BeatInfo | None = None
-    """Beat in a packet of the leader."""
     state: LeaderMessage | None = None
-    """State in a packet with one."""
     to: int = 0
     """Number of the vehicle that an answer is for."""
     number: int = 0
@@ -156,7 +152,6 @@ class Packet(msgspec.Struct, frozen=True, kw_only=True):
     received: int = 0
     """Arrival of the answered question, 0.1 ms on the leader's clock."""
     presence: Presence | None = None
-    """Presence in a packet with one."""
     piece: Piece | None = None
     """Piece of an order, a reply, a repeated order or a revocation."""
     tagged: bytes
@@ -185,23 +180,13 @@ def formation_key(radio_key: bytes, formation: str, vehicles: Sequence[str]) -> 
 
 
 def tag_of(key: bytes, epoch: int, tagged: bytes) -> bytes:
-    """Return the tag of a packet.
-
-    Args:
-        key: key of the formation.
-        epoch: the leader's session under which the packet is sent; 0 for a question or a revocation.
-        tagged: the packet without its tag.
-    """
+    """Return the tag of a packet under a leader's session, or 0 for a question or a revocation."""
     text = EPOCH.pack(epoch) + tagged
     return hashlib.blake2b(text, key=key, digest_size=TAG_SIZE, person=b"vfguide radio").digest()
 
 
 def ticks_of(time_s: float) -> int:
-    """Convert a time (s) to units of 0.1 ms, rounded down.
-
-    Raises:
-        ValueError: it is no time of a clock that counts from 0.
-    """
+    """Convert a time (s) to units of 0.1 ms, rounded down; raise ValueError if no packet can hold it."""
     ticks = math.floor(time_s / TICK_S) if math.isfinite(time_s) else -1
     if not 0 <= ticks <= LARGEST_TIME:
         raise ValueError(f"{time_s} s is no time that a packet can tell")

@@ -138,10 +138,7 @@ class PeerClock:
     def answer(data: bytes, received: float, now: float) -> bytes:
         """Return the answer to a question, to be sent at once.
 
-        Args:
-            data: the question.
-            received: time of its arrival on the clock asked for, s.
-            now: present time of that clock, s.
+        Both times, of the question's arrival and now, are s on the clock asked for.
 
         Raises:
             LinkDataError: it is no question.
@@ -153,11 +150,7 @@ class PeerClock:
         return encode_tell(tell)
 
     def take(self, data: bytes, now: float) -> bool:
-        """Learn from an answer that has just arrived.
-
-        Returns:
-            Whether one of the clocks has stepped.
-        """
+        """Learn from an answer that has just arrived; return whether one of the clocks has stepped."""
         tell = self._awaited(data)
         if tell is None:
             return False
@@ -189,10 +182,7 @@ class PeerClock:
         return True
 
     def _choose(self, now: float) -> None:
-        """Take the offset from the exchange with the smallest possible error at its present age.
-
-        The best exchange is kept while none is better, however many slow ones follow it.
-        """
+        """Take the offset from the best exchange at its present age; keep it until a better one comes."""
         known = [] if self._best is None else [self._best]
         self._best = min((*known, *self._kept), key=lambda exchange: exchange.bound_s(now))
         self._bound_s = self._best.bound_s(now)

@@ -92,7 +92,7 @@ class Presence(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def encode_presence(presence: Presence) -> bytes:
-    """Encode a presence as JSON without figures that are not finite, which JSON cannot hold.
+    """Encode a presence as JSON, without figures that are not finite.
 
     Raises:
         ValueError: the time is not finite.
@@ -109,8 +109,8 @@ def encode_presence(presence: Presence) -> bytes:
 def shorter_presences(presence: Presence) -> Iterator[Presence]:
     """Yield a presence as it is, then ever shorter ones, down to the indispensable.
 
-    Statistics go first, then the ends of texts. Last go all findings but one, and all figures but the number
-    of lost links.
+    Statistics go first, then the ends of texts, then all findings but one and all figures but that of lost
+    links.
     """
     yield presence
     figures = {
@@ -133,11 +133,7 @@ def shorter_presences(presence: Presence) -> Iterator[Presence]:
 
 
 def decode_presence(data: bytes) -> Presence:
-    """Decode a presence, ignoring unknown fields so that others can add some.
-
-    Raises:
-        LinkDataError: the bytes are no presence.
-    """
+    """Decode a presence, ignoring fields that others may add; raise LinkDataError if it is none."""
     if len(data) > LARGEST:
         raise LinkDataError(f"{len(data)} bytes where a presence has at most {LARGEST}")
     try:

@@ -32,8 +32,8 @@ EXAMPLE = f"serial:///dev/ttyUSB1:57600?key=MISSION.keys/{RADIO_KEY}"
 SLOWEST_BAUD, FASTEST_BAUD = 1_200, 12_000_000
 
 RATES = {"leader": 10.0, "followers": 2.5, "air": 4000.0}
-"""Defaults of an address: states per second of the leader and of each follower, used by the leader alone, and
-bytes per second of all radios together."""
+"""Defaults: states per second of the leader and of each follower, used by the leader alone, and bytes per
+second of all radios together."""
 
 READ = 4096
 """Maximum number of bytes per read."""
@@ -72,7 +72,7 @@ def _number(name: str, text: str) -> float:
 
 
 def vehicles_of(member: Member) -> tuple[str, ...]:
-    """Return the names of the vehicles by their numbers on the radio: the leader, then the others by name.
+    """Return the vehicles' names by their numbers on the radio: the leader, then the others by name.
 
     Raises:
         InputError: a watcher does not know them, or they are too many.
@@ -105,7 +105,7 @@ class RadioCarrier(DatagramCarrier):
         """Assign numbers to the vehicles, and read the radio key.
 
         Raises:
-            InputError: the radio key is missing where messages are signed, or the formation does not fit.
+            InputError: the key is missing or the formation too large.
         """
         super().prepare()
         address, member = self.address, self._member
@@ -208,7 +208,6 @@ class RadioCarrier(DatagramCarrier):
         os.write(self._port.fileno(), data)
 
     def _read(self) -> None:
-        """Read the bytes that have arrived."""
         if self._port is None:
             return
         try:
@@ -250,10 +249,10 @@ class RadioCarrier(DatagramCarrier):
 
 
 def radio_key(address: RadioAddress, *, signs: bool) -> bytes:
-    """Return the formation's radio key; empty with --insecure.
+    """Return the radio key, empty with --insecure.
 
     Raises:
-        InputError: the key is missing where it is needed, or given where it is not.
+        InputError: it is missing where needed, or given where not.
     """
     if not signs:
         if address.key is not None:

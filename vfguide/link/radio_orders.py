@@ -24,8 +24,7 @@ ANSWERABLE_S = 1.5
 """Age at which a question is no longer answered, s: its asker has asked again."""
 
 MOST_PIECES = 24
-"""Maximum number of pieces of a message: 672 bytes, a signed order to 11 followers with names of 18
-characters."""
+"""Maximum number of pieces of a message: 672 bytes, a signed order to 11 followers with 18-letter names."""
 
 ROUNDS = 3
 """Rounds in which a reply or a repeated order is sent, since nobody acknowledges pieces."""
@@ -90,9 +89,9 @@ class Questions:
         self._heard[asker] = number, clock_s
 
     def next_to_answer(self, clock_s: float, now: float) -> tuple[int, int, float] | None:
-        """Return (asker, number of its question, when the question was heard on the member's clock).
+        """Return (asker, number of its question, member's clock when it was heard); None if nobody asks.
 
-        It is the asker that has waited longest for an answer; None where nobody asks.
+        It is the asker that has waited longest for an answer.
         """
         self._heard = {
             asker: (number, received_s)
@@ -129,11 +128,9 @@ class OutgoingMessage:
     """Message on its way out."""
 
     kind: PackedKind
-    """Kind of the message."""
     body: bytes
     """Content: the same content again is the same message, whatever its envelope."""
     pieces: tuple[Piece, ...]
-    """Pieces of the message."""
     posted_s: float
     """Time of the latest request to send it, s."""
     said: int = 0
@@ -211,7 +208,6 @@ class PartialMessage:
     """Message of which some pieces have arrived."""
 
     mark: int
-    """Mark of the message."""
     size: int
     """Size of the whole message, bytes."""
     parts: dict[int, bytes] = field(default_factory=dict)
@@ -226,10 +222,10 @@ class OrderInbox:
         self._partial: dict[tuple[int, PackedKind], PartialMessage] = {}
 
     def take(self, sender: int, kind: PackedKind, piece: Piece) -> bytes | None:
-        """Take a piece; return the whole message once it is complete, otherwise None.
+        """Take a piece; return the whole message once it is complete.
 
         Raises:
-            LinkDataError: the message is too long, or does not match the mark of its pieces.
+            LinkDataError: the message is too long or damaged.
         """
         count = math.ceil(piece.size / PIECE_SIZE)
         if count > MOST_PIECES:

@@ -86,11 +86,7 @@ class Framer:
     """Splitter of a stream into packets."""
 
     def __init__(self, counters: Counter[str]) -> None:
-        """Begin anywhere in the stream.
-
-        Args:
-            counters: counts the damaged packets.
-        """
+        """Begin anywhere in the stream, and count damaged packets."""
         self._counters = counters
         self._buffer = bytearray()
         self._skips = False
@@ -135,8 +131,8 @@ HANDOVER_S, MISSED_BEATS = 2.0, 3
 """Silence of the keeper of the beat, s and beats, after which the beat is taken from another."""
 
 LATE_SHARE = 0.1
-"""Share of a beat's delay that shifts the expected time of the next. Most of a delay is this packet's wait in
-some buffer; an early beat counts in full, since it was expected too late."""
+"""Share of a beat's delay added to the expected time of the next: most of it is a buffer's. An early beat
+counts in full."""
 
 ROUNDING = 1e-9
 """Rounding error of a time as a share of a cycle: turns are sums and quotients of times."""
@@ -161,10 +157,7 @@ class Channel(msgspec.Struct, frozen=True, kw_only=True):
         return LONGEST_FRAME * 10.0 / self.baud
 
     def slot_s(self) -> float:
-        """Return the length of the shortest slot that fits every packet, s.
-
-        A radio sends once it has all of a packet, so a long packet begins later than a short one.
-        """
+        """Return the shortest slot that fits every packet, s; longer packets begin later on the air."""
         later_s = (LONGEST_FRAME - SHORTEST_FRAME) * 10.0 / self.baud
         return max(self.line_s(), LONGEST_FRAME / self.air_bytes_s + later_s)
 
@@ -209,7 +202,7 @@ class Timetable(msgspec.Struct, frozen=True, kw_only=True):
         return self.period_s / self.slots
 
     def offset_s(self, sender: int) -> float:
-        """Return the time from the beginning of a cycle to a follower's turn, s.
+        """Return the time from a cycle's begin to a follower's turn, s.
 
         The number `members` stands for the leader's answer, and higher numbers for the operator.
         """
@@ -251,11 +244,7 @@ class Beat:
     """One member's knowledge of the beat."""
 
     def __init__(self, number: int | None) -> None:
-        """Create it without any beat.
-
-        Args:
-            number: number of the member; OPERATOR for an operator, None for one that only listens.
-        """
+        """Create it without any beat, for a member, OPERATOR, or None for one that only listens."""
         self._number = number
         self.timetable: Timetable | None = None
         """Turns within a cycle; None before the first beat."""

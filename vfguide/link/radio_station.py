@@ -79,16 +79,16 @@ STALE_S = 1.0
 """Age at which a state is no longer sent, s."""
 
 HURRIED_CYCLES, CALM_CYCLES = 2, 12
-"""Cycles between a follower's questions: while its clock is not settled, and later. A follower that knows no
-session of the leader can send nothing else, and asks in each of its turns."""
+"""Cycles between a follower's questions, first while its clock is not settled. Without a session of the
+leader it asks in each turn, since it can send nothing else."""
 
 ORDER_LEAD_S = 10.0
-"""Lead of an order over its execution time, s. With twelve vehicles a round of its pieces takes 2 s. With
-losses all have heard it after three rounds, and replies wait for their turns."""
+"""Lead of an order over its execution time, s. With twelve vehicles a round of its pieces takes 2 s; with
+losses it takes three rounds, and replies wait for turns."""
 
 GREETING_S = 8.0
-"""Time within which twelve companions that start together have all sent, s. Under heavy loss a companion
-needs several questions and answers to learn the formation's time, without which it can send nothing."""
+"""Time until twelve companions that start together have all sent, s: under heavy loss it takes several
+questions and answers to learn the time."""
 
 PRESENCE_S, IDLE_S = 4.0, 1.0
 """Intervals between presences, s: in place of a state, and where there is no state to send."""
@@ -97,8 +97,7 @@ LEAST_LATE_S = 0.002
 """Minimum tolerance of a late turn, s, however short the slots: programs wait for the processor."""
 
 REVOKED_REST_S = 30.0
-"""Interval at which a vehicle passes on a revocation, s: three rounds of pieces take every second turn for 10
-s."""
+"""Interval at which a vehicle repeats a revocation, s: three rounds take every second turn for 10 s."""
 
 PIECES = frozenset(PACKED_KINDS.values())
 """Kinds of packets about orders."""
@@ -126,22 +125,19 @@ OPERATOR_NAME = "the operator"
 """Name of an operator as a sender; no vehicle's name has a blank."""
 
 LISTEN_CYCLES, TWIN_S = 2, 3.0
-"""Cycles for which a starting member listens whether its turns are taken, and silence after another member of
-its name was heard, s."""
+"""Cycles in which a starting member listens for its own name, and silence after hearing it, s."""
 
 LONGEST_LISTEN_S = 5.0
 """Maximum silence of a starting leader while it hears an unauthenticated one, s."""
 
 RECENT_S = 1.0
-"""Maximum age of a message in the own name that proves another companion, s; older ones may be replays. Own
-packets sent within this time are remembered."""
+"""Maximum age of a message in the own name that proves another companion, s; older ones may be replays."""
 
 REMEMBERED = 64
-"""Number of own packets remembered."""
+"""Number of own packets remembered, more than in `RECENT_S`."""
 
 LONGEST_CYCLE_S = 10.0
-"""Longest cycle of an unauthenticated beat that is obeyed, s: a slower beat would silence a member for
-long."""
+"""Longest cycle of an unauthenticated beat that is obeyed, s: a slower one would cause long silence."""
 
 
 class Station:
@@ -257,15 +253,7 @@ class Station:
         return frame
 
     def hear(self, data: bytes, now: float) -> bool:
-        """Take bytes from the radio, and count whatever is wrong with them.
-
-        Args:
-            data: bytes, cut anywhere and perhaps damaged.
-            now: present time on the clock of the turns, s.
-
-        Returns:
-            Whether a member of the formation was heard.
-        """
+        """Take bytes, cut anywhere or damaged; count errors, and return whether a member was heard."""
         heard = False
         for packet in self._framer.feed(data):
             if packet in self._sent:
@@ -315,7 +303,7 @@ class Station:
         """Return the name of a packet's sender.
 
         Raises:
-            RefusedError: it is no member of this formation, or its key is revoked.
+            RefusedError: it is a stranger or its key is revoked.
         """
         if packet.formation != self._mark:
             raise RefusedError("another formation")
@@ -344,11 +332,7 @@ class Station:
         return None
 
     def _check(self, packet: Packet, sender: str, epoch: int) -> None:
-        """Check a packet with a valid tag by the same rules as on every link.
-
-        Raises:
-            RefusedError: it is not believed.
-        """
+        """Check a packet with a valid tag as on every link; raise RefusedError if it is not believed."""
         own, kind, body = packet.sender == self._number, KINDS[packet.kind], b""
         time_s, session, sequence = (
             packet.ticks * TICK_S,
@@ -424,11 +408,7 @@ class Station:
         self._member.ask_twin()
 
     def _count_from(self, packet: Packet, began_s: float) -> None:
-        """Count from a beat.
-
-        Raises:
-            RefusedError: its timetable does not fit this formation, or any radio.
-        """
+        """Count from a beat; raise RefusedError if its timetable fits no radio or another formation."""
         info = packet.beat
         if info is None or self._number == LEADER:
             return
@@ -506,7 +486,6 @@ class Station:
         return packet + tag_of(self._key, epoch, packet)
 
     def _said_by_leader(self, turn: Turn, now: float) -> bytes:
-        """Return the leader's packet for a turn."""
         table = self._beat.timetable
         if turn.beat is None and table is not None:
             # Ask another leader of its name, which seldom sends in this turn and answers in the next one.
@@ -533,7 +512,6 @@ class Station:
         return now - max(began_s, self._twin_s) < LISTEN_CYCLES * table.cycle_s
 
     def _said(self, now: float) -> bytes:
-        """Return a follower's packet for its turn."""
         question = self._due_question(now)
         if question:
             return question
@@ -606,7 +584,6 @@ class Station:
         return self._sealed(PackedKind.QUESTION, QUESTION.pack(ask.number), said_s)
 
     def _answer(self, now: float) -> bytes:
-        """Return the packet of an answer to one of the waiting questions."""
         clock_s = self._member.clock()
         found = self._questions.next_to_answer(clock_s, now)
         if found is None:

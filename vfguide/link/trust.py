@@ -30,8 +30,8 @@ if TYPE_CHECKING:
     from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 
 GRACE_S = 3.0
-"""Time after a leader's restart in which messages under its previous session still count, s: members learn of
-the new session one after the other."""
+"""Time after a leader's restart in which its previous session still counts, s: members learn of it in
+turn."""
 
 VEHICLES_MAY = frozenset({Kind.STATE, Kind.PRESENCE, Kind.WILL, Kind.REPLY, Kind.REPEAT})
 LEADER_MAY = VEHICLES_MAY | {Kind.QUESTION, Kind.ANSWER}
@@ -62,10 +62,9 @@ AHEAD_S = 2.0
 """Greatest lead of a message's time over the formation's clock, s."""
 
 SAID_PER_S, SAID_AT_ONCE = 400.0, 2000.0
-"""Greatest rate, 1/s, and burst of one sender's messages and sequence numbers.
+"""Greatest rate, 1/s, and burst of a sender's messages and sequence numbers.
 
-A sender's key in the wrong hands can silence that sender by exceeding them, but takes no more of a receiver's
-time.
+A thief of its key can silence the sender by exceeding them, but takes no more of a receiver's time.
 """
 
 MET = 32
@@ -78,8 +77,8 @@ LEADER_LOST_S = 3.0
 """Silence of the leader after which a deputy tells the time, s."""
 
 FORGED_PER_S = 500
-"""Maximum rate of failed signature checks, 1/s: a tenth of a core. Messages in a flood of forgeries are not
-heard, but the vehicle is still steered."""
+"""Maximum rate of failed signature checks, 1/s: a tenth of a core. A flood of forgeries hides messages, but
+the vehicle is still steered."""
 
 
 def new_session() -> int:
@@ -95,13 +94,10 @@ class Message(msgspec.Struct, frozen=True, kw_only=True):
     """Believed message."""
 
     kind: Kind
-    """Content of the message."""
     sender: str
-    """Name of the sender."""
     session: int
     """Sender's session, which is one run of its program."""
     body: bytes
-    """Encoded content."""
     epoch: int = 0
     """The leader's session under which it was sent."""
     sealed: bytes = b""
@@ -167,13 +163,12 @@ class Trust:
             session: 64 random bits, new at each start; not 0.
             roster: public keys of all members; None to sign nothing and to believe anybody.
             key: the own private key; None for one that only listens.
-            watches: whether this is no vehicle, but an observer of the vehicles. It also hears a vehicle that
-                has not found its leader and, while no leader has answered, everything plausible.
+            watches: True for an observer, who also hears vehicles without a leader and, without one, all that
+                is plausible.
             deputies: names of vehicles that may lead, and tell the time, in the leader's place.
 
         Raises:
-            InputError: the roster is another formation's, it lacks the leader's key, or it names another key
-                for this member.
+            InputError: the roster is another formation's, lacks the leader's key, or names another own key.
         """
         self.name = name
         self.leader = leader
@@ -227,12 +222,7 @@ class Trust:
         return self._epoch != 0
 
     def seal(self, kind: Kind, body: bytes, *, time_s: float) -> bytes:
-        """Seal a message in an envelope of this member.
-
-        Args:
-            kind: kind of the message.
-            body: encoded content.
-            time_s: present time, s on the formation's clock; NaN while unknown.
+        """Seal a message; `time_s` is now on the formation's clock, NaN while unknown.
 
         Raises:
             ValueError: it is too long.
@@ -263,10 +253,10 @@ class Trust:
         return self.name in self.statements
 
     def revocation(self, vehicle: str) -> bytes:
-        """Return an operator's revocation of a vehicle's key: that very key, in any flight.
+        """Return an operator's revocation of a vehicle's present key, for any flight.
 
         Raises:
-            InputError: the roster names no such vehicle.
+            InputError: it has none.
         """
         public = None if self._roster is None else self._roster.vehicles.get(vehicle)
         if public is None:
@@ -277,16 +267,9 @@ class Trust:
         return self.seal(Kind.REVOCATION, public + vehicle.encode(), time_s=math.nan)
 
     def revoke(self, envelope: Envelope, now: float) -> str | None:
-        """Take a revocation, whenever it was made and whoever passes it on.
+        """Take a revocation, whenever made and whoever passes it on; return the vehicle if it is new.
 
         It names the key itself, and changes nothing if that key was replaced or revoked since.
-
-        Args:
-            envelope: the revocation.
-            now: present time on the clock of `believe`, s.
-
-        Returns:
-            Name of the vehicle; None where the revocation was known.
 
         Raises:
             RefusedError: it is no operator's statement about a key of the roster.
@@ -369,11 +352,7 @@ class Trust:
         )
 
     def _check_scheme(self, envelope: Envelope) -> None:
-        """Check that a message is signed by a member where signatures are due.
-
-        Raises:
-            RefusedError: it is not.
-        """
+        """Check that a message is signed by a member where due; raise RefusedError if it is not."""
         if envelope.scheme is not (Scheme.ED25519 if self.signs else Scheme.UNSIGNED):
             raise RefusedError("not signed" if self.signs else "signed, where --insecure was typed")
         if self.signs and envelope.sender not in self._verifiers:
@@ -383,8 +362,8 @@ class Trust:
         """Verify an operator's order of this flight that another member repeats.
 
         The operator has signed the session of the leader under which the order was given. Where this member
-        has not met that session, two others must repeat the order. Whether it is the order flown now is
-        decided by its number, which fresh states carry.
+        has not met that session, two others must repeat the order. Its number, which fresh states carry,
+        tells whether it is flown now.
 
         Args:
             sealed: the operator's envelope.
@@ -427,10 +406,10 @@ class Trust:
     def _check_leaps(
         self, envelope: Envelope, heard: Heard | None, now: float, time_s: float
     ) -> None:
-        """Check that a sender's times and numbers rise as time allows, and limit its message rate.
+        """Check that times and numbers rise as time allows, and limit the rate.
 
         Raises:
-            RefusedError: they leap, or it sends too much.
+            RefusedError: they leap or are too many.
         """
         allowed = self._allowed.get(envelope.sender)
         if allowed is None:
@@ -449,10 +428,10 @@ class Trust:
                 raise RefusedError("a number that leaps")
 
     def _check_tag(self, envelope: Envelope, now: float) -> None:
-        """Verify a tag; a limit on failed checks leaves time for everything else.
+        """Verify a tag; limit failed checks, to leave time for all else.
 
         Raises:
-            RefusedError: it is wrong, or too many were within the last second.
+            RefusedError: it is wrong, or too many were.
         """
         verifies = self._verifiers.get(envelope.sender)
         if verifies is None:
@@ -469,11 +448,7 @@ class Trust:
             raise RefusedError("forged")
 
     def prove(self, session: int, now: float) -> None:
-        """Take a session of the leader as the live one, since it has answered this member's own question.
-
-        Args:
-            session: session of the answer.
-            now: present time on the clock of `believe`, s.
+        """Take a session of the leader as the live one: it has answered this member's own question.
 
         Raises:
             RefusedError: another session of the leader lives, too.
@@ -495,11 +470,7 @@ class Trust:
         return self._watches and not self.proven
 
     def epochs(self, now: float) -> tuple[int, ...]:
-        """Return the leader's sessions under which a message may have been sent, the live one first.
-
-        Args:
-            now: present time on the clock of `believe`, s.
-        """
+        """Return the leader's sessions under which a message may have been sent, the live one first."""
         if not self.proven:
             return ()
         graced = self._epoch_before != 0 and now < self._grace_ends_s
@@ -519,10 +490,10 @@ class Trust:
         return FOLLOWER_MAY if sender in self._roster.vehicles else OPERATOR_MAY
 
     def _in_order(self, envelope: Envelope, now: float) -> Heard | None:
-        """Return the sender's record if the message fits it; None for a new session.
+        """Return the sender's record, or None for a new session.
 
         Raises:
-            RefusedError: it is a repetition, or of another flight.
+            RefusedError: it is repeated, or of another flight.
         """
         made_here = envelope.sender == self.name and envelope.sequence <= self._sequence
         if envelope.session == self._session and (made_here or envelope.sender != self.name):
@@ -550,7 +521,7 @@ class Trust:
         """Check that a message is of this flight.
 
         Raises:
-            RefusedError: it is of another flight, or of another run of the leader.
+            RefusedError: it is of another one, or of a restarted leader.
         """
         # The number of an answer decides whether it answers this member's question.
         answers = envelope.kind is Kind.ANSWER
@@ -583,7 +554,6 @@ class Trust:
             raise RefusedError("an earlier session")
 
     def _note(self, heard: Heard | None, envelope: Envelope, now: float) -> None:
-        """Record a believed message."""
         if heard is None:
             if envelope.kind is Kind.ANSWER and self._epoch not in (
                 envelope.session,

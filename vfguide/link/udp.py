@@ -85,7 +85,7 @@ def open_socket(address: UdpAddress) -> socket.socket:
     """Open a socket that receives a formation's datagrams and can send to it.
 
     Raises:
-        OSError: the interface does not exist, or the port is not available.
+        OSError: interface or port is unavailable.
     """
     opened = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     try:
@@ -120,8 +120,7 @@ def open_socket(address: UdpAddress) -> socket.socket:
 def interface_of(name: str) -> bytes:
     """Return an interface's address and number as at the end of Linux's `ip_mreqn`, elsewhere the address.
 
-    Args:
-        name: name or address of the interface; empty for that of the default route.
+    An empty name stands for the interface of the default route.
 
     Raises:
         OSError: there is no such interface.

@@ -107,11 +107,7 @@ class AutopilotAdapter(ABC):
     """Name of the emulated autopilot that flies the vehicle in a rehearsal."""
 
     def __init__(self, vehicle: "Vehicle") -> None:
-        """Create an adapter that has heard nothing of its autopilot yet.
-
-        Args:
-            vehicle: the vehicle it speaks to.
-        """
+        """Create an adapter for a vehicle, of whose autopilot it has heard nothing yet."""
         self._vehicle = vehicle
 
     def become(self, kind: "type[AutopilotAdapter]") -> None:
@@ -195,12 +191,7 @@ class AutopilotAdapter(ABC):
         return AutopilotResponse()
 
     def parameter_warnings(self, parameters: Mapping[str, float], needs: FlightNeeds) -> list[str]:
-        """Return the mismatches of parameters and flight, one line each.
-
-        Args:
-            parameters: answered ones of `parameters`; an autopilot may lack some.
-            needs: the mission's needs.
-        """
+        """Return the mismatches of parameters and flight, one line each; some parameters may be missing."""
         del parameters, needs
         return []
 
@@ -376,12 +367,9 @@ def command_int(
 def telemetry_at(
     vehicle: Vehicle, rate_hz: float, *, estimator: int | None = None
 ) -> list[MAVLink_message]:
-    """Return SET_MESSAGE_INTERVAL commands for position, airspeed and messages about their quality.
+    """Return SET_MESSAGE_INTERVAL commands for position and airspeed at this rate.
 
-    Args:
-        vehicle: the vehicle.
-        rate_hz: rate of position and airspeed, Hz.
-        estimator: this autopilot's message about its estimator; None leaves out the quality.
+    With `estimator`, the autopilot's message about its estimator, messages about quality are included.
     """
     interval_us = round(1e6 / rate_hz)
     health_us = max(HEALTH_US, interval_us)
@@ -394,13 +382,7 @@ def telemetry_at(
 
 
 def data_streams(vehicle: Vehicle, rate_hz: float, *, attitude: bool) -> list[MAVLink_message]:
-    """Return REQUEST_DATA_STREAM messages, for autopilots without SET_MESSAGE_INTERVAL.
-
-    Args:
-        vehicle: the vehicle.
-        rate_hz: rate of position and airspeed, Hz.
-        attitude: whether ATTITUDE is wanted at the same rate.
-    """
+    """Return REQUEST_DATA_STREAM messages at this rate, for autopilots without SET_MESSAGE_INTERVAL."""
     rate = max(round(rate_hz), 1)
     streams = [
         (mavlink.MAV_DATA_STREAM_POSITION, rate),
@@ -424,10 +406,7 @@ def set_mode(vehicle: Vehicle, main_mode: int, sub_mode: int = 0) -> MAVLink_mes
 
 
 def compass_degrees(course: float) -> float:
-    """Convert an angle (rad) to degrees in [0, 360), also after rounding to single precision.
-
-    Autopilots deny 360; rounded to a thousandth of a degree, nothing below rounds up to it.
-    """
+    """Convert rad to degrees in [0, 360), as 360 is denied, even after rounding to single precision."""
     return round(math.degrees(wrap_course(course)), 3) % 360.0
 
 
@@ -439,11 +418,7 @@ class SetpointStream:
     """Filter of setpoint messages that remembers what an autopilot was last told."""
 
     def __init__(self, adapter: AutopilotAdapter) -> None:
-        """Create a stream that has sent nothing yet.
-
-        Args:
-            adapter: tells how long a setpoint may go unrepeated, and whether its parts belong together.
-        """
+        """Create a stream that has sent nothing; the adapter tells what is repeated and kept together."""
         self._adapter = adapter
         self._content: dict[Kind, Content] = {}
         self._sent: dict[Kind, float] = {}

@@ -161,7 +161,6 @@ def _host(transport: Transport, text: str) -> str:
 
 
 def _number(text: str) -> ipaddress.IPv4Address | ipaddress.IPv6Address | None:
-    """Return a numeric host, or None where it is not written as one."""
     try:
         if BRACKETS.fullmatch(text):
             return ipaddress.IPv6Address(text[1:-1])

@@ -57,15 +57,13 @@ ALPHA_SHARE = 0.3
 """Tolerance of the mission's alpha against that of GUIDED_P, relative."""
 
 SLIP_TURN_SHARE = 0.745
-"""Turn rate of a slipping vehicle as a share of what its bank angle implies, measured on the simulated
-plane."""
+"""Turn rate of a slipping vehicle as a share of its bank angle's, measured on the simulated plane."""
 
 BETA_TIME_CONST = 2.0
 """beta times TECS_TIME_CONST: 1.0 1/s at 2 s was measured, and 0.45 at 5 s."""
 
 LEAST_TURN_SHARE = 0.5
-"""Minimum turn rate of a slipping vehicle as a share of what its bank angle implies; the simulated plane has
-0.745."""
+"""Minimum turn rate of a slipping vehicle as a share of its bank angle's; the simulated plane has 0.745."""
 
 GUIDED = 15
 

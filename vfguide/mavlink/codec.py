@@ -50,8 +50,8 @@ LOWEST_M, HIGHEST_M = -1000.0, 30_000.0
 """Lowest and highest altitude of aircraft, m; any other counts as unknown."""
 
 PRESSURE_ALTITUDE_ERROR_M = 500.0
-"""Error of a pressure altitude, m. Whether the QNH was set is unknown, 1 hPa is 27 ft, and sea-level
-pressures lie within 60 hPa of the standard."""
+"""Error of a pressure altitude, m: the QNH may be unset, and sea-level pressures lie within 60 hPa (27 ft
+each) of the standard."""
 
 GREATEST_M_S = 1000.0
 """Highest plausible speed, m/s."""
@@ -420,10 +420,7 @@ class Codec:
         return (report,)
 
     def _note_sender(self, frame: Frame) -> int:
-        """Return the series of a frame in the autopilot's name.
-
-        On a signed connection only signed frames count; others return 0.
-        """
+        """Return the series of a frame in the autopilot's name; 0 if unsigned on a signed connection."""
         if self._signing is not None and not self._signing.has_taken(frame):
             return 0
         return self.places.note(frame)
@@ -467,7 +464,7 @@ class Codec:
         return b"".join([self._pack(message) for message in messages])
 
     def _is_addressed(self, message: MAVLink_message) -> bool:
-        """Check whether a message is for this companion or for all; then its target is 0 or missing.
+        """Check whether a message is for this companion or, with target 0 or none, for all.
 
         An autopilot answers a ground station's commands within hearing of everyone.
         """

@@ -101,13 +101,7 @@ class UdpPeer:
         self._heard = -math.inf
 
     def admits(self, source: Endpoint, datagram: bytes, now: float) -> bool:
-        """Check whether to take a datagram; if so its sender becomes the peer.
-
-        Args:
-            source: address of the sender.
-            datagram: its content.
-            now: monotonic time, s.
-        """
+        """Check whether to take a datagram at a monotonic time (s); if so its sender becomes the peer."""
         present = self.endpoint
         if present is None or source[:2] != present[:2]:
             if self._is_given or not self._introduces(datagram):
@@ -211,10 +205,10 @@ async def open_udp_port(
     status: Status,
     introduction: Introduction | None,
 ) -> AsyncIterator[UdpSocket]:
-    """Wait at a port of this computer; without an introduction, for anybody who sends MAVLink.
+    """Wait at a port of this computer; without an introduction, for any MAVLink sender.
 
     Raises:
-        OSError: this computer does not allow it.
+        OSError: the port is denied.
     """
     loop = asyncio.get_running_loop()
     peer = UdpPeer()
@@ -395,7 +389,7 @@ async def kept_up(channel: RunningChannel, status: Status, random: Random) -> No
 async def running(
     channel: RunningChannel, status: Status, random: Random
 ) -> AsyncIterator[ConnectionChannel]:
-    """Keep a channel connected by a task; its first attempt has usually ended on entering.
+    """Keep a channel connected by a task; on entering, its first attempt has usually ended.
 
     Raises:
         InputError: the address is unusable.

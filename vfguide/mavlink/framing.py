@@ -73,7 +73,6 @@ class Frame(msgspec.Struct, frozen=True):
     """MAVLink frame."""
 
     message_id: int
-    """Number of the message."""
     system_id: int
     """MAVLink system that the sender claims."""
     component_id: int
@@ -83,10 +82,7 @@ class Frame(msgspec.Struct, frozen=True):
 
 
 def frames_of(datagram: bytes) -> Iterator[Frame | None]:
-    """Yield the frames (MAVLink 1 or 2) of a datagram in order, and None for each stretch outside frames.
-
-    The checksum is not verified here, so that a frame may be a false one.
-    """
+    """Yield frames (MAVLink 1 or 2) in order, checksums unverified, and None for each stretch outside."""
     start, size = 0, len(datagram)
     while start < size:
         end = end_of_frame(datagram, start)
@@ -195,11 +191,7 @@ def next_magic(datagram: bytes, start: int) -> int:
 
 
 def signing_key(text: str) -> bytes:
-    """Parse a signing key of 64 hexadecimal digits.
-
-    Raises:
-        InputError: it is something else; the message does not repeat it.
-    """
+    """Parse 64 hexadecimal digits; raise InputError, which does not repeat the text, if it is no key."""
     try:
         key = bytes.fromhex(text.strip())
     except ValueError:
@@ -300,13 +292,7 @@ class Introduction:
     def __init__(
         self, system_id: int, component_id: int, *, signing: ConnectionSigning | None = None
     ) -> None:
-        """Expect an autopilot.
-
-        Args:
-            system_id: MAVLink system of the vehicle.
-            component_id: component of its autopilot.
-            signing: signing of the connection; None for an unsigned one.
-        """
+        """Expect an autopilot of this system and component; `signing` is None on an unsigned connection."""
         self.others: Counter[tuple[int, int]] = Counter()
         """Numbers of other autopilots' heartbeats, by system and component."""
         self._fault: str | None = None

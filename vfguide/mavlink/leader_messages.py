@@ -111,8 +111,7 @@ def global_position_cov(message: MAVLink_message) -> LeaderReport | None:
 def follow_target(message: MAVLink_message) -> LeaderReport | None:
     """Decode FOLLOW_TARGET: ms since boot, and velocity (north, east, down) if its bits say so.
 
-    Its acceleration is not used. Senders put a late value, that of the air or 0 there; followers find the
-    rates by themselves.
+    Senders' accelerations are late, those of the air, or 0: followers find the rates by themselves.
     """
     bits = message.est_capabilities
     if not bits & HAS_POSITION:
@@ -173,10 +172,7 @@ def report(
     needs_velocity: bool = False,
     climb_rate: float = 0.0,
 ) -> LeaderReport | None:
-    """Make a report of a message's fields; None without a place on earth or a needed velocity.
-
-    Autopilots without a fix report 0, 0, where nobody flies.
-    """
+    """Make a report; None without a needed velocity or at 0, 0, which autopilots without a fix report."""
     latitude_deg, longitude_deg = latitude * 1e-7, longitude * 1e-7
     if not is_on_earth(latitude, longitude):
         return None
@@ -256,17 +252,11 @@ def follow_target_message(
     altitude_amsl: float,
     heading: float,
 ) -> MAVLink_message:
-    """Return the FOLLOW_TARGET message of a motion.
+    """Return the FOLLOW_TARGET message of a motion, whose time is s on the sender's clock.
 
     Velocity and acceleration are those over ground: (V cos chi, V sin chi) and its derivative. The attitude
-    has no roll and pitch and turns with the course: its yaw rate is the turn rate.
-
-    Args:
-        motion: motion, whose time is s on the sender's clock.
-        latitude_deg: latitude, degrees.
-        longitude_deg: longitude, degrees.
-        altitude_amsl: altitude, m above mean sea level.
-        heading: heading of the nose, rad.
+    has no roll and pitch and turns with the course: its yaw rate is the turn rate. `heading` is the nose's,
+    rad.
     """
     ahead_north, ahead_east = math.cos(motion.course), math.sin(motion.course)
     turning = motion.ground_speed * motion.turn_rate

@@ -65,9 +65,7 @@ class ReceivedMessage(Protocol):
     fields_json: str
     """Fields as JSON."""
     system_id: int
-    """System id of the sender."""
     component_id: int
-    """Component id of the sender."""
 
 
 class Finder(Protocol):
@@ -105,12 +103,7 @@ class MavsdkChannel:
         receive: Callable[[bytes], None],
         status: Status,
     ) -> None:
-        """Create a channel that is not connected yet.
-
-        Args:
-            address: address, which MAVSDK writes the same way.
-            receive: called from the event loop with whole frames.
-            status: status of the connection.
+        """Create a channel that is not connected yet; `receive` gets whole frames from the event loop.
 
         Raises:
             VfguideError: MAVSDK is not installed, or another version.
@@ -140,7 +133,7 @@ class MavsdkChannel:
                 self._say(plugins, message)
 
     async def visit(self) -> tuple[str, bool]:
-        """Find the autopilot and listen until it falls silent; return the reason, and whether it was heard.
+        """Find the autopilot and listen until it is silent; return the reason, and whether it was heard.
 
         Raises:
             InputError: MAVSDK cannot use the address.

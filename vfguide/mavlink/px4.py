@@ -1,4 +1,4 @@
-"""PX4, fixed wing: how it is steered is decided by its version, and by whether it takes Guided Course.
+"""Adapter of fixed-wing PX4, whose way of steering depends on its version and on Guided Course.
 
 | way | on | course | airspeed | altitude | when setpoints stop |
 |---|---|---|---|---|---|
@@ -6,9 +6,9 @@
 | position, offboard | 1.13 to 1.18 | a point 1500 m ahead | 178 after each | the point's | COM_OBL_RC_ACT |
 | velocity, offboard | up to 1.14 | a velocity's | 178 after each | that of the entry | COM_OBL_RC_ACT |
 
-Flown on PX4 1.18.0-beta1 in software, simulated airplane: the first two. By the source: the versions before.
-A velocity without a position is accepted by 1.15 to 1.18 and steers nothing: 1.15 and 1.16 keep the attitude
-of the moment, 1.17 and 1.18 course and height. Measured on 1.18.0-beta1 (20 commands a second):
+The first two were flown on PX4 1.18.0-beta1 in software with a simulated airplane; earlier versions are known
+by their source. 1.15 to 1.18 accept a velocity without a position, which steers nothing: 1.15 and 1.16 keep
+the attitude of the moment, 1.17 and 1.18 course and height. Measured on 1.18.0-beta1 (20 commands a second):
 
 | | course | lag behind a ramp of 6 degrees a second | airspeed |
 |---|---|---|---|
@@ -16,20 +16,20 @@ of the moment, 1.17 and 1.18 course and height. Measured on 1.18.0-beta1 (20 com
 | position ahead | within 0.5 degrees | 1.09 s | by 178, after each position |
 
 - Course: 0.9 1/s (4 pi NPFG_DAMPING / NPFG_PERIOD), a lag of 0.4 s, a dead time of 0.3 s; bank FW_R_LIM. All
-  but 0.05 s of that dead time is the roll's: a steady turn does not feel it.
-- Airspeed: a setpoint goes to a new one with 1 m/s². With FW_THR_ASPD_MIN, FW_THR_TRIM and FW_THR_ASPD_MAX
-  those of the aircraft and FW_T_TAS_TC 2 the airspeed follows by (1 + 0.4 s)/(1 + 0.18 s + 0.09 s²), a swing
-  at 0.5 Hz; with FW_T_TAS_TC 5 nearly so. With default parameters 0.6 of a step comes like that (0.8 with
-  FW_T_TAS_TC 2), the rest with a time constant of a minute. 178 accepts everything, NaN and 99 m/s too.
-  Height within 1 m.
-- A companion that dies in Guided Course leaves an aircraft that flies on. Heartbeats of companions are not
-  counted, those of ground stations are: NAV_DLL_ACT 1 loitered 13 s after the last (COM_DL_LOSS_T 10). So the
-  companion sends such a heartbeat beside its own, except while a pilot flies.
-- Offboard: COM_OBL_RC_ACT 1.7 s after the last setpoint. Its default 0 is a return to the launch without a
+  but 0.05 s of the dead time is the roll's, which a steady turn does not feel.
+- Airspeed: a setpoint moves to a new one with 1 m/s². FW_THR_ASPD_MIN, FW_THR_TRIM and FW_THR_ASPD_MAX may be
+  those of the aircraft. With FW_T_TAS_TC 2 the airspeed then follows by (1 + 0.4 s)/(1 + 0.18 s + 0.09 s²),
+  an oscillation at 0.5 Hz; with FW_T_TAS_TC 5 nearly so. With default parameters 0.6 of a step comes like
+  that (0.8 with FW_T_TAS_TC 2), the rest with a time constant of a minute. 178 accepts everything, even NaN
+  and 99 m/s. Height within 1 m.
+- An aircraft in Guided Course flies on when its companion dies. Companions' heartbeats are not counted,
+  ground stations' are: NAV_DLL_ACT 1 loitered 13 s after the last (COM_DL_LOSS_T 10). So the companion sends
+  such a heartbeat beside its own, except while a pilot flies.
+- Offboard: COM_OBL_RC_ACT acts 1.7 s after the last setpoint. Its default 0 returns to the launch without a
   remote control; 5 loiters.
-- What its estimator says: positions wander by 0.2 to 0.3 m per axis, velocities by 0.3 m/s and courses by 1
-  degree, for a second or two. Its course hold acts on the course that it reports.
-- A mode that PX4 does not have is answered with TEMPORARILY_REJECTED.
+- Estimator: positions wander by 0.2 to 0.3 m per axis, velocities by 0.3 m/s and courses by 1 degree, for a
+  second or two. The course hold acts on the reported course.
+- PX4 answers a mode that it does not have with TEMPORARILY_REJECTED.
 """
 
 import math
@@ -69,10 +69,10 @@ AIRSPEED, GROUND_SPEED = 0, 1
 KEEP_THROTTLE = -1.0
 
 COURSE_OVER_GROUND = 0
-"""The one type of heading that 43002 takes in Guided Course."""
+"""Only type of heading that 43002 takes in Guided Course."""
 
 AHEAD_M = 1500.0
-"""Distance of the point that stands for a course: 2 m off course turn its bearing by under 0.1 degrees."""
+"""Distance of the point that stands for a course, m: 2 m off course turn its bearing by under 0.1 degrees."""
 
 IGNORE_POSITION = 0b111
 IGNORE_VELOCITY = 0b111 << 3
@@ -81,15 +81,13 @@ IGNORE_YAW = 0b1 << 10
 IGNORE_YAW_RATE = 0b1 << 11
 POSITION_ONLY = IGNORE_VELOCITY | IGNORE_ACCELERATION | IGNORE_YAW | IGNORE_YAW_RATE
 VELOCITY_ONLY = IGNORE_POSITION | IGNORE_ACCELERATION | IGNORE_YAW | IGNORE_YAW_RATE
-"""Set exactly: PX4 ignores a field only where its bit says so."""
+"""Type masks of setpoints: PX4 ignores a field only if its bit is set."""
 
 OFFBOARD_KEEP_ALIVE_S = 0.2
-"""Offboard ends when the stream is slower than 2 Hz; a radio may lose one of two."""
+"""Longest interval of offboard setpoints, s: offboard ends below 2 Hz, and a radio may lose one of two."""
 
 
-# What PX4's parameters say: how the aircraft answers, and what does not fit a flight, in words.
-#
-# Pure functions of the parameters' values.
+# Warnings and responses by PX4's parameters are pure functions of their values.
 
 NAMES = (
     *("NAV_DLL_ACT", "COM_DL_LOSS_T", "COM_DLL_EXCEPT", "COM_OF_LOSS_T", "COM_OBL_RC_ACT"),
@@ -97,53 +95,54 @@ NAMES = (
     *("FW_T_TAS_TC", "FW_THR_ASPD_MIN", "FW_THR_TRIM", "FW_THR_ASPD_MAX"),
     *("FW_T_CLMB_MAX", "FW_T_CLMB_R_SP", "FW_T_SINK_MAX", "FW_T_SINK_R_SP"),
 )
-"""The parameters that are asked for."""
+"""Parameters used here."""
 
 SHORTEST_LOSS_S, LONGEST_LOSS_S = 0.5, 5.0
-"""s: a stream at the autopilot's least rate has gaps of half a second; after five a formation is torn."""
+"""Limits of the stream-loss timeout, s: a stream at the minimum rate has gaps of half a second; after five a
+formation is torn."""
 
 RC_ACTIONS_THAT_DESCEND = {4: "lands where it is", 6: "ends the flight", 7: "disarms"}
-"""Values of COM_OBL_RC_ACT after which nobody flies on."""
+"""Values of COM_OBL_RC_ACT after which the aircraft does not fly on."""
 
 LINK_ACTIONS_THAT_DESCEND = {3: "lands where it is", 5: "ends the flight", 6: "disarms"}
-"""Values of NAV_DLL_ACT after which nobody flies on."""
+"""Values of NAV_DLL_ACT after which the aircraft does not fly on."""
 
 LONGEST_LINK_LOSS_S = 15.0
-"""s: PX4's own default is 10."""
+"""Longest link-loss timeout without a warning, s: PX4's own default is 10."""
 
 HOLD_BIT = 1 << 1
-"""The bit of COM_DLL_EXCEPT for Guided Course and its like."""
+"""Bit of COM_DLL_EXCEPT for Guided Course and similar modes."""
 
 ALPHA_SHARE = 0.3
-"""How far the mission's alpha may be from what the parameters give."""
+"""Tolerance of the mission's alpha against that of the parameters, relative."""
 
 COURSE_DEAD_TIME_S = 0.2
-"""s: formations were flown with this; no parameter tells it."""
+"""Dead time of the course, s: formations were flown with it, and no parameter tells it."""
 
 UNTRIMMED = CreepingHold(share=0.6, time=70.0)
-"""What of a new airspeed comes at once where throttles are not set, as measured."""
+"""Measured share of a new airspeed that comes at once, where throttles are not set."""
 
 TRIMMED_BETA, UNTRIMMED_BETA = 3.0, 1.5
-"""1/s: the betas of a total-energy hold with which formations were flown."""
+"""beta of a total-energy hold with which formations were flown, with and without set throttles, 1/s."""
 
 LEAST_TIME_S, MOST_TIME_S = 1.5, 6.0
-"""FW_T_TAS_TC: with 2 and with 5 the airspeed was measured, and answers nearly alike."""
+"""Range of FW_T_TAS_TC, s: the airspeed was measured at 2 and 5, with nearly the same response."""
 
 
 def alpha_of(parameters: Mapping[str, float]) -> float | None:
-    """4 pi NPFG_DAMPING / NPFG_PERIOD, 1/s; None where they do not tell."""
+    """Return 4 pi NPFG_DAMPING / NPFG_PERIOD, 1/s; None if unknown."""
     period_s, damping = parameters.get("NPFG_PERIOD", 0.0), parameters.get("NPFG_DAMPING", 0.0)
     return 4.0 * math.pi * damping / period_s if period_s > 0.0 and damping > 0.0 else None
 
 
 def least_rate(parameters: Mapping[str, float], *names: str) -> float | None:
-    """How fast the height goes to a new altitude, m/s: the lowest of these rates; None if none is known."""
+    """Return the rate at which the height goes to a new one, m/s: the lowest known one of these."""
     rates = (above_zero(parameters.get(name)) for name in names)
     return min((rate for rate in rates if rate is not None), default=None)
 
 
 def beta_of(parameters: Mapping[str, float]) -> float | None:
-    """Bandwidth of the airspeed hold, 1/s; None for parameters with which it was not measured."""
+    """Return the bandwidth of the airspeed hold, 1/s; None for parameters with which it was not measured."""
     trimmed = is_trimmed(parameters)
     if trimmed is None or not LEAST_TIME_S <= parameters.get("FW_T_TAS_TC", 0.0) <= MOST_TIME_S:
         return None
@@ -151,10 +150,10 @@ def beta_of(parameters: Mapping[str, float]) -> float | None:
 
 
 def is_trimmed(parameters: Mapping[str, float]) -> bool | None:
-    """Whether the throttle of every airspeed is known to the autopilot; None where it does not tell.
+    """Return whether the throttle of every airspeed is set; None if the parameters do not tell.
 
-    That of FW_AIRSPD_MIN and of FW_AIRSPD_MAX are 0 where they are not: it then goes by FW_THR_TRIM at every
-    airspeed, and finds the rest by an integral.
+    Unset throttles of FW_AIRSPD_MIN and FW_AIRSPD_MAX are 0. PX4 then uses FW_THR_TRIM at every airspeed, and
+    an integral.
     """
     names = ("FW_THR_ASPD_MIN", "FW_THR_TRIM", "FW_THR_ASPD_MAX")
     if any(name not in parameters for name in names):
@@ -164,7 +163,7 @@ def is_trimmed(parameters: Mapping[str, float]) -> bool | None:
 
 
 def link_loss_warnings(parameters: Mapping[str, float]) -> list[str]:
-    """What happens when the heartbeats stop of which PX4 takes notice in Guided Course."""
+    """Warn about the action when heartbeats stop that PX4 counts in Guided Course."""
     value = parameters.get("NAV_DLL_ACT")
     if value is None:
         return []
@@ -197,7 +196,7 @@ def link_loss_warnings(parameters: Mapping[str, float]) -> list[str]:
 
 
 def stream_loss_warnings(parameters: Mapping[str, float]) -> list[str]:
-    """What happens when the setpoints of offboard stop."""
+    """Warn about the action when offboard setpoints stop."""
     warnings = []
     after_s = parameters.get("COM_OF_LOSS_T")
     if after_s is not None and after_s < SHORTEST_LOSS_S:
@@ -225,7 +224,7 @@ def stream_loss_warnings(parameters: Mapping[str, float]) -> list[str]:
 
 
 def course_warning(parameters: Mapping[str, float], needs: FlightNeeds) -> list[str]:
-    """NPFG decides how fast a course is taken up: alpha = 4 pi NPFG_DAMPING / NPFG_PERIOD."""
+    """Warn where alpha = 4 pi NPFG_DAMPING / NPFG_PERIOD does not fit the mission's."""
     alpha = alpha_of(parameters)
     if alpha is None or abs(alpha - needs.alpha) <= ALPHA_SHARE * needs.alpha:
         return []
@@ -239,7 +238,7 @@ def course_warning(parameters: Mapping[str, float], needs: FlightNeeds) -> list[
 
 
 def throttle_warning(parameters: Mapping[str, float]) -> list[str]:
-    """Without the throttles of its airspeeds a PX4 goes half way to a new one, and creeps on from there."""
+    """Warn if throttles are not set, so that only half of a new airspeed comes soon."""
     if is_trimmed(parameters) is not False:
         return []
     slowest, middle, fastest = (
@@ -284,27 +283,27 @@ AUTO_MODES = {
 HOMEWARD = frozenset({"RETURN", "LAND", "PRECLAND", "TERMINATION"})
 
 TRIES = 4
-"""How often the version is asked for, once a second."""
+"""Number of requests for the version, one a second."""
 
 REFUSALS = 3
-"""Refusals of Guided Course in a row, one a second, after which this PX4 counts as one without that mode."""
+"""Refusals of Guided Course in a row, one a second, after which PX4 counts as lacking that mode."""
 
 
 @autopilot("px4")
 class Px4(UnknownAutopilot):
-    """Adapter for PX4: becomes one of the ways of steering once its version is known."""
+    """Adapter of PX4, which becomes a way of steering once the version is known."""
 
     number = mavlink.MAV_AUTOPILOT_PX4
     rehearsed_as = "px4"
     heartbeat_shows_flight = False
-    """It is ACTIVE as soon as it is armed."""
+    """False, since PX4 is ACTIVE as soon as it is armed."""
     parameters = NAMES
     holds_altitude = True
     engaged_name = "its guided mode"
     way = ""
-    """In a sentence: steers ..."""
+    """Way of steering, to follow "steers" in a sentence."""
     stops_by: str | None = None
-    """Parameter that decides what the aircraft does when its companion falls silent; None: not known yet."""
+    """Parameter that decides what happens when the companion falls silent; None while unknown."""
 
     def __init__(self, vehicle: Vehicle) -> None:
         super().__init__(vehicle)
@@ -316,7 +315,7 @@ class Px4(UnknownAutopilot):
             self.become(STEERINGS[vehicle.px4_steering])
 
     def questions(self) -> list[MAVLink_message]:
-        """Asks for the version until it is known; one that does not answer is steered by positions."""
+        """Ask for the version until it is known; without an answer, steer by positions."""
         if self._tries >= TRIES:
             self.become(Px4ByPositions)
             return []
@@ -332,7 +331,7 @@ class Px4(UnknownAutopilot):
         return f"PX4 {report.major}.{report.minor}: {self.told()}"
 
     def told(self) -> str:
-        """What an operator has to know of how it is steered."""
+        """Tell the operator how the aircraft is steered."""
         silent = "it and every ground station fall" if self.counts_ground_stations else "it falls"
         said = f"this companion steers {self.way}; should {silent} silent, {self.stops_by} decides"
         if self.counts_ground_stations or not self._outlives:
@@ -343,11 +342,11 @@ class Px4(UnknownAutopilot):
         )
 
     def parameter_value(self, report: ParameterReport) -> float:
-        """PX4 puts the bytes of whole numbers into the field of a real one."""
+        """Return the value; PX4 puts the bytes of whole numbers into the field of a real one."""
         return report.value if report.whole is None else float(report.whole)
 
     def response(self, parameters: Mapping[str, float], needs: FlightNeeds) -> AutopilotResponse:
-        """What NPFG's parameters, TECS's throttles and the limits say of the vehicle's response."""
+        """Return the response by NPFG's parameters, TECS's throttles and the limits."""
         del needs
         known = parameters
         lowest, highest = known.get("FW_AIRSPD_MIN"), known.get("FW_AIRSPD_MAX")
@@ -364,13 +363,13 @@ class Px4(UnknownAutopilot):
             sink_max=least_rate(known, "FW_T_SINK_MAX", "FW_T_SINK_R_SP"),
             course_dead_time=None if alpha is None else COURSE_DEAD_TIME_S,
             course_lag=roll if roll > 0.0 else None,
-            # Of every PX4: it has no other.
+            # PX4 has no other kind of hold.
             speed_hold="total-energy" if known else None,
             creeping_hold=UNTRIMMED if creeps else None,
         )
 
     def parameter_warnings(self, parameters: Mapping[str, float], needs: FlightNeeds) -> list[str]:
-        """What does not fit the flight, one line each."""
+        """Return the mismatches of parameters and flight, one line each."""
         return [
             *self.parameter_faults(parameters, needs),
             *course_warning(parameters, needs),
@@ -378,7 +377,7 @@ class Px4(UnknownAutopilot):
         ]
 
     def parameter_faults(self, parameters: Mapping[str, float], needs: FlightNeeds) -> list[str]:
-        """No fail-safe for what stops it when its companion falls silent, or limits below the mission's."""
+        """Return missing fail-safes for a silent companion, and limits below the mission's."""
         return [
             *(link_loss_warnings(parameters) if self.stops_by != "COM_OBL_RC_ACT" else ()),
             *(stream_loss_warnings(parameters) if self.stops_by != "NAV_DLL_ACT" else ()),
@@ -391,61 +390,61 @@ class Px4(UnknownAutopilot):
         ]
 
     def is_handed_back(self, custom_mode: int) -> bool:
-        """Hold: main mode auto, sub mode loiter."""
+        """Check for hold: main mode auto, sub mode loiter."""
         return custom_mode >> 16 == SUB_MODE_LOITER << 8 | MAIN_MODE_AUTO
 
     def mode_name(self, custom_mode: int) -> str:
-        """The main mode is the third byte, the sub mode the fourth."""
+        """Return the name by main mode (third byte) and sub mode (fourth byte)."""
         main, sub = (custom_mode >> 16) & 0xFF, (custom_mode >> 24) & 0xFF
         names, number = (AUTO_MODES, sub) if main == MAIN_MODE_AUTO else (MAIN_MODES, main)
         return names.get(number, f"mode {main}/{sub}")
 
     def goes_home(self, custom_mode: int) -> bool:
-        """Return, and what lands."""
+        """Check for return and modes that land."""
         return self.mode_name(custom_mode) in HOMEWARD
 
     def request_telemetry(self, rate_hz: float) -> list[MAVLink_message]:
-        """Position and airspeed at this rate."""
+        """Return requests for position and airspeed at this rate."""
         return telemetry_at(
             self._vehicle, rate_hz, estimator=mavlink.MAVLINK_MSG_ID_ESTIMATOR_STATUS
         )
 
     def hand_back(self) -> list[MAVLink_message]:
-        """Enter hold, PX4's loiter."""
+        """Return the command to enter hold, PX4's loiter."""
         self._asked = False
         return [set_mode(self._vehicle, MAIN_MODE_AUTO, SUB_MODE_LOITER)]
 
 
 @autopilot("mavsdk")
 class Px4ByMavsdk(Px4):
-    """PX4 by way of MAVSDK, which carries PX4's messages."""
+    """Adapter of PX4 behind MAVSDK, which carries PX4's messages."""
 
     by_mavsdk = True
 
 
 class SteeredPx4(Px4):
-    """A PX4 that is known well enough to be steered."""
+    """PX4 known well enough to be steered."""
 
     is_ready = True
     main_mode, sub_mode = MAIN_MODE_OFFBOARD, 0
 
     def questions(self) -> list[MAVLink_message]:
-        """Nothing: its version is known, or the mission has chosen."""
+        """Return nothing: the version is known, or the mission has chosen."""
         return []
 
     def hear(self, report: VersionReport | CommandReport) -> str | None:
-        """What was chosen stays."""
+        """Ignore the answer: the choice stays."""
         del report
         return None
 
     def engage(self) -> list[MAVLink_message]:
-        """Enter the mode; offboard is refused unless setpoints are already arriving."""
+        """Return the command to enter the mode; offboard is refused unless setpoints already arrive."""
         self._asked = True
         return [set_mode(self._vehicle, self.main_mode, self.sub_mode)]
 
 
 class Px4InGuidedCourse(SteeredPx4):
-    """Commands that are held until the next: a mode of PX4's own, not offboard."""
+    """PX4 steered in Guided Course, a mode of its own that holds commands until the next."""
 
     way = "in Guided Course"
     engaged_name = "GUIDED_COURSE"
@@ -453,17 +452,17 @@ class Px4InGuidedCourse(SteeredPx4):
     streams_before_engaging = False
     counts_ground_stations = True
     keep_alive_s = 0.5
-    """Repetitions are for commands that were lost on the way."""
+    """Longest time between repetitions, s, which only replace lost commands."""
     parts_belong_together = False
     main_mode, sub_mode = MAIN_MODE_AUTO, SUB_MODE_GUIDED_COURSE
     steering_commands = frozenset({mavlink.MAV_CMD_GUIDED_CHANGE_HEADING})
 
     def hear(self, report: VersionReport | CommandReport) -> str | None:
-        """Be steered by positions once Guided Course is refused, unless the mission has chosen it."""
+        """Change to positions once Guided Course is refused, unless the mission has chosen it."""
         if not isinstance(report, CommandReport) or report.command != mavlink.MAV_CMD_DO_SET_MODE:
             return None
         if not self._asked:
-            # The answer to a hand-back, or to another's command.
+            # The answer to a hand-back, or to another sender's command.
             return None
         self._asked = False
         accepted = report.result == mavlink.MAV_RESULT_ACCEPTED
@@ -477,26 +476,26 @@ class Px4InGuidedCourse(SteeredPx4):
         )
 
     def is_engaged(self, custom_mode: int) -> bool:
-        """Main mode auto, sub mode Guided Course; outside it 43002 is denied."""
+        """Check for Guided Course, a sub mode of auto; outside it 43002 is denied."""
         return custom_mode >> 16 == SUB_MODE_GUIDED_COURSE << 8 | MAIN_MODE_AUTO
 
     def steering_questions(self) -> list[MAVLink_message]:
-        """A course, which is denied outside Guided Course."""
+        """Return a course command, which is denied outside Guided Course."""
         return [self._course(0.0)]
 
     def denies_guided(self, report: CommandReport) -> bool:
-        """A course is denied outside Guided Course."""
+        """Check for a denied course, as outside Guided Course."""
         return (report.command, report.result) == (
             mavlink.MAV_CMD_GUIDED_CHANGE_HEADING,
             mavlink.MAV_RESULT_DENIED,
         )
 
     def fly(self, setpoint: AutopilotSetpoint) -> list[MAVLink_message]:
-        """GUIDED_CHANGE_HEADING with a course over ground, DO_CHANGE_SPEED."""
+        """Return GUIDED_CHANGE_HEADING with a course over ground and DO_CHANGE_SPEED."""
         return [self._course(setpoint.course), change_speed(self._vehicle, setpoint.speed)]
 
     def hold_altitude(self, altitude_amsl: float) -> list[MAVLink_message]:
-        """DO_CHANGE_ALTITUDE, as in its loiter; the mode is entered with the altitude of the moment."""
+        """Return DO_CHANGE_ALTITUDE, as in loiter; the mode begins at the altitude of the moment."""
         return self.loiter_at(altitude_amsl)
 
     def _course(self, course: float) -> MAVLink_message:
@@ -505,10 +504,10 @@ class Px4InGuidedCourse(SteeredPx4):
 
 
 class Px4ByPositions(SteeredPx4):
-    """The course as a point ahead in offboard: an aircraft that flies to it flies the course.
+    """PX4 steered in offboard by a point ahead on the course: flying to it flies the course.
 
-    Setpoints of offboard have to go on arriving, also before it is entered. Each sets the airspeed back to
-    the autopilot's own: the command has to follow it.
+    Offboard setpoints must keep arriving, even before offboard is entered. Each resets the airspeed to the
+    autopilot's own, so that the speed command must follow it.
     """
 
     way = "by positions ahead in offboard"
@@ -517,18 +516,15 @@ class Px4ByPositions(SteeredPx4):
     keep_alive_s = OFFBOARD_KEEP_ALIVE_S
 
     def is_engaged(self, custom_mode: int) -> bool:
-        """The main mode is the third byte of the custom mode."""
+        """Check the main mode, which is the third byte of the custom mode."""
         return (custom_mode >> 16) & 0xFF == MAIN_MODE_OFFBOARD
 
     def fly(self, setpoint: AutopilotSetpoint) -> list[MAVLink_message]:
-        """The course and the altitude, and then the speed."""
+        """Return the course and altitude, and then the speed."""
         return [*self.stay_ready(setpoint), change_speed(self._vehicle, setpoint.speed)]
 
     def stay_ready(self, setpoint: AutopilotSetpoint) -> list[MAVLink_message]:
-        """A position on the course, at the altitude that is to be held.
-
-        Without the speed, whose command would be obeyed in other modes too.
-        """
+        """Return a position on the course, at the altitude to hold; a speed would act in other modes, too."""
         latitude_deg, longitude_deg = point_ahead(setpoint, AHEAD_M)
         vehicle = self._vehicle
         return [
@@ -536,7 +532,7 @@ class Px4ByPositions(SteeredPx4):
                 0,
                 vehicle.system_id,
                 vehicle.component_id,
-                # The altitude of frame 0, which ought to mean the same, is not taken.
+                # PX4 does not take the altitude of frame 0, which ought to mean the same.
                 mavlink.MAV_FRAME_GLOBAL_INT,
                 POSITION_ONLY,
                 round(latitude_deg * 1e7),
@@ -550,17 +546,17 @@ class Px4ByPositions(SteeredPx4):
 
 
 class Px4ByVelocities(Px4ByPositions):
-    """The course as that of a velocity in offboard, whose length is ignored.
+    """PX4 steered in offboard by a velocity along the course, whose magnitude is ignored.
 
-    The third velocity is taken for a rate of climb without a change of sign, although the message counts it
-    down: 0 is the one value that every version understands, and it keeps the altitude of the entry.
+    PX4 takes the third velocity as a climb rate without changing its sign, although the message counts it
+    downward. Only 0 is understood by every version, and keeps the altitude of the entry.
     """
 
     way = "by velocities in offboard"
     holds_altitude = False
 
     def stay_ready(self, setpoint: AutopilotSetpoint) -> list[MAVLink_message]:
-        """A velocity along the course: all three components have to be finite, or the setpoint is none."""
+        """Return a velocity along the course; PX4 ignores it unless all three components are finite."""
         vehicle, course, speed = self._vehicle, setpoint.course, setpoint.speed
         return [
             mavlink.MAVLink_set_position_target_local_ned_message(
@@ -582,11 +578,11 @@ STEERINGS: dict[Px4Steering, type[SteeredPx4]] = {
     "position": Px4ByPositions,
     "velocity": Px4ByVelocities,
 }
-"""The ways of steering by their names in a mission."""
+"""Ways of steering by their names in a mission."""
 
 
 def steering_of(version: VersionReport) -> Px4Steering:
-    """How a version is steered; one that does not know itself (0) by positions, which most understand."""
+    """Return the way of steering of a version; positions, which most understand, for an unknown one (0)."""
     number = (version.major, version.minor)
     if number >= (1, 18):
         return "guided-course"
@@ -594,21 +590,21 @@ def steering_of(version: VersionReport) -> Px4Steering:
 
 
 def change_speed(vehicle: Vehicle, speed: float) -> MAVLink_message:
-    """DO_CHANGE_SPEED (m/s); PX4 accepts whatever it says, and a ground speed means nothing to it."""
+    """Return DO_CHANGE_SPEED (m/s), which PX4 always accepts; a ground speed means nothing to it."""
     kind = AIRSPEED if vehicle.hold == "heading-hold" else GROUND_SPEED
     return command_long(vehicle, mavlink.MAV_CMD_DO_CHANGE_SPEED, kind, speed, KEEP_THROTTLE)
 
 
 def point_ahead(setpoint: AutopilotSetpoint, distance_m: float) -> tuple[float, float]:
-    """(latitude, longitude) in degrees of the point this far ahead on the course.
+    """Return (latitude, longitude), degrees, of the point this far ahead on the course.
 
-    By the radii of curvature at the vehicle, which for 1500 m is right to 0.01 degrees of bearing up to 60
-    degrees of latitude.
+    By the radii of curvature at the vehicle, the bearing at 1500 m is right to 0.01 degrees up to 60 degrees
+    of latitude.
     """
     latitude_deg, course = setpoint.latitude_deg, setpoint.course
     north, east = distance_m * math.cos(course), distance_m * math.sin(course)
     northward = math.degrees(north / float(rcurve.meridian(latitude_deg)))
-    # On the parallel half way: the meridians converge meanwhile.
+    # On the parallel half-way, since the meridians converge.
     middle_deg = latitude_deg + 0.5 * northward
     parallel = float(rcurve.transverse(middle_deg)) * math.cos(math.radians(middle_deg))
     eastward = math.degrees(east / parallel)
