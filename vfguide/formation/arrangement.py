@@ -237,9 +237,9 @@ class Arrangement(msgspec.Struct, frozen=True, kw_only=True):
     path: str = MAIN_PATH
     """Name of the mission's path for the leader, in a hold the path after it."""
     path_check: int = 0
-    """Checksum of that path; 0 as long as the path was not changed."""
+    """Checksum of the path; 0 as long as the path was not changed."""
     turn_radius_m: float = 0.0
-    """Smallest turn radius while joining that path, m; 0 as long as the path was not changed."""
+    """Smallest turn radius while joining the path, m; 0 as long as the path was not changed."""
     lead: str = ""
     """Name of the leading vehicle from `time_s` on; empty for no change."""
 

@@ -43,10 +43,9 @@ from vfguide.formation.transition import (
     transition,
 )
 
-# Slots for joining vehicles: free slots of the present formation. An arrangement has places but no
-# shape, so the shape is inferred: the mission's places at any spacing, whoever flies in them, or a
-# named shape. If neither fits, as after an order of slots by name, a joining vehicle gets its slot
-# in the mission.
+# Slots for joining vehicles: free slots of the present formation. An arrangement has places but no shape, so
+# the shape is inferred: the mission's places at any spacing, whoever flies in them, or a named shape. If
+# neither fits, as after an order of slots by name, a joining vehicle gets its slot in the mission.
 
 STEP_M = 0.1
 """Resolution of slots in orders and of spacings, m."""
@@ -379,11 +378,7 @@ def _rounded(point: Point) -> Point:
 
 
 def check_known(order: Order, formation: Formation) -> None:
-    """Check that an order names only what the mission has, whatever is flown now.
-
-    Raises:
-        RefusedOrderError: it names an unknown vehicle or path, or a vehicle that may not do it.
-    """
+    """Raise RefusedOrderError if an order names what the mission lacks, whatever is flown now."""
     for name in (*(order.swap or ()), *order.slots, *order.leave, *order.join):
         if name == formation.leader:
             role = "leads" if formation.leads == name else "flies where slots count from"
@@ -407,11 +402,7 @@ def check_known(order: Order, formation: Formation) -> None:
 
 
 def _check_state(order: Order, formation: Formation) -> None:
-    """Check that vehicles are in the formation or out of it as required, and that something changes.
-
-    Raises:
-        RefusedOrderError: they are not, or nothing changes.
-    """
+    """Raise RefusedOrderError if a vehicle has to be in the formation, or out of it, or nothing changes."""
     for name in (*(order.swap or ()), *order.leave):
         if name not in formation.slots:
             raise RefusedOrderError(f"{name} is not in the formation")
@@ -434,11 +425,7 @@ def _check_state(order: Order, formation: Formation) -> None:
 
 
 def _check_room(order: Order, formation: Formation, end: Mapping[str, Point]) -> None:
-    """Check that joining vehicles have room beside their slots.
-
-    Raises:
-        RefusedOrderError: one has not.
-    """
+    """Raise RefusedOrderError if a joining vehicle has no room beside its slot."""
     places = {formation.leader: LEADER, **end}
     for name in order.join:
         for other, place in places.items():

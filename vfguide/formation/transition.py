@@ -141,11 +141,7 @@ def _transition(
 
 
 def _check_ends(end: Mapping[str, Point], leader: str, least: float) -> None:
-    """Check that no two final slots are too near to each other.
-
-    Raises:
-        RefusedOrderError: two are.
-    """
+    """Raise RefusedOrderError if two final slots are too near to each other."""
     for (first, place), (second, other) in combinations([(leader, LEADER), *end.items()], 2):
         distance = place.minus(other).size
         if distance < least:
@@ -238,11 +234,7 @@ def nearest_on(before: Point, after: Point) -> tuple[float, float]:
 
 
 def in_layers(places: Sequence[SlotMove], close: Sequence[Approach], leader: str) -> list[SlotMove]:
-    """Return slot motions with layers for pairs that would come too near to each other.
-
-    Raises:
-        RefusedOrderError: that would take too many layers.
-    """
+    """Return motions with layers for pairs too near to each other; RefusedOrderError if too many."""
     near: dict[str, set[str]] = {}
     for one in close:
         near.setdefault(one.first, set()).add(one.second)

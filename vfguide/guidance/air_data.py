@@ -193,7 +193,7 @@ TURN_NOISE = 0.02
 """Standard deviation of the smoothed turn rate against its value from the smoothed bank, rad/s."""
 
 NOISE_S = 2.0
-"""Correlation time of that error, s: gusts and residual oscillation."""
+"""Correlation time of the turn rate's error, s: gusts and residual oscillation."""
 
 DRIFT = 0.005
 """Random walk of the efficiency, 1/sqrt(s): a memory of one minute in a turn of 0.1 rad/s."""
@@ -306,8 +306,7 @@ class CreepingSpeed:
     ) -> float:
         """Return the airspeed setpoint (m/s) that yields the wanted airspeed, within the limits.
 
-        All speeds are airspeeds in m/s, `flown` the present one; `now` (s) is later than at the previous
-        call.
+        All speeds are airspeeds in m/s, `flown` the present one; `now` (s) must rise from call to call.
         """
         if self._trim is None:
             self._trim = flown

@@ -83,24 +83,14 @@ def air_relative_rates(
     wind_rate_north: Number,
     wind_rate_east: Number,
 ) -> tuple[Number, Number]:
-    """Return the airspeed and heading rates that give a wanted change of the ground velocity.
+    """Return the (airspeed rate in m/s², heading rate in rad/s) for a wanted change of ground velocity.
 
     The wanted ground acceleration is (dV_g/dt, V_g dchi/dt) along and right of the course. The wind's own
     acceleration is subtracted; the rest is resolved along and right of the heading, where it is (dV_a/dt, V_a
     dpsi/dt).
 
-    Args:
-        acceleration: wanted dV_g/dt, m/s².
-        course_rate: wanted dchi/dt, rad/s.
-        ground_speed: V_g, m/s.
-        course: chi, rad.
-        airspeed: V_a, m/s, positive.
-        heading: psi, rad.
-        wind_rate_north: rate of change of the wind's north component, m/s².
-        wind_rate_east: rate of change of the wind's east component, m/s².
-
-    Returns:
-        (airspeed rate in m/s², heading rate in rad/s).
+    Accelerations and wind rates (of the north and east components) in m/s², course rate in rad/s. Speeds V_g
+    and V_a > 0 in m/s, course chi and heading psi in rad.
     """
     north, east = compose(acceleration, ground_speed * course_rate, course)
     along, right = resolve(north - wind_rate_north, east - wind_rate_east, heading)
@@ -120,8 +110,8 @@ def heading_rate_at_constant_airspeed(
     """Return the heading rate (rad/s) that gives a wanted course rate at constant airspeed.
 
     Right of the course, V_g dchi/dt = V_a dpsi/dt cos(psi - chi) + dW/dt; arguments as in
-    `air_relative_rates`. Drift angles above 70 degrees are treated as 70: nearer to 90, no heading rate turns
-    the course.
+    `air_relative_rates`. Drift angles are limited to 70 degrees: nearer to 90, no heading rate turns the
+    course.
     """
     _, wind_right = resolve(wind_rate_north, wind_rate_east, course)
     leverage = greater_of(cos(heading - course), 0.34)
@@ -144,9 +134,7 @@ def saturation(value: float) -> float:
 def bank_limited_turn_rate(max_bank: float, speed: float) -> float:
     """Return the largest rate (rad/s) of a coordinated turn: g tan(phi_max) / V.
 
-    Args:
-        max_bank: bank limit phi_max, rad, in (0, pi/2).
-        speed: speed V relative to the medium in which the vehicle turns, m/s, positive.
+    The bank limit is in (0, pi/2), rad; V > 0 is relative to the medium of the turn, m/s.
     """
     return GRAVITY * math.tan(max_bank) / speed
 
@@ -185,18 +173,18 @@ class Bias(msgspec.Struct, frozen=True, kw_only=True):
     """Slow disturbance or model error: motion of the vehicle beyond its model."""
 
     turn_rate: float = 0.0
-    """rad/s."""
+    """Additional turn rate, rad/s."""
     acceleration: float = 0.0
-    """m/s²."""
+    """Additional acceleration, m/s²."""
 
 
 class ActiveSetpoint(msgspec.Struct, frozen=True, kw_only=True):
     """Setpoint that has reached the loops; None before the first one."""
 
     course: float | None
-    """rad."""
+    """Course, rad."""
     speed: float | None
-    """m/s."""
+    """Speed, m/s."""
 
 
 def coordinated_turn_rate(bank: float, airspeed: float) -> float:
@@ -220,10 +208,7 @@ def wanted_bank(course_error: float, airspeed: float, airframe: Airframe) -> flo
 
 
 def course_error_for(turn_rate: float, airspeed: float, airframe: Airframe) -> float:
-    """Return the course error (rad) that gives a turn rate (rad/s): the inverse of `wanted_bank`.
-
-    The result is within ±`GREATEST_LEAD`.
-    """
+    """Return the course error (rad) for a turn rate (rad/s), within `GREATEST_LEAD`: invert `wanted_bank`."""
     bank = coordinated_bank(turn_rate, airspeed, airframe.max_bank)
     if airframe.course_lag == 0.0:
         error = coordinated_turn_rate(bank, airspeed) / airframe.alpha
@@ -350,7 +335,7 @@ class BankMoment(msgspec.Struct, frozen=True, kw_only=True):
     """Bank and course error of one report."""
 
     time_s: float
-    """s."""
+    """Time, s."""
     bank: float
     """rad, positive right."""
     asked: float
@@ -365,7 +350,7 @@ class PlateauMoment(msgspec.Struct, frozen=True, kw_only=True):
     usual: float
     """Mean ratio of `BankMoment.asked` to the tangent of the bank, s."""
     least: float
-    """Smallest such ratio, s."""
+    """Smallest ratio of `BankMoment.asked` to the tangent of the bank, s."""
     number: int
     """Number of the plateau."""
 
@@ -389,12 +374,7 @@ class BankLimit:
         self._moments.clear()
 
     def observe(self, moment: BankMoment, late: float) -> None:
-        """Add a report.
-
-        Args:
-            moment: the report.
-            late: upper bound of the course hold's dead time and lag, s.
-        """
+        """Add a report; `late` is the upper bound of the course hold's dead time and lag, s."""
         now, moments = moment.time_s, self._moments
         if moments and not 0.0 <= now - moments[-1].time_s <= GAP_S:
             moments.clear()

@@ -18,9 +18,9 @@ d²e/dt² + s de/dt + (s / T) e = 0: a damping of sqrt(s T) / 2 (integral action
 Systems, 2nd edition, chapter 11).
 
 Round a circle in wind, speeds and model errors vary with the course, and a mean offset follows a quarter of a
-turn late. So in turns the offset also has cosine and sine terms of the slot's course and of twice the course,
-each learned in its own phase (adaptive feedforward cancellation: Bodson, Sacks and Khosla, IEEE Transactions
-on Automatic Control 39(9), 1994).
+turn late. In turns the offset also has cosine and sine terms of the slot's course and of twice the course.
+Each is learned in its own phase (adaptive feedforward cancellation: Bodson, Sacks and Khosla, IEEE
+Transactions on Automatic Control 39(9), 1994).
 """
 
 import math
@@ -49,18 +49,18 @@ class Slot(NamedState, frozen=True, kw_only=True):
     right_rate: float = 0.0
     """dg_y/dt, m/s."""
     forward_acceleration: float = 0.0
-    """m/s²."""
+    """d²g_x/dt², m/s²."""
     right_acceleration: float = 0.0
-    """m/s²."""
+    """d²g_y/dt², m/s²."""
 
 
 class SlotMotion(NamedState, frozen=True, kw_only=True):
     """Position of a slot and its motion over ground."""
 
     north: float
-    """m."""
+    """North coordinate, m."""
     east: float
-    """m."""
+    """East coordinate, m."""
     course: float
     """chi_s, rad."""
     speed: float
@@ -83,9 +83,9 @@ class FormationError(NamedState, frozen=True, kw_only=True):
     cross_track: float
     """y_E, m, positive where the slot is to the right: turn right."""
     along_track_rate: float
-    """m/s."""
+    """dx_E/dt, m/s."""
     cross_track_rate: float
-    """m/s."""
+    """dy_E/dt, m/s."""
 
 
 def extrapolate_by_rates(leader: LeaderState, time_s: float) -> LeaderState:
@@ -124,8 +124,7 @@ def slot_position(leader: LeaderState, slot: Slot) -> tuple[float, float]:
 def slot_velocity(ground_speed: Number, turn_rate: Number, slot: Slot) -> tuple[Number, Number]:
     """Return (along, right) of a slot's velocity in the leader's course frame, m/s.
 
-    (V_l - omega g_y + dg_x/dt, omega g_x + dg_y/dt): in a turn the outer slot is faster and the rear slot
-    moves outward.
+    (V_l - omega g_y + dg_x/dt, omega g_x + dg_y/dt): in a turn outer slots are faster, rear slots drift out.
     """
     return (
         ground_speed - turn_rate * slot.right + slot.forward_rate,
@@ -249,9 +248,9 @@ class SlotLimits(msgspec.Struct, frozen=True, kw_only=True):
     slot: Slot
     """Place in the formation."""
     airspeed_min: float
-    """m/s."""
+    """Lowest airspeed, m/s."""
     airspeed_max: float
-    """m/s."""
+    """Highest airspeed, m/s."""
 
 
 def slot_airspeed(state: VehicleState, turn_rate: float, slot: Slot) -> float:
@@ -293,8 +292,7 @@ IN_GUSTS = 0.9
 """Reduction of learning in full gusts: their errors vanish before they are learned."""
 
 HARMONICS = (1.0, 2.0)
-"""Multiples of the slot's course in the offset: in steady wind a slot's ground speed has hardly any
-others."""
+"""Multiples of the slot's course in the offset: in steady wind its ground speed has hardly any others."""
 
 TURNING_RAD_S = 0.04
 """Turn rate at which harmonics have half weight, rad/s: in straight flight they look like the mean."""
@@ -339,8 +337,8 @@ def learning_rate(
 ) -> tuple[float, float]:
     """Return (ahead, right) db/dt of the mean offset, m/s.
 
-    `integral_s` is T, s; 0 learns nothing. `gust_share`, 0 to 1, is the share of the error due to gusts,
-    which do not last.
+    `integral_s` is T, s; 0 learns nothing. `gust_share` (0 to 1) of the error is due to gusts and does not
+    last.
     """
     if integral_s <= 0.0:
         return 0.0, 0.0
@@ -375,10 +373,7 @@ def aimed_error(
     motion: SlotMotion,
     gust_share: float = 0.0,
 ) -> FormationError:
-    """Return the error from the field's aim point and its rate: e + b and de/dt + db/dt.
-
-    For `integral_s` and `gust_share` see `learning_rate`.
-    """
+    """Return error and rate from the field's aim point, e + b and de/dt + db/dt: see `learning_rate`."""
     if integral_s <= 0.0:
         return error
     growth = learning_growth(motion.turn_rate, integral_s)
@@ -421,10 +416,9 @@ def update_offset(
     held: bool,
     gust_share: float = 0.0,
 ) -> Offset:
-    """Update the offset by one step of `period` seconds.
+    """Update the offset by one step of `period` seconds; see `learning_rate`.
 
-    `held` is true where a limit or something other than the field decides: learning would wind up. For
-    `integral_s` and `gust_share` see `learning_rate`.
+    `held` is true where a limit or something other than the field decides: learning would wind up.
     """
     if held:
         return offset

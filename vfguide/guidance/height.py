@@ -35,8 +35,7 @@ FASTER_S = 10.0
 """Longest time for which a look-ahead extrapolates the leader's acceleration, s."""
 
 PLANNED_S = 5.0
-"""Filter time constant of a leader's deviation from its plan, s: bends of the profile, to which all respond
-alike, are over by then."""
+"""Time constant of a leader's deviation from its plan, s: bends that all fly alike are over by then."""
 
 UNPLANNED_S = 1.5
 """Filter time constant for a leader without a plan, s: its heights are the only information."""
@@ -90,16 +89,12 @@ class HeightTarget(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def altimeter_difference(known: float, differ: float, interval: float) -> float:
-    """Return how much more the own altimeter shows than the leader's at one height, m.
+    """Return how much more this altimeter shows than the leader's at one height, m.
 
     Barometers drift apart. Satellite altitudes do not: neighbours see the same satellites through the same
-    air, and share most of their error.
-
-    Args:
-        known: previous estimate, m.
-        differ: the leader's satellite altitude minus its altimeter's, less the own such difference, m, or
-            NaN.
-        interval: time since the previous estimate, s.
+    air, and share most of their error. `known` is the estimate `interval` seconds ago, m. `differ` is the
+    leader's satellite altitude minus its altimeter's, less that difference of this vehicle, m; NaN where
+    unknown.
     """
     if math.isnan(differ):
         return known
@@ -248,7 +243,7 @@ BETTER = 0.25
 """Gain in clearance that another height must offer over the present one, in minimum distances."""
 
 CLEAR = 1.2
-"""Clearance for the return to the own height, in minimum distances; hardly above a slot's smallest."""
+"""Clearance for the return to the planned height, in minimum distances; hardly above a slot's smallest."""
 
 
 class Neighbour(msgspec.Struct, frozen=True, kw_only=True):
@@ -261,11 +256,11 @@ class Neighbour(msgspec.Struct, frozen=True, kw_only=True):
     least_up: float
     """Equivalent minimum vertical distance, m."""
     lowest: float
-    """Lowest expected height, m above the own guidance's height."""
+    """Lowest expected height, m above the height that guidance wants."""
     highest: float
-    """Highest expected height, m above the own guidance's height."""
+    """Highest expected height, m above the height that guidance wants."""
     over: bool | None
-    """Whether the own vehicle is above, or is to pass above at equal height; None for both."""
+    """Whether ownship is above, or is to pass above at equal height; None for both."""
 
 
 def clearance(height: float, neighbours: Sequence[Neighbour]) -> float:
@@ -302,8 +297,7 @@ def best_step(present: float, steps: Sequence[float], neighbours: Sequence[Neigh
 
 
 TRUSTED_S = 0.8
-"""Age up to which a step in height is predicted at the full climb or sink limit, s: later the measured climb
-rate shows its speed."""
+"""Age (s) up to which a step in height is predicted at the limit: then the climb rate shows its speed."""
 
 LAG_SHARE = 0.6
 """Time constant with which a climb or descent begins, as a share of the height delay."""
@@ -352,7 +346,7 @@ SHARE = 0.5
 """Share of the climb and sink limits for a change of height."""
 
 CATCH_UP_M_S = 0.5
-"""Closing speed on a target that itself uses that share, m/s, within the limits."""
+"""Closing speed, m/s, on a target that climbs at `SHARE` of the limits or more, within the limits."""
 
 STEP_S = 0.05
 """Longest integration step, s."""
@@ -386,11 +380,11 @@ class HeightMotion(msgspec.Struct, frozen=True, kw_only=True):
     """Planned height and its rate."""
 
     time_s: float
-    """s."""
+    """Time, s."""
     height: float
     """m above the mission's origin."""
     climb_rate: float
-    """m/s, positive up."""
+    """Climb rate, m/s, positive up."""
 
     def is_at(self, target: HeightTarget) -> bool:
         """Check whether the height has reached a target."""
@@ -422,10 +416,7 @@ def stopping_way(climb_rate: float) -> float:
 def changed_height(
     before: HeightMotion, target: HeightTarget, time_s: float, limits: ClimbLimits
 ) -> HeightMotion:
-    """Advance the planned height to `time_s`, toward a target that holds then.
-
-    An earlier time changes nothing.
-    """
+    """Advance the planned height to `time_s`, toward a target that holds then; earlier times do nothing."""
     passed_s = time_s - before.time_s
     if passed_s <= 0.0:
         return before
@@ -445,10 +436,7 @@ def changed_height(
 def target_on_the_way(
     motion: HeightMotion, target: HeightTarget, ahead_s: float, limits: ClimbLimits
 ) -> HeightTarget:
-    """Return the target to fly for a planned height on its way to another target.
-
-    `ahead_s` is the time from now to the setpoint's effect, s; `target` holds now and then.
-    """
+    """Return the target for a planned height on its way to another one, now and `ahead_s` seconds later."""
     climb_rate = (target.ahead - target.height) / ahead_s if ahead_s > 0.0 else target.climb_rate
     then = HeightTarget(height=target.ahead, climb_rate=climb_rate, ahead=target.ahead)
     later = changed_height(motion, then, motion.time_s + ahead_s, limits)

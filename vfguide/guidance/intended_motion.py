@@ -66,8 +66,8 @@ def extrapolate_along_path(
     field = (known.path_gains.gain, known.path_gains.approach_angle)
     course = desired_course(point, *field)
     wind = (follower.wind_north, follower.wind_east)
-    # The speed is that of mid-step: the initial one would lag all the way round a circle in wind,
-    # by decimetres each half turn.
+    # The speed is that of mid-step: the initial one would lag all the way round a circle in wind, by
+    # decimetres each half turn.
     turn_rate = ground_speed_on_course(
         known.airspeed, course, *wind
     ) * desired_course_rate_per_speed(point, course, *field)
@@ -107,8 +107,7 @@ def extrapolate_along_path(
 
 CALM_RAD, CALM_TURN_RAD = 0.004, 0.002
 """Course jitter (rad) at which measured and intended motion have equal weight: for speeds, and for courses
-and turn rates. A compass adds 0.005, which moves a slot 50 m behind by 0.25 m; no such lever enlarges a
-speed."""
+and turn rates. A compass adds 0.005, which moves a slot 50 m behind by 0.25 m; speeds have no such lever."""
 
 SLOW_S = 1.0
 """Time constant that separates jitter from slower changes, s."""
@@ -120,8 +119,7 @@ MEMORY_S = 5.0
 """Time constant of the ground speed's difference from the plan, s."""
 
 FAR_RAD = 0.15
-"""Course difference above which a leader is joining its path, rad: that is no jitter, and slots follow the
-measured motion."""
+"""Course difference (rad) above which a leader joins its path, and slots follow the measured motion."""
 
 ON_PATH_S = 4.0
 """Time on the path before course differences count as jitter again, s."""
@@ -146,13 +144,13 @@ class PlannedMotion(msgspec.Struct, frozen=True, kw_only=True):
     """Motion of a leader at a place in a wind, by the mission alone."""
 
     course: float
-    """rad."""
+    """Course, rad."""
     turn_per_m: float
     """Course change along the way, rad/m."""
     ground_speed: float
-    """m/s."""
+    """Ground speed, m/s."""
     acceleration: float
-    """m/s²."""
+    """Acceleration, m/s²."""
     point: PathPoint[float]
     """Path point nearest to the leader."""
 
@@ -168,7 +166,7 @@ class IntendedMotion(msgspec.Struct, frozen=True, kw_only=True):
     motion: LeaderState
     """True position with the intended course, speed and rates."""
     planned: PlannedMotion
-    """Planned motion at that place."""
+    """Planned motion at the leader's place."""
     turn_acceleration: float
     """Turn acceleration of the plan, rad/s²."""
     speed: tuple[float, float]
@@ -260,8 +258,8 @@ def intended_motion(
         PLAN_RATE_S,
     )
 
-    # A leader on its path flies the path's course on average. Gusts that remain in an averaged
-    # difference would swing the slots for seconds.
+    # A leader on its path flies the path's course on average. Gusts that remain in an averaged difference
+    # would swing the slots for seconds.
     meant_course = planned.course + (1.0 - turn_weight) * difference
     meant_speed = between(leader.ground_speed, planned.ground_speed + speed[0], speed_weight)
     north, east = polar(leader.ground_speed, leader.course)

@@ -135,9 +135,9 @@ class Observation(msgspec.Struct, frozen=True, kw_only=True):
     time_s: float
     """Time on any clock that runs evenly, s."""
     north: float
-    """m."""
+    """North coordinate, m."""
     east: float
-    """m."""
+    """East coordinate, m."""
     velocity: tuple[float, float] | None = None
     """Velocity over ground (north, east), m/s, or None where not reported."""
 
@@ -155,9 +155,9 @@ class RateLimits(msgspec.Struct, frozen=True, kw_only=True):
     """Rates that an aircraft can reach: a report beyond them is an outlier."""
 
     turn_rate: float
-    """rad/s."""
+    """Largest turn rate, rad/s."""
     acceleration: float
-    """Along the course, m/s²."""
+    """Largest acceleration along the course, m/s²."""
 
 
 def observed_at_first(seen: Observation, course: float, speed: float) -> ObservedMotion:
@@ -179,10 +179,7 @@ def observed_at_first(seen: Observation, course: float, speed: float) -> Observe
 def observed_motion(
     before: ObservedMotion, seen: Observation, limits: RateLimits, time_constant: float
 ) -> ObservedMotion:
-    """Update the motion with a later observation.
-
-    `time_constant` is that of the filters, s; it is longer where reports are rarer.
-    """
+    """Update the motion with a later observation; `time_constant` (s) is longer where reports are rarer."""
     period = seen.time_s - before.state.time_s
     tau = max(time_constant, PERIODS * period)
     carried = extrapolate_by_rates(before.state, seen.time_s)
@@ -241,8 +238,7 @@ def _by_place(
             ground_speed=max(carried.ground_speed + rate_gain / period * along, 0.0),
             acceleration=carried.acceleration + jerk_gain * along,
             turn_rate=carried.turn_rate + jerk_gain * right / speed,
-            # Positions show the turn rate through the square of time: a third-order filter ends
-            # there.
+            # Positions show the turn rate through the square of time: a third-order filter ends there.
             turn_acceleration=0.0,
         )
     )

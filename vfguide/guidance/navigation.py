@@ -87,9 +87,9 @@ class ReportedMotion(msgspec.Struct, frozen=True):
     time_s: float
     """Time on any clock that runs evenly, s."""
     north: float
-    """m."""
+    """North coordinate, m."""
     east: float
-    """m."""
+    """East coordinate, m."""
     velocity_north: float
     """North velocity over ground, m/s."""
     velocity_east: float
@@ -179,21 +179,21 @@ class Sample(msgspec.Struct, frozen=True, kw_only=True):
     time_s: float
     """Time of validity, s."""
     north: float
-    """m."""
+    """North coordinate, m."""
     east: float
-    """m."""
+    """East coordinate, m."""
     velocity_north: float
     """North ground velocity, m/s."""
     velocity_east: float
     """East ground velocity, m/s."""
     heading: float
-    """rad."""
+    """Heading, rad."""
     airspeed: float
     """True airspeed, m/s."""
     height: float = 0.0
-    """m; NaN where unknown."""
+    """Height, m; NaN where unknown."""
     climb_rate: float = 0.0
-    """m/s, positive up."""
+    """Climb rate, m/s, positive up."""
 
 
 def memory_of(period: float, time_constant: float) -> float:

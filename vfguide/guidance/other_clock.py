@@ -1,10 +1,10 @@
-"""Another clock relative to the own: offset, rate, steps and uncertainty.
+"""Another clock relative to the local one: offset, rate, steps and uncertainty.
 
-No report arrives before it was made. So the smallest difference between the own clock and the stamps belongs
-to the report with the least delay; others arrive later by the rest. A question asked at t0 and answered at t3
-with the other clock's time c bounds the difference: between t0 - c and t3 - c. Both kinds of evidence narrow
-one interval, which widens with the possible drift of two quartz clocks. Evidence outside it shows a step of
-the other clock. Two answers bound its rate.
+No report arrives before it was made. So the smallest difference between the local clock and the stamps
+belongs to the report with the least delay; others arrive later by the rest. A question asked at t0 and
+answered at t3 with the other clock's time c bounds the difference: between t0 - c and t3 - c. Both kinds of
+evidence narrow one interval, which widens with the possible drift of two quartz clocks. Evidence outside it
+shows a step of the other clock. Two answers bound its rate.
 
 | basis | time of a report | largest error |
 |---|---|---|
@@ -13,9 +13,9 @@ the other clock. Two answers bound its rate.
 | stamps: no question is answered | stamp plus least difference, less the given delay | 0.5 s |
 | answers | the same, less half of the fastest round trip | the farther end of the interval |
 
-Stamps of 32 bits of milliseconds wrap and continue. Stamps that fall or jump belong to a restarted clock once
-they have continued for a second at the rate of time, with no former ones between them. Repeated or forged
-frames come singly, all at once, or among the true ones.
+Stamps of 32 bits of milliseconds wrap and continue. Stamps that fall or jump show a restarted clock once they
+have continued for a second at the rate of time, without former ones between. Repeated or forged frames come
+singly, all at once, or among the true ones.
 """
 
 import math
@@ -43,7 +43,7 @@ CERTAIN_COUNT, CERTAIN_S = 3, 1.0
 """Number of stamps in a new series, and its duration (s), that prove a restart of the other clock."""
 
 EVEN_S = 1.0
-"""Largest disagreement of such stamps with the elapsed time, s."""
+"""Largest disagreement of a new series' stamps with the elapsed time, s."""
 
 LONGEST_WAY_S = 5.0
 """Upper bound of the fastest report's delay as shown by answers, s."""
@@ -65,10 +65,10 @@ GREATEST_SKEW = 0.2
 
 
 class Bracket(msgspec.Struct, frozen=True, kw_only=True):
-    """Bounds of the clock difference (own minus other) from one answer."""
+    """Bounds of the clock difference (local minus other) from one answer."""
 
     asked_s: float
-    """Time of the question on the own clock, s."""
+    """Time of the question on the local clock, s."""
     least: float
     """Lower bound, s: time of the question minus the answer's stamp."""
     most: float
@@ -106,7 +106,7 @@ def skew_bounds(brackets: "deque[Bracket]") -> tuple[float, float]:
 
 
 class TimeQuestions:
-    """Questions for another clock's time, stamped with the own time in nanoseconds."""
+    """Questions for another clock's time, stamped with local time in nanoseconds."""
 
     def __init__(self, *, every_s: float, most_open: int) -> None:
         """Start without questions: one each `every_s` seconds at most, the newest `most_open` kept open."""
@@ -229,11 +229,11 @@ class Reading(msgspec.Struct, frozen=True, kw_only=True):
     """Interpretation of a report's stamp."""
 
     time_s: float
-    """Time of the report on the own clock, s."""
+    """Time of the report on the local clock, s."""
     stamp_s: float
     """Stamp without wraps on the other clock, for differences, s."""
     read_s: float
-    """Time of reading on the own clock, s."""
+    """Time of reading on the local clock, s."""
     leap_s: float = 0.0
     """Step of the other clock at a restart, s; below 0 after a reboot, else 0."""
     is_newer: bool = True
@@ -258,7 +258,7 @@ class Lateness(msgspec.Struct, frozen=True, kw_only=True):
 
 
 CABLE = Lateness(late_s=0.25, lasts_s=0.5, usable=True)
-"""Lateness on the cable to the own autopilot."""
+"""Lateness on the cable to the vehicle's own autopilot."""
 
 RADIO = Lateness(late_s=5.0, lasts_s=10.0, usable=False)
 """Lateness over a radio: a slower radio is no clock step, and very late reports are useless."""
@@ -275,7 +275,7 @@ class Run:
 
 
 class OtherClock:
-    """Conversion of one sender's stamps to the own clock."""
+    """Conversion of one sender's stamps to the local clock."""
 
     def __init__(self, lateness: Lateness = RADIO, *, least_way_s: float | None = None) -> None:
         """Start without knowledge; `least_way_s` is the fastest report's delay, None to learn it."""
@@ -287,9 +287,9 @@ class OtherClock:
         self.series = 0
         """Number of times that the knowledge was discarded for a restarted or different clock."""
         self.skew = self.skew_error = 0.0
-        """Own seconds beyond one per second of the other clock, and the error bound of that."""
+        """Local seconds beyond one per second of the other clock, and the error bound of that."""
         self.least, self.most = -math.inf, math.inf
-        """Bounds of own minus other clock at its rate, s."""
+        """Bounds of local minus other clock at its rate, s."""
         self._narrowed_s = self._newest = self._read = self._answered_s = -math.inf
         self._brackets: deque[Bracket] = deque()
         self._elsewhere: Run | None = None
@@ -330,8 +330,7 @@ class OtherClock:
     ) -> Reading | None:
         """Return the reading of a report at `now`; None for an implausible stamp.
 
-        Stamps (s) restart at 0 after 2^32 ms. `place` is the reported position, or None where stamps surely
-        tell time.
+        Stamps (s) restart at 0 after 2^32 ms. `place` is the position, or None where stamps surely tell time.
         """
         if place is not None:
             self._sense_stamp(stamp_s, place, now)
@@ -384,7 +383,7 @@ class OtherClock:
         if worthless:
             # Continue from the newest believed stamp.
             self._arrival_shift_s = 0.0 if math.isinf(self._newest) else self._newest - self._read
-            # Arrival times are on the own clock, whose rate needs no correction.
+            # Arrival times are on the local clock, whose rate needs no correction.
             self._anchor, self.skew, self.skew_error = (0.0, 0.0), 0.0, 0.0
         else:
             self._shift_s = now + self._arrival_shift_s - stamp_s
@@ -407,7 +406,7 @@ class OtherClock:
         return stamp_s + WRAP_S * round((self._newest - stamp_s) / WRAP_S)
 
     def _even(self, stamp_s: float) -> float:
-        """Return a stamp in seconds of the own clock, from an arbitrary zero."""
+        """Return a stamp in seconds of the local clock, from an arbitrary zero."""
         anchor_s, even_s = self._anchor
         return even_s + (stamp_s - anchor_s) * (1.0 + self.skew)
 
@@ -473,8 +472,7 @@ class OtherClock:
             return
         # The new rate applies from the newest report.
         self._anchor = self._newest, self._even(self._newest)
-        # While equal rates are possible, assume them: a slower link or an ordinary quartz changes
-        # nothing.
+        # While equal rates are possible, assume them: a slower link or an ordinary quartz changes nothing.
         skew = 0.0 if lowest <= 0.0 <= highest else 0.5 * (lowest + highest)
         self.skew = min(max(skew, -GREATEST_SKEW), GREATEST_SKEW)
         self.skew_error = 0.5 * (highest - lowest)

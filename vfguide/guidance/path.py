@@ -46,9 +46,9 @@ class PathPlace(msgspec.Struct, Generic[Number], frozen=True):
     """Point of the path at a progress."""
 
     north: Number
-    """m."""
+    """North coordinate, m."""
     east: Number
-    """m."""
+    """East coordinate, m."""
     course: Number
     """Course of the path, rad."""
     curvature: Number
@@ -109,10 +109,7 @@ class Path(ABC):
         """Return the path at a progress (m) over any number of rounds."""
 
     def outline(self, count: int) -> FloatArray:
-        """Return progress values (m) for drawing the path and checking its turns; 0 if it has no end.
-
-        Subclasses without an end may give more.
-        """
+        """Return progress values (m) for drawing the path and checking its turns; 0 if it has no end."""
         return np.linspace(0.0, self.length, count) if math.isfinite(self.length) else np.zeros(1)
 
 

@@ -356,15 +356,14 @@ FORETOLD_SHARE = 0.2
 """Share of a predicted delay that still counts as delay: no prediction is perfect."""
 
 SLIPPING_BANDWIDTH = 0.45
-"""Course bandwidth for an aircraft that slips, 1/s. With 0.7, ArduPilot's simulated plane kept a yaw
-oscillation at 0.9 Hz for ever."""
+"""Course bandwidth if slipping, 1/s: at 0.7 ArduPilot's simulated plane kept a yaw oscillation of 0.9 Hz."""
 
 USUAL_AMPLIFICATION, AMPLIFICATION_STEP = 4.0, 4.0
-"""Bandwidth of a loop relative to its hold at sharpness 0.5, and the factor from there to 1."""
+"""Amplification, a loop's bandwidth over its hold's, at sharpness 0.5; and the factor from there to 1."""
 
 LATE_HOLD_SHARE = 0.2
-"""Share of that ratio for a course hold with delay: at sharpness 0.5 its loop is 0.8 times as fast as the
-hold. A faster one rolls in each gust, up to five times as fast as a gust alone makes it."""
+"""Share of the amplification for a course hold with delay: at sharpness 0.5 its loop is 0.8 times as fast as
+the hold. A faster one rolls in each gust, up to five times as fast as a gust alone makes it."""
 
 QUIET_BANDWIDTH = 0.5
 """Course bandwidth at which noise rolls no aircraft, however slow its hold, 1/s."""

@@ -45,7 +45,7 @@ TIMES: FloatArray = np.arange(0.0, HORIZON_S + 0.5 * STEP_S, STEP_S)
 """Times of track points, s from now."""
 
 LEAST_TURN_RATE = 0.05
-"""Lower bound of the own turn rate relative to a formation that turns as hard itself, rad/s."""
+"""Lower bound of ownship's turn rate relative to a formation that turns as hard itself, rad/s."""
 
 
 class Agility(msgspec.Struct, frozen=True, kw_only=True):
@@ -70,7 +70,7 @@ class Agility(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class OwnMotion(msgspec.Struct, frozen=True, kw_only=True):
-    """Present motion of the own vehicle."""
+    """Present motion of ownship, the vehicle itself."""
 
     place: complex
     """Position, m."""
@@ -79,7 +79,7 @@ class OwnMotion(msgspec.Struct, frozen=True, kw_only=True):
     wind: complex
     """Wind velocity, toward, m/s."""
     turn_rate: float
-    """rad/s."""
+    """Turn rate, rad/s."""
 
     @property
     def velocity(self) -> complex:
@@ -175,7 +175,7 @@ def formation_tracks(
 def own_tracks(
     own: OwnMotion, wanted: WantedMotion, manoeuvres: Manoeuvres, agility: Agility
 ) -> ComplexArray:
-    """Return the own tracks, one for each manoeuvre.
+    """Return ownship's tracks, one for each manoeuvre.
 
     After its delay the vehicle turns toward the manoeuvre's heading at alpha times the error, within its bank
     limit; speeds likewise. The wanted velocity turns with the formation, and so do all manoeuvres.
@@ -301,7 +301,7 @@ class Clearance(msgspec.Struct, frozen=True, kw_only=True):
     nearest: FloatArray
     """Distance at the closest point of approach to each possibility, m."""
     wanted_nearest: FloatArray
-    """The same distances for the wanted motion, m."""
+    """Distance at the closest point of approach if the wanted motion is flown, m."""
 
 
 BEGINNINGS = TIMES[:-1]
@@ -343,7 +343,7 @@ def closest_approaches(tracks: ComplexArray, others: Others) -> FloatArray:
 def passing(apart: ComplexArray, closing: ComplexArray) -> FloatArray:
     """Return the rotation of the line of sight to keep in passing: 1 right, -1 left, 0 either way.
 
-    `apart` and `closing` are positions and velocities of the others minus the own, m and m/s. Present
+    `apart` and `closing` are positions and velocities of the others minus ownship's, m and m/s. Present
     rotations are kept. Both vehicles see the same rotation, so each passes behind the other instead of
     turning toward it (Snape, van den Berg, Guy, Manocha, 2011). Without rotation it becomes left: both go
     right.

@@ -47,12 +47,8 @@ def speed_estimate_rate(
 ) -> float:
     """Return dV^_g/dt = -Gamma rho chi~ phi - sigma Gamma (V^_g - V_ref), m/s².
 
-    Args:
-        estimate: V^_g, m/s.
-        reference_speed: V_ref, m/s: the measured ground speed while it is fresh, else the airspeed.
-        course_error: chi~ = wrap(chi - chi^d), rad.
-        regressor: phi, rad/m.
-        gains: Gamma, rho, sigma.
+    V_ref is the measured ground speed while it is fresh, else the airspeed, m/s like the estimate V^_g. The
+    course error chi~ = wrap(chi - chi^d) is in rad, the regressor phi in rad/m.
     """
     adaptation = gains.rho * course_error * regressor
     return -gains.gamma * (adaptation + gains.sigma * (estimate - reference_speed))
@@ -62,8 +58,8 @@ SpeedSource = Literal["measured", "observer"]
 """Source of the ground speed in the leader's law."""
 
 SlotFrame = Literal["leader", "path", "plan"]
-"""Motion to which slots are fixed: the leader's measured motion, that motion with noisy parts taken from the
-path, or the path alone while the leader is on it."""
+"""Motion to which slots are fixed: measured, measured with noise replaced by the path's, or the path's alone
+while the leader is on it."""
 
 
 LEAST_PERIOD = 0.05
@@ -72,8 +68,7 @@ rate: a thinner layer would turn it into chatter."""
 
 
 GUSTS_FACTOR = 2.5
-"""Boundary layer over kappa times the period in gusts: a quarter above the minimum that avoids the sampled
-loop's limit cycle."""
+"""Boundary layer over kappa times the period in gusts: a quarter above the sampled loop's stability limit."""
 
 
 class SlidingGains(msgspec.Struct, frozen=True, kw_only=True):
@@ -200,7 +195,7 @@ def course_command(course: float, course_rate: float, alpha: float, hold: float 
 
 
 POSITION_SHARE = 1.0 / 3.0
-"""Bound of x_E / rho as a share of kappa. Beyond kappa it would outweigh the sliding term, and a follower 100
+"""Bound of x_E / rho as a share of kappa: beyond kappa it would outweigh the sliding term, and a follower 100
 m behind would demand an unbounded speed."""
 
 
@@ -215,13 +210,8 @@ def sliding_acceleration(
 ) -> float:
     """Return the acceleration (m/s²) onto the field: dV^d/dt + x_E/rho - kappa sat(V~/epsilon).
 
-    Args:
-        speed_error: V~ = V_f - V^d, m/s.
-        along_track_error: x_E, m, positive where the slot is ahead.
-        desired_acceleration: dV^d/dt, m/s².
-        gain: kappa, m/s².
-        layer: epsilon, m/s.
-        rho: weight of the Lyapunov function, s².
+    V~ = V_f - V^d and the layer epsilon in m/s, x_E in m, positive where the slot is ahead; dV^d/dt and the
+    gain kappa in m/s², rho in s².
     """
     bound = POSITION_SHARE * gain
     position_term = clip(along_track_error / rho, -bound, bound)

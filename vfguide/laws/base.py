@@ -1,8 +1,7 @@
 """Interface of a follower's law, and the keeper that runs a law on its slot.
 
-A law returns the motion that it wants. `SlotKeeper` does what every law needs: it extrapolates the leader to
-the same instant, turns the motion into setpoints through the wind triangle and the vehicle's limits, and
-computes the Lyapunov function.
+A law returns the motion that it wants. `SlotKeeper` extrapolates the leader to the same instant, turns the
+motion into setpoints through the wind triangle and the limits, and computes the Lyapunov function.
 """
 
 import copy

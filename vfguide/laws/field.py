@@ -279,16 +279,15 @@ def bounded_field(gains: FieldGains, *, k_x: float, k_y: float) -> FieldGains:
     return gains.model_copy(update=changes)
 
 
-# Checks of `vfguide check` on the field's gains: is each loop around a slot slower than the one
-# inside it? Nelson et al., Vector field path following for miniature air vehicles, IEEE T-RO 2007,
-# gives the turn rate of a field.
+# Checks of `vfguide check` on the field's gains: is each loop around a slot slower than the one inside it?
+# Nelson et al., Vector field path following for miniature air vehicles, IEEE T-RO 2007, gives the turn rate
+# of a field.
 
 
 def error_for_correction(correction: FloatArray, greatest: float, gain: float) -> FloatArray:
     """Return the error (m) for a correction c: tan(pi c / (2 c_inf)) / k; infinite beyond c_inf.
 
-    Inverse of the article's c_inf (2/pi) atan(k e); c and c_inf (`greatest`) in rad of course or m/s of
-    speed, k in 1/m.
+    Inverse of the article's c_inf (2/pi) atan(k e): c and c_inf (`greatest`) in rad or m/s, k in 1/m.
     """
     share = np.abs(correction) / greatest
     inside = np.minimum(share, 1.0 - 1e-9)

@@ -1,7 +1,7 @@
 """Interface of a leader's law, and the field around the path.
 
 A law returns the course that it wants. Around it, once for every leader, delays are compensated, the airspeed
-yields to slots, other vehicles are avoided, and setpoints follow through the wind triangle and the limits.
+yields to slots and other vehicles are avoided. Setpoints follow through wind triangle and limits.
 """
 
 import math
@@ -70,8 +70,7 @@ class LeaderMotion(NamedState, frozen=True, kw_only=True):
 class LeaderLaw(ABC):
     """Law that makes the leader follow its path.
 
-    A subclass with `@leader_law("name")` is `leader.law: name`, with its `Gains` in the mission's
-    `leader.gains`.
+    A subclass with `@leader_law("name")` is `leader.law: name`, and its `Gains` are `leader.gains`.
     """
 
     name: ClassVar[str]
@@ -102,9 +101,9 @@ class LeaderLaw(ABC):
         """Return the wanted motion, and the memory for the next step."""
 
     def follow(self, view: LeaderView, *, course: float, course_rate: float) -> LeaderMotion:
-        """Return the motion that brings the course to a wanted one as fast as the vehicle's hold can.
+        """Return the motion that brings the course to a wanted one (rad, over ground) as fast as possible.
 
-        The course (rad) is over ground, and turns at `course_rate` (rad/s).
+        The wanted course turns at `course_rate` (rad/s).
         """
         return LeaderMotion(
             course=course,

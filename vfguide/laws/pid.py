@@ -93,20 +93,10 @@ def axis_step(
 ) -> tuple[float, AxisMemory]:
     """Return (correction, memory) of one controller: P e + integral of I e + D de/dt, within its limit.
 
-    The correction u is rad of course or m/s of speed; P, I and D are per m, per m and s, and per m/s.
-
-    Args:
-        error: distance to the slot on this axis, m.
-        error_rate: rate of the error, m/s.
-        memory: memory of the previous step.
-        proportional: P.
-        integral: I.
-        derivative: D.
-        filter_s: time constant of the error's rate, s.
-        greatest: limit of |u|, and of the integral part.
-        period: time since the previous step, s.
-        share: share of the error that is integrated, 0 to 1.
-        held: whether the vehicle is at a limit: integrating would wind up.
+    The correction u is rad of course or m/s of speed. The error e is in m; P, I and D are u per m, per m and
+    s, and per m/s. `greatest` limits |u| and the integral part. `share`, 0 to 1, of the error is integrated,
+    and nothing while the vehicle is at a limit (`held`): it would wind up. The filter of de/dt and the period
+    are in s.
     """
     rate = low_pass(memory.rate, error_rate, period, filter_s)
     growth = integral * share * error * period

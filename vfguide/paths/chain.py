@@ -277,9 +277,7 @@ def closed_spline(points: FloatArray, spacing: float) -> tuple[FloatArray, Float
     with 4 + 2 cos(2 pi k / n). The second derivative is
     (6 (p[i+1] - p[i]) / h - 4 m[i] - 2 m[i+1]) / h.
 
-    Args:
-        points: one a row, without the first one repeated at the end.
-        spacing: step h of the parameter between neighbouring points.
+    `points` has one a row, without the first one repeated at the end; `spacing` is the parameter's step h.
     """
     count = len(points)
     after, before = np.roll(points, -1, axis=0), np.roll(points, 1, axis=0)
@@ -338,11 +336,7 @@ class Curve(ChainedPath):
         shares: FloatArray,
         spacing: float,
     ) -> ClosedHeights | None:
-        """Return heights at shares `spacing` (m) apart; None where all are 0.
-
-        Raises:
-            InputError: they end elsewhere than they begin, or have an edge.
-        """
+        """Return heights `spacing` metres apart, None if all are 0; InputError if not closed or smooth."""
         heights = self._heights_at(shape, shares)
         if not heights.any():
             return None
@@ -362,11 +356,7 @@ class Curve(ChainedPath):
         return ClosedHeights(heights[:-1], slopes, spacing)
 
     def _heights_at(self, shape: Any, share: FloatArray) -> FloatArray:  # noqa: ANN401
-        """Return the subclass's heights.
-
-        Raises:
-            InputError: `height` fails, or does not give a finite height for each share.
-        """
+        """Return the subclass's heights, or raise InputError if not one finite height for each share."""
         try:
             heights = np.asarray(self.height(shape, share), dtype=float)
         except Exception as error:
@@ -380,11 +370,7 @@ class Curve(ChainedPath):
         return heights
 
     def _traced(self, shape: Any, share: FloatArray) -> tuple[FloatArray, FloatArray]:  # noqa: ANN401
-        """Return the subclass's trace.
-
-        Raises:
-            InputError: `trace` fails, or gives something else than two arrays of the shares' shape.
-        """
+        """Return the subclass's trace, or raise InputError if it is not two arrays of the shares' shape."""
         try:
             north, east = (np.asarray(one, dtype=float) for one in self.trace(shape, share))
         except Exception as error:

@@ -181,8 +181,8 @@ class Helix(Path):
         measured = height + 0.0 * north
         known = where(isfinite(measured), measured, like(0.0, north))
         turn, climb = self.circle.length, self.climb
-        # Progress at which the climb reaches the vehicle's height, then that on its bearing within
-        # half a turn.
+        # Progress at which the climb reaches the vehicle's height, then that on its bearing within half a
+        # turn.
         reached = clip(known / climb.slope, 0.0, climb.run + EASE_M)
         turns = floor((reached - level.progress) / turn + 0.5)
         progress = level.progress + turns * turn

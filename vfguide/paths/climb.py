@@ -70,11 +70,7 @@ def climb_of(climb_deg: float, end_m: float | None) -> Climb:
 
 
 def check_end(climb_deg: float, end_m: float | None) -> None:
-    """Check that a climb leads to its end.
-
-    Raises:
-        PydanticCustomError: it leads away from it.
-    """
+    """Raise PydanticCustomError if a climb leads away from its end."""
     if end_m is not None and not climb_deg * end_m > 0.0:
         kind = "climb_end"
         message = "climb_deg leads away from end_height_m"
@@ -95,8 +91,7 @@ class HeightProfile:
     def __init__(self, knots: Sequence[tuple[float, float]], *, closed: bool) -> None:
         """Join (progress, height) knots in m by even climbs, two or more, the progress ascending.
 
-        A closed line repeats its first knot a round later; an open one is level before the first knot and
-        after the last.
+        A closed line repeats its first knot a round later; an open one is level outside its knots.
         """
         run, height = np.array(knots, dtype=float).T
         room = np.diff(run)
@@ -161,10 +156,7 @@ class ClosedHeights:
     """Heights round a closed curve, by cubics between evenly spaced points."""
 
     def __init__(self, heights: FloatArray, slopes: FloatArray, spacing: float) -> None:
-        """Join the heights (m) and slopes of points `spacing` metres apart, from progress 0 on.
-
-        The first point is not repeated at the end.
-        """
+        """Join heights (m) and slopes of points `spacing` metres apart; the first follows the last one."""
         self._heights, self._slopes, self._spacing = heights, slopes, spacing
 
     def at(self, progress: Number) -> tuple[Number, Number]:

@@ -42,7 +42,7 @@ class Element(msgspec.Struct, frozen=True):
     """Part of a line with linearly changing curvature."""
 
     length: float
-    """m."""
+    """Length, m."""
     curvature: float = 0.0
     """Curvature at the beginning, 1/m, positive clockwise."""
     growth: float = 0.0
@@ -82,19 +82,19 @@ class Pieces(msgspec.Struct, frozen=True, kw_only=True):
     """Beginning and shape of each piece of a chain: arrays of equal length."""
 
     progress: FloatArray
-    """m."""
+    """Distance along the chain, m."""
     north: FloatArray
-    """m."""
+    """North coordinate, m."""
     east: FloatArray
-    """m."""
+    """East coordinate, m."""
     course: FloatArray
-    """rad."""
+    """Course, rad."""
     curvature: FloatArray
-    """1/m."""
+    """Curvature, 1/m, positive clockwise."""
     growth: FloatArray
-    """1/m²."""
+    """Rate of the curvature along the piece, 1/m²."""
     length: FloatArray
-    """m, positive."""
+    """Length, m, positive."""
 
     @classmethod
     def of(cls, north: float, east: float, course: float, elements: Sequence[Element]) -> Self:
@@ -231,8 +231,7 @@ class PieceTree:
         ends = np.append(pieces.progress, pieces.total)
         sharp = np.abs(pieces.curvature + 0.5 * pieces.growth * pieces.length)
         turned = np.concatenate([[0.0], np.cumsum(sharp * pieces.length)])
-        # A chord begins where the sum of turns or lengths passes a multiple; a long piece is its
-        # own chord.
+        # A chord begins where the sum of turns or lengths passes a multiple; a long piece is its own chord.
         sums = np.maximum(turned / CHORD_TURN, ends / LONGEST_CHORD_M)[:-1]
         alone = pieces.length > LONGEST_BEND_M
         begins = np.diff(np.floor(sums), prepend=-1.0) > 0.0

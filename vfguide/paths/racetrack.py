@@ -132,8 +132,7 @@ class Racetrack(Path):
         along, right = resolve(north - self.north, east - self.east, like(self.course, north))
         beyond = along - clip(along, -self.leg / 2.0, self.leg / 2.0)
         tangent, error = around(beyond, right, self.radius, self.direction)
-        # Distance flown since the nearest end of a leg; negative on the leg, before its end or
-        # after.
+        # Distance flown since the nearest end of a leg; negative on the leg, before its end or after.
         on_leg = clip(abs(along) - self.leg / 2.0, -self.leg, 0.0)
         run = on_leg + self.radius * (math.pi / 2.0 - atan2(abs(right), abs(beyond)))
         entering = where(along * right * self.direction < 0.0, like(1.0, along), like(-1.0, along))

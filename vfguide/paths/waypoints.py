@@ -180,9 +180,9 @@ class Corner(msgspec.Struct, frozen=True):
     """Waypoint with its turn."""
 
     north: float
-    """m."""
+    """North coordinate, m."""
     east: float
-    """m."""
+    """East coordinate, m."""
     up: float
     """Height above the mission's flying height, m."""
     bend: Bend
