@@ -168,7 +168,7 @@ class Manoeuvre(IntEnum):
     HOLD = 2
     """Circle, with each vehicle in its slot and at a height of its own."""
     ABORT = 3
-    """Hand-back: each vehicle returns to its autopilot at once."""
+    """End of the formation: each vehicle returns to its autopilot at once."""
 
 
 class Point(msgspec.Struct, frozen=True):
@@ -336,8 +336,8 @@ def ends(places: Iterable[SlotMove]) -> dict[str, Point]:
 def agreed_number(numbers: Mapping[str, int], coordinator: str, *, lone: bool = False) -> int:
     """Return the number of the order in force by the votes of vehicles; 0 before the first.
 
-    The coordinator's vote decides, or two others. One other alone changes nothing, unless `lone`, without
-    other vehicles in the formation: its companion may be wrong, or its key may be stolen.
+    The coordinator's vote decides, or two others. A single other vehicle counts only if `lone`, as without
+    others in the formation: its companion may be wrong, or its key stolen.
     """
     ranked = sorted(numbers.values(), reverse=True)
     second = ranked[1] if len(ranked) > 1 else max(ranked, default=0) if lone else 0
@@ -374,7 +374,7 @@ def missing_votes(
 
 
 def flown_in_words(number: int, order: Arrangement | None) -> str:
-    """Describe the manoeuvre of an order: None if it was not received, number 0 before the first."""
+    """Describe the order in force, by number (0 before the first); `order` is None if not received."""
     if number == 0:
         return "the mission's formation"
     if order is None:

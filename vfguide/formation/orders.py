@@ -402,7 +402,7 @@ def check_known(order: Order, formation: Formation) -> None:
 
 
 def _check_state(order: Order, formation: Formation) -> None:
-    """Raise RefusedOrderError if a vehicle has to be in the formation, or out of it, or nothing changes."""
+    """Raise RefusedOrderError if a vehicle is wrongly in or out of the formation, or nothing changes."""
     for name in (*(order.swap or ()), *order.leave):
         if name not in formation.slots:
             raise RefusedOrderError(f"{name} is not in the formation")

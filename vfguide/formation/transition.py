@@ -68,7 +68,7 @@ class Approach(msgspec.Struct, frozen=True, kw_only=True):
     begun_s: float
     """Beginning of its part of the transition, s after the beginning of the whole."""
     share: float
-    """Share of that part's way."""
+    """Share of the part's way at the closest approach."""
     duration_s: float
     """Duration of that part, s."""
 
@@ -234,7 +234,7 @@ def nearest_on(before: Point, after: Point) -> tuple[float, float]:
 
 
 def in_layers(places: Sequence[SlotMove], close: Sequence[Approach], leader: str) -> list[SlotMove]:
-    """Return motions with layers for pairs too near to each other; RefusedOrderError if too many."""
+    """Return motions with layers for pairs too near to each other; raise if too many layers."""
     near: dict[str, set[str]] = {}
     for one in close:
         near.setdefault(one.first, set()).add(one.second)

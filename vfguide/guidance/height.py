@@ -334,7 +334,7 @@ def height_between(heights: FloatArray, lowest: float, highest: float) -> FloatA
 
 
 ACCELERATION = 0.5
-"""Acceleration of the climb rate, m/s², about that of the vertical curves between two legs of a route."""
+"""Vertical acceleration, m/s², about that of the vertical curves between two legs of a route."""
 
 CLOSING_ACCELERATION = 0.4
 """Vertical deceleration on the last metres, m/s², with reserve for a target that climbs itself."""

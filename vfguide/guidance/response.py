@@ -1,7 +1,7 @@
 """An aircraft's response to setpoints, learned in flight, and the loop bandwidths that it permits.
 
-**Response.** After a dead time T and through a lag tau, a hold changes its value in proportion to the error,
-within its limit:
+**Response.** After a dead time T and through a lag tau, a hold changes its value at a rate proportional to
+the error, within its limit:
 
     rate(t) = lag(limited(gain * (setpoint(t - T) - value(t)))) + offset.
 

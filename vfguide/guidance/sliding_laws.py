@@ -68,7 +68,8 @@ rate: a thinner layer would turn it into chatter."""
 
 
 GUSTS_FACTOR = 2.5
-"""Boundary layer over kappa times the period in gusts: a quarter above the sampled loop's stability limit."""
+"""Boundary layer over kappa times the period in gusts: a quarter above the smallest that avoids the sampled
+loop's limit cycle."""
 
 
 class SlidingGains(msgspec.Struct, frozen=True, kw_only=True):

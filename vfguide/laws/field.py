@@ -205,7 +205,7 @@ class SlotField(Law):
         return bounded
 
     def for_speed(self) -> Self:
-        """Return the law for the speed of an autopilot with delay: total-energy holds get no measured speed.
+        """Return the speed law for an autopilot with delay: for total-energy holds, free of measured speed.
 
         With the gains g of the speed law and k of its field, V + (dV/dt)/beta contains 1 - (g + k)/beta of
         the measured speed. g = beta - k removes it, and k is at most half of g. Course oscillations about the

@@ -94,7 +94,7 @@ def _round_something(radius_m: float) -> float:
 
 
 class RouteShape(PathShape):
-    """What routes have in common."""
+    """Fields common to all routes."""
 
     radius_m: Radius | None = None
     """Radius of the fillets, m; if absent the least that every vehicle of the formation flies with something
@@ -112,7 +112,7 @@ class RouteShape(PathShape):
     fillets, clockwise."""
 
     frame: SkipJsonSchema[MissionFrame | None] = Field(default=None, exclude=True)
-    """What coordinates and radii count from; the mission fills it in."""
+    """Origin of coordinates and default radius; set by the mission."""
 
     @property
     @abstractmethod
@@ -427,31 +427,31 @@ class Waypoints(ChainedPath):
 
 
 class PlanContents(Section):
-    """What a plan file said when the mission was read."""
+    """Contents of a plan file when the mission was read."""
 
     file: str
-    """Which."""
+    """Name of the plan file."""
 
     waypoints: Annotated[tuple[Waypoint, ...], Field(min_length=2, max_length=MOST_WAYPOINTS)]
     """Waypoints of the plan's mission, with those of surveys."""
 
     end: End
-    """What its last item asks for."""
+    """Ending by the plan's last item."""
 
     loiter_radius_m: quantity.Number = 0.0
-    """Radius of the loiter that ends the mission, m; negative counter-clockwise, 0 where it gives none."""
+    """Radius of the final loiter, m; negative counter-clockwise, 0 where the plan gives none."""
 
     home: Place | None = None
-    """Where it is meant to take off."""
+    """Intended take-off position."""
 
     fence: Fence = Fence()
     """The plan's fence."""
 
     rally_points: tuple[Place, ...] = ()
-    """Where autopilots may go when they return."""
+    """Rally points for autopilots that return."""
 
     left_out: tuple[str, ...] = ()
-    """What it also asks for, and a formation does not do."""
+    """Items of the plan that a formation does not fly."""
 
 
 class PlanShape(RouteShape):
@@ -465,7 +465,7 @@ class PlanShape(RouteShape):
     a jump to the first waypoint, `hand-back` for a return or a landing, else `loiter`."""
 
     contents: SkipJsonSchema[PlanContents | None] = None
-    """What the file said, so that the mission can be taken elsewhere without it."""
+    """Contents of the file, so that the mission can be copied without it."""
 
     @model_validator(mode="before")
     @classmethod
