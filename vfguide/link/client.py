@@ -220,7 +220,7 @@ class NewestOnly:
     """Queue of the newest message per topic: a newer message replaces an unread one."""
 
     def __init__(self, replaced: Callable[[], None]) -> None:
-        """Create an empty queue; `replaced` is called for each dropped message."""
+        """Create an empty queue; `replaced` is called for a message lost to a newer one or lack of room."""
         self._newest: dict[str, bytes] = {}
         self._replaced = replaced
         self._filled = asyncio.Event()

@@ -144,8 +144,8 @@ class LeaderMessage(msgspec.Struct, frozen=True, kw_only=True):
     steered: bool = True
     """Whether the sender's companion steers it, and thereby keeps it clear of the others."""
     course_setpoint: float = math.nan
-    """Course that the autopilot was told to hold and keeps without its companion, rad in 0 to 2 pi, or
-    NaN."""
+    """Course that the sender's autopilot was told to hold and keeps without its companion, rad in 0 to 2 pi.
+    NaN where the companion does not steer or did not tell."""
     height_sense: int = 0
     """Way to a height of its own: 1 climbing, -1 descending, 0 neither."""
     leads: bool = False

@@ -274,7 +274,7 @@ def check_connected(link: Link) -> None:
 async def watching(
     watched: WatchedFormation, *, random: Random, **hears: Unpack[Hearing]
 ) -> AsyncIterator[tuple[Link, Mapping[str, Presence]]]:
-    """Open links and collect presences by vehicle, including old ones while no link is up.
+    """Open links and collect presences by vehicle; they grow old while no link is up.
 
     With a receiver of replies, the member has an operator's turns on a radio.
     """

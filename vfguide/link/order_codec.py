@@ -1,12 +1,13 @@
 """Binary codec of orders and replies to them: compact, versioned, bounded and checked.
 
 All is little-endian and ends with the CRC-32 (u32) of all before it. An order is a whole arrangement. It
-begins with "VFOR", version (u8), manoeuvre (u8), flags (u8), number of followers (u8), number (u32), time
-(f64, s), time to climb and time across (f32, s). Flags: 1 a circle, 2 flown clockwise, 8 another leader, 16
-another path.
+begins with "VFOR", version (u8), manoeuvre (u8), flags (u8) and number of followers (u8). Number (u32), time
+(f64, s), time to climb and time across (f32, s) follow. Flags: 1 a circle, 2 flown clockwise, 8 another
+leader, 16 another path.
 
 - A circle has its centre (f64, degrees) and its radius (f32, m).
-- Another path has the radius of the turns onto it (f32, m), the CRC-32 of its definition (u32) and its name.
+- Another path has the radius of the turns onto it (f32, m), the CRC-32 of what it follows from (u32) and its
+  name.
 - Another leader has its name.
 - Each follower has its name and seven numbers (i16, 0.1 m): begin and end of its slot, each forward, right
   and up, and the layer (-32768 for none).

@@ -3,11 +3,10 @@
 Questions for the leader's clock wait for a turn, and so do their answers. A member's own clock is `clock_s`,
 the clock of the turns is `now`; nothing here reads a clock.
 
-Messages about orders are cut into pieces of 28 bytes: an operator's order in its signed envelope, a reply,
-and an order that a vehicle repeats. A sender sends the pieces one per turn and then begins again, so that a
-receiver hears in the next round what it has missed. A receiver hands a message on once it has all pieces and
-their hash is the one that every piece names. Each sender has one message of each kind under way, which a
-newer one replaces.
+Orders in their signed envelopes, replies, repeated orders and revocations are cut into pieces of 28 bytes. A
+sender sends the pieces one per turn and then begins again, so that a receiver hears in the next round what it
+has missed. A receiver hands a message on once it has all pieces and their hash is the one that every piece
+names. Each sender has one message of each kind under way, which a newer one replaces.
 """
 
 import hashlib

@@ -2,9 +2,9 @@
 
 The leader sends at each beat, ten times a second unless configured otherwise. A cycle is some beats, with
 slots of equal length between them. In a cycle every follower and an answer of the leader have one turn, and
-an operator has one turn for each two beats. Follower i, from 0, has slot `1 + i // beats` after beat `i %
-beats`. The answer comes after the last follower, as if it were one more. The rest of the cycle is the
-operator's, who is silent unless there is an order to give.
+an operator has one turn for each two beats. Follower i (from 0) has its turn after beat `i % beats`, in slot
+`1 + i // beats`. The answer comes after the last follower, as if it were one more. The rest of the cycle is
+the operator's, who is silent unless there is an order to give.
 
 A follower counts its turns from when it hears a beat, less the time that the packet was on its way: clocks
 are not compared. Where a beat is missed, its own clock goes on counting. Without the leader for two seconds

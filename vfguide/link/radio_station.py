@@ -12,10 +12,10 @@ A packet lost in a collision or otherwise is not sent again; messages about orde
 take at most every second turn of a follower, so that its states go on. An operator has turns of its own, and
 otherwise sends only its question for the leader's clock.
 
-A beat counts if its tag is right. After two seconds without one, a beat with an unverifiable tag counts, too:
-a member that starts, or whose leader has restarted, has to ask in its turn. A forged beat can do no worse
-than any transmitter: cause a collision. The leader asks whether the beat's sender lives, soon once in 5 s; a
-leader that starts waits for 5 s at most.
+A beat counts if its tag is right. After two seconds without one, a beat with an unverifiable tag counts, too.
+Otherwise a member that starts, or whose leader has restarted, could not ask in its turn. A forged beat can do
+no worse than any transmitter: cause a collision. The leader asks whether the beat's sender lives, soon once
+in 5 s; a leader that starts waits for 5 s at most.
 
 Nothing here owns a port; the only clock read is the member's, for time stamps.
 """
@@ -79,7 +79,7 @@ STALE_S = 1.0
 """Age at which a state is no longer sent, s."""
 
 HURRIED_CYCLES, CALM_CYCLES = 2, 12
-"""Cycles between a follower's questions, first while its clock is not settled. Without a session of the
+"""Cycles between a follower's questions: until its clock is settled, and later. Without a session of the
 leader it asks in each turn, since it can send nothing else."""
 
 ORDER_LEAD_S = 10.0
@@ -97,7 +97,8 @@ LEAST_LATE_S = 0.002
 """Minimum tolerance of a late turn, s, however short the slots: programs wait for the processor."""
 
 REVOKED_REST_S = 30.0
-"""Interval at which a vehicle repeats a revocation, s: three rounds take every second turn for 10 s."""
+"""Minimum interval at which a vehicle passes a revocation on, s: three rounds fill every second turn for 10
+s."""
 
 PIECES = frozenset(PACKED_KINDS.values())
 """Kinds of packets about orders."""
@@ -134,7 +135,7 @@ RECENT_S = 1.0
 """Maximum age of a message in the own name that proves another companion, s; older ones may be replays."""
 
 REMEMBERED = 64
-"""Number of own packets remembered, more than in `RECENT_S`."""
+"""Number of own packets remembered, including all of the last `RECENT_S`."""
 
 LONGEST_CYCLE_S = 10.0
 """Longest cycle of an unauthenticated beat that is obeyed, s: a slower one would cause long silence."""

@@ -163,8 +163,8 @@ class Trust:
             session: 64 random bits, new at each start; not 0.
             roster: public keys of all members; None to sign nothing and to believe anybody.
             key: the own private key; None for one that only listens.
-            watches: True for an observer, who also hears vehicles without a leader and, without one, all that
-                is plausible.
+            watches: True for an observer, who also hears vehicles that have found no leader, and anything
+                plausible until a leader answers.
             deputies: names of vehicles that may lead, and tell the time, in the leader's place.
 
         Raises:

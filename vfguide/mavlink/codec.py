@@ -50,8 +50,8 @@ LOWEST_M, HIGHEST_M = -1000.0, 30_000.0
 """Lowest and highest altitude of aircraft, m; any other counts as unknown."""
 
 PRESSURE_ALTITUDE_ERROR_M = 500.0
-"""Error of a pressure altitude, m: the QNH may be unset, and sea-level pressures lie within 60 hPa (27 ft
-each) of the standard."""
+"""Error of a pressure altitude, m: the QNH may be unset, and sea-level pressures lie within 60 hPa of the
+standard, at 27 ft per hPa."""
 
 GREATEST_M_S = 1000.0
 """Highest plausible speed, m/s."""
@@ -268,7 +268,7 @@ def gps_report(message: MAVLink_message) -> GpsReport:
 def estimator_report(message: MAVLink_message) -> EstimatorReport:
     """Decode EKF_STATUS_REPORT or ESTIMATOR_STATUS, whose flags have the same values up to 512.
 
-    The flag of a constant position means nothing: PX4 1.18 sets it for every aircraft at rest, and ArduPilot
+    The flag of a constant position means nothing. PX4 1.18 sets it for every aircraft at rest; ArduPilot
     clears the flag of the position with it.
     """
     flags = message.flags

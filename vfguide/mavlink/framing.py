@@ -3,14 +3,13 @@
 **Frames.** A companion uses few kinds of messages from one sender. The header alone identifies them, which
 saves decoding all others: on a busy connection most of the work.
 
-**Signing.** Only a sender with the key is heard. pymavlink signs outgoing packets with a time stamp set here:
-its own advances by 10 µs per packet, so that a restarted program would look like a recording of itself.
-Incoming packets are verified here: pymavlink notes a time stamp before it verifies the signature, so that one
-forged packet from the future would shut the true sender out.
+**Signing.** Only a sender with the key is heard. pymavlink signs outgoing packets with a time stamp set here.
+Its own advances by 10 µs per packet, so that a restarted program would look like a recording of itself.
+Incoming packets are verified here. pymavlink notes a time stamp before it verifies the signature: one forged
+packet from the future would shut the true sender out.
 
 **Introduction.** At a UDP port anybody may send. An address becomes the peer, and gets the setpoints, only
-after a heartbeat of the right system with a valid checksum, and on a signed connection with a valid
-signature.
+after a valid heartbeat of the right system. On a signed connection it has to be signed, too.
 
 **Sequence numbers.** MAVLink counts the frames of each sender, with gaps where some were lost. Two senders
 with one name alternate between two series, each of which advances by 1. A frame that comes twice with the

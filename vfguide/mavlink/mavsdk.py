@@ -4,7 +4,7 @@ The companion sends PX4's messages as on vfguide's own connections. Messages for
 translated to it, others are sent unchanged, and received messages are handed on as frames. Guided Course has
 no call: its commands, and a ground station's heartbeat, are sent by MavlinkDirect.
 
-In offboard a thread of MAVSDK repeats the last setpoint every 50 ms, even while this process hangs: the
+In offboard a thread of MAVSDK repeats the last setpoint every 50 ms, even while this process hangs. The
 autopilot's fail-safe then sees a live stream. A watchdog here ends offboard when setpoints stop, unless the
 process hangs. Prefer `autopilot: px4` for flight in offboard.
 

@@ -17,11 +17,11 @@ the attitude of the moment, 1.17 and 1.18 course and height. Measured on 1.18.0-
 
 - Course: 0.9 1/s (4 pi NPFG_DAMPING / NPFG_PERIOD), a lag of 0.4 s, a dead time of 0.3 s; bank FW_R_LIM. All
   but 0.05 s of the dead time is the roll's, which a steady turn does not feel.
-- Airspeed: a setpoint moves to a new one with 1 m/s². FW_THR_ASPD_MIN, FW_THR_TRIM and FW_THR_ASPD_MAX may be
-  those of the aircraft. With FW_T_TAS_TC 2 the airspeed then follows by (1 + 0.4 s)/(1 + 0.18 s + 0.09 s²),
-  an oscillation at 0.5 Hz; with FW_T_TAS_TC 5 nearly so. With default parameters 0.6 of a step comes like
-  that (0.8 with FW_T_TAS_TC 2), the rest with a time constant of a minute. 178 accepts everything, even NaN
-  and 99 m/s. Height within 1 m.
+- Airspeed: a setpoint moves to a new one with 1 m/s². With the aircraft's own FW_THR_ASPD_MIN, FW_THR_TRIM
+  and FW_THR_ASPD_MAX, and FW_T_TAS_TC 2, the airspeed follows by (1 + 0.4 s)/(1 + 0.18 s + 0.09 s²), an
+  oscillation at 0.5 Hz; with FW_T_TAS_TC 5 nearly so. With default parameters 0.6 of a step comes like that
+  (0.8 with FW_T_TAS_TC 2), the rest with a time constant of a minute. 178 accepts everything, even NaN and 99
+  m/s. Height within 1 m.
 - An aircraft in Guided Course flies on when its companion dies. Companions' heartbeats are not counted,
   ground stations' are: NAV_DLL_ACT 1 loitered 13 s after the last (COM_DL_LOSS_T 10). So the companion sends
   such a heartbeat beside its own, except while a pilot flies.
@@ -98,8 +98,8 @@ NAMES = (
 """Parameters used here."""
 
 SHORTEST_LOSS_S, LONGEST_LOSS_S = 0.5, 5.0
-"""Limits of the stream-loss timeout, s: a stream at the minimum rate has gaps of half a second; after five a
-formation is torn."""
+"""Limits of the stream-loss timeout, s: the slowest stream has gaps of 0.5 s; after 5 s a formation is
+torn."""
 
 RC_ACTIONS_THAT_DESCEND = {4: "lands where it is", 6: "ends the flight", 7: "disarms"}
 """Values of COM_OBL_RC_ACT after which the aircraft does not fly on."""
@@ -120,7 +120,8 @@ COURSE_DEAD_TIME_S = 0.2
 """Dead time of the course, s: formations were flown with it, and no parameter tells it."""
 
 UNTRIMMED = CreepingHold(share=0.6, time=70.0)
-"""Measured share of a new airspeed that comes at once, where throttles are not set."""
+"""Measured airspeed response where throttles are not set: share that comes at once, time constant of the
+rest, s."""
 
 TRIMMED_BETA, UNTRIMMED_BETA = 3.0, 1.5
 """beta of a total-energy hold with which formations were flown, with and without set throttles, 1/s."""
@@ -153,7 +154,7 @@ def is_trimmed(parameters: Mapping[str, float]) -> bool | None:
     """Return whether the throttle of every airspeed is set; None if the parameters do not tell.
 
     Unset throttles of FW_AIRSPD_MIN and FW_AIRSPD_MAX are 0. PX4 then uses FW_THR_TRIM at every airspeed, and
-    an integral.
+    finds the rest by an integral.
     """
     names = ("FW_THR_ASPD_MIN", "FW_THR_TRIM", "FW_THR_ASPD_MAX")
     if any(name not in parameters for name in names):
