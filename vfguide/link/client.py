@@ -426,7 +426,7 @@ class BrokerClient(Client):
         """Publish once, unacknowledged: at once, or when the socket has room.
 
         Raises:
-            MqttError: it is lost, or the socket stays full.
+            MqttError: the connection is lost, or the socket stays full.
         """
         engine = self._client
         if engine.want_write():
@@ -512,7 +512,7 @@ class TidySocket(ssl.SSLSocket):
 
 
 def security_of(address: MqttAddress) -> ssl.SSLContext | None:
-    """Return the TLS context, or None without encryption.
+    """Return the TLS context of an address; None for an unencrypted connection.
 
     Raises:
         InputError: a certificate cannot be read.

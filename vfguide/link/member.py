@@ -39,7 +39,8 @@ YOUNG_S = 10.0
 """Speaking time up to which another companion of the same name may have been here first, s."""
 
 TWIN_QUIET_S, TWIN_SPREAD_S = 6.0, 4.0
-"""Least silence of another companion of one's name before speaking again, s, and its random extension."""
+"""Least silence of another companion of one's name before speaking again, s, and its random extension, since
+both may have stepped back."""
 
 AFTER_START_S = 1.0
 """Margin after the own start beyond which a message in the own name is of no earlier run, s."""
@@ -444,7 +445,7 @@ class Member:
         """Take a revocation and pass it on; return whether it is new.
 
         Raises:
-            RefusedError: it is not valid here.
+            RefusedError: it is no operator's statement about a key of this formation.
         """
         vehicle = self.trust.revoke(envelope, self.clock())
         if vehicle is None:
@@ -456,10 +457,10 @@ class Member:
         return True
 
     def revoke(self, vehicle: str) -> Parcel:
-        """As an operator, send the same revocation of a vehicle's key each time.
+        """As an operator, send the revocation of a vehicle's key, the same statement each time.
 
         Raises:
-            InputError: it has none.
+            InputError: the vehicle has no key.
         """
         if vehicle not in self.trust.statements:
             self.trust.revoke(self.trust.read(self.trust.revocation(vehicle)), self.clock())

@@ -118,7 +118,11 @@ class Link:
         self._member.say(kind, body)
 
     def revoke(self, vehicle: str) -> None:
-        """As an operator, send the revocation of a vehicle's key; raise InputError if it has none."""
+        """As an operator, send the revocation of a vehicle's key.
+
+        Raises:
+            InputError: the vehicle has none.
+        """
         self._member.revoke(vehicle)
 
     def announce(self, presence: Presence) -> None:

@@ -224,7 +224,7 @@ class OrderInbox:
         """Take a piece; return the whole message once it is complete.
 
         Raises:
-            LinkDataError: the message is too long or damaged.
+            LinkDataError: the message is too long, or its pieces are of two messages.
         """
         count = math.ceil(piece.size / PIECE_SIZE)
         if count > MOST_PIECES:

@@ -131,8 +131,8 @@ HANDOVER_S, MISSED_BEATS = 2.0, 3
 """Silence of the keeper of the beat, s and beats, after which the beat is taken from another."""
 
 LATE_SHARE = 0.1
-"""Share of a beat's delay added to the expected time of the next: most of it is a buffer's. An early beat
-counts in full."""
+"""Share of a beat's delay added to the expected time of the next: most of it is a wait in some buffer. An
+early beat was expected too late and counts in full."""
 
 ROUNDING = 1e-9
 """Rounding error of a time as a share of a cycle: turns are sums and quotients of times."""

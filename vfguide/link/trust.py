@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 
 GRACE_S = 3.0
-"""Time after a leader's restart in which its previous session still counts, s: members learn of it in
+"""Time after a leader's restart in which its old session still counts, s: members learn the new one in
 turn."""
 
 VEHICLES_MAY = frozenset({Kind.STATE, Kind.PRESENCE, Kind.WILL, Kind.REPLY, Kind.REPEAT})
@@ -140,7 +140,7 @@ class Allowance:
 
 
 class Trust:
-    """Signing and verification for one member, with a record of what it has heard."""
+    """Signing, verification and memory of one member; `now` is s on the same steady clock in all methods."""
 
     def __init__(
         self,
@@ -256,7 +256,7 @@ class Trust:
         """Return an operator's revocation of a vehicle's present key, for any flight.
 
         Raises:
-            InputError: it has none.
+            InputError: the roster names no such vehicle.
         """
         public = None if self._roster is None else self._roster.vehicles.get(vehicle)
         if public is None:
@@ -431,7 +431,7 @@ class Trust:
         """Verify a tag; limit failed checks, to leave time for all else.
 
         Raises:
-            RefusedError: it is wrong, or too many were.
+            RefusedError: it is wrong, or too many were wrong within the last second.
         """
         verifies = self._verifiers.get(envelope.sender)
         if verifies is None:
@@ -521,7 +521,7 @@ class Trust:
         """Check that a message is of this flight.
 
         Raises:
-            RefusedError: it is of another one, or of a restarted leader.
+            RefusedError: it is of another flight, or of another run of the leader.
         """
         # The number of an answer decides whether it answers this member's question.
         answers = envelope.kind is Kind.ANSWER

@@ -1,4 +1,4 @@
-"""Common interface of autopilot adapters, and the stream of setpoints that they send.
+"""Common interface of autopilot adapters, and the stream of their setpoints.
 
 Each autopilot has its own file. The heartbeat identifies the autopilot, but sometimes only its version tells
 how to steer it: an adapter that learns more becomes a more specific one.
@@ -88,10 +88,10 @@ class AutopilotSetpoint(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class AutopilotAdapter(ABC):
-    """Messages in the dialect of one kind of autopilot.
+    """Builder of messages for one kind of autopilot.
 
-    An adapter builds messages and sends none. It remembers what the autopilot is, and nothing of the flight.
-    A subclass with `@autopilot("name")` is registered as `vehicles.*.autopilot: name`.
+    An adapter sends nothing itself. It remembers what the autopilot is, and nothing of the flight. A subclass
+    with `@autopilot("name")` is registered as `vehicles.*.autopilot: name`.
     """
 
     name: ClassVar[str]

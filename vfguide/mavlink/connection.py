@@ -208,7 +208,7 @@ async def open_udp_port(
     """Wait at a port of this computer; without an introduction, for any MAVLink sender.
 
     Raises:
-        OSError: the port is denied.
+        OSError: this computer does not allow it.
     """
     loop = asyncio.get_running_loop()
     peer = UdpPeer()
