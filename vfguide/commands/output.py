@@ -129,7 +129,10 @@ def flown_before(out: Path) -> tuple[str, list[str]] | None:
             return None
         with open_regular(path) as file:
             summary = json.loads(file.read(LONGEST_SUMMARY))
-        return str(summary["mission"]), [str(name) for name in summary["vehicles"]]
+        vehicles = [str(name) for name in summary["vehicles"]]
+        # Nothing beside the directory is removed, whatever the file says.
+        own = all(Path(name).name == name for name in vehicles)
+        return (str(summary["mission"]), vehicles) if own else None
     except (OSError, ValueError, TypeError, LookupError, RecursionError):
         return None
 

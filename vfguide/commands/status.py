@@ -306,7 +306,7 @@ def doubts(presence: Presence | None) -> list[str]:
     if not presence.signed:
         found.append("its messages are not signed (--insecure)")
     if (lost := presence.figures.get(LINKS_LOST, 0.0)) > 0.0:
-        found.append(f"{lost:.0f} of its links is lost")
+        found.append(f"{lost:.0f} of its links {'is' if lost == 1.0 else 'are'} lost")
     return [*found, *presence.findings]
 
 

@@ -524,12 +524,6 @@ class Belief:
         self._elsewhere_s = self._moved_s
         self._lost_m = 0.0
 
-    def _stood_still(self, known: ReportedMotion, motion: ReportedMotion) -> bool:
-        """Check whether a report fits a vehicle that has flown for only part of the interval."""
-        interval_s = motion.time_s - known.time_s
-        off = math.hypot(*innovation(known, motion, stood_s=interval_s))
-        return interval_s > UNBROKEN_S and off <= self.tolerance
-
     def _doubt(self, known: ReportedMotion) -> None:
         if self._doubted_since is None:
             self._doubted_since = known.time_s

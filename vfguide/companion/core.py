@@ -185,10 +185,12 @@ class Companion:
         """Arrangement being flown; None for the mission's own slots."""
         return self._arrangements.flight.flown
 
-    def formation_at(self, then_s: float, now: float) -> FlownFormation | None:
-        """Return the formation at a time of the own clock (s); None while others fly an unknown order."""
-        if self._arrangements.waits(now):
-            return None
+    def misses_order(self, now: float) -> bool:
+        """Check whether the others fly by an order that is not known here."""
+        return self._arrangements.waits(now)
+
+    def formation_at(self, then_s: float, now: float) -> FlownFormation:
+        """Return the formation, as far as it is known here, at a time of the own clock (s)."""
         leader = self._arrangements.leader
         place = None
         if leader is not None and now - leader.time_s <= HEARD_S:

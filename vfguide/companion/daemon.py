@@ -415,11 +415,10 @@ class Daemon:
         if member is None or link is None:
             return
         aborts, then_s = order == ABORT, now + link.order_lead_s
-        known, time_s = (
-            self._companion.formation_at(then_s, now),
-            self._shared_clock.from_own(then_s),
-        )
-        if known is None:
+        known = self._companion.formation_at(then_s, now)
+        time_s = self._shared_clock.from_own(then_s)
+        # An abort waits for nothing: it is the same whatever is flown.
+        if self._companion.misses_order(now) and not aborts:
             raise VfguideError(
                 "the others fly by an order that is not known here: see that all are heard"
             )

@@ -227,14 +227,14 @@ class GuidedVehicle:
         self.wind = navigated.state.wind_north, navigated.state.wind_east
         self.altitude = navigated.place.altitude_amsl
         self._learner.observe(self.plan, navigated, self.own.air.fresh_bank(now))
-        if not navigated.steerable:
-            out.share(self.role.step(navigated, Mode.WAITING))
-            return None
         try:
-            step = self.role.step(navigated, mode)
+            step = self.role.step(navigated, mode if navigated.steerable else Mode.WAITING)
         except Exception as error:  # noqa: BLE001 - of a law or a path, of one's own or ours
             # Without a step, telemetry counts as lost: the vehicle is handed back soon.
             self._tell_of_failure(error)
+            return None
+        if not navigated.steerable:
+            out.share(step)
             return None
         self.telemetry_time = now
         self.interval = navigated.interval

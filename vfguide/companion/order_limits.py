@@ -176,7 +176,8 @@ def slot_objection(
     objection = motion_objection(order, place, plan.airframe)
     if objection is not None:
         return objection
-    lowest = min(place.begin.up, place.end.up, place.layer or 0.0)
+    heights = (place.begin.up, place.end.up, place.layer)
+    lowest = min(height for height in heights if height is not None)
     height = leader_height + lowest
     if height < LOWEST_M and lowest < plan.up:
         return f"{name} would fly {height:.0f} m above the origin, less than {LOWEST_M:g} m"

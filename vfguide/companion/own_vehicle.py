@@ -11,7 +11,7 @@ import msgspec
 from msgspec.structs import replace
 
 from vfguide.companion.air_motion import AirMotion, ReportedAirData
-from vfguide.companion.alerts import Alerts
+from vfguide.companion.alerts import QUIET_S, Alerts
 from vfguide.companion.belief import STAYED_S, Belief, Believed, Life
 from vfguide.companion.delay_compensator import DelayCompensator, memory_of
 from vfguide.companion.doubt import Doubt, with_remedy
@@ -54,9 +54,6 @@ SHORT, FULL = 0.5, 0.2
 BELIEVED_S = 5.0
 """Time after which a radio's report is void, s: radios send one a second."""
 
-KEY = "radio room"
-
-
 class RadioRoom:
     """Free buffer of the radio to the autopilot; unlimited without reports."""
 
@@ -72,10 +69,11 @@ class RadioRoom:
             if report.free < FULL:
                 sent = "nothing but setpoints, warnings and heartbeats is sent"
             self._alerts.say(
-                KEY,
+                f"radio room: {sent}",
                 WARNING,
                 f"the radio to the autopilot is behind, {report.free:.0%} of its buffer are free: {sent};"
                 " lower the rates of telemetry, or use a faster radio",
+                quiet_s=QUIET_S,
             )
 
     def is_short(self, now: float) -> bool:

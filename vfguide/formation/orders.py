@@ -409,6 +409,12 @@ def _check_state(order: Order, formation: Formation) -> None:
     for name in order.join:
         if name in formation.slots:
             raise RefusedOrderError(f"{name} is in the formation already")
+    for name in (*(order.swap or ()), *order.slots):
+        if name in order.leave:
+            raise RefusedOrderError(f"{name} cannot leave and have a slot by one order")
+    for name in order.slots:
+        if name not in formation.slots and name not in order.join:
+            raise RefusedOrderError(f"{name} is not in the formation: let it join first")
     if order.action == "resume" and formation.flown is not Manoeuvre.HOLD:
         raise RefusedOrderError(
             "nothing is held: the mission is flown, and nothing is to be resumed"

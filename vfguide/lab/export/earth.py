@@ -114,6 +114,9 @@ def write_plan(record: FlightRecord, path: Path) -> None:
         )
     latitude, longitude = geodetic(origin, route[:, 0], route[:, 1])
     places = np.column_stack([latitude.round(8), longitude.round(8), route[:, 2].round(2)]).tolist()
+    # A recorded flight may know no airspeed.
+    speeds = leader.airspeed_m_s
+    speeds = leader.ground_speed_m_s if np.isnan(speeds).all() else speeds
     plan = {
         "fileType": "Plan",
         "version": 1,
@@ -124,7 +127,7 @@ def write_plan(record: FlightRecord, path: Path) -> None:
             "firmwareType": GENERIC,
             "vehicleType": FIXED_WING,
             "globalPlanAltitudeMode": ABSOLUTE,
-            "cruiseSpeed": round(float(np.nanmedian(leader.airspeed_m_s)), 1),
+            "cruiseSpeed": round(float(np.nanmedian(speeds)), 1),
             "hoverSpeed": 5,
             "plannedHomePosition": [
                 origin.latitude_deg,

@@ -263,8 +263,8 @@ async def warm_up(clients: Sequence[Client], rate_hz: float) -> None:
 
 
 def quantile(ordered: Sequence[float], share: float) -> float:
-    """Return the element at `share` of a sorted series' length, without interpolation."""
-    return ordered[min(len(ordered) - 1, int(share * len(ordered)))]
+    """Return the quantile of a sorted series by the nearest rank."""
+    return ordered[max(math.ceil(share * len(ordered)) - 1, 0)]
 
 
 def figures_of(seconds: Sequence[float]) -> dict[str, Any]:
