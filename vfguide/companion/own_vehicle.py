@@ -54,6 +54,7 @@ SHORT, FULL = 0.5, 0.2
 BELIEVED_S = 5.0
 """Time after which a radio's report is void, s: radios send one a second."""
 
+
 class RadioRoom:
     """Free buffer of the radio to the autopilot; unlimited without reports."""
 

@@ -31,6 +31,7 @@ ALL = dict.fromkeys(("leader", "f1", "f2", "f3"), READY)
         ({"f1": replace(READY, obstacle=NO_LEADER)}, f"f1: {NO_LEADER}"),
         ({"f1": replace(READY, signed=False)}, "f1: its messages are not signed (--insecure)"),
         ({"f1": replace(READY, figures={"links_lost": 1.0})}, "f1: 1 of its links is lost"),
+        ({"f1": replace(READY, figures={"links_lost": 2.0})}, "f1: 2 of its links are lost"),
         ({"f1": replace(READY, findings=(UNSAFE,))}, f"f1: {UNSAFE}"),
         (
             {"f1": replace(READY, obstacle=NO_FIX, findings=(UNSAFE,))},

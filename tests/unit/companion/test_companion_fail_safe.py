@@ -135,6 +135,27 @@ def test_guidance_that_fails_hands_the_aircraft_back_and_says_why(monkeypatch):
     assert sum("guidance fails" in text for text in said) == 1
 
 
+def test_guidance_that_fails_while_positions_are_not_believed_leaves_the_companion_running(
+    monkeypatch,
+):
+    flown = new_flight(until_s=DEAF_S)
+
+    def fails(*_: object) -> None:
+        raise ValueError("no course")
+
+    def elsewhere(message: MAVLink_message, now: float) -> MAVLink_message:
+        """Lie about the place, by 3 km and by more each second."""
+        if message.get_type() == "GLOBAL_POSITION_INT" and now > DEAF_S:
+            message.lat += int(3e5 + 1e5 * (now - DEAF_S))
+        return message
+
+    monkeypatch.setattr(flown.companion._vehicle.role, "step", fails)  # noqa: SLF001
+    flown.edit = elsewhere
+    flown.run(DEAF_S + 14.0)
+    assert flown.autopilot_mode == "LOITER"
+    assert any("guidance fails" in text for text in texts(flown, DEAF_S))
+
+
 def test_each_change_of_mode_is_told_to_ground_stations():
     flown = new_flight(link=heard_until(40.0, 50.0), patience=HASTY, until_s=52.0)
     flown.pilot("LOITER", until_s=54.0)

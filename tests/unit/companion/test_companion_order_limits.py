@@ -10,7 +10,7 @@ from tests.kit.missions import content_of, plan_of
 from tests.kit.orders import NAMES, SLOTS, Formation, begun, further, moves, order_of, ordered
 from vfguide.companion.arrangements import Arrangements
 from vfguide.companion.mission_plan import flight_plan
-from vfguide.companion.order_limits import ceiling_objection, climb_objection
+from vfguide.companion.order_limits import ceiling_objection, climb_objection, slot_objection
 from vfguide.companion.ordered_flight import RouteEnd
 from vfguide.companion.plan import FlightPlan, FollowerTask, KnownPath, LeadPlan
 from vfguide.companion.steering import SetpointGuard
@@ -140,6 +140,17 @@ def test_a_layer_above_the_fence_is_refused_and_a_lower_slot_is_not():
     # One that is above it already is not kept from going down.
     lower = SlotMove(vehicle="f1", begin=here, end=replace(here, up=-5.0))
     assert ceiling_objection(order, lower, one, 160.0, 150.0) is None
+
+
+def test_a_slot_above_a_low_leader_is_as_high_as_it_is():
+    # The leader at 15 m, the slot 10 m above it: 25 m, and the least height is 20 m.
+    one = replace(plan_of(vehicle="f1"), up=10.0)
+    begin = Point(-20.0, -20.0, 10.0)
+    climbs = SlotMove(vehicle="f1", begin=begin, end=replace(begin, up=12.0))
+    assert slot_objection(order_of(climbs), climbs, one, begin, 15.0) is None
+    sinks = SlotMove(vehicle="f1", begin=begin, end=replace(begin, up=2.0))
+    text = slot_objection(order_of(sinks), sinks, one, begin, 15.0)
+    assert text == "f1 would fly 17 m above the origin, less than 20 m"
 
 
 def test_a_path_whose_fence_the_leader_is_above_is_refused():

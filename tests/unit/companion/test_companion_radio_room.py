@@ -3,6 +3,8 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from tests.kit.companion import HEADING, SPEED, new_flight
 from tests.kit.wire import packed
+from vfguide.companion.alerts import Alerts
+from vfguide.companion.own_vehicle import RadioRoom
 from vfguide.mavlink.adapter import AutopilotSetpoint, SetpointStream, Vehicle
 from vfguide.mavlink.ardupilot import ArduPlane
 from vfguide.mavlink.codec import Codec
@@ -22,6 +24,16 @@ def radio_status(free_percent: int) -> bytes:
 )
 def test_a_radio_of_any_name_tells_how_much_of_its_buffer_is_free(percent, reports):
     assert Codec(2, 1).decode(radio_status(percent)) == reports
+
+
+def test_a_full_radio_is_not_filled_by_words_about_it():
+    alerts = Alerts()
+    room, said = RadioRoom(alerts), []
+    for second in range(60):
+        # Each report shows another share.
+        room.note(RadioReport(free=0.49 - 0.001 * second), float(second))
+        said += alerts.heard(float(second))
+    assert len(said) == 2
 
 
 def test_halved_setpoints_are_every_other_one_each_of_them_whole():

@@ -68,6 +68,8 @@ def test_a_hold_stacks_heights_on_a_circle_and_resume_takes_them_back():
         (Order(swap=("f1", "f1")), "f1 cannot change places with itself"),
         (Order(shape="trail", spacing=4.0), r"would be 4\.0 m apart, less than 7\.5 m"),
         (Order(slots={"f1": Point(-40.0, 36.0)}), r"slots of f1 and f3 would be 4\.0 m apart"),
+        (Order(swap=("f1", "f2"), leave=("f1",)), "f1 cannot leave and have a slot by one order"),
+        (Order(slots={"f1": Point(-40.0, 0.0)}, leave=("f1",)), "f1 cannot leave and have a slot"),
         (Order(action="hold"), "where to hold is not known"),
         (Order(action="resume"), "nothing is held"),
     ],
@@ -75,6 +77,14 @@ def test_a_hold_stacks_heights_on_a_circle_and_resume_takes_them_back():
 def test_an_order_that_cannot_be_carried_out_is_refused_in_a_sentence(order, sentence):
     with pytest.raises(RefusedOrderError, match=sentence):
         ordered(order)
+
+
+def test_who_has_left_gets_a_slot_by_joining_alone():
+    gone = FORMATION.after(ordered(Order(leave=("f2",))))
+    with pytest.raises(RefusedOrderError, match="f2 is not in the formation: let it join first"):
+        ordered(Order(slots={"f2": Point(-60.0, 0.0)}), gone)
+    back = ordered(Order(join=("f2",), slots={"f2": Point(-60.0, 0.0)}), gone)
+    assert next(one.end for one in back.places if one.vehicle == "f2") == Point(-60.0, 0.0)
 
 
 def test_after_an_abort_nothing_but_an_abort_can_be_ordered():

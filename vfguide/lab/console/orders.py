@@ -98,6 +98,8 @@ class OrderPanel:
         self._found: RehearsedOrder | None = None
         self._found_s = -math.inf
         self._outcome: OrderOutcome | None = None
+        # Answers to the order before are none to this one.
+        self._desk.awaited, self._desk.replies = frozenset(), {}
 
     def rehearse(self, order: Order) -> int:
         """Begin to rehearse an order in place of the last, and return the number of the rehearsal.
