@@ -322,6 +322,7 @@ def arrangement_of(
             "everything was called off: the formation begins anew with its companions"
         )
     check_known(order, formation)
+    _check_members(order, formation)
     _check_state(order, formation)
     end = _ends(order, formation)
     _check_room(order, formation, end)
@@ -401,8 +402,8 @@ def check_known(order: Order, formation: Formation) -> None:
         raise RefusedOrderError(f"{name} may not lead: leader and deputies are {known}")
 
 
-def _check_state(order: Order, formation: Formation) -> None:
-    """Raise RefusedOrderError if a vehicle is wrongly in or out of the formation, or nothing changes."""
+def _check_members(order: Order, formation: Formation) -> None:
+    """Raise RefusedOrderError if a vehicle is wrongly in or out of the formation."""
     for name in (*(order.swap or ()), *order.leave):
         if name not in formation.slots:
             raise RefusedOrderError(f"{name} is not in the formation")
@@ -412,9 +413,12 @@ def _check_state(order: Order, formation: Formation) -> None:
     for name in (*(order.swap or ()), *order.slots):
         if name in order.leave:
             raise RefusedOrderError(f"{name} cannot leave and have a slot by one order")
-    for name in order.slots:
         if name not in formation.slots and name not in order.join:
             raise RefusedOrderError(f"{name} is not in the formation: let it join first")
+
+
+def _check_state(order: Order, formation: Formation) -> None:
+    """Raise RefusedOrderError if the formation is not in a state for an order, or nothing changes."""
     if order.action == "resume" and formation.flown is not Manoeuvre.HOLD:
         raise RefusedOrderError(
             "nothing is held: the mission is flown, and nothing is to be resumed"
