@@ -31,7 +31,7 @@ USUAL_LAW = "slot"
 
 
 class Observer(Section):
-    """The adaptive estimate of the ground speed inside the course law."""
+    """Adaptive estimate of the ground speed inside the course law."""
 
     gamma: Gain = 1.0
     """Gamma of the article: adaptation gain."""
@@ -44,61 +44,65 @@ class Observer(Section):
 
 
 class Controller(Section):
-    """Formation keeping: which law, how sharp, and what is fed forward."""
+    """Formation keeping: law, gains and feedforward."""
 
     type: str = USUAL_LAW
-    """`slot`: field around the slot's motion; `article`: around the leader's; `pid`, `mpc`: baselines."""
+    """Guidance law. `slot`: field around the slot's motion; `article`: around the leader's; `pid`, `mpc`:
+    baselines."""
 
     sharpness: Annotated[NotNegative, Field(le=1.0)] = 0.5
-    """How quick the loops are, 0 to 1, within what each aircraft bears as well as its response is known: all
-    gains are upper bounds beside it."""
+    """Speed of the loops, 0 to 1, relative to what each aircraft's known response tolerates. All gains are
+    upper bounds beside it."""
 
     kappa: Annotated[Gain, Field(le=100.0)] = 3.0
-    """kappa of the article: rate at which course and speed errors are driven out, per hold bandwidth."""
+    """kappa of the article: rate at which course and speed errors are reduced, per hold bandwidth."""
 
     epsilon: Annotated[Gain, Field(le=10.0)] = 0.01
-    """epsilon of the article: the least width of the boundary layer in which the switching term is linear."""
+    """epsilon of the article: minimum width of the boundary layer in which the switching term is linear."""
 
     boundary_layer_factor: Annotated[NotNegative, Field(le=100.0)] = 3.5
-    """The layer is max(epsilon, this * kappa * (loop period + loop delay)); below 0.5 the loop chatters."""
+    """Factor of the boundary layer: max(epsilon, factor * kappa * (loop period + loop delay)). Below 0.5 the
+    loop chatters."""
 
     rho: Gain = 50.0
-    """rho of the article: weight of speed against position in the speed law; smaller pulls harder at x_E."""
+    """rho of the article: weight of speed against position in the speed law; smaller values pull harder at
+    x_E."""
 
     loop_delay_s: Duration = 0.0
-    """Known delay between a measurement and its effect, beyond one loop period, s."""
+    """Known delay between a measurement and its effect, in addition to one loop period, s."""
 
     leader_speed_source: Literal["measured", "observer"] = "measured"
-    """Where the leader's own course law takes its ground speed from."""
+    """Source of the ground speed in the leader's course law."""
 
     observer: Observer = Observer()
     """Gains of the ground-speed observer."""
 
     velocity_filter_s: Duration = 0.0
-    """In which errors of the reported velocities are found by the reported positions, s; 0: velocities are
-    right. 0.3 suits PX4, whose estimator's velocities are off by 0.3 m/s for a second or two in turns."""
+    """Time constant over which reported positions reveal errors of the reported velocities, s; 0: velocities
+    are right. 0.3 suits PX4, whose estimator's velocities are off by 0.3 m/s for a second or two in turns."""
 
     position_filter_s: Duration = 2.0
-    """Time constant of the follower's position filter, s; 0 switches it off."""
+    """Time constant of the follower's position filter, s; 0 disables it."""
 
     wind_filter_s: Duration = 0.35
-    """Time constant of the wind estimate, s; 0 switches the filter off."""
+    """Time constant of the wind estimate, s; 0 disables the filter."""
 
     rate_filter_s: Duration = 0.6
-    """Time constant of the leader's turn rate and acceleration estimates, s; 0 switches it off."""
+    """Time constant of the leader's turn rate and acceleration estimates, s; 0 disables the filter."""
 
     predict_leader: Switch = True
-    """Carry the received leader state forward to the follower's own time."""
+    """Extrapolate the received leader state to the follower's own time."""
 
     wind_feedforward: Switch = True
     """Feed the estimated change of wind forward."""
 
     give_way: Switch = True
-    """Let the leader change its airspeed when a slot would leave its follower's airspeed range."""
+    """Let the leader change its airspeed if a slot would leave its follower's airspeed range."""
 
     slot_frame: SlotFrame = "path"
-    """What slots turn with: `path`: the leader's course, as its path has it where that is shaken; `plan`: its
-    path's course wherever it is on it, for autopilots whose courses are noisy; `leader`: as measured."""
+    """Reference of the slots' rotation. `path`: the leader's course, or its path's while the course is
+    disturbed. `plan`: the path's course while the leader is on the path, for autopilots with noisy courses.
+    `leader`: the measured course."""
 
     @property
     def layer_factor(self) -> float:

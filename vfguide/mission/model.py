@@ -42,7 +42,7 @@ SlotOffset = Annotated[Number, Field(ge=-10e3, le=10e3)]
 
 
 class Slot(Section):
-    """A place in the formation, fixed to the leader's course."""
+    """Position in the formation, relative to the leader's course."""
 
     forward_m: SlotOffset
     """Ahead of the leader, m; negative is behind."""
@@ -68,13 +68,13 @@ class WrittenOrder(Section):
     """An order to the formation as a file states it; docs/orders.md explains it."""
 
     shape: Shape | None = None
-    """`vee`, `echelon-left`, `echelon-right`, `line-abreast`, `trail`, `diamond` or `finger-four`."""
+    """Shape: `vee`, `echelon-left`, `echelon-right`, `line-abreast`, `trail`, `diamond` or `finger-four`."""
 
     spacing_m: Annotated[Number, Field(ge=1.0, le=1000.0)] | None = None
-    """Between neighbours, m; if absent as it is."""
+    """Spacing of neighbours, m; unchanged if absent."""
 
     swap: tuple[VehicleName, VehicleName] | None = None
-    """Two followers that change places."""
+    """Two followers that exchange slots."""
 
     slots: dict[VehicleName, Slot] = Field(default_factory=dict)
     """Slots by follower."""
@@ -83,17 +83,17 @@ class WrittenOrder(Section):
     """Followers that leave the formation, each to its autopilot's loiter."""
 
     join: tuple[VehicleName, ...] = ()
-    """Followers that come back."""
+    """Followers that return to the formation."""
 
     path: Annotated[str, Field(max_length=32)] | None = None
-    """Another path to be followed: a name under `paths`, or `main`."""
+    """Path to change to: a name under `paths`, or `main`."""
 
     lead: VehicleName | None = None
-    """Who is to lead: the leader or a deputy."""
+    """Vehicle that takes the lead: the leader or a deputy."""
 
     action: Literal["hold", "resume", "abort"] | None = None
-    """`hold`: all circle, each at a height of its own; `resume`: the mission goes on; `abort`: everybody back
-    to the autopilot, at once."""
+    """`hold`: all vehicles circle, each at its own height; `resume`: the mission continues; `abort`: all
+    vehicles return to their autopilots at once."""
 
     @model_validator(mode="after")
     def _says_something(self) -> Self:
@@ -126,10 +126,10 @@ class WrittenOrder(Section):
 
 
 class TimedOrder(WrittenOrder):
-    """What the formation is to do from a moment of the flight on."""
+    """An order to the formation at a time of the flight."""
 
     at_s: Annotated[NotNegative, Field(ge=5.0, le=86400.0)]
-    """When it begins, s from the start; the formation agrees on it in the seconds before."""
+    """Beginning of the manoeuvre, s from the start; the formation agrees on it in the seconds before."""
 
 
 MAX_PATHS = 16
@@ -139,22 +139,22 @@ Silence = Annotated[Positive, Field(le=3600.0)]
 
 
 class Timeouts(Section):
-    """What happens when telemetry or the leader falls silent, and after how long."""
+    """Timeouts of telemetry and leader states, and their consequences."""
 
     telemetry_s: Silence = 1.0
-    """Position reports: after this the companion stops sending setpoints until they come again, s."""
+    """Age of position reports after which the companion stops sending setpoints until reports resume, s."""
 
     telemetry_lost_s: Silence = 10.0
-    """Position reports: after this a vehicle that was steered is handed back to its autopilot, s."""
+    """Age of position reports after which a steered vehicle is handed back to its autopilot, s."""
 
     leader_s: Silence = 0.6
-    """Leader states: after this the leader is predicted along its path, s."""
+    """Age of leader states after which the leader is predicted along its path, s."""
 
     prediction_s: Silence = 30.0
-    """Age of the newest leader state up to which it is predicted; then the formation breaks up, s."""
+    """Maximum age of a leader state for prediction, s; then the formation breaks up."""
 
     breakaway_s: Annotated[NotNegative, Field(le=3600.0)] = 25.0
-    """How long each follower then flies away from the others, before its autopilot takes over, s."""
+    """Time for which each follower then flies away from the others, before its autopilot takes over, s."""
 
 
 class Origin(Section):
@@ -179,31 +179,31 @@ def _with_scheme(address: str) -> str:
 
 
 class Leader(Section):
-    """The vehicle that follows the path, or any aircraft whose MAVLink messages are heard."""
+    """The vehicle that followers follow: one with a path, or any aircraft with MAVLink or ADS-B messages."""
 
     vehicle: VehicleName
-    """Its name under `vehicles`; without a companion `leader` if absent, and it needs no entry there."""
+    """Name under `vehicles`. Without a companion the default is `leader`, and the entry is optional."""
 
     airspeed_m_s: Speed
-    """Airspeed it keeps, m/s; without a companion what it is expected to fly, 20 if absent."""
+    """Airspeed, m/s; without a companion the expected airspeed, 20 by default."""
 
     follows: Literal["companion", "mavlink", "adsb"] = "companion"
-    """Whom followers follow. `companion`: a leader with a companion, over the formation's link. `mavlink`: an
-    aircraft without one, by the positions that it sends. `adsb`: one that is heard by ADS-B, from at least
-    100 m away."""
+    """Source of the leader's position. `companion`: a leader with a companion, over the formation's link.
+    `mavlink`: an aircraft without one, from its MAVLink positions. `adsb`: an aircraft received by ADS-B,
+    from at least 100 m away."""
 
     connection: Annotated[str, AfterValidator(_with_scheme)] | None = None
-    """Where each follower's companion hears a leader without one: a MAVLink address, as of `--mavlink`."""
+    """MAVLink address at which each follower's companion hears a leader without one, as for `--mavlink`."""
 
     system_id: Annotated[int, Field(strict=True, ge=1, le=255)] | None = None
-    """`mavlink`: its system id, if it has no entry under `vehicles`."""
+    """`mavlink`: system id of the leader, if it has no entry under `vehicles`."""
 
     icao_address: Annotated[int, Field(strict=True, ge=1, le=0xFFFFFF)] | None = None
-    """`adsb`: its 24-bit address, such as 0x4B1900."""
+    """`adsb`: 24-bit address of the leader, such as 0x4B1900."""
 
     least_delay_s: Annotated[Duration, Field(le=5.0)] | None = None
-    """How long messages of a leader without a companion take at least, s. If absent followers ask it for its
-    time; where it does not answer, either, they fly behind their slots by this times the speed."""
+    """Minimum latency of messages from a leader without a companion, s. If absent, followers ask the leader
+    for its time. Without an answer they fly behind their slots by the latency times the speed."""
 
     @property
     def is_foreign(self) -> bool:
@@ -241,10 +241,10 @@ class Leader(Section):
         return self
 
     law: Annotated[str, AfterValidator(known_in(leader_laws))] = "field"
-    """By which it follows its path: `field`, the vector field around it, or one of one's own (`--plugin`)."""
+    """Law for following the path: `field`, the vector field around it, or a user-defined one (`--plugin`)."""
 
     gains: dict[str, Any] = Field(default_factory=dict)
-    """Gains of a law of your own, by their names."""
+    """Gains of a user-defined law, by name."""
 
     @cached_property
     def law_gains(self) -> Any:  # noqa: ANN401 - each law has a section of its own
@@ -274,60 +274,61 @@ class Follower(Section):
     """A vehicle that keeps a slot."""
 
     vehicle: VehicleName
-    """Its name under `vehicles`."""
+    """Name under `vehicles`."""
 
     slot: Slot
-    """Its place in the formation."""
+    """Slot in the formation."""
 
 
 class Avoidance(Section):
-    """What is kept clear of beside the formation's own vehicles."""
+    """Avoidance of aircraft outside the formation."""
 
     traffic_m: Annotated[NotNegative, Field(le=1000.0)] = 100.0
-    """Distance from aircraft that the autopilot reports as ADSB_VEHICLE, level, m; 0 to look at none."""
+    """Minimum horizontal distance from aircraft that the autopilot reports as ADSB_VEHICLE, m; 0 disables
+    it."""
 
 
 class Mission(Section):
-    """One flight: who flies, where, in which formation, and how it is rehearsed."""
+    """A flight: vehicles, path, formation and rehearsal."""
 
     name: MissionName
     """Short name: lower-case letters, digits and hyphens."""
 
     origin: Origin
-    """The point on earth that local coordinates count from."""
+    """Origin of the local coordinates on the earth."""
 
     height_above_origin_m: Annotated[Positive, Field(le=9000.0)] = 100.0
     """Flying height of the leader above the origin's altitude, m."""
 
     height: Literal["leader", "path"] | None = None
-    """What slots' `up_m` counts from. `leader`: the leader's own height, as it means to fly and lastingly
-    does. `path`: the height that the mission plans for it, wherever it is. If absent `path` for a leader that
-    is heard by ADS-B, `leader` for every other."""
+    """Reference of the slots' `up_m`. `leader`: the leader's own intended and sustained height. `path`: the
+    height that the mission plans for it. By default `path` for a leader received by ADS-B, `leader` for
+    every other."""
 
     orders: tuple[TimedOrder, ...] = ()
-    """What the formation is to do in flight, by the time of the rehearsal."""
+    """Orders to the formation, by time of the rehearsal."""
 
     path: Annotated[SerializeAsAny[PathShape], BeforeValidator(chosen_path)]
-    """What the leader follows; without a companion what it flies in a rehearsal, due north if absent."""
+    """Path of the leader; without a companion only its path in a rehearsal, by default due north."""
 
     paths: Annotated[
         dict[PathName, Annotated[SerializeAsAny[PathShape], BeforeValidator(chosen_path)]],
         Field(max_length=MAX_PATHS),
     ] = Field(default_factory=dict)
-    """Other paths by name, for orders in flight (`path: NAME`); `main` is the one above."""
+    """Other paths by name, for orders in flight (`path: NAME`); `main` is `path`."""
 
     leader: Leader
-    """Who leads, and how fast."""
+    """Leading vehicle and its airspeed."""
 
     followers: Annotated[tuple[Follower, ...], Field(max_length=MAX_FOLLOWERS)] = ()
-    """Who follows, and where; a leader alone is a mission too."""
+    """Following vehicles and their slots; empty for a leader alone."""
 
     deputies: Annotated[tuple[VehicleName, ...], Field(max_length=MAX_DEPUTIES)] = ()
-    """Followers who lead on, in this order, when the leader is lost, leaves or is taken by its pilot. Without
-    any the formation breaks up then."""
+    """Followers that take the lead, in this order, when the leader is lost, leaves or is taken over by its
+    pilot. Without deputies the formation then breaks up."""
 
     vehicles: Annotated[dict[VehicleName, Vehicle], Field(min_length=1)]
-    """Every vehicle of the mission by name; `defaults` holds what all have that do not say otherwise."""
+    """All vehicles by name; `defaults` holds the fields of vehicles that do not set them."""
 
     controller: Annotated[
         SerializeAsAny[Controller],
@@ -337,22 +338,22 @@ class Mission(Section):
     """The guidance law and its gains."""
 
     patience: Timeouts = Timeouts()
-    """How long silences are borne."""
+    """Timeouts for missing messages."""
 
     wind: Wind = CalmWind(type="calm")
-    """What the rehearsal blows; a companion on a real vehicle ignores it."""
+    """Wind of the rehearsal; a companion on a real vehicle ignores it."""
 
     rehearsal: Rehearsal = Rehearsal()
-    """How the flight is rehearsed on the computer."""
+    """Rehearsal of the flight on the computer."""
 
     avoidance: Avoidance = Avoidance()
-    """How far aircraft are kept away that are not of the formation."""
+    """Distance from aircraft outside the formation."""
 
     fence: Fence = Fence()
-    """Where every vehicle has to stay, beside the fence of a plan; `vfguide check` looks at all slots."""
+    """Area limits of every vehicle, in addition to the fence of a plan; `vfguide check` checks all slots."""
 
     acceptance: Acceptance = Acceptance()
-    """What the rehearsal must reach."""
+    """Acceptance limits of the rehearsal."""
 
     @property
     def follows_height(self) -> bool:

@@ -74,13 +74,13 @@ class Place(Section):
     """Metres north of the mission's origin."""
 
     east_m: Coordinate | None = None
-    """Metres east of it."""
+    """Metres east of the mission's origin."""
 
     latitude_deg: Annotated[Number, Field(ge=-85.0, le=85.0)] | None = None
-    """Instead of `north_m` and `east_m`, with `longitude_deg`."""
+    """Latitude, degrees, north positive; with `longitude_deg` instead of `north_m` and `east_m`."""
 
     longitude_deg: Annotated[Number, Field(ge=-180.0, le=180.0)] | None = None
-    """East positive."""
+    """Longitude, degrees, east positive."""
 
     @model_validator(mode="after")
     def _in_one_way(self) -> Self:
@@ -101,10 +101,10 @@ class FencePolygon(Section):
     """An area with straight edges."""
 
     inclusion: Switch = True
-    """Whether vehicles have to stay in it; false: out of it."""
+    """Whether vehicles have to stay inside (true) or outside (false)."""
 
     points: Annotated[tuple[Place, ...], Field(min_length=3, max_length=MOST_CORNERS)]
-    """Its corners, in their order."""
+    """Corners in order."""
 
     def inward(self, north: FloatArray, east: FloatArray, frame: MissionFrame | None) -> FloatArray:
         """Return the distance (m) of places (m) inside the edges; negative outside."""
@@ -135,10 +135,10 @@ class FenceCircle(Section):
     """A round area."""
 
     inclusion: Switch = True
-    """Whether vehicles have to stay in it; false: out of it."""
+    """Whether vehicles have to stay inside (true) or outside (false)."""
 
     centre: Place
-    """Its middle."""
+    """Centre of the circle."""
 
     radius_m: Annotated[Positive, Field(le=1000e3)]
     """m."""
@@ -156,7 +156,7 @@ class FenceCircle(Section):
 
 
 class Fence(Section):
-    """Where every vehicle of the formation has to stay; `vfguide check` holds all slots against it."""
+    """Area limits of every vehicle of the formation; `vfguide check` checks all slots."""
 
     polygons: Annotated[tuple[FencePolygon, ...], Field(max_length=MOST_AREAS)] = ()
     """Areas with straight edges."""
@@ -165,7 +165,7 @@ class Fence(Section):
     """Round areas."""
 
     max_height_m: Annotated[Positive, Field(le=12000.0)] | None = None
-    """Above the mission's origin, m; any height if absent."""
+    """Maximum height above the mission's origin, m; unlimited if absent."""
 
     @property
     def exists(self) -> bool:

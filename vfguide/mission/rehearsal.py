@@ -24,32 +24,33 @@ from vfguide.registry import emulated_autopilots, plants
 
 
 class Gust(Section):
-    """A gust that all vehicles meet at once: from nothing to its greatest and back, (1 - cos) / 2."""
+    """A (1 - cos) / 2 gust, which meets all vehicles at once."""
 
     at_s: NotNegative
-    """When it begins, s from the start of the rehearsal."""
+    """Beginning, s from the start of the rehearsal."""
 
     for_s: Positive
-    """How long it lasts, s."""
+    """Duration, s."""
 
     north_m_s: Coordinate = 0.0
-    """Greatest, toward north, m/s."""
+    """Maximum speed toward north, m/s."""
 
     east_m_s: Coordinate = 0.0
-    """Greatest, toward east, m/s."""
+    """Maximum speed toward east, m/s."""
 
 
 class Air(Section):
     """Gusts, turbulence and wind shear in addition to the mean wind; docs/emulator.md explains them."""
 
     turbulence: Literal["none", "light", "moderate", "severe"] = "none"
-    """Dryden turbulence by MIL-F-8785C at low altitude, W20 of 15, 30 or 45 knots. Neighbours share it."""
+    """Dryden turbulence by MIL-F-8785C at low altitude, with W20 of 15, 30 or 45 knots. Neighbours share it.
+    """
 
     gusts: tuple[Gust, ...] = ()
-    """Gusts that come and go."""
+    """Discrete gusts."""
 
     roughness_m: Annotated[Positive, Field(le=0.5)] | None = None
-    """Roughness of the ground, m: the wind grows with the logarithm of the height; if absent it does not."""
+    """Roughness length of the ground, m: wind grows with the logarithm of the height; uniform if absent."""
 
 
 class CalmWind(Air):
@@ -76,14 +77,14 @@ class SteadyWind(Air):
     """Wind speed, m/s."""
 
     toward_deg: Course
-    """Where the air moves to (not where it comes from), degrees clockwise from north."""
+    """Direction in which the air moves (not where it comes from), degrees clockwise from north."""
 
 
 Wind = Annotated[CalmWind | ArticleWind | SteadyWind, Field(discriminator="type")]
 
 
 class LeaderStart(Section):
-    """Where the leader is when the rehearsal begins."""
+    """Start of the leader."""
 
     north_m: Coordinate
     """Metres north of the origin."""
@@ -98,34 +99,34 @@ class LeaderStart(Section):
     """Above the mission's flying height, m; negative is below."""
 
     climb_m_s: Annotated[Number, Field(ge=-30.0, le=30.0)] = 0.0
-    """Climb rate at which all begin in virtual time, m/s; emulators of `--live` begin level."""
+    """Initial climb rate of all vehicles in virtual time, m/s; emulators of `--live` begin level."""
 
 
 class FollowerStart(Section):
-    """How far from its slot a follower is when the rehearsal begins."""
+    """Start of a follower, relative to its slot."""
 
     forward_m: Coordinate = 0.0
-    """Ahead of its slot, along the leader's course at the start, m; negative is behind."""
+    """Distance ahead of its slot, along the leader's course at the start, m; negative is behind."""
 
     right_m: Coordinate = 0.0
-    """Right of its slot, m; negative is left."""
+    """Distance right of its slot, m; negative is left."""
 
     course_deg: Course | None = None
     """Course at the start, degrees; the leader's if absent."""
 
     up_m: Annotated[Number, Field(ge=-9000.0, le=9000.0)] = 0.0
-    """Above its slot, m; negative is below."""
+    """Height above its slot, m; negative is below."""
 
 
 class Start(Section):
-    """Where everyone begins: `leader`, and each follower by the name of its vehicle."""
+    """Starts of the vehicles: `leader`, and each follower by vehicle name."""
 
     model_config = ConfigDict(extra="allow")
 
     __pydantic_extra__: dict[str, FollowerStart] = Field(init=False)
 
     leader: LeaderStart | None = None
-    """Where the leader begins; 30 m right of the beginning of the path if absent."""
+    """Start of the leader; 30 m right of the beginning of the path if absent."""
 
     @property
     def followers(self) -> dict[str, FollowerStart]:
@@ -134,81 +135,81 @@ class Start(Section):
 
 
 class EmulatedAircraft(Section):
-    """What an emulated aircraft really is, apart from what its companion is told: see docs/emulator.md."""
+    """True properties of an emulated aircraft, of which its companion is not told; see docs/emulator.md."""
 
     autopilot: Annotated[str, AfterValidator(known_in(emulated_autopilots))] | None = None
-    """What really answers; if absent, the autopilot that each vehicle's own `autopilot` is for. Another one
-    than `ardupilot` and `px4` is one of your own (`--plugin`)."""
+    """Emulated autopilot; by default the one of each vehicle's `autopilot`. Besides `ardupilot` and `px4` it
+    may be a user-defined one (`--plugin`)."""
 
     plant: Annotated[str, AfterValidator(known_in(plants))] | None = None
-    """What really flies; if absent, what each vehicle's own `plant` says. `bank`: bank from course error,
-    as ArduPlane does it; `npfg`: lateral acceleration from it, as PX4 does; `six-dof`: a rigid body with
-    the Aerosonde's coefficients under attitude and energy loops, which flies 16 to 32 m/s; or one of one's
-    own (`--plugin`)."""
+    """Emulated plant; by default each vehicle's `plant`. `bank`: bank from course error, as in ArduPlane;
+    `npfg`: lateral acceleration from course error, as in PX4; `six-dof`: a rigid body with the Aerosonde's
+    coefficients under attitude and energy loops, for 16 to 32 m/s; or a user-defined one (`--plugin`)."""
 
     plant_options: dict[str, Number] = Field(default_factory=dict)
-    """Numbers of a plant of one's own, by their names."""
+    """Options of a user-defined plant, by name."""
 
     alpha_1_s: Annotated[Gain, Field(le=20.0)] | None = None
-    """All plants but `bank` and `six-dof`: real bandwidth of the course (or heading) hold, 1/s; if absent
-    what `vehicles` declares, as with all numbers down to `height_delay_s`."""
+    """True bandwidth of the course (or heading) hold, 1/s, of all plants but `bank` and `six-dof`. This and
+    all numbers down to `height_delay_s` default to the values under `vehicles`."""
 
     beta_1_s: Annotated[Gain, Field(le=20.0)] | None = None
-    """`speed_response: first-order`: real bandwidth of the speed hold, 1/s."""
+    """`speed_response: first-order`: true bandwidth of the speed hold, 1/s."""
 
     airspeed_range_m_s: AirspeedRange | None = None
-    """Lowest and highest airspeed that it really flies, m/s."""
+    """True minimum and maximum airspeed, m/s."""
 
     max_bank_deg: Annotated[Number, Field(ge=1.0, le=80.0)] | None = None
-    """Bank that it really reaches, degrees."""
+    """True maximum bank, degrees."""
 
     max_acceleration_m_s2: Annotated[Number, Field(ge=0.01, le=50.0)] | None = None
-    """Fastest real change of speed, either way, m/s²."""
+    """True maximum acceleration, either way, m/s²."""
 
     climb_range_m_s: ClimbRange | None = None
-    """Fastest real descent, negative, and climb, m/s."""
+    """True maximum descent rate, negative, and climb rate, m/s."""
 
     height_delay_s: Annotated[Duration, Field(gt=0.0, le=20.0)] | None = None
-    """By how much its height really lags behind a setpoint that climbs steadily, s."""
+    """True lag of the height behind a setpoint that climbs steadily, s."""
 
     guided_p: Annotated[Positive, Field(le=1e6)] = 12_000.0
-    """`bank`, `six-dof`: bank for each course error, 0.01 degrees for 1 rad (ArduPlane's GUIDED_P)."""
+    """`bank`, `six-dof`: bank per course error, 0.01 degrees per rad (ArduPlane's GUIDED_P)."""
 
     roll_time_s: Annotated[Positive, Field(le=10.0)] = 0.4
     """`bank`, `npfg`: time constant of the roll, s."""
 
     roll_delay_s: Annotated[NotNegative, Field(le=10.0)] = 0.0
-    """`bank`, `npfg`: time constant with which the bank that is wanted reaches the roll, s."""
+    """`bank`, `npfg`: time constant from the commanded bank to the roll, s."""
 
     turn_efficiency: Annotated[Positive, Field(le=2.0)] = 1.0
-    """`bank`: turn rate in parts of the coordinated turn's; 0.7 was measured on ArduPlane."""
+    """`bank`: turn rate as a fraction of the coordinated turn's; 0.7 was measured on ArduPlane."""
 
     speed_response: Literal["first-order", "tecs", "px4", "px4-untrimmed"] = "first-order"
-    """`tecs`: an airspeed hold with an integral, limited acceleration and dead time, as in ArduPlane; `px4`:
-    one whose setpoint slews with 1 m/s² and which swings, as PX4's with a throttle that is trimmed;
-    `px4-untrimmed`: as PX4's comes, which goes 0.6 of the way and creeps on."""
+    """`tecs`: an airspeed hold with an integral, limited acceleration and dead time, as in ArduPlane. `px4`:
+    a hold that oscillates, with a setpoint slewing at 1 m/s², like PX4's with a trimmed throttle.
+    `px4-untrimmed`: like PX4's default, which reaches 0.6 of the step and then creeps."""
 
     course_dead_time_s: Annotated[NotNegative, Field(le=10.0)] = 0.0
-    """From a new course to the moment at which the autopilot's loop knows it, s."""
+    """Dead time from a new course to its arrival in the autopilot's loop, s."""
 
     speed_dead_time_s: Annotated[NotNegative, Field(le=10.0)] | None = None
-    """From a new speed to the moment at which the loop knows it, s; if absent 0, or 0.5 with `tecs`."""
+    """Dead time from a new speed to its arrival in the autopilot's loop, s; by default 0, or 0.5 with
+    `tecs`."""
 
     indicated_airspeed: bool = False
-    """Whether airspeeds on the wire are indicated ones, lower than the true ones by the air's density."""
+    """Whether airspeeds on the wire are indicated ones, which air density makes lower than the true ones."""
 
     airspeed_calibration: Annotated[Number, Field(ge=0.5, le=2.0)] = 1.0
-    """What airspeed sensors show in parts of what they should."""
+    """Ratio of the airspeed sensors' reading to the right one."""
 
     loop_rate_hz: Annotated[Number, Field(ge=10.0, le=1000.0)] | None = None
     """Rate of the scheduler on whose ticks telemetry leaves, Hz; if absent it leaves exactly on time."""
 
 
 class Emulator(EmulatedAircraft):
-    """What the emulated autopilots do that their companions are not told; docs/emulator.md explains it."""
+    """True properties of the emulated aircraft, unknown to their companions; see docs/emulator.md."""
 
     vehicles: dict[VehicleName, EmulatedAircraft] = Field(default_factory=dict)
-    """Single vehicles by name, where they differ from the others: `{f1: {alpha_1_s: 0.4}}`."""
+    """Properties of single vehicles by name, where they differ: `{f1: {alpha_1_s: 0.4}}`."""
 
     def of(self, name: str) -> EmulatedAircraft:
         """Return the true aircraft of a vehicle: its own fields override the common ones."""
@@ -218,7 +219,7 @@ class Emulator(EmulatedAircraft):
 
 
 class LeaderTelemetry(Section):
-    """How an emulated leader without a companion is heard."""
+    """Telemetry of an emulated leader without a companion."""
 
     message: Literal[
         "GLOBAL_POSITION_INT",
@@ -227,16 +228,16 @@ class LeaderTelemetry(Section):
         "HIGH_LATENCY2",
         "ADSB_VEHICLE",
     ] = "GLOBAL_POSITION_INT"
-    """By which message."""
+    """Message with the leader's position."""
 
     rate_hz: Annotated[Number, Field(ge=0.1, le=50.0)] = 4.0
-    """How often it is sent."""
+    """Rate of the message, Hz."""
 
     delay_s: Annotated[Duration, Field(le=5.0)] = 0.2
-    """How long each message takes, s."""
+    """Latency of each message, s."""
 
     jitter_s: Annotated[Duration, Field(le=5.0)] = 0.0
-    """More or less than that by up to this, s; at most `delay_s`."""
+    """Jitter of the latency, plus or minus, s; at most `delay_s`."""
 
     loss: Annotated[NotNegative, Field(lt=1.0)] = 0.0
     """Share of messages that never arrive, 0 to below 1."""
@@ -253,7 +254,7 @@ class Radio(Section):
     """A telemetry radio that the whole formation shares, in virtual time; docs/link.md explains it."""
 
     leader_hz: Annotated[Number, Field(ge=0.1, le=50.0)] = 10.0
-    """States per second of the leader."""
+    """Leader states per second."""
 
     followers_hz: Annotated[Number, Field(ge=0.1, le=50.0)] = 2.5
     """States per second of each follower."""
@@ -262,31 +263,31 @@ class Radio(Section):
     """Rate of the serial lines to the radios, bits per second."""
 
     air_bytes_s: Annotated[Number, Field(ge=10.0, le=1e6)] = 4000.0
-    """What all radios together can send, bytes per second."""
+    """Capacity of the radio channel, bytes per second."""
 
     loss: Annotated[NotNegative, Field(lt=1.0)] = 0.0
-    """Share of the packets that a receiver misses outside bursts, 0 to below 1."""
+    """Share of packets that a receiver misses outside bursts, 0 to below 1."""
 
     bursts: Annotated[NotNegative, Field(lt=1.0)] = 0.0
-    """Share of the time in which a receiver hears nothing, in bursts of a second on average, 0 to below 1."""
+    """Share of time in which a receiver hears nothing, in bursts of one second on average, 0 to below 1."""
 
 
 class Loss(Section):
-    """What a vehicle loses in the rehearsal, for a while or for good."""
+    """A temporary or permanent loss of a vehicle in the rehearsal."""
 
     vehicle: VehicleName
-    """Whose it is."""
+    """Affected vehicle."""
 
     at_s: NotNegative
-    """When, s from the start of the rehearsal."""
+    """Time of the loss, s from the start of the rehearsal."""
 
     for_s: Positive | None = None
-    """For how long, s; for good if absent."""
+    """Duration, s; permanent if absent."""
 
     what: Literal["companion", "link", "guidance"] = "companion"
-    """`companion`: the program ends without a word, and one that knows nothing takes its place; `link`: the
-    vehicle hears no other and is heard by none; `guidance`: its pilot takes it, into a loiter, and gives it
-    back."""
+    """`companion`: the program ends abruptly, and a new one without its memory replaces it. `link`: the
+    vehicle neither receives nor is received. `guidance`: its pilot takes over, loiters, and gives the
+    vehicle back."""
 
     def lasts(self, now: float) -> bool:
         """Check whether the loss lasts at a time, s from the start of the rehearsal."""
@@ -294,59 +295,60 @@ class Loss(Section):
 
 
 class Rehearsal(Section):
-    """The flight on the computer."""
+    """Rehearsal of the flight on the computer."""
 
     duration_s: Annotated[Number, Field(ge=1.0, le=86400.0)] = 300.0
-    """How long it lasts, s."""
+    """Duration, s."""
 
     rate_hz: Annotated[Number, Field(ge=2.0, le=100.0)] = 20.0
-    """Position reports per second, and with them guidance steps."""
+    """Position reports and guidance steps per second."""
 
     start: Start = Start()
-    """Where everyone begins."""
+    """Starts of the vehicles."""
 
     emulator: Emulator = Emulator()
-    """What the emulated autopilots do that their companions are not told."""
+    """True properties of the emulated aircraft."""
 
     leader_telemetry: LeaderTelemetry = LeaderTelemetry()
-    """How a leader without a companion is heard (`leader.follows`)."""
+    """Telemetry of a leader without a companion (`leader.follows`)."""
 
     losses: tuple[Loss, ...] = ()
-    """What vehicles lose on the way."""
+    """Losses during the rehearsal."""
 
     radio: Radio | None = None
-    """The link is a shared radio; if absent each state takes `link_delay_s`."""
+    """Shared radio as the link; if absent each state takes `link_delay_s`."""
 
     link_delay_s: Duration = 0.1
-    """Time a leader state takes to arrive, s."""
+    """Latency of a leader state, s."""
 
     link_jitter_s: Duration = 0.0
-    """Each leader state takes `link_delay_s` plus or minus up to this, evenly spread, s."""
+    """Jitter of the latency, plus or minus, uniformly distributed, s."""
 
     link_loss: Annotated[NotNegative, Field(lt=1.0)] = 0.0
     """Share of leader states that never arrive, 0 to below 1."""
 
     sensors: Literal["ideal", "rtk", "sbas", "standalone"] = "ideal"
-    """GNSS receivers of this grade, and airspeed sensors, barometers and clocks like real ones."""
+    """Sensor quality: GNSS receivers of this grade, with realistic airspeed sensors, barometers and clocks.
+    """
 
     position_noise_m: Annotated[NotNegative, Field(le=1000.0)] = 0.0
     """Standard deviation of the noise on each position report, m."""
 
     seed: Annotated[WholeNumber, Field(ge=0, le=2**32 - 1)] = 1
-    """Seed of everything random: the same seed gives the same flight."""
+    """Seed of all random processes: the same seed gives the same flight."""
 
 
 class Acceptance(Section):
-    """What the flight must reach; whatever is absent is not asked for."""
+    """Acceptance limits of the flight; absent limits do not apply."""
 
     mean_error_m: Positive | None = None
-    """Highest mean formation error over the second half of the flight, m."""
+    """Maximum mean formation error over the second half of the flight, m."""
 
     max_error_m: Positive | None = None
-    """Highest formation error over the second half of the flight, m."""
+    """Maximum formation error over the second half of the flight, m."""
 
     mean_error_3d_m: Positive | None = None
-    """Highest mean formation error in space, heights included, over the second half of the flight, m."""
+    """Maximum mean formation error in space, heights included, over the second half of the flight, m."""
 
     settle_10m_s: Positive | None = None
     """Time after which every follower stays within 10 m of its slot, s."""
@@ -355,4 +357,4 @@ class Acceptance(Section):
     """Time after which every follower stays within 1 m of its slot, s."""
 
     min_separation_m: NotNegative = 5.0
-    """Least distance between any two vehicles, at any time, m."""
+    """Minimum distance between any two vehicles, at any time, m."""

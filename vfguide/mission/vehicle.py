@@ -52,25 +52,25 @@ AirspeedRange = Annotated[tuple[Speed, Speed], AfterValidator(_ascending)]
 
 
 class Vehicle(Section):
-    """One aircraft: its address, its autopilot and what it can do."""
+    """An aircraft: its address, autopilot and capabilities."""
 
     system_id: Annotated[int, Field(strict=True, ge=1, le=255)]
-    """MAVLink system id, 1 to 254, different for each vehicle; ground stations have 255, and one may lead."""
+    """MAVLink system id, 1 to 254, unique; 255 is a ground station's, which may lead."""
 
     component_id: Annotated[int, Field(strict=True, ge=1, le=255)] = 1
     """MAVLink component id of its autopilot."""
 
     autopilot: Annotated[str, AfterValidator(known_in(autopilots))] = "ardupilot"
-    """Which autopilot flies it; decides how setpoints and modes are spoken. `auto` finds out from its
-    heartbeat, `mavsdk` is PX4 spoken to by way of MAVSDK."""
+    """Autopilot, which defines setpoints and modes. `auto` detects it from its heartbeat; `mavsdk` is PX4
+    through MAVSDK."""
 
     px4_steering: Literal["auto", "guided-course", "position", "velocity"] = "auto"
-    """How a PX4 is steered. `auto`: Guided Course from 1.18 on, positions ahead in offboard on 1.15 to 1.17,
-    velocities before. What stops the aircraft when its companion dies is NAV_DLL_ACT in Guided Course (0, its
-    default: nothing), COM_OBL_RC_ACT in offboard."""
+    """Steering of a PX4. `auto`: Guided Course from 1.18 on, positions ahead in offboard on 1.15 to 1.17,
+    velocities before. If the companion dies, NAV_DLL_ACT stops the aircraft in Guided Course (0, its
+    default: nothing), and COM_OBL_RC_ACT in offboard."""
 
     plant: Literal["course-hold", "heading-hold"] = "heading-hold"
-    """What its two first-order holds act on: course and ground speed, or heading and airspeed."""
+    """Variables of the two first-order holds: course and ground speed, or heading and airspeed."""
 
     alpha_1_s: Annotated[Gain, Field(le=20.0)] = 1.2
     """alpha of the article: bandwidth of the course (or heading) hold, 1/s."""
@@ -79,62 +79,59 @@ class Vehicle(Section):
     """beta of the article: bandwidth of the speed hold, 1/s."""
 
     airspeed_range_m_s: AirspeedRange = DEFAULT_AIRSPEED_RANGE_M_S
-    """Lowest and highest airspeed it may be asked for, m/s."""
+    """Minimum and maximum airspeed setpoint, m/s."""
 
     max_bank_deg: Annotated[Number, Field(ge=1.0, le=80.0)] = DEFAULT_MAX_BANK_DEG
-    """Steepest bank, degrees; limits the turn rate to g·tan(bank)/speed."""
+    """Maximum bank, degrees; limits the turn rate to g·tan(bank)/speed."""
 
     course_dead_time_s: Annotated[Duration, Field(le=5.0)] = 0.0
-    """From a course setpoint to the first turn, s; `vfguide identify` measures it."""
+    """Dead time from a course setpoint to the first turn, s; `vfguide identify` measures it."""
 
     course_lag_s: Annotated[Duration, Field(le=5.0)] = 0.0
-    """Time constant with which the turn rate then follows, that of the roll, s; 0 where it is at once."""
+    """Time constant of the turn rate after the dead time, which is the roll's, s; 0 for none."""
 
     speed_dead_time_s: Annotated[Duration, Field(le=5.0)] = 0.0
-    """From a speed setpoint to the first change of speed, s."""
+    """Dead time from a speed setpoint to the first change of speed, s."""
 
     speed_lag_s: Annotated[Duration, Field(le=5.0)] = 0.0
-    """Time constant with which the acceleration then follows, s."""
+    """Time constant of the acceleration after the dead time, s."""
 
     speed_hold: SpeedHold | None = None
-    """How the speed hold answers; absent: as the autopilot says.
-
-    `total-energy`: by throttle and pitch, as ArduPlane's and PX4's TECS does,
-    which swings where setpoints answer the measured speed at once; they follow the slot's speed instead, at
-    most as fast as beta lets them."""
+    """Type of the speed hold; if absent, the autopilot's. `total-energy`: by throttle and pitch, as in
+    ArduPlane's and PX4's TECS. It oscillates if setpoints respond to the measured speed at once. They
+    therefore follow the slot's speed, at most as fast as beta allows."""
 
     slips: Switch | Literal["auto"] | None = None
-    """Whether its nose leaves the direction of flight in turns, as that of an aircraft without coordination
-    does: wind and direction through the air are then found from the ground velocity, slowly. `auto`: flown as
-    one that does, until its banks and turns have shown in flight that it does not; absent: the same where
-    no response is declared, else flown as one that does not, until they have shown that it does."""
+    """Whether the nose leaves the direction of flight in turns, as in an aircraft without coordination. Wind
+    and air direction are then found slowly from the ground velocity. `auto`: assumed to slip until flight
+    shows that it does not. If absent: as `auto` where no response is declared, else assumed not to slip
+    until flight shows it."""
 
     may_stop: Switch = True
-    """Whether it may come to a standstill in the air, as under a parachute or in a simulator that hangs.
-    Followers of a leader that may keep clear of the place where it fell silent; one right behind leaves its
-    slot for it."""
+    """Whether it may come to a standstill in the air, as under a parachute or in a hanging simulator.
+    Followers of such a leader keep clear of the place where it fell silent; one right behind leaves its slot
+    for it."""
 
     response: Literal["declared", "auto"] | None = None
-    """Where its response is first taken from; flight corrects both. Absent: `declared` where alpha_1_s or
-    beta_1_s is given, else `auto`.
-
-    `auto`: alpha and beta are what the autopilot's own parameters give (ArduPlane's GUIDED_P and
-    TECS_TIME_CONST; PX4's NPFG_PERIOD, NPFG_DAMPING, FW_T_TAS_TC and FW_THR_*), limits the tighter of its own
-    and these. What is declared counts until it has told, and where its parameters do not tell."""
+    """Initial source of the response; flight corrects both. By default `declared` where alpha_1_s or
+    beta_1_s is given, else `auto`. `auto`: alpha and beta come from the autopilot's parameters (ArduPlane's
+    GUIDED_P and TECS_TIME_CONST; PX4's NPFG_PERIOD, NPFG_DAMPING, FW_T_TAS_TC and FW_THR_*), and limits are
+    the tighter of its own and these. Declared values apply until the parameters arrive, and where they are
+    missing."""
 
     engage_from: tuple[EngageMode, ...] = ("LOITER", "HOLD")
-    """Modes out of which `--engage` takes the vehicle, once in a flight and in the air: ArduPlane's LOITER,
+    """Modes from which `--engage` takes the vehicle, once in a flight and in the air: ArduPlane's LOITER,
     CRUISE, FBWB, TAKEOFF; PX4's HOLD, POSITION, ALTITUDE, TAKEOFF."""
 
     climb_range_m_s: ClimbRange = (-3.0, 4.0)
-    """Fastest descent, negative, and fastest climb that it keeps up at cruise, m/s."""
+    """Maximum descent rate, negative, and climb rate sustained at cruise, m/s."""
 
     height_delay_s: Annotated[Duration, Field(gt=0.0, le=20.0)] = 2.0
-    """By how much its height lags behind a setpoint that climbs steadily, s: setpoints lead by this. An
-    ArduPlane's is TECS_HDEM_TCONST and 0.3 s."""
+    """Lag of the height behind a setpoint that climbs steadily, s, by which setpoints lead. An ArduPlane's
+    is TECS_HDEM_TCONST plus 0.3 s."""
 
     max_acceleration_m_s2: Annotated[Number, Field(ge=0.01, le=50.0)] = 3.0
-    """Fastest change of speed along the flight path, either way, m/s²."""
+    """Maximum acceleration along the flight path, either way, m/s²."""
 
     @property
     def declares_response(self) -> bool:
