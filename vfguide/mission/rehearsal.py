@@ -43,8 +43,7 @@ class Air(Section):
     """Gusts, turbulence and wind shear in addition to the mean wind; docs/emulator.md explains them."""
 
     turbulence: Literal["none", "light", "moderate", "severe"] = "none"
-    """Dryden turbulence by MIL-F-8785C at low altitude, with W20 of 15, 30 or 45 knots. Neighbours share it.
-    """
+    """Dryden turbulence by MIL-F-8785C at low altitude: W20 of 15, 30 or 45 knots. Neighbours share it."""
 
     gusts: tuple[Gust, ...] = ()
     """Discrete gusts."""
