@@ -8,7 +8,7 @@ from tests.kit.missions import ROOT
 
 SHOWN = {
     "vfguide.html": ("load_mission", "to_dataframe"),
-    "vfguide/laws/base.html": ("expected_motion", "m ahead of the follower"),
+    "vfguide/laws/base.html": ("expected_motion", "m ahead of the leader"),
     "vfguide/guidance/path.html": ("cross_track_error", "positive right of the direction"),
     "vfguide/mavlink/adapter.html": ("AutopilotAdapter",),
     "vfguide/link/carrier.html": ("Carrier",),
