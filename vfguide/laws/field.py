@@ -228,9 +228,6 @@ class SlotField(Law):
     @classmethod
     def findings(cls, mission: Mission, conditions: Conditions) -> Iterator[Finding]:
         """Yield findings on loops that do not fit each other or the turns."""
-        # Deferred: a companion in the air does not need it.
-        from vfguide.laws.field import field_findings
-
         gains: Any = mission.controller
         return field_findings(mission, conditions, gains)
 

@@ -28,6 +28,7 @@ from paho.mqtt.client import Client as Engine
 
 from vfguide.errors import InputError
 from vfguide.link.carrier import EXAMPLE, LinkAddress
+from vfguide.link.codec import LARGEST
 from vfguide.system import URGENT_TCP, SocketSelector
 
 ENVIRONMENT_VARIABLE = "VFGUIDE_LINK_PASSWORD"
@@ -53,9 +54,6 @@ LABELS = re.compile(
     r"(?!-)[a-z0-9_-]{1,63}(?<!-)(\.(?!-)[a-z0-9_-]{1,63}(?<!-))*", re.IGNORECASE | re.ASCII
 )
 NUMERIC = re.compile(r"[0-9.]+")
-
-LARGEST = 4096
-"""Maximum size of a message, bytes: nothing that the formation shares is longer."""
 
 MOST_TOPICS = 256
 """Maximum number of topics with unread messages: more than vehicles in any formation."""

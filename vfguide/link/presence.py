@@ -8,10 +8,7 @@ from typing import Annotated, Literal
 import msgspec
 from msgspec.structs import asdict, replace
 
-from vfguide.link.codec import LinkDataError
-
-LARGEST = 4096
-"""Maximum size of a presence that is read, bytes."""
+from vfguide.link.codec import LARGEST, LinkDataError
 
 LONGEST_TEXT = 100
 """Maximum length of every text but warnings and findings, characters."""

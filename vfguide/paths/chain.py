@@ -18,7 +18,7 @@ from msgspec.structs import replace
 
 from vfguide.elementwise import FloatArray, Number
 from vfguide.errors import InputError, described_error
-from vfguide.guidance.path import Path, PathPlace, PathPoint
+from vfguide.guidance.path import NEAR_CENTRE, Path, PathPlace, PathPoint
 from vfguide.paths.climb import ClosedHeights, HeightProfile
 from vfguide.paths.pieces import GAUSS, Pieces, PieceTree, displacement
 
@@ -30,9 +30,6 @@ COURSE_M = 100.0
 
 FARTHEST_M = 1e7
 """Limit to which positions are clipped, m."""
-
-NEAR_CENTRE = 0.05
-"""Lower bound of 1 - curvature times error: nearer to the centre of a turn, no point of it is abeam."""
 
 LONGEST_STEP_M = 20.0
 STEPS = 12
