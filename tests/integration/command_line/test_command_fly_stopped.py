@@ -63,20 +63,31 @@ async def test_a_stopped_flight_ends_with_3_and_is_kept(command, pair_with, tmp_
     assert f"{flown_s:g} s in" in again.out
 
 
-async def test_who_stops_the_report_too_is_told_what_is_left(pair_with, tmp_path):
-    directory = tmp_path / "out"
-    async with under_way(pair_with(), "--out", directory) as flight:
+async def stopped_twice(mission: Path, directory: Path) -> tuple[int | None, str]:
+    """Stop a flight, and then its report; the status and the last line."""
+    async with under_way(mission, "--out", directory) as flight:
         flight.send_signal(signal.SIGINT)
         async with asyncio.timeout(PATIENCE_S):
-            while not list(directory.glob(".partial-*/flight.npz")):
+            while not list(directory.glob(".partial-*/flight.npz")) and flight.returncode is None:
                 await asyncio.sleep(0.01)
-        flight.send_signal(signal.SIGINT)
+        if flight.returncode is None:
+            flight.send_signal(signal.SIGINT)
         _, err = await flight.communicate()
-        status, err = flight.returncode, err.decode()
-    (left,) = directory.iterdir()
+        return flight.returncode, err.decode().splitlines()[-1]
+
+
+async def test_who_stops_the_report_too_is_told_what_is_left(pair_with, tmp_path):
+    # On a busy computer a report may be done before the second signal: then it is tried again.
+    for attempt in range(5):
+        directory = tmp_path / f"out-{attempt}"
+        status, said = await stopped_twice(pair_with(), directory)
+        left = list(directory.glob(".partial-*"))
+        if left:
+            break
     assert status == 3
-    assert err.splitlines()[-1] == f"{left}: holds what was written so far"
-    assert FlightRecord.load(left / "flight.npz").interrupted
+    assert said == f"{left[0]}: holds what was written so far"
+    assert [*directory.iterdir()] == left
+    assert FlightRecord.load(left[0] / "flight.npz").interrupted
 
 
 @pytest.mark.usefixtures("unplotted")
