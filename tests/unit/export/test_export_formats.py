@@ -25,12 +25,19 @@ from pyarrow import parquet
 
 from tests.kit.foxglove import said
 from tests.kit.missions import MISSIONS, shipped
-from tests.kit.records import with_vehicle
-from tests.kit.short_flights import ORIGIN, short_flight
+from tests.kit.records import still_flight, with_vehicle
+from tests.kit.short_flights import ORIGIN, short_flight, vehicle
 from vfguide.commands.export import ENDINGS, export
 from vfguide.errors import InputError
 from vfguide.frames import LocalFrame
-from vfguide.lab.export.columns import UNITS, begin_of, geodetic, write_csv, write_parquet
+from vfguide.lab.export.columns import (
+    UNITS,
+    begin_of,
+    finest_stride,
+    geodetic,
+    write_csv,
+    write_parquet,
+)
 from vfguide.lab.export.earth import MOST_WAYPOINTS, chosen, distances, write_earth, write_plan
 from vfguide.lab.export.foxglove import attitude, write_mcap
 from vfguide.mission.plan_file import read_plan
@@ -139,6 +146,39 @@ def test_every_message_of_the_mcap_is_what_its_schema_says(tmp_path):
         # Joining at first and tracking after a second, each of two vehicles.
         "/log": 4,
     }
+
+
+def test_neither_changes_of_mode_nor_pictures_depend_on_the_parts(tmp_path, monkeypatch):
+    """Both change their mode at sample 10; pictures are of samples 0, 2, ... 20."""
+    whole = messages_of(short_flight(), tmp_path)
+    for size in (5, 10):
+        monkeypatch.setattr("vfguide.lab.export.columns.PART", size)
+        in_parts = messages_of(short_flight(), tmp_path)
+        for topic in ("/log", "/scene/f1"):
+            times = [
+                [raw.log_time for _, channel, raw, _ in found if channel.topic == topic]
+                for found in (whole, in_parts)
+            ]
+            assert times[0] == times[1], (size, topic)
+
+
+@pytest.mark.parametrize("step_s", [0.1, 0.05, 0.04, 0.02])
+def test_pictures_are_a_fifth_of_a_second_apart_whatever_the_rounding(step_s):
+    for samples in (4, 58, 3001):
+        time_s = step_s * np.arange(samples)
+        record = still_flight(time_s, vehicle("lead", time_s))
+        assert finest_stride(record) == round(0.2 / step_s), samples
+
+
+def test_a_csv_tells_places_to_a_centimetre(tmp_path):
+    """In longitudes beyond 100 degrees, too; 1e-7 degrees of longitude are 8 mm here."""
+    origin = replace(ORIGIN, longitude_deg=171.0)
+    write_csv(short_flight(origin=origin), tmp_path / "a.csv")
+    with (tmp_path / "a.csv").open(encoding="utf-8", newline="") as file:
+        last = list(csv.DictReader(file))[-1]
+    frame = LocalFrame(ORIGIN.latitude_deg, 171.0, ORIGIN.altitude_amsl_m)
+    place = frame.to_local(float(last["latitude_deg"]), float(last["longitude_deg"]))
+    assert place == pytest.approx((13.0, 6.0), abs=0.006)
 
 
 def messages_of(record: FlightRecord, directory: Path, **wanted: list[str]) -> list[Any]:

@@ -60,6 +60,8 @@ class Part:
 
     vehicle: VehicleRecord
     """The vehicle; its arrays hold the whole flight."""
+    first: int
+    """Index of the first sample in the whole flight."""
     time_s: FloatArray
     numbers: dict[str, FloatArray]
     """Columns of `UNITS`; NaN where unknown."""
@@ -136,6 +138,7 @@ def parts_of(record: FlightRecord) -> Iterator[Part]:
             }
             yield Part(
                 vehicle=vehicle,
+                first=begin,
                 time_s=record.time_s[some],
                 numbers={name: found[name] for name in UNITS},
                 modes=[mode_name(record, number) for number in vehicle.mode[some].tolist()],
@@ -146,7 +149,7 @@ def parts_of(record: FlightRecord) -> Iterator[Part]:
 def finest_stride(record: FlightRecord) -> int:
     """Return the largest stride whose samples are at most `FINEST_STEP_S` apart, but at least 1."""
     step_s = record.duration_s / max(record.time_s.size - 1, 1)
-    return max(1, math.floor(FINEST_STEP_S / step_s)) if step_s > 0.0 else 1
+    return max(1, math.floor(FINEST_STEP_S / step_s + 1e-6)) if step_s > 0.0 else 1
 
 
 def mode_name(record: FlightRecord, number: int) -> str:
@@ -212,8 +215,8 @@ def write_csv(record: FlightRecord, path: Path) -> None:
 
 
 def plain(number: float) -> str:
-    """Format a number with nine significant digits; empty if unknown."""
-    return f"{number:.9g}" if math.isfinite(number) else ""
+    """Format a number with ten significant digits, 1 cm of longitude; empty if unknown."""
+    return f"{number:.10g}" if math.isfinite(number) else ""
 
 
 def harmless(text: str) -> str:

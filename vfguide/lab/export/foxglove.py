@@ -7,7 +7,6 @@ with a schema of their own.
 import json
 import math
 from collections.abc import Sequence
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -148,21 +147,18 @@ def put_part(record: FlightRecord, part: Part, topics: FoxgloveTopics, begin_ns:
     """Put some samples of one vehicle: state, scene and changes of mode."""
     vehicle, name = part.vehicle, part.vehicle.name
     every = finest_stride(record)
-    first = int(np.searchsorted(record.time_s, part.time_s[0]))
+    changed = np.diff(vehicle.mode, prepend=vehicle.mode[0] - 1) != 0
     colour, origin_m = vehicle_colours(record)[name], altitude_of_origin(record)
     slots = None if vehicle.role == "leader" else slots_of(record, vehicle)
     for number, time_s in enumerate(part.time_s.tolist()):
-        time_ns = begin_ns + round(time_s * 1e9)
+        sample, time_ns = part.first + number, begin_ns + round(time_s * 1e9)
         row = {one: float(column[number]) for one, column in part.numbers.items()}
         put_state(topics, name, row, time_ns, mode=part.modes[number], limited=part.limited[number])
-        if number == 0 and first == 0:
-            put_line(topics, name, part.modes[0], time_ns)
-        if number % every == 0:
-            slot = None if slots is None else slots[first + number]
+        if changed[sample]:
+            put_line(topics, name, part.modes[number], time_ns)
+        if sample % every == 0:
+            slot = None if slots is None else slots[sample]
             put_scene(topics, name, colour, row, slot=slot, origin_m=origin_m, time_ns=time_ns)
-    for time_s, (before, after) in zip(part.time_s[1:].tolist(), pairwise(part.modes), strict=True):
-        if before != after:
-            put_line(topics, name, after, begin_ns + round(time_s * 1e9))
 
 
 def put_state(
