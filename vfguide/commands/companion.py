@@ -12,7 +12,13 @@ from typing import Annotated
 
 import typer
 
-from vfguide.commands.credentials import Credentials, KeyFiles, check_deputies, check_flies
+from vfguide.commands.credentials import (
+    Credentials,
+    KeyFiles,
+    check_by_mavsdk,
+    check_deputies,
+    check_flies,
+)
 from vfguide.commands.options import (
     AutopilotUrl,
     Insecure,
@@ -167,6 +173,12 @@ def companion(
     flown = read_mission(mission).mission
     keys = KeyFiles(mission=mission, key=key, roster=roster, insecure=insecure)
     check_flies(flown, vehicle)
+    check_by_mavsdk(
+        flown,
+        vehicle,
+        signing_key_file=signing_key_file,
+        ground_station_orders=ground_station_orders,
+    )
     heard_at = leader_address(flown, vehicle, leader)
     sends_to = None if follow_target is None else parse_address(follow_target)
     if sends_to is not None and vehicle != flown.leader.vehicle:

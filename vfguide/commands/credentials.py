@@ -101,6 +101,17 @@ def check_flies(mission: Mission, vehicle: str) -> None:
         )
 
 
+def check_by_mavsdk(mission: Mission, vehicle: str, **options: object) -> None:
+    """Check that no option needs what MAVSDK does not hand on: signatures, and others' commands.
+
+    Raises:
+        InputError: one does.
+    """
+    needing = [name.replace("_", "-") for name, value in options.items() if value]
+    if needing and mission.vehicles[vehicle].by_mavsdk:
+        raise InputError(f"--{needing[0]}: MAVSDK does not hand that on; write `autopilot: px4`")
+
+
 def check_deputies(mission: Mission, links: Sequence[LinkAddress]) -> None:
     """Check that the links have room for the messages of deputies, as a slow radio has not.
 

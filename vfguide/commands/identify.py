@@ -12,7 +12,7 @@ import typer
 from msgspec.structs import replace
 
 from vfguide.commands.companion import read_key
-from vfguide.commands.credentials import check_flies
+from vfguide.commands.credentials import check_by_mavsdk, check_flies
 from vfguide.commands.options import (
     AutopilotUrl,
     MissionOption,
@@ -74,6 +74,7 @@ def identify(
 
     flown = read_mission(mission).mission
     check_flies(flown, vehicle)
+    check_by_mavsdk(flown, vehicle, signing_key_file=signing_key_file)
     if not speedup > 0.0:
         raise InputError(f"--speedup: {speedup:g} is not above 0")
     address = parse_address(mavlink)

@@ -8,6 +8,9 @@ In offboard a thread of MAVSDK repeats the last setpoint every 50 ms, even while
 autopilot's fail-safe then sees a live stream. A watchdog here ends offboard when setpoints stop, unless the
 process hangs. Prefer `autopilot: px4` for flight in offboard.
 
+MAVSDK hands on messages of the vehicle's own system, unless they are addressed to somebody else, and without
+their signatures. So no companion hears orders of ground stations, other controllers, or radios by it.
+
 Whenever a MAVSDK instance ends, another follows. MAVSDK never reopens a serial port that was unplugged, and
 does not report that: an instance that hears nothing is ended here.
 """
@@ -30,7 +33,7 @@ from pymavlink.dialects.v20.ardupilotmega import MAVLink, MAVLink_message
 
 from vfguide.errors import InputError, require
 from vfguide.mavlink.address import Address, Status, reason_of
-from vfguide.mavlink.codec import REPORTS
+from vfguide.mavlink.codec import ATTITUDE_REPORTS, REPORTS
 from vfguide.mavlink.framing import frames_of, message_in
 from vfguide.mavlink.px4 import MAIN_MODE_AUTO, MAIN_MODE_OFFBOARD, SUB_MODE_LOITER
 
@@ -52,7 +55,8 @@ MISTAKES = frozenset({"BIND_ERROR", "CONNECTION_URL_INVALID", "BAUDRATE_UNKNOWN"
 """MAVSDK's results for an unusable address. Any other, such as a missing device, may pass."""
 
 HEARD: dict[str, type[MAVLink_message]] = {
-    mavlink.mavlink_map[number].msgname: mavlink.mavlink_map[number] for number in REPORTS
+    mavlink.mavlink_map[number].msgname: mavlink.mavlink_map[number]
+    for number in REPORTS | ATTITUDE_REPORTS
 }
 """Messages that companions use, by MAVSDK's name."""
 

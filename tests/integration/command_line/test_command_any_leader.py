@@ -1,4 +1,6 @@
-"""Leaders and followers without a companion, on the command line of those who have one."""
+"""Options of a companion that do not go with its mission, on the command line."""
+
+from pathlib import Path
 
 import pytest
 
@@ -27,3 +29,20 @@ def test_what_cannot_be_is_told_in_a_line(mission, vehicle, options, told, comma
     assert outcome.status == 2
     assert told in outcome.err
     assert len(outcome.lines) == 1
+
+
+@pytest.mark.parametrize("verb", ["companion", "identify"])
+def test_what_mavsdk_does_not_hand_on_is_not_waited_for(verb, command, tmp_path):
+    mission, key = tmp_path / "mission.yaml", tmp_path / "key"
+    flown = (Path(__file__).parents[3] / "missions/px4-sitl.yaml").read_text(encoding="utf-8")
+    mission.write_text(flown.replace("autopilot: px4", "autopilot: mavsdk"), encoding="utf-8")
+    key.write_text("a passphrase", encoding="utf-8")
+    words = [verb, "f1", "--mission", mission, "--mavlink", "udpin://127.0.0.1:14540"]
+    refused = [("--signing-key-file", key)]
+    if verb == "companion":
+        words += ["--link", "udp://127.0.0.1:14700", "--insecure"]
+        refused += [("--ground-station-orders",)]
+    for option in refused:
+        outcome = command(*words, *option)
+        assert outcome.status == 2
+        assert f"{option[0]}: MAVSDK does not hand that on" in outcome.err

@@ -37,6 +37,7 @@ from vfguide.mavlink.mavsdk import (
 from vfguide.mavlink.px4 import Px4
 from vfguide.mavlink.reports import (
     AirspeedReport,
+    AttitudeReport,
     CommandReport,
     HeartbeatReport,
     ParameterReport,
@@ -257,9 +258,11 @@ def test_a_position_arrives_as_it_was_sent(codec):
         ("PARAM_VALUE", {"param_id": "FW_R_LIM", "param_value": 50.0}, ParameterReport),
         ("AUTOPILOT_VERSION", VERSION, VersionReport),
         ("VFR_HUD", {"airspeed": 20.5, "alt": 588.0, "climb": None}, AirspeedReport),
+        ("ATTITUDE", {"roll": 0.4}, AttitudeReport),
     ],
 )
-def test_what_companions_listen_to_becomes_frames_again(codec, name, fields, kind):
+def test_what_companions_listen_to_becomes_frames_again(name, fields, kind):
+    codec = Codec(7, 1, hears_attitude=True)
     filled = dict.fromkeys(HEARD[name].fieldnames, 0) | fields
     (report,) = codec.decode(frame_of(name, json.dumps(filled)))
     assert isinstance(report, kind)
