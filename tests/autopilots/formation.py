@@ -17,13 +17,7 @@ import numpy as np
 
 from tests.autopilots.faults import Occurrence
 from tests.autopilots.ground_station import GroundStation
-from tests.autopilots.programs import (
-    FlightError,
-    Program,
-    broker,
-    first_in_line,
-    vfguide,
-)
+from tests.autopilots.programs import FlightError, Program, broker, first_in_line, vfguide
 from tests.autopilots.relay import Relay
 from tests.autopilots.simulators import (
     CLIMB_S,

@@ -60,17 +60,10 @@ class FlownRow:
 
 
 ROWS: Mapping[str, FlownRow] = {
-    "arduplane-circle": FlownRow(
-        "circle of 250 m, 5 m/s of wind",
-        f"{ARDUPLANE} --wind 5,270",
-    ),
-    "arduplane-line": FlownRow(
-        "line, 5 m/s",
-        f"{ARDUPLANE} --wind 5,270 {LINE}",
-    ),
+    "arduplane-circle": FlownRow("circle of 250 m, 5 m/s of wind", f"{ARDUPLANE} --wind 5,270"),
+    "arduplane-line": FlownRow("line, 5 m/s", f"{ARDUPLANE} --wind 5,270 {LINE}"),
     "arduplane-tight": FlownRow(
-        "circle of 150 m",
-        f"{ARDUPLANE} --wind 5,270 {TIGHT.format('clockwise')}",
+        "circle of 150 m", f"{ARDUPLANE} --wind 5,270 {TIGHT.format('clockwise')}"
     ),
     "arduplane-tight-left": FlownRow(
         "circle of 150 m, left turns",
@@ -81,12 +74,10 @@ ROWS: Mapping[str, FlownRow] = {
         f"{ARDUPLANE} --wind 5,270 --factory {NOTHING_DECLARED}",
     ),
     "arduplane-gusts": FlownRow(
-        "circle, SIM_WIND_TURB 1",
-        f"{ARDUPLANE} --wind 5,270 --turbulence 1",
+        "circle, SIM_WIND_TURB 1", f"{ARDUPLANE} --wind 5,270 --turbulence 1"
     ),
     "arduplane-gale": FlownRow(
-        "8 m/s, SIM_WIND_TURB 2",
-        f"{ARDUPLANE} --wind 8,270 --turbulence 2",
+        "8 m/s, SIM_WIND_TURB 2", f"{ARDUPLANE} --wind 8,270 --turbulence 2"
     ),
     "arduplane-gale-wide": FlownRow(
         "8 m/s, SIM_WIND_TURB 2, wide slots",
@@ -96,14 +87,8 @@ ROWS: Mapping[str, FlownRow] = {
         "8 m/s, SIM_WIND_TURB 2, abreast",
         f"{ARDUPLANE} --wind 8,270 --turbulence 2 {with_slots('abreast')}",
     ),
-    "px4-circle": FlownRow(
-        "circle of 200 m, calm",
-        PX4,
-    ),
-    "px4-line": FlownRow(
-        "line, calm",
-        f"{PX4} {LINE}",
-    ),
+    "px4-circle": FlownRow("circle of 200 m, calm", PX4),
+    "px4-line": FlownRow("line, calm", f"{PX4} {LINE}"),
     "px4-position": FlownRow(
         "steered by positions",
         f"{PX4} --guided OFFBOARD {EVERY_VEHICLE.format('px4_steering: position')}",
@@ -112,10 +97,7 @@ ROWS: Mapping[str, FlownRow] = {
         "4 m/s of wind, factory parameters, nothing declared",
         f"{PX4} --factory --wind 4,270 {EVERY_VEHICLE.format('response: auto')}",
     ),
-    "px4-mavsdk": FlownRow(
-        "by MAVSDK",
-        f"{PX4} {EVERY_VEHICLE.format('autopilot: mavsdk')}",
-    ),
+    "px4-mavsdk": FlownRow("by MAVSDK", f"{PX4} {EVERY_VEHICLE.format('autopilot: mavsdk')}"),
     "px4-mavsdk-position": FlownRow(
         "by MAVSDK, positions",
         f"{PX4} --guided OFFBOARD"

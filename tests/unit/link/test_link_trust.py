@@ -167,12 +167,7 @@ def stolen(kind: Kind = Kind.STATE, **fields: Any) -> bytes:
     """A message by whoever has the key of f1, in the session that f1 is in."""
     parts = {"session": 2, "epoch": 1, "sequence": 5, "time_s": 1.0} | fields
     signed = encode_signed(
-        Scheme.ED25519,
-        kind,
-        formation=formation_number(FORMATION),
-        sender="f1",
-        body=b"",
-        **parts,
+        Scheme.ED25519, kind, formation=formation_number(FORMATION), sender="f1", body=b"", **parts
     )
     return signed + KEYS["f1"].sign(signed)
 

@@ -104,9 +104,7 @@ def test_an_address_is_read_back_as_it_is_written(address):
     assert parse_address(str(address)) == address
 
 
-PIECES = st.sampled_from(
-    ["udpin", "udpout", "tcp", "serial", "host", "://", "::", *":/[]1%.\n"],
-)
+PIECES = st.sampled_from(["udpin", "udpout", "tcp", "serial", "host", "://", "::", *":/[]1%.\n"])
 
 
 @settings(deadline=None, derandomize=True, max_examples=500)

@@ -271,9 +271,7 @@ def test_a_key_is_hexadecimal_or_a_passphrase_as_ground_stations_take_it():
     assert ticks_of(EPOCH_UNIX_S + 1.0) == 100_000
 
 
-@given(
-    st.lists(st.tuples(st.integers(0, 60), st.integers(1, 255)), min_size=1, max_size=4),
-)
+@given(st.lists(st.tuples(st.integers(0, 60), st.integers(1, 255)), min_size=1, max_size=4))
 def test_no_change_of_a_signed_frame_is_accepted(changes):
     autopilot, _ = vehicle()
     frame = bytearray(mode(signing_sender(KEY, NOW_S)))

@@ -16,10 +16,7 @@ COMMANDS = (176, 178, 400, 511, 512, 43000, 43001, 43002, 192)
 
 def autopilot(kind: str = "ardupilot", plant: str = "heading-hold") -> Autopilot:
     vehicle = new_autopilot(
-        SteadyWind(5.0, 1.0),
-        autopilot=kind,
-        plant=PlantParameters(kind=plant),
-        course_rad=1.0,
+        SteadyWind(5.0, 1.0), autopilot=kind, plant=PlantParameters(kind=plant), course_rad=1.0
     )
     if kind == "ardupilot":
         vehicle.receive(command(176, (1, 15, 0, 0)))
