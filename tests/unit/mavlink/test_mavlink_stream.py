@@ -1,13 +1,15 @@
-"""Frames out of a stream of bytes, however it is cut, and whatever else is in it."""
+"""Frames out of a stream of bytes, however it is cut: the companion's framers and the emulator's."""
 
 from collections import Counter
 
+import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from sitl_stub.codec import EmulatorFramer
 from tests.kit.wire import cut, framed, position_report, signing_sender
-from vfguide.mavlink.framing import holds_whole_frames
+from vfguide.mavlink.framing import frames_of, holds_whole_frames
 from vfguide.mavlink.stream import LARGEST_FRAME, DatagramFramer, StreamFramer
 
 
@@ -48,15 +50,24 @@ def fed(framer: StreamFramer, pieces: list[bytes]) -> list[bytes]:
     return [frame for piece in pieces for frame in framer.feed(piece)]
 
 
+class Emulators(EmulatorFramer):
+    """The emulator's framer, whose frames are taken out one by one."""
+
+    def feed(self, data: bytes) -> list[bytes]:
+        return [frame.content for frame in frames_of(super().feed(data)) if frame]
+
+
+FRAMERS = [StreamFramer, Emulators]
+
+
 PLACES = st.lists(st.integers(0, 10_000), max_size=30)
 
 
+@pytest.mark.parametrize("kind", FRAMERS)
 @settings(deadline=None, derandomize=True, max_examples=300)
 @given(frames=st.lists(FRAMES, max_size=8), places=PLACES)
-def test_frames_come_whole_however_the_stream_is_cut(frames, places):
-    framer = StreamFramer()
-    assert fed(framer, cut(b"".join(frames), places)) == frames
-    assert framer.counters["bytes left out"] == 0
+def test_frames_come_whole_however_the_stream_is_cut(kind, frames, places):
+    assert fed(kind(), cut(b"".join(frames), places)) == frames
 
 
 @settings(deadline=None, derandomize=True, max_examples=400)
@@ -69,6 +80,7 @@ def test_garbage_in_front_costs_no_frame_and_no_time(garbage, frames, places):
     assert framer.counters["bytes left out"] == len(garbage)
 
 
+@pytest.mark.parametrize("kind", FRAMERS)
 @settings(deadline=None, derandomize=True, max_examples=400)
 @given(
     before=st.lists(FRAMES, min_size=1, max_size=4),
@@ -78,11 +90,11 @@ def test_garbage_in_front_costs_no_frame_and_no_time(garbage, frames, places):
 )
 @example(before=[HEARTBEAT], garbage=b"\xfd\xff\1", after=[WIND], places=[])
 def test_noise_in_between_costs_no_frame_and_at_most_280_bytes_of_patience(
-    before, garbage, after, places
+    kind, before, garbage, after, places
 ):
     rest = [HEARTBEAT] * (LARGEST_FRAME // len(HEARTBEAT) + 1)
     stream = b"".join([*before, garbage, *after, *rest])
-    assert fed(StreamFramer(), cut(stream, places)) == [*before, *after, *rest]
+    assert fed(kind(), cut(stream, places)) == [*before, *after, *rest]
 
 
 @settings(deadline=None, derandomize=True, max_examples=300)
@@ -97,27 +109,31 @@ def test_what_comes_out_went_in_and_the_rest_is_counted(pieces):
     assert 0 <= waiting < LARGEST_FRAME
 
 
-def test_a_frame_is_delivered_with_its_last_byte():
-    framer = StreamFramer()
-    assert fed(framer, [HEARTBEAT[:-1]]) == []
+@pytest.mark.parametrize("kind", FRAMERS)
+def test_a_frame_is_delivered_with_its_last_byte(kind):
+    framer = kind()
+    assert fed(framer, [b"garbage" + HEARTBEAT[:-1]]) == []
     assert framer.feed(HEARTBEAT[-1:]) == [HEARTBEAT]
 
 
-def test_a_damaged_frame_is_dropped_and_the_next_is_not():
+@pytest.mark.parametrize("kind", FRAMERS)
+def test_a_damaged_or_cut_off_frame_is_dropped_and_the_next_is_not(kind):
+    rest = [HEARTBEAT] * 15
     for place in range(len(WIND)):
-        damaged = bytearray(WIND)
-        damaged[place] ^= 0x10
-        framer = StreamFramer()
-        rest = [HEARTBEAT] * 15
-        assert framer.feed(HEARTBEAT + damaged + b"".join(rest)) == [HEARTBEAT, *rest]
-        assert framer.counters["bytes left out"] == len(WIND)
+        damaged = WIND[:place] + bytes([WIND[place] ^ 0x10]) + WIND[place + 1 :]
+        for broken in (damaged, WIND[:place]):
+            framer = kind()
+            assert framer.feed(HEARTBEAT + broken + b"".join(rest)) == [HEARTBEAT, *rest]
+            if kind is StreamFramer:
+                assert framer.counters["bytes left out"] == len(broken)
 
 
-def test_in_step_frames_within_a_frame_are_its_content():
+@pytest.mark.parametrize("kind", FRAMERS)
+def test_in_step_frames_within_a_frame_are_its_content(kind):
     outer = framed(tunnel(HEARTBEAT + WIND))
     stream = HEARTBEAT + outer + WIND
     bytewise = [stream[i : i + 1] for i in range(len(stream))]
-    assert fed(StreamFramer(), bytewise) == [HEARTBEAT, outer, WIND]
+    assert fed(kind(), bytewise) == [HEARTBEAT, outer, WIND]
 
 
 def test_a_message_that_is_not_known_is_left_out():

@@ -123,29 +123,6 @@ def test_a_roll_that_is_set_slower_is_flown_slower():
     assert bank_deg(0.4) > 1.5 * bank_deg(0.8)
 
 
-def test_px4_copies_the_bytes_of_whole_numbers_as_its_capabilities_say():
-    vehicle = new_station(autopilot="px4")
-    version = vehicle.command_long(512, 148)[-1]
-    assert version.capabilities & 16
-    value = vehicle.read("NAV_RCL_ACT")
-    assert value.param_type == INT32
-    assert struct.pack("<f", value.param_value) == struct.pack("<i", 2)
-    (three,) = struct.unpack("<f", struct.pack("<i", 3))
-    vehicle.write("COM_OBL_RC_ACT", three, INT32)
-    assert struct.pack("<f", vehicle.read("COM_OBL_RC_ACT").param_value) == struct.pack("<i", 3)
-
-
-def test_px4_s_offboard_loss_obeys_its_parameters():
-    vehicle = new_station(autopilot="px4")
-    vehicle.write("COM_OF_LOSS_T", 3.0)
-    (loiter,) = struct.unpack("<f", struct.pack("<i", 5))
-    vehicle.write("COM_OBL_RC_ACT", loiter, INT32)
-    vehicle.velocity_setpoint(20.0, 0.0)
-    vehicle.command_long(176, 1, 6)
-    assert vehicle.flown(3.6).mode == "OFFBOARD"
-    assert vehicle.flown(3.8).mode == "AUTO.LOITER"
-
-
 def test_px4_s_list_begins_with_its_checksum_which_changes_with_a_value_and_ends_the_list():
     vehicle = new_station(autopilot="px4")
     first = listed(vehicle)[0]
