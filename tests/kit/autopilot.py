@@ -81,6 +81,12 @@ class GroundStation:
             )
         )
 
+    def obey(self, messages: list[MAVLink_message]) -> list[tuple[int, str]]:
+        """Send a companion's messages; return (command, result) of each acknowledgement."""
+        replies = self.decoded(self.autopilot.receive(Codec(7, 1).encode(messages)))
+        acks = (reply for reply in replies if reply.get_type() == "COMMAND_ACK")
+        return [(ack.command, result_of(ack)) for ack in acks]
+
     def result(self, replies: list[MAVLink_message]) -> str:
         """Return the MAV_RESULT of the one acknowledgement among the replies."""
         (ack,) = (reply for reply in replies if reply.get_type() == "COMMAND_ACK")
@@ -178,32 +184,6 @@ def address(
 def sent(messages: list[MAVLink_message]) -> list[MAVLink_message]:
     """Return a companion's messages as the other side reads them."""
     return parsed(Codec(7, 3).encode(messages))
-
-
-class Emulated:
-    """An emulated aircraft to obey what a codec sends it, and what it answers."""
-
-    def __init__(
-        self, kind: Kind, plant: Hold = "heading-hold", *, version: tuple[int, int] | None = None
-    ) -> None:
-        self.autopilot = new_autopilot(
-            autopilot=kind, autopilot_version=version, plant=PlantParameters(kind=plant)
-        )
-        self._codec = Codec(7, 1)
-        self._now = 0.0
-
-    def obey(self, messages: list[MAVLink_message]) -> list[tuple[int, str]]:
-        """Send messages; return (command, result) of each acknowledgement."""
-        replies = parsed(self.autopilot.receive(self._codec.encode(messages)))
-        acks = (reply for reply in replies if reply.get_type() == "COMMAND_ACK")
-        return [(ack.command, result_of(ack)) for ack in acks]
-
-    def stream(self, messages: Callable[[], list[MAVLink_message]], duration_s: float) -> None:
-        """Repeat messages at 10 Hz while the aircraft flies on."""
-        for _ in range(round(duration_s * 10)):
-            self.obey(messages())
-            self._now += 0.1
-            self.autopilot.advance(self._now)
 
 
 def serve(

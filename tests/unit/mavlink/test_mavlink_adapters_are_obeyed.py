@@ -1,6 +1,7 @@
 """What adapters say, and that autopilots obey it."""
 
 import math
+from collections.abc import Callable
 from typing import Any
 
 import pytest
@@ -8,7 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from msgspec.structs import replace
 
-from tests.kit.autopilot import Emulated, address, asked
+from sitl_stub import PlantParameters
+from tests.kit.autopilot import GroundStation, address, asked, new_station
 from vfguide.mavlink.adapter import DetectedAutopilot, SetpointStream
 from vfguide.mavlink.ardupilot import ArduPlane
 from vfguide.mavlink.px4 import Px4
@@ -16,21 +18,28 @@ from vfguide.mavlink.reports import VersionReport
 
 
 def test_arduplane_flies_the_course_airspeed_and_altitude_in_guided_and_goes_back_to_loiter():
-    plane, aircraft = ArduPlane(address(component_id=1)), Emulated("ardupilot")
-    assert aircraft.autopilot.truth().mode == "LOITER"
+    plane, aircraft = ArduPlane(address(component_id=1)), new_station()
+    assert aircraft.truth.mode == "LOITER"
     assert aircraft.obey(plane.engage()) == [(176, "ACCEPTED")]
     answers = aircraft.obey(plane.fly(asked(-1.0, 24.0)))
     assert answers == [(43_002, "ACCEPTED"), (43_000, "ACCEPTED")]
     assert aircraft.obey(plane.hold_altitude(520.0)) == [(43_001, "ACCEPTED")]
-    aircraft.stream(lambda: plane.fly(asked(-1.0, 24.0)), 30.0)
+    stream(aircraft, lambda: plane.fly(asked(-1.0, 24.0)), 30.0)
     assert_flown(aircraft, "GUIDED")
     assert aircraft.obey(plane.hand_back()) == [(176, "ACCEPTED")]
-    assert aircraft.autopilot.truth().mode == "LOITER"
+    assert aircraft.truth.mode == "LOITER"
 
 
-def assert_flown(aircraft: Emulated, mode: str) -> None:
+def stream(aircraft: GroundStation, messages: Callable[[], list[Any]], duration_s: float) -> None:
+    """Repeat messages at 10 Hz while the aircraft flies on."""
+    for tenth in range(round(duration_s * 10)):
+        aircraft.obey(messages())
+        aircraft.advance(0.1 * (tenth + 1))
+
+
+def assert_flown(aircraft: GroundStation, mode: str) -> None:
     """A course of -1 rad at 24 m/s, 520 m above the sea."""
-    truth = aircraft.autopilot.truth()
+    truth = aircraft.truth
     assert truth.mode == mode
     assert math.remainder(truth.course_rad + 1.0, math.tau) == pytest.approx(0.0, abs=1e-3)
     assert truth.airspeed_m_s == pytest.approx(24.0, abs=1e-3)
@@ -39,7 +48,7 @@ def assert_flown(aircraft: Emulated, mode: str) -> None:
 
 def test_arduplane_takes_a_ground_speed_where_the_vehicle_holds_one():
     plane = ArduPlane(address("course-hold", component_id=1))
-    aircraft = Emulated("ardupilot", "course-hold")
+    aircraft = new_station(plant=PlantParameters(kind="course-hold"))
     aircraft.obey(plane.engage())
     answers = aircraft.obey(plane.fly(asked(1.0, 24.0)))
     assert answers == [(43_002, "ACCEPTED"), (43_000, "ACCEPTED")]
@@ -53,10 +62,10 @@ def test_px4_enters_offboard_once_setpoints_arrive_and_flies_the_course_and_airs
     steering, version
 ):
     plane = Px4(address(component_id=1, px4_steering=steering))
-    aircraft = Emulated("px4", version=version)
+    aircraft = new_station(autopilot="px4", version=version)
 
     def setpoint() -> list[Any]:
-        where = aircraft.autopilot.truth()
+        where = aircraft.truth
         return plane.fly(
             replace(
                 asked(2.5, 24.0), latitude_deg=where.latitude_deg, longitude_deg=where.longitude_deg
@@ -66,41 +75,41 @@ def test_px4_enters_offboard_once_setpoints_arrive_and_flies_the_course_and_airs
     assert aircraft.obey(plane.engage()) == [(176, "TEMPORARILY_REJECTED")]
     assert aircraft.obey(setpoint()) == [(178, "ACCEPTED")]
     assert aircraft.obey(plane.engage()) == [(176, "ACCEPTED")]
-    aircraft.stream(setpoint, 60.0)
-    truth = aircraft.autopilot.truth()
+    stream(aircraft, setpoint, 60.0)
+    truth = aircraft.truth
     assert truth.mode == "OFFBOARD"
     assert (truth.course_rad, truth.airspeed_m_s) == pytest.approx((2.5, 24.0), abs=1e-3)
     held_m = 588.0 if plane.holds_altitude else 500.0
     assert truth.altitude_amsl_m == pytest.approx(held_m, abs=0.1)
     assert dict(aircraft.autopilot.counters) == {}
     assert aircraft.obey(plane.hand_back()) == [(176, "ACCEPTED")]
-    assert aircraft.autopilot.truth().mode == "AUTO.LOITER"
+    assert aircraft.truth.mode == "AUTO.LOITER"
 
 
 def test_px4_in_guided_course_flies_course_airspeed_and_altitude():
-    plane, aircraft = Px4(address(component_id=1)), Emulated("px4")
+    plane, aircraft = Px4(address(component_id=1)), new_station(autopilot="px4")
     assert aircraft.obey(plane.engage()) == [(176, "ACCEPTED")]
     assert aircraft.obey(plane.fly(asked(-1.0, 24.0))) == [(43_002, "ACCEPTED"), (178, "ACCEPTED")]
     assert aircraft.obey(plane.hold_altitude(520.0)) == [(186, "ACCEPTED")]
-    aircraft.stream(list, 60.0)
+    stream(aircraft, list, 60.0)
     assert_flown(aircraft, "AUTO.COURSE")
     assert aircraft.obey(plane.hand_back()) == [(176, "ACCEPTED")]
-    assert aircraft.autopilot.truth().mode == "AUTO.LOITER"
+    assert aircraft.truth.mode == "AUTO.LOITER"
 
 
 def test_what_steers_1_14_steers_no_later_px4():
     plane = Px4(address(component_id=1, px4_steering="velocity"))
-    aircraft = Emulated("px4")
+    aircraft = new_station(autopilot="px4")
     aircraft.obey(plane.fly(asked(2.5, 24.0)))
     aircraft.obey(plane.engage())
-    before = aircraft.autopilot.truth().course_rad
-    aircraft.stream(lambda: plane.fly(asked(2.5, 24.0)), 30.0)
-    assert aircraft.autopilot.truth().course_rad == pytest.approx(before, abs=1e-3)
+    before = aircraft.truth.course_rad
+    stream(aircraft, lambda: plane.fly(asked(2.5, 24.0)), 30.0)
+    assert aircraft.truth.course_rad == pytest.approx(before, abs=1e-3)
 
 
 @pytest.mark.parametrize(("kind", "adapter"), [("ardupilot", ArduPlane), ("px4", Px4)])
 def test_telemetry_is_granted(kind, adapter):
-    aircraft = Emulated(kind)
+    aircraft = new_station(autopilot=kind)
     requests = adapter(address(component_id=1)).request_telemetry(20.0)
     assert aircraft.obey(requests) == [(511, "ACCEPTED")] * len(requests)
     assert len(requests) == 6
@@ -108,7 +117,7 @@ def test_telemetry_is_granted(kind, adapter):
 
 @pytest.mark.parametrize(("kind", "adapter"), [("ardupilot", ArduPlane), ("px4", Px4)])
 def test_a_message_for_another_component_is_not_obeyed(kind, adapter):
-    aircraft = Emulated(kind)
+    aircraft = new_station(autopilot=kind)
     assert aircraft.obey(adapter(address(component_id=3)).hand_back()) == []
     assert aircraft.autopilot.counters["for another"] == 1
 
