@@ -101,8 +101,7 @@ class Answers:
     def _taken(self, subject: Subject, step: Step) -> tuple[object, object]:
         """Take a step: (what is recorded, what is seen); equal where there is nothing to see."""
         if "answer" in step:
-            wanted = mavlink.__dict__[f"MAV_RESULT_{step['answer']}"]
-            return wanted, subject.result(self._command(subject, step))
+            return step["answer"], subject.answer(self._command(subject, step))
         if "set" in step:
             subject.send(self._parameter_set(subject, step))
         elif "stream" in step:

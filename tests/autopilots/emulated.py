@@ -7,48 +7,45 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
 from sitl_stub import Autopilot
-from tests.kit.wire import command_long, packed
+from tests.kit.autopilot import GroundStation
 
 LISTENS_S = 4.0
 
 
-class Emulated:
+class Emulated(GroundStation):
     """One emulated aircraft, and all that it has said."""
 
-    def __init__(self, autopilot: Autopilot, system_id: int, starts_s: float = 0.0) -> None:
+    def __init__(self, autopilot: Autopilot, system_id: int) -> None:
         """Take an aircraft at the start of its flight."""
-        self.autopilot = autopilot
-        self.system_id = system_id
-        self.time_s = starts_s
+        super().__init__(autopilot, system_id)
+        self.time_s = 0.0
         self.heard: list[tuple[float, MAVLink_message]] = []
         """Time of simulation, message."""
-        self._parser = mavlink.MAVLink(None)
 
-    def send(self, message: MAVLink_message) -> list[MAVLink_message]:
-        """Send a message: what is answered at once."""
-        return self._hear(self.autopilot.receive(packed(message)))
+    def decoded(self, data: bytes) -> list[MAVLink_message]:
+        messages = super().decoded(data)
+        self.heard += ((self.time_s, one) for one in messages)
+        return messages
+
+    def advance(self, to_s: float) -> list[MAVLink_message]:
+        self.time_s = to_s
+        return super().advance(to_s)
 
     def pass_time(self, seconds: float) -> None:
         """Let time pass."""
-        self.advance_to(self.time_s + seconds)
+        self.advance(self.time_s + seconds)
 
-    def advance_to(self, time_s: float) -> None:
-        """Let time pass until then."""
-        self.time_s = time_s
-        self._hear(self.autopilot.advance(time_s))
-
-    def result(self, message: MAVLink_message) -> int:
+    def answer(self, message: MAVLink_message) -> str:
         """Send a command, and return the MAV_RESULT of its acknowledgement."""
-        (ack,) = (one for one in self.send(message) if one.get_type() == "COMMAND_ACK")
-        return int(ack.result)
+        return self.result(self.send(message))
 
     def course_deg(self) -> float:
         """True course over ground, degrees."""
-        return math.degrees(self.autopilot.truth().course_rad)
+        return math.degrees(self.truth.course_rad)
 
     def airspeed_m_s(self) -> float:
         """True airspeed."""
-        return self.autopilot.truth().airspeed_m_s
+        return self.truth.airspeed_m_s
 
     def custom_mode(self) -> int:
         """Mode of the last heartbeat."""
@@ -66,9 +63,7 @@ class Emulated:
 
     def version(self) -> tuple[int, int]:
         """Firmware's version and capabilities of AUTOPILOT_VERSION."""
-        wanted = mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION
-        request = mavlink.MAV_CMD_REQUEST_MESSAGE
-        self.send(command_long(request, wanted, system_id=self.system_id))
+        self.command_long(mavlink.MAV_CMD_REQUEST_MESSAGE, mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION)
         told = self._last("AUTOPILOT_VERSION")
         return told.flight_sw_version, told.capabilities
 
@@ -81,8 +76,3 @@ class Emulated:
 
     def _last(self, kind: str) -> MAVLink_message:
         return next(one for _, one in reversed(self.heard) if one.get_type() == kind)
-
-    def _hear(self, data: bytes) -> list[MAVLink_message]:
-        messages = self._parser.parse_buffer(data) or []
-        self.heard += ((self.time_s, one) for one in messages)
-        return messages

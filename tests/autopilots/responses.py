@@ -8,12 +8,10 @@ from typing import Any
 import numpy as np
 import yaml
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
-from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
 from sitl_stub import Autopilot, SteadyWind
 from sitl_stub.settings import Settings
 from tests.autopilots.emulated import Emulated
-from tests.kit.wire import command_long
 from vfguide.elementwise import FloatArray
 
 RECORDINGS = Path(__file__).parents[1] / "recordings"
@@ -108,35 +106,29 @@ def aircraft_at_start(recorded: Slice, **changes: object) -> Emulated:
     config = Settings.of(settings).config()
     wind = SteadyWind(recorded.wind_m_s, EASTWARD_RAD)
     aircraft = Emulated(Autopilot(config, wind), SYSTEM_ID)
-    assert aircraft.result(ordered(mavlink.MAV_CMD_DO_SET_MODE, 1, *GUIDED[config.autopilot])) == 0
+    mode = aircraft.command_long(mavlink.MAV_CMD_DO_SET_MODE, 1, *GUIDED[config.autopilot])
+    assert aircraft.result(mode) == "ACCEPTED"
     for number in (
         mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT,
         mavlink.MAVLINK_MSG_ID_ATTITUDE,
         mavlink.MAVLINK_MSG_ID_VFR_HUD,
     ):
-        wanted = ordered(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, number, REPORTS_US)
-        assert aircraft.result(wanted) == 0
+        assert aircraft.interval(number, REPORTS_US) == "ACCEPTED"
     return aircraft
 
 
-def ordered(command: int, *values: float) -> MAVLink_message:
-    """Make a COMMAND_LONG to the aircraft."""
-    return command_long(command, *values, system_id=SYSTEM_ID)
-
-
-def setpoint(autopilot: str, kind: str, value: float) -> MAVLink_message:
-    """A course or an airspeed as companions send it."""
-    if autopilot == "px4" and kind == "course":
-        return ordered(mavlink.MAV_CMD_GUIDED_CHANGE_HEADING, 0.0, value)
-    if autopilot == "px4":
-        return ordered(mavlink.MAV_CMD_DO_CHANGE_SPEED, 0.0, value, -1.0)
-    command, limit = {
-        "course": (mavlink.MAV_CMD_GUIDED_CHANGE_HEADING, LATERAL_M_S2),
-        "speed": (mavlink.MAV_CMD_GUIDED_CHANGE_SPEED, 0.0),
-    }[kind]
-    return mavlink.MAVLink_command_int_message(
-        *(SYSTEM_ID, 1, 0, command, 0, 0, 0.0, value, limit, 0.0, 0, 0, 0.0)
-    )
+def send_setpoint(aircraft: Emulated, kind: str, value: float) -> None:
+    """Send a course or an airspeed as companions do."""
+    if aircraft.autopilot.config.autopilot == "ardupilot":
+        command, limit = {
+            "course": (mavlink.MAV_CMD_GUIDED_CHANGE_HEADING, LATERAL_M_S2),
+            "speed": (mavlink.MAV_CMD_GUIDED_CHANGE_SPEED, 0.0),
+        }[kind]
+        aircraft.command_int(command, 0.0, value, limit, frame=mavlink.MAV_FRAME_GLOBAL)
+    elif kind == "course":
+        aircraft.command_long(mavlink.MAV_CMD_GUIDED_CHANGE_HEADING, 0.0, value)
+    else:
+        aircraft.command_long(mavlink.MAV_CMD_DO_CHANGE_SPEED, 0.0, value, -1.0)
 
 
 def emulated(recorded: Slice, *, mirrored: bool = False, **changes: object) -> Followed:
@@ -154,9 +146,9 @@ def emulated(recorded: Slice, *, mirrored: bool = False, **changes: object) -> F
     ends_s = float(recorded.followed.course_deg[-1, 0])
     for time_s, kind, value in sorted(sent):
         if time_s < ends_s:
-            aircraft.advance_to(time_s)
-            aircraft.send(setpoint(recorded.autopilot["autopilot"], kind, value))
-    aircraft.advance_to(ends_s)
+            aircraft.advance(time_s)
+            send_setpoint(aircraft, kind, value)
+    aircraft.advance(ends_s)
     return heard(aircraft)
 
 

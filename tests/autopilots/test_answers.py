@@ -23,6 +23,7 @@ from tests.autopilots.simulators import (
     Simulator,
     free_instances,
 )
+from tests.kit.wire import result_name
 from vfguide.mavlink.framing import frames_of
 
 HEIGHT_M, PATIENCE_S = 60.0, 20.0
@@ -86,12 +87,12 @@ class RealAutopilot:
     def system_id(self) -> int:
         return self._station.system_id
 
-    def result(self, message: MAVLink_message) -> int:
+    def answer(self, message: MAVLink_message) -> str:
         station, command = self._station, message.command
         station.results.pop(command, None)
         station.send(message)
         station.wait(lambda: command in station.results, f"no answer to {command}", PATIENCE_S)
-        return station.results[command]
+        return result_name(station.results[command])
 
     def send(self, message: MAVLink_message) -> None:
         self._station.send(message)

@@ -11,7 +11,7 @@ from sitl_stub import Autopilot, AutopilotConfig, CalmWind, PlantParameters, Tru
 from sitl_stub.links import Address, parse_address
 from sitl_stub.server import serve_all
 from sitl_stub.settings import Settings
-from tests.kit.wire import command_long, parsed, result_of
+from tests.kit.wire import command_long, parsed, result_name
 from vfguide.mavlink.adapter import AutopilotSetpoint, Px4Steering, Vehicle
 from vfguide.mavlink.codec import Codec
 from vfguide.state import Hold
@@ -85,12 +85,12 @@ class GroundStation:
         """Send a companion's messages; return (command, result) of each acknowledgement."""
         replies = self.decoded(self.autopilot.receive(Codec(7, 1).encode(messages)))
         acks = (reply for reply in replies if reply.get_type() == "COMMAND_ACK")
-        return [(ack.command, result_of(ack)) for ack in acks]
+        return [(ack.command, result_name(ack.result)) for ack in acks]
 
     def result(self, replies: list[MAVLink_message]) -> str:
         """Return the MAV_RESULT of the one acknowledgement among the replies."""
         (ack,) = (reply for reply in replies if reply.get_type() == "COMMAND_ACK")
-        return result_of(ack)
+        return result_name(ack.result)
 
     @property
     def truth(self) -> Truth:

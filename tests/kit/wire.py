@@ -110,9 +110,9 @@ def number_of(message: MAVLink_message) -> int | str:
     return str(message.get_type())
 
 
-def result_of(ack: MAVLink_message) -> str:
-    """Return the MAV_RESULT of an acknowledgement, by its name."""
-    return str(mavlink.enums["MAV_RESULT"][ack.result].name).removeprefix("MAV_RESULT_")
+def result_name(number: int) -> str:
+    """Return the name of a MAV_RESULT."""
+    return str(mavlink.enums["MAV_RESULT"][number].name).removeprefix("MAV_RESULT_")
 
 
 def position_report(

@@ -53,9 +53,7 @@ def on_the_ground(autopilot: str, plant: PlantParameters) -> Emulated:
 
 def ordered(subject: Emulated, command: int, *values: float) -> None:
     """Command something, and see it accepted."""
-    padded = (command, 0, *values, *(0.0,) * (7 - len(values)))
-    message = mavlink.MAVLink_command_long_message(SYSTEM_ID, 1, *padded)
-    assert subject.result(message) == mavlink.MAV_RESULT_ACCEPTED
+    assert subject.result(subject.command_long(command, *values)) == "ACCEPTED"
 
 
 def loitering_px4() -> Emulated:
