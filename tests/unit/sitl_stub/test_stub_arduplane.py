@@ -75,6 +75,13 @@ def test_a_course_is_flown_over_ground_in_a_crosswind_and_a_heading_points_the_n
     assert truth.heading_rad < truth.course_rad
 
 
+def test_with_a_lateral_acceleration_of_zero_the_aircraft_hardly_turns():
+    vehicle = new_station().guided()
+    vehicle.command_int(HEADING, 0, 90.0, 0.0)
+    # 0.05 m/s^2 at 20 m/s for 10 s: 0.025 rad.
+    assert vehicle.flown(10.0).course_rad == pytest.approx(0.025, abs=1e-6)
+
+
 @pytest.mark.parametrize(
     ("speed", "acceleration", "after_s", "flown"),
     [

@@ -161,8 +161,3 @@ def test_a_state_keeps_its_body():
     after = flown(1.0)[-1]
     assert after.body is not None
     assert body_of(after, (3.0, 0.0)) is after.body
-
-
-def test_it_has_no_other_speed_response():
-    with pytest.raises(ValueError, match="six-dof has a speed hold of its own"):
-        PlantParameters(kind="six-dof", speed_response="tecs")
