@@ -303,6 +303,7 @@ def other_vehicles(mission: Mission, name: str) -> tuple[OtherVehicle, ...]:
                 slot=slot,
                 spacing=math.hypot(slot.forward - own.forward, slot.right - own.right),
                 lateral_acceleration=GRAVITY * math.tan(bank),
+                speed_answer_s=1.0 / mission.vehicles[other].beta_1_s,
                 stopped_s=LEAST_SILENCE_S if mission.leader.is_foreign else STOPPED_S,
                 may_stop=mission.vehicles[other].may_stop,
                 least_m=CREWED_M if rank == 0 and mission.leader.follows == "adsb" else 0.0,

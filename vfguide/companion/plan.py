@@ -110,6 +110,8 @@ class OtherVehicle(msgspec.Struct, frozen=True, kw_only=True):
     """Horizontal distance from its slot to the own one, m."""
     lateral_acceleration: float
     """g tan(phi_max), its limit in turns, m/s²."""
+    speed_answer_s: float = 1.0
+    """1 / beta, its time constant in taking up airspeeds, s."""
     stopped_s: float = STOPPED_S
     """For a leader: time unheard after which it is silent, and may have stopped, s."""
     may_stop: bool = True

@@ -22,6 +22,7 @@ from vfguide.guidance.separation import (
     Others,
     arc,
     formation_tracks,
+    integrals,
     passing,
     place_of,
     velocity_of,
@@ -70,6 +71,15 @@ ARC_S = 2.0
 STANDING_M = 5.5
 """Distance kept from where a vehicle may stand, m: the promised 5 m and the error of places. Nothing is
 predicted there. A follower right behind has to leave its slot by as much."""
+
+HANGS_S = 4.0
+"""Horizon for a silent vehicle whose autopilot may hang, s."""
+
+TURNS_RAD_S = 0.1
+"""Turn rate beyond which a vehicle may be rolling into a turn at its bank limit, rad/s."""
+
+PAST_SHARES: FloatArray = np.linspace(0.0, 1.0, 12, endpoint=False)
+"""Steps since the last state of a silent vehicle, as shares of its age."""
 
 HOLDS_S = 5.0
 """Horizon for a silent vehicle that holds its last course, s.
@@ -232,6 +242,12 @@ class VehiclesInSight(msgspec.Struct, frozen=True, kw_only=True):
     """Wind at the last state, toward, m/s."""
     carried: ComplexArray
     """Drift since the last state in addition to that of the wind at that time, m."""
+    velocity_heard: ComplexArray
+    """Ground velocity of the last state, m/s."""
+    acceleration: FloatArray
+    """Acceleration along the course at the last state, m/s²."""
+    speed_answer_s: FloatArray
+    """Time constant with which it takes up an airspeed, s."""
     airspeed: FloatArray
     """Airspeed that the vehicle is assumed to hold, m/s."""
     run: FloatArray
@@ -290,14 +306,16 @@ def possibilities_of(
             slot_rate=seen.slot_rate[along],
         )
         found.append((np.flatnonzero(along), tracks, ALONG_S, keep))
-        # This includes silent vehicles: an autopilot that hangs in a turn turns on.
-        off = along & (~seen.silent | seen.linked) & (seen.drift > TURNS_OFF_M_S)
+        off = along & ~seen.silent & (seen.drift > TURNS_OFF_M_S)
         if off.any():
             arcs(off, seen.turn_rate, ARC_S, keep)
-        hangs = off & seen.silent
-        if hangs.any():
-            found.append((np.flatnonzero(hangs), tightened(seen)[hangs], ARC_S, floor + grown))
     holds = seen.believed & seen.silent & seen.linked
+    hangs = holds if leader is None else holds & (seen.drift > TURNS_OFF_M_S)
+    least_kept = floor + grown
+    found += [
+        (which, tracks, HANGS_S, least_kept)
+        for which, tracks in tracks_banked(seen, hangs, here.wind)
+    ]
     first_held = len(found)
     found += [(which, tracks, HOLDS_S, keep) for which, tracks in tracks_held(seen, holds, here)]
     last_held = len(found)
@@ -348,15 +366,39 @@ def with_formation(seen: VehiclesInSight, leader: LeaderState) -> tuple[ComplexA
     )
 
 
-def tightened(seen: VehiclesInSight) -> ComplexArray:
-    """Return tracks of vehicles that rolled to the bank limit of their turn when they fell silent, m.
+def tracks_banked(
+    seen: VehiclesInSight, hangs: BoolArray, wind: complex
+) -> list[tuple[IntArray, ComplexArray]]:
+    """Return (rows, tracks in m) of silent vehicles that keep their bank, as an autopilot does that hangs.
 
-    A turn is reported late when it has just begun: 0.1 rad/s of it are 20 m after four seconds.
+    They go on to the airspeed that they were about to reach, and their turn widens as they get faster. A turn
+    is reported late when it has just begun: their bank is the reported one, or the limit.
     """
-    heard = seen.velocity * np.exp(-1j * seen.turn_rate * seen.age)
-    hardest = np.copysign(seen.hardest, seen.turn_rate)
-    times = seen.age[:, None] + TIMES
-    return arc(seen.heard_at[:, None], heard[:, None], hardest[:, None], times)
+    if not hangs.any():
+        return []
+    air = seen.velocity_heard - seen.wind
+    begun = np.maximum(np.abs(air), 1.0)
+    # In a wind, ground speeds change with a mere turn.
+    turning = 1j * seen.turn_rate * air * np.exp(-1j * np.angle(seen.velocity_heard))
+    gained = (seen.acceleration - turning.real) * seen.speed_answer_s
+    times = np.hstack([seen.age[:, None] * PAST_SHARES, seen.age[:, None] + TIMES])
+    steps = np.diff(times)
+    share = -np.expm1(-times / seen.speed_answer_s[:, None])
+    speed = np.maximum(begun[:, None] + gained[:, None] * share, 1.0)
+    drifted = seen.wind * seen.age + seen.carried
+    begin = (seen.heard_at + drifted)[:, None] + wind * TIMES
+    reported = seen.turn_rate * begun
+    limit = np.copysign(seen.hardest * np.maximum(np.abs(seen.velocity), 1.0), seen.turn_rate)
+
+    def tracks(which: BoolArray, lateral: FloatArray) -> tuple[IntArray, ComplexArray]:
+        turned = integrals(lateral[:, None] / speed, steps)
+        flown = integrals(speed * np.exp(1j * turned), steps)[:, len(PAST_SHARES) :]
+        return np.flatnonzero(which), (begin + (air / begun)[:, None] * flown)[which]
+
+    return [
+        tracks(hangs, reported),
+        tracks(hangs & (np.abs(seen.turn_rate) > TURNS_RAD_S), limit),
+    ]
 
 
 def tracks_held(

@@ -141,6 +141,7 @@ class Traffic:
         self._spacing = np.array([one.spacing for one in others] * 2)
         self._widest: list[float] = (SPACING_SHARE * self._spacing).tolist()
         self._least = np.array([one.least_m for one in others] * 2)
+        self._speed_answer_s = np.array([one.speed_answer_s for one in others] * 2)
         self._turning = np.array([one.lateral_acceleration for one in others] * 2)
         self._may_stop = np.array([one.leads and one.may_stop for one in others] + [False] * count)
         self._leads = np.array([one.leads for one in others] + [False] * count, dtype=bool)
@@ -407,6 +408,9 @@ class Traffic:
             held=self._heard.held[rows],
             wind=self._heard.wind[rows],
             carried=self._heard.carried[rows],
+            velocity_heard=(self._heard.speed * self._heard.ahead)[rows],
+            acceleration=self._heard.acceleration[rows],
+            speed_answer_s=self._speed_answer_s[rows],
             airspeed=self._heard.flies[rows],
             run=self._heard.run[rows],
             offset=self._heard.offset[rows],

@@ -35,6 +35,9 @@ ComplexArray = NDArray[np.complex128]
 Plane = TypeVar("Plane", complex, ComplexArray)
 """Position or velocity of one vehicle, or an array of them."""
 
+Rates = TypeVar("Rates", FloatArray, ComplexArray)
+"""Rates of change, one row for each track, one column for each time."""
+
 HORIZON_S = 8.0
 """Length of tracks, s: at 20 m/s and 45 degrees of bank an aircraft has turned round in 6.4 s."""
 
@@ -199,11 +202,15 @@ def own_tracks(
     nose = heading + manoeuvres.turn[:, None] + off - before
     speed = _speeds(abs(own.air_velocity), np.abs(air), manoeuvres, agility)
     velocity = speed * np.exp(1j * nose) + own.wind
-    steps = np.cumsum(0.5 * (velocity[:, 1:] + velocity[:, :-1]) * STEP_S, axis=1)
-    tracks = np.empty(velocity.shape, dtype=np.complex128)
-    tracks[:, 0] = own.place
-    tracks[:, 1:] = own.place + steps
+    tracks: ComplexArray = own.place + integrals(velocity, STEP_S)
     return tracks
+
+
+def integrals(rates: Rates, intervals_s: FloatArray | float) -> Rates:
+    """Return integrals of rates from the first column to each, which are `intervals_s` apart."""
+    found = np.zeros_like(rates)
+    np.cumsum(0.5 * (rates[:, 1:] + rates[:, :-1]) * intervals_s, axis=1, out=found[:, 1:])
+    return found
 
 
 def continuous_angle(directions: ComplexArray) -> FloatArray:

@@ -251,6 +251,26 @@ def test_one_that_falls_silent_while_it_speeds_up_goes_on_for_a_second():
     assert held[1] - held[0] == pytest.approx(22.0 * STEP_S, abs=0.01)
 
 
+def test_one_whose_autopilot_hangs_in_a_turn_keeps_its_bank_while_it_speeds_up():
+    def here(now: float) -> Viewpoint:
+        return replace(beside(now), wind=2j)
+
+    # North over ground is 2 m/s of wind from the left, and 20 m/s of air ahead and against it.
+    air, turn = complex(20.0, -2.0), 0.3
+    # In that wind the turn alone gains 0.6 m/s² over ground; the airspeed gains 2 m/s², in all 3 m/s.
+    says = once(turn_rate=turn, acceleration=2.0 + turn * 2.0)
+    sight = [replace(F2, speed_answer_s=1.5), LEADING]
+    traffic = Traffic(sight, FRAME, SAME_CLOCK)
+    banked, hardest = watched(traffic, 3.0, here, says).tracks[1:3]
+    since = np.linspace(0.0, 5.0, 5001)
+    speed = abs(air) + 3.0 * (1.0 - np.exp(-since / 1.5))
+    for track, lateral in ((banked, turn * abs(air)), (hardest, F2.lateral_acceleration)):
+        heading = np.cumsum(lateral / speed) * 0.001
+        velocity = speed * np.exp(1j * heading) * air / abs(air) + 2j
+        places = 200.0 + np.cumsum(velocity) * 0.001
+        assert track[[0, 4]] == pytest.approx(places[[3000, 5000]], abs=0.6)
+
+
 @pytest.mark.parametrize("gusts", [0.0, 1.0])
 def test_over_a_slow_link_too_the_airspeed_is_the_one_that_is_flown(gusts):
     def said(now: float) -> bytes | None:
