@@ -11,7 +11,7 @@ moving aircraft is no evidence. If both position and velocity repeat, the air mo
 position and velocity part without a step, either may be false: neither is used.
 
 While evidence is missing, the 95 % radius of the position (m) grows. The vehicle is steered within `most_m`,
-which follows from the mission's spacing; beyond it the position is still sent to the others.
+which follows from the spacing of the slots; beyond it the position is still sent to the others.
 
 `LIVES` is the state machine of a belief.
 
@@ -163,14 +163,15 @@ def radius_limit(spacing: float) -> float:
 class Belief:
     """Belief in one aircraft's reports, and the uncertainty of its position."""
 
-    def __init__(self, reach: Reach, *, moved_s: float, most_m: float = GREATEST_RADIUS_M) -> None:
+    def __init__(self, reach: Reach, *, moved_s: float) -> None:
         """Start without reports; the first is believed if its speed is possible.
 
-        Deviating reports must agree for `moved_s`; `most_m` is the greatest position radius to steer by.
+        Deviating reports must agree for `moved_s`.
         """
         self._reach = reach
         self._moved_s = moved_s
-        self._most_m = most_m
+        self.most_m = GREATEST_RADIUS_M
+        """Greatest position radius to steer by, m."""
         self._variance = EXPECTED_NOISE_M**2
         self.word = OwnWord()
         """Autopilot's own word on its navigation."""
@@ -220,7 +221,7 @@ class Belief:
         """Return for how long a coasting vehicle may be steered on, s."""
         witnessed = believed.by_velocity or believed.by_place
         growth = CARRY_ERROR_M_S if witnessed else AIR_ERROR_M_S
-        return max(self._most_m - self.radius, 0.0) / growth
+        return max(self.most_m - self.radius, 0.0) / growth
 
     @property
     def doubts(self) -> bool:
@@ -476,7 +477,7 @@ class Belief:
         off: float = 0.0,
     ) -> Believed:
         """Carry the vehicle on by the witnesses that agree."""
-        self._find(Evidence.WORN if self.radius > self._most_m else Evidence.OUTWEIGHED)
+        self._find(Evidence.WORN if self.radius > self.most_m else Evidence.OUTWEIGHED)
         where = place.north, place.east
         return Believed(self.life, *where, by_place, by_velocity, off=off, reason=reason)
 

@@ -97,7 +97,7 @@ class FollowedLeader:
         )
         """Receiver of the mission's leader."""
         self._followed = self.receiver
-        self.stories = LeaderStories(plan.most_m, alerts)
+        self.stories = LeaderStories(alerts)
         """Comparison of the leader's place with what the other followers were told."""
         self._deputy: str | None = None
         self._lead_said: HeardState | None = None

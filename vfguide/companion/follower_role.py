@@ -216,6 +216,7 @@ class FollowerRole(Role):
         self.followed.note_own(navigated)
         self._traffic.satellite_m = navigated.satellite_m
         self._traffic.arrange(self._arrangements.flight.others(navigated.state.time_s))
+        self.followed.stories.most_m = self._arrangements.flight.most_m(navigated.state.time_s)
         leader = self.followed.at(navigated)
         if leader is None:
             return RoleStep(

@@ -233,6 +233,7 @@ class GuidedVehicle:
             # Without a step, telemetry counts as lost: the vehicle is handed back soon.
             self._tell_of_failure(error)
             return None
+        self.own.belief.most_m = self._arrangements.flight.most_m(navigated.state.time_s)
         if not navigated.steerable:
             out.share(step)
             return None

@@ -53,7 +53,7 @@ class LeaderRole(Role):
         self._memory: Any = FIRST
         self._traffic = Traffic(plan.others, plan.frame, clock, alerts)
         self._keep_clear = KeepClear(plan, self._traffic, alerts)
-        self._stories = LeaderStories(plan.most_m, alerts, leads=True)
+        self._stories = LeaderStories(alerts, leads=True)
         self._height = HeightKeeper(plan)
         self._planned = PlannedHeight(plan.climb_limits)
 
@@ -77,6 +77,7 @@ class LeaderRole(Role):
         self._task = task
         self._traffic.satellite_m = navigated.satellite_m
         self._traffic.arrange(self._arrangements.flight.others(navigated.state.time_s))
+        self._stories.most_m = self._arrangements.flight.most_m(navigated.state.time_s)
         guidance = self._guidance(navigated.state, self._law, navigated.period)
         setpoint = guidance.setpoint
         if navigated.delay_compensator is not None:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import msgspec
 from msgspec.structs import replace
 
+from vfguide.companion.belief import radius_limit
 from vfguide.companion.order_limits import LATEST_S
 from vfguide.companion.plan import FlightPlan, KnownPath
 from vfguide.companion.timing import SharedClock
@@ -140,7 +141,7 @@ class OrderedFlight:
         self.turn_radius = 0.0
         """Radius of the last hold's circle, m; 0 before the first. A predicted leader turns no tighter onto
         that circle, and from it back to the path."""
-        self._settled: tuple[Arrangement, list[OtherSlot]] | None = None
+        self._others: tuple[Arrangement, float, list[OtherSlot]] | None = None
         self._route_end = RouteEnd()
         self._ended: int | None = None
         self._left: int | None = None
@@ -267,8 +268,8 @@ class OrderedFlight:
         if self.order is None:
             return None
         flown = self.order.arrangement
-        if self._settled is not None and self._settled[0] is flown:
-            return self._settled[1]
+        if (known := self._others) and known[0] is flown and known[1] in {now, math.inf}:
+            return known[2]
         own, own_later = (self.point(self._plan.name, time_s) for time_s in (now, now + AHEAD_S))
         found = []
         for other in self._plan.others:
@@ -291,9 +292,18 @@ class OrderedFlight:
                     layered=abs(before.up) >= LAYERED_M,
                 )
             )
-        if self.time_of(self.order, now) > flown.time_s + flown.duration_s:
-            self._settled = flown, found
+        rests = self.time_of(self.order, now) > flown.time_s + flown.duration_s
+        self._others = flown, math.inf if rests else now, found
         return found
+
+    def most_m(self, now: float) -> float:
+        """Return the greatest position radius to fly by at an own time, s, of oneself or the leader, m."""
+        slots = self.others(now)
+        if slots is None:
+            spacings = [one.spacing for one in self._plan.others]
+        else:
+            spacings = [one.spacing for one in slots if not one.layered]
+        return radius_limit(min(spacings, default=math.inf))
 
     def is_late(self, now: float) -> bool:
         """Check whether the order being flown began long before an own time, s."""

@@ -195,7 +195,7 @@ class OwnVehicle:
         self._clock_watch = ClockWatch(self._clock, self._alerts)
         self.questions = TimeQuestions(every_s=ASK_S, most_open=MOST_OPEN)
         """Time requests to the autopilot."""
-        self.belief = Belief(reach_of(plan.airframe), moved_s=STAYED_S, most_m=plan.most_m)
+        self.belief = Belief(reach_of(plan.airframe), moved_s=STAYED_S)
         """Belief in the own motion."""
         self._doubt = Doubt(self._alerts)
         self.radio = RadioRoom(self._alerts)

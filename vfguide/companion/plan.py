@@ -6,7 +6,6 @@ from collections.abc import Mapping
 import msgspec
 from msgspec.structs import replace
 
-from vfguide.companion.belief import radius_limit
 from vfguide.companion.supervisor import ModeTimeouts
 from vfguide.frames import LocalFrame
 from vfguide.guidance.air_data import CreepingHold
@@ -197,11 +196,6 @@ class FlightPlan(msgspec.Struct, frozen=True, kw_only=True):
     def ceiling_along(self, path: str) -> float:
         """Return the fence's ceiling along the named path, m above the origin; infinite without a fence."""
         return self.paths[path].ceiling if path in self.paths else self.ceiling
-
-    @property
-    def most_m(self) -> float:
-        """Greatest position radius to fly by, the own one or the leader's, m."""
-        return radius_limit(min((one.spacing for one in self.others), default=math.inf))
 
     @property
     def surely_slips(self) -> bool:

@@ -4,7 +4,7 @@ Whoever has a leader's key can tell each follower another place, and each of the
 itself. But followers also report where their leader was, and when: two places at one time are two stories.
 
 Nobody can see which story is true. A follower that is outvoted for a second follows the leader only while the
-stories are within the radius that the mission's spacing allows. So does one with as many against it as with
+stories are within the radius that the slots' spacing allows. So does one with as many against it as with
 it. Where two follow, the key of one can end the following of the other. All keep clear of both places.
 """
 
@@ -17,7 +17,7 @@ import msgspec
 from msgspec.structs import replace
 
 from vfguide.companion.alerts import QUIET_S, Alerts
-from vfguide.companion.belief import MOVED_S, Belief
+from vfguide.companion.belief import GREATEST_RADIUS_M, MOVED_S, Belief
 from vfguide.companion.doubt import HeardVehicle
 from vfguide.companion.timing import SharedClock
 from vfguide.companion.witnesses import CLIMB_M_S, RETURN_S, HeightWitnesses
@@ -182,9 +182,10 @@ class Story(msgspec.Struct, frozen=True, kw_only=True):
 class LeaderStories:
     """Comparison of what this vehicle and the followers were told of the leader's place."""
 
-    def __init__(self, most_m: float, alerts: Alerts | None = None, *, leads: bool = False) -> None:
-        """Begin with no leader known; stories more than `most_m` apart, m, are not followed."""
-        self._most_m = most_m
+    def __init__(self, alerts: Alerts | None = None, *, leads: bool = False) -> None:
+        """Begin with no leader known."""
+        self.most_m = GREATEST_RADIUS_M
+        """Stories farther apart are not followed, m."""
         self._alerts = alerts or Alerts()
         self._leads = leads
         self._term = 0
@@ -285,7 +286,7 @@ class LeaderStories:
         # A follower that has not reported yet is not against: the first to speak is not the majority.
         count = sum(now - heard_s <= SAID_S for heard_s in self._heard_s.values())
         apart = max(one.apart for one in against.values())
-        far = sum(one.apart > self._most_m for one in against.values())
+        far = sum(one.apart > self.most_m for one in against.values())
         outvoted = not self._leads and 2 * len(against) > count
         if self._leads or 2 * far <= count:
             self._outvoted_since = math.inf

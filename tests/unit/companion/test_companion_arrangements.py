@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from msgspec.structs import replace
 
+from tests.kit.companion import new_flight
 from tests.kit.missions import plan_of, replaced
 from tests.kit.orders import (
     NAMES,
@@ -29,6 +30,7 @@ from tests.kit.orders import (
 )
 from vfguide.companion.arrangements import Arrangements
 from vfguide.companion.mission_plan import flight_plan
+from vfguide.companion.ordered_flight import KnownOrder
 from vfguide.companion.plan import FlightPlan
 from vfguide.companion.timing import SAME_CLOCK, SharedClock
 from vfguide.formation.arrangement import (
@@ -62,6 +64,26 @@ def test_all_fly_an_order_from_its_time_on_once_all_have_agreed():
     assert formation.words.count(done) == 0
     formation.run(25.0)
     assert formation.words.count(done) == len(NAMES)
+
+
+def test_the_position_error_to_fly_by_is_a_quarter_of_the_spacing_that_is_flown():
+    """40 m and 28.28 m in the mission: 7 m at most; narrowed to 0.7, 28 m and 19.80 m: 4.95 m."""
+    ends = {name: Point(0.7 * slot.forward, 0.7 * slot.right) for name, slot in SLOTS.items()}
+    flown = ordered(order_of(*moves(ends)), until_s=25.0).members["f1"].flight
+    assert begun().members["f1"].flight.most_m(5.0) == 7.0
+    assert flown.most_m(25.0) == pytest.approx(4.95, abs=0.01)
+
+
+def test_a_narrower_slot_narrows_what_its_vehicle_is_steered_by():
+    """At 13 m behind and to the left of its leader, 18.38 m: a quarter is 4.596 m."""
+    flown = new_flight(until_s=8.0)
+    order = order_of(*moves({"f1": Point(-13.0, -13.0)}), time_s=8.0, across_s=4.0)
+    known = KnownOrder(arrangement=order, signed=b"", check=0)
+    flown.companion._arrangements.flight.begin(known)  # noqa: SLF001
+    flown.run(14.0)
+    vehicle = flown.companion._vehicle  # noqa: SLF001
+    assert vehicle.own.belief.most_m == pytest.approx(4.596, abs=0.001)
+    assert vehicle.role.followed.stories.most_m == vehicle.own.belief.most_m
 
 
 ALL = frozenset({"leader", "f1", "f2", "f3"})

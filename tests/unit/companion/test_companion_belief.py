@@ -18,7 +18,6 @@ from vfguide.companion.belief import (
     Believed,
     Evidence,
     Life,
-    radius_limit,
 )
 from vfguide.companion.witnesses import HeightBelief, HeightWitnesses
 from vfguide.guidance.navigation import ReportedMotion, reach_of
@@ -44,7 +43,7 @@ def witnesses_of(one: Believed) -> str:
 
 
 def gate() -> Belief:
-    return Belief(REACH, moved_s=STAYED_S, most_m=radius_limit(28.0))
+    return Belief(REACH, moved_s=STAYED_S)
 
 
 def flying(time_s: float, north: float) -> ReportedMotion:

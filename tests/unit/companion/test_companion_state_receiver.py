@@ -113,7 +113,8 @@ def follower(place: LeaderFix | None, term: int = 0) -> HeardState:
 
 def told(alerts: Alerts | None = None, *, leads: bool = False) -> LeaderStories:
     """Stories of a vehicle that has heard its leader ten times a second for two seconds."""
-    stories = LeaderStories(RADIUS_M, alerts, leads=leads)
+    stories = LeaderStories(alerts, leads=leads)
+    stories.most_m = RADIUS_M
     for tenths in range(21):
         stories.hear_leader(place_said(leader(tenths / 10)), 0)
     return stories
@@ -246,7 +247,7 @@ def test_a_place_that_steps_is_not_met_on_its_way(step):
 
 
 def test_places_between_states_that_are_far_apart_are_not_compared():
-    stories = LeaderStories(RADIUS_M)
+    stories = LeaderStories()
     for time_s in (0.0, 0.7):
         stories.hear_leader(place_said(leader(time_s)), 0)
     hear(stories, "f2", 0.3, north=99.0)
@@ -255,7 +256,7 @@ def test_places_between_states_that_are_far_apart_are_not_compared():
 
 @given(times=st.lists(st.floats(-1e3, 1e3), min_size=1, max_size=30), north=st.floats(2.0, 1e6))
 def test_whatever_the_stamps_an_equal_story_is_no_other_and_another_is(times, north):
-    stories = LeaderStories(RADIUS_M)
+    stories = LeaderStories()
     for time_s in times:
         stories.hear_leader(place_said(leader(time_s)), 0)
     newest = stories.newest
