@@ -29,7 +29,7 @@ from urllib.parse import quote
 import msgspec
 import yaml
 
-from vfguide.errors import InputError
+from vfguide.errors import InputError, described_error
 from vfguide.mission.model import Mission
 from vfguide.record.events import EVENTS, FlightEvent, encode_event
 from vfguide.record.events import SUFFIX as EVENTS_SUFFIX
@@ -159,10 +159,14 @@ class DiskWriter:
     def _write(self) -> None:
         """Write all waiting entries, and report when writes begin or cease to fail."""
         batches: dict[GrowingFile, list[bytes]] = {}
+        trouble: str | None = None
         for _ in range(len(self._queue)):
             file, encode = self._queue.popleft()
-            batches.setdefault(file, []).append(encode())
-        trouble: str | None = None
+            try:
+                batches.setdefault(file, []).append(encode())
+            except Exception as error:  # noqa: BLE001 - one entry's, whatever it holds
+                self.lost += 1
+                trouble = described_error(error)
         for file, entries in batches.items():
             self._files[file] = True
             try:

@@ -159,6 +159,19 @@ def test_a_full_disk_is_told_once_and_leaves_whole_entries(tmp_path, monkeypatch
     assert writer.missing == 2
 
 
+def test_an_entry_that_cannot_be_encoded_is_told_and_those_after_it_are_written(tmp_path):
+    path = tmp_path / "some.file"
+    file, writer = GrowingFile(path), DiskWriter(write_s=0.01)
+    writer.put(file, lambda: bytes([256]))
+    until(lambda: writer.lost == 1)
+    writer.put(file, lambda: b"entry 2\n")
+    writer.close()
+    assert path.read_bytes() == b"entry 2\n"
+    first, last = writer.news()
+    assert first.startswith("not recording: ValueError in test_recording.py")
+    assert last == "recording again, 1 entries lost: nothing to do"
+
+
 def test_a_disk_that_hangs_delays_nobody_and_what_is_dropped_is_counted(tmp_path):
     file = GrowingFile(tmp_path / "some.file")
     released = threading.Event()
